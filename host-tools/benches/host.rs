@@ -49,7 +49,8 @@ fn main() {
         (before, after)
     });
     let folder = tempfile::tempdir().expect("a temporary folder");
-    simulate_to_folder(&RigFile::paper(), 1, &folder.path().join("set")).expect("recordings");
+    simulate_to_folder(&RigFile::paper(), 1, &folder.path().join("set"), false)
+        .expect("recordings");
     let own = Path::new(env!("CARGO_BIN_EXE_stylus"));
     // Cargo gives an option of its own.
     for other in std::env::args().skip(1).filter(|word| word != "--bench") {

@@ -6,6 +6,7 @@
 
 use core::fmt;
 
+use crate::decimal::Decimal;
 use crate::limits;
 use crate::scene::SceneError;
 use crate::scene::limits::MAX_SCENES;
@@ -287,7 +288,8 @@ pub enum Problem {
     #[error(
         "codebook {number} has a peak of {peak} standard deviations; it must be above 0 and at most {max}: cut its \
          peaks",
-        max = limits::MAX_CODEBOOK_PEAK
+        peak = Decimal(*.peak),
+        max = Decimal(limits::MAX_CODEBOOK_PEAK)
     )]
     CodebookPeak {
         /// Number of the codebook, from 1.
@@ -307,8 +309,9 @@ pub enum Problem {
     #[error(
         "codebook {number} has a mean square of {power}; it must be {min} to {max}, so that the level is that of the \
          nodes: scale its peak",
-        min = limits::MIN_FED_POWER,
-        max = limits::MAX_FED_POWER
+        power = Decimal(*.power),
+        min = Decimal(limits::MIN_FED_POWER),
+        max = Decimal(limits::MAX_FED_POWER)
     )]
     CodebookPower {
         /// Number of the codebook, from 1.
@@ -354,10 +357,11 @@ pub enum Problem {
     ModulationLength(usize),
     /// A level track whose mean square is not 1.
     #[error(
-        "the level track has a mean square of {0} as it is played; it must be {min} to {max}, so that the level is \
+        "the level track has a mean square of {power} as it is played; it must be {min} to {max}, so that the level is \
          that of the nodes: shift its entries",
-        min = limits::MIN_FED_POWER,
-        max = limits::MAX_FED_POWER
+        power = Decimal(*.0),
+        min = Decimal(limits::MIN_FED_POWER),
+        max = Decimal(limits::MAX_FED_POWER)
     )]
     ModulationPower(f32),
     /// A level track that says what holds without it.
@@ -390,7 +394,9 @@ pub enum Problem {
     /// A wavelength out of range, or none.
     #[error(
         "line {line} has a wavelength of {value} mm; it must be {min} to {max} mm",
-        min = limits::MIN_WAVELENGTH_MM, max = limits::MAX_WAVELENGTH_MM
+        value = Decimal(*.value),
+        min = Decimal(limits::MIN_WAVELENGTH_MM),
+        max = Decimal(limits::MAX_WAVELENGTH_MM)
     )]
     Wavelength {
         /// Index of the line.
@@ -409,7 +415,8 @@ pub enum Problem {
     /// An amplitude of a line that is negative, too large or not finite.
     #[error(
         "line {line} has an amplitude of {value} m/s²; it must be finite, not negative and at most {max}",
-        max = limits::MAX_LINE_AMPLITUDE
+        value = Decimal(*.value),
+        max = Decimal(limits::MAX_LINE_AMPLITUDE)
     )]
     LineAmplitude {
         /// Index of the line.
@@ -435,7 +442,11 @@ pub enum Problem {
         found: u16,
     },
     /// A highest output power that is not the nodes' own.
-    #[error("it states a highest output power of {stored} (m/s²)², and the nodes' is {found}")]
+    #[error(
+        "it states a highest output power of {stored} (m/s²)², and the nodes' is {found}",
+        stored = Decimal(*.stored),
+        found = Decimal(*.found)
+    )]
     HighestPower {
         /// The stored power, (m/s²)².
         stored: f32,
@@ -495,7 +506,7 @@ pub enum Problem {
         record: usize,
     },
     /// A value on an axis that is negative or not finite.
-    #[error("value {index} is {value}; it must be finite and not negative")]
+    #[error("value {index} is {value}; it must be finite and not negative", value = Decimal(*.value))]
     AxisValue {
         /// Index of the value.
         index: usize,
@@ -524,8 +535,9 @@ pub enum Problem {
     Flags(u8),
     /// A power that is negative, too large or not finite.
     #[error(
-        "{what} power is {value} (m/s²)²; it must be finite, not negative and at most {}",
-        limits::MAX_OUTPUT_POWER
+        "{what} power is {value} (m/s²)²; it must be finite, not negative and at most {max}",
+        value = Decimal(*.value),
+        max = Decimal(limits::MAX_OUTPUT_POWER)
     )]
     Power {
         /// Name of the power: "output" or "prediction error".

@@ -4,6 +4,7 @@
 #[cfg(feature = "alloc")]
 extern crate alloc;
 
+mod decimal;
 #[cfg(feature = "alloc")]
 mod encode;
 mod error;

@@ -175,11 +175,11 @@ fn all_at_once(desk: &Desk) {
     desk.stylus.set_hand(hand);
     let player = desk.play();
     let monitors = [
-        desk.spawn("monitor --json --seconds 1.5"),
-        desk.spawn("monitor --json --seconds 1.2 --interval 0.3"),
+        desk.spawn("status --watch --json --seconds 1.5"),
+        desk.spawn("status --watch --json --seconds 1.2 --interval 0.3"),
     ];
-    let strokes = desk.spawn("record-strokes strokes.csv --seconds 1 --json");
-    for arguments in ["status", "list", "settings", "settings get hard-limit"] {
+    let strokes = desk.spawn("record strokes.csv --strokes --seconds 1 --json");
+    for arguments in ["status", "slots", "settings", "settings get hard-limit"] {
         desk.succeed(arguments);
     }
     for monitor in monitors {
@@ -240,7 +240,7 @@ fn a_second_play_is_refused_with_who_plays_and_a_stop_of_any_terminal_says_who_s
     assert!(refused.contains(&who), "{refused}");
     assert!(refused.contains("stop it with `stylus stop`"), "{refused}");
     for arguments in [
-        "activate",
+        "slots --activate",
         "settings set hard-limit 0.4",
         "upload a.lib --activate",
     ] {
@@ -251,7 +251,7 @@ fn a_second_play_is_refused_with_who_plays_and_a_stop_of_any_terminal_says_who_s
     }
     // An upload alone does not disturb, and neither does a command that is killed.
     desk.succeed("upload a.lib");
-    let mut monitor = desk.spawn("monitor");
+    let mut monitor = desk.spawn("status --watch");
     wait_for("a recording", || {
         desk.stylus.count("stylus/record/start") > 0
     });
@@ -272,7 +272,7 @@ fn a_second_play_is_refused_with_who_plays_and_a_stop_of_any_terminal_says_who_s
 fn a_player_that_is_killed_is_silent_as_without_a_broker_and_another_may_play() {
     let desk = Desk::new();
     let mut player = desk.play();
-    let mut monitor = desk.spawn("monitor --seconds 60");
+    let mut monitor = desk.spawn("status --watch --seconds 60");
     player.kill().unwrap();
     player.wait().unwrap();
     thread::sleep(Duration::from_millis(150));
@@ -301,7 +301,7 @@ fn a_broker_that_is_killed_leaves_a_stale_socket_that_stops_nobody() {
     desk.stylus.fail(late);
     desk.bench.write("b.lib", library(1, 400, 3));
     let upload = desk.spawn("upload b.lib --json");
-    let monitor = desk.spawn("monitor --seconds 60");
+    let monitor = desk.spawn("status --watch --seconds 60");
     wait_for("chunks", || desk.stylus.count("stylus/upload/chunk") >= 30);
     wait_for("a recording", || {
         desk.stylus.count("stylus/record/start") > 0
@@ -353,7 +353,7 @@ fn of_many_starters_one_broker_remains_and_it_goes_when_nobody_is_left() {
 #[test]
 fn a_device_that_is_unplugged_ends_its_commands_and_its_broker() {
     let mut desk = Desk::new();
-    let monitor = desk.spawn("monitor --seconds 60");
+    let monitor = desk.spawn("status --watch --seconds 60");
     wait_for("a recording", || {
         desk.stylus.count("stylus/record/start") > 0
     });
@@ -450,8 +450,8 @@ fn without_a_broker_a_link_is_opened_alone_unless_others_use_it() {
 #[test]
 fn a_monitor_that_reads_too_slowly_loses_its_own_blocks_alone() {
     let desk = Desk::new();
-    let slow = desk.spawn("monitor --seconds 6");
-    let quick = desk.spawn("record-strokes strokes.csv --seconds 7 --json");
+    let slow = desk.spawn("status --watch --seconds 6");
+    let quick = desk.spawn("record strokes.csv --strokes --seconds 7 --json");
     wait_for("a recording", || {
         desk.stylus.count("stylus/record/start") > 0
     });

@@ -1,6 +1,8 @@
 //! The command from outside: its results on good input, and its messages about bad input.
 
-use crate::support::{Bench, RATE_HZ, all_pole, json, noise, scaled, text, two_textures, wav};
+use crate::support::{
+    Bench, RATE_HZ, all_pole, json, noise, rig_of, scaled, text, two_textures, wav,
+};
 
 /// Two textures at two speeds and forces, on two axes of which the second is weak.
 fn small_set() -> Bench {
@@ -111,17 +113,7 @@ fn the_same_seed_gives_the_same_bytes() {
 #[test]
 fn a_simulated_set_is_simulated_wherever_it_goes() {
     let bench = Bench::new();
-    let rig = bench.succeed("simulate-rig --print-rig");
-    let rig = rig
-        .lines()
-        .map(|line| match line.split('=').next().unwrap_or("").trim() {
-            "speeds_mm_s" => "speeds_mm_s = [60, 180]",
-            "forces_n" => "forces_n = [0.0, 1.0]",
-            _ => line,
-        })
-        .collect::<Vec<_>>()
-        .join("\n");
-    bench.write("rig.toml", rig);
+    bench.write("rig.toml", rig_of("60, 180", "0.0, 1.0"));
     let said = bench.succeed("simulate-rig --rig rig.toml --out rig --seed 3");
     assert!(said.contains("SIMULATED"), "{said}");
     let fitted = bench.succeed("fit rig --out rig.lib");
@@ -470,17 +462,7 @@ fn table_lines(text: &str) -> Vec<&str> {
 #[test]
 fn tables_keep_to_a_hundred_columns() {
     let bench = Bench::new();
-    let rig = bench.succeed("simulate-rig --print-rig");
-    let rig = rig
-        .lines()
-        .map(|line| match line.split('=').next().unwrap_or("").trim() {
-            "speeds_mm_s" => "speeds_mm_s = [60, 120, 180]",
-            "forces_n" => "forces_n = [0.4, 0.8, 1.2]",
-            _ => line,
-        })
-        .collect::<Vec<_>>()
-        .join("\n");
-    bench.write("rig.toml", rig);
+    bench.write("rig.toml", rig_of("60, 120, 180", "0.4, 0.8, 1.2"));
     bench.succeed("simulate-rig --rig rig.toml --out rig");
     let fitted =
         bench.succeed("fit rig --order 40 --excitation residual --modulation track --out a.lib");

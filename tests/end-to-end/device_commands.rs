@@ -44,21 +44,21 @@ fn a_library_is_uploaded_listed_activated_and_shown() {
     let before = json(&bench.succeed(&format!("status --json --link {link}")));
     assert_eq!(before["status"]["active"], Value::Null);
 
-    let activated = json(&bench.succeed(&format!("activate --json --link {link}")));
+    let activated = json(&bench.succeed(&format!("slots --activate --json --link {link}")));
     assert_eq!(activated["slot"], slot);
     let status = json(&bench.succeed(&format!("status --json --link {link}")));
     assert_eq!(status["status"]["active"], slot);
     assert_eq!(status["status"]["library_crc32"], uploaded["crc32"]);
     assert_eq!(status["muted"][0], "not playing");
 
-    let listed = json(&bench.succeed(&format!("list --json --link {link}")));
+    let listed = json(&bench.succeed(&format!("slots --json --link {link}")));
     let slots = listed.as_array().unwrap();
     let full = slots.iter().find(|s| s["slot"] == slot).unwrap();
     assert_eq!(full["active"], true);
     assert_eq!(full["textures"][1]["name"], "texture 1");
     assert_eq!(full["textures"][1]["max_order"], 30);
     assert_eq!(full["textures"][1]["provenance"], "SIMULATED");
-    let shown = bench.succeed(&format!("list --link {link}"));
+    let shown = bench.succeed(&format!("slots --link {link}"));
     assert!(
         shown.contains("(active)") && shown.contains("15 x 8"),
         "{shown}"
@@ -121,10 +121,10 @@ fn the_second_upload_goes_to_the_other_slot_and_the_newest_is_activated() {
     let first = json(&bench.succeed(&format!("status --json --link {link}")));
     let second = json(&bench.succeed(&format!("upload b.lib --json --link {link}")));
     assert_ne!(first["status"]["active"], second["slot"]);
-    let activated = json(&bench.succeed(&format!("activate --json --link {link}")));
+    let activated = json(&bench.succeed(&format!("slots --activate --json --link {link}")));
     assert_eq!(activated["slot"], second["slot"]);
     let back = first["status"]["active"].as_str().unwrap().to_lowercase();
-    let said = bench.succeed(&format!("activate {back} --link {link}"));
+    let said = bench.succeed(&format!("slots --activate {back} --link {link}"));
     assert!(said.contains("is active"), "{said}");
 }
 
@@ -548,13 +548,13 @@ fn without_a_library_there_is_nothing_to_play_or_activate() {
     let link = stylus.link();
     for (arguments, words) in [
         ("play --texture silk", "no library is active"),
-        ("activate", "no slot holds a library"),
-        ("activate B", "slot B holds no library"),
+        ("slots --activate", "no slot holds a library"),
+        ("slots --activate B", "slot B holds no library"),
     ] {
         let message = bench.refuse(&format!("{arguments} --link {link}"));
         assert!(message.contains(words), "{arguments}: {message}");
     }
-    let listed = bench.succeed(&format!("list --link {link}"));
+    let listed = bench.succeed(&format!("slots --link {link}"));
     assert_eq!(listed.trim(), "slot A: empty\n\nslot B: empty");
 }
 
@@ -593,7 +593,7 @@ fn a_monitor_shows_what_the_sensors_see_and_leaves_no_recording_behind() {
         ..Hand::default()
     });
     let seen = bench.succeed(&format!(
-        "monitor --seconds 1 --interval 0.25 --json --link {link}"
+        "status --watch --seconds 1 --interval 0.25 --json --link {link}"
     ));
     let sights: Vec<Value> = seen.lines().map(json).collect();
     assert!(sights.len() >= 3, "{seen}");
@@ -612,14 +612,14 @@ fn a_monitor_shows_what_the_sensors_see_and_leaves_no_recording_behind() {
         (level["force_n"].as_f64().unwrap() - 1.5).abs() < 0.01,
         "{level}"
     );
-    let lines = bench.succeed(&format!("monitor --seconds 0.5 --link {link}"));
+    let lines = bench.succeed(&format!("status --watch --seconds 0.5 --link {link}"));
     assert!(
         lines.contains("1.149 m/s² RMS") && lines.contains("idle"),
         "{lines}"
     );
     let status = json(&bench.succeed(&format!("status --json --link {link}")));
     assert_eq!(status["status"]["record"]["recording"], false);
-    let mut child = bench.spawn(["monitor", "--link", &link]);
+    let mut child = bench.spawn(["status", "--watch", "--link", &link]);
     wait_for("the recording", || stylus.count("stylus/record/start") >= 3);
     #[cfg(unix)]
     interrupt(&child);

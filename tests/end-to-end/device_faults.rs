@@ -122,7 +122,7 @@ fn a_device_whose_flash_is_busy_is_asked_until_it_is_free() {
         ..Faults::default()
     });
     // The timeout is sixteen times that of other answers.
-    let message = bench.refuse(&format!("list --timeout 0.2 --link {link}"));
+    let message = bench.refuse(&format!("slots --timeout 0.2 --link {link}"));
     assert!(
         message.contains("the device did not accept the slot list request"),
         "{message}"
@@ -229,7 +229,7 @@ fn of_two_versions_the_older_is_named_before_anything_is_asked() {
                 info.schema_hash ^= 1;
                 info.firmware_version = "99.0.0".try_into().unwrap();
             },
-            "list",
+            "slots",
             HOST,
         ),
         (
@@ -304,6 +304,6 @@ fn the_last_library_that_can_be_read_is_replaced_only_where_the_user_asks_for_it
     assert!(uploaded.status.success(), "{uploaded:?}");
     let told = text(&uploaded.stderr);
     assert!(told.contains("without one"), "{told}");
-    let listed = bench.succeed(&format!("list --json --link {link}"));
+    let listed = bench.succeed(&format!("slots --json --link {link}"));
     assert!(listed.contains("\"B\""), "{listed}");
 }

@@ -360,7 +360,7 @@ fn a_free_hands_strokes_are_recorded_cut_and_fitted() {
         stylus.set_hand(hand(speed, force));
         let link = stylus.link();
         let recorded = bench.succeed(&format!(
-            "record-strokes {name} --seconds 1.5 --json --link {link}"
+            "record {name} --strokes --seconds 1.5 --json --link {link}"
         ));
         let recorded = json(&recorded);
         assert_eq!(
@@ -385,7 +385,6 @@ fn a_free_hands_strokes_are_recorded_cut_and_fitted() {
             assert!((row[5] - force).abs() < 0.01, "{name}, sample {n}: {row:?}");
         }
     }
-    bench.refuse(&format!("record-strokes a.csv --link {}", stylus.link()));
     let cut = bench.succeed(
         "segment a.csv b.csv --texture silk --out set --speeds 20:200:20 --forces 0.2:1.4:0.2",
     );
@@ -404,7 +403,7 @@ fn ctrl_c_ends_strokes_and_keeps_them_and_what_the_link_loses_is_a_hole() {
         ..Faults::default()
     });
     let link = stylus.link();
-    let child = bench.spawn(["record-strokes", "a.csv", "--json", "--link", &link]);
+    let child = bench.spawn(["record", "a.csv", "--strokes", "--json", "--link", &link]);
     wait_for("the recording", || stylus.count("stylus/record/start") > 0);
     std::thread::sleep(Duration::from_millis(700));
     interrupt(&child);
@@ -429,7 +428,7 @@ fn a_duration_that_no_recording_can_have_is_refused_before_memory_is_taken_for_i
     let link = stylus.link();
     for command in [
         "record set --texture silk --speeds 100 --forces 1 --yes",
-        "record-strokes strokes.csv",
+        "record strokes.csv --strokes",
     ] {
         let arguments = format!("{command} --seconds 1e12 --link {link}");
         let output = bench.run(&arguments);

@@ -5,12 +5,12 @@ use std::collections::BTreeSet;
 use std::f64::consts::TAU;
 use std::time::Duration;
 
-use crate::support::{Bench, json};
 use fake_stylus::library::library;
 use fake_stylus::{Board, FakeStylus, Hand};
 use host_tools::link::capture::{Calibration, Capture, Loss};
 use host_tools::link::self_test::judge::Traffic;
-use host_tools::link::self_test::{Line, Verdict, judge};
+use host_tools::link::self_test::{self, Line, Options, Verdict, judge};
+use host_tools::link::upload::upload;
 use host_tools::link::{Device, Timeouts};
 use model_format::AdcCode;
 use model_format::link::{
@@ -23,6 +23,7 @@ const RATE_HZ: u32 = 5_000;
 const CORE_HZ: u32 = 400_000_000;
 
 /// Everything that a self test measures.
+#[derive(Clone)]
 struct Measured {
     info: DeviceInfo,
     chip: ChipValues,
@@ -366,8 +367,9 @@ fn rows() -> Vec<(String, Change)> {
 
 #[test]
 fn each_line_fails_when_what_it_measures_is_wrong_and_says_what_to_do() {
+    let healthy = Measured::healthy();
     for (name, change) in rows() {
-        let mut measured = Measured::healthy();
+        let mut measured = healthy.clone();
         change(&mut measured);
         let lines = measured.lines();
         let line = lines.iter().find(|line| line.name == name);
@@ -386,28 +388,28 @@ fn no_line_that_is_printed_is_without_a_change_that_makes_it_fail() {
     }
     let judged: BTreeSet<String> = judged.into_iter().map(|line| line.name).collect();
     assert_eq!(judged, known);
-    // The command prints no other line, but for the load's, which has no limit.
-    let (stylus, bench) = (FakeStylus::start(), Bench::new());
+    // A self test has no other line, but for the load's, which has no limit.
+    let stylus = FakeStylus::start();
     stylus.set_hand(Hand {
         force_n: 2.0,
         speed_mm_s: 30.7,
         ..Hand::default()
     });
-    bench.write("a.lib", library(1, 20, 1));
     let link = stylus.link();
-    bench.succeed(&format!("upload a.lib --activate --link {link}"));
-    let output = bench.run(&format!(
-        "selftest --seconds 0.5 --json --move --link {link}"
-    ));
-    let record = json(&crate::support::text(&output.stdout));
-    let printed: BTreeSet<String> = (record["lines"].as_array().expect("lines").iter())
-        .map(|line| {
-            line["name"]
-                .as_str()
-                .expect("a name")
-                .replace(&link, "link")
-        })
-        .map(|name| name.replace("slot B", "slot A"))
+    let address = link.parse().expect("it is an address");
+    let mut device = Device::connect(&address, Timeouts::default()).expect("it listens");
+    let uploaded = upload(&mut device, &library(1, 20, 1), |_| ()).expect("there is room");
+    device.activate(uploaded.slot).expect("it is there");
+    let options = Options {
+        traffic_s: 0.3,
+        rest_s: 0.3,
+        move_s: 0.3,
+        moves: true,
+        ..Options::default()
+    };
+    let lines = self_test::run(&device, &options, |_| ()).expect("it answers");
+    let printed: BTreeSet<String> = (lines.iter())
+        .map(|line| line.name.replace(&link, "link").replace("slot B", "slot A"))
         .filter(|name| name != "link: kernel loaded")
         .collect();
     assert_eq!(printed, known);

@@ -302,7 +302,7 @@ fn a_weave_is_a_steady_tone_at_speed_over_wavelength_between_the_nodes_too() {
     let bench = Bench::new();
     let rig =
         host_tools::rig::RigFile::from_toml(std::path::Path::new("weave.toml"), WEAVE).unwrap();
-    host_tools::rig::simulate_to_folder(&rig, 1, &bench.path("set")).unwrap();
+    host_tools::rig::simulate_to_folder(&rig, 1, &bench.path("set"), false).unwrap();
     let set = RecordingSet::open(&[bench.path("set")]).unwrap();
     let fitted = |lines| {
         let options = fit::Options {

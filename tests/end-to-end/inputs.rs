@@ -188,17 +188,6 @@ fn a_wav_of_one_hertz_or_one_sample_is_told_in_one_line() {
 }
 
 #[test]
-fn names_that_differ_in_case_only_are_told() {
-    let bench = Bench::new();
-    set(&bench, &[("Denim", 100.0, 1.0), ("denim", 100.0, 0.5)]);
-    let told = said(&bench, &format!("fit set --out a.lib {QUICK}"));
-    holds(
-        &told,
-        &["\"Denim\" and \"denim\" differ in the case of letters only"],
-    );
-}
-
-#[test]
 fn measured_speeds_make_a_sparse_grid_which_is_told_and_snapped_on_request() {
     let bench = Bench::new();
     // Four nominal speeds by five nominal forces, each measured to within 2 %.
@@ -588,25 +577,5 @@ fn what_a_table_holds_besides_is_named_with_line_column_and_separator() {
     holds(
         &bench.refuse("fit set --out o.lib"),
         &["line 5", "column 4", "force_n", "comma"],
-    );
-}
-
-#[cfg(feature = "hatt")]
-#[test]
-fn the_same_hatt_file_twice_is_told_under_one_name_and_under_two() {
-    let bench = Bench::new();
-    bench.write("Models_a.xml", crate::hatt::whole());
-    bench.write("Models_b.xml", crate::hatt::whole());
-    holds(
-        &bench.refuse("import-hatt Models_a.xml ./Models_a.xml --out a.lib"),
-        &["is given twice"],
-    );
-    let told = said(
-        &bench,
-        "import-hatt Models_a.xml Models_b.xml --speeds 2 --forces 2 --out a.lib",
-    );
-    holds(
-        &told,
-        &["Models_b.xml: holds the same models as Models_a.xml"],
     );
 }

@@ -1,6 +1,6 @@
 //! Codes at the stylus's pin, judged by a second path in floating point that shares no code with the device.
 
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 
 use crate::support::{Bench, RATE_HZ, noise};
 use host_tools::playing::motion::MotionPath;
@@ -186,7 +186,7 @@ fn texture(reflection: &[f64]) -> Vec<f64> {
 }
 
 /// White noise, and textures: one that falls by 12 dB per octave from 110 Hz, one with a resonance at 300 Hz.
-fn signals() -> [(&'static str, Vec<f64>); 3] {
+static SIGNALS: LazyLock<[(&'static str, Vec<f64>); 3]> = LazyLock::new(|| {
     let falling = 0.87f64;
     let (radius, angle) = (0.98f64, core::f64::consts::TAU * 300.0 / f64::from(RATE_HZ));
     // Reflection coefficients of 1 + a z^-1 + b z^-2, for poles inside the unit circle.
@@ -199,13 +199,13 @@ fn signals() -> [(&'static str, Vec<f64>); 3] {
             texture(&two(-2.0 * radius * angle.cos(), radius * radius)),
         ),
     ]
-}
+});
 
 #[test]
 fn the_noise_in_the_band_that_is_felt_is_70_decibels_down_at_1_and_50_at_a_tenth() {
-    for (name, signal) in signals() {
+    for (name, signal) in SIGNALS.iter() {
         for (rms, least) in [(1.0, 70.0), (0.1, 50.0), (0.02, 36.0)] {
-            let samples = levelled(&signal, rms);
+            let samples = levelled(signal, rms);
             let slow = without_mean(&samples);
             let exact = FILTERS
                 .iter()
@@ -230,9 +230,9 @@ fn the_noise_in_the_band_that_is_felt_is_70_decibels_down_at_1_and_50_at_a_tenth
 
 #[test]
 fn third_octaves_at_the_pin_are_those_of_the_kernel_down_to_a_fiftieth() {
-    for (name, signal) in signals() {
+    for (name, signal) in SIGNALS.iter() {
         for rms in [1.0, 0.1, 0.02] {
-            let samples = levelled(&signal, rms);
+            let samples = levelled(signal, rms);
             let steps: Vec<f64> = samples
                 .iter()
                 .map(|sample| f64::from(sample.0) / 2f64.powi(20) * GAIN / STEP_V)
@@ -317,7 +317,7 @@ fn images_of_what_lies_above_two_kilohertz_rise_to_the_content_itself_at_half_th
 }
 
 #[test]
-fn the_command_writes_the_pin_in_volts_and_says_so() {
+fn the_commands_write_the_pin_in_volts_and_say_so() {
     let bench = crate::support::two_textures(|signal| [crate::support::scaled(signal, 3.0)]);
     bench.succeed("fit set --out cloths.lib");
     let render = "render cloths.lib --texture felt --speed 90 --force 0.7 --seconds 1";
@@ -335,31 +335,21 @@ fn the_command_writes_the_pin_in_volts_and_says_so() {
     assert!((pin / (kernel * GAIN) - 1.0).abs() < 0.1, "{pin} {kernel}");
     assert!((louder / pin - 2.0).abs() < 0.1, "{louder} {pin}");
 
-    let unknown = bench.refuse(&format!("{render} --out no.wav --pin --set gain=1"));
-    assert!(unknown.contains("there is no setting 'gain'"), "{unknown}");
-    assert!(!bench.path("no.wav").exists());
-}
-
-#[test]
-fn a_scene_of_one_texture_is_at_the_pin_what_the_texture_is() {
-    let bench = crate::support::two_textures(|signal| [crate::support::scaled(signal, 3.0)]);
-    bench.succeed("fit set --out cloths.lib");
+    // A scene of one texture is at the pin what the texture is.
     bench.write(
         "steady.toml",
         "name = \"steady\"\n[constant_motion]\nspeed_mm_s = 90\nforce_n = 0.7\n[[surface]]\ntexture = \"felt\"\n",
     );
-    let along = "--seconds 1 --pin --set output-gain=0.02";
-    bench.succeed(&format!(
-        "render cloths.lib --texture felt --speed 90 --force 0.7 {along} --out texture.wav"
-    ));
-    let told = bench.succeed(&format!(
-        "scene render steady.toml --library cloths.lib --speed 90 --force 0.7 {along} --out scene.wav"
-    ));
-    assert!(told.contains("40000 codes"), "{told}");
+    let of_scene = "scene render steady.toml --library cloths.lib --speed 90 --force 0.7 --seconds 1 --pin \
+                    --set soft-start=1 --set output-gain=0.02 --out scene.wav";
+    assert!(bench.succeed(of_scene).contains("40000 codes"));
     let [texture, scene] =
-        ["texture.wav", "scene.wav"].map(|name| std::fs::read(bench.path(name)).unwrap());
+        ["louder.wav", "scene.wav"].map(|name| std::fs::read(bench.path(name)).unwrap());
     assert!(texture == scene);
-    assert!(rms(&bench, "scene.wav") > 1e-4);
+
+    let unknown = bench.refuse(&format!("{render} --out no.wav --pin --set gain=1"));
+    assert!(unknown.contains("there is no setting 'gain'"), "{unknown}");
+    assert!(!bench.path("no.wav").exists());
 }
 
 /// RMS of a file's second half.

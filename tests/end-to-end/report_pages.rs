@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use crate::support::browser::Browser;
-use crate::support::{Bench, RATE_HZ, noise, wav};
+use crate::support::{Bench, RATE_HZ, noise, rig_of, wav};
 use host_tools::evaluation::frontier::Frontier;
 use serde_json::Value;
 
@@ -18,23 +18,10 @@ const NUMBERS: &str = concat!(
 /// Simulated recordings of two textures, one much louder than the other, and their library.
 fn fitted() -> Bench {
     let bench = Bench::new();
-    let rig = bench.succeed("simulate-rig --print-rig");
-    let (head, textures) = rig.split_once("[[texture]]").unwrap();
-    let chosen = textures.split("[[texture]]");
-    let chosen = chosen.filter(|text| text.contains("\"paper\"") || text.contains("\"denim\""));
-    let mut rig = head.to_owned();
-    for texture in chosen {
-        rig.push_str("[[texture]]");
-        rig.push_str(texture);
-    }
-    let rig = rig
-        .lines()
-        .map(|line| match line.split('=').next().unwrap_or("").trim() {
-            "speeds_mm_s" => "speeds_mm_s = [60, 120, 240]",
-            "forces_n" => "forces_n = [0.4, 0.8, 1.2]",
-            _ => line,
-        });
-    bench.write("rig.toml", rig.collect::<Vec<_>>().join("\n"));
+    let rig = rig_of("60, 120, 240", "0.4, 0.8, 1.2");
+    let is_chosen = |part: &&str| !part.contains("\"organza\"") && !part.contains("\"vinyl\"");
+    let chosen: Vec<&str> = rig.split("[[texture]]").filter(is_chosen).collect();
+    bench.write("rig.toml", chosen.join("[[texture]]"));
     bench.succeed("simulate-rig --rig rig.toml --out set");
     bench.succeed("fit set --out a.lib --order 30");
     bench

@@ -1,13 +1,21 @@
 //! Scenes, from their text to what the stylus plays, through the command.
 
-use crate::support::{Bench, RATE_HZ, json, scaled, two_textures};
+use std::sync::OnceLock;
+
+use crate::support::{Bench, RATE_HZ, json, rig_of, scaled, two_textures};
 use host_tools::dsp::spectrum::PowerSpectrum;
 use model_format::Library;
 
-/// A library of two textures at two speeds and forces.
+/// A folder with a library of two textures at two speeds and forces, which all tests share.
 fn bench() -> Bench {
-    let bench = two_textures(|signal| [scaled(signal, 3.0)]);
-    bench.succeed("fit set --out cloths.lib");
+    static LIBRARY: OnceLock<Vec<u8>> = OnceLock::new();
+    let library = LIBRARY.get_or_init(|| {
+        let bench = two_textures(|signal| [scaled(signal, 3.0)]);
+        bench.succeed("fit set --out cloths.lib");
+        std::fs::read(bench.path("cloths.lib")).unwrap()
+    });
+    let bench = Bench::new();
+    bench.write("cloths.lib", library);
     bench
 }
 
@@ -515,7 +523,7 @@ fn a_tap_that_was_rendered_is_found_again() {
     motion.push_str("1.5,0,0\n");
     bench.write("taps.csv", motion);
     bench.succeed("scene render plate.toml --library cloths.lib --motion taps.csv --out taps.wav");
-    let found = json(&bench.succeed("fit-tap taps.wav --force-rates 250 --json"));
+    let found = json(&bench.succeed("scene fit-tap taps.wav --force-rates 250 --json"));
     assert_eq!(found["impacts"].as_array().unwrap().len(), 3, "{found}");
     for (key, expected, tolerance) in [
         ("frequency_hz", 310.0, 0.5),
@@ -526,32 +534,23 @@ fn a_tap_that_was_rendered_is_found_again() {
         assert!((value - expected).abs() < tolerance, "{key} is {value}");
     }
     // The printed text can be pasted into a scene, which plays the same taps.
-    let printed = bench.succeed("fit-tap taps.wav --force-rates 250");
+    let printed = bench.succeed("scene fit-tap taps.wav --force-rates 250");
     let table = &printed[printed.find("[surface.tap]").unwrap()..];
     bench.write(
         "again.toml",
         format!("name = \"again\"\n[[surface]]\n{table}"),
     );
     bench.succeed("scene check again.toml --library cloths.lib");
-    let message = bench.refuse("fit-tap taps.wav --force-rates 250,250");
+    let message = bench.refuse("scene fit-tap taps.wav --force-rates 250,250");
     assert!(message.contains("2 values for 1 recordings"), "{message}");
 }
 
 #[test]
 fn the_scenes_that_come_with_the_program_play_over_a_simulated_library() {
     let bench = Bench::new();
-    let rig = bench.succeed("simulate-rig --print-rig");
-    let rig: Vec<&str> = rig
-        .lines()
-        .map(|line| match line.split('=').next().unwrap_or("").trim() {
-            "speeds_mm_s" => "speeds_mm_s = [40, 120, 200]",
-            "forces_n" => "forces_n = [0.2, 0.6, 1.2]",
-            _ => line,
-        })
-        .collect();
-    bench.write("rig.toml", rig.join("\n"));
+    bench.write("rig.toml", rig_of("40, 120, 200", "0.2, 0.6, 1.2"));
     bench.succeed("simulate-rig --rig rig.toml --out rig");
-    bench.succeed("fit rig --out rig.lib");
+    bench.succeed("fit rig --out rig.lib --order 60");
     let shipped = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
     for name in [
         "steady-denim.toml",

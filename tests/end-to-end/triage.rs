@@ -1,4 +1,4 @@
-//! Damage of 45 kinds at three strengths, done to signals that are shaped like real takes, and what triage says of it.
+//! Damage of 44 kinds at three strengths, done to signals that are shaped like real takes, and what triage says of it.
 //!
 //! The signals are made from numbers alone: a heavy-tailed residual, a level that varies by 5 dB within the take, most
 //! power at low frequencies; their kurtosis is that of real takes. A damage that passes without a verdict must change
@@ -288,7 +288,7 @@ fn three_axes(take: &Take<'_>) -> [Vec<f64>; 3] {
 }
 
 #[rustfmt::skip]
-const KINDS: [(&str, Damage, [Expected; STRENGTHS]); 45] = [
+const KINDS: [(&str, Damage, [Expected; STRENGTHS]); 44] = [
     ("NaN", |t, s| t.edited(|x| x[sample(1.0)..][..[1, 10, 100][s]].fill(f64::NAN)), [Refused("finite"); 3]),
     ("infinity", |t, s| t.edited(|x| x[sample(1.0)..][..[1, 10, 100][s]].fill(f64::INFINITY)), [Refused("finite"); 3]),
     ("hard clipping", |t, s| one(clipped(&t.clean, of([4e-4, 0.01, 0.1], s))),
@@ -432,13 +432,7 @@ const KINDS: [(&str, Damage, [Expected; STRENGTHS]); 45] = [
         let length = sample(of([0.5, 2.0, 4.0], s));
         two(&t.clean[..length], &t.clean[..length])
     }, [Caught("duplicate"); 3]),
-    ("scaled or inverted duplicate", |t, s| two(&t.clean, &scaled(&t.clean, of([0.9, -1.0, -0.1], s))),
-        [Caught("duplicate"); 3]),
-    ("shifted duplicate", |t, s| {
-        let by = sample(of([0.01, 0.1, 2.0], s));
-        let copy: Vec<f64> = t.clean[by..].iter().copied().chain(t.other(4)[..by].iter().copied()).collect();
-        two(&t.clean, &copy)
-    }, [Caught("duplicate"); 3]),
+    ("scaled duplicate", |t, s| two(&t.clean, &scaled(&t.clean, of([0.9, 3.0, 0.1], s))), [Caught("duplicate"); 3]),
     ("dead axis", |t, s| {
         let [x, y, z] = three_axes(t);
         let floor = scaled(&noise(t.seed, x.len()), of([5e-3, 5e-5, 0.0], s));
@@ -513,7 +507,7 @@ fn names(fit: &Fit) -> Vec<&'static str> {
 fn signals_shaped_like_real_takes_have_no_verdict() {
     let mut kurtoses = Vec::new();
     for (index, surface) in SURFACES.iter().enumerate() {
-        for seed in 0..4 {
+        for seed in 0..2 {
             let take = surface.take(20 + seed, RATE_HZ, SECONDS);
             kurtoses.push(kurtosis(&take));
             for (signal, rate_hz) in [
@@ -541,8 +535,20 @@ fn signals_shaped_like_real_takes_have_no_verdict() {
     assert!((8.0..18.0).contains(&median), "{kurtoses:?}");
 }
 
+/// One surface of three for each kind.
 #[test]
-fn damage_of_45_kinds_is_found_at_the_strengths_that_matter() {
+fn damage_of_44_kinds_is_found_at_the_strengths_that_matter() {
+    judge_damage(false);
+}
+
+/// All three: `cargo test --locked -p host-tools --test end-to-end triage:: -- --ignored --nocapture`.
+#[test]
+#[ignore = "long: 400 fits"]
+fn damage_is_found_on_every_surface() {
+    judge_damage(true);
+}
+
+fn judge_damage(on_every_surface: bool) {
     let takes: Vec<Take<'_>> = SURFACES
         .iter()
         .zip(1..)
@@ -559,12 +565,14 @@ fn damage_of_45_kinds_is_found_at_the_strengths_that_matter() {
         .collect();
     let mut table = String::new();
     let mut wrong = Vec::new();
-    for (kind, damage, expected) in KINDS {
+    for (number, (kind, damage, expected)) in KINDS.into_iter().enumerate() {
+        let is_judged = |surface: usize| on_every_surface || surface == number % SURFACES.len();
         write!(table, "{kind:28}").unwrap();
         for (strength, expected) in expected.into_iter().enumerate() {
             let mut worst_db = 0f64;
             let mut found = Vec::new();
-            for (take, clean) in takes.iter().zip(&clean) {
+            let judged = (0..takes.len()).filter(|&surface| is_judged(surface));
+            for (take, clean) in judged.map(|surface| (&takes[surface], &clean[surface])) {
                 let outcome = fitted(&damage(take, strength));
                 let is_resampled = matches!(kind, "clipping before resampling" | "upsampled");
                 let clean = &clean[usize::from(is_resampled)];
@@ -604,7 +612,7 @@ fn damage_of_45_kinds_is_found_at_the_strengths_that_matter() {
                 Refused(_) => "refused".to_owned(),
                 Either(name, _) => {
                     let caught = found.iter().filter(|said| said.contains(name)).count();
-                    format!("{name} in {caught} of 3, {worst_db:.2} dB")
+                    format!("{name} in {caught} of {}, {worst_db:.2} dB", found.len())
                 }
                 Weak(_) => format!("too weak: {worst_db:.2} dB"),
                 Alike(_) => format!("as a texture: {worst_db:.2} dB"),

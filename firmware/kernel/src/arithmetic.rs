@@ -36,13 +36,6 @@ pub trait Arithmetic: Copy {
     /// word m the one that it writes. The caller writes word 0.
     fn rotate(rotations: &[Rotation], backward: &mut [i32], forward: i32) -> i32;
 
-    /// Passes two samples through at once: the bits of two calls of [`Arithmetic::rotate`] with word 0 written in
-    /// between.
-    ///
-    /// The second sample follows the first one stage behind. It takes the first one's backward signal before that
-    /// goes to memory, and one pass over the rotations serves both.
-    fn rotate_two(rotations: &[Rotation], backward: &mut [i32], forward: [i32; 2]) -> [i32; 2];
-
     /// Writes the rotation of each stage of `run`, by the sum of its four nodes' θ, to `rotations`, of which there are
     /// as many.
     ///
@@ -102,28 +95,6 @@ impl Arithmetic for Portable {
             compiler_fence(Ordering::SeqCst);
         }
         forward
-    }
-
-    #[inline]
-    fn rotate_two(
-        rotations: &[Rotation],
-        backward: &mut [i32],
-        [mut first, mut second]: [i32; 2],
-    ) -> [i32; 2] {
-        let Some((&last, others)) = rotations.split_last() else {
-            return [first, second];
-        };
-        let mut up;
-        (first, up) = rotated(last, first, backward[others.len()]);
-        backward[rotations.len()] = up;
-        for (stage, pair) in rotations.windows(2).enumerate().rev() {
-            (first, up) = rotated(pair[0], first, backward[stage]);
-            (second, up) = rotated(pair[1], second, up);
-            backward[stage + 2] = up;
-        }
-        (second, up) = rotated(rotations[0], second, first);
-        backward[1] = up;
-        [first, second]
     }
 }
 

@@ -179,20 +179,6 @@ impl LatticeState {
         output
     }
 
-    /// Passes two samples of excitation through, as two calls of [`LatticeState::filter`] do, in less time.
-    #[inline]
-    pub fn filter_two<A: Arithmetic>(
-        &mut self,
-        rotations: &[Rotation],
-        excitation: [i32; 2],
-    ) -> [i32; 2] {
-        let rotations = &rotations[..rotations.len().min(MAX_ORDER)];
-        let backward = &mut self.backward[..=rotations.len()];
-        let output = A::rotate_two(rotations, backward, excitation);
-        backward[0] = output[1];
-        output
-    }
-
     /// Passes a block of excitation through and puts the outputs in its place, as a call of [`LatticeState::filter`]
     /// per sample does; see [`Arithmetic::rotate_block`].
     pub fn filter_block<A: Arithmetic>(&mut self, rotations: &[Rotation], samples: &mut [i32]) {
@@ -224,21 +210,6 @@ impl LatticeState {
     ) -> (OutputSample, bool) {
         let filtered = self.filter::<A>(frame.rotations(), excitation);
         frame.fed_output(excitation, filtered, left)
-    }
-
-    /// The next two samples, as two calls of [`LatticeState::next_sample`] give them.
-    #[inline]
-    pub fn next_two_samples<A: Arithmetic>(
-        &mut self,
-        frame: &LatticeFrame,
-        excitation: [i32; 2],
-        left: [u32; 2],
-    ) -> [(OutputSample, bool); 2] {
-        let filtered = self.filter_two::<A>(frame.rotations(), excitation);
-        [
-            frame.output(filtered[0], left[0]),
-            frame.output(filtered[1], left[1]),
-        ]
     }
 
     /// The next samples, as a call of [`LatticeState::next_sample`] for each gives them. `samples` holds the excitation

@@ -412,26 +412,6 @@ impl Playback {
         }
     }
 
-    /// The next two samples, those of two calls of [`Playback::next_sample`].
-    ///
-    /// A lattice takes less time for two at once. This is for programs that may know the second sample before the
-    /// first is put out.
-    #[inline]
-    pub fn next_two_samples<A: Arithmetic>(&mut self, frame: &Frame) -> [OutputSample; 2] {
-        let (FrameOf::Lattice(lattice), State::Lattice(state)) = (&frame.filter, &mut self.state)
-        else {
-            return [self.next_sample::<A>(frame), self.next_sample::<A>(frame)];
-        };
-        let left = [1, 2].map(|played| self.left.saturating_sub(played));
-        self.left = left[1];
-        let excitation = [self.excitation.next_sample(), self.excitation.next_sample()];
-        let played = state.next_two_samples::<A>(lattice, excitation, left);
-        played.map(|(output, saturated)| {
-            self.saturations = self.saturations.saturating_add(u32::from(saturated));
-            output
-        })
-    }
-
     /// The next samples, those of a call of [`Playback::next_sample`] for each.
     ///
     /// A lattice takes less time for many at once, if `A` has [`Arithmetic::rotate_block`]. This is for programs that
@@ -614,18 +594,6 @@ impl<'a, A: Arithmetic> Synthesis<'a, A> {
         match &mut self.lines {
             Some(lines) => lines.added(sample, self.playback.left()),
             None => sample,
-        }
-    }
-
-    /// The next two samples; see [`Playback::next_two_samples`].
-    #[inline]
-    pub fn next_two_samples(&mut self) -> [OutputSample; 2] {
-        let left = self.playback.left();
-        let samples = self.playback.next_two_samples::<A>(&self.frame);
-        match &mut self.lines {
-            Some(lines) => [(samples[0], 1), (samples[1], 2)]
-                .map(|(sample, played)| lines.added(sample, left.saturating_sub(played))),
-            None => samples,
         }
     }
 

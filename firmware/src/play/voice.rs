@@ -15,7 +15,7 @@ use core::sync::atomic::{AtomicBool, Ordering};
 
 use model_format::OutputSample;
 use stylus_app::inputs::Sensors;
-use stylus_firmware::CortexM7;
+use stylus_firmware::CortexM;
 use stylus_kernel::scene::{
     Block, Director, Interaction, Ringing, SLOTS, ScenePlayback, VoiceStage, Voices,
 };
@@ -120,7 +120,7 @@ pub unsafe fn next_sample(index: BlockIndex) -> OutputSample {
         // SAFETY: the block that is played names them.
         let (playback, frame) = unsafe { (PLAYBACKS[slot].get(), FRAMES[slot][buffer].look()) };
         match (playback, frame) {
-            (Some(playback), Some(frame)) => playback.next_sample::<CortexM7>(frame),
+            (Some(playback), Some(frame)) => playback.next_sample::<CortexM>(frame),
             _ => OutputSample::SILENCE,
         }
     })
@@ -141,7 +141,7 @@ pub unsafe fn begin_block(index: BlockIndex) -> Ringing {
         // SAFETY: the block that is played names them.
         let (playback, frame) = unsafe { (PLAYBACKS[slot].get(), FRAMES[slot][buffer].look()) };
         if let (Some(playback), Some(frame)) = (playback, frame) {
-            playback.begin_frame::<CortexM7>(frame, block.samples());
+            playback.begin_frame::<CortexM>(frame, block.samples());
         }
     });
     scene.ringing()
@@ -206,7 +206,7 @@ pub fn ready() {
 struct SharedVoices;
 
 impl Voices for SharedVoices {
-    type Arithmetic = CortexM7;
+    type Arithmetic = CortexM;
 
     fn frame(&mut self, slot: usize, buffer: usize) -> &mut Option<Frame> {
         // SAFETY: the director asks only for what the block that is played does not name, which is the update's.

@@ -9,9 +9,10 @@ use model_format::{Library, OutputSample};
 use stylus_kernel::digest::{DIGEST_SEED, DIGEST_WORDS};
 
 use crate::fault::Fault;
-use crate::library_numbers::{scene_numbers, texture_numbers};
-use crate::limits::{MOST_BLOCKS, MOST_SAMPLES};
-use crate::session::{BLOCK_NUMBERS, BlockMotion, STATE_NUMBERS, Selection, Session, Without};
+use crate::session::{
+    BLOCK_NUMBERS, BlockMotion, MOST_BLOCKS, MOST_SAMPLES, STATE_NUMBERS, Selection, Session,
+    Without,
+};
 
 /// Room for texts, bytes.
 const TEXT_BYTES: usize = 1024;
@@ -27,7 +28,6 @@ struct Module {
     words: Vec<i32>,
     samples: Vec<f32>,
     state: [f64; STATE_NUMBERS],
-    numbers: Vec<f64>,
 }
 
 thread_local! {
@@ -48,7 +48,6 @@ impl Module {
             words: vec![0; MOST_SAMPLES],
             samples: vec![0.0; MOST_SAMPLES],
             state: [0.0; STATE_NUMBERS],
-            numbers: Vec::new(),
         }
     }
 
@@ -64,17 +63,6 @@ impl Module {
         let bytes = Vec::leak(std::mem::take(&mut self.bytes));
         let library = Library::decode(bytes).map_err(Fault::Library)?;
         self.session = Some(Session::new(library));
-        // Room for the longest list of numbers, so that none is made later.
-        for texture in library.textures() {
-            self.numbers.clear();
-            texture_numbers(&texture, &mut self.numbers);
-        }
-        for scene in library.scenes() {
-            self.numbers.clear();
-            scene_numbers(&scene, &mut self.numbers);
-        }
-        self.numbers.clear();
-        self.numbers.reserve(STATE_NUMBERS);
         Ok(())
     }
 
@@ -172,48 +160,6 @@ exports! {
         status(with(Module::load))
     }
 
-    /// Number of textures.
-    fn texture_count() -> u32 {
-        asked(|session| session.library().len() as u32)
-    }
-
-    /// Number of scenes.
-    fn scene_count() -> u32 {
-        asked(|session| session.library().scene_count() as u32)
-    }
-
-    /// Tells the name and the numbers of a texture.
-    fn texture(index: usize) -> u32 {
-        status(with(|module| {
-            let texture = module.session()?.texture(index)?;
-            say(texture.name());
-            module.numbers.clear();
-            texture_numbers(&texture, &mut module.numbers);
-            Ok(())
-        }))
-    }
-
-    /// Tells the name and the numbers of a scene.
-    fn scene(index: usize) -> u32 {
-        status(with(|module| {
-            let scene = module.session()?.scene(index)?;
-            say(&scene.name);
-            module.numbers.clear();
-            scene_numbers(&scene, &mut module.numbers);
-            Ok(())
-        }))
-    }
-
-    /// Address of the numbers of the last call that tells some.
-    fn numbers() -> *const f64 {
-        with(|module| module.numbers.as_ptr())
-    }
-
-    /// Number of these.
-    fn number_count() -> usize {
-        with(|module| module.numbers.len())
-    }
-
     /// Address of the last text.
     fn text() -> *const u8 {
         TEXT.with_borrow(|text| text.as_ptr())
@@ -274,16 +220,6 @@ exports! {
     /// Address of the state after the last run.
     fn state() -> *const f64 {
         with(|module| module.state.as_ptr())
-    }
-
-    /// Tells the voices at a speed, mm/s, a force, N, and a position, mm.
-    fn locate(speed: f64, force: f64, position: f64) -> u32 {
-        status(with(|module| {
-            let state = module.session()?.locate(speed, force, position)?;
-            module.numbers.clear();
-            module.numbers.extend(state);
-            Ok(())
-        }))
     }
 
     /// Writes blocks of the digest's motion.

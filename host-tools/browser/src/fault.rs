@@ -5,7 +5,7 @@ use core::fmt;
 use model_format::DecodeError;
 use model_format::scene::SceneError;
 
-use crate::limits::MOST_BLOCKS;
+use crate::session::MOST_BLOCKS;
 
 /// A call that was refused. What played before goes on.
 #[derive(Clone, Debug, PartialEq)]

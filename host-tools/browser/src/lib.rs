@@ -1,16 +1,13 @@
 #![doc = include_str!("../README.md")]
 
 mod fault;
-mod library_numbers;
-mod limits;
 mod session;
 
 #[cfg(target_arch = "wasm32")]
 mod exports;
 
 pub use fault::Fault;
-pub use library_numbers::{scene_numbers, texture_numbers};
-pub use limits::{MOST_BLOCKS, MOST_SAMPLES};
 pub use session::{
-    BLOCK_NUMBERS, BlockMotion, STATE_NUMBERS, Selection, Session, VOICE_NUMBERS, Without,
+    BLOCK_NUMBERS, BlockMotion, MOST_BLOCKS, MOST_SAMPLES, STATE_NUMBERS, Selection, Session,
+    VOICE_NUMBERS, Without,
 };

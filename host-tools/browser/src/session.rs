@@ -9,7 +9,12 @@ use stylus_kernel::position::Position;
 use stylus_kernel::scene::{ContactDetector, ContactThreshold, Interaction, Plan, ScenePlayer};
 
 use crate::fault::Fault;
-use crate::limits::MOST_BLOCKS;
+
+/// Blocks that one call plays at most: half a second.
+pub const MOST_BLOCKS: usize = 256;
+
+/// Samples of so many blocks at 10 kHz.
+pub const MOST_SAMPLES: usize = MOST_BLOCKS * 20;
 
 /// Numbers of a block's motion.
 pub const BLOCK_NUMBERS: usize = 5;
@@ -44,21 +49,6 @@ impl Without {
     /// Parts by their bits; others are ignored.
     pub const fn of_bits(bits: u32) -> Self {
         Self(bits & 7)
-    }
-
-    /// The bits of all parts.
-    pub const fn bits(self) -> u32 {
-        self.0
-    }
-
-    /// The parts that `texture` has.
-    pub fn possible(texture: &Texture<'_>) -> Self {
-        let bit = |is_there: bool, part: Self| if is_there { part.0 } else { 0 };
-        Self(
-            bit(texture.excitation().is_some(), Self::CODEBOOKS)
-                | bit(texture.modulation().is_some(), Self::TRACK)
-                | bit(texture.lines().is_some(), Self::LINES),
-        )
     }
 
     const fn has(self, part: Self) -> bool {
@@ -363,54 +353,12 @@ impl<'a> Session<'a> {
         let Some(playing) = &self.playing else {
             return [0.0; STATE_NUMBERS];
         };
-        let mut numbers = self.voices_at(playing, playing.motion, playing.at_mm);
-        numbers[1] = f64::from(u8::from(playing.contact));
-        numbers
-    }
-
-    /// State as it would be at a speed, mm/s, a force, N, and a position, mm. Nothing is played.
-    ///
-    /// # Errors
-    /// No choice, or numbers that are not finite.
-    pub fn locate(
-        &self,
-        speed_mm_s: f64,
-        force_n: f64,
-        position_mm: f64,
-    ) -> Result<[f64; STATE_NUMBERS], Fault> {
-        let Some(playing) = &self.playing else {
-            return Err(Fault::NothingChosen);
-        };
-        let motion = BlockMotion {
-            begin_mm: position_mm,
-            end_mm: position_mm,
-            ..BlockMotion::new(speed_mm_s, force_n)
-        };
-        let refused = |problem| Fault::Motion { block: 0, problem };
-        motion.check().map_err(refused)?;
-        let position_mm = if position_mm.is_nan() {
-            playing.at_mm
-        } else {
-            position_mm
-        };
-        let motion = motion.motion().map_err(refused)?;
-        let mut numbers = self.voices_at(playing, motion, position_mm);
-        let contact = motion.force_n() > ContactThreshold::LEAST.begins_n();
-        numbers[1] = f64::from(u8::from(contact));
-        Ok(numbers)
-    }
-
-    fn voices_at(
-        &self,
-        playing: &Playing<'_>,
-        motion: Motion,
-        position_mm: f64,
-    ) -> [f64; STATE_NUMBERS] {
         let plan = &playing.plan;
-        let motion = plan.constant_motion().unwrap_or(motion);
-        let located = plan.locate(position_mm as f32);
+        let motion = plan.constant_motion().unwrap_or(playing.motion);
+        let located = plan.locate(playing.at_mm as f32);
         let mut numbers = [0.0; STATE_NUMBERS];
-        numbers[0] = position_mm;
+        numbers[0] = playing.at_mm;
+        numbers[1] = f64::from(u8::from(playing.contact));
         numbers[2] = f64::from(playing.player.saturations());
         numbers[3] = located.len() as f64;
         let share = |steps: u32| f64::from(steps) / f64::from(ONE);

@@ -56,7 +56,7 @@ impl Structure {
 pub enum Core {
     /// Cortex-M4.
     M4,
-    /// Cortex-M7, whose cycles are bounded by the Cortex-M4's worst ones. A second model is [`Entry::modelled_cycles`].
+    /// Cortex-M7.
     M7,
 }
 
@@ -74,10 +74,8 @@ impl std::fmt::Display for Core {
 pub struct SampleCost<N = u32> {
     /// Instructions, counted on QEMU.
     pub instructions: N,
-    /// Cycles of the Cortex-M4's published timings: loads pipelined, branches cheapest.
-    pub best_cycles: N,
-    /// Cycles of the same timings: nothing pipelined, branches dearest. They bound a Cortex-M7 too.
-    pub worst_cycles: N,
+    /// Cycles of these instructions, as llvm-mca models the core.
+    pub cycles: N,
 }
 
 /// The cost of an update of the coefficients, which depends on the motion.
@@ -87,10 +85,8 @@ pub struct UpdateCost<N = u32> {
     pub instructions_least: N,
     /// Instructions of the dearest update: of a direct form, one that unpacks a new cell's nodes.
     pub instructions_most: N,
-    /// Cycles of the cheapest update, at best.
-    pub best_cycles: N,
-    /// Cycles of the dearest update, at worst.
-    pub worst_cycles: N,
+    /// Cycles of the dearest update, as llvm-mca models the core.
+    pub cycles: N,
 }
 
 /// The cost of one structure at one order.
@@ -108,23 +104,16 @@ pub struct Entry {
     pub sample: SampleCost,
     /// The cost of an update.
     pub update: UpdateCost,
-    /// Cycles of a sample on a Cortex-M7, as llvm-mca models them; none of a Cortex-M4.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub modelled_cycles: Option<u32>,
 }
 
 impl Entry {
-    /// The largest difference of `other` from this over all figures, as a share of this.
+    /// The largest difference of `other` from this over all counts of instructions, as a share of this.
     pub fn difference(&self, other: &Self) -> f64 {
         let figures = |entry: &Self| {
             [
                 entry.sample.instructions,
-                entry.sample.best_cycles,
-                entry.sample.worst_cycles,
                 entry.update.instructions_least,
                 entry.update.instructions_most,
-                entry.update.best_cycles,
-                entry.update.worst_cycles,
             ]
         };
         let pairs = figures(self).into_iter().zip(figures(other));
@@ -159,11 +148,10 @@ pub struct Peer {
     pub order: u32,
     /// Instructions, counted on QEMU.
     pub instructions: u32,
-    /// Cycles of a Cortex-M4, modelled, at best.
-    pub best_cycles: u32,
-    /// Cycles of a Cortex-M4, modelled, at worst.
-    pub worst_cycles: u32,
-    /// Cycles on a Cortex-M7 of the code that is built for it, as llvm-mca models them; none of a reference.
+    /// Cycles on a Cortex-M4 as llvm-mca models it; none of a reference.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cortex_m4_cycles: Option<u32>,
+    /// Cycles on a Cortex-M7 of the code that is built for it; none of a reference.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cortex_m7_cycles: Option<u32>,
 }
@@ -175,9 +163,8 @@ pub struct Costs {
     pub rustc: String,
     /// The version of the emulator that counted.
     pub qemu: String,
-    /// The version of LLVM whose llvm-mca modelled the Cortex-M7.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub llvm_mca: Option<String>,
+    /// The version of LLVM whose llvm-mca modelled the cycles.
+    pub llvm_mca: String,
     /// One entry for each structure, number of nodes, core and order.
     pub entries: Vec<Entry>,
     /// The product's filters at order 400, and those of other libraries.
@@ -212,16 +199,13 @@ mod tests {
             order,
             sample: SampleCost {
                 instructions: 1000,
-                best_cycles: 1100,
-                worst_cycles: 1500,
+                cycles: 1500,
             },
             update: UpdateCost {
                 instructions_least: 10,
                 instructions_most: 20,
-                best_cycles: 12,
-                worst_cycles: 40,
+                cycles: 40,
             },
-            modelled_cycles: None,
         }
     }
 
@@ -230,7 +214,7 @@ mod tests {
         let costs = Costs {
             rustc: "1.95.0".to_owned(),
             qemu: "7.2".to_owned(),
-            llvm_mca: None,
+            llvm_mca: "14.0.6".to_owned(),
             entries: vec![entry(10), entry(400)],
             peers: Vec::new(),
         };
@@ -246,7 +230,7 @@ mod tests {
         assert_eq!(first.difference(&second), 0.0);
         second.sample.instructions = 1010;
         assert!((first.difference(&second) - 0.01).abs() < 1e-12);
-        second.update.worst_cycles = 20;
+        second.update.instructions_most = 30;
         assert!((first.difference(&second) - 0.5).abs() < 1e-12);
     }
 }

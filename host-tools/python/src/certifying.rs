@@ -79,7 +79,7 @@ pub fn certify<'py>(
 ) -> PyResult<Vec<Certification>> {
     // A file is decoded here, because a library that a stylus refuses is examined, too.
     let (bytes, path) = if let LibraryLike::Path(path) = &library {
-        let bytes = host_tools::texture::library_file::read_library(path);
+        let bytes = host_tools::texture::library::read_library(path);
         (bytes.map_err(crate::error::raised)?.into(), path.clone())
     } else {
         let library = library.library(py)?;

@@ -5,16 +5,14 @@ use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use host_tools::link::consequences::consequences;
 use host_tools::link::discovery;
-use host_tools::link::heard::Heard;
-use host_tools::link::play::{Drive, MAX_MOTION_RATE_HZ, MIN_MOTION_RATE_HZ, drive};
-use host_tools::link::setting_row::SettingRow;
+use host_tools::link::play::{Drive, Heard, MAX_MOTION_RATE_HZ, MIN_MOTION_RATE_HZ, drive};
+use host_tools::link::settings::{self as described, SettingRow, consequences};
 use host_tools::link::upload::upload_over;
-use host_tools::link::{Device as Linked, LinkAddress, LinkError, Route, Timeouts, setting_text};
+use host_tools::link::{Device as Linked, LinkAddress, LinkError, Route, Timeouts};
 use host_tools::support::error::{Error, Result};
 use host_tools::texture::certificate;
-use host_tools::texture::library_file::decode_library;
+use host_tools::texture::library::decode_library;
 use model_format::link::{
     Activity, DeviceInfo, MotionSource, PlayRequest, Selection, SettingChange, SettingSet,
     SettingsChange, SlotId, Status, TextureName,
@@ -300,7 +298,7 @@ impl Device {
         accept: bool,
     ) -> PyResult<()> {
         let changes = values.iter().map(|(name, &value)| {
-            let setting = setting_text::named(name)?;
+            let setting = described::named(name)?;
             Ok(SettingChange { setting, value })
         });
         let changes: Vec<SettingChange> = changes.collect::<Result<_>>().map_err(raised)?;

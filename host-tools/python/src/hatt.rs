@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
-use host_tools::fit::hatt::import::{Options, doubts, files, import, plan, read_all};
-use host_tools::fit::hatt::report::{ImportReport, far_nodes};
+use host_tools::fit::hatt::convert::far_nodes;
+use host_tools::fit::hatt::import::{ImportReport, Options, files, import, plan, read_all};
 use pyo3::prelude::*;
 
 use crate::convert::plain;
@@ -54,27 +54,21 @@ pub enum Paths {
 
 /// Converts HaTT's model files, or folders of them, as `stylus import-hatt` does.
 ///
-/// `speeds` and `forces` are the most of a grid, as many as the slot has room for if None; `fit_slot` takes fewer where
-/// it has no room for those asked for. `progress(done, total)` counts files.
+/// `speeds` and `forces` are the most of a grid, as many as the slot has room for if None. `progress(done, total)` counts files.
 #[pyfunction]
-#[pyo3(signature = (paths, *, speeds = None, forces = None, fit_slot = false, progress = None))]
+#[pyo3(signature = (paths, *, speeds = None, forces = None, progress = None))]
 pub fn import_hatt(
     py: Python<'_>,
     paths: Paths,
     speeds: Option<usize>,
     forces: Option<usize>,
-    fit_slot: bool,
     progress: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<HattImport> {
     let paths = match paths {
         Paths::One(path) => vec![path],
         Paths::Several(paths) => paths,
     };
-    let options = Options {
-        speeds,
-        forces,
-        fit_slot,
-    };
+    let options = Options { speeds, forces };
     let files = files(&paths).map_err(raised)?;
     let total = files.len() as u64;
     let (bytes, warnings, reports) = work::run(py, total, progress, move |steps| {
@@ -85,7 +79,6 @@ pub fn import_hatt(
             let own = source.toolkit.warnings.iter();
             warnings.extend(own.map(|warning| format!("{}: {warning}", source.path.display())));
         }
-        warnings.extend(doubts(&sources));
         let (converted, bytes) = import(&sources, &plan, &|| steps.done())?;
         for (source, converted) in sources.iter().zip(&converted) {
             let far = far_nodes(&converted.nodes);

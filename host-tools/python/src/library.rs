@@ -7,9 +7,8 @@ use host_tools::fit::record::FitRecord;
 use host_tools::scene::{scene_named, with_scenes};
 use host_tools::support::atomic_file;
 use host_tools::support::error::Result;
-use host_tools::support::file_kind::FileKind;
-use host_tools::support::output_file;
-use host_tools::texture::library_file::{decode_library, read_library};
+use host_tools::support::output::check_file;
+use host_tools::texture::library::{decode_library, read_library};
 use pyo3::exceptions::PyKeyError;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
@@ -17,9 +16,6 @@ use pyo3::types::PyBytes;
 use crate::error::{raised, refused};
 use crate::scene::Scene;
 use crate::texture::Texture;
-
-/// Another way out than a file of another name.
-const REMEDY: &str = ", or give overwrite=True";
 
 /// A library of textures and scenes: validated bytes, as the stylus holds them.
 ///
@@ -83,12 +79,11 @@ impl Library {
 
     /// Writes it with its record, if it has one.
     pub fn write(&self, path: &Path, overwrite: bool) -> PyResult<()> {
-        let check = output_file::check(path, FileKind::Library, overwrite, REMEDY);
-        check.map_err(raised)?;
+        check_file(path, overwrite, &[]).map_err(raised)?;
         let written = match &self.record {
             Some(record) => {
                 let beside = FitRecord::path_for(path);
-                output_file::check(&beside, FileKind::Json, overwrite, REMEDY)
+                check_file(&beside, overwrite, &[])
                     .and_then(|()| record.write_with(path, &self.bytes))
             }
             None => atomic_file::write(path, &self.bytes),
@@ -113,7 +108,7 @@ impl Library {
     }
 
     /// Writes the library to `path`, whole or not at all, and the record of its fit, if it is known, to
-    /// PATH.fit.json. A file of another kind is replaced with `overwrite` alone.
+    /// PATH.fit.json. What is there is replaced with `overwrite` alone.
     #[pyo3(signature = (path, *, overwrite = false))]
     fn save(&self, path: PathBuf, overwrite: bool) -> PyResult<()> {
         self.write(&path, overwrite)

@@ -8,9 +8,8 @@ use host_tools::playing::motion::MotionPath;
 use host_tools::playing::render::{self as playing, WavFormat, write_wav};
 use host_tools::scene::CompiledScene;
 use host_tools::support::error::{Error, Result};
-use host_tools::support::file_kind::FileKind;
-use host_tools::support::output_file;
-use host_tools::texture::library_file::decode_library;
+use host_tools::support::output::check_file;
+use host_tools::texture::library::decode_library;
 use model_format::OutputSample;
 use numpy::PyArray1;
 use pyo3::prelude::*;
@@ -65,7 +64,7 @@ impl Rendering {
     }
 
     /// Writes a mono WAV file, whole or not at all: 32-bit floats in m/s², or with `pcm16_m_s2` 16-bit integers whose
-    /// full scale that is. A file of another kind is replaced with `overwrite` alone. Returns the number of clipped
+    /// full scale that is. What is there is replaced with `overwrite` alone. Returns the number of clipped
     /// samples.
     #[pyo3(signature = (path, *, pcm16_m_s2 = None, overwrite = false))]
     fn save(
@@ -79,8 +78,7 @@ impl Rendering {
             full_scale_m_s2,
         });
         let written = py.detach(|| {
-            let remedy = ", or give overwrite=True";
-            output_file::check(&path, FileKind::Wav, overwrite, remedy)?;
+            check_file(&path, overwrite, &[])?;
             let samples = self.codes.iter().copied();
             write_wav(&path, self.sample_rate_hz, format, samples)
         });

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use host_tools::scene::{CompiledScene, CostReport};
 use host_tools::support::error::Result;
-use host_tools::texture::library_file::decode_library;
+use host_tools::texture::library::decode_library;
 use model_format::Provenance;
 use model_format::scene::MotionOfScene;
 use pyo3::prelude::*;

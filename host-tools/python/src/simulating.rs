@@ -19,14 +19,15 @@ pub fn paper_rig() -> String {
 /// Simulates the recordings of a drum rig into the folder `out`, as `stylus simulate-rig` does, and returns the set.
 ///
 /// `rig` is the path or the text of a rig's description; None is the paper's protocol: 4 textures at 15 speeds and 8
-/// forces. The folder is new, empty, or an earlier simulated set. The same seed gives the same recordings.
+/// forces. The folder is new or empty; an earlier simulated set is replaced with `overwrite` alone. The same seed gives the same recordings.
 #[pyfunction]
-#[pyo3(signature = (out, *, rig = None, seed = 1))]
+#[pyo3(signature = (out, *, rig = None, seed = 1, overwrite = false))]
 pub fn simulate_rig(
     py: Python<'_>,
     out: PathBuf,
     rig: Option<&Bound<'_, PyAny>>,
     seed: u64,
+    overwrite: bool,
 ) -> PyResult<Recordings> {
     let rig = match rig {
         None => Ok(RigFile::paper()),
@@ -41,7 +42,7 @@ pub fn simulate_rig(
     };
     let rig = rig.map_err(raised)?;
     let set = py.detach(|| {
-        rig::simulate_to_folder(&rig, seed, &out)?;
+        rig::simulate_to_folder(&rig, seed, &out, overwrite)?;
         host_tools::recording::RecordingSet::open(&[out])
     });
     set.map(Recordings).map_err(raised)

@@ -4,12 +4,11 @@ use std::path::PathBuf;
 
 use host_tools::report::plot::{Caption, certificate_map};
 use host_tools::support::error::{Error, Result};
-use host_tools::support::file_kind::FileKind;
 use host_tools::texture::certificate;
 use host_tools::texture::certificate::{Cell, Certification, Finding, SAMPLES_PER_SIDE, Stored};
 use model_format::Library;
 
-use super::destination::{self, Destination, Overwrite};
+use super::overwrite::Overwrite;
 use super::table::table;
 use crate::cli::library_file::read_library;
 use crate::cli::output::{print, print_json};
@@ -25,8 +24,8 @@ pub struct Arguments {
     #[arg(long)]
     json: bool,
     /// SVG file for a map of a texture's grid
-    #[arg(long, value_name = "SVG", value_parser = destination::file(FileKind::Svg))]
-    picture: Option<Destination>,
+    #[arg(long, value_name = "SVG")]
+    picture: Option<PathBuf>,
     #[command(flatten)]
     overwrite: Overwrite,
     /// Name of a single texture to certify; needed for a picture if the library has several
@@ -36,7 +35,8 @@ pub struct Arguments {
 
 pub fn run(arguments: &Arguments) -> Result<()> {
     if let Some(picture) = &arguments.picture {
-        check_ending(picture.path())?;
+        check_ending(picture)?;
+        (arguments.overwrite).file(picture, std::slice::from_ref(&arguments.library))?;
     }
     let bytes = read_library(&arguments.library)?;
     // Uncertified, because this command examines textures that a stylus refuses.
@@ -52,7 +52,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     };
     let reports: Vec<Certification> = textures.iter().map(certificate::certify).collect();
     if let Some(picture) = &arguments.picture {
-        draw(&reports, picture.path())?;
+        draw(&reports, picture)?;
     }
     if arguments.json {
         print_json(&reports)?;

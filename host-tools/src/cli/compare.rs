@@ -9,10 +9,9 @@ use host_tools::evaluation::listening::{Answers, CONFIDENCE, Pair, Score, plan, 
 use host_tools::fit::record::FitRecord;
 use host_tools::report::listening_page;
 use host_tools::support::error::{Error, Result};
-use host_tools::support::file_kind::FileKind;
 
-use super::destination::{self, Destination, Overwrite};
 use super::input::{Recordings, positive};
+use super::overwrite::Overwrite;
 use super::table::table;
 use crate::cli::evaluate::takes::{as_fitted, choose};
 use crate::cli::library_file::{decode_library, read_library};
@@ -26,8 +25,8 @@ pub struct Arguments {
     #[arg(long, value_name = "LIB", required = true)]
     library: Option<PathBuf>,
     /// HTML file to write
-    #[arg(long, value_name = "HTML", required = true, value_parser = destination::file(FileKind::Html))]
-    out: Option<Destination>,
+    #[arg(long, value_name = "HTML", required = true)]
+    out: Option<PathBuf>,
     #[command(flatten)]
     overwrite: Overwrite,
     /// Other takes of the same trials, as a folder or a list, which are heard instead
@@ -58,12 +57,15 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         let files = arguments.score.iter().map(|path| Answers::read(path));
         return print(&scores(&score(&files.collect::<Result<Vec<_>>>()?)?));
     }
-    let out = arguments.out.as_ref().map(Destination::path);
+    let out = arguments.out.as_deref();
     let (Some(path), Some(out)) = (&arguments.library, out) else {
         return Err(Error::Request(
             "a page needs --library and --out, and scores need --score".into(),
         ));
     };
+    let inputs = (arguments.recordings.inputs().iter()).chain([path]);
+    let inputs: Vec<PathBuf> = inputs.chain(&arguments.takes).cloned().collect();
+    arguments.overwrite.file(out, &inputs)?;
     let set = arguments.recordings.open()?;
     let bytes = read_library(path)?;
     let library = decode_library(path, &bytes)?;

@@ -20,13 +20,12 @@ use host_tools::report::sound::node_seconds;
 use host_tools::rig::{self, RigFile};
 use host_tools::support::atomic_file;
 use host_tools::support::error::{Error, Result};
-use host_tools::support::output_folder::OutputFolder;
+use host_tools::support::output::OutputFolder;
 use host_tools::texture::summary::TextureSummary;
 #[cfg(feature = "device")]
 use model_format::link::Settings;
 use model_format::{Library, MillimetresPerSecond, Newton};
 
-use super::destination::{self, Destination};
 use super::inspect::texture_table;
 use crate::cli::library_file::decode_library;
 use crate::cli::output::print;
@@ -49,9 +48,6 @@ const LISTENING_FULL_SCALE_M_S2: f64 = 60.0;
 /// Duration of the rendering along the steady motion, s.
 const STEADY_SECONDS: f64 = 3.0;
 
-/// The command whose results its folders are.
-const COMMAND: &str = "demo";
-
 /// The page to rub in that of all outputs.
 const PAGE: &str = "page.html";
 
@@ -61,13 +57,8 @@ const RENDERED: &str = "render";
 #[derive(clap::Args)]
 pub struct Arguments {
     /// Folder for all outputs
-    #[arg(
-        long,
-        value_name = "DIR",
-        default_value = "demo-out",
-        value_parser = destination::folder(COMMAND)
-    )]
-    out: Destination,
+    #[arg(long, value_name = "DIR", default_value = "demo-out")]
+    out: PathBuf,
     /// Seed of the simulated recordings and of the syntheses
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -79,19 +70,20 @@ pub struct Arguments {
 
 pub fn run(arguments: &Arguments) -> Result<()> {
     let begin = Instant::now();
-    let page = OutputFolder::begin(arguments.out.path(), COMMAND)?
-        .fill(|folder| all(arguments, folder, begin))?;
+    // The demo replaces its own earlier result unasked, because nobody edits that; a folder with any other file stays.
+    let page =
+        OutputFolder::begin(&arguments.out, true)?.fill(|folder| all(arguments, folder, begin))?;
     print(&format!(
         "\nDone in {:.1} s. Rub {}, look at {}, listen to {}",
         begin.elapsed().as_secs_f64(),
-        arguments.out.path().join(PAGE).display(),
+        arguments.out.join(PAGE).display(),
         page.display(),
-        arguments.out.path().join(RENDERED).display()
+        arguments.out.join(RENDERED).display()
     ))
 }
 
 /// Runs every step into `folder`; gives the path of the report's page after the end.
-fn all(arguments: &Arguments, folder: &OutputFolder<'_>, begin: Instant) -> Result<PathBuf> {
+fn all(arguments: &Arguments, folder: &OutputFolder, begin: Instant) -> Result<PathBuf> {
     let out = folder.path();
     let step = |number: u32, what: &str| {
         print(&format!(
@@ -102,7 +94,7 @@ fn all(arguments: &Arguments, folder: &OutputFolder<'_>, begin: Instant) -> Resu
 
     let recordings = out.join("recordings");
     step(1, "stylus simulate-rig: the paper's protocol, SIMULATED")?;
-    let simulated = rig::simulate_to_folder(&RigFile::paper(), arguments.seed, &recordings)?;
+    let simulated = rig::simulate_to_folder(&RigFile::paper(), arguments.seed, &recordings, false)?;
     print(simulated.to_string().trim_end())?;
 
     step(2, "stylus fit: one model per node, its order chosen by AIC")?;

@@ -13,17 +13,14 @@ use host_tools::report::evaluation_folder::DATA;
 use host_tools::report::{figures, frontier_page};
 use host_tools::support::atomic_file::folder_of;
 use host_tools::support::error::{Error, Result};
-use host_tools::support::output_folder::{self, OutputFolder};
-use host_tools::support::temporaries::TemporaryFolder;
+use host_tools::support::output::OutputFolder;
+use host_tools::support::temporaries::Temporary;
 use host_tools::support::{atomic_file, progress};
 
-use super::destination::{self, Destination};
 use super::input::not_negative;
+use super::overwrite::Overwrite;
 use super::table::table;
 use crate::cli::output::{print, to_json};
-
-/// The command whose results its folders are.
-const COMMAND: &str = "frontier";
 
 #[derive(clap::Args)]
 pub struct Arguments {
@@ -35,8 +32,10 @@ pub struct Arguments {
     #[arg(long, value_name = "DIR", requires = "data")]
     takes: Option<PathBuf>,
     /// Folder for the page, its figures and its numbers [default: frontier-out, or the folder of --redraw]
-    #[arg(long, value_name = "DIR", value_parser = destination::folder(COMMAND))]
-    out: Option<Destination>,
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: Overwrite,
     /// Numbers of an earlier comparison, whose front is to stand beside the new one: its frontier.json
     #[arg(long, value_name = "FILE")]
     before: Option<PathBuf>,
@@ -61,13 +60,13 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     // Read before the work, and before the new numbers may take the file's place.
     let before = arguments.before.as_deref().map(Earlier::read).transpose()?;
     let out = match (&arguments.out, &arguments.redraw) {
-        (Some(out), _) => out.path(),
+        (Some(out), _) => out,
         (None, Some(numbers)) => folder_of(numbers),
         (None, None) => Path::new("frontier-out"),
     };
     let redrawn = arguments.redraw.as_deref().map(read).transpose()?;
-    // A folder that is not named was not checked with the command line.
-    output_folder::check(out, &|folder| output_folder::earlier_of(folder, COMMAND))?;
+    let inputs = arguments.data.iter().chain(&arguments.takes);
+    (arguments.overwrite).folder(out, &inputs.cloned().collect::<Vec<_>>())?;
     let (frontier, numbers) = if let Some(redrawn) = redrawn {
         redrawn
     } else {
@@ -75,7 +74,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         let numbers = to_json(&frontier).into_bytes();
         (frontier, numbers)
     };
-    let page = OutputFolder::begin(out, COMMAND)?.fill(|folder| {
+    let page = OutputFolder::begin(out, arguments.overwrite.is_asked())?.fill(|folder| {
         let page = write(&frontier, &numbers, before.as_ref(), folder.path())?;
         Ok(folder.named(&page))
     })?;
@@ -94,7 +93,7 @@ fn read(path: &Path) -> Result<(Frontier, Vec<u8>)> {
 fn compute(arguments: &Arguments) -> Result<Frontier> {
     // Simulated recordings are needed only during the comparison.
     let scratch = std::env::temp_dir();
-    let scratch = TemporaryFolder::new_in(&scratch).map_err(Error::io("create", &scratch))?;
+    let scratch = Temporary::folder_in(&scratch).map_err(Error::io("create", &scratch))?;
     let material = match (&arguments.data, &arguments.takes) {
         (None, _) => Material::simulated(scratch.path())?,
         (Some(data), None) => Material::halves(&RecordingSet::open(std::slice::from_ref(data))?)?,
@@ -174,7 +173,7 @@ fn summary(frontier: &Frontier) -> String {
         .iter()
         .filter(|point| point.on_front || point.on_safe_front)
         .collect();
-    points.sort_by(|a, b| a.worst_cycles.total_cmp(&b.worst_cycles));
+    points.sort_by(|a, b| a.cycles.total_cmp(&b.cycles));
     let row = |point: &Point| {
         let filter = &frontier.filters[point.filter];
         let mut row = vec![
@@ -184,7 +183,7 @@ fn summary(frontier: &Frontier) -> String {
             format!("{:.2}", point.total_error_db),
             format!("{:.1}", 100.0 * filter.still.cost),
             format!("{:.0}", filter.still.lowest_snr_db),
-            format!("{:.0}", point.worst_cycles),
+            format!("{:.0}", point.cycles),
         ];
         row.extend(
             point

@@ -3,15 +3,13 @@
 use std::path::PathBuf;
 
 use host_tools::fit::hatt::comparison::Summary;
-use host_tools::fit::hatt::convert::{Converted, ROLL_OFF_DB_PER_OCTAVE};
-use host_tools::fit::hatt::import::{Options, doubts, files, import, plan, read_all};
-use host_tools::fit::hatt::report::{ImportReport, far_nodes};
+use host_tools::fit::hatt::convert::{Converted, ROLL_OFF_DB_PER_OCTAVE, far_nodes};
+use host_tools::fit::hatt::import::{ImportReport, Options, files, import, plan, read_all};
 use host_tools::support::atomic_file;
 use host_tools::support::error::Result;
-use host_tools::support::file_kind::FileKind;
 use host_tools::support::progress;
 
-use super::destination::{self, Destination, Overwrite};
+use super::overwrite::Overwrite;
 use super::table::{folded_table, table};
 use crate::cli::output::{note, print, print_json, warn};
 
@@ -21,8 +19,8 @@ pub struct Arguments {
     #[arg(required = true, value_name = "XML|DIR")]
     paths: Vec<PathBuf>,
     /// Library file to write
-    #[arg(long, value_name = "LIB", value_parser = destination::file(FileKind::Library))]
-    out: Destination,
+    #[arg(long, value_name = "LIB")]
+    out: PathBuf,
     #[command(flatten)]
     overwrite: Overwrite,
     /// Most speeds of a grid [default: as many of the file's own as the slot has room for]
@@ -31,33 +29,30 @@ pub struct Arguments {
     /// Most forces of a grid [default: as many of the file's own as the slot has room for]
     #[arg(long)]
     forces: Option<usize>,
-    /// Take fewer speeds and forces than asked for where the slot has no room for them
-    #[arg(long)]
-    fit_slot: bool,
     /// Print the errors of the conversion, place by place, as JSON
     #[arg(long)]
     json: bool,
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
+    let paths = files(&arguments.paths)?;
+    arguments.overwrite.file(&arguments.out, &paths)?;
     let options = Options {
         speeds: arguments.speeds,
         forces: arguments.forces,
-        fit_slot: arguments.fit_slot,
     };
-    let sources = read_all(&files(&arguments.paths)?)?;
+    let sources = read_all(&paths)?;
     let plan = plan(&sources, &options)?;
     for source in &sources {
         for warning in &source.toolkit.warnings {
             warn(&format!("{}: {warning}", source.path.display()));
         }
     }
-    doubts(&sources).iter().for_each(|doubt| warn(doubt));
     note(&plan.in_words(sources.len()));
     let bar = progress::bar(sources.len() as u64, "converting");
     let (converted, bytes) = import(&sources, &plan, &|| bar.inc(1))?;
     bar.finish_and_clear();
-    atomic_file::write(arguments.out.path(), &bytes)?;
+    atomic_file::write(&arguments.out, &bytes)?;
     for (source, converted) in sources.iter().zip(&converted) {
         if let Some(warning) = far_nodes(&converted.nodes) {
             warn(&format!("{}: {warning}", source.path.display()));
@@ -79,7 +74,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         "{} textures -> {} ({} bytes); errors are of what the library plays against the file's own definition, within \
          the models' own band; above it the level falls by {ROLL_OFF_DB_PER_OCTAVE} dB per octave",
         converted.len(),
-        arguments.out.path().display(),
+        arguments.out.display(),
         bytes.len()
     ))
 }

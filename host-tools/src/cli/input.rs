@@ -34,6 +34,11 @@ pub struct Recordings {
 }
 
 impl Recordings {
+    /// The paths as they are given.
+    pub fn inputs(&self) -> &[PathBuf] {
+        &self.inputs
+    }
+
     /// Opens the set.
     ///
     /// # Errors

@@ -1,6 +1,13 @@
 //! Ctrl-C and SIGTERM: no command leaves a temporary behind, and those that drive a stylus bring it in order first.
 
+#[cfg(feature = "device")]
+use std::io;
+#[cfg(feature = "device")]
+use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
+
+#[cfg(feature = "device")]
+use host_tools::support::error::{Error, Result};
 
 /// True once a command listens: the first signal then only raises the flag.
 static IS_HEARD: AtomicBool = AtomicBool::new(false);
@@ -51,7 +58,7 @@ pub fn handle() {
 pub fn handle() {}
 
 /// Takes note of a signal; `end` ends the process by it.
-pub fn receive(end: impl FnOnce()) {
+fn receive(end: impl FnOnce()) {
     let is_heard = IS_HEARD.load(Ordering::SeqCst);
     if is_heard && !IS_RAISED.swap(true, Ordering::SeqCst) {
         return;
@@ -75,16 +82,53 @@ fn is_ignored(signal: i32) -> bool {
     mask.is_some_and(|mask| mask >> (signal - 1) & 1 == 1)
 }
 
-/// Returns a flag. From now on the first signal only raises it; the second one ends the process.
-///
-/// # Errors
-/// A system that refused a thread or a signal handler.
+/// Proof that a command listens to interrupts.
 #[cfg(feature = "device")]
-pub fn listen() -> std::io::Result<&'static AtomicBool> {
-    IS_HEARD.store(true, Ordering::SeqCst);
-    #[cfg(unix)]
-    if !IS_HANDLED.load(Ordering::SeqCst) {
-        return Err(std::io::Error::other("signals are not handled"));
+#[derive(Clone, Copy)]
+pub struct Interrupt(());
+
+#[cfg(feature = "device")]
+impl Interrupt {
+    /// Listens from now on. The first signal only raises a flag; the second one ends the process.
+    ///
+    /// # Errors
+    /// A system that refuses a thread or a signal handler.
+    pub fn listen() -> Result<Self> {
+        IS_HEARD.store(true, Ordering::SeqCst);
+        #[cfg(unix)]
+        let is_handled = IS_HANDLED.load(Ordering::SeqCst).then_some(());
+        #[cfg(unix)]
+        let handled = is_handled.ok_or_else(|| io::Error::other("signals are not handled"));
+        #[cfg(not(unix))]
+        let handled = listen_by_the_runtime();
+        handled.map_err(Error::io("listen for", Path::new("Ctrl-C")))?;
+        Ok(Self(()))
     }
-    Ok(&IS_RAISED)
+
+    /// Returns true once a signal came.
+    #[expect(clippy::unused_self, reason = "who asks has listened before")]
+    pub fn is_raised(self) -> bool {
+        IS_RAISED.load(Ordering::Relaxed)
+    }
+}
+
+/// Listens for Ctrl-C by the link's runtime, where no other handler is.
+#[cfg(all(feature = "device", not(unix)))]
+fn listen_by_the_runtime() -> io::Result<()> {
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()?;
+    let listener = move || {
+        runtime.block_on(async {
+            loop {
+                // A failure to listen counts as an interrupt, because ending is the safe choice.
+                let _ = tokio::signal::ctrl_c().await;
+                receive(|| {});
+            }
+        });
+    };
+    std::thread::Builder::new()
+        .name("stylus-interrupt".to_owned())
+        .spawn(listener)
+        .map(drop)
 }

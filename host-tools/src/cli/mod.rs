@@ -2,21 +2,18 @@
 //!
 //! **Invariant: thin.** A command parses its arguments, calls the library and prints. Signal processing, formats and
 //! the link belong to the library, where other programs can use them. Of the shared modules, `input` and `library_file`
-//! read, `output`, `colour`, `table` and `wav_file` print, `destination` checks what is written, `interrupt` ends; they
+//! read, `output`, `colour`, `table` and `wav_file` print, `overwrite` checks what is written, `interrupt` ends; they
 //! import no command.
 
 mod certify;
 mod colour;
 mod compare;
 mod completions;
-mod configuration;
 mod demo;
-mod destination;
 #[cfg(feature = "device")]
 mod device;
 mod evaluate;
 mod fit;
-mod fit_tap;
 mod frontier;
 #[cfg(feature = "hatt")]
 mod import_hatt;
@@ -24,15 +21,14 @@ mod input;
 mod inspect;
 mod interrupt;
 mod library_file;
-mod man;
 mod output;
+mod overwrite;
 mod page;
 #[cfg(feature = "device")]
 mod pin;
 mod render;
 #[cfg(feature = "spectrograms")]
 mod report;
-mod resample;
 mod scene;
 mod segment;
 mod simulate_rig;
@@ -43,12 +39,10 @@ mod wav_file;
 use std::io;
 use std::process::ExitCode;
 
-use clap::parser::ValueSource;
-use clap::{ArgAction, ColorChoice, CommandFactory, FromArgMatches, Parser, Subcommand};
+use clap::builder::FalseyValueParser;
+use clap::{CommandFactory, Parser, Subcommand};
 use host_tools::support::error::{Error, Result};
 use host_tools::support::{progress, temporaries};
-
-use colour::Choice;
 
 /// Exit code of a failure that the user can mend: a file, a value or a request that cannot be used.
 const EXIT_UNUSABLE: u8 = 2;
@@ -75,33 +69,15 @@ struct Arguments {
         short,
         long,
         global = true,
-        value_name = "BOOL",
-        num_args = 0..=1,
-        require_equals = true,
-        default_value = "false",
-        default_missing_value = "true",
-        hide_default_value = true,
-        hide_possible_values = true,
-        action = ArgAction::Set,
-        help_heading = GENERAL
+        env = "STYLUS_QUIET",
+        hide_env_values = true,
+        value_parser = FalseyValueParser::new(),
+        help_heading = "General options"
     )]
     quiet: bool,
-    /// Colour of help, warnings and errors; NO_COLOR of the environment means never
-    #[arg(
-        long,
-        global = true,
-        value_name = "WHEN",
-        value_enum,
-        default_value = "auto",
-        help_heading = GENERAL
-    )]
-    color: ColorChoice,
     #[command(subcommand)]
     command: Command,
 }
-
-/// Heading of the options that every command has.
-const GENERAL: &str = "General options";
 
 #[derive(Subcommand)]
 enum Command {
@@ -129,24 +105,16 @@ enum Command {
     ImportHatt(import_hatt::Arguments),
     /// Check, compile, render and draw scenes: surfaces along a path, with effects
     Scene(scene::Arguments),
-    /// Fit a scene's tap transient to recordings of taps
-    FitTap(fit_tap::Arguments),
     /// Prove a library's textures stable at every point of their grids
     Certify(certify::Arguments),
-    /// Change a library's sample rate, and tell the error of that
-    Resample(resample::Arguments),
     /// Play the hard cases with the device's kernel and check its guarantees
     Stress(stress::Arguments),
     /// Compare structures, orders and update intervals: accuracy against time, and the Pareto front
     Frontier(frontier::Arguments),
     /// Run every step on simulated recordings, with a report
     Demo(demo::Arguments),
-    /// Show the user's configuration: its file, its keys, and where each value is from
-    Config(configuration::Arguments),
     /// Print a script by which a shell completes commands, options and values
     Completions(completions::Arguments),
-    /// Write manual pages of all commands
-    Man(man::Arguments),
     #[cfg(feature = "device")]
     #[command(flatten)]
     Device(device::Command),
@@ -154,32 +122,15 @@ enum Command {
 
 /// Runs the command on the process's command line.
 pub fn run() -> ExitCode {
-    let (command, fault) = match configuration::with_users_defaults(Arguments::command()) {
-        Ok(command) => (command, None),
-        Err(fault) => (Arguments::command(), Some(fault)),
+    let arguments = match Arguments::try_parse() {
+        Ok(arguments) => arguments,
+        Err(answer) => return answer_without_a_command(&answer),
     };
-    // A line that cannot be parsed is told in the colours that it asks for.
-    Choice::among(std::env::args_os(), default_colour(&command)).take();
-    let parsed = command
-        .clone()
-        .try_get_matches()
-        .and_then(|matches| Ok((Arguments::from_arg_matches(&matches)?, matches)));
-    let (arguments, matches) = match parsed {
-        Ok(parsed) => parsed,
-        Err(answer) => return answer_without_a_command(&answer.format(&mut command.clone())),
-    };
-    if let Some(fault) = fault.filter(|_| !arguments.command.works_without_configuration()) {
-        output::failed(&fault);
-        return ExitCode::from(EXIT_UNUSABLE);
-    }
-    let is_given = matches.value_source("color") == Some(ValueSource::CommandLine);
-    let choice = arguments.color;
-    Choice { choice, is_given }.take();
     if arguments.quiet {
         progress::hide();
     }
     interrupt::handle();
-    let outcome = destination::check(&matches).and_then(|()| run_command(arguments.command));
+    let outcome = run_command(arguments.command);
     temporaries::wait_for_an_interrupt();
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
@@ -209,38 +160,14 @@ fn run_command(command: Command) -> Result<()> {
         #[cfg(feature = "hatt")]
         Command::ImportHatt(arguments) => import_hatt::run(&arguments),
         Command::Scene(arguments) => scene::run(&arguments),
-        Command::FitTap(arguments) => fit_tap::run(&arguments),
         Command::Certify(arguments) => certify::run(&arguments),
-        Command::Resample(arguments) => resample::run(&arguments),
         Command::Stress(arguments) => stress::run(&arguments),
         Command::Frontier(arguments) => frontier::run(&arguments),
         Command::Demo(arguments) => demo::run(&arguments),
-        Command::Config(arguments) => configuration::run(&arguments, &Arguments::command()),
         Command::Completions(arguments) => completions::run(&arguments, Arguments::command()),
-        Command::Man(arguments) => man::run(&arguments, Arguments::command()),
         #[cfg(feature = "device")]
         Command::Device(command) => device::run(&command),
     }
-}
-
-impl Command {
-    /// Returns true for a command that helps to mend a configuration.
-    fn works_without_configuration(&self) -> bool {
-        match self {
-            Self::Config(arguments) => arguments.is_remedy(),
-            Self::Completions(_) | Self::Man(_) => true,
-            _ => false,
-        }
-    }
-}
-
-/// The colours of `command` where its line gives none.
-fn default_colour(command: &clap::Command) -> ColorChoice {
-    let mut arguments = command.get_arguments();
-    let colour = arguments.find(|argument| argument.get_id() == "color");
-    let default = colour.and_then(|colour| colour.get_default_values().first());
-    let default = default.and_then(|default| default.to_str()?.parse().ok());
-    default.unwrap_or(ColorChoice::Auto)
 }
 
 /// Prints the help, the version, or the fault of a command line that names no command to run.

@@ -92,32 +92,11 @@ pub fn answer(answer: &clap::Error) -> Result<()> {
         }
         return Ok(());
     }
-    if colour::on_results() {
-        let shown = emphasised(styled.ansi().to_string().trim_end());
-        return print_exactly(format!("{shown}\n").as_bytes());
+    // No value of a user's is in the help, so that its marks are those of this program.
+    if colour::is_on(&io::stdout()) {
+        return print_exactly(format!("{}\n", styled.ansi().to_string().trim_end()).as_bytes());
     }
     print(plain)
-}
-
-/// `text` with the marks by which clap emphasises words in help. All else that a terminal obeys is shown, because a
-/// value of the environment or of the user's configuration may be in it.
-fn emphasised(text: &str) -> String {
-    const MARKS: [&str; 3] = ["\u{1b}[0m", "\u{1b}[1m", "\u{1b}[4m"];
-    let mut shown = String::new();
-    let mut rest = text;
-    while let Some(at) = rest.find('\u{1b}') {
-        let (before, from) = rest.split_at(at);
-        shown.push_str(&visible(before));
-        let mark = MARKS.into_iter().find(|mark| from.starts_with(mark));
-        let length = mark.map_or(1, str::len);
-        match mark {
-            Some(mark) => shown.push_str(mark),
-            None => shown.push_str(&visible(&from[..length])),
-        }
-        rest = &from[length..];
-    }
-    shown.push_str(&visible(rest));
-    shown
 }
 
 /// Writes `text` with a line feed, all of it or an error.

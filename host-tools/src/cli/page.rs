@@ -10,19 +10,15 @@ use host_tools::recording::RecordingSet;
 use host_tools::report::rub_page;
 use host_tools::report::rub_page::{Clips, Inputs, Recordings, Written};
 use host_tools::support::error::{Error, Result};
-use host_tools::support::file_kind::FileKind;
-use host_tools::support::output_folder::OutputFolder;
+use host_tools::support::output::OutputFolder;
 use host_tools::support::progress;
 use model_format::Library;
 
-use super::destination::{self, Destination, Overwrite};
 use super::input::positive;
+use super::overwrite::Overwrite;
 use crate::cli::evaluate::takes::{as_fitted, choose};
 use crate::cli::library_file::{decode_library, read_library};
 use crate::cli::output::print;
-
-/// The command whose results folders of data are.
-const DATA: &str = "page --data";
 
 #[derive(clap::Args)]
 pub struct Arguments {
@@ -30,11 +26,11 @@ pub struct Arguments {
     #[arg(value_name = "LIB|DIR")]
     input: PathBuf,
     /// HTML file to write
-    #[arg(long, value_name = "HTML", value_parser = destination::file(FileKind::Html))]
-    out: Destination,
+    #[arg(long, value_name = "HTML")]
+    out: PathBuf,
     /// Folder for the data of every figure: a CSV file each, and all of them as figures.npz for NumPy
-    #[arg(long, value_name = "DATA_DIR", value_parser = destination::folder(DATA))]
-    data: Option<Destination>,
+    #[arg(long, value_name = "DATA_DIR")]
+    data: Option<PathBuf>,
     #[command(flatten)]
     overwrite: Overwrite,
     /// Recordings behind a library, as a folder or a list: their clips, their spectra and C of each node come too
@@ -53,6 +49,12 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
+    let inputs = std::iter::once(&arguments.input).chain(&arguments.recordings);
+    let inputs: Vec<PathBuf> = inputs.cloned().collect();
+    arguments.overwrite.file(&arguments.out, &inputs)?;
+    if let Some(data) = &arguments.data {
+        arguments.overwrite.folder(data, &inputs)?;
+    }
     let is_recordings = is_recordings(&arguments.input);
     if is_recordings && arguments.recordings.is_some() {
         return Err(Error::Request(format!(
@@ -81,7 +83,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         }
     };
     let library = decode_library(&arguments.input, &bytes)?;
-    let out = arguments.out.path();
+    let out = &arguments.out;
     let Some(set) = set else {
         let inputs = Inputs {
             library: &library,
@@ -135,10 +137,10 @@ fn fitted(set: &RecordingSet, reduction: Reduction) -> Result<(Vec<u8>, Option<F
 
 /// Writes the page, and its data where they are asked for.
 fn write_all(arguments: &Arguments, inputs: &Inputs<'_>) -> Result<Written> {
-    let out = arguments.out.path();
+    let out = &arguments.out;
     match &arguments.data {
         None => write(inputs, out, None),
-        Some(data) => OutputFolder::begin(data.path(), DATA)?
+        Some(data) => OutputFolder::begin(data, arguments.overwrite.is_asked())?
             .fill(|folder| write(inputs, out, Some(folder.path()))),
     }
 }

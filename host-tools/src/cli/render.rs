@@ -60,6 +60,8 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
+    let inputs = std::iter::once(&arguments.library).chain(&arguments.motion);
+    arguments.wav.check(&inputs.cloned().collect::<Vec<_>>())?;
     let bytes = read_library(&arguments.library)?;
     let library = decode_library(&arguments.library, &bytes)?;
     let texture = texture_named(&library, &arguments.texture)?;

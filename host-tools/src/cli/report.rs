@@ -14,29 +14,25 @@ use host_tools::report::set_page;
 use host_tools::report::set_page::Inputs;
 use host_tools::report::sound::node_seconds;
 use host_tools::support::error::Result;
-use host_tools::support::file_kind::FileKind;
-use host_tools::support::output_folder::OutputFolder;
+use host_tools::support::output::OutputFolder;
 use host_tools::support::progress;
 
-use super::destination::{self, Destination, Overwrite};
 use super::input::{Recordings, not_negative};
+use super::overwrite::Overwrite;
 use crate::cli::evaluate::removed_nodes::removed_node_test;
 use crate::cli::library_file::{decode_library, read_library};
 use crate::cli::output::print;
-
-/// The command whose results folders of data are.
-const DATA: &str = "report --data";
 
 #[derive(clap::Args)]
 pub struct Arguments {
     #[command(flatten)]
     recordings: Recordings,
     /// HTML file to write
-    #[arg(long, value_name = "HTML", value_parser = destination::file(FileKind::Html))]
-    out: Destination,
+    #[arg(long, value_name = "HTML")]
+    out: PathBuf,
     /// Folder for the data of every figure: a CSV file each, and all of them as figures.npz for NumPy
-    #[arg(long, value_name = "DATA_DIR", value_parser = destination::folder(DATA))]
-    data: Option<Destination>,
+    #[arg(long, value_name = "DATA_DIR")]
+    data: Option<PathBuf>,
     #[command(flatten)]
     overwrite: Overwrite,
     /// Library to report on [default: fitted to the recordings]
@@ -60,6 +56,12 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
+    let inputs = (arguments.recordings.inputs().iter()).chain(&arguments.library);
+    let inputs: Vec<PathBuf> = inputs.chain(&arguments.takes).cloned().collect();
+    arguments.overwrite.file(&arguments.out, &inputs)?;
+    if let Some(data) = &arguments.data {
+        arguments.overwrite.folder(data, &inputs)?;
+    }
     let set = arguments.recordings.open()?;
     let (bytes, record) = if let Some(path) = &arguments.library {
         let bytes = read_library(path)?;
@@ -119,9 +121,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         unused_takes: &chosen.unused,
     };
     let bar = progress::bar(evaluation.textures.len() as u64, "reporting");
-    let out = arguments.out.path();
+    let out = &arguments.out;
     if let Some(data) = &arguments.data {
-        OutputFolder::begin(data.path(), DATA)?
+        OutputFolder::begin(data, arguments.overwrite.is_asked())?
             .fill(|folder| set_page::write(&inputs, out, Some(folder.path()), || bar.inc(1)))?;
     } else {
         set_page::write(&inputs, out, None, || bar.inc(1))?;
@@ -134,7 +136,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     };
     print(&format!("{}{origin}", out.display()))?;
     match &arguments.data {
-        Some(data) => print(&format!("data of its figures: {}", data.path().display())),
+        Some(data) => print(&format!("data of its figures: {}", data.display())),
         None => Ok(()),
     }
 }

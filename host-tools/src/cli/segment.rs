@@ -6,8 +6,8 @@ use host_tools::recording::freehand;
 use host_tools::recording::freehand::{Freehand, GridAxis, Options, Segmentation, Tolerance};
 use host_tools::support::error::{Error, Result};
 
-use super::destination::{self, Destination};
 use super::input::positive;
+use super::overwrite::Overwrite;
 use crate::cli::output::{note, print, warn};
 
 /// Number of pieces off the grid that are shown one by one.
@@ -22,11 +22,10 @@ pub struct Arguments {
     #[arg(long, value_name = "NAME")]
     texture: String,
     /// Folder for the pieces and their list, as fit reads it
-    #[arg(long, value_name = "DIR", value_parser = destination::pieces())]
-    out: Destination,
-    /// Replace an earlier result in the folder
-    #[arg(long)]
-    overwrite: bool,
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    #[command(flatten)]
+    overwrite: Overwrite,
     /// Speeds of the grid, in mm/s [default: from the recordings]
     #[arg(long, value_name = "LOW:HIGH:STEP")]
     speeds: Option<GridAxis>,
@@ -51,6 +50,7 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
+    (arguments.overwrite).folder(&arguments.out, &arguments.files)?;
     let recordings = arguments
         .files
         .iter()
@@ -97,7 +97,14 @@ pub fn run(arguments: &Arguments) -> Result<()> {
                 .into(),
         ));
     }
-    freehand::write(arguments.out.path(), &arguments.texture, &recordings, &cut)?;
+    let overwrite = arguments.overwrite.is_asked();
+    freehand::write(
+        &arguments.out,
+        &arguments.texture,
+        &recordings,
+        &cut,
+        overwrite,
+    )?;
     let mut nodes: Vec<(f64, f64)> = cut
         .placed
         .iter()
@@ -114,7 +121,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         100.0 * cut.steady_share,
         cut.placed.len(),
         nodes.len(),
-        arguments.out.path().display()
+        arguments.out.display()
     ))
 }
 

@@ -6,8 +6,8 @@ use host_tools::rig::{self, RigFile};
 use host_tools::support::error::Result;
 use host_tools::support::toml_field::TEXT;
 
-use crate::cli::destination::{self, Destination};
 use crate::cli::output::print;
+use crate::cli::overwrite::Overwrite;
 
 #[derive(clap::Args)]
 pub struct Arguments {
@@ -15,13 +15,10 @@ pub struct Arguments {
     #[arg(long, value_name = "RIG.toml")]
     rig: Option<PathBuf>,
     /// Folder to write the recordings to
-    #[arg(
-        long,
-        value_name = "DIR",
-        required_unless_present = "print_rig",
-        value_parser = destination::simulated_set()
-    )]
-    out: Option<Destination>,
+    #[arg(long, value_name = "DIR", required_unless_present = "print_rig")]
+    out: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: Overwrite,
     /// Seed of everything random: the same seed gives the same recordings
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -31,6 +28,10 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
+    let overwrite = &arguments.overwrite;
+    if let Some(out) = &arguments.out {
+        overwrite.folder(out, arguments.rig.as_slice())?;
+    }
     let rig = match &arguments.rig {
         None => RigFile::paper(),
         Some(path) => {
@@ -41,12 +42,12 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let Some(out) = arguments
         .out
         .as_ref()
-        .map(Destination::path)
+        .map(PathBuf::as_path)
         .filter(|_| !arguments.print_rig)
     else {
         return print(rig.text().trim_end());
     };
-    let summary = rig::simulate_to_folder(&rig, arguments.seed, out)?;
+    let summary = rig::simulate_to_folder(&rig, arguments.seed, out, overwrite.is_asked())?;
     print(summary.to_string().trim_end())?;
     print(&format!("-> {}", out.display()))
 }

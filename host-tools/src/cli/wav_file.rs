@@ -1,21 +1,20 @@
 //! WAV file that a command renders into, with its line on standard output and its warnings.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use host_tools::playing::render::{RenderSummary, WavFormat};
 use host_tools::support::error::Result;
-use host_tools::support::file_kind::FileKind;
 
-use super::destination::{self, Destination, Overwrite};
 use super::input::positive;
 use super::output::{print, warn};
+use super::overwrite::Overwrite;
 
 /// The WAV file and its format.
 #[derive(clap::Args)]
 pub struct WavFile {
     /// WAV file to write: 32-bit float, m/s²
-    #[arg(long, value_name = "WAV", value_parser = destination::file(FileKind::Wav))]
-    out: Destination,
+    #[arg(long, value_name = "WAV")]
+    out: PathBuf,
     #[command(flatten)]
     overwrite: Overwrite,
     /// Write 16-bit samples with this full scale in m/s² instead, for listening
@@ -24,9 +23,17 @@ pub struct WavFile {
 }
 
 impl WavFile {
+    /// Checks that the file can be written, by a command with these inputs.
+    ///
+    /// # Errors
+    /// As [`Overwrite::file`].
+    pub fn check(&self, inputs: &[PathBuf]) -> Result<()> {
+        self.overwrite.file(&self.out, inputs)
+    }
+
     /// Path of the file.
     pub fn path(&self) -> &Path {
-        self.out.path()
+        &self.out
     }
 
     /// Format of the file.
@@ -41,7 +48,7 @@ impl WavFile {
     pub fn print(&self, source: &str, sample_rate_hz: u32, summary: RenderSummary) -> Result<()> {
         print(&format!(
             "{}: {} samples of {source} at {sample_rate_hz} Hz",
-            self.out.path().display(),
+            self.out.display(),
             summary.wav.samples,
         ))?;
         if summary.wav.clipped > 0 {

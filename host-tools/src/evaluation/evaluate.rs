@@ -673,18 +673,7 @@ mod tests {
                 .unwrap();
         }
         wav.finalize().unwrap();
-        Trial {
-            file,
-            texture: "felt".into(),
-            speed_mm_s: 100.0,
-            force_n: 1.0,
-            scale_m_s2: None,
-            start_s: 0.0,
-            duration_s: None,
-            sample_rate_hz: None,
-            provenance: Provenance::Recorded,
-            held: None,
-        }
+        Trial::of(file, "felt", 100.0, 1.0)
     }
 
     #[test]

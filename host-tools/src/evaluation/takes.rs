@@ -12,7 +12,7 @@ use crate::support::error::{Error, Result};
 /// Phase correlation from which on a take is a copy. Noise stays below 0.1; a copy that lacks half of the samples
 /// reaches 0.6.
 ///
-/// The bound is wider than that of triage, [`COPY_CORRELATION`](crate::recording::triage::COPY_CORRELATION): a judge
+/// The bound is wider than that of triage, a correlation of 0.9995: a judge
 /// must be refused even if it is a copy in 8 bits or under noise, while triage must not take two trials of one drum,
 /// which retraces its track, for one.
 const COPY_CORRELATION: f64 = 0.5;

@@ -41,12 +41,6 @@ pub(super) struct BandLevel {
 }
 
 impl Bands {
-    /// Returns whether every power is one, and the rate.
-    pub(super) fn is_sound(&self) -> bool {
-        let is_power = |power: &f64| power.is_finite() && *power >= 0.0;
-        self.powers.iter().all(is_power) && self.rate_hz.is_finite() && self.rate_hz > 0.0
-    }
-
     /// Bands of a spectrum of total power `power`, from its density in any unit at evenly spaced frequencies from 0 Hz
     /// to half of `rate_hz`, the sample rate.
     pub(super) fn of_density(density: &[f64], power: f64, rate_hz: f64) -> Self {

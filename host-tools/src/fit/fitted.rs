@@ -10,7 +10,7 @@ use crate::texture::theta::ThetaReport;
 
 use super::excitation::ExcitationReport;
 use super::lines::Findings;
-use super::trial_report::TrialReport;
+use super::trial::TrialReport;
 
 /// A fitted texture.
 #[derive(Clone, Debug)]

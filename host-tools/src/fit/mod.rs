@@ -11,18 +11,14 @@ mod fitted;
 mod grid;
 #[cfg(feature = "hatt")]
 pub mod hatt;
-mod holes;
 pub mod lines;
 mod notes;
 mod options;
 pub mod part;
+pub mod parts;
 pub mod record;
 mod separated;
-mod set_notes;
-pub mod shard;
-mod signals;
 mod trial;
-mod trial_report;
 
 use std::borrow::Cow;
 
@@ -38,11 +34,11 @@ use crate::texture::library::stored_texture;
 pub use fitted::{Fit, FittedTexture, encoded};
 use lines::Lines;
 pub use options::{Estimator, ExcitationChoice, ModulationChoice, Options, Order};
-pub use separated::{separate_lines, signals_without_lines};
-use signals::{Budget, KeptSignals};
+pub use separated::signals_without_lines;
+pub use trial::TrialReport;
+use trial::signal_of_judged;
 pub use trial::{Analysis, Signal, analyse, analyse_with_signal, signal};
-use trial::{analyse_whole, signal_of_judged};
-pub use trial_report::TrialReport;
+use trial::{Budget, KeptSignals};
 
 /// Memory for signals that are kept for a later step instead of being read again, bytes.
 const KEPT_SIGNALS: usize = 128 << 20;
@@ -73,7 +69,7 @@ pub fn fit_between(
     let (analyses, kept) = analyse_keeping(set, options, KEPT_SIGNALS, &progress)?;
     between();
     let mut fit = fit_analysed(set, &analyses, options)?;
-    // Their signals are compared by now, and room is needed for residuals.
+    // Room is needed for residuals.
     drop(analyses);
     add_excitation(set, &mut fit, options, kept, between)?;
     Ok(fit)
@@ -143,22 +139,18 @@ fn analyse_keeping(
     progress: &(impl Fn() + Sync),
 ) -> Result<(Vec<Analysis>, KeptSignals)> {
     let max_order = options.order.highest();
-    let compared = Budget::of(KEPT_SIGNALS);
     let kept = Budget::of(if excitation::is_wanted(options) {
         most_kept
     } else {
         0
     });
-    let keep = |(mut analysis, signal): (Analysis, Signal)| {
-        if !compared.takes(analysis.fingerprint.signal_bytes()) {
-            analysis.fingerprint.forget_signal();
-        }
+    let keep = |(analysis, signal): (Analysis, Signal)| {
         let is_kept = kept.takes(size_of_val(signal.samples.as_slice()));
         (analysis, is_kept.then_some(signal))
     };
     if options.lines == Lines::None {
         let analysed = set.trials.par_iter().map(|trial| {
-            let analysed = analyse_whole(trial, options, max_order).map(&keep);
+            let analysed = analyse_with_signal(trial, options, max_order).map(&keep);
             progress();
             analysed
         });
@@ -191,13 +183,13 @@ fn analyse_texture(
     let mut analysed = trials
         .par_iter()
         .map(|trial| {
-            let analysed = analyse_whole(trial, options, max_order);
+            let analysed = analyse_with_signal(trial, options, max_order);
             progress();
             analysed
         })
         .collect::<Result<Vec<_>>>()?;
     if options.lines != Lines::None {
-        separated::separate_lines_of(trials, &mut analysed, options, max_order);
+        separated::separate_lines(trials, &mut analysed, options, max_order);
     }
     Ok(analysed)
 }
@@ -209,23 +201,21 @@ fn analyse_texture(
 /// With [`Options::strict`] the first trial with a verdict; a texture that the chosen structure or the library cannot
 /// hold.
 pub fn fit_analysed(set: &RecordingSet, analyses: &[Analysis], options: &Options) -> Result<Fit> {
-    let findings: Vec<Findings<'_>> = analyses.iter().map(Findings::of).collect();
-    let trials = reports(set, &findings, options)?;
+    let trials = reports(set, analyses, options)?;
     let of_members = |members: &[usize]| {
         let own = members.iter().map(|&member| &analyses[member]);
         Ok(own.map(Cow::Borrowed).collect())
     };
-    fit_reported(set, trials, options, of_members, || ())
+    fit_reported(set, trials, options, of_members)
 }
 
 /// Fits the textures of `set` one after the other to the analyses that `analyses_of` gives for the indices of their
-/// trials, telling `progress` of each texture done.
+/// trials.
 fn fit_reported<'a>(
     set: &RecordingSet,
     trials: Vec<TrialReport>,
     options: &Options,
     mut analyses_of: impl FnMut(&[usize]) -> Result<Vec<Cow<'a, Analysis>>>,
-    progress: impl Fn(),
 ) -> Result<Fit> {
     let mut fit = Fit {
         trials,
@@ -242,56 +232,29 @@ fn fit_reported<'a>(
             options.sample_rate_hz
         ));
     }
-    fit.warnings.extend(set_notes::of(set, &fit.trials));
+    fit.warnings.extend(notes::of_set(set, &fit.trials));
     for (name, members) in set.by_texture() {
         let analyses = analyses_of(&members)?;
         fit_texture(name, (set, &members), &analyses, options, &mut fit)?;
-        progress();
     }
     Ok(fit)
-}
-
-/// Findings on a trial that its account and the comparison of trials need.
-#[derive(Clone, Copy)]
-struct Findings<'a> {
-    power: f64,
-    mean_m_s2: f64,
-    energy_share: f64,
-    cut_s: f64,
-    mains_line_hz: Option<f64>,
-    verdicts: &'a [Verdict],
-    fingerprint: &'a triage::Fingerprint,
-}
-
-impl<'a> Findings<'a> {
-    fn of(analysis: &'a Analysis) -> Self {
-        Self {
-            power: analysis.power,
-            mean_m_s2: analysis.mean_m_s2,
-            energy_share: analysis.energy_share,
-            cut_s: analysis.cut_s,
-            mains_line_hz: analysis.mains_line_hz,
-            verdicts: &analysis.verdicts,
-            fingerprint: &analysis.fingerprint,
-        }
-    }
 }
 
 /// The account of every trial, with the verdicts that only a comparison of trials tells.
 fn reports(
     set: &RecordingSet,
-    findings: &[Findings<'_>],
+    analyses: &[Analysis],
     options: &Options,
 ) -> Result<Vec<TrialReport>> {
     let dropped = |verdicts: &[Verdict]| {
         let is_dropped = |verdict: &Verdict| options.drop.iter().any(|d| d == verdict.name());
         verdicts.iter().any(is_dropped)
     };
-    let verdicts = all_verdicts(set, findings, options)?;
+    let verdicts = all_verdicts(set, analyses);
     let trials: Vec<TrialReport> = set
         .trials
         .iter()
-        .zip(findings)
+        .zip(analyses)
         .zip(verdicts)
         .map(|((trial, found), verdicts)| TrialReport {
             file: trial.file.display().to_string(),
@@ -313,12 +276,8 @@ fn reports(
 }
 
 /// The findings of every trial, those included that only a comparison of trials tells.
-fn all_verdicts(
-    set: &RecordingSet,
-    findings: &[Findings<'_>],
-    options: &Options,
-) -> Result<Vec<Vec<Verdict>>> {
-    let trials = set.trials.iter().zip(findings);
+fn all_verdicts(set: &RecordingSet, analyses: &[Analysis]) -> Vec<Vec<Verdict>> {
+    let trials = set.trials.iter().zip(analyses);
     let compared: Vec<_> = trials
         .map(|(trial, found)| Compared {
             texture: &trial.texture,
@@ -326,16 +285,11 @@ fn all_verdicts(
             is_idle: trial.speed_mm_s <= 0.0 || trial.force_n <= 0.0,
             rms_m_s2: found.power.sqrt(),
             mains_line_hz: found.mains_line_hz,
-            fingerprint: found.fingerprint,
-            verdicts: found.verdicts,
+            sketch: &found.sketch,
+            verdicts: &found.verdicts,
         })
         .collect();
-    let signal_of = |index: usize| -> Result<Vec<f32>> {
-        let (trial, found) = (&set.trials[index], findings[index]);
-        let signal = signal_of_judged(trial, found.verdicts, options.reduction)?;
-        Ok(triage::centred(&signal.samples))
-    };
-    triage::all_verdicts(&compared, &signal_of)
+    triage::all_verdicts(&compared)
 }
 
 fn refuse_doubtful(set: &RecordingSet, trials: &[TrialReport]) -> Result<()> {

@@ -110,23 +110,19 @@ pub struct Options {
     pub estimator: Estimator,
     /// Structure of the models in the library.
     pub structure: StructureChoice,
-    /// Bytes of a lattice's θ. A record without this choice is of a fit with fine θ.
-    #[serde(default = "fine")]
+    /// Bytes of a lattice's θ.
     pub theta: ThetaChoice,
     /// From three axes to one.
     pub reduction: Reduction,
     /// RMS below which a trial is silent, m/s².
     pub silence_floor_m_s2: f64,
-    /// Source of the excitation. A record without this choice is of a fit with Gaussian noise.
-    #[serde(default = "gaussian")]
+    /// Source of the excitation.
     pub excitation: ExcitationChoice,
-    /// Level of the excitation. A record without this choice is of a fit with a steady one.
-    #[serde(default = "steady")]
+    /// Level of the excitation.
     pub modulation: ModulationChoice,
     /// Names of verdicts whose trials are left out, to be filled from their neighbours.
     pub drop: Vec<String>,
-    /// Lines that are locked to place. A record without this choice is of a fit without lines.
-    #[serde(default)]
+    /// Lines that are locked to place.
     pub lines: Lines,
     /// Refuse a set in which any trial has a verdict.
     pub strict: bool,
@@ -134,13 +130,8 @@ pub struct Options {
     /// not. The fit itself takes the set as it is given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub snap: Option<f64>,
-    /// Rate of the models, Hz. A record without this choice is of a fit at 5 kHz.
-    #[serde(default = "model_rate_hz")]
+    /// Rate of the models, Hz.
     pub sample_rate_hz: u32,
-}
-
-const fn model_rate_hz() -> u32 {
-    SAMPLE_RATE_HZ
 }
 
 impl Options {
@@ -194,18 +185,6 @@ impl Options {
             ..self.clone()
         }
     }
-}
-
-fn gaussian() -> ExcitationChoice {
-    ExcitationChoice::Gaussian
-}
-
-fn fine() -> ThetaChoice {
-    ThetaChoice::Fine
-}
-
-fn steady() -> ModulationChoice {
-    ModulationChoice::None
 }
 
 impl Default for Options {

@@ -96,6 +96,7 @@ pub fn analyse_blocks(
     max_order: usize,
 ) -> Result<PartlyAnalysed> {
     let (mut analysis, signal) = analyse_with_signal(trial, options, max_order)?;
+    let signal = signal.samples;
     let blocks = Blocks::of(signal.len());
     let fitted: Vec<&[f64]> = blocks.fitted().map(|block| &signal[block]).collect();
     let estimate = estimate_of_blocks(&fitted, options.estimator, max_order);

@@ -5,7 +5,6 @@
 //! part of it that was used. The record stands in a file beside the library and names it by its content, too, so that
 //! a record of another library is not believed.
 
-use std::fs::File;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
@@ -40,19 +39,13 @@ pub struct FitRecord {
     /// Options of the fit.
     pub options: Options,
     /// The excitation of each texture, and the reasons for it.
-    #[serde(default)]
     pub excitations: Vec<ExcitationReport>,
     /// The recordings.
     pub trials: Vec<FittedTrial>,
     /// Lines of each texture that are locked to place, or the reason for none.
-    #[serde(default)]
     pub lines: Vec<FoundLines>,
     /// The bytes of each lattice's θ, and the reasons for them.
-    #[serde(default)]
     pub thetas: Vec<ThetaReport>,
-    /// Hash of all that the library comes from, in hexadecimal digits, of a library that is one of many of a fit.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub inputs: Option<String>,
 }
 
 /// Lines of a texture.
@@ -97,9 +90,9 @@ impl FitRecord {
     /// # Errors
     /// A recording that cannot be read any more.
     pub fn of(set: &RecordingSet, options: &Options, bytes: &[u8]) -> Result<Self> {
-        let contents = set.trials.par_chunks(TOGETHER).map(contents_of);
-        let contents = contents.collect::<Result<Vec<Vec<u64>>>>()?;
-        Ok(Self::with_contents(set, options, bytes, &contents.concat()))
+        let contents = set.trials.par_iter().map(content_of);
+        let contents = contents.collect::<Result<Vec<u64>>>()?;
+        Ok(Self::with_contents(set, options, bytes, &contents))
     }
 
     /// As [`FitRecord::of`], with the hashes of the recordings' bytes, in the order of the set.
@@ -119,7 +112,6 @@ impl FitRecord {
                 .collect(),
             lines: Vec::new(),
             thetas: Vec::new(),
-            inputs: None,
         }
     }
 
@@ -253,106 +245,31 @@ pub(super) fn content_of(trial: &Trial) -> Result<u64> {
     if let Some(held) = &trial.held {
         return Ok(held.content());
     }
-    let mut pieces = Pieces::open(trial)?;
-    let mut hash = Fnv::default();
-    while pieces.next()? {
-        hash = hash.then(pieces.piece());
-    }
-    Ok(hash.value())
-}
-
-/// Recordings whose bytes are hashed side by side.
-const TOGETHER: usize = 4;
-
-/// As [`content_of`], of each of `trials`.
-fn contents_of(trials: &[Trial]) -> Result<Vec<u64>> {
-    match <&[Trial; TOGETHER]>::try_from(trials) {
-        Ok(trials) if trials.iter().all(|trial| trial.held.is_none()) => {
-            Ok(contents_of_files(trials)?.to_vec())
-        }
-        _ => trials.iter().map(content_of).collect(),
-    }
-}
-
-/// As [`content_of`], of each of `trials`, which are files.
-fn contents_of_files(trials: &[Trial; TOGETHER]) -> Result<[u64; TOGETHER]> {
-    let mut files = Vec::with_capacity(TOGETHER);
-    for trial in trials {
-        files.push(Pieces::open(trial)?);
-    }
-    let mut hashes = [Fnv::default(); TOGETHER];
+    let mut file = RECORDING.open(&trial.file)?;
+    let (mut buffer, mut hash) = (vec![0; PIECE], Fnv::default());
     loop {
-        let mut is_more = false;
-        for file in &mut files {
-            is_more |= file.next()?;
+        match file.read(&mut buffer) {
+            Ok(0) => return Ok(hash.value()),
+            Ok(read) => hash = hash.then(&buffer[..read]),
+            Err(failure) if failure.kind() == io::ErrorKind::Interrupted => {}
+            Err(failure) => return Err(Error::io("read", &trial.file)(failure)),
         }
-        if !is_more {
-            return Ok(hashes.map(Fnv::value));
-        }
-        hashes = Fnv::then_each(hashes, std::array::from_fn(|lane| files[lane].piece()));
     }
 }
 
 /// Bytes of a recording that are read at a time.
 const PIECE: usize = 1 << 16;
 
-/// A recording's bytes, a piece at a time.
-struct Pieces<'a> {
-    trial: &'a Trial,
-    file: File,
-    buffer: Vec<u8>,
-    length: usize,
-}
-
-impl<'a> Pieces<'a> {
-    fn open(trial: &'a Trial) -> Result<Self> {
-        Ok(Self {
-            trial,
-            file: RECORDING.open(&trial.file)?,
-            buffer: vec![0; PIECE],
-            length: 0,
-        })
-    }
-
-    /// Reads the next piece, and returns whether there is one: all pieces but the last are of one length, so that
-    /// recordings side by side stay so.
-    fn next(&mut self) -> Result<bool> {
-        self.length = 0;
-        while self.length < self.buffer.len() {
-            match self.file.read(&mut self.buffer[self.length..]) {
-                Ok(0) => break,
-                Ok(read) => self.length += read,
-                Err(failure) if failure.kind() == io::ErrorKind::Interrupted => {}
-                Err(failure) => return Err(Error::io("read", &self.trial.file)(failure)),
-            }
-        }
-        Ok(self.length > 0)
-    }
-
-    /// The piece that was read last; empty at the end.
-    fn piece(&self) -> &[u8] {
-        &self.buffer[..self.length]
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::recording::HeldSamples;
-    use model_format::Provenance;
 
     fn trial(file: PathBuf, start_s: f64, duration_s: Option<f64>) -> Trial {
         Trial {
-            file,
-            texture: "felt".into(),
-            speed_mm_s: 100.0,
-            force_n: 1.0,
-            scale_m_s2: None,
             start_s,
             duration_s,
-            sample_rate_hz: None,
-            provenance: Provenance::Recorded,
-            held: None,
+            ..Trial::of(file, "felt", 100.0, 1.0)
         }
     }
 
@@ -389,31 +306,6 @@ mod tests {
         ] {
             let asked = trial(file.clone(), start_s, duration_s);
             assert_eq!(record.used(&asked).unwrap(), used, "{asked:?}");
-        }
-    }
-
-    /// Files of unequal lengths, shorter and longer than a piece, and fewer than are hashed together.
-    #[test]
-    fn recordings_hashed_together_have_the_hashes_of_each() {
-        let folder = tempfile::tempdir().unwrap();
-        let lengths = [3, PIECE, 0, 2 * PIECE + 17, 5 * PIECE, PIECE - 1];
-        let trials = lengths.iter().enumerate().map(|(number, &length)| {
-            let path = folder.path().join(format!("{number}.wav"));
-            let bytes: Vec<u8> = (0..length)
-                .map(|n| (n * (number + 7) % 251) as u8)
-                .collect();
-            std::fs::write(&path, bytes).unwrap();
-            trial(path, 0.0, None)
-        });
-        let set = RecordingSet {
-            trials: trials.collect(),
-            is_listed: true,
-        };
-        let record = FitRecord::of(&set, &Options::default(), b"library").unwrap();
-        assert_eq!(record.trials.len(), lengths.len());
-        for (trial, fitted) in set.trials.iter().zip(&record.trials) {
-            let bytes = std::fs::read(&trial.file).unwrap();
-            assert_eq!(fitted.content, content_hash(&bytes), "{trial:?}");
         }
     }
 

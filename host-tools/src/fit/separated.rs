@@ -7,10 +7,11 @@ use crate::dsp::autocorrelation::Autocorrelation;
 use crate::recording::{RecordingSet, Trial};
 use crate::support::error::Result;
 
+use super::analyse_texture;
 use super::estimate::estimate;
-use super::lines::{Lines, separate};
+use super::lines::separate;
 use super::options::Options;
-use super::trial::{Analysis, Signal, analyse_with_signal};
+use super::trial::{Analysis, Signal};
 
 /// Trials of texture `name`, with their indices in the set.
 pub(super) fn of_texture<'s>(set: &'s RecordingSet, name: &str) -> (Vec<usize>, Vec<&'s Trial>) {
@@ -20,34 +21,9 @@ pub(super) fn of_texture<'s>(set: &'s RecordingSet, name: &str) -> (Vec<usize>, 
 
 /// Finds the lines of one texture, whose `trials` were `analysed`, and takes them out of the signals and of their
 /// statistics: lags, bands and share. The power stays that of the whole signal.
-pub fn separate_lines(
-    trials: &[&Trial],
-    analysed: &mut [(Analysis, Vec<f64>)],
-    options: &Options,
-    max_order: usize,
-) {
-    let analysed = analysed
-        .iter_mut()
-        .map(|(analysis, signal)| (analysis, signal));
-    separate_from(trials, analysed.collect(), options, max_order);
-}
-
-/// As [`separate_lines`], of signals with their flaws.
-pub(super) fn separate_lines_of(
+pub(super) fn separate_lines(
     trials: &[&Trial],
     analysed: &mut [(Analysis, Signal)],
-    options: &Options,
-    max_order: usize,
-) {
-    let analysed = analysed
-        .iter_mut()
-        .map(|(analysis, signal)| (analysis, &mut signal.samples));
-    separate_from(trials, analysed.collect(), options, max_order);
-}
-
-fn separate_from(
-    trials: &[&Trial],
-    mut analysed: Vec<(&mut Analysis, &mut Vec<f64>)>,
     options: &Options,
     max_order: usize,
 ) {
@@ -56,7 +32,7 @@ fn separate_from(
         .zip(analysed.iter_mut())
         .map(|(trial, (analysis, signal))| {
             if can_have_lines(trial, analysis, options) {
-                std::mem::take(*signal)
+                std::mem::take(&mut signal.samples)
             } else {
                 Vec::new()
             }
@@ -64,14 +40,14 @@ fn separate_from(
         .collect();
     let speeds_mm_s: Vec<f64> = trials.iter().map(|trial| trial.speed_mm_s).collect();
     let shares = separate(&speeds_mm_s, &mut signals, None, options.lines);
-    let work = analysed.into_par_iter().zip(signals).zip(shares);
+    let work = analysed.par_iter_mut().zip(signals).zip(shares);
     work.for_each(|(((analysis, signal), rest), share)| {
         if !rest.is_empty() {
-            *signal = rest;
+            signal.samples = rest;
         }
         if share.amplitudes_m_s2.iter().flatten().any(|&a| a > 0.0) {
-            let plain = Autocorrelation::of(signal, max_order);
-            let estimate = estimate(signal, plain, options.estimator);
+            let plain = Autocorrelation::of(&signal.samples, max_order);
+            let estimate = estimate(&signal.samples, plain, options.estimator);
             (analysis.lags, analysis.bands) = (estimate.lags, estimate.bands);
         }
         analysis.lines = share;
@@ -104,27 +80,12 @@ pub fn signals_without_lines(
     progress: impl Fn() + Sync,
 ) -> Result<Vec<Vec<f64>>> {
     let mut signals = vec![Vec::new(); set.trials.len()];
-    for name in set.textures() {
-        let (indices, trials) = of_texture(set, name);
-        let kept: Vec<(usize, &Trial)> = indices
-            .into_iter()
-            .zip(trials)
-            .filter(|(index, _)| used[*index])
-            .collect();
-        let trials: Vec<&Trial> = kept.iter().map(|(_, trial)| *trial).collect();
-        let mut analysed = trials
-            .par_iter()
-            .map(|trial| {
-                let analysed = analyse_with_signal(trial, options, 1);
-                progress();
-                analysed
-            })
-            .collect::<Result<Vec<_>>>()?;
-        if options.lines != Lines::None {
-            separate_lines(&trials, &mut analysed, options, 1);
-        }
-        for ((index, _), (_, signal)) in kept.into_iter().zip(analysed) {
-            signals[index] = signal;
+    for (_, mut members) in set.by_texture() {
+        members.retain(|&member| used[member]);
+        let trials: Vec<&Trial> = members.iter().map(|&member| &set.trials[member]).collect();
+        let analysed = analyse_texture(&trials, options, 1, &progress)?;
+        for (member, (_, signal)) in members.into_iter().zip(analysed) {
+            signals[member] = signal.samples;
         }
     }
     Ok(signals)

@@ -1,22 +1,21 @@
 //! One trial: from its file to the statistics that a model is fitted to.
 
 use std::ops::Range;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use model_format::SAMPLE_RATE_HZ;
 use serde::{Deserialize, Serialize};
-
-use crate::dsp::autocorrelation::Autocorrelation;
-use crate::dsp::reduction::{Reduction, reduce};
-use crate::dsp::sums::mean;
-use crate::recording::triage;
-use crate::recording::triage::{Fingerprint, Verdict};
-use crate::recording::{self, Samples, Trial};
-use crate::support::error::{Error, Result};
 
 use super::bands::Bands;
 use super::estimate::estimate_at;
 use super::lines::TrialLines;
 use super::options::Options;
+use crate::dsp::autocorrelation::Autocorrelation;
+use crate::dsp::reduction::{Reduction, reduce};
+use crate::dsp::sums::mean;
+use crate::recording::triage::{Sketch, Verdict, in_words};
+use crate::recording::{self, Samples, Trial, triage};
+use crate::support::error::{Error, Result};
 
 /// The statistics of a trial that a fit keeps.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -39,8 +38,8 @@ pub struct Analysis {
     pub verdicts: Vec<Verdict>,
     /// A line at a mains frequency, Hz; whether it is hum, the other trials tell.
     pub mains_line_hz: Option<f64>,
-    /// Content of the reduced signal, by which copies are found.
-    pub fingerprint: Fingerprint,
+    /// Sketch of the reduced signal, by which copies are found.
+    pub sketch: Sketch,
     /// Its share of the texture's lines, which `lags` and `bands` are without; none before they are sought.
     pub lines: TrialLines,
 }
@@ -93,8 +92,7 @@ fn kept_at(trial: &Trial, rate_hz: u32, parts: &[Range<usize>]) -> Result<Vec<Ve
     let samples = recording::read_at(trial, rate_hz)?;
     if samples.source_rate_hz < f64::from(rate_hz) {
         let problem = format!(
-            "has {} Hz, and models at {rate_hz} Hz need recordings of that rate or above: fit at {SAMPLE_RATE_HZ} Hz, \
-             then `stylus resample`",
+            "has {} Hz, and models at {rate_hz} Hz need recordings of that rate or above: fit at {SAMPLE_RATE_HZ} Hz",
             samples.source_rate_hz
         );
         return Err(Error::file(&trial.file, problem));
@@ -158,27 +156,14 @@ fn reduced(trial: &Trial, triaged: Triaged, reduction: Reduction) -> Result<Sign
 /// # Errors
 /// A file that cannot be used, or without the axis that was asked for.
 pub fn analyse(trial: &Trial, options: &Options, max_order: usize) -> Result<Analysis> {
-    Ok(analyse_whole(trial, options, max_order)?.0)
-}
-
-/// As [`analyse`], with the reduced signal, m/s², beside the analysis.
-///
-/// # Errors
-/// A file that cannot be used, or without the axis that was asked for.
-pub fn analyse_with_signal(
-    trial: &Trial,
-    options: &Options,
-    max_order: usize,
-) -> Result<(Analysis, Vec<f64>)> {
-    let (analysis, signal) = analyse_whole(trial, options, max_order)?;
-    Ok((analysis, signal.samples))
+    Ok(analyse_with_signal(trial, options, max_order)?.0)
 }
 
 /// As [`analyse`], with the reduced signal.
 ///
 /// # Errors
 /// Those of [`analyse`].
-pub(super) fn analyse_whole(
+pub fn analyse_with_signal(
     trial: &Trial,
     options: &Options,
     max_order: usize,
@@ -194,7 +179,7 @@ pub(super) fn analyse_whole(
     let mean_m_s2 = samples.axes.iter().map(mean_of).fold(0.0, f64::max);
     let reduced = reduce(&mut samples.axes, options.reduction)
         .map_err(|missing| Error::file(&trial.file, missing.to_string()))?;
-    let fingerprint = triage::fingerprint(&reduced.signal);
+    let sketch = Sketch::of(&reduced.signal);
     let mut autocorrelation = Autocorrelation::of(&reduced.signal, max_order);
     let mut power = autocorrelation.lags[0];
     if !power.is_finite() {
@@ -230,7 +215,7 @@ pub(super) fn analyse_whole(
         cut_s,
         verdicts,
         mains_line_hz,
-        fingerprint,
+        sketch,
         lines: TrialLines::default(),
         lags: estimate.lags,
         bands: estimate.bands,
@@ -241,4 +226,87 @@ pub(super) fn analyse_whole(
         flaws,
     };
     Ok((analysis, signal))
+}
+
+/// The account of a trial.
+#[derive(Clone, Debug, Serialize)]
+pub struct TrialReport {
+    /// The file.
+    pub file: String,
+    /// Its texture.
+    pub texture: String,
+    /// Tangential speed, mm/s.
+    pub speed_mm_s: f64,
+    /// Normal force, N.
+    pub force_n: f64,
+    /// RMS of the reduced signal, m/s².
+    pub rms_m_s2: f64,
+    /// Largest magnitude of an axis's mean, which was removed, m/s².
+    pub mean_m_s2: f64,
+    /// Share of the axes' energy that the reduced signal keeps.
+    pub energy_share: f64,
+    /// Duration that triage cut out of it, s.
+    pub cut_s: f64,
+    /// Findings of triage; none for a sound recording.
+    #[serde(serialize_with = "in_words")]
+    pub verdicts: Vec<Verdict>,
+    /// True if the fit used it.
+    pub used: bool,
+}
+
+/// Memory of which parts are taken until there is none left.
+pub(super) struct Budget(AtomicUsize);
+
+impl Budget {
+    pub fn of(bytes: usize) -> Self {
+        Self(AtomicUsize::new(bytes))
+    }
+
+    /// Returns whether there were `bytes` left, which are taken then.
+    pub fn takes(&self, bytes: usize) -> bool {
+        let less = |left: usize| left.checked_sub(bytes);
+        self.0
+            .fetch_update(Ordering::Relaxed, Ordering::Relaxed, less)
+            .is_ok()
+    }
+}
+
+/// Signals of the trials of a set, as far as they are kept.
+#[derive(Default)]
+pub(super) struct KeptSignals(Vec<Option<Signal>>);
+
+impl KeptSignals {
+    /// The signals of all trials, in the order of the set.
+    pub fn of(signals: Vec<Option<Signal>>) -> Self {
+        Self(signals)
+    }
+
+    /// Returns the signal of a trial, if it is kept.
+    pub fn get(&self, trial: usize) -> Option<&Signal> {
+        self.0.get(trial)?.as_ref()
+    }
+
+    /// Returns whether the signals of all `trials` are kept.
+    pub fn has_all(&self, trials: &[usize]) -> bool {
+        trials.iter().all(|&trial| self.get(trial).is_some())
+    }
+
+    /// Keeps the signals of `trials`.
+    pub fn extend(&mut self, trials: &[usize], signals: Vec<Signal>) {
+        for (&trial, signal) in trials.iter().zip(signals) {
+            if self.0.len() <= trial {
+                self.0.resize_with(trial + 1, || None);
+            }
+            self.0[trial] = Some(signal);
+        }
+    }
+
+    /// Lets go of the signals of `trials`.
+    pub fn forget(&mut self, trials: &[usize]) {
+        for &trial in trials {
+            if let Some(signal) = self.0.get_mut(trial) {
+                *signal = None;
+            }
+        }
+    }
 }

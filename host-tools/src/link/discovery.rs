@@ -12,7 +12,7 @@ use virtual_link::announcement;
 
 use super::error::{LinkError, Result};
 use super::route::Route;
-use super::sharing::Sharing;
+use super::route::Sharing;
 use super::{Device, LinkAddress, Timeouts, broker, usb};
 
 /// Time that a device has for its identity.

@@ -8,7 +8,7 @@
 //! |---|---|
 //! | `address` | addresses of devices, as a user writes them |
 //! | `open` | opening of an address; `wire` and `bulk` carry frames, `health` is the state of a link |
-//! | `broker` | one link for several programs; `sharing` has its arguments |
+//! | `broker` | one link for several programs |
 //! | `route` | ways to a device, direct or shared; `custom` has links that a program brings itself |
 //! | [`discovery`] | the devices that are attached |
 //! | `usb`, [`virtual_usb`] | the bulk endpoints of a stylus, and of a virtual one |
@@ -16,14 +16,12 @@
 //! | [`Device`] | every request as a function, with its timeout |
 //! | [`upload`] | upload of a library, resumed after broken links, and read back |
 //! | [`budget`] | least time of an upload, by data sheets |
-//! | [`play`] | motions at a fixed rate, and keep-alives |
+//! | [`play`] | motions at a fixed rate, keep-alives, and why a play counts as failed |
 //! | [`contents`] | what the slots hold |
-//! | [`heard`] | statuses of a play, and why it counts as failed |
 //! | [`capture`] | the record stream and its losses |
 //! | [`calibrate`] | values of the coil, and zeros of the sensors, measured and verified |
 //! | [`strokes`] | recordings of a free hand, with its motion |
-//! | [`setting_row`] | settings with their ranges and origins |
-//! | [`setting_text`] | names and values of settings, as a user writes them |
+//! | [`settings`] | settings as a user writes and reads them, and what follows from a change |
 //! | [`self_test`] | measurements of the device, compared with limits |
 //! | [`set`] | a recording set that grows trial by trial |
 //!
@@ -38,14 +36,12 @@ pub mod budget;
 mod bulk;
 pub mod calibrate;
 pub mod capture;
-pub mod consequences;
 pub mod contents;
 mod custom;
 mod device;
 pub mod discovery;
 mod error;
 mod health;
-pub mod heard;
 #[cfg(not(unix))]
 mod no_broker;
 mod open;
@@ -53,9 +49,7 @@ pub mod play;
 mod route;
 pub mod self_test;
 pub mod set;
-pub mod setting_row;
-pub mod setting_text;
-mod sharing;
+pub mod settings;
 pub mod strokes;
 pub mod upload;
 mod usb;
@@ -71,7 +65,6 @@ pub use broker::{Served, serve};
 pub use custom::{ByteStream, CustomLink};
 pub use device::{Device, Timeouts};
 pub use error::{LinkError, Result};
-pub use route::Route;
-pub use sharing::{BROKER_COMMAND, BROKER_READY, BROKER_TAKEN, Sharing};
+pub use route::{BROKER_COMMAND, BROKER_READY, BROKER_TAKEN, Route, Sharing};
 pub use version::Mismatch;
 pub use wire::{BrokenFrame, FrameDecoder};

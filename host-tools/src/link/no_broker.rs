@@ -6,7 +6,7 @@ use super::LinkAddress;
 use super::error::{LinkError, Result};
 use super::health::Health;
 use super::open::{self, Ends};
-use super::sharing::Sharing;
+use super::route::Sharing;
 
 /// End of a broker, which there is none of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -6,7 +6,7 @@ use model_format::SAMPLE_RATE_HZ;
 
 use super::defects::Defects;
 use super::rate::length_fault;
-use super::samples::Samples;
+use super::source::Samples;
 use super::source::{Cut, Source};
 use super::trial::Trial;
 use super::{csv_file, resample, wav};
@@ -128,7 +128,6 @@ fn at_model_rate(
 mod tests {
     use super::*;
     use crate::recording::HeldSamples;
-    use model_format::Provenance;
 
     /// Samples of 2 s at 8 kHz, on two axes, with a clipped peak.
     fn axes() -> Vec<Vec<f64>> {
@@ -160,16 +159,10 @@ mod tests {
         }
         writer.finalize().unwrap();
         let of_file = Trial {
-            file,
-            texture: "felt".into(),
-            speed_mm_s: 100.0,
-            force_n: 1.0,
             scale_m_s2: Some(3.0),
             start_s: 0.25,
             duration_s: Some(1.5),
-            sample_rate_hz: None,
-            provenance: Provenance::Recorded,
-            held: None,
+            ..Trial::of(file, "felt", 100.0, 1.0)
         };
         let held = HeldSamples::new(8000.0, axes, false).unwrap();
         let in_memory = Trial {

@@ -5,9 +5,11 @@ use std::path::{Path, PathBuf};
 
 use model_format::Provenance;
 
-use super::list;
+use super::rate::rate_fault;
 use super::trial::{NOMINAL_FORCE_N, NOMINAL_SPEED_MM_S, Trial};
+use crate::support::csv_table::{CsvTable, Header, Row, TABLE};
 use crate::support::error::{Error, Result};
+use crate::support::hand::{force_fault, speed_fault};
 
 /// File name of the list of trials in a recording set's folder.
 pub const TRIALS_FILE: &str = "trials.csv";
@@ -62,10 +64,7 @@ impl RecordingSet {
                 ));
             }
             [folder] if folder.is_dir() => Self::from_list(&folder.join(TRIALS_FILE))?,
-            [file]
-                if file.file_name().is_some_and(|name| name == TRIALS_FILE)
-                    || list::is_list(file) =>
-            {
+            [file] if file.file_name().is_some_and(|name| name == TRIALS_FILE) || is_list(file) => {
                 Self::from_list(file)?
             }
             files => Self::from_files(files)?,
@@ -103,18 +102,12 @@ impl RecordingSet {
                 return Err(Error::file(file, problem));
             }
             let stem = file.file_stem().unwrap_or_default();
-            Ok(Trial {
-                file: file.clone(),
-                texture: stem.to_string_lossy().into_owned(),
-                speed_mm_s: NOMINAL_SPEED_MM_S,
-                force_n: NOMINAL_FORCE_N,
-                scale_m_s2: None,
-                start_s: 0.0,
-                duration_s: None,
-                sample_rate_hz: None,
-                provenance: Provenance::Recorded,
-                held: None,
-            })
+            Ok(Trial::of(
+                file.clone(),
+                stem.to_string_lossy().into_owned(),
+                NOMINAL_SPEED_MM_S,
+                NOMINAL_FORCE_N,
+            ))
         });
         Ok(Self {
             trials: trials.collect::<Result<Vec<_>>>()?,
@@ -128,7 +121,7 @@ impl RecordingSet {
     /// A list that is missing or empty, or a line that cannot be used, with its number.
     pub fn from_list(list: &Path) -> Result<Self> {
         Ok(Self {
-            trials: list::read(list)?,
+            trials: read_list(list)?,
             is_listed: true,
         })
     }
@@ -161,6 +154,210 @@ impl RecordingSet {
         Self {
             trials: trials.collect(),
             is_listed: self.is_listed,
+        }
+    }
+}
+
+/// Returns whether the file at `path` is a list of trials, by the names in its first line.
+fn is_list(path: &Path) -> bool {
+    let is_text = path.extension().is_some_and(|extension| {
+        let extension = extension.to_string_lossy().to_lowercase();
+        extension == "csv" || extension == "txt"
+    });
+    if !is_text {
+        return false;
+    }
+    let Ok(table) = CsvTable::read(path, TABLE) else {
+        return false;
+    };
+    let Ok(header) = table.header() else {
+        return false;
+    };
+    ["file", "texture"]
+        .iter()
+        .all(|name| header.names().any(|known| known == *name))
+}
+
+/// Reads a list of trials; its files are relative to its folder.
+///
+/// # Errors
+/// A list that is missing or empty, or a line that cannot be used, with its number.
+fn read_list(list: &Path) -> Result<Vec<Trial>> {
+    // Regular files alone, because a list is read again for its kind.
+    TABLE.open(list)?;
+    let table = CsvTable::read(list, TABLE)?;
+    let columns = Columns::of(&table.header()?)?;
+    let folder = list.parent().unwrap_or(Path::new("."));
+    let (mut rows, mut trials) = (table.rows_below_header()?, Vec::new());
+    while let Some(row) = rows.next_row()? {
+        if trials.len() == MOST_TRIALS {
+            let problem = format!("lists more than {MOST_TRIALS} trials: make several lists");
+            return Err(row.error(problem));
+        }
+        trials.push(columns.trial(folder, &row)?);
+    }
+    if trials.is_empty() {
+        return Err(Error::file(list, "lists no trials: add at least one line"));
+    }
+    Ok(trials)
+}
+
+/// Indices of a list's columns, by name.
+struct Columns(HashMap<&'static str, usize>);
+
+/// Most trials of a list: a large laboratory's, at some 600 bytes of memory each.
+const MOST_TRIALS: usize = 1_000_000;
+
+const REQUIRED: [&str; 4] = ["file", "texture", "speed_mm_s", "force_n"];
+
+const OPTIONAL: [&str; 5] = [
+    "scale_m_s2",
+    "start_s",
+    "duration_s",
+    "sample_rate_hz",
+    "simulated",
+];
+
+impl Columns {
+    fn of(header: &Header<'_>) -> Result<Self> {
+        let expected = format!(
+            "the columns of a list are {}, {}",
+            REQUIRED.join(", "),
+            OPTIONAL.join(", ")
+        );
+        let mut columns = HashMap::new();
+        for name in REQUIRED {
+            columns.insert(name, header.needed(name, &expected)?);
+        }
+        for name in header.names() {
+            let known = REQUIRED.iter().chain(&OPTIONAL).find(|&&k| k == name);
+            let Some(&known) = known else {
+                return Err(header.error(format!("unknown column '{name}': {expected}")));
+            };
+            columns.extend(header.column(name)?.map(|index| (known, index)));
+        }
+        Ok(Self(columns))
+    }
+
+    fn trial(&self, folder: &Path, row: &Row<'_, '_>) -> Result<Trial> {
+        let bad = |problem: String| row.error(problem);
+        let field = |name: &str| {
+            let index = *self.0.get(name)?;
+            Some((index, row.text(index))).filter(|(_, text)| !text.is_empty())
+        };
+        let text = |name: &str| {
+            let text = field(name).map(|(_, text)| text);
+            text.ok_or_else(|| bad(format!("no {name}")))
+        };
+        let number = |name: &str| match field(name) {
+            None => Ok(None),
+            Some((index, _)) => row.finite(index, name).map(Some),
+        };
+        let at_least_zero = |name: &str| match number(name)? {
+            Some(value) if value < 0.0 => Err(bad(format!("{name} {value} is negative"))),
+            value => Ok(value),
+        };
+        let above_zero = |name: &str| match number(name)? {
+            Some(value) if value <= 0.0 => Err(bad(format!("{name} {value} is not above zero"))),
+            value => Ok(value),
+        };
+        let required = |name: &str, fault: fn(f64) -> Option<String>| {
+            let value = at_least_zero(name)?.ok_or_else(|| bad(format!("no {name}")))?;
+            match fault(value) {
+                None => Ok(value),
+                Some(fault) => Err(bad(format!("{name} is {fault}"))),
+            }
+        };
+        let provenance = match field("simulated").map(|(_, text)| text) {
+            None | Some("false") => Provenance::Recorded,
+            Some("true") => Provenance::Simulated,
+            Some(other) => return Err(bad(format!("simulated '{other}' is not true or false"))),
+        };
+        let scale_m_s2 = number("scale_m_s2")?;
+        if scale_m_s2.is_some_and(|scale| scale.abs() <= 0.0) {
+            return Err(bad("scale_m_s2 is zero".into()));
+        }
+        let sample_rate_hz = above_zero("sample_rate_hz")?;
+        if let Some(fault) = sample_rate_hz.and_then(|rate_hz| rate_fault(rate_hz, "mend it")) {
+            return Err(bad(format!("sample_rate_hz is {fault}")));
+        }
+        let texture = text("texture")?;
+        if texture.contains(char::is_control) {
+            return Err(bad(format!(
+                "texture {texture:?} has a control character: rename it"
+            )));
+        }
+        Ok(Trial {
+            scale_m_s2,
+            start_s: at_least_zero("start_s")?.unwrap_or(0.0),
+            duration_s: above_zero("duration_s")?,
+            sample_rate_hz,
+            provenance,
+            ..Trial::of(
+                folder.join(text("file")?),
+                texture.to_owned(),
+                required("speed_mm_s", speed_fault)?,
+                required("force_n", force_fault)?,
+            )
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::TRIALS_FILE;
+    use super::*;
+
+    fn parse(text: &str) -> Result<Vec<Trial>> {
+        let folder = tempfile::tempdir().unwrap();
+        let list = folder.path().join(TRIALS_FILE);
+        std::fs::write(&list, text).unwrap();
+        read_list(&list)
+    }
+
+    const HEADER: &str = "file,texture,speed_mm_s,force_n,scale_m_s2,start_s\n";
+
+    #[test]
+    fn columns_may_come_in_any_order_and_comments_are_skipped() {
+        let trials =
+            parse("# by hand\nforce_n,texture,file,speed_mm_s\n0.5,denim,a.wav,120\n").unwrap();
+        let trial = &trials[0];
+        assert_eq!((trial.speed_mm_s, trial.force_n), (120.0, 0.5));
+        assert_eq!(trial.provenance, Provenance::Recorded);
+        assert!(trial.file.ends_with("a.wav"));
+    }
+
+    #[test]
+    fn a_bad_line_is_named_by_its_number() {
+        for (line, word) in [
+            ("a.wav,denim,fast,1,,", "speed_mm_s"),
+            ("a.wav,denim,100,-1,,", "negative"),
+            ("a.wav,denim,100,NaN,,", "force_n"),
+            ("a.wav,,100,1,,", "texture"),
+            (",denim,100,1,,", "file"),
+            ("a.wav,denim,100,1,0,", "scale_m_s2"),
+            ("a.wav,denim,100,1,,-1", "start_s"),
+            ("a.wav,denim,100", "fields"),
+        ] {
+            let text = format!("{HEADER}a.wav,denim,100,1,,\n{line}\n");
+            let message = parse(&text).unwrap_err().to_string();
+            assert!(
+                message.contains("line 3") && message.contains(word),
+                "{message}"
+            );
+        }
+    }
+
+    #[test]
+    fn headers_without_their_columns_and_lists_without_trials_are_refused() {
+        for (text, word) in [
+            ("file,texture,speed_mm_s\n", "force_n"),
+            ("file,texture,speed_mm_s,force_n,colour\n", "colour"),
+            (HEADER, "no trials"),
+            ("", "no column"),
+        ] {
+            let message = parse(text).unwrap_err().to_string();
+            assert!(message.contains(word), "{message}");
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Part of a recording's file, at the file's own sample rate.
 
-use super::defects::Truncation;
+use super::defects::{Defects, Truncation};
 use crate::support::bounded_file::{Limit, MIB};
 
 /// A recording's file: a WAV file states its length in 32 bits, and a table is shorter.
@@ -41,4 +41,16 @@ pub struct Source {
     pub channels: Vec<Vec<f64>>,
     /// Lengths, if the file ends before its header says.
     pub truncation: Option<Truncation>,
+}
+
+/// The samples of a trial.
+#[derive(Clone, Debug)]
+pub struct Samples {
+    /// One to three axes of equal length, m/s²: at [`SAMPLE_RATE_HZ`](model_format::SAMPLE_RATE_HZ), unless another
+    /// rate was asked for.
+    pub axes: Vec<Vec<f64>>,
+    /// The file's own sample rate, Hz.
+    pub source_rate_hz: f64,
+    /// Findings on the samples at the file's own rate.
+    pub defects: Defects,
 }

@@ -42,6 +42,27 @@ pub struct Trial {
 }
 
 impl Trial {
+    /// The whole recording `file` of `texture` at a speed, mm/s, and a force, N, in m/s².
+    pub fn of(
+        file: impl Into<PathBuf>,
+        texture: impl Into<String>,
+        speed_mm_s: f64,
+        force_n: f64,
+    ) -> Self {
+        Self {
+            file: file.into(),
+            texture: texture.into(),
+            speed_mm_s,
+            force_n,
+            scale_m_s2: None,
+            start_s: 0.0,
+            duration_s: None,
+            sample_rate_hz: None,
+            provenance: Provenance::Recorded,
+            held: None,
+        }
+    }
+
     /// Acceleration of a sample of 1, m/s².
     pub fn scale(&self) -> f64 {
         self.scale_m_s2.unwrap_or(1.0)

@@ -42,12 +42,9 @@ pub fn pictures(frontier: &Frontier, before: Option<&Earlier>) -> Result<Picture
         title,
         simulated: frontier.simulated,
     };
-    let cycles = FrontAxis::octaves(Quantity::new(
-        "cycles per sample at worst (Cortex-M4, modelled)",
-        "",
-    ));
+    let cycles = FrontAxis::octaves(Quantity::new("cycles per sample (Cortex-M4, modelled)", ""));
     let with_updates = FrontAxis::octaves(Quantity::new(
-        "cycles per sample at worst, updates included (Cortex-M4, modelled)",
+        "cycles per sample, updates included (Cortex-M4, modelled)",
         "",
     ));
     let from_zero = |name, unit| FrontAxis::from_zero(Quantity::new(name, unit));
@@ -55,7 +52,7 @@ pub fn pictures(frontier: &Frontier, before: Option<&Earlier>) -> Result<Picture
         series(|structure| {
             let filters = frontier.filters.iter().filter(|f| f.structure == structure);
             let points = filters.map(|filter| FrontPoint {
-                x: filter.m4.sample.worst_cycles,
+                x: filter.m4.sample.cycles,
                 y: y(filter),
                 joined: matches!(filter.order, Order::Fixed(_)),
             });
@@ -69,7 +66,7 @@ pub fn pictures(frontier: &Frontier, before: Option<&Earlier>) -> Result<Picture
                 point.interval == DEVICE_INTERVAL && matches!(filter.order, Order::Fixed(_));
             let shown = joined || point.on_front || point.on_safe_front;
             (filter.structure == structure && shown).then_some(FrontPoint {
-                x: point.worst_cycles,
+                x: point.cycles,
                 y: point.total_error_db,
                 joined,
             })
@@ -126,7 +123,7 @@ fn fronts(frontier: &Frontier, before: Option<&Earlier>) -> Vec<FrontLine> {
         let points = on.map(|point| {
             let order = short_order(&frontier.filters[point.filter]);
             let label = format!("{order} @ {}", point.interval_ms());
-            (point.worst_cycles, point.total_error_db, label)
+            (point.cycles, point.total_error_db, label)
         });
         FrontLine {
             name: name.to_owned(),
@@ -160,7 +157,7 @@ fn cost_front(frontier: &Frontier) -> FrontLine {
         .iter()
         .filter(|filter| filter.on_cost_front);
     let points = on.map(|filter| {
-        let cycles = filter.m4.sample.worst_cycles;
+        let cycles = filter.m4.sample.cycles;
         (cycles, 100.0 * filter.still.cost, short_order(filter))
     });
     FrontLine {
@@ -240,17 +237,9 @@ pub fn write(
     }
     page.paragraph(&format!(
         "Made by stylus frontier; instructions and cycles by cargo tasks costs with rustc {} and QEMU {}. \
-         Instructions are counted and exact for that compiler. Cycles are modelled, and there are two models. The \
-         fronts go by the first: ARM's published timings of the Cortex-M4 with no wait states, at best and at worst; \
-         its worst bounds a Cortex-M7, the device's processor, too. The second is llvm-mca's{}, of the \
-         Cortex-M7 and of the code as it is built for it, and stands beside in the tables where it was computed. \
-         Neither is true to the cycle.",
-        frontier.rustc,
-        frontier.qemu,
-        frontier
-            .llvm_mca
-            .as_ref()
-            .map_or(String::new(), |version| format!(" (LLVM {version})"))
+         Instructions are counted and exact for that compiler. Cycles are llvm-mca's model (LLVM {}) of each core, \
+         without wait states, and not true to the cycle. The fronts go by those of the Cortex-M4.",
+        frontier.rustc, frontier.qemu, frontier.llvm_mca
     ));
     page.section("Errors against time")
         .figure(
@@ -314,7 +303,7 @@ fn capitalised(text: &str) -> String {
 fn front_table(page: &mut Page, frontier: &Frontier) {
     let on_a_front = |point: &&Point| point.on_front || point.on_safe_front;
     let mut points: Vec<&Point> = frontier.points.iter().filter(on_a_front).collect();
-    points.sort_by(|a, b| a.worst_cycles.total_cmp(&b.worst_cycles));
+    points.sort_by(|a, b| a.cycles.total_cmp(&b.cycles));
     let rows: Vec<Vec<String>> = points
         .into_iter()
         .map(|point| {
@@ -326,8 +315,7 @@ fn front_table(page: &mut Page, frontier: &Frontier) {
                 format!("{:.2}", point.total_error_db),
                 format!("{:.2}", filter.still.band_error_db),
                 format!("{:.2}", point.motion_error_db),
-                format!("{:.0}", point.best_cycles),
-                format!("{:.0}", point.worst_cycles),
+                format!("{:.0}", point.cycles),
             ];
             row.extend(point.shares().map(percent));
             row.push(format!("{} of {}", filter.hard.held, filter.hard.cases));
@@ -350,15 +338,14 @@ fn front_table(page: &mut Page, frontier: &Frontier) {
         Column::Number("error, dB"),
         Column::Number("at rest"),
         Column::Number("in motion"),
-        Column::Number("cycles, best"),
-        Column::Number("worst"),
+        Column::Number("cycles"),
     ];
     columns.extend(clocks.iter().map(|clock| Column::Number(clock)));
     columns.push(Column::Text("hard cases held"));
     columns.push(Column::Text("front of"));
     page.section("The Pareto front").table(
         "Nothing cheaper has a lower error, all textures being held; safe: among what holds every hard case; shares \
-         are of 200 µs, at worst",
+         are of 200 µs",
         &columns,
         &rows,
     );
@@ -370,11 +357,11 @@ fn change_table(page: &mut Page, changes: &[Change]) {
         _ => String::new(),
     };
     let cycles = |place: Option<Place>| match place {
-        Some(place) => format!("{:.0}", place.worst_cycles),
+        Some(place) => format!("{:.0}", place.cycles),
         None => String::new(),
     };
     let ratio = |change: &Change| match (change.before, change.now) {
-        (Some(before), Some(now)) => format!("{:.2}", now.worst_cycles / before.worst_cycles),
+        (Some(before), Some(now)) => format!("{:.2}", now.cycles / before.cycles),
         _ => String::new(),
     };
     let front = |place: Option<Place>| match place {
@@ -405,7 +392,7 @@ fn change_table(page: &mut Page, changes: &[Change]) {
         ]
     });
     page.section("The front before and now").table(
-        "Choices on a front of this comparison or of the one before, with the cycles of a sample at worst, updates \
+        "Choices on a front of this comparison or of the one before, with the cycles of a sample, updates \
          included; both, all and safe as above",
         &[
             Column::Text("structure"),
@@ -512,10 +499,6 @@ fn filter_table(page: &mut Page, frontier: &Frontier) {
 }
 
 fn time_table(page: &mut Page, frontier: &Frontier) {
-    let has_modelled = frontier
-        .filters
-        .iter()
-        .any(|f| f.m7.modelled_cycles.is_some());
     let rows: Vec<Vec<String>> = frontier
         .filters
         .iter()
@@ -526,17 +509,11 @@ fn time_table(page: &mut Page, frontier: &Frontier) {
                 filter.order_text(),
                 format!("{:.0}", m4.sample.instructions),
                 format!("{:.0}", m7.sample.instructions),
-                format!("{:.0}", m4.sample.best_cycles),
-                format!("{:.0}", m4.sample.worst_cycles),
+                format!("{:.0}", m4.sample.cycles),
             ];
-            row.extend(CLOCKS_HZ.map(|clock| percent(share(m4.sample.worst_cycles, clock))));
-            if has_modelled {
-                row.push(
-                    m7.modelled_cycles
-                        .map_or("-".to_owned(), |c| format!("{c:.0}")),
-                );
-            }
+            row.extend(CLOCKS_HZ.map(|clock| percent(share(m4.sample.cycles, clock))));
             row.extend([
+                format!("{:.0}", m7.sample.cycles),
                 format!(
                     "{:.0} to {:.0}",
                     m4.update.instructions_least, m4.update.instructions_most
@@ -553,21 +530,18 @@ fn time_table(page: &mut Page, frontier: &Frontier) {
         Column::Text("order"),
         Column::Number("instructions, M4"),
         Column::Number("M7"),
-        Column::Number("cycles, best"),
-        Column::Number("worst"),
+        Column::Number("cycles"),
     ];
     columns.extend(clocks.iter().map(|clock| Column::Number(clock)));
-    if has_modelled {
-        columns.push(Column::Number("cycles, M7 (llvm-mca)"));
-    }
     columns.extend([
+        Column::Number("cycles, M7"),
         Column::Number("an update, instructions"),
         Column::Number("flash, bytes per node"),
         Column::Number("RAM, bytes"),
     ]);
     page.section("Time and memory").table(
-        "A sample, without updates; cycles are those of an M4 unless they are said to be others, and shares are of \
-         200 µs, at its worst",
+        "A sample, without updates; cycles are llvm-mca's, of an M4 unless they are said to be others, and shares \
+         are of 200 µs",
         &columns,
         &rows,
     );
@@ -588,20 +562,21 @@ fn interval_table(page: &mut Page, frontier: &Frontier) {
                 if point.motion_error_db.is_nan() {
                     "refused".to_owned()
                 } else {
-                    format!("{:.2} / {:.0}", point.motion_error_db, point.worst_cycles)
+                    format!("{:.2} / {:.0}", point.motion_error_db, point.cycles)
                 }
             }));
             row
         })
         .collect();
     page.section("In motion").table(
-        "RMS error in bands, dB / cycles per sample at worst, updates included; 0.2 ms is every sample",
+        "RMS error in bands, dB / cycles per sample, updates included; 0.2 ms is every sample",
         &columns,
         &rows,
     );
 }
 
 fn peer_table(page: &mut Page, frontier: &Frontier) {
+    let cycles = |cycles: Option<u32>| cycles.map_or("-".to_owned(), |c| c.to_string());
     let rows: Vec<Vec<String>> = frontier
         .peers
         .iter()
@@ -610,10 +585,8 @@ fn peer_table(page: &mut Page, frontier: &Frontier) {
                 peer.name.clone(),
                 peer.order.to_string(),
                 peer.instructions.to_string(),
-                peer.best_cycles.to_string(),
-                peer.worst_cycles.to_string(),
-                peer.cortex_m7_cycles
-                    .map_or("-".to_owned(), |c| c.to_string()),
+                cycles(peer.cortex_m4_cycles),
+                cycles(peer.cortex_m7_cycles),
                 peer.includes.clone(),
                 match peer.origin {
                     Origin::Measured => "counted in this run",
@@ -627,14 +600,13 @@ fn peer_table(page: &mut Page, frontier: &Frontier) {
         return;
     }
     page.section("Beside others").table(
-        "One sample per call on a Cortex-M4, and as modelled on a Cortex-M7",
+        "One sample per call; cycles are llvm-mca's",
         &[
             Column::Text("what"),
             Column::Number("order"),
             Column::Number("instructions"),
-            Column::Number("cycles, best"),
-            Column::Number("worst"),
-            Column::Number("M7 (llvm-mca)"),
+            Column::Number("cycles, M4"),
+            Column::Number("M7"),
             Column::Text("beside the filter"),
             Column::Text("origin"),
         ],
@@ -674,7 +646,7 @@ fn notes(frontier: &Frontier) -> Vec<String> {
              next multiple of {TAPS_PER_TURN} taps beyond {NEAR_TAPS}. Per node, the time is that of the highest \
              order: a texture's tick takes the same time wherever the hand is."
         ),
-        "Time with updates: at worst, updates that stay in a cell take the share of the dearest that their \
+        "Time with updates: updates that stay in a cell take the share of the dearest that their \
          instructions are. Updates run below the sample's priority; only the sample has to be done in 200 µs."
             .to_owned(),
         "Flash is a node's coefficients in a library. RAM is the coefficients of two frames and the state, at that \

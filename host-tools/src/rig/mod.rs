@@ -63,29 +63,23 @@
 mod contact;
 mod description;
 mod file;
-mod folder;
 mod measurement;
 mod output;
-mod paper;
 mod profile;
-mod random;
-mod resonance;
 mod series;
 #[cfg(test)]
 mod tests;
 mod trial;
 mod validate;
-mod wander;
 
 pub use contact::Contact;
+pub use contact::{Response, ToolResponse};
 pub use description::{
     Clipping, Drum, Hum, Jitter, Measurement, Mode, Noise, Offset, Recording, RigDescription,
     Roughness, Texture, Tool, Tremor, Wander, Weave,
 };
 pub use file::RigFile;
-pub use folder::check;
+pub use file::is_of_the_papers_rig;
 pub use output::{Summary, TextureSummary, simulate_to_folder};
-pub use paper::is_of_the_papers_rig;
 pub use profile::Profile;
-pub use resonance::{Response, ToolResponse};
 pub use trial::{Strip, Trial};

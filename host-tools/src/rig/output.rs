@@ -10,11 +10,21 @@ use rayon::prelude::*;
 
 use super::description::RigDescription;
 use super::file::RigFile;
-use super::folder::{self, MARKER, MARKER_START, RECORDING_PREFIX, RIG, TRIALS};
 use super::trial::{Strip, Trial};
 use crate::support::error::{Error, Result};
-use crate::support::output_folder::OutputFolder;
+use crate::support::output::OutputFolder;
 use crate::support::{atomic_file, progress};
+
+/// The note that the set is simulated; written before any recording.
+const MARKER: &str = "SIMULATED.txt";
+/// The marker's first words.
+const MARKER_START: &str = "SIMULATED. Nothing in this folder was measured.";
+/// The table of trials; written after everything else.
+const TRIALS: &str = "trials.csv";
+/// The copy of the rig file.
+pub(super) const RIG: &str = "rig.toml";
+/// Prefix of the name of every recording.
+const RECORDING_PREFIX: &str = "simulated_";
 
 /// Summary of the files of a run.
 #[derive(Debug, Clone, PartialEq)]
@@ -71,12 +81,18 @@ impl fmt::Display for Summary {
 /// Beside them lie `SIMULATED.txt`, a copy of the rig file (`rig.toml`), and `trials.csv`. The same rig and seed give
 /// the same bytes for any number of threads.
 ///
-/// The folder is written whole or not at all. An earlier simulated set in `out` is replaced at the end.
+/// The folder is written whole or not at all. An earlier simulated set in `out` is replaced at the end, with
+/// `overwrite`.
 ///
 /// # Errors
 /// A folder that holds other files, or cannot be written.
-pub fn simulate_to_folder(rig: &RigFile, seed: u64, out: &Path) -> Result<Summary> {
-    let folder = OutputFolder::begin_over(out, folder::earlier)?;
+pub fn simulate_to_folder(
+    rig: &RigFile,
+    seed: u64,
+    out: &Path,
+    overwrite: bool,
+) -> Result<Summary> {
+    let folder = OutputFolder::begin(out, overwrite)?;
     folder.fill(|folder| simulate(rig, seed, folder.path()))
 }
 

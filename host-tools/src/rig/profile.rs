@@ -8,7 +8,7 @@ use realfft::RealFftPlanner;
 use realfft::num_complex::Complex;
 
 use super::description::{Drum, Jitter, Roughness, Texture, Weave};
-use super::random::StreamKey;
+use super::measurement::StreamKey;
 
 /// A profile along the track, as the terms of a Fourier series over the drum's circumference.
 #[derive(Debug, Clone, PartialEq)]

@@ -13,7 +13,7 @@ use rand::RngExt;
 use realfft::RealFftPlanner;
 use realfft::num_complex::Complex;
 
-use super::random::{StreamKey, drawn};
+use super::measurement::{StreamKey, drawn};
 use super::*;
 
 /// Speeds, forces and drum that most rigs here have.
@@ -174,21 +174,6 @@ fn the_line_of_a_weave_is_at_speed_over_wavelength() {
 }
 
 #[test]
-fn an_exact_weave_gives_exactly_periodic_samples() {
-    // 150 mm/s over 0.6 mm are 250 Hz: a period is 20 samples.
-    for trial in trials(&[PROTOCOL, TOOL, STRIP, WEAVE], 7) {
-        if trial.speed_mm_s != 150.0 {
-            continue;
-        }
-        for axis in &trial.samples_m_s2 {
-            for (early, late) in axis.iter().zip(&axis[20..]) {
-                assert!((early - late).abs() < 1e-10);
-            }
-        }
-    }
-}
-
-#[test]
 fn a_wave_beyond_half_the_sample_rate_leaves_nothing_rather_than_an_alias() {
     // 0.1 mm: 200 Hz at 20 mm/s, and 3000 Hz at 300.
     let fine = WEAVE.replace("0.6", "0.1").replace("[0.5, -0.3]", "[]");
@@ -200,19 +185,6 @@ fn a_wave_beyond_half_the_sample_rate_leaves_nothing_rather_than_an_alias() {
     };
     assert!(level(20.0) > 1e-2);
     assert_eq!(level(300.0), 0.0);
-}
-
-#[test]
-fn a_smooth_profile_is_felt_stronger_the_harder_the_tip_is_pressed() {
-    // 6 mm are long against the contact. Well below resonance the rigid tip's level goes with stiffness: F^{1/3}.
-    let coarse = WEAVE.replace("0.6", "6.0").replace("[0.5, -0.3]", "[]");
-    let rigid = TOOL.replace("tip_participation_m_s2_per_n = 8.0", "");
-    for trials in trials(&[PROTOCOL, &rigid, STRIP, &coarse], 1).chunks(4) {
-        let levels: Vec<_> = trials.iter().map(Trial::rms_m_s2).collect();
-        assert!(levels.is_sorted_by(|low, high| low < high), "{levels:?}");
-        let ratio = levels[3] / levels[1];
-        assert!((ratio / 7.0_f64.cbrt() - 1.0).abs() < 0.02, "{ratio}");
-    }
 }
 
 /// Displacement (m) and speed (m/s) of each mode, or their derivatives.
@@ -367,6 +339,8 @@ fn a_scene_draws_for_the_effects_it_names_and_for_nothing_else() {
     };
     let still = [PROTOCOL, STRIP];
     assert!(drawn(&still).is_empty());
+    let wandering = drawn(&[PROTOCOL, WANDER, TOOL, STRIP, WEAVE]);
+    assert_eq!(wandering["wander"], 12, "once for each trial that is felt");
     assert!(drawn(&[PROTOCOL, TOOL, STRIP]).is_empty(), "a flat surface");
     for constant in [OFFSET, CLIPPING] {
         assert!(drawn(&[&still[..], &[constant]].concat()).is_empty());
@@ -406,13 +380,6 @@ fn a_drum_that_hardly_wanders_gives_the_samples_of_one_that_does_not() {
             assert!((a - b).abs() <= 1e-3 * scale, "{a} {b}");
         }
     }
-}
-
-#[test]
-fn a_wander_draws_once_for_each_trial_that_is_felt() {
-    drawn::take();
-    trials(&[PROTOCOL, WANDER, TOOL, STRIP, WEAVE], 5);
-    assert_eq!(drawn::take()["wander"], 12);
 }
 
 #[test]
@@ -473,10 +440,10 @@ fn noise_is_white_with_its_rms_and_its_axes_are_independent() {
 #[test]
 fn tremor_stays_in_its_band_and_has_its_rms() {
     let mut powers = [0.0; 3];
-    for seed in 0..20 {
+    for seed in 0..10 {
         for trial in trials(&[PROTOCOL, STRIP, TREMOR], seed) {
             for (power, axis) in powers.iter_mut().zip(&trial.samples_m_s2) {
-                *power += rms(axis.iter().copied()).powi(2) / 320.0;
+                *power += rms(axis.iter().copied()).powi(2) / 160.0;
             }
             let window = |i: usize| 1.0 - (TAU * i as f64 / 1e4).cos();
             let windowed: Vec<_> = trial.samples_m_s2[0]
@@ -559,7 +526,7 @@ fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
                     .into_iter()
                     .map(|(inner, bytes)| (format!("{name}/{inner}"), bytes)),
             );
-        } else {
+        } else if name != crate::support::output::LIST {
             all.insert(name, fs::read(&path).unwrap());
         }
     }
@@ -581,7 +548,7 @@ fn the_same_scene_and_seed_are_the_same_bytes_whatever_the_number_of_threads() {
             .build()
             .unwrap();
         let summary = pool
-            .install(|| simulate_to_folder(&small_rig(), seed, folder.path()))
+            .install(|| simulate_to_folder(&small_rig(), seed, folder.path(), false))
             .unwrap();
         let files = files(folder.path());
         let bytes: usize = files.values().map(Vec::len).sum();
@@ -606,7 +573,7 @@ fn the_same_scene_and_seed_are_the_same_bytes_whatever_the_number_of_threads() {
 fn a_set_can_be_read_back_and_every_file_says_that_it_is_simulated() {
     let rig = small_rig();
     let folder = tempfile::tempdir().unwrap();
-    let summary = simulate_to_folder(&rig, 4, folder.path()).unwrap();
+    let summary = simulate_to_folder(&rig, 4, folder.path(), false).unwrap();
 
     let table = fs::read_to_string(folder.path().join("trials.csv")).unwrap();
     let (comment, rest) = table.split_once('\n').unwrap();
@@ -664,15 +631,15 @@ fn a_set_can_be_read_back_and_every_file_says_that_it_is_simulated() {
 #[test]
 fn a_set_takes_the_place_of_an_earlier_one_and_of_nothing_else() {
     let folder = tempfile::tempdir().unwrap();
-    simulate_to_folder(&small_rig(), 1, folder.path()).unwrap();
+    simulate_to_folder(&small_rig(), 1, folder.path(), false).unwrap();
     let short = PROTOCOL.replace("2.0", "0.1");
-    simulate_to_folder(&rig(&[&short, STRIP]), 1, folder.path()).unwrap();
+    simulate_to_folder(&rig(&[&short, STRIP]), 1, folder.path(), true).unwrap();
     let second = files(folder.path());
     assert_eq!(second.len(), 16 + 3);
     assert!(!folder.path().join("other").exists());
 
     fs::write(folder.path().join("strip/measured.wav"), "precious").unwrap();
-    let message = simulate_to_folder(&small_rig(), 1, folder.path())
+    let message = simulate_to_folder(&small_rig(), 1, folder.path(), true)
         .unwrap_err()
         .to_string();
     assert!(message.contains("strip/measured.wav"), "{message}");

@@ -1,12 +1,14 @@
 //! The content of a scene's text, with names in place of positions. The ranges of the values are those of
 //! [`model_format::scene`].
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
+use model_format::SAMPLE_RATE_HZ;
 use serde::Deserialize;
 
 use super::equaliser::SectionKind;
-use model_format::SAMPLE_RATE_HZ;
+use crate::support::error::{Error, Result};
+use crate::support::toml_field::{Field, TEXT, from_toml};
 
 /// A scene's content.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -148,4 +150,45 @@ pub struct SectionDescription {
     pub q: f64,
     /// Gain, dB.
     pub gain_db: f64,
+}
+
+/// The text of a scene with its description. Nothing is looked up in a library yet: [`SceneFile::compile`] does that.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SceneFile {
+    pub(super) path: PathBuf,
+    pub(super) text: String,
+    pub(super) description: SceneDescription,
+}
+
+impl SceneFile {
+    /// Reads the file at `path`.
+    ///
+    /// # Errors
+    /// A file that cannot be read, and what [`SceneFile::from_toml`] refuses.
+    pub fn read(path: &Path) -> Result<Self> {
+        let text = TEXT.read_text(path)?;
+        Self::from_toml(path, &text)
+    }
+
+    /// Reads a scene from TOML `text`. Files that it names are relative to the folder of `path`.
+    ///
+    /// # Errors
+    /// [`Error::Line`]: text that is not TOML, a key that is unknown, missing, or of the wrong type.
+    pub fn from_toml(path: &Path, text: &str) -> Result<Self> {
+        Ok(Self {
+            path: path.to_owned(),
+            text: text.to_owned(),
+            description: from_toml(path, text)?,
+        })
+    }
+
+    /// The content of the file.
+    pub fn description(&self) -> &SceneDescription {
+        &self.description
+    }
+
+    /// An error at `place` of the text.
+    pub(super) fn error(&self, place: &Field, problem: impl std::fmt::Display) -> Error {
+        place.error(&self.path, &self.text, problem)
+    }
 }

@@ -22,7 +22,7 @@
 //! [[surface]]
 //! texture = "denim"                    # in the library; without one the surface is smooth
 //! gain = 1.0                           # the default
-//! [surface.tap]                        # a decaying sine at an impact; `stylus fit-tap` fits it to recordings
+//! [surface.tap]                        # a decaying sine at an impact; `stylus scene fit-tap` fits it to recordings
 //! frequency_hz = 240
 //! decay_s = 0.012
 //! gain_m_s2_per_n_s = 0.4
@@ -58,18 +58,15 @@ mod compile;
 mod cost;
 mod description;
 pub mod equaliser;
-mod file;
 mod library;
-mod place;
-mod summary;
 pub mod tap;
 
 pub use compile::CompiledScene;
+pub use cost::SceneSummary;
 pub use cost::{CostReport, Situation, StageCost};
+pub use description::SceneFile;
 pub use description::{
     ConstantMotion, EqualiserDescription, RegionDescription, SceneDescription, SectionDescription,
     SurfaceDescription,
 };
-pub use file::SceneFile;
 pub use library::{parts, scene_named, surface_names, texture_spec, with_scenes};
-pub use summary::SceneSummary;

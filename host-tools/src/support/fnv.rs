@@ -29,43 +29,8 @@ impl Fnv {
         }))
     }
 
-    /// The hashes of what each of `hashes` was of, with the bytes of its own of `pieces` after it.
-    ///
-    /// A hash waits for its own multiplication in every byte. Several side by side fill that time with each other.
-    #[must_use]
-    pub fn then_each<const N: usize>(hashes: [Self; N], pieces: [&[u8]; N]) -> [Self; N] {
-        let common = pieces.iter().map(|piece| piece.len()).min().unwrap_or(0);
-        let heads = pieces.map(|piece| &piece[..common]);
-        let mut values = hashes.map(Self::value);
-        for at in 0..common {
-            for (value, head) in values.iter_mut().zip(heads) {
-                *value = (*value ^ u64::from(head[at])).wrapping_mul(PRIME);
-            }
-        }
-        std::array::from_fn(|lane| Self(values[lane]).then(&pieces[lane][common..]))
-    }
-
     /// Its value.
     pub fn value(self) -> u64 {
         self.0
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use proptest::prelude::*;
-
-    proptest! {
-        #[test]
-        fn hashes_side_by_side_are_those_one_after_the_other(
-            pieces in prop::array::uniform4(prop::collection::vec(any::<u8>(), 0..200)),
-        ) {
-            let begun = [Fnv::default().then(b"a"), Fnv::default(), Fnv::default().then(b"bc"), Fnv::default()];
-            let each = Fnv::then_each(begun, pieces.each_ref().map(Vec::as_slice));
-            for ((each, begun), piece) in each.into_iter().zip(begun).zip(&pieces) {
-                prop_assert_eq!(each, begun.then(piece));
-            }
-        }
     }
 }

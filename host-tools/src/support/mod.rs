@@ -1,27 +1,21 @@
 //! Tools that every other wing needs: the error type, files read up to a limit, tables as CSV, files and folders
-//! written whole or not at all and brought to the disk, kinds and identities of files, decimals, names of files, bounds
-//! of a hand's motion, hashes of content, text made fit to be shown, progress bars, fields of a TOML text, and the
-//! user's configuration, and what the allocator does with freed memory.
+//! written whole or not at all, decimals, names of files, bounds of a hand's motion, hashes of content, text made fit to
+//! be shown, progress bars, fields of a TOML text, and what the allocator does with freed memory.
 //!
 //! Invariant: nothing here knows of signals, textures or devices, and nothing here imports another wing.
 
 pub mod atomic_file;
 pub mod bounded_file;
-pub mod configuration;
 pub mod csv_table;
 pub mod decimal;
-pub(crate) mod disk;
 pub mod error;
-pub mod file_kind;
 pub mod file_name;
 pub mod fnv;
 pub mod freed_memory;
 pub mod hand;
 pub mod nearest;
-pub mod output_file;
-pub mod output_folder;
+pub mod output;
 pub mod progress;
-pub mod same_file;
 pub mod temporaries;
 pub mod toml_field;
 pub mod visible;

@@ -25,17 +25,6 @@ pub fn listed(wanted: &str, there: &[String]) -> String {
     }
 }
 
-/// The name of `there` that is most like `wanted`, the first of several; none if there is none.
-///
-/// ```
-/// use host_tools::support::nearest::nearest;
-/// assert_eq!(nearest("lnik", &["timeout", "link"]), Some("link"));
-/// ```
-pub fn nearest<'a>(wanted: &str, there: &[&'a str]) -> Option<&'a str> {
-    let names = there.iter().copied();
-    names.min_by_key(|name| distance(wanted, name))
-}
-
 /// Least number of characters to insert, remove or replace that makes one name of the other, whatever their case
 /// (Levenshtein's distance).
 fn distance(one: &str, other: &str) -> usize {

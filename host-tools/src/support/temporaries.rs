@@ -8,44 +8,25 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use tempfile::{NamedTempFile, TempDir};
-
 /// Prefix of the name of every temporary.
 pub const PREFIX: &str = ".stylus-";
 
-/// Ending of a folder's name while it is removed.
-const GONE: &str = "-gone";
+static LIST: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
-/// A path that is removed when the process is interrupted.
-#[derive(PartialEq)]
-enum Entry {
-    File(PathBuf),
-    Folder(PathBuf),
-    /// A folder that was made for the result; removed only if it is empty.
-    Made(PathBuf),
-}
-
-static LIST: Mutex<Vec<Entry>> = Mutex::new(Vec::new());
-
-fn lock() -> MutexGuard<'static, Vec<Entry>> {
+fn lock() -> MutexGuard<'static, Vec<PathBuf>> {
     LIST.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Proof that all temporaries are removed; while it lives, no thread makes or names another.
 pub struct Removed {
-    _list: MutexGuard<'static, Vec<Entry>>,
+    _list: MutexGuard<'static, Vec<PathBuf>>,
 }
 
 /// Removes all temporaries of this process. The process is to end before the returned value is dropped.
 pub fn remove_all() -> Removed {
     let mut list = lock();
-    for entry in list.drain(..).rev() {
-        // The process ends in any case; what cannot be removed has no one to be told to.
-        let _ = match entry {
-            Entry::File(path) => fs::remove_file(path),
-            Entry::Folder(path) => remove_under_another_name(&path),
-            Entry::Made(path) => fs::remove_dir(path),
-        };
+    for path in list.drain(..) {
+        remove(&path);
     }
     Removed { _list: list }
 }
@@ -55,25 +36,16 @@ pub fn wait_for_an_interrupt() {
     drop(lock());
 }
 
-/// Runs `work`, which gives results their names, without an interrupt in between. `work` must not use temporaries.
-pub fn undisturbed<T>(work: impl FnOnce() -> T) -> T {
-    let _list = lock();
-    work()
-}
-
-/// Removes a folder to which other threads may still write: they do not find it under its other name. So nothing that
-/// is written to a temporary folder may make the folders above it.
-fn remove_under_another_name(path: &Path) -> io::Result<()> {
-    let mut other = path.as_os_str().to_owned();
-    other.push(GONE);
-    let other = PathBuf::from(other);
-    fs::rename(path, &other)?;
-    fs::remove_dir_all(&other)
-}
-
-fn forget(list: &mut Vec<Entry>, entry: &Entry) {
-    if let Some(place) = list.iter().rposition(|listed| listed == entry) {
-        list.remove(place);
+/// Removes a temporary. A folder goes under another name first, because other threads may still write to it: they do
+/// not find it then. What cannot be removed has no one to be told to.
+fn remove(path: &Path) {
+    if path.is_dir() {
+        let mut gone = path.as_os_str().to_owned();
+        gone.push("-gone");
+        let gone = PathBuf::from(gone);
+        let _ = fs::rename(path, &gone).and_then(|()| fs::remove_dir_all(&gone));
+    } else {
+        let _ = fs::remove_file(path);
     }
 }
 
@@ -91,97 +63,45 @@ fn without_its_path(failure: io::Error) -> io::Error {
 /// # Errors
 /// The operating system's reason.
 pub fn try_in(folder: &Path) -> io::Result<()> {
-    tempfile::tempfile_in(folder)
-        .map(drop)
-        .map_err(without_its_path)
+    let made = tempfile::tempfile_in(folder);
+    made.map(drop).map_err(without_its_path)
 }
 
-/// A temporary file, which is removed when it is dropped.
-pub struct TemporaryFile {
-    file: Option<NamedTempFile>,
+/// A temporary file or folder, which is removed with all that is in it when it is dropped.
+pub struct Temporary {
+    path: PathBuf,
 }
 
-impl TemporaryFile {
+impl Temporary {
     /// Makes a file in `folder` with the permissions of an ordinary one: the process's umask takes its share.
     ///
     /// # Errors
     /// The operating system's reason.
-    pub fn new_in(folder: &Path) -> io::Result<Self> {
-        let mut builder = tempfile::Builder::new();
-        builder.prefix(PREFIX);
+    pub fn file_in(folder: &Path) -> io::Result<(Self, File)> {
+        let builder = &mut tempfile::Builder::new();
         // A temporary file would be its owner's alone.
         #[cfg(unix)]
         builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
         let mut list = lock();
-        let file = builder.tempfile_in(folder).map_err(without_its_path)?;
-        list.push(Entry::File(file.path().to_owned()));
-        Ok(Self { file: Some(file) })
+        let made = builder.prefix(PREFIX).tempfile_in(folder);
+        let (file, path) = made.map_err(without_its_path)?.keep()?;
+        list.push(path.clone());
+        Ok((Self { path }, file))
     }
 
-    /// The file.
-    pub fn as_file(&self) -> &File {
-        self.named().as_file()
-    }
-
-    /// The file, to be written.
-    pub fn as_file_mut(&mut self) -> &mut File {
-        let file = self.file.as_mut();
-        file.expect("it is taken at its end only").as_file_mut()
-    }
-
-    fn named(&self) -> &NamedTempFile {
-        self.file.as_ref().expect("it is taken at its end only")
-    }
-
-    /// Gives the file its name, where it replaces another. The temporary is removed if it cannot get it.
-    ///
-    /// # Errors
-    /// The operating system's reason.
-    pub fn persist(mut self, path: &Path) -> io::Result<()> {
-        let mut list = lock();
-        let Some(file) = self.file.take() else {
-            return Ok(());
-        };
-        forget(&mut list, &Entry::File(file.path().to_owned()));
-        let named = file.persist(path);
-        named.map(drop).map_err(|failure| failure.error)
-    }
-}
-
-impl Drop for TemporaryFile {
-    fn drop(&mut self) {
-        if let Some(file) = self.file.take() {
-            let mut list = lock();
-            forget(&mut list, &Entry::File(file.path().to_owned()));
-            drop(file);
-        }
-    }
-}
-
-/// A temporary folder, which is removed with all that is in it when it is dropped.
-pub struct TemporaryFolder {
-    folder: Option<TempDir>,
-    path: PathBuf,
-}
-
-impl TemporaryFolder {
     /// Makes a folder in `folder` with the permissions of an ordinary one.
     ///
     /// # Errors
     /// The operating system's reason.
-    pub fn new_in(folder: &Path) -> io::Result<Self> {
-        let mut builder = tempfile::Builder::new();
-        builder.prefix(PREFIX);
+    pub fn folder_in(folder: &Path) -> io::Result<Self> {
+        let builder = &mut tempfile::Builder::new();
         #[cfg(unix)]
         builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o777));
         let mut list = lock();
-        let folder = builder.tempdir_in(folder).map_err(without_its_path)?;
-        let path = folder.path().to_owned();
-        list.push(Entry::Folder(path.clone()));
-        Ok(Self {
-            folder: Some(folder),
-            path,
-        })
+        let made = builder.prefix(PREFIX).tempdir_in(folder);
+        let path = made.map_err(without_its_path)?.keep();
+        list.push(path.clone());
+        Ok(Self { path })
     }
 
     /// Its path.
@@ -189,16 +109,16 @@ impl TemporaryFolder {
         &self.path
     }
 
-    /// Gives the folder its name.
+    /// Gives it its name. A file replaces another; what is at `path` otherwise goes by `make_way` first, without an
+    /// interrupt in between.
     ///
     /// # Errors
-    /// The operating system's reason; the folder is then removed.
-    pub fn persist(mut self, path: &Path) -> io::Result<()> {
+    /// The operating system's reason; the temporary is removed then.
+    pub fn persist(self, path: &Path, make_way: impl FnOnce() -> io::Result<()>) -> io::Result<()> {
         let mut list = lock();
-        let named = fs::rename(&self.path, path);
+        let named = make_way().and_then(|()| fs::rename(&self.path, path));
         if named.is_ok() {
-            forget(&mut list, &Entry::Folder(self.path.clone()));
-            let _ = self.folder.take().map(TempDir::keep);
+            list.retain(|listed| *listed != self.path);
         }
         // Dropping it takes the lock.
         drop(list);
@@ -206,65 +126,12 @@ impl TemporaryFolder {
     }
 }
 
-impl Drop for TemporaryFolder {
+impl Drop for Temporary {
     fn drop(&mut self) {
-        if let Some(folder) = self.folder.take() {
-            let mut list = lock();
-            forget(&mut list, &Entry::Folder(self.path.clone()));
-            drop(folder);
-        }
-    }
-}
-
-/// Folders that were made on the way to a result. They are removed, if they are empty, unless they are kept.
-#[derive(Default)]
-pub struct MadeFolders(Vec<PathBuf>);
-
-impl MadeFolders {
-    /// Makes `folder` and those above it that are missing.
-    ///
-    /// # Errors
-    /// The operating system's reason.
-    pub fn make(folder: &Path) -> io::Result<Self> {
-        let mut missing = Vec::new();
-        let mut above = Some(folder);
-        while let Some(path) = above.filter(|path| !path.as_os_str().is_empty() && !path.exists()) {
-            missing.push(path.to_owned());
-            above = path.parent();
-        }
-        let mut made = Self::default();
-        for path in missing.into_iter().rev() {
-            let mut list = lock();
-            fs::create_dir(&path)?;
-            list.push(Entry::Made(path.clone()));
-            made.0.push(path);
-        }
-        Ok(made)
-    }
-
-    /// The folders, the one above before the one in it.
-    pub fn paths(&self) -> &[PathBuf] {
-        &self.0
-    }
-
-    /// Keeps the folders.
-    pub fn keep(mut self) {
         let mut list = lock();
-        for path in self.0.drain(..) {
-            forget(&mut list, &Entry::Made(path));
-        }
-    }
-}
-
-impl Drop for MadeFolders {
-    fn drop(&mut self) {
-        if self.0.is_empty() {
-            return;
-        }
-        let mut list = lock();
-        for path in self.0.drain(..).rev() {
-            let _ = fs::remove_dir(&path);
-            forget(&mut list, &Entry::Made(path));
+        if let Some(place) = list.iter().position(|listed| *listed == self.path) {
+            list.swap_remove(place);
+            remove(&self.path);
         }
     }
 }
@@ -273,44 +140,29 @@ impl Drop for MadeFolders {
 mod tests {
     use super::*;
 
-    fn names(folder: &Path) -> usize {
-        fs::read_dir(folder).unwrap().count()
-    }
-
     #[test]
     fn what_is_dropped_is_removed_and_what_is_named_stays() {
         let folder = tempfile::tempdir().unwrap();
-        drop(TemporaryFile::new_in(folder.path()).unwrap());
-        let dropped = TemporaryFolder::new_in(folder.path()).unwrap();
+        let names = || fs::read_dir(folder.path()).unwrap().count();
+        drop(Temporary::file_in(folder.path()).unwrap());
+        let dropped = Temporary::folder_in(folder.path()).unwrap();
         fs::write(dropped.path().join("a"), "").unwrap();
         drop(dropped);
-        assert_eq!(names(folder.path()), 0);
-        let file = TemporaryFile::new_in(folder.path()).unwrap();
-        file.persist(&folder.path().join("file")).unwrap();
-        let kept = TemporaryFolder::new_in(folder.path()).unwrap();
-        kept.persist(&folder.path().join("kept")).unwrap();
+        assert_eq!(names(), 0);
+        let (file, _) = Temporary::file_in(folder.path()).unwrap();
+        file.persist(&folder.path().join("file"), || Ok(()))
+            .unwrap();
+        let kept = Temporary::folder_in(folder.path()).unwrap();
+        kept.persist(&folder.path().join("kept"), || Ok(()))
+            .unwrap();
         assert!(folder.path().join("kept").is_dir());
-        assert_eq!(names(folder.path()), 2);
-    }
-
-    #[test]
-    fn folders_on_the_way_are_removed_unless_kept_or_filled() {
-        let folder = tempfile::tempdir().unwrap();
-        let deep = folder.path().join("a/b/c");
-        drop(MadeFolders::make(&deep).unwrap());
-        assert_eq!(names(folder.path()), 0);
-        let made = MadeFolders::make(&deep).unwrap();
-        fs::write(folder.path().join("a/mine"), "").unwrap();
-        drop(made);
-        assert!(folder.path().join("a").is_dir() && !folder.path().join("a/b").exists());
-        MadeFolders::make(&deep).unwrap().keep();
-        assert!(deep.is_dir());
+        assert_eq!(names(), 2);
     }
 
     #[test]
     fn a_failure_does_not_name_the_temporary() {
         let folder = tempfile::tempdir().unwrap();
-        let failure = TemporaryFile::new_in(&folder.path().join("nowhere")).err();
+        let failure = Temporary::file_in(&folder.path().join("nowhere")).err();
         let message = failure.unwrap().to_string();
         assert!(!message.contains(PREFIX), "{message}");
     }

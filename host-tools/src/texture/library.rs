@@ -1,13 +1,14 @@
 //! Entries of a library from a texture's grid.
 
-use model_format::{Provenance, TextureSpec, encode_uncertified};
+use std::path::Path;
 
-use crate::support::error::{Error, Result};
-use model_format::SAMPLE_RATE_HZ;
+use model_format::{Library, Provenance, SAMPLE_RATE_HZ, TextureSpec, encode_uncertified};
 
 use super::grid::Grid;
 use super::quantise::{self, StructureChoice};
 use super::theta::{self, ThetaChoice, ThetaReport};
+use crate::support::bounded_file::{Limit, MIB};
+use crate::support::error::{Error, Result};
 
 /// Returns texture `name` with the parts of `grid` and its nodes quantised for `structure`, without a certificate.
 ///
@@ -65,4 +66,29 @@ pub fn uncertified_library(name: &str, grid: &Grid, structure: StructureChoice) 
     // The bytes leave no trace, so that their provenance says the least.
     let spec = texture_spec(name, Provenance::Simulated, grid, structure)?;
     encode_uncertified(&[spec]).map_err(|failure| Error::Model(failure.to_string()))
+}
+
+/// A library. A slot holds half a mebibyte; the decoder names the lengths of what is a little larger.
+const LIBRARY: Limit = Limit {
+    of: "a library",
+    bytes: 16 * MIB,
+};
+
+/// Reads a library's bytes.
+///
+/// # Errors
+/// A file that cannot be read, or is larger than any library.
+pub fn read_library(path: &Path) -> Result<Vec<u8>> {
+    LIBRARY.read(path)
+}
+
+/// Decodes a library; `path` is only named in errors.
+///
+/// # Errors
+/// Bytes that are not a valid library, with the place.
+pub fn decode_library<'a>(path: &Path, bytes: &'a [u8]) -> Result<Library<'a>> {
+    Library::decode(bytes).map_err(|source| Error::Library {
+        path: path.to_owned(),
+        source,
+    })
 }

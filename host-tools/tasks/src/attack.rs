@@ -7,7 +7,8 @@ use std::hash::{BuildHasher, RandomState};
 use std::process::Command;
 use std::time::{Duration, Instant};
 
-use crate::error::{Error, Result};
+use anyhow::{Context, Result};
+
 use crate::{process, workspace};
 
 /// Cases of a round of model checks: forty times those of `tests/run`.
@@ -120,11 +121,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         let fresh = || RandomState::new().hash_one(rounds);
         let seed = arguments.seed.unwrap_or_else(fresh);
         println!("attack {name}, seed {seed}");
-        process::run(&mut round(name, tests, seed, limit)).map_err(|failure| Error::Attack {
-            target: name,
-            seed,
-            failure: Box::new(failure),
-        })?;
+        let again = || format!("to see it again: cargo tasks attack {name} --seed {seed}");
+        process::run(&mut round(name, tests, seed, limit)).with_context(again)?;
         rounds += 1;
     }
     println!("{rounds} rounds found nothing");

@@ -4,13 +4,13 @@
 //! Another compiler gives other bytes. The kept module's samples are then what counts: those of the module that the
 //! other compiler builds are compared with the kernel's own on this computer, as the kept one's are.
 
-use std::fmt;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use crate::error::{Error, Result};
-use crate::folders::Folders;
+use anyhow::{Context, Result, bail};
+
 use crate::process::Progress;
+use crate::workspace::Folders;
 use crate::{process, toolchain, workspace};
 
 /// The target of pages.
@@ -29,121 +29,63 @@ const KEPT_COMPILER: &str = "host-tools/src/report/rub_page/kernel.txt";
 pub const MODULE_VARIABLE: &str = "STYLUS_BROWSER_MODULE";
 
 /// A module that was built.
-pub struct Built {
+struct Built {
     file: PathBuf,
     bytes: Vec<u8>,
     compiler: String,
 }
 
-/// The module that is kept now.
-pub struct Kept(Built);
-
-impl fmt::Display for Kept {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Built {
-            bytes, compiler, ..
-        } = &self.0;
-        write!(f, "{KEPT}: {} bytes by {compiler}", bytes.len())
-    }
-}
-
-/// The way in which the kept module was found to be what its sources give.
-#[derive(Debug, PartialEq, Eq)]
-pub enum Checked {
-    /// Byte by byte.
-    Bytes {
-        /// Their number.
-        count: usize,
-        /// The compiler of both.
-        compiler: String,
-    },
-    /// By the samples of both, because another compiler has built it.
-    Samples {
-        /// The compiler of the kept module.
-        kept: String,
-        /// The compiler in use.
-        own: String,
-    },
-}
-
-impl fmt::Display for Checked {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Bytes { count, compiler } => {
-                write!(
-                    f,
-                    "the kept module is what {compiler} builds: the same {count} bytes"
-                )
-            }
-            Self::Samples { kept, own } => write!(
-                f,
-                "the kept module is by {kept}, and what {own} builds has other bytes: both play the kernel's samples"
-            ),
-        }
-    }
-}
-
-/// Builds the module and keeps it.
+/// Builds the module and keeps it; says so.
 ///
 /// # Errors
 /// There is no toolchain, the build fails, or a file cannot be written.
-pub fn write() -> Result<Kept> {
-    let built = build()?;
-    let write = |file: &str, content: &[u8]| {
-        let path = workspace::root().join(file);
-        std::fs::write(&path, content).map_err(|source| Error::Write { path, source })
-    };
-    write(KEPT, &built.bytes)?;
-    write(KEPT_COMPILER, format!("{}\n", built.compiler).as_bytes())?;
-    Ok(Kept(built))
+pub fn write() -> Result<String> {
+    let Built {
+        bytes, compiler, ..
+    } = build()?;
+    std::fs::write(workspace::root().join(KEPT), &bytes)?;
+    std::fs::write(
+        workspace::root().join(KEPT_COMPILER),
+        format!("{compiler}\n"),
+    )?;
+    Ok(format!("{KEPT}: {} bytes by {compiler}", bytes.len()))
 }
 
-/// Builds the module and compares it with the kept one.
+/// Builds the module and compares it with the kept one; says how.
 ///
 /// # Errors
 /// There is no toolchain, the build fails, or the modules differ.
-pub fn check() -> Result<Checked> {
+pub fn check() -> Result<String> {
     let built = build()?;
-    let read = |file: &str| {
-        let path = workspace::root().join(file);
-        std::fs::read(&path).map_err(|source| Error::Read { path, source })
-    };
-    let kept = read(KEPT)?;
-    let compiler = String::from_utf8_lossy(&read(KEPT_COMPILER)?)
-        .trim()
-        .to_owned();
-    if let Some(checked) = compare(&kept, &compiler, &built)? {
-        return Ok(checked);
+    let kept = std::fs::read(workspace::root().join(KEPT)).context(KEPT)?;
+    let compiler = std::fs::read_to_string(workspace::root().join(KEPT_COMPILER))?;
+    let (compiler, own) = (compiler.trim(), &built.compiler);
+    if is_same(&kept, compiler, &built)? {
+        return Ok(format!(
+            "the kept module is what {own} builds: the same {} bytes",
+            kept.len()
+        ));
     }
     play(&built.file)?;
     play(&workspace::root().join(KEPT))?;
-    Ok(Checked::Samples {
-        kept: compiler,
-        own: built.compiler,
-    })
+    Ok(format!(
+        "the kept module is by {compiler}, and what {own} builds has other bytes: both play the kernel's samples"
+    ))
 }
 
-/// Compares bytes, where both modules are of one compiler.
-fn compare(kept: &[u8], compiler: &str, built: &Built) -> Result<Option<Checked>> {
-    if kept == built.bytes {
-        return Ok(Some(Checked::Bytes {
-            count: kept.len(),
-            compiler: built.compiler.clone(),
-        }));
-    }
-    if compiler != built.compiler {
-        return Ok(None);
-    }
-    let pairs = kept.iter().zip(&built.bytes);
-    let first = pairs.take_while(|(kept, built)| kept == built).count();
-    Err(Error::KeptModule {
-        path: PathBuf::from(KEPT),
-        problem: format!(
-            "it has {} bytes, and what {compiler} builds has {}; they differ from byte {first} on",
+/// True where the bytes are the same, false where another compiler has made others.
+fn is_same(kept: &[u8], compiler: &str, built: &Built) -> Result<bool> {
+    if kept != built.bytes && compiler == built.compiler {
+        let pairs = kept.iter().zip(&built.bytes);
+        let first = pairs.take_while(|(kept, built)| kept == built).count();
+        bail!(
+            "{KEPT} has {} bytes, and what {compiler} builds has {}; they differ from byte {first} on; if the kernel or \
+             the format has changed on purpose, `cargo tasks browser-module` writes it anew",
             kept.len(),
             built.bytes.len()
-        ),
-    })
+        );
+    }
+    Ok(kept == built.bytes)
 }
 
 /// Runs the tests that play hard cases by the module in `file` and by the kernel on this computer.
@@ -168,7 +110,9 @@ fn play(file: &Path) -> Result<()> {
 
 fn build() -> Result<Built> {
     if !toolchain::has_target(TARGET) {
-        return Err(Error::NoPageTarget { target: TARGET });
+        bail!(
+            "the Rust toolchain here does not build for {TARGET}; install it: `rustup target add {TARGET}`"
+        );
     }
     let folders = Folders::here("browser");
     let mut cargo = Command::new("cargo");
@@ -189,19 +133,9 @@ fn build() -> Result<Built> {
         .join(TARGET)
         .join(PROFILE)
         .join("stylus_browser.wasm");
-    let bytes = std::fs::read(&file).map_err(|_| Error::NoImage(file.clone()))?;
-    for folder in [&folders.sources, &folders.cargo_home, &folders.target] {
-        let name = folder.display().to_string();
-        if bytes
-            .windows(name.len())
-            .any(|window| window == name.as_bytes())
-        {
-            let problem = format!("the module names {name}");
-            return Err(Error::KeptModule {
-                path: file,
-                problem,
-            });
-        }
+    let bytes = std::fs::read(process::built(file.clone())?)?;
+    if let Some(name) = folders.named_in(&bytes) {
+        bail!("the module names {name}");
     }
     Ok(Built {
         file,
@@ -224,7 +158,7 @@ mod tests {
 
     #[test]
     fn other_bytes_of_the_same_compiler_are_refused_with_their_place() {
-        let error = compare(b"abcd", "rustc 1", &built(b"abXde", "rustc 1")).unwrap_err();
+        let error = is_same(b"abcd", "rustc 1", &built(b"abXde", "rustc 1")).unwrap_err();
         let text = error.to_string();
         for part in [KEPT, "4 bytes", "has 5", "from byte 2 on", "browser-module"] {
             assert!(text.contains(part), "{text}");
@@ -233,11 +167,7 @@ mod tests {
 
     #[test]
     fn the_same_bytes_hold_and_those_of_another_compiler_are_left_to_their_samples() {
-        let same = compare(b"abcd", "rustc 1", &built(b"abcd", "rustc 1")).unwrap();
-        assert!(matches!(same, Some(Checked::Bytes { count: 4, .. })));
-        assert_eq!(
-            compare(b"abcd", "rustc 1", &built(b"abc", "rustc 2")).unwrap(),
-            None
-        );
+        assert!(is_same(b"abcd", "rustc 1", &built(b"abcd", "rustc 1")).unwrap());
+        assert!(!is_same(b"abcd", "rustc 1", &built(b"abc", "rustc 2")).unwrap());
     }
 }

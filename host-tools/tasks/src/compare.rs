@@ -1,19 +1,135 @@
-//! Comparison of a report with the host's words and with the budgets.
+//! The report of the image that plays the vectors, and its comparison with the host's words and with the budgets.
 
 use std::fmt::Write;
 
-use kernel_vectors::report::ARITHMETICS;
-use kernel_vectors::{MEASURED, Measured, PATH_UPDATES, VECTORS, edges, library, run};
+use anyhow::{Result, anyhow, bail};
+use kernel_vectors::report::{self as keyword, ARITHMETICS};
+use kernel_vectors::{MEASURED, PATH_UPDATES, VECTORS, edges, library, run};
 use stylus_kernel::arithmetic::Portable;
 
-use crate::error::{Error, Result};
 use crate::guest::{self, Processor};
 use crate::qemu;
-use crate::report::{Cost, EmulatorReport, Played};
 use crate::toolchain::Toolchain;
 
 /// The fewest calls that make a count of instructions.
 const MIN_CALLS: u32 = 200;
+
+/// Words and measurements that the image gives on an emulated processor.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct EmulatorReport {
+    /// The played textures and edges, in order.
+    pub played: Vec<Played>,
+    /// The costs of samples.
+    pub samples: Vec<Cost>,
+    /// The costs of updates of the coefficients.
+    pub follows: Vec<Cost>,
+}
+
+/// A played texture, or the edges of arithmetic.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Played {
+    /// The multiplication of pairs of 16-bit numbers: a keyword.
+    pub arithmetic: String,
+    /// The texture's name; none for the edges.
+    pub texture: Option<String>,
+    /// The samples, in two's complement.
+    pub words: Vec<u32>,
+    /// The number of samples at full scale; none for the edges.
+    pub full_scale: Option<u32>,
+}
+
+/// The cost of calls, in instructions.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Cost {
+    /// The texture's name.
+    pub texture: String,
+    /// The cheapest call's instructions.
+    pub fewest: u32,
+    /// The dearest call's instructions.
+    pub most: u32,
+    /// The number of counted calls.
+    pub calls: u32,
+}
+
+impl EmulatorReport {
+    /// Reads a whole report.
+    ///
+    /// # Errors
+    /// A line is none of a report's, or the last line is missing.
+    pub fn parse(text: &str) -> Result<Self> {
+        let mut report = Self::default();
+        let mut lines = (1..).zip(text.lines().map(str::trim_end));
+        for (number, line) in lines.by_ref() {
+            if line == keyword::END {
+                match lines.next() {
+                    None => return Ok(report),
+                    Some((number, _)) => {
+                        bail!("line {number} of the image's report is after its end")
+                    }
+                }
+            }
+            let taken = report.take(line);
+            taken.map_err(|problem| anyhow!("line {number} of the image's report: {problem}"))?;
+        }
+        bail!("the image's report ends before its last line")
+    }
+
+    fn take(&mut self, line: &str) -> std::result::Result<(), String> {
+        let (first, rest) = line.split_once(' ').unwrap_or((line, ""));
+        match first {
+            keyword::VECTOR => {
+                let (arithmetic, texture) =
+                    rest.split_once(' ').ok_or("a vector without a texture")?;
+                self.begin(arithmetic, Some(texture));
+            }
+            keyword::EDGES => self.begin(rest, None),
+            keyword::WORDS => {
+                let played = self.played.last_mut().ok_or("words of nothing")?;
+                for word in rest.split(' ') {
+                    let word = u32::from_str_radix(word, 16)
+                        .map_err(|_| format!("'{word}' is no hexadecimal word"))?;
+                    played.words.push(word);
+                }
+            }
+            keyword::FULL_SCALE => {
+                let played = self.played.last_mut().ok_or("a count of nothing")?;
+                played.full_scale = Some(number(rest)?);
+            }
+            keyword::SAMPLE_COST => self.samples.push(cost(rest)?),
+            keyword::FOLLOW_COST => self.follows.push(cost(rest)?),
+            _ => return Err(format!("'{line}' is no line of a report")),
+        }
+        Ok(())
+    }
+
+    fn begin(&mut self, arithmetic: &str, texture: Option<&str>) {
+        self.played.push(Played {
+            arithmetic: arithmetic.to_owned(),
+            texture: texture.map(str::to_owned),
+            words: Vec::new(),
+            full_scale: None,
+        });
+    }
+}
+
+fn number(text: &str) -> std::result::Result<u32, String> {
+    text.parse().map_err(|_| format!("'{text}' is no number"))
+}
+
+fn cost(text: &str) -> std::result::Result<Cost, String> {
+    let mut parts = text.splitn(4, ' ');
+    let mut next = || {
+        parts
+            .next()
+            .ok_or("a cost takes three numbers and a texture")
+    };
+    Ok(Cost {
+        fewest: number(next()?)?,
+        most: number(next()?)?,
+        calls: number(next()?)?,
+        texture: next()?.to_owned(),
+    })
+}
 
 /// Builds the image for `processor`, runs it, and reads its report.
 ///
@@ -29,7 +145,7 @@ pub fn play(processor: Processor) -> Result<EmulatorReport> {
 pub fn on_host() -> Vec<Played> {
     let library = library();
     let mut played = Vec::new();
-    // The host has one arithmetic, and the target's instructions must give the same bits, in either order.
+    // The host has one arithmetic, and the target's instructions must give the same bits.
     for arithmetic in ARITHMETICS {
         for vector in &VECTORS {
             let mut words = Vec::new();
@@ -62,23 +178,14 @@ pub fn same_bits(processor: Processor, played: &[Played], host: &[Played]) -> Re
     for (index, expected) in host.iter().enumerate() {
         if let Err(problem) = same(played.get(index), expected) {
             let what = expected.texture.as_deref().unwrap_or("edges of arithmetic");
-            return Err(Error::Bits {
-                processor: processor.name(),
-                arithmetic: expected.arithmetic.clone(),
-                what: what.to_owned(),
-                problem,
-            });
+            let (processor, arithmetic) = (processor.name(), &expected.arithmetic);
+            bail!("{processor}, {arithmetic}, {what}: {problem}");
         }
     }
-    match played.get(host.len()) {
-        None => Ok(()),
-        Some(more) => Err(Error::Bits {
-            processor: processor.name(),
-            arithmetic: more.arithmetic.clone(),
-            what: more.texture.clone().unwrap_or_default(),
-            problem: "played, although the host plays nothing more".to_owned(),
-        }),
+    if played.len() > host.len() {
+        bail!("{} played more than the host", processor.name());
     }
+    Ok(())
 }
 
 fn same(played: Option<&Played>, host: &Played) -> std::result::Result<(), String> {
@@ -108,73 +215,44 @@ fn same(played: Option<&Played>, host: &Played) -> std::result::Result<(), Strin
     Ok(())
 }
 
-/// Checks that all samples of a measured texture took the same number of instructions.
+/// Checks that all samples of each measured texture took the same number of instructions, and that samples and updates
+/// stay within their budgets.
 ///
 /// # Errors
-/// A texture has samples that differ, or was not measured often enough.
-pub fn same_cost_always(processor: Processor, samples: &[Cost]) -> Result<()> {
-    each_measured(processor, samples, MIN_CALLS, |_, cost| {
-        if cost.fewest == cost.most {
-            Ok(())
-        } else {
-            let Cost { fewest, most, .. } = cost;
-            Err(format!(
-                "a sample takes {fewest} to {most} instructions, depending on the data"
-            ))
-        }
-    })
-}
-
-/// Checks that samples of each measured texture stay within their budget.
-///
-/// # Errors
-/// A texture has a dearer sample, or was not measured often enough.
-pub fn within_budget(processor: Processor, samples: &[Cost]) -> Result<()> {
-    each_measured(processor, samples, MIN_CALLS, |measured, cost| {
-        at_most("a sample", cost.most, measured.budget_instructions)
-    })
-}
-
-/// Checks that no update takes more instructions than its texture's budget.
-///
-/// # Errors
-/// A texture has a dearer update, or was not measured often enough.
-pub fn updates_within_budget(processor: Processor, updates: &[Cost]) -> Result<()> {
-    each_measured(processor, updates, PATH_UPDATES, |measured, cost| {
-        at_most("an update", cost.most, measured.update_budget_instructions)
-    })
-}
-
-fn at_most(what: &str, most: u32, budget: u32) -> std::result::Result<(), String> {
-    if most <= budget {
-        Ok(())
-    } else {
-        Err(format!(
-            "{what} takes {most} instructions, and its budget is {budget}"
-        ))
-    }
-}
-
-/// Checks each measured texture's cost, which is of at least `calls` calls.
-fn each_measured(
-    processor: Processor,
-    costs: &[Cost],
-    calls: u32,
-    check: impl Fn(&Measured, &Cost) -> std::result::Result<(), String>,
-) -> Result<()> {
+/// The first texture that does not, or that was not measured often enough.
+pub fn costs_hold(processor: Processor, report: &EmulatorReport) -> Result<()> {
     for measured in &MEASURED {
-        let checked = match find(costs, measured.texture) {
-            None => Err("its cost was not measured".to_owned()),
-            Some(cost) if cost.calls < calls => {
-                Err(format!("measured over {} calls only", cost.calls))
+        let texture = measured.texture;
+        for (what, costs, calls, budget) in [
+            (
+                "sample",
+                &report.samples,
+                MIN_CALLS,
+                measured.budget_instructions,
+            ),
+            (
+                "update",
+                &report.follows,
+                PATH_UPDATES,
+                measured.update_budget_instructions,
+            ),
+        ] {
+            let name = processor.name();
+            let Some(cost) = find(costs, texture).filter(|cost| cost.calls >= calls) else {
+                bail!("{name}, {texture}: the cost of a {what} was not measured often enough");
+            };
+            let Cost { fewest, most, .. } = cost;
+            if what == "sample" && fewest != most {
+                bail!(
+                    "{name}, {texture}: a sample takes {fewest} to {most} instructions, by the data"
+                );
             }
-            Some(cost) => check(measured, cost),
-        };
-        checked.map_err(|problem| Error::Cost {
-            processor: processor.name(),
-            texture: measured.texture.to_owned(),
-            problem,
-        })?;
+            if *most > budget {
+                bail!(
+                    "{name}, {texture}: a {what} takes {most} instructions, and its budget is {budget}"
+                );
+            }
+        }
     }
     Ok(())
 }
@@ -221,7 +299,7 @@ mod tests {
     const PROCESSOR: Processor = Processor::CortexM4;
 
     fn costs(fewest: u32, most: u32, calls: u32) -> Vec<Cost> {
-        let cost = |measured: &Measured| Cost {
+        let cost = |measured: &kernel_vectors::Measured| Cost {
             texture: measured.texture.to_owned(),
             fewest,
             most,
@@ -262,27 +340,100 @@ mod tests {
         assert!(shortened(|played| played.push(played[0].clone())).is_err());
     }
 
+    fn report(samples: Vec<Cost>, follows: Vec<Cost>) -> EmulatorReport {
+        EmulatorReport {
+            samples,
+            follows,
+            ..EmulatorReport::default()
+        }
+    }
+
     #[test]
     fn costs_that_vary_exceed_or_are_missing_are_refused() {
-        assert!(same_cost_always(PROCESSOR, &costs(7, 7, MIN_CALLS)).is_ok());
-        assert!(same_cost_always(PROCESSOR, &costs(6, 7, MIN_CALLS)).is_err());
-        assert!(same_cost_always(PROCESSOR, &costs(7, 7, MIN_CALLS - 1)).is_err());
-        assert!(same_cost_always(PROCESSOR, &[]).is_err());
-        let lowest = MEASURED
+        let calls = MIN_CALLS.max(PATH_UPDATES);
+        let holds = |samples: Vec<Cost>, follows: Vec<Cost>| {
+            costs_hold(PROCESSOR, &report(samples, follows)).is_ok()
+        };
+        assert!(holds(costs(7, 7, calls), costs(6, 7, calls)));
+        assert!(!holds(costs(6, 7, calls), costs(7, 7, calls)));
+        assert!(!holds(costs(7, 7, MIN_CALLS - 1), costs(7, 7, calls)));
+        assert!(!holds(costs(7, 7, calls), costs(7, 7, PATH_UPDATES - 1)));
+        assert!(!holds(Vec::new(), costs(7, 7, calls)));
+        assert!(!holds(costs(7, 7, calls), Vec::new()));
+        let samples = MEASURED.iter().map(|measured| measured.budget_instructions);
+        let updates = MEASURED
             .iter()
-            .map(|measured| measured.budget_instructions)
-            .min();
-        let lowest = lowest.expect("something is measured");
-        assert!(within_budget(PROCESSOR, &costs(0, lowest, MIN_CALLS)).is_ok());
-        assert!(within_budget(PROCESSOR, &costs(0, lowest + 1, MIN_CALLS)).is_err());
-        assert!(within_budget(PROCESSOR, &[]).is_err());
-        let lowest = MEASURED
-            .iter()
-            .map(|measured| measured.update_budget_instructions)
-            .min();
-        let lowest = lowest.expect("something is measured");
-        assert!(updates_within_budget(PROCESSOR, &costs(0, lowest, MIN_CALLS)).is_ok());
-        assert!(updates_within_budget(PROCESSOR, &costs(0, lowest + 1, MIN_CALLS)).is_err());
-        assert!(updates_within_budget(PROCESSOR, &[]).is_err());
+            .map(|measured| measured.update_budget_instructions);
+        let [sample, update] = [samples.min(), updates.min()].map(|lowest| lowest.unwrap());
+        assert!(holds(costs(sample, sample, calls), costs(0, update, calls)));
+        assert!(!holds(
+            costs(sample + 1, sample + 1, calls),
+            costs(0, update, calls)
+        ));
+        assert!(!holds(
+            costs(sample, sample, calls),
+            costs(0, update + 1, calls)
+        ));
+    }
+
+    const TEXT: &str = "vector cortex-m direct 16, one node\n\
+                        words 0000002a ffffffff\n\
+                        words 80000000\n\
+                        full-scale 3\n\
+                        edges portable\n\
+                        words 00000001\n\
+                        sample-cost 10 11 12 direct 16, one node\n\
+                        follow-cost 20 30 40 direct 16, one node\n\
+                        end\n";
+
+    #[test]
+    fn a_report_is_read_as_it_was_printed() {
+        let report = EmulatorReport::parse(TEXT).expect("the text is a report");
+        let [vector, edges] = &report.played[..] else {
+            panic!("two were played: {report:?}");
+        };
+        assert_eq!(vector.arithmetic, "cortex-m");
+        assert_eq!(vector.texture.as_deref(), Some("direct 16, one node"));
+        assert_eq!(vector.words, [0x2a, u32::MAX, 1 << 31]);
+        assert_eq!(vector.full_scale, Some(3));
+        assert_eq!((edges.texture.as_ref(), &edges.words[..]), (None, &[1][..]));
+        let cost = |fewest, most, calls| Cost {
+            texture: "direct 16, one node".to_owned(),
+            fewest,
+            most,
+            calls,
+        };
+        assert_eq!(report.samples, [cost(10, 11, 12)]);
+        assert_eq!(report.follows, [cost(20, 30, 40)]);
+    }
+
+    #[test]
+    fn a_report_cut_off_anywhere_is_refused() {
+        let whole = TEXT.trim_end();
+        for (end, _) in whole.char_indices() {
+            assert!(
+                EmulatorReport::parse(&whole[..end]).is_err(),
+                "cut at {end}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_line_of_something_else_is_refused_with_its_number() {
+        for wrong in [
+            "panicked at main.rs",
+            "words 00xx",
+            "sample-cost 1 2 texture",
+            "vector x",
+            "end",
+        ] {
+            let text = TEXT.replacen("full-scale 3", wrong, 1);
+            let error = EmulatorReport::parse(&text).expect_err(wrong).to_string();
+            let line = if wrong == "end" { 5 } else { 4 };
+            assert!(
+                error.starts_with(&format!("line {line} ")),
+                "{wrong}: {error}"
+            );
+        }
     }
 }

@@ -1,10 +1,11 @@
 //! The image that plays the test vectors: `tests/qemu/guest`.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use crate::error::{Error, Result};
-use crate::target::TARGET;
+use anyhow::Result;
+
 use crate::toolchain::Toolchain;
+use crate::workspace::TARGET;
 use crate::{process, workspace};
 
 /// A processor that the kernel is built for. QEMU has each on one of Arm's boards.
@@ -61,12 +62,5 @@ pub fn build(toolchain: &Toolchain, processor: Processor) -> Result<PathBuf> {
     cargo.args(["--release", "--quiet"]);
     cargo.env("RUSTFLAGS", compiler_flags(processor));
     process::run(&mut cargo)?;
-    let image = target_folder
-        .join(Path::new(TARGET))
-        .join("release/kernel-guest");
-    if image.is_file() {
-        Ok(image)
-    } else {
-        Err(Error::NoImage(image))
-    }
+    process::built(target_folder.join(TARGET).join("release/kernel-guest"))
 }

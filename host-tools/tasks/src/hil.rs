@@ -4,7 +4,8 @@
 use std::path::PathBuf;
 use std::process::Command;
 
-use crate::error::{Error, Result};
+use anyhow::Result;
+
 use crate::firmware::{self, Image};
 use crate::toolchain::Toolchain;
 use crate::{process, virtual_stylus};
@@ -68,7 +69,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
                 .arg(virtual_stylus::build(process::Progress::Quiet)?);
             suite.arg("--brief");
         } else {
-            let program = process::find("probe-rs").ok_or(Error::NoProbeRs)?;
+            let program = firmware::probe_rs()?;
             firmware::download(&product)?;
             suite.arg("--probe-rs").arg(program);
         }

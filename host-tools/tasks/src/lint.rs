@@ -1,6 +1,7 @@
 //! Clippy for all code that is built for the target.
 
-use crate::error::Result;
+use anyhow::Result;
+
 use crate::guest::{self, Processor};
 use crate::toolchain::{Toolchain, check_clippy};
 use crate::{process, workspace};

@@ -1,44 +1,26 @@
-//! Cycles of a Cortex-M7 by llvm-mca, a *model*: LLVM's own tables of the processor's units and latencies.
+//! Cycles of a Cortex-M4 or M7 by llvm-mca, a *model*: LLVM's own tables of the processor's units and latencies.
 //!
 //! It is given the instructions that a call executed on QEMU, in their order, so that loops and branches are known. It
-//! issues up to two of them per cycle, in order, as their registers and the units are free. It leaves out the memories,
+//! issues them in order, up to two per cycle on a Cortex-M7, as their registers and the units are free. It leaves out the memories,
 //! the prediction of branches, and what the processor does with pairs of instructions beyond its tables. It counts an
 //! instruction that loads or stores several words as one of one word, which is too little; here each word is an
 //! instruction of its own, which may be too much. A conditional instruction is taken as one that is always executed,
 //! and the IT before it as one that does nothing.
 
 use std::io::Write;
+use std::path::PathBuf;
 use std::process::{Command, Stdio};
+use std::rc::Rc;
 
 use qemu_tests::thumb::Instruction;
 
-use crate::error::{Error, Result};
+use anyhow::{Context, Result, bail};
+
+use crate::guest::Processor;
 use crate::process;
 
-const LLVM_MCA: &str = "llvm-mca";
-
-/// The Debian package that has it.
-const PACKAGE: &str = "llvm";
-
-fn command() -> Result<Command> {
-    match process::find(LLVM_MCA) {
-        Some(file) => Ok(Command::new(file)),
-        None => Err(Error::NoProgram {
-            program: LLVM_MCA,
-            package: PACKAGE,
-        }),
-    }
-}
-
-fn failed(source: std::io::Error) -> Error {
-    Error::Run {
-        program: LLVM_MCA.to_owned(),
-        source,
-    }
-}
-
-fn unreadable(what: &str) -> Error {
-    failed(std::io::Error::other(what.to_owned()))
+fn program() -> Result<PathBuf> {
+    process::find("llvm-mca", "on Debian as root, `apt-get install llvm`")
 }
 
 /// The version of LLVM.
@@ -46,22 +28,14 @@ fn unreadable(what: &str) -> Error {
 /// # Errors
 /// llvm-mca is missing or prints no version.
 pub fn version() -> Result<String> {
-    let output = command()?.arg("--version").output().map_err(failed)?;
-    let text = String::from_utf8_lossy(&output.stdout);
-    let mut words = text
-        .split_whitespace()
-        .skip_while(|&word| word != "version");
-    let version = words.nth(1);
-    version
-        .map(str::to_owned)
-        .ok_or_else(|| unreadable("it tells no version"))
+    process::version(&program()?)
 }
 
-/// Cycles of `path`, the instructions that a call executed, in order.
+/// Cycles of `path`, the instructions that a call executed, in order, on `processor`.
 ///
 /// # Errors
 /// llvm-mca is missing, or refuses an instruction.
-pub fn cycles(path: &[&Instruction]) -> Result<u32> {
+pub fn cycles(processor: Processor, path: &[Rc<Instruction>]) -> Result<u32> {
     let mut text = String::from(".syntax unified\n.thumb\n");
     for instruction in path {
         for line in lines(&instruction.text) {
@@ -69,28 +43,28 @@ pub fn cycles(path: &[&Instruction]) -> Result<u32> {
             text.push('\n');
         }
     }
-    let mut child = command()?
-        .args(["-mtriple=thumbv7em-none-eabihf", "-mcpu=cortex-m7"])
+    let mut child = Command::new(program()?)
+        .arg("-mtriple=thumbv7em-none-eabihf")
+        .arg(format!("-mcpu={}", processor.name()))
         .args(["-iterations=1", "-instruction-info=false"])
         .args(["-resource-pressure=false"])
         .stdin(Stdio::piped())
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
-        .spawn()
-        .map_err(failed)?;
+        .spawn()?;
     // It reads all of its input before it writes.
-    let mut input = child.stdin.take().ok_or_else(|| unreadable("no input"))?;
-    input.write_all(text.as_bytes()).map_err(failed)?;
+    let mut input = child.stdin.take().context("llvm-mca reads nothing")?;
+    input.write_all(text.as_bytes())?;
     drop(input);
-    let output = child.wait_with_output().map_err(failed)?;
+    let output = child.wait_with_output()?;
     let told = String::from_utf8_lossy(&output.stdout);
     let refused = String::from_utf8_lossy(&output.stderr);
     if refused.contains("error:") {
-        return Err(unreadable(refused.lines().next().unwrap_or_default()));
+        bail!("llvm-mca: {}", refused.lines().next().unwrap_or_default());
     }
     told.lines()
         .find_map(|line| line.strip_prefix("Total Cycles:")?.trim().parse().ok())
-        .ok_or_else(|| unreadable("it tells no cycles"))
+        .context("llvm-mca tells no cycles")
 }
 
 /// The instruction with disassembled text `text` as the assembler reads it, each word of a list by itself.

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::process::Command;
 
-use crate::error::{Error, Result};
+use anyhow::{Context, Result, bail};
 
 /// Amount that a build says while it goes on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -26,10 +26,8 @@ impl Progress {
 /// # Errors
 /// The program cannot be started.
 pub fn become_like(command: &mut Command) -> Result<u8> {
-    let status = command.status().map_err(|source| Error::Run {
-        program: name(command),
-        source,
-    })?;
+    let status = command.status();
+    let status = status.with_context(|| format!("cannot run {}", name(command)))?;
     let code = status.code().and_then(|code| u8::try_from(code).ok());
     Ok(code.unwrap_or(1))
 }
@@ -39,25 +37,20 @@ pub fn become_like(command: &mut Command) -> Result<u8> {
 /// # Errors
 /// The program cannot be started, or ends with a failure.
 pub fn run(command: &mut Command) -> Result<()> {
-    let status = command.status().map_err(|source| Error::Run {
-        program: name(command),
-        source,
-    })?;
-    if status.success() {
-        Ok(())
-    } else {
-        let arguments = command
+    let status = command.status();
+    let status = status.with_context(|| format!("cannot run {}", name(command)))?;
+    if !status.success() {
+        let arguments: Vec<_> = command
             .get_args()
-            .map(|argument| argument.to_string_lossy());
-        Err(Error::Failed {
-            program: [name(command).into()]
-                .into_iter()
-                .chain(arguments)
-                .collect::<Vec<_>>()
-                .join(" "),
-            status,
-        })
+            .map(|word| word.to_string_lossy())
+            .collect();
+        bail!(
+            "{} {} failed ({status}); see above",
+            name(command),
+            arguments.join(" ")
+        );
     }
+    Ok(())
 }
 
 /// The program of `command`, as the caller gave it.
@@ -65,10 +58,44 @@ pub fn name(command: &Command) -> String {
     command.get_program().to_string_lossy().into_owned()
 }
 
+/// The version that `program` prints after the word "version".
+///
+/// # Errors
+/// It cannot be run, or prints none.
+pub fn version(program: &PathBuf) -> Result<String> {
+    let output = Command::new(program).arg("--version").output()?;
+    let text = String::from_utf8_lossy(&output.stdout);
+    let mut words = text
+        .split_whitespace()
+        .skip_while(|&word| word != "version");
+    let version = words.nth(1);
+    version
+        .map(str::to_owned)
+        .with_context(|| format!("{} tells no version", program.display()))
+}
+
 /// The file of `program` on the search path.
-pub fn find(program: &str) -> Option<PathBuf> {
-    let path = std::env::var_os("PATH")?;
+///
+/// # Errors
+/// It is not installed; `remedy` says how to.
+pub fn find(program: &str, remedy: &str) -> Result<PathBuf> {
+    let path = std::env::var_os("PATH").unwrap_or_default();
     std::env::split_paths(&path)
         .map(|folder| folder.join(program))
         .find(|file| file.is_file())
+        .with_context(|| format!("{program} is not installed; install it: {remedy}"))
+}
+
+/// `file`, which a build has left.
+///
+/// # Errors
+/// It is not there.
+pub fn built(file: PathBuf) -> Result<PathBuf> {
+    if !file.is_file() {
+        bail!(
+            "{}: the build succeeded and left no file here",
+            file.display()
+        );
+    }
+    Ok(file)
 }

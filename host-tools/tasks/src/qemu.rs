@@ -1,18 +1,17 @@
 //! Running an image on an emulated processor.
 
-use std::io::{self, BufRead, BufReader, Read, Write};
-use std::ops::RangeInclusive;
-use std::path::Path;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::thread;
 use std::time::Duration;
 
+use anyhow::{Context, Result, bail};
 use kernel_vectors::job::{self, ADDRESS, Job};
 use kernel_vectors::report::WORDS;
-use qemu_tests::trace::{Moment, RegisterTrace, Trace};
+use qemu_tests::trace::Trace;
 use wait_timeout::ChildExt;
 
-use crate::error::{Error, Result};
 use crate::guest::Processor;
 use crate::process;
 
@@ -27,18 +26,12 @@ const MOST_LINES: u64 = 200_000_000;
 /// The lines of output that a message quotes.
 const TAIL_LINES: usize = 20;
 
-/// Checks that QEMU is installed.
+/// The emulator's file.
 ///
 /// # Errors
 /// QEMU is missing.
-pub fn check() -> Result<()> {
-    match process::find(QEMU) {
-        Some(_) => Ok(()),
-        None => Err(Error::NoProgram {
-            program: QEMU,
-            package: QEMU,
-        }),
-    }
+pub fn find() -> Result<PathBuf> {
+    process::find(QEMU, "on Debian as root, `apt-get install qemu-system-arm`")
 }
 
 /// QEMU's version as it prints it: numbers with points.
@@ -46,19 +39,7 @@ pub fn check() -> Result<()> {
 /// # Errors
 /// QEMU is missing or prints no version.
 pub fn version() -> Result<String> {
-    check()?;
-    let output = Command::new(QEMU)
-        .arg("--version")
-        .output()
-        .map_err(failed)?;
-    let text = String::from_utf8_lossy(&output.stdout);
-    let version = text
-        .split_whitespace()
-        .skip_while(|&word| word != "version")
-        .nth(1);
-    version
-        .map(str::to_owned)
-        .ok_or_else(|| failed(io::Error::other("it tells no version")))
+    process::version(&find()?)
 }
 
 /// Runs `image` to its end, with `job` in its memory if there is one, and returns its output.
@@ -68,18 +49,16 @@ pub fn version() -> Result<String> {
 /// # Errors
 /// QEMU is missing, the image fails, or it does not end in time.
 pub fn run(processor: Processor, image: &Path, job: Option<&Job<'_>>) -> Result<String> {
-    check()?;
     let job = job.map(JobFile::write).transpose()?;
-    let mut child = command(processor, image, job.as_ref())
+    let mut child = command(processor, image, job.as_ref())?
         .args(["-icount", "shift=8"])
-        .spawn()
-        .map_err(failed)?;
+        .spawn()?;
     // Both are read while it runs, because a full pipe would stop it.
     let output = read_to_end(child.stdout.take());
     let errors = read_to_end(child.stderr.take());
-    let status = child.wait_timeout(TIME_LIMIT).map_err(failed)?;
+    let status = child.wait_timeout(TIME_LIMIT)?;
     if status.is_none() {
-        child.kill().and_then(|()| child.wait()).map_err(failed)?;
+        child.kill().and_then(|()| child.wait())?;
     }
     let output = output.join().unwrap_or_default();
     let errors = errors.join().unwrap_or_default();
@@ -87,16 +66,15 @@ pub fn run(processor: Processor, image: &Path, job: Option<&Job<'_>>) -> Result<
     let machine = processor.machine();
     match status {
         Some(status) if status.success() => Ok(output),
-        Some(status) => Err(Error::Guest {
-            machine,
-            status,
-            tail: tail(),
-        }),
-        None => Err(Error::Timeout {
-            machine,
-            seconds: TIME_LIMIT.as_secs(),
-            tail: tail(),
-        }),
+        Some(status) => bail!(
+            "the image on {machine} failed ({status}); its last lines:\n{}",
+            tail()
+        ),
+        None => bail!(
+            "the image on {machine} did not end within {} s and was stopped; its last lines:\n{}",
+            TIME_LIMIT.as_secs(),
+            tail()
+        ),
     }
 }
 
@@ -111,54 +89,25 @@ pub fn trace(
     mut executed: impl FnMut(u32) -> qemu_tests::error::Result<()>,
 ) -> Result<()> {
     let mut trace = Trace::default();
-    log(
-        processor,
-        image,
-        job,
-        &["-d", "exec,nochain"],
-        &mut |line| trace.take(line)?.map_or(Ok(()), &mut executed),
-    )?;
-    Ok(trace.end().map_or(Ok(()), executed)?)
-}
-
-/// The same with the registers at each instruction, only for addresses in `ranges`, because each takes the emulator
-/// twenty times as long.
-///
-/// # Errors
-/// See [`trace`].
-pub fn trace_registers(
-    processor: Processor,
-    image: &Path,
-    job: &Job<'_>,
-    ranges: &[RangeInclusive<u32>],
-    mut executed: impl FnMut(Moment) -> qemu_tests::error::Result<()>,
-) -> Result<()> {
-    let range = |range: &RangeInclusive<u32>| format!("{:#x}..{:#x}", range.start(), range.end());
-    let ranges = ranges.iter().map(range).collect::<Vec<_>>().join(",");
-    let options = ["-d", "exec,nochain,cpu", "-dfilter", &ranges];
-    let mut trace = RegisterTrace::default();
-    log(processor, image, job, &options, &mut |line| {
+    log(processor, image, job, &mut |line| {
         trace.take(line)?.map_or(Ok(()), &mut executed)
     })?;
     Ok(trace.end().map_or(Ok(()), executed)?)
 }
 
-/// Runs `image` to its end with `job` in its memory, one instruction per block, and hands `take` each line of the log
-/// that `options` select.
+/// Runs `image` to its end with `job` in its memory, one instruction per block, and hands `take` each line of the log.
 fn log(
     processor: Processor,
     image: &Path,
     job: &Job<'_>,
-    options: &[&str],
     take: &mut dyn FnMut(&str) -> qemu_tests::error::Result<()>,
 ) -> Result<()> {
     let version = version()?;
     let job = JobFile::write(job)?;
-    let mut child = command(processor, image, Some(&job))
+    let mut child = command(processor, image, Some(&job))?
         .args(one_instruction_per_block(&version))
-        .args(options)
-        .spawn()
-        .map_err(failed)?;
+        .args(["-d", "exec,nochain"])
+        .spawn()?;
     let output = read_to_end(child.stdout.take());
     let log = child.stderr.take();
     let log = log.map(|log| BufReader::with_capacity(1 << 20, log));
@@ -167,18 +116,17 @@ fn log(
         // It may have ended already, and its status no longer matters.
         let _ = child.kill();
     }
-    let status = child.wait().map_err(failed)?;
+    let status = child.wait()?;
     let output = output.join().unwrap_or_default();
     let rest = followed?;
-    if status.success() && rest.is_empty() {
-        Ok(())
-    } else {
-        Err(Error::Guest {
-            machine: processor.machine(),
-            status,
-            tail: tail(&format!("{output}{}", rest.join("\n"))),
-        })
+    if !status.success() || !rest.is_empty() {
+        let (machine, rest) = (processor.machine(), rest.join("\n"));
+        bail!(
+            "the image on {machine} failed ({status}); its last lines:\n{}",
+            tail(&format!("{output}{rest}"))
+        );
     }
+    Ok(())
 }
 
 /// Hands on the lines of a trace, and returns the others, which are the emulator's messages.
@@ -188,11 +136,11 @@ fn follow(
 ) -> Result<Vec<String>> {
     let (mut rest, mut count) = (Vec::new(), 0u64);
     for line in log.lines() {
-        match take(&line.map_err(failed)?) {
+        match take(&line?) {
             Ok(()) => {
                 count += 1;
                 if count > MOST_LINES {
-                    return Err(Error::Endless(MOST_LINES));
+                    bail!("the image did not end within {MOST_LINES} lines of the emulator's log");
                 }
             }
             Err(qemu_tests::error::Error::Line(line)) => rest.push(line),
@@ -215,8 +163,8 @@ fn one_instruction_per_block(version: &str) -> &'static [&'static str] {
 }
 
 /// The emulator with `image`. It prints nothing but the image's output.
-fn command(processor: Processor, image: &Path, job: Option<&JobFile>) -> Command {
-    let mut command = Command::new(QEMU);
+fn command(processor: Processor, image: &Path, job: Option<&JobFile>) -> Result<Command> {
+    let mut command = Command::new(find()?);
     command
         .args(["-machine", processor.machine()])
         .args(["-display", "none", "-monitor", "none", "-serial", "none"])
@@ -234,7 +182,7 @@ fn command(processor: Processor, image: &Path, job: Option<&JobFile>) -> Command
             &format!("loader,file={path},addr={ADDRESS:#x},force-raw=on"),
         ]);
     }
-    command
+    Ok(command)
 }
 
 /// A job in a file for the emulator. The file is removed with this value.
@@ -242,17 +190,16 @@ struct JobFile(tempfile::NamedTempFile);
 
 impl JobFile {
     fn write(job: &Job<'_>) -> Result<Self> {
-        let bytes = job::write(job).ok_or(Error::LargeJob(job::CAPACITY))?;
-        let mut file = tempfile::NamedTempFile::new().map_err(Error::JobFile)?;
-        file.write_all(&bytes).map_err(Error::JobFile)?;
+        let too_large = || {
+            format!(
+                "a job takes more than the {} bytes of its room",
+                job::CAPACITY
+            )
+        };
+        let bytes = job::write(job).with_context(too_large)?;
+        let mut file = tempfile::NamedTempFile::new()?;
+        file.write_all(&bytes)?;
         Ok(Self(file))
-    }
-}
-
-fn failed(source: io::Error) -> Error {
-    Error::Run {
-        program: QEMU.to_owned(),
-        source,
     }
 }
 

@@ -7,9 +7,14 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use crate::error::{Error, Result};
-use crate::target::TARGET;
+use anyhow::{Context, Result, bail};
+
+use crate::workspace::TARGET;
 use crate::{process, workspace};
+
+/// Debian 12's packages that build for [`TARGET`].
+const DEBIAN_PACKAGES: &str =
+    "rustc-web cargo-web rust-web-src rust-web-llvm rust-web-clippy lld-22";
 
 /// The folder of Debian's programs.
 const DEBIAN_FOLDER: &str = "/usr/bin";
@@ -47,7 +52,10 @@ impl Toolchain {
         if source && debian("cargo").is_file() && debian("rust-lld").is_file() {
             Ok(Self::Debian)
         } else {
-            Err(Error::NoToolchain)
+            bail!(
+                "no Rust toolchain here builds for {TARGET}; install it: `rustup target add {TARGET}`, or, where rustup \
+                 has no such target, on Debian 12 as root: `apt-get install {DEBIAN_PACKAGES}`"
+            )
         }
     }
 
@@ -107,10 +115,7 @@ fn version_of(rustc: &Path) -> Result<String> {
         .arg("--version")
         .current_dir(workspace::root())
         .output();
-    let output = output.map_err(|source| Error::Run {
-        program: process::name(&rustc),
-        source,
-    })?;
+    let output = output.with_context(|| format!("cannot run {}", process::name(&rustc)))?;
     Ok(String::from_utf8_lossy(&output.stdout).trim().to_owned())
 }
 
@@ -160,16 +165,11 @@ fn debian_first() -> OsString {
 /// # Errors
 /// Clippy is missing.
 pub fn check_clippy(toolchain: &Toolchain) -> Result<()> {
-    let found = match toolchain {
-        Toolchain::Installed { .. } => process::find("cargo-clippy").is_some(),
-        Toolchain::Debian => Path::new(DEBIAN_FOLDER).join("cargo-clippy").is_file(),
-    };
-    if found {
-        Ok(())
-    } else {
-        Err(Error::NoProgram {
-            program: "cargo-clippy",
-            package: "rust-web-clippy",
-        })
+    match toolchain {
+        Toolchain::Debian if Path::new(DEBIAN_FOLDER).join("cargo-clippy").is_file() => Ok(()),
+        Toolchain::Debian => bail!("clippy is not installed: `apt-get install rust-web-clippy`"),
+        Toolchain::Installed { .. } => {
+            process::find("cargo-clippy", "`rustup component add clippy`").map(drop)
+        }
     }
 }

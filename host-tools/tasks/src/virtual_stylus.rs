@@ -4,14 +4,15 @@
 //! Cargo needs `--ignore-rust-version` for that.
 
 use std::ffi::OsString;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::Command;
 
-use crate::error::{Error, Result};
+use anyhow::Result;
+
 use crate::firmware::{self, Image};
 use crate::process::Progress;
-use crate::target::TARGET;
 use crate::toolchain::Toolchain;
+use crate::workspace::TARGET;
 use crate::{costs, process, tables, workspace};
 
 fn folder() -> PathBuf {
@@ -58,8 +59,8 @@ pub fn test(toolchain: &Toolchain, long: bool, arguments: &[OsString]) -> Result
     }
     process::run(test.arg("--").args(arguments))?;
     let compiler = costs::compiler(toolchain)?;
-    let made = tables::memory::table_of(&memory, &compiler);
-    if !tables::check_made(tables::memory::NAME, &made, &compiler)? {
+    let made = tables::memory(&memory, &compiler);
+    if !tables::check_made(tables::MEMORY, &made, &compiler)? {
         println!("rustc {compiler} is not the one of the page's table of memory: not compared");
     }
     Ok(())
@@ -71,12 +72,7 @@ pub fn test(toolchain: &Toolchain, long: bool, arguments: &[OsString]) -> Result
 /// The build fails.
 pub fn build(progress: Progress) -> Result<PathBuf> {
     process::run(cargo("build", progress).args(["--bin", "virtual-stylus"]))?;
-    let program = workspace::host_target_folder().join("debug/virtual-stylus");
-    if program.is_file() {
-        Ok(program)
-    } else {
-        Err(Error::NoImage(program))
-    }
+    process::built(workspace::host_target_folder().join("debug/virtual-stylus"))
 }
 
 /// Runs the tests that count ticks so that they write the page's table.
@@ -117,14 +113,7 @@ fn build_probe(toolchain: &Toolchain) -> Result<PathBuf> {
     let target_folder = workspace::target_folder("probe-image");
     let mut cargo = toolchain.cargo("build", &folder().join("probe-image"), &target_folder);
     process::run(cargo.args(["--release", "--quiet"]))?;
-    let image = target_folder
-        .join(Path::new(TARGET))
-        .join("release/probe-image");
-    if image.is_file() {
-        Ok(image)
-    } else {
-        Err(Error::NoImage(image))
-    }
+    process::built(target_folder.join(TARGET).join("release/probe-image"))
 }
 
 #[cfg(test)]
@@ -132,6 +121,8 @@ mod tests {
     use std::collections::BTreeSet;
 
     use toml::Table;
+
+    use std::path::Path;
 
     use super::*;
 

@@ -3,6 +3,7 @@
 use core::fmt;
 
 use super::limits;
+use crate::decimal::Decimal;
 use crate::limits::{MAX_NAME_BYTES, MAX_SAMPLE_RATE_HZ};
 
 /// The first fault found in a scene that the stylus cannot play.
@@ -65,7 +66,12 @@ pub enum SceneProblem {
     #[error("no surface; there must be 1 to {}", limits::MAX_SURFACES)]
     NoSurface,
     /// A number that is not finite or out of its range.
-    #[error("{field} is {value} {unit}; it must be finite and {lowest} to {highest}")]
+    #[error(
+        "{field} is {value} {unit}; it must be finite and {lowest} to {highest}",
+        value = Decimal(*.value),
+        lowest = Decimal(*.lowest),
+        highest = Decimal(*.highest)
+    )]
     Range {
         /// Name of the field in [`super::Scene`], without its unit.
         field: &'static str,
@@ -79,7 +85,11 @@ pub enum SceneProblem {
         unit: &'static str,
     },
     /// A region that does not end beyond its beginning.
-    #[error("it ends at {end_mm} mm, which is not beyond its beginning at {start_mm} mm")]
+    #[error(
+        "it ends at {end_mm} mm, which is not beyond its beginning at {start_mm} mm",
+        end_mm = Decimal(*.end_mm),
+        start_mm = Decimal(*.start_mm)
+    )]
     RegionEnd {
         /// Beginning of the region, mm.
         start_mm: f32,
@@ -87,7 +97,11 @@ pub enum SceneProblem {
         end_mm: f32,
     },
     /// A region that begins before the end of the region before it.
-    #[error("it begins at {start_mm} mm, before region {before} ends at {end_mm} mm")]
+    #[error(
+        "it begins at {start_mm} mm, before region {before} ends at {end_mm} mm",
+        start_mm = Decimal(*.start_mm),
+        end_mm = Decimal(*.end_mm)
+    )]
     RegionOverlap {
         /// Beginning of the region, mm.
         start_mm: f32,
@@ -122,7 +136,9 @@ pub enum SceneProblem {
     },
     /// A gain above 1 that leaves its texture too little room.
     #[error(
-        "a gain of {gain} makes its texture too loud; the highest for this texture is {highest}"
+        "a gain of {gain} makes its texture too loud; the highest for this texture is {highest}",
+        gain = Decimal(*.gain),
+        highest = Decimal(*.highest)
     )]
     TooLoud {
         /// The gain.
@@ -142,7 +158,7 @@ pub enum SceneProblem {
     /// A section with too much gain, by itself or together with the sections before it.
     #[error(
         "this section, or all up to it, have a gain above {}",
-        limits::MAX_EQUALISER_GAIN
+        Decimal(limits::MAX_EQUALISER_GAIN as f32)
     )]
     EqualiserGain,
 }

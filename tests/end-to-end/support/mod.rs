@@ -15,17 +15,32 @@ use tempfile::TempDir;
 pub const RATE_HZ: u32 = 5000;
 
 /// A temporary folder, and the command run in it.
-pub struct Bench(TempDir);
+pub struct Bench {
+    folder: TempDir,
+    /// True if commands replace what is there, as tests do that write a file twice.
+    overwrites: bool,
+}
 
 impl Bench {
     /// An empty folder.
     pub fn new() -> Self {
-        Self(TempDir::new().expect("there is room for a folder"))
+        Self {
+            folder: TempDir::new().expect("there is room for a folder"),
+            overwrites: true,
+        }
+    }
+
+    /// The same folder, where commands replace nothing unless they are asked to.
+    pub fn careful(self) -> Self {
+        Self {
+            overwrites: false,
+            ..self
+        }
     }
 
     /// A path in the folder.
     pub fn path(&self, name: &str) -> PathBuf {
-        self.0.path().join(name)
+        self.folder.path().join(name)
     }
 
     /// Writes a file, and makes the folders above it.
@@ -37,20 +52,23 @@ impl Bench {
 
     /// Runs `stylus` with words split at spaces, in the folder.
     pub fn run(&self, arguments: &str) -> Output {
-        Command::new(env!("CARGO_BIN_EXE_stylus"))
-            .args(arguments.split_whitespace())
-            .current_dir(self.0.path())
-            .env("XDG_CONFIG_HOME", self.path("no-configuration"))
+        self.command(arguments.split_whitespace())
             .output()
             .expect("the command runs")
     }
 
+    fn command<'a>(&self, arguments: impl IntoIterator<Item = &'a str>) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_stylus"));
+        command.args(arguments).current_dir(self.folder.path());
+        if self.overwrites {
+            command.env("STYLUS_OVERWRITE", "1");
+        }
+        command
+    }
+
     /// Starts `stylus` with these arguments, without waiting for its end.
     pub fn spawn<'a>(&self, arguments: impl IntoIterator<Item = &'a str>) -> Child {
-        Command::new(env!("CARGO_BIN_EXE_stylus"))
-            .args(arguments)
-            .current_dir(self.0.path())
-            .env("XDG_CONFIG_HOME", self.path("no-configuration"))
+        self.command(arguments)
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
@@ -73,7 +91,7 @@ impl Bench {
 
     /// The names in the folder, sorted.
     pub fn names(&self) -> Vec<String> {
-        let entries = std::fs::read_dir(self.0.path()).expect("the folder is there");
+        let entries = std::fs::read_dir(self.folder.path()).expect("the folder is there");
         let mut names: Vec<String> = entries
             .map(|entry| {
                 entry
@@ -112,6 +130,26 @@ pub fn two_textures<const AXES: usize>(axes: impl Fn(&[f64]) -> [Vec<f64>; AXES]
     }
     bench.write("set/trials.csv", list);
     bench
+}
+
+/// The paper's rig at these speeds and forces, as text.
+pub fn rig_of(speeds: &str, forces: &str) -> String {
+    let paper = host_tools::rig::RigFile::paper();
+    let lines = paper.text().lines();
+    let lines = lines.map(|line| match line.split('=').next().unwrap_or("").trim() {
+        "speeds_mm_s" => format!("speeds_mm_s = [{speeds}]\n"),
+        "forces_n" => format!("forces_n = [{forces}]\n"),
+        _ => format!("{line}\n"),
+    });
+    lines.collect()
+}
+
+/// As [`rig_of`], with denim alone.
+pub fn denim_rig_of(speeds: &str, forces: &str) -> String {
+    let rig = rig_of(speeds, forces);
+    let (head, textures) = rig.split_once("[[texture]]").expect("it has textures");
+    let denim = textures.split("[[texture]]").last().unwrap_or_default();
+    format!("{head}[[texture]]{denim}")
 }
 
 /// `signal` times `factor`.

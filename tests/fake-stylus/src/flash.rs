@@ -89,6 +89,11 @@ impl Memory {
         }
     }
 
+    /// The content.
+    pub fn bytes(&self) -> &[u8] {
+        &self.bytes
+    }
+
     /// Programmed flash of `bytes` bytes with arbitrary content.
     pub fn garbage(bytes: usize) -> Self {
         let mut memory = Self::blank(bytes);

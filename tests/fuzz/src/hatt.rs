@@ -1,6 +1,6 @@
 //! HaTT's model files.
 
-use host_tools::fit::hatt::import::{Options, doubts, plan, read_all};
+use host_tools::fit::hatt::import::{Options, plan, read_all};
 use host_tools::support::error::Error;
 
 use crate::place;
@@ -12,7 +12,6 @@ pub fn judge(input: &[u8]) {
         Ok(sources) => sources,
         Err(error) => return place::check(&error, &path, input),
     };
-    assert!(doubts(&sources).is_empty(), "one file has no copy");
     let toolkit = &sources[0].toolkit;
     assert!(!toolkit.models.is_empty());
     let corners = toolkit.triangles.iter().flatten();
@@ -27,7 +26,6 @@ pub fn judge(input: &[u8]) {
     let options = Options {
         speeds: Some(2),
         forces: Some(2),
-        fit_slot: true,
     };
     // A grid that no slot holds is refused for all files together.
     match plan(&sources, &options) {

@@ -13,5 +13,4 @@ pub mod recording;
 pub mod rig;
 pub mod scene;
 pub mod setting;
-pub mod shard;
 pub mod table;

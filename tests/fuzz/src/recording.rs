@@ -2,7 +2,7 @@
 
 use host_tools::recording::{self, MAX_CHANNELS, MAX_FRAMES, Samples, Trial};
 use host_tools::support::error::Error;
-use model_format::{Provenance, SAMPLE_RATE_HZ};
+use model_format::SAMPLE_RATE_HZ;
 
 use crate::place;
 
@@ -18,18 +18,7 @@ pub fn judge(input: &[u8]) {
 
 fn judge_as(name: &str, content: &[u8], sample_rate_hz: Option<f64>) {
     let path = place::written(name, content);
-    let trial = |file| Trial {
-        file,
-        texture: "fuzz".to_owned(),
-        speed_mm_s: 100.0,
-        force_n: 1.0,
-        scale_m_s2: None,
-        start_s: 0.0,
-        duration_s: None,
-        sample_rate_hz,
-        provenance: Provenance::Recorded,
-        held: None,
-    };
+    let trial = |file| Trial { sample_rate_hz, ..Trial::of(file, "fuzz".to_owned(), 100.0, 1.0) };
     recording::holds_integers(&path);
     let samples = match recording::read(&trial(path.clone())) {
         Ok(samples) => samples,

@@ -1,6 +1,6 @@
 //! Settings as a user writes them.
 
-use host_tools::link::setting_text::changes;
+use host_tools::link::settings::changes;
 use model_format::link::SettingsChange;
 
 /// Judges `input` as words of a command line.

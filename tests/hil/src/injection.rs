@@ -13,10 +13,46 @@ topics! {
     | FaultTopic | u8        | "stylus/fault-injection" |
 }
 
-/// Requests the fault `number`. The product's image counts the request as malformed.
+/// A fault.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[expect(missing_docs, reason = "the names are those of the firmware")]
+pub enum Injected {
+    /// No fault: the product's image counts it as malformed, and the fault image does nothing.
+    Nothing,
+    LongTick,
+    EndlessTick,
+    EndlessTask,
+    Panic,
+    BadJump,
+    UnexpectedInterrupt,
+    Nmi,
+    NoTick,
+    PanicInTick,
+    Halt,
+    LateTick,
+    VeryLongTick,
+    NoTransfers,
+    NoEraser,
+    AmplifierOff,
+    AmplifierOn,
+    /// A critical section from before a trigger until 25 µs after it.
+    ShortSection = 30,
+    /// The same until 45 µs after it; the first conversion ends after 32 µs.
+    LongSection,
+    OverflowInTask,
+    OverflowInUpdate,
+    WriteToNull,
+    ReadNull,
+    WriteToItcm,
+    WriteToFlash,
+    ExecuteData,
+    ReadExternal,
+}
+
+/// Requests a fault.
 ///
 /// # Errors
 /// The link fails.
-pub fn inject(bench: &Bench, number: u8) -> Result<()> {
-    Ok(bench.device.publish::<FaultTopic>(&number)?)
+pub fn inject(bench: &Bench, fault: Injected) -> Result<()> {
+    Ok(bench.device.publish::<FaultTopic>(&(fault as u8))?)
 }

@@ -80,11 +80,7 @@ fn a_healthy_device_passes_and_is_left_silent_with_its_own_settings() {
     let before = device.set(own).expect("it is in range");
     drop(device);
     let mut bench = bench(&stylus);
-    let plan = Plan {
-        is_brief: true,
-        ..Plan::default()
-    };
-    run(&mut bench, &plan).expect("the device is as it was");
+    run(&mut bench, &Plan::default()).expect("the device is as it was");
     assert_eq!(failed(&bench), Vec::<&str>::new());
     assert!(bench.report.holds());
     assert!(bench.report.count(Verdict::Passed) > 30);

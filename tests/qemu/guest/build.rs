@@ -8,12 +8,6 @@ fn main() -> Result<(), Box<dyn Error>> {
         Path::new(&folder).join("library.bin"),
         kernel_vectors::library(),
     )?;
-    // The compiler tells no code the processor that it builds for.
-    println!("cargo::rustc-check-cfg=cfg(cortex_m7)");
-    let flags = env::var("CARGO_ENCODED_RUSTFLAGS").unwrap_or_default();
-    if flags.contains("target-cpu=cortex-m7") {
-        println!("cargo::rustc-cfg=cortex_m7");
-    }
     println!("cargo::rerun-if-changed=build.rs");
     println!("cargo::rerun-if-changed=memory.x");
     Ok(())

@@ -31,16 +31,6 @@ pub enum Error {
     /// An executed address has no code.
     #[error("{0:#010x} was executed, and the image has no code there")]
     NoCode(u32),
-    /// The time of an instruction is not in the manual's tables as `tests/qemu/src/thumb.rs` has them.
-    #[error(
-        "the time of '{text}' at {address:#010x} is not known: add it to tests/qemu/src/thumb.rs with its source"
-    )]
-    Unknown {
-        /// The address.
-        address: u32,
-        /// The disassembled text.
-        text: String,
-    },
     /// A counted function was entered without a call.
     #[error(
         "a counted function was entered at {0:#010x} without a call, so that its end is not known"
@@ -52,9 +42,6 @@ pub enum Error {
     /// The disassembler failed.
     #[error("the disassembler failed: {0}")]
     Disassembler(#[from] capstone::Error),
-    /// The table of costs cannot be read.
-    #[error("host-tools/costs/costs.json: {0}; write it again with `cargo tasks costs`")]
-    Costs(#[from] serde_json::Error),
 }
 
 /// The result of counting.

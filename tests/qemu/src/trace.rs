@@ -49,62 +49,6 @@ impl Trace {
     }
 }
 
-/// An instruction with r0 to r15 at its begin.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Moment {
-    /// The instruction's address.
-    pub address: u32,
-    /// The values of r0 to r15.
-    pub registers: [u32; 16],
-}
-
-/// A reader of a log with registers, `-d exec,nochain,cpu`, that yields instructions with their registers.
-#[derive(Debug, Default)]
-pub struct RegisterTrace {
-    trace: Trace,
-    registers: [u32; 16],
-}
-
-impl RegisterTrace {
-    /// Takes a line, and returns the instruction that the line confirms as executed, if any.
-    ///
-    /// # Errors
-    /// The line is none of a trace.
-    pub fn take(&mut self, line: &str) -> Result<Option<Moment>> {
-        if line.starts_with('R') {
-            self.read(line)
-                .ok_or_else(|| Error::Line(line.to_owned()))?;
-            return Ok(None);
-        }
-        if line.starts_with("XPSR=") {
-            return Ok(None);
-        }
-        let registers = self.registers;
-        Ok(self
-            .trace
-            .take(line)?
-            .map(|address| Moment { address, registers }))
-    }
-
-    /// Returns the last instruction.
-    pub fn end(self) -> Option<Moment> {
-        let registers = self.registers;
-        self.trace
-            .end()
-            .map(|address| Moment { address, registers })
-    }
-
-    /// R12=00000000 R13=20200000 R14=ffffffff R15=00000400
-    fn read(&mut self, line: &str) -> Option<()> {
-        for register in line.split_whitespace() {
-            let (number, value) = register.strip_prefix('R')?.split_once('=')?;
-            let number: usize = number.parse().ok()?;
-            *self.registers.get_mut(number)? = u32::from_str_radix(value, 16).ok()?;
-        }
-        Some(())
-    }
-}
-
 fn bracketed(line: &str) -> Option<&str> {
     let (_, rest) = line.split_once('[')?;
     Some(rest.split_once(']')?.0)
@@ -158,39 +102,6 @@ Trace 0: 0x7f50c0000440 [00800408/00013dfa/00000110/ff020201]
             "",
         ] {
             assert!(Trace::default().take(line).is_err(), "{line}");
-        }
-    }
-
-    #[test]
-    fn registers_are_those_at_the_begin_of_their_instruction() {
-        let log = "\
-Trace 0: 0x1 [0/00000400/0/0] a
-R00=00000001 R01=00000000 R02=00000000 R03=00000000
-R12=00000000 R13=20200000 R14=ffffffff R15=00000400
-XPSR=41000000 -Z-- T priv-thread
-Trace 0: 0x1 [0/00000402/0/0] a
-R00=00000002 R01=00000000 R02=00000000 R03=0000000a
-XPSR=41000000 -Z-- T priv-thread
-";
-        let mut trace = RegisterTrace::default();
-        let mut moments = Vec::new();
-        for line in log.lines() {
-            moments.extend(trace.take(line).unwrap());
-        }
-        moments.extend(trace.end());
-        let [first, second] = moments[..] else {
-            panic!("{moments:?}")
-        };
-        assert_eq!(
-            (first.address, first.registers[0], first.registers[13]),
-            (0x400, 1, 0x2020_0000)
-        );
-        assert_eq!(
-            (second.address, second.registers[0], second.registers[3]),
-            (0x402, 2, 10)
-        );
-        for line in ["R16=00000000", "R0", "R00=xyz", "Reset"] {
-            assert!(RegisterTrace::default().take(line).is_err(), "{line}");
         }
     }
 }

@@ -370,7 +370,7 @@ fn measured(image: &std::path::Path, recipes: &[Recipe], most: usize) -> Vec<Cos
     let mut costs = Vec::new();
     for libraries in &jobs {
         let text = qemu::run(Processor::CortexM4, image, Some(&Job::Bounds { libraries }));
-        let text = text.unwrap_or_else(|error| panic!("{error}"));
+        let text = text.unwrap_or_else(|error| panic!("{error:#}"));
         assert_eq!(text.lines().last().map(str::trim_end), Some(report::END));
         for line in text
             .lines()
@@ -458,9 +458,9 @@ fn number(name: &str) -> Option<u64> {
 fn no_valid_library_takes_more_work_than_its_bound() {
     let rounds = number("STYLUS_SEARCH_ROUNDS").unwrap_or(ROUNDS);
     let seed = number("STYLUS_ATTACK_SEED").unwrap_or(SEED);
-    let toolchain = Toolchain::find().unwrap_or_else(|error| panic!("{error}"));
+    let toolchain = Toolchain::find().unwrap_or_else(|error| panic!("{error:#}"));
     let image = guest::build(&toolchain, Processor::CortexM4);
-    let image = image.unwrap_or_else(|error| panic!("{error}"));
+    let image = image.unwrap_or_else(|error| panic!("{error:#}"));
     let mut numbers = Numbers(seed);
     let mut tried: Vec<(Recipe, Cost)> = Vec::new();
     let mut next = beginnings();

@@ -8,14 +8,14 @@ use tasks::toolchain::Toolchain;
 
 #[test]
 fn emulated_processors_play_the_digest_with_every_arithmetic() {
-    let toolchain = Toolchain::find().unwrap_or_else(|error| panic!("{error}"));
+    let toolchain = Toolchain::find().unwrap_or_else(|error| panic!("{error:#}"));
     let library = digest_library();
     let job = Job::Digest { library: &library };
     for processor in Processor::ALL {
         let image = guest::build(&toolchain, processor);
-        let image = image.unwrap_or_else(|error| panic!("{error}"));
+        let image = image.unwrap_or_else(|error| panic!("{error:#}"));
         let text = qemu::run(processor, &image, Some(&job));
-        let text = text.unwrap_or_else(|error| panic!("{error}"));
+        let text = text.unwrap_or_else(|error| panic!("{error:#}"));
         for arithmetic in report::ARITHMETICS {
             let line = format!("{} {DIGESTED:08x} {arithmetic}", report::DIGEST);
             assert!(

@@ -10,9 +10,9 @@ use kernel_vectors::job::{CAPACITY, Job, OVERHEAD_BYTES};
 use kernel_vectors::{HardCase, report};
 use model_format::Library;
 use stylus_kernel::arithmetic::Portable;
+use tasks::compare::{Cost, EmulatorReport};
 use tasks::guest::{self, Processor};
 use tasks::qemu;
-use tasks::report::{Cost, EmulatorReport};
 use tasks::toolchain::Toolchain;
 
 const STRUCTURES: [StructureChoice; 3] = [
@@ -112,7 +112,7 @@ fn jobs(cases: &[Prepared]) -> Vec<Vec<u8>> {
 
 /// The report of the image on `processor` on all cases.
 fn play(processor: Processor, cases: &[Prepared]) -> EmulatorReport {
-    let failed = |error: tasks::error::Error| -> ! { panic!("{error}") };
+    let failed = |error: anyhow::Error| -> ! { panic!("{error:#}") };
     let toolchain = Toolchain::find().unwrap_or_else(|error| failed(error));
     let image = guest::build(&toolchain, processor).unwrap_or_else(|error| failed(error));
     let mut whole = EmulatorReport::default();

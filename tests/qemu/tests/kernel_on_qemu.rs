@@ -9,11 +9,10 @@ use model_format::limits::MAX_ORDER;
 use stylus_costs::Structure;
 use stylus_kernel::UPDATE_INTERVAL_SAMPLES;
 use stylus_kernel::scene::cost::FEED;
-use tasks::compare;
+use tasks::compare::{self, EmulatorReport, Played};
 use tasks::costs::{self, Guest};
 use tasks::guest::Processor;
-use tasks::report::{EmulatorReport, Played};
-use tasks::tables::{self, emulated};
+use tasks::tables;
 use tasks::toolchain::Toolchain;
 
 static HOST: LazyLock<Vec<Played>> = LazyLock::new(compare::on_host);
@@ -25,7 +24,7 @@ static REPORTS: [LazyLock<Result<EmulatorReport, String>>; 2] = [
 ];
 
 fn play(processor: Processor) -> Result<EmulatorReport, String> {
-    let report = compare::play(processor).map_err(|error| error.to_string())?;
+    let report = compare::play(processor).map_err(|error| format!("{error:#}"))?;
     print!("{}", compare::table(processor, &report));
     Ok(report)
 }
@@ -37,15 +36,15 @@ fn report(processor: Processor) -> &'static EmulatorReport {
     };
     match &*REPORTS[index] {
         Ok(report) => report,
-        Err(error) => panic!("{error}"),
+        Err(error) => panic!("{error:#}"),
     }
 }
 
 /// Panics with the message of a check that failed.
 #[track_caller]
-fn holds(checked: tasks::error::Result<()>) {
+fn holds(checked: anyhow::Result<()>) {
     if let Err(error) = checked {
-        panic!("{error}");
+        panic!("{error:#}");
     }
 }
 
@@ -70,36 +69,21 @@ fn m7_plays_the_hosts_bits() {
 /// The figures are those of the compiler that the page names; another one's are not compared.
 #[test]
 fn the_page_has_the_figures_of_this_run() {
-    let toolchain = Toolchain::find().unwrap_or_else(|error| panic!("{error}"));
-    let compiler = costs::compiler(&toolchain).unwrap_or_else(|error| panic!("{error}"));
-    let made = emulated::table_of(&emulated::Runs {
-        m4: report(Processor::CortexM4),
-        m7: report(Processor::CortexM7),
-        compiler: &compiler,
-    });
-    match tables::check_made(emulated::NAME, &made, &compiler) {
+    let toolchain = Toolchain::find().unwrap_or_else(|error| panic!("{error:#}"));
+    let compiler = costs::compiler(&toolchain).unwrap_or_else(|error| panic!("{error:#}"));
+    let [m4, m7] = [Processor::CortexM4, Processor::CortexM7].map(report);
+    let made = tables::emulated(m4, m7, &compiler);
+    match tables::check_made(tables::EMULATED, &made, &compiler) {
         Ok(true) => (),
         Ok(false) => println!("rustc {compiler} is not the page's: no comparison"),
-        Err(error) => panic!("{error}"),
+        Err(error) => panic!("{error:#}"),
     }
 }
 
 #[test]
-fn a_sample_takes_the_same_instructions_whatever_the_data() {
+fn the_kernel_is_within_its_budget_and_a_sample_takes_the_same_instructions_whatever_the_data() {
     for processor in Processor::ALL {
-        holds(compare::same_cost_always(
-            processor,
-            &report(processor).samples,
-        ));
-    }
-}
-
-#[test]
-fn the_kernel_is_within_its_budget() {
-    for processor in Processor::ALL {
-        let report = report(processor);
-        holds(compare::within_budget(processor, &report.samples));
-        holds(compare::updates_within_budget(processor, &report.follows));
+        holds(compare::costs_hold(processor, report(processor)));
     }
 }
 
@@ -110,7 +94,7 @@ fn the_excitation_of_a_fed_voice_takes_an_update_what_the_model_says_and_a_sampl
     const MOST_FED: u32 = 40;
     for processor in Processor::ALL {
         let report = report(processor);
-        let most = |costs: &[tasks::report::Cost], texture: &str| {
+        let most = |costs: &[compare::Cost], texture: &str| {
             let found = costs.iter().find(|cost| cost.texture == texture);
             found.expect("it is measured").most
         };
@@ -143,9 +127,9 @@ fn four_lines_take_at_most_200_instructions_more_than_none() {
 fn the_timer_and_the_trace_count_the_same_but_for_a_call() {
     /// Instructions of a call, a return, and saving and restoring registers around another.
     const CALL: u32 = 16;
-    let toolchain = Toolchain::find().unwrap_or_else(|error| panic!("{error}"));
+    let toolchain = Toolchain::find().unwrap_or_else(|error| panic!("{error:#}"));
     for processor in Processor::ALL {
-        let guest = Guest::build(&toolchain, processor).unwrap_or_else(|error| panic!("{error}"));
+        let guest = Guest::build(&toolchain, processor).unwrap_or_else(|error| panic!("{error:#}"));
         for (structure, textures) in [
             (Structure::NormalisedLattice32, ["lattice", "lattice"]),
             (
@@ -158,12 +142,12 @@ fn the_timer_and_the_trace_count_the_same_but_for_a_call() {
             ),
         ] {
             let traced = guest.count(structure, &[MAX_ORDER]);
-            let traced = traced.unwrap_or_else(|error| panic!("{error}"));
+            let traced = traced.unwrap_or_else(|error| panic!("{error:#}"));
             for (texture, traced) in textures.into_iter().zip(traced) {
                 let samples = &report(processor).samples;
                 let timed = samples.iter().find(|cost| cost.texture == texture);
                 let timed = timed.expect("it is measured").most;
-                let traced = traced.sample.instructions;
+                let traced = traced.entry.sample.instructions;
                 assert!(
                     traced.abs_diff(timed) <= CALL,
                     "{texture}: {traced}, and by the timer {timed}"

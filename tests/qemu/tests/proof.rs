@@ -74,7 +74,7 @@ fn library(forces: usize) -> Vec<u8> {
 
 fn measured(image: &Path, library: &[u8]) -> Cost {
     let text = qemu::run(Processor::CortexM7, image, Some(&Job::Proof { library }));
-    let text = text.unwrap_or_else(|error| panic!("{error}"));
+    let text = text.unwrap_or_else(|error| panic!("{error:#}"));
     let mut lines = text.lines();
     let cost = lines.find_map(|line| line.strip_prefix(report::PROOF_COST));
     let cost = cost.unwrap_or_else(|| panic!("{text}"));
@@ -94,9 +94,9 @@ fn measured(image: &Path, library: &[u8]) -> Cost {
 
 #[test]
 fn a_step_of_the_proof_stays_within_its_bound_and_a_full_slot_takes_the_time_that_the_page_says() {
-    let toolchain = Toolchain::find().unwrap_or_else(|error| panic!("{error}"));
+    let toolchain = Toolchain::find().unwrap_or_else(|error| panic!("{error:#}"));
     let image = guest::build(&toolchain, Processor::CortexM7);
-    let image = image.unwrap_or_else(|error| panic!("{error}"));
+    let image = image.unwrap_or_else(|error| panic!("{error:#}"));
     let [one, three] = [2, 4].map(|forces| measured(&image, &library(forces)));
     println!(
         "one cell: {} steps, longest {}, {} instructions",

@@ -122,7 +122,7 @@ fn lattice_at_full_scale<A: Arithmetic>(theta: i32, sink: &mut impl FnMut(u32)) 
     let rotations: [Rotation; MAX_ORDER] = core::array::from_fn(|stage| to_and_fro[stage / 2 % 2]);
     let ends = [i32::MAX, i32::MIN, i32::MIN];
     let state = LatticeState::from_backward(core::array::from_fn(|stage| ends[stage % 3]));
-    one_by_one_and_two_by_two::<A>(&rotations, &state, |n| ends[n % 3], sink);
+    samples_and_state::<A>(&rotations, state, |n| ends[n % 3], sink);
 }
 
 /// Lattices of every length modulo the number of stages that are computed together; each stage rotates differently.
@@ -133,30 +133,21 @@ fn lattices_of_few_stages<A: Arithmetic>(sink: &mut impl FnMut(u32)) {
     for stages in 0..=MOST_FEW_STAGES {
         let excitation = |n: usize| (n as i32 - 11) * 0x0654_3217;
         let rotations = &rotations[..stages];
-        one_by_one_and_two_by_two::<A>(rotations, &LatticeState::new(), excitation, sink);
+        samples_and_state::<A>(rotations, LatticeState::new(), excitation, sink);
     }
 }
 
-/// The samples of a lattice from `state` on and its final state, computed sample by sample and two samples per pass.
-fn one_by_one_and_two_by_two<A: Arithmetic>(
+/// The samples of a lattice from `state` on, and its final state.
+fn samples_and_state<A: Arithmetic>(
     rotations: &[Rotation],
-    state: &LatticeState,
+    mut state: LatticeState,
     excitation: impl Fn(usize) -> i32,
     sink: &mut impl FnMut(u32),
 ) {
-    let (mut single, mut double) = (state.clone(), state.clone());
     for n in 0..SAMPLES {
-        sink(single.filter::<A>(rotations, excitation(n)) as u32);
+        sink(state.filter::<A>(rotations, excitation(n)) as u32);
     }
-    for n in (0..SAMPLES).step_by(2) {
-        let pair = [excitation(n), excitation(n + 1)];
-        for output in double.filter_two::<A>(rotations, pair) {
-            sink(output as u32);
-        }
-    }
-    for state in [single, double] {
-        for &backward in state.backward(rotations.len()) {
-            sink(backward as u32);
-        }
+    for &backward in state.backward(rotations.len()) {
+        sink(backward as u32);
     }
 }

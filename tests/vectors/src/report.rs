@@ -49,14 +49,11 @@ pub const END: &str = "end";
 /// The arithmetic of [`stylus_kernel::arithmetic::Portable`].
 pub const PORTABLE: &str = "portable";
 
-/// The arithmetic of the processor's own instructions, in the order for a Cortex-M4.
-pub const CORTEX_M4: &str = "cortex-m4";
-
-/// The arithmetic of the processor's own instructions, in the order for a Cortex-M7.
-pub const CORTEX_M7: &str = "cortex-m7";
+/// The arithmetic of the processor's own instructions.
+pub const CORTEX_M: &str = "cortex-m";
 
 /// Every arithmetic, in the order of a report.
-pub const ARITHMETICS: [&str; 3] = [PORTABLE, CORTEX_M4, CORTEX_M7];
+pub const ARITHMETICS: [&str; 2] = [PORTABLE, CORTEX_M];
 
 /// Prefix of the name of a hard case whose samples the product's synthesis made.
 pub const SYNTHESIS: &str = "synthesis";

@@ -3,7 +3,6 @@
 use std::num::NonZeroU64;
 use std::path::Path;
 
-use rigless::chip::uart::Peer;
 use rigless::image::Image;
 use rigless::machine::stm32h743_bench::Stm32h743Bench;
 use rigless::machine::{Board, Target};
@@ -13,11 +12,12 @@ use rigless::soc::RegionKind;
 use rigless::soc::stm32h743::MEMORY;
 use rigless::soc::stm32h743::peripherals::usart;
 
+use crate::chance::Chance;
 use crate::core::{self, Auditor};
 use crate::electrical::{Defects, Electrical};
 use crate::error::{Error, Result};
 use crate::model::adc::Pins;
-use crate::model::flash::{Busy, Chance, Unreadable};
+use crate::model::flash::{Busy, Unreadable};
 use crate::part::Part;
 use crate::serial::Line;
 
@@ -95,9 +95,10 @@ impl StylusBoard {
         self.ram_noise = Some(seed);
     }
 
-    /// The far end of the serial line, unless the emulator's user has put another there.
-    pub fn line(&mut self) -> Option<&mut Line> {
-        self.part.rest.usart[self.serial].chip_mut::<Line>()
+    /// The far end of the serial line.
+    pub fn line(&mut self) -> &mut Line {
+        let serial = &mut self.part.rest.usart[self.serial];
+        serial.chip_mut().expect("it was attached at the start")
     }
 }
 
@@ -108,7 +109,7 @@ fn noise(seed: u64) -> impl Iterator<Item = Image> {
         .iter()
         .filter(|region| region.kind == RegionKind::Ram)
         .map(move |region| {
-            let words = (0..region.size / 8).flat_map(|_| chance.next().to_le_bytes());
+            let words = (0..region.size / 8).flat_map(|_| chance.draw().to_le_bytes());
             Image::new(Path::new("noise"), words.collect(), Some(region.base))
                 .expect("bytes with an address make an image")
         })
@@ -161,13 +162,5 @@ impl Board for StylusBoard {
             self.auditor.clone(),
         );
         vec![Target::new(NAME, &mut self.part, core)]
-    }
-
-    fn attach_host(&mut self, name: &str, peer: Box<dyn Peer>) -> bool {
-        let ours = name == SERIAL;
-        if ours {
-            self.part.rest.usart[self.serial].attach_boxed(peer);
-        }
-        ours
     }
 }

@@ -43,16 +43,6 @@ pub enum Error {
     /// The emulator stopped by itself.
     #[error("the emulator stopped: {0}")]
     Emulator(String),
-    /// The power was cut at a flash operation, as asked, and the run is over.
-    #[error(
-        "the power is off since {at_ns} ns, at flash operation {operation}; start another run with what the flash holds"
-    )]
-    PowerCut {
-        /// Instant, in nanoseconds of virtual time.
-        at_ns: u64,
-        /// The number of the operation, from 1.
-        operation: u64,
-    },
 }
 
 /// The result of an operation on a run.

@@ -9,25 +9,23 @@
 //! is met on the part with a margin.
 
 pub mod board;
+pub mod chance;
 pub mod core;
 pub mod electrical;
+pub mod emulation;
 pub mod error;
 pub mod flash_file;
-pub mod loopback;
 pub mod model;
 pub mod motion;
 pub mod part;
-pub mod pins;
 pub mod sensors;
 pub mod serial;
-pub mod serial_socket;
+pub mod sockets;
 pub mod stylus;
 pub mod tick;
 pub mod usb_host;
-pub mod usb_socket;
 
 pub use electrical::Electrical;
+pub use emulation::{Options, PESSIMISTIC_INSTRUCTIONS_PER_SECOND, PowerCut};
 pub use error::{Error, Result};
-pub use stylus::{
-    Options, PESSIMISTIC_INSTRUCTIONS_PER_SECOND, Reset, ResetCause, RunReport, VirtualStylus,
-};
+pub use stylus::{Reset, ResetCause, RunReport, VirtualStylus};

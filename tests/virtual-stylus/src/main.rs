@@ -14,11 +14,11 @@ use virtual_stylus::model::adc::Pins;
 use virtual_stylus::model::dac::Output;
 use virtual_stylus::model::flash::Contents;
 use virtual_stylus::motion::{Motion, MotionLine, read_csv};
-use virtual_stylus::pins::{FunctionPins, MID_SCALE};
-use virtual_stylus::sensors::{self, FULL_SCALE, REFERENCE_VOLTS, force_at};
-use virtual_stylus::serial_socket::SerialSocket;
+use virtual_stylus::sensors::{
+    self, FULL_SCALE, FunctionPins, MID_SCALE, REFERENCE_VOLTS, force_at,
+};
+use virtual_stylus::sockets::{SerialSocket, UsbSocket};
 use virtual_stylus::tick::TickStatistics;
-use virtual_stylus::usb_socket::UsbSocket;
 use virtual_stylus::{Options, ResetCause, RunReport, VirtualStylus};
 
 /// Virtual time between two comparisons with the wall clock.
@@ -124,7 +124,7 @@ fn start(arguments: &Arguments) -> Result<(VirtualStylus, Around)> {
             .iter()
             .map(|line| (nanos(line.time_s), line.speed_mm_s))
             .collect();
-        stylus.set_motion(Motion::linear(&speeds, arguments.mm_per_count)?)?;
+        stylus.set_motion(Motion::linear(&speeds, arguments.mm_per_count)?);
     }
     let mut links = Vec::new();
     let serial = arguments.port.map(SerialSocket::listen).transpose()?;
@@ -218,7 +218,7 @@ fn run(
     let mut operations = 0;
     while stylus.now_ns() < end_ns {
         match commands.as_ref().map(Receiver::try_recv) {
-            Some(Ok(Command::Reset)) => stylus.reset_by_pin()?,
+            Some(Ok(Command::Reset)) => stylus.reset_by_pin(),
             Some(Err(TryRecvError::Disconnected)) => return Ok(()),
             None | Some(Err(TryRecvError::Empty)) => {}
         }
@@ -227,12 +227,12 @@ fn run(
             (None, Some(_)) => SERIAL_STEP_NS,
             (None, None) => STEP_NS,
         };
-        stylus.run_until((stylus.now_ns() + step_ns).min(end_ns))?;
+        stylus.run_until((stylus.now_ns() + step_ns).min(end_ns));
         if let Some(serial) = serial {
-            serial.serve(stylus)?;
+            serial.serve(stylus);
         }
         if let Some(usb) = usb {
-            usb.serve(stylus)?;
+            usb.serve(stylus);
         }
         let wall = Duration::from_nanos(stylus.now_ns());
         if let Some(ahead) = wall
@@ -242,9 +242,9 @@ fn run(
             std::thread::sleep(ahead);
         }
         if let Some(flash) = flash.as_mut().filter(|_| kept.elapsed() > KEEP_EVERY) {
-            let now = stylus.board(|board| board.part.flash.around.started())?;
+            let now = stylus.board(|board| board.part.flash.around.started());
             if now != operations {
-                flash.write(&stylus.flash()?)?;
+                flash.write(&stylus.flash())?;
                 operations = now;
             }
             kept = Instant::now();
@@ -283,7 +283,7 @@ fn finish(
     arguments: &Arguments,
 ) -> Result<()> {
     println!("ran {:.3} s", stylus.now_ns() as f64 / NANOS_PER_SECOND);
-    for reset in stylus.resets()? {
+    for reset in stylus.resets() {
         let cause = match reset.cause {
             ResetCause::Software => "by the image",
             ResetCause::Watchdog => "by the watchdog",
@@ -294,7 +294,7 @@ fn finish(
             reset.at_ns as f64 / NANOS_PER_SECOND
         );
     }
-    let record = stylus.take_dac_record()?;
+    let record = stylus.take_dac_record();
     println!(
         "voice coil output: {} instants, last {:?}",
         record.len(),
@@ -308,25 +308,25 @@ fn finish(
             .collect();
         std::fs::write(path, text).with_context(|| path.display().to_string())?;
     }
-    if let Some(ticks) = TickStatistics::of(&stylus.take_ticks()?) {
+    if let Some(ticks) = TickStatistics::of(&stylus.take_ticks()) {
         println!(
             "ticks: {}, instructions min {} median {} max {}; {} not followed",
             ticks.ticks,
             ticks.min,
             ticks.median,
             ticks.max,
-            stylus.unfollowed_ticks()?
+            stylus.unfollowed_ticks()
         );
     }
-    for audit in stylus.take_audits()? {
+    for audit in stylus.take_audits() {
         println!(
             "audited tick: {} instructions, {} fetched from flash, {} loads from flash {:#x?}",
             audit.instructions, audit.flash_fetches, audit.flash_reads, audit.places
         );
     }
-    print(&stylus.report()?);
+    print(&stylus.report());
     if let Some(flash) = flash {
-        flash.write(&stylus.flash()?)?;
+        flash.write(&stylus.flash())?;
     }
     Ok(())
 }

@@ -57,21 +57,6 @@ proptest! {
             prop_assert!(energy(state.backward(order + 1)) <= before);
         }
     }
-
-    #[test]
-    fn two_samples_in_one_pass_are_two_samples(
-        codes in prop_oneof![vec(theta_code(), 0..40), vec(theta_code(), MAX_ORDER)],
-        backward in vec(sample(), MAX_ORDER),
-        excitation in vec((sample(), sample()), 1..20),
-    ) {
-        let rotations: Vec<Rotation> = codes.iter().map(|&code| rotation(code)).collect();
-        let (mut single, mut double) = (state(&backward), state(&backward));
-        for (first, second) in excitation {
-            let one_by_one = [first, second].map(|e| single.filter::<Portable>(&rotations, e));
-            prop_assert_eq!(double.filter_two::<Portable>(&rotations, [first, second]), one_by_one);
-            prop_assert_eq!(double.backward(codes.len()), single.backward(codes.len()));
-        }
-    }
 }
 
 proptest! {

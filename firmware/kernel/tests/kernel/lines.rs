@@ -398,9 +398,7 @@ fn lines_are_added_to_what_the_texture_plays_without_them_bit_for_bit() {
         let mut samples = Vec::new();
         for block in 0..300u32 {
             synthesis.follow(motion(20.0 + block as f32, 1.0), UPDATE_INTERVAL_SAMPLES);
-            for _ in 0..BLOCK / 2 {
-                samples.extend(synthesis.next_two_samples());
-            }
+            samples.extend((0..BLOCK).map(|_| synthesis.next_sample()));
         }
         (samples, synthesis.saturations())
     };

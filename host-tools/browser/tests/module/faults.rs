@@ -16,20 +16,12 @@ fn refused(wasm: &mut Wasm, status: u32, expected: u32, words: &[&str]) {
 #[test]
 fn calls_before_a_library_is_loaded_say_what_comes_first() {
     let mut wasm = Wasm::empty();
-    for name in [
-        "texture_count",
-        "scene_count",
-        "sample_rate_hz",
-        "block_samples",
-        "digest_words",
-    ] {
+    for name in ["sample_rate_hz", "block_samples", "digest_words"] {
         assert_eq!(wasm.call(name, ()), 0, "{name}");
     }
     let status = wasm.call("run", 1u32);
     refused(&mut wasm, status, 1, &["no library", "reserve", "load"]);
     let status = wasm.call("choose_texture", (0u32, 0u32, 1u32, 0u32));
-    refused(&mut wasm, status, 1, &["no library"]);
-    let status = wasm.call("texture", 0u32);
     refused(&mut wasm, status, 1, &["no library"]);
 }
 
@@ -45,7 +37,6 @@ fn bytes_that_are_no_library_are_refused_and_a_good_one_may_follow() {
     let status = wasm.load(&damaged);
     refused(&mut wasm, status, 2, &["no library that can be played"]);
     assert_eq!(wasm.load(&library), 0);
-    assert_eq!(wasm.call("texture_count", ()), 1);
     assert_eq!(wasm.call("reserve", library.len() as u32), 0);
     let status = wasm.call("load", ());
     refused(&mut wasm, status, 3, &["already", "another instance"]);
@@ -126,8 +117,6 @@ fn every_refusal_names_its_fault_and_leaves_what_plays_as_it_is() {
         let status = wasm.call("run", 3u32);
         assert_eq!(status, 8);
     }
-    let status = wasm.call("locate", (f64::NAN, 1.0, 0.0));
-    refused(&mut wasm, status, 8, &["speed is not finite"]);
     assert_eq!(
         wasm.run(&[rubbed; 20]).expect("it is finite"),
         untroubled.run(&[rubbed; 20]).expect("it is finite")

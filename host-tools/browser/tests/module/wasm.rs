@@ -90,11 +90,6 @@ impl Wasm {
         numbers.map(|bytes| f64::from_le_bytes(*bytes)).collect()
     }
 
-    pub fn numbers(&mut self) -> Vec<f64> {
-        let count = self.call("number_count", ()) as usize;
-        self.doubles("numbers", count)
-    }
-
     pub fn set_motion(&mut self, motions: &[BlockMotion]) {
         let at = self.call("motion", ()) as usize;
         let numbers = motions.iter().flat_map(|motion| motion.numbers());

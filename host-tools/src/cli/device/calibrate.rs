@@ -9,8 +9,8 @@ use model_format::link::{Setting, SettingChange, Settings};
 use serde::Serialize;
 
 use super::connection::Link;
-use super::interrupt::Interrupt;
 use crate::cli::input::positive;
+use crate::cli::interrupt::Interrupt;
 use crate::cli::output::{print, print_json, tell};
 
 #[derive(clap::Args)]
@@ -80,7 +80,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             .check(change.value)
             .map_err(|error| Error::Request(error.to_string()))?;
     }
-    changes.extend(sensors(arguments, &device, &interrupt, &settings)?);
+    changes.extend(sensors(arguments, &device, interrupt, &settings)?);
     for line in coil.summary() {
         say(&line);
     }
@@ -157,7 +157,7 @@ fn coil(arguments: &Arguments, settings: &Settings) -> Result<Coil> {
 fn sensors(
     arguments: &Arguments,
     device: &Device,
-    interrupt: &Interrupt,
+    interrupt: Interrupt,
     settings: &Settings,
 ) -> Result<Vec<SettingChange>> {
     let measure = |pose: &str, is_force_alone: bool| -> Result<AtRest> {

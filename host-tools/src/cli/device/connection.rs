@@ -14,10 +14,23 @@ use crate::cli::output::note;
 pub struct Link {
     /// Address of the stylus: usb, usb:SERIAL, serial:PATH, tcp:HOST:PORT or usb-virtual:HOST:PORT [default: the only
     /// one that is attached, see `stylus devices`]
-    #[arg(long, value_name = "LINK", env = "STYLUS_LINK", global = true)]
+    #[arg(
+        long,
+        value_name = "LINK",
+        env = "STYLUS_LINK",
+        hide_env_values = true,
+        global = true
+    )]
     link: Option<LinkAddress>,
     /// Timeout of an answer, in seconds; 16 times as long for requests that write flash [default: 1]
-    #[arg(long, value_name = "S", value_parser = positive, global = true)]
+    #[arg(
+        long,
+        value_name = "S",
+        value_parser = positive,
+        env = "STYLUS_TIMEOUT",
+        hide_env_values = true,
+        global = true
+    )]
     timeout: Option<f64>,
     /// Open the link for this command alone, without sharing it with others
     #[arg(long, global = true)]

@@ -1,22 +1,15 @@
 //! Commands that talk to a stylus, each over one connection that its `--link` names.
 
-pub mod activate;
 pub mod calibrate;
 mod connection;
 pub mod devices;
-mod histogram;
-mod interrupt;
-pub mod list;
-mod live_line;
-pub mod monitor;
 pub mod play;
 pub mod record;
-pub mod record_strokes;
 pub mod selftest;
 mod sensing;
 pub mod settings;
 pub mod share_link;
-mod slot;
+pub mod slots;
 pub mod status;
 pub mod stop;
 pub mod upload;
@@ -29,24 +22,18 @@ use host_tools::support::error::Result;
 pub enum Command {
     /// List the styluses that are attached: on USB, behind a probe's serial port, or virtual
     Devices(devices::Arguments),
-    /// Record trials with the stylus's sensors, prompted for each speed and force
+    /// Record with the stylus's sensors: trials, prompted for each speed and force, or a free hand's strokes
     Record(record::Arguments),
-    /// Record free-hand strokes with speed and force per sample, for segment
-    RecordStrokes(record_strokes::Arguments),
     /// Upload a library to the stylus, and read it back
     Upload(upload::Arguments),
-    /// List the libraries and textures in the stylus
-    List(list::Arguments),
-    /// Make the library of a slot the active one
-    Activate(activate::Arguments),
+    /// List the libraries and textures in the stylus, or make another library the active one
+    Slots(slots::Arguments),
     /// Play a texture or a scene until Ctrl-C, along the sensors' motion or a given one
     Play(play::Arguments),
     /// Stop playing and recording
     Stop(stop::Arguments),
-    /// Show the stylus's state and all its counters
+    /// Show the stylus's state and all its counters, once or continuously with the sensors
     Status(status::Arguments),
-    /// Show the stylus's state and sensors continuously
-    Monitor(monitor::Arguments),
     /// Test the board, the wiring and the link, and keep a record; the amplifier must be off
     Selftest(selftest::Arguments),
     /// Show or change the stylus's settings
@@ -63,14 +50,11 @@ pub fn run(command: &Command) -> Result<()> {
     match command {
         Command::Devices(arguments) => devices::run(arguments),
         Command::Record(arguments) => record::run(arguments),
-        Command::RecordStrokes(arguments) => record_strokes::run(arguments),
         Command::Upload(arguments) => upload::run(arguments),
-        Command::List(arguments) => list::run(arguments),
-        Command::Activate(arguments) => activate::run(arguments),
+        Command::Slots(arguments) => slots::run(arguments),
         Command::Play(arguments) => play::run(arguments),
         Command::Stop(arguments) => stop::run(arguments),
         Command::Status(arguments) => status::run(arguments),
-        Command::Monitor(arguments) => monitor::run(arguments),
         Command::Selftest(arguments) => selftest::run(arguments),
         Command::Settings(arguments) => settings::run(arguments),
         Command::Calibrate(arguments) => calibrate::run(arguments),

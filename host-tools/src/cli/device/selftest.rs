@@ -1,17 +1,18 @@
 //! `stylus selftest`
 
+use std::path::PathBuf;
+
 use host_tools::link::self_test::record::Record;
 use host_tools::link::self_test::{self, Options, Step, Verdict};
 use host_tools::link::{Device, LinkAddress, LinkError};
 use host_tools::support::error::{Error, Result};
 use host_tools::support::progress;
-use model_format::link::SlotId;
 
 use super::connection::Link;
-use super::slot::Slot;
-use crate::cli::destination::{self, Destination};
+use super::slots::Slot;
 use crate::cli::input::positive;
 use crate::cli::output::{print, print_json, tell};
+use crate::cli::overwrite::Overwrite;
 use crate::cli::table::table;
 
 #[derive(clap::Args)]
@@ -32,8 +33,10 @@ pub struct Arguments {
     #[arg(long, value_name = "LINK")]
     also: Option<LinkAddress>,
     /// File of the record, or folder for a file named by serial number and date
-    #[arg(long, value_name = "PATH", default_value = ".", value_parser = destination::self_test_record())]
-    record: Destination,
+    #[arg(long, value_name = "PATH", default_value = ".")]
+    record: PathBuf,
+    #[command(flatten)]
+    overwrite: Overwrite,
     /// Print the record as JSON
     #[arg(long)]
     json: bool,
@@ -42,6 +45,9 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
+    if !arguments.record.is_dir() {
+        arguments.overwrite.file(&arguments.record, &[])?;
+    }
     let device = arguments.link.connect()?;
     let also = (arguments.also.as_ref())
         .map(|address| other(arguments, address, device.info().serial.as_str()))
@@ -50,7 +56,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         traffic_s: arguments.seconds,
         sensors: !arguments.bare,
         moves: arguments.moves,
-        erasable: arguments.use_slot.map(SlotId::from),
+        erasable: arguments.use_slot.and_then(Slot::id),
+        ..Options::default()
     };
     tell("the amplifier must be off; the output is moved while its pin is read back");
     let line = progress::line("self test");
@@ -72,7 +79,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     } else {
         print(&text(&record))?;
     }
-    let path = record.write(arguments.record.path())?;
+    let path = record.write(&arguments.record)?;
     if !arguments.json {
         print(&format!("record: {}", path.display()))?;
     }

@@ -1,9 +1,17 @@
-//! Arguments for the calibration of the sensors, for the commands that record.
+//! The sensors, for the commands that record: their calibration, and levels in the line that shows progress.
 
 use host_tools::link::Device;
-use host_tools::link::capture::Calibration;
+use host_tools::link::capture::{Calibration, Level};
 use host_tools::support::error::{Error, Result};
 use model_format::Provenance;
+
+/// Samples that a live level is the mean of: 0.1 s.
+pub const LIVE_SAMPLES: usize = 500;
+
+/// A level in a few words.
+pub fn live(level: &Level) -> String {
+    format!("{:7.3} m/s² {:5.1} mm/s", level.rms_m_s2, level.speed_mm_s)
+}
 
 /// Calibration and provenance of the stylus's sensors.
 #[derive(clap::Args)]

@@ -4,9 +4,7 @@ use std::io::{BufRead, IsTerminal, Write};
 
 use clap::Subcommand;
 use host_tools::link::Device;
-use host_tools::link::consequences::consequences;
-use host_tools::link::setting_row::{SettingOrigin, SettingRow};
-use host_tools::link::setting_text;
+use host_tools::link::settings::{self as described, SettingOrigin, SettingRow, consequences};
 use host_tools::support::error::{Error, Result};
 use model_format::link::{SettingSet, Settings, SettingsChange, SettingsError, SettingsState};
 
@@ -56,10 +54,10 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let mut wanted = SettingSet::ALL;
     match &arguments.action {
         Some(Action::Get { name: Some(name) }) => {
-            wanted = SettingSet::NONE.with(setting_text::named(name)?, true);
+            wanted = SettingSet::NONE.with(described::named(name)?, true);
         }
         Some(Action::Set { pairs, .. }) => {
-            changes = setting_text::changes(pairs)?;
+            changes = described::changes(pairs)?;
             let set = SettingSet::NONE;
             wanted = changes
                 .iter()

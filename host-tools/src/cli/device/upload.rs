@@ -212,7 +212,7 @@ fn upload(arguments: &Arguments, path: &Path) -> Result<()> {
             "; active".to_owned()
         } else {
             format!(
-                "; `stylus activate {}` makes it the active one",
+                "; `stylus slots --activate {}` makes it the active one",
                 uploaded.slot
             )
         }

@@ -20,20 +20,16 @@ use host_tools::recording::RecordingSet;
 use host_tools::report::evaluation_folder as report;
 use host_tools::report::sound::node_seconds;
 use host_tools::support::error::Result;
-use host_tools::support::file_kind::FileKind;
-use host_tools::support::output_folder::OutputFolder;
+use host_tools::support::output::OutputFolder;
 use host_tools::support::{atomic_file, progress};
 use model_format::Library;
 
 pub use summary::summary;
 
-use crate::cli::destination::{self, Destination, Overwrite};
 use crate::cli::input::{Recordings, not_negative, positive};
 use crate::cli::library_file::{decode_library, read_library};
 use crate::cli::output::{print, to_json};
-
-/// The command whose result a report is.
-const REPORT: &str = "evaluate --report";
+use crate::cli::overwrite::Overwrite;
 
 #[derive(clap::Args)]
 pub struct Arguments {
@@ -58,11 +54,11 @@ pub struct Arguments {
     #[arg(long, value_enum, requires = "leave_one_out", default_value = "both")]
     neighbours: Around,
     /// Folder for a report with figures
-    #[arg(long, value_name = "OUT_DIR", value_parser = destination::folder(REPORT))]
-    report: Option<Destination>,
+    #[arg(long, value_name = "OUT_DIR")]
+    report: Option<PathBuf>,
     /// JSON file for the numbers of all trials
-    #[arg(long, value_name = "FILE", value_parser = destination::file(FileKind::Json))]
-    json: Option<Destination>,
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
     #[command(flatten)]
     overwrite: Overwrite,
     /// Reduction from three axes to one; the same as for the fit
@@ -89,6 +85,14 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
+    let inputs = (arguments.recordings.inputs().iter()).chain(&arguments.library);
+    let inputs: Vec<PathBuf> = inputs.chain(&arguments.takes).cloned().collect();
+    if let Some(json) = &arguments.json {
+        arguments.overwrite.file(json, &inputs)?;
+    }
+    if let Some(report) = &arguments.report {
+        arguments.overwrite.folder(report, &inputs)?;
+    }
     let set = arguments.recordings.open()?;
     let Some(path) = &arguments.library else {
         let default = leave_one_out::Options::default();
@@ -100,7 +104,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             synthesis_s: arguments.synthesis.unwrap_or(default.synthesis_s),
             seed: arguments.seed,
         };
-        let json = arguments.json.as_ref().map(Destination::path);
+        let json = arguments.json.as_deref();
         return removed_nodes::run(&set, &options, json);
     };
     let bytes = read_library(path)?;
@@ -121,14 +125,14 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let chosen = takes::choose(&set, takes, record.as_ref(), arguments.reduce)?;
     let evaluation = evaluate_set(&set, &library, chosen.judges, record.as_ref(), &options)?;
     if let Some(json) = &arguments.json {
-        atomic_file::write(json.path(), to_json(&evaluation).as_bytes())?;
+        atomic_file::write(json, to_json(&evaluation).as_bytes())?;
     }
     print(&summary(&evaluation))?;
     if let Some(table) = summary::takes(&evaluation, arguments.each) {
         print(&format!("\n{table}"))?;
     }
     if let Some(report) = &arguments.report {
-        let page = OutputFolder::begin(report.path(), REPORT)?.fill(|folder| {
+        let page = OutputFolder::begin(report, arguments.overwrite.is_asked())?.fill(|folder| {
             let page = report::write(&set, &library, &evaluation, &options, folder.path())?;
             Ok(folder.named(&page))
         })?;

@@ -1,7 +1,6 @@
 //! `stylus fit`
 
 mod densify;
-mod each;
 mod library;
 mod parts;
 mod report;
@@ -22,6 +21,7 @@ use host_tools::texture::quantise::StructureChoice;
 use host_tools::texture::summary::TextureSummary;
 use host_tools::texture::theta::{self, ThetaChoice};
 use model_format::SAMPLE_RATE_HZ;
+use std::path::PathBuf;
 
 pub use library::fit_library;
 use library::{concessions, write_library};
@@ -29,11 +29,11 @@ use model_format::limits::MAX_TEXTURES;
 use parts::LargeSet;
 use report::{FitReport, energy_kept, excitations, given_up, lines_found, show_verdicts};
 
-use crate::cli::destination::{self, Destination, Overwrite};
 use crate::cli::input::{Recordings, not_negative, positive, tolerance};
 use crate::cli::inspect::texture_table;
 use crate::cli::library_file::decode_library;
 use crate::cli::output::{note, print, print_json};
+use crate::cli::overwrite::Overwrite;
 
 /// The table's cores, as the command line names them.
 #[derive(Clone, Copy, clap::ValueEnum)]
@@ -58,13 +58,8 @@ pub struct Arguments {
     #[command(flatten)]
     recordings: Recordings,
     /// Library file to write; with --each the folder of the libraries
-    #[arg(
-        long,
-        value_name = "LIB",
-        required_unless_present = "shard",
-        value_parser = destination::fitted_library()
-    )]
-    out: Option<Destination>,
+    #[arg(long, value_name = "LIB", required_unless_present = "shard")]
+    out: Option<PathBuf>,
     #[command(flatten)]
     overwrite: Overwrite,
     /// Order of the models: 0 to 400, or chosen for each node: 'auto' (AIC) or 'bic', which is thriftier
@@ -192,7 +187,18 @@ fn snapped(set: RecordingSet, tolerance: Option<f64>) -> Result<RecordingSet> {
     Ok(set)
 }
 
+/// Checks what is to be written: the library and its record. With --each they are in a folder that grows.
+fn check_outputs(arguments: &Arguments) -> Result<()> {
+    let Some(out) = arguments.out.as_ref().filter(|_| !arguments.large.each) else {
+        return Ok(());
+    };
+    let inputs = arguments.recordings.inputs();
+    arguments.overwrite.file(out, inputs)?;
+    arguments.overwrite.file(&FitRecord::path_for(out), inputs)
+}
+
 pub fn run(arguments: &Arguments) -> Result<()> {
+    check_outputs(arguments)?;
     let set = snapped(arguments.recordings.open()?, arguments.snap)?;
     let budget = arguments.budget_cycles.map(|cycles| Budget {
         cycles,
@@ -224,11 +230,11 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         return parts::map_shard(&set, &options, shard, (&arguments.large, arguments.json));
     }
     // clap asks for it in every other case.
-    let Some(out) = arguments.out.as_ref().map(Destination::path) else {
+    let Some(out) = arguments.out.as_ref().map(PathBuf::as_path) else {
         return Err(Error::Request("give --out, the library to write".into()));
     };
     if arguments.large.each {
-        return each::run(&set, &options, out, (&arguments.large, arguments.json));
+        return parts::write_each(&set, &options, out, (&arguments.large, arguments.json));
     }
     let Fitted {
         mut fit,

@@ -1,16 +1,19 @@
-//! `stylus fit --parts`: partial results in a folder, computed by one process or by many.
+//! `stylus fit --parts` and `--each`: partial results in a folder, computed by one process or by many, and a library of
+//! its own for each texture.
 
 use std::path::{Path, PathBuf};
 
 use host_tools::fit;
-use host_tools::fit::Fit;
-use host_tools::fit::shard::{Mapped, Merged, Shard, map};
+use host_tools::fit::parts::{Mapped, Merged, Shard, map};
+use host_tools::fit::record::FitRecord;
+use host_tools::fit::{Fit, TrialReport};
 use host_tools::recording::RecordingSet;
-use host_tools::support::error::Result;
+use host_tools::support::error::{Error, Result};
+use host_tools::support::file_name::Stems;
 use host_tools::support::progress;
 
-use crate::cli::destination::{self, Destination};
-use crate::cli::output::{print, print_json};
+use crate::cli::output::{print, print_json, warn};
+use crate::cli::table::table;
 
 /// Options for sets that one library, one run or one machine is too small for.
 #[derive(clap::Args)]
@@ -19,36 +22,26 @@ pub struct LargeSet {
     #[arg(long, conflicts_with_all = ["densify", "budget_cycles"])]
     pub each: bool,
     /// Folder of partial results: what was computed of a trial is kept there, and not computed again
-    #[arg(long, value_name = "DIR", value_parser = destination::parts())]
-    pub parts: Option<Destination>,
+    #[arg(long, value_name = "DIR")]
+    pub parts: Option<PathBuf>,
     /// Compute shard I of N only, and leave its partial results in --parts; with --merge --each, write the libraries of
     /// every N-th texture
     #[arg(long, value_name = "I/N", requires = "parts")]
     pub shard: Option<Shard>,
-    /// Join the shards in --parts instead of computing them
+    /// Join what all shards have left in --parts, and compute nothing of it
     #[arg(long, requires = "parts", requires = "out")]
     pub merge: bool,
 }
 
 impl LargeSet {
     fn folder(&self) -> Option<PathBuf> {
-        let parts = self.parts.as_ref();
-        parts.map(|parts| parts.path().to_owned())
+        self.parts.clone()
     }
 
     /// The shard to compute and leave in --parts, if that is all there is to do.
     pub fn shard_to_map(&self) -> Option<Shard> {
         self.shard.filter(|_| !self.merge)
     }
-}
-
-/// Report of a shard, as JSON.
-#[derive(serde::Serialize)]
-struct ShardReport {
-    shard: String,
-    part: String,
-    trials: usize,
-    reused: usize,
 }
 
 /// Computes one shard.
@@ -59,23 +52,19 @@ pub fn map_shard(
     (large, is_json): (&LargeSet, bool),
 ) -> Result<()> {
     let folder = large.folder().unwrap_or_default();
-    let Mapped {
-        path,
-        trials,
-        reused,
-    } = mapped(set, options, shard, &folder)?;
+    let Mapped { trials, reused } = mapped(set, options, shard, &folder)?;
     if is_json {
-        return print_json(&ShardReport {
-            shard: shard.to_string(),
-            part: path.display().to_string(),
-            trials,
-            reused,
-        });
+        return print_json(&serde_json::json!({
+            "shard": shard.to_string(),
+            "parts": folder.display().to_string(),
+            "trials": trials,
+            "reused": reused,
+        }));
     }
     print(&format!(
         "shard {shard}: {trials} of {} trials -> {} ({reused} were there)",
         set.trials.len(),
-        path.display()
+        folder.display()
     ))
 }
 
@@ -85,7 +74,7 @@ fn mapped(
     shard: Shard,
     folder: &Path,
 ) -> Result<Mapped> {
-    // The units of a shard are of different sizes, so that its share is known to a few trials only.
+    // Units are of different sizes, so that a shard's share is known to a few trials only.
     let share = (set.trials.len() as u64).div_ceil(u64::from(shard.of));
     let bar = progress::bar(share, "analysing trials");
     let mapped = map(set, options, shard, folder, |trials| bar.inc(trials as u64))?;
@@ -93,7 +82,8 @@ fn mapped(
     Ok(mapped)
 }
 
-/// Joins the shards of --parts, or of `default`; computes what is not there first, unless --merge says that all is.
+/// Joins the partial results in --parts, or in `default`; computes what is not there first, unless --merge says that
+/// all is.
 pub fn merged<'s>(
     set: &'s RecordingSet,
     options: &fit::Options,
@@ -101,17 +91,11 @@ pub fn merged<'s>(
     large: &LargeSet,
 ) -> Result<Merged<'s>> {
     let folder = large.folder().or(default).unwrap_or_default();
-    let whole = if large.merge {
-        None
-    } else {
-        Some(mapped(set, options, Shard::WHOLE, &folder)?.path)
-    };
+    if !large.merge {
+        mapped(set, options, Shard::WHOLE, &folder)?;
+    }
     let bar = progress::bar(set.trials.len() as u64, "reading partial results");
-    let progress = |trials| bar.inc(trials as u64);
-    let merged = match whole {
-        Some(path) => Merged::of_files(set, options, &[path], progress)?,
-        None => Merged::of_folder(set, options, &folder, progress)?,
-    };
+    let merged = Merged::of_folder(set, options, &folder, |trials| bar.inc(trials as u64))?;
     bar.finish_and_clear();
     Ok(merged)
 }
@@ -123,4 +107,94 @@ pub fn fit_merged(merged: &Merged<'_>, trials: usize) -> Result<(Fit, Vec<u8>)> 
     bar.finish_and_clear();
     let bytes = fit.library()?;
     Ok((fit, bytes))
+}
+
+/// Folder of partial results in that of the libraries, unless --parts names another.
+const PARTS: &str = "parts";
+
+/// A library that was written.
+#[derive(serde::Serialize)]
+struct Written {
+    texture: String,
+    library: String,
+    bytes: usize,
+    trials: usize,
+    /// Trials with a finding of triage.
+    doubtful: usize,
+    warnings: Vec<String>,
+}
+
+pub fn write_each(
+    set: &RecordingSet,
+    options: &fit::Options,
+    out: &Path,
+    (large, is_json): (&LargeSet, bool),
+) -> Result<()> {
+    std::fs::create_dir_all(out).map_err(Error::io("create", out))?;
+    let merged = merged(set, options, Some(out.join(PARTS)), large)?;
+    let share = large.shard.unwrap_or(Shard::WHOLE);
+    let mut stems = Stems::default();
+    let textures: Vec<(usize, &str, String, Vec<usize>)> = set
+        .by_texture()
+        .into_iter()
+        .enumerate()
+        .map(|(index, (name, members))| (index, name, stems.of(name), members))
+        .collect();
+    let own = || textures.iter().filter(|(index, ..)| share.has(*index));
+    let bar = progress::bar(own().count() as u64, "fitting textures");
+    let mut libraries = Vec::new();
+    for (_, name, stem, members) in own() {
+        let path = out.join(format!("{stem}.lib"));
+        libraries.push(library(&merged, members, name, &path, options)?);
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    if is_json {
+        return print_json(&serde_json::json!({ "libraries": libraries }));
+    }
+    for written in &libraries {
+        written.warnings.iter().for_each(|warning| warn(warning));
+    }
+    let rows: Vec<Vec<String>> = libraries.iter().map(row).collect();
+    let header = ["texture", "trials", "with a verdict", "bytes", "library"];
+    print(&table(&header, &rows))?;
+    let trials: usize = libraries.iter().map(|written| written.trials).sum();
+    let count = libraries.len();
+    print(&format!(
+        "\n{trials} trials -> {count} libraries in {}",
+        out.display()
+    ))
+}
+
+fn row(written: &Written) -> Vec<String> {
+    vec![
+        written.texture.clone(),
+        written.trials.to_string(),
+        written.doubtful.to_string(),
+        written.bytes.to_string(),
+        written.library.clone(),
+    ]
+}
+
+/// Writes the library of the texture with the trials `members`.
+fn library(
+    merged: &Merged<'_>,
+    members: &[usize],
+    name: &str,
+    path: &Path,
+    options: &fit::Options,
+) -> Result<Written> {
+    let (set, contents, fit) = merged.fit_texture(members)?;
+    let bytes = fit.library()?;
+    let record = FitRecord::with_contents(&set, options, &bytes, &contents);
+    record.with_account_of(&fit).write_with(path, &bytes)?;
+    let doubtful = |trial: &&TrialReport| !trial.verdicts.is_empty();
+    Ok(Written {
+        texture: name.to_owned(),
+        library: path.display().to_string(),
+        bytes: bytes.len(),
+        trials: members.len(),
+        doubtful: fit.trials.iter().filter(doubtful).count(),
+        warnings: fit.warnings,
+    })
 }

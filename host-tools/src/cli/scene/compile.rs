@@ -10,9 +10,9 @@ use model_format::scene::Scene;
 use stylus_kernel::scene::cost;
 
 use super::check::headline;
-use crate::cli::destination::{self, Destination, Overwrite};
 use crate::cli::library_file::{decode_library, read_library};
 use crate::cli::output::{print, warn};
+use crate::cli::overwrite::Overwrite;
 
 #[derive(clap::Args)]
 pub struct Arguments {
@@ -23,14 +23,16 @@ pub struct Arguments {
     #[arg(long, value_name = "LIB")]
     library: PathBuf,
     /// Library file to write, with the scenes; may be the same
-    #[arg(long, value_name = "LIB", value_parser = destination::library_in_place())]
-    out: Destination,
+    #[arg(long, value_name = "LIB")]
+    out: PathBuf,
     #[command(flatten)]
     overwrite: Overwrite,
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
-    let out = arguments.out.path();
+    let out = &arguments.out;
+    // The library may get its scenes in place, and is replaced as any other file then.
+    arguments.overwrite.file(out, &arguments.scenes)?;
     let bytes = read_library(&arguments.library)?;
     let library = decode_library(&arguments.library, &bytes)?;
     let mut scenes: Vec<Scene> = Vec::new();

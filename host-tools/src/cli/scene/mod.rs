@@ -1,7 +1,8 @@
-//! `stylus scene`: check, compile, render and plot.
+//! `stylus scene`: check, compile, render, plot and fit-tap.
 
 mod check;
 mod compile;
+mod fit_tap;
 #[cfg(feature = "spectrograms")]
 mod plot;
 mod render;
@@ -27,6 +28,8 @@ enum Command {
     #[cfg(feature = "spectrograms")]
     /// Draw the surfaces along the path, the motion, and the stylus's output
     Plot(plot::Arguments),
+    /// Fit a scene's tap transient to recordings of taps
+    FitTap(fit_tap::Arguments),
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
@@ -36,5 +39,6 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         Command::Render(arguments) => render::run(arguments),
         #[cfg(feature = "spectrograms")]
         Command::Plot(arguments) => plot::run(arguments),
+        Command::FitTap(arguments) => fit_tap::run(arguments),
     }
 }

@@ -1,18 +1,19 @@
 //! `stylus scene plot`
 
+use std::path::PathBuf;
+
 use host_tools::playing::motion::Hand;
 use host_tools::playing::render::Rendering;
 use host_tools::report::plot;
 use host_tools::report::plot::{Caption, SceneRegion, SceneView};
 use host_tools::support::error::Result;
-use host_tools::support::file_kind::FileKind;
 use model_format::{OutputSample, Provenance};
 
 use super::source::{Along, Source};
-use crate::cli::destination::{self, Destination, Overwrite};
 use crate::cli::input::positive;
 use crate::cli::library_file::{decode_library, read_library};
 use crate::cli::output::print;
+use crate::cli::overwrite::Overwrite;
 
 /// Longest duration that is drawn, s; beyond it, the columns of a spectrogram are too narrow to be seen.
 const LONGEST_S: f64 = 600.0;
@@ -24,8 +25,8 @@ pub struct Arguments {
     #[command(flatten)]
     along: Along,
     /// SVG file to write
-    #[arg(long, value_name = "SVG", value_parser = destination::file(FileKind::Svg))]
-    out: Destination,
+    #[arg(long, value_name = "SVG")]
+    out: PathBuf,
     #[command(flatten)]
     overwrite: Overwrite,
     /// Highest frequency of the spectrogram, in hertz
@@ -34,6 +35,8 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
+    let inputs = arguments.source.inputs(&arguments.along);
+    arguments.overwrite.file(&arguments.out, &inputs)?;
     let path = arguments.source.library_path()?;
     let bytes = read_library(path)?;
     let library = decode_library(path, &bytes)?;
@@ -68,6 +71,6 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         rate_hz,
         highest_hz: arguments.highest,
     };
-    plot::scene(&caption, &view)?.write(arguments.out.path())?;
-    print(&format!("-> {}", arguments.out.path().display()))
+    plot::scene(&caption, &view)?.write(&arguments.out)?;
+    print(&format!("-> {}", arguments.out.display()))
 }

@@ -23,6 +23,7 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
+    (arguments.wav).check(&arguments.source.inputs(&arguments.along))?;
     let path = arguments.source.library_path()?;
     let bytes = read_library(path)?;
     let library = decode_library(path, &bytes)?;

@@ -26,6 +26,12 @@ pub struct Source {
 }
 
 impl Source {
+    /// The files that are read for it and for the motion along it.
+    pub fn inputs(&self, along: &Along) -> Vec<PathBuf> {
+        let given = std::iter::once(&self.file).chain(&self.library);
+        given.chain(&along.motion).cloned().collect()
+    }
+
     /// Returns true for a scene file.
     fn is_text(&self) -> bool {
         is_text(&self.file)

@@ -31,7 +31,7 @@ struct EarlierPoint {
     filter: usize,
     interval: usize,
     total_error_db: Option<f64>,
-    worst_cycles: Option<f64>,
+    cycles: Option<f64>,
     on_front: bool,
     on_safe_front: bool,
 }
@@ -39,8 +39,8 @@ struct EarlierPoint {
 /// A choice of structure, order and interval with its place, in one comparison.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Place {
-    /// Cycles per sample at worst, updates included.
-    pub worst_cycles: f64,
+    /// Cycles per sample, updates included.
+    pub cycles: f64,
     /// Error at rest and in motion together, dB.
     pub error_db: f64,
     /// True if nothing cheaper has as low an error.
@@ -82,7 +82,7 @@ impl Earlier {
     pub fn safe_front(&self) -> Vec<(f64, f64)> {
         let on_front = self.points.iter().filter(|point| point.on_safe_front);
         let mut places: Vec<(f64, f64)> = on_front
-            .filter_map(|point| Some((point.worst_cycles?, point.total_error_db?)))
+            .filter_map(|point| Some((point.cycles?, point.total_error_db?)))
             .collect();
         places.sort_by(|a, b| a.0.total_cmp(&b.0));
         places
@@ -99,7 +99,7 @@ impl Earlier {
                 interval: point.interval,
                 before: self.place(filter.structure.into(), filter.order, point.interval),
                 now: Some(Place {
-                    worst_cycles: point.worst_cycles,
+                    cycles: point.cycles,
                     error_db: point.total_error_db,
                     on_front: point.on_front,
                     on_safe_front: point.on_safe_front,
@@ -130,7 +130,7 @@ impl Earlier {
         });
         let cycles = |change: &Change| {
             let place = change.now.or(change.before);
-            place.map_or(f64::INFINITY, |place| place.worst_cycles)
+            place.map_or(f64::INFINITY, |place| place.cycles)
         };
         changes.sort_by(|a, b| cycles(a).total_cmp(&cycles(b)));
         changes
@@ -149,7 +149,7 @@ impl Earlier {
 impl EarlierPoint {
     fn place(&self) -> Option<Place> {
         Some(Place {
-            worst_cycles: self.worst_cycles?,
+            cycles: self.cycles?,
             error_db: self.total_error_db?,
             on_front: self.on_front,
             on_safe_front: self.on_safe_front,
@@ -174,11 +174,11 @@ mod tests {
         {"structure": "normalised_lattice_32", "order": {"fixed": 20}, "highest_order": 20},
         {"structure": "direct_form_32", "order": {"at_most": 400}, "highest_order": 130}],
         "points": [
-        {"filter": 0, "interval": 10, "total_error_db": 4.5, "worst_cycles": 900.0,
+        {"filter": 0, "interval": 10, "total_error_db": 4.5, "cycles": 900.0,
          "on_front": true, "on_safe_front": true},
-        {"filter": 0, "interval": 25, "total_error_db": 5.5, "worst_cycles": 700.0,
+        {"filter": 0, "interval": 25, "total_error_db": 5.5, "cycles": 700.0,
          "on_front": false, "on_safe_front": true},
-        {"filter": 1, "interval": 10, "total_error_db": null, "worst_cycles": 50.0,
+        {"filter": 1, "interval": 10, "total_error_db": null, "cycles": 50.0,
          "on_front": false, "on_safe_front": false}]}"#;
 
     fn written(text: &str) -> Result<Earlier> {
@@ -194,7 +194,7 @@ mod tests {
         assert_eq!(earlier.safe_front(), [(700.0, 5.5), (900.0, 4.5)]);
         let lattice = Structure::NormalisedLattice32;
         let place = earlier.place(lattice, Order::Fixed(20), 10).unwrap();
-        assert_eq!((place.worst_cycles, place.on_safe_front), (900.0, true));
+        assert_eq!((place.cycles, place.on_safe_front), (900.0, true));
         assert_eq!(earlier.place(lattice, Order::Fixed(50), 10), None);
         assert_eq!(
             earlier.place(Structure::DirectForm32, Order::Auto, 10),

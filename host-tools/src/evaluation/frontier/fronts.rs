@@ -16,7 +16,7 @@ pub(super) fn mark_fronts(frontier: &mut Frontier) {
     let costs = frontier.filters.iter().map(|filter| {
         let holds = filter.still.refused == 0;
         let cost = if holds { filter.still.cost } else { f64::NAN };
-        (filter.m4.sample.worst_cycles, cost)
+        (filter.m4.sample.cycles, cost)
     });
     let on_cost_front = pareto::front(&costs.collect::<Vec<_>>(), worth::COST);
     let front = |holds: fn(&Filter) -> bool| {
@@ -28,7 +28,7 @@ pub(super) fn mark_fronts(frontier: &mut Frontier) {
             } else {
                 f64::NAN
             };
-            (point.worst_cycles, error)
+            (point.cycles, error)
         });
         pareto::front(&points.collect::<Vec<_>>(), worth::BAND_DB)
     };

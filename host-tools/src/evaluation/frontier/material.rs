@@ -33,7 +33,7 @@ impl Material {
         let paper = RigFile::paper();
         let [fit, held_out] = SEEDS.map(|seed| {
             let take = folder.join(format!("take-{seed}"));
-            rig::simulate_to_folder(&paper, seed, &take)?;
+            rig::simulate_to_folder(&paper, seed, &take, false)?;
             RecordingSet::open(&[take])
         });
         let description = format!(

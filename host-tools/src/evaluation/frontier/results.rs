@@ -42,7 +42,7 @@ pub struct Filter {
     pub refused_textures: Vec<String>,
     /// On a Cortex-M4.
     pub m4: Cost,
-    /// On a Cortex-M7: instructions counted, cycles bounded by the Cortex-M4's and modelled by llvm-mca.
+    /// On a Cortex-M7.
     pub m7: Cost,
     /// Flash that a node takes in a library, bytes.
     pub library_bytes_per_node: usize,
@@ -86,12 +86,9 @@ pub struct Point {
     pub total_error_db: f64,
     /// Samples at full scale while rubbing.
     pub saturations: u32,
-    /// Cycles per sample on a Cortex-M4, updates included, at best.
+    /// Cycles per sample on a Cortex-M4, updates included.
     #[serde(deserialize_with = "number")]
-    pub best_cycles: f64,
-    /// The same at worst.
-    #[serde(deserialize_with = "number")]
-    pub worst_cycles: f64,
+    pub cycles: f64,
     /// True if it plays all textures and nothing cheaper has as low an error.
     pub on_front: bool,
     /// True if it holds every hard case and nothing cheaper that does has as low an error.
@@ -99,9 +96,9 @@ pub struct Point {
 }
 
 impl Point {
-    /// Share of a sample's time at each of [`CLOCKS_HZ`], at worst.
+    /// Share of a sample's time at each of [`CLOCKS_HZ`].
     pub fn shares(&self) -> [f64; 3] {
-        CLOCKS_HZ.map(|clock_hz| share(self.worst_cycles, clock_hz))
+        CLOCKS_HZ.map(|clock_hz| share(self.cycles, clock_hz))
     }
 
     /// The interval in ms.
@@ -144,8 +141,7 @@ pub struct Frontier {
     /// The emulator that counted.
     pub qemu: String,
     /// The version of LLVM whose llvm-mca modelled the Cortex-M7.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub llvm_mca: Option<String>,
+    pub llvm_mca: String,
     /// Other implementations beside ours.
     pub peers: Vec<Peer>,
     /// Structures by orders.

@@ -237,7 +237,6 @@ fn rubbed(
     let points = of_intervals.zip(INTERVALS).map(|(moved, interval)| {
         let moved = moved.iter().flatten().copied().reduce(Moving::and);
         let error_db = moved.map_or(f64::NAN, |moved| moved.band_error_db());
-        let (best_cycles, worst_cycles) = cycles(&filter.m4, moved.as_ref(), interval);
         Point {
             filter: index,
             interval,
@@ -245,8 +244,7 @@ fn rubbed(
             motion_within_jnd: moved.map_or(f64::NAN, |moved| moved.bands_within_jnd()),
             total_error_db: error_db.hypot(filter.still.band_error_db),
             saturations: moved.map_or(0, |moved| moved.saturations),
-            best_cycles,
-            worst_cycles,
+            cycles: cycles(&filter.m4, moved.as_ref(), interval),
             on_front: false,
             on_safe_front: false,
         }
@@ -254,18 +252,15 @@ fn rubbed(
     Ok(points.collect())
 }
 
-/// Cycles per sample, updates included, at best and at worst. At worst those that stay in their cell take that share of
-/// the dearest which their instructions are; at best all are as cheap as the cheapest.
-fn cycles(cost: &Cost, moved: Option<&Moving>, interval: usize) -> (f64, f64) {
+/// Cycles per sample, updates included. Those that stay in their cell take that share of the dearest which their
+/// instructions are.
+fn cycles(cost: &Cost, moved: Option<&Moving>, interval: usize) -> f64 {
     let (same, new) = match moved {
         Some(moved) => moved.updates_per_sample(),
         None => (1.0 / interval as f64, 0.0),
     };
     let least = cost.update.instructions_least / cost.update.instructions_most;
-    (
-        cost.sample.best_cycles + (same + new) * cost.update.best_cycles,
-        cost.sample.worst_cycles + (same * least + new) * cost.update.worst_cycles,
-    )
+    cost.sample.cycles + (same * least + new) * cost.update.cycles
 }
 
 fn decoded(bytes: &[u8]) -> Result<Library<'_>> {

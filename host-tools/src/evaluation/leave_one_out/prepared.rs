@@ -82,7 +82,9 @@ impl<'a> Prepared<'a> {
             ..fit::Options::default()
         };
         let read = set.trials.par_iter().map(|trial| {
-            fit::analyse_with_signal(trial, &fit_options, fit_options.order.highest())
+            let highest = fit_options.order.highest();
+            let (analysis, signal) = fit::analyse_with_signal(trial, &fit_options, highest)?;
+            Ok((analysis, signal.samples))
         });
         let (analyses, signals): (Vec<_>, Vec<_>) =
             read.collect::<Result<Vec<_>>>()?.into_iter().unzip();

@@ -14,7 +14,6 @@
 
 mod filling;
 mod lines;
-mod told;
 
 use model_format::{NodeFlags, Structure, TextureSpec, limits};
 use serde::Serialize;
@@ -35,7 +34,7 @@ use crate::texture::theta::{
     StoredTheta, ThetaChoice, ThetaReport, all_allow_compact, bytes_per_node,
 };
 
-use told::Told;
+use lines::Told;
 
 pub use filling::{ECONOMY_DB, Filling, LeftOut, highest_order};
 pub use lines::Direction;

@@ -2,8 +2,8 @@
 
 use model_format::{LEVEL_FRACTION_BITS, ModulationSpec, SAMPLE_RATE_HZ, level_amplitude, limits};
 
-use super::residual::mean_square;
 use super::trace::Trace;
+use super::trace::mean_square;
 
 /// Resolution of a level track.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -174,7 +174,7 @@ mod tests {
             at: (0, 0),
             residual,
             flaws: Vec::new(),
-            judged: crate::fit::excitation::judge::Judged::default(),
+            judged: crate::fit::excitation::evidence::Judged::default(),
         }
     }
 

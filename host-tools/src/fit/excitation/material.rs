@@ -1,9 +1,9 @@
 //! The material of a codebook: which stretches of which trials.
 
-use super::judge::{KURTOSIS_SAMPLES, kurtosis};
+use super::evidence::{KURTOSIS_SAMPLES, kurtosis_of};
 use super::level::{BESIDE_CODEBOOK, local_rms};
-use super::residual::mean_square;
 use super::trace::Trace;
+use super::trace::mean_square;
 
 /// Samples of a stretch: 0.2 s, of which pieces of 20 to 80 ms are taken.
 pub(super) const STRETCH_SAMPLES: usize = 1000;
@@ -105,7 +105,7 @@ fn mean_kurtosis(stretch: &[f64]) -> f64 {
     let windows = stretch.chunks_exact(KURTOSIS_SAMPLES);
     let loud = windows.filter(|window| mean_square(window) > 0.0);
     let (count, sum) = loud.fold((0.0, 0.0), |(count, sum), window| {
-        (count + 1.0, sum + kurtosis(window))
+        (count + 1.0, sum + kurtosis_of(window))
     });
     sum / f64::max(count, 1.0)
 }
@@ -113,7 +113,7 @@ fn mean_kurtosis(stretch: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fit::excitation::judge::Judged;
+    use crate::fit::excitation::evidence::Judged;
 
     fn trace(samples: usize) -> Trace {
         // Each sample tells its place.

@@ -20,12 +20,9 @@
 
 mod codebook;
 mod evidence;
-mod judge;
 mod level;
 mod material;
 mod regions;
-mod report;
-mod residual;
 #[cfg(test)]
 mod tests;
 mod texture;
@@ -42,8 +39,8 @@ use super::options::{ExcitationChoice, ModulationChoice, Options};
 use super::trial::Signal;
 
 pub use evidence::Evidence;
-pub use report::{CodebookReport, ExcitationReport, TrackReport};
 use texture::{Axes, Parts};
+pub use texture::{CodebookReport, ExcitationReport, TrackReport};
 use trace::Trace;
 
 /// Returns whether `options` leave anything to add: Gaussian noise of steady level needs nothing.

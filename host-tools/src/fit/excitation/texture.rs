@@ -1,17 +1,15 @@
 //! The choice of a texture's excitation, from the traces of its trials.
 
 use model_format::{ExcitationSpec, ModulationSpec, SAMPLE_RATE_HZ, limits};
-
-use crate::fit::options::{ExcitationChoice, ModulationChoice, Options};
+use serde::{Deserialize, Serialize};
 
 use super::codebook::{Coded, coded};
-use super::evidence::{Evidence, LEAST_WINDOWS, LEVEL, Sums, kurtosis, spread};
-use super::judge::KURTOSIS_SAMPLES;
+use super::evidence::{Evidence, KURTOSIS_SAMPLES, LEAST_WINDOWS, LEVEL, Sums, kurtosis, spread};
 use super::level::{BESIDE_CODEBOOK, BESIDE_NOISE, amplitude, track};
 use super::material::{LEAST_STRETCHES, MOST_STRETCHES, STRETCH_SAMPLES, choose};
 use super::regions::{Region, regions};
-use super::report::{CodebookReport, ExcitationReport, TrackReport};
 use super::trace::Trace;
+use crate::fit::options::{ExcitationChoice, ModulationChoice, Options};
 
 /// Highest product of a codebook's peak and a track's level, standard deviations. Two pieces that both peak where they
 /// are joined reach 1.41 times this, which is still below the excitation's full scale of 64.
@@ -297,4 +295,58 @@ fn reason_of_level(
                 .to_owned()
         }
     }
+}
+
+/// A codebook of a texture.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CodebookReport {
+    /// Lowest and highest speed of its nodes, mm/s.
+    pub speeds_mm_s: [f32; 2],
+    /// Lowest and highest force of its nodes, N.
+    pub forces_n: [f32; 2],
+    /// Local kurtosis of the trials there, in data that was not fitted.
+    pub kurtosis: Evidence,
+    /// Number of trials that its material is of.
+    pub trials: usize,
+    /// Duration, s.
+    pub seconds: f64,
+    /// Highest peak, standard deviations.
+    pub peak: f32,
+    /// Samples whose peak was cut, because the excitation has no room for it.
+    pub cut_samples: usize,
+    /// Ratio of its power to that of the error of its codes, dB.
+    pub snr_db: f64,
+}
+
+/// A level track of a texture.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TrackReport {
+    /// Number of trials that it is joined from.
+    pub trials: usize,
+    /// Number of entries.
+    pub entries: usize,
+    /// Time from one entry to the next, s.
+    pub step_s: f64,
+    /// Lowest and highest level, dB.
+    pub range_db: [f64; 2],
+}
+
+/// The choice of a texture's excitation.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ExcitationReport {
+    /// The texture.
+    pub texture: String,
+    /// Local kurtosis of all trials, in data that was not fitted; 2.9 of Gaussian noise.
+    pub kurtosis: Evidence,
+    /// Spread of levels of all trials, in data that was not fitted, dB; 0.4 of steady Gaussian noise.
+    pub spread_db: Evidence,
+    /// The codebooks, none for Gaussian noise.
+    pub codebooks: Vec<CodebookReport>,
+    /// The level track, none for a steady level.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub track: Option<TrackReport>,
+    /// Reason for the source.
+    pub source: String,
+    /// Reason for the level.
+    pub level: String,
 }

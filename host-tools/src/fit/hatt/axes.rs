@@ -3,14 +3,13 @@
 //! A file's models are scattered: each has a speed and a force that few others share, so that a grid of all of them has
 //! some ten times as many nodes as models. The search begins with that grid, which holds every model at its own place.
 //! It takes away the line of nodes, a speed or a force, whose loss costs least per byte, until the grid is small
-//! enough. The cost is the error against the file's definition ([`Reference`]) at the models' own places, and with less
+//! enough. The cost is the error against the file's definition at the models' own places, and with less
 //! weight in the middle of every triangle.
 
 use model_format::{SAMPLE_RATE_HZ, limits};
 use rayon::prelude::*;
 
-use super::node;
-use super::reference::Reference;
+use super::between::{self, density};
 use super::toolkit::Toolkit;
 use crate::dsp::linear_prediction::error_share;
 use crate::dsp::model::Model;
@@ -86,13 +85,8 @@ pub(super) fn node_bytes(model: &Model) -> usize {
 }
 
 /// Chooses the grid within `bounds`.
-pub(super) fn choose(
-    toolkit: &Toolkit,
-    reference: &Reference,
-    candidates: &Candidates,
-    bounds: Bounds,
-) -> Chosen {
-    let mut search = Search::new(toolkit, reference, candidates);
+pub(super) fn choose(toolkit: &Toolkit, candidates: &Candidates, bounds: Bounds) -> Chosen {
+    let mut search = Search::new(toolkit, candidates);
     while let Some(axis) = search.excess(bounds) {
         if !search.take_away(axis) {
             break;
@@ -135,20 +129,20 @@ struct Search<'a> {
 type Axes = [bool; 2];
 
 impl<'a> Search<'a> {
-    fn new(toolkit: &Toolkit, reference: &Reference, candidates: &'a Candidates) -> Self {
+    fn new(toolkit: &Toolkit, candidates: &'a Candidates) -> Self {
         let forces = candidates.forces_n.len();
         let models: Vec<Model> = (0..candidates.speeds_mm_s.len() * forces)
             .into_par_iter()
             .map(|index| {
                 let speed = f64::from(candidates.speeds_mm_s[index / forces]);
-                node::model(
+                between::model(
                     toolkit,
                     (speed, f64::from(candidates.forces_n[index % forces])),
                 )
             })
             .collect();
         let angles = |model: &Model| model.reflection.iter().map(|k| k.asin()).collect();
-        let probes = probes(reference.nyquist_hz());
+        let probes = probes(toolkit.nyquist_hz());
         let mut search = Self {
             candidates,
             thetas: models
@@ -156,7 +150,7 @@ impl<'a> Search<'a> {
                 .map(|model| (angles(model), model.output_power))
                 .collect(),
             models,
-            spots: spots(reference, &probes),
+            spots: spots(toolkit, &probes),
             probes,
             left: [
                 (0..candidates.speeds_mm_s.len()).collect(),
@@ -400,20 +394,20 @@ fn probes(nyquist_hz: f64) -> Vec<Probe> {
         .collect()
 }
 
-fn spots(reference: &Reference, probes: &[Probe]) -> Vec<Spot> {
+fn spots(toolkit: &Toolkit, probes: &[Probe]) -> Vec<Spot> {
     let frequencies_hz: Vec<f64> = probes.iter().map(|probe| probe.frequency_hz).collect();
-    let mut own: Vec<(f64, f64)> = reference.model_places().collect();
+    let mut own: Vec<(f64, f64)> = toolkit.model_places().collect();
     own.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
     own.dedup();
     let third = 1.0 / 3.0;
-    let middles = reference
+    let middles = toolkit
         .inside_triangles([third; 3])
         .map(|place| (place, MIDDLE_WEIGHT));
     own.into_iter()
         .map(|place| (place, 1.0))
         .chain(middles)
         .filter_map(|(place, weight)| {
-            let density = reference.density(place, &frequencies_hz)?;
+            let density = density(toolkit, place, &frequencies_hz)?;
             let mut densities = density.into_iter();
             let wanted_db = levels_db(probes, |_| densities.next().unwrap_or(0.0));
             Some(Spot {

@@ -1,9 +1,12 @@
 //! Spectra between the models of a file, as their makers interpolate them.
 
+use model_format::{NodeFlags, SAMPLE_RATE_HZ};
+
 use super::toolkit::{ArmaModel, Timbre, Toolkit};
 use crate::dsp::line_spectral_frequencies as line_spectrum;
 use crate::dsp::log_spectrum::{BINS, LogSpectrum, STEP_HZ};
-use model_format::SAMPLE_RATE_HZ;
+use crate::dsp::model::Model;
+use crate::dsp::spectrum::{BAND_COUNT, band_edges_hz};
 
 /// Slope of the spectrum where the models say nothing.
 pub const ROLL_OFF_DB_PER_OCTAVE: f64 = 48.0;
@@ -37,6 +40,31 @@ pub(super) fn at(toolkit: &Toolkit, place: (f64, f64)) -> Between {
             .sum(),
         is_extrapolated,
     }
+}
+
+/// Returns the density on one side of the spectrum, (m/s²)²/Hz, that the file defines at a speed, mm/s, and a force, N,
+/// at these frequencies, at most half the file's rate. Gives nothing outside of all triangles and where the file is
+/// silent. Speeds and forces above the highest count as the highest.
+pub(super) fn density(
+    toolkit: &Toolkit,
+    place: (f64, f64),
+    frequencies_hz: &[f64],
+) -> Option<Vec<f64>> {
+    let highest = (toolkit.max_speed_mm_s, toolkit.max_force_n);
+    let place = (place.0.min(highest.0), place.1.min(highest.1));
+    let between = at(toolkit, place);
+    // Edges of silence are not silent by more than the weights' rounding.
+    let is_silent = between.variance <= 1e-15;
+    let shape = between
+        .shape
+        .filter(|_| !between.is_extrapolated && !is_silent)?;
+    let scale = 2.0 / f64::from(SAMPLE_RATE_HZ) * between.variance;
+    let frequencies = frequencies_hz.iter();
+    Some(
+        frequencies
+            .map(|hz| scale * shape.at(hz / STEP_HZ).exp())
+            .collect(),
+    )
 }
 
 /// The corners of the triangle at `place`, with barycentric weights, or of the nearest place on any triangle, and
@@ -170,6 +198,82 @@ fn at_stylus_rate(rate_hz: f64, poles: &[f64], zeros: &[f64], gain: f64) -> LogS
     LogSpectrum::from_values(values.collect())
 }
 
+/// Worst error of a third octave that the order of a node may leave, dB.
+pub const ORDER_TOLERANCE_DB: f64 = 0.4;
+
+/// Orders that are tried. The last one is taken if none is within the tolerance.
+const ORDERS: [usize; 17] = [
+    6, 8, 10, 12, 14, 16, 18, 20, 23, 26, 30, 35, 42, 50, 65, 80, 100,
+];
+
+/// Returns the model at a speed, mm/s, and a force, N.
+///
+/// Its power between 0 Hz and the models' half rate is exactly theirs. A silent node keeps its shape, because shapes
+/// are interpolated towards it.
+pub(super) fn model(toolkit: &Toolkit, place: (f64, f64)) -> Model {
+    let Between {
+        shape,
+        variance,
+        is_extrapolated,
+    } = at(toolkit, place);
+    let mut flags = NodeFlags::NONE;
+    if is_extrapolated {
+        flags = flags.with(NodeFlags::EXTRAPOLATED);
+    }
+    let Some(shape) = shape else {
+        return Model {
+            flags: flags.with(NodeFlags::SILENT),
+            ..Model::silent()
+        };
+    };
+    let model = economical(&shape, 0.5 * toolkit.sample_rate_hz);
+    let output_power = model.output_power * variance;
+    if output_power as f32 <= 0.0 {
+        flags = flags.with(NodeFlags::SILENT);
+    }
+    Model {
+        output_power,
+        flags,
+        ..model
+    }
+}
+
+fn economical(shape: &LogSpectrum, highest_hz: f64) -> Model {
+    let full = shape.model(ORDERS[ORDERS.len() - 1]);
+    let mut last = None;
+    for order in ORDERS.map(|order| order.min(full.reflection.len())) {
+        let model = Model {
+            reflection: full.reflection[..order].to_vec(),
+            ..full.clone()
+        };
+        let made = LogSpectrum::of_model(&model);
+        let bands = shape.band_errors_db(&made);
+        let own = (0..BAND_COUNT).filter(|&band| band_edges_hz(band).1 <= highest_hz);
+        let is_near = own
+            .filter_map(|band| bands[band])
+            .all(|error| error.abs() <= ORDER_TOLERANCE_DB);
+        let level = power_below(shape, highest_hz) / power_below(&made, highest_hz);
+        last = Some(Model {
+            output_power: model.output_power * level,
+            ..model
+        });
+        if is_near {
+            break;
+        }
+    }
+    last.expect("there are orders")
+}
+
+/// Sum of the values below a frequency, which are proportional to power.
+fn power_below(spectrum: &LogSpectrum, highest_hz: f64) -> f64 {
+    let last = ((highest_hz / STEP_HZ).round() as usize).min(spectrum.values().len() - 1);
+    let inner: f64 = spectrum.values()[1..last]
+        .iter()
+        .map(|value| value.exp())
+        .sum();
+    inner + 0.5 * (spectrum.values()[0].exp() + spectrum.values()[last].exp())
+}
+
 #[cfg(test)]
 mod tests {
     use super::super::fixture;
@@ -181,21 +285,45 @@ mod tests {
         read(Path::new("felt.xml"), &fixture::whole()).unwrap()
     }
 
+    /// The densities in closed form tell the reading of the file and the interpolation, too.
     #[test]
-    fn densities_are_kept_up_to_the_models_half_rate_and_fall_above() {
-        let between = at(&toolkit(), (60.0, 0.5));
-        let shape = between.shape.unwrap();
-        for frequency_hz in [30.0, 100.0, 250.0, 480.0] {
-            let wanted = fixture::density(&[(4, 1.0)], frequency_hz);
-            let density = 2.0 * between.variance * shape.at(frequency_hz / STEP_HZ).exp()
-                / f64::from(SAMPLE_RATE_HZ);
-            assert!(
-                (density / wanted - 1.0).abs() < 1e-3,
-                "{frequency_hz}: {density} {wanted}"
-            );
+    fn densities_are_those_in_closed_form_at_models_and_between_them_and_fall_above() {
+        let toolkit = toolkit();
+        let frequencies_hz = [0.0, 40.0, 133.0, 250.0, 499.0];
+        for models in [
+            vec![(4, 1.0)],
+            vec![(3, 1.0)],
+            vec![(1, 0.2), (3, 0.3), (5, 0.5)],
+            vec![(0, 0.6), (4, 0.4)],
+        ] {
+            let sum = |of: fn((f64, f64, f64)) -> f64| -> f64 {
+                let weighed = models.iter().map(|&(i, w)| w * of(fixture::PLACES[i]));
+                weighed.sum()
+            };
+            let place = (sum(|p| p.0), sum(|p| p.1));
+            let found = density(&toolkit, place, &frequencies_hz).unwrap();
+            for (got, hz) in found.iter().zip(frequencies_hz) {
+                let wanted = fixture::density(&models, hz);
+                assert!(
+                    (got / wanted - 1.0).abs() < 1e-3,
+                    "{models:?} {hz}: {got} {wanted}"
+                );
+            }
         }
+        let shape = at(&toolkit, (60.0, 0.5)).shape.unwrap();
         let fall = shape.at(1000.0 / STEP_HZ) - shape.at(2000.0 / STEP_HZ);
         assert!((10.0 / std::f64::consts::LN_10 * fall - ROLL_OFF_DB_PER_OCTAVE).abs() < 1e-6);
+    }
+
+    #[test]
+    fn silence_has_no_density_and_the_highest_speed_counts_above_it() {
+        let toolkit = toolkit();
+        assert!(density(&toolkit, (0.0, 1.0), &[100.0]).is_none());
+        assert!(density(&toolkit, (50.0, 0.0), &[100.0]).is_none());
+        assert_eq!(
+            density(&toolkit, (900.0, 9.0), &[100.0]),
+            density(&toolkit, (200.0, 2.0), &[100.0])
+        );
     }
 
     #[test]

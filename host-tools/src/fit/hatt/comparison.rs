@@ -1,12 +1,17 @@
-//! Errors of a library against the definition of the file that it was made of: the bytes' own sound (`played`) and
-//! the definition's ([`Reference`]), level and third octaves up to half the file's rate.
+//! Errors of a library against the definition of the file that it was made of: what its bytes play, by the kernel's own
+//! response to an impulse, and the spectra of the definition; level and third octaves up to half the file's rate.
 
-use model_format::Texture;
+use model_format::{MillimetresPerSecond, Newton, OutputSample, SAMPLE_RATE_HZ, Texture};
 use rayon::prelude::*;
+use realfft::RealFftPlanner;
 use serde::Serialize;
+use stylus_kernel::arithmetic::Portable;
+use stylus_kernel::excitation;
+use stylus_kernel::grid::{GridPoint, Motion};
+use stylus_kernel::lattice::{LatticeFrame, LatticeState};
 
-use super::played;
-use super::reference::Reference;
+use super::between;
+use super::toolkit::Toolkit;
 use crate::dsp::spectrum::{AMPLITUDE_JND_DB, BAND_COUNT, BAND_LABELS_HZ, band_edges_hz};
 
 /// Error at a place.
@@ -72,27 +77,27 @@ impl Summary {
     }
 }
 
-/// Compares `texture` with `reference` at speeds, mm/s, and forces, N. Places at which the file has no sound give
+/// Compares `texture` with `toolkit` at speeds, mm/s, and forces, N. Places at which the file has no sound give
 /// nothing.
 pub fn errors(
-    reference: &Reference,
+    toolkit: &Toolkit,
     texture: &Texture<'_>,
     places: &[(f64, f64)],
 ) -> Vec<Option<PlaceError>> {
     places
         .par_iter()
-        .map(|&place| error(reference, texture, place))
+        .map(|&place| error(toolkit, texture, place))
         .collect()
 }
 
-fn error(reference: &Reference, texture: &Texture<'_>, place: (f64, f64)) -> Option<PlaceError> {
-    let played = played::density(texture, place);
-    let nyquist_hz = reference.nyquist_hz();
+fn error(toolkit: &Toolkit, texture: &Texture<'_>, place: (f64, f64)) -> Option<PlaceError> {
+    let played = played_density(texture, place);
+    let nyquist_hz = toolkit.nyquist_hz();
     let frequencies_hz: Vec<f64> = (0..played.len())
         .map(|bin| bin as f64)
         .take_while(|&f| f <= nyquist_hz)
         .collect();
-    let wanted = reference.density(place, &frequencies_hz)?;
+    let wanted = between::density(toolkit, place, &frequencies_hz)?;
     let error = |low_hz: f64, high_hz: f64| {
         let ratio =
             power_between(&played, low_hz, high_hz) / power_between(&wanted, low_hz, high_hz);
@@ -123,4 +128,47 @@ fn power_between(density: &[f64], low_hz: f64, high_hz: f64) -> f64 {
         .enumerate()
         .map(|(bin, value)| value * share(bin))
         .sum()
+}
+
+/// Length of the response, samples: 1 s, so that the densities are 1 Hz apart.
+const LENGTH: usize = SAMPLE_RATE_HZ as usize;
+
+/// Height of the impulse in standard deviations of the excitation, as a power of two: half of full scale.
+const HEIGHT_BITS: u32 = 2;
+
+/// Returns the density on one side of the spectrum, (m/s²)²/Hz, at 0 Hz, 1 Hz and so on to half the sample rate, of
+/// `texture`, a lattice, at a speed, mm/s, and a force, N, both finite.
+pub(super) fn played_density(texture: &Texture<'_>, (speed_mm_s, force_n): (f64, f64)) -> Vec<f64> {
+    let motion = Motion::new(
+        MillimetresPerSecond(speed_mm_s as f32),
+        Newton(force_n as f32),
+    )
+    .expect("speeds and forces of a file are finite");
+    let mut frame = LatticeFrame::silent(texture.max_order());
+    frame.update::<Portable>(
+        texture,
+        &GridPoint::locate(texture, motion),
+        frame.levels(0),
+        1,
+    );
+    let mut state = LatticeState::new();
+    let step = f64::from(1u32 << HEIGHT_BITS) * f64::from(1u32 << OutputSample::FRACTION_BITS);
+    let mut response: Vec<f64> = (0..LENGTH)
+        .map(|sample| {
+            let excitation = if sample == 0 {
+                1 << (excitation::FRACTION_BITS + HEIGHT_BITS)
+            } else {
+                0
+            };
+            let (output, _) = state.next_sample::<Portable>(&frame, excitation, 0);
+            f64::from(output.0) / step
+        })
+        .collect();
+    let transform = RealFftPlanner::new().plan_fft_forward(LENGTH);
+    let mut spectrum = transform.make_output_vec();
+    transform
+        .process(&mut response, &mut spectrum)
+        .expect("lengths come from the plan");
+    let scale = 2.0 / f64::from(SAMPLE_RATE_HZ);
+    spectrum.iter().map(|bin| scale * bin.norm_sqr()).collect()
 }

@@ -9,10 +9,9 @@ use serde::Serialize;
 
 pub use super::axes::Bounds;
 use super::axes::{Candidates, Chosen, choose};
+pub use super::between::ORDER_TOLERANCE_DB;
 pub use super::between::ROLL_OFF_DB_PER_OCTAVE;
 use super::comparison::{PlaceError, errors};
-pub use super::node::ORDER_TOLERANCE_DB;
-use super::reference::Reference;
 use super::toolkit::Toolkit;
 use crate::support::error::{Error, Result};
 use crate::texture::certificate;
@@ -61,17 +60,38 @@ pub struct Converted {
     pub between: Vec<PlaceError>,
 }
 
-/// Makes the models of `toolkit` a texture named `name`, whose grid keeps `bounds`. Errors are against `reference`,
-/// the same file's definition, and of the bytes that the texture becomes.
+/// Error of a node that is worth a warning, dB.
+const WARN_DB: f64 = 1.0;
+
+/// A warning of nodes that are not what the file says.
+pub fn far_nodes(nodes: &[ConvertedNode]) -> Option<String> {
+    let error = |node: &ConvertedNode| {
+        let (band, level) = (
+            node.worst_band_db.unwrap_or(0.0),
+            node.level_db.unwrap_or(0.0),
+        );
+        band.max(level.abs())
+    };
+    let far = nodes.iter().filter(|node| error(node) > WARN_DB).count();
+    let worst = nodes.iter().max_by(|a, b| error(a).total_cmp(&error(b)))?;
+    (far > 0).then(|| {
+        format!(
+            "{far} of {} nodes are more than {WARN_DB} dB from the file, by up to {:.1} dB in a third octave at {} \
+             mm/s, {} N",
+            nodes.len(),
+            error(worst),
+            worst.speed_mm_s,
+            worst.force_n
+        )
+    })
+}
+
+/// Makes the models of `toolkit` a texture named `name`, whose grid keeps `bounds`. Errors are of the bytes that
+/// the texture becomes.
 ///
 /// # Errors
 /// No speed or no force above zero, or a level that the library cannot hold.
-pub fn convert(
-    name: &str,
-    toolkit: &Toolkit,
-    reference: &Reference,
-    bounds: Bounds,
-) -> Result<Converted> {
+pub fn convert(name: &str, toolkit: &Toolkit, bounds: Bounds) -> Result<Converted> {
     let candidates = Candidates::of(toolkit);
     let axes = [&candidates.speeds_mm_s, &candidates.forces_n];
     if axes.iter().any(|axis| axis.is_empty()) || bounds.speeds == 0 || bounds.forces == 0 {
@@ -82,7 +102,7 @@ pub fn convert(
         speeds_mm_s,
         forces_n,
         models,
-    } = choose(toolkit, reference, &candidates, bounds);
+    } = choose(toolkit, &candidates, bounds);
     let grid = Grid {
         speeds_mm_s,
         forces_n,
@@ -105,7 +125,7 @@ pub fn convert(
         .collect();
     let nodes = grid
         .nodes()
-        .zip(errors(reference, &texture, &node_places))
+        .zip(errors(toolkit, &texture, &node_places))
         .map(|((speed_mm_s, force_n, model), error)| ConvertedNode {
             speed_mm_s,
             force_n,
@@ -116,10 +136,10 @@ pub fn convert(
             is_extrapolated: model.flags.contains(NodeFlags::EXTRAPOLATED),
         })
         .collect();
-    let judged: Vec<(f64, f64)> = reference.inside_triangles(JUDGED_WEIGHTS).collect();
-    let own: Vec<(f64, f64)> = reference.model_places().collect();
+    let judged: Vec<(f64, f64)> = toolkit.inside_triangles(JUDGED_WEIGHTS).collect();
+    let own: Vec<(f64, f64)> = toolkit.model_places().collect();
     let sounding = |places: &[(f64, f64)]| {
-        errors(reference, &texture, places)
+        errors(toolkit, &texture, places)
             .into_iter()
             .flatten()
             .collect()
@@ -148,7 +168,7 @@ mod tests {
 
     fn converted(text: &str, bounds: Bounds) -> Converted {
         let toolkit = read(Path::new("felt.xml"), text).unwrap();
-        convert("felt", &toolkit, &Reference::of(text, &[]).unwrap(), bounds).unwrap()
+        convert("felt", &toolkit, bounds).unwrap()
     }
 
     /// Errors of a converted texture at these places.
@@ -156,7 +176,8 @@ mod tests {
         let bytes = encode(std::slice::from_ref(&converted.spec)).unwrap();
         let library = Library::decode(&bytes).unwrap();
         let texture = library.texture("felt").unwrap();
-        let errors = errors(&Reference::of(text, &[]).unwrap(), &texture, places);
+        let toolkit = read(Path::new("felt.xml"), text).unwrap();
+        let errors = errors(&toolkit, &texture, places);
         errors.into_iter().flatten().collect()
     }
 
@@ -254,8 +275,10 @@ mod tests {
         let converted = converted(&text, ROOM);
         let bytes = encode(std::slice::from_ref(&converted.spec)).unwrap();
         let library = Library::decode(&bytes).unwrap();
-        let density =
-            super::super::played::density(&library.texture("felt").unwrap(), (140.0, 1.3));
+        let density = super::super::comparison::played_density(
+            &library.texture("felt").unwrap(),
+            (140.0, 1.3),
+        );
         let (below, above): (f64, f64) =
             (density[..=500].iter().sum(), density[600..].iter().sum());
         assert!(above < 0.01 * below, "{above} {below}");
@@ -268,7 +291,6 @@ mod tests {
             &[[1, 2, 3]],
         );
         let toolkit = read(Path::new("felt.xml"), &text).unwrap();
-        let reference = Reference::of(&text, &[]).unwrap();
-        assert!(convert("felt", &toolkit, &reference, ROOM).is_err());
+        assert!(convert("felt", &toolkit, ROOM).is_err());
     }
 }

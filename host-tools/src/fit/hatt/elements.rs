@@ -3,9 +3,70 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use roxmltree::{Document, Node};
+use roxmltree::{Document, Node, ParsingOptions};
 
+use crate::support::bounded_file::{Limit, MIB};
 use crate::support::error::{Error, Result};
+
+/// A model file. The published ones take some hundred kilobytes.
+pub const MODEL_FILE: Limit = Limit {
+    of: "a HaTT model file",
+    bytes: 16 * MIB,
+};
+
+/// Most attributes of an element and declarations of namespaces in a file: the parser compares each with all others.
+const MOST_ATTRIBUTES: usize = 16;
+
+/// Most elements in one another, because the numbers of each are looked for in all around them.
+const MOST_DEPTH: usize = 32;
+
+/// Most elements, texts and comments.
+const MOST_NODES: u32 = 1_000_000;
+
+/// Parses `text`; `path` is only named in errors.
+///
+/// # Errors
+/// Text that is not XML, or of a shape that no model file has and that takes more time than its length, with the line.
+pub fn document<'a>(path: &Path, text: &'a str) -> Result<Document<'a>> {
+    if let Some(line) = costly_line(text) {
+        let problem = format!(
+            "more than {MOST_ATTRIBUTES} attributes or namespaces, or {MOST_DEPTH} elements in one another: is it a \
+             HaTT model file?"
+        );
+        return Err(Error::line(path, line, problem));
+    }
+    let options = ParsingOptions {
+        nodes_limit: MOST_NODES,
+        ..ParsingOptions::default()
+    };
+    Document::parse_with_options(text, options).map_err(|failure| {
+        let problem = format!("is not well-formed XML: {failure}");
+        Error::line(path, u64::from(failure.pos().row), problem)
+    })
+}
+
+/// The line, from 1, of the first tag that breaks a bound. Comments and quoted signs count like tags, which no model
+/// file comes near to.
+fn costly_line(text: &str) -> Option<u64> {
+    let (mut depth, mut namespaces, mut line) = (0usize, 0, 1);
+    for tag in text.split_inclusive('>') {
+        let begin = tag.find('<').unwrap_or(tag.len());
+        let inner = &tag[begin..];
+        namespaces += inner.matches("xmlns").count();
+        if inner.starts_with("</") {
+            depth = depth.saturating_sub(1);
+        } else if inner.starts_with('<') && !inner.starts_with(['?', '!']) && !inner.ends_with("/>")
+        {
+            depth += 1;
+        }
+        let attributes = inner.matches('=').count().max(namespaces);
+        if attributes > MOST_ATTRIBUTES || depth > MOST_DEPTH {
+            return Some(line + tag[..begin].matches('\n').count() as u64);
+        }
+        line += tag.matches('\n').count() as u64;
+    }
+    None
+}
 
 /// Largest difference between line spectral frequencies of the file and those of its coefficients, rad.
 ///

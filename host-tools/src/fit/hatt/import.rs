@@ -5,17 +5,16 @@ use std::path::{Path, PathBuf};
 
 use model_format::{TextureSpec, encode, limits};
 use rayon::prelude::*;
+use serde::Serialize;
 
 use super::axes::{Bounds, Candidates, node_bytes};
-use super::convert::{Converted, convert};
-use super::node;
+use super::between;
+use super::comparison::PlaceError;
+use super::convert::{Converted, ConvertedNode, convert};
+use super::elements::MODEL_FILE;
 use super::read::read;
-use super::reference::Reference;
-use super::shape::MODEL_FILE;
 use super::toolkit::Toolkit;
 use crate::support::error::{Error, Result};
-use crate::support::file_name;
-use crate::support::fnv::Fnv;
 
 /// Bytes of a library without its textures, and of a texture without its name, axes and nodes; not fewer than these.
 const LIBRARY_BYTES: usize = 32;
@@ -33,10 +32,6 @@ pub struct Source {
     pub name: String,
     /// Its models.
     pub toolkit: Toolkit,
-    /// Hash of its text.
-    content: u64,
-    /// Its definition.
-    reference: Reference,
 }
 
 /// Sizes of the grids that are asked for.
@@ -46,8 +41,6 @@ pub struct Options {
     pub speeds: Option<usize>,
     /// Most forces of a grid; as many as the slot has room for if none.
     pub forces: Option<usize>,
-    /// Makes grids smaller where they would not fit, also if their sizes are asked for.
-    pub fit_slot: bool,
 }
 
 /// Bounds of every texture, and what they will take.
@@ -113,29 +106,10 @@ pub fn files(paths: &[PathBuf]) -> Result<Vec<PathBuf>> {
 /// Reads all `files`.
 ///
 /// # Errors
-/// Every file that cannot be used, each with its fault; two files whose textures would have one name.
+/// The first file that cannot be used; two files whose textures would have one name.
 pub fn read_all(files: &[PathBuf]) -> Result<Vec<Source>> {
-    let results: Vec<Result<Source>> = files.par_iter().map(|path| source(path)).collect();
-    let count = results.len();
-    let (mut sources, mut faults) = (Vec::new(), Vec::new());
-    for result in results {
-        match result {
-            Ok(source) => sources.push(source),
-            Err(fault) => faults.push(fault),
-        }
-    }
-    if let (1, Some(_)) = (faults.len(), faults.first()) {
-        return Err(faults.remove(0));
-    }
-    if !faults.is_empty() {
-        let list: Vec<String> = faults.iter().map(ToString::to_string).collect();
-        let problem = format!(
-            "{} of {count} files cannot be used: {}",
-            faults.len(),
-            list.join("; ")
-        );
-        return Err(Error::Request(problem));
-    }
+    let sources = files.par_iter().map(|path| source(path));
+    let sources = sources.collect::<Result<Vec<Source>>>()?;
     let mut names: HashMap<&str, &Path> = HashMap::new();
     for source in &sources {
         if let Some(first) = names.insert(&source.name, &source.path) {
@@ -153,12 +127,6 @@ pub fn read_all(files: &[PathBuf]) -> Result<Vec<Source>> {
 fn source(path: &Path) -> Result<Source> {
     let text = MODEL_FILE.read_text(path)?;
     let toolkit = read(path, &text)?;
-    let reference = Reference::of(&text, &toolkit.left_out).ok_or_else(|| {
-        Error::file(
-            path,
-            "has models, and no definition of them: is it a HaTT model file?",
-        )
-    })?;
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
     let name = stem.strip_prefix(FILE_PREFIX).unwrap_or(&stem).to_owned();
     if name.is_empty() || name.len() > limits::MAX_NAME_BYTES {
@@ -173,37 +141,7 @@ fn source(path: &Path) -> Result<Source> {
         path: path.to_owned(),
         name,
         toolkit,
-        content: Fnv::of(text.as_bytes()),
-        reference,
     })
-}
-
-/// Returns what is doubtful about `sources` together, one line each: copies of one file, and names that differ in the
-/// case of letters only.
-pub fn doubts(sources: &[Source]) -> Vec<String> {
-    let mut contents: HashMap<u64, &Path> = HashMap::new();
-    let mut names: HashMap<String, &str> = HashMap::new();
-    let mut doubts = Vec::new();
-    for source in sources {
-        let first = *contents.entry(source.content).or_insert(&source.path);
-        if first != source.path {
-            doubts.push(format!(
-                "{}: holds the same models as {}: leave one out, unless two textures of them are meant",
-                source.path.display(),
-                first.display()
-            ));
-        }
-        let earlier = *names
-            .entry(file_name::folded(&source.name))
-            .or_insert(&source.name);
-        if earlier != source.name {
-            doubts.push(format!(
-                "textures {earlier:?} and {:?} differ in the case of letters only: rename one of the files",
-                source.name
-            ));
-        }
-    }
-    doubts
 }
 
 /// Bytes that one texture would take, and its bounds.
@@ -217,11 +155,11 @@ struct Need {
 
 /// Decides what every texture may take, before any of the work is done.
 ///
-/// Without sizes that are asked for, the slot is shared in proportion to the files' numbers of different speeds and
+/// The slot is shared in proportion to the files' numbers of different speeds and
 /// forces; what a texture does not need goes to the others.
 ///
 /// # Errors
-/// Sizes that no grid can have, or that will not fit in a slot, with what is missing and the remedy.
+/// Sizes that no grid can have.
 pub fn plan(sources: &[Source], options: &Options) -> Result<Plan> {
     for (what, count) in [("speeds", options.speeds), ("forces", options.forces)] {
         if count.is_some_and(|count| !(1..=limits::MAX_AXIS_LEN).contains(&count)) {
@@ -240,18 +178,6 @@ pub fn plan(sources: &[Source], options: &Options) -> Result<Plan> {
             .sum::<usize>();
     let room = limits::MAX_LIBRARY_BYTES.saturating_sub(fixed) as f64;
     let wanted_bytes = fixed + needs.iter().map(|need| need.bytes).sum::<f64>() as usize;
-    let asked = options.speeds.is_some() || options.forces.is_some();
-    if asked && !options.fit_slot {
-        if wanted_bytes > limits::MAX_LIBRARY_BYTES {
-            return Err(too_large(sources.len(), wanted_bytes, "about "));
-        }
-        let bounds = needs.into_iter().map(|need| need.bounds).collect();
-        return Ok(Plan {
-            bounds,
-            wanted_bytes,
-            planned_bytes: wanted_bytes,
-        });
-    }
     let shares = shares(&needs, room);
     let planned = needs
         .iter()
@@ -282,7 +208,7 @@ fn need(source: &Source, options: &Options) -> Need {
     let sounding = source.toolkit.models.iter().filter(|model| model.sounds());
     let sizes: Vec<usize> = sounding
         .map(|model| {
-            node_bytes(&node::model(
+            node_bytes(&between::model(
                 &source.toolkit,
                 (model.speed_mm_s, model.force_n),
             ))
@@ -329,17 +255,6 @@ fn kilobytes(bytes: usize) -> usize {
     bytes.div_ceil(1024)
 }
 
-fn too_large(textures: usize, bytes: usize, about: &str) -> Error {
-    let over = bytes - limits::MAX_LIBRARY_BYTES;
-    Error::Request(format!(
-        "{textures} textures need {about}{} KB of a slot's {}, {} too many: ask for fewer --speeds or --forces, or \
-         give --fit-slot, which chooses them",
-        kilobytes(bytes),
-        kilobytes(limits::SLOT_BYTES),
-        kilobytes(over)
-    ))
-}
-
 impl Plan {
     /// Returns one line on what `textures` textures will take.
     pub fn in_words(&self, textures: usize) -> String {
@@ -360,6 +275,40 @@ impl Plan {
     }
 }
 
+/// The account of one texture.
+#[derive(Clone, Debug, Serialize)]
+pub struct ImportReport {
+    /// Name of the texture.
+    pub texture: String,
+    /// Notes on its file.
+    pub warnings: Vec<String>,
+    /// Values of the speed axis, mm/s.
+    pub speeds_mm_s: Vec<f32>,
+    /// Values of the force axis, N.
+    pub forces_n: Vec<f32>,
+    /// Its nodes.
+    pub nodes: Vec<ConvertedNode>,
+    /// Errors at the models' own places.
+    pub own_places: Vec<PlaceError>,
+    /// Errors between them.
+    pub between: Vec<PlaceError>,
+}
+
+impl ImportReport {
+    /// The account of what was `converted` from `source`.
+    pub fn of((source, converted): (Source, Converted)) -> Self {
+        Self {
+            texture: source.name,
+            warnings: source.toolkit.warnings,
+            speeds_mm_s: converted.spec.speed_axis_mm_s,
+            forces_n: converted.spec.force_axis_n,
+            nodes: converted.nodes,
+            own_places: converted.own,
+            between: converted.between,
+        }
+    }
+}
+
 /// Converts all `sources` as `plan` says, and calls `progress` after each file.
 ///
 /// # Errors
@@ -373,7 +322,7 @@ pub fn import(
         .par_iter()
         .zip(&plan.bounds)
         .map(|(source, bounds)| {
-            let converted = convert(&source.name, &source.toolkit, &source.reference, *bounds)
+            let converted = convert(&source.name, &source.toolkit, *bounds)
                 .map_err(|failure| Error::file(&source.path, failure.to_string()));
             progress();
             converted
@@ -387,7 +336,12 @@ pub fn import(
         Error::Model(format!("the textures do not make a library: {failure}"))
     })?;
     if bytes.len() > limits::MAX_LIBRARY_BYTES {
-        return Err(too_large(sources.len(), bytes.len(), ""));
+        return Err(Error::Request(format!(
+            "{} textures take {} KB of a slot's {}: ask for fewer --speeds or --forces",
+            sources.len(),
+            kilobytes(bytes.len()),
+            kilobytes(limits::SLOT_BYTES)
+        )));
     }
     Ok((converted, bytes))
 }
@@ -403,33 +357,19 @@ mod tests {
         let source = Source {
             path: path.to_owned(),
             name: "felt".into(),
-            content: 0,
             toolkit: read(path, text).unwrap(),
-            reference: Reference::of(text, &[]).unwrap(),
         };
         vec![source; count]
     }
 
     #[test]
-    fn sizes_that_do_not_fit_are_refused_before_the_work_or_made_smaller_on_request() {
+    fn grids_are_made_to_fit_the_slot_before_the_work() {
         let sources = sources(8, &fixture::scattered(62));
         let asked = Options {
             speeds: Some(62),
             forces: Some(62),
-            fit_slot: false,
         };
-        let message = plan(&sources, &asked).unwrap_err().to_string();
-        assert!(
-            message.contains("8 textures need about") && message.contains("--fit-slot"),
-            "{message}"
-        );
-        for options in [
-            Options {
-                fit_slot: true,
-                ..asked
-            },
-            Options::default(),
-        ] {
+        for options in [asked, Options::default()] {
             let plan = plan(&sources, &options).unwrap();
             let bytes: usize = plan.bounds.iter().map(|bounds| bounds.bytes).sum();
             assert!(
@@ -438,17 +378,8 @@ mod tests {
             assert!(plan.planned_bytes <= limits::MAX_LIBRARY_BYTES);
             assert!(plan.in_words(8).contains("of 512"), "{}", plan.in_words(8));
         }
-        assert!(
-            plan(
-                &sources,
-                &Options {
-                    speeds: Some(65),
-                    ..asked
-                }
-            )
-            .is_err()
-        );
-        assert!(plan(&sources[..1], &asked).is_ok());
+        let speeds = Some(65);
+        assert!(plan(&sources, &Options { speeds, ..asked }).is_err());
     }
 
     proptest! {

@@ -5,7 +5,7 @@
 //! variance var, at 1 kHz, and triangles over them. Within a triangle line spectral frequencies, variances and gains
 //! are interpolated. The stylus plays AR models at 5 kHz over a rectangle of speeds and forces. So the models are
 //! interpolated as their makers do, at every node of a rectangle, and refitted from their own spectrum ([`convert`]).
-//! What comes of it is compared with the file's definition by a second path ([`mod@reference`], [`comparison`]).
+//! What the library plays is compared with the file's definition ([`comparison`]).
 //!
 //! | in the file | what becomes of it |
 //! |---|---|
@@ -27,10 +27,5 @@ mod elements;
 mod fixture;
 pub mod import;
 mod model;
-mod node;
-mod played;
 pub mod read;
-pub mod reference;
-pub mod report;
-mod shape;
 pub mod toolkit;

@@ -5,7 +5,6 @@ use std::path::Path;
 
 use super::elements::{self, File};
 use super::model::{Found, found};
-use super::shape;
 use super::toolkit::{ArmaModel, Toolkit};
 use crate::recording::RATES_HZ;
 use crate::support::error::{Error, Result};
@@ -26,7 +25,7 @@ const TRIANGLES_PER_MODEL: usize = 2;
 /// # Errors
 /// A fault that makes the file unusable, with its line.
 pub fn read(path: &Path, text: &str) -> Result<Toolkit> {
-    let document = shape::document(path, text)?;
+    let document = elements::document(path, text)?;
     let file = File::new(path, &document);
     file.check_units()?;
     let sample_rate_hz = file.one("SampleRate")?.unwrap_or(1000.0);
@@ -58,8 +57,6 @@ pub fn read(path: &Path, text: &str) -> Result<Toolkit> {
         return Err(Error::file(path, problem));
     }
     remarks.unused(&read, &triangles);
-    let missing = |index: &usize| read[*index].is_none();
-    let left_out = (0..read.len()).filter(missing).collect();
     let (models, triangles) = without_missing(read, &triangles);
     let largest = |of: fn(&ArmaModel) -> f64| models.iter().map(of).fold(0.0, f64::max);
     let mut warnings = remarks.warnings();
@@ -75,7 +72,6 @@ pub fn read(path: &Path, text: &str) -> Result<Toolkit> {
         friction: file.one("mu")?,
         models,
         triangles,
-        left_out,
         warnings: Vec::new(),
     };
     toolkit.check_orders(path)?;
@@ -206,7 +202,6 @@ impl Remarks {
 #[cfg(test)]
 pub(super) mod tests {
     use super::super::fixture;
-    use super::super::reference::Reference;
     use super::*;
     use proptest::prelude::*;
 
@@ -260,19 +255,14 @@ pub(super) mod tests {
         let whole = fixture::whole();
         let mut text = String::new();
         for piece in whole.split_inclusive("lsf>") {
-            let (kept, dropped) = (
-                piece
-                    .trim_end_matches("<ARlsf>")
-                    .trim_end_matches("<MAlsf>"),
-                "",
-            );
-            text.push_str(
-                if piece.ends_with("</ARlsf>") || piece.ends_with("</MAlsf>") {
-                    dropped
-                } else {
-                    kept
-                },
-            );
+            // A list of lines ends where its closing tag does.
+            if !piece.ends_with("</ARlsf>") && !piece.ends_with("</MAlsf>") {
+                text.push_str(
+                    piece
+                        .trim_end_matches("<ARlsf>")
+                        .trim_end_matches("<MAlsf>"),
+                );
+            }
         }
         assert!(!text.contains("lsf"));
         let (with, without) = (parse(&whole).unwrap(), parse(&text).unwrap());
@@ -285,9 +275,6 @@ pub(super) mod tests {
                 .zip(b.poles.iter().chain(&b.zeros));
             assert!(pairs.into_iter().all(|(a, b)| (a - b).abs() < 1e-6));
         }
-        let reference = Reference::of(&text, &[]).unwrap();
-        let density = reference.density((60.0, 0.5), &[120.0]).unwrap()[0];
-        assert!((density / fixture::density(&[(4, 1.0)], 120.0) - 1.0).abs() < 1e-5);
     }
 
     #[test]
@@ -327,7 +314,6 @@ pub(super) mod tests {
         ] {
             let toolkit = parse(&small(ar, var, "")).unwrap();
             assert_eq!((toolkit.models.len(), toolkit.triangles.len()), (3, 0));
-            assert_eq!(toolkit.left_out, [1]);
             let said = toolkit.warnings.join("; ");
             assert!(said.contains("model 2") && said.contains(word), "{said}");
         }
@@ -428,16 +414,30 @@ pub(super) mod tests {
 
     proptest! {
         #[test]
-        fn no_text_makes_either_reader_fail_otherwise_than_by_an_error(
+        fn no_text_makes_the_reader_fail_otherwise_than_by_an_error(
             cut in 0usize..4000, put in "[<>/a-z0-9 .-]{0,12}",
         ) {
             for mut text in [small("1 -0.9 0.5", "0.02", ""), fixture::whole()] {
                 let cut = cut % text.len();
                 text.replace_range(cut..(cut + put.len()).min(text.len()), &put);
-                if let Ok(toolkit) = parse(&text) {
-                    let _ = Reference::of(&text, &toolkit.left_out);
-                }
+                let _ = parse(&text);
             }
+        }
+    }
+
+    #[test]
+    fn shapes_that_cost_more_than_their_length_are_refused_with_their_line() {
+        let many = |one: fn(usize) -> String| (0..60_000).map(one).collect::<String>();
+        for hostile in [
+            format!("<a>\n<b{}/></a>", many(|i| format!(" c{i}=\"\""))),
+            format!("<a>\n{}</a>", many(|i| format!("<b xmlns:n{i}=\"{i}\"/>"))),
+            format!("<a>\n{}", "<a>".repeat(60_000)),
+        ] {
+            let message = parse(&hostile).unwrap_err().to_string();
+            assert!(
+                message.contains("line 2") && message.contains("more than"),
+                "{message}"
+            );
         }
     }
 }

@@ -19,8 +19,6 @@ pub struct Toolkit {
     pub models: Vec<ArmaModel>,
     /// Corners of triangles, as indices of `models`.
     pub triangles: Vec<[usize; 3]>,
-    /// Models of the file that were left out, as indices from 0 in its order.
-    pub left_out: Vec<usize>,
     /// Faults that leave the file usable, and parts that were left out.
     pub warnings: Vec<String>,
 }
@@ -57,6 +55,33 @@ impl ArmaModel {
 }
 
 impl Toolkit {
+    /// Half the file's sample rate, Hz.
+    pub fn nyquist_hz(&self) -> f64 {
+        0.5 * self.sample_rate_hz
+    }
+
+    /// Speeds, mm/s, and forces, N, of all models, those of silent ones included.
+    pub fn model_places(&self) -> impl Iterator<Item = (f64, f64)> {
+        self.models
+            .iter()
+            .map(|model| (model.speed_mm_s, model.force_n))
+    }
+
+    /// Places in all triangles, with these barycentric weights of their corners.
+    pub fn inside_triangles(&self, weights: [f64; 3]) -> impl Iterator<Item = (f64, f64)> {
+        self.triangles.iter().map(move |triangle| {
+            let corners = triangle.map(|corner| &self.models[corner]);
+            let mean = |of: fn(&ArmaModel) -> f64| -> f64 {
+                corners
+                    .iter()
+                    .zip(weights)
+                    .map(|(corner, weight)| weight * of(corner))
+                    .sum()
+            };
+            (mean(|model| model.speed_mm_s), mean(|model| model.force_n))
+        })
+    }
+
     /// Removes the shape of silent models whose order is not that of the models that sound.
     ///
     /// # Errors

@@ -7,7 +7,6 @@
 //! nor a hole.
 
 mod findings;
-mod on_grid;
 mod peaks;
 mod search;
 mod separate;
@@ -18,5 +17,5 @@ mod track;
 
 pub use super::options::Lines;
 pub use findings::{Findings, Line, NoLines, TrialLines};
-pub use on_grid::{LineMember, lines_on};
+pub use findings::{LineMember, lines_on};
 pub use separate::separate;

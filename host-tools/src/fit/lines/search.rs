@@ -86,8 +86,8 @@ impl Heard {
         });
     }
 
-    /// Highest peak over its background within `within_hz` of `frequency_hz`, and the logarithm of its chance among
-    /// the window's cells.
+    /// Highest peak over its background within `within_hz` of `frequency_hz`, and the logarithm of its p-value,
+    /// corrected for the window's cells (Bonferroni).
     fn peak_near(&self, frequency_hz: f64, within_hz: f64) -> Option<(Peak, f64)> {
         let first = self
             .peaks
@@ -385,7 +385,7 @@ impl SpeedSupport {
             .extend(peak.map(|(peak, ln_chance)| (trial, peak, ln_chance)));
     }
 
-    /// Logarithm of the chance of the trial that shows most, among all of them.
+    /// Logarithm of the Bonferroni-corrected p-value of the strongest peak among the trials of this speed.
     fn ln_chance(&self) -> f64 {
         let least = self.peaks.iter().map(|(.., ln)| *ln).fold(0.0, f64::min);
         (least + (self.trials as f64).ln()).min(0.0)

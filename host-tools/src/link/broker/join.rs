@@ -18,7 +18,7 @@ use crate::link::LinkAddress;
 use crate::link::error::{LinkError, Result};
 use crate::link::health::Health;
 use crate::link::open::Ends;
-use crate::link::sharing::{BROKER_READY, BROKER_TAKEN, Sharing};
+use crate::link::route::{BROKER_READY, BROKER_TAKEN, Sharing};
 use crate::link::virtual_usb::encode;
 
 /// Time in which a broker has to be found or started. A TCP connection alone may take three seconds.

@@ -48,3 +48,84 @@ impl Calibration {
         (f64::from(sample.force.0) - self.force_zero) * self.n_per_code
     }
 }
+
+/// Code in the middle of the converter's range.
+const MID_SCALE: u16 = 1 << 15;
+
+/// Averages over a number of samples.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+pub struct Level {
+    /// RMS about the mean, summed over the axes in quadrature, m/s².
+    pub rms_m_s2: f64,
+    /// Largest distance of a code from mid-scale on any axis, as a share of half the range: 1 is the converter's limit.
+    pub peak_of_range: f64,
+    /// Magnitude of the mean tangential speed, mm/s.
+    pub speed_mm_s: f64,
+    /// Mean normal force, N.
+    pub force_n: f64,
+}
+
+impl Level {
+    /// Averages over `samples`, taken at `rate_hz`; zero for no samples.
+    pub fn of(samples: &[RecordSample], calibration: &Calibration, rate_hz: f64) -> Self {
+        if samples.is_empty() {
+            return Self::default();
+        }
+        let count = samples.len() as f64;
+        let mut level = Self::default();
+        for axis in 0..3 {
+            let values = || samples.iter().map(|s| calibration.acceleration(s)[axis]);
+            let mean = values().sum::<f64>() / count;
+            level.rms_m_s2 += values().map(|x| (x - mean).powi(2)).sum::<f64>() / count;
+        }
+        level.rms_m_s2 = level.rms_m_s2.sqrt();
+        let codes = samples.iter().flat_map(|sample| sample.acceleration);
+        let peak = codes.map(|code| code.0.abs_diff(MID_SCALE)).max();
+        // The upper end of the range is one code nearer to mid-scale than the lower end.
+        level.peak_of_range = f64::from(peak.unwrap_or(0)) / f64::from(MID_SCALE - 1);
+        let path: i64 = samples.iter().map(|s| i64::from(s.encoder_delta)).sum();
+        level.speed_mm_s = (path as f64 * calibration.mm_per_count).abs() * rate_hz / count;
+        let force: f64 = samples.iter().map(|s| f64::from(s.force.0)).sum();
+        level.force_n = (force / count - calibration.force_zero) * calibration.n_per_code;
+        level
+    }
+}
+
+/// Losses of a recording, in blocks of [`BLOCK_SAMPLES`](model_format::link::BLOCK_SAMPLES) samples.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+pub struct Loss {
+    /// Blocks that arrived.
+    pub received: u32,
+    /// Blocks that the device dropped because its buffer was full.
+    pub in_device: u32,
+    /// Blocks that the device sent and that did not arrive.
+    pub on_link: u32,
+    /// Frames that arrived and could not be decoded.
+    pub broken_frames: u64,
+    /// Samples that arrived with conversions of more than one tick, because the device read them late.
+    pub torn_samples: u32,
+}
+
+impl Loss {
+    /// Returns true if nothing was lost or torn.
+    pub fn is_none(&self) -> bool {
+        (self.in_device, self.on_link, self.broken_frames) == (0, 0, 0) && self.torn_samples == 0
+    }
+}
+
+impl std::fmt::Display for Loss {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        if self.is_none() {
+            return f.write_str("nothing lost");
+        }
+        write!(
+            f,
+            "{} blocks arrived, {} lost in the device, {} on the link",
+            self.received, self.in_device, self.on_link
+        )?;
+        if self.torn_samples > 0 {
+            write!(f, "; {} torn samples are no data", self.torn_samples)?;
+        }
+        Ok(())
+    }
+}

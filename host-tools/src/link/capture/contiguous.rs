@@ -3,7 +3,7 @@
 use model_format::AdcCode;
 use model_format::link::{BLOCK_SAMPLES, RecordSample};
 
-use super::loss::Loss;
+use super::calibration::Loss;
 use super::stream::Stream;
 use crate::link::device::Device;
 use crate::link::error::{LinkError, Result};

@@ -3,12 +3,8 @@
 
 mod calibration;
 mod contiguous;
-mod level;
-mod loss;
 mod stream;
 
-pub use calibration::Calibration;
+pub use calibration::{Calibration, Level, Loss};
 pub use contiguous::{Capture, capture};
-pub use level::Level;
-pub use loss::Loss;
 pub use stream::{Arrival, Stream};

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use model_format::link::{BLOCK_SAMPLES, RecordBlock, RecordSample, RecordStopped};
 
-use super::loss::Loss;
+use super::calibration::Loss;
 use crate::link::device::{Blocks, Device};
 use crate::link::error::{LinkError, Result};
 use crate::recording::{MAX_FRAMES, RATES_HZ};

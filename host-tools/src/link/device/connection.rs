@@ -4,20 +4,24 @@ use std::sync::Arc;
 use std::thread;
 use std::time::{Duration, Instant};
 
-use model_format::link::{DeviceInfo, InfoEndpoint, Status};
+use model_format::link::{
+    ANSWER_TIMEOUT_MS, DeviceInfo, FLASH_TIMEOUT_MS, InfoEndpoint, MotionEndpoint, MotionSample,
+    MotionSource, Status, StatusEndpoint,
+};
+use postcard_rpc::host_client::HostErr;
 use postcard_rpc::standard_icd::WireError;
 use postcard_rpc::{Endpoint, Topic};
 use postcard_schema::Schema;
-use serde::{Serialize, de::DeserializeOwned};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 use tokio::runtime::{Handle, Runtime};
 
-use super::requester::Requester;
-use super::timeouts::Timeouts;
 use crate::link::address::LinkAddress;
 use crate::link::custom::CustomLink;
 use crate::link::error::{LinkError, Result};
 use crate::link::health::Health;
-use crate::link::open::{self, AsClient};
+use crate::link::open;
+use crate::link::open::{AsClient, Client};
 use crate::link::route::Route;
 use crate::link::version::Mismatch;
 
@@ -293,6 +297,137 @@ impl Drop for Device {
         if let Some(runtime) = self.runtime.take() {
             // Without waiting for calls of the operating system that still block.
             runtime.shutdown_background();
+        }
+    }
+}
+
+/// Sends requests to one device; a clone serves tasks other than the owner of the [`Device`](super::Device).
+#[derive(Clone)]
+pub(in crate::link) struct Requester {
+    pub(super) client: Client,
+    pub(super) health: Arc<Health>,
+    pub(super) link: Arc<str>,
+    pub(super) timeouts: Timeouts,
+}
+
+impl Requester {
+    /// Sends `request` and waits for its answer. `name` stands for the request in errors.
+    pub(super) async fn request<E>(
+        &self,
+        name: &'static str,
+        timeout: Duration,
+        request: &E::Request,
+    ) -> Result<E::Response>
+    where
+        E: Endpoint,
+        E::Request: Serialize + Schema,
+        E::Response: DeserializeOwned + Schema,
+    {
+        let link = || self.link.to_string();
+        let answer = tokio::time::timeout(timeout, self.client.send_resp::<E>(request)).await;
+        match answer {
+            Ok(Ok(response)) => Ok(response),
+            Ok(Err(HostErr::Closed)) => Err(self.lost()),
+            Ok(Err(HostErr::Wire(error))) => Err(match self.health.take_refusal(E::REQ_KEY) {
+                Some(what) => LinkError::Held { link: link(), what },
+                None => LinkError::Frame {
+                    link: link(),
+                    request: name,
+                    error,
+                },
+            }),
+            Ok(Err(HostErr::BadResponse | HostErr::Postcard(_))) => Err(LinkError::Answer {
+                link: link(),
+                request: name,
+            }),
+            Err(_) => Err(LinkError::NoAnswer {
+                link: link(),
+                request: name,
+                after: timeout,
+                timeout: self.timeouts.answer,
+            }),
+        }
+    }
+
+    /// Sends a message that has no answer.
+    pub(super) async fn publish<T>(&self, message: &T::Message) -> Result<()>
+    where
+        T: Topic,
+        T::Message: Serialize,
+    {
+        // A topic has no answer to match.
+        let sent = self.client.publish::<T>(0u16.into(), message);
+        match tokio::time::timeout(self.timeouts.answer, sent).await {
+            Ok(Ok(())) => Ok(()),
+            Ok(Err(_)) => Err(self.lost()),
+            Err(_) => Err(LinkError::Stalled {
+                link: self.link.to_string(),
+                after: self.timeouts.answer,
+            }),
+        }
+    }
+
+    /// An error that says why the link ended.
+    pub(super) fn lost(&self) -> LinkError {
+        LinkError::Lost {
+            link: self.link.to_string(),
+            reason: self.health.why_ended().to_owned(),
+        }
+    }
+
+    /// Closes the link.
+    pub(super) fn close(&self) {
+        self.client.close();
+    }
+
+    /// Number of frames since the link was opened that arrived and could not be decoded.
+    pub(super) fn broken_frames(&self) -> u64 {
+        self.health.broken_frames()
+    }
+
+    /// Reads the status, with all of the device's counters.
+    pub(in crate::link) async fn status(&self) -> Result<Status> {
+        self.request::<StatusEndpoint>("status", self.timeouts.answer, &())
+            .await
+    }
+
+    /// Sends a motion and waits for its acknowledgement.
+    pub(in crate::link) async fn motion(&self, sample: MotionSample) -> Result<MotionSource> {
+        let answer = self.request::<MotionEndpoint>("motion", self.timeouts.answer, &sample);
+        Ok(answer.await??)
+    }
+}
+
+/// Longest waits for the device, each from the start of a request.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Timeouts {
+    /// Timeout of a request that does not touch the flash.
+    pub answer: Duration,
+    /// Timeout of a request that may erase or write flash.
+    pub flash: Duration,
+    /// Time that a broken link may take to come back.
+    pub reconnect: Duration,
+}
+
+impl Default for Timeouts {
+    fn default() -> Self {
+        Self {
+            answer: Duration::from_millis(ANSWER_TIMEOUT_MS.into()),
+            flash: Duration::from_millis(FLASH_TIMEOUT_MS.into()),
+            reconnect: Duration::from_secs(10),
+        }
+    }
+}
+
+impl Timeouts {
+    /// Timeouts in the proportion of the default ones, with `answer` for a request that does not touch the flash.
+    pub fn scaled_to(answer: Duration) -> Self {
+        let default = Self::default();
+        let factor = answer.as_secs_f64() / default.answer.as_secs_f64();
+        Self {
+            answer,
+            flash: default.flash.mul_f64(factor),
+            reconnect: default.reconnect.mul_f64(factor),
         }
     }
 }

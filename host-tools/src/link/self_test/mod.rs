@@ -22,12 +22,6 @@ use super::error::{LinkError, Result};
 
 pub use self::line::{Line, Verdict};
 
-/// Duration of the recording at rest, s.
-const REST_S: f64 = 4.0;
-
-/// Duration of the recording of a movement, s.
-const MOVE_S: f64 = 5.0;
-
 /// Least number of blocks, of 6.4 ms each, between two looks at the encoder's lines.
 const LOOK_BLOCKS: u32 = 8;
 
@@ -43,12 +37,30 @@ const PING_INTERVAL: Duration = Duration::from_millis(100);
 pub struct Options {
     /// Duration of the traffic, s.
     pub traffic_s: f64,
+    /// Duration of the recording at rest, s.
+    pub rest_s: f64,
+    /// Duration of the recording of a movement, s.
+    pub move_s: f64,
     /// True if sensors are connected.
     pub sensors: bool,
     /// True if the user moves the tool when asked.
     pub moves: bool,
     /// A slot whose library may be erased for the test of the flash.
     pub erasable: Option<SlotId>,
+}
+
+impl Default for Options {
+    /// The self test of a board with its sensors, which are not moved.
+    fn default() -> Self {
+        Self {
+            traffic_s: 30.0,
+            rest_s: 4.0,
+            move_s: 5.0,
+            sensors: true,
+            moves: false,
+            erasable: None,
+        }
+    }
 }
 
 /// A step of the self test, for the person who waits.
@@ -86,7 +98,7 @@ pub fn run(device: &Device, options: &Options, mut told: impl FnMut(Step)) -> Re
     if options.sensors {
         let calibration = Calibration::new(&device.settings()?, None);
         told(Step::Rest);
-        if let Some(rest) = capture(device, REST_S, 0.0, || true, |_, _, _| ())? {
+        if let Some(rest) = capture(device, options.rest_s, 0.0, || true, |_, _, _| ())? {
             lines.extend(judge::at_rest(&rest, &calibration));
         }
     } else {
@@ -97,7 +109,7 @@ pub fn run(device: &Device, options: &Options, mut told: impl FnMut(Step)) -> Re
     }
     if options.sensors && options.moves {
         told(Step::Move);
-        let (moved, seen) = movement(device)?;
+        let (moved, seen) = movement(device, options.move_s)?;
         lines.extend(judge::moved(&moved, seen));
     } else {
         lines.push(Line::not_measured(
@@ -165,7 +177,7 @@ fn flash(device: &Device, erasable: Option<SlotId>) -> Result<Vec<Line>> {
 }
 
 /// Records while the user moves the tool, and notes the levels that each line of the encoder was seen at: low, high.
-fn movement(device: &Device) -> Result<(Capture, [[bool; 2]; 2])> {
+fn movement(device: &Device, seconds: f64) -> Result<(Capture, [[bool; 2]; 2])> {
     let mut seen = [[false; 2]; 2];
     let mut failure = None;
     let mut blocks = 0u32;
@@ -173,7 +185,7 @@ fn movement(device: &Device) -> Result<(Capture, [[bool; 2]; 2])> {
     let mut waits_ms = LOOK_WAITS_MS.into_iter().cycle();
     let moved = capture(
         device,
-        MOVE_S,
+        seconds,
         0.0,
         || true,
         |_, _, _| {

@@ -2,19 +2,18 @@
 
 use std::collections::{HashMap, HashSet};
 use std::fs;
-use std::io::ErrorKind;
+use std::io::{Cursor, ErrorKind};
 use std::path::{Path, PathBuf};
 
+use hound::{SampleFormat, WavSpec, WavWriter};
 use model_format::Provenance;
 
 use super::planned_trial::{PlannedTrial, key};
-use super::wav;
 use crate::link::capture::{Calibration, Capture};
 use crate::recording::{RecordingSet, TRIALS_FILE, Trial};
-use crate::support::atomic_file;
 use crate::support::csv_table::TABLE;
 use crate::support::error::{Error, Result};
-use crate::support::file_name;
+use crate::support::{atomic_file, file_name};
 
 /// Header of the lists that this module writes.
 const HEADER: &str = "file,texture,speed_mm_s,force_n,scale_m_s2,simulated";
@@ -112,8 +111,8 @@ impl Folder {
         let file = self.path.join(&name);
         let folder = file.parent().unwrap_or(&self.path);
         fs::create_dir_all(folder).map_err(Error::io("create", folder))?;
-        let scale_m_s2 = wav::scale_m_s2(calibration);
-        let wav = wav::encode(capture, calibration, scale_m_s2)
+        let scale_m_s2 = scale_m_s2(calibration);
+        let wav = encode(capture, calibration, scale_m_s2)
             .map_err(|failure| Error::file(&file, failure.to_string()))?;
         atomic_file::write(&file, &wav)?;
         let line = row(&[
@@ -139,16 +138,15 @@ impl Folder {
         self.lines = lines;
         self.done.insert(planned.key());
         Ok(Trial {
-            file,
-            texture: planned.texture.clone(),
-            speed_mm_s: planned.speed_mm_s,
-            force_n: planned.force_n,
             scale_m_s2: Some(scale_m_s2),
-            start_s: 0.0,
             duration_s: Some(capture.samples.len() as f64 / f64::from(capture.rate_hz)),
-            sample_rate_hz: None,
             provenance,
-            held: None,
+            ..Trial::of(
+                file,
+                planned.texture.clone(),
+                planned.speed_mm_s,
+                planned.force_n,
+            )
         })
     }
 }
@@ -176,11 +174,52 @@ fn first_field(line: &str) -> String {
     })
 }
 
+/// Codes from the middle of the converter's range to its end.
+const HALF_RANGE: f64 = 32_768.0;
+
+/// Acceleration that half the range stands for on the axis with the largest scale, m/s². No sample of any axis then
+/// exceeds 1.
+fn scale_m_s2(calibration: &Calibration) -> f64 {
+    let largest = calibration
+        .m_s2_per_code
+        .iter()
+        .fold(0.0, |a: f64, b| a.max(b.abs()));
+    // A reader refuses a scale of zero. All samples are zero in that case, so that any other scale serves.
+    if largest > 0.0 {
+        largest * HALF_RANGE
+    } else {
+        1.0
+    }
+}
+
+/// Returns the bytes of the file. A sample is its acceleration over `scale_m_s2`.
+fn encode(capture: &Capture, calibration: &Calibration, scale_m_s2: f64) -> hound::Result<Vec<u8>> {
+    let spec = WavSpec {
+        channels: 3,
+        sample_rate: capture.rate_hz,
+        bits_per_sample: 32,
+        sample_format: SampleFormat::Float,
+    };
+    let mut file = Cursor::new(Vec::with_capacity(12 * capture.samples.len() + 128));
+    let mut writer = WavWriter::new(&mut file, spec)?;
+    for sample in &capture.samples {
+        for acceleration_m_s2 in calibration.acceleration(sample) {
+            writer.write_sample((acceleration_m_s2 / scale_m_s2) as f32)?;
+        }
+    }
+    writer.finalize()?;
+    Ok(file.into_inner())
+}
+
 #[cfg(test)]
 mod tests {
+    use model_format::AdcCode;
+    use model_format::link::{RecordSample, Settings};
+    use proptest::prelude::*;
+
     use super::super::planned_trial::tests::planned;
-    use super::super::wav::tests::{calibration, capture};
     use super::*;
+    use crate::link::capture::Loss;
 
     #[test]
     fn what_is_read_back_is_the_acceleration_that_the_codes_stand_for() {
@@ -263,5 +302,39 @@ mod tests {
         let message = Folder::open(folder.path()).unwrap_err().to_string();
         assert!(message.contains("name a new folder"), "{message}");
         assert_eq!(std::fs::read_to_string(&list).unwrap(), text);
+    }
+
+    pub fn capture(codes: &[[u16; 3]]) -> Capture {
+        let samples = codes.iter().map(|&[x, y, z]| RecordSample {
+            acceleration: [AdcCode(x), AdcCode(y), AdcCode(z)],
+            force: AdcCode(0),
+            encoder_delta: 0,
+        });
+        Capture {
+            interpolated: 0,
+            samples: samples.collect(),
+            rate_hz: 5000,
+            first_tick: 0,
+            loss: Loss::default(),
+            holes: 0,
+        }
+    }
+
+    pub fn calibration() -> Calibration {
+        Calibration::new(&Settings::default(), Some([30.0, -60.0, 15.0]))
+    }
+
+    proptest! {
+        #[test]
+        fn no_sample_of_a_recording_is_beyond_full_scale(
+            scales in prop::array::uniform3(-5000.0..5000.0f64),
+            codes in prop::array::uniform3(any::<u16>()),
+        ) {
+            let calibration = Calibration::new(&Settings::default(), Some(scales));
+            let scale = scale_m_s2(&calibration);
+            for acceleration in calibration.acceleration(&capture(&[codes]).samples[0]) {
+                prop_assert!((acceleration / scale).abs() <= 1.0 + 1e-12);
+            }
+        }
     }
 }

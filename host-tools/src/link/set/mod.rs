@@ -6,7 +6,6 @@
 
 mod folder;
 mod planned_trial;
-mod wav;
 
 pub use folder::Folder;
 pub use planned_trial::PlannedTrial;

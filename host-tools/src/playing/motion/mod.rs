@@ -13,11 +13,8 @@
 //! path; without it the position is the integral of the speed, from 0 mm. A column `contact`, 0 or 1, gives contact
 //! with the surface; without it the contact follows from the force, see [`Hand`].
 
-mod hand;
 mod path;
-mod point;
-mod points;
 mod table;
 
-pub use hand::Hand;
+pub use path::Hand;
 pub use path::{MotionPath, MotionRow};

@@ -4,9 +4,9 @@ use std::path::Path;
 
 use model_format::{MillimetresPerSecond, Newton};
 use stylus_kernel::Motion;
+use stylus_kernel::position::Position;
+use stylus_kernel::scene::{ContactDetector, ContactThreshold, Interaction};
 
-use super::point::{Point, interpolate};
-use super::points::{Points, position_fault};
 use super::table;
 use crate::support::error::{Error, Result};
 use crate::support::hand::{force_fault, speed_fault};
@@ -218,6 +218,135 @@ fn checked(row: &MotionRow) -> std::result::Result<Point, String> {
         position_mm: f64::from(position_mm as f32),
         contact: row.contact.unwrap_or(false),
     })
+}
+
+/// The rows of a motion so far.
+pub(super) struct Points {
+    /// The rows, in ascending order of time.
+    pub rows: Vec<Point>,
+    /// True if the rows give the position; otherwise it is the integral of the speed.
+    pub tells_position: bool,
+    /// True if the rows give contact; otherwise it follows from the force.
+    pub tells_contact: bool,
+}
+
+impl Points {
+    /// No rows yet.
+    pub fn new(tells_position: bool, tells_contact: bool) -> Self {
+        Self {
+            rows: Vec::new(),
+            tells_position,
+            tells_contact,
+        }
+    }
+
+    /// Adds a row, with the integral of the speed as its position if rows give none.
+    ///
+    /// # Errors
+    /// A time that is negative, not a number, or not above the last one, in words.
+    pub fn push(&mut self, mut point: Point) -> std::result::Result<(), String> {
+        let time_s = point.time_s;
+        if !time_s.is_finite() || time_s < 0.0 {
+            return Err(format!(
+                "time_s is {time_s}: a motion begins at 0 s or later"
+            ));
+        }
+        if let Some(before) = self.rows.last()
+            && time_s <= before.time_s
+        {
+            return Err(format!(
+                "time_s is {time_s} after {}: times must rise from row to row",
+                before.time_s
+            ));
+        }
+        if !self.tells_position {
+            point.position_mm = self
+                .rows
+                .last()
+                .map_or(f64::from(point.speed_mm_s) * time_s, |before| {
+                    before.position_mm + before.path_mm(&point, time_s)
+                });
+        }
+        self.rows.push(point);
+        Ok(())
+    }
+}
+
+/// Returns the problem of a position, in mm, beyond single precision, in words.
+pub(super) fn position_fault(position_mm: f64) -> Option<String> {
+    let is_finite = (position_mm as f32).is_finite();
+    (!is_finite).then(|| "no path is as long: give it in mm".to_owned())
+}
+
+/// A motion at one moment. All numbers are finite.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Point {
+    pub time_s: f64,
+    /// Signed: the sign is the direction along the surface.
+    pub speed_mm_s: f32,
+    pub force_n: f32,
+    /// Position of the file, or the integral of the speed.
+    pub position_mm: f64,
+    pub contact: bool,
+}
+
+impl Point {
+    /// Returns the path from here until `time_s`, at most the time of `next`, in mm: the integral of a linear speed.
+    pub(super) fn path_mm(&self, next: &Self, time_s: f64) -> f64 {
+        let (from, to) = (f64::from(self.speed_mm_s), f64::from(next.speed_mm_s));
+        let elapsed_s = time_s - self.time_s;
+        let reached = from + (to - from) * elapsed_s / (next.time_s - self.time_s);
+        0.5 * (from + reached) * elapsed_s
+    }
+}
+
+/// Interpolates from `from`, at a fraction of 0, to `to`, at 1. Double precision holds every difference of two `f32`.
+pub(super) fn interpolate(from: f32, to: f32, fraction: f64) -> f32 {
+    let (from, to) = (f64::from(from), f64::from(to));
+    (from + (to - from) * fraction) as f32
+}
+
+/// A hand that follows a motion: position and contact beside speed and force.
+///
+/// If the motion does not give contact, the force does, above [`ContactThreshold::LEAST`]: a file's forces have no
+/// converter's noise, from which a stylus derives a threshold of its own.
+#[derive(Clone, Debug)]
+pub struct Hand<'a> {
+    motion: &'a MotionPath,
+    detector: ContactDetector,
+}
+
+impl<'a> Hand<'a> {
+    /// A hand on `motion` without contact so far.
+    pub fn new(motion: &'a MotionPath) -> Self {
+        Self {
+            motion,
+            detector: ContactDetector::new(),
+        }
+    }
+
+    /// The interaction at `time_s`. Times must ascend from call to call, because contact is detected from the force's
+    /// history if the motion does not give it.
+    pub fn at(&mut self, time_s: f64) -> Interaction {
+        let motion = self.motion.at(time_s);
+        let touches = self.detector.touches(motion, ContactThreshold::LEAST);
+        let contact = self.motion.contact_at(time_s).unwrap_or(touches);
+        let farthest = f64::from(f32::MAX);
+        let position_mm = self
+            .motion
+            .position_mm_at(time_s)
+            .clamp(-farthest, farthest);
+        Interaction::new(motion, position_mm as f32, contact)
+            .expect("a position within finite bounds is finite")
+    }
+
+    /// The interaction of [`Hand::at`] for the block that is decided at `time_s` and whose last sample is `block_s`
+    /// later. Lines that are locked to place are told the position at that sample, because the motion is known ahead.
+    pub fn for_block(&mut self, time_s: f64, block_s: f64) -> Interaction {
+        let end_mm = self.motion.position_mm_at(time_s + block_s);
+        let position = Position::from_exact_mm(end_mm);
+        self.at(time_s).reaching(Some(position))
+    }
 }
 
 #[cfg(test)]

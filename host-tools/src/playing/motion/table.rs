@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use super::point::Point;
-use super::points::{Points, position_fault};
+use super::path::Point;
+use super::path::{Points, position_fault};
 use crate::support::bounded_file::{Limit, MIB};
 use crate::support::csv_table::{CsvTable, Header, Row};
 use crate::support::error::{Error, Result};

@@ -1,12 +1,11 @@
 //! A texture played on the host, to look at and to listen to: the samples are bit-equal to those of the stylus, because
 //! they come from the stylus's own kernel, with the motion taken over once per update interval as on the device.
 
-mod clock;
 mod samples;
 #[cfg(test)]
 pub(super) mod test_library;
 mod wav;
 
-pub use clock::{MAX_SECONDS, SampleClock};
+pub use samples::{MAX_SECONDS, SampleClock};
 pub use samples::{Rendered, Rendering, render};
 pub use wav::{RenderSummary, WavFormat, WavSummary, render_wav, write_volts_wav, write_wav};

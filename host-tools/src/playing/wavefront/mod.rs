@@ -8,7 +8,6 @@
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
-mod rotations;
 #[cfg(test)]
 mod tests;
 
@@ -89,10 +88,6 @@ impl Arithmetic for Wavefront {
 
     fn rotate(rotations: &[Rotation], backward: &mut [i32], forward: i32) -> i32 {
         Portable::rotate(rotations, backward, forward)
-    }
-
-    fn rotate_two(rotations: &[Rotation], backward: &mut [i32], forward: [i32; 2]) -> [i32; 2] {
-        Portable::rotate_two(rotations, backward, forward)
     }
 
     fn rotate_block(rotations: &[Rotation], backward: &mut [i32], samples: &mut [i32]) {

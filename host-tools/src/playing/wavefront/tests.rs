@@ -40,7 +40,7 @@ fn one_by_one(rotations: &[Rotation], backward: &[i32], samples: &[i32]) -> (Vec
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(512))]
+    #![proptest_config(ProptestConfig::with_cases(96))]
 
     #[test]
     fn a_block_in_any_cut_gives_the_bits_of_single_samples(

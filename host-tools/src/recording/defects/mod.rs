@@ -5,8 +5,6 @@
 mod axis;
 mod clipping;
 mod holds;
-mod overflow;
-mod quantisation;
 mod spikes;
 
 use axis::Axis;
@@ -72,12 +70,12 @@ impl Defects {
             spikes,
             overflows: axes
                 .iter()
-                .flat_map(|axis| overflow::overflows(axis, rate_hz))
+                .flat_map(|axis| clipping::overflows(axis, rate_hz))
                 .collect(),
             repeats: axes.iter().map(holds::repeats).min().unwrap_or(1),
             quantisation_snr_db: axes
                 .iter()
-                .map(quantisation::snr_db)
+                .map(axis::snr_db)
                 .fold(f64::NEG_INFINITY, f64::max),
             truncation: None,
         }

@@ -24,4 +24,4 @@ mod write;
 pub use grid::{GridAxis, proposed_grid};
 pub use read::{Freehand, Outlier, read};
 pub use segment::{Options, Placed, Segment, Segmentation, Tolerance, Uneven, segment};
-pub use write::{COMMAND, write};
+pub use write::write;

@@ -9,13 +9,10 @@ use super::segment::{Placed, Segmentation};
 use crate::recording::TRIALS_FILE;
 use crate::support::atomic_file;
 use crate::support::error::{Error, Result};
-use crate::support::output_folder::OutputFolder;
-
-/// The command whose results these folders are.
-pub const COMMAND: &str = "segment";
+use crate::support::output::OutputFolder;
 
 /// Writes every segment as a WAV file (32-bit float, m/s²) into `folder`, and then the list of the trials of `texture`:
-/// all of it or nothing. An earlier result in `folder` is replaced.
+/// all of it or nothing. An earlier result in `folder` is replaced with `overwrite`.
 ///
 /// # Errors
 /// A folder with other files, or that cannot be written to.
@@ -24,8 +21,9 @@ pub fn write(
     texture: &str,
     recordings: &[Freehand],
     segmentation: &Segmentation,
+    overwrite: bool,
 ) -> Result<()> {
-    OutputFolder::begin(folder, COMMAND)?
+    OutputFolder::begin(folder, overwrite)?
         .fill(|folder| write_into(folder.path(), texture, recordings, segmentation))
 }
 

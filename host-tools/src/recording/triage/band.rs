@@ -173,15 +173,6 @@ mod tests {
     }
 
     #[test]
-    fn slow_motion_is_said() {
-        let found = verdicts(&[plus(&noise(4), tone(3.0, 1.0))], RATE_HZ);
-        assert!(
-            matches!(found[..], [Verdict::Wandering { share }] if share > 0.4),
-            "{found:?}"
-        );
-    }
-
-    #[test]
     fn an_empty_band_is_told_from_a_slope() {
         let lines = |fall: f64| {
             let floor: Vec<f64> = noise(5).iter().map(|x| 1e-5 * x).collect();

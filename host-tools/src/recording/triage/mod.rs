@@ -23,7 +23,7 @@
 //! | scale | an RMS above [`LARGE_RMS_M_S2`], gravity of 1.00, or a level 45 dB off the texture's median | |
 //! | dead-axis | an axis is 60 dB below the strongest, or constant | |
 //! | alike-axes | two axes correlate by 0.9999 at one level | |
-//! | duplicate | a copy of an earlier trial, equal, scaled, inverted or shifted | |
+//! | duplicate | a copy of an earlier trial, equal or scaled | |
 //! | wrong-rate | the file's sample rate is below the models' | |
 //!
 //! A texture of one or two speeds cannot tell hum from a line of its own, so there every such line counts as hum. A
@@ -43,25 +43,22 @@
 
 mod axes;
 mod band;
+mod copies;
 mod cut;
-mod fingerprint;
 mod hum;
 mod level;
-mod likeness;
 mod peaks;
 mod set;
 mod single_trial;
 #[cfg(test)]
 mod test_signals;
 mod verdict;
-mod whitening;
 
 pub use axes::LARGE_RMS_M_S2;
 pub use band::SENSOR_NOISE_M_S2;
+pub use copies::Sketch;
 pub use cut::{LEAST_KEPT, kept, kept_spans, usable};
-pub use fingerprint::{Fingerprint, Member, centred, copies, fingerprint, likeness};
 pub use hum::{HUM_RATIO_DB, confirmed_hum, mains_line};
-pub use likeness::{COPY_CORRELATION, Likeness};
 pub use set::{Compared, all_verdicts};
 pub use single_trial::{
     CLIPPED_SHARE, COARSE_SNR_DB, DRIFT_SHARE, SHORT_SAMPLES, SILENCE_FLOOR_M_S2, flaws, samples,

@@ -1,11 +1,10 @@
 //! Verdicts that only a comparison of trials tells: hum, copies, and a scale unlike that of the others.
 
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 
-use super::fingerprint::{Fingerprint, Member, copies};
+use super::copies::{Sketch, copies};
 use super::hum::confirmed_hum;
 use super::verdict::{ScaleDoubt, Verdict};
-use crate::support::error::Result;
 
 /// Deviation of a trial's level from the median of its texture at which its scale is doubted, dB. From the slowest and
 /// lightest trial of a grid to the fastest and heaviest the level rises by some 40 dB; wrong units are 60 dB off.
@@ -27,8 +26,8 @@ pub struct Compared<'a> {
     pub rms_m_s2: f64,
     /// A line at a mains frequency, Hz.
     pub mains_line_hz: Option<f64>,
-    /// Content.
-    pub fingerprint: &'a Fingerprint,
+    /// Sketch of its signal.
+    pub sketch: &'a Sketch,
     /// Its verdicts so far.
     pub verdicts: &'a [Verdict],
 }
@@ -39,28 +38,14 @@ impl Compared<'_> {
     }
 }
 
-/// Returns all verdicts on each trial: its own, and those of the comparison. `signal_of` reads the
-/// [centred](super::centred) signal of a trial whose fingerprint does not hold it.
-///
-/// # Errors
-/// Those of `signal_of`.
-pub fn all_verdicts(
-    trials: &[Compared<'_>],
-    signal_of: &(impl Fn(usize) -> Result<Vec<f32>> + Sync),
-) -> Result<Vec<Vec<Verdict>>> {
+/// Returns all verdicts on each trial: its own, and those of the comparison.
+pub fn all_verdicts(trials: &[Compared<'_>]) -> Vec<Vec<Verdict>> {
     let mut verdicts: Vec<Vec<Verdict>> = trials.iter().map(own_verdicts).collect();
-    let mut numbers: HashMap<&str, usize> = HashMap::new();
-    let mut textures: Vec<Vec<usize>> = Vec::new();
-    let mut groups = Vec::with_capacity(trials.len());
+    let mut textures: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
     for (index, trial) in trials.iter().enumerate() {
-        let group = *numbers.entry(trial.texture).or_insert(textures.len());
-        if group == textures.len() {
-            textures.push(Vec::new());
-        }
-        textures[group].push(index);
-        groups.push(group);
+        textures.entry(trial.texture).or_default().push(index);
     }
-    for members in &textures {
+    for members in textures.values() {
         add_hum(trials, members, &mut verdicts);
         add_unlike_levels(trials, members, &mut verdicts);
     }
@@ -68,21 +53,14 @@ pub fn all_verdicts(
     let loud: Vec<usize> = (0..trials.len())
         .filter(|&index| !trials[index].is_silent())
         .collect();
-    let members: Vec<Member<'_>> = loud
-        .iter()
-        .map(|&index| Member {
-            group: groups[index],
-            print: trials[index].fingerprint,
-        })
-        .collect();
-    let copies = copies(&members, &|number: usize| signal_of(loud[number]))?;
-    for (&index, copy) in loud.iter().zip(copies) {
-        verdicts[index].extend(copy.map(|(original, likeness)| Verdict::Duplicate {
+    let sketches: Vec<&Sketch> = loud.iter().map(|&index| trials[index].sketch).collect();
+    for (&index, copy) in loud.iter().zip(copies(&sketches)) {
+        verdicts[index].extend(copy.map(|(original, scale)| Verdict::Duplicate {
             of: loud[original],
-            likeness,
+            scale,
         }));
     }
-    Ok(verdicts)
+    verdicts
 }
 
 /// The verdicts of a trial by itself, without those that idleness explains.
@@ -137,25 +115,19 @@ fn add_unlike_levels(trials: &[Compared<'_>], members: &[usize], verdicts: &mut 
 
 #[cfg(test)]
 mod tests {
-    use super::super::fingerprint::fingerprint;
     use super::super::test_signals::noise;
     use super::*;
 
-    /// Fails, because every fingerprint here holds its signal.
-    fn held(_: usize) -> Result<Vec<f32>> {
-        unreachable!("the signal is held")
-    }
-
     #[test]
     fn a_trial_in_other_units_than_its_texture_is_told() {
-        let prints: Vec<Fingerprint> = (0..5).map(|seed| fingerprint(&noise(seed))).collect();
+        let sketches: Vec<Sketch> = (0..5).map(|seed| Sketch::of(&noise(seed))).collect();
         let trial = |index: usize, rms_m_s2: f64| Compared {
             texture: "felt",
             speed_mm_s: 100.0,
             is_idle: false,
             rms_m_s2,
             mains_line_hz: None,
-            fingerprint: &prints[index],
+            sketch: &sketches[index],
             verdicts: &[],
         };
         let levels = [0.02, 0.05, 50.0, 0.1, 0.03];
@@ -164,7 +136,7 @@ mod tests {
             .enumerate()
             .map(|(index, &rms)| trial(index, rms))
             .collect();
-        let verdicts = all_verdicts(&trials, &held).unwrap();
+        let verdicts = all_verdicts(&trials);
         for (index, found) in verdicts.iter().enumerate() {
             assert_eq!(found.len(), usize::from(index == 2), "{found:?}");
         }
@@ -175,7 +147,7 @@ mod tests {
 
     #[test]
     fn noise_of_the_sensor_is_no_finding_in_the_air() {
-        let print = fingerprint(&noise(1));
+        let sketch = Sketch::of(&noise(1));
         let own = [
             Verdict::SensorNoise { rms_m_s2: 0.05 },
             Verdict::TooShort { samples: 9 },
@@ -187,10 +159,10 @@ mod tests {
                 is_idle,
                 rms_m_s2: 0.05,
                 mains_line_hz: None,
-                fingerprint: &print,
+                sketch: &sketch,
                 verdicts: &own,
             };
-            all_verdicts(&[trial], &held).unwrap().remove(0)
+            all_verdicts(&[trial]).remove(0)
         };
         assert_eq!(verdicts(false), own);
         assert_eq!(verdicts(true), own[1..]);

@@ -5,7 +5,7 @@ use super::{axes, band, level, peaks};
 use crate::dsp::sums::{Moments, moments, sum_of};
 use crate::dsp::wide;
 use crate::recording::defects::Truncation;
-use crate::recording::samples::Samples;
+use crate::recording::source::Samples;
 use model_format::SAMPLE_RATE_HZ;
 
 /// Number of samples below which a trial is too short: 0.4 s at 5 kHz.
@@ -212,38 +212,5 @@ mod tests {
         );
         assert_eq!(mains_line(&Autocorrelation::of(&signal, 400)), None);
         assert_eq!(axes(&[tone(100.0, 1.0).collect()], RATE_HZ), []);
-    }
-
-    #[test]
-    fn an_axis_that_holds_still_is_dead() {
-        let dead = vec![9.81; 10_000];
-        assert!(matches!(
-            axes(&[noise(1), noise(2), dead], RATE_HZ)[..],
-            [Verdict::DeadAxis { axis: 3, .. }]
-        ));
-    }
-
-    #[test]
-    fn what_is_cut_off_at_a_bound_is_clipped() {
-        let clipped: Vec<f64> = noise(3).iter().map(|x| x.clamp(-0.8, 0.8)).collect();
-        assert!(
-            matches!(axes(&[noise(4), clipped], RATE_HZ)[..], [Verdict::Clipped { share }] if share > 0.01)
-        );
-    }
-
-    #[test]
-    fn a_slope_is_drift() {
-        let signal = plus(&noise(5), (0..10_000).map(|n| f64::from(n) * 2e-4 + 3.0));
-        assert!(matches!(
-            axes(&[signal], RATE_HZ)[..],
-            [Verdict::Drifting { .. }]
-        ));
-    }
-
-    #[test]
-    fn short_and_slow_recordings_are_told() {
-        let verdicts = axes(&[noise(6)[..100].to_vec()], 2800.0);
-        assert_eq!(verdicts[0], Verdict::TooShort { samples: 100 });
-        assert_eq!(verdicts[1], Verdict::WrongRate { rate_hz: 2800.0 });
     }
 }

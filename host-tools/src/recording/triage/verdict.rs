@@ -6,8 +6,6 @@ use std::ops::Range;
 use model_format::SAMPLE_RATE_HZ;
 use serde::{Deserialize, Serialize, Serializer};
 
-use super::likeness::Likeness;
-
 /// Frequency below which a vibration is motion of hand or rig, Hz; textures are played from there on.
 pub const SLOW_HZ: f64 = 10.0;
 
@@ -143,12 +141,12 @@ pub enum Verdict {
         /// Numbers of the axes, from 1.
         axes: (usize, usize),
     },
-    /// A copy of another trial, also one that is scaled, inverted or shifted.
+    /// A copy of another trial, also one that is scaled.
     Duplicate {
         /// Index of the earlier trial.
         of: usize,
-        /// Relation to it.
-        likeness: Likeness,
+        /// Factor from that trial's samples to this one's.
+        scale: f64,
     },
     /// A lower sample rate than that of the models.
     WrongRate {
@@ -425,9 +423,10 @@ impl Verdict {
             Self::AlikeAxes { axes: (a, b) } => {
                 write!(f, "alike axes: {a} and {b} hold the same signal")
             }
-            Self::Duplicate { of, likeness } => {
-                write!(f, "duplicate of trial {}{likeness}", of + 1)
+            Self::Duplicate { of, scale } if (scale - 1.0).abs() > 1e-3 => {
+                write!(f, "duplicate of trial {}, scaled by {scale:.3}", of + 1)
             }
+            Self::Duplicate { of, .. } => write!(f, "duplicate of trial {}", of + 1),
             Self::WrongRate { rate_hz } => {
                 write!(
                     f,

@@ -3,7 +3,6 @@
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 
-use model_format::Provenance;
 use realfft::RealFftPlanner;
 use realfft::num_complex::Complex;
 
@@ -55,16 +54,8 @@ impl Response {
         let extension = path.extension().unwrap_or_default().to_string_lossy();
         if extension.eq_ignore_ascii_case("wav") {
             let trial = Trial {
-                file: path.to_owned(),
-                texture: String::new(),
-                speed_mm_s: 0.0,
-                force_n: 0.0,
-                scale_m_s2: None,
-                start_s: 0.0,
                 duration_s: Some(LONGEST_SWEEP_S),
-                sample_rate_hz: None,
-                provenance: Provenance::Recorded,
-                held: None,
+                ..Trial::of(path.to_owned(), String::new(), 0.0, 0.0)
             };
             let samples = recording::read(&trial)?;
             let [drive, acceleration] = samples.axes.as_slice() else {

@@ -123,7 +123,7 @@ fn more_sections_come_nearer_and_a_flat_response_takes_none() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(24))]
+    #![proptest_config(ProptestConfig::with_cases(8))]
 
     #[test]
     fn any_response_gives_sections_that_the_format_takes_within_the_limit(

@@ -10,14 +10,12 @@
 //! within the update interval.
 
 mod fit;
-mod onset;
 #[cfg(test)]
 mod tests;
 
 use std::io::Read;
 use std::path::Path;
 
-use model_format::Provenance;
 use model_format::scene::limits::{
     MAX_TAP_GAIN, MAX_TAP_M_S2, MAX_TAP_SHARE_OF_RATE, MIN_TAP_HZ, TAP_DECAY_S,
 };
@@ -25,8 +23,8 @@ use serde::Serialize;
 use stylus_kernel::UPDATE_INTERVAL_SAMPLES;
 use stylus_kernel::scene::ContactThreshold;
 
+pub use fit::onsets;
 pub use fit::{Ringing, fit};
-pub use onset::onsets;
 
 use crate::dsp::reduction::{Reduction, reduce};
 use crate::recording::{self, RECORDING, Trial, freehand};
@@ -143,16 +141,9 @@ impl Taps {
             });
         }
         let trial = Trial {
-            file: path.to_owned(),
-            texture: String::new(),
-            speed_mm_s: 0.0,
-            force_n: 0.0,
             scale_m_s2: Some(scale_m_s2),
-            start_s: 0.0,
             duration_s: Some(LONGEST_S),
-            sample_rate_hz: None,
-            provenance: Provenance::Recorded,
-            held: None,
+            ..Trial::of(path.to_owned(), String::new(), 0.0, 0.0)
         };
         let mut samples = recording::read(&trial)?;
         let reduced = reduce(&mut samples.axes, reduction).map_err(unusable)?;

@@ -69,7 +69,7 @@ fn noise_at_the_onset_does_not_spoil_the_fit() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(40))]
+    #![proptest_config(ProptestConfig::with_cases(12))]
 
     #[test]
     fn a_tap_in_noise_is_found_with_its_frequency_decay_and_amplitude(

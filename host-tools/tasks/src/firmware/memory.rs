@@ -5,7 +5,7 @@ use std::fmt;
 use object::read::elf::{ElfFile32, FileHeader, ProgramHeader};
 use object::{Endianness, Object, ObjectSymbol, elf};
 
-use crate::error::{Error, Result};
+use anyhow::{Context, Result};
 
 /// A memory and the bytes taken of it.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -54,13 +54,11 @@ impl Memory {
     /// # Errors
     /// The bytes are no image.
     pub fn of(image: &[u8]) -> Result<Self> {
-        let file =
-            ElfFile32::<Endianness>::parse(image).map_err(|error| Error::Elf(error.to_string()))?;
+        let file = ElfFile32::<Endianness>::parse(image)?;
         let mut uses = Vec::new();
         for (name, in_map) in SHOWN {
-            let found = region(in_map);
-            let (start, size) =
-                found.ok_or_else(|| Error::Elf(format!("memory.x has no region {in_map}")))?;
+            let missing = || format!("memory.x has no region {in_map}");
+            let (start, size) = region(in_map).with_context(missing)?;
             uses.push(Use {
                 name,
                 start,
@@ -70,7 +68,7 @@ impl Memory {
         }
         let endian = file.endian();
         let segments = file.elf_header().program_headers(endian, file.data());
-        for segment in segments.map_err(|error| Error::Elf(error.to_string()))? {
+        for segment in segments? {
             if segment.p_type(endian) != elf::PT_LOAD {
                 continue;
             }

@@ -6,12 +6,11 @@ mod reproducible;
 
 use std::path::{Path, PathBuf};
 
-use crate::error::{Error, Result};
-use crate::folders::Folders;
-use crate::process;
-use crate::process::Progress;
-use crate::target::TARGET;
+use anyhow::{Context, Result};
+
+use crate::process::{self, Progress};
 use crate::toolchain::Toolchain;
+use crate::workspace::{Folders, TARGET};
 
 pub use memory::{Memory, Use};
 pub use placement::check as check_placement;
@@ -95,7 +94,7 @@ fn build_in(
     let built = target.join("firmware/stylus-firmware");
     // All variants are built under one name, so that each gets a copy under its own.
     let kept = folders.target.join(image.file_name());
-    std::fs::copy(&built, &kept).map_err(|_| Error::NoImage(built))?;
+    std::fs::copy(process::built(built)?, &kept)?;
     Ok(kept)
 }
 
@@ -108,7 +107,7 @@ pub fn memory(file: &Path) -> Result<Memory> {
 }
 
 fn read(file: &Path) -> Result<Vec<u8>> {
-    std::fs::read(file).map_err(|_| Error::NoImage(file.to_owned()))
+    std::fs::read(file).with_context(|| file.display().to_string())
 }
 
 /// Arguments of probe-rs. By default it halts the core at a HardFault and at a reset, before the image's handlers can
@@ -121,12 +120,23 @@ const PROBE_RS: [&str; 5] = [
     CHIP,
 ];
 
+/// The flashing program.
+///
+/// # Errors
+/// It is not installed.
+pub fn probe_rs() -> Result<PathBuf> {
+    process::find(
+        "probe-rs",
+        "https://probe.rs/docs/getting-started/installation",
+    )
+}
+
 /// Flashes the image in `file` to the board on the probe and starts it, without staying attached.
 ///
 /// # Errors
 /// probe-rs is missing or fails.
 pub fn download(file: &Path) -> Result<()> {
-    let program = process::find("probe-rs").ok_or(Error::NoProbeRs)?;
+    let program = probe_rs()?;
     let probe = |subcommand: &str| {
         let mut command = std::process::Command::new(&program);
         command.args([subcommand, "--chip", CHIP]);
@@ -141,8 +151,7 @@ pub fn download(file: &Path) -> Result<()> {
 /// # Errors
 /// probe-rs is missing or fails.
 pub fn flash(file: &Path) -> Result<()> {
-    let program = process::find("probe-rs").ok_or(Error::NoProbeRs)?;
-    let mut command = std::process::Command::new(program);
+    let mut command = std::process::Command::new(probe_rs()?);
     command.args(PROBE_RS).arg(file);
     process::run(&mut command)
 }

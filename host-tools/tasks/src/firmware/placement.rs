@@ -16,7 +16,7 @@ use object::{
     elf,
 };
 
-use crate::error::{Error, Result};
+use anyhow::{Context, Result, bail};
 
 /// The handler that the tick begins with.
 const TICK: &str = "TIM6_DAC";
@@ -62,8 +62,7 @@ struct Function {
 /// # Errors
 /// The bytes are no image, a root or the relocations are missing, or a root reaches flash.
 pub fn check(image: &[u8]) -> Result<()> {
-    let file =
-        ElfFile32::<Endianness>::parse(image).map_err(|error| Error::Elf(error.to_string()))?;
+    let file = ElfFile32::<Endianness>::parse(image)?;
     check_roots(&functions(&file), &references(&file)?)
 }
 
@@ -85,7 +84,7 @@ fn check_from(
     excepted: impl Fn(&Reference) -> bool,
 ) -> Result<()> {
     let found = functions.iter().find(|(_, function)| function.name == root);
-    let (&start, _) = found.ok_or_else(|| Error::Placement(format!("{root} is not in ITCM")))?;
+    let (&start, _) = found.with_context(|| format!("{root} is not in ITCM"))?;
     let (mut waiting, mut seen) = (vec![start], BTreeSet::from([start]));
     while let Some(start) = waiting.pop() {
         let function = &functions[&start];
@@ -101,10 +100,13 @@ fn check_from(
                 && !excepted(reference)
                 && !is_of_a_panic(&references[index..], function.end)
             {
-                return Err(Error::Placement(format!(
-                    "{} refers to {} at {:#010x}, which is in flash",
-                    function.name, reference.name, reference.address
-                )));
+                bail!(
+                    "{} refers to {} at {:#010x}, which is in flash: all that the tick reaches must be in ITCM or DTCM; \
+                     name it in firmware/tick.x",
+                    function.name,
+                    reference.name,
+                    reference.address
+                );
             }
         }
     }
@@ -146,8 +148,7 @@ fn functions(file: &ElfFile32<'_>) -> BTreeMap<u64, Function> {
 /// All references of the code in ITCM, by address of the instruction.
 fn references(file: &ElfFile32<'_>) -> Result<Vec<Reference>> {
     let section = file.section_by_name(".itcm");
-    let section =
-        section.ok_or_else(|| Error::Placement("there is no section .itcm".to_owned()))?;
+    let section = section.context("there is no section .itcm")?;
     let mut references = Vec::new();
     for (at, relocation) in section.relocations() {
         let RelocationFlags::Elf { r_type } = relocation.flags() else {
@@ -156,9 +157,7 @@ fn references(file: &ElfFile32<'_>) -> Result<Vec<Reference>> {
         let RelocationTarget::Symbol(index) = relocation.target() else {
             continue;
         };
-        let symbol = file
-            .symbol_by_index(index)
-            .map_err(|error| Error::Elf(error.to_string()))?;
+        let symbol = file.symbol_by_index(index)?;
         let is_call = matches!(
             r_type,
             elf::R_ARM_THM_PC22 | elf::R_ARM_THM_JUMP24 | elf::R_ARM_THM_JUMP19
@@ -171,9 +170,7 @@ fn references(file: &ElfFile32<'_>) -> Result<Vec<Reference>> {
         });
     }
     if references.is_empty() {
-        return Err(Error::Placement(
-            "the image has no relocations; link it with --emit-relocs".to_owned(),
-        ));
+        bail!("the image has no relocations; link it with --emit-relocs");
     }
     references.sort_by_key(|reference| reference.at);
     Ok(references)

@@ -11,9 +11,8 @@ pub(crate) mod tree;
 use std::fmt;
 use std::path::Path;
 
+use anyhow::Result;
 use tree::Tree;
-
-use crate::error::{Error, Result};
 
 /// A departure from the layout.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -70,11 +69,7 @@ impl Outcome {
 /// # Errors
 /// A file cannot be read.
 pub fn check(root: &Path) -> Result<Outcome> {
-    let tree = Tree::read(root).map_err(|source| Error::Read {
-        path: root.to_owned(),
-        source,
-    })?;
-    Ok(check_tree(&tree))
+    Ok(check_tree(&Tree::read(root)?))
 }
 
 fn check_tree(tree: &Tree) -> Outcome {

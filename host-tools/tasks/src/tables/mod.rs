@@ -4,81 +4,60 @@
 //! | table | made from | checked by |
 //! |---|---|---|
 //! | those of `INSTANT` | constants, `costs.json`, a board's `cycles.json` | `cargo tasks tables --check`, at once |
-//! | [`emulated`] | a run of the vectors on QEMU | the test of `qemu-tests` that plays them |
-//! | [`memory`] | the sections of the image | `cargo tasks test-virtual-stylus` |
+//! | [`EMULATED`] | a run of the vectors on QEMU | the test of `qemu-tests` that plays them |
+//! | [`MEMORY`] | the sections of the image | `cargo tasks test-virtual-stylus` |
 //! | [`TICKS`] | the image's ticks on the virtual stylus | its tests, which include [`page`] by its path |
 //!
 //! The last three depend on the compiler and name it. Tables of another compiler are not compared.
 
-mod constants;
-mod counted;
-mod cycles;
-pub mod emulated;
-mod markdown;
-pub mod memory;
 pub mod page;
+mod rows;
 #[cfg(test)]
 mod tests;
 
+use anyhow::{Context, Result, bail};
+use page::{OPENING, Page};
+pub use rows::{emulated, memory};
 use stylus_costs::Costs;
 
-use crate::error::{Error, Result};
 use crate::guest::Processor;
 use crate::toolchain::Toolchain;
 use crate::{compare, costs, firmware, workspace};
-use page::{OPENING, Page, PageError};
+
+/// The table of instructions on emulated processors.
+pub const EMULATED: &str = "emulated-processors";
+
+/// The table of the image's memories.
+pub const MEMORY: &str = "memory";
 
 /// The table of ticks on the virtual stylus. The tests of that workspace make its rows.
 pub const TICKS: &str = "ticks";
 
-/// A table that is made within a second.
-struct Instant {
-    name: &'static str,
-    make: fn(&Costs) -> Result<String>,
-}
-
-/// All tables that are made within a second.
-const INSTANT: [Instant; 7] = [
-    Instant {
-        name: "settings",
-        make: |_| Ok(constants::settings()),
-    },
-    Instant {
-        name: "scene-stages",
-        make: |_| Ok(constants::scene_stages()),
-    },
-    Instant {
-        name: "scene-limits",
-        make: |_| Ok(constants::scene_limits()),
-    },
-    Instant {
-        name: "library-limits",
-        make: |_| Ok(constants::library_limits()),
-    },
-    Instant {
-        name: "filters",
-        make: |costs| Ok(counted::filters(costs)),
-    },
-    Instant {
-        name: "samples-by-order",
-        make: |costs| Ok(counted::samples_by_order(costs)),
-    },
-    Instant {
-        name: cycles::NAME,
-        make: |_| cycles::of_a_board(&workspace::root().join(cycles::FILE)),
-    },
+/// All tables that are made within a second, by their names.
+const INSTANT: [(&str, fn(&Costs) -> Result<String>); 7] = [
+    ("settings", |_| Ok(rows::settings())),
+    ("scene-stages", |_| Ok(rows::scene_stages())),
+    ("scene-limits", |_| Ok(rows::scene_limits())),
+    ("library-limits", |_| Ok(rows::library_limits())),
+    ("filters", |costs| Ok(rows::filters(costs))),
+    ("samples-by-order", |costs| {
+        Ok(rows::samples_by_order(costs))
+    }),
+    ("cycles", |_| {
+        rows::cycles(&workspace::root().join(rows::CYCLES_FILE))
+    }),
 ];
 
 /// The page of each table, as a path from the workspace's folder.
 const PAGES: [(&str, &str); 10] = [
     ("settings", "firmware/README.md"),
     (TICKS, "firmware/README.md"),
-    (memory::NAME, "firmware/README.md"),
-    (cycles::NAME, "firmware/README.md"),
+    (MEMORY, "firmware/README.md"),
+    ("cycles", "firmware/README.md"),
     ("scene-stages", "host-tools/SCENES.md"),
     ("scene-limits", "host-tools/SCENES.md"),
     ("library-limits", "host-tools/FORMATS.md"),
-    (emulated::NAME, "host-tools/COSTS.md"),
+    (EMULATED, "host-tools/COSTS.md"),
     ("filters", "host-tools/COSTS.md"),
     ("samples-by-order", "host-tools/COSTS.md"),
 ];
@@ -91,21 +70,12 @@ pub fn names() -> impl Iterator<Item = &'static str> {
 /// The page that has table `name`.
 fn page(name: &str) -> Result<Page> {
     let known = PAGES.iter().find(|(known, _)| *known == name);
-    let (_, path) = known.ok_or_else(|| no_table(name))?;
-    Ok(Page::read(&workspace::root().join(path))?)
-}
-
-fn no_table(name: &str) -> Error {
-    Error::NoTable {
-        name: name.to_owned(),
-        known: names().collect::<Vec<_>>().join(", "),
-    }
-}
-
-fn counted() -> Result<Costs> {
-    let path = costs::path();
-    let text = std::fs::read_to_string(&path).map_err(|source| PageError::Io { path, source })?;
-    Ok(qemu_tests::costs::parse(&text)?)
+    let no_table = || {
+        let known = names().collect::<Vec<_>>().join(", ");
+        format!("no command writes a table '{name}'; there are {known}")
+    };
+    let (_, path) = known.with_context(no_table)?;
+    Page::read(&workspace::root().join(path))
 }
 
 /// Checks the tables that are made within a second, and that the pages have every table and no other.
@@ -113,27 +83,18 @@ fn counted() -> Result<Costs> {
 /// # Errors
 /// The first row that differs from its command's, with its page and table.
 pub fn check_instant() -> Result<()> {
-    let counted = counted()?;
-    for table in &INSTANT {
-        page(table.name)?.check(table.name, &(table.make)(&counted)?)?;
+    let counted = costs::read()?;
+    for (name, make) in INSTANT {
+        page(name)?.check(name, &make(&counted)?)?;
     }
     for name in names() {
         page(name)?.block(name)?;
     }
-    no_unknown_tables()
-}
-
-/// Refuses a block in the pages that no command writes.
-fn no_unknown_tables() -> Result<()> {
+    // A block in the pages that no command writes.
     for (_, path) in PAGES {
-        let file = workspace::root().join(path);
-        let text = std::fs::read_to_string(&file)
-            .map_err(|source| PageError::Io { path: file, source })?;
+        let text = std::fs::read_to_string(workspace::root().join(path)).context(path)?;
         for line in text.lines().filter_map(|line| line.strip_prefix(OPENING)) {
-            let name = line.split(',').next().unwrap_or(line);
-            if !names().any(|known| known == name) {
-                return Err(no_table(name));
-            }
+            page(line.split(',').next().unwrap_or(line))?;
         }
     }
     Ok(())
@@ -145,8 +106,8 @@ fn no_unknown_tables() -> Result<()> {
 /// # Errors
 /// A name is that of no table, a page lacks the block, or the source of a table is missing.
 pub fn write(asked: &[String], mut told: impl FnMut(&str)) -> Result<()> {
-    let counted = counted()?;
-    let instant = INSTANT.iter().map(|table| table.name.to_owned());
+    let counted = costs::read()?;
+    let instant = INSTANT.iter().map(|(name, _)| (*name).to_owned());
     let asked = if asked.is_empty() {
         instant.collect()
     } else {
@@ -162,22 +123,26 @@ pub fn write(asked: &[String], mut told: impl FnMut(&str)) -> Result<()> {
 
 /// Makes table `name` again.
 fn made(name: &str, counted: &Costs) -> Result<String> {
-    if let Some(table) = INSTANT.iter().find(|table| table.name == name) {
-        return (table.make)(counted);
+    if let Some((_, make)) = INSTANT.iter().find(|(table, _)| *table == name) {
+        return make(counted);
     }
     let toolchain = Toolchain::find()?;
     let compiler = costs::compiler(&toolchain)?;
-    if name == memory::NAME {
-        let image = firmware::build(&toolchain, firmware::Image::Product)?;
-        return Ok(memory::table_of(&firmware::memory(&image)?, &compiler));
+    match name {
+        MEMORY => {
+            let image = firmware::build(&toolchain, firmware::Image::Product)?;
+            Ok(memory(&firmware::memory(&image)?, &compiler))
+        }
+        EMULATED => {
+            let m4 = compare::play(Processor::CortexM4)?;
+            Ok(emulated(
+                &m4,
+                &compare::play(Processor::CortexM7)?,
+                &compiler,
+            ))
+        }
+        _ => bail!("'{name}' is not written by this"),
     }
-    if name == emulated::NAME {
-        let m4 = &compare::play(Processor::CortexM4)?;
-        let m7 = &compare::play(Processor::CortexM7)?;
-        let compiler = &compiler;
-        return Ok(emulated::table_of(&emulated::Runs { m4, m7, compiler }));
-    }
-    Err(no_table(name))
 }
 
 /// Compares a table that depends on the compiler with `made`, if the page names the same compiler. Returns true if it

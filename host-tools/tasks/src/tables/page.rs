@@ -1,57 +1,17 @@
 //! Blocks of a page that a command writes: lines between `<!-- table: NAME, made by ... -->` and `<!-- end -->`.
 //!
-//! This file uses the standard library and thiserror alone, because the tests on the virtual stylus include it by its
+//! This file uses the standard library and anyhow alone, because the tests on the virtual stylus include it by its
 //! path: their workspace does not build the tasks.
 
 use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
 
 /// The beginning of a line that opens a block; the block's name follows.
 pub const OPENING: &str = "<!-- table: ";
 
 /// The line that closes a block.
 pub const CLOSING: &str = "<!-- end -->";
-
-/// A fault of a page or of one of its blocks.
-#[derive(Debug, thiserror::Error)]
-pub enum PageError {
-    /// The page cannot be read or written.
-    #[error("{path}: {source}", path = path.display())]
-    Io {
-        /// The page.
-        path: PathBuf,
-        /// The reason.
-        source: std::io::Error,
-    },
-    /// The page has no block of this name.
-    #[error(
-        "{path}: no table '{name}'; give it the lines `{}` and `{CLOSING}`", opening(name),
-        path = path.display()
-    )]
-    Missing {
-        /// The page.
-        path: PathBuf,
-        /// The table.
-        name: String,
-    },
-    /// The block's content differs from its command's.
-    #[error(
-        "{path}, table '{name}', row {row}: the page says\n  {found}\nand it is\n  {expected}\n\
-         write it again: `cargo tasks tables {name}`",
-        path = path.display()
-    )]
-    Stale {
-        /// The page.
-        path: PathBuf,
-        /// The table.
-        name: String,
-        /// The first line that differs, from 1, counted from the opening line.
-        row: usize,
-        /// The page's line there.
-        found: String,
-        /// The command's line there.
-        expected: String,
-    },
-}
 
 /// A page in memory.
 #[derive(Debug)]
@@ -65,22 +25,18 @@ impl Page {
     ///
     /// # Errors
     /// It cannot be read.
-    pub fn read(path: &Path) -> Result<Self, PageError> {
-        let text = std::fs::read_to_string(path).map_err(|source| PageError::Io {
-            path: path.to_owned(),
-            source,
-        })?;
-        Ok(Self {
-            path: path.to_owned(),
-            text,
-        })
+    pub fn read(path: &Path) -> Result<Self> {
+        let text = std::fs::read_to_string(path);
+        let text = text.with_context(|| path.display().to_string())?;
+        let path = path.to_owned();
+        Ok(Self { path, text })
     }
 
     /// The content of block `name`: whole lines.
     ///
     /// # Errors
     /// The page has no such block, or the block does not end.
-    pub fn block(&self, name: &str) -> Result<&str, PageError> {
+    pub fn block(&self, name: &str) -> Result<&str> {
         let (begin, end) = self.range(name)?;
         Ok(&self.text[begin..end])
     }
@@ -89,59 +45,51 @@ impl Page {
     ///
     /// # Errors
     /// There is no such block, or a line differs.
-    pub fn check(&self, name: &str, expected: &str) -> Result<(), PageError> {
+    pub fn check(&self, name: &str, expected: &str) -> Result<()> {
         let found = self.block(name)?;
         if found == expected {
             return Ok(());
         }
-        let (mut found, mut expected) = (found.lines(), expected.lines());
-        let mut row = 0;
-        loop {
-            row += 1;
-            let pair = (found.next(), expected.next());
-            if pair.0 != pair.1 || pair == (None, None) {
-                let line = |line: Option<&str>| line.unwrap_or("(no line)").to_owned();
-                return Err(PageError::Stale {
-                    path: self.path.clone(),
-                    name: name.to_owned(),
-                    row,
-                    found: line(pair.0),
-                    expected: line(pair.1),
-                });
-            }
-        }
+        let line = |text: &str, row| text.lines().nth(row).unwrap_or("(no line)").to_owned();
+        let rows = 0..=found.lines().count();
+        let differ = |row: &usize| line(found, *row) != line(expected, *row);
+        let row = rows.clone().find(differ).unwrap_or(*rows.end());
+        bail!(
+            "{}, table '{name}', row {}: the page says\n  {}\nand it is\n  {}\nwrite it again: `cargo tasks tables {name}`",
+            self.path.display(),
+            row + 1,
+            line(found, row),
+            line(expected, row)
+        );
     }
 
     /// Writes `content` into block `name`, and the page to its file if that changes it. Returns true if it does.
     ///
     /// # Errors
     /// There is no such block, or the page cannot be written.
-    pub fn write(&mut self, name: &str, content: &str) -> Result<bool, PageError> {
+    pub fn write(&mut self, name: &str, content: &str) -> Result<bool> {
         let (begin, end) = self.range(name)?;
         if self.text[begin..end] == *content {
             return Ok(false);
         }
         self.text.replace_range(begin..end, content);
-        std::fs::write(&self.path, &self.text).map_err(|source| PageError::Io {
-            path: self.path.clone(),
-            source,
-        })?;
+        std::fs::write(&self.path, &self.text)?;
         Ok(true)
     }
 
     /// The begin and the end of the content of block `name`.
-    fn range(&self, name: &str) -> Result<(usize, usize), PageError> {
-        let missing = || PageError::Missing {
-            path: self.path.clone(),
-            name: name.to_owned(),
+    fn range(&self, name: &str) -> Result<(usize, usize)> {
+        let missing = || {
+            let (path, opening) = (self.path.display(), opening(name));
+            format!("{path}: no table '{name}'; give it the lines `{opening}` and `{CLOSING}`")
         };
         let opening = opening(name);
-        let begin = self.text.find(&opening).ok_or_else(missing)? + opening.len() + 1;
-        let rest = self.text.get(begin..).ok_or_else(missing)?;
-        let end = rest.find(CLOSING).ok_or_else(missing)?;
+        let begin = self.text.find(&opening).with_context(missing)? + opening.len() + 1;
+        let rest = self.text.get(begin..).with_context(missing)?;
+        let end = rest.find(CLOSING).with_context(missing)?;
         // If another block opens before this one closes, this one was left open.
         if rest[..end].contains(OPENING) {
-            return Err(missing());
+            bail!(missing());
         }
         Ok((begin, begin + end))
     }

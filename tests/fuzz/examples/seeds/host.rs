@@ -41,16 +41,6 @@ pub fn write(root: &Path) -> Result<(), Box<dyn Error>> {
             std::fs::write(folder.join(number.to_string()), input)?;
         }
     }
-    // Changes of single bytes of a partial file, with hashes as they were and made anew.
-    let folder = root.join("shards");
-    std::fs::create_dir_all(&folder)?;
-    for (name, changes) in [
-        ("whole", &[0][..]),
-        ("changed", &[0, 40, 0, 0, 7]),
-        ("hashed", &[1, 90, 0, 0, 7, 200, 1, 0, 1]),
-    ] {
-        std::fs::write(folder.join(name), changes)?;
-    }
     Ok(())
 }
 

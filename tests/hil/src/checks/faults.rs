@@ -1,94 +1,145 @@
 //! The fault image: each fault on request, its reset, its reason and its kind in the status, and silence after it.
 
-use model_format::link::{FaultKind, MotionSource, QUICK_FAULT_MS, ResetReason, Status};
+use std::ops::Range;
+
+use model_format::link::{Fault, FaultKind, MotionSource, QUICK_FAULT_MS, ResetReason, Status};
 
 use crate::bench::{Bench, request};
 use crate::board::Image;
 use crate::checks::{output, survived};
 use crate::error::Result;
-use crate::injection::inject;
+use crate::injection::{Injected, inject};
 use crate::library;
 
-/// A number that the fault image takes and that stands for no fault. The product's image counts it as malformed.
-const NO_FAULT: u8 = 0;
-
 /// A fault that ends in a reset.
-struct Ending {
-    number: u8,
-    name: &'static str,
-    reason: ResetReason,
-    kind: FaultKind,
+pub struct Ending {
+    /// Its name in the report.
+    pub name: &'static str,
+    /// The fault.
+    pub fault: Injected,
+    /// Reason of the reset.
+    pub reason: ResetReason,
+    /// Kind of the fault in the status.
+    pub kind: FaultKind,
     /// Part of the fault's text in the status.
     text: &'static str,
-    /// True if a brief run injects it too.
-    is_brief: bool,
+    /// Range of the address in the status; none if there needs to be no address.
+    address: Option<Range<u32>>,
 }
 
 impl Ending {
-    /// A fault that a handler catches.
-    const fn caught(number: u8, name: &'static str, kind: FaultKind) -> Self {
+    const fn caught(fault: Injected, name: &'static str, kind: FaultKind) -> Self {
         Self {
-            number,
             name,
+            fault,
             reason: ResetReason::Fault,
             kind,
             text: "",
-            is_brief: false,
+            address: None,
         }
     }
 
     /// A fault that only the watchdog ends.
-    const fn starved(number: u8, name: &'static str, kind: FaultKind) -> Self {
+    const fn starved(fault: Injected, name: &'static str, kind: FaultKind) -> Self {
         Self {
             reason: ResetReason::Watchdog,
-            ..Self::caught(number, name, kind)
+            ..Self::caught(fault, name, kind)
         }
     }
 
     /// A failure of the hardware that moves the codes, which the tick finds.
-    const fn of_output(number: u8, name: &'static str) -> Self {
+    const fn of_output(fault: Injected, name: &'static str) -> Self {
         Self {
             text: "output",
-            ..Self::caught(number, name, FaultKind::Panic)
+            ..Self::caught(fault, name, FaultKind::Panic)
         }
     }
 
-    /// The same, in brief runs too.
-    const fn also_brief(self) -> Self {
+    const fn at(address: Range<u32>, fault: Injected, name: &'static str, kind: FaultKind) -> Self {
         Self {
-            is_brief: true,
-            ..self
+            address: Some(address),
+            ..Self::caught(fault, name, kind)
         }
+    }
+
+    /// Returns true if the status tells of this fault.
+    pub fn explains(&self, told: &Fault) -> bool {
+        let is_there = |range: &Range<u32>| told.address.is_some_and(|at| range.contains(&at));
+        told.kind == self.kind
+            && told.text.contains(self.text)
+            && self.address.as_ref().is_none_or(is_there)
     }
 }
 
-/// Faults that end in a reset. Brief runs have one that a handler catches, one that the watchdog ends, a core that
-/// stops and so leaves the output to timer and DMA, and a failure of those.
-const ENDING: [Ending; 19] = {
+/// Addresses below the stack, which an overflow meets.
+const BELOW_STACK: Range<u32> = 0x1fff_fc00..0x2000_0000;
+
+/// Faults that end in a reset. A core that stops leaves the output to timer and DMA.
+pub const ENDING: [Ending; 19] = {
     use FaultKind::{
         ExecutorStopped, HardFault, MemoryProtection, Nmi, Panic, StackOverflow, TickStopped,
         UnexpectedInterrupt,
     };
+    use Injected as I;
+    const NULL: Range<u32> = 0..1;
+    const ITCM: Range<u32> = 0x400..0x401;
+    const FLASH: Range<u32> = 0x0800_0400..0x0800_0401;
+    const DTCM: Range<u32> = 0x2000_0000..0x2002_0000;
+    const EXTERNAL: Range<u32> = 0x6000_0000..0x6000_0001;
     [
-        Ending::caught(4, "a panic", Panic).also_brief(),
-        Ending::caught(9, "a panic in the tick", Panic),
-        Ending::caught(5, "a hard fault", HardFault),
-        Ending::caught(7, "a non-maskable interrupt", Nmi),
-        Ending::caught(6, "an unexpected interrupt", UnexpectedInterrupt),
-        Ending::starved(2, "a tick that hangs", TickStopped).also_brief(),
-        Ending::starved(8, "a timer that stops", TickStopped),
-        Ending::starved(3, "a task that hangs", ExecutorStopped),
-        Ending::starved(10, "a core that stops", ExecutorStopped).also_brief(),
-        Ending::of_output(13, "a stream that feeds the converter no more").also_brief(),
-        Ending::of_output(14, "a stream that erases no more"),
-        Ending::caught(32, "a stack that a task overflows", StackOverflow),
-        Ending::caught(33, "a stack that the update overflows", StackOverflow),
-        Ending::caught(34, "a write to address 0", MemoryProtection),
-        Ending::caught(35, "a read of address 0", MemoryProtection),
-        Ending::caught(36, "a write to the code in ITCM", MemoryProtection),
-        Ending::caught(37, "a write to the code in flash", MemoryProtection),
-        Ending::caught(38, "a jump to data", MemoryProtection),
-        Ending::caught(39, "a read of external memory", MemoryProtection),
+        Ending::caught(I::Panic, "a panic", Panic),
+        Ending::caught(I::PanicInTick, "a panic in the tick", Panic),
+        Ending::caught(I::BadJump, "a hard fault", HardFault),
+        Ending::caught(I::Nmi, "a non-maskable interrupt", Nmi),
+        Ending::caught(
+            I::UnexpectedInterrupt,
+            "an unexpected interrupt",
+            UnexpectedInterrupt,
+        ),
+        Ending::starved(I::EndlessTick, "a tick that hangs", TickStopped),
+        Ending::starved(I::NoTick, "a timer that stops", TickStopped),
+        Ending::starved(I::EndlessTask, "a task that hangs", ExecutorStopped),
+        Ending::starved(I::Halt, "a core that stops", ExecutorStopped),
+        Ending::of_output(I::NoTransfers, "a stream that feeds the converter no more"),
+        Ending::of_output(I::NoEraser, "a stream that erases no more"),
+        Ending::at(
+            BELOW_STACK,
+            I::OverflowInTask,
+            "a stack that a task overflows",
+            StackOverflow,
+        ),
+        Ending::at(
+            BELOW_STACK,
+            I::OverflowInUpdate,
+            "a stack that the update overflows",
+            StackOverflow,
+        ),
+        Ending::at(
+            NULL,
+            I::WriteToNull,
+            "a write to address 0",
+            MemoryProtection,
+        ),
+        Ending::at(NULL, I::ReadNull, "a read of address 0", MemoryProtection),
+        Ending::at(
+            ITCM,
+            I::WriteToItcm,
+            "a write to the code in ITCM",
+            MemoryProtection,
+        ),
+        Ending::at(
+            FLASH,
+            I::WriteToFlash,
+            "a write to the code in flash",
+            MemoryProtection,
+        ),
+        Ending::at(DTCM, I::ExecuteData, "a jump to data", MemoryProtection),
+        Ending::at(
+            EXTERNAL,
+            I::ReadExternal,
+            "a read of external memory",
+            MemoryProtection,
+        ),
     ]
 };
 
@@ -96,7 +147,7 @@ const ENDING: [Ending; 19] = {
 ///
 /// # Errors
 /// The link or the board fails.
-pub fn check(bench: &mut Bench, is_brief: bool) -> Result<()> {
+pub fn check(bench: &mut Bench) -> Result<()> {
     if let Some(reason) = bench.board.lacks() {
         bench.leave_out(
             "every fault ends in silence, a reset and its reason",
@@ -104,7 +155,7 @@ pub fn check(bench: &mut Bench, is_brief: bool) -> Result<()> {
         );
         return Ok(());
     }
-    let injected = with_fault_image(bench, is_brief);
+    let injected = with_fault_image(bench);
     // The product's image comes back whatever happened.
     let restored = exchange(bench, Image::Product);
     injected?;
@@ -130,12 +181,12 @@ fn exchange(bench: &mut Bench, image: Image) -> Result<Status> {
 fn takes_faults(bench: &Bench) -> Result<bool> {
     let malformed = |status: &Status| status.usb.malformed + status.serial.malformed;
     let before = bench.status()?;
-    inject(bench, NO_FAULT)?;
+    inject(bench, Injected::Nothing)?;
     let after = bench.wait(20)?;
     Ok(malformed(&after) == malformed(&before))
 }
 
-fn with_fault_image(bench: &mut Bench, is_brief: bool) -> Result<()> {
+fn with_fault_image(bench: &mut Bench) -> Result<()> {
     exchange(bench, Image::FaultInjection)?;
     let takes = takes_faults(bench)?;
     bench.judge(
@@ -152,16 +203,11 @@ fn with_fault_image(bench: &mut Bench, is_brief: bool) -> Result<()> {
         return Ok(());
     }
     survived::check(bench)?;
-    for ending in ENDING {
-        if !is_brief || ending.is_brief {
-            ends(bench, &ending)?;
-        }
-    }
-    Ok(())
+    ENDING.iter().try_for_each(|ending| ends(bench, ending))
 }
 
 fn ends(bench: &mut Bench, wanted: &Ending) -> Result<()> {
-    let Ending { number, name, .. } = *wanted;
+    let Ending { name, fault, .. } = *wanted;
     // A reset by its pin before each fault, so that a device that stays silent after several of them plays again.
     let status = bench.status()?;
     bench.board.reset()?;
@@ -174,14 +220,13 @@ fn ends(bench: &mut Bench, wanted: &Ending) -> Result<()> {
     let play = library::cheap();
     bench.device.play(&request(&play, MotionSource::Host))?;
     let before = bench.heard_with_motions()?;
-    inject(bench, number)?;
+    inject(bench, fault)?;
     let after = bench.wait_for_restart(&before)?;
     let fault = after.fault.as_ref();
     let found = fault.map_or("none".to_owned(), |fault| {
         format!("{:?} {}", fault.kind, fault.text)
     });
-    let is_wanted =
-        fault.is_some_and(|fault| fault.kind == wanted.kind && fault.text.contains(wanted.text));
+    let is_wanted = fault.is_some_and(|fault| wanted.explains(fault));
     bench.judge(
         &format!("{name} ends in a reset with its reason"),
         format!(

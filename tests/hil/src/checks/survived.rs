@@ -6,7 +6,7 @@ use model_format::link::{MotionSource, Status};
 
 use crate::bench::{Bench, is_playing};
 use crate::error::{Error, Result};
-use crate::injection::inject;
+use crate::injection::{Injected, inject};
 use crate::library;
 
 /// Number of times that each fault is injected.
@@ -17,7 +17,7 @@ const BETWEEN_MS: u64 = 30;
 
 /// A tick that is late, or whose codes are.
 struct Late {
-    number: u8,
+    fault: Injected,
     name: &'static str,
     /// Fewest and most ticks that are missed per fault.
     missed: [u32; 2],
@@ -31,37 +31,29 @@ struct Late {
 /// that are late one is enough.
 const LATE: [Late; 3] = [
     Late {
-        number: 1,
+        fault: Injected::LongTick,
         name: "a tick of two periods",
         missed: [1, 2],
         outputs: [0, 0],
     },
     Late {
-        number: 11,
+        fault: Injected::LateTick,
         name: "a sample that comes 150 µs late",
         missed: [0, 0],
         outputs: [1, TIMES],
     },
     Late {
-        number: 12,
+        fault: Injected::VeryLongTick,
         name: "a tick of six periods, in which the output runs into mid-scale",
         missed: [5, 6],
         outputs: [1, TIMES],
     },
 ];
 
-/// Critical sections from before a trigger until 25 µs and 45 µs after it. The first conversion ends after 32 µs.
-const SHORT_SECTION: u8 = 30;
-const LONG_SECTION: u8 = 31;
-
 /// Number of times that a critical section is injected, and blocks of a recording, of 6.4 ms each, from one to the
 /// next.
 const SECTIONS: u32 = 5;
 const BLOCKS_BETWEEN: u32 = 3;
-
-/// The amplifier off, and on again.
-const AMPLIFIER_OFF: u8 = 15;
-const AMPLIFIER_ON: u8 = 16;
 
 /// Longest time until the amplifier follows, ms: it is raised after mid-scale has been put out for a while.
 const AMPLIFIER_MS: u64 = 1_000;
@@ -82,7 +74,7 @@ fn late_ticks(bench: &mut Bench) -> Result<()> {
         let ((before, after), _) = bench.while_playing(&play, MotionSource::Host, |bench| {
             let before = bench.wait_until_heard()?;
             for _ in 0..TIMES {
-                inject(bench, late.number)?;
+                inject(bench, late.fault)?;
                 bench.wait(BETWEEN_MS)?;
             }
             Ok((before, bench.status()?))
@@ -107,7 +99,7 @@ fn late_ticks(bench: &mut Bench) -> Result<()> {
 }
 
 fn late_rows(bench: &mut Bench) -> Result<()> {
-    let (late, loss) = with_sections(bench, SHORT_SECTION)?;
+    let (late, loss) = with_sections(bench, Injected::ShortSection)?;
     bench.judge(
         "a row that is read 25 µs after its trigger is whole",
         format!(
@@ -117,7 +109,7 @@ fn late_rows(bench: &mut Bench) -> Result<()> {
         "0, 0",
         late == 0 && loss.torn_samples == 0,
     );
-    let (late, loss) = with_sections(bench, LONG_SECTION)?;
+    let (late, loss) = with_sections(bench, Injected::LongSection)?;
     bench.judge(
         "a row that is read 45 µs after its trigger is marked as torn",
         format!(
@@ -131,7 +123,7 @@ fn late_rows(bench: &mut Bench) -> Result<()> {
 }
 
 /// Records while `section` delays ticks. Returns the late conversions that were counted, and the losses.
-fn with_sections(bench: &Bench, section: u8) -> Result<(u32, Loss)> {
+fn with_sections(bench: &Bench, section: Injected) -> Result<(u32, Loss)> {
     let before = bench.status()?;
     let mut stream = Stream::start(&bench.device)?;
     for block in 0..(SECTIONS + 2) * BLOCKS_BETWEEN {
@@ -153,11 +145,11 @@ fn amplifier(bench: &mut Bench) -> Result<()> {
     let play = library::cheap();
     let ((off, on), _) = bench.while_playing(&play, MotionSource::Host, |bench| {
         bench.wait_until_heard()?;
-        inject(bench, AMPLIFIER_OFF)?;
+        inject(bench, Injected::AmplifierOff)?;
         let off = bench.wait_until("the amplifier stayed on", AMPLIFIER_MS, |status| {
             !status.output.amplifier
         })?;
-        inject(bench, AMPLIFIER_ON)?;
+        inject(bench, Injected::AmplifierOn)?;
         let on = bench.wait_until("the amplifier stayed off", AMPLIFIER_MS, |status| {
             status.output.amplifier
         })?;

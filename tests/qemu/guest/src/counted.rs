@@ -6,13 +6,12 @@ use core::hint::black_box;
 use kernel_vectors::job::Filter;
 use kernel_vectors::{COUNTED_SAMPLES, counted_motion};
 use model_format::{Library, OutputSample, Texture};
+use stylus_firmware::CortexM;
 use stylus_kernel::excitation::Excitation;
 use stylus_kernel::grid::GridPoint;
 use stylus_kernel::variants::normalised16::{Lattice16Frame, Lattice16State};
 use stylus_kernel::variants::two_multiplier::{TwoMultiplierFrame, TwoMultiplierState};
 use stylus_kernel::{Motion, Synthesis, UPDATE_INTERVAL_SAMPLES};
-
-use crate::native::Native;
 
 /// Plays every texture of `library` by `filter`, over the first `updates` updates of the motion.
 pub fn play(filter: Filter, updates: u32, library: &[u8]) {
@@ -73,12 +72,12 @@ fn follow<S>(
 }
 
 #[inline(never)]
-fn update(synthesis: &mut Synthesis<'_, Native>, motion: Motion) {
+fn update(synthesis: &mut Synthesis<'_, CortexM>, motion: Motion) {
     synthesis.follow(motion, UPDATE_INTERVAL_SAMPLES);
 }
 
 #[inline(never)]
-fn sample(synthesis: &mut Synthesis<'_, Native>) -> OutputSample {
+fn sample(synthesis: &mut Synthesis<'_, CortexM>) -> OutputSample {
     synthesis.next_sample()
 }
 

@@ -4,9 +4,9 @@ use core::hint::black_box;
 
 use kernel_vectors::{HardCase, Way, report};
 use model_format::OutputSample;
+use stylus_firmware::CortexM;
 
 use crate::counter::{Counter, Range};
-use crate::native::{self, Native};
 use crate::output::{Output, Words};
 
 /// Plays all of `cases`, and prints for each the digest and the cost of its samples.
@@ -24,10 +24,10 @@ pub fn play(mut cases: &[u8], counter: &Counter, output: &mut Output) {
             played
         };
         let digest = case
-            .play::<Native>(&mut measure)
+            .play::<CortexM>(&mut measure)
             .expect("the host wrote libraries");
         let name = case.name;
-        output.line(format_args!("{} {} {name}", report::VECTOR, native::NAME));
+        output.line(format_args!("{} {} {name}", report::VECTOR, report::CORTEX_M));
         let mut words = Words::new(output);
         words.push(digest);
         words.finish();

@@ -12,8 +12,6 @@ mod counter;
 mod failure;
 mod hard;
 mod job;
-mod library;
-mod native;
 mod output;
 mod peers;
 mod proof;
@@ -23,16 +21,17 @@ use cortex_m_semihosting::{debug, hio};
 use kernel_vectors::job::Job;
 use kernel_vectors::{MEASURED, PATH_UPDATES, VECTORS, edges, motion, report, run};
 use model_format::Library;
-use stylus_firmware::{CortexM4, CortexM7};
+use stylus_firmware::CortexM;
 use stylus_kernel::arithmetic::{Arithmetic, Portable};
 use stylus_kernel::digest::of_plan;
 use stylus_kernel::scene::Plan;
 use stylus_kernel::{Synthesis, UPDATE_INTERVAL_SAMPLES};
 
 use crate::counter::{Counter, Range};
-use crate::library::LIBRARY;
-use crate::native::Native;
 use crate::output::{Output, Words};
+
+/// The library of test textures that `build.rs` makes.
+static LIBRARY: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/library.bin"));
 
 #[entry]
 fn main() -> ! {
@@ -52,8 +51,7 @@ fn main() -> ! {
         Some(Job::Proof { library }) => proof::measure(library, &counter, &mut output),
         None => {
             play::<Portable>(report::PORTABLE, &mut output);
-            play::<CortexM4>(report::CORTEX_M4, &mut output);
-            play::<CortexM7>(report::CORTEX_M7, &mut output);
+            play::<CortexM>(report::CORTEX_M, &mut output);
             measure(&counter, &mut output);
         }
     }
@@ -89,8 +87,7 @@ fn digest(library: &[u8], output: &mut Output) {
         output.line(format_args!("{} {digest:08x} {name}", report::DIGEST));
     }
     played::<Portable>(library, report::PORTABLE, output);
-    played::<CortexM4>(library, report::CORTEX_M4, output);
-    played::<CortexM7>(library, report::CORTEX_M7, output);
+    played::<CortexM>(library, report::CORTEX_M, output);
 }
 
 /// Prints the costs of a sample and of an update, over the whole path.
@@ -101,7 +98,7 @@ fn measure(counter: &Counter, output: &mut Output) {
             .texture(measured.texture)
             .expect("it is in the library");
         // The first update of a beginning would run a direct form up, which a device does not do at once.
-        let mut synthesis = Synthesis::<Native>::from_rest(texture, 0);
+        let mut synthesis = Synthesis::<CortexM>::from_rest(texture, 0);
         let (mut sample, mut follow) = (Range::default(), Range::default());
         for update in 0..PATH_UPDATES {
             let motion = motion(update);

@@ -18,13 +18,13 @@ use idsp::iir::{Biquad, Cascade, DirectForm};
 use kernel_vectors::PEER_SAMPLES;
 use model_format::Library;
 use model_format::limits::MAX_ORDER;
+use stylus_firmware::CortexM;
 use stylus_kernel::direct::{DirectFrame, DirectState};
 use stylus_kernel::excitation::{self, Excitation};
 use stylus_kernel::lattice::LatticeState;
 use stylus_kernel::rotation::Rotation;
 
-use crate::library::LIBRARY;
-use crate::native::Native;
+use crate::LIBRARY;
 
 /// The number of sections, of two poles each. Their zeros are computed too, because idsp has no others.
 const SECTIONS: usize = MAX_ORDER / 2;
@@ -67,7 +67,7 @@ pub fn play() {
     };
     let rotations: [Rotation; MAX_ORDER] =
         core::array::from_fn(|index| Rotation::from_theta(0x4000 / (index as i32 + 1)));
-    let (mut ours, mut ours_in_pairs) = (LatticeState::new(), LatticeState::new());
+    let mut ours = LatticeState::new();
     let texture = Library::decode_uncertified(LIBRARY).ok();
     let texture = texture.and_then(|library| library.texture("direct 32, one node"));
     let frame = DirectFrame::silent(&texture.expect("the vectors' library has it"));
@@ -81,27 +81,20 @@ pub fn play() {
         black_box(plain_direct(&mut direct, x));
         black_box(plain_lattice(&mut lattice, x));
         black_box(lattice_alone(&mut ours, &rotations, drawn));
-        black_box(lattice_of_two(&mut ours_in_pairs, &rotations, [drawn; 2]));
         black_box(direct_alone(&mut ours_direct, &frame, i64::from(drawn)));
         black_box(direct_output(&mut ours_in_halves, &frame, i64::from(drawn)));
-        ours_in_halves.look_ahead::<Native>(&frame);
+        ours_in_halves.look_ahead::<CortexM>(&frame);
     }
 }
 
 #[inline(never)]
 fn lattice_alone(state: &mut LatticeState, rotations: &[Rotation], x: i32) -> i32 {
-    state.filter::<Native>(rotations, x)
-}
-
-/// The lattice with two samples per call.
-#[inline(never)]
-fn lattice_of_two(state: &mut LatticeState, rotations: &[Rotation], x: [i32; 2]) -> [i32; 2] {
-    state.filter_two::<Native>(rotations, x)
+    state.filter::<CortexM>(rotations, x)
 }
 
 #[inline(never)]
 fn direct_alone(state: &mut DirectState, frame: &DirectFrame, x: i64) -> (i32, bool) {
-    state.filter::<Native>(frame, x)
+    state.filter::<CortexM>(frame, x)
 }
 
 /// The direct form's first half, at whose end the output is known.

@@ -33,6 +33,7 @@ use rigless::soc::stm32h743::generated::flash::{Register, cr1, optsr_cur, sr1};
 use rigless::soc::stm32h743::peripherals::flash::Flash;
 
 use super::around::Around;
+use crate::chance::Chance;
 use crate::error::{Error, Result};
 
 /// Address of the flash (table 7).
@@ -192,7 +193,7 @@ impl Contents {
             (Kind::Erase(range), Moment::During { seed }) => {
                 let mut chance = Chance(seed);
                 for address in range.clone().step_by(WORD_BYTES as usize) {
-                    match chance.next() % 3 {
+                    match chance.draw() % 3 {
                         0 => {}
                         1 => {
                             self.bytes[offsets(&(address..address + WORD_BYTES))].fill(ERASED);
@@ -218,28 +219,16 @@ impl Contents {
     fn tear(&mut self, address: u32, word: &[u8; WORD_BYTES as usize], chance: &mut Chance) {
         let cells = &mut self.bytes[offsets(&(address..address + WORD_BYTES))];
         for (cell, bits) in cells.iter_mut().zip(word) {
-            *cell &= bits | chance.next() as u8;
+            *cell &= bits | chance.draw() as u8;
         }
         self.unreadable.insert(address);
     }
 
     fn half_erase(&mut self, address: u32, chance: &mut Chance) {
         for cell in &mut self.bytes[offsets(&(address..address + WORD_BYTES))] {
-            *cell |= chance.next() as u8;
+            *cell |= chance.draw() as u8;
         }
         self.unreadable.insert(address);
-    }
-}
-
-/// Random numbers (SplitMix64).
-pub(crate) struct Chance(pub(crate) u64);
-
-impl Chance {
-    pub(crate) fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mixed = (self.0 ^ self.0 >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        let mixed = (mixed ^ mixed >> 27).wrapping_mul(0x94D0_49BB_1331_11EB);
-        mixed ^ mixed >> 31
     }
 }
 

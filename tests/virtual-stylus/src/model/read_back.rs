@@ -18,6 +18,7 @@ use rigless::time::{EventId, NANOS_PER_SECOND};
 
 use super::around::Around;
 use super::dac::Output;
+use crate::chance::Chance;
 use crate::electrical::OldConverter;
 
 /// Channel of PA4.
@@ -70,7 +71,7 @@ pub struct ReadBack {
     outputs: VecDeque<Output>,
     hz: u64,
     word: u16,
-    chance: u64,
+    chance: Chance,
     silicon: OldConverter,
 }
 
@@ -118,13 +119,9 @@ impl ReadBack {
         to + (from - to) * (-(nanos as f64) / self.pin.settling_ns).exp()
     }
 
-    /// Noise of unit variance: the sum of twelve uniform numbers (SplitMix64).
+    /// Noise of unit variance: the sum of twelve uniform numbers.
     fn noise(&mut self) -> f64 {
-        let uniform = (0..12).map(|_| {
-            self.chance = self.chance.wrapping_add(0x9E37_79B9_7F4A_7C15);
-            let mixed = (self.chance ^ self.chance >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-            (mixed >> 11) as f64 / (1u64 << 53) as f64
-        });
+        let uniform = (0..12).map(|_| self.chance.fraction());
         uniform.sum::<f64>() - 6.0
     }
 }

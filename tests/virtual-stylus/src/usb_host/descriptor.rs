@@ -11,10 +11,6 @@ pub const STRING: u8 = 3;
 pub const INTERFACE: u8 = 4;
 /// `ENDPOINT`.
 pub const ENDPOINT: u8 = 5;
-/// `DEVICE_QUALIFIER`.
-pub const DEVICE_QUALIFIER: u8 = 6;
-/// `INTERFACE_ASSOCIATION`.
-pub const INTERFACE_ASSOCIATION: u8 = 11;
 /// `BOS`.
 pub const BOS: u8 = 15;
 /// `DEVICE_CAPABILITY`.

@@ -8,12 +8,391 @@
 //! | the device descriptor's first 8 bytes, a second reset, the address, 2 ms to recover | 9.1.2, 9.2.6.3 |
 //! | descriptors of device, configuration, BOS and Microsoft OS 2.0, strings, the configuration | 9.4, 9.6 |
 
-mod bulk_frames;
 pub mod descriptor;
-mod enumeration;
-mod request;
 
-pub use bulk_frames::BulkFrames;
-pub use descriptor::{MICROSOFT_PLATFORM, bulk_endpoints, microsoft_set, parts};
-pub use enumeration::{Arrived, Descriptors, Timing, Transferred, UsbHost};
-pub use request::Request;
+use std::collections::VecDeque;
+
+use self::descriptor::{microsoft_set, total_length};
+use crate::model::usb::host::{
+    Completion, Host, PACKET_BYTES, Transfer, TransferError, TransferId,
+};
+use crate::stylus::VirtualStylus;
+
+const MS: u64 = 1_000_000;
+/// Virtual time between two looks at the transfers that have ended.
+const STEP_NS: u64 = 50_000;
+/// Timeout of a control transfer (section 9.2.6.1).
+const CONTROL_PATIENCE_NS: u64 = 5_000 * MS;
+
+/// The descriptors that an enumeration read, each as it came over the wire.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Descriptors {
+    /// The device descriptor.
+    pub device: Vec<u8>,
+    /// The configuration descriptor, with the descriptors that belong to it.
+    pub configuration: Vec<u8>,
+    /// The descriptor of further capabilities (BOS), if there is one.
+    pub bos: Vec<u8>,
+    /// The Microsoft OS 2.0 descriptor set, if the BOS names one.
+    pub microsoft: Vec<u8>,
+    /// The languages of its strings.
+    pub languages: Vec<u8>,
+    /// Manufacturer, product and serial number.
+    pub strings: [Vec<u8>; 3],
+}
+
+/// Times of an enumeration.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Timing {
+    /// From the pull-up to the first reset, nanoseconds.
+    pub settle_ns: u64,
+    /// A reset, nanoseconds.
+    pub reset_ns: u64,
+    /// From a reset to the first packet, nanoseconds.
+    pub recovery_ns: u64,
+}
+
+impl Default for Timing {
+    fn default() -> Self {
+        Self {
+            settle_ns: 100 * MS,
+            reset_ns: 10 * MS,
+            recovery_ns: 10 * MS,
+        }
+    }
+}
+
+/// The host's software.
+#[derive(Debug, Default)]
+pub struct UsbHost {
+    /// Times of its enumerations.
+    pub timing: Timing,
+    ended: Vec<Completion>,
+    next_address: u8,
+}
+
+impl UsbHost {
+    /// Waits for the device, resets the bus, gives the device an address, reads all of its descriptors, and configures
+    /// it.
+    ///
+    /// # Errors
+    /// A transfer that failed.
+    pub fn enumerate(&mut self, stylus: &mut VirtualStylus) -> Result<Descriptors, TransferError> {
+        stylus.usb(Host::plug);
+        let begin_ns = stylus.now_ns();
+        let sees = stylus.run_until_true(begin_ns + 2_000 * MS, MS, |stylus| {
+            stylus.usb(|host, _| host.sees_device())
+        });
+        if !sees {
+            return Err(TransferError::Gone);
+        }
+        stylus.run_for(self.timing.settle_ns);
+        self.reset(stylus);
+        self.describe(stylus)
+    }
+
+    fn describe(&mut self, stylus: &mut VirtualStylus) -> Result<Descriptors, TransferError> {
+        // The first packet tells the packet size of endpoint 0.
+        self.read(stylus, descriptor::DEVICE, 64)?;
+        self.reset(stylus);
+        self.next_address = self.next_address % 127 + 1;
+        let address = self.next_address;
+        self.control(stylus, Request::set_address(address), &[])?;
+        stylus.usb(move |host, _| host.set_address(address));
+        stylus.run_for(2 * MS);
+        let mut read = Descriptors {
+            device: self.read(stylus, descriptor::DEVICE, 18)?,
+            ..Descriptors::default()
+        };
+        let head = self.read(stylus, descriptor::CONFIGURATION, 9)?;
+        read.configuration = self.read(stylus, descriptor::CONFIGURATION, total_length(&head))?;
+        if read.device.get(2..4) > Some(&[0x00, 0x02]) {
+            let head = self.read(stylus, descriptor::BOS, 5)?;
+            read.bos = self.read(stylus, descriptor::BOS, total_length(&head))?;
+        }
+        if let Some((code, length)) = microsoft_set(&read.bos) {
+            let request = Request::new(0xC0, code, 0, 7, length);
+            read.microsoft = self.control(stylus, request, &[])?;
+        }
+        read.languages = self.read(stylus, descriptor::STRING, 255)?;
+        let language = match read.languages[..] {
+            [_, _, low, high, ..] => u16::from_le_bytes([low, high]),
+            _ => 0,
+        };
+        for (place, string) in [14, 15, 16].into_iter().zip(&mut read.strings) {
+            if let Some(&number) = read.device.get(place).filter(|number| **number != 0) {
+                let request = Request::descriptor(descriptor::STRING, number, language, 255);
+                *string = self.control(stylus, request, &[])?;
+            }
+        }
+        let value = read.configuration.get(5).copied().unwrap_or_default();
+        self.control(stylus, Request::set_configuration(value), &[])?;
+        Ok(read)
+    }
+
+    /// Reads the first descriptor of `kind`.
+    fn read(
+        &mut self,
+        stylus: &mut VirtualStylus,
+        kind: u8,
+        length: u16,
+    ) -> Result<Vec<u8>, TransferError> {
+        self.control(stylus, Request::descriptor(kind, 0, 0, length), &[])
+    }
+
+    /// Resets the bus, and waits until the device has recovered.
+    pub fn reset(&mut self, stylus: &mut VirtualStylus) {
+        let Timing {
+            reset_ns,
+            recovery_ns,
+            ..
+        } = self.timing;
+        stylus.usb(move |host, now_ns| host.reset_bus(now_ns, reset_ns));
+        stylus.run_for(reset_ns + recovery_ns);
+    }
+
+    /// One control request, with `data` for the device.
+    ///
+    /// # Errors
+    /// A transfer that failed or took longer than 5 s.
+    pub fn control(
+        &mut self,
+        stylus: &mut VirtualStylus,
+        request: Request,
+        data: &[u8],
+    ) -> Result<Vec<u8>, TransferError> {
+        self.control_within(stylus, request, data, CONTROL_PATIENCE_NS)
+    }
+
+    /// As [`UsbHost::control`], with another timeout.
+    ///
+    /// # Errors
+    /// A transfer that failed or took longer.
+    pub fn control_within(
+        &mut self,
+        stylus: &mut VirtualStylus,
+        request: Request,
+        data: &[u8],
+        patience_ns: u64,
+    ) -> Result<Vec<u8>, TransferError> {
+        let transfer = Transfer::Control {
+            setup: request.bytes(),
+            data: data.to_vec(),
+        };
+        let id = stylus.usb(move |host, _| host.submit(transfer));
+        let until_ns = stylus.now_ns() + patience_ns;
+        loop {
+            self.collect(stylus);
+            if let Some(ended) = self.find_ended(id) {
+                return ended.result;
+            }
+            if stylus.now_ns() >= until_ns {
+                stylus.usb(move |host, now_ns| host.cancel(id, now_ns));
+            } else {
+                stylus.run_for(STEP_NS);
+            }
+        }
+    }
+
+    /// Ends an endpoint's halt, at both ends.
+    ///
+    /// # Errors
+    /// As [`UsbHost::control`].
+    pub fn clear_halt(
+        &mut self,
+        stylus: &mut VirtualStylus,
+        endpoint: u8,
+    ) -> Result<(), TransferError> {
+        self.control(stylus, Request::clear_halt(endpoint), &[])?;
+        stylus.usb(move |host, _| host.reset_toggle(endpoint));
+        Ok(())
+    }
+
+    /// Takes the completion of a transfer, if it has ended.
+    pub fn take_ended(&mut self, stylus: &mut VirtualStylus, id: TransferId) -> Option<Completion> {
+        self.collect(stylus);
+        self.find_ended(id)
+    }
+
+    /// Cancels transfers, as when the program that asked for them ends.
+    pub fn call_off(&mut self, stylus: &mut VirtualStylus, ids: &[TransferId]) {
+        let cancelled = ids.to_owned();
+        stylus.usb(move |host, now_ns| {
+            for id in cancelled {
+                host.cancel(id, now_ns);
+            }
+        });
+        self.collect(stylus);
+        self.ended.retain(|ended| !ids.contains(&ended.id));
+    }
+
+    /// Takes over the completions from the controller.
+    pub(super) fn collect(&mut self, stylus: &mut VirtualStylus) {
+        let ended = stylus.usb(|host, _| host.take_completions());
+        self.ended.extend(ended);
+    }
+
+    /// Takes the completion of a transfer from those that were taken over.
+    pub(super) fn find_ended(&mut self, id: TransferId) -> Option<Completion> {
+        let position = self.ended.iter().position(|ended| ended.id == id)?;
+        Some(self.ended.remove(position))
+    }
+}
+
+/// A control request (USB 2.0 table 9-2).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Request {
+    /// Direction, kind and recipient.
+    pub kind: u8,
+    /// Number of the request.
+    pub request: u8,
+    /// Its first number.
+    pub value: u16,
+    /// Its second number.
+    pub index: u16,
+    /// Bytes of the data stage.
+    pub length: u16,
+}
+
+impl Request {
+    /// A request by its five numbers.
+    pub fn new(kind: u8, request: u8, value: u16, index: u16, length: u16) -> Self {
+        Self {
+            kind,
+            request,
+            value,
+            index,
+            length,
+        }
+    }
+
+    /// The SETUP packet's data.
+    pub fn bytes(self) -> [u8; 8] {
+        let words = [self.value, self.index, self.length].map(u16::to_le_bytes);
+        let mut bytes = [self.kind, self.request, 0, 0, 0, 0, 0, 0];
+        bytes[2..].copy_from_slice(words.as_flattened());
+        bytes
+    }
+
+    /// The descriptor of `kind` with this index, at most `length` bytes of it.
+    pub fn descriptor(kind: u8, index: u8, language: u16, length: u16) -> Self {
+        Self::new(0x80, 6, u16::from_le_bytes([index, kind]), language, length)
+    }
+
+    /// Sets the device's address.
+    pub fn set_address(address: u8) -> Self {
+        Self::new(0x00, 5, address.into(), 0, 0)
+    }
+
+    /// Chooses a configuration.
+    pub fn set_configuration(value: u8) -> Self {
+        Self::new(0x00, 9, value.into(), 0, 0)
+    }
+
+    /// Ends an endpoint's halt.
+    pub fn clear_halt(endpoint: u8) -> Self {
+        Self::new(0x02, 1, 0, endpoint.into(), 0)
+    }
+
+    /// Halts an endpoint.
+    pub fn set_halt(endpoint: u8) -> Self {
+        Self {
+            request: 3,
+            ..Self::clear_halt(endpoint)
+        }
+    }
+}
+
+/// Frames over a pair of bulk endpoints, as a program on the host exchanges them. A frame is a transfer, which a packet
+/// that is not full ends.
+#[derive(Debug)]
+pub struct BulkFrames {
+    output: u8,
+    input: u8,
+    bytes: usize,
+    waiting: VecDeque<TransferId>,
+    sending: VecDeque<TransferId>,
+}
+
+impl BulkFrames {
+    /// Frames between an OUT and an IN endpoint of these addresses; `waiting` IN transfers of `bytes` wait for the
+    /// device.
+    pub fn open(
+        stylus: &mut VirtualStylus,
+        output: u8,
+        input: u8,
+        bytes: usize,
+        waiting: usize,
+    ) -> Self {
+        let mut frames = Self {
+            output: output & 0x0F,
+            input: input & 0x0F,
+            bytes: bytes.next_multiple_of(PACKET_BYTES),
+            waiting: VecDeque::new(),
+            sending: VecDeque::new(),
+        };
+        for _ in 0..waiting {
+            frames.await_one(stylus);
+        }
+        frames
+    }
+
+    fn await_one(&mut self, stylus: &mut VirtualStylus) {
+        let (endpoint, bytes) = (self.input, self.bytes);
+        let id = stylus.usb(move |host, _| host.submit(Transfer::In { endpoint, bytes }));
+        self.waiting.push_back(id);
+    }
+
+    /// Sends a frame, behind those that wait.
+    pub fn send(&mut self, stylus: &mut VirtualStylus, frame: &[u8]) {
+        let (endpoint, data) = (self.output, frame.to_vec());
+        let ids = stylus.usb(move |host, _| {
+            let is_full = data.len().is_multiple_of(PACKET_BYTES) && !data.is_empty();
+            let first = host.submit(Transfer::Out { endpoint, data });
+            let end = is_full.then(|| {
+                host.submit(Transfer::Out {
+                    endpoint,
+                    data: Vec::new(),
+                })
+            });
+            [Some(first), end]
+        });
+        self.sending.extend(ids.into_iter().flatten());
+    }
+
+    /// Takes the frames that have come, each with the instant of its last packet.
+    ///
+    /// # Errors
+    /// A transfer that failed. The link is over then.
+    pub fn receive(
+        &mut self,
+        usb: &mut UsbHost,
+        stylus: &mut VirtualStylus,
+    ) -> Result<Vec<Vec<u8>>, TransferError> {
+        let mut frames = Vec::new();
+        usb.collect(stylus);
+        while let Some(&id) = self.sending.front()
+            && let Some(ended) = usb.find_ended(id)
+        {
+            self.sending.pop_front();
+            ended.result?;
+        }
+        while let Some(&id) = self.waiting.front()
+            && let Some(ended) = usb.find_ended(id)
+        {
+            self.waiting.pop_front();
+            let data = ended.result?;
+            self.await_one(stylus);
+            if !data.is_empty() {
+                frames.push(data);
+            }
+        }
+        Ok(frames)
+    }
+
+    /// Cancels all transfers that wait.
+    pub fn close(self, usb: &mut UsbHost, stylus: &mut VirtualStylus) {
+        let waiting: Vec<TransferId> = self.sending.into_iter().chain(self.waiting).collect();
+        usb.call_off(stylus, &waiting);
+    }
+}

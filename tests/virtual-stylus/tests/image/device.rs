@@ -1,21 +1,18 @@
 //! The host's end of the serial line or of USB, in virtual time.
 
+use hil::injection::{FaultTopic, Injected};
 use std::collections::VecDeque;
 use std::path::PathBuf;
 
 use model_format::link::{
-    ActivateEndpoint, Activated, InfoEndpoint, KEEP_ALIVE_MS, KeepAliveTopic, LIBRARY_CRC,
-    ListEndpoint, ListRequest, MAX_CHUNK_BYTES, MAX_DEVICE_FRAME_BYTES, MotionSource, MuteReasons,
-    PlayEndpoint, PlayError, PlayRequest, Playing, RecordBlock, RecordBlockTopic, Selection,
-    Setting, SettingChange, SettingSet, Settings, SettingsApplyEndpoint, SettingsChange,
-    SettingsError, SettingsGetEndpoint, SettingsProposeEndpoint, SlotId, Slots, SlotsEndpoint,
-    Status, StatusEndpoint, TextureInfo, UploadBegin, UploadBeginEndpoint, UploadChunk,
-    UploadChunkEndpoint, UploadCommitEndpoint, UploadCommitted, UploadProgress,
+    InfoEndpoint, KEEP_ALIVE_MS, KeepAliveTopic, MAX_DEVICE_FRAME_BYTES, RecordBlock,
+    RecordBlockTopic,
 };
 use postcard_rpc::header::{VarHeader, VarKey, VarSeq};
 use postcard_rpc::{Endpoint, Key, Topic};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
+use virtual_stylus::chance::Chance;
 use virtual_stylus::model::dac::Output;
 use virtual_stylus::model::pin::Driven;
 use virtual_stylus::model::usb::host::TransferError;
@@ -40,6 +37,24 @@ const USB_STEP_NS: u64 = MS / 10;
 const PATIENCE_NS: u64 = 20 * SECOND;
 /// Time within which the image has started.
 const START_NS: u64 = 2 * SECOND;
+
+/// True in `tests/run long`.
+pub fn long() -> bool {
+    std::env::var_os("STYLUS_LONG").is_some()
+}
+
+/// Length of a recording, s.
+pub fn recording_s() -> u64 {
+    if long() { 60 } else { 2 }
+}
+
+/// True if a run takes the case with this number: each in `tests/run long`, else one of ten, which the seed draws.
+pub fn is_drawn(case: u64) -> bool {
+    let seed = std::env::var("PROPTEST_RNG_SEED").ok();
+    let seed = seed.and_then(|seed| seed.parse().ok()).unwrap_or(1);
+    let draw = Chance(case / 10 ^ seed << 32).below(10);
+    long() || case % 10 == draw
+}
 
 /// The image that `variable` names.
 fn image(variable: &str) -> PathBuf {
@@ -138,7 +153,7 @@ impl Device {
             panic!("it is not on USB");
         };
         *bulk = None;
-        let read = usb.enumerate(&mut self.stylus).expect("the run goes on")?;
+        let read = usb.enumerate(&mut self.stylus)?;
         self.open();
         Ok(read)
     }
@@ -157,7 +172,15 @@ impl Device {
             panic!("it is not on USB");
         };
         if let Some(open) = bulk.take() {
-            open.close(usb, &mut self.stylus).expect("the run goes on");
+            open.close(usb, &mut self.stylus);
+        }
+    }
+
+    /// Ends the halts of the bulk endpoints, as a program that opens them does.
+    pub fn clear_halts(&mut self) {
+        let (stylus, usb) = self.usb();
+        for endpoint in [BULK_OUT, BULK_IN] {
+            usb.clear_halt(stylus, endpoint).expect("it is there");
         }
     }
 
@@ -171,14 +194,13 @@ impl Device {
         let Line::Usb(_, bulk) = &mut self.line else {
             panic!("it is not on USB");
         };
-        let opened = BulkFrames::open(
+        *bulk = Some(BulkFrames::open(
             &mut self.stylus,
             BULK_OUT,
             BULK_IN,
             MAX_DEVICE_FRAME_BYTES,
             WAITING_TRANSFERS,
-        );
-        *bulk = Some(opened.expect("the run goes on"));
+        ));
     }
 
     /// True while the bulk endpoints are open and nothing has failed on them.
@@ -211,7 +233,7 @@ impl Device {
     }
 
     /// As [`Device::request`], for requests that borrow.
-    fn ask<E, R>(&mut self, request: &R) -> E::Response
+    pub fn ask<E, R>(&mut self, request: &R) -> E::Response
     where
         E: Endpoint<Response: DeserializeOwned>,
         R: Serialize,
@@ -230,7 +252,7 @@ impl Device {
     }
 
     /// Runs until the answer with this number is there; none if the link breaks before.
-    fn answer<E>(&mut self, sequence: u32) -> Option<E::Response>
+    pub fn answer<E>(&mut self, sequence: u32) -> Option<E::Response>
     where
         E: Endpoint<Response: DeserializeOwned>,
     {
@@ -270,7 +292,7 @@ impl Device {
     pub fn send_raw(&mut self, frame: &[u8]) {
         if let Line::Usb(_, bulk) = &mut self.line {
             if let Some(bulk) = bulk {
-                bulk.send(&mut self.stylus, frame).expect("the run goes on");
+                bulk.send(&mut self.stylus, frame);
             }
             return;
         }
@@ -281,7 +303,7 @@ impl Device {
 
     /// Sends bytes as they are.
     pub fn send_bytes(&mut self, bytes: &[u8]) {
-        self.stylus.send(bytes).expect("the run goes on");
+        self.stylus.send(bytes);
     }
 
     /// Switches the host's keep-alives on or off.
@@ -298,7 +320,7 @@ impl Device {
                 self.next_keep_alive_ns = self.stylus.now_ns() + u64::from(KEEP_ALIVE_MS) * MS;
             }
             let next = (self.stylus.now_ns() + 4 * STEP_NS).min(end);
-            self.stylus.run_until(next).expect("the run goes on");
+            self.stylus.run_until(next);
             self.listen();
         }
     }
@@ -316,25 +338,22 @@ impl Device {
             return;
         };
         let Some(open) = bulk else { return };
-        match open
-            .receive(usb, &mut self.stylus)
-            .expect("the run goes on")
-        {
+        match open.receive(usb, &mut self.stylus) {
             Ok(frames) => {
-                for (_, frame) in frames {
+                for frame in frames {
                     self.take_frame(&frame);
                 }
             }
             Err(_) => {
                 if let Some(open) = bulk.take() {
-                    open.close(usb, &mut self.stylus).expect("the run goes on");
+                    open.close(usb, &mut self.stylus);
                 }
             }
         }
     }
 
     fn listen_on_serial(&mut self) {
-        let sent = self.stylus.receive().expect("the run goes on");
+        let sent = self.stylus.receive();
         for byte in sent.into_iter().map(|sent| sent.byte) {
             let Line::Serial(partial) = &mut self.line else {
                 return;
@@ -383,167 +402,21 @@ impl Device {
 
     /// Outputs of the converter since power-on.
     pub fn dac(&mut self) -> &[Output] {
-        let new = self.stylus.take_dac_record().expect("the run goes on");
+        let new = self.stylus.take_dac_record();
         self.dac.extend(new);
         &self.dac
     }
 
     /// Changes of the amplifier's enable since power-on.
     pub fn amplifier(&mut self) -> Vec<Driven> {
-        let new = self
-            .stylus
-            .take_amplifier_record()
-            .expect("the run goes on");
+        let new = self.stylus.take_amplifier_record();
         self.amplifier.extend(new);
         self.amplifier.clone()
-    }
-
-    pub fn settings(&mut self) -> Settings {
-        self.request::<SettingsGetEndpoint>(&())
-            .expect("settings are read")
     }
 
     /// Drops the frames that were not requested.
     pub fn forget_frames(&mut self) {
         self.frames.clear();
-    }
-
-    pub fn status(&mut self) -> Status {
-        self.request::<StatusEndpoint>(&())
-    }
-
-    pub fn slots(&mut self) -> Slots {
-        self.request::<SlotsEndpoint>(&())
-    }
-
-    pub fn texture(&mut self, slot: SlotId, index: u8) -> TextureInfo {
-        self.request::<ListEndpoint>(&ListRequest { slot, index })
-            .expect("there is such a texture")
-    }
-
-    pub fn begin_upload(&mut self, library: &[u8]) -> UploadProgress {
-        self.request::<UploadBeginEndpoint>(&announced(library))
-            .expect("the library fits a slot")
-    }
-
-    /// Sends chunks from `progress` up to byte `end`.
-    pub fn send_chunks(&mut self, library: &[u8], progress: UploadProgress, end: usize) {
-        let mut offset = progress.next_offset as usize;
-        while offset < end {
-            let data = &library[offset..library.len().min(offset + MAX_CHUNK_BYTES)];
-            let chunk = UploadChunk {
-                offset: offset as u32,
-                data,
-            };
-            let progress = self
-                .ask::<UploadChunkEndpoint<'_>, _>(&chunk)
-                .expect("the chunk that is due");
-            offset = progress.next_offset as usize;
-        }
-    }
-
-    pub fn upload(&mut self, library: &[u8]) -> UploadCommitted {
-        let progress = self.begin_upload(library);
-        self.send_chunks(library, progress, library.len());
-        self.request::<UploadCommitEndpoint>(&())
-            .expect("a valid library")
-    }
-
-    /// Uploads with up to `window` chunks on their way before the answer to the first of them, as the product's client
-    /// does with [`UPLOAD_WINDOW`](model_format::link::UPLOAD_WINDOW).
-    pub fn upload_ahead(&mut self, library: &[u8], window: usize) -> UploadCommitted {
-        self.begin_upload(library);
-        let offsets = (0..).step_by(MAX_CHUNK_BYTES);
-        let mut chunks = library.chunks(MAX_CHUNK_BYTES).zip(offsets);
-        let mut on_their_way = VecDeque::new();
-        loop {
-            while on_their_way.len() < window
-                && let Some((data, offset)) = chunks.next()
-            {
-                let chunk = UploadChunk { offset, data };
-                let sequence = self.send_frame(UploadChunkEndpoint::REQ_KEY, &chunk);
-                on_their_way.push_back(sequence);
-            }
-            let Some(first) = on_their_way.pop_front() else {
-                break;
-            };
-            self.answer::<UploadChunkEndpoint<'_>>(first)
-                .expect("the link holds")
-                .expect("the chunk that is due");
-        }
-        self.request::<UploadCommitEndpoint>(&())
-            .expect("a valid library")
-    }
-
-    pub fn activate(&mut self, slot: SlotId) -> Activated {
-        self.request::<ActivateEndpoint>(&slot)
-            .expect("a valid slot")
-    }
-
-    /// Sets what nothing plays without, as the owner of the coil does; the values are those of `Settings::default`.
-    pub fn set_coil(&mut self) {
-        let default = |setting: Setting| SettingChange {
-            setting,
-            value: setting.spec().default,
-        };
-        let values: Vec<SettingChange> = SettingSet::REQUIRED.iter().map(default).collect();
-        self.change_settings(&values)
-            .expect("in range, and nothing is played");
-    }
-
-    /// Proposes new values of settings, and applies them.
-    pub fn change_settings(&mut self, values: &[SettingChange]) -> Result<Settings, SettingsError> {
-        self.propose_and_apply(&SettingsChange::of(values)?)
-    }
-
-    /// Proposes to reset the settings, and resets them.
-    pub fn reset_settings(&mut self) -> Result<Settings, SettingsError> {
-        self.propose_and_apply(&SettingsChange::Reset)
-    }
-
-    fn propose_and_apply(&mut self, change: &SettingsChange) -> Result<Settings, SettingsError> {
-        let proposal = self.request::<SettingsProposeEndpoint>(change)?;
-        self.request::<SettingsApplyEndpoint>(&proposal.token)
-    }
-
-    /// Plays with keep-alives, and waits until nothing mutes the output.
-    pub fn play(&mut self, texture: &str, motion: MotionSource, seed: u64) {
-        self.keep_alive(true);
-        let request = play_request(texture, motion, seed);
-        self.request::<PlayEndpoint>(&request)
-            .expect("the texture is there");
-    }
-
-    /// Requests a scene.
-    pub fn play_scene(
-        &mut self,
-        scene: &str,
-        motion: MotionSource,
-        seed: u64,
-    ) -> Result<Playing, Box<PlayError>> {
-        self.keep_alive(true);
-        let request = PlayRequest {
-            selection: Selection::Scene(scene.try_into().expect("a scene's name fits")),
-            ..play_request("", motion, seed)
-        };
-        self.request::<PlayEndpoint>(&request).map_err(Box::new)
-    }
-
-    /// Plays, and waits until nothing mutes the output.
-    pub fn play_until_heard(&mut self, texture: &str, motion: MotionSource, seed: u64) {
-        self.play(texture, motion, seed);
-        self.wait_until_heard();
-    }
-
-    /// Runs until nothing mutes the output.
-    pub fn wait_until_heard(&mut self) {
-        for _ in 0..100 {
-            self.run_for(5 * MS);
-            if self.status().output.mute == MuteReasons::NONE {
-                return;
-            }
-        }
-        panic!("still muted: {:?}", self.status().output);
     }
 }
 
@@ -562,20 +435,7 @@ pub fn frame(key: Key, sequence: u32, message: &impl Serialize) -> Vec<u8> {
     frame
 }
 
-/// The announcement of an upload of `library`.
-pub fn announced(library: &[u8]) -> UploadBegin {
-    UploadBegin {
-        length: library.len() as u32,
-        crc32: LIBRARY_CRC.checksum(library),
-        replaces_last: false,
-    }
-}
-
-pub fn play_request(texture: &str, motion: MotionSource, seed: u64) -> PlayRequest {
-    PlayRequest {
-        selection: Selection::Texture(texture.try_into().expect("a texture's name fits")),
-        gain: 1.0,
-        motion,
-        seed,
-    }
+/// Requests a fault from the image that takes them.
+pub fn inject(device: &mut Device, fault: Injected) {
+    device.publish::<FaultTopic>(&(fault as u8));
 }

@@ -1,13 +1,13 @@
 //! The output that the image must give, from the product's own kernel and safety stages on this computer.
 
-use model_format::link::{RecordBlock, RecordSample, Settings};
+use model_format::link::{RecordSample, Settings};
 use model_format::{DacCode, PlayRate, Texture};
 use stylus_app::inputs::{Follower, InputConfig, Sensors};
 use stylus_app::safety;
 use stylus_kernel::UPDATE_INTERVAL_SAMPLES;
 use stylus_kernel::scene::{Plan, ScenePlayer};
 
-use crate::device::{CODES, MID_SCALE};
+use crate::device::{CODES, Device, MID_SCALE};
 
 /// Codes of the sensors at successive ticks.
 pub struct Recorded {
@@ -17,13 +17,11 @@ pub struct Recorded {
 }
 
 impl Recorded {
-    /// The samples of a recording's blocks, of which none may be lost.
-    pub fn of(blocks: &[RecordBlock]) -> Self {
+    /// What `device` has recorded, of which nothing may be lost.
+    pub fn of(device: &Device) -> Self {
         Self {
-            first_tick: blocks[0].first_tick,
-            samples: (blocks.iter())
-                .flat_map(|block| block.samples.map(Into::into))
-                .collect(),
+            first_tick: device.blocks[0].first_tick,
+            samples: device.samples(),
         }
     }
 

@@ -1,93 +1,89 @@
-//! Libraries, and flash with a library in it.
+//! Libraries, and flash with them in it, which the application's own store has written on this computer.
 
-use std::sync::OnceLock;
-
-use host_tools::texture::certificate::certified;
+use embassy_futures::block_on;
+use fake_stylus::flash::{Memory, SimulatedFlash};
+use fake_stylus::library::{library, upload};
 use model_format::limits::MAX_ORDER;
-use model_format::{
-    CodeSpec, Laws, NodeFlags, NodeSpec, PartsSpec, Provenance, Structure, TextureSpec, encode,
-};
+use model_format::link::{MAX_CHUNK_BYTES, SettingSet};
+use model_format::{Structure, encode};
+use stylus_app::settings::{SETTINGS_RANGE, SettingsStore};
+use stylus_app::slots::SlotStore;
+use stylus_app::upload::Uploader;
 use virtual_stylus::Options;
-use virtual_stylus::model::flash::Contents;
+use virtual_stylus::model::flash::{BASE, BYTES, Contents};
 
-use crate::device::Device;
+use crate::requests::default_of;
 
-/// The certified ones of the textures that every processor must play to the same bits; about 25 KB.
-pub fn small() -> &'static [u8] {
-    static SMALL: OnceLock<Vec<u8>> = OnceLock::new();
-    SMALL.get_or_init(|| {
-        let certified = kernel_vectors::specs()
-            .into_iter()
-            .filter_map(|spec| certified(spec).ok());
-        encode(&certified.collect::<Vec<_>>()).expect("within the limits")
-    })
+/// The lattices of the textures that every processor must play to the same bits; about 25 KB.
+pub fn small() -> Vec<u8> {
+    let lattices =
+        |spec: &model_format::TextureSpec| spec.structure == Structure::NormalisedLattice;
+    let specs: Vec<_> = kernel_vectors::specs()
+        .into_iter()
+        .filter(lattices)
+        .collect();
+    encode(&specs).expect("within the limits")
 }
 
-/// Another library, of about 8 KB.
-pub fn other() -> Vec<u8> {
-    encode(&[grid("other", 5, 4, 200)]).expect("within the limits")
-}
-
-/// A library of about 50 KB: a texture of 15 x 8 nodes.
+/// Another library of one texture, of about 50 KB.
 pub fn middling() -> Vec<u8> {
-    encode(&[grid("middling", 15, 8, 200)]).expect("within the limits")
+    library(1, 200, 1)
 }
 
-/// Four textures of 15 x 8 nodes of the highest order, which almost fill a slot.
+/// A library of one texture of about 7 KB.
+pub fn other() -> Vec<u8> {
+    library(1, 25, 2)
+}
+
+/// Four textures of the highest order, which almost fill a slot.
 pub fn large() -> Vec<u8> {
-    let textures = ["one", "two", "three", "four"].map(|name| grid(name, 15, 8, MAX_ORDER));
-    encode(&textures).expect("within the limits")
+    library(4, MAX_ORDER, 3)
 }
 
-/// A texture of different lattices with small angles.
-fn grid(name: &str, speeds: u16, forces: u16, order: usize) -> TextureSpec {
-    let node = |number: u16| NodeSpec {
-        output_power: 4.0,
-        prediction_error_power: 4.0,
-        flags: NodeFlags::NONE,
-        codes: CodeSpec::lattice(
-            (0..order)
-                .map(|stage| {
-                    (stage as i16)
-                        .wrapping_mul(7919)
-                        .wrapping_add(number as i16)
-                        >> 4
-                })
-                .collect(),
-        ),
+/// Flash with `libraries` in its slots, the last one the newest, and with the settings of the coil.
+pub fn flash_with(libraries: &[&[u8]]) -> Contents {
+    let slots = block_on(async {
+        let mut flash = SimulatedFlash::two_slots();
+        for library in libraries {
+            let mut store = SlotStore::open(&mut flash).await;
+            upload(&mut Uploader::new(), &mut store, library, MAX_CHUNK_BYTES)
+                .await
+                .expect("a valid library");
+        }
+        flash.memory
+    });
+    let settings = block_on(async {
+        let flash = SimulatedFlash::new(Memory::blank(SETTINGS_RANGE.end as usize));
+        let mut store = SettingsStore::open(flash, SETTINGS_RANGE).await;
+        let values: Vec<_> = SettingSet::REQUIRED.iter().map(default_of).collect();
+        store.set_all(&values).await.expect("within their ranges");
+        store.into_flash().memory
+    });
+    let mut contents = Contents::default();
+    let mut place = |at: usize, bytes: &[u8]| {
+        let address = u64::from(BASE) + at as u64;
+        contents.place(address, bytes).expect("it is in the flash");
     };
-    TextureSpec {
-        name: name.to_owned(),
-        sample_rate_hz: 5_000,
-        structure: Structure::NormalisedLattice,
-        provenance: Provenance::Simulated,
-        laws: Laws::default(),
-        parts: PartsSpec::default(),
-        speed_axis_mm_s: (1..=speeds).map(|speed| f32::from(speed) * 20.0).collect(),
-        force_axis_n: (1..=forces).map(|force| f32::from(force) * 0.2).collect(),
-        cell_margins: Vec::new(),
-        nodes: (0..speeds * forces).map(node).collect(),
-    }
+    place(BYTES / 2, slots.bytes());
+    let range = SETTINGS_RANGE.start as usize..SETTINGS_RANGE.end as usize;
+    place(range.start, &settings.bytes()[range]);
+    contents
 }
 
-/// Flash with [`small`] in a slot, after an upload.
-pub fn flash_with_small() -> Contents {
-    static FLASH: OnceLock<Contents> = OnceLock::new();
-    FLASH.get_or_init(|| flash_with(small())).clone()
-}
-
-/// Flash with `library` in a slot, after an upload, and with the settings of the coil.
-pub fn flash_with(library: &[u8]) -> Contents {
-    let mut device = Device::started(Options::default());
-    device.set_coil();
-    device.upload(library);
-    device.stylus.flash().expect("the run goes on")
-}
-
-/// Options of a run with `flash`.
+/// Options of a run with [`small`] in a slot.
 pub fn options() -> Options {
+    with(&small())
+}
+
+/// Options of a run with `library` in a slot.
+pub fn with(library: &[u8]) -> Options {
+    of(flash_with(&[library]))
+}
+
+/// Options of a run with this flash.
+pub fn of(flash: Contents) -> Options {
     Options {
-        flash: flash_with_small(),
+        flash,
         ..Options::default()
     }
 }

@@ -5,11 +5,12 @@
 
 mod boot;
 mod bounds;
+mod compared;
+mod cost;
 mod device;
 mod expected;
 mod faults;
 mod frames;
-mod injected;
 mod inputs;
 mod library;
 mod link;
@@ -20,9 +21,8 @@ mod output;
 mod page;
 mod play;
 mod power;
-mod proof;
-mod rates;
 mod record;
+mod requests;
 mod scenes;
 mod self_test;
 mod settings;

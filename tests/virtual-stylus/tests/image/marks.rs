@@ -1,19 +1,15 @@
 //! Marks of the worst cases, under the most that the device does at once, and levels of the sensors.
 
-use model_format::link::{
-    Marks, MotionSource, RecordStartEndpoint, Setting, SettingChange, Settings, StatusEndpoint,
-    UploadProgress,
-};
+use model_format::link::{Marks, MotionSource, Setting, Settings, StatusEndpoint, UploadProgress};
 use postcard_rpc::Endpoint;
 use virtual_stylus::Options;
-use virtual_stylus::model::dac::Cause;
 use virtual_stylus::model::flash::Stalls;
-use virtual_stylus::motion::Motion;
-use virtual_stylus::pins::FunctionPins;
 use virtual_stylus::sensors;
+use virtual_stylus::sensors::FunctionPins;
 
-use crate::device::{CODE_NS, Device, MS, PERIOD_NS, frame};
-use crate::{library, scenes};
+use crate::device::{Device, MS, PERIOD_NS, frame};
+use crate::library;
+use crate::scenes;
 
 /// Cycles of the processor per microsecond.
 const CYCLES_PER_US: u32 = 400;
@@ -49,49 +45,21 @@ fn check(marks: Marks) {
     );
 }
 
-/// Checks that the codes were put out 25 µs apart, none of them late, and no tick was missed.
-fn assert_undisturbed(device: &mut Device) {
-    let status = device.status();
-    let late = (status.tick.late_conversions, status.tick.late_outputs);
-    assert_eq!((status.tick.missed, late), (0, (0, 0)));
-    let outputs = device.dac().iter();
-    let instants: Vec<u64> = (outputs.filter(|output| output.cause == Cause::Trigger))
-        .map(|output| output.at_ns)
-        .collect();
-    let uneven = (instants.windows(2)).find(|pair| pair[1] - pair[0] != CODE_NS);
-    assert_eq!(uneven, None, "instants that are not 25 µs apart");
-}
-
 #[test]
 fn marks_keep_their_bounds_while_a_scene_plays_and_is_recorded_a_library_comes_and_both_links_are_busy()
  {
     /// Bytes that are uploaded: enough for every task to meet every other.
-    const UPLOADED: usize = 100_000;
+    const UPLOADED: usize = 40_000;
     const PIECE: usize = 2_000;
-    let mut device = Device::on_usb(Options {
-        flash: library::flash_with(scenes::bytes()),
-        ..Options::default()
-    });
-    device
-        .stylus
-        .set_pins(scenes::tapping())
-        .expect("the run goes on");
+    let mut device = Device::on_usb(library::with(&scenes::bytes()));
+    device.stylus.set_pins(FunctionPins(scenes::tapping));
     // To and fro over the boundary, where two surfaces sound.
-    let start = device.stylus.now_ns();
-    let turns = (0..40).map(|turn| {
-        (
-            start + turn * 200 * MS,
-            if turn % 2 == 0 { 240.0 } else { -200.0 },
-        )
-    });
-    let motion = Motion::linear(&turns.collect::<Vec<_>>(), 0.01).expect("instants that rise");
-    device.stylus.set_motion(motion).expect("the run goes on");
+    let turns = (0..40).map(|turn| (turn * 200, if turn % 2 == 0 { 240.0 } else { -200.0 }));
+    device.move_along(&turns.collect::<Vec<_>>());
     device
         .play_scene("everything", MotionSource::Sensors, 3)
         .expect("it is in the library");
-    device
-        .request::<RecordStartEndpoint>(&())
-        .expect("nothing is recorded");
+    device.record();
     let large = library::large();
     let mut progress = device.begin_upload(&large);
     let mut asked = 0;
@@ -107,7 +75,7 @@ fn marks_keep_their_bounds_while_a_scene_plays_and_is_recorded_a_library_comes_a
             next_offset: end.next_multiple_of(model_format::link::MAX_CHUNK_BYTES) as u32,
             ..progress
         };
-        let sent = device.stylus.receive().expect("the run goes on");
+        let sent = device.stylus.receive();
         answered += sent.iter().filter(|sent| sent.byte == 0).count();
     }
     assert!(
@@ -115,30 +83,24 @@ fn marks_keep_their_bounds_while_a_scene_plays_and_is_recorded_a_library_comes_a
         "{answered} of {asked} answered"
     );
     device.run_for(1_000 * MS);
-    assert_undisturbed(&mut device);
+    device.assert_undisturbed();
     check(device.status().marks);
-    let stalls = device.stylus.flash_stalls().expect("the run goes on");
+    let stalls = device.stylus.flash_stalls();
     assert_eq!(stalls, Stalls::default(), "nothing waits for a bank");
 }
 
 #[test]
 fn settings_are_written_and_erased_while_ticks_go_on_and_nothing_waits_for_the_bank() {
     let mut device = Device::started(library::options());
-    let change = |value| SettingChange {
-        setting: Setting::SoftStart,
-        value,
-    };
     for value in [100.0, 150.0] {
-        device
-            .change_settings(&[change(value)])
-            .expect("within its range");
+        device.set(Setting::SoftStart, value);
     }
     device.reset_settings().expect("they are erased");
-    let operations = device.stylus.flash_operations().expect("the run goes on");
+    let operations = device.stylus.flash_operations();
     assert!(operations.len() > 3, "{operations:?}");
-    let stalls = device.stylus.flash_stalls().expect("the run goes on");
+    let stalls = device.stylus.flash_stalls();
     assert_eq!(stalls, Stalls::default(), "nothing waits for a bank");
-    assert_undisturbed(&mut device);
+    device.assert_undisturbed();
     let marks = device.status().marks;
     assert!(marks.longest_watchdog_gap_us <= MOST_GAP_US, "{marks:?}");
 }
@@ -160,7 +122,7 @@ fn levels_are_those_of_the_signals_on_the_pins() {
             _ => 0x8000,
         }
     });
-    device.stylus.set_pins(pins).expect("the run goes on");
+    device.stylus.set_pins(pins);
     device.run_for(2_100 * MS);
     let levels = device.status().levels;
     assert_eq!(levels.samples, 5_000);
@@ -206,7 +168,7 @@ fn a_device_that_was_never_set_reads_the_force_and_the_path_that_the_virtual_sty
             FORCE_CHANNEL => code,
             _ => 0x8000,
         });
-        device.stylus.set_pins(pins).expect("the run goes on");
+        device.stylus.set_pins(pins);
         device.run_for(2_100 * MS);
         let read = f64::from(device.status().levels.force_newton);
         assert!((read - newton).abs() < 1e-3, "{read} N for {newton} N");

@@ -1,18 +1,17 @@
 //! The output from the tick to the pin: its latency, late ticks, a core that stops, and the amplifier's enable.
 
-use model_format::link::{
-    FaultKind, MotionSource, MuteReasons, ResetReason, Setting, SettingChange,
-};
+use hil::injection::Injected;
+use model_format::link::{FaultKind, MotionSource, MuteReasons, ResetReason, Setting};
 use stylus_app::safety;
-use virtual_stylus::model::dac::{Cause, Output};
+use virtual_stylus::model::dac::Output;
 use virtual_stylus::model::pin::{Drive, Driven};
-use virtual_stylus::motion::Motion;
 use virtual_stylus::{Options, ResetCause};
 
-use crate::device::{CODE_NS, CODES, Device, MID_SCALE, MS, PERIOD_NS, product, with_faults};
-use crate::injected::{Injected, inject};
+use crate::compared::BEFORE_FIRST_TICK;
+use crate::device::{
+    CODE_NS, CODES, Device, MID_SCALE, MS, PERIOD_NS, inject, product, with_faults,
+};
 use crate::library;
-use crate::play::BEFORE_FIRST_TICK;
 
 /// Time from the trigger of a tick to its first code on the pin, and to the end of what it wrote ahead.
 const LATENCY_NS: u64 = 212_500;
@@ -30,21 +29,12 @@ const SLEW_LIMIT: f32 = 2.0;
 fn playing_loudly() -> (Device, u16) {
     let mut device = Device::new(&with_faults(), library::options());
     device.wait_for_start();
-    for (setting, value) in [
-        (Setting::SlewLimit, SLEW_LIMIT),
-        (Setting::OutputGain, 0.2),
-        (Setting::PowerLimit, 1.0),
-    ] {
-        device
-            .change_settings(&[SettingChange { setting, value }])
-            .expect("it is within its range");
-    }
+    device.set(Setting::SlewLimit, SLEW_LIMIT);
+    device.set(Setting::OutputGain, 0.2);
+    device.set(Setting::PowerLimit, 1.0);
     let settings = device.settings();
     let config = safety::Config::new(&settings, 1.0);
-    device
-        .stylus
-        .set_motion(Motion::steady(120.0, 0.01))
-        .expect("the run goes on");
+    device.move_at(120.0);
     device.play_until_heard("lattice", MotionSource::Sensors, 9);
     device.run_for(300 * MS);
     (device, config.slew_steps() as u16)
@@ -69,10 +59,8 @@ fn loudness(device: &mut Device) -> u16 {
 fn the_first_code_of_a_tick_is_on_the_pin_212_microseconds_after_its_trigger() {
     let mut device = Device::new(&product(), library::options());
     device.run_for(50 * MS);
-    let first = device.stylus.take_ticks().expect("the run goes on")[0].at_ns;
-    let outputs: Vec<_> = (device.dac().iter())
-        .filter(|output| output.cause == Cause::Trigger)
-        .collect();
+    let first = device.stylus.take_ticks()[0].at_ns;
+    let outputs = device.triggered();
     let latency = outputs[BEFORE_FIRST_TICK].at_ns - first;
     assert!(latency.abs_diff(LATENCY_NS) <= PHASE_NS, "{latency} ns");
     assert_eq!(outputs[1].at_ns - outputs[0].at_ns, CODE_NS);
@@ -82,12 +70,12 @@ fn the_first_code_of_a_tick_is_on_the_pin_212_microseconds_after_its_trigger() {
 fn a_core_that_stops_while_a_texture_plays_leaves_mid_scale_at_the_pin_within_a_millisecond() {
     let (mut device, slew) = playing_loudly();
     assert!(loudness(&mut device) > 4 * slew, "it is loud");
-    device.stylus.take_ticks().expect("the run goes on");
+    device.stylus.take_ticks();
     inject(&mut device, Injected::Halt);
     device.keep_alive(false);
     device.run_for(150 * MS);
-    assert!(device.stylus.resets().expect("the run goes on").is_empty());
-    let ticks = device.stylus.take_ticks().expect("the run goes on");
+    assert!(device.stylus.resets().is_empty());
+    let ticks = device.stylus.take_ticks();
     let last = ticks.last().expect("it played").at_ns;
     let now = device.stylus.now_ns();
     assert!(now - last > 100 * MS, "the core stands");
@@ -117,7 +105,7 @@ fn late(fault: Injected) -> (Vec<Output>, u32) {
     inject(&mut device, fault);
     device.run_for(50 * MS);
     let after = device.status();
-    assert!(device.stylus.resets().expect("the run goes on").is_empty());
+    assert!(device.stylus.resets().is_empty());
     assert_eq!(after.output.mute, MuteReasons::NONE, "it plays on");
     let outputs: Vec<_> = (device.dac().iter())
         .filter(|output| output.at_ns > from)
@@ -178,7 +166,7 @@ fn is_found(fault: Injected) {
     inject(&mut device, fault);
     device.keep_alive(false);
     device.run_for(100 * MS);
-    let resets = device.stylus.resets().expect("the run goes on");
+    let resets = device.stylus.resets();
     assert_eq!(resets.len(), 1, "{resets:?}");
     assert_eq!(resets[0].cause, ResetCause::Software);
     device.wait_for_start();
@@ -276,9 +264,7 @@ fn a_debugger_that_halts_the_core_stops_neither_the_watchdog_nor_the_output() {
     const IWDG1: u32 = 1 << 18;
     let mut device = Device::started(library::options());
     let mut frozen = |register| {
-        (device.stylus.read_register("DBGMCU", register))
-            .expect("the run goes on")
-            .expect("there is such a register")
+        (device.stylus.read_register("DBGMCU", register)).expect("there is such a register")
     };
     assert_eq!(frozen(APB1LFZ1) & TIM6_AND_TIM7, 0);
     assert_eq!(frozen(APB4FZ1) & IWDG1, 0);
@@ -299,7 +285,7 @@ fn the_clocks_of_the_output_run_and_go_on_while_the_core_sleeps() {
     for (registers, bits) in clocks {
         for register in registers {
             let enabled = device.stylus.read_register("RCC", register);
-            let enabled = enabled.expect("the run goes on").expect("it is there");
+            let enabled = enabled.expect("it is there");
             assert_eq!(enabled & bits, bits, "{register:#x}");
         }
     }

@@ -1,154 +1,200 @@
-//! The played output, compared code by code and instant by instant.
+//! The played output, compared code by code and instant by instant, at 5 and at 10 kHz.
 
-use model_format::Library;
-use model_format::link::{MotionSource, RecordStartEndpoint, RecordStopEndpoint, StopEndpoint};
+use model_format::link::{MotionSource, MuteReason};
+use model_format::{Library, PlayRate};
+use stylus_app::safety::Config;
+use stylus_kernel::scene::cost::BUDGET;
 use virtual_stylus::Options;
-use virtual_stylus::model::dac::Cause;
-use virtual_stylus::motion::Motion;
-use virtual_stylus::pins::FunctionPins;
 
-use crate::device::{CODE_NS, CODES, Device, MID_SCALE, MS};
-use crate::expected::{Heard, Recorded, explain};
+use crate::compared::{Compared, latched, plays_as_the_host_does};
+use crate::cost::{count, count_scene};
+use crate::device::{CODES, Device, MID_SCALE, MS, PERIOD_NS};
+use crate::expected::Heard;
 use crate::library;
+use crate::scenes::{fast, force_code, plan, press, tapping};
 
-/// Code of the ADC for a force, by default at 2 N/V above a zero at a sixteenth of the range.
-pub fn force_code(newton: f64) -> u16 {
-    4_096 + (newton / 2.0 / 3.3 * 65_536.0) as u16
+/// Most instructions of a tick at 10 kHz besides those of its samples: inputs, safety, and what begins a block.
+const BESIDES: u32 = 2_400;
+
+/// Speeds over the grid of a texture, up and down.
+const STROKES: [(u64, f64); 5] = [
+    (0, 0.0),
+    (200, 20.0),
+    (500, 260.0),
+    (800, 30.0),
+    (1_000, 190.0),
+];
+
+/// A force that goes up and down over the grid, and an accelerometer whose axes differ.
+fn pins(channel: u8, at_ns: u64) -> u16 {
+    let phase = at_ns as f64 / 1e9 * std::f64::consts::TAU * 1.3;
+    match channel {
+        5 => force_code(0.8 + 0.7 * phase.sin()),
+        _ => 0x8000 + u16::from(channel) * 100,
+    }
 }
 
-/// Pins with a force that goes up and down over the grid, and an accelerometer whose axes differ.
-fn pins() -> FunctionPins<impl FnMut(u8, u64) -> u16 + Send> {
-    FunctionPins(|channel, at_ns| {
-        let phase = at_ns as f64 / 1e9 * std::f64::consts::TAU * 1.3;
-        match channel {
-            5 => force_code(0.8 + 0.7 * phase.sin()),
-            _ => 0x8000 + u16::from(channel) * 100,
-        }
-    })
-}
-
-/// Codes at the output before those of the first tick: the timer of the codes runs for 17 of them before the tick's own
-/// timer starts and that tick's first code is due.
-pub const BEFORE_FIRST_TICK: usize = 17;
-
-/// The codes of each tick that were put out at the triggers, from the first tick on, after a check of their instants.
-pub fn latched(device: &mut Device) -> Vec<[u16; CODES]> {
-    let outputs: Vec<_> = (device.dac().iter())
-        .filter(|output| output.cause == Cause::Trigger)
-        .copied()
-        .collect();
-    let uneven = outputs
-        .windows(2)
-        .find(|pair| pair[1].at_ns - pair[0].at_ns != CODE_NS);
-    assert_eq!(uneven, None, "instants that are not 25 µs apart");
-    let codes: Vec<u16> = (outputs[BEFORE_FIRST_TICK..].iter())
-        .map(|output| output.code.expect("driven"))
-        .collect();
-    codes.as_chunks().0.to_vec()
-}
-
-fn plays_as_the_host_does(library: &[u8], texture: &str, options: Options) {
+fn a_texture_is_played(bytes: &[u8], texture: &str) {
     // RAM holds what power-on leaves in it.
     let mut device = Device::started(Options {
         ram_noise: Some(2),
-        ..options
+        ..library::with(bytes)
     });
-    device.stylus.set_pins(pins()).expect("the run goes on");
-    let start = device.stylus.now_ns();
-    let knots = [
-        (0, 0.0),
-        (200, 20.0),
-        (700, 260.0),
-        (1_100, 30.0),
-        (1_500, 190.0),
-    ];
-    let speeds = knots.map(|(ms, speed)| (start + ms * MS, speed));
-    let motion = Motion::linear(&speeds, 0.01).expect("instants that rise");
-    device.stylus.set_motion(motion).expect("the run goes on");
-    device
-        .request::<RecordStartEndpoint>(&())
-        .expect("nothing is recorded");
-    // More than the window of the speed.
-    device.run_for(60 * MS);
-    let asked = device.status().tick.ticks;
-    device.play(texture, MotionSource::Sensors, 77);
-    device.run_for(1_600 * MS);
-    let stopped = device
-        .request::<RecordStopEndpoint>(&())
-        .expect("it is recorded");
-    assert_eq!(stopped.lost_blocks, 0);
-    let status = device.status();
-    assert_eq!(
-        (
-            status.tick.missed,
-            status.tick.late_frames,
-            status.tick.late_conversions
-        ),
-        (0, 0, 0)
-    );
-
-    let recorded = Recorded::of(&device.blocks);
-    let codes = latched(&mut device);
-    let library = Library::decode(library).expect("a valid library");
-    let texture = library.texture(texture).expect("it is in the library");
-    let heard = Heard::of_texture(texture, 77);
-    let (began, same_until) = explain(&heard, &recorded, &codes, asked);
-    let end = recorded.first_tick + recorded.samples.len() as u64;
-    assert_eq!(
-        same_until, end,
-        "codes differ from tick {same_until} on, with {began:?}"
-    );
-    let heard = codes[began.unmuted as usize..end as usize]
-        .as_flattened()
-        .iter()
-        .filter(|&&code| code != MID_SCALE);
-    assert!(heard.count() > CODES * 4_000, "the motion is heard");
+    device.set_pins(pins);
+    device.move_along(&STROKES);
+    let library = Library::decode(bytes).expect("a valid library");
+    let heard = Heard::of_texture(library.texture(texture).expect("it is there"), 77);
+    plays_as_the_host_does(&mut device, &heard, 1_100, |device| {
+        device.play(texture, MotionSource::Sensors, 77);
+    });
 }
 
 #[test]
 fn a_lattice_is_put_out_as_the_host_computes_it_code_for_code() {
-    plays_as_the_host_does(library::small(), "lattice", library::options());
-}
-
-#[test]
-fn a_direct_form_is_put_out_as_the_host_computes_it_code_for_code() {
-    plays_as_the_host_does(library::small(), "direct 32", library::options());
+    a_texture_is_played(&library::small(), "lattice");
 }
 
 /// The texture whose digest all platforms compare, by the image itself, which gives no words but codes.
 #[test]
 fn the_texture_of_the_digest_is_put_out_as_the_host_computes_it_code_for_code() {
-    let library = kernel_vectors::digest_library();
-    let options = Options {
-        flash: library::flash_with(&library),
-        ..Options::default()
-    };
-    plays_as_the_host_does(&library, "digest", options);
+    a_texture_is_played(&kernel_vectors::digest_library(), "digest");
+}
+
+/// A hand that goes over the boundary of the scenes, back, and over it again, and a force that taps.
+fn touched(bytes: &[u8]) -> Device {
+    let mut device = Device::started(library::with(bytes));
+    device.set_pins(tapping);
+    device.move_along(&[(0, 40.0), (500, 110.0), (900, -90.0), (1_500, 160.0)]);
+    device
+}
+
+#[test]
+fn a_texture_at_ten_kilohertz_is_put_out_as_the_host_computes_it() {
+    let bytes = fast();
+    let library = Library::decode(&bytes).expect("a valid library");
+    let heard = Heard::of_texture(library.texture("fast").expect("it is there"), 77);
+    plays_as_the_host_does(&mut touched(&bytes), &heard, 700, |device| {
+        device.play("fast", MotionSource::Sensors, 77);
+    });
+}
+
+fn a_scene_is_played(bytes: &[u8], scene: &str) {
+    let library = Library::decode(bytes).expect("a valid library");
+    let heard = Heard::of_scene(plan(&library, scene), 5);
+    let Compared { audits, .. } =
+        plays_as_the_host_does(&mut touched(bytes), &heard, 1_300, |device| {
+            let played = device.play_scene(scene, MotionSource::Sensors, 5);
+            played.expect("it is there");
+        });
+    assert!(audits > 0);
+}
+
+#[test]
+fn a_scene_at_ten_kilohertz_with_all_effects_is_put_out_as_the_host_computes_it() {
+    a_scene_is_played(&fast(), "everything");
+}
+
+/// The bits of two fed voices with all effects, over the transition and back, and of an update that is never late.
+#[test]
+fn a_scene_of_fed_textures_is_put_out_as_the_host_computes_it() {
+    a_scene_is_played(&crate::scenes::bytes(), "fed everything");
 }
 
 #[test]
 fn a_stop_ends_at_mid_scale_and_stays_there() {
     let mut device = Device::started(library::options());
-    device.stylus.set_pins(pins()).expect("the run goes on");
-    device
-        .stylus
-        .set_motion(Motion::steady(120.0, 0.01))
-        .expect("the run goes on");
+    device.set_pins(pins);
+    device.move_at(120.0);
     device.play_until_heard("lattice", MotionSource::Sensors, 1);
-    device.run_for(300 * MS);
-    device.request::<StopEndpoint>(&()).expect("it plays");
+    device.run_for(100 * MS);
+    device.stop();
     device.run_for(100 * MS);
     let silent_from = device.stylus.now_ns();
-    device.run_for(300 * MS);
+    device.run_for(200 * MS);
+    assert!(device.sounds_from(0) > 0, "it was heard");
+    assert_eq!(device.sounds_from(silent_from), 0);
+}
+
+#[test]
+fn a_change_of_rate_and_back_is_within_the_limits_and_at_mid_scale_in_between() {
+    let mut device = Device::started(library::with(&fast()));
+    // A steady hand, so that nothing but the change is silent.
+    press(&mut device, 1.0);
+    device.move_at(60.0);
+    let settings = device.settings();
+    let mut changes = Vec::new();
+    let changing =
+        |device: &mut Device| device.status().output.mute_counts[MuteReason::Changing as usize];
+    let before = changing(&mut device);
+    for texture in ["slow", "fast", "slow"] {
+        changes.push(device.status().tick.ticks as usize);
+        device.play(texture, MotionSource::Sensors, 3);
+        device.run_for(450 * MS);
+        assert!(device.status().output.mute.is_empty(), "{texture}");
+    }
+    assert_eq!(changing(&mut device), before + 3);
+    device.assert_undisturbed();
     let codes = latched(&mut device);
-    let mut codes = codes.as_flattened().iter();
-    assert!(codes.any(|&code| code != MID_SCALE), "it was heard");
-    let late = device
-        .dac()
-        .iter()
-        .filter(|output| output.at_ns > silent_from);
-    assert!(
-        late.map(|output| output.code)
-            .all(|code| code == Some(MID_SCALE))
-    );
+    // The limits of codes are those of both rates.
+    let [slow, fast] = PlayRate::ALL.map(|rate| Config::at_rate(&settings, 1.0, rate));
+    let limits = (slow.limit_steps(), slow.slew_steps());
+    assert_eq!(limits, (fast.limit_steps(), fast.slew_steps()));
+    let offsets: Vec<i32> = (codes.as_flattened().iter())
+        .map(|&code| i32::from(code) - i32::from(MID_SCALE))
+        .collect();
+    assert!(offsets.iter().all(|offset| offset.abs() <= limits.0));
+    let steps = offsets.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+    assert!(steps.max().is_some_and(|most| most <= limits.1));
+    // After each change there is silence of a millisecond at least, and then sound for most of the time.
+    for (index, &change) in changes.iter().enumerate() {
+        let end = changes.get(index + 1).copied().unwrap_or(codes.len());
+        let stretch = &codes[change..end];
+        let silent = |codes: &[u16; CODES]| *codes == [MID_SCALE; CODES];
+        let rest = stretch
+            .windows(5)
+            .position(|ticks| ticks.iter().all(silent))
+            .expect("the output rests");
+        assert!(rest < 500, "rest after {rest} ticks");
+        let sounding = stretch[rest..].iter().filter(|codes| !silent(codes));
+        assert!(sounding.count() > 1_200, "change {index}");
+    }
+}
+
+/// A tick at 10 kHz keeps its period and its budget, and one at 5 kHz costs what it did before.
+#[test]
+fn two_samples_of_the_highest_order_fit_in_a_tick_and_its_period_stays() {
+    let mut device = Device::started(library::with(&fast()));
+    press(&mut device, 1.0);
+    device.move_at(20.0);
+    let idle = count(&mut device, "idle", 20);
+    device.play_until_heard("slow", MotionSource::Sensors, 3);
+    let slow = count(&mut device, "lattice at 5 kHz", 30);
+    device.play_until_heard("fast", MotionSource::Sensors, 3);
+    device.run_for(200 * MS);
+    device.stylus.take_ticks();
+    device.run_for(50 * MS);
+    let ticks = device.stylus.take_ticks();
+    assert!(ticks.len() > 240, "{}", ticks.len());
+    for pair in ticks.windows(2) {
+        let late = (pair[1].at_ns - pair[0].at_ns).abs_diff(PERIOD_NS);
+        // What a critical section of a task delays.
+        assert!(late < 5_000, "{late} ns");
+    }
+    let fast = count(&mut device, "lattice at 10 kHz", 30);
+    device.run_for(100 * MS);
+    let both = count_scene(&mut device, "both");
+    device.play_until_heard("slow", MotionSource::Sensors, 3);
+    device.run_for(200 * MS);
+    let again = count(&mut device, "lattice at 5 kHz, again", 30);
+    assert_eq!(again.within, slow.within);
+
+    let voice = slow.within - idle.within;
+    // Two samples, and the stages of safety for the second one.
+    let more = fast.within - idle.within - 2 * voice;
+    println!("instructions of the second sample's safety stages: {more}");
+    assert!(more < 400, "{more}");
+    for count in [fast, both] {
+        assert!(count.beginning <= BUDGET + BESIDES, "{count:?}");
+    }
+    device.assert_undisturbed();
 }

@@ -1,21 +1,10 @@
 //! Recording: no sample is lost or changed, and all are taken at exact instants.
 
-use model_format::link::{BLOCK_SAMPLES, RecordSample, RecordStartEndpoint, RecordStopEndpoint};
+use model_format::link::{BLOCK_SAMPLES, RecordSample};
 use virtual_stylus::Options;
 use virtual_stylus::model::adc::Sample;
-use virtual_stylus::motion::Motion;
-use virtual_stylus::pins::FunctionPins;
 
-use crate::device::{Device, MS, PERIOD_NS, SECOND};
-
-/// Length of the recording, s; a minute if `STYLUS_LONG` is set.
-fn seconds() -> u64 {
-    if std::env::var_os("STYLUS_LONG").is_some() {
-        60
-    } else {
-        10
-    }
-}
+use crate::device::{Device, MS, PERIOD_NS, SECOND, recording_s};
 
 /// A code by which ticks and channels within a second can be told apart.
 fn code(channel: u8, at_ns: u64) -> u16 {
@@ -38,46 +27,24 @@ fn sequences(samples: &[Sample]) -> Vec<[Sample; 4]> {
 #[test]
 fn a_recording_holds_what_was_on_the_pins_at_instants_200_microseconds_apart() {
     let mut device = Device::started(Options::default());
-    device
-        .stylus
-        .set_pins(FunctionPins(code))
-        .expect("the run goes on");
-    device
-        .stylus
-        .set_motion(Motion::steady(150.0, 0.01))
-        .expect("the run goes on");
+    device.set_pins(code);
+    device.move_at(150.0);
     device.run_for(5 * MS);
-    device.stylus.record_samples().expect("the run goes on");
+    device.stylus.record_samples();
     device.run_for(5 * MS);
-    device.keep_alive(true);
-    device
-        .request::<RecordStartEndpoint>(&())
-        .expect("nothing is recorded");
-    device.run_for(seconds() * SECOND);
-    let stopped = device
-        .request::<RecordStopEndpoint>(&())
-        .expect("it is recorded");
-    device.run_for(50 * MS);
+    device.record();
+    device.run_for(recording_s() * SECOND);
+    let stopped = device.stop_recording();
     assert_eq!(stopped.lost_blocks, 0);
     assert_eq!(device.status().tick.missed, 0);
-    assert_eq!(device.broken, 0);
 
     let blocks = &device.blocks;
     assert_eq!(blocks.len(), stopped.blocks as usize);
-    assert!(blocks.len() as u64 * BLOCK_SAMPLES as u64 >= seconds() * 5_000 - 100);
-    for (number, block) in blocks.iter().enumerate() {
-        assert_eq!(block.sequence as usize, number);
-        assert_eq!(
-            block.first_tick,
-            blocks[0].first_tick + (number * BLOCK_SAMPLES) as u64
-        );
-        assert_eq!(block.lost_blocks, 0);
-    }
-    let recorded: Vec<RecordSample> = (blocks.iter())
-        .flat_map(|block| block.samples.map(Into::into))
-        .collect();
+    assert!(blocks.len() as u64 * BLOCK_SAMPLES as u64 >= recording_s() * 5_000 - 100);
+    device.assert_whole();
+    let recorded = device.samples();
 
-    let converted = sequences(&device.stylus.take_samples().expect("the run goes on"));
+    let converted = sequences(&device.stylus.take_samples());
     let sampled = |sample: &RecordSample| {
         let [x, y, z] = sample.acceleration.map(|code| code.0);
         [x, y, z, sample.force.0]

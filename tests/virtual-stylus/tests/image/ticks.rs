@@ -3,25 +3,18 @@
 use std::path::Path;
 use std::sync::LazyLock;
 
-use model_format::link::{MotionSource, RecordStartEndpoint, Setting, SettingChange};
-use virtual_stylus::motion::Motion;
-use virtual_stylus::pins::FunctionPins;
+use model_format::link::{MotionSource, Setting};
 use virtual_stylus::tick::TickStatistics;
 
 use crate::device::{Device, MS};
 use crate::library;
 use crate::page::Page;
 
-/// Textures that are played, and their names in the page.
-const PLAYED: [(&str, &str); 3] = [
-    ("lattice", "lattice, order 400"),
-    ("direct 32", "direct form, order 400, 32 bits"),
-    ("direct 16", "direct form, order 400, 16 bits"),
-];
+/// Texture that is played, and its name in the page.
+const PLAYED: (&str, &str) = ("lattice", "lattice, order 400");
 
-/// Ticks that play each of [`PLAYED`], and the limits that acted on them.
-static PLAYING: LazyLock<[(TickStatistics, Limited); 3]> =
-    LazyLock::new(|| PLAYED.map(|(texture, _)| playing(texture, &[])));
+/// Ticks that play [`PLAYED`], and the limits that acted on them.
+static PLAYING: LazyLock<(TickStatistics, Limited)> = LazyLock::new(|| playing(&[]));
 
 /// Ticks that play nothing, and those that record.
 static AT_REST: LazyLock<[TickStatistics; 2]> = LazyLock::new(at_rest);
@@ -30,11 +23,11 @@ static AT_REST: LazyLock<[TickStatistics; 2]> = LazyLock::new(at_rest);
 const CYCLES_PER_INSTRUCTION: u32 = 2;
 /// Cycles of a period at 400 MHz.
 const PERIOD_CYCLES: u32 = 80_000;
-/// Instructions of the median tick before the output was oversampled and shaped: idle, and the first of [`PLAYED`].
+/// Instructions of the median tick before the output was oversampled and shaped: idle, and of [`PLAYED`].
 const BEFORE_OUTPUT_STAGE: [u32; 2] = [413, 5_017];
 /// Most instructions of the oversampled output, which every tick has besides those.
 const OUTPUT_STAGE: u32 = 800;
-/// Settings with which the limits of each code act on the first of [`PLAYED`], and those with which the thermal limiter
+/// Settings with which the limits of each code act on [`PLAYED`], and those with which the thermal limiter
 /// does.
 const TIGHT: [&[(Setting, f32)]; 2] = [
     &[
@@ -49,9 +42,9 @@ const TIGHT: [&[(Setting, f32)]; 2] = [
 const MOST_PERCENT: u32 = 20;
 
 fn ticks(device: &mut Device) -> TickStatistics {
-    device.stylus.take_ticks().expect("the run goes on");
+    device.stylus.take_ticks();
     device.run_for(300 * MS);
-    let ticks = device.stylus.take_ticks().expect("the run goes on");
+    let ticks = device.stylus.take_ticks();
     TickStatistics::of(&ticks).expect("there were ticks")
 }
 
@@ -67,27 +60,21 @@ fn limited(device: &mut Device) -> Limited {
     ]
 }
 
-/// Ticks that play `texture` with `settings`, and the limits that acted on them.
-fn playing(texture: &str, settings: &[(Setting, f32)]) -> (TickStatistics, Limited) {
+/// Ticks that play with `settings`, and the limits that acted on them.
+fn playing(settings: &[(Setting, f32)]) -> (TickStatistics, Limited) {
     let mut device = Device::started(library::options());
     for &(setting, value) in settings {
-        device
-            .change_settings(&[SettingChange { setting, value }])
-            .expect("it is within its range");
+        device.set(setting, value);
     }
-    let pins = FunctionPins(|channel, at_ns: u64| match channel {
+    device.set_pins(|channel, at_ns| match channel {
         5 => 9_000 + (at_ns / 50_000) as u16 % 9_000,
         _ => 0x8000,
     });
-    device.stylus.set_pins(pins).expect("the run goes on");
-    let start = device.stylus.now_ns();
-    let speeds = [(start, 10.0), (start + 1_500 * MS, 300.0)];
-    let motion = Motion::linear(&speeds, 0.01).expect("instants that rise");
-    device.stylus.set_motion(motion).expect("the run goes on");
-    device.play_until_heard(texture, MotionSource::Sensors, 3);
-    device.stylus.audit_ticks(251).expect("the run goes on");
+    device.move_along(&[(0, 10.0), (1_500, 300.0)]);
+    device.play_until_heard(PLAYED.0, MotionSource::Sensors, 3);
+    device.stylus.audit_ticks(251);
     device.run_for(200 * MS);
-    let audits = device.stylus.take_audits().expect("the run goes on");
+    let audits = device.stylus.take_audits();
     assert!(audits.len() >= 3, "{} audits", audits.len());
     for audit in audits {
         assert_eq!(
@@ -98,10 +85,7 @@ fn playing(texture: &str, settings: &[(Setting, f32)]) -> (TickStatistics, Limit
     }
     let before = limited(&mut device);
     let statistics = ticks(&mut device);
-    assert_eq!(
-        device.stylus.unfollowed_ticks().expect("the run goes on"),
-        0
-    );
+    assert_eq!(device.stylus.unfollowed_ticks(), 0);
     let after = limited(&mut device);
     let acted = std::array::from_fn(|limit| after[limit] - before[limit]);
     (statistics, acted)
@@ -110,9 +94,7 @@ fn playing(texture: &str, settings: &[(Setting, f32)]) -> (TickStatistics, Limit
 fn at_rest() -> [TickStatistics; 2] {
     let mut device = Device::started(library::options());
     let idle = ticks(&mut device);
-    device
-        .request::<RecordStartEndpoint>(&())
-        .expect("nothing is recorded");
+    device.record();
     [idle, ticks(&mut device)]
 }
 
@@ -125,14 +107,13 @@ fn show(what: &str, statistics: TickStatistics) {
 
 #[test]
 fn a_tick_that_plays_takes_at_most_a_fifth_of_its_period_and_never_touches_flash() {
-    for ((texture, _), (statistics, _)) in PLAYED.into_iter().zip(*PLAYING) {
-        show(texture, statistics);
-        let cycles = statistics.max * CYCLES_PER_INSTRUCTION;
-        assert!(
-            cycles * 100 <= PERIOD_CYCLES * MOST_PERCENT,
-            "{texture}: {statistics:?}"
-        );
-    }
+    let (statistics, _) = *PLAYING;
+    show("playing", statistics);
+    let cycles = statistics.max * CYCLES_PER_INSTRUCTION;
+    assert!(
+        cycles * 100 <= PERIOD_CYCLES * MOST_PERCENT,
+        "{statistics:?}"
+    );
 }
 
 #[test]
@@ -155,7 +136,7 @@ fn a_tick_that_plays_nothing_takes_less_and_recording_adds_nothing_to_it() {
 #[test]
 fn the_oversampled_output_adds_at_most_800_instructions_to_a_tick() {
     let [idle, _] = *AT_REST;
-    let (lattice, _) = PLAYING[0];
+    let (lattice, _) = *PLAYING;
     for (statistics, before) in [idle, lattice].into_iter().zip(BEFORE_OUTPUT_STAGE) {
         let most = before + OUTPUT_STAGE;
         assert!(statistics.median <= most, "{statistics:?}, at most {most}");
@@ -164,12 +145,12 @@ fn the_oversampled_output_adds_at_most_800_instructions_to_a_tick() {
 
 #[test]
 fn a_tick_takes_the_same_instructions_whether_limits_act_on_it_or_not() {
-    let (free, acted) = PLAYING[0];
+    let (free, acted) = *PLAYING;
     assert_eq!(acted, [0; 3], "no limit acts");
     let least_and_most =
         |statistics: TickStatistics| [statistics.min, statistics.median, statistics.max];
     for (settings, limits) in TIGHT.into_iter().zip([0..2, 2..3]) {
-        let (limited, acted) = playing(PLAYED[0].0, settings);
+        let (limited, acted) = playing(settings);
         show("limited", limited);
         println!("ticks at which the limits acted: {acted:?}");
         // A tenth of the ticks at least.
@@ -183,20 +164,17 @@ fn a_tick_takes_the_same_instructions_whether_limits_act_on_it_or_not() {
 
 /// The block's lines: a row for each kind of tick, and the compiler.
 fn table(compiler: &str) -> String {
-    let names = ["idle", "recording"]
-        .into_iter()
-        .chain(PLAYED.map(|(_, name)| name));
-    let playing = PLAYING.iter().map(|(statistics, _)| statistics);
-    let rows = AT_REST
-        .iter()
-        .chain(playing)
-        .zip(names)
-        .map(|(statistics, name)| {
-            let TickStatistics {
-                min, median, max, ..
-            } = statistics;
-            format!("| {name} | {min} | {median} | {max} |\n")
-        });
+    let rows = [
+        (AT_REST[0], "idle"),
+        (AT_REST[1], "recording"),
+        (PLAYING.0, PLAYED.1),
+    ];
+    let rows = rows.into_iter().map(|(statistics, name)| {
+        let TickStatistics {
+            min, median, max, ..
+        } = statistics;
+        format!("| {name} | {min} | {median} | {max} |\n")
+    });
     format!(
         "| tick | fewest | median | most |\n|---|---|---|---|\n{}\nBuilt by rustc {compiler}.\n",
         rows.collect::<String>()

@@ -2,8 +2,9 @@
 
 use model_format::link::{USB_PRODUCT_ID, USB_VENDOR_ID};
 use virtual_stylus::Options;
-use virtual_stylus::usb_host::{
-    Descriptors, MICROSOFT_PLATFORM, bulk_endpoints, descriptor, microsoft_set, parts,
+use virtual_stylus::usb_host::Descriptors;
+use virtual_stylus::usb_host::descriptor::{
+    self, MICROSOFT_PLATFORM, bulk_endpoints, microsoft_set, parts,
 };
 
 use crate::device::{BULK_IN, BULK_OUT, Device};

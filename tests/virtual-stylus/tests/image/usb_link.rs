@@ -1,54 +1,20 @@
 //! The link over USB: its traffic, and the states of the bus that it survives.
 
 use model_format::link::{
-    ActivateEndpoint, BLOCK_SAMPLES, MotionSource, RecordSample, RecordStartEndpoint,
-    RecordStopEndpoint, SlotId, StatusEndpoint,
+    ActivateEndpoint, BLOCK_SAMPLES, MotionSource, RecordSample, SlotId, StatusEndpoint,
 };
 use postcard_rpc::Endpoint;
 use virtual_stylus::Options;
-use virtual_stylus::model::dac::Cause;
 use virtual_stylus::model::usb::host::Host;
-use virtual_stylus::motion::Motion;
 use virtual_stylus::usb_host::{Request, Timing};
 
 use crate::boot::is_rtc_selection;
-use crate::device::{BULK_IN, BULK_OUT, CODE_NS, Device, MS, SECOND, announced};
+use crate::device::{BULK_IN, BULK_OUT, Device, MS, SECOND, long, recording_s};
 use crate::library;
-
-/// Length of the recording, s; a minute if `STYLUS_LONG` is set.
-fn seconds() -> u64 {
-    if std::env::var_os("STYLUS_LONG").is_some() {
-        60
-    } else {
-        10
-    }
-}
-
-/// Checks the instants of the converter's triggers, which nothing may shift.
-fn assert_even(device: &mut Device) {
-    let outputs = device.dac().iter();
-    let instants: Vec<u64> = (outputs.filter(|output| output.cause == Cause::Trigger))
-        .map(|output| output.at_ns)
-        .collect();
-    let uneven = (instants.windows(2)).find(|pair| pair[1] - pair[0] != CODE_NS);
-    assert_eq!(uneven, None, "instants that are not 25 us apart");
-}
-
-/// Checks that blocks are in order and complete.
-fn assert_whole(device: &Device) {
-    for (number, block) in device.blocks.iter().enumerate() {
-        assert_eq!(block.sequence as usize, number);
-        let ticks = (number * BLOCK_SAMPLES) as u64;
-        assert_eq!(block.first_tick, device.blocks[0].first_tick + ticks);
-        assert_eq!(block.lost_blocks, 0);
-    }
-}
+use crate::requests::{announced, assert_even};
 
 fn heard(device: &mut Device) {
-    device
-        .stylus
-        .set_motion(Motion::steady(120.0, 0.01))
-        .expect("the run goes on");
+    device.move_at(120.0);
     device.play_until_heard("lattice", MotionSource::Sensors, 5);
 }
 
@@ -56,39 +22,30 @@ fn heard(device: &mut Device) {
 fn an_upload_over_usb_while_playing_and_recording_moves_nothing_and_loses_nothing() {
     let mut device = Device::on_usb(library::options());
     heard(&mut device);
-    device
-        .request::<RecordStartEndpoint>(&())
-        .expect("nothing is recorded");
+    device.record();
     let before = device.status();
-    let large = library::large();
-    assert!(large.len() > 380_000, "{} bytes", large.len());
-    let progress = device.begin_upload(&large);
-    let begun_ns = device.stylus.now_ns();
-    device.send_chunks(&large, progress, large.len());
-    let nanos = device.stylus.now_ns() - begun_ns;
-    let committed = device.upload(&large);
+    let uploaded = if long() {
+        library::large()
+    } else {
+        library::middling()
+    };
+    let committed = device.upload(&uploaded);
     let after = device.status();
-    let stopped = device
-        .request::<RecordStopEndpoint>(&())
-        .expect("it is recorded");
-    println!(
-        "{} bytes in chunks, flash included, while playing and recording: {} ms of virtual time, {:.0} KB/s",
-        large.len(),
-        nanos / MS,
-        large.len() as f64 / nanos as f64 * 1e6
-    );
-    assert_eq!(after.tick.missed, 0);
-    assert_eq!(after.tick.late_frames, before.tick.late_frames);
+    let stopped = device.stop_recording();
     assert_eq!(after.output.mute_counts, before.output.mute_counts);
-    assert_eq!(after.usb.unsent, 0);
-    assert_eq!(stopped.lost_blocks, 0);
-    device.run_for(20 * MS);
+    assert_eq!((after.usb.unsent, stopped.lost_blocks), (0, 0));
     assert_eq!(device.blocks.len(), stopped.blocks as usize);
-    assert_whole(&device);
-    assert_even(&mut device);
+    device.assert_whole();
+    device.assert_undisturbed();
     let activated = device.activate(committed.slot);
-    assert_eq!(activated.library.crc32, announced(&large).crc32);
-    sleeps_through_nothing(&mut device, committed.slot);
+    assert_eq!(activated.library.crc32, announced(&uploaded).crc32);
+}
+
+#[test]
+fn a_device_that_is_busy_with_a_large_library_sleeps_through_no_reset_of_the_bus() {
+    let mut device = Device::on_usb(library::with(&library::large()));
+    let slot = device.slots().active.expect("a library");
+    sleeps_through_nothing(&mut device, slot);
 }
 
 /// The tasks of the device are busy with a large library while the bus is suspended, reset, and runs again.
@@ -98,10 +55,13 @@ fn sleeps_through_nothing(device: &mut Device, slot: SlotId) {
         ..Timing::default()
     };
     // The library is checked without a pause some 50 ms after the request.
-    for micros in (18..34).map(|point| point * 2_000) {
+    for micros in (18..34)
+        .filter(|point| long() || point % 4 == 0)
+        .map(|point| point * 2_000)
+    {
         device.send_frame(ActivateEndpoint::REQ_KEY, &slot);
         device.run_for(MS / 2 + micros * 1_000);
-        (device.usb().0.usb(Host::suspend)).expect("the run goes on");
+        (device.stylus.usb(Host::suspend));
         device.run_for(7 * MS / 2);
         let read = device.enumerate();
         assert!(read.is_ok(), "{read:?}, {micros} us later");
@@ -112,36 +72,24 @@ fn sleeps_through_nothing(device: &mut Device, slot: SlotId) {
 #[test]
 fn a_recording_over_usb_loses_no_block() {
     let mut device = Device::on_usb(Options::default());
-    device
-        .request::<RecordStartEndpoint>(&())
-        .expect("nothing is recorded");
-    let before = device
-        .usb()
-        .0
-        .usb(|host, _| host.traffic())
-        .expect("the run goes on");
-    device.run_for(seconds() * SECOND);
-    let after = device
-        .usb()
-        .0
-        .usb(|host, _| host.traffic())
-        .expect("the run goes on");
-    let stopped = device
-        .request::<RecordStopEndpoint>(&())
-        .expect("it is recorded");
+    device.record();
+    let before = device.stylus.usb(|host, _| host.traffic());
+    device.run_for(recording_s() * SECOND);
+    let after = device.stylus.usb(|host, _| host.traffic());
+    let stopped = device.stop_recording();
     device.run_for(20 * MS);
     println!(
         "{} s recorded: {} blocks, {} transactions",
-        seconds(),
+        recording_s(),
         stopped.blocks,
         after.transactions - before.transactions
     );
     assert_eq!(stopped.lost_blocks, 0);
     assert_eq!(device.blocks.len(), stopped.blocks as usize);
-    assert!(device.blocks.len() as u64 * BLOCK_SAMPLES as u64 >= seconds() * 5_000 - 100);
-    assert_whole(&device);
+    assert!(device.blocks.len() as u64 * BLOCK_SAMPLES as u64 >= recording_s() * 5_000 - 100);
+    device.assert_whole();
     assert_eq!(device.status().tick.missed, 0);
-    assert_even(&mut device);
+    assert_even(&device.triggered());
 }
 
 #[test]
@@ -151,30 +99,19 @@ fn on_a_bus_that_breaks_packets_every_frame_arrives_once_and_whole() {
     const PER_MILLION: u64 = 5_000;
     let mut device = Device::on_usb(library::options());
     device
-        .usb()
-        .0
-        .usb(|host, _| host.break_packets(PER_MILLION, 7))
-        .expect("the run goes on");
-    device
-        .request::<RecordStartEndpoint>(&())
-        .expect("nothing is recorded");
+        .stylus
+        .usb(|host, _| host.break_packets(PER_MILLION, 7));
+    device.record();
     let other = library::other();
     let committed = device.upload(&other);
-    device.run_for(3 * SECOND);
-    let stopped = device
-        .request::<RecordStopEndpoint>(&())
-        .expect("it is recorded");
+    device.run_for(2 * SECOND);
+    let stopped = device.stop_recording();
     device.run_for(20 * MS);
-    let traffic = device
-        .usb()
-        .0
-        .usb(|host, _| host.traffic())
-        .expect("the run goes on");
+    let traffic = device.stylus.usb(|host, _| host.traffic());
     println!("{traffic:?}");
     assert!(traffic.broken > 30 && traffic.repeated > 5, "{traffic:?}");
     assert_eq!(device.blocks.len(), stopped.blocks as usize);
-    assert_whole(&device);
-    assert_eq!(device.broken, 0);
+    device.assert_whole();
     let status = device.status();
     assert_eq!((status.usb.malformed, status.usb.oversized), (0, 0));
     assert_eq!(
@@ -186,56 +123,42 @@ fn on_a_bus_that_breaks_packets_every_frame_arrives_once_and_whole() {
 #[test]
 fn a_bus_that_breaks_many_packets_still_enumerates_within_some_tries() {
     let mut device = Device::on_usb(Options::default());
-    for seed in 0..6 {
+    for seed in 0..if long() { 6 } else { 2 } {
         device
-            .usb()
-            .0
-            .usb(move |host, _| host.break_packets(100_000, seed))
-            .expect("the run goes on");
+            .stylus
+            .usb(move |host, _| host.break_packets(100_000, seed));
         let tries = (1..=40).find(|_| device.enumerate().is_ok());
         println!("seed {seed}: {tries:?}");
         assert!(tries.is_some(), "seed {seed}");
-        device
-            .usb()
-            .0
-            .usb(|host, _| host.break_packets(0, 0))
-            .expect("the run goes on");
+        device.stylus.usb(|host, _| host.break_packets(0, 0));
         device.enumerate().expect("it enumerates");
         device.status();
-        assert_eq!(device.stylus.resets().expect("the run goes on"), []);
+        assert_eq!(device.stylus.resets(), []);
     }
 }
 
 #[test]
 fn a_suspended_bus_that_resumes_goes_on_where_it_was() {
     let mut device = Device::on_usb(library::options());
-    for millis in [1, 3, 4, 10, 200, 1_000] {
-        device.usb().0.usb(Host::suspend).expect("the run goes on");
+    for millis in [1, 3, 4, 10, 200] {
+        device.stylus.usb(Host::suspend);
         device.run_for(millis * MS);
         device
-            .usb()
-            .0
-            .usb(|host, now_ns| host.resume(now_ns, 20 * MS))
-            .expect("the run goes on");
+            .stylus
+            .usb(|host, now_ns| host.resume(now_ns, 20 * MS));
         device.run_for(30 * MS);
         device.status();
     }
     // In the middle of a recording: blocks sent meanwhile are lost and counted, and those that arrive are whole.
-    device
-        .request::<RecordStartEndpoint>(&())
-        .expect("nothing is recorded");
+    device.record();
     device.run_for(100 * MS);
-    device.usb().0.usb(Host::suspend).expect("the run goes on");
-    device.run_for(2 * SECOND);
+    device.stylus.usb(Host::suspend);
+    device.run_for(SECOND);
     device
-        .usb()
-        .0
-        .usb(|host, now_ns| host.resume(now_ns, 20 * MS))
-        .expect("the run goes on");
+        .stylus
+        .usb(|host, now_ns| host.resume(now_ns, 20 * MS));
     device.run_for(200 * MS);
-    device
-        .request::<RecordStopEndpoint>(&())
-        .expect("it is recorded");
+    device.stop_recording();
     // The frame that was under way is cut off.
     assert!(device.broken <= 1, "{} frames are broken", device.broken);
     let missing = device
@@ -250,7 +173,7 @@ fn a_suspended_bus_that_resumes_goes_on_where_it_was() {
 fn after_a_halt_is_cleared_the_next_command_works() {
     let mut device = Device::on_usb(library::options());
     for halted in [&[BULK_OUT][..], &[BULK_IN], &[BULK_OUT, BULK_IN]] {
-        for round in 0..4 {
+        for round in 0..2 {
             // Once after an odd number of packets, once after an even number.
             for _ in 0..round {
                 device.status();
@@ -258,7 +181,6 @@ fn after_a_halt_is_cleared_the_next_command_works() {
             for &endpoint in halted {
                 let (stylus, usb) = device.usb();
                 usb.control(stylus, Request::set_halt(endpoint), &[])
-                    .expect("the run goes on")
                     .expect("it can be halted");
                 let status = Request {
                     kind: 0x82,
@@ -267,18 +189,13 @@ fn after_a_halt_is_cleared_the_next_command_works() {
                     index: endpoint.into(),
                     length: 2,
                 };
-                let told = usb.control(stylus, status, &[]).expect("the run goes on");
+                let told = usb.control(stylus, status, &[]);
                 assert_eq!(told, Ok(vec![1, 0]));
             }
             // Transfers that wait end in a stall.
             let answer = device.try_ask::<StatusEndpoint, _>(&());
             assert!(answer.is_none(), "{answer:?}");
-            for endpoint in [BULK_OUT, BULK_IN] {
-                let (stylus, usb) = device.usb();
-                usb.clear_halt(stylus, endpoint)
-                    .expect("the run goes on")
-                    .expect("it is there");
-            }
+            device.clear_halts();
             device.reopen();
             device.status();
         }
@@ -288,23 +205,13 @@ fn after_a_halt_is_cleared_the_next_command_works() {
 #[test]
 fn a_program_that_ends_in_the_middle_of_a_frame_leaves_nothing_to_the_next_one() {
     let mut device = Device::on_usb(library::options());
-    device
-        .request::<RecordStartEndpoint>(&())
-        .expect("nothing is recorded");
-    for point in 0..24_u64 {
+    device.record();
+    for point in (0..24).filter(|&point| long() || point % 6 == 1) {
         // A frame of almost the largest length, cancelled on its way.
         device.send_raw(&[0x55; 900]);
-        device
-            .stylus
-            .run_for(point * 47_000)
-            .expect("the run goes on");
+        device.stylus.run_for(point * 47_000);
         device.reopen();
-        for endpoint in [BULK_OUT, BULK_IN] {
-            let (stylus, usb) = device.usb();
-            usb.clear_halt(stylus, endpoint)
-                .expect("the run goes on")
-                .expect("it is there");
-        }
+        device.clear_halts();
         let broken = device.broken;
         device.status();
         assert_eq!(device.broken, broken, "point {point}");
@@ -322,25 +229,17 @@ fn a_setting_or_configuration_that_is_chosen_again_begins_anew() {
         length: 0,
     };
     for request in [Request::set_configuration(1), interface] {
-        for round in 0..6 {
+        for round in 0..2 {
             for _ in 0..round {
                 device.status();
             }
-            device
-                .request::<RecordStartEndpoint>(&())
-                .expect("nothing is recorded");
+            device.record();
             device.run_for(3 * MS);
             device.reopen();
             let (stylus, usb) = device.usb();
-            usb.control(stylus, request, &[])
-                .expect("the run goes on")
-                .expect("it can be chosen");
-            stylus
-                .usb(|host, _| [BULK_OUT, BULK_IN].map(|endpoint| host.reset_toggle(endpoint)))
-                .expect("the run goes on");
-            device
-                .request::<RecordStopEndpoint>(&())
-                .expect("it is recorded");
+            usb.control(stylus, request, &[]).expect("it can be chosen");
+            stylus.usb(|host, _| [BULK_OUT, BULK_IN].map(|endpoint| host.reset_toggle(endpoint)));
+            device.stop_recording();
             assert_eq!(device.broken, 0);
         }
     }
@@ -348,15 +247,12 @@ fn a_setting_or_configuration_that_is_chosen_again_begins_anew() {
     let (stylus, usb) = device.usb();
     for value in [0, 1] {
         usb.control(stylus, Request::set_configuration(value), &[])
-            .expect("the run goes on")
             .expect("it can be chosen");
     }
-    stylus
-        .usb(|host, _| [BULK_OUT, BULK_IN].map(|endpoint| host.reset_toggle(endpoint)))
-        .expect("the run goes on");
+    stylus.usb(|host, _| [BULK_OUT, BULK_IN].map(|endpoint| host.reset_toggle(endpoint)));
     device.reopen();
     device.status();
-    let report = device.stylus.report().expect("the run goes on");
+    let report = device.stylus.report();
     let told: Vec<_> = (report.told.iter())
         .filter(|told| !is_rtc_selection(told))
         .collect();
@@ -366,9 +262,7 @@ fn a_setting_or_configuration_that_is_chosen_again_begins_anew() {
 #[test]
 fn frames_that_nobody_fetches_are_dropped_whole_and_the_next_ones_arrive() {
     let mut device = Device::on_usb(library::options());
-    device
-        .request::<RecordStartEndpoint>(&())
-        .expect("nothing is recorded");
+    device.record();
     for millis in [20, 90, 110, 350] {
         device.run_for(50 * MS);
         device.close();

@@ -3,7 +3,8 @@
 use virtual_stylus::model::dac::Cause;
 use virtual_stylus::model::pin::Drive;
 
-use crate::registers::{AHB1ENR, APB1LENR, Bench, DAC, RCC};
+use crate::bench::{AHB1ENR, Bench, RCC};
+use crate::registers::{APB1LENR, DAC, converters};
 
 const AHB4ENR: u64 = RCC + 0xE0;
 const TIM7: u64 = 0x4000_1400;
@@ -32,7 +33,7 @@ const PERIOD_NS: u64 = 25_000;
 
 /// A channel that is on, with TIM7 selected as its trigger before, and TIM7 running.
 fn triggered() -> Bench {
-    let mut bench = Bench::new();
+    let mut bench = converters();
     let clocks = bench.read(APB1LENR);
     bench.write(APB1LENR, clocks | 1 << 5);
     bench.write(CR, TIM7_SELECTED);
@@ -132,7 +133,7 @@ fn a_trigger_before_the_acknowledge_is_an_underrun_and_ends_the_requests() {
 
 #[test]
 fn a_software_trigger_requests_nothing() {
-    let mut bench = Bench::new();
+    let mut bench = converters();
     bench.write(CR, DMA_ENABLE | TRIGGER_ENABLE | ENABLE);
     with_stream(&mut bench);
     bench.write(DAC + 0x04, 1);
@@ -147,7 +148,7 @@ fn a_pin_floats_until_it_is_an_output() {
     const BSRR: u64 = GPIOE + 0x18;
     const MODE_BITS: u64 = 0b11 << 18;
     const OUTPUT: u64 = 0b01 << 18;
-    let mut bench = Bench::new();
+    let mut bench = converters();
     let clocks = bench.read(AHB4ENR);
     bench.write(AHB4ENR, clocks | 1 << 4);
     bench.write(BSRR, 1 << 9);

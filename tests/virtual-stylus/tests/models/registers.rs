@@ -1,88 +1,31 @@
-//! Registers that the probe image does not use, written one by one without a core.
+//! Registers that the probe image does not use, written one by one without a core: converters and watchdog.
 
-use rigless::device::Level;
 use rigless::mcu::Operate;
-use rigless::soc::Width;
-use rigless::time::VirtualNanos;
-use virtual_stylus::electrical::{Defects, Electrical};
+use virtual_stylus::Electrical;
 use virtual_stylus::model::dac::Cause;
-use virtual_stylus::model::flash::{Busy, Unreadable};
-use virtual_stylus::part::Part;
-use virtual_stylus::pins::ConstantPins;
 
-use crate::no_memory::NoMemory;
+use crate::bench::{AHB1ENR, Bench, RCC};
 
-pub const RCC: u64 = 0x5802_4400;
-pub const AHB1ENR: u64 = RCC + 0xD8;
 pub const APB1LENR: u64 = RCC + 0xE8;
 const D3CCIPR: u64 = RCC + 0x58;
 pub const DAC: u64 = 0x4000_7400;
 const ADC1: u64 = 0x4002_2000;
 const IWDG1: u64 = 0x5800_4800;
 
-/// The part with the clocks of the converters on, at an instant.
-pub struct Bench {
-    pub part: Part,
-    now: VirtualNanos,
-}
-
-impl Bench {
-    pub fn new() -> Self {
-        let mut codes = [0; 20];
-        codes[3] = 0xABCD;
-        let pins = Box::new(ConstantPins(codes));
-        let part = Part::new(
-            pins,
-            Electrical::default(),
-            Unreadable::default(),
-            Busy::default(),
-            Defects::default(),
-        )
-        .unwrap();
-        let now = VirtualNanos(0);
-        let mut bench = Self { part, now };
-        bench.part.rest.set_supply(3300);
-        bench.write(APB1LENR, 1 << 29);
-        bench.write(AHB1ENR, 1 << 5);
-        // The converters' clock is the peripherals' common one, 64 MHz.
-        bench.write(D3CCIPR, 0b10 << 16);
-        bench
-    }
-
-    pub fn write(&mut self, address: u64, value: u64) {
-        self.part
-            .write(self.now, address, Width::W32, value)
-            .unwrap();
-        self.part.settle(&mut NoMemory).unwrap();
-    }
-
-    pub fn read(&mut self, address: u64) -> u64 {
-        self.part.read(self.now, address, Width::W32).unwrap()
-    }
-
-    /// Lines of the core's controller that were raised since the last call.
-    pub fn interrupts(&mut self) -> Vec<u16> {
-        let changes = self.part.drain_interrupts().into_iter();
-        changes
-            .filter(|change| change.level == Level::High)
-            .map(|change| change.interrupt)
-            .collect()
-    }
-
-    pub fn wait(&mut self, nanos: u64) {
-        let until = VirtualNanos(self.now.0 + nanos);
-        while let Some(next) = self.part.next_event().filter(|next| *next <= until) {
-            self.part.advance_to(next);
-            self.part.settle(&mut NoMemory).unwrap();
-        }
-        self.now = until;
-    }
+/// The part with the clocks of the converters on.
+pub fn converters() -> Bench {
+    let mut bench = Bench::new(Electrical::default());
+    bench.write(APB1LENR, 1 << 29);
+    bench.write(AHB1ENR, 1 << 5);
+    // The converters' clock is the peripherals' common one, 64 MHz.
+    bench.write(D3CCIPR, 0b10 << 16);
+    bench
 }
 
 #[test]
 fn every_holding_register_of_the_dac_gives_the_same_codes() {
     const CR: u64 = DAC;
-    let mut bench = Bench::new();
+    let mut bench = converters();
     bench.write(CR, 1 << 16 | 1);
     // Register, value, and the outputs of both channels after the write.
     let steps = [
@@ -110,7 +53,7 @@ fn every_holding_register_of_the_dac_gives_the_same_codes() {
 fn a_software_trigger_latches_the_channel_it_is_for() {
     const SWTRGR: u64 = DAC + 0x04;
     const TRIGGERED: u64 = 0b11;
-    let mut bench = Bench::new();
+    let mut bench = converters();
     bench.write(DAC, TRIGGERED << 16 | TRIGGERED);
     bench.write(DAC + 0x20, 0x0222_0111);
     assert_eq!((bench.read(DAC + 0x2C), bench.read(DAC + 0x30)), (0, 0));
@@ -127,7 +70,7 @@ fn a_software_trigger_latches_the_channel_it_is_for() {
 fn an_enabled_channel_that_is_kept_from_its_pin_drives_nothing() {
     const MCR: u64 = DAC + 0x3C;
     const INTERNAL_ONLY: u64 = 0b011;
-    let mut bench = Bench::new();
+    let mut bench = converters();
     bench.write(MCR, INTERNAL_ONLY);
     bench.write(DAC, 1);
     bench.write(DAC + 0x08, 100);
@@ -153,7 +96,7 @@ fn a_sequence_started_by_software_runs_once_at_the_resolution_asked_for() {
     const JADSTART: u64 = 1 << 3;
     const JEOC: u64 = 1 << 5;
     const JEOS: u64 = 1 << 6;
-    let mut bench = Bench::new();
+    let mut bench = converters();
     bench.write(CR, 1 << 28);
     bench.wait(20_000);
     bench.write(CR, 1 << 28 | 1);
@@ -194,7 +137,7 @@ fn a_watchdog_fed_before_its_window_opens_resets_the_part() {
     /// 4 cycles of the 32 kHz LSI.
     const COUNT_NS: u64 = 125_000;
     for (counts, resets) in [(89, true), (91, false)] {
-        let mut bench = Bench::new();
+        let mut bench = converters();
         bench.write(KEY, 0xCCCC);
         bench.wait(1_000_000);
         bench.write(KEY, 0x5555);
@@ -213,7 +156,7 @@ fn a_watchdog_fed_before_its_window_opens_resets_the_part() {
 #[test]
 fn a_shut_register_of_the_watchdog_takes_nothing() {
     const RELOAD: u64 = IWDG1 + 0x08;
-    let mut bench = Bench::new();
+    let mut bench = converters();
     bench.write(RELOAD, 5);
     assert_eq!(bench.read(RELOAD), 0xFFF);
     bench.write(IWDG1, 0x5555);

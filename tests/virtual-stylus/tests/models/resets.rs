@@ -16,17 +16,15 @@ fn a_watchdog_that_is_not_fed_resets_the_part_at_the_end_of_its_count() {
     ask(&mut stylus, b'w', 1);
     let started_ns = stylus.now_ns();
     // The LSI must start first.
-    stylus.run_for(MILLISECOND_NS / 2).unwrap();
+    stylus.run_for(MILLISECOND_NS / 2);
     assert_eq!(
-        stylus
-            .board(|board| board.part.watchdog.timeout_ns())
-            .unwrap(),
+        stylus.board(|board| board.part.watchdog.timeout_ns()),
         Some(TIMEOUT_NS)
     );
-    stylus.run_for(TIMEOUT_NS - MILLISECOND_NS).unwrap();
-    assert!(stylus.resets().unwrap().is_empty());
-    stylus.run_for(2 * MILLISECOND_NS + READY_NS).unwrap();
-    let resets = stylus.resets().unwrap();
+    stylus.run_for(TIMEOUT_NS - MILLISECOND_NS);
+    assert!(stylus.resets().is_empty());
+    stylus.run_for(2 * MILLISECOND_NS + READY_NS);
+    let resets = stylus.resets();
     let [Reset { at_ns, cause }] = resets[..] else {
         panic!("{resets:?}")
     };
@@ -38,8 +36,8 @@ fn a_watchdog_that_is_not_fed_resets_the_part_at_the_end_of_its_count() {
     );
     // It starts again in the same way.
     ask(&mut stylus, b'w', 1);
-    stylus.run_for(TIMEOUT_NS + READY_NS).unwrap();
-    assert_eq!(stylus.resets().unwrap().len(), 2);
+    stylus.run_for(TIMEOUT_NS + READY_NS);
+    assert_eq!(stylus.resets().len(), 2);
 }
 
 #[test]
@@ -48,9 +46,9 @@ fn memory_and_the_reset_flags_outlive_a_reset() {
     let flags = words(&ask(&mut stylus, b'f', 8))[0];
     assert_eq!(flags & (BY_SOFTWARE | BY_WATCHDOG), 0);
     ask(&mut stylus, b'k', 1);
-    stylus.send(b"s").unwrap();
-    stylus.run_for(READY_NS).unwrap();
-    assert_eq!(stylus.resets().unwrap()[0].cause, ResetCause::Software);
+    stylus.send(b"s");
+    stylus.run_for(READY_NS);
+    assert_eq!(stylus.resets()[0].cause, ResetCause::Software);
     let answer = words(&ask(&mut stylus, b'f', 8));
     assert_eq!(answer[0] & BY_SOFTWARE, BY_SOFTWARE);
     assert_eq!(answer[1], KEPT);
@@ -59,9 +57,9 @@ fn memory_and_the_reset_flags_outlive_a_reset() {
 #[test]
 fn the_pin_resets_the_part_too() {
     let mut stylus = ready(Options::default());
-    stylus.reset_by_pin().unwrap();
-    stylus.run_for(READY_NS).unwrap();
-    assert_eq!(stylus.resets().unwrap()[0].cause, ResetCause::Other);
+    stylus.reset_by_pin();
+    stylus.run_for(READY_NS);
+    assert_eq!(stylus.resets()[0].cause, ResetCause::Other);
     let flags = words(&ask(&mut stylus, b'f', 8))[0];
     assert_eq!(flags & (BY_SOFTWARE | BY_WATCHDOG), 0);
 }

@@ -3,15 +3,12 @@
 use rigless::mcu::Operate;
 use rigless::soc::Width;
 use rigless::time::VirtualNanos;
-use virtual_stylus::electrical::{Defects, Electrical};
-use virtual_stylus::model::flash::{Busy, Unreadable};
+use virtual_stylus::Electrical;
 use virtual_stylus::model::usb::WINDOW_BASE;
 use virtual_stylus::model::usb::core::{Core, Handshake, InAnswer, Pid};
 use virtual_stylus::model::usb::host::{Host, Transfer, TransferError};
-use virtual_stylus::part::Part;
-use virtual_stylus::pins::ConstantPins;
 
-use crate::no_memory::NoMemory;
+use crate::bench::{AHB1ENR, Bench, RCC};
 
 const GAHBCFG: u64 = 0x008;
 const GRSTCTL: u64 = 0x010;
@@ -313,156 +310,100 @@ fn a_new_address_counts_from_the_end_of_the_transfer_that_brought_it() {
     assert_eq!(core.address(), 0);
 }
 
-/// The part with a minimal driver, whose endpoint 1 receives and sends everything.
-struct Bench {
-    part: Part,
-    now: u64,
-}
-
-const AHB1ENR: u64 = 0x5802_4400 + 0xD8;
-const AHB1RSTR: u64 = 0x5802_4400 + 0x80;
+const AHB1RSTR: u64 = RCC + 0x80;
 const USB2OTG: u64 = 1 << 27;
-const RCC_CR: u64 = 0x5802_4400;
 const HSI48_ON: u64 = 1 << 12;
-const D2CCIP2R: u64 = 0x5802_4400 + 0x54;
+const D2CCIP2R: u64 = RCC + 0x54;
 const USB_FROM_HSI48: u64 = 3 << 20;
-const APB1HENR: u64 = 0x5802_4400 + 0xEC;
+const APB1HENR: u64 = RCC + 0xEC;
 const CRS_CLOCK: u64 = 1 << 1;
 const CRS_CR: u64 = 0x4000_8400;
 const CRS_CFGR: u64 = CRS_CR + 4;
 const TRIMS: u64 = 1 << 6 | 1 << 5;
 const MS: u64 = 1_000_000;
 
-impl Bench {
-    fn new() -> Self {
-        Self::with_hsi48_off_by(0)
-    }
+/// A part whose USB runs on HSI48, which is off by `ppm`.
+fn part(ppm: i64) -> Bench {
+    let mut electrical = Electrical::default();
+    electrical.clocks.hsi48_ppm = ppm;
+    let mut bench = Bench::new(electrical);
+    bench.write(AHB1ENR, USB2OTG);
+    bench.write(RCC, HSI48_ON | 1);
+    bench.write(D2CCIP2R, USB_FROM_HSI48);
+    bench.wait(MS / 100);
+    bench
+}
 
-    /// A part whose USB runs on HSI48.
-    fn with_hsi48_off_by(ppm: i64) -> Self {
-        let mut electrical = Electrical::default();
-        electrical.clocks.hsi48_ppm = ppm;
-        let part = Part::new(
-            Box::new(ConstantPins([0; 20])),
-            electrical,
-            Unreadable::default(),
-            Busy::default(),
-            Defects::default(),
-        )
-        .unwrap();
-        let mut bench = Self { part, now: 0 };
-        bench.part.rest.set_supply(3300);
-        bench.write(AHB1ENR, USB2OTG);
-        bench.write(RCC_CR, HSI48_ON | 1);
-        bench.write(D2CCIP2R, USB_FROM_HSI48);
-        bench.wait(MS / 100);
-        bench
-    }
+/// Pulls the line up, with a valid session.
+fn connect(bench: &mut Bench) {
+    bench.write(WINDOW_BASE + GCCFG, 1 << 16);
+    bench.write(WINDOW_BASE + GOTGCTL, 0b11 << 6);
+    bench.write(WINDOW_BASE + DCTL, 0);
+}
 
-    /// A part whose line is pulled up, with a valid session.
-    fn connected() -> Self {
-        Self::new().connect()
-    }
+/// Puts the cable in and resets the bus.
+fn plug(bench: &mut Bench) {
+    drive(bench, Host::plug);
+    drive(bench, |host, now_ns| host.reset_bus(now_ns, 10 * MS));
+    bench.wait(10 * MS);
+}
 
-    fn connect(self) -> Self {
-        let mut bench = self;
-        bench.write(WINDOW_BASE + GCCFG, 1 << 16);
-        bench.write(WINDOW_BASE + GOTGCTL, 0b11 << 6);
-        bench.write(WINDOW_BASE + DCTL, 0);
-        bench
-    }
+fn drive<T>(bench: &mut Bench, work: impl FnOnce(&mut Host, u64) -> T) -> T {
+    bench.part.drive_usb(bench.now, work)
+}
 
-    fn at(&self) -> VirtualNanos {
-        VirtualNanos(self.now)
-    }
-
-    fn write(&mut self, address: u64, value: u64) {
-        self.part
-            .write(self.at(), address, Width::W32, value)
-            .unwrap();
-        self.part.settle(&mut NoMemory).unwrap();
-    }
-
-    fn read(&mut self, address: u64) -> u32 {
-        self.part
-            .read(self.at(), WINDOW_BASE + address, Width::W32)
-            .unwrap() as u32
-    }
-
-    /// Advances to the next event, or to `until_ns`.
-    fn step(&mut self, until_ns: u64) {
-        let next = self.part.next_event().map_or(until_ns, |next| next.0);
-        self.now = next.min(until_ns);
-        self.part.advance_to(self.at());
-        self.part.settle(&mut NoMemory).unwrap();
-    }
-
-    fn wait(&mut self, nanos: u64) {
-        let until_ns = self.now + nanos;
-        while self.now < until_ns {
-            self.step(until_ns);
-        }
-    }
+fn read(bench: &mut Bench, register: u64) -> u32 {
+    bench.read(WINDOW_BASE + register) as u32
 }
 
 #[test]
 fn a_core_without_its_clock_answers_nothing_and_one_that_is_reset_forgets() {
-    let mut bench = Bench::new();
+    let mut bench = part(0);
     bench.write(WINDOW_BASE + GCCFG, 1 << 16);
     bench.write(AHB1RSTR, USB2OTG);
     bench.write(AHB1RSTR, 0);
-    assert_eq!(bench.read(GCCFG), 0);
+    assert_eq!(read(&mut bench, GCCFG), 0);
     bench.write(AHB1ENR, 0);
-    let at = bench.at();
-    assert!(
-        bench
-            .part
-            .read(at, WINDOW_BASE + GCCFG, Width::W32)
-            .is_err()
-    );
+    let read = (bench.part).read(bench.now, WINDOW_BASE + GCCFG, Width::W32);
+    assert!(read.is_err());
 }
 
 #[test]
 fn a_pull_up_is_seen_while_the_cable_is_in_and_silence_suspends_with_or_without_it() {
-    let mut bench = Bench::connected();
+    let mut bench = part(0);
+    connect(&mut bench);
     bench.wait(2_900_000);
-    assert_eq!(bench.read(GINTSTS) & USBSUSP, 0);
+    assert_eq!(read(&mut bench, GINTSTS) & USBSUSP, 0);
     bench.wait(200_000);
-    assert_eq!(bench.read(GINTSTS) & USBSUSP, USBSUSP);
-    assert_eq!(bench.read(DSTS) & 1, 1);
-    let at = bench.at();
-    assert!(!bench.part.drive_usb(at, |host, _| host.sees_device()));
-    bench.part.drive_usb(at, Host::plug);
-    assert!(bench.part.drive_usb(at, |host, _| host.sees_device()));
-    bench
-        .part
-        .drive_usb(at, |host, now_ns| host.reset_bus(now_ns, 10 * MS));
+    assert_eq!(read(&mut bench, GINTSTS) & USBSUSP, USBSUSP);
+    assert_eq!(read(&mut bench, DSTS) & 1, 1);
+    assert!(!drive(&mut bench, |host, _| host.sees_device()));
+    drive(&mut bench, Host::plug);
+    assert!(drive(&mut bench, |host, _| host.sees_device()));
+    drive(&mut bench, |host, now_ns| host.reset_bus(now_ns, 10 * MS));
     bench.wait(11 * MS);
-    assert_eq!(bench.read(GINTSTS) & (USBRST | ENUMDNE), USBRST | ENUMDNE);
-    assert_eq!(bench.read(DSTS) & 1, 0);
+    assert_eq!(
+        read(&mut bench, GINTSTS) & (USBRST | ENUMDNE),
+        USBRST | ENUMDNE
+    );
+    assert_eq!(read(&mut bench, DSTS) & 1, 0);
     // Frames are counted, one per millisecond.
-    let frame = bench.read(DSTS) >> 8 & 0x3FFF;
+    let frame = read(&mut bench, DSTS) >> 8 & 0x3FFF;
     bench.wait(10 * MS);
-    assert_eq!(bench.read(DSTS) >> 8 & 0x3FFF, frame + 10);
+    assert_eq!(read(&mut bench, DSTS) >> 8 & 0x3FFF, frame + 10);
     bench.write(WINDOW_BASE + DCTL, 1 << 1);
-    let at = bench.at();
     assert!(
-        !bench.part.drive_usb(at, |host, _| host.sees_device()),
+        !drive(&mut bench, |host, _| host.sees_device()),
         "soft disconnect"
     );
 }
 
 /// Number of packets that endpoint 1 takes in `frames` frames from a host that always has another packet.
 fn taken(per_million: u64, frames: u64) -> (u64, Vec<u8>) {
-    let mut bench = Bench::connected();
-    let at = bench.at();
-    bench.part.drive_usb(at, Host::plug);
-    bench
-        .part
-        .drive_usb(at, |host, now_ns| host.reset_bus(now_ns, 10 * MS));
-    bench.wait(10 * MS);
-    let at = bench.at();
-    bench.part.drive_usb(at, move |host, _| {
+    let mut bench = part(0);
+    connect(&mut bench);
+    plug(&mut bench);
+    drive(&mut bench, move |host, _| {
         host.break_packets(per_million, 3);
         // Each packet holds its number.
         let data = (0..frames * 20)
@@ -479,16 +420,16 @@ fn taken(per_million: u64, frames: u64) -> (u64, Vec<u8>) {
     ] {
         bench.write(WINDOW_BASE + register, value);
     }
-    let until = bench.now + frames * MS;
+    let until = VirtualNanos(bench.now.0 + frames * MS);
     let mut numbers = Vec::new();
     while bench.now < until {
         bench.step(until);
-        while bench.read(GINTSTS) & RXFLVL != 0 {
-            let status = bench.read(GRXSTSP);
+        while read(&mut bench, GINTSTS) & RXFLVL != 0 {
+            let status = read(&mut bench, GRXSTSP);
             let words = (status >> 4 & 0x7FF).div_ceil(4);
-            let words: Vec<u32> = (0..words).map(|_| bench.read(FIFO0)).collect();
+            let words: Vec<u32> = (0..words).map(|_| read(&mut bench, FIFO0)).collect();
             numbers.extend(words.first().map(|word| *word as u8));
-            let control = u64::from(bench.read(doepctl(1)));
+            let control = u64::from(read(&mut bench, doepctl(1)));
             bench.write(WINDOW_BASE + doepctl(1), control | u64::from(CNAK));
         }
     }
@@ -513,15 +454,10 @@ fn packets_that_break_are_sent_again_and_taken_once_each_in_order() {
 
 #[test]
 fn a_device_that_does_not_answer_is_tried_three_times() {
-    let mut bench = Bench::connected();
-    let at = bench.at();
-    bench.part.drive_usb(at, Host::plug);
-    bench
-        .part
-        .drive_usb(at, |host, now_ns| host.reset_bus(now_ns, 10 * MS));
-    bench.wait(10 * MS);
-    let at = bench.at();
-    bench.part.drive_usb(at, |host, _| {
+    let mut bench = part(0);
+    connect(&mut bench);
+    plug(&mut bench);
+    drive(&mut bench, |host, _| {
         host.set_address(5);
         host.submit(Transfer::Control {
             setup: [0x80, 6, 0, 1, 0, 0, 18, 0],
@@ -529,36 +465,30 @@ fn a_device_that_does_not_answer_is_tried_three_times() {
         });
     });
     bench.wait(MS);
-    let at = bench.at();
-    let ended = bench.part.drive_usb(at, |host, _| host.take_completions());
+    let ended = drive(&mut bench, |host, _| host.take_completions());
     assert_eq!(ended[0].result, Err(TransferError::NotAnswered));
-    let traffic = bench.part.drive_usb(at, |host, _| host.traffic());
+    let traffic = drive(&mut bench, |host, _| host.traffic());
     assert_eq!((traffic.transactions, traffic.broken), (3, 3));
 }
 
 /// Outcome of a packet to the part's address, with HSI48 off by `ppm`, trimmed by the frames that `source` selects.
 fn answered(ppm: i64, source: Option<u64>) -> bool {
-    let mut bench = Bench::with_hsi48_off_by(ppm).connect();
+    let mut bench = part(ppm);
+    connect(&mut bench);
     if let Some(source) = source {
         bench.write(APB1HENR, CRS_CLOCK);
         bench.write(CRS_CFGR, source << 28);
         bench.write(CRS_CR, TRIMS);
     }
-    let at = bench.at();
-    bench.part.drive_usb(at, Host::plug);
-    bench
-        .part
-        .drive_usb(at, |host, now_ns| host.reset_bus(now_ns, 10 * MS));
-    bench.wait(10 * MS);
-    let at = bench.at();
-    bench.part.drive_usb(at, |host, _| {
+    plug(&mut bench);
+    drive(&mut bench, |host, _| {
         host.submit(Transfer::Control {
             setup: [0x80, 6, 0, 1, 0, 0, 18, 0],
             data: Vec::new(),
         });
     });
     bench.wait(MS);
-    bench.read(GINTSTS) & RXFLVL != 0
+    read(&mut bench, GINTSTS) & RXFLVL != 0
 }
 
 #[test]

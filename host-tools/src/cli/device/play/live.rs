@@ -4,15 +4,14 @@ use std::time::{Duration, Instant};
 
 use host_tools::link::Device;
 use host_tools::link::capture::{Calibration, Level, Stream};
-use host_tools::link::heard::Heard;
-use host_tools::link::play::Driven;
+use host_tools::link::play::{Driven, Heard};
 use host_tools::playing::motion::MotionPath;
 use host_tools::support::progress;
 use host_tools::support::visible::visible_line;
 use indicatif::ProgressBar;
 use model_format::link::{Activity, MuteReason, RecordSample, Status};
 
-use crate::cli::device::live_line::LIVE_SAMPLES;
+use crate::cli::device::sensing::LIVE_SAMPLES;
 use crate::cli::output::note;
 
 /// Interval between lines where standard error is no terminal.

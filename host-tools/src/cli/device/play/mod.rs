@@ -8,8 +8,7 @@ use std::time::Duration;
 
 use clap::builder::RangedU64ValueParser;
 use host_tools::link::Device;
-use host_tools::link::heard::Heard;
-use host_tools::link::play::{Drive, Driven, MAX_MOTION_RATE_HZ, MIN_MOTION_RATE_HZ, drive};
+use host_tools::link::play::{Drive, Driven, Heard, MAX_MOTION_RATE_HZ, MIN_MOTION_RATE_HZ, drive};
 use host_tools::playing::motion::MotionPath;
 use host_tools::support::error::{Error, Result};
 use model_format::link::{Activity, MotionSource, PlayRequest, Selection, TextureName};
@@ -18,8 +17,8 @@ use model_format::{MillimetresPerSecond, Newton};
 use serde::Serialize;
 
 use super::connection::Link;
-use super::interrupt::Interrupt;
 use crate::cli::input::{force, positive, speed, warn_if_silent};
+use crate::cli::interrupt::Interrupt;
 use crate::cli::output::{print, print_json, warn};
 use live::Live;
 
@@ -103,7 +102,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let interrupt = Interrupt::listen()?;
     let mut heard = Heard::since(&device.status()?);
     device.play(&request)?;
-    let played = keep_playing(&device, &plan, &interrupt, &mut heard);
+    let played = keep_playing(&device, &plan, interrupt, &mut heard);
     // A stop would end what yet another program may play by now.
     if let Some(by) = device.stopped_by() {
         let problem = format!("stopped by {by}");
@@ -213,7 +212,7 @@ fn request(arguments: &Arguments, plan: &Drive) -> Result<PlayRequest> {
 fn selection(arguments: &Arguments) -> Result<Selection> {
     let too_long = |what: &str, name: &str| {
         Error::Request(format!(
-            "no {what} has a name as long as '{name}'; see `stylus list`"
+            "no {what} has a name as long as '{name}'; see `stylus slots`"
         ))
     };
     if let Some(name) = &arguments.scene {
@@ -228,7 +227,7 @@ fn selection(arguments: &Arguments) -> Result<Selection> {
 fn keep_playing(
     device: &Device,
     plan: &Drive,
-    interrupt: &Interrupt,
+    interrupt: Interrupt,
     heard: &mut Heard,
 ) -> Result<Driven> {
     let live = RefCell::new(Live::begin(device, plan.motion.as_ref()));

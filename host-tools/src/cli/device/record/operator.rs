@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use host_tools::support::error::Result;
 
-use crate::cli::device::interrupt::Interrupt;
+use crate::cli::interrupt::Interrupt;
 use crate::cli::output::tell;
 
 /// Interval at which a wait for an answer looks for Ctrl-C.

@@ -4,15 +4,16 @@ use host_tools::fit;
 use host_tools::link::Device;
 use host_tools::link::capture::{Calibration, Capture, Level, capture};
 use host_tools::link::set::{Folder, PlannedTrial};
+use host_tools::recording::TRIAL_DURATION_S;
 use host_tools::support::error::Result;
 use host_tools::support::progress;
 use model_format::limits::MAX_ORDER;
 use model_format::link::RecordSample;
 
-use super::arguments::Arguments;
+use super::Arguments;
 use super::operator::{Answer, Operator, say};
 use super::report::Row;
-use crate::cli::device::live_line::{LIVE_SAMPLES, live};
+use crate::cli::device::sensing::{LIVE_SAMPLES, live};
 
 /// The end of one trial.
 pub enum Outcome {
@@ -80,7 +81,8 @@ impl<'a> Session<'a> {
 
     /// Captures one trial with a live level; none if the operator interrupted it.
     fn capture(&self) -> Result<Option<Capture>> {
-        let (seconds, settle) = (self.arguments.seconds, self.arguments.settle);
+        let seconds = self.arguments.seconds.unwrap_or(TRIAL_DURATION_S);
+        let settle = self.arguments.settle;
         let bar = progress::bar(100, "recording");
         let heard = |samples: &[RecordSample], wanted: usize, rate_hz: u32| {
             let recent = &samples[samples.len().saturating_sub(LIVE_SAMPLES)..];

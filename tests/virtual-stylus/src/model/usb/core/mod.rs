@@ -3,8 +3,6 @@
 
 mod access;
 mod bus;
-mod endpoint;
-mod fifos;
 mod state;
 
 pub use super::packets::{Handshake, InAnswer, Pid};

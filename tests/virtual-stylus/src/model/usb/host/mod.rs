@@ -18,13 +18,8 @@
 //! cannot tell the difference; the next one comes at the instant at which it would have come. Left out: low and high
 //! speed, hubs, isochronous and interrupt transfers, and the host's software, which is in `usb_host`.
 
-mod chance;
-mod frames;
-mod pending;
-mod software;
+mod bus;
 mod state;
-mod timing;
-mod transaction;
 mod transfer;
 
 pub use state::{Host, Mishap, RESET_NS, Traffic};

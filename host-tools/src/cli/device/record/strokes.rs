@@ -1,0 +1,68 @@
+//! `stylus record --strokes`: a free hand, for segment.
+
+use host_tools::link::capture::{Level, Loss};
+use host_tools::link::strokes;
+use host_tools::support::error::{Error, Result};
+use host_tools::support::progress;
+use model_format::link::RecordSample;
+use serde::Serialize;
+
+use super::Arguments;
+use crate::cli::device::sensing::{LIVE_SAMPLES, live};
+use crate::cli::interrupt::Interrupt;
+use crate::cli::output::{print, print_json};
+
+/// Duration of a recording, unless Ctrl-C ends it earlier, s.
+const DURATION_S: f64 = 60.0;
+
+#[derive(Serialize)]
+struct StrokesReport {
+    file: String,
+    seconds: f64,
+    level: Level,
+    loss: Loss,
+    /// Number of lost samples, which are holes in the file.
+    lost_samples: usize,
+}
+
+/// Records until Ctrl-C or the end, and keeps what was recorded.
+pub fn run(arguments: &Arguments) -> Result<()> {
+    let file = &arguments.out;
+    arguments.overwrite.file(file, &[])?;
+    let device = arguments.link.connect()?;
+    let calibration = arguments.sensing.calibration(&device)?;
+    let interrupt = Interrupt::listen()?;
+    let bar = progress::bar(100, "recording; Ctrl-C ends it");
+    let heard = |samples: &[Option<RecordSample>], wanted: usize, rate_hz: u32| {
+        let recent = samples.iter().rev().take(LIVE_SAMPLES).rev().flatten();
+        let recent: Vec<RecordSample> = recent.copied().collect();
+        let level = Level::of(&recent, &calibration, f64::from(rate_hz));
+        bar.set_message(live(&level));
+        bar.set_position((samples.len() * 100 / wanted) as u64);
+    };
+    let seconds = arguments.seconds.unwrap_or(DURATION_S);
+    let goes_on = || !interrupt.is_raised();
+    let strokes = strokes::record(&device, seconds, goes_on, heard)?;
+    bar.finish_and_clear();
+    if strokes.samples.is_empty() {
+        return Err(Error::Request("nothing was recorded".to_owned()));
+    }
+    let provenance = arguments.sensing.provenance();
+    strokes.write(file, &calibration, provenance)?;
+    let there: Vec<RecordSample> = strokes.samples.iter().flatten().copied().collect();
+    let rate_hz = f64::from(strokes.rate_hz);
+    let report = StrokesReport {
+        file: file.display().to_string(),
+        seconds: strokes.samples.len() as f64 / rate_hz,
+        level: Level::of(&there, &calibration, rate_hz),
+        lost_samples: strokes.samples.len() - there.len(),
+        loss: strokes.loss,
+    };
+    if arguments.json {
+        return print_json(&report);
+    }
+    print(&format!(
+        "{:.1} s of {:.3} m/s² RMS -> {}; {}",
+        report.seconds, report.level.rms_m_s2, report.file, report.loss
+    ))
+}

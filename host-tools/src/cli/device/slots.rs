@@ -1,0 +1,192 @@
+//! `stylus slots`: the libraries in the stylus, and which of them it plays.
+
+use host_tools::link::Device;
+use host_tools::link::contents::{SlotContent, TextureEntry};
+use host_tools::support::error::{Error, Result};
+use model_format::link::{SceneInfo, SlotId, SlotState};
+use serde::Serialize;
+
+use super::connection::Link;
+use crate::cli::output::{print, print_json};
+use crate::cli::table::table;
+
+/// A slot on the command line.
+#[derive(Clone, Copy, clap::ValueEnum)]
+#[value(rename_all = "UPPER")]
+pub enum Slot {
+    A,
+    B,
+    #[value(hide = true)]
+    Newest,
+}
+
+impl Slot {
+    /// The slot, if it is named.
+    pub fn id(self) -> Option<SlotId> {
+        match self {
+            Self::A => Some(SlotId::A),
+            Self::B => Some(SlotId::B),
+            Self::Newest => None,
+        }
+    }
+}
+
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// Make the library of this slot the active one [without a slot: the one uploaded last]
+    #[arg(
+        long,
+        value_name = "SLOT",
+        value_enum,
+        ignore_case = true,
+        num_args = 0..=1,
+        default_missing_value = "NEWEST"
+    )]
+    activate: Option<Slot>,
+    /// Print all figures as JSON
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    link: Link,
+}
+
+pub fn run(arguments: &Arguments) -> Result<()> {
+    let device = arguments.link.connect()?;
+    if let Some(slot) = arguments.activate {
+        return activate(&device, slot, arguments.json);
+    }
+    let slots = device.contents()?;
+    if arguments.json {
+        return print_json(&slots);
+    }
+    let texts: Vec<String> = slots.iter().map(text).collect();
+    print(&texts.join("\n\n"))
+}
+
+#[derive(Serialize)]
+struct ActivationReport {
+    slot: String,
+    crc32: u32,
+    sequence: u32,
+    textures: u16,
+}
+
+fn activate(device: &Device, slot: Slot, is_json: bool) -> Result<()> {
+    let slot = match slot.id() {
+        Some(slot) => slot,
+        None => device
+            .newest_slot()?
+            .ok_or_else(|| Error::Request("no slot holds a library; upload one".to_owned()))?,
+    };
+    let activated = device.activate(slot)?;
+    let library = activated.library;
+    if is_json {
+        return print_json(&ActivationReport {
+            slot: activated.slot.to_string(),
+            crc32: library.crc32,
+            sequence: library.sequence,
+            textures: library.textures,
+        });
+    }
+    print(&format!(
+        "slot {} is active: {} texture(s), checksum {:08x}",
+        activated.slot, library.textures, library.crc32
+    ))
+}
+
+fn text(slot: &SlotContent) -> String {
+    let active = if slot.active { " (active)" } else { "" };
+    let state = match &slot.state {
+        SlotState::Empty => "empty".to_owned(),
+        SlotState::Receiving => "an upload is under way".to_owned(),
+        SlotState::Faulty(fault) => fault.to_string(),
+        SlotState::Valid(library) => format!(
+            "{} texture(s), {} scene(s), {} bytes, checksum {:08x}, upload {}\n\n{}{}",
+            library.textures,
+            library.scenes,
+            library.length,
+            library.crc32,
+            library.sequence,
+            textures(&slot.textures),
+            scenes(&slot.scenes)
+        ),
+    };
+    format!("slot {}{active}: {state}", slot.name)
+}
+
+fn textures(textures: &[TextureEntry]) -> String {
+    let header = [
+        "texture",
+        "from",
+        "structure",
+        "Hz",
+        "grid",
+        "mm/s",
+        "N",
+        "order",
+        "silent",
+        "filled",
+        "doubtful",
+    ];
+    let range = |[low, high]: [f32; 2]| {
+        if low == high {
+            low.to_string()
+        } else {
+            format!("{low} to {high}")
+        }
+    };
+    let rows: Vec<Vec<String>> = textures
+        .iter()
+        .map(|texture| {
+            vec![
+                texture.name.clone(),
+                texture.provenance.clone(),
+                texture.structure.clone(),
+                texture.sample_rate_hz.to_string(),
+                format!("{} x {}", texture.speeds, texture.forces),
+                range(texture.speed_range_mm_s),
+                range(texture.force_range_n),
+                texture.max_order.to_string(),
+                texture.silent_nodes.to_string(),
+                texture.filled_nodes.to_string(),
+                texture.doubtful_nodes.to_string(),
+            ]
+        })
+        .collect();
+    table(&header, &rows)
+}
+
+/// Table of scenes; empty without scenes.
+fn scenes(scenes: &[SceneInfo]) -> String {
+    if scenes.is_empty() {
+        return String::new();
+    }
+    let header = [
+        "scene",
+        "surfaces",
+        "regions",
+        "taps",
+        "stick-slip",
+        "equaliser",
+        "motion",
+    ];
+    let rows: Vec<Vec<String>> = scenes
+        .iter()
+        .map(|scene| {
+            vec![
+                scene.name.to_string(),
+                scene.surfaces.to_string(),
+                scene.regions.to_string(),
+                scene.taps.to_string(),
+                scene.stick_slips.to_string(),
+                scene.sections.to_string(),
+                if scene.constant_motion {
+                    "constant".to_owned()
+                } else {
+                    "followed".to_owned()
+                },
+            ]
+        })
+        .collect();
+    format!("\n\n{}", table(&header, &rows))
+}

@@ -1,0 +1,133 @@
+//! A fit as a map over trials and a reduce over nodes, with files in between.
+//!
+//! The map reads a trial and computes what no other trial tells: autocorrelation by the chosen estimator, third-octave
+//! bands, level, verdicts of triage, the sketch by which copies are found, and its share of its texture's lines. A
+//! *unit* of it is what is computed together: all trials of a texture where lines are sought, because they show in all
+//! of them, and up to 64 trials of a texture otherwise.
+//!
+//! Each unit has a file of its own, named by a hash of everything that its content comes from ([`unit`]). So a file that
+//! is there is not computed again, whoever made it: an interrupted fit goes on where it was, and shard I of N is the
+//! computation of every N-th unit.
+//!
+//! The reduce compares the trials, pools each node's lags and fits its model ([`merge`]). It goes over the textures one
+//! after the other, and holds the lags of one. Where the excitation needs residuals, it reads the texture's recordings
+//! again.
+//!
+//! The library and its record are equal to the bit to those of one process, on processors with the same vector
+//! instructions: transforms are of the same bits only then.
+
+mod merge;
+#[cfg(test)]
+mod tests;
+mod unit;
+
+use std::fmt;
+use std::path::Path;
+use std::str::FromStr;
+
+use rayon::prelude::*;
+
+use super::lines::Lines;
+use super::options::Options;
+use crate::recording::RecordingSet;
+use crate::support::error::{Error, Result};
+
+pub use merge::Merged;
+use unit::{Unit, units};
+
+/// Most shards of a fit.
+const MOST_SHARDS: u32 = 100_000;
+
+/// One of the shards of a fit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Shard {
+    /// Number of the shard, from 1.
+    pub number: u32,
+    /// Number of shards.
+    pub of: u32,
+}
+
+impl Shard {
+    /// The whole of a fit.
+    pub const WHOLE: Self = Self { number: 1, of: 1 };
+
+    /// Returns whether the piece of work `index` is this shard's.
+    pub fn has(self, index: usize) -> bool {
+        index % self.of as usize == self.number as usize - 1
+    }
+}
+
+impl fmt::Display for Shard {
+    /// Writes `3/8`.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}/{}", self.number, self.of)
+    }
+}
+
+impl FromStr for Shard {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        let parsed = text.split_once('/').and_then(|(number, of)| {
+            Some(Self {
+                number: number.parse().ok()?,
+                of: of.parse().ok()?,
+            })
+        });
+        let is_sound = |shard: &Self| {
+            (1..=MOST_SHARDS).contains(&shard.of) && (1..=shard.of).contains(&shard.number)
+        };
+        parsed.filter(is_sound).ok_or_else(|| {
+            format!("must be I/N with I from 1 to N, such as 3/8, and N at most {MOST_SHARDS}")
+        })
+    }
+}
+
+/// The outcome of a map.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Mapped {
+    /// Trials of the shard.
+    pub trials: usize,
+    /// Trials of it whose results were there already.
+    pub reused: usize,
+}
+
+/// Computes `shard` of a fit of `set` with `options`, and writes what is not there yet to `folder`, telling `progress`
+/// of the number of trials whenever some are done.
+///
+/// # Errors
+/// The first trial that cannot be used; a folder or file that cannot be written.
+pub fn map(
+    set: &RecordingSet,
+    options: &Options,
+    shard: Shard,
+    folder: &Path,
+    progress: impl Fn(usize) + Sync,
+) -> Result<Mapped> {
+    std::fs::create_dir_all(folder).map_err(Error::io("create", folder))?;
+    let units = units(set, options);
+    let own = units.iter().enumerate();
+    let own: Vec<&Unit> = own
+        .filter(|(number, _)| shard.has(*number))
+        .map(|(_, unit)| unit)
+        .collect();
+    // Returns the number of trials that were there.
+    let map_unit = |unit: &&Unit| {
+        let path = unit.path(set, options, folder)?;
+        let is_there = unit.read(&path).is_ok();
+        if !is_there {
+            unit.compute(set, options, &path)?;
+        }
+        progress(unit.trials.len());
+        Ok(if is_there { unit.trials.len() } else { 0 })
+    };
+    let reused: Vec<usize> = match options.lines {
+        Lines::None => own.par_iter().map(map_unit).collect::<Result<_>>()?,
+        // The samples of one texture are held at a time.
+        Lines::Auto => own.iter().map(map_unit).collect::<Result<_>>()?,
+    };
+    Ok(Mapped {
+        trials: own.iter().map(|unit| unit.trials.len()).sum(),
+        reused: reused.into_iter().sum(),
+    })
+}

@@ -1,0 +1,184 @@
+//! Units of a map: what each comes from, and the file with its result.
+//!
+//! A file is a [`Header`] and the unit's [`Content`], as [postcard](https://postcard.jamesmunns.com/wire-format) writes
+//! them. Its name is the hash of the unit's inputs.
+
+use std::path::{Path, PathBuf};
+use std::time::UNIX_EPOCH;
+
+use model_format::Provenance;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use crate::fit::analyse_texture;
+use crate::fit::lines::{Findings, Lines};
+use crate::fit::options::Options;
+use crate::fit::record::content_of;
+use crate::fit::trial::Analysis;
+use crate::recording::{RecordingSet, Trial};
+use crate::support::atomic_file;
+use crate::support::bounded_file::{Limit, MIB};
+use crate::support::error::{Error, Result};
+use crate::support::fnv::Fnv;
+
+/// First bytes of a file, with the version of the format. It changes with anything that a file holds, and with whatever
+/// the map computes.
+const MAGIC: [u8; 8] = *b"stylusP2";
+
+/// Most trials of a unit where no lines are sought.
+const MOST_TRIALS: usize = 64;
+
+/// A partial file: some 4 KB for each trial of a unit.
+const PARTIAL: Limit = Limit {
+    of: "a partial result",
+    bytes: 1024 * MIB,
+};
+
+/// Trials that are computed together.
+pub(super) struct Unit {
+    /// Their indices in the set.
+    pub trials: Vec<usize>,
+}
+
+/// The units of a fit of `set` with `options`: the same in every process.
+pub(super) fn units(set: &RecordingSet, options: &Options) -> Vec<Unit> {
+    let most = match options.lines {
+        Lines::None => MOST_TRIALS,
+        Lines::Auto => usize::MAX,
+    };
+    let of_texture = |(_, members): (&str, Vec<usize>)| -> Vec<Unit> {
+        let units = members.chunks(most.min(members.len()));
+        units
+            .map(|unit| Unit {
+                trials: unit.to_vec(),
+            })
+            .collect()
+    };
+    set.by_texture().into_iter().flat_map(of_texture).collect()
+}
+
+/// The beginning of a file.
+#[derive(Serialize, Deserialize)]
+struct Header {
+    magic: [u8; 8],
+    /// Hash of all bytes after the header.
+    hash: u64,
+}
+
+/// The result of a unit.
+#[derive(Serialize, Deserialize)]
+pub(super) struct Content {
+    /// Lines of the texture, which are not stored with each of its trials.
+    findings: Findings,
+    /// The hash of each recording's bytes, for the record of the fit, with the trial's analysis.
+    pub trials: Vec<(u64, Analysis)>,
+}
+
+impl Unit {
+    /// The file of the unit's result in `folder`, named by all that it comes from: the program's version, the options
+    /// that matter to the map, the lines of the list, and the files' sizes and times.
+    ///
+    /// # Errors
+    /// A recording that is not there.
+    pub fn path(&self, set: &RecordingSet, options: &Options, folder: &Path) -> Result<PathBuf> {
+        let mut hash = Fnv::default()
+            .then(&MAGIC)
+            .then(env!("CARGO_PKG_VERSION").as_bytes());
+        hash = hash.then(&encoded(&(
+            options.order.highest() as u64,
+            options.estimator,
+            options.reduction,
+            options.silence_floor_m_s2,
+            options.sample_rate_hz,
+            options.lines,
+        ))?);
+        // Dropped trials have no say on lines.
+        if options.lines != Lines::None {
+            let mut dropped = options.drop.clone();
+            dropped.sort();
+            hash = hash.then(&encoded(&dropped)?);
+        }
+        for &index in &self.trials {
+            hash = hash.then(&encoded(&inputs(&set.trials[index])?)?);
+        }
+        Ok(folder.join(format!("{:016x}.part", hash.value())))
+    }
+
+    /// Reads the unit's result from `path`.
+    ///
+    /// # Errors
+    /// A file that is not there, or is damaged.
+    pub fn read(&self, path: &Path) -> Result<Content> {
+        let bytes = PARTIAL.read(path)?;
+        let damaged = || Error::file(path, "is damaged: remove it, and run its shard again");
+        let (header, rest) = postcard::take_from_bytes::<Header>(&bytes).map_err(|_| damaged())?;
+        if header.magic != MAGIC || header.hash != Fnv::of(rest) {
+            return Err(damaged());
+        }
+        let mut content: Content = postcard::from_bytes(rest).map_err(|_| damaged())?;
+        if content.trials.len() != self.trials.len() {
+            return Err(damaged());
+        }
+        let findings = std::sync::Arc::new(std::mem::take(&mut content.findings));
+        for (_, analysis) in &mut content.trials {
+            analysis.lines.findings = std::sync::Arc::clone(&findings);
+        }
+        Ok(content)
+    }
+
+    /// Computes the unit's result, and writes it to `path`.
+    ///
+    /// # Errors
+    /// The first trial that cannot be used; a file that cannot be written.
+    pub fn compute(&self, set: &RecordingSet, options: &Options, path: &Path) -> Result<()> {
+        let trials: Vec<&Trial> = self
+            .trials
+            .iter()
+            .map(|&index| &set.trials[index])
+            .collect();
+        let analysed = analyse_texture(&trials, options, options.order.highest(), &|| ())?;
+        let stored = trials.par_iter().zip(analysed);
+        let stored = stored
+            .map(|(trial, (analysis, _))| Ok((content_of(trial)?, analysis)))
+            .collect::<Result<Vec<_>>>()?;
+        let findings = stored.first().map(|(_, analysis)| &analysis.lines.findings);
+        let content = encoded(&Content {
+            findings: findings.map_or_else(Findings::default, |findings| findings.as_ref().clone()),
+            trials: stored,
+        })?;
+        let header = encoded(&Header {
+            magic: MAGIC,
+            hash: Fnv::of(&content),
+        })?;
+        atomic_file::write(path, &[header, content].concat())
+    }
+}
+
+/// All that a trial's analysis comes from but the options: its line in the list, and the file's size and time, ns since
+/// 1970.
+fn inputs(trial: &Trial) -> Result<impl Serialize + use<'_>> {
+    if trial.held.is_some() {
+        let problem = "samples in memory have no partial results: write them to a file, or fit without --parts";
+        return Err(Error::file(&trial.file, problem));
+    }
+    let metadata = std::fs::metadata(&trial.file).map_err(Error::io("read", &trial.file))?;
+    let changed = metadata.modified().ok();
+    let changed = changed.and_then(|time| time.duration_since(UNIX_EPOCH).ok());
+    let line = (
+        trial.file.as_os_str().as_encoded_bytes(),
+        trial.texture.as_str(),
+        [trial.speed_mm_s, trial.force_n, trial.start_s],
+        [trial.scale_m_s2, trial.duration_s, trial.sample_rate_hz],
+        trial.provenance == Provenance::Simulated,
+    );
+    Ok((
+        line,
+        metadata.len(),
+        changed.map(|time| time.as_nanos() as u64),
+    ))
+}
+
+fn encoded<T: Serialize>(value: &T) -> Result<Vec<u8>> {
+    postcard::to_allocvec(value)
+        .map_err(|failure| Error::Model(format!("a partial result cannot be written: {failure}")))
+}

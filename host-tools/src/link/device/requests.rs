@@ -1,0 +1,361 @@
+//! Requests about the libraries in the device: what its slots hold, and which of them is played.
+
+use std::thread;
+use std::time::{Duration, Instant};
+
+use model_format::link::{
+    ActivateEndpoint, Activated, Activity, CycleReport, CyclesEndpoint, KeepAliveTopic,
+    ListEndpoint, ListRequest, ListSceneEndpoint, MotionSample, MotionTopic, OutputStatus,
+    PlayEndpoint, PlayError, PlayRequest, Playing, RecordBlock, RecordBlockTopic,
+    RecordStartEndpoint, RecordStarted, RecordStopEndpoint, RecordStopped, SceneInfo,
+    SelfTestEndpoint, SelfTestRequest, SelfTestValues, SettingChange, Settings,
+    SettingsApplyEndpoint, SettingsChange, SettingsGetEndpoint, SettingsProposal,
+    SettingsProposeEndpoint, SlotId, SlotState, Slots, SlotsEndpoint, StopEndpoint, StopError,
+    TextureInfo,
+};
+use postcard_rpc::host_client::{MultiSubRxError, MultiSubscription};
+
+use super::connection::{Device, POLL_INTERVAL};
+use crate::link::error::{LinkError, Result};
+
+impl Device {
+    /// Reads the content of both slots.
+    ///
+    /// # Errors
+    /// A lost link or a missing answer.
+    pub fn slots(&self) -> Result<Slots> {
+        // The device may have to read and check a whole slot.
+        self.request_flash::<SlotsEndpoint>("slot list", &())
+    }
+
+    /// Slot of the library that was uploaded last; none if no slot holds a library.
+    ///
+    /// # Errors
+    /// Those of [`Self::slots`].
+    pub fn newest_slot(&self) -> Result<Option<SlotId>> {
+        let slots = self.slots()?.slots;
+        let sequences = SlotId::ALL
+            .into_iter()
+            .zip(&slots)
+            .filter_map(|(id, state)| match state {
+                SlotState::Valid(library) => Some((library.sequence, id)),
+                _ => None,
+            });
+        let newest = sequences.max_by_key(|&(sequence, _)| sequence);
+        Ok(newest.map(|(_, id)| id))
+    }
+
+    /// Reads the list of textures in `slot`; an empty one if the slot holds no library.
+    ///
+    /// # Errors
+    /// A lost link, a missing answer, or a texture that the device cannot list.
+    pub fn textures(&self, slot: SlotId) -> Result<Vec<TextureInfo>> {
+        let count = match &self.slots()?.slots[slot.index()] {
+            SlotState::Valid(library) => library.textures,
+            _ => 0,
+        };
+        (0..=u8::MAX)
+            .take(usize::from(count))
+            .map(|index| {
+                let request = ListRequest { slot, index };
+                Ok(self.request_flash::<ListEndpoint>("texture list", &request)??)
+            })
+            .collect()
+    }
+
+    /// Reads the list of scenes in `slot`; an empty one if the slot holds no library.
+    ///
+    /// # Errors
+    /// A lost link, a missing answer, or a scene that the device cannot list.
+    pub fn scenes(&self, slot: SlotId) -> Result<Vec<SceneInfo>> {
+        let count = match &self.slots()?.slots[slot.index()] {
+            SlotState::Valid(library) => library.scenes,
+            _ => 0,
+        };
+        (0..count)
+            .map(|index| {
+                let request = ListRequest { slot, index };
+                Ok(self.request_flash::<ListSceneEndpoint>("scene list", &request)??)
+            })
+            .collect()
+    }
+
+    /// Makes the library in `slot` the active one, and confirms it by the status.
+    ///
+    /// # Errors
+    /// A refusal, or a status that names another library as active.
+    pub fn activate(&self, slot: SlotId) -> Result<Activated> {
+        let activated = self.request_flash::<ActivateEndpoint>("activation", &slot)??;
+        let begin = Instant::now();
+        loop {
+            let status = self.status()?;
+            let crc32 = activated.library.crc32;
+            if status.active == Some(slot) && status.library_crc32 == crc32 {
+                return Ok(activated);
+            }
+            if begin.elapsed() >= self.timeouts().answer {
+                return Err(self.not_verified(format!(
+                    "slot {slot} was activated, but the status reports {} as active: activate it again",
+                    status
+                        .active
+                        .map_or("no slot".to_owned(), |slot| format!("slot {slot}"))
+                )));
+            }
+            thread::sleep(POLL_INTERVAL);
+        }
+    }
+}
+
+impl Device {
+    /// Plays a texture or scene of the active library.
+    ///
+    /// # Errors
+    /// A refusal, after which the device goes on with what it played before; one of a name that is not there lists
+    /// those that are. An answer that names another request.
+    pub fn play(&self, request: &PlayRequest) -> Result<Playing> {
+        self.requester.health.begin();
+        let answer = self.request::<PlayEndpoint>("play", request)?;
+        let playing = answer.map_err(|refusal| self.with_names(refusal))?;
+        if playing.request == *request {
+            Ok(playing)
+        } else {
+            Err(self.not_verified(format!(
+                "the device plays {} instead of {}: stop it, then play again",
+                playing.request.selection, request.selection
+            )))
+        }
+    }
+
+    /// `refusal`, with the names of the active library if it lacks the one that was asked for.
+    fn with_names(&self, refusal: PlayError) -> LinkError {
+        let (what, name) = match &refusal {
+            PlayError::NoSuchTexture { name } => ("texture", name.to_string()),
+            PlayError::NoSuchScene { name } => ("scene", name.to_string()),
+            _ => return refusal.into(),
+        };
+        let names = || -> Result<Vec<String>> {
+            let Some(slot) = self.status()?.active else {
+                return Ok(Vec::new());
+            };
+            Ok(if what == "texture" {
+                let textures = self.textures(slot)?.into_iter();
+                textures.map(|texture| texture.name.to_string()).collect()
+            } else {
+                let scenes = self.scenes(slot)?.into_iter();
+                scenes.map(|scene| scene.name.to_string()).collect()
+            })
+        };
+        match names() {
+            Ok(there) => LinkError::Absent { what, name, there },
+            // The refusal is what the user asked about, whatever became of the link since.
+            Err(_) => refusal.into(),
+        }
+    }
+
+    /// Stops the output, and waits until the status reports it at rest.
+    ///
+    /// Returns true if anything was played, and the output's status at rest.
+    ///
+    /// # Errors
+    /// A lost link, or an output that does not come to rest.
+    pub fn stop(&self) -> Result<(bool, OutputStatus)> {
+        let was_playing = match self.request::<StopEndpoint>("stop", &())? {
+            Ok(_) => true,
+            Err(StopError::NotPlaying) => false,
+        };
+        let begin = Instant::now();
+        loop {
+            let output = self.status()?.output;
+            if output.activity == Activity::Idle {
+                return Ok((was_playing, output));
+            }
+            if begin.elapsed() >= self.timeouts().answer {
+                return Err(self.not_verified(
+                    "the device was stopped, but its output is not at rest: stop it again, or disconnect its power"
+                        .to_owned(),
+                ));
+            }
+            thread::sleep(POLL_INTERVAL);
+        }
+    }
+
+    /// Reads the durations of tick and update since the call before, and begins them anew.
+    ///
+    /// # Errors
+    /// A lost link or a missing answer.
+    pub fn take_cycles(&self) -> Result<CycleReport> {
+        self.request::<CyclesEndpoint>("cycles", &())
+    }
+
+    /// Sends a motion without waiting for an acknowledgement.
+    ///
+    /// # Errors
+    /// A lost link, or one that accepts no more frames.
+    pub fn publish_motion(&self, sample: MotionSample) -> Result<()> {
+        self.runtime()
+            .block_on(self.requester.publish::<MotionTopic>(&sample))
+    }
+
+    /// Sends a keep-alive, which shows the device that the host still runs.
+    ///
+    /// # Errors
+    /// A lost link, or one that accepts no more frames.
+    pub fn keep_alive(&self) -> Result<()> {
+        self.runtime()
+            .block_on(self.requester.publish::<KeepAliveTopic>(&()))
+    }
+}
+
+/// Capacity of the queue of received blocks: half a minute.
+const WAITING_BLOCKS: usize = 4096;
+
+impl Device {
+    /// Starts a recording, whose blocks are then queued in [`Blocks`].
+    ///
+    /// # Errors
+    /// A refusal, a lost link or a missing answer.
+    pub(in crate::link) fn record_start(&self) -> Result<(RecordStarted, Blocks)> {
+        self.requester.health.begin();
+        let client = &self.requester.client;
+        let subscription = self
+            .runtime()
+            .block_on(client.subscribe_multi::<RecordBlockTopic>(WAITING_BLOCKS))
+            .map_err(|_| self.requester.lost())?;
+        let mut blocks = Blocks { subscription };
+        // Blocks of an earlier recording may still be on the way.
+        while blocks.next(self, Duration::ZERO)?.is_some() {}
+        let started = self.request::<RecordStartEndpoint>("record start", &())??;
+        Ok((started, blocks))
+    }
+
+    /// Stops a recording.
+    ///
+    /// # Errors
+    /// No recording under way, a lost link or a missing answer.
+    pub fn record_stop(&self) -> Result<RecordStopped> {
+        Ok(self.request::<RecordStopEndpoint>("record stop", &())??)
+    }
+}
+
+/// Queue of the blocks of a recording, in the order of their arrival.
+pub(in crate::link) struct Blocks {
+    subscription: MultiSubscription<RecordBlock>,
+}
+
+impl Blocks {
+    /// Returns the next block, or `None` if none arrives within `within`.
+    pub(in crate::link) fn next(
+        &mut self,
+        device: &Device,
+        within: Duration,
+    ) -> Result<Option<RecordBlock>> {
+        let next = async {
+            loop {
+                match self.subscription.recv().await {
+                    Ok(block) => return Ok(block),
+                    // The sequence numbers of later blocks show which ones the queue had no room for.
+                    Err(MultiSubRxError::Lagged(_)) => {}
+                    Err(MultiSubRxError::IoClosed) => return Err(device.requester.lost()),
+                }
+            }
+        };
+        let next = async { tokio::time::timeout(within, next).await };
+        device.runtime().block_on(next).ok().transpose()
+    }
+}
+
+impl Device {
+    /// Has the device make one measurement, which takes up to some seconds.
+    ///
+    /// # Errors
+    /// A refusal, a lost link or a missing answer.
+    pub fn self_test(&self, request: SelfTestRequest) -> Result<SelfTestValues> {
+        Ok(self.request_flash::<SelfTestEndpoint>("self test", &request)??)
+    }
+
+    /// Duration of a request and its answer.
+    ///
+    /// # Errors
+    /// A lost link or a missing answer.
+    pub fn round_trip(&self) -> Result<Duration> {
+        let begin = Instant::now();
+        self.status()?;
+        Ok(begin.elapsed())
+    }
+}
+
+impl Device {
+    /// Reads the settings.
+    ///
+    /// # Errors
+    /// A lost link or a missing answer.
+    pub fn settings(&self) -> Result<Settings> {
+        Ok(self.request_flash::<SettingsGetEndpoint>("settings", &())??)
+    }
+
+    /// Proposes a change of settings, which [`Device::apply`] applies. Nothing changes yet.
+    ///
+    /// # Errors
+    /// Values that the device refuses, or something that is played; an answer about another change.
+    pub fn propose(&self, change: &SettingsChange) -> Result<SettingsProposal> {
+        let proposal = self.request::<SettingsProposeEndpoint>("settings proposal", change)??;
+        if proposal.change == *change {
+            Ok(proposal)
+        } else {
+            Err(self.not_verified(
+                "another change of settings was proposed than was asked for: propose it again"
+                    .to_owned(),
+            ))
+        }
+    }
+
+    /// Applies a change that was proposed over this link, and reads it back.
+    ///
+    /// # Errors
+    /// A proposal that has ended, a refusal, or other values read back.
+    pub fn apply(&self, proposal: &SettingsProposal) -> Result<Settings> {
+        self.request_flash::<SettingsApplyEndpoint>("settings change", &proposal.token)??;
+        let settings = self.settings()?;
+        let wrong = match &proposal.change {
+            SettingsChange::Set(values) => values
+                .iter()
+                .find(|change| settings.get(change.setting) != change.value)
+                .map(|change| change.setting),
+            SettingsChange::Reset => settings
+                .iter()
+                .find(|change| change.value != change.setting.spec().default)
+                .map(|change| change.setting),
+        };
+        match wrong {
+            None => Ok(settings),
+            Some(setting) => Err(self.not_verified(format!(
+                "settings were changed, but {setting} reads back {}: change them again",
+                settings.get(setting)
+            ))),
+        }
+    }
+
+    /// Changes a setting by both steps, and reads it back.
+    ///
+    /// # Errors
+    /// A value that the device refuses, or another value read back.
+    pub fn set(&self, change: SettingChange) -> Result<Settings> {
+        self.set_all(&[change])
+    }
+
+    /// Changes settings by both steps, all or none, and reads them back.
+    ///
+    /// # Errors
+    /// A value that the device refuses, or another value read back.
+    pub fn set_all(&self, changes: &[SettingChange]) -> Result<Settings> {
+        self.apply(&self.propose(&SettingsChange::of(changes)?)?)
+    }
+
+    /// Resets every setting to its default by both steps, and reads them back.
+    ///
+    /// # Errors
+    /// A refusal, or other values read back.
+    pub fn reset_settings(&self) -> Result<Settings> {
+        self.apply(&self.propose(&SettingsChange::Reset)?)
+    }
+}

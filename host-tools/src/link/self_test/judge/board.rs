@@ -1,0 +1,312 @@
+//! Identity of the silicon.
+
+use model_format::SAMPLE_RATE_HZ;
+use model_format::link::{
+    ChipValues, ClockCount, ClockValues, DeviceInfo, ErrorCorrectionValues, FlashValues,
+    LEAST_BROWN_OUT_LEVEL, OptionByteValues, RAM_MONITORS, SiliconRevision,
+};
+
+use crate::link::self_test::line::Line;
+
+/// `DEV_ID` of the STM32H742, H743, H753 and H750 (RM0433 section 60.5.8).
+const DEVICE: u16 = 0x450;
+
+/// Size of the flash of the STM32H743ZI, KB.
+const FLASH_KB: u16 = 2048;
+
+/// Judges the silicon of the device that `info` describes.
+pub fn chip(values: &ChipValues, info: &DeviceInfo) -> Vec<Line> {
+    let revision = SiliconRevision(values.revision);
+    let [first, second, third] = values.unique_id.map(u32::swap_bytes);
+    let serial = format!("{first:08X}{second:08X}{third:08X}");
+    vec![
+        Line::exact(
+            "chip",
+            format!("{:#05x}", values.device),
+            format!("{DEVICE:#05x}"),
+            values.device == DEVICE,
+            "the board has another processor: use a NUCLEO-H743ZI2",
+        ),
+        Line::exact(
+            "silicon revision",
+            revision.to_string(),
+            SiliconRevision::SUPPORTED,
+            revision.is_supported(),
+            "on revisions Z and Y the image works round the reads of AXI SRAM (ES0392 2.2.9) and the converter's other \
+             clock, and nothing else was tested: use a board with revision V",
+        ),
+        Line::exact(
+            "unique id",
+            serial.as_str(),
+            info.serial.as_str(),
+            serial == info.serial.as_str(),
+            "the id differs from the serial number of the same device: test again; if it stays, the chip is damaged",
+        ),
+        Line::number(
+            "flash size",
+            f64::from(values.flash_kb),
+            (f64::from(FLASH_KB), f64::from(FLASH_KB)),
+            ("KB", 0),
+            "libraries need both banks of 1 MB: use an STM32H743ZI",
+        ),
+    ]
+}
+
+/// Rate of LSI over the whole range of temperature and supply, Hz (DS12110 table 136).
+const LOW_SPEED_HZ: (f64, f64) = (29_400.0, 33_600.0);
+
+/// Deviation of the core's clock from the host's frames, ppm: 500 for the host (USB 2.0, section 7.1.12), 50 for the
+/// board's crystal, and 200 for the reading.
+const USB_PPM: f64 = 750.0;
+
+/// Deviation of a tick from its period, ppm: both come from the same clock, so this is the reading alone.
+const TICK_PPM: f64 = 50.0;
+
+/// Frequency of `count`, whose cycles are those of a clock of `hz`.
+fn hertz(count: ClockCount, hz: u32) -> f64 {
+    f64::from(count.periods) * f64::from(hz) / count.cycles as f64
+}
+
+/// Deviation of `value` from `expected`, ppm.
+fn ppm(value: f64, expected: f64) -> f64 {
+    (value / expected - 1.0) * 1e6
+}
+
+/// Judges the clocks.
+pub fn clocks(values: &ClockValues) -> Vec<Line> {
+    let low_speed = match values.low_speed {
+        Some(count) => Line::number(
+            "LSI",
+            hertz(count, values.timer_hz),
+            LOW_SPEED_HZ,
+            ("Hz", 0),
+            "LSI or the core's clock is not what it should be: see the line of USB; if that passes, the chip is \
+             damaged",
+        ),
+        None => Line::exact(
+            "LSI",
+            "no edge",
+            format!("{} to {} Hz", LOW_SPEED_HZ.0, LOW_SPEED_HZ.1),
+            false,
+            "LSI does not run, so neither does the watchdog: restart the device; if it stays, the chip is damaged",
+        ),
+    };
+    let usb = match values.usb_frames {
+        Some(count) => Line::number(
+            "core against USB",
+            // A core that is too fast counts fewer frames per cycle.
+            -ppm(hertz(count, values.core_hz), 1_000.0),
+            (-USB_PPM, USB_PPM),
+            ("ppm", 0),
+            "the core does not run from the probe's 8 MHz: power the board through the probe's USB (CN1), and see the \
+             clock in `status`",
+        ),
+        None => Line::not_measured(
+            "core against USB",
+            "connect the stylus's own USB (CN13) to measure it",
+        ),
+    };
+    let tick = ppm(
+        hertz(values.ticks, values.core_hz),
+        f64::from(SAMPLE_RATE_HZ),
+    );
+    vec![
+        low_speed,
+        usb,
+        Line::number(
+            "ticks against core",
+            tick,
+            (-TICK_PPM, TICK_PPM),
+            ("ppm", 0),
+            "the timer and the core have other clocks than the image assumes: flash the image again",
+        ),
+    ]
+}
+
+/// Longest erasure of a sector of 128 KB, ms (DS12110, flash memory programming, parallelism of 8 bits).
+const ERASE_MS: f64 = 4_000.0;
+
+/// Longest writing of a word, µs: 1 ms of the tasks between two looks at the flash, on top of what DS12110 gives for a
+/// parallelism of 8 bits.
+const WRITE_US: f64 = 2_000.0;
+
+const WORN: &str =
+    "the flash is slow or worn: check the 3.3 V and test again; if it stays, replace the board";
+
+/// Judges a sector's erasure and writing.
+pub fn flash(values: &FlashValues) -> Vec<Line> {
+    let slot = values.slot;
+    let mean = f64::from(values.write_us) / f64::from(values.words.max(1));
+    vec![
+        Line::number(
+            format!("slot {slot} sector erase"),
+            f64::from(values.erase_us) / 1e3,
+            (f64::NEG_INFINITY, ERASE_MS),
+            ("ms", 1),
+            WORN,
+        ),
+        Line::none(
+            format!("slot {slot} bytes not erased"),
+            values.not_erased,
+            WORN,
+        ),
+        Line::number(
+            format!("slot {slot} word write, mean"),
+            mean,
+            (f64::NEG_INFINITY, WRITE_US),
+            ("µs", 0),
+            WORN,
+        ),
+        Line::none(format!("slot {slot} bytes wrong"), values.wrong, WORN),
+    ]
+}
+
+/// Memory of each RAMECC monitor (RM0433 section 3.3).
+const MEMORIES: [&str; RAM_MONITORS] = [
+    "AXI SRAM", "ITCM", "DTCM", "DTCM", "trace", "SRAM1", "SRAM1", "SRAM2", "SRAM2", "SRAM3",
+    "SRAM4", "backup",
+];
+
+/// Names of the memories whose monitor has a bit of `bits`.
+fn with(ram: &[u8; RAM_MONITORS], bits: u8) -> String {
+    let mut names: Vec<&str> = (ram.iter().zip(MEMORIES))
+        .filter(|(status, _)| **status & bits != 0)
+        .map(|(_, name)| name)
+        .collect();
+    names.dedup();
+    if names.is_empty() {
+        "none".to_owned()
+    } else {
+        names.join(", ")
+    }
+}
+
+/// Judges the memories.
+pub fn memory(values: &ErrorCorrectionValues) -> Vec<Line> {
+    let (corrected, failed) = (with(&values.ram, 0b001), with(&values.ram, 0b110));
+    let mut lines = vec![
+        Line::exact(
+            "RAM errors corrected",
+            corrected.as_str(),
+            "none",
+            corrected == "none",
+            "restart and test again; if it comes back in the same memory, the chip ages or its supply is disturbed: \
+             replace the board",
+        ),
+        Line::exact(
+            "RAM errors not corrected",
+            failed.as_str(),
+            "none",
+            failed == "none",
+            "do not use the device: check its supply, restart and test again; if it comes back, replace the board",
+        ),
+    ];
+    for (bank, (corrected, failed)) in (values.flash_corrected.iter())
+        .zip(values.flash_failed)
+        .enumerate()
+    {
+        let bank = bank + 1;
+        let remedy = match bank {
+            1 => "flash the image again; if it comes back, the flash is worn: replace the board",
+            _ => {
+                "upload the libraries again; if it comes back, the flash is worn: replace the board"
+            }
+        };
+        lines.push(Line::none(
+            format!("flash bank {bank} errors corrected"),
+            *corrected,
+            remedy,
+        ));
+        lines.push(Line::none(
+            format!("flash bank {bank} errors not corrected"),
+            failed,
+            remedy,
+        ));
+    }
+    lines
+}
+
+const SET_THEM: &str = "set the option bytes to the factory's values with STM32CubeProgrammer";
+
+/// Upper half of the flash's address, where the image begins.
+const BOOT_ADDRESS: u32 = 0x0800;
+
+/// An area from its start to its end, as `FLASH_PRAR` and `FLASH_SCAR` hold it: none if the start lies above the end.
+fn is_area(register: u32) -> bool {
+    let (start, end) = (register & 0xfff, register >> 16 & 0xfff);
+    start <= end
+}
+
+/// Judges the option bytes.
+pub fn option_bytes(values: &OptionByteValues) -> Vec<Line> {
+    let status = values.status;
+    let bit = |number: u32| status >> number & 1 != 0;
+    let protection = status >> 8 & 0xff;
+    let level = match protection {
+        0xaa => "level 0",
+        0xcc => "level 2",
+        _ => "level 1",
+    };
+    let sectors = values.writable_sectors;
+    let areas = (values.read_protected.iter())
+        .chain(&values.secure)
+        .filter(|&&area| is_area(area))
+        .count();
+    let swapped = values.banks_swapped || bit(31);
+    let boot = values.boot & 0xffff;
+    let brown_out_level = status >> 2 & 0b11;
+    let hexadecimal = |[first, second]: [u8; 2]| format!("{first:02x} {second:02x}");
+    let yes = |yes: bool| if yes { "yes" } else { "no" };
+    vec![
+        Line::exact(
+            "read protection",
+            level,
+            "level 0",
+            protection == 0xaa,
+            "the probe cannot read a fault's cause; setting level 0 erases the flash: flash the image again afterwards",
+        ),
+        Line::number(
+            "brown-out level",
+            f64::from(brown_out_level),
+            (f64::from(LEAST_BROWN_OUT_LEVEL), 3.0),
+            ("", 0),
+            "the part runs on below the supply that flash and core need: set BOR_LEV to 3 with STM32CubeProgrammer",
+        ),
+        Line::exact(
+            "watchdog by",
+            if bit(4) { "software" } else { "hardware" },
+            "software",
+            bit(4),
+            "a watchdog by hardware resets the device in its start: set IWDG1_SW with STM32CubeProgrammer",
+        ),
+        Line::exact(
+            "banks swapped",
+            yes(swapped),
+            "no",
+            !swapped,
+            "the image would run from the bank of the libraries: clear SWAP_BANK with STM32CubeProgrammer",
+        ),
+        Line::exact(
+            "writable sectors",
+            hexadecimal(sectors),
+            "ff ff",
+            sectors == [0xff; 2],
+            "settings or libraries cannot be written: remove the write protection with STM32CubeProgrammer",
+        ),
+        Line::none("protected areas", areas as u64, SET_THEM),
+        Line::exact(
+            "boot address",
+            format!("{boot:04x}0000"),
+            format!("{BOOT_ADDRESS:04x}0000"),
+            boot == BOOT_ADDRESS,
+            SET_THEM,
+        ),
+        Line::exact(
+            "pins for low voltage",
+            yes(bit(29)),
+            "no",
+            !bit(29),
+            "IO_HSLV at 3.3 V damages the chip (RM0433, IO_HSLV): clear it with STM32CubeProgrammer at once",
+        ),
+    ]
+}

@@ -1,0 +1,205 @@
+//! Settings with their values, ranges and origins, as a program shows them.
+
+use model_format::link::{Setting, SettingChange, SettingSet, Settings, SettingsState};
+use serde::Serialize;
+use stylus_app::safety::Config;
+
+use crate::support::error::{Error, Result};
+
+/// Origin of a setting's value.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum SettingOrigin {
+    /// Somebody has set it.
+    Set,
+    /// Nobody has set it.
+    Default,
+    /// Nobody has set it, and it has no default.
+    NotSet,
+    /// It was set, and is lost.
+    Lost,
+}
+
+/// A setting with its value.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SettingRow {
+    /// Name.
+    pub name: &'static str,
+    /// None if nobody has set it and it has no default, or if it was lost.
+    pub value: Option<f32>,
+    /// Origin of the value.
+    pub state: SettingOrigin,
+    /// Unit of the value.
+    pub unit: &'static str,
+    /// Lowest value.
+    pub lowest: f32,
+    /// Highest value.
+    pub highest: f32,
+    /// Least magnitude; 0 if the value may be 0.
+    pub least_magnitude: f32,
+    /// None for a setting without which nothing plays.
+    pub default: Option<f32>,
+}
+
+impl SettingRow {
+    /// The row of a setting of a device in this `state`.
+    pub fn new(SettingChange { setting, value }: SettingChange, state: &SettingsState) -> Self {
+        let spec = setting.spec();
+        let is_required = SettingSet::REQUIRED.contains(setting);
+        let origin = if state.lost.contains(setting) {
+            SettingOrigin::Lost
+        } else if state.set.contains(setting) {
+            SettingOrigin::Set
+        } else if is_required {
+            SettingOrigin::NotSet
+        } else {
+            SettingOrigin::Default
+        };
+        Self {
+            name: spec.name,
+            value: matches!(origin, SettingOrigin::Set | SettingOrigin::Default).then_some(value),
+            state: origin,
+            unit: spec.unit,
+            lowest: spec.lowest,
+            highest: spec.highest,
+            least_magnitude: spec.least_magnitude,
+            default: (!is_required).then_some(spec.default),
+        }
+    }
+}
+
+/// Parses `pairs`: a setting's name, its value in the setting's unit, and so on. The device judges the values, because
+/// it may have other ranges.
+///
+/// # Errors
+/// A name without a value, a name of no setting, or a value that is no number.
+pub fn changes(pairs: &[String]) -> Result<Vec<SettingChange>> {
+    let (pairs, rest) = pairs.as_chunks::<2>();
+    if let [name] = rest {
+        return Err(Error::Request(format!(
+            "{name} has no value: give each setting's name and its value in turn"
+        )));
+    }
+    pairs
+        .iter()
+        .map(|[name, value]| {
+            let setting = named(name)?;
+            let value = value.parse().map_err(|_| {
+                Error::Request(format!("{name} of '{value}': its value must be a number"))
+            })?;
+            Ok(SettingChange { setting, value })
+        })
+        .collect()
+}
+
+/// Finds the setting `name`.
+///
+/// # Errors
+/// A name of no setting, with those that there are.
+pub fn named(name: &str) -> Result<Setting> {
+    Setting::named(name).ok_or_else(|| {
+        let names: Vec<&str> = Setting::ALL.iter().map(|s| s.spec().name).collect();
+        Error::Request(format!(
+            "no setting '{name}'; there are {}",
+            names.join(", ")
+        ))
+    })
+}
+
+/// Returns a line for each of the `settings` with its value `before` and `after`, then what follows at pin and coil.
+/// `unknown` are those that have no value before.
+pub fn consequences(
+    before: &Settings,
+    after: &Settings,
+    settings: SettingSet,
+    unknown: SettingSet,
+) -> Vec<String> {
+    let mut lines: Vec<String> = settings
+        .iter()
+        .map(|setting| {
+            let old = if unknown.contains(setting) {
+                "not set".to_owned()
+            } else {
+                before.get(setting).to_string()
+            };
+            format!(
+                "  {setting}: {old} -> {} {}",
+                after.get(setting),
+                setting.spec().unit
+            )
+        })
+        .collect();
+    if !unknown.contains(Setting::AmplifierGain) && !unknown.contains(Setting::CoilResistance) {
+        lines.push(format!("  before: {}", in_force(before)));
+    }
+    lines.push(format!("  after:  {}", in_force(after)));
+    lines
+}
+
+/// Limits that `settings` put in force, at the pin and at the coil that they describe.
+fn in_force(settings: &Settings) -> String {
+    let limits = Config::new(settings, 1.0).output_limits(settings);
+    let (gain, ohm) = (
+        settings.get(Setting::AmplifierGain),
+        settings.get(Setting::CoilResistance),
+    );
+    let peak_volt = limits.peak_volt * gain;
+    format!(
+        "{:.3} V peak and {:.3} V RMS at the pin; {:.2} V and {:.3} W peak, {:.3} W held at {ohm} Ω{}",
+        limits.peak_volt,
+        limits.mean_square.sqrt(),
+        peak_volt,
+        peak_volt * peak_volt / ohm,
+        limits.coil_watt,
+        if limits.is_capped {
+            ", by the cap of the image"
+        } else {
+            ""
+        }
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use model_format::link::SettingChange;
+
+    use super::*;
+
+    #[test]
+    fn a_change_is_told_in_old_and_new_values_and_in_volts_and_watts() {
+        let with = |pairs: &[(Setting, f32)]| {
+            pairs
+                .iter()
+                .fold(Settings::default(), |settings, &(setting, value)| {
+                    settings.with(SettingChange { setting, value }).unwrap()
+                })
+        };
+        let coil = [
+            (Setting::CoilResistance, 8.0),
+            (Setting::AmplifierGain, 10.0),
+            (Setting::PowerLimit, 0.5),
+        ];
+        let before = with(&coil);
+        let after = with(&[&coil[..], &[(Setting::HardLimit, 0.8)]].concat());
+        let changed = SettingSet::NONE.with(Setting::HardLimit, true);
+        let lines = consequences(&before, &after, changed, SettingSet::NONE);
+        assert_eq!(lines[0], "  hard-limit: 0.5 -> 0.8 V");
+        // 0.2 V RMS at a gain of 10 are 2 V, 0.5 W in 8 Ω; 0.5 V are 5 V, 3.1 W.
+        assert!(
+            lines[1].contains("0.500 V peak and 0.200 V RMS"),
+            "{lines:?}"
+        );
+        assert!(
+            lines[1].contains("3.119 W peak") && lines[1].contains("0.500 W held at 8 Ω"),
+            "{lines:?}"
+        );
+        let unknown = SettingSet::REQUIRED;
+        let lines = consequences(&Settings::default(), &before, unknown, unknown);
+        assert!(lines[0].contains("not set -> "), "{lines:?}");
+        assert!(!lines.iter().any(|line| line.contains("before")));
+        // Whatever is told of the hardware, the image has a cap.
+        let told_away = with(&[(Setting::AmplifierGain, 0.01)]);
+        let lines = consequences(&before, &told_away, changed, SettingSet::NONE);
+        assert!(lines[2].contains("by the cap of the image"), "{lines:?}");
+    }
+}

@@ -1,0 +1,481 @@
+//! The content of each table.
+
+use std::fmt::Write;
+use std::path::Path;
+
+use anyhow::{Context, Result};
+use kernel_vectors::MEASURED;
+use model_format::limits;
+use model_format::link::{Setting, SettingSet};
+use model_format::scene::limits as scene_limits;
+use stylus_costs::cycles::MeasuredCycles;
+use stylus_costs::{Core, Costs, Entry, Origin, Peer, Structure};
+use stylus_kernel::direct::{NEAR_TAPS, TAPS_PER_TURN};
+use stylus_kernel::scene::cost::{self, StageCost};
+
+use crate::compare::{Cost, EmulatorReport};
+use crate::firmware::Memory;
+
+/// Every setting of the device with its unit, range and default.
+pub fn settings() -> String {
+    let row = |setting: Setting| {
+        let spec = setting.spec();
+        let whole = if spec.whole { ", whole" } else { "" };
+        let default = if SettingSet::REQUIRED.contains(setting) {
+            "none".to_owned()
+        } else {
+            spec.default.to_string()
+        };
+        [
+            format!("`{}`", spec.name),
+            format!("{}{whole}", spec.unit),
+            spec.lowest.to_string(),
+            spec.highest.to_string(),
+            default,
+        ]
+    };
+    let header = ["setting", "unit", "lowest", "highest", "default"];
+    table(header, Setting::ALL.into_iter().map(row))
+}
+
+/// Instructions per tick of a scene's stages, and the budget of all of them together.
+pub fn scene_stages() -> String {
+    let taps = format!("{TAPS_PER_TURN} taps beyond {NEAR_TAPS}");
+    let rows = [
+        ("list of stages and mix", cost::MIX, ""),
+        ("voice, normalised lattice", cost::LATTICE, "stage"),
+        ("voice, direct form", cost::DIRECT, taps.as_str()),
+        (
+            "voice, normalised lattice with codebooks or a track",
+            cost::FED_LATTICE,
+            "stage",
+        ),
+        (
+            "voice, direct form with codebooks or a track",
+            cost::FED_DIRECT,
+            taps.as_str(),
+        ),
+        (
+            "sums ahead of a direct form, at the begin of a block",
+            cost::SUMS_AHEAD,
+            taps.as_str(),
+        ),
+        ("stick-slip", cost::STICK_SLIP, ""),
+        ("lines that are locked to place", cost::LINES, "line"),
+        ("tap, while it rings", cost::TAP, ""),
+        ("equaliser", cost::EQUALISER, "section"),
+        ("fade while scenes are exchanged", cost::FADE_OUT, ""),
+    ];
+    let terms = rows.map(|(name, cost, each)| [name.to_owned(), term(cost, each)]);
+    let budget = ["budget of a scene".to_owned(), grouped(cost::BUDGET.into())];
+    table(
+        ["stage", "instructions per tick"],
+        terms.into_iter().chain([budget]),
+    )
+}
+
+fn term(cost: StageCost, each: &str) -> String {
+    let StageCost { base, each: more } = cost;
+    if more == 0 {
+        base.to_string()
+    } else {
+        format!("{base} + {more} per {each}")
+    }
+}
+
+/// Bounds that every library keeps.
+pub fn library_limits() -> String {
+    let whole = |value: usize| grouped(value as u64);
+    let rows = [
+        ("bytes of a library", whole(limits::MAX_LIBRARY_BYTES)),
+        ("textures", whole(limits::MAX_TEXTURES)),
+        ("scenes", whole(scene_limits::MAX_SCENES)),
+        ("bytes of a name, UTF-8", whole(limits::MAX_NAME_BYTES)),
+        ("speeds, and forces, of a grid", whole(limits::MAX_AXIS_LEN)),
+        ("order of a model", whole(limits::MAX_ORDER)),
+        (
+            "stages of a lattice with 24 bits of θ",
+            whole(limits::MAX_FINE_STAGES),
+        ),
+        (
+            "sample rate, Hz",
+            grouped(limits::MAX_SAMPLE_RATE_HZ.into()),
+        ),
+        (
+            "output power of a node, (m/s²)²",
+            limits::MAX_OUTPUT_POWER.to_string(),
+        ),
+        (
+            "sum of magnitudes of a direct form's coefficients",
+            grouped(limits::MAX_COEFFICIENT_SUM),
+        ),
+        (
+            "binary exponent of a direct form's coefficients",
+            grouped(limits::MAX_EXPONENT.into()),
+        ),
+    ];
+    most(rows)
+}
+
+/// Bounds that every scene keeps.
+pub fn scene_limits() -> String {
+    let whole = |value: usize| grouped(value as u64);
+    let between = |[least, most]: [f32; 2]| format!("{least} to {most}");
+    let pole = format!("{} / 1024", scene_limits::MAX_POLE_RADIUS_1024THS);
+    let tap_hz = format!(
+        "{} Hz to {} of the sample rate",
+        scene_limits::MIN_TAP_HZ,
+        scene_limits::MAX_TAP_SHARE_OF_RATE
+    );
+    let rows = [
+        ("surfaces", whole(scene_limits::MAX_SURFACES)),
+        ("regions", whole(scene_limits::MAX_REGIONS)),
+        (
+            "position on the path, mm, to either side",
+            scene_limits::MAX_POSITION_MM.to_string(),
+        ),
+        (
+            "transition, mm",
+            scene_limits::MAX_TRANSITION_MM.to_string(),
+        ),
+        ("gain of a texture", scene_limits::MAX_GAIN.to_string()),
+        (
+            "constant speed, mm/s",
+            scene_limits::MAX_SPEED_MM_S.to_string(),
+        ),
+        ("constant force, N", scene_limits::MAX_FORCE_N.to_string()),
+        ("frequency of a tap", tap_hz),
+        ("decay of a tap, s", between(scene_limits::TAP_DECAY_S)),
+        (
+            "gain of a tap, m/s² per N/s",
+            scene_limits::MAX_TAP_GAIN.to_string(),
+        ),
+        (
+            "amplitude of a tap, m/s²",
+            scene_limits::MAX_TAP_M_S2.to_string(),
+        ),
+        (
+            "period of stick-slip, mm",
+            between(scene_limits::STICK_SLIP_PERIOD_MM),
+        ),
+        ("duty of stick-slip", between(scene_limits::STICK_SLIP_DUTY)),
+        (
+            "sections of an equaliser",
+            whole(scene_limits::MAX_SECTIONS),
+        ),
+        (
+            "gain of an equaliser at any frequency",
+            scene_limits::MAX_EQUALISER_GAIN.to_string(),
+        ),
+        ("pole radius of a section", pole),
+    ];
+    most(rows)
+}
+
+fn most<const ROWS: usize>(rows: [(&str, String); ROWS]) -> String {
+    let rows = rows.map(|(name, value)| [name.to_owned(), value]);
+    table(["quantity", "at most, or range"], rows)
+}
+
+/// Nodes around a motion on a grid.
+const NODES: u32 = 4;
+
+/// The structures that an image has.
+const SHIPPED: [Structure; 3] = [
+    Structure::NormalisedLattice32,
+    Structure::DirectForm32,
+    Structure::DirectForm16,
+];
+
+/// Filters at order 400 on a Cortex-M4, ours and others'.
+pub fn filters(costs: &Costs) -> String {
+    let row = |peer: &Peer| {
+        let origin = match peer.origin {
+            Origin::Measured => "",
+            Origin::Reference => " (reference, not counted here)",
+        };
+        [
+            format!("{}{origin}", peer.name),
+            peer.includes.clone(),
+            grouped(peer.instructions.into()),
+            modelled(peer.cortex_m4_cycles),
+            modelled(peer.cortex_m7_cycles),
+        ]
+    };
+    table(
+        [
+            "filter",
+            "the call includes",
+            "instructions",
+            "cycles, Cortex-M4",
+            "cycles, Cortex-M7",
+        ],
+        costs.peers.iter().map(row),
+    )
+}
+
+/// Cycles by llvm-mca, or a dash where there are none.
+fn modelled(cycles: Option<u32>) -> String {
+    cycles.map_or_else(|| "–".to_owned(), |cycles| grouped(cycles.into()))
+}
+
+/// Instructions and cycles per sample of each structure at each order, on a Cortex-M4 and four nodes.
+pub fn samples_by_order(costs: &Costs) -> String {
+    let header = [
+        "structure",
+        "order",
+        "instructions",
+        "cycles, Cortex-M4",
+        "cycles, Cortex-M7",
+        "instructions per update",
+    ];
+    let counted = Structure::ALL.into_iter().flat_map(|structure| {
+        let is_wanted = move |entry: &&Entry| {
+            (entry.structure, entry.core, entry.nodes) == (structure, Core::M4, NODES)
+        };
+        costs.entries.iter().filter(is_wanted)
+    });
+    let rows = counted.map(|entry| {
+        let shipped = if SHIPPED.contains(&entry.structure) {
+            ""
+        } else {
+            " (not shipped)"
+        };
+        let (sample, update) = (entry.sample, entry.update);
+        let m7 = costs.entry(entry.structure, NODES, Core::M7, entry.order);
+        [
+            format!("{}{shipped}", entry.structure.name()),
+            entry.order.to_string(),
+            grouped(sample.instructions.into()),
+            grouped(sample.cycles.into()),
+            modelled(m7.map(|m7| m7.sample.cycles)),
+            range(
+                update.instructions_least.into(),
+                update.instructions_most.into(),
+            ),
+        ]
+    });
+    table(header, rows)
+}
+
+/// The file that `cargo tasks hil --cycles` writes for a board, from the workspace's folder.
+pub const CYCLES_FILE: &str = "firmware/cycles.json";
+
+/// The words in place of the table while there is no board's file.
+const NO_BOARD: &str = "**No board has been measured.** Where a page counts two cycles per instruction, that is an \
+                        assumption.\n";
+
+/// The table of the file `path`, or the words that no board has been measured: without the file, and with a file of an
+/// emulated processor, whose figures are no board's.
+///
+/// # Errors
+/// The file cannot be read, or is none of cycles.
+pub fn cycles(path: &Path) -> Result<String> {
+    if !path.exists() {
+        return Ok(NO_BOARD.to_owned());
+    }
+    let text = std::fs::read_to_string(path)?;
+    let refused = || {
+        format!(
+            "{}; `cargo tasks hil --cycles` writes such a file",
+            path.display()
+        )
+    };
+    let measured = serde_json::from_str(&text).with_context(refused)?;
+    Ok(of_a_board(&measured))
+}
+
+fn of_a_board(measured: &MeasuredCycles) -> String {
+    let MeasuredCycles { device, rows } = measured;
+    if device.emulated {
+        return NO_BOARD.to_owned();
+    }
+    let lines = rows.iter().map(|row| {
+        [
+            row.what.clone(),
+            range(row.tick_shortest.into(), row.tick_longest.into()),
+            range(row.update_shortest.into(), row.update_longest.into()),
+        ]
+    });
+    let header = ["played", "tick, cycles", "update with its ticks, cycles"];
+    format!(
+        "{}\nMeasured on {} on board {}, silicon revision {}, at {} Hz, firmware {} ({}).\n",
+        table(header, lines),
+        device.date,
+        device.serial,
+        device.revision,
+        grouped(device.core_hz.into()),
+        device.firmware_version,
+        device.build
+    )
+}
+
+/// Instructions per sample and per update of each measured texture, and the number of played words.
+pub fn emulated(m4: &EmulatorReport, m7: &EmulatorReport, compiler: &str) -> String {
+    let cost = |costs: &[Cost], texture: &str| {
+        let found = costs.iter().find(|cost| cost.texture == texture);
+        found.map_or("-".to_owned(), |cost| {
+            range(cost.fewest.into(), cost.most.into())
+        })
+    };
+    let rows = MEASURED.iter().map(|measured| {
+        let texture = measured.texture;
+        [
+            texture.to_owned(),
+            cost(&m4.samples, texture),
+            cost(&m7.samples, texture),
+            grouped(measured.budget_instructions.into()),
+            cost(&m4.follows, texture),
+            cost(&m7.follows, texture),
+            grouped(measured.update_budget_instructions.into()),
+        ]
+    });
+    let header = [
+        "texture, order 400",
+        "per sample, Cortex-M4",
+        "per sample, Cortex-M7",
+        "budget per sample",
+        "per update, Cortex-M4",
+        "per update, Cortex-M7",
+        "budget per update",
+    ];
+    let words: usize = m4.played.iter().map(|played| played.words.len()).sum();
+    format!(
+        "{}\nEvery processor played {} words, bit for bit those of the host. Built by rustc {}.\n",
+        table(header, rows),
+        grouped(words as u64),
+        compiler
+    )
+}
+
+/// The taken bytes of each memory. `compiler` is the version of the compiler, without its name.
+pub fn memory(memory: &Memory, compiler: &str) -> String {
+    let rows = memory.uses().iter().map(|memory| {
+        [
+            memory.name.to_owned(),
+            grouped(memory.used),
+            grouped(memory.size),
+        ]
+    });
+    format!(
+        "{}\nBuilt by rustc {compiler}.\n",
+        table(["memory", "used, bytes", "of"], rows)
+    )
+}
+
+/// A table with `header` and `rows`. No cell may contain a bar.
+pub fn table<const COLUMNS: usize>(
+    header: [&str; COLUMNS],
+    rows: impl IntoIterator<Item = [String; COLUMNS]>,
+) -> String {
+    let mut text = format!("| {} |\n|{}\n", header.join(" | "), "---|".repeat(COLUMNS));
+    for row in rows {
+        let _ = writeln!(text, "| {} |", row.join(" | "));
+    }
+    text
+}
+
+/// `number` with a space before every three digits, from five digits on.
+pub fn grouped(number: u64) -> String {
+    let digits = number.to_string();
+    if digits.len() < 5 {
+        return digits;
+    }
+    let mut text = String::new();
+    for (index, digit) in digits.chars().enumerate() {
+        if index > 0 && (digits.len() - index).is_multiple_of(3) {
+            text.push(' ');
+        }
+        text.push(digit);
+    }
+    text
+}
+
+/// A range as text, or one number if both ends are equal.
+pub fn range(least: u64, most: u64) -> String {
+    if least == most {
+        grouped(most)
+    } else {
+        format!("{} to {}", grouped(least), grouped(most))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use stylus_costs::cycles::{CycleRow, MeasuredDevice};
+
+    fn measured(emulated: bool) -> MeasuredCycles {
+        MeasuredCycles {
+            device: MeasuredDevice {
+                serial: "0011".to_owned(),
+                emulated,
+                revision: "V".to_owned(),
+                core_hz: 400_000_000,
+                firmware_version: "0.1.0".to_owned(),
+                build: "release, rustc 1.95.0".to_owned(),
+                date: "2027-01-02".to_owned(),
+            },
+            rows: vec![CycleRow {
+                what: "idle".to_owned(),
+                ticks: 5_000,
+                tick_shortest: 411,
+                tick_longest: 623,
+                updates: 500,
+                update_shortest: 900,
+                update_longest: 2_100,
+            }],
+        }
+    }
+
+    #[test]
+    fn a_board_is_shown_with_its_serial_number_clock_and_build() {
+        let text = of_a_board(&measured(false));
+        for part in [
+            "| idle | 411",
+            "623",
+            "0011",
+            "400 000 000 Hz",
+            "rustc 1.95.0",
+            "2027-01-02",
+        ] {
+            assert!(text.contains(part), "{part}: {text}");
+        }
+        assert!(!text.contains("No board"));
+    }
+
+    #[test]
+    fn an_emulated_processor_is_never_shown_as_a_board() {
+        assert_eq!(of_a_board(&measured(true)), NO_BOARD);
+    }
+
+    #[test]
+    fn without_a_file_the_page_says_that_no_board_was_measured() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let path = folder.path().join("cycles.json");
+        assert_eq!(cycles(&path).expect("it is no fault"), NO_BOARD);
+        std::fs::write(&path, "{}").expect("it is written");
+        let error = cycles(&path).expect_err("it is no file of cycles");
+        assert!(format!("{error:#}").contains("cycles.json"), "{error}");
+    }
+
+    #[test]
+    fn digits_are_grouped_from_five_on() {
+        for (number, text) in [
+            (0, "0"),
+            (4530, "4530"),
+            (41_285, "41 285"),
+            (1_000_000, "1 000 000"),
+        ] {
+            assert_eq!(grouped(number), text);
+        }
+        assert_eq!(range(7, 7), "7");
+        assert_eq!(range(802, 22_873), "802 to 22 873");
+    }
+
+    #[test]
+    fn a_table_has_a_header_a_rule_and_its_rows() {
+        let rows = [["a".to_owned(), "1".to_owned()]];
+        assert_eq!(table(["x", "y"], rows), "| x | y |\n|---|---|\n| a | 1 |\n");
+    }
+}

@@ -1,0 +1,314 @@
+//! Ports of the loopback interface for programs: the serial line (`--link tcp:127.0.0.1:PORT`), and a host on USB, which
+//! enumerates the device and carries out a program's bulk transfers (`--link usb-virtual:127.0.0.1:PORT`).
+//!
+//! An answer on the serial line goes out whole and at once. The emulator's own socket sends it byte by byte and lets the
+//! operating system collect bytes (Nagle's algorithm), so that each answer waited some 40 ms for the acknowledgement of
+//! its first byte: no line does that.
+
+use std::collections::VecDeque;
+use std::io::{ErrorKind, Read, Write};
+use std::net::{Ipv4Addr, TcpListener, TcpStream};
+
+use virtual_link::usb_messages::{FromBus, ToBus, encode, take};
+
+use crate::error::{Error, Result};
+use crate::model::usb::host::{Transfer, TransferId};
+use crate::stylus::VirtualStylus;
+use crate::usb_host::UsbHost;
+use crate::usb_host::descriptor::bulk_endpoints;
+
+/// A port that is listened on. Nothing waits for it.
+#[derive(Debug)]
+struct Loopback(TcpListener);
+
+impl Loopback {
+    /// Listens on `port` (0 for any).
+    fn listen(port: u16) -> Result<Self> {
+        let told = failure(port);
+        let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port)).map_err(&told)?;
+        listener.set_nonblocking(true).map_err(&told)?;
+        Ok(Self(listener))
+    }
+
+    /// The port.
+    fn port(&self) -> Result<u16> {
+        let address = self.0.local_addr().map_err(failure(0))?;
+        Ok(address.port())
+    }
+
+    /// The next program that has connected, if there is one. Its bytes go out at once, and reading does not wait.
+    fn accept(&self) -> Option<TcpStream> {
+        let (stream, _) = self.0.accept().ok()?;
+        stream.set_nonblocking(true).ok()?;
+        stream.set_nodelay(true).ok()?;
+        Some(stream)
+    }
+}
+
+fn failure(port: u16) -> impl Fn(std::io::Error) -> Error {
+    move |error| Error::Port {
+        port,
+        reason: error.to_string(),
+    }
+}
+
+/// Bytes that may wait for the line; a program that sends more waits itself.
+const MOST_WAITING: usize = 4096;
+
+/// The socket, with the program that is connected.
+#[derive(Debug)]
+pub struct SerialSocket {
+    listener: Loopback,
+    program: Option<TcpStream>,
+}
+
+impl SerialSocket {
+    /// Listens on `port` of the loopback interface (0 for any).
+    ///
+    /// # Errors
+    /// The port cannot be listened on.
+    pub fn listen(port: u16) -> Result<Self> {
+        Ok(Self {
+            listener: Loopback::listen(port)?,
+            program: None,
+        })
+    }
+
+    /// The port.
+    ///
+    /// # Errors
+    /// The system does not give it.
+    pub fn port(&self) -> Result<u16> {
+        self.listener.port()
+    }
+
+    /// Carries bytes both ways. A program that connects while another is there takes its place, as whoever plugs the
+    /// cable in last does. Without a program, the image's bytes are lost.
+    pub fn serve(&mut self, stylus: &mut VirtualStylus) {
+        if let Some(stream) = self.listener.accept() {
+            self.program = Some(stream);
+        }
+        let sent: Vec<u8> = stylus.receive().iter().map(|sent| sent.byte).collect();
+        let Some(program) = &mut self.program else {
+            return;
+        };
+        let room = MOST_WAITING.saturating_sub(stylus.waiting());
+        let goes_on = match read_some(program, room) {
+            Some(bytes) => {
+                if !bytes.is_empty() {
+                    stylus.send(&bytes);
+                }
+                sent.is_empty() || write_all(program, &sent)
+            }
+            None => false,
+        };
+        if !goes_on {
+            self.program = None;
+        }
+    }
+}
+
+/// Reads at most `room` bytes that have come; `None` if the connection has ended.
+fn read_some(program: &mut TcpStream, room: usize) -> Option<Vec<u8>> {
+    let mut bytes = vec![0; room];
+    if room == 0 {
+        return Some(bytes);
+    }
+    match program.read(&mut bytes) {
+        Ok(0) => None,
+        Ok(count) => {
+            bytes.truncate(count);
+            Some(bytes)
+        }
+        Err(failure)
+            if [ErrorKind::WouldBlock, ErrorKind::Interrupted].contains(&failure.kind()) =>
+        {
+            Some(Vec::new())
+        }
+        Err(_) => None,
+    }
+}
+
+/// Sends `bytes`, waiting for a program that does not read; false if the connection has ended.
+fn write_all(program: &mut TcpStream, bytes: &[u8]) -> bool {
+    program.set_nonblocking(false).is_ok()
+        && program.write_all(bytes).is_ok()
+        && program.set_nonblocking(true).is_ok()
+}
+
+/// Virtual time from a pulled cable until it is plugged in again.
+const UNPLUGGED_NS: u64 = 300_000_000;
+
+/// The host and its socket.
+#[derive(Debug)]
+pub struct UsbSocket {
+    listener: Loopback,
+    usb: UsbHost,
+    /// Addresses of the endpoints to the device and from it, while it is configured.
+    endpoints: Option<[u8; 2]>,
+    program: Option<Program>,
+}
+
+/// The connected program.
+#[derive(Debug)]
+struct Program {
+    stream: TcpStream,
+    bytes: VecDeque<u8>,
+    out: VecDeque<TransferId>,
+    input: VecDeque<TransferId>,
+    /// Largest number of transfers from the device that have waited.
+    most: usize,
+}
+
+impl UsbSocket {
+    /// Listens on `port` of the loopback interface (0 for any).
+    ///
+    /// # Errors
+    /// The port cannot be listened on.
+    pub fn listen(port: u16) -> Result<Self> {
+        Ok(Self {
+            listener: Loopback::listen(port)?,
+            usb: UsbHost::default(),
+            endpoints: None,
+            program: None,
+        })
+    }
+
+    /// The port.
+    ///
+    /// # Errors
+    /// The system does not give it.
+    pub fn port(&self) -> Result<u16> {
+        self.listener.port()
+    }
+
+    /// True if fewer transfers of the program wait for the device than before, so that it is about to ask for more. A
+    /// run that went on meanwhile would be faster than its program.
+    pub fn is_ahead(&self) -> bool {
+        (self.program.as_ref()).is_some_and(|program| program.input.len() < program.most)
+    }
+
+    /// Serves the socket and the device. Enumerates the device if it is not configured, which runs the stylus, and
+    /// plugs it in again some time after its cable was pulled.
+    pub fn serve(&mut self, stylus: &mut VirtualStylus) {
+        let runs = stylus.usb(|host, _| host.is_running());
+        if self.endpoints.is_some() && !runs {
+            self.program = None;
+            self.endpoints = None;
+            stylus.run_for(UNPLUGGED_NS);
+        }
+        if self.endpoints.is_none() {
+            let read = self.usb.enumerate(stylus);
+            self.endpoints = read
+                .ok()
+                .and_then(|read| bulk_endpoints(&read.configuration));
+        }
+        if self.program.is_none()
+            && let Some(stream) = self.listener.accept()
+            // Without a configured device there is nothing to open.
+            && self.endpoints.is_some()
+        {
+            self.program = Some(Program {
+                stream,
+                bytes: VecDeque::new(),
+                out: VecDeque::new(),
+                input: VecDeque::new(),
+                most: 0,
+            });
+        }
+        if let (Some(program), Some(endpoints)) = (&mut self.program, self.endpoints)
+            && !program.serve(endpoints, &mut self.usb, stylus)
+        {
+            let ended = self.program.take();
+            let waiting: Vec<TransferId> = ended
+                .into_iter()
+                .flat_map(|program| program.out.into_iter().chain(program.input))
+                .collect();
+            self.usb.call_off(stylus, &waiting);
+        }
+    }
+}
+
+impl Program {
+    /// Serves the program; false if the connection has ended.
+    fn serve(
+        &mut self,
+        [output, input]: [u8; 2],
+        usb: &mut UsbHost,
+        stylus: &mut VirtualStylus,
+    ) -> bool {
+        if !self.read() {
+            return false;
+        }
+        loop {
+            let answer = match take(&mut self.bytes) {
+                Ok(None) => break,
+                Err(_) => return false,
+                Ok(Some(ToBus::Out(data))) => {
+                    let endpoint = output & 0x0F;
+                    let transfer = Transfer::Out { endpoint, data };
+                    self.out
+                        .push_back(stylus.usb(move |host, _| host.submit(transfer)));
+                    continue;
+                }
+                Ok(Some(ToBus::In(bytes))) => {
+                    let transfer = Transfer::In {
+                        endpoint: input & 0x0F,
+                        bytes: bytes as usize,
+                    };
+                    self.input
+                        .push_back(stylus.usb(move |host, _| host.submit(transfer)));
+                    self.most = self.most.max(self.input.len());
+                    continue;
+                }
+                Ok(Some(ToBus::ClearOut)) => FromBus::ClearedOut(
+                    (usb.clear_halt(stylus, output)).map_err(|error| error.to_string()),
+                ),
+                Ok(Some(ToBus::ClearIn)) => FromBus::ClearedIn(
+                    (usb.clear_halt(stylus, input)).map_err(|error| error.to_string()),
+                ),
+            };
+            if !self.write(&answer) {
+                return false;
+            }
+        }
+        while let Some(&id) = self.out.front()
+            && let Some(ended) = usb.take_ended(stylus, id)
+        {
+            self.out.pop_front();
+            let ended = ended.result.map(|_| ()).map_err(|error| error.to_string());
+            if !self.write(&FromBus::Out(ended)) {
+                return false;
+            }
+        }
+        while let Some(&id) = self.input.front()
+            && let Some(ended) = usb.take_ended(stylus, id)
+        {
+            self.input.pop_front();
+            let ended = ended.result.map_err(|error| error.to_string());
+            if !self.write(&FromBus::In(ended)) {
+                return false;
+            }
+        }
+        true
+    }
+
+    /// Reads the bytes that have come; false if the connection has ended.
+    fn read(&mut self) -> bool {
+        let mut buffer = [0; 4096];
+        loop {
+            match self.stream.read(&mut buffer) {
+                Ok(0) => return false,
+                Ok(count) => self.bytes.extend(&buffer[..count]),
+                Err(failure) if failure.kind() == ErrorKind::WouldBlock => return true,
+                Err(failure) if failure.kind() == ErrorKind::Interrupted => {}
+                Err(_) => return false,
+            }
+        }
+    }
+
+    /// Sends a message, waiting for a program that does not read; false if the connection has ended.
+    fn write(&mut self, message: &FromBus) -> bool {
+        write_all(&mut self.stream, &encode(message))
+    }
+}

@@ -1,0 +1,173 @@
+//! Instructions per tick: of each effect of a scene, against the kernel's model of its cost.
+
+use model_format::link::MotionSource;
+use stylus_kernel::scene::cost::{self, StageCost};
+use virtual_stylus::tick::Tick;
+
+use crate::device::{Device, MS, PERIOD_NS};
+use crate::library;
+use crate::scenes::{ORDERS, bytes, press};
+
+/// Most instructions by which a tick of a fed lattice may exceed that of a plain one.
+const MOST_FED: u32 = 40;
+
+/// Instructions per tick over some milliseconds: of the ticks that begin no block, which are all equal, and the most of
+/// those that do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Count {
+    pub within: u32,
+    pub beginning: u32,
+}
+
+/// Counts over `millis` milliseconds.
+pub fn count(device: &mut Device, what: &str, millis: u64) -> Count {
+    let ticks = ticks(device, millis);
+    let beginning = |tick: &&Tick| begins_block(&ticks, tick);
+    let within: Vec<u32> = ticks
+        .iter()
+        .filter(|tick| !beginning(tick))
+        .map(|tick| tick.instructions)
+        .collect();
+    let most = ticks.iter().filter(beginning).map(|tick| tick.instructions);
+    let count = Count {
+        within: within[0],
+        beginning: most.max().expect("blocks begin"),
+    };
+    let uneven = within.iter().find(|&&one| one != count.within);
+    assert_eq!(uneven, None, "{what}: {count:?}");
+    println!(
+        "instructions a tick, {what}: {} / {}",
+        count.within, count.beginning
+    );
+    count
+}
+
+fn ticks(device: &mut Device, millis: u64) -> Vec<Tick> {
+    device.stylus.take_ticks();
+    device.run_for(millis * MS);
+    device.stylus.take_ticks()
+}
+
+/// One tick of ten hands over to the update, and takes more instructions than each of the others.
+fn begins_block(ticks: &[Tick], tick: &Tick) -> bool {
+    let of_period = |tick: &Tick| (tick.at_ns + PERIOD_NS / 2) / PERIOD_NS % 10;
+    let mut sums = [0u64; 10];
+    for tick in ticks {
+        sums[of_period(tick) as usize] += u64::from(tick.instructions);
+    }
+    let most = (0..10)
+        .max_by_key(|&place| sums[place])
+        .expect("there are ten");
+    of_period(tick) == most as u64
+}
+
+/// Plays `scene` and counts while it sounds.
+pub fn count_scene(device: &mut Device, scene: &str) -> Count {
+    device
+        .play_scene(scene, MotionSource::Sensors, 3)
+        .expect("it is there");
+    // Time for the exchange, for the window of the speed.
+    device.run_for(200 * MS);
+    count(device, scene, 30)
+}
+
+/// Plays `scene`, lifts the tool, strikes, and counts while the tap rings.
+fn count_struck(device: &mut Device, scene: &str) -> Count {
+    device
+        .play_scene(scene, MotionSource::Sensors, 3)
+        .expect("it is there");
+    press(device, 0.0);
+    device.run_for(20 * MS);
+    press(device, 1.0);
+    device.run_for(20 * MS);
+    count(device, &format!("{scene}, struck"), 30)
+}
+
+fn covers(model: StageCost, each: u32, measured: u32) {
+    let modelled = u32::from(model.base) + u32::from(model.each) * each;
+    assert!(
+        (measured..=measured + measured / 20 + 8).contains(&modelled),
+        "{model:?} is {modelled} for {each}, and {measured} are measured"
+    );
+}
+
+#[test]
+fn an_effect_costs_a_tick_what_the_model_says_and_one_that_is_not_called_for_nothing() {
+    let mut device = Device::started(library::with(&bytes()));
+    press(&mut device, 1.0);
+    device.move_at(20.0);
+    let idle = count(&mut device, "idle", 20).within;
+    device.play_until_heard("lattice", MotionSource::Sensors, 3);
+    let texture = count(&mut device, "texture", 30);
+    let lattice = count_scene(&mut device, "lattice");
+    assert_eq!(lattice, texture, "a scene of one surface is its texture");
+    let lattice = lattice.within;
+    let mut of = |scene| count_scene(&mut device, scene).within;
+    // The motion's source, and effects that are present but not active.
+    for scene in ["constant", "tap", "away from the transition"] {
+        assert_eq!(of(scene), lattice, "{scene}");
+    }
+    let [short, transition, sticky_transition, sticky] =
+        ["short lattice", "transition", "sticky transition", "sticky"].map(&mut of);
+    let [one, four, eight] = ["one section", "four sections", "eight sections"].map(&mut of);
+    let [one_line, four_lines] = ["one line", "four lines"].map(&mut of);
+    let [fed, short_fed] = ["fed", "short fed"].map(&mut of);
+    let [two_fed, beside] = ["fed transition", "fed beside plain"].map(&mut of);
+    let tap = count_struck(&mut device, "tap").within;
+    let both = count_struck(&mut device, "tap, four sections").within;
+
+    // The first voice pays for the mix, which two voices share.
+    let mix = lattice + short - transition - idle;
+    let of_voice = |played: u32| played - idle - mix;
+    for (model, each, measured) in [
+        (cost::MIX, 0, mix),
+        (cost::LATTICE, ORDERS[0], of_voice(lattice)),
+        (cost::LATTICE, ORDERS[1], of_voice(short)),
+        (cost::STICK_SLIP, 0, sticky - lattice),
+        (cost::LINES, 1, one_line - lattice),
+        (cost::LINES, 4, four_lines - lattice),
+        (cost::TAP, 0, tap - lattice),
+        (cost::EQUALISER, 1, one - lattice),
+        (cost::EQUALISER, 4, four - lattice),
+        (cost::EQUALISER, 8, eight - lattice),
+        // A fed voice's excitation is made below the tick, which takes a few instructions more and no noise.
+        (cost::FED_LATTICE, ORDERS[0], of_voice(fed)),
+        (cost::FED_LATTICE, ORDERS[1], of_voice(short_fed)),
+    ] {
+        covers(model, each, measured);
+    }
+    assert!(four_lines - lattice <= 200, "{four_lines}");
+    assert!(fed.saturating_sub(lattice) <= MOST_FED, "{fed}, {lattice}");
+    // The cost of a stage does not depend on the other stages.
+    assert_eq!(sticky_transition - transition, 2 * (sticky - lattice));
+    assert_eq!(both - four, tap - lattice);
+    assert_eq!(two_fed, fed + of_voice(short_fed));
+    assert_eq!(beside, lattice + of_voice(short_fed));
+
+    // Without contact the list of stages is empty: neither noise nor filter runs.
+    let play = |device: &mut Device, scene| {
+        let played = device.play_scene(scene, MotionSource::Sensors, 3);
+        played.expect("it is there");
+    };
+    play(&mut device, "eight sections");
+    press(&mut device, 0.0);
+    device.run_for(200 * MS);
+    let lifted = count(&mut device, "lifted", 20).within;
+    assert!(
+        lifted - idle <= u32::from(cost::MIX.base),
+        "{lifted} lifted, {idle} idle"
+    );
+
+    // A fade takes one block, in which the plan is exchanged.
+    press(&mut device, 1.0);
+    play(&mut device, "four sections");
+    device.run_for(30 * MS);
+    play(&mut device, "lattice");
+    let after = ticks(&mut device, 20);
+    let within = after.iter().filter(|tick| !begins_block(&after, tick));
+    let fading = within.map(|tick| tick.instructions).max();
+    let fading = fading.expect("there are ticks");
+    println!("instructions a tick, four sections, fading: {fading}");
+    covers(cost::FADE_OUT, 0, fading - four);
+    device.assert_undisturbed();
+}

@@ -1,0 +1,293 @@
+//! Requests of a host, and what tests ask of a device again and again.
+
+use std::collections::VecDeque;
+
+use model_format::link::{
+    ActivateEndpoint, Activated, BLOCK_SAMPLES, LIBRARY_CRC, ListEndpoint, ListRequest,
+    MAX_CHUNK_BYTES, MotionSource, MuteReasons, PlayEndpoint, PlayError, PlayRequest, Playing,
+    RecordSample, RecordStartEndpoint, RecordStopEndpoint, RecordStopped, Selection, Setting,
+    SettingChange, SettingSet, Settings, SettingsApplyEndpoint, SettingsChange, SettingsError,
+    SettingsGetEndpoint, SettingsProposeEndpoint, SlotId, Slots, SlotsEndpoint, Status,
+    StatusEndpoint, StopEndpoint, TextureInfo, UploadBegin, UploadBeginEndpoint, UploadChunk,
+    UploadChunkEndpoint, UploadCommitEndpoint, UploadCommitted, UploadProgress,
+};
+use postcard_rpc::Endpoint;
+use virtual_stylus::ResetCause;
+use virtual_stylus::model::dac::{Cause, Output};
+use virtual_stylus::motion::Motion;
+use virtual_stylus::sensors::FunctionPins;
+
+use crate::device::{CODE_NS, Device, MID_SCALE, MS};
+
+impl Device {
+    pub fn settings(&mut self) -> Settings {
+        self.request::<SettingsGetEndpoint>(&())
+            .expect("settings are read")
+    }
+
+    /// Moves the tool with this speed, mm/s, from now on.
+    pub fn move_at(&mut self, speed: f64) {
+        self.stylus.set_motion(Motion::steady(speed, 0.01));
+    }
+
+    /// Moves the tool by speeds in mm/s, linear between instants in ms from now on.
+    pub fn move_along(&mut self, knots: &[(u64, f64)]) {
+        let start = self.stylus.now_ns();
+        let at = |&(ms, speed): &(u64, f64)| (start + ms * MS, speed);
+        let speeds: Vec<_> = knots.iter().map(at).collect();
+        let motion = Motion::linear(&speeds, 0.01).expect("instants that rise");
+        self.stylus.set_motion(motion);
+    }
+
+    /// Puts `signal` on the force sensor's pin, as a function of channel and instant for the others.
+    pub fn set_pins(&mut self, signal: impl FnMut(u8, u64) -> u16 + Send + 'static) {
+        self.stylus.set_pins(FunctionPins(signal));
+    }
+
+    /// Begins a recording.
+    pub fn record(&mut self) {
+        self.request::<RecordStartEndpoint>(&())
+            .expect("nothing is recorded");
+    }
+
+    /// Ends the recording, and receives what is on its way.
+    pub fn stop_recording(&mut self) -> RecordStopped {
+        let stopped = self.request::<RecordStopEndpoint>(&());
+        self.run_for(20 * MS);
+        stopped.expect("it is recorded")
+    }
+
+    /// Stops what is played.
+    pub fn stop(&mut self) {
+        self.request::<StopEndpoint>(&()).expect("it plays");
+    }
+
+    /// Instants and codes that were put out by the timer.
+    pub fn triggered(&mut self) -> Vec<Output> {
+        let outputs = self.dac().iter();
+        outputs
+            .filter(|output| output.cause == Cause::Trigger)
+            .copied()
+            .collect()
+    }
+
+    /// Checks that codes were put out every 25 µs, and no tick, block, conversion or output was late.
+    pub fn assert_undisturbed(&mut self) {
+        let tick = self.status().tick;
+        let late = [
+            tick.missed,
+            tick.late_frames,
+            tick.late_conversions,
+            tick.late_outputs,
+        ];
+        assert_eq!(late, [0; 4], "missed, late frames, conversions, outputs");
+        assert_even(&self.triggered());
+    }
+
+    /// True if nothing but mid-scale was put out from `from_ns` until before `to_ns`.
+    pub fn is_silent(&mut self, from_ns: u64, to_ns: u64) -> bool {
+        let outputs = self.dac().iter();
+        let mut between = outputs.filter(|output| (from_ns..to_ns).contains(&output.at_ns));
+        between.all(|output| output.code.unwrap_or(MID_SCALE) == MID_SCALE)
+    }
+
+    /// Number of codes other than mid-scale that were put out at `from_ns` or later.
+    pub fn sounds_from(&mut self, from_ns: u64) -> usize {
+        let outputs = self.dac().iter().filter(|output| output.at_ns >= from_ns);
+        let sounds = |output: &&Output| output.code.is_some_and(|code| code != MID_SCALE);
+        outputs.filter(sounds).count()
+    }
+
+    /// Causes of the resets so far.
+    pub fn resets(&mut self) -> Vec<ResetCause> {
+        let resets = self.stylus.resets();
+        resets.iter().map(|reset| reset.cause).collect()
+    }
+
+    /// Checks that blocks are in order and complete.
+    pub fn assert_whole(&self) {
+        for (number, block) in self.blocks.iter().enumerate() {
+            assert_eq!(block.sequence as usize, number);
+            let ticks = (number * BLOCK_SAMPLES) as u64;
+            assert_eq!(block.first_tick, self.blocks[0].first_tick + ticks);
+            assert_eq!(block.lost_blocks, 0);
+        }
+        assert_eq!(self.broken, 0);
+    }
+
+    /// The recorded samples.
+    pub fn samples(&self) -> Vec<RecordSample> {
+        let samples = self.blocks.iter().flat_map(|block| block.samples);
+        samples.map(Into::into).collect()
+    }
+
+    /// Changes one setting.
+    pub fn set(&mut self, setting: Setting, value: f32) -> Settings {
+        let changed = self.change_settings(&[SettingChange { setting, value }]);
+        changed.expect("in range, and nothing is played")
+    }
+
+    pub fn status(&mut self) -> Status {
+        self.request::<StatusEndpoint>(&())
+    }
+
+    pub fn slots(&mut self) -> Slots {
+        self.request::<SlotsEndpoint>(&())
+    }
+
+    pub fn texture(&mut self, slot: SlotId, index: u8) -> TextureInfo {
+        self.request::<ListEndpoint>(&ListRequest { slot, index })
+            .expect("there is such a texture")
+    }
+
+    pub fn begin_upload(&mut self, library: &[u8]) -> UploadProgress {
+        self.request::<UploadBeginEndpoint>(&announced(library))
+            .expect("the library fits a slot")
+    }
+
+    /// Sends chunks from `progress` up to byte `end`.
+    pub fn send_chunks(&mut self, library: &[u8], progress: UploadProgress, end: usize) {
+        let mut offset = progress.next_offset as usize;
+        while offset < end {
+            let data = &library[offset..library.len().min(offset + MAX_CHUNK_BYTES)];
+            let chunk = UploadChunk {
+                offset: offset as u32,
+                data,
+            };
+            let progress = self
+                .ask::<UploadChunkEndpoint<'_>, _>(&chunk)
+                .expect("the chunk that is due");
+            offset = progress.next_offset as usize;
+        }
+    }
+
+    pub fn upload(&mut self, library: &[u8]) -> UploadCommitted {
+        let progress = self.begin_upload(library);
+        self.send_chunks(library, progress, library.len());
+        self.request::<UploadCommitEndpoint>(&())
+            .expect("a valid library")
+    }
+
+    /// Uploads with up to `window` chunks on their way before the answer to the first of them, as the product's client
+    /// does with [`UPLOAD_WINDOW`](model_format::link::UPLOAD_WINDOW).
+    pub fn upload_ahead(&mut self, library: &[u8], window: usize) -> UploadCommitted {
+        self.begin_upload(library);
+        let offsets = (0..).step_by(MAX_CHUNK_BYTES);
+        let mut chunks = library.chunks(MAX_CHUNK_BYTES).zip(offsets);
+        let mut on_their_way = VecDeque::new();
+        loop {
+            while on_their_way.len() < window
+                && let Some((data, offset)) = chunks.next()
+            {
+                let chunk = UploadChunk { offset, data };
+                let sequence = self.send_frame(UploadChunkEndpoint::REQ_KEY, &chunk);
+                on_their_way.push_back(sequence);
+            }
+            let Some(first) = on_their_way.pop_front() else {
+                break;
+            };
+            self.answer::<UploadChunkEndpoint<'_>>(first)
+                .expect("the link holds")
+                .expect("the chunk that is due");
+        }
+        self.request::<UploadCommitEndpoint>(&())
+            .expect("a valid library")
+    }
+
+    pub fn activate(&mut self, slot: SlotId) -> Activated {
+        self.request::<ActivateEndpoint>(&slot)
+            .expect("a valid slot")
+    }
+
+    /// Sets what nothing plays without, as the owner of the coil does; the values are those of `Settings::default`.
+    pub fn set_coil(&mut self) {
+        let values: Vec<SettingChange> = SettingSet::REQUIRED.iter().map(default_of).collect();
+        self.change_settings(&values)
+            .expect("in range, and nothing is played");
+    }
+
+    /// Proposes new values of settings, and applies them.
+    pub fn change_settings(&mut self, values: &[SettingChange]) -> Result<Settings, SettingsError> {
+        self.propose_and_apply(&SettingsChange::of(values)?)
+    }
+
+    /// Proposes to reset the settings, and resets them.
+    pub fn reset_settings(&mut self) -> Result<Settings, SettingsError> {
+        self.propose_and_apply(&SettingsChange::Reset)
+    }
+
+    fn propose_and_apply(&mut self, change: &SettingsChange) -> Result<Settings, SettingsError> {
+        let proposal = self.request::<SettingsProposeEndpoint>(change)?;
+        self.request::<SettingsApplyEndpoint>(&proposal.token)
+    }
+
+    /// Plays with keep-alives, and waits until nothing mutes the output.
+    pub fn play(&mut self, texture: &str, motion: MotionSource, seed: u64) {
+        self.keep_alive(true);
+        let request = play_request(texture, motion, seed);
+        self.request::<PlayEndpoint>(&request)
+            .expect("the texture is there");
+    }
+
+    /// Requests a scene.
+    pub fn play_scene(
+        &mut self,
+        scene: &str,
+        motion: MotionSource,
+        seed: u64,
+    ) -> Result<Playing, Box<PlayError>> {
+        self.keep_alive(true);
+        let request = PlayRequest {
+            selection: Selection::Scene(scene.try_into().expect("a scene's name fits")),
+            ..play_request("", motion, seed)
+        };
+        self.request::<PlayEndpoint>(&request).map_err(Box::new)
+    }
+
+    /// Plays, and waits until nothing mutes the output.
+    pub fn play_until_heard(&mut self, texture: &str, motion: MotionSource, seed: u64) {
+        self.play(texture, motion, seed);
+        self.wait_until_heard();
+    }
+
+    /// Runs until nothing mutes the output.
+    pub fn wait_until_heard(&mut self) {
+        for _ in 0..100 {
+            self.run_for(5 * MS);
+            if self.status().output.mute == MuteReasons::NONE {
+                return;
+            }
+        }
+        panic!("still muted: {:?}", self.status().output);
+    }
+}
+
+/// Checks that outputs are 25 µs apart.
+pub fn assert_even(outputs: &[Output]) {
+    let uneven = (outputs.windows(2)).find(|pair| pair[1].at_ns - pair[0].at_ns != CODE_NS);
+    assert_eq!(uneven, None, "instants that are not 25 µs apart");
+}
+
+/// The default of `setting`.
+pub fn default_of(setting: Setting) -> SettingChange {
+    let value = setting.spec().default;
+    SettingChange { setting, value }
+}
+
+/// The announcement of an upload of `library`.
+pub fn announced(library: &[u8]) -> UploadBegin {
+    UploadBegin {
+        length: library.len() as u32,
+        crc32: LIBRARY_CRC.checksum(library),
+        replaces_last: false,
+    }
+}
+
+pub fn play_request(texture: &str, motion: MotionSource, seed: u64) -> PlayRequest {
+    PlayRequest {
+        selection: Selection::Texture(texture.try_into().expect("a texture's name fits")),
+        gain: 1.0,
+        motion,
+        seed,
+    }
+}

@@ -1,0 +1,93 @@
+//! The part without a core: registers written and read one by one, at given instants.
+
+use rigless::device::Level;
+use rigless::emulator::{Error, Memory};
+use rigless::mcu::Operate;
+use rigless::soc::Width;
+use rigless::time::VirtualNanos;
+use virtual_stylus::electrical::{Defects, Electrical};
+use virtual_stylus::model::flash::{Busy, Unreadable};
+use virtual_stylus::part::Part;
+use virtual_stylus::sensors::ConstantPins;
+
+pub const RCC: u64 = 0x5802_4400;
+pub const AHB1ENR: u64 = RCC + 0xD8;
+
+/// Memory in which every access fails.
+pub struct NoMemory;
+
+impl Memory for NoMemory {
+    fn read(&mut self, address: u64, width: Width) -> Result<u64, Error> {
+        Err(Error::Memory { address, width })
+    }
+
+    fn write(&mut self, address: u64, width: Width, _value: u64) -> Result<(), Error> {
+        Err(Error::Memory { address, width })
+    }
+}
+
+/// The part at an instant.
+pub struct Bench {
+    pub part: Part,
+    pub now: VirtualNanos,
+}
+
+impl Bench {
+    /// A part with all clocks off.
+    pub fn new(electrical: Electrical) -> Self {
+        let mut codes = [0; 20];
+        codes[3] = 0xABCD;
+        let part = Part::new(
+            Box::new(ConstantPins(codes)),
+            electrical,
+            Unreadable::default(),
+            Busy::default(),
+            Defects::default(),
+        );
+        let mut bench = Self {
+            part: part.expect("the models fit the part"),
+            now: VirtualNanos(0),
+        };
+        bench.part.rest.set_supply(3300);
+        bench
+    }
+
+    pub fn write(&mut self, address: u64, value: u64) {
+        let written = self.part.write(self.now, address, Width::W32, value);
+        written.expect("the register is there");
+        self.settle();
+    }
+
+    pub fn read(&mut self, address: u64) -> u64 {
+        let read = self.part.read(self.now, address, Width::W32);
+        read.expect("the register is there")
+    }
+
+    /// Lines of the core's controller that were raised since the last call.
+    pub fn interrupts(&mut self) -> Vec<u16> {
+        let changes = self.part.drain_interrupts().into_iter();
+        changes
+            .filter(|change| change.level == Level::High)
+            .map(|change| change.interrupt)
+            .collect()
+    }
+
+    /// Advances to the next event, or to `until`.
+    pub fn step(&mut self, until: VirtualNanos) {
+        let next = self.part.next_event().unwrap_or(until);
+        self.now = next.min(until);
+        self.part.advance_to(self.now);
+        self.settle();
+    }
+
+    pub fn wait(&mut self, nanos: u64) {
+        let until = VirtualNanos(self.now.0 + nanos);
+        while self.now < until {
+            self.step(until);
+        }
+    }
+
+    fn settle(&mut self) {
+        (self.part.settle(&mut NoMemory)).expect("no model uses memory");
+    }
+}
