@@ -127,7 +127,7 @@ impl Device {
         )
     }
 
-    /// The slots with their textures and scenes as plain objects: those of `stylus list --json`.
+    /// The slots with their textures and scenes as plain objects: those of `stylus slots --json`.
     fn slots<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         plain(py, &self.ask(py, Linked::contents)?)
     }

@@ -104,7 +104,7 @@ def test_a_texture_needs_a_motion_with_an_end(fitted):
         raised(sh.render, fitted, "felt", **keywords)
 
 
-def test_a_file_of_another_kind_is_replaced_only_on_request(fitted, tmp_path):
+def test_what_is_there_is_replaced_only_on_request(fitted, tmp_path):
     path = tmp_path / "diary"
     path.write_text("today\n")
     assert raised(fitted.save, path).path == path

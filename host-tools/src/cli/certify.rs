@@ -8,8 +8,8 @@ use host_tools::texture::certificate::{Cell, Certification, Finding, SAMPLES_PER
 use model_format::Library;
 
 use super::table::table;
-use crate::cli::library_file::read_library;
 use crate::cli::output::{print, print_json};
+use host_tools::texture::library::read_library;
 
 /// Number of failing cells that are shown one by one.
 const SHOWN_FAILURES: usize = 10;

@@ -1,8 +1,8 @@
 //! The `stylus` command: one module per command.
 //!
 //! **Invariant: thin.** A command parses its arguments, calls the library and prints. Signal processing, formats and
-//! the link belong to the library, where other programs can use them. Of the shared modules, `input` and `library_file`
-//! read, `output`, `colour`, `table` and `wav_file` print, `overwrite` checks what is written, `interrupt` ends; they
+//! the link belong to the library, where other programs can use them. Of the shared modules, `input`
+//! reads, `output`, `colour`, `table` and `wav_file` print, `overwrite` checks what is written, `interrupt` ends; they
 //! import no command.
 
 mod certify;
@@ -20,7 +20,6 @@ mod import_hatt;
 mod input;
 mod inspect;
 mod interrupt;
-mod library_file;
 mod output;
 mod overwrite;
 mod page;

@@ -11,8 +11,8 @@ use model_format::link::{UploadState, UploadTimes};
 use serde::Serialize;
 
 use super::connection::Link;
-use crate::cli::library_file::{decode_library, read_library};
 use crate::cli::output::{note, print, print_json, warn};
+use host_tools::texture::library::{decode_library, read_library};
 
 #[derive(clap::Args)]
 #[expect(

@@ -31,9 +31,9 @@ use report::{FitReport, energy_kept, excitations, given_up, lines_found, show_ve
 
 use crate::cli::input::{Recordings, not_negative, positive, tolerance};
 use crate::cli::inspect::texture_table;
-use crate::cli::library_file::decode_library;
 use crate::cli::output::{note, print, print_json};
 use crate::cli::overwrite::Overwrite;
+use host_tools::texture::library::decode_library;
 
 /// The table's cores, as the command line names them.
 #[derive(Clone, Copy, clap::ValueEnum)]
