@@ -253,10 +253,7 @@ impl<'a, S: Stage, L: Link> Request<'a, S, L> {
     }
 
     /// Passes a message, which is not answered, to `work`.
-    fn take<T>(
-        self,
-        work: impl FnOnce(&mut Control<S::Device>, T::Message),
-    ) -> Result<Answered, WireError>
+    fn take<T>(self, work: impl FnOnce(&mut Control<S::Device>, T::Message)) -> Answered
     where
         T: Topic<Message: Deserialize<'a> + Sized>,
     {
@@ -264,7 +261,7 @@ impl<'a, S: Stage, L: Link> Request<'a, S, L> {
             Ok(message) => self.stage.with_control(|control| work(control, message)),
             Err(_) => self.link.count(|counters| &mut counters.malformed),
         }
-        Ok(None)
+        None
     }
 }
 
@@ -289,12 +286,12 @@ fn dispatch<S: Stage, L: Link>(
         }
         MotionTopic::TOPIC_KEY => {
             // A motion that is not finite is dropped. The endpoint of the same name would report it.
-            request.take::<MotionTopic>(|control, motion| {
+            Ok(request.take::<MotionTopic>(|control, motion| {
                 let _ = control.motion(from, motion);
-            })
+            }))
         }
         KeepAliveTopic::TOPIC_KEY => {
-            request.take::<KeepAliveTopic>(|control, ()| control.keep_alive(from))
+            Ok(request.take::<KeepAliveTopic>(|control, ()| control.keep_alive(from)))
         }
         RecordStartEndpoint::REQ_KEY => {
             request.answer::<RecordStartEndpoint>(|control, ()| control.record_start(from))

@@ -153,7 +153,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
         let may_write = !stage.with_control(|control| control.is_supply_low());
         let told = |permille| {
             stage.with_control(|control| {
-                control.set_upload(UploadState::Proving(Proving { slot, permille }))
+                control.set_upload(UploadState::Proving(Proving { slot, permille }));
             });
             unless_aborted(stage)
         };
@@ -254,7 +254,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
         let told = |event| {
             match event {
                 CommitEvent::State(state) => {
-                    stage.with_control(|control| control.set_upload(state))
+                    stage.with_control(|control| control.set_upload(state));
                 }
                 CommitEvent::Ended(step) => self.stopwatch.end(step, stage.now_us()),
             }
