@@ -2,35 +2,26 @@
 //!
 //! | room | content |
 //! |---|---|
-//! | [`boot`] | from reset to running: memory, clocks, interrupt priorities, cause of the reset |
-//! | [`play`] | one block every 2 ms, handed to the tick |
-//! | [`tick`] | one sample, 5000 times per second |
 //! | [`fault`] | ends of the program, their reasons, and the guards: handlers, watchdog, stack |
 //! | [`flash`] | library slots and settings in flash |
 //! | [`self_test`] | measurements of the self test |
 //! | [`device`] | the hardware as `stylus_app::control` sees it |
 //! | [`link`] | requests, over two wires |
-//! | `injection` | faults on request, in the tests' image alone |
 //!
-//! Rooms import in one direction: `link` imports `device`, `flash` and `self_test`; `device` imports `tick` and `play`;
-//! `self_test` imports `flash` and `tick`; `flash` imports `fault`; `fault` imports `tick`; `tick` imports `play`. All
-//! may import `boot`, which imports none. Only `main` sees all.
+//! What is in time, [`boot`], [`play`] and [`tick`], is the package `stylus-realtime`, which all rooms may import. Rooms
+//! import in one direction: `link` imports `device`, `flash` and `self_test`; `self_test` imports `flash`; `flash`
+//! imports `fault`. Only `main` sees all.
 //!
 //! The pins stand at the head of [`tick::inputs`], [`tick::output`], [`link::serial`] and [`link::usb`]; LED LD1 on PB0
 //! blinks while all is well, LD3 on PB14 lights after a fault, both in turn in safe mode.
 #![no_std]
 #![no_main]
 
-mod boot;
 mod device;
 mod fault;
 mod flash;
-#[cfg(feature = "fault-injection")]
-mod injection;
 mod link;
-mod play;
 mod self_test;
-mod tick;
 
 use defmt_rtt as _;
 use panic_probe as _;
@@ -46,6 +37,7 @@ use stylus_app::inputs::InputConfig;
 use stylus_app::recorder::{Recorder, SampleQueue, Tap};
 use stylus_app::requests::Frame;
 use stylus_app::safety;
+use stylus_realtime::{boot, play, tick};
 
 use crate::boot::reset::ResetFlags;
 use crate::boot::{clock, critical, priority, protection, silicon, startup, supply, time};
@@ -64,6 +56,7 @@ async fn main(spawner: Spawner) {
     };
     protection::enable(&mut core.MPU);
     startup::prepare_memory(&mut core.SCB, &mut core.CPUID);
+    play::voice::begin();
     startup::start_cycle_counter(&mut core.DCB, &mut core.DWT);
     word::enable_bus_fault(&mut core.SCB);
     watchdog::start();

@@ -9,7 +9,7 @@ use model_format::limits::{MAX_LIBRARY_BYTES, SLOT_BYTES};
 use stylus_app::settings::SETTINGS_RANGE;
 
 /// The regions of the MPU, as the image sets them.
-#[path = "../src/boot/protection.rs"]
+#[path = "../realtime/src/boot/protection.rs"]
 mod protection;
 
 use protection::{Access, Memory, REGIONS, Region};

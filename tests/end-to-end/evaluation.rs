@@ -5,20 +5,13 @@ use std::process::Command;
 
 use crate::hatt;
 use crate::support::{Bench, RATE_HZ, all_pole, denim_rig_of, noise, rig_of, text};
-use host_tools::dsp::log_spectrum::LogSpectrum;
-use host_tools::dsp::model::Model;
-use host_tools::dsp::reduction::Reduction;
-use host_tools::dsp::spectrum::DEFAULT_SMOOTHING_WIDTH_HZ;
 use host_tools::evaluation::leave_one_out;
 use host_tools::evaluation::leave_one_out::{Prepared, Row};
 use host_tools::recording::RecordingSet;
 use host_tools::rig::{self, RigFile};
-use host_tools::texture::domain::{Method, Neighbour};
-use host_tools::texture::grid::as_written;
-use host_tools::texture::recorded_spectra::spectra::RecordedSpectra;
-use host_tools::texture::stored::reflection;
+use host_tools::texture::domain::Method;
+use model_format::Library;
 use model_format::limits::MAX_LIBRARY_BYTES;
-use model_format::{Library, Node};
 
 /// A simulated set of five speeds and three forces, of denim alone.
 fn simulated() -> Bench {
@@ -80,13 +73,13 @@ fn removed_nodes_are_predicted_alike_by_any_number_of_threads_and_better_by_the_
         one.contains("SIMULATED") && one.contains("36.0 ± 9.0"),
         "{one}"
     );
-    let test = json(&bench, "one.json");
+    let test = &json(&bench, "one.json")["removed_nodes"];
     // Four inner speeds, one inner force.
     assert_eq!(test["removed"].as_array().unwrap().len(), 4);
-    let paper = mean_cost(&test, "(the paper)");
-    let dense = mean_cost(&test, "densified");
+    let paper = mean_cost(test, "(the paper)");
+    let dense = mean_cost(test, "densified");
     assert!(dense < 0.7 * paper, "{dense} against {paper}");
-    let own = mean_cost(&test, "not removed");
+    let own = mean_cost(test, "not removed");
     assert!(own < dense, "{own} against {dense}");
 }
 
@@ -165,15 +158,6 @@ fn a_denser_grid_keeps_to_its_textures_orders_and_makes_no_node_worse() {
         let [before, after] = [0, 1].map(|row| node["outcomes"][row]["cost"].as_f64().unwrap());
         assert!(after <= before + 1e-4, "{before} {after} {node}");
     }
-    // The same by the finished libraries alone and spectra instead of syntheses.
-    let mut better = 0;
-    for node in removed {
-        let [before, after] = costs_of_removed(&bench, node);
-        assert!(after <= before + 0.02, "{before} {after} {node}");
-        better += usize::from(after < before - 0.02);
-    }
-    assert!(better > 0);
-
     let said = bench.succeed("fit rig --out again.lib --order 7 --densify");
     assert!(
         said.contains("at most the highest recorded: paper 7, organza 7"),
@@ -191,140 +175,14 @@ fn a_denser_grid_keeps_to_its_textures_orders_and_makes_no_node_worse() {
     }
 }
 
-/// A texture of a finished library.
-struct Finished {
-    /// Speeds in mm/s, and forces in N.
-    axes: [Vec<f64>; 2],
-    /// Speed-major.
-    models: Vec<Model>,
-}
-
-impl Finished {
-    fn of(bench: &Bench, library: &str, name: &str) -> Self {
-        let bytes = std::fs::read(bench.path(library)).unwrap();
-        let library = Library::decode(&bytes).unwrap();
-        let mut textures = library.textures();
-        let texture = textures.find(|texture| texture.name() == name).unwrap();
-        let model = |node: Node<'_>| Model {
-            reflection: reflection(node.coefficients),
-            output_power: f64::from(node.output_power),
-            flags: node.flags,
-        };
-        Self {
-            axes: [
-                texture.speed_axis().values().map(as_written).collect(),
-                texture.force_axis().values().map(as_written).collect(),
-            ],
-            models: texture.nodes().map(model).collect(),
-        }
-    }
-
-    fn model(&self, [speed, force]: [usize; 2]) -> &Model {
-        &self.models[speed * self.axes[1].len() + force]
-    }
-
-    fn index(&self, axis: usize, value: f64) -> usize {
-        let known = self.axes[axis].iter();
-        let mut near = known
-            .enumerate()
-            .filter(|(_, known)| (*known - value).abs() < 1e-4);
-        near.next().unwrap().0
-    }
-}
-
-/// The device's interpolation at `value` between two models.
-fn between(ends: [(f64, &Model); 2], value: f64) -> Model {
-    let share = (value - ends[0].0) / (ends[1].0 - ends[0].0);
-    let weights = [1.0 - share, share];
-    let neighbours = [0, 1].map(|end| Neighbour {
-        weight: weights[end],
-        speed_mm_s: 100.0,
-        model: ends[end].1,
-    });
-    Method::DEVICE.predict(&neighbours, 100.0).unwrap()
-}
-
-/// C of the recording at a removed node against the device's interpolation over its place, in the fitted library and in
-/// the denser one, where what is not the device's interpolation is computed anew without the recording.
-fn costs_of_removed(bench: &Bench, node: &serde_json::Value) -> [f64; 2] {
-    let name = node["texture"].as_str().unwrap();
-    let at = [&node["speed_mm_s"], &node["force_n"]].map(|value| value.as_f64().unwrap());
-    let plain = Finished::of(bench, "plain.lib", name);
-    let dense = Finished::of(bench, "dense.lib", name);
-    let set = RecordingSet::open(&[bench.path("rig")]).unwrap();
-    let mut spectra = vec![None; plain.models.len()];
-    for trial in set.trials.iter().filter(|trial| trial.texture == name) {
-        let place = [
-            plain.index(0, trial.speed_mm_s),
-            plain.index(1, trial.force_n),
-        ];
-        let signal = host_tools::fit::signal(trial, Reduction::Pca)
-            .unwrap()
-            .samples;
-        spectra[place[0] * plain.axes[1].len() + place[1]] = LogSpectrum::estimate(&[&signal]);
-    }
-    let place = [plain.index(0, at[0]), plain.index(1, at[1])];
-    let recorded = spectra[place[0] * plain.axes[1].len() + place[1]]
-        .take()
-        .unwrap();
-    let field = RecordedSpectra::new(plain.axes[0].clone(), plain.axes[1].clone(), spectra);
-    // Of both axes alike.
-    let mut predicted = [Vec::new(), Vec::new()];
-    for axis in [0, 1] {
-        let beside = |step: usize| {
-            let mut there = place;
-            there[axis] = there[axis] + step - 1;
-            (plain.axes[axis][there[axis]], plain.model(there))
-        };
-        let ends = [beside(0), beside(2)];
-        predicted[0].push(between(ends, at[axis]));
-        let here = [dense.index(0, at[0]), dense.index(1, at[1])];
-        let next = [0, 2].map(|step| {
-            let mut there = here;
-            there[axis] = there[axis] + step - 1;
-            let value = dense.axes[axis][there[axis]];
-            let stored = dense.model(there);
-            let end = ends[step / 2];
-            if (value - end.0).abs() < 1e-4 {
-                return (value, stored.clone());
-            }
-            let played = between([end, (at[axis], plain.model(place))], value);
-            let angles = played.reflection.iter().zip(&stored.reflection);
-            let is_filled = angles.clone().count() != stored.reflection.len()
-                || angles.into_iter().any(|(a, b)| (a - b).abs() > 1e-3);
-            if !is_filled {
-                return (value, between(ends, value));
-            }
-            let mut place = at;
-            place[axis] = value;
-            let order = stored.reflection.len();
-            (value, field.at(place[0], place[1]).unwrap().model(order))
-        });
-        predicted[1].push(between(
-            [(next[0].0, &next[0].1), (next[1].0, &next[1].1)],
-            at[axis],
-        ));
-    }
-    predicted.map(|ways| {
-        let played = between([(0.0, &ways[0]), (1.0, &ways[1])], 0.5);
-        recorded.cost(&LogSpectrum::of_model(&played), DEFAULT_SMOOTHING_WIDTH_HZ)
-    })
-}
-
 #[test]
-fn other_takes_are_summed_up_by_texture_and_each_trial_is_shown_when_asked() {
+fn other_takes_are_summed_up_by_texture_with_the_worst_of_each() {
     let bench = four_textures();
     bench.succeed("simulate-rig --rig rig.toml --out takes --seed 6");
     bench.succeed("fit rig --out a.lib --order 30");
-    let evaluate = "evaluate rig --library a.lib --takes takes --synthesis 2 --json a.json";
-    let title = "Log-spectral distance in dB from the takes that judged";
-    let said = bench.succeed(evaluate);
-    let (tables, takes) = said.split_once(title).unwrap();
-    let widest = |text: &str| text.lines().map(|line| line.chars().count()).max().unwrap();
-    let of_tables = tables.split("\nJudged: ").next().unwrap();
-    assert!(widest(of_tables) <= 100 && widest(takes) <= 100, "{said}");
-    assert!(takes.lines().count() < 16, "{takes}");
-
+    let said =
+        bench.succeed("evaluate rig --library a.lib --takes takes --synthesis 2 --json a.json");
+    let (_, takes) = said.split_once("from the takes that judged").unwrap();
     let evaluation = json(&bench, "a.json");
     let trials = evaluation["trials"].as_array().unwrap();
     assert_eq!(trials.len(), 64);
@@ -333,52 +191,22 @@ fn other_takes_are_summed_up_by_texture_and_each_trial_is_shown_when_asked() {
         let of_it = trials.iter().filter(|trial| trial["texture"] == texture);
         let mut distances: Vec<f64> = of_it.clone().map(distance).collect();
         distances.sort_by(f64::total_cmp);
-        let worst = of_it
-            .max_by(|a, b| distance(a).total_cmp(&distance(b)))
-            .unwrap();
-        let row = takes
-            .lines()
-            .find(|line| line.starts_with(texture))
-            .unwrap();
-        let cells: Vec<&str> = row.split_whitespace().collect();
-        assert_eq!(cells[1], "16");
-        assert_eq!(
-            cells[3],
-            format!("{:.2}", f64::midpoint(distances[7], distances[8]))
-        );
-        assert_eq!(cells[5], format!("{:.2}", distances[15]));
-        assert_eq!(
-            cells[6].parse::<f64>().unwrap(),
-            worst["speed_mm_s"].as_f64().unwrap()
-        );
-        assert_eq!(
-            cells[7].parse::<f64>().unwrap(),
-            worst["force_n"].as_f64().unwrap()
-        );
-        let file = format!("{texture}: {}\n", worst["file"].as_str().unwrap());
-        assert!(takes.contains(&file), "{file}{takes}");
+        let worst = of_it.max_by(|a, b| distance(a).total_cmp(&distance(b)));
+        let worst = worst.unwrap();
+        let lines = takes.lines().filter(|line| line.starts_with(texture));
+        let cells: Vec<&str> = lines.flat_map(str::split_whitespace).collect();
+        let middle = f64::midpoint(distances[7], distances[8]);
+        for cell in [
+            "16",
+            &format!("{middle:.2}"),
+            &format!("{:.2}", distances[15]),
+            &worst["speed_mm_s"].as_f64().unwrap().to_string(),
+            &worst["force_n"].as_f64().unwrap().to_string(),
+            worst["file"].as_str().unwrap(),
+        ] {
+            assert!(cells.contains(&cell), "{texture}: no {cell} in {takes}");
+        }
     }
-
-    let said = bench.succeed(&format!("{} --each", evaluate.replace("a.json", "b.json")));
-    let (_, takes) = said.split_once(title).unwrap();
-    for trial in trials {
-        let file = trial["file"].as_str().unwrap();
-        let row = takes.lines().find(|line| line.ends_with(file)).unwrap();
-        let cells: Vec<&str> = row.split_whitespace().collect();
-        assert_eq!(cells[0], trial["texture"].as_str().unwrap());
-        assert_eq!(
-            cells[1].parse::<f64>().unwrap(),
-            trial["speed_mm_s"].as_f64().unwrap()
-        );
-        assert_eq!(
-            cells[2].parse::<f64>().unwrap(),
-            trial["force_n"].as_f64().unwrap()
-        );
-        assert_eq!(cells[4], format!("{:.2}", distance(trial)));
-    }
-    assert!(json(&bench, "b.json") == evaluation);
-    let message = text(&bench.run("evaluate rig --library a.lib --each").stderr);
-    assert!(message.contains("--takes"), "{message}");
 }
 
 #[test]
@@ -388,54 +216,6 @@ fn a_set_without_inner_nodes_is_told_what_it_lacks() {
     bench.write("a.wav", crate::support::wav(&[&signal], RATE_HZ));
     let message = bench.refuse("evaluate a.wav --leave-one-out");
     assert!(message.contains("three speeds"), "{message}");
-}
-
-#[test]
-fn a_report_is_one_page_that_holds_everything_it_shows() {
-    let bench = simulated();
-    let said = bench.succeed("report rig --out page.html --order 60 --takes rig");
-    assert!(
-        said.contains("page.html") && said.contains("SIMULATED"),
-        "{said}"
-    );
-    let page = std::fs::read_to_string(bench.path("page.html")).unwrap();
-    for part in [
-        "SIMULATED",
-        "Table I, and the same test here",
-        "the paper&#39;s figures, real recordings",
-        "Domains",
-        "C by the width of its kernel",
-        "figure 5",
-        "figure 7",
-        "figure 8",
-        "figure 9",
-        "figure 10",
-        "data:audio/wav;base64,",
-        "data:image/png;base64,",
-        "Takes",
-        "are in the fitted set, and judge nothing",
-        "fitted on every other block of 0.5 s",
-        "What is felt",
-    ] {
-        assert!(page.contains(part), "{part}");
-    }
-    let references = page
-        .replace("http://www.w3.org/2000/svg", "")
-        .replace("src=\"data:", "")
-        .replace("href=\"data:", "")
-        // The page's own policy and its own anchors.
-        .replace("http-equiv", "")
-        .replace("href=\"#", "");
-    for reference in [
-        "http",
-        "src=",
-        "href=",
-        "fetch(",
-        "XMLHttpRequest",
-        "@import",
-    ] {
-        assert!(!references.contains(reference), "{reference}");
-    }
 }
 
 /// A recording of noise without structure: any high order only learns its accidents.
@@ -463,7 +243,6 @@ fn what_a_model_was_fitted_to_does_not_judge_it() {
     let said = bench.succeed("evaluate one --library felt.lib --json blocks.json");
     let words = "fitted on every other block of 0.5 s of each recording, judged on the rest";
     assert!(said.contains(words), "{said}");
-    assert!(said.contains("not a measure of fidelity"), "{said}");
     let felt = &json(&bench, "blocks.json")["textures"][0];
     let held_out = felt["mean_log_spectral_distance_db"].as_f64().unwrap();
     let in_sample = felt["in_sample_log_spectral_distance_db"].as_f64().unwrap();

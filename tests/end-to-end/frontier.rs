@@ -4,8 +4,7 @@ use crate::support::{Bench, RATE_HZ, all_pole, denim_rig_of, json, noise, text, 
 use host_tools::dsp::linear_prediction::step_up;
 use host_tools::evaluation::frontier::costs::{Core, Costs};
 use host_tools::evaluation::frontier::{
-    Earlier, Filter, FilterStructure, Frontier, INTERVALS, Material, Options, Place, Point,
-    Prepared,
+    Filter, FilterStructure, Frontier, INTERVALS, Material, Options, Prepared,
 };
 use host_tools::evaluation::stress::cases::{Length, suite};
 use host_tools::fit::Order;
@@ -135,41 +134,14 @@ fn check_filter(frontier: &Frontier, index: usize, filter: &Filter) {
     }
 }
 
-/// The page with its own numbers as those from before.
-fn beside_itself_every_choice_stays(bench: &Bench, frontier: &Frontier) {
-    let (numbers, page) = (bench.path("frontier.json"), bench.path("beside.html"));
-    std::fs::write(&numbers, serde_json::to_string(frontier).unwrap()).unwrap();
-    let before = Earlier::read(&numbers).unwrap();
-    let changes = before.changes(frontier);
-    let is_on_a_front = |point: &&Point| point.on_front || point.on_safe_front;
-    let on_a_front = frontier.points.iter().filter(is_on_a_front);
-    assert_eq!(changes.len(), on_a_front.count());
-    for change in &changes {
-        let (Some(before), Some(now)) = (&change.before, &change.now) else {
-            panic!("{change:?} is in one of two equal comparisons");
-        };
-        // Text keeps all but the last digit of a number.
-        let same = |a: f64, b: f64| (a - b).abs() <= 1e-12 * a.abs();
-        assert!(same(before.error_db, now.error_db) && same(before.cycles, now.cycles));
-        let front = |place: &Place| (place.on_front, place.on_safe_front);
-        assert_eq!(front(before), front(now));
-    }
-    let pictures = frontier_page::pictures(frontier, Some(&before)).unwrap();
-    frontier_page::write(frontier, Some(&before), &pictures, &page).unwrap();
-    let page = std::fs::read_to_string(page).unwrap();
-    assert!(page.contains("the front before"));
-    assert_eq!(page.matches(">stays<").count(), changes.len());
-}
-
 fn page_holds_all(bench: &Bench, frontier: &Frontier) {
     let page = bench.path("page.html");
-    let pictures = frontier_page::pictures(frontier, None).unwrap();
-    frontier_page::write(frontier, None, &pictures, &page).unwrap();
+    frontier_page::write(frontier, &page).unwrap();
     let page = std::fs::read_to_string(page).unwrap();
     assert_eq!(page.matches("<svg").count(), 4);
     for structure in FilterStructure::ALL {
         assert!(
-            page.matches(&structure.to_string()).count() > 10,
+            page.matches(&structure.to_string()).count() > 8,
             "{structure}"
         );
     }
@@ -182,23 +154,22 @@ fn page_holds_all(bench: &Bench, frontier: &Frontier) {
     ] {
         assert!(page.contains(needed), "{needed}");
     }
-    assert!(!page.contains("the front before"));
-    beside_itself_every_choice_stays(bench, frontier);
     // The script that tells the pictures' values has the word.
-    let (before, rest) = page.split_once("<script").unwrap();
-    let (_, after) = rest.rsplit_once("</script>").unwrap();
-    assert!(before.len() > 10_000 || after.len() > 10_000);
+    let (before, _) = page.split_once("<script").unwrap();
     assert!(
-        !before.contains("NaN") && !after.contains("NaN"),
+        !before.contains("NaN"),
         "a figure is missing and not said to be"
     );
     for peer in &Costs::measured().table().peers {
-        assert!(
-            page.contains(&host_tools::report::html::escaped(&peer.name)),
-            "{}",
-            peer.name
-        );
+        let name = host_tools::report::html::escaped(&peer.name);
+        assert!(page.contains(&*name), "{}", peer.name);
     }
+    let numbers: Value = json(&frontier.to_json());
+    assert_eq!(
+        numbers["points"].as_array().unwrap().len(),
+        frontier.points.len()
+    );
+    assert_eq!(numbers["simulated"], true);
 }
 
 #[test]

@@ -419,7 +419,7 @@ fn textures_whose_names_are_alike_keep_their_own_pictures() {
         .collect();
     let different: HashSet<String> = files.iter().map(|name| name.to_lowercase()).collect();
     assert_eq!(different.len(), files.len(), "{files:?}");
-    for kind in ["-time-and-frequency.svg", "-bands.svg", "-cost-map.svg"] {
+    for kind in ["-spectra.svg", "-bands.svg", "-cost-map.svg"] {
         let pictures = different.iter().filter(|name| name.ends_with(kind));
         assert_eq!(pictures.count(), names.len(), "{kind}: {files:?}");
     }

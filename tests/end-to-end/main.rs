@@ -30,19 +30,12 @@ mod inputs;
 #[cfg(target_os = "linux")]
 mod large_sets;
 mod levinson_fixtures;
-mod listening_page;
 mod liveliness;
-#[cfg(all(
-    target_os = "linux",
-    feature = "device",
-    feature = "hatt",
-    feature = "spectrograms"
-))]
+#[cfg(all(target_os = "linux", feature = "device", feature = "hatt"))]
 mod outputs;
 mod pages;
 #[cfg(feature = "device")]
 mod pin;
-#[cfg(feature = "spectrograms")]
 mod report_pages;
 mod rub_page;
 mod scenes;

@@ -11,7 +11,7 @@ use model_format::link::{
     SettingsState, SlotId, SlotInfo, StartReport, Status, StopError, TickCounters, TickHistogram,
     UploadState,
 };
-use model_format::link::{Fault, MuteReason, MuteReasons};
+use model_format::link::{Fault, MuteReason};
 use model_format::{Library, PlayRate};
 
 use crate::TICKS_PER_MS;
@@ -553,22 +553,6 @@ impl<D: Device> Control<D> {
         self.active = active;
         self.player.end_activation();
         self.tell_mute();
-    }
-
-    /// The library in RAM, with its slot.
-    pub fn active(&self) -> Option<(SlotId, SlotInfo)> {
-        self.active
-    }
-
-    /// Mutes until the device is restarted, because a fault was found.
-    pub fn fault(&mut self) {
-        self.player.fault();
-        self.tell_mute();
-    }
-
-    /// Reasons for which the output is mute; none if it is not.
-    pub fn mute(&self) -> MuteReasons {
-        self.player.mute()
     }
 
     /// The hardware's side.

@@ -189,22 +189,17 @@ impl Player {
         }
     }
 
-    /// Mutes until the device is restarted, because a fault was found.
-    pub fn fault(&mut self) {
-        self.set(MuteReason::Fault, true);
-    }
-
     /// Mutes until the next start, because this one is in safe mode.
     pub fn safe_mode(&mut self) {
         self.set(MuteReason::SafeMode, true);
     }
 
-    /// Becomes idle and muted by a fault, because nothing was prepared to be started, and the status must not say that
-    /// it plays.
+    /// Becomes idle, and mute by a fault until the device is restarted, because nothing was prepared to be started, and
+    /// the status must not say that it plays.
     pub fn not_started(&mut self) {
         self.phase = Phase::Idle;
         self.set(MuteReason::NotPlaying, true);
-        self.fault();
+        self.set(MuteReason::Fault, true);
     }
 
     /// Moves the player on by `observed` and returns the action that is due. Called about every millisecond; the caller
@@ -251,11 +246,6 @@ impl Player {
     /// Returns true if nothing is played, activated or stored.
     pub fn is_idle(&self) -> bool {
         self.phase == Phase::Idle
-    }
-
-    /// Returns true if something is played, about to be, or fading out.
-    pub fn is_playing(&self) -> bool {
-        matches!(self.phase, Phase::Playing(..) | Phase::FadingOut(_))
     }
 
     /// Source of motion for what is played or about to be.

@@ -8,10 +8,9 @@ use std::cell::RefCell;
 use model_format::{Library, OutputSample};
 use stylus_kernel::digest::{DIGEST_SEED, DIGEST_WORDS};
 
-use crate::fault::Fault;
+use crate::fault::{Fault, MOST_BLOCKS};
 use crate::session::{
-    BLOCK_NUMBERS, BlockMotion, MOST_BLOCKS, MOST_SAMPLES, STATE_NUMBERS, Selection, Session,
-    Without,
+    BLOCK_NUMBERS, BlockMotion, MOST_SAMPLES, STATE_NUMBERS, Selection, Session, Without,
 };
 
 /// Room for texts, bytes.

@@ -5,7 +5,8 @@ use core::fmt;
 use model_format::DecodeError;
 use model_format::scene::SceneError;
 
-use crate::session::MOST_BLOCKS;
+/// Blocks that one call plays at most: half a second.
+pub const MOST_BLOCKS: usize = 256;
 
 /// A call that was refused. What played before goes on.
 #[derive(Clone, Debug, PartialEq)]

@@ -6,8 +6,8 @@ mod session;
 #[cfg(target_arch = "wasm32")]
 mod exports;
 
-pub use fault::Fault;
+pub use fault::{Fault, MOST_BLOCKS};
 pub use session::{
-    BLOCK_NUMBERS, BlockMotion, MOST_BLOCKS, MOST_SAMPLES, STATE_NUMBERS, Selection, Session,
-    VOICE_NUMBERS, Without,
+    BLOCK_NUMBERS, BlockMotion, MOST_SAMPLES, STATE_NUMBERS, Selection, Session, VOICE_NUMBERS,
+    Without,
 };

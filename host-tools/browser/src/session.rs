@@ -8,10 +8,7 @@ use stylus_kernel::grid::{GridPoint, ONE};
 use stylus_kernel::position::Position;
 use stylus_kernel::scene::{ContactDetector, ContactThreshold, Interaction, Plan, ScenePlayer};
 
-use crate::fault::Fault;
-
-/// Blocks that one call plays at most: half a second.
-pub const MOST_BLOCKS: usize = 256;
+use crate::fault::{Fault, MOST_BLOCKS};
 
 /// Samples of so many blocks at 10 kHz.
 pub const MOST_SAMPLES: usize = MOST_BLOCKS * 20;

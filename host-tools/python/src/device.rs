@@ -266,7 +266,7 @@ impl Device {
             let device = open(&mut device)?;
             Ok(played(device, &plan, &request, steps))
         })?;
-        plain(py, &played.map_err(Failure::into_exception)?)
+        plain(py, &played?)
     }
 
     /// Stops what is played or recorded, also what another program plays, and reads that back. Returns True if
@@ -359,38 +359,17 @@ struct Played {
     missed_ticks: u32,
 }
 
-/// A play that failed.
-enum Failure {
-    Link(LinkError),
-    Play(String),
-}
-
-impl Failure {
-    fn into_exception(self) -> PyErr {
-        match self {
-            Self::Link(failure) => link_raised(&failure),
-            Self::Play(problem) => refused(problem),
-        }
-    }
-}
-
-impl From<LinkError> for Failure {
-    fn from(failure: LinkError) -> Self {
-        Self::Link(failure)
-    }
-}
-
 /// Plays, and stops the output whatever comes.
 fn played(
     device: &Linked,
     plan: &Drive,
     request: &PlayRequest,
     steps: &work::Steps,
-) -> std::result::Result<Played, Failure> {
-    let link = device.address().to_string();
-    let failed = |problem: String| Failure::Play(format!("{link}: {problem}"));
-    let mut heard = Heard::since(&device.status()?);
-    device.play(request)?;
+) -> PyResult<Played> {
+    let failed = |problem: String| refused(format!("{}: {problem}", device.address()));
+    let broken = |failure: LinkError| link_raised(&failure);
+    let mut heard = Heard::since(&device.status().map_err(broken)?);
+    device.play(request).map_err(broken)?;
     let ended = Cell::new(false);
     let driven = drive(
         device,
@@ -409,8 +388,8 @@ fn played(
     }
     // The output is switched off after a failure, too; the first failure is the one that is reported.
     let stopped = device.stop();
-    let driven = driven?;
-    let (was_playing, status) = stopped?;
+    let driven = driven.map_err(broken)?;
+    let (was_playing, status) = stopped.map_err(broken)?;
     if ended.get() || !was_playing {
         return Err(failed(
             "the device has stopped by itself; read its status".into(),

@@ -16,68 +16,6 @@ use crate::work;
 // A literal below, so that `help` shows it.
 const _: () = assert!(DEFAULT_SMOOTHING_WIDTH_HZ == 20.0);
 
-/// The comparison of one recording with what the stylus plays. Figures that do not exist are NaN.
-#[pyclass(frozen, get_all, module = "stylus_haptics")]
-#[derive(Clone)]
-pub struct TrialEvaluation {
-    /// The file, or the name of samples in memory.
-    name: String,
-    /// Name of the texture.
-    texture: String,
-    /// Tangential speed, mm/s.
-    speed_mm_s: f64,
-    /// Normal force, N.
-    force_n: f64,
-    /// Kind of data that judged: 'blocks', 'other_take', 'unseen' or 'nothing'.
-    judge: String,
-    /// True if the recording or the stylus is silent.
-    is_silent: bool,
-    /// RMS of the judge, m/s².
-    recorded_rms_m_s2: f64,
-    /// RMS of the synthesis, m/s².
-    synthesised_rms_m_s2: f64,
-    /// Cost C of Romano, Yoshioka and Kuchenbecker 2010, equation (6); a share.
-    cost: f64,
-    /// C of a perfect model of broadband noise.
-    cost_floor: f64,
-    /// C of another recording of the same surface, in the place of the synthesis.
-    cost_other: f64,
-    /// Log-spectral distance in sliding third octaves, dB.
-    log_spectral_distance_db: f64,
-}
-
-#[pymethods]
-impl TrialEvaluation {
-    fn __repr__(&self) -> String {
-        format!(
-            "TrialEvaluation({:?}, cost={:.4}, log_spectral_distance_db={:.2}, judge={:?})",
-            self.name, self.cost, self.log_spectral_distance_db, self.judge
-        )
-    }
-}
-
-impl TrialEvaluation {
-    fn of(trial: &results::TrialEvaluation) -> Self {
-        let number = |value: Option<f64>| value.unwrap_or(f64::NAN);
-        let judge = serde_json::to_value(trial.judge).ok();
-        let judge = judge.and_then(|judge| judge.as_str().map(str::to_owned));
-        Self {
-            name: trial.file.clone(),
-            texture: trial.texture.clone(),
-            speed_mm_s: trial.speed_mm_s,
-            force_n: trial.force_n,
-            judge: judge.unwrap_or_default(),
-            is_silent: trial.is_silent,
-            recorded_rms_m_s2: trial.recorded_rms_m_s2,
-            synthesised_rms_m_s2: trial.synthesised_rms_m_s2,
-            cost: number(trial.scores.cost),
-            cost_floor: trial.cost_floor,
-            cost_other: number(trial.other.cost),
-            log_spectral_distance_db: number(trial.scores.log_spectral_distance_db),
-        }
-    }
-}
-
 /// The outcome of an evaluation. Arrays have one row per recording, in the order of the set; figures that do not exist
 /// are NaN.
 #[pyclass(frozen, module = "stylus_haptics")]
@@ -110,12 +48,6 @@ impl Evaluation {
     #[getter]
     fn simulated(&self) -> bool {
         self.0.simulated
-    }
-
-    /// Every recording, in the order of the set.
-    #[getter]
-    fn trials(&self) -> Vec<TrialEvaluation> {
-        self.0.trials.iter().map(TrialEvaluation::of).collect()
     }
 
     /// Cost C of each recording; a share.

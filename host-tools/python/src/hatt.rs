@@ -54,7 +54,8 @@ pub enum Paths {
 
 /// Converts HaTT's model files, or folders of them, as `stylus import-hatt` does.
 ///
-/// `speeds` and `forces` are the most of a grid, as many as the slot has room for if None. `progress(done, total)` counts files.
+/// `speeds` and `forces` are the most of a grid, as many as the slot has room for if None. `progress(done, total)`
+/// counts files.
 #[pyfunction]
 #[pyo3(signature = (paths, *, speeds = None, forces = None, progress = None))]
 pub fn import_hatt(

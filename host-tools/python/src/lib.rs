@@ -12,7 +12,7 @@
 //! | `fitting`, `evaluating` | fits and their evaluation |
 //! | `library`, `texture` | libraries, their textures and nodes; `library_like` arguments that stand for one |
 //! | `motion`, `rendering` | motions, and what the stylus plays along them; `playing` renders textures |
-//! | `scene` | scenes: costed and rendered; `compiling` compiles them |
+//! | `scene` | scenes: costed and rendered; `playing` compiles them |
 //! | `certifying` | proofs of stability |
 //! | `simulating` | simulated recordings |
 //! | `hatt` | HaTT's models |
@@ -26,7 +26,6 @@
 )]
 
 mod certifying;
-mod compiling;
 mod convert;
 #[cfg(feature = "device")]
 mod device;
@@ -53,13 +52,11 @@ use pyo3::prelude::*;
 mod native {
     #[pymodule_export]
     use crate::certifying::{Certification, certify};
-    #[pymodule_export]
-    use crate::compiling::compile_scene;
     #[cfg(feature = "device")]
     #[pymodule_export]
     use crate::device::{Device, devices};
     #[pymodule_export]
-    use crate::evaluating::{Evaluation, TrialEvaluation, evaluate};
+    use crate::evaluating::{Evaluation, evaluate};
     #[pymodule_export]
     use crate::fitting::{Fit, TrialReport, fit};
     #[pymodule_export]
@@ -71,7 +68,7 @@ mod native {
     #[pymodule_export]
     use crate::motion::Motion;
     #[pymodule_export]
-    use crate::playing::render;
+    use crate::playing::{compile_scene, render};
     #[pymodule_export]
     use crate::recording::{Recording, Recordings};
     #[pymodule_export]

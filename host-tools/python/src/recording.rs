@@ -51,7 +51,7 @@ impl Recording {
         let found = channels(samples)?;
         let held = HeldSamples::new(rate_hz, found.channels, found.are_integers).map_err(raised)?;
         let name = name.unwrap_or_else(|| format!("{texture}, {speed_mm_s} mm/s, {force_n} N"));
-        let trial = Trial {
+        checked(Trial {
             file: PathBuf::from(name),
             texture,
             speed_mm_s,
@@ -60,14 +60,9 @@ impl Recording {
             start_s,
             duration_s,
             sample_rate_hz: None,
-            provenance: if simulated {
-                Provenance::Simulated
-            } else {
-                Provenance::Recorded
-            },
+            provenance: provenance(simulated),
             held: Some(Arc::new(held)),
-        };
-        checked(trial).map(Self)
+        })
     }
 
     /// A recording in a WAV or CSV file. `sample_rate_hz` is that of a CSV file without a time column.
@@ -92,7 +87,7 @@ impl Recording {
             return Err(raised(Error::io("open", &path)(source)));
         }
         let stem = || path.file_stem().unwrap_or_default().to_string_lossy();
-        let trial = Trial {
+        checked(Trial {
             texture: texture.unwrap_or_else(|| stem().into_owned()),
             file: path,
             speed_mm_s,
@@ -101,14 +96,9 @@ impl Recording {
             start_s,
             duration_s,
             sample_rate_hz,
-            provenance: if simulated {
-                Provenance::Simulated
-            } else {
-                Provenance::Recorded
-            },
+            provenance: provenance(simulated),
             held: None,
-        };
-        checked(trial).map(Self)
+        })
     }
 
     /// The file, or the name of samples in memory.
@@ -193,8 +183,16 @@ impl Recording {
     }
 }
 
-/// The trial, if its numbers are those of a recording.
-fn checked(trial: Trial) -> PyResult<Trial> {
+fn provenance(simulated: bool) -> Provenance {
+    if simulated {
+        Provenance::Simulated
+    } else {
+        Provenance::Recorded
+    }
+}
+
+/// The recording, if its numbers are those of one.
+fn checked(trial: Trial) -> PyResult<Recording> {
     if trial.texture.is_empty() || trial.texture.contains(char::is_control) {
         return Err(refused(format!(
             "texture {:?} has no name, or a control character in it: rename it",
@@ -222,7 +220,7 @@ fn checked(trial: Trial) -> PyResult<Trial> {
     ] {
         value.map(|value| positive(name, value)).transpose()?;
     }
-    Ok(trial)
+    Ok(Recording(trial))
 }
 
 /// A set of recordings: a folder with `trials.csv`, a list of any name, WAV or CSV files, or `Recording`s.

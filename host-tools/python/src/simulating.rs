@@ -19,7 +19,8 @@ pub fn paper_rig() -> String {
 /// Simulates the recordings of a drum rig into the folder `out`, as `stylus simulate-rig` does, and returns the set.
 ///
 /// `rig` is the path or the text of a rig's description; None is the paper's protocol: 4 textures at 15 speeds and 8
-/// forces. The folder is new or empty; an earlier simulated set is replaced with `overwrite` alone. The same seed gives the same recordings.
+/// forces. The folder is new or empty; an earlier simulated set is replaced with `overwrite` alone. The same
+/// seed gives the same recordings.
 #[pyfunction]
 #[pyo3(signature = (out, *, rig = None, seed = 1, overwrite = false))]
 pub fn simulate_rig(

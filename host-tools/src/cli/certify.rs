@@ -2,13 +2,11 @@
 
 use std::path::PathBuf;
 
-use host_tools::report::plot::{Caption, certificate_map};
 use host_tools::support::error::{Error, Result};
 use host_tools::texture::certificate;
 use host_tools::texture::certificate::{Cell, Certification, Finding, SAMPLES_PER_SIDE, Stored};
 use model_format::Library;
 
-use super::overwrite::Overwrite;
 use super::table::table;
 use crate::cli::library_file::read_library;
 use crate::cli::output::{print, print_json};
@@ -23,21 +21,12 @@ pub struct Arguments {
     /// Print all figures, cell by cell, as JSON
     #[arg(long)]
     json: bool,
-    /// SVG file for a map of a texture's grid
-    #[arg(long, value_name = "SVG")]
-    picture: Option<PathBuf>,
-    #[command(flatten)]
-    overwrite: Overwrite,
-    /// Name of a single texture to certify; needed for a picture if the library has several
+    /// Name of a single texture to certify
     #[arg(long, value_name = "NAME")]
     texture: Option<String>,
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
-    if let Some(picture) = &arguments.picture {
-        check_ending(picture)?;
-        (arguments.overwrite).file(picture, std::slice::from_ref(&arguments.library))?;
-    }
     let bytes = read_library(&arguments.library)?;
     // Uncertified, because this command examines textures that a stylus refuses.
     let library = Library::decode_uncertified(&bytes).map_err(|source| Error::Library {
@@ -51,9 +40,6 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         None => library.textures().collect(),
     };
     let reports: Vec<Certification> = textures.iter().map(certificate::certify).collect();
-    if let Some(picture) = &arguments.picture {
-        draw(&reports, picture)?;
-    }
     if arguments.json {
         print_json(&reports)?;
     } else {
@@ -77,30 +63,6 @@ fn why_unsound(report: &Certification) -> String {
             format!("texture '{texture}' holds, but its certificate differs; fit it again")
         }
     }
-}
-
-fn check_ending(path: &std::path::Path) -> Result<()> {
-    if path.extension().is_none_or(|extension| extension != "svg") {
-        return Err(Error::file(
-            path,
-            "a picture is an SVG file; give a name that ends in .svg",
-        ));
-    }
-    Ok(())
-}
-
-fn draw(reports: &[Certification], path: &std::path::Path) -> Result<()> {
-    let [report] = reports else {
-        return Err(Error::Request(
-            "a picture shows one texture; name it with --texture".to_owned(),
-        ));
-    };
-    let title = format!("Certificate of '{}', {}", report.texture, report.structure);
-    let caption = Caption {
-        title: &title,
-        simulated: report.simulated,
-    };
-    certificate_map(&caption, report)?.write(path)
 }
 
 fn show(reports: &[Certification]) -> Result<()> {

@@ -13,7 +13,7 @@ use host_tools::support::error::{Error, Result};
 use super::input::{Recordings, positive};
 use super::overwrite::Overwrite;
 use super::table::table;
-use crate::cli::evaluate::takes::{as_fitted, choose};
+use crate::cli::evaluate::{as_fitted, choose};
 use crate::cli::library_file::{decode_library, read_library};
 use crate::cli::output::{note, print};
 

@@ -14,7 +14,7 @@ use host_tools::playing::pin::render_pin_wav;
 use host_tools::playing::render::Rendering;
 use host_tools::playing::render::{WavFormat, render_wav};
 use host_tools::recording::RecordingSet;
-use host_tools::report::evaluation_folder as report;
+use host_tools::report::evaluation_page;
 use host_tools::report::rub_page::{Clips, Inputs, Recordings};
 use host_tools::report::sound::node_seconds;
 use host_tools::rig::{self, RigFile};
@@ -132,7 +132,17 @@ fn all(arguments: &Arguments, folder: &OutputFolder, begin: Instant) -> Result<P
     print(&super::evaluate::summary(&evaluation))?;
     let reported = out.join("report");
     std::fs::create_dir(&reported).map_err(Error::io("create", &reported))?;
-    let page = report::write(&set, &library, &evaluation, &options, &reported)?;
+    let page = super::evaluate::write_report(
+        &evaluation_page::Inputs {
+            set: &set,
+            library: &library,
+            evaluation: &evaluation,
+            options: &options,
+            removed_nodes: None,
+            unused_takes: &[],
+        },
+        &reported,
+    )?;
 
     step(4, "stylus render: each texture along one stroke")?;
     let rendered = out.join(RENDERED);
@@ -157,7 +167,7 @@ fn all(arguments: &Arguments, folder: &OutputFolder, begin: Instant) -> Result<P
         seed: arguments.seed,
     };
     let rubbed = out.join(PAGE);
-    let written = super::page::write(&inputs, &rubbed, None)?;
+    let written = super::page::write(&inputs, &rubbed)?;
     print(&super::page::summary(&folder.named(&rubbed), &written))?;
     Ok(folder.named(&page))
 }

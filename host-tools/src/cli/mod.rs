@@ -27,8 +27,6 @@ mod page;
 #[cfg(feature = "device")]
 mod pin;
 mod render;
-#[cfg(feature = "spectrograms")]
-mod report;
 mod scene;
 mod segment;
 mod simulate_rig;
@@ -51,16 +49,16 @@ const EXIT_UNUSABLE: u8 = 2;
 const EXIT_CLOSED: u8 = 1;
 
 /// The last line of the help of a build that leaves commands out.
-#[cfg(not(all(feature = "device", feature = "hatt", feature = "spectrograms")))]
+#[cfg(not(all(feature = "device", feature = "hatt")))]
 const COMMANDS_LEFT_OUT: &str = "This build leaves commands out: those for a stylus need the feature `device`, \
-     import-hatt `hatt`, report and scene plot `spectrograms`. `cargo stylus` has all.";
+     import-hatt `hatt`. `cargo stylus` has all.";
 
 /// Data-driven haptic textures: fit models to recordings of a tool on a surface, evaluate them, and render exactly what
 /// the stylus plays.
 #[derive(Parser)]
 #[command(name = "stylus", version, arg_required_else_help = true)]
 #[cfg_attr(
-    not(all(feature = "device", feature = "hatt", feature = "spectrograms")),
+    not(all(feature = "device", feature = "hatt")),
     command(after_help = COMMANDS_LEFT_OUT)
 )]
 struct Arguments {
@@ -85,7 +83,7 @@ enum Command {
     SimulateRig(simulate_rig::Arguments),
     /// Fit a texture library to recordings
     Fit(fit::Arguments),
-    /// Compare the stylus's output with recordings
+    /// Compare the stylus's output with recordings, and report on it
     Evaluate(evaluate::Arguments),
     /// Make a page for listening tests (A/B/X) of recordings and what the stylus plays, or score its answers
     Compare(compare::Arguments),
@@ -95,9 +93,6 @@ enum Command {
     Render(render::Arguments),
     /// Show the content of a library
     Inspect(inspect::Arguments),
-    #[cfg(feature = "spectrograms")]
-    /// Write one page with all results: tables, the paper's figures, maps, spectrograms, sounds
-    Report(report::Arguments),
     /// Cut the steady pieces out of free-hand recordings, for fit
     Segment(segment::Arguments),
     #[cfg(feature = "hatt")]
@@ -154,8 +149,6 @@ fn run_command(command: Command) -> Result<()> {
         Command::Page(arguments) => page::run(&arguments),
         Command::Render(arguments) => render::run(&arguments),
         Command::Inspect(arguments) => inspect::run(&arguments),
-        #[cfg(feature = "spectrograms")]
-        Command::Report(arguments) => report::run(&arguments),
         Command::Segment(arguments) => segment::run(&arguments),
         #[cfg(feature = "hatt")]
         Command::ImportHatt(arguments) => import_hatt::run(&arguments),

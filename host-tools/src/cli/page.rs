@@ -10,13 +10,11 @@ use host_tools::recording::RecordingSet;
 use host_tools::report::rub_page;
 use host_tools::report::rub_page::{Clips, Inputs, Recordings, Written};
 use host_tools::support::error::{Error, Result};
-use host_tools::support::output::OutputFolder;
 use host_tools::support::progress;
-use model_format::Library;
 
 use super::input::positive;
 use super::overwrite::Overwrite;
-use crate::cli::evaluate::takes::{as_fitted, choose};
+use crate::cli::evaluate::{as_fitted, choose};
 use crate::cli::library_file::{decode_library, read_library};
 use crate::cli::output::print;
 
@@ -28,9 +26,6 @@ pub struct Arguments {
     /// HTML file to write
     #[arg(long, value_name = "HTML")]
     out: PathBuf,
-    /// Folder for the data of every figure: a CSV file each, and all of them as figures.npz for NumPy
-    #[arg(long, value_name = "DATA_DIR")]
-    data: Option<PathBuf>,
     #[command(flatten)]
     overwrite: Overwrite,
     /// Recordings behind a library, as a folder or a list: their clips, their spectra and C of each node come too
@@ -52,9 +47,6 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let inputs = std::iter::once(&arguments.input).chain(&arguments.recordings);
     let inputs: Vec<PathBuf> = inputs.cloned().collect();
     arguments.overwrite.file(&arguments.out, &inputs)?;
-    if let Some(data) = &arguments.data {
-        arguments.overwrite.folder(data, &inputs)?;
-    }
     let is_recordings = is_recordings(&arguments.input);
     if is_recordings && arguments.recordings.is_some() {
         return Err(Error::Request(format!(
@@ -91,7 +83,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             recordings: None,
             seed: u64::from(arguments.seed),
         };
-        return print(&summary(out, &write_all(arguments, &inputs)?));
+        return print(&summary(out, &write(&inputs, out)?));
     };
     let set = as_fitted(record.as_ref(), set)?;
     let options = evaluate::Options {
@@ -114,7 +106,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         recordings: Some(recordings),
         seed: u64::from(arguments.seed),
     };
-    print(&summary(out, &write_all(arguments, &inputs)?))
+    print(&summary(out, &write(&inputs, out)?))
 }
 
 /// Returns whether `path` is recordings: a folder or a list. Anything else is read as a library, which says what it is
@@ -135,24 +127,13 @@ fn fitted(set: &RecordingSet, reduction: Reduction) -> Result<(Vec<u8>, Option<F
     Ok((bytes, Some(record)))
 }
 
-/// Writes the page, and its data where they are asked for.
-fn write_all(arguments: &Arguments, inputs: &Inputs<'_>) -> Result<Written> {
-    let out = &arguments.out;
-    match &arguments.data {
-        None => write(inputs, out, None),
-        Some(data) => OutputFolder::begin(data, arguments.overwrite.is_asked())?
-            .fill(|folder| write(inputs, out, Some(folder.path()))),
-    }
-}
-
-/// Writes the page with a progress bar, and its data into the folder `data`.
+/// Writes the page with a progress bar.
 ///
 /// # Errors
-/// As [`rub_page::write_with_data`].
-pub fn write(inputs: &Inputs<'_>, path: &Path, data: Option<&Path>) -> Result<Written> {
-    let library: &Library<'_> = inputs.library;
-    let bar = progress::bar(library.len() as u64, "page");
-    let written = rub_page::write_with_data(inputs, path, data, || bar.inc(1))?;
+/// As [`rub_page::write`].
+pub fn write(inputs: &Inputs<'_>, path: &Path) -> Result<Written> {
+    let bar = progress::bar(inputs.library.len() as u64, "page");
+    let written = rub_page::write(inputs, path, || bar.inc(1))?;
     bar.finish_and_clear();
     Ok(written)
 }

@@ -1,5 +1,6 @@
 //! Plain text tables.
 
+use host_tools::evaluation::tables::Table;
 use host_tools::support::visible::visible_line;
 
 /// `rows` under `header`, columns aligned: text to the left, numbers to the right. A cell is one line, whatever a name
@@ -96,6 +97,13 @@ pub fn folded_text(text: &str) -> String {
         lines.push(line);
     }
     lines.join("\n")
+}
+
+/// A table of results under its title, in [`folded_table`]'s lines.
+pub fn shown(table: &Table, keys: usize) -> String {
+    let headings: Vec<&str> = table.headings.iter().map(String::as_str).collect();
+    let rows = folded_table(&headings, &table.rows, keys);
+    format!("{}\n{rows}", table.title)
 }
 
 #[cfg(test)]

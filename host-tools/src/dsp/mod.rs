@@ -15,8 +15,30 @@ pub mod phase_correlation;
 pub mod reduction;
 pub mod spectrum;
 pub mod sums;
-mod transform;
-mod vectors;
 
-pub(crate) use transform::with_planner;
-pub(crate) use vectors::wide;
+use std::cell::RefCell;
+
+use realfft::RealFftPlanner;
+
+thread_local! {
+    /// Plans are made once per thread, because a grid has hundreds of recordings of equal length.
+    static PLANNER: RefCell<RealFftPlanner<f64>> = RefCell::new(RealFftPlanner::new());
+}
+
+/// Calls `work` with this thread's planner of transforms of real signals.
+pub(crate) fn with_planner<T>(work: impl FnOnce(&mut RealFftPlanner<f64>) -> T) -> T {
+    PLANNER.with_borrow_mut(work)
+}
+
+/// Runs `work` with AVX2 where this processor has it. Only what is inlined into `work` is compiled for it.
+///
+/// The order of the sums is that of the code either way, and no product is fused with a sum, so that the bits are the
+/// same.
+#[inline(always)]
+pub(crate) fn wide<T>(work: impl FnOnce() -> T) -> T {
+    #[cfg(target_arch = "x86_64")]
+    if let Some(instructions) = pulp::x86::V3::try_new() {
+        return instructions.vectorize(work);
+    }
+    work()
+}

@@ -10,11 +10,14 @@ use serde::Serialize;
 
 use super::held_out::{Judge, JudgeKind, in_words};
 use super::liveliness::{self, Signals, TrialLiveliness};
-use super::perception::{Perceived, Properties};
+use super::perception::Perceived;
 use super::played::{self, Played, Version};
 use super::results::{Scores, TrialEvaluation};
 use super::scoring_range::ScoringRange;
-use super::summary::{TextureEvaluation, judged_hz, liveliness_cells, other_in_words, summarise};
+use super::summary::{
+    TextureEvaluation, judged_hz, other_in_words, summarise, tables, takes_table,
+};
+use super::tables::Table;
 use crate::dsp::reduction::Reduction;
 use crate::dsp::spectrum;
 use crate::dsp::spectrum::{BAND_COUNT, BAND_LABELS_HZ};
@@ -151,16 +154,6 @@ impl Comparison {
     pub fn longest_block(&self) -> &[f64] {
         let longest = self.judged.iter().max_by_key(|block| block.len());
         longest.map_or(&[], Vec::as_slice)
-    }
-
-    /// The blocks that a model may be fitted to, and one that it did not see.
-    pub fn fitted_and_left(&self) -> (Vec<&[f64]>, &[f64]) {
-        let left = if self.beside.is_empty() {
-            self.longest_block()
-        } else {
-            &self.beside[0]
-        };
-        (slices(&self.other), left)
     }
 
     /// The frequencies that can be judged; `None` if blocks are too short.
@@ -346,17 +339,14 @@ impl Evaluation {
         judged_hz(&self.trials)
     }
 
-    /// The table of what a spectrum does not show, under [`LIVELINESS_COLUMNS`](super::summary::LIVELINESS_COLUMNS):
-    /// each texture, and all of them where there are several.
-    pub fn liveliness_cells(&self) -> Vec<Vec<String>> {
-        let textures = self.textures.iter();
-        let mut rows: Vec<Vec<String>> = textures
-            .flat_map(|texture| liveliness_cells(&texture.texture, &texture.liveliness))
-            .collect();
-        if self.textures.len() > 1 {
-            rows.extend(liveliness_cells("all", &self.liveliness));
-        }
-        rows
+    /// The tables of all textures: spectra, what is felt, and what a spectrum does not show.
+    pub fn tables(&self) -> Vec<Table> {
+        tables(&self.textures, &self.liveliness)
+    }
+
+    /// Distances from the takes that judged; `None` where no take judged.
+    pub fn takes_table(&self) -> Option<Table> {
+        takes_table(&self.textures, &self.trials)
     }
 
     /// The other recording beside the synthesis, in words.
@@ -503,13 +493,10 @@ fn judged(
     let is_silent = recorded_rms <= 0.0 || synthesised_rms <= 0.0;
     let range = comparison.range();
     let usable = range.filter(|_| !is_silent);
-    let scores = usable.map(|range| Scored::of(&judged_blocks, &played, &range, options));
+    let scores = usable.map(|range| scores_of(&judged_blocks, &played, &range, options));
+    let scores = scores.unwrap_or(Scores::NONE);
     let is_held_out = judge != JudgeKind::Nothing;
-    let (reference, scores) = match scores {
-        Some(scored) => (Some(scored.reference), scored.scores),
-        None => (None, Scores::NONE),
-    };
-    let others = usable.map(|range| Scored::of(&beside, &other, &range, options).scores);
+    let others = usable.map(|range| scores_of(&beside, &other, &range, options));
     let in_sample = scores.log_spectral_distance_db.filter(|_| !is_held_out);
     let block = comparison.longest_block().len();
     TrialEvaluation {
@@ -523,8 +510,6 @@ fn judged(
         is_silent,
         recorded_rms_m_s2: recorded_rms,
         synthesised_rms_m_s2: synthesised_rms,
-        recorded_kurtosis: reference.as_ref().and_then(|r| r.kurtosis),
-        recorded_modulation: reference.as_ref().and_then(|r| r.modulation),
         liveliness: (is_held_out && !is_silent).then(|| {
             TrialLiveliness::of(&Signals {
                 judged: &comparison.judged,
@@ -547,49 +532,30 @@ fn judged(
     }
 }
 
-/// Scores, with the properties of what they are against.
-struct Scored {
-    reference: Properties,
-    scores: Scores,
-}
-
-impl Scored {
-    /// Scores `signal` against `reference`, both in blocks.
-    fn of(
-        reference: &[&[f64]],
-        signal: &[&[f64]],
-        range: &ScoringRange,
-        options: &Options,
-    ) -> Self {
-        let rate_hz = f64::from(SAMPLE_RATE_HZ);
-        let (of_reference, of_signal) = (
-            Properties::of(reference, rate_hz, range),
-            Properties::of(signal, rate_hz, range),
-        );
-        let (low_hz, high_hz) = range.distance_hz();
-        let spectra = (&of_reference.spectrum, &of_signal.spectrum);
-        let scores = Scores {
-            cost: spectrum::cost_of_blocks(
-                reference,
-                signal,
-                rate_hz,
-                options.smoothing_hz,
-                range.cost_hz,
-            ),
-            band_errors_db: spectrum::band_errors_within_db(
-                spectra.0,
-                spectra.1,
-                range.band_edges_hz(),
-            ),
-            log_spectral_distance_db: spectrum::distance_of_spectra_db(
-                spectra.0, spectra.1, low_hz, high_hz,
-            ),
-            perceived: Some(Perceived::of(&of_reference, &of_signal, range)),
-        };
-        Self {
-            reference: of_reference,
-            scores,
-        }
+/// Scores `signal` against `reference`, both in blocks.
+fn scores_of(
+    reference: &[&[f64]],
+    signal: &[&[f64]],
+    range: &ScoringRange,
+    options: &Options,
+) -> Scores {
+    let rate_hz = f64::from(SAMPLE_RATE_HZ);
+    let spectrum = |of: &[&[f64]]| spectrum::PowerSpectrum::of_blocks(of, range.segment, rate_hz);
+    let (judge, played) = (spectrum(reference), spectrum(signal));
+    let (low_hz, high_hz) = range.distance_hz();
+    Scores {
+        cost: spectrum::cost_of_blocks(
+            reference,
+            signal,
+            rate_hz,
+            options.smoothing_hz,
+            range.cost_hz,
+        ),
+        band_errors_db: spectrum::band_errors_within_db(&judge, &played, range.band_edges_hz()),
+        log_spectral_distance_db: spectrum::distance_of_spectra_db(
+            &judge, &played, low_hz, high_hz,
+        ),
+        perceived: Some(Perceived::of(&judge, &played, range)),
     }
 }
 

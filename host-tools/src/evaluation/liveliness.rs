@@ -6,13 +6,13 @@
 //! strongest; the others are measured at its place.
 
 use model_format::SAMPLE_RATE_HZ;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 use super::played::{Played, Version};
 use crate::dsp::liveliness::{Liveliness, median, strongest_line_hz};
 
 /// A signal's part in a comparison.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Role {
     /// The recording that judges.
@@ -61,7 +61,7 @@ pub struct TrialLiveliness {
 }
 
 /// Magnitudes of the differences of a signal's measures from those of the recording.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Differences {
     /// Of the kurtosis, as |log₂| of the ratio.
     pub kurtosis_octaves: Option<f64>,
@@ -78,7 +78,7 @@ pub struct Differences {
 }
 
 /// Medians over trials of the signals with one part in the comparison.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize)]
 pub struct Summary {
     /// The signals' part.
     pub role: Role,

@@ -15,4 +15,5 @@ pub mod results;
 pub mod scoring_range;
 pub mod stress;
 pub mod summary;
+pub mod tables;
 pub mod takes;

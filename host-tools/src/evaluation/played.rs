@@ -1,15 +1,13 @@
 //! Choice of what a texture plays: all of it, or without the parts that are stored beside its filter.
 
 use model_format::{Library, PartsSpec, Texture, TextureSpec, encode_uncertified};
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 use crate::scene::texture_spec;
 use crate::support::error::{Error, Result};
 
 /// A choice of a texture's parts.
-#[derive(
-    Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, clap::ValueEnum,
-)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, clap::ValueEnum)]
 #[serde(rename_all = "snake_case")]
 pub enum Played {
     /// All parts, as fitted.

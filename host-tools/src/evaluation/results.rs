@@ -55,10 +55,6 @@ pub struct TrialEvaluation {
     pub recorded_rms_m_s2: f64,
     /// RMS of the synthesis, m/s².
     pub synthesised_rms_m_s2: f64,
-    /// Kurtosis of the judge.
-    pub recorded_kurtosis: Option<f64>,
-    /// Modulation of the judge's envelope.
-    pub recorded_modulation: Option<f64>,
     /// Properties that a spectrum does not show, of the judge and of what was played; none if nothing is held out or
     /// heard.
     pub liveliness: Option<TrialLiveliness>,

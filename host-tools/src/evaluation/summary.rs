@@ -5,9 +5,9 @@ use serde::Serialize;
 use super::held_out::JudgeKind;
 use super::liveliness::{self, Summary};
 use super::results::{Scores, TrialEvaluation};
+use super::tables::{Table, number, percent};
 use crate::dsp::liveliness::median;
 use crate::dsp::spectrum::AMPLITUDE_JND_DB;
-use crate::support::decimal::fixed;
 
 /// A texture's trials in a few numbers; silent trials are counted and left out of all means.
 #[derive(Clone, Debug, Serialize)]
@@ -35,10 +35,6 @@ pub struct TextureEvaluation {
     pub other: Means,
     /// Mean of C of the other recording.
     pub mean_cost_other: Option<f64>,
-    /// Median kurtosis of the judges.
-    pub recorded_kurtosis: Option<f64>,
-    /// Median modulation of the judges' envelopes.
-    pub recorded_modulation: Option<f64>,
     /// Properties that a spectrum does not show: of the judges, of what was played, and of the other recordings.
     pub liveliness: Vec<Summary>,
     /// Mean log-spectral distance of the library as it is from what it was, or may have been, fitted to, dB.
@@ -58,10 +54,6 @@ pub struct Means {
     pub level_error_jnd: Option<f64>,
     /// Mean magnitude of the balance's error, dB.
     pub mean_balance_error_db: Option<f64>,
-    /// Median kurtosis.
-    pub kurtosis: Option<f64>,
-    /// Median modulation of the envelope.
-    pub modulation: Option<f64>,
 }
 
 impl Means {
@@ -85,104 +77,128 @@ impl Means {
             mean_balance_error_db: mean(
                 perceived().filter_map(|p| p.balance_error_db.map(f64::abs)),
             ),
-            kurtosis: median(perceived().filter_map(|p| p.kurtosis)),
-            modulation: median(perceived().filter_map(|p| p.modulation)),
         }
     }
 }
 
-/// The columns of [`TextureEvaluation::spectra_cells`]: a heading, and true for numbers.
-pub const SPECTRA_COLUMNS: [(&str, bool); 13] = [
-    ("texture", false),
-    ("trials", true),
-    ("silent", true),
-    ("judged, Hz", true),
-    ("C, %", true),
-    ("± sd", true),
-    ("C, other", true),
-    ("LSD, dB", true),
-    ("LSD, other", true),
-    ("|band|, dB", true),
-    ("within 2.2 dB", true),
-    ("within, other", true),
-    ("in-sample LSD, dB, not a measure of fidelity", true),
-];
-
-/// The columns of [`TextureEvaluation::feel_cells`]: a heading, and true for numbers.
-pub const FEEL_COLUMNS: [(&str, bool); 11] = [
-    ("texture", false),
-    ("level error, JND", true),
-    ("level, other", true),
-    ("|balance|, dB", true),
-    ("balance, other", true),
-    ("kurtosis, recording", true),
-    ("kurtosis, synthesis", true),
-    ("kurtosis, other", true),
-    ("modulation, recording", true),
-    ("modulation, synthesis", true),
-    ("modulation, other", true),
-];
-
-/// The columns of [`take_cells`]: a heading, and true for numbers.
-pub const TAKE_COLUMNS: [(&str, bool); 6] = [
-    ("texture", false),
-    ("recording", false),
-    ("fitted take, LSD, dB", true),
-    ("synthesis, LSD, dB", true),
-    ("further by, dB", true),
-    ("judged on", false),
-];
-
-/// A trial that another take judged as a table's row, under [`TAKE_COLUMNS`]; `None` for other trials.
-pub fn take_cells(trial: &TrialEvaluation) -> Option<Vec<String>> {
-    let take = trial.other_take.as_ref()?;
-    let (other, synthesis) = (
-        trial.other.log_spectral_distance_db,
-        trial.scores.log_spectral_distance_db,
+/// The tables of an evaluation: spectra, what is felt, and what a spectrum does not show.
+pub(super) fn tables(textures: &[TextureEvaluation], liveliness: &[Summary]) -> Vec<Table> {
+    let spectra = Table::new(
+        "Spectra",
+        [
+            "texture",
+            "trials",
+            "silent",
+            "judged, Hz",
+            "C, %",
+            "± sd",
+            "C, other",
+            "LSD, dB",
+            "LSD, other",
+            "|band|, dB",
+            "within 2.2 dB, %",
+            "within, other",
+        ],
+        textures.iter().map(TextureEvaluation::spectra_cells),
     );
-    let further = synthesis
-        .zip(other)
-        .map(|(synthesis, other)| synthesis - other);
-    Some(vec![
-        trial.texture.clone(),
-        format!("{} mm/s, {} N", trial.speed_mm_s, trial.force_n),
-        number(other, 2),
-        number(synthesis, 2),
-        number(further, 2),
-        take.clone(),
-    ])
+    let felt = Table::new(
+        "What is felt",
+        [
+            "texture",
+            "level error, JND",
+            "level, other",
+            "|balance|, dB",
+            "balance, other",
+        ],
+        textures.iter().map(TextureEvaluation::feel_cells),
+    );
+    let mut lively: Vec<(String, &[Summary])> = Vec::new();
+    for texture in textures {
+        lively.push((texture.texture.clone(), &texture.liveliness));
+    }
+    if textures.len() > 1 {
+        lively.push(("all".to_owned(), liveliness));
+    }
+    vec![
+        spectra,
+        felt,
+        liveliness_table("What the spectrum does not show", &lively),
+    ]
+}
+
+/// Log-spectral distances from the takes that judged, by texture: of the fitted take of the same surface, and of the
+/// synthesis. `None` where no take judged.
+pub(super) fn takes_table(
+    textures: &[TextureEvaluation],
+    trials: &[TrialEvaluation],
+) -> Option<Table> {
+    let distance_db = |trial: &TrialEvaluation| trial.scores.log_spectral_distance_db;
+    let other_db = |trial: &TrialEvaluation| trial.other.log_spectral_distance_db;
+    let further_db = |trial: &TrialEvaluation| Some(distance_db(trial)? - other_db(trial)?);
+    let row = |texture: &TextureEvaluation| {
+        let judged = trials.iter();
+        let judged = judged.filter(|t| t.texture == texture.texture && t.other_take.is_some());
+        let judged: Vec<&TrialEvaluation> = judged.collect();
+        let worst = judged
+            .iter()
+            .filter_map(|trial| Some((distance_db(trial)?, trial)));
+        let (worst_db, worst) = worst.max_by(|a, b| a.0.total_cmp(&b.0))?;
+        let middle = |of: &dyn Fn(&TrialEvaluation) -> Option<f64>| {
+            number(median(judged.iter().filter_map(|trial| of(trial))), 2)
+        };
+        Some(vec![
+            texture.texture.clone(),
+            judged.len().to_string(),
+            middle(&other_db),
+            middle(&distance_db),
+            middle(&further_db),
+            number(Some(worst_db), 2),
+            worst.speed_mm_s.to_string(),
+            worst.force_n.to_string(),
+            worst.file.clone(),
+        ])
+    };
+    let rows: Vec<Vec<String>> = textures.iter().filter_map(row).collect();
+    let headings = [
+        "texture",
+        "trials",
+        "fitted take",
+        "synthesis",
+        "further by",
+        "worst synthesis",
+        "at mm/s",
+        "N",
+        "file",
+    ];
+    let title = "Log-spectral distance in dB from the takes that judged, medians over trials";
+    (!rows.is_empty()).then(|| Table::new(title, headings, rows))
 }
 
 impl TextureEvaluation {
-    /// The figures of spectra as a table's row, under [`SPECTRA_COLUMNS`].
-    pub fn spectra_cells(&self) -> Vec<String> {
+    fn spectra_cells(&self) -> Vec<String> {
         let Self {
             synthesis, other, ..
         } = self;
         let range = self
             .bands_hz
             .map_or("-".into(), |(low, high)| format!("{low:.0} to {high:.0}"));
-        let share =
-            |share: Option<f64>| share.map_or("-".into(), |s| format!("{:.0} %", 100.0 * s));
         vec![
             self.texture.clone(),
             self.trials.to_string(),
             self.silent.to_string(),
             range,
-            percent(self.mean_cost),
-            percent(self.cost_deviation),
-            percent(self.mean_cost_other),
+            percent(self.mean_cost, 1),
+            percent(self.cost_deviation, 1),
+            percent(self.mean_cost_other, 1),
             number(synthesis.mean_log_spectral_distance_db, 2),
             number(other.mean_log_spectral_distance_db, 2),
             number(synthesis.mean_band_error_db, 2),
-            share(synthesis.bands_within_jnd),
-            share(other.bands_within_jnd),
-            number(self.in_sample_log_spectral_distance_db, 2),
+            percent(synthesis.bands_within_jnd, 0),
+            percent(other.bands_within_jnd, 0),
         ]
     }
 
-    /// The figures that are felt as a table's row, under [`FEEL_COLUMNS`].
-    pub fn feel_cells(&self) -> Vec<String> {
+    fn feel_cells(&self) -> Vec<String> {
         let Self {
             synthesis, other, ..
         } = self;
@@ -192,45 +208,20 @@ impl TextureEvaluation {
             number(other.level_error_jnd, 2),
             number(synthesis.mean_balance_error_db, 1),
             number(other.mean_balance_error_db, 1),
-            number(self.recorded_kurtosis, 1),
-            number(synthesis.kurtosis, 1),
-            number(other.kurtosis, 1),
-            number(self.recorded_modulation, 2),
-            number(synthesis.modulation, 2),
-            number(other.modulation, 2),
         ]
     }
 }
 
-/// The columns of [`liveliness_cells`]: a heading, and true for numbers.
-pub const LIVELINESS_COLUMNS: [(&str, bool); 11] = [
-    ("texture", false),
-    ("signal", false),
-    ("kurtosis", true),
-    ("off, log2", true),
-    ("residual kurtosis", true),
-    ("crest factor", true),
-    ("modulation", true),
-    ("off, dB", true),
-    ("50 ms levels, dB", true),
-    ("off, dB", true),
-    ("line's range, dB", true),
-];
-
-/// The measures of texture `name` as rows of a table, under [`LIVELINESS_COLUMNS`].
-pub fn liveliness_cells(name: &str, summaries: &[Summary]) -> Vec<Vec<String>> {
-    let row = |(index, summary): (usize, &Summary)| {
+/// Properties that a spectrum does not show, of textures or trials by name.
+pub fn liveliness_table(title: &str, of: &[(String, &[Summary])]) -> Table {
+    let row = |name: &str, summary: &Summary| {
         let Summary {
             median,
             differences,
             ..
         } = summary;
         vec![
-            if index == 0 {
-                name.to_owned()
-            } else {
-                String::new()
-            },
+            name.to_owned(),
             summary.in_words(),
             number(median.kurtosis, 1),
             number(differences.kurtosis_octaves, 2),
@@ -243,26 +234,39 @@ pub fn liveliness_cells(name: &str, summaries: &[Summary]) -> Vec<Vec<String>> {
             number(median.line_range_db, 1),
         ]
     };
-    summaries.iter().enumerate().map(row).collect()
+    let rows = of.iter().flat_map(|(name, summaries)| {
+        // The name stands once.
+        let names = std::iter::once(name.as_str()).chain(std::iter::repeat(""));
+        names
+            .zip(*summaries)
+            .map(|(name, summary)| row(name, summary))
+    });
+    Table::new(
+        title,
+        [
+            "texture",
+            "signal",
+            "kurtosis",
+            "off, log2",
+            "residual kurtosis",
+            "crest factor",
+            "modulation",
+            "off, dB",
+            "50 ms levels, dB",
+            "off, dB",
+            "line's range, dB",
+        ],
+        rows,
+    )
 }
 
-/// An explanation of [`LIVELINESS_COLUMNS`].
+/// An explanation of [`liveliness_table`].
 pub const LIVELINESS_EXPLANATION: &str = "\
      Medians over trials. Kurtosis: 3 for Gaussian noise; residual kurtosis: of the prediction error in windows of \
      50 ms, 2.94 for Gaussian noise; crest factor: greatest magnitude over the RMS; modulation: the envelope's 8 to \
      64 Hz over its mean, of 100 to 1000 Hz; 50 ms levels: their standard deviation; line's range: of the \
      recording's strongest narrow line in windows of 0.5 s; off: distance from the recording, which the other \
      recording has, too.";
-
-/// A number with so many decimals, or a dash.
-fn number(value: Option<f64>, decimals: usize) -> String {
-    value.map_or("-".into(), |value| fixed(value, decimals))
-}
-
-/// A share in per cent, without the sign, which the heading has.
-fn percent(share: Option<f64>) -> String {
-    number(share.map(|share| 100.0 * share), 1)
-}
 
 /// The trials of texture `name` in a few numbers.
 pub(super) fn summarise(name: &str, trials: &[TrialEvaluation]) -> TextureEvaluation {
@@ -294,8 +298,6 @@ pub(super) fn summarise(name: &str, trials: &[TrialEvaluation]) -> TextureEvalua
         synthesis: Means::of(&scores),
         other: Means::of(&others),
         mean_cost_other: mean(others.iter().filter_map(|scores| scores.cost)),
-        recorded_kurtosis: median(heard.iter().filter_map(|trial| trial.recorded_kurtosis)),
-        recorded_modulation: median(heard.iter().filter_map(|trial| trial.recorded_modulation)),
         liveliness: liveliness::summaries(heard.iter().filter_map(|t| t.liveliness.as_ref())),
         in_sample_log_spectral_distance_db: mean(
             heard
@@ -334,7 +336,7 @@ pub(super) fn judged_hz(trials: &[TrialEvaluation]) -> String {
         return "Nothing could be judged: recordings are silent, too short or too slow.".into();
     }
     format!(
-        "Judged: third octaves, balance, kurtosis and modulation from {}, LSD from {}, C from {}; nothing above 0.9 \
+        "Judged: third octaves and balance from {}, LSD from {}, C from {}; nothing above 0.9 \
          of half a recording's own sample rate, nor where its blocks do not resolve a third octave.",
         ends(ranges().map(|range| range.band_edges_hz()).collect()),
         ends(ranges().map(|range| range.distance_hz()).collect()),
@@ -355,18 +357,5 @@ pub(super) fn other_in_words(trials: &[TrialEvaluation]) -> &'static str {
     } else {
         "Other: the recording's other blocks in the place of the synthesis, against the judged ones; a synthesis need \
          not come nearer."
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn means_and_medians_of_nothing_do_not_exist() {
-        assert_eq!(mean(std::iter::empty()), None);
-        assert_eq!(median(std::iter::empty()), None);
-        assert_eq!(median([3.0, 1.0, 2.0].into_iter()), Some(2.0));
-        assert_eq!(median([4.0, 1.0].into_iter()), Some(2.5));
     }
 }

@@ -33,13 +33,13 @@ const FUZZ: &str = "fuzz";
 /// Targets with the arguments of `cargo test`; [`FUZZ`] has none.
 const TARGETS: [(&str, &str); 8] = [
     (FUZZ, ""),
-    ("boots", "-p stylus-app --test attack -- boots::"),
-    ("requests", "-p stylus-app --test attack -- requests::"),
+    ("boots", "-p stylus-app --test app -- boots::"),
+    ("requests", "-p stylus-app --test app -- interleavings::"),
     (
         "settings",
         "-p stylus-app --test app -- settings::histories::",
     ),
-    ("hosts", "-p stylus-app --test app -- lease:: proposals::"),
+    ("hosts", "-p stylus-app --test app -- hosts::"),
     ("safety", "-p stylus-app --test app -- safety::"),
     (
         "properties",

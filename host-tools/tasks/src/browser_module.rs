@@ -79,8 +79,8 @@ fn is_same(kept: &[u8], compiler: &str, built: &Built) -> Result<bool> {
         let pairs = kept.iter().zip(&built.bytes);
         let first = pairs.take_while(|(kept, built)| kept == built).count();
         bail!(
-            "{KEPT} has {} bytes, and what {compiler} builds has {}; they differ from byte {first} on; if the kernel or \
-             the format has changed on purpose, `cargo tasks browser-module` writes it anew",
+            "{KEPT} has {} bytes, and what {compiler} builds has {}; they differ from byte {first} on; if the kernel \
+             or the format has changed on purpose, `cargo tasks browser-module` writes it anew",
             kept.len(),
             built.bytes.len()
         );

@@ -412,7 +412,8 @@ mod tests {
             is_call: false,
             depends_on_data: false,
         };
-        let path = vec![Rc::new(nop); instructions as usize];
+        let nop = Rc::new(nop);
+        let path = (0..instructions).map(|_| nop.clone()).collect();
         Call { function, path }
     }
 

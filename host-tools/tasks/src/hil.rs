@@ -8,7 +8,7 @@ use anyhow::Result;
 
 use crate::firmware::{self, Image};
 use crate::toolchain::Toolchain;
-use crate::{process, virtual_stylus};
+use crate::{process, virtual_stylus, workspace};
 
 /// Length of upload, stream and play together on the virtual stylus, minutes of its own time.
 const VIRTUAL_MINUTES: f64 = 0.02;
@@ -57,8 +57,19 @@ pub struct Arguments {
 /// # Errors
 /// A build fails, probe-rs is missing where it is needed, or a test fails.
 pub fn run(arguments: &Arguments) -> Result<()> {
-    let mut suite = Command::new("cargo");
-    suite.args(["run", "--quiet", "--locked", "--package", "hil", "--"]);
+    // An example has the features of all tests, by which the library of the host's tools is built already.
+    let mut build = Command::new("cargo");
+    build.args([
+        "build",
+        "--quiet",
+        "--locked",
+        "--workspace",
+        "--bin",
+        "hil",
+    ]);
+    build.args(["--example", "custom_structure"]);
+    process::run(build.current_dir(workspace::root()))?;
+    let mut suite = Command::new(workspace::host_target_folder().join("debug/hil"));
     if arguments.virtual_stylus || arguments.flash {
         let toolchain = Toolchain::find()?;
         let product = firmware::build(&toolchain, Image::Product)?;

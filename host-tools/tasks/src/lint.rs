@@ -4,13 +4,14 @@ use anyhow::Result;
 
 use crate::guest::{self, Processor};
 use crate::toolchain::{Toolchain, check_clippy};
-use crate::{process, workspace};
+use crate::{firmware, process, workspace};
 
 /// The packages of the workspace that run on the target.
-const PACKAGES: [&str; 5] = [
+const PACKAGES: [&str; 6] = [
     "model-format",
     "stylus-kernel",
     "stylus-app",
+    "stylus-realtime",
     "stylus-firmware",
     "kernel-vectors",
 ];
@@ -22,18 +23,21 @@ const PACKAGES: [&str; 5] = [
 pub fn check_target(toolchain: &Toolchain) -> Result<()> {
     const PROCESSOR: Processor = Processor::CortexM7;
     check_clippy(toolchain)?;
-    let target_folder = workspace::target_folder("lint");
+    // The folder and profile of the image's build, so that its build scripts and macros are built once.
+    let target_folder = workspace::target_folder(firmware::FOLDER);
     let mut packages = toolchain.cargo("clippy", workspace::root(), &target_folder);
+    packages.args(["--profile", firmware::PROFILE]);
     packages.args(PACKAGES.iter().flat_map(|package| ["--package", package]));
     // The image, with the faults that only its tests have, and what a debugger asks for.
     let mut image = toolchain.cargo("clippy", workspace::root(), &target_folder);
     image.args([
+        "--profile",
+        firmware::PROFILE,
         "--package",
         "stylus-firmware",
         "--features",
         "fault-injection,debug-halt",
     ]);
-    // The folder and profile of its build, so that most of that build is used again.
     let target_folder = workspace::target_folder(PROCESSOR.name());
     let mut guest = toolchain.cargo("clippy", &guest::folder(), &target_folder);
     guest.arg("--release");

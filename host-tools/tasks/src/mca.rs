@@ -1,11 +1,11 @@
 //! Cycles of a Cortex-M4 or M7 by llvm-mca, a *model*: LLVM's own tables of the processor's units and latencies.
 //!
 //! It is given the instructions that a call executed on QEMU, in their order, so that loops and branches are known. It
-//! issues them in order, up to two per cycle on a Cortex-M7, as their registers and the units are free. It leaves out the memories,
-//! the prediction of branches, and what the processor does with pairs of instructions beyond its tables. It counts an
-//! instruction that loads or stores several words as one of one word, which is too little; here each word is an
-//! instruction of its own, which may be too much. A conditional instruction is taken as one that is always executed,
-//! and the IT before it as one that does nothing.
+//! issues them in order, up to two per cycle on a Cortex-M7, as their registers and the units are free. It leaves out
+//! the memories, the prediction of branches, and what the processor does with pairs of instructions beyond its tables.
+//! It counts an instruction that loads or stores several words as one of one word, which is too little; here each word
+//! is an instruction of its own, which may be too much. A conditional instruction is taken as one that is always
+//! executed, and the IT before it as one that does nothing.
 
 use std::io::Write;
 use std::path::PathBuf;

@@ -53,8 +53,8 @@ impl Toolchain {
             Ok(Self::Debian)
         } else {
             bail!(
-                "no Rust toolchain here builds for {TARGET}; install it: `rustup target add {TARGET}`, or, where rustup \
-                 has no such target, on Debian 12 as root: `apt-get install {DEBIAN_PACKAGES}`"
+                "no Rust toolchain here builds for {TARGET}; install it: `rustup target add {TARGET}`, or, where \
+                 rustup has no such target, on Debian 12 as root: `apt-get install {DEBIAN_PACKAGES}`"
             )
         }
     }

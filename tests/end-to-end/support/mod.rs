@@ -1,7 +1,5 @@
 //! Support for the end-to-end tests: the built command, folders, and synthetic recordings.
 
-pub mod browser;
-
 use std::path::PathBuf;
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};

@@ -1,7 +1,7 @@
 //! The application on fake hardware, in virtual time: [`Control`] behind a lock that is never held across a wait, and
 //! [`Storage`] beside it, as `firmware/src/storage.rs` puts them together.
 
-use std::cell::{Cell, RefCell};
+use std::cell::{Cell, RefCell, RefMut};
 use std::ops::Deref;
 use std::pin::pin;
 use std::rc::Rc;
@@ -9,8 +9,9 @@ use std::task::{Context, Poll, Waker};
 
 use embassy_futures::yield_now;
 use model_format::link::{
-    LinkId, MotionSample, RecordBlock, Setting, SettingChange, Settings, SettingsChange,
-    SettingsError, UploadChunk,
+    ActivateError, Activated, LinkId, MAX_CHUNK_BYTES, MotionSample, MotionSource, PlayError,
+    PlayRequest, Playing, RecordBlock, Selection, Setting, SettingChange, Settings, SettingsChange,
+    SettingsError, SlotId, Status, UploadChunk, UploadCommitted, UploadError,
 };
 use model_format::{MillimetresPerSecond, Newton};
 use stylus_app::TICKS_PER_MS;
@@ -129,23 +130,30 @@ impl Stage for SharedControl {
     }
 }
 
+/// A request to play the texture of this name, with the motion of the host.
+pub fn play_request(texture: &str) -> PlayRequest {
+    PlayRequest {
+        selection: Selection::Texture(texture.try_into().expect("it is short")),
+        gain: 1.0,
+        motion: MotionSource::Host,
+        seed: 7,
+    }
+}
+
 /// A whole device that a test steps by hand.
 ///
 /// ```
+/// use fake_stylus::device::{SteppedStylus, play_request};
 /// use fake_stylus::library;
-/// use fake_stylus::device::SteppedStylus;
-/// use model_format::link::UploadChunk;
 ///
 /// let mut stylus = SteppedStylus::boot();
-/// let bytes = library::library(1, 4, 1);
-/// stylus.request(async |storage, stage| {
-///     let begun = storage.upload_begin(stage, library::announcement(&bytes)).await;
-///     assert_eq!(begun.expect("a slot is free").next_offset, 0);
-///     let chunk = UploadChunk { offset: 0, data: &bytes[..512] };
-///     storage.upload_chunk(stage, chunk).await.expect("it follows");
-/// });
-/// stylus.run(10);
-/// assert_eq!(stylus.control.borrow().status().active, None);
+/// stylus.set_coil();
+/// let slot = stylus.upload(&library::library(1, 4, 1))?.slot;
+/// stylus.activate(slot).expect("it is valid");
+/// stylus.play(play_request("texture 0")).expect("it is there");
+/// stylus.run(300);
+/// assert!(stylus.sounds());
+/// # Ok::<(), model_format::link::UploadError>(())
 /// ```
 pub struct SteppedStylus {
     /// Requests that are answered at once.
@@ -202,18 +210,54 @@ impl SteppedStylus {
     pub fn ready(library: &[u8]) -> Self {
         let mut stylus = Self::boot();
         stylus.set_coil();
-        stylus.request(async |storage, stage| {
-            let begun = storage.upload_begin(stage, announcement(library)).await;
-            let slot = begun.expect("a slot is free").slot;
-            for (index, data) in library.chunks(512).enumerate() {
-                let offset = index as u32 * 512;
-                let chunk = UploadChunk { offset, data };
-                storage.upload_chunk(stage, chunk).await.expect("in turn");
-            }
-            storage.upload_commit(stage).await.expect("it is valid");
-            storage.activate(stage, slot).await.expect("it is valid");
-        });
+        let committed = stylus.upload(library).expect("it is valid");
+        stylus.activate(committed.slot).expect("it is valid");
         stylus
+    }
+
+    /// Uploads a library, or the rest of one whose upload has begun, as a host does.
+    ///
+    /// # Errors
+    /// A refusal of any of its requests.
+    pub fn upload(&mut self, bytes: &[u8]) -> Result<UploadCommitted, UploadError> {
+        self.request(async |storage, stage| {
+            let begun = storage.upload_begin(stage, announcement(bytes)).await?;
+            let mut offset = begun.next_offset as usize;
+            while offset < bytes.len() {
+                let chunk = UploadChunk {
+                    offset: offset as u32,
+                    data: &bytes[offset..bytes.len().min(offset + MAX_CHUNK_BYTES)],
+                };
+                offset = storage.upload_chunk(stage, chunk).await?.next_offset as usize;
+            }
+            storage.upload_commit(stage).await
+        })
+    }
+
+    /// Activates the library in `slot`.
+    ///
+    /// # Errors
+    /// As `Storage::activate`.
+    pub fn activate(&mut self, slot: SlotId) -> Result<Activated, ActivateError> {
+        self.request(async |storage, stage| storage.activate(stage, slot).await)
+    }
+
+    /// Plays what `request` says for the host on the serial port.
+    ///
+    /// # Errors
+    /// As `Control::play`.
+    pub fn play(&self, request: PlayRequest) -> Result<Playing, PlayError> {
+        self.control.borrow_mut().play(LinkId::Serial, request)
+    }
+
+    /// The device's status.
+    pub fn status(&self) -> Status {
+        self.control.borrow().status()
+    }
+
+    /// The hardware.
+    pub fn hardware(&self) -> RefMut<'_, Hardware> {
+        RefMut::map(self.control.borrow_mut(), Control::device)
     }
 
     /// Sets what nothing plays without, as the owner of the coil does: by requests.

@@ -242,6 +242,10 @@ pub enum Mishap {
     Cut(Cut),
     /// The operation fails half way and reports it.
     Refuse,
+    /// So do this operation and every one after it.
+    RefuseFrom,
+    /// The operation puts a wrong bit and reports success.
+    Corrupt,
 }
 
 #[derive(Default)]
@@ -280,7 +284,8 @@ impl Fate {
     fn next(&self) -> Option<Mishap> {
         let (before, mishap) = self.0.mishap.get()?;
         let Some(fewer) = before.checked_sub(1) else {
-            self.0.mishap.set(None);
+            let goes_on = mishap == Mishap::RefuseFrom;
+            self.0.mishap.set(goes_on.then_some((0, mishap)));
             return Some(mishap);
         };
         self.0.mishap.set(Some((fewer, mishap)));
@@ -294,28 +299,12 @@ impl Fate {
     }
 }
 
-/// A fault of the flash, injected on purpose. Operations are numbered from 0.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Fault {
-    /// None.
-    #[default]
-    None,
-    /// The operation with this number fails half way and reports it.
-    Refuse(usize),
-    /// So does every operation from this number on.
-    RefuseFrom(usize),
-    /// The write with this number puts a wrong bit and reports success.
-    Corrupt(usize),
-}
-
 type Observer<'a> = Box<dyn FnMut(&Memory, Operation) + 'a>;
 
 /// A driver of the flash in memory.
 pub struct SimulatedFlash<'a> {
     /// The content.
     pub memory: Memory,
-    /// The injected fault.
-    pub fault: Fault,
     /// Number of operations so far.
     pub operations: usize,
     /// Offset of a word, and the number of reads after which it faults.
@@ -330,11 +319,10 @@ pub struct SimulatedFlash<'a> {
 }
 
 impl<'a> SimulatedFlash<'a> {
-    /// On `memory`, without an injected fault.
+    /// On `memory`, without mishaps.
     pub fn new(memory: Memory) -> Self {
         Self {
             memory,
-            fault: Fault::None,
             operations: 0,
             wears_out: None,
             recovers: None,
@@ -363,61 +351,41 @@ impl<'a> SimulatedFlash<'a> {
             observer(&self.memory, operation);
         }
         self.fate.age(&mut self.memory);
+        self.operations += 1;
         match self.fate.next() {
             Some(Mishap::Cut(cut)) => {
                 self.memory.perform(operation, cut);
                 self.fate.0.is_off.set(true);
                 return pending().await;
             }
-            Some(Mishap::Refuse) => {
+            Some(Mishap::Refuse | Mishap::RefuseFrom) => {
                 self.memory.perform(operation, Cut::Faulting);
-                return Err(SimulatedError::Refused);
+                return Err(SimulatedError("the operation failed"));
             }
-            None => {}
-        }
-        let number = self.operations;
-        self.operations += 1;
-        let refuses = match self.fault {
-            Fault::Refuse(at) => number == at,
-            Fault::RefuseFrom(at) => number >= at,
-            Fault::None | Fault::Corrupt(_) => false,
-        };
-        if refuses {
-            self.memory.perform(operation, Cut::Faulting);
-            return Err(SimulatedError::Refused);
-        }
-        self.memory.perform(operation, Cut::After);
-        if let (Fault::Corrupt(at), Operation::Write { word, .. }) = (self.fault, operation)
-            && at == number
-        {
-            self.memory.flip_bit(word * WORD_BYTES + 5);
+            Some(Mishap::Corrupt) => {
+                self.memory.perform(operation, Cut::After);
+                if let Operation::Write { word, .. } = operation {
+                    self.memory.flip_bit(word * WORD_BYTES + 5);
+                }
+            }
+            None => self.memory.perform(operation, Cut::After),
         }
         Ok(())
     }
 }
 
-/// A refusal of the driver.
+/// A refusal of the driver, with its reason.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum SimulatedError {
-    /// The place is outside of the flash.
-    Bounds,
-    /// The place or the length is not a whole number of words or sectors.
-    Aligned,
-    /// The word was programmed since its last erase.
-    NotErased,
-    /// A word that was read faults.
-    Ecc,
-    /// The injected fault.
-    Refused,
-}
+pub struct SimulatedError(&'static str);
+
+const BOUNDS: SimulatedError = SimulatedError("the place is outside of the flash");
+const ALIGNED: SimulatedError = SimulatedError("the place is not of whole words or sectors");
+const NOT_ERASED: SimulatedError = SimulatedError("the word was programmed since its last erase");
+const ECC: SimulatedError = SimulatedError("a word that was read faults");
 
 impl NorFlashError for SimulatedError {
     fn kind(&self) -> NorFlashErrorKind {
-        match self {
-            Self::Bounds => NorFlashErrorKind::OutOfBounds,
-            Self::Aligned => NorFlashErrorKind::NotAligned,
-            Self::NotErased | Self::Ecc | Self::Refused => NorFlashErrorKind::Other,
-        }
+        NorFlashErrorKind::Other
     }
 }
 
@@ -434,10 +402,10 @@ impl ReadNorFlash for SimulatedFlash<'_> {
         let from = offset as usize;
         let to = from + bytes.len();
         if to > self.memory.bytes.len() {
-            return Err(SimulatedError::Bounds);
+            return Err(BOUNDS);
         }
         for word in from / WORD_BYTES..to.div_ceil(WORD_BYTES) {
-            let content = self.memory.read_word(word).ok_or(SimulatedError::Ecc)?;
+            let content = self.memory.read_word(word).ok_or(ECC)?;
             let first = word * WORD_BYTES;
             let part = from.max(first)..to.min(first + WORD_BYTES);
             bytes[part.start - from..part.end - from]
@@ -448,14 +416,14 @@ impl ReadNorFlash for SimulatedFlash<'_> {
             && let Some(fewer) = left.checked_sub(1)
         {
             self.recovers = Some((offset, fewer));
-            return Err(SimulatedError::Ecc);
+            return Err(ECC);
         }
         if let Some((offset, left)) = self.wears_out
             && (from..to).contains(&offset)
         {
             let Some(left) = left.checked_sub(1) else {
                 self.memory.set_faulty(offset);
-                return Err(SimulatedError::Ecc);
+                return Err(ECC);
             };
             self.wears_out = Some((offset, left));
         }
@@ -474,10 +442,10 @@ impl NorFlash for SimulatedFlash<'_> {
     async fn erase(&mut self, from: u32, to: u32) -> Result<(), SimulatedError> {
         let (from, to) = (from as usize, to as usize);
         if !from.is_multiple_of(SECTOR_BYTES) || !to.is_multiple_of(SECTOR_BYTES) {
-            return Err(SimulatedError::Aligned);
+            return Err(ALIGNED);
         }
         if to > self.memory.bytes.len() {
-            return Err(SimulatedError::Bounds);
+            return Err(BOUNDS);
         }
         for sector in from / SECTOR_BYTES..to / SECTOR_BYTES {
             self.operate(Operation::Erase { sector }).await?;
@@ -489,13 +457,13 @@ impl NorFlash for SimulatedFlash<'_> {
         let first = offset as usize / WORD_BYTES;
         let (words, rest) = bytes.as_chunks::<WORD_BYTES>();
         if !(offset as usize).is_multiple_of(WORD_BYTES) || !rest.is_empty() {
-            return Err(SimulatedError::Aligned);
+            return Err(ALIGNED);
         }
         for (index, &data) in words.iter().enumerate() {
             let word = first + index;
             match self.memory.programmed.get(word) {
-                None => return Err(SimulatedError::Bounds),
-                Some(true) => return Err(SimulatedError::NotErased),
+                None => return Err(BOUNDS),
+                Some(true) => return Err(NOT_ERASED),
                 Some(false) => self.operate(Operation::Write { word, data }).await?,
             }
         }
@@ -512,6 +480,6 @@ impl MappedFlash for SimulatedFlash<'_> {
             !self.memory.faulty[words].contains(&true),
             "a word that faults was read where it lies"
         );
-        self.memory.bytes.get(range).ok_or(SimulatedError::Bounds)
+        self.memory.bytes.get(range).ok_or(BOUNDS)
     }
 }

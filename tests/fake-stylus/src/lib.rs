@@ -12,16 +12,14 @@
 mod board;
 mod connection;
 pub mod device;
-mod faults;
 pub mod flash;
 mod hand;
 pub mod hardware;
 pub mod library;
 pub mod requests;
-pub mod self_test;
 mod served;
 
-pub use board::Board;
-pub use faults::Faults;
+pub use board::{Board, BoardOf};
+pub use connection::Faults;
 pub use hand::Hand;
 pub use served::{FakeStylus, Heard};

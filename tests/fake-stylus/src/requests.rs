@@ -17,8 +17,8 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use stylus_app::requests::{self, Link, QUEUED_JOBS, QueuedJob, work};
 
+use crate::board::BoardOf;
 use crate::device::{SharedControl, Stores};
-use crate::self_test::BoardOf;
 
 /// A frame of `body` under `key`, which is sent whole.
 pub fn frame(key: Key, mut header: VarHeader, body: &impl Serialize) -> Vec<u8> {

@@ -14,9 +14,8 @@ use stylus_app::SAMPLE_RATE_HZ;
 use stylus_app::control::Device;
 
 use crate::board::Board;
-use crate::connection::Connection;
+use crate::connection::{Connection, Faults};
 use crate::device::{SharedControl, SteppedStylus};
-use crate::faults::Faults;
 use crate::flash::{Damage, SimulatedFlash};
 use crate::hand::Hand;
 use crate::requests::{Requests, frame, path_of};

@@ -1,4 +1,4 @@
-//! Faults on request, which the fault image alone takes, by their numbers in `firmware/src/injection.rs`.
+//! Faults on request, which the fault image alone takes, by their numbers in `firmware/realtime/src/injection.rs`.
 
 use postcard_rpc::{TopicDirection, topics};
 

@@ -1,4 +1,13 @@
-//! Converter steps in fixed point, and rounding that adds neither energy nor a bias.
+//! Units of the stages: codes per tick, and converter steps in fixed point with rounding that adds neither energy nor
+//! a bias.
+
+use crate::SAMPLE_RATE_HZ;
+
+/// Number of codes for the converter per tick. They are put out at equal intervals.
+pub const OVERSAMPLING: usize = 8;
+
+/// Codes per second at the pin.
+pub const PIN_RATE_HZ: u32 = SAMPLE_RATE_HZ * OVERSAMPLING as u32;
 
 /// Binary digits after the point of the values between the stages of a tick, which are in converter steps of 2^-16.
 pub const STEP_BITS: u32 = 16;

@@ -3,8 +3,7 @@
 use model_format::DacCode;
 use model_format::link::{Setting, Settings};
 
-use super::fixed::within;
-use super::rate::{OVERSAMPLING, PIN_RATE_HZ};
+use super::fixed::{OVERSAMPLING, PIN_RATE_HZ, within};
 
 /// Limits of the codes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

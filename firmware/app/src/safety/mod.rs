@@ -27,7 +27,6 @@ mod fixed;
 mod interpolator;
 mod limits;
 mod ramp;
-mod rate;
 mod shaper;
 mod thermal;
 
@@ -42,7 +41,7 @@ use ramp::{Ramp, RampConfig};
 use shaper::Shaper;
 use thermal::{CoilConfig, CoilState};
 
-pub use rate::{OVERSAMPLING, PIN_RATE_HZ};
+pub use fixed::{OVERSAMPLING, PIN_RATE_HZ};
 pub use thermal::{Heat, MOST_HELD_TICKS, PEAK_POWER_RATIO};
 
 /// Binary digits after the point of the gain.

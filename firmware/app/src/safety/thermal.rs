@@ -16,8 +16,7 @@
 use model_format::DacCode;
 use model_format::link::{MAX_PIN_MEAN_SQUARE, OutputLimits, Setting, Settings};
 
-use super::fixed::shift_toward_zero;
-use super::rate::OVERSAMPLING;
+use super::fixed::{OVERSAMPLING, shift_toward_zero};
 use crate::SAMPLE_RATE_HZ;
 
 /// Largest instantaneous power, in units of the power limit: a Gaussian signal at the limit is cut at four times its

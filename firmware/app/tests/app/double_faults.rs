@@ -1,15 +1,15 @@
 //! Two faults in a row, after which one library is left: nothing erases it unasked.
 
 use embassy_futures::block_on;
+use fake_stylus::BoardOf;
 use fake_stylus::device::SteppedStylus;
 use fake_stylus::flash::{Damage, Fate, Memory, Mishap, SimulatedFlash};
 use fake_stylus::hardware::Hardware;
 use fake_stylus::library::{announcement, put, small, upload};
-use fake_stylus::self_test::BoardOf;
 use model_format::limits::{MAX_LIBRARY_BYTES, SLOT_BYTES};
 use model_format::link::{
-    ActivateError, SelfTestError, SelfTestRequest, SlotFault, SlotId, SlotState, UploadBegin,
-    UploadChunk, UploadCommitted, UploadError, UploadProgress,
+    SelfTestError, SelfTestRequest, SlotFault, SlotId, SlotState, UploadBegin, UploadError,
+    UploadProgress,
 };
 use stylus_app::slots::SlotStore;
 use stylus_app::upload::Uploader;
@@ -47,24 +47,6 @@ fn begin(
     stylus.request(async |storage, stage| storage.upload_begin(stage, begin).await)
 }
 
-/// Uploads `bytes`, after [`begin`] or anew.
-fn complete(stylus: &mut SteppedStylus, bytes: &[u8]) -> Result<UploadCommitted, UploadError> {
-    begin(stylus, bytes, false)?;
-    stylus.request(async |storage, stage| {
-        for (index, data) in bytes.chunks(512).enumerate() {
-            let offset = index as u32 * 512;
-            let chunk = UploadChunk { offset, data };
-            storage.upload_chunk(stage, chunk).await?;
-        }
-        storage.upload_commit(stage).await
-    })
-}
-
-fn activate(stylus: &mut SteppedStylus, slot: SlotId) -> Result<(), ActivateError> {
-    let activated = stylus.request(async |storage, stage| storage.activate(stage, slot).await);
-    activated.map(drop)
-}
-
 fn is_valid(stylus: &SteppedStylus, slot: SlotId) -> bool {
     matches!(
         stylus.storage.slots().slots[slot.index()],
@@ -89,8 +71,8 @@ fn the_last_library_is_kept_when_the_active_slot_cannot_be_read_any_more_and_the
             );
             // What is in RAM goes on, and the remedy of the refusal leaves the good one alone.
             assert_eq!(stylus.storage.slots().active, Some(SlotId::A));
-            assert_eq!(activate(&mut stylus, slot), Ok(()));
-            let committed = complete(&mut stylus, &new).expect("slot A is free");
+            assert_eq!(stylus.activate(slot).map(drop), Ok(()));
+            let committed = stylus.upload(&new).expect("slot A is free");
             assert_eq!(committed.slot, SlotId::A);
             assert!(is_valid(&stylus, slot));
         }
@@ -104,7 +86,7 @@ fn the_last_library_is_replaced_by_an_upload_that_asks_for_it() {
     fate.damage(0, Damage::Faulting);
     let begun = begin(&mut stylus, &new, true).expect("it asks for it");
     assert_eq!(begun.slot, SlotId::B);
-    assert_eq!(complete(&mut stylus, &new).map(|done| done.sequence), Ok(3));
+    assert_eq!(stylus.upload(&new).map(|done| done.sequence), Ok(3));
     let (stylus, _) = boot(&memory_of(stylus));
     assert_eq!(stylus.storage.slots().active, Some(SlotId::B));
 }
@@ -130,7 +112,7 @@ fn a_self_test_never_erases_the_last_library() {
         Err(SelfTestError::LastLibrary { slot })
     );
     assert!(is_valid(&stylus, slot));
-    assert_eq!(activate(&mut stylus, slot), Ok(()));
+    assert_eq!(stylus.activate(slot).map(drop), Ok(()));
     assert_eq!(test(&mut stylus, SlotId::A), Ok(()));
 }
 
@@ -215,7 +197,7 @@ fn numbers_that_wrap_or_are_the_same_leave_the_library_that_was_uploaded_last() 
         for round in 0..4 {
             let (mut stylus, _) = boot(&memory);
             let new = small(&format!("new {round}"));
-            let committed = complete(&mut stylus, &new).expect("both slots are good");
+            let committed = stylus.upload(&new).expect("both slots are good");
             memory = memory_of(stylus);
             let (stylus, _) = boot(&memory);
             let active = stylus.storage.slots().active;
@@ -248,7 +230,7 @@ fn a_header_that_could_not_be_written_is_erased_so_that_it_is_not_right_another_
     let (mut stylus, fate) = boot(&memory);
     // Two sectors are erased, the words are written, then the header.
     fate.strike(2 + words, Mishap::Refuse);
-    let failed = complete(&mut stylus, &new);
+    let failed = stylus.upload(&new);
     assert!(
         matches!(failed, Err(UploadError::Flash { .. })),
         "{failed:?}"

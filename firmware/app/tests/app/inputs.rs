@@ -310,26 +310,3 @@ fn the_threshold_of_contact_is_set_or_follows_from_the_noise_of_the_force() {
         }
     }
 }
-
-#[test]
-fn a_count_that_wraps_does_not_move_the_tool() {
-    let config = InputConfig::new(&settings(&[(Setting::PathPerCount, 0.001)]));
-    let mut sensors = Sensors::new();
-    for _ in 0..65_535 {
-        sensors = moved(sensors, i16::MAX, 0);
-    }
-    let mut follower = Follower::new(true);
-    let at = |follower: &mut Follower, sensors: &Sensors| {
-        let chosen = sensors.motion(&config);
-        follower.follow(chosen, sensors, &config, 1).position_mm()
-    };
-    assert_eq!(at(&mut follower, &sensors), 0.0);
-    let mut gone = 0;
-    for _ in 0..5 {
-        sensors = moved(sensors, i16::MAX, 0);
-        gone += i32::from(i16::MAX);
-        let position = at(&mut follower, &sensors);
-        assert!((position - gone as f32 * 0.001).abs() < 1e-3, "{position}");
-    }
-    assert!(sensors.counts() < 0, "the count went past 2³¹");
-}

@@ -146,12 +146,6 @@ fn worst(errors: &[(f64, f64)]) -> f64 {
     magnitudes.fold(0.0, f64::max)
 }
 
-/// Prints what a motion leaves, in µm; `--nocapture` shows it.
-fn show(what: &str, errors: &[(f64, f64)]) {
-    let (rms, worst) = (1e3 * rms(errors), 1e3 * worst(errors));
-    println!("{what}: {rms:.2} µm RMS, at most {worst:.2} µm");
-}
-
 /// Residual noise of the position between counts: less than half a count RMS, and no more than a count.
 #[test]
 fn a_steady_hand_is_felt_within_a_count_without_a_lag() {
@@ -162,7 +156,6 @@ fn a_steady_hand_is_felt_within_a_count_without_a_lag() {
         for (start, offset) in [(0, 0.0071), (12_345, 0.0033)] {
             let mut moved = Moved::new(COUNT_MM, start, |t| speed * t + offset);
             let errors = errors(&mut moved, 4.0, 0.3);
-            show(&format!("{speed} mm/s"), &errors);
             let (rms, worst) = (rms(&errors), worst(&errors));
             assert!(rms < 0.5 * COUNT_MM, "{speed} mm/s: {rms}");
             assert!(worst < 1.05 * COUNT_MM, "{speed} mm/s: {worst}");
@@ -174,7 +167,6 @@ fn a_steady_hand_is_felt_within_a_count_without_a_lag() {
 fn a_hand_that_accelerates_is_felt_within_a_count() {
     let mut moved = Moved::new(COUNT_MM, 7, |t| 20.0 * t + 70.0 * t * t);
     let errors = errors(&mut moved, 2.0, 0.3);
-    show("20 to 300 mm/s in 2 s", &errors);
     assert!(worst(&errors) < COUNT_MM, "{}", worst(&errors));
 }
 
@@ -200,12 +192,10 @@ fn stroke(turn: f64) -> impl Fn(f64) -> f64 {
 fn a_hand_that_turns_retraces_within_a_count() {
     let mut moved = Moved::new(COUNT_MM, 60_000, stroke(0.9));
     let all = errors(&mut moved, 1.9, 0.3);
-    show("a turn within 0.9 s", &all);
     assert!(worst(&all) < COUNT_MM, "{}", worst(&all));
     // A turn that is faster than the filter is off by some counts while the hand turns, and no longer.
     let mut moved = Moved::new(COUNT_MM, 60_000, stroke(0.3));
     let all = errors(&mut moved, 1.9, 0.3);
-    show("a turn within 0.3 s", &all);
     assert!(worst(&all) < 3.0 * COUNT_MM, "{}", worst(&all));
     let after: Vec<_> = all.iter().copied().filter(|(t, _)| *t > 1.25).collect();
     assert!(worst(&after) < COUNT_MM, "{}", worst(&after));
@@ -305,7 +295,6 @@ fn check_frequency(
         let square = whole.iter().map(|x| x * x).sum::<f64>() / whole.len() as f64;
         loudest = loudest.max((10.0 * (2.0 * square).log10()).abs());
     }
-    println!("{what}: frequency off by {off:.1e}, level by {loudest:.3} dB");
     assert!(off < 1e-3, "{what}: {off}");
     assert!(loudest < 0.5, "{what}: {loudest} dB");
 }
@@ -353,7 +342,6 @@ fn a_hosts_positions_are_followed_without_their_jitter() {
             }
         }
     }
-    show("by the host", &errors);
     // Half a millisecond at 132 mm/s is 66 µm.
     assert!(rms(&errors) < 0.04, "{}", rms(&errors));
     assert!(worst(&errors) < 0.1, "{}", worst(&errors));

@@ -1,16 +1,19 @@
 //! Tests of the application on the host, through its public interface, on flash that can lose power.
+//!
+//! `boots`, `interleavings`, `hosts`, `settings::histories` and `safety` draw their cases by a seed: few in an ordinary
+//! run, more with other seeds as long as `cargo tasks attack` runs.
 #![expect(clippy::result_large_err, reason = "errors carry their reason as text")]
 
-#[path = "../attack/budget.rs"]
+mod boots;
 mod budget;
 mod direct_forms;
 mod double_faults;
+mod hosts;
 mod inputs;
-mod lease;
+mod interleavings;
 mod lines;
 mod player;
 mod power_cut;
-mod proposals;
 mod recorder;
 mod requests;
 mod rest;

@@ -1,11 +1,11 @@
 //! Measurements of the self test on a device in memory: what is refused, and what is left behind.
 
-use fake_stylus::device::SteppedStylus;
+use fake_stylus::BoardOf;
+use fake_stylus::device::{SteppedStylus, play_request};
 use fake_stylus::library::{announcement, library};
-use fake_stylus::self_test::BoardOf;
 use model_format::link::{
-    FLASH_TEST_BYTES, LinkId, MotionSource, PlayError, PlayRequest, Selection, SelfTestError,
-    SelfTestRequest, SelfTestValues, SlotId, SlotState, UploadChunk,
+    FLASH_TEST_BYTES, LinkId, PlayError, SelfTestError, SelfTestRequest, SelfTestValues, SlotId,
+    SlotState,
 };
 
 fn measure(
@@ -15,21 +15,6 @@ fn measure(
     stylus.request(async |storage, stage| {
         let mut board = BoardOf::new(stage.clone());
         storage.self_test(stage, &mut board, request).await
-    })
-}
-
-/// Uploads `bytes` and returns its slot.
-fn upload(stylus: &mut SteppedStylus, bytes: &[u8]) -> SlotId {
-    stylus.request(async |storage, stage| {
-        let begun = storage.upload_begin(stage, announcement(bytes)).await;
-        let slot = begun.expect("a slot is free").slot;
-        for (index, data) in bytes.chunks(512).enumerate() {
-            let offset = index as u32 * 512;
-            let chunk = UploadChunk { offset, data };
-            storage.upload_chunk(stage, chunk).await.expect("it is due");
-        }
-        storage.upload_commit(stage).await.expect("it is valid");
-        slot
     })
 }
 
@@ -44,25 +29,10 @@ fn flash(slot: SlotId, erases_library: bool) -> SelfTestRequest {
     }
 }
 
-fn play() -> PlayRequest {
-    PlayRequest {
-        selection: Selection::Texture("texture 0".try_into().expect("it is short")),
-        gain: 1.0,
-        motion: MotionSource::Host,
-        seed: 1,
-    }
-}
-
 #[test]
 fn a_playing_device_refuses_every_measurement_and_plays_on() {
-    let mut stylus = SteppedStylus::boot();
-    stylus.set_coil();
-    let slot = upload(&mut stylus, &library(1, 20, 1));
-    stylus.request(async |storage, stage| {
-        storage.activate(stage, slot).await.expect("it is valid");
-    });
-    let played = stylus.control.borrow_mut().play(LinkId::Serial, play());
-    assert!(played.is_ok());
+    let mut stylus = SteppedStylus::ready(&library(1, 20, 1));
+    assert!(stylus.play(play_request("texture 0")).is_ok());
     stylus.run(200);
     assert!(stylus.sounds());
     for request in [
@@ -72,7 +42,7 @@ fn a_playing_device_refuses_every_measurement_and_plays_on() {
         SelfTestRequest::ErrorCorrection,
         SelfTestRequest::Output,
         SelfTestRequest::Encoder,
-        flash(slot.other(), true),
+        flash(SlotId::B, true),
     ] {
         let refused = measure(&mut stylus, request);
         assert_eq!(refused, Err(SelfTestError::Playing), "{request:?}");
@@ -83,34 +53,25 @@ fn a_playing_device_refuses_every_measurement_and_plays_on() {
 
 #[test]
 fn nothing_can_be_played_until_a_measurement_has_ended() {
-    let mut stylus = SteppedStylus::boot();
-    stylus.set_coil();
-    let slot = upload(&mut stylus, &library(1, 20, 1));
-    stylus.request(async |storage, stage| {
-        storage.activate(stage, slot).await.expect("it is valid");
-    });
+    let mut stylus = SteppedStylus::ready(&library(1, 20, 1));
     let mut refusals = 0;
     let measured = stylus.request_meanwhile(
         async |storage, stage| {
             let mut board = BoardOf::new(stage.clone());
-            let request = flash(slot.other(), false);
+            let request = flash(SlotId::B, false);
             storage.self_test(stage, &mut board, request).await
         },
         |control| {
-            let answer = control.borrow_mut().play(LinkId::Serial, play());
+            let answer = control
+                .borrow_mut()
+                .play(LinkId::Serial, play_request("texture 0"));
             refusals += usize::from(answer == Err(PlayError::Busy));
             control.millisecond_with_motion();
         },
     );
     assert!(measured.is_ok(), "{measured:?}");
     assert!(refusals > 100, "{refusals}");
-    assert!(
-        stylus
-            .control
-            .borrow_mut()
-            .play(LinkId::Serial, play())
-            .is_ok()
-    );
+    assert!(stylus.play(play_request("texture 0")).is_ok());
 }
 
 #[test]
@@ -124,17 +85,14 @@ fn an_empty_slot_is_empty_again_after_its_flash_was_measured() {
     assert_eq!(values.words, FLASH_TEST_BYTES / 32);
     assert_eq!(slots(&mut stylus), [SlotState::Empty, SlotState::Empty]);
     // An upload finds it as before.
-    upload(&mut stylus, &library(1, 20, 1));
+    assert!(stylus.upload(&library(1, 20, 1)).is_ok());
 }
 
 #[test]
 fn a_library_is_erased_only_on_request_and_never_the_active_one() {
-    let mut stylus = SteppedStylus::boot();
-    let first = upload(&mut stylus, &library(1, 20, 1));
-    stylus.request(async |storage, stage| {
-        storage.activate(stage, first).await.expect("it is valid");
-    });
-    let second = upload(&mut stylus, &library(1, 21, 2));
+    let mut stylus = SteppedStylus::ready(&library(1, 20, 1));
+    let [first, second] = SlotId::ALL;
+    assert!(stylus.upload(&library(1, 21, 2)).is_ok());
     let before = slots(&mut stylus);
     let refused = measure(&mut stylus, flash(second, false));
     assert_eq!(refused, Err(SelfTestError::NotEmpty { slot: second }));

@@ -34,17 +34,6 @@ fn any_stage() -> impl Strategy<Value = Option<StartStage>> {
 }
 
 #[test]
-fn three_quick_faults_in_succession_and_no_fewer_lead_to_safe_mode() {
-    let mut kept = Kept::default();
-    for count in 1..=QUICK_FAULTS {
-        assert!(!kept.safe_mode, "after {} faults", count - 1);
-        kept = after(kept, None, false, FAULT);
-        assert_eq!(kept.quick_faults, count);
-    }
-    assert!(kept.safe_mode);
-}
-
-#[test]
 fn a_healthy_run_between_quick_faults_clears_their_count() {
     let mut kept = Kept::default();
     for _ in 0..10 {

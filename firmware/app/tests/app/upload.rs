@@ -11,7 +11,8 @@ use proptest::prelude::*;
 use stylus_app::slots::SlotStore;
 use stylus_app::upload::Uploader;
 
-use fake_stylus::flash::{Fault, Memory, SimulatedFlash};
+use crate::budget;
+use fake_stylus::flash::{Memory, Mishap, SimulatedFlash};
 use fake_stylus::library::{announcement, library, upload};
 
 type Store = SlotStore<SimulatedFlash<'static>>;
@@ -37,6 +38,19 @@ fn device() -> (Uploader, Store, Vec<u8>) {
     (Uploader::new(), store, bytes)
 }
 
+/// Begins the upload of `bytes` and sends its first chunks.
+fn begun(uploader: &mut Uploader, store: &mut Store, bytes: &[u8], chunks: usize) {
+    block_on(async {
+        let begun = uploader.begin(store, announcement(bytes)).await;
+        assert_eq!(begun.map(|progress| progress.next_offset), Ok(0));
+        for (index, data) in bytes.chunks(MAX_CHUNK_BYTES).take(chunks).enumerate() {
+            let offset = (index * MAX_CHUNK_BYTES) as u32;
+            let sent = uploader.chunk(store, UploadChunk { offset, data }).await;
+            assert!(sent.is_ok(), "{sent:?}");
+        }
+    });
+}
+
 fn assert_library_is_left(store: &mut Store, bytes: &[u8]) {
     assert_eq!(store.active(), Some(SlotId::A));
     assert_eq!(block_on(store.library_bytes(SlotId::A)), Ok(bytes));
@@ -60,211 +74,138 @@ fn an_upload_becomes_the_newest_library_but_not_the_active_one() {
 #[test]
 fn a_library_as_large_as_a_slot_and_one_byte_more() {
     let (mut uploader, mut store, _) = device();
-    let begin = |length: usize| UploadBegin {
-        length: length as u32,
-        crc32: 0,
-        replaces_last: false,
-    };
-    assert!(block_on(uploader.begin(&mut store, begin(MAX_LIBRARY_BYTES))).is_ok());
-    uploader.abort(&mut store);
-    for length in [0, MAX_LIBRARY_BYTES + 1, u32::MAX as usize] {
-        let error = UploadError::Length {
-            length: length as u32,
+    let mut begin = |length: u32| {
+        let begin = UploadBegin {
+            length,
+            crc32: 0,
+            replaces_last: false,
         };
-        assert_eq!(
-            block_on(uploader.begin(&mut store, begin(length))),
-            Err(error)
-        );
+        let begun = block_on(uploader.begin(&mut store, begin));
+        uploader.abort(&mut store);
+        begun.map(drop)
+    };
+    assert_eq!(begin(MAX_LIBRARY_BYTES as u32), Ok(()));
+    for length in [0, MAX_LIBRARY_BYTES as u32 + 1, u32::MAX] {
+        assert_eq!(begin(length), Err(UploadError::Length { length }));
     }
 }
 
 #[test]
 fn chunks_out_of_turn_are_refused_and_change_nothing() {
-    let (mut uploader, mut store, _) = device();
-    let new = library(1, 30, 2);
-    let chunk = |offset: u32, length: usize| UploadChunk {
-        offset,
-        data: &[0x33; 4096][..length],
-    };
-    let mut send = |chunk| block_on(uploader.chunk(&mut store, chunk));
-    assert_eq!(send(chunk(0, 32)), Err(UploadError::NotBegun));
     let (mut uploader, mut store, old) = device();
-    block_on(async {
-        uploader
-            .begin(&mut store, announcement(&new))
-            .await
-            .expect("it may begin");
-        let data = &new[..512];
-        uploader
-            .chunk(&mut store, UploadChunk { offset: 0, data })
-            .await
-            .expect("the first chunk");
-        let state = uploader.state();
-        let refused = [
-            (
-                chunk(0, 512),
-                UploadError::Offset {
-                    expected: 512,
-                    found: 0,
-                },
-            ),
-            (
-                chunk(1024, 512),
-                UploadError::Offset {
-                    expected: 512,
-                    found: 1024,
-                },
-            ),
-            (chunk(512, 0), UploadError::ChunkLength { length: 0 }),
-            (chunk(512, 33), UploadError::ChunkLength { length: 33 }),
-            (chunk(512, 513), UploadError::ChunkLength { length: 513 }),
-        ];
-        for (chunk, error) in refused {
-            assert_eq!(uploader.chunk(&mut store, chunk).await, Err(error));
-            assert_eq!(uploader.state(), state);
-        }
-        let (next_offset, length) = (512, new.len() as u32);
-        let early = uploader.commit(&mut store).await;
-        assert_eq!(
-            early,
-            Err(UploadError::Incomplete {
-                next_offset,
-                length
-            })
-        );
-        assert_eq!(*store.state(SlotId::B), SlotState::Receiving);
-        // The upload still succeeds.
-        assert!(upload(&mut uploader, &mut store, &new, 512).await.is_ok());
-    });
+    let data = &[0x33; 4096];
+    let offset = 0;
+    let early = block_on(uploader.chunk(&mut store, UploadChunk { offset, data }));
+    assert_eq!(early, Err(UploadError::NotBegun));
+    let new = library(1, 30, 2);
+    let total = new.len() as u32;
+    begun(&mut uploader, &mut store, &new, 1);
+    let state = uploader.state();
+    let expected = 512;
+    for (offset, length, error) in [
+        (0, 512, UploadError::Offset { expected, found: 0 }),
+        (
+            1024,
+            512,
+            UploadError::Offset {
+                expected,
+                found: 1024,
+            },
+        ),
+        (512, 0, UploadError::ChunkLength { length: 0 }),
+        (512, 33, UploadError::ChunkLength { length: 33 }),
+        (512, 513, UploadError::ChunkLength { length: 513 }),
+    ] {
+        let data = &data[..length];
+        let sent = block_on(uploader.chunk(&mut store, UploadChunk { offset, data }));
+        assert_eq!(sent, Err(error));
+        assert_eq!(uploader.state(), state);
+    }
+    let (next_offset, length) = (expected, total);
+    let early = block_on(uploader.commit(&mut store));
+    assert_eq!(
+        early,
+        Err(UploadError::Incomplete {
+            next_offset,
+            length
+        })
+    );
+    assert_eq!(*store.state(SlotId::B), SlotState::Receiving);
+    // The upload still succeeds.
+    assert!(block_on(upload(&mut uploader, &mut store, &new, 512)).is_ok());
     assert_library_is_left(&mut store, &old);
-}
-
-#[test]
-fn a_chunk_past_the_end_is_refused() {
-    let (mut uploader, mut store, _) = device();
-    block_on(async {
-        let begin = UploadBegin {
-            length: 40,
-            crc32: 0,
-            replaces_last: false,
-        };
+    let (length, end) = (40, 64);
+    let begin = UploadBegin {
+        length,
+        crc32: 0,
+        replaces_last: false,
+    };
+    let data = &data[..64];
+    let past = block_on(async {
+        uploader.begin(&mut store, begin).await?;
         uploader
-            .begin(&mut store, begin)
-            .await
-            .expect("it may begin");
-        let data = &[0; 64];
-        let past = uploader
             .chunk(&mut store, UploadChunk { offset: 0, data })
-            .await;
-        assert_eq!(
-            past,
-            Err(UploadError::PastEnd {
-                end: 64,
-                length: 40
-            })
-        );
+            .await
     });
+    assert_eq!(past, Err(UploadError::PastEnd { end, length }));
 }
 
 #[test]
-fn an_upload_goes_on_where_it_was_and_another_begins_anew() {
+fn an_upload_goes_on_where_it_was_another_begins_anew_and_one_that_is_given_up_leaves_the_way_free()
+{
     let (mut uploader, mut store, old) = device();
     let (new, other) = (library(1, 30, 2), library(1, 30, 3));
-    block_on(async {
-        uploader
-            .begin(&mut store, announcement(&new))
-            .await
-            .expect("it may begin");
-        let data = &new[..MAX_CHUNK_BYTES];
-        uploader
-            .chunk(&mut store, UploadChunk { offset: 0, data })
-            .await
-            .expect("the first chunk");
-        let again = uploader
-            .begin(&mut store, announcement(&new))
-            .await
-            .expect("it may go on");
-        assert_eq!(again.next_offset, MAX_CHUNK_BYTES as u32);
-        let anew = uploader
-            .begin(&mut store, announcement(&other))
-            .await
-            .expect("another may begin");
-        assert_eq!((anew.next_offset, anew.slot), (0, SlotId::B));
-        assert!(upload(&mut uploader, &mut store, &other, 32).await.is_ok());
-        assert_eq!(store.library_bytes(SlotId::B).await, Ok(&other[..]));
-    });
-    assert_library_is_left(&mut store, &old);
-}
-
-#[test]
-fn an_upload_that_was_given_up_leaves_the_way_free() {
-    let (mut uploader, mut store, old) = device();
-    let new = library(1, 30, 2);
-    block_on(async {
-        uploader
-            .begin(&mut store, announcement(&new))
-            .await
-            .expect("it may begin");
-        let data = &new[..MAX_CHUNK_BYTES];
-        uploader
-            .chunk(&mut store, UploadChunk { offset: 0, data })
-            .await
-            .expect("the first chunk");
-        uploader.abort(&mut store);
-        assert_eq!(uploader.state(), UploadState::Idle);
-        assert!(matches!(store.state(SlotId::B), SlotState::Faulty(_)));
-        assert_eq!(
-            uploader.commit(&mut store).await,
-            Err(UploadError::NotBegun)
-        );
-        assert!(upload(&mut uploader, &mut store, &new, 512).await.is_ok());
-    });
+    begun(&mut uploader, &mut store, &new, 1);
+    let again = block_on(uploader.begin(&mut store, announcement(&new)));
+    let next_offset = again.map(|progress| progress.next_offset);
+    assert_eq!(next_offset, Ok(MAX_CHUNK_BYTES as u32));
+    begun(&mut uploader, &mut store, &other, 1);
+    uploader.abort(&mut store);
+    assert_eq!(uploader.state(), UploadState::Idle);
+    assert!(matches!(store.state(SlotId::B), SlotState::Faulty(_)));
+    let ended = block_on(uploader.commit(&mut store));
+    assert_eq!(ended, Err(UploadError::NotBegun));
+    assert!(block_on(upload(&mut uploader, &mut store, &other, 32)).is_ok());
+    let bytes = block_on(store.library_bytes(SlotId::B));
+    assert_eq!(bytes, Ok(&other[..]));
     assert_library_is_left(&mut store, &old);
 }
 
 #[test]
 fn bytes_that_are_no_library_or_not_those_announced_are_not_sealed() {
     let (mut uploader, mut store, old) = device();
-    block_on(async {
-        let noise: Vec<u8> = (0..5_000u32).map(|n| (n * 7 + n / 251) as u8).collect();
-        let error = upload(&mut uploader, &mut store, &noise, 512).await;
-        assert!(
-            matches!(&error, Err(UploadError::Invalid { reason }) if reason.contains("HTXL")),
-            "{error:?}"
-        );
-        assert_eq!(uploader.state(), UploadState::Idle);
-
-        let new = library(1, 30, 2);
-        let wrong = UploadBegin {
-            crc32: 1,
-            ..announcement(&new)
-        };
-        uploader
-            .begin(&mut store, wrong)
-            .await
-            .expect("it may begin");
-        for (index, data) in new.chunks(512).enumerate() {
+    let noise: Vec<u8> = (0..5_000u32).map(|n| (n * 7 + n / 251) as u8).collect();
+    let error = block_on(upload(&mut uploader, &mut store, &noise, 512));
+    assert!(
+        matches!(&error, Err(UploadError::Invalid { reason }) if reason.contains("HTXL")),
+        "{error:?}"
+    );
+    assert_eq!(uploader.state(), UploadState::Idle);
+    let announced = library(1, 30, 2);
+    let mut sent = announced.clone();
+    sent[100] ^= 1;
+    let (expected, found) = (announcement(&announced).crc32, announcement(&sent).crc32);
+    begun(&mut uploader, &mut store, &announced, 0);
+    let error = block_on(async {
+        for (index, data) in sent.chunks(512).enumerate() {
             let offset = index as u32 * 512;
-            uploader
-                .chunk(&mut store, UploadChunk { offset, data })
-                .await
-                .expect("in turn");
+            let chunk = UploadChunk { offset, data };
+            uploader.chunk(&mut store, chunk).await?;
         }
-        let found = announcement(&new).crc32;
-        let error = uploader.commit(&mut store).await;
-        assert_eq!(error, Err(UploadError::Checksum { expected: 1, found }));
-        assert_eq!(store.newest(), Some(SlotId::A));
+        uploader.commit(&mut store).await
     });
+    assert_eq!(error, Err(UploadError::Checksum { expected, found }));
+    assert_eq!(store.newest(), Some(SlotId::A));
     assert_library_is_left(&mut store, &old);
 }
 
-/// Uploads with `fault` into a device and returns the error, after checking that the library before is there and that
-/// the next upload succeeds.
-fn with_fault(fault: Fault) -> Option<UploadError> {
+/// Uploads into a device with a mishap of the operation `at`, and returns the error, after checking that the library
+/// before is there and that the next upload succeeds.
+fn with_mishap(at: usize, mishap: Mishap) -> Option<UploadError> {
     let new = library(1, 30, 2);
     let (memory, old) = flash_with_library();
-    let mut flash = SimulatedFlash::new(memory);
-    flash.fault = fault;
+    let flash = SimulatedFlash::new(memory);
+    flash.fate.strike(at, mishap);
     let mut store = block_on(SlotStore::open(flash));
     store.set_active(store.newest());
     let mut uploader = Uploader::new();
@@ -284,41 +225,46 @@ fn a_fault_of_the_flash_is_told_with_its_place() {
     let words = library(1, 30, 2).len().div_ceil(32);
     let slot = SlotId::B;
     // Operation 0 erases the header's sector, 1 the first, 2 writes the first word; the header comes last.
-    let erase = |offset| UploadError::Flash {
-        slot,
-        operation: FlashOperation::Erase,
-        offset,
-    };
-    let write = |offset| UploadError::Flash {
-        slot,
-        operation: FlashOperation::Write,
-        offset,
-    };
-    assert_eq!(with_fault(Fault::Refuse(0)), Some(erase(3 * 128 * 1024)));
-    assert_eq!(with_fault(Fault::Refuse(1)), Some(erase(0)));
-    assert_eq!(with_fault(Fault::Refuse(2)), Some(write(0)));
-    assert_eq!(with_fault(Fault::Refuse(5)), Some(write(96)));
-    assert_eq!(
-        with_fault(Fault::Refuse(2 + words)),
-        Some(write(MAX_LIBRARY_BYTES as u32))
-    );
-    assert_eq!(
-        with_fault(Fault::Refuse(3 + words)),
-        None,
-        "there is no such operation"
-    );
-    assert_eq!(
-        with_fault(Fault::Corrupt(7)),
-        Some(UploadError::ReadBack { slot, offset: 160 })
-    );
-    let header = MAX_LIBRARY_BYTES as u32;
-    assert_eq!(
-        with_fault(Fault::Corrupt(2 + words)),
-        Some(UploadError::ReadBack {
+    let flash = |operation, offset| {
+        Some(UploadError::Flash {
             slot,
-            offset: header
+            operation,
+            offset,
         })
-    );
+    };
+    let header = MAX_LIBRARY_BYTES as u32;
+    for (at, mishap, error) in [
+        (
+            0,
+            Mishap::Refuse,
+            flash(FlashOperation::Erase, 3 * 128 * 1024),
+        ),
+        (1, Mishap::Refuse, flash(FlashOperation::Erase, 0)),
+        (2, Mishap::Refuse, flash(FlashOperation::Write, 0)),
+        (5, Mishap::Refuse, flash(FlashOperation::Write, 96)),
+        (
+            2 + words,
+            Mishap::Refuse,
+            flash(FlashOperation::Write, header),
+        ),
+        // There is no such operation.
+        (3 + words, Mishap::Refuse, None),
+        (
+            7,
+            Mishap::Corrupt,
+            Some(UploadError::ReadBack { slot, offset: 160 }),
+        ),
+        (
+            2 + words,
+            Mishap::Corrupt,
+            Some(UploadError::ReadBack {
+                slot,
+                offset: header,
+            }),
+        ),
+    ] {
+        assert_eq!(with_mishap(at, mishap), error, "{mishap:?} {at}");
+    }
 }
 
 #[test]
@@ -345,19 +291,7 @@ fn a_commit_reads_each_word_once_and_what_it_reads_is_what_it_validates() {
 fn a_call_that_is_dropped_half_way_ends_the_upload() {
     let (mut uploader, mut store, old) = device();
     let new = library(1, 30, 2);
-    block_on(async {
-        uploader
-            .begin(&mut store, announcement(&new))
-            .await
-            .expect("it may begin");
-        for (index, data) in new.chunks(512).enumerate() {
-            let offset = index as u32 * 512;
-            uploader
-                .chunk(&mut store, UploadChunk { offset, data })
-                .await
-                .expect("in turn");
-        }
-    });
+    begun(&mut uploader, &mut store, &new, usize::MAX);
     // A commit yields while it reads. A caller that drops it there ends the upload.
     assert!(poll_once(uploader.commit(&mut store)).is_pending());
     assert_eq!(uploader.state(), UploadState::Idle);
@@ -388,7 +322,7 @@ fn steps() -> impl Strategy<Value = Vec<Step>> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(64))]
+    #![proptest_config(budget::config(160))]
 
     /// There is always a library, and it is one of those that were sent whole, for all requests in all orders.
     #[test]

@@ -9,7 +9,7 @@ use host_tools::support::error::Result;
 use host_tools::support::progress;
 use host_tools::texture::domain::Method;
 
-use crate::cli::evaluate::removed_nodes::removed_node_test;
+use crate::cli::evaluate::removed_node_test;
 use crate::cli::table::{folded_table, table};
 
 /// A denser library, with the added lines and the removed-node test before and after.
@@ -53,7 +53,7 @@ pub fn densify(set: &RecordingSet, fit: &Fit, options: &fit::Options) -> Result<
         let densified = densifier.fill(&left_out, || bar.inc_length(1))?;
         bar.finish_and_clear();
         if let Some(prepared) = &mut prepared {
-            let changed = prepared.set_denser(&densified.fillings, test_options.around);
+            let changed = prepared.set_denser(&densified.fillings);
             if let Some(test) = &mut test {
                 let bar = progress::bar(changed.len() as u64, "removing nodes again");
                 let again = prepared.run_some(&changed, &[AFTER], &test_options, || bar.inc(1))?;

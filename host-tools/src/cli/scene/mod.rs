@@ -3,7 +3,6 @@
 mod check;
 mod compile;
 mod fit_tap;
-#[cfg(feature = "spectrograms")]
 mod plot;
 mod render;
 mod source;
@@ -25,7 +24,6 @@ enum Command {
     Compile(compile::Arguments),
     /// Render the stylus's output along a motion to a WAV file, sample for sample
     Render(render::Arguments),
-    #[cfg(feature = "spectrograms")]
     /// Draw the surfaces along the path, the motion, and the stylus's output
     Plot(plot::Arguments),
     /// Fit a scene's tap transient to recordings of taps
@@ -37,7 +35,6 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         Command::Check(arguments) => check::run(arguments),
         Command::Compile(arguments) => compile::run(arguments),
         Command::Render(arguments) => render::run(arguments),
-        #[cfg(feature = "spectrograms")]
         Command::Plot(arguments) => plot::run(arguments),
         Command::FitTap(arguments) => fit_tap::run(arguments),
     }

@@ -1,6 +1,6 @@
 //! The strongest narrow line of a signal, and its level over time.
 
-use super::values::{centred, median};
+use super::{centred, median};
 use crate::dsp::spectrum::PowerSpectrum;
 
 /// Lowest frequency of a line, Hz, and the highest, as a share of the sample rate.

@@ -16,21 +16,18 @@
 //! blocks. Kurtosis, crest factor and ranges grow with a signal's duration, so that only signals of one duration
 //! compare.
 
-mod level;
 mod line;
-mod moments;
-mod residual;
 #[cfg(test)]
 mod tests;
-mod values;
 
-pub use level::{LEVEL_WINDOW_S, MODULATION_BAND_HZ, MODULATION_HZ};
 pub use line::strongest_line_hz;
-pub use values::median;
-
-use values::centred;
 
 use serde::{Deserialize, Serialize};
+
+use super::analytic::Analytic;
+use super::autocorrelation::Autocorrelation;
+use super::linear_prediction::{Prediction, corrected, step_up};
+use super::spectrum::PowerSpectrum;
 
 /// The measures of one signal; none where they do not exist, as of silence.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -59,11 +56,11 @@ impl Liveliness {
         };
         let blocks: Vec<&[f64]> = centred.iter().map(Vec::as_slice).collect();
         Self {
-            kurtosis: moments::kurtosis(blocks.iter().copied().flatten()),
-            residual_kurtosis: residual::kurtosis(&blocks, rate_hz),
-            crest_factor: moments::crest_factor(blocks.iter().copied().flatten()),
-            modulation: level::modulation(&blocks, rate_hz),
-            level_spread_db: level::spread_db(&blocks, rate_hz),
+            kurtosis: kurtosis(blocks.iter().copied().flatten()),
+            residual_kurtosis: residual_kurtosis(&blocks, rate_hz),
+            crest_factor: crest_factor(blocks.iter().copied().flatten()),
+            modulation: modulation(&blocks, rate_hz),
+            level_spread_db: spread_db(&blocks, rate_hz),
             line_range_db: line_hz.and_then(|near| line::range_db(&blocks, rate_hz, near)),
         }
     }
@@ -80,4 +77,188 @@ impl Liveliness {
             line_range_db: median(|l| l.line_range_db),
         }
     }
+}
+
+/// Mean x⁴ / (mean x²)²; `None` for silence and for what is not finite.
+fn kurtosis<'a>(signal: impl Iterator<Item = &'a f64>) -> Option<f64> {
+    let (mut count, mut square, mut fourth) = (0.0, 0.0, 0.0);
+    for x in signal {
+        let power = x * x;
+        count += 1.0;
+        square += power;
+        fourth += power * power;
+    }
+    Some(fourth * count / (square * square)).filter(|kurtosis| kurtosis.is_finite())
+}
+
+/// Greatest magnitude over the RMS; `None` for silence and for what is not finite.
+fn crest_factor<'a>(signal: impl Iterator<Item = &'a f64>) -> Option<f64> {
+    let (mut count, mut square, mut peak) = (0.0, 0.0, 0.0f64);
+    for x in signal {
+        count += 1.0;
+        square += x * x;
+        peak = peak.max(x.abs());
+    }
+    Some(peak / f64::sqrt(square / count)).filter(|crest| crest.is_finite())
+}
+
+/// Duration of a window of levels, s.
+pub const LEVEL_WINDOW_S: f64 = 0.05;
+
+/// Band whose envelope is taken, Hz: what skin feels as vibration.
+pub const MODULATION_BAND_HZ: (f64, f64) = (100.0, 1000.0);
+
+/// Frequencies of the envelope that count as modulation, Hz: slower than a tone, faster than a stroke.
+pub const MODULATION_HZ: (f64, f64) = (8.0, 64.0);
+
+/// Longest segment of the envelope's spectrum, s: 4096 samples at 5 kHz.
+const SEGMENT_S: f64 = 0.8192;
+
+/// Shortest segment, s: two periods of the slowest modulation.
+const SHORTEST_SEGMENT_S: f64 = 2.0 / MODULATION_HZ.0;
+
+/// Least level of a window, as a share of the mean power: a dropout counts for -60 dB.
+const FLOOR: f64 = 1e-6;
+
+/// Samples per window; `None` where a window holds fewer than two.
+fn window_samples(rate_hz: f64) -> Option<usize> {
+    let samples = (LEVEL_WINDOW_S * rate_hz).round() as usize;
+    (samples >= 2).then_some(samples)
+}
+
+/// RMS of the envelopes' part within [`MODULATION_HZ`] over their mean. Blocks that are too short to resolve it are
+/// left out; `None` if all are, or the band is silent.
+fn modulation(blocks: &[&[f64]], rate_hz: f64) -> Option<f64> {
+    let least = (SHORTEST_SEGMENT_S * rate_hz).ceil() as usize;
+    let (low_hz, high_hz) = MODULATION_BAND_HZ;
+    let long = blocks.iter().filter(|block| block.len() >= least);
+    let mut envelopes: Vec<Vec<f64>> = long
+        .map(|block| Analytic::of(block, rate_hz, low_hz, high_hz).envelope())
+        .collect();
+    let shortest = envelopes.iter().map(Vec::len).min()?;
+    let segment = shortest.min((SEGMENT_S * rate_hz).round() as usize);
+    let count: usize = envelopes.iter().map(Vec::len).sum();
+    let mean = envelopes.iter().flatten().sum::<f64>() / count as f64;
+    let power = mean_square(blocks.iter().copied().flatten(), count);
+    // The transform's round-off is no band.
+    if mean * mean <= 1e-20 * power {
+        return None;
+    }
+    envelopes.iter_mut().flatten().for_each(|x| *x -= mean);
+    let envelopes: Vec<&[f64]> = envelopes.iter().map(Vec::as_slice).collect();
+    let spectrum = PowerSpectrum::of_blocks(&envelopes, segment, rate_hz);
+    let square = spectrum.power_between(MODULATION_HZ.0, MODULATION_HZ.1);
+    Some(square.sqrt() / mean).filter(|share| share.is_finite())
+}
+
+/// Standard deviation of the levels of windows within blocks, dB; `None` of fewer than two windows.
+fn spread_db(blocks: &[&[f64]], rate_hz: f64) -> Option<f64> {
+    let window = window_samples(rate_hz)?;
+    let windows = blocks.iter().flat_map(|block| block.chunks_exact(window));
+    let powers: Vec<f64> = windows.map(|w| mean_square(w.iter(), window)).collect();
+    let count = powers.len() as f64;
+    let floor = FLOOR * powers.iter().sum::<f64>() / count;
+    let levels: Vec<f64> = powers
+        .iter()
+        .map(|power| 10.0 * power.max(floor).log10())
+        .collect();
+    let mean = levels.iter().sum::<f64>() / count;
+    let variance = levels
+        .iter()
+        .map(|level| (level - mean).powi(2))
+        .sum::<f64>()
+        / count;
+    (powers.len() >= 2 && variance.is_finite()).then(|| variance.sqrt())
+}
+
+/// Highest order of the predictor. Textures are white enough from there on.
+const ORDER: usize = 100;
+
+/// Samples per coefficient that a predictor is estimated from, at least.
+const SAMPLES_PER_COEFFICIENT: usize = 20;
+
+/// Share of the signal's power below which a prediction error is the round-off of lines and not a residual.
+const LEAST_ERROR: f64 = 1e-7;
+
+/// Median over windows of 50 ms of the kurtosis about each window's mean; `None` if no block holds a window after the
+/// predictor's order, or nothing is left of the signal.
+fn residual_kurtosis(blocks: &[&[f64]], rate_hz: f64) -> Option<f64> {
+    let residual = residual(blocks);
+    let window = window_samples(rate_hz)?;
+    let of_window = |window: &[f64]| {
+        let mean = window.iter().sum::<f64>() / window.len() as f64;
+        let centred: Vec<f64> = window.iter().map(|x| x - mean).collect();
+        kurtosis(centred.iter())
+    };
+    let windows = residual.iter().flat_map(|block| block.chunks_exact(window));
+    median(windows.filter_map(of_window))
+}
+
+/// Prediction error of each block, without the samples whose past is not in the block; empty where there is none.
+fn residual(blocks: &[&[f64]]) -> Vec<Vec<f64>> {
+    let count: usize = blocks.iter().map(|block| block.len()).sum();
+    let order = ORDER.min(count / SAMPLES_PER_COEFFICIENT);
+    let mut lags = vec![0.0; order + 1];
+    for block in blocks.iter().filter(|block| block.len() > order) {
+        let own = Autocorrelation::of(block, order).lags;
+        for (sum, lag) in lags.iter_mut().zip(own) {
+            *sum += lag * block.len() as f64;
+        }
+    }
+    let prediction = Prediction::levinson_durbin(&corrected(lags), order);
+    let a = step_up(&prediction.reflection);
+    let predict = |block: &&[f64]| -> Vec<f64> {
+        let ends = a.len()..block.len().max(a.len());
+        ends.map(|n| {
+            let past = block[n - a.len()..n].iter().rev();
+            block[n] + a.iter().zip(past).map(|(a, x)| a * x).sum::<f64>()
+        })
+        .collect()
+    };
+    let residual: Vec<Vec<f64>> = blocks.iter().map(predict).collect();
+    let left = residual.iter().map(Vec::len).sum();
+    let power = mean_square(blocks.iter().copied().flatten(), count);
+    if mean_square(residual.iter().flatten(), left) > LEAST_ERROR * power {
+        residual
+    } else {
+        Vec::new()
+    }
+}
+
+/// The blocks less their common mean; `None` if nothing but round-off is left of them, or a sample is not finite.
+fn centred(blocks: &[&[f64]]) -> Option<Vec<Vec<f64>>> {
+    /// Power of round-off, as a share of the squared peak.
+    const ROUND_OFF: f64 = 1e-24;
+    let count: usize = blocks.iter().map(|block| block.len()).sum();
+    let mean = blocks.iter().copied().flatten().sum::<f64>() / count.max(1) as f64;
+    let peak = blocks
+        .iter()
+        .copied()
+        .flatten()
+        .fold(0.0f64, |peak, x| peak.max(x.abs()));
+    let centred: Vec<Vec<f64>> = blocks
+        .iter()
+        .map(|block| block.iter().map(|x| x - mean).collect())
+        .collect();
+    let square = mean_square(centred.iter().flatten(), count);
+    (square.is_finite() && square > ROUND_OFF * peak * peak && square > f64::MIN_POSITIVE)
+        .then_some(centred)
+}
+
+/// Mean of the squares of `count` samples.
+fn mean_square<'a>(samples: impl Iterator<Item = &'a f64>, count: usize) -> f64 {
+    samples.map(|x| x * x).sum::<f64>() / count.max(1) as f64
+}
+
+/// The median; `None` of nothing.
+pub fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let mut values: Vec<f64> = values.collect();
+    values.sort_by(f64::total_cmp);
+    let half = values.len() / 2;
+    let upper = values.get(half).copied()?;
+    Some(if values.len() % 2 == 1 {
+        upper
+    } else {
+        f64::midpoint(values[half - 1], upper)
+    })
 }

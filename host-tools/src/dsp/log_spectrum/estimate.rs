@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use super::values::{BINS, LENGTH, LogSpectrum};
+use super::{BINS, LENGTH, LogSpectrum};
 use crate::dsp::with_planner;
 
 /// Number of sine tapers of an estimate. The bandwidth for 2 s is 4 Hz, and the leakage falls with the fourth power of
@@ -73,7 +73,7 @@ fn digamma(n: usize) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::values::STEP_HZ;
+    use super::super::STEP_HZ;
     use super::*;
     use rand::SeedableRng;
     use rand_distr::{Distribution, StandardNormal};

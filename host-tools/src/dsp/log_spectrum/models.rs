@@ -3,7 +3,7 @@
 use model_format::{NodeFlags, limits};
 use realfft::num_complex::Complex;
 
-use super::values::{BINS, LogSpectrum};
+use super::{BINS, LogSpectrum};
 use crate::dsp::linear_prediction::{Prediction, corrected, error_share, step_up};
 use crate::dsp::model::Model;
 use crate::dsp::with_planner;
@@ -109,7 +109,7 @@ fn denominator(model: &Model, bins: usize) -> Vec<Complex<f64>> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::values::FINE_BINS;
+    use super::super::FINE_BINS;
     use super::*;
     use proptest::prelude::*;
 

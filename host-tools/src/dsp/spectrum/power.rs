@@ -4,7 +4,7 @@ use std::cell::{Cell, RefCell};
 use std::f64::consts::TAU;
 use std::rc::Rc;
 
-use super::amplitude::add_dft_power;
+use super::cost::add_dft_power;
 
 /// Duration of a segment of Welch's estimate, s. It resolves the lowest third-octave band, which is 4.6 Hz wide.
 const SEGMENT_S: f64 = 1.0;

@@ -2,7 +2,7 @@
 
 use std::sync::LazyLock;
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 pub use stylus_costs::Core;
 use stylus_costs::{Entry, SampleCost, UpdateCost};
 use stylus_kernel::direct::taps_at_the_cost_of;
@@ -10,7 +10,7 @@ use stylus_kernel::direct::taps_at_the_cost_of;
 use crate::evaluation::frontier::FilterStructure;
 
 /// The result of a look-up.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Cost {
     /// Of a sample.
     pub sample: SampleCost<f64>,

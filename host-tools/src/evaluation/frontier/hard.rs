@@ -1,7 +1,7 @@
 //! The hard cases at an order: does a structure hold what the stylus promises of its lattice, and if not, how bad does
 //! it get.
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 use super::FilterStructure;
 use super::players::player_of;
@@ -11,7 +11,7 @@ use crate::evaluation::stress::cases::Case;
 use crate::support::error::Result;
 
 /// The end of a case, from good to bad.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
     /// All that is promised held.
@@ -42,7 +42,7 @@ impl std::fmt::Display for Verdict {
 }
 
 /// The outcome of all cases.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize)]
 pub struct HardCases {
     /// Number of cases that held.
     pub held: usize,

@@ -7,7 +7,7 @@
 
 use model_format::{Library, MillimetresPerSecond, Newton, PartsSpec, SAMPLE_RATE_HZ, Texture};
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use stylus_kernel::scene::Plan;
 use stylus_kernel::scene::cost::FEED;
 
@@ -15,21 +15,20 @@ use crate::dsp::spectrum;
 use crate::evaluation::evaluate::WARM_UP_S;
 use crate::evaluation::liveliness::{Role, Signals, Summary, TrialLiveliness, summaries};
 use crate::evaluation::played;
+use crate::evaluation::tables::number;
 use crate::playing::motion::MotionPath;
 use crate::playing::render::render;
-use crate::support::decimal::fixed;
 use crate::support::error::{Error, Result};
 use crate::texture::grid::Grid;
 use crate::texture::library::uncertified_library;
 use crate::texture::parts::{Between, on_grid};
 use crate::texture::quantise::StructureChoice;
 
-use super::number::number;
-use super::options::Options;
+use super::Options;
 use super::prepared::Prepared;
 
 /// A choice of parts, with its costs and what it plays.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize)]
 pub struct PartsRow {
     /// The parts that are played where a texture has them, in words.
     pub parts: String,
@@ -42,7 +41,6 @@ pub struct PartsRow {
     /// Bytes that they take in the library, of the texture with the most.
     pub library_bytes: usize,
     /// RMS error of third-octave bands at rest, dB.
-    #[serde(deserialize_with = "number")]
     pub band_error_db: f64,
     /// The recordings, and what is played: medians over nodes.
     pub liveliness: Vec<Summary>,
@@ -50,28 +48,26 @@ pub struct PartsRow {
     pub saturations: u32,
 }
 
-/// The columns of [`PartsRow::cells`]: a heading, and true for numbers.
-pub const PARTS_COLUMNS: [(&str, bool); 10] = [
-    ("parts", false),
-    ("textures", true),
-    ("tick, instructions", true),
-    ("update, instructions per sample", true),
-    ("library, bytes", true),
-    ("bands, dB", true),
-    ("kurtosis off, log2", true),
-    ("modulation off, dB", true),
-    ("levels off, dB", true),
-    ("line's range, dB", true),
+/// The headings of [`PartsRow::cells`].
+pub(super) const PARTS_COLUMNS: [&str; 10] = [
+    "parts",
+    "textures",
+    "tick, instructions",
+    "update, instructions per sample",
+    "library, bytes",
+    "bands, dB",
+    "kurtosis off, log2",
+    "modulation off, dB",
+    "levels off, dB",
+    "line's range, dB",
 ];
 
 impl PartsRow {
     /// The choice as a table's row, under [`PARTS_COLUMNS`].
-    pub fn cells(&self) -> Vec<String> {
+    pub(super) fn cells(&self) -> Vec<String> {
         let played = self.liveliness.iter().find(|s| s.role == Role::Synthesis);
-        let number = |pick: fn(&Summary) -> Option<f64>, decimals: usize| {
-            let value = played.and_then(pick);
-            value.map_or("-".to_owned(), |value| fixed(value, decimals))
-        };
+        let of =
+            |pick: fn(&Summary) -> Option<f64>, decimals| number(played.and_then(pick), decimals);
         vec![
             self.parts.clone(),
             self.textures.to_string(),
@@ -79,10 +75,10 @@ impl PartsRow {
             self.update_instructions_per_sample.to_string(),
             self.library_bytes.to_string(),
             format!("{:.2}", self.band_error_db),
-            number(|s| s.differences.kurtosis_octaves, 2),
-            number(|s| s.differences.modulation_db, 1),
-            number(|s| s.differences.level_spread_db, 1),
-            number(|s| s.median.line_range_db, 1),
+            of(|s| s.differences.kurtosis_octaves, 2),
+            of(|s| s.differences.modulation_db, 1),
+            of(|s| s.differences.level_spread_db, 1),
+            of(|s| s.median.line_range_db, 1),
         ]
     }
 }

@@ -13,8 +13,8 @@ use crate::support::error::{Error, Result};
 use crate::texture::grid::Grid;
 use model_format::SAMPLE_RATE_HZ;
 
+use super::Options;
 use super::material::Material;
-use super::options::Options;
 
 /// Nodes judged at rest, at most; of more recordings evenly spaced ones are taken.
 const MAX_NODES: usize = 96;

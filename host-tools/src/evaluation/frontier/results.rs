@@ -1,32 +1,21 @@
-//! Results of a comparison: filters, and filters with an interval of updates. They are written as `frontier.json`, and
-//! read from it where a page is to be drawn anew.
+//! Results of a comparison: filters, and filters with an interval of updates.
 
-use std::path::Path;
-
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use stylus_costs::Peer;
 
+use crate::evaluation::tables::{Table, percent};
 use crate::fit::Order;
-use crate::support::bounded_file::{Limit, MIB};
-use crate::support::error::{Error, Result};
 use model_format::SAMPLE_RATE_HZ;
 
+use super::CLOCKS_HZ;
 use super::costs::Cost;
 use super::hard::HardCases;
-use super::number::number;
-use super::options::CLOCKS_HZ;
-use super::parts::PartsRow;
+use super::parts::{PARTS_COLUMNS, PartsRow};
 use super::still::Still;
 use super::structure::FilterStructure;
 
-/// The most that a comparison's numbers take.
-const LIMIT: Limit = Limit {
-    of: "a comparison's numbers",
-    bytes: 64 * MIB,
-};
-
 /// A structure at an order, with its costs and errors.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize)]
 pub struct Filter {
     /// The structure.
     pub structure: FilterStructure,
@@ -55,39 +44,31 @@ pub struct Filter {
 impl Filter {
     /// The order in a word: where each node has its own, the criterion and the highest.
     pub fn order_text(&self) -> String {
-        order_text(self.order, self.highest_order)
-    }
-}
-
-/// `order` in a word, as [`Filter::order_text`].
-pub(super) fn order_text(order: Order, highest_order: usize) -> String {
-    match order {
-        Order::Fixed(order) => order.to_string(),
-        Order::Bayesian => format!("BIC,\u{a0}≤\u{a0}{highest_order}"),
-        Order::Auto | Order::AtMost(_) => format!("AIC,\u{a0}≤\u{a0}{highest_order}"),
+        let highest = self.highest_order;
+        match self.order {
+            Order::Fixed(order) => order.to_string(),
+            Order::Bayesian => format!("BIC,\u{a0}≤\u{a0}{highest}"),
+            Order::Auto | Order::AtMost(_) => format!("AIC,\u{a0}≤\u{a0}{highest}"),
+        }
     }
 }
 
 /// A filter with an interval of updates.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize)]
 pub struct Point {
     /// Index of its filter.
     pub filter: usize,
     /// Samples from one update to the next.
     pub interval: usize,
     /// Error in motion, dB, over the textures that are not refused; not a number if all are.
-    #[serde(deserialize_with = "number")]
     pub motion_error_db: f64,
     /// Share of bands in motion within the JND.
-    #[serde(deserialize_with = "number")]
     pub motion_within_jnd: f64,
     /// Errors at rest and in motion together, dB.
-    #[serde(deserialize_with = "number")]
     pub total_error_db: f64,
     /// Samples at full scale while rubbing.
     pub saturations: u32,
     /// Cycles per sample on a Cortex-M4, updates included.
-    #[serde(deserialize_with = "number")]
     pub cycles: f64,
     /// True if it plays all textures and nothing cheaper has as low an error.
     pub on_front: bool,
@@ -118,7 +99,7 @@ pub fn share(cycles: f64, clock_hz: f64) -> f64 {
 }
 
 /// Everything.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize)]
 pub struct Frontier {
     /// Description of the fitted and the held-out recordings.
     pub material: String,
@@ -129,10 +110,8 @@ pub struct Frontier {
     /// Nodes judged at rest.
     pub nodes: usize,
     /// C of one take against the other, with no model between them.
-    #[serde(deserialize_with = "number")]
     pub take_cost: f64,
     /// RMS error in bands of one take against the other, dB.
-    #[serde(deserialize_with = "number")]
     pub take_band_error_db: f64,
     /// The kernel that smooths amplitudes for C.
     pub smoothing: String,
@@ -153,31 +132,87 @@ pub struct Frontier {
 }
 
 impl Frontier {
-    /// Reads the numbers that `stylus frontier` wrote.
-    ///
-    /// # Errors
-    /// A file that cannot be read or is no such file.
-    pub fn read(path: &Path) -> Result<Self> {
-        let frontier: Self = parsed(path)?;
-        if frontier
-            .points
-            .iter()
-            .any(|point| point.filter >= frontier.filters.len())
-        {
-            return Err(unusable(path, "has a choice without its filter"));
-        }
-        Ok(frontier)
+    /// The choices on a front, the cheapest first.
+    pub fn front_table(&self) -> Table {
+        let on_a_front = |point: &&Point| point.on_front || point.on_safe_front;
+        let mut points: Vec<&Point> = self.points.iter().filter(on_a_front).collect();
+        points.sort_by(|a, b| a.cycles.total_cmp(&b.cycles));
+        let row = |point: &Point| {
+            let filter = &self.filters[point.filter];
+            let mut row = vec![
+                filter.structure.to_string(),
+                filter.order_text(),
+                point.interval_ms().to_string(),
+                format!("{:.2}", point.total_error_db),
+                format!("{:.2}", filter.still.band_error_db),
+                format!("{:.2}", point.motion_error_db),
+                percent(Some(filter.still.cost), 1),
+                format!("{:.0}", filter.still.lowest_snr_db),
+                format!("{:.0}", point.cycles),
+            ];
+            row.extend(point.shares().map(|share| percent(Some(share), 1)));
+            row.push(format!("{} of {}", filter.hard.held, filter.hard.cases));
+            row.push(
+                match (point.on_front, point.on_safe_front) {
+                    (true, true) => "both",
+                    (true, false) => "all",
+                    (false, _) => "safe",
+                }
+                .to_owned(),
+            );
+            row
+        };
+        let clocks = CLOCKS_HZ.map(|clock_hz| format!("{} MHz, %", clock_hz / 1e6));
+        let [slow, middle, fast] = clocks.each_ref().map(String::as_str);
+        Table::new(
+            "Nothing cheaper has a lower error, all textures being held; safe: among what holds every hard case; \
+             shares are of 200 µs",
+            [
+                "structure",
+                "order",
+                "update, ms",
+                "error, dB",
+                "at rest",
+                "in motion",
+                "C, %",
+                "SNR, dB",
+                "cycles",
+                slow,
+                middle,
+                fast,
+                "hard cases held",
+                "front of",
+            ],
+            points.into_iter().map(row),
+        )
     }
-}
 
-/// The content of a file of a comparison's numbers.
-pub(super) fn parsed<T: for<'de> Deserialize<'de>>(path: &Path) -> Result<T> {
-    serde_json::from_str(&LIMIT.read_text(path)?)
-        .map_err(|failure| unusable(path, &format!("is no comparison ({failure})")))
-}
+    /// The choices of optional parts.
+    pub fn parts_table(&self) -> Table {
+        Table::new(
+            "Parts: what they cost and what they bring",
+            PARTS_COLUMNS,
+            self.parts.iter().map(PartsRow::cells),
+        )
+    }
 
-/// The refusal of such a file.
-pub(super) fn unusable(path: &Path, problem: &str) -> Error {
-    let remedy = "give a frontier.json that stylus frontier wrote";
-    Error::file(path, format!("{problem}: {remedy}"))
+    /// The numbers as JSON, a line per filter, choice and row.
+    pub fn to_json(&self) -> String {
+        let value = serde_json::to_value(self).expect("plain data become JSON");
+        let fields = value
+            .as_object()
+            .into_iter()
+            .flatten()
+            .map(|(name, value)| {
+                let text = match value.as_array() {
+                    Some(items) => {
+                        let items: Vec<String> = items.iter().map(ToString::to_string).collect();
+                        format!("[\n{}\n]", items.join(",\n"))
+                    }
+                    None => value.to_string(),
+                };
+                format!("\"{name}\": {text}")
+            });
+        format!("{{\n{}\n}}\n", fields.collect::<Vec<_>>().join(",\n"))
+    }
 }

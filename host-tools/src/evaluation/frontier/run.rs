@@ -13,12 +13,12 @@ use super::costs::{Core, Cost, Costs};
 use super::fronts::mark_fronts;
 use super::hard::{self, HardCases, Verdict};
 use super::moving::{self, Frames, Moving};
-use super::options::{INTERVALS, Options};
 use super::parts::choices;
 use super::prepared::{Fitted, Prepared};
 use super::results::{Filter, Frontier, Point};
 use super::still::{self, Node, Playing, Still};
 use super::structure::FilterStructure;
+use super::{INTERVALS, Options};
 
 impl Prepared {
     /// Pieces of work that [`Prepared::run`] does.

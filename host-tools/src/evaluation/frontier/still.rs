@@ -2,11 +2,10 @@
 //! seen, and with the same filter in float64.
 
 use model_format::{Coefficients, Library, MillimetresPerSecond, Newton, Texture};
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use stylus_kernel::excitation::{self, Excitation};
 use stylus_kernel::{Motion, UPDATE_INTERVAL_SAMPLES};
 
-use super::number::number;
 use super::structure::{FilterStructure, Voice};
 use crate::dsp::spectrum;
 use crate::dsp::spectrum::AMPLITUDE_JND_DB;
@@ -38,25 +37,21 @@ pub struct Node {
 }
 
 /// All nodes in a few numbers.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Still {
     /// Nodes played.
     pub nodes: usize,
     /// Nodes that the structure cannot hold.
     pub refused: usize,
     /// Mean of C; not a number where no node could be played.
-    #[serde(deserialize_with = "number")]
     pub cost: f64,
     /// RMS of the errors in third-octave bands, dB.
-    #[serde(deserialize_with = "number")]
     pub band_error_db: f64,
     /// Share of bands within the JND.
     pub bands_within_jnd: f64,
     /// SNR of the noisiest node, dB.
-    #[serde(deserialize_with = "number")]
     pub lowest_snr_db: f64,
     /// Mean SNR, dB.
-    #[serde(deserialize_with = "number")]
     pub mean_snr_db: f64,
     /// Samples at full scale.
     pub saturations: u32,

@@ -9,18 +9,44 @@
 //! A prediction that the device could not play (an unstable mean, or one too loud) counts with C = 1, which is what
 //! silence scores.
 
-mod options;
 mod play;
 mod prepared;
-mod removal;
 mod results;
 mod run;
-mod summary;
 
-pub use options::{Around, Options, SMOOTHING_WIDTHS_HZ};
+use crate::dsp::reduction::Reduction;
+use crate::dsp::spectrum;
+use crate::fit::Order;
+
 pub use play::{Judged, Voice, synthesis};
 pub use prepared::Prepared;
-pub use results::{LeaveOneOut, Outcome, Removed, Row};
-pub use summary::{
-    PAPER_TABLE_I, PaperColumn, PaperRow, Summary, TableOneRow, paper_row, summarise, table_one,
+pub use results::{
+    LeaveOneOut, Outcome, PAPER_TABLE_I, PaperColumn, Removed, Row, Summary, summarise,
 };
+
+/// Options of the test.
+#[derive(Clone, Copy, Debug)]
+pub struct Options {
+    /// From three axes to one.
+    pub reduction: Reduction,
+    /// Order of the models; the paper's is 400 for all.
+    pub order: Order,
+    /// Full width of the Hann kernel that smooths amplitudes for the cost C, Hz.
+    pub smoothing_hz: f64,
+    /// Shortest duration of a synthesis, s.
+    pub synthesis_s: f64,
+    /// Seed of the syntheses; each trial has its own noise, the same for every method.
+    pub seed: u64,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            reduction: Reduction::Pca,
+            order: Order::Fixed(model_format::limits::MAX_ORDER),
+            smoothing_hz: spectrum::DEFAULT_SMOOTHING_WIDTH_HZ,
+            synthesis_s: 5.0,
+            seed: 1,
+        }
+    }
+}

@@ -3,7 +3,7 @@
 use model_format::{Laws, Library, MillimetresPerSecond, Newton, PartsSpec, limits};
 use serde::Serialize;
 
-use super::options::Options;
+use super::Options;
 use crate::support::error::{Error, Result};
 
 use crate::dsp::model::Model;
@@ -26,8 +26,6 @@ const PLACE: (f32, f32) = (100.0, 1.0);
 pub struct Judged {
     /// The paper's cost C, equation (6).
     pub cost: f64,
-    /// C with other widths of the smoothing, where they were asked for.
-    pub costs_by_width: Vec<f64>,
     /// Level of the synthesis over that of the recording in each third-octave band from 20 to 1000 Hz, dB.
     pub band_errors_db: [Option<f64>; BAND_COUNT],
     /// Log-spectral distance from 30 to 1000 Hz in sliding third octaves, dB.
@@ -36,10 +34,9 @@ pub struct Judged {
 
 impl Judged {
     /// Returns the score of silence, which lacks everything of the recording.
-    pub fn silence(widths: usize) -> Self {
+    pub fn silence() -> Self {
         Self {
             cost: 1.0,
-            costs_by_width: vec![1.0; widths],
             band_errors_db: [None; BAND_COUNT],
             log_spectral_distance_db: None,
         }
@@ -109,27 +106,27 @@ pub fn synthesis(
     )))
 }
 
-/// Compares a synthesis with a recording, both in m/s² at the models' rate, at the frequencies of `range`, with C for
-/// each of `widths_hz` beside. `None` if there is nothing to compare.
+/// Compares a synthesis with a recording, both in m/s² at the models' rate, at the frequencies of `range`. `None` if
+/// there is nothing to compare.
 pub(super) fn judge(
     recorded: &[f64],
     synthesised: &[f64],
     range: &ScoringRange,
-    options: &Options,
-    widths_hz: &[f64],
+    smoothing_hz: f64,
 ) -> Option<Judged> {
     let rate_hz = f64::from(SAMPLE_RATE_HZ);
-    let cost = |width_hz| {
-        let (recorded, synthesised) = (&[recorded][..], &[synthesised][..]);
-        spectrum::cost_of_blocks(recorded, synthesised, rate_hz, width_hz, range.cost_hz)
-    };
     let of_blocks =
         |signal: &[f64]| spectrum::PowerSpectrum::of_blocks(&[signal], range.segment, rate_hz);
     let (a, b) = (of_blocks(recorded), of_blocks(synthesised));
     let (low_hz, high_hz) = range.distance_hz();
     Some(Judged {
-        cost: cost(options.smoothing_hz)?,
-        costs_by_width: widths_hz.iter().filter_map(|&width| cost(width)).collect(),
+        cost: spectrum::cost_of_blocks(
+            &[recorded],
+            &[synthesised],
+            rate_hz,
+            smoothing_hz,
+            range.cost_hz,
+        )?,
         band_errors_db: spectrum::band_errors_within_db(&a, &b, range.band_edges_hz()),
         log_spectral_distance_db: spectrum::distance_of_spectra_db(&a, &b, low_hz, high_hz),
     })

@@ -19,7 +19,7 @@ use crate::texture::grid::{Grid, as_written};
 use crate::texture::recorded_spectra::recorded_spectra;
 use crate::texture::recorded_spectra::spectra::{RecordedSpectra, TwoWays};
 
-use super::options::{Around, Options};
+use super::Options;
 
 /// A set made ready for the test: its models, its signals and its spectra.
 pub struct Prepared<'a> {
@@ -121,7 +121,7 @@ impl<'a> Prepared<'a> {
                 .any(|trial| trial.provenance == Provenance::Simulated),
             papers_textures: papers_textures(set),
         };
-        if prepared.targets(options.around).is_empty() {
+        if prepared.targets().is_empty() {
             return Err(Error::Request(
                 "no node can be removed: a texture needs three speeds (or forces) in contact at least, so that one is \
                  between two others"
@@ -135,13 +135,13 @@ impl<'a> Prepared<'a> {
     ///
     /// Returns the nodes, by their places in [`LeaveOneOut::removed`](super::LeaveOneOut::removed), that are predicted
     /// from other places of the denser grid than before. The others' outcomes stay the same.
-    pub fn set_denser(&mut self, fillings: &[(String, Filling)], around: Around) -> Vec<usize> {
-        let targets = self.targets(around);
+    pub fn set_denser(&mut self, fillings: &[(String, Filling)]) -> Vec<usize> {
+        let targets = self.targets();
         let surroundings = |prepared: &Self| -> Vec<_> {
             let of = |target: &Target| {
                 let texture = &prepared.textures[target.texture];
                 let denser = texture.denser.as_ref();
-                denser.map(|denser| texture.surroundings(denser, target.place, around))
+                denser.map(|denser| texture.surroundings(denser, target.place))
             };
             targets.iter().map(of).collect()
         };
@@ -157,11 +157,11 @@ impl<'a> Prepared<'a> {
     }
 
     /// Returns the number of nodes that will be removed.
-    pub fn count(&self, around: Around) -> usize {
-        self.targets(around).len()
+    pub fn count(&self) -> usize {
+        self.targets().len()
     }
 
-    pub(super) fn targets(&self, around: Around) -> Vec<Target> {
+    pub(super) fn targets(&self) -> Vec<Target> {
         let trials = self.set.trials.iter().enumerate();
         trials
             .filter_map(|(index, trial)| {
@@ -169,7 +169,7 @@ impl<'a> Prepared<'a> {
                 let place = self.textures[texture].place(trial)?;
                 // A recording that nothing can be judged on is no place of the test.
                 self.ranges[index].as_ref()?;
-                let neighbours = self.textures[texture].neighbours(place, around);
+                let neighbours = self.textures[texture].neighbours(place);
                 (!neighbours.is_empty()).then_some(Target {
                     trial: index,
                     texture,
@@ -244,16 +244,10 @@ impl PreparedTexture {
     }
 
     /// Returns the neighbours that the node at `place` is predicted from.
-    pub(super) fn neighbours(&self, place: (usize, usize), around: Around) -> Vec<Neighbour<'_>> {
-        let (speed, force) = place;
-        let (speeds, forces) = (&self.grid.speeds_mm_s, &self.grid.forces_n);
-        let along_speed = (around != Around::Force)
-            .then(|| self.pair(speed, speeds, |s| (s, force)))
-            .flatten();
-        let along_force = (around != Around::Speed)
-            .then(|| self.pair(force, forces, |f| (speed, f)))
-            .flatten();
-        let pairs: Vec<_> = [along_speed, along_force].into_iter().flatten().collect();
+    pub(super) fn neighbours(&self, place: (usize, usize)) -> Vec<Neighbour<'_>> {
+        let directions = [Direction::Speed, Direction::Force].into_iter();
+        let pairs = directions.filter_map(|along| self.pair_along(along, place));
+        let pairs: Vec<[Neighbour<'_>; 2]> = pairs.collect();
         let share = 1.0 / pairs.len().max(1) as f64;
         let mut neighbours: Vec<Neighbour<'_>> = pairs.into_iter().flatten().collect();
         neighbours.iter_mut().for_each(|n| n.weight *= share);
@@ -280,22 +274,14 @@ impl PreparedTexture {
         Some([neighbour(before, 1.0 - share), neighbour(after, share)])
     }
 
-    /// The nodes of the denser grid next to a place, on both sides and in the directions of `around`.
-    fn surroundings(
-        &self,
-        denser: &Filling,
-        place: (usize, usize),
-        around: Around,
-    ) -> Vec<Surrounding> {
+    /// The nodes of the denser grid next to a place, on both sides and in both directions.
+    fn surroundings(&self, denser: &Filling, place: (usize, usize)) -> Vec<Surrounding> {
         let (speeds, forces) = (&self.grid.speeds_mm_s, &self.grid.forces_n);
         let mut surroundings = Vec::new();
         for along in [Direction::Speed, Direction::Force] {
             let (recorded, denser_axis, at) = match along {
-                Direction::Speed if around != Around::Force => {
-                    (speeds, &denser.speeds_mm_s, place.0)
-                }
-                Direction::Force if around != Around::Speed => (forces, &denser.forces_n, place.1),
-                _ => continue,
+                Direction::Speed => (speeds, &denser.speeds_mm_s, place.0),
+                Direction::Force => (forces, &denser.forces_n, place.1),
             };
             if self.pair_along(along, place).is_none() {
                 continue;
@@ -338,13 +324,13 @@ impl PreparedTexture {
 
     /// The node as the device interpolates over its place in the denser grid, where all that was filled in beside it is
     /// filled in anew without its recording.
-    pub(super) fn in_denser_grid(&self, place: (usize, usize), around: Around) -> Option<Model> {
+    pub(super) fn in_denser_grid(&self, place: (usize, usize)) -> Option<Model> {
         let speed_mm_s = f64::from(self.grid.speeds_mm_s[place.0]);
         let Some(denser) = &self.denser else {
-            return Method::DEVICE.predict(&self.neighbours(place, around), speed_mm_s);
+            return Method::DEVICE.predict(&self.neighbours(place), speed_mm_s);
         };
         let field = self.field.without_node(place);
-        let surroundings = self.surroundings(denser, place, around);
+        let surroundings = self.surroundings(denser, place);
         // Two of each direction.
         let directions = (surroundings.len() / 2) as f64;
         let model = |next: &Surrounding| {
@@ -379,12 +365,8 @@ impl PreparedTexture {
     }
 
     /// The node as a densified grid would have it.
-    pub(super) fn densified(&self, place: (usize, usize), around: Around) -> Option<Model> {
-        let spectrum = match around {
-            Around::Both => self.field.without(place, &self.ways),
-            Around::Speed => self.ways.along_speed(&self.field, place).cloned(),
-            Around::Force => self.ways.along_force(&self.field, place).cloned(),
-        };
-        Some(spectrum?.economical_model(ECONOMY_DB, highest_order(&self.grid)))
+    pub(super) fn densified(&self, place: (usize, usize)) -> Option<Model> {
+        let spectrum = self.field.without(place, &self.ways)?;
+        Some(spectrum.economical_model(ECONOMY_DB, highest_order(&self.grid)))
     }
 }

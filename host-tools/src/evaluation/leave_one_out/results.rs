@@ -1,11 +1,13 @@
-//! Results of the removed-node test: a row per way of predicting, an outcome per removed node and row.
+//! Results of the removed-node test: a row per way of predicting, an outcome per removed node and row; and in a few
+//! numbers, the paper's Table I and the table of domains.
 
 use serde::Serialize;
 
 use crate::texture::domain::Method;
 
-use super::options::Around;
 use super::play::Judged;
+use crate::dsp::spectrum::AMPLITUDE_JND_DB;
+use crate::evaluation::tables::Table;
 
 /// A row of the table: how the removed node was predicted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -44,11 +46,6 @@ impl Row {
             Self::Densified => "densified: f/v, surface and tool apart".into(),
             Self::Denser => "interpolated in the denser grid, filled without it".into(),
         }
-    }
-
-    /// Returns true if its C is shown for every width of the smoothing.
-    pub(super) fn is_followed(self) -> bool {
-        self == Self::Denser || Self::TABLE_I.contains(&self)
     }
 }
 
@@ -97,16 +94,12 @@ pub struct LeaveOneOut {
     pub smoothing: String,
     /// Order of the interpolated models.
     pub order: String,
-    /// Neighbours that predict.
-    pub around: Around,
     /// True if any recording behind it is simulated.
     pub simulated: bool,
     /// Textures that were simulated after the paper's protocol, for which the paper has figures.
     pub papers_textures: Vec<String>,
     /// Ways of predicting a node.
     pub rows: Vec<Row>,
-    /// Widths, Hz, over which [`Judged::costs_by_width`] goes.
-    pub smoothing_widths_hz: Vec<f64>,
     /// Every removed node, in the order of the set.
     pub removed: Vec<Removed>,
 }
@@ -121,5 +114,242 @@ impl LeaveOneOut {
             }
         }
         textures
+    }
+
+    /// The paper's Table I beside the same test here, and the table of domains.
+    pub fn tables(&self) -> [Table; 2] {
+        [self.table_one(), self.table_of_domains()]
+    }
+
+    fn table_one(&self) -> Table {
+        let textures = self.textures();
+        let cell =
+            |mean: f64, deviation: f64| format!("{:.1} ± {:.1}", 100.0 * mean, 100.0 * deviation);
+        let mut rows = Vec::new();
+        if let Some((by_texture, all)) = self.papers_figures() {
+            let mut row = vec!["the paper's figures, real recordings".to_owned()];
+            let columns = by_texture.into_iter().chain([Some(all)]);
+            row.extend(columns.map(|column| {
+                column.map_or(String::new(), |c| cell(c.mean_cost, c.cost_deviation))
+            }));
+            row.push(format!("{:.1e}", all.excitation_error));
+            rows.push(row);
+        }
+        for row in Row::TABLE_I {
+            let Some(all) = summarise(self, row, None) else {
+                continue;
+            };
+            let own = textures
+                .iter()
+                .filter_map(|name| summarise(self, row, Some(name)));
+            let of_textures = own.chain([all.clone()]);
+            let mut cells = vec![row.name()];
+            cells.extend(of_textures.map(|own| cell(own.mean_cost, own.cost_deviation)));
+            cells.push(format!("{:.1e}", all.excitation_error));
+            cells.push(all.unplayable.to_string());
+            rows.push(cells);
+        }
+        let mut headings = vec!["C, %, mean ± sd"];
+        headings.extend(textures);
+        headings.extend(["all", "σ² error, (m/s²)²", "not playable"]);
+        Table::new(
+            "Table I of the paper, and the same test here",
+            headings,
+            rows,
+        )
+    }
+
+    fn table_of_domains(&self) -> Table {
+        let within = format!("within {AMPLITUDE_JND_DB} dB, %");
+        let headings = [
+            "domain, level",
+            "C, %",
+            "± sd",
+            "σ² error",
+            "|band|, dB",
+            &within,
+            "LSD, dB",
+            "not playable",
+        ];
+        let rows = self.rows.iter().filter_map(|&row| {
+            let summary = summarise(self, row, None)?;
+            Some(vec![
+                row.name(),
+                format!("{:.1}", 100.0 * summary.mean_cost),
+                format!("{:.1}", 100.0 * summary.cost_deviation),
+                format!("{:.1e}", summary.excitation_error),
+                format!("{:.2}", summary.mean_band_error_db),
+                format!("{:.1}", 100.0 * summary.bands_within_jnd),
+                format!("{:.2}", summary.mean_log_spectral_distance_db),
+                summary.unplayable.to_string(),
+            ])
+        });
+        Table::new(
+            "Domain of the average, and interpolation of the level",
+            headings,
+            rows,
+        )
+    }
+
+    /// The paper's figures for each of [`Self::textures`] that was simulated after its protocol, and their mean; `None`
+    /// if there are none.
+    fn papers_figures(&self) -> Option<(Vec<Option<PaperColumn>>, PaperColumn)> {
+        let column = |name: &str| {
+            let is_papers = self.papers_textures.iter().any(|papers| papers == name);
+            let known = PAPER_TABLE_I.iter().find(|column| column.texture == name);
+            known.copied().filter(|_| is_papers)
+        };
+        let by_texture: Vec<Option<PaperColumn>> =
+            self.textures().into_iter().map(column).collect();
+        let shown: Vec<PaperColumn> = by_texture.iter().flatten().copied().collect();
+        let mean_of = |of: fn(&PaperColumn) -> f64| mean(&shown.iter().map(of).collect::<Vec<_>>());
+        let all = PaperColumn {
+            texture: "all",
+            mean_cost: mean_of(|c| c.mean_cost),
+            cost_deviation: mean_of(|c| c.cost_deviation),
+            excitation_error: mean_of(|c| c.excitation_error),
+        };
+        (!shown.is_empty()).then_some((by_texture, all))
+    }
+}
+
+/// A column of the paper's Table I.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct PaperColumn {
+    /// The texture.
+    pub texture: &'static str,
+    /// Mean of C.
+    pub mean_cost: f64,
+    /// Standard deviation of C.
+    pub cost_deviation: f64,
+    /// Mean difference of the excitations' variances, in the paper's unit, which it does not name.
+    pub excitation_error: f64,
+}
+
+/// The paper's Table I (Romano, Yoshioka, Kuchenbecker, ICRA 2010).
+pub const PAPER_TABLE_I: [PaperColumn; 4] = [
+    paper("paper", 0.31, 0.12, 1.7e-4),
+    paper("organza", 0.29, 0.13, 1.5e-4),
+    paper("vinyl", 0.42, 0.20, 2.4e-4),
+    paper("denim", 0.36, 0.09, 2.2e-4),
+];
+
+const fn paper(
+    texture: &'static str,
+    mean_cost: f64,
+    cost_deviation: f64,
+    excitation_error: f64,
+) -> PaperColumn {
+    PaperColumn {
+        texture,
+        mean_cost,
+        cost_deviation,
+        excitation_error,
+    }
+}
+
+/// A row of the test over some of its nodes.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Summary {
+    /// Nodes removed.
+    pub nodes: usize,
+    /// Predictions that the device could not play; they count with C = 1.
+    pub unplayable: usize,
+    /// Mean of C.
+    pub mean_cost: f64,
+    /// Standard deviation of C.
+    pub cost_deviation: f64,
+    /// Mean magnitude of the excitation's variance error, (m/s²)², of what could be played.
+    pub excitation_error: f64,
+    /// Mean magnitude of the bands' errors, dB, of what could be played.
+    pub mean_band_error_db: f64,
+    /// Share of all bands within the amplitude JND of 2.2 dB; those of what could not be played are not.
+    pub bands_within_jnd: f64,
+    /// Mean log-spectral distance from 30 to 1000 Hz, dB, of what could be played.
+    pub mean_log_spectral_distance_db: f64,
+}
+
+/// `row` over the nodes of `texture`, or over all; `None` if the test does not have it.
+pub fn summarise(test: &LeaveOneOut, row: Row, texture: Option<&str>) -> Option<Summary> {
+    let column = test.rows.iter().position(|&r| r == row)?;
+    let outcomes: Vec<&Outcome> = test
+        .removed
+        .iter()
+        .filter(|node| texture.is_none_or(|name| node.texture == name))
+        .map(|node| &node.outcomes[column])
+        .collect();
+    let played = || outcomes.iter().filter(|outcome| outcome.is_playable);
+    let costs: Vec<f64> = outcomes.iter().map(|outcome| outcome.judged.cost).collect();
+    let mean_cost = mean(&costs);
+    let squares: Vec<f64> = costs.iter().map(|c| (c - mean_cost).powi(2)).collect();
+    let errors: Vec<f64> = played()
+        .flat_map(|outcome| outcome.judged.band_errors_db)
+        .flatten()
+        .map(f64::abs)
+        .collect();
+    let within = errors.iter().filter(|e| **e <= AMPLITUDE_JND_DB).count();
+    let bands: usize = outcomes
+        .iter()
+        .map(|outcome| outcome.judged.band_errors_db.len())
+        .sum();
+    let excitation: Vec<f64> = played()
+        .filter_map(|outcome| outcome.excitation_error)
+        .map(f64::abs)
+        .collect();
+    let distances: Vec<f64> = played()
+        .filter_map(|outcome| outcome.judged.log_spectral_distance_db)
+        .collect();
+    Some(Summary {
+        nodes: outcomes.len(),
+        unplayable: outcomes.len() - played().count(),
+        mean_cost,
+        cost_deviation: mean(&squares).sqrt(),
+        excitation_error: mean(&excitation),
+        mean_band_error_db: mean(&errors),
+        bands_within_jnd: within as f64 / bands.max(1) as f64,
+        mean_log_spectral_distance_db: mean(&distances),
+    })
+}
+
+/// The mean, or zero of nothing.
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len().max(1) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn test_of(textures: &[&str], papers: &[&str]) -> LeaveOneOut {
+        let removed = |texture: &&str| Removed {
+            file: String::new(),
+            texture: (*texture).to_owned(),
+            speed_mm_s: 100.0,
+            force_n: 1.0,
+            outcomes: Vec::new(),
+        };
+        LeaveOneOut {
+            smoothing: String::new(),
+            order: String::new(),
+            simulated: true,
+            papers_textures: papers.iter().map(|&name| name.to_owned()).collect(),
+            rows: Vec::new(),
+            removed: textures.iter().map(removed).collect(),
+        }
+    }
+
+    #[test]
+    fn the_papers_figures_are_for_textures_of_its_protocol_and_averaged_over_what_is_shown() {
+        let figures =
+            |textures: &[&str], papers: &[&str]| test_of(textures, papers).papers_figures();
+        assert_eq!(figures(&["paper", "denim"], &[]), None);
+        assert_eq!(figures(&["felt"], &["felt"]), None);
+        let (by_texture, all) = figures(&["paper", "felt", "denim"], &["denim", "felt"]).unwrap();
+        assert_eq!(by_texture, [None, None, Some(PAPER_TABLE_I[3])]);
+        assert!((all.mean_cost - 0.36).abs() < 1e-12);
+        let names = PAPER_TABLE_I.map(|column| column.texture);
+        let (_, all) = figures(&names, &names).unwrap();
+        assert!((all.mean_cost - 0.345).abs() < 1e-12);
+        assert!((all.cost_deviation - 0.135).abs() < 1e-12);
     }
 }

@@ -1,14 +1,18 @@
-//! The removed-node test itself.
+//! The removed-node test itself: each node that is removed, and everything that is played in its place.
 
 use rayon::prelude::*;
 
+use crate::dsp::linear_prediction::error_share;
+use crate::dsp::model::Model;
 use crate::fit::Order;
 use crate::support::error::{Error, Result};
+use crate::texture::domain::{Domain, Level, Method, Neighbour};
+use crate::texture::quantise::StructureChoice;
 
-use super::options::{Options, SMOOTHING_WIDTHS_HZ};
-use super::prepared::{Prepared, Target};
-use super::removal::Removal;
-use super::results::{LeaveOneOut, Removed, Row};
+use super::Options;
+use super::play::{self, Judged, Voice};
+use super::prepared::{Prepared, PreparedTexture, Target};
+use super::results::{LeaveOneOut, Outcome, Removed, Row};
 
 impl Prepared<'_> {
     /// Removes and predicts every inner node in every one of `rows`, telling `progress` of each node done.
@@ -23,7 +27,7 @@ impl Prepared<'_> {
         options: &Options,
         progress: impl Fn() + Sync,
     ) -> Result<LeaveOneOut> {
-        let all: Vec<usize> = (0..self.count(options.around)).collect();
+        let all: Vec<usize> = (0..self.count()).collect();
         let removed = self.run_some(&all, rows, options, progress)?;
         Ok(LeaveOneOut {
             smoothing: format!("Hann kernel, {} Hz wide", options.smoothing_hz),
@@ -33,11 +37,9 @@ impl Prepared<'_> {
                 Order::AtMost(order) => format!("chosen for each node (AIC), at most {order}"),
                 Order::Fixed(order) => order.to_string(),
             },
-            around: options.around,
             simulated: self.simulated,
             papers_textures: self.papers_textures.clone(),
             rows: rows.to_vec(),
-            smoothing_widths_hz: SMOOTHING_WIDTHS_HZ.to_vec(),
             removed,
         })
     }
@@ -56,7 +58,7 @@ impl Prepared<'_> {
         options: &Options,
         progress: impl Fn() + Sync,
     ) -> Result<Vec<Removed>> {
-        let targets = self.targets(options.around);
+        let targets = self.targets();
         let removed = nodes.par_iter().map(|&node| {
             let outcome = self.remove(targets[node], rows, options);
             progress();
@@ -78,7 +80,7 @@ impl Prepared<'_> {
         let is_it = |target: &&Target| {
             self.set.trials[target.trial].file.display().to_string() == node.file
         };
-        let targets = self.targets(options.around);
+        let targets = self.targets();
         let Some(&target) = targets.iter().find(is_it) else {
             let problem = format!("{} is not one of the removed nodes", node.file);
             return Err(Error::Request(problem));
@@ -104,6 +106,108 @@ impl Prepared<'_> {
             texture: trial.texture.clone(),
             speed_mm_s: trial.speed_mm_s,
             force_n: trial.force_n,
+        })
+    }
+}
+
+/// The part of a row that determines its timbre. The level is a gain behind the filter: methods that differ by it alone
+/// are one synthesis, scaled.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Timbre {
+    Own,
+    Interpolated(Domain),
+    Densified,
+    Denser,
+}
+
+/// A node that is being removed.
+struct Removal<'p, 's> {
+    prepared: &'p Prepared<'s>,
+    target: Target,
+    options: &'p Options,
+    neighbours: Vec<Neighbour<'p>>,
+    /// Syntheses so far.
+    voices: Vec<(Timbre, Option<Voice>)>,
+}
+
+impl<'p, 's> Removal<'p, 's> {
+    fn new(prepared: &'p Prepared<'s>, target: Target, options: &'p Options) -> Self {
+        let texture = &prepared.textures[target.texture];
+        Self {
+            prepared,
+            target,
+            options,
+            neighbours: texture.neighbours(target.place),
+            voices: Vec::new(),
+        }
+    }
+
+    fn texture(&self) -> &'p PreparedTexture {
+        &self.prepared.textures[self.target.texture]
+    }
+
+    /// The model that is played for a timbre, and its structure.
+    fn model(&self, timbre: Timbre) -> (Option<Model>, StructureChoice) {
+        let (texture, place) = (self.texture(), self.target.place);
+        match timbre {
+            Timbre::Own => (Some(texture.model(place).clone()), StructureChoice::Lattice),
+            Timbre::Densified => (texture.densified(place), StructureChoice::Lattice),
+            Timbre::Denser => (texture.in_denser_grid(place), StructureChoice::Lattice),
+            Timbre::Interpolated(domain) => {
+                let level = Level::Power;
+                let speed_mm_s = self.prepared.set.trials[self.target.trial].speed_mm_s;
+                let model = Method { domain, level }.predict(&self.neighbours, speed_mm_s);
+                (model, domain.structure())
+            }
+        }
+    }
+
+    /// Index of the voice of `row`, and the power at which it is to be heard; none if the device cannot play it.
+    fn voice(&mut self, row: Row) -> Result<Option<(usize, f64)>> {
+        let timbre = match row {
+            Row::Own => Timbre::Own,
+            Row::Densified => Timbre::Densified,
+            Row::Denser => Timbre::Denser,
+            Row::Interpolated(method) => Timbre::Interpolated(method.domain),
+        };
+        let known = self.voices.iter().position(|(known, _)| *known == timbre);
+        let at = known.unwrap_or(self.voices.len());
+        if known.is_none() {
+            let seed = self.options.seed.wrapping_add(self.target.trial as u64);
+            let (model, structure) = self.model(timbre);
+            let voice = model.map(|model| Voice::of(model, structure, self.options, seed));
+            self.voices.push((timbre, voice.transpose()?.flatten()));
+        }
+        Ok(self.voices[at].1.as_ref().map(|voice| {
+            let power = match row {
+                Row::Interpolated(method) => method
+                    .level
+                    .power(&self.neighbours, &voice.model.reflection),
+                Row::Own | Row::Densified | Row::Denser => voice.model.output_power,
+            };
+            (at, power)
+        }))
+    }
+
+    fn outcome(&mut self, row: Row) -> Result<Outcome> {
+        let voice = self.voice(row)?;
+        let recorded = &self.prepared.signals[self.target.trial];
+        let voice = voice.and_then(|(at, power)| Some((self.voices[at].1.as_ref()?, power)));
+        let judged = voice.and_then(|(voice, power)| {
+            let synthesised = voice.at_power(power)?;
+            let range = self.prepared.ranges[self.target.trial].as_ref()?;
+            play::judge(recorded, &synthesised, range, self.options.smoothing_hz)
+        });
+        let own = self.texture().model(self.target.place);
+        let excitation_error = voice.filter(|_| judged.is_some()).map(|(voice, power)| {
+            power * error_share(&voice.model.reflection)
+                - own.output_power * error_share(&own.reflection)
+        });
+        Ok(Outcome {
+            is_playable: judged.is_some(),
+            order: voice.map_or(0, |(voice, _)| voice.model.reflection.len()),
+            excitation_error,
+            judged: judged.unwrap_or_else(Judged::silence),
         })
     }
 }

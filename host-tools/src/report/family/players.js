@@ -86,7 +86,7 @@
     return "recording, then synthesis, " + nodes.seconds.toFixed(1) + " s each";
   };
   plots.onseek = async (group, time) => {
-    const audio = group.closest("figure")?.querySelector('audio[data-panel="' + CSS.escape(group.dataset.name) + '"]');
+    const audio = group.closest("figure")?.querySelector('audio[data-panel="' + CSS.escape(plots.axes(group).name) + '"]');
     if (!audio) return null;
     silence();
     try {

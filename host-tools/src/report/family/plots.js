@@ -49,33 +49,23 @@ globalThis.stylusPlots = (() => {
   };
 
   // ---- Axes: from values to places in the picture and back.
-  const numbers = (text) => (text ? text.split(" ").map((word) => (word === "-" ? NaN : Number(word))) : []);
+  // What is no number is null in the data.
+  const numbers = (values) => (values ?? []).map((value) => value ?? NaN);
   const read = new WeakMap();
   const axes = (group) => {
     if (!read.has(group)) {
-      const [left, top, right, bottom] = numbers(group.dataset.frame);
-      const series = [...group.querySelectorAll(".series")].map(({ dataset }) => ({
-        name: dataset.name,
-        kind: dataset.kind,
-        colour: dataset.colour,
-        x: numbers(dataset.x),
-        y: numbers(dataset.y),
-        z: numbers(dataset.z),
-        third: dataset.zQuantity ? JSON.parse(dataset.zQuantity) : null,
-        notes: dataset.notes ? JSON.parse(dataset.notes) : [],
-        levels: dataset.levels ? JSON.parse(dataset.levels) : null,
+      const panel = JSON.parse(group.dataset.panel);
+      const series = panel.series.map(({ x, y, z, notes, ...rest }) => ({
+        ...rest,
+        x: numbers(x),
+        y: numbers(y),
+        z: numbers(z?.values),
+        third: z ?? null,
+        notes: notes ?? [],
+        levels: panel.levels ?? null,
       }));
-      read.set(group, {
-        group,
-        svg: group.closest("svg"),
-        name: group.dataset.name,
-        play: group.dataset.play,
-        frame: { left, top, right, bottom },
-        x: JSON.parse(group.dataset.x),
-        y: JSON.parse(group.dataset.y),
-        series,
-        image: group.querySelector("image"),
-      });
+      const [svg, image] = [group.closest("svg"), group.querySelector("image")];
+      read.set(group, { ...panel, series, group, svg, image });
     }
     return read.get(group);
   };

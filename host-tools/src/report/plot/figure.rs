@@ -1,18 +1,71 @@
 //! The data of a picture: what each pair of its axes shows, with quantities and units.
 //!
-//! A picture is drawn from these values, carries them thinned for whoever points at it, and files of data hold them
+//! A picture is drawn from these values, carries them thinned for whoever points at it, and its CSV file holds them
 //! whole. So a value that is read from a picture is one of its file.
 
 use std::fmt::Write as _;
 
 use plotters::style::RGBColor;
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 
 use super::colours::hex;
-use super::labels::Frame;
-use super::quantity::Quantity;
-use super::thinned::thinned;
 use crate::support::visible::escaped;
+
+/// A rectangle along the axes, in drawn pixels, x to the right and y down.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct Frame {
+    /// Its left edge.
+    pub left: i32,
+    /// Its upper edge.
+    pub top: i32,
+    /// Its right edge.
+    pub right: i32,
+    /// Its lower edge.
+    pub bottom: i32,
+}
+
+/// A quantity with its unit, as it stands along an axis.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Quantity<'a> {
+    /// The name.
+    pub name: &'a str,
+    /// The unit; empty for a count or a ratio.
+    pub unit: &'a str,
+}
+
+/// Tangential speed.
+pub const SPEED: Quantity<'static> = Quantity::new("tangential speed", "mm/s");
+/// Normal force.
+pub const FORCE: Quantity<'static> = Quantity::new("normal force", "N");
+/// Acceleration.
+pub const ACCELERATION: Quantity<'static> = Quantity::new("acceleration", "m/s²");
+/// Frequency.
+pub const FREQUENCY: Quantity<'static> = Quantity::new("frequency", "Hz");
+/// Time in seconds.
+pub const TIME_S: Quantity<'static> = Quantity::new("time", "s");
+/// Time in milliseconds.
+pub const TIME_MS: Quantity<'static> = Quantity::new("time", "ms");
+/// The paper's cost.
+pub const COST: Quantity<'static> = Quantity::new("cost C", "%");
+/// The density of a signal's power over frequency.
+pub const POWER_DENSITY: Quantity<'static> =
+    Quantity::new("power spectral density", "dB re 1 (m/s²)²/Hz");
+
+impl<'a> Quantity<'a> {
+    /// A quantity; the unit of a count or a ratio is empty.
+    pub const fn new(name: &'a str, unit: &'a str) -> Self {
+        Self { name, unit }
+    }
+
+    /// Name and unit in one line.
+    pub fn label(&self) -> String {
+        if self.unit.is_empty() {
+            self.name.to_owned()
+        } else {
+            format!("{}, {}", self.name, self.unit)
+        }
+    }
+}
 
 /// The data of one picture.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -26,11 +79,11 @@ pub struct Figure {
 }
 
 /// One pair of axes with what is drawn between them.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Panel {
     /// Name of the panel; empty where the picture has one alone.
     pub name: String,
-    /// The rectangle between the axes, drawn pixels.
+    /// The rectangle between the axes.
     pub frame: Frame,
     /// The horizontal axis.
     pub x: AxisData,
@@ -39,24 +92,32 @@ pub struct Panel {
     /// Curves, points, cells.
     pub series: Vec<Series>,
     /// The texture whose nodes a map shows, which a page can play.
-    pub plays: Option<String>,
-    /// A bitmap in the frame, as the bytes of a PNG.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub play: Option<String>,
+    /// A bitmap in the frame.
+    #[serde(skip_serializing_if = "Option::is_none", rename = "levels")]
     pub bitmap: Option<Bitmap>,
 }
 
 /// A bitmap whose colours stand for levels.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Bitmap {
     /// The bytes of a PNG, in base64.
+    #[serde(skip)]
     pub png: String,
-    /// The rectangle that it fills, drawn pixels.
+    /// The rectangle that it fills.
+    #[serde(skip)]
     pub frame: Frame,
     /// Level of the first colour of the palette.
     pub from: f64,
     /// Level of the last.
     pub to: f64,
-    /// The palette: six hexadecimal digits a colour.
+    /// The palette: six hexadecimal digits per colour.
     pub palette: String,
+    /// First x of its columns and the step to the next.
+    pub x: [f64; 2],
+    /// First y of its rows and the step to the next.
+    pub y: [f64; 2],
 }
 
 /// One axis.
@@ -101,31 +162,34 @@ pub enum Kind {
     Bars,
     /// Cells of a map at positions of two axes of names.
     Cells,
-    /// Levels over all pairs of an x and a y.
+    /// Levels over all pairs of an x and a y; a page has them as a bitmap alone.
     Levels,
 }
 
 /// Values that belong together.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Series {
     /// Their name; empty where the panel's says it all.
     pub name: String,
     /// Their kind.
     pub kind: Kind,
     /// Their colour, where they have one.
+    #[serde(serialize_with = "as_hex")]
     pub colour: Option<RGBColor>,
     /// Along the horizontal axis.
     pub x: Vec<f64>,
     /// Along the vertical axis; NaN where there is no value.
     pub y: Vec<f64>,
     /// A third quantity: of each point or cell, or of each x with every y.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub z: Option<Third>,
     /// A text for each point, or none at all.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub notes: Vec<String>,
 }
 
 /// Values of a third quantity.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Third {
     /// Name of the quantity.
     pub quantity: String,
@@ -135,28 +199,20 @@ pub struct Third {
     pub values: Vec<f64>,
 }
 
+fn as_hex<S: Serializer>(colour: &Option<RGBColor>, to: S) -> Result<S::Ok, S::Error> {
+    colour.map(hex).serialize(to)
+}
+
 impl AxisData {
     /// An axis of cells of one size, one for each name.
     pub fn of_cells(quantity: Quantity<'_>, names: Vec<String>) -> Self {
         Self {
-            quantity: quantity.name().to_owned(),
-            unit: quantity.unit().to_owned(),
+            quantity: quantity.name.to_owned(),
+            unit: quantity.unit.to_owned(),
             scale: AxisScale::Names,
             from: -0.5,
             to: names.len() as f64 - 0.5,
             names,
-        }
-    }
-
-    /// The value that a position on this axis stands for, as it is written: of an axis of names, the name.
-    pub fn written(&self, value: f64) -> String {
-        match self.scale {
-            AxisScale::Names => self
-                .names
-                .get(value.round().max(0.0) as usize)
-                .cloned()
-                .unwrap_or_default(),
-            AxisScale::Linear | AxisScale::Log => value.to_string(),
         }
     }
 }
@@ -170,7 +226,7 @@ impl Panel {
             x,
             y,
             series: Vec::new(),
-            plays: None,
+            play: None,
             bitmap: None,
         }
     }
@@ -179,12 +235,13 @@ impl Panel {
 impl Series {
     /// A curve or points.
     pub fn new(name: &str, kind: Kind, colour: RGBColor, points: &[(f64, f64)]) -> Self {
+        let (x, y) = points.iter().copied().unzip();
         Self {
             name: name.to_owned(),
             kind,
             colour: Some(colour),
-            x: points.iter().map(|point| point.0).collect(),
-            y: points.iter().map(|point| point.1).collect(),
+            x,
+            y,
             z: None,
             notes: Vec::new(),
         }
@@ -197,15 +254,45 @@ impl Series {
         values: Vec<f64>,
         notes: Vec<String>,
     ) -> Self {
-        let places = || (0..columns).flat_map(|column| (0..rows).map(move |row| (column, row)));
+        let places = (0..columns * rows).map(|n| ((n / rows) as f64, (n % rows) as f64));
+        let (x, y) = places.unzip();
         Self {
             name: String::new(),
             kind: Kind::Cells,
             colour: None,
-            x: places().map(|place| place.0 as f64).collect(),
-            y: places().map(|place| place.1 as f64).collect(),
+            x,
+            y,
             z: Some(Third::new(quantity, values)),
             notes,
+        }
+    }
+
+    /// The series as a page carries it: curves thinned, values with five digits, and no levels, which the bitmap has.
+    fn shown(&self) -> Self {
+        let points = self.x.iter().copied().zip(self.y.iter().copied());
+        let (x, y): (Vec<f64>, Vec<f64>) = match self.kind {
+            Kind::Line => thinned(points).into_iter().unzip(),
+            Kind::Levels => (Vec::new(), Vec::new()),
+            Kind::Points | Kind::Bars | Kind::Cells => points.unzip(),
+        };
+        let short = |values: &[f64]| values.iter().map(|value| short(*value)).collect();
+        let has_notes = self.notes.iter().any(|note| !note.is_empty());
+        Self {
+            x: short(&x),
+            y: short(&y),
+            z: self.z.as_ref().map(|third| Third {
+                values: match self.kind {
+                    Kind::Levels => Vec::new(),
+                    _ => short(&third.values),
+                },
+                ..third.clone()
+            }),
+            notes: if has_notes {
+                self.notes.clone()
+            } else {
+                Vec::new()
+            },
+            ..self.clone()
         }
     }
 }
@@ -214,166 +301,73 @@ impl Third {
     /// Values of a quantity.
     pub fn new(quantity: Quantity<'_>, values: Vec<f64>) -> Self {
         Self {
-            quantity: quantity.name().to_owned(),
-            unit: quantity.unit().to_owned(),
+            quantity: quantity.name.to_owned(),
+            unit: quantity.unit.to_owned(),
             values,
         }
     }
 }
 
-/// A quantity as the pages' script reads it.
-#[derive(Serialize)]
-struct QuantityText<'a> {
-    quantity: &'a str,
-    unit: &'a str,
-}
-
-/// The palette of a bitmap as the pages' script reads it.
-#[derive(Serialize)]
-struct Levels<'a> {
-    from: f64,
-    to: f64,
-    palette: &'a str,
-    /// First x and the step to the next; likewise of y.
-    x: [f64; 2],
-    y: [f64; 2],
-}
-
-/// The elements that make a picture readable by pointing: a group for each pair of axes.
+/// The elements that make a picture readable by pointing: a group for each pair of axes, with its data as JSON.
 pub fn overlay(figure: &Figure) -> String {
     let mut svg = String::new();
     for panel in &figure.panels {
-        write_panel(&mut svg, panel);
+        let shown = Panel {
+            series: panel.series.iter().map(Series::shown).collect(),
+            ..panel.clone()
+        };
+        let text = serde_json::to_string(&shown).expect("plain data become JSON");
+        // Writing into a string does not fail.
+        let _ = writeln!(svg, "<g class=\"axes\" data-panel=\"{}\">", escaped(&text));
+        if let Some(Bitmap { png, frame, .. }) = &panel.bitmap {
+            let place = place(*frame);
+            let _ = writeln!(
+                svg,
+                "<image {place} preserveAspectRatio=\"none\" href=\"data:image/png;base64,{png}\"/>"
+            );
+        }
+        let place = place(panel.frame);
+        let _ = writeln!(
+            svg,
+            "<rect {place} fill=\"none\" pointer-events=\"all\"/>\n</g>"
+        );
     }
     svg
 }
 
-fn write_panel(svg: &mut String, panel: &Panel) {
-    let Frame {
-        left,
-        top,
-        right,
-        bottom,
-    } = panel.frame;
-    let (width, height) = (right - left, bottom - top);
-    let plays = panel.plays.as_ref().map_or(String::new(), |texture| {
-        format!(" data-play=\"{}\"", escaped(texture))
+fn place(frame: Frame) -> String {
+    let (width, height) = (frame.right - frame.left, frame.bottom - frame.top);
+    format!(
+        "x=\"{}\" y=\"{}\" width=\"{width}\" height=\"{height}\"",
+        frame.left, frame.top
+    )
+}
+
+/// A value with five significant digits.
+fn short(value: f64) -> f64 {
+    format!("{value:.4e}").parse().unwrap_or(value)
+}
+
+/// At most `MAX_POINTS` points that look like `points`, whose x rise: of each of equal shares, in their order, the
+/// lowest and the highest. What is not finite is left out.
+pub fn thinned(points: impl Iterator<Item = (f64, f64)>) -> Vec<(f64, f64)> {
+    const MAX_POINTS: usize = 1500;
+    let points: Vec<(f64, f64)> = points
+        .filter(|(x, y)| x.is_finite() && y.is_finite())
+        .collect();
+    if points.len() <= MAX_POINTS {
+        return points;
+    }
+    let share = points.len().div_ceil(MAX_POINTS / 2);
+    let extremes = points.chunks(share).flat_map(|chunk| {
+        let by_y = |a: &&(f64, f64), b: &&(f64, f64)| a.1.total_cmp(&b.1);
+        let lowest = chunk.iter().min_by(by_y);
+        let highest = chunk.iter().max_by(by_y);
+        let mut both: Vec<(f64, f64)> = lowest.into_iter().chain(highest).copied().collect();
+        both.sort_by(|a, b| a.0.total_cmp(&b.0));
+        both
     });
-    // Writing into a string does not fail.
-    let _ = writeln!(
-        svg,
-        "<g class=\"axes\" data-name=\"{}\" data-frame=\"{left} {top} {right} {bottom}\" data-x=\"{}\" \
-         data-y=\"{}\"{plays}>",
-        escaped(&panel.name),
-        attribute(&panel.x),
-        attribute(&panel.y)
-    );
-    if let Some(bitmap) = &panel.bitmap {
-        let Frame {
-            left,
-            top,
-            right,
-            bottom,
-        } = bitmap.frame;
-        let (width, height) = (right - left, bottom - top);
-        let _ = writeln!(
-            svg,
-            "<image x=\"{left}\" y=\"{top}\" width=\"{width}\" height=\"{height}\" preserveAspectRatio=\"none\" \
-             href=\"data:image/png;base64,{}\"/>",
-            bitmap.png
-        );
-    }
-    let _ = writeln!(
-        svg,
-        "<rect x=\"{left}\" y=\"{top}\" width=\"{width}\" height=\"{height}\" fill=\"none\" pointer-events=\"all\"/>"
-    );
-    for series in &panel.series {
-        write_series(svg, series, panel.bitmap.as_ref());
-    }
-    svg.push_str("</g>\n");
-}
-
-fn write_series(svg: &mut String, series: &Series, bitmap: Option<&Bitmap>) {
-    let kind = format!("{:?}", series.kind).to_lowercase();
-    let _ = write!(
-        svg,
-        "<g class=\"series\" data-name=\"{}\" data-kind=\"{kind}\"",
-        escaped(&series.name)
-    );
-    if let Some(colour) = series.colour {
-        let _ = write!(svg, " data-colour=\"{}\"", hex(colour));
-    }
-    if let Some(third) = &series.z {
-        let quantity = QuantityText {
-            quantity: &third.quantity,
-            unit: &third.unit,
-        };
-        let _ = write!(svg, " data-z-quantity=\"{}\"", attribute(&quantity));
-    }
-    if series.kind == Kind::Levels {
-        if let Some(Bitmap {
-            from, to, palette, ..
-        }) = bitmap
-        {
-            let levels = Levels {
-                from: *from,
-                to: *to,
-                palette,
-                x: first_and_step(&series.x),
-                y: first_and_step(&series.y),
-            };
-            let _ = write!(svg, " data-levels=\"{}\"", attribute(&levels));
-        }
-        svg.push_str("/>\n");
-        return;
-    }
-    let points = series.x.iter().copied().zip(series.y.iter().copied());
-    let (x, y): (Vec<f64>, Vec<f64>) = if series.kind == Kind::Line {
-        thinned(points).into_iter().unzip()
-    } else {
-        points.unzip()
-    };
-    let _ = write!(svg, " data-x=\"{}\" data-y=\"{}\"", list(&x), list(&y));
-    if let Some(third) = &series.z {
-        let _ = write!(svg, " data-z=\"{}\"", list(&third.values));
-    }
-    if series.notes.iter().any(|note| !note.is_empty()) {
-        let _ = write!(svg, " data-notes=\"{}\"", attribute(&series.notes));
-    }
-    svg.push_str("/>\n");
-}
-
-/// The first of evenly spaced values, and the step between them.
-fn first_and_step(values: &[f64]) -> [f64; 2] {
-    let first = values.first().copied().unwrap_or(0.0);
-    let last = values.last().copied().unwrap_or(0.0);
-    let steps = values.len().saturating_sub(1).max(1);
-    [first, (last - first) / steps as f64]
-}
-
-/// A value as JSON in an attribute.
-fn attribute(value: &impl Serialize) -> String {
-    let text = serde_json::to_string(value).expect("plain data become JSON");
-    escaped(&text)
-}
-
-fn list(values: &[f64]) -> String {
-    let written: Vec<String> = values.iter().map(|value| short(*value)).collect();
-    written.join(" ")
-}
-
-/// A value with five significant digits, `-` for what is not a number.
-fn short(value: f64) -> String {
-    if !value.is_finite() {
-        return "-".to_owned();
-    }
-    let rounded: f64 = format!("{value:.4e}").parse().unwrap_or(value);
-    if rounded != 0.0 && !(1e-4..1e7).contains(&rounded.abs()) {
-        format!("{rounded:e}")
-    } else {
-        // No minus zero.
-        (rounded + 0.0).to_string()
-    }
+    extremes.collect()
 }
 
 #[cfg(test)]
@@ -383,21 +377,23 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_written_value_is_read_as_itself_to_five_digits(value in prop::num::f64::NORMAL) {
-            let read: f64 = short(value).parse().unwrap();
-            prop_assert!((read - value).abs() <= 5.001e-5 * value.abs());
-            prop_assert!(short(value).len() <= 14);
+        fn thinning_keeps_the_extremes_and_the_order(
+            values in prop::collection::vec(-1e6..1e6f64, 1..6000),
+        ) {
+            let points = values.iter().enumerate().map(|(n, y)| (n as f64, *y));
+            let thin = thinned(points.clone());
+            prop_assert!(thin.len() <= 1500);
+            prop_assert!(thin.windows(2).all(|pair| pair[0].0 <= pair[1].0));
+            prop_assert!(thin.iter().all(|point| values[point.0 as usize].to_bits() == point.1.to_bits()));
+            for pick in [f64::max, f64::min] {
+                let of = |points: &mut dyn Iterator<Item = (f64, f64)>| points.map(|point| point.1).reduce(pick);
+                prop_assert_eq!(of(&mut thin.iter().copied()), of(&mut points.clone()));
+            }
         }
-    }
 
-    #[test]
-    fn what_is_not_a_number_is_written_as_none_and_zero_has_no_sign() {
-        for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
-            assert_eq!(short(value), "-");
+        #[test]
+        fn a_value_is_shown_to_five_digits(value in prop::num::f64::NORMAL) {
+            prop_assert!((short(value) - value).abs() <= 5.001e-5 * value.abs());
         }
-        assert_eq!(
-            (short(-0.0), short(0.5)),
-            ("0".to_owned(), "0.5".to_owned())
-        );
     }
 }

@@ -6,25 +6,17 @@
 
 mod bands;
 mod canvas;
-mod certificate;
 pub(super) mod colours;
 pub mod figure;
 mod frontier;
 mod grid;
-mod labels;
 mod live;
 mod orders;
-#[cfg(feature = "spectrograms")]
-mod paper;
 #[cfg(test)]
-pub mod properties;
-mod quantity;
-#[cfg(feature = "spectrograms")]
+pub(super) mod properties;
 mod scene;
 mod spectra;
-#[cfg(feature = "spectrograms")]
 mod spectrogram;
-mod thinned;
 mod waveforms;
 
 use std::path::Path;
@@ -33,21 +25,15 @@ use crate::support::atomic_file;
 use crate::support::error::Result;
 
 pub use bands::band_error_chart;
-pub use canvas::{COST, Quantity};
-pub use certificate::certificate_map;
-pub use figure::Figure;
-pub use frontier::{FrontAxis, FrontLine, FrontLook, FrontPoint, FrontSeries, front_chart};
-pub use grid::{GridCell, GridMap, Scale, grid_map};
-pub use live::{live_map, spectrum_axes, waveform_axes};
+pub use figure::{COST, Figure, Quantity};
+pub use frontier::{FrontPoint, FrontSeries, front_chart};
+pub use grid::{GridCell, GridMap, Scale, WIDE, grid_map};
+pub use live::{NARROW, spectrum_axes, waveform_axes};
 pub use orders::{OrderSeries, order_against_cost};
-#[cfg(feature = "spectrograms")]
-pub use paper::{forward_prediction, grid_and_motion};
-#[cfg(feature = "spectrograms")]
 pub use scene::{SceneRegion, SceneView, scene};
-pub use spectra::{SpectraEnds, SpectraView, spectra_ends, time_and_frequency};
-#[cfg(feature = "spectrograms")]
-pub use spectrogram::{highest_level_db, spectrograms};
-pub use waveforms::{peak, waveforms};
+pub use spectra::spectra;
+pub use spectrogram::spectrograms;
+pub use waveforms::waveforms;
 
 /// The heading of a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

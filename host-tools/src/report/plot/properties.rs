@@ -1,11 +1,11 @@
 //! Properties that every picture has, whatever it shows.
 
-use model_format::NodeFlags;
+use model_format::{MillimetresPerSecond, Newton, NodeFlags};
 use plotters::style::RGBColor;
 
-use super::canvas::tests::{Text, texts};
 use super::*;
-use crate::texture::certificate::{Cell, Certification, Finding, Stored};
+use crate::dsp::spectrum::BAND_COUNT;
+use crate::playing::motion::{Hand, MotionPath};
 
 const CAPTION: Caption<'_> = Caption {
     title: "a picture",
@@ -22,293 +22,249 @@ fn signal(seed: f64) -> Vec<f64> {
         .collect()
 }
 
-fn map() -> Svg {
-    let speeds: Vec<f64> = (1..=15).map(|n| 20.0 * f64::from(n)).collect();
-    let forces: Vec<f64> = (1..=7).map(|n| 0.2 * f64::from(n)).collect();
-    let cells: Vec<GridCell> = (0..15 * 7)
+/// Values that a picture must bear.
+const ODD: [f64; 6] = [0.0, f64::NAN, f64::INFINITY, 1e300, -1e300, 3.0];
+
+fn map(speeds: usize, forces: usize, value: impl Fn(usize) -> Option<f64>) -> Svg {
+    let axis = |count: usize, step: f64| (1..=count).map(move |n| step * n as f64);
+    let flags = [
+        NodeFlags::NONE,
+        NodeFlags::INTERPOLATED,
+        NodeFlags::DOUBTFUL,
+    ];
+    let cells: Vec<GridCell> = (0..speeds * forces)
         .map(|n| GridCell {
-            value: (n % 11 != 0).then(|| f64::from(n) - 0.04),
-            flags: [
-                NodeFlags::NONE,
-                NodeFlags::INTERPOLATED,
-                NodeFlags::DOUBTFUL,
-            ][n as usize % 3],
+            value: value(n),
+            flags: flags[n % 3],
         })
         .collect();
     let map = GridMap {
         texture: "test",
-        speeds_mm_s: &speeds,
-        forces_n: &forces,
+        speeds_mm_s: &axis(speeds, 20.0).collect::<Vec<_>>(),
+        forces_n: &axis(forces, 0.2).collect::<Vec<_>>(),
         cells: &cells,
         quantity: COST,
         scale: Scale::of(cells.iter().filter_map(|cell| cell.value)),
-        decimals: 1,
     };
-    grid_map(&CAPTION, &map).unwrap()
+    grid_map(&CAPTION, &map, WIDE).unwrap()
 }
 
-fn certificate(is_lattice: bool) -> Svg {
-    let speeds_mm_s: Vec<f32> = (0..15).map(|n| 20.0 * n as f32).collect();
-    let forces_n: Vec<f32> = (0..8).map(|n| 0.2 * n as f32).collect();
-    let cells = (0..14 * 7).map(|index| Cell {
-        speeds_mm_s: [speeds_mm_s[index / 7], speeds_mm_s[index / 7 + 1]],
-        forces_n: [forces_n[index % 7], forces_n[index % 7 + 1]],
-        finding: if is_lattice {
-            Finding::Lattice {
-                largest_reflection: 0.99,
-            }
-        } else {
-            Finding::Direct {
-                proved_margin: (index % 5 > 0).then_some(0.1),
-                critical_frequency_hz: None,
-                stored_margin: 14,
-                worst: crate::texture::certificate::Point {
-                    speed_mm_s: 5.0,
-                    force_n: 1.0,
-                    pole_radius: 0.99,
-                },
-            }
-        },
-    });
-    let report = Certification {
-        texture: "test".to_owned(),
-        structure: "test".to_owned(),
-        simulated: true,
-        cells: cells.collect(),
-        speeds_mm_s: speeds_mm_s.clone(),
-        forces_n: forces_n.clone(),
-        holds: false,
-        stored: Stored::Missing,
-    };
-    certificate_map(&CAPTION, &report).unwrap()
-}
-
-fn front() -> Svg {
-    let point = |n: i32| FrontPoint {
-        x: 300.0 * 1.2f64.powi(n),
-        y: 6.0 / f64::from(1 + n),
-        joined: true,
-    };
-    let series: Vec<FrontSeries> = (0..5)
-        .map(|index| FrontSeries {
-            name: format!("a structure, {index} bits"),
-            points: (0..12).map(|n| point(n + index)).collect(),
-            dashed: index % 2 == 0,
-        })
-        .collect();
-    let line = |look| FrontLine {
-        name: format!("front {look:?}"),
-        look,
-        points: (0..16)
-            .map(|n| (point(n).x, point(n).y, format!("{} @ {n}", 10 * n)))
+fn front(in_octaves: bool, value: impl Fn(i32) -> f64) -> Svg {
+    let series = |index: i32| FrontSeries {
+        name: format!("a structure, {index} bits"),
+        points: (0..12)
+            .map(|n| FrontPoint {
+                x: 300.0 * 1.2f64.powi(n + index),
+                y: value(n + index),
+                name: format!("{n} @ 2 ms"),
+                joined: true,
+            })
             .collect(),
+        dashed: index % 2 == 0,
     };
-    let looks = [FrontLook::Ringed, FrontLook::Squared, FrontLook::Faded];
-    front_chart(
-        &CAPTION,
-        (
-            FrontAxis::octaves(Quantity::new("cycles", "1 per sample")),
-            FrontAxis::from_zero(Quantity::new("RMS error", "dB")),
-        ),
-        &series,
-        &looks.map(line),
-    )
-    .unwrap()
+    let all: Vec<FrontSeries> = (0..6).map(series).collect();
+    let axes = (
+        Quantity::new("cycles", "1 per sample"),
+        Quantity::new("RMS error", "dB"),
+    );
+    front_chart(&CAPTION, axes, in_octaves, &all[..5], &all[5..]).unwrap()
 }
 
-fn orders() -> Svg {
-    let costs = [(0, 1.0), (50, 0.4), (400, 0.2)];
+fn orders(costs: &[(usize, f64)]) -> Svg {
     let names = [
         "paper", "organza", "vinyl", "denim", "cork", "felt", "slate",
     ];
     let series = names.map(|name| OrderSeries {
         name,
-        costs: &costs,
+        costs,
         chosen: Some(120),
     });
     order_against_cost(&CAPTION, &series).unwrap()
 }
 
-fn bands() -> Svg {
-    let errors = std::array::from_fn(|band| Some((band as f64 * 1.7).sin() * 12.0 - 0.02));
-    let mut errors: [Option<f64>; crate::dsp::spectrum::BAND_COUNT] = errors;
-    (errors[0], errors[1]) = (None, Some(-0.04));
-    band_error_chart(&CAPTION, &errors, None).unwrap()
-}
-
-/// Every kind of picture, by name.
-pub fn pictures() -> Vec<(&'static str, Svg)> {
-    let (one, two) = (signal(0.0), signal(1.0));
-    let signals = [("recording", &one[..]), ("synthesis: Gaussian", &two[..])];
-    let mut all = vec![
-        ("map", map()),
-        ("certificate, lattice", certificate(true)),
-        ("certificate, direct", certificate(false)),
-        ("front", front()),
-        ("orders", orders()),
-        ("bands", bands()),
-        (
-            "spectra",
-            time_and_frequency(&CAPTION, &one, &two, 5000.0, &SpectraView::default()).unwrap(),
-        ),
-        (
-            "waveforms",
-            waveforms(&CAPTION, &signals, 5000.0, None).unwrap(),
-        ),
-    ];
-    #[cfg(feature = "spectrograms")]
-    all.extend(with_bitmaps(&one, &two));
-    all
-}
-
-#[cfg(feature = "spectrograms")]
-fn with_bitmaps(one: &[f64], two: &[f64]) -> Vec<(&'static str, Svg)> {
-    use crate::playing::motion::{Hand, MotionPath};
-    use model_format::{MillimetresPerSecond, Newton};
-    let nodes: Vec<(f64, f64, f64)> = (1..9).map(|n| (20.0 * f64::from(n), 0.4, 0.5)).collect();
+fn scene_of(samples_m_s2: &[f64], regions: &[SceneRegion]) -> Result<Svg> {
     let motion = MotionPath::constant(MillimetresPerSecond(100.0), Newton(1.0)).unwrap();
     let view = SceneView {
         surface_names: &["smooth".to_owned(), "never touched".to_owned()],
-        regions: &[],
+        regions,
         hand: Hand::new(&motion),
-        samples_m_s2: one,
+        samples_m_s2,
         rate_hz: 5000.0,
         highest_hz: 1000.0,
     };
+    scene(&CAPTION, &view)
+}
+
+/// Every kind of picture of what it is made for, by name.
+pub fn pictures() -> Vec<(&'static str, Svg)> {
+    let (one, two) = (signal(0.0), signal(1.0));
+    let signals = [("recording", &one[..]), ("synthesis: Gaussian", &two[..])];
+    let errors = |band: usize| match band {
+        0 => None,
+        1 => Some(-0.04),
+        _ => Some((band as f64 * 1.7).sin() * 12.0 - 0.02),
+    };
+    let region = SceneRegion {
+        start_mm: 0.0,
+        end_mm: 30.0,
+        surface: 1,
+    };
     vec![
         (
-            "prediction",
-            forward_prediction(&CAPTION, &one[..500], &two[..500], 5000.0, None).unwrap(),
+            "map",
+            map(15, 7, |n| (n % 11 != 0).then_some(n as f64 + 0.01)),
+        ),
+        ("front", front(true, |n| 6.0 / f64::from(1 + n))),
+        ("orders", orders(&[(0, 1.0), (50, 0.4), (400, 0.2)])),
+        (
+            "bands",
+            band_error_chart(&CAPTION, &std::array::from_fn(errors)).unwrap(),
         ),
         (
-            "motion",
-            grid_and_motion(&CAPTION, "test", &nodes, &[(20.0, 0.2), (150.0, 1.0)], None).unwrap(),
+            "spectra",
+            spectra(&CAPTION, (&one, &two), 5000.0, 20.0).unwrap(),
         ),
+        ("waveforms", waveforms(&CAPTION, &signals, 5000.0).unwrap()),
         (
             "spectrograms",
-            spectrograms(&CAPTION, one, two, 5000.0, 1000.0, None).unwrap(),
+            spectrograms(&CAPTION, (&one, &two), 5000.0, 1000.0).unwrap(),
         ),
-        ("scene", scene(&CAPTION, &view).unwrap()),
+        ("scene", scene_of(&one, &[region]).unwrap()),
     ]
 }
 
+/// Pictures of nothing, of one value, and of what is no number.
+fn odd_pictures() -> Vec<(&'static str, Svg)> {
+    let mut all = vec![
+        ("map of one", map(1, 1, |_| Some(1.0))),
+        ("large map", map(64, 64, |n| Some(ODD[n % 6].abs()))),
+        ("odd front", front(true, |n| ODD[n as usize % 6])),
+        ("even front", front(false, |_| f64::NAN)),
+        ("no orders", order_against_cost(&CAPTION, &[]).unwrap()),
+        (
+            "odd orders",
+            orders(&[(0, f64::NAN), (3, f64::INFINITY), (400, 0.5)]),
+        ),
+        ("silent scene", scene_of(&[0.0; 900], &[]).unwrap()),
+    ];
+    for value in [None, Some(0.0), Some(f64::NAN), Some(1e9)] {
+        let bands = band_error_chart(&CAPTION, &[value; BAND_COUNT]).unwrap();
+        all.push(("odd bands", bands));
+    }
+    for signal in [&[][..], &[1.0], &[0.0; 5000], &ODD] {
+        all.push((
+            "odd waves",
+            waveforms(&CAPTION, &[("one", signal)], 5000.0).unwrap(),
+        ));
+        all.push((
+            "odd spectra",
+            spectra(&CAPTION, (signal, signal), 5000.0, 20.0).unwrap(),
+        ));
+    }
+    all
+}
+
+/// Text of a picture with the frame that it fills, about, and whether it runs upwards.
+struct Text {
+    words: String,
+    frame: figure::Frame,
+    runs_up: bool,
+}
+
+/// Returns all texts of a picture, by the sizes that the layout reckons with.
+fn texts(svg: &Svg) -> Vec<Text> {
+    let elements = svg.as_str().split("<text ").skip(1);
+    let text = |element: &str| {
+        let (attributes, rest) = element.split_once('>').unwrap();
+        let words = rest.split('<').next().unwrap().trim().to_owned();
+        let attribute = |name: &str| {
+            let (_, rest) = attributes.split_once(&format!("{name}=\"")).unwrap();
+            rest.split('"').next().unwrap()
+        };
+        let number = |name| attribute(name).parse::<f64>().unwrap();
+        let (x, y, size) = (number("x") as i32, number("y") as i32, number("font-size"));
+        let width = (words.chars().count() as f64 * size * 0.56) as i32;
+        let height = size as i32;
+        let runs_up = attributes.contains("rotate(270");
+        let shift = match attribute("text-anchor") {
+            "start" => width / 2,
+            "end" => -width / 2,
+            _ => 0,
+        };
+        let lift = match attribute("dy") {
+            "0.76em" => height / 2,
+            "-0.5ex" => -height / 2,
+            _ => 0,
+        };
+        let ((x, y), (width, height)) = if runs_up {
+            ((x + lift, y - shift), (height, width))
+        } else {
+            ((x + shift, y + lift), (width, height))
+        };
+        let frame = figure::Frame {
+            left: x - width / 2,
+            top: y - height / 2,
+            right: x + width / 2,
+            bottom: y + height / 2,
+        };
+        Text {
+            words,
+            frame,
+            runs_up,
+        }
+    };
+    elements.map(text).collect()
+}
+
 #[test]
-fn no_text_of_a_picture_covers_another() {
+fn no_text_of_a_picture_covers_another_and_no_number_is_minus_zero() {
     for (name, svg) in pictures() {
         let texts = texts(&svg);
         for (index, text) in texts.iter().enumerate() {
+            let is_zero = text.words.parse::<f64>().is_ok_and(|value| value == 0.0);
+            assert!(!(is_zero && text.words.starts_with(['-', '+'])), "{name}");
             for other in &texts[index + 1..] {
-                assert!(
-                    !text.frame.meets(&other.frame),
-                    "{name}: {text:?} covers {other:?}"
-                );
+                let (a, b) = (text.frame, other.frame);
+                let meets =
+                    a.left < b.right && b.left < a.right && a.top < b.bottom && b.top < a.bottom;
+                assert!(!meets, "{name}: '{}' covers '{}'", text.words, other.words);
             }
         }
     }
 }
 
-/// Names of quantities that are ratios or counts.
-const WITHOUT_UNIT: [&str; 3] = [
-    "order of the model",
-    "largest pole radius",
-    "largest reflection |k|",
-];
-
-/// Returns whether a text names a quantity with its unit, one without, or is a line of one in two lines.
-fn is_quantity(text: &str, others: &[&Text]) -> bool {
-    let is_line_of_two = || {
-        others.iter().any(|other| {
-            let is_name = other.words.ends_with(',') && !text.ends_with(',');
-            let is_unit = text.ends_with(',') && !other.words.ends_with(',');
-            other.runs_up && (is_name || is_unit)
-        })
-    };
-    let has_unit = text
-        .rsplit_once(", ")
-        .is_some_and(|(name, unit)| !name.is_empty() && !unit.is_empty() && unit.len() < 24);
-    WITHOUT_UNIT.contains(&text) || has_unit || is_line_of_two()
-}
-
 #[test]
 fn every_axis_and_every_bar_has_a_quantity_with_its_unit() {
     for (name, svg) in pictures() {
-        let texts = texts(&svg);
-        let upwards: Vec<&Text> = texts.iter().filter(|text| text.runs_up).collect();
-        assert!(!upwards.is_empty(), "{name}");
-        for text in &upwards {
-            assert!(is_quantity(&text.words, &upwards), "{name}: {}", text.words);
+        for panel in &svg.figure().panels {
+            let thirds = panel.series.iter().filter_map(|series| series.z.as_ref());
+            let thirds = thirds.map(|third| (&third.quantity, &third.unit));
+            let axes = [&panel.x, &panel.y].map(|axis| (&axis.quantity, &axis.unit));
+            for (quantity, unit) in axes.into_iter().chain(thirds) {
+                assert!(!quantity.is_empty(), "{name}");
+                assert!(
+                    !unit.is_empty() || quantity == "order of the model",
+                    "{name}: {quantity}"
+                );
+                let written = |wanted: &str| texts(&svg).iter().any(|text| text.words == wanted);
+                let one = Quantity::new(quantity, unit).label();
+                let is_in_two = written(&format!("{quantity},")) && written(unit);
+                assert!(written(&one) || is_in_two, "{name}: {quantity}");
+            }
         }
-        // The lowest text is the name of the horizontal axis.
-        let lowest = texts.iter().filter(|text| !text.runs_up);
-        let lowest = lowest.max_by_key(|text| text.frame.bottom).unwrap();
-        assert!(is_quantity(&lowest.words, &[]), "{name}: {}", lowest.words);
-        // A map's colours have a bar: one more text that runs upwards than axes do.
-        let is_map = ["map", "certificate", "spectrograms", "scene"];
-        if is_map.iter().any(|map| name.starts_with(map)) {
-            let right = upwards.iter().map(|text| text.frame.right).max().unwrap();
-            assert!(right > canvas::at(960 - canvas::BAR), "{name} has no bar");
-        }
+        assert!(texts(&svg).iter().any(|text| text.runs_up), "{name}");
     }
 }
 
-#[test]
-fn no_number_is_minus_zero_and_no_order_is_called_n() {
-    for (name, svg) in pictures() {
-        for text in texts(&svg) {
-            let is_zero = text.words.parse::<f64>().is_ok_and(|value| value == 0.0);
-            assert!(
-                !(is_zero && text.words.starts_with(['-', '+'])),
-                "{name}: {}",
-                text.words
-            );
-            assert!(!text.words.contains("n = "), "{name}: {}", text.words);
-        }
-    }
-}
-
-/// Counts the colours of series that are drawn as lines or bars, and those that stand in the legend.
 #[test]
 fn the_legend_has_an_entry_for_each_curve_that_is_drawn_and_for_no_other() {
-    let nothing = FrontSeries {
-        name: "nothing to draw".to_owned(),
-        points: vec![FrontPoint {
-            x: 3.0,
-            y: f64::NAN,
-            joined: true,
-        }],
-        dashed: false,
-    };
-    let one = FrontSeries {
-        name: "one".to_owned(),
-        points: vec![FrontPoint {
-            x: 3.0,
-            y: 2.0,
-            joined: true,
-        }],
-        dashed: false,
-    };
-    let axis = |name| FrontAxis::from_zero(Quantity::new(name, "dB"));
-    let svg = front_chart(&CAPTION, (axis("x"), axis("y")), &[nothing, one], &[]).unwrap();
     let has = |svg: &Svg, name: &str| texts(svg).iter().any(|text| text.words == name);
-    assert!(has(&svg, "one") && !has(&svg, "nothing to draw"));
-
-    let costs = [(0, f64::NAN), (5, f64::NAN)];
-    let series = OrderSeries {
-        name: "unknown",
-        costs: &costs,
-        chosen: Some(5),
-    };
-    let svg = order_against_cost(&CAPTION, &[series]).unwrap();
-    assert!(!has(&svg, "unknown (order 5)") && !has(&svg, "the library's order there"));
-
-    let beyond = "error beyond";
-    assert!(has(&bands(), beyond));
-    let small = band_error_chart(
-        &CAPTION,
-        &[Some(0.5); crate::dsp::spectrum::BAND_COUNT],
-        None,
-    );
-    assert!(!has(&small.unwrap(), beyond));
+    let half = front(true, |n| if n > 12 { 1.0 } else { f64::NAN });
+    assert!(has(&half, "a structure, 5 bits") && !has(&half, "a structure, 1 bits"));
+    let unknown = orders(&[(0, f64::NAN), (400, f64::NAN)]);
+    assert!(!has(&unknown, "felt (order 120)") && !has(&unknown, "the library's order there"));
+    let small = band_error_chart(&CAPTION, &[Some(0.5); BAND_COUNT]).unwrap();
+    assert!(!has(&small, "error beyond"));
 }
 
 #[test]
@@ -324,4 +280,45 @@ fn no_colour_of_a_line_is_drawn_that_a_dark_screen_does_not_replace() {
             assert!(is_replaced || is_on_cell, "{name}: #{hex}");
         }
     }
+}
+
+#[test]
+fn pictures_of_anything_stay_small_and_within_their_frames_and_say_where_they_are_from() {
+    for (name, svg) in pictures().into_iter().chain(odd_pictures()) {
+        let text = svg.as_str();
+        assert!(text.len() < 1_200_000, "{name}: {}", text.len());
+        assert!(
+            text.contains("SIMULATED") && text.trim_end().ends_with("</svg>"),
+            "{name}"
+        );
+        let (opening, content) = text.split_once('\n').unwrap();
+        let (_, size) = opening.split_once("viewBox=\"0 0 ").unwrap();
+        let (width, height) = size.split_once(' ').unwrap();
+        let height = height.split('"').next().unwrap();
+        let within = |value: &str, most: &str| {
+            let value: i64 = value.parse().unwrap_or_else(|_| panic!("{name}: {value}"));
+            assert!(
+                (0..=most.parse().unwrap()).contains(&value),
+                "{name}: {value}"
+            );
+        };
+        for element in content.split('<') {
+            for attribute in element.split("=\"").collect::<Vec<_>>().windows(2) {
+                let value = attribute[1].split('"').next().unwrap();
+                match attribute[0].rsplit([' ', '"']).next().unwrap() {
+                    "x" | "x1" | "x2" | "cx" => within(value, width),
+                    "y" | "y1" | "y2" | "cy" => within(value, height),
+                    "points" => {
+                        for point in value.split_whitespace() {
+                            let (x, y) = point.split_once(',').unwrap();
+                            within(x, width);
+                            within(y, height);
+                        }
+                    }
+                    _ => {}
+                }
+            }
+        }
+    }
+    assert!(scene_of(&[], &[]).is_err());
 }

@@ -6,12 +6,8 @@ use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use plotters::prelude::*;
 
-use super::canvas::{
-    Area, Axis, BAR, Drawn, FREQUENCY, INK, POWER_DENSITY, TEXT, TIME_S, Ticks, at, axes, centred,
-    colour_bar, picture,
-};
-use super::figure::{Bitmap, Kind, Panel, Series, Third};
-use super::labels::Frame;
+use super::canvas::{Area, Axis, BAR, Drawn, INK, TEXT, at, axes, centred, colour_bar, picture};
+use super::figure::{Bitmap, FREQUENCY, Frame, Kind, POWER_DENSITY, Panel, Series, TIME_S, Third};
 use super::{Caption, Svg};
 use crate::dsp::spectrum::dft_amplitude;
 use crate::support::decimal::fixed;
@@ -26,65 +22,50 @@ const COLUMNS: usize = 240;
 /// Levels shown below the highest, dB.
 const RANGE_DB: f64 = 60.0;
 
-/// The highest level of signals, m/s², in a spectrogram up to `highest_hz`, dB re 1 (m/s²)²/Hz; `None` of silence.
-///
-/// Pictures that are compared are drawn with the highest of all.
-pub fn highest_level_db(signals: &[&[f64]], rate_hz: f64, highest_hz: f64) -> Option<f64> {
-    let levels = signals
-        .iter()
-        .flat_map(|signal| levels_db(signal, rate_hz, highest_hz, WINDOW_S));
-    highest(levels.flatten())
+/// The top of a scale that shows all finite `levels`: the next multiple of ten, dB; `None` without any.
+pub(super) fn top_of(levels: impl Iterator<Item = f64>) -> Option<f64> {
+    let highest = levels.filter(|level| level.is_finite()).reduce(f64::max);
+    highest.map(|highest| 10.0 * (highest / 10.0).ceil())
 }
 
-/// The highest of levels that are finite.
-pub(super) fn highest(levels: impl Iterator<Item = f64>) -> Option<f64> {
-    let finite = levels.filter(|level| level.is_finite());
-    finite.reduce(f64::max)
-}
-
-/// The top of a scale that shows levels up to `highest_db`: the next multiple of ten, dB.
-pub(super) fn top_of(highest_db: f64) -> f64 {
-    10.0 * (highest_db / 10.0).ceil()
-}
-
-/// Spectrograms of a recording and of its synthesis, m/s², from 0 Hz to `highest_hz`, to one scale; that of all
-/// pictures whose highest level is `highest_db`, where it is given.
+/// Spectrograms of a recording and of its synthesis, m/s², from 0 Hz to `highest_hz`, to one scale.
 ///
 /// # Errors
-/// Signals without power, a rate or highest frequency that is not positive, and that the picture cannot be laid out.
+/// Signals without power, and that the picture cannot be laid out.
 pub fn spectrograms(
     caption: &Caption<'_>,
-    recorded: &[f64],
-    synthesised: &[f64],
+    (recorded, synthesised): (&[f64], &[f64]),
     rate_hz: f64,
     highest_hz: f64,
-    highest_db: Option<f64>,
 ) -> Result<Svg> {
-    if !(rate_hz > 0.0 && highest_hz > 0.0 && highest_hz.is_finite()) {
-        return Err(Error::Request(format!(
-            "a spectrogram up to {highest_hz} Hz at {rate_hz} Hz cannot be drawn"
-        )));
-    }
     let len = recorded.len().min(synthesised.len());
     let highest_hz = highest_hz.min(0.5 * rate_hz);
-    let panels = [recorded, synthesised]
-        .map(|signal| levels_db(&signal[..len], rate_hz, highest_hz, WINDOW_S));
-    let own = highest(panels.iter().flatten().flatten().copied());
-    let Some(own_db) = own else {
+    let signals = [("recorded", recorded), ("synthesised", synthesised)];
+    let levels =
+        signals.map(|(_, signal)| levels_db(&signal[..len], rate_hz, highest_hz, WINDOW_S));
+    let Some(top_db) = top_of(levels.iter().flatten().flatten().copied()) else {
         return Err(Error::Request(format!(
             "the spectrogram '{}' is of silence",
             caption.title
         )));
     };
-    let top_db = top_of(highest_db.unwrap_or(own_db));
     picture(caption, (960, 380), |area, drawn| {
         let (panes, bar) = area.split_horizontally(at(960 - BAR));
         let halves = panes.split_evenly((1, 2));
-        let names = ["recorded", "synthesised"];
-        for ((half, panel), name) in halves.iter().zip(&panels).zip(names) {
+        for ((half, levels), (name, _)) in halves.iter().zip(&levels).zip(signals) {
+            let (heading, below) = half.split_vertically(at(22));
+            let middle = (heading.dim_in_pixel().0 as i32 / 2, at(12));
+            heading.draw_text(name, &centred(TEXT, INK), middle)?;
             let seconds = len as f64 / rate_hz;
-            let mut own = draw_axes(half, name, seconds, highest_hz)?;
-            fill(&mut own, panel, top_db, Windows::of(len, rate_hz, WINDOW_S))?;
+            let x = Axis::new(TIME_S, 0.0..seconds.max(1e-3), 6);
+            let y = Axis::new(FREQUENCY, 0.0..highest_hz, 8);
+            let mut own = axes(&below, name, &x, &y)?.panel;
+            fill(
+                &mut own,
+                levels,
+                top_db,
+                Windows::of(len, rate_hz, WINDOW_S),
+            )?;
             drawn.push(own);
         }
         let ends = (at(30), bar.dim_in_pixel().1 as i32 - at(52));
@@ -170,15 +151,11 @@ pub(super) fn fill(panel: &mut Panel, levels: &[Vec<f64>], top_db: f64, windows:
         },
         from: top_db - RANGE_DB,
         to: top_db,
-        palette: hexadecimal(&palette()),
+        palette: palette().iter().map(|byte| format!("{byte:02X}")).collect(),
+        x: [windows.middle_s(0), windows.step_s()],
+        y: [0.0, windows.bin_hz()],
     });
     Ok(())
-}
-
-/// Bytes as two digits each.
-fn hexadecimal(bytes: &[u8]) -> String {
-    let digits: Vec<String> = bytes.iter().map(|byte| format!("{byte:02X}")).collect();
-    digits.concat()
 }
 
 /// All colours of the scale, three bytes each.
@@ -219,24 +196,6 @@ pub(super) fn levels_db(
                 .collect()
         })
         .collect()
-}
-
-/// Draws the frame of a panel.
-fn draw_axes(area: &Area<'_>, name: &str, seconds: f64, highest_hz: f64) -> Drawn<Panel> {
-    let (heading, below) = area.split_vertically(at(22));
-    let middle = (heading.dim_in_pixel().0 as i32 / 2, at(12));
-    heading.draw_text(name, &centred(TEXT, INK), middle)?;
-    let x = Axis {
-        range: 0.0..seconds.max(1e-3),
-        quantity: TIME_S,
-        ticks: Ticks::Numbers(6),
-    };
-    let y = Axis {
-        range: 0.0..highest_hz,
-        quantity: FREQUENCY,
-        ticks: Ticks::Numbers(8),
-    };
-    Ok(axes(&below, name, &x, &y)?.panel)
 }
 
 /// Draws what the colours of a spectrogram stand for.
@@ -293,34 +252,6 @@ mod tests {
     use rand::SeedableRng;
     use rand_distr::{Distribution, StandardNormal};
 
-    const CAPTION: Caption<'_> = Caption {
-        title: "test",
-        simulated: true,
-    };
-
-    fn chirp(len: usize) -> Vec<f64> {
-        (0..len)
-            .map(|n| (TAU * (100.0 + 0.02 * n as f64) * n as f64 / 5000.0).sin())
-            .collect()
-    }
-
-    #[test]
-    fn both_signals_are_pictures_within_the_picture() {
-        let svg = spectrograms(
-            &CAPTION,
-            &chirp(10_000),
-            &chirp(12_000),
-            5000.0,
-            1000.0,
-            None,
-        )
-        .unwrap();
-        assert_eq!(svg.as_str().matches("<image").count(), 2);
-        assert!(svg.as_str().trim_end().ends_with("</svg>"));
-        assert!(svg.as_str().contains("SIMULATED"));
-        assert!(svg.as_str().len() < 250_000, "{}", svg.as_str().len());
-    }
-
     #[test]
     fn a_line_is_brightest_where_it_sounds() {
         let line: Vec<f64> = (0..10_000)
@@ -353,27 +284,13 @@ mod tests {
     }
 
     #[test]
-    fn pictures_with_one_highest_level_have_one_scale() {
-        let quiet: Vec<f64> = chirp(10_000).iter().map(|x| 0.01 * x).collect();
-        let loud = chirp(10_000);
-        let highest = highest_level_db(&[&quiet, &loud], 5000.0, 1000.0);
-        assert_eq!(highest, highest_level_db(&[&loud], 5000.0, 1000.0));
-        let bar = |signal: &[f64], highest| -> Vec<String> {
-            let svg = spectrograms(&CAPTION, signal, signal, 5000.0, 1000.0, highest).unwrap();
-            let texts = svg.as_str().split("<text").skip(1);
-            let texts = texts.map(|t| t.split(['>', '<']).nth(1).unwrap().trim().to_owned());
-            texts.collect()
+    fn silence_is_refused_and_next_to_nothing_is_drawn() {
+        let caption = Caption {
+            title: "test",
+            simulated: true,
         };
-        assert_eq!(bar(&quiet, highest), bar(&loud, highest));
-        assert_ne!(bar(&quiet, None), bar(&loud, None));
-        assert_eq!(highest_level_db(&[&[0.0; 900]], 5000.0, 1000.0), None);
-    }
-
-    #[test]
-    fn silence_and_next_to_nothing_do_not_fail_otherwise_than_by_an_error() {
-        assert!(spectrograms(&CAPTION, &[0.0; 900], &[0.0; 900], 5000.0, 1000.0, None).is_err());
-        assert!(spectrograms(&CAPTION, &[], &[], 5000.0, 1000.0, None).is_err());
-        assert!(spectrograms(&CAPTION, &chirp(10), &chirp(10), 5000.0, 0.0, None).is_err());
-        assert!(spectrograms(&CAPTION, &chirp(10), &chirp(10), 5000.0, 1000.0, None).is_ok());
+        let draw = |signal: &[f64]| spectrograms(&caption, (signal, signal), 5000.0, 1000.0);
+        assert!(draw(&[0.0; 900]).is_err() && draw(&[]).is_err());
+        assert!(draw(&[1.0, -1.0, 0.5]).is_ok());
     }
 }

@@ -8,7 +8,7 @@ use base64::engine::general_purpose::STANDARD;
 use model_format::{Library, NodeFlags, SAMPLE_RATE_HZ};
 use serde::Serialize;
 
-use super::inputs::{Clips, Recordings};
+use super::{Clips, Recordings};
 
 /// Bytes of all clips of a page by [`Clips::Budget`], a byte per sample; in the page they take a third more.
 const BUDGET_BYTES: f64 = 380_000.0;

@@ -10,9 +10,8 @@ use stylus_kernel::digest::{DIGEST_SEED, DIGEST_WORDS, of_plan};
 use stylus_kernel::scene::Plan;
 
 use super::clips::{Clip, Thinning};
-use super::inputs::{Inputs, Recordings};
-use super::kernel::{KERNEL, KERNEL_BUILT_BY};
-use super::spectra::{Spectrum, band_centres_hz, level_db, model_spectrum, recorded_spectrum};
+use super::spectra::{Spectrum, band_centres_hz, model_spectrum, recorded_spectrum};
+use super::{Inputs, KERNEL, KERNEL_BUILT_BY, Recordings};
 use crate::evaluation::evaluate::rms;
 use crate::fit;
 use crate::playing::wavefront::Wavefront;
@@ -235,16 +234,6 @@ impl TextureData {
         self.highest_rms_m_s2 * if is_lively { LIVELY_PEAK } else { NOISE_PEAK }
     }
 
-    /// Levels of each node's model, dB, as the page keeps them; NaN for a band without power.
-    pub fn model_db(&self) -> Vec<Vec<f64>> {
-        decoded(&self.model_base64)
-    }
-
-    /// Levels of each node's recordings, as [`Self::model_db`]; none if the page has no recordings.
-    pub fn recorded_db(&self) -> Vec<Vec<f64>> {
-        self.recorded_base64.as_deref().map_or(Vec::new(), decoded)
-    }
-
     fn of(
         index: usize,
         texture: &Texture<'_>,
@@ -438,19 +427,6 @@ fn scene_data(scene: &Scene) -> SceneData {
 /// Codes as Base64 of little-endian numbers.
 fn encoded(codes: impl Iterator<Item = i16>) -> String {
     STANDARD.encode(codes.flat_map(i16::to_le_bytes).collect::<Vec<u8>>())
-}
-
-/// Levels in the codes that [`encoded`] makes of spectra, node by node.
-fn decoded(text: &str) -> Vec<Vec<f64>> {
-    let bytes = STANDARD.decode(text).unwrap_or_default();
-    let codes = bytes
-        .chunks_exact(2)
-        .map(|code| i16::from_le_bytes([code[0], code[1]]));
-    let levels: Vec<f64> = codes.map(level_db).collect();
-    levels
-        .chunks(band_centres_hz().count())
-        .map(<[f64]>::to_vec)
-        .collect()
 }
 
 /// The names as a list in words.

@@ -6,9 +6,6 @@
 
 mod clips;
 mod data;
-mod figures;
-mod inputs;
-mod kernel;
 mod pictures;
 mod spectra;
 #[cfg(test)]
@@ -18,16 +15,58 @@ use std::path::Path;
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
+use model_format::Library;
 use serde::Serialize;
 
 use super::family;
 use super::html::escaped;
+use crate::dsp::reduction::Reduction;
+use crate::evaluation::evaluate::Evaluation;
+use crate::recording::RecordingSet;
 use crate::support::atomic_file;
 use crate::support::error::Result;
 use crate::support::visible::visible;
 
-pub use inputs::{Clips, Inputs, Recordings};
-pub use kernel::{KERNEL, KERNEL_BUILT_BY};
+/// The kernel as a WebAssembly module, as `cargo tasks browser-module` builds it.
+pub const KERNEL: &[u8] = include_bytes!("kernel.wasm");
+
+/// Name and version of the compiler that built it.
+pub const KERNEL_BUILT_BY: &str = include_str!("kernel.txt");
+
+/// Duration of the clips of recordings.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Clips {
+    /// As long as a budget of the page's size allows, at fewer nodes if they are many.
+    Budget,
+    /// So many seconds at every recorded node, however large the page becomes.
+    Seconds(f64),
+}
+
+/// Recordings behind a library, and what they say of it.
+#[derive(Clone, Copy)]
+pub struct Recordings<'a> {
+    /// The recordings.
+    pub set: &'a RecordingSet,
+    /// The library's comparison with them.
+    pub evaluation: &'a Evaluation,
+    /// Reduction from three axes to one; as for the fit.
+    pub reduction: Reduction,
+    /// Duration of their clips.
+    pub clips: Clips,
+}
+
+/// The contents of a page.
+#[derive(Clone, Copy)]
+pub struct Inputs<'a> {
+    /// The library.
+    pub library: &'a Library<'a>,
+    /// Its bytes.
+    pub bytes: &'a [u8],
+    /// Recordings, where there are any.
+    pub recordings: Option<Recordings<'a>>,
+    /// Seed that the page begins with.
+    pub seed: u64,
+}
 
 /// The page's policy: nothing is fetched, from anywhere. A script may compile the kernel, and the sound's own thread
 /// is loaded from the page itself.
@@ -79,34 +118,13 @@ pub struct Written {
 /// # Errors
 /// A recording that cannot be used any more, or a file that cannot be written.
 pub fn write(inputs: &Inputs<'_>, path: &Path, progress: impl Fn()) -> Result<Written> {
-    write_with_data(inputs, path, None, progress)
-}
-
-/// As [`write()`], with the data of the page's pictures in the folder `data`, where one is named.
-///
-/// # Errors
-/// As [`write()`].
-pub fn write_with_data(
-    inputs: &Inputs<'_>,
-    path: &Path,
-    folder: Option<&Path>,
-    progress: impl Fn(),
-) -> Result<Written> {
-    let data = data::Data::of(inputs, progress)?;
-    let (text, written) = text_of(inputs, &data)?;
-    if let Some(folder) = folder {
-        figures::write(&data, folder)?;
-    }
+    let (text, written) = page(inputs, progress)?;
     atomic_file::write(path, text.as_bytes())?;
     Ok(written)
 }
 
-#[cfg(test)]
 fn page(inputs: &Inputs<'_>, progress: impl Fn()) -> Result<(String, Written)> {
-    text_of(inputs, &data::Data::of(inputs, progress)?)
-}
-
-fn text_of(inputs: &Inputs<'_>, data: &data::Data) -> Result<(String, Written)> {
+    let data = &data::Data::of(inputs, progress)?;
     let templates = pictures::templates(data)?;
     let notice = if data.simulated {
         "<p class=\"notice\">SIMULATED: the textures here were fitted to recordings that the rig simulator computed. \

@@ -2,7 +2,8 @@
 
 use super::data::{Data, TextureData};
 use crate::report::plot::{
-    COST, Caption, GridCell, GridMap, Quantity, Scale, Svg, live_map, spectrum_axes, waveform_axes,
+    COST, Caption, GridCell, GridMap, NARROW, Quantity, Scale, Svg, grid_map, spectrum_axes,
+    waveform_axes,
 };
 use crate::support::error::Result;
 
@@ -41,25 +42,19 @@ fn caption(title: &str, simulated: bool) -> Caption<'_> {
 }
 
 /// The axes of spectra.
-///
-/// # Errors
-/// A picture that cannot be laid out.
-pub fn spectrum(data: &Data) -> Result<Svg> {
+fn spectrum(data: &Data) -> Result<Svg> {
     let highest = data.textures.iter().map(|texture| texture.highest_db);
     let highest = highest.filter(|level| level.is_finite());
     let highest = highest.reduce(f64::max).unwrap_or(0.0);
     let highest = (highest / STEP_DB).ceil() * STEP_DB;
     spectrum_axes(
         &caption("Spectrum", data.simulated),
-        (highest - SPAN_DB, highest),
+        highest - SPAN_DB..highest,
     )
 }
 
 /// The map of each texture.
-///
-/// # Errors
-/// A picture that cannot be laid out.
-pub fn maps(data: &Data) -> Result<Vec<Svg>> {
+fn maps(data: &Data) -> Result<Vec<Svg>> {
     let simulated = data.simulated;
     let costs = Scale::of(data.textures.iter().flat_map(costs));
     let levels = data.textures.iter().flat_map(|texture| &texture.nodes);
@@ -91,9 +86,8 @@ pub fn maps(data: &Data) -> Result<Vec<Svg>> {
             cells: &cells,
             quantity: if shows_cost { COST } else { RMS },
             scale: if shows_cost { costs } else { levels },
-            decimals: 1,
         };
-        maps.push(live_map(&caption(&title, simulated), &map)?);
+        maps.push(grid_map(&caption(&title, simulated), &map, NARROW)?);
     }
     Ok(maps)
 }

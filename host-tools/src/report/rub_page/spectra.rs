@@ -37,15 +37,6 @@ fn band_edges_hz() -> impl Iterator<Item = (f64, f64)> {
     band_centres_hz().map(move |centre| (centre / half, centre * half))
 }
 
-/// The level of a code, dB re 1 (m/s²)²/Hz; NaN for a band without power.
-pub fn level_db(code: i16) -> f64 {
-    if code == NO_POWER {
-        f64::NAN
-    } else {
-        f64::from(code) / STEPS_PER_DB
-    }
-}
-
 /// Mean power densities, (m/s²)²/Hz, one per band; 0 where there is no power.
 pub struct Spectrum([f64; BANDS]);
 

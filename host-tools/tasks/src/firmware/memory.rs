@@ -5,7 +5,7 @@ use std::fmt;
 use object::read::elf::{ElfFile32, FileHeader, ProgramHeader};
 use object::{Endianness, Object, ObjectSymbol, elf};
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 
 /// A memory and the bytes taken of it.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -34,6 +34,10 @@ const SHOWN: [(&str, &str); 4] = [
     ("DTCM, data", "RAM"),
     ("DTCM, stack", "STACK"),
 ];
+
+/// The most bytes that the product's image may take of a memory: two images and a loader are to fit into bank 1, and
+/// the ITCM is to have room for what comes.
+const LIMITS: [(&str, u64); 2] = [("flash", 300 * 1024), ("ITCM", 56 * 1024)];
 
 /// First address and length of the region called `name` in the map.
 fn region(name: &str) -> Option<(u64, u64)> {
@@ -97,6 +101,20 @@ impl Memory {
         Ok(Self(uses))
     }
 
+    /// Checks that the image leaves the room that it must.
+    ///
+    /// # Errors
+    /// A memory of which it takes too much.
+    pub fn check_limits(&self) -> Result<()> {
+        for Use { name, used, .. } in &self.0 {
+            let limit = LIMITS.iter().find(|(limited, _)| limited == name);
+            if let Some(&(_, limit)) = limit.filter(|&&(_, limit)| *used > limit) {
+                bail!("the image takes {used} bytes of {name}, and may take {limit}");
+            }
+        }
+        Ok(())
+    }
+
     /// All memories.
     pub fn uses(&self) -> &[Use] {
         &self.0
@@ -140,6 +158,25 @@ mod tests {
         }
         assert_eq!(region("FLASH").map(|(start, _)| start), Some(0x0800_0000));
         assert_eq!(region("NOTHING"), None);
+    }
+
+    #[test]
+    fn an_image_that_takes_more_than_a_limit_is_refused_with_the_memory() {
+        for (name, limit) in LIMITS {
+            let image = |used| {
+                let (start, size) = (0, 1 << 20);
+                Memory(vec![Use {
+                    name,
+                    start,
+                    used,
+                    size,
+                }])
+            };
+            assert!(image(limit).check_limits().is_ok());
+            let error = image(limit + 1).check_limits().unwrap_err().to_string();
+            assert!(error.contains(name), "{error}");
+            assert!(SHOWN.iter().any(|(shown, _)| *shown == name), "{name}");
+        }
     }
 
     #[test]

@@ -20,7 +20,10 @@ pub use reproducible::check as check_reproducible;
 const CHIP: &str = "STM32H743ZITx";
 
 /// The name of the folder of its builds.
-const FOLDER: &str = "firmware";
+pub(crate) const FOLDER: &str = "firmware";
+
+/// The profile in the workspace's manifest.
+pub(crate) const PROFILE: &str = "firmware";
 
 /// A variant of the image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -52,10 +55,11 @@ impl Image {
     }
 }
 
-/// Builds `image`, checks that the tick's code reads no flash, and returns the file.
+/// Builds `image`, checks that the tick's code reads no flash and that the product leaves room in flash and ITCM, and
+/// returns the file.
 ///
 /// # Errors
-/// There is no toolchain, the build fails, or the tick leads to flash.
+/// There is no toolchain, the build fails, the tick leads to flash, or the product is too large.
 pub fn build(toolchain: &Toolchain, image: Image) -> Result<PathBuf> {
     build_saying(toolchain, image, Progress::Quiet)
 }
@@ -66,7 +70,11 @@ pub fn build(toolchain: &Toolchain, image: Image) -> Result<PathBuf> {
 /// As [`build`].
 pub fn build_saying(toolchain: &Toolchain, image: Image, progress: Progress) -> Result<PathBuf> {
     let kept = build_in(toolchain, image, &Folders::here(FOLDER), progress)?;
-    check_placement(&read(&kept)?)?;
+    let bytes = read(&kept)?;
+    check_placement(&bytes)?;
+    if image == Image::Product {
+        Memory::of(&bytes)?.check_limits()?;
+    }
     Ok(kept)
 }
 
@@ -78,7 +86,7 @@ fn build_in(
 ) -> Result<PathBuf> {
     let mut cargo = toolchain.cargo("build", &folders.sources, &folders.target);
     cargo.args(progress.argument());
-    cargo.args(["--package", "stylus-firmware", "--profile", "firmware"]);
+    cargo.args(["--package", "stylus-firmware", "--profile", PROFILE]);
     cargo.args(["--features", image.features()]);
     cargo.env("CARGO_HOME", &folders.cargo_home);
     cargo.env(
@@ -167,12 +175,5 @@ mod tests {
         let config = std::fs::read_to_string(path).expect("it is there");
         let runner = format!("runner = \"probe-rs {}\"", PROBE_RS.join(" "));
         assert!(config.contains(&runner), "{runner}");
-    }
-
-    #[test]
-    fn a_fault_under_the_probe_reaches_the_images_handlers() {
-        for catch in ["--no-catch-hardfault", "--no-catch-reset"] {
-            assert!(PROBE_RS.contains(&catch), "{catch}");
-        }
     }
 }

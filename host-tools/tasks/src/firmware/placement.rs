@@ -101,8 +101,8 @@ fn check_from(
                 && !is_of_a_panic(&references[index..], function.end)
             {
                 bail!(
-                    "{} refers to {} at {:#010x}, which is in flash: all that the tick reaches must be in ITCM or DTCM; \
-                     name it in firmware/tick.x",
+                    "{} refers to {} at {:#010x}, which is in flash: all that the tick reaches must be in ITCM or \
+                     DTCM; name it in firmware/tick.x",
                     function.name,
                     reference.name,
                     reference.address

@@ -8,7 +8,8 @@ const PACKAGES: &str = "
 model-format:
 stylus-kernel: model-format
 stylus-app: model-format stylus-kernel | fake-stylus
-stylus-firmware: model-format stylus-app stylus-kernel
+stylus-realtime: model-format stylus-app stylus-kernel
+stylus-firmware: model-format stylus-app stylus-kernel stylus-realtime
 stylus-browser: model-format stylus-kernel | host-tools kernel-vectors
 stylus-costs:
 virtual-link:
@@ -17,16 +18,17 @@ stylus-python: host-tools model-format stylus-kernel
 fake-stylus: model-format stylus-app stylus-kernel
 hil: host-tools kernel-vectors model-format stylus-costs | fake-stylus
 kernel-vectors: model-format stylus-kernel
-qemu-tests: stylus-costs | host-tools kernel-vectors model-format stylus-kernel tasks
+qemu-tests: | host-tools kernel-vectors model-format stylus-costs stylus-kernel tasks
 tasks: kernel-vectors model-format qemu-tests stylus-costs stylus-kernel
-kernel-guest: kernel-vectors model-format stylus-firmware stylus-kernel
+kernel-guest: kernel-vectors model-format stylus-kernel stylus-realtime
 fuzz: host-tools model-format stylus-kernel
-virtual-stylus: model-format virtual-link | host-tools kernel-vectors model-format stylus-app stylus-kernel
-probe-image: kernel-vectors model-format stylus-firmware stylus-kernel
+virtual-stylus: model-format virtual-link | fake-stylus hil host-tools kernel-vectors stylus-app stylus-kernel
+probe-image: kernel-vectors model-format stylus-kernel stylus-realtime
 ";
 
 /// Packages with lints of their own: those that have unsafe code, and those of other workspaces.
-const OWN_LINTS: [&str; 6] = [
+const OWN_LINTS: [&str; 7] = [
+    "stylus-realtime",
     "stylus-firmware",
     "stylus-browser",
     "kernel-guest",

@@ -33,8 +33,11 @@ pub const MEMORY: &str = "memory";
 /// The table of ticks on the virtual stylus. The tests of that workspace make its rows.
 pub const TICKS: &str = "ticks";
 
+/// The making of a table's content.
+type Make = fn(&Costs) -> Result<String>;
+
 /// All tables that are made within a second, by their names.
-const INSTANT: [(&str, fn(&Costs) -> Result<String>); 7] = [
+const INSTANT: [(&str, Make); 7] = [
     ("settings", |_| Ok(rows::settings())),
     ("scene-stages", |_| Ok(rows::scene_stages())),
     ("scene-limits", |_| Ok(rows::scene_limits())),

@@ -55,7 +55,8 @@ impl Page {
         let differ = |row: &usize| line(found, *row) != line(expected, *row);
         let row = rows.clone().find(differ).unwrap_or(*rows.end());
         bail!(
-            "{}, table '{name}', row {}: the page says\n  {}\nand it is\n  {}\nwrite it again: `cargo tasks tables {name}`",
+            "{}, table '{name}', row {}: the page says\n  {}\nand it is\n  {}\nwrite it again: \
+             `cargo tasks tables {name}`",
             self.path.display(),
             row + 1,
             line(found, row),

@@ -9,7 +9,7 @@ use model_format::limits;
 use model_format::link::{Setting, SettingSet};
 use model_format::scene::limits as scene_limits;
 use stylus_costs::cycles::MeasuredCycles;
-use stylus_costs::{Core, Costs, Entry, Origin, Peer, Structure};
+use stylus_costs::{Core, Costs, Origin, Peer, Structure};
 use stylus_kernel::direct::{NEAR_TAPS, TAPS_PER_TURN};
 use stylus_kernel::scene::cost::{self, StageCost};
 
@@ -192,7 +192,7 @@ pub fn filters(costs: &Costs) -> String {
     let row = |peer: &Peer| {
         let origin = match peer.origin {
             Origin::Measured => "",
-            Origin::Reference => " (reference, not counted here)",
+            Origin::Reference => " †",
         };
         [
             format!("{}{origin}", peer.name),
@@ -214,47 +214,29 @@ pub fn filters(costs: &Costs) -> String {
     )
 }
 
-/// Cycles by llvm-mca, or a dash where there are none.
-fn modelled(cycles: Option<u32>) -> String {
-    cycles.map_or_else(|| "–".to_owned(), |cycles| grouped(cycles.into()))
+/// A number, or a dash where there is none.
+fn modelled(number: Option<u32>) -> String {
+    number.map_or_else(|| "–".to_owned(), |number| grouped(number.into()))
 }
 
-/// Instructions and cycles per sample of each structure at each order, on a Cortex-M4 and four nodes.
+/// Instructions on a Cortex-M4 and cycles on a Cortex-M7 per sample of each structure, by order, on four nodes.
 pub fn samples_by_order(costs: &Costs) -> String {
-    let header = [
-        "structure",
-        "order",
-        "instructions",
-        "cycles, Cortex-M4",
-        "cycles, Cortex-M7",
-        "instructions per update",
-    ];
-    let counted = Structure::ALL.into_iter().flat_map(|structure| {
-        let is_wanted = move |entry: &&Entry| {
-            (entry.structure, entry.core, entry.nodes) == (structure, Core::M4, NODES)
+    let rows = Structure::ALL.into_iter().map(|structure| {
+        let at = |order| {
+            let entry = |core| costs.entry(structure, NODES, core, order);
+            let instructions = entry(Core::M4).map(|entry| entry.sample.instructions);
+            let cycles = entry(Core::M7).map(|entry| entry.sample.cycles);
+            format!("{} / {}", modelled(instructions), modelled(cycles))
         };
-        costs.entries.iter().filter(is_wanted)
-    });
-    let rows = counted.map(|entry| {
-        let shipped = if SHIPPED.contains(&entry.structure) {
+        let shipped = if SHIPPED.contains(&structure) {
             ""
         } else {
             " (not shipped)"
         };
-        let (sample, update) = (entry.sample, entry.update);
-        let m7 = costs.entry(entry.structure, NODES, Core::M7, entry.order);
-        [
-            format!("{}{shipped}", entry.structure.name()),
-            entry.order.to_string(),
-            grouped(sample.instructions.into()),
-            grouped(sample.cycles.into()),
-            modelled(m7.map(|m7| m7.sample.cycles)),
-            range(
-                update.instructions_least.into(),
-                update.instructions_most.into(),
-            ),
-        ]
+        let name = format!("{}{shipped}", structure.name());
+        [name, at(10), at(20), at(50), at(100), at(200), at(400)]
     });
+    let header = ["structure", "order 10", "20", "50", "100", "200", "400"];
     table(header, rows)
 }
 

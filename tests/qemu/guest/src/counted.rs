@@ -6,7 +6,7 @@ use core::hint::black_box;
 use kernel_vectors::job::Filter;
 use kernel_vectors::{COUNTED_SAMPLES, counted_motion};
 use model_format::{Library, OutputSample, Texture};
-use stylus_firmware::CortexM;
+use stylus_realtime::CortexM;
 use stylus_kernel::excitation::Excitation;
 use stylus_kernel::grid::GridPoint;
 use stylus_kernel::variants::normalised16::{Lattice16Frame, Lattice16State};

@@ -4,7 +4,7 @@ use core::hint::black_box;
 
 use kernel_vectors::{HardCase, Way, report};
 use model_format::OutputSample;
-use stylus_firmware::CortexM;
+use stylus_realtime::CortexM;
 
 use crate::counter::{Counter, Range};
 use crate::output::{Output, Words};

@@ -21,7 +21,7 @@ use cortex_m_semihosting::{debug, hio};
 use kernel_vectors::job::Job;
 use kernel_vectors::{MEASURED, PATH_UPDATES, VECTORS, edges, motion, report, run};
 use model_format::Library;
-use stylus_firmware::CortexM;
+use stylus_realtime::CortexM;
 use stylus_kernel::arithmetic::{Arithmetic, Portable};
 use stylus_kernel::digest::of_plan;
 use stylus_kernel::scene::Plan;

@@ -18,7 +18,7 @@ use idsp::iir::{Biquad, Cascade, DirectForm};
 use kernel_vectors::PEER_SAMPLES;
 use model_format::Library;
 use model_format::limits::MAX_ORDER;
-use stylus_firmware::CortexM;
+use stylus_realtime::CortexM;
 use stylus_kernel::direct::{DirectFrame, DirectState};
 use stylus_kernel::excitation::{self, Excitation};
 use stylus_kernel::lattice::LatticeState;

@@ -32,7 +32,7 @@ use panic_halt as _;
 use stm32_metapac::adc::vals::{Exten, Pcsel, SampleTime};
 use stm32_metapac::timer::vals::Mms;
 use stm32_metapac::{ADC1, ADC12_COMMON, DAC1, FLASH, IWDG1, RCC, TIM3, TIM6, USART3, interrupt};
-use stylus_firmware::CortexM7;
+use stylus_realtime::CortexM;
 use stylus_kernel::digest::of_plan;
 use stylus_kernel::scene::Plan;
 
@@ -215,7 +215,7 @@ fn digest() -> u32 {
     let library = Library::decode(DIGEST_LIBRARY);
     let texture = library.ok().and_then(|library| library.texture_at(0));
     texture.map_or(0, |texture| {
-        of_plan::<CortexM7>(Plan::of_texture(texture)).value()
+        of_plan::<CortexM>(Plan::of_texture(texture)).value()
     })
 }
 

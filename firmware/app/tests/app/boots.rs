@@ -1,0 +1,590 @@
+//! Starts after histories of uploads, activations, self tests, power cuts at any operation of the flash, refusals of
+//! the flash, and damage of words: some unreadable, some that read differently from read to read.
+//!
+//! Held after each step and each start:
+//!
+//! - If a slot held a sound library and nothing asked for the end of the last one, a sound library is there.
+//! - What is in RAM is a library that was uploaded, whole, with the checksum that `status` tells.
+//! - The newest commit that was answered is active after a start, unless its slot was damaged.
+//! - A refusal for the last library is told only where the other slot is not sound.
+//! - At the end an upload succeeds, by the remedies of the refusals, and is active after the next start.
+//!
+//! A sound library is one that can be read and decoded and none of whose words is damaged.
+
+use std::pin::pin;
+use std::task::{Context, Poll, Waker};
+
+use embassy_futures::block_on;
+use fake_stylus::BoardOf;
+use fake_stylus::device::{SharedControl, SteppedStylus, Stores};
+use fake_stylus::flash::{Cut, Damage, Fate, Memory, Mishap, SimulatedFlash};
+use fake_stylus::library::{announcement, put};
+use model_format::limits::{MAX_LIBRARY_BYTES, SLOT_BYTES};
+use model_format::link::{
+    LIBRARY_CRC, SelfTestRequest, SlotId, SlotState, UploadBegin, UploadChunk, UploadError,
+};
+use model_format::{
+    CodeSpec, Laws, NodeFlags, NodeSpec, PartsSpec, Provenance, SAMPLE_RATE_HZ, Structure,
+    TextureSpec, encode,
+};
+use proptest::prelude::*;
+use proptest::test_runner::TestRunner;
+use stylus_app::flash::WORD_BYTES;
+use stylus_app::slots::SlotStore;
+
+use crate::budget::{self, Chance};
+
+/// Chunk of an upload, bytes.
+const CHUNK: usize = 2 * WORD_BYTES;
+
+/// Polls of a job between two milliseconds of the device.
+const POLLS_PER_MS: u32 = 8;
+
+/// Most polls of a job; beyond, it is stuck.
+const MOST_POLLS: u32 = 2_000_000;
+
+/// A request or event.
+#[derive(Clone, Copy, Debug)]
+enum Action {
+    /// The chunks of a library up to this one, and the commit after the last. It may replace the last library.
+    Upload {
+        library: usize,
+        chunks: usize,
+        replaces_last: bool,
+    },
+    Abort,
+    Activate(SlotId),
+    SelfTest(SlotId),
+    List(SlotId),
+    Restart,
+    Damage(SlotId, Place, Damage),
+}
+
+/// Place of a word in a slot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Place {
+    Header,
+    First,
+    Last,
+}
+
+impl Place {
+    const ALL: [Self; 3] = [Self::Header, Self::First, Self::Last];
+
+    fn offset(self, slot: SlotId) -> usize {
+        let within = match self {
+            Self::Header => MAX_LIBRARY_BYTES,
+            Self::First => 0,
+            // All libraries here are as long.
+            Self::Last => libraries()[0].len() - 1,
+        };
+        slot.index() * SLOT_BYTES + within
+    }
+}
+
+/// An action, and the mishap of one of its operations.
+#[derive(Clone, Copy, Debug)]
+struct Step {
+    action: Action,
+    mishap: Option<(usize, Mishap)>,
+}
+
+/// Libraries of direct forms, because these have the mark of their proof written beside them.
+fn libraries() -> [Vec<u8>; 3] {
+    ["denim", "paper", "linen"].map(direct)
+}
+
+/// A library of one direct form with one node, 1 / (1 - 0.5 z⁻¹).
+fn direct(name: &str) -> Vec<u8> {
+    let node = NodeSpec {
+        output_power: 1.0,
+        prediction_error_power: 0.75,
+        flags: NodeFlags::NONE,
+        codes: CodeSpec::Direct16 {
+            exponent: 0,
+            codes: vec![1 << 14],
+        },
+    };
+    let spec = TextureSpec {
+        name: name.to_owned(),
+        sample_rate_hz: SAMPLE_RATE_HZ,
+        structure: Structure::DirectForm16,
+        provenance: Provenance::Simulated,
+        laws: Laws::default(),
+        parts: PartsSpec::default(),
+        speed_axis_mm_s: vec![100.0],
+        force_axis_n: vec![1.0],
+        nodes: vec![node],
+        // A margin of 2^-4; it has a half.
+        cell_margins: vec![16],
+    };
+    encode(&[spec]).expect("the certificate is well formed")
+}
+
+/// Operations of a whole upload: two erasures, each word, the mark, the header.
+fn upload_operations() -> usize {
+    2 + libraries()[0].len().div_ceil(WORD_BYTES) + 2
+}
+
+/// Checksums of the libraries that are sound in the flash itself.
+fn sound_checksums(memory: &Memory) -> [Option<u32>; 2] {
+    let store = block_on(SlotStore::open(SimulatedFlash::new(memory.clone())));
+    SlotId::ALL.map(|slot| {
+        let begin = slot.index() * SLOT_BYTES;
+        let info = store.library(slot)?;
+        let header = begin + MAX_LIBRARY_BYTES;
+        let is_sound = !memory.is_damaged(begin..begin + info.length as usize)
+            && !memory.is_damaged(header..header + WORD_BYTES);
+        is_sound.then_some(info.crc32)
+    })
+}
+
+/// Slots whose library is sound in the flash itself.
+fn sound(memory: &Memory) -> [bool; 2] {
+    sound_checksums(memory).map(|checksum| checksum.is_some())
+}
+
+/// A commit that was answered.
+#[derive(Clone, Copy, Debug)]
+struct Commit {
+    slot: SlotId,
+    crc32: u32,
+}
+
+/// A stylus, and what it has promised.
+struct Life {
+    stylus: Option<SteppedStylus>,
+    fate: Fate,
+    /// Slots that hold a sound library, as far as answers and damage tell.
+    sound: [bool; 2],
+    newest: Option<Commit>,
+    /// True if a commit after the newest was cut: it may have been done.
+    may_be_newer: bool,
+    /// Words with a flipped bit, which a second flip would put right.
+    flipped: Vec<(SlotId, Place)>,
+    libraries: [Vec<u8>; 3],
+}
+
+type Checked = Result<(), String>;
+
+impl Life {
+    fn new(memory: Memory) -> Result<Self, String> {
+        let mut life = Self {
+            stylus: None,
+            fate: Fate::default(),
+            sound: [false; 2],
+            newest: None,
+            may_be_newer: false,
+            flipped: Vec::new(),
+            libraries: libraries(),
+        };
+        life.boot(memory)?;
+        Ok(life)
+    }
+
+    fn stylus(&mut self) -> &mut SteppedStylus {
+        self.stylus.as_mut().expect("it is on")
+    }
+
+    fn state(&mut self, slot: SlotId) -> SlotState {
+        self.stylus().storage.slots().slots[slot.index()].clone()
+    }
+
+    fn boot(&mut self, memory: Memory) -> Checked {
+        self.sound = sound(&memory);
+        let flash = SimulatedFlash::new(memory);
+        self.fate = flash.fate.clone();
+        self.stylus = Some(SteppedStylus::boot_from(flash));
+        self.check_ram()?;
+        let active = self.stylus().storage.slots().active;
+        if self.sound != [false; 2] && active.is_none() {
+            return Err(format!("{:?} are sound and nothing is active", self.sound));
+        }
+        if let Some(Commit { slot, crc32 }) = self.newest
+            && self.sound[slot.index()]
+        {
+            let status = self.stylus().control.borrow().status();
+            let is_newest = (active, status.library_crc32) == (Some(slot), crc32);
+            let is_later = self.may_be_newer && active == Some(slot.other());
+            if !is_newest && !is_later {
+                return Err(format!(
+                    "slot {slot} was committed last and {active:?} is active"
+                ));
+            }
+        }
+        Ok(())
+    }
+
+    /// Takes the device apart.
+    fn power_off(&mut self) -> Memory {
+        let stylus = self.stylus.take().expect("it is on");
+        stylus.storage.into_flash().0.memory
+    }
+
+    /// Does `job` until it is done; none if power is lost before.
+    fn run<R>(
+        &mut self,
+        job: impl AsyncFnOnce(&mut Stores, &mut SharedControl) -> R,
+    ) -> Result<Option<R>, String> {
+        let fate = self.fate.clone();
+        let SteppedStylus { control, storage } = self.stylus();
+        let mut stage = control.clone();
+        let mut job = pin!(job(storage, &mut stage));
+        let mut context = Context::from_waker(Waker::noop());
+        for polls in 1..MOST_POLLS {
+            if let Poll::Ready(result) = job.as_mut().poll(&mut context) {
+                return Ok(Some(result));
+            }
+            if fate.is_off() {
+                return Ok(None);
+            }
+            if polls % POLLS_PER_MS == 0 {
+                control.millisecond_with_motion();
+            }
+        }
+        Err("a job does not end".to_owned())
+    }
+
+    fn step(&mut self, step: Step) -> Checked {
+        if let Some((operations, mishap)) = step.mishap {
+            self.fate.strike(operations, mishap);
+        }
+        self.act(step.action)?;
+        self.fate.spare();
+        if self.fate.is_off() {
+            return self.restart_after_cut(step.action);
+        }
+        self.check_ram()?;
+        let may_end_last = matches!(
+            step.action,
+            Action::Upload {
+                replaces_last: true,
+                ..
+            }
+        );
+        self.note_lost(may_end_last)
+    }
+
+    /// Follows the store's view of sound slots, which only an erasure changes.
+    fn note_lost(&mut self, may_end_last: bool) -> Checked {
+        let before = self.sound;
+        for slot in SlotId::ALL {
+            let is_valid = matches!(self.state(slot), SlotState::Valid(_));
+            self.sound[slot.index()] &= is_valid;
+            if !is_valid && self.newest.is_some_and(|newest| newest.slot == slot) {
+                self.newest = None;
+            }
+        }
+        if before != [false; 2] && self.sound == [false; 2] && !may_end_last {
+            return Err(format!("of {before:?} nothing is left"));
+        }
+        Ok(())
+    }
+
+    fn restart_after_cut(&mut self, action: Action) -> Checked {
+        let before = self.sound;
+        self.may_be_newer |= matches!(action, Action::Upload { .. });
+        let memory = self.power_off();
+        let left = sound(&memory);
+        let replaces = matches!(
+            action,
+            Action::Upload {
+                replaces_last: true,
+                ..
+            }
+        );
+        if before != [false; 2] && left == [false; 2] && !replaces {
+            return Err(format!("a cut leaves nothing of {before:?}"));
+        }
+        // The slot of the newest one may have been given away.
+        let checksums = sound_checksums(&memory);
+        self.newest = self
+            .newest
+            .filter(|newest| checksums[newest.slot.index()] == Some(newest.crc32));
+        self.boot(memory)
+    }
+
+    fn act(&mut self, action: Action) -> Checked {
+        match action {
+            Action::Upload {
+                library,
+                chunks,
+                replaces_last,
+            } => {
+                let answer = self.upload(library, chunks, replaces_last)?;
+                if let Some(Err(UploadError::LastLibrary { slot })) = answer {
+                    return self.check_refusal(slot);
+                }
+            }
+            Action::Abort => {
+                self.run(async |storage, stage| storage.upload_abort(stage))?;
+            }
+            Action::Activate(slot) => {
+                self.run(async |storage, stage| storage.activate(stage, slot).await)?;
+            }
+            Action::List(slot) => {
+                let request = model_format::link::ListRequest { slot, index: 0 };
+                self.run(async |storage, _| storage.list(request).await)?;
+            }
+            Action::SelfTest(slot) => {
+                let request = SelfTestRequest::Flash {
+                    slot,
+                    erases_library: true,
+                };
+                self.run(async |storage, stage| {
+                    let mut board = BoardOf::new(stage.clone());
+                    storage.self_test(stage, &mut board, request).await
+                })?;
+            }
+            Action::Restart => {
+                let memory = self.power_off();
+                let left = sound(&memory);
+                // Damage of what was erased meanwhile is gone, so there may be more.
+                if SlotId::ALL
+                    .iter()
+                    .any(|slot| self.sound[slot.index()] && !left[slot.index()])
+                {
+                    return Err(format!("{:?} should be sound, {left:?} are", self.sound));
+                }
+                return self.boot(memory);
+            }
+            Action::Damage(slot, place, damage) => {
+                if damage == Damage::Flipped {
+                    if self.flipped.contains(&(slot, place)) {
+                        return Ok(());
+                    }
+                    self.flipped.push((slot, place));
+                }
+                self.fate.damage(place.offset(slot), damage);
+                self.sound[slot.index()] = false;
+                // The next read or operation applies it.
+                let listed = Action::List(slot);
+                return self.act(listed);
+            }
+        }
+        Ok(())
+    }
+
+    fn check_refusal(&self, slot: SlotId) -> Checked {
+        if self.sound[slot.other().index()] {
+            return Err(format!(
+                "slot {slot} is kept for the last one and {} is sound",
+                slot.other()
+            ));
+        }
+        Ok(())
+    }
+
+    /// Uploads so many chunks, and commits after the last. None if power is lost.
+    fn upload(
+        &mut self,
+        library: usize,
+        chunks: usize,
+        replaces_last: bool,
+    ) -> Result<Option<Result<(), UploadError>>, String> {
+        let bytes = self.libraries[library].clone();
+        let begin = UploadBegin {
+            replaces_last,
+            ..announcement(&bytes)
+        };
+        let done = self.run(async |storage, stage| {
+            let mut at = storage.upload_begin(stage, begin).await?.next_offset as usize;
+            for _ in 0..chunks {
+                if at == bytes.len() {
+                    break;
+                }
+                let chunk = UploadChunk {
+                    offset: at as u32,
+                    data: &bytes[at..bytes.len().min(at + CHUNK)],
+                };
+                at = storage.upload_chunk(stage, chunk).await?.next_offset as usize;
+            }
+            if at < bytes.len() {
+                return Ok(None);
+            }
+            storage.upload_commit(stage).await.map(Some)
+        })?;
+        Ok(match done {
+            Some(Ok(Some(committed))) => {
+                self.note_lost(replaces_last)?;
+                self.sound[committed.slot.index()] = true;
+                self.flipped.retain(|&(slot, _)| slot != committed.slot);
+                self.newest = Some(Commit {
+                    slot: committed.slot,
+                    crc32: begin.crc32,
+                });
+                self.may_be_newer = false;
+                Some(Ok(()))
+            }
+            Some(Ok(None)) => Some(Ok(())),
+            Some(Err(error)) => Some(Err(error)),
+            None => None,
+        })
+    }
+
+    fn check_ram(&mut self) -> Checked {
+        let mut control = self.stylus().control.borrow_mut();
+        let status = control.status();
+        let ram = control.device().library().to_vec();
+        drop(control);
+        if status.active.is_none() {
+            return Ok(());
+        }
+        if LIBRARY_CRC.checksum(&ram) != status.library_crc32 || !self.libraries.contains(&ram) {
+            return Err("what is active is no library that was uploaded".to_owned());
+        }
+        Ok(())
+    }
+
+    /// Uploads by the remedies of the refusals, and finds the library active after a start.
+    fn end(&mut self) -> Checked {
+        let memory = self.power_off();
+        self.boot(memory)?;
+        let mut answer = self.upload(0, usize::MAX, false)?;
+        if let Some(Err(UploadError::LastLibrary { slot })) = answer {
+            self.check_refusal(slot)?;
+            self.act(Action::Activate(slot))?;
+            answer = self.upload(0, usize::MAX, false)?;
+        }
+        if let Some(Err(UploadError::LastLibrary { slot })) = answer {
+            self.check_refusal(slot)?;
+            answer = self.upload(0, usize::MAX, true)?;
+        }
+        if answer != Some(Ok(())) {
+            return Err(format!("the store cannot be used any more: {answer:?}"));
+        }
+        let memory = self.power_off();
+        self.boot(memory)
+    }
+}
+
+/// Flash at the beginning of a history: libraries in the slots with these numbers.
+fn beginning(numbers: [Option<u32>; 2]) -> Memory {
+    let mut memory = Memory::blank(2 * SLOT_BYTES);
+    let libraries = libraries();
+    for slot in SlotId::ALL {
+        if let Some(number) = numbers[slot.index()] {
+            put(&mut memory, slot, &libraries[slot.index()], number);
+        }
+    }
+    memory
+}
+
+fn live(numbers: [Option<u32>; 2], seed: u64, steps: &[Step]) -> Checked {
+    let mut memory = beginning(numbers);
+    memory.seed(seed);
+    let mut life = Life::new(memory)?;
+    for (index, &step) in steps.iter().enumerate() {
+        life.step(step)
+            .map_err(|problem| format!("step {index}, {step:?}: {problem}"))?;
+    }
+    life.end()
+        .map_err(|problem| format!("at the end: {problem}"))
+}
+
+fn slot() -> impl Strategy<Value = SlotId> {
+    prop::sample::select(SlotId::ALL.to_vec())
+}
+
+fn action() -> impl Strategy<Value = Action> {
+    let chunks = prop_oneof![3 => Just(usize::MAX), 1 => 0..8usize];
+    prop_oneof![
+        6 => (0..3usize, chunks, prop::bool::weighted(0.15)).prop_map(
+            |(library, chunks, replaces_last)| Action::Upload { library, chunks, replaces_last }
+        ),
+        1 => Just(Action::Abort),
+        3 => slot().prop_map(Action::Activate),
+        1 => slot().prop_map(Action::SelfTest),
+        1 => slot().prop_map(Action::List),
+        2 => Just(Action::Restart),
+        3 => (
+            slot(),
+            prop::sample::select(Place::ALL.to_vec()),
+            prop::sample::select(Damage::ALL.to_vec()),
+        ).prop_map(|(slot, place, damage)| Action::Damage(slot, place, damage)),
+    ]
+}
+
+fn mishap() -> impl Strategy<Value = Option<(usize, Mishap)>> {
+    let how = prop_oneof![
+        4 => prop::sample::select(Cut::WITH_UNSTABLE.to_vec()).prop_map(Mishap::Cut),
+        1 => Just(Mishap::Refuse),
+    ];
+    prop::option::weighted(0.4, (0..upload_operations() + 1, how))
+}
+
+fn numbers() -> impl Strategy<Value = [Option<u32>; 2]> {
+    let number = prop_oneof![
+        1 => Just(None),
+        2 => (1..4u32).prop_map(Some),
+        1 => (u32::MAX - 2..=u32::MAX).prop_map(Some),
+    ];
+    // Numbers that are both there lie beside each other, as uploads leave them.
+    (number, 0..3u32, any::<bool>()).prop_map(|(first, ahead, both)| {
+        let second = first.map(|first: u32| first.wrapping_add(ahead).wrapping_sub(1));
+        [first, second.filter(|_| both)]
+    })
+}
+
+#[test]
+fn a_cut_at_any_operation_of_any_short_history_leaves_what_was_promised() {
+    let whole = |replaces_last| Action::Upload {
+        library: 2,
+        chunks: usize::MAX,
+        replaces_last,
+    };
+    let before = [
+        None,
+        Some(Action::Activate(SlotId::A)),
+        Some(Action::Damage(SlotId::A, Place::First, Damage::Unstable)),
+        Some(Action::Damage(SlotId::B, Place::Header, Damage::Unstable)),
+        Some(Action::Damage(SlotId::A, Place::Last, Damage::Faulting)),
+    ];
+    let cut = [whole(false), whole(true), Action::SelfTest(SlotId::A)];
+    let beginnings = [
+        [None, None],
+        [Some(1), None],
+        [Some(1), Some(2)],
+        [Some(u32::MAX), Some(u32::MAX - 1)],
+    ];
+    let mut chance = Chance::new(budget::seed(), 0);
+    let mut histories = 0;
+    for (numbers, first, action) in beginnings
+        .into_iter()
+        .flat_map(|numbers| before.map(move |first| (numbers, first)))
+        .flat_map(|(numbers, first)| cut.map(move |action| (numbers, first, action)))
+    {
+        for (at, how) in (0..upload_operations())
+            .flat_map(|at| Cut::WITH_UNSTABLE.map(move |how| (at, Mishap::Cut(how))))
+            .filter(|_| chance.is_drawn())
+        {
+            let mut steps = Vec::new();
+            steps.extend(first.map(|action| Step {
+                action,
+                mishap: None,
+            }));
+            let mishap = Some((at, how));
+            steps.push(Step { action, mishap });
+            histories += 1;
+            let lived = live(numbers, budget::seed() ^ histories, &steps);
+            assert_eq!(lived, Ok(()), "{numbers:?} {steps:?}, history {histories}");
+        }
+    }
+    assert!(histories >= 100, "{histories}");
+}
+
+#[test]
+fn no_history_of_cuts_damage_and_requests_loses_a_sound_library_or_the_use_of_the_store() {
+    let steps = (action(), mishap()).prop_map(|(action, mishap)| Step { action, mishap });
+    let histories = (numbers(), any::<u64>(), prop::collection::vec(steps, 1..14));
+    let config = ProptestConfig {
+        failure_persistence: None,
+        ..budget::config(1_500)
+    };
+    let lived = TestRunner::new(config).run(&histories, |(numbers, seed, steps)| {
+        live(numbers, seed, &steps).map_err(TestCaseError::fail)
+    });
+    if let Err(failure) = lived {
+        panic!("with STYLUS_ATTACK_SEED={}: {failure}", budget::seed());
+    }
+}

@@ -1,0 +1,456 @@
+//! Two hosts, one on each link: the lease of whoever plays, and changes of settings in two steps.
+
+use fake_stylus::device::{SteppedStylus, play_request};
+use fake_stylus::hardware::Hardware;
+use fake_stylus::library::library;
+use fake_stylus::requests::Requests;
+use model_format::link::{
+    Activity, KEEP_ALIVE_MS, KeepAliveTopic, LINK_LOST_AFTER_MS, LOCKED, LinkId, MotionEndpoint,
+    MotionRefused, MotionSample, MotionSource, MotionTopic, MuteReason, PROPOSAL_VALID_MS,
+    PlayEndpoint, PlayError, PlayRequest, ProposalToken, Setting, SettingChange, SettingSet,
+    Settings, SettingsChange, SettingsError, SettingsProposal, SettingsProposeEndpoint, Status,
+    StatusEndpoint, StopEndpoint,
+};
+use model_format::{MillimetresPerSecond, Newton};
+use proptest::prelude::*;
+use stylus_app::TICKS_PER_MS;
+use stylus_app::control::Device;
+use stylus_app::safety::Config;
+
+use crate::budget;
+
+/// Time from the last renewal to silence, ms: the lease and the longest ramp.
+const SILENT_WITHIN_MS: u32 = 100;
+
+const LINKS: [LinkId; 2] = [LinkId::Usb, LinkId::Serial];
+
+/// A stylus whose coil is set, with an active library, and its dispatcher.
+struct Stylus {
+    stylus: SteppedStylus,
+    requests: Requests,
+}
+
+impl Stylus {
+    fn new() -> Self {
+        let stylus = SteppedStylus::ready(&library(1, 20, 1));
+        let requests = Requests::new(stylus.control.clone());
+        Self { stylus, requests }
+    }
+
+    /// Plays along the device's own sensors, so that silence can only come from the lease.
+    fn play(&self, link: LinkId) -> Result<(), PlayError> {
+        let request = PlayRequest {
+            motion: MotionSource::Sensors,
+            ..play_request("texture 0")
+        };
+        self.requests.ask::<PlayEndpoint>(link, &request).map(drop)
+    }
+
+    fn is_stopped(&self, link: LinkId) -> bool {
+        self.requests.ask::<StopEndpoint>(link, &()).is_ok()
+    }
+
+    fn moves(&self, link: LinkId) -> Result<MotionSource, MotionRefused> {
+        self.requests.ask::<MotionEndpoint>(link, &motion())
+    }
+
+    fn status(&self, link: LinkId) -> Status {
+        self.requests.ask::<StatusEndpoint>(link, &())
+    }
+
+    fn keep_alive(&self, link: LinkId) {
+        self.requests.publish::<KeepAliveTopic>(link, &());
+    }
+
+    /// Runs for `ms` milliseconds; `link` keeps its lease alive meanwhile.
+    fn run_kept(&self, link: LinkId, ms: u32) {
+        for now in 0..ms {
+            if now % KEEP_ALIVE_MS == 0 {
+                self.keep_alive(link);
+            }
+            self.stylus.control.millisecond();
+        }
+    }
+
+    fn propose(
+        &self,
+        link: LinkId,
+        change: SettingsChange,
+    ) -> Result<SettingsProposal, SettingsError> {
+        (self.requests).ask::<SettingsProposeEndpoint>(link, &change)
+    }
+
+    fn apply(&mut self, link: LinkId, token: ProposalToken) -> Result<Settings, SettingsError> {
+        (self.stylus)
+            .request(async |storage, stage| storage.settings_apply(stage, link, token).await)
+    }
+
+    fn settings(&self) -> Settings {
+        self.stylus.control.borrow().settings()
+    }
+
+    fn proposal(&self) -> Option<SettingsProposal> {
+        self.stylus.status().proposal
+    }
+}
+
+fn motion() -> MotionSample {
+    MotionSample {
+        speed: MillimetresPerSecond(100.0),
+        force: Newton(1.0),
+        position_mm: None,
+        contact: None,
+    }
+}
+
+fn change_of(values: &[(Setting, f32)]) -> SettingsChange {
+    let change = |&(setting, value): &(Setting, f32)| SettingChange { setting, value };
+    let changes: Vec<_> = values.iter().map(change).collect();
+    SettingsChange::of(&changes).expect("there is room for seven")
+}
+
+/// The seven settings by which a host would switch protection off.
+fn all_told_away() -> SettingsChange {
+    change_of(&[
+        (Setting::AmplifierGain, 0.01),
+        (Setting::CoilResistance, 1000.0),
+        (Setting::PowerLimit, 1.0),
+        (Setting::ThermalTimeConstant, 60.0),
+        (Setting::HardLimit, 1.45),
+        (Setting::OutputGain, 1.0),
+        (Setting::SlewLimit, 16.0),
+    ])
+}
+
+#[test]
+fn a_play_whose_program_died_is_silent_in_time_whatever_else_is_asked_on_either_link() {
+    for [player, other] in [LINKS, [LINKS[1], LINKS[0]]] {
+        // The other host polls, drives and keeps alive; a next program on the player's own link polls.
+        for (link, drives) in [(other, false), (other, true), (player, false)] {
+            let stylus = Stylus::new();
+            stylus.play(player).expect("it is there");
+            stylus.run_kept(player, 300);
+            assert!(stylus.stylus.sounds());
+            let mut silent_after = 0;
+            while stylus.stylus.sounds() {
+                if silent_after % 10 == 0 {
+                    stylus.status(link);
+                    if drives {
+                        stylus.keep_alive(link);
+                        stylus.requests.publish::<MotionTopic>(link, &motion());
+                    }
+                }
+                stylus.stylus.control.millisecond();
+                silent_after += 1;
+                assert!(silent_after <= SILENT_WITHIN_MS, "it sounds on");
+            }
+            assert!(silent_after > LINK_LOST_AFTER_MS - KEEP_ALIVE_MS);
+            let status = stylus.status(link);
+            assert!(status.output.mute.contains(MuteReason::LinkLost));
+            let lease = (status.lease.holder, status.lease.is_alive);
+            assert_eq!(lease, (Some(player), false));
+            // It comes back with whoever plays.
+            stylus.run_kept(player, 300);
+            assert!(stylus.stylus.sounds());
+        }
+    }
+}
+
+#[test]
+fn while_one_link_plays_the_other_may_stop_it_and_may_neither_play_nor_move() {
+    let stylus = Stylus::new();
+    let [usb, serial] = LINKS;
+    assert_eq!(stylus.status(serial).lease.holder, None);
+    assert!(
+        stylus.moves(serial).is_ok(),
+        "without a play, anybody moves"
+    );
+    stylus.play(usb).expect("it is there");
+    stylus.run_kept(usb, 100);
+    assert_eq!(stylus.play(serial), Err(PlayError::Held { by: usb }));
+    assert_eq!(stylus.moves(serial), Err(MotionRefused::Held { by: usb }));
+    assert!(stylus.moves(usb).is_ok());
+    let lease = stylus.status(serial).lease;
+    let found = (lease.holder, lease.is_alive, lease.refused);
+    assert_eq!(found, (Some(usb), true, 2));
+    stylus.run_kept(usb, 300);
+    assert!(stylus.stylus.sounds());
+    assert!(stylus.is_stopped(serial));
+    stylus.run_kept(usb, 100);
+    assert!(!stylus.stylus.sounds());
+    let status = stylus.status(serial);
+    let found = (status.output.activity, status.lease.holder);
+    assert_eq!(found, (Activity::Idle, None));
+    // The one that stopped it may play now, and the lease is its own.
+    stylus.play(serial).expect("nobody plays");
+    assert_eq!(stylus.play(usb), Err(PlayError::Held { by: serial }));
+}
+
+#[test]
+fn a_lease_that_has_lapsed_is_taken_over_by_a_play_of_the_other_link() {
+    let stylus = Stylus::new();
+    let [usb, serial] = LINKS;
+    stylus.play(usb).expect("it is there");
+    stylus.run_kept(usb, 300);
+    stylus.keep_alive(usb);
+    for _ in 0..=LINK_LOST_AFTER_MS {
+        assert_eq!(stylus.play(serial), Err(PlayError::Held { by: usb }));
+        stylus.stylus.control.millisecond();
+    }
+    stylus.play(serial).expect("the lease has lapsed");
+    stylus.run_kept(serial, 300);
+    assert!(stylus.stylus.sounds());
+    // The one before does not keep it alive any more.
+    stylus.run_kept(usb, SILENT_WITHIN_MS);
+    assert!(!stylus.stylus.sounds());
+}
+
+#[test]
+fn no_single_frame_changes_a_setting_and_the_second_one_changes_all_of_them_once() {
+    let mut stylus = Stylus::new();
+    let [usb, serial] = LINKS;
+    let before = stylus.settings();
+    let proposal = stylus.propose(usb, all_told_away()).expect("it rests");
+    assert_eq!(stylus.settings(), before);
+    assert_eq!(stylus.proposal().as_ref(), Some(&proposal));
+    let tight = SettingSet::NONE.with(Setting::SoftStart, true);
+    let loosens = LOCKED.without(tight.with(Setting::MuteRamp, true));
+    assert_eq!(proposal.loosens, loosens);
+    // Neither the other link nor another token applies it, and neither ends it.
+    let crossed = stylus.apply(serial, proposal.token);
+    assert_eq!(crossed, Err(SettingsError::OtherLink { from: usb }));
+    let guessed = stylus.apply(usb, ProposalToken(proposal.token.0 ^ 1));
+    assert_eq!(guessed, Err(SettingsError::NoProposal));
+    assert_eq!(stylus.settings(), before);
+    let set = stylus.apply(usb, proposal.token).expect("it was proposed");
+    assert_eq!(all_told_away().applied_to(before), Ok(set));
+    let again = stylus.apply(usb, proposal.token);
+    assert_eq!(again, Err(SettingsError::NoProposal));
+    assert_eq!(stylus.proposal(), None);
+}
+
+#[test]
+fn a_proposal_ends_with_its_time_a_play_and_another_proposal() {
+    let [usb, serial] = LINKS;
+    let gone = Err(SettingsError::NoProposal);
+    let mut stylus = Stylus::new();
+    let before = stylus.settings();
+    assert_eq!(stylus.proposal(), None, "none at the start");
+
+    let first = stylus
+        .propose(usb, SettingsChange::Reset)
+        .expect("it rests");
+    stylus.stylus.run(PROPOSAL_VALID_MS - 1);
+    let remaining_ms = stylus.proposal().map(|proposal| proposal.remaining_ms);
+    assert_eq!(remaining_ms, Some(1));
+    stylus.stylus.run(1);
+    assert_eq!(stylus.proposal(), None);
+    assert_eq!(stylus.apply(usb, first.token), gone);
+
+    let first = stylus
+        .propose(usb, SettingsChange::Reset)
+        .expect("it rests");
+    stylus.play(serial).expect("it is there");
+    let playing = Err(SettingsError::Playing);
+    assert_eq!(stylus.propose(serial, SettingsChange::Reset), playing);
+    assert!(stylus.is_stopped(serial));
+    stylus.stylus.run(100);
+    assert_eq!(stylus.apply(usb, first.token), gone);
+
+    let first = stylus
+        .propose(usb, SettingsChange::Reset)
+        .expect("it rests");
+    let other = change_of(&[(Setting::HardLimit, 0.1)]);
+    let second = stylus.propose(serial, other).expect("it rests");
+    assert_ne!(first.token, second.token);
+    assert_eq!(stylus.apply(usb, first.token), gone);
+    assert_eq!(stylus.settings(), before);
+    assert!(stylus.apply(serial, second.token).is_ok());
+}
+
+#[test]
+fn of_a_change_with_one_bad_value_nothing_is_done() {
+    let stylus = Stylus::new();
+    let propose = |values: &[(Setting, f32)]| stylus.propose(LinkId::Usb, change_of(values));
+    let good = (Setting::HardLimit, 0.1);
+    let bad = propose(&[good, (Setting::PowerLimit, 100.0)]);
+    assert!(matches!(bad, Err(SettingsError::OutOfRange { .. })));
+    let setting = Setting::HardLimit;
+    assert_eq!(
+        propose(&[good, good]),
+        Err(SettingsError::Repeated { setting })
+    );
+    assert_eq!(propose(&[]), Err(SettingsError::Nothing));
+    assert_eq!(stylus.proposal(), None);
+}
+
+#[test]
+fn the_users_word_is_wanted_for_what_loosens_and_for_first_values_alone() {
+    let stylus = Stylus::new();
+    let loosens = |setting, value| {
+        let proposal = stylus.propose(LinkId::Usb, change_of(&[(setting, value)]));
+        !proposal.expect("it rests").loosens.is_empty()
+    };
+    for (setting, tighter, looser) in [
+        (Setting::HardLimit, 0.1, 0.6),
+        (Setting::PowerLimit, 0.05, 0.2),
+        (Setting::AmplifierGain, 2.0, 0.5),
+        (Setting::CoilResistance, 4.0, 16.0),
+        (Setting::SoftStart, 300.0, 100.0),
+    ] {
+        assert!(!loosens(setting, tighter) && loosens(setting, looser));
+        assert!(!loosens(setting, stylus.settings().get(setting)));
+    }
+    assert!(!loosens(Setting::ForceZero, 12_345.0));
+    let first = change_of(&[(Setting::PowerLimit, 0.01)]);
+    let unset = SteppedStylus::boot();
+    let proposal = unset.control.borrow_mut().propose(LinkId::Usb, first);
+    let loosens = proposal.expect("it rests").loosens;
+    assert!(loosens.contains(Setting::PowerLimit));
+    let reset = stylus.propose(LinkId::Usb, SettingsChange::Reset);
+    assert_eq!(reset.expect("it rests").loosens, LOCKED);
+}
+
+/// Act of a host.
+#[derive(Clone, Copy, Debug)]
+enum Step {
+    Play(usize),
+    Stop(usize),
+    Motion(usize),
+    KeepAlive(usize),
+    Status(usize),
+    Wait(u32),
+    Propose(usize, f32),
+    Apply(usize, usize),
+}
+
+fn any_step() -> impl Strategy<Value = Step> {
+    let link = 0..2usize;
+    prop_oneof![
+        2 => link.clone().prop_map(Step::Play),
+        1 => link.clone().prop_map(Step::Stop),
+        2 => link.clone().prop_map(Step::Motion),
+        6 => link.clone().prop_map(Step::KeepAlive),
+        4 => link.clone().prop_map(Step::Status),
+        6 => (1u32..40).prop_map(Step::Wait),
+        3 => (link.clone(), 0.05f32..1.4).prop_map(|(link, value)| Step::Propose(link, value)),
+        4 => (link, 0..3usize).prop_map(|(link, back)| Step::Apply(link, back)),
+    ]
+}
+
+proptest! {
+    #![proptest_config(budget::config(1_000))]
+
+    /// Model: the holder is the last link whose play was accepted, until anybody stops it; a value is set only by a
+    /// proposal of the same link that nothing has ended since.
+    #[test]
+    fn whatever_two_hosts_send_only_whoever_plays_keeps_it_from_silence_and_only_the_last_proposal_is_applied(
+        steps in prop::collection::vec(any_step(), 1..120),
+    ) {
+        let mut stylus = Stylus::new();
+        let (mut holder, mut renewed_ms, mut now_ms) = (None, 0u32, 0u32);
+        let mut made: Vec<ProposalToken> = Vec::new();
+        let mut waiting: Option<(usize, f32, ProposalToken)> = None;
+        let mut limit = stylus.settings().hard_limit().0;
+        for step in steps {
+            match step {
+                Step::Play(link) => {
+                    let held = holder.is_some_and(|by| by != link) && now_ms - renewed_ms <= LINK_LOST_AFTER_MS;
+                    prop_assert_eq!(stylus.play(LINKS[link]).is_err(), held);
+                    if !held {
+                        (holder, renewed_ms, waiting) = (Some(link), now_ms, None);
+                    }
+                }
+                Step::Stop(link) => {
+                    prop_assert!(stylus.is_stopped(LINKS[link]) || holder.is_none());
+                    holder = None;
+                }
+                Step::Motion(link) => {
+                    let moved = stylus.moves(LINKS[link]);
+                    prop_assert_eq!(moved.is_ok(), holder.is_none_or(|by| by == link));
+                    renewed_ms = if holder == Some(link) { now_ms } else { renewed_ms };
+                }
+                Step::KeepAlive(link) => {
+                    stylus.keep_alive(LINKS[link]);
+                    renewed_ms = if holder == Some(link) { now_ms } else { renewed_ms };
+                }
+                Step::Status(link) => {
+                    let lease = stylus.status(LINKS[link]).lease;
+                    prop_assert_eq!(lease.holder, holder.map(|link| LINKS[link]));
+                }
+                Step::Wait(ms) => {
+                    for _ in 0..ms {
+                        stylus.stylus.control.millisecond();
+                        now_ms += 1;
+                        let is_kept = now_ms - renewed_ms <= SILENT_WITHIN_MS;
+                        prop_assert!(is_kept || !stylus.stylus.sounds());
+                    }
+                }
+                Step::Propose(link, value) => {
+                    let change = change_of(&[(Setting::HardLimit, value)]);
+                    if let Ok(proposal) = stylus.propose(LINKS[link], change) {
+                        made.push(proposal.token);
+                        waiting = Some((link, value, proposal.token));
+                    }
+                }
+                Step::Apply(link, back) => {
+                    let Some(&token) = made.iter().rev().nth(back) else { continue };
+                    // The device runs with a host on the serial port until the flash is written.
+                    let before = stylus.stylus.hardware().now();
+                    let applied = stylus.apply(LINKS[link], token);
+                    let took_ms = (stylus.stylus.hardware().now() - before) / u64::from(TICKS_PER_MS);
+                    now_ms += took_ms as u32;
+                    if took_ms > 0 && holder == Some(1) {
+                        renewed_ms = now_ms;
+                    }
+                    let matching = waiting.take_if(|(by, _, waits)| *by == link && *waits == token);
+                    prop_assert_eq!(applied.is_ok(), matching.is_some());
+                    limit = matching.map_or(limit, |(_, value, _)| value);
+                }
+            }
+            prop_assert_eq!(stylus.settings().hard_limit().0, limit);
+        }
+    }
+}
+
+#[test]
+fn tokens_do_not_repeat() {
+    let stylus = Stylus::new();
+    let token = || stylus.propose(LinkId::Usb, SettingsChange::Reset);
+    let mut tokens: Vec<u32> = (0..10_000)
+        .map(|_| token().expect("it rests").token.0)
+        .collect();
+    tokens.sort_unstable();
+    let equal = tokens.windows(2).filter(|pair| pair[0] == pair[1]).count();
+    // Of ten thousand random words of 32 bits, one pair in a hundred runs is equal.
+    assert!(equal <= 1, "{equal} equal tokens");
+}
+
+#[test]
+fn a_start_begins_with_the_kept_heat_and_a_later_change_of_settings_never_forgets_it() {
+    let mut first = Stylus::new().stylus;
+    let hot = Config::new(&first.control.borrow().settings(), 1.0).assumed_heat();
+    // Nothing was kept: as warm as may be without attenuation, of the coil that was then set.
+    let heat = first.hardware().heat();
+    assert!(heat <= hot);
+    let load = first.status().output.thermal_load_permille;
+    assert!((600..750).contains(&load), "{load}");
+    let mut kept = Hardware::new();
+    kept.kept_heat = Some(heat);
+    let mut next = SteppedStylus::boot_on(kept);
+    next.set_coil();
+    let now = next.hardware().heat();
+    assert!(now <= heat && now.to_bits() > heat.to_bits() / 10 * 9);
+    // A reset of the settings and other ones judge the same heat.
+    let before = first.hardware().heat().to_bits();
+    first.reset_settings().expect("nothing is played");
+    let looser = [
+        (Setting::CoilResistance, 8.0),
+        (Setting::AmplifierGain, 1.0),
+        (Setting::PowerLimit, 1.0),
+    ];
+    let looser = looser.map(|(setting, value)| SettingChange { setting, value });
+    first.change_settings(&looser).expect("nothing is played");
+    let after = first.hardware().heat().to_bits();
+    assert!(after > before / 10 * 9, "{before} {after}");
+}

@@ -1,0 +1,61 @@
+//! The part of the stylus's image that is in time: from the reset to the tick and the update.
+//!
+//! It is a package of its own because it is compiled for speed, and the rest of the image for size.
+//!
+//! | module | content |
+//! |---|---|
+//! | [`boot`] | from reset to running: memory, clocks, interrupt priorities, cause of the reset; imports no other |
+//! | [`play`] | one block every 2 ms, handed to the tick |
+//! | [`tick`] | one sample, 5000 times per second |
+//! | [`CortexM`] | the kernel's inner loops in the processor's own instructions |
+//! | `injection` | faults on request, in the tests' image alone |
+//!
+//! `tick` imports `play`. Without the feature `image` there is [`CortexM`] alone, as the emulated kernel uses it, and on
+//! a host this library is empty. The instructions are those of ARMv7E-M (ARM DDI 0403E, chapter A7), so that a Cortex-M4
+//! and a Cortex-M7 run them to the same bits. Their order is for a Cortex-M7, which issues up to two instructions per
+//! cycle, in order, and waits for results.
+#![no_std]
+#![cfg(target_arch = "arm")]
+
+#[cfg(feature = "image")]
+pub mod boot;
+#[cfg(feature = "fault-injection")]
+pub mod injection;
+mod interpolate;
+#[cfg(feature = "image")]
+pub mod play;
+mod products;
+mod rotate;
+#[cfg(feature = "image")]
+pub mod tick;
+
+use stylus_kernel::arithmetic::{Arithmetic, SUMS, Turn};
+use stylus_kernel::rotation::Rotation;
+use stylus_kernel::taps;
+use stylus_kernel::theta::Run;
+
+/// The kernel's arithmetic in the processor's own instructions.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct CortexM;
+
+impl Arithmetic for CortexM {
+    #[inline(always)]
+    fn sums_of_products(coefficients: &[Turn], samples: &[i32]) -> [i64; SUMS] {
+        products::sums_of_products(coefficients, samples)
+    }
+
+    #[inline(always)]
+    fn rotate(rotations: &[Rotation], backward: &mut [i32], forward: i32) -> i32 {
+        rotate::rotate(rotations, backward, forward)
+    }
+
+    #[inline]
+    fn mean_rotations(run: &Run<'_>, rotations: &mut [Rotation]) {
+        interpolate::mean_rotations(run, rotations);
+    }
+
+    #[inline]
+    fn mean_coefficients(run: &taps::Run<'_>, coefficients: &mut [i32]) {
+        interpolate::mean_coefficients(run, coefficients);
+    }
+}

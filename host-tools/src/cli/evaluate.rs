@@ -1,0 +1,307 @@
+//! `stylus evaluate`
+
+use std::path::{Path, PathBuf};
+
+use host_tools::dsp::reduction::Reduction;
+use host_tools::dsp::spectrum::{AMPLITUDE_JND_DB, DEFAULT_SMOOTHING_WIDTH_HZ};
+use host_tools::evaluation::evaluate;
+use host_tools::evaluation::evaluate::Evaluation;
+use host_tools::evaluation::held_out::{Chosen, Judge, chosen};
+use host_tools::evaluation::leave_one_out;
+use host_tools::evaluation::leave_one_out::{LeaveOneOut, Prepared, Row};
+use host_tools::evaluation::played::Played;
+use host_tools::evaluation::summary::LIVELINESS_EXPLANATION;
+use host_tools::fit::Order;
+use host_tools::fit::record::FitRecord;
+use host_tools::recording::RecordingSet;
+use host_tools::report::evaluation_page;
+use host_tools::report::evaluation_page::{Inputs, RemovedNodeTest};
+use host_tools::report::sound::node_seconds;
+use host_tools::support::error::Result;
+use host_tools::support::output::OutputFolder;
+use host_tools::support::{atomic_file, progress};
+use model_format::Library;
+use serde::Serialize;
+
+use super::input::{Recordings, not_negative, positive};
+use super::library_file::{decode_library, read_library};
+use super::output::{print, to_json, warn};
+use super::overwrite::Overwrite;
+use super::table::{folded_text, shown};
+
+#[derive(clap::Args)]
+pub struct Arguments {
+    #[command(flatten)]
+    recordings: Recordings,
+    /// Library to evaluate
+    #[arg(long, value_name = "LIB", required_unless_present = "leave_one_out")]
+    library: Option<PathBuf>,
+    /// Remove each inner node, too, predict it from its neighbours in every domain, and evaluate the prediction
+    #[arg(long)]
+    leave_one_out: bool,
+    /// Other takes of the same trials, as a folder or a list, which judge the library instead
+    #[arg(long, value_name = "DIR", requires = "library")]
+    takes: Option<PathBuf>,
+    /// With --leave-one-out: order of the models, 0 to 400, or 'auto'
+    #[arg(long, requires = "leave_one_out", default_value = "400")]
+    order: Order,
+    /// Folder for a report: one page with tables, pictures and sounds, and the pictures with their data
+    #[arg(long, value_name = "OUT_DIR", requires = "library")]
+    report: Option<PathBuf>,
+    /// JSON file for the numbers of all trials
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: Overwrite,
+    /// Reduction from three axes to one; the same as for the fit
+    #[arg(long, value_enum, default_value = "pca")]
+    reduce: Reduction,
+    /// Full width of the Hann kernel that smooths amplitudes for the cost C, in hertz
+    #[arg(long, value_name = "HZ", value_parser = not_negative, default_value_t = DEFAULT_SMOOTHING_WIDTH_HZ)]
+    smoothing: f64,
+    /// Least duration of each synthesis, in seconds [default: 10; 5 of removed nodes]
+    #[arg(long, value_name = "S", value_parser = positive)]
+    synthesis: Option<f64>,
+    /// Parts of each texture that are played: all as fitted, none (Gaussian noise), or the residual and its level
+    /// without lines that are locked to place
+    #[arg(long, value_enum, default_value = "fitted", requires = "library")]
+    excitation: Played,
+    /// Seed of the noise
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+}
+
+/// The numbers of both comparisons.
+#[derive(Serialize)]
+struct Numbers<'a> {
+    #[serde(flatten)]
+    evaluation: Option<&'a Evaluation>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    removed_nodes: Option<&'a LeaveOneOut>,
+}
+
+pub fn run(arguments: &Arguments) -> Result<()> {
+    let inputs = (arguments.recordings.inputs().iter()).chain(&arguments.library);
+    let inputs: Vec<PathBuf> = inputs.chain(&arguments.takes).cloned().collect();
+    if let Some(json) = &arguments.json {
+        arguments.overwrite.file(json, &inputs)?;
+    }
+    if let Some(report) = &arguments.report {
+        arguments.overwrite.folder(report, &inputs)?;
+    }
+    let set = arguments.recordings.open()?;
+    match &arguments.library {
+        Some(path) => evaluate_library(arguments, path, set),
+        None => {
+            let options = removal_options(arguments);
+            let prepared = Prepared::new(&set, &options)?;
+            let test = removed_node_test(&prepared, &Row::all(), &options)?;
+            write_numbers(arguments, None, Some(&test))?;
+            print(&removed_nodes(&test))
+        }
+    }
+}
+
+fn removal_options(arguments: &Arguments) -> leave_one_out::Options {
+    let default = leave_one_out::Options::default();
+    leave_one_out::Options {
+        reduction: arguments.reduce,
+        order: arguments.order,
+        smoothing_hz: arguments.smoothing,
+        synthesis_s: arguments.synthesis.unwrap_or(default.synthesis_s),
+        seed: arguments.seed,
+    }
+}
+
+fn evaluate_library(arguments: &Arguments, path: &Path, set: RecordingSet) -> Result<()> {
+    let bytes = read_library(path)?;
+    let library = decode_library(path, &bytes)?;
+    let default = evaluate::Options::default();
+    let options = evaluate::Options {
+        reduction: arguments.reduce,
+        smoothing_hz: arguments.smoothing,
+        synthesis_s: arguments.synthesis.unwrap_or(default.synthesis_s),
+        seed: arguments.seed,
+        in_sample: true,
+        played: arguments.excitation,
+        excerpt_s: (arguments.report.as_ref()).and_then(|_| node_seconds(set.trials.len())),
+    };
+    let record = FitRecord::beside(path, &bytes)?;
+    let set = as_fitted(record.as_ref(), set)?;
+    let takes = arguments.takes.as_deref();
+    let chosen = choose(&set, takes, record.as_ref(), arguments.reduce)?;
+    let evaluation = evaluate_set(&set, &library, chosen.judges, record.as_ref(), &options)?;
+    let removal = removal_options(arguments);
+    let asked = arguments.leave_one_out;
+    let prepared = asked.then(|| Prepared::new(&set, &removal)).transpose()?;
+    let test = prepared
+        .as_ref()
+        .map(|prepared| removed_node_test(prepared, &Row::all(), &removal))
+        .transpose()?;
+    write_numbers(arguments, Some(&evaluation), test.as_ref())?;
+    print(&summary(&evaluation))?;
+    if let Some(test) = &test {
+        print(&format!("\n{}", removed_nodes(test)))?;
+    }
+    if let Some(report) = &arguments.report {
+        let inputs = Inputs {
+            set: &set,
+            library: &library,
+            evaluation: &evaluation,
+            options: &options,
+            removed_nodes: test
+                .as_ref()
+                .zip(prepared.as_ref())
+                .map(|(test, prepared)| RemovedNodeTest {
+                    test,
+                    prepared,
+                    options: removal,
+                }),
+            unused_takes: &chosen.unused,
+        };
+        let folder = OutputFolder::begin(report, arguments.overwrite.is_asked())?;
+        let page = folder.fill(|folder| {
+            let page = write_report(&inputs, folder.path())?;
+            Ok(folder.named(&page))
+        })?;
+        print(&format!("\nreport: {}", page.display()))?;
+    }
+    Ok(())
+}
+
+/// Writes the report on an evaluation with a progress bar. Returns its page's path.
+pub fn write_report(inputs: &Inputs<'_>, folder: &Path) -> Result<PathBuf> {
+    let bar = progress::bar(inputs.evaluation.textures.len() as u64, "reporting");
+    let page = evaluation_page::write(inputs, folder, || bar.inc(1))?;
+    bar.finish_and_clear();
+    Ok(page)
+}
+
+fn write_numbers(
+    arguments: &Arguments,
+    evaluation: Option<&Evaluation>,
+    removed_nodes: Option<&LeaveOneOut>,
+) -> Result<()> {
+    let Some(json) = &arguments.json else {
+        return Ok(());
+    };
+    let numbers = Numbers {
+        evaluation,
+        removed_nodes,
+    };
+    atomic_file::write(json, to_json(&numbers).as_bytes())
+}
+
+/// Evaluates `library` by `judges` with a progress bar.
+pub fn evaluate_set(
+    set: &RecordingSet,
+    library: &Library<'_>,
+    judges: Vec<Judge>,
+    record: Option<&FitRecord>,
+    options: &evaluate::Options,
+) -> Result<Evaluation> {
+    let bar = progress::bar(set.trials.len() as u64, "evaluating");
+    let evaluation = evaluate::evaluate(set, library, judges, record, options, || bar.inc(1))?;
+    bar.finish_and_clear();
+    Ok(evaluation)
+}
+
+/// Runs the removed-node test with a progress bar.
+pub fn removed_node_test(
+    prepared: &Prepared<'_>,
+    rows: &[Row],
+    options: &leave_one_out::Options,
+) -> Result<LeaveOneOut> {
+    let bar = progress::bar(prepared.count() as u64, "removing nodes");
+    let test = prepared.run(rows, options, || bar.inc(1))?;
+    bar.finish_and_clear();
+    Ok(test)
+}
+
+/// `set` with the speeds and forces that the fit of this `record` took for its own.
+///
+/// # Errors
+/// Values that its tolerance does not tell apart.
+pub fn as_fitted(record: Option<&FitRecord>, set: RecordingSet) -> Result<RecordingSet> {
+    match record {
+        Some(record) => record.as_fitted(set),
+        None => Ok(set),
+    }
+}
+
+/// Chooses the judges of `set` among the takes at `others`, if given, and warns of takes that the fit has seen.
+pub fn choose(
+    set: &RecordingSet,
+    others: Option<&Path>,
+    record: Option<&FitRecord>,
+    reduction: Reduction,
+) -> Result<Chosen> {
+    let others = match others {
+        Some(others) => {
+            let others = RecordingSet::open(&[others.to_owned()])?;
+            Some(as_fitted(record, others)?)
+        }
+        None => None,
+    };
+    let chosen = chosen(set, others.as_ref(), record, reduction)?;
+    for reason in &chosen.unused {
+        warn(&format!("a take judges nothing: {reason}"));
+    }
+    Ok(chosen)
+}
+
+/// The data that were held out, the tables with one line per texture, and an explanation of their columns.
+pub fn summary(evaluation: &Evaluation) -> String {
+    let tables = evaluation.tables().into_iter();
+    // The second column of what the spectrum does not show names a row, too.
+    let keys = |title: &str| {
+        if title.contains("does not show") {
+            2
+        } else {
+            1
+        }
+    };
+    let tables = tables.map(|table| shown(&table, keys(&table.title)));
+    let mut tables: Vec<String> = tables.collect();
+    tables.extend(evaluation.takes_table().map(|table| shown(&table, 1)));
+    let origin = origin(evaluation.simulated);
+    format!(
+        "Held out: {}\n\n{}\n\n{}\n{}\n\
+         C: equation (6) in per cent, amplitudes smoothed by a {}; LSD: log-spectral distance; |band|: \
+         mean error of third octaves\n\
+         level error: RMS error of third octaves in JND of {AMPLITUDE_JND_DB} dB, less the scatter of noise (another \
+         seed 0, -6 dB 2.7)\nbalance: power below 100 Hz over that above\n{LIVELINESS_EXPLANATION}{origin}",
+        evaluation.held_out,
+        tables.join("\n\n"),
+        evaluation.judged_hz(),
+        evaluation.other_in_words(),
+        evaluation.smoothing
+    )
+}
+
+fn origin(simulated: bool) -> &'static str {
+    if simulated {
+        "\nThe recordings are SIMULATED."
+    } else {
+        ""
+    }
+}
+
+/// The tables of the removed-node test, and an explanation of their columns.
+fn removed_nodes(test: &LeaveOneOut) -> String {
+    let [table_one, domains] = test.tables();
+    folded_text(&format!(
+        "{} nodes removed, each predicted from its neighbours; models of order {}; C with amplitudes smoothed by a \
+         {}\n\n{}\n\n{}\n\n\
+         C: equation (6), mean ± standard deviation; not playable: means that are unstable or too loud, which count as \
+         C = 100 %; in-sample: fitted to what it is compared with, not a measure of fidelity\n\
+         σ² error: mean magnitude, (m/s²)² (the paper names no unit); |band|: mean error of third-octave \
+         bands, 20 to 1000 Hz; LSD: 30 to 1000 Hz{}",
+        test.removed.len(),
+        test.order,
+        test.smoothing,
+        shown(&table_one, 1),
+        shown(&domains, 1),
+        origin(test.simulated)
+    ))
+}

@@ -1,0 +1,46 @@
+//! Tables of results, as commands print them and pages show them.
+
+/// A table with a title and a heading for each column.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Table {
+    /// What it shows.
+    pub title: String,
+    /// Headings, numbers with their units.
+    pub headings: Vec<String>,
+    /// Cells, row by row.
+    pub rows: Vec<Vec<String>>,
+}
+
+impl Table {
+    /// A table of `rows`.
+    pub fn new<H: Into<String>>(
+        title: &str,
+        headings: impl IntoIterator<Item = H>,
+        rows: impl IntoIterator<Item = Vec<String>>,
+    ) -> Self {
+        Self {
+            title: title.to_owned(),
+            headings: headings.into_iter().map(Into::into).collect(),
+            rows: rows.into_iter().collect(),
+        }
+    }
+
+    /// Returns whether a column's cells begin with digits or signs, as far as they are filled.
+    pub fn is_of_numbers(&self, column: usize) -> bool {
+        let cells = self.rows.iter().filter_map(|row| row.get(column));
+        let mut filled = cells.filter(|cell| !cell.is_empty());
+        filled.all(|cell| cell.starts_with(|c: char| c.is_ascii_digit() || "+-".contains(c)))
+    }
+}
+
+/// A number with so many decimals, or a dash.
+pub fn number(value: Option<f64>, decimals: usize) -> String {
+    value.map_or("-".into(), |value| {
+        crate::support::decimal::fixed(value, decimals)
+    })
+}
+
+/// A share in per cent with so many decimals, without the sign, which the heading has; or a dash.
+pub fn percent(share: Option<f64>, decimals: usize) -> String {
+    number(share.map(|share| 100.0 * share), decimals)
+}

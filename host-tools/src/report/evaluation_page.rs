@@ -1,0 +1,624 @@
+//! An evaluation as a folder: one page, which needs nothing else, on recordings and what the stylus makes of them; and
+//! beside it each picture as a file of its own, with its data.
+
+use std::path::{Path, PathBuf};
+
+use model_format::{Axis, Library, Node, NodeFlags, SAMPLE_RATE_HZ, Texture};
+
+use super::figures;
+use super::html::{Page, Sound};
+use super::plot::{
+    COST, Caption, GridCell, GridMap, OrderSeries, Scale, Svg, WIDE, band_error_chart, grid_map,
+    order_against_cost, spectra, spectrograms, waveforms,
+};
+use super::sound::{SOUNDS_BYTES, clip, sound};
+use crate::dsp::spectrum::AMPLITUDE_JND_DB;
+use crate::evaluation::evaluate;
+use crate::evaluation::evaluate::{Comparison, Evaluation, Excerpt, cost_by_order, texture_named};
+use crate::evaluation::held_out::JudgeKind;
+use crate::evaluation::leave_one_out::{self, LeaveOneOut, Prepared, Removed, Row};
+use crate::evaluation::liveliness::summaries;
+use crate::evaluation::results::TrialEvaluation;
+use crate::evaluation::summary::{LIVELINESS_EXPLANATION, liveliness_table};
+use crate::recording::{RecordingSet, Trial};
+use crate::support::error::{Error, Result};
+use crate::support::file_name::Stems;
+use crate::texture::domain::Method;
+use crate::texture::grid::as_written;
+
+/// The page's name in its folder.
+const PAGE: &str = "index.html";
+
+/// Folder of the pictures' data in it.
+const DATA: &str = "data";
+
+/// Speed, mm/s, and force, N, of the paper's own example (its figure 10); the nearest trial stands for its texture.
+const EXAMPLE: (f64, f64) = (120.0, 1.0);
+
+/// Orders of the picture of order against cost. The paper's goes up to 1000, a stylus to 400.
+const ORDERS: [usize; 10] = [0, 2, 5, 10, 20, 50, 100, 200, 300, 400];
+
+/// Highest frequency of spectrograms, Hz.
+const HIGHEST_HZ: f64 = 1000.0;
+
+/// The sample rate of all signals, Hz.
+const RATE_HZ: f64 = SAMPLE_RATE_HZ as f64;
+
+/// The contents of the page.
+pub struct Inputs<'a> {
+    /// The recordings.
+    pub set: &'a RecordingSet,
+    /// The library that they were compared with.
+    pub library: &'a Library<'a>,
+    /// The comparison.
+    pub evaluation: &'a Evaluation,
+    /// Options of the comparison.
+    pub options: &'a evaluate::Options,
+    /// The removed-node test, where it was made.
+    pub removed_nodes: Option<RemovedNodeTest<'a>>,
+    /// Takes that were given and not used, with the reason.
+    pub unused_takes: &'a [String],
+}
+
+/// The removed-node test with the set that it was made from.
+pub struct RemovedNodeTest<'a> {
+    /// The results.
+    pub test: &'a LeaveOneOut,
+    /// The set.
+    pub prepared: &'a Prepared<'a>,
+    /// Options of the test.
+    pub options: leave_one_out::Options,
+}
+
+/// Writes the page, its pictures and their data into `folder`, which is there, telling `progress` of each texture done.
+/// Returns the page's path.
+///
+/// # Errors
+/// A folder that cannot be written to, or a recording that cannot be used any more.
+pub fn write(inputs: &Inputs<'_>, folder: &Path, progress: impl Fn()) -> Result<PathBuf> {
+    let data = folder.join(DATA);
+    std::fs::create_dir_all(&data).map_err(Error::io("create", &data))?;
+    let mut report = Report::new(inputs, folder);
+    report.overview();
+    report.takes();
+    if let Some(removed_nodes) = &inputs.removed_nodes {
+        removed_node_tables(&mut report.page, removed_nodes.test);
+    }
+    report.orders()?;
+    for summary in &inputs.evaluation.textures {
+        report.texture(texture_named(inputs.library, &summary.texture)?)?;
+        progress();
+    }
+    let page = folder.join(PAGE);
+    report.page.write(&page)?;
+    Ok(page)
+}
+
+/// An evaluation that is being written as a page.
+struct Report<'a> {
+    inputs: &'a Inputs<'a>,
+    folder: &'a Path,
+    /// Stems of the pictures' names, by texture.
+    stems: Stems,
+    /// Colours of C, %, in all maps of the page.
+    cost_scale: Scale,
+    /// Bytes of the sounds of the nodes, all of which the page will hold, and of those that it holds besides so far.
+    sound_bytes: usize,
+    page: Page,
+}
+
+/// The example trial of a texture, with its synthesis.
+struct Example<'a> {
+    judged: &'a TrialEvaluation,
+    comparison: Comparison,
+    /// Texture, speed and force in words.
+    title: String,
+}
+
+impl Example<'_> {
+    /// Returns in words what the drawn block of the recording is to the model that is drawn beside it.
+    fn part(&self) -> String {
+        let block_s = self.comparison.longest_block().len() as f64 / RATE_HZ;
+        match self.judged.judge {
+            JudgeKind::Blocks => format!("a block of {block_s:.1} s that was not fitted"),
+            JudgeKind::OtherTake => "another take, which was not fitted".into(),
+            JudgeKind::Unseen => "a recording that was not fitted".into(),
+            JudgeKind::Nothing => {
+                "in-sample if the library was fitted to it, and then not a measure of fidelity"
+                    .into()
+            }
+        }
+    }
+
+    /// The recording, the synthesis and other versions, with their names: as sounds, and in the picture of waveforms.
+    fn signals(&self) -> Vec<(String, &[f64])> {
+        let comparison = &self.comparison;
+        let mut signals = vec![
+            ("recorded".to_owned(), comparison.recording.as_slice()),
+            (
+                format!("synthesis: {}", comparison.parts),
+                comparison.synthesised.as_slice(),
+            ),
+        ];
+        let versions = comparison.versions.iter();
+        signals.extend(versions.map(|v| (v.parts.clone(), v.synthesised.as_slice())));
+        signals
+    }
+}
+
+impl<'a> Report<'a> {
+    fn new(inputs: &'a Inputs<'a>, folder: &'a Path) -> Self {
+        let evaluation = inputs.evaluation;
+        let trials = evaluation.trials.iter();
+        let costs = trials.filter_map(|trial| trial.scores.cost);
+        let removed = inputs.removed_nodes.iter().flat_map(|of| &of.test.removed);
+        let further = removed.flat_map(|node| node.outcomes.iter().map(|o| o.judged.cost));
+        let of_node = |clips: &Excerpt| 2 * (clips.recorded.len() + clips.synthesised.len());
+        Self {
+            inputs,
+            folder,
+            stems: Stems::default(),
+            cost_scale: Scale::of(costs.chain(further).map(|cost| 100.0 * cost)),
+            sound_bytes: evaluation.excerpts.iter().map(of_node).sum(),
+            page: Page::new("Recordings and what the stylus plays"),
+        }
+    }
+
+    /// Writes what was compared, how, and a line per texture.
+    fn overview(&mut self) {
+        let (evaluation, page) = (self.inputs.evaluation, &mut self.page);
+        if evaluation.simulated {
+            page.notice(
+                "SIMULATED: these recordings were computed by the rig simulator. No figure here says how near the \
+                 stylus comes to a real surface.",
+            );
+        }
+        page.section("How near the stylus comes")
+            .notice(&format!("Held out: {}", evaluation.held_out))
+            .paragraph(&format!(
+                "Each held-out recording is compared with {} s of what the stylus plays at its speed and force, \
+                 computed by the device's own kernel. {} {}",
+                self.inputs.options.synthesis_s,
+                evaluation.judged_hz(),
+                evaluation.other_in_words()
+            ));
+        let explanations = [
+            format!(
+                "C is equation (6) of Romano, Yoshioka and Kuchenbecker (ICRA 2010) in per cent, with DFT amplitudes \
+                 smoothed by a {} and averaged over blocks. LSD is the log-spectral distance in sliding third octaves. \
+                 |band| is the mean magnitude of the errors of third octaves, and the next columns are the share of \
+                 them below {AMPLITUDE_JND_DB} dB, the amplitude JND (Israr 2006), which are not felt.",
+                evaluation.smoothing
+            ),
+            format!(
+                "Level error: RMS error of third octaves in just noticeable differences of {AMPLITUDE_JND_DB} dB, less \
+                 what two estimates of one noise differ by: about 0 for another seed, 2.7 for a gain of -6 dB. \
+                 Balance: power below 100 Hz over that above, against the judge's."
+            ),
+            format!(
+                "Two signals with one spectrum may feel different, because one has impulses, or a level that changes, \
+                 and the other has not. {LIVELINESS_EXPLANATION}"
+            ),
+        ];
+        for (explanation, table) in explanations.iter().zip(evaluation.tables()) {
+            if !table.rows.is_empty() {
+                page.paragraph(explanation).table(&table);
+            }
+        }
+    }
+
+    /// Writes how far the takes are from what they judged, and which of them judged nothing.
+    fn takes(&mut self) {
+        let (table, unused) = (
+            self.inputs.evaluation.takes_table(),
+            self.inputs.unused_takes,
+        );
+        if table.is_none() && unused.is_empty() {
+            return;
+        }
+        self.page.section("Takes");
+        if !unused.is_empty() {
+            self.page
+                .notice("Takes that are in the fitted set, and judge nothing:")
+                .list(unused);
+        }
+        if let Some(table) = table {
+            self.page
+                .paragraph("A model need not come nearer to another take than the take that it was fitted to.")
+                .table(&table);
+        }
+    }
+
+    /// Draws the cost of each texture's example trial by the order of its model: the paper's figure 8.
+    fn orders(&mut self) -> Result<()> {
+        let Inputs { set, library, .. } = self.inputs;
+        let mut costs = Vec::new();
+        for summary in &self.inputs.evaluation.textures {
+            let Some(index) = self.example_index(&summary.texture) else {
+                continue;
+            };
+            let trial = &set.trials[index];
+            let chosen = node_order(&texture_named(library, &summary.texture)?, trial);
+            let of_trial = cost_by_order(trial, &ORDERS, self.inputs.options)?;
+            costs.push((summary.texture.as_str(), of_trial, chosen));
+        }
+        if costs.is_empty() {
+            return Ok(());
+        }
+        let series = costs.iter().map(|(name, costs, chosen)| OrderSeries {
+            name,
+            costs,
+            chosen: *chosen,
+        });
+        let series: Vec<OrderSeries<'_>> = series.collect();
+        let picture = order_against_cost(&self.caption("Order against cost"), &series)?;
+        self.page.section("Cost by order");
+        self.figure(
+            &picture,
+            "order-against-cost",
+            "C of the example trial of each texture by the order of its model (the paper's figure 8), fitted to every \
+             other block of the recording and judged on the rest. The mark is the order that the library has there.",
+        )
+    }
+
+    fn texture(&mut self, texture: Texture<'_>) -> Result<()> {
+        let name = texture.name();
+        self.page.section(name);
+        let Some(example) = self.example(name)? else {
+            self.page.paragraph("Silent in every trial.");
+            return Ok(());
+        };
+        let (title, comparison) = (self.caption(&example.title), &example.comparison);
+        let stem = self.stem(name);
+        let whole = (
+            comparison.recording.as_slice(),
+            comparison.synthesised.as_slice(),
+        );
+        let picture = spectrograms(&title, whole, RATE_HZ, HIGHEST_HZ)?;
+        let sounds = self.sounds(&example)?;
+        let heard = if sounds.is_empty() {
+            ""
+        } else {
+            " Click in one to hear it from there. All sounds below have one scale; what is heard is the acceleration."
+        };
+        self.figure_with_sounds(
+            &picture,
+            &format!("{stem}-spectrograms"),
+            &format!("Spectrograms of the recording and of the synthesis, to one scale.{heard}"),
+            &sounds,
+        )?;
+        self.nodes(name);
+        self.spectra(
+            &example.title,
+            (comparison.longest_block(), &comparison.synthesised),
+            &format!("{stem}-spectra"),
+            &format!(
+                "The example trial and its synthesis in frequency (the paper's figure 7): {}. C is of what is drawn \
+                 here.",
+                example.part()
+            ),
+        )?;
+        let signals = example.signals();
+        let signals: Vec<(&str, &[f64])> = signals.iter().map(|(n, s)| (n.as_str(), *s)).collect();
+        self.figure(
+            &waveforms(&title, &signals, RATE_HZ)?,
+            &format!("{stem}-waveforms"),
+            "Waveforms and envelopes, 0.1 s and 2 s from the middle of each. The recording is drawn whatever was \
+             fitted of it; the figures below are of what was held out.",
+        )?;
+        if let Some(liveliness) = &example.judged.liveliness {
+            let summaries = summaries(std::iter::once(liveliness));
+            let table = liveliness_table(
+                "What the spectrum does not show, of this trial",
+                &[(example.title.clone(), &summaries)],
+            );
+            self.page.table(&table);
+        }
+        if example.judged.judge != JudgeKind::Nothing {
+            self.figure(
+                &band_error_chart(&title, &example.judged.scores.band_errors_db)?,
+                &format!("{stem}-bands"),
+                "Level of the synthesis over the held-out recording's in third-octave bands; shaded: not felt.",
+            )?;
+        }
+        self.cost_map(&texture)?;
+        match &self.inputs.removed_nodes {
+            Some(test) => draw_removed_nodes(self, test, name),
+            None => Ok(()),
+        }
+    }
+
+    /// Reads and plays the trial of a texture that is nearest to the paper's own example. `None` if all are silent.
+    fn example(&self, texture: &str) -> Result<Option<Example<'a>>> {
+        let Some(index) = self.example_index(texture) else {
+            return Ok(None);
+        };
+        let Inputs {
+            set,
+            library,
+            evaluation,
+            options,
+            ..
+        } = self.inputs;
+        let trial = &set.trials[index];
+        Ok(Some(Example {
+            judged: &evaluation.trials[index],
+            comparison: evaluation.compare(set, library, index, options)?,
+            title: format!("{texture}, {} mm/s, {} N", trial.speed_mm_s, trial.force_n),
+        }))
+    }
+
+    /// Index of the trial of a texture that is nearest to [`EXAMPLE`] and not silent.
+    fn example_index(&self, texture: &str) -> Option<usize> {
+        let trials = self.inputs.evaluation.trials.iter().enumerate();
+        let heard = trials.filter(|(_, trial)| trial.texture == texture && !trial.is_silent);
+        let far = |trial: &TrialEvaluation| distance(trial.speed_mm_s, trial.force_n);
+        let nearest = heard.min_by(|(_, a), (_, b)| far(a).total_cmp(&far(b)));
+        nearest.map(|(index, _)| index)
+    }
+
+    /// Returns an example's signals as sounds, or none when the page holds [`SOUNDS_BYTES`] of them.
+    fn sounds(&mut self, example: &Example<'_>) -> Result<Vec<Sound>> {
+        let heard = example.signals();
+        let values = heard.iter().flat_map(|(_, signal)| signal.iter());
+        let full_scale = values.map(|value| value.abs()).fold(0.0, f64::max);
+        let simulated = self.inputs.evaluation.simulated;
+        let origin = if simulated { " (SIMULATED)" } else { "" };
+        let mut sounds: Vec<Sound> = Vec::new();
+        for (index, (what, signal)) in heard.iter().enumerate() {
+            let panel = if index == 1 { "synthesised" } else { what };
+            sounds.push(Sound {
+                panel: panel.to_owned(),
+                label: format!("{}: {what}{origin}", example.title),
+                wav: sound(signal, full_scale)?,
+            });
+        }
+        let bytes: usize = sounds.iter().map(|sound| sound.wav.len()).sum();
+        if self.sound_bytes + bytes > SOUNDS_BYTES {
+            self.page.paragraph(&format!(
+                "No sounds: the page holds {} MB of them already. stylus render makes them.",
+                self.sound_bytes / 1_000_000
+            ));
+            return Ok(Vec::new());
+        }
+        self.sound_bytes += bytes;
+        Ok(sounds)
+    }
+
+    /// Puts the excerpts of all trials at nodes of `texture` on the page, all to one scale, to be played by its maps.
+    fn nodes(&mut self, texture: &str) {
+        let Evaluation {
+            trials, excerpts, ..
+        } = self.inputs.evaluation;
+        let own = || {
+            let own = trials.iter().zip(excerpts);
+            let own = own.filter(|(trial, _)| trial.texture == texture);
+            own.filter(|(_, excerpt)| !excerpt.recorded.is_empty())
+        };
+        let values = own().flat_map(|(_, e)| e.recorded.iter().chain(&e.synthesised));
+        let full_scale = values.fold(0.0, |most: f64, value| most.max(f64::from(value.abs())));
+        let mut places: Vec<(f64, f64)> = Vec::new();
+        for (trial, excerpt) in own() {
+            let place = (trial.speed_mm_s, trial.force_n);
+            // The first of several trials at a node is the one whose C the map shows.
+            if places.contains(&place) {
+                continue;
+            }
+            places.push(place);
+            let clips = [&excerpt.recorded, &excerpt.synthesised];
+            let clips = clips.map(|signal| clip(signal, full_scale));
+            let [recorded, synthesised] = &clips;
+            self.page
+                .node(texture, place, SAMPLE_RATE_HZ, [recorded, synthesised]);
+        }
+    }
+
+    /// Draws C of every node of a texture that was judged, if it has more than one node.
+    fn cost_map(&mut self, texture: &Texture<'_>) -> Result<()> {
+        let (speeds, forces) = (texture.speed_axis(), texture.force_axis());
+        if speeds.len() * forces.len() <= 1 {
+            return Ok(());
+        }
+        let places = speeds
+            .values()
+            .flat_map(|speed| forces.values().map(move |force| (speed, force)));
+        let cell = |(node, (speed, force)): (Node<'_>, (f32, f32))| {
+            let mut trials = self.inputs.evaluation.trials.iter();
+            let here = trials.find(|trial| {
+                trial.texture == texture.name()
+                    && trial.speed_mm_s as f32 == speed
+                    && trial.force_n as f32 == force
+            });
+            GridCell {
+                value: here.and_then(|t| t.scores.cost).map(|cost| 100.0 * cost),
+                flags: node.flags,
+            }
+        };
+        let cells: Vec<GridCell> = texture.nodes().zip(places).map(cell).collect();
+        let axis = |axis: Axis<'_>| axis.values().map(as_written).collect::<Vec<f64>>();
+        let stem = self.stem(texture.name());
+        self.map(
+            texture.name(),
+            &format!("{}: C over the grid", texture.name()),
+            (&axis(speeds), &axis(forces), &cells),
+            &format!("{stem}-cost-map"),
+            "C of every node against what was held out of its recordings",
+        )
+    }
+
+    /// Draws a map of C of `texture`, speeds by forces.
+    fn map(
+        &mut self,
+        texture: &str,
+        title: &str,
+        (speeds_mm_s, forces_n, cells): (&[f64], &[f64], &[GridCell]),
+        name: &str,
+        what: &str,
+    ) -> Result<()> {
+        let map = GridMap {
+            texture,
+            speeds_mm_s,
+            forces_n,
+            cells,
+            quantity: COST,
+            scale: self.cost_scale,
+        };
+        let playing = if self.inputs.evaluation.excerpts.is_empty() {
+            "The page holds no sounds of nodes, because there are too many: stylus render makes them."
+        } else {
+            "Click a node, or press Enter on it, to hear its recording and then its synthesis."
+        };
+        let caption = format!("{what}, in the colours of all maps of C on this page. {playing}");
+        self.figure(&grid_map(&self.caption(title), &map, WIDE)?, name, &caption)
+    }
+
+    /// Draws a recording and its synthesis in frequency.
+    fn spectra(
+        &mut self,
+        title: &str,
+        signals: (&[f64], &[f64]),
+        name: &str,
+        caption: &str,
+    ) -> Result<()> {
+        let width_hz = self.inputs.options.smoothing_hz;
+        let picture = spectra(&self.caption(title), signals, RATE_HZ, width_hz)?;
+        self.figure(&picture, name, caption)
+    }
+
+    /// The beginning of the names of a texture's pictures.
+    fn stem(&mut self, texture: &str) -> String {
+        self.stems.of(texture)
+    }
+
+    /// Puts a picture on the page, and as `name` with its data into the folder.
+    fn figure(&mut self, picture: &Svg, name: &str, caption: &str) -> Result<()> {
+        self.figure_with_sounds(picture, name, caption, &[])
+    }
+
+    fn figure_with_sounds(
+        &mut self,
+        picture: &Svg,
+        name: &str,
+        caption: &str,
+        sounds: &[Sound],
+    ) -> Result<()> {
+        picture.write(&self.folder.join(format!("{name}.svg")))?;
+        let data = self.folder.join(DATA).join(format!("{name}.csv"));
+        figures::write(picture.figure(), &data)?;
+        self.page.figure(picture, caption, sounds);
+        Ok(())
+    }
+
+    /// The heading of a picture, which says whether it is simulated.
+    fn caption<'t>(&self, title: &'t str) -> Caption<'t> {
+        Caption {
+            title,
+            simulated: self.inputs.evaluation.simulated,
+        }
+    }
+}
+
+/// Squared distance of a speed and a force from [`EXAMPLE`], as shares of it.
+fn distance(speed_mm_s: f64, force_n: f64) -> f64 {
+    (speed_mm_s / EXAMPLE.0 - 1.0).powi(2) + (force_n / EXAMPLE.1 - 1.0).powi(2)
+}
+
+/// The order of the library's model at a trial's node, if the trial stands at one.
+fn node_order(texture: &Texture<'_>, trial: &Trial) -> Option<usize> {
+    let at = |axis: Axis<'_>, value: f64| axis.values().position(|v| v == value as f32);
+    let speed = at(texture.speed_axis(), trial.speed_mm_s)?;
+    let force = at(texture.force_axis(), trial.force_n)?;
+    Some(texture.node(speed, force).coefficients.order())
+}
+
+/// Writes Table I and the table of domains.
+fn removed_node_tables(page: &mut Page, test: &LeaveOneOut) {
+    let [table_one, domains] = test.tables();
+    page.section("Removed nodes: Table I of the paper")
+        .paragraph(&format!(
+            "Each of {} inner nodes was removed, predicted from its neighbours, played by the device's kernel and \
+             compared with its recording. Models are of order {}. A prediction that cannot be played (an unstable \
+             mean) counts with C = 100 %. σ² error is the mean difference of the excitation's variance; the paper \
+             names no unit, here it is (m/s²)². The paper does not say either how its spectra are smoothed; here C is \
+             of amplitudes smoothed by a {}.",
+            test.removed.len(),
+            test.order,
+            test.smoothing
+        ))
+        .table(&table_one)
+        .section("What to interpolate")
+        .paragraph(
+            "The same test in every domain: what of the models is averaged, and how their level is. The last rows are \
+             what fitting a denser grid puts there, and the node's own model, which was fitted to what it is compared \
+             with (in-sample, not a measure of fidelity) and is as near as its order comes.",
+        )
+        .table(&domains);
+}
+
+/// Draws C of the removed nodes of `texture` over its grid, and an example: the paper's figure 10.
+fn draw_removed_nodes(
+    report: &mut Report<'_>,
+    test: &RemovedNodeTest<'_>,
+    texture: &str,
+) -> Result<()> {
+    let RemovedNodeTest {
+        test,
+        prepared,
+        options,
+    } = test;
+    let nodes = test.removed.iter().filter(|node| node.texture == texture);
+    let nodes: Vec<&Removed> = nodes.collect();
+    let far = |node: &&&Removed| distance(node.speed_mm_s, node.force_n);
+    let Some(example) = nodes.iter().min_by(|a, b| far(a).total_cmp(&far(b))) else {
+        return Ok(());
+    };
+    report.page.subsection("Removed nodes");
+    let axis = |of: fn(&Removed) -> f64| {
+        let mut values: Vec<f64> = nodes.iter().map(|n| of(n)).collect();
+        values.sort_by(f64::total_cmp);
+        values.dedup();
+        values
+    };
+    let (speeds, forces) = (axis(|n| n.speed_mm_s), axis(|n| n.force_n));
+    let stem = report.stem(texture);
+    for (name, row) in [
+        ("as-in-the-paper", Row::Interpolated(Method::PAPER)),
+        ("densified", Row::Densified),
+    ] {
+        let Some(column) = test.rows.iter().position(|&r| r == row) else {
+            continue;
+        };
+        let places = speeds
+            .iter()
+            .flat_map(|&v| forces.iter().map(move |&f| (v, f)));
+        let cells = places.map(|(speed, force)| {
+            let mut nodes = nodes.iter();
+            let here = nodes.find(|n| n.speed_mm_s == speed && n.force_n == force);
+            GridCell {
+                value: here.map(|node| 100.0 * node.outcomes[column].judged.cost),
+                flags: NodeFlags::NONE,
+            }
+        });
+        report.map(
+            texture,
+            &format!("{texture}: C of removed nodes, {}", row.name()),
+            (&speeds, &forces, &cells.collect::<Vec<_>>()),
+            &format!("{stem}-removed-nodes-{name}"),
+            "C of every removed node against its recording",
+        )?;
+        let (speed, force) = (example.speed_mm_s, example.force_n);
+        let place = format!("{texture}, {speed} mm/s, {force} N removed; {}", row.name());
+        match prepared.hear(example, row, options)? {
+            None => {
+                report.page.paragraph(&format!("{place}: cannot be played."));
+            }
+            Some((recorded, played)) => report.spectra(
+                &place,
+                (&recorded, &played),
+                &format!("{stem}-removed-node-{name}"),
+                "A recording, and what is played there when its node is removed (the paper's figure 10).",
+            )?,
+        }
+    }
+    Ok(())
+}

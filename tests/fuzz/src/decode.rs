@@ -1,0 +1,129 @@
+//! Decoding of any bytes: they are refused with a typed error, or are a library that can be read, written again byte
+//! for byte, and played.
+//!
+//! Each input is tried as it is and with a prefix that fits it, because no fuzzer guesses a checksum.
+use crc::{CRC_32_ISO_HDLC, Crc};
+use model_format::scene::Scene;
+use model_format::{
+    FORMAT_VERSION, Library, MillimetresPerSecond, Newton, Problem, Texture,
+    encode_with_scenes_uncertified,
+};
+use stylus_kernel::position::Position;
+use stylus_kernel::proof::Proof;
+use stylus_kernel::scene::{Interaction, Plan, ScenePlayer};
+use stylus_kernel::{Motion, Synthesis, UPDATE_INTERVAL_SAMPLES};
+
+#[path = "../../../model-format/tests/library/walk.rs"]
+mod walk;
+
+/// Judges `input` as a library.
+pub fn judge(input: &[u8]) {
+    judge_whole(input);
+    if let Some(library) = with_fitting_prefix(input) {
+        judge_whole(&library);
+    }
+}
+
+/// `input` with the right magic, version, reserved field, length and checksum.
+fn with_fitting_prefix(input: &[u8]) -> Option<Vec<u8>> {
+    const PREFIX_BYTES: usize = 16;
+    let mut bytes = b"HTXL".to_vec();
+    bytes.extend(FORMAT_VERSION.to_le_bytes());
+    bytes.extend([0; 2]);
+    bytes.extend((input.len() as u32).to_le_bytes());
+    let body = input.get(PREFIX_BYTES..)?;
+    let crc = Crc::<u32>::new(&CRC_32_ISO_HDLC);
+    let mut digest = crc.digest();
+    digest.update(&bytes);
+    digest.update(body);
+    bytes.extend(digest.finalize().to_le_bytes());
+    bytes.extend(body);
+    Some(bytes)
+}
+
+fn judge_whole(bytes: &[u8]) {
+    match Library::decode_uncertified(bytes) {
+        Ok(library) => {
+            let (content, scenes) = (walk::content(&library), walk::scenes(&library));
+            let again = encode_with_scenes_uncertified(&content, &scenes)
+                .expect("what was read from a library makes one");
+            assert_eq!(again, bytes, "a library has one encoding");
+            // Nothing but certificates may keep a stylus from decoding it.
+            if let Err(error) = Library::decode(bytes) {
+                assert!(matches!(error.problem, Problem::Uncertified(_)));
+            }
+            library.textures().for_each(play);
+            prove(library);
+            scenes.iter().for_each(|scene| play_scene(scene, &library));
+        }
+        Err(error) => {
+            assert!(error.to_string().starts_with(&error.place.to_string()));
+            assert!(Library::decode(bytes).is_err());
+        }
+    }
+}
+
+/// Proves direct forms, as far as the fuzzer's time goes: no coefficients may overflow or panic.
+fn prove(library: Library<'_>) {
+    /// Steps that are enough for the whole proof of a few cells of low order.
+    const STEPS: usize = 2000;
+    let mut proof = Proof::new(library);
+    let _ = (0..STEPS).try_for_each(|_| match proof.step() {
+        Ok(true) => Some(()),
+        Ok(false) | Err(_) => None,
+    });
+}
+
+/// Moves over the grid, beyond it, and to rest, where it must be silent.
+fn play(texture: Texture<'_>) {
+    let (speeds, forces) = (texture.speed_axis(), texture.force_axis());
+    let last = (
+        speeds.value(speeds.len() - 1),
+        forces.value(forces.len() - 1),
+    );
+    // From rest, because a direct form's run-up would take most of the fuzzer's time; scenes run up in pieces.
+    let mut synthesis: Synthesis<'_> = Synthesis::from_rest(texture, 1);
+    for (speed, force) in [
+        (speeds.value(0) / 2.0, forces.value(0)),
+        (last.0 / 2.0, last.1 / 2.0),
+        last,
+        (-f32::MAX, f32::MAX),
+    ] {
+        let motion = Motion::new(MillimetresPerSecond(speed), Newton(force));
+        let motion = motion.expect("axes are finite");
+        // By the speed, and to places that no hand reaches in a block.
+        for position in [None, Some(0.3), Some(f32::MAX), Some(-1.0e9), None] {
+            let position = position.map(Position::from_mm);
+            synthesis.follow_to(motion, position, UPDATE_INTERVAL_SAMPLES);
+            for _ in 1..UPDATE_INTERVAL_SAMPLES {
+                synthesis.next_sample();
+            }
+        }
+    }
+    synthesis.follow(Motion::REST, 1);
+    assert_eq!(synthesis.next_sample().0, 0);
+}
+
+/// Strikes each region, moves to its middle, and lifts; the voices must be gone two blocks later.
+fn play_scene(scene: &Scene, library: &Library<'_>) {
+    let plan = Plan::new(scene, library).expect("it is in a valid library");
+    let mut player: ScenePlayer<'_> = ScenePlayer::new(plan, 1);
+    let mut block = |interaction: Interaction| {
+        player.follow(interaction, UPDATE_INTERVAL_SAMPLES);
+        for _ in 0..UPDATE_INTERVAL_SAMPLES {
+            player.next_sample();
+        }
+        let stages = player.block().stages().iter();
+        stages.filter(|stage| stage.voice().is_some()).count()
+    };
+    let motion = Motion::new(MillimetresPerSecond(50.0), Newton(1.0)).expect("finite");
+    block(Interaction::NONE);
+    for region in &scene.regions {
+        let middle = region.start_mm + 0.5 * (region.end_mm - region.start_mm);
+        for place in [region.start_mm, middle] {
+            block(Interaction::new(motion, place, true).expect("places are finite"));
+        }
+        block(Interaction::NONE);
+        assert_eq!(block(Interaction::NONE), 0);
+    }
+}

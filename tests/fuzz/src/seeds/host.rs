@@ -1,0 +1,136 @@
+//! Seeds of the host's parsers.
+
+use std::error::Error;
+use std::path::Path;
+
+#[path = "../../../../host-tools/src/fit/hatt/fixture.rs"]
+#[allow(dead_code, missing_docs)]
+mod hatt;
+
+/// Seeds of a target: its name, and its inputs.
+type Seeds<'a> = (&'a str, Vec<Vec<u8>>);
+
+/// Writes the seeds of every parser.
+pub fn write(root: &Path) -> Result<(), Box<dyn Error>> {
+    let texts = |texts: &[&str]| texts.iter().map(|text| text.as_bytes().to_vec()).collect();
+    let all: [Seeds; 9] = [
+        ("trials", texts(&TRIALS)),
+        ("recordings", recordings()),
+        ("tables", texts(&TABLES)),
+        ("scenes", texts(&SCENES)),
+        (
+            "rigs",
+            texts(&[include_str!("../../../../host-tools/rigs/paper-rig.toml")]),
+        ),
+        (
+            "hatt",
+            vec![hatt::whole().into_bytes(), hatt::scattered(4).into_bytes()],
+        ),
+        ("frames", frames()),
+        (
+            "settings",
+            texts(&["coil-resistance\n8", "amplifier-gain\n1\npower-limit\n0.1"]),
+        ),
+        ("records", texts(&[RECORD])),
+    ];
+    for (target, inputs) in all {
+        let folder = root.join(target);
+        std::fs::create_dir_all(&folder)?;
+        for (number, input) in inputs.iter().enumerate() {
+            std::fs::write(folder.join(number.to_string()), input)?;
+        }
+    }
+    Ok(())
+}
+
+const TRIALS: [&str; 3] = [
+    "file,texture,speed_mm_s,force_n\na.wav,denim,120,1.0\nb.wav,\"silk, raw\",140.5,1e-1\n",
+    "\u{feff}# mine\nfile;texture;speed_mm_s;force_n;scale_m_s2;start_s;duration_s;sample_rate_hz;simulated;\r\n\
+     a.wav;denim;120,5;1,0;98,1;0,5;2;5000;true;\r\n",
+    "file\ttexture\tspeed_mm_s\tforce_n\na.wav\tdenim\t100\t1\nb.wav\tdenim\t100.0001\t1\n",
+];
+
+const TABLES: [&str; 8] = [
+    "\0time_s,speed_mm_s,force_n\n0,0,0.5\n1.5,-120,0.8\n",
+    "\0time_s;position_mm;contact;speed_mm_s;force_n\n0,5;1;1;100,5;-1\n1;2;0;9;1\n",
+    "\u{1}# SIMULATED\ntime_s,speed_mm_s,force_n,x\n0,100,1,0.1\n0.0002,100,1,0.2\n0.0004,101,1,-0.1\n",
+    "\u{1}time_s\tspeed_mm_s\tforce_n\tx\ty\n0\t100\t1\t0,1\t2\n0,0002\t-1e9\t1\t0,2\t3\n",
+    "\u{2}frequency_hz,magnitude_db\n40,0\n80,3.5\n160,-1.5\n320,0.5\n",
+    "\u{3}trial,pair,a,b,x,answer,correct,replays,seconds,page,origin\n\
+     1,p,recording,fitted,fitted,B,1,0,12.5,0f,recorded\n2,q,recording,gaussian,recording,B,0,3,1.5,0f,SIMULATED\n",
+    "\u{4}speed_mm_s,force_n\n50,0.5\n100,1\n",
+    "\u{4}texture;speed_mm_s;force_n\nsilk;50,5;0,5\n;100;1\n",
+];
+
+const SCENES: [&str; 2] = [
+    "name = \"two\"\ntransition_mm = 4\n[[surface]]\ntexture = \"silk\"\ngain = 0.5\n[surface.tap]\n\
+     frequency_hz = 240\ndecay_s = 0.012\ngain_m_s2_per_n_s = 0.1\nlimit_m_s2 = 40\n\
+     [[surface]]\nname = \"sticky\"\ntexture = \"silk\"\n\
+     [surface.stick_slip]\nperiod_mm = 1.5\nduty = 0.4\ndepth = 0.9\nbelow_mm_s = 60\nabove_n = 0.5\n[[region]]\n\
+     surface = \"silk\"\nstart_mm = 0\nend_mm = 40\n[[region]]\nsurface = \"sticky\"\nstart_mm = 40\nend_mm = 80\n\
+     [[equaliser.section]]\nkind = \"peaking\"\nfrequency_hz = 150\nq = 2\ngain_db = -6\n",
+    "name = \"still\"\nsample_rate_hz = 5000\n[constant_motion]\nspeed_mm_s = -100\nforce_n = 1\n[[surface]]\n\
+     texture = \"silk\"\n",
+];
+
+const RECORD: &str = r#"{"library":"0123456789abcdef","options":{"order":"auto","estimator":"auto",
+"structure":"lattice","theta":"auto","reduction":"pca","silence_floor_m_s2":0.001,"excitation":"auto",
+"modulation":"auto","drop":["hum"],"lines":"auto","strict":false,"snap":0.03,"sample_rate_hz":5000},
+"excitations":[],"trials":[{"file":"a.wav","content":"00ff","start_s":0.5,"duration_s":null}],"lines":[],"thetas":[]}"#;
+
+/// WAV files of integers and of floats, with other chunks before the samples; and tables.
+fn recordings() -> Vec<Vec<u8>> {
+    let chunk = |id: &[u8; 4], content: &[u8]| {
+        let length = (content.len() as u32).to_le_bytes();
+        [&id[..], &length, content].concat()
+    };
+    let wav = |format: u16, channels: u16, rate_hz: u32, bits: u16, data: &[u8]| {
+        let frame = channels * bits / 8;
+        let mut content = Vec::new();
+        content.extend(format.to_le_bytes());
+        content.extend(channels.to_le_bytes());
+        content.extend(rate_hz.to_le_bytes());
+        content.extend((rate_hz * u32::from(frame)).to_le_bytes());
+        content.extend(frame.to_le_bytes());
+        content.extend(bits.to_le_bytes());
+        let body = [
+            &b"WAVE"[..],
+            &chunk(b"LIST", b"INFO"),
+            &chunk(b"fmt ", &content),
+            &chunk(b"data", data),
+        ]
+        .concat();
+        chunk(b"RIFF", &body)
+    };
+    let floats: Vec<u8> = (0..60u8)
+        .flat_map(|n| (f32::from(n % 7) - 3.0).to_le_bytes())
+        .collect();
+    let words: Vec<u8> = (0..200u8).map(|n| n.wrapping_mul(37)).collect();
+    let mut all = vec![
+        wav(1, 1, 5000, 16, &words),
+        wav(1, 2, 44_100, 8, &words),
+        wav(1, 1, 100, 24, &words[..198]),
+        wav(3, 3, 5000, 32, &floats),
+    ];
+    for text in [
+        "\u{1}time_s,x\n0,1\n0.0002,2\n0.0004,3\n",
+        "\u{1}time_s;x;y\n0;1,5;2\n0,0002;2;3\n",
+        "\0\n1 2 3\n2 3 4\n",
+    ] {
+        all.push(text.as_bytes().to_vec());
+    }
+    all
+}
+
+/// Frames as a device sends them.
+fn frames() -> Vec<Vec<u8>> {
+    let messages: [&[u8]; 4] = [&[0; 40], &[1, 2, 3], &[0, 1, 0, 0, 5, 0], &[9; 300]];
+    let mut stream = Vec::new();
+    for message in messages {
+        stream.extend(cobs::encode_vec(message));
+        stream.push(0);
+    }
+    let mut all: Vec<Vec<u8>> = messages.iter().map(|message| message.to_vec()).collect();
+    all.push(stream);
+    all
+}

@@ -1,0 +1,237 @@
+//! Seeds of the fuzzer, in a folder for each target. For the decoder they are small valid libraries of each structure,
+//! with grids of one and of several nodes and orders 0 to 400, and with every optional part; for a parser of the host, a
+//! small file of each kind.
+
+use std::error::Error;
+use std::path::Path;
+
+use model_format::scene::{Biquad, Region, Scene, SceneName, StickSlip, Surface, Tap};
+use model_format::{
+    CodeSpec, CodebookSpec, ExcitationSpec, FadeLaw, Laws, LevelLaw, LineSpec, LinesSpec,
+    ModulationSpec, NodeFlags, NodeSpec, PartsSpec, Provenance, Structure, TextureSpec,
+    encode_uncertified, encode_with_scenes_uncertified, limits,
+};
+
+mod host;
+
+/// Writes the seeds of every target into its folder below `root`.
+///
+/// # Errors
+/// A folder or file that cannot be written.
+pub fn write(root: &Path) -> Result<(), Box<dyn Error>> {
+    host::write(root)?;
+    for target in ["decode", "motion"] {
+        let folder = root.join(target);
+        std::fs::create_dir_all(&folder)?;
+        libraries(&folder)?;
+    }
+    Ok(())
+}
+
+/// Writes the libraries.
+fn libraries(folder: &Path) -> Result<(), Box<dyn Error>> {
+    let structures = [
+        Structure::NormalisedLattice,
+        Structure::DirectForm16,
+        Structure::DirectForm32,
+    ];
+    let mut all = Vec::new();
+    for structure in structures {
+        for (order, size) in [(0, 1), (3, 1), (3, 2), (17, 3), (limits::MAX_ORDER, 1)] {
+            let name = format!("{structure} {order} × {size}²");
+            all.push(texture(name, structure, order, size));
+        }
+    }
+    for level in LevelLaw::ALL {
+        let mut with_parts = texture(format!("{level}"), structures[0], 40, 1);
+        with_parts.laws = Laws {
+            level,
+            fade: FadeLaw::Power,
+        };
+        let thetas: Vec<i32> = (0..40).map(|stage| 100_003 * (stage % 9 - 4)).collect();
+        with_parts.nodes[0].codes = CodeSpec::fine_lattice(&thetas);
+        all.push(with_parts);
+    }
+    for (order, size) in [(33, 1), (40, 3), (limits::MAX_ORDER, 1)] {
+        let mut with_tails = texture(
+            format!("tails {order} × {size}²"),
+            structures[0],
+            order,
+            size,
+        );
+        for node in &mut with_tails.nodes {
+            let thetas: Vec<i32> = node.codes.thetas().map(|theta| theta + 99).collect();
+            node.codes = CodeSpec::compact_lattice(&thetas, order % 32);
+        }
+        all.push(with_tails);
+    }
+    for lines in [1, limits::MAX_LINES] {
+        let mut lined = texture(format!("{lines} lines"), structures[0], 3, 2);
+        lined.parts.lines = Some(lines_of(lines));
+        all.push(lined);
+    }
+    for structure in structures {
+        for (excitation, modulation) in [(1, false), (0, true), (3, true)] {
+            let name = format!("{structure}, {excitation} codebooks, track {modulation}");
+            let mut fed = texture(name, structure, 5, 2);
+            fed.cell_margins.clear();
+            fed.parts = parts(excitation, modulation, fed.nodes.len());
+            all.push(fed);
+        }
+    }
+    for (index, texture) in all.iter().enumerate() {
+        let bytes = encode_uncertified(std::slice::from_ref(texture))?;
+        std::fs::write(folder.join(format!("single-{index}")), bytes)?;
+    }
+    all.retain(|texture| {
+        texture.nodes[0].codes != CodeSpec::lattice(vec![]) && texture.nodes.len() < 5
+    });
+    std::fs::write(folder.join("several"), encode_uncertified(&all[..4])?)?;
+    let with_scenes = encode_with_scenes_uncertified(&all[..2], &[scene()?])?;
+    std::fs::write(folder.join("scenes"), with_scenes)?;
+    let fed = all
+        .iter()
+        .filter(|texture| texture.parts != PartsSpec::default());
+    let fed: Vec<TextureSpec> = fed.cloned().collect();
+    let with_scenes = encode_with_scenes_uncertified(&fed[..2], &[scene()?])?;
+    std::fs::write(folder.join("fed-scenes"), with_scenes)?;
+    Ok(())
+}
+
+/// So many lines of a texture of 2 × 2 nodes, of which only the last is neither at rest nor out of contact.
+fn lines_of(lines: usize) -> LinesSpec {
+    let line = |at: usize| LineSpec {
+        wavelength_mm: 0.5 * (at + 1) as f32,
+        phase: 30_000,
+        amplitudes: vec![0.0, 0.0, 0.0, 1.0],
+    };
+    LinesSpec {
+        lines: (0..lines).map(line).collect(),
+    }
+}
+
+/// So many codebooks, all of the shortest length, and a level track of the shortest.
+fn parts(codebooks: usize, modulation: bool, nodes: usize) -> PartsSpec {
+    let excitation = (codebooks > 0).then(|| ExcitationSpec {
+        codebooks: (0..codebooks)
+            .map(|number| CodebookSpec {
+                peak: 1.0 + number as f32,
+                // One in (1 + number)² samples is at the peak.
+                codes: (0..limits::MIN_CODEBOOK_SAMPLES)
+                    .map(|n| i8::from(n % (1 + number).pow(2) == 0) * 127)
+                    .collect(),
+            })
+            .collect(),
+        of_nodes: (0..nodes)
+            .map(|node| (node % (codebooks + 1)) as u8)
+            .collect(),
+    });
+    let modulation = modulation.then(|| ModulationSpec {
+        step_samples: 25,
+        entries: (0..20).map(|n| if n % 2 == 0 { 1 } else { -1 }).collect(),
+    });
+    PartsSpec {
+        excitation,
+        modulation,
+        ..PartsSpec::default()
+    }
+}
+
+/// Two surfaces side by side, with every effect.
+fn scene() -> Result<Scene, Box<dyn Error>> {
+    let mut surface = Surface::of_texture(0);
+    surface.tap = Some(Tap {
+        frequency_hz: 200.0,
+        decay_s: 0.01,
+        gain_m_s2_per_n_s: 0.1,
+        limit_m_s2: 20.0,
+    });
+    surface.stick_slip = Some(StickSlip {
+        period_mm: 1.0,
+        duty: 0.5,
+        depth: 0.9,
+        below_mm_s: 80.0,
+        above_n: 0.5,
+    });
+    let name = SceneName::try_from("all").map_err(|_| "a name is too long")?;
+    let mut scene = Scene::of_surface(name, 5000, surface);
+    scene
+        .surfaces
+        .push(Surface::of_texture(1))
+        .map_err(|_| "too many surfaces")?;
+    for surface in 0..2u8 {
+        let region = Region {
+            start_mm: 10.0 * f32::from(surface),
+            end_mm: 10.0 * f32::from(surface + 1),
+            surface,
+        };
+        scene.regions.push(region).map_err(|_| "too many regions")?;
+    }
+    scene.transition_mm = 2.0;
+    let section = Biquad {
+        numerator: [1 << 28, -(1 << 27), 0],
+        denominator: [-(1 << 28), 1 << 27],
+    };
+    scene
+        .equaliser
+        .push(section)
+        .map_err(|_| "too many sections")?;
+    Ok(scene)
+}
+
+/// A texture of `size` × `size` nodes.
+fn texture(name: String, structure: Structure, order: usize, size: usize) -> TextureSpec {
+    let values = |unit: f32| (0..size).map(|step| unit * step as f32).collect();
+    let axis = |unit| if size == 1 { vec![unit] } else { values(unit) };
+    let (speed_axis_mm_s, force_axis_n) = (axis(100.0), axis(0.5));
+    let node = |index: usize| {
+        let silent = size > 1 && (index < size || index.is_multiple_of(size));
+        NodeSpec {
+            output_power: if silent { 0.0 } else { 4.0 },
+            prediction_error_power: if silent { 0.0 } else { 1.0 },
+            flags: if silent {
+                NodeFlags::SILENT
+            } else {
+                NodeFlags::DOUBTFUL
+            },
+            codes: codes(structure, order),
+        }
+    };
+    let cell_margins = match structure {
+        // Both with and without a certificate, because a change under a certificate is refused before it reaches other
+        // code.
+        Structure::DirectForm16 | Structure::DirectForm32 if size == 2 => vec![4],
+        _ => Vec::new(),
+    };
+    TextureSpec {
+        name,
+        sample_rate_hz: 5000,
+        structure,
+        provenance: Provenance::Simulated,
+        laws: Laws::default(),
+        parts: PartsSpec::default(),
+        speed_axis_mm_s,
+        force_axis_n,
+        nodes: (0..size * size).map(node).collect(),
+        cell_margins,
+    }
+}
+
+/// Values of alternating sign that fall with the square of the index.
+fn codes(structure: Structure, order: usize) -> CodeSpec {
+    let falling = (1..=order as i32)
+        .map(|index| (if index % 2 == 0 { 1 } else { -1 }) * 20_000 / (index * index));
+    match structure {
+        Structure::NormalisedLattice => {
+            CodeSpec::lattice(falling.map(|code| code as i16).collect())
+        }
+        Structure::DirectForm16 => CodeSpec::Direct16 {
+            exponent: 1,
+            codes: falling.map(|code| code as i16).collect(),
+        },
+        Structure::DirectForm32 => CodeSpec::Direct32 {
+            exponent: 2,
+            codes: falling.map(|code| code << 14).collect(),
+        },
+    }
+}
