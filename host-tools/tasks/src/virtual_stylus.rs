@@ -85,12 +85,7 @@ pub fn build_as_tested() -> Result<PathBuf> {
 
 fn built(cargo: &mut Command) -> Result<PathBuf> {
     process::run(cargo)?;
-    let program = workspace::host_target_folder().join("debug/virtual-stylus");
-    if program.is_file() {
-        Ok(program)
-    } else {
-        Err(Error::NoImage(program))
-    }
+    process::built(workspace::host_target_folder().join("debug/virtual-stylus"))
 }
 
 /// Runs the tests that count ticks so that they write the page's table.
