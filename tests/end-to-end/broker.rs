@@ -1,7 +1,7 @@
 //! Several commands on one device at once, by the broker that shares its link; and the list of what is attached.
 
 use std::fs::{self, File};
-use std::io::{Read, Write};
+use std::io::{BufRead, BufReader, Read, Write};
 use std::os::unix::fs::PermissionsExt;
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::{Path, PathBuf};
@@ -367,17 +367,13 @@ fn a_device_that_is_unplugged_ends_its_commands_and_its_broker() {
     desk.wait_until_idle();
 }
 
-/// A greeting of a program with other versions.
-fn greet(socket: &Path) -> (u8, String) {
+/// The answer to a greeting of a program with other versions.
+fn greet(socket: &Path) -> String {
     let mut stream = UnixStream::connect(socket).unwrap();
-    stream
-        .write_all(b"stylus-b\x63\0\0\0\0\0\0\0\0\0\x03\0old")
-        .unwrap();
-    let mut head = [0; 21];
-    stream.read_exact(&mut head).unwrap();
-    let mut words = vec![0; usize::from(u16::from_le_bytes([head[19], head[20]]))];
-    stream.read_exact(&mut words).unwrap();
-    (head[18], text(&words))
+    stream.write_all(b"stylus-b 99 0 old\n").unwrap();
+    let mut line = String::new();
+    BufReader::new(stream).read_line(&mut line).unwrap();
+    line
 }
 
 #[test]
@@ -385,13 +381,12 @@ fn a_broker_of_another_version_leaves_when_it_is_idle_and_says_who_uses_it_when_
     let desk = Desk::new();
     desk.succeed("status");
     let broker = desk.brokers();
-    assert_eq!(greet(&desk.file(".sock")), (1, String::new()));
+    assert_eq!(greet(&desk.file(".sock")), "stylus-b leaves \n");
     desk.wait_until_idle();
     let player = desk.play();
     assert_ne!(desk.brokers(), broker);
-    let (code, words) = greet(&desk.file(".sock"));
-    assert_eq!(code, 2);
-    assert_eq!(words, format!("`stylus play` (process {})", player.id()));
+    let who = format!("stylus-b in-use `stylus play` (process {})\n", player.id());
+    assert_eq!(greet(&desk.file(".sock")), who);
     wait_for("the play that goes on", || desk.is_playing());
     interrupt(&player);
     assert_eq!(output_of(player).0, Some(0));
@@ -402,15 +397,12 @@ fn a_broker_of_another_version_leaves_when_it_is_idle_and_says_who_uses_it_when_
     let answers = thread::spawn(move || {
         for words in ["`stylus play` (process 1)", "", "silence"] {
             let (mut stream, _) = listener.accept().unwrap();
-            let mut answer = b"stylus-b\x63\0\0\0\0\0\0\0\0\0\x02".to_vec();
-            answer.extend((words.len() as u16).to_le_bytes());
-            answer.extend(words.as_bytes());
             match words {
                 // It is no broker.
-                "" => stream.write_all(&[0x5a; 64]).unwrap(),
+                "" => stream.write_all(b"hello\n").unwrap(),
                 // It hangs.
                 "silence" => {}
-                _ => stream.write_all(&answer).unwrap(),
+                _ => writeln!(stream, "stylus-b in-use {words}").unwrap(),
             }
             // The client closes it first, which is an error where it has not read all.
             let _ = stream.read_to_end(&mut Vec::new());
@@ -450,14 +442,14 @@ fn without_a_broker_a_link_is_opened_alone_unless_others_use_it() {
 #[test]
 fn a_monitor_that_reads_too_slowly_loses_its_own_blocks_alone() {
     let desk = Desk::new();
-    let slow = desk.spawn("status --watch --seconds 6");
-    let quick = desk.spawn("record strokes.csv --strokes --seconds 7 --json");
+    let slow = desk.spawn("status --watch --seconds 4.5");
+    let quick = desk.spawn("record strokes.csv --strokes --seconds 5.5 --json");
     wait_for("a recording", || {
         desk.stylus.count("stylus/record/start") > 0
     });
     thread::sleep(Duration::from_millis(500));
     signal("STOP", slow.id());
-    thread::sleep(Duration::from_millis(6500));
+    thread::sleep(Duration::from_millis(5000));
     signal("CONT", slow.id());
     let (code, out, err) = output_of(quick);
     assert_eq!(code, Some(0), "{err}");
@@ -662,7 +654,7 @@ fn a_play_shows_speed_force_level_mutes_and_missed_ticks_while_it_lasts() {
         (&[][..], "80.0 mm/s", "0.70 N"),
     ] {
         let play = || {
-            let mut command = desk.command(["play", "--texture", "texture 0", "--seconds", "3"]);
+            let mut command = desk.command(["play", "--texture", "texture 0", "--seconds", "2.5"]);
             let output = command
                 .args(arguments)
                 .args(["--link", &desk.link])

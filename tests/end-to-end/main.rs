@@ -3,13 +3,11 @@
 #[cfg(all(feature = "device", target_os = "linux"))]
 mod broker;
 mod command_line;
-#[cfg(all(unix, feature = "device"))]
-mod custom_link;
 #[cfg(feature = "device")]
 mod device_commands;
 #[cfg(feature = "device")]
 mod device_faults;
-#[cfg(feature = "device")]
+#[cfg(all(unix, feature = "device"))]
 mod device_links;
 #[cfg(feature = "device")]
 mod device_record;

@@ -237,7 +237,6 @@ impl<'a, S: Stage, L: Link> Request<'a, S, L> {
         job: impl FnOnce(T) -> Option<Job>,
     ) -> Result<Answered, WireError> {
         let job = job(self.read()?).ok_or(WireError::DeserFailed)?;
-        let is_abort = matches!(job, Job::UploadAbort);
         let queued = QueuedJob {
             from: self.link.id(),
             sequence: self.sequence,
@@ -246,17 +245,11 @@ impl<'a, S: Stage, L: Link> Request<'a, S, L> {
         if !self.link.queue(queued) {
             return Err(WireError::FailedToSpawn);
         }
-        if is_abort {
-            self.stage.with_control(Control::expect_abort);
-        }
         Ok(None)
     }
 
     /// Passes a message, which is not answered, to `work`.
-    fn take<T>(
-        self,
-        work: impl FnOnce(&mut Control<S::Device>, T::Message),
-    ) -> Result<Answered, WireError>
+    fn take<T>(self, work: impl FnOnce(&mut Control<S::Device>, T::Message)) -> Answered
     where
         T: Topic<Message: Deserialize<'a> + Sized>,
     {
@@ -264,7 +257,7 @@ impl<'a, S: Stage, L: Link> Request<'a, S, L> {
             Ok(message) => self.stage.with_control(|control| work(control, message)),
             Err(_) => self.link.count(|counters| &mut counters.malformed),
         }
-        Ok(None)
+        None
     }
 }
 
@@ -289,12 +282,12 @@ fn dispatch<S: Stage, L: Link>(
         }
         MotionTopic::TOPIC_KEY => {
             // A motion that is not finite is dropped. The endpoint of the same name would report it.
-            request.take::<MotionTopic>(|control, motion| {
+            Ok(request.take::<MotionTopic>(|control, motion| {
                 let _ = control.motion(from, motion);
-            })
+            }))
         }
         KeepAliveTopic::TOPIC_KEY => {
-            request.take::<KeepAliveTopic>(|control, ()| control.keep_alive(from))
+            Ok(request.take::<KeepAliveTopic>(|control, ()| control.keep_alive(from)))
         }
         RecordStartEndpoint::REQ_KEY => {
             request.answer::<RecordStartEndpoint>(|control, ()| control.record_start(from))

@@ -68,7 +68,6 @@ def test_other_failures_are_the_commands_line(command, folder, call, words):
         (lambda s: sh.fit([sh.Recording(s, 5000, texture="felt"), "a.wav"]), "together"),
         (lambda s: sh.fit("x", order="best"), "'bic'"),
         (lambda s: sh.fit("x", order=401), "400"),
-        (lambda s: sh.fit("x", structure="ladder"), "'lattice'"),
         (lambda s: sh.fit("x", drop=["loud"]), "clipped"),
         (lambda s: sh.fit("x", snap=0.5), "0.25"),
         (lambda s: sh.fit("x", model_rate_hz=8000), "8000"),
@@ -104,7 +103,7 @@ def test_a_texture_needs_a_motion_with_an_end(fitted):
         raised(sh.render, fitted, "felt", **keywords)
 
 
-def test_a_file_of_another_kind_is_replaced_only_on_request(fitted, tmp_path):
+def test_what_is_there_is_replaced_only_on_request(fitted, tmp_path):
     path = tmp_path / "diary"
     path.write_text("today\n")
     assert raised(fitted.save, path).path == path

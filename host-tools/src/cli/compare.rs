@@ -14,8 +14,8 @@ use super::input::{Recordings, positive};
 use super::overwrite::Overwrite;
 use super::table::table;
 use crate::cli::evaluate::{as_fitted, choose};
-use crate::cli::library_file::{decode_library, read_library};
 use crate::cli::output::{note, print};
+use host_tools::texture::library::{decode_library, read_library};
 
 #[derive(clap::Args)]
 pub struct Arguments {

@@ -27,8 +27,8 @@ use model_format::link::Settings;
 use model_format::{Library, MillimetresPerSecond, Newton};
 
 use super::inspect::texture_table;
-use crate::cli::library_file::decode_library;
 use crate::cli::output::print;
+use host_tools::texture::library::decode_library;
 
 /// Motion that every texture is rendered along: a stroke that speeds up, presses harder, and comes to rest.
 const STROKE: &str = "\

@@ -24,10 +24,10 @@ use model_format::Library;
 use serde::Serialize;
 
 use super::input::{Recordings, not_negative, positive};
-use super::library_file::{decode_library, read_library};
 use super::output::{print, to_json, warn};
 use super::overwrite::Overwrite;
 use super::table::{folded_text, shown};
+use host_tools::texture::library::{decode_library, read_library};
 
 #[derive(clap::Args)]
 pub struct Arguments {

@@ -15,8 +15,8 @@ use host_tools::support::progress;
 use super::input::positive;
 use super::overwrite::Overwrite;
 use crate::cli::evaluate::{as_fitted, choose};
-use crate::cli::library_file::{decode_library, read_library};
 use crate::cli::output::print;
+use host_tools::texture::library::{decode_library, read_library};
 
 #[derive(clap::Args)]
 pub struct Arguments {

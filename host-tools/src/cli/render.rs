@@ -13,8 +13,8 @@ use model_format::{MillimetresPerSecond, Newton};
 use super::input::{force, positive, speed, warn_if_silent};
 #[cfg(feature = "device")]
 use super::pin::PinArguments;
-use crate::cli::library_file::{decode_library, read_library};
 use crate::cli::wav_file::WavFile;
+use host_tools::texture::library::{decode_library, read_library};
 
 #[derive(clap::Args)]
 pub struct Arguments {

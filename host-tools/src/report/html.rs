@@ -326,7 +326,8 @@ mod tests {
     proptest! {
         #[test]
         fn no_text_becomes_markup(text in "[<>&\"'/a-z =!-]{0,40}") {
-            let (page, plain) = (page_of(&text), page_of("plain"));
+            // What begins with a letter is no number, whose cell has a class.
+            let (page, plain) = (page_of(&format!("a{text}")), page_of("plain"));
             prop_assert_eq!(tags(&page), tags(&plain));
             prop_assert_eq!(page.matches('"').count(), plain.matches('"').count());
         }

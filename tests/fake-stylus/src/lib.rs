@@ -8,6 +8,10 @@
 //!   link can be injected.
 //! - [`SteppedStylus`](device::SteppedStylus) runs in virtual time, one millisecond after the other, and a test calls
 //!   the application's requests itself.
+#![expect(
+    clippy::result_large_err,
+    reason = "the device's errors carry their reason as text, because it has no heap"
+)]
 
 mod board;
 mod connection;

@@ -75,9 +75,9 @@ impl Stylus {
     fn propose(
         &self,
         link: LinkId,
-        change: SettingsChange,
+        change: &SettingsChange,
     ) -> Result<SettingsProposal, SettingsError> {
-        (self.requests).ask::<SettingsProposeEndpoint>(link, &change)
+        (self.requests).ask::<SettingsProposeEndpoint>(link, change)
     }
 
     fn apply(&mut self, link: LinkId, token: ProposalToken) -> Result<Settings, SettingsError> {
@@ -210,7 +210,7 @@ fn no_single_frame_changes_a_setting_and_the_second_one_changes_all_of_them_once
     let mut stylus = Stylus::new();
     let [usb, serial] = LINKS;
     let before = stylus.settings();
-    let proposal = stylus.propose(usb, all_told_away()).expect("it rests");
+    let proposal = stylus.propose(usb, &all_told_away()).expect("it rests");
     assert_eq!(stylus.settings(), before);
     assert_eq!(stylus.proposal().as_ref(), Some(&proposal));
     let tight = SettingSet::NONE.with(Setting::SoftStart, true);
@@ -238,7 +238,7 @@ fn a_proposal_ends_with_its_time_a_play_and_another_proposal() {
     assert_eq!(stylus.proposal(), None, "none at the start");
 
     let first = stylus
-        .propose(usb, SettingsChange::Reset)
+        .propose(usb, &SettingsChange::Reset)
         .expect("it rests");
     stylus.stylus.run(PROPOSAL_VALID_MS - 1);
     let remaining_ms = stylus.proposal().map(|proposal| proposal.remaining_ms);
@@ -248,20 +248,20 @@ fn a_proposal_ends_with_its_time_a_play_and_another_proposal() {
     assert_eq!(stylus.apply(usb, first.token), gone);
 
     let first = stylus
-        .propose(usb, SettingsChange::Reset)
+        .propose(usb, &SettingsChange::Reset)
         .expect("it rests");
     stylus.play(serial).expect("it is there");
     let playing = Err(SettingsError::Playing);
-    assert_eq!(stylus.propose(serial, SettingsChange::Reset), playing);
+    assert_eq!(stylus.propose(serial, &SettingsChange::Reset), playing);
     assert!(stylus.is_stopped(serial));
     stylus.stylus.run(100);
     assert_eq!(stylus.apply(usb, first.token), gone);
 
     let first = stylus
-        .propose(usb, SettingsChange::Reset)
+        .propose(usb, &SettingsChange::Reset)
         .expect("it rests");
     let other = change_of(&[(Setting::HardLimit, 0.1)]);
-    let second = stylus.propose(serial, other).expect("it rests");
+    let second = stylus.propose(serial, &other).expect("it rests");
     assert_ne!(first.token, second.token);
     assert_eq!(stylus.apply(usb, first.token), gone);
     assert_eq!(stylus.settings(), before);
@@ -271,7 +271,7 @@ fn a_proposal_ends_with_its_time_a_play_and_another_proposal() {
 #[test]
 fn of_a_change_with_one_bad_value_nothing_is_done() {
     let stylus = Stylus::new();
-    let propose = |values: &[(Setting, f32)]| stylus.propose(LinkId::Usb, change_of(values));
+    let propose = |values: &[(Setting, f32)]| stylus.propose(LinkId::Usb, &change_of(values));
     let good = (Setting::HardLimit, 0.1);
     let bad = propose(&[good, (Setting::PowerLimit, 100.0)]);
     assert!(matches!(bad, Err(SettingsError::OutOfRange { .. })));
@@ -288,7 +288,7 @@ fn of_a_change_with_one_bad_value_nothing_is_done() {
 fn the_users_word_is_wanted_for_what_loosens_and_for_first_values_alone() {
     let stylus = Stylus::new();
     let loosens = |setting, value| {
-        let proposal = stylus.propose(LinkId::Usb, change_of(&[(setting, value)]));
+        let proposal = stylus.propose(LinkId::Usb, &change_of(&[(setting, value)]));
         !proposal.expect("it rests").loosens.is_empty()
     };
     for (setting, tighter, looser) in [
@@ -307,7 +307,7 @@ fn the_users_word_is_wanted_for_what_loosens_and_for_first_values_alone() {
     let proposal = unset.control.borrow_mut().propose(LinkId::Usb, first);
     let loosens = proposal.expect("it rests").loosens;
     assert!(loosens.contains(Setting::PowerLimit));
-    let reset = stylus.propose(LinkId::Usb, SettingsChange::Reset);
+    let reset = stylus.propose(LinkId::Usb, &SettingsChange::Reset);
     assert_eq!(reset.expect("it rests").loosens, LOCKED);
 }
 
@@ -388,7 +388,7 @@ proptest! {
                 }
                 Step::Propose(link, value) => {
                     let change = change_of(&[(Setting::HardLimit, value)]);
-                    if let Ok(proposal) = stylus.propose(LINKS[link], change) {
+                    if let Ok(proposal) = stylus.propose(LINKS[link], &change) {
                         made.push(proposal.token);
                         waiting = Some((link, value, proposal.token));
                     }
@@ -416,7 +416,7 @@ proptest! {
 #[test]
 fn tokens_do_not_repeat() {
     let stylus = Stylus::new();
-    let token = || stylus.propose(LinkId::Usb, SettingsChange::Reset);
+    let token = || stylus.propose(LinkId::Usb, &SettingsChange::Reset);
     let mut tokens: Vec<u32> = (0..10_000)
         .map(|_| token().expect("it rests").token.0)
         .collect();

@@ -77,16 +77,18 @@ fn cut(before: &Memory, old: Option<u32>, new: &[u8], slot: SlotId, share: usize
     assert!(sealed == 1 && cuts > 40, "{sealed} {cuts}");
 }
 
-fn crc(bytes: &[u8]) -> Option<u32> {
-    Some(announcement(bytes).crc32)
-}
-
 #[test]
 fn a_cut_of_a_full_upload_leaves_the_old_library_or_the_new() {
     let (old, new) = (library(1, 4, 1), library(5, 400, 2));
     // The library reaches into the header's sector.
     assert!(new.len() > 3 * SECTOR_BYTES, "{}", new.len());
-    cut(&after_uploads(&[&old]), crc(&old), &new, SlotId::B, 500);
+    cut(
+        &after_uploads(&[&old]),
+        Some(announcement(&old).crc32),
+        &new,
+        SlotId::B,
+        500,
+    );
 }
 
 /// Slot B holds an older library, whose header must not become valid again.
@@ -94,7 +96,7 @@ fn a_cut_of_a_full_upload_leaves_the_old_library_or_the_new() {
 fn a_cut_at_any_operation_over_a_slot_that_was_full_leaves_the_old_library_or_the_new() {
     let (older, old, new) = (library(2, 30, 3), library(1, 4, 1), library(1, 40, 2));
     let before = after_uploads(&[&old, &older, &old]);
-    cut(&before, crc(&old), &new, SlotId::B, 1);
+    cut(&before, Some(announcement(&old).crc32), &new, SlotId::B, 1);
 }
 
 #[test]

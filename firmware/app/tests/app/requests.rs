@@ -25,12 +25,12 @@ use stylus_kernel::scene::Plan;
 /// A device with a library of one texture, "texture 0", that plays it.
 fn playing() -> SteppedStylus {
     let stylus = SteppedStylus::ready(&library(1, 20, 1));
-    plays(&stylus, play_request("texture 0"));
+    plays(&stylus, &play_request("texture 0"));
     stylus
 }
 
 /// Plays `request` until it sounds.
-fn plays(stylus: &SteppedStylus, request: PlayRequest) {
+fn plays(stylus: &SteppedStylus, request: &PlayRequest) {
     let played = stylus.play(request.clone());
     assert!(played.is_ok(), "{request:?}: {played:?}");
     stylus.run(400);
@@ -96,7 +96,7 @@ fn a_library_is_uploaded_activated_played_and_stopped() {
     let status = stylus.status();
     let active = (status.active, status.library_crc32);
     assert_eq!(active, (Some(SlotId::A), announcement(&bytes).crc32));
-    plays(&stylus, play.clone());
+    plays(&stylus, &play);
     let Activity::Playing { selection, .. } = stylus.status().output.activity else {
         panic!("it plays");
     };
@@ -112,7 +112,7 @@ fn a_library_is_uploaded_activated_played_and_stopped() {
 fn a_request_that_is_refused_says_why_and_leaves_what_was_played() {
     let bytes = library_with_scenes();
     let stylus = SteppedStylus::ready(&bytes);
-    plays(&stylus, play_request("right"));
+    plays(&stylus, &play_request("right"));
     let named = |name: &str| name.try_into().expect("short");
     let texture_hz = 8_000;
     for (request, error) in [
@@ -254,7 +254,7 @@ fn the_status_tells_the_limits_of_the_pin_and_the_coil_that_are_in_force() {
             gain: 0.25,
             ..play_request("texture 0")
         };
-        plays(&stylus, quiet);
+        plays(&stylus, &quiet);
         assert_eq!(stylus.status().limits, limits);
         let steps = stylus.hardware().config.limit_steps();
         assert_eq!(limits.peak_volt, steps as f32 * DacCode::STEP.0);
@@ -372,7 +372,7 @@ fn another_library_takes_over_in_silence_and_one_that_is_not_there_or_fails_does
     assert!(stylus.sounds());
     assert!(stylus.activate(slot).is_ok());
     assert!(!stylus.sounds());
-    plays(&stylus, play_request("texture 1"));
+    plays(&stylus, &play_request("texture 1"));
     assert_eq!(stylus.hardware().exchanges, 2);
     // A copy that fails leaves none, and the next activation works.
     stylus.hardware().bad_loads = 1;
@@ -387,7 +387,7 @@ fn another_library_takes_over_in_silence_and_one_that_is_not_there_or_fails_does
     );
     assert_eq!(stylus.storage.slots().active, None);
     assert!(stylus.activate(slot).is_ok());
-    plays(&stylus, play_request("texture 0"));
+    plays(&stylus, &play_request("texture 0"));
 }
 
 #[test]
@@ -530,7 +530,7 @@ fn a_request_in_the_middle_of_an_activation_is_refused_and_does_not_disturb_it()
     // Beside those of the check of the bytes, those of the copy in pieces of 8 KB.
     let fewest = second.len() / 4096 + second.len() / 8192;
     assert!(waits >= fewest, "{waits} waits, {fewest} are due");
-    plays(&stylus, play_request("texture 1"));
+    plays(&stylus, &play_request("texture 1"));
 }
 
 #[test]
@@ -552,7 +552,7 @@ fn nothing_plays_until_each_setting_of_the_coil_was_set_by_someone() {
         assert!(!stylus.sounds());
     }
     assert!(missing.is_empty() && stylus.status().output.amplifier);
-    plays(&stylus, play_request("texture 0"));
+    plays(&stylus, &play_request("texture 0"));
 }
 
 #[test]
@@ -577,7 +577,7 @@ fn lost_settings_refuse_a_play_by_their_names_until_they_are_set_again_or_reset(
                 stylus.change_settings(&[default]).expect("in range");
             }
         }
-        plays(&stylus, play_request("texture 0"));
+        plays(&stylus, &play_request("texture 0"));
     }
 }
 
@@ -588,7 +588,7 @@ fn an_open_force_sensor_is_silence_with_its_name_and_a_host_plays_on() {
         motion: MotionSource::Sensors,
         ..play_request("texture 0")
     };
-    plays(&stylus, by_sensors);
+    plays(&stylus, &by_sensors);
     stylus.hardware().hand.is_open = true;
     stylus.run(STALE_AFTER_MS + 50);
     assert!(!stylus.sounds());
@@ -598,7 +598,7 @@ fn an_open_force_sensor_is_silence_with_its_name_and_a_host_plays_on() {
     assert!(stylus.sounds());
     // Motion of the host needs no sensor.
     stylus.hardware().hand.is_open = true;
-    plays(&stylus, play_request("texture 0"));
+    plays(&stylus, &play_request("texture 0"));
     assert_eq!(mute(&stylus), []);
 }
 
@@ -626,7 +626,7 @@ fn nothing_begins_to_play_while_settings_are_stored_and_what_begins_after_has_it
     assert!(asked.iter().all(is_busy), "{asked:?}");
     stylus.run(50);
     assert!(stylus.hardware().playing.is_none());
-    plays(&stylus, quiet.clone());
+    plays(&stylus, &quiet);
     let settings = stylus.control.borrow().settings();
     let config = stylus.hardware().config;
     assert_eq!(config, Config::new(&settings, quiet.gain));

@@ -17,7 +17,6 @@ use host_tools::fit::{Estimator, ExcitationChoice, ModulationChoice, Order};
 use host_tools::recording::RecordingSet;
 use host_tools::recording::triage::{SILENCE_FLOOR_M_S2, Verdict};
 use host_tools::support::error::{Error, Result};
-use host_tools::texture::quantise::StructureChoice;
 use host_tools::texture::summary::TextureSummary;
 use host_tools::texture::theta::{self, ThetaChoice};
 use model_format::SAMPLE_RATE_HZ;
@@ -31,9 +30,9 @@ use report::{FitReport, energy_kept, excitations, given_up, lines_found, show_ve
 
 use crate::cli::input::{Recordings, not_negative, positive, tolerance};
 use crate::cli::inspect::texture_table;
-use crate::cli::library_file::decode_library;
 use crate::cli::output::{note, print, print_json};
 use crate::cli::overwrite::Overwrite;
+use host_tools::texture::library::decode_library;
 
 /// The table's cores, as the command line names them.
 #[derive(Clone, Copy, clap::ValueEnum)]
@@ -74,10 +73,7 @@ pub struct Arguments {
     /// Estimator of the autocorrelation
     #[arg(long, value_enum, default_value = "auto")]
     estimator: Estimator,
-    /// Filter structure that the stylus runs
-    #[arg(long, value_enum, default_value = "lattice")]
-    structure: StructureChoice,
-    /// Bytes of a lattice's θ: one per stage after the 32nd (compact), two (fine), or the fewest that keep every node's
+    /// Bytes of θ: one per stage after the 32nd (compact), two (fine), or the fewest that keep every node's
     /// spectrum
     #[arg(long, value_enum, default_value = "auto")]
     theta: ThetaChoice,
@@ -205,7 +201,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         core: arguments.core.into(),
     });
     let highest_order = match &budget {
-        Some(budget) => Some(budget.highest_order(arguments.structure)?),
+        Some(budget) => Some(budget.highest_order()?),
         None => None,
     };
     let options = fit::Options {
@@ -213,7 +209,6 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             budget::capped(arguments.order, highest)
         }),
         estimator: arguments.estimator,
-        structure: arguments.structure,
         theta: arguments.theta,
         reduction: arguments.reduce,
         silence_floor_m_s2: arguments.silence_floor,

@@ -14,8 +14,8 @@ use scene::scene_table;
 pub use texture::texture_table;
 use texture::{excitation_table, line_table, storage_table};
 
-use crate::cli::library_file::{decode_library, read_library};
 use crate::cli::output::{print, print_json};
+use host_tools::texture::library::{decode_library, read_library};
 
 #[derive(clap::Args)]
 pub struct Arguments {

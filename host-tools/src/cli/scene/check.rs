@@ -7,9 +7,9 @@ use serde::Serialize;
 use stylus_kernel::scene::cost;
 
 use super::source::Source;
-use crate::cli::library_file::{decode_library, read_library};
 use crate::cli::output::{print, print_json};
 use crate::cli::table::table;
+use host_tools::texture::library::{decode_library, read_library};
 
 #[derive(clap::Args)]
 pub struct Arguments {

@@ -10,9 +10,9 @@ use model_format::scene::Scene;
 use stylus_kernel::scene::cost;
 
 use super::check::headline;
-use crate::cli::library_file::{decode_library, read_library};
 use crate::cli::output::{print, warn};
 use crate::cli::overwrite::Overwrite;
+use host_tools::texture::library::{decode_library, read_library};
 
 #[derive(clap::Args)]
 pub struct Arguments {

@@ -10,13 +10,15 @@ use host_tools::support::error::Result;
 use model_format::{OutputSample, Provenance};
 
 use super::source::{Along, Source};
-use crate::cli::input::positive;
-use crate::cli::library_file::{decode_library, read_library};
 use crate::cli::output::print;
 use crate::cli::overwrite::Overwrite;
+use host_tools::texture::library::{decode_library, read_library};
 
 /// Longest duration that is drawn, s; beyond it, the columns of a spectrogram are too narrow to be seen.
 const LONGEST_S: f64 = 600.0;
+
+/// Highest frequency of the spectrogram, Hz: what a fingertip feels.
+const HIGHEST_HZ: f64 = 1000.0;
 
 #[derive(clap::Args)]
 pub struct Arguments {
@@ -29,9 +31,6 @@ pub struct Arguments {
     out: PathBuf,
     #[command(flatten)]
     overwrite: Overwrite,
-    /// Highest frequency of the spectrogram, in hertz
-    #[arg(long, value_name = "HZ", value_parser = positive, default_value_t = 1000.0)]
-    highest: f64,
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
@@ -69,7 +68,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         hand: Hand::new(&motion),
         samples_m_s2: &samples_m_s2,
         rate_hz,
-        highest_hz: arguments.highest,
+        highest_hz: HIGHEST_HZ,
     };
     plot::scene(&caption, &view)?.write(&arguments.out)?;
     print(&format!("-> {}", arguments.out.display()))

@@ -4,10 +4,10 @@ use host_tools::playing::render::{RenderSummary, Rendering, write_wav};
 use host_tools::support::error::Result;
 
 use super::source::{Along, Source};
-use crate::cli::library_file::{decode_library, read_library};
 #[cfg(feature = "device")]
 use crate::cli::pin::PinArguments;
 use crate::cli::wav_file::WavFile;
+use host_tools::texture::library::{decode_library, read_library};
 
 #[derive(clap::Args)]
 pub struct Arguments {

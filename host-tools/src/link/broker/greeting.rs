@@ -1,22 +1,20 @@
-//! The first message of either side. Its form never changes, so that any two versions understand each other.
-//!
-//! All of it: eight bytes of a mark, the version of the messages after it and the schema of the device's protocol, both
-//! in little-endian order; then a client's command, or a broker's answer as a code and its words. A text has two bytes
-//! of length.
+//! The first message of either side: a line of text whose form never changes, so that any two versions understand each
+//! other. A client's is `stylus-b MESSAGES SCHEMA COMMAND`, with the versions of the messages after it and of the
+//! device's protocol; a broker's is `stylus-b ANSWER WORDS`.
 
 use std::io;
 
 use model_format::link::SCHEMA_HASH;
 use tokio::io::{AsyncRead, AsyncReadExt};
 
-/// Mark of a broker's socket.
-const MARK: [u8; 8] = *b"stylus-b";
+/// First word of every greeting.
+const MARK: &str = "stylus-b";
 
 /// Version of the messages after the greeting.
 const VERSION: u16 = 1;
 
-/// Longest text of a greeting, bytes.
-const MAX_TEXT_BYTES: usize = 1000;
+/// Longest greeting, bytes.
+const MAX_BYTES: usize = 1100;
 
 /// Versions of a side.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -41,7 +39,6 @@ impl Versions {
 
 /// Answer of a broker.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u8)]
 pub(super) enum Answer {
     /// The client is welcome; messages follow.
     Welcome,
@@ -52,26 +49,31 @@ pub(super) enum Answer {
 }
 
 impl Answer {
-    fn from_code(code: u8) -> Option<Self> {
-        [Self::Welcome, Self::Leaves, Self::InUse]
-            .into_iter()
-            .find(|answer| *answer as u8 == code)
+    const ALL: [Self; 3] = [Self::Welcome, Self::Leaves, Self::InUse];
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Welcome => "welcome",
+            Self::Leaves => "leaves",
+            Self::InUse => "in-use",
+        }
     }
 }
 
-/// Bytes of a client's greeting.
-pub(super) fn of_client(versions: Versions, command: &str) -> Vec<u8> {
-    let mut bytes = head(versions);
-    put_text(&mut bytes, command);
-    bytes
+/// A client's greeting.
+pub(super) fn of_client(versions: Versions, command: &str) -> String {
+    let Versions { messages, schema } = versions;
+    line(&format!("{messages} {schema:016x} {command}"))
 }
 
-/// Bytes of a broker's greeting.
-pub(super) fn of_broker(answer: Answer, words: &str) -> Vec<u8> {
-    let mut bytes = head(Versions::OWN);
-    bytes.push(answer as u8);
-    put_text(&mut bytes, words);
-    bytes
+/// A broker's greeting.
+pub(super) fn of_broker(answer: Answer, words: &str) -> String {
+    line(&format!("{} {words}", answer.name()))
+}
+
+fn line(text: &str) -> String {
+    let end = text.floor_char_boundary(MAX_BYTES - MARK.len() - 2);
+    format!("{MARK} {}\n", text[..end].replace('\n', " "))
 }
 
 /// Reads a client's greeting: its versions and its command.
@@ -81,8 +83,15 @@ pub(super) fn of_broker(answer: Answer, words: &str) -> Vec<u8> {
 pub(super) async fn read_client(
     reader: &mut (impl AsyncRead + Unpin),
 ) -> io::Result<(Versions, String)> {
-    let versions = read_head(reader).await?;
-    Ok((versions, read_text(reader).await?))
+    let line = read(reader).await?;
+    let mut words = line.splitn(3, ' ');
+    let mut word = || words.next().ok_or_else(unusable);
+    let (messages, schema) = (word()?, word()?);
+    let versions = Versions {
+        messages: messages.parse().map_err(|_| unusable())?,
+        schema: u64::from_str_radix(schema, 16).map_err(|_| unusable())?,
+    };
+    Ok((versions, word()?.to_owned()))
 }
 
 /// Reads a broker's greeting: its answer, and the words with it.
@@ -92,44 +101,27 @@ pub(super) async fn read_client(
 pub(super) async fn read_broker(
     reader: &mut (impl AsyncRead + Unpin),
 ) -> io::Result<(Answer, String)> {
-    read_head(reader).await?;
-    let answer = Answer::from_code(reader.read_u8().await?).ok_or_else(unusable)?;
-    Ok((answer, read_text(reader).await?))
+    let line = read(reader).await?;
+    let (name, words) = line.split_once(' ').ok_or_else(unusable)?;
+    let answer = Answer::ALL.into_iter().find(|answer| answer.name() == name);
+    Ok((answer.ok_or_else(unusable)?, words.to_owned()))
 }
 
-fn head(versions: Versions) -> Vec<u8> {
-    let mut bytes = MARK.to_vec();
-    bytes.extend(versions.messages.to_le_bytes());
-    bytes.extend(versions.schema.to_le_bytes());
-    bytes
-}
-
-async fn read_head(reader: &mut (impl AsyncRead + Unpin)) -> io::Result<Versions> {
-    let mut mark = [0; MARK.len()];
-    reader.read_exact(&mut mark).await?;
-    if mark != MARK {
-        return Err(unusable());
+/// Reads a line, and nothing after it, and gives what follows its mark.
+async fn read(reader: &mut (impl AsyncRead + Unpin)) -> io::Result<String> {
+    let mut bytes = Vec::new();
+    loop {
+        match reader.read_u8().await? {
+            b'\n' => break,
+            byte if bytes.len() < MAX_BYTES => bytes.push(byte),
+            _ => return Err(unusable()),
+        }
     }
-    Ok(Versions {
-        messages: reader.read_u16_le().await?,
-        schema: reader.read_u64_le().await?,
-    })
-}
-
-fn put_text(bytes: &mut Vec<u8>, text: &str) {
-    let end = text.floor_char_boundary(MAX_TEXT_BYTES);
-    bytes.extend((end as u16).to_le_bytes());
-    bytes.extend(&text.as_bytes()[..end]);
-}
-
-async fn read_text(reader: &mut (impl AsyncRead + Unpin)) -> io::Result<String> {
-    let length = usize::from(reader.read_u16_le().await?);
-    if length > MAX_TEXT_BYTES {
-        return Err(unusable());
-    }
-    let mut text = vec![0; length];
-    reader.read_exact(&mut text).await?;
-    String::from_utf8(text).map_err(|_| unusable())
+    let line = String::from_utf8(bytes).map_err(|_| unusable())?;
+    let rest = line
+        .strip_prefix(MARK)
+        .and_then(|rest| rest.strip_prefix(' '));
+    rest.map(str::to_owned).ok_or_else(unusable)
 }
 
 fn unusable() -> io::Error {
@@ -143,22 +135,26 @@ mod tests {
     #[tokio::test]
     async fn greetings_are_read_as_they_were_written_and_nothing_else_is_one() {
         let bytes = of_client(Versions::OWN, "play");
-        let read = read_client(&mut bytes.as_slice()).await.unwrap();
+        let read = read_client(&mut bytes.as_bytes()).await.unwrap();
         assert_eq!(read, (Versions::OWN, "play".to_owned()));
-        for answer in [Answer::Welcome, Answer::Leaves, Answer::InUse] {
+        for answer in Answer::ALL {
             let bytes = of_broker(answer, "näher");
-            let read = read_broker(&mut bytes.as_slice()).await.unwrap();
+            let read = read_broker(&mut bytes.as_bytes()).await.unwrap();
             assert_eq!(read, (answer, "näher".to_owned()));
         }
-        let long = of_client(Versions::OWN, &"ä".repeat(MAX_TEXT_BYTES));
-        let (_, text) = read_client(&mut long.as_slice()).await.unwrap();
-        assert_eq!(text, "ä".repeat(MAX_TEXT_BYTES / 2));
+        let long = of_broker(Answer::InUse, &"ä".repeat(MAX_BYTES));
+        assert!(read_broker(&mut long.as_bytes()).await.is_ok());
         for end in 0..bytes.len() {
-            assert!(read_client(&mut &bytes[..end]).await.is_err());
+            assert!(read_client(&mut &bytes.as_bytes()[..end]).await.is_err());
         }
-        assert!(read_client(&mut [0x5a; 64].as_slice()).await.is_err());
-        let mut unknown = of_broker(Answer::InUse, "");
-        unknown[MARK.len() + 10] = 3;
-        assert!(read_broker(&mut unknown.as_slice()).await.is_err());
+        for wrong in [
+            "stylus-b later \n",
+            "stylus 1 2 play\n",
+            "stylus-b 1 x play\n",
+        ] {
+            assert!(read_broker(&mut wrong.as_bytes()).await.is_err());
+            assert!(read_client(&mut wrong.as_bytes()).await.is_err());
+        }
+        assert!(read_client(&mut [0x5a; 2000].as_slice()).await.is_err());
     }
 }

@@ -174,7 +174,7 @@ async fn greet(
     let process = stream.peer_cred().ok().and_then(|peer| peer.pid());
     let answer = async {
         stream
-            .write_all(&greeting::of_client(versions, command))
+            .write_all(greeting::of_client(versions, command).as_bytes())
             .await?;
         greeting::read_broker(stream).await
     };

@@ -1,4 +1,4 @@
-//! Messages between a broker and its clients, after the greeting.
+//! A broker's clients, and the messages between them and it, after the greeting.
 //!
 //! Each is its length, four bytes in little-endian order, and a value in postcard, as on a virtual USB.
 
@@ -9,6 +9,28 @@ use serde::{Deserialize, Serialize};
 use tokio::io::{AsyncRead, AsyncReadExt};
 
 use crate::link::virtual_usb::take;
+
+/// Number of a client, which no later one has.
+pub(super) type ClientId = u64;
+
+/// A program at the other end of the socket.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Program {
+    /// Its command.
+    pub(super) command: String,
+    /// Number of its process, if the system tells it.
+    pub(super) process: Option<i32>,
+}
+
+impl std::fmt::Display for Program {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "`stylus {}`", self.command)?;
+        match self.process {
+            Some(process) => write!(f, " (process {process})"),
+            None => Ok(()),
+        }
+    }
+}
 
 /// A message of a client.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]

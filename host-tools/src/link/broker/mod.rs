@@ -7,7 +7,6 @@
 //! | module | subject |
 //! |---|---|
 //! | `place` | the socket and the lock of a device, in the user's runtime folder |
-//! | `client` | the programs that share a link |
 //! | `greeting` | the first message of either side, which never changes its form |
 //! | `message` | messages after it |
 //! | `join` | a client's side: finds a broker, starts one where there is none, and is its client |
@@ -21,7 +20,6 @@
 //! alive. A stop reaches it from any client, before all that waits. A client that reads too slowly loses blocks of
 //! recordings, which it counts, and nobody else does.
 
-mod client;
 mod greeting;
 mod join;
 mod message;

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use model_format::link::{RecordBlock, RecordStopped};
 
-use super::client::ClientId;
+use super::message::ClientId;
 
 /// Time after which the answer to a start counts as lost.
 const START_IS_LOST: Duration = Duration::from_secs(1);

@@ -16,9 +16,8 @@ use tokio::sync::mpsc::{self, UnboundedReceiver, UnboundedSender};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::time::Instant;
 
-use super::client::{ClientId, Program};
 use super::greeting::{self, Answer, Versions};
-use super::message::{FromBroker, Messages, ToBroker};
+use super::message::{ClientId, FromBroker, Messages, Program, ToBroker};
 use super::outgoing::Outgoing;
 use super::place::{Place, unusable};
 use super::switchboard::{Action, Switchboard};
@@ -297,9 +296,10 @@ impl Broker {
         } else {
             (Answer::InUse, self.switchboard.programs())
         };
-        let bytes = greeting::of_broker(answer, &words);
+        let greeting = greeting::of_broker(answer, &words);
         // A socket that nothing was written to has room for a greeting.
-        let is_said = stream.try_write(&bytes).is_ok_and(|n| n == bytes.len());
+        let is_said = stream.try_write(greeting.as_bytes());
+        let is_said = is_said.is_ok_and(|n| n == greeting.len());
         if answer == Answer::Welcome && is_said {
             self.join(stream, program);
         }

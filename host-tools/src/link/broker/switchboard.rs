@@ -14,8 +14,8 @@ use postcard_rpc::standard_icd::{ERROR_KEY, WireError};
 use postcard_rpc::{Endpoint, Key, Topic};
 use serde::Serialize;
 
-use super::client::{ClientId, Program};
-use super::message::FromBroker;
+use super::message::{ClientId, FromBroker, Program};
+
 use super::recording::{Recording, Start, Stop};
 
 /// Urgency of a frame for the device.

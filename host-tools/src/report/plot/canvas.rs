@@ -638,8 +638,8 @@ mod tests {
             simulated: true,
         };
         let svg = picture(&caption, (300, 200), |_, _| Ok(())).unwrap();
-        let opening = "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"plot\" role=\"img\" \
-             aria-label=\"a &lt; b &amp; &quot;c&quot; (SIMULATED)\" width=\"300\" height=\"200\" \
+        let opening = "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"plot\" font-family=\"sans-serif\" \
+             role=\"img\" aria-label=\"a &lt; b &amp; &quot;c&quot; (SIMULATED)\" width=\"300\" height=\"200\" \
              viewBox=\"0 0 600 400\">";
         assert!(svg.as_str().starts_with(opening), "{}", svg.as_str());
         assert!(svg.as_str().trim_end().ends_with("</svg>"));

@@ -310,7 +310,7 @@ mod tests {
         let scale = Scale::of([32.0].into_iter());
         let svg = drawn(&[20.0, 40.0, 60.0], &[0.2, 0.4], &cells, scale).unwrap();
         let place = |text: &str| -> (i32, i32) {
-            let (before, _) = svg.as_str().split_once(&format!(">\n{text}\n<")).unwrap();
+            let (before, _) = svg.as_str().split_once(&format!(">{text}<")).unwrap();
             let element = before.rsplit('<').next().unwrap();
             let number = |name: &str| {
                 let (_, value) = element.split_once(name).unwrap();
@@ -360,7 +360,7 @@ mod tests {
         let colour = format!("fill=\"#{red:02X}{green:02X}{blue:02X}\"");
         for svg in [of([3.0, 4.0]), of([4.0, 40.0])] {
             for value in ["0.0", "20.0", "40.0"] {
-                assert!(svg.as_str().contains(&format!(">\n{value}\n<")), "{value}");
+                assert!(svg.as_str().contains(&format!(">{value}<")), "{value}");
             }
             assert!(svg.as_str().contains(&colour));
         }

@@ -156,14 +156,14 @@ fn explore_pairs(
     let beginning = Beginning::new(true);
     let mut states = 0;
     for (one, first) in REQUESTS[..PAIRED].iter().enumerate() {
-        for other in one..PAIRED {
+        for (other, second) in REQUESTS[..PAIRED].iter().enumerate().skip(one) {
             if !take(one, other) {
                 continue;
             }
             for plays in [false, true] {
                 let scenario = Scenario {
                     beginning: &beginning,
-                    lists: [&[*first], &[REQUESTS[other]]],
+                    lists: [&[*first], &[*second]],
                     plays,
                     mistake,
                 };

@@ -1,6 +1,5 @@
 //! `stylus record`
 
-mod operator;
 mod report;
 mod session;
 mod strokes;
@@ -10,9 +9,8 @@ use std::path::PathBuf;
 use host_tools::link::set::{Folder, PlannedTrial};
 use host_tools::support::error::Result;
 
-use operator::say;
 use report::RecordReport;
-use session::{Outcome, Session};
+use session::{Outcome, Session, say};
 
 use crate::cli::device::connection::Link;
 use crate::cli::device::sensing::Sensing;

@@ -15,7 +15,7 @@
 //! The pins stand at the head of [`tick::inputs`], [`tick::output`], [`link::serial`] and [`link::usb`]; LED LD1 on PB0
 //! blinks while all is well, LD3 on PB14 lights after a fault, both in turn in safe mode.
 #![no_std]
-#![no_main]
+#![cfg(all(target_arch = "arm", feature = "image"))]
 
 mod device;
 mod fault;
