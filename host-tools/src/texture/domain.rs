@@ -297,6 +297,8 @@ mod tests {
     }
 
     proptest! {
+        #![proptest_config(ProptestConfig::with_cases(24))]
+
         #[test]
         fn between_equal_neighbours_every_method_gives_them_back(
             reflection in prop::collection::vec(-0.4f64..0.4, 1..10), power in 0.01f64..10.0,

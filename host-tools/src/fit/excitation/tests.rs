@@ -294,7 +294,8 @@ fn account(fit: &Fit) -> &ExcitationReport {
     &fit.excitations[0]
 }
 
-/// Bad input of all kinds, with nothing and with everything asked for: a library that decodes, at the level of its model, or silent.
+/// Bad input of all kinds, with nothing and with everything asked for: a library that decodes, at the level of its
+/// model, or silent.
 #[test]
 fn bad_recordings_are_fitted_without_a_fault_and_at_their_level() {
     let mut impulse = vec![0.0; 12_000];

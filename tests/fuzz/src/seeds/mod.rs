@@ -1,5 +1,6 @@
 //! Seeds of the fuzzer, in a folder for each target. For the decoder they are small valid libraries,
-//! with grids of one and of several nodes and orders 0 to 400, and with every optional part; for a parser of the host, a
+//! with grids of one and of several nodes and orders 0 to 400, and with every optional part; for a parser of the host,
+//! a
 //! small file of each kind.
 
 use std::error::Error;
