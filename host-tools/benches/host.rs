@@ -15,8 +15,7 @@ use host_tools::playing::render::Rendering;
 use host_tools::playing::wavefront::Wavefront;
 use host_tools::rig::{RigFile, simulate_to_folder};
 use host_tools::texture::grid::Grid;
-use host_tools::texture::library::uncertified_library;
-use host_tools::texture::quantise::StructureChoice;
+use host_tools::texture::library::library_of;
 use model_format::{Laws, Library, MillimetresPerSecond, Newton, NodeFlags, PartsSpec};
 use stylus_kernel::arithmetic::{Arithmetic, Portable};
 use stylus_kernel::scene::Plan;
@@ -111,9 +110,9 @@ fn rendered<A: Arithmetic>() -> (f64, i64) {
         laws: Laws::default(),
         parts: PartsSpec::default(),
     };
-    let bytes = uncertified_library("bench", &grid, StructureChoice::Lattice);
+    let bytes = library_of("bench", &grid);
     let bytes = bytes.expect("the models are stable");
-    let library = Library::decode_uncertified(&bytes).expect("it was just encoded");
+    let library = Library::decode(&bytes).expect("it was just encoded");
     let plan = Plan::of_texture(library.textures().next().expect("one was encoded"));
     let rest = MotionPath::constant(MillimetresPerSecond(100.0), Newton(0.7)).expect("finite");
     let rendering = Rendering::<'_, A>::by_arithmetic(plan, &rest, RENDERED_S, 1);

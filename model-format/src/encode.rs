@@ -8,9 +8,7 @@ use crate::library::{Coefficients, Laws, Library, NodeFlags, PartsSpec, TailSpec
 use crate::limits;
 use crate::scene::Scene;
 use crate::scene::limits::MAX_SCENES;
-use crate::wire::{
-    self, CertificateRecord, NodeRecord, Prefix, Provenance, Structure, Summary, TextureRecord,
-};
+use crate::wire::{self, NodeRecord, Prefix, Provenance, Summary, TextureRecord};
 
 /// A texture to be written.
 #[derive(Clone, Debug, PartialEq)]
@@ -19,8 +17,6 @@ pub struct TextureSpec {
     pub name: alloc::string::String,
     /// Sample rate of the models, Hz.
     pub sample_rate_hz: u32,
-    /// Structure that the coefficients are for.
-    pub structure: Structure,
     /// Origin of the recordings.
     pub provenance: Provenance,
     /// Laws of the level between nodes and below the grid.
@@ -33,9 +29,6 @@ pub struct TextureSpec {
     pub force_axis_n: Vec<f32>,
     /// Models of all nodes, speed-major: all forces of the first speed come first.
     pub nodes: Vec<NodeSpec>,
-    /// Margins of a direct form's cells, see [`crate::Certificate::DirectForm`]; empty if no margin is certified.
-    /// Always empty for a lattice, whose certificate follows from its codes.
-    pub cell_margins: Vec<u8>,
 }
 
 /// A model to be written.
@@ -43,7 +36,7 @@ pub struct TextureSpec {
 pub struct NodeSpec {
     /// Variance of the model's output, (m/s²)².
     pub output_power: f32,
-    /// Variance of the white excitation of a direct form, (m/s²)².
+    /// Variance of the prediction error of the model that was fitted, (m/s²)². Nothing plays by it.
     pub prediction_error_power: f32,
     /// Origin of the node, and its remarks.
     pub flags: NodeFlags,
@@ -51,61 +44,69 @@ pub struct NodeSpec {
     pub codes: CodeSpec,
 }
 
-/// Coefficients to be written, in the structure of their texture; see [`crate::Coefficients`] for their scales.
+/// Coefficients to be written: θ of stage 1 first. [`CodeSpec::lattice`] and [`CodeSpec::fine_lattice`] make it.
 #[derive(Clone, Debug, PartialEq)]
-pub enum CodeSpec {
-    /// θ of stage 1 first. [`CodeSpec::lattice`] and [`CodeSpec::fine_lattice`] make it.
-    Lattice {
-        /// The codes, in steps of [`crate::THETA_STEP_RAD`].
-        codes: Vec<i16>,
-        /// Fractions of the first stages, in steps of [`crate::FINE_THETA_STEP_RAD`]; those of further stages are 0.
-        /// There are at most [`limits::MAX_FINE_STAGES`] up to the last that is not 0.
-        fractions: Vec<i8>,
-        /// The stages after those of `codes`. If one node of a texture has a tail, every node of more than
-        /// [`limits::MAX_FINE_STAGES`] stages has one, after so many.
-        tail: TailSpec,
-    },
-    /// h₁ first.
-    Direct16 {
-        /// Binary exponent of the whole node.
-        exponent: u8,
-        /// The codes.
-        codes: Vec<i16>,
-    },
-    /// h₁ first.
-    Direct32 {
-        /// Binary exponent of the whole node.
-        exponent: u8,
-        /// The codes.
-        codes: Vec<i32>,
-    },
+pub struct CodeSpec {
+    /// The codes, in steps of [`crate::THETA_STEP_RAD`].
+    pub codes: Vec<i16>,
+    /// Fractions of the first stages, in steps of [`crate::FINE_THETA_STEP_RAD`]; those of further stages are 0.
+    /// There are at most [`limits::MAX_FINE_STAGES`] up to the last that is not 0.
+    pub fractions: Vec<i8>,
+    /// The stages after those of `codes`. If one node of a texture has a tail, every node of more than
+    /// [`limits::MAX_FINE_STAGES`] stages has one, after so many.
+    pub tail: TailSpec,
+}
+
+impl TextureSpec {
+    /// A texture of `nodes` on this grid, mm/s and N, at [`crate::SAMPLE_RATE_HZ`]: simulated, with the usual laws and
+    /// without parts.
+    pub fn new(name: &str, speeds: &[f32], forces: &[f32], nodes: Vec<NodeSpec>) -> Self {
+        Self {
+            name: name.into(),
+            sample_rate_hz: crate::SAMPLE_RATE_HZ,
+            provenance: Provenance::Simulated,
+            laws: Laws::default(),
+            parts: PartsSpec::default(),
+            speed_axis_mm_s: speeds.to_vec(),
+            force_axis_n: forces.to_vec(),
+            nodes,
+        }
+    }
+}
+
+impl NodeSpec {
+    /// A node without remarks that is as loud as this, (m/s²)²; silent at a power of 0. Its prediction error counts as
+    /// strong as its output.
+    pub fn new(output_power: f32, codes: CodeSpec) -> Self {
+        Self {
+            output_power,
+            prediction_error_power: output_power,
+            flags: if output_power > 0.0 {
+                NodeFlags::NONE
+            } else {
+                NodeFlags::SILENT
+            },
+            codes,
+        }
+    }
+
+    /// A node that puts out nothing.
+    pub fn silent() -> Self {
+        Self::new(0.0, CodeSpec::lattice(Vec::new()))
+    }
 }
 
 impl From<Coefficients<'_>> for CodeSpec {
     /// The coefficients of a decoded node, which encode to the same bytes.
-    fn from(coefficients: Coefficients<'_>) -> Self {
-        let sixteen =
-            |codes: &[[u8; 2]]| codes.iter().map(|&code| i16::from_le_bytes(code)).collect();
-        match coefficients {
-            Coefficients::Lattice {
-                codes,
-                fractions,
-                tail,
-            } => Self::Lattice {
-                codes: sixteen(codes),
-                fractions: fractions.iter().map(|byte| byte.cast_signed()).collect(),
-                tail: TailSpec {
-                    codes: tail.codes.iter().map(|byte| byte.cast_signed()).collect(),
-                    step: tail.step,
-                },
-            },
-            Coefficients::Direct16 { exponent, codes } => Self::Direct16 {
-                exponent,
-                codes: sixteen(codes),
-            },
-            Coefficients::Direct32 { exponent, codes } => Self::Direct32 {
-                exponent,
-                codes: codes.iter().map(|&code| i32::from_le_bytes(code)).collect(),
+    fn from(stored: Coefficients<'_>) -> Self {
+        let signed = |bytes: &[u8]| bytes.iter().map(|byte| byte.cast_signed()).collect();
+        let codes = stored.codes.iter();
+        Self {
+            codes: codes.map(|&code| i16::from_le_bytes(code)).collect(),
+            fractions: signed(stored.fractions),
+            tail: TailSpec {
+                codes: signed(stored.tail.codes),
+                step: stored.tail.step,
             },
         }
     }
@@ -114,7 +115,7 @@ impl From<Coefficients<'_>> for CodeSpec {
 impl CodeSpec {
     /// A lattice of these codes, without fractions.
     pub const fn lattice(codes: Vec<i16>) -> Self {
-        Self::Lattice {
+        Self {
             codes,
             fractions: Vec::new(),
             tail: TailSpec::NONE,
@@ -136,7 +137,7 @@ impl CodeSpec {
             )
         };
         let fine = thetas.iter().take(limits::MAX_FINE_STAGES);
-        Self::Lattice {
+        Self {
             codes: thetas.iter().map(|theta| split(theta).0).collect(),
             fractions: fine.map(|theta| split(theta).1).collect(),
             tail: TailSpec::NONE,
@@ -149,96 +150,29 @@ impl CodeSpec {
     pub fn compact_lattice(thetas: &[i32], fine: usize) -> Self {
         let (before, after) = thetas.split_at(thetas.len().min(limits::MAX_FINE_STAGES));
         let mut node = Self::fine_lattice(before);
-        if let Self::Lattice {
-            fractions, tail, ..
-        } = &mut node
-        {
-            fractions.truncate(fine);
-            *tail = TailSpec::of(after);
-        }
+        node.fractions.truncate(fine);
+        node.tail = TailSpec::of(after);
         node
     }
 
-    /// θ of all stages of a lattice, stage 1 first, in steps of [`crate::FINE_THETA_STEP_RAD`]. Empty for a direct
-    /// form.
+    /// θ of all stages, stage 1 first, in steps of [`crate::FINE_THETA_STEP_RAD`].
     pub fn thetas(&self) -> impl Iterator<Item = i32> + '_ {
-        let (codes, tail) = match self {
-            Self::Lattice { codes, tail, .. } => (codes.as_slice(), Some(tail)),
-            Self::Direct16 { .. } | Self::Direct32 { .. } => (&[][..], None),
-        };
-        let fractions = self.fractions().iter().copied();
-        let both = codes.iter().zip(fractions.chain(core::iter::repeat(0)));
+        let fractions = self.fractions.iter().copied();
+        let both = self
+            .codes
+            .iter()
+            .zip(fractions.chain(core::iter::repeat(0)));
         both.map(|(&code, fraction)| theta(code, fraction))
-            .chain(tail.into_iter().flat_map(TailSpec::thetas))
-    }
-
-    fn fractions(&self) -> &[i8] {
-        match self {
-            Self::Lattice { fractions, .. } => fractions,
-            Self::Direct16 { .. } | Self::Direct32 { .. } => &[],
-        }
-    }
-
-    /// Number of a lattice's stages before its tail, and the tail.
-    fn tail(&self) -> (usize, &TailSpec) {
-        static NONE: TailSpec = TailSpec::NONE;
-        match self {
-            Self::Lattice { codes, tail, .. } => (codes.len(), tail),
-            Self::Direct16 { .. } | Self::Direct32 { .. } => (0, &NONE),
-        }
-    }
-
-    fn structure(&self) -> Structure {
-        match self {
-            Self::Lattice { .. } => Structure::NormalisedLattice,
-            Self::Direct16 { .. } => Structure::DirectForm16,
-            Self::Direct32 { .. } => Structure::DirectForm32,
-        }
-    }
-
-    fn exponent(&self) -> u8 {
-        match *self {
-            Self::Lattice { .. } => 0,
-            Self::Direct16 { exponent, .. } | Self::Direct32 { exponent, .. } => exponent,
-        }
+            .chain(self.tail.thetas())
     }
 
     fn order(&self) -> usize {
-        match self {
-            Self::Lattice { codes, tail, .. } => codes.len() + tail.codes.len(),
-            Self::Direct16 { codes, .. } => codes.len(),
-            Self::Direct32 { codes, .. } => codes.len(),
-        }
-    }
-
-    /// The lowest exponent that means of this node need, see [`Summary::exponent_of`].
-    fn needed_exponent(&self) -> u8 {
-        match self {
-            Self::Lattice { .. } => 0,
-            Self::Direct16 { exponent, codes } => {
-                let magnitudes = codes.iter().map(|code| u64::from(code.unsigned_abs()));
-                Summary::exponent_of(*exponent, magnitudes.sum::<u64>() << 16)
-            }
-            Self::Direct32 { exponent, codes } => {
-                let magnitudes = codes.iter().map(|code| u64::from(code.unsigned_abs()));
-                Summary::exponent_of(*exponent, magnitudes.sum())
-            }
-        }
+        self.codes.len() + self.tail.codes.len()
     }
 
     fn append_to(&self, bytes: &mut Vec<u8>) {
-        match self {
-            Self::Lattice { codes, tail, .. } => {
-                bytes.extend(codes.iter().flat_map(|code| code.to_le_bytes()));
-                bytes.extend(tail.codes.iter().map(|code| code.cast_unsigned()));
-            }
-            Self::Direct16 { codes, .. } => {
-                bytes.extend(codes.iter().flat_map(|code| code.to_le_bytes()));
-            }
-            Self::Direct32 { codes, .. } => {
-                bytes.extend(codes.iter().flat_map(|code| code.to_le_bytes()));
-            }
-        }
+        bytes.extend(self.codes.iter().flat_map(|code| code.to_le_bytes()));
+        bytes.extend(self.tail.codes.iter().map(|code| code.cast_unsigned()));
     }
 }
 
@@ -257,29 +191,11 @@ pub fn encode(textures: &[TextureSpec]) -> Result<Vec<u8>, DecodeError> {
 /// The bytes returned have passed [`Library::decode`].
 ///
 /// ```
-/// # use model_format::{
-/// #     CodeSpec, Laws, NodeFlags, NodeSpec, PartsSpec, Provenance, SAMPLE_RATE_HZ, Structure, TextureSpec,
-/// # };
+/// # use model_format::{CodeSpec, NodeSpec, SAMPLE_RATE_HZ, TextureSpec};
 /// use model_format::scene::{Region, Scene, SceneProblem, Surface};
 /// use model_format::{Library, Problem, encode_with_scenes};
-/// # let node = NodeSpec {
-/// #     output_power: 4.0,
-/// #     prediction_error_power: 1.0,
-/// #     flags: NodeFlags::NONE,
-/// #     codes: CodeSpec::lattice(vec![-20_000]),
-/// # };
-/// # let textures = [TextureSpec {
-/// #     name: "denim".into(),
-/// #     sample_rate_hz: SAMPLE_RATE_HZ,
-/// #     structure: Structure::NormalisedLattice,
-/// #     provenance: Provenance::Simulated,
-/// #     laws: Laws::default(),
-/// #     parts: PartsSpec::default(),
-/// #     speed_axis_mm_s: vec![100.0],
-/// #     force_axis_n: vec![1.0],
-/// #     nodes: vec![node],
-/// #     cell_margins: vec![],
-/// # }];
+/// # let node = NodeSpec::new(4.0, CodeSpec::lattice(vec![-20_000]));
+/// # let textures = [TextureSpec::new("denim", &[100.0], &[1.0], vec![node])];
 ///
 /// let name = "strip".try_into().expect("at most 48 bytes");
 /// let mut strip = Scene::of_surface(name, SAMPLE_RATE_HZ, Surface::of_texture(0));
@@ -304,27 +220,6 @@ pub fn encode_with_scenes(
 ) -> Result<Vec<u8>, DecodeError> {
     let bytes = bytes_of(textures, scenes)?;
     Library::decode(&bytes)?;
-    Ok(bytes)
-}
-
-/// As [`encode`], but direct forms need no certificate. [`Library::decode_uncertified`] reads the bytes.
-///
-/// # Errors
-/// The first fault that makes the library invalid, as decoding it would report it.
-pub fn encode_uncertified(textures: &[TextureSpec]) -> Result<Vec<u8>, DecodeError> {
-    encode_with_scenes_uncertified(textures, &[])
-}
-
-/// As [`encode_with_scenes`], but direct forms need no certificate.
-///
-/// # Errors
-/// The first fault that makes the library invalid, as decoding it would report it.
-pub fn encode_with_scenes_uncertified(
-    textures: &[TextureSpec],
-    scenes: &[Scene],
-) -> Result<Vec<u8>, DecodeError> {
-    let bytes = bytes_of(textures, scenes)?;
-    Library::decode_uncertified(&bytes)?;
     Ok(bytes)
 }
 
@@ -367,62 +262,29 @@ fn append_texture(
     let mut summary = Summary::default();
     for (number, node) in texture.nodes.iter().enumerate() {
         let place = node_place(texture, index, number);
-        let (order, structure) = (node.codes.order(), node.codes.structure());
-        if structure != texture.structure {
-            let texture = texture.structure;
-            let node = structure;
-            return Err(Problem::StructureMismatch { node, texture }.at(place));
-        }
+        let order = node.codes.order();
         if order > limits::MAX_ORDER {
             return Err(Problem::Order(order).at(place));
         }
         let record = NodeRecord {
             order: order as u16,
-            flags: node.flags.bits(),
-            exponent: node.codes.exponent(),
+            flags: u16::from(node.flags.bits()),
             output_power: node.output_power,
             prediction_error_power: node.prediction_error_power,
             offset: coefficients.len() as u32,
         };
         nodes.extend(record.bytes());
-        summary = summary.with_node(
-            record.order,
-            record.output_power,
-            node.codes.needed_exponent(),
-        );
+        summary = summary.with_node(record.order, record.output_power);
         node.codes.append_to(&mut coefficients);
     }
-    let (speed_axis, force_axis) = (
-        axis_bytes(&texture.speed_axis_mm_s),
-        axis_bytes(&texture.force_axis_n),
-    );
-    let margins = texture.cell_margins.as_slice();
-    let certificate = match texture.structure {
-        Structure::NormalisedLattice if margins.is_empty() => CertificateRecord::Lattice {
-            largest_theta: largest_theta(&texture.nodes),
-        },
-        _ if margins.is_empty() => CertificateRecord::None,
-        _ => CertificateRecord::DirectForm {
-            crc32: wire::checksum_of_strings([
-                &speed_axis,
-                &force_axis,
-                &nodes,
-                &coefficients,
-                margins,
-            ]),
-            cell_margins: margins,
-        },
-    };
     let record = TextureRecord {
         name: &texture.name,
         sample_rate_hz: texture.sample_rate_hz,
-        structure: texture.structure,
         provenance: texture.provenance,
-        speed_axis: &speed_axis,
-        force_axis: &force_axis,
+        speed_axis: &axis_bytes(&texture.speed_axis_mm_s),
+        force_axis: &axis_bytes(&texture.force_axis_n),
         nodes: &nodes,
         coefficients: &coefficients,
-        certificate,
         summary,
     };
     let malformed = |_| Problem::Malformed.at(Place::Texture(index));
@@ -440,12 +302,17 @@ fn append_parts(
     let fractions: Vec<&[i8]> = texture
         .nodes
         .iter()
-        .map(|node| node.codes.fractions())
+        .map(|node| node.codes.fractions.as_slice())
         .collect();
     let fine_theta = fine_theta::part(&fractions)
         .map_err(|(number, problem)| problem.at(node_place(texture, index, number)))?;
-    let tails = tails::part(texture.nodes.iter().map(|node| node.codes.tail()))
-        .map_err(|(number, problem)| problem.at(node_place(texture, index, number)))?;
+    let tails = tails::part(
+        texture
+            .nodes
+            .iter()
+            .map(|node| (node.codes.codes.len(), &node.codes.tail)),
+    )
+    .map_err(|(number, problem)| problem.at(node_place(texture, index, number)))?;
     let lines = texture.parts.lines.as_ref();
     let lines = lines.map(|spec| lines::content(spec, texture.nodes.len()));
     let lines = lines
@@ -477,11 +344,6 @@ fn node_place(texture: &TextureSpec, index: usize, number: usize) -> Place {
         speed: number / forces,
         force: number % forces,
     }
-}
-
-fn largest_theta(nodes: &[NodeSpec]) -> u32 {
-    let thetas = nodes.iter().flat_map(|node| node.codes.thetas());
-    thetas.map(i32::unsigned_abs).max().unwrap_or(0)
 }
 
 fn axis_bytes(values: &[f32]) -> Vec<u8> {

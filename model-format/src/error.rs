@@ -10,7 +10,7 @@ use crate::decimal::Decimal;
 use crate::limits;
 use crate::scene::SceneError;
 use crate::scene::limits::MAX_SCENES;
-use crate::wire::{FORMAT_VERSION, Structure};
+use crate::wire::FORMAT_VERSION;
 
 /// The first fault found in bytes that are no valid library, or in what was to be encoded.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
@@ -42,15 +42,6 @@ pub enum Place {
         /// Index on the force axis.
         force: usize,
     },
-    /// A cell of a texture's grid: the rectangle between neighbouring nodes.
-    Cell {
-        /// The texture.
-        texture: usize,
-        /// Index on the speed axis of the cell's lower speed.
-        speed: usize,
-        /// Index on the force axis of the cell's lower force.
-        force: usize,
-    },
     /// A scene.
     Scene(usize),
 }
@@ -67,14 +58,6 @@ impl fmt::Display for Place {
                 speed,
                 force,
             } => write!(f, "texture {texture}, node (speed {speed}, force {force})"),
-            Self::Cell {
-                texture,
-                speed,
-                force,
-            } => write!(
-                f,
-                "texture {texture}, cell from node (speed {speed}, force {force}) up"
-            ),
             Self::Scene(scene) => write!(f, "scene {scene}"),
         }
     }
@@ -133,16 +116,6 @@ pub enum Problem {
     /// A reserved field that is not zero.
     #[error("a reserved field is not zero")]
     Reserved,
-    /// A node whose coefficients are for another structure than its texture's. Only encoding can meet it.
-    #[error(
-        "coefficients for the structure \"{node}\" in a texture of the structure \"{texture}\""
-    )]
-    StructureMismatch {
-        /// Structure of the node's coefficients.
-        node: Structure,
-        /// The texture's structure.
-        texture: Structure,
-    },
     /// A texture's header that does not parse.
     #[error("the header does not parse")]
     Malformed,
@@ -174,15 +147,12 @@ pub enum Problem {
     /// Laws that hold without being stated.
     #[error("the part with the laws of the level states those that hold without it")]
     DefaultLaws,
-    /// A silent node of a texture whose levels are averaged in dB, or a direct form's node without prediction error.
+    /// A silent node of a texture whose levels are averaged in dB.
     #[error(
         "a silent node has no level in dB: give the texture the level law of power or amplitude, or leave speed 0 and \
          force 0 out of its grid"
     )]
     SilentInLogarithm,
-    /// Fractions of θ in a direct form.
-    #[error("fractions of θ in a {0}, which has none")]
-    FineStructure(Structure),
     /// Fractions of θ that are not the same number of bytes for each node, or too many.
     #[error(
         "{found} bytes of fractions of θ for {nodes} nodes; there must be 1 to {max} for each",
@@ -211,9 +181,6 @@ pub enum Problem {
         /// Number of the stage, from 1.
         stage: usize,
     },
-    /// A tail in a texture that is no lattice.
-    #[error("tails of θ in a texture of the structure \"{0}\", which has no θ")]
-    TailStructure(Structure),
     /// More or fewer bytes of steps of tails than two for each node.
     #[error("{found} bytes of steps of tails; each of the {nodes} nodes must have two")]
     TailSteps {
@@ -453,14 +420,6 @@ pub enum Problem {
         /// Highest output power of the nodes, (m/s²)².
         found: f32,
     },
-    /// A common exponent that is not the one that the nodes need.
-    #[error("it states a common exponent of {stored}, and the nodes need {found}")]
-    CommonExponent {
-        /// The stored exponent.
-        stored: u8,
-        /// Exponent that the nodes need.
-        found: u8,
-    },
     /// Bytes after the last scene; their number.
     #[error("{0} bytes are left over after the last scene")]
     LeftOver(usize),
@@ -532,7 +491,7 @@ pub enum Problem {
     Order(usize),
     /// Flags that this version does not know, all of the byte.
     #[error("unknown flags {0:#04x}")]
-    Flags(u8),
+    Flags(u16),
     /// A power that is negative, too large or not finite.
     #[error(
         "{what} power is {value} (m/s²)²; it must be finite, not negative and at most {max}",
@@ -570,68 +529,12 @@ pub enum Problem {
         /// Length that the nodes use, bytes.
         expected: usize,
     },
-    /// An exponent above the highest of the structure.
-    #[error("exponent {exponent} in a {structure}; the highest is {highest}")]
-    Exponent {
-        /// The stored exponent.
-        exponent: u8,
-        /// The texture's structure.
-        structure: Structure,
-        /// The highest exponent of the structure.
-        highest: u8,
-    },
     /// A reflection coefficient of magnitude one, whose stage would never decay.
     #[error("stage {stage} has a reflection coefficient of magnitude 1")]
     ReflectionCoefficient {
         /// Number of the stage, from 1.
         stage: usize,
     },
-    /// Coefficients with Σ|h| above [`limits::MAX_COEFFICIENT_SUM`], or 32-bit codes with Σ|code| of 2³² or more: the
-    /// kernel's sums could overflow.
-    #[error(
-        "the coefficients are too large: Σ|h| may be at most {}, and Σ|code| of 32-bit codes below 2³²",
-        limits::MAX_COEFFICIENT_SUM
-    )]
-    CoefficientSum,
-    /// A direct form without a certificate.
-    #[error(
-        "a {0} without a certificate may be unstable between its nodes: fit it again, as a lattice if need be"
-    )]
-    Uncertified(Structure),
-    /// A certificate for another structure than the texture's.
-    #[error("the certificate is not one for a {0}")]
-    CertificateKind(Structure),
-    /// A certificate whose bound on |θ| is not the nodes' own.
-    #[error(
-        "the certificate bounds |θ| by {stored} steps of π/2²⁴, and the nodes' largest is {found}"
-    )]
-    CertifiedTheta {
-        /// Bound in the certificate, in steps of [`crate::FINE_THETA_STEP_RAD`].
-        stored: u32,
-        /// Largest |θ| of the nodes.
-        found: u32,
-    },
-    /// A certificate for more or fewer cells than there are.
-    #[error("the certificate is for {found} cells where the axes span {expected}")]
-    CertifiedCells {
-        /// Number of cells that it is for.
-        found: usize,
-        /// Number of cells that the axes span.
-        expected: usize,
-    },
-    /// A certificate that was issued for other axes, nodes or coefficients.
-    #[error(
-        "the certificate is for other coefficients: checksum {computed:08x} where {stored:08x} is stored"
-    )]
-    CertificateChecksum {
-        /// CRC-32 in the certificate.
-        stored: u32,
-        /// CRC-32 of the texture's axes, nodes, coefficients and margins.
-        computed: u32,
-    },
-    /// A cell whose stability is not certified.
-    #[error("the certificate does not hold here: fit the texture as a lattice")]
-    UncertifiedCell,
 }
 
 impl Problem {

@@ -17,16 +17,12 @@ mod units;
 mod wire;
 
 #[cfg(feature = "alloc")]
-pub use encode::{
-    CodeSpec, NodeSpec, TextureSpec, encode, encode_uncertified, encode_with_scenes,
-    encode_with_scenes_uncertified,
-};
+pub use encode::{CodeSpec, NodeSpec, TextureSpec, encode, encode_with_scenes};
 pub use error::{DecodeError, Place, Problem};
 pub use library::{
-    Axis, CELL_MARGIN_STEPS_PER_OCTAVE, Certificate, Codebook, Coefficients, Decoder, Excitation,
-    FadeLaw, LEVEL_FRACTION_BITS, Laws, LevelLaw, Library, Line, Lines, MU_LAW_FRACTION_BITS,
-    Modulation, Node, NodeFlags, Outline, PartKind, Tail, Texture, UNCERTIFIED_CELL, Workspace,
-    level_amplitude, mu_law,
+    Axis, Codebook, Coefficients, Decoder, Excitation, FadeLaw, LEVEL_FRACTION_BITS, Laws,
+    LevelLaw, Library, Line, Lines, MU_LAW_FRACTION_BITS, Modulation, Node, NodeFlags, Outline,
+    PartKind, Tail, Texture, Workspace, level_amplitude, mu_law,
 };
 #[cfg(feature = "alloc")]
 pub use library::{
@@ -36,7 +32,7 @@ pub use units::{
     AdcCode, DacCode, MetresPerSecondSquared, MillimetresPerSecond, Newton, OutputSample, PlayRate,
     SAMPLE_RATE_HZ, Volt,
 };
-pub use wire::{FORMAT_VERSION, Provenance, Structure};
+pub use wire::{FORMAT_VERSION, Provenance};
 
 /// Angle of one step of a stored lattice code, rad: codes of ±2¹⁵ are ±π/2.
 ///

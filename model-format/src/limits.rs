@@ -1,6 +1,6 @@
 //! Bounds that every library keeps, so that a validator's work and a player's memory are known in advance.
 
-/// Largest order of a model: taps of the direct form, stages of the lattice.
+/// Largest order of a model: stages of its lattice.
 pub const MAX_ORDER: usize = 400;
 
 /// Size of a library slot in the stylus's flash, bytes (four 128 KiB sectors; `memory.x` holds the same figure).
@@ -78,16 +78,6 @@ pub const MAX_SAMPLE_RATE_HZ: u32 = 48_000;
 
 /// Largest output power of a node, (m/s²)²: RMS of 256 m/s², an eighth of the output's full scale.
 pub const MAX_OUTPUT_POWER: f32 = 65_536.0;
-
-/// Largest sum of magnitudes of a direct-form node's coefficients. The bound keeps the kernel's 64-bit sums from
-/// overflowing, whatever the history holds.
-pub const MAX_COEFFICIENT_SUM: u64 = 1024;
-
-/// Largest binary exponent of a direct-form node: coefficients of up to 2¹⁰ in magnitude.
-pub const MAX_EXPONENT: u8 = 10;
-
-/// Bound that every Σ|code| of a direct form's 32-bit codes stays below, in a node and in every mean of nodes.
-pub const CODE_SUM_LIMIT: u64 = 1 << 32;
 
 /// Most bytes of a checksum, or of nodes with their coefficients, that one step of [`crate::Decoder`] takes up. A step
 /// ends with the node that reaches it.

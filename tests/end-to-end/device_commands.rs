@@ -5,14 +5,8 @@ use std::process::Command;
 use crate::support::{Bench, PLAY, interrupt, json, text, wait_for};
 use fake_stylus::library::{announcement, library};
 use fake_stylus::{FakeStylus, Hand};
-use host_tools::dsp::model::Model;
 use host_tools::link::{Device, Timeouts};
-use host_tools::texture::certificate::certified;
-use host_tools::texture::grid::Grid;
-use host_tools::texture::library::texture_spec;
-use host_tools::texture::quantise::StructureChoice;
 use model_format::link::UploadChunk;
-use model_format::{Laws, NodeFlags, PartsSpec, Provenance, encode};
 use serde_json::Value;
 
 /// A stylus with an active library of one texture, and a folder with the library in it.
@@ -489,57 +483,6 @@ fn what_the_device_refuses_is_told_in_its_words_and_what_was_there_stays() {
     assert_eq!(status(), before);
     let set = json(&bench.succeed(&format!("settings get hard-limit --json --link {link}")));
     assert_eq!(set[0]["value"], 0.5);
-}
-
-/// Libraries of one direct form, `silk`, of four nodes: one with the margin that was proved, and the same one with a
-/// certificate that claims more.
-fn honest_and_forged() -> [Vec<u8>; 2] {
-    let node = |angle: f64| Model {
-        reflection: vec![angle.sin(), 0.9],
-        output_power: 1.0,
-        flags: NodeFlags::NONE,
-    };
-    let grid = Grid {
-        speeds_mm_s: vec![50.0, 150.0],
-        forces_n: vec![0.5, 1.0],
-        models: [-1.2, -1.1, -1.0, -0.9].map(node).to_vec(),
-        laws: Laws::default(),
-        parts: PartsSpec::default(),
-    };
-    let spec = texture_spec(
-        "silk",
-        Provenance::Simulated,
-        &grid,
-        StructureChoice::Direct,
-    );
-    let honest = certified(spec.unwrap()).unwrap();
-    let mut forged = honest.clone();
-    // The byte that claims most.
-    forged.cell_margins.fill(0);
-    assert_ne!(honest.cell_margins, forged.cell_margins);
-    [honest, forged].map(|spec| encode(&[spec]).unwrap())
-}
-
-#[test]
-fn a_forged_certificate_of_a_direct_form_is_refused_before_anything_is_sent() {
-    let (stylus, bench) = (FakeStylus::start(), Bench::new());
-    let link = stylus.link();
-    let [honest, forged] = honest_and_forged();
-    bench.write("honest.lib", honest);
-    bench.write("forged.lib", forged);
-    let message = bench.refuse(&format!("upload forged.lib --link {link}"));
-    for words in [
-        "forged.lib: a stylus would refuse the library",
-        "'silk' is nearer to unstable than its certificate claims",
-    ] {
-        assert!(message.contains(words), "{message}");
-    }
-    assert_eq!((stylus.connections(), stylus.take_heard().len()), (0, 0));
-    // The stylus finds the same where this computer does not look.
-    let message = bench.refuse(&format!("upload forged.lib --unchecked --link {link}"));
-    assert!(message.contains("nearer to unstable"), "{message}");
-    assert_eq!(stylus.count("stylus/upload/commit"), 1);
-    bench.succeed(&format!("upload honest.lib --link {link}"));
 }
 
 #[test]

@@ -7,7 +7,6 @@ use host_tools::fit::{Estimator, Order};
 use host_tools::playing::motion::MotionPath;
 use host_tools::playing::render::render;
 use host_tools::recording::RecordingSet;
-use host_tools::texture::quantise::StructureChoice;
 use model_format::{Library, MillimetresPerSecond, Newton};
 use realfft::num_complex::Complex;
 
@@ -69,35 +68,31 @@ fn bands_come_back_within_one_decibel_and_the_level_within_a_fifth() {
         let bench = Bench::new();
         bench.write("process.wav", wav(&[&signal], RATE_HZ));
         let set = RecordingSet::open(&[bench.path("process.wav")]).unwrap();
-        for structure in [StructureChoice::Lattice, StructureChoice::Direct] {
-            for order in [Order::Auto, Order::Fixed(400)] {
-                let options = fit::Options {
-                    order,
-                    structure,
-                    ..fit::Options::default()
-                };
-                let fit = fit::fit(&set, &options, || ()).unwrap();
-                let bytes = model_format::encode(&fit.specs).unwrap();
-                let library = Library::decode(&bytes).unwrap();
-                let texture = library.textures().next().unwrap();
-                let motion =
-                    MotionPath::constant(MillimetresPerSecond(100.0), Newton(1.0)).unwrap();
-                let rendered = render(texture, &motion, SECONDS + 1.0, 7).unwrap();
-                assert_eq!(rendered.saturations, 0);
-                let played = rendered.accelerations_m_s2().split_off(RATE_HZ as usize);
-                let case = format!("{name}, {structure:?}, {order:?}");
+        for order in [Order::Auto, Order::Fixed(400)] {
+            let options = fit::Options {
+                order,
+                ..fit::Options::default()
+            };
+            let fit = fit::fit(&set, &options, || ()).unwrap();
+            let bytes = model_format::encode(&fit.specs).unwrap();
+            let library = Library::decode(&bytes).unwrap();
+            let texture = library.textures().next().unwrap();
+            let motion = MotionPath::constant(MillimetresPerSecond(100.0), Newton(1.0)).unwrap();
+            let rendered = render(texture, &motion, SECONDS + 1.0, 7).unwrap();
+            assert_eq!(rendered.saturations, 0);
+            let played = rendered.accelerations_m_s2().split_off(RATE_HZ as usize);
+            let case = format!("{name}, {order:?}");
 
-                let mean_square = |x: &[f64]| x.iter().map(|x| x * x).sum::<f64>() / x.len() as f64;
-                let level = decibels(mean_square(&played) / mean_square(&signal));
-                assert!(level.abs() < 0.2, "{case}: level {level} dB");
+            let mean_square = |x: &[f64]| x.iter().map(|x| x * x).sum::<f64>() / x.len() as f64;
+            let level = decibels(mean_square(&played) / mean_square(&signal));
+            assert!(level.abs() < 0.2, "{case}: level {level} dB");
 
-                let bands = band_powers(&played, f64::from(RATE_HZ));
-                for (band, power) in bands.into_iter().enumerate() {
-                    let (low_hz, high_hz) = band_edges_hz(band);
-                    let expected = 0.05f64.powi(2) * power_between(&a, low_hz, high_hz);
-                    let error = decibels(power / expected);
-                    assert!(error.abs() < 1.0, "{case}: {low_hz:.0} Hz band {error} dB");
-                }
+            let bands = band_powers(&played, f64::from(RATE_HZ));
+            for (band, power) in bands.into_iter().enumerate() {
+                let (low_hz, high_hz) = band_edges_hz(band);
+                let expected = 0.05f64.powi(2) * power_between(&a, low_hz, high_hz);
+                let error = decibels(power / expected);
+                assert!(error.abs() < 1.0, "{case}: {low_hz:.0} Hz band {error} dB");
             }
         }
     }

@@ -140,7 +140,8 @@ fn every_signal_becomes_a_library_and_what_is_wrong_with_it_is_said() {
     }
     bench.write("set/trials.csv", list);
     let report = bench.succeed("fit set --out a.lib --order 400 --json");
-    assert!(!report.contains("NaN") && !report.contains("null"));
+    let numbers = report.replace("\"speed_scatter\": null", "");
+    assert!(!numbers.contains("NaN") && !numbers.contains("null"));
     let report: Value = serde_json::from_str(&report).unwrap();
     let warnings = report["warnings"].to_string();
     for (index, (name, signal, said)) in signals().iter().enumerate() {

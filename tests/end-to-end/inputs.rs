@@ -457,6 +457,7 @@ fn every_table_is_read_in_every_dialect() {
 
     let answers = "trial,pair,a,b,x,answer,correct,replays,seconds,page,origin\n\
                    1,p,recording,fitted,fitted,B,1,0,12.5,0f,recorded\n";
+    let bench = bench.careful();
     let mut scores = Vec::new();
     for answers in dialects(answers) {
         bench.write("answers.csv", answers);

@@ -3,8 +3,7 @@
 
 use crate::support::{Bench, RATE_HZ, all_pole, json, noise, wav};
 use model_format::{
-    CodebookSpec, ExcitationSpec, Library, ModulationSpec, PartsSpec, TextureSpec,
-    encode_uncertified,
+    CodebookSpec, ExcitationSpec, Library, ModulationSpec, PartsSpec, TextureSpec, encode,
 };
 use serde_json::Value;
 
@@ -98,7 +97,7 @@ fn bench() -> Bench {
         lines: None,
     };
     for (name, parts) in [("plain.lib", PartsSpec::default()), ("fed.lib", parts)] {
-        let bytes = encode_uncertified(&[TextureSpec {
+        let bytes = encode(&[TextureSpec {
             parts,
             ..spec.clone()
         }]);

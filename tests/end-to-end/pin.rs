@@ -7,8 +7,8 @@ use host_tools::playing::motion::MotionPath;
 use host_tools::playing::pin::{Pin, RATE_HZ as PIN_HZ, settings};
 use host_tools::playing::render::render;
 use model_format::{
-    CodeSpec, Laws, Library, MillimetresPerSecond, Newton, NodeFlags, NodeSpec, OutputSample,
-    PartsSpec, PlayRate, Provenance, Structure, TextureSpec, encode,
+    CodeSpec, Library, MillimetresPerSecond, Newton, NodeFlags, NodeSpec, OutputSample, PlayRate,
+    TextureSpec, encode,
 };
 use realfft::{RealFftPlanner, RealToComplex};
 
@@ -166,16 +166,8 @@ fn texture(reflection: &[f64]) -> Vec<f64> {
         codes: CodeSpec::lattice(codes),
     };
     let bytes = encode(&[TextureSpec {
-        name: "texture".into(),
         sample_rate_hz: RATE_HZ,
-        structure: Structure::NormalisedLattice,
-        provenance: Provenance::Simulated,
-        laws: Laws::default(),
-        parts: PartsSpec::default(),
-        speed_axis_mm_s: vec![100.0],
-        force_axis_n: vec![1.0],
-        nodes: vec![node],
-        cell_margins: Vec::new(),
+        ..TextureSpec::new("texture", &[100.0], &[1.0], vec![node])
     }])
     .unwrap();
     let library = Library::decode(&bytes).unwrap();

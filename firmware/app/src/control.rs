@@ -187,8 +187,6 @@ pub struct Control<D> {
     settings_state: SettingsState,
     active: Option<(SlotId, SlotInfo)>,
     upload: UploadState,
-    /// Number of requests to abort that wait for the storage.
-    aborts: usize,
     lease: Lease,
     proposals: Proposals,
     /// The link that began the recording.
@@ -213,7 +211,6 @@ impl<D: Device> Control<D> {
             settings_state,
             active: None,
             upload: UploadState::Idle,
-            aborts: 0,
             lease: Lease::new(),
             proposals: Proposals::new(),
             listener: LinkId::Serial,
@@ -515,21 +512,6 @@ impl<D: Device> Control<D> {
     /// Sets the progress of the upload, for the status.
     pub fn set_upload(&mut self, upload: UploadState) {
         self.upload = upload;
-    }
-
-    /// Notes a request to abort that waits for the storage, which ends a proof for it.
-    pub fn expect_abort(&mut self) {
-        self.aborts += 1;
-    }
-
-    /// Notes that the storage serves a request to abort.
-    pub fn end_abort(&mut self) {
-        self.aborts = self.aborts.saturating_sub(1);
-    }
-
-    /// Returns true while a request to abort waits for the storage.
-    pub fn is_abort_waiting(&self) -> bool {
-        self.aborts > 0
     }
 
     /// Fades out and stops, so that the library can be exchanged once [`Control::may_exchange`] is true.

@@ -237,7 +237,6 @@ impl<'a, S: Stage, L: Link> Request<'a, S, L> {
         job: impl FnOnce(T) -> Option<Job>,
     ) -> Result<Answered, WireError> {
         let job = job(self.read()?).ok_or(WireError::DeserFailed)?;
-        let is_abort = matches!(job, Job::UploadAbort);
         let queued = QueuedJob {
             from: self.link.id(),
             sequence: self.sequence,
@@ -245,9 +244,6 @@ impl<'a, S: Stage, L: Link> Request<'a, S, L> {
         };
         if !self.link.queue(queued) {
             return Err(WireError::FailedToSpawn);
-        }
-        if is_abort {
-            self.stage.with_control(Control::expect_abort);
         }
         Ok(None)
     }

@@ -21,7 +21,6 @@ impl Stopwatch {
                 erase_us: 0,
                 program_us: 0,
                 check_us: 0,
-                proof_us: 0,
                 wait_us: 0,
                 sectors: 0,
                 words: 0,
@@ -54,7 +53,6 @@ impl Stopwatch {
                 &mut self.times.program_us
             }
             Step::Check => &mut self.times.check_us,
-            Step::Proof => &mut self.times.proof_us,
         };
         *sum = sum.saturating_add(took_us);
     }
@@ -86,14 +84,12 @@ mod tests {
         watch = watch.resumed_at(2_500);
         watch.end(Step::Program { words: 16 }, 4_500);
         watch = watch.resumed_at(5_000);
-        watch.end(Step::Proof, 5_001);
         watch.end(Step::Program { words: 1 }, 5_101);
         let times = watch.times_at(5_101);
         let expected = UploadTimes {
             erase_us: 1_000,
-            program_us: 2_100,
+            program_us: 2_101,
             check_us: 10,
-            proof_us: 1,
             wait_us: 990,
             sectors: 1,
             words: 17,

@@ -4,21 +4,19 @@
 //! rest of the device; the image implements it by its [`crate::control::Control`] behind a lock that is never held
 //! across a wait. Whatever takes long is done in bounded steps, between which other tasks have their turn.
 
-use core::ops::ControlFlow;
-
 use embassy_futures::yield_now;
 use embedded_storage_async::nor_flash::NorFlash;
 use model_format::link::{
-    ActivateError, Activated, LinkId, ListError, ListRequest, ProposalToken, Proving, SceneInfo,
-    Settings, SettingsChange, SettingsError, SlotId, SlotInfo, SlotState, Slots, TextureInfo,
-    UploadBegin, UploadChunk, UploadCommitted, UploadError, UploadProgress, UploadState,
+    ActivateError, Activated, LinkId, ListError, ListRequest, ProposalToken, SceneInfo, Settings,
+    SettingsChange, SettingsError, SlotId, SlotInfo, SlotState, Slots, TextureInfo, UploadBegin,
+    UploadChunk, UploadCommitted, UploadError, UploadProgress, UploadState,
 };
 
 use crate::control::{Control, Device, LoadFault};
 use crate::settings::SettingsStore;
-use crate::slots::{MappedFlash, NotProved, SlotStore};
+use crate::slots::{MappedFlash, SlotStore};
 use crate::stopwatch::Stopwatch;
-use crate::upload::{CommitEvent, Uploader};
+use crate::upload::Uploader;
 
 /// The rest of the device, as requests and storage see it.
 pub trait Stage {
@@ -129,7 +127,6 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
     ) -> Result<Activated, ActivateError> {
         self.slots.scan_once().await;
         let library = self.playable(slot)?;
-        self.prove(stage, slot).await?;
         stage.with_control(Control::begin_activation)?;
         let result = self.exchange(stage, slot, library).await;
         stage.with_control(|control| control.end_activation(self.loaded));
@@ -146,23 +143,6 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
             }),
             SlotState::Empty | SlotState::Receiving => Err(ActivateError::NoLibrary { slot }),
         }
-    }
-
-    /// Proves the direct forms of the library in `slot`, unless it was done before. What is played goes on.
-    async fn prove(&mut self, stage: &mut impl Stage, slot: SlotId) -> Result<(), ActivateError> {
-        let may_write = !stage.with_control(|control| control.is_supply_low());
-        let told = |permille| {
-            stage.with_control(|control| {
-                control.set_upload(UploadState::Proving(Proving { slot, permille }));
-            });
-            unless_aborted(stage)
-        };
-        let proved = self.slots.prove(slot, may_write, told).await;
-        stage.with_control(|control| control.set_upload(self.uploader.state()));
-        proved.map_err(|reason| match reason {
-            NotProved::Fault(fault) => ActivateError::Faulty { slot, fault },
-            NotProved::CalledOff => ActivateError::Aborted { slot },
-        })
     }
 
     async fn exchange(
@@ -251,16 +231,8 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
     ) -> Result<UploadCommitted, UploadError> {
         supplied(stage)?;
         self.stopwatch = self.stopwatch.resumed_at(stage.now_us());
-        let told = |event| {
-            match event {
-                CommitEvent::State(state) => {
-                    stage.with_control(|control| control.set_upload(state));
-                }
-                CommitEvent::Ended(step) => self.stopwatch.end(step, stage.now_us()),
-            }
-            unless_aborted(stage)
-        };
-        let result = self.uploader.commit_telling(&mut self.slots, told).await;
+        let ended = |step| self.stopwatch.end(step, stage.now_us());
+        let result = self.uploader.commit_telling(&mut self.slots, ended).await;
         stage.with_control(|control| control.set_upload(self.uploader.state()));
         result.map(|committed| UploadCommitted {
             times: self.stopwatch.times_at(stage.now_us()),
@@ -268,12 +240,11 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
         })
     }
 
-    /// Serves `UploadAbortEndpoint`. From when it was queued, it ends each proof that it would wait for.
+    /// Serves `UploadAbortEndpoint`.
     ///
     /// # Errors
     /// None; the endpoint's type leaves room for one.
     pub fn upload_abort(&mut self, stage: &mut impl Stage) -> Result<UploadState, UploadError> {
-        stage.with_control(Control::end_abort);
         self.uploader.abort(&mut self.slots);
         stage.with_control(|control| control.set_upload(self.uploader.state()));
         Ok(self.uploader.state())
@@ -303,15 +274,6 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
         let (settings, state) = (self.settings.settings(), self.settings.state());
         stage.with_control(|control| control.end_configuration(settings, state));
         result
-    }
-}
-
-/// Ends a proof, which may take minutes, if an abort waits for it.
-fn unless_aborted(stage: &impl Stage) -> ControlFlow<()> {
-    if stage.with_control(|control| control.is_abort_waiting()) {
-        ControlFlow::Break(())
-    } else {
-        ControlFlow::Continue(())
     }
 }
 

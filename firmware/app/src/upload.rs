@@ -5,18 +5,14 @@
 //! call that is refused leaves the upload as it was. An upload never touches the active slot, and never the last
 //! library that can be read unless it asks for that.
 
-use core::ops::ControlFlow;
-
 use model_format::limits::MAX_LIBRARY_BYTES;
 use model_format::link::{
-    CHUNK_ALIGN, MAX_CHUNK_BYTES, Proving, SlotFault, SlotId, UploadBegin, UploadChunk,
-    UploadCommitted, UploadError, UploadProgress, UploadState, UploadTimes,
+    CHUNK_ALIGN, MAX_CHUNK_BYTES, SlotFault, SlotId, UploadBegin, UploadChunk, UploadCommitted,
+    UploadError, UploadProgress, UploadState, UploadTimes,
 };
 
 use crate::flash::WORD_BYTES;
-use crate::slots::{
-    Claim, LastLibrary, MappedFlash, SealEvent, SealFault, SlotStore, Step, WriteFault,
-};
+use crate::slots::{Claim, LastLibrary, MappedFlash, SealFault, SlotStore, Step, WriteFault};
 
 const _: () =
     assert!(CHUNK_ALIGN.is_multiple_of(WORD_BYTES) && MAX_CHUNK_BYTES.is_multiple_of(CHUNK_ALIGN));
@@ -25,15 +21,6 @@ const _: () =
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Uploader {
     upload: Option<Upload>,
-}
-
-/// An event of a commit.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum CommitEvent {
-    /// The upload has another state.
-    State(UploadState),
-    /// A step has ended.
-    Ended(Step),
 }
 
 /// Progress of an upload.
@@ -169,24 +156,22 @@ impl Uploader {
     ///
     /// # Errors
     /// No upload is under way, or it is not complete. Any other error ends the upload: the bytes are not those
-    /// announced, or not a library, or have a direct form that is not proved stable, or the flash fails.
+    /// announced, or not a library, or the flash fails.
     pub async fn commit<F: MappedFlash>(
         &mut self,
         store: &mut SlotStore<F>,
     ) -> Result<UploadCommitted, UploadError> {
-        self.commit_telling(store, |_| ControlFlow::Continue(()))
-            .await
+        self.commit_telling(store, |_| ()).await
     }
 
-    /// As [`Uploader::commit`]; `told` gets the progress of the proof of direct forms, and each step of the commit. It
-    /// may end the proof, and the upload with it. The answer has no times.
+    /// As [`Uploader::commit`]; `ended` gets each step of the commit. The answer has no times.
     ///
     /// # Errors
-    /// As [`Uploader::commit`], or `told` has ended the proof.
+    /// As [`Uploader::commit`].
     pub async fn commit_telling<F: MappedFlash>(
         &mut self,
         store: &mut SlotStore<F>,
-        mut told: impl FnMut(CommitEvent) -> ControlFlow<()>,
+        ended: impl FnMut(Step),
     ) -> Result<UploadCommitted, UploadError> {
         let Upload {
             begin,
@@ -202,19 +187,10 @@ impl Uploader {
             });
         }
         self.end(store);
-        let told = |event| {
-            told(match event {
-                SealEvent::Proving { permille } => {
-                    CommitEvent::State(UploadState::Proving(Proving { slot, permille }))
-                }
-                SealEvent::Ended(step) => CommitEvent::Ended(step),
-            })
-        };
-        let sealed = store.seal(claim, length, crc32, told).await;
+        let sealed = store.seal(claim, length, crc32, ended).await;
         let library = sealed.map_err(|fault| match fault {
             SealFault::Bytes(fault) => bytes_error(slot, fault),
             SealFault::Write(fault) => UploadFault::from(fault).0,
-            SealFault::CalledOff => UploadError::Aborted,
         })?;
         Ok(UploadCommitted {
             slot,
@@ -312,7 +288,6 @@ fn bytes_error(slot: SlotId, fault: SlotFault) -> UploadError {
     match fault {
         SlotFault::Checksum { expected, found } => UploadError::Checksum { expected, found },
         SlotFault::Invalid { reason } => UploadError::Invalid { reason },
-        SlotFault::Unproved { reason } => UploadError::Unproved { reason },
         SlotFault::Unreadable { offset } => UploadError::Flash {
             slot,
             operation: model_format::link::FlashOperation::Read,

@@ -1,4 +1,4 @@
-//! A synthesis structure of one's own beside the lattice and the direct form, by the kernel's public interface: the
+//! A synthesis structure of one's own beside the lattice, by the kernel's public interface: the
 //! coupled form of a resonator (Gold and Rader, *Effects of parameter quantization on the poles of a digital
 //! filter*, 1967), for textures of two stages with a pair of complex poles.
 //!
@@ -16,8 +16,8 @@
 //!     cargo run --locked -p stylus-kernel --example custom_structure
 
 use model_format::{
-    CodeSpec, DecodeError, Laws, Library, MillimetresPerSecond, Newton, NodeFlags, NodeSpec,
-    OutputSample, PartsSpec, Provenance, SAMPLE_RATE_HZ, Structure, Texture, TextureSpec, encode,
+    CodeSpec, DecodeError, Library, MillimetresPerSecond, Newton, NodeSpec, OutputSample,
+    SAMPLE_RATE_HZ, Texture, TextureSpec, encode,
 };
 use stylus_kernel::excitation::{self, Excitation};
 use stylus_kernel::grid::{GridPoint, ONE};
@@ -165,25 +165,10 @@ pub fn library() -> Result<Vec<u8>, DecodeError> {
             radius * radius,
         ];
         let code = |k: f64| (k.asin() / std::f64::consts::FRAC_PI_2 * 32_768.0).round() as i16;
-        NodeSpec {
-            output_power: power,
-            prediction_error_power: power * k.iter().map(|k| 1.0 - k * k).product::<f64>() as f32,
-            flags: NodeFlags::NONE,
-            codes: CodeSpec::lattice(k.map(code).to_vec()),
-        }
+        NodeSpec::new(power, CodeSpec::lattice(k.map(code).to_vec()))
     };
-    encode(&[TextureSpec {
-        name: "bell".into(),
-        sample_rate_hz: SAMPLE_RATE_HZ,
-        structure: Structure::NormalisedLattice,
-        provenance: Provenance::Simulated,
-        laws: Laws::default(),
-        parts: PartsSpec::default(),
-        speed_axis_mm_s: vec![50.0, 150.0],
-        force_axis_n: vec![1.0],
-        nodes: vec![node(300.0, 1.0), node(500.0, 9.0)],
-        cell_margins: vec![],
-    }])
+    let nodes = vec![node(300.0, 1.0), node(500.0, 9.0)];
+    encode(&[TextureSpec::new("bell", &[50.0, 150.0], &[1.0], nodes)])
 }
 
 /// Root mean square of `samples`, m/s².

@@ -6,29 +6,10 @@ use core::sync::atomic::{Ordering, compiler_fence};
 
 use crate::fixed::high_word_toward_zero;
 use crate::rotation::Rotation;
-use crate::taps;
 use crate::theta::{self, Run};
-
-/// Number of coefficients that one turn of the loop over products takes.
-pub const TURN_TAPS: usize = 12;
-
-/// Coefficients of one turn.
-pub type Turn = [i32; TURN_TAPS];
-
-/// Number of sums that share a pass over coefficients and samples. They are of successive outputs, so that each needs
-/// the samples of its neighbour, one place on. Three have their sums and operands in the registers of a Cortex-M.
-pub const SUMS: usize = 3;
 
 /// The operations of the inner loops.
 pub trait Arithmetic: Copy {
-    /// The sums `Σ coefficients[i] · samples[i + SUMS - 1 - sum]` for each `sum`, over all coefficients, in 64 bits.
-    ///
-    /// They are exact. They wrap only if they overflow, which no valid library's coefficients can cause.
-    ///
-    /// # Panics
-    /// If there are fewer than `SUMS - 1` samples more than coefficients.
-    fn sums_of_products(coefficients: &[Turn], samples: &[i32]) -> [i64; SUMS];
-
     /// Passes `forward` through the stages of a lattice, the last of `rotations` first, and returns the output; see
     /// [`crate::lattice`].
     ///
@@ -43,14 +24,6 @@ pub trait Arithmetic: Copy {
     #[inline]
     fn mean_rotations(run: &Run<'_>, rotations: &mut [Rotation]) {
         theta::mean_rotations(run, rotations);
-    }
-
-    /// Writes the mean of the four nodes' coefficients to `coefficients`, one for each tap of `run`.
-    ///
-    /// The sum of products is exact, and rounded once, upwards at half a step.
-    #[inline]
-    fn mean_coefficients(run: &taps::Run<'_>, coefficients: &mut [i32]) {
-        taps::mean_coefficients(run, coefficients);
     }
 
     /// Passes a block of samples through, and puts the outputs in their places: the bits of a call of
@@ -71,18 +44,6 @@ pub trait Arithmetic: Copy {
 pub struct Portable;
 
 impl Arithmetic for Portable {
-    #[inline]
-    fn sums_of_products(coefficients: &[Turn], samples: &[i32]) -> [i64; SUMS] {
-        let coefficients = coefficients.as_flattened();
-        let samples = &samples[..coefficients.len() + SUMS - 1];
-        core::array::from_fn(|sum| {
-            let products = coefficients.iter().zip(&samples[SUMS - 1 - sum..]);
-            products.fold(0, |sum: i64, (&a, &b)| {
-                sum.wrapping_add(i64::from(a) * i64::from(b))
-            })
-        })
-    }
-
     #[inline]
     fn rotate(rotations: &[Rotation], backward: &mut [i32], mut forward: i32) -> i32 {
         let backward = Cell::from_mut(backward).as_slice_of_cells();

@@ -3,7 +3,6 @@
 
 pub mod arithmetic;
 pub mod digest;
-pub mod direct;
 pub mod excitation;
 pub mod feed;
 mod fixed;
@@ -14,11 +13,9 @@ pub mod lines;
 mod logarithm;
 mod nodes;
 pub mod position;
-pub mod proof;
 pub mod rotation;
 pub mod scene;
 mod synthesis;
-pub mod taps;
 pub mod theta;
 #[cfg(feature = "variants")]
 pub mod variants;
@@ -26,6 +23,5 @@ pub mod variants;
 pub use grid::{Motion, MotionError};
 pub use level::Levels;
 pub use synthesis::{
-    Frame, MAX_FED_SAMPLES, Playback, Scale, Synthesis, UPDATE_INTERVAL_SAMPLES,
-    update_interval_samples,
+    Frame, MAX_FED_SAMPLES, Playback, Synthesis, UPDATE_INTERVAL_SAMPLES, update_interval_samples,
 };

@@ -30,16 +30,14 @@ impl<'a> Nodes<'a> {
         for (index, &(speed, force)) in point.nodes.iter().enumerate() {
             let node = texture.node(speed, force);
             nodes.powers[index] = node.output_power;
-            if let Coefficients::Lattice {
+            let Coefficients {
                 codes,
                 fractions,
                 tail,
-            } = node.coefficients
-            {
-                nodes.codes[index] = codes;
-                nodes.fractions[index] = fractions;
-                nodes.tails[index] = tail;
-            }
+            } = node.coefficients;
+            nodes.codes[index] = codes;
+            nodes.fractions[index] = fractions;
+            nodes.tails[index] = tail;
         }
         nodes
     }

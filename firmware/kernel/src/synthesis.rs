@@ -1,4 +1,4 @@
-//! A texture being played: excitation, filter and level behind one interface for all structures.
+//! A texture being played: excitation, filter and level behind one interface.
 //!
 //! A [`Frame`] holds the coefficients and levels of a motion, a [`Playback`] the state of what was played. A device
 //! computes the next frame below its sample's priority and hands it over as a whole. [`Synthesis`] joins both, for
@@ -6,10 +6,9 @@
 
 use core::marker::PhantomData;
 
-use model_format::{OutputSample, PlayRate, Structure, Texture};
+use model_format::{OutputSample, PlayRate, Texture};
 
 use crate::arithmetic::{Arithmetic, Portable};
-use crate::direct::{self, DirectFrame, DirectState};
 use crate::excitation::Excitation;
 use crate::feed::{Feed, Material};
 use crate::fixed::saturate;
@@ -43,7 +42,7 @@ const BLOCK_SAMPLES: usize = 64;
 #[derive(Clone, Debug)]
 #[repr(C)]
 pub struct Frame {
-    filter: FrameOf,
+    lattice: LatticeFrame,
     excitation: Words,
 }
 
@@ -85,63 +84,11 @@ impl Feeding {
     }
 }
 
-/// Scale that all frames of a texture share.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Scale {
-    /// Exponent of a direct form's coefficients; see [`direct::exponent`].
-    exponent: u32,
-}
-
-impl Scale {
-    /// The scale of `texture`.
-    pub fn of(texture: &Texture<'_>) -> Self {
-        let exponent = match texture.structure() {
-            Structure::NormalisedLattice => 0,
-            Structure::DirectForm16 | Structure::DirectForm32 => direct::exponent(texture),
-        };
-        Self { exponent }
-    }
-}
-
-/// A frame of either filter.
-#[derive(Clone, Debug)]
-#[expect(
-    clippy::large_enum_variant,
-    reason = "one frame is reserved once, for the largest"
-)]
-enum FrameOf {
-    Lattice(LatticeFrame),
-    Direct(DirectFrame),
-}
-
-/// Runs an expression on the frame of either filter.
-macro_rules! each_frame {
-    ($frame:expr, $inner:ident => $result:expr) => {
-        match $frame {
-            FrameOf::Lattice($inner) => $result,
-            FrameOf::Direct($inner) => $result,
-        }
-    };
-}
-
 impl Frame {
     /// A silent frame for `texture`.
     pub fn silent(texture: &Texture<'_>) -> Self {
-        Self::silent_at(texture, Scale::of(texture))
-    }
-
-    /// A silent frame for `texture`, whose [`Scale`] is known.
-    pub fn silent_at(texture: &Texture<'_>, scale: Scale) -> Self {
-        let filter = match texture.structure() {
-            Structure::NormalisedLattice => {
-                FrameOf::Lattice(LatticeFrame::silent(texture.max_order()))
-            }
-            Structure::DirectForm16 | Structure::DirectForm32 => {
-                FrameOf::Direct(DirectFrame::silent_at(texture, scale.exponent))
-            }
-        };
         Self {
-            filter,
+            lattice: LatticeFrame::silent(texture.max_order()),
             excitation: Words {
                 steps: [0; MAX_FED_SAMPLES + 1],
                 samples: 0,
@@ -180,13 +127,13 @@ impl Frame {
     ) {
         let mut point = GridPoint::locate(texture, motion);
         point.fade = ((u64::from(point.fade) * u64::from(gain)) / u64::from(ONE)) as u32;
-        each_frame!(&mut self.filter, frame => frame.update::<A>(texture, &point, from, samples));
+        self.lattice.update::<A>(texture, &point, from, samples);
     }
 
     /// As [`Frame::update_scaled`] with the motion, texture and gain of this frame's last update, which is the same
     /// bits in some ten instructions: a motion that rests costs nothing.
     pub fn hold(&mut self, from: Levels, samples: u32) {
-        each_frame!(&mut self.filter, frame => frame.hold(from, samples));
+        self.lattice.hold(from, samples);
     }
 
     /// Takes the excitation of `samples` samples at `motion` from `feed`, that of `texture`, which is fed.
@@ -202,74 +149,34 @@ impl Frame {
         (self.excitation.samples, self.excitation.number) = (samples as u32, feed.next_frame());
     }
 
-    /// Makes this a silent frame with the coefficients of `motion`, for [`Playback::run_up`].
-    pub fn prepare<A: Arithmetic>(&mut self, texture: &Texture<'_>, motion: Motion) {
-        self.update_scaled::<A>(texture, motion, 0, Levels::SILENT, 1);
-    }
-
     /// The levels with `left` samples of their ramps to come; `left` is 0 at the end of the frame.
     pub fn levels(&self, left: u32) -> Levels {
-        each_frame!(&self.filter, frame => frame.levels(left))
+        self.lattice.levels(left)
     }
 }
 
 /// State of a texture's filter, and the source of its excitation.
 ///
-/// It never begins empty, because a narrow line would then be too low for as long as it rings, up to a second. A
-/// lattice begins in a state drawn from the excitation, stationary for every motion. A direct form begins cold: it is
-/// silent until it was run up, see [`Playback::run_up`].
+/// It never begins empty, because a narrow line would then be too low for as long as it rings, up to a second: it
+/// begins in a state drawn from the excitation, stationary for every motion.
 #[derive(Clone, Debug)]
 pub struct Playback {
     excitation: Excitation,
-    state: State,
-    /// Samples that the state has yet to be run up.
-    cold: u32,
+    state: LatticeState,
+    is_fed: bool,
     /// Samples of the current frame's ramps that are still to come.
     left: u32,
     saturations: u32,
     feeding: Feeding,
 }
 
-#[derive(Clone, Debug)]
-enum State {
-    Lattice(LatticeState),
-    Direct(DirectState),
-    /// A lattice of a fed texture.
-    FedLattice(LatticeState),
-    /// A direct form of a fed texture.
-    FedDirect(DirectState),
-}
-
-impl State {
-    fn at_rest(texture: &Texture<'_>) -> Self {
-        match (texture.structure(), texture.is_fed()) {
-            (Structure::NormalisedLattice, false) => Self::Lattice(LatticeState::new()),
-            (Structure::NormalisedLattice, true) => Self::FedLattice(LatticeState::new()),
-            (Structure::DirectForm16 | Structure::DirectForm32, false) => {
-                Self::Direct(DirectState::new())
-            }
-            (Structure::DirectForm16 | Structure::DirectForm32, true) => {
-                Self::FedDirect(DirectState::new())
-            }
-        }
-    }
-
-    /// The state in which `texture` begins, with the number of samples that it must be run up before it is heard.
-    fn beginning(texture: &Texture<'_>, excitation: &mut Excitation) -> (Self, u32) {
-        match texture.structure() {
-            Structure::NormalisedLattice => {
-                let stages = texture.max_order();
-                let state = if texture.is_fed() {
-                    Self::FedLattice(LatticeState::fed_stationary(stages, excitation))
-                } else {
-                    Self::Lattice(LatticeState::stationary(stages, excitation))
-                };
-                (state, 0)
-            }
-            Structure::DirectForm16 | Structure::DirectForm32 => {
-                (Self::at_rest(texture), direct::RUN_UP_SAMPLES)
-            }
-        }
+/// The state in which `texture` begins.
+fn beginning(texture: &Texture<'_>, excitation: &mut Excitation) -> LatticeState {
+    let stages = texture.max_order();
+    if texture.is_fed() {
+        LatticeState::fed_stationary(stages, excitation)
+    } else {
+        LatticeState::stationary(stages, excitation)
     }
 }
 
@@ -277,24 +184,24 @@ impl Playback {
     /// The beginning of `texture`. The same `seed` gives the same samples on every machine.
     pub fn new(texture: &Texture<'_>, seed: u64) -> Self {
         let mut excitation = Excitation::new(seed);
-        let (state, cold) = State::beginning(texture, &mut excitation);
+        let state = beginning(texture, &mut excitation);
         Self {
             excitation,
             state,
-            cold,
+            is_fed: texture.is_fed(),
             left: 0,
             saturations: 0,
             feeding: Feeding::default(),
         }
     }
 
-    /// The state of `texture` that is empty and not to be run up, with the noise of `seed` from its first sample on:
-    /// for comparisons with filters that begin so. No device plays from it.
+    /// The empty state of `texture`, with the noise of `seed` from its first sample on: for comparisons with filters
+    /// that begin so. No device plays from it.
     pub fn from_rest(texture: &Texture<'_>, seed: u64) -> Self {
         Self {
             excitation: Excitation::new(seed),
-            state: State::at_rest(texture),
-            cold: 0,
+            state: LatticeState::new(),
+            is_fed: texture.is_fed(),
             left: 0,
             saturations: 0,
             feeding: Feeding::default(),
@@ -305,91 +212,40 @@ impl Playback {
     ///
     /// `feed` is that of all fed textures of this playback. It begins with this texture, if it is fed.
     pub fn restart(&mut self, texture: &Texture<'_>, feed: &mut Feed) {
-        if self.is_fed() {
+        if self.is_fed {
             self.excitation = feed.gaussian().clone();
         }
-        (self.state, self.cold) = State::beginning(texture, &mut self.excitation);
+        self.state = beginning(texture, &mut self.excitation);
+        self.is_fed = texture.is_fed();
         self.left = 0;
         self.begin_feed(feed);
     }
 
     /// Begins `feed` with the texture that this was made for, if it is fed.
     pub fn begin_feed(&self, feed: &mut Feed) {
-        if self.is_fed() {
+        if self.is_fed {
             feed.begin(self.excitation.clone());
         }
     }
 
-    fn is_fed(&self) -> bool {
-        matches!(self.state, State::FedLattice(_) | State::FedDirect(_))
-    }
-
-    /// Number of samples that are still to be run up before the texture may be heard: 0 for a lattice.
-    pub fn cold(&self) -> u32 {
-        self.cold
-    }
-
-    /// Runs the state up by at most `samples` samples, at the end of the ramps of `frame`, a frame of the texture.
-    ///
-    /// Samples at full scale do not count, because nobody hears them. The excitation of a fed texture is that of `feed`
-    /// at `motion`.
-    pub fn run_up<A: Arithmetic>(
-        &mut self,
-        frame: &Frame,
-        texture: &Texture<'_>,
-        motion: Motion,
-        feed: &mut Feed,
-        samples: u32,
-    ) {
-        let FrameOf::Direct(frame) = &frame.filter else {
-            return;
-        };
-        let samples = samples.min(self.cold);
-        match &mut self.state {
-            State::Direct(state) => {
-                state.begin::<A>(frame);
-                for _ in 0..samples {
-                    state.run::<A>(frame, self.excitation.next_sample());
-                }
-            }
-            State::FedDirect(state) => {
-                let (material, point) = (Material::of(texture), GridPoint::locate(texture, motion));
-                state.begin::<A>(frame);
-                for _ in 0..samples {
-                    state.run_fed::<A>(frame, feed.next_sample(&material, &point));
-                }
-            }
-            State::Lattice(_) | State::FedLattice(_) => return,
-        }
-        self.cold -= samples;
-    }
-
-    /// Begins `frame`, a frame of the texture that this was made for, whose ramps take `samples` samples.
+    /// Begins a frame of the texture that this was made for, whose ramps take `samples` samples.
     #[inline]
-    pub fn begin_frame<A: Arithmetic>(&mut self, frame: &Frame, samples: u32) {
+    pub fn begin_frame(&mut self, samples: u32) {
         self.left = samples;
-        if let FrameOf::Direct(frame) = &frame.filter
-            && let State::Direct(state) | State::FedDirect(state) = &mut self.state
-        {
-            state.begin::<A>(frame);
-        }
     }
 
-    /// The next sample, by a frame of the texture that this was made for. A frame of another structure gives silence.
+    /// The next sample, by a frame of the texture that this was made for.
     ///
     /// `A` is the processor's arithmetic; all give the same bits.
     #[inline]
     pub fn next_sample<A: Arithmetic>(&mut self, frame: &Frame) -> OutputSample {
         self.left = self.left.saturating_sub(1);
         let (left, excitation) = (self.left, self.excitation.next_sample());
-        let (output, saturated) = match (&frame.filter, &mut self.state) {
-            (FrameOf::Lattice(frame), State::Lattice(state)) => {
-                state.next_sample::<A>(frame, excitation, left)
-            }
-            (FrameOf::Direct(frame), State::Direct(state)) => {
-                state.next_sample::<A>(frame, excitation, left)
-            }
-            _ => self.next_fed_sample::<A>(frame, left),
+        let (output, saturated) = if self.is_fed {
+            self.next_fed_sample::<A>(frame, left)
+        } else {
+            self.state
+                .next_sample::<A>(&frame.lattice, excitation, left)
         };
         self.saturations = self.saturations.saturating_add(u32::from(saturated));
         output
@@ -401,62 +257,43 @@ impl Playback {
     #[inline(never)]
     fn next_fed_sample<A: Arithmetic>(&mut self, frame: &Frame, left: u32) -> (OutputSample, bool) {
         let excitation = self.feeding.next_word(&frame.excitation);
-        match (&frame.filter, &mut self.state) {
-            (FrameOf::Lattice(frame), State::FedLattice(state)) => {
-                state.next_fed_sample::<A>(frame, excitation, left)
-            }
-            (FrameOf::Direct(frame), State::FedDirect(state)) => {
-                state.next_fed_sample::<A>(frame, excitation, left)
-            }
-            _ => (OutputSample::SILENCE, false),
-        }
+        let lattice = &frame.lattice;
+        self.state.next_fed_sample::<A>(lattice, excitation, left)
     }
 
     /// The next samples, those of a call of [`Playback::next_sample`] for each.
     ///
-    /// A lattice takes less time for many at once, if `A` has [`Arithmetic::rotate_block`]. This is for programs that
+    /// Many at once take less time, if `A` has [`Arithmetic::rotate_block`]. This is for programs that
     /// may know all of them before the first is put out.
     pub fn next_block<A: Arithmetic>(&mut self, frame: &Frame, outputs: &mut [OutputSample]) {
         for outputs in outputs.chunks_mut(BLOCK_SAMPLES) {
             let mut words = [0; BLOCK_SAMPLES];
             let words = &mut words[..outputs.len()];
-            if !self.next_words::<A>(frame, words) {
-                outputs.fill_with(|| self.next_sample::<A>(frame));
-                continue;
-            }
+            self.next_words::<A>(frame, words);
             for (output, &word) in outputs.iter_mut().zip(words.iter()) {
                 *output = OutputSample(word);
             }
         }
     }
 
-    /// Fills `words`, at most [`BLOCK_SAMPLES`], with the next samples of a lattice. Returns false, and does nothing,
-    /// if this is none.
-    fn next_words<A: Arithmetic>(&mut self, frame: &Frame, words: &mut [i32]) -> bool {
-        let left = self.left;
-        let FrameOf::Lattice(lattice) = &frame.filter else {
-            return false;
-        };
-        let full = match &mut self.state {
-            State::Lattice(state) => {
-                words.fill_with(|| self.excitation.next_sample());
-                state.next_block::<A>(lattice, words, left)
-            }
-            State::FedLattice(state) => {
-                let mut fed = [0; BLOCK_SAMPLES];
-                let fed = &mut fed[..words.len()];
-                // The generator goes on, as it does for single samples.
-                fed.fill_with(|| {
-                    self.excitation.next_sample();
-                    self.feeding.next_word(&frame.excitation)
-                });
-                state.next_fed_block::<A>(lattice, fed, words, left)
-            }
-            State::Direct(_) | State::FedDirect(_) => return false,
+    /// Fills `words`, at most [`BLOCK_SAMPLES`], with the next samples.
+    fn next_words<A: Arithmetic>(&mut self, frame: &Frame, words: &mut [i32]) {
+        let (left, lattice) = (self.left, &frame.lattice);
+        let full = if self.is_fed {
+            let mut fed = [0; BLOCK_SAMPLES];
+            let fed = &mut fed[..words.len()];
+            // The generator goes on, as it does for single samples.
+            fed.fill_with(|| {
+                self.excitation.next_sample();
+                self.feeding.next_word(&frame.excitation)
+            });
+            self.state.next_fed_block::<A>(lattice, fed, words, left)
+        } else {
+            words.fill_with(|| self.excitation.next_sample());
+            self.state.next_block::<A>(lattice, words, left)
         };
         self.left = left.saturating_sub(words.len() as u32);
         self.saturations = self.saturations.saturating_add(full);
-        true
     }
 
     /// Samples of the current frame's ramps that are still to come.
@@ -464,8 +301,7 @@ impl Playback {
         self.left
     }
 
-    /// Number of samples at full scale since the beginning: in a lattice the output before the level, in a direct
-    /// form the history.
+    /// Number of samples at full scale since the beginning, before the level.
     pub fn saturations(&self) -> u32 {
         self.saturations
     }
@@ -541,9 +377,7 @@ impl<'a, A: Arithmetic> Synthesis<'a, A> {
     /// Follows `motion`: coefficients change with the next sample, and the level goes to its new value in `samples`
     /// samples. It is called once per update interval, see [`UPDATE_INTERVAL_SAMPLES`] and [`Frame::update`].
     ///
-    /// The first motion that a cold texture sounds at runs it up as a whole, which takes the time of
-    /// [`direct::RUN_UP_SAMPLES`] samples. A fed texture is followed at least every [`MAX_FED_SAMPLES`] samples, see
-    /// [`Frame::feed`].
+    /// A fed texture is followed at least every [`MAX_FED_SAMPLES`] samples, see [`Frame::feed`].
     ///
     /// Lines that are locked to place go on by the motion's speed.
     pub fn follow(&mut self, motion: Motion, samples: u32) {
@@ -553,9 +387,6 @@ impl<'a, A: Arithmetic> Synthesis<'a, A> {
     /// As [`Synthesis::follow`], with the position that the tool has at the last of `samples` samples, for lines that
     /// are locked to place. Without one it is the integral of the speed.
     pub fn follow_to(&mut self, motion: Motion, position: Option<Position>, samples: u32) {
-        if self.playback.cold() > 0 {
-            self.run_up(motion);
-        }
         let left = self.playback.left();
         if let Some(lines) = &mut self.lines {
             let (speed, rate) = (motion.speed_mm_s(), self.texture.sample_rate_hz());
@@ -570,21 +401,11 @@ impl<'a, A: Arithmetic> Synthesis<'a, A> {
         } else {
             self.frame.update::<A>(&self.texture, motion, from, samples);
         }
-        if self.playback.is_fed() {
+        if self.playback.is_fed {
             self.frame
                 .feed(&mut self.feed, &self.texture, motion, samples);
         }
-        self.playback.begin_frame::<A>(&self.frame, samples);
-    }
-
-    fn run_up(&mut self, motion: Motion) {
-        if GridPoint::locate(&self.texture, motion).fade > 0 {
-            self.frame.prepare::<A>(&self.texture, motion);
-            self.motion = None;
-            let (frame, texture, feed) = (&self.frame, &self.texture, &mut self.feed);
-            self.playback
-                .run_up::<A>(frame, texture, motion, feed, u32::MAX);
-        }
+        self.playback.begin_frame(samples);
     }
 
     /// The next sample.

@@ -7,10 +7,9 @@ use core::arch::asm;
 
 use stylus_kernel::arithmetic::{Arithmetic, Portable};
 use stylus_kernel::rotation::{ANGLE, Rotation, SINES, SPARE_BITS, STEP_BITS, TABLE_STEPS};
-use stylus_kernel::taps;
 use stylus_kernel::theta::{BIAS, Run, TAIL_BIAS};
 
-/// Stages or taps that a loop takes together. Most loops take twice as many per turn, and begin in its middle if that
+/// Stages that a loop takes together. Most loops take twice as many per turn, and begin in its middle if that
 /// leaves some over.
 const TURN: usize = 4;
 
@@ -131,42 +130,6 @@ macro_rules! rotation {
             ", r6, r3\n",
             "rsb r4, r3, #0\n",
             "stmia r12!, {{r2, r3, r4}}\n",
-        )
-    };
-}
-
-/// One coefficient of four nodes, to memory. `$load` takes codes of `$bytes` bytes. The sum of products loses `$down`
-/// bits, 32 less `$up`, and is rounded by the last of these, which the shift leaves in the carry.
-macro_rules! coefficient {
-    ($load:literal, $bytes:literal, $down:literal, $up:literal) => {
-        concat!(
-            $load,
-            " r0, [r4], #",
-            $bytes,
-            "\n",
-            $load,
-            " r1, [r5], #",
-            $bytes,
-            "\n",
-            $load,
-            " r2, [r6], #",
-            $bytes,
-            "\n",
-            $load,
-            " r3, [r7], #",
-            $bytes,
-            "\n",
-            "smull r0, lr, r0, r8\n",
-            "smlal r0, lr, r1, r9\n",
-            "smlal r0, lr, r2, r10\n",
-            "smlal r0, lr, r3, r11\n",
-            "lsrs r0, r0, #",
-            $down,
-            "\n",
-            "adc r0, r0, lr, lsl #",
-            $up,
-            "\n",
-            "str r0, [r12], #4\n",
         )
     };
 }
@@ -429,82 +392,3 @@ fn turn(rotations: &mut [Rotation]) {
         );
     }
 }
-
-/// A loop over coefficients of four nodes; see [`coefficient`].
-macro_rules! coefficients {
-    ($words:expr, $taps:expr, $load:literal, $bytes:literal, $down:literal, $up:literal) => {
-        asm!(
-            "cmp r2, #0",
-            "ldr r1, [r0, #36]",
-            "push {{r1, r5, r6, r7}}",
-            "ldm r0, {{r4, r5, r6, r7, r8, r9, r10, r11, r12}}",
-            "bne 3f",
-            "2:",
-            coefficient!($load, $bytes, $down, $up),
-            coefficient!($load, $bytes, $down, $up),
-            coefficient!($load, $bytes, $down, $up),
-            coefficient!($load, $bytes, $down, $up),
-            "3:",
-            coefficient!($load, $bytes, $down, $up),
-            coefficient!($load, $bytes, $down, $up),
-            coefficient!($load, $bytes, $down, $up),
-            coefficient!($load, $bytes, $down, $up),
-            "ldr r0, [sp]",
-            "cmp r12, r0",
-            "bne 2b",
-            "pop {{r1, r5, r6, r7}}",
-            inout("r0") $words.as_ptr() => _,
-            out("r1") _,
-            inout("r2") $taps & TURN => _,
-            out("r3") _,
-            out("r4") _,
-            out("r5") _,
-            out("r8") _,
-            out("r9") _,
-            out("r10") _,
-            out("r11") _,
-            out("r12") _,
-            out("lr") _,
-        )
-    };
-}
-
-/// [`Arithmetic::mean_coefficients`], 11 3/4 instructions per tap.
-#[inline]
-pub fn mean_coefficients(run: &taps::Run<'_>, coefficients: &mut [i32]) {
-    let taps = coefficients.len() - coefficients.len() % TURN;
-    if taps > 0 {
-        let [e, f, g, h] = run.factors.map(|factor| factor as usize);
-        let out = coefficients[..taps].as_mut_ptr_range();
-        let words = |[a, b, c, d]: [usize; 4]| {
-            [a, b, c, d, e, f, g, h, out.start as usize, out.end as usize]
-        };
-        // With n = `taps`, a positive multiple of 4, either loop reads n codes from the beginning of each of the four
-        // slices, which have as many, by loads that need no alignment, and writes the first n words of `coefficients`.
-        match run.codes {
-            taps::Codes::Halves(codes) => {
-                let words = words(codes.map(|codes| codes[..taps].as_ptr() as usize));
-                // SAFETY: as said above. The loop reads `words`, and pushes four words that it takes back (so `nostack`
-                // is not claimed). These restore r6 and r7; no operand is in either. All other registers are named; the
-                // flags are declared as changed.
-                #[expect(unsafe_code, reason = "the compiler's loop has too few registers")]
-                unsafe {
-                    coefficients!(words, taps, "ldrsh", "2", "14", "18");
-                }
-            }
-            taps::Codes::Words(codes) => {
-                let words = words(codes.map(|codes| codes[..taps].as_ptr() as usize));
-                // SAFETY: as for half words.
-                #[expect(unsafe_code, reason = "the compiler's loop has too few registers")]
-                unsafe {
-                    coefficients!(words, taps, "ldr", "4", "30", "2");
-                }
-            }
-        }
-    }
-    if taps < coefficients.len() {
-        Portable::mean_coefficients(&run.after(taps), &mut coefficients[taps..]);
-    }
-}
-
-const _: () = assert!(taps::FACTOR_BITS == 30);

@@ -10,8 +10,10 @@
 //! | [`CortexM`] | the kernel's inner loops in the processor's own instructions |
 //! | `injection` | faults on request, in the tests' image alone |
 //!
-//! `tick` imports `play`. Without the feature `image` there is [`CortexM`] alone, as the emulated kernel uses it, and on
-//! a host this library is empty. The instructions are those of ARMv7E-M (ARM DDI 0403E, chapter A7), so that a Cortex-M4
+//! `tick` imports `play`. Without the feature `image` there is [`CortexM`] alone, as the emulated kernel uses it, and
+//! on
+//! a host this library is empty. The instructions are those of ARMv7E-M (ARM DDI 0403E, chapter A7), so that a
+//! Cortex-M4
 //! and a Cortex-M7 run them to the same bits. Their order is for a Cortex-M7, which issues up to two instructions per
 //! cycle, in order, and waits for results.
 #![no_std]
@@ -24,14 +26,12 @@ pub mod injection;
 mod interpolate;
 #[cfg(feature = "image")]
 pub mod play;
-mod products;
 mod rotate;
 #[cfg(feature = "image")]
 pub mod tick;
 
-use stylus_kernel::arithmetic::{Arithmetic, SUMS, Turn};
+use stylus_kernel::arithmetic::Arithmetic;
 use stylus_kernel::rotation::Rotation;
-use stylus_kernel::taps;
 use stylus_kernel::theta::Run;
 
 /// The kernel's arithmetic in the processor's own instructions.
@@ -40,11 +40,6 @@ pub struct CortexM;
 
 impl Arithmetic for CortexM {
     #[inline(always)]
-    fn sums_of_products(coefficients: &[Turn], samples: &[i32]) -> [i64; SUMS] {
-        products::sums_of_products(coefficients, samples)
-    }
-
-    #[inline(always)]
     fn rotate(rotations: &[Rotation], backward: &mut [i32], forward: i32) -> i32 {
         rotate::rotate(rotations, backward, forward)
     }
@@ -52,10 +47,5 @@ impl Arithmetic for CortexM {
     #[inline]
     fn mean_rotations(run: &Run<'_>, rotations: &mut [Rotation]) {
         interpolate::mean_rotations(run, rotations);
-    }
-
-    #[inline]
-    fn mean_coefficients(run: &taps::Run<'_>, coefficients: &mut [i32]) {
-        interpolate::mean_coefficients(run, coefficients);
     }
 }

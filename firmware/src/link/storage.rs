@@ -49,8 +49,7 @@ type Stores = Storage<Bank2, SettingsFlash>;
 #[unsafe(link_section = ".sram4.stores")]
 static STORES: StaticCell<Stores> = StaticCell::new();
 
-/// Longest wait for the newest library before the links open. It takes far less, unless direct forms are to be proved
-/// first, which may take minutes.
+/// Longest wait for the newest library before the links open. It takes far less.
 const LIBRARY_FIRST: Duration = Duration::from_millis(500);
 
 static ACTIVATED: Signal<ThreadModeRawMutex, ()> = Signal::new();

@@ -20,10 +20,10 @@ pub enum Structure {
     /// Two multiplications per stage, in 32 bits; not shipped.
     #[serde(rename = "two_multiplier_lattice_32")]
     TwoMultiplierLattice32,
-    /// The product's direct form in 32 bits.
+    /// The direct form in 32 bits; not shipped.
     #[serde(rename = "direct_form_32")]
     DirectForm32,
-    /// The product's direct form in 16 bits.
+    /// The direct form with coefficients of 16 bits, played in 32; not shipped.
     #[serde(rename = "direct_form_16")]
     DirectForm16,
 }
@@ -81,9 +81,9 @@ pub struct SampleCost<N = u32> {
 /// The cost of an update of the coefficients, which depends on the motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct UpdateCost<N = u32> {
-    /// Instructions of the cheapest update: of a direct form, one that stays in its cell.
+    /// Instructions of the cheapest update.
     pub instructions_least: N,
-    /// Instructions of the dearest update: of a direct form, one that unpacks a new cell's nodes.
+    /// Instructions of the dearest update.
     pub instructions_most: N,
     /// Cycles of the dearest update, as llvm-mca models the core.
     pub cycles: N,

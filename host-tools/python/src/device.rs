@@ -11,7 +11,6 @@ use host_tools::link::settings::{self as described, SettingRow, consequences};
 use host_tools::link::upload::upload_over;
 use host_tools::link::{Device as Linked, LinkAddress, LinkError, Route, Timeouts};
 use host_tools::support::error::{Error, Result};
-use host_tools::texture::certificate;
 use host_tools::texture::library::decode_library;
 use model_format::link::{
     Activity, DeviceInfo, MotionSource, PlayRequest, Selection, SettingChange, SettingSet,
@@ -151,9 +150,7 @@ impl Device {
         let total = bytes.len() as u64;
         let device = self.shared.clone();
         let slot = work::run_until(py, total, progress, AfterEnd::Waits, move |steps| {
-            let decoded = decode_library(&path, &bytes)?;
-            certificate::prove_as_device(&decoded)
-                .map_err(|refusal| Error::file(&path, refusal.to_string()))?;
+            decode_library(&path, &bytes)?;
             let mut device = locked(&device);
             let device = open(&mut device)?;
             let uploaded = device.check_library_format().and_then(|()| {

@@ -121,8 +121,8 @@ impl Fit {
 /// Fits a library to recordings, as `stylus fit` does: the same recordings and options give the same bytes.
 ///
 /// `recordings` are a folder with `trials.csv`, a list, files, `Recording`s, or `Recordings`. `order` is 'auto' (AIC),
-/// 'bic' or 0 to 400; `estimator` 'auto', 'rectangular', 'tapered' or 'multitaper'; `structure` 'lattice', 'direct' or
-/// 'direct16'; `theta` 'auto', 'fine' or 'compact'; `reduce` 'pca', 'dft321', 'x', 'y' or 'z'; `excitation` 'auto',
+/// 'bic' or 0 to 400; `estimator` 'auto', 'rectangular', 'tapered' or 'multitaper'; `theta` 'auto', 'fine' or
+/// 'compact'; `reduce` 'pca', 'dft321', 'x', 'y' or 'z'; `excitation` 'auto',
 /// 'residual' or 'gaussian'; `modulation` 'auto', 'track' or 'none'; `lines` 'auto' or 'none'. `silence_floor_m_s2` is
 /// the RMS below which a recording is silent; `drop` names verdicts to leave out; `model_rate_hz` is 5000 or 10000;
 /// `snap` is the largest share by which measured speeds and forces move to nominal ones; `strict` refuses a set in
@@ -132,11 +132,11 @@ impl Fit {
 /// Raises `StylusError` for the first recording that cannot be used, or a texture that no library holds.
 #[pyfunction]
 #[pyo3(signature = (
-    recordings, *, order = OrderLike::Named("auto".into()), estimator = "auto", structure = "lattice", theta = "auto",
+    recordings, *, order = OrderLike::Named("auto".into()), estimator = "auto", theta = "auto",
     reduce = "pca", silence_floor_m_s2 = SILENCE_FLOOR_M_S2, excitation = "auto", modulation = "auto",
     drop = Vec::new(), lines = "auto", model_rate_hz = SAMPLE_RATE_HZ, snap = None, strict = false,
     budget_cycles = None, core = "m4", progress = None
-), text_signature = "(recordings, *, order='auto', estimator='auto', structure='lattice', theta='auto', reduce='pca', \
+), text_signature = "(recordings, *, order='auto', estimator='auto', theta='auto', reduce='pca', \
     silence_floor_m_s2=0.001, excitation='auto', modulation='auto', drop=(), lines='auto', model_rate_hz=5000, \
     snap=None, strict=False, budget_cycles=None, core='m4', progress=None)")]
 #[expect(clippy::too_many_arguments, reason = "they are keywords")]
@@ -145,7 +145,6 @@ pub fn fit(
     recordings: &Bound<'_, PyAny>,
     order: OrderLike,
     estimator: &str,
-    structure: &str,
     theta: &str,
     reduce: &str,
     silence_floor_m_s2: f64,
@@ -163,7 +162,6 @@ pub fn fit(
     let mut options = Options {
         order: order_of(order)?,
         estimator: choice("estimator", estimator)?,
-        structure: choice("structure", structure)?,
         theta: choice("theta", theta)?,
         reduction: choice("reduce", reduce)?,
         silence_floor_m_s2: not_negative("silence_floor_m_s2", silence_floor_m_s2)?,
@@ -186,7 +184,7 @@ pub fn fit(
             cycles: positive("budget_cycles", cycles)?,
             core: core_of(core)?,
         };
-        let highest = budget.highest_order(options.structure).map_err(raised)?;
+        let highest = budget.highest_order().map_err(raised)?;
         options.order = capped(options.order, highest);
     }
     let options = options.at_their_rate();

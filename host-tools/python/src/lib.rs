@@ -13,7 +13,6 @@
 //! | `library`, `texture` | libraries, their textures and nodes; `library_like` arguments that stand for one |
 //! | `motion`, `rendering` | motions, and what the stylus plays along them; `playing` renders textures |
 //! | `scene` | scenes: costed and rendered; `playing` compiles them |
-//! | `certifying` | proofs of stability |
 //! | `simulating` | simulated recordings |
 //! | `hatt` | HaTT's models |
 //! | `device` | a stylus on a link |
@@ -25,7 +24,6 @@
     reason = "arguments come out of Python objects by value"
 )]
 
-mod certifying;
 mod convert;
 #[cfg(feature = "device")]
 mod device;
@@ -51,7 +49,6 @@ use pyo3::prelude::*;
 #[pyo3(name = "_native")]
 mod native {
     #[pymodule_export]
-    use crate::certifying::{Certification, certify};
     #[cfg(feature = "device")]
     #[pymodule_export]
     use crate::device::{Device, devices};

@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
-use host_tools::dsp::linear_prediction::{step_down, step_up};
+use host_tools::dsp::linear_prediction::step_up;
 use host_tools::support::error::Error;
 use host_tools::texture::grid::as_written;
 use host_tools::texture::stored;
@@ -57,12 +57,6 @@ impl Texture {
     #[getter]
     fn name(&self) -> PyResult<String> {
         Ok(self.decoded()?.name().to_owned())
-    }
-
-    /// Structure of its filters, in words.
-    #[getter]
-    fn structure(&self) -> PyResult<String> {
-        Ok(self.decoded()?.structure().to_string())
     }
 
     /// True if its recordings were simulated.
@@ -162,11 +156,10 @@ impl Texture {
     fn __repr__(&self) -> PyResult<String> {
         let texture = self.decoded()?;
         Ok(format!(
-            "Texture({:?}, {} speeds x {} forces, {}{})",
+            "Texture({:?}, {} speeds x {} forces{})",
             texture.name(),
             texture.speed_axis().len(),
             texture.force_axis().len(),
-            texture.structure(),
             if texture.provenance() == Provenance::Simulated {
                 ", SIMULATED"
             } else {
@@ -176,17 +169,11 @@ impl Texture {
     }
 }
 
-/// Reflection coefficients and predictor of a node, from those that are stored.
+/// Reflection coefficients and predictor of a node.
 fn coefficients(stored_ones: Coefficients<'_>) -> (Vec<f64>, Vec<f64>) {
-    if matches!(stored_ones, Coefficients::Lattice { .. }) {
-        let reflection = stored::reflection(stored_ones);
-        let predictor = negated(step_up(&reflection));
-        (reflection, predictor)
-    } else {
-        let predictor = stored::predictor(stored_ones);
-        let reflection = step_down(&negated(predictor.clone()));
-        (reflection.unwrap_or_default(), predictor)
-    }
+    let reflection = stored::reflection(stored_ones);
+    let predictor = negated(step_up(&reflection));
+    (reflection, predictor)
 }
 
 /// A(z) is 1 + a(1) z⁻¹ + ..., and the predictor h = -a.

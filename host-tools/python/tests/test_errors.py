@@ -68,7 +68,6 @@ def test_other_failures_are_the_commands_line(command, folder, call, words):
         (lambda s: sh.fit([sh.Recording(s, 5000, texture="felt"), "a.wav"]), "together"),
         (lambda s: sh.fit("x", order="best"), "'bic'"),
         (lambda s: sh.fit("x", order=401), "400"),
-        (lambda s: sh.fit("x", structure="ladder"), "'lattice'"),
         (lambda s: sh.fit("x", drop=["loud"]), "clipped"),
         (lambda s: sh.fit("x", snap=0.5), "0.25"),
         (lambda s: sh.fit("x", model_rate_hz=8000), "8000"),

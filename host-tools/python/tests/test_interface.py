@@ -41,7 +41,6 @@ def test_the_defaults_are_the_commands(command):
     for option, name in [
         ("--order", "order"),
         ("--estimator", "estimator"),
-        ("--structure", "structure"),
         ("--theta", "theta"),
         ("--reduce", "reduce"),
         ("--silence-floor", "silence_floor_m_s2"),

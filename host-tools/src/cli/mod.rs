@@ -5,7 +5,6 @@
 //! reads, `output`, `colour`, `table` and `wav_file` print, `overwrite` checks what is written, `interrupt` ends; they
 //! import no command.
 
-mod certify;
 mod colour;
 mod compare;
 mod completions;
@@ -99,8 +98,6 @@ enum Command {
     ImportHatt(import_hatt::Arguments),
     /// Check, compile, render and draw scenes: surfaces along a path, with effects
     Scene(scene::Arguments),
-    /// Prove a library's textures stable at every point of their grids
-    Certify(certify::Arguments),
     /// Play the hard cases with the device's kernel and check its guarantees
     Stress(stress::Arguments),
     /// Compare structures, orders and update intervals: accuracy against time, and the Pareto front
@@ -152,7 +149,6 @@ fn run_command(command: Command) -> Result<()> {
         #[cfg(feature = "hatt")]
         Command::ImportHatt(arguments) => import_hatt::run(&arguments),
         Command::Scene(arguments) => scene::run(&arguments),
-        Command::Certify(arguments) => certify::run(&arguments),
         Command::Stress(arguments) => stress::run(&arguments),
         Command::Frontier(arguments) => frontier::run(&arguments),
         Command::Demo(arguments) => demo::run(&arguments),

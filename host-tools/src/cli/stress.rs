@@ -24,11 +24,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     } else {
         cases::Length::Full
     });
-    // Three structures per case, except where only the lattice runs.
-    let runs = cases
-        .iter()
-        .map(|case| if case.lattice_only { 1 } else { 3 });
-    let bar = progress::bar(runs.sum(), "stressing");
+    let bar = progress::bar(cases.len() as u64, "stressing");
     let outcomes = stress::run(&cases, || bar.inc(1))?;
     bar.finish_and_clear();
     if arguments.json {
@@ -38,8 +34,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
     let broken = outcomes
         .iter()
-        .filter(|outcome| outcome.is_lattice() && !outcome.broken().is_empty())
-        .count();
+        .filter(|outcome| !outcome.broken().is_empty());
+    let broken = broken.count();
     if broken > 0 {
         return Err(Error::Request(format!(
             "the lattice does not hold all of its guarantees in {broken} case(s): see what it breaks below the tables"
@@ -51,7 +47,6 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 fn summary(outcomes: &[Outcome]) -> String {
     let header = [
         "case",
-        "structure",
         "saturated",
         "level dB",
         "SNR dB",
@@ -65,9 +60,12 @@ fn summary(outcomes: &[Outcome]) -> String {
         "breaks",
     ];
     let rows: Vec<Vec<String>> = outcomes.iter().map(row).collect();
-    let lattices = || outcomes.iter().filter(|outcome| outcome.is_lattice());
-    let held = lattices().filter(|outcome| outcome.broken().is_empty());
-    let outside = lattices().filter(|outcome| !outcome.is_within_common_limits());
+    let held = outcomes
+        .iter()
+        .filter(|outcome| outcome.broken().is_empty());
+    let outside = outcomes
+        .iter()
+        .filter(|outcome| !outcome.is_within_common_limits());
     let broken: Vec<String> = outcomes.iter().filter_map(broken).collect();
     let text = format!(
         "Spectrum and growth are in dB; stopped, FS/3 and glitch: samples until silence after a stop, an overdrive and \
@@ -75,17 +73,16 @@ fn summary(outcomes: &[Outcome]) -> String {
          tables.\nThe lattice holds its guarantees in {} of {} cases. In {} of them, all marked *, the SNR is below {} \
          dB or the spectrum deviates by more than {} dB: lines this narrow, of pole radius above 0.998, have limits of \
          their own, set by the radius. SNR counts the damping of such a line as noise; what is noise stands in the \
-         column off line, and what is damping in the level.\nThe direct forms guarantee none of this; they are shown \
-         for comparison.",
+         column off line, and what is damping in the level.",
         held.count(),
-        lattices().count(),
+        outcomes.len(),
         outside.count(),
         stress::SNR_DB,
         stress::SPECTRUM_DB,
     );
     format!(
         "{}\n\n{}{}",
-        folded_table(&header, &rows, 2),
+        folded_table(&header, &rows, 1),
         broken.join("\n"),
         folded_text(&format!("\n\n{text}"))
     )
@@ -97,17 +94,10 @@ fn name(outcome: &Outcome) -> String {
     format!("{}{narrow}", outcome.case)
 }
 
-/// The structure in few letters, so that its row has room.
-fn structure(outcome: &Outcome) -> String {
-    let name = outcome.structure.replace("normalised ", "");
-    name.replace("direct form, ", "direct ")
-        .replace(" bits", "")
-}
-
-/// All that a structure breaks in a case, one below the other; `None` if it breaks nothing.
+/// All that is broken in a case, one below the other; `None` if it breaks nothing.
 fn broken(outcome: &Outcome) -> Option<String> {
     let broken = outcome.broken();
-    let head = format!("{}, {}:", name(outcome), structure(outcome));
+    let head = format!("{}:", name(outcome));
     (!broken.is_empty()).then(|| folded_text(&format!("{head} {}", broken.join("; "))))
 }
 
@@ -115,12 +105,7 @@ fn row(outcome: &Outcome) -> Vec<String> {
     let optional = |value: Option<f64>, decimals: usize| {
         value.map_or("-".to_owned(), |value| format!("{value:.decimals$}"))
     };
-    let mut row = vec![name(outcome), structure(outcome)];
-    if outcome.refused.is_some() {
-        row.extend(std::iter::repeat_n("-".to_owned(), 10));
-        row.push("refused".to_owned());
-        return row;
-    }
+    let mut row = vec![name(outcome)];
     let growth = [outcome.stopped, outcome.overdriven, outcome.glitched]
         .iter()
         .map(|rest| rest.growth_db)
@@ -156,39 +141,31 @@ fn rest(rest: Rest) -> String {
 mod tests {
     use super::*;
     use crate::cli::table::LINE_CHARS;
-    use model_format::Structure;
 
     #[test]
     fn every_line_fits_a_terminal_and_nothing_that_is_broken_is_missing() {
         let mut outcomes = Vec::new();
         for case in cases::suite(cases::Length::Long) {
-            for structure in [
-                Structure::NormalisedLattice,
-                Structure::DirectForm32,
-                Structure::DirectForm16,
-            ] {
-                let latched = Rest {
-                    left: 1.0,
-                    growing: 9,
-                    growth_db: 60.0,
-                    ..Rest::default()
-                };
-                outcomes.push(Outcome {
-                    case: case.name.clone(),
-                    structure: structure.to_string(),
-                    pole_radius: 0.99999,
-                    saturated: 100_000_000,
-                    level_db: Some(-10.1234),
-                    snr_db: Some(-110.1),
-                    off_line_dbc: Some(-140.0),
-                    mean_standard_errors: 100.1,
-                    spectrum_db: 10.123,
-                    stopped: latched,
-                    overdriven: latched,
-                    glitched: latched,
-                    ..Outcome::default()
-                });
-            }
+            let latched = Rest {
+                left: 1.0,
+                growing: 9,
+                growth_db: 60.0,
+                ..Rest::default()
+            };
+            outcomes.push(Outcome {
+                case: case.name.clone(),
+                pole_radius: 0.99999,
+                saturated: 100_000_000,
+                level_db: Some(-10.1234),
+                snr_db: Some(-110.1),
+                off_line_dbc: Some(-140.0),
+                mean_standard_errors: 100.1,
+                spectrum_db: 10.123,
+                stopped: latched,
+                overdriven: latched,
+                glitched: latched,
+                ..Outcome::default()
+            });
         }
         let said = summary(&outcomes);
         for line in said.lines() {
@@ -197,17 +174,15 @@ mod tests {
         // Few tables, each with a line per outcome, and a paragraph per outcome.
         let in_words = |text: &str| text.split_whitespace().collect::<Vec<_>>().join(" ");
         let lines: Vec<String> = said.lines().map(in_words).collect();
-        let tables = lines
-            .iter()
-            .filter(|line| line.starts_with("case structure "));
+        let tables = lines.iter().filter(|line| line.starts_with("case "));
         let tables = tables.count();
         assert!((2..=3).contains(&tables), "{tables}");
         for outcome in &outcomes {
-            let row = format!("{} {} ", name(outcome), structure(outcome));
+            let row = format!("{} ", name(outcome));
             let rows = lines.iter().filter(|line| line.starts_with(&row));
             assert!(rows.count() >= tables, "{row}");
             let broken = outcome.broken().join("; ");
-            let paragraph = format!("{}, {}: {broken}", name(outcome), structure(outcome));
+            let paragraph = format!("{}: {broken}", name(outcome));
             assert!(in_words(&said).contains(&paragraph), "{paragraph}");
         }
     }

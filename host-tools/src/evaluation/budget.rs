@@ -1,7 +1,7 @@
 //! Orders within a budget of cycles per sample, and what they give up.
 //!
 //! The time of a sample is that of the highest order of a texture's nodes, wherever the hand is: so that the path of a
-//! tick does not depend on the data, a frame has as many stages, or sums as many taps, as any node of its texture. A
+//! tick does not depend on the data, a frame has as many stages as any node of its texture. A
 //! budget therefore bounds the highest order, and each node then takes, among the orders that the bound leaves, the one
 //! with the least error to be expected of new data: by Akaike's criterion, as `fit` does without a bound. Cycles are
 //! those of a sample at worst, of `cargo tasks costs`.
@@ -13,11 +13,11 @@ use crate::dsp::linear_prediction::error_share;
 use crate::dsp::log_spectrum::LogSpectrum;
 use crate::dsp::model::Model;
 use crate::dsp::spectrum::{DEFAULT_SMOOTHING_WIDTH_HZ, expected_cost_of_noise};
+use crate::evaluation::frontier::FilterStructure;
 use crate::evaluation::frontier::costs::{Core, Costs};
 use crate::fit::{Fit, Order};
 use crate::recording::TRIAL_DURATION_S;
 use crate::support::error::{Error, Result};
-use crate::texture::quantise::StructureChoice;
 use model_format::SAMPLE_RATE_HZ;
 
 /// So many cycles for the synthesis of one sample.
@@ -62,19 +62,23 @@ impl Budget {
     ///
     /// # Errors
     /// A budget below what the least order takes, with what that is.
-    pub fn highest_order(&self, structure: StructureChoice) -> Result<usize> {
+    pub fn highest_order(&self) -> Result<usize> {
         let (cycles, core) = (self.cycles, self.core);
-        let found = Costs::measured().highest_order(structure.into(), NODES, core, cycles);
+        let found = Costs::measured().highest_order(
+            FilterStructure::NormalisedLattice32,
+            NODES,
+            core,
+            cycles,
+        );
         found.map_err(|least| {
-            let structure = structure.structure();
             Error::Request(match least {
                 Some(least) => format!(
-                    "a budget of {cycles} cycles holds no model: a sample of the {structure} takes {least:.0} at the \
-                     least order on a {core}; give --budget-cycles {:.0} or more, or another --structure",
+                    "a budget of {cycles} cycles holds no model: a sample takes {least:.0} at the \
+                     least order on a {core}; give --budget-cycles {:.0} or more",
                     least.ceil()
                 ),
                 None => format!(
-                    "no cost is known of the {structure} on a {core}; leave --budget-cycles out, or measure it with \
+                    "no cost is known of it on a {core}; leave --budget-cycles out, or measure it with \
                      cargo tasks costs"
                 ),
             })
@@ -167,35 +171,26 @@ fn cost_of_giving_up(wanted: &Model, kept: &Model) -> f64 {
 mod tests {
     use super::*;
     use crate::dsp::spectrum::spectral_cost;
-    use crate::evaluation::frontier::FilterStructure;
     use crate::evaluation::stress::reference::FloatLattice;
     use rand::SeedableRng;
     use rand_distr::{Distribution, StandardNormal};
 
     #[test]
     fn a_larger_budget_holds_a_higher_order_and_none_holds_one_that_takes_more() {
-        for structure in [
-            StructureChoice::Lattice,
-            StructureChoice::Direct,
-            StructureChoice::Direct16,
-        ] {
-            let mut before = 0;
-            for thousands in 1..12u32 {
-                let budget = Budget {
-                    cycles: 1000.0 * f64::from(thousands),
-                    core: Core::M4,
-                };
-                let order = budget.highest_order(structure).unwrap();
-                assert!(order >= before);
-                let structure = FilterStructure::from(structure);
-                let cost = Costs::measured()
-                    .at(structure, NODES, Core::M4, order)
-                    .unwrap();
-                assert!(cost.sample.cycles <= budget.cycles);
-                before = order;
-            }
-            assert_eq!(before, model_format::limits::MAX_ORDER);
+        let mut before = 0;
+        for thousands in 1..12u32 {
+            let budget = Budget {
+                cycles: 1000.0 * f64::from(thousands),
+                core: Core::M4,
+            };
+            let order = budget.highest_order().unwrap();
+            assert!(order >= before);
+            let lattice = FilterStructure::NormalisedLattice32;
+            let cost = Costs::measured().at(lattice, NODES, Core::M4, order);
+            assert!(cost.unwrap().sample.cycles <= budget.cycles);
+            before = order;
         }
+        assert_eq!(before, model_format::limits::MAX_ORDER);
     }
 
     #[test]
@@ -205,7 +200,7 @@ mod tests {
                 cycles,
                 core: Core::M4,
             };
-            budget.highest_order(StructureChoice::Lattice)
+            budget.highest_order()
         };
         let text = refusal(20.0).unwrap_err().to_string();
         let least = text.split("--budget-cycles ").nth(1).unwrap();

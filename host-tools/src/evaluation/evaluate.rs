@@ -29,8 +29,7 @@ use crate::playing::motion::MotionPath;
 use crate::playing::render::{Rendered, render};
 use crate::recording::{RecordingSet, Trial};
 use crate::support::error::{Error, Result};
-use crate::texture::library::uncertified_library;
-use crate::texture::quantise::StructureChoice;
+use crate::texture::library::library_of;
 
 /// Beginning of a synthesis that no comparison uses, s: a direct form is silent while it is run up, and the frontier's
 /// filters begin at rest.
@@ -373,7 +372,7 @@ impl Evaluation {
             .refitted
             .iter()
             .find(|(name, _)| *name == trial.texture && self.judges[index] == Judge::Blocks);
-        let bytes = refitted.map(|(_, bytes)| Library::decode_uncertified(bytes));
+        let bytes = refitted.map(|(_, bytes)| Library::decode(bytes));
         let refitted = bytes
             .transpose()
             .map_err(|failure| Error::Model(failure.to_string()))?;
@@ -424,7 +423,6 @@ fn refit(
         reduction: options.reduction,
         // A lattice needs no proof of stability between nodes, and the models are the same; the texture is then made
         // in the structure that was chosen. Findings of triage were accepted when the library was fitted.
-        structure: StructureChoice::Lattice,
         strict: false,
         sample_rate_hz: SAMPLE_RATE_HZ,
         ..record.options.clone()
@@ -438,7 +436,7 @@ fn refit(
     let analyses: Vec<_> = analysed.into_iter().map(|trial| trial.analysis).collect();
     let fit = fit::fit_analysed(&part, &analyses, &fit_options)?;
     let libraries = fit.textures.into_iter().map(|texture| {
-        let bytes = uncertified_library(&texture.name, &texture.grid, record.options.structure)?;
+        let bytes = library_of(&texture.name, &texture.grid)?;
         Ok((texture.name, bytes))
     });
     Ok((libraries.collect::<Result<_>>()?, range_s))
@@ -599,9 +597,9 @@ pub fn cost_by_order(
         if reflection.len() < order {
             return Ok(None);
         }
-        let bytes = uncertified_library(&fitted.name, &grid, StructureChoice::Lattice)?;
-        let library = Library::decode_uncertified(&bytes)
-            .map_err(|failure| Error::Model(failure.to_string()))?;
+        let bytes = library_of(&fitted.name, &grid)?;
+        let library =
+            Library::decode(&bytes).map_err(|failure| Error::Model(failure.to_string()))?;
         let texture = texture_named(&library, &trial.texture)?;
         let mut comparison = read.clone();
         (comparison.synthesised, comparison.saturations) =

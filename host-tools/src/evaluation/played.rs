@@ -1,6 +1,6 @@
 //! Choice of what a texture plays: all of it, or without the parts that are stored beside its filter.
 
-use model_format::{Library, PartsSpec, Texture, TextureSpec, encode_uncertified};
+use model_format::{Library, PartsSpec, Texture, TextureSpec, encode};
 use serde::Serialize;
 
 use crate::scene::texture_spec;
@@ -94,10 +94,9 @@ pub fn with<T>(
     if parts == spec.parts {
         return work(*texture);
     }
-    let bytes = encode_uncertified(&[TextureSpec { parts, ..spec }])
+    let bytes = encode(&[TextureSpec { parts, ..spec }])
         .map_err(|failure| Error::Model(failure.to_string()))?;
-    let library =
-        Library::decode_uncertified(&bytes).map_err(|failure| Error::Model(failure.to_string()))?;
+    let library = Library::decode(&bytes).map_err(|failure| Error::Model(failure.to_string()))?;
     work(library.textures().next().expect("one was encoded"))
 }
 

@@ -28,7 +28,6 @@ use rayon::prelude::*;
 use crate::recording::triage::{self, Compared, Verdict};
 use crate::recording::{RecordingSet, Trial};
 use crate::support::error::{Error, Result};
-use crate::texture::certificate;
 use crate::texture::library::stored_texture;
 
 pub use fitted::{Fit, FittedTexture, encoded};
@@ -49,7 +48,7 @@ const KEPT_SIGNALS: usize = 128 << 20;
 ///
 /// # Errors
 /// The first trial that cannot be used; with [`Options::strict`] the first with a verdict; a texture that the chosen
-/// structure or the library cannot hold; options that [`Options::check_rate`] refuses.
+/// library cannot hold; options that [`Options::check_rate`] refuses.
 pub fn fit(set: &RecordingSet, options: &Options, progress: impl Fn() + Sync) -> Result<Fit> {
     fit_between(set, options, progress, || ())
 }
@@ -198,7 +197,7 @@ fn analyse_texture(
 /// were made with `options`, or with an order at least as high.
 ///
 /// # Errors
-/// With [`Options::strict`] the first trial with a verdict; a texture that the chosen structure or the library cannot
+/// With [`Options::strict`] the first trial with a verdict; a texture that the library cannot
 /// hold.
 pub fn fit_analysed(set: &RecordingSet, analyses: &[Analysis], options: &Options) -> Result<Fit> {
     let trials = reports(set, analyses, options)?;
@@ -350,11 +349,10 @@ fn fit_texture(
     let short: Vec<notes::Short> = short.collect();
     let notes = notes::of(name, &grid, &misses, (&reports, &short), idle, options);
     fit.warnings.extend(notes);
-    let (structure, theta) = (options.structure, options.theta);
-    let rate_hz = options.sample_rate_hz;
-    let (spec, report) = stored_texture(name, provenance, &grid, structure, theta, rate_hz)?;
-    fit.thetas.extend(report);
-    fit.specs.push(certificate::certified(spec)?);
+    let (theta, rate_hz) = (options.theta, options.sample_rate_hz);
+    let (spec, report) = stored_texture(name, provenance, &grid, theta, rate_hz)?;
+    fit.thetas.push(report);
+    fit.specs.push(spec);
     fit.textures.push(FittedTexture {
         name: name.to_owned(),
         provenance,

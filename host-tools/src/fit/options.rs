@@ -7,7 +7,6 @@ use model_format::{PlayRate, SAMPLE_RATE_HZ};
 use crate::dsp::reduction::Reduction;
 use crate::recording::triage::SILENCE_FLOOR_M_S2;
 use crate::support::error::{Error, Result};
-use crate::texture::quantise::StructureChoice;
 use crate::texture::theta::ThetaChoice;
 
 /// The choice of a model's order.
@@ -108,9 +107,7 @@ pub struct Options {
     pub order: Order,
     /// Estimate of the autocorrelation.
     pub estimator: Estimator,
-    /// Structure of the models in the library.
-    pub structure: StructureChoice,
-    /// Bytes of a lattice's θ.
+    /// Bytes of θ.
     pub theta: ThetaChoice,
     /// From three axes to one.
     pub reduction: Reduction,
@@ -192,7 +189,6 @@ impl Default for Options {
         Self {
             order: Order::Auto,
             estimator: Estimator::Auto,
-            structure: StructureChoice::Lattice,
             theta: ThetaChoice::Auto,
             reduction: Reduction::Pca,
             silence_floor_m_s2: SILENCE_FLOOR_M_S2,

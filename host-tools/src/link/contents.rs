@@ -27,8 +27,6 @@ pub struct SlotContent {
 pub struct TextureEntry {
     /// Name.
     pub name: String,
-    /// Structure of its filters.
-    pub structure: String,
     /// Origin of its recordings.
     pub provenance: String,
     /// Sample rate, Hz.
@@ -55,7 +53,6 @@ impl From<TextureInfo> for TextureEntry {
     fn from(info: TextureInfo) -> Self {
         Self {
             name: info.name.to_string(),
-            structure: info.structure.to_string(),
             provenance: info.provenance.to_string(),
             sample_rate_hz: info.sample_rate_hz,
             max_order: info.max_order,

@@ -1,11 +1,9 @@
 //! Upload of a library: in chunks, resumed after a broken link, and read back; with its budget of time.
 
-use std::time::Duration;
-
 use model_format::Library;
 use model_format::link::{
-    CHUNK_ALIGN, LIBRARY_CRC, MAX_CHUNK_BYTES, SlotFault, SlotId, SlotInfo, SlotState, UploadBegin,
-    UploadError, UploadState, UploadTimes,
+    CHUNK_ALIGN, LIBRARY_CRC, MAX_CHUNK_BYTES, SlotId, SlotInfo, SlotState, UploadBegin,
+    UploadError, UploadTimes,
 };
 
 use super::Device;
@@ -13,9 +11,6 @@ use super::error::{LinkError, Result};
 
 /// Number of successive failures without progress after which an upload ends.
 const MAX_FAILURES: u32 = 5;
-
-/// Interval between requests for the progress of a proof.
-const PROOF_POLL: Duration = Duration::from_millis(200);
 
 const _: () = assert!(MAX_CHUNK_BYTES.is_multiple_of(CHUNK_ALIGN));
 
@@ -109,16 +104,6 @@ pub fn upload_over(
     })
 }
 
-/// Waits while the device proves direct forms, which may take minutes; returns false if it does not.
-fn wait_for_proof(device: &Device) -> Result<bool> {
-    let mut seen = false;
-    while let UploadState::Proving(_) = device.upload_progress()? {
-        seen = true;
-        std::thread::sleep(PROOF_POLL);
-    }
-    Ok(seen)
-}
-
 /// Returns true for a failure after which the upload can go on from the device's offset.
 fn is_passing(failure: &LinkError) -> bool {
     let out_of_step = match failure {
@@ -165,12 +150,7 @@ impl Run<'_> {
             progress(next as usize);
         })?;
         self.committing = true;
-        let committed = match device.upload_commit() {
-            Err(LinkError::NoAnswer { .. }) if wait_for_proof(device)? => {
-                return self.proved(device);
-            }
-            answer => answer?,
-        };
+        let committed = device.upload_commit()?;
         self.times = Some(committed.times);
         let slots = device.slots()?;
         match &slots.slots[committed.slot.index()] {
@@ -196,19 +176,6 @@ impl Run<'_> {
             });
         let newest = valid.max_by_key(|(_, info)| info.sequence);
         Ok(newest.filter(|(_, info)| self.is_ours(info)))
-    }
-
-    /// The library of this upload, after a proof that took longer than a commit's answer may.
-    fn proved(&self, device: &Device) -> Result<(SlotId, SlotInfo)> {
-        if let Some(done) = self.committed(device)? {
-            return Ok(done);
-        }
-        let slots = device.slots()?.slots;
-        let refusal = slots.into_iter().find_map(|state| match state {
-            SlotState::Faulty(fault @ SlotFault::Unproved { .. }) => Some(fault.to_string()),
-            _ => None,
-        });
-        Err(device.not_verified(refusal.unwrap_or("the commit failed: upload again".to_owned())))
     }
 
     fn is_ours(&self, info: &SlotInfo) -> bool {

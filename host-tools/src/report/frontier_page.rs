@@ -3,7 +3,6 @@
 use std::path::Path;
 
 use stylus_costs::Origin;
-use stylus_kernel::direct::{NEAR_TAPS, TAPS_PER_TURN};
 
 use crate::dsp::spectrum::AMPLITUDE_JND_DB;
 use crate::evaluation::frontier::{
@@ -344,16 +343,15 @@ fn notes(frontier: &Frontier) -> Vec<String> {
             .to_owned(),
         "The hard cases are those of stylus stress (short), their models cut to the order. Held means all that is \
          promised of the stylus's lattice, 108 dB of SNR included. Worse and worse: never quite silent, inaccurate, \
-         saturates, refused by fit, latches."
+         saturates, refused, latches."
             .to_owned(),
-        "Refused by fit are textures whose direct form is unstable between its nodes; such a choice is on no front of \
-         motion, and its error there is that of the other textures."
+        "Refused are textures whose coefficients a direct form's words cannot hold; such a choice is on no front of \
+         motion, and its error there is that of the other textures. A direct form may be unstable between its nodes; \
+         it then saturates, and its error in motion shows it."
             .to_owned(),
-        format!(
-            "Between measured orders instructions and cycles are on a straight line; a direct form's are those of the \
-             next multiple of {TAPS_PER_TURN} taps beyond {NEAR_TAPS}. Per node, the time is that of the highest \
-             order: a texture's tick takes the same time wherever the hand is."
-        ),
+        "Between measured orders instructions and cycles are on a straight line. Per node, the time is that of the \
+         highest order: a texture's tick takes the same time wherever the hand is."
+            .to_owned(),
         "Time with updates: updates that stay in a cell take the share of the dearest that their \
          instructions are. Updates run below the sample's priority; only the sample has to be done in 200 µs."
             .to_owned(),

@@ -141,8 +141,7 @@ impl StageCost {
         let named = |surface: u8| names.get(usize::from(surface)).map_or("", String::as_str);
         Self {
             item: match term.item {
-                Item::Voice { surface, structure } => format!("{}, {structure}", named(surface)),
-                Item::SumsAhead { surface } => format!("{}, sums ahead", named(surface)),
+                Item::Voice { surface } => format!("{}, normalised lattice", named(surface)),
                 Item::StickSlip { surface } => format!("{}, stick-slip", named(surface)),
                 Item::Lines { surface } => format!("{}, lines", named(surface)),
                 other => other.to_string(),
@@ -193,10 +192,8 @@ fn terms_on(
     let terms = cost.terms().iter().copied();
     let here = |mut term: Term| {
         // The scene of this surface alone counts it as number 0.
-        if let Item::Voice { surface, .. }
-        | Item::SumsAhead { surface }
-        | Item::StickSlip { surface }
-        | Item::Lines { surface } = &mut term.item
+        if let Item::Voice { surface, .. } | Item::StickSlip { surface } | Item::Lines { surface } =
+            &mut term.item
         {
             *surface = index as u8;
         }

@@ -3,9 +3,7 @@
 use std::path::Path;
 
 use model_format::scene::Scene;
-use model_format::{
-    Certificate, Library, NodeSpec, PartsSpec, Texture, TextureSpec, encode_with_scenes,
-};
+use model_format::{Library, NodeSpec, PartsSpec, Texture, TextureSpec, encode_with_scenes};
 
 use super::compile::CompiledScene;
 use crate::support::error::{Error, Result};
@@ -31,7 +29,6 @@ pub fn texture_spec(texture: &Texture<'_>) -> TextureSpec {
     TextureSpec {
         name: texture.name().to_owned(),
         sample_rate_hz: texture.sample_rate_hz(),
-        structure: texture.structure(),
         provenance: texture.provenance(),
         laws: texture.laws(),
         parts: parts(texture),
@@ -46,10 +43,6 @@ pub fn texture_spec(texture: &Texture<'_>) -> TextureSpec {
                 codes: node.coefficients.into(),
             })
             .collect(),
-        cell_margins: match texture.certificate() {
-            Certificate::DirectForm { cell_margins } => cell_margins.to_vec(),
-            Certificate::None | Certificate::Lattice { .. } => Vec::new(),
-        },
     }
 }
 

@@ -7,7 +7,6 @@ use crate::dsp::line_spectral_frequencies as line_spectrum;
 use crate::dsp::linear_prediction::{Prediction, corrected, error_share, step_down, step_up};
 use crate::dsp::log_spectrum::{FINE_BINS, LogSpectrum};
 use crate::dsp::model::Model;
-use crate::texture::quantise::StructureChoice;
 
 /// The representation of a model's shape that is averaged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -153,14 +152,6 @@ impl Level {
 }
 
 impl Domain {
-    /// The structure in which what it predicts is played: predictors in the paper's own, all else in the lattice.
-    pub fn structure(self) -> StructureChoice {
-        match self {
-            Self::Predictor => StructureChoice::Direct,
-            _ => StructureChoice::Lattice,
-        }
-    }
-
     /// The reflection coefficients at a speed, mm/s, from those of `neighbours`; `None` where the mean is not stable.
     pub fn shape(self, neighbours: &[Neighbour<'_>], speed_mm_s: f64) -> Option<Vec<f64>> {
         let order = neighbours
@@ -306,6 +297,8 @@ mod tests {
     }
 
     proptest! {
+        #![proptest_config(ProptestConfig::with_cases(24))]
+
         #[test]
         fn between_equal_neighbours_every_method_gives_them_back(
             reflection in prop::collection::vec(-0.4f64..0.4, 1..10), power in 0.01f64..10.0,

@@ -2,41 +2,32 @@
 
 use std::path::Path;
 
-use model_format::{Library, Provenance, SAMPLE_RATE_HZ, TextureSpec, encode_uncertified};
+use model_format::{Library, Provenance, SAMPLE_RATE_HZ, TextureSpec, encode};
 
 use super::grid::Grid;
-use super::quantise::{self, StructureChoice};
+use super::quantise;
 use super::theta::{self, ThetaChoice, ThetaReport};
 use crate::support::bounded_file::{Limit, MIB};
 use crate::support::error::{Error, Result};
 
-/// Returns texture `name` with the parts of `grid` and its nodes quantised for `structure`, without a certificate.
+/// Returns texture `name` with the parts of `grid` and its nodes quantised.
 ///
 /// # Errors
-/// A node that the structure cannot hold, with its speed and force.
-pub fn texture_spec(
-    name: &str,
-    provenance: Provenance,
-    grid: &Grid,
-    structure: StructureChoice,
-) -> Result<TextureSpec> {
+/// A node that is too loud, with its speed and force.
+pub fn texture_spec(name: &str, provenance: Provenance, grid: &Grid) -> Result<TextureSpec> {
     Ok(TextureSpec {
         name: name.to_owned(),
         sample_rate_hz: SAMPLE_RATE_HZ,
-        structure: structure.structure(),
         provenance,
         laws: grid.laws,
         parts: grid.parts.clone(),
         speed_axis_mm_s: grid.speeds_mm_s.clone(),
         force_axis_n: grid.forces_n.clone(),
-        nodes: quantise::nodes(name, grid, structure)?,
-        cell_margins: Vec::new(),
+        nodes: quantise::nodes(name, grid)?,
     })
 }
 
-/// As [`texture_spec`], at `sample_rate_hz`, with the θ of a lattice in the form that `theta` chooses.
-///
-/// The report of the choice is none for a direct form.
+/// As [`texture_spec`], at `sample_rate_hz`, with θ in the form that `theta` chooses, and the report of the choice.
 ///
 /// # Errors
 /// Those of [`texture_spec`].
@@ -44,28 +35,24 @@ pub fn stored_texture(
     name: &str,
     provenance: Provenance,
     grid: &Grid,
-    structure: StructureChoice,
     theta: ThetaChoice,
     sample_rate_hz: u32,
-) -> Result<(TextureSpec, Option<ThetaReport>)> {
-    let mut spec = texture_spec(name, provenance, grid, structure)?;
+) -> Result<(TextureSpec, ThetaReport)> {
+    let mut spec = texture_spec(name, provenance, grid)?;
     spec.sample_rate_hz = sample_rate_hz;
-    if structure != StructureChoice::Lattice {
-        return Ok((spec, None));
-    }
     let (nodes, report) = theta::store(name, grid, spec.nodes, theta, sample_rate_hz);
     spec.nodes = nodes;
-    Ok((spec, Some(report)))
+    Ok((spec, report))
 }
 
-/// Returns the bytes of a library of one texture without a certificate: for judging a model, never for a file.
+/// Returns the bytes of a library of one texture: for judging a model, never for a file.
 ///
 /// # Errors
-/// A node that the structure cannot hold; a grid that makes no library.
-pub fn uncertified_library(name: &str, grid: &Grid, structure: StructureChoice) -> Result<Vec<u8>> {
+/// A node that is too loud; a grid that makes no library.
+pub fn library_of(name: &str, grid: &Grid) -> Result<Vec<u8>> {
     // The bytes leave no trace, so that their provenance says the least.
-    let spec = texture_spec(name, Provenance::Simulated, grid, structure)?;
-    encode_uncertified(&[spec]).map_err(|failure| Error::Model(failure.to_string()))
+    let spec = texture_spec(name, Provenance::Simulated, grid)?;
+    encode(&[spec]).map_err(|failure| Error::Model(failure.to_string()))
 }
 
 /// A library. A slot holds half a mebibyte; the decoder names the lengths of what is a little larger.

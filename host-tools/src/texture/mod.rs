@@ -1,8 +1,7 @@
-//! Textures between a fit and a library: grids of models, their interpolation, quantisation and certificates.
+//! Textures between a fit and a library: grids of models, their interpolation and quantisation.
 //!
 //! Invariant: models in, library entries out. Nothing here reads a recording's file or estimates a model from one.
 
-pub mod certificate;
 pub mod domain;
 pub mod grid;
 pub mod library;

@@ -1,52 +1,26 @@
 //! From a model in floating point to the codes that a library stores.
 
 use model_format::{
-    CodeSpec, FINE_THETA_STEP_RAD, NodeFlags, NodeSpec, Structure, THETA_FRACTION_BITS, limits,
+    CodeSpec, FINE_THETA_STEP_RAD, NodeFlags, NodeSpec, THETA_FRACTION_BITS, limits,
 };
 use rayon::prelude::*;
 
-use crate::dsp::linear_prediction::{error_share, step_down, step_up};
+use crate::dsp::linear_prediction::error_share;
 use crate::support::error::{Error, Result};
 
 use crate::dsp::model::Model;
 use crate::texture::grid::Grid;
 
-/// The structure that a user asks for.
-#[derive(
-    Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize, clap::ValueEnum,
-)]
-#[serde(rename_all = "snake_case")]
-pub enum StructureChoice {
-    /// Normalised lattice: stable at every point of the grid, also while the coefficients change.
-    Lattice,
-    /// Direct form in 32 bits, the paper's own structure.
-    Direct,
-    /// Direct form in 16 bits.
-    Direct16,
-}
-
-impl StructureChoice {
-    /// Returns the library's name of the structure.
-    pub fn structure(self) -> Structure {
-        match self {
-            Self::Lattice => Structure::NormalisedLattice,
-            Self::Direct => Structure::DirectForm32,
-            Self::Direct16 => Structure::DirectForm16,
-        }
-    }
-}
-
 /// All nodes of `grid` as codes.
 ///
 /// # Errors
-/// A node that is too loud, or that the direct form cannot hold: unstable after rounding, or with coefficients too
-/// large.
-pub fn nodes(name: &str, grid: &Grid, structure: StructureChoice) -> Result<Vec<NodeSpec>> {
+/// A node that is too loud.
+pub fn nodes(name: &str, grid: &Grid) -> Result<Vec<NodeSpec>> {
     let nodes: Vec<_> = grid.nodes().collect();
     nodes
         .into_par_iter()
         .map(|(speed_mm_s, force_n, model)| {
-            node(model, structure).map_err(|problem| {
+            node(model).map_err(|problem| {
                 let place = format!("texture '{name}' at {speed_mm_s} mm/s, {force_n} N");
                 Error::Model(format!("{place}: {problem}"))
             })
@@ -54,7 +28,7 @@ pub fn nodes(name: &str, grid: &Grid, structure: StructureChoice) -> Result<Vec<
         .collect()
 }
 
-fn node(model: &Model, structure: StructureChoice) -> std::result::Result<NodeSpec, String> {
+fn node(model: &Model) -> std::result::Result<NodeSpec, String> {
     let mut output_power = model.output_power as f32;
     if output_power > limits::MAX_OUTPUT_POWER {
         return Err(format!(
@@ -68,11 +42,7 @@ fn node(model: &Model, structure: StructureChoice) -> std::result::Result<NodeSp
         output_power = 0.0;
         flags = flags.with(NodeFlags::SILENT);
     }
-    let (codes, reflection) = match structure {
-        StructureChoice::Lattice => lattice(model),
-        StructureChoice::Direct => direct(model, 31)?,
-        StructureChoice::Direct16 => direct(model, 15)?,
-    };
+    let (codes, reflection) = lattice(model);
     // From the coefficients as they are stored, so that the level is right to the last code.
     let prediction_error_power = (f64::from(output_power) * error_share(&reflection)) as f32;
     Ok(NodeSpec {
@@ -126,72 +96,27 @@ pub fn with_codes(node: &NodeSpec, codes: CodeSpec) -> NodeSpec {
     }
 }
 
-/// Reflection coefficients of a lattice's codes; none of a direct form's.
+/// Reflection coefficients of codes.
 pub fn stored_reflection(codes: &CodeSpec) -> Vec<f64> {
     let k = |theta: i32| (f64::from(theta) * FINE_THETA_STEP_RAD).sin();
     codes.thetas().map(k).collect()
 }
 
-/// The lattice's `nodes` with 16 bits of θ in every stage, for a texture that must save the 32 bytes per node. Nodes of
-/// direct forms stay as they are.
+/// The `nodes` with 16 bits of θ in every stage, for a texture that must save the 32 bytes per node.
 pub fn coarse(nodes: Vec<NodeSpec>) -> Vec<NodeSpec> {
     let coarse = |node: NodeSpec| {
         let mut codes = node.codes.clone();
-        let CodeSpec::Lattice { fractions, .. } = &mut codes else {
-            return node;
-        };
         // A code is the nearest of 16 bits already.
-        fractions.clear();
+        codes.fractions.clear();
         with_codes(&node, codes)
     };
     nodes.into_iter().map(coarse).collect()
 }
 
-/// Predictor coefficients h with `bits` binary digits after the point at exponent 0, and the reflection coefficients
-/// that they stand for after rounding.
-fn direct(model: &Model, bits: u32) -> std::result::Result<(CodeSpec, Vec<f64>), String> {
-    const INSTEAD: &str =
-        "fit it as a lattice (--structure lattice), which holds every stable model";
-    let predictor: Vec<f64> = step_up(&model.reflection).iter().map(|a| -a).collect();
-    let sum: f64 = predictor.iter().map(|h| h.abs()).sum();
-    let largest = predictor
-        .iter()
-        .fold(0.0, |largest: f64, h| largest.max(h.abs()));
-    let highest_code = f64::from((1u64 << bits) as f32) - 1.0;
-    // 32-bit codes must also add up to less than 2³², for the kernel's 64-bit sum.
-    let holds = |exponent: u8| {
-        let one = 2f64.powi(bits as i32 - i32::from(exponent));
-        (largest * one).round() <= highest_code
-            && (bits < 31 || sum * one + predictor.len() as f64 <= f64::from(u32::MAX))
-    };
-    let exponent = (0..=limits::MAX_EXPONENT)
-        .find(|&exponent| holds(exponent))
-        .filter(|_| sum < limits::MAX_COEFFICIENT_SUM as f64 - 1.0)
-        .ok_or_else(|| {
-            format!(
-                "coefficients that add up to {sum:.0} are too large for the direct form; {INSTEAD}"
-            )
-        })?;
-    let one = 2f64.powi(bits as i32 - i32::from(exponent));
-    let codes: Vec<i32> = predictor.iter().map(|h| (h * one).round() as i32).collect();
-    let rounded: Vec<f64> = codes.iter().map(|&code| -f64::from(code) / one).collect();
-    let reflection = step_down(&rounded).ok_or_else(|| {
-        let width = bits + 1;
-        format!("coefficients rounded to {width} bits are not stable in the direct form; {INSTEAD}")
-    })?;
-    let codes = if bits == 31 {
-        CodeSpec::Direct32 { exponent, codes }
-    } else {
-        let codes = codes.into_iter().map(|code| code as i16).collect();
-        CodeSpec::Direct16 { exponent, codes }
-    };
-    Ok((codes, reflection))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dsp::linear_prediction::Prediction;
+    use crate::dsp::linear_prediction::{Prediction, step_up};
     use crate::dsp::model_error::ModelError;
     use crate::texture::theta::LARGEST_ERROR;
     use model_format::THETA_STEP_RAD;
@@ -211,8 +136,7 @@ mod tests {
             k in prop::collection::vec(-0.999_999_999f64..0.999_999_999, 0..400),
         ) {
             let (spec, back) = lattice(&model(k.clone()));
-            let CodeSpec::Lattice { codes, .. } = &spec else { unreachable!() };
-            prop_assert!(codes.iter().all(|&code| code != i16::MIN));
+            prop_assert!(spec.codes.iter().all(|&code| code != i16::MIN));
             for (stage, (a, b)) in k.iter().zip(back).enumerate() {
                 let step = if stage < limits::MAX_FINE_STAGES { FINE_THETA_STEP_RAD } else { THETA_STEP_RAD };
                 // The last θ of all is half a coarse step from π/2.
@@ -220,47 +144,12 @@ mod tests {
                 let error = (a.asin().clamp(-end, end) - b.asin().clamp(-end, end)).abs();
                 prop_assert!(error <= 0.51 * step, "stage {}: {}", stage + 1, error / step);
             }
-            let node = node(&model(k.clone()), StructureChoice::Lattice).unwrap();
+            let node = node(&model(k.clone())).unwrap();
             let coarse = coarse(vec![node]).remove(0);
             for (a, b) in k.iter().zip(stored_reflection(&coarse.codes)) {
                 prop_assert!((a.asin() - b.asin()).abs() <= 0.51 * THETA_STEP_RAD);
             }
         }
-
-        #[test]
-        fn direct_codes_are_the_predictor_within_half_a_step(k in prop::collection::vec(-0.6f64..0.6, 1..30)) {
-            for bits in [15, 31] {
-                let predictor = step_up(&k);
-                let Ok((codes, _)) = direct(&model(k.clone()), bits) else { continue };
-                let (exponent, codes): (_, Vec<f64>) = match codes {
-                    CodeSpec::Direct16 { exponent, codes } => (exponent, codes.into_iter().map(f64::from).collect()),
-                    CodeSpec::Direct32 { exponent, codes } => (exponent, codes.into_iter().map(f64::from).collect()),
-                    CodeSpec::Lattice { .. } => unreachable!(),
-                };
-                let step = 2f64.powi(i32::from(exponent) - bits as i32);
-                for (a, code) in predictor.iter().zip(codes) {
-                    prop_assert!((-a - code * step).abs() <= 0.5001 * step);
-                }
-            }
-        }
-    }
-
-    #[test]
-    fn what_the_direct_form_cannot_hold_is_refused_with_the_way_out() {
-        // Poles crowded near z = 1: no stability left in 16 bits.
-        let mut polynomial = vec![1.0];
-        for _ in 0..4 {
-            let mut next = polynomial.clone();
-            next.push(0.0);
-            for (to, from) in next[1..].iter_mut().zip(&polynomial) {
-                *to -= 0.99 * from;
-            }
-            polynomial = next;
-        }
-        let reflection = step_down(&polynomial[1..]).unwrap();
-        let problem = direct(&model(reflection.clone()), 15).unwrap_err();
-        assert!(problem.contains("--structure lattice"), "{problem}");
-        assert!(node(&model(reflection), StructureChoice::Lattice).is_ok());
     }
 
     /// Power density of the model of `reflection` at a frequency, per unit of power.
@@ -313,7 +202,7 @@ mod tests {
     /// The errors of lines with fractions of theta, and without.
     fn line_errors(reflection: Vec<f64>, lines_hz: &[f64]) -> [LineErrors; 2] {
         let model = model(reflection);
-        let fine = node(&model, StructureChoice::Lattice).unwrap();
+        let fine = node(&model).unwrap();
         let coarse = coarse(vec![fine.clone()]).remove(0);
         [fine, coarse].map(|node| {
             let stored = stored_reflection(&node.codes);

@@ -1,8 +1,8 @@
 //! Summary of a texture: its grid, its orders and its nodes.
 
 use model_format::{
-    CodebookSpec, Coefficients, ExcitationSpec, FINE_THETA_STEP_RAD, LEVEL_FRACTION_BITS,
-    ModulationSpec, NodeFlags, PartKind, Tail, TailSpec, Texture, level_amplitude,
+    CodebookSpec, ExcitationSpec, FINE_THETA_STEP_RAD, LEVEL_FRACTION_BITS, ModulationSpec,
+    NodeFlags, PartKind, Tail, TailSpec, Texture, level_amplitude,
 };
 use serde::Serialize;
 
@@ -11,8 +11,6 @@ use serde::Serialize;
 pub struct TextureSummary {
     /// Name.
     pub name: String,
-    /// Structure of its filters.
-    pub structure: String,
     /// Origin of its recordings.
     pub provenance: String,
     /// Sample rate, Hz.
@@ -146,7 +144,6 @@ impl TextureSummary {
         };
         Self {
             name: texture.name().to_owned(),
-            structure: texture.structure().to_string(),
             provenance: texture.provenance().to_string(),
             sample_rate_hz: texture.sample_rate_hz(),
             speeds_mm_s: texture.speed_axis().values().collect(),
@@ -191,10 +188,8 @@ impl TextureSummary {
 
 /// The tails of nodes that have one.
 fn tails<'a>(texture: &Texture<'a>) -> impl Iterator<Item = Tail<'a>> {
-    texture.nodes().filter_map(|node| match node.coefficients {
-        Coefficients::Lattice { tail, .. } if !tail.codes.is_empty() => Some(tail),
-        _ => None,
-    })
+    let tails = texture.nodes().map(|node| node.coefficients.tail);
+    tails.filter(|tail| !tail.codes.is_empty())
 }
 
 fn tail_range_rad(texture: &Texture<'_>) -> [f64; 2] {

@@ -85,32 +85,30 @@ impl Counted {
 /// The image's job for a structure, and the functions that do it, by parts of their mangled names.
 struct Subject {
     filter: Filter,
-    stored: model_format::Structure,
     update: &'static str,
     sample: &'static str,
 }
 
 fn subject(structure: Structure) -> Subject {
-    use model_format::Structure::{DirectForm16, DirectForm32, NormalisedLattice};
-    let product = |stored| Subject {
-        filter: Filter::Product,
-        stored,
-        update: "7counted6update",
-        sample: "7counted6sample",
-    };
     match structure {
-        Structure::NormalisedLattice32 => product(NormalisedLattice),
-        Structure::DirectForm32 => product(DirectForm32),
-        Structure::DirectForm16 => product(DirectForm16),
+        Structure::NormalisedLattice32 => Subject {
+            filter: Filter::Product,
+            update: "7counted6update",
+            sample: "7counted6sample",
+        },
+        // Both are played in 32 bits.
+        Structure::DirectForm32 | Structure::DirectForm16 => Subject {
+            filter: Filter::Direct,
+            update: "7counted13direct_update",
+            sample: "7counted13direct_sample",
+        },
         Structure::NormalisedLattice16 => Subject {
             filter: Filter::Normalised16,
-            stored: NormalisedLattice,
             update: "7counted19normalised16_update",
             sample: "7counted19normalised16_sample",
         },
         Structure::TwoMultiplierLattice32 => Subject {
             filter: Filter::TwoMultiplier,
-            stored: NormalisedLattice,
             update: "7counted21two_multiplier_update",
             sample: "7counted21two_multiplier_sample",
         },
@@ -163,7 +161,7 @@ impl Guest {
     /// QEMU is missing, the image fails, or samples differ in cost.
     pub fn count(&self, structure: Structure, orders: &[usize]) -> Result<Vec<Counted>> {
         let subject = subject(structure);
-        let library = counted_library(subject.stored, orders);
+        let library = counted_library(orders);
         let job = Job::Count {
             filter: subject.filter,
             updates: COUNTED_UPDATES,
@@ -228,16 +226,12 @@ impl Guest {
 }
 
 /// Filters that the image runs without excitation and level: a part of the function's mangled name, and the filter.
-const ALONE: [(&str, &str); 7] = [
+const ALONE: [(&str, &str); 6] = [
     (
         "5peers13lattice_alone",
         "stylus: normalised lattice, 32 bits",
     ),
     ("5peers12direct_alone", "stylus: direct form, 32 bits"),
-    (
-        "5peers13direct_output",
-        "stylus: direct form, 32 bits, until the output is known",
-    ),
     (
         "5peers10idsp_fixed",
         "idsp 0.23: 200 second-order sections, i32, 64-bit sums",

@@ -29,9 +29,12 @@ pub struct Arguments {
     /// Flash the product's image by the probe first, and the one with faults on request for the tests of faults
     #[arg(long, conflicts_with = "virtual_stylus")]
     flash: bool,
-    /// Start a virtual stylus in place of a board, and test a few of each kind
+    /// Start a virtual stylus in place of a board, and test what the image's tests on it do not hold
     #[arg(long)]
     virtual_stylus: bool,
+    /// With the virtual stylus: all tests of a board
+    #[arg(long, requires = "virtual_stylus")]
+    long: bool,
     /// With the virtual stylus: over its USB instead of its serial port
     #[arg(long, requires = "virtual_stylus")]
     usb: bool,
@@ -77,8 +80,10 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         if arguments.virtual_stylus {
             suite
                 .arg("--virtual-stylus")
-                .arg(virtual_stylus::build(process::Progress::Quiet)?);
-            suite.arg("--brief");
+                .arg(virtual_stylus::build_as_tested()?);
+            if !arguments.long {
+                suite.arg("--brief");
+            }
         } else {
             let program = firmware::probe_rs()?;
             firmware::download(&product)?;

@@ -34,7 +34,7 @@ pub fn check_target(toolchain: &Toolchain) -> Result<()> {
         "--profile",
         firmware::PROFILE,
         "--package",
-        "stylus-firmware",
+        "stylus-image",
         "--features",
         "fault-injection,debug-halt",
     ]);

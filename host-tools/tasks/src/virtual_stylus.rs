@@ -71,7 +71,20 @@ pub fn test(toolchain: &Toolchain, long: bool, arguments: &[OsString]) -> Result
 /// # Errors
 /// The build fails.
 pub fn build(progress: Progress) -> Result<PathBuf> {
-    process::run(cargo("build", progress).args(["--bin", "virtual-stylus"]))?;
+    built(cargo("build", progress).args(["--bin", "virtual-stylus"]))
+}
+
+/// As [`build`], but with the features that its tests give to common dependencies, so that after a run of the tests
+/// nothing is built again.
+///
+/// # Errors
+/// The build fails.
+pub fn build_as_tested() -> Result<PathBuf> {
+    built(cargo("test", Progress::Quiet).args(["--no-run", "--test", "models"]))
+}
+
+fn built(cargo: &mut Command) -> Result<PathBuf> {
+    process::run(cargo)?;
     process::built(workspace::host_target_folder().join("debug/virtual-stylus"))
 }
 

@@ -5,7 +5,7 @@
 
 use core::borrow::BorrowMut;
 
-use super::check::{CertificateCheck, Demand, FedCheck, LinesCheck, NodesCheck, check_header};
+use super::check::{FedCheck, LinesCheck, NodesCheck, check_header};
 use super::names::Names;
 use super::texture::Texture;
 use super::view::Library;
@@ -18,28 +18,10 @@ use crate::wire::{self, CRC_RANGE, Prefix, Reader};
 /// A decoding in steps, each of which takes a bounded time; [`crate::limits`] has the bound.
 ///
 /// ```
-/// # use model_format::{
-/// #     CodeSpec, Laws, NodeFlags, NodeSpec, PartsSpec, Provenance, SAMPLE_RATE_HZ, Structure, TextureSpec,
-/// # };
+/// # use model_format::{CodeSpec, NodeSpec, TextureSpec};
 /// use model_format::{Decoder, encode};
-/// # let node = NodeSpec {
-/// #     output_power: 4.0,
-/// #     prediction_error_power: 1.0,
-/// #     flags: NodeFlags::NONE,
-/// #     codes: CodeSpec::lattice(vec![-20_000]),
-/// # };
-/// # let textures = [TextureSpec {
-/// #     name: "denim".into(),
-/// #     sample_rate_hz: SAMPLE_RATE_HZ,
-/// #     structure: Structure::NormalisedLattice,
-/// #     provenance: Provenance::Simulated,
-/// #     laws: Laws::default(),
-/// #     parts: PartsSpec::default(),
-/// #     speed_axis_mm_s: vec![100.0],
-/// #     force_axis_n: vec![1.0],
-/// #     nodes: vec![node],
-/// #     cell_margins: vec![],
-/// # }];
+/// # let node = NodeSpec::new(4.0, CodeSpec::lattice(vec![-20_000]));
+/// # let textures = [TextureSpec::new("denim", &[100.0], &[1.0], vec![node])];
 ///
 /// let bytes = encode(&textures)?;
 /// let mut decoder = Decoder::new(&bytes);
@@ -57,7 +39,6 @@ use crate::wire::{self, CRC_RANGE, Prefix, Reader};
 #[derive(Clone)]
 pub struct Decoder<'a, W = Workspace> {
     bytes: &'a [u8],
-    demand: Demand,
     stage: Stage<'a>,
     /// The bytes that no stage has taken yet.
     rest: Reader<'a>,
@@ -112,41 +93,30 @@ enum Stage<'a> {
     Lines(LinesCheck<'a>),
     /// Nodes of a texture.
     Nodes(NodesCheck<'a>),
-    /// Certificate of a texture.
-    Certificate(CertificateCheck<'a>),
     /// Codebooks and level track of a texture.
     Fed(FedCheck<'a>),
     /// The next scene, or the end.
     Scene,
 }
 
-impl<'a> Stage<'a> {
-    /// The stage after a certificate that was found valid.
-    fn after_certificate(certificate: &CertificateCheck<'a>) -> Self {
-        let (texture, index) = certificate.texture();
-        FedCheck::new(texture, index).map_or(Self::Texture, Self::Fed)
-    }
-}
-
 impl<'a> Decoder<'a> {
     /// A decoder of `bytes`, which has looked at none yet.
     pub const fn new(bytes: &'a [u8]) -> Self {
-        Self::demanding(bytes, Demand::Certificate, Workspace::new())
+        Self::with(bytes, Workspace::new())
     }
 }
 
 impl<'a, 'w> Decoder<'a, &'w mut Workspace> {
     /// As [`Decoder::new`], in a workspace that the caller keeps.
     pub const fn within(bytes: &'a [u8], work: &'w mut Workspace) -> Self {
-        Self::demanding(bytes, Demand::Certificate, work)
+        Self::with(bytes, work)
     }
 }
 
 impl<'a, W> Decoder<'a, W> {
-    const fn demanding(bytes: &'a [u8], demand: Demand, work: W) -> Self {
+    const fn with(bytes: &'a [u8], work: W) -> Self {
         Self {
             bytes,
-            demand,
             stage: Stage::Prefix,
             rest: Reader(&[]),
             library: Library {
@@ -201,20 +171,9 @@ impl<'a, W: BorrowMut<Workspace>> Decoder<'a, W> {
                 }
             }
             Stage::Nodes(nodes) => {
-                if let Some(largest_theta) = nodes.step()? {
+                if nodes.step()? {
                     let (texture, index) = nodes.texture();
-                    let mut certificate =
-                        CertificateCheck::new(texture, index, self.demand, largest_theta);
-                    self.stage = if certificate.step()? {
-                        Stage::after_certificate(&certificate)
-                    } else {
-                        Stage::Certificate(certificate)
-                    };
-                }
-            }
-            Stage::Certificate(certificate) => {
-                if certificate.step()? {
-                    self.stage = Stage::after_certificate(certificate);
+                    self.stage = FedCheck::new(texture, index).map_or(Stage::Texture, Stage::Fed);
                 }
             }
             Stage::Fed(fed) => {
@@ -349,22 +308,7 @@ impl<'a> Library<'a> {
     /// # Errors
     /// The first fault found, with its place.
     pub fn decode(bytes: &'a [u8]) -> Result<Self, DecodeError> {
-        Self::decode_demanding(bytes, Demand::Certificate)
-    }
-
-    /// As [`Library::decode`], but accepts direct forms without a certificate, which may be unstable between their
-    /// nodes.
-    ///
-    /// This is for benches that examine such textures; a stylus must not play them.
-    ///
-    /// # Errors
-    /// The first fault found, with its place.
-    pub fn decode_uncertified(bytes: &'a [u8]) -> Result<Self, DecodeError> {
-        Self::decode_demanding(bytes, Demand::Nothing)
-    }
-
-    fn decode_demanding(bytes: &'a [u8], demand: Demand) -> Result<Self, DecodeError> {
-        let mut decoder = Decoder::demanding(bytes, demand, Workspace::new());
+        let mut decoder = Decoder::new(bytes);
         loop {
             if let Some(library) = decoder.step()? {
                 return Ok(library);

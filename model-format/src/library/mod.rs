@@ -3,7 +3,7 @@
 //! | file | content |
 //! |---|---|
 //! | `view` | [`Library`] and its textures and scenes |
-//! | `texture`, `axis`, `node`, `certificate` | the parts of a texture |
+//! | `texture`, `axis`, `node` | the parts of a texture |
 //! | `part` | what a texture may say beside its models, a kind each |
 //! | `decode` | from bytes to [`Library`]: prefix, textures, scenes, in steps |
 //! | `check` | all that a texture must hold |
@@ -12,7 +12,6 @@
 //! Views allocate nothing. They parse again what validation has parsed before, so that this cannot fail.
 
 mod axis;
-mod certificate;
 mod check;
 mod decode;
 mod names;
@@ -22,7 +21,6 @@ mod texture;
 mod view;
 
 pub use axis::Axis;
-pub use certificate::{CELL_MARGIN_STEPS_PER_OCTAVE, Certificate, UNCERTIFIED_CELL};
 pub use decode::{Decoder, Workspace};
 #[cfg(feature = "alloc")]
 pub(crate) use node::theta;

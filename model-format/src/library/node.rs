@@ -5,7 +5,7 @@
 pub struct Node<'a> {
     /// Variance of the model's output, (m/s²)².
     pub output_power: f32,
-    /// Variance σ² of the white excitation of a direct form, (m/s²)²: the power of the prediction error.
+    /// Variance of the prediction error of the model that was fitted, (m/s²)². Nothing plays by it.
     pub prediction_error_power: f32,
     /// Origin of the node, and its remarks.
     pub flags: NodeFlags,
@@ -14,32 +14,17 @@ pub struct Node<'a> {
 }
 
 /// A node's coefficients as stored: little-endian, not aligned, as many as the model's order.
+///
+/// θ of stage 1 comes first; θ = (code · 256 + fraction) · [`crate::FINE_THETA_STEP_RAD`]. See
+/// [`Coefficients::thetas`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Coefficients<'a> {
-    /// θ of stage 1 first; θ = (code · 256 + fraction) · [`crate::FINE_THETA_STEP_RAD`]. See
-    /// [`Coefficients::thetas`].
-    Lattice {
-        /// The codes, `i16` in steps of [`crate::THETA_STEP_RAD`].
-        codes: &'a [[u8; 2]],
-        /// Fractions of the first stages, `i8`; at most as many as codes. Those of further stages are 0.
-        fractions: &'a [u8],
-        /// The stages after those of `codes`.
-        tail: Tail<'a>,
-    },
-    /// h₁ first; h = code · 2^(exponent - 15).
-    Direct16 {
-        /// Binary exponent of the whole node, at most [`crate::limits::MAX_EXPONENT`].
-        exponent: u8,
-        /// The codes, `i16`.
-        codes: &'a [[u8; 2]],
-    },
-    /// h₁ first; h = code · 2^(exponent - 31).
-    Direct32 {
-        /// Binary exponent of the whole node, at most [`crate::limits::MAX_EXPONENT`].
-        exponent: u8,
-        /// The codes, `i32`.
-        codes: &'a [[u8; 4]],
-    },
+pub struct Coefficients<'a> {
+    /// The codes, `i16` in steps of [`crate::THETA_STEP_RAD`].
+    pub codes: &'a [[u8; 2]],
+    /// Fractions of the first stages, `i8`; at most as many as codes. Those of further stages are 0.
+    pub fractions: &'a [u8],
+    /// The stages after those of `codes`.
+    pub tail: Tail<'a>,
 }
 
 /// The last stages of a lattice, whose θ is stored in one byte.
@@ -96,9 +81,9 @@ impl NodeFlags {
         self.0
     }
 
-    pub(super) const fn from_bits(bits: u8) -> Option<Self> {
-        if bits & !Self::KNOWN == 0 {
-            Some(Self(bits))
+    pub(super) const fn from_bits(bits: u16) -> Option<Self> {
+        if bits & !(Self::KNOWN as u16) == 0 {
+            Some(Self(bits as u8))
         } else {
             None
         }
@@ -108,30 +93,16 @@ impl NodeFlags {
 impl<'a> Coefficients<'a> {
     /// Order of the model.
     pub fn order(&self) -> usize {
-        match self {
-            Self::Lattice { codes, tail, .. } => codes.len() + tail.codes.len(),
-            Self::Direct16 { codes, .. } => codes.len(),
-            Self::Direct32 { codes, .. } => codes.len(),
-        }
+        self.codes.len() + self.tail.codes.len()
     }
 
-    /// θ of all stages of a lattice, stage 1 first, in steps of [`crate::FINE_THETA_STEP_RAD`]; below 2²³ in magnitude.
-    /// Empty for a direct form.
+    /// θ of all stages, stage 1 first, in steps of [`crate::FINE_THETA_STEP_RAD`]; below 2²³ in magnitude.
     pub fn thetas(self) -> impl Iterator<Item = i32> + use<'a> {
-        let (codes, fractions, tail): (&[_], &[_], _) = match self {
-            Self::Lattice {
-                codes,
-                fractions,
-                tail,
-            } => (codes, fractions, tail),
-            Self::Direct16 { .. } | Self::Direct32 { .. } => (&[], &[], Tail::default()),
-        };
-        let fractions = fractions.iter().copied().chain(core::iter::repeat(0));
+        let fractions = self.fractions.iter().copied().chain(core::iter::repeat(0));
+        let codes = self.codes.iter().zip(fractions);
         codes
-            .iter()
-            .zip(fractions)
             .map(|(&code, fraction)| theta(i16::from_le_bytes(code), fraction.cast_signed()))
-            .chain(tail.thetas())
+            .chain(self.tail.thetas())
     }
 }
 

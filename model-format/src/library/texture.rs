@@ -1,7 +1,6 @@
 //! A texture of a library.
 
 use super::axis::Axis;
-use super::certificate::Certificate;
 use super::node::{Coefficients, Node, NodeFlags, Tail};
 use super::part::excitation::{Excitation, ExcitationPart};
 use super::part::fine_theta::FineTheta;
@@ -12,22 +11,18 @@ use super::part::tails::Tails;
 use super::part::{PartKind, Parts};
 use crate::error::{DecodeError, Place, Problem};
 use crate::units::{MillimetresPerSecond, Newton};
-use crate::wire::{
-    CertificateRecord, NodeRecord, Provenance, Reader, Structure, Summary, TextureRecord,
-};
+use crate::wire::{NodeRecord, Provenance, Reader, Summary, TextureRecord};
 
 /// A texture: models on a rectangular grid over tangential speed and normal force.
 #[derive(Clone, Copy, Debug)]
 pub struct Texture<'a> {
     pub(super) name: &'a str,
     pub(super) sample_rate_hz: u32,
-    pub(super) structure: Structure,
     pub(super) provenance: Provenance,
     pub(super) speed_axis: Axis<'a>,
     pub(super) force_axis: Axis<'a>,
     pub(super) nodes: &'a [u8],
     pub(super) coefficients: &'a [u8],
-    pub(super) certificate: CertificateRecord<'a>,
     pub(super) summary: Summary,
     pub(super) parts: Parts<'a>,
     /// The laws that `parts` state.
@@ -47,13 +42,11 @@ impl<'a> Texture<'a> {
         Ok(Self {
             name: record.name,
             sample_rate_hz: record.sample_rate_hz,
-            structure: record.structure,
             provenance: record.provenance,
             speed_axis: Axis(record.speed_axis),
             force_axis: Axis(record.force_axis),
             nodes: record.nodes,
             coefficients: record.coefficients,
-            certificate: record.certificate,
             summary: record.summary,
             parts,
             laws: parts.levels.map(LevelsPart::laws).unwrap_or_default(),
@@ -73,11 +66,6 @@ impl<'a> Texture<'a> {
     /// Sample rate of the models, Hz.
     pub fn sample_rate_hz(&self) -> u32 {
         self.sample_rate_hz
-    }
-
-    /// Structure that the coefficients are for.
-    pub fn structure(&self) -> Structure {
-        self.structure
     }
 
     /// Origin of the recordings.
@@ -113,28 +101,15 @@ impl<'a> Texture<'a> {
         let order = usize::from(record.order);
         let length = self.bytes_of_order(order);
         let bytes = &self.coefficients[begin..begin + length];
-        let exponent = record.exponent;
+        let (codes, tail) = self.lattice_codes(index, order, bytes);
         Node {
             output_power: record.output_power,
             prediction_error_power: record.prediction_error_power,
-            flags: NodeFlags(record.flags),
-            coefficients: match self.structure {
-                Structure::NormalisedLattice => {
-                    let (codes, tail) = self.lattice_codes(index, order, bytes);
-                    Coefficients::Lattice {
-                        codes,
-                        fractions: self.fractions(index, order),
-                        tail,
-                    }
-                }
-                Structure::DirectForm16 => Coefficients::Direct16 {
-                    exponent,
-                    codes: bytes.as_chunks().0,
-                },
-                Structure::DirectForm32 => Coefficients::Direct32 {
-                    exponent,
-                    codes: bytes.as_chunks().0,
-                },
+            flags: NodeFlags(record.flags as u8),
+            coefficients: Coefficients {
+                codes,
+                fractions: self.fractions(index, order),
+                tail,
             },
         }
     }
@@ -145,24 +120,6 @@ impl<'a> Texture<'a> {
         let forces = texture.force_axis.len();
         let count = texture.speed_axis.len() * forces;
         (0..count).map(move |index| texture.node(index / forces, index % forces))
-    }
-
-    /// Numbers of cells along the speed and the force axis, at least one each. A cell lies between neighbouring
-    /// values of the axis; an axis of one value counts as one cell.
-    pub fn cell_counts(&self) -> (usize, usize) {
-        let cells = |axis: Axis<'_>| (axis.len() - 1).max(1);
-        (cells(self.speed_axis), cells(self.force_axis))
-    }
-
-    /// Certificate of the texture's stability.
-    pub fn certificate(&self) -> Certificate<'a> {
-        match self.certificate {
-            CertificateRecord::None => Certificate::None,
-            CertificateRecord::Lattice { largest_theta } => Certificate::Lattice { largest_theta },
-            CertificateRecord::DirectForm { cell_margins, .. } => {
-                Certificate::DirectForm { cell_margins }
-            }
-        }
     }
 
     /// Laws of the level between nodes and below the grid.
@@ -225,7 +182,7 @@ impl<'a> Texture<'a> {
         self.parts.fine_theta.map_or(0, |part| part.stages(nodes))
     }
 
-    /// Returns whether the stages of a lattice after the first [`crate::limits::MAX_FINE_STAGES`] have codes of one
+    /// Returns whether the stages after the first [`crate::limits::MAX_FINE_STAGES`] have codes of one
     /// byte, in every node that has so many.
     pub fn has_tails(&self) -> bool {
         self.parts.tails.is_some()
@@ -258,13 +215,6 @@ impl<'a> Texture<'a> {
         self.summary.highest_output_power
     }
 
-    /// Exponent at which every weighted mean of a direct form's nodes has room: h = code · 2^(exponent - 31), and
-    /// Σ|code| stays below [`crate::limits::CODE_SUM_LIMIT`] with half a step of rounding per tap. At most
-    /// [`crate::limits::MAX_EXPONENT`]; 0 for a lattice.
-    pub fn common_exponent(&self) -> u8 {
-        self.summary.common_exponent
-    }
-
     /// Number of nodes with each of `flags`. One pass over the nodes' records serves all.
     pub fn count_flags<const N: usize>(&self, flags: [NodeFlags; N]) -> [u16; N] {
         let mut counts = [0; N];
@@ -287,12 +237,12 @@ impl<'a> Texture<'a> {
     /// Length of the coefficients of a node of `order`, bytes.
     pub(super) const fn bytes_of_order(&self, order: usize) -> usize {
         match self.parts.tails {
-            None => order * self.structure.coefficient_bytes(),
+            None => 2 * order,
             Some(_) => Tails::coefficient_bytes(order),
         }
     }
 
-    /// The codes of 16 bits and the tail of a lattice's node number `index`, whose coefficients are `bytes`.
+    /// The codes of 16 bits and the tail of node number `index`, whose coefficients are `bytes`.
     #[inline]
     pub(super) fn lattice_codes(
         &self,

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{SlotFault, SlotId, SlotInfo, TextureName};
 use crate::scene::SceneName;
-use crate::{MillimetresPerSecond, Newton, Provenance, Structure};
+use crate::{MillimetresPerSecond, Newton, Provenance};
 
 /// Request for one texture or scene of a slot. A listing of any length fits in frames, because each has one entry.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
@@ -21,8 +21,6 @@ pub struct ListRequest {
 pub struct TextureInfo {
     /// Name of the texture.
     pub name: TextureName,
-    /// Structure that its coefficients are for.
-    pub structure: Structure,
     /// Origin of its recordings.
     pub provenance: Provenance,
     /// Sample rate of its models, Hz.
@@ -145,10 +143,4 @@ pub enum ActivateError {
     /// The output did not fade out in time.
     #[error("the output did not come to rest: stop it, then activate again")]
     NotAtRest,
-    /// A proof of direct forms that was ended.
-    #[error("an abort came before the direct forms in slot {slot} were proved: activate it again")]
-    Aborted {
-        /// The slot.
-        slot: SlotId,
-    },
 }

@@ -20,7 +20,6 @@ mod motion;
 mod mute;
 mod play;
 mod proposal;
-mod proving;
 mod record;
 mod selftest;
 mod settings;
@@ -52,7 +51,6 @@ pub use play::{
     Arithmetic, MAX_PLAY_GAIN, MotionSource, PlayError, PlayRequest, Playing, Selection, StopError,
 };
 pub use proposal::{LOCKED, ProposalToken, SettingsChange, SettingsProposal};
-pub use proving::Proving;
 pub use record::{
     BLOCK_SAMPLES, PackedSample, RAIL_CODES, RecordBlock, RecordError, RecordSample, RecordStarted,
     RecordStopped,

@@ -84,12 +84,6 @@ pub enum SlotFault {
         /// Message of the device's validator.
         reason: Reason,
     },
-    /// A direct form that the device has not proved stable.
-    #[error("{reason}: fit it as a lattice, or on a denser grid, and upload again")]
-    Unproved {
-        /// The texture, the cell, and what was found.
-        reason: Reason,
-    },
 }
 
 /// A valid library in a slot.

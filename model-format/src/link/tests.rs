@@ -12,7 +12,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use super::*;
-use crate::{AdcCode, MillimetresPerSecond, Newton, Provenance, SAMPLE_RATE_HZ, Structure};
+use crate::{AdcCode, MillimetresPerSecond, Newton, Provenance, SAMPLE_RATE_HZ};
 
 /// postcard-rpc's header with the longest key and sequence number: one byte, eight and four.
 const HEADER_BYTES: usize = 13;
@@ -78,7 +78,6 @@ fn slot_faults() -> Vec<SlotFault> {
             found: u32::MAX
         },
         SlotFault::Invalid { reason: text() },
-        SlotFault::Unproved { reason: text() },
     ]
 }
 
@@ -117,12 +116,10 @@ fn upload_errors() -> Vec<UploadError> {
             found: u32::MAX
         },
         UploadError::Invalid { reason: text() },
-        UploadError::Unproved { reason: text() },
         UploadError::ReadBack { slot, offset },
         UploadError::LastLibrary { slot },
         UploadError::Busy,
         UploadError::SupplyLow,
-        UploadError::Aborted,
     ];
     for operation in [
         FlashOperation::Read,
@@ -145,7 +142,6 @@ fn activate_errors() -> Vec<ActivateError> {
         ActivateError::NotCopied { slot },
         ActivateError::Busy,
         ActivateError::NotAtRest,
-        ActivateError::Aborted { slot },
     ];
     errors.extend(
         slot_faults()
@@ -493,14 +489,8 @@ fn statuses() -> Vec<Status> {
 }
 
 fn texture_infos() -> Vec<TextureInfo> {
-    let structures = [
-        Structure::NormalisedLattice,
-        Structure::DirectForm16,
-        Structure::DirectForm32,
-    ];
-    let info = |structure, provenance| TextureInfo {
+    let info = |provenance| TextureInfo {
         name: text(),
-        structure,
         provenance,
         sample_rate_hz: u32::MAX,
         max_order: u16::MAX,
@@ -512,11 +502,9 @@ fn texture_infos() -> Vec<TextureInfo> {
         filled_nodes: u16::MAX,
         doubtful_nodes: u16::MAX,
     };
-    let provenances = [Provenance::Recorded, Provenance::Simulated];
-    structures
-        .into_iter()
-        .flat_map(|s| provenances.map(|p| info(s, p)))
-        .collect()
+    [Provenance::Recorded, Provenance::Simulated]
+        .map(info)
+        .into()
 }
 
 /// The response type of an endpoint. It is found by the endpoint's name, so that a change of the tables shows here.
@@ -531,7 +519,6 @@ fn upload_committed() -> UploadCommitted {
             erase_us: u32::MAX,
             program_us: u32::MAX,
             check_us: u32::MAX,
-            proof_us: u32::MAX,
             wait_us: u32::MAX,
             sectors: u16::MAX,
             words: u32::MAX,

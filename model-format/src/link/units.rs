@@ -4,9 +4,7 @@ use postcard_schema::Schema;
 use postcard_schema::schema::{DataModelType, DataModelVariant, NamedType, NamedVariant};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use crate::{
-    AdcCode, MetresPerSecondSquared, MillimetresPerSecond, Newton, Provenance, Structure, Volt,
-};
+use crate::{AdcCode, MetresPerSecondSquared, MillimetresPerSecond, Newton, Provenance, Volt};
 
 /// Encodes a unit on the wire as the number that it wraps.
 macro_rules! transparent {
@@ -62,11 +60,6 @@ macro_rules! plain_enum {
     };
 }
 
-plain_enum!(Structure {
-    NormalisedLattice,
-    DirectForm16,
-    DirectForm32
-});
 plain_enum!(Provenance {
     Recorded,
     Simulated
@@ -85,11 +78,6 @@ mod tests {
 
     #[test]
     fn schemas_name_variants_in_the_order_of_the_wire() {
-        use Structure::{DirectForm16, DirectForm32, NormalisedLattice};
-        assert_eq!(
-            [NormalisedLattice, DirectForm16, DirectForm32].map(index),
-            [0, 1, 2]
-        );
         assert_eq!(
             [Provenance::Recorded, Provenance::Simulated].map(index),
             [0, 1]

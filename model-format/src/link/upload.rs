@@ -3,7 +3,7 @@
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-use super::{FLASH_SUPPLY_MV, Proving, Reason, SlotId};
+use super::{FLASH_SUPPLY_MV, Reason, SlotId};
 use crate::limits::{FLASH_WORD_BYTES, MAX_LIBRARY_BYTES};
 
 /// Most bytes in a chunk.
@@ -58,8 +58,6 @@ pub enum UploadState {
     Idle,
     /// An upload is under way, and can be resumed from its next offset.
     Receiving(UploadProgress),
-    /// A library has arrived, or is to be activated, and its direct forms are being proved stable.
-    Proving(Proving),
 }
 
 /// An uploaded library that was read back from flash and is valid.
@@ -84,8 +82,6 @@ pub struct UploadTimes {
     pub program_us: u32,
     /// Reading and decoding what was received, and what the upload must not erase, µs.
     pub check_us: u32,
-    /// Proving direct forms, µs.
-    pub proof_us: u32,
     /// Waiting for the host and its link, µs.
     pub wait_us: u32,
     /// Number of sectors that were erased.
@@ -101,11 +97,10 @@ impl UploadTimes {
             erase_us,
             program_us,
             check_us,
-            proof_us,
             wait_us,
             ..
         } = *self;
-        erase_us as u64 + program_us as u64 + check_us as u64 + proof_us as u64 + wait_us as u64
+        erase_us as u64 + program_us as u64 + check_us as u64 + wait_us as u64
     }
 }
 
@@ -192,12 +187,6 @@ pub enum UploadError {
         /// Message of the device's validator.
         reason: Reason,
     },
-    /// A direct form that the device has not proved stable.
-    #[error("{reason}: fit it as a lattice, or on a denser grid")]
-    Unproved {
-        /// The texture, the cell, and what was found.
-        reason: Reason,
-    },
     /// Flash that did not keep the bytes written.
     #[error(
         "byte {offset} of slot {slot} reads back wrong: upload again; if it stays, the flash is worn"
@@ -237,7 +226,4 @@ pub enum UploadError {
         "the supply is below {FLASH_SUPPLY_MV} mV, too low to write flash: see to the supply, then upload again"
     )]
     SupplyLow,
-    /// A commit whose proof of direct forms was ended.
-    #[error("an abort ended the upload before its direct forms were proved: upload again")]
-    Aborted,
 }

@@ -1,6 +1,6 @@
 //! A second writer of the format that checks nothing, and the checksum by its definition.
 
-use model_format::{FORMAT_VERSION, NodeFlags, SAMPLE_RATE_HZ, Structure};
+use model_format::{FORMAT_VERSION, NodeFlags, SAMPLE_RATE_HZ};
 
 /// Length of the prefix, bytes.
 pub const PREFIX_BYTES: usize = 16;
@@ -26,16 +26,13 @@ pub struct RawLibrary {
 pub struct RawTexture {
     pub name: Vec<u8>,
     pub sample_rate_hz: u32,
-    pub structure: u32,
     pub provenance: u32,
     pub speed_axis: Vec<f32>,
     pub force_axis: Vec<f32>,
     pub nodes: Vec<RawNode>,
     pub coefficients: Vec<u8>,
-    /// `None` stands for one that holds.
-    pub certificate: Option<RawCertificate>,
-    /// Highest order, highest output power, common exponent; `None` stands for those of the nodes.
-    pub summary: Option<(u32, f32, u8)>,
+    /// Highest order and output power; `None` stands for those of the nodes.
+    pub summary: Option<(u32, f32)>,
     /// Kind and content of each optional part.
     pub parts: Vec<(u32, Vec<u8>)>,
     /// Number of parts that is written, if it is not their own.
@@ -44,19 +41,6 @@ pub struct RawTexture {
     pub tail: Vec<u8>,
     /// Bytes that follow the records of a string and make it ragged.
     pub ragged: Ragged,
-}
-
-/// A certificate to be written after the byte strings.
-#[derive(Clone, Debug)]
-pub enum RawCertificate {
-    /// No certificate.
-    None,
-    /// Certificate of a lattice: the largest |θ|, in steps of π/2²⁴.
-    Lattice(u32),
-    /// Certificate of a direct form: one byte per cell, and the difference of its checksum from the right one.
-    DirectForm(Vec<u8>, u32),
-    /// A kind that does not exist.
-    Unknown(u32),
 }
 
 /// Number of bytes that each byte string has too many.
@@ -71,8 +55,7 @@ pub struct Ragged {
 #[derive(Clone, Copy, Debug)]
 pub struct RawNode {
     pub order: u16,
-    pub flags: u8,
-    pub exponent: u8,
+    pub flags: u16,
     pub output_power: f32,
     pub prediction_error_power: f32,
     pub offset: u32,
@@ -92,7 +75,7 @@ pub fn lines(lines: &[(f32, u16)], nodes: usize) -> Vec<u8> {
 }
 
 impl RawLibrary {
-    /// A valid library of one small texture of each structure: lattice, direct form of 16 bits, of 32 bits.
+    /// A valid library of three small textures.
     ///
     /// Each has the speeds 0, 50 and 100 mm/s and the forces 0.5 and 1 N; the nodes at speed 0 are silent and of
     /// order 0, the others of order 2.
@@ -105,17 +88,9 @@ impl RawLibrary {
             crc32: None,
             count: None,
             textures: vec![
-                RawTexture::sound(
-                    "wool",
-                    0,
-                    &[-20_000i16, 5000].map(i16::to_le_bytes).concat(),
-                ),
-                RawTexture::sound("oak", 1, &[20_000i16, -5000].map(i16::to_le_bytes).concat()),
-                RawTexture::sound(
-                    "tile",
-                    2,
-                    &[1i32 << 30, -(1 << 28)].map(i32::to_le_bytes).concat(),
-                ),
+                RawTexture::sound("wool", &[-20_000, 5000]),
+                RawTexture::sound("oak", &[20_000, -5000]),
+                RawTexture::sound("tile", &[1 << 14, -(1 << 12)]),
             ],
             scene_count: None,
             scenes: Vec::new(),
@@ -165,19 +140,18 @@ impl RawLibrary {
 }
 
 impl RawTexture {
-    fn sound(name: &str, structure: u32, coefficients: &[u8]) -> Self {
+    fn sound(name: &str, codes: &[i16]) -> Self {
+        let coefficients: Vec<u8> = codes.iter().flat_map(|code| code.to_le_bytes()).collect();
         let silent = RawNode {
             order: 0,
-            flags: NodeFlags::SILENT.bits(),
-            exponent: 0,
+            flags: NodeFlags::SILENT.bits().into(),
             output_power: 0.0,
             prediction_error_power: 0.0,
             offset: 0,
         };
         let moving = |index: usize| RawNode {
             order: 2,
-            flags: NodeFlags::NONE.bits(),
-            exponent: 0,
+            flags: NodeFlags::NONE.bits().into(),
             output_power: 4.0,
             prediction_error_power: 1.0,
             offset: (index * coefficients.len()) as u32,
@@ -187,13 +161,11 @@ impl RawTexture {
         Self {
             name: name.as_bytes().to_vec(),
             sample_rate_hz: SAMPLE_RATE_HZ,
-            structure,
             provenance: 1,
             speed_axis: vec![0.0, 50.0, 100.0],
             force_axis: vec![0.5, 1.0],
             nodes,
             coefficients: coefficients.repeat(4),
-            certificate: None,
             summary: None,
             parts: Vec::new(),
             part_count: None,
@@ -204,7 +176,7 @@ impl RawTexture {
 
     /// A lattice with tails: nodes of order 0, of 32 without a tail and of 33 and 37 with one, and one whose tail is 0.
     pub fn with_tails() -> Self {
-        let mut texture = Self::sound("felt", 0, &[]);
+        let mut texture = Self::sound("felt", &[]);
         let mut steps = vec![0; 4];
         for (node, (tail, step)) in [
             (&[][..], 0u16),
@@ -236,7 +208,6 @@ impl RawTexture {
         let bytes = &mut Vec::new();
         append_string(&self.name, bytes);
         append_varint(self.sample_rate_hz, bytes);
-        append_varint(self.structure, bytes);
         append_varint(self.provenance, bytes);
         let axis = |axis: &[f32]| axis.iter().flat_map(|value| value.to_le_bytes()).collect();
         let mut strings: [Vec<u8>; 4] = [
@@ -256,25 +227,9 @@ impl RawTexture {
             string.resize(string.len() + ragged, 0);
             append_string(string, bytes);
         }
-        let certificate = self.certificate.clone();
-        match certificate.unwrap_or_else(|| self.sound_certificate()) {
-            RawCertificate::None => append_varint(0, bytes),
-            RawCertificate::Lattice(largest) => {
-                append_varint(1, bytes);
-                append_varint(largest, bytes);
-            }
-            RawCertificate::DirectForm(margins, off) => {
-                append_varint(2, bytes);
-                let covered = strings.iter().flatten().chain(&margins).copied();
-                bytes.extend(crc32(covered).wrapping_add(off).to_le_bytes());
-                append_string(&margins, bytes);
-            }
-            RawCertificate::Unknown(kind) => append_varint(kind, bytes),
-        }
-        let (order, power, exponent) = self.summary.unwrap_or_else(|| self.sound_summary());
+        let (order, power) = self.summary.unwrap_or_else(|| self.sound_summary());
         append_varint(order, bytes);
         append_f32(power, bytes);
-        bytes.push(exponent);
         append_varint(self.part_count.unwrap_or(self.parts.len() as u32), bytes);
         for (kind, content) in &self.parts {
             append_varint(*kind, bytes);
@@ -284,93 +239,18 @@ impl RawTexture {
         std::mem::take(bytes)
     }
 
-    /// Highest order and output power of the nodes, and the exponent at which every mean of them has room: Σ|code| is
-    /// below 2³² with half a step of rounding for each of 400 taps.
-    pub fn sound_summary(&self) -> (u32, f32, u8) {
+    /// Highest order and output power of the nodes.
+    pub fn sound_summary(&self) -> (u32, f32) {
         let order = self.nodes.iter().map(|node| u32::from(node.order)).max();
         let powers = self.nodes.iter().map(|node| node.output_power);
-        let power = powers.fold(0.0, f32::max);
-        let room = 2f64.powi(32) - 400.0;
-        let needed = self.nodes.iter().map(|node| {
-            let codes = (0..usize::from(node.order)).filter_map(|tap| {
-                let width = if self.structure == 2 { 4 } else { 2 };
-                let at = node.offset as usize + width * tap;
-                let code = self.coefficients.get(at..at + width)?;
-                // The sign is in the top bit of either width.
-                let mut word = [0; 4];
-                word[4 - width..].copy_from_slice(code);
-                Some(f64::from(i32::from_le_bytes(word)).abs())
-            });
-            let sum: f64 = codes.sum();
-            let more = (0..64).find(|&bits| (sum / 2f64.powi(bits)).floor() < room);
-            u32::from(node.exponent) + more.expect("it is small") as u32
-        });
-        let exponent = needed.max().unwrap_or(0).min(10) as u8;
-        (
-            order.unwrap_or(0),
-            power,
-            if self.structure == 0 { 0 } else { exponent },
-        )
-    }
-
-    /// Largest |θ| of a lattice, in steps of π/2²⁴.
-    fn largest_theta(&self) -> u32 {
-        let fine = self.parts.iter().find(|(kind, _)| *kind == 2);
-        let fine = fine.map_or(&[][..], |(_, content)| content);
-        let stride = fine.len() / self.nodes.len().max(1);
-        let steps = self.parts.iter().find(|(kind, _)| *kind == 6);
-        let wide = |order: usize| {
-            if steps.is_some() {
-                order.min(32)
-            } else {
-                order
-            }
-        };
-        let mut largest = 0;
-        for (number, node) in self.nodes.iter().enumerate() {
-            let order = usize::from(node.order);
-            for stage in 0..wide(order) {
-                let at = node.offset as usize + 2 * stage;
-                let Some(&[low, high]) = self.coefficients.get(at..at + 2) else {
-                    continue;
-                };
-                let fraction = if stage < stride {
-                    fine[number * stride + stage].cast_signed()
-                } else {
-                    0
-                };
-                let theta = i32::from(i16::from_le_bytes([low, high])) * 256 + i32::from(fraction);
-                largest = largest.max(theta.unsigned_abs());
-            }
-            for stage in wide(order)..order {
-                let at = node.offset as usize + 32 + stage;
-                let step = steps.and_then(|(_, steps)| steps.get(2 * number..2 * number + 2));
-                let (Some(&code), Some(&[low, high])) = (self.coefficients.get(at), step) else {
-                    continue;
-                };
-                let theta =
-                    i32::from(code.cast_signed()) * i32::from(u16::from_le_bytes([low, high]));
-                largest = largest.max(theta.unsigned_abs());
-            }
-        }
-        largest
-    }
-
-    /// The certificate that holds for this texture.
-    pub fn sound_certificate(&self) -> RawCertificate {
-        if self.structure == Structure::NormalisedLattice as u32 {
-            return RawCertificate::Lattice(self.largest_theta());
-        }
-        let cells = |axis: &[f32]| axis.len().saturating_sub(1).max(1);
-        let cells = cells(&self.speed_axis) * cells(&self.force_axis);
-        RawCertificate::DirectForm((0..cells).map(|cell| cell as u8 % 200).collect(), 0)
+        (order.unwrap_or(0), powers.fold(0.0, f32::max))
     }
 }
 
 impl RawNode {
     fn bytes(&self) -> Vec<u8> {
         let mut bytes = self.order.to_le_bytes().to_vec();
-        bytes.extend([self.flags, self.exponent]);
+        bytes.extend(self.flags.to_le_bytes());
         bytes.extend(self.output_power.to_le_bytes());
         bytes.extend(self.prediction_error_power.to_le_bytes());
         bytes.extend(self.offset.to_le_bytes());

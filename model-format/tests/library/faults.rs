@@ -2,12 +2,11 @@
 
 use model_format::limits::{MAX_LIBRARY_BYTES, MAX_LINE_AMPLITUDE, MAX_LINES, MAX_OUTPUT_POWER};
 use model_format::{
-    CodeSpec, DecodeError, FORMAT_VERSION, Laws, LevelLaw, Library, LineSpec, LinesSpec, NodeFlags,
-    NodeSpec, PartsSpec, Place, Problem, Provenance, SAMPLE_RATE_HZ, Structure, TailSpec,
-    TextureSpec, encode,
+    CodeSpec, DecodeError, FORMAT_VERSION, LevelLaw, Library, LineSpec, LinesSpec, NodeFlags,
+    NodeSpec, Place, Problem, TailSpec, TextureSpec, encode,
 };
 
-use crate::bytes::{RawCertificate, RawLibrary, RawTexture, checksum, lines, repair};
+use crate::bytes::{RawLibrary, RawTexture, checksum, lines, repair};
 
 /// Places in [`RawLibrary::sound`]: texture 1 and its first node that is not silent.
 const TEXTURE: Place = Place::Texture(1);
@@ -15,14 +14,6 @@ const NODE: Place = node(1, 0);
 
 const fn node(speed: usize, force: usize) -> Place {
     Place::Node {
-        texture: 1,
-        speed,
-        force,
-    }
-}
-
-const fn cell(speed: usize, force: usize) -> Place {
-    Place::Cell {
         texture: 1,
         speed,
         force,
@@ -41,7 +32,7 @@ pub fn fault(spoil: impl FnOnce(&mut RawLibrary)) -> DecodeError {
     refused(&library.bytes())
 }
 
-/// The same, with the fault in texture 1, the direct form of 16 bits.
+/// The same, with the fault in texture 1.
 fn texture_fault(spoil: impl FnOnce(&mut RawTexture)) -> DecodeError {
     fault(|library| spoil(&mut library.textures[1]))
 }
@@ -66,10 +57,6 @@ fn places_read_as_a_person_would_point() {
         (Place::SpeedAxis(3), "texture 3, speed axis"),
         (Place::ForceAxis(3), "texture 3, force axis"),
         (node(4, 5), "texture 1, node (speed 4, force 5)"),
-        (
-            cell(4, 5),
-            "texture 1, cell from node (speed 4, force 5) up",
-        ),
     ] {
         assert_eq!(place.to_string(), text);
     }
@@ -195,9 +182,7 @@ fn reserved_fields_must_be_zero() {
 
 #[test]
 fn headers_that_do_not_parse_are_told_with_their_texture() {
-    let spoilt: [fn(&mut RawTexture); 4] = [
-        |texture| texture.certificate = Some(RawCertificate::Unknown(3)),
-        |texture| texture.structure = 3,
+    let spoilt: [fn(&mut RawTexture); 2] = [
         |texture| texture.provenance = 2,
         |texture| texture.name = vec![0xff],
     ];
@@ -248,24 +233,19 @@ fn nothing_may_follow_the_last_record() {
 /// A player takes these facts from the summary and reads no node for them.
 #[test]
 fn a_summary_is_that_of_its_nodes() {
-    let (order, power, exponent) = RawLibrary::sound().textures[1].sound_summary();
-    assert_eq!((order, power, exponent), (2, 4.0, 0));
+    let (order, power) = RawLibrary::sound().textures[1].sound_summary();
+    assert_eq!((order, power), (2, 4.0));
     for stored in [0u16, 1, 3, 400, u16::MAX] {
-        let error = texture_fault(|texture| texture.summary = Some((stored.into(), power, 0)));
+        let error = texture_fault(|texture| texture.summary = Some((stored.into(), power)));
         let problem = Problem::HighestOrder { stored, found: 2 };
         check(error, TEXTURE, problem, "the nodes' is 2");
     }
     for stored in [0.0, -0.0, 4.0f32.next_up(), 4.0f32.next_down(), 65_536.0] {
-        let error = texture_fault(|texture| texture.summary = Some((order, stored, 0)));
+        let error = texture_fault(|texture| texture.summary = Some((order, stored)));
         let problem = Problem::HighestPower { stored, found: 4.0 };
         check(error, TEXTURE, problem, "the nodes' is 4");
     }
-    for stored in [1, 10, 11, u8::MAX] {
-        let error = texture_fault(|texture| texture.summary = Some((order, power, stored)));
-        let problem = Problem::CommonExponent { stored, found: 0 };
-        check(error, TEXTURE, problem, "the nodes need 0");
-    }
-    let error = texture_fault(|texture| texture.summary = Some((1 << 16, power, 0)));
+    let error = texture_fault(|texture| texture.summary = Some((1 << 16, power)));
     check(error, TEXTURE, Problem::Malformed, "does not parse");
 }
 
@@ -434,12 +414,6 @@ fn byte_strings_hold_whole_records() {
             "no whole number of records",
         );
     }
-    let error = fault(|library| library.textures[2].ragged.coefficients = 2);
-    let problem = Problem::Ragged {
-        found: 34,
-        record: 4,
-    };
-    check(error, Place::Texture(2), problem, "records of 4 bytes");
 }
 
 #[test]
@@ -467,7 +441,7 @@ fn orders_above_the_limit_are_refused() {
 
 #[test]
 fn unknown_flags_are_refused() {
-    for flags in [0x10, 0x80, 0xf0] {
+    for flags in [0x10, 0x80, 0xf0, 0x100, 0x8000] {
         let error = texture_fault(|texture| texture.nodes[2].flags = flags);
         check(
             error,
@@ -516,21 +490,21 @@ fn a_prediction_error_is_not_stronger_than_the_output() {
 
 #[test]
 fn the_silent_flag_says_what_the_power_says() {
-    let error = texture_fault(|texture| texture.nodes[2].flags = NodeFlags::SILENT.bits());
+    let error = texture_fault(|texture| texture.nodes[2].flags = NodeFlags::SILENT.bits().into());
     check(error, NODE, Problem::SilentFlag, "silent flag");
     let error = texture_fault(|texture| {
         texture.nodes[2].output_power = 0.0;
         texture.nodes[2].prediction_error_power = 0.0;
     });
     check(error, NODE, Problem::SilentFlag, "silent flag");
-    let error = texture_fault(|texture| texture.nodes[0].flags = NodeFlags::NONE.bits());
+    let error = texture_fault(|texture| texture.nodes[0].flags = NodeFlags::NONE.bits().into());
     check(error, node(0, 0), Problem::SilentFlag, "silent flag");
 }
 
 #[test]
 fn nodes_at_rest_or_without_contact_are_silent() {
     let error = texture_fault(|texture| {
-        texture.nodes[1].flags = NodeFlags::NONE.bits();
+        texture.nodes[1].flags = NodeFlags::NONE.bits().into();
         texture.nodes[1].output_power = f32::from_bits(1);
     });
     check(
@@ -569,35 +543,6 @@ fn coefficients_are_as_many_as_the_nodes_use() {
 }
 
 #[test]
-fn exponents_are_those_that_the_structure_has() {
-    for (texture, structure, highest) in [
-        (0, Structure::NormalisedLattice, 0),
-        (1, Structure::DirectForm16, 10),
-        (2, Structure::DirectForm32, 10),
-    ] {
-        for exponent in [highest + 1, u8::MAX] {
-            let error = fault(|library| library.textures[texture].nodes[2].exponent = exponent);
-            let place = Place::Node {
-                texture,
-                speed: 1,
-                force: 0,
-            };
-            let problem = Problem::Exponent {
-                exponent,
-                structure,
-                highest,
-            };
-            check(
-                error,
-                place,
-                problem,
-                &format!("in a {structure}; the highest is {highest}"),
-            );
-        }
-    }
-}
-
-#[test]
 fn no_stage_has_a_reflection_coefficient_of_magnitude_one() {
     for (at, speed, force, stage) in [(0, 1, 0, 1), (2, 1, 0, 2), (6, 1, 1, 2)] {
         let error = fault(|library| {
@@ -613,199 +558,16 @@ fn no_stage_has_a_reflection_coefficient_of_magnitude_one() {
     }
 }
 
-/// A library whose texture 1 is one node of direct form with these coefficients.
-fn with_coefficients(structure: u32, exponent: u8, codes: &[i32]) -> RawLibrary {
-    let mut library = RawLibrary::sound();
-    let texture = &mut library.textures[1];
-    texture.structure = structure;
-    texture.speed_axis = vec![1.0];
-    texture.force_axis = vec![1.0];
-    texture.nodes = vec![texture.nodes[2]];
-    texture.nodes[0].order = codes.len() as u16;
-    texture.nodes[0].exponent = exponent;
-    texture.coefficients = match structure {
-        1 => codes
-            .iter()
-            .flat_map(|&code| (code as i16).to_le_bytes())
-            .collect(),
-        _ => codes.iter().flat_map(|code| code.to_le_bytes()).collect(),
-    };
-    library
-}
-
-#[test]
-fn sums_of_coefficients_are_bounded_exactly() {
-    type Case = (u32, u8, Vec<i32>, Vec<i32>);
-    let cases: [Case; 4] = [
-        // Σ|code| · 2^(10 - 15) ≤ 1024
-        (1, 10, vec![-16_384, 16_384], vec![-16_384, 16_384, 1]),
-        (1, 10, vec![-32_768], vec![-32_768, -1]),
-        // Σ|code| · 2^(10 - 31) ≤ 1024
-        (2, 10, vec![i32::MIN], vec![i32::MIN, 1]),
-        // Σ|code| < 2³², so that 64 bits hold the sum of products with any history
-        (2, 0, vec![i32::MIN, i32::MAX], vec![i32::MIN, i32::MIN]),
-    ];
-    for (structure, exponent, largest, beyond) in cases {
-        assert!(Library::decode(&with_coefficients(structure, exponent, &largest).bytes()).is_ok());
-        let error = refused(&with_coefficients(structure, exponent, &beyond).bytes());
-        check(
-            error,
-            node(0, 0),
-            Problem::CoefficientSum,
-            "too large: Σ|h| may be at most 1024",
-        );
-    }
-}
-
-fn certificate_fault(certificate: RawCertificate) -> DecodeError {
-    texture_fault(|texture| texture.certificate = Some(certificate))
-}
-
-#[test]
-fn a_direct_form_without_a_certificate_is_for_benches_only() {
-    for (index, structure) in [(1, Structure::DirectForm16), (2, Structure::DirectForm32)] {
-        let mut library = RawLibrary::sound();
-        library.textures[index].certificate = Some(RawCertificate::None);
-        let bytes = library.bytes();
-        check(
-            refused(&bytes),
-            Place::Texture(index),
-            Problem::Uncertified(structure),
-            "may be unstable between its nodes",
-        );
-        assert!(Library::decode_uncertified(&bytes).is_ok());
-    }
-}
-
-/// On a bench too, a certificate that is there must be the right one.
-fn check_everywhere(error: DecodeError, certificate: RawCertificate) {
-    let mut library = RawLibrary::sound();
-    library.textures[1].certificate = Some(certificate);
-    let on_a_bench = Library::decode_uncertified(&library.bytes()).expect_err("a fault");
-    assert_eq!(on_a_bench, error);
-}
-
-#[test]
-fn a_certificate_is_of_its_textures_structure() {
-    for (index, structure, certificate) in [
-        (0, Structure::NormalisedLattice, RawCertificate::None),
-        (
-            0,
-            Structure::NormalisedLattice,
-            RawCertificate::DirectForm(vec![4; 2], 0),
-        ),
-        (1, Structure::DirectForm16, RawCertificate::Lattice(20_000)),
-        (2, Structure::DirectForm32, RawCertificate::Lattice(0)),
-    ] {
-        let error = fault(|library| library.textures[index].certificate = Some(certificate));
-        check(
-            error,
-            Place::Texture(index),
-            Problem::CertificateKind(structure),
-            "not one for a",
-        );
-    }
-}
-
-#[test]
-fn the_bound_on_theta_is_the_nodes_own() {
-    for stored in [0, 20_000, 5_119_999, 5_120_001, 1 << 23, u32::MAX] {
-        let error = fault(|library| {
-            library.textures[0].certificate = Some(RawCertificate::Lattice(stored));
-        });
-        let problem = Problem::CertifiedTheta {
-            stored,
-            found: 5_120_000,
-        };
-        check(error, Place::Texture(0), problem, "largest is 5120000");
-    }
-}
-
-#[test]
-fn a_certificate_is_for_every_cell() {
-    for found in [0, 1, 3, 6] {
-        let certificate = RawCertificate::DirectForm(vec![0; found], 0);
-        let error = certificate_fault(certificate.clone());
-        let problem = Problem::CertifiedCells { found, expected: 2 };
-        check(error, TEXTURE, problem, "where the axes span 2");
-        check_everywhere(error, certificate);
-    }
-}
-
-#[test]
-fn a_cell_that_is_not_certified_is_named() {
-    let certificate = RawCertificate::DirectForm(vec![254, 255], 0);
-    let error = certificate_fault(certificate.clone());
-    check(
-        error,
-        cell(1, 0),
-        Problem::UncertifiedCell,
-        "fit the texture as a lattice",
-    );
-    check_everywhere(error, certificate);
-}
-
-/// The certificate stays as it was, and axes, nodes, coefficients or margins change.
-#[test]
-fn a_certificate_for_other_numbers_is_told() {
-    let certificate = RawCertificate::DirectForm(vec![0, 1], 1);
-    let error = certificate_fault(certificate.clone());
-    assert!(matches!(error.problem, Problem::CertificateChecksum { .. }));
-    check_message(error, TEXTURE, "for other coefficients");
-    check_everywhere(error, certificate);
-
-    let sound = RawLibrary::sound();
-    let bytes = sound.bytes();
-    let position = |part: &[u8]| {
-        let mut windows = bytes.windows(part.len());
-        windows
-            .position(|window| window == part)
-            .expect("it is there")
-    };
-    let coefficient = position(&sound.textures[1].coefficients);
-    for at in [
-        // The lowest byte of a coefficient, of a prediction error's power, and of the highest speed.
-        coefficient + 8,
-        coefficient - 1 - 8,
-        position(b"oak") + 3 + 2 + 1 + 1 + 1 + 8,
-    ] {
-        let mut changed = bytes.clone();
-        changed[at] ^= 1;
-        repair(&mut changed);
-        let error = refused(&changed);
-        assert!(
-            matches!(error.problem, Problem::CertificateChecksum { .. }),
-            "{error}"
-        );
-        assert_eq!(error.place, TEXTURE);
-    }
-}
-
 pub fn spec() -> TextureSpec {
-    TextureSpec {
-        name: "felt".to_owned(),
-        sample_rate_hz: SAMPLE_RATE_HZ,
-        structure: Structure::NormalisedLattice,
-        provenance: Provenance::Recorded,
-        laws: Laws::default(),
-        parts: PartsSpec::default(),
-        speed_axis_mm_s: vec![50.0],
-        force_axis_n: vec![0.5, 1.0],
-        nodes: vec![
-            NodeSpec {
-                output_power: 1.0,
-                prediction_error_power: 0.5,
-                flags: NodeFlags::NONE,
-                codes: CodeSpec::lattice(vec![100]),
-            };
-            2
-        ],
-        cell_margins: Vec::new(),
-    }
+    let node = NodeSpec {
+        prediction_error_power: 0.5,
+        ..NodeSpec::new(1.0, CodeSpec::lattice(vec![100]))
+    };
+    TextureSpec::new("felt", &[50.0], &[0.5, 1.0], vec![node; 2])
 }
 
 fn fine(codes: &[i16], fractions: &[i8]) -> CodeSpec {
-    CodeSpec::Lattice {
+    CodeSpec {
         codes: codes.to_vec(),
         fractions: fractions.to_vec(),
         tail: TailSpec::default(),
@@ -914,49 +676,6 @@ fn the_encoder_refuses_what_the_decoder_would() {
         (error.place, error.problem),
         (Place::Library, Problem::TextureCount(0))
     );
-}
-
-#[test]
-fn the_encoder_refuses_margins_for_a_lattice_and_direct_forms_without_any() {
-    let mut lattice = spec();
-    lattice.cell_margins = vec![4];
-    let error = encode(&[lattice]).expect_err("a lattice's certificate follows from its codes");
-    let problem = Problem::CertificateKind(Structure::NormalisedLattice);
-    assert_eq!((error.place, error.problem), (Place::Texture(0), problem));
-
-    let mut direct = spec();
-    direct.structure = Structure::DirectForm16;
-    for node in &mut direct.nodes {
-        node.codes = CodeSpec::Direct16 {
-            exponent: 0,
-            codes: vec![100],
-        };
-    }
-    let error = encode(std::slice::from_ref(&direct)).expect_err("it has no certificate");
-    let problem = Problem::Uncertified(Structure::DirectForm16);
-    assert_eq!((error.place, error.problem), (Place::Texture(0), problem));
-    direct.cell_margins = vec![4];
-    assert!(encode(&[direct]).is_ok());
-}
-
-#[test]
-fn the_encoder_refuses_coefficients_of_another_structure() {
-    let mut spec = spec();
-    spec.nodes[1].codes = CodeSpec::Direct16 {
-        exponent: 0,
-        codes: vec![100],
-    };
-    let error = encode(&[spec]).expect_err("a direct form in a lattice");
-    let place = Place::Node {
-        texture: 0,
-        speed: 0,
-        force: 1,
-    };
-    let problem = Problem::StructureMismatch {
-        node: Structure::DirectForm16,
-        texture: Structure::NormalisedLattice,
-    };
-    assert_eq!(error, DecodeError { place, problem });
 }
 
 /// The error of decoding a library with one lattice of six nodes, of orders 0, 0, 2, 2, 2, 2, and these parts.
@@ -1077,34 +796,6 @@ fn levels_in_db_need_nodes_that_are_not_silent() {
     };
     let error = part_fault(&[(1, &[2, 0])]);
     check(error, silent, Problem::SilentInLogarithm, "level law");
-    // The level of a direct form is that of its prediction error.
-    let mut library = RawLibrary::sound();
-    library.textures.truncate(2);
-    let direct = &mut library.textures[1];
-    direct.parts = vec![(1, vec![2, 0])];
-    direct.speed_axis[0] = 25.0;
-    for node in &mut direct.nodes {
-        (node.flags, node.output_power, node.prediction_error_power) = (0, 2.0, 1.0);
-    }
-    assert!(Library::decode(&library.bytes()).is_ok());
-    library.textures[1].nodes[3].prediction_error_power = 0.0;
-    check(
-        refused(&library.bytes()),
-        node(1, 1),
-        Problem::SilentInLogarithm,
-        "no level in dB",
-    );
-}
-
-#[test]
-fn fractions_of_theta_are_a_lattices_alone() {
-    for (texture, structure) in [(1, Structure::DirectForm16), (2, Structure::DirectForm32)] {
-        let error = fault(|library| {
-            library.textures[texture].parts = vec![(2, vec![0, 0, 1, 1, 1, 1])];
-        });
-        let problem = Problem::FineStructure(structure);
-        check(error, Place::Texture(texture), problem, "which has none");
-    }
 }
 
 #[test]
@@ -1140,21 +831,6 @@ fn the_last_fine_stage_is_used_by_some_node() {
         let problem = Problem::FineStageUnused { stage };
         check(error, Place::Texture(0), problem, "of the last fine stage");
     }
-}
-
-#[test]
-fn the_bound_on_theta_counts_fractions() {
-    let fractions = vec![0, 0, 0x80, 1, 1, 1];
-    let error = fault(|library| {
-        library.textures[0].parts = vec![(2, fractions)];
-        library.textures[0].certificate = Some(RawCertificate::Lattice(5_120_000));
-    });
-    // -20 000 · 256 - 128
-    let problem = Problem::CertifiedTheta {
-        stored: 5_120_000,
-        found: 5_120_128,
-    };
-    check(error, Place::Texture(0), problem, "largest is 5120128");
 }
 
 /// A fraction that turns away from π/2 does not make the code of π/2 a valid one, because a reader of codes alone would

@@ -2,9 +2,8 @@
 
 use model_format::{
     CodeSpec, CodebookSpec, ExcitationSpec, FadeLaw, Laws, LevelLaw, Library, LineSpec, LinesSpec,
-    MAX_FINE_THETA, ModulationSpec, NodeFlags, NodeSpec, PartsSpec, Provenance, Structure,
-    TailSpec, TextureSpec, UNCERTIFIED_CELL, encode, encode_uncertified, encode_with_scenes,
-    limits,
+    MAX_FINE_THETA, ModulationSpec, NodeFlags, NodeSpec, PartsSpec, Provenance, TailSpec,
+    TextureSpec, encode, encode_with_scenes, limits,
 };
 use proptest::collection::{btree_set, vec};
 use proptest::prelude::*;
@@ -21,21 +20,6 @@ proptest! {
         let read = content(&Library::decode(&bytes).expect("encode checks what it gives"));
         prop_assert_eq!(&read, &textures);
         prop_assert_eq!(encode(&read).expect("it was read from a library"), bytes);
-    }
-}
-
-proptest! {
-    #[test]
-    fn without_certificates_the_same_holds_for_a_bench_and_nothing_for_a_stylus(mut textures in library()) {
-        for texture in &mut textures {
-            texture.cell_margins.clear();
-        }
-        let bytes = encode_uncertified(&textures).expect("the strategy makes valid libraries");
-        let read = content(&Library::decode_uncertified(&bytes).expect("encode checks what it gives"));
-        prop_assert_eq!(&read, &textures);
-        let all_lattices = textures.iter().all(|texture| texture.structure == Structure::NormalisedLattice);
-        prop_assert_eq!(Library::decode(&bytes).is_ok(), all_lattices);
-        prop_assert_eq!(encode(&textures).is_ok(), all_lattices);
     }
 }
 
@@ -67,9 +51,7 @@ proptest! {
     ) {
         let thetas: Vec<i32> = thetas.iter().map(|theta| theta >> scale).collect();
         let codes = CodeSpec::compact_lattice(&thetas, fine);
-        let CodeSpec::Lattice { tail, fractions, .. } = &codes else {
-            unreachable!("it is a lattice");
-        };
+        let CodeSpec { tail, fractions, .. } = &codes;
         prop_assert!(fractions.len() <= fine);
         let stored: Vec<i32> = codes.thetas().collect();
         prop_assert_eq!(stored.len(), thetas.len());
@@ -82,24 +64,7 @@ proptest! {
             };
             prop_assert!((stored - theta).abs() <= bound, "stage {}: {} for {}", stage + 1, stored, theta);
         }
-        let node = NodeSpec {
-            output_power: 1.0,
-            prediction_error_power: 0.5,
-            flags: NodeFlags::NONE,
-            codes,
-        };
-        let texture = TextureSpec {
-            name: "one".into(),
-            sample_rate_hz: 5000,
-            structure: Structure::NormalisedLattice,
-            provenance: Provenance::Simulated,
-            laws: Laws::default(),
-            parts: PartsSpec::default(),
-            speed_axis_mm_s: vec![100.0],
-            force_axis_n: vec![1.0],
-            nodes: vec![node],
-            cell_margins: Vec::new(),
-        };
+        let texture = TextureSpec::new("one", &[100.0], &[1.0], vec![NodeSpec::new(1.0, codes)]);
         let bytes = encode(&[texture]).expect("it is valid");
         let library = Library::decode(&bytes).expect("it was encoded");
         let texture = library.textures().next().expect("one was encoded");
@@ -123,56 +88,35 @@ fn texture() -> impl Strategy<Value = TextureSpec> {
         prop::sample::select(&LevelLaw::ALL[..]),
         prop::sample::select(&FadeLaw::ALL[..]),
     );
-    let structures = prop_oneof![
-        Just(Structure::NormalisedLattice),
-        Just(Structure::DirectForm16),
-        Just(Structure::DirectForm32),
-    ];
-    (structures, axis(), axis(), laws).prop_flat_map(|(structure, speeds, forces, laws)| {
+    (axis(), axis(), laws).prop_flat_map(|(speeds, forces, laws)| {
         let at_zero = |index: usize| {
             let (speed, force) = (index / forces.len(), index % forces.len());
             speeds[speed] <= 0.0 || forces[force] <= 0.0
         };
         let nodes: Vec<_> = (0..speeds.len() * forces.len())
-            .map(|index| node(structure, at_zero(index)))
+            .map(|index| node(at_zero(index)))
             .collect();
         let moves = (0..speeds.len() * forces.len()).map(|index| !at_zero(index));
         let nodes_that_move: Vec<bool> = moves.collect();
-        let cells = |axis: &[f32]| (axis.len() - 1).max(1);
-        let cells = match structure {
-            Structure::NormalisedLattice => 0,
-            _ => cells(&speeds) * cells(&forces),
-        };
         (
             name(),
             1..=limits::MAX_SAMPLE_RATE_HZ,
             prop_oneof![Just(Provenance::Recorded), Just(Provenance::Simulated)],
             (nodes, any::<bool>()),
-            vec(0..UNCERTIFIED_CELL, cells),
             parts(speeds.len() * forces.len()),
             lines(nodes_that_move),
         )
             .prop_map(
-                move |(
-                    name,
-                    sample_rate_hz,
-                    provenance,
-                    (nodes, tails),
-                    cell_margins,
-                    parts,
-                    lines,
-                )| {
+                move |(name, sample_rate_hz, provenance, (nodes, tails), parts, lines)| {
                     TextureSpec {
                         laws: laws_for(laws, &nodes),
                         nodes: if tails { with_tails(nodes) } else { nodes },
                         parts: PartsSpec { lines, ..parts },
                         name,
                         sample_rate_hz,
-                        structure,
                         provenance,
                         speed_axis_mm_s: speeds.clone(),
                         force_axis_n: forces.clone(),
-                        cell_margins,
                     }
                 },
             )
@@ -182,9 +126,7 @@ fn texture() -> impl Strategy<Value = TextureSpec> {
 /// The same nodes with tails, each of which has its first codes as bytes and a step that these allow.
 fn with_tails(mut nodes: Vec<NodeSpec>) -> Vec<NodeSpec> {
     for node in &mut nodes {
-        let CodeSpec::Lattice { codes, tail, .. } = &mut node.codes else {
-            continue;
-        };
+        let CodeSpec { codes, tail, .. } = &mut node.codes;
         let further = codes.split_off(codes.len().min(limits::MAX_FINE_STAGES));
         tail.codes = further
             .iter()
@@ -266,14 +208,10 @@ fn track() -> impl Strategy<Value = ModulationSpec> {
     })
 }
 
-/// The laws, with another one in place of the logarithm if a node is silent or has no prediction error.
+/// The laws, with another one in place of the logarithm if a node is silent.
 fn laws_for((level, fade): (LevelLaw, FadeLaw), nodes: &[NodeSpec]) -> Laws {
-    let averaged = |node: &NodeSpec| match node.codes {
-        CodeSpec::Lattice { .. } => node.output_power,
-        _ => node.prediction_error_power,
-    };
     let level = match level {
-        LevelLaw::Logarithm if nodes.iter().any(|node| averaged(node) <= 0.0) => LevelLaw::Power,
+        LevelLaw::Logarithm if nodes.iter().any(|node| node.output_power <= 0.0) => LevelLaw::Power,
         level => level,
     };
     Laws { level, fade }
@@ -324,9 +262,9 @@ fn axis() -> impl Strategy<Value = Vec<f32>> {
     btree_set(bits, 1..=4).prop_map(|bits| bits.into_iter().map(f32::from_bits).collect())
 }
 
-fn node(structure: Structure, at_zero: bool) -> impl Strategy<Value = NodeSpec> {
+fn node(at_zero: bool) -> impl Strategy<Value = NodeSpec> {
     let orders = prop_oneof![2 => Just(0), 6 => 1usize..20, 1 => Just(limits::MAX_ORDER)];
-    let codes = orders.prop_flat_map(move |order| codes(structure, order));
+    let codes = orders.prop_flat_map(codes);
     let powers = (
         0..=limits::MAX_OUTPUT_POWER.to_bits(),
         0.0f32..=1.0,
@@ -363,45 +301,18 @@ fn node(structure: Structure, at_zero: bool) -> impl Strategy<Value = NodeSpec> 
     })
 }
 
-/// Codes up to the largest magnitude that the bound on their sum allows for all of them.
-fn codes(structure: Structure, order: usize) -> impl Strategy<Value = CodeSpec> {
-    let any = vec(any::<i16>(), order);
+fn codes(order: usize) -> impl Strategy<Value = CodeSpec> {
     let fine = prop_oneof![
         Just(Vec::new()),
-        vec(any_with_zeros(), 0..=limits::MAX_FINE_STAGES),
+        vec(any_with_zeros(), 0..=limits::MAX_FINE_STAGES.min(order)),
     ];
-    (any, fine, 0..=limits::MAX_EXPONENT).prop_map(move |(any, fine, exponent)| {
-        let scaled = |fraction_bits: u32, widest: i64| -> Vec<i64> {
-            let sum = (limits::MAX_COEFFICIENT_SUM << fraction_bits) >> exponent;
-            let largest = (sum.min(u64::from(u32::MAX)) / any.len().max(1) as u64) as i64;
-            let scale = |&code: &i16| (i64::from(code) * largest.min(widest)) >> 15;
-            any.iter().map(scale).collect()
-        };
-        match structure {
-            Structure::NormalisedLattice => {
-                let mut fractions: Vec<i8> = fine.into_iter().take(any.len()).collect();
-                // Zeros at the end say nothing, and reading leaves them out.
-                while fractions.pop_if(|fraction| *fraction == 0).is_some() {}
-                CodeSpec::Lattice {
-                    codes: any.iter().map(|&code| code.max(-i16::MAX)).collect(),
-                    fractions,
-                    tail: TailSpec::default(),
-                }
-            }
-            Structure::DirectForm16 => {
-                let codes = scaled(15, i64::from(i16::MAX));
-                CodeSpec::Direct16 {
-                    exponent,
-                    codes: codes.iter().map(|&code| code as i16).collect(),
-                }
-            }
-            Structure::DirectForm32 => {
-                let codes = scaled(31, i64::from(i32::MAX));
-                CodeSpec::Direct32 {
-                    exponent,
-                    codes: codes.iter().map(|&code| code as i32).collect(),
-                }
-            }
+    (vec(-i16::MAX..=i16::MAX, order), fine).prop_map(|(codes, mut fractions)| {
+        // Zeros at the end say nothing, and reading leaves them out.
+        while fractions.pop_if(|fraction| *fraction == 0).is_some() {}
+        CodeSpec {
+            codes,
+            fractions,
+            tail: TailSpec::default(),
         }
     })
 }

@@ -1,35 +1,15 @@
 //! Sizes of libraries, which must suit the flash and the download.
 
 use model_format::limits::{MAX_LIBRARY_BYTES, MAX_ORDER};
-use model_format::{
-    CodeSpec, Laws, Library, NodeFlags, NodeSpec, PartsSpec, Provenance, SAMPLE_RATE_HZ, Structure,
-    TextureSpec, encode,
-};
+use model_format::{CodeSpec, Library, NodeSpec, TextureSpec, encode};
 
 /// A dense grid of 15 speeds and 8 forces, every node of the highest order.
 fn dense(name: &str) -> TextureSpec {
-    let node = NodeSpec {
-        output_power: 1.0,
-        prediction_error_power: 0.5,
-        flags: NodeFlags::NONE,
-        codes: CodeSpec::lattice(
-            (0..MAX_ORDER)
-                .map(|stage| stage as i16 * 81 - 16_000)
-                .collect(),
-        ),
-    };
-    TextureSpec {
-        name: name.to_owned(),
-        sample_rate_hz: SAMPLE_RATE_HZ,
-        structure: Structure::NormalisedLattice,
-        provenance: Provenance::Recorded,
-        laws: Laws::default(),
-        parts: PartsSpec::default(),
-        speed_axis_mm_s: (1..=15).map(|step| 20.0 * step as f32).collect(),
-        force_axis_n: (1..=8).map(|step| 0.25 * step as f32).collect(),
-        nodes: vec![node; 15 * 8],
-        cell_margins: Vec::new(),
-    }
+    let codes = (0..MAX_ORDER).map(|stage| stage as i16 * 81 - 16_000);
+    let node = NodeSpec::new(1.0, CodeSpec::lattice(codes.collect()));
+    let speeds: Vec<f32> = (1..=15).map(|step| 20.0 * step as f32).collect();
+    let forces: Vec<f32> = (1..=8).map(|step| 0.25 * step as f32).collect();
+    TextureSpec::new(name, &speeds, &forces, vec![node; 15 * 8])
 }
 
 #[test]

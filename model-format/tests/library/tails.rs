@@ -1,11 +1,9 @@
 //! Faults of tails, for each fault there is, as `faults.rs` does it for all others.
 
-use model_format::{
-    CodeSpec, DecodeError, Library, Place, Problem, Structure, TailSpec, TextureSpec, encode,
-};
+use model_format::{CodeSpec, DecodeError, Library, Place, Problem, TailSpec, TextureSpec, encode};
 
-use crate::bytes::{RawCertificate, RawLibrary, RawTexture};
-use crate::faults::{check, fault, part_fault, refused, spec};
+use crate::bytes::{RawLibrary, RawTexture};
+use crate::faults::{check, part_fault, refused, spec};
 
 /// The error of decoding a library of which a lattice with tails has this fault.
 fn tail_fault(spoil: impl FnOnce(&mut RawTexture)) -> DecodeError {
@@ -24,15 +22,6 @@ const fn tail_node(speed: usize, force: usize) -> Place {
         texture: 0,
         speed,
         force,
-    }
-}
-
-#[test]
-fn tails_are_a_lattices_alone() {
-    for (texture, structure) in [(1, Structure::DirectForm16), (2, Structure::DirectForm32)] {
-        let error = fault(|library| library.textures[texture].parts = vec![(6, vec![0; 12])]);
-        let problem = Problem::TailStructure(structure);
-        check(error, Place::Texture(texture), problem, "which has no θ");
     }
 }
 
@@ -125,29 +114,14 @@ fn coefficients_with_tails_are_as_many_bytes_as_the_nodes_use() {
         check(error, place, problem, "where the nodes use");
     }
     // Without its part, the first node of 33 stages takes a byte of the next one.
-    let error = tail_fault(|texture| {
-        texture.parts.truncate(1);
-        texture.certificate = Some(RawCertificate::Lattice(0));
-    });
+    let error = tail_fault(|texture| texture.parts.truncate(1));
     let (found, expected) = (129, 130);
     let problem = Problem::Offset { found, expected };
     check(error, tail_node(2, 0), problem, "is due");
 }
 
-#[test]
-fn the_bound_of_a_lattice_includes_its_tails() {
-    let found = 127 * 65_535;
-    for stored in [0, found - 1, found + 1] {
-        let error = tail_fault(|texture| {
-            texture.certificate = Some(RawCertificate::Lattice(stored));
-        });
-        let problem = Problem::CertifiedTheta { stored, found };
-        check(error, TAILS, problem, "nodes' largest");
-    }
-}
-
 fn with_tail(before: usize, tail: &[i8], step: u16) -> CodeSpec {
-    CodeSpec::Lattice {
+    CodeSpec {
         codes: vec![-1000; before],
         fractions: Vec::new(),
         tail: TailSpec {

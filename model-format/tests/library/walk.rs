@@ -4,9 +4,9 @@ use std::iter::repeat;
 
 use model_format::scene::Scene;
 use model_format::{
-    Certificate, CodeSpec, Codebook, CodebookSpec, Coefficients, ExcitationSpec, Library, LineSpec,
-    Lines, LinesSpec, ModulationSpec, NodeFlags, NodeSpec, PartsSpec, Structure, TailSpec, Texture,
-    TextureSpec, UNCERTIFIED_CELL, limits,
+    CodeSpec, Codebook, CodebookSpec, Coefficients, ExcitationSpec, Library, LineSpec, Lines,
+    LinesSpec, ModulationSpec, NodeFlags, NodeSpec, PartsSpec, TailSpec, Texture, TextureSpec,
+    limits,
 };
 
 /// The content of `library`, through its public interface.
@@ -56,14 +56,12 @@ pub fn content(library: &Library<'_>) -> Vec<TextureSpec> {
         textures.push(TextureSpec {
             name: texture.name().to_owned(),
             sample_rate_hz: texture.sample_rate_hz(),
-            structure: texture.structure(),
             provenance: texture.provenance(),
             laws: texture.laws(),
             parts: parts(&texture),
             speed_axis_mm_s: speeds.values().collect(),
             force_axis_n: forces.values().collect(),
             nodes,
-            cell_margins: cell_margins(&texture),
         });
     }
     assert_eq!(textures.len(), library.len());
@@ -72,17 +70,9 @@ pub fn content(library: &Library<'_>) -> Vec<TextureSpec> {
 
 /// Either all nodes of more than 32 stages have a tail, and there is one, or none has.
 fn check_tails(texture: &Texture<'_>, nodes: &[NodeSpec]) {
-    let long = |node: &&NodeSpec| match &node.codes {
-        CodeSpec::Lattice { codes, tail, .. } => {
-            codes.len() + tail.codes.len() > limits::MAX_FINE_STAGES
-        }
-        _ => false,
-    };
+    let long = |node: &&NodeSpec| node.codes.thetas().count() > limits::MAX_FINE_STAGES;
     for node in nodes.iter().filter(long) {
-        let CodeSpec::Lattice { tail, .. } = &node.codes else {
-            unreachable!("it was filtered");
-        };
-        assert_eq!(tail.codes.is_empty(), !texture.has_tails());
+        assert_eq!(node.codes.tail.codes.is_empty(), !texture.has_tails());
     }
     assert!(!texture.has_tails() || nodes.iter().any(|node| long(&node)));
 }
@@ -218,7 +208,6 @@ pub fn scenes(library: &Library<'_>) -> Vec<Scene> {
             };
             let texture = library.textures().nth(usize::from(texture));
             let loudest = texture.expect("it is there").max_output_power();
-            // The kernel's direct form relies on this, or on a gain of at most one.
             let room = 4.0 * surface.gain * surface.gain * loudest <= limits::MAX_OUTPUT_POWER;
             assert!(surface.gain >= 0.0 && (surface.gain <= 1.0 || room));
         }
@@ -226,100 +215,34 @@ pub fn scenes(library: &Library<'_>) -> Vec<Scene> {
     scenes
 }
 
-/// The margins of a direct form's cells. A lattice has none: its certificate must be the bound of its nodes.
-fn cell_margins(texture: &Texture<'_>) -> Vec<u8> {
-    let lattice = texture.structure() == Structure::NormalisedLattice;
-    match texture.certificate() {
-        Certificate::None => {
-            assert!(!lattice);
-            Vec::new()
-        }
-        Certificate::Lattice { largest_theta } => {
-            assert!(lattice);
-            let thetas = texture
-                .nodes()
-                .flat_map(|node| match codes(node.coefficients) {
-                    CodeSpec::Lattice {
-                        codes,
-                        fractions,
-                        tail,
-                    } => {
-                        let fractions = fractions.into_iter().map(i32::from).chain(repeat(0));
-                        let theta = |(code, fraction)| i32::from(code) * 256 + fraction;
-                        codes
-                            .into_iter()
-                            .zip(fractions)
-                            .map(theta)
-                            .chain(thetas_of(&tail))
-                            .collect::<Vec<_>>()
-                    }
-                    _ => unreachable!("nodes are of their texture's structure"),
-                });
-            let largest = thetas.map(i32::unsigned_abs).max();
-            assert_eq!(largest_theta, largest.unwrap_or(0));
-            assert!(largest_theta < 1 << 23);
-            Vec::new()
-        }
-        Certificate::DirectForm { cell_margins } => {
-            assert!(!lattice);
-            let (speeds, forces) = texture.cell_counts();
-            assert_eq!(cell_margins.len(), speeds * forces);
-            assert!(!cell_margins.contains(&UNCERTIFIED_CELL));
-            cell_margins.to_vec()
-        }
-    }
-}
-
 fn codes(coefficients: Coefficients<'_>) -> CodeSpec {
-    let sixteen = |codes: &[[u8; 2]]| codes.iter().map(|&c| i16::from_le_bytes(c)).collect();
-    match coefficients {
-        Coefficients::Lattice {
-            codes,
-            fractions,
-            tail,
-        } => {
-            let mut fractions: Vec<i8> = fractions.iter().map(|byte| byte.cast_signed()).collect();
-            assert!(fractions.len() <= limits::MAX_FINE_STAGES.min(codes.len()));
-            let all = fractions.iter().copied().chain(repeat(0));
-            let theta =
-                |(&code, fraction)| i32::from(i16::from_le_bytes(code)) * 256 + i32::from(fraction);
-            let tail = TailSpec {
-                codes: tail.codes.iter().map(|byte| byte.cast_signed()).collect(),
-                step: tail.step,
-            };
-            let thetas = codes.iter().zip(all).map(theta).chain(thetas_of(&tail));
-            assert!(coefficients.thetas().eq(thetas));
-            check_tail(codes.len(), &tail);
-            // Zeros at the end say nothing.
-            while fractions.pop_if(|fraction| *fraction == 0).is_some() {}
-            let codes: Vec<i16> = sixteen(codes);
-            assert!(!codes.contains(&i16::MIN));
-            CodeSpec::Lattice {
-                codes,
-                fractions,
-                tail,
-            }
-        }
-        Coefficients::Direct16 { exponent, codes } => {
-            let codes: Vec<i16> = sixteen(codes);
-            check_sum(codes.iter().map(|&code| f64::from(code)), exponent, 15);
-            CodeSpec::Direct16 { exponent, codes }
-        }
-        Coefficients::Direct32 { exponent, codes } => {
-            let codes: Vec<i32> = codes.iter().map(|&c| i32::from_le_bytes(c)).collect();
-            // The kernel's 64-bit sums need this beside the bound on the coefficients themselves.
-            let sum: u64 = codes
-                .iter()
-                .map(|code| u64::from(code.unsigned_abs()))
-                .sum();
-            assert!(sum < 1 << 32);
-            check_sum(codes.iter().map(|&code| f64::from(code)), exponent, 31);
-            CodeSpec::Direct32 { exponent, codes }
-        }
+    let signed = |bytes: &[u8]| bytes.iter().map(|byte| byte.cast_signed()).collect();
+    let mut fractions: Vec<i8> = signed(coefficients.fractions);
+    let codes = coefficients.codes.iter();
+    let codes: Vec<i16> = codes.map(|&code| i16::from_le_bytes(code)).collect();
+    assert!(fractions.len() <= limits::MAX_FINE_STAGES.min(codes.len()));
+    assert!(!codes.contains(&i16::MIN));
+    let tail = TailSpec {
+        codes: signed(coefficients.tail.codes),
+        step: coefficients.tail.step,
+    };
+    let all = fractions.iter().copied().chain(repeat(0));
+    let theta = |(&code, fraction)| i32::from(code) * 256 + i32::from(fraction);
+    let thetas = codes.iter().zip(all).map(theta).chain(thetas_of(&tail));
+    // Below π/2, so that every stage of every mean of nodes decays.
+    assert!(thetas.clone().all(|theta| theta.unsigned_abs() < 1 << 23));
+    assert!(coefficients.thetas().eq(thetas));
+    check_tail(codes.len(), &tail);
+    // Zeros at the end say nothing.
+    while fractions.pop_if(|fraction| *fraction == 0).is_some() {}
+    CodeSpec {
+        codes,
+        fractions,
+        tail,
     }
 }
 
-fn thetas_of(tail: &TailSpec) -> impl Iterator<Item = i32> + '_ {
+fn thetas_of(tail: &TailSpec) -> impl Iterator<Item = i32> + Clone + '_ {
     let step = i32::from(tail.step);
     tail.codes.iter().map(move |&code| i32::from(code) * step)
 }
@@ -332,11 +255,4 @@ fn check_tail(before: usize, tail: &TailSpec) {
     let largest = largest.unwrap_or(0);
     assert_eq!(tail.step == 0, largest == 0);
     assert!(tail.step <= 1 || largest >= limits::MIN_LARGEST_TAIL_CODE);
-}
-
-fn check_sum(codes: impl Iterator<Item = f64>, exponent: u8, fraction_bits: i32) {
-    assert!(exponent <= limits::MAX_EXPONENT);
-    let scale = 2f64.powi(i32::from(exponent) - fraction_bits);
-    let sum: f64 = codes.map(|code| code.abs() * scale).sum();
-    assert!(sum <= limits::MAX_COEFFICIENT_SUM as f64);
 }

@@ -5,9 +5,7 @@ use model_format::link::{
     CHUNK_ALIGN, LIBRARY_CRC, MAX_CHUNK_BYTES, SlotId, UploadBegin, UploadChunk, UploadCommitted,
     UploadError,
 };
-use model_format::{
-    CodeSpec, Laws, NodeFlags, NodeSpec, PartsSpec, Provenance, Structure, TextureSpec, encode,
-};
+use model_format::{CodeSpec, NodeSpec, TextureSpec, encode};
 use stylus_app::flash::WORD_BYTES;
 use stylus_app::slots::{HEADER_VERSION, MappedFlash, SlotStore};
 use stylus_app::upload::Uploader;
@@ -26,23 +24,17 @@ pub fn library(textures: usize, order: usize, seed: i16) -> Vec<u8> {
 pub fn texture(name: &str, order: usize, seed: i16, sample_rate_hz: u32) -> TextureSpec {
     let code =
         |stage: usize| ((stage as i16).wrapping_mul(31).wrapping_add(seed) % 8_000).max(-8_000);
-    let node = NodeSpec {
-        output_power: 2.0,
-        prediction_error_power: 1.0,
-        flags: NodeFlags::NONE,
-        codes: CodeSpec::lattice((0..order).map(code).collect()),
-    };
+    let node = NodeSpec::new(2.0, CodeSpec::lattice((0..order).map(code).collect()));
     TextureSpec {
-        name: name.to_owned(),
         sample_rate_hz,
-        structure: Structure::NormalisedLattice,
-        provenance: Provenance::Simulated,
-        laws: Laws::default(),
-        parts: PartsSpec::default(),
-        speed_axis_mm_s: (1..=15).map(|speed| 20.0 * speed as f32).collect(),
-        force_axis_n: (1..=8).map(|force| 0.25 * force as f32).collect(),
-        cell_margins: Vec::new(),
-        nodes: vec![node; 15 * 8],
+        ..TextureSpec::new(
+            name,
+            &(1..=15)
+                .map(|speed| 20.0 * speed as f32)
+                .collect::<Vec<_>>(),
+            &(1..=8).map(|force| 0.25 * force as f32).collect::<Vec<_>>(),
+            vec![node; 15 * 8],
+        )
     }
 }
 

@@ -3,10 +3,7 @@
 //! The input is read in order: a byte for the laws and for tails, one byte per order, two bytes per θ (one in a tail,
 //! and two for its step), a byte per fraction, four bytes per motion, two bytes per excitation.
 use model_format::limits::{MAX_FINE_STAGES, MAX_ORDER, MAX_OUTPUT_POWER, MIN_LARGEST_TAIL_CODE};
-use model_format::{
-    CodeSpec, FadeLaw, Laws, LevelLaw, Library, MillimetresPerSecond, Newton, NodeFlags, NodeSpec,
-    PartsSpec, Provenance, Structure, TailSpec, TextureSpec, encode,
-};
+use model_format::{CodeSpec, FadeLaw, Laws, LevelLaw, Library, MillimetresPerSecond, Newton, NodeSpec, TailSpec, TextureSpec, encode};
 use stylus_kernel::arithmetic::Portable;
 use stylus_kernel::grid::GridPoint;
 use stylus_kernel::lattice::{LatticeFrame, LatticeState};
@@ -87,28 +84,15 @@ fn library(bytes: &mut impl Iterator<Item = u8>) -> Vec<u8> {
         let fractions = fine
             .map(|_| bytes.next().unwrap_or(0).cast_signed())
             .collect();
-        NodeSpec {
-            output_power: MAX_OUTPUT_POWER,
-            prediction_error_power: 0.0,
-            flags: NodeFlags::NONE,
-            codes: CodeSpec::Lattice {
+        NodeSpec::new(MAX_OUTPUT_POWER, CodeSpec {
                 codes,
                 fractions,
                 tail,
-            },
-        }
+            })
     };
     let texture = TextureSpec {
-        name: "fuzz".to_owned(),
-        sample_rate_hz: 5000,
-        structure: Structure::NormalisedLattice,
-        provenance: Provenance::Simulated,
-        laws,
-        parts: PartsSpec::default(),
-        speed_axis_mm_s: SPEEDS_MM_S.to_vec(),
-        force_axis_n: FORCES_N.to_vec(),
-        nodes: (0..4).map(&mut node).collect(),
-        cell_margins: Vec::new(),
-    };
+laws,
+..TextureSpec::new("fuzz", &SPEEDS_MM_S, &FORCES_N, (0..4).map(&mut node).collect())
+};
     encode(&[texture]).expect("lattices of such codes are valid")
 }

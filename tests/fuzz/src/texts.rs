@@ -8,10 +8,7 @@ use host_tools::link::settings::changes;
 use host_tools::rig::RigFile;
 use host_tools::scene::{SceneFile, with_scenes};
 use model_format::link::SettingsChange;
-use model_format::{
-    CodeSpec, Laws, Library, NodeFlags, NodeSpec, PartsSpec, Provenance, Structure, TextureSpec,
-    encode,
-};
+use model_format::{CodeSpec, Laws, Library, NodeFlags, NodeSpec, PartsSpec, Provenance, TextureSpec, encode};
 
 use crate::place;
 
@@ -28,14 +25,12 @@ fn library() -> &'static [u8] {
         let texture = TextureSpec {
             name: "silk".to_owned(),
             sample_rate_hz: 5000,
-            structure: Structure::NormalisedLattice,
             provenance: Provenance::Recorded,
             laws: Laws::default(),
             parts: PartsSpec::default(),
             speed_axis_mm_s: vec![100.0],
             force_axis_n: vec![1.0],
             nodes: vec![node],
-            cell_margins: Vec::new(),
         };
         encode(&[texture]).expect("it is sound")
     })

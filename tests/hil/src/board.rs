@@ -224,8 +224,6 @@ impl VirtualBoard {
             .arg("--motion")
             .arg(&self.motion)
             .args([port, &self.port.to_string(), "--commands"])
-            // The zero of a force sensor that nobody has set: at a rail it would count as broken.
-            .args(["--force-zero-volts", "0.20625"])
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .spawn()

@@ -1,23 +1,14 @@
 //! The library that the suite uploads: one texture per filter and order whose cycles are measured, and one scene per
 //! effect.
 
-use host_tools::texture::certificate::certified;
 use kernel_vectors::{COUNTED_ORDERS, counted_texture};
 use model_format::link::{Selection, TextureName};
 use model_format::scene::{Biquad, Region, Scene, SceneName, StickSlip, Surface, Tap};
-use model_format::{SAMPLE_RATE_HZ, Structure, encode_with_scenes};
+use model_format::{SAMPLE_RATE_HZ, encode_with_scenes};
 
-/// Structures that the device plays, and their names in the library.
-const STRUCTURES: [(Structure, &str); 3] = [
-    (Structure::NormalisedLattice, "lattice"),
-    (Structure::DirectForm32, "direct form, 32 bits"),
-    (Structure::DirectForm16, "direct form, 16 bits"),
-];
-
-/// Index of the lattice of order 100 among the textures, and of the direct form of the same order in 16 bits. A
-/// transition of both keeps within a scene's budget.
+/// Indices among the textures of the lattices of orders 100 and 50. A transition of both keeps within a scene's budget.
 const LATTICE: u8 = 3;
-const DIRECT: u8 = LATTICE + 2 * COUNTED_ORDERS.len() as u8;
+const SECOND: u8 = 2;
 
 /// Textures and scenes that are played and measured, with the library that holds them.
 #[derive(Clone, Debug)]
@@ -33,13 +24,8 @@ pub struct Played {
 /// # Panics
 /// Never: its textures and scenes are constants, and a test encodes them.
 pub fn played() -> Played {
-    let mut textures = Vec::new();
-    for (structure, name) in STRUCTURES {
-        for order in COUNTED_ORDERS {
-            let spec = counted_texture(structure, order, &format!("{name}, order {order}"));
-            textures.push(certified(spec).expect("its coefficients are small"));
-        }
-    }
+    let textures =
+        COUNTED_ORDERS.map(|order| counted_texture(order, &format!("lattice, order {order}")));
     let scenes = scenes();
     let bytes = encode_with_scenes(&textures, &scenes).expect("within the limits");
     let textures = textures.iter().map(|texture| {
@@ -101,7 +87,7 @@ fn scenes() -> Vec<Scene> {
         scene
     };
     let mut transition = scene("transition", plain());
-    let second = Surface::of_texture(DIRECT);
+    let second = Surface::of_texture(SECOND);
     transition.surfaces.push(second).expect("there is room");
     for (surface, [start_mm, end_mm]) in [[-1e5, 0.0], [0.0, 1e5]].into_iter().enumerate() {
         let region = Region {
@@ -142,9 +128,6 @@ mod tests {
         }
         let names: Vec<_> = library.textures().map(|texture| texture.name()).collect();
         assert_eq!(names[usize::from(LATTICE)], "lattice, order 100");
-        assert_eq!(
-            names[usize::from(DIRECT)],
-            "direct form, 16 bits, order 100"
-        );
+        assert_eq!(names[usize::from(SECOND)], "lattice, order 50");
     }
 }

@@ -45,7 +45,7 @@ struct Arguments {
     /// Overwrite the libraries without a question
     #[arg(long)]
     yes: bool,
-    /// A few of each kind and short plays, as suits an emulator
+    /// What the image's tests on an emulator do not hold
     #[arg(long)]
     brief: bool,
     /// The program probe-rs, which resets the board and exchanges its image
@@ -175,7 +175,7 @@ fn connect(address: &LinkAddress, timeouts: Timeouts) -> Result<Device> {
 
 fn lengths(arguments: &Arguments) -> Lengths {
     let endurance_ms = (arguments.minutes * 60e3).max(0.0) as u64;
-    if arguments.brief {
+    if arguments.virtual_stylus.is_some() {
         Lengths {
             play_ms: 40,
             record_ms: 500,

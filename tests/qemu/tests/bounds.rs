@@ -16,8 +16,8 @@ use model_format::scene::limits::{MAX_REGIONS, MAX_SCENES, MAX_SECTIONS, MAX_SUR
 use model_format::scene::{Biquad, Region, Scene, StickSlip, Surface, Tap};
 use model_format::{
     CodeSpec, CodebookSpec, ExcitationSpec, FadeLaw, Laws, LevelLaw, LineSpec, LinesSpec,
-    ModulationSpec, NodeFlags, NodeSpec, PartsSpec, Problem, Provenance, SAMPLE_RATE_HZ, Structure,
-    TailSpec, TextureSpec, encode_with_scenes,
+    ModulationSpec, NodeSpec, PartsSpec, Problem, Provenance, SAMPLE_RATE_HZ, TailSpec,
+    TextureSpec, encode_with_scenes,
 };
 use tasks::guest::{self, Processor};
 use tasks::qemu;
@@ -37,7 +37,7 @@ const CODEBOOK_SAMPLES: usize =
     (MAX_EXCITATION_BYTES - MAX_AXIS_LEN * MAX_AXIS_LEN) / MAX_CODEBOOKS - 16;
 
 /// Number of properties of a recipe.
-const PROPERTIES: usize = 21;
+const PROPERTIES: usize = 20;
 
 /// Names and highest values of the properties; the lowest is 0, or 1 where it must be.
 const HIGHEST: [(&str, u32, u32); PROPERTIES] = [
@@ -46,7 +46,7 @@ const HIGHEST: [(&str, u32, u32); PROPERTIES] = [
     ("speeds", 1, MAX_AXIS_LEN as u32),
     ("forces", 1, MAX_AXIS_LEN as u32),
     ("order", 0, MAX_ORDER as u32),
-    ("structure", 0, 2),
+    ("tails", 0, 1),
     ("fine stages", 0, MAX_FINE_STAGES as u32),
     ("law of the level", 0, 2),
     ("bytes of a name", 2, MAX_NAME_BYTES as u32),
@@ -65,7 +65,6 @@ const HIGHEST: [(&str, u32, u32); PROPERTIES] = [
         MAX_MODULATION_ENTRIES as u32,
     ),
     ("lines", 0, MAX_LINES as u32),
-    ("tails", 0, 1),
 ];
 
 /// The properties of a hostile library.
@@ -148,20 +147,19 @@ impl Recipe {
 
     /// Returns whether some stage of the library has one byte.
     fn has_tails(&self) -> bool {
-        let lattice = self.0[5] == 0;
-        lattice && self.0[20] == 1 && self.0[4] > MAX_FINE_STAGES as u32
+        self.0[5] == 1 && self.0[4] > MAX_FINE_STAGES as u32
     }
 
     /// Fewest bytes of all textures.
     fn texture_bytes(&self) -> usize {
-        let [textures, with_grid, speeds, forces, order, structure, ..] =
-            self.0.map(|n| n as usize);
+        let [textures, with_grid, speeds, forces, order, tails, ..] = self.0.map(|n| n as usize);
         let lines = self.0[17] as usize;
-        let coefficients = match structure {
-            0 if self.0[20] == 1 => order + order.min(MAX_FINE_STAGES),
-            2 => 4 * order,
-            _ => 2 * order,
-        };
+        let coefficients = order
+            + if tails == 1 {
+                order.min(MAX_FINE_STAGES)
+            } else {
+                order
+            };
         let node = 16 + coefficients + 4 * lines;
         let with_grid = with_grid.min(textures);
         let parts = self.0[17] as usize * CODEBOOK_SAMPLES + self.0[18] as usize;
@@ -186,51 +184,26 @@ impl Recipe {
         };
         let order = self.0[4];
         let axis = |len: u32| (1..=len).map(|value| value as f32).collect::<Vec<_>>();
-        let structure = match self.0[5] {
-            0 => Structure::NormalisedLattice,
-            1 => Structure::DirectForm16,
-            _ => Structure::DirectForm32,
-        };
-        // Taps of this size leave |A| at a half or more, and a margin of 1/4 is within it.
-        let tap = |at: u32| if at.is_multiple_of(2) { 30 } else { -30 };
-        let before = match self.0[20] {
+        let before = match self.0[5] {
             1 => order.min(MAX_FINE_STAGES as u32),
             _ => order,
         };
-        let codes = match structure {
-            Structure::NormalisedLattice => CodeSpec::Lattice {
-                codes: (0..before)
-                    .map(|at| (at * 71 % 30_000) as i16 - 15_000)
+        let codes = CodeSpec {
+            codes: (0..before)
+                .map(|at| (at * 71 % 30_000) as i16 - 15_000)
+                .collect(),
+            fractions: (0..order.min(self.0[6])).map(|at| at as i8 + 1).collect(),
+            tail: TailSpec {
+                codes: (before..order)
+                    .map(|at| (127 - ((at - before) % 255).cast_signed()) as i8)
                     .collect(),
-                fractions: (0..order.min(self.0[6])).map(|at| at as i8 + 1).collect(),
-                tail: TailSpec {
-                    codes: (before..order)
-                        .map(|at| (127 - ((at - before) % 255).cast_signed()) as i8)
-                        .collect(),
-                    step: if before < order { 300 } else { 0 },
-                },
-            },
-            Structure::DirectForm16 => CodeSpec::Direct16 {
-                exponent: 0,
-                codes: (0..order).map(|at| tap(at) as i16).collect(),
-            },
-            Structure::DirectForm32 => CodeSpec::Direct32 {
-                exponent: 0,
-                codes: (0..order).map(|at| tap(at) << 16).collect(),
+                step: if before < order { 300 } else { 0 },
             },
         };
-        let node = |number: u32| NodeSpec {
-            output_power: 1.0 + number as f32,
-            prediction_error_power: 1.0,
-            flags: NodeFlags::NONE,
-            codes: codes.clone(),
-        };
-        let cells = |len: u32| (len - 1).max(1) as usize;
-        let margins = vec![8; cells(speeds) * cells(forces)];
+        let node = |number: u32| NodeSpec::new(1.0 + number as f32, codes.clone());
         TextureSpec {
             name: self.name(index),
             sample_rate_hz: SAMPLE_RATE_HZ,
-            structure,
             provenance: Provenance::Simulated,
             laws: Laws {
                 level: LevelLaw::ALL[self.0[7] as usize],
@@ -247,11 +220,6 @@ impl Recipe {
             speed_axis_mm_s: axis(speeds),
             force_axis_n: axis(forces),
             nodes: (0..speeds * forces).map(node).collect(),
-            cell_margins: if structure == Structure::NormalisedLattice {
-                Vec::new()
-            } else {
-                margins
-            },
         }
     }
 

@@ -1,19 +1,16 @@
 //! Operands at the ends of their ranges, which no texture's noise reaches.
 
 use model_format::limits::MAX_ORDER;
-use stylus_kernel::arithmetic::{Arithmetic, SUMS, TURN_TAPS, Turn};
+use stylus_kernel::arithmetic::Arithmetic;
 use stylus_kernel::lattice::LatticeState;
 use stylus_kernel::rotation::{Rotation, THETA_QUARTER_TURN};
-use stylus_kernel::taps::{self, FACTOR_BITS};
 use stylus_kernel::theta::{Codes, PER_CODE, PER_FRACTION, Run};
 
-const MOST_TURNS: usize = 9;
 const SAMPLES: usize = 32;
 const MOST_FEW_STAGES: usize = 80;
 
 /// Passes to `sink` the results of the kernel's arithmetic for operands at the ends of their ranges.
 pub fn edges<A: Arithmetic>(mut sink: impl FnMut(u32)) {
-    sums_of_products::<A>(&mut sink);
     for theta in [-THETA_QUARTER_TURN, -1, THETA_QUARTER_TURN / 2, i32::MAX] {
         lattice_at_full_scale::<A>(theta, &mut sink);
     }
@@ -24,7 +21,6 @@ pub fn edges<A: Arithmetic>(mut sink: impl FnMut(u32)) {
         [20_011, 29_990, 9_999, 5536],
     ] {
         rotations_of_means::<A>(weights, &mut sink);
-        coefficients_of_means::<A>(weights, &mut sink);
     }
 }
 
@@ -76,41 +72,6 @@ fn rotations_of_means<A: Arithmetic>(weights: [u32; 4], sink: &mut impl FnMut(u3
                     sink(word.cast_unsigned());
                 }
             }
-        }
-    }
-}
-
-/// As [`rotations_of_means`], for nodes of a direct form.
-fn coefficients_of_means<A: Arithmetic>(weights: [u32; 4], sink: &mut impl FnMut(u32)) {
-    let mut coefficients = [0; MOST_FEW_STAGES];
-    let [a, b, c, d] = weights.map(|weight| (weight << (FACTOR_BITS - 16)).cast_signed());
-    for taps in 0..=MOST_FEW_STAGES {
-        let halves = [400, 511, 600, 701].map(|node| CODES[node..][..2 * taps].as_chunks().0);
-        let words = [5, 200, 401, 602].map(|node| CODES[node..][..4 * taps].as_chunks().0);
-        for codes in [taps::Codes::Halves(halves), taps::Codes::Words(words)] {
-            let coefficients = &mut coefficients[..taps];
-            let factors = [a, b >> 10, c >> 1, d];
-            A::mean_coefficients(&taps::Run { codes, factors }, coefficients);
-            for coefficient in coefficients {
-                sink(coefficient.cast_unsigned());
-            }
-        }
-    }
-}
-
-/// Sums of words over their whole range, in an order that pairs each with each, so that sums wrap.
-fn sums_of_products<A: Arithmetic>(sink: &mut impl FnMut(u32)) {
-    const WORDS: [i32; 7] = [i32::MIN, i32::MIN + 1, -1, 0, 1, 0x1234_5678, i32::MAX];
-    const TAPS: usize = MOST_TURNS * TURN_TAPS;
-    let turns: [Turn; MOST_TURNS] = core::array::from_fn(|turn| {
-        core::array::from_fn(|tap| WORDS[(turn * TURN_TAPS + tap) % WORDS.len()])
-    });
-    let samples: [i32; TAPS + SUMS - 1] =
-        core::array::from_fn(|index| WORDS[index / WORDS.len() % WORDS.len()]);
-    for length in 0..=MOST_TURNS {
-        for sum in A::sums_of_products(&turns[..length], &samples) {
-            sink(sum as u32);
-            sink((sum >> 32) as u32);
         }
     }
 }

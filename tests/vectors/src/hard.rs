@@ -3,14 +3,10 @@
 //! The host makes them (`stylus stress`). Here each is played in two ways: as the product plays a texture, and by its
 //! filter alone, driven, stopped, overdriven, and from a state with full scale in every signal.
 
-use model_format::limits::MAX_ORDER;
-use model_format::{
-    DecodeError, Library, MillimetresPerSecond, Newton, OutputSample, Structure, Texture,
-};
+use model_format::{DecodeError, Library, MillimetresPerSecond, Newton, OutputSample, Texture};
 use serde::{Deserialize, Serialize};
 use stylus_kernel::arithmetic::Arithmetic;
 use stylus_kernel::digest::Digest;
-use stylus_kernel::direct::{DirectFrame, DirectState};
 use stylus_kernel::excitation::Excitation;
 use stylus_kernel::grid::GridPoint;
 use stylus_kernel::lattice::{LatticeFrame, LatticeState};
@@ -21,7 +17,7 @@ use stylus_kernel::{Motion, Synthesis};
 pub struct HardCase<'a> {
     /// Name in reports.
     pub name: &'a str,
-    /// The library, uncertified.
+    /// The library.
     pub library: &'a [u8],
     /// The motions: speed, mm/s, and force, N, each as a little-endian float; they repeat.
     pub motions: &'a [u8],
@@ -93,7 +89,7 @@ impl<'a> HardCase<'a> {
         &self,
         measure: &mut dyn FnMut(Way, &mut dyn FnMut() -> OutputSample) -> OutputSample,
     ) -> Result<u32, DecodeError> {
-        let library = Library::decode_uncertified(self.library)?;
+        let library = Library::decode(self.library)?;
         let mut digest = Digest::default();
         for texture in library.textures().take(1) {
             let mut synthesis = Synthesis::<A>::new(texture, 1);
@@ -103,27 +99,15 @@ impl<'a> HardCase<'a> {
                 }
                 digest.add(measure(Way::Synthesis, &mut || synthesis.next_sample()));
             }
-            match texture.structure() {
-                Structure::NormalisedLattice => self.phases(
-                    &mut Lattice::<A>::new(&texture),
-                    &texture,
-                    &mut digest,
-                    measure,
-                ),
-                Structure::DirectForm16 | Structure::DirectForm32 => self.phases(
-                    &mut Direct::<A>::new(&texture),
-                    &texture,
-                    &mut digest,
-                    measure,
-                ),
-            }
+            let mut lattice = Lattice::<A>::new(&texture);
+            self.phases(&mut lattice, &texture, &mut digest, measure);
         }
         Ok(digest.value())
     }
 
-    fn phases(
+    fn phases<A: Arithmetic>(
         &self,
-        filter: &mut dyn Filter,
+        filter: &mut Lattice<A>,
         texture: &Texture<'_>,
         digest: &mut Digest,
         measure: &mut dyn FnMut(Way, &mut dyn FnMut() -> OutputSample) -> OutputSample,
@@ -138,10 +122,10 @@ impl<'a> HardCase<'a> {
         }
     }
 
-    fn phase(
+    fn phase<A: Arithmetic>(
         &self,
         drive: Drive,
-        filter: &mut dyn Filter,
+        filter: &mut Lattice<A>,
         texture: &Texture<'_>,
         noise: &mut Excitation,
         digest: &mut Digest,
@@ -162,27 +146,35 @@ impl<'a> HardCase<'a> {
     }
 }
 
-/// A filter whose excitation is given.
-trait Filter {
-    fn follow(&mut self, texture: &Texture<'_>, motion: Motion);
-    fn sample(&mut self, excitation: i32) -> OutputSample;
-    /// Sets every signal of the state to full scale, with random signs.
-    fn glitch(&mut self, noise: &mut Excitation);
-}
-
+/// A lattice whose excitation is given.
 struct Lattice<A> {
     frame: LatticeFrame,
     state: LatticeState,
     arithmetic: core::marker::PhantomData<A>,
 }
 
-impl<A> Lattice<A> {
+impl<A: Arithmetic> Lattice<A> {
     fn new(texture: &Texture<'_>) -> Self {
         Self {
             frame: LatticeFrame::silent(texture.max_order()),
             state: LatticeState::new(),
             arithmetic: core::marker::PhantomData,
         }
+    }
+
+    fn follow(&mut self, texture: &Texture<'_>, motion: Motion) {
+        let from = self.frame.levels(0);
+        self.frame
+            .update::<A>(texture, &GridPoint::locate(texture, motion), from, 1);
+    }
+
+    fn sample(&mut self, excitation: i32) -> OutputSample {
+        self.state.next_sample::<A>(&self.frame, excitation, 0).0
+    }
+
+    /// Sets every signal of the state to full scale, with random signs.
+    fn glitch(&mut self, noise: &mut Excitation) {
+        self.state = LatticeState::from_backward(core::array::from_fn(|_| full_scale(noise)));
     }
 }
 
@@ -191,55 +183,5 @@ fn full_scale(noise: &mut Excitation) -> i32 {
         i32::MIN
     } else {
         i32::MAX
-    }
-}
-
-impl<A: Arithmetic> Filter for Lattice<A> {
-    fn follow(&mut self, texture: &Texture<'_>, motion: Motion) {
-        let from = self.frame.levels(0);
-        self.frame
-            .update::<A>(texture, &GridPoint::locate(texture, motion), from, 1);
-    }
-
-    fn sample(&mut self, excitation: i32) -> OutputSample {
-        self.state.next_sample::<A>(&self.frame, excitation, 0).0
-    }
-
-    fn glitch(&mut self, noise: &mut Excitation) {
-        self.state = LatticeState::from_backward(core::array::from_fn(|_| full_scale(noise)));
-    }
-}
-
-struct Direct<A> {
-    frame: DirectFrame,
-    state: DirectState,
-    arithmetic: core::marker::PhantomData<A>,
-}
-
-impl<A> Direct<A> {
-    fn new(texture: &Texture<'_>) -> Self {
-        Self {
-            frame: DirectFrame::silent(texture),
-            state: DirectState::new(),
-            arithmetic: core::marker::PhantomData,
-        }
-    }
-}
-
-impl<A: Arithmetic> Filter for Direct<A> {
-    fn follow(&mut self, texture: &Texture<'_>, motion: Motion) {
-        let from = self.frame.levels(0);
-        self.frame
-            .update::<A>(texture, &GridPoint::locate(texture, motion), from, 1);
-        self.state.begin::<A>(&self.frame);
-    }
-
-    fn sample(&mut self, excitation: i32) -> OutputSample {
-        self.state.next_sample::<A>(&self.frame, excitation, 0).0
-    }
-
-    fn glitch(&mut self, noise: &mut Excitation) {
-        let history: [i32; MAX_ORDER] = core::array::from_fn(|_| full_scale(noise));
-        self.state = DirectState::from_history::<A>(&history, &self.frame);
     }
 }

@@ -45,11 +45,6 @@ pub enum Job<'a> {
         /// A library.
         library: &'a [u8],
     },
-    /// Proof of a library's direct forms, with a count of each step's instructions.
-    Proof {
-        /// A library.
-        library: &'a [u8],
-    },
 }
 
 /// Libraries, each after its length as a `u32`.
@@ -83,12 +78,14 @@ impl Libraries<'_> {
 /// A filter that plays a texture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Filter {
-    /// The product's filter for the structure that the texture is stored in.
+    /// The product's lattice.
     Product,
-    /// The kernel's variant `two_multiplier`, for a stored lattice.
+    /// The kernel's variant `two_multiplier`.
     TwoMultiplier,
-    /// The kernel's variant `normalised16`, for a stored lattice.
+    /// The kernel's variant `normalised16`.
     Normalised16,
+    /// The kernel's variant `direct`.
+    Direct,
 }
 
 /// The job in `memory`, if there is one.

@@ -1,7 +1,6 @@
 //! The library of test textures, made from a seed.
 //!
-//! Models are made as reflection coefficients, because magnitudes below one suffice for stability; the direct forms
-//! follow from them by the step-up recursion.
+//! Models are made as reflection coefficients, because magnitudes below one suffice for stability.
 
 use alloc::string::ToString;
 use alloc::vec::Vec;
@@ -9,8 +8,8 @@ use alloc::vec::Vec;
 use model_format::limits::{MAX_FINE_STAGES, MAX_ORDER};
 use model_format::{
     CodeSpec, CodebookSpec, ExcitationSpec, FINE_THETA_STEP_RAD, FadeLaw, Laws, LevelLaw, LineSpec,
-    LinesSpec, ModulationSpec, NodeFlags, NodeSpec, PartsSpec, Provenance, Structure,
-    THETA_STEP_RAD, TailSpec, TextureSpec, encode_uncertified,
+    LinesSpec, ModulationSpec, NodeFlags, NodeSpec, PartsSpec, Provenance, THETA_STEP_RAD,
+    TailSpec, TextureSpec, encode,
 };
 use rand_core::Rng;
 use rand_pcg::Pcg32;
@@ -31,89 +30,60 @@ const SHORT_ORDER: usize = 60;
 /// Wavelengths, mm, and phases of lines: the shortest and the longest that there are, and two that a hand feels.
 const FOUR_LINES: [(f32, u16); 4] = [(0.02, 1), (0.61, 0x4000), (2.0, 0xffff), (1000.0, 0)];
 
-/// The bytes of a library that holds every texture of [`crate::VECTORS`]. Some are direct forms that cannot be
-/// certified, so it decodes with [`model_format::Library::decode_uncertified`] only.
+/// The bytes of a library that holds every texture of [`crate::VECTORS`].
 ///
 /// # Panics
 /// Never, unless this crate is wrong: the textures that it encodes are valid.
 pub fn library() -> Vec<u8> {
-    encode_uncertified(&specs()).expect("the test textures are valid")
+    encode(&specs()).expect("the test textures are valid")
 }
 
-/// The textures of [`library`], none of them certified.
-pub fn specs() -> [TextureSpec; 23] {
-    use Structure::{DirectForm16, DirectForm32, NormalisedLattice};
+/// The textures of [`library`].
+pub fn specs() -> [TextureSpec; 13] {
     let resonant = |index| Model::resonant(MAX_ORDER, index);
     let one = Grid::one(Model::resonant(MAX_ORDER, 1), 9.0);
-    let gentle = |index| Model::gentle(UNEQUAL_ORDERS[index], 20 + index as u64);
     [
-        one.texture("lattice, one node", NormalisedLattice),
-        Grid::new(|index| resonant(index as u64)).texture("lattice", NormalisedLattice),
+        one.texture("lattice, one node"),
+        Grid::new(|index| resonant(index as u64)).texture("lattice"),
         Grid::new(|index| Model::resonant(UNEQUAL_ORDERS[index], 10 + index as u64))
             .with_rest()
-            .texture("lattice of unequal orders", NormalisedLattice),
-        Grid::new(Model::extreme).texture("lattice of largest angles", NormalisedLattice),
-        one.texture("direct 32, one node", DirectForm32),
-        Grid::new(gentle).texture("direct 32", DirectForm32),
-        Grid::new(Model::opposed).texture("direct 32, unstable", DirectForm32),
-        one.texture("direct 16, one node", DirectForm16),
-        Grid::new(gentle).texture("direct 16", DirectForm16),
-        Grid::new(Model::opposed).texture("direct 16, unstable", DirectForm16),
+            .texture("lattice of unequal orders"),
+        Grid::new(Model::extreme).texture("lattice of largest angles"),
         Grid::new(|index| resonant(index as u64).with_fractions(30 + index as u64))
             .with_laws(LevelLaw::Logarithm, FadeLaw::Power)
-            .texture("fine lattice, mean dB", NormalisedLattice),
+            .texture("fine lattice, mean dB"),
         Grid::new(|index| Model::extreme(index).with_largest_fractions())
             .with_laws(LevelLaw::Amplitude, FadeLaw::Amplitude)
-            .texture(
-                "fine lattice of largest angles, mean amplitude",
-                NormalisedLattice,
-            ),
-        Grid::new(|index| Model::gentle(SHORT_ORDER, 40 + index as u64))
-            .with_laws(LevelLaw::Logarithm, FadeLaw::Power)
-            .texture("direct 32, mean dB", DirectForm32),
-        Grid::new(|index| Model::gentle(SHORT_ORDER, 50 + index as u64))
-            .with_rest()
-            .with_laws(LevelLaw::Amplitude, FadeLaw::Power)
-            .texture("direct 16, mean amplitude", DirectForm16),
+            .texture("fine lattice of largest angles, mean amplitude"),
         Grid::new(|index| resonant(60 + index as u64))
             .with_codebooks()
-            .texture("lattice, codebooks", NormalisedLattice),
+            .texture("lattice, codebooks"),
         Grid::new(|index| resonant(70 + index as u64))
             .with_track()
-            .texture("lattice, track", NormalisedLattice),
+            .texture("lattice, track"),
         Grid::new(|index| resonant(80 + index as u64))
             .with_codebooks()
             .with_track()
-            .texture("lattice, codebooks and track", NormalisedLattice),
-        Grid::new(|index| Model::gentle(MAX_ORDER, 90 + index as u64))
-            .with_codebooks()
-            .with_track()
-            .texture("direct 32, codebooks and track", DirectForm32),
-        Grid::new(|index| Model::gentle(SHORT_ORDER, 100 + index as u64))
-            .with_codebooks()
-            .texture("direct 16, codebooks", DirectForm16),
+            .texture("lattice, codebooks and track"),
         Grid::new(|index| resonant(index as u64))
             .with_lines(&FOUR_LINES)
-            .texture("lattice, four lines", NormalisedLattice),
+            .texture("lattice, four lines"),
         Grid::new(|index| Model::gentle(SHORT_ORDER, 60 + index as u64))
             .with_rest()
             .with_laws(LevelLaw::Power, FadeLaw::Power)
             .with_lines(&FOUR_LINES[1..2])
-            .texture("direct 32, one line", DirectForm32),
+            .texture("lattice with rest, one line"),
         Grid::new(|index| resonant(110 + index as u64))
             .with_codebooks()
             .with_track()
             .with_lines(&FOUR_LINES)
-            .texture(
-                "lattice, codebooks, track and four lines",
-                NormalisedLattice,
-            ),
+            .texture("lattice, codebooks, track and four lines"),
         Grid::new(|index| {
             let model = resonant(130 + index as u64).with_fractions(40 + index as u64);
             model.compact()
         })
         .with_laws(LevelLaw::Logarithm, FadeLaw::Power)
-        .texture("compact lattice, mean dB", NormalisedLattice),
+        .texture("compact lattice, mean dB"),
     ]
 }
 
@@ -124,43 +94,38 @@ pub(crate) fn digest_spec() -> TextureSpec {
         .with_codebooks()
         .with_track()
         .with_lines(&FOUR_LINES[1..3])
-        .texture("digest", Structure::NormalisedLattice)
+        .texture("digest")
 }
 
 /// Orders at which costs are counted.
 pub const COUNTED_ORDERS: [usize; 6] = [10, 20, 50, 100, 200, MAX_ORDER];
 
-/// A library of textures in `structure` for the count of costs: each of `orders` on one node, then each on the whole
+/// A library of textures for the count of costs: each of `orders` on one node, then each on the whole
 /// grid.
 ///
 /// # Panics
 /// Orders above the limit, or more than sixteen of them.
-pub fn counted_library(structure: Structure, orders: &[usize]) -> Vec<u8> {
+pub fn counted_library(orders: &[usize]) -> Vec<u8> {
     let one = |&order: &usize| {
         Grid::one(Model::gentle(order, order as u64), 9.0)
-            .texture(&alloc::format!("order {order}, one node"), structure)
+            .texture(&alloc::format!("order {order}, one node"))
     };
-    let grid = |&order: &usize| {
-        counted_texture(
-            structure,
-            order,
-            &alloc::format!("order {order}, four nodes"),
-        )
-    };
+    let grid =
+        |&order: &usize| counted_texture(order, &alloc::format!("order {order}, four nodes"));
     let textures: Vec<TextureSpec> = orders
         .iter()
         .map(one)
         .chain(orders.iter().map(grid))
         .collect();
-    encode_uncertified(&textures).expect("the textures are valid")
+    encode(&textures).expect("the textures are valid")
 }
 
-/// A texture of `order` on the whole grid in `structure`, called `name`. In direct form it is stable everywhere.
+/// A texture of `order` on the whole grid, called `name`.
 ///
 /// # Panics
 /// An order above the limit.
-pub fn counted_texture(structure: Structure, order: usize, name: &str) -> TextureSpec {
-    Grid::new(|index| Model::gentle(order, (order + index) as u64)).texture(name, structure)
+pub fn counted_texture(order: usize, name: &str) -> TextureSpec {
+    Grid::new(|index| Model::gentle(order, (order + index) as u64)).texture(name)
 }
 
 /// An all-pole model, given by the arcsines of its reflection coefficients in stored steps, and their fractions.
@@ -220,10 +185,8 @@ impl Model {
         }))
     }
 
-    /// A model with Σ ln(1 + |k|) < ln 2 and so Σ|h| ≤ Π(1 + |k|) - 1 < 1. In direct form every interpolation between
-    /// such models is stable, because Σ|h| < 1 holds for their weighted means too.
+    /// A model without resonances.
     fn gentle(order: usize, seed: u64) -> Self {
-        // 1 + 1/2 + ... + 1/400 = 6.57, and 0.1 times that is below ln 2.
         Self::decaying(order, 0.1, &[], seed)
     }
 
@@ -249,22 +212,8 @@ impl Model {
         }
     }
 
-    /// (1 - 0.9 z⁻¹)³ and (1 + 0.9 z⁻¹)³ at neighbouring speeds: halfway between them lies 1 + 2.43 z⁻², of pole radius
-    /// 1.56.
-    fn opposed(index: usize) -> Self {
-        let speed = index / FORCES_N.len();
-        let sign = if speed.is_multiple_of(2) { 1.0 } else { -1.0 };
-        let head = [-0.998_136 * sign, 0.985_359, -0.729 * sign];
-        let order = if index.is_multiple_of(2) {
-            3
-        } else {
-            MAX_ORDER
-        };
-        Self::decaying(order, 0.01, &head, index as u64)
-    }
-
     fn lattice(&self) -> CodeSpec {
-        let whole = CodeSpec::Lattice {
+        let whole = CodeSpec {
             codes: self.theta_codes.clone(),
             fractions: self.fractions.clone(),
             tail: TailSpec::default(),
@@ -288,56 +237,10 @@ impl Model {
             })
     }
 
-    /// h₁ to h of the order: the predictor with these reflection coefficients, by the step-up recursion
-    /// a⁽ᵐ⁾[i] = a⁽ᵐ⁻¹⁾[i] + k a⁽ᵐ⁻¹⁾[m - i] with a⁽ᵐ⁾[m] = k and h = -a (Makhoul, Proc. IEEE 63(4), 1975).
-    fn predictor(&self) -> Vec<f64> {
-        let mut h: Vec<f64> = Vec::new();
-        for k in self.reflection() {
-            let before = h.clone();
-            for (next, mirrored) in h.iter_mut().zip(before.iter().rev()) {
-                *next += k * mirrored;
-            }
-            h.push(-k);
-        }
-        h
-    }
-
     /// Power of the prediction error over that of the output, Π(1 - k²).
     fn error_ratio(&self) -> f64 {
         self.reflection().map(|k| 1.0 - k * k).product()
     }
-
-    fn codes(&self, structure: Structure) -> CodeSpec {
-        match structure {
-            Structure::NormalisedLattice => self.lattice(),
-            Structure::DirectForm16 => {
-                let (exponent, codes) = quantise(&self.predictor(), 15);
-                let codes = codes.into_iter().map(|code| code as i16).collect();
-                CodeSpec::Direct16 { exponent, codes }
-            }
-            Structure::DirectForm32 => {
-                let (exponent, codes) = quantise(&self.predictor(), 31);
-                let codes = codes.into_iter().map(|code| code as i32).collect();
-                CodeSpec::Direct32 { exponent, codes }
-            }
-        }
-    }
-}
-
-/// `coefficients` in steps of 2^(exponent - `bits`), with the lowest exponent that can represent them.
-fn quantise(coefficients: &[f64], bits: i32) -> (u8, Vec<i64>) {
-    let largest = coefficients
-        .iter()
-        .fold(0.0, |largest, h| h.abs().max(largest));
-    let sum: f64 = coefficients.iter().map(|h| h.abs()).sum();
-    let mut exponent: u8 = 0;
-    // The largest code must fit its word, and their sum must keep the format's bound on 64-bit sums.
-    while f64::max(largest, sum / 2.0) > 0.999 * libm::exp2(f64::from(exponent)) {
-        exponent += 1;
-    }
-    let steps = libm::exp2(f64::from(bits - i32::from(exponent)));
-    let code = |h: &f64| libm::round(h * steps) as i64;
-    (exponent, coefficients.iter().map(code).collect())
 }
 
 /// Models over (speed, force), speed-major, with their output powers, (m/s²)².
@@ -431,11 +334,10 @@ impl Grid {
         self
     }
 
-    fn texture(&self, name: &str, structure: Structure) -> TextureSpec {
+    fn texture(&self, name: &str) -> TextureSpec {
         TextureSpec {
             name: name.to_string(),
             sample_rate_hz: 5000,
-            structure,
             provenance: Provenance::Simulated,
             laws: self.laws,
             parts: PartsSpec {
@@ -447,14 +349,13 @@ impl Grid {
             nodes: self
                 .models
                 .iter()
-                .map(|(model, power)| node(model, *power, structure))
+                .map(|(model, power)| node(model, *power))
                 .collect(),
-            cell_margins: Vec::new(),
         }
     }
 }
 
-fn node(model: &Model, output_power: f32, structure: Structure) -> NodeSpec {
+fn node(model: &Model, output_power: f32) -> NodeSpec {
     let silent = output_power <= 0.0;
     NodeSpec {
         output_power,
@@ -464,7 +365,7 @@ fn node(model: &Model, output_power: f32, structure: Structure) -> NodeSpec {
         } else {
             NodeFlags::NONE
         },
-        codes: model.codes(structure),
+        codes: model.lattice(),
     }
 }
 

@@ -29,7 +29,7 @@ pub fn run<M: Arithmetic>(
     vector: &Vector,
     sink: impl FnMut(OutputSample),
 ) -> Result<u32, PlayError> {
-    let library = Library::decode_uncertified(library)?;
+    let library = Library::decode(library)?;
     match vector.beside {
         None => run_one::<M>(&library, vector, sink),
         Some(textures) => run_beside::<M>(&library, textures, vector, sink),

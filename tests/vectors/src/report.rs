@@ -8,7 +8,6 @@
 //! sample-cost 5600 5600 1600 lattice             fewest and most instructions, and the number of calls
 //! follow-cost 11000 30000 160 lattice
 //! library-cost 4000 90000 5 30000 20000          bytes, decoding, steps, longest step, longest plan
-//! proof-cost 1500 90000 80000000                 steps, longest, all
 //! digest 89abcdef cortex-m7                      digest of the first words, arithmetic
 //! end                                            the report is complete
 //! ```
@@ -36,9 +35,6 @@ pub const FOLLOW_COST: &str = "follow-cost";
 
 /// Instructions of a library: its bytes, all of its decoding, number of steps, longest step, longest plan.
 pub const LIBRARY_COST: &str = "library-cost";
-
-/// Instructions of a proof: number of steps, the longest, all.
-pub const PROOF_COST: &str = "proof-cost";
 
 /// Digest of a texture's first words: the digest, arithmetic.
 pub const DIGEST: &str = "digest";

@@ -37,26 +37,16 @@ impl Vector {
 }
 
 /// All textures of the library, and two of them at once.
-pub const VECTORS: [Vector; 25] = [
+pub const VECTORS: [Vector; 15] = [
     Vector::new("lattice, one node", 10),
     Vector::new("lattice", 1),
     Vector::new("lattice of unequal orders", 2),
     Vector::new("lattice of largest angles", 3),
-    Vector::new("direct 32, one node", 4),
-    Vector::new("direct 32", 5),
-    Vector::new("direct 32, unstable", 6),
-    Vector::new("direct 16, one node", 7),
-    Vector::new("direct 16", 8),
-    Vector::new("direct 16, unstable", 9),
     Vector::new("fine lattice, mean dB", 11),
     Vector::new("fine lattice of largest angles, mean amplitude", 12),
-    Vector::new("direct 32, mean dB", 13),
-    Vector::new("direct 16, mean amplitude", 14),
     Vector::new("lattice, codebooks", 15),
     Vector::new("lattice, track", 16),
     Vector::new("lattice, codebooks and track", 17),
-    Vector::new("direct 32, codebooks and track", 18),
-    Vector::new("direct 16, codebooks", 19),
     Vector::beside(
         "two voices with codebooks and tracks",
         ["lattice, codebooks and track", "lattice, track"],
@@ -64,11 +54,11 @@ pub const VECTORS: [Vector; 25] = [
     ),
     Vector::beside(
         "two voices, one plain",
-        ["direct 32, codebooks and track", "lattice"],
+        ["lattice, codebooks and track", "lattice"],
         21,
     ),
     Vector::new("lattice, four lines", 22),
-    Vector::new("direct 32, one line", 23),
+    Vector::new("lattice with rest, one line", 23),
     Vector::new("lattice, codebooks, track and four lines", 24),
     Vector::new("compact lattice, mean dB", 25),
 ];
@@ -86,7 +76,7 @@ pub struct Measured {
 
 /// One texture for each path through the kernel, with the costs that a sample and an update may have on a Cortex-M4 or
 /// M7.
-pub const MEASURED: [Measured; 11] = [
+pub const MEASURED: [Measured; 6] = [
     Measured {
         texture: "lattice",
         budget_instructions: 5100,
@@ -116,30 +106,5 @@ pub const MEASURED: [Measured; 11] = [
         texture: "lattice, codebooks and track",
         budget_instructions: 5100,
         update_budget_instructions: 13_500,
-    },
-    Measured {
-        texture: "direct 32, one node",
-        budget_instructions: 900,
-        update_budget_instructions: 8000,
-    },
-    Measured {
-        texture: "direct 32",
-        budget_instructions: 900,
-        update_budget_instructions: 9000,
-    },
-    Measured {
-        texture: "direct 32, codebooks and track",
-        budget_instructions: 950,
-        update_budget_instructions: 11_500,
-    },
-    Measured {
-        texture: "direct 16, one node",
-        budget_instructions: 900,
-        update_budget_instructions: 8000,
-    },
-    Measured {
-        texture: "direct 16",
-        budget_instructions: 900,
-        update_budget_instructions: 9000,
     },
 ];

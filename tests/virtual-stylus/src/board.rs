@@ -22,6 +22,9 @@ use crate::part::Part;
 use crate::serial::Line;
 
 const NAME: &str = "virtual-stylus";
+/// 400 MHz at two cycles per instruction, where a Cortex-M7 often retires two instructions per cycle.
+pub const PESSIMISTIC_INSTRUCTIONS_PER_SECOND: NonZeroU64 =
+    NonZeroU64::new(200_000_000).expect("not zero");
 /// The NUCLEO-H743ZI2: 8 MHz from the probe, if it comes, and 32.768 kHz.
 const HIGH_SPEED_HZ: u64 = 8_000_000;
 const LOW_SPEED_HZ: u64 = 32_768;
@@ -39,7 +42,6 @@ pub struct StylusBoard {
     /// The part.
     pub part: Part,
     serial: usize,
-    instructions_per_second: NonZeroU64,
     unreadable: Unreadable,
     busy: Busy,
     defects: Defects,
@@ -48,14 +50,13 @@ pub struct StylusBoard {
 }
 
 impl StylusBoard {
-    /// The board with `pins` at its converter, and a core that retires `instructions_per_second`.
+    /// The board with `pins` at its converter.
     ///
     /// # Errors
     /// The emulator's description of the part does not fit the models.
     pub fn new(
         pins: Box<dyn Pins>,
         electrical: Electrical,
-        instructions_per_second: NonZeroU64,
         unreadable: Unreadable,
         busy: Busy,
         auditor: Auditor,
@@ -80,7 +81,6 @@ impl StylusBoard {
         Ok(Self {
             part,
             serial,
-            instructions_per_second,
             unreadable,
             busy,
             defects,
@@ -131,12 +131,12 @@ impl Board for StylusBoard {
         (target == 0).then_some(&mut self.part)
     }
 
-    /// The part's core as the emulator's own board describes it, at this board's instruction rate.
+    /// The part's core as the emulator's own board describes it, at a pessimistic rate.
     fn targets(&mut self) -> Vec<Target<'_>> {
         let mut bench =
             Stm32h743Bench::new().expect("the emulator's own board is one of its own parts");
         let mut core = bench.targets().swap_remove(0).core;
-        core.instructions_per_second = self.instructions_per_second;
+        core.instructions_per_second = PESSIMISTIC_INSTRUCTIONS_PER_SECOND;
         let unique_id = Image::new(
             Path::new("unique-id"),
             UNIQUE_ID.to_vec(),

@@ -1,6 +1,5 @@
 //! The emulator's thread, which runs the image to given instants and does jobs between them.
 
-use std::num::NonZeroU64;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::JoinHandle;
@@ -26,10 +25,6 @@ use crate::tick::TickWatch;
 /// The name of the tick's handler in the image.
 const TICK_HANDLER: &str = "TIM6_DAC";
 
-/// 400 MHz at two cycles per instruction, where a Cortex-M7 often retires two instructions per cycle.
-pub const PESSIMISTIC_INSTRUCTIONS_PER_SECOND: NonZeroU64 =
-    NonZeroU64::new(200_000_000).expect("not zero");
-
 /// Options of a run.
 #[derive(Debug)]
 pub struct Options {
@@ -37,8 +32,6 @@ pub struct Options {
     pub flash: Contents,
     /// Leaves the image out of the flash, and runs its content, as after a power cut.
     pub keep_flash: bool,
-    /// Speed of the core in virtual time.
-    pub instructions_per_second: NonZeroU64,
     /// Signals on the converter's pins.
     pub pins: Box<dyn Pins>,
     /// Fills all RAM with noise from this seed before the start; without, RAM holds zeros.
@@ -54,7 +47,6 @@ impl Default for Options {
         Self {
             flash: Contents::default(),
             keep_flash: false,
-            instructions_per_second: PESSIMISTIC_INSTRUCTIONS_PER_SECOND,
             pins: Box::new(ConstantPins::default()),
             ram_noise: None,
             electrical: Electrical::default(),
@@ -200,7 +192,6 @@ pub(crate) fn start(image: &Path, options: Options) -> Result<Ends> {
     let mut board = StylusBoard::new(
         options.pins,
         options.electrical,
-        options.instructions_per_second,
         unreadable.clone(),
         busy.clone(),
         auditor,

@@ -5,7 +5,8 @@
 //! this board leaves out caches, wait states, everything analogue, and the assignment of functions to pins.
 //!
 //! [`VirtualStylus`] runs an image for tests, from instant to instant. Between two runs a test reads state, feeds
-//! inputs or cuts the power. The core retires [`PESSIMISTIC_INSTRUCTIONS_PER_SECOND`], so a deadline that is met here
+//! inputs or cuts the power. The core retires
+//! [`PESSIMISTIC_INSTRUCTIONS_PER_SECOND`](board::PESSIMISTIC_INSTRUCTIONS_PER_SECOND), so a deadline that is met here
 //! is met on the part with a margin.
 
 pub mod board;
@@ -26,6 +27,6 @@ pub mod tick;
 pub mod usb_host;
 
 pub use electrical::Electrical;
-pub use emulation::{Options, PESSIMISTIC_INSTRUCTIONS_PER_SECOND, PowerCut};
+pub use emulation::{Options, PowerCut};
 pub use error::{Error, Result};
 pub use stylus::{Reset, ResetCause, RunReport, VirtualStylus};

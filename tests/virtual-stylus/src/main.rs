@@ -6,12 +6,12 @@ use std::process::ExitCode;
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use clap::Parser;
 use virtual_link::announcement::Announcement;
+use virtual_stylus::chance::Chance;
 use virtual_stylus::flash_file::FlashFile;
 use virtual_stylus::model::adc::Pins;
-use virtual_stylus::model::dac::Output;
 use virtual_stylus::model::flash::Contents;
 use virtual_stylus::motion::{Motion, MotionLine, read_csv};
 use virtual_stylus::sensors::{
@@ -55,24 +55,9 @@ struct Arguments {
     /// Move the tool as this file says: time_s,speed_mm_s,force_n
     #[arg(long)]
     motion: Option<PathBuf>,
-    /// Millimetres per count of the encoder
-    #[arg(long, default_value_t = sensors::mm_per_count())]
-    mm_per_count: f64,
-    /// Channel of the converter to which the force sensor is connected
-    #[arg(long, default_value_t = 5)]
-    force_channel: u8,
-    /// Volts of the force sensor without force; at a rail it counts as not connected
-    #[arg(long, default_value_t = sensors::force_zero_volts())]
-    force_zero_volts: f64,
-    /// Newtons per volt of the force sensor; the stylus has its own setting for it, force-per-volt
-    #[arg(long, default_value_t = sensors::newtons_per_volt())]
-    newtons_per_volt: f64,
     /// Run as fast as this computer can, instead of in real time
     #[arg(long)]
     fast: bool,
-    /// Write the output to the voice coil to this file: at_ns,code (-1 for a pin that is not driven)
-    #[arg(long)]
-    output: Option<PathBuf>,
     /// Take commands from the standard input: a line `reset` resets the part by its pin, and its end ends the run
     #[arg(long)]
     commands: bool,
@@ -95,7 +80,7 @@ fn main() -> ExitCode {
     };
     let end_ns = arguments.seconds.map_or(u64::MAX, nanos);
     let ran = run(&mut stylus, &mut around, end_ns, &arguments);
-    let kept = finish(&mut stylus, around.flash.as_mut(), &arguments);
+    let kept = finish(&mut stylus, around.flash.as_mut());
     match ran.and(kept) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => failed(&failure, ExitCode::FAILURE),
@@ -124,7 +109,7 @@ fn start(arguments: &Arguments) -> Result<(VirtualStylus, Around)> {
             .iter()
             .map(|line| (nanos(line.time_s), line.speed_mm_s))
             .collect();
-        stylus.set_motion(Motion::linear(&speeds, arguments.mm_per_count)?);
+        stylus.set_motion(Motion::linear(&speeds, sensors::mm_per_count())?);
     }
     let mut links = Vec::new();
     let serial = arguments.port.map(SerialSocket::listen).transpose()?;
@@ -161,10 +146,8 @@ fn announce(links: &[String]) -> Option<Announcement> {
 }
 
 fn options(arguments: &Arguments, flash: Contents) -> Result<Options> {
-    let pins = match &arguments.motion {
-        Some(path) => force_pins(read_csv(path)?, arguments),
-        None => force_pins(Vec::new(), arguments),
-    };
+    let lines = arguments.motion.as_deref().map(read_csv).transpose()?;
+    let pins = force_pins(lines.unwrap_or_default());
     Ok(Options {
         flash,
         pins,
@@ -173,20 +156,18 @@ fn options(arguments: &Arguments, flash: Contents) -> Result<Options> {
 }
 
 /// Pins with the accelerometer at rest and the force of the motion.
-fn force_pins(lines: Vec<MotionLine>, arguments: &Arguments) -> Box<dyn Pins> {
-    let (channel, zero, scale) = (
-        arguments.force_channel,
-        arguments.force_zero_volts,
-        arguments.newtons_per_volt,
-    );
-    Box::new(FunctionPins(move |asked: u8, at_ns: u64| {
-        let code = if asked == channel {
+fn force_pins(lines: Vec<MotionLine>) -> Box<dyn Pins> {
+    /// Channel of the converter to which the force sensor is connected.
+    const FORCE: u8 = 5;
+    let (zero, scale) = (sensors::force_zero_volts(), sensors::newtons_per_volt());
+    Box::new(FunctionPins(move |channel: u8, at_ns: u64| {
+        let code = if channel == FORCE {
             let volts = zero + force_at(&lines, at_ns as f64 / NANOS_PER_SECOND) / scale;
             volts / REFERENCE_VOLTS * FULL_SCALE
         } else {
             f64::from(MID_SCALE)
         };
-        let code = code + noise(asked, at_ns);
+        let code = code + noise(channel, at_ns);
         code.round().clamp(0.0, FULL_SCALE) as u16
     }))
 }
@@ -195,10 +176,7 @@ fn force_pins(lines: Vec<MotionLine>, arguments: &Arguments) -> Box<dyn Pins> {
 fn noise(channel: u8, at_ns: u64) -> f64 {
     /// Largest magnitude.
     const CODES: f64 = 4.0;
-    // A product with an odd number, as in splitmix64; its upper bits are as good as random.
-    let mixed = (at_ns ^ u64::from(channel) << 56).wrapping_mul(0x9E37_79B9_7F4A_7C15);
-    let mixed = (mixed ^ mixed >> 32).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-    ((mixed >> 40) as f64 / f64::from(1 << 24) * 2.0 - 1.0) * CODES
+    (Chance(at_ns ^ u64::from(channel) << 56).fraction() * 2.0 - 1.0) * CODES
 }
 
 fn run(
@@ -277,11 +255,7 @@ fn commands() -> Receiver<Command> {
     commands
 }
 
-fn finish(
-    stylus: &mut VirtualStylus,
-    flash: Option<&mut FlashFile>,
-    arguments: &Arguments,
-) -> Result<()> {
+fn finish(stylus: &mut VirtualStylus, flash: Option<&mut FlashFile>) -> Result<()> {
     println!("ran {:.3} s", stylus.now_ns() as f64 / NANOS_PER_SECOND);
     for reset in stylus.resets() {
         let cause = match reset.cause {
@@ -300,14 +274,6 @@ fn finish(
         record.len(),
         record.last()
     );
-    if let Some(path) = &arguments.output {
-        let line =
-            |output: &Output| format!("{},{}\n", output.at_ns, output.code.map_or(-1, i32::from));
-        let text: String = std::iter::once("at_ns,code\n".to_owned())
-            .chain(record.iter().map(line))
-            .collect();
-        std::fs::write(path, text).with_context(|| path.display().to_string())?;
-    }
     if let Some(ticks) = TickStatistics::of(&stylus.take_ticks()) {
         println!(
             "ticks: {}, instructions min {} median {} max {}; {} not followed",
@@ -316,12 +282,6 @@ fn finish(
             ticks.median,
             ticks.max,
             stylus.unfollowed_ticks()
-        );
-    }
-    for audit in stylus.take_audits() {
-        println!(
-            "audited tick: {} instructions, {} fetched from flash, {} loads from flash {:#x?}",
-            audit.instructions, audit.flash_fetches, audit.flash_reads, audit.places
         );
     }
     print(&stylus.report());

@@ -1,5 +1,5 @@
-//! The one gate of all erasures: a [`Claim`], without which no sector of a slot is erased and no word of it written but
-//! the mark of a proof, into a blank one beside the library.
+//! The one gate of all erasures: a [`Claim`], without which no sector of a slot is erased and no word of it
+//! written.
 //!
 //! A slot that holds a library is given away only while the other slot holds one too, which is read anew for that: each
 //! word [`STEADY_READS`] times, because a word that was being programmed when power was lost may read right now and

@@ -12,11 +12,9 @@
 
 mod claim;
 mod header;
-mod mark;
 mod permit;
-mod proof;
 
-use core::ops::{ControlFlow, Range};
+use core::ops::Range;
 
 use embassy_futures::yield_now;
 use embedded_storage_async::nor_flash::NorFlash;
@@ -33,8 +31,6 @@ use crate::words::in_words;
 pub use crate::flash::WORD_BYTES;
 pub use header::HEADER_VERSION;
 use header::{HEADER_OFFSET, Header, HeaderWord};
-pub(crate) use mark::NotProved;
-use mark::{MARK_OFFSETS, Proved, mark_of};
 pub(crate) use permit::{Claim, LastLibrary};
 
 #[cfg(doc)]
@@ -106,20 +102,6 @@ pub enum Step {
     },
     /// Reading and decoding a library.
     Check,
-    /// Proving its direct forms.
-    Proof,
-}
-
-/// An event while received bytes become a library.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum SealEvent {
-    /// Progress of the proof.
-    Proving {
-        /// Share of it that is done, ‰.
-        permille: u16,
-    },
-    /// A step has ended.
-    Ended(Step),
 }
 
 /// Failure of a write.
@@ -410,14 +392,14 @@ impl<F: MappedFlash> SlotStore<F> {
         Ok(())
     }
 
-    /// Validates `length` bytes in the claimed slot, each read once, proves their direct forms, and makes them a
-    /// library by writing its header. `told` gets the progress of the proof, which it may call off, and each step.
+    /// Validates `length` bytes in the claimed slot, each read once, and makes them a library by writing its header.
+    /// `ended` gets each step.
     pub(crate) async fn seal(
         &mut self,
         claim: Claim,
         length: u32,
         crc32: u32,
-        mut told: impl FnMut(SealEvent) -> ControlFlow<()>,
+        mut ended: impl FnMut(Step),
     ) -> Result<SlotInfo, SealFault> {
         let slot = claim.slot();
         self.check_bytes(slot, length, crc32)
@@ -425,22 +407,7 @@ impl<F: MappedFlash> SlotStore<F> {
             .map_err(SealFault::Bytes)?;
         let content = self.check_library(slot, length).await;
         let content = content.map_err(SealFault::Bytes)?;
-        let _ = told(SealEvent::Ended(Step::Check));
-        let proving = |permille| told(SealEvent::Proving { permille });
-        let proved = self.prove_content(slot, length, content.outline, proving);
-        let proved = proved.await.map_err(|reason| match reason {
-            NotProved::Fault(fault) => SealFault::Bytes(fault),
-            NotProved::CalledOff => SealFault::CalledOff,
-        })?;
-        let _ = told(SealEvent::Ended(Step::Proof));
-        let mut words = 1;
-        if proved == Proved::Stable {
-            // Before the header, so that a library is never without it.
-            self.write(claim, MARK_OFFSETS.start, &mark_of(length, crc32))
-                .await
-                .map_err(SealFault::Write)?;
-            words += 1;
-        }
+        ended(Step::Check);
         let header = Header {
             sequence: self.highest.unwrap_or(0).wrapping_add(1),
             length,
@@ -451,7 +418,7 @@ impl<F: MappedFlash> SlotStore<F> {
             let _ = self.erase_sector(claim, Self::header_sector()).await;
             return Err(SealFault::Write(fault));
         }
-        let _ = told(SealEvent::Ended(Step::Program { words }));
+        ended(Step::Program { words: 1 });
         self.note_header(header);
         Ok(self.set_valid(slot, header, content))
     }
@@ -602,8 +569,6 @@ struct Content {
 pub(crate) enum SealFault {
     Bytes(SlotFault),
     Write(WriteFault),
-    /// The proof was called off.
-    CalledOff,
 }
 
 fn address(slot: SlotId, offset: u32) -> u32 {
@@ -636,7 +601,6 @@ fn texture_info(texture: &Texture<'_>) -> TextureInfo {
     TextureInfo {
         // A valid name fits.
         name: texture.name().try_into().unwrap_or_default(),
-        structure: texture.structure(),
         provenance: texture.provenance(),
         sample_rate_hz: texture.sample_rate_hz(),
         max_order: texture.max_order() as u16,

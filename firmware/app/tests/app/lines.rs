@@ -4,8 +4,8 @@ use std::f64::consts::TAU;
 
 use model_format::link::{MotionSample, MotionSource, Setting, SettingChange, Settings};
 use model_format::{
-    AdcCode, CodeSpec, Laws, Library, LineSpec, LinesSpec, MillimetresPerSecond, Newton, NodeFlags,
-    NodeSpec, OutputSample, PartsSpec, Provenance, Structure, TextureSpec, encode,
+    AdcCode, CodeSpec, Library, LineSpec, LinesSpec, MillimetresPerSecond, Newton, NodeFlags,
+    NodeSpec, OutputSample, PartsSpec, TextureSpec, encode,
 };
 use stylus_app::SAMPLE_RATE_HZ;
 use stylus_app::inputs::tracker::LEAD_TICKS;
@@ -38,19 +38,11 @@ fn library() -> Vec<u8> {
         codes: CodeSpec::lattice(vec![]),
     };
     let spec = TextureSpec {
-        name: "line".into(),
-        sample_rate_hz: SAMPLE_RATE_HZ,
-        structure: Structure::NormalisedLattice,
-        provenance: Provenance::Simulated,
-        laws: Laws::default(),
         parts: PartsSpec {
             lines: Some(LinesSpec { lines: vec![line] }),
             ..PartsSpec::default()
         },
-        speed_axis_mm_s: vec![10.0],
-        force_axis_n: vec![0.1],
-        nodes: vec![silent],
-        cell_margins: vec![],
+        ..TextureSpec::new("line", &[10.0], &[0.1], vec![silent])
     };
     encode(&[spec]).expect("valid")
 }

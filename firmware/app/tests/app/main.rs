@@ -6,7 +6,6 @@
 
 mod boots;
 mod budget;
-mod direct_forms;
 mod double_faults;
 mod hosts;
 mod inputs;

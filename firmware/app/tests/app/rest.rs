@@ -1,11 +1,7 @@
 //! A trial at rest: the tool in the air, with the noise that the converter gives there, moved or not.
 
 use model_format::link::{Setting, SettingChange, Settings};
-use model_format::{
-    AdcCode, CodeSpec, DacCode, Library, NodeFlags, NodeSpec, PartsSpec, Provenance, Structure,
-    Texture, TextureSpec, encode_uncertified,
-};
-use stylus_app::SAMPLE_RATE_HZ;
+use model_format::{AdcCode, CodeSpec, DacCode, Library, NodeSpec, Texture, TextureSpec, encode};
 use stylus_app::inputs::{FORCE_NOISE_CODES, Follower, InputConfig, Sensors};
 use stylus_app::safety::{Config, State};
 use stylus_kernel::UPDATE_INTERVAL_SAMPLES;
@@ -13,37 +9,14 @@ use stylus_kernel::excitation::{self, Excitation};
 use stylus_kernel::scene::{Plan, ScenePlayer};
 
 /// A texture that is at its level from the force of one code on.
-fn library(structure: Structure) -> Vec<u8> {
-    let codes = match structure {
-        Structure::NormalisedLattice => CodeSpec::lattice(vec![-20_000, 9_000]),
-        Structure::DirectForm16 | Structure::DirectForm32 => CodeSpec::Direct16 {
-            exponent: 0,
-            codes: vec![16_384],
-        },
-    };
-    let node = NodeSpec {
-        output_power: 400.0,
-        prediction_error_power: 300.0,
-        flags: NodeFlags::NONE,
-        codes,
-    };
-    encode_uncertified(&[TextureSpec {
-        name: "loud".into(),
-        sample_rate_hz: SAMPLE_RATE_HZ,
-        structure,
-        provenance: Provenance::Simulated,
-        speed_axis_mm_s: vec![1.0],
-        force_axis_n: vec![0.000_1],
-        nodes: vec![node],
-        laws: model_format::Laws::default(),
-        parts: PartsSpec::default(),
-        cell_margins: vec![],
-    }])
-    .expect("a valid library")
+fn library() -> Vec<u8> {
+    let node = NodeSpec::new(400.0, CodeSpec::lattice(vec![-20_000, 9_000]));
+    let spec = TextureSpec::new("loud", &[1.0], &[0.000_1], vec![node]);
+    encode(&[spec]).expect("a valid library")
 }
 
 fn texture(bytes: &[u8]) -> Texture<'_> {
-    let library = Library::decode_uncertified(bytes).expect("it was just written");
+    let library = Library::decode(bytes).expect("it was just written");
     library.textures().next().expect("it has one")
 }
 
@@ -108,32 +81,30 @@ fn settings(force_zero: f32, force_per_volt: f32) -> Settings {
 fn noise_at_rest_is_exact_silence_and_costs_what_silence_costs() {
     const ZERO: i32 = 3000;
     let unit = (1u32 << excitation::FRACTION_BITS) as f32;
-    for structure in [Structure::NormalisedLattice, Structure::DirectForm16] {
-        let bytes = library(structure);
-        for (force_per_volt, counts) in [(2.0, 0), (2.0, 3), (50.0, 3)] {
-            let settings = settings(ZERO as f32, force_per_volt);
-            let mut stylus = Stylus::new(&settings, texture(&bytes));
-            let mut noise = Excitation::new(1);
-            let mut at_rest = || {
-                let codes = noise.next_sample() as f32 / unit * FORCE_NOISE_CODES;
-                AdcCode((ZERO + codes.round() as i32) as u16)
-            };
-            for block in 0..60 * 500 {
-                let codes = stylus.block(counts, &mut at_rest);
-                assert!(
-                    codes.iter().all(|&code| code == DacCode::MID_SCALE),
-                    "{structure}, {force_per_volt} N/V, block {block}"
-                );
-                assert!(stylus.player.block().stages().is_empty());
-            }
-            // The same hand is heard once it presses, so that the silence was not that of a stylus that plays nothing.
-            let pressed = (0..100).flat_map(|_| stylus.block(3, || AdcCode(20_000)));
+    let bytes = library();
+    for (force_per_volt, counts) in [(2.0, 0), (2.0, 3), (50.0, 3)] {
+        let settings = settings(ZERO as f32, force_per_volt);
+        let mut stylus = Stylus::new(&settings, texture(&bytes));
+        let mut noise = Excitation::new(1);
+        let mut at_rest = || {
+            let codes = noise.next_sample() as f32 / unit * FORCE_NOISE_CODES;
+            AdcCode((ZERO + codes.round() as i32) as u16)
+        };
+        for block in 0..60 * 500 {
+            let codes = stylus.block(counts, &mut at_rest);
             assert!(
-                pressed
-                    .collect::<Vec<_>>()
-                    .iter()
-                    .any(|&code| code != DacCode::MID_SCALE)
+                codes.iter().all(|&code| code == DacCode::MID_SCALE),
+                "{force_per_volt} N/V, block {block}"
             );
+            assert!(stylus.player.block().stages().is_empty());
         }
+        // The same hand is heard once it presses, so that the silence was not that of a stylus that plays nothing.
+        let pressed = (0..100).flat_map(|_| stylus.block(3, || AdcCode(20_000)));
+        assert!(
+            pressed
+                .collect::<Vec<_>>()
+                .iter()
+                .any(|&code| code != DacCode::MID_SCALE)
+        );
     }
 }

@@ -357,8 +357,6 @@ proptest! {
                 }
                 (Step::Abort, _) => uploader.abort(&mut store),
                 (Step::ActivateNewest, _) => store.set_active(store.newest()),
-                // Only while a commit goes on, which is over between these steps.
-                (_, UploadState::Proving(_)) => prop_assert!(false, "{:?}", state),
             }
             let newest = store.newest();
             prop_assert!(newest.is_some());

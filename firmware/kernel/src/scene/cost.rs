@@ -1,4 +1,4 @@
-//! Cost of a plan in instructions per sample: for each stage a base, and a share per lattice stage, turn or section.
+//! Cost of a plan in instructions per sample: for each stage a base, and a share per lattice stage, line or section.
 //!
 //! **The constants are counts** of the image on the virtual stylus. Its test `scenes` compares them with the ticks of
 //! the image as built: they are never below the counts, and not far above. Instructions are not cycles.
@@ -6,10 +6,9 @@
 use core::fmt;
 
 use heapless::Vec;
-use model_format::{PlayRate, Structure, Texture};
+use model_format::{PlayRate, Texture};
 
 use super::block::{MAX_STAGES, SLOTS};
-use crate::direct;
 
 /// Instructions of every sample: the list of stages, the sum of voices, its saturation. An empty list takes 22 of them.
 pub const MIX: StageCost = StageCost { base: 66, each: 0 };
@@ -20,30 +19,10 @@ pub const LATTICE: StageCost = StageCost {
     each: 11,
 };
 
-/// A voice of a direct form, with `each` per [`direct::TAPS_PER_TURN`] taps of the predictor beyond the first
-/// [`direct::NEAR_TAPS`].
-pub const DIRECT: StageCost = StageCost {
-    base: 320,
-    each: 51,
-};
-
 /// A voice of a fed lattice, as [`LATTICE`]. It has no noise to make, but a call of its own and a saturation more.
 pub const FED_LATTICE: StageCost = StageCost {
     base: 182,
     each: 11,
-};
-
-/// A voice of a fed direct form, as [`DIRECT`].
-pub const FED_DIRECT: StageCost = StageCost {
-    base: 397,
-    each: 51,
-};
-
-/// Sums ahead of a voice of a direct form, plain or fed, in addition to the voice, with `each` as in [`DIRECT`]: a tick
-/// that begins a block makes them anew.
-pub const SUMS_AHEAD: StageCost = StageCost {
-    base: 110,
-    each: 153,
 };
 
 /// Instructions of the update per sample of a fed voice: a sample of the noise and of two codebooks in a cross-fade,
@@ -84,7 +63,7 @@ pub const fn budget_per_sample(budget: u32, sample_rate_hz: u32) -> u32 {
 pub struct StageCost {
     /// Instructions once.
     pub base: u16,
-    /// Instructions per stage of a lattice, turn of a predictor's taps, line, or section.
+    /// Instructions per stage of a lattice, line, or section.
     pub each: u16,
 }
 
@@ -93,15 +72,8 @@ pub struct StageCost {
 pub enum Item {
     /// [`MIX`].
     Mix,
-    /// The voice of a surface, with its texture's structure.
+    /// The voice of a surface.
     Voice {
-        /// Index of the surface.
-        surface: u8,
-        /// The structure of its texture.
-        structure: Structure,
-    },
-    /// The sums ahead of a surface's direct form, at the begin of a block.
-    SumsAhead {
         /// Index of the surface.
         surface: u8,
     },
@@ -130,14 +102,14 @@ pub struct Term {
     pub item: Item,
     /// Cost of one stage.
     pub cost: StageCost,
-    /// Number of lattice stages, turns, lines or sections.
+    /// Number of lattice stages, lines or sections.
     pub count: u16,
 }
 
 /// The worst case of a plan, as a sum of terms.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Cost {
-    terms: Vec<Term, { MAX_STAGES + 2 * SLOTS + 1 }>,
+    terms: Vec<Term, { MAX_STAGES + SLOTS + 1 }>,
 }
 
 /// A plan whose worst case is above the budget.
@@ -156,30 +128,14 @@ impl Term {
     }
 
     pub(super) fn voice(surface: u8, texture: &Texture<'_>) -> Self {
-        let (structure, order) = (texture.structure(), texture.max_order());
-        let turns = direct::turns(order);
-        let (cost, count) = match (structure, texture.is_fed()) {
-            (Structure::NormalisedLattice, false) => (LATTICE, order),
-            (Structure::NormalisedLattice, true) => (FED_LATTICE, order),
-            (Structure::DirectForm16 | Structure::DirectForm32, false) => (DIRECT, turns),
-            (Structure::DirectForm16 | Structure::DirectForm32, true) => (FED_DIRECT, turns),
-        };
         Self {
-            item: Item::Voice { surface, structure },
-            cost,
-            count: count as u16,
-        }
-    }
-
-    /// The sums ahead of a texture's direct form, if it is one.
-    pub(super) fn sums_ahead(surface: u8, texture: &Texture<'_>) -> Option<Self> {
-        match texture.structure() {
-            Structure::NormalisedLattice => None,
-            Structure::DirectForm16 | Structure::DirectForm32 => Some(Self {
-                item: Item::SumsAhead { surface },
-                cost: SUMS_AHEAD,
-                count: direct::turns(texture.max_order()) as u16,
-            }),
+            item: Item::Voice { surface },
+            cost: if texture.is_fed() {
+                FED_LATTICE
+            } else {
+                LATTICE
+            },
+            count: texture.max_order() as u16,
         }
     }
 
@@ -204,7 +160,7 @@ impl Term {
 
 impl Cost {
     pub(super) fn add(&mut self, term: Term) {
-        // There is room for the mix, for one term of each stage, and for two more of each voice.
+        // There is room for the mix, for one term of each stage, and for one more of each voice.
         let _ = self.terms.push(term);
     }
 
@@ -235,8 +191,7 @@ impl fmt::Display for Item {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Mix => f.write_str("mix"),
-            Self::Voice { surface, structure } => write!(f, "surface {surface}, {structure}"),
-            Self::SumsAhead { surface } => write!(f, "surface {surface}, sums ahead"),
+            Self::Voice { surface } => write!(f, "surface {surface}, normalised lattice"),
             Self::StickSlip { surface } => write!(f, "surface {surface}, stick-slip"),
             Self::Lines { surface } => write!(f, "surface {surface}, lines"),
             Self::Tap => f.write_str("tap"),

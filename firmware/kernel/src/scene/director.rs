@@ -88,9 +88,8 @@ impl<'a> Director<'a> {
     /// `ringing` is the value of [`super::ScenePlayback::ringing`] after the block that is played had begun. `left`
     /// is the number of samples of that block's ramps that will not be played: 0 if blocks are played to their end.
     ///
-    /// The work is bounded. Per slot it is at most one [`crate::Frame::update`] and one beginning of a playback; for
-    /// both together [`super::RUN_UP_INSTRUCTIONS`] of run-up; and some thousand instructions. A slot that is run up
-    /// has no stage in the block, so the ticks that interrupt this work are then shorter by its voice.
+    /// The work is bounded. Per slot it is at most one [`crate::Frame::update`] and one beginning of a playback, and
+    /// some thousand instructions.
     pub fn next_block(
         &mut self,
         interaction: Interaction,

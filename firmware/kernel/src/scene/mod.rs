@@ -40,6 +40,6 @@ pub use path::{Located, Path};
 pub use plan::Plan;
 pub use playback::{Ringing, ScenePlayback};
 pub use player::ScenePlayer;
-pub use slots::{RUN_UP_INSTRUCTIONS, Voices};
+pub use slots::Voices;
 pub use stick_slip::{StickSlipFrame, StickSlipState, StickSlipWindow};
 pub use tap::{Resonance, Strike, TapState};

@@ -11,7 +11,7 @@ use super::path::{Located, Path};
 use super::stick_slip::StickSlipWindow;
 use super::tap::Resonance;
 use crate::grid::{Motion, ONE};
-use crate::synthesis::{Scale, update_interval_samples};
+use crate::synthesis::update_interval_samples;
 
 /// A scene, compiled for playing.
 #[derive(Clone, Debug)]
@@ -29,25 +29,11 @@ pub struct Plan<'a> {
 #[derive(Clone, Debug)]
 pub(super) struct PlannedSurface<'a> {
     /// None for a smooth surface.
-    pub texture: Option<PlannedTexture<'a>>,
+    pub texture: Option<Texture<'a>>,
     /// Gain in steps of 2⁻¹⁶.
     pub gain: u32,
     pub tap: Option<PlannedTap>,
     pub stick_slip: Option<StickSlipWindow>,
-}
-
-/// A texture with the scale of its frames.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct PlannedTexture<'a> {
-    pub texture: Texture<'a>,
-    pub scale: Scale,
-}
-
-impl<'a> PlannedTexture<'a> {
-    fn new(texture: Texture<'a>) -> Self {
-        let scale = Scale::of(&texture);
-        Self { texture, scale }
-    }
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -91,7 +77,7 @@ impl<'a> Plan<'a> {
         let mut surfaces = Vec::new();
         // There is room for one.
         let _ = surfaces.push(PlannedSurface {
-            texture: Some(PlannedTexture::new(texture)),
+            texture: Some(texture),
             gain: ONE,
             tap: None,
             stick_slip: None,
@@ -118,8 +104,8 @@ impl<'a> Plan<'a> {
             .filter_map(|one| one.texture.as_mut());
         self.has_lines = false;
         for texture in textures {
-            *texture = PlannedTexture::new(change(texture.texture));
-            self.has_lines |= texture.texture.lines().is_some();
+            *texture = change(*texture);
+            self.has_lines |= texture.lines().is_some();
         }
         self
     }
@@ -127,7 +113,7 @@ impl<'a> Plan<'a> {
     /// The texture and the gain, in steps of 2⁻¹⁶, of each surface; a smooth one has no texture.
     pub fn surfaces(&self) -> impl Iterator<Item = (Option<Texture<'a>>, u32)> {
         let surfaces = self.surfaces.iter();
-        surfaces.map(|one| (one.texture.map(|planned| planned.texture), one.gain))
+        surfaces.map(|one| (one.texture, one.gain))
     }
 
     /// The surfaces at a position on the path, mm; see [`Path::locate`].
@@ -155,28 +141,27 @@ impl<'a> Plan<'a> {
         self.has_lines
     }
 
-    /// Instructions per sample in the worst case, in the model of [`cost`]. The worst sample is the first of a block.
+    /// Instructions per sample in the worst case, in the model of [`cost`].
     ///
     /// With two surfaces or more, the two most expensive ones sound at a time, because the tool may jump from any one
     /// to any other. With one surface there is one voice.
     pub fn worst_case(&self) -> Cost {
-        let voices = |surface: u8| -> Option<[Option<Term>; 4]> {
+        let voices = |surface: u8| -> Option<[Option<Term>; 3]> {
             let planned = self.surfaces.get(usize::from(surface))?;
             let texture = planned.texture.filter(|_| planned.gain > 0)?;
             let stick_slip = Term::once(Item::StickSlip { surface }, cost::STICK_SLIP);
             let stick_slip = planned.stick_slip.map(|_| stick_slip);
-            let lines = Term::lines(surface, &texture.texture);
-            let voice = Term::voice(surface, &texture.texture);
-            let sums_ahead = Term::sums_ahead(surface, &texture.texture);
-            Some([Some(voice), sums_ahead, stick_slip, lines])
+            let lines = Term::lines(surface, &texture);
+            let voice = Term::voice(surface, &texture);
+            Some([Some(voice), stick_slip, lines])
         };
-        let price = |terms: &[Option<Term>; 4]| -> u32 {
+        let price = |terms: &[Option<Term>; 3]| -> u32 {
             terms.iter().flatten().map(Term::instructions).sum()
         };
-        let mut dearest: [Option<[Option<Term>; 4]>; 2] = [None; 2];
+        let mut dearest: [Option<[Option<Term>; 3]>; 2] = [None; 2];
         for mut voice in self.path.surfaces().map(voices) {
             for place in &mut dearest {
-                let price = |terms: &Option<[Option<Term>; 4]>| terms.as_ref().map_or(0, price);
+                let price = |terms: &Option<[Option<Term>; 3]>| terms.as_ref().map_or(0, price);
                 if price(&voice) > price(place) {
                     core::mem::swap(place, &mut voice);
                 }
@@ -223,7 +208,7 @@ impl<'a> Plan<'a> {
 impl<'a> PlannedSurface<'a> {
     fn new(surface: &Surface, texture: Option<Texture<'a>>, sample_rate_hz: u32) -> Self {
         Self {
-            texture: texture.map(PlannedTexture::new),
+            texture,
             gain: (surface.gain * ONE as f32 + 0.5) as u32,
             tap: surface.tap.map(|tap| PlannedTap {
                 tap,

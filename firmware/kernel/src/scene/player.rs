@@ -49,10 +49,6 @@ impl<A: Arithmetic> Voices for OwnVoices<A> {
     fn playback(&mut self, slot: usize) -> &mut Option<Playback> {
         &mut self.playbacks[slot]
     }
-
-    fn voice(&mut self, slot: usize, buffer: usize) -> (&mut Option<Playback>, &mut Option<Frame>) {
-        (&mut self.playbacks[slot], &mut self.frames[slot][buffer])
-    }
 }
 
 impl<'a, A: Arithmetic> ScenePlayer<'a, A> {
@@ -81,14 +77,10 @@ impl<'a, A: Arithmetic> ScenePlayer<'a, A> {
         let (voices, block) = (&mut self.voices, &mut self.block);
         self.director
             .next_block(interaction, samples, left, ringing, voices, block);
-        let OwnVoices {
-            frames, playbacks, ..
-        } = &mut self.voices;
+        let playbacks = &mut self.voices.playbacks;
         self.playback.begin_block(&self.block, |voice| {
-            let slot = usize::from(voice.slot);
-            let frame = &frames[slot][usize::from(voice.buffer)];
-            if let (Some(playback), Some(frame)) = (&mut playbacks[slot], frame) {
-                playback.begin_frame::<A>(frame, samples);
+            if let Some(playback) = &mut playbacks[usize::from(voice.slot)] {
+                playback.begin_frame(samples);
             }
         });
     }

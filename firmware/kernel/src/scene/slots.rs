@@ -5,19 +5,13 @@
 //! block. A slot's playback changes its texture only after a block in which the tick did not play the slot. There are
 //! therefore never more than two voices, however far the tool jumps; a third surface waits one block for a slot.
 //!
-//! **A voice begins at its level.** A lattice begins in a stationary state, and its state stays stationary whatever
-//! motion it was left at, so that a slot which holds the texture is taken up as it is
-//! ([`crate::lattice::LatticeState::stationary`]). A direct form is cold when its playback changes its texture. The
-//! director then runs it up, some samples per block and with the coefficients of the moment, before its stage is in any
-//! block; a lift does not interrupt that. Until then its share of a transition belongs to the surface that sounds, and
-//! a surface that the tool has left for it goes on, unless a third needs its slot. A direct form that was left is taken
-//! up as it is: its history is that of its last motion, as it is when the motion jumps while it sounds.
+//! **A voice begins at its level**, in a stationary state. That state stays stationary whatever motion it was left at,
+//! so that a slot which holds the texture is taken up as it is ([`crate::lattice::LatticeState::stationary`]).
 
 use model_format::Texture;
 
 use super::block::{Block, SLOTS, Stage, VoiceStage};
-use super::cost::{FEED, Term};
-use super::plan::{Plan, PlannedTexture};
+use super::plan::Plan;
 use super::stick_slip::StickSlipFrame;
 use crate::arithmetic::Arithmetic;
 use crate::excitation::hashed;
@@ -28,21 +22,10 @@ use crate::lines::VoiceLines;
 use crate::position::Passage;
 use crate::synthesis::{Frame, Playback};
 
-/// Most instructions that run-ups may take per block, in the model of [`super::cost`] and for both slots together.
-///
-/// A device decides a block in less than 2 ms, which at 400 MHz is 800 000 cycles, or 400 000 instructions at two
-/// cycles per instruction, which is pessimistic. While one of two voices is run up, the ten ticks of a block take at
-/// most 65 000 of them, with all effects and a lattice of 400 stages; the frames of both voices take 20 000, their
-/// excitations 9000 if both are fed ([`FEED`]), and two changes of texture 20 000. With this nearly half is left over.
-///
-/// A direct form of up to 41 coefficients is so run up in 20 blocks or 40 ms, one of 400 in 46 blocks or 92 ms; a fed
-/// one in 45 or 71 blocks, because the excitation of each sample is made then.
-pub const RUN_UP_INSTRUCTIONS: u32 = 100_000;
-
 /// Storage of the voices. On a device it is shared with the tick; the director never asks for a part that the tick uses
 /// at that time.
 pub trait Voices {
-    /// The arithmetic that runs voices up.
+    /// The arithmetic of frames.
     type Arithmetic: Arithmetic;
 
     /// Frame `buffer` of `slot`, which the block that is played does not use.
@@ -54,9 +37,6 @@ pub trait Voices {
 
     /// The playback of `slot`, which the block that is played does not use.
     fn playback(&mut self, slot: usize) -> &mut Option<Playback>;
-
-    /// The playback of `slot` and its frame `buffer`, of which the block that is played uses neither.
-    fn voice(&mut self, slot: usize, buffer: usize) -> (&mut Option<Playback>, &mut Option<Frame>);
 }
 
 /// A surface that is to sound, with its gain in steps of 2⁻¹⁶, which is not 0.
@@ -87,7 +67,7 @@ pub(super) struct Slots<'a> {
 #[derive(Clone, Debug)]
 struct Slot<'a> {
     /// The texture whose state the playback holds.
-    texture: Option<PlannedTexture<'a>>,
+    texture: Option<Texture<'a>>,
     /// The excitation of fed textures.
     feed: Feed,
     /// The surface that sounds here, or last did.
@@ -98,8 +78,6 @@ struct Slot<'a> {
     made: [bool; 2],
     /// The motion and gain of each frame's last update, while they are known.
     updated: [Option<(Motion, u32)>; 2],
-    /// True while the playback is to be run up, before it may be in a block.
-    cold: bool,
     /// True if the block that is played uses the slot.
     played: bool,
     /// True if the frame began with that block; otherwise its ramps are at their ends.
@@ -148,12 +126,9 @@ impl<'a> Slots<'a> {
         for wanted_one in wanted.iter().flatten() {
             self.find(plan, *wanted_one, wanted, moment.left, voices);
         }
-        let gains = self.gains(plan, wanted);
-        let mut instructions = RUN_UP_INSTRUCTIONS;
+        let gains = self.gains(wanted);
         for (index, gain) in gains.into_iter().enumerate() {
-            if self.slots[index].cold {
-                self.run_up(index, gain, moment.motion, &mut instructions, voices);
-            } else if let Some(stage) = self.direct_slot(plan, index, gain, moment, voices, block) {
+            if let Some(stage) = self.direct_slot(plan, index, gain, moment, voices, block) {
                 block.push(stage);
                 if self.slots[index].lines.is_some() {
                     block.push(Stage::Lines(index as u8));
@@ -162,71 +137,13 @@ impl<'a> Slots<'a> {
         }
     }
 
-    /// The gains of both slots. While a wanted surface is cold, the one that sounds has the share of both.
-    fn gains(&self, plan: &Plan<'a>, wanted: &[Option<Wanted>; SLOTS]) -> [u32; SLOTS] {
-        let slot_of = |one: &Wanted| {
-            let mut slots = self.slots.iter();
-            slots.find(|slot| slot.surface == Some(one.surface))
-        };
-        let is_cold = |one: &Wanted| slot_of(one).is_some_and(|slot| slot.cold);
-        let any_cold = wanted.iter().flatten().any(is_cold);
-        let all_cold = any_cold && wanted.iter().flatten().all(is_cold);
+    /// The gains of both slots.
+    fn gains(&self, wanted: &[Option<Wanted>; SLOTS]) -> [u32; SLOTS] {
         self.slots.each_ref().map(|slot| {
             let mut all = wanted.iter().flatten();
-            match all.find(|one| Some(one.surface) == slot.surface) {
-                Some(one) if any_cold && !slot.cold => {
-                    let planned = plan.surfaces.get(usize::from(one.surface));
-                    planned.map_or(one.gain, |planned| planned.gain)
-                }
-                Some(one) => one.gain,
-                // The surface that the tool has left.
-                None if all_cold && slot.played => slot.gain,
-                None => 0,
-            }
+            let one = all.find(|one| Some(one.surface) == slot.surface);
+            one.map_or(0, |one| one.gain)
         })
-    }
-
-    /// Runs slot `index` up with what is left of `instructions`: at the moment's `motion`, or after a lift, when its
-    /// `gain` is 0, at the one before.
-    fn run_up<V: Voices>(
-        &mut self,
-        index: usize,
-        gain: u32,
-        motion: Motion,
-        instructions: &mut u32,
-        voices: &mut V,
-    ) {
-        let slot = &mut self.slots[index];
-        let (Some(PlannedTexture { texture, scale }), Some(surface)) = (slot.texture, slot.surface)
-        else {
-            return;
-        };
-        let feed = if texture.is_fed() { FEED } else { 0 };
-        let cost = Term::voice(surface, &texture).instructions() + feed;
-        let sums_ahead = Term::sums_ahead(surface, &texture).map_or(0, |term| term.instructions());
-        let samples = instructions.saturating_sub(sums_ahead) / cost;
-        if samples == 0 {
-            return;
-        }
-        let motion = match slot.motion {
-            Some(before) if gain == 0 => before,
-            _ => motion,
-        };
-        let (playback, frame) = voices.voice(index, slot.buffer);
-        if !slot.made[slot.buffer] {
-            slot.made[slot.buffer] = true;
-            *frame = None;
-        }
-        let frame = frame.get_or_insert_with(|| Frame::silent_at(&texture, scale));
-        frame.prepare::<V::Arithmetic>(&texture, motion);
-        slot.updated[slot.buffer] = None;
-        (slot.motion, slot.gain) = (Some(motion), 0);
-        if let Some(playback) = playback {
-            let before = playback.cold();
-            playback.run_up::<V::Arithmetic>(frame, &texture, motion, &mut slot.feed, samples);
-            *instructions -= sums_ahead + (before - playback.cold()) * cost;
-            slot.cold = playback.cold() > 0;
-        }
     }
 
     /// Gives the surface of `one` a slot, if it has none and one is free: a slot that is silent, that no other wanted
@@ -251,10 +168,7 @@ impl<'a> Slots<'a> {
             let mut all = wanted.iter().flatten();
             !slot.sounds(left) && !all.any(|other| Some(other.surface) == slot.surface)
         };
-        let holds = |slot: &Slot<'_>| {
-            slot.texture
-                .is_some_and(|held| is_same(&held.texture, &texture.texture))
-        };
+        let holds = |slot: &Slot<'_>| slot.texture.is_some_and(|held| is_same(&held, &texture));
         let same = |slot: &Slot<'_>| silent(slot) && holds(slot);
         let idle = |slot: &Slot<'_>| silent(slot) && !slot.played;
         let slots = &self.slots;
@@ -273,17 +187,14 @@ impl<'a> Slots<'a> {
         }
         (slot.texture, slot.made, slot.motion) = (Some(texture), [false; 2], None);
         slot.updated = [None; 2];
-        slot.lines = VoiceLines::new(&texture.texture);
+        slot.lines = VoiceLines::new(&texture);
         let playback = voices.playback(index);
         if let Some(playback) = playback {
-            playback.restart(&texture.texture, &mut slot.feed);
+            playback.restart(&texture, &mut slot.feed);
         } else {
-            let new = playback.insert(Playback::new(&texture.texture, seed_of(self.seed, index)));
+            let new = playback.insert(Playback::new(&texture, seed_of(self.seed, index)));
             new.begin_feed(&mut slot.feed);
         }
-        slot.cold = playback
-            .as_ref()
-            .is_some_and(|playback| playback.cold() > 0);
     }
 
     /// Takes slot `index` to `gain`, and returns its stage if it is to be played.
@@ -298,7 +209,7 @@ impl<'a> Slots<'a> {
     ) -> Option<Stage> {
         let Moment { samples, left, .. } = moment;
         let slot = &mut self.slots[index];
-        let PlannedTexture { texture, scale } = slot.texture?;
+        let texture = slot.texture?;
         if gain == 0 && !slot.sounds(left) {
             (slot.played, slot.stick_slip) = (false, None);
             return None;
@@ -331,7 +242,7 @@ impl<'a> Slots<'a> {
                 slot.made[slot.buffer] = true;
                 *frame = None;
             }
-            let frame = frame.get_or_insert_with(|| Frame::silent_at(&texture, scale));
+            let frame = frame.get_or_insert_with(|| Frame::silent(&texture));
             if slot.updated[slot.buffer].replace((motion, gain)) == Some((motion, gain)) {
                 frame.hold(from, samples);
             } else {
@@ -373,7 +284,6 @@ impl Slot<'_> {
             buffer: 0,
             made: [false; 2],
             updated: [None; 2],
-            cold: false,
             played: false,
             began: false,
             motion: None,

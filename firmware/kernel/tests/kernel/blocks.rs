@@ -1,12 +1,12 @@
 //! Blocks of samples ahead of time: the bits of one sample after the other.
 
-use model_format::{Library, OutputSample, PartsSpec, TextureSpec, encode_with_scenes_uncertified};
+use model_format::{Library, OutputSample, PartsSpec, TextureSpec, encode_with_scenes};
 use proptest::prelude::*;
 use stylus_kernel::scene::{Plan, ScenePlayer};
 use stylus_kernel::{MAX_FED_SAMPLES, Synthesis};
 
 use crate::fed::{all_parts, encoded, fed_h3};
-use crate::models::{STRUCTURES, motion, texture};
+use crate::models::{motion, texture};
 use crate::scenes::{at, lifted, resonant, side_by_side, tap};
 
 /// A moment of a motion: speed and force, the samples up to the next one, and the first cut of them.
@@ -41,12 +41,11 @@ proptest! {
     #[test]
     fn a_texture_in_blocks_plays_the_bits_of_single_samples(
         seed: u64,
-        structure in prop::sample::select(&STRUCTURES[..]),
         which in 0usize..4,
         moments in moments(),
     ) {
         let parts = all_parts().get(which).cloned().unwrap_or(PartsSpec::default());
-        let bytes = encoded(fed_h3(structure, parts));
+        let bytes = encoded(fed_h3(parts));
         let mut one: Synthesis<'_> = Synthesis::new(texture(&bytes), seed);
         let mut other = one.clone();
         for (speed, force, samples, cut) in moments {
@@ -60,26 +59,25 @@ proptest! {
         }
     }
 
-    /// Two surfaces of any structure, plain and fed, with a tap, lifts and a transition.
+    /// Two surfaces, plain and fed, with a tap, lifts and a transition.
     #[test]
     fn a_scene_in_blocks_plays_the_bits_of_single_samples(
         seed: u64,
         which in (0usize..4, 0usize..4),
-        structures in (0usize..3, 0usize..3),
         moments in moments(),
         positions in prop::collection::vec(prop_oneof![4 => (60.0..140.0f32).prop_map(Some), 1 => Just(None)], 12),
     ) {
-        let of = |name: &str, structure: usize, which: usize| TextureSpec {
+        let of = |name: &str, which: usize| TextureSpec {
             name: name.to_owned(),
-            ..fed_h3(STRUCTURES[structure], all_parts().get(which).cloned().unwrap_or(PartsSpec::default()))
+            ..fed_h3(all_parts().get(which).cloned().unwrap_or(PartsSpec::default()))
         };
         let textures = [
             resonant("plain", 110.0),
-            of("one", structures.0, which.0),
-            of("two", structures.1, which.1),
+            of("one", which.0),
+            of("two", which.1),
         ];
-        let bytes = encode_with_scenes_uncertified(&textures, &[]).expect("valid textures");
-        let library = Library::decode_uncertified(&bytes).expect("a valid library");
+        let bytes = encode_with_scenes(&textures, &[]).expect("valid textures");
+        let library = Library::decode(&bytes).expect("a valid library");
         let mut scene = side_by_side(&[1, 2], 20.0);
         scene.surfaces[0].tap = Some(tap(200.0, 0.01));
         let plan = Plan::new(&scene, &library).expect("a valid scene");

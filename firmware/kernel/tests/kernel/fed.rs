@@ -3,8 +3,8 @@
 use std::f64::consts::{FRAC_PI_2, LN_2, LN_10, PI};
 
 use model_format::{
-    CodeSpec, CodebookSpec, ExcitationSpec, ModulationSpec, NodeFlags, NodeSpec, OutputSample,
-    PartsSpec, Structure, Texture, TextureSpec, encode_uncertified,
+    CodeSpec, CodebookSpec, ExcitationSpec, ModulationSpec, NodeSpec, OutputSample, PartsSpec,
+    Texture, TextureSpec, encode,
 };
 use proptest::prelude::*;
 use stylus_kernel::excitation::Excitation;
@@ -12,7 +12,7 @@ use stylus_kernel::feed::{FED_FRACTION_BITS, Feed, Material};
 use stylus_kernel::grid::GridPoint;
 use stylus_kernel::{MAX_FED_SAMPLES, Synthesis};
 
-use crate::models::{STRUCTURES, fixture, motion, texture};
+use crate::models::{fixture, motion, texture};
 use crate::scenes::texture_of;
 
 /// One standard deviation of a fed excitation.
@@ -123,30 +123,19 @@ fn fed(spec: TextureSpec, parts: PartsSpec) -> TextureSpec {
     TextureSpec { parts, ..spec }
 }
 
-/// A model of order 400 of `structure` at four nodes, fed by `parts`.
-pub fn fed_h3(structure: Structure, parts: PartsSpec) -> TextureSpec {
-    fed(
-        texture_of("fed", structure, &fixture("H3").node(structure, 4.0)),
-        parts,
-    )
+/// A model of order 400 at four nodes, fed by `parts`.
+pub fn fed_h3(parts: PartsSpec) -> TextureSpec {
+    fed(texture_of("fed", &fixture("H3").node(4.0)), parts)
 }
 
 /// A texture that puts out its excitation at an RMS of 1 m/s².
 pub fn bare(parts: PartsSpec) -> TextureSpec {
-    let node = NodeSpec {
-        output_power: 1.0,
-        prediction_error_power: 1.0,
-        flags: NodeFlags::NONE,
-        codes: CodeSpec::lattice(Vec::new()),
-    };
-    fed(
-        texture_of("bare", Structure::NormalisedLattice, &node),
-        parts,
-    )
+    let node = NodeSpec::new(1.0, CodeSpec::lattice(Vec::new()));
+    fed(texture_of("bare", &node), parts)
 }
 
 pub fn encoded(spec: TextureSpec) -> Vec<u8> {
-    encode_uncertified(&[spec]).expect("a valid library")
+    encode(&[spec]).expect("a valid library")
 }
 
 /// Excitation of a fed texture, standard deviations.
@@ -252,22 +241,20 @@ fn played(texture: Texture<'_>, seed: u64, blocks: u32) -> (Vec<f64>, u32) {
     (samples, synthesis.saturations())
 }
 
-/// The level of the plain texture is that of its structure's round-off; 120 s, in which a track's level has a standard
+/// 120 s, in which a track's level has a standard
 /// deviation of 0.1 dB.
 #[test]
-fn a_fed_texture_has_the_level_of_its_node_in_all_structures() {
-    for structure in STRUCTURES {
-        let plain = encoded(fed_h3(structure, PartsSpec::default()));
-        let (samples, _) = played(texture(&plain), 3, 60_000);
-        let plain = mean_square(&samples[5000..]);
-        for parts in all_parts() {
-            let bytes = encoded(fed_h3(structure, parts));
-            let (samples, saturations) = played(texture(&bytes), 3, 60_000);
-            let level_db = decibels(mean_square(&samples[5000..]) / plain);
-            println!("{structure}: {level_db:+.2} dB");
-            assert!(level_db.abs() < 0.6, "{structure}: {level_db} dB");
-            assert_eq!(saturations, 0);
-        }
+fn a_fed_texture_has_the_level_of_its_node() {
+    let plain = encoded(fed_h3(PartsSpec::default()));
+    let (samples, _) = played(texture(&plain), 3, 60_000);
+    let plain = mean_square(&samples[5000..]);
+    for parts in all_parts() {
+        let bytes = encoded(fed_h3(parts));
+        let (samples, saturations) = played(texture(&bytes), 3, 60_000);
+        let level_db = decibels(mean_square(&samples[5000..]) / plain);
+        println!("{level_db:+.2} dB");
+        assert!(level_db.abs() < 0.6, "{level_db} dB");
+        assert_eq!(saturations, 0);
     }
 }
 
@@ -638,7 +625,7 @@ fn the_kurtosis_of_excitation_and_output_rises_with_the_codebooks() {
             (found / expected - 1.0).abs() < 0.06,
             "{found} of {expected}"
         );
-        let bytes = encoded(fed_h3(Structure::NormalisedLattice, parts));
+        let bytes = encoded(fed_h3(parts));
         let (samples, saturations) = played(texture(&bytes), 9, 60_000);
         let heard = kurtosis(&samples[5000..]);
         println!("kurtosis: codebook {stored:.1}, excitation {found:.1}, output {heard:.2}");
@@ -742,10 +729,10 @@ proptest! {
     /// With a motion that stays, and after the first level's ramp.
     #[test]
     fn samples_do_not_depend_on_where_blocks_are_cut(
-        seed: u64, structure in prop::sample::select(&STRUCTURES[..]), which in 0usize..3,
+        seed: u64, which in 0usize..3,
         cuts in prop::collection::vec(1u32..=MAX_FED_SAMPLES as u32, 1..40),
     ) {
-        let bytes = encoded(fed_h3(structure, all_parts()[which].clone()));
+        let bytes = encoded(fed_h3(all_parts()[which].clone()));
         let begin = || {
             let mut synthesis: Synthesis<'_> = Synthesis::new(texture(&bytes), seed);
             synthesis.follow(motion(75.0, 0.75), 1);

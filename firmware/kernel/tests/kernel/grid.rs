@@ -1,12 +1,12 @@
 //! Weights and fades for every motion on every grid.
 
-use model_format::{MillimetresPerSecond, Newton, Structure, Texture};
+use model_format::{MillimetresPerSecond, Newton, NodeSpec, Texture};
 use proptest::collection::btree_set;
 use proptest::prelude::*;
 use stylus_kernel::grid::{GridPoint, ONE};
 use stylus_kernel::{Motion, MotionError};
 
-use crate::models::{library, motion, silent_node, texture};
+use crate::models::{library, motion, texture};
 
 /// Axes of any length, from values that hands and hardware have to the extremes of the type.
 fn axis() -> impl Strategy<Value = Vec<f32>> {
@@ -20,9 +20,8 @@ fn axis() -> impl Strategy<Value = Vec<f32>> {
 
 /// A library of silent nodes. The position of a motion on its grid does not depend on models.
 fn grid(speeds: &[f32], forces: &[f32]) -> Vec<u8> {
-    let structure = Structure::NormalisedLattice;
-    let nodes = vec![silent_node(structure); speeds.len() * forces.len()];
-    library(structure, speeds, forces, nodes)
+    let nodes = vec![NodeSpec::silent(); speeds.len() * forces.len()];
+    library(speeds, forces, nodes)
 }
 
 /// A value anywhere about `axis`: in a cell, on a node or next to one, below, above, or any finite number.

@@ -2,8 +2,8 @@
 
 use model_format::limits::{MAX_FINE_STAGES, MAX_ORDER, MAX_OUTPUT_POWER};
 use model_format::{
-    CodeSpec, FadeLaw, Laws, LevelLaw, NodeFlags, NodeSpec, PartsSpec, Structure, TailSpec,
-    TextureSpec, encode_uncertified,
+    CodeSpec, FadeLaw, Laws, LevelLaw, NodeFlags, NodeSpec, PartsSpec, TailSpec, TextureSpec,
+    encode,
 };
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -14,7 +14,7 @@ use stylus_kernel::lattice::LatticeFrame;
 use stylus_kernel::{Levels, Motion, Synthesis};
 
 use crate::lattice::{sample, state, theta_code};
-use crate::models::{motion, silent_node, spec, texture};
+use crate::models::{motion, spec, texture};
 
 /// A node of any order and level, silent ones among them.
 fn node() -> impl Strategy<Value = NodeSpec> {
@@ -26,16 +26,11 @@ fn node() -> impl Strategy<Value = NodeSpec> {
         1e-9f32..MAX_OUTPUT_POWER
     ];
     prop_oneof![
-        8 => (codes, fractions, power).prop_map(|(codes, mut fractions, output_power)| NodeSpec {
-            output_power,
-            prediction_error_power: 0.0,
-            flags: NodeFlags::NONE,
-            codes: {
+        8 => (codes, fractions, power).prop_map(|(codes, mut fractions, output_power)| NodeSpec::new(output_power, {
                 fractions.truncate(codes.len());
-                CodeSpec::Lattice { codes, fractions, tail: TailSpec::default() }
-            },
-        }),
-        1 => Just(silent_node(Structure::NormalisedLattice)),
+                CodeSpec { codes, fractions, tail: TailSpec::default() }
+            })),
+        1 => Just(NodeSpec::silent()),
     ]
 }
 
@@ -62,9 +57,9 @@ fn grid() -> impl Strategy<Value = Vec<u8>> {
         let spec = TextureSpec {
             laws: Laws { level, fade },
             parts: PartsSpec::default(),
-            ..spec(Structure::NormalisedLattice, &speeds, &[0.5, 1.5], nodes)
+            ..spec(&speeds, &[0.5, 1.5], nodes)
         };
-        encode_uncertified(&[spec]).expect("a valid library")
+        encode(&[spec]).expect("a valid library")
     })
 }
 

@@ -1,15 +1,12 @@
 //! Laws of the level between nodes and below the grid, against their definitions in floating point.
 
-use model_format::{
-    CodeSpec, FadeLaw, Laws, LevelLaw, NodeFlags, NodeSpec, PartsSpec, Structure, TextureSpec,
-    encode_uncertified,
-};
+use model_format::{CodeSpec, FadeLaw, Laws, LevelLaw, NodeSpec, TextureSpec, encode};
 use proptest::prelude::*;
 use stylus_kernel::Synthesis;
 use stylus_kernel::grid::{GridPoint, ONE};
 use stylus_kernel::level::{rms_at, rms_in_steps};
 
-use crate::models::{STRUCTURES, fixtures, motion, spec, texture};
+use crate::models::{fixtures, motion, spec, texture};
 
 /// Digits of the lattice's gain and of the direct form's finest and coarsest history.
 const BITS: [u32; 3] = [20, 23, 40];
@@ -146,20 +143,15 @@ proptest! {
 
 fn lattice(laws: Laws) -> Vec<u8> {
     let model = &fixtures()[0];
-    let node = |index: u8| model.node(Structure::NormalisedLattice, f32::from(index) + 1.0);
-    let spec = with_laws(
-        Structure::NormalisedLattice,
-        (0..6).map(node).collect(),
-        laws,
-    );
-    encode_uncertified(&[spec]).expect("a valid library")
+    let node = |index: u8| model.node(f32::from(index) + 1.0);
+    let spec = with_laws((0..6).map(node).collect(), laws);
+    encode(&[spec]).expect("a valid library")
 }
 
-fn with_laws(structure: Structure, nodes: Vec<NodeSpec>, laws: Laws) -> TextureSpec {
+fn with_laws(nodes: Vec<NodeSpec>, laws: Laws) -> TextureSpec {
     TextureSpec {
         laws,
-        parts: PartsSpec::default(),
-        ..spec(structure, &SPEEDS, &FORCES, nodes)
+        ..spec(&SPEEDS, &FORCES, nodes)
     }
 }
 
@@ -188,57 +180,33 @@ fn fades_are_exact_at_both_ends_and_meet_the_grid_without_a_jump() {
     }
 }
 
-/// Both structures apply the law to the power that sets their level at a node, and both put out the node's own level
-/// there.
 #[test]
-fn every_structure_and_law_plays_a_node_at_its_own_level() {
+fn every_law_plays_a_node_at_its_own_level() {
     const SAMPLES: usize = 40_000;
-    for structure in STRUCTURES {
-        for level in LevelLaw::ALL {
-            let laws = Laws {
-                level,
-                fade: FadeLaw::Power,
-            };
-            let codes = first_order(structure);
-            let nodes = (1..=6u8).map(|index| NodeSpec {
-                output_power: f32::from(index).powi(4),
-                prediction_error_power: f32::from(index).powi(4) * 0.75,
-                flags: NodeFlags::NONE,
-                codes: codes.clone(),
+    for level in LevelLaw::ALL {
+        let laws = Laws {
+            level,
+            fade: FadeLaw::Power,
+        };
+        // y[n] = e[n] - y[n-1] / 2: k = sin θ = 1/2.
+        let codes = CodeSpec::lattice(vec![10_923]);
+        let nodes = (1..=6u8).map(|index| NodeSpec::new(f32::from(index).powi(4), codes.clone()));
+        let spec = with_laws(nodes.collect(), laws);
+        let bytes = encode(&[spec]).expect("a valid library");
+        let texture = texture(&bytes);
+        for (index, speed, force) in [(0usize, 0, 0), (3, 1, 1), (4, 2, 0)] {
+            let mut synthesis: Synthesis<'_> = Synthesis::new(texture, 3);
+            synthesis.follow(motion(SPEEDS[speed], FORCES[force]), 1);
+            let power = (0..SAMPLES).map(|_| {
+                let sample = synthesis.next_sample().metres_per_second_squared().0;
+                f64::from(sample).powi(2)
             });
-            let spec = with_laws(structure, nodes.collect(), laws);
-            let bytes = encode_uncertified(&[spec]).expect("a valid library");
-            let texture = texture(&bytes);
-            for (index, speed, force) in [(0usize, 0, 0), (3, 1, 1), (4, 2, 0)] {
-                let mut synthesis: Synthesis<'_> = Synthesis::new(texture, 3);
-                synthesis.follow(motion(SPEEDS[speed], FORCES[force]), 1);
-                let power = (0..SAMPLES).map(|_| {
-                    let sample = synthesis.next_sample().metres_per_second_squared().0;
-                    f64::from(sample).powi(2)
-                });
-                let rms = (power.sum::<f64>() / SAMPLES as f64).sqrt();
-                let exact = (index as f64 + 1.0).powi(2);
-                assert!(
-                    (rms / exact - 1.0).abs() < 0.03,
-                    "{structure}, {level}: {rms} for {exact}"
-                );
-            }
+            let rms = (power.sum::<f64>() / SAMPLES as f64).sqrt();
+            let exact = (index as f64 + 1.0).powi(2);
+            assert!(
+                (rms / exact - 1.0).abs() < 0.03,
+                "{level}: {rms} for {exact}"
+            );
         }
-    }
-}
-
-/// y[n] = e[n] - y[n-1] / 2, whose output has 4/3 of the excitation's power.
-fn first_order(structure: Structure) -> CodeSpec {
-    match structure {
-        // k = sin θ = 1/2
-        Structure::NormalisedLattice => CodeSpec::lattice(vec![10_923]),
-        Structure::DirectForm16 => CodeSpec::Direct16 {
-            exponent: 0,
-            codes: vec![-(1 << 14)],
-        },
-        Structure::DirectForm32 => CodeSpec::Direct32 {
-            exponent: 0,
-            codes: vec![-(1 << 30)],
-        },
     }
 }

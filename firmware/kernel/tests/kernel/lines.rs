@@ -4,15 +4,15 @@ use std::f64::consts::TAU;
 
 use model_format::scene::{Region, Scene, Surface};
 use model_format::{
-    FadeLaw, Library, LineSpec, LinesSpec, OutputSample, SAMPLE_RATE_HZ, Structure, Texture,
-    encode, encode_with_scenes,
+    FadeLaw, Library, LineSpec, LinesSpec, NodeSpec, OutputSample, SAMPLE_RATE_HZ, Texture, encode,
+    encode_with_scenes,
 };
 use stylus_kernel::position::Position;
 use stylus_kernel::scene::cost::Item;
 use stylus_kernel::scene::{Interaction, Plan, ScenePlayer, Stage};
 use stylus_kernel::{Synthesis, UPDATE_INTERVAL_SAMPLES};
 
-use crate::models::{fixture, motion, silent_node, spec};
+use crate::models::{fixture, motion, spec};
 
 const RATE: f64 = SAMPLE_RATE_HZ as f64;
 const BLOCK: usize = UPDATE_INTERVAL_SAMPLES as usize;
@@ -21,8 +21,8 @@ const BLOCK: usize = UPDATE_INTERVAL_SAMPLES as usize;
 ///
 /// The grid is one node at 10 mm/s and 0.5 N, so that all speeds of a hand lie above it.
 fn silent_but_for(lines: &[(f32, f64, f32)]) -> Vec<u8> {
-    let silent = vec![silent_node(Structure::NormalisedLattice)];
-    let mut spec = spec(Structure::NormalisedLattice, &[10.0], &[0.5], silent);
+    let silent = vec![NodeSpec::silent()];
+    let mut spec = spec(&[10.0], &[0.5], silent);
     let line = |&(wavelength_mm, phase, amplitude): &(f32, f64, f32)| LineSpec {
         wavelength_mm,
         phase: (phase * 65_536.0) as u16,
@@ -338,13 +338,8 @@ fn amplitudes_are_means_over_the_grid_with_the_textures_fade_below_it() {
         (FadeLaw::Amplitude, 0.5f64),
         (FadeLaw::Power, 0.5f64.sqrt()),
     ] {
-        let silent = vec![silent_node(Structure::NormalisedLattice); 4];
-        let mut spec = spec(
-            Structure::NormalisedLattice,
-            &[40.0, 80.0],
-            &[1.0, 2.0],
-            silent,
-        );
+        let silent = vec![NodeSpec::silent(); 4];
+        let mut spec = spec(&[40.0, 80.0], &[1.0, 2.0], silent);
         spec.laws.fade = fade;
         let amplitudes = vec![1.0, 2.0, 4.0, 8.0];
         let line = LineSpec {
@@ -387,8 +382,8 @@ fn amplitudes_are_means_over_the_grid_with_the_textures_fade_below_it() {
 /// The texture's own output and the lines do not know of each other.
 #[test]
 fn lines_are_added_to_what_the_texture_plays_without_them_bit_for_bit() {
-    let node = fixture("H1b").node(Structure::NormalisedLattice, 4.0);
-    let plain = spec(Structure::NormalisedLattice, &[10.0], &[0.5], vec![node]);
+    let node = fixture("H1b").node(4.0);
+    let plain = spec(&[10.0], &[0.5], vec![node]);
     let mut lined = plain.clone();
     let alone = silent_but_for(&[(0.61, 0.25, 1.5), (2.0, 0.0, 0.5)]);
     lined.parts.lines = only_texture(&alone).lines().map(Into::into);
@@ -447,12 +442,7 @@ fn a_scene_of_one_surface_plays_its_textures_lines_and_only_then_has_a_stage_for
         (0..BLOCK).for_each(|_| _ = player.next_sample());
     }
     assert!(player.block().stages().is_empty());
-    let plain = spec(
-        Structure::NormalisedLattice,
-        &[10.0],
-        &[0.5],
-        vec![fixture("H1b").node(Structure::NormalisedLattice, 1.0)],
-    );
+    let plain = spec(&[10.0], &[0.5], vec![fixture("H1b").node(1.0)]);
     let plain = encode(&[plain]).expect("valid");
     let mut player: ScenePlayer<'_> = ScenePlayer::new(Plan::of_texture(only_texture(&plain)), 3);
     player.follow(
@@ -465,9 +455,9 @@ fn a_scene_of_one_surface_plays_its_textures_lines_and_only_then_has_a_stage_for
 /// Two surfaces with lines: each has the weight of its surface across the transition, and its gain.
 #[test]
 fn lines_of_two_surfaces_share_a_transition_and_have_the_gain_of_their_surface() {
-    let silent = || vec![silent_node(Structure::NormalisedLattice)];
+    let silent = || vec![NodeSpec::silent()];
     let lined = |name: &str, wavelength_mm| {
-        let mut spec = spec(Structure::NormalisedLattice, &[10.0], &[0.5], silent());
+        let mut spec = spec(&[10.0], &[0.5], silent());
         spec.name = name.to_owned();
         let line = LineSpec {
             wavelength_mm,

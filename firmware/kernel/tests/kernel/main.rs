@@ -1,8 +1,6 @@
 //! Promises of the kernel for every texture and motion, tested through its public interface only.
 
-mod arithmetic;
 mod blocks;
-mod direct;
 mod examples;
 mod fed;
 mod fed_lattice;
@@ -13,7 +11,6 @@ mod lattice;
 mod level;
 mod lines;
 mod models;
-mod proof;
 mod reference;
 mod scene;
 mod scene_effects;

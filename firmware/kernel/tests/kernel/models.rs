@@ -4,8 +4,7 @@ use std::f64::consts::PI;
 use std::path::Path;
 
 use model_format::{
-    CodeSpec, Laws, Library, MillimetresPerSecond, Newton, NodeFlags, NodeSpec, PartsSpec,
-    Provenance, SAMPLE_RATE_HZ, Structure, Texture, TextureSpec, encode_uncertified,
+    CodeSpec, Library, MillimetresPerSecond, Newton, NodeSpec, Texture, TextureSpec, encode,
 };
 use serde_json::Value;
 use stylus_kernel::Motion;
@@ -68,40 +67,12 @@ impl Model {
         self.theta_codes().into_iter().map(rotation).collect()
     }
 
-    /// A node of `structure` with this output power, (m/s²)².
-    pub fn node(&self, structure: Structure, output_power: f32) -> NodeSpec {
-        let exponent = self.exponent(structure);
-        let code = |h: &f64, bits: i32| (h * 2f64.powi(bits - i32::from(exponent))).round();
-        let h = self.predictor.iter();
+    /// A node with this output power, (m/s²)².
+    pub fn node(&self, output_power: f32) -> NodeSpec {
         NodeSpec {
-            output_power,
             prediction_error_power: (f64::from(output_power) * self.error) as f32,
-            flags: NodeFlags::NONE,
-            codes: match structure {
-                Structure::NormalisedLattice => CodeSpec::lattice(self.theta_codes()),
-                Structure::DirectForm16 => CodeSpec::Direct16 {
-                    exponent,
-                    codes: h.map(|h| code(h, 15) as i16).collect(),
-                },
-                Structure::DirectForm32 => CodeSpec::Direct32 {
-                    exponent,
-                    codes: h.map(|h| code(h, 31) as i32).collect(),
-                },
-            },
+            ..NodeSpec::new(output_power, CodeSpec::lattice(self.theta_codes()))
         }
-    }
-
-    /// The lowest exponent at which no code and no sum of codes overflows.
-    fn exponent(&self, structure: Structure) -> u8 {
-        let bound = match structure {
-            Structure::NormalisedLattice => return 0,
-            Structure::DirectForm16 => self
-                .predictor
-                .iter()
-                .fold(0.0, |high: f64, h| high.max(h.abs())),
-            Structure::DirectForm32 => self.predictor.iter().map(|h| h.abs()).sum(),
-        };
-        (bound.log2().floor() + 1.0).max(0.0) as u8
     }
 }
 
@@ -111,71 +82,25 @@ pub fn rotation(code: i16) -> Rotation {
 }
 
 /// A library of one texture on the grid `speeds` × `forces`, its nodes speed-major.
-pub fn library(
-    structure: Structure,
-    speeds: &[f32],
-    forces: &[f32],
-    nodes: Vec<NodeSpec>,
-) -> Vec<u8> {
-    encode_uncertified(&[spec(structure, speeds, forces, nodes)]).expect("a valid library")
+pub fn library(speeds: &[f32], forces: &[f32], nodes: Vec<NodeSpec>) -> Vec<u8> {
+    encode(&[spec(speeds, forces, nodes)]).expect("a valid library")
 }
 
 /// The texture of [`library`], as it is written.
-pub fn spec(
-    structure: Structure,
-    speeds: &[f32],
-    forces: &[f32],
-    nodes: Vec<NodeSpec>,
-) -> TextureSpec {
-    TextureSpec {
-        name: "test".to_owned(),
-        sample_rate_hz: SAMPLE_RATE_HZ,
-        structure,
-        provenance: Provenance::Simulated,
-        laws: Laws::default(),
-        parts: PartsSpec::default(),
-        speed_axis_mm_s: speeds.to_vec(),
-        force_axis_n: forces.to_vec(),
-        nodes,
-        cell_margins: Vec::new(),
-    }
+pub fn spec(speeds: &[f32], forces: &[f32], nodes: Vec<NodeSpec>) -> TextureSpec {
+    TextureSpec::new("test", speeds, forces, nodes)
 }
 
 /// A library of one texture of one node, at 100 mm/s and 1 N.
-pub fn single(structure: Structure, node: NodeSpec) -> Vec<u8> {
-    library(structure, &[100.0], &[1.0], vec![node])
+pub fn single(node: NodeSpec) -> Vec<u8> {
+    library(&[100.0], &[1.0], vec![node])
 }
 
 /// The only texture of a library.
 pub fn texture(bytes: &[u8]) -> Texture<'_> {
-    let library = Library::decode_uncertified(bytes).expect("a valid library");
+    let library = Library::decode(bytes).expect("a valid library");
     library.textures().next().expect("a texture")
 }
-
-/// A node that puts out nothing.
-pub fn silent_node(structure: Structure) -> NodeSpec {
-    let codes = Vec::new();
-    NodeSpec {
-        output_power: 0.0,
-        prediction_error_power: 0.0,
-        flags: NodeFlags::SILENT,
-        codes: match structure {
-            Structure::NormalisedLattice => CodeSpec::lattice(codes),
-            Structure::DirectForm16 => CodeSpec::Direct16 { exponent: 0, codes },
-            Structure::DirectForm32 => CodeSpec::Direct32 {
-                exponent: 0,
-                codes: Vec::new(),
-            },
-        },
-    }
-}
-
-/// All structures.
-pub const STRUCTURES: [Structure; 3] = [
-    Structure::NormalisedLattice,
-    Structure::DirectForm16,
-    Structure::DirectForm32,
-];
 
 /// A finite motion.
 pub fn motion(speed_mm_s: f32, force_n: f32) -> Motion {

@@ -46,44 +46,6 @@ impl FloatLattice {
     }
 }
 
-/// A direct form in float64: y[n] = e[n] + Σ h[i] y[n-i].
-pub struct FloatDirect {
-    predictor: Vec<f64>,
-    /// Newest last.
-    history: Vec<f64>,
-}
-
-impl FloatDirect {
-    pub fn new(predictor: Vec<f64>) -> Self {
-        Self {
-            history: vec![0.0; predictor.len()],
-            predictor,
-        }
-    }
-
-    /// Changes the coefficients, of which there are as many as before.
-    pub fn set(&mut self, predictor: Vec<f64>) {
-        assert_eq!(predictor.len(), self.predictor.len());
-        self.predictor = predictor;
-    }
-
-    pub fn filter(&mut self, excitation: f64) -> f64 {
-        let newest_first = self.history.iter().rev();
-        let prediction: f64 = self
-            .predictor
-            .iter()
-            .zip(newest_first)
-            .map(|(h, y)| h * y)
-            .sum();
-        let output = excitation + prediction;
-        self.history.push(output);
-        if self.history.len() > 4096 {
-            self.history.drain(..4096 - self.predictor.len());
-        }
-        output
-    }
-}
-
 /// Accumulates how far a signal is from its reference.
 #[derive(Default)]
 pub struct Deviation {

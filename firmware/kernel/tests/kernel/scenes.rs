@@ -1,32 +1,15 @@
 //! Scenes, textures and interactions for the tests of scenes.
 
 use model_format::scene::{Biquad, Region, Scene, SceneName, Surface, Tap};
-use model_format::{
-    CodeSpec, Laws, Library, NodeFlags, NodeSpec, PartsSpec, Provenance, SAMPLE_RATE_HZ, Structure,
-    TextureSpec, encode_with_scenes_uncertified,
-};
+use model_format::{CodeSpec, Library, NodeSpec, SAMPLE_RATE_HZ, TextureSpec, encode_with_scenes};
 use stylus_kernel::scene::{Interaction, Plan, ScenePlayer};
 use stylus_kernel::{Motion, UPDATE_INTERVAL_SAMPLES};
 
-use crate::models::{STRUCTURES, fixture, motion};
-
-/// Blocks in which two direct forms of order 400 are run up, with some to spare.
-const MOST_RUN_UP_BLOCKS: usize = 140;
+use crate::models::{fixture, motion};
 
 /// A texture of `node` at 50 and 100 mm/s, 0.5 and 1 N.
-pub fn texture_of(name: &str, structure: Structure, node: &NodeSpec) -> TextureSpec {
-    TextureSpec {
-        name: name.to_owned(),
-        sample_rate_hz: SAMPLE_RATE_HZ,
-        structure,
-        provenance: Provenance::Simulated,
-        laws: Laws::default(),
-        parts: PartsSpec::default(),
-        speed_axis_mm_s: vec![50.0, 100.0],
-        force_axis_n: vec![0.5, 1.0],
-        nodes: vec![node.clone(); 4],
-        cell_margins: Vec::new(),
-    }
+pub fn texture_of(name: &str, node: &NodeSpec) -> TextureSpec {
+    TextureSpec::new(name, &[50.0, 100.0], &[0.5, 1.0], vec![node.clone(); 4])
 }
 
 /// A lattice of two stages that resonates at `hz`, with an RMS of 1 m/s².
@@ -35,32 +18,24 @@ pub fn resonant(name: &str, hz: f64) -> TextureSpec {
     let a1 = -2.0 * radius * (2.0 * std::f64::consts::PI * hz / f64::from(SAMPLE_RATE_HZ)).cos();
     let k = [a1 / (1.0 + radius * radius), radius * radius];
     let theta = |k: f64| (k.asin() / std::f64::consts::PI * 65_536.0).round() as i16;
-    let node = NodeSpec {
-        output_power: 1.0,
-        prediction_error_power: 0.001,
-        flags: NodeFlags::NONE,
-        codes: CodeSpec::lattice(k.map(theta).to_vec()),
-    };
-    texture_of(name, Structure::NormalisedLattice, &node)
+    let node = NodeSpec::new(1.0, CodeSpec::lattice(k.map(theta).to_vec()));
+    texture_of(name, &node)
 }
 
-/// Two smooth lattices, at 60 and 110 Hz, and a texture of each structure of order 400.
+/// Two smooth textures, at 60 and 110 Hz, and two of order 400.
 pub fn textures() -> Vec<TextureSpec> {
-    let mut all = vec![resonant("slow", 60.0), resonant("quick", 110.0)];
-    for structure in STRUCTURES {
-        let node = fixture("H3").node(structure, 4.0);
-        all.push(texture_of(&structure.to_string(), structure, &node));
-    }
-    all
+    let long = |name| texture_of(name, &fixture(name).node(4.0));
+    let smooth = [resonant("slow", 60.0), resonant("quick", 110.0)];
+    smooth.into_iter().chain(["H3", "H1b"].map(long)).collect()
 }
 
 /// A library of [`textures`] and `scenes`.
 pub fn library(scenes: &[Scene]) -> Vec<u8> {
-    encode_with_scenes_uncertified(&textures(), scenes).expect("valid scenes")
+    encode_with_scenes(&textures(), scenes).expect("valid scenes")
 }
 
 pub fn plan<'a>(bytes: &'a [u8], scene: &Scene) -> Plan<'a> {
-    let library = Library::decode_uncertified(bytes).expect("a valid library");
+    let library = Library::decode(bytes).expect("a valid library");
     Plan::new(scene, &library).expect("a valid scene")
 }
 
@@ -130,19 +105,6 @@ pub fn block(player: &mut ScenePlayer<'_>, interaction: Interaction) -> Vec<f64>
     (0..UPDATE_INTERVAL_SAMPLES)
         .map(|_| f64::from(player.next_sample().metres_per_second_squared().0))
         .collect()
-}
-
-/// Plays blocks until a voice is in one, as it is at once with a lattice; the samples of that block, in m/s². The
-/// blocks before it are silent.
-pub fn heard(player: &mut ScenePlayer<'_>, interaction: Interaction) -> Vec<f64> {
-    for _ in 0..MOST_RUN_UP_BLOCKS {
-        let samples = block(player, interaction);
-        if !player.block().stages().is_empty() {
-            return samples;
-        }
-        assert_eq!(peak(&samples), 0.0);
-    }
-    panic!("silent for {MOST_RUN_UP_BLOCKS} blocks");
 }
 
 pub fn largest_step(samples: &[f64]) -> f64 {

@@ -5,19 +5,15 @@
 use std::f64::consts::PI;
 
 use model_format::scene::Scene;
-use model_format::{CodeSpec, NodeFlags, NodeSpec, Structure, TextureSpec, encode_uncertified};
+use model_format::{CodeSpec, NodeSpec, TextureSpec, encode};
 use stylus_kernel::arithmetic::Portable;
-use stylus_kernel::direct::RUN_UP_SAMPLES;
 use stylus_kernel::excitation::Excitation;
 use stylus_kernel::lattice::LatticeState;
 use stylus_kernel::rotation::Rotation;
-use stylus_kernel::scene::cost::Term;
-use stylus_kernel::scene::{Interaction, Plan, RUN_UP_INSTRUCTIONS, ScenePlayer, Stage};
+use stylus_kernel::scene::{Interaction, Plan, ScenePlayer};
 
 use crate::models::{fixture, motion, rotation, texture};
-use crate::scenes::{
-    at, block, heard, library, lifted, moving, peak, plan, player, side_by_side, texture_of,
-};
+use crate::scenes::{at, block, lifted, moving, plan, player, side_by_side, texture_of};
 
 /// Blocks of the first 20 ms.
 const FIRST_BLOCKS: usize = 10;
@@ -26,43 +22,12 @@ const FIRST_BLOCKS: usize = 10;
 const WITHIN_DB: f64 = 0.5;
 
 /// A line of this pole radius at `hz`, with an RMS of 1 m/s².
-fn line(structure: Structure, hz: f64, radius: f64) -> NodeSpec {
+fn line(hz: f64, radius: f64) -> NodeSpec {
     let a1 = -2.0 * radius * (2.0 * PI * hz / 5000.0).cos();
     let a2 = radius * radius;
     let k = [a1 / (1.0 + a2), a2];
-    let error = (1.0 - k[0] * k[0]) * (1.0 - k[1] * k[1]);
-    NodeSpec {
-        output_power: 1.0,
-        prediction_error_power: error as f32,
-        flags: NodeFlags::NONE,
-        codes: match structure {
-            Structure::NormalisedLattice => CodeSpec::lattice(
-                k.map(|k| (k.asin() / PI * 65_536.0).round() as i16)
-                    .to_vec(),
-            ),
-            Structure::DirectForm16 | Structure::DirectForm32 => CodeSpec::Direct32 {
-                exponent: 2,
-                codes: [-a1, -a2]
-                    .map(|h| (h * 2f64.powi(29)).round() as i32)
-                    .to_vec(),
-            },
-        },
-    }
-}
-
-/// The output's power of a node, (m/s²)²: of a lattice as stored, of a direct form by its impulse response.
-fn power(node: &NodeSpec) -> f64 {
-    let CodeSpec::Direct32 { exponent, codes } = &node.codes else {
-        return f64::from(node.output_power);
-    };
-    let scale = 2f64.powi(i32::from(*exponent) - 31);
-    let h: Vec<f64> = codes.iter().map(|&code| f64::from(code) * scale).collect();
-    let mut response = vec![1.0];
-    for n in 1..200_000usize {
-        let past = response[n.saturating_sub(h.len())..].iter().rev();
-        response.push(h.iter().zip(past).map(|(h, y)| h * y).sum());
-    }
-    f64::from(node.prediction_error_power) * response.iter().map(|y| y * y).sum::<f64>()
+    let code = |k: f64| (k.asin() / PI * 65_536.0).round() as i16;
+    NodeSpec::new(1.0, CodeSpec::lattice(k.map(code).to_vec()))
 }
 
 /// A texture that is played, with what its level shows best.
@@ -74,39 +39,22 @@ struct Case {
     power: f64,
 }
 
-/// Lines, a broadband texture, and a model of order 400, of the lattice and of the direct form.
+/// Lines, a broadband texture, and a model of order 400.
 fn cases() -> Vec<Case> {
-    use Structure::{DirectForm32, NormalisedLattice};
-    let mut cases = Vec::new();
-    for structure in [NormalisedLattice, DirectForm32] {
-        let mut add = |name: &str, node: NodeSpec, seeds| {
-            let name = format!("{structure}, {name}");
-            let spec = texture_of("test", structure, &node);
-            let power = power(&node);
-            cases.push(Case {
-                name,
-                spec,
-                seeds,
-                power,
-            });
-        };
-        add(
-            "line of radius 0.9995",
-            line(structure, 200.0, 0.9995),
-            4000,
-        );
-        add("broadband", line(structure, 300.0, 0.3), 100);
-        add("order 400", fixture("H3").node(structure, 4.0), 500);
-    }
-    // Its θ has 16 bits, of which the radius of a line has some more.
-    let node = line(NormalisedLattice, 200.0, 0.9999);
-    cases.push(Case {
-        name: "lattice, line of radius 0.9999".to_owned(),
-        spec: texture_of("test", NormalisedLattice, &node),
-        seeds: 4000,
-        power: 1.0,
-    });
-    cases
+    let cases = [
+        ("line of radius 0.9995", line(200.0, 0.9995), 4000),
+        // Its θ has 16 bits, of which the radius of a line has some more.
+        ("line of radius 0.9999", line(200.0, 0.9999), 4000),
+        ("broadband", line(300.0, 0.3), 100),
+        ("order 400", fixture("H3").node(4.0), 500),
+    ];
+    let case = |(name, node, seeds): (&str, NodeSpec, u64)| Case {
+        name: name.to_owned(),
+        spec: texture_of("test", &node),
+        seeds,
+        power: f64::from(node.output_power),
+    };
+    cases.map(case).into()
 }
 
 fn decibels(ratio: f64) -> f64 {
@@ -119,7 +67,7 @@ fn mean_square(samples: &[f64]) -> f64 {
 
 /// Samples of the first 20 ms in which a voice is in the blocks.
 fn first_samples(player: &mut ScenePlayer<'_>, interaction: Interaction) -> Vec<f64> {
-    let mut samples = heard(player, interaction);
+    let mut samples = block(player, interaction);
     for _ in 1..FIRST_BLOCKS {
         samples.extend(block(player, interaction));
     }
@@ -140,7 +88,7 @@ fn assert_within(name: &str, deviation_db: f64) {
 #[test]
 fn a_texture_is_at_its_level_in_its_first_20_ms() {
     for case in cases() {
-        let bytes = encode_uncertified(std::slice::from_ref(&case.spec)).expect("a valid library");
+        let bytes = encode(std::slice::from_ref(&case.spec)).expect("a valid library");
         let played = deviation_db(&case, |seed| {
             let plan = Plan::of_texture(texture(&bytes));
             first_samples(&mut ScenePlayer::new(plan, seed), at(0.0, moving()))
@@ -153,7 +101,7 @@ fn a_texture_is_at_its_level_in_its_first_20_ms() {
 #[test]
 fn a_texture_is_at_its_level_whenever_the_tool_comes_down_again() {
     for case in cases() {
-        let bytes = encode_uncertified(std::slice::from_ref(&case.spec)).expect("a valid library");
+        let bytes = encode(std::slice::from_ref(&case.spec)).expect("a valid library");
         let again = deviation_db(&case, |seed| {
             let plan = Plan::of_texture(texture(&bytes));
             let mut player = ScenePlayer::new(plan, seed);
@@ -171,17 +119,17 @@ fn a_texture_is_at_its_level_whenever_the_tool_comes_down_again() {
     }
 }
 
-/// A lattice was left at another motion, with other coefficients and another level.
+/// It was left at another motion, with other coefficients and another level.
 #[test]
 fn a_lattice_comes_down_at_its_level_wherever_it_was_left() {
-    let quiet = line(Structure::NormalisedLattice, 700.0, 0.999);
-    let loud = line(Structure::NormalisedLattice, 90.0, 0.9995);
-    let mut spec = texture_of("test", Structure::NormalisedLattice, &quiet);
+    let quiet = line(700.0, 0.999);
+    let loud = line(90.0, 0.9995);
+    let mut spec = texture_of("test", &quiet);
     spec.nodes[3] = NodeSpec {
         output_power: 16.0,
         ..loud
     };
-    let bytes = encode_uncertified(&[spec.clone()]).expect("a valid library");
+    let bytes = encode(&[spec.clone()]).expect("a valid library");
     let case = Case {
         name: "lattice, from one motion to another".to_owned(),
         spec,
@@ -201,11 +149,11 @@ fn a_lattice_comes_down_at_its_level_wherever_it_was_left() {
 /// A library of the case's texture, a lattice and another lattice.
 fn among_others(case: &Case) -> Vec<u8> {
     let other = |name: &str| {
-        let node = line(Structure::NormalisedLattice, 500.0, 0.9);
-        texture_of(name, Structure::NormalisedLattice, &node)
+        let node = line(500.0, 0.9);
+        texture_of(name, &node)
     };
     let textures = [case.spec.clone(), other("second"), other("third")];
-    encode_uncertified(&textures).expect("a valid library")
+    encode(&textures).expect("a valid library")
 }
 
 /// Three surfaces have two slots, so that each entry finds that its texture had to go.
@@ -223,7 +171,6 @@ fn a_texture_is_at_its_level_at_each_entry_of_its_region() {
                         block(&mut player, at(other, moving()));
                     }
                 }
-                // The tool comes down in the region, because one surface sounds on while another is run up.
                 while !player.block().stages().is_empty() {
                     block(
                         &mut player,
@@ -257,7 +204,7 @@ fn a_texture_is_at_its_level_after_a_switch_of_plans() {
                 samples = block(&mut player, at(0.0, moving()));
             }
             if player.block().stages().is_empty() {
-                samples = heard(&mut player, at(0.0, moving()));
+                samples = block(&mut player, at(0.0, moving()));
             }
             for _ in 1..FIRST_BLOCKS {
                 samples.extend(block(&mut player, at(0.0, moving())));
@@ -323,132 +270,4 @@ fn the_drawn_state_of_a_lattice_is_white_and_stays_so_whatever_its_coefficients(
         );
     }
     assert!(largest < 7 << 28, "{largest}");
-}
-
-/// Number of blocks without a stage before the first with one, all of them silent.
-fn blocks_of_silence(player: &mut ScenePlayer<'_>, interaction: Interaction) -> usize {
-    let mut blocks = 0;
-    loop {
-        let samples = block(player, interaction);
-        if !player.block().stages().is_empty() {
-            return blocks;
-        }
-        assert_eq!(peak(&samples), 0.0);
-        blocks += 1;
-        assert!(blocks < 1000, "it never sounds");
-    }
-}
-
-/// Blocks that the run-up of the direct form with these terms, its sample and its sums ahead, takes by itself.
-fn run_up_blocks(terms: &[Term]) -> usize {
-    let [sample, sums_ahead] = [terms[0], terms[1]].map(|term| term.instructions());
-    let samples = (RUN_UP_INSTRUCTIONS - sums_ahead) / sample;
-    RUN_UP_SAMPLES.div_ceil(samples) as usize
-}
-
-#[test]
-fn a_direct_form_is_silent_while_it_is_run_up_and_a_lattice_never() {
-    let bytes = library(&[]);
-    for index in 0..5 {
-        let scene = side_by_side(&[index], 0.0);
-        let mut player = player(&bytes, &scene, 1);
-        let cost = player.director().plan().worst_case();
-        let voice = cost.terms()[1];
-        let silent = blocks_of_silence(&mut player, at(50.0, moving()));
-        let expected = if index < 3 {
-            0
-        } else {
-            run_up_blocks(&cost.terms()[1..])
-        };
-        assert_eq!(silent, expected, "{voice}");
-        assert!(silent <= 46, "92 ms, as the pages say");
-    }
-}
-
-/// Both share what a block may take, one after the other.
-#[test]
-fn two_direct_forms_at_once_take_as_long_as_one_after_the_other() {
-    let bytes = library(&[]);
-    let scene = side_by_side(&[3, 4], 20.0);
-    let mut player = player(&bytes, &scene, 1);
-    let one = run_up_blocks(&player.director().plan().worst_case().terms()[1..]);
-    assert_eq!(blocks_of_silence(&mut player, at(100.0, moving())), one);
-    let more = (0..).take_while(|_| {
-        block(&mut player, at(100.0, moving()));
-        player.block().stages().len() == 1
-    });
-    // The block in which the first one became ready had some samples left for the second.
-    let more = 1 + more.count();
-    assert!((one - 1..=one).contains(&more), "{more} after {one}");
-    assert_eq!(player.block().stages().len(), 2);
-}
-
-#[test]
-fn a_lift_does_not_interrupt_the_run_up() {
-    let bytes = library(&[]);
-    let scene = side_by_side(&[4], 0.0);
-    let mut player = player(&bytes, &scene, 1);
-    for _ in 0..3 {
-        assert_eq!(peak(&block(&mut player, at(50.0, moving()))), 0.0);
-    }
-    for _ in 0..100 {
-        assert_eq!(peak(&block(&mut player, lifted())), 0.0);
-        assert!(player.block().stages().is_empty());
-    }
-    assert_eq!(blocks_of_silence(&mut player, at(50.0, moving())), 0);
-}
-
-/// A lattice and a direct form: while that is run up, the lattice has its share of the transition too, and goes on
-/// where the tool has left it.
-#[test]
-fn a_surface_sounds_alone_until_the_one_beside_it_is_run_up() {
-    let bytes = library(&[]);
-    for there in [95.0, 100.0, 105.0, 150.0] {
-        let scene = side_by_side(&[2, 4], 20.0);
-        let [mut crossing, mut staying] = [1, 1].map(|seed| player(&bytes, &scene, seed));
-        for _ in 0..10 {
-            let here = at(50.0, moving());
-            assert_eq!(block(&mut crossing, here), block(&mut staying, here));
-        }
-        let alone = (0..1000).take_while(|_| {
-            let (crossed, stayed) = (
-                block(&mut crossing, at(there, moving())),
-                block(&mut staying, at(50.0, moving())),
-            );
-            let alone = crossing.block().stages().len() == 1;
-            if alone {
-                assert_eq!(crossed, stayed, "at {there} mm");
-            }
-            alone
-        });
-        let cost = plan(&bytes, &side_by_side(&[4], 0.0)).worst_case();
-        let direct = run_up_blocks(&cost.terms()[1..]);
-        assert_eq!(alone.count(), direct, "at {there} mm");
-        // The fade from one to the other, or their shares.
-        assert_eq!(crossing.block().stages().len(), 2);
-    }
-}
-
-#[test]
-fn a_surface_that_sounds_for_one_that_is_run_up_ends_with_contact() {
-    let bytes = library(&[]);
-    let scene = side_by_side(&[2, 4], 20.0);
-    let mut player = player(&bytes, &scene, 1);
-    for position in [50.0, 150.0, 150.0] {
-        block(&mut player, at(position, moving()));
-    }
-    assert_eq!(player.block().stages().len(), 1);
-    block(&mut player, lifted());
-    assert_eq!(
-        player
-            .block()
-            .stages()
-            .iter()
-            .filter_map(Stage::voice)
-            .count(),
-        1,
-        "it fades"
-    );
-    assert_eq!(peak(&block(&mut player, lifted())), 0.0);
-    assert!(player.block().stages().is_empty());
 }

@@ -1,7 +1,7 @@
 //! Interpolation of θ with its fractions, against sums in wider integers.
 
 use model_format::limits::{MAX_FINE_STAGES, MAX_ORDER};
-use model_format::{CodeSpec, FINE_THETA_STEP_RAD, MAX_FINE_THETA, NodeFlags, NodeSpec, Structure};
+use model_format::{CodeSpec, FINE_THETA_STEP_RAD, MAX_FINE_THETA, NodeSpec};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use stylus_kernel::Levels;
@@ -18,12 +18,7 @@ fn node(thetas: &[i32]) -> NodeSpec {
 }
 
 fn node_of(codes: CodeSpec) -> NodeSpec {
-    NodeSpec {
-        output_power: 1.0,
-        prediction_error_power: 0.5,
-        flags: NodeFlags::NONE,
-        codes,
-    }
+    NodeSpec::new(1.0, codes)
 }
 
 /// Any θ that a library holds, its ends more often than by chance.
@@ -59,12 +54,7 @@ fn rotations(bytes: &[u8], speed: f32, force: f32) -> Vec<Rotation> {
 
 /// A texture of the lattices `nodes` at the corners of one cell, 40 to 80 mm/s and 0.5 to 1 N.
 fn square(nodes: Vec<NodeSpec>) -> Vec<u8> {
-    library(
-        Structure::NormalisedLattice,
-        &[40.0, 80.0],
-        &[0.5, 1.0],
-        nodes,
-    )
+    library(&[40.0, 80.0], &[0.5, 1.0], nodes)
 }
 
 fn longest(nodes: &[Vec<i32>]) -> usize {
@@ -74,7 +64,7 @@ fn longest(nodes: &[Vec<i32>]) -> usize {
 proptest! {
     #[test]
     fn a_node_is_played_with_all_digits_that_it_stores(thetas in thetas()) {
-        let bytes = single(Structure::NormalisedLattice, node(&thetas));
+        let bytes = single(node(&thetas));
         let expected: Vec<Rotation> = stored(&thetas).map(Rotation::from_theta).collect();
         prop_assert_eq!(rotations(&bytes, 100.0, 1.0), expected);
     }
@@ -129,7 +119,7 @@ proptest! {
         let bytes = square(nodes.iter().cloned().map(node_of).collect());
         let thetas: Vec<Vec<i32>> = nodes.iter().map(|codes| codes.thetas().collect()).collect();
         is_within_steps_of_the_mean(&bytes, &thetas, speed, force)?;
-        let single = single(Structure::NormalisedLattice, node_of(nodes[0].clone()));
+        let single = single(node_of(nodes[0].clone()));
         let expected: Vec<Rotation> = nodes[0].thetas().map(Rotation::from_theta).collect();
         prop_assert_eq!(rotations(&single, 100.0, 1.0), expected);
     }

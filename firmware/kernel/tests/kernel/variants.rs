@@ -1,6 +1,5 @@
 //! Structures that are compared and not shipped: their accuracy, and their shortcomings beside the shipped lattice.
 
-use model_format::Structure;
 use model_format::limits::MAX_ORDER;
 use proptest::prelude::*;
 use stylus_kernel::Motion;
@@ -8,11 +7,12 @@ use stylus_kernel::excitation::{Excitation, FRACTION_BITS};
 use stylus_kernel::grid::GridPoint;
 use stylus_kernel::level::Levels;
 use stylus_kernel::rotation::{Rotation, THETA_QUARTER_TURN};
+use stylus_kernel::variants::direct::{self, DirectFrame, DirectState};
 use stylus_kernel::variants::normalised16::{Lattice16Frame, Lattice16State, Rotation16};
 use stylus_kernel::variants::two_multiplier::{TwoMultiplierFrame, TwoMultiplierState};
 
 use crate::lattice::theta_code;
-use crate::models::{Model, fixtures, library, motion, rotation, single, texture};
+use crate::models::{Model, fixture, fixtures, library, motion, rotation, single, texture};
 use crate::reference::{Deviation, FloatLattice};
 
 const DEVIATION: f64 = (1u32 << FRACTION_BITS) as f64;
@@ -45,10 +45,7 @@ fn accuracy(rotations: &[Rotation], mut play: impl FnMut(i32) -> f64) -> (f64, f
 }
 
 fn two_multiplier(model: &Model) -> (f64, f64) {
-    let bytes = single(
-        Structure::NormalisedLattice,
-        model.node(Structure::NormalisedLattice, POWER),
-    );
+    let bytes = single(model.node(POWER));
     let texture = texture(&bytes);
     let point = GridPoint::locate(&texture, at_the_node());
     let mut frame = TwoMultiplierFrame::silent(texture.max_order());
@@ -62,10 +59,7 @@ fn two_multiplier(model: &Model) -> (f64, f64) {
 }
 
 fn normalised16(model: &Model) -> (f64, f64) {
-    let bytes = single(
-        Structure::NormalisedLattice,
-        model.node(Structure::NormalisedLattice, POWER),
-    );
+    let bytes = single(model.node(POWER));
     let texture = texture(&bytes);
     let point = GridPoint::locate(&texture, at_the_node());
     let mut frame = Lattice16Frame::silent(texture.max_order());
@@ -201,9 +195,8 @@ fn a_few_steps_are_left_in_the_16_bit_lattice_when_the_drive_stops() {
 #[test]
 fn switching_coefficients_can_make_the_two_multiplier_lattice_louder_without_input() {
     let (a, b) = (crate::models::fixture("H2a"), crate::models::fixture("H2b"));
-    let lattice = Structure::NormalisedLattice;
-    let nodes = vec![a.node(lattice, POWER), b.node(lattice, POWER)];
-    let bytes = library(lattice, &[100.0, 200.0], &[1.0], nodes);
+    let nodes = vec![a.node(POWER), b.node(POWER)];
+    let bytes = library(&[100.0, 200.0], &[1.0], nodes);
     let texture = texture(&bytes);
     let mut frame = TwoMultiplierFrame::silent(texture.max_order());
     let (mut state, mut noise) = (TwoMultiplierState::new(), Excitation::new(4));
@@ -223,4 +216,62 @@ fn switching_coefficients_can_make_the_two_multiplier_lattice_louder_without_inp
     }
     println!("largest share of full scale: {largest:?}");
     assert!(largest[1] > 0.5, "it has died away, {largest:?}: say so");
+}
+
+/// Exponent of codes that hold the predictors of all fixtures here.
+const EXPONENT: u32 = 8;
+
+fn codes(model: &Model) -> Vec<i32> {
+    let one = f64::from(1 << (direct::COEFFICIENT_FRACTION_BITS - EXPONENT));
+    let code = |h: &f64| (h * one).round() as i32;
+    model.predictor.iter().map(code).collect()
+}
+
+/// The direct form of a model, and float64's own recursion on the same excitation.
+#[test]
+fn a_direct_form_is_its_recursion_in_float64() {
+    for name in ["H1a", "H1b"] {
+        let (model, codes) = (fixture(name), codes(&fixture(name)));
+        let bytes = single(model.node(POWER));
+        let texture = texture(&bytes);
+        let mut frame = DirectFrame::silent(&texture, EXPONENT);
+        let point = GridPoint::locate(&texture, at_the_node());
+        frame.update(&texture, &point, [&codes; 4], Levels::SILENT, 1);
+        let (mut state, mut noise) = (DirectState::new(), Excitation::new(5));
+        let (mut history, mut deviation) = (Vec::<f64>::new(), Deviation::default());
+        for _ in 0..20_000 {
+            let excitation = noise.next_sample();
+            let (output, saturated) = state.next_sample(&frame, excitation, 0);
+            assert!(!saturated, "{name}");
+            let past = model.predictor.iter().zip(history.iter().rev());
+            let driven =
+                f64::from(excitation) / DEVIATION * (f64::from(POWER) * model.error).sqrt();
+            let exact = driven + past.map(|(h, y)| h * y).sum::<f64>();
+            history.push(exact);
+            deviation.add(exact, f64::from(output.metres_per_second_squared().0));
+        }
+        assert!(deviation.snr_db() > 70.0, "{name}: {}", deviation.snr_db());
+    }
+}
+
+/// The known shortcoming of the direct form: between these two stable models it is unstable, and saturates.
+#[test]
+fn the_mean_of_two_stable_predictors_runs_to_full_scale() {
+    let [low, high] = ["H1a", "H1b"].map(|name| codes(&fixture(name)));
+    let nodes = ["H1a", "H1b"].map(|name| fixture(name).node(POWER));
+    let bytes = library(&[100.0, 200.0], &[1.0], nodes.to_vec());
+    let texture = texture(&bytes);
+    let saturations = |speed: f32| {
+        let mut frame = DirectFrame::silent(&texture, EXPONENT);
+        let point = GridPoint::locate(&texture, motion(speed, 1.0));
+        let predictors = point
+            .nodes
+            .map(|(speed, _)| [&low, &high][speed].as_slice());
+        frame.update(&texture, &point, predictors, Levels::SILENT, 1);
+        let (mut state, mut noise) = (DirectState::new(), Excitation::new(5));
+        let samples = (0..40_000).map(|_| state.next_sample(&frame, noise.next_sample(), 0).1);
+        samples.filter(|&saturated| saturated).count()
+    };
+    assert_eq!([saturations(100.0), saturations(200.0)], [0, 0]);
+    assert!(saturations(150.0) > 100);
 }

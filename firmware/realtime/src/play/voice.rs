@@ -153,11 +153,10 @@ pub unsafe fn begin_block(index: BlockIndex) -> Ringing {
     // SAFETY: by the caller's contract both are the tick's.
     let (scene, block) = unsafe { (SCENE.get(), BLOCKS[index as usize].look()) };
     scene.begin_block(block, |voice| {
-        let (slot, buffer) = indices(voice);
-        // SAFETY: the block that is played names them.
-        let (playback, frame) = unsafe { (PLAYBACKS[slot].get(), FRAMES[slot][buffer].look()) };
-        if let (Some(playback), Some(frame)) = (playback, frame) {
-            playback.begin_frame::<CortexM>(frame, block.samples());
+        let (slot, _) = indices(voice);
+        // SAFETY: the block that is played names it.
+        if let Some(playback) = unsafe { PLAYBACKS[slot].get() } {
+            playback.begin_frame(block.samples());
         }
     });
     scene.ringing()
@@ -240,10 +239,5 @@ impl Voices for SharedVoices {
     fn playback(&mut self, slot: usize) -> &mut Option<Playback> {
         // SAFETY: as above.
         unsafe { PLAYBACKS[slot].get() }
-    }
-
-    fn voice(&mut self, slot: usize, buffer: usize) -> (&mut Option<Playback>, &mut Option<Frame>) {
-        // SAFETY: as above; they are two values.
-        unsafe { (PLAYBACKS[slot].get(), FRAMES[slot][buffer].get()) }
     }
 }

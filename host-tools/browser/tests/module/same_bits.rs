@@ -2,20 +2,17 @@
 
 use std::sync::LazyLock;
 
-use host_tools::texture::certificate::certified;
 use kernel_vectors::{DIGESTED, digest_library};
 use model_format::scene::{Region, Scene, SceneName, StickSlip, Surface, Tap};
-use model_format::{Library, OutputSample, TextureSpec, encode, encode_with_scenes};
+use model_format::{Library, OutputSample, encode, encode_with_scenes};
 use proptest::prelude::*;
 use stylus_browser::{BlockMotion, Selection, Session, Without};
 
 use crate::wasm::Wasm;
 
-/// The certified textures that every processor must play to the same bits, and a scene with all effects.
+/// The textures that every processor must play to the same bits, and a scene with all effects.
 static LIBRARY: LazyLock<Vec<u8>> = LazyLock::new(|| {
-    let specs = kernel_vectors::specs().into_iter();
-    let specs: Vec<TextureSpec> = specs.filter_map(|spec| certified(spec).ok()).collect();
-    encode_with_scenes(&specs, &[scene()]).expect("within the limits")
+    encode_with_scenes(&kernel_vectors::specs(), &[scene()]).expect("within the limits")
 });
 
 fn scene() -> Scene {

@@ -17,7 +17,6 @@ _Reduction = Literal["pca", "dft321", "x", "y", "z"]
 
 __all__ = [
     "SAMPLE_RATE_HZ",
-    "Certification",
     "Device",
     "Evaluation",
     "Fit",
@@ -34,7 +33,6 @@ __all__ = [
     "Texture",
     "TrialReport",
     "__version__",
-    "certify",
     "compile_scene",
     "devices",
     "evaluate",
@@ -160,7 +158,6 @@ def fit(
     *,
     order: int | Literal["auto", "bic"] = "auto",
     estimator: Literal["auto", "rectangular", "tapered", "multitaper"] = "auto",
-    structure: Literal["lattice", "direct", "direct16"] = "lattice",
     theta: Literal["auto", "fine", "compact"] = "auto",
     reduce: _Reduction = "pca",
     silence_floor_m_s2: float = 0.001,
@@ -201,8 +198,6 @@ class Library:
 class Texture:
     @property
     def name(self) -> str: ...
-    @property
-    def structure(self) -> str: ...
     @property
     def simulated(self) -> bool: ...
     @property
@@ -320,24 +315,6 @@ def evaluate(
     seed: int = 1,
     progress: _Progress | None = None,
 ) -> Evaluation: ...
-
-@final
-class Certification:
-    @property
-    def texture(self) -> str: ...
-    @property
-    def structure(self) -> str: ...
-    @property
-    def holds(self) -> bool: ...
-    @property
-    def stored(self) -> Literal["same", "different", "missing"]: ...
-    @property
-    def failures(self) -> list[str]: ...
-    def as_dict(self) -> dict[str, Any]: ...
-
-def certify(
-    library: _LibraryLike, *, texture: str | None = None, progress: _Progress | None = None
-) -> list[Certification]: ...
 
 @final
 class HattImport:

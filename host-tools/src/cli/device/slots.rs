@@ -116,17 +116,7 @@ fn text(slot: &SlotContent) -> String {
 
 fn textures(textures: &[TextureEntry]) -> String {
     let header = [
-        "texture",
-        "from",
-        "structure",
-        "Hz",
-        "grid",
-        "mm/s",
-        "N",
-        "order",
-        "silent",
-        "filled",
-        "doubtful",
+        "texture", "from", "Hz", "grid", "mm/s", "N", "order", "silent", "filled", "doubtful",
     ];
     let range = |[low, high]: [f32; 2]| {
         if low == high {
@@ -141,7 +131,6 @@ fn textures(textures: &[TextureEntry]) -> String {
             vec![
                 texture.name.clone(),
                 texture.provenance.clone(),
-                texture.structure.clone(),
                 texture.sample_rate_hz.to_string(),
                 format!("{} x {}", texture.speeds, texture.forces),
                 range(texture.speed_range_mm_s),

@@ -4,9 +4,8 @@ use std::path::{Path, PathBuf};
 
 use host_tools::link::budget::Budget;
 use host_tools::link::upload::upload_over;
-use host_tools::support::error::{Error, Result};
+use host_tools::support::error::Result;
 use host_tools::support::progress;
-use host_tools::texture::certificate;
 use model_format::link::{UploadState, UploadTimes};
 use serde::Serialize;
 
@@ -74,7 +73,6 @@ struct Times {
     program_s: f64,
     words: u32,
     check_s: f64,
-    proof_s: f64,
     wait_s: f64,
     total_s: f64,
 }
@@ -88,7 +86,6 @@ impl From<UploadTimes> for Times {
             program_s: seconds(times.program_us),
             words: times.words,
             check_s: seconds(times.check_us),
-            proof_s: seconds(times.proof_us),
             wait_s: seconds(times.wait_us),
             total_s: times.total_us() as f64 / 1e6,
         }
@@ -100,7 +97,7 @@ impl Times {
     fn in_words(&self, budget: &Budget) -> String {
         format!(
             "took {:.2} s by the stylus's clock: erasing {} sectors {:.2}, programming {} words {:.2}, checking {:.2}, \
-             proving {:.2}, waiting for the link {:.2}\n\
+             waiting for the link {:.2}\n\
              by data sheets at least {:.2} s: erasing {:.2}, programming {:.2}, the link {:.2}",
             self.total_s,
             self.sectors,
@@ -108,7 +105,6 @@ impl Times {
             self.words,
             self.program_s,
             self.check_s,
-            self.proof_s,
             self.wait_s,
             budget.least_s(),
             budget.erase_s,
@@ -140,20 +136,13 @@ fn abort(arguments: &Arguments) -> Result<()> {
             "the upload to slot {} is ended; {} of {} bytes had arrived",
             progress.slot, progress.next_offset, progress.upload.length
         ),
-        UploadState::Proving(proving) => format!(
-            "the proof of the direct forms in slot {} is ended at {:.1} %",
-            proving.slot,
-            f64::from(proving.permille) / 10.0
-        ),
     })
 }
 
 fn upload(arguments: &Arguments, path: &Path) -> Result<()> {
     let bytes = read_library(path)?;
     if !arguments.unchecked {
-        let library = decode_library(path, &bytes)?;
-        certificate::prove_as_device(&library)
-            .map_err(|refusal| Error::file(path, refusal.to_string()))?;
+        decode_library(path, &bytes)?;
     }
     let mut device = arguments.link.connect()?;
     if !arguments.unchecked {

@@ -10,7 +10,6 @@ use host_tools::fit::{ExcitationChoice, Fit, ModulationChoice, Order};
 use host_tools::recording::RecordingSet;
 use host_tools::support::error::Result;
 use host_tools::support::progress;
-use host_tools::texture::quantise::StructureChoice;
 
 /// Fits `set` with a progress bar, and encodes the library.
 pub fn fit_library(set: &RecordingSet, options: &fit::Options) -> Result<(Fit, Vec<u8>)> {
@@ -47,7 +46,6 @@ pub fn concessions(
 ) -> Result<Vec<Concession>> {
     let unbounded = fit::Options {
         order: budget::capped(order, model_format::limits::MAX_ORDER),
-        structure: StructureChoice::Lattice,
         // The models are compared, not what excites them.
         excitation: ExcitationChoice::Gaussian,
         modulation: ModulationChoice::None,

@@ -17,7 +17,6 @@ use host_tools::fit::{Estimator, ExcitationChoice, ModulationChoice, Order};
 use host_tools::recording::RecordingSet;
 use host_tools::recording::triage::{SILENCE_FLOOR_M_S2, Verdict};
 use host_tools::support::error::{Error, Result};
-use host_tools::texture::quantise::StructureChoice;
 use host_tools::texture::summary::TextureSummary;
 use host_tools::texture::theta::{self, ThetaChoice};
 use model_format::SAMPLE_RATE_HZ;
@@ -74,10 +73,7 @@ pub struct Arguments {
     /// Estimator of the autocorrelation
     #[arg(long, value_enum, default_value = "auto")]
     estimator: Estimator,
-    /// Filter structure that the stylus runs
-    #[arg(long, value_enum, default_value = "lattice")]
-    structure: StructureChoice,
-    /// Bytes of a lattice's θ: one per stage after the 32nd (compact), two (fine), or the fewest that keep every node's
+    /// Bytes of θ: one per stage after the 32nd (compact), two (fine), or the fewest that keep every node's
     /// spectrum
     #[arg(long, value_enum, default_value = "auto")]
     theta: ThetaChoice,
@@ -205,7 +201,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         core: arguments.core.into(),
     });
     let highest_order = match &budget {
-        Some(budget) => Some(budget.highest_order(arguments.structure)?),
+        Some(budget) => Some(budget.highest_order()?),
         None => None,
     };
     let options = fit::Options {
@@ -213,7 +209,6 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             budget::capped(arguments.order, highest)
         }),
         estimator: arguments.estimator,
-        structure: arguments.structure,
         theta: arguments.theta,
         reduction: arguments.reduce,
         silence_floor_m_s2: arguments.silence_floor,

@@ -36,7 +36,6 @@ pub fn texture_table(textures: &[TextureSummary]) -> String {
     let header = [
         "texture",
         "from",
-        "structure",
         "grid",
         "mm/s",
         "N",
@@ -58,7 +57,6 @@ pub fn texture_table(textures: &[TextureSummary]) -> String {
             vec![
                 texture.name.clone(),
                 texture.provenance.clone(),
-                texture.structure.clone(),
                 format!("{} x {}", texture.speeds_mm_s.len(), texture.forces_n.len()),
                 range(&texture.speeds_mm_s),
                 range(&texture.forces_n),

@@ -5,7 +5,6 @@ use std::sync::LazyLock;
 use serde::Serialize;
 pub use stylus_costs::Core;
 use stylus_costs::{Entry, SampleCost, UpdateCost};
-use stylus_kernel::direct::taps_at_the_cost_of;
 
 use crate::evaluation::frontier::FilterStructure;
 
@@ -62,14 +61,6 @@ impl Costs {
         if order > highest.order {
             return None;
         }
-        // A direct form sums in turns: what is between two measured orders may cost as much as the last tap of its
-        // turn. No dearer than the next measured order, whatever the turns.
-        let next = entries[entries.partition_point(|entry| entry.order < order)].order;
-        let order = if structure.is_direct() {
-            (taps_at_the_cost_of(order as usize) as u32).min(next)
-        } else {
-            order
-        };
         let after = entries.partition_point(|entry| entry.order < order);
         let to = entries[after];
         let from = if after == 0 {

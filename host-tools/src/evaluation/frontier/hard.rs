@@ -1,6 +1,7 @@
 //! The hard cases at an order: does a structure hold what the stylus promises of its lattice, and if not, how bad does
 //! it get.
 
+use model_format::Library;
 use serde::Serialize;
 
 use super::FilterStructure;
@@ -8,7 +9,8 @@ use super::players::player_of;
 use crate::evaluation::stress;
 use crate::evaluation::stress::Outcome;
 use crate::evaluation::stress::cases::Case;
-use crate::support::error::Result;
+use crate::evaluation::stress::models::library;
+use crate::support::error::{Error, Result};
 
 /// The end of a case, from good to bad.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -22,7 +24,7 @@ pub enum Verdict {
     Inaccurate,
     /// It was at full scale while driven as it is meant to be.
     Saturates,
-    /// `fit` would not make such a texture.
+    /// The structure cannot hold the models.
     Refused,
     /// It goes on loudly for ever when the drive stops.
     Latches,
@@ -72,25 +74,44 @@ pub fn of_order(case: &Case, order: usize) -> Case {
 /// A lattice that makes no library, which none does.
 pub fn play(case: &Case, structure: FilterStructure) -> Result<Verdict> {
     let mut case = case.clone();
-    // Its signals have other scales than a normalised lattice's, which change with the coefficients.
-    if structure == FilterStructure::TwoMultiplierLattice32 && !case.is_still() {
+    // Its signals have other scales than a normalised lattice's: of the two-multiplier lattice, scales that change with
+    // the coefficients.
+    if structure.is_direct()
+        || structure == FilterStructure::TwoMultiplierLattice32 && !case.is_still()
+    {
         case.with_reference = false;
     }
-    let mut outcome = stress::play_with(&case, structure.stored_as(), |texture| {
-        player_of(structure, texture)
-    })?;
+    if structure.is_direct() && !holds(&case, structure)? {
+        return Ok(Verdict::Refused);
+    }
+    let mut outcome = stress::play_with(&case, |texture| player_of(structure, texture))?;
     if !structure.is_shipped() {
-        outcome.structure = structure.to_string();
+        // A state that grows by a little is not worth a word.
+        for rest in [
+            &mut outcome.stopped,
+            &mut outcome.overdriven,
+            &mut outcome.glitched,
+        ] {
+            if rest.growth_db < 0.1 {
+                rest.growing = 0;
+            }
+        }
     }
     Ok(verdict(&outcome))
+}
+
+/// Returns whether a direct form can hold the models of `case`.
+fn holds(case: &Case, structure: FilterStructure) -> Result<bool> {
+    let bytes = library(&case.nodes())?;
+    let library = Library::decode(&bytes).map_err(|failure| Error::Model(failure.to_string()))?;
+    let mut textures = library.textures();
+    Ok(textures.all(|texture| structure.predictors(&texture).is_ok()))
 }
 
 fn verdict(outcome: &Outcome) -> Verdict {
     let rests = [outcome.stopped, outcome.overdriven, outcome.glitched];
     let endless = || rests.iter().filter(|rest| rest.silent_after.is_none());
-    if outcome.refused.is_some() {
-        Verdict::Refused
-    } else if endless().any(|rest| rest.left > LOUD) {
+    if endless().any(|rest| rest.left > LOUD) {
         Verdict::Latches
     } else if outcome.saturated > 0 {
         Verdict::Saturates

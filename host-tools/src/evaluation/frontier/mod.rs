@@ -18,6 +18,7 @@ mod material;
 pub mod moving;
 mod parts;
 mod players;
+mod predictors;
 mod prepared;
 mod results;
 mod run;

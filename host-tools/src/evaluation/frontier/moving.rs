@@ -15,7 +15,7 @@ use stylus_kernel::Motion;
 use stylus_kernel::excitation::{self, Excitation};
 use stylus_kernel::grid::{GridPoint, ONE};
 
-use super::structure::{FilterStructure, Voice};
+use super::structure::{FilterStructure, NotHeld, Voice};
 use crate::dsp::spectrum::{AMPLITUDE_JND_DB, BAND_COUNT, band_powers};
 use crate::texture::stored::rms_m_s2;
 use model_format::SAMPLE_RATE_HZ;
@@ -162,15 +162,18 @@ pub fn reference(texture: &Texture<'_>, seed: u64) -> Frames {
 
 /// Plays `texture` by `structure` along its rubbing, with an update every `interval` samples, and compares with
 /// `reference`.
+///
+/// # Errors
+/// A direct form cannot hold the texture.
 pub fn play(
     structure: FilterStructure,
     texture: Texture<'_>,
     reference: &Frames,
     interval: usize,
     seed: u64,
-) -> Moving {
+) -> Result<Moving, NotHeld> {
     let rub = Rub::over(&texture);
-    let mut voice = Voice::new(structure, texture, seed);
+    let mut voice = Voice::new(structure, texture, seed)?;
     let mut moving = Moving {
         samples: Rub::samples(),
         ..Moving::default()
@@ -200,7 +203,7 @@ pub fn play(
             }
         }
     }
-    moving
+    Ok(moving)
 }
 
 /// Levels of `signal` in bands, frame by frame; the first frames, in which filters start, are left out.
@@ -217,25 +220,26 @@ fn frames(signal: &[f64]) -> Frames {
 mod tests {
     use super::*;
     use crate::evaluation::stress::models::{library, resonance};
-    use crate::texture::quantise::StructureChoice;
     use model_format::Library;
 
     /// Four resonances, each at another frequency, so that the spectrum moves with the hand.
     fn moving_lines() -> Vec<u8> {
         let lines = [80.0, 120.0, 160.0, 240.0].map(|frequency_hz| resonance(0.98, frequency_hz));
         let nodes: Vec<_> = lines.iter().map(|line| (line, 4.0)).collect();
-        library(&nodes, StructureChoice::Lattice).unwrap()
+        library(&nodes).unwrap()
     }
 
     #[test]
     fn updates_at_every_sample_are_float64s_own_and_rarer_ones_are_farther_from_it() {
         let bytes = moving_lines();
-        let library = Library::decode_uncertified(&bytes).unwrap();
+        let library = Library::decode(&bytes).unwrap();
         let texture = library.textures().next().unwrap();
         let exact = reference(&texture, 3);
         let error = |interval| {
             let lattice = FilterStructure::NormalisedLattice32;
-            play(lattice, texture, &exact, interval, 3).band_error_db()
+            play(lattice, texture, &exact, interval, 3)
+                .unwrap()
+                .band_error_db()
         };
         let errors = [1, 10, 50, 250].map(error);
         println!("{errors:?}");
@@ -248,7 +252,7 @@ mod tests {
     #[test]
     fn a_rub_stays_on_the_grid_and_reaches_its_ends() {
         let bytes = moving_lines();
-        let library = Library::decode_uncertified(&bytes).unwrap();
+        let library = Library::decode(&bytes).unwrap();
         let texture = library.textures().next().unwrap();
         let rub = Rub::over(&texture);
         let mut most = [0u32; 4];

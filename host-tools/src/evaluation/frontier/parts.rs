@@ -20,9 +20,8 @@ use crate::playing::motion::MotionPath;
 use crate::playing::render::render;
 use crate::support::error::{Error, Result};
 use crate::texture::grid::Grid;
-use crate::texture::library::uncertified_library;
+use crate::texture::library::library_of;
 use crate::texture::parts::{Between, on_grid};
-use crate::texture::quantise::StructureChoice;
 
 use super::Options;
 use super::prepared::Prepared;
@@ -150,7 +149,7 @@ impl Prepared {
                     parts: parts.clone(),
                     ..grid.clone()
                 };
-                uncertified_library(&self.names[texture], &grid, StructureChoice::Lattice)
+                library_of(&self.names[texture], &grid)
             };
             let (with, without) = (bytes(parts)?, bytes(&PartsSpec::default())?);
             let (tick, update) = of_library(&with, |texture| {
@@ -206,7 +205,7 @@ impl Prepared {
             laws: grid.laws,
             parts: on_grid(parts, &[Between::at(*node)]),
         };
-        let bytes = uncertified_library(&self.names[*texture], &alone, StructureChoice::Lattice)?;
+        let bytes = library_of(&self.names[*texture], &alone)?;
         let rate_hz = f64::from(SAMPLE_RATE_HZ);
         let (synthesised, saturations) = of_library(&bytes, |texture| {
             let seconds = (recording.len() as f64 / rate_hz).max(options.synthesis_s) + WARM_UP_S;
@@ -235,8 +234,7 @@ impl Prepared {
 
 /// Calls `work` with the only texture of a library.
 fn of_library<T>(bytes: &[u8], work: impl FnOnce(Texture<'_>) -> Result<T>) -> Result<T> {
-    let library =
-        Library::decode_uncertified(bytes).map_err(|failure| Error::Model(failure.to_string()))?;
+    let library = Library::decode(bytes).map_err(|failure| Error::Model(failure.to_string()))?;
     work(library.textures().next().expect("one was encoded"))
 }
 

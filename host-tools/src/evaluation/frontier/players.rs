@@ -7,14 +7,17 @@ use stylus_kernel::excitation::Excitation;
 use stylus_kernel::grid::GridPoint;
 use stylus_kernel::lattice::LatticeFrame;
 use stylus_kernel::rotation::Rotation;
+use stylus_kernel::variants::direct::{DirectFrame, DirectState};
 use stylus_kernel::variants::normalised16::{Lattice16Frame, Lattice16State};
 use stylus_kernel::variants::two_multiplier::{self, TwoMultiplierFrame, TwoMultiplierState};
 
 use super::FilterStructure;
+use super::predictors::Predictors;
+use super::structure::NotHeld;
 use crate::evaluation::stress::player::{Player, any_at, energy, player};
 use crate::playing::wavefront::Wavefront;
 
-/// A player of `structure` for `texture`, which is stored as it asks for.
+/// A player of `structure` for `texture`, which a direct form must be able to hold.
 pub fn player_of(structure: FilterStructure, texture: &Texture<'_>) -> Box<dyn Player> {
     let stages = texture.max_order();
     match structure {
@@ -30,7 +33,14 @@ pub fn player_of(structure: FilterStructure, texture: &Texture<'_>) -> Box<dyn P
             state: Lattice16State::new(),
             stages,
         }),
-        _ => player(texture),
+        _ => match structure.predictors(texture) {
+            Ok(Some(predictors)) => Box::new(Direct {
+                frame: DirectFrame::silent(texture, predictors.exponent()),
+                state: DirectState::new(),
+                predictors,
+            }),
+            Ok(None) | Err(NotHeld) => player(texture),
+        },
     }
 }
 
@@ -40,6 +50,12 @@ struct TwoMultiplier {
     frame: TwoMultiplierFrame,
     state: TwoMultiplierState,
     stages: usize,
+}
+
+struct Direct {
+    frame: DirectFrame,
+    state: DirectState,
+    predictors: Predictors,
 }
 
 struct Lattice16 {
@@ -127,5 +143,39 @@ impl Player for Lattice16 {
         let from = self.exact.levels(0);
         self.exact.update::<Wavefront>(texture, point, from, 1);
         self.exact.rotations()
+    }
+}
+
+impl Player for Direct {
+    fn follow(&mut self, texture: &Texture<'_>, motion: Motion) {
+        let point = GridPoint::locate(texture, motion);
+        let (nodes, from) = (self.predictors.around(&point), self.frame.levels(0));
+        self.frame.update(texture, &point, nodes, from, 1);
+    }
+
+    fn sample(&mut self, excitation: i32) -> (OutputSample, bool) {
+        self.state.next_sample(&self.frame, excitation, 0)
+    }
+
+    fn newest(&self) -> i32 {
+        self.state.history()[0]
+    }
+
+    fn energy(&self) -> u128 {
+        energy(self.state.history().iter().copied())
+    }
+
+    fn is_at_full_scale(&self) -> bool {
+        any_at(self.state.history().iter().copied(), (i32::MIN, i32::MAX))
+    }
+
+    fn glitch(&mut self, noise: &mut Excitation) {
+        let ends = (i32::MIN, i32::MAX);
+        let history = std::array::from_fn::<_, MAX_ORDER, _>(|_| full_scale(noise, ends));
+        self.state = DirectState::from_history(&history);
+    }
+
+    fn settles(&self) -> bool {
+        false
     }
 }

@@ -4,10 +4,8 @@ use model_format::{Library, PartsSpec};
 use rayon::prelude::*;
 
 use crate::support::error::{Error, Result};
-use crate::texture::certificate;
 use crate::texture::grid::Grid;
-use crate::texture::library::uncertified_library;
-use crate::texture::quantise::StructureChoice;
+use crate::texture::library::library_of;
 
 use super::costs::{Core, Cost, Costs};
 use super::fronts::mark_fronts;
@@ -106,7 +104,7 @@ impl Prepared {
     fn references(&self, seed: u64, progress: &(impl Fn() + Sync)) -> Result<Vec<Vec<Frames>>> {
         let of = |fitted: &Fitted| {
             let frames = (0..self.names.len()).into_par_iter().map(|texture| {
-                let bytes = self.library(fitted, texture, StructureChoice::Lattice)?;
+                let bytes = self.library(fitted, texture)?;
                 let library = decoded(&bytes)?;
                 let texture = library.textures().next().expect("one was encoded");
                 let frames = moving::reference(&texture, seed);
@@ -142,20 +140,13 @@ impl Prepared {
                     // Structures are compared with an excitation of their own.
                     parts: PartsSpec::default(),
                 };
-                let played =
-                    match uncertified_library(&self.names[*texture], &alone, structure.stored_as())
-                    {
-                        Err(_) if structure.is_direct() => Ok(None),
-                        Err(failure) => Err(failure),
-                        Ok(bytes) => {
-                            let playing = Playing {
-                                smoothing_hz: options.smoothing_hz,
-                                synthesis_s: options.synthesis_s,
-                                seed: options.seed.wrapping_add(index as u64),
-                            };
-                            still::play(structure, &bytes, recording, &playing).map(Some)
-                        }
-                    };
+                let playing = Playing {
+                    smoothing_hz: options.smoothing_hz,
+                    synthesis_s: options.synthesis_s,
+                    seed: options.seed.wrapping_add(index as u64),
+                };
+                let played = library_of(&self.names[*texture], &alone)
+                    .and_then(|bytes| still::play(structure, &bytes, recording, &playing));
                 progress();
                 played
             });
@@ -180,25 +171,22 @@ impl Prepared {
         Ok(hard::summarise(&named))
     }
 
-    /// Each texture's library in a structure; none of a texture that `fit` refuses in it.
+    /// Each texture's library; none of a texture that `structure` cannot hold.
     fn libraries(&self, structure: FilterStructure, fitted: &Fitted) -> Vec<Option<Vec<u8>>> {
         let textures = (0..self.names.len()).into_par_iter();
         let libraries = textures.map(|texture| {
-            let bytes = self.library(fitted, texture, structure.stored_as()).ok()?;
-            let is_stable = |library: &Library<'_>| {
-                let mut reports = library
-                    .textures()
-                    .map(|texture| certificate::certify(&texture));
-                reports.all(|report| report.failures().is_empty())
-            };
-            let holds = decoded(&bytes).is_ok_and(|library| is_stable(&library));
+            let bytes = self.library(fitted, texture).ok()?;
+            let holds = decoded(&bytes).is_ok_and(|library| {
+                let mut textures = library.textures();
+                textures.all(|texture| structure.predictors(&texture).is_ok())
+            });
             holds.then_some(bytes)
         });
         libraries.collect()
     }
 
-    fn library(&self, fitted: &Fitted, texture: usize, stored: StructureChoice) -> Result<Vec<u8>> {
-        uncertified_library(&self.names[texture], &fitted.grids[texture], stored)
+    fn library(&self, fitted: &Fitted, texture: usize) -> Result<Vec<u8>> {
+        library_of(&self.names[texture], &fitted.grids[texture])
     }
 }
 
@@ -220,13 +208,7 @@ fn rubbed(
             Some(bytes) => decoded(bytes).map(|library| {
                 let played = library.textures().next().expect("one was encoded");
                 let reference = &references[texture];
-                Some(moving::play(
-                    filter.structure,
-                    played,
-                    reference,
-                    interval,
-                    seed,
-                ))
+                moving::play(filter.structure, played, reference, interval, seed).ok()
             }),
         };
         progress();
@@ -264,5 +246,5 @@ fn cycles(cost: &Cost, moved: Option<&Moving>, interval: usize) -> f64 {
 }
 
 fn decoded(bytes: &[u8]) -> Result<Library<'_>> {
-    Library::decode_uncertified(bytes).map_err(|failure| Error::Model(failure.to_string()))
+    Library::decode(bytes).map_err(|failure| Error::Model(failure.to_string()))
 }

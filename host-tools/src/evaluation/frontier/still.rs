@@ -1,7 +1,7 @@
 //! Accuracy at rest: each node is played at its own speed and force and compared with a recording that the fit has not
 //! seen, and with the same filter in float64.
 
-use model_format::{Coefficients, Library, MillimetresPerSecond, Newton, Texture};
+use model_format::{Library, MillimetresPerSecond, Newton, Texture};
 use serde::Serialize;
 use stylus_kernel::excitation::{self, Excitation};
 use stylus_kernel::{Motion, UPDATE_INTERVAL_SAMPLES};
@@ -11,9 +11,9 @@ use crate::dsp::spectrum;
 use crate::dsp::spectrum::AMPLITUDE_JND_DB;
 use crate::evaluation::evaluate::WARM_UP_S;
 use crate::evaluation::evaluate::rms;
-use crate::evaluation::stress::reference::{Deviation, FloatDirect, FloatLattice};
+use crate::evaluation::stress::reference::{Deviation, FloatLattice};
 use crate::support::error::{Error, Result};
-use crate::texture::stored::{predictor, reflection};
+use crate::texture::stored::reflection;
 use model_format::SAMPLE_RATE_HZ;
 
 /// Duration of the float64 reference after that, s.
@@ -30,7 +30,7 @@ pub struct Node {
     pub within: usize,
     /// Bands compared.
     pub bands: usize,
-    /// Signal to noise against float64 with the stored coefficients, dB.
+    /// Signal to noise against float64 with the stored θ, dB.
     pub snr_db: f64,
     /// Samples at full scale.
     pub saturations: u32,
@@ -68,7 +68,8 @@ pub struct Playing {
     pub seed: u64,
 }
 
-/// Plays the only node of the library `bytes` and compares it with `recording`, m/s².
+/// Plays the only node of the library `bytes` and compares it with `recording`, m/s². `None` if the structure cannot
+/// hold it.
 ///
 /// # Errors
 /// Bytes that are no library, which `encode` does not make.
@@ -77,14 +78,15 @@ pub fn play(
     bytes: &[u8],
     recording: &[f64],
     playing: &Playing,
-) -> Result<Node> {
-    let library =
-        Library::decode_uncertified(bytes).map_err(|failure| Error::Model(failure.to_string()))?;
+) -> Result<Option<Node>> {
+    let library = Library::decode(bytes).map_err(|failure| Error::Model(failure.to_string()))?;
     let texture = library.textures().next().expect("one was encoded");
     let rate_hz = f64::from(SAMPLE_RATE_HZ);
     let in_samples = |seconds: f64| (seconds * rate_hz) as usize;
     let warm_up = in_samples(WARM_UP_S);
-    let mut voice = Voice::new(structure, texture, playing.seed);
+    let Ok(mut voice) = Voice::new(structure, texture, playing.seed) else {
+        return Ok(None);
+    };
     let speed = MillimetresPerSecond(texture.speed_axis().value(0));
     let force = Newton(texture.force_axis().value(0));
     let motion = Motion::new(speed, force).map_err(|error| Error::Model(error.to_string()))?;
@@ -111,7 +113,7 @@ pub fn play(
     let within = errors
         .iter()
         .filter(|error| error.abs() <= AMPLITUDE_JND_DB);
-    Ok(Node {
+    Ok(Some(Node {
         cost: spectrum::spectral_cost(recording, played, rate_hz, playing.smoothing_hz)
             .filter(|_| rms(recording) > 0.0),
         band_square_db: squares / errors.len().max(1) as f64,
@@ -119,7 +121,7 @@ pub fn play(
         bands: errors.len(),
         snr_db: deviation.snr_db(),
         saturations: voice.saturations(),
-    })
+    }))
 }
 
 /// Sums up nodes; `None` is one that the structure cannot hold.
@@ -147,35 +149,21 @@ pub fn summarise(nodes: &[Option<Node>]) -> Still {
 
 /// A node's filter in float64, with its stored coefficients, and the same noise.
 struct Reference {
-    filter: FloatFilter,
+    filter: FloatLattice,
     /// m/s² for a standard deviation of the excitation.
     gain: f64,
     noise: Excitation,
 }
 
-enum FloatFilter {
-    Lattice(FloatLattice),
-    Direct(FloatDirect),
-}
-
 impl Reference {
     fn of(texture: &Texture<'_>, seed: u64) -> Self {
         let node = texture.node(0, 0);
-        let (filter, power) = match node.coefficients {
-            stored @ Coefficients::Lattice { .. } => {
-                let reflection = reflection(stored);
-                let mut lattice = FloatLattice::new(reflection.len());
-                lattice.reflect_by(&reflection);
-                (FloatFilter::Lattice(lattice), node.output_power)
-            }
-            direct => (
-                FloatFilter::Direct(FloatDirect::new(predictor(direct))),
-                node.prediction_error_power,
-            ),
-        };
+        let reflection = reflection(node.coefficients);
+        let mut filter = FloatLattice::new(reflection.len());
+        filter.reflect_by(&reflection);
         Self {
             filter,
-            gain: f64::from(power).sqrt(),
+            gain: f64::from(node.output_power).sqrt(),
             noise: Excitation::new(seed),
         }
     }
@@ -183,9 +171,6 @@ impl Reference {
     fn next_m_s2(&mut self) -> f64 {
         const DEVIATION: f64 = (1u64 << excitation::FRACTION_BITS) as f64;
         let driven = f64::from(self.noise.next_sample()) / DEVIATION * self.gain;
-        match &mut self.filter {
-            FloatFilter::Lattice(lattice) => lattice.filter(driven),
-            FloatFilter::Direct(direct) => direct.filter(driven),
-        }
+        self.filter.filter(driven)
     }
 }

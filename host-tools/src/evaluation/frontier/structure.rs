@@ -8,27 +8,28 @@ use stylus_costs::Structure;
 use stylus_kernel::excitation::Excitation;
 use stylus_kernel::grid::GridPoint;
 use stylus_kernel::rotation::Rotation;
+use stylus_kernel::variants::direct::{DirectFrame, DirectState};
 use stylus_kernel::variants::normalised16::{Lattice16Frame, Lattice16State, Rotation16};
 use stylus_kernel::variants::two_multiplier::{TwoMultiplierFrame, TwoMultiplierState};
 use stylus_kernel::{Motion, Synthesis};
 
+use super::predictors::Predictors;
 use crate::playing::wavefront::Wavefront;
-use crate::texture::quantise::StructureChoice;
 use crate::texture::theta::{StoredTheta, bytes_per_node};
 
 /// A structure and its word length, in the order of reports; the table of costs names it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(into = "Structure", from = "Structure")]
 pub enum FilterStructure {
-    /// Direct form, stored in 16 bits and played in 32.
+    /// Direct form with coefficients of 16 bits, played in 32; not shipped.
     DirectForm16,
-    /// Direct form in 32 bits.
+    /// Direct form in 32 bits; not shipped.
     DirectForm32,
     /// Two-multiplier lattice in 32 bits; not shipped.
     TwoMultiplierLattice32,
     /// Normalised lattice in 16 bits; not shipped.
     NormalisedLattice16,
-    /// Normalised lattice in 32 bits, the stylus's default.
+    /// Normalised lattice in 32 bits, the stylus's own.
     NormalisedLattice32,
 }
 
@@ -62,16 +63,6 @@ impl From<Structure> for FilterStructure {
     }
 }
 
-impl From<StructureChoice> for FilterStructure {
-    fn from(choice: StructureChoice) -> Self {
-        match choice {
-            StructureChoice::Lattice => Self::NormalisedLattice32,
-            StructureChoice::Direct => Self::DirectForm32,
-            StructureChoice::Direct16 => Self::DirectForm16,
-        }
-    }
-}
-
 impl FilterStructure {
     /// All of them.
     pub const ALL: [Self; 5] = [
@@ -89,29 +80,36 @@ impl FilterStructure {
 
     /// Returns whether the stylus plays it.
     pub fn is_shipped(self) -> bool {
-        !matches!(
-            self,
-            Self::TwoMultiplierLattice32 | Self::NormalisedLattice16
-        )
+        self == Self::NormalisedLattice32
     }
 
-    /// Returns the structure that its textures are stored in; all lattices share one.
-    pub fn stored_as(self) -> StructureChoice {
-        match self {
-            Self::DirectForm16 => StructureChoice::Direct16,
-            Self::DirectForm32 => StructureChoice::Direct,
-            _ => StructureChoice::Lattice,
-        }
+    /// The predictors that it plays `texture` by; none of a lattice.
+    ///
+    /// # Errors
+    /// A direct form cannot hold the texture.
+    pub fn predictors(self, texture: &Texture<'_>) -> Result<Option<Predictors>, NotHeld> {
+        let bits = match self {
+            Self::DirectForm16 => 16,
+            Self::DirectForm32 => 32,
+            _ => return Ok(None),
+        };
+        Predictors::of(texture, bits).map(Some).ok_or(NotHeld)
     }
 
-    /// Bytes of flash that a node's coefficients take in a library, in the smallest form that `fit` stores.
+    /// Bytes of flash that a node's coefficients take: of a lattice in the smallest form that `fit` stores, of a direct
+    /// form in its own words.
     pub fn library_bytes_per_node(self, order: usize) -> usize {
+        match self {
+            Self::DirectForm16 => return order * size_of::<i16>(),
+            Self::DirectForm32 => return order * size_of::<i32>(),
+            _ => {}
+        }
         let theta = if order > limits::MAX_FINE_STAGES {
             StoredTheta::Compact
         } else {
             StoredTheta::Fine
         };
-        bytes_per_node(self.stored_as().structure(), theta, order, order)
+        bytes_per_node(theta, order, order)
     }
 
     /// Bytes of RAM for the coefficients of two frames, one played and one in the making, and for the state.
@@ -137,7 +135,13 @@ pub enum Voice<'a> {
     TwoMultiplier(Box<Variant<'a, TwoMultiplierFrame, TwoMultiplierState>>),
     /// A variant.
     Lattice16(Box<Variant<'a, Lattice16Frame, Lattice16State>>),
+    /// A variant, with its predictors.
+    Direct(Box<Variant<'a, DirectFrame, DirectState>>, Predictors),
 }
+
+/// A texture that a direct form cannot hold.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct NotHeld;
 
 /// A variant that is being played.
 pub struct Variant<'a, F, S> {
@@ -180,10 +184,22 @@ impl<F, S> Variant<'_, F, S> {
 }
 
 impl<'a> Voice<'a> {
-    /// `texture`, stored as `structure` asks for, at rest.
-    pub fn new(structure: FilterStructure, texture: Texture<'a>, seed: u64) -> Self {
+    /// `texture` by `structure`, at rest.
+    ///
+    /// # Errors
+    /// A direct form cannot hold the texture.
+    pub fn new(
+        structure: FilterStructure,
+        texture: Texture<'a>,
+        seed: u64,
+    ) -> Result<Self, NotHeld> {
         let stages = texture.max_order();
-        match structure {
+        if let Some(predictors) = structure.predictors(&texture)? {
+            let frame = DirectFrame::silent(&texture, predictors.exponent());
+            let variant = Variant::new(texture, seed, frame);
+            return Ok(Self::Direct(Box::new(variant), predictors));
+        }
+        Ok(match structure {
             FilterStructure::TwoMultiplierLattice32 => {
                 let frame = TwoMultiplierFrame::silent(stages);
                 Self::TwoMultiplier(Box::new(Variant::new(texture, seed, frame)))
@@ -193,7 +209,7 @@ impl<'a> Voice<'a> {
                 Self::Lattice16(Box::new(Variant::new(texture, seed, frame)))
             }
             _ => Self::Shipped(Box::new(Synthesis::from_rest(texture, seed))),
-        }
+        })
     }
 
     /// Takes over a motion; the level goes there in `samples` samples.
@@ -222,6 +238,18 @@ impl<'a> Voice<'a> {
                 frame.update(texture, &point, frame.levels(*left), samples);
                 *left = samples;
             }
+            Self::Direct(variant, predictors) => {
+                let Variant {
+                    texture,
+                    frame,
+                    left,
+                    ..
+                } = variant.as_mut();
+                let point = GridPoint::locate(texture, motion);
+                let (nodes, from) = (predictors.around(&point), frame.levels(*left));
+                frame.update(texture, &point, nodes, from, samples);
+                *left = samples;
+            }
         }
     }
 
@@ -234,6 +262,7 @@ impl<'a> Voice<'a> {
                 variant.fill(&mut block, TwoMultiplierState::next_sample);
             }
             Self::Lattice16(variant) => variant.fill(&mut block, Lattice16State::next_sample),
+            Self::Direct(variant, _) => variant.fill(&mut block, DirectState::next_sample),
         }
         let unit = f64::from(1u32 << OutputSample::FRACTION_BITS);
         signal.extend(block.into_iter().map(|sample| f64::from(sample.0) / unit));
@@ -245,6 +274,7 @@ impl<'a> Voice<'a> {
             Self::Shipped(synthesis) => synthesis.saturations(),
             Self::TwoMultiplier(variant) => variant.saturations,
             Self::Lattice16(variant) => variant.saturations,
+            Self::Direct(variant, _) => variant.saturations,
         }
     }
 }
@@ -255,16 +285,16 @@ mod tests {
     use crate::evaluation::stress::models::{fixtures, library};
     use model_format::{Library, MillimetresPerSecond, Newton};
 
-    /// The same θ, the same noise, the same level: only the arithmetic differs.
+    /// The same models and the same noise.
     #[test]
-    fn all_lattices_play_the_same_to_within_their_words() {
+    fn all_structures_play_the_same_to_within_their_words() {
         let models = fixtures();
         let nodes: Vec<_> = [0, 1, 3, 0].map(|index| (&models[index], 4.0)).to_vec();
-        let bytes = library(&nodes, StructureChoice::Lattice).unwrap();
-        let library = Library::decode_uncertified(&bytes).unwrap();
+        let bytes = library(&nodes).unwrap();
+        let library = Library::decode(&bytes).unwrap();
         let texture = library.textures().next().unwrap();
         let play = |structure| {
-            let mut voice = Voice::new(structure, texture, 7);
+            let mut voice = Voice::new(structure, texture, 7).unwrap();
             let mut signal = Vec::new();
             for n in (0..5000u16).step_by(10) {
                 let speed = MillimetresPerSecond(150.0 + f32::from(n) / 100.0);

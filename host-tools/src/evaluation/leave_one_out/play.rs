@@ -14,8 +14,7 @@ use crate::evaluation::scoring_range::ScoringRange;
 use crate::playing::motion::MotionPath;
 use crate::playing::render::render;
 use crate::texture::grid::Grid;
-use crate::texture::library::uncertified_library;
-use crate::texture::quantise::StructureChoice;
+use crate::texture::library::library_of;
 use model_format::SAMPLE_RATE_HZ;
 
 /// The place of the one node of a library made for a test; any in contact and in motion.
@@ -52,17 +51,12 @@ pub struct Voice {
 }
 
 impl Voice {
-    /// Plays `model` in `structure` by the device's kernel. `None` if the structure cannot hold the model.
+    /// Plays `model` by the device's kernel. `None` if it is too loud.
     ///
     /// # Errors
     /// A duration that the renderer refuses.
-    pub fn of(
-        model: Model,
-        structure: StructureChoice,
-        options: &Options,
-        seed: u64,
-    ) -> Result<Option<Self>> {
-        let synthesised = synthesis(&model, structure, options.synthesis_s, seed)?;
+    pub fn of(model: Model, options: &Options, seed: u64) -> Result<Option<Self>> {
+        let synthesised = synthesis(&model, options.synthesis_s, seed)?;
         Ok(synthesised.map(|synthesised| Self { model, synthesised }))
     }
 
@@ -74,16 +68,11 @@ impl Voice {
     }
 }
 
-/// `seconds` of `model` as the device plays it, m/s², after a warm-up; `None` if the structure cannot hold it.
+/// `seconds` of `model` as the device plays it, m/s², after a warm-up; `None` if it is too loud.
 ///
 /// # Errors
 /// A duration that the renderer refuses.
-pub fn synthesis(
-    model: &Model,
-    structure: StructureChoice,
-    seconds: f64,
-    seed: u64,
-) -> Result<Option<Vec<f64>>> {
+pub fn synthesis(model: &Model, seconds: f64, seed: u64) -> Result<Option<Vec<f64>>> {
     const NAME: &str = "removed node";
     let grid = Grid {
         speeds_mm_s: vec![PLACE.0],
@@ -93,11 +82,10 @@ pub fn synthesis(
         laws: Laws::default(),
         parts: PartsSpec::default(),
     };
-    let Ok(bytes) = uncertified_library(NAME, &grid, structure) else {
+    let Ok(bytes) = library_of(NAME, &grid) else {
         return Ok(None);
     };
-    let library =
-        Library::decode_uncertified(&bytes).map_err(|failure| Error::Model(failure.to_string()))?;
+    let library = Library::decode(&bytes).map_err(|failure| Error::Model(failure.to_string()))?;
     let texture = library.textures().next().expect("one was encoded");
     let motion = MotionPath::constant(MillimetresPerSecond(PLACE.0), Newton(PLACE.1))?;
     let mut samples = render(texture, &motion, seconds + WARM_UP_S, seed)?.accelerations_m_s2();

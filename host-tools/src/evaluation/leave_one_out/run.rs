@@ -7,7 +7,6 @@ use crate::dsp::model::Model;
 use crate::fit::Order;
 use crate::support::error::{Error, Result};
 use crate::texture::domain::{Domain, Level, Method, Neighbour};
-use crate::texture::quantise::StructureChoice;
 
 use super::Options;
 use super::play::{self, Judged, Voice};
@@ -146,18 +145,17 @@ impl<'p, 's> Removal<'p, 's> {
         &self.prepared.textures[self.target.texture]
     }
 
-    /// The model that is played for a timbre, and its structure.
-    fn model(&self, timbre: Timbre) -> (Option<Model>, StructureChoice) {
+    /// The model that is played for a timbre.
+    fn model(&self, timbre: Timbre) -> Option<Model> {
         let (texture, place) = (self.texture(), self.target.place);
         match timbre {
-            Timbre::Own => (Some(texture.model(place).clone()), StructureChoice::Lattice),
-            Timbre::Densified => (texture.densified(place), StructureChoice::Lattice),
-            Timbre::Denser => (texture.in_denser_grid(place), StructureChoice::Lattice),
+            Timbre::Own => Some(texture.model(place).clone()),
+            Timbre::Densified => texture.densified(place),
+            Timbre::Denser => texture.in_denser_grid(place),
             Timbre::Interpolated(domain) => {
                 let level = Level::Power;
                 let speed_mm_s = self.prepared.set.trials[self.target.trial].speed_mm_s;
-                let model = Method { domain, level }.predict(&self.neighbours, speed_mm_s);
-                (model, domain.structure())
+                Method { domain, level }.predict(&self.neighbours, speed_mm_s)
             }
         }
     }
@@ -174,8 +172,8 @@ impl<'p, 's> Removal<'p, 's> {
         let at = known.unwrap_or(self.voices.len());
         if known.is_none() {
             let seed = self.options.seed.wrapping_add(self.target.trial as u64);
-            let (model, structure) = self.model(timbre);
-            let voice = model.map(|model| Voice::of(model, structure, self.options, seed));
+            let model = self.model(timbre);
+            let voice = model.map(|model| Voice::of(model, self.options, seed));
             self.voices.push((timbre, voice.transpose()?.flatten()));
         }
         Ok(self.voices[at].1.as_ref().map(|voice| {

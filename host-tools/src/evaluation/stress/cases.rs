@@ -7,7 +7,7 @@ use stylus_kernel::Motion;
 
 use super::models::{FORCES_N, NamedModel, SPEEDS_MM_S, falling, fixtures, resonance, resonances};
 
-/// The power at which a direct form's history, too, has an RMS of an eighth of full scale.
+/// The highest power, at which the output has an RMS of an eighth of full scale.
 pub const LOUDEST: f64 = MAX_OUTPUT_POWER as f64;
 
 /// A case.
@@ -23,8 +23,6 @@ pub struct Case {
     pub samples: usize,
     /// True if a float64 filter is compared.
     pub with_reference: bool,
-    /// True if the direct forms are left out.
-    pub lattice_only: bool,
 }
 
 /// A motion over a grid.
@@ -88,7 +86,6 @@ impl Case {
             path: Path::Still(SPEEDS_MM_S[0], FORCES_N[0]),
             samples,
             with_reference: true,
-            lattice_only: false,
         }
     }
 
@@ -109,11 +106,11 @@ impl Case {
         radii.fold(0.0, f64::max)
     }
 
-    /// Samples to wait for silence: many for lines that ring for long. Direct forms that move do not come to
-    /// silence by waiting.
-    pub fn rest_limit(&self, lattice: bool) -> usize {
+    /// Samples to wait for silence: many for lines that ring for long. A filter that does not `settle` while it moves
+    /// does not come to silence by waiting.
+    pub fn rest_limit(&self, settles: bool) -> usize {
         let narrow = self.pole_radius() > 0.999;
-        match (narrow, lattice || self.is_still()) {
+        match (narrow, settles || self.is_still()) {
             (true, true) => 3_000_000,
             (true, false) => 100_000,
             (false, _) => 60_000,
@@ -187,7 +184,6 @@ pub fn suite(length: Length) -> Vec<Case> {
         path: Path::Still(SPEEDS_MM_S[1], FORCES_N[1]),
         samples: alone,
         with_reference: true,
-        lattice_only: false,
     });
     for (name, models) in grids() {
         for (motion, path) in paths(length) {
@@ -197,7 +193,6 @@ pub fn suite(length: Length) -> Vec<Case> {
                 path,
                 samples: moving,
                 with_reference: true,
-                lattice_only: false,
             });
         }
     }
@@ -238,7 +233,6 @@ fn marathon() -> Vec<Case> {
             },
             samples: 100_000_000 / PARTS,
             with_reference: false,
-            lattice_only: true,
         }
     };
     (0..PARTS).map(part).collect()

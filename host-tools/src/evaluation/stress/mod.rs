@@ -1,5 +1,5 @@
 //! Hard cases: models, grids, motions and states that break filters, played by the device's kernel, with what it
-//! promises of a normalised lattice checked and the direct form's behaviour beside.
+//! promises of a normalised lattice checked.
 //!
 //! Each case is driven with noise, at the level that the kernel always has, an RMS of an eighth of full scale, along
 //! its motion; then the drive stops, and the motion goes on until there is silence. Then it is driven with 8/3 of that,

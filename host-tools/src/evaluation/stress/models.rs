@@ -10,8 +10,7 @@ use crate::dsp::model::Model;
 use crate::dsp::with_planner;
 use crate::support::error::Result;
 use crate::texture::grid::Grid;
-use crate::texture::library::uncertified_library;
-use crate::texture::quantise::StructureChoice;
+use crate::texture::library::library_of;
 use model_format::SAMPLE_RATE_HZ;
 
 const RATE_HZ: f64 = SAMPLE_RATE_HZ as f64;
@@ -115,8 +114,8 @@ pub const FORCES_N: [f32; 2] = [0.5, 1.0];
 /// A library of one texture: of one node, or of four, speed-major, with their output powers, (m/s²)².
 ///
 /// # Errors
-/// A model that the structure cannot hold, in the words of `fit`.
-pub fn library(nodes: &[(&NamedModel, f64)], structure: StructureChoice) -> Result<Vec<u8>> {
+/// A model that a library cannot hold, in the words of `fit`.
+pub fn library(nodes: &[(&NamedModel, f64)]) -> Result<Vec<u8>> {
     let side = if nodes.len() == 1 { 1 } else { 2 };
     let model = |(model, power): &(&NamedModel, f64)| Model {
         reflection: model.reflection.clone(),
@@ -130,6 +129,5 @@ pub fn library(nodes: &[(&NamedModel, f64)], structure: StructureChoice) -> Resu
         laws: Laws::default(),
         parts: PartsSpec::default(),
     };
-    // Without a certificate, because the behaviour of an uncertified direct form is one of the results.
-    uncertified_library("hard", &grid, structure)
+    library_of("hard", &grid)
 }

@@ -1,25 +1,20 @@
 //! The outcome of a hard case, and what of it breaks a promise.
 
-use model_format::Structure;
 use serde::Serialize;
 
 use super::limits::{
     LEVEL_DB, MEAN_STANDARD_ERRORS, SNR_DB, SPECTRUM_DB, snr_limit_db, spectrum_limit_db,
 };
 
-/// The outcome of a case in a structure.
+/// The outcome of a case.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Outcome {
     /// Models and motion.
     pub case: String,
-    /// The structure, as the format calls it.
-    pub structure: String,
     /// Largest pole radius of the models.
     pub pole_radius: f64,
     /// Number of driven samples.
     pub samples: usize,
-    /// The reason for which `fit` refuses such a texture, if it does; then nothing was played.
-    pub refused: Option<String>,
     /// Samples in which any signal of the state was at full scale while driven.
     pub saturated: usize,
     /// Level over the model's, dB, where it is known.
@@ -59,10 +54,7 @@ pub struct Rest {
 impl Outcome {
     /// Returns the promises of a lattice that this breaks, each in a few words.
     pub fn broken(&self) -> Vec<String> {
-        if let Some(refusal) = &self.refused {
-            return vec![format!("refused: {refusal}")];
-        }
-        let (mut broken, lattice) = (Vec::new(), self.is_lattice());
+        let mut broken = Vec::new();
         let mut unless = |holds: bool, what: String| {
             if !holds {
                 broken.push(what);
@@ -89,8 +81,7 @@ impl Outcome {
             (self.glitched, "glitch"),
         ] {
             unless(
-                // A direct form's state may well grow by a little; that is not worth a word.
-                rest.growing == 0 || !lattice && rest.growth_db < 0.1,
+                rest.growing == 0,
                 format!("grows {:.1} dB after {after}", rest.growth_db),
             );
             unless(
@@ -112,10 +103,5 @@ impl Outcome {
     /// Returns whether SNR and spectrum have the weaker limits of narrow lines.
     pub fn is_narrow(&self) -> bool {
         snr_limit_db(self.pole_radius) < SNR_DB || spectrum_limit_db(self.pole_radius) > SPECTRUM_DB
-    }
-
-    /// Returns whether it is the structure that gives these promises.
-    pub fn is_lattice(&self) -> bool {
-        self.structure == Structure::NormalisedLattice.to_string()
     }
 }

@@ -1,10 +1,8 @@
 //! The kernel's filters with their state laid open: the very frames and states that [`stylus_kernel::Synthesis`] plays,
 //! fed with an excitation from outside.
 
-use model_format::limits::MAX_ORDER;
-use model_format::{OutputSample, Structure, Texture};
+use model_format::{OutputSample, Texture};
 use stylus_kernel::Motion;
-use stylus_kernel::direct::{DirectFrame, DirectState};
 use stylus_kernel::excitation::Excitation;
 use stylus_kernel::grid::GridPoint;
 use stylus_kernel::lattice::{LatticeFrame, LatticeState};
@@ -26,6 +24,10 @@ pub trait Player {
     fn is_at_full_scale(&self) -> bool;
     /// Puts full scale into every signal of the state, of either sign by chance.
     fn glitch(&mut self, noise: &mut Excitation);
+    /// Returns whether it falls silent without an excitation, also while it moves.
+    fn settles(&self) -> bool {
+        true
+    }
     /// The rotations of a lattice at `point`, the motion that it took over last. A variant computes them here, because
     /// it plays others itself.
     fn rotations(&mut self, _texture: &Texture<'_>, _point: &GridPoint) -> &[Rotation] {
@@ -35,14 +37,11 @@ pub trait Player {
 
 /// A player for `texture`, at rest.
 pub fn player(texture: &Texture<'_>) -> Box<dyn Player> {
-    match texture.structure() {
-        Structure::NormalisedLattice => Box::new(Lattice {
-            frame: LatticeFrame::silent(texture.max_order()),
-            state: LatticeState::new(),
-            stages: texture.max_order(),
-        }),
-        Structure::DirectForm16 | Structure::DirectForm32 => Box::new(Direct::new(texture)),
-    }
+    Box::new(Lattice {
+        frame: LatticeFrame::silent(texture.max_order()),
+        state: LatticeState::new(),
+        stages: texture.max_order(),
+    })
 }
 
 struct Lattice {
@@ -105,7 +104,8 @@ impl Player for Lattice {
     }
 }
 
-fn full_scale(noise: &mut Excitation) -> i32 {
+/// Full scale of either sign, by chance.
+pub fn full_scale(noise: &mut Excitation) -> i32 {
     if noise.next_sample() < 0 {
         i32::MIN
     } else {
@@ -113,56 +113,10 @@ fn full_scale(noise: &mut Excitation) -> i32 {
     }
 }
 
-struct Direct {
-    frame: DirectFrame,
-    state: DirectState,
-}
-
-impl Direct {
-    fn new(texture: &Texture<'_>) -> Self {
-        Self {
-            frame: DirectFrame::silent(texture),
-            state: DirectState::new(),
-        }
-    }
-}
-
-impl Player for Direct {
-    fn follow(&mut self, texture: &Texture<'_>, motion: Motion) {
-        let point = GridPoint::locate(texture, motion);
-        let from = self.frame.levels(0);
-        self.frame.update::<Wavefront>(texture, &point, from, 1);
-        self.state.begin::<Wavefront>(&self.frame);
-    }
-
-    fn sample(&mut self, excitation: i32) -> (OutputSample, bool) {
-        self.state
-            .next_sample::<Wavefront>(&self.frame, excitation, 0)
-    }
-
-    fn newest(&self) -> i32 {
-        self.state.history()[0]
-    }
-
-    fn energy(&self) -> u128 {
-        energy(self.state.history().iter().copied())
-    }
-
-    fn is_at_full_scale(&self) -> bool {
-        any_at(self.state.history().iter().copied(), ENDS)
-    }
-
-    fn glitch(&mut self, noise: &mut Excitation) {
-        let history: [i32; MAX_ORDER] = std::array::from_fn(|_| full_scale(noise));
-        self.state = DirectState::from_history::<Wavefront>(&history, &self.frame);
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::evaluation::stress::models::{fixtures, library};
-    use crate::texture::quantise::StructureChoice;
     use model_format::{Library, MillimetresPerSecond, Newton};
     use proptest::prelude::*;
     use stylus_kernel::Synthesis;
@@ -172,24 +126,18 @@ mod tests {
     fn a_player_and_a_synthesis_play_the_same() {
         let models = fixtures();
         let nodes: Vec<_> = [0, 1, 3, 0].map(|index| (&models[index], 4.0)).to_vec();
-        for structure in [
-            StructureChoice::Lattice,
-            StructureChoice::Direct,
-            StructureChoice::Direct16,
-        ] {
-            let bytes = library(&nodes, structure).unwrap();
-            let library = Library::decode_uncertified(&bytes).unwrap();
-            let texture = library.textures().next().unwrap();
-            let mut synthesis: Synthesis<'_> = Synthesis::from_rest(texture, 5);
-            let (mut player, mut noise) = (player(&texture), Excitation::new(5));
-            for n in 0..2000u16 {
-                let speed = MillimetresPerSecond(f32::from(n % 97) * 3.0);
-                let motion = Motion::new(speed, Newton(f32::from(n % 31) / 25.0)).unwrap();
-                synthesis.follow(motion, 1);
-                player.follow(&texture, motion);
-                let played = player.sample(noise.next_sample()).0;
-                assert_eq!(played, synthesis.next_sample(), "{structure:?}, sample {n}");
-            }
+        let bytes = library(&nodes).unwrap();
+        let library = Library::decode(&bytes).unwrap();
+        let texture = library.textures().next().unwrap();
+        let mut synthesis: Synthesis<'_> = Synthesis::from_rest(texture, 5);
+        let (mut player, mut noise) = (player(&texture), Excitation::new(5));
+        for n in 0..2000u16 {
+            let speed = MillimetresPerSecond(f32::from(n % 97) * 3.0);
+            let motion = Motion::new(speed, Newton(f32::from(n % 31) / 25.0)).unwrap();
+            synthesis.follow(motion, 1);
+            player.follow(&texture, motion);
+            let played = player.sample(noise.next_sample()).0;
+            assert_eq!(played, synthesis.next_sample(), "sample {n}");
         }
     }
 

@@ -46,37 +46,6 @@ impl FloatLattice {
     }
 }
 
-/// A direct form in float64: y(n) = e(n) + Σ h(i) y(n-i).
-pub struct FloatDirect {
-    predictor: Vec<f64>,
-    /// Newest first, written twice so that it never wraps.
-    history: Vec<f64>,
-    newest: usize,
-}
-
-impl FloatDirect {
-    /// A filter at rest.
-    pub fn new(predictor: Vec<f64>) -> Self {
-        Self {
-            history: vec![0.0; 2 * predictor.len().max(1)],
-            newest: 0,
-            predictor,
-        }
-    }
-
-    /// The next sample.
-    pub fn filter(&mut self, excitation: f64) -> f64 {
-        let window = self.history[self.newest..].iter();
-        let prediction: f64 = self.predictor.iter().zip(window).map(|(h, y)| h * y).sum();
-        let output = excitation + prediction;
-        let length = self.history.len() / 2;
-        self.newest = (self.newest + length - 1) % length;
-        self.history[self.newest] = output;
-        self.history[self.newest + length] = output;
-        output
-    }
-}
-
 /// The difference of a signal from its reference.
 #[derive(Default)]
 pub struct Deviation {
@@ -166,19 +135,5 @@ mod tests {
         // The standard error is 1/253.
         assert!(errors(0.0) < 4.0);
         assert!((6.0..14.0).contains(&errors(0.04)), "{}", errors(0.04));
-    }
-
-    #[test]
-    fn both_filters_are_the_same_for_the_same_model() {
-        let reflection = [-0.8, 0.5, 0.1];
-        let mut lattice = FloatLattice::new(3);
-        lattice.reflect_by(&reflection);
-        let h = crate::dsp::linear_prediction::step_up(&reflection);
-        let mut direct = FloatDirect::new(h.iter().map(|a| -a).collect());
-        let gain = crate::dsp::linear_prediction::error_share(&reflection).sqrt();
-        for n in 0..100 {
-            let e = f64::from(n * n % 17) - 8.0;
-            assert!((lattice.filter(e) - direct.filter(gain * e)).abs() < 1e-12);
-        }
     }
 }

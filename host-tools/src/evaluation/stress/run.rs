@@ -1,21 +1,18 @@
 //! A hard case, driven along its motion and then left to fall silent.
 
-use model_format::{Library, OutputSample, Structure, Texture};
+use model_format::{Library, OutputSample, Texture};
 use rayon::prelude::*;
 use stylus_kernel::excitation::{self, Excitation};
 use stylus_kernel::grid::GridPoint;
-use stylus_kernel::level::rms_in_steps;
 
-use crate::dsp::linear_prediction::step_down;
 use crate::support::error::{Error, Result};
-use crate::texture::quantise::StructureChoice;
-use crate::texture::stored::{predictor, rms_m_s2};
+use crate::texture::stored::rms_m_s2;
 
 use super::cases::Case;
 use super::off_line::OffLine;
 use super::outcome::{Outcome, Rest};
 use super::player::{Player, player};
-use super::reference::{Deviation, FloatDirect, FloatLattice, Mean};
+use super::reference::{Deviation, FloatLattice, Mean};
 use super::{models, spectrum};
 
 /// Gain of the overdrive: from an RMS of an eighth of full scale to one of a third.
@@ -24,62 +21,42 @@ const OVERDRIVE: f64 = 8.0 / 3.0;
 /// One standard deviation of the excitation.
 const DEVIATION: f64 = (1u64 << excitation::FRACTION_BITS) as f64;
 
-/// Runs all of `cases` in all structures; `progress` is told of each that is done.
+/// Runs all of `cases`; `progress` is told of each that is done.
 ///
 /// # Errors
-/// A case that makes no library of lattices, which none does.
+/// A case that makes no library, which none does.
 pub fn run(cases: &[Case], progress: impl Fn() + Sync) -> Result<Vec<Outcome>> {
-    const STRUCTURES: [StructureChoice; 3] = [
-        StructureChoice::Lattice,
-        StructureChoice::Direct,
-        StructureChoice::Direct16,
-    ];
-    let runs: Vec<(&Case, StructureChoice)> = cases
-        .iter()
-        .flat_map(|case| STRUCTURES.map(|structure| (case, structure)))
-        .filter(|(case, structure)| !case.lattice_only || *structure == StructureChoice::Lattice)
-        .collect();
-    let outcomes = runs.into_par_iter().map(|(case, structure)| {
-        let outcome = play(case, structure);
+    let outcomes = cases.par_iter().map(|case| {
+        let outcome = play(case);
         progress();
         outcome
     });
     outcomes.collect()
 }
 
-/// Plays one case in one structure.
+/// Plays one case.
 ///
 /// # Errors
-/// A lattice that makes no library.
-pub fn play(case: &Case, structure: StructureChoice) -> Result<Outcome> {
-    play_with(case, structure, player)
+/// A case that makes no library.
+pub fn play(case: &Case) -> Result<Outcome> {
+    play_with(case, player)
 }
 
-/// Plays one case, stored in one structure, by what `new_player` makes for its texture, at rest each time.
+/// Plays one case by what `new_player` makes for its texture, at rest each time.
 ///
 /// # Errors
-/// A lattice that makes no library.
+/// A case that makes no library.
 pub fn play_with(
     case: &Case,
-    structure: StructureChoice,
     new_player: impl Fn(&Texture<'_>) -> Box<dyn Player>,
 ) -> Result<Outcome> {
     let mut outcome = Outcome {
         case: case.name.clone(),
         pole_radius: case.pole_radius(),
-        structure: structure.structure().to_string(),
         ..Outcome::default()
     };
-    let bytes = match models::library(&case.nodes(), structure) {
-        Ok(bytes) => bytes,
-        Err(refusal) if structure != StructureChoice::Lattice => {
-            outcome.refused = Some(refusal.to_string());
-            return Ok(outcome);
-        }
-        Err(failure) => return Err(failure),
-    };
-    let library =
-        Library::decode_uncertified(&bytes).map_err(|failure| Error::Model(failure.to_string()))?;
+    let bytes = models::library(&case.nodes())?;
+    let library = Library::decode(&bytes).map_err(|failure| Error::Model(failure.to_string()))?;
     let texture = library.textures().next().expect("one was encoded");
     let mut bench = Bench::new(case, texture, new_player(&texture));
     outcome.samples = case.samples;
@@ -140,7 +117,8 @@ impl<'a> Bench<'a> {
 
     /// Drives `samples` samples and measures them.
     fn drive(&mut self, drive: f64, samples: usize, outcome: &mut Outcome) {
-        let mut reference = Reference::of(&self.texture, self.case.is_still());
+        let mut reference = FloatLattice::new(self.texture.max_order());
+        let mut gain = 0.0;
         let (mut snr, mut level) = (Deviation::default(), Deviation::default());
         let mut off_line = OffLine::default();
         let mut mean = Mean::of(samples);
@@ -148,28 +126,28 @@ impl<'a> Bench<'a> {
             if self.move_on() {
                 let motion = self.case.path.motion(self.sample - 1);
                 let point = GridPoint::locate(&self.texture, motion);
-                reference.follow(self.player.as_mut(), &self.texture, &point);
+                reference.rotate_by(self.player.rotations(&self.texture, &point));
+                gain = rms_m_s2(&self.texture, &point);
             }
             let excitation = (f64::from(self.noise.next_sample()) * drive) as i32;
             let (output, saturated) = self.player.sample(excitation);
             outcome.saturated += usize::from(saturated || self.player.is_at_full_scale());
             mean.add(f64::from(self.player.newest()));
-            if self.case.with_reference
-                && let Some(exact) = reference.sample(f64::from(excitation))
-            {
+            if self.case.with_reference {
+                let exact = reference.filter(f64::from(excitation));
                 let played = f64::from(self.player.newest());
-                snr.add(exact.state, played);
+                snr.add(exact, played);
                 if self.case.is_still() {
-                    off_line.add(exact.state, played);
+                    off_line.add(exact, played);
                 }
                 level.add(
-                    exact.output,
+                    exact / DEVIATION * gain,
                     f64::from(output.metres_per_second_squared().0),
                 );
             }
         }
         outcome.mean_standard_errors = mean.in_standard_errors();
-        if self.case.with_reference && reference.exists() {
+        if self.case.with_reference {
             outcome.snr_db = Some(snr.snr_db());
             outcome.level_db = Some(level.level_db());
             outcome.off_line_dbc = off_line.noise_dbc();
@@ -178,8 +156,7 @@ impl<'a> Bench<'a> {
 
     /// Goes on without excitation until there is silence.
     fn rest(&mut self) -> Rest {
-        let lattice = self.texture.structure() == Structure::NormalisedLattice;
-        let limit = self.case.rest_limit(lattice);
+        let limit = self.case.rest_limit(self.player.settles());
         let begin = self.player.energy();
         let mut rest = Rest {
             limit,
@@ -207,92 +184,5 @@ impl<'a> Bench<'a> {
         }
         rest.growth_db = 10.0 * (largest as f64 / (begin as f64).max(1.0)).log10();
         rest
-    }
-}
-
-/// One sample of a float64 filter.
-struct Exact {
-    /// Exact value of the newest signal of the state.
-    state: f64,
-    /// Exact value of the output, m/s².
-    output: f64,
-}
-
-/// The float64 filter that belongs to a texture.
-enum Reference {
-    Lattice {
-        filter: FloatLattice,
-        /// m/s² for a standard deviation.
-        gain: f64,
-    },
-    /// A direct form that rests on one node.
-    Direct {
-        filter: FloatDirect,
-        /// Steps of the history for a standard deviation.
-        deviation: f64,
-        /// The lattice of the same coefficients, whose power is known.
-        level: FloatLattice,
-        gain: f64,
-    },
-    /// There is none: an unstable direct form, or one that moves.
-    None,
-}
-
-impl Reference {
-    fn of(texture: &Texture<'_>, still: bool) -> Self {
-        if texture.structure() == Structure::NormalisedLattice {
-            return Self::Lattice {
-                filter: FloatLattice::new(texture.max_order()),
-                gain: 0.0,
-            };
-        }
-        let node = texture.node(0, 0);
-        let predictor = predictor(node.coefficients);
-        let a: Vec<f64> = predictor.iter().map(|h| -h).collect();
-        match step_down(&a) {
-            Some(reflection) if still => {
-                let mut level = FloatLattice::new(reflection.len());
-                level.reflect_by(&reflection);
-                let steps = rms_in_steps(node.prediction_error_power, OutputSample::FRACTION_BITS);
-                Self::Direct {
-                    filter: FloatDirect::new(predictor),
-                    deviation: f64::from(steps),
-                    level,
-                    gain: f64::from(node.output_power).sqrt(),
-                }
-            }
-            _ => Self::None,
-        }
-    }
-
-    fn exists(&self) -> bool {
-        !matches!(self, Self::None)
-    }
-
-    fn follow(&mut self, player: &mut dyn Player, texture: &Texture<'_>, point: &GridPoint) {
-        if let Self::Lattice { filter, gain } = self {
-            filter.rotate_by(player.rotations(texture, point));
-            *gain = rms_m_s2(texture, point);
-        }
-    }
-
-    fn sample(&mut self, excitation: f64) -> Option<Exact> {
-        match self {
-            Self::Lattice { filter, gain } => {
-                let state = filter.filter(excitation);
-                let output = state / DEVIATION * *gain;
-                Some(Exact { state, output })
-            }
-            Self::Direct {
-                filter,
-                deviation,
-                level,
-                gain,
-            } => Some(Exact {
-                state: filter.filter(excitation / DEVIATION * *deviation),
-                output: level.filter(excitation / DEVIATION) * *gain,
-            }),
-            Self::None => None,
-        }
     }
 }

@@ -1,12 +1,12 @@
 //! The spectrum of a model as it was fitted and as it is stored.
 
-use model_format::{Coefficients, Texture};
+use model_format::Texture;
 use realfft::num_complex::Complex;
 
 use super::models::NamedModel;
 use crate::dsp::linear_prediction::{error_share, step_up};
 use crate::dsp::with_planner;
-use crate::texture::stored::{predictor, reflection};
+use crate::texture::stored::reflection;
 
 /// Frequencies from 0 to half the rate that are looked at, beside those near a model's strongest line.
 const POINTS: usize = 32_768;
@@ -15,17 +15,8 @@ const POINTS: usize = 32_768;
 pub(super) fn largest_difference_db(nodes: &[(&NamedModel, f64)], texture: &Texture<'_>) -> f64 {
     let node = |((model, _), node): (&(&NamedModel, f64), model_format::Node<'_>)| {
         let fitted = Shape::new(step_up(&model.reflection), error_share(&model.reflection));
-        let stored = match node.coefficients {
-            stored @ Coefficients::Lattice { .. } => {
-                let reflection = reflection(stored);
-                Shape::new(step_up(&reflection), error_share(&reflection))
-            }
-            direct => {
-                let a = predictor(direct).iter().map(|h| -h).collect();
-                let share = node.prediction_error_power / node.output_power;
-                Shape::new(a, f64::from(share))
-            }
-        };
+        let reflection = reflection(node.coefficients);
+        let stored = Shape::new(step_up(&reflection), error_share(&reflection));
         fitted.largest_difference_db(&stored)
     };
     nodes

@@ -15,14 +15,13 @@
 mod filling;
 mod lines;
 
-use model_format::{NodeFlags, Structure, TextureSpec, limits};
+use model_format::{NodeFlags, TextureSpec, limits};
 use serde::Serialize;
 
 use crate::dsp::model::Model;
 use crate::fit::{FittedTexture, Options};
 use crate::recording::RecordingSet;
 use crate::support::error::{Error, Result};
-use crate::texture::certificate;
 use crate::texture::domain::{Method, Neighbour};
 use crate::texture::grid::Grid;
 use crate::texture::grid::as_written;
@@ -102,7 +101,7 @@ impl<'t> Densifier<'t> {
     /// `left_out`.
     ///
     /// # Errors
-    /// A texture that the structure of the options cannot hold.
+    /// A texture that a library cannot hold.
     pub fn fill(&self, left_out: &[LeftOut], progress: impl Fn()) -> Result<Densified> {
         densify(self.textures, &self.told, self.options, left_out, progress)
     }
@@ -125,13 +124,12 @@ fn densify(
         fillings.push((texture.name.clone(), filling));
     }
     candidates.sort_by(|a, b| b.gain.total_cmp(&a.gain));
-    let structure = options.structure.structure();
     let mut stored: Vec<StoredTheta> = grids
         .iter()
         .map(|grid| allowed(&grid.models.iter().collect::<Vec<_>>(), options.theta))
         .collect();
     let taken = grids.iter().zip(&stored);
-    let taken = taken.map(|(grid, &theta)| bytes(grid, structure, theta));
+    let taken = taken.map(|(grid, &theta)| bytes(grid, theta));
     let mut left = limits::MAX_LIBRARY_BYTES.saturating_sub(taken.sum::<usize>());
     let mut lines = Vec::new();
     for candidate in candidates {
@@ -151,7 +149,7 @@ fn densify(
             StoredTheta::Fine => StoredTheta::Fine,
             StoredTheta::Compact => allowed(&new_models(grid, &denser), options.theta),
         };
-        let more = bytes(&denser, structure, after) - bytes(grid, structure, before);
+        let more = bytes(&denser, after) - bytes(grid, before);
         if more > left {
             continue;
         }
@@ -176,12 +174,11 @@ fn densify(
             &texture.name,
             texture.provenance,
             grid,
-            options.structure,
             options.theta,
             options.sample_rate_hz,
         )?;
-        specs.push(certificate::certified(spec)?);
-        thetas.extend(report);
+        specs.push(spec);
+        thetas.push(report);
     }
     model_format::encode(&specs)
         .map_err(|failure| Error::Model(format!("the denser grid does not fit: {failure}")))?;
@@ -211,8 +208,8 @@ fn new_models<'g>(grid: &Grid, denser: &'g Grid) -> Vec<&'g Model> {
     denser.nodes().filter(is_new).map(|node| node.2).collect()
 }
 
-/// About how many bytes a grid takes in a library of `structure`; not fewer than it does.
-fn bytes(grid: &Grid, structure: Structure, theta: StoredTheta) -> usize {
+/// About how many bytes a grid takes in a library; not fewer than it does.
+fn bytes(grid: &Grid, theta: StoredTheta) -> usize {
     const NODE_BYTES: usize = 16;
     let orders = || grid.models.iter().map(|model| model.reflection.len());
     let highest = orders().max().unwrap_or(0);
@@ -222,7 +219,7 @@ fn bytes(grid: &Grid, structure: Structure, theta: StoredTheta) -> usize {
         StoredTheta::Fine
     };
     let models: usize = orders()
-        .map(|order| NODE_BYTES + bytes_per_node(structure, theta, order, highest))
+        .map(|order| NODE_BYTES + bytes_per_node(theta, order, highest))
         .sum();
     let axes = 4 * (grid.speeds_mm_s.len() + grid.forces_n.len());
     HEADER_BYTES + axes + models + bytes_of_parts(&grid.parts)

@@ -86,7 +86,7 @@ pub(super) fn add_to(
 
 /// Bytes that each texture may take for its excitation beside the models, so that they all have room in a library.
 pub(super) fn bytes_per_texture(fit: &Fit) -> Result<usize> {
-    let encoded = model_format::encode_uncertified(&fit.specs).map_err(|failure| {
+    let encoded = model_format::encode(&fit.specs).map_err(|failure| {
         Error::Model(format!("the textures do not make a library: {failure}"))
     })?;
     let left = limits::MAX_LIBRARY_BYTES.saturating_sub(encoded.len());

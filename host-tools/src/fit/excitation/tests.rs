@@ -22,7 +22,7 @@ use crate::playing::render::render;
 use crate::recording::{RecordingSet, Trial};
 use crate::scene::with_scenes;
 use crate::texture::grid::Grid;
-use crate::texture::quantise::{StructureChoice, nodes};
+use crate::texture::quantise::nodes;
 
 fn noise(seed: u64, samples: usize) -> Vec<f64> {
     let generator = rand_pcg::Pcg64::seed_from_u64(seed);
@@ -81,9 +81,7 @@ fn trace(samples: &[f64], order: usize) -> Trace {
         laws: model_format::Laws::default(),
         parts: model_format::PartsSpec::default(),
     };
-    let node = nodes("test", &grid, StructureChoice::Lattice)
-        .unwrap()
-        .remove(0);
+    let node = nodes("test", &grid).unwrap().remove(0);
     let signal = Signal {
         samples: samples.to_vec(),
         source_rate_hz: 5000.0,
@@ -296,7 +294,8 @@ fn account(fit: &Fit) -> &ExcitationReport {
     &fit.excitations[0]
 }
 
-/// Bad input of all kinds, with nothing and with everything asked for: a library that decodes, at the level of its model, or silent.
+/// Bad input of all kinds, with nothing and with everything asked for: a library that decodes, at the level of its
+/// model, or silent.
 #[test]
 fn bad_recordings_are_fitted_without_a_fault_and_at_their_level() {
     let mut impulse = vec![0.0; 12_000];

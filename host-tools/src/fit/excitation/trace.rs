@@ -92,21 +92,8 @@ fn leaves_the_residual(verdict: &Verdict) -> bool {
 
 /// a(1), a(2) ... of A(z), exactly as the codes have them.
 pub(super) fn predictor(codes: &CodeSpec) -> Vec<f64> {
-    let scaled = |code: f64, exponent: u8, bits: i32| -code * 2f64.powi(i32::from(exponent) - bits);
-    match codes {
-        CodeSpec::Lattice { .. } => {
-            let k = |theta: i32| (f64::from(theta) * FINE_THETA_STEP_RAD).sin();
-            step_up(&codes.thetas().map(k).collect::<Vec<_>>())
-        }
-        CodeSpec::Direct16 { exponent, codes } => {
-            let code = |&code: &i16| scaled(f64::from(code), *exponent, 15);
-            codes.iter().map(code).collect()
-        }
-        CodeSpec::Direct32 { exponent, codes } => {
-            let code = |&code: &i32| scaled(f64::from(code), *exponent, 31);
-            codes.iter().map(code).collect()
-        }
-    }
+    let k = |theta: i32| (f64::from(theta) * FINE_THETA_STEP_RAD).sin();
+    step_up(&codes.thetas().map(k).collect::<Vec<_>>())
 }
 
 /// Residual of `signal`, from the first sample that all of the predictor's samples stand before. Empty for a signal
@@ -135,12 +122,11 @@ pub(super) fn mean_square(signal: &[f64]) -> f64 {
 mod tests {
     use super::*;
     use crate::texture::grid::Grid;
-    use crate::texture::quantise::{StructureChoice, nodes};
-    use clap::ValueEnum;
+    use crate::texture::quantise::nodes;
 
-    /// In all structures, the residual of what the model's filter makes of an excitation is that excitation.
+    /// The residual of what the model's filter makes of an excitation is that excitation.
     #[test]
-    fn the_residual_of_a_synthesis_is_its_excitation_in_every_structure() {
+    fn the_residual_of_a_synthesis_is_its_excitation() {
         let model = crate::dsp::model::Model {
             reflection: vec![-0.7, 0.5, -0.3],
             output_power: 1.0,
@@ -153,21 +139,19 @@ mod tests {
             laws: model_format::Laws::default(),
             parts: model_format::PartsSpec::default(),
         };
-        for &structure in StructureChoice::value_variants() {
-            let node = nodes("test", &grid, structure).unwrap().remove(0);
-            let a = predictor(&node.codes);
-            let excitation: Vec<f64> = (0..200u32).map(|n| f64::from(n * n % 31) - 15.0).collect();
-            let mut signal: Vec<f64> = Vec::new();
-            for (n, e) in excitation.iter().enumerate() {
-                let past = a.iter().enumerate().filter(|(i, _)| *i < n);
-                let predicted: f64 = past.map(|(i, a)| -a * signal[n - 1 - i]).sum();
-                signal.push(e + predicted);
-            }
-            let found = residual(&signal, &a);
-            assert_eq!(found.len(), 197);
-            for (found, e) in found.iter().zip(&excitation[3..]) {
-                assert!((found - e).abs() < 1e-9, "{structure:?}");
-            }
+        let node = nodes("test", &grid).unwrap().remove(0);
+        let a = predictor(&node.codes);
+        let excitation: Vec<f64> = (0..200u32).map(|n| f64::from(n * n % 31) - 15.0).collect();
+        let mut signal: Vec<f64> = Vec::new();
+        for (n, e) in excitation.iter().enumerate() {
+            let past = a.iter().enumerate().filter(|(i, _)| *i < n);
+            let predicted: f64 = past.map(|(i, a)| -a * signal[n - 1 - i]).sum();
+            signal.push(e + predicted);
+        }
+        let found = residual(&signal, &a);
+        assert_eq!(found.len(), 197);
+        for (found, e) in found.iter().zip(&excitation[3..]) {
+            assert!((found - e).abs() < 1e-9);
         }
         assert_eq!(residual(&[1.0, 2.0], &[0.5, 0.5]), Vec::<f64>::new());
         assert_eq!(residual(&[1.0, 2.0], &[]), [1.0, 2.0]);

@@ -14,10 +14,9 @@ pub use super::between::ROLL_OFF_DB_PER_OCTAVE;
 use super::comparison::{PlaceError, errors};
 use super::toolkit::Toolkit;
 use crate::support::error::{Error, Result};
-use crate::texture::certificate;
 use crate::texture::grid::Grid;
 use crate::texture::library::texture_spec;
-use crate::texture::quantise::{StructureChoice, coarse};
+use crate::texture::quantise::coarse;
 
 /// Weights of the places within triangles at which a conversion is judged; the choice of the axes sees none of them.
 const JUDGED_WEIGHTS: [f64; 3] = [0.5, 0.3, 0.2];
@@ -111,10 +110,9 @@ pub fn convert(name: &str, toolkit: &Toolkit, bounds: Bounds) -> Result<Converte
         // Published models hold neither a residual nor a place.
         parts: model_format::PartsSpec::default(),
     };
-    let mut spec = texture_spec(name, Provenance::Recorded, &grid, StructureChoice::Lattice)?;
+    let mut spec = texture_spec(name, Provenance::Recorded, &grid)?;
     // Models of 1 kHz have no line so narrow that it needs 24 bits of θ, and the slot holds more nodes without.
     spec.nodes = coarse(spec.nodes);
-    let spec = certificate::certified(spec)?;
     let refused = |failure| Error::Model(format!("the texture makes no library: {failure}"));
     let bytes = encode(std::slice::from_ref(&spec)).map_err(refused)?;
     let library = Library::decode(&bytes).map_err(refused)?;

@@ -154,7 +154,7 @@ impl Device {
         Ok(self.request_flash::<UploadCommitEndpoint>("upload commit", &())??)
     }
 
-    /// Aborts an upload, and ends a proof of direct forms that is under way, whether of a commit or of an activation.
+    /// Aborts an upload.
     ///
     /// # Errors
     /// A refusal, a lost link or a missing answer.

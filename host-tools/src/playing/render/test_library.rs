@@ -1,8 +1,8 @@
 //! A library and motions that the tests of this folder share.
 
 use model_format::{
-    CodeSpec, Laws, Library, MillimetresPerSecond, Newton, NodeFlags, NodeSpec, PartsSpec,
-    Provenance, Structure, Texture, TextureSpec, encode,
+    CodeSpec, Library, MillimetresPerSecond, Newton, NodeFlags, NodeSpec, Texture, TextureSpec,
+    encode,
 };
 
 use crate::playing::motion::MotionPath;
@@ -16,21 +16,18 @@ pub fn library(sample_rate_hz: u32) -> Vec<u8> {
         codes: CodeSpec::lattice(codes.to_vec()),
     };
     let texture = TextureSpec {
-        name: "test".into(),
         sample_rate_hz,
-        structure: Structure::NormalisedLattice,
-        provenance: Provenance::Simulated,
-        laws: Laws::default(),
-        parts: PartsSpec::default(),
-        speed_axis_mm_s: vec![50.0, 100.0],
-        force_axis_n: vec![0.5, 1.0],
-        nodes: vec![
-            node(1.0, &[9000, -20_000]),
-            node(4.0, &[3000]),
-            node(9.0, &[]),
-            node(16.0, &[-9000, 500, 20_000]),
-        ],
-        cell_margins: Vec::new(),
+        ..TextureSpec::new(
+            "test",
+            &[50.0, 100.0],
+            &[0.5, 1.0],
+            vec![
+                node(1.0, &[9000, -20_000]),
+                node(4.0, &[3000]),
+                node(9.0, &[]),
+                node(16.0, &[-9000, 500, 20_000]),
+            ],
+        )
     };
     encode(&[texture]).unwrap()
 }

@@ -9,7 +9,7 @@ use core::arch::x86_64::__m256i;
 
 use model_format::limits::MAX_ORDER;
 use pulp::x86::V3;
-use stylus_kernel::arithmetic::{Arithmetic, Portable, SUMS, Turn};
+use stylus_kernel::arithmetic::{Arithmetic, Portable};
 use stylus_kernel::rotation::Rotation;
 
 /// Samples in a vector.
@@ -260,35 +260,6 @@ fn lane_of<const V: usize>(lanes: &[__m256i; V], number: usize) -> [i32; 2] {
         }
     }
     lane
-}
-
-/// See [`Arithmetic::sums_of_products`]. Sums wrap at 64 bits, so that their order does not matter.
-pub fn sums_of_products(simd: V3, coefficients: &[Turn], samples: &[i32]) -> [i64; SUMS] {
-    let coefficients = coefficients.as_flattened();
-    let samples = &samples[..coefficients.len() + SUMS - 1];
-    dispatched(
-        simd,
-        #[inline(always)]
-        |simd| {
-            let mut sums = [simd.avx._mm256_set1_epi32(0); SUMS];
-            let wide = |words: [i32; LANES]| simd.avx2._mm256_cvtepi32_epi64(pulp::cast(words));
-            for (place, &a) in coefficients.as_chunks::<LANES>().0.iter().enumerate() {
-                let a = wide(a);
-                for (sum, total) in sums.iter_mut().enumerate() {
-                    let from = &samples[LANES * place + SUMS - 1 - sum..];
-                    let Some(&b) = from.first_chunk() else {
-                        continue;
-                    };
-                    let product = simd.avx2._mm256_mul_epi32(a, wide(b));
-                    *total = simd.avx2._mm256_add_epi64(*total, product);
-                }
-            }
-            sums.map(|sum| {
-                let lanes: [i64; LANES] = pulp::cast(sum);
-                lanes.into_iter().fold(0, i64::wrapping_add)
-            })
-        },
-    )
 }
 
 /// Most samples in a pass.

@@ -11,7 +11,7 @@ mod avx2;
 #[cfg(test)]
 mod tests;
 
-use stylus_kernel::arithmetic::{Arithmetic, Portable, SUMS, Turn};
+use stylus_kernel::arithmetic::{Arithmetic, Portable};
 use stylus_kernel::rotation::Rotation;
 
 /// The arithmetic of the fastest instructions that this processor has; [`Portable`]'s if it has none of those known
@@ -49,15 +49,6 @@ impl Level {
         }
     }
 
-    /// See [`Arithmetic::sums_of_products`].
-    fn sums_of_products(self, coefficients: &[Turn], samples: &[i32]) -> [i64; SUMS] {
-        match self {
-            Self::Scalar => Portable::sums_of_products(coefficients, samples),
-            #[cfg(target_arch = "x86_64")]
-            Self::Avx2(instructions) => avx2::sums_of_products(instructions, coefficients, samples),
-        }
-    }
-
     /// See [`Arithmetic::rotate_block`].
     fn rotate_block(self, rotations: &[Rotation], backward: &mut [i32], samples: &mut [i32]) {
         match self {
@@ -82,10 +73,6 @@ impl Wavefront {
 }
 
 impl Arithmetic for Wavefront {
-    fn sums_of_products(coefficients: &[Turn], samples: &[i32]) -> [i64; SUMS] {
-        Level::best().sums_of_products(coefficients, samples)
-    }
-
     fn rotate(rotations: &[Rotation], backward: &mut [i32], forward: i32) -> i32 {
         Portable::rotate(rotations, backward, forward)
     }

@@ -1,12 +1,11 @@
 //! Power densities of recordings and models in bands of a twelfth of an octave, as a page keeps them.
 
-use model_format::{Coefficients, Node, SAMPLE_RATE_HZ};
+use model_format::{Node, SAMPLE_RATE_HZ};
 
-use crate::dsp::linear_prediction::step_down;
 use crate::dsp::log_spectrum::LogSpectrum;
 use crate::dsp::model::Model;
 use crate::dsp::spectrum::{PowerSpectrum, longest_segment};
-use crate::texture::stored::{predictor, reflection};
+use crate::texture::stored::reflection;
 
 /// Bands per octave.
 const PER_OCTAVE: f64 = 12.0;
@@ -76,22 +75,14 @@ impl Spectrum {
     }
 }
 
-/// The spectrum of what a node's model plays without lines, at its own level; silence for a direct form that is not
-/// stable, which no library has.
+/// The spectrum of what a node's model plays without lines, at its own level.
 pub fn model_spectrum(node: &Node<'_>, rate_hz: f64) -> Spectrum {
-    let reflection = match node.coefficients {
-        Coefficients::Lattice { .. } => Some(reflection(node.coefficients)),
-        Coefficients::Direct16 { .. } | Coefficients::Direct32 { .. } => {
-            let a: Vec<f64> = predictor(node.coefficients).iter().map(|h| -h).collect();
-            step_down(&a)
-        }
-    };
     let output_power = f64::from(node.output_power);
-    let (Some(reflection), true) = (reflection, output_power > 0.0) else {
+    if output_power <= 0.0 {
         return Spectrum::silence();
-    };
+    }
     let model = Model {
-        reflection,
+        reflection: reflection(node.coefficients),
         output_power,
         flags: node.flags,
     };

@@ -1,9 +1,6 @@
 //! The page and its data against the library that they are of.
 
-use model_format::{
-    CodeSpec, Laws, Library, NodeFlags, NodeSpec, PartsSpec, Provenance, Structure, TextureSpec,
-    encode,
-};
+use model_format::{CodeSpec, Library, NodeFlags, NodeSpec, Provenance, TextureSpec, encode};
 use stylus_kernel::arithmetic::Portable;
 use stylus_kernel::digest::of_plan;
 use stylus_kernel::scene::Plan;
@@ -21,16 +18,13 @@ fn texture(name: &str, provenance: Provenance) -> TextureSpec {
         codes: CodeSpec::lattice(codes.to_vec()),
     };
     TextureSpec {
-        name: name.into(),
-        sample_rate_hz: 5000,
-        structure: Structure::NormalisedLattice,
         provenance,
-        laws: Laws::default(),
-        parts: PartsSpec::default(),
-        speed_axis_mm_s: vec![50.0, 100.0],
-        force_axis_n: vec![1.0],
-        nodes: vec![node(2.0, &[]), node(3.0, &[-27_000, 29_000])],
-        cell_margins: Vec::new(),
+        ..TextureSpec::new(
+            name,
+            &[50.0, 100.0],
+            &[1.0],
+            vec![node(2.0, &[]), node(3.0, &[-27_000, 29_000])],
+        )
     }
 }
 

@@ -1,8 +1,7 @@
 //! Tests of the choice, on models that allow one byte per further stage and on models that do not.
 
 use model_format::{
-    CodeSpec, Laws, Library, NodeFlags, NodeSpec, PartsSpec, Provenance, SAMPLE_RATE_HZ, Structure,
-    TextureSpec, encode, limits,
+    Laws, Library, NodeFlags, NodeSpec, PartsSpec, SAMPLE_RATE_HZ, TextureSpec, encode, limits,
 };
 use proptest::prelude::*;
 
@@ -10,7 +9,7 @@ use super::*;
 use crate::dsp::model::Model;
 use crate::dsp::model_error::ModelError;
 use crate::texture::grid::Grid;
-use crate::texture::quantise::{StructureChoice, nodes, stored_reflection};
+use crate::texture::quantise::{nodes, stored_reflection};
 
 fn model(reflection: Vec<f64>) -> Model {
     Model {
@@ -47,7 +46,7 @@ fn grid(models: Vec<Model>) -> Grid {
 }
 
 fn stored(grid: &Grid, choice: ThetaChoice) -> (Vec<NodeSpec>, ThetaReport) {
-    let fine = nodes("felt", grid, StructureChoice::Lattice).unwrap();
+    let fine = nodes("felt", grid).unwrap();
     store("felt", grid, fine, choice, SAMPLE_RATE_HZ)
 }
 
@@ -61,21 +60,14 @@ fn errors<'n>(grid: &'n Grid, nodes: &'n [NodeSpec]) -> impl Iterator<Item = Mod
 }
 
 fn has_tail(node: &NodeSpec) -> bool {
-    matches!(&node.codes, CodeSpec::Lattice { tail, .. } if !tail.codes.is_empty())
+    !node.codes.tail.codes.is_empty()
 }
 
 fn spec(grid: &Grid, nodes: Vec<NodeSpec>) -> TextureSpec {
     TextureSpec {
-        name: "felt".into(),
-        sample_rate_hz: SAMPLE_RATE_HZ,
-        structure: Structure::NormalisedLattice,
-        provenance: Provenance::Simulated,
         laws: grid.laws,
         parts: grid.parts.clone(),
-        speed_axis_mm_s: grid.speeds_mm_s.clone(),
-        force_axis_n: grid.forces_n.clone(),
-        nodes,
-        cell_margins: Vec::new(),
+        ..TextureSpec::new("felt", &grid.speeds_mm_s, &grid.forces_n, nodes)
     }
 }
 
@@ -128,7 +120,7 @@ fn what_is_asked_for_is_stored() {
 #[test]
 fn models_of_32_stages_stay_as_they_are() {
     let grid = grid(vec![smooth(32), smooth(5)]);
-    let fine = nodes("felt", &grid, StructureChoice::Lattice).unwrap();
+    let fine = nodes("felt", &grid).unwrap();
     for choice in [ThetaChoice::Auto, ThetaChoice::Compact] {
         let (nodes, report) = store("felt", &grid, fine.clone(), choice, SAMPLE_RATE_HZ);
         assert_eq!(nodes, fine);
@@ -140,7 +132,7 @@ fn models_of_32_stages_stay_as_they_are() {
 fn a_summary_names_textures_that_are_alike_together() {
     let of = |name: &str, models, choice| {
         let grid = grid(models);
-        let fine = nodes(name, &grid, StructureChoice::Lattice).unwrap();
+        let fine = nodes(name, &grid).unwrap();
         store(name, &grid, fine, choice, SAMPLE_RATE_HZ).1
     };
     let auto = ThetaChoice::Auto;
@@ -195,7 +187,7 @@ proptest! {
         let orders: Vec<usize> = nodes.iter().map(|node| node.codes.thetas().count()).collect();
         let highest = orders.iter().copied().max().unwrap_or(0);
         let bytes = orders.iter().map(|&order| {
-            bytes_per_node(Structure::NormalisedLattice, report.stored, order, highest)
+            bytes_per_node(report.stored, order, highest)
         });
         let reckoned: usize = bytes.sum();
         let library = encode(&[spec(&grid, nodes)]).unwrap();

@@ -86,7 +86,7 @@ fn build_in(
 ) -> Result<PathBuf> {
     let mut cargo = toolchain.cargo("build", &folders.sources, &folders.target);
     cargo.args(progress.argument());
-    cargo.args(["--package", "stylus-firmware", "--profile", PROFILE]);
+    cargo.args(["--package", "stylus-image", "--profile", PROFILE]);
     cargo.args(["--features", image.features()]);
     cargo.env("CARGO_HOME", &folders.cargo_home);
     cargo.env(

@@ -102,7 +102,7 @@ fn check_from(
             {
                 bail!(
                     "{} refers to {} at {:#010x}, which is in flash: all that the tick reaches must be in ITCM or \
-                     DTCM; name it in firmware/tick.x",
+                     DTCM; name it in firmware/image/tick.x",
                     function.name,
                     reference.name,
                     reference.address

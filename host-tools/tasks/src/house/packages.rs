@@ -10,6 +10,7 @@ stylus-kernel: model-format
 stylus-app: model-format stylus-kernel | fake-stylus
 stylus-realtime: model-format stylus-app stylus-kernel
 stylus-firmware: model-format stylus-app stylus-kernel stylus-realtime
+stylus-image: stylus-firmware
 stylus-browser: model-format stylus-kernel | host-tools kernel-vectors
 stylus-costs:
 virtual-link:

@@ -10,7 +10,6 @@ use model_format::link::{Setting, SettingSet};
 use model_format::scene::limits as scene_limits;
 use stylus_costs::cycles::MeasuredCycles;
 use stylus_costs::{Core, Costs, Origin, Peer, Structure};
-use stylus_kernel::direct::{NEAR_TAPS, TAPS_PER_TURN};
 use stylus_kernel::scene::cost::{self, StageCost};
 
 use crate::compare::{Cost, EmulatorReport};
@@ -40,25 +39,13 @@ pub fn settings() -> String {
 
 /// Instructions per tick of a scene's stages, and the budget of all of them together.
 pub fn scene_stages() -> String {
-    let taps = format!("{TAPS_PER_TURN} taps beyond {NEAR_TAPS}");
     let rows = [
         ("list of stages and mix", cost::MIX, ""),
         ("voice, normalised lattice", cost::LATTICE, "stage"),
-        ("voice, direct form", cost::DIRECT, taps.as_str()),
         (
             "voice, normalised lattice with codebooks or a track",
             cost::FED_LATTICE,
             "stage",
-        ),
-        (
-            "voice, direct form with codebooks or a track",
-            cost::FED_DIRECT,
-            taps.as_str(),
-        ),
-        (
-            "sums ahead of a direct form, at the begin of a block",
-            cost::SUMS_AHEAD,
-            taps.as_str(),
         ),
         ("stick-slip", cost::STICK_SLIP, ""),
         ("lines that are locked to place", cost::LINES, "line"),
@@ -104,14 +91,6 @@ pub fn library_limits() -> String {
         (
             "output power of a node, (m/s²)²",
             limits::MAX_OUTPUT_POWER.to_string(),
-        ),
-        (
-            "sum of magnitudes of a direct form's coefficients",
-            grouped(limits::MAX_COEFFICIENT_SUM),
-        ),
-        (
-            "binary exponent of a direct form's coefficients",
-            grouped(limits::MAX_EXPONENT.into()),
         ),
     ];
     most(rows)
@@ -180,12 +159,8 @@ fn most<const ROWS: usize>(rows: [(&str, String); ROWS]) -> String {
 /// Nodes around a motion on a grid.
 const NODES: u32 = 4;
 
-/// The structures that an image has.
-const SHIPPED: [Structure; 3] = [
-    Structure::NormalisedLattice32,
-    Structure::DirectForm32,
-    Structure::DirectForm16,
-];
+/// The structure that an image has.
+const SHIPPED: Structure = Structure::NormalisedLattice32;
 
 /// Filters at order 400 on a Cortex-M4, ours and others'.
 pub fn filters(costs: &Costs) -> String {
@@ -228,7 +203,7 @@ pub fn samples_by_order(costs: &Costs) -> String {
             let cycles = entry(Core::M7).map(|entry| entry.sample.cycles);
             format!("{} / {}", modelled(instructions), modelled(cycles))
         };
-        let shipped = if SHIPPED.contains(&structure) {
+        let shipped = if structure == SHIPPED {
             ""
         } else {
             " (not shipped)"

@@ -5,16 +5,13 @@
 //! | `texture` | the header, in one step |
 //! | `lines` | the amplitudes of lines, some per step |
 //! | `node` | the nodes, some per step |
-//! | `certificate` | the certificate, whose checksum takes steps |
 //! | `fed` | codebooks and level track, in steps |
 
-mod certificate;
 mod fed;
 mod lines;
 mod node;
 mod texture;
 
-pub(super) use certificate::{CertificateCheck, Demand};
 pub(super) use fed::FedCheck;
 pub(super) use lines::LinesCheck;
 pub(super) use node::NodesCheck;

@@ -1,11 +1,11 @@
 //! The nodes of a texture: their records and coefficients, and what the texture's summary says of all.
 
 use crate::error::{DecodeError, Place, Problem};
-use crate::library::node::{NodeFlags, theta};
+use crate::library::node::NodeFlags;
 use crate::library::part::{levels, tails};
 use crate::library::texture::Texture;
 use crate::limits::{self, STEP_BYTES};
-use crate::wire::{NodeRecord, Structure, Summary};
+use crate::wire::{NodeRecord, Summary};
 
 /// The check of all nodes of a texture whose header was found valid, in steps.
 #[derive(Clone, Debug)]
@@ -17,15 +17,6 @@ pub(in crate::library) struct NodesCheck<'a> {
     /// Byte at which its coefficients are due.
     begin: usize,
     summary: Summary,
-    largest_theta: u32,
-    last_fine_stage_is_used: bool,
-}
-
-/// The facts of a node's coefficients.
-#[derive(Default)]
-struct Found {
-    needed_exponent: u8,
-    largest_theta: u32,
     last_fine_stage_is_used: bool,
 }
 
@@ -40,9 +31,7 @@ impl<'a> NodesCheck<'a> {
             summary: Summary {
                 highest_order: 0,
                 highest_output_power: 0.0,
-                common_exponent: 0,
             },
-            largest_theta: 0,
             last_fine_stage_is_used: false,
         }
     }
@@ -52,13 +41,13 @@ impl<'a> NodesCheck<'a> {
         (self.texture, self.index)
     }
 
-    /// Checks some nodes; after the last one, returns the largest |θ| of all, which is 0 for a direct form.
-    pub fn step(&mut self) -> Result<Option<u32>, DecodeError> {
+    /// Checks some nodes; returns true after the last one.
+    pub fn step(&mut self) -> Result<bool, DecodeError> {
         let records = self.texture.nodes.as_chunks::<{ NodeRecord::BYTES }>().0;
         let mut taken = 0;
         while taken < STEP_BYTES {
             let Some(record) = records.get(self.number) else {
-                return self.end().map(Some);
+                return self.end().map(|()| true);
             };
             let record = NodeRecord::read(record);
             let end = self.check_node(&record).map_err(|problem| {
@@ -73,11 +62,11 @@ impl<'a> NodesCheck<'a> {
             self.begin = end;
             self.number += 1;
         }
-        Ok(None)
+        Ok(false)
     }
 
     /// Checks what holds of all nodes together.
-    fn end(&self) -> Result<u32, DecodeError> {
+    fn end(&self) -> Result<(), DecodeError> {
         let here = |problem: Problem| Err(problem.at(Place::Texture(self.index)));
         let (found, expected) = (self.texture.coefficients.len(), self.begin);
         if found != expected {
@@ -101,11 +90,7 @@ impl<'a> NodesCheck<'a> {
             let (stored, found) = (stored.highest_output_power, found.highest_output_power);
             return here(Problem::HighestPower { stored, found });
         }
-        if stored.common_exponent != found.common_exponent {
-            let (stored, found) = (stored.common_exponent, found.common_exponent);
-            return here(Problem::CommonExponent { stored, found });
-        }
-        Ok(self.largest_theta)
+        Ok(())
     }
 
     /// Checks the next node, and returns the byte at which its coefficients end.
@@ -126,64 +111,25 @@ impl<'a> NodesCheck<'a> {
                 expected: end,
             });
         };
-        let found = match texture.structure {
-            Structure::NormalisedLattice => self.check_lattice(order, bytes)?,
-            Structure::DirectForm16 => check_direct16(record.exponent, bytes.as_chunks().0)?,
-            Structure::DirectForm32 => check_direct32(record.exponent, bytes.as_chunks().0)?,
-        };
-        let (power, exponent) = (record.output_power, found.needed_exponent);
-        self.summary = self.summary.with_node(record.order, power, exponent);
-        self.largest_theta = self.largest_theta.max(found.largest_theta);
-        self.last_fine_stage_is_used |= found.last_fine_stage_is_used;
+        self.summary = self.summary.with_node(record.order, record.output_power);
+        self.last_fine_stage_is_used |= self.check_stages(order, bytes)?;
         Ok(end)
     }
 
-    fn check_lattice(&self, order: usize, bytes: &'a [u8]) -> Result<Found, Problem> {
+    /// Checks the stages of the next node, and returns whether the last fine one is used.
+    fn check_stages(&self, order: usize, bytes: &[u8]) -> Result<bool, Problem> {
         let (codes, tail) = self.texture.lattice_codes(self.number, order, bytes);
-        let in_tail = tails::check(tail)?;
-        let found = self.check_first_stages(order, codes)?;
-        Ok(Found {
-            largest_theta: found.largest_theta.max(in_tail),
-            ..found
-        })
-    }
-
-    /// Checks the stages of a lattice that have codes of 16 bits, with their fractions.
-    fn check_first_stages(&self, order: usize, codes: &[[u8; 2]]) -> Result<Found, Problem> {
-        let mut largest_code = 0;
-        for &code in codes {
-            largest_code = i16::from_le_bytes(code).unsigned_abs().max(largest_code);
-        }
-        if largest_code == i16::MIN.unsigned_abs() {
-            let full = |&code: &[u8; 2]| i16::from_le_bytes(code) == i16::MIN;
-            let index = codes.iter().position(full).unwrap_or(0);
+        tails::check(tail)?;
+        // ±2¹⁵ would be ±π/2.
+        let full = |&code: &[u8; 2]| i16::from_le_bytes(code) == i16::MIN;
+        if let Some(index) = codes.iter().position(full) {
             return Err(Problem::ReflectionCoefficient { stage: index + 1 });
         }
-        let largest_theta = u32::from(largest_code) << crate::THETA_FRACTION_BITS;
-        let Some(part) = self.texture.parts.fine_theta else {
-            return Ok(Found {
-                largest_theta,
-                ..Found::default()
-            });
-        };
         let nodes = self.texture.nodes.len() / NodeRecord::BYTES;
-        let last_fine_stage_is_used = part.check_node(self.number, nodes, order)?;
-        let fractions = part.of_node(self.number, nodes, order);
-        let mut largest_theta = 0;
-        let mut largest_code = 0;
-        for (&code, &fraction) in codes.iter().zip(fractions) {
-            let theta = theta(i16::from_le_bytes(code), fraction.cast_signed());
-            largest_theta = theta.unsigned_abs().max(largest_theta);
+        match self.texture.parts.fine_theta {
+            Some(part) => part.check_node(self.number, nodes, order),
+            None => Ok(false),
         }
-        for &code in &codes[fractions.len()..] {
-            largest_code = i16::from_le_bytes(code).unsigned_abs().max(largest_code);
-        }
-        let without_fraction = u32::from(largest_code) << crate::THETA_FRACTION_BITS;
-        Ok(Found {
-            largest_theta: largest_theta.max(without_fraction),
-            last_fine_stage_is_used,
-            ..Found::default()
-        })
     }
 }
 
@@ -220,56 +166,6 @@ fn check_record(texture: &Texture<'_>, number: usize, record: &NodeRecord) -> Re
             return Err(Problem::NotSilentAtZero);
         }
     }
-    levels::check_node(texture.level_law(), texture.structure, record)?;
-    let highest = match texture.structure {
-        Structure::NormalisedLattice => 0,
-        Structure::DirectForm16 | Structure::DirectForm32 => limits::MAX_EXPONENT,
-    };
-    if record.exponent > highest {
-        return Err(Problem::Exponent {
-            exponent: record.exponent,
-            structure: texture.structure,
-            highest,
-        });
-    }
+    levels::check_node(texture.level_law(), record)?;
     Ok(())
-}
-
-fn check_direct16(exponent: u8, codes: &[[u8; 2]]) -> Result<Found, Problem> {
-    let mut sum = 0;
-    for &code in codes {
-        // At most 400 times 2¹⁵.
-        sum += u32::from(i16::from_le_bytes(code).unsigned_abs());
-    }
-    let sum = u64::from(sum);
-    check_sum(sum << exponent, 15)?;
-    Ok(Found {
-        needed_exponent: Summary::exponent_of(exponent, sum << 16),
-        ..Found::default()
-    })
-}
-
-fn check_direct32(exponent: u8, codes: &[[u8; 4]]) -> Result<Found, Problem> {
-    let mut sum = 0;
-    for &code in codes {
-        sum += u64::from(i32::from_le_bytes(code).unsigned_abs());
-    }
-    // The bound keeps the 64-bit sum of products from overflowing, whatever the history.
-    if sum >= limits::CODE_SUM_LIMIT {
-        return Err(Problem::CoefficientSum);
-    }
-    check_sum(sum << exponent, 31)?;
-    Ok(Found {
-        needed_exponent: Summary::exponent_of(exponent, sum),
-        ..Found::default()
-    })
-}
-
-/// Checks Σ|h|, given in steps of 2^-`fraction_bits`.
-fn check_sum(sum: u64, fraction_bits: u32) -> Result<(), Problem> {
-    if sum > limits::MAX_COEFFICIENT_SUM << fraction_bits {
-        Err(Problem::CoefficientSum)
-    } else {
-        Ok(())
-    }
 }

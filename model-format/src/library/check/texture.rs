@@ -6,7 +6,7 @@ use crate::library::texture::Texture;
 use crate::limits;
 use crate::wire::NodeRecord;
 
-/// Checks all of texture number `index` of a library except its nodes and its certificate.
+/// Checks all of texture number `index` of a library except its nodes.
 ///
 /// # Errors
 /// The first fault found, with its place.
@@ -29,8 +29,7 @@ pub(in crate::library) fn check_header(
     whole_records(texture.nodes, NodeRecord::BYTES).map_err(here)?;
     // A tail may have an odd number of bytes.
     if !texture.has_tails() {
-        let width = texture.structure.coefficient_bytes();
-        whole_records(texture.coefficients, width).map_err(here)?;
+        whole_records(texture.coefficients, 2).map_err(here)?;
     }
     let (found, expected) = (
         texture.nodes.len() / NodeRecord::BYTES,
@@ -39,10 +38,7 @@ pub(in crate::library) fn check_header(
     if found != expected {
         return Err(here(Problem::NodeCount { found, expected }));
     }
-    texture
-        .parts
-        .check(texture.structure, expected)
-        .map_err(here)
+    texture.parts.check(expected).map_err(here)
 }
 
 fn check_axis(axis: Axis<'_>, place: Place) -> Result<(), DecodeError> {

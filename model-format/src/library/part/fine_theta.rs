@@ -1,4 +1,4 @@
-//! Part of kind 2, of lattices alone: 8 more binary digits of θ for the first stages of every node.
+//! Part of kind 2: 8 more binary digits of θ for the first stages of every node.
 //!
 //! The part holds n bytes for each node, speed-major, so that any node's are found without reading those before it; n
 //! follows from the part's length. Byte i of a node is signed and belongs to stage i: θ = (code · 256 + byte) · π/2²⁴.
@@ -7,7 +7,6 @@
 
 use crate::error::Problem;
 use crate::limits::MAX_FINE_STAGES;
-use crate::wire::Structure;
 
 #[cfg(feature = "alloc")]
 use super::spec::PartSpec;
@@ -32,11 +31,8 @@ impl<'a> FineTheta<'a> {
         &self.0[begin..begin + stages.min(order)]
     }
 
-    /// Checks the part's length, in a texture of `structure` with `nodes` nodes.
-    pub fn check(self, structure: Structure, nodes: usize) -> Result<(), Problem> {
-        if structure != Structure::NormalisedLattice {
-            return Err(Problem::FineStructure(structure));
-        }
+    /// Checks the part's length, in a texture of `nodes` nodes.
+    pub fn check(self, nodes: usize) -> Result<(), Problem> {
         let (found, stages) = (self.0.len(), self.stages(nodes));
         if !found.is_multiple_of(nodes) || !(1..=MAX_FINE_STAGES).contains(&stages) {
             return Err(Problem::FineLength { found, nodes });

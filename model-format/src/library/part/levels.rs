@@ -3,7 +3,7 @@
 //! Two bytes: the [`LevelLaw`], then the [`FadeLaw`]. A texture without the part has the default of both.
 
 use crate::error::Problem;
-use crate::wire::{NodeRecord, Structure};
+use crate::wire::NodeRecord;
 
 #[cfg(feature = "alloc")]
 use super::spec::PartSpec;
@@ -110,18 +110,9 @@ impl LevelsPart<'_> {
     }
 }
 
-/// Checks that a node of `structure` has a level that `law` can average: a lattice's output power, and a direct form's
-/// prediction error.
-pub(in crate::library) fn check_node(
-    law: LevelLaw,
-    structure: Structure,
-    node: &NodeRecord,
-) -> Result<(), Problem> {
-    let averaged = match structure {
-        Structure::NormalisedLattice => node.output_power,
-        Structure::DirectForm16 | Structure::DirectForm32 => node.prediction_error_power,
-    };
-    if law == LevelLaw::Logarithm && averaged <= 0.0 {
+/// Checks that a node has a level that `law` can average.
+pub(in crate::library) fn check_node(law: LevelLaw, node: &NodeRecord) -> Result<(), Problem> {
+    if law == LevelLaw::Logarithm && node.output_power <= 0.0 {
         return Err(Problem::SilentInLogarithm);
     }
     Ok(())

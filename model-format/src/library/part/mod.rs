@@ -30,7 +30,7 @@ mod spec;
 pub(crate) mod tails;
 
 use crate::error::Problem;
-use crate::wire::{Reader, Structure};
+use crate::wire::Reader;
 
 use excitation::ExcitationPart;
 use fine_theta::FineTheta;
@@ -114,12 +114,12 @@ impl<'a> Parts<'a> {
     }
 
     /// Checks the contents of all parts of a texture of `nodes` nodes, as far as they can be checked without its nodes.
-    pub fn check(&self, structure: Structure, nodes: usize) -> Result<(), Problem> {
+    pub fn check(&self, nodes: usize) -> Result<(), Problem> {
         if let Some(levels) = self.levels {
             levels.check()?;
         }
         if let Some(fine_theta) = self.fine_theta {
-            fine_theta.check(structure, nodes)?;
+            fine_theta.check(nodes)?;
         }
         if let Some(excitation) = self.excitation {
             excitation.check(nodes)?;
@@ -131,7 +131,7 @@ impl<'a> Parts<'a> {
             lines.check(nodes)?;
         }
         if let Some(tails) = self.tails {
-            tails.check(structure, nodes)?;
+            tails.check(nodes)?;
         }
         Ok(())
     }

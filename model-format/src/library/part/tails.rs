@@ -8,7 +8,6 @@
 use crate::error::Problem;
 use crate::library::node::Tail;
 use crate::limits::{MAX_FINE_STAGES, MIN_LARGEST_TAIL_CODE};
-use crate::wire::Structure;
 
 #[cfg(feature = "alloc")]
 use super::spec::PartSpec;
@@ -94,11 +93,8 @@ impl Tails<'_> {
         Tail { codes, step }
     }
 
-    /// Checks the part's length, in a texture of `structure` with `nodes` nodes.
-    pub fn check(self, structure: Structure, nodes: usize) -> Result<(), Problem> {
-        if structure != Structure::NormalisedLattice {
-            return Err(Problem::TailStructure(structure));
-        }
+    /// Checks the part's length, in a texture of `nodes` nodes.
+    pub fn check(self, nodes: usize) -> Result<(), Problem> {
         let found = self.0.len();
         if found != STEP_BYTES * nodes {
             return Err(Problem::TailSteps { found, nodes });
@@ -107,11 +103,11 @@ impl Tails<'_> {
     }
 }
 
-/// Checks the tail of a node, and returns its largest |θ| in steps of [`crate::FINE_THETA_STEP_RAD`].
+/// Checks the tail of a node.
 ///
 /// The step is 0 where all codes are, and otherwise no larger than the codes need, so that a tail is hardly ever
 /// written in two ways and never with less resolution than its bytes have.
-pub(in crate::library) fn check(tail: Tail<'_>) -> Result<u32, Problem> {
+pub(in crate::library) fn check(tail: Tail<'_>) -> Result<(), Problem> {
     let mut largest = 0;
     for &code in tail.codes {
         largest = code.cast_signed().unsigned_abs().max(largest);
@@ -131,7 +127,7 @@ pub(in crate::library) fn check(tail: Tail<'_>) -> Result<u32, Problem> {
     if !needed {
         return Err(Problem::TailStep { step, largest });
     }
-    Ok(u32::from(largest) * u32::from(step))
+    Ok(())
 }
 
 /// The part of a lattice whose nodes have these tails after so many stages, if any has one.

@@ -1,16 +1,13 @@
-//! Seeds of the fuzzer, in a folder for each target. For the decoder they are small valid libraries of each structure,
-//! with grids of one and of several nodes and orders 0 to 400, and with every optional part; for a parser of the host, a
+//! Seeds of the fuzzer, in a folder for each target. For the decoder they are small valid libraries,
+//! with grids of one and of several nodes and orders 0 to 400, and with every optional part; for a parser of the host,
+//! a
 //! small file of each kind.
 
 use std::error::Error;
 use std::path::Path;
 
 use model_format::scene::{Biquad, Region, Scene, SceneName, StickSlip, Surface, Tap};
-use model_format::{
-    CodeSpec, CodebookSpec, ExcitationSpec, FadeLaw, Laws, LevelLaw, LineSpec, LinesSpec,
-    ModulationSpec, NodeFlags, NodeSpec, PartsSpec, Provenance, Structure, TextureSpec,
-    encode_uncertified, encode_with_scenes_uncertified, limits,
-};
+use model_format::{CodeSpec, CodebookSpec, ExcitationSpec, FadeLaw, Laws, LevelLaw, LineSpec, LinesSpec, ModulationSpec, NodeFlags, NodeSpec, PartsSpec, TextureSpec, encode, encode_with_scenes, limits};
 
 mod host;
 
@@ -30,20 +27,13 @@ pub fn write(root: &Path) -> Result<(), Box<dyn Error>> {
 
 /// Writes the libraries.
 fn libraries(folder: &Path) -> Result<(), Box<dyn Error>> {
-    let structures = [
-        Structure::NormalisedLattice,
-        Structure::DirectForm16,
-        Structure::DirectForm32,
-    ];
     let mut all = Vec::new();
-    for structure in structures {
-        for (order, size) in [(0, 1), (3, 1), (3, 2), (17, 3), (limits::MAX_ORDER, 1)] {
-            let name = format!("{structure} {order} × {size}²");
-            all.push(texture(name, structure, order, size));
-        }
+    for (order, size) in [(0, 1), (3, 1), (3, 2), (17, 3), (limits::MAX_ORDER, 1)] {
+        let name = format!("{order} × {size}²");
+        all.push(texture(name, order, size));
     }
     for level in LevelLaw::ALL {
-        let mut with_parts = texture(format!("{level}"), structures[0], 40, 1);
+        let mut with_parts = texture(format!("{level}"), 40, 1);
         with_parts.laws = Laws {
             level,
             fade: FadeLaw::Power,
@@ -55,7 +45,6 @@ fn libraries(folder: &Path) -> Result<(), Box<dyn Error>> {
     for (order, size) in [(33, 1), (40, 3), (limits::MAX_ORDER, 1)] {
         let mut with_tails = texture(
             format!("tails {order} × {size}²"),
-            structures[0],
             order,
             size,
         );
@@ -66,34 +55,32 @@ fn libraries(folder: &Path) -> Result<(), Box<dyn Error>> {
         all.push(with_tails);
     }
     for lines in [1, limits::MAX_LINES] {
-        let mut lined = texture(format!("{lines} lines"), structures[0], 3, 2);
+        let mut lined = texture(format!("{lines} lines"), 3, 2);
         lined.parts.lines = Some(lines_of(lines));
         all.push(lined);
     }
-    for structure in structures {
-        for (excitation, modulation) in [(1, false), (0, true), (3, true)] {
-            let name = format!("{structure}, {excitation} codebooks, track {modulation}");
-            let mut fed = texture(name, structure, 5, 2);
-            fed.cell_margins.clear();
-            fed.parts = parts(excitation, modulation, fed.nodes.len());
-            all.push(fed);
-        }
+    for (excitation, modulation) in [(1, false), (0, true), (3, true)] {
+        let name = format!("{excitation} codebooks, track {modulation}");
+        let mut fed = texture(name, 5, 2);
+        
+        fed.parts = parts(excitation, modulation, fed.nodes.len());
+        all.push(fed);
     }
     for (index, texture) in all.iter().enumerate() {
-        let bytes = encode_uncertified(std::slice::from_ref(texture))?;
+        let bytes = encode(std::slice::from_ref(texture))?;
         std::fs::write(folder.join(format!("single-{index}")), bytes)?;
     }
     all.retain(|texture| {
         texture.nodes[0].codes != CodeSpec::lattice(vec![]) && texture.nodes.len() < 5
     });
-    std::fs::write(folder.join("several"), encode_uncertified(&all[..4])?)?;
-    let with_scenes = encode_with_scenes_uncertified(&all[..2], &[scene()?])?;
+    std::fs::write(folder.join("several"), encode(&all[..4])?)?;
+    let with_scenes = encode_with_scenes(&all[..2], &[scene()?])?;
     std::fs::write(folder.join("scenes"), with_scenes)?;
     let fed = all
         .iter()
         .filter(|texture| texture.parts != PartsSpec::default());
     let fed: Vec<TextureSpec> = fed.cloned().collect();
-    let with_scenes = encode_with_scenes_uncertified(&fed[..2], &[scene()?])?;
+    let with_scenes = encode_with_scenes(&fed[..2], &[scene()?])?;
     std::fs::write(folder.join("fed-scenes"), with_scenes)?;
     Ok(())
 }
@@ -180,10 +167,9 @@ fn scene() -> Result<Scene, Box<dyn Error>> {
 }
 
 /// A texture of `size` × `size` nodes.
-fn texture(name: String, structure: Structure, order: usize, size: usize) -> TextureSpec {
+fn texture(name: String, order: usize, size: usize) -> TextureSpec {
     let values = |unit: f32| (0..size).map(|step| unit * step as f32).collect();
     let axis = |unit| if size == 1 { vec![unit] } else { values(unit) };
-    let (speed_axis_mm_s, force_axis_n) = (axis(100.0), axis(0.5));
     let node = |index: usize| {
         let silent = size > 1 && (index < size || index.is_multiple_of(size));
         NodeSpec {
@@ -194,44 +180,16 @@ fn texture(name: String, structure: Structure, order: usize, size: usize) -> Tex
             } else {
                 NodeFlags::DOUBTFUL
             },
-            codes: codes(structure, order),
+            codes: codes(order),
         }
     };
-    let cell_margins = match structure {
-        // Both with and without a certificate, because a change under a certificate is refused before it reaches other
-        // code.
-        Structure::DirectForm16 | Structure::DirectForm32 if size == 2 => vec![4],
-        _ => Vec::new(),
-    };
-    TextureSpec {
-        name,
-        sample_rate_hz: 5000,
-        structure,
-        provenance: Provenance::Simulated,
-        laws: Laws::default(),
-        parts: PartsSpec::default(),
-        speed_axis_mm_s,
-        force_axis_n,
-        nodes: (0..size * size).map(node).collect(),
-        cell_margins,
-    }
+    let nodes = (0..size * size).map(node).collect();
+    TextureSpec::new(&name, &axis(100.0), &axis(0.5), nodes)
 }
 
 /// Values of alternating sign that fall with the square of the index.
-fn codes(structure: Structure, order: usize) -> CodeSpec {
+fn codes(order: usize) -> CodeSpec {
     let falling = (1..=order as i32)
         .map(|index| (if index % 2 == 0 { 1 } else { -1 }) * 20_000 / (index * index));
-    match structure {
-        Structure::NormalisedLattice => {
-            CodeSpec::lattice(falling.map(|code| code as i16).collect())
-        }
-        Structure::DirectForm16 => CodeSpec::Direct16 {
-            exponent: 1,
-            codes: falling.map(|code| code as i16).collect(),
-        },
-        Structure::DirectForm32 => CodeSpec::Direct32 {
-            exponent: 2,
-            codes: falling.map(|code| code << 14).collect(),
-        },
-    }
+    CodeSpec::lattice(falling.map(|code| code as i16).collect())
 }

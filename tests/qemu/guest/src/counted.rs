@@ -5,17 +5,19 @@ use core::hint::black_box;
 
 use kernel_vectors::job::Filter;
 use kernel_vectors::{COUNTED_SAMPLES, counted_motion};
+use model_format::limits::MAX_ORDER;
 use model_format::{Library, OutputSample, Texture};
 use stylus_realtime::CortexM;
 use stylus_kernel::excitation::Excitation;
 use stylus_kernel::grid::GridPoint;
+use stylus_kernel::variants::direct::{DirectFrame, DirectState};
 use stylus_kernel::variants::normalised16::{Lattice16Frame, Lattice16State};
 use stylus_kernel::variants::two_multiplier::{TwoMultiplierFrame, TwoMultiplierState};
 use stylus_kernel::{Motion, Synthesis, UPDATE_INTERVAL_SAMPLES};
 
 /// Plays every texture of `library` by `filter`, over the first `updates` updates of the motion.
 pub fn play(filter: Filter, updates: u32, library: &[u8]) {
-    let library = Library::decode_uncertified(library).expect("the host wrote a library");
+    let library = Library::decode(library).expect("the host wrote a library");
     for texture in library.textures() {
         match filter {
             Filter::Product => {
@@ -51,6 +53,16 @@ pub fn play(filter: Filter, updates: u32, library: &[u8]) {
                     normalised16_update,
                     normalised16_sample,
                 );
+            }
+            Filter::Direct => {
+                let mut variant = Variant {
+                    texture,
+                    excitation: Excitation::new(1),
+                    frame: DirectFrame::silent(&texture, 0),
+                    state: DirectState::new(),
+                    left: 0,
+                };
+                follow(&mut variant, updates, direct_update, direct_sample);
             }
         }
     }
@@ -130,6 +142,31 @@ fn normalised16_update(variant: &mut Variant<'_, Lattice16Frame, Lattice16State>
 
 #[inline(never)]
 fn normalised16_sample(variant: &mut Variant<'_, Lattice16Frame, Lattice16State>) -> OutputSample {
+    variant.left = variant.left.saturating_sub(1);
+    let excitation = variant.excitation.next_sample();
+    variant
+        .state
+        .next_sample(&variant.frame, excitation, variant.left)
+        .0
+}
+
+/// Made-up predictors: the instructions depend on their number alone.
+static PREDICTOR: [i32; MAX_ORDER] = [1 << 20; MAX_ORDER];
+
+#[inline(never)]
+fn direct_update(variant: &mut Variant<'_, DirectFrame, DirectState>, motion: Motion) {
+    let point = GridPoint::locate(&variant.texture, motion);
+    let from = variant.frame.levels(variant.left);
+    let samples = UPDATE_INTERVAL_SAMPLES;
+    let nodes = [black_box(&PREDICTOR[..variant.texture.max_order()]); 4];
+    variant
+        .frame
+        .update(&variant.texture, &point, nodes, from, samples);
+    variant.left = samples;
+}
+
+#[inline(never)]
+fn direct_sample(variant: &mut Variant<'_, DirectFrame, DirectState>) -> OutputSample {
     variant.left = variant.left.saturating_sub(1);
     let excitation = variant.excitation.next_sample();
     variant

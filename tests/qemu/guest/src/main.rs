@@ -14,7 +14,6 @@ mod hard;
 mod job;
 mod output;
 mod peers;
-mod proof;
 
 use cortex_m_rt::entry;
 use cortex_m_semihosting::{debug, hio};
@@ -48,7 +47,6 @@ fn main() -> ! {
         Some(Job::Hard { cases }) => hard::play(cases, &counter, &mut output),
         Some(Job::Bounds { libraries }) => bounds::measure(libraries, &counter, &mut output),
         Some(Job::Digest { library }) => digest(library, &mut output),
-        Some(Job::Proof { library }) => proof::measure(library, &counter, &mut output),
         None => {
             play::<Portable>(report::PORTABLE, &mut output);
             play::<CortexM>(report::CORTEX_M, &mut output);
@@ -92,12 +90,11 @@ fn digest(library: &[u8], output: &mut Output) {
 
 /// Prints the costs of a sample and of an update, over the whole path.
 fn measure(counter: &Counter, output: &mut Output) {
-    let library = Library::decode_uncertified(LIBRARY).expect("the library is valid");
+    let library = Library::decode(LIBRARY).expect("the library is valid");
     for measured in &MEASURED {
         let texture = library
             .texture(measured.texture)
             .expect("it is in the library");
-        // The first update of a beginning would run a direct form up, which a device does not do at once.
         let mut synthesis = Synthesis::<CortexM>::from_rest(texture, 0);
         let (mut sample, mut follow) = (Range::default(), Range::default());
         for update in 0..PATH_UPDATES {

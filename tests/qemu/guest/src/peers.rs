@@ -19,7 +19,7 @@ use kernel_vectors::PEER_SAMPLES;
 use model_format::Library;
 use model_format::limits::MAX_ORDER;
 use stylus_realtime::CortexM;
-use stylus_kernel::direct::{DirectFrame, DirectState};
+use stylus_kernel::variants::direct::{DirectFrame, DirectState};
 use stylus_kernel::excitation::{self, Excitation};
 use stylus_kernel::lattice::LatticeState;
 use stylus_kernel::rotation::Rotation;
@@ -68,10 +68,10 @@ pub fn play() {
     let rotations: [Rotation; MAX_ORDER] =
         core::array::from_fn(|index| Rotation::from_theta(0x4000 / (index as i32 + 1)));
     let mut ours = LatticeState::new();
-    let texture = Library::decode_uncertified(LIBRARY).ok();
-    let texture = texture.and_then(|library| library.texture("direct 32, one node"));
-    let frame = DirectFrame::silent(&texture.expect("the vectors' library has it"));
-    let (mut ours_direct, mut ours_in_halves) = (DirectState::new(), DirectState::new());
+    let texture = Library::decode(LIBRARY).ok();
+    let texture = texture.and_then(|library| library.texture("lattice, one node"));
+    let frame = DirectFrame::silent(&texture.expect("the vectors' library has it"), 0);
+    let mut ours_direct = DirectState::new();
     let mut noise = Excitation::new(1);
     for _ in 0..PEER_SAMPLES {
         let drawn = noise.next_sample() >> 8;
@@ -82,8 +82,6 @@ pub fn play() {
         black_box(plain_lattice(&mut lattice, x));
         black_box(lattice_alone(&mut ours, &rotations, drawn));
         black_box(direct_alone(&mut ours_direct, &frame, i64::from(drawn)));
-        black_box(direct_output(&mut ours_in_halves, &frame, i64::from(drawn)));
-        ours_in_halves.look_ahead::<CortexM>(&frame);
     }
 }
 
@@ -94,13 +92,7 @@ fn lattice_alone(state: &mut LatticeState, rotations: &[Rotation], x: i32) -> i3
 
 #[inline(never)]
 fn direct_alone(state: &mut DirectState, frame: &DirectFrame, x: i64) -> (i32, bool) {
-    state.filter::<CortexM>(frame, x)
-}
-
-/// The direct form's first half, at whose end the output is known.
-#[inline(never)]
-fn direct_output(state: &mut DirectState, frame: &DirectFrame, x: i64) -> (i32, bool) {
-    state.put_out(frame, x)
+    state.filter(frame, x)
 }
 
 #[inline(never)]

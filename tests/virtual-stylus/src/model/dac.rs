@@ -77,11 +77,8 @@ pub struct Output {
     pub cause: Cause,
 }
 
-/// A sink that takes the outputs one by one, in order, instead of the record in memory.
-pub type Sink = Box<dyn FnMut(Output) + Send>;
-
 /// The model.
-#[derive(Default)]
+#[derive(Debug, Default)]
 pub struct Dac {
     control: u64,
     mode: u64,
@@ -95,18 +92,6 @@ pub struct Dac {
     driven: bool,
     latest: Option<Output>,
     record: Vec<Output>,
-    sink: Option<Sink>,
-}
-
-impl std::fmt::Debug for Dac {
-    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        formatter
-            .debug_struct("Dac")
-            .field("control", &self.control)
-            .field("holding", &self.holding)
-            .field("output", &self.output)
-            .finish_non_exhaustive()
-    }
 }
 
 impl Dac {
@@ -118,11 +103,6 @@ impl Dac {
     /// Takes the record so far.
     pub fn take_record(&mut self) -> Vec<Output> {
         std::mem::take(&mut self.record)
-    }
-
-    /// Sends every output from now on to `sink`, and keeps none.
-    pub fn send_to(&mut self, sink: Sink) {
-        self.sink = Some(sink);
     }
 
     /// The latest output of channel 1.
@@ -244,10 +224,7 @@ impl Dac {
             cause,
         };
         self.latest = Some(output);
-        match &mut self.sink {
-            Some(sink) => sink(output),
-            None => self.record.push(output),
-        }
+        self.record.push(output);
     }
 
     /// A holding register written: each channel's new code, right-aligned.

@@ -26,7 +26,7 @@ fn hostile() -> Vec<u8> {
         output_power: 1.0,
         prediction_error_power: 0.5,
         flags: NodeFlags::NONE,
-        codes: CodeSpec::Lattice {
+        codes: CodeSpec {
             codes: vec![-9000; 8],
             fractions: vec![7; 8],
             tail: TailSpec::default(),

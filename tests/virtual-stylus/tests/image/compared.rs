@@ -3,7 +3,7 @@
 use virtual_stylus::model::dac::Cause;
 
 use crate::device::{CODES, Device, MID_SCALE, MS};
-use crate::expected::{Began, Heard, Recorded, explain};
+use crate::expected::{Began, Heard, Recorded, explain, explained};
 use crate::requests::assert_even;
 
 /// Codes at the output before those of the first tick: the timer of the codes runs for 17 of them before the tick's own
@@ -41,6 +41,11 @@ impl Compared {
     /// The beginning of the output that equals `heard`, and the first tick from which it does not.
     pub fn explained(&self, heard: &Heard<'_>) -> (Began, u64) {
         explain(heard, &self.recorded, &self.codes, self.asked)
+    }
+
+    /// As [`Compared::explained`], for a beginning that is known.
+    pub fn explained_from(&self, heard: &Heard<'_>, began: Began) -> u64 {
+        explained(heard, &self.recorded, &self.codes, self.asked, began)
     }
 
     /// Checks that more than a quarter of the codes since `began` are not mid-scale.

@@ -108,9 +108,69 @@ fn samples(heard: &Heard<'_>, recorded: &Recorded, play: u64) -> Vec<model_forma
     samples
 }
 
-/// Finds the tick at which the output `codes` (of the ticks from tick 1 on) begins to equal that of `heard`, and for
-/// how many ticks it stays equal: for all recorded ones if the image is right. Of several beginnings it takes the one
-/// with the most equal ticks.
+/// What an output is compared with: the stages after the silence before tick `from`, and the codes of all ticks.
+struct Output<'a> {
+    rate: PlayRate,
+    config: safety::Config,
+    rested: safety::State,
+    codes: &'a [[u16; CODES]],
+    ticks: std::ops::Range<u64>,
+}
+
+impl<'a> Output<'a> {
+    fn of(heard: &Heard<'_>, recorded: &Recorded, codes: &'a [[u16; CODES]], from: u64) -> Self {
+        let rate = PlayRate::of(heard.plan.sample_rate_hz()).expect("a stylus plays it");
+        let config = safety::Config::at_rate(&Settings::default(), 1.0, rate);
+        let mut rested = safety::State::new(&config);
+        for _ in 1..from {
+            rested.process(&config, model_format::OutputSample::SILENCE, true);
+        }
+        Self {
+            rate,
+            config,
+            rested,
+            codes,
+            ticks: from..recorded.first_tick + recorded.samples.len() as u64,
+        }
+    }
+
+    /// The first tick whose codes are not those of the `played` samples, or the end of the recording.
+    fn equal_until(&self, played: &[model_format::OutputSample], began: Began) -> u64 {
+        let mut state = self.rested;
+        let sample = |tick: u64, of_tick: u64| {
+            let per_tick = u64::from(self.rate.samples_per_tick());
+            let number = tick.checked_sub(began.play)? * per_tick + of_tick;
+            played.get(number as usize).copied()
+        };
+        let is_equal = |tick: u64| {
+            let [first, second] = [0, 1].map(|of_tick| sample(tick, of_tick).unwrap_or_default());
+            let muted = tick < began.unmuted;
+            let processed = match self.rate {
+                PlayRate::Hz5000 => state.process(&self.config, first, muted),
+                PlayRate::Hz10000 => state.process_pair(&self.config, [first, second], muted),
+            };
+            self.codes.get(tick as usize - 1) == Some(&processed.map(DacCode::get))
+        };
+        let mut ticks = self.ticks.clone().map(is_equal).zip(self.ticks.clone());
+        let different = ticks.find(|(is_equal, _)| !is_equal);
+        different.map_or(self.ticks.end, |(_, tick)| tick)
+    }
+}
+
+/// The first tick from which the output of `heard`, which began so, does not equal `codes` (of the ticks from tick 1
+/// on): the end of the recording if the image is right. Before tick `from` nothing was played.
+pub fn explained(
+    heard: &Heard<'_>,
+    recorded: &Recorded,
+    codes: &[[u16; CODES]],
+    from: u64,
+    began: Began,
+) -> u64 {
+    let played = samples(heard, recorded, began.play);
+    Output::of(heard, recorded, codes, from).equal_until(&played, began)
+}
+
+/// Finds the beginning with which [`explained`] is latest, and that tick.
 pub fn explain(
     heard: &Heard<'_>,
     recorded: &Recorded,
@@ -121,47 +181,17 @@ pub fn explain(
         .zip(codes)
         .find(|&(tick, codes)| tick >= from && *codes != [MID_SCALE; CODES]);
     let (first_heard, _) = first_heard.expect("something is heard");
-    let rate = PlayRate::of(heard.plan.sample_rate_hz()).expect("a stylus plays it");
-    let config = safety::Config::at_rate(&Settings::default(), 1.0, rate);
-    // The state of the stages after the silence.
-    let mut rested = safety::State::new(&config);
-    for _ in 1..from {
-        rested.process(&config, model_format::OutputSample::SILENCE, true);
-    }
-    let end = recorded.first_tick + recorded.samples.len() as u64;
-    let mut best = (
-        Began {
-            play: 0,
-            unmuted: 0,
-        },
-        0,
-    );
+    let output = Output::of(heard, recorded, codes, from);
+    let mut best = None;
     for play in (from..=first_heard).filter(|&tick| begins_block(tick)) {
         let played = samples(heard, recorded, play);
         for unmuted in from..=first_heard {
-            let mut state = rested;
-            let mut tick = from;
-            while tick < end {
-                let sample = |of_tick: u64| {
-                    let per_tick = u64::from(rate.samples_per_tick());
-                    let number = tick.checked_sub(play)? * per_tick + of_tick;
-                    played.get(number as usize).copied()
-                };
-                let [first, second] = [0, 1].map(|of_tick| sample(of_tick).unwrap_or_default());
-                let muted = tick < unmuted;
-                let processed = match rate {
-                    PlayRate::Hz5000 => state.process(&config, first, muted),
-                    PlayRate::Hz10000 => state.process_pair(&config, [first, second], muted),
-                };
-                if codes.get(tick as usize - 1) != Some(&processed.map(DacCode::get)) {
-                    break;
-                }
-                tick += 1;
-            }
-            if tick > best.1 {
-                best = (Began { play, unmuted }, tick);
+            let began = Began { play, unmuted };
+            let until = output.equal_until(&played, began);
+            if best.is_none_or(|(_, most)| until > most) {
+                best = Some((began, until));
             }
         }
     }
-    best
+    best.expect("a beginning")
 }

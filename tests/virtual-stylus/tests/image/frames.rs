@@ -39,7 +39,7 @@ fn wrong(random: &mut Chance) -> Vec<u8> {
         // A short key, of a kind that the device does not use.
         3 => vec![random.below(64) as u8, random.draw() as u8],
         // A frame longer than the limit.
-        4 if random.below(200) == 0 => bytes(random, MAX_HOST_FRAME_BYTES as u64 + 200),
+        4 if random.below(50) == 0 => bytes(random, MAX_HOST_FRAME_BYTES as u64 + 200),
         _ => bytes(random, length),
     }
 }

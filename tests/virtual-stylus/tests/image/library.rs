@@ -5,7 +5,7 @@ use fake_stylus::flash::{Memory, SimulatedFlash};
 use fake_stylus::library::{library, upload};
 use model_format::limits::MAX_ORDER;
 use model_format::link::{MAX_CHUNK_BYTES, SettingSet};
-use model_format::{Structure, encode};
+use model_format::encode;
 use stylus_app::settings::{SETTINGS_RANGE, SettingsStore};
 use stylus_app::slots::SlotStore;
 use stylus_app::upload::Uploader;
@@ -14,15 +14,9 @@ use virtual_stylus::model::flash::{BASE, BYTES, Contents};
 
 use crate::requests::default_of;
 
-/// The lattices of the textures that every processor must play to the same bits; about 25 KB.
+/// The textures that every processor must play to the same bits; about 25 KB.
 pub fn small() -> Vec<u8> {
-    let lattices =
-        |spec: &model_format::TextureSpec| spec.structure == Structure::NormalisedLattice;
-    let specs: Vec<_> = kernel_vectors::specs()
-        .into_iter()
-        .filter(lattices)
-        .collect();
-    encode(&specs).expect("within the limits")
+    encode(&kernel_vectors::specs()).expect("within the limits")
 }
 
 /// Another library of one texture, of about 50 KB.

@@ -295,11 +295,6 @@ fn upload(state: &UploadState) -> String {
             "; receiving into slot {}: {} of {} bytes",
             progress.slot, progress.next_offset, progress.upload.length
         ),
-        UploadState::Proving(proving) => format!(
-            "; proving the direct forms in slot {}: {:.1} %",
-            proving.slot,
-            f64::from(proving.permille) / 10.0
-        ),
     }
 }
 

@@ -8,14 +8,15 @@
 //! | [`device`] | the hardware as `stylus_app::control` sees it |
 //! | [`link`] | requests, over two wires |
 //!
-//! What is in time, [`boot`], [`play`] and [`tick`], is the package `stylus-realtime`, which all rooms may import. Rooms
+//! What is in time, [`boot`], [`play`] and [`tick`], is the package `stylus-realtime`, which all rooms may import.
+//! Rooms
 //! import in one direction: `link` imports `device`, `flash` and `self_test`; `self_test` imports `flash`; `flash`
 //! imports `fault`. Only `main` sees all.
 //!
 //! The pins stand at the head of [`tick::inputs`], [`tick::output`], [`link::serial`] and [`link::usb`]; LED LD1 on PB0
 //! blinks while all is well, LD3 on PB14 lights after a fault, both in turn in safe mode.
 #![no_std]
-#![no_main]
+#![cfg(all(target_arch = "arm", feature = "image"))]
 
 mod device;
 mod fault;
