@@ -8,7 +8,8 @@
 //! | [`device`] | the hardware as `stylus_app::control` sees it |
 //! | [`link`] | requests, over two wires |
 //!
-//! What is in time, [`boot`], [`play`] and [`tick`], is the package `stylus-realtime`, which all rooms may import. Rooms
+//! What is in time, [`boot`], [`play`] and [`tick`], is the package `stylus-realtime`, which all rooms may import.
+//! Rooms
 //! import in one direction: `link` imports `device`, `flash` and `self_test`; `self_test` imports `flash`; `flash`
 //! imports `fault`. Only `main` sees all.
 //!

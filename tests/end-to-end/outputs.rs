@@ -10,7 +10,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use crate::hatt;
-use crate::support::{Bench, RATE_HZ, noise, refusal, rig_of, two_textures};
+use crate::support::{Bench, RATE_HZ, noise, rig_of, text, two_textures};
 
 /// Commands with a file to write, `{}`.
 const FILES: [&str; 11] = [
@@ -341,7 +341,9 @@ fn a_full_disk_leaves_nothing_and_the_line_names_the_users_file() {
         let before = content(&bench.path("."));
         let arguments = command.replace("{}", "out.svg");
         let output = on_a_full_disk(&bench, blocks, &arguments);
-        let message = refusal(&output, &arguments);
+        let errors = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{arguments}: {errors}");
+        let message = errors.lines().last().unwrap_or_default();
         assert!(
             message.contains("out.svg") && !message.contains(".stylus-"),
             "{message}"

@@ -20,7 +20,8 @@ pub async fn stream() -> ! {
             continue;
         };
         if let Some(length) = encode_block(&block, frame) {
-            // A block that is not taken in time is counted by its wire, and the gap in the numbers shows it to the host.
+            // A block that is not taken in time is counted by its wire, and the gap in the numbers shows it to the
+            // host.
             Wire::of(link).send(&frame[..length]).await;
         }
     }

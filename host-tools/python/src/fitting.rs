@@ -121,7 +121,8 @@ impl Fit {
 /// Fits a library to recordings, as `stylus fit` does: the same recordings and options give the same bytes.
 ///
 /// `recordings` are a folder with `trials.csv`, a list, files, `Recording`s, or `Recordings`. `order` is 'auto' (AIC),
-/// 'bic' or 0 to 400; `estimator` 'auto', 'rectangular', 'tapered' or 'multitaper'; `theta` 'auto', 'fine' or 'compact'; `reduce` 'pca', 'dft321', 'x', 'y' or 'z'; `excitation` 'auto',
+/// 'bic' or 0 to 400; `estimator` 'auto', 'rectangular', 'tapered' or 'multitaper'; `theta` 'auto', 'fine' or
+/// 'compact'; `reduce` 'pca', 'dft321', 'x', 'y' or 'z'; `excitation` 'auto',
 /// 'residual' or 'gaussian'; `modulation` 'auto', 'track' or 'none'; `lines` 'auto' or 'none'. `silence_floor_m_s2` is
 /// the RMS below which a recording is silent; `drop` names verdicts to leave out; `model_rate_hz` is 5000 or 10000;
 /// `snap` is the largest share by which measured speeds and forces move to nominal ones; `strict` refuses a set in

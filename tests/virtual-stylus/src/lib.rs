@@ -5,7 +5,8 @@
 //! this board leaves out caches, wait states, everything analogue, and the assignment of functions to pins.
 //!
 //! [`VirtualStylus`] runs an image for tests, from instant to instant. Between two runs a test reads state, feeds
-//! inputs or cuts the power. The core retires [`PESSIMISTIC_INSTRUCTIONS_PER_SECOND`](board::PESSIMISTIC_INSTRUCTIONS_PER_SECOND), so a deadline that is met here
+//! inputs or cuts the power. The core retires
+//! [`PESSIMISTIC_INSTRUCTIONS_PER_SECOND`](board::PESSIMISTIC_INSTRUCTIONS_PER_SECOND), so a deadline that is met here
 //! is met on the part with a margin.
 
 pub mod board;

@@ -1,7 +1,9 @@
-//! Ports of the loopback interface for programs: the serial line (`--link tcp:127.0.0.1:PORT`), and a host on USB, which
+//! Ports of the loopback interface for programs: the serial line (`--link tcp:127.0.0.1:PORT`), and a host on USB,
+//! which
 //! enumerates the device and carries out a program's bulk transfers (`--link usb-virtual:127.0.0.1:PORT`).
 //!
-//! An answer on the serial line goes out whole and at once. The emulator's own socket sends it byte by byte and lets the
+//! An answer on the serial line goes out whole and at once. The emulator's own socket sends it byte by byte and lets
+//! the
 //! operating system collect bytes (Nagle's algorithm), so that each answer waited some 40 ms for the acknowledgement of
 //! its first byte: no line does that.
 

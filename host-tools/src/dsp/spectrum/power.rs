@@ -153,7 +153,8 @@ impl PowerSpectrum {
         }
     }
 
-    /// Returns the equivalent number of independent averages in the power of Gaussian noise between two frequencies: its
+    /// Returns the equivalent number of independent averages in the power of Gaussian noise between two frequencies:
+    /// its
     /// relative variance is one over this. 0 without an estimate, or between no frequencies.
     ///
     /// For B hertz, wide against the resolution, and weights w of the squared samples, which windows and their overlap

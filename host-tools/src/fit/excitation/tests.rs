@@ -7,9 +7,9 @@ use proptest::prelude::*;
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 
+use super::evidence::mean_square;
 use super::texture::{Axes, parts};
 use super::trace::Trace;
-use super::trace::mean_square;
 use crate::dsp::autocorrelation::Autocorrelation;
 use crate::dsp::linear_prediction::{Prediction, corrected};
 use crate::dsp::model::Model;
@@ -294,7 +294,8 @@ fn account(fit: &Fit) -> &ExcitationReport {
     &fit.excitations[0]
 }
 
-/// Bad input of all kinds, with nothing and with everything asked for: a library that decodes, at the level of its model, or silent.
+/// Bad input of all kinds, with nothing and with everything asked for: a library that decodes, at the level of its
+/// model, or silent.
 #[test]
 fn bad_recordings_are_fitted_without_a_fault_and_at_their_level() {
     let mut impulse = vec![0.0; 12_000];

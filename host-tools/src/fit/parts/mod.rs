@@ -5,7 +5,8 @@
 //! *unit* of it is what is computed together: all trials of a texture where lines are sought, because they show in all
 //! of them, and up to 64 trials of a texture otherwise.
 //!
-//! Each unit has a file of its own, named by a hash of everything that its content comes from ([`unit`]). So a file that
+//! Each unit has a file of its own, named by a hash of everything that its content comes from ([`unit`]). So a file
+//! that
 //! is there is not computed again, whoever made it: an interrupted fit goes on where it was, and shard I of N is the
 //! computation of every N-th unit.
 //!
