@@ -59,8 +59,9 @@ pub fn cycles(processor: Processor, path: &[Rc<Instruction>]) -> Result<u32> {
     let output = child.wait_with_output()?;
     let told = String::from_utf8_lossy(&output.stdout);
     let refused = String::from_utf8_lossy(&output.stderr);
-    if refused.contains("error:") {
-        bail!("llvm-mca: {}", refused.lines().next().unwrap_or_default());
+    if let Some(at) = refused.find("error:") {
+        let told: Vec<&str> = refused[at..].lines().take(2).map(str::trim).collect();
+        bail!("llvm-mca: {}", told.join(": "));
     }
     told.lines()
         .find_map(|line| line.strip_prefix("Total Cycles:")?.trim().parse().ok())
@@ -73,6 +74,12 @@ fn lines(text: &str) -> Vec<String> {
     let bare = mnemonic.trim_end_matches(".w").trim_end_matches(".n");
     if bare.starts_with("it") {
         return vec!["nop".to_owned()];
+    }
+    if bare == "vcmp.f32"
+        && let Some(register) = operands.strip_suffix(", #0")
+    {
+        // The tables have no comparison with zero.
+        return vec![format!("{bare} {register}, {register}")];
     }
     if is_branch(bare) {
         // Any address near does: the next instruction is known.

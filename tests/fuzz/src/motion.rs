@@ -3,7 +3,10 @@
 //! The input is read in order: a byte for the laws and for tails, one byte per order, two bytes per θ (one in a tail,
 //! and two for its step), a byte per fraction, four bytes per motion, two bytes per excitation.
 use model_format::limits::{MAX_FINE_STAGES, MAX_ORDER, MAX_OUTPUT_POWER, MIN_LARGEST_TAIL_CODE};
-use model_format::{CodeSpec, FadeLaw, Laws, LevelLaw, Library, MillimetresPerSecond, Newton, NodeSpec, TailSpec, TextureSpec, encode};
+use model_format::{
+    CodeSpec, FadeLaw, Laws, LevelLaw, Library, MillimetresPerSecond, Newton, NodeSpec, TailSpec,
+    TextureSpec, encode,
+};
 use stylus_kernel::arithmetic::Portable;
 use stylus_kernel::grid::GridPoint;
 use stylus_kernel::lattice::{LatticeFrame, LatticeState};
@@ -84,15 +87,23 @@ fn library(bytes: &mut impl Iterator<Item = u8>) -> Vec<u8> {
         let fractions = fine
             .map(|_| bytes.next().unwrap_or(0).cast_signed())
             .collect();
-        NodeSpec::new(MAX_OUTPUT_POWER, CodeSpec {
+        NodeSpec::new(
+            MAX_OUTPUT_POWER,
+            CodeSpec {
                 codes,
                 fractions,
                 tail,
-            })
+            },
+        )
     };
     let texture = TextureSpec {
-laws,
-..TextureSpec::new("fuzz", &SPEEDS_MM_S, &FORCES_N, (0..4).map(&mut node).collect())
-};
+        laws,
+        ..TextureSpec::new(
+            "fuzz",
+            &SPEEDS_MM_S,
+            &FORCES_N,
+            (0..4).map(&mut node).collect(),
+        )
+    };
     encode(&[texture]).expect("lattices of such codes are valid")
 }

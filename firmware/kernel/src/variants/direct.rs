@@ -143,7 +143,7 @@ impl DirectState {
     /// Passes one sample of excitation through the filter of `frame`. The excitation has steps of the history with
     /// [`SUM_FRACTION_BITS`] digits after the point; the output has steps of the history. The flag is true if the
     /// output was saturated.
-    #[inline]
+    #[inline(always)]
     pub fn filter(&mut self, frame: &DirectFrame, excitation: i64) -> (i32, bool) {
         let products = frame.coefficients().iter().zip(self.history());
         let sum = products.fold(0, |sum: i64, (&h, &y)| {

@@ -7,7 +7,11 @@ use std::error::Error;
 use std::path::Path;
 
 use model_format::scene::{Biquad, Region, Scene, SceneName, StickSlip, Surface, Tap};
-use model_format::{CodeSpec, CodebookSpec, ExcitationSpec, FadeLaw, Laws, LevelLaw, LineSpec, LinesSpec, ModulationSpec, NodeFlags, NodeSpec, PartsSpec, TextureSpec, encode, encode_with_scenes, limits};
+use model_format::{
+    CodeSpec, CodebookSpec, ExcitationSpec, FadeLaw, Laws, LevelLaw, LineSpec, LinesSpec,
+    ModulationSpec, NodeFlags, NodeSpec, PartsSpec, TextureSpec, encode, encode_with_scenes,
+    limits,
+};
 
 mod host;
 
@@ -43,11 +47,7 @@ fn libraries(folder: &Path) -> Result<(), Box<dyn Error>> {
         all.push(with_parts);
     }
     for (order, size) in [(33, 1), (40, 3), (limits::MAX_ORDER, 1)] {
-        let mut with_tails = texture(
-            format!("tails {order} × {size}²"),
-            order,
-            size,
-        );
+        let mut with_tails = texture(format!("tails {order} × {size}²"), order, size);
         for node in &mut with_tails.nodes {
             let thetas: Vec<i32> = node.codes.thetas().map(|theta| theta + 99).collect();
             node.codes = CodeSpec::compact_lattice(&thetas, order % 32);
@@ -62,7 +62,7 @@ fn libraries(folder: &Path) -> Result<(), Box<dyn Error>> {
     for (excitation, modulation) in [(1, false), (0, true), (3, true)] {
         let name = format!("{excitation} codebooks, track {modulation}");
         let mut fed = texture(name, 5, 2);
-        
+
         fed.parts = parts(excitation, modulation, fed.nodes.len());
         all.push(fed);
     }
