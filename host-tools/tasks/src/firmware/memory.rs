@@ -37,7 +37,6 @@ const SHOWN: [(&str, &str); 4] = [
 
 /// The most bytes that the product's image may take of a memory: two images and a loader are to fit into bank 1, and
 /// the ITCM is to have room for what comes.
-// Of flash 300 KB once direct forms and their proof have left the image.
 const LIMITS: [(&str, u64); 2] = [("flash", 300 * 1024), ("ITCM", 56 * 1024)];
 
 /// First address and length of the region called `name` in the map.
