@@ -449,7 +449,7 @@ fn a_monitor_that_reads_too_slowly_loses_its_own_blocks_alone() {
     });
     thread::sleep(Duration::from_millis(500));
     signal("STOP", slow.id());
-    thread::sleep(Duration::from_millis(5000));
+    thread::sleep(Duration::from_secs(5));
     signal("CONT", slow.id());
     let (code, out, err) = output_of(quick);
     assert_eq!(code, Some(0), "{err}");

@@ -92,7 +92,7 @@ fn answers_that_break_on_the_way_and_noise_between_them_do_no_harm() {
         ..Faults::default()
     });
     let said = bench.succeed(&format!(
-        "upload a.lib --json --timeout 0.4 --link {}",
+        "upload a.lib --json --timeout 0.2 --link {}",
         stylus.link()
     ));
     let report = json(&said);
@@ -197,7 +197,8 @@ type Disguise = fn(&mut DeviceInfo);
 
 /// The message to a user of a device with `disguise`.
 fn said_to(disguise: Disguise, arguments: &str) -> String {
-    let (stylus, bench, _) = bench();
+    let (stylus, bench) = (FakeStylus::start(), Bench::new());
+    bench.write("a.lib", library(1, 4, 3));
     stylus.fail(Faults {
         disguise: Some(disguise),
         ..Faults::default()

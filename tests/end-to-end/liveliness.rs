@@ -177,7 +177,7 @@ fn the_report_draws_all_versions_beside_the_recording() {
     let page = std::fs::read_to_string(bench.path("out/index.html")).unwrap();
     let picture = std::fs::read_to_string(bench.path("out/felt-waveforms.svg")).unwrap();
     for name in ["recorded", "synthesis: residual + modulation", "Gaussian"] {
-        assert_eq!(picture.matches(&format!("\n{name}\n")).count(), 2, "{name}");
+        assert_eq!(picture.matches(&format!(">{name}<")).count(), 2, "{name}");
     }
     assert!(page.contains("What the spectrum does not show, of this trial"));
 }

@@ -181,7 +181,7 @@ fn bash_completes_commands_options_and_values_by_the_script() {
         offered(&script, "stylus fit --silence"),
         ["--silence-floor"]
     );
-    assert_eq!(offered(&script, "stylus fit --structure la"), ["lattice"]);
+    assert_eq!(offered(&script, "stylus fit --reduce pc"), ["pca"]);
 }
 
 #[test]

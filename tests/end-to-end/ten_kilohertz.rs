@@ -82,9 +82,9 @@ fn a_process_recorded_at_ten_kilohertz_comes_back_with_what_is_above_the_half_of
     let list = "file,texture,speed_mm_s,force_n\nsilk.wav,silk,100,1\n";
     bench.write("set/trials.csv", list);
     bench.succeed("fit set --out fast.lib --model-rate 10000");
-    bench.succeed(&format!(
-        "render fast.lib --texture silk --speed 100 --force 1 --seconds 60 --seed 7 --out fast.wav"
-    ));
+    bench.succeed(
+        "render fast.lib --texture silk --speed 100 --force 1 --seconds 60 --seed 7 --out fast.wav",
+    );
     let played = samples(&bench, "fast.wav", FAST_HZ).split_off(FAST_HZ as usize);
     for (band, power) in band_powers(&played, f64::from(FAST_HZ))
         .into_iter()

@@ -43,7 +43,7 @@ pub async fn serve<R: ReceiveFrame>(
 #[inline(never)]
 fn serve_frame(wire: Wire, frame: &[u8], answer: &mut Frame) -> Option<usize> {
     #[cfg(feature = "fault-injection")]
-    if crate::injection::take(frame) {
+    if stylus_realtime::injection::take(frame) {
         wire.counters().count(|counters| &mut counters.frames);
         return None;
     }

@@ -90,16 +90,14 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         arguments.overwrite.folder(report, &inputs)?;
     }
     let set = arguments.recordings.open()?;
-    match &arguments.library {
-        Some(path) => evaluate_library(arguments, path, set),
-        None => {
-            let options = removal_options(arguments);
-            let prepared = Prepared::new(&set, &options)?;
-            let test = removed_node_test(&prepared, &Row::all(), &options)?;
-            write_numbers(arguments, None, Some(&test))?;
-            print(&removed_nodes(&test))
-        }
+    if let Some(path) = &arguments.library {
+        return evaluate_library(arguments, path, set);
     }
+    let options = removal_options(arguments);
+    let prepared = Prepared::new(&set, &options)?;
+    let test = removed_node_test(&prepared, &Row::all(), &options)?;
+    write_numbers(arguments, None, Some(&test))?;
+    print(&removed_nodes(&test))
 }
 
 fn removal_options(arguments: &Arguments) -> leave_one_out::Options {

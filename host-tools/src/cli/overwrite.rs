@@ -1,8 +1,8 @@
 //! The rule for outputs, as commands apply it before their work.
 
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
-use clap::builder::FalseyValueParser;
 use host_tools::fit::record::FitRecord;
 use host_tools::recording::{RecordingSet, TRIALS_FILE};
 use host_tools::support::error::Result;
@@ -11,20 +11,22 @@ use host_tools::support::output;
 /// Flag that lets outputs be replaced.
 #[derive(clap::Args)]
 pub struct Overwrite {
-    /// Replace an output that is there already
-    #[arg(
-        long,
-        env = "STYLUS_OVERWRITE",
-        hide_env_values = true,
-        value_parser = FalseyValueParser::new()
-    )]
+    /// Replace an output that is there already [env: STYLUS_OVERWRITE]
+    #[arg(long)]
     overwrite: bool,
 }
 
 impl Overwrite {
     /// Returns true if what is there is to be replaced.
     pub fn is_asked(&self) -> bool {
-        self.overwrite
+        // Not by clap, which takes a value of the environment as given beside options that exclude all others.
+        let of_environment = std::env::var_os("STYLUS_OVERWRITE");
+        let is_no = |value: &OsStr| {
+            ["", "0", "n", "no", "f", "false", "off"]
+                .iter()
+                .any(|no| value == *no)
+        };
+        self.overwrite || of_environment.is_some_and(|value| !is_no(&value))
     }
 
     /// Checks a file to write, by a command with these inputs.
@@ -32,7 +34,7 @@ impl Overwrite {
     /// # Errors
     /// As [`output::check_file`].
     pub fn file(&self, path: &Path, inputs: &[PathBuf]) -> Result<()> {
-        output::check_file(path, self.overwrite, &with_those_named(path, inputs))
+        output::check_file(path, self.is_asked(), &with_those_named(path, inputs))
     }
 
     /// Checks a folder to write, by a command with these inputs.
@@ -40,7 +42,7 @@ impl Overwrite {
     /// # Errors
     /// As [`output::check_folder`].
     pub fn folder(&self, path: &Path, inputs: &[PathBuf]) -> Result<()> {
-        output::check_folder(path, self.overwrite, &with_those_named(path, inputs))
+        output::check_folder(path, self.is_asked(), &with_those_named(path, inputs))
     }
 }
 

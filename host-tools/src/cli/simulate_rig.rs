@@ -39,12 +39,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             RigFile::from_toml(path, &text)?
         }
     };
-    let Some(out) = arguments
-        .out
-        .as_ref()
-        .map(PathBuf::as_path)
-        .filter(|_| !arguments.print_rig)
-    else {
+    let Some(out) = arguments.out.as_deref().filter(|_| !arguments.print_rig) else {
         return print(rig.text().trim_end());
     };
     let summary = rig::simulate_to_folder(&rig, arguments.seed, out, overwrite.is_asked())?;

@@ -3,7 +3,7 @@
 /// A table with a title and a heading for each column.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Table {
-    /// What it shows.
+    /// The subject of the table.
     pub title: String,
     /// Headings, numbers with their units.
     pub headings: Vec<String>,

@@ -151,7 +151,7 @@ mod tests {
                 }
             }
             let origins = columns.pop().unwrap();
-            assert!(headings.iter().last() == Some("origin"), "{name}");
+            assert!(headings.iter().next_back() == Some("origin"), "{name}");
             assert!(origins.iter().all(|origin| origin == "SIMULATED"), "{name}");
             for panel in &picture.figure().panels {
                 for series in &panel.series {

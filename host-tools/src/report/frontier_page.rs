@@ -78,6 +78,7 @@ pub fn write(frontier: &Frontier, path: &Path) -> Result<()> {
 }
 
 /// The pictures with their captions.
+#[expect(clippy::too_many_lines, reason = "four pictures of the same points")]
 fn pictures(frontier: &Frontier) -> Result<[(Svg, String); 4]> {
     let caption = |title| Caption {
         title,

@@ -3,10 +3,12 @@
 use std::path::Path;
 
 use super::description::RigDescription;
-use super::output::RIG;
 use super::validate::check;
 use crate::support::error::Result;
 use crate::support::toml_field::{TEXT, from_toml};
+
+/// The copy of the rig file.
+pub(super) const RIG: &str = "rig.toml";
 
 /// A rig file that was read and checked. It can only be made from its text, which it keeps.
 #[derive(Debug, Clone, PartialEq)]

@@ -9,7 +9,7 @@ use hound::{SampleFormat, WavSpec, WavWriter};
 use rayon::prelude::*;
 
 use super::description::RigDescription;
-use super::file::RigFile;
+use super::file::{RIG, RigFile};
 use super::trial::{Strip, Trial};
 use crate::support::error::{Error, Result};
 use crate::support::output::OutputFolder;
@@ -21,8 +21,6 @@ const MARKER: &str = "SIMULATED.txt";
 const MARKER_START: &str = "SIMULATED. Nothing in this folder was measured.";
 /// The table of trials; written after everything else.
 const TRIALS: &str = "trials.csv";
-/// The copy of the rig file.
-pub(super) const RIG: &str = "rig.toml";
 /// Prefix of the name of every recording.
 const RECORDING_PREFIX: &str = "simulated_";
 

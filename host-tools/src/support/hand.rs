@@ -30,6 +30,12 @@ pub fn force_fault(force_n: f64) -> Option<String> {
     ))
 }
 
+/// Returns the problem of a position, in mm, beyond single precision, in words.
+pub fn position_fault(position_mm: f64) -> Option<String> {
+    let is_finite = (position_mm as f32).is_finite();
+    (!is_finite).then(|| "no path is as long: give it in mm".to_owned())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -207,10 +207,10 @@ impl OutputFolder {
             hidden,
         } = self;
         let files = files_in(hidden.path())?;
-        let list: String = files
-            .iter()
-            .map(|file| format!("{}\n", file.display()))
-            .collect();
+        let mut list = String::new();
+        for file in &files {
+            list.push_str(&format!("{}\n", file.display()));
+        }
         fs::write(hidden.path().join(LIST), list).map_err(Error::io("write", &named))?;
         check_folder(&named, overwrite, &[])?;
         let failed = |failure: io::Error| Error::io("replace", &named)(failure);

@@ -453,7 +453,7 @@ mod tests {
         assert_eq!(serde_json::from_str::<Costs>(&text).unwrap(), table);
         assert_eq!(
             text.lines().count(),
-            8 + table.entries.len() + table.peers.len()
+            9 + table.entries.len() + table.peers.len()
         );
     }
 }

@@ -23,7 +23,8 @@ pub mod library;
 pub mod requests;
 mod served;
 
-pub use board::{Board, BoardOf};
+pub use board::Board;
 pub use connection::Faults;
+pub use device::BoardOf;
 pub use hand::Hand;
 pub use served::{FakeStylus, Heard};

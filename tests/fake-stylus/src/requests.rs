@@ -17,7 +17,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use stylus_app::requests::{self, Link, QUEUED_JOBS, QueuedJob, work};
 
-use crate::board::BoardOf;
+use crate::device::BoardOf;
 use crate::device::{SharedControl, Stores};
 
 /// A frame of `body` under `key`, which is sent whole.

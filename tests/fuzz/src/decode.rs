@@ -5,8 +5,7 @@
 use crc::{CRC_32_ISO_HDLC, Crc};
 use model_format::scene::Scene;
 use model_format::{
-    FORMAT_VERSION, Library, MillimetresPerSecond, Newton, Texture,
-    encode_with_scenes,
+    FORMAT_VERSION, Library, MillimetresPerSecond, Newton, Texture, encode_with_scenes,
 };
 use stylus_kernel::position::Position;
 use stylus_kernel::scene::{Interaction, Plan, ScenePlayer};

@@ -18,7 +18,10 @@ pub fn judge(input: &[u8]) {
 
 fn judge_as(name: &str, content: &[u8], sample_rate_hz: Option<f64>) {
     let path = place::written(name, content);
-    let trial = |file| Trial { sample_rate_hz, ..Trial::of(file, "fuzz".to_owned(), 100.0, 1.0) };
+    let trial = |file| Trial {
+        sample_rate_hz,
+        ..Trial::of(file, "fuzz".to_owned(), 100.0, 1.0)
+    };
     recording::holds_integers(&path);
     let samples = match recording::read(&trial(path.clone())) {
         Ok(samples) => samples,

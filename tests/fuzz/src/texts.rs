@@ -8,7 +8,9 @@ use host_tools::link::settings::changes;
 use host_tools::rig::RigFile;
 use host_tools::scene::{SceneFile, with_scenes};
 use model_format::link::SettingsChange;
-use model_format::{CodeSpec, Laws, Library, NodeFlags, NodeSpec, PartsSpec, Provenance, TextureSpec, encode};
+use model_format::{
+    CodeSpec, Laws, Library, NodeFlags, NodeSpec, PartsSpec, Provenance, TextureSpec, encode,
+};
 
 use crate::place;
 

@@ -45,7 +45,7 @@ struct Arguments {
     /// Overwrite the libraries without a question
     #[arg(long)]
     yes: bool,
-    /// What the image's tests on an emulator do not hold
+    /// Only checks that the image's tests on an emulator do not hold
     #[arg(long)]
     brief: bool,
     /// The program probe-rs, which resets the board and exchanges its image

@@ -8,7 +8,7 @@
 //! it. No interrupt is taken meanwhile, which is the worst that the part may do: it may take one during a fetch. The
 //! instructions that the core would have executed meanwhile are counted as if it had, so virtual time and the cycle
 //! counter go on. Fetches are looked at before every instruction in the first [`CLOSELY`] of them after the bank became
-//! busy, and before every eighth after that, because an erasure takes longer than a test can wait for single steps.
+//! busy, and before every 32nd after that, because an erasure takes longer than a test can wait for single steps.
 
 use std::collections::BTreeSet;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -51,7 +51,7 @@ const OTHER_BANK: u8 = 2;
 /// and updates.
 const CLOSELY: u64 = 1_000_000;
 /// Instructions at a time after that.
-const COARSE: u32 = 8;
+const COARSE: u32 = 32;
 /// Time for which the other bank's reads stay on the bus after it was busy, so that an upload routes it once.
 const LINGER: VirtualNanos = VirtualNanos(20_000_000);
 

@@ -87,10 +87,13 @@ mod tests {
 
     #[test]
     fn errors_leave_the_band_that_is_felt_and_lie_above_it() {
-        for (amplitude, hertz) in [(0.7, 61.3), (17.3, 217.7), (300.0, 733.1)] {
+        for (amplitude, hertz) in [(0.7, 61.3), (300.0, 733.1)] {
             let errors = errors(amplitude, hertz);
             let total = errors.iter().map(|error| error * error).sum::<f64>() / SECOND as f64;
-            let (felt, below) = (rms(&errors, 20, 1000), rms(&errors, 0, 2000));
+            let felt = rms(&errors, 20, 1000);
+            let below = rms(&errors, 0, 19)
+                .hypot(felt)
+                .hypot(rms(&errors, 1001, 2000));
             let above = (total - below * below).sqrt();
             assert!(felt < 0.000_1, "{felt} steps from 20 to 1000 Hz");
             assert!((1.2..1.4).contains(&above), "{above} steps above 2 kHz");

@@ -225,7 +225,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         return parts::map_shard(&set, &options, shard, (&arguments.large, arguments.json));
     }
     // clap asks for it in every other case.
-    let Some(out) = arguments.out.as_ref().map(PathBuf::as_path) else {
+    let Some(out) = arguments.out.as_deref() else {
         return Err(Error::Request("give --out, the library to write".into()));
     };
     if arguments.large.each {

@@ -57,7 +57,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     print(&texture_table(&textures))?;
     print(
         "\norder: lowest / middle / highest of the nodes\n\
-         Each is a normalised lattice: every stage only rotates, whatever the motion, so that none can become unstable.\n",
+         Each is a normalised lattice: every stage only rotates, whatever the motion, so that none can become \
+         unstable.\n",
     )?;
     print(&storage_table(&textures))?;
     if let Some(excitations) = excitation_table(&textures) {

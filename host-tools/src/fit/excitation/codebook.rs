@@ -5,7 +5,7 @@ use realfft::num_complex::Complex;
 
 use crate::dsp::with_planner;
 
-use super::trace::mean_square;
+use super::evidence::mean_square;
 
 /// Shortest and longest piece that a player takes of a codebook, samples: 20 to 80 ms.
 const PIECE_SAMPLES: std::ops::RangeInclusive<usize> = 100..=400;

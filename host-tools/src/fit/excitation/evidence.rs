@@ -2,7 +2,6 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::trace::{mean_square, residual};
 use crate::dsp::autocorrelation::Autocorrelation;
 use crate::dsp::linear_prediction::{Prediction, corrected, step_up};
 use crate::fit::options::Estimator;
@@ -241,6 +240,28 @@ fn correlation(parts: &[Vec<f64>]) -> f64 {
         .iter()
         .map(|lag| (lag / lags[0]).powi(2))
         .sum::<f64>()
+}
+
+/// Residual of `signal`, from the first sample that all of the predictor's samples stand before. Empty for a signal
+/// that is not longer than the predictor.
+pub(super) fn residual(signal: &[f64], predictor: &[f64]) -> Vec<f64> {
+    let order = predictor.len();
+    // The window's oldest sample comes first, and a(M) belongs to it.
+    let newest_last: Vec<f64> = predictor.iter().rev().copied().collect();
+    let error = |window: &[f64]| -> f64 {
+        let (before, now) = (&window[..order], window[order]);
+        now + before
+            .iter()
+            .zip(&newest_last)
+            .map(|(x, a)| x * a)
+            .sum::<f64>()
+    };
+    signal.windows(order + 1).map(error).collect()
+}
+
+/// Mean square of a signal; 0 of an empty one.
+pub(super) fn mean_square(signal: &[f64]) -> f64 {
+    signal.iter().map(|x| x * x).sum::<f64>() / signal.len().max(1) as f64
 }
 
 #[cfg(test)]

@@ -2,8 +2,8 @@
 
 use model_format::{LEVEL_FRACTION_BITS, ModulationSpec, SAMPLE_RATE_HZ, level_amplitude, limits};
 
+use super::evidence::mean_square;
 use super::trace::Trace;
-use super::trace::mean_square;
 
 /// Resolution of a level track.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,9 +1,9 @@
 //! The material of a codebook: which stretches of which trials.
 
+use super::evidence::mean_square;
 use super::evidence::{KURTOSIS_SAMPLES, kurtosis_of};
 use super::level::{BESIDE_CODEBOOK, local_rms};
 use super::trace::Trace;
-use super::trace::mean_square;
 
 /// Samples of a stretch: 0.2 s, of which pieces of 20 to 80 ms are taken.
 pub(super) const STRETCH_SAMPLES: usize = 1000;

@@ -7,9 +7,9 @@ use proptest::prelude::*;
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 
+use super::evidence::mean_square;
 use super::texture::{Axes, parts};
 use super::trace::Trace;
-use super::trace::mean_square;
 use crate::dsp::autocorrelation::Autocorrelation;
 use crate::dsp::linear_prediction::{Prediction, corrected};
 use crate::dsp::model::Model;

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use model_format::{CodeSpec, FINE_THETA_STEP_RAD, SAMPLE_RATE_HZ};
 
-use super::evidence::{self, Judged};
+use super::evidence::{self, Judged, mean_square, residual};
 use crate::dsp::linear_prediction::step_up;
 use crate::fit::options::Estimator;
 use crate::fit::trial::Signal;
@@ -94,28 +94,6 @@ fn leaves_the_residual(verdict: &Verdict) -> bool {
 pub(super) fn predictor(codes: &CodeSpec) -> Vec<f64> {
     let k = |theta: i32| (f64::from(theta) * FINE_THETA_STEP_RAD).sin();
     step_up(&codes.thetas().map(k).collect::<Vec<_>>())
-}
-
-/// Residual of `signal`, from the first sample that all of the predictor's samples stand before. Empty for a signal
-/// that is not longer than the predictor.
-pub(super) fn residual(signal: &[f64], predictor: &[f64]) -> Vec<f64> {
-    let order = predictor.len();
-    // The window's oldest sample comes first, and a(M) belongs to it.
-    let newest_last: Vec<f64> = predictor.iter().rev().copied().collect();
-    let error = |window: &[f64]| -> f64 {
-        let (before, now) = (&window[..order], window[order]);
-        now + before
-            .iter()
-            .zip(&newest_last)
-            .map(|(x, a)| x * a)
-            .sum::<f64>()
-    };
-    signal.windows(order + 1).map(error).collect()
-}
-
-/// Mean square of a signal; 0 of an empty one.
-pub(super) fn mean_square(signal: &[f64]) -> f64 {
-    signal.iter().map(|x| x * x).sum::<f64>() / signal.len().max(1) as f64
 }
 
 #[cfg(test)]

@@ -7,9 +7,8 @@ use stylus_kernel::Motion;
 use stylus_kernel::position::Position;
 use stylus_kernel::scene::{ContactDetector, ContactThreshold, Interaction};
 
-use super::table;
 use crate::support::error::{Error, Result};
-use crate::support::hand::{force_fault, speed_fault};
+use crate::support::hand::{force_fault, position_fault, speed_fault};
 
 /// One moment of a motion that a program gives.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -62,18 +61,6 @@ impl MotionPath {
         })
     }
 
-    /// Reads a CSV file with the columns `time_s`, in s, `speed_mm_s` and `force_n`, and optionally `position_mm` and
-    /// `contact`; see [the module](super).
-    ///
-    /// Times start at zero or later and rise from row to row.
-    ///
-    /// # Errors
-    /// A file that cannot be read or has no rows, a missing column, or, with its line, a row of another length than the
-    /// header, a value that is not a finite number, or a time that does not rise.
-    pub fn from_csv(path: &Path) -> Result<Self> {
-        table::read(path).map(Self::of)
-    }
-
     /// A motion of `rows`, as a table has them.
     ///
     /// # Errors
@@ -97,7 +84,7 @@ impl MotionPath {
         Ok(Self::of(found.ok_or_else(no_rows)?))
     }
 
-    fn of(points: Points) -> Self {
+    pub(super) fn of(points: Points) -> Self {
         Self {
             tells_position: points.tells_position,
             tells_contact: points.tells_contact,
@@ -270,12 +257,6 @@ impl Points {
         self.rows.push(point);
         Ok(())
     }
-}
-
-/// Returns the problem of a position, in mm, beyond single precision, in words.
-pub(super) fn position_fault(position_mm: f64) -> Option<String> {
-    let is_finite = (position_mm as f32).is_finite();
-    (!is_finite).then(|| "no path is as long: give it in mm".to_owned())
 }
 
 /// A motion at one moment. All numbers are finite.

@@ -2,12 +2,11 @@
 
 use std::path::Path;
 
-use super::path::Point;
-use super::path::{Points, position_fault};
+use super::path::{MotionPath, Point, Points};
 use crate::support::bounded_file::{Limit, MIB};
 use crate::support::csv_table::{CsvTable, Header, Row};
 use crate::support::error::{Error, Result};
-use crate::support::hand::{force_fault, speed_fault};
+use crate::support::hand::{force_fault, position_fault, speed_fault};
 
 /// A motion: some 40 bytes per row, so that a day at 100 rows per second fits.
 const MOTION: Limit = Limit {
@@ -15,8 +14,21 @@ const MOTION: Limit = Limit {
     bytes: 512 * MIB,
 };
 
-/// Reads a CSV file; see [`super::MotionPath::from_csv`].
-pub(super) fn read(path: &Path) -> Result<Points> {
+impl MotionPath {
+    /// Reads a CSV file with the columns `time_s`, in s, `speed_mm_s` and `force_n`, and optionally `position_mm` and
+    /// `contact`; see [the module](super).
+    ///
+    /// Times start at zero or later and rise from row to row.
+    ///
+    /// # Errors
+    /// A file that cannot be read or has no rows, a missing column, or, with its line, a row of another length than the
+    /// header, a value that is not a finite number, or a time that does not rise.
+    pub fn from_csv(path: &Path) -> Result<Self> {
+        read(path).map(Self::of)
+    }
+}
+
+fn read(path: &Path) -> Result<Points> {
     let table = CsvTable::read(path, MOTION)?;
     let columns = Columns::of(&table.header()?)?;
     let mut points = Points::new(columns.position.is_some(), columns.contact.is_some());

@@ -139,7 +139,8 @@ fn shown_at_size(drawn: &str, caption: &Caption<'_>, width: u32, height: u32) ->
     };
     let name = escaped(&format!("{}{simulated}", caption.title));
     format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"plot\" font-family=\"sans-serif\" role=\"img\" aria-label=\"{name}\" width=\"{width}\" \
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"plot\" font-family=\"sans-serif\" \
+         role=\"img\" aria-label=\"{name}\" width=\"{width}\" \
          height=\"{height}\" viewBox=\"0 0 {} {}\">\n<style>{}</style>\n{content}",
         px(width),
         px(height),

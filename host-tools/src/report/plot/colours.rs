@@ -30,7 +30,7 @@ pub const INK: RGBColor = RGBColor(40, 40, 40);
 pub const ON_PALE: RGBColor = RGBColor(41, 41, 41);
 /// Lines of a mesh and what is not there.
 pub const PALE: RGBColor = RGBColor(225, 225, 225);
-/// What is beside the point.
+/// Values beside the point.
 pub const FADED: RGBColor = RGBColor(130, 130, 130);
 /// The range within a just noticeable difference.
 pub const SHADE: RGBColor = RGBColor(222, 235, 247);

@@ -199,6 +199,11 @@ pub struct Third {
     pub values: Vec<f64>,
 }
 
+#[expect(
+    clippy::ref_option,
+    clippy::trivially_copy_pass_by_ref,
+    reason = "serde passes fields so"
+)]
 fn as_hex<S: Serializer>(colour: &Option<RGBColor>, to: S) -> Result<S::Ok, S::Error> {
     colour.map(hex).serialize(to)
 }

@@ -151,7 +151,8 @@ fn odd_pictures() -> Vec<(&'static str, Svg)> {
         let bands = band_error_chart(&CAPTION, &[value; BAND_COUNT]).unwrap();
         all.push(("odd bands", bands));
     }
-    for signal in [&[][..], &[1.0], &[0.0; 5000], &ODD] {
+    let zeros = vec![0.0; 5000];
+    for signal in [&[][..], &[1.0], &zeros, &ODD] {
         all.push((
             "odd waves",
             waveforms(&CAPTION, &[("one", signal)], 5000.0).unwrap(),

@@ -1,6 +1,7 @@
 //! Spectrograms of a recording and its synthesis, side by side.
 
 use std::f64::consts::TAU;
+use std::fmt::Write as _;
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
@@ -151,11 +152,19 @@ pub(super) fn fill(panel: &mut Panel, levels: &[Vec<f64>], top_db: f64, windows:
         },
         from: top_db - RANGE_DB,
         to: top_db,
-        palette: palette().iter().map(|byte| format!("{byte:02X}")).collect(),
+        palette: palette_as_hex(),
         x: [windows.middle_s(0), windows.step_s()],
         y: [0.0, windows.bin_hz()],
     });
     Ok(())
+}
+
+/// All colours of the scale, six hexadecimal digits each.
+fn palette_as_hex() -> String {
+    palette().iter().fold(String::new(), |mut text, byte| {
+        let _ = write!(text, "{byte:02X}");
+        text
+    })
 }
 
 /// All colours of the scale, three bytes each.

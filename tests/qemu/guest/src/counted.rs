@@ -7,13 +7,13 @@ use kernel_vectors::job::Filter;
 use kernel_vectors::{COUNTED_SAMPLES, counted_motion};
 use model_format::limits::MAX_ORDER;
 use model_format::{Library, OutputSample, Texture};
-use stylus_realtime::CortexM;
 use stylus_kernel::excitation::Excitation;
 use stylus_kernel::grid::GridPoint;
 use stylus_kernel::variants::direct::{DirectFrame, DirectState};
 use stylus_kernel::variants::normalised16::{Lattice16Frame, Lattice16State};
 use stylus_kernel::variants::two_multiplier::{TwoMultiplierFrame, TwoMultiplierState};
 use stylus_kernel::{Motion, Synthesis, UPDATE_INTERVAL_SAMPLES};
+use stylus_realtime::CortexM;
 
 /// Plays every texture of `library` by `filter`, over the first `updates` updates of the motion.
 pub fn play(filter: Filter, updates: u32, library: &[u8]) {

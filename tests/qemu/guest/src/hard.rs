@@ -27,7 +27,11 @@ pub fn play(mut cases: &[u8], counter: &Counter, output: &mut Output) {
             .play::<CortexM>(&mut measure)
             .expect("the host wrote libraries");
         let name = case.name;
-        output.line(format_args!("{} {} {name}", report::VECTOR, report::CORTEX_M));
+        output.line(format_args!(
+            "{} {} {name}",
+            report::VECTOR,
+            report::CORTEX_M
+        ));
         let mut words = Words::new(output);
         words.push(digest);
         words.finish();

@@ -20,11 +20,11 @@ use cortex_m_semihosting::{debug, hio};
 use kernel_vectors::job::Job;
 use kernel_vectors::{MEASURED, PATH_UPDATES, VECTORS, edges, motion, report, run};
 use model_format::Library;
-use stylus_realtime::CortexM;
 use stylus_kernel::arithmetic::{Arithmetic, Portable};
 use stylus_kernel::digest::of_plan;
 use stylus_kernel::scene::Plan;
 use stylus_kernel::{Synthesis, UPDATE_INTERVAL_SAMPLES};
+use stylus_realtime::CortexM;
 
 use crate::counter::{Counter, Range};
 use crate::output::{Output, Words};

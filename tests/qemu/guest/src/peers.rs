@@ -18,11 +18,11 @@ use idsp::iir::{Biquad, Cascade, DirectForm};
 use kernel_vectors::PEER_SAMPLES;
 use model_format::Library;
 use model_format::limits::MAX_ORDER;
-use stylus_realtime::CortexM;
-use stylus_kernel::variants::direct::{DirectFrame, DirectState};
 use stylus_kernel::excitation::{self, Excitation};
 use stylus_kernel::lattice::LatticeState;
 use stylus_kernel::rotation::Rotation;
+use stylus_kernel::variants::direct::{DirectFrame, DirectState};
+use stylus_realtime::CortexM;
 
 use crate::LIBRARY;
 

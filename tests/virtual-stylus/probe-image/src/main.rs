@@ -32,9 +32,9 @@ use panic_halt as _;
 use stm32_metapac::adc::vals::{Exten, Pcsel, SampleTime};
 use stm32_metapac::timer::vals::Mms;
 use stm32_metapac::{ADC1, ADC12_COMMON, DAC1, FLASH, IWDG1, RCC, TIM3, TIM6, USART3, interrupt};
-use stylus_realtime::CortexM;
 use stylus_kernel::digest::of_plan;
 use stylus_kernel::scene::Plan;
+use stylus_realtime::CortexM;
 
 /// 64 MHz over this is 5 kHz.
 const TICK_CYCLES: u16 = 12_800;

@@ -17,7 +17,7 @@ pub struct Recorded {
 }
 
 impl Recorded {
-    /// What `device` has recorded, of which nothing may be lost.
+    /// The samples that `device` has recorded, of which nothing may be lost.
     pub fn of(device: &Device) -> Self {
         Self {
             first_tick: device.blocks[0].first_tick,
@@ -108,7 +108,7 @@ fn samples(heard: &Heard<'_>, recorded: &Recorded, play: u64) -> Vec<model_forma
     samples
 }
 
-/// What an output is compared with: the stages after the silence before tick `from`, and the codes of all ticks.
+/// The reference of an output: the stages after the silence before tick `from`, and the codes of all ticks.
 struct Output<'a> {
     rate: PlayRate,
     config: safety::Config,

@@ -3,9 +3,9 @@
 use embassy_futures::block_on;
 use fake_stylus::flash::{Memory, SimulatedFlash};
 use fake_stylus::library::{library, upload};
+use model_format::encode;
 use model_format::limits::MAX_ORDER;
 use model_format::link::{MAX_CHUNK_BYTES, SettingSet};
-use model_format::encode;
 use stylus_app::settings::{SETTINGS_RANGE, SettingsStore};
 use stylus_app::slots::SlotStore;
 use stylus_app::upload::Uploader;

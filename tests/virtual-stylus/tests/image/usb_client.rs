@@ -222,10 +222,10 @@ fn the_products_self_test_passes_on_a_healthy_board() {
         stylus.set_pins(FunctionPins(quiet));
     });
     let options = self_test::Options {
-        traffic_s: 2.0,
-        sensors: true,
+        traffic_s: 1.0,
+        rest_s: 1.0,
         moves: false,
-        erasable: None,
+        ..self_test::Options::default()
     };
     let lines = self_test::run(&device, &options, |_| ()).expect("the link holds");
     for line in &lines {

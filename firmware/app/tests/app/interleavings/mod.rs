@@ -31,7 +31,7 @@ const WAITS: u32 = 2;
 /// Choices of a random schedule after which it counts as endless.
 const MOST_CHOICES: usize = 200_000;
 
-/// What goes wrong after each step of the storage, so that the check can show that it would notice.
+/// A mistake after each step of the storage, so that the check can show that it would notice.
 pub type Mistake = fn(&mut Control<Hardware>);
 
 /// Nothing goes wrong.

@@ -19,6 +19,10 @@ use crate::cli::output::{print, print_json};
 use crate::cli::overwrite::Overwrite;
 
 #[derive(clap::Args)]
+#[expect(
+    clippy::struct_excessive_bools,
+    reason = "each is a switch of the command"
+)]
 pub struct Arguments {
     /// Folder of the recording set; trials that are in it already are not recorded again. With --strokes a CSV file
     out: PathBuf,
