@@ -153,7 +153,7 @@ impl Recipe {
     /// Fewest bytes of all textures.
     fn texture_bytes(&self) -> usize {
         let [textures, with_grid, speeds, forces, order, tails, ..] = self.0.map(|n| n as usize);
-        let lines = self.0[17] as usize;
+        let lines = self.0[19] as usize;
         let coefficients = order
             + if tails == 1 {
                 order.min(MAX_FINE_STAGES)
@@ -274,7 +274,6 @@ impl Recipe {
             _,
             _,
             _,
-            _,
         ] = self.0;
         let surface = |at: u32| Surface {
             texture: Some((textures - 1 - at % used.min(textures)) as u8),
@@ -377,7 +376,7 @@ fn beginnings() -> Vec<Recipe> {
     // Grids of tails, from the shortest to the longest.
     for order in [33, 64, MAX_ORDER as u32] {
         let mut tails = least;
-        for (at, value) in [(2, 8), (3, 8), (4, order), (5, 0), (6, 32), (20, 1)] {
+        for (at, value) in [(2, 8), (3, 8), (4, order), (5, 1), (6, 32)] {
             tails.0[at] = value;
         }
         assert!(tails.has_tails());
