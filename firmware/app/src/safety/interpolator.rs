@@ -183,7 +183,9 @@ impl Interpolator {
         let (second, third) = (black_box(&SECOND), black_box(&THIRD));
         let mut outputs = [0; OVERSAMPLING];
         let mut left = outputs.as_chunks_mut::<2>().0.iter_mut();
-        for half in self.first.next(black_box(&FIRST), input << HEADROOM_BITS) {
+        // Without this box the compiler computes the second half after the first one's way, and holds every tap for it.
+        let halves = black_box(self.first.next(black_box(&FIRST), input << HEADROOM_BITS));
+        for half in halves {
             for quarter in self.second.next(second, half) {
                 if let Some(pair) = left.next() {
                     *pair = self.third.next(third, quarter);
