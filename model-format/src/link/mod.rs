@@ -66,7 +66,7 @@ pub use status::{
 };
 pub use upload::{
     CHUNK_ALIGN, FlashOperation, MAX_CHUNK_BYTES, UPLOAD_WINDOW, UploadBegin, UploadChunk,
-    UploadCommitted, UploadError, UploadProgress, UploadState, UploadTimes,
+    UploadCommitted, UploadError, UploadProgress, UploadState,
 };
 
 /// Version of the protocol. It changes when a message changes its meaning, even where its type stays.
