@@ -192,26 +192,6 @@ fn values_on_axes_are_few_finite_not_negative_and_ascend() {
     }
 }
 
-/// A varint that is longer than it needs to be would be a second form of the same library.
-#[test]
-fn a_padded_varint_is_refused() {
-    let bytes = RawLibrary::full().bytes();
-    assert!(Library::decode(&bytes).is_ok());
-    // The number of textures, the length of the first, and of its name.
-    for (at, place) in [(16, "library: "), (17, "texture 0: "), (19, "texture 0: ")] {
-        let mut padded = bytes.clone();
-        let last = (at..at + 3).find(|&at| padded[at] < 0x80).expect("it ends");
-        padded[last] |= 0x80;
-        padded.insert(last + 1, 0);
-        if at == 19 {
-            // The texture is a byte longer.
-            padded[17] += 1;
-        }
-        repair(&mut padded);
-        assert!(refused(&padded).starts_with(place));
-    }
-}
-
 #[test]
 fn nodes_are_checked() {
     of_node(AT, |t| t.nodes[2].order = 401, "the order is 401; it must");
