@@ -39,7 +39,7 @@ pub fn library() -> Vec<u8> {
 /// The textures of [`library`].
 pub fn specs() -> [TextureSpec; 13] {
     let resonant = |index| Model::resonant(MAX_ORDER, index);
-    let one = Grid::one(Model::resonant(MAX_ORDER, 1), 9.0);
+    let one = Grid::one(&Model::resonant(MAX_ORDER, 1), 9.0);
     [
         one.texture("lattice, one node"),
         Grid::new(|index| resonant(index as u64)).texture("lattice"),
@@ -115,7 +115,7 @@ pub const COUNTED_ORDERS: [usize; 6] = [10, 20, 50, 100, 200, MAX_ORDER];
 /// Orders above the limit, or more than sixteen of them.
 pub fn counted_library(orders: &[usize]) -> Vec<u8> {
     let one = |&order: &usize| {
-        Grid::one(Model::gentle(order, order as u64), 9.0)
+        Grid::one(&Model::gentle(order, order as u64), 9.0)
             .texture(&alloc::format!("order {order}, one node"))
     };
     let grid =
@@ -262,7 +262,7 @@ impl Grid {
     }
 
     /// A grid of one node.
-    fn one(model: Model, output_power: f32) -> Self {
+    fn one(model: &Model, output_power: f32) -> Self {
         Self {
             speeds_mm_s: SPEEDS_MM_S[..1].to_vec(),
             forces_n: FORCES_N[..1].to_vec(),

@@ -6,16 +6,15 @@ use fake_stylus::device::{COIL, SteppedStylus, play_request};
 use fake_stylus::flash::{Memory, SECTOR_BYTES, SimulatedFlash};
 use fake_stylus::hardware::Hardware;
 use fake_stylus::library::{announcement, library, texture};
-use model_format::limits::{self, MAX_ORDER, SLOT_BYTES};
+use model_format::limits::{self, MAX_ORDER};
 use model_format::link::{
     ActivateError, Activity, LINK_LOST_AFTER_MS, LinkId, MAX_PIN_MEAN_SQUARE, MotionSource,
     MuteReason, PlayError, PlayRequest, STALE_AFTER_MS, Selection, Setting, SettingChange,
-    SettingSet, Settings, SettingsChange, SettingsError, SettingsState, SlotId, StopError,
-    UploadChunk, UploadError,
+    SettingSet, Settings, SettingsError, SettingsState, SlotId, StopError, UploadChunk,
+    UploadError,
 };
 use model_format::scene::{Biquad, Region, Scene, StickSlip, Surface, Tap};
 use model_format::{DacCode, Library, PlayRate, encode, encode_with_scenes};
-use stylus_app::safety::Config;
 use stylus_kernel::scene::Plan;
 
 /// A device with a library of one texture, "texture 0", that plays it.

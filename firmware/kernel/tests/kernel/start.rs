@@ -4,7 +4,6 @@
 
 use std::f64::consts::PI;
 
-use model_format::scene::Scene;
 use model_format::{CodeSpec, NodeSpec, TextureSpec, encode};
 use stylus_kernel::arithmetic::Portable;
 use stylus_kernel::excitation::Excitation;
@@ -13,7 +12,7 @@ use stylus_kernel::rotation::Rotation;
 use stylus_kernel::scene::{Interaction, Plan, ScenePlayer};
 
 use crate::models::{fixture, motion, rotation, texture};
-use crate::scenes::{at, block, lifted, moving, plan, player, side_by_side, texture_of};
+use crate::scenes::{at, block, lifted, moving, player, side_by_side, texture_of};
 
 /// Blocks of the first 20 ms.
 const FIRST_BLOCKS: usize = 10;

@@ -1,16 +1,12 @@
 //! A texture being played: starting, stopping, moving, repeating.
 
 use model_format::limits::MAX_OUTPUT_POWER;
-use model_format::{CodeSpec, NodeSpec, OutputSample, SAMPLE_RATE_HZ};
-use proptest::collection::vec;
+use model_format::{CodeSpec, NodeSpec, OutputSample};
 use proptest::prelude::*;
 use stylus_kernel::arithmetic::Portable;
-use stylus_kernel::grid::{GridPoint, ONE};
-use stylus_kernel::lattice::LatticeFrame;
-use stylus_kernel::rotation::Rotation;
+use stylus_kernel::grid::ONE;
 use stylus_kernel::{Frame, Levels, Motion, Synthesis, UPDATE_INTERVAL_SAMPLES};
 
-use crate::lattice::theta_code;
 use crate::models::{fixture, library, motion, single, texture};
 
 /// 2 × 2 nodes of different power.

@@ -1,19 +1,16 @@
 //! Structures that are compared and not shipped: their accuracy, and their shortcomings beside the shipped lattice.
 
-use model_format::limits::MAX_ORDER;
-use proptest::prelude::*;
 use stylus_kernel::Motion;
 use stylus_kernel::excitation::{Excitation, FRACTION_BITS};
 use stylus_kernel::grid::GridPoint;
 use stylus_kernel::level::Levels;
-use stylus_kernel::rotation::{Rotation, THETA_QUARTER_TURN};
+use stylus_kernel::rotation::Rotation;
 use stylus_kernel::variants::direct::{self, DirectFrame, DirectState};
-use stylus_kernel::variants::normalised16::{Lattice16Frame, Lattice16State, Rotation16};
+use stylus_kernel::variants::normalised16::{Lattice16Frame, Lattice16State};
 use stylus_kernel::variants::two_multiplier::{TwoMultiplierFrame, TwoMultiplierState};
 
-use crate::lattice::theta_code;
 use crate::models::{
-    Deviation, FloatLattice, Model, fixture, fixtures, library, motion, rotation, single, texture,
+    Deviation, FloatLattice, Model, fixture, fixtures, library, motion, single, texture,
 };
 
 const DEVIATION: f64 = (1u32 << FRACTION_BITS) as f64;
