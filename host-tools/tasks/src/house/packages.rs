@@ -17,7 +17,7 @@ virtual-link:
 host-tools: model-format stylus-app stylus-costs stylus-kernel virtual-link | fake-stylus
 stylus-python: host-tools model-format stylus-kernel
 fake-stylus: model-format stylus-app stylus-kernel
-hil: host-tools kernel-vectors model-format stylus-costs | fake-stylus
+hil: host-tools kernel-vectors model-format | fake-stylus
 kernel-vectors: model-format stylus-kernel
 qemu-tests: | host-tools kernel-vectors model-format stylus-costs stylus-kernel tasks
 tasks: kernel-vectors model-format qemu-tests stylus-costs stylus-kernel

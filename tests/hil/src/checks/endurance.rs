@@ -57,7 +57,7 @@ fn all_at_once(bench: &Bench, bytes: &[u8], begin: &Status) -> Result<Outcome> {
         let (mut holes, mut blocks) = (0, 0);
         let mut streamed = Ok(());
         while !uploads.is_finished() {
-            if bench.interrupt.is_raised() {
+            if bench.is_interrupted() {
                 streamed = Err(Error::Interrupted);
                 break;
             }

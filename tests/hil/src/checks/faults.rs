@@ -6,7 +6,7 @@ use model_format::link::{Fault, FaultKind, MotionSource, QUICK_FAULT_MS, ResetRe
 
 use crate::bench::{Bench, request};
 use crate::board::Image;
-use crate::checks::{output, survived};
+use crate::checks::{self_test, survived};
 use crate::error::Result;
 use crate::injection::{Injected, inject};
 use crate::library;
@@ -240,5 +240,5 @@ fn ends(bench: &mut Bench, wanted: &Ending) -> Result<()> {
         ),
         after.reset == wanted.reason && is_wanted && after.resets == before.resets + 1,
     );
-    output::at_mid_scale(bench, &format!("after {name} the pin is at mid-scale"))
+    self_test::at_mid_scale(bench, &format!("after {name} the pin is at mid-scale"))
 }

@@ -127,7 +127,7 @@ fn with_sections(bench: &Bench, section: Injected) -> Result<(u32, Loss)> {
     let before = bench.status()?;
     let mut stream = Stream::start(&bench.device)?;
     for block in 0..(SECTIONS + 2) * BLOCKS_BETWEEN {
-        if bench.interrupt.is_raised() {
+        if bench.is_interrupted() {
             return Err(Error::Interrupted);
         }
         stream.wait()?;
