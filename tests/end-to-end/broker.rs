@@ -209,13 +209,6 @@ fn all_at_once(desk: &Desk) {
 }
 
 #[test]
-fn commands_run_at_once_over_tcp_without_a_loss() {
-    let desk = Desk::new();
-    all_at_once(&desk);
-    assert_eq!(desk.stylus.connections(), 1);
-}
-
-#[test]
 fn commands_run_at_once_over_a_serial_port_under_any_of_its_names() {
     let stylus = FakeStylus::start();
     let mut port = port::before(stylus.port());

@@ -2,7 +2,7 @@
 
 use std::process::Command;
 
-use crate::support::{Bench, PLAY, interrupt, json, text, wait_for};
+use crate::support::{Bench, interrupt, json, text, wait_for};
 use fake_stylus::library::{announcement, library};
 use fake_stylus::{FakeStylus, Hand};
 use host_tools::link::{Device, Timeouts};
@@ -105,21 +105,6 @@ fn an_abort_ends_the_upload_of_a_command_that_is_gone_and_says_how_far_it_was() 
         let status = bench.run(&format!("{wrong} --link {link}")).status;
         assert_eq!(status.code(), Some(2), "{wrong}");
     }
-}
-
-#[test]
-fn the_second_upload_goes_to_the_other_slot_and_the_newest_is_activated() {
-    let (stylus, bench) = ready();
-    let link = stylus.link();
-    bench.write("b.lib", library(1, 25, 2));
-    let first = json(&bench.succeed(&format!("status --json --link {link}")));
-    let second = json(&bench.succeed(&format!("upload b.lib --json --link {link}")));
-    assert_ne!(first["status"]["active"], second["slot"]);
-    let activated = json(&bench.succeed(&format!("slots --activate --json --link {link}")));
-    assert_eq!(activated["slot"], second["slot"]);
-    let back = first["status"]["active"].as_str().unwrap().to_lowercase();
-    let said = bench.succeed(&format!("slots --activate {back} --link {link}"));
-    assert!(said.contains("is active"), "{said}");
 }
 
 #[test]
@@ -228,28 +213,6 @@ fn along_the_sensors_keep_alives_are_sent_and_ctrl_c_stops() {
     assert_eq!(output["activity"], "Idle");
     // Nothing muted it between the beginning and the end.
     assert_eq!(output["mute_counts"][1], 0, "{output}");
-}
-
-#[test]
-fn stop_stops_what_another_program_plays_and_may_be_said_twice() {
-    let (stylus, bench) = ready();
-    let link = stylus.link();
-    let mut player = bench.spawn(PLAY.into_iter().chain(["--link", &link]));
-    wait_for("motions", || stylus.count("stylus/motion/live") >= 20);
-    let stopped = json(&bench.succeed(&format!("stop --json --link {link}")));
-    assert_eq!(stopped["was_playing"], true);
-    let again = json(&bench.succeed(&format!("stop --json --link {link}")));
-    assert_eq!(again["was_playing"], false);
-    let status = player.wait().unwrap();
-    let output = player.wait_with_output().unwrap();
-    assert_eq!(status.code(), Some(2));
-    assert!(
-        text(&output.stderr).contains("stopped by `stylus stop` (process "),
-        "{}",
-        text(&output.stderr)
-    );
-    let status = json(&bench.succeed(&format!("status --json --link {link}")));
-    assert_eq!(status["status"]["output"]["activity"], "Idle");
 }
 
 #[test]
@@ -571,23 +534,4 @@ fn a_monitor_shows_what_the_sensors_see_and_leaves_no_recording_behind() {
     assert_eq!(child.wait().unwrap().code(), Some(0));
     let status = json(&bench.succeed(&format!("status --json --link {link}")));
     assert_eq!(status["status"]["record"]["recording"], false);
-}
-
-#[test]
-fn a_texture_that_is_not_there_is_answered_by_those_that_are_the_nearest_first() {
-    let (stylus, bench) = (FakeStylus::start(), Bench::new());
-    let link = stylus.link();
-    let names = ["vinyl", "Denim", "paper", "organza"];
-    bench.write("a.lib", fake_stylus::library::small_of(&names, 1));
-    bench.succeed(&format!("upload a.lib --activate --link {link}"));
-    let message = bench.refuse(&format!(
-        "play --texture denum --speed 1 --force 1 --link {link}"
-    ));
-    assert!(
-        message.contains("no texture \"denum\"; it has Denim, "),
-        "{message}"
-    );
-    for name in names {
-        assert!(message.contains(name), "{message}");
-    }
 }

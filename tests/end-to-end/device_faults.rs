@@ -253,17 +253,6 @@ fn of_two_versions_the_older_is_named_before_anything_is_asked() {
 }
 
 #[test]
-fn a_library_of_another_format_does_not_keep_the_rest_from_working() {
-    let (stylus, bench, _) = bench();
-    stylus.fail(Faults {
-        disguise: Some(|info| info.library_format_version += 1),
-        ..Faults::default()
-    });
-    bench.succeed(&format!("status --link {}", stylus.link()));
-    bench.succeed(&format!("stop --link {}", stylus.link()));
-}
-
-#[test]
 fn playing_over_a_slow_link_leaves_motions_out_instead_of_carrying_them_later_and_later() {
     let (stylus, bench, _) = bench();
     upload(&stylus, &bench);

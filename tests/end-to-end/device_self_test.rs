@@ -125,37 +125,6 @@ fn each_fault_is_a_line_with_its_remedy_and_the_exit_code_tells_of_them() {
 }
 
 #[test]
-fn a_library_is_erased_only_on_request() {
-    // Both slots hold a library.
-    let (stylus, bench) = on(Board::default());
-    for name in ["a.lib", "b.lib"] {
-        bench.write(name, library(1, 20, 1));
-        bench.succeed(&format!(
-            "upload {name} --activate --link {}",
-            stylus.link()
-        ));
-    }
-    let slots = || json(&bench.succeed(&format!("slots --json --link {}", stylus.link())));
-    let before = slots();
-    let (record, code) = test(&stylus, &bench, "--bare");
-    assert_eq!(code, 0, "{record:#}");
-    assert!(with(&record, "not_measured").contains(&"flash"));
-    assert_eq!(slots(), before);
-    let spare = before
-        .as_array()
-        .expect("two slots")
-        .iter()
-        .find(|slot| slot["active"] == false)
-        .expect("one is not active")["slot"]
-        .as_str()
-        .expect("a letter")
-        .to_owned();
-    let (record, code) = test(&stylus, &bench, &format!("--bare --use-slot {spare}"));
-    assert_eq!(code, 0, "{record:#}");
-    assert_ne!(slots(), before);
-}
-
-#[test]
 fn a_line_of_the_encoder_that_is_stuck_is_named() {
     let board = Board {
         stuck_line: Some(true),
@@ -228,16 +197,4 @@ fn a_second_link_that_cannot_be_opened_is_an_error_before_anything_is_measured()
     assert!(message.contains("127.0.0.1:1"), "{message}");
     assert_eq!(stylus.count("stylus/selftest"), 0);
     assert_eq!(bench.names(), [""; 0]);
-}
-
-#[test]
-fn a_record_without_a_folder_is_an_error_before_anything_is_measured() {
-    let (stylus, bench) = on(Board::default());
-    let output = bench.run(&format!(
-        "selftest --record nowhere/record.json --link {}",
-        stylus.link()
-    ));
-    assert_eq!(output.status.code(), Some(2));
-    assert!(text(&output.stderr).contains("nowhere/record.json: there is no folder nowhere"));
-    assert_eq!(stylus.count("stylus/selftest"), 0);
 }

@@ -144,7 +144,10 @@ mod tests {
     /// A module that is not there would be no test at all, and so find nothing.
     #[test]
     fn the_modules_of_each_target_are_there() {
-        for (_, tests) in TARGETS.iter().filter(|(_, tests)| tests.contains("-p stylus-app --test app --")) {
+        for (_, tests) in TARGETS
+            .iter()
+            .filter(|(_, tests)| tests.contains("-p stylus-app --test app --"))
+        {
             let words: Vec<&str> = tests.split(' ').collect();
             let modules = words.iter().filter_map(|word| word.strip_suffix("::"));
             for module in modules {

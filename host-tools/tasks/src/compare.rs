@@ -213,7 +213,9 @@ mod tests {
         assert!(flipped.contains(VECTORS[0].texture), "{flipped}");
         assert!(changed(|played| drop(played.pop())).contains("'nothing'"));
         assert!(changed(|played| drop(played.remove(0))).contains("line 1"));
-        assert!(changed(|played| played.push("words".to_owned())).contains("on the host 'nothing'"));
+        assert!(
+            changed(|played| played.push("words".to_owned())).contains("on the host 'nothing'")
+        );
     }
 
     #[test]
@@ -240,11 +242,7 @@ mod tests {
             (costs(7, 7, calls), costs(7, 7, PATH_UPDATES - 1), false),
             (Vec::new(), costs(7, 7, calls), false),
             (costs(7, 7, calls), Vec::new(), false),
-            (
-                costs(sample, sample, calls),
-                costs(0, update, calls),
-                true,
-            ),
+            (costs(sample, sample, calls), costs(0, update, calls), true),
             (
                 costs(sample + 1, sample + 1, calls),
                 costs(0, update, calls),

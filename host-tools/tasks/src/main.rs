@@ -10,8 +10,8 @@ use clap::{Parser, Subcommand};
 use tasks::firmware::Image;
 use tasks::toolchain::{Toolchain, check_clippy};
 use tasks::{
-    attack, browser_module, costs, firmware, hil, house, lint, qemu, tables,
-    virtual_stylus, workspace,
+    attack, browser_module, costs, firmware, hil, house, lint, qemu, tables, virtual_stylus,
+    workspace,
 };
 
 /// Tasks around the microcontroller's core.

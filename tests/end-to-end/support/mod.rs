@@ -200,6 +200,45 @@ pub fn all_pole(a: &[f64], excitation: &[f64]) -> Vec<f64> {
     output
 }
 
+/// Coefficients of an all-pole process at `rate_hz` by its poles, each a frequency, Hz, and a radius, with its conjugate.
+pub fn predictor(rate_hz: u32, poles: &[(f64, f64)]) -> Vec<f64> {
+    let mut polynomial = vec![1.0];
+    for &(hertz, radius) in poles {
+        let angle = core::f64::consts::TAU * hertz / f64::from(rate_hz);
+        let factor = [1.0, -2.0 * radius * angle.cos(), radius * radius];
+        let mut product = vec![0.0; polynomial.len() + 2];
+        for (i, p) in polynomial.iter().enumerate() {
+            for (j, f) in factor.iter().enumerate() {
+                product[i + j] += p * f;
+            }
+        }
+        polynomial = product;
+    }
+    polynomial.split_off(1)
+}
+
+/// Power of an all-pole process between two frequencies, for excitation of unit variance, by its density in closed form.
+pub fn power_between(a: &[f64], rate_hz: u32, low_hz: f64, high_hz: f64) -> f64 {
+    const STEPS: u32 = 2000;
+    let step_hz = (high_hz - low_hz) / f64::from(STEPS);
+    let density = |hertz: f64| {
+        let angle = core::f64::consts::TAU * hertz / f64::from(rate_hz);
+        let (mut re, mut im) = (1.0, 0.0);
+        for (lag, a) in (1..).zip(a) {
+            re += a * (angle * f64::from(lag)).cos();
+            im -= a * (angle * f64::from(lag)).sin();
+        }
+        2.0 / f64::from(rate_hz) / (re * re + im * im)
+    };
+    let middles = (0..STEPS).map(|n| low_hz + (f64::from(n) + 0.5) * step_hz);
+    middles.map(density).sum::<f64>() * step_hz
+}
+
+/// A ratio of powers, dB.
+pub fn decibels(ratio: f64) -> f64 {
+    10.0 * ratio.log10()
+}
+
 /// A WAV file's bytes, 32-bit float, one channel per axis.
 pub fn wav(axes: &[&[f64]], rate_hz: u32) -> Vec<u8> {
     let spec = hound::WavSpec {

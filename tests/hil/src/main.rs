@@ -131,7 +131,9 @@ fn listen(flag: Arc<AtomicBool>) -> Result<()> {
                 if flag.swap(true, Ordering::Relaxed) {
                     std::process::exit(EXIT_INTERRUPTED);
                 }
-                eprintln!("interrupted: silencing and restoring the stylus; once more ends at once");
+                eprintln!(
+                    "interrupted: silencing and restoring the stylus; once more ends at once"
+                );
             }
         });
     };

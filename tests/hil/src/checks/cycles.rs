@@ -54,7 +54,11 @@ fn tell(bench: &mut Bench, what: &str, report: &CycleReport) {
             tick.longest,
             update.shortest,
             update.longest,
-            if bench.is_emulated() { ", emulated" } else { "" }
+            if bench.is_emulated() {
+                ", emulated"
+            } else {
+                ""
+            }
         ),
         &format!("tick {tick_cycles}, update {update_cycles}"),
         tick.runs > 0

@@ -126,36 +126,3 @@ fn interference_on_both_wires_of_the_encoder_moves_nothing_and_strokes_are_count
         80 * samples
     );
 }
-
-#[test]
-fn an_open_or_railed_force_sensor_is_silence_and_is_named() {
-    for rail in [20, 0xfff0] {
-        let mut device = Device::started(library::options());
-        let start = device.stylus.now_ns();
-        // It is disconnected, or overloaded, for 300 ms.
-        let (from, to) = (start + 900 * MS, start + 1_200 * MS);
-        let pins = move |channel: u8, at_ns: u64| match channel {
-            5 if (from..to).contains(&at_ns) => rail,
-            5 => force_code(0.8),
-            _ => 0x8000,
-        };
-        device.set_pins(pins);
-        device.move_at(120.0);
-        device.play_until_heard("lattice", MotionSource::Sensors, 1);
-        let now = device.stylus.now_ns();
-        assert!(now < from, "it was heard before");
-        device.run_for(from - now + 200 * MS);
-        let mute = device.status().output.mute;
-        assert!(
-            mute.contains(MuteReason::ForceRail),
-            "code {rail}: {mute:?}"
-        );
-        let silent_from = from + (u64::from(STALE_AFTER_MS) + 50) * MS;
-        let loud = device.dac().iter().any(|output| {
-            (silent_from..to).contains(&output.at_ns) && output.code != Some(MID_SCALE)
-        });
-        assert!(!loud, "code {rail}");
-        device.run_for(to - device.stylus.now_ns());
-        device.wait_until_heard();
-    }
-}

@@ -159,38 +159,6 @@ fn a_tick_that_takes_six_periods_is_heard_as_a_fade_to_mid_scale() {
     assert!(silent.max() > Some(CODES));
 }
 
-/// Injects `fault`, a failure of the hardware that moves the codes: the tick must find it.
-fn is_found(fault: Injected) {
-    let (mut device, _) = playing_loudly();
-    let from = device.stylus.now_ns();
-    inject(&mut device, fault);
-    device.keep_alive(false);
-    device.run_for(100 * MS);
-    let resets = device.stylus.resets();
-    assert_eq!(resets.len(), 1, "{resets:?}");
-    assert_eq!(resets[0].cause, ResetCause::Software);
-    device.wait_for_start();
-    let status = device.status();
-    assert_eq!(status.reset, ResetReason::Fault);
-    let fault = status.fault.expect("it was caught");
-    assert_eq!(fault.kind, FaultKind::Panic);
-    assert!(fault.text.contains("output"), "{}", fault.text);
-    let late = (device.dac().iter())
-        .filter(|output| output.at_ns > from + 4 * MS)
-        .find(|output| output.code.is_some_and(|code| code != MID_SCALE));
-    assert_eq!(late, None);
-}
-
-#[test]
-fn a_stream_that_feeds_the_converter_no_more_ends_at_mid_scale_in_a_reset() {
-    is_found(Injected::NoTransfers);
-}
-
-#[test]
-fn a_stream_that_erases_no_more_ends_at_mid_scale_in_a_reset() {
-    is_found(Injected::NoEraser);
-}
-
 /// Checks that the amplifier is raised only after mid-scale has been put out for [`SETTLED_NS`], and is on only while
 /// the converter drives its pin. Returns the instants at which it was raised.
 pub fn amplifier_follows_the_output(outputs: &[Output], amplifier: &[Driven]) -> Vec<u64> {

@@ -101,21 +101,6 @@ fn a_scene_of_fed_textures_is_put_out_as_the_host_computes_it() {
 }
 
 #[test]
-fn a_stop_ends_at_mid_scale_and_stays_there() {
-    let mut device = Device::started(library::options());
-    device.set_pins(pins);
-    device.move_at(120.0);
-    device.play_until_heard("lattice", MotionSource::Sensors, 1);
-    device.run_for(100 * MS);
-    device.stop();
-    device.run_for(100 * MS);
-    let silent_from = device.stylus.now_ns();
-    device.run_for(200 * MS);
-    assert!(device.sounds_from(0) > 0, "it was heard");
-    assert_eq!(device.sounds_from(silent_from), 0);
-}
-
-#[test]
 fn a_change_of_rate_and_back_is_within_the_limits_and_at_mid_scale_in_between() {
     let mut device = Device::started(library::with(&fast()));
     // A steady hand, so that nothing but the change is silent.

@@ -321,26 +321,3 @@ fn assert_plays(device: &mut Device, scene: &str) {
     };
     assert_eq!(device.status().output.activity, activity);
 }
-
-#[test]
-fn a_scene_that_is_not_there_is_refused_and_what_is_played_goes_on() {
-    let mut device = Device::started(library::with(&bytes()));
-    press(&mut device, 1.0);
-    let played = device.play_scene("tap", MotionSource::Sensors, 1);
-    played.expect("it is there");
-    device.wait_until_heard();
-    let missing = device.play_scene("no such scene", MotionSource::Host, 1);
-    let told = PlayError::NoSuchScene {
-        name: name("no such scene"),
-    };
-    assert_eq!(missing, Err(Box::new(told)));
-    assert_plays(&mut device, "tap");
-    assert_eq!(device.status().output.mute, MuteReasons::NONE);
-    let louder = PlayRequest {
-        gain: 0.5,
-        ..play_request("lattice", MotionSource::Sensors, 1)
-    };
-    let playing = device.request::<PlayEndpoint>(&louder);
-    let mute = playing.expect("it is there").mute;
-    assert!(mute.contains(MuteReason::Changing), "a gain fades");
-}

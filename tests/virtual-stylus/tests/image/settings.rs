@@ -42,30 +42,6 @@ fn last_words(flash: &Contents) -> [u32; 2] {
 }
 
 #[test]
-fn a_new_device_stays_at_mid_scale_until_its_coil_was_set() {
-    let mut device = Device::started(options(Contents::default()));
-    let committed = device.upload(&library::small());
-    device.activate(committed.slot);
-    device.move_at(120.0);
-    let mut missing = SettingSet::REQUIRED;
-    for setting in SettingSet::REQUIRED.iter() {
-        let refused = play(&mut device);
-        assert_eq!(
-            refused,
-            Err(Box::new(PlayError::SettingsNotSet { missing }))
-        );
-        device.run_for(50 * MS);
-        device.set(setting, setting.spec().default);
-        missing = missing.with(setting, false);
-    }
-    let codes = device.dac().iter().filter_map(|output| output.code);
-    assert!(codes.into_iter().all(|code| code == MID_SCALE));
-    assert_eq!(play(&mut device), Ok(()));
-    device.wait_until_heard();
-    device.reset_settings().expect_err("it plays");
-}
-
-#[test]
 fn an_unreadable_word_of_a_copy_loses_no_setting_and_of_both_copies_silences() {
     let mut device = Device::started(library::options());
     device.set(Setting::HardLimit, 0.05);

@@ -218,23 +218,6 @@ fn after_three_quick_faults_the_device_speaks_and_does_not_play_until_a_person_r
 }
 
 #[test]
-fn a_healthy_run_between_faults_keeps_the_device_out_of_safe_mode() {
-    let options = Options {
-        watch_ticks: false,
-        ..Options::default()
-    };
-    let mut device = Device::new(&with_faults(), options);
-    device.wait_for_start();
-    panics(&mut device);
-    panics(&mut device);
-    assert_eq!(start(&mut device).quick_faults, 2);
-    device.run_for(u64::from(QUICK_FAULT_MS) * MS);
-    panics(&mut device);
-    let report = start(&mut device);
-    assert_eq!((report.safe_mode, report.quick_faults), (false, 0));
-}
-
-#[test]
 fn silicon_of_revision_y_reads_its_library_whole() {
     let mut device = Device::started(with(|electrical| electrical.revision = REVISION_Y));
     assert_eq!(start(&mut device).revision, SiliconRevision(REVISION_Y));

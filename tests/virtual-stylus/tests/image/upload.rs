@@ -44,32 +44,6 @@ fn a_full_upload_while_playing_and_streaming_moves_nothing_and_is_active_afterwa
     device.play_until_heard(&name, MotionSource::Sensors, 6);
 }
 
-#[test]
-fn a_host_that_goes_in_the_middle_of_an_upload_can_go_on_or_begin_another() {
-    let mut device = Device::started(library::options());
-    let large = library::middling();
-    let progress = device.begin_upload(&large);
-    device.send_chunks(&large, progress, 20_000);
-    // The host goes in the middle of a frame, and another one comes.
-    device.send_bytes(&[7, 1, 2, 3]);
-    device.run_for(300 * MS);
-    device.send_bytes(&[0]);
-    let resumed = device.begin_upload(&large);
-    assert!(resumed.next_offset >= 20_000, "{resumed:?}");
-
-    let other = library::other();
-    let begun = device.begin_upload(&other);
-    assert_eq!(begun.next_offset, 0);
-    device.send_chunks(&other, begun, other.len());
-    let committed = device
-        .request::<UploadCommitEndpoint>(&())
-        .expect("a valid library");
-    assert_eq!(
-        device.activate(committed.slot).library.crc32,
-        announced(&other).crc32
-    );
-}
-
 /// Most of an upload's time beyond the data sheets' least, as a share of that.
 const NOT_PHYSICAL: f64 = 0.06;
 

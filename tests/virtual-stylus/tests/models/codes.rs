@@ -6,11 +6,9 @@ use virtual_stylus::model::pin::Drive;
 use crate::bench::{AHB1ENR, Bench, RCC};
 use crate::registers::{APB1LENR, DAC, converters};
 
-const AHB4ENR: u64 = RCC + 0xE0;
 const TIM7: u64 = 0x4000_1400;
 const DMA1: u64 = 0x4002_0000;
 const DMAMUX1: u64 = 0x4002_0800;
-const GPIOE: u64 = 0x5802_1000;
 
 const CR: u64 = DAC;
 const DHR12R1: u64 = DAC + 0x08;
@@ -63,33 +61,6 @@ fn with_stream(bench: &mut Bench) {
 }
 
 #[test]
-fn a_trigger_of_tim7_moves_the_code_that_was_written_before_it() {
-    let mut bench = triggered();
-    bench.write(DHR12R1, 0x123);
-    bench.wait(PERIOD_NS - 1_000);
-    assert_eq!(bench.read(DOR1), 0);
-    bench.wait(2_000);
-    assert_eq!(bench.read(DOR1), 0x123);
-    let outputs = bench.part.dac.record();
-    assert_eq!(
-        outputs.last().expect("it is recorded").cause,
-        Cause::Trigger
-    );
-}
-
-#[test]
-fn a_trigger_cannot_be_selected_while_the_channel_is_on() {
-    const TIM6_SELECTED: u64 = 5 << 2;
-    let mut bench = triggered();
-    bench.write(CR, TIM6_SELECTED | TRIGGER_ENABLE | ENABLE);
-    assert_eq!(bench.read(CR), TIM7_SELECTED | TRIGGER_ENABLE | ENABLE);
-    // Off, it can.
-    bench.write(CR, TIM7_SELECTED | TRIGGER_ENABLE);
-    bench.write(CR, TIM6_SELECTED | TRIGGER_ENABLE);
-    assert_eq!(bench.read(CR), TIM6_SELECTED | TRIGGER_ENABLE);
-}
-
-#[test]
 fn each_trigger_requests_one_code_which_the_next_one_puts_out() {
     let mut bench = triggered();
     with_stream(&mut bench);
@@ -129,35 +100,4 @@ fn a_trigger_before_the_acknowledge_is_an_underrun_and_ends_the_requests() {
     assert_eq!(bench.read(SR), 0);
     bench.wait(PERIOD_NS);
     assert_eq!(bench.read(DMA1 + 0x14), 2);
-}
-
-#[test]
-fn a_software_trigger_requests_nothing() {
-    let mut bench = converters();
-    bench.write(CR, DMA_ENABLE | TRIGGER_ENABLE | ENABLE);
-    with_stream(&mut bench);
-    bench.write(DAC + 0x04, 1);
-    bench.write(DAC + 0x04, 1);
-    assert_eq!(bench.read(DMA1 + 0x14), 4);
-    assert_eq!(bench.read(SR), 0);
-}
-
-#[test]
-fn a_pin_floats_until_it_is_an_output() {
-    const MODER: u64 = GPIOE;
-    const BSRR: u64 = GPIOE + 0x18;
-    const MODE_BITS: u64 = 0b11 << 18;
-    const OUTPUT: u64 = 0b01 << 18;
-    let mut bench = converters();
-    let clocks = bench.read(AHB4ENR);
-    bench.write(AHB4ENR, clocks | 1 << 4);
-    bench.write(BSRR, 1 << 9);
-    assert!(bench.part.amplifier.around.take_record().is_empty());
-    let mode = bench.read(MODER) & !MODE_BITS;
-    bench.write(MODER, mode | OUTPUT);
-    bench.write(BSRR, 1 << (9 + 16));
-    bench.write(MODER, mode | MODE_BITS);
-    let record = bench.part.amplifier.around.take_record();
-    let drives: Vec<Drive> = record.iter().map(|driven| driven.drive).collect();
-    assert_eq!(drives, [Drive::High, Drive::Low, Drive::Floating]);
 }

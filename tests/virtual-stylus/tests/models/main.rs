@@ -2,12 +2,8 @@
 
 mod bench;
 mod codes;
-mod converters;
-mod digest;
 mod flash;
 mod motion;
 mod probe;
 mod registers;
-mod resets;
-mod ticks;
 mod usb;
