@@ -17,6 +17,8 @@ pub struct Bench {
     folder: TempDir,
     /// True if commands replace what is there, as tests do that write a file twice.
     overwrites: bool,
+    /// Variables of the environment of every command.
+    variables: Vec<(&'static str, String)>,
 }
 
 impl Bench {
@@ -25,7 +27,14 @@ impl Bench {
         Self {
             folder: TempDir::new().expect("there is room for a folder"),
             overwrites: true,
+            variables: Vec::new(),
         }
+    }
+
+    /// The same folder, where commands have this variable in their environment.
+    pub fn with(mut self, name: &'static str, value: impl Into<String>) -> Self {
+        self.variables.push((name, value.into()));
+        self
     }
 
     /// The same folder, where commands replace nothing unless they are asked to.
@@ -55,9 +64,14 @@ impl Bench {
             .expect("the command runs")
     }
 
-    fn command<'a>(&self, arguments: impl IntoIterator<Item = &'a str>) -> Command {
+    /// The command with these arguments, in the folder.
+    pub fn command<'a>(&self, arguments: impl IntoIterator<Item = &'a str>) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_stylus"));
-        command.args(arguments).current_dir(self.folder.path());
+        command
+            .args(arguments)
+            .current_dir(self.folder.path())
+            .env_remove("STYLUS_LINK")
+            .envs(self.variables.iter().map(|(name, value)| (name, value)));
         if self.overwrites {
             command.env("STYLUS_OVERWRITE", "1");
         }
@@ -108,6 +122,13 @@ impl Default for Bench {
     fn default() -> Self {
         Self::new()
     }
+}
+
+/// A fake stylus, and a folder whose commands are for it.
+#[cfg(feature = "device")]
+pub fn attached(stylus: fake_stylus::FakeStylus) -> (fake_stylus::FakeStylus, Bench) {
+    let bench = Bench::new().with("STYLUS_LINK", stylus.link());
+    (stylus, bench)
 }
 
 /// A folder with the recordings `set` of two textures, silk and felt, at two speeds and two forces; `axes` makes the

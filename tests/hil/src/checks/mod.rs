@@ -7,5 +7,4 @@ pub mod faults;
 pub mod playing;
 pub mod self_test;
 pub mod settings;
-pub mod survived;
 pub mod upload;

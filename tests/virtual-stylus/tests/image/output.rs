@@ -7,7 +7,7 @@ use virtual_stylus::model::dac::Output;
 use virtual_stylus::model::pin::{Drive, Driven};
 use virtual_stylus::{Options, ResetCause};
 
-use crate::compared::BEFORE_FIRST_TICK;
+use crate::expected::BEFORE_FIRST_TICK;
 use crate::device::{
     CODE_NS, CODES, Device, MID_SCALE, MS, PERIOD_NS, inject, product, with_faults,
 };

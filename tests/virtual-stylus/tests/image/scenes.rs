@@ -13,7 +13,7 @@ use model_format::{
 };
 use stylus_kernel::scene::Plan;
 
-use crate::compared::recorded;
+use crate::expected::recorded;
 use crate::device::{Device, MS};
 use crate::expected::Heard;
 use crate::library;

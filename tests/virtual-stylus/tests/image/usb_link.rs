@@ -8,7 +8,7 @@ use virtual_stylus::Options;
 use virtual_stylus::model::usb::host::Host;
 use virtual_stylus::usb_host::{Request, Timing};
 
-use crate::boot::is_rtc_selection;
+use crate::start::is_rtc_selection;
 use crate::device::{BULK_IN, BULK_OUT, Device, MS, SECOND, long, recording_s};
 use crate::library;
 use crate::requests::{announced, assert_even};

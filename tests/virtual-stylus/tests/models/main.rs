@@ -1,7 +1,6 @@
 //! The board's models against the manual, as an image sees them.
 
 mod bench;
-mod codes;
 mod flash;
 mod motion;
 mod probe;

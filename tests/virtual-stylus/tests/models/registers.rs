@@ -1,8 +1,9 @@
-//! Registers that the probe image does not use, written one by one without a core: converters and watchdog.
+//! Registers written one by one without a core: DAC1 fed by DMA at the triggers of TIM7, and the watchdog.
 
 use rigless::mcu::Operate;
 use virtual_stylus::Electrical;
 use virtual_stylus::model::dac::Cause;
+use virtual_stylus::model::pin::Drive;
 
 use crate::bench::{AHB1ENR, Bench, RCC};
 
@@ -54,4 +55,100 @@ fn a_shut_register_of_the_watchdog_takes_nothing() {
     bench.write(IWDG1, 0x5555);
     bench.write(RELOAD, 5);
     assert_eq!(bench.read(RELOAD), 5);
+}
+
+const TIM7: u64 = 0x4000_1400;
+const DMA1: u64 = 0x4002_0000;
+const DMAMUX1: u64 = 0x4002_0800;
+
+const CR: u64 = DAC;
+const DHR12R1: u64 = DAC + 0x08;
+const DHR12R2: u64 = DAC + 0x14;
+const DOR1: u64 = DAC + 0x2C;
+const SR: u64 = DAC + 0x34;
+
+const ENABLE: u64 = 1;
+const TRIGGER_ENABLE: u64 = 1 << 1;
+const TIM7_SELECTED: u64 = 6 << 2;
+const DMA_ENABLE: u64 = 1 << 12;
+const UNDERRUN_INTERRUPT: u64 = 1 << 13;
+const UNDERRUN: u64 = 1 << 13;
+/// TIM6_DAC.
+const UNDERRUN_LINE: u16 = 54;
+
+/// Cycles of TIM7 at 64 MHz, and their time.
+const PERIOD_CYCLES: u64 = 1_600;
+const PERIOD_NS: u64 = 25_000;
+
+/// A channel that is on, with TIM7 selected as its trigger before, and TIM7 running.
+fn triggered() -> Bench {
+    let mut bench = converters();
+    let clocks = bench.read(APB1LENR);
+    bench.write(APB1LENR, clocks | 1 << 5);
+    bench.write(CR, TIM7_SELECTED);
+    bench.write(CR, TIM7_SELECTED | TRIGGER_ENABLE | ENABLE);
+    bench.write(TIM7 + 0x2C, PERIOD_CYCLES - 1);
+    // TRGO on an update.
+    bench.write(TIM7 + 0x04, 0b010 << 4);
+    bench.write(TIM7, 1);
+    bench
+}
+
+/// Has stream 0 of DMA1 write the other channel's holding register to this one's, one word at each request 67.
+fn with_stream(bench: &mut Bench) {
+    const ENABLE: u64 = 1;
+    const MEMORY_TO_PERIPHERAL: u64 = 0b01 << 6;
+    const CIRCULAR: u64 = 1 << 8;
+    const WORDS: u64 = 0b10 << 11;
+    let clocks = bench.read(AHB1ENR);
+    bench.write(AHB1ENR, clocks | 1);
+    bench.write(DMAMUX1, 67);
+    bench.write(DMA1 + 0x14, 4);
+    bench.write(DMA1 + 0x18, DHR12R1);
+    bench.write(DMA1 + 0x1C, DHR12R2);
+    let setting = MEMORY_TO_PERIPHERAL | CIRCULAR | WORDS;
+    bench.write(DMA1 + 0x10, setting);
+    bench.write(DMA1 + 0x10, setting | ENABLE);
+}
+
+#[test]
+fn each_trigger_requests_one_code_which_the_next_one_puts_out() {
+    let mut bench = triggered();
+    with_stream(&mut bench);
+    bench.write(CR, DMA_ENABLE | TIM7_SELECTED | TRIGGER_ENABLE | ENABLE);
+    // The stream has fetched this one already when the second is written.
+    bench.write(DHR12R2, 0xABC);
+    bench.wait(PERIOD_NS + 1_000);
+    assert_eq!((bench.read(DHR12R1), bench.read(DOR1)), (0, 0));
+    bench.wait(PERIOD_NS);
+    assert_eq!((bench.read(DHR12R1), bench.read(DOR1)), (0xABC, 0));
+    bench.wait(PERIOD_NS);
+    assert_eq!(bench.read(DOR1), 0xABC);
+    assert_eq!(bench.read(DMA1 + 0x14), 1, "a code per trigger");
+    assert_eq!(bench.read(SR), 0);
+}
+
+#[test]
+fn a_trigger_before_the_acknowledge_is_an_underrun_and_ends_the_requests() {
+    let mut bench = triggered();
+    bench.write(
+        CR,
+        UNDERRUN_INTERRUPT | DMA_ENABLE | TIM7_SELECTED | TRIGGER_ENABLE | ENABLE,
+    );
+    bench.write(DHR12R1, 0x111);
+    bench.wait(PERIOD_NS + 1_000);
+    assert_eq!(bench.read(SR), 0, "the first request waits");
+    bench.wait(PERIOD_NS);
+    assert_eq!(bench.read(SR), UNDERRUN);
+    assert_eq!(bench.read(DOR1), 0x111, "the old code goes on");
+    let raised = bench.interrupts();
+    assert!(raised.contains(&UNDERRUN_LINE), "{raised:?}");
+    // A stream that comes now serves the request that stands, and gets no other.
+    with_stream(&mut bench);
+    bench.wait(4 * PERIOD_NS);
+    assert_eq!(bench.read(DMA1 + 0x14), 3);
+    bench.write(SR, UNDERRUN);
+    assert_eq!(bench.read(SR), 0);
+    bench.wait(PERIOD_NS);
+    assert_eq!(bench.read(DMA1 + 0x14), 2);
 }
