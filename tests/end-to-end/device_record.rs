@@ -390,7 +390,7 @@ fn ctrl_c_ends_strokes_and_keeps_them_and_what_the_link_loses_is_a_hole() {
 
 #[test]
 fn a_duration_that_no_recording_can_have_is_refused_before_memory_is_taken_for_it() {
-    let (stylus, bench) = attached(FakeStylus::start());
+    let (_stylus, bench) = attached(FakeStylus::start());
     for command in [
         "record set --texture silk --speeds 100 --forces 1 --yes",
         "record strokes.csv --strokes",

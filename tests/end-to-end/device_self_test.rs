@@ -46,7 +46,7 @@ fn with<'a>(record: &'a Value, verdict: &str) -> Vec<&'a str> {
 
 #[test]
 fn a_healthy_device_passes_and_leaves_a_record() {
-    let (stylus, bench) = on(Board::default());
+    let (_stylus, bench) = on(Board::default());
     let (record, code) = test(&bench, "");
     assert_eq!(with(&record, "fail"), [""; 0], "{record:#}");
     assert_eq!(code, 0);
@@ -78,7 +78,7 @@ fn a_healthy_device_passes_and_leaves_a_record() {
 
 #[test]
 fn traffic_is_tested_while_a_texture_is_played_silently() {
-    let (stylus, bench) = on(Board::default());
+    let (_stylus, bench) = on(Board::default());
     bench.write("a.lib", library(1, 20, 1));
     bench.succeed("upload a.lib --activate");
     let (record, code) = test(&bench, "--bare");
@@ -105,7 +105,7 @@ fn each_fault_is_a_line_with_its_remedy_and_the_exit_code_tells_of_them() {
     };
     board.chip.revision = 0x1003;
     board.clocks.low_speed = None;
-    let (stylus, bench) = on(board);
+    let (_stylus, bench) = on(board);
     let (record, code) = test(&bench, "--bare");
     let expected = [
         "silicon revision",
