@@ -1,10 +1,10 @@
 //! The output that the image must give, from the product's own kernel and safety stages on this computer, and plays that
 //! are compared with it.
 
-use model_format::{DacCode, PlayRate, Texture};
 use model_format::link::{RecordSample, Settings};
-use stylus_app::safety;
+use model_format::{DacCode, PlayRate, Texture};
 use stylus_app::inputs::{Follower, InputConfig, Sensors};
+use stylus_app::safety;
 use stylus_kernel::UPDATE_INTERVAL_SAMPLES;
 use stylus_kernel::scene::{Plan, ScenePlayer};
 use virtual_stylus::model::dac::Cause;

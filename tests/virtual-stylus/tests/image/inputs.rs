@@ -7,8 +7,8 @@ use virtual_stylus::Options;
 use virtual_stylus::model::adc::Sample;
 use virtual_stylus::motion::Motion;
 
-use crate::library;
 use crate::device::{Device, MID_SCALE, MS, PERIOD_NS, SECOND, inject, recording_s, with_faults};
+use crate::library;
 use crate::scenes::force_code;
 
 /// A code by which triggers and channels can be told apart.

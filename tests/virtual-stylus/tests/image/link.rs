@@ -1,13 +1,16 @@
 //! A lost link, a host whose motion stops, and frames that no host sends.
 
+use model_format::link::{
+    InfoEndpoint, KEEP_ALIVE_MS, KeepAliveTopic, MAX_HOST_FRAME_BYTES, MotionSample, MotionSource,
+    MotionTopic, MuteReason, PlayEndpoint, UploadBeginEndpoint,
+};
 use model_format::{MillimetresPerSecond, Newton};
-use model_format::link::{InfoEndpoint, KEEP_ALIVE_MS, KeepAliveTopic, MAX_HOST_FRAME_BYTES, MotionSample, MotionSource, MotionTopic, MuteReason, PlayEndpoint, UploadBeginEndpoint};
 use postcard_rpc::Endpoint;
 use virtual_stylus::Options;
 use virtual_stylus::chance::Chance;
 
-use crate::library;
 use crate::device::{Device, MS, long};
+use crate::library;
 
 /// Time within which the output is silent.
 const SILENT_NS: u64 = 100 * MS;

@@ -7,10 +7,10 @@ use virtual_stylus::model::dac::Output;
 use virtual_stylus::model::pin::{Drive, Driven};
 use virtual_stylus::{Options, ResetCause};
 
-use crate::expected::BEFORE_FIRST_TICK;
 use crate::device::{
     CODE_NS, CODES, Device, MID_SCALE, MS, PERIOD_NS, inject, product, with_faults,
 };
+use crate::expected::BEFORE_FIRST_TICK;
 use crate::library;
 
 /// Time from the trigger of a tick to its first code on the pin, and to the end of what it wrote ahead.

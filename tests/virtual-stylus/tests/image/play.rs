@@ -6,10 +6,10 @@ use stylus_app::safety::Config;
 use stylus_kernel::scene::cost::BUDGET;
 use virtual_stylus::Options;
 
-use crate::expected::{Compared, latched, plays_as_the_host_does};
 use crate::cost::{count, count_scene};
 use crate::device::{CODES, Device, MID_SCALE, MS, PERIOD_NS};
 use crate::expected::Heard;
+use crate::expected::{Compared, latched, plays_as_the_host_does};
 use crate::library;
 use crate::scenes::{fast, force_code, plan, press, tapping};
 

@@ -13,9 +13,9 @@ use model_format::{
 };
 use stylus_kernel::scene::Plan;
 
-use crate::expected::recorded;
 use crate::device::{Device, MS};
 use crate::expected::Heard;
+use crate::expected::recorded;
 use crate::library;
 use crate::requests::play_request;
 

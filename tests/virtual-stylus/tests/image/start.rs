@@ -1,12 +1,16 @@
 //! Starts on clocks that do not come, hang or fail, on old silicon, with a low supply, and after quick faults.
 
 use hil::injection::Injected;
-use model_format::link::{ClockSource, FaultKind, InfoEndpoint, MotionSource, MuteReason, PROTOCOL_VERSION, PlayEndpoint, PlayError, QUICK_FAULTS, QUICK_FAULT_MS, ResetReason, SCHEMA_HASH, Setting, SettingChange, SettingsError, SiliconRevision, StartReport, StartStage, UploadBeginEndpoint, UploadError};
-use virtual_stylus::{Electrical, Options, ResetCause};
+use model_format::link::{
+    ClockSource, FaultKind, InfoEndpoint, MotionSource, MuteReason, PROTOCOL_VERSION, PlayEndpoint,
+    PlayError, QUICK_FAULT_MS, QUICK_FAULTS, ResetReason, SCHEMA_HASH, Setting, SettingChange,
+    SettingsError, SiliconRevision, StartReport, StartStage, UploadBeginEndpoint, UploadError,
+};
 use virtual_stylus::motion::Motion;
+use virtual_stylus::{Electrical, Options, ResetCause};
 
-use crate::library;
 use crate::device::{Device, MID_SCALE, MS, inject, long, product, with_faults};
+use crate::library;
 use crate::requests::{announced, play_request};
 
 const REVISION_Y: u16 = 0x1003;

@@ -8,10 +8,10 @@ use virtual_stylus::Options;
 use virtual_stylus::model::usb::host::Host;
 use virtual_stylus::usb_host::{Request, Timing};
 
-use crate::start::is_rtc_selection;
 use crate::device::{BULK_IN, BULK_OUT, Device, MS, SECOND, long, recording_s};
 use crate::library;
 use crate::requests::{announced, assert_even};
+use crate::start::is_rtc_selection;
 
 #[test]
 fn a_device_that_is_busy_with_a_large_library_sleeps_through_no_reset_of_the_bus() {
