@@ -2,14 +2,12 @@
 //! encoder's wires are what they are.
 
 use hil::injection::Injected;
-use model_format::link::{BLOCK_SAMPLES, MotionSource, MuteReason, RecordSample, STALE_AFTER_MS};
+use model_format::link::{BLOCK_SAMPLES, RecordSample};
 use virtual_stylus::Options;
 use virtual_stylus::model::adc::Sample;
 use virtual_stylus::motion::Motion;
 
-use crate::device::{Device, MID_SCALE, MS, PERIOD_NS, SECOND, inject, recording_s, with_faults};
-use crate::library;
-use crate::scenes::force_code;
+use crate::device::{Device, MS, PERIOD_NS, SECOND, inject, recording_s, with_faults};
 
 /// A code by which triggers and channels can be told apart.
 fn code(channel: u8, at_ns: u64) -> u16 {

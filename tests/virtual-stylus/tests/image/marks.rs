@@ -1,13 +1,11 @@
 //! Marks of the worst cases, under the most that the device does at once, and levels of the sensors.
 
-use model_format::link::{Marks, MotionSource, Setting, Settings, StatusEndpoint, UploadProgress};
+use model_format::link::{Marks, MotionSource, Setting, StatusEndpoint, UploadProgress};
 use postcard_rpc::Endpoint;
-use virtual_stylus::Options;
 use virtual_stylus::model::flash::Stalls;
-use virtual_stylus::sensors;
 use virtual_stylus::sensors::FunctionPins;
 
-use crate::device::{Device, MS, PERIOD_NS, frame};
+use crate::device::{Device, MS, frame};
 use crate::library;
 use crate::scenes;
 

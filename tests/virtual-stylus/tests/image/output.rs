@@ -1,11 +1,11 @@
 //! The output from the tick to the pin: its latency, late ticks, a core that stops, and the amplifier's enable.
 
 use hil::injection::Injected;
-use model_format::link::{FaultKind, MotionSource, MuteReasons, ResetReason, Setting};
+use model_format::link::{MotionSource, MuteReasons, Setting};
 use stylus_app::safety;
+use virtual_stylus::Options;
 use virtual_stylus::model::dac::Output;
 use virtual_stylus::model::pin::{Drive, Driven};
-use virtual_stylus::{Options, ResetCause};
 
 use crate::device::{
     CODE_NS, CODES, Device, MID_SCALE, MS, PERIOD_NS, inject, product, with_faults,

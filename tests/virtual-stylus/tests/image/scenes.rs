@@ -1,9 +1,6 @@
 //! Scenes, and libraries of them at 5 and at 10 kHz.
 
-use model_format::link::{
-    Activity, MotionSource, MuteReason, MuteReasons, PlayEndpoint, PlayError, PlayRequest,
-    Selection,
-};
+use model_format::link::{Activity, MotionSource, Selection};
 use model_format::scene::{
     Biquad, MotionOfScene, Region, Scene, SceneName, StickSlip, Surface, Tap,
 };
@@ -17,7 +14,6 @@ use crate::device::{Device, MS};
 use crate::expected::Heard;
 use crate::expected::recorded;
 use crate::library;
-use crate::requests::play_request;
 
 /// Textures of the library, by their index in it.
 const LATTICE: u8 = 0;

@@ -4,8 +4,7 @@ use hil::injection::Injected;
 use host_tools::link::capture::{Calibration, Capture, Loss};
 use host_tools::link::self_test::{Line, Verdict, judge};
 use model_format::link::{
-    InfoEndpoint, MotionSource, PlayEndpoint, SelfTestEndpoint, SelfTestError, SelfTestRequest,
-    SelfTestValues, SlotId, SlotState,
+    InfoEndpoint, MotionSource, SelfTestEndpoint, SelfTestError, SelfTestRequest, SelfTestValues,
 };
 use virtual_stylus::Options;
 use virtual_stylus::board::StylusBoard;
@@ -14,7 +13,6 @@ use virtual_stylus::model::read_back::OutputPin;
 
 use crate::device::{CODE_NS, Device, MID_SCALE, MS, SECOND, inject, product, with_faults};
 use crate::library;
-use crate::requests::play_request;
 
 /// A device on a board that `change` has changed before the power came on.
 fn on_board(change: impl FnOnce(&mut StylusBoard) + Send + 'static) -> Device {

@@ -3,8 +3,8 @@
 use hil::injection::Injected;
 use model_format::link::{
     ClockSource, FaultKind, InfoEndpoint, MotionSource, MuteReason, PROTOCOL_VERSION, PlayEndpoint,
-    PlayError, QUICK_FAULT_MS, QUICK_FAULTS, ResetReason, SCHEMA_HASH, Setting, SettingChange,
-    SettingsError, SiliconRevision, StartReport, StartStage, UploadBeginEndpoint, UploadError,
+    PlayError, QUICK_FAULTS, ResetReason, SCHEMA_HASH, Setting, SettingChange, SettingsError,
+    SiliconRevision, StartReport, StartStage, UploadBeginEndpoint, UploadError,
 };
 use virtual_stylus::motion::Motion;
 use virtual_stylus::{Electrical, Options, ResetCause};

@@ -4,7 +4,7 @@ use model_format::link::{MotionSource, SlotId, SlotState, UPLOAD_WINDOW};
 use virtual_stylus::model::flash::{Contents, Moment, Stalls};
 use virtual_stylus::{Options, PowerCut};
 
-use crate::device::{Device, MS, is_drawn, long};
+use crate::device::{Device, is_drawn, long};
 use crate::library;
 use crate::requests::announced;
 

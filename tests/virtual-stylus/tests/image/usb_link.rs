@@ -1,14 +1,12 @@
 //! The link over USB: its traffic, and the states of the bus that it survives.
 
-use model_format::link::{
-    ActivateEndpoint, BLOCK_SAMPLES, MotionSource, RecordSample, SlotId, StatusEndpoint,
-};
+use model_format::link::{ActivateEndpoint, RecordSample, SlotId, StatusEndpoint};
 use postcard_rpc::Endpoint;
 use virtual_stylus::Options;
 use virtual_stylus::model::usb::host::Host;
 use virtual_stylus::usb_host::{Request, Timing};
 
-use crate::device::{BULK_IN, BULK_OUT, Device, MS, SECOND, long, recording_s};
+use crate::device::{BULK_IN, BULK_OUT, Device, MS, SECOND, long};
 use crate::library;
 use crate::requests::{announced, assert_even};
 use crate::start::is_rtc_selection;

@@ -2,8 +2,6 @@
 
 use rigless::mcu::Operate;
 use virtual_stylus::Electrical;
-use virtual_stylus::model::dac::Cause;
-use virtual_stylus::model::pin::Drive;
 
 use crate::bench::{AHB1ENR, Bench, RCC};
 

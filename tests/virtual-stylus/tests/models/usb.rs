@@ -1,12 +1,11 @@
 //! The USB core, register by register, and the host at the other end of the cable.
 
 use rigless::mcu::Operate;
-use rigless::soc::Width;
 use rigless::time::VirtualNanos;
 use virtual_stylus::Electrical;
 use virtual_stylus::model::usb::WINDOW_BASE;
 use virtual_stylus::model::usb::core::{Core, Handshake, InAnswer, Pid};
-use virtual_stylus::model::usb::host::{Host, Transfer, TransferError};
+use virtual_stylus::model::usb::host::{Host, Transfer};
 
 use crate::bench::{AHB1ENR, Bench, RCC};
 
