@@ -2,24 +2,19 @@
 
 use std::iter;
 
-use embassy_futures::block_on;
 use fake_stylus::device::{COIL, SteppedStylus, play_request};
 use fake_stylus::flash::{Memory, SECTOR_BYTES, SimulatedFlash};
 use fake_stylus::hardware::Hardware;
 use fake_stylus::library::{announcement, library, texture};
-use model_format::limits::{self, MAX_ORDER, SLOT_BYTES};
+use model_format::limits::{self, MAX_ORDER};
 use model_format::link::{
-    ActivateError, Activity, LINK_LOST_AFTER_MS, LinkId, ListError, ListRequest,
-    MAX_PIN_MEAN_SQUARE, MotionSample, MotionSource, MuteReason, PlayError, PlayRequest,
-    RecordError, STALE_AFTER_MS, Selection, Setting, SettingChange, SettingSet, Settings,
-    SettingsChange, SettingsError, SettingsState, SlotId, SlotState, StopError, UploadChunk,
+    ActivateError, Activity, LINK_LOST_AFTER_MS, LinkId, MAX_PIN_MEAN_SQUARE, MotionSource,
+    MuteReason, PlayError, PlayRequest, STALE_AFTER_MS, Selection, Setting, SettingChange,
+    SettingSet, Settings, SettingsError, SettingsState, SlotId, StopError, UploadChunk,
     UploadError,
 };
 use model_format::scene::{Biquad, Region, Scene, StickSlip, Surface, Tap};
-use model_format::{
-    DacCode, Library, MillimetresPerSecond, Newton, PlayRate, encode, encode_with_scenes,
-};
-use stylus_app::safety::Config;
+use model_format::{DacCode, Library, PlayRate, encode, encode_with_scenes};
 use stylus_kernel::scene::Plan;
 
 /// A device with a library of one texture, "texture 0", that plays it.
@@ -78,34 +73,6 @@ fn library_with_scenes() -> Vec<u8> {
     let textures = [texture("right", 40, 1, 5_000), texture("fast", 4, 1, 8_000)];
     let scenes = [scene("bench", 0, 5_000), scene("fast", 1, 8_000)];
     encode_with_scenes(&textures, &scenes).expect("valid")
-}
-
-#[test]
-fn a_library_is_uploaded_activated_played_and_stopped() {
-    let mut stylus = SteppedStylus::boot();
-    stylus.set_coil();
-    let play = play_request("texture 1");
-    assert_eq!(refusal(&stylus, play.clone()), PlayError::NoLibrary);
-    stylus.run(10);
-    assert_eq!(mute(&stylus), [MuteReason::NotPlaying]);
-    assert_eq!(stylus.status().active, None);
-
-    let bytes = library(2, 20, 1);
-    let slot = stylus.upload(&bytes).expect("it is valid").slot;
-    stylus.activate(slot).expect("it is valid");
-    let status = stylus.status();
-    let active = (status.active, status.library_crc32);
-    assert_eq!(active, (Some(SlotId::A), announcement(&bytes).crc32));
-    plays(&stylus, &play);
-    let Activity::Playing { selection, .. } = stylus.status().output.activity else {
-        panic!("it plays");
-    };
-    assert_eq!(selection, play.selection);
-    assert_eq!(mute(&stylus), []);
-    stop(&stylus);
-    let again = stylus.control.borrow_mut().stop();
-    assert_eq!(again, Err(StopError::NotPlaying));
-    assert_eq!(stylus.status().output.activity, Activity::Idle);
 }
 
 #[test]
@@ -337,28 +304,6 @@ fn the_longest_arithmetic_fits_its_answer() {
 }
 
 #[test]
-fn the_scenes_of_a_slot_are_listed_one_by_one() {
-    let mut stylus = SteppedStylus::ready(&library_with_scenes());
-    let mut list = |slot, index| block_on(stylus.storage.list_scene(ListRequest { slot, index }));
-    let slot = SlotId::A;
-    for (index, name) in (0..).zip(["bench", "fast"]) {
-        let info = list(slot, index).expect("there are two");
-        assert_eq!((info.name.as_str(), info.surfaces), (name, 1));
-    }
-    let (index, scenes) = (2, 2);
-    let past = ListError::SceneIndex {
-        slot,
-        index,
-        scenes,
-    };
-    assert_eq!(list(slot, index), Err(past));
-    let slot = SlotId::B;
-    assert_eq!(list(slot, 0), Err(ListError::NoLibrary { slot }));
-    let valid = stylus.storage.slots().slots;
-    assert!(matches!(&valid[0], SlotState::Valid(library) if library.scenes == 2));
-}
-
-#[test]
 fn another_library_takes_over_in_silence_and_one_that_is_not_there_or_fails_does_not() {
     let mut stylus = playing();
     let slot = SlotId::B;
@@ -411,21 +356,6 @@ fn motion_that_stops_and_a_host_that_goes_are_silent_within_100_ms() {
         stylus.run(300);
         assert!(stylus.sounds());
     }
-}
-
-#[test]
-fn motion_that_is_not_finite_is_refused_and_the_one_before_holds() {
-    let stylus = playing();
-    let before = stylus.hardware().host;
-    let bad = MotionSample {
-        speed: MillimetresPerSecond(f32::NAN),
-        force: Newton(1.0),
-        position_mm: None,
-        contact: None,
-    };
-    let moved = stylus.control.borrow_mut().motion(LinkId::Serial, bad);
-    assert!(moved.is_err());
-    assert_eq!(stylus.hardware().host, before);
 }
 
 #[test]
@@ -603,36 +533,6 @@ fn an_open_force_sensor_is_silence_with_its_name_and_a_host_plays_on() {
 }
 
 #[test]
-fn nothing_begins_to_play_while_settings_are_stored_and_what_begins_after_has_its_gain() {
-    let mut stylus = SteppedStylus::ready(&library(1, 20, 1));
-    let quiet = PlayRequest {
-        gain: 0.25,
-        ..play_request("texture 0")
-    };
-    let mut asked = Vec::new();
-    let link = LinkId::Serial;
-    let tighter = SettingsChange::of(&[change(Setting::HardLimit, 0.25)]).expect("one");
-    let proposed = stylus.control.borrow_mut().propose(link, tighter);
-    let token = proposed.expect("nothing is played").token;
-    let set = stylus.request_meanwhile(
-        async |storage, stage| storage.settings_apply(stage, link, token).await,
-        |control| {
-            asked.push(control.borrow_mut().play(link, quiet.clone()));
-            control.millisecond_with_motion();
-        },
-    );
-    assert!(set.is_ok() && !asked.is_empty(), "{set:?} {asked:?}");
-    let is_busy = |asked: &Result<_, PlayError>| *asked == Err(PlayError::Busy);
-    assert!(asked.iter().all(is_busy), "{asked:?}");
-    stylus.run(50);
-    assert!(stylus.hardware().playing.is_none());
-    plays(&stylus, &quiet);
-    let settings = stylus.control.borrow().settings();
-    let config = stylus.hardware().config;
-    assert_eq!(config, Config::new(&settings, quiet.gain));
-}
-
-#[test]
 fn a_device_that_has_nothing_to_start_is_muted_by_a_fault_and_does_not_say_that_it_plays() {
     let stylus = SteppedStylus::ready(&library(1, 20, 1));
     stylus.play(play_request("texture 0")).expect("it is there");
@@ -645,42 +545,6 @@ fn a_device_that_has_nothing_to_start_is_muted_by_a_fault_and_does_not_say_that_
         refusal(&stylus, play_request("texture 0")),
         PlayError::Fault
     );
-}
-
-#[test]
-fn a_boot_takes_the_newest_library_that_can_be_read() {
-    let mut stylus = SteppedStylus::boot();
-    for (slot, bytes) in iter::zip(SlotId::ALL, [library(1, 4, 1), library(2, 4, 2)]) {
-        assert_eq!(stylus.upload(&bytes).expect("it is valid").slot, slot);
-        stylus.activate(slot).expect("it is valid");
-    }
-    let memory = stylus.storage.into_flash().0.memory;
-    let boot = |flash| SteppedStylus::boot_from(flash).status().active;
-    assert_eq!(boot(SimulatedFlash::new(memory.clone())), Some(SlotId::B));
-    // A word that is good when the slots are opened and bad when the library is copied.
-    let mut wearing = SimulatedFlash::new(memory);
-    wearing.wears_out = Some((SLOT_BYTES + 64, 1));
-    assert_eq!(boot(wearing), Some(SlotId::A));
-}
-
-#[test]
-fn recordings_are_started_and_stopped_once() {
-    let stylus = SteppedStylus::boot();
-    let mut control = stylus.control.borrow_mut();
-    assert_eq!(control.record_stop(), Err(RecordError::NotRecording));
-    assert!(control.record_start(LinkId::Usb).is_ok());
-    assert!(control.status().record.recording);
-    let again = control.record_start(LinkId::Serial);
-    assert_eq!(again, Err(RecordError::Recording));
-    drop(control);
-    // The blocks go to the link that has begun, and not to the one that was refused.
-    let block = iter::repeat_with(|| {
-        stylus.hardware().tick();
-        stylus.control.borrow_mut().next_block()
-    });
-    let (link, _) = block.take(100).flatten().next().expect("one in 32 ticks");
-    assert_eq!(link, LinkId::Usb);
-    assert!(stylus.control.borrow_mut().record_stop().is_ok());
 }
 
 #[test]
