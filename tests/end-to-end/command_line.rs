@@ -445,10 +445,8 @@ fn tables_keep_to_a_hundred_columns() {
     bench.succeed("simulate-rig --rig rig.toml --out rig");
     let fitted =
         bench.succeed("fit rig --order 40 --excitation residual --modulation track --out a.lib");
-    let bounded = bench.succeed("fit rig --budget-cycles 900 --out b.lib");
     for (command, text) in [
         ("fit", fitted),
-        ("fit --budget-cycles", bounded),
         ("inspect", bench.succeed("inspect a.lib")),
         (
             "evaluate --leave-one-out",

@@ -11,7 +11,6 @@ pub mod liveliness;
 pub mod log_spectrum;
 pub mod model;
 pub mod model_error;
-pub mod phase_correlation;
 pub mod reduction;
 pub mod spectrum;
 pub mod sums;

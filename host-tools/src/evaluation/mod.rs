@@ -2,7 +2,6 @@
 //!
 //! Invariant: results are data. Nothing here draws, prints or writes a file.
 
-pub mod budget;
 pub mod evaluate;
 pub mod frontier;
 pub mod held_out;

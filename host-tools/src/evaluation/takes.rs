@@ -2,20 +2,15 @@
 
 use rayon::prelude::*;
 
-use crate::dsp::phase_correlation::phase_correlation;
 use crate::dsp::reduction::Reduction;
 use crate::fit;
 use crate::fit::record::FitRecord;
 use crate::recording::{RecordingSet, Trial};
 use crate::support::error::{Error, Result};
 
-/// Phase correlation from which on a take is a copy. Noise stays below 0.1; a copy that lacks half of the samples
-/// reaches 0.6.
-///
-/// The bound is wider than that of triage, a correlation of 0.9995: a judge
-/// must be refused even if it is a copy in 8 bits or under noise, while triage must not take two trials of one drum,
-/// which retraces its track, for one.
-const COPY_CORRELATION: f64 = 0.5;
+/// Correlation from which on a take is a copy: equal, scaled or inverted, also in 8 bits. Two takes of one surface stay
+/// far below.
+const COPY_CORRELATION: f64 = 0.999;
 
 /// The take that judges a trial.
 #[derive(Clone, Debug, PartialEq)]
@@ -29,8 +24,8 @@ pub enum Take {
 /// Returns the take of each trial of `set`: the first of `others` that has its texture, speed and force and whose
 /// content the fit has not seen. `record` is that of the library, if there is one.
 ///
-/// A take is told by content from what was fitted: by the bytes of its file, and by the phase correlation of its signal
-/// with that of the trial, so that a copy under another name, scaled, inverted or shifted is known.
+/// A take is told by content from what was fitted: by the bytes of its file, and by the correlation of its signal with
+/// that of the trial, so that a copy under another name, scaled or inverted, is known.
 ///
 /// # Errors
 /// A trial that has no other take, seen or not, or a recording that cannot be used.
@@ -55,12 +50,8 @@ pub fn takes(
                     None => signal.insert(fit::signal(trial, reduction)?.samples),
                 };
                 let samples = fit::signal(other, reduction)?.samples;
-                let correlation = phase_correlation(trials, &samples);
-                (correlation >= COPY_CORRELATION).then(|| {
-                    format!(
-                        "the same samples, in another file, were fitted (phase correlation {correlation:.2})"
-                    )
-                })
+                (correlation(trials, &samples) >= COPY_CORRELATION)
+                    .then(|| "the same samples, in another file, were fitted".to_owned())
             };
             let Some(reason) = reason else {
                 return Ok(Take::Other(other.clone()));
@@ -78,6 +69,16 @@ pub fn takes(
         })
     };
     set.trials.par_iter().map(take).collect()
+}
+
+/// Magnitude of the correlation of two signals as far as both go; not a number for silence.
+fn correlation(a: &[f64], b: &[f64]) -> f64 {
+    let (mut product, mut squares) = (0.0, (0.0, 0.0));
+    for (a, b) in a.iter().zip(b) {
+        product += a * b;
+        squares = (squares.0 + a * a, squares.1 + b * b);
+    }
+    product.abs() / f64::sqrt(squares.0 * squares.1)
 }
 
 fn is_same(trial: &Trial, other: &Trial) -> bool {

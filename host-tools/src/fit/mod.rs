@@ -32,7 +32,7 @@ use crate::texture::library::stored_texture;
 
 pub use fitted::{Fit, FittedTexture, encoded};
 use lines::Lines;
-pub use options::{Estimator, ExcitationChoice, ModulationChoice, Options, Order};
+pub use options::{ExcitationChoice, ModulationChoice, Options, Order};
 pub use separated::signals_without_lines;
 pub use trial::TrialReport;
 use trial::signal_of_judged;
@@ -221,7 +221,6 @@ fn fit_reported<'a>(
         specs: Vec::new(),
         textures: Vec::new(),
         excitations: Vec::new(),
-        thetas: Vec::new(),
         warnings: Vec::new(),
     };
     if options.sample_rate_hz != SAMPLE_RATE_HZ {
@@ -349,9 +348,7 @@ fn fit_texture(
     let short: Vec<notes::Short> = short.collect();
     let notes = notes::of(name, &grid, &misses, (&reports, &short), idle, options);
     fit.warnings.extend(notes);
-    let (theta, rate_hz) = (options.theta, options.sample_rate_hz);
-    let (spec, report) = stored_texture(name, provenance, &grid, theta, rate_hz)?;
-    fit.thetas.push(report);
+    let spec = stored_texture(name, provenance, &grid, options.sample_rate_hz)?;
     fit.specs.push(spec);
     fit.textures.push(FittedTexture {
         name: name.to_owned(),

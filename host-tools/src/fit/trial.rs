@@ -206,7 +206,7 @@ pub fn analyse_with_signal(
         reduced.signal
     };
     let rate_hz = f64::from(options.sample_rate_hz);
-    let estimate = estimate_at(rate_hz, &signal, autocorrelation, options.estimator);
+    let estimate = estimate_at(rate_hz, &signal, autocorrelation);
     let analysis = Analysis {
         samples: signal.len(),
         power,

@@ -6,7 +6,7 @@ use stylus_costs::Origin;
 
 use crate::dsp::spectrum::AMPLITUDE_JND_DB;
 use crate::evaluation::frontier::{
-    CLOCKS_HZ, Filter, FilterStructure, Frontier, Point, interval_ms, moving, share,
+    CLOCKS_HZ, Filter, Frontier, Point, STRUCTURES, Structure, interval_ms, moving, share,
 };
 use crate::evaluation::tables::{Table, percent};
 use crate::fit::Order;
@@ -213,8 +213,8 @@ fn pictures(frontier: &Frontier) -> Result<[(Svg, String); 4]> {
     ])
 }
 
-fn series(points: impl Fn(FilterStructure) -> Vec<FrontPoint>) -> Vec<FrontSeries> {
-    let structures = FilterStructure::ALL.into_iter();
+fn series(points: impl Fn(Structure) -> Vec<FrontPoint>) -> Vec<FrontSeries> {
+    let structures = STRUCTURES.into_iter();
     structures
         .map(|structure| FrontSeries {
             name: structure.to_string(),

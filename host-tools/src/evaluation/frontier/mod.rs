@@ -18,7 +18,6 @@ mod material;
 pub mod moving;
 mod parts;
 mod players;
-mod predictors;
 mod prepared;
 mod results;
 mod run;
@@ -33,7 +32,8 @@ pub use material::Material;
 pub use parts::PartsRow;
 pub use prepared::Prepared;
 pub use results::{Filter, Frontier, Point, interval_ms, share};
-pub use structure::{FilterStructure, Voice};
+pub use structure::{STRUCTURES, Voice};
+pub use stylus_costs::Structure;
 
 /// Orders that are the same for all nodes.
 pub const ORDERS: [usize; 6] = [10, 20, 50, 100, 200, 400];

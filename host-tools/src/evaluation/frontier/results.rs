@@ -1,7 +1,7 @@
 //! Results of a comparison: filters, and filters with an interval of updates.
 
 use serde::Serialize;
-use stylus_costs::Peer;
+use stylus_costs::{Peer, Structure};
 
 use crate::evaluation::tables::{Table, percent};
 use crate::fit::Order;
@@ -12,13 +12,12 @@ use super::costs::Cost;
 use super::hard::HardCases;
 use super::parts::{PARTS_COLUMNS, PartsRow};
 use super::still::Still;
-use super::structure::FilterStructure;
 
 /// A structure at an order, with its costs and errors.
 #[derive(Clone, Debug, Serialize)]
 pub struct Filter {
     /// The structure.
-    pub structure: FilterStructure,
+    pub structure: Structure,
     /// Choice of the order.
     pub order: Order,
     /// The highest order of any node, which a sample's time goes by.
@@ -48,7 +47,7 @@ impl Filter {
         match self.order {
             Order::Fixed(order) => order.to_string(),
             Order::Bayesian => format!("BIC,\u{a0}≤\u{a0}{highest}"),
-            Order::Auto | Order::AtMost(_) => format!("AIC,\u{a0}≤\u{a0}{highest}"),
+            Order::Auto => format!("AIC,\u{a0}≤\u{a0}{highest}"),
         }
     }
 }

@@ -18,9 +18,6 @@ pub enum Row {
     Interpolated(Method),
     /// As `fit --densify` fills the place: log-spectra over f/v with surface and tool apart, refitted.
     Densified,
-    /// As the device interpolates over the place in a grid that `fit --densify` made, where all beside it was filled in
-    /// without its recording. It needs [`Prepared::set_denser`](super::Prepared::set_denser).
-    Denser,
 }
 
 impl Row {
@@ -44,7 +41,6 @@ impl Row {
             Self::Own => "(not removed: its own model; in-sample)".into(),
             Self::Interpolated(method) => method.name(),
             Self::Densified => "densified: f/v, surface and tool apart".into(),
-            Self::Denser => "interpolated in the denser grid, filled without it".into(),
         }
     }
 }
@@ -96,8 +92,6 @@ pub struct LeaveOneOut {
     pub order: String,
     /// True if any recording behind it is simulated.
     pub simulated: bool,
-    /// Textures that were simulated after the paper's protocol, for which the paper has figures.
-    pub papers_textures: Vec<String>,
     /// Ways of predicting a node.
     pub rows: Vec<Row>,
     /// Every removed node, in the order of the set.
@@ -191,13 +185,12 @@ impl LeaveOneOut {
         )
     }
 
-    /// The paper's figures for each of [`Self::textures`] that was simulated after its protocol, and their mean; `None`
-    /// if there are none.
+    /// The paper's figures for each of [`Self::textures`] that is simulated and has the name of one of the paper's, and
+    /// their mean; `None` if there are none.
     fn papers_figures(&self) -> Option<(Vec<Option<PaperColumn>>, PaperColumn)> {
         let column = |name: &str| {
-            let is_papers = self.papers_textures.iter().any(|papers| papers == name);
             let known = PAPER_TABLE_I.iter().find(|column| column.texture == name);
-            known.copied().filter(|_| is_papers)
+            known.copied().filter(|_| self.simulated)
         };
         let by_texture: Vec<Option<PaperColumn>> =
             self.textures().into_iter().map(column).collect();
@@ -320,7 +313,7 @@ fn mean(values: &[f64]) -> f64 {
 mod tests {
     use super::*;
 
-    fn test_of(textures: &[&str], papers: &[&str]) -> LeaveOneOut {
+    fn test_of(textures: &[&str], simulated: bool) -> LeaveOneOut {
         let removed = |texture: &&str| Removed {
             file: String::new(),
             texture: (*texture).to_owned(),
@@ -331,24 +324,22 @@ mod tests {
         LeaveOneOut {
             smoothing: String::new(),
             order: String::new(),
-            simulated: true,
-            papers_textures: papers.iter().map(|&name| name.to_owned()).collect(),
+            simulated,
             rows: Vec::new(),
             removed: textures.iter().map(removed).collect(),
         }
     }
 
     #[test]
-    fn the_papers_figures_are_for_textures_of_its_protocol_and_averaged_over_what_is_shown() {
-        let figures =
-            |textures: &[&str], papers: &[&str]| test_of(textures, papers).papers_figures();
-        assert_eq!(figures(&["paper", "denim"], &[]), None);
-        assert_eq!(figures(&["felt"], &["felt"]), None);
-        let (by_texture, all) = figures(&["paper", "felt", "denim"], &["denim", "felt"]).unwrap();
+    fn the_papers_figures_are_for_its_simulated_textures_and_averaged_over_what_is_shown() {
+        let figures = |textures: &[&str]| test_of(textures, true).papers_figures();
+        assert_eq!(test_of(&["paper", "denim"], false).papers_figures(), None);
+        assert_eq!(figures(&["felt"]), None);
+        let (by_texture, all) = figures(&["cork", "felt", "denim"]).unwrap();
         assert_eq!(by_texture, [None, None, Some(PAPER_TABLE_I[3])]);
         assert!((all.mean_cost - 0.36).abs() < 1e-12);
         let names = PAPER_TABLE_I.map(|column| column.texture);
-        let (_, all) = figures(&names, &names).unwrap();
+        let (_, all) = figures(&names).unwrap();
         assert!((all.mean_cost - 0.345).abs() < 1e-12);
         assert!((all.cost_deviation - 0.135).abs() < 1e-12);
     }

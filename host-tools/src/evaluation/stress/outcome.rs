@@ -21,9 +21,6 @@ pub struct Outcome {
     pub level_db: Option<f64>,
     /// Signal to noise of the arithmetic, dB, where there is a float64 filter to compare with.
     pub snr_db: Option<f64>,
-    /// Error at frequencies off the model's lines over the whole signal, dB, where there is such a frequency: noise
-    /// that damping has no part in. Only of cases at rest.
-    pub off_line_dbc: Option<f64>,
     /// The mean's distance from zero in standard errors.
     pub mean_standard_errors: f64,
     /// Largest difference of the stored from the fitted spectrum, dB.

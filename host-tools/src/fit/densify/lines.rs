@@ -7,13 +7,15 @@ use model_format::NodeFlags;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::filling::{filled_model, highest_order};
 use crate::dsp::log_spectrum::LogSpectrum;
 use crate::dsp::model::Model;
 use crate::dsp::spectrum::DEFAULT_SMOOTHING_WIDTH_HZ;
 use crate::texture::domain::{Method, Neighbour};
 use crate::texture::grid::Grid;
 use crate::texture::recorded_spectra::spectra::{NodeIndex, RecordedSpectra, TwoWays};
+
+/// Worst error of a third octave that a densified node's order may leave, dB: well below the amplitude JND.
+pub const ECONOMY_DB: f64 = 0.5;
 
 /// The least gain of C that is worth a line: what cannot be told from the scatter of a recording.
 const LEAST_GAIN: f64 = 0.003;
@@ -99,6 +101,23 @@ pub(super) fn candidates(
     candidates
 }
 
+/// The model that is filled in where `spectrum` is what the recordings tell.
+fn filled_model(spectrum: &LogSpectrum, highest_order: usize) -> Model {
+    Model {
+        flags: NodeFlags::INTERPOLATED,
+        ..spectrum.economical_model(ECONOMY_DB, highest_order)
+    }
+}
+
+/// The highest order among the recorded nodes of `grid`.
+pub fn highest_order(grid: &Grid) -> usize {
+    let filled = [NodeFlags::INTERPOLATED, NodeFlags::EXTRAPOLATED];
+    let recorded =
+        (grid.models.iter()).filter(|model| !filled.iter().any(|&flag| model.flags.contains(flag)));
+    let orders = recorded.map(|model| model.reflection.len());
+    orders.max().unwrap_or(0)
+}
+
 /// A value without the noise of single precision.
 fn rounded(value: f32) -> f32 {
     (value * 1e4).round() / 1e4
@@ -133,17 +152,14 @@ fn gain(
     let share = f64::from((value(node) - value(before)) / (value(after) - value(before)));
     let neighbours = [(before, 1.0 - share), (after, share)].map(|(place, weight)| Neighbour {
         weight,
-        speed_mm_s: f64::from(grid.speeds_mm_s[place.0]),
         model: &grid.models[grid.index(place.0, place.1)],
     });
-    let played = Method::of_device(grid.laws.level)
-        .predict(&neighbours, f64::from(grid.speeds_mm_s[node.0]))?;
+    let played = Method::of_device(grid.laws.level).predict(&neighbours)?;
     let cost = |spectrum: &LogSpectrum| recorded.cost(spectrum, DEFAULT_SMOOTHING_WIDTH_HZ);
     Some(cost(&LogSpectrum::of_model(&played)) - cost(&LogSpectrum::of_model(&filled.model(most))))
 }
 
-/// All that the recordings of one texture tell. It does not depend on what is left out, so every round of densifying
-/// uses the same.
+/// All that the recordings of one texture tell.
 pub(super) struct Told {
     pub field: RecordedSpectra,
     /// The lines that could be added.

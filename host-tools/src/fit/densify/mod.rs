@@ -8,11 +8,8 @@
 //! put there. A removed node's neighbours are two gaps apart, so that this is the worst case of a gap, twice as wide;
 //! it is the order of the gaps that it is used for.
 //!
-//! No filled node has a higher order than the texture's recorded ones. Nothing is filled in beside a recorded node that
-//! the denser grid would make worse ([`LeftOut`]): the device's interpolation stays there. The caller tests the denser
-//! grid and tells of these nodes.
+//! No filled node has a higher order than the texture's recorded ones.
 
-mod filling;
 mod lines;
 
 use model_format::{NodeFlags, TextureSpec, limits};
@@ -29,14 +26,11 @@ use crate::texture::library::stored_texture;
 use crate::texture::parts::{Between, bytes as bytes_of_parts, on_grid};
 use crate::texture::recorded_spectra::recorded_spectra;
 use crate::texture::recorded_spectra::spectra::NodeIndex;
-use crate::texture::theta::{
-    StoredTheta, ThetaChoice, ThetaReport, all_allow_compact, bytes_per_node,
-};
+use crate::texture::theta::{StoredTheta, all_allow_compact, bytes_per_node};
 
 use lines::Told;
 
-pub use filling::{ECONOMY_DB, Filling, LeftOut, highest_order};
-pub use lines::Direction;
+pub use lines::{Direction, ECONOMY_DB, highest_order};
 
 /// Bytes that a library's headers may take beside its nodes: names, axes and lengths, with room to spare.
 const HEADER_BYTES: usize = 64 + limits::MAX_NAME_BYTES;
@@ -59,74 +53,37 @@ pub struct AddedLine {
 pub struct Densified {
     /// The textures, ready to be encoded.
     pub specs: Vec<TextureSpec>,
-    /// Their grids before quantisation, in the same order.
-    pub grids: Vec<Grid>,
     /// The lines, in the order in which they were chosen.
     pub lines: Vec<AddedLine>,
-    /// The fillings, by the names of the textures, in the same order.
-    pub fillings: Vec<(String, Filling)>,
-    /// The bytes of θ of each texture that is a lattice, in the same order.
-    pub thetas: Vec<ThetaReport>,
 }
 
-/// Textures and what their recordings tell, to be filled as densely as a slot of the device allows.
-pub struct Densifier<'t> {
-    textures: &'t [FittedTexture],
-    options: &'t Options,
-    told: Vec<Told>,
-}
-
-impl<'t> Densifier<'t> {
-    /// The densifier of `textures`, fitted with `options` to `set`.
-    ///
-    /// `signals` are the reduced signals of the trials of `set`, those of dropped trials empty.
-    pub fn new(
-        textures: &'t [FittedTexture],
-        set: &RecordingSet,
-        signals: &[Vec<f64>],
-        options: &'t Options,
-    ) -> Self {
-        let told = textures.iter().enumerate().map(|(index, texture)| {
-            let field = recorded_spectra(&texture.name, &texture.grid, set, signals);
-            Told::of(index, &texture.grid, field)
-        });
-        Self {
-            textures,
-            options,
-            told: told.collect(),
-        }
-    }
-
-    /// Fills the textures, telling `progress` of every line looked at. Nothing is filled in beside the nodes of
-    /// `left_out`.
-    ///
-    /// # Errors
-    /// A texture that a library cannot hold.
-    pub fn fill(&self, left_out: &[LeftOut], progress: impl Fn()) -> Result<Densified> {
-        densify(self.textures, &self.told, self.options, left_out, progress)
-    }
-}
-
-fn densify(
+/// Fills `textures`, fitted with `options` to the recordings, as densely as a slot of the device allows, telling
+/// `progress` of every line looked at.
+///
+/// The recordings are a set and the reduced signals of its trials, those of dropped trials empty.
+///
+/// # Errors
+/// A texture that a library cannot hold.
+pub fn densify(
     textures: &[FittedTexture],
-    told: &[Told],
+    (set, signals): (&RecordingSet, &[Vec<f64>]),
     options: &Options,
-    left_out: &[LeftOut],
     progress: impl Fn(),
 ) -> Result<Densified> {
     let mut grids: Vec<Grid> = Vec::new();
     let mut candidates = Vec::new();
-    let mut fillings: Vec<(String, Filling)> = Vec::new();
-    for (texture, told) in textures.iter().zip(told) {
-        let filling = Filling::of(&texture.name, &texture.grid, left_out);
-        grids.push(with_holes_filled(&texture.grid, told, &filling));
+    let mut all_told = Vec::new();
+    for (index, texture) in textures.iter().enumerate() {
+        let field = recorded_spectra(&texture.name, &texture.grid, set, signals);
+        let told = Told::of(index, &texture.grid, field);
+        grids.push(with_holes_filled(&texture.grid, &told));
         candidates.extend_from_slice(&told.candidates);
-        fillings.push((texture.name.clone(), filling));
+        all_told.push(told);
     }
     candidates.sort_by(|a, b| b.gain.total_cmp(&a.gain));
     let mut stored: Vec<StoredTheta> = grids
         .iter()
-        .map(|grid| allowed(&grid.models.iter().collect::<Vec<_>>(), options.theta))
+        .map(|grid| allowed(&grid.models.iter().collect::<Vec<_>>()))
         .collect();
     let taken = grids.iter().zip(&stored);
     let taken = taken.map(|(grid, &theta)| bytes(grid, theta));
@@ -134,20 +91,19 @@ fn densify(
     let mut lines = Vec::new();
     for candidate in candidates {
         progress();
-        let (grid, told) = (&grids[candidate.texture], &told[candidate.texture]);
-        let filling = &fillings[candidate.texture].1;
+        let (grid, told) = (&grids[candidate.texture], &all_told[candidate.texture]);
         let (direction, value) = (candidate.direction, candidate.value);
-        if !fills_any(grid, told, filling, direction, value) {
+        if !fills_any(grid, told, direction, value) {
             continue;
         }
-        let Some(denser) = with_line(grid, (told, filling), direction, value) else {
+        let Some(denser) = with_line(grid, told, direction, value) else {
             continue;
         };
         // One new node that must be fine makes the whole texture fine.
         let before = stored[candidate.texture];
         let after = match before {
             StoredTheta::Fine => StoredTheta::Fine,
-            StoredTheta::Compact => allowed(&new_models(grid, &denser), options.theta),
+            StoredTheta::Compact => allowed(&new_models(grid, &denser)),
         };
         let more = bytes(&denser, after) - bytes(grid, before);
         if more > left {
@@ -164,39 +120,21 @@ fn densify(
         });
     }
     let mut specs = Vec::new();
-    let mut thetas = Vec::new();
-    for ((_, filling), grid) in fillings.iter_mut().zip(&grids) {
-        filling.speeds_mm_s.clone_from(&grid.speeds_mm_s);
-        filling.forces_n.clone_from(&grid.forces_n);
-    }
     for (texture, grid) in textures.iter().zip(&grids) {
-        let (spec, report) = stored_texture(
-            &texture.name,
-            texture.provenance,
-            grid,
-            options.theta,
-            options.sample_rate_hz,
-        )?;
-        specs.push(spec);
-        thetas.push(report);
+        let (name, rate_hz) = (&texture.name, options.sample_rate_hz);
+        specs.push(stored_texture(name, texture.provenance, grid, rate_hz)?);
     }
     model_format::encode(&specs)
         .map_err(|failure| Error::Model(format!("the denser grid does not fit: {failure}")))?;
-    Ok(Densified {
-        specs,
-        grids,
-        lines,
-        fillings,
-        thetas,
-    })
+    Ok(Densified { specs, lines })
 }
 
 /// The form of θ of a lattice of `models`.
-fn allowed(models: &[&Model], choice: ThetaChoice) -> StoredTheta {
-    match choice {
-        ThetaChoice::Compact => StoredTheta::Compact,
-        ThetaChoice::Auto if all_allow_compact(models) => StoredTheta::Compact,
-        ThetaChoice::Auto | ThetaChoice::Fine => StoredTheta::Fine,
+fn allowed(models: &[&Model]) -> StoredTheta {
+    if all_allow_compact(models) {
+        StoredTheta::Compact
+    } else {
+        StoredTheta::Fine
     }
 }
 
@@ -226,27 +164,18 @@ fn bytes(grid: &Grid, theta: StoredTheta) -> usize {
 }
 
 /// Replaces what `fit` filled between recorded nodes by what their spectra tell.
-fn with_holes_filled(grid: &Grid, told: &Told, filling: &Filling) -> Grid {
+fn with_holes_filled(grid: &Grid, told: &Told) -> Grid {
     let mut grid = grid.clone();
-    let forces = grid.forces_n.len();
-    for (index, (model, hole)) in grid.models.iter_mut().zip(&told.holes).enumerate() {
-        let (speed, force) = (index / forces, index % forces);
-        let allowed = filling.allows(told.field.speeds_mm_s[speed], told.field.forces_n[force]);
-        if allowed && let Some(hole) = hole {
+    for (model, hole) in grid.models.iter_mut().zip(&told.holes) {
+        if let Some(hole) = hole {
             model.clone_from(hole);
         }
     }
     grid
 }
 
-/// True if a line at `value` has a node that is filled in: one that the field tells and that is not left out.
-fn fills_any(
-    grid: &Grid,
-    told: &Told,
-    filling: &Filling,
-    direction: Direction,
-    value: f32,
-) -> bool {
+/// True if a line at `value` has a node that is filled in: one that the field tells.
+fn fills_any(grid: &Grid, told: &Told, direction: Direction, value: f32) -> bool {
     let across = match direction {
         Direction::Speed => &grid.forces_n,
         Direction::Force => &grid.speeds_mm_s,
@@ -256,17 +185,12 @@ fn fills_any(
             Direction::Speed => (as_written(value), as_written(other)),
             Direction::Force => (as_written(other), as_written(value)),
         };
-        filling.allows(speed, force) && told.model_at(speed, force).is_some()
+        told.model_at(speed, force).is_some()
     })
 }
 
 /// `grid` with a line of nodes more; `None` where the axis is full or has the value.
-fn with_line(
-    grid: &Grid,
-    (told, filling): (&Told, &Filling),
-    direction: Direction,
-    value: f32,
-) -> Option<Grid> {
+fn with_line(grid: &Grid, told: &Told, direction: Direction, value: f32) -> Option<Grid> {
     use rayon::prelude::*;
     let mut denser = grid.clone();
     let axis = match direction {
@@ -290,14 +214,14 @@ fn with_line(
             match direction {
                 Direction::Speed if speed == at => new_node(
                     grid,
-                    (told, filling),
+                    told,
                     value,
                     denser.forces_n[force],
                     [(at - 1, force), (at, force)],
                 ),
                 Direction::Force if force == at => new_node(
                     grid,
-                    (told, filling),
+                    told,
                     denser.speeds_mm_s[speed],
                     value,
                     [(speed, at - 1), (speed, at)],
@@ -338,7 +262,7 @@ fn places_with(grid: &Grid, direction: Direction, at: usize, value: f32) -> Vec<
 /// A node between two of the grid's: by the spectrum there, or, where the field has none, as the device would play it.
 fn new_node(
     grid: &Grid,
-    (told, filling): (&Told, &Filling),
+    told: &Told,
     speed_mm_s: f32,
     force_n: f32,
     around: [NodeIndex; 2],
@@ -347,7 +271,6 @@ fn new_node(
     let is_silent = |model: &&Model| model.flags.contains(NodeFlags::SILENT);
     let (speed, force) = (as_written(speed_mm_s), as_written(force_n));
     if !ends.iter().any(is_silent)
-        && filling.allows(speed, force)
         && let Some(model) = told.model_at(speed, force)
     {
         return model;
@@ -358,16 +281,12 @@ fn new_node(
     } else {
         (speed_mm_s - a.0) / (b.0 - a.0)
     };
-    let neighbours =
-        [(1.0 - share, a.0, ends[0]), (share, b.0, ends[1])].map(|(weight, speed_mm_s, model)| {
-            Neighbour {
-                weight: f64::from(weight),
-                speed_mm_s: f64::from(speed_mm_s),
-                model,
-            }
-        });
+    let neighbours = [(1.0 - share, ends[0]), (share, ends[1])].map(|(weight, model)| Neighbour {
+        weight: f64::from(weight),
+        model,
+    });
     let mut model = Method::of_device(grid.laws.level)
-        .predict(&neighbours, f64::from(speed_mm_s))
+        .predict(&neighbours)
         .expect("a mean of angles is stable");
     model.flags = if model.output_power > 0.0 {
         NodeFlags::INTERPOLATED

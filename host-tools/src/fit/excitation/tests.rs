@@ -14,7 +14,7 @@ use crate::dsp::autocorrelation::Autocorrelation;
 use crate::dsp::linear_prediction::{Prediction, corrected};
 use crate::dsp::model::Model;
 use crate::fit::excitation::texture::ExcitationReport;
-use crate::fit::options::{Estimator, ExcitationChoice, ModulationChoice, Options, Order};
+use crate::fit::options::{ExcitationChoice, ModulationChoice, Options, Order};
 use crate::fit::trial::Signal;
 use crate::fit::{Fit, fit};
 use crate::playing::motion::MotionPath;
@@ -87,7 +87,7 @@ fn trace(samples: &[f64], order: usize) -> Trace {
         source_rate_hz: 5000.0,
         flaws: Vec::new(),
     };
-    Trace::of(&signal, (0, 0), &node.codes, &[], Estimator::Auto).unwrap()
+    Trace::of(&signal, (0, 0), &node.codes, &[]).unwrap()
 }
 
 fn chosen(samples: &[f64], options: &Options) -> super::texture::Parts {
@@ -285,7 +285,7 @@ fn forced(excitation: ExcitationChoice, modulation: ModulationChoice) -> Options
     Options {
         excitation,
         modulation,
-        order: Order::AtMost(60),
+        order: Order::Fixed(60),
         ..Options::default()
     }
 }

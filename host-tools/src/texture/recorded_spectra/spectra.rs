@@ -42,15 +42,6 @@ impl RecordedSpectra {
         }
     }
 
-    /// The field as if nothing had been recorded at a node.
-    #[must_use]
-    pub fn without_node(&self, (speed, force): NodeIndex) -> Self {
-        let mut field = self.clone();
-        field.spectra[speed * self.forces_n.len() + force] = None;
-        field.apart[force] = Arc::default();
-        field
-    }
-
     /// The spectrum at a node, if it was recorded.
     pub fn spectrum(&self, (speed, force): NodeIndex) -> Option<&LogSpectrum> {
         self.spectra[speed * self.forces_n.len() + force].as_ref()
@@ -261,22 +252,6 @@ mod tests {
         let predicted =
             |field: &RecordedSpectra| field.without((3, 2), &TwoWays::of(field)).unwrap();
         assert_eq!(predicted(&plain), predicted(&odd));
-    }
-
-    #[test]
-    fn a_field_without_a_node_predicts_as_one_that_never_had_it_whatever_was_asked_before() {
-        let level = |speed: usize, force: usize| Some(0.7 * speed as f64 - (force as f64).powi(2));
-        let whole = field(level);
-        let asked = [(50.0, 0.4), (50.0, 0.6), (70.0, 0.7), (60.0, 0.6)];
-        let first: Vec<_> = asked.map(|(v, f)| whole.at(v, f)).into();
-        let without = whole.without_node((2, 2));
-        let never =
-            field(|speed, force| ((speed, force) != (2, 2)).then(|| level(speed, force))?);
-        for ((speed, force), first) in asked.into_iter().zip(first) {
-            assert_eq!(without.at(speed, force), never.at(speed, force));
-            assert_eq!(whole.at(speed, force), first);
-        }
-        assert_ne!(without.at(60.0, 0.6), whole.at(60.0, 0.6));
     }
 
     #[test]
