@@ -422,23 +422,11 @@ fn a_folder_of_model_files_becomes_a_library_that_plays() {
     );
     bench.write("toolkit/pictures.txt", "none");
     let output = bench.run("import-hatt toolkit --out hatt.lib");
-    let (said, warned) = (text(&output.stdout), text(&output.stderr));
-    assert!(output.status.success(), "{warned}");
+    let said = text(&output.stdout);
+    assert!(output.status.success(), "{}", text(&output.stderr));
     assert!(
         said.contains("cork") && said.contains("worst band dB"),
         "{said}"
-    );
-    // What was said before the work is what came of it, within a KB.
-    let size = std::fs::metadata(bench.path("hatt.lib")).unwrap().len();
-    let near = [0, 1].map(|more| {
-        format!(
-            "2 textures need about {} KB of 512",
-            size.div_ceil(1024) + more
-        )
-    });
-    assert!(
-        near.iter().any(|line| warned.contains(line)),
-        "{size}: {warned}"
     );
     let inspected = bench.succeed("inspect hatt.lib");
     assert!(

@@ -45,7 +45,7 @@ pub struct Arguments {
     /// With --leave-one-out: order of the models, 0 to 400, or 'auto'
     #[arg(long, requires = "leave_one_out", default_value = "400")]
     order: Order,
-    /// Folder for a report: one page with tables, pictures and sounds, and the pictures with their data
+    /// Folder for a report: one page with tables, pictures and sounds, and the pictures as files
     #[arg(long, value_name = "OUT_DIR", requires = "library")]
     report: Option<PathBuf>,
     /// JSON file for the numbers of all trials

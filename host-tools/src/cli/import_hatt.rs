@@ -2,8 +2,7 @@
 
 use std::path::PathBuf;
 
-use host_tools::fit::hatt::comparison::Summary;
-use host_tools::fit::hatt::convert::{Converted, ROLL_OFF_DB_PER_OCTAVE, far_nodes};
+use host_tools::fit::hatt::convert::{Converted, ROLL_OFF_DB_PER_OCTAVE, Summary, far_nodes};
 use host_tools::fit::hatt::import::{ImportReport, Options, files, import, plan, read_all};
 use host_tools::support::atomic_file;
 use host_tools::support::error::Result;
@@ -11,7 +10,7 @@ use host_tools::support::progress;
 
 use super::overwrite::Overwrite;
 use super::table::{folded_table, table};
-use crate::cli::output::{note, print, print_json, warn};
+use crate::cli::output::{print, print_json, warn};
 
 #[derive(clap::Args)]
 pub struct Arguments {
@@ -48,7 +47,6 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             warn(&format!("{}: {warning}", source.path.display()));
         }
     }
-    note(&plan.in_words(sources.len()));
     let bar = progress::bar(sources.len() as u64, "converting");
     let (converted, bytes) = import(&sources, &plan, &|| bar.inc(1))?;
     bar.finish_and_clear();

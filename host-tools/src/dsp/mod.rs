@@ -2,7 +2,6 @@
 //!
 //! Invariant: slices in, numbers out. No files, no command line, no progress, no format of a library.
 
-pub mod analytic;
 pub mod autocorrelation;
 pub mod binomial;
 pub mod line_spectral_frequencies;

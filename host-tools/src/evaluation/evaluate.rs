@@ -11,9 +11,9 @@ use serde::Serialize;
 use super::held_out::{Judge, JudgeKind, in_words};
 use super::liveliness::{self, Signals, TrialLiveliness};
 use super::perception::Perceived;
+use super::perception::ScoringRange;
 use super::played::{self, Played, Version};
-use super::results::{Scores, TrialEvaluation};
-use super::scoring_range::ScoringRange;
+use super::summary::{Scores, TrialEvaluation};
 use super::summary::{
     TextureEvaluation, judged_hz, other_in_words, summarise, tables, takes_table,
 };

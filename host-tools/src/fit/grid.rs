@@ -3,7 +3,7 @@
 use model_format::{FadeLaw, Laws, LevelLaw, NodeFlags, PartsSpec, limits};
 use rayon::prelude::*;
 
-use super::bands::{BandLevel, Bands};
+use super::estimate::{BandLevel, Bands};
 use super::lines::{LineMember, lines_on};
 use super::options::{Options, Order};
 use super::trial::{Analysis, TrialReport};

@@ -3,7 +3,16 @@
 //!
 //! Invariant: recordings in, models and their textures out. Nothing here draws, prints or writes a file.
 
-mod bands;
+use std::borrow::Cow;
+
+use model_format::{Provenance, SAMPLE_RATE_HZ};
+use rayon::prelude::*;
+
+use crate::recording::triage::{Compared, Verdict};
+use crate::recording::{RecordingSet, Trial, triage};
+use crate::support::error::{Error, Result};
+use crate::texture::library::stored_texture;
+
 pub mod densify;
 mod estimate;
 pub mod excitation;
@@ -20,24 +29,15 @@ pub mod record;
 mod separated;
 mod trial;
 
-use std::borrow::Cow;
-
-use model_format::{Provenance, SAMPLE_RATE_HZ};
-use rayon::prelude::*;
-
-use crate::recording::triage::{self, Compared, Verdict};
-use crate::recording::{RecordingSet, Trial};
-use crate::support::error::{Error, Result};
-use crate::texture::library::stored_texture;
-
 pub use fitted::{Fit, FittedTexture, encoded};
 use lines::Lines;
 pub use options::{ExcitationChoice, ModulationChoice, Options, Order};
 pub use separated::signals_without_lines;
 pub use trial::TrialReport;
-use trial::signal_of_judged;
 pub use trial::{Analysis, Signal, analyse, analyse_with_signal, signal};
-use trial::{Budget, KeptSignals};
+
+use lines::Lines;
+use trial::{Budget, KeptSignals, signal_of_judged};
 
 /// Memory for signals that are kept for a later step instead of being read again, bytes.
 const KEPT_SIGNALS: usize = 128 << 20;

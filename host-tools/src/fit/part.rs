@@ -10,7 +10,7 @@ use std::ops::Range;
 use model_format::SAMPLE_RATE_HZ;
 use rayon::prelude::*;
 
-use super::bands::Bands;
+use super::estimate::Bands;
 use super::estimate::{Estimate, estimate};
 use super::lines::{Lines, separate};
 use super::options::Options;

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use model_format::SAMPLE_RATE_HZ;
 use serde::{Deserialize, Serialize};
 
-use super::bands::Bands;
+use super::estimate::Bands;
 use super::estimate::estimate_at;
 use super::lines::TrialLines;
 use super::options::Options;

@@ -1,11 +1,10 @@
 //! An evaluation as a folder: one page, which needs nothing else, on recordings and what the stylus makes of them; and
-//! beside it each picture as a file of its own, with its data.
+//! beside it each picture as a file of its own.
 
 use std::path::{Path, PathBuf};
 
 use model_format::{Axis, Library, Node, NodeFlags, SAMPLE_RATE_HZ, Texture};
 
-use super::figures;
 use super::html::{Page, Sound};
 use super::plot::{
     COST, Caption, GridCell, GridMap, OrderSeries, Scale, Svg, WIDE, band_error_chart, grid_map,
@@ -18,19 +17,16 @@ use crate::evaluation::evaluate::{Comparison, Evaluation, Excerpt, cost_by_order
 use crate::evaluation::held_out::JudgeKind;
 use crate::evaluation::leave_one_out::{self, LeaveOneOut, Prepared, Removed, Row};
 use crate::evaluation::liveliness::summaries;
-use crate::evaluation::results::TrialEvaluation;
+use crate::evaluation::summary::TrialEvaluation;
 use crate::evaluation::summary::{LIVELINESS_EXPLANATION, liveliness_table};
 use crate::recording::{RecordingSet, Trial};
-use crate::support::error::{Error, Result};
+use crate::support::error::Result;
 use crate::support::file_name::Stems;
 use crate::texture::domain::Method;
 use crate::texture::grid::as_written;
 
 /// The page's name in its folder.
 const PAGE: &str = "index.html";
-
-/// Folder of the pictures' data in it.
-const DATA: &str = "data";
 
 /// Speed, mm/s, and force, N, of the paper's own example (its figure 10); the nearest trial stands for its texture.
 const EXAMPLE: (f64, f64) = (120.0, 1.0);
@@ -70,14 +66,12 @@ pub struct RemovedNodeTest<'a> {
     pub options: leave_one_out::Options,
 }
 
-/// Writes the page, its pictures and their data into `folder`, which is there, telling `progress` of each texture done.
+/// Writes the page and its pictures into `folder`, which is there, telling `progress` of each texture done.
 /// Returns the page's path.
 ///
 /// # Errors
 /// A folder that cannot be written to, or a recording that cannot be used any more.
 pub fn write(inputs: &Inputs<'_>, folder: &Path, progress: impl Fn()) -> Result<PathBuf> {
-    let data = folder.join(DATA);
-    std::fs::create_dir_all(&data).map_err(Error::io("create", &data))?;
     let mut report = Report::new(inputs, folder);
     report.overview();
     report.takes();
@@ -490,7 +484,7 @@ impl<'a> Report<'a> {
         self.stems.of(texture)
     }
 
-    /// Puts a picture on the page, and as `name` with its data into the folder.
+    /// Puts a picture on the page, and as `name` into the folder.
     fn figure(&mut self, picture: &Svg, name: &str, caption: &str) -> Result<()> {
         self.figure_with_sounds(picture, name, caption, &[])
     }
@@ -503,8 +497,6 @@ impl<'a> Report<'a> {
         sounds: &[Sound],
     ) -> Result<()> {
         picture.write(&self.folder.join(format!("{name}.svg")))?;
-        let data = self.folder.join(DATA).join(format!("{name}.csv"));
-        figures::write(picture.figure(), &data)?;
         self.page.figure(picture, caption, sounds);
         Ok(())
     }

@@ -12,9 +12,7 @@
 //! Its time is a sample's and its share of an update's.
 
 pub mod costs;
-mod fronts;
 pub mod hard;
-mod material;
 pub mod moving;
 mod parts;
 mod players;
@@ -28,9 +26,8 @@ use crate::dsp::reduction::Reduction;
 use crate::dsp::spectrum;
 use crate::evaluation::stress::cases::{Case, Length, suite};
 
-pub use material::Material;
 pub use parts::PartsRow;
-pub use prepared::Prepared;
+pub use prepared::{Material, Prepared};
 pub use results::{Filter, Frontier, Point, interval_ms, share};
 pub use structure::{STRUCTURES, Voice};
 pub use stylus_costs::Structure;

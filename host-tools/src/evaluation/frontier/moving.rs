@@ -18,7 +18,7 @@ use stylus_kernel::grid::{GridPoint, ONE};
 use super::players::NotHeld;
 use super::structure::Voice;
 use crate::dsp::spectrum::{AMPLITUDE_JND_DB, BAND_COUNT, band_powers};
-use crate::texture::stored::rms_m_s2;
+use crate::texture::quantise::rms_m_s2;
 use model_format::SAMPLE_RATE_HZ;
 use stylus_costs::Structure;
 

@@ -18,7 +18,7 @@ use stylus_costs::Structure;
 use crate::dsp::linear_prediction::{step_down, step_up};
 use crate::evaluation::stress::player::{ENDS, Player, any_at, energy, full_scale, player};
 use crate::playing::wavefront::Wavefront;
-use crate::texture::stored::reflection;
+use crate::texture::quantise::reflection;
 
 /// A texture that a direct form cannot hold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -8,13 +8,12 @@ use crate::texture::grid::Grid;
 use crate::texture::library::library_of;
 
 use super::costs::{Core, Cost, Costs};
-use super::fronts::mark_fronts;
 use super::hard::{self, HardCases, Verdict};
 use super::moving::{self, Frames, Moving};
 use super::parts::choices;
 use super::players::predictors;
 use super::prepared::{Fitted, Prepared};
-use super::results::{Filter, Frontier, Point};
+use super::results::{Filter, Frontier, Point, mark_fronts};
 use super::still::{self, Node, Playing, Still};
 use super::structure::{STRUCTURES, library_bytes_per_node, ram_bytes};
 use super::{INTERVALS, Options};

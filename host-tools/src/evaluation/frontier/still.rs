@@ -13,7 +13,7 @@ use crate::evaluation::evaluate::WARM_UP_S;
 use crate::evaluation::evaluate::rms;
 use crate::evaluation::stress::reference::{Deviation, FloatLattice};
 use crate::support::error::{Error, Result};
-use crate::texture::stored::reflection;
+use crate::texture::quantise::reflection;
 use model_format::SAMPLE_RATE_HZ;
 use stylus_costs::Structure;
 

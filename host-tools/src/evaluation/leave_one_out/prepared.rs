@@ -4,7 +4,7 @@ use model_format::{NodeFlags, Provenance, SAMPLE_RATE_HZ};
 use rayon::prelude::*;
 
 use crate::dsp::model::Model;
-use crate::evaluation::scoring_range::ScoringRange;
+use crate::evaluation::perception::ScoringRange;
 use crate::fit;
 use crate::fit::densify::Direction;
 use crate::fit::densify::{ECONOMY_DB, highest_order};
@@ -16,7 +16,7 @@ use crate::support::error::{Error, Result};
 use crate::texture::domain::Neighbour;
 use crate::texture::grid::Grid;
 use crate::texture::recorded_spectra::recorded_spectra;
-use crate::texture::recorded_spectra::spectra::{RecordedSpectra, TwoWays};
+use crate::texture::recorded_spectra::{RecordedSpectra, TwoWays};
 
 use super::Options;
 

@@ -11,16 +11,14 @@
 //! at any frequency, between the model as it was fitted and as it is stored.
 
 pub mod cases;
-mod limits;
 pub mod models;
 mod outcome;
 pub mod player;
 pub mod reference;
 mod run;
-mod spectrum;
 
-pub use limits::{
-    LEVEL_DB, MEAN_STANDARD_ERRORS, SNR_DB, SPECTRUM_DB, snr_limit_db, spectrum_limit_db,
+pub use outcome::{
+    LEVEL_DB, MEAN_STANDARD_ERRORS, Outcome, Rest, SNR_DB, SPECTRUM_DB, snr_limit_db,
+    spectrum_limit_db,
 };
-pub use outcome::{Outcome, Rest};
 pub use run::{play, play_with, run};

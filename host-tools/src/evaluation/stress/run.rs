@@ -6,13 +6,13 @@ use stylus_kernel::excitation::{self, Excitation};
 use stylus_kernel::grid::GridPoint;
 
 use crate::support::error::{Error, Result};
-use crate::texture::stored::rms_m_s2;
+use crate::texture::quantise::rms_m_s2;
 
 use super::cases::Case;
+use super::models;
 use super::outcome::{Outcome, Rest};
 use super::player::{Player, player};
 use super::reference::{Deviation, FloatLattice, Mean};
-use super::{models, spectrum};
 
 /// Gain of the overdrive: from an RMS of an eighth of full scale to one of a third.
 const OVERDRIVE: f64 = 8.0 / 3.0;
@@ -67,7 +67,7 @@ pub fn play_with(
     let again = || new_player(&texture).expect("it was made before");
     let mut bench = Bench::new(case, texture, first);
     outcome.samples = case.samples;
-    outcome.spectrum_db = spectrum::largest_difference_db(&case.nodes(), &texture);
+    outcome.spectrum_db = models::largest_difference_db(&case.nodes(), &texture);
     bench.drive(1.0, case.samples, &mut outcome);
     outcome.stopped = bench.rest();
 

@@ -125,16 +125,15 @@ impl Windows {
     }
 }
 
-/// Puts levels into a panel, as data and as the bitmap in its frame, where each window is drawn around its middle.
+/// Puts levels into a panel as the bitmap in its frame, where each window is drawn around its middle.
 pub(super) fn fill(panel: &mut Panel, levels: &[Vec<f64>], top_db: f64, windows: Windows) -> Drawn {
-    let bins = levels.first().map_or(0, Vec::len);
     panel.series.push(Series {
         name: String::new(),
         kind: Kind::Levels,
         colour: None,
-        x: (0..levels.len()).map(|n| windows.middle_s(n)).collect(),
-        y: (0..bins).map(|bin| bin as f64 * windows.bin_hz()).collect(),
-        z: Some(Third::new(POWER_DENSITY, levels.concat())),
+        x: Vec::new(),
+        y: Vec::new(),
+        z: Some(Third::new(POWER_DENSITY, Vec::new())),
         notes: Vec::new(),
     });
     let Frame { left, right, .. } = panel.frame;
