@@ -15,7 +15,7 @@ use host_tools::fit::Order;
 use host_tools::fit::record::FitRecord;
 use host_tools::recording::RecordingSet;
 use host_tools::report::evaluation_page;
-use host_tools::report::evaluation_page::{Inputs, RemovedNodeTest};
+use host_tools::report::evaluation_page::Inputs;
 use host_tools::report::sound::node_seconds;
 use host_tools::support::error::Result;
 use host_tools::support::output::OutputFolder;
@@ -94,8 +94,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         return evaluate_library(arguments, path, set);
     }
     let options = removal_options(arguments);
-    let prepared = Prepared::new(&set, &options)?;
-    let test = removed_node_test(&prepared, &Row::all(), &options)?;
+    let test = removed_node_test(&set, &options)?;
     write_numbers(arguments, None, Some(&test))?;
     print(&removed_nodes(&test))
 }
@@ -131,10 +130,8 @@ fn evaluate_library(arguments: &Arguments, path: &Path, set: RecordingSet) -> Re
     let evaluation = evaluate_set(&set, &library, chosen.judges, record.as_ref(), &options)?;
     let removal = removal_options(arguments);
     let asked = arguments.leave_one_out;
-    let prepared = asked.then(|| Prepared::new(&set, &removal)).transpose()?;
-    let test = prepared
-        .as_ref()
-        .map(|prepared| removed_node_test(prepared, &Row::all(), &removal))
+    let test = asked
+        .then(|| removed_node_test(&set, &removal))
         .transpose()?;
     write_numbers(arguments, Some(&evaluation), test.as_ref())?;
     print(&summary(&evaluation))?;
@@ -147,14 +144,7 @@ fn evaluate_library(arguments: &Arguments, path: &Path, set: RecordingSet) -> Re
             library: &library,
             evaluation: &evaluation,
             options: &options,
-            removed_nodes: test
-                .as_ref()
-                .zip(prepared.as_ref())
-                .map(|(test, prepared)| RemovedNodeTest {
-                    test,
-                    prepared,
-                    options: removal,
-                }),
+            removed_nodes: test.as_ref(),
             unused_takes: &chosen.unused,
         };
         let folder = OutputFolder::begin(report, arguments.overwrite.is_asked())?;
@@ -205,13 +195,10 @@ pub fn evaluate_set(
 }
 
 /// Runs the removed-node test with a progress bar.
-pub fn removed_node_test(
-    prepared: &Prepared<'_>,
-    rows: &[Row],
-    options: &leave_one_out::Options,
-) -> Result<LeaveOneOut> {
+fn removed_node_test(set: &RecordingSet, options: &leave_one_out::Options) -> Result<LeaveOneOut> {
+    let prepared = Prepared::new(set, options)?;
     let bar = progress::bar(prepared.count() as u64, "removing nodes");
-    let test = prepared.run(rows, options, || bar.inc(1))?;
+    let test = prepared.run(&Row::all(), options, || bar.inc(1))?;
     bar.finish_and_clear();
     Ok(test)
 }

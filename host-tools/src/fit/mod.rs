@@ -30,7 +30,6 @@ mod separated;
 mod trial;
 
 pub use fitted::{Fit, FittedTexture, encoded};
-use lines::Lines;
 pub use options::{ExcitationChoice, ModulationChoice, Options, Order};
 pub use separated::signals_without_lines;
 pub use trial::TrialReport;

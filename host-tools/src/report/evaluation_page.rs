@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use model_format::{Axis, Library, Node, NodeFlags, SAMPLE_RATE_HZ, Texture};
+use model_format::{Axis, Library, Node, SAMPLE_RATE_HZ, Texture};
 
 use super::html::{Page, Sound};
 use super::plot::{
@@ -15,14 +15,13 @@ use crate::dsp::spectrum::AMPLITUDE_JND_DB;
 use crate::evaluation::evaluate;
 use crate::evaluation::evaluate::{Comparison, Evaluation, Excerpt, cost_by_order, texture_named};
 use crate::evaluation::held_out::JudgeKind;
-use crate::evaluation::leave_one_out::{self, LeaveOneOut, Prepared, Removed, Row};
+use crate::evaluation::leave_one_out::LeaveOneOut;
 use crate::evaluation::liveliness::summaries;
 use crate::evaluation::summary::TrialEvaluation;
 use crate::evaluation::summary::{LIVELINESS_EXPLANATION, liveliness_table};
 use crate::recording::{RecordingSet, Trial};
 use crate::support::error::Result;
 use crate::support::file_name::Stems;
-use crate::texture::domain::Method;
 use crate::texture::grid::as_written;
 
 /// The page's name in its folder.
@@ -51,19 +50,9 @@ pub struct Inputs<'a> {
     /// Options of the comparison.
     pub options: &'a evaluate::Options,
     /// The removed-node test, where it was made.
-    pub removed_nodes: Option<RemovedNodeTest<'a>>,
+    pub removed_nodes: Option<&'a LeaveOneOut>,
     /// Takes that were given and not used, with the reason.
     pub unused_takes: &'a [String],
-}
-
-/// The removed-node test with the set that it was made from.
-pub struct RemovedNodeTest<'a> {
-    /// The results.
-    pub test: &'a LeaveOneOut,
-    /// The set.
-    pub prepared: &'a Prepared<'a>,
-    /// Options of the test.
-    pub options: leave_one_out::Options,
 }
 
 /// Writes the page and its pictures into `folder`, which is there, telling `progress` of each texture done.
@@ -75,8 +64,8 @@ pub fn write(inputs: &Inputs<'_>, folder: &Path, progress: impl Fn()) -> Result<
     let mut report = Report::new(inputs, folder);
     report.overview();
     report.takes();
-    if let Some(removed_nodes) = &inputs.removed_nodes {
-        removed_node_tables(&mut report.page, removed_nodes.test);
+    if let Some(test) = inputs.removed_nodes {
+        removed_node_tables(&mut report.page, test);
     }
     report.orders()?;
     for summary in &inputs.evaluation.textures {
@@ -145,14 +134,12 @@ impl<'a> Report<'a> {
         let evaluation = inputs.evaluation;
         let trials = evaluation.trials.iter();
         let costs = trials.filter_map(|trial| trial.scores.cost);
-        let removed = inputs.removed_nodes.iter().flat_map(|of| &of.test.removed);
-        let further = removed.flat_map(|node| node.outcomes.iter().map(|o| o.judged.cost));
         let of_node = |clips: &Excerpt| 2 * (clips.recorded.len() + clips.synthesised.len());
         Self {
             inputs,
             folder,
             stems: Stems::default(),
-            cost_scale: Scale::of(costs.chain(further).map(|cost| 100.0 * cost)),
+            cost_scale: Scale::of(costs.map(|cost| 100.0 * cost)),
             sound_bytes: evaluation.excerpts.iter().map(of_node).sum(),
             page: Page::new("Recordings and what the stylus plays"),
         }
@@ -315,11 +302,7 @@ impl<'a> Report<'a> {
                 "Level of the synthesis over the held-out recording's in third-octave bands; shaded: not felt.",
             )?;
         }
-        self.cost_map(&texture)?;
-        match &self.inputs.removed_nodes {
-            Some(test) => draw_removed_nodes(self, test, name),
-            None => Ok(()),
-        }
+        self.cost_map(&texture)
     }
 
     /// Reads and plays the trial of a texture that is nearest to the paper's own example. `None` if all are silent.
@@ -545,72 +528,4 @@ fn removed_node_tables(page: &mut Page, test: &LeaveOneOut) {
              with (in-sample, not a measure of fidelity) and is as near as its order comes.",
         )
         .table(&domains);
-}
-
-/// Draws C of the removed nodes of `texture` over its grid, and an example: the paper's figure 10.
-fn draw_removed_nodes(
-    report: &mut Report<'_>,
-    test: &RemovedNodeTest<'_>,
-    texture: &str,
-) -> Result<()> {
-    let RemovedNodeTest {
-        test,
-        prepared,
-        options,
-    } = test;
-    let nodes = test.removed.iter().filter(|node| node.texture == texture);
-    let nodes: Vec<&Removed> = nodes.collect();
-    let far = |node: &&&Removed| distance(node.speed_mm_s, node.force_n);
-    let Some(example) = nodes.iter().min_by(|a, b| far(a).total_cmp(&far(b))) else {
-        return Ok(());
-    };
-    report.page.subsection("Removed nodes");
-    let axis = |of: fn(&Removed) -> f64| {
-        let mut values: Vec<f64> = nodes.iter().map(|n| of(n)).collect();
-        values.sort_by(f64::total_cmp);
-        values.dedup();
-        values
-    };
-    let (speeds, forces) = (axis(|n| n.speed_mm_s), axis(|n| n.force_n));
-    let stem = report.stem(texture);
-    for (name, row) in [
-        ("as-in-the-paper", Row::Interpolated(Method::PAPER)),
-        ("densified", Row::Densified),
-    ] {
-        let Some(column) = test.rows.iter().position(|&r| r == row) else {
-            continue;
-        };
-        let places = speeds
-            .iter()
-            .flat_map(|&v| forces.iter().map(move |&f| (v, f)));
-        let cells = places.map(|(speed, force)| {
-            let mut nodes = nodes.iter();
-            let here = nodes.find(|n| n.speed_mm_s == speed && n.force_n == force);
-            GridCell {
-                value: here.map(|node| 100.0 * node.outcomes[column].judged.cost),
-                flags: NodeFlags::NONE,
-            }
-        });
-        report.map(
-            texture,
-            &format!("{texture}: C of removed nodes, {}", row.name()),
-            (&speeds, &forces, &cells.collect::<Vec<_>>()),
-            &format!("{stem}-removed-nodes-{name}"),
-            "C of every removed node against its recording",
-        )?;
-        let (speed, force) = (example.speed_mm_s, example.force_n);
-        let place = format!("{texture}, {speed} mm/s, {force} N removed; {}", row.name());
-        match prepared.hear(example, row, options)? {
-            None => {
-                report.page.paragraph(&format!("{place}: cannot be played."));
-            }
-            Some((recorded, played)) => report.spectra(
-                &place,
-                (&recorded, &played),
-                &format!("{stem}-removed-node-{name}"),
-                "A recording, and what is played there when its node is removed (the paper's figure 10).",
-            )?,
-        }
-    }
-    Ok(())
 }

@@ -65,14 +65,6 @@ pub fn write(frontier: &Frontier, path: &Path) -> Result<()> {
     if !frontier.peers.is_empty() {
         page.section("Beside others").table(&peer_table(frontier));
     }
-    page.section("Excitation, level and lines")
-        .paragraph(
-            "What no spectrum shows: the optional parts of a texture, played by the normalised lattice at the highest \
-             order, at rest, against the held-out recordings. Distances are medians over nodes: |log2| of the ratio of \
-             kurtosis, dB of modulation and of the spread of 50 ms levels. Instructions of the tick are the device's \
-             own count, at most; those of the update make the excitation ahead of the tick.",
-        )
-        .table(&frontier.parts_table());
     page.section("What the figures are").list(&notes(frontier));
     page.write(path)
 }

@@ -4,8 +4,7 @@
 //! **At rest** ([`still`]): the nodes of textures, played by the kernel and its variants, against recordings that the
 //! fit has not seen. **In motion** ([`moving`]): a hand that rubs over the grid, against float64 at every sample.
 //! **Hard cases** ([`hard`]): those of `stylus stress`, with models cut to the order. **Time** ([`costs`]):
-//! instructions counted on QEMU, and cycles of the Cortex-M4's published timings, from `cargo tasks costs`. **Parts**
-//! ([`PartsRow`]): excitation, modulation and lines of the lattice, which no spectrum shows.
+//! instructions counted on QEMU, and cycles of the Cortex-M4's published timings, from `cargo tasks costs`.
 //!
 //! The error of a choice is the root of the sum of squares of its error at rest and its error in motion, in
 //! third-octave bands: the one is of the models, the other of following the hand, and they do not know of each other.
@@ -14,7 +13,6 @@
 pub mod costs;
 pub mod hard;
 pub mod moving;
-mod parts;
 mod players;
 mod prepared;
 mod results;
@@ -26,7 +24,6 @@ use crate::dsp::reduction::Reduction;
 use crate::dsp::spectrum;
 use crate::evaluation::stress::cases::{Case, Length, suite};
 
-pub use parts::PartsRow;
 pub use prepared::{Material, Prepared};
 pub use results::{Filter, Frontier, Point, interval_ms, share};
 pub use structure::{STRUCTURES, Voice};

@@ -32,8 +32,6 @@ pub struct Prepared {
     pub(super) names: Vec<String>,
     /// Without optional parts.
     pub(super) fitted: Vec<Fitted>,
-    /// Models of the highest order with their optional parts, in the order of [`Prepared::names`].
-    pub(super) with_parts: Vec<Grid>,
     /// Recordings held out, each with its texture's and its node's index.
     pub(super) held_out: Vec<(usize, usize, Vec<f64>)>,
     pub(super) take_cost: f64,
@@ -83,16 +81,9 @@ impl Prepared {
         for order in [Order::Bayesian, Order::Auto] {
             fitted.push(Fitted::new(order, grids(&fit_at(order)?)));
         }
-        // Parts are judged as a fit by default has them: lines stored apart, and the rest excited by its own residual.
-        let whole = fit::Options {
-            lines: Lines::Auto,
-            ..highest_order
-        };
-        let with_parts = fit::fit(&material.fit, &whole, &progress)?.textures;
         let mut prepared = Self {
             names,
             fitted,
-            with_parts: with_parts.into_iter().map(|texture| texture.grid).collect(),
             held_out: Vec::new(),
             take_cost: f64::NAN,
             take_band_error_db: f64::NAN,

@@ -7,7 +7,6 @@ use stylus_costs::{Peer, Structure};
 use super::CLOCKS_HZ;
 use super::costs::Cost;
 use super::hard::HardCases;
-use super::parts::{PARTS_COLUMNS, PartsRow};
 use super::still::Still;
 use crate::evaluation::tables::{Table, percent};
 use crate::fit::Order;
@@ -125,8 +124,6 @@ pub struct Frontier {
     pub filters: Vec<Filter>,
     /// Filters by intervals.
     pub points: Vec<Point>,
-    /// Choices of optional parts, from none to all.
-    pub parts: Vec<PartsRow>,
 }
 
 impl Frontier {
@@ -182,15 +179,6 @@ impl Frontier {
                 "front of",
             ],
             points.into_iter().map(row),
-        )
-    }
-
-    /// The choices of optional parts.
-    pub fn parts_table(&self) -> Table {
-        Table::new(
-            "Parts: what they cost and what they bring",
-            PARTS_COLUMNS,
-            self.parts.iter().map(PartsRow::cells),
         )
     }
 

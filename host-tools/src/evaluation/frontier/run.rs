@@ -10,7 +10,6 @@ use crate::texture::library::library_of;
 use super::costs::{Core, Cost, Costs};
 use super::hard::{self, HardCases, Verdict};
 use super::moving::{self, Frames, Moving};
-use super::parts::choices;
 use super::players::predictors;
 use super::prepared::{Fitted, Prepared};
 use super::results::{Filter, Frontier, Point, mark_fronts};
@@ -25,8 +24,7 @@ impl Prepared {
         let filters = STRUCTURES.len() * self.fitted.len();
         let references = self.fitted.len() * self.names.len();
         let moving = self.names.len() * INTERVALS.len();
-        let parts = choices(&self.with_parts).len() * self.held_out.len();
-        references + parts + filters * (self.held_out.len() + moving + self.cases.len())
+        references + filters * (self.held_out.len() + moving + self.cases.len())
     }
 
     /// Plays everything, telling `progress` of each piece of work done. The result does not depend on the number of
@@ -95,7 +93,6 @@ impl Prepared {
             peers: Costs::measured().table().peers.clone(),
             filters,
             points,
-            parts: self.parts(options, &progress)?,
         };
         mark_fronts(&mut frontier);
         Ok(frontier)

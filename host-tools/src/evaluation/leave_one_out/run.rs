@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use crate::dsp::linear_prediction::error_share;
 use crate::dsp::model::Model;
 use crate::fit::Order;
-use crate::support::error::{Error, Result};
+use crate::support::error::Result;
 use crate::texture::domain::{Domain, Level, Method, Neighbour};
 
 use super::Options;
@@ -44,35 +44,6 @@ impl Prepared<'_> {
             rows: rows.to_vec(),
             removed,
         })
-    }
-
-    /// The recording at a removed node, and what is played there in `row`; none if it cannot be.
-    ///
-    /// # Errors
-    /// A node that is not of this set, and a request that the kernel's renderer refuses.
-    pub fn hear(
-        &self,
-        node: &Removed,
-        row: Row,
-        options: &Options,
-    ) -> Result<Option<(Vec<f64>, Vec<f64>)>> {
-        let is_it = |target: &&Target| {
-            self.set.trials[target.trial].file.display().to_string() == node.file
-        };
-        let targets = self.targets();
-        let Some(&target) = targets.iter().find(is_it) else {
-            let problem = format!("{} is not one of the removed nodes", node.file);
-            return Err(Error::Request(problem));
-        };
-        let mut removal = Removal::new(self, target, options);
-        let Some((at, power)) = removal.voice(row)? else {
-            return Ok(None);
-        };
-        let played = removal.voices[at]
-            .1
-            .as_ref()
-            .and_then(|voice| voice.at_power(power));
-        Ok(played.map(|played| (self.signals[target.trial].clone(), played)))
     }
 
     fn remove(&self, target: Target, rows: &[Row], options: &Options) -> Result<Removed> {

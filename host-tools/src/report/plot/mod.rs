@@ -11,7 +11,6 @@ pub mod figure;
 mod grid;
 #[cfg(test)]
 pub(super) mod properties;
-mod scene;
 mod spectrogram;
 mod waveforms;
 
@@ -26,7 +25,6 @@ pub use curves::{
 };
 pub use figure::{COST, Figure, Quantity};
 pub use grid::{GridCell, GridMap, Scale, WIDE, grid_map};
-pub use scene::{SceneRegion, SceneView, scene};
 pub use spectrogram::spectrograms;
 pub use waveforms::waveforms;
 
