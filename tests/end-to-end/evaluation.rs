@@ -150,40 +150,6 @@ fn a_denser_grid_keeps_to_its_textures_orders() {
 }
 
 #[test]
-fn other_takes_are_summed_up_by_texture_with_the_worst_of_each() {
-    let bench = four_textures();
-    bench.succeed("simulate-rig --rig rig.toml --out takes --seed 6");
-    bench.succeed("fit rig --out a.lib --order 30");
-    let said =
-        bench.succeed("evaluate rig --library a.lib --takes takes --synthesis 2 --json a.json");
-    let (_, takes) = said.split_once("from the takes that judged").unwrap();
-    let evaluation = json(&bench, "a.json");
-    let trials = evaluation["trials"].as_array().unwrap();
-    assert_eq!(trials.len(), 64);
-    let distance = |trial: &serde_json::Value| trial["log_spectral_distance_db"].as_f64().unwrap();
-    for texture in ["paper", "organza", "vinyl", "denim"] {
-        let of_it = trials.iter().filter(|trial| trial["texture"] == texture);
-        let mut distances: Vec<f64> = of_it.clone().map(distance).collect();
-        distances.sort_by(f64::total_cmp);
-        let worst = of_it.max_by(|a, b| distance(a).total_cmp(&distance(b)));
-        let worst = worst.unwrap();
-        let lines = takes.lines().filter(|line| line.starts_with(texture));
-        let cells: Vec<&str> = lines.flat_map(str::split_whitespace).collect();
-        let middle = f64::midpoint(distances[7], distances[8]);
-        for cell in [
-            "16",
-            &format!("{middle:.2}"),
-            &format!("{:.2}", distances[15]),
-            &worst["speed_mm_s"].as_f64().unwrap().to_string(),
-            &worst["force_n"].as_f64().unwrap().to_string(),
-            worst["file"].as_str().unwrap(),
-        ] {
-            assert!(cells.contains(&cell), "{texture}: no {cell} in {takes}");
-        }
-    }
-}
-
-#[test]
 fn a_set_without_inner_nodes_is_told_what_it_lacks() {
     let bench = Bench::new();
     let signal = noise(1, 10_000);
@@ -219,8 +185,6 @@ fn what_a_model_was_fitted_to_does_not_judge_it() {
     assert!(said.contains(words), "{said}");
     let felt = &json(&bench, "blocks.json")["textures"][0];
     let held_out = felt["mean_log_spectral_distance_db"].as_f64().unwrap();
-    let in_sample = felt["in_sample_log_spectral_distance_db"].as_f64().unwrap();
-    assert!(held_out > in_sample + 0.2, "{felt}");
     // Another block of the same noise is as near as a model comes.
     let other = felt["other"]["mean_log_spectral_distance_db"]
         .as_f64()
@@ -262,10 +226,6 @@ fn without_a_record_of_the_fit_no_figure_counts() {
     let felt = &json(&bench, "a.json")["textures"][0];
     assert!(
         felt["mean_cost"].is_null() && felt["level_error_jnd"].is_null(),
-        "{felt}"
-    );
-    assert!(
-        felt["in_sample_log_spectral_distance_db"].is_f64(),
         "{felt}"
     );
 }

@@ -133,7 +133,6 @@ pub fn evaluate<'py>(
         smoothing_hz: not_negative("smoothing_hz", smoothing_hz)?,
         synthesis_s: positive("synthesis_s", synthesis_s)?,
         seed,
-        in_sample: true,
         played: choice("excitation", excitation)?,
         ..evaluation::Options::default()
     };

@@ -119,7 +119,6 @@ fn evaluate_library(arguments: &Arguments, path: &Path, set: RecordingSet) -> Re
         smoothing_hz: arguments.smoothing,
         synthesis_s: arguments.synthesis.unwrap_or(default.synthesis_s),
         seed: arguments.seed,
-        in_sample: true,
         played: arguments.excitation,
         excerpt_s: (arguments.report.as_ref()).and_then(|_| node_seconds(set.trials.len())),
     };
@@ -247,8 +246,7 @@ pub fn summary(evaluation: &Evaluation) -> String {
         }
     };
     let tables = tables.map(|table| shown(&table, keys(&table.title)));
-    let mut tables: Vec<String> = tables.collect();
-    tables.extend(evaluation.takes_table().map(|table| shown(&table, 1)));
+    let tables: Vec<String> = tables.collect();
     let origin = origin(evaluation.simulated);
     format!(
         "Held out: {}\n\n{}\n\n{}\n{}\n\

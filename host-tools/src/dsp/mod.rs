@@ -13,6 +13,8 @@ pub mod model_error;
 pub mod reduction;
 pub mod spectrum;
 pub mod sums;
+#[cfg(test)]
+pub mod test_signals;
 
 use std::cell::RefCell;
 

@@ -187,12 +187,6 @@ mod tests {
 
     const RATE_HZ: f64 = 5000.0;
 
-    #[test]
-    fn a_model_has_no_error_against_itself() {
-        let error = ModelError::between(&[-0.99, 0.9, 0.3], &[-0.99, 0.9, 0.3], RATE_HZ);
-        assert_eq!(error, ModelError::default());
-    }
-
     proptest! {
         /// By its definition: sums over single frequencies, each evaluated on its own.
         #[test]

@@ -133,7 +133,7 @@ pub(super) fn in_words(judges: &[Judge], blocks_s: (f64, f64)) -> String {
         ),
         (
             JudgeKind::Nothing,
-            "not known to be held out, so that only the last column has a figure: beside the library there is no \
+            "not known to be held out, so that nothing is judged: beside the library there is no \
              record of what it was fitted to. Fit it again, which writes the record, or give --takes."
                 .to_owned(),
         ),

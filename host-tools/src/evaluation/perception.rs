@@ -177,23 +177,16 @@ impl ScoringRange {
 mod tests {
     use std::f64::consts::TAU;
 
-    use rand::SeedableRng;
-    use rand_distr::{Distribution, StandardNormal};
-
     use super::*;
+    use crate::dsp::test_signals::noise;
 
     const RATE_HZ: f64 = 5000.0;
-
-    fn noise(len: usize, seed: u64) -> Vec<f64> {
-        let generator = rand_pcg::Pcg64::seed_from_u64(seed);
-        StandardNormal.sample_iter(generator).take(len).collect()
-    }
 
     /// Noise through one resonance at `frequency_hz`.
     fn surface(len: usize, seed: u64, frequency_hz: f64) -> Vec<f64> {
         let (radius, angle) = (0.97f64, TAU * frequency_hz / RATE_HZ);
         let mut past = (0.0, 0.0);
-        noise(len + 1000, seed)
+        noise(seed, len + 1000)
             .into_iter()
             .map(|e| {
                 let y = e + 2.0 * radius * angle.cos() * past.0 - radius * radius * past.1;

@@ -8,7 +8,6 @@ use super::liveliness::{Summary, TrialLiveliness};
 use super::perception::Perceived;
 use super::perception::ScoringRange;
 use super::tables::{Table, number, percent};
-use crate::dsp::liveliness::median;
 use crate::dsp::spectrum::{AMPLITUDE_JND_DB, BAND_COUNT};
 
 /// A texture's trials in a few numbers; silent trials are counted and left out of all means.
@@ -39,8 +38,6 @@ pub struct TextureEvaluation {
     pub mean_cost_other: Option<f64>,
     /// Properties that a spectrum does not show: of the judges, of what was played, and of the other recordings.
     pub liveliness: Vec<Summary>,
-    /// Mean log-spectral distance of the library as it is from what it was, or may have been, fitted to, dB.
-    pub in_sample_log_spectral_distance_db: Option<f64>,
 }
 
 /// Means over trials; none where no trial has a value.
@@ -126,54 +123,6 @@ pub(super) fn tables(textures: &[TextureEvaluation], liveliness: &[Summary]) -> 
         felt,
         liveliness_table("What the spectrum does not show", &lively),
     ]
-}
-
-/// Log-spectral distances from the takes that judged, by texture: of the fitted take of the same surface, and of the
-/// synthesis. `None` where no take judged.
-pub(super) fn takes_table(
-    textures: &[TextureEvaluation],
-    trials: &[TrialEvaluation],
-) -> Option<Table> {
-    let distance_db = |trial: &TrialEvaluation| trial.scores.log_spectral_distance_db;
-    let other_db = |trial: &TrialEvaluation| trial.other.log_spectral_distance_db;
-    let further_db = |trial: &TrialEvaluation| Some(distance_db(trial)? - other_db(trial)?);
-    let row = |texture: &TextureEvaluation| {
-        let judged = trials.iter();
-        let judged = judged.filter(|t| t.texture == texture.texture && t.other_take.is_some());
-        let judged: Vec<&TrialEvaluation> = judged.collect();
-        let worst = judged
-            .iter()
-            .filter_map(|trial| Some((distance_db(trial)?, trial)));
-        let (worst_db, worst) = worst.max_by(|a, b| a.0.total_cmp(&b.0))?;
-        let middle = |of: &dyn Fn(&TrialEvaluation) -> Option<f64>| {
-            number(median(judged.iter().filter_map(|trial| of(trial))), 2)
-        };
-        Some(vec![
-            texture.texture.clone(),
-            judged.len().to_string(),
-            middle(&other_db),
-            middle(&distance_db),
-            middle(&further_db),
-            number(Some(worst_db), 2),
-            worst.speed_mm_s.to_string(),
-            worst.force_n.to_string(),
-            worst.file.clone(),
-        ])
-    };
-    let rows: Vec<Vec<String>> = textures.iter().filter_map(row).collect();
-    let headings = [
-        "texture",
-        "trials",
-        "fitted take",
-        "synthesis",
-        "further by",
-        "worst synthesis",
-        "at mm/s",
-        "N",
-        "file",
-    ];
-    let title = "Log-spectral distance in dB from the takes that judged, medians over trials";
-    (!rows.is_empty()).then(|| Table::new(title, headings, rows))
 }
 
 impl TextureEvaluation {
@@ -301,11 +250,6 @@ pub(super) fn summarise(name: &str, trials: &[TrialEvaluation]) -> TextureEvalua
         other: Means::of(&others),
         mean_cost_other: mean(others.iter().filter_map(|scores| scores.cost)),
         liveliness: liveliness::summaries(heard.iter().filter_map(|t| t.liveliness.as_ref())),
-        in_sample_log_spectral_distance_db: mean(
-            heard
-                .iter()
-                .filter_map(|trial| trial.in_sample_log_spectral_distance_db),
-        ),
     }
 }
 
@@ -419,8 +363,6 @@ pub struct TrialEvaluation {
     pub cost_floor: f64,
     /// Another recording against the judge: the blocks or the take that were fitted.
     pub other: Scores,
-    /// Log-spectral distance of the library as it is from what it was, or may have been, fitted to, dB.
-    pub in_sample_log_spectral_distance_db: Option<f64>,
     /// Samples of the synthesis at full scale.
     pub saturations: u32,
 }

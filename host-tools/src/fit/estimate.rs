@@ -204,14 +204,9 @@ fn edges_hz(band: usize) -> (f64, f64) {
 #[cfg(test)]
 mod tests {
     use model_format::NodeFlags;
-    use rand::SeedableRng;
-    use rand_distr::{Distribution, StandardNormal};
 
     use super::*;
-
-    fn noise(seed: u64) -> impl Iterator<Item = f64> {
-        StandardNormal.sample_iter(rand_pcg::Pcg64::seed_from_u64(seed))
-    }
+    use crate::dsp::test_signals::noise;
 
     fn chosen(signal: &[f64]) -> [Vec<f64>; 3] {
         let plain = Autocorrelation::of(signal, 400);
@@ -222,7 +217,7 @@ mod tests {
 
     #[test]
     fn ends_are_tapered_where_a_strong_band_leaks_and_nowhere_else() {
-        let white: Vec<f64> = noise(1).take(20_000).collect();
+        let white: Vec<f64> = noise(1, 20_000);
         let [auto, rectangular, tapered] = chosen(&white);
         assert_eq!(auto, rectangular);
         assert_ne!(auto, tapered);

@@ -206,6 +206,7 @@ fn estimate_of_blocks(blocks: &[&[f64]], max_lag: usize) -> Estimate {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dsp::autocorrelation::Tapered;
     use proptest::prelude::*;
 
     proptest! {
@@ -231,10 +232,7 @@ mod tests {
         /// Samples of the blocks that are judged have no influence on the lags.
         #[test]
         fn lags_do_not_depend_on_what_is_left_for_judging(seed in 0u64..1000) {
-            use rand::SeedableRng;
-            use rand_distr::{Distribution, StandardNormal};
-            let generator = rand_pcg::Pcg64::seed_from_u64(seed);
-            let signal: Vec<f64> = StandardNormal.sample_iter(generator).take(10_000).collect();
+            let signal = crate::dsp::test_signals::noise(seed, 10_000);
             let blocks = Blocks::of(signal.len());
             let mut other = signal.clone();
             for block in blocks.judged() {
@@ -262,7 +260,7 @@ mod tests {
             .collect();
         let whole = estimate(&signal, Autocorrelation::of(&signal, 50)).lags;
         assert_eq!(lags_of_blocks(&[&signal], 50), whole);
-        assert_eq!(whole, Autocorrelation::with_tapered_ends(&signal, 50).lags);
+        assert_eq!(whole, Tapered::of(&signal, 50).into_autocorrelation().lags);
         assert_ne!(whole, Autocorrelation::of(&signal, 50).lags);
     }
 

@@ -188,25 +188,14 @@ impl<'a> Report<'a> {
         }
     }
 
-    /// Writes how far the takes are from what they judged, and which of them judged nothing.
+    /// Writes which takes judged nothing.
     fn takes(&mut self) {
-        let (table, unused) = (
-            self.inputs.evaluation.takes_table(),
-            self.inputs.unused_takes,
-        );
-        if table.is_none() && unused.is_empty() {
-            return;
-        }
-        self.page.section("Takes");
+        let unused = self.inputs.unused_takes;
         if !unused.is_empty() {
             self.page
+                .section("Takes")
                 .notice("Takes that are in the fitted set, and judge nothing:")
                 .list(unused);
-        }
-        if let Some(table) = table {
-            self.page
-                .paragraph("A model need not come nearer to another take than the take that it was fitted to.")
-                .table(&table);
         }
     }
 

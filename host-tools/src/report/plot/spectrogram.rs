@@ -246,8 +246,7 @@ fn png(panel: &[Vec<f64>], top_db: f64) -> Drawn<Vec<u8>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rand::SeedableRng;
-    use rand_distr::{Distribution, StandardNormal};
+    use crate::dsp::test_signals::noise;
 
     #[test]
     fn a_line_is_brightest_where_it_sounds() {
@@ -264,12 +263,7 @@ mod tests {
 
     #[test]
     fn the_level_of_white_noise_is_its_power_over_the_band() {
-        let generator = rand_pcg::Pcg64::seed_from_u64(7);
-        let noise: Vec<f64> = StandardNormal
-            .sample_iter(generator)
-            .take(50_000)
-            .map(|x: f64| 3.0 * x)
-            .collect();
+        let noise: Vec<f64> = noise(7, 50_000).iter().map(|x| 3.0 * x).collect();
         let levels = levels_db(&noise, 5000.0, 2000.0);
         let powers = || {
             let inner = levels.iter().flat_map(|column| &column[5..]);
