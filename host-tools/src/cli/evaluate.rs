@@ -36,7 +36,7 @@ pub struct Arguments {
     /// Library to evaluate
     #[arg(long, value_name = "LIB", required_unless_present = "leave_one_out")]
     library: Option<PathBuf>,
-    /// Remove each inner node, too, predict it from its neighbours in every domain, and evaluate the prediction
+    /// Remove each inner node, too, predict it from its neighbours, and evaluate the prediction
     #[arg(long)]
     leave_one_out: bool,
     /// Other takes of the same trials, as a folder or a list, which judge the library instead
@@ -270,12 +270,11 @@ fn origin(simulated: bool) -> &'static str {
     }
 }
 
-/// The tables of the removed-node test, and an explanation of their columns.
+/// The table of the removed-node test, and an explanation of their columns.
 fn removed_nodes(test: &LeaveOneOut) -> String {
-    let [table_one, domains] = test.tables();
     folded_text(&format!(
         "{} nodes removed, each predicted from its neighbours; models of order {}; C with amplitudes smoothed by a \
-         {}\n\n{}\n\n{}\n\n\
+         {}\n\n{}\n\n\
          C: equation (6), mean ± standard deviation; not playable: means that are unstable or too loud, which count as \
          C = 100 %; in-sample: fitted to what it is compared with, not a measure of fidelity\n\
          σ² error: mean magnitude, (m/s²)² (the paper names no unit); |band|: mean error of third-octave \
@@ -283,8 +282,7 @@ fn removed_nodes(test: &LeaveOneOut) -> String {
         test.removed.len(),
         test.order,
         test.smoothing,
-        shown(&table_one, 1),
-        shown(&domains, 1),
+        shown(&test.table(), 1),
         origin(test.simulated)
     ))
 }

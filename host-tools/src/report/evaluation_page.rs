@@ -495,26 +495,19 @@ fn node_order(texture: &Texture<'_>, trial: &Trial) -> Option<usize> {
     Some(texture.node(speed, force).coefficients.order())
 }
 
-/// Writes Table I and the table of domains.
+/// Writes Table I.
 fn removed_node_tables(page: &mut Page, test: &LeaveOneOut) {
-    let [table_one, domains] = test.tables();
     page.section("Removed nodes: Table I of the paper")
         .paragraph(&format!(
             "Each of {} inner nodes was removed, predicted from its neighbours, played by the device's kernel and \
              compared with its recording. Models are of order {}. A prediction that cannot be played (an unstable \
              mean) counts with C = 100 %. σ² error is the mean difference of the excitation's variance; the paper \
              names no unit, here it is (m/s²)². The paper does not say either how its spectra are smoothed; here C is \
-             of amplitudes smoothed by a {}.",
+             of amplitudes smoothed by a {}. The last rows are what fitting a denser grid puts there, and the node's own \
+             model, which was fitted to what it is compared with (in-sample, not a measure of fidelity).",
             test.removed.len(),
             test.order,
             test.smoothing
         ))
-        .table(&table_one)
-        .section("What to interpolate")
-        .paragraph(
-            "The same test in every domain: what of the models is averaged, and how their level is. The last rows are \
-             what fitting a denser grid puts there, and the node's own model, which was fitted to what it is compared \
-             with (in-sample, not a measure of fidelity) and is as near as its order comes.",
-        )
-        .table(&domains);
+        .table(&test.table());
 }

@@ -1,5 +1,5 @@
 //! Results of the removed-node test: a row per way of predicting, an outcome per removed node and row; and in a few
-//! numbers, the paper's Table I and the table of domains.
+//! numbers, the paper's Table I.
 
 use serde::Serialize;
 
@@ -21,14 +21,6 @@ pub enum Row {
 }
 
 impl Row {
-    /// Rows that are compared with the paper's Table I.
-    pub const TABLE_I: [Self; 4] = [
-        Self::Interpolated(Method::PAPER),
-        Self::Interpolated(Method::DEVICE),
-        Self::Densified,
-        Self::Own,
-    ];
-
     /// Every row, in the table's order.
     pub fn all() -> Vec<Self> {
         let methods = Method::ALL.map(Self::Interpolated);
@@ -110,12 +102,8 @@ impl LeaveOneOut {
         textures
     }
 
-    /// The paper's Table I beside the same test here, and the table of domains.
-    pub fn tables(&self) -> [Table; 2] {
-        [self.table_one(), self.table_of_domains()]
-    }
-
-    fn table_one(&self) -> Table {
+    /// The paper's Table I beside the same test here.
+    pub fn table(&self) -> Table {
         let textures = self.textures();
         let cell =
             |mean: f64, deviation: f64| format!("{:.1} ± {:.1}", 100.0 * mean, 100.0 * deviation);
@@ -129,7 +117,7 @@ impl LeaveOneOut {
             row.push(format!("{:.1e}", all.excitation_error));
             rows.push(row);
         }
-        for row in Row::TABLE_I {
+        for &row in &self.rows {
             let Some(all) = summarise(self, row, None) else {
                 continue;
             };
@@ -139,47 +127,22 @@ impl LeaveOneOut {
             let of_textures = own.chain([all.clone()]);
             let mut cells = vec![row.name()];
             cells.extend(of_textures.map(|own| cell(own.mean_cost, own.cost_deviation)));
-            cells.push(format!("{:.1e}", all.excitation_error));
-            cells.push(all.unplayable.to_string());
+            cells.extend([
+                format!("{:.1e}", all.excitation_error),
+                all.unplayable.to_string(),
+                format!("{:.2}", all.mean_band_error_db),
+                format!("{:.1}", 100.0 * all.bands_within_jnd),
+                format!("{:.2}", all.mean_log_spectral_distance_db),
+            ]);
             rows.push(cells);
         }
         let mut headings = vec!["C, %, mean ± sd"];
         headings.extend(textures);
+        let within = format!("within {AMPLITUDE_JND_DB} dB, %");
         headings.extend(["all", "σ² error, (m/s²)²", "not playable"]);
+        headings.extend(["|band|, dB", &within, "LSD, dB"]);
         Table::new(
             "Table I of the paper, and the same test here",
-            headings,
-            rows,
-        )
-    }
-
-    fn table_of_domains(&self) -> Table {
-        let within = format!("within {AMPLITUDE_JND_DB} dB, %");
-        let headings = [
-            "domain, level",
-            "C, %",
-            "± sd",
-            "σ² error",
-            "|band|, dB",
-            &within,
-            "LSD, dB",
-            "not playable",
-        ];
-        let rows = self.rows.iter().filter_map(|&row| {
-            let summary = summarise(self, row, None)?;
-            Some(vec![
-                row.name(),
-                format!("{:.1}", 100.0 * summary.mean_cost),
-                format!("{:.1}", 100.0 * summary.cost_deviation),
-                format!("{:.1e}", summary.excitation_error),
-                format!("{:.2}", summary.mean_band_error_db),
-                format!("{:.1}", 100.0 * summary.bands_within_jnd),
-                format!("{:.2}", summary.mean_log_spectral_distance_db),
-                summary.unplayable.to_string(),
-            ])
-        });
-        Table::new(
-            "Domain of the average, and interpolation of the level",
             headings,
             rows,
         )
