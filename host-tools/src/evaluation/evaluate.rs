@@ -181,13 +181,6 @@ fn play(
     seed: u64,
 ) -> Result<(Vec<f64>, u32)> {
     let rate_hz = f64::from(SAMPLE_RATE_HZ);
-    if texture.sample_rate_hz() != SAMPLE_RATE_HZ {
-        return Err(Error::Request(format!(
-            "texture '{}' plays at {} Hz, recordings are compared at {SAMPLE_RATE_HZ}",
-            texture.name(),
-            texture.sample_rate_hz()
-        )));
-    }
     let seconds = (samples as f64 / rate_hz).max(options.synthesis_s) + WARM_UP_S;
     let motion = MotionPath::constant(
         MillimetresPerSecond(trial.speed_mm_s as f32),
@@ -239,7 +232,7 @@ fn read(trial: &Trial, judge: &Judge, reduction: Reduction) -> Result<Comparison
 /// Fits what blocks judge, and evaluates nothing yet: for [`Evaluation::compare`].
 ///
 /// # Errors
-/// A texture that the library does not have, a recording that cannot be used, or blocks to judge without a record.
+/// A texture that the library does not have or that plays at another rate, a recording that cannot be used, or blocks to judge without a record.
 pub fn prepare(
     set: &RecordingSet,
     library: &Library<'_>,
@@ -248,7 +241,12 @@ pub fn prepare(
     options: &Options,
 ) -> Result<Evaluation> {
     for name in set.textures() {
-        texture_named(library, name)?;
+        let rate_hz = texture_named(library, name)?.sample_rate_hz();
+        if rate_hz != SAMPLE_RATE_HZ {
+            return Err(Error::Request(format!(
+                "texture '{name}' plays at {rate_hz} Hz, recordings are compared at {SAMPLE_RATE_HZ}"
+            )));
+        }
     }
     let (refitted, blocks_s) = refit(set, &judges, record, options)?;
     Ok(Evaluation {
