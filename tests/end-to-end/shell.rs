@@ -183,33 +183,3 @@ fn bash_completes_commands_options_and_values_by_the_script() {
     );
     assert_eq!(offered(&script, "stylus fit --reduce pc"), ["pca"]);
 }
-
-#[test]
-fn every_shell_gets_a_script_that_names_every_command() {
-    let bench = Bench::new();
-    let names = commands(&bench);
-    for shell in ["bash", "elvish", "fish", "powershell", "zsh"] {
-        let script = succeed(&bench, &[], &format!("completions {shell}"));
-        for name in &names {
-            let last = name.split(' ').next_back().unwrap();
-            assert!(script.contains(last), "{shell}: {name}");
-        }
-        assert!(!script.contains("share-link"), "{shell}");
-    }
-    // A shell that is here reads its own.
-    for shell in ["bash", "zsh", "fish"] {
-        let script = succeed(&bench, &[], &format!("completions {shell}"));
-        bench.write("script", script);
-        let checked = Command::new(shell)
-            .arg("-n")
-            .arg(bench.path("script"))
-            .output();
-        if let Ok(checked) = checked {
-            assert!(
-                checked.status.success(),
-                "{shell}: {}",
-                text(&checked.stderr)
-            );
-        }
-    }
-}

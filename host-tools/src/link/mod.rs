@@ -32,7 +32,6 @@
 mod address;
 #[cfg(unix)]
 mod broker;
-pub mod budget;
 mod bulk;
 pub mod calibrate;
 pub mod capture;
