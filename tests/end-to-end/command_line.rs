@@ -1,8 +1,6 @@
 //! The command from outside: its results on good input, and its messages about bad input.
 
-use crate::support::{
-    Bench, RATE_HZ, all_pole, json, noise, rig_of, scaled, text, two_textures, wav,
-};
+use crate::support::{Bench, RATE_HZ, all_pole, json, noise, rig_of, scaled, two_textures, wav};
 
 /// Two textures at two speeds and forces, on two axes of which the second is weak.
 fn small_set() -> Bench {
