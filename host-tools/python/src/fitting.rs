@@ -8,7 +8,7 @@ use host_tools::evaluation::frontier::costs::Core;
 use host_tools::fit as fitted;
 use host_tools::fit::record::FitRecord;
 use host_tools::fit::{Options, Order};
-use host_tools::recording::triage::{SILENCE_FLOOR_M_S2, Verdict};
+use host_tools::recording::triage::{Kind, SILENCE_FLOOR_M_S2};
 use model_format::SAMPLE_RATE_HZ;
 use pyo3::prelude::*;
 
@@ -257,12 +257,12 @@ fn core_of(core: &str) -> PyResult<Core> {
 fn verdicts(names: Vec<String>) -> PyResult<Vec<String>> {
     match names
         .iter()
-        .find(|name| !Verdict::NAMES.contains(&name.as_str()))
+        .find(|name| !Kind::NAMES.contains(&name.as_str()))
     {
         None => Ok(names),
         Some(name) => Err(refused(format!(
             "drop names '{name}', which is no verdict: there are {}",
-            Verdict::NAMES.join(", ")
+            Kind::NAMES.join(", ")
         ))),
     }
 }

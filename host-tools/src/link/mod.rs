@@ -61,6 +61,7 @@ mod wire;
 use no_broker as broker;
 
 pub use address::LinkAddress;
+#[cfg(unix)]
 pub use broker::{Served, serve};
 pub use custom::{ByteStream, CustomLink};
 pub use device::{Device, Timeouts};

@@ -67,11 +67,10 @@ impl Link {
     }
 
     fn open(&self, link: &LinkAddress, timeouts: Timeouts) -> Result<Device> {
-        let sharing = sharing()?;
         let route = if self.no_broker {
-            Route::Alone(sharing)
+            Route::Alone
         } else {
-            Route::Shared(sharing)
+            Route::Shared(sharing()?)
         };
         Ok(Device::connect_by(link, timeouts, route)?)
     }

@@ -8,6 +8,7 @@ pub mod record;
 pub mod selftest;
 mod sensing;
 pub mod settings;
+#[cfg(unix)]
 pub mod share_link;
 pub mod slots;
 pub mod status;
@@ -15,6 +16,7 @@ pub mod stop;
 pub mod upload;
 
 use clap::Subcommand;
+#[cfg(unix)]
 use host_tools::link::BROKER_COMMAND;
 use host_tools::support::error::Result;
 
@@ -41,6 +43,7 @@ pub enum Command {
     /// Set the coil's measured values and the sensors' zeros, with checks; nothing plays before
     Calibrate(calibrate::Arguments),
     /// Share a link among commands
+    #[cfg(unix)]
     #[command(name = BROKER_COMMAND, hide = true)]
     ShareLink(share_link::Arguments),
 }
@@ -58,6 +61,7 @@ pub fn run(command: &Command) -> Result<()> {
         Command::Selftest(arguments) => selftest::run(arguments),
         Command::Settings(arguments) => settings::run(arguments),
         Command::Calibrate(arguments) => calibrate::run(arguments),
+        #[cfg(unix)]
         Command::ShareLink(arguments) => {
             share_link::run(arguments);
             Ok(())

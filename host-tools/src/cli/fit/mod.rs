@@ -15,7 +15,7 @@ use host_tools::fit::lines::Lines;
 use host_tools::fit::record::{FitRecord, FoundLines};
 use host_tools::fit::{Estimator, ExcitationChoice, ModulationChoice, Order};
 use host_tools::recording::RecordingSet;
-use host_tools::recording::triage::{SILENCE_FLOOR_M_S2, Verdict};
+use host_tools::recording::triage::{Kind, SILENCE_FLOOR_M_S2};
 use host_tools::support::error::{Error, Result};
 use host_tools::texture::summary::TextureSummary;
 use host_tools::texture::theta::{self, ThetaChoice};
@@ -90,7 +90,7 @@ pub struct Arguments {
     #[arg(long, value_enum, default_value = "auto")]
     modulation: ModulationChoice,
     /// Verdicts of trials to leave out; their nodes are filled from neighbours
-    #[arg(long, value_delimiter = ',', value_parser = clap::builder::PossibleValuesParser::new(Verdict::NAMES))]
+    #[arg(long, value_delimiter = ',', value_parser = clap::builder::PossibleValuesParser::new(Kind::NAMES))]
     drop: Vec<String>,
     /// Lines that are locked to place, such as those of a weave: sought, or left in the noise
     #[arg(long, value_enum, default_value = "auto")]

@@ -263,9 +263,9 @@ impl Device {
         self.requester.health.stopped_by()
     }
 
-    /// Returns true if other programs go on with a recording that this one has stopped.
-    pub(in crate::link) fn others_record(&self) -> bool {
-        self.requester.health.others_record()
+    /// Blocks, and lost blocks, of a recording of other programs before this one joined it.
+    pub(in crate::link) fn before_joining(&self) -> (u32, u32) {
+        self.requester.health.before_joining()
     }
 
     /// Checks that the device plays the library format that this program writes.

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::copies::{Sketch, copies};
 use super::hum::confirmed_hum;
-use super::verdict::{ScaleDoubt, Verdict};
+use super::verdict::{Kind, Verdict};
 
 /// Deviation of a trial's level from the median of its texture at which its scale is doubted, dB. From the slowest and
 /// lightest trial of a grid to the fastest and heaviest the level rises by some 40 dB; wrong units are 60 dB off.
@@ -20,7 +20,7 @@ pub struct Compared<'a> {
     pub texture: &'a str,
     /// Tangential speed, mm/s.
     pub speed_mm_s: f64,
-    /// True at rest or without contact, where noise of the sensor and slow motion are all that there is to record.
+    /// True at rest or without contact, where slow motion is all that there is to record.
     pub is_idle: bool,
     /// RMS, m/s².
     pub rms_m_s2: f64,
@@ -34,7 +34,9 @@ pub struct Compared<'a> {
 
 impl Compared<'_> {
     fn is_silent(&self) -> bool {
-        self.verdicts.contains(&Verdict::Silent)
+        self.verdicts
+            .iter()
+            .any(|verdict| verdict.kind() == Kind::Silent)
     }
 }
 
@@ -55,28 +57,23 @@ pub fn all_verdicts(trials: &[Compared<'_>]) -> Vec<Vec<Verdict>> {
         .collect();
     let sketches: Vec<&Sketch> = loud.iter().map(|&index| trials[index].sketch).collect();
     for (&index, copy) in loud.iter().zip(copies(&sketches)) {
-        verdicts[index].extend(copy.map(|(original, scale)| Verdict::Duplicate {
-            of: loud[original],
-            scale,
+        verdicts[index].extend(copy.map(|(original, scale)| {
+            let of = format!("duplicate of trial {}", loud[original] + 1);
+            let scaled = format!(", scaled by {scale:.3}");
+            let is_scaled = (scale - 1.0).abs() > 1e-3;
+            Verdict::new(Kind::Duplicate, of).with(if is_scaled { &scaled } else { "" })
         }));
     }
     verdicts
 }
 
-/// The verdicts of a trial by itself, without those that idleness explains.
+/// The verdicts of a trial by itself, without slow motion at rest, which is all that there is to record.
 fn own_verdicts(trial: &Compared<'_>) -> Vec<Verdict> {
-    let is_explained = |verdict: &&Verdict| {
-        let expected = matches!(
-            verdict,
-            Verdict::SensorNoise { .. } | Verdict::Wandering { .. }
-        );
-        trial.is_idle && expected
-    };
-    let own = trial
-        .verdicts
-        .iter()
-        .filter(|verdict| !is_explained(verdict));
-    own.cloned().collect()
+    let is_explained = |verdict: &&Verdict| trial.is_idle && verdict.kind() == Kind::Wandering;
+    let own = trial.verdicts.iter();
+    own.filter(|verdict| !is_explained(verdict))
+        .cloned()
+        .collect()
 }
 
 fn add_hum(trials: &[Compared<'_>], members: &[usize], verdicts: &mut [Vec<Verdict>]) {
@@ -85,7 +82,11 @@ fn add_hum(trials: &[Compared<'_>], members: &[usize], verdicts: &mut [Vec<Verdi
         .map(|&index| (trials[index].speed_mm_s, trials[index].mains_line_hz))
         .collect();
     for (&index, line) in members.iter().zip(confirmed_hum(&lines)) {
-        verdicts[index].extend(line.map(|frequency_hz| Verdict::Hum { frequency_hz }));
+        verdicts[index].extend(
+            line.map(|frequency_hz| {
+                Verdict::new(Kind::Hum, format!("hum at {frequency_hz:.1} Hz"))
+            }),
+        );
     }
 }
 
@@ -106,9 +107,10 @@ fn add_unlike_levels(trials: &[Compared<'_>], members: &[usize], verdicts: &mut 
         let off_db = level(index) - median;
         let is_doubted = verdicts[index]
             .iter()
-            .any(|verdict| verdict.name() == "scale");
+            .any(|verdict| verdict.kind() == Kind::Scale);
         if off_db.abs() >= UNLIKE_DB && !is_doubted {
-            verdicts[index].push(Verdict::Scale(ScaleDoubt::UnlikeOthers(off_db)));
+            let words = format!("scale: {off_db:+.0} dB from the median of the texture's trials");
+            verdicts[index].push(Verdict::new(Kind::Scale, words));
         }
     }
 }
@@ -140,17 +142,16 @@ mod tests {
         for (index, found) in verdicts.iter().enumerate() {
             assert_eq!(found.len(), usize::from(index == 2), "{found:?}");
         }
-        assert!(
-            matches!(verdicts[2][..], [Verdict::Scale(ScaleDoubt::UnlikeOthers(db))] if (db - 60.0).abs() < 1.0)
-        );
+        let words = verdicts[2][0].to_string();
+        assert!(words.starts_with("scale: +60 dB"), "{words}");
     }
 
     #[test]
-    fn noise_of_the_sensor_is_no_finding_in_the_air() {
+    fn slow_motion_is_no_finding_in_the_air() {
         let sketch = Sketch::of(&noise(1));
         let own = [
-            Verdict::SensorNoise { rms_m_s2: 0.05 },
-            Verdict::TooShort { samples: 9 },
+            Verdict::new(Kind::Wandering, ""),
+            Verdict::new(Kind::TooShort, ""),
         ];
         let verdicts = |is_idle: bool| {
             let trial = Compared {
