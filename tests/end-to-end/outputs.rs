@@ -13,12 +13,11 @@ use crate::hatt;
 use crate::support::{Bench, RATE_HZ, noise, rig_of, text, two_textures};
 
 /// Commands with a file to write, `{}`.
-const FILES: [&str; 11] = [
+const FILES: [&str; 10] = [
     "fit set --order 4 --out {}",
     "render good.lib --texture silk --speed 100 --force 1 --seconds 1 --out {}",
     "scene compile scene.toml --library good.lib --out {}",
     "scene render scene.toml --library good.lib --speed 50 --force 1 --seconds 1 --out {}",
-    "scene plot scene.toml --library good.lib --speed 50 --force 1 --seconds 1 --out {}",
     "import-hatt cork.xml --out {}",
     "page good.lib --out {}",
     "compare set --library good.lib --trials 1 --segment 0.3 --out {}",
@@ -420,10 +419,6 @@ fn an_input_that_does_not_end_is_refused_in_one_line() {
         ),
         (
             "scene render endless.toml --library good.lib --out o.wav",
-            "the most of a TOML text",
-        ),
-        (
-            "scene plot endless.toml --library good.lib --out o.svg",
             "the most of a TOML text",
         ),
         ("frontier --data endless.wav --out o", "is a device"),

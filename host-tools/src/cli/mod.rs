@@ -7,7 +7,6 @@
 
 mod colour;
 mod compare;
-mod completions;
 mod demo;
 #[cfg(feature = "device")]
 mod device;
@@ -36,7 +35,7 @@ use std::io;
 use std::process::ExitCode;
 
 use clap::builder::FalseyValueParser;
-use clap::{CommandFactory, Parser, Subcommand};
+use clap::{Parser, Subcommand};
 use host_tools::support::error::{Error, Result};
 use host_tools::support::{progress, temporaries};
 
@@ -104,8 +103,6 @@ enum Command {
     Frontier(frontier::Arguments),
     /// Run every step on simulated recordings, with a report
     Demo(demo::Arguments),
-    /// Print a script by which a shell completes commands, options and values
-    Completions(completions::Arguments),
     #[cfg(feature = "device")]
     #[command(flatten)]
     Device(device::Command),
@@ -152,7 +149,6 @@ fn run_command(command: Command) -> Result<()> {
         Command::Stress(arguments) => stress::run(&arguments),
         Command::Frontier(arguments) => frontier::run(&arguments),
         Command::Demo(arguments) => demo::run(&arguments),
-        Command::Completions(arguments) => completions::run(&arguments, Arguments::command()),
         #[cfg(feature = "device")]
         Command::Device(command) => device::run(&command),
     }

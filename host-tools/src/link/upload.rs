@@ -1,4 +1,4 @@
-//! Upload of a library: in chunks, resumed after a broken link, and read back; with its budget of time.
+//! Upload of a library: in chunks, resumed after a broken link, and read back.
 
 use model_format::Library;
 use model_format::link::{

@@ -2,7 +2,6 @@
 
 use std::path::{Path, PathBuf};
 
-use host_tools::link::budget::Budget;
 use host_tools::link::upload::upload_over;
 use host_tools::support::error::Result;
 use host_tools::support::progress;
@@ -22,7 +21,7 @@ pub struct Arguments {
     /// Library to upload
     #[arg(required_unless_present = "abort")]
     library: Option<PathBuf>,
-    /// End the upload that is under way, or the proof of direct forms that an upload or an activation waits for
+    /// End the upload that is under way
     #[arg(long, conflicts_with_all = ["library", "activate", "replace_last", "unchecked"])]
     abort: bool,
     /// Activate the library
@@ -54,8 +53,6 @@ struct UploadReport<'a> {
     active: bool,
     /// Seconds by the device's clock; none if the link lost the device's word.
     times: Option<Times>,
-    /// Least seconds by data sheets.
-    budget: Budget,
 }
 
 /// State of the upload before and after an abort.
@@ -93,23 +90,18 @@ impl From<UploadTimes> for Times {
 }
 
 impl Times {
-    /// A line for the person at the keyboard, beside the `budget`.
-    fn in_words(&self, budget: &Budget) -> String {
+    /// A line for the person at the keyboard.
+    fn in_words(&self) -> String {
         format!(
             "took {:.2} s by the stylus's clock: erasing {} sectors {:.2}, programming {} words {:.2}, checking {:.2}, \
-             waiting for the link {:.2}\n\
-             by data sheets at least {:.2} s: erasing {:.2}, programming {:.2}, the link {:.2}",
+             waiting for the link {:.2}",
             self.total_s,
             self.sectors,
             self.erase_s,
             self.words,
             self.program_s,
             self.check_s,
-            self.wait_s,
-            budget.least_s(),
-            budget.erase_s,
-            budget.program_s,
-            budget.link_s
+            self.wait_s
         )
     }
 }
@@ -160,7 +152,6 @@ fn upload(arguments: &Arguments, path: &Path) -> Result<()> {
     })?;
     bar.finish_and_clear();
     let times = uploaded.times.map(Times::from);
-    let budget = Budget::of(bytes.len(), device.address());
     if arguments.activate {
         device.activate(uploaded.slot)?;
     }
@@ -176,7 +167,6 @@ fn upload(arguments: &Arguments, path: &Path) -> Result<()> {
             retries: uploaded.retries,
             active: arguments.activate,
             times,
-            budget,
         });
     }
     if uploaded.resumed_from > 0 {
@@ -209,7 +199,7 @@ fn upload(arguments: &Arguments, path: &Path) -> Result<()> {
     match times {
         // What a resumed upload took is not one run's time.
         Some(times) if uploaded.resumed_from == 0 && uploaded.retries == 0 => {
-            print(&times.in_words(&budget))
+            print(&times.in_words())
         }
         _ => Ok(()),
     }

@@ -121,7 +121,6 @@ async fn canonical(address: &LinkAddress) -> Result<LinkAddress> {
             host: resolved(host, *port).unwrap_or_else(|| host.clone()),
             port: *port,
         },
-        LinkAddress::Custom { name } => LinkAddress::Custom { name: name.clone() },
     })
 }
 

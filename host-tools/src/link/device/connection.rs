@@ -17,11 +17,9 @@ use serde::de::DeserializeOwned;
 use tokio::runtime::{Handle, Runtime};
 
 use crate::link::address::LinkAddress;
-use crate::link::custom::CustomLink;
 use crate::link::error::{LinkError, Result};
 use crate::link::health::Health;
-use crate::link::open;
-use crate::link::open::{AsClient, Client};
+use crate::link::open::Client;
 use crate::link::route::Route;
 use crate::link::version::Mismatch;
 
@@ -41,15 +39,9 @@ pub struct Device {
     // Dropped first, which ends the tasks that use the runtime.
     pub(super) requester: Requester,
     address: LinkAddress,
-    way: Way,
+    route: Route,
     info: DeviceInfo,
     runtime: Option<Runtime>,
-}
-
-/// The way on which the link is opened, also anew.
-enum Way {
-    Route(Route),
-    Own(Arc<dyn CustomLink>),
 }
 
 impl Device {
@@ -66,31 +58,17 @@ impl Device {
     /// # Errors
     /// As [`Device::connect`], and a route that cannot be had.
     pub fn connect_by(address: &LinkAddress, timeouts: Timeouts, route: Route) -> Result<Self> {
-        Self::connect_on(address, timeouts, Way::Route(route))
-    }
-
-    /// Opens a link that this program brings itself, and reads the device's identity. The link is opened anew after a
-    /// loss, as any other.
-    ///
-    /// # Errors
-    /// As [`Device::connect`].
-    pub fn connect_over(link: Arc<dyn CustomLink>, timeouts: Timeouts) -> Result<Self> {
-        let address = LinkAddress::Custom { name: link.name() };
-        Self::connect_on(&address, timeouts, Way::Own(link))
-    }
-
-    fn connect_on(address: &LinkAddress, timeouts: Timeouts, way: Way) -> Result<Self> {
         let runtime = tokio::runtime::Builder::new_multi_thread()
             .worker_threads(1)
             .thread_name("stylus-link")
             .enable_all()
             .build()
             .map_err(LinkError::Host)?;
-        let (requester, info) = runtime.block_on(Self::identify(address, timeouts, &way))?;
+        let (requester, info) = runtime.block_on(Self::identify(address, timeouts, &route))?;
         Ok(Self {
             requester,
             address: address.clone(),
-            way,
+            route,
             info,
             runtime: Some(runtime),
         })
@@ -99,14 +77,11 @@ impl Device {
     async fn identify(
         address: &LinkAddress,
         timeouts: Timeouts,
-        way: &Way,
+        route: &Route,
     ) -> Result<(Requester, DeviceInfo)> {
         let health = Arc::new(Health::default());
         let requester = Requester {
-            client: match way {
-                Way::Route(route) => route.open(address, &health).await?,
-                Way::Own(link) => open::open_own(link.as_ref(), &health, AsClient).await?,
-            },
+            client: route.open(address, &health).await?,
             health,
             link: address.to_string().into(),
             timeouts,
@@ -138,7 +113,7 @@ impl Device {
         loop {
             match self
                 .runtime()
-                .block_on(Self::identify(&self.address, timeouts, &self.way))
+                .block_on(Self::identify(&self.address, timeouts, &self.route))
             {
                 Ok((requester, info)) if info.serial == self.info.serial => {
                     (self.requester, self.info) = (requester, info);

@@ -14,7 +14,6 @@ mod live;
 mod orders;
 #[cfg(test)]
 pub(super) mod properties;
-mod scene;
 mod spectra;
 mod spectrogram;
 mod waveforms;
@@ -30,7 +29,6 @@ pub use frontier::{FrontPoint, FrontSeries, front_chart};
 pub use grid::{GridCell, GridMap, Scale, WIDE, grid_map};
 pub use live::{NARROW, spectrum_axes, waveform_axes};
 pub use orders::{OrderSeries, order_against_cost};
-pub use scene::{SceneRegion, SceneView, scene};
 pub use spectra::spectra;
 pub use spectrogram::spectrograms;
 pub use waveforms::waveforms;
