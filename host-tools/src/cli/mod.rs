@@ -2,15 +2,14 @@
 //!
 //! **Invariant: thin.** A command parses its arguments, calls the library and prints. Signal processing, formats and
 //! the link belong to the library, where other programs can use them. Of the shared modules, `input`
-//! reads, `output`, `colour`, `table` and `wav_file` print, `overwrite` checks what is written, `interrupt` ends; they
-//! import no command.
+//! reads, `output` and `table` print, `files` writes, `interrupt` ends; they import no command.
 
-mod colour;
 mod compare;
 mod demo;
 #[cfg(feature = "device")]
 mod device;
 mod evaluate;
+mod files;
 mod fit;
 mod frontier;
 #[cfg(feature = "hatt")]
@@ -19,17 +18,13 @@ mod input;
 mod inspect;
 mod interrupt;
 mod output;
-mod overwrite;
 mod page;
-#[cfg(feature = "device")]
-mod pin;
 mod render;
 mod scene;
 mod segment;
 mod simulate_rig;
 mod stress;
 mod table;
-mod wav_file;
 
 use std::io;
 use std::process::ExitCode;
@@ -95,7 +90,7 @@ enum Command {
     #[cfg(feature = "hatt")]
     /// Convert HaTT's model files to a library
     ImportHatt(import_hatt::Arguments),
-    /// Check, compile, render and draw scenes: surfaces along a path, with effects
+    /// Check, compile and render scenes: surfaces along a path, with effects
     Scene(scene::Arguments),
     /// Play the hard cases with the device's kernel and check its guarantees
     Stress(stress::Arguments),

@@ -16,7 +16,6 @@
 //! | [`Device`] | every request as a function, with its timeout |
 //! | [`upload`] | upload of a library, resumed after broken links, and read back |
 //! | [`play`] | motions at a fixed rate, keep-alives, and why a play counts as failed |
-//! | [`contents`] | what the slots hold |
 //! | [`capture`] | the record stream and its losses |
 //! | [`calibrate`] | values of the coil, and zeros of the sensors, measured and verified |
 //! | [`strokes`] | recordings of a free hand, with its motion |
@@ -34,7 +33,6 @@ mod broker;
 mod bulk;
 pub mod calibrate;
 pub mod capture;
-pub mod contents;
 mod device;
 pub mod discovery;
 mod error;
@@ -60,7 +58,7 @@ use no_broker as broker;
 pub use address::LinkAddress;
 #[cfg(unix)]
 pub use broker::{Served, serve};
-pub use device::{Device, Timeouts};
+pub use device::{Device, SlotContent, TextureEntry, Timeouts};
 pub use error::{LinkError, Result};
 pub use route::{BROKER_COMMAND, BROKER_READY, BROKER_TAKEN, Route, Sharing};
 pub use version::Mismatch;

@@ -1,38 +1,35 @@
 //! `stylus fit`
 
 mod densify;
-mod library;
 mod parts;
 mod report;
 
+use std::path::{Path, PathBuf};
+
 use host_tools::dsp::reduction::Reduction;
 use host_tools::evaluation::budget;
-use host_tools::evaluation::budget::Budget;
+use host_tools::evaluation::budget::{Budget, Concession};
 use host_tools::evaluation::frontier::costs;
 use host_tools::fit;
-use host_tools::fit::Fit;
 use host_tools::fit::lines::Lines;
 use host_tools::fit::record::{FitRecord, FoundLines};
-use host_tools::fit::{Estimator, ExcitationChoice, ModulationChoice, Order};
+use host_tools::fit::{Estimator, ExcitationChoice, Fit, ModulationChoice, Order};
 use host_tools::recording::RecordingSet;
 use host_tools::recording::triage::{Kind, SILENCE_FLOOR_M_S2};
 use host_tools::support::error::{Error, Result};
+use host_tools::support::progress;
+use host_tools::texture::library::decode_library;
 use host_tools::texture::summary::TextureSummary;
 use host_tools::texture::theta::{self, ThetaChoice};
 use model_format::SAMPLE_RATE_HZ;
-use std::path::PathBuf;
-
-pub use library::fit_library;
-use library::{concessions, write_library};
 use model_format::limits::MAX_TEXTURES;
 use parts::LargeSet;
 use report::{FitReport, energy_kept, excitations, given_up, lines_found, show_verdicts};
 
+use crate::cli::files::Overwrite;
 use crate::cli::input::{Recordings, not_negative, positive, tolerance};
 use crate::cli::inspect::texture_table;
 use crate::cli::output::{note, print, print_json};
-use crate::cli::overwrite::Overwrite;
-use host_tools::texture::library::decode_library;
 
 /// The table's cores, as the command line names them.
 #[derive(Clone, Copy, clap::ValueEnum)]
@@ -295,4 +292,50 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         bytes.len(),
         energy_kept(&fit.trials)
     ))
+}
+
+/// Fits `set` with a progress bar, and encodes the library.
+pub fn fit_library(set: &RecordingSet, options: &fit::Options) -> Result<(Fit, Vec<u8>)> {
+    let bar = progress::bar(set.trials.len() as u64, "fitting");
+    let fit = fit::fit(set, options, || bar.inc(1))?;
+    bar.finish_and_clear();
+    let bytes = fit.library()?;
+    Ok((fit, bytes))
+}
+
+/// Writes a library of `fit`, made of `set` with `options`, and beside it the record of the fit.
+///
+/// The library gets its name first: a record that is missing, or of an earlier library, is not believed.
+fn write_library(
+    path: &Path,
+    bytes: &[u8],
+    set: &RecordingSet,
+    fit: &Fit,
+    options: &fit::Options,
+) -> Result<FitRecord> {
+    let record = FitRecord::of(set, options, bytes)?.with_account_of(fit);
+    record.write_with(path, bytes)?;
+    Ok(record)
+}
+
+/// Loss of accuracy of `fit`, bounded to orders up to `highest`, against a fit with `order`. The unbounded fit is a
+/// lattice, because the comparison is of the models alone.
+fn concessions(
+    set: &RecordingSet,
+    fit: &Fit,
+    options: &fit::Options,
+    order: Order,
+    highest: usize,
+) -> Result<Vec<Concession>> {
+    let unbounded = fit::Options {
+        order: budget::capped(order, model_format::limits::MAX_ORDER),
+        // The models are compared, not what excites them.
+        excitation: ExcitationChoice::Gaussian,
+        modulation: ModulationChoice::None,
+        ..options.clone()
+    };
+    let bar = progress::bar(set.trials.len() as u64, "fitting without bounds");
+    let without = fit::fit(set, &unbounded, || bar.inc(1))?;
+    bar.finish_and_clear();
+    Ok(budget::concessions(&without, fit, highest))
 }

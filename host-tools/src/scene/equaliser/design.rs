@@ -5,8 +5,7 @@ use model_format::scene::limits::{MAX_EQUALISER_GAIN, MAX_SECTIONS};
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
-use super::section::{MAX_SECTION_GAIN_DB, Section, SectionKind, stored_level_db};
-use super::{Fault, Response};
+use super::{Fault, MAX_SECTION_GAIN_DB, Response, Section, SectionKind, stored_level_db};
 
 /// Default of the limit on the gain, dB.
 pub const DEFAULT_MAX_GAIN_DB: f64 = 12.0;

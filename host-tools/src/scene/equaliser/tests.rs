@@ -3,7 +3,6 @@ use std::path::Path;
 use model_format::scene::limits::MAX_SECTIONS;
 use proptest::prelude::*;
 
-use super::section::stored_level_db;
 use super::*;
 
 const RATE_HZ: f64 = 5000.0;
