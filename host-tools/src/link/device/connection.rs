@@ -32,6 +32,14 @@ pub(super) const BUSY_INTERVAL: Duration = Duration::from_millis(50);
 /// Interval between readings of the status while the device is waited for.
 pub(super) const POLL_INTERVAL: Duration = Duration::from_millis(10);
 
+/// A request of the device, whose types can be sent and received.
+pub(super) trait Ask:
+    Endpoint<Request: Serialize + Schema, Response: DeserializeOwned + Schema>
+{
+}
+
+impl<E: Endpoint<Request: Serialize + Schema, Response: DeserializeOwned + Schema>> Ask for E {}
+
 /// A stylus at the other end of a link.
 ///
 /// Every request blocks the calling thread until the answer is there or its [timeout](Timeouts) has passed.
@@ -138,17 +146,12 @@ impl Device {
         self.runtime.as_ref().expect("it lives until the drop")
     }
 
-    fn request_within<E>(
+    fn request_within<E: Ask>(
         &self,
         name: &'static str,
         timeout: Duration,
         request: &E::Request,
-    ) -> Result<E::Response>
-    where
-        E: Endpoint,
-        E::Request: Serialize + Schema,
-        E::Response: DeserializeOwned + Schema,
-    {
+    ) -> Result<E::Response> {
         self.runtime()
             .block_on(self.requester.request::<E>(name, timeout, request))
     }
@@ -167,26 +170,20 @@ impl Device {
     }
 
     /// Makes a request that does not touch the flash. `name` stands for it in errors.
-    pub(super) fn request<E>(&self, name: &'static str, request: &E::Request) -> Result<E::Response>
-    where
-        E: Endpoint,
-        E::Request: Serialize + Schema,
-        E::Response: DeserializeOwned + Schema,
-    {
+    pub(super) fn request<E: Ask>(
+        &self,
+        name: &'static str,
+        request: &E::Request,
+    ) -> Result<E::Response> {
         self.request_within::<E>(name, self.requester.timeouts.answer, request)
     }
 
     /// Makes a request that may read, erase or write flash, and repeats it while the flash is busy with an earlier one.
-    pub(super) fn request_flash<E>(
+    pub(super) fn request_flash<E: Ask>(
         &self,
         name: &'static str,
         request: &E::Request,
-    ) -> Result<E::Response>
-    where
-        E: Endpoint,
-        E::Request: Serialize + Schema,
-        E::Response: DeserializeOwned + Schema,
-    {
+    ) -> Result<E::Response> {
         let timeout = self.requester.timeouts.flash;
         let begin = Instant::now();
         loop {
@@ -287,17 +284,12 @@ pub(in crate::link) struct Requester {
 
 impl Requester {
     /// Sends `request` and waits for its answer. `name` stands for the request in errors.
-    pub(super) async fn request<E>(
+    pub(super) async fn request<E: Ask>(
         &self,
         name: &'static str,
         timeout: Duration,
         request: &E::Request,
-    ) -> Result<E::Response>
-    where
-        E: Endpoint,
-        E::Request: Serialize + Schema,
-        E::Response: DeserializeOwned + Schema,
-    {
+    ) -> Result<E::Response> {
         let link = || self.link.to_string();
         let answer = tokio::time::timeout(timeout, self.client.send_resp::<E>(request)).await;
         match answer {

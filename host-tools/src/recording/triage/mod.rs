@@ -36,10 +36,8 @@
 //!
 //! Invariant: samples in (m/s² at 5 kHz, cut and scaled), verdicts out. Nothing here reads a file or drops a trial.
 
-mod axes;
 mod copies;
 mod cut;
-mod hum;
 mod level;
 mod set;
 mod single_trial;
@@ -47,12 +45,11 @@ mod single_trial;
 mod test_signals;
 mod verdict;
 
-pub use axes::LARGE_RMS_M_S2;
 pub use copies::Sketch;
 pub use cut::{LEAST_KEPT, kept, kept_spans, usable};
-pub use hum::{HUM_RATIO_DB, confirmed_hum, mains_line};
-pub use set::{Compared, all_verdicts};
+pub use set::{Compared, HUM_RATIO_DB, all_verdicts, confirmed_hum, mains_line};
 pub use single_trial::{
-    CLIPPED_SHARE, COARSE_SNR_DB, DRIFT_SHARE, SHORT_SAMPLES, SILENCE_FLOOR_M_S2, flaws, samples,
+    CLIPPED_SHARE, COARSE_SNR_DB, DRIFT_SHARE, LARGE_RMS_M_S2, SHORT_SAMPLES, SILENCE_FLOOR_M_S2,
+    flaws, samples,
 };
 pub use verdict::{Kind, SLOW_HZ, Span, Verdict, in_words};

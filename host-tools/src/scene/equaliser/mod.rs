@@ -17,7 +17,7 @@ mod tests;
 use std::f64::consts::TAU;
 
 use biquad::{Coefficients, Hertz, Type};
-pub use design::{CurvePoint, DEFAULT_MAX_GAIN_DB, Design, Deviation, Request, design};
+pub use design::{DEFAULT_MAX_GAIN_DB, Design, Deviation, Request, design};
 use model_format::scene::Biquad;
 pub use response::Response;
 use serde::{Deserialize, Serialize};
