@@ -225,18 +225,16 @@ pub fn encode_with_scenes(
 
 fn bytes_of(textures: &[TextureSpec], scenes: &[Scene]) -> Result<Vec<u8>, DecodeError> {
     let count = textures.len();
-    if count > limits::MAX_TEXTURES {
-        return Err(Problem::TextureCount(count).at(Place::Library));
-    }
+    Problem::count("the number of textures", count, [1, limits::MAX_TEXTURES])
+        .map_err(|problem| problem.at(Place::Library))?;
     let mut bytes = alloc::vec![0; wire::PREFIX_BYTES];
-    let malformed = |_| Problem::Malformed.at(Place::Library);
+    let malformed = |_| Problem::Malformed("its header").at(Place::Library);
     bytes.extend(postcard::to_allocvec(&(count as u32)).map_err(malformed)?);
     for (index, texture) in textures.iter().enumerate() {
         append_texture(texture, index, &mut bytes)?;
     }
-    if scenes.len() > MAX_SCENES {
-        return Err(Problem::SceneCount(scenes.len()).at(Place::Library));
-    }
+    Problem::count("the number of scenes", scenes.len(), [0, MAX_SCENES])
+        .map_err(|problem| problem.at(Place::Library))?;
     bytes.push(scenes.len() as u8);
     for (index, scene) in scenes.iter().enumerate() {
         append_scene(scene, index, &mut bytes)?;
@@ -246,7 +244,7 @@ fn bytes_of(textures: &[TextureSpec], scenes: &[Scene]) -> Result<Vec<u8>, Decod
 }
 
 fn append_scene(scene: &Scene, index: usize, bytes: &mut Vec<u8>) -> Result<(), DecodeError> {
-    let malformed = |_| Problem::MalformedScene.at(Place::Scene(index));
+    let malformed = |_| Problem::Malformed("its record").at(Place::Scene(index));
     let record = postcard::to_allocvec(scene).map_err(malformed)?;
     bytes.extend(postcard::to_allocvec(record.as_slice()).map_err(malformed)?);
     Ok(())
@@ -263,9 +261,8 @@ fn append_texture(
     for (number, node) in texture.nodes.iter().enumerate() {
         let place = node_place(texture, index, number);
         let order = node.codes.order();
-        if order > limits::MAX_ORDER {
-            return Err(Problem::Order(order).at(place));
-        }
+        Problem::count("the order", order, [0, limits::MAX_ORDER])
+            .map_err(|problem| problem.at(place))?;
         let record = NodeRecord {
             order: order as u16,
             flags: u16::from(node.flags.bits()),
@@ -287,7 +284,7 @@ fn append_texture(
         coefficients: &coefficients,
         summary,
     };
-    let malformed = |_| Problem::Malformed.at(Place::Texture(index));
+    let malformed = |_| Problem::Malformed("its header").at(Place::Texture(index));
     let mut encoded = postcard::to_allocvec(&record).map_err(malformed)?;
     append_parts(texture, index, &mut encoded)?;
     bytes.extend(postcard::to_allocvec(encoded.as_slice()).map_err(malformed)?);
@@ -319,7 +316,7 @@ fn append_parts(
         .transpose()
         .map_err(|problem| problem.at(Place::Texture(index)))?
         .map(|content| (lines::KIND, content));
-    let malformed = |_| Problem::MalformedParts.at(Place::Texture(index));
+    let malformed = |_| Problem::Malformed("an optional part").at(Place::Texture(index));
     let excitation = texture.parts.excitation.as_ref().map(excitation::part);
     let modulation = texture.parts.modulation.as_ref().map(modulation::part);
     let parts: Vec<_> = [

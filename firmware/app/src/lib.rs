@@ -39,7 +39,6 @@ pub mod settings;
 pub mod slots;
 pub mod start;
 pub mod status;
-mod stopwatch;
 pub mod storage;
 pub mod upload;
 mod words;

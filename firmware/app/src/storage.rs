@@ -15,7 +15,6 @@ use model_format::link::{
 use crate::control::{Control, Device, LoadFault};
 use crate::settings::SettingsStore;
 use crate::slots::{MappedFlash, SlotStore};
-use crate::stopwatch::Stopwatch;
 use crate::upload::Uploader;
 
 /// The rest of the device, as requests and storage see it.
@@ -41,7 +40,6 @@ pub struct Storage<F, S: NorFlash> {
     slots: SlotStore<F>,
     settings: SettingsStore<S>,
     uploader: Uploader,
-    stopwatch: Stopwatch,
     /// The library in RAM.
     loaded: Option<(SlotId, SlotInfo)>,
 }
@@ -53,7 +51,6 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
             slots,
             settings,
             uploader: Uploader::new(),
-            stopwatch: Stopwatch::begun_at(0),
             loaded: None,
         }
     }
@@ -185,18 +182,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
     ) -> Result<UploadProgress, UploadError> {
         supplied(stage)?;
         self.slots.scan_once().await;
-        let now_us = stage.now_us();
-        let mut stopwatch = if self.uploader.continues(&begin) {
-            self.stopwatch.resumed_at(now_us)
-        } else {
-            Stopwatch::begun_at(now_us)
-        };
-        let ended = |step| stopwatch.end(step, stage.now_us());
-        let uploader = &mut self.uploader;
-        let result = uploader.begin_telling(&mut self.slots, begin, ended).await;
-        if result.is_ok() {
-            self.stopwatch = stopwatch;
-        }
+        let result = self.uploader.begin(&mut self.slots, begin).await;
         stage.with_control(|control| control.set_upload(self.uploader.state()));
         result
     }
@@ -211,12 +197,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
         chunk: UploadChunk<'_>,
     ) -> Result<UploadProgress, UploadError> {
         supplied(stage)?;
-        self.stopwatch = self.stopwatch.resumed_at(stage.now_us());
-        let ended = |step| self.stopwatch.end(step, stage.now_us());
-        let result = self
-            .uploader
-            .chunk_telling(&mut self.slots, chunk, ended)
-            .await;
+        let result = self.uploader.chunk(&mut self.slots, chunk).await;
         stage.with_control(|control| control.set_upload(self.uploader.state()));
         result
     }
@@ -230,14 +211,9 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
         stage: &mut impl Stage,
     ) -> Result<UploadCommitted, UploadError> {
         supplied(stage)?;
-        self.stopwatch = self.stopwatch.resumed_at(stage.now_us());
-        let ended = |step| self.stopwatch.end(step, stage.now_us());
-        let result = self.uploader.commit_telling(&mut self.slots, ended).await;
+        let result = self.uploader.commit(&mut self.slots).await;
         stage.with_control(|control| control.set_upload(self.uploader.state()));
-        result.map(|committed| UploadCommitted {
-            times: self.stopwatch.times_at(stage.now_us()),
-            ..committed
-        })
+        result
     }
 
     /// Serves `UploadAbortEndpoint`.

@@ -8,11 +8,11 @@
 use model_format::limits::MAX_LIBRARY_BYTES;
 use model_format::link::{
     CHUNK_ALIGN, MAX_CHUNK_BYTES, SlotFault, SlotId, UploadBegin, UploadChunk, UploadCommitted,
-    UploadError, UploadProgress, UploadState, UploadTimes,
+    UploadError, UploadProgress, UploadState,
 };
 
 use crate::flash::WORD_BYTES;
-use crate::slots::{Claim, LastLibrary, MappedFlash, SealFault, SlotStore, Step, WriteFault};
+use crate::slots::{Claim, LastLibrary, MappedFlash, SealFault, SlotStore, WriteFault};
 
 const _: () =
     assert!(CHUNK_ALIGN.is_multiple_of(WORD_BYTES) && MAX_CHUNK_BYTES.is_multiple_of(CHUNK_ALIGN));
@@ -64,45 +64,23 @@ impl Uploader {
         store: &mut SlotStore<F>,
         begin: UploadBegin,
     ) -> Result<UploadProgress, UploadError> {
-        self.begin_telling(store, begin, |_| {}).await
-    }
-
-    /// Returns true if `begin` continues the upload under way.
-    pub fn continues(&self, begin: &UploadBegin) -> bool {
-        self.upload.is_some_and(|upload| {
-            (upload.begin.length, upload.begin.crc32) == (begin.length, begin.crc32)
-        })
-    }
-
-    /// As [`Uploader::begin`]; `ended` gets each step of it.
-    ///
-    /// # Errors
-    /// As [`Uploader::begin`].
-    pub async fn begin_telling<F: MappedFlash>(
-        &mut self,
-        store: &mut SlotStore<F>,
-        begin: UploadBegin,
-        mut ended: impl FnMut(Step),
-    ) -> Result<UploadProgress, UploadError> {
         if begin.length == 0 || begin.length as usize > MAX_LIBRARY_BYTES {
             return Err(UploadError::Length {
                 length: begin.length,
             });
         }
         if let Some(upload) = self.upload
-            && self.continues(&begin)
+            && (upload.begin.length, upload.begin.crc32) == (begin.length, begin.crc32)
         {
             return Ok(upload.progress());
         }
         let claim = store.claim_spare(begin.replaces_last).await;
         let claim = claim.map_err(|LastLibrary { slot }| UploadError::LastLibrary { slot })?;
-        ended(Step::Check);
         self.abort(store);
         store
             .erase_sector(claim, SlotStore::<F>::header_sector())
             .await
             .map_err(UploadFault::from)?;
-        ended(Step::Erase);
         store.set_receiving(claim.slot());
         let upload = Upload {
             begin,
@@ -123,24 +101,11 @@ impl Uploader {
         store: &mut SlotStore<F>,
         chunk: UploadChunk<'_>,
     ) -> Result<UploadProgress, UploadError> {
-        self.chunk_telling(store, chunk, |_| {}).await
-    }
-
-    /// As [`Uploader::chunk`]; `ended` gets each step of it.
-    ///
-    /// # Errors
-    /// As [`Uploader::chunk`].
-    pub async fn chunk_telling<F: MappedFlash>(
-        &mut self,
-        store: &mut SlotStore<F>,
-        chunk: UploadChunk<'_>,
-        ended: impl FnMut(Step),
-    ) -> Result<UploadProgress, UploadError> {
         let upload = self.upload.ok_or(UploadError::NotBegun)?;
         let next_offset = check_chunk(upload, chunk)?;
         // The upload ends here and is restored once the words are written, so that a call dropped half way ends it.
         self.end(store);
-        write_chunk(store, upload, chunk, ended)
+        write_chunk(store, upload, chunk)
             .await
             .map_err(UploadFault::from)?;
         store.set_receiving(upload.claim.slot());
@@ -161,18 +126,6 @@ impl Uploader {
         &mut self,
         store: &mut SlotStore<F>,
     ) -> Result<UploadCommitted, UploadError> {
-        self.commit_telling(store, |_| ()).await
-    }
-
-    /// As [`Uploader::commit`]; `ended` gets each step of the commit. The answer has no times.
-    ///
-    /// # Errors
-    /// As [`Uploader::commit`].
-    pub async fn commit_telling<F: MappedFlash>(
-        &mut self,
-        store: &mut SlotStore<F>,
-        ended: impl FnMut(Step),
-    ) -> Result<UploadCommitted, UploadError> {
         let Upload {
             begin,
             claim,
@@ -187,7 +140,7 @@ impl Uploader {
             });
         }
         self.end(store);
-        let sealed = store.seal(claim, length, crc32, ended).await;
+        let sealed = store.seal(claim, length, crc32).await;
         let library = sealed.map_err(|fault| match fault {
             SealFault::Bytes(fault) => bytes_error(slot, fault),
             SealFault::Write(fault) => UploadFault::from(fault).0,
@@ -196,7 +149,6 @@ impl Uploader {
             slot,
             sequence: library.sequence,
             textures: library.textures,
-            times: UploadTimes::default(),
         })
     }
 
@@ -246,7 +198,6 @@ async fn write_chunk<F: MappedFlash>(
     store: &mut SlotStore<F>,
     upload: Upload,
     chunk: UploadChunk<'_>,
-    mut ended: impl FnMut(Step),
 ) -> Result<(), WriteFault> {
     let sector = SlotStore::<F>::sector_bytes();
     let end = chunk.offset + chunk.data.len() as u32;
@@ -254,12 +205,8 @@ async fn write_chunk<F: MappedFlash>(
     // `begin` erased the header's sector. Sectors are longer than chunks, so a chunk reaches at most one border.
     if border < end && border != SlotStore::<F>::header_sector() {
         store.erase_sector(upload.claim, border).await?;
-        ended(Step::Erase);
     }
-    store.write(upload.claim, chunk.offset, chunk.data).await?;
-    let words = chunk.data.len().div_ceil(WORD_BYTES) as u32;
-    ended(Step::Program { words });
-    Ok(())
+    store.write(upload.claim, chunk.offset, chunk.data).await
 }
 
 /// A fault of the flash, as the host sees it.

@@ -149,6 +149,9 @@ fn delay_tick(after_us: u32) {
 }
 
 /// Causes the fault that was requested for the tick, if any.
+///
+/// # Panics
+/// If a panic was requested.
 #[inline(always)]
 pub fn in_tick() {
     match IN_TICK.swap(0, Ordering::Relaxed) {

@@ -86,6 +86,7 @@ async fn poll() -> ! {
 /// Activates the newest library, then does the queued jobs, one after the other.
 #[embassy_executor::task]
 async fn serve(stores: &'static mut Stores, safe_mode: bool) -> ! {
+    static ANSWER: ConstStaticCell<Frame> = ConstStaticCell::new([0; _]);
     // What faulted may have been a slot. In safe mode the slots are read when a request needs them, so that the device
     // answers first, and a fault there ends one request and not every start.
     if !safe_mode {
@@ -93,7 +94,6 @@ async fn serve(stores: &'static mut Stores, safe_mode: bool) -> ! {
         defmt::info!("library active: {}", active.is_some());
     }
     ACTIVATED.signal(());
-    static ANSWER: ConstStaticCell<Frame> = ConstStaticCell::new([0; _]);
     let answer = ANSWER.take();
     loop {
         let job = QUEUE.receive().await;

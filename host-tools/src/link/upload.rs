@@ -3,7 +3,7 @@
 use model_format::Library;
 use model_format::link::{
     CHUNK_ALIGN, LIBRARY_CRC, MAX_CHUNK_BYTES, SlotId, SlotInfo, SlotState, UploadBegin,
-    UploadError, UploadTimes,
+    UploadError,
 };
 
 use super::Device;
@@ -27,8 +27,6 @@ pub struct Uploaded {
     pub resumed_from: u32,
     /// Number of times that the upload was resumed after a failure.
     pub retries: u32,
-    /// Time that it took, by the device's clock; none if the link lost the device's word.
-    pub times: Option<UploadTimes>,
 }
 
 /// Uploads `library`, the bytes of a library file, and reads it back. `progress` gets the number of bytes in the
@@ -70,7 +68,6 @@ pub fn upload_over(
         resumed_from: None,
         next_offset: 0,
         committing: false,
-        times: None,
     };
     let (mut furthest, mut failures, mut retries) = (0, 0, 0);
     let (slot, info, textures) = loop {
@@ -100,7 +97,6 @@ pub fn upload_over(
         textures,
         resumed_from: run.resumed_from.unwrap_or(0),
         retries,
-        times: run.times,
     })
 }
 
@@ -125,7 +121,6 @@ struct Run<'a> {
     next_offset: u32,
     /// True if a commit was sent and its answer has not arrived.
     committing: bool,
-    times: Option<UploadTimes>,
 }
 
 impl Run<'_> {
@@ -151,7 +146,6 @@ impl Run<'_> {
         })?;
         self.committing = true;
         let committed = device.upload_commit()?;
-        self.times = Some(committed.times);
         let slots = device.slots()?;
         match &slots.slots[committed.slot.index()] {
             SlotState::Valid(info) if self.is_ours(info) && info.sequence == committed.sequence => {

@@ -70,7 +70,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         "--bin",
         "hil",
     ]);
-    build.args(["--example", "custom_structure"]);
+    build.args(["--example", "forty_lines"]);
     process::run(build.current_dir(workspace::root()))?;
     let mut suite = Command::new(workspace::host_target_folder().join("debug/hil"));
     if arguments.virtual_stylus || arguments.flash {

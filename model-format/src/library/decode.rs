@@ -195,7 +195,7 @@ impl<'a, W: BorrowMut<Workspace>> Decoder<'a, W> {
         }
         let found = self.bytes.len();
         let (prefix, _) = postcard::take_from_bytes::<Prefix>(self.bytes)
-            .map_err(|_| at(Problem::TooShort { found }))?;
+            .map_err(|_| at(Problem::Malformed("its prefix")))?;
         if prefix.version != wire::FORMAT_VERSION {
             let found = prefix.version;
             return Err(at(Problem::Version { found }));
@@ -204,9 +204,7 @@ impl<'a, W: BorrowMut<Workspace>> Decoder<'a, W> {
             let declared = prefix.total_bytes;
             return Err(at(Problem::Length { declared, found }));
         }
-        if found > MAX_LIBRARY_BYTES {
-            return Err(at(Problem::TooLarge { found }));
-        }
+        Problem::count("its length in bytes", found, [0, MAX_LIBRARY_BYTES]).map_err(at)?;
         let mut digest = wire::CRC32.digest();
         digest.update(&self.bytes[..CRC_RANGE.start]);
         Ok(Stage::Checksum {
@@ -223,18 +221,12 @@ impl<'a, W: BorrowMut<Workspace>> Decoder<'a, W> {
             return Err(here(Problem::Checksum { stored, computed }));
         }
         if self.bytes[wire::RESERVED] != [0; 2] {
-            return Err(here(Problem::Reserved));
+            return Err(here(Problem::Rule("a reserved field is not zero")));
         }
-        let found = self.bytes.len();
         self.rest = Reader(&self.bytes[wire::PREFIX_BYTES..]);
-        if self.rest.0.is_empty() {
-            return Err(here(Problem::TooShort { found }));
-        }
-        let count = self.rest.varint().ok_or(here(Problem::Malformed))?;
-        let len = count as usize;
-        if len == 0 || len > MAX_TEXTURES {
-            return Err(here(Problem::TextureCount(len)));
-        }
+        let malformed = Problem::Malformed("the number of textures");
+        let len = self.rest.varint().ok_or(here(malformed))? as usize;
+        Problem::count("the number of textures", len, [1, MAX_TEXTURES]).map_err(here)?;
         (self.library.textures, self.library.len) = (self.rest.0, len);
         Ok(Stage::Texture)
     }
@@ -248,23 +240,29 @@ impl<'a, W: BorrowMut<Workspace>> Decoder<'a, W> {
         let here = |problem: Problem| problem.at(Place::Library);
         let index = self.textures;
         if index == self.library.len {
-            let count = self.rest.byte().ok_or(here(Problem::NoSceneCount))?;
-            let count = usize::from(count);
-            if count > MAX_SCENES {
-                return Err(here(Problem::SceneCount(count)));
-            }
+            let malformed = Problem::Malformed("the number of scenes");
+            let count = usize::from(self.rest.byte().ok_or(here(malformed))?);
+            Problem::count("the number of scenes", count, [0, MAX_SCENES]).map_err(here)?;
             (self.library.scenes, self.library.scene_count) = (self.rest.0, count);
             return Ok(Stage::Scene);
         }
         let here = |problem: Problem| problem.at(Place::Texture(index));
-        let record = self.rest.string().ok_or(here(Problem::Malformed))?;
+        let record = self
+            .rest
+            .string()
+            .ok_or(here(Problem::Malformed("its header")))?;
         let texture = Texture::parse(record, index)?;
         check_header(&texture, index)?;
         // A record begins with its name.
         let offset = self.offset(record);
         let work = self.work.borrow_mut();
         let inserted = work.texture_names.insert(self.bytes, offset);
-        inserted.map_err(|other| here(Problem::NameTaken(other)))?;
+        inserted.map_err(|other| {
+            here(Problem::Taken {
+                what: "name",
+                other,
+            })
+        })?;
         // They follow from the summary, which is compared with the nodes before any scene is checked.
         work.bounds[index] = TextureBounds::of(&texture);
         self.textures += 1;
@@ -276,7 +274,7 @@ impl<'a, W: BorrowMut<Workspace>> Decoder<'a, W> {
 
     fn scene(&mut self) -> Result<(), DecodeError> {
         let here = |problem: Problem| problem.at(Place::Scene(self.scenes));
-        let malformed = || here(Problem::MalformedScene);
+        let malformed = || here(Problem::Malformed("its record"));
         let record = self.rest.string().ok_or_else(malformed)?;
         let scene = Scene::parse(record).ok_or_else(malformed)?;
         let offset = self.offset(record);
@@ -286,7 +284,12 @@ impl<'a, W: BorrowMut<Workspace>> Decoder<'a, W> {
             .validate_with(self.library.len, |_, texture| bounds.get(texture).copied())
             .map_err(|error| here(error.into()))?;
         let inserted = work.scene_names.insert(self.bytes, offset);
-        inserted.map_err(|other| here(Problem::SceneNameTaken(other)))?;
+        inserted.map_err(|other| {
+            here(Problem::Taken {
+                what: "name",
+                other,
+            })
+        })?;
         self.scenes += 1;
         Ok(())
     }

@@ -3,7 +3,7 @@
 //! | file | content |
 //! |---|---|
 //! | `view` | [`Library`] and its textures and scenes |
-//! | `texture`, `axis`, `node` | the parts of a texture |
+//! | `texture`, `node` | the parts of a texture |
 //! | `part` | what a texture may say beside its models, a kind each |
 //! | `decode` | from bytes to [`Library`]: prefix, textures, scenes, in steps |
 //! | `check` | all that a texture must hold |
@@ -11,7 +11,6 @@
 //!
 //! Views allocate nothing. They parse again what validation has parsed before, so that this cannot fail.
 
-mod axis;
 mod check;
 mod decode;
 mod names;
@@ -20,7 +19,6 @@ pub(crate) mod part;
 mod texture;
 mod view;
 
-pub use axis::Axis;
 pub use decode::{Decoder, Workspace};
 #[cfg(feature = "alloc")]
 pub(crate) use node::theta;
@@ -40,5 +38,5 @@ pub use part::modulation::ModulationSpec;
 pub use part::modulation::{LEVEL_FRACTION_BITS, Modulation, level_amplitude};
 #[cfg(feature = "alloc")]
 pub use part::tails::TailSpec;
-pub use texture::Texture;
+pub use texture::{Axis, Texture};
 pub use view::{Library, Outline};

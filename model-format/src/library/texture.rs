@@ -1,6 +1,5 @@
 //! A texture of a library.
 
-use super::axis::Axis;
 use super::node::{Coefficients, Node, NodeFlags, Tail};
 use super::part::excitation::{Excitation, ExcitationPart};
 use super::part::fine_theta::FineTheta;
@@ -34,10 +33,11 @@ impl<'a> Texture<'a> {
     pub(crate) fn parse(bytes: &'a [u8], index: usize) -> Result<Self, DecodeError> {
         let here = |problem: Problem| problem.at(Place::Texture(index));
         let mut reader = Reader(bytes);
-        let record = TextureRecord::read(&mut reader).ok_or(here(Problem::Malformed))?;
+        let record =
+            TextureRecord::read(&mut reader).ok_or(here(Problem::Malformed("its header")))?;
         let parts = Parts::read(&mut reader).map_err(here)?;
         if !reader.0.is_empty() {
-            return Err(here(Problem::LeftOverOfTexture(reader.0.len())));
+            return Err(here(Problem::LeftOver(reader.0.len())));
         }
         Ok(Self {
             name: record.name,
@@ -260,5 +260,29 @@ impl<'a> Texture<'a> {
     fn record(&self, speed: usize, force: usize) -> NodeRecord {
         let index = speed * self.force_axis.len() + force;
         NodeRecord::read(&self.nodes.as_chunks().0[index])
+    }
+}
+
+/// Ascending values of a grid's axis, finite and not negative, in the axis's unit.
+#[derive(Clone, Copy, Debug)]
+pub struct Axis<'a>(pub(super) &'a [u8]);
+
+impl Axis<'_> {
+    pub(super) const VALUE_BYTES: usize = 4;
+
+    /// Number of values, at least one.
+    #[expect(clippy::len_without_is_empty, reason = "an axis is never empty")]
+    pub fn len(&self) -> usize {
+        self.0.len() / Self::VALUE_BYTES
+    }
+
+    /// Value `index`, which must be below [`Axis::len`].
+    pub fn value(&self, index: usize) -> f32 {
+        f32::from_le_bytes(self.0.as_chunks().0[index])
+    }
+
+    /// All values, ascending.
+    pub fn values(&self) -> impl Iterator<Item = f32> {
+        self.0.as_chunks().0.iter().copied().map(f32::from_le_bytes)
     }
 }

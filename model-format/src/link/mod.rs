@@ -10,26 +10,16 @@
 //! A request that writes flash may take seconds, see [`FLASH_TIMEOUT_MS`]. Every other one is answered at once.
 
 mod cap;
-mod cycles;
-mod info;
-mod lease;
-mod levels;
 mod library;
-mod marks;
-mod motion;
-mod mute;
 mod play;
 mod proposal;
 mod record;
 mod selftest;
 mod settings;
-mod settings_state;
-mod slot;
 mod start;
 mod status;
 #[cfg(test)]
 mod tests;
-mod text;
 mod units;
 mod upload;
 
@@ -39,18 +29,17 @@ pub use cap::{
     BUILT_FOR_GAIN, BUILT_FOR_OHM, MAX_COIL_POWER_WATT, MAX_PIN_MEAN_SQUARE,
     MAX_THERMAL_TIME_CONSTANT_S, OutputLimits,
 };
-pub use cycles::{CycleRange, CycleReport};
-pub use info::{DeviceInfo, ProductName, Serial, VersionText};
-pub use lease::{LeaseStatus, LinkId};
-pub use levels::Levels;
-pub use library::{ActivateError, Activated, ListError, ListRequest, SceneInfo, TextureInfo};
-pub use marks::Marks;
-pub use motion::{MotionRefused, MotionSample};
-pub use mute::{MUTE_REASON_COUNT, MuteReason, MuteReasons};
-pub use play::{
-    Arithmetic, MAX_PLAY_GAIN, MotionSource, PlayError, PlayRequest, Playing, Selection, StopError,
+pub use library::{
+    ActivateError, Activated, LIBRARY_CRC, ListError, ListRequest, Reason, SceneInfo, SlotFault,
+    SlotId, SlotInfo, SlotState, Slots, TextureInfo, TextureName,
 };
-pub use proposal::{LOCKED, ProposalToken, SettingsChange, SettingsProposal};
+pub use play::{
+    Arithmetic, LeaseStatus, LinkId, MAX_PLAY_GAIN, MUTE_REASON_COUNT, MotionRefused, MotionSample,
+    MotionSource, MuteReason, MuteReasons, PlayError, PlayRequest, Playing, Selection, StopError,
+};
+pub use proposal::{
+    LOCKED, ProposalToken, SettingSet, SettingsChange, SettingsProposal, SettingsState,
+};
 pub use record::{
     BLOCK_SAMPLES, PackedSample, RAIL_CODES, RecordBlock, RecordError, RecordSample, RecordStarted,
     RecordStopped,
@@ -66,20 +55,18 @@ pub use settings::{
     PROPOSAL_VALID_MS, SETTING_COUNT, Setting, SettingChange, SettingSpec, Settings, SettingsError,
     Tighter,
 };
-pub use settings_state::{SettingSet, SettingsState};
-pub use slot::{LIBRARY_CRC, SlotFault, SlotId, SlotInfo, SlotState, Slots};
 pub use start::{
     ClockSource, FLASH_SUPPLY_MV, LEAST_BROWN_OUT_LEVEL, QUICK_FAULT_MS, QUICK_FAULTS,
     SiliconRevision, StartReport, StartStage,
 };
 pub use status::{
-    Activity, Fault, FaultKind, FaultText, LinkCounters, OutputStatus, RecordCounters, ResetReason,
-    Status, TICK_BIN_COUNT, TICK_BIN_CYCLES, TickCounters, TickHistogram,
+    Activity, CycleRange, CycleReport, DeviceInfo, Fault, FaultKind, FaultText, Levels,
+    LinkCounters, Marks, OutputStatus, ProductName, RecordCounters, ResetReason, Serial, Status,
+    TICK_BIN_COUNT, TICK_BIN_CYCLES, TickCounters, TickHistogram, VersionText,
 };
-pub use text::{Reason, TextureName};
 pub use upload::{
     CHUNK_ALIGN, FlashOperation, MAX_CHUNK_BYTES, UPLOAD_WINDOW, UploadBegin, UploadChunk,
-    UploadCommitted, UploadError, UploadProgress, UploadState, UploadTimes,
+    UploadCommitted, UploadError, UploadProgress, UploadState,
 };
 
 /// Version of the protocol. It changes when a message changes its meaning, even where its type stays.

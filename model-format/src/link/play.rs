@@ -1,12 +1,12 @@
-//! Playing a texture or a scene.
+//! Playing a texture or a scene: request, motion, the lease of the link that plays, and reasons for silence.
 
 use heapless::String;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-use super::{LinkId, MuteReasons, QUICK_FAULT_MS, Reason, SettingSet, SettingsState, TextureName};
-use crate::PlayRate;
+use super::{QUICK_FAULT_MS, Reason, SettingSet, SettingsState, TextureName};
 use crate::scene::SceneName;
+use crate::{MillimetresPerSecond, Newton, PlayRate};
 
 /// Largest gain of a play request.
 pub const MAX_PLAY_GAIN: f32 = 4.0;
@@ -192,4 +192,174 @@ pub enum StopError {
     /// Nothing is played.
     #[error("nothing is being played: there is nothing to stop")]
     NotPlaying,
+}
+
+/// Motion of the tool at a moment, as the host knows it. It is sent at up to 1 kHz.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
+pub struct MotionSample {
+    /// Tangential speed. Its sign matters to lines that are locked to place alone, and only without positions.
+    pub speed: MillimetresPerSecond,
+    /// Normal force; a negative one is no contact.
+    pub force: Newton,
+    /// Position on the path of a scene, mm from where playing began; none leaves it to the device's encoder. Lines that
+    /// are locked to place follow it too; none leaves them to the speed.
+    pub position_mm: Option<f32>,
+    /// Contact of the tool; none leaves it to the force.
+    pub contact: Option<bool>,
+}
+
+/// Reason for which a motion is not followed. The one before stays until it is stale.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema, thiserror::Error)]
+pub enum MotionRefused {
+    /// The speed is NaN or infinite.
+    #[error("the speed is not finite: send a number of mm/s")]
+    Speed,
+    /// The force is NaN or infinite.
+    #[error("the force is not finite: send a number of N")]
+    Force,
+    /// The position is NaN or infinite.
+    #[error("the position is not finite: send a number of mm, or none")]
+    Position,
+    /// The other link plays, and it alone moves what it plays.
+    #[error("{by} plays, and it alone gives the motion: stop it first")]
+    Held {
+        /// The link that plays.
+        by: LinkId,
+    },
+}
+
+/// A link of the device.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub enum LinkId {
+    /// USB.
+    Usb,
+    /// The serial port.
+    Serial,
+}
+
+impl core::fmt::Display for LinkId {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str(match self {
+            Self::Usb => "USB",
+            Self::Serial => "the serial link",
+        })
+    }
+}
+
+/// State of the lease.
+///
+/// A play gives the lease to its link. Plays, motions and keep-alives of that link renew it for
+/// [`super::LINK_LOST_AFTER_MS`]; nothing else does. While it lasts, the other link may stop what is played, and may
+/// neither play nor move. Once it has lapsed the output is silent, and either link may play.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub struct LeaseStatus {
+    /// The link that has played last, until it is stopped.
+    pub holder: Option<LinkId>,
+    /// True while that link keeps it alive.
+    pub is_alive: bool,
+    /// Plays and motions of another link that were refused.
+    pub refused: u32,
+}
+
+/// A reason for the output to be at mid-scale.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+#[repr(u8)]
+pub enum MuteReason {
+    /// Nothing is played.
+    NotPlaying,
+    /// The speed or the force is older than [`super::STALE_AFTER_MS`].
+    Stale,
+    /// The link that plays has sent no play, motion or keep-alive for [`super::LINK_LOST_AFTER_MS`].
+    LinkLost,
+    /// A library is being activated, or a texture changed for another.
+    Changing,
+    /// A fault was found; only a restart ends this mute.
+    Fault,
+    /// The force sensor is at a rail of its converter: not connected, or overloaded.
+    ForceRail,
+    /// Safe mode after quick faults; only power or the reset button ends this mute.
+    SafeMode,
+}
+
+/// Number of reasons.
+pub const MUTE_REASON_COUNT: usize = 7;
+
+impl MuteReason {
+    /// All reasons, in the order of the counters in [`super::OutputStatus`].
+    pub const ALL: [Self; MUTE_REASON_COUNT] = [
+        Self::NotPlaying,
+        Self::Stale,
+        Self::LinkLost,
+        Self::Changing,
+        Self::Fault,
+        Self::ForceRail,
+        Self::SafeMode,
+    ];
+}
+
+impl core::fmt::Display for MuteReason {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str(match self {
+            Self::NotPlaying => "not playing",
+            Self::Stale => "speed or force out of date",
+            Self::LinkLost => "link lost",
+            Self::Changing => "changing texture or library",
+            Self::Fault => "fault",
+            Self::ForceRail => "force sensor at its rail: connect it, or press less",
+            Self::SafeMode => "safe mode",
+        })
+    }
+}
+
+/// A set of reasons, one bit each.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub struct MuteReasons(u8);
+
+impl MuteReasons {
+    /// No reason: the output is on.
+    pub const NONE: Self = Self(0);
+
+    /// Bits of the set: bit n for the nth of [`MuteReason::ALL`].
+    pub const fn bits(self) -> u8 {
+        self.0
+    }
+
+    /// The set of these [`MuteReasons::bits`]. Bits that stand for no reason are dropped.
+    pub const fn from_bits(bits: u8) -> Self {
+        Self(bits & ((1 << MUTE_REASON_COUNT) - 1))
+    }
+
+    /// The set with or without `reason`.
+    #[must_use]
+    pub const fn set(self, reason: MuteReason, on: bool) -> Self {
+        let bit = 1 << reason as u8;
+        Self(if on { self.0 | bit } else { self.0 & !bit })
+    }
+
+    /// Returns whether `reason` is in the set.
+    pub const fn contains(self, reason: MuteReason) -> bool {
+        self.0 & (1 << reason as u8) != 0
+    }
+
+    /// Returns whether the set is empty.
+    pub const fn is_empty(self) -> bool {
+        self.0 == 0
+    }
+
+    /// The reasons in the set.
+    pub fn iter(self) -> impl Iterator<Item = MuteReason> {
+        MuteReason::ALL
+            .into_iter()
+            .filter(move |&reason| self.contains(reason))
+    }
+}
+
+impl core::fmt::Display for MuteReasons {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        for (index, reason) in self.iter().enumerate() {
+            let separator = if index == 0 { "" } else { ", " };
+            write!(f, "{separator}{reason}")?;
+        }
+        Ok(())
+    }
 }

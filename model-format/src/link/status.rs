@@ -1,12 +1,12 @@
-//! The device's activity, and all its counters.
+//! Identity of the device, its activity, its worst cases and all its counters.
 
 use heapless::String;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    LeaseStatus, Levels, MUTE_REASON_COUNT, Marks, MotionSource, MuteReasons, OutputLimits,
-    Selection, SettingsProposal, SettingsState, SlotId, StartReport, UploadState,
+    LeaseStatus, MUTE_REASON_COUNT, MotionSource, MuteReasons, OutputLimits, Selection,
+    SettingsProposal, SettingsState, SlotId, StartReport, UploadState,
 };
 
 /// Width of one bin of the histogram, cycles.
@@ -237,4 +237,102 @@ pub struct Status {
     pub limits: OutputLimits,
     /// The change of settings that was proposed and not yet applied.
     pub proposal: Option<SettingsProposal>,
+}
+
+/// Worst cases since the start. Cycles are those of the processor, see [`super::TickHistogram::core_hz`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub struct Marks {
+    /// Length of the stack, bytes.
+    pub stack_bytes: u32,
+    /// Bytes of the stack that were ever used, by tasks and interrupts together. It may be a second old.
+    pub stack_used_bytes: u32,
+    /// Longest delay from the timer's trigger to the first instruction of the tick, cycles. A tick that was missed is
+    /// counted as missed and is not in here.
+    pub longest_tick_delay_cycles: u32,
+    /// Longest time that interrupts were masked since the tick runs, cycles.
+    pub longest_critical_section_cycles: u32,
+    /// Longest time between two feeds of the watchdog, µs.
+    pub longest_watchdog_gap_us: u32,
+}
+
+/// Levels of the sensors over the last whole window. Levels are in decibel as of ISO 1683, 0 for all below 1 of the
+/// reference.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Schema)]
+pub struct Levels {
+    /// Number of samples of the window; 0 before the first one is complete.
+    pub samples: u32,
+    /// RMS of the acceleration of all axes together, without its mean, dB re 1 µm/s².
+    pub vibration_decibel: f32,
+    /// Mean force, N.
+    pub force_newton: f32,
+    /// Standard deviation of the force, dB re 1 µN.
+    pub force_noise_decibel: f32,
+}
+
+/// Range of the durations of one handler's runs, from its entry to its exit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub struct CycleRange {
+    /// Number of runs.
+    pub runs: u32,
+    /// Shortest run, cycles; all ones without a run.
+    pub shortest: u32,
+    /// Longest run, cycles; 0 without a run.
+    pub longest: u32,
+}
+
+impl CycleRange {
+    /// The range of no runs.
+    pub const NONE: Self = Self {
+        runs: 0,
+        shortest: u32::MAX,
+        longest: 0,
+    };
+
+    /// The range of the runs of both.
+    #[must_use]
+    pub fn merged(self, other: Self) -> Self {
+        Self {
+            runs: self.runs.saturating_add(other.runs),
+            shortest: self.shortest.min(other.shortest),
+            longest: self.longest.max(other.longest),
+        }
+    }
+}
+
+/// Durations since the request before, or since the start. Each request begins a new range, so that a host can measure
+/// what it plays, one texture or scene after the other.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub struct CycleReport {
+    /// Clock of the processor, Hz.
+    pub core_hz: u32,
+    /// The tick.
+    pub tick: CycleRange,
+    /// The update, with the ticks and the serial port's interrupts that interrupted it.
+    pub update: CycleRange,
+}
+
+/// Name of a product.
+pub type ProductName = String<32>;
+/// Serial number of a board, hexadecimal: the 96-bit unique id of the STM32 (RM0433 section 61.1).
+pub type Serial = String<24>;
+/// A version as text.
+pub type VersionText = String<64>;
+
+/// Identity and versions of a device. This type never changes; anything else goes to an endpoint of its own.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub struct DeviceInfo {
+    /// Name of the product.
+    pub product: ProductName,
+    /// Serial number of the board.
+    pub serial: Serial,
+    /// Version of the firmware.
+    pub firmware_version: VersionText,
+    /// Build of the firmware: profile, compiler, revision if known.
+    pub build: VersionText,
+    /// [`crate::link::PROTOCOL_VERSION`] of the device.
+    pub protocol_version: u16,
+    /// [`crate::FORMAT_VERSION`] of the libraries that the device plays.
+    pub library_format_version: u16,
+    /// [`crate::link::SCHEMA_HASH`] of the device.
+    pub schema_hash: u64,
 }

@@ -1,676 +1,105 @@
-//! The protocol's promises, over every message in its largest and smallest forms.
+//! The protocol's promises.
 
 extern crate std;
 
-use core::fmt::{Debug, Display};
 use std::string::{String, ToString};
 use std::vec::Vec;
 
 use postcard_rpc::Key;
+use postcard_schema::Schema;
+use postcard_schema::schema::{
+    DataModelType, DataModelVariant, NamedType, NamedValue, NamedVariant,
+};
 use proptest::prelude::*;
-use serde::de::DeserializeOwned;
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 
 use super::*;
-use crate::{AdcCode, MillimetresPerSecond, Newton, Provenance, SAMPLE_RATE_HZ};
+use crate::scene::SceneName;
+use crate::{AdcCode, SAMPLE_RATE_HZ};
 
 /// postcard-rpc's header with the longest key and sequence number: one byte, eight and four.
 const HEADER_BYTES: usize = 13;
 
-/// Checks that `value` comes back, in a frame of `limit` bytes, and returns its length.
-fn check<T: Serialize + DeserializeOwned + PartialEq + Debug>(value: &T, limit: usize) -> usize {
-    let mut bytes = [0; 4096];
-    let used = postcard::to_slice(value, &mut bytes).expect("no message is so long");
-    assert!(
-        used.len() + HEADER_BYTES <= limit,
-        "{} bytes: {value:?}",
-        used.len()
-    );
-    assert_eq!(postcard::from_bytes::<T>(used).as_ref(), Ok(value));
-    // Without its last byte the message is incomplete.
-    if let Some(cut) = used.len().checked_sub(1) {
-        assert!(
-            postcard::from_bytes::<T>(&used[..cut]).is_err(),
-            "{value:?}"
-        );
-    }
-    used.len()
-}
-
-fn to_host<T: Serialize + DeserializeOwned + PartialEq + Debug>(
-    values: impl IntoIterator<Item = T>,
-) {
-    for value in values {
-        check(&value, MAX_DEVICE_FRAME_BYTES);
-    }
-}
-
-fn to_device<T: Serialize + DeserializeOwned + PartialEq + Debug>(
-    values: impl IntoIterator<Item = T>,
-) {
-    for value in values {
-        check(&value, MAX_HOST_FRAME_BYTES);
-    }
-}
-
-fn text<const N: usize>() -> heapless::String<N> {
-    core::iter::repeat_n('x', N).collect()
-}
-
-fn slot_info() -> SlotInfo {
-    SlotInfo {
-        sequence: u32::MAX,
-        length: u32::MAX,
-        crc32: u32::MAX,
-        textures: u16::MAX,
-        scenes: u8::MAX,
-    }
-}
-
-fn slot_faults() -> Vec<SlotFault> {
-    std::vec![
-        SlotFault::Unreadable { offset: u32::MAX },
-        SlotFault::Unfinished,
-        SlotFault::HeaderVersion { found: u16::MAX },
-        SlotFault::Length { length: u32::MAX },
-        SlotFault::Checksum {
-            expected: u32::MAX,
-            found: u32::MAX
-        },
-        SlotFault::Invalid { reason: text() },
-    ]
-}
-
-fn upload_progress() -> UploadProgress {
-    UploadProgress {
-        upload: UploadBegin {
-            length: u32::MAX,
-            crc32: u32::MAX,
-            replaces_last: true,
-        },
-        slot: SlotId::B,
-        next_offset: u32::MAX,
-    }
-}
-
-fn upload_errors() -> Vec<UploadError> {
-    let (slot, offset) = (SlotId::B, u32::MAX);
-    let mut errors = std::vec![
-        UploadError::Length { length: u32::MAX },
-        UploadError::NotBegun,
-        UploadError::Offset {
-            expected: u32::MAX,
-            found: u32::MAX
-        },
-        UploadError::ChunkLength { length: u32::MAX },
-        UploadError::PastEnd {
-            end: u32::MAX,
-            length: u32::MAX
-        },
-        UploadError::Incomplete {
-            next_offset: u32::MAX,
-            length: u32::MAX
-        },
-        UploadError::Checksum {
-            expected: u32::MAX,
-            found: u32::MAX
-        },
-        UploadError::Invalid { reason: text() },
-        UploadError::ReadBack { slot, offset },
-        UploadError::LastLibrary { slot },
-        UploadError::Busy,
-        UploadError::SupplyLow,
-    ];
-    for operation in [
-        FlashOperation::Read,
-        FlashOperation::Erase,
-        FlashOperation::Write,
-    ] {
-        errors.push(UploadError::Flash {
-            slot,
-            operation,
-            offset,
-        });
-    }
-    errors
-}
-
-fn activate_errors() -> Vec<ActivateError> {
-    let slot = SlotId::B;
-    let mut errors = std::vec![
-        ActivateError::NoLibrary { slot },
-        ActivateError::NotCopied { slot },
-        ActivateError::Busy,
-        ActivateError::NotAtRest,
-    ];
-    errors.extend(
-        slot_faults()
-            .into_iter()
-            .map(|fault| ActivateError::Faulty { slot, fault }),
-    );
-    errors
-}
-
-fn list_errors() -> Vec<ListError> {
-    let slot = SlotId::B;
-    let mut errors = std::vec![
-        ListError::NoLibrary { slot },
-        ListError::Index {
-            slot,
-            index: u8::MAX,
-            textures: u16::MAX
-        },
-        ListError::SceneIndex {
-            slot,
-            index: u8::MAX,
-            scenes: u8::MAX
-        },
-    ];
-    errors.extend(
-        slot_faults()
-            .into_iter()
-            .map(|fault| ListError::Faulty { slot, fault }),
-    );
-    errors
-}
-
-fn play_errors() -> Vec<PlayError> {
-    std::vec![
-        PlayError::NoLibrary,
-        PlayError::NoSuchTexture { name: text() },
-        PlayError::NoSuchScene { name: text() },
-        PlayError::InvalidScene { reason: text() },
-        PlayError::OverBudget {
-            instructions: u32::MAX,
-            budget: u32::MAX,
-            arithmetic: text()
-        },
-        PlayError::SampleRate {
-            texture_hz: u32::MAX
-        },
-        PlayError::Gain {
-            gain: f32::INFINITY
-        },
-        PlayError::Busy,
-        PlayError::Held { by: LinkId::Serial },
-        PlayError::Fault,
-        PlayError::SettingsNotSet {
-            missing: SettingSet::ALL
-        },
-        PlayError::SettingsLost {
-            lost: SettingSet::ALL
-        },
-        PlayError::SafeMode {
-            quick_faults: u8::MAX
-        },
-    ]
-}
-
-fn self_test_values() -> Vec<SelfTestValues> {
-    let count = ClockCount {
-        periods: u32::MAX,
-        cycles: u64::MAX,
+/// Largest length of a value of this type, bytes, if no text has more than `text` bytes and no sequence more than
+/// `items` elements.
+fn longest(of: &NamedType, [text, items]: [usize; 2]) -> usize {
+    use DataModelType as Type;
+    let one = |of: &NamedType| longest(of, [text, items]);
+    let all = |of: &[&NamedType]| of.iter().map(|&of| one(of)).sum();
+    let fields = |of: &[&NamedValue]| of.iter().map(|field| one(field.ty)).sum();
+    let variant = |of: &NamedVariant| match of.ty {
+        DataModelVariant::UnitVariant => 0,
+        DataModelVariant::NewtypeVariant(of) => one(of),
+        DataModelVariant::TupleVariant(of) => all(of),
+        DataModelVariant::StructVariant(of) => fields(of),
     };
-    std::vec![
-        SelfTestValues::Chip(ChipValues {
-            device: u16::MAX,
-            revision: u16::MAX,
-            unique_id: [u32::MAX; 3],
-            flash_kb: u16::MAX,
-            package: u8::MAX,
-        }),
-        SelfTestValues::OptionBytes(OptionByteValues {
-            status: u32::MAX,
-            banks_swapped: true,
-            writable_sectors: [u8::MAX; 2],
-            read_protected: [u32::MAX; 2],
-            secure: [u32::MAX; 2],
-            boot: u32::MAX,
-        }),
-        SelfTestValues::Clocks(ClockValues {
-            core_hz: u32::MAX,
-            timer_hz: u32::MAX,
-            low_speed: Some(count),
-            usb_frames: Some(count),
-            ticks: count,
-        }),
-        SelfTestValues::ErrorCorrection(ErrorCorrectionValues {
-            ram: [u8::MAX; RAM_MONITORS],
-            flash_corrected: [u32::MAX; 2],
-            flash_failed: [u32::MAX; 2],
-        }),
-        SelfTestValues::Output(OutputValues {
-            sums: [u32::MAX; OUTPUT_CODES],
-            noise: f32::MAX,
-            step_words: [u16::MAX; STEP_INSTANTS],
-            sample_cycles: u32::MAX,
-        }),
-        SelfTestValues::Rest(RestValues {
-            sum: u32::MAX,
-            range: [u16::MAX; 2],
-        }),
-        SelfTestValues::Encoder(EncoderValues {
-            count: u16::MAX,
-            levels: [true; 2],
-        }),
-        SelfTestValues::Flash(FlashValues {
-            slot: SlotId::B,
-            erase_us: u32::MAX,
-            not_erased: u32::MAX,
-            words: u32::MAX,
-            write_us: u32::MAX,
-            longest_write_us: u32::MAX,
-            wrong: u32::MAX,
-        }),
-    ]
-}
-
-fn self_test_errors() -> Vec<SelfTestError> {
-    std::vec![
-        SelfTestError::Playing,
-        SelfTestError::Uploading,
-        SelfTestError::ActiveSlot { slot: SlotId::B },
-        SelfTestError::NotEmpty { slot: SlotId::B },
-        SelfTestError::LastLibrary { slot: SlotId::B },
-        SelfTestError::Hardware { what: text() },
-    ]
-}
-
-fn settings_errors() -> Vec<SettingsError> {
-    let setting = Setting::HardLimit;
-    let from = LinkId::Serial;
-    let mut errors = std::vec![
-        SettingsError::Playing,
-        SettingsError::SupplyLow,
-        SettingsError::Repeated { setting },
-        SettingsError::Nothing,
-        SettingsError::NoProposal,
-        SettingsError::OtherLink { from },
-    ];
-    for setting in Setting::ALL {
-        errors.extend(setting.check(f32::INFINITY).err());
-    }
-    for operation in [
-        FlashOperation::Read,
-        FlashOperation::Erase,
-        FlashOperation::Write,
-    ] {
-        errors.push(SettingsError::Flash { operation });
-    }
-    errors
-}
-
-fn play_request() -> PlayRequest {
-    PlayRequest {
-        selection: Selection::Scene(text()),
-        gain: 1.5,
-        motion: MotionSource::Host,
-        seed: u64::MAX,
+    match of.ty {
+        Type::Unit | Type::UnitStruct => 0,
+        Type::Bool | Type::I8 | Type::U8 => 1,
+        Type::I16 | Type::U16 => 3,
+        Type::I32 | Type::U32 => 5,
+        Type::I64 | Type::U64 => 10,
+        Type::F32 => 4,
+        Type::String => 2 + text,
+        Type::Seq(of) => 2 + items * one(of),
+        Type::Option(of) => 1 + one(of),
+        Type::NewtypeStruct(of) => one(of),
+        Type::Tuple(of) | Type::TupleStruct(of) => all(of),
+        Type::Struct(of) => fields(of),
+        Type::Enum(of) => 1 + of.iter().map(|of| variant(of)).max().unwrap_or(0),
+        other => panic!("{}: no message has a {other:?}", of.name),
     }
 }
 
-fn all_mute_reasons() -> MuteReasons {
-    MuteReasons::from_bits(u8::MAX)
-}
-
-fn outputs() -> Vec<OutputStatus> {
-    let playing = |motion| Activity::Playing {
-        selection: Selection::Scene(text()),
-        motion,
-    };
-    let activities = [
-        Activity::Idle,
-        playing(MotionSource::Sensors),
-        playing(MotionSource::Host),
-        Activity::FadingOut,
-        Activity::Activating,
-    ];
-    let output = |activity| OutputStatus {
-        activity,
-        at_rest: true,
-        mute: all_mute_reasons(),
-        mute_counts: [u32::MAX; MUTE_REASON_COUNT],
-        saturations: u32::MAX,
-        hard_limited: u32::MAX,
-        slew_limited: u32::MAX,
-        thermally_limited: u32::MAX,
-        thermal_load_permille: u16::MAX,
-        thermal_gain_permille: u16::MAX,
-        amplifier: true,
-    };
-    activities.map(output).into()
-}
-
-/// The longest proposal.
-fn proposal() -> SettingsProposal {
-    let values = Setting::ALL.map(|setting| SettingChange {
-        setting,
-        value: f32::MAX,
-    });
-    SettingsProposal {
-        token: ProposalToken(u32::MAX),
-        change: SettingsChange::of(&values).expect("one each"),
-        loosens: SettingSet::ALL,
-        from: LinkId::Serial,
-        remaining_ms: u32::MAX,
-    }
-}
-
-#[expect(clippy::too_many_lines, reason = "one value per field of the status")]
-fn statuses() -> Vec<Status> {
-    let link = LinkCounters {
-        frames: u32::MAX,
-        malformed: u32::MAX,
-        oversized: u32::MAX,
-        line_errors: u32::MAX,
-        unsent: u32::MAX,
-    };
-    let fault = |kind| Fault {
-        kind,
-        program_counter: u32::MAX,
-        detail: u32::MAX,
-        address: Some(u32::MAX),
-        text: text(),
-    };
-    let status = |output, reset, fault, upload| Status {
-        uptime_ms: u64::MAX,
-        output,
-        tick: TickCounters {
-            ticks: u64::MAX,
-            missed: u32::MAX,
-            late_frames: u32::MAX,
-            late_conversions: u32::MAX,
-            late_outputs: u32::MAX,
-        },
-        tick_histogram: TickHistogram {
-            core_hz: u32::MAX,
-            shortest: u32::MAX,
-            longest: u32::MAX,
-            bins: [u32::MAX; TICK_BIN_COUNT],
-        },
-        marks: Marks {
-            stack_bytes: u32::MAX,
-            stack_used_bytes: u32::MAX,
-            longest_tick_delay_cycles: u32::MAX,
-            longest_critical_section_cycles: u32::MAX,
-            longest_watchdog_gap_us: u32::MAX,
-        },
-        levels: Levels {
-            samples: u32::MAX,
-            vibration_decibel: f32::MIN,
-            force_newton: f32::MAX,
-            force_noise_decibel: f32::MIN,
-        },
-        record: RecordCounters {
-            recording: true,
-            blocks: u32::MAX,
-            lost_blocks: u32::MAX,
-        },
-        usb: link,
-        serial: link,
-        active: Some(SlotId::B),
-        library_crc32: u32::MAX,
-        upload,
-        reset,
-        resets: u32::MAX,
-        fault,
-        settings: SettingsState {
-            set: SettingSet::ALL,
-            lost: SettingSet::ALL,
-            differing: SettingSet::ALL,
-            mended: true,
-            unwritable: true,
-        },
-        start: StartReport {
-            clock: ClockSource::InternalUnmultiplied,
-            revision: SiliconRevision(u16::MAX),
-            brown_out_level: u8::MAX,
-            supply_low: true,
-            quick_faults: u8::MAX,
-            safe_mode: true,
-            hung_stage: Some(StartStage::Links),
-        },
-        lease: LeaseStatus {
-            holder: Some(LinkId::Serial),
-            is_alive: true,
-            refused: u32::MAX,
-        },
-        proposal: Some(proposal()),
-        limits: OutputLimits {
-            peak_volt: f32::MAX,
-            mean_square: f32::MAX,
-            coil_watt: f32::MAX,
-            is_capped: true,
-        },
-    };
-    let resets = [
-        ResetReason::PowerOn,
-        ResetReason::Brownout,
-        ResetReason::Pin,
-        ResetReason::Software,
-        ResetReason::Watchdog,
-        ResetReason::Fault,
-        ResetReason::Unknown,
-    ];
-    let kinds = [
-        FaultKind::HardFault,
-        FaultKind::Nmi,
-        FaultKind::Panic,
-        FaultKind::UnexpectedInterrupt,
-        FaultKind::TickStopped,
-        FaultKind::ExecutorStopped,
-        FaultKind::ClockFailed,
-        FaultKind::StartHung,
-        FaultKind::StackOverflow,
-        FaultKind::MemoryProtection,
-        FaultKind::BusFault,
-    ];
-    let busy = UploadState::Receiving(upload_progress());
-    let mut statuses = std::vec![status(
-        outputs().remove(0),
-        resets[0],
-        None,
-        UploadState::Idle
-    )];
-    for output in outputs() {
-        for reset in resets {
-            statuses.push(status(output.clone(), reset, Some(fault(kinds[0])), busy));
-        }
-    }
-    for kind in kinds {
-        statuses.push(status(
-            outputs().remove(1),
-            resets[0],
-            Some(fault(kind)),
-            busy,
-        ));
-    }
-    statuses
-}
-
-fn texture_infos() -> Vec<TextureInfo> {
-    let info = |provenance| TextureInfo {
-        name: text(),
-        provenance,
-        sample_rate_hz: u32::MAX,
-        max_order: u16::MAX,
-        speeds: u8::MAX,
-        forces: u8::MAX,
-        speed_range: [MillimetresPerSecond(0.0), MillimetresPerSecond(f32::MAX)],
-        force_range: [Newton(0.0), Newton(f32::MAX)],
-        silent_nodes: u16::MAX,
-        filled_nodes: u16::MAX,
-        doubtful_nodes: u16::MAX,
-    };
-    [Provenance::Recorded, Provenance::Simulated]
-        .map(info)
-        .into()
-}
-
-/// The response type of an endpoint. It is found by the endpoint's name, so that a change of the tables shows here.
-type Response<E> = <E as postcard_rpc::Endpoint>::Response;
-
-fn upload_committed() -> UploadCommitted {
-    UploadCommitted {
-        slot: SlotId::B,
-        sequence: u32::MAX,
-        textures: u16::MAX,
-        times: UploadTimes {
-            erase_us: u32::MAX,
-            program_us: u32::MAX,
-            check_us: u32::MAX,
-            wait_us: u32::MAX,
-            sectors: u16::MAX,
-            words: u32::MAX,
-        },
-    }
+fn capacity<const N: usize>(_: fn(heapless::String<N>)) -> usize {
+    N
 }
 
 #[test]
-fn every_answer_comes_back_and_fits_a_frame() {
-    to_host::<Response<InfoEndpoint>>([DeviceInfo {
-        product: text(),
-        serial: text(),
-        firmware_version: text(),
-        build: text(),
-        protocol_version: u16::MAX,
-        library_format_version: u16::MAX,
-        schema_hash: u64::MAX,
-    }]);
-    to_host::<Response<StatusEndpoint>>(statuses());
-    to_host::<Response<UploadBeginEndpoint>>(upload_errors().into_iter().map(Err));
-    to_host::<Response<UploadChunkEndpoint<'_>>>([Ok(upload_progress())]);
-    to_host::<Response<UploadCommitEndpoint>>([Ok(upload_committed())]);
-    to_host::<Response<UploadAbortEndpoint>>([Ok(UploadState::Idle)]);
-    to_host::<Response<UploadProgressEndpoint>>([
-        UploadState::Idle,
-        UploadState::Receiving(upload_progress()),
-    ]);
-    let mut states = std::vec![
-        SlotState::Empty,
-        SlotState::Receiving,
-        SlotState::Valid(slot_info())
-    ];
-    states.extend(slot_faults().into_iter().map(SlotState::Faulty));
-    for state in states {
-        let slots = [state.clone(), state];
-        to_host::<Response<SlotsEndpoint>>([
-            Slots {
-                slots: slots.clone(),
-                active: None,
-            },
-            Slots {
-                slots,
-                active: Some(SlotId::A),
-            },
-        ]);
+fn every_message_fits_a_frame() {
+    fn fits<T: Schema + ?Sized>(text: usize, frame: usize) {
+        let length = longest(T::SCHEMA, [text, SETTING_COUNT]) + HEADER_BYTES;
+        assert!(length <= frame, "{}: {length} bytes", T::SCHEMA.name);
     }
-    to_host::<Response<ListEndpoint>>(texture_infos().into_iter().map(Ok));
-    to_host::<Response<ListEndpoint>>(list_errors().into_iter().map(Err));
-    to_host::<Response<ListSceneEndpoint>>([Ok(SceneInfo {
-        name: text(),
-        surfaces: u8::MAX,
-        regions: u8::MAX,
-        taps: u8::MAX,
-        stick_slips: u8::MAX,
-        sections: u8::MAX,
-        constant_motion: true,
-    })]);
-    to_host::<Response<ListSceneEndpoint>>(list_errors().into_iter().map(Err));
-    to_host::<Response<ActivateEndpoint>>([Ok(Activated {
-        slot: SlotId::B,
-        library: slot_info(),
-    })]);
-    to_host::<Response<ActivateEndpoint>>(activate_errors().into_iter().map(Err));
-    to_host::<Response<PlayEndpoint>>([Ok(Playing {
-        request: play_request(),
-        mute: all_mute_reasons(),
-    })]);
-    to_host::<Response<PlayEndpoint>>(play_errors().into_iter().map(Err));
-    let range = CycleRange {
-        runs: u32::MAX,
-        shortest: u32::MAX,
-        longest: u32::MAX,
-    };
-    to_host::<Response<CyclesEndpoint>>([CycleReport {
-        core_hz: u32::MAX,
-        tick: range,
-        update: range,
-    }]);
-    to_host::<Response<StopEndpoint>>(outputs().into_iter().map(Ok));
-    to_host::<Response<StopEndpoint>>([Err(StopError::NotPlaying)]);
-    to_host::<Response<MotionEndpoint>>([
-        Ok(MotionSource::Sensors),
-        Ok(MotionSource::Host),
-        Err(MotionRefused::Speed),
-        Err(MotionRefused::Force),
-        Err(MotionRefused::Position),
-        Err(MotionRefused::Held { by: LinkId::Usb }),
-    ]);
-    let started = RecordStarted {
-        sample_rate_hz: u32::MAX,
-        block_samples: u32::MAX,
-    };
-    to_host::<Response<RecordStartEndpoint>>([Ok(started), Err(RecordError::Recording)]);
-    let stopped = RecordStopped {
-        blocks: u32::MAX,
-        lost_blocks: u32::MAX,
-    };
-    to_host::<Response<RecordStopEndpoint>>([Ok(stopped), Err(RecordError::NotRecording)]);
-    to_host::<Response<SettingsGetEndpoint>>([Ok(Settings::default())]);
-    to_host::<Response<SettingsProposeEndpoint>>(settings_errors().into_iter().map(Err));
-    to_host::<Response<SettingsProposeEndpoint>>([Ok(proposal())]);
-    to_host::<Response<SettingsApplyEndpoint>>([Ok(Settings::default())]);
-}
-
-#[test]
-fn every_request_comes_back_and_fits_a_frame() {
-    to_device([
-        UploadBegin {
-            length: 0,
-            crc32: 0,
-            replaces_last: false,
-        },
-        upload_progress().upload,
-    ]);
-    to_device([
-        ListRequest {
-            slot: SlotId::A,
-            index: 0,
-        },
-        ListRequest {
-            slot: SlotId::B,
-            index: u8::MAX,
-        },
-    ]);
-    to_device(SlotId::ALL);
-    to_device([play_request()]);
-    to_device([
-        MotionSample {
-            speed: MillimetresPerSecond(f32::MAX),
-            force: Newton(f32::MIN),
-            position_mm: Some(f32::MAX),
-            contact: Some(true),
-        },
-        MotionSample {
-            speed: MillimetresPerSecond(0.0),
-            force: Newton(0.0),
-            position_mm: None,
-            contact: None,
-        },
-    ]);
-    to_device([proposal().change, SettingsChange::Reset]);
-    to_device([proposal().token]);
-
-    let data = [0xa5; MAX_CHUNK_BYTES];
-    let chunk = UploadChunk {
-        offset: u32::MAX,
-        data: &data,
-    };
-    let mut bytes = [0; MAX_HOST_FRAME_BYTES];
-    let used = postcard::to_slice(&chunk, &mut bytes).expect("a chunk fits a frame");
-    assert!(used.len() + HEADER_BYTES <= MAX_HOST_FRAME_BYTES);
-    assert_eq!(postcard::from_bytes(used), Ok(chunk));
+    fn to_host<E: postcard_rpc::Endpoint>(text: usize)
+    where
+        E::Response: Schema,
+    {
+        fits::<E::Response>(text, MAX_DEVICE_FRAME_BYTES);
+    }
+    let name = capacity(drop::<TextureName>).max(capacity(drop::<SceneName>));
+    let fault = capacity(drop::<FaultText>).max(name);
+    let reason = capacity(drop::<Reason>).max(name);
+    to_host::<InfoEndpoint>(
+        capacity(drop::<VersionText>)
+            .max(capacity(drop::<ProductName>))
+            .max(capacity(drop::<Serial>)),
+    );
+    to_host::<StatusEndpoint>(fault);
+    to_host::<CyclesEndpoint>(0);
+    to_host::<UploadBeginEndpoint>(reason);
+    to_host::<UploadCommitEndpoint>(reason);
+    to_host::<UploadAbortEndpoint>(reason);
+    to_host::<UploadProgressEndpoint>(0);
+    to_host::<SlotsEndpoint>(reason);
+    to_host::<ListEndpoint>(reason);
+    to_host::<ListSceneEndpoint>(reason);
+    to_host::<ActivateEndpoint>(reason);
+    to_host::<PlayEndpoint>(capacity(drop::<Arithmetic>).max(reason));
+    to_host::<StopEndpoint>(name);
+    to_host::<MotionEndpoint>(0);
+    to_host::<RecordStartEndpoint>(0);
+    to_host::<RecordStopEndpoint>(0);
+    to_host::<SettingsGetEndpoint>(0);
+    to_host::<SettingsProposeEndpoint>(0);
+    to_host::<SettingsApplyEndpoint>(0);
+    to_host::<SelfTestEndpoint>(reason);
+    fits::<PlayRequest>(name, MAX_HOST_FRAME_BYTES);
+    fits::<MotionSample>(0, MAX_HOST_FRAME_BYTES);
+    fits::<SettingsChange>(0, MAX_HOST_FRAME_BYTES);
+    fits::<SelfTestRequest>(0, MAX_HOST_FRAME_BYTES);
+    // Offset, length and bytes of a chunk.
+    assert!(5 + 2 + MAX_CHUNK_BYTES + HEADER_BYTES <= MAX_HOST_FRAME_BYTES);
 }
 
 #[test]
@@ -687,10 +116,12 @@ fn a_record_block_takes_less_than_400_bytes_whatever_is_in_it() {
         }
         .into(); BLOCK_SAMPLES],
     };
-    assert!(check(&block(u16::MAX, u32::MAX), 400) > check(&block(0, 0), 400));
+    let length = postcard::to_slice(&block(u16::MAX, u32::MAX), &mut [0; 4096])
+        .expect("no message is so long")
+        .len();
+    assert!(length + HEADER_BYTES <= 400, "{length} bytes");
     // At the serial rate, 10 bits per byte, blocks take less than three quarters of the line.
-    let bytes_per_second = SAMPLE_RATE_HZ / BLOCK_SAMPLES as u32
-        * (check(&block(u16::MAX, u32::MAX), 400) as u32 + 20);
+    let bytes_per_second = SAMPLE_RATE_HZ / BLOCK_SAMPLES as u32 * (length as u32 + 20);
     assert!(bytes_per_second * 10 < SERIAL_BAUD / 4 * 3);
     // Twice as many would not fit, so recordings stay at this rate.
     assert!(2 * bytes_per_second * 10 > SERIAL_BAUD);
@@ -740,17 +171,6 @@ proptest! {
 }
 
 #[test]
-fn every_measurement_fits_its_frame() {
-    to_host::<Response<SelfTestEndpoint>>(self_test_values().into_iter().map(Ok));
-    to_host::<Response<SelfTestEndpoint>>(self_test_errors().into_iter().map(Err));
-    let flash = SelfTestRequest::Flash {
-        slot: SlotId::B,
-        erases_library: true,
-    };
-    to_device([SelfTestRequest::Chip, SelfTestRequest::Output, flash]);
-}
-
-#[test]
 fn settings_stand_at_their_numbers_with_defaults_in_range() {
     for (index, setting) in Setting::ALL.into_iter().enumerate() {
         let spec = setting.spec();
@@ -782,40 +202,10 @@ fn mute_reasons_are_kept_apart() {
         assert_eq!(one.to_string(), reason.to_string());
         assert!(one.set(reason, false).is_empty());
     }
-    assert_eq!(all_mute_reasons().iter().count(), MUTE_REASON_COUNT);
-}
-
-/// The text of every error of the protocol.
-fn errors_in_words() -> Vec<String> {
-    fn words<E: Display>(errors: impl IntoIterator<Item = E>) -> impl Iterator<Item = String> {
-        errors
-            .into_iter()
-            .map(|error| error.to_string())
-            .collect::<Vec<_>>()
-            .into_iter()
-    }
-    words(upload_errors())
-        .chain(words(slot_faults()))
-        .chain(words(list_errors()))
-        .chain(words(activate_errors()))
-        .chain(words(play_errors()))
-        .chain(words(settings_errors()))
-        .chain(words(self_test_errors()))
-        .chain(words([StopError::NotPlaying]))
-        .chain(words([RecordError::Recording, RecordError::NotRecording]))
-        .chain(words([MotionRefused::Speed, MotionRefused::Force]))
-        .collect()
-}
-
-#[test]
-fn every_error_says_what_is_wrong_and_what_to_do() {
-    for words in errors_in_words() {
-        let parts = words.split_once(": ").or_else(|| words.split_once("; "));
-        assert!(
-            parts.is_some_and(|(what, remedy)| what.len() > 3 && remedy.len() > 3),
-            "{words}"
-        );
-    }
+    assert_eq!(
+        MuteReasons::from_bits(u8::MAX).iter().count(),
+        MUTE_REASON_COUNT
+    );
 }
 
 /// Path and key of each of this protocol's own entries.

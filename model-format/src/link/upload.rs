@@ -69,39 +69,6 @@ pub struct UploadCommitted {
     pub sequence: u32,
     /// Number of its textures.
     pub textures: u16,
-    /// Time that the upload took.
-    pub times: UploadTimes,
-}
-
-/// Time that an upload took in the device, by its own clock, from its begin until it is committed.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
-pub struct UploadTimes {
-    /// Erasing sectors, µs.
-    pub erase_us: u32,
-    /// Programming flash words and reading each of them back, µs.
-    pub program_us: u32,
-    /// Reading and decoding what was received, and what the upload must not erase, µs.
-    pub check_us: u32,
-    /// Waiting for the host and its link, µs.
-    pub wait_us: u32,
-    /// Number of sectors that were erased.
-    pub sectors: u16,
-    /// Number of flash words that were programmed.
-    pub words: u32,
-}
-
-impl UploadTimes {
-    /// All of it, µs.
-    pub const fn total_us(&self) -> u64 {
-        let Self {
-            erase_us,
-            program_us,
-            check_us,
-            wait_us,
-            ..
-        } = *self;
-        erase_us as u64 + program_us as u64 + check_us as u64 + wait_us as u64
-    }
 }
 
 /// An operation of the flash.

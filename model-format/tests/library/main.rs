@@ -6,10 +6,10 @@
 mod bytes;
 mod damage;
 mod faults;
+mod faults_of_parts;
 mod fed;
 mod limits;
 mod round_trip;
 mod scenes;
 mod size;
-mod tails;
 mod walk;

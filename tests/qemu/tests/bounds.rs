@@ -129,7 +129,7 @@ impl Recipe {
                     Ok(bytes) if bytes.len() <= most => return bytes,
                     Ok(_) => {}
                     Err(error) => assert!(
-                        matches!(error.problem, Problem::TooLarge { .. }),
+                        matches!(error.problem, Problem::Range { .. }),
                         "{error}: {self:?}"
                     ),
                 }

@@ -90,20 +90,6 @@ pub struct FlashFault {
     pub offset: u32,
 }
 
-/// A step of an upload.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Step {
-    /// Erasing a sector.
-    Erase,
-    /// Programming so many words, and reading each of them back.
-    Program {
-        /// Their number.
-        words: u32,
-    },
-    /// Reading and decoding a library.
-    Check,
-}
-
 /// Failure of a write.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WriteFault {
@@ -393,13 +379,11 @@ impl<F: MappedFlash> SlotStore<F> {
     }
 
     /// Validates `length` bytes in the claimed slot, each read once, and makes them a library by writing its header.
-    /// `ended` gets each step.
     pub(crate) async fn seal(
         &mut self,
         claim: Claim,
         length: u32,
         crc32: u32,
-        mut ended: impl FnMut(Step),
     ) -> Result<SlotInfo, SealFault> {
         let slot = claim.slot();
         self.check_bytes(slot, length, crc32)
@@ -407,7 +391,6 @@ impl<F: MappedFlash> SlotStore<F> {
             .map_err(SealFault::Bytes)?;
         let content = self.check_library(slot, length).await;
         let content = content.map_err(SealFault::Bytes)?;
-        ended(Step::Check);
         let header = Header {
             sequence: self.highest.unwrap_or(0).wrapping_add(1),
             length,
@@ -418,7 +401,6 @@ impl<F: MappedFlash> SlotStore<F> {
             let _ = self.erase_sector(claim, Self::header_sector()).await;
             return Err(SealFault::Write(fault));
         }
-        ended(Step::Program { words: 1 });
         self.note_header(header);
         Ok(self.set_valid(slot, header, content))
     }

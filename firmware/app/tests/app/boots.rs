@@ -28,7 +28,7 @@ use proptest::test_runner::TestRunner;
 use stylus_app::flash::WORD_BYTES;
 use stylus_app::slots::SlotStore;
 
-use crate::budget::{self, Chance};
+use crate::budget;
 
 /// Chunk of an upload, bytes.
 const CHUNK: usize = 2 * WORD_BYTES;
@@ -492,53 +492,6 @@ fn numbers() -> impl Strategy<Value = [Option<u32>; 2]> {
         let second = first.map(|first: u32| first.wrapping_add(ahead).wrapping_sub(1));
         [first, second.filter(|_| both)]
     })
-}
-
-#[test]
-fn a_cut_at_any_operation_of_any_short_history_leaves_what_was_promised() {
-    let whole = |replaces_last| Action::Upload {
-        library: 2,
-        chunks: usize::MAX,
-        replaces_last,
-    };
-    let before = [
-        None,
-        Some(Action::Activate(SlotId::A)),
-        Some(Action::Damage(SlotId::A, Place::First, Damage::Unstable)),
-        Some(Action::Damage(SlotId::B, Place::Header, Damage::Unstable)),
-        Some(Action::Damage(SlotId::A, Place::Last, Damage::Faulting)),
-    ];
-    let cut = [whole(false), whole(true), Action::SelfTest(SlotId::A)];
-    let beginnings = [
-        [None, None],
-        [Some(1), None],
-        [Some(1), Some(2)],
-        [Some(u32::MAX), Some(u32::MAX - 1)],
-    ];
-    let mut chance = Chance::new(budget::seed(), 0);
-    let mut histories = 0;
-    for (numbers, first, action) in beginnings
-        .into_iter()
-        .flat_map(|numbers| before.map(move |first| (numbers, first)))
-        .flat_map(|(numbers, first)| cut.map(move |action| (numbers, first, action)))
-    {
-        for (at, how) in (0..upload_operations())
-            .flat_map(|at| Cut::WITH_UNSTABLE.map(move |how| (at, Mishap::Cut(how))))
-            .filter(|_| chance.is_drawn())
-        {
-            let mut steps = Vec::new();
-            steps.extend(first.map(|action| Step {
-                action,
-                mishap: None,
-            }));
-            let mishap = Some((at, how));
-            steps.push(Step { action, mishap });
-            histories += 1;
-            let lived = live(numbers, budget::seed() ^ histories, &steps);
-            assert_eq!(lived, Ok(()), "{numbers:?} {steps:?}, history {histories}");
-        }
-    }
-    assert!(histories >= 100, "{histories}");
 }
 
 #[test]

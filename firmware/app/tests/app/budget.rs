@@ -53,9 +53,4 @@ impl Chance {
         self.0 ^= self.0 << 17;
         ((self.0 >> 11) % bound as u64) as usize
     }
-
-    /// True for one in ten in an ordinary run, and always in an attack.
-    pub fn is_drawn(&mut self) -> bool {
-        self.below(10) < cases(10) as usize
-    }
 }

@@ -5,7 +5,7 @@ use fake_stylus::hardware::Hardware;
 use fake_stylus::library::library;
 use fake_stylus::requests::Requests;
 use model_format::link::{
-    Activity, KEEP_ALIVE_MS, KeepAliveTopic, LINK_LOST_AFTER_MS, LOCKED, LinkId, MotionEndpoint,
+    KEEP_ALIVE_MS, KeepAliveTopic, LINK_LOST_AFTER_MS, LOCKED, LinkId, MotionEndpoint,
     MotionRefused, MotionSample, MotionSource, MotionTopic, MuteReason, PROPOSAL_VALID_MS,
     PlayEndpoint, PlayError, PlayRequest, ProposalToken, Setting, SettingChange, SettingSet,
     Settings, SettingsChange, SettingsError, SettingsProposal, SettingsProposeEndpoint, Status,
@@ -157,55 +157,6 @@ fn a_play_whose_program_died_is_silent_in_time_whatever_else_is_asked_on_either_
 }
 
 #[test]
-fn while_one_link_plays_the_other_may_stop_it_and_may_neither_play_nor_move() {
-    let stylus = Stylus::new();
-    let [usb, serial] = LINKS;
-    assert_eq!(stylus.status(serial).lease.holder, None);
-    assert!(
-        stylus.moves(serial).is_ok(),
-        "without a play, anybody moves"
-    );
-    stylus.play(usb).expect("it is there");
-    stylus.run_kept(usb, 100);
-    assert_eq!(stylus.play(serial), Err(PlayError::Held { by: usb }));
-    assert_eq!(stylus.moves(serial), Err(MotionRefused::Held { by: usb }));
-    assert!(stylus.moves(usb).is_ok());
-    let lease = stylus.status(serial).lease;
-    let found = (lease.holder, lease.is_alive, lease.refused);
-    assert_eq!(found, (Some(usb), true, 2));
-    stylus.run_kept(usb, 300);
-    assert!(stylus.stylus.sounds());
-    assert!(stylus.is_stopped(serial));
-    stylus.run_kept(usb, 100);
-    assert!(!stylus.stylus.sounds());
-    let status = stylus.status(serial);
-    let found = (status.output.activity, status.lease.holder);
-    assert_eq!(found, (Activity::Idle, None));
-    // The one that stopped it may play now, and the lease is its own.
-    stylus.play(serial).expect("nobody plays");
-    assert_eq!(stylus.play(usb), Err(PlayError::Held { by: serial }));
-}
-
-#[test]
-fn a_lease_that_has_lapsed_is_taken_over_by_a_play_of_the_other_link() {
-    let stylus = Stylus::new();
-    let [usb, serial] = LINKS;
-    stylus.play(usb).expect("it is there");
-    stylus.run_kept(usb, 300);
-    stylus.keep_alive(usb);
-    for _ in 0..=LINK_LOST_AFTER_MS {
-        assert_eq!(stylus.play(serial), Err(PlayError::Held { by: usb }));
-        stylus.stylus.control.millisecond();
-    }
-    stylus.play(serial).expect("the lease has lapsed");
-    stylus.run_kept(serial, 300);
-    assert!(stylus.stylus.sounds());
-    // The one before does not keep it alive any more.
-    stylus.run_kept(usb, SILENT_WITHIN_MS);
-    assert!(!stylus.stylus.sounds());
-}
-
-#[test]
 fn no_single_frame_changes_a_setting_and_the_second_one_changes_all_of_them_once() {
     let mut stylus = Stylus::new();
     let [usb, serial] = LINKS;
@@ -266,22 +217,6 @@ fn a_proposal_ends_with_its_time_a_play_and_another_proposal() {
     assert_eq!(stylus.apply(usb, first.token), gone);
     assert_eq!(stylus.settings(), before);
     assert!(stylus.apply(serial, second.token).is_ok());
-}
-
-#[test]
-fn of_a_change_with_one_bad_value_nothing_is_done() {
-    let stylus = Stylus::new();
-    let propose = |values: &[(Setting, f32)]| stylus.propose(LinkId::Usb, &change_of(values));
-    let good = (Setting::HardLimit, 0.1);
-    let bad = propose(&[good, (Setting::PowerLimit, 100.0)]);
-    assert!(matches!(bad, Err(SettingsError::OutOfRange { .. })));
-    let setting = Setting::HardLimit;
-    assert_eq!(
-        propose(&[good, good]),
-        Err(SettingsError::Repeated { setting })
-    );
-    assert_eq!(propose(&[]), Err(SettingsError::Nothing));
-    assert_eq!(stylus.proposal(), None);
 }
 
 #[test]

@@ -2,23 +2,19 @@
 
 use std::iter;
 
-use embassy_futures::block_on;
 use fake_stylus::device::{COIL, SteppedStylus, play_request};
 use fake_stylus::flash::{Memory, SECTOR_BYTES, SimulatedFlash};
 use fake_stylus::hardware::Hardware;
 use fake_stylus::library::{announcement, library, texture};
 use model_format::limits::{self, MAX_ORDER, SLOT_BYTES};
 use model_format::link::{
-    ActivateError, Activity, LINK_LOST_AFTER_MS, LinkId, ListError, ListRequest,
-    MAX_PIN_MEAN_SQUARE, MotionSample, MotionSource, MuteReason, PlayError, PlayRequest,
-    RecordError, STALE_AFTER_MS, Selection, Setting, SettingChange, SettingSet, Settings,
-    SettingsChange, SettingsError, SettingsState, SlotId, SlotState, StopError, UploadChunk,
-    UploadError,
+    ActivateError, Activity, LINK_LOST_AFTER_MS, LinkId, MAX_PIN_MEAN_SQUARE, MotionSource,
+    MuteReason, PlayError, PlayRequest, STALE_AFTER_MS, Selection, Setting, SettingChange,
+    SettingSet, Settings, SettingsChange, SettingsError, SettingsState, SlotId, StopError,
+    UploadChunk, UploadError,
 };
 use model_format::scene::{Biquad, Region, Scene, StickSlip, Surface, Tap};
-use model_format::{
-    DacCode, Library, MillimetresPerSecond, Newton, PlayRate, encode, encode_with_scenes,
-};
+use model_format::{DacCode, Library, PlayRate, encode, encode_with_scenes};
 use stylus_app::safety::Config;
 use stylus_kernel::scene::Plan;
 
@@ -78,34 +74,6 @@ fn library_with_scenes() -> Vec<u8> {
     let textures = [texture("right", 40, 1, 5_000), texture("fast", 4, 1, 8_000)];
     let scenes = [scene("bench", 0, 5_000), scene("fast", 1, 8_000)];
     encode_with_scenes(&textures, &scenes).expect("valid")
-}
-
-#[test]
-fn a_library_is_uploaded_activated_played_and_stopped() {
-    let mut stylus = SteppedStylus::boot();
-    stylus.set_coil();
-    let play = play_request("texture 1");
-    assert_eq!(refusal(&stylus, play.clone()), PlayError::NoLibrary);
-    stylus.run(10);
-    assert_eq!(mute(&stylus), [MuteReason::NotPlaying]);
-    assert_eq!(stylus.status().active, None);
-
-    let bytes = library(2, 20, 1);
-    let slot = stylus.upload(&bytes).expect("it is valid").slot;
-    stylus.activate(slot).expect("it is valid");
-    let status = stylus.status();
-    let active = (status.active, status.library_crc32);
-    assert_eq!(active, (Some(SlotId::A), announcement(&bytes).crc32));
-    plays(&stylus, &play);
-    let Activity::Playing { selection, .. } = stylus.status().output.activity else {
-        panic!("it plays");
-    };
-    assert_eq!(selection, play.selection);
-    assert_eq!(mute(&stylus), []);
-    stop(&stylus);
-    let again = stylus.control.borrow_mut().stop();
-    assert_eq!(again, Err(StopError::NotPlaying));
-    assert_eq!(stylus.status().output.activity, Activity::Idle);
 }
 
 #[test]
@@ -337,28 +305,6 @@ fn the_longest_arithmetic_fits_its_answer() {
 }
 
 #[test]
-fn the_scenes_of_a_slot_are_listed_one_by_one() {
-    let mut stylus = SteppedStylus::ready(&library_with_scenes());
-    let mut list = |slot, index| block_on(stylus.storage.list_scene(ListRequest { slot, index }));
-    let slot = SlotId::A;
-    for (index, name) in (0..).zip(["bench", "fast"]) {
-        let info = list(slot, index).expect("there are two");
-        assert_eq!((info.name.as_str(), info.surfaces), (name, 1));
-    }
-    let (index, scenes) = (2, 2);
-    let past = ListError::SceneIndex {
-        slot,
-        index,
-        scenes,
-    };
-    assert_eq!(list(slot, index), Err(past));
-    let slot = SlotId::B;
-    assert_eq!(list(slot, 0), Err(ListError::NoLibrary { slot }));
-    let valid = stylus.storage.slots().slots;
-    assert!(matches!(&valid[0], SlotState::Valid(library) if library.scenes == 2));
-}
-
-#[test]
 fn another_library_takes_over_in_silence_and_one_that_is_not_there_or_fails_does_not() {
     let mut stylus = playing();
     let slot = SlotId::B;
@@ -411,21 +357,6 @@ fn motion_that_stops_and_a_host_that_goes_are_silent_within_100_ms() {
         stylus.run(300);
         assert!(stylus.sounds());
     }
-}
-
-#[test]
-fn motion_that_is_not_finite_is_refused_and_the_one_before_holds() {
-    let stylus = playing();
-    let before = stylus.hardware().host;
-    let bad = MotionSample {
-        speed: MillimetresPerSecond(f32::NAN),
-        force: Newton(1.0),
-        position_mm: None,
-        contact: None,
-    };
-    let moved = stylus.control.borrow_mut().motion(LinkId::Serial, bad);
-    assert!(moved.is_err());
-    assert_eq!(stylus.hardware().host, before);
 }
 
 #[test]
@@ -661,26 +592,6 @@ fn a_boot_takes_the_newest_library_that_can_be_read() {
     let mut wearing = SimulatedFlash::new(memory);
     wearing.wears_out = Some((SLOT_BYTES + 64, 1));
     assert_eq!(boot(wearing), Some(SlotId::A));
-}
-
-#[test]
-fn recordings_are_started_and_stopped_once() {
-    let stylus = SteppedStylus::boot();
-    let mut control = stylus.control.borrow_mut();
-    assert_eq!(control.record_stop(), Err(RecordError::NotRecording));
-    assert!(control.record_start(LinkId::Usb).is_ok());
-    assert!(control.status().record.recording);
-    let again = control.record_start(LinkId::Serial);
-    assert_eq!(again, Err(RecordError::Recording));
-    drop(control);
-    // The blocks go to the link that has begun, and not to the one that was refused.
-    let block = iter::repeat_with(|| {
-        stylus.hardware().tick();
-        stylus.control.borrow_mut().next_block()
-    });
-    let (link, _) = block.take(100).flatten().next().expect("one in 32 ticks");
-    assert_eq!(link, LinkId::Usb);
-    assert!(stylus.control.borrow_mut().record_stop().is_ok());
 }
 
 #[test]

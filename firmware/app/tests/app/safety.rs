@@ -267,24 +267,6 @@ proptest! {
     }
 
     #[test]
-    fn an_output_that_is_at_rest_stays_at_mid_scale_while_it_is_muted(
-        settings in any_settings(), gain in 0.0f32..=4.0, input in any_input(), rate in any_rate(),
-    ) {
-        let config = Config::at_rate(&settings, gain, rate);
-        let mut state = State::new(&config);
-        for (sample, muted) in samples(&input) {
-            let [.., last] = process(&mut state, &config, sample, muted);
-            if state.is_at_rest() {
-                prop_assert_eq!(last, DacCode::MID_SCALE);
-                let mut copy = state;
-                for _ in 0..20 {
-                    prop_assert_eq!(process(&mut copy, &config, OutputSample(i32::MIN), true), REST);
-                }
-            }
-        }
-    }
-
-    #[test]
     fn silence_is_exactly_mid_scale_in_bounded_time(
         settings in any_settings(), input in any_input(), rate in any_rate(),
     ) {

@@ -1,6 +1,6 @@
 //! Fed textures: excitation from codebooks of a residual, from a level track, or both.
 
-use std::f64::consts::{FRAC_PI_2, LN_2, LN_10, PI};
+use std::f64::consts::{FRAC_PI_2, LN_2, LN_10};
 
 use model_format::{
     CodeSpec, CodebookSpec, ExcitationSpec, ModulationSpec, NodeSpec, OutputSample, PartsSpec,
@@ -210,10 +210,6 @@ pub fn mean_square(samples: &[f64]) -> f64 {
     mean(samples.iter().map(|x| x * x))
 }
 
-fn kurtosis(samples: &[f64]) -> f64 {
-    mean(samples.iter().map(|x| x.powi(4))) / mean_square(samples).powi(2)
-}
-
 /// Mean and its standard deviation, from means over blocks that are long enough to be independent.
 fn mean_with_error(values: &[f64], block: usize) -> (f64, f64) {
     let means: Vec<f64> = values
@@ -394,67 +390,6 @@ fn an_excitation_has_a_variance_of_one_and_no_mean() {
     }
 }
 
-/// Of all joins of many minutes: the power at each sample of the cross-fade, and that of the spectrum of a window
-/// around it, beside windows of the same length between joins. A codebook of independent samples is white.
-#[test]
-fn joins_have_neither_a_step_in_level_nor_a_spectrum_of_their_own() {
-    const WINDOW: usize = 50;
-    let with = |codebook| {
-        let parts = PartsSpec {
-            excitation: Some(everywhere(codebook, 4)),
-            ..PartsSpec::default()
-        };
-        encoded(bare(parts))
-    };
-    let count = 6_000_000;
-    let (ones, noise) = (
-        with(steady()),
-        with(codebook(&gaussian(3).take(8000).collect::<Vec<_>>())),
-    );
-    let ones: Vec<f64> = excitation(&texture(&ones), 8).take(count).collect();
-    let noise: Vec<f64> = excitation(&texture(&noise), 8).take(count).collect();
-    let joins = joins(&ones);
-    // A window around each cross-fade, and one of the same length before it, where there is no other.
-    let cut = |at: usize| noise[at..at + WINDOW].to_vec();
-    let around: Vec<Vec<f64>> = joins[1..].iter().map(|join| cut(join.at - 12)).collect();
-    let between: Vec<Vec<f64>> = joins[1..]
-        .iter()
-        .map(|join| cut(join.at - 12 - WINDOW))
-        .collect();
-    let windows = around.len() as f64;
-    for n in 0..WINDOW {
-        let power = mean(around.iter().map(|window| window[n].powi(2)));
-        // The square of a Gaussian sample has a standard deviation of √2.
-        assert!(
-            (power - 1.0).abs() < 4.5 * (2.0 / windows).sqrt(),
-            "sample {n}: {power}"
-        );
-    }
-    let periodogram = |windows: &[Vec<f64>], bin: usize| {
-        mean(windows.iter().map(|window| {
-            let turns = |n: usize| 2.0 * PI * (bin * n) as f64 / WINDOW as f64;
-            let (re, im) = window
-                .iter()
-                .enumerate()
-                .fold((0.0, 0.0), |(re, im), (n, x)| {
-                    let hann = 1.0 - (2.0 * PI * (n as f64 + 0.5) / WINDOW as f64).cos();
-                    (
-                        re + hann * x * turns(n).cos(),
-                        im + hann * x * turns(n).sin(),
-                    )
-                });
-            (re * re + im * im) / (1.5 * WINDOW as f64)
-        }))
-    };
-    for bin in 0..=WINDOW / 2 {
-        let (join, other) = (periodogram(&around, bin), periodogram(&between, bin));
-        let off = decibels(join / other);
-        // A periodogram's standard deviation is its mean, at both ends √2 times that; of a quotient of two √2 times.
-        let bound = 4.5 * 4.343 * 2.0 / windows.sqrt();
-        assert!(off.abs() < bound, "bin {bin}: {off:+.2} dB of {bound:.2}");
-    }
-}
-
 /// Of the noise that is multiplied nothing is left in the quotient with the same noise alone.
 fn levels_of(track: &ModulationSpec, seed: u64, samples: usize) -> Vec<f64> {
     let parts = PartsSpec {
@@ -542,100 +477,6 @@ fn a_level_track_multiplies_the_noise_of_the_same_seed_in_straight_lines_between
         .count();
     assert!(fits * 20 > lengths.len() * 19, "{lengths:?}");
     assert!(lengths.iter().all(|&length| length <= 101));
-}
-
-/// The covariance of levels some entries apart is that of the track's own entries, in the share of pairs that lie in
-/// one piece; pairs of different pieces are independent.
-#[test]
-fn levels_have_the_autocorrelation_of_their_track() {
-    let track = track(25, 4000, 3.0);
-    let amplitudes: Vec<f64> = track
-        .entries
-        .iter()
-        .map(|&entry| amplitude(entry))
-        .collect();
-    let levels = levels_of(&track, 12, 5_000_000);
-    // At the entries themselves, every 25 samples; gaps of the quotient are taken from the samples beside them.
-    let at_entries: Vec<f64> = levels
-        .chunks_exact(25)
-        .map(|step| {
-            let known = step.iter().copied().filter(|level| level.is_finite());
-            known
-                .into_iter()
-                .next()
-                .expect("no noise is near zero for so long")
-        })
-        .collect();
-    let covariance = |values: &[f64], lag: usize| -> Vec<f64> {
-        let center = mean(values.iter().copied());
-        let cyclic = values.iter().cycle().skip(lag);
-        values
-            .iter()
-            .zip(cyclic)
-            .map(|(a, b)| (a - center) * (b - center))
-            .collect()
-    };
-    // Pieces of 40 to 200 entries.
-    let mean_length = 120.0;
-    for lag in [0, 1, 2, 3, 5, 8, 13, 20, 30] {
-        let track = mean(covariance(&amplitudes, lag));
-        let expected = track * (1.0 - lag as f64 / mean_length);
-        let (found, error) = mean_with_error(&covariance(&at_entries, lag), 2000);
-        println!("lag {lag}: {found:.4} of {expected:.4} with {error:.4}");
-        assert!(
-            (found - expected).abs() < 4.5 * error + 0.01 * track.abs(),
-            "lag {lag}"
-        );
-    }
-}
-
-#[test]
-fn the_kurtosis_of_excitation_and_output_rises_with_the_codebooks() {
-    let shapes = [0.0, 0.3, 1.0, 3.0].map(|power: f64| {
-        let pairs: Vec<f64> = gaussian(1).take(16_000).collect();
-        let samples: Vec<f64> = pairs
-            .chunks(2)
-            .map(|x| x[0] * (power * x[1]).exp())
-            .collect();
-        let largest = samples
-            .iter()
-            .fold(0.0, |largest: f64, x| largest.max(x.abs()));
-        // Peaks are cut so that the codebook may be stored.
-        let bound = 25.0 * mean_square(&samples).sqrt();
-        codebook(
-            &samples
-                .iter()
-                .map(|x| x.clamp(-bound, bound).min(largest))
-                .collect::<Vec<_>>(),
-        )
-    });
-    let mut before = [0.0; 2];
-    for shape in shapes {
-        let stored = kurtosis(&values(&shape));
-        let parts = PartsSpec {
-            excitation: Some(everywhere(shape, 4)),
-            ..PartsSpec::default()
-        };
-        let bytes = encoded(bare(parts.clone()));
-        let signal: Vec<f64> = excitation(&texture(&bytes), 9).take(3_000_000).collect();
-        let found = kurtosis(&signal);
-        // A sum of two pieces has 3/4 of the excess in the mean over a fade, which takes 25 of 250 samples.
-        let expected = 3.0 + (stored - 3.0) * (1.0 - 0.1 / 4.0);
-        assert!(
-            (found / expected - 1.0).abs() < 0.06,
-            "{found} of {expected}"
-        );
-        let bytes = encoded(fed_h3(parts));
-        let (samples, saturations) = played(texture(&bytes), 9, 60_000);
-        let heard = kurtosis(&samples[5000..]);
-        println!("kurtosis: codebook {stored:.1}, excitation {found:.1}, output {heard:.2}");
-        assert!(
-            found > before[0] && heard > before[1],
-            "{heard} after {before:?}"
-        );
-        assert_eq!(saturations, 0);
-        before = [found, heard];
-    }
 }
 
 /// Ones at one node, sparse impulses at another, noise at two: the pieces of each are told apart by their values.

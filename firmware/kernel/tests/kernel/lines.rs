@@ -65,64 +65,69 @@ fn played(texture: Texture<'_>, seconds: f64, position_mm: impl Fn(f64) -> f64) 
     samples
 }
 
-/// The definition in floats, with the position linear within a block.
+/// The definition in floats, with the position linear within a block: steadily, in acceleration from 20 to 300 mm/s,
+/// and to and fro, so that a place feels the same in both directions.
 #[test]
 fn lines_are_the_sines_of_the_position() {
     let lines = [(0.61, 0.25, 1.5), (2.0, 0.9, 0.3), (731.0, 0.0, 4.0)];
     let bytes = silent_but_for(&lines);
-    let position_mm = |t: f64| 1000.0 + 120.0 * t + 30.0 * (3.0 * t).sin();
-    let samples = played(only_texture(&bytes), 4.0, position_mm);
-    for (n, sample) in samples.iter().enumerate().skip(2 * BLOCK) {
-        let block = n / BLOCK;
+    let ways: [fn(f64) -> f64; 4] = [
+        |t| 37.7 * t,
+        |t| 20.0 * t + 70.0 * t * t,
+        |t| 1000.0 + 120.0 * t + 30.0 * (3.0 * t).sin(),
+        |t| 30.0 * (TAU * 1.5 * t).sin(),
+    ];
+    for (way, position_mm) in ways.into_iter().enumerate() {
+        let samples = played(only_texture(&bytes), 2.0, position_mm);
         let time = |last: usize| (last as f64 - 1.0) / RATE;
-        let (from, to) = (
-            position_mm(time(block * BLOCK)),
-            position_mm(time((block + 1) * BLOCK)),
-        );
-        let x = from + (to - from) * (n % BLOCK + 1) as f64 / BLOCK as f64;
-        let exact: f64 = lines
-            .iter()
-            .map(|&(wavelength, phase, amplitude)| {
-                let turns = x / f64::from(wavelength) + (phase * 65_536.0).floor() / 65_536.0;
-                f64::from(amplitude) * (turns * TAU).sin()
-            })
-            .sum();
-        assert!(
-            (sample - exact).abs() < 2e-5,
-            "sample {n}: {sample}, not {exact}"
-        );
+        let ends =
+            |n: usize| [n / BLOCK, n / BLOCK + 1].map(|block| position_mm(time(block * BLOCK)));
+        // Near a turn the line fades with the speed.
+        let speed = |n: usize| (ends(n)[1] - ends(n)[0]).abs() * RATE / BLOCK as f64;
+        let moves =
+            |n: usize| n >= 2 * BLOCK && [n - BLOCK, n].into_iter().all(|n| speed(n) > 19.0);
+        let mut compared = 0;
+        for (n, sample) in samples.iter().enumerate().filter(|&(n, _)| moves(n)) {
+            let [from, to] = ends(n);
+            let x = from + (to - from) * (n % BLOCK + 1) as f64 / BLOCK as f64;
+            let exact: f64 = lines
+                .iter()
+                .map(|&(wavelength, phase, amplitude)| {
+                    let turns = x / f64::from(wavelength) + (phase * 65_536.0).floor() / 65_536.0;
+                    f64::from(amplitude) * (turns * TAU).sin()
+                })
+                .sum();
+            assert!(
+                (sample - exact).abs() < 2e-5,
+                "way {way}, sample {n}: {sample}, not {exact}"
+            );
+            compared += 1;
+        }
+        assert!(compared > 7000, "way {way}: {compared}");
     }
 }
 
-/// Times, in samples, at which `samples` rise through zero, by the sine through both neighbours.
-fn rises(samples: &[f64], amplitude: f64) -> Vec<f64> {
-    let angle = |sample: f64| (sample / amplitude).clamp(-1.0, 1.0).asin();
-    let pairs = samples.windows(2).enumerate();
-    pairs
-        .filter(|(_, pair)| pair[0] < 0.0 && pair[1] >= 0.0)
-        .map(|(n, pair)| n as f64 - angle(pair[0]) / (angle(pair[1]) - angle(pair[0])))
-        .collect()
-}
-
-/// The largest error of the frequency of a line of `wavelength_mm`, as a share of speed over wavelength, in windows of
-/// `window` samples: the turns between the first and the last rise through zero, against the way between them.
-fn frequency_error(
-    samples: &[f64],
-    wavelength_mm: f64,
-    window: usize,
-    position_mm: impl Fn(f64) -> f64,
-) -> f64 {
-    let chunks = samples.chunks_exact(window).enumerate();
-    chunks
-        .map(|(index, chunk)| {
-            let rises = rises(chunk, 1.0);
-            let turns = (rises.len() - 1) as f64;
-            let time = |rise: f64| (index * window) as f64 / RATE + rise / RATE;
-            let [first, last] =
-                [rises[0], rises[rises.len() - 1]].map(|rise| position_mm(time(rise)));
-            (turns * wavelength_mm / (last - first).abs() - 1.0).abs()
-        })
-        .fold(0.0, f64::max)
+/// Without positions.
+#[test]
+fn a_lines_frequency_is_speed_over_wavelength() {
+    let bytes = silent_but_for(&[(0.61, 0.3, 1.0)]);
+    for speed in [20.0, 37.7, 100.0, 300.0] {
+        let mut synthesis: Synthesis<'_> = Synthesis::new(only_texture(&bytes), 1);
+        let mut samples = Vec::new();
+        for _ in 0..2_000 {
+            synthesis.follow(motion(speed, 1.0), UPDATE_INTERVAL_SAMPLES);
+            samples.extend((0..BLOCK).map(|_| m_s2(synthesis.next_sample())));
+        }
+        let rises = samples
+            .windows(2)
+            .filter(|pair| pair[0] < 0.0 && pair[1] >= 0.0)
+            .count();
+        let turns = f64::from(speed) / 0.61 * samples.len() as f64 / RATE;
+        assert!(
+            (rises as f64 - turns).abs() < 1.01,
+            "{speed} mm/s: {rises} of {turns}"
+        );
+    }
 }
 
 fn level_db(window: &[f64]) -> f64 {
@@ -131,100 +136,6 @@ fn level_db(window: &[f64]) -> f64 {
 }
 
 const HALF_SECOND: usize = SAMPLE_RATE_HZ as usize / 2;
-
-#[test]
-fn a_lines_frequency_is_speed_over_wavelength_and_its_level_steady_at_all_speeds() {
-    for wavelength_mm in [0.61f32, 2.0] {
-        let bytes = silent_but_for(&[(wavelength_mm, 0.3, 1.0)]);
-        let texture = only_texture(&bytes);
-        for speed in [20.0, 37.7, 100.0, 299.3, 300.0] {
-            let told = played(texture, 4.0, |t| speed * t);
-            let mut synthesis: Synthesis<'_> = Synthesis::new(texture, 1);
-            let by_speed: Vec<f64> = (0..told.len())
-                .map(|n| {
-                    if n.is_multiple_of(BLOCK) {
-                        synthesis.follow(motion(speed as f32, 1.0), UPDATE_INTERVAL_SAMPLES);
-                    }
-                    m_s2(synthesis.next_sample())
-                })
-                .collect();
-            for samples in [told, by_speed] {
-                let samples = &samples[2 * BLOCK..];
-                let error = frequency_error(samples, f64::from(wavelength_mm), HALF_SECOND, |t| {
-                    speed * t
-                });
-                assert!(error < 1e-4, "{speed} mm/s, {wavelength_mm} mm: {error}");
-                for window in samples.chunks_exact(HALF_SECOND) {
-                    let level = level_db(window);
-                    // A window of a few periods that are not whole has not the mean level.
-                    let periods = speed / f64::from(wavelength_mm) / 2.0;
-                    let bound = (0.5f64).min(0.02 + 1.5 / periods);
-                    assert!(
-                        level.abs() < bound,
-                        "{speed} mm/s, {wavelength_mm} mm: {level} dB"
-                    );
-                }
-            }
-        }
-    }
-}
-
-/// From 20 to 300 mm/s and back within 4 s, in windows of 0.1 s.
-#[test]
-fn a_lines_frequency_follows_the_speed_in_acceleration() {
-    let position_mm = |t: f64| {
-        if t < 2.0 {
-            20.0 * t + 70.0 * t * t
-        } else {
-            320.0 + 300.0 * (t - 2.0) - 70.0 * (t - 2.0).powi(2)
-        }
-    };
-    for wavelength_mm in [0.25f32, 0.61] {
-        let bytes = silent_but_for(&[(wavelength_mm, 0.3, 1.0)]);
-        let samples = played(only_texture(&bytes), 4.0, position_mm);
-        let window = SAMPLE_RATE_HZ as usize / 10;
-        let from = window;
-        let error = frequency_error(&samples[from..], f64::from(wavelength_mm), window, |t| {
-            position_mm(t + from as f64 / RATE)
-        });
-        assert!(error < 1e-3, "{wavelength_mm} mm: {error}");
-    }
-}
-
-/// A hand that goes to and fro 30 mm at 1.5 Hz feels the same at the same place: the place that the sample tells of is
-/// off by a small part of a count of 0.01 mm, in both directions.
-#[test]
-fn a_line_retraces_when_the_tool_reverses() {
-    let wavelength_mm = 0.61;
-    let bytes = silent_but_for(&[(wavelength_mm, 0.1, 1.0)]);
-    let position_mm = |t: f64| 30.0 * (TAU * 1.5 * t).sin();
-    let samples = played(only_texture(&bytes), 3.0, position_mm);
-    let speed = |t: f64| 30.0 * TAU * 1.5 * (TAU * 1.5 * t).cos();
-    let (mut forwards, mut backwards) = (0, 0);
-    for (n, sample) in samples.iter().enumerate().skip(2 * BLOCK) {
-        let t = n as f64 / RATE;
-        // Near the turn the line fades with the speed.
-        if speed(t).abs() < 20.0 {
-            continue;
-        }
-        *(if speed(t) > 0.0 {
-            &mut forwards
-        } else {
-            &mut backwards
-        }) += 1;
-        let turns = |x: f64| x / f64::from(wavelength_mm) + 6553.0 / 65_536.0;
-        let near = [-0.003, 0.0, 0.003].map(|off| (TAU * turns(position_mm(t) + off)).sin());
-        let [low, high] = [
-            near.into_iter().fold(2.0, f64::min),
-            near.into_iter().fold(-2.0, f64::max),
-        ];
-        assert!(
-            (low - 1e-3..=high + 1e-3).contains(sample),
-            "{t} s: {sample}, not {near:?}"
-        );
-    }
-    assert!(forwards > 5000 && backwards > 5000);
-}
 
 #[test]
 fn a_tool_that_rests_or_lifts_is_silent_without_a_constant_output() {

@@ -35,6 +35,7 @@ pub enum BlockIndex {
 
 impl BlockIndex {
     /// The index of the other block.
+    #[must_use]
     #[inline(always)]
     pub const fn other(self) -> Self {
         match self {

@@ -101,7 +101,7 @@ pub fn start(
         *tick = Some(Tick {
             safety: safety::State::new(&config),
             config,
-            output: Output::new(),
+            output: Output::START,
             counters: TickCounters::default(),
             histogram: Histogram::new(),
             encoder: Encoder::new(inputs::encoder_count()),
@@ -318,7 +318,7 @@ impl Tick {
     fn put_out(&mut self, wanted: Wanted) {
         #[cfg(feature = "fault-injection")]
         crate::injection::before_output();
-        let next = self.output.next();
+        let next = self.output.next_place();
         // What is moved by hand reaches no coil, and the stages do not follow it.
         if !by_hand::is_held() {
             self.safety.continue_from(next.before);

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use host_tools::link::upload::upload_over;
 use host_tools::support::error::Result;
 use host_tools::support::progress;
-use model_format::link::{UploadState, UploadTimes};
+use model_format::link::UploadState;
 use serde::Serialize;
 
 use super::connection::Link;
@@ -51,8 +51,6 @@ struct UploadReport<'a> {
     resumed_from: u32,
     retries: u32,
     active: bool,
-    /// Seconds by the device's clock; none if the link lost the device's word.
-    times: Option<Times>,
 }
 
 /// State of the upload before and after an abort.
@@ -60,50 +58,6 @@ struct UploadReport<'a> {
 struct Aborted {
     before: UploadState,
     after: UploadState,
-}
-
-/// Time of an upload in the device, s.
-#[derive(Serialize)]
-struct Times {
-    erase_s: f64,
-    sectors: u16,
-    program_s: f64,
-    words: u32,
-    check_s: f64,
-    wait_s: f64,
-    total_s: f64,
-}
-
-impl From<UploadTimes> for Times {
-    fn from(times: UploadTimes) -> Self {
-        let seconds = |us: u32| f64::from(us) / 1e6;
-        Self {
-            erase_s: seconds(times.erase_us),
-            sectors: times.sectors,
-            program_s: seconds(times.program_us),
-            words: times.words,
-            check_s: seconds(times.check_us),
-            wait_s: seconds(times.wait_us),
-            total_s: times.total_us() as f64 / 1e6,
-        }
-    }
-}
-
-impl Times {
-    /// A line for the person at the keyboard.
-    fn in_words(&self) -> String {
-        format!(
-            "took {:.2} s by the stylus's clock: erasing {} sectors {:.2}, programming {} words {:.2}, checking {:.2}, \
-             waiting for the link {:.2}",
-            self.total_s,
-            self.sectors,
-            self.erase_s,
-            self.words,
-            self.program_s,
-            self.check_s,
-            self.wait_s
-        )
-    }
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
@@ -151,7 +105,6 @@ fn upload(arguments: &Arguments, path: &Path) -> Result<()> {
         bar.set_position(there as u64);
     })?;
     bar.finish_and_clear();
-    let times = uploaded.times.map(Times::from);
     if arguments.activate {
         device.activate(uploaded.slot)?;
     }
@@ -166,7 +119,6 @@ fn upload(arguments: &Arguments, path: &Path) -> Result<()> {
             resumed_from: uploaded.resumed_from,
             retries: uploaded.retries,
             active: arguments.activate,
-            times,
         });
     }
     if uploaded.resumed_from > 0 {
@@ -195,12 +147,5 @@ fn upload(arguments: &Arguments, path: &Path) -> Result<()> {
                 uploaded.slot
             )
         }
-    ))?;
-    match times {
-        // What a resumed upload took is not one run's time.
-        Some(times) if uploaded.resumed_from == 0 && uploaded.retries == 0 => {
-            print(&times.in_words())
-        }
-        _ => Ok(()),
-    }
+    ))
 }

@@ -16,9 +16,9 @@ use crate::limits::{
 };
 use crate::wire::Reader;
 
-use super::powers::exp;
 #[cfg(feature = "alloc")]
-use super::spec::PartSpec;
+use super::PartSpec;
+use super::exp;
 
 /// Kind of this part.
 pub(crate) const KIND: u32 = 3;
@@ -155,23 +155,20 @@ pub(crate) struct ExcitationPart<'a>(pub &'a [u8]);
 impl<'a> ExcitationPart<'a> {
     /// Parses the content for a grid of `forces` forces, and checks all but its codes and the sources of nodes.
     fn read(self, nodes: usize, forces: usize) -> Result<Excitation<'a>, Problem> {
-        let bytes = self.0.len();
-        if bytes > MAX_EXCITATION_BYTES {
-            return Err(Problem::ExcitationBytes(bytes));
-        }
+        let most = MAX_EXCITATION_BYTES;
+        Problem::count(
+            "the length of the excitation in bytes",
+            self.0.len(),
+            [0, most],
+        )?;
         let mut reader = Reader(self.0);
-        let count = usize::from(reader.byte().ok_or(Problem::MalformedExcitation)?);
-        if !(1..=MAX_CODEBOOKS).contains(&count) {
-            return Err(Problem::CodebookCount(count));
-        }
+        let count = usize::from(reader.byte().ok_or(MALFORMED)?);
+        Problem::count("the number of codebooks", count, [1, MAX_CODEBOOKS])?;
         let mut codebooks = [Codebook::EMPTY; MAX_CODEBOOKS];
-        for (number, codebook) in (1..).zip(&mut codebooks[..count]) {
-            *codebook = codebook_of(number, &mut reader)?;
+        for codebook in &mut codebooks[..count] {
+            *codebook = codebook_of(&mut reader)?;
         }
-        let found = reader.0.len();
-        if found != nodes {
-            return Err(Problem::CodebooksOfNodes { found, nodes });
-        }
+        Problem::same("sources of excitation of the nodes", reader.0.len(), nodes)?;
         Ok(Excitation {
             codebooks,
             count,
@@ -191,19 +188,17 @@ impl<'a> ExcitationPart<'a> {
     }
 }
 
-/// Codebook `number`, which `reader` is at, without a look at its codes.
-fn codebook_of<'a>(number: usize, reader: &mut Reader<'a>) -> Result<Codebook<'a>, Problem> {
-    let malformed = Problem::MalformedExcitation;
-    let length = reader.varint().ok_or(malformed)? as usize;
-    if length < MIN_CODEBOOK_SAMPLES {
-        return Err(Problem::CodebookLength { number, length });
-    }
-    let peak = reader.f32().ok_or(malformed)?;
-    // A NaN fails both.
-    if !(peak > 0.0 && peak <= MAX_CODEBOOK_PEAK) {
-        return Err(Problem::CodebookPeak { number, peak });
-    }
-    let (codes, rest) = reader.0.split_at_checked(length).ok_or(malformed)?;
+const MALFORMED: Problem = Problem::Malformed("its excitation");
+
+/// The codebook that `reader` is at, without a look at its codes.
+fn codebook_of<'a>(reader: &mut Reader<'a>) -> Result<Codebook<'a>, Problem> {
+    let length = reader.varint().ok_or(MALFORMED)? as usize;
+    let peak = reader.f32().ok_or(MALFORMED)?;
+    let lengths = [MIN_CODEBOOK_SAMPLES, MAX_EXCITATION_BYTES];
+    Problem::count("the number of samples of a codebook", length, lengths)?;
+    // The mean square, which is checked later, is never that of a peak of 0.
+    Problem::within("the peak of a codebook", peak, [0.0, MAX_CODEBOOK_PEAK])?;
+    let (codes, rest) = reader.0.split_at_checked(length).ok_or(MALFORMED)?;
     reader.0 = rest;
     Ok(Codebook { peak, codes })
 }
@@ -264,9 +259,9 @@ impl ExcitationCheck {
             .map_err(|(index, problem)| (Some(self.at + index), problem))?;
         self.at = end;
         if taken < room {
-            let unused = (0..excitation.count).find(|codebook| self.used >> codebook & 1 == 0);
-            if let Some(codebook) = unused {
-                return Err((None, Problem::UnusedCodebook(codebook + 1)));
+            let unused = (0..excitation.count).any(|codebook| self.used >> codebook & 1 == 0);
+            if unused {
+                return Err((None, Problem::Needless("a codebook that no node has")));
             }
         }
         Ok(taken)
@@ -282,36 +277,26 @@ impl ExcitationCheck {
         }
         self.sum += sum;
         if lowest == i8::MIN {
-            let is_it = |&code: &u8| code.cast_signed() == i8::MIN;
-            let sample = self.at + codes.iter().position(is_it).unwrap_or(0);
-            let number = self.codebook + 1;
-            return Err(Problem::CodebookCode { number, sample });
+            return Err(Problem::Rule(
+                "a codebook has the code -128; codes are -127 to 127",
+            ));
         }
         Ok(())
     }
 
     fn end_of_codebook(&mut self, codebook: &Codebook<'_>) -> Result<(), Problem> {
-        let number = self.codebook + 1;
         let power = mean_square(self.sum, codebook.codes.len(), codebook.peak);
-        if !(MIN_FED_POWER..=MAX_FED_POWER).contains(&power) {
-            return Err(Problem::CodebookPower { number, power });
-        }
-        (self.codebook, self.at, self.sum) = (number, 0, 0);
+        let range = [MIN_FED_POWER, MAX_FED_POWER];
+        Problem::within("the mean square of a codebook", power, range)?;
+        (self.codebook, self.at, self.sum) = (self.codebook + 1, 0, 0);
         Ok(())
     }
 
     fn nodes(&mut self, of_nodes: &[u8], count: usize) -> Result<(), (usize, Problem)> {
         for (index, &source) in of_nodes.iter().enumerate() {
             let source = usize::from(source);
-            if source > count {
-                return Err((
-                    index,
-                    Problem::UnknownCodebook {
-                        codebook: source,
-                        count,
-                    },
-                ));
-            }
+            Problem::count("the number of its codebook", source, [0, count])
+                .map_err(|problem| (index, problem))?;
             // Bit 0 is that of Gaussian noise, and falls off.
             self.used |= ((1u16 << source) >> 1) as u8;
         }

@@ -9,7 +9,7 @@ use crate::error::Problem;
 use crate::limits::MAX_FINE_STAGES;
 
 #[cfg(feature = "alloc")]
-use super::spec::PartSpec;
+use super::PartSpec;
 
 /// Kind of this part.
 pub(crate) const KIND: u32 = 2;
@@ -35,7 +35,9 @@ impl<'a> FineTheta<'a> {
     pub fn check(self, nodes: usize) -> Result<(), Problem> {
         let (found, stages) = (self.0.len(), self.stages(nodes));
         if !found.is_multiple_of(nodes) || !(1..=MAX_FINE_STAGES).contains(&stages) {
-            return Err(Problem::FineLength { found, nodes });
+            return Err(Problem::Rule(
+                "there must be 1 to 32 fractions of θ for each node",
+            ));
         }
         Ok(())
     }
@@ -47,7 +49,8 @@ impl<'a> FineTheta<'a> {
         let beyond = bytes.get(order..).unwrap_or_default();
         if let Some(beyond) = beyond.iter().position(|&byte| byte != 0) {
             let stage = order + beyond + 1;
-            return Err(Problem::FineBeyondOrder { stage, order });
+            let what = "a fraction of θ, and is beyond the order";
+            return Err(Problem::Stage { stage, what });
         }
         Ok(bytes[stages - 1] != 0)
     }
@@ -65,9 +68,13 @@ pub(crate) fn part(nodes: &[&[i8]]) -> Result<Option<PartSpec>, (usize, Problem)
             .rposition(|&byte| byte != 0)
             .map_or(0, |i| i + 1)
     };
-    let too_many = |bytes: &&[i8]| used(bytes) > MAX_FINE_STAGES;
-    if let Some(node) = nodes.iter().position(too_many) {
-        return Err((node, Problem::FineStages(used(&nodes[node]))));
+    for (node, bytes) in nodes.iter().enumerate() {
+        Problem::count(
+            "the number of fractions of θ",
+            used(bytes),
+            [0, MAX_FINE_STAGES],
+        )
+        .map_err(|problem| (node, problem))?;
     }
     let stages = nodes.iter().map(used).max().unwrap_or(0);
     let mut content = alloc::vec::Vec::with_capacity(stages * nodes.len());

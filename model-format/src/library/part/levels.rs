@@ -6,7 +6,7 @@ use crate::error::Problem;
 use crate::wire::NodeRecord;
 
 #[cfg(feature = "alloc")]
-use super::spec::PartSpec;
+use super::PartSpec;
 
 /// Kind of this part.
 pub(crate) const KIND: u32 = 1;
@@ -84,16 +84,19 @@ impl LevelsPart<'_> {
     /// The laws.
     fn read(self) -> Result<Laws, Problem> {
         let &[level, fade] = self.0 else {
-            return Err(Problem::LevelsLength(self.0.len()));
+            return Err(Problem::Malformed("the part with the laws of the level"));
         };
-        let unknown = |what, code| Problem::UnknownLaw { what, code };
+        let unknown = |what, code: u8| Problem::Unknown {
+            what,
+            code: code.into(),
+        };
         Ok(Laws {
             level: *LevelLaw::ALL
                 .get(usize::from(level))
-                .ok_or(unknown("level", level))?,
+                .ok_or(unknown("a law of the level", level))?,
             fade: *FadeLaw::ALL
                 .get(usize::from(fade))
-                .ok_or(unknown("fade", fade))?,
+                .ok_or(unknown("a law of the fade", fade))?,
         })
     }
 
@@ -104,7 +107,7 @@ impl LevelsPart<'_> {
 
     pub fn check(self) -> Result<(), Problem> {
         if self.read()? == Laws::default() {
-            return Err(Problem::DefaultLaws);
+            return Err(Problem::Needless("the part with the laws of the level"));
         }
         Ok(())
     }
@@ -113,7 +116,10 @@ impl LevelsPart<'_> {
 /// Checks that a node has a level that `law` can average.
 pub(in crate::library) fn check_node(law: LevelLaw, node: &NodeRecord) -> Result<(), Problem> {
     if law == LevelLaw::Logarithm && node.output_power <= 0.0 {
-        return Err(Problem::SilentInLogarithm);
+        return Err(Problem::Rule(
+            "a silent node has no level in dB: give the texture the level law of power or amplitude, or leave speed 0 \
+             and force 0 out of its grid",
+        ));
     }
     Ok(())
 }

@@ -48,25 +48,20 @@ impl<'a> LinesPart<'a> {
 
     /// Checks all but the amplitudes, in a texture of `nodes` nodes.
     pub fn check(self, nodes: usize) -> Result<(), Problem> {
-        let found = self.0.len();
         let count = usize::from(self.0.first().copied().unwrap_or(0));
-        if !(1..=MAX_LINES).contains(&count) {
-            return Err(Problem::LineCount(count));
-        }
+        Problem::count("the number of lines", count, [1, MAX_LINES])?;
         let expected = 1 + count * (HEAD_BYTES + nodes * AMPLITUDE_BYTES);
-        if found != expected {
-            return Err(Problem::LinesLength { found, expected });
-        }
+        Problem::same("bytes of lines", self.0.len(), expected)?;
         let lines = self.lines(nodes, 1);
         for line in 0..count {
             let value = lines.line(line).wavelength_mm();
-            if !(MIN_WAVELENGTH_MM..=MAX_WAVELENGTH_MM).contains(&value) {
-                return Err(Problem::Wavelength { line, value });
-            }
+            let range = [MIN_WAVELENGTH_MM, MAX_WAVELENGTH_MM];
+            Problem::within("a line's wavelength in mm", value, range)?;
             let same =
                 |&other: &usize| lines.line(other).wavelength_mm().to_bits() == value.to_bits();
             if let Some(other) = (0..line).find(same) {
-                return Err(Problem::WavelengthTaken { line, other });
+                let what = "wavelength";
+                return Err(Problem::Taken { what, other });
             }
         }
         Ok(())
@@ -171,21 +166,10 @@ impl From<Lines<'_>> for LinesSpec {
 /// More lines than [`MAX_LINES`], and a line of more or fewer amplitudes than nodes.
 #[cfg(feature = "alloc")]
 pub(crate) fn content(lines: &LinesSpec, nodes: usize) -> Result<alloc::vec::Vec<u8>, Problem> {
-    let count = lines.lines.len();
-    if count > MAX_LINES {
-        return Err(Problem::LineCount(count));
-    }
-    let mut content = alloc::vec![count as u8];
-    for (index, line) in lines.lines.iter().enumerate() {
-        let found = line.amplitudes.len();
-        if found != nodes {
-            let (line, expected) = (index, nodes);
-            return Err(Problem::LineNodes {
-                line,
-                found,
-                expected,
-            });
-        }
+    Problem::count("the number of lines", lines.lines.len(), [1, MAX_LINES])?;
+    let mut content = alloc::vec![lines.lines.len() as u8];
+    for line in &lines.lines {
+        Problem::same("amplitudes of a line", line.amplitudes.len(), nodes)?;
         content.extend(line.wavelength_mm.to_le_bytes());
         content.extend(line.phase.to_le_bytes());
         content.extend(line.amplitudes.iter().flat_map(|value| value.to_le_bytes()));

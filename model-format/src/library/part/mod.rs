@@ -22,11 +22,6 @@ pub(crate) mod fine_theta;
 pub(crate) mod levels;
 pub(crate) mod lines;
 pub(crate) mod modulation;
-#[cfg(feature = "alloc")]
-mod parts_spec;
-mod powers;
-#[cfg(feature = "alloc")]
-mod spec;
 pub(crate) mod tails;
 
 use crate::error::Problem;
@@ -39,10 +34,34 @@ use lines::LinesPart;
 use modulation::ModulationPart;
 use tails::Tails;
 
+/// Kind and content of a part to be written.
 #[cfg(feature = "alloc")]
-pub use parts_spec::PartsSpec;
+pub(crate) type PartSpec = (u32, alloc::vec::Vec<u8>);
+
+/// Optional parts of a texture to be written, beside those that follow from its laws and nodes.
+///
+/// By default there are none: a Gaussian excitation of steady level, and nothing that is locked to place.
 #[cfg(feature = "alloc")]
-pub(crate) use spec::PartSpec;
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct PartsSpec {
+    /// Codebooks of the residual.
+    pub excitation: Option<excitation::ExcitationSpec>,
+    /// Track of the level.
+    pub modulation: Option<modulation::ModulationSpec>,
+    /// Lines that are locked to place.
+    pub lines: Option<lines::LinesSpec>,
+}
+
+/// eˣ for |x| below 0.1, by the series, whose rest is below 10⁻¹⁸: for tables of codes, at compile time.
+const fn exp(x: f64) -> f64 {
+    let (mut term, mut sum, mut n) = (1.0, 1.0, 1.0);
+    while n < 13.0 {
+        term *= x / n;
+        sum += term;
+        n += 1.0;
+    }
+    sum
+}
 
 /// A kind of optional part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -90,12 +109,13 @@ impl<'a> Parts<'a> {
     ///
     /// The number of parts needs no bound of its own, because known kinds that ascend are few.
     pub fn read(reader: &mut Reader<'a>) -> Result<Self, Problem> {
-        let count = reader.varint().ok_or(Problem::MalformedParts)?;
+        let malformed = Problem::Malformed("an optional part");
+        let count = reader.varint().ok_or(malformed)?;
         let mut parts = Self::default();
         let mut last = 0;
         for _ in 0..count {
-            let kind = reader.varint().ok_or(Problem::MalformedParts)?;
-            let content = reader.string().ok_or(Problem::MalformedParts)?;
+            let kind = reader.varint().ok_or(malformed)?;
+            let content = reader.string().ok_or(malformed)?;
             match kind {
                 levels::KIND => parts.levels = Some(LevelsPart(content)),
                 fine_theta::KIND => parts.fine_theta = Some(FineTheta(content)),
@@ -103,10 +123,15 @@ impl<'a> Parts<'a> {
                 modulation::KIND => parts.modulation = Some(ModulationPart(content)),
                 lines::KIND => parts.lines = Some(LinesPart(content)),
                 tails::KIND => parts.tails = Some(Tails(content)),
-                unknown => return Err(Problem::UnknownPart(unknown)),
+                code => {
+                    let what = "an optional part";
+                    return Err(Problem::Unknown { what, code });
+                }
             }
             if kind <= last {
-                return Err(Problem::PartOrder { kind });
+                return Err(Problem::Rule(
+                    "a part comes twice, or after one of a higher kind",
+                ));
             }
             last = kind;
         }

@@ -14,9 +14,9 @@ use crate::limits::{
 };
 use crate::wire::Reader;
 
-use super::powers::exp;
 #[cfg(feature = "alloc")]
-use super::spec::PartSpec;
+use super::PartSpec;
+use super::exp;
 
 /// Kind of this part.
 pub(crate) const KIND: u32 = 4;
@@ -113,14 +113,23 @@ impl<'a> ModulationPart<'a> {
     /// Parses the content, and checks all but the levels of entries.
     fn read(self) -> Result<Modulation<'a>, Problem> {
         let mut reader = Reader(self.0);
-        let step = reader.varint().ok_or(Problem::MalformedModulation)?;
-        if !(MIN_MODULATION_STEP_SAMPLES..=MAX_MODULATION_STEP_SAMPLES).contains(&step) {
-            return Err(Problem::ModulationStep(step));
-        }
+        let step = reader
+            .varint()
+            .ok_or(Problem::Malformed("its level track"))?;
+        let steps = [MIN_MODULATION_STEP_SAMPLES, MAX_MODULATION_STEP_SAMPLES];
+        let steps = steps.map(|step| step as usize);
+        Problem::count(
+            "the step of the level track in samples",
+            step as usize,
+            steps,
+        )?;
         let entries = reader.0;
-        if !(MIN_MODULATION_ENTRIES..=MAX_MODULATION_ENTRIES).contains(&entries.len()) {
-            return Err(Problem::ModulationLength(entries.len()));
-        }
+        let lengths = [MIN_MODULATION_ENTRIES, MAX_MODULATION_ENTRIES];
+        Problem::count(
+            "the number of entries of the level track",
+            entries.len(),
+            lengths,
+        )?;
         Ok(Modulation {
             step_samples: step as u16,
             entries,
@@ -192,11 +201,10 @@ impl ModulationCheck {
             return Ok(false);
         }
         let power = mean_square(self.sum, entries.len());
-        if !(MIN_FED_POWER..=MAX_FED_POWER).contains(&power) {
-            return Err(Problem::ModulationPower(power));
-        }
+        let range = [MIN_FED_POWER, MAX_FED_POWER];
+        Problem::within("the mean square of the level track", power, range)?;
         if !self.changes {
-            return Err(Problem::FlatModulation);
+            return Err(Problem::Needless("the level track"));
         }
         Ok(true)
     }

@@ -10,7 +10,7 @@ use crate::library::node::Tail;
 use crate::limits::{MAX_FINE_STAGES, MIN_LARGEST_TAIL_CODE};
 
 #[cfg(feature = "alloc")]
-use super::spec::PartSpec;
+use super::PartSpec;
 
 /// The last stages of a lattice, see [`crate::Tail`].
 #[cfg(feature = "alloc")]
@@ -95,13 +95,13 @@ impl Tails<'_> {
 
     /// Checks the part's length, in a texture of `nodes` nodes.
     pub fn check(self, nodes: usize) -> Result<(), Problem> {
-        let found = self.0.len();
-        if found != STEP_BYTES * nodes {
-            return Err(Problem::TailSteps { found, nodes });
-        }
-        Ok(())
+        Problem::same("bytes of steps of tails", self.0.len(), STEP_BYTES * nodes)
     }
 }
+
+const OTHER_STEP: Problem = Problem::Rule(
+    "the step of a tail must be 0 exactly where all codes are, and at most 1 where no code is above half its range",
+);
 
 /// Checks the tail of a node.
 ///
@@ -116,18 +116,15 @@ pub(in crate::library) fn check(tail: Tail<'_>) -> Result<(), Problem> {
         let lowest = |&code: &u8| code.cast_signed() == i8::MIN;
         let index = tail.codes.iter().position(lowest).unwrap_or(0);
         let stage = MAX_FINE_STAGES + index + 1;
-        return Err(Problem::TailCode { stage });
+        let what = "the code -128 in a tail; codes are -127 to 127";
+        return Err(Problem::Stage { stage, what });
     }
-    let step = tail.step;
-    let needed = match step {
+    let needed = match tail.step {
         0 => largest == 0,
         1 => largest > 0,
         _ => largest >= MIN_LARGEST_TAIL_CODE,
     };
-    if !needed {
-        return Err(Problem::TailStep { step, largest });
-    }
-    Ok(())
+    if needed { Ok(()) } else { Err(OTHER_STEP) }
 }
 
 /// The part of a lattice whose nodes have these tails after so many stages, if any has one.
@@ -147,12 +144,11 @@ pub(crate) fn part<'t>(
             before == MAX_FINE_STAGES
         };
         if !fits {
-            let after = tail.codes.len();
-            return Err((number, Problem::TailBegin { before, after }));
+            let rule = "a tail begins after stage 32, and if one node has one, so has every node of more stages";
+            return Err((number, Problem::Rule(rule)));
         }
         if !some && tail.step != 0 {
-            let (step, largest) = (tail.step, 0);
-            return Err((number, Problem::TailStep { step, largest }));
+            return Err((number, OTHER_STEP));
         }
         content.extend(tail.step.to_le_bytes());
     }

@@ -1,7 +1,6 @@
 //! Uploads, and the playing that they leave undisturbed.
 
-use host_tools::link::budget::Budget;
-use model_format::link::{MotionSource, UPLOAD_WINDOW, UploadCommitEndpoint, UploadTimes};
+use model_format::link::{MotionSource, UPLOAD_WINDOW, UploadCommitEndpoint};
 use virtual_stylus::Options;
 use virtual_stylus::model::flash::Stalls;
 
@@ -70,51 +69,17 @@ fn a_host_that_goes_in_the_middle_of_an_upload_can_go_on_or_begin_another() {
     );
 }
 
-/// Most of an upload's time beyond the data sheets' least, as a share of that.
-const NOT_PHYSICAL: f64 = 0.06;
-
-/// Times of an upload of `library` by the device's clock, which counts virtual time.
-fn timed(device: &mut Device, library: &[u8], window: usize) -> UploadTimes {
-    let times = device.upload_ahead(library, window).times;
-    println!("{window} at once, {} bytes: {times:?}", library.len());
-    times
-}
-
-/// Checks that an upload took little more than erasing, programming and the link of `address` take by their data
-/// sheets.
-fn assert_physical(times: &UploadTimes, bytes: usize, address: &str) {
-    let seconds = |us: u32| f64::from(us) / 1e6;
-    let budget = Budget::of(bytes, &address.parse().expect("an address"));
-    println!("{address}: {budget:?}");
-    let near = |found: f64, expected: f64| (found / expected - 1.0).abs() < 0.1;
-    assert!(near(seconds(times.erase_us), budget.erase_s), "{times:?}");
-    assert!(
-        near(seconds(times.program_us), budget.program_s),
-        "{times:?}"
-    );
-    let beyond = times.total_us() as f64 / 1e6 / budget.least_s() - 1.0;
-    assert!(
-        (0.0..NOT_PHYSICAL).contains(&beyond),
-        "{:.1} % beyond {budget:?}: {times:?}",
-        100.0 * beyond
-    );
-}
-
+/// The next chunk crosses the link while one is programmed.
 #[test]
-fn an_upload_takes_what_flash_and_link_take_and_little_more() {
-    let middling = library::middling();
-    assert!((45_000..70_000).contains(&middling.len()));
-    let mut device = Device::started(Options::default());
-    let serial = timed(&mut device, &middling, UPLOAD_WINDOW);
-    assert_physical(&serial, middling.len(), "serial:/dev/ttyACM0");
-
-    // The same with a turn of the line between any two chunks waits longer.
-    let mut device = Device::started(Options::default());
-    let one_by_one = timed(&mut device, &middling, 1);
-    assert!(one_by_one.wait_us > serial.wait_us + serial.program_us / 2);
-
-    let mut device = Device::on_usb(Options::default());
-    let usb = timed(&mut device, &middling, UPLOAD_WINDOW);
-    assert_physical(&usb, middling.len(), "usb");
-    assert!(usb.wait_us < usb.program_us / 10, "{usb:?}");
+fn an_upload_with_chunks_ahead_takes_less_time_than_one_with_a_turn_of_the_line_between_them() {
+    let library = library::middling();
+    let [ahead, one_by_one] = [UPLOAD_WINDOW, 1].map(|window| {
+        let mut device = Device::started(Options::default());
+        let begin_ms = device.status().uptime_ms;
+        device.upload_ahead(&library, window);
+        device.status().uptime_ms - begin_ms
+    });
+    println!("{ahead} ms, one by one {one_by_one} ms");
+    // Programming takes 0.1 ms per word of 32 bytes, about 190 ms in all; most of it is saved.
+    assert!(ahead + 80 < one_by_one, "{ahead} ms of {one_by_one} ms");
 }

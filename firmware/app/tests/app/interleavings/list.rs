@@ -74,7 +74,7 @@ const fn told(name: &'static str, make: Made) -> Request {
     }
 }
 
-/// All requests. Those that come first change what is played or stored, and are paired with each other exhaustively.
+/// All requests. Those that come first change what is played or stored, and are drawn more often.
 pub const REQUESTS: &[Request] = &[
     asked("play", |n| ask::<PlayEndpoint>(n, &play("texture 0", 1.0))).renewing(),
     asked("play another texture", |n| {
@@ -114,7 +114,6 @@ pub const REQUESTS: &[Request] = &[
     asked("self test of the output", |n| {
         ask::<SelfTestEndpoint>(n, &SelfTestRequest::Output)
     }),
-    // From here on: in random lists alone.
     asked("begin another upload", |n| {
         let begin = UploadBegin {
             replaces_last: true,
@@ -185,8 +184,8 @@ pub const REQUESTS: &[Request] = &[
 /// Bytes of the first chunk of an upload in two.
 const HALF: usize = 64;
 
-/// Number of the requests that are paired exhaustively.
-pub const PAIRED: usize = 13;
+/// Number of the requests that come first.
+pub const FIRST: usize = 13;
 
 /// Name of the texture and of the scene for 10 kHz; all others are for 5 kHz.
 const FAST: &str = "fast";

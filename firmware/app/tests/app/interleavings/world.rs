@@ -1,6 +1,5 @@
 //! A device with two hosts, whose tasks go on one step at a time, and what must hold at each.
 
-use std::fmt::Write as _;
 use std::pin::Pin;
 use std::task::{Context, Waker};
 
@@ -31,7 +30,7 @@ pub const LATEST_POLL_TICKS: u64 = 2 * TICKS_PER_MS as u64;
 /// Time after which nothing may be under way any more, ms: an activation waits 500 ms for rest.
 const SETTLED_AFTER_MS: u32 = 1_500;
 
-/// Settings in flash: the coil's, and ramps as short as they can be if `brief`, so that few states differ in time.
+/// Settings in flash: the coil's, and ramps as short as they can be if `brief`.
 fn stored_settings(brief: bool) -> Memory {
     let mut flash = SimulatedFlash::new(Memory::blank(2 * SECTOR_BYTES));
     let range = 0..2 * SECTOR_BYTES as u32;
@@ -70,8 +69,6 @@ pub enum Choice {
     Storage,
     /// A millisecond: its ticks, then the poll.
     Millisecond,
-    /// Milliseconds until something changes that requests can tell, or many have passed.
-    Wait,
     /// One tick.
     Tick,
     /// The poll.
@@ -165,22 +162,15 @@ pub struct World {
     mistake: Mistake,
     requests: Requests,
     storage: Pin<Box<dyn Future<Output = ()>>>,
-    /// Steps of the storage since it was last idle.
-    storage_steps: u32,
     hosts: [Host; 2],
     /// Number of answers per sequence number.
     answers: Vec<u32>,
     expected: Vec<bool>,
     pub watch: Watch,
-    /// Waits while a task could have gone on.
-    pub waits: u32,
     /// The tick at which each host last renewed its lease, if it has one.
     renewed_at: [u64; 2],
     pub schedule: Vec<Choice>,
 }
-
-/// Longest wait for a change, ms.
-const LONGEST_WAIT_MS: u32 = 60;
 
 impl World {
     pub fn new(
@@ -205,7 +195,6 @@ impl World {
             mistake,
             requests,
             storage: Box::pin(async move { served.serve_storage(&mut storage).await }),
-            storage_steps: 0,
             hosts: lists.map(|list| Host {
                 requests: list.to_vec(),
                 sent: 0,
@@ -213,7 +202,6 @@ impl World {
             }),
             answers: Vec::new(),
             expected: Vec::new(),
-            waits: 0,
             renewed_at: [0; 2],
             schedule: Vec::new(),
         };
@@ -302,19 +290,6 @@ impl World {
             }
             Choice::Storage => self.storage_goes_on(),
             Choice::Millisecond => self.millisecond()?,
-            Choice::Wait => {
-                self.waits += 1;
-                let before = self.fingerprint();
-                for _ in 0..LONGEST_WAIT_MS {
-                    self.millisecond()?;
-                    if self.requests.is_storage_busy() {
-                        self.storage_goes_on();
-                    }
-                    if self.fingerprint() != before {
-                        break;
-                    }
-                }
-            }
             Choice::Tick => self.control.borrow_mut().device().tick(),
             Choice::Poll => {
                 let mut control = self.control.borrow_mut();
@@ -339,11 +314,6 @@ impl World {
         for answer in self.requests.take_answers() {
             self.count(&answer);
         }
-        // While it waits it is where it was.
-        self.storage_steps += u32::from(!self.control.is_storage_waiting());
-        if !self.requests.is_storage_busy() {
-            self.storage_steps = 0;
-        }
     }
 
     /// A millisecond in which the host that plays sends a motion.
@@ -356,39 +326,6 @@ impl World {
 
     fn note_renewed(&mut self, host: usize) {
         self.renewed_at[host] = self.control.borrow_mut().device().now();
-    }
-
-    /// All of the state by which later steps can differ. Of time it keeps what the application does.
-    pub fn fingerprint(&self) -> String {
-        let mut print = String::new();
-        let mut control = self.control.borrow_mut();
-        let status = control.status();
-        let hardware = control.device();
-        let output = status.output;
-        let _ = write!(
-            print,
-            "{:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {} {} {:?} {} {}",
-            status.lease,
-            status.proposal.map(|it| (it.from, it.change, it.loosens)),
-            output.activity,
-            output.mute,
-            output.at_rest,
-            status.active,
-            status.upload,
-            status.settings,
-            hardware.playing,
-            hardware.prepared,
-            hardware.config,
-            hardware.sounds(),
-            hardware.is_muted(),
-            self.hosts
-                .each_ref()
-                .map(|host| (host.sent, host.has_proposed)),
-            self.storage_steps,
-            self.expected.len(),
-        );
-        let _ = write!(print, "{:?}", self.answers);
-        print
     }
 
     /// Runs to the end of all requests, and checks it.

@@ -10,9 +10,8 @@ use model_format::link::{
 use stylus_app::flash::WORD_BYTES;
 use stylus_app::settings::SettingsStore;
 
-use crate::budget::{self, Chance};
 use fake_stylus::device::COIL;
-use fake_stylus::flash::{Cut, Memory, Mishap, Operation, SECTOR_BYTES, SimulatedFlash};
+use fake_stylus::flash::{Memory, Mishap, Operation, SECTOR_BYTES, SimulatedFlash};
 
 mod histories;
 
@@ -159,108 +158,6 @@ fn what_is_set_is_there_after_a_restart_whatever_went_before() {
         ..SettingsState::default()
     };
     assert_eq!(opened(&mut flash.memory), (expected, state));
-}
-
-#[test]
-fn a_value_out_of_range_is_refused_and_the_one_before_holds() {
-    let mut flash = SimulatedFlash::new(blank());
-    let mut store = block_on(SettingsStore::open(&mut flash, RANGE));
-    for setting in Setting::ALL {
-        for value in [f32::NAN, f32::INFINITY, setting.spec().highest * 2.0 + 1.0] {
-            let error = block_on(store.set(change(setting, value)));
-            assert!(
-                matches!(error, Err(SettingsError::OutOfRange { .. })),
-                "{error:?}"
-            );
-        }
-    }
-    assert_eq!(
-        (store.settings(), store.state().set),
-        (Settings::default(), SettingSet::NONE)
-    );
-    assert_eq!(flash.operations, 0);
-}
-
-/// Tells `check` of each flash that a cut at any operation of `work` leaves, with a name of the cut.
-fn after_each_cut(
-    memory: &Memory,
-    seed: &mut u64,
-    work: impl AsyncFnOnce(&mut SettingsStore<&mut SimulatedFlash<'_>>),
-    mut check: impl FnMut(&Memory, &str, &mut u64),
-) {
-    let mut number = 0;
-    let mut observe = |memory: &Memory, operation: Operation| {
-        for cut in Cut::WITH_UNSTABLE {
-            // What was there before an operation is there after the one before it.
-            if cut == Cut::Before && number > 0 {
-                continue;
-            }
-            *seed += 1;
-            let mut memory = memory.clone();
-            memory.seed(*seed);
-            memory.perform(operation, cut);
-            let name = match operation {
-                Operation::Erase { sector } => format!("{cut:?} erasure of {sector}"),
-                Operation::Write { word, .. } => format!("{cut:?} write of {word}"),
-            };
-            check(&memory, &name, seed);
-        }
-        number += 1;
-    };
-    let mut flash = SimulatedFlash::observed(memory.clone(), &mut observe);
-    block_on(async {
-        let mut store = SettingsStore::open(&mut flash, RANGE).await;
-        work(&mut store).await;
-    });
-}
-
-/// The trap of mending: it must not erase the one copy that a first cut has left.
-#[test]
-fn a_cut_of_a_change_and_a_cut_in_the_mending_leave_the_value_before_or_the_new() {
-    let few = [blank(), set(blank(), &COIL)];
-    let beginnings = few.iter().chain(NEARLY_FULL.iter());
-    let wanted = change(Setting::HardLimit, 0.25);
-    let mut chance = Chance::new(budget::seed(), 0);
-    let (mut seed, mut erasures, mut kept, mut taken) = (0, 0, 0, 0);
-    for (number, memory) in beginnings.enumerate() {
-        let (before, state) = opened(&mut memory.clone());
-        let after = before.with(wanted).expect("it is in range");
-        let change_it = async |store: &mut SettingsStore<&mut SimulatedFlash<'_>>| {
-            store.set(wanted).await.expect("it is in range");
-        };
-        let mut check = |memory: &Memory, cuts: &str, stores: bool| {
-            let place = || format!("beginning {number}, {cuts}");
-            let store = open(memory.clone());
-            let found = store.settings();
-            assert!(found == before || found == after, "{}: {found:?}", place());
-            kept += usize::from(found == before);
-            taken += usize::from(found == after);
-            let found = store.state();
-            assert_eq!(found.lost, SettingSet::NONE, "{}", place());
-            assert!(state.set.without(found.set).is_empty(), "{}", place());
-            erasures += usize::from(cuts.contains("erasure"));
-            if stores {
-                let mut memory = set(memory.clone(), &[change(Setting::ForceZero, 7.0)]);
-                let (found, state) = opened(&mut memory);
-                assert_eq!(found.get(Setting::ForceZero), 7.0, "{}", place());
-                assert_eq!((state.lost, state.mended), (SettingSet::NONE, false));
-            }
-        };
-        after_each_cut(memory, &mut seed, change_it, |memory, first, seed| {
-            check(memory, first, true);
-            // A drawn part of the first cuts is followed by every second one.
-            if !chance.is_drawn() {
-                return;
-            }
-            let mend = async |_: &mut SettingsStore<&mut SimulatedFlash<'_>>| ();
-            after_each_cut(memory, seed, mend, |memory, second, seed| {
-                let cuts = format!("{first}, {second}");
-                check(memory, &cuts, seed.is_multiple_of(8));
-            });
-        });
-    }
-    let found = [erasures / 50, kept / 100, taken / 100];
-    assert!(found.iter().all(|&found| found > 0), "{found:?}");
 }
 
 /// The trap of a map of single values: a limit whose last value is lost must not become the one before.

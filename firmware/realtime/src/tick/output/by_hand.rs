@@ -61,14 +61,12 @@ impl ByHand {
     }
 
     /// Sets the code, which is on the pin within three ticks.
-    #[expect(clippy::unused_self, reason = "the value is the right to do it")]
     pub fn set(&self, code: DacCode) {
         let middle = i32::from(DacCode::MID_SCALE.get());
         CODE.store(i32::from(code.get()) - middle, Ordering::Relaxed);
     }
 
     /// Returns true if `code` is on the pin.
-    #[expect(clippy::unused_self, reason = "the value is the right to do it")]
     #[inline(always)]
     pub fn is_out(&self, code: DacCode) -> bool {
         is_out(code)

@@ -94,19 +94,18 @@ pub struct Next {
 
 impl Output {
     /// The output before its first code.
-    pub const fn new() -> Self {
-        Self {
-            remaining: LENGTH,
-            standing: 0,
-            last: 0,
-        }
-    }
+    pub const START: Self = Self {
+        remaining: LENGTH,
+        standing: 0,
+        last: 0,
+    };
 
     /// Finds the place of the next codes, and what they have to continue from.
     ///
-    /// Panics if the streams do not work, because then a core that stops would leave current in the coil.
+    /// # Panics
+    /// If the streams do not work, because then a core that stops would leave current in the coil.
     #[inline(always)]
-    pub fn next(&mut self) -> Next {
+    pub fn next_place(&mut self) -> Next {
         /// Eight ticks after a look the ring is where it was, so one look alone proves nothing.
         const MOST_STANDING: u32 = 2;
         let remaining = remaining();

@@ -1,0 +1,370 @@
+//! Faults of optional parts, each told with its place.
+
+use model_format::Library;
+use model_format::limits::{
+    MAX_CODEBOOKS, MAX_EXCITATION_BYTES, MAX_LINE_AMPLITUDE, MAX_LINES, MAX_MODULATION_ENTRIES,
+};
+
+use crate::bytes::{RawLibrary, RawTexture, codebook, lines, two_codebooks};
+use crate::faults::{BAD, of_texture, tells};
+
+/// Checks that the sound library is refused so with these optional parts of texture 1.
+fn of_parts(parts: &[(u32, &[u8])], begin: &str) {
+    let parts = parts
+        .iter()
+        .map(|&(kind, content)| (kind, content.to_vec()));
+    of_texture(|texture| texture.parts = parts.collect(), begin);
+}
+
+/// The texture with these parts, as texture 1, holds.
+fn holds(parts: &[(u32, &[u8])]) {
+    let mut library = RawLibrary::sound();
+    let parts = parts
+        .iter()
+        .map(|&(kind, content)| (kind, content.to_vec()));
+    library.textures[1].parts = parts.collect();
+    let decoded = Library::decode(&library.bytes()).map(drop);
+    assert_eq!(decoded, Ok(()));
+}
+
+#[test]
+fn parts_are_known_ascend_and_say_something() {
+    for kind in [0, 7, 200, u32::MAX] {
+        let told = format!(": an optional part of {kind:#x}, which this program does not know");
+        of_parts(&[(kind, b"later")], &told);
+        // Behind known ones too.
+        of_parts(&[(1, &[1, 1]), (kind, b"")], &told);
+    }
+    let (levels, fine): (&[u8], &[u8]) = (&[1, 1], &[0, 0, 1, 1, 1, 1]);
+    holds(&[(1, levels), (2, fine)]);
+    for (one, other) in [(1, 1), (2, 2), (2, 1)] {
+        let parts = [one, other].map(|kind| (kind, [levels, fine][kind as usize - 1]));
+        of_parts(&parts, ": a part comes twice, or after");
+    }
+    let two = two_codebooks(6);
+    let levels = "the part with the laws of the level";
+    let fractions = "there must be 1 to 32 fractions of θ for each node";
+    let last = "the last stage of fractions of θ says nothing";
+    for (kind, content, told) in [
+        (1, &[][..], levels),
+        (1, &[1], levels),
+        (1, &[1, 1, 0], levels),
+        (1, &[3, 0], "a law of the level of 0x3, which"),
+        (1, &[0, 2], "a law of the fade of 0x2, which"),
+        (1, &[0, 0], levels),
+        (2, &[], fractions),
+        (2, &[1; 5], fractions),
+        (2, &[1; 6 * 33], fractions),
+        (2, &[0; 6], last),
+        (2, &[0, 0, 0, 0, 1, 0, 1, 0, 1, 0, 1, 0], last),
+        (3, &two[..two.len() - 1], "sources of excitation"),
+        (6, &[0; 12], "the part with the steps of tails"),
+        (6, &[0; 11], "bytes of steps of tails: 11"),
+    ] {
+        of_parts(&[(kind, content)], &format!(": {told}"));
+    }
+    let beyond = "a fraction of θ, and is beyond the order";
+    let told = format!(", node (speed 0, force 1): stage 1 has {beyond}");
+    of_parts(&[(2, &[0, 1, 1, 1, 1, 1])], &told);
+    let mut content = [1; 18];
+    content[..6].fill(0);
+    let told = format!(", node (speed 1, force 0): stage 3 has {beyond}");
+    of_parts(&[(2, &content)], &told);
+}
+
+/// The number of parts is not believed: nothing is reserved for it, and a part that is missing ends the search.
+#[test]
+fn parts_that_do_not_parse_are_told_with_their_texture() {
+    let told = "texture 0: an optional part does not parse";
+    let alone = |count, library: &mut RawLibrary| {
+        library.textures.truncate(1);
+        library.textures[0].part_count = Some(count);
+    };
+    for count in [1, 3, u32::MAX] {
+        tells(
+            |library| {
+                alone(count, library);
+                library.scene_count = None;
+            },
+            told,
+        );
+    }
+    // A content that is longer than the bytes are.
+    tells(
+        |library| {
+            alone(1, library);
+            library.scene_count = Some(2);
+            library.tail = vec![0xff, 0xff, 0xff, 0xff, 0x0f];
+        },
+        told,
+    );
+}
+
+/// Content of an excitation of these codebooks, with these bytes for the nodes.
+fn excitation(codebooks: &[Vec<u8>], of_nodes: &[u8]) -> Vec<u8> {
+    [&[codebooks.len() as u8], &codebooks.concat()[..], of_nodes].concat()
+}
+
+#[test]
+fn codebooks_have_bounds_codes_of_the_law_and_a_mean_square_of_one() {
+    let sound = || codebook(1.0, &[127; 1000]);
+    // 1 byte of the count, 2 of the length, 4 of the peak, and 6 of the nodes.
+    let most = MAX_EXCITATION_BYTES - 13;
+    let mut sparse = [0; 1600];
+    sparse[77] = -127;
+    let long = |value: i8, length: usize| vec![value; length];
+    let one = |peak: f32, codes: &[i8]| excitation(&[codebook(peak, codes)], &[1; 6]);
+    for valid in [
+        excitation(&vec![sound(); MAX_CODEBOOKS], &[1, 2, 3, 4, 0, 0]),
+        one(1.0, &long(127, most)),
+        one(40.0, &sparse),
+        one(0.98f32.sqrt() + 1e-5, &long(127, 2500)),
+        one(1.02f32.sqrt() - 1e-5, &long(127, 2500)),
+    ] {
+        holds(&[(3, &valid)]);
+    }
+    let square = "the mean square of a codebook is";
+    let short = "the number of samples of a codebook is";
+    let lowest = "a codebook has the code -128";
+    let (count, peak) = ("the number of codebooks is", "the peak of a codebook is");
+    let unused = "a codebook that no node has";
+    let two = |last: Vec<u8>| excitation(&[sound(), last], &[1, 2, 1, 2, 0, 0]);
+    // Also behind the first step of a decoder, and in the second codebook.
+    let with_lowest = |at: usize| {
+        let mut codes = vec![127i8; 5000];
+        codes[at] = i8::MIN;
+        codes
+    };
+    for (content, told) in [
+        (excitation(&[], &[0; 6]), count),
+        (excitation(&vec![sound(); 5], &[1; 6]), count),
+        (one(1.0, &long(127, most + 1)), "the length of the exc"),
+        (two(codebook(1.0, &[])), short),
+        (two(codebook(1.0, &[127; 999])), short),
+        (one(0.0, &[127; 1000]), square),
+        (one(-0.0, &[127; 1000]), peak),
+        (one(-1.0, &[127; 1000]), peak),
+        (one(40.0f32.next_up(), &[127; 1000]), peak),
+        (one(f32::INFINITY, &[127; 1000]), peak),
+        (one(f32::NAN, &[127; 1000]), peak),
+        (one(1.0, &with_lowest(0)), lowest),
+        (one(1.0, &with_lowest(4999)), lowest),
+        (two(codebook(1.0, &with_lowest(4999))), lowest),
+        (one(1.0, &[0; 1000]), square),
+        (one(0.98f32.sqrt() - 1e-5, &[127; 2500]), square),
+        (one(1.02f32.sqrt() + 1e-5, &[127; 2500]), square),
+        (one(1e-20, &[127; 2500]), square),
+        (one(40.0, &[127; 2500]), square),
+        (excitation(&[sound()], &[]), "sources of excitation"),
+        (excitation(&[sound()], &[1; 7]), "sources of excitation"),
+        (excitation(&[sound(), sound()], &[0; 6]), unused),
+        (excitation(&[sound(), sound()], &[1; 6]), unused),
+        (excitation(&[sound(), sound()], &[2; 6]), unused),
+    ] {
+        of_parts(&[(3, &content)], &format!(": {told}"));
+    }
+    for (source, node) in [(2, 0), (255, 5), (3, 2)] {
+        let mut of_nodes = [1u8; 6];
+        of_nodes[node] = source;
+        let place = format!(", node (speed {}, force {})", node / 2, node % 2);
+        let told = format!("{place}: the number of its codebook is {source}; it must be 0 to 1");
+        of_parts(&[(3, &excitation(&[sound()], &of_nodes))], &told);
+    }
+}
+
+#[test]
+fn an_excitation_that_is_cut_anywhere_is_refused() {
+    let whole = two_codebooks(6);
+    holds(&[(3, &whole)]);
+    for length in 0..whole.len() {
+        of_parts(&[(3, &whole[..length])], ": ");
+    }
+    // A length beyond the end, up to the largest that the encoding holds, and one that never ends.
+    for length in [
+        &[0xd0, 0x0f][..],
+        &[0xff, 0xff, 0xff, 0xff, 0x0f],
+        &[0xff; 8],
+    ] {
+        let content = [&[1][..], length, &1f32.to_le_bytes(), &[127; 1000]].concat();
+        of_parts(&[(3, &content)], ": ");
+    }
+}
+
+#[test]
+fn a_level_track_has_steps_and_entries_within_bounds_and_a_mean_square_of_one() {
+    let entries = |length: usize| (0..length).map(|n| if n % 2 == 0 { 1 } else { 0xff });
+    let track = |step: &[u8], length: usize| -> Vec<u8> {
+        step.iter().copied().chain(entries(length)).collect()
+    };
+    let flat = |level: i8| [&[100][..], &[level.cast_unsigned(); 4000]].concat();
+    holds(&[(4, &track(&[0xf4, 0x03], MAX_MODULATION_ENTRIES))]);
+    holds(&[(4, &track(&[25], 20))]);
+    let (step, number) = (
+        "the step of the level track",
+        "the number of entries of the level track",
+    );
+    let square = "the mean square of the level track is";
+    for (content, told) in [
+        (track(&[0], 20), step),
+        (track(&[24], 20), step),
+        (track(&[0xf5, 0x03], 20), step),
+        (track(&[100], 0), number),
+        (track(&[100], 19), number),
+        (track(&[100], MAX_MODULATION_ENTRIES + 1), number),
+        (vec![], "its level track does not parse"),
+        (vec![0xff; 30], "its level track does not parse"),
+        (flat(0), "the level track says nothing"),
+        (flat(-128), square),
+        (flat(-1), square),
+        (flat(1), square),
+        (flat(127), square),
+    ] {
+        of_parts(&[(4, &content)], &format!(": {told}"));
+    }
+}
+
+/// Bytes of one line of [`of_lines`].
+const LINE_BYTES: usize = 6 + 6 * 4;
+
+/// Sound lines of texture 1, with one fault.
+fn of_lines(spoil: impl FnOnce(&mut Vec<u8>), begin: &str) {
+    let mut content = lines(&[(0.5, 0), (2.0, 9)], 6);
+    holds(&[(5, &content)]);
+    spoil(&mut content);
+    of_parts(&[(5, &content)], begin);
+}
+
+#[test]
+fn lines_are_as_many_as_their_count_says_and_their_wavelengths_in_range_and_unique() {
+    for count in [0, MAX_LINES + 1, 255] {
+        let told = format!(": the number of lines is {count}; it must be 1 to 8");
+        of_lines(|content| content[0] = count as u8, &told);
+    }
+    of_parts(&[(5, b"")], ": the number of lines is 0");
+    let whole = 1 + 2 * LINE_BYTES;
+    for (found, count) in [
+        (whole, 1),
+        (whole, 3),
+        (whole - 1, 2),
+        (whole + 1, 2),
+        (1, 2),
+        (2, 8),
+    ] {
+        of_lines(
+            |content| {
+                content.resize(found, 0);
+                content[0] = count as u8;
+            },
+            &format!(": bytes of lines: {found} where {}", 1 + count * LINE_BYTES),
+        );
+    }
+    let second = 1 + LINE_BYTES;
+    for value in [
+        0.0,
+        -2.0,
+        0.0199,
+        1000.1,
+        f32::INFINITY,
+        f32::NAN,
+        f32::MIN_POSITIVE,
+    ] {
+        of_lines(
+            |content| content[second..][..4].copy_from_slice(&f32::to_le_bytes(value)),
+            ": a line's wavelength in mm is",
+        );
+    }
+    of_lines(
+        |content| content[second..][..4].copy_from_slice(&0.5f32.to_le_bytes()),
+        ": the same wavelength as number 0",
+    );
+}
+
+#[test]
+fn amplitudes_of_lines_are_finite_bounded_and_zero_at_rest() {
+    let set = |node: usize, value: f32, told: &str| {
+        let begin = 1 + LINE_BYTES + 6 + 4 * node;
+        of_lines(
+            |content| content[begin..][..4].copy_from_slice(&value.to_le_bytes()),
+            &format!(", node (speed {}, force {}): {told}", node / 2, node % 2),
+        );
+    };
+    for value in BAD.into_iter().chain([MAX_LINE_AMPLITUDE.next_up()]) {
+        for node in [0, 3, 5] {
+            set(node, value, "the amplitude of a line in m/s² is");
+        }
+    }
+    for node in [0, 1] {
+        set(
+            node,
+            0.5,
+            "a line must have an amplitude of 0 at speed 0 and at force 0",
+        );
+    }
+    let told = ": a line of amplitude 0 says nothing";
+    of_lines(|content| content[1 + LINE_BYTES + 6..].fill(0), told);
+}
+
+#[test]
+fn tails_have_one_step_per_node_which_is_the_one_that_their_codes_need() {
+    fn of_tails(spoil: impl FnOnce(&mut RawTexture), begin: &str) {
+        tells(
+            |library| {
+                library.textures = vec![RawTexture::with_tails()];
+                spoil(&mut library.textures[0]);
+            },
+            begin,
+        );
+    }
+    for found in [0, 1, 10, 11, 13, 14] {
+        let told = format!("texture 0: bytes of steps of tails: {found} where 12 is due");
+        of_tails(|texture| texture.parts[1].1.resize(found, 0), &told);
+    }
+    for (at, stage) in [(0, 33), (3, 36), (4, 37)] {
+        of_tails(
+            |texture| {
+                let tail = texture.nodes[4].offset as usize + 64;
+                texture.coefficients[tail + at] = 0x80;
+            },
+            &format!("texture 0, node (speed 2, force 0): stage {stage} has the code -128"),
+        );
+    }
+    // The node without a stage beyond the 32nd and the silent one; the one whose tail is 0; those that are not 0.
+    for (number, step) in [(0, 1), (2, 1), (5, 1), (5, 9), (3, 0), (4, 0)] {
+        of_tails(
+            |texture| {
+                texture.parts[1].1[2 * number..][..2].copy_from_slice(&u16::to_le_bytes(step))
+            },
+            &format!(
+                "texture 0, node (speed {}, force {}): the step",
+                number / 2,
+                number % 2
+            ),
+        );
+    }
+    // A step of two or more would do with half of itself if all codes were below half their range.
+    let halved = |texture: &mut RawTexture, step: u16| {
+        let tail = texture.nodes[4].offset as usize + 64;
+        texture.coefficients[tail..tail + 5].copy_from_slice(&[63, 0xff, 0, 32, 0xc1]);
+        texture.parts[1].1[8..10].copy_from_slice(&step.to_le_bytes());
+    };
+    of_tails(
+        |texture| halved(texture, 2),
+        "texture 0, node (speed 2, force 0): the step",
+    );
+    let mut library = RawLibrary::sound();
+    library.textures = vec![RawTexture::with_tails()];
+    halved(&mut library.textures[0], 1);
+    assert!(Library::decode(&library.bytes()).is_ok());
+    // A reader that took the bytes of a tail for codes of 16 bits, or the other way round, would find too few or too
+    // many.
+    let used = 4 * 64 + 1 + 5 + 2;
+    let told = "texture 0, node (speed 2, force 1): the coefficients end within";
+    of_tails(|texture| texture.coefficients.resize(used - 1, 0), told);
+    let told = format!(
+        "texture 0: bytes of coefficients: {} where {used}",
+        used + 1
+    );
+    of_tails(|texture| texture.coefficients.resize(used + 1, 0), &told);
+    let told = "texture 0, node (speed 2, force 0): the begin of its coefficients: 129 where 130";
+    of_tails(|texture| texture.parts.truncate(1), told);
+}
