@@ -5,7 +5,7 @@ use std::io::Write;
 use std::os::unix::fs::PermissionsExt;
 use std::os::unix::net::UnixListener;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Child, Command, Stdio};
 use std::thread;
 use std::time::Duration;
 
@@ -36,7 +36,11 @@ impl Desk {
 
     fn with(stylus: FakeStylus, link: String) -> Self {
         let bench = Bench::new();
-        fs::create_dir(bench.path("run")).unwrap();
+        let run = bench.path("run");
+        fs::create_dir(&run).unwrap();
+        let bench = bench
+            .with("XDG_RUNTIME_DIR", run.display().to_string())
+            .with("STYLUS_LINK", link.as_str());
         let desk = Self {
             stylus,
             bench,
@@ -48,46 +52,21 @@ impl Desk {
         desk
     }
 
-    fn command<'a>(&self, arguments: impl IntoIterator<Item = &'a str>) -> Command {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_stylus"));
-        command
-            .args(arguments)
-            .env("XDG_RUNTIME_DIR", self.bench.path("run"))
-            .env_remove("STYLUS_LINK")
-            .current_dir(self.bench.path(""))
-            .stdin(Stdio::null())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped());
-        command
-    }
-
-    fn run(&self, arguments: &str) -> Output {
-        let arguments = arguments.split_whitespace();
-        let mut command = self.command(arguments.chain(["--link", &self.link]));
-        command.output().unwrap()
-    }
-
     fn succeed(&self, arguments: &str) -> String {
-        let output = self.run(arguments);
-        let (out, err) = (text(&output.stdout), text(&output.stderr));
-        assert!(output.status.success(), "stylus {arguments}\n{out}\n{err}");
-        out
+        self.bench.succeed(arguments)
     }
 
     fn refuse(&self, arguments: &str) -> String {
-        refusal(&self.run(arguments), arguments)
+        self.bench.refuse(arguments)
     }
 
     fn spawn(&self, arguments: &str) -> Child {
-        let arguments = arguments.split_whitespace();
-        let mut command = self.command(arguments.chain(["--link", &self.link]));
-        command.spawn().unwrap()
+        self.bench.spawn(arguments.split_whitespace())
     }
 
     /// Begins to play, and waits for the motions.
     fn play(&self) -> Child {
-        let mut command = self.command(PLAY.into_iter().chain(["--json", "--link", &self.link]));
-        let player = command.spawn().unwrap();
+        let player = self.bench.spawn(PLAY.into_iter().chain(["--json"]));
         wait_for("motions", || self.stylus.count("stylus/motion/live") >= 20);
         player
     }
@@ -209,13 +188,6 @@ fn all_at_once(desk: &Desk) {
 }
 
 #[test]
-fn commands_run_at_once_over_tcp_without_a_loss() {
-    let desk = Desk::new();
-    all_at_once(&desk);
-    assert_eq!(desk.stylus.connections(), 1);
-}
-
-#[test]
 fn commands_run_at_once_over_a_serial_port_under_any_of_its_names() {
     let stylus = FakeStylus::start();
     let mut port = port::before(stylus.port());
@@ -226,7 +198,11 @@ fn commands_run_at_once_over_a_serial_port_under_any_of_its_names() {
     let name = desk.bench.path("by-id");
     std::os::unix::fs::symlink(&port.name, &name).unwrap();
     let other = format!("serial:{}", name.display());
-    let output = desk.command(["status", "--link", &other]).output().unwrap();
+    let output = desk
+        .bench
+        .command(["status", "--link", &other])
+        .output()
+        .unwrap();
     assert!(output.status.success(), "{}", text(&output.stderr));
     assert_eq!(desk.brokers().len(), 1);
 }
@@ -244,7 +220,7 @@ fn a_second_play_is_refused_with_who_plays_and_a_stop_of_any_terminal_says_who_s
         "settings set hard-limit 0.4",
         "upload a.lib --activate",
     ] {
-        let refused = desk.run(arguments);
+        let refused = desk.bench.run(arguments);
         let err = text(&refused.stderr);
         assert_eq!(refused.status.code(), Some(2), "{arguments}: {err}");
         assert!(err.contains(&who), "{arguments}: {err}");
@@ -510,7 +486,10 @@ fn announce(desk: &Desk, name: &str, links: &[&str]) -> File {
 #[test]
 fn what_is_attached_is_listed_and_the_only_one_is_used() {
     let desk = Desk::new();
-    let run = |arguments: &[&str]| desk.command(arguments.iter().copied()).output().unwrap();
+    let run = |arguments: &[&str]| {
+        let mut command = desk.bench.command(arguments.iter().copied());
+        command.env_remove("STYLUS_LINK").output().unwrap()
+    };
     let none = run(&["status"]);
     let message = refusal(&none, "status");
     assert!(
@@ -568,8 +547,10 @@ fn what_is_attached_is_listed_and_the_only_one_is_used() {
 #[test]
 fn a_play_whose_motions_do_not_arrive_or_that_is_muted_throughout_fails_with_the_reason() {
     let desk = Desk::new();
-    let mut command = desk.command(PLAY.into_iter().chain(["--seconds", "3", "--timeout", "5"]));
-    command.args(["--json", "--link", &desk.link]);
+    let mut command =
+        desk.bench
+            .command(PLAY.into_iter().chain(["--seconds", "3", "--timeout", "5"]));
+    command.arg("--json");
     desk.stylus.fail(Faults {
         late: Duration::from_millis(900),
         ..Faults::default()
@@ -590,8 +571,10 @@ fn a_play_whose_motions_do_not_arrive_or_that_is_muted_throughout_fails_with_the
         is_open: true,
         ..Hand::default()
     });
-    let mut command = desk.command(["play", "--texture", "texture 0", "--seconds", "1.5"]);
-    let output = command.args(["--link", &desk.link]).output().unwrap();
+    let mut command = desk
+        .bench
+        .command(["play", "--texture", "texture 0", "--seconds", "1.5"]);
+    let output = command.output().unwrap();
     let err = text(&output.stderr);
     assert_eq!(output.status.code(), Some(2), "{err}");
     assert!(
@@ -623,12 +606,10 @@ fn a_play_shows_speed_force_level_mutes_and_missed_ticks_while_it_lasts() {
         (&[][..], "80.0 mm/s", "0.70 N"),
     ] {
         let play = || {
-            let mut command = desk.command(["play", "--texture", "texture 0", "--seconds", "2.5"]);
-            let output = command
-                .args(arguments)
-                .args(["--link", &desk.link])
-                .output()
-                .unwrap();
+            let mut command =
+                desk.bench
+                    .command(["play", "--texture", "texture 0", "--seconds", "2.5"]);
+            let output = command.args(arguments).output().unwrap();
             let (out, err) = (text(&output.stdout), text(&output.stderr));
             assert_eq!(output.status.code(), Some(0), "{err}");
             (out, err)

@@ -1,8 +1,6 @@
 //! Commands to a stylus without faults: each is carried out, and its effect read back.
 
-use std::process::Command;
-
-use crate::support::{Bench, PLAY, interrupt, json, text, wait_for};
+use crate::support::{Bench, attached, interrupt, json, text, wait_for};
 use fake_stylus::library::{announcement, library};
 use fake_stylus::{FakeStylus, Hand};
 use host_tools::link::{Device, Timeouts};
@@ -11,20 +9,19 @@ use serde_json::Value;
 
 /// A stylus with an active library of one texture, and a folder with the library in it.
 fn ready() -> (FakeStylus, Bench) {
-    let (stylus, bench) = (FakeStylus::start(), Bench::new());
+    let (stylus, bench) = attached(FakeStylus::start());
     bench.write("a.lib", library(1, 20, 1));
-    bench.succeed(&format!("upload a.lib --activate --link {}", stylus.link()));
+    bench.succeed("upload a.lib --activate");
     stylus.take_heard();
     (stylus, bench)
 }
 
 #[test]
 fn a_library_is_uploaded_listed_activated_and_shown() {
-    let (stylus, bench) = (FakeStylus::start(), Bench::new());
-    let link = stylus.link();
+    let (_stylus, bench) = attached(FakeStylus::start());
     let bytes = library(2, 30, 7);
     bench.write("a.lib", &bytes);
-    let uploaded = json(&bench.succeed(&format!("upload a.lib --json --link {link}")));
+    let uploaded = json(&bench.succeed("upload a.lib --json"));
     assert_eq!(uploaded["bytes"], bytes.len());
     assert_eq!(
         uploaded["textures"],
@@ -35,29 +32,29 @@ fn a_library_is_uploaded_listed_activated_and_shown() {
         (&0.into(), &false.into())
     );
     let slot = uploaded["slot"].as_str().unwrap();
-    let before = json(&bench.succeed(&format!("status --json --link {link}")));
+    let before = json(&bench.succeed("status --json"));
     assert_eq!(before["status"]["active"], Value::Null);
 
-    let activated = json(&bench.succeed(&format!("slots --activate --json --link {link}")));
+    let activated = json(&bench.succeed("slots --activate --json"));
     assert_eq!(activated["slot"], slot);
-    let status = json(&bench.succeed(&format!("status --json --link {link}")));
+    let status = json(&bench.succeed("status --json"));
     assert_eq!(status["status"]["active"], slot);
     assert_eq!(status["status"]["library_crc32"], uploaded["crc32"]);
     assert_eq!(status["muted"][0], "not playing");
 
-    let listed = json(&bench.succeed(&format!("slots --json --link {link}")));
+    let listed = json(&bench.succeed("slots --json"));
     let slots = listed.as_array().unwrap();
     let full = slots.iter().find(|s| s["slot"] == slot).unwrap();
     assert_eq!(full["active"], true);
     assert_eq!(full["textures"][1]["name"], "texture 1");
     assert_eq!(full["textures"][1]["max_order"], 30);
     assert_eq!(full["textures"][1]["provenance"], "SIMULATED");
-    let shown = bench.succeed(&format!("slots --link {link}"));
+    let shown = bench.succeed("slots");
     assert!(
         shown.contains("(active)") && shown.contains("15 x 8"),
         "{shown}"
     );
-    let shown = bench.succeed(&format!("status --link {link}"));
+    let shown = bench.succeed("status");
     for words in [
         "stylus 0123456789ABCDEF01234567",
         "start    external clock, silicon revision V (0x2003), brown-out level 3, 0 quick faults",
@@ -70,10 +67,9 @@ fn a_library_is_uploaded_listed_activated_and_shown() {
 
 #[test]
 fn an_abort_ends_the_upload_of_a_command_that_is_gone_and_says_how_far_it_was() {
-    let (stylus, bench) = (FakeStylus::start(), Bench::new());
-    let link = stylus.link();
+    let (stylus, bench) = attached(FakeStylus::start());
     let bytes = library(1, 20, 3);
-    let device = Device::connect(&link.parse().unwrap(), Timeouts::default()).unwrap();
+    let device = Device::connect(&stylus.link().parse().unwrap(), Timeouts::default()).unwrap();
     let slot = device.upload_begin(announcement(&bytes)).unwrap().slot;
     let data = &bytes[..512];
     device
@@ -81,19 +77,19 @@ fn an_abort_ends_the_upload_of_a_command_that_is_gone_and_says_how_far_it_was() 
         .unwrap();
     drop(device);
 
-    let ended = bench.succeed(&format!("upload --abort --link {link}"));
+    let ended = bench.succeed("upload --abort");
     let words = format!(
         "the upload to slot {slot} is ended; 512 of {} bytes had arrived",
         bytes.len()
     );
     assert!(ended.contains(&words), "{ended}");
-    let none = bench.succeed(&format!("upload --abort --json --link {link}"));
+    let none = bench.succeed("upload --abort --json");
     assert_eq!(
         json(&none),
         serde_json::json!({"before": "Idle", "after": "Idle"})
     );
     bench.write("a.lib", &bytes);
-    let uploaded = json(&bench.succeed(&format!("upload a.lib --json --link {link}")));
+    let uploaded = json(&bench.succeed("upload a.lib --json"));
     assert_eq!(uploaded["resumed_from"], 0);
 
     for wrong in [
@@ -101,30 +97,14 @@ fn an_abort_ends_the_upload_of_a_command_that_is_gone_and_says_how_far_it_was() 
         "upload a.lib --abort",
         "upload --abort --activate",
     ] {
-        let status = bench.run(&format!("{wrong} --link {link}")).status;
+        let status = bench.run(wrong).status;
         assert_eq!(status.code(), Some(2), "{wrong}");
     }
 }
 
 #[test]
-fn the_second_upload_goes_to_the_other_slot_and_the_newest_is_activated() {
-    let (stylus, bench) = ready();
-    let link = stylus.link();
-    bench.write("b.lib", library(1, 25, 2));
-    let first = json(&bench.succeed(&format!("status --json --link {link}")));
-    let second = json(&bench.succeed(&format!("upload b.lib --json --link {link}")));
-    assert_ne!(first["status"]["active"], second["slot"]);
-    let activated = json(&bench.succeed(&format!("slots --activate --json --link {link}")));
-    assert_eq!(activated["slot"], second["slot"]);
-    let back = first["status"]["active"].as_str().unwrap().to_lowercase();
-    let said = bench.succeed(&format!("slots --activate {back} --link {link}"));
-    assert!(said.contains("is active"), "{said}");
-}
-
-#[test]
 fn a_constant_motion_is_sent_at_its_rate_until_the_end_and_the_stop_is_read_back() {
     let (stylus, bench) = ready();
-    let (link, rate) = (stylus.link(), 200);
     let arguments = [
         "play",
         "--texture",
@@ -135,12 +115,11 @@ fn a_constant_motion_is_sent_at_its_rate_until_the_end_and_the_stop_is_read_back
         "0.8",
         "--seconds",
         "2",
+        "--rate",
+        "200",
+        "--json",
     ];
-    let output = Command::new(env!("CARGO_BIN_EXE_stylus"))
-        .args(arguments)
-        .args(["--rate", &rate.to_string(), "--json", "--link", &link])
-        .output()
-        .unwrap();
+    let output = bench.command(arguments).output().unwrap();
     assert!(output.status.success(), "{}", text(&output.stderr));
     let report = json(&text(&output.stdout));
     let number = |name: &str| report[name].as_u64().unwrap();
@@ -158,7 +137,7 @@ fn a_constant_motion_is_sent_at_its_rate_until_the_end_and_the_stop_is_read_back
     let mut motions = heard.iter().filter_map(|heard| heard.motion);
     assert!(motions.all(|m| m.speed.0 == 120.0 && m.force.0 == 0.8));
     assert!(heard.iter().any(|heard| heard.path == "stylus/stop"));
-    let status = json(&bench.succeed(&format!("status --json --link {link}")));
+    let status = json(&bench.succeed("status --json"));
     assert_eq!(status["status"]["output"]["activity"], "Idle");
 }
 
@@ -167,19 +146,8 @@ fn a_motion_from_a_file_is_followed_in_time_to_its_end() {
     let (stylus, bench) = ready();
     bench.write("m.csv", "time_s,speed_mm_s,force_n\n0,0,0.5\n1,100,1.5\n");
     bench.write("b.lib", library(1, 20, 1));
-    let child = Command::new(env!("CARGO_BIN_EXE_stylus"))
-        .args([
-            "play",
-            "--texture",
-            "texture 0",
-            "--motion",
-            "m.csv",
-            "--link",
-            &stylus.link(),
-        ])
-        .current_dir(bench.path(""))
-        .output()
-        .unwrap();
+    let play = ["play", "--texture", "texture 0", "--motion", "m.csv"];
+    let child = bench.command(play).output().unwrap();
     assert!(child.status.success(), "{}", text(&child.stderr));
     let motions: Vec<_> = stylus
         .take_heard()
@@ -202,8 +170,7 @@ fn along_the_sensors_keep_alives_are_sent_and_ctrl_c_stops() {
         force_n: 1.0,
         ..Hand::default()
     });
-    let link = stylus.link();
-    let child = bench.spawn(["play", "--texture", "texture 0", "--json", "--link", &link]);
+    let child = bench.spawn(["play", "--texture", "texture 0", "--json"]);
     wait_for("a hundred keep-alives", || {
         stylus.count("stylus/keep-alive") >= 100
     });
@@ -222,7 +189,7 @@ fn along_the_sensors_keep_alives_are_sent_and_ctrl_c_stops() {
     );
     let heard = stylus.take_heard();
     assert!(heard.iter().all(|heard| heard.motion.is_none()));
-    let status = json(&bench.succeed(&format!("status --json --link {}", stylus.link())));
+    let status = json(&bench.succeed("status --json"));
     let output = &status["status"]["output"];
     assert_eq!(output["activity"], "Idle");
     // Nothing muted it between the beginning and the end.
@@ -230,59 +197,35 @@ fn along_the_sensors_keep_alives_are_sent_and_ctrl_c_stops() {
 }
 
 #[test]
-fn stop_stops_what_another_program_plays_and_may_be_said_twice() {
-    let (stylus, bench) = ready();
-    let link = stylus.link();
-    let mut player = bench.spawn(PLAY.into_iter().chain(["--link", &link]));
-    wait_for("motions", || stylus.count("stylus/motion/live") >= 20);
-    let stopped = json(&bench.succeed(&format!("stop --json --link {link}")));
-    assert_eq!(stopped["was_playing"], true);
-    let again = json(&bench.succeed(&format!("stop --json --link {link}")));
-    assert_eq!(again["was_playing"], false);
-    let status = player.wait().unwrap();
-    let output = player.wait_with_output().unwrap();
-    assert_eq!(status.code(), Some(2));
-    assert!(
-        text(&output.stderr).contains("stopped by `stylus stop` (process "),
-        "{}",
-        text(&output.stderr)
-    );
-    let status = json(&bench.succeed(&format!("status --json --link {link}")));
-    assert_eq!(status["status"]["output"]["activity"], "Idle");
-}
-
-#[test]
 fn settings_are_shown_changed_read_back_and_reset() {
-    let (stylus, bench) = (FakeStylus::start(), Bench::new());
-    let link = stylus.link();
+    let (_stylus, bench) = attached(FakeStylus::start());
     let value = |arguments: &str| -> f64 {
-        let shown = json(&bench.succeed(&format!("settings {arguments} --json --link {link}")));
+        let shown = json(&bench.succeed(&format!("settings {arguments} --json")));
         shown[0]["value"].as_f64().unwrap()
     };
     assert_eq!(value("get force-per-volt"), 2.0);
     assert_eq!(value("set force-per-volt -3.5"), -3.5);
     assert_eq!(value("get force-per-volt"), -3.5);
-    let all = bench.succeed(&format!("settings --link {link}"));
+    let all = bench.succeed("settings");
     assert_eq!(all.lines().count(), 2 + model_format::link::SETTING_COUNT);
     assert!(
         all.contains("acceleration-per-volt-z") && all.contains("m/s²/V"),
         "{all}"
     );
-    let refused = bench.refuse(&format!("settings reset --link {link}"));
+    let refused = bench.refuse("settings reset");
     assert!(refused.contains("give --yes"), "{refused}");
     assert_eq!(value("get force-per-volt"), -3.5);
-    bench.succeed(&format!("settings reset --yes --link {link}"));
+    bench.succeed("settings reset --yes");
     assert_eq!(value("get force-per-volt"), 2.0);
 }
 
 #[test]
 fn a_new_stylus_plays_nothing_until_one_command_sets_the_coil() {
-    let (stylus, bench) = (FakeStylus::start_unset(), Bench::new());
-    let link = stylus.link();
+    let (_stylus, bench) = attached(FakeStylus::start_unset());
     bench.write("a.lib", library(1, 20, 1));
-    bench.succeed(&format!("upload a.lib --activate --link {link}"));
-    let play = format!("play --texture absent --link {link}");
-    let refused = bench.refuse(&play);
+    bench.succeed("upload a.lib --activate");
+    let play = "play --texture absent";
+    let refused = bench.refuse(play);
     for words in [
         "amplifier-gain, coil-resistance, power-limit not set",
         "stylus calibrate",
@@ -290,35 +233,33 @@ fn a_new_stylus_plays_nothing_until_one_command_sets_the_coil() {
     ] {
         assert!(refused.contains(words), "{words}: {refused}");
     }
-    let shown = bench.succeed(&format!("settings --link {link}"));
+    let shown = bench.succeed("settings");
     assert_eq!(shown.matches(" not set ").count(), 3, "{shown}");
-    let status = bench.succeed(&format!("status --link {link}"));
+    let status = bench.succeed("status");
     assert!(status.contains("SETTINGS nothing plays"), "{status}");
-    let row = json(&bench.succeed(&format!(
-        "settings get coil-resistance --json --link {link}"
-    )));
+    let row = json(&bench.succeed("settings get coil-resistance --json"));
     assert_eq!(
         (&row[0]["value"], &row[0]["state"]),
         (&Value::Null, &"not-set".into())
     );
 
     let all = "settings set coil-resistance 8 amplifier-gain 2 power-limit 0.2";
-    let refused = bench.refuse(&format!("{all} --link {link}"));
+    let refused = bench.refuse(all);
     for words in ["not set -> 8 Ω", "W held at 8 Ω", "give --yes"] {
         assert!(refused.contains(words), "{words}: {refused}");
     }
-    let shown = bench.succeed(&format!("settings --link {link}"));
+    let shown = bench.succeed("settings");
     assert_eq!(shown.matches(" not set ").count(), 3, "{shown}");
-    let set = json(&bench.succeed(&format!("{all} --yes --json --link {link}")));
+    let set = json(&bench.succeed(&format!("{all} --yes --json")));
     let set = set.as_array().unwrap();
     assert!(
         set.len() == 3 && set.iter().all(|row| row["state"] == "set"),
         "{set:?}"
     );
-    let status = bench.succeed(&format!("status --link {link}"));
+    let status = bench.succeed("status");
     assert!(!status.contains("SETTINGS"), "{status}");
     // Nothing is missing but the texture.
-    let refused = bench.refuse(&play);
+    let refused = bench.refuse(play);
     assert!(refused.contains("no texture"), "{refused}");
     // A pair without a value, or an unknown name, is refused before anything is set.
     for (pairs, words) in [
@@ -326,10 +267,10 @@ fn a_new_stylus_plays_nothing_until_one_command_sets_the_coil() {
         ("power-limit 0.3 volume 1", "no setting 'volume'"),
         ("power-limit loud", "must be a number"),
     ] {
-        let message = bench.refuse(&format!("settings set {pairs} --link {link}"));
+        let message = bench.refuse(&format!("settings set {pairs}"));
         assert!(message.contains(words), "{pairs}: {message}");
     }
-    let row = json(&bench.succeed(&format!("settings get power-limit --json --link {link}")));
+    let row = json(&bench.succeed("settings get power-limit --json"));
     assert_eq!(
         row[0]["value"].as_f64().map(|value| value as f32),
         Some(0.2)
@@ -338,34 +279,31 @@ fn a_new_stylus_plays_nothing_until_one_command_sets_the_coil() {
 
 #[test]
 fn what_protects_less_is_shown_and_confirmed_and_what_protects_more_is_not_asked_for() {
-    let (stylus, bench) = (FakeStylus::start(), Bench::new());
-    let link = stylus.link();
+    let (_stylus, bench) = attached(FakeStylus::start());
     let value = |name: &str| {
-        let shown = bench.succeed(&format!("settings get {name} --json --link {link}"));
+        let shown = bench.succeed(&format!("settings get {name} --json"));
         json(&shown)[0]["value"].as_f64().unwrap() as f32
     };
-    bench.succeed(&format!("settings set hard-limit 0.25 --link {link}"));
+    bench.succeed("settings set hard-limit 0.25");
     let looser = "settings set soft-start 300 hard-limit 0.75 force-zero 5000";
-    let refused = bench.refuse(&format!("{looser} --link {link}"));
+    let refused = bench.refuse(looser);
     for words in ["hard-limit: 0.25 -> 0.75 V", "0.749 V peak", "give --yes"] {
         assert!(refused.contains(words), "{words}: {refused}");
     }
     assert!(!refused.contains("soft-start"), "{refused}");
     // All or nothing: neither is changed.
     assert_eq!((value("soft-start"), value("force-zero")), (200.0, 4096.0));
-    bench.succeed(&format!("{looser} --yes --link {link}"));
+    bench.succeed(&format!("{looser} --yes"));
     assert_eq!((value("soft-start"), value("hard-limit")), (300.0, 0.75));
-    let twice = format!("settings set soft-start 300 soft-start 400 --link {link}");
-    let refused = bench.refuse(&twice);
+    let refused = bench.refuse("settings set soft-start 300 soft-start 400");
     assert!(refused.contains("soft-start is given twice"), "{refused}");
 }
 
 #[test]
 fn a_calibration_sets_the_coil_and_the_forces_zero_and_measures_again() {
-    let (stylus, bench) = (FakeStylus::start_unset(), Bench::new());
-    let link = stylus.link();
+    let (stylus, bench) = attached(FakeStylus::start_unset());
     let coil = "--resistance 8 --amplifier-gain 10 --power-limit 0.5 --hard-limit 0.2";
-    let calibrate = format!("calibrate {coil} --seconds 0.3 --yes --json --link {link}");
+    let calibrate = format!("calibrate {coil} --seconds 0.3 --yes --json");
     // An open sensor has no zero.
     stylus.set_hand(Hand {
         is_open: true,
@@ -383,7 +321,7 @@ fn a_calibration_sets_the_coil_and_the_forces_zero_and_measures_again() {
     });
     let refused = bench.refuse(&calibrate);
     assert!(refused.contains("the encoder moved"), "{refused}");
-    let missing = bench.refuse(&format!("play --texture silk --link {link}"));
+    let missing = bench.refuse("play --texture silk");
     assert!(missing.contains("not set"), "{missing}");
 
     // A sensor whose zero is another than the default.
@@ -403,7 +341,7 @@ fn a_calibration_sets_the_coil_and_the_forces_zero_and_measures_again() {
     );
     let mean = report["at_rest"]["mean"][3].as_f64().unwrap();
     assert!((mean - zero).abs() <= 1.0, "{report}");
-    let refused = bench.refuse(&format!("play --texture silk --link {link}"));
+    let refused = bench.refuse("play --texture silk");
     assert!(refused.contains("no library is active"), "{refused}");
     let refused = bench.refuse(&calibrate.replace("--resistance 8", "--resistance 0.01"));
     assert!(refused.contains("coil-resistance of 0.01"), "{refused}");
@@ -416,15 +354,14 @@ fn a_calibration_sets_the_coil_and_the_forces_zero_and_measures_again() {
 
 #[test]
 fn what_the_device_refuses_is_told_in_its_words_and_what_was_there_stays() {
-    let (stylus, bench) = ready();
-    let link = stylus.link();
+    let (_stylus, bench) = ready();
     bench.write("noise.lib", vec![0x5a; 4000]);
     bench.write(
         "huge.lib",
         vec![0; model_format::limits::MAX_LIBRARY_BYTES + 1],
     );
     let status = || {
-        let status = json(&bench.succeed(&format!("status --json --link {link}")));
+        let status = json(&bench.succeed("status --json"));
         (
             status["status"]["active"].clone(),
             status["status"]["library_crc32"].clone(),
@@ -476,27 +413,26 @@ fn what_the_device_refuses_is_told_in_its_words_and_what_was_there_stays() {
         ),
         ("upload huge.lib --unchecked", "a slot holds 1 to"),
     ] {
-        let message = bench.refuse(&format!("{arguments} --link {link}"));
+        let message = bench.refuse(arguments);
         assert!(message.contains(words), "{arguments}: {message}");
     }
     assert_eq!(status(), before);
-    let set = json(&bench.succeed(&format!("settings get hard-limit --json --link {link}")));
+    let set = json(&bench.succeed("settings get hard-limit --json"));
     assert_eq!(set[0]["value"], 0.5);
 }
 
 #[test]
 fn without_a_library_there_is_nothing_to_play_or_activate() {
-    let (stylus, bench) = (FakeStylus::start(), Bench::new());
-    let link = stylus.link();
+    let (_stylus, bench) = attached(FakeStylus::start());
     for (arguments, words) in [
         ("play --texture silk", "no library is active"),
         ("slots --activate", "no slot holds a library"),
         ("slots --activate B", "slot B holds no library"),
     ] {
-        let message = bench.refuse(&format!("{arguments} --link {link}"));
+        let message = bench.refuse(arguments);
         assert!(message.contains(words), "{arguments}: {message}");
     }
-    let listed = bench.succeed(&format!("slots --link {link}"));
+    let listed = bench.succeed("slots");
     assert_eq!(listed.trim(), "slot A: empty\n\nslot B: empty");
 }
 
@@ -526,17 +462,14 @@ fn what_is_wrong_before_the_device_is_asked_is_told_without_it() {
 
 #[test]
 fn a_monitor_shows_what_the_sensors_see_and_leaves_no_recording_behind() {
-    let (stylus, bench) = (FakeStylus::start(), Bench::new());
-    let link = stylus.link();
+    let (stylus, bench) = attached(FakeStylus::start());
     stylus.set_hand(Hand {
         speed_mm_s: 80.0,
         force_n: 1.5,
         acceleration: vec![[32_000, 32_768, 32_768], [33_536, 32_768, 32_768]],
         ..Hand::default()
     });
-    let seen = bench.succeed(&format!(
-        "status --watch --seconds 1 --interval 0.25 --json --link {link}"
-    ));
+    let seen = bench.succeed("status --watch --seconds 1 --interval 0.25 --json");
     let sights: Vec<Value> = seen.lines().map(json).collect();
     assert!(sights.len() >= 3, "{seen}");
     let level = &sights[1]["level"];
@@ -554,39 +487,20 @@ fn a_monitor_shows_what_the_sensors_see_and_leaves_no_recording_behind() {
         (level["force_n"].as_f64().unwrap() - 1.5).abs() < 0.01,
         "{level}"
     );
-    let lines = bench.succeed(&format!("status --watch --seconds 0.5 --link {link}"));
+    let lines = bench.succeed("status --watch --seconds 0.5");
     assert!(
         lines.contains("1.149 m/s² RMS") && lines.contains("idle"),
         "{lines}"
     );
-    let status = json(&bench.succeed(&format!("status --json --link {link}")));
+    let status = json(&bench.succeed("status --json"));
     assert_eq!(status["status"]["record"]["recording"], false);
-    let mut child = bench.spawn(["status", "--watch", "--link", &link]);
+    let mut child = bench.spawn(["status", "--watch"]);
     wait_for("the recording", || stylus.count("stylus/record/start") >= 3);
     #[cfg(unix)]
     interrupt(&child);
     #[cfg(not(unix))]
     child.kill().unwrap();
     assert_eq!(child.wait().unwrap().code(), Some(0));
-    let status = json(&bench.succeed(&format!("status --json --link {link}")));
+    let status = json(&bench.succeed("status --json"));
     assert_eq!(status["status"]["record"]["recording"], false);
-}
-
-#[test]
-fn a_texture_that_is_not_there_is_answered_by_those_that_are_the_nearest_first() {
-    let (stylus, bench) = (FakeStylus::start(), Bench::new());
-    let link = stylus.link();
-    let names = ["vinyl", "Denim", "paper", "organza"];
-    bench.write("a.lib", fake_stylus::library::small_of(&names, 1));
-    bench.succeed(&format!("upload a.lib --activate --link {link}"));
-    let message = bench.refuse(&format!(
-        "play --texture denum --speed 1 --force 1 --link {link}"
-    ));
-    assert!(
-        message.contains("no texture \"denum\"; it has Denim, "),
-        "{message}"
-    );
-    for name in names {
-        assert!(message.contains(name), "{message}");
-    }
 }

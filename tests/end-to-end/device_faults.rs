@@ -1,9 +1,8 @@
 //! Links and devices that fail: the commands that recover, and the messages of those that cannot.
 
-use std::process::Command;
 use std::time::{Duration, Instant};
 
-use crate::support::{Bench, PLAY, json, text, wait_for};
+use crate::support::{Bench, PLAY, attached, json, text, wait_for};
 use fake_stylus::flash::Damage;
 use fake_stylus::library::library;
 use fake_stylus::{FakeStylus, Faults};
@@ -12,17 +11,14 @@ use serde_json::Value;
 
 /// A stylus, and a folder with a library of about 100 KB.
 fn bench() -> (FakeStylus, Bench, Vec<u8>) {
-    let (stylus, bench) = (FakeStylus::start(), Bench::new());
+    let (stylus, bench) = attached(FakeStylus::start());
     let bytes = library(1, 400, 3);
     bench.write("a.lib", &bytes);
     (stylus, bench, bytes)
 }
 
-fn upload(stylus: &FakeStylus, bench: &Bench) -> Value {
-    json(&bench.succeed(&format!(
-        "upload a.lib --json --activate --link {}",
-        stylus.link()
-    )))
+fn upload(bench: &Bench) -> Value {
+    json(&bench.succeed("upload a.lib --json --activate"))
 }
 
 #[test]
@@ -32,7 +28,7 @@ fn an_upload_goes_on_where_the_link_broke() {
         close_every: Some(50),
         ..Faults::default()
     });
-    let report = upload(&stylus, &bench);
+    let report = upload(&bench);
     assert_eq!(report["bytes"], bytes.len());
     let retries = report["retries"].as_u64().unwrap() as usize;
     assert!(retries >= 3, "{report}");
@@ -50,15 +46,15 @@ fn an_upload_that_was_killed_is_resumed_by_the_next() {
         late: Duration::from_millis(5),
         ..Faults::default()
     });
-    let mut first = bench.spawn(["upload", "a.lib", "--link", &stylus.link()]);
+    let mut first = bench.spawn(["upload", "a.lib"]);
     wait_for("chunks", || stylus.count("stylus/upload/chunk") >= 30);
     first.kill().unwrap();
     first.wait().unwrap();
     stylus.fail(Faults::default());
-    let status = bench.succeed(&format!("status --link {}", stylus.link()));
+    let status = bench.succeed("status");
     assert!(status.contains("receiving into slot"), "{status}");
     stylus.take_heard();
-    let report = upload(&stylus, &bench);
+    let report = upload(&bench);
     let resumed_from = report["resumed_from"].as_u64().unwrap() as usize;
     assert!(resumed_from >= 29 * MAX_CHUNK_BYTES, "{report}");
     let rest = (bytes.len() - resumed_from).div_ceil(MAX_CHUNK_BYTES);
@@ -74,7 +70,7 @@ fn an_upload_whose_last_answer_was_lost_is_not_begun_again() {
         close_every: Some(chunks + 3),
         ..Faults::default()
     });
-    let report = upload(&stylus, &bench);
+    let report = upload(&bench);
     assert_eq!(
         (&report["sequence"], &report["retries"]),
         (&1.into(), &1.into())
@@ -91,10 +87,7 @@ fn answers_that_break_on_the_way_and_noise_between_them_do_no_harm() {
         noise: true,
         ..Faults::default()
     });
-    let said = bench.succeed(&format!(
-        "upload a.lib --json --timeout 0.2 --link {}",
-        stylus.link()
-    ));
+    let said = bench.succeed("upload a.lib --json --timeout 0.2");
     let report = json(&said);
     assert_eq!(report["bytes"], bytes.len());
     assert!(report["retries"].as_u64().unwrap() >= 1, "{report}");
@@ -107,13 +100,12 @@ fn a_device_whose_flash_is_busy_is_asked_until_it_is_free() {
         busy: true,
         ..Faults::default()
     });
-    let link = stylus.link();
     let report = std::thread::scope(|scope| {
         scope.spawn(|| {
             std::thread::sleep(Duration::from_millis(700));
             stylus.fail(Faults::default());
         });
-        upload(&stylus, &bench)
+        upload(&bench)
     });
     assert_eq!(report["retries"], 0);
     assert!(stylus.count("stylus/upload/begin") > 2);
@@ -122,7 +114,7 @@ fn a_device_whose_flash_is_busy_is_asked_until_it_is_free() {
         ..Faults::default()
     });
     // The timeout is sixteen times that of other answers.
-    let message = bench.refuse(&format!("slots --timeout 0.2 --link {link}"));
+    let message = bench.refuse("slots --timeout 0.2");
     assert!(
         message.contains("the device did not accept the slot list request"),
         "{message}"
@@ -136,7 +128,7 @@ fn an_upload_that_gets_nowhere_ends_with_the_reason() {
         close_every: Some(2),
         ..Faults::default()
     });
-    let message = bench.refuse(&format!("upload a.lib --link {}", stylus.link()));
+    let message = bench.refuse("upload a.lib");
     assert!(
         message.contains("the link was lost: the other side closed it"),
         "{message}"
@@ -152,7 +144,7 @@ fn a_device_that_says_nothing_is_given_up_in_time() {
         ..Faults::default()
     });
     let begin = Instant::now();
-    let message = bench.refuse(&format!("status --timeout 0.3 --link {}", stylus.link()));
+    let message = bench.refuse("status --timeout 0.3");
     assert!(
         message.contains("no answer to the identity request within 0.3 s"),
         "{message}"
@@ -197,13 +189,13 @@ type Disguise = fn(&mut DeviceInfo);
 
 /// The message to a user of a device with `disguise`.
 fn said_to(disguise: Disguise, arguments: &str) -> String {
-    let (stylus, bench) = (FakeStylus::start(), Bench::new());
+    let (stylus, bench) = attached(FakeStylus::start());
     bench.write("a.lib", library(1, 4, 3));
     stylus.fail(Faults {
         disguise: Some(disguise),
         ..Faults::default()
     });
-    let message = bench.refuse(&format!("{arguments} --link {}", stylus.link()));
+    let message = bench.refuse(arguments);
     // Nothing but its description was asked for.
     let heard = stylus.take_heard();
     assert!(heard.iter().all(|heard| heard.path == "stylus/info"));
@@ -253,29 +245,15 @@ fn of_two_versions_the_older_is_named_before_anything_is_asked() {
 }
 
 #[test]
-fn a_library_of_another_format_does_not_keep_the_rest_from_working() {
-    let (stylus, bench, _) = bench();
-    stylus.fail(Faults {
-        disguise: Some(|info| info.library_format_version += 1),
-        ..Faults::default()
-    });
-    bench.succeed(&format!("status --link {}", stylus.link()));
-    bench.succeed(&format!("stop --link {}", stylus.link()));
-}
-
-#[test]
 fn playing_over_a_slow_link_leaves_motions_out_instead_of_carrying_them_later_and_later() {
     let (stylus, bench, _) = bench();
-    upload(&stylus, &bench);
+    upload(&bench);
     stylus.fail(Faults {
         late: Duration::from_millis(100),
         ..Faults::default()
     });
-    let output = Command::new(env!("CARGO_BIN_EXE_stylus"))
-        .args(PLAY)
-        .args(["--seconds", "2", "--json", "--link", &stylus.link()])
-        .output()
-        .unwrap();
+    let play = PLAY.into_iter().chain(["--seconds", "2", "--json"]);
+    let output = bench.command(play).output().unwrap();
     assert!(output.status.success(), "{}", text(&output.stderr));
     let report: Value = json(&text(&output.stdout));
     // Two answers of 100 ms at a time, each for 16 motions: at most 320 motions per second.
@@ -288,23 +266,22 @@ fn playing_over_a_slow_link_leaves_motions_out_instead_of_carrying_them_later_an
 
 #[test]
 fn the_last_library_that_can_be_read_is_replaced_only_where_the_user_asks_for_it() {
-    let (stylus, bench) = (FakeStylus::start(), Bench::new());
-    let link = stylus.link();
+    let (stylus, bench) = attached(FakeStylus::start());
     for (name, seed) in [("a.lib", 1), ("b.lib", 2), ("c.lib", 3)] {
         bench.write(name, library(1, 4, seed));
     }
-    bench.succeed(&format!("upload a.lib --activate --link {link}"));
-    bench.succeed(&format!("upload b.lib --link {link}"));
+    bench.succeed("upload a.lib --activate");
+    bench.succeed("upload b.lib");
     // The active library goes on from RAM; its slot cannot be read any more.
     stylus.damage(0, Damage::Faulting);
-    let refused = bench.refuse(&format!("upload c.lib --link {link}"));
+    let refused = bench.refuse("upload c.lib");
     for remedy in ["activate slot B", "--replace-last"] {
         assert!(refused.contains(remedy), "{refused}");
     }
-    let uploaded = bench.run(&format!("upload c.lib --replace-last --link {link}"));
+    let uploaded = bench.run("upload c.lib --replace-last");
     assert!(uploaded.status.success(), "{uploaded:?}");
     let told = text(&uploaded.stderr);
     assert!(told.contains("without one"), "{told}");
-    let listed = bench.succeed(&format!("slots --json --link {link}"));
+    let listed = bench.succeed("slots --json");
     assert!(listed.contains("\"B\""), "{listed}");
 }

@@ -4,7 +4,7 @@ use std::io::Write;
 use std::process::{Child, Output};
 use std::time::Duration;
 
-use crate::support::{Bench, all_pole, interrupt, json, noise, text, wait_for};
+use crate::support::{Bench, all_pole, attached, interrupt, json, noise, text, wait_for};
 use fake_stylus::{FakeStylus, Faults, Hand};
 use model_format::AdcCode;
 use serde_json::Value;
@@ -33,16 +33,12 @@ fn report(output: &Output) -> Value {
     json(&text(&output.stdout))
 }
 
-fn record(stylus: &FakeStylus, bench: &Bench, arguments: &str) -> Output {
-    bench.run(&format!(
-        "record set {arguments} --json --link {}",
-        stylus.link()
-    ))
+fn record(bench: &Bench, arguments: &str) -> Output {
+    bench.run(&format!("record set {arguments} --json"))
 }
 
-fn spawn(stylus: &FakeStylus, bench: &Bench, arguments: &str) -> Child {
-    let link = stylus.link();
-    let fixed = ["record", "set", "--json", "--link", &link];
+fn spawn(bench: &Bench, arguments: &str) -> Child {
+    let fixed = ["record", "set", "--json"];
     bench.spawn(fixed.into_iter().chain(arguments.split_whitespace()))
 }
 
@@ -56,12 +52,12 @@ fn samples(bench: &Bench, trial: usize) -> Vec<Vec<f64>> {
 
 #[test]
 fn what_is_recorded_is_what_was_on_the_pins_and_a_fit_takes_it() {
-    let (stylus, bench) = (FakeStylus::start(), Bench::new());
+    let (stylus, bench) = attached(FakeStylus::start());
     for (speed, force) in [(120.0, 1.0), (60.0, 1.0), (60.0, 0.5)] {
         let hand = hand(speed, force);
         stylus.set_hand(hand.clone());
         let arguments = format!("--texture silk --speeds {speed} --forces {force} --yes");
-        let report = report(&record(&stylus, &bench, &arguments));
+        let report = report(&record(&bench, &arguments));
         let row = &report["recorded"][0];
         assert_eq!(row["verdicts"], serde_json::json!([]), "{row}");
         assert!(
@@ -109,13 +105,13 @@ fn what_is_recorded_is_what_was_on_the_pins_and_a_fit_takes_it() {
 
 #[test]
 fn trials_that_are_there_are_not_recorded_again_unless_asked() {
-    let (stylus, bench) = (FakeStylus::start(), Bench::new());
+    let (stylus, bench) = attached(FakeStylus::start());
     stylus.set_hand(hand(100.0, 1.0));
     let first = "--texture silk --speeds 100 --forces 1 --seconds 0.4 --settle 0 --yes";
-    report(&record(&stylus, &bench, first));
+    report(&record(&bench, first));
     stylus.take_heard();
     let both = "--texture silk --speeds 100,200 --forces 1 --seconds 0.4 --settle 0 --yes";
-    let second = report(&record(&stylus, &bench, both));
+    let second = report(&record(&bench, both));
     assert_eq!(second["already_there"], 1);
     assert_eq!(second["recorded"].as_array().unwrap().len(), 1);
     assert_eq!(stylus.count("stylus/record/start"), 1);
@@ -123,11 +119,7 @@ fn trials_that_are_there_are_not_recorded_again_unless_asked() {
     let verdicts = second["recorded"][0]["verdicts"].to_string();
     assert!(verdicts.contains("instead of 200 mm/s"), "{verdicts}");
     let before = samples(&bench, 0);
-    let again = report(&record(
-        &stylus,
-        &bench,
-        &format!("{first} --again --scale 10"),
-    ));
+    let again = report(&record(&bench, &format!("{first} --again --scale 10")));
     assert_eq!(again["recorded"].as_array().unwrap().len(), 1);
     let list = std::fs::read_to_string(bench.path("set/trials.csv")).unwrap();
     assert_eq!(list.lines().count(), 3, "{list}");
@@ -136,7 +128,7 @@ fn trials_that_are_there_are_not_recorded_again_unless_asked() {
 
 #[test]
 fn a_hole_makes_a_trial_begin_anew_and_the_loss_is_told() {
-    let (stylus, bench) = (FakeStylus::start(), Bench::new());
+    let (stylus, bench) = attached(FakeStylus::start());
     stylus.set_hand(hand(100.0, 1.0));
     // A stretch of 63 blocks; the 40th does not arrive.
     stylus.fail(Faults {
@@ -144,7 +136,7 @@ fn a_hole_makes_a_trial_begin_anew_and_the_loss_is_told() {
         ..Faults::default()
     });
     let arguments = "--texture silk --speeds 100 --forces 1 --settle 0 --yes";
-    let failed = record(&stylus, &bench, &format!("{arguments} --seconds 0.4"));
+    let failed = record(&bench, &format!("{arguments} --seconds 0.4"));
     assert_eq!(failed.status.code(), Some(2));
     let message = text(&failed.stderr);
     assert!(
@@ -152,11 +144,7 @@ fn a_hole_makes_a_trial_begin_anew_and_the_loss_is_told() {
         "{message}"
     );
     assert!(!bench.path("set/trials.csv").exists());
-    let report = report(&record(
-        &stylus,
-        &bench,
-        &format!("{arguments} --seconds 0.24"),
-    ));
+    let report = report(&record(&bench, &format!("{arguments} --seconds 0.24")));
     let row = &report["recorded"][0];
     // 38 blocks fit between two holes, but not always before the first.
     assert!(row["holes"].as_u64().unwrap() <= 2, "{row}");
@@ -165,13 +153,9 @@ fn a_hole_makes_a_trial_begin_anew_and_the_loss_is_told() {
 
 #[test]
 fn what_the_device_loses_is_told_apart_from_what_the_link_loses() {
-    let (stylus, bench) = (FakeStylus::start(), Bench::new());
+    let (stylus, bench) = attached(FakeStylus::start());
     stylus.set_hand(hand(100.0, 1.0));
-    let child = spawn(
-        &stylus,
-        &bench,
-        "--texture silk --speeds 100 --forces 1 --yes",
-    );
+    let child = spawn(&bench, "--texture silk --speeds 100 --forces 1 --yes");
     wait_for("the recording", || stylus.count("stylus/record/start") > 0);
     std::thread::sleep(Duration::from_millis(300));
     stylus.lose_samples(100);
@@ -190,13 +174,9 @@ fn what_the_device_loses_is_told_apart_from_what_the_link_loses() {
 #[test]
 fn torn_samples_are_told_and_interpolated_and_too_many_are_no_recording() {
     for (torn, is_kept) in [(40, true), (2_000, false)] {
-        let (stylus, bench) = (FakeStylus::start(), Bench::new());
+        let (stylus, bench) = attached(FakeStylus::start());
         stylus.set_hand(hand(100.0, 1.0));
-        let child = spawn(
-            &stylus,
-            &bench,
-            "--texture silk --speeds 100 --forces 1 --yes",
-        );
+        let child = spawn(&bench, "--texture silk --speeds 100 --forces 1 --yes");
         wait_for("the recording", || stylus.count("stylus/record/start") > 0);
         std::thread::sleep(Duration::from_millis(1_200));
         stylus.tear_samples(torn);
@@ -217,17 +197,13 @@ fn torn_samples_are_told_and_interpolated_and_too_many_are_no_recording() {
 
 #[test]
 fn the_person_at_the_keyboard_says_what_is_recorded_kept_and_left_out() {
-    let (stylus, bench) = (FakeStylus::start(), Bench::new());
+    let (stylus, bench) = attached(FakeStylus::start());
     stylus.set_hand(hand(100.0, 1.0));
     bench.write(
         "points.csv",
         "texture,speed_mm_s,force_n\nsilk,100,1\nsilk,200,1\nfelt,100,1\nfelt,50,1\nfelt,40,1\n",
     );
-    let mut child = spawn(
-        &stylus,
-        &bench,
-        "--trials points.csv --seconds 0.5 --settle 0",
-    );
+    let mut child = spawn(&bench, "--trials points.csv --seconds 0.5 --settle 0");
     let mut keyboard = child.stdin.take().unwrap();
     // The first trial is good. The second is too slow, and is repeated, then kept. The third is left out; the fourth
     // ends it.
@@ -246,11 +222,7 @@ fn the_person_at_the_keyboard_says_what_is_recorded_kept_and_left_out() {
     let listed: Vec<f64> = set.trials.iter().map(|trial| trial.speed_mm_s).collect();
     assert_eq!(listed, [100.0, 200.0]);
     // A second session: one trial is left out, one is kept although it is too slow, and the session ends.
-    let mut child = spawn(
-        &stylus,
-        &bench,
-        "--trials points.csv --seconds 0.5 --settle 0",
-    );
+    let mut child = spawn(&bench, "--trials points.csv --seconds 0.5 --settle 0");
     let mut keyboard = child.stdin.take().unwrap();
     keyboard.write_all(b"s\n\nq\n").unwrap();
     let second = self::report(&child.wait_with_output().unwrap());
@@ -261,7 +233,7 @@ fn the_person_at_the_keyboard_says_what_is_recorded_kept_and_left_out() {
 
 #[test]
 fn triage_judges_each_trial_when_it_is_there() {
-    let (stylus, bench) = (FakeStylus::start(), Bench::new());
+    let (stylus, bench) = attached(FakeStylus::start());
     let clipped = |(index, codes): (usize, [u16; 3])| {
         let top = if (index / 20).is_multiple_of(2) {
             65_535
@@ -287,7 +259,7 @@ fn triage_judges_each_trial_when_it_is_there() {
             ..good.clone()
         });
         let arguments = format!("--texture {texture} --speeds 100 --forces 1 --yes");
-        let report = report(&record(&stylus, &bench, &arguments));
+        let report = report(&record(&bench, &arguments));
         let verdicts = report["recorded"][0]["verdicts"].to_string();
         assert!(verdicts.contains(word), "{texture}: {verdicts}");
     }
@@ -296,10 +268,9 @@ fn triage_judges_each_trial_when_it_is_there() {
 #[cfg(unix)]
 #[test]
 fn ctrl_c_ends_a_trial_without_a_trace_of_it() {
-    let (stylus, bench) = (FakeStylus::start(), Bench::new());
+    let (stylus, bench) = attached(FakeStylus::start());
     stylus.set_hand(hand(100.0, 1.0));
     let child = spawn(
-        &stylus,
         &bench,
         "--texture silk --speeds 100 --forces 1 --seconds 60 --yes",
     );
@@ -311,17 +282,16 @@ fn ctrl_c_ends_a_trial_without_a_trace_of_it() {
         (&1.into(), &Value::Array(vec![]))
     );
     assert!(!bench.path("set/trials.csv").exists());
-    let status = bench.succeed(&format!("status --json --link {}", stylus.link()));
+    let status = bench.succeed("status --json");
     let status = json(&status);
     assert_eq!(status["status"]["record"]["recording"], false);
 }
 
 #[test]
 fn a_recording_that_was_left_running_is_stopped_by_stop() {
-    let (stylus, bench) = (FakeStylus::start(), Bench::new());
+    let (stylus, bench) = attached(FakeStylus::start());
     stylus.set_hand(hand(100.0, 1.0));
     let mut child = spawn(
-        &stylus,
         &bench,
         // A broker would stop it with its last client.
         "--texture silk --speeds 100 --forces 1 --seconds 60 --yes --no-broker",
@@ -330,12 +300,12 @@ fn a_recording_that_was_left_running_is_stopped_by_stop() {
     child.kill().unwrap();
     child.wait().unwrap();
     let arguments = "--texture silk --speeds 100 --forces 1 --yes";
-    let refused = record(&stylus, &bench, arguments);
+    let refused = record(&bench, arguments);
     assert_eq!(refused.status.code(), Some(2));
     assert!(text(&refused.stderr).contains("a recording is under way: stop it first"));
-    let stopped = bench.succeed(&format!("stop --link {}", stylus.link()));
+    let stopped = bench.succeed("stop");
     assert!(stopped.contains("stopped recording"), "{stopped}");
-    report(&record(&stylus, &bench, arguments));
+    report(&record(&bench, arguments));
 }
 
 /// The columns of a recording of strokes, without its header and comments.
@@ -355,13 +325,10 @@ fn columns(bench: &Bench, name: &str) -> Vec<[f64; 6]> {
 
 #[test]
 fn a_free_hands_strokes_are_recorded_cut_and_fitted() {
-    let (stylus, bench) = (FakeStylus::start(), Bench::new());
+    let (stylus, bench) = attached(FakeStylus::start());
     for (name, speed, force) in [("a.csv", 120.0, 1.0), ("b.csv", 60.0, 0.6)] {
         stylus.set_hand(hand(speed, force));
-        let link = stylus.link();
-        let recorded = bench.succeed(&format!(
-            "record {name} --strokes --seconds 1.5 --json --link {link}"
-        ));
+        let recorded = bench.succeed(&format!("record {name} --strokes --seconds 1.5 --json"));
         let recorded = json(&recorded);
         assert_eq!(
             (&recorded["lost_samples"], &recorded["seconds"]),
@@ -396,14 +363,13 @@ fn a_free_hands_strokes_are_recorded_cut_and_fitted() {
 #[cfg(unix)]
 #[test]
 fn ctrl_c_ends_strokes_and_keeps_them_and_what_the_link_loses_is_a_hole() {
-    let (stylus, bench) = (FakeStylus::start(), Bench::new());
+    let (stylus, bench) = attached(FakeStylus::start());
     stylus.set_hand(hand(100.0, 1.0));
     stylus.fail(Faults {
         lose_block_every: Some(10),
         ..Faults::default()
     });
-    let link = stylus.link();
-    let child = bench.spawn(["record", "a.csv", "--strokes", "--json", "--link", &link]);
+    let child = bench.spawn(["record", "a.csv", "--strokes", "--json"]);
     wait_for("the recording", || stylus.count("stylus/record/start") > 0);
     std::thread::sleep(Duration::from_millis(700));
     interrupt(&child);
@@ -424,13 +390,12 @@ fn ctrl_c_ends_strokes_and_keeps_them_and_what_the_link_loses_is_a_hole() {
 
 #[test]
 fn a_duration_that_no_recording_can_have_is_refused_before_memory_is_taken_for_it() {
-    let (stylus, bench) = (FakeStylus::start(), Bench::new());
-    let link = stylus.link();
+    let (_stylus, bench) = attached(FakeStylus::start());
     for command in [
         "record set --texture silk --speeds 100 --forces 1 --yes",
         "record strokes.csv --strokes",
     ] {
-        let arguments = format!("{command} --seconds 1e12 --link {link}");
+        let arguments = format!("{command} --seconds 1e12");
         let output = bench.run(&arguments);
         let message = text(&output.stderr);
         assert_eq!(output.status.code(), Some(2), "{message}");

@@ -1,6 +1,6 @@
 //! `stylus selftest`: a healthy device passes, each fault is named with what to do, and a record is kept.
 
-use crate::support::{Bench, json, text};
+use crate::support::{Bench, attached, json, text};
 use fake_stylus::library::library;
 use fake_stylus::{Board, FakeStylus, Faults, Hand};
 use host_tools::link::self_test::{self, Options, Verdict};
@@ -22,18 +22,15 @@ fn lying() -> Hand {
 
 /// A device that lies still, on `board`.
 fn on(board: Board) -> (FakeStylus, Bench) {
-    let (stylus, bench) = (FakeStylus::start(), Bench::new());
+    let (stylus, bench) = attached(FakeStylus::start());
     stylus.set_hand(lying());
     stylus.set_board(board);
     (stylus, bench)
 }
 
 /// The record of a self test, and its exit code.
-fn test(stylus: &FakeStylus, bench: &Bench, arguments: &str) -> (Value, i32) {
-    let output = bench.run(&format!(
-        "selftest --seconds 0.5 --json {arguments} --link {}",
-        stylus.link()
-    ));
+fn test(bench: &Bench, arguments: &str) -> (Value, i32) {
+    let output = bench.run(&format!("selftest --seconds 0.5 --json {arguments}"));
     let code = output.status.code().expect("it ends by itself");
     (json(&text(&output.stdout)), code)
 }
@@ -49,8 +46,8 @@ fn with<'a>(record: &'a Value, verdict: &str) -> Vec<&'a str> {
 
 #[test]
 fn a_healthy_device_passes_and_leaves_a_record() {
-    let (stylus, bench) = on(Board::default());
-    let (record, code) = test(&stylus, &bench, "");
+    let (_stylus, bench) = on(Board::default());
+    let (record, code) = test(&bench, "");
     assert_eq!(with(&record, "fail"), [""; 0], "{record:#}");
     assert_eq!(code, 0);
     assert!(with(&record, "pass").len() > 40, "{record:#}");
@@ -66,10 +63,7 @@ fn a_healthy_device_passes_and_leaves_a_record() {
     let file = std::fs::read_to_string(bench.path(&names[0])).expect("it is there");
     assert_eq!(json(&file), record);
     // A file by name, and the table.
-    let shown = bench.succeed(&format!(
-        "selftest --bare --seconds 0.2 --record here.json --link {}",
-        stylus.link()
-    ));
+    let shown = bench.succeed("selftest --bare --seconds 0.2 --record here.json");
     assert!(bench.path("here.json").is_file());
     for words in [
         "silicon revision",
@@ -84,10 +78,10 @@ fn a_healthy_device_passes_and_leaves_a_record() {
 
 #[test]
 fn traffic_is_tested_while_a_texture_is_played_silently() {
-    let (stylus, bench) = on(Board::default());
+    let (_stylus, bench) = on(Board::default());
     bench.write("a.lib", library(1, 20, 1));
-    bench.succeed(&format!("upload a.lib --activate --link {}", stylus.link()));
-    let (record, code) = test(&stylus, &bench, "--bare");
+    bench.succeed("upload a.lib --activate");
+    let (record, code) = test(&bench, "--bare");
     assert_eq!(code, 0, "{record:#}");
     let lines = record["lines"].as_array().expect("lines");
     let loaded = lines.iter().find(|line| {
@@ -95,7 +89,7 @@ fn traffic_is_tested_while_a_texture_is_played_silently() {
         name.ends_with("kernel loaded")
     });
     assert_eq!(loaded.expect("it is there")["value"], "by texture 0");
-    let status = json(&bench.succeed(&format!("status --json --link {}", stylus.link())));
+    let status = json(&bench.succeed("status --json"));
     assert_eq!(status["status"]["output"]["activity"], "Idle");
     assert_eq!(status["status"]["record"]["recording"], false);
 }
@@ -111,8 +105,8 @@ fn each_fault_is_a_line_with_its_remedy_and_the_exit_code_tells_of_them() {
     };
     board.chip.revision = 0x1003;
     board.clocks.low_speed = None;
-    let (stylus, bench) = on(board);
-    let (record, code) = test(&stylus, &bench, "--bare");
+    let (_stylus, bench) = on(board);
+    let (record, code) = test(&bench, "--bare");
     let expected = [
         "silicon revision",
         "LSI",
@@ -122,37 +116,6 @@ fn each_fault_is_a_line_with_its_remedy_and_the_exit_code_tells_of_them() {
     ];
     assert_eq!(with(&record, "fail"), expected, "{record:#}");
     assert_eq!(code, 2);
-}
-
-#[test]
-fn a_library_is_erased_only_on_request() {
-    // Both slots hold a library.
-    let (stylus, bench) = on(Board::default());
-    for name in ["a.lib", "b.lib"] {
-        bench.write(name, library(1, 20, 1));
-        bench.succeed(&format!(
-            "upload {name} --activate --link {}",
-            stylus.link()
-        ));
-    }
-    let slots = || json(&bench.succeed(&format!("slots --json --link {}", stylus.link())));
-    let before = slots();
-    let (record, code) = test(&stylus, &bench, "--bare");
-    assert_eq!(code, 0, "{record:#}");
-    assert!(with(&record, "not_measured").contains(&"flash"));
-    assert_eq!(slots(), before);
-    let spare = before
-        .as_array()
-        .expect("two slots")
-        .iter()
-        .find(|slot| slot["active"] == false)
-        .expect("one is not active")["slot"]
-        .as_str()
-        .expect("a letter")
-        .to_owned();
-    let (record, code) = test(&stylus, &bench, &format!("--bare --use-slot {spare}"));
-    assert_eq!(code, 0, "{record:#}");
-    assert_ne!(slots(), before);
 }
 
 #[test]
@@ -209,7 +172,7 @@ fn a_link_that_loses_blocks_is_named() {
         lose_block_every: Some(9),
         ..Faults::default()
     });
-    let (record, code) = test(&stylus, &bench, "--bare");
+    let (record, code) = test(&bench, "--bare");
     assert_eq!(code, 2);
     let link = stylus.link();
     let lost = format!("{link}: blocks lost on the link");
@@ -219,25 +182,10 @@ fn a_link_that_loses_blocks_is_named() {
 #[test]
 fn a_second_link_that_cannot_be_opened_is_an_error_before_anything_is_measured() {
     let (stylus, bench) = on(Board::default());
-    let other = bench.run(&format!(
-        "selftest --also tcp:127.0.0.1:1 --seconds 0.1 --link {}",
-        stylus.link()
-    ));
+    let other = bench.run("selftest --also tcp:127.0.0.1:1 --seconds 0.1");
     assert_eq!(other.status.code(), Some(2));
     let message = text(&other.stderr);
     assert!(message.contains("127.0.0.1:1"), "{message}");
     assert_eq!(stylus.count("stylus/selftest"), 0);
     assert_eq!(bench.names(), [""; 0]);
-}
-
-#[test]
-fn a_record_without_a_folder_is_an_error_before_anything_is_measured() {
-    let (stylus, bench) = on(Board::default());
-    let output = bench.run(&format!(
-        "selftest --record nowhere/record.json --link {}",
-        stylus.link()
-    ));
-    assert_eq!(output.status.code(), Some(2));
-    assert!(text(&output.stderr).contains("nowhere/record.json: there is no folder nowhere"));
-    assert_eq!(stylus.count("stylus/selftest"), 0);
 }

@@ -171,18 +171,6 @@ fn a_texture_with_parts_has_the_recordings_kurtosis_modulation_and_levels_and_wi
 }
 
 #[test]
-fn the_report_draws_all_versions_beside_the_recording() {
-    let bench = bench();
-    bench.succeed("evaluate set --library fed.lib --takes takes --synthesis 4 --report out");
-    let page = std::fs::read_to_string(bench.path("out/index.html")).unwrap();
-    let picture = std::fs::read_to_string(bench.path("out/felt-waveforms.svg")).unwrap();
-    for name in ["recorded", "synthesis: residual + modulation", "Gaussian"] {
-        assert_eq!(picture.matches(&format!(">{name}<")).count(), 2, "{name}");
-    }
-    assert!(page.contains("What the spectrum does not show, of this trial"));
-}
-
-#[test]
 fn a_page_for_listening_compares_every_pair_of_recording_gaussian_and_fitted() {
     let bench = bench();
     let said = bench

@@ -27,7 +27,6 @@ mod hostile_inputs;
 mod inputs;
 #[cfg(target_os = "linux")]
 mod large_sets;
-mod levinson_fixtures;
 mod liveliness;
 #[cfg(all(target_os = "linux", feature = "device", feature = "hatt"))]
 mod outputs;

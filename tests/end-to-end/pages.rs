@@ -35,7 +35,7 @@ const GROUPS: [&str; 2] = ["scene", "settings"];
 const OF_OTHERS: [&str; 2] = ["--port", "--version"];
 
 /// Options of `cargo tasks hil` that only pages for boards name.
-const OF_HIL: [&str; 3] = ["--flash", "--minutes", "--cycles"];
+const OF_HIL: [&str; 2] = ["--flash", "--minutes"];
 
 /// The output of `stylus` for `arguments` and `--help`.
 fn help(arguments: &[&str]) -> String {
@@ -152,7 +152,6 @@ fn every_command_of_a_boards_first_hour_is_one() {
                 tried += 1;
             }
             ["cargo", "tasks", "setup" | "firmware"]
-            | ["cargo", "tasks", "tables", "cycles"]
             | ["cargo", "flash" | "demo"]
             | ["export", _] => {}
             _ => panic!("firmware/BRINGUP.md has a command that nobody checks: {line}"),

@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, LazyLock};
 
-use crate::support::{Bench, RATE_HZ, noise};
+use crate::support::{Bench, RATE_HZ, decibels, noise};
 use host_tools::playing::motion::MotionPath;
 use host_tools::playing::pin::{Pin, RATE_HZ as PIN_HZ, settings};
 use host_tools::playing::render::render;
@@ -136,10 +136,6 @@ impl Bins {
         let bins = bin(low_hz)..=bin(high_hz).min(self.powers.len() - 1);
         self.powers[bins].iter().sum()
     }
-}
-
-fn decibels(ratio: f64) -> f64 {
-    10.0 * ratio.log10()
 }
 
 fn felt(signal: &[f64], rate_hz: u32) -> f64 {

@@ -1,43 +1,9 @@
 //! Libraries at 10 kHz: fitted to recordings of that rate, checked and rendered.
 
-use crate::support::{Bench, all_pole, json, noise, wav};
+use crate::support::{Bench, all_pole, decibels, json, noise, power_between, predictor, wav};
 use host_tools::dsp::spectrum::{band_edges_hz, band_powers};
 
 const FAST_HZ: u32 = 10_000;
-
-/// Coefficients of resonances at `rate_hz`, each a frequency, Hz, and a radius.
-fn resonances(rate_hz: u32, all: &[(f64, f64)]) -> Vec<f64> {
-    let mut polynomial = vec![1.0];
-    for &(hertz, radius) in all {
-        let angle = core::f64::consts::TAU * hertz / f64::from(rate_hz);
-        let factor = [1.0, -2.0 * radius * angle.cos(), radius * radius];
-        let mut product = vec![0.0; polynomial.len() + 2];
-        for (i, p) in polynomial.iter().enumerate() {
-            for (j, f) in factor.iter().enumerate() {
-                product[i + j] += p * f;
-            }
-        }
-        polynomial = product;
-    }
-    polynomial.split_off(1)
-}
-
-/// Power of the process between two frequencies, for excitation of unit variance, by its density in closed form.
-fn power_between(a: &[f64], rate_hz: u32, low_hz: f64, high_hz: f64) -> f64 {
-    const STEPS: u32 = 2000;
-    let step_hz = (high_hz - low_hz) / f64::from(STEPS);
-    let density = |hertz: f64| {
-        let angle = core::f64::consts::TAU * hertz / f64::from(rate_hz);
-        let (mut re, mut im) = (1.0, 0.0);
-        for (lag, a) in (1..).zip(a) {
-            re += a * (angle * f64::from(lag)).cos();
-            im -= a * (angle * f64::from(lag)).sin();
-        }
-        2.0 / f64::from(rate_hz) / (re * re + im * im)
-    };
-    let middles = (0..STEPS).map(|n| low_hz + (f64::from(n) + 0.5) * step_hz);
-    middles.map(density).sum::<f64>() * step_hz
-}
 
 /// Power of a signal at 10 kHz in these multiples of 10 Hz, by sums over Hann windows of 0.1 s.
 fn power_by_sums(signal: &[f64], bins: std::ops::RangeInclusive<u32>) -> f64 {
@@ -59,10 +25,6 @@ fn power_by_sums(signal: &[f64], bins: std::ops::RangeInclusive<u32>) -> f64 {
     power / windows.len() as f64
 }
 
-fn decibels(ratio: f64) -> f64 {
-    10.0 * ratio.log10()
-}
-
 fn samples(bench: &Bench, name: &str, rate_hz: u32) -> Vec<f64> {
     let reader = hound::WavReader::open(bench.path(name)).expect("it was rendered");
     assert_eq!(reader.spec().sample_rate, rate_hz);
@@ -72,7 +34,7 @@ fn samples(bench: &Bench, name: &str, rate_hz: u32) -> Vec<f64> {
 
 #[test]
 fn a_process_recorded_at_ten_kilohertz_comes_back_with_what_is_above_the_half_of_five() {
-    let a = resonances(FAST_HZ, &[(140.0, 0.98), (900.0, 0.9), (3_300.0, 0.95)]);
+    let a = predictor(FAST_HZ, &[(140.0, 0.98), (900.0, 0.9), (3_300.0, 0.95)]);
     let signal: Vec<f64> = all_pole(&a, &noise(3, 600_000))
         .iter()
         .map(|x| 0.02 * x)
@@ -108,7 +70,7 @@ fn a_process_recorded_at_ten_kilohertz_comes_back_with_what_is_above_the_half_of
 
 /// A folder with a recording of 5 s at `rate_hz`.
 fn recorded(rate_hz: u32) -> Bench {
-    let a = resonances(rate_hz, &[(140.0, 0.97), (900.0, 0.9)]);
+    let a = predictor(rate_hz, &[(140.0, 0.97), (900.0, 0.9)]);
     let signal = all_pole(&a, &noise(5, 5 * rate_hz as usize));
     let signal: Vec<f64> = signal.iter().map(|x| 0.02 * x).collect();
     let bench = Bench::new();

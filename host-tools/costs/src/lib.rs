@@ -4,8 +4,6 @@
 //! embeds it. Counts are whole instructions and whole cycles. A look-up between two measured orders has fractions; for
 //! it the same types hold another number.
 
-pub mod cycles;
-
 use serde::{Deserialize, Serialize};
 
 /// The computation of an all-pole filter, with its word length.

@@ -18,10 +18,6 @@ const BOARD_MINUTES: f64 = 10.0;
 
 /// Options of `cargo tasks hil`.
 #[derive(clap::Args)]
-#[expect(
-    clippy::struct_excessive_bools,
-    reason = "each is a flag of the command line"
-)]
 pub struct Arguments {
     /// The stylus: usb[:SERIAL], serial:PATH, tcp:HOST:PORT or usb-virtual:HOST:PORT
     #[arg(long, env = "STYLUS_LINK", required_unless_present = "virtual_stylus")]
@@ -29,24 +25,15 @@ pub struct Arguments {
     /// Flash the product's image by the probe first, and the one with faults on request for the tests of faults
     #[arg(long, conflicts_with = "virtual_stylus")]
     flash: bool,
-    /// Start a virtual stylus in place of a board, and test what the image's tests on it do not hold
+    /// Start a virtual stylus in place of a board
     #[arg(long)]
     virtual_stylus: bool,
-    /// With the virtual stylus: all tests of a board
-    #[arg(long, requires = "virtual_stylus")]
-    long: bool,
-    /// With the virtual stylus: over its USB instead of its serial port
-    #[arg(long, requires = "virtual_stylus")]
-    usb: bool,
     /// Length of upload, stream and play together, in minutes [default: 10; 0.02 with the virtual stylus]
     #[arg(long)]
     minutes: Option<f64>,
     /// Write the report to this file, as JSON
     #[arg(long)]
     json: Option<PathBuf>,
-    /// Write the measured cycles to this file; `firmware/cycles.json` is the one that the pages cite
-    #[arg(long)]
-    cycles: Option<PathBuf>,
     /// Upload and activate this library at the end, because the tests overwrite both slots
     #[arg(long)]
     library: Option<PathBuf>,
@@ -81,9 +68,6 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             suite
                 .arg("--virtual-stylus")
                 .arg(virtual_stylus::build_as_tested()?);
-            if !arguments.long {
-                suite.arg("--brief");
-            }
         } else {
             let program = firmware::probe_rs()?;
             firmware::download(&product)?;
@@ -102,7 +86,6 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     suite.args(link.flat_map(|link| ["--link", link]));
     let files = [
         ("--json", &arguments.json),
-        ("--cycles", &arguments.cycles),
         ("--library", &arguments.library),
     ];
     for (option, file) in files {
@@ -110,7 +93,6 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             suite.arg(option).arg(file);
         }
     }
-    let flags = [("--virtual-usb", arguments.usb), ("--yes", arguments.yes)];
-    suite.args(flags.iter().filter(|(_, set)| *set).map(|(flag, _)| flag));
+    suite.args(arguments.yes.then_some("--yes"));
     process::run(&mut suite)
 }

@@ -8,11 +8,10 @@ use std::time::Instant;
 use anyhow::{Context, Result, bail};
 use clap::{Parser, Subcommand};
 use tasks::firmware::Image;
-use tasks::guest::Processor;
 use tasks::toolchain::{Toolchain, check_clippy};
 use tasks::{
-    attack, browser_module, compare, costs, firmware, hil, house, lint, qemu, tables,
-    virtual_stylus, workspace,
+    attack, browser_module, costs, firmware, hil, house, lint, qemu, tables, virtual_stylus,
+    workspace,
 };
 
 /// Tasks around the microcontroller's core.
@@ -27,8 +26,6 @@ struct Arguments {
 enum Task {
     /// List the needed programs, and how to install the missing ones
     Setup,
-    /// Play the test vectors on emulated processors, compare with the host, and count instructions
-    Qemu,
     /// Count the cost per sample and per update, by instruction, and write host-tools/costs/costs.json (some minutes)
     Costs,
     /// Build the image for the STM32H743, check the place of the tick's code, and show the use of each memory
@@ -91,7 +88,6 @@ enum Task {
 fn main() -> ExitCode {
     let done = match Arguments::parse().task {
         Task::Setup => setup(),
-        Task::Qemu => play_all(),
         Task::Costs => count_all(),
         Task::Firmware {
             fault_injection: false,
@@ -217,23 +213,5 @@ fn count_all() -> Result<()> {
     let path = costs::path();
     std::fs::write(&path, costs::to_text(&counted)).with_context(|| path.display().to_string())?;
     println!("\n{}", path.display());
-    Ok(())
-}
-
-/// Shows the costs of every processor before failing for any.
-fn play_all() -> Result<()> {
-    let host = compare::on_host();
-    let mut checked: Vec<Result<()>> = Vec::new();
-    for processor in Processor::ALL {
-        let report = compare::play(processor)?;
-        println!("{}", compare::table(processor, &report));
-        checked.extend([
-            compare::same_bits(processor, &report.played, &host),
-            compare::costs_hold(processor, &report),
-        ]);
-    }
-    checked.into_iter().collect::<Result<()>>()?;
-    let count = host.iter().map(|played| played.words.len()).sum::<usize>();
-    println!("every processor played the host's {count} words, bit for bit");
     Ok(())
 }

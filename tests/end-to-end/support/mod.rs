@@ -17,6 +17,8 @@ pub struct Bench {
     folder: TempDir,
     /// True if commands replace what is there, as tests do that write a file twice.
     overwrites: bool,
+    /// Variables of the environment of every command.
+    variables: Vec<(&'static str, String)>,
 }
 
 impl Bench {
@@ -25,7 +27,14 @@ impl Bench {
         Self {
             folder: TempDir::new().expect("there is room for a folder"),
             overwrites: true,
+            variables: Vec::new(),
         }
+    }
+
+    /// The same folder, where commands have this variable in their environment.
+    pub fn with(mut self, name: &'static str, value: impl Into<String>) -> Self {
+        self.variables.push((name, value.into()));
+        self
     }
 
     /// The same folder, where commands replace nothing unless they are asked to.
@@ -55,9 +64,14 @@ impl Bench {
             .expect("the command runs")
     }
 
-    fn command<'a>(&self, arguments: impl IntoIterator<Item = &'a str>) -> Command {
+    /// The command with these arguments, in the folder.
+    pub fn command<'a>(&self, arguments: impl IntoIterator<Item = &'a str>) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_stylus"));
-        command.args(arguments).current_dir(self.folder.path());
+        command
+            .args(arguments)
+            .current_dir(self.folder.path())
+            .env_remove("STYLUS_LINK")
+            .envs(self.variables.iter().map(|(name, value)| (name, value)));
         if self.overwrites {
             command.env("STYLUS_OVERWRITE", "1");
         }
@@ -108,6 +122,13 @@ impl Default for Bench {
     fn default() -> Self {
         Self::new()
     }
+}
+
+/// A fake stylus, and a folder whose commands are for it.
+#[cfg(feature = "device")]
+pub fn attached(stylus: fake_stylus::FakeStylus) -> (fake_stylus::FakeStylus, Bench) {
+    let bench = Bench::new().with("STYLUS_LINK", stylus.link());
+    (stylus, bench)
 }
 
 /// A folder with the recordings `set` of two textures, silk and felt, at two speeds and two forces; `axes` makes the
@@ -198,6 +219,45 @@ pub fn all_pole(a: &[f64], excitation: &[f64]) -> Vec<f64> {
         output.push(next);
     }
     output
+}
+
+/// Coefficients of an all-pole process at `rate_hz` by its poles, each a frequency, Hz, and a radius, with its conjugate.
+pub fn predictor(rate_hz: u32, poles: &[(f64, f64)]) -> Vec<f64> {
+    let mut polynomial = vec![1.0];
+    for &(hertz, radius) in poles {
+        let angle = core::f64::consts::TAU * hertz / f64::from(rate_hz);
+        let factor = [1.0, -2.0 * radius * angle.cos(), radius * radius];
+        let mut product = vec![0.0; polynomial.len() + 2];
+        for (i, p) in polynomial.iter().enumerate() {
+            for (j, f) in factor.iter().enumerate() {
+                product[i + j] += p * f;
+            }
+        }
+        polynomial = product;
+    }
+    polynomial.split_off(1)
+}
+
+/// Power of an all-pole process between two frequencies, for excitation of unit variance, by its density in closed form.
+pub fn power_between(a: &[f64], rate_hz: u32, low_hz: f64, high_hz: f64) -> f64 {
+    const STEPS: u32 = 2000;
+    let step_hz = (high_hz - low_hz) / f64::from(STEPS);
+    let density = |hertz: f64| {
+        let angle = core::f64::consts::TAU * hertz / f64::from(rate_hz);
+        let (mut re, mut im) = (1.0, 0.0);
+        for (lag, a) in (1..).zip(a) {
+            re += a * (angle * f64::from(lag)).cos();
+            im -= a * (angle * f64::from(lag)).sin();
+        }
+        2.0 / f64::from(rate_hz) / (re * re + im * im)
+    };
+    let middles = (0..STEPS).map(|n| low_hz + (f64::from(n) + 0.5) * step_hz);
+    middles.map(density).sum::<f64>() * step_hz
+}
+
+/// A ratio of powers, dB.
+pub fn decibels(ratio: f64) -> f64 {
+    10.0 * ratio.log10()
 }
 
 /// A WAV file's bytes, 32-bit float, one channel per axis.

@@ -4,12 +4,10 @@
 //! Memory and time are libFuzzer's to bound: see `smoke`.
 
 mod decode;
+mod fitted;
 mod frame;
-mod hatt;
-mod list;
 mod motion;
 mod place;
-mod recording;
 pub mod seeds;
 mod table;
 mod texts;
@@ -21,12 +19,12 @@ pub type Judge = fn(&[u8]);
 pub const TARGETS: [(&str, Judge); 11] = [
     ("decode", decode::judge),
     ("motion", motion::judge),
-    ("trials", list::judge),
-    ("recordings", recording::judge),
+    ("trials", fitted::list),
+    ("recordings", fitted::recording),
     ("tables", table::judge),
     ("scenes", texts::scene),
     ("rigs", texts::rig),
-    ("hatt", hatt::judge),
+    ("hatt", fitted::hatt),
     ("frames", frame::judge),
     ("settings", texts::settings),
     ("records", texts::record),

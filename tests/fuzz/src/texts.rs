@@ -8,9 +8,7 @@ use host_tools::link::settings::changes;
 use host_tools::rig::RigFile;
 use host_tools::scene::{SceneFile, with_scenes};
 use model_format::link::SettingsChange;
-use model_format::{
-    CodeSpec, Laws, Library, NodeFlags, NodeSpec, PartsSpec, Provenance, TextureSpec, encode,
-};
+use model_format::{CodeSpec, Library, NodeSpec, TextureSpec, encode};
 
 use crate::place;
 
@@ -18,22 +16,8 @@ use crate::place;
 fn library() -> &'static [u8] {
     static LIBRARY: OnceLock<Vec<u8>> = OnceLock::new();
     LIBRARY.get_or_init(|| {
-        let node = NodeSpec {
-            output_power: 1.0,
-            prediction_error_power: 0.5,
-            flags: NodeFlags::NONE,
-            codes: CodeSpec::lattice(vec![8000, -4000]),
-        };
-        let texture = TextureSpec {
-            name: "silk".to_owned(),
-            sample_rate_hz: 5000,
-            provenance: Provenance::Recorded,
-            laws: Laws::default(),
-            parts: PartsSpec::default(),
-            speed_axis_mm_s: vec![100.0],
-            force_axis_n: vec![1.0],
-            nodes: vec![node],
-        };
+        let node = NodeSpec::new(1.0, CodeSpec::lattice(vec![8000, -4000]));
+        let texture = TextureSpec::new("silk", &[100.0], &[1.0], vec![node]);
         encode(&[texture]).expect("it is sound")
     })
 }

@@ -1,5 +1,6 @@
 //! The device under test: its clock, its counters, and what keeps it playing meanwhile.
 
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::Duration;
@@ -12,7 +13,6 @@ use model_format::{MillimetresPerSecond, Newton};
 
 use crate::board::Board;
 use crate::error::{Error, Result};
-use crate::interrupt::Interrupt;
 use crate::report::{Line, Report, Verdict};
 
 /// Time between two readings of the status, of this computer's clock.
@@ -51,8 +51,8 @@ pub struct Bench {
     pub board: Board,
     /// The run's lengths.
     pub lengths: Lengths,
-    /// The end of the run.
-    pub interrupt: Interrupt,
+    /// Raised when the run is to end.
+    pub interrupt: Arc<AtomicBool>,
     /// The report so far.
     pub report: Report,
     subject: &'static str,
@@ -65,7 +65,7 @@ impl Bench {
         device: Device,
         board: Board,
         lengths: Lengths,
-        interrupt: Interrupt,
+        interrupt: Arc<AtomicBool>,
         tell: fn(&Line),
     ) -> Self {
         Self {
@@ -92,6 +92,11 @@ impl Bench {
         );
         let serial = self.device.info().serial.to_uppercase();
         self.board.is_emulated() || by_link || serial.starts_with(VIRTUAL_SERIAL)
+    }
+
+    /// Returns true once the run is to end.
+    pub fn is_interrupted(&self) -> bool {
+        self.interrupt.load(Ordering::Relaxed)
     }
 
     /// Adds a line.
@@ -135,7 +140,7 @@ impl Bench {
     /// # Errors
     /// A lost link, a missing answer, or an interrupt.
     pub fn status(&self) -> Result<Status> {
-        if self.interrupt.is_raised() {
+        if self.is_interrupted() {
             return Err(Error::Interrupted);
         }
         Ok(self.device.status()?)
@@ -231,7 +236,7 @@ impl Bench {
         };
         let (done, driven) = thread::scope(|scope| {
             let driving = scope.spawn(|| {
-                let keep = || goes_on.load(Ordering::Relaxed) && !self.interrupt.is_raised();
+                let keep = || goes_on.load(Ordering::Relaxed) && !self.is_interrupted();
                 drive(&self.device, &plan, keep, |_, _| ())
             });
             let done = work(self);

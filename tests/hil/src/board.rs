@@ -144,7 +144,6 @@ pub struct VirtualBoard {
     flash: PathBuf,
     motion: PathBuf,
     port: u16,
-    usb: bool,
     running: Option<(Child, ChildStdin)>,
     _folder: tempfile::TempDir,
 }
@@ -153,11 +152,11 @@ pub struct VirtualBoard {
 const MOTION: &str = "time_s,speed_mm_s,force_n\n0,0,0\n1,120,1\n100000,120,1\n";
 
 impl VirtualBoard {
-    /// Starts `program` with the product's image on blank flash, its link on its USB if `usb`, else on its serial port.
+    /// Starts `program` with the product's image on blank flash.
     ///
     /// # Errors
     /// It cannot be started.
-    pub fn start(program: PathBuf, images: Images, usb: bool) -> Result<Self> {
+    pub fn start(program: PathBuf, images: Images) -> Result<Self> {
         let folder = tempfile::tempdir()?;
         let motion = folder.path().join("motion.csv");
         std::fs::write(&motion, MOTION)?;
@@ -167,7 +166,6 @@ impl VirtualBoard {
             flash: folder.path().join("flash"),
             motion,
             port: 0,
-            usb,
             running: None,
             _folder: folder,
         };
@@ -177,8 +175,7 @@ impl VirtualBoard {
 
     /// The address of its link.
     pub fn link(&self) -> String {
-        let kind = if self.usb { "usb-virtual" } else { "tcp" };
-        format!("{kind}:127.0.0.1:{}", self.port)
+        format!("tcp:127.0.0.1:{}", self.port)
     }
 
     #[expect(
@@ -215,7 +212,6 @@ impl VirtualBoard {
 
     fn restart(&mut self, image: Image) -> Result<()> {
         self.end()?;
-        let port = if self.usb { "--usb-port" } else { "--port" };
         let mut child = Command::new(&self.program)
             .arg("--image")
             .arg(self.images.file(image))
@@ -223,7 +219,7 @@ impl VirtualBoard {
             .arg(&self.flash)
             .arg("--motion")
             .arg(&self.motion)
-            .args([port, &self.port.to_string(), "--commands"])
+            .args(["--port", &self.port.to_string(), "--commands"])
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .spawn()

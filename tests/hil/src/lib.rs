@@ -1,6 +1,6 @@
 //! Hardware in the loop: the tests of the image that a real board can run, over its link and its probe.
 //!
-//! `cargo tasks hil` runs them against a board, and `tests/run` against the virtual stylus. The device's own clock and
+//! `cargo tasks hil` runs them against a board, and `tests/run long` against the virtual stylus. The device's own clock and
 //! counters decide: a test waits for milliseconds of the device, not of this computer, so an emulator that is slower
 //! than real time passes and fails for the same reasons as a board.
 //!
@@ -9,10 +9,9 @@
 //! | [`board`] | reset and flashing: a probe, the virtual stylus, or neither |
 //! | [`bench`](mod@bench) | the device under test, its clock, and motions while something plays |
 //! | [`checks`] | the tests, a module per subject |
-//! | [`keep`] | the user's settings and library: saved before, restored after |
 //! | [`library`] | what is uploaded and played |
 //! | [`report`] | a line per test, and the summary |
-//! | [`suite`] | order of the tests, and the end |
+//! | [`suite`] | order of the tests; settings and library saved before and restored after |
 //!
 //! Invariant: a test that cannot run says so and does not count as passed; a run in which nothing passed fails.
 
@@ -21,8 +20,6 @@ pub mod board;
 pub mod checks;
 pub mod error;
 pub mod injection;
-pub mod interrupt;
-pub mod keep;
 pub mod library;
 pub mod report;
 pub mod suite;

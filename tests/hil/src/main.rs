@@ -3,21 +3,24 @@
 use std::io::{IsTerminal, Write};
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use clap::Parser;
 use hil::bench::{Bench, Lengths};
 use hil::board::{Board, Images, Probe, VirtualBoard};
 use hil::error::{Error, Result};
-use hil::interrupt::Interrupt;
-use hil::keep;
 use hil::report::{Line, Report};
-use hil::suite::{Plan, run};
+use hil::suite::{overwrites, run};
 use host_tools::link::{Device, LinkAddress, Route, Timeouts};
 use serde::Serialize;
 
 /// The part's name for probe-rs.
 const CHIP: &str = "STM32H743ZITx";
+
+/// Exit code after a second interrupt.
+const EXIT_INTERRUPTED: i32 = 130;
 
 /// Longest wait for an answer of an emulated device: it may share its processor with a build. A request that a reset
 /// swallows costs as much.
@@ -36,27 +39,18 @@ struct Arguments {
     /// Write the report to this file, as JSON
     #[arg(long)]
     json: Option<PathBuf>,
-    /// Write the measured cycles to this file; `firmware/cycles.json` is the one that the pages cite
-    #[arg(long)]
-    cycles: Option<PathBuf>,
     /// Upload and activate this library at the end, because the tests overwrite both slots
     #[arg(long)]
     library: Option<PathBuf>,
     /// Overwrite the libraries without a question
     #[arg(long)]
     yes: bool,
-    /// Only checks that the image's tests on an emulator do not hold
-    #[arg(long)]
-    brief: bool,
     /// The program probe-rs, which resets the board and exchanges its image
     #[arg(long, hide = true, requires_all = ["product_image", "fault_image"])]
     probe_rs: Option<PathBuf>,
     /// The virtual stylus's program, which is started and takes the place of a board
     #[arg(long, hide = true, conflicts_with = "link", requires_all = ["product_image", "fault_image"])]
     virtual_stylus: Option<PathBuf>,
-    /// With the virtual stylus: over its USB instead of its serial port
-    #[arg(long, hide = true, requires = "virtual_stylus")]
-    virtual_usb: bool,
     /// The ELF file of the product's image
     #[arg(long, hide = true)]
     product_image: Option<PathBuf>,
@@ -78,8 +72,8 @@ fn main() -> ExitCode {
 
 /// Returns true if the report holds.
 fn tested(arguments: &Arguments) -> Result<bool> {
-    let interrupt = Interrupt::default();
-    interrupt.listen()?;
+    let interrupt = Arc::new(AtomicBool::new(false));
+    listen(interrupt.clone())?;
     let (board, address) = board(arguments)?;
     let is_slow = board.is_emulated()
         || matches!(
@@ -115,12 +109,7 @@ fn tested(arguments: &Arguments) -> Result<bool> {
         eprintln!("nothing was changed");
         return Ok(false);
     }
-    let plan = Plan {
-        is_brief: arguments.brief,
-        cycles: arguments.cycles.clone(),
-        library: arguments.library.clone(),
-    };
-    let restored = run(&mut bench, &plan);
+    let restored = run(&mut bench, arguments.library.clone());
     println!("{}", bench.report.summary());
     if let Some(path) = &arguments.json {
         write_json(&bench, path)?;
@@ -129,13 +118,59 @@ fn tested(arguments: &Arguments) -> Result<bool> {
     Ok(bench.report.holds())
 }
 
+/// Raises the flag on Ctrl-C and, on Unix, SIGTERM from now on, because the stylus must be left silent and with its
+/// settings. A second signal ends the process at once.
+fn listen(flag: Arc<AtomicBool>) -> Result<()> {
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()?;
+    let listener = move || {
+        runtime.block_on(async {
+            loop {
+                wanted().await;
+                if flag.swap(true, Ordering::Relaxed) {
+                    std::process::exit(EXIT_INTERRUPTED);
+                }
+                eprintln!(
+                    "interrupted: silencing and restoring the stylus; once more ends at once"
+                );
+            }
+        });
+    };
+    std::thread::Builder::new()
+        .name("hil-interrupt".to_owned())
+        .spawn(listener)?;
+    Ok(())
+}
+
+#[cfg(unix)]
+async fn wanted() {
+    use tokio::signal::unix::{SignalKind, signal};
+    // A failure to listen counts as an interrupt, because ending is the safe choice.
+    let (Ok(mut interrupt), Ok(mut terminate)) = (
+        signal(SignalKind::interrupt()),
+        signal(SignalKind::terminate()),
+    ) else {
+        return;
+    };
+    tokio::select! {
+        _ = interrupt.recv() => {}
+        _ = terminate.recv() => {}
+    }
+}
+
+#[cfg(not(unix))]
+async fn wanted() {
+    let _ = tokio::signal::ctrl_c().await;
+}
+
 fn board(arguments: &Arguments) -> Result<(Board, LinkAddress)> {
     let images = || Images {
         product: arguments.product_image.clone().unwrap_or_default(),
         faults: arguments.fault_image.clone().unwrap_or_default(),
     };
     if let Some(program) = &arguments.virtual_stylus {
-        let board = VirtualBoard::start(program.clone(), images(), arguments.virtual_usb)?;
+        let board = VirtualBoard::start(program.clone(), images())?;
         let link = board.link().parse().expect("it is an address");
         return Ok((Board::Virtual(board), link));
     }
@@ -190,12 +225,12 @@ fn lengths(arguments: &Arguments) -> Lengths {
 
 /// Says what the run overwrites, and asks.
 fn may_overwrite(bench: &Bench, arguments: &Arguments) -> Result<bool> {
-    let overwrites = keep::overwrites(bench)?;
-    if overwrites.is_empty() {
+    let overwritten = overwrites(bench)?;
+    if overwritten.is_empty() {
         return Ok(true);
     }
     println!("this overwrites, and cannot read back before:");
-    for one in overwrites {
+    for one in overwritten {
         println!("  {one}");
     }
     if let Some(path) = &arguments.library {

@@ -135,10 +135,4 @@ mod tests {
         interrupted.interrupted = true;
         assert!(!interrupted.holds());
     }
-
-    #[test]
-    fn a_line_says_name_value_limits_and_verdict() {
-        let text = report(&[Verdict::Failed]).lines[0].to_string();
-        assert_eq!(text, "FAILED    subject: name: 1 (at most 2)");
-    }
 }

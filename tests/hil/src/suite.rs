@@ -1,36 +1,28 @@
-//! Order of the tests, and the end that leaves the stylus silent and as it was.
+//! Order of the tests, and the end that leaves the stylus silent, with its settings, and with a library of the user's.
+//!
+//! A device does not give a library back, so what its slots hold is overwritten; a file of the user's can be uploaded
+//! at the end.
 
 use std::path::PathBuf;
 
+use host_tools::link::upload::upload;
+use model_format::link::{Setting, SettingChange, SettingSet, Settings, SlotState};
+
 use crate::bench::Bench;
-use crate::checks::{
-    cycles, endurance, faults, identity, output, playing, record, settings, upload,
-};
+use crate::checks::{self, cycles, endurance, faults, playing, self_test};
 use crate::error::{Error, Result};
-use crate::keep::Kept;
 use crate::library::{Played, played};
 
-/// Extent of a run, besides its lengths.
-#[derive(Clone, Debug, Default)]
-pub struct Plan {
-    /// Leaves out what the image's tests on the emulator hold: recording, endurance, cycles, the pin and faults.
-    pub is_brief: bool,
-    /// File for the measured cycles.
-    pub cycles: Option<PathBuf>,
-    /// Library to upload and activate at the end.
-    pub library: Option<PathBuf>,
-}
-
-/// Runs all tests. The report is in the bench.
+/// Runs all tests, and uploads `library` at the end. The report is in the bench.
 ///
 /// # Errors
 /// The device could not be left as it was; everything else is in the report.
-pub fn run(bench: &mut Bench, plan: &Plan) -> Result<()> {
-    let kept = Kept::save(bench, plan.library.clone())?;
+pub fn run(bench: &mut Bench, library: Option<PathBuf>) -> Result<()> {
+    let kept = Kept::save(bench, library)?;
     let played = played();
     let ended = kept
         .make_playable(bench)
-        .and_then(|()| subjects(bench, plan, &played));
+        .and_then(|()| subjects(bench, &played));
     bench.report.interrupted = matches!(ended, Err(Error::Interrupted));
     bench.begin("end");
     if let Err(error) = &ended
@@ -51,26 +43,15 @@ pub fn run(bench: &mut Bench, plan: &Plan) -> Result<()> {
 }
 
 /// Runs one subject after the other; a failure is a line of the report. Only an interrupt ends the run.
-fn subjects(bench: &mut Bench, plan: &Plan, played: &Played) -> Result<()> {
+fn subjects(bench: &mut Bench, played: &Played) -> Result<()> {
     let Played { bytes, selections } = played;
     let (_, scene) = selections.last().expect("there are scenes");
-    subject(bench, "identity", identity::check)?;
-    subject(bench, "settings", settings::check)?;
-    subject(bench, "upload", |bench| upload::check(bench, bytes))?;
+    subject(bench, "self test", self_test::check)?;
+    subject(bench, "settings", checks::settings::check)?;
+    subject(bench, "upload", |bench| checks::upload::check(bench, bytes))?;
     subject(bench, "play", |bench| playing::check(bench, scene))?;
-    if plan.is_brief {
-        return Ok(());
-    }
-    subject(bench, "record", record::check)?;
     subject(bench, "endurance", |bench| endurance::check(bench, bytes))?;
-    subject(bench, "cycles", |bench| {
-        let measured = cycles::check(bench, selections)?;
-        if let Some(path) = &plan.cycles {
-            cycles::write(&measured, path)?;
-        }
-        Ok(())
-    })?;
-    subject(bench, "output", output::check)?;
+    subject(bench, "cycles", |bench| cycles::check(bench, selections))?;
     subject(bench, "faults", faults::check)
 }
 
@@ -82,7 +63,7 @@ fn subject(
     bench.begin(name);
     match check(bench) {
         Ok(()) => Ok(()),
-        Err(_) if bench.interrupt.is_raised() => Err(Error::Interrupted),
+        Err(_) if bench.is_interrupted() => Err(Error::Interrupted),
         Err(error) => {
             bench.judge(
                 "goes to its end",
@@ -98,4 +79,110 @@ fn subject(
             Ok(())
         }
     }
+}
+
+/// Largest power limit during the tests, W.
+const MOST_POWER_W: f32 = 0.01;
+
+/// State that the suite changes and puts back.
+#[derive(Clone, Debug)]
+pub struct Kept {
+    settings: Settings,
+    /// Those that somebody has set.
+    set: SettingSet,
+    library: Option<PathBuf>,
+}
+
+impl Kept {
+    /// Saves the settings; `library` is the file to upload at the end.
+    ///
+    /// # Errors
+    /// The link fails.
+    pub fn save(bench: &Bench, library: Option<PathBuf>) -> Result<Self> {
+        Ok(Self {
+            settings: bench.device.settings()?,
+            set: bench.status()?.settings.set,
+            library,
+        })
+    }
+
+    /// Sets the coil's settings, so that the device plays even if nobody has set them: as they are, with a power of at
+    /// most `MOST_POWER_W`. [`Kept::restore`] takes that back.
+    ///
+    /// # Errors
+    /// The link fails, or the device refuses a value.
+    pub fn make_playable(&self, bench: &Bench) -> Result<()> {
+        for setting in SettingSet::REQUIRED.iter() {
+            let value = match setting {
+                Setting::PowerLimit => self.settings.get(setting).min(MOST_POWER_W),
+                _ => self.settings.get(setting),
+            };
+            bench.device.set(SettingChange { setting, value })?;
+        }
+        Ok(())
+    }
+
+    /// Silences the device, and puts back what was saved. Does all that is still possible after a failure.
+    ///
+    /// # Errors
+    /// The first failure.
+    pub fn restore(&self, bench: &mut Bench) -> Result<()> {
+        if bench.device.status().is_err() {
+            bench.device.reconnect()?;
+        }
+        let silent = silence(bench);
+        let settings = self.restore_settings(bench);
+        let library = self.restore_library(bench);
+        silent.and(settings).and(library)
+    }
+
+    fn restore_settings(&self, bench: &Bench) -> Result<()> {
+        // What nobody has set stays so, because a device with guessed settings of its coil must refuse to play.
+        bench.device.reset_settings()?;
+        for setting in self.set.iter() {
+            let value = self.settings.get(setting);
+            bench.device.set(SettingChange { setting, value })?;
+        }
+        Ok(())
+    }
+
+    fn restore_library(&self, bench: &mut Bench) -> Result<()> {
+        let Some(path) = &self.library else {
+            return Ok(());
+        };
+        let bytes = std::fs::read(path).map_err(|source| Error::File {
+            path: path.clone(),
+            source,
+        })?;
+        let uploaded = upload(&mut bench.device, &bytes, |_| ())?;
+        bench.device.activate(uploaded.slot)?;
+        Ok(())
+    }
+}
+
+/// Stops the output and a recording.
+fn silence(bench: &Bench) -> Result<()> {
+    let stopped = bench.device.stop();
+    if bench.device.status()?.record.recording {
+        bench.device.record_stop()?;
+    }
+    stopped?;
+    Ok(())
+}
+
+/// The libraries that the run will overwrite, as text; empty if there are none.
+///
+/// # Errors
+/// The link fails.
+pub fn overwrites(bench: &Bench) -> Result<Vec<String>> {
+    let slots = bench.device.slots()?;
+    let names = ["A", "B"].into_iter().zip(&slots.slots);
+    let taken = names.filter_map(|(name, slot)| match slot {
+        SlotState::Valid(info) => Some(format!(
+            "the library in slot {name}: {} bytes, {} textures, {} scenes",
+            info.length, info.textures, info.scenes
+        )),
+        _ => None,
+    });
+    Ok(taken.collect())
 }

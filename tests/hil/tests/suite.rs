@@ -1,16 +1,16 @@
 //! The suite on a fake device: it finds nothing on a healthy one, and each injected defect on one that has it.
 
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use fake_stylus::{FakeStylus, Faults, Hand};
 use hil::bench::{Bench, Lengths};
 use hil::board::Board;
-use hil::checks::{cycles, endurance, identity, output, playing, record, settings, upload};
-use hil::interrupt::Interrupt;
-use hil::keep::Kept;
+use hil::checks::{cycles, endurance, playing, self_test, settings, upload};
 use hil::library::{Played, played};
 use hil::report::Verdict;
-use hil::suite::{Plan, run};
+use hil::suite::{Kept, run};
 use host_tools::link::{Device, Timeouts};
 use model_format::link::{Activity, Setting, SettingChange};
 
@@ -34,8 +34,7 @@ fn wait_for(stylus: &FakeStylus, path: &str, count: usize) {
 }
 
 fn of(device: Device) -> Bench {
-    let (board, interrupt) = (Board::ByHand, Interrupt::default());
-    Bench::new(device, board, LENGTHS, interrupt, |line| {
+    Bench::new(device, Board::ByHand, LENGTHS, Arc::default(), |line| {
         println!("{line}");
     })
 }
@@ -80,7 +79,7 @@ fn a_healthy_device_passes_and_is_left_silent_with_its_own_settings() {
     let before = device.set(own).expect("it is in range");
     drop(device);
     let mut bench = bench(&stylus);
-    run(&mut bench, &Plan::default()).expect("the device is as it was");
+    run(&mut bench, None).expect("the device is as it was");
     assert_eq!(failed(&bench), Vec::<&str>::new());
     assert!(bench.report.holds());
     assert!(bench.report.count(Verdict::Passed) > 30);
@@ -104,48 +103,6 @@ fn without_a_probe_resets_and_faults_are_left_out_with_the_reason() {
     assert_eq!(left_out.len(), 1);
     assert_eq!(left_out[0].name, "settings survive a reset");
     assert!(left_out[0].value.contains("--flash"), "{}", left_out[0]);
-}
-
-#[test]
-fn lost_blocks_of_a_recording_are_found() {
-    let stylus = FakeStylus::start();
-    let mut bench = bench(&stylus);
-    stylus.fail(Faults {
-        lose_block_every: Some(7),
-        ..Faults::default()
-    });
-    record::check(&mut bench).expect("blocks arrive");
-    assert_eq!(failed(&bench), ["a recording loses nothing"]);
-}
-
-#[test]
-fn samples_that_the_device_loses_are_found() {
-    let stylus = FakeStylus::start();
-    let mut bench = bench(&stylus);
-    std::thread::scope(|scope| {
-        scope.spawn(|| {
-            wait_for(&stylus, "stylus/record/start", 1);
-            std::thread::sleep(Duration::from_millis(50));
-            stylus.lose_samples(3);
-        });
-        record::check(&mut bench).expect("blocks arrive");
-    });
-    assert_eq!(failed(&bench), ["a recording loses nothing"]);
-}
-
-#[test]
-fn another_firmware_and_a_strange_serial_number_are_found() {
-    let stylus = FakeStylus::start();
-    stylus.fail(Faults {
-        disguise: Some(|info| {
-            info.firmware_version = "0.0.1".try_into().expect("short");
-            info.serial = "FFFFFFFFFFFFFFFFFFFFFFFF".try_into().expect("short");
-        }),
-        ..Faults::default()
-    });
-    let mut bench = bench(&stylus);
-    identity::check(&mut bench).expect("the device answers");
-    assert_eq!(failed(&bench), ["serial number", "firmware version"]);
 }
 
 #[test]
@@ -196,7 +153,7 @@ fn a_pin_that_is_not_at_mid_scale_is_found_although_the_device_says_that_it_rest
     });
     let status = bench.device.status().expect("it answers");
     assert!(status.output.at_rest);
-    output::at_mid_scale(&mut bench, "the pin").expect("the device answers");
+    self_test::at_mid_scale(&mut bench, "the pin").expect("the device answers");
     assert_eq!(failed(&bench), ["the pin"]);
 }
 
@@ -228,7 +185,7 @@ fn a_device_that_refuses_is_a_failure_of_each_subject_and_not_the_end_of_the_run
                 ..Faults::default()
             });
         });
-        assert!(run(&mut bench, &Plan::default()).is_err());
+        assert!(run(&mut bench, None).is_err());
     });
     assert!(!bench.report.holds());
     let lines = bench.report.lines.iter();
@@ -251,10 +208,9 @@ fn an_interrupt_ends_the_run_in_silence_and_with_the_settings_restored() {
         scope.spawn(|| {
             // After the first settings, and before the last test.
             wait_for(&stylus, "stylus/play", 1);
-            interrupt.raise();
+            interrupt.store(true, Ordering::Relaxed);
         });
-        let plan = Plan::default();
-        run(&mut bench, &plan).expect("the device is as it was");
+        run(&mut bench, None).expect("the device is as it was");
     });
     assert!(bench.report.interrupted && !bench.report.holds());
     assert_eq!(bench.device.settings().expect("it answers"), before);

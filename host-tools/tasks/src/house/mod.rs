@@ -3,7 +3,6 @@
 //! Each module has the rules on one kind of text. They read sources, manifests and pages, and build nothing.
 
 mod code;
-mod packages;
 mod pages;
 mod text;
 pub(crate) mod tree;
@@ -76,10 +75,9 @@ fn check_tree(tree: &Tree) -> Outcome {
     let mut outcome = Outcome::default();
     let sources = code::read(tree, &mut outcome);
     code::check(&sources, &mut outcome);
-    packages::check(tree, &mut outcome);
     text::check_lines(tree, &mut outcome);
     text::check_doc_comments(tree, &mut outcome);
-    text::check_locked(tree, &mut outcome);
+    text::check_lints(tree, &mut outcome);
     pages::check(tree, &sources, &mut outcome);
     outcome.findings.sort();
     outcome.findings.dedup();
@@ -138,26 +136,6 @@ mod tests {
             ),
             ("a.rs", "//! What it is.\n", ":1: a doc comment"),
             (
-                "tests/run",
-                "#!/bin/sh\n# cargo test\ncargo build --quiet && cargo test --locked\n",
-                ":3: `cargo build`",
-            ),
-            (
-                "tests/run",
-                "#!\ncargo bench -- --locked\n",
-                ":2: `cargo bench`",
-            ),
-            (
-                "a.md",
-                "cargo test\n```\nA=1 cargo test -p a # --locked\n```\n",
-                ":3: `cargo test`",
-            ),
-            (
-                "host-tools/tasks/src/a.rs",
-                "fn f() { Command::new(\"cargo\") }",
-                ":0: starts cargo",
-            ),
-            (
                 "a.md",
                 "\nSee `host-tools/attic.rs`.",
                 ":2: 'host-tools/attic.rs'",
@@ -176,16 +154,6 @@ mod tests {
                 "a.md",
                 "\n`missing` in `host-tools/src/scene.rs`",
                 ":2: 'missing'",
-            ),
-            (
-                "a/Cargo.toml",
-                "[package]\nname = \"attic\"",
-                ":0: package 'attic'",
-            ),
-            (
-                "model-format/Cargo.toml",
-                "[package]\nname = \"model-format\"\n[target.x.dependencies]\nh = { package = \"host-tools\" }",
-                ":0: depends on host-tools",
             ),
             (
                 "model-format/Cargo.toml",
@@ -240,9 +208,10 @@ mod tests {
                 "use clap::Args; use crate::fit::Fit;",
             ),
             ("README.md", pages),
+            ("tests/run", "#!\ncargo fmt\n"),
             (
-                "tests/run",
-                "#!\nx=$(cargo test --locked) # cargo test\ncargo fmt\n",
+                "a/Cargo.toml",
+                "[package]\nname = \"a\"\n[lints]\nworkspace = true\n",
             ),
         ];
         assert_eq!(found(&files), [""; 0]);

@@ -1,4 +1,4 @@
-//! Rules on lines: their length, the first words of doc comments, and `--locked` in cargo's commands.
+//! Rules on lines: their length, the first words of doc comments, and the lints of packages.
 
 use super::Outcome;
 use super::pages::fences;
@@ -10,12 +10,6 @@ const MOST: usize = 120;
 /// Words that no doc comment begins with.
 const QUESTIONS: [&str; 9] = [
     "How", "That", "What", "When", "Where", "Whether", "Which", "Who", "Why",
-];
-
-/// Cargo's own commands that take a lock file. Aliases are locked where `.cargo/config.toml` declares them.
-const LOCKABLE: [&str; 13] = [
-    "bench", "build", "check", "clippy", "doc", "fetch", "install", "metadata", "package",
-    "publish", "run", "rustc", "test",
 ];
 
 fn is_script(path: &str, text: &str) -> bool {
@@ -76,60 +70,31 @@ pub fn check_doc_comments(tree: &Tree, outcome: &mut Outcome) {
     outcome.count("doc comments", count);
 }
 
-/// Checks that cargo's commands take the versions of a lock file, or fail: in scripts, in fences of pages, and in files
-/// of `cargo tasks` that start cargo.
-pub fn check_locked(tree: &Tree, outcome: &mut Outcome) {
-    let mut count = 0;
-    for (path, text) in tree.texts() {
-        let is_page = extension(path) == "md";
-        if is_page || is_script(path, text) {
-            let fences = fences(text);
-            let mut whole = String::new();
-            for (index, line) in text.lines().enumerate() {
-                if is_page && !fences[index] {
-                    continue;
-                }
-                whole.push_str(line.strip_suffix('\\').unwrap_or(line));
-                if line.ends_with('\\') {
-                    continue;
-                }
-                for (subcommand, is_locked) in commands(&whole) {
-                    count += 1;
-                    if !is_locked {
-                        let problem = format!("`cargo {subcommand}` without --locked");
-                        outcome.find(path, index + 1, problem);
-                    }
-                }
-                whole.clear();
-            }
-        } else if path.starts_with("host-tools/tasks/src/")
-            && text.contains("Command::new(\"cargo\")")
-        {
-            count += 1;
-            if !text.contains("\"--locked\"") {
-                outcome.find(path, 0, "starts cargo without --locked");
-            }
-        }
-    }
-    outcome.count("commands of cargo", count);
-}
+/// Packages with lints of their own: those that have unsafe code, and those of other workspaces.
+const OWN_LINTS: [&str; 7] = [
+    "stylus-realtime",
+    "stylus-firmware",
+    "stylus-browser",
+    "kernel-guest",
+    "fuzz",
+    "virtual-stylus",
+    "probe-image",
+];
 
-/// The subcommands of cargo in a shell's line that take a lock file, with true for those that are locked.
-fn commands(line: &str) -> Vec<(&str, bool)> {
-    let words = line.split_whitespace();
-    let words: Vec<&str> = words.take_while(|word| !word.starts_with('#')).collect();
-    let is_cargo = |word: &str| word.rsplit(['(', '`']).next() == Some("cargo");
-    let is_end = |word: &&&str| ["--", "&&", "||", "|", ";"].contains(*word) || word.ends_with(';');
-    let mut commands = Vec::new();
-    for place in (0..words.len()).filter(|&place| is_cargo(words[place])) {
-        let rest = &words[place + 1..];
-        if let Some(subcommand) = rest.first().filter(|word| LOCKABLE.contains(word)) {
-            let arguments = rest.iter().take_while(|word| !is_end(word));
-            let is_locked = arguments
-                .map(|word| word.trim_end_matches(')'))
-                .any(|word| word == "--locked");
-            commands.push((*subcommand, is_locked));
+/// Checks that every other package takes the workspace's lints, which forbid unsafe code.
+pub fn check_lints(tree: &Tree, outcome: &mut Outcome) {
+    let mut count = 0;
+    let manifests = tree.texts_of("toml");
+    for (path, text) in manifests.filter(|(path, _)| path.ends_with("Cargo.toml")) {
+        let Some((_, package)) = text.split_once("[package]\nname = \"") else {
+            continue;
+        };
+        count += 1;
+        let name = package.split('"').next().unwrap_or_default();
+        if !text.contains("[lints]\nworkspace = true") && !OWN_LINTS.contains(&name) {
+            let problem = "takes not the workspace's lints, which forbid unsafe code";
+            outcome.find(path, 0, problem);
         }
     }
-    commands
+    outcome.count("packages", count);
 }

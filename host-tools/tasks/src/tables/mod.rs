@@ -3,12 +3,11 @@
 //!
 //! | table | made from | checked by |
 //! |---|---|---|
-//! | those of `INSTANT` | constants, `costs.json`, a board's `cycles.json` | `cargo tasks tables --check`, at once |
-//! | [`EMULATED`] | a run of the vectors on QEMU | the test of `qemu-tests` that plays them |
+//! | those of `INSTANT` | constants, `costs.json` | `cargo tasks tables --check`, at once |
 //! | [`MEMORY`] | the sections of the image | `cargo tasks test-virtual-stylus` |
 //! | [`TICKS`] | the image's ticks on the virtual stylus | its tests, which include [`page`] by its path |
 //!
-//! The last three depend on the compiler and name it. Tables of another compiler are not compared.
+//! The last two depend on the compiler and name it. Tables of another compiler are not compared.
 
 pub mod page;
 mod rows;
@@ -17,15 +16,11 @@ mod tests;
 
 use anyhow::{Context, Result, bail};
 use page::{OPENING, Page};
-pub use rows::{emulated, memory};
+pub use rows::memory;
 use stylus_costs::Costs;
 
-use crate::guest::Processor;
 use crate::toolchain::Toolchain;
-use crate::{compare, costs, firmware, workspace};
-
-/// The table of instructions on emulated processors.
-pub const EMULATED: &str = "emulated-processors";
+use crate::{costs, firmware, workspace};
 
 /// The table of the image's memories.
 pub const MEMORY: &str = "memory";
@@ -37,7 +32,7 @@ pub const TICKS: &str = "ticks";
 type Make = fn(&Costs) -> Result<String>;
 
 /// All tables that are made within a second, by their names.
-const INSTANT: [(&str, Make); 7] = [
+const INSTANT: [(&str, Make); 6] = [
     ("settings", |_| Ok(rows::settings())),
     ("scene-stages", |_| Ok(rows::scene_stages())),
     ("scene-limits", |_| Ok(rows::scene_limits())),
@@ -46,21 +41,16 @@ const INSTANT: [(&str, Make); 7] = [
     ("samples-by-order", |costs| {
         Ok(rows::samples_by_order(costs))
     }),
-    ("cycles", |_| {
-        rows::cycles(&workspace::root().join(rows::CYCLES_FILE))
-    }),
 ];
 
 /// The page of each table, as a path from the workspace's folder.
-const PAGES: [(&str, &str); 10] = [
+const PAGES: [(&str, &str); 8] = [
     ("settings", "firmware/README.md"),
     (TICKS, "firmware/README.md"),
     (MEMORY, "firmware/README.md"),
-    ("cycles", "firmware/README.md"),
     ("scene-stages", "host-tools/SCENES.md"),
     ("scene-limits", "host-tools/SCENES.md"),
     ("library-limits", "host-tools/FORMATS.md"),
-    (EMULATED, "host-tools/COSTS.md"),
     ("filters", "host-tools/COSTS.md"),
     ("samples-by-order", "host-tools/COSTS.md"),
 ];
@@ -135,14 +125,6 @@ fn made(name: &str, counted: &Costs) -> Result<String> {
         MEMORY => {
             let image = firmware::build(&toolchain, firmware::Image::Product)?;
             Ok(memory(&firmware::memory(&image)?, &compiler))
-        }
-        EMULATED => {
-            let m4 = compare::play(Processor::CortexM4)?;
-            Ok(emulated(
-                &m4,
-                &compare::play(Processor::CortexM7)?,
-                &compiler,
-            ))
         }
         _ => bail!("'{name}' is not written by this"),
     }

@@ -1,18 +1,13 @@
 //! The content of each table.
 
 use std::fmt::Write;
-use std::path::Path;
 
-use anyhow::{Context, Result};
-use kernel_vectors::MEASURED;
 use model_format::limits;
 use model_format::link::{Setting, SettingSet};
 use model_format::scene::limits as scene_limits;
-use stylus_costs::cycles::MeasuredCycles;
 use stylus_costs::{Core, Costs, Origin, Peer, Structure};
 use stylus_kernel::scene::cost::{self, StageCost};
 
-use crate::compare::{Cost, EmulatorReport};
 use crate::firmware::Memory;
 
 /// Every setting of the device with its unit, range and default.
@@ -215,96 +210,6 @@ pub fn samples_by_order(costs: &Costs) -> String {
     table(header, rows)
 }
 
-/// The file that `cargo tasks hil --cycles` writes for a board, from the workspace's folder.
-pub const CYCLES_FILE: &str = "firmware/cycles.json";
-
-/// The words in place of the table while there is no board's file.
-const NO_BOARD: &str = "**No board has been measured.** Where a page counts two cycles per instruction, that is an \
-                        assumption.\n";
-
-/// The table of the file `path`, or the words that no board has been measured: without the file, and with a file of an
-/// emulated processor, whose figures are no board's.
-///
-/// # Errors
-/// The file cannot be read, or is none of cycles.
-pub fn cycles(path: &Path) -> Result<String> {
-    if !path.exists() {
-        return Ok(NO_BOARD.to_owned());
-    }
-    let text = std::fs::read_to_string(path)?;
-    let refused = || {
-        format!(
-            "{}; `cargo tasks hil --cycles` writes such a file",
-            path.display()
-        )
-    };
-    let measured = serde_json::from_str(&text).with_context(refused)?;
-    Ok(of_a_board(&measured))
-}
-
-fn of_a_board(measured: &MeasuredCycles) -> String {
-    let MeasuredCycles { device, rows } = measured;
-    if device.emulated {
-        return NO_BOARD.to_owned();
-    }
-    let lines = rows.iter().map(|row| {
-        [
-            row.what.clone(),
-            range(row.tick_shortest.into(), row.tick_longest.into()),
-            range(row.update_shortest.into(), row.update_longest.into()),
-        ]
-    });
-    let header = ["played", "tick, cycles", "update with its ticks, cycles"];
-    format!(
-        "{}\nMeasured on {} on board {}, silicon revision {}, at {} Hz, firmware {} ({}).\n",
-        table(header, lines),
-        device.date,
-        device.serial,
-        device.revision,
-        grouped(device.core_hz.into()),
-        device.firmware_version,
-        device.build
-    )
-}
-
-/// Instructions per sample and per update of each measured texture, and the number of played words.
-pub fn emulated(m4: &EmulatorReport, m7: &EmulatorReport, compiler: &str) -> String {
-    let cost = |costs: &[Cost], texture: &str| {
-        let found = costs.iter().find(|cost| cost.texture == texture);
-        found.map_or("-".to_owned(), |cost| {
-            range(cost.fewest.into(), cost.most.into())
-        })
-    };
-    let rows = MEASURED.iter().map(|measured| {
-        let texture = measured.texture;
-        [
-            texture.to_owned(),
-            cost(&m4.samples, texture),
-            cost(&m7.samples, texture),
-            grouped(measured.budget_instructions.into()),
-            cost(&m4.follows, texture),
-            cost(&m7.follows, texture),
-            grouped(measured.update_budget_instructions.into()),
-        ]
-    });
-    let header = [
-        "texture, order 400",
-        "per sample, Cortex-M4",
-        "per sample, Cortex-M7",
-        "budget per sample",
-        "per update, Cortex-M4",
-        "per update, Cortex-M7",
-        "budget per update",
-    ];
-    let words: usize = m4.played.iter().map(|played| played.words.len()).sum();
-    format!(
-        "{}\nEvery processor played {} words, bit for bit those of the host. Built by rustc {}.\n",
-        table(header, rows),
-        grouped(words as u64),
-        compiler
-    )
-}
-
 /// The taken bytes of each memory. `compiler` is the version of the compiler, without its name.
 pub fn memory(memory: &Memory, compiler: &str) -> String {
     let rows = memory.uses().iter().map(|memory| {
@@ -348,73 +253,9 @@ pub fn grouped(number: u64) -> String {
     text
 }
 
-/// A range as text, or one number if both ends are equal.
-pub fn range(least: u64, most: u64) -> String {
-    if least == most {
-        grouped(most)
-    } else {
-        format!("{} to {}", grouped(least), grouped(most))
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use stylus_costs::cycles::{CycleRow, MeasuredDevice};
-
-    fn measured(emulated: bool) -> MeasuredCycles {
-        MeasuredCycles {
-            device: MeasuredDevice {
-                serial: "0011".to_owned(),
-                emulated,
-                revision: "V".to_owned(),
-                core_hz: 400_000_000,
-                firmware_version: "0.1.0".to_owned(),
-                build: "release, rustc 1.95.0".to_owned(),
-                date: "2027-01-02".to_owned(),
-            },
-            rows: vec![CycleRow {
-                what: "idle".to_owned(),
-                ticks: 5_000,
-                tick_shortest: 411,
-                tick_longest: 623,
-                updates: 500,
-                update_shortest: 900,
-                update_longest: 2_100,
-            }],
-        }
-    }
-
-    #[test]
-    fn a_board_is_shown_with_its_serial_number_clock_and_build() {
-        let text = of_a_board(&measured(false));
-        for part in [
-            "| idle | 411",
-            "623",
-            "0011",
-            "400 000 000 Hz",
-            "rustc 1.95.0",
-            "2027-01-02",
-        ] {
-            assert!(text.contains(part), "{part}: {text}");
-        }
-        assert!(!text.contains("No board"));
-    }
-
-    #[test]
-    fn an_emulated_processor_is_never_shown_as_a_board() {
-        assert_eq!(of_a_board(&measured(true)), NO_BOARD);
-    }
-
-    #[test]
-    fn without_a_file_the_page_says_that_no_board_was_measured() {
-        let folder = tempfile::tempdir().expect("a temporary folder");
-        let path = folder.path().join("cycles.json");
-        assert_eq!(cycles(&path).expect("it is no fault"), NO_BOARD);
-        std::fs::write(&path, "{}").expect("it is written");
-        let error = cycles(&path).expect_err("it is no file of cycles");
-        assert!(format!("{error:#}").contains("cycles.json"), "{error}");
-    }
 
     #[test]
     fn digits_are_grouped_from_five_on() {
@@ -426,8 +267,6 @@ mod tests {
         ] {
             assert_eq!(grouped(number), text);
         }
-        assert_eq!(range(7, 7), "7");
-        assert_eq!(range(802, 22_873), "802 to 22 873");
     }
 
     #[test]

@@ -12,23 +12,12 @@ use crate::checks::upload;
 use crate::error::{Error, Result};
 use crate::library;
 
-/// Largest difference between the device's clock and this computer's, ppm. The crystals of both differ by less than
-/// 100; the rest is the answers' delay.
-const CLOCK_PPM: f64 = 1_000.0;
-
-/// Shortest run in which the clocks are compared, ms.
-const CLOCK_MS: u64 = 30_000;
-
 /// Outcome of playing, streaming and uploading together.
 struct Outcome {
     uploads: u32,
     holes: u32,
     blocks: u32,
     loss: host_tools::link::capture::Loss,
-    /// Elapsed time of this computer's clock from the first status to the last, ms.
-    host_ms: f64,
-    /// Elapsed time of the device's clock between the same.
-    device_ms: u64,
     after: Status,
 }
 
@@ -50,14 +39,13 @@ pub fn check(bench: &mut Bench, bytes: &[u8]) -> Result<()> {
 
 fn all_at_once(bench: &Bench, bytes: &[u8], begin: &Status) -> Result<Outcome> {
     let end_ms = begin.uptime_ms + bench.lengths.endurance_ms;
-    let began = std::time::Instant::now();
     thread::scope(|scope| {
         let uploads = scope.spawn(|| uploads(bench, bytes, end_ms));
         let mut stream = Stream::start(&bench.device)?;
         let (mut holes, mut blocks) = (0, 0);
         let mut streamed = Ok(());
         while !uploads.is_finished() {
-            if bench.interrupt.is_raised() {
+            if bench.is_interrupted() {
                 streamed = Err(Error::Interrupted);
                 break;
             }
@@ -82,8 +70,6 @@ fn all_at_once(bench: &Bench, bytes: &[u8], begin: &Status) -> Result<Outcome> {
             holes,
             blocks,
             loss,
-            host_ms: began.elapsed().as_secs_f64() * 1e3,
-            device_ms: after.uptime_ms.saturating_sub(begin.uptime_ms),
             after,
         })
     })
@@ -163,18 +149,4 @@ fn tell(bench: &mut Bench, before: &Status, outcome: &Outcome, driven: Driven) {
     };
     let faults = faults(after).saturating_sub(faults(before));
     bench.judge("no frame is lost or damaged", faults, "0", faults == 0);
-    let clocks = "the device's clock against this computer's";
-    if bench.is_emulated() {
-        bench.leave_out(clocks, "an emulator has no clock of its own");
-    } else if lasted < CLOCK_MS {
-        bench.leave_out(clocks, "it needs 30 s: run with --minutes 1 or more");
-    } else {
-        let ppm = (outcome.device_ms as f64 / outcome.host_ms - 1.0) * 1e6;
-        bench.judge(
-            clocks,
-            format!("{ppm:+.0} ppm"),
-            "±1000 ppm",
-            ppm.abs() <= CLOCK_PPM,
-        );
-    }
 }

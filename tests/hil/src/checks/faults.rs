@@ -1,13 +1,14 @@
-//! The fault image: each fault on request, its reset, its reason and its kind in the status, and silence after it.
+//! The fault image: rows of the converters that are read late; and each fault on request, its reset, its reason and its kind in the status, and silence after it.
 
 use std::ops::Range;
 
+use host_tools::link::capture::{Loss, Stream};
 use model_format::link::{Fault, FaultKind, MotionSource, QUICK_FAULT_MS, ResetReason, Status};
 
 use crate::bench::{Bench, request};
 use crate::board::Image;
-use crate::checks::{output, survived};
-use crate::error::Result;
+use crate::checks::self_test;
+use crate::error::{Error, Result};
 use crate::injection::{Injected, inject};
 use crate::library;
 
@@ -143,6 +144,11 @@ pub const ENDING: [Ending; 19] = {
     ]
 };
 
+/// Number of times that a critical section is injected, and blocks of a recording, of 6.4 ms each, from one to the
+/// next.
+const SECTIONS: u32 = 5;
+const BLOCKS_BETWEEN: u32 = 3;
+
 /// Flashes the fault image, injects each fault while a texture plays, and flashes the product's image again.
 ///
 /// # Errors
@@ -202,8 +208,52 @@ fn with_fault_image(bench: &mut Bench) -> Result<()> {
     if !takes {
         return Ok(());
     }
-    survived::check(bench)?;
+    late_rows(bench)?;
     ENDING.iter().try_for_each(|ending| ends(bench, ending))
+}
+
+/// Delays ticks beyond the first conversion of the converter, and not so far, which silicon alone can tell.
+fn late_rows(bench: &mut Bench) -> Result<()> {
+    let (late, loss) = with_sections(bench, Injected::ShortSection)?;
+    bench.judge(
+        "a row that is read 25 µs after its trigger is whole",
+        format!(
+            "{late} late conversions, {} torn samples",
+            loss.torn_samples
+        ),
+        "0, 0",
+        late == 0 && loss.torn_samples == 0,
+    );
+    let (late, loss) = with_sections(bench, Injected::LongSection)?;
+    bench.judge(
+        "a row that is read 45 µs after its trigger is marked as torn",
+        format!(
+            "{late} late conversions, {} torn samples",
+            loss.torn_samples
+        ),
+        &format!("1 to {SECTIONS} torn samples, each counted"),
+        (1..=SECTIONS).contains(&loss.torn_samples) && late >= loss.torn_samples,
+    );
+    Ok(())
+}
+
+/// Records while `section` delays ticks. Returns the late conversions that were counted, and the losses.
+fn with_sections(bench: &Bench, section: Injected) -> Result<(u32, Loss)> {
+    let before = bench.status()?;
+    let mut stream = Stream::start(&bench.device)?;
+    for block in 0..(SECTIONS + 2) * BLOCKS_BETWEEN {
+        if bench.is_interrupted() {
+            return Err(Error::Interrupted);
+        }
+        stream.wait()?;
+        if block % BLOCKS_BETWEEN == 0 && block / BLOCKS_BETWEEN < SECTIONS {
+            inject(bench, section)?;
+        }
+    }
+    let loss = stream.stop()?;
+    let after = bench.status()?;
+    let late = after.tick.late_conversions;
+    Ok((late.saturating_sub(before.tick.late_conversions), loss))
 }
 
 fn ends(bench: &mut Bench, wanted: &Ending) -> Result<()> {
@@ -240,5 +290,5 @@ fn ends(bench: &mut Bench, wanted: &Ending) -> Result<()> {
         ),
         after.reset == wanted.reason && is_wanted && after.resets == before.resets + 1,
     );
-    output::at_mid_scale(bench, &format!("after {name} the pin is at mid-scale"))
+    self_test::at_mid_scale(bench, &format!("after {name} the pin is at mid-scale"))
 }

@@ -4,10 +4,7 @@
 pub mod cycles;
 pub mod endurance;
 pub mod faults;
-pub mod identity;
-pub mod output;
 pub mod playing;
-pub mod record;
+pub mod self_test;
 pub mod settings;
-pub mod survived;
 pub mod upload;

@@ -105,7 +105,7 @@ fn damaged(bench: &mut Bench, library: &[u8]) -> Result<()> {
 pub fn send(bench: &Bench, bytes: &[u8], announced: UploadBegin) -> Result<UploadCommitted> {
     let mut at = bench.device.upload_begin(announced)?.next_offset as usize;
     while at < bytes.len() {
-        if bench.interrupt.is_raised() {
+        if bench.is_interrupted() {
             return Err(Error::Interrupted);
         }
         let end = bytes.len().min(at + MAX_CHUNK_BYTES);

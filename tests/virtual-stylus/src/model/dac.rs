@@ -4,10 +4,10 @@
 //! |---|---|
 //! | `CR`: `ENx`, `TENx`, `TSELx` of four bits, for both channels | 26.4.5, 26.7.1 |
 //! | `TSELx` does not change while `ENx` is set | 26.4.7, note |
-//! | `DHR12Rx`, `DHR12Lx`, `DHR8Rx` and the dual registers load the holding registers | 26.4.4, 26.7.3 to 26.7.11 |
+//! | `DHR12Rx` load the holding registers | 26.4.4, 26.7.3, 26.7.6 |
 //! | `TENx` clear: a holding register goes to `DORx` as it is written, and as the channel is enabled | 26.4.6 |
-//! | `TENx` set: it goes at the trigger of `TSELx`: TIM6 (5), TIM7 (6), `SWTRGR` (0) | 26.4.7, table 217, 26.7.2 |
-//! | `DMAENx`: a timer's trigger, not `SWTRGR`, raises the channel's request; its acknowledge lowers it | 26.4.8 |
+//! | `TENx` set: it goes at the trigger of `TSELx`: TIM6 (5), TIM7 (6) | 26.4.7, table 217 |
+//! | `DMAENx`: a trigger raises the channel's request; its acknowledge lowers it | 26.4.8 |
 //! | A trigger before the acknowledge sets `DMAUDRx`: no request until a written one clears it | 26.4.8, 26.7.14 |
 //! | `DMAUDRIEx`: the interrupt, which shares TIM6's line | 26.6, 26.7.1 |
 //! | `DORx`, read only | 26.7.12, 26.7.13 |
@@ -19,7 +19,8 @@
 //! of TIM7, to which it does, hears them for it (`trigger.rs`).
 //!
 //! Left out: the two or three cycles of the bus clock between a trigger or write and `DORx` (constant, 30 ns at most at
-//! 100 MHz), settling and the buffer, the other triggers, waves (`WAVEx`), calibration (`CENx`), and the timing of
+//! 100 MHz), settling and the buffer, the other triggers and holding
+//! registers, waves (`WAVEx`), calibration (`CENx`), and the timing of
 //! sample and hold. If the image asks for one of these, the run's report says so (`told`).
 
 use rigless::device::{Device, DeviceContext, Level, RegisterFile};
@@ -31,8 +32,6 @@ use rigless::time::VirtualNanos;
 pub const TIM6_TRIGGER: u64 = 5;
 /// Table 217: the selection of TIM7's trigger output.
 pub const TIM7_TRIGGER: u64 = 6;
-/// Table 217: the selection of the bits of `SWTRGR`.
-const SOFTWARE_TRIGGER: u64 = 0;
 const CHANNELS: usize = 2;
 const CODE: u64 = 0xFFF;
 /// The bits of channel 1 in `CR` and `SR`; those of channel 2 are 16 higher.
@@ -47,6 +46,7 @@ const INTERRUPT: usize = 0;
 const WAVES: &str = "RM0433 26.4.10: WAVEx is not modelled, so DHRx goes to DORx as it is";
 const LOCKED: &str = "RM0433 26.4.7: TSELx cannot be changed while ENx is set, so it stays";
 const NARROW: &str = "RM0433 26.7: the registers have to be accessed by words";
+const LEFT_OUT: &str = "RM0433 26.7: of the registers of codes, DHR12Rx alone are modelled, and no trigger by software";
 const CALIBRATION: &str = "RM0433 26.4.13: CENx is not modelled, so nothing is calibrated";
 
 /// Cause of a change or of a new latch of the output.
@@ -54,8 +54,6 @@ const CALIBRATION: &str = "RM0433 26.4.13: CENx is not modelled, so nothing is c
 pub enum Cause {
     /// The timer's trigger.
     Trigger,
-    /// A bit of `SWTRGR`.
-    SoftwareTrigger,
     /// A holding register written with the trigger off.
     Write,
     /// The channel enabled, or connected to its pin.
@@ -227,27 +225,13 @@ impl Dac {
         self.record.push(output);
     }
 
-    /// A holding register written: each channel's new code, right-aligned.
-    fn hold(
-        &mut self,
-        at: VirtualNanos,
-        codes: [Option<u64>; CHANNELS],
-        registers: &mut RegisterFile,
-    ) {
-        for (channel, code) in codes.into_iter().enumerate() {
-            let Some(code) = code else { continue };
-            self.holding[channel] = (code & CODE) as u16;
-            let same = u64::from(self.holding[channel]);
-            let (right, left, byte) = [
-                (Register::Dhr12r1, Register::Dhr12l1, Register::Dhr8r1),
-                (Register::Dhr12r2, Register::Dhr12l2, Register::Dhr8r2),
-            ][channel];
-            registers.set(right, same);
-            registers.set(left, same << 4);
-            registers.set(byte, same >> 4);
-            if !self.triggered(channel) {
-                self.latch(at, channel, Cause::Write, registers);
-            }
+    /// A holding register written.
+    fn hold(&mut self, at: VirtualNanos, channel: usize, code: u64, registers: &mut RegisterFile) {
+        self.holding[channel] = (code & CODE) as u16;
+        let register = [Register::Dhr12r1, Register::Dhr12r2][channel];
+        registers.set(register, u64::from(self.holding[channel]));
+        if !self.triggered(channel) {
+            self.latch(at, channel, Cause::Write, registers);
         }
     }
 
@@ -319,35 +303,14 @@ impl Device for Dac {
         if context.access_width() != Some(Width::W32) {
             context.tell("CR", NARROW);
         }
-        let (low, high) = (value & 0xFFFF, value >> 16 & 0xFFFF);
         match register {
             Register::Cr => self.write_control(value, context),
             Register::Mcr => {
                 self.mode = value;
                 self.connect(at);
             }
-            Register::Swtrgr => {
-                for channel in 0..CHANNELS {
-                    if value >> channel & 1 != 0 && self.hears(channel, SOFTWARE_TRIGGER) {
-                        self.latch(at, channel, Cause::SoftwareTrigger, registers);
-                    }
-                }
-            }
-            Register::Dhr12r1 => self.hold(at, [Some(value), None], registers),
-            Register::Dhr12l1 => self.hold(at, [Some(low >> 4), None], registers),
-            Register::Dhr8r1 => self.hold(at, [Some((value & 0xFF) << 4), None], registers),
-            Register::Dhr12r2 => self.hold(at, [None, Some(value)], registers),
-            Register::Dhr12l2 => self.hold(at, [None, Some(low >> 4)], registers),
-            Register::Dhr8r2 => self.hold(at, [None, Some((value & 0xFF) << 4)], registers),
-            Register::Dhr12rd => self.hold(at, [Some(low), Some(high)], registers),
-            Register::Dhr12ld => self.hold(at, [Some(low >> 4), Some(high >> 4)], registers),
-            Register::Dhr8rd => {
-                self.hold(
-                    at,
-                    [Some((value & 0xFF) << 4), Some((value >> 8 & 0xFF) << 4)],
-                    registers,
-                );
-            }
+            Register::Dhr12r1 => self.hold(at, 0, value, registers),
+            Register::Dhr12r2 => self.hold(at, 1, value, registers),
             Register::Sr => {
                 self.underruns &= !value;
                 self.refresh_interrupt(context);
@@ -359,6 +322,7 @@ impl Device for Dac {
             | Register::Shsr2
             | Register::Shhr
             | Register::Shrr => {}
+            _ => context.tell("DHR", LEFT_OUT),
         }
     }
 }

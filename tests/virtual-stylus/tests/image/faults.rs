@@ -71,11 +71,12 @@ fn ends(wanted: &Ending) {
     assert!(off.expect("it goes off").at_ns <= moved.at_ns, "{name}");
 }
 
-/// The first fault of each kind; in a long run all of them.
+/// The first fault of each kind, and those of the streams of codes; in a long run all of them.
 fn each_kind(reason: ResetReason) {
     for (at, ending) in ENDING.iter().enumerate() {
         let is_first = ENDING[..at].iter().all(|other| other.kind != ending.kind);
-        if ending.reason == reason && (is_first || long()) {
+        let is_of_stream = matches!(ending.fault, Injected::NoTransfers | Injected::NoEraser);
+        if ending.reason == reason && (is_first || is_of_stream || long()) {
             ends(ending);
         }
     }

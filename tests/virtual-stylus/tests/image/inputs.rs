@@ -1,13 +1,13 @@
-//! Inputs under what a board does to them: late ticks, interference on the encoder's wires, an open force sensor.
+//! Recorded inputs: none is lost or changed, all are taken at exact instants, and late ticks and interference on the
+//! encoder's wires are what they are.
 
 use hil::injection::Injected;
-use model_format::link::{BLOCK_SAMPLES, MotionSource, MuteReason, RecordSample, STALE_AFTER_MS};
+use model_format::link::{BLOCK_SAMPLES, RecordSample};
 use virtual_stylus::Options;
+use virtual_stylus::model::adc::Sample;
 use virtual_stylus::motion::Motion;
 
-use crate::device::{Device, MID_SCALE, MS, inject, with_faults};
-use crate::library;
-use crate::scenes::force_code;
+use crate::device::{Device, MS, PERIOD_NS, SECOND, inject, recording_s, with_faults};
 
 /// A code by which triggers and channels can be told apart.
 fn code(channel: u8, at_ns: u64) -> u16 {
@@ -127,35 +127,63 @@ fn interference_on_both_wires_of_the_encoder_moves_nothing_and_strokes_are_count
     );
 }
 
+/// The codes of the sequence that a trigger started: X, Y, Z and force in their ranks.
+fn sequences(samples: &[Sample]) -> Vec<[Sample; 4]> {
+    let first = samples
+        .iter()
+        .position(|sample| sample.rank == 0)
+        .expect("a whole sequence");
+    samples[first..].as_chunks().0.to_vec()
+}
+
 #[test]
-fn an_open_or_railed_force_sensor_is_silence_and_is_named() {
-    for rail in [20, 0xfff0] {
-        let mut device = Device::started(library::options());
-        let start = device.stylus.now_ns();
-        // It is disconnected, or overloaded, for 300 ms.
-        let (from, to) = (start + 900 * MS, start + 1_200 * MS);
-        let pins = move |channel: u8, at_ns: u64| match channel {
-            5 if (from..to).contains(&at_ns) => rail,
-            5 => force_code(0.8),
-            _ => 0x8000,
-        };
-        device.set_pins(pins);
-        device.move_at(120.0);
-        device.play_until_heard("lattice", MotionSource::Sensors, 1);
-        let now = device.stylus.now_ns();
-        assert!(now < from, "it was heard before");
-        device.run_for(from - now + 200 * MS);
-        let mute = device.status().output.mute;
-        assert!(
-            mute.contains(MuteReason::ForceRail),
-            "code {rail}: {mute:?}"
-        );
-        let silent_from = from + (u64::from(STALE_AFTER_MS) + 50) * MS;
-        let loud = device.dac().iter().any(|output| {
-            (silent_from..to).contains(&output.at_ns) && output.code != Some(MID_SCALE)
-        });
-        assert!(!loud, "code {rail}");
-        device.run_for(to - device.stylus.now_ns());
-        device.wait_until_heard();
+fn a_recording_holds_what_was_on_the_pins_at_instants_200_microseconds_apart() {
+    let mut device = Device::started(Options::default());
+    device.set_pins(code);
+    device.move_at(150.0);
+    device.run_for(5 * MS);
+    device.stylus.record_samples();
+    device.run_for(5 * MS);
+    device.record();
+    device.run_for(recording_s() * SECOND);
+    let stopped = device.stop_recording();
+    assert_eq!(stopped.lost_blocks, 0);
+    assert_eq!(device.status().tick.missed, 0);
+
+    let blocks = &device.blocks;
+    assert_eq!(blocks.len(), stopped.blocks as usize);
+    assert!(blocks.len() as u64 * BLOCK_SAMPLES as u64 >= recording_s() * 5_000 - 100);
+    device.assert_whole();
+    let recorded = device.samples();
+
+    let converted = sequences(&device.stylus.take_samples());
+    let sampled = |sample: &RecordSample| {
+        let [x, y, z] = sample.acceleration.map(|code| code.0);
+        [x, y, z, sample.force.0]
+    };
+    let words = |sequence: &[Sample; 4]| sequence.map(|sample| sample.word);
+    // The recording begins somewhere in the converted samples; from there on the two are equal.
+    let begin = (converted.iter())
+        .position(|sequence| words(sequence) == sampled(&recorded[0]))
+        .expect("the first sample was on the pins");
+    for (n, (sequence, sample)) in converted[begin..].iter().zip(&recorded).enumerate() {
+        assert_eq!(words(sequence), sampled(sample), "sample {n}");
+        for pin in sequence {
+            assert_eq!(pin.word, code(pin.channel, pin.at_ns), "sample {n}");
+        }
     }
+    let uneven = (converted.windows(2))
+        .flat_map(|pair| (0..4).map(|rank| pair[1][rank].at_ns - pair[0][rank].at_ns))
+        .find(|&apart| apart != PERIOD_NS);
+    assert_eq!(uneven, None);
+    // 150 mm/s at 0.01 mm per count are three counts per tick.
+    let counts: i64 = recorded
+        .iter()
+        .map(|sample| i64::from(sample.encoder_delta).abs())
+        .sum();
+    let expected = 3 * recorded.len() as i64;
+    assert!(
+        (counts - expected).abs() <= 3,
+        "{counts} counts of {expected}"
+    );
 }

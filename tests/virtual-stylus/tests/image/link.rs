@@ -1,11 +1,15 @@
-//! A lost link, and a host whose motion stops.
+//! A lost link, a host whose motion stops, and frames that no host sends.
 
 use model_format::link::{
-    KEEP_ALIVE_MS, KeepAliveTopic, MotionSample, MotionSource, MotionTopic, MuteReason,
+    InfoEndpoint, KEEP_ALIVE_MS, KeepAliveTopic, MAX_HOST_FRAME_BYTES, MotionSample, MotionSource,
+    MotionTopic, MuteReason, PlayEndpoint, UploadBeginEndpoint,
 };
 use model_format::{MillimetresPerSecond, Newton};
+use postcard_rpc::Endpoint;
+use virtual_stylus::Options;
+use virtual_stylus::chance::Chance;
 
-use crate::device::{Device, MS};
+use crate::device::{Device, MS, long};
 use crate::library;
 
 /// Time within which the output is silent.
@@ -53,4 +57,84 @@ fn a_motion_of_the_hosts_that_is_not_renewed_is_silence_within_100_ms() {
     assert!(device.is_silent(last + SILENT_NS, last + 400 * MS));
     let mute = device.status().output.mute;
     assert!(mute.contains(MuteReason::Stale), "{mute:?}");
+}
+
+/// Number of frames.
+fn count() -> u64 {
+    if long() { 1_000_000 } else { 5_000 }
+}
+
+fn bytes(random: &mut Chance, count: u64) -> Vec<u8> {
+    (0..count).map(|_| random.draw() as u8).collect()
+}
+
+/// A frame that is wrong in one of several ways. Most are short, so that many fit into a second.
+fn wrong(random: &mut Chance) -> Vec<u8> {
+    let keys = [
+        InfoEndpoint::REQ_KEY,
+        PlayEndpoint::REQ_KEY,
+        UploadBeginEndpoint::REQ_KEY,
+    ];
+    let key = keys[random.below(3) as usize].to_bytes();
+    let length = random.below(12);
+    match random.below(8) {
+        // An existing key, with a body that is cut off or random.
+        0 | 1 => {
+            let mut frame = vec![0b1101_0000];
+            frame.extend(key);
+            frame.extend([1, 0]);
+            frame.extend(bytes(random, length));
+            frame
+        }
+        // A key that is cut off.
+        2 => [&[0b1110_0000], &key[..random.below(8) as usize]].concat(),
+        // A short key, of a kind that the device does not use.
+        3 => vec![random.below(64) as u8, random.draw() as u8],
+        // A frame longer than the limit.
+        4 if random.below(50) == 0 => bytes(random, MAX_HOST_FRAME_BYTES as u64 + 200),
+        _ => bytes(random, length),
+    }
+}
+
+#[test]
+fn malformed_frames_are_errors_or_silence_and_no_tick_is_missed() {
+    let mut device = Device::started(Options::default());
+    let mut random = Chance(1);
+    let mut sent = 0;
+    while sent < count() {
+        for _ in 0..50 {
+            let frame = wrong(&mut random);
+            if random.below(10) == 0 {
+                // No COBS: zeros at random places.
+                device.send_bytes(&frame);
+                device.send_bytes(&[0]);
+            } else {
+                device.send_raw(&frame);
+            }
+            sent += 1;
+        }
+        device.run_for(6 * MS);
+        device.forget_frames();
+        assert_eq!(device.broken, 0, "what the device sends is well formed");
+        if sent.is_multiple_of(5_000) {
+            device.run_for(200 * MS);
+            device.forget_frames();
+            let status = device.status();
+            assert_eq!(
+                (status.tick.missed, status.resets),
+                (0, 0),
+                "after {sent} frames"
+            );
+        }
+    }
+    device.run_for(500 * MS);
+    device.forget_frames();
+    let status = device.status();
+    assert_eq!(status.tick.missed, 0);
+    assert!(
+        status.serial.malformed > 0 && status.serial.oversized > 0,
+        "{:?}",
+        status.serial
+    );
+    assert!(device.stylus.resets().is_empty());
 }

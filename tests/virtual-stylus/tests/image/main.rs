@@ -3,14 +3,11 @@
 //! `STYLUS_IMAGE` and `STYLUS_FAULT_IMAGE` name the files that `cargo firmware` and `cargo firmware --fault-injection`
 //! built; `cargo tasks test-virtual-stylus` builds both and sets them.
 
-mod boot;
 mod bounds;
-mod compared;
 mod cost;
 mod device;
 mod expected;
 mod faults;
-mod frames;
 mod inputs;
 mod library;
 mod link;
@@ -20,8 +17,6 @@ mod output;
 #[path = "../../../../host-tools/tasks/src/tables/page.rs"]
 mod page;
 mod play;
-mod power;
-mod record;
 mod requests;
 mod scenes;
 mod self_test;

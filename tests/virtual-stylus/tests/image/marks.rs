@@ -1,13 +1,11 @@
 //! Marks of the worst cases, under the most that the device does at once, and levels of the sensors.
 
-use model_format::link::{Marks, MotionSource, Setting, Settings, StatusEndpoint, UploadProgress};
+use model_format::link::{Marks, MotionSource, Setting, StatusEndpoint, UploadProgress};
 use postcard_rpc::Endpoint;
-use virtual_stylus::Options;
 use virtual_stylus::model::flash::Stalls;
-use virtual_stylus::sensors;
 use virtual_stylus::sensors::FunctionPins;
 
-use crate::device::{Device, MS, PERIOD_NS, frame};
+use crate::device::{Device, MS, frame};
 use crate::library;
 use crate::scenes;
 
@@ -103,74 +101,4 @@ fn settings_are_written_and_erased_while_ticks_go_on_and_nothing_waits_for_the_b
     device.assert_undisturbed();
     let marks = device.status().marks;
     assert!(marks.longest_watchdog_gap_us <= MOST_GAP_US, "{marks:?}");
-}
-
-#[test]
-fn levels_are_those_of_the_signals_on_the_pins() {
-    /// Codes to either side of the mean.
-    const ACCELERATION: u16 = 1_000;
-    const FORCE: u16 = 20;
-    const FORCE_MEAN: u16 = 20_000;
-    const VOLT_PER_CODE: f64 = 3.3 / 65_536.0;
-    let mut device = Device::started(library::options());
-    let pins = FunctionPins(|channel, at_ns: u64| {
-        let up = (at_ns / PERIOD_NS).is_multiple_of(2);
-        let around = |mean: u16, codes| if up { mean + codes } else { mean - codes };
-        match channel {
-            5 => around(FORCE_MEAN, FORCE),
-            15 => around(0x8000, ACCELERATION),
-            _ => 0x8000,
-        }
-    });
-    device.stylus.set_pins(pins);
-    device.run_for(2_100 * MS);
-    let levels = device.status().levels;
-    assert_eq!(levels.samples, 5_000);
-    // By default 29.72 m/s²/V and 2 N/V.
-    let decibel = |codes: u16, per_volt: f64| {
-        20.0 * (f64::from(codes) * VOLT_PER_CODE * per_volt * 1e6).log10()
-    };
-    let vibration = decibel(ACCELERATION, 29.72);
-    assert!(
-        (f64::from(levels.vibration_decibel) - vibration).abs() < 0.02,
-        "{levels:?}, {vibration}"
-    );
-    let noise = decibel(FORCE, 2.0);
-    assert!(
-        (f64::from(levels.force_noise_decibel) - noise).abs() < 0.02,
-        "{levels:?}, {noise}"
-    );
-    let zero = Settings::default().get(Setting::ForceZero);
-    let force = (f64::from(FORCE_MEAN) - f64::from(zero)) * VOLT_PER_CODE * 2.0;
-    assert!(
-        (f64::from(levels.force_newton) - force).abs() < 1e-3,
-        "{levels:?}, {force}"
-    );
-}
-
-#[test]
-fn a_device_that_was_never_set_reads_the_force_and_the_path_that_the_virtual_stylus_means_by_default()
- {
-    /// Channel of the force sensor by default.
-    const FORCE_CHANNEL: u8 = 5;
-    let mut device = Device::started(Options::default());
-    let settings = device.settings();
-    assert_eq!(settings, Settings::default(), "it was never set");
-    let path = f64::from(settings.get(Setting::PathPerCount));
-    assert!(
-        (path / sensors::mm_per_count() - 1.0).abs() < 1e-6,
-        "{path}"
-    );
-    for newton in [0.0, 0.8, 2.5] {
-        let volts = sensors::force_zero_volts() + newton / sensors::newtons_per_volt();
-        let code = (volts / sensors::REFERENCE_VOLTS * sensors::FULL_SCALE).round() as u16;
-        let pins = FunctionPins(move |channel, _| match channel {
-            FORCE_CHANNEL => code,
-            _ => 0x8000,
-        });
-        device.stylus.set_pins(pins);
-        device.run_for(2_100 * MS);
-        let read = f64::from(device.status().levels.force_newton);
-        assert!((read - newton).abs() < 1e-3, "{read} N for {newton} N");
-    }
 }

@@ -1,16 +1,16 @@
 //! The output from the tick to the pin: its latency, late ticks, a core that stops, and the amplifier's enable.
 
 use hil::injection::Injected;
-use model_format::link::{FaultKind, MotionSource, MuteReasons, ResetReason, Setting};
+use model_format::link::{MotionSource, MuteReasons, Setting};
 use stylus_app::safety;
+use virtual_stylus::Options;
 use virtual_stylus::model::dac::Output;
 use virtual_stylus::model::pin::{Drive, Driven};
-use virtual_stylus::{Options, ResetCause};
 
-use crate::compared::BEFORE_FIRST_TICK;
 use crate::device::{
     CODE_NS, CODES, Device, MID_SCALE, MS, PERIOD_NS, inject, product, with_faults,
 };
+use crate::expected::BEFORE_FIRST_TICK;
 use crate::library;
 
 /// Time from the trigger of a tick to its first code on the pin, and to the end of what it wrote ahead.
@@ -157,38 +157,6 @@ fn a_tick_that_takes_six_periods_is_heard_as_a_fade_to_mid_scale() {
         .filter(|run| run[0].code == Some(MID_SCALE))
         .map(<[Output]>::len);
     assert!(silent.max() > Some(CODES));
-}
-
-/// Injects `fault`, a failure of the hardware that moves the codes: the tick must find it.
-fn is_found(fault: Injected) {
-    let (mut device, _) = playing_loudly();
-    let from = device.stylus.now_ns();
-    inject(&mut device, fault);
-    device.keep_alive(false);
-    device.run_for(100 * MS);
-    let resets = device.stylus.resets();
-    assert_eq!(resets.len(), 1, "{resets:?}");
-    assert_eq!(resets[0].cause, ResetCause::Software);
-    device.wait_for_start();
-    let status = device.status();
-    assert_eq!(status.reset, ResetReason::Fault);
-    let fault = status.fault.expect("it was caught");
-    assert_eq!(fault.kind, FaultKind::Panic);
-    assert!(fault.text.contains("output"), "{}", fault.text);
-    let late = (device.dac().iter())
-        .filter(|output| output.at_ns > from + 4 * MS)
-        .find(|output| output.code.is_some_and(|code| code != MID_SCALE));
-    assert_eq!(late, None);
-}
-
-#[test]
-fn a_stream_that_feeds_the_converter_no_more_ends_at_mid_scale_in_a_reset() {
-    is_found(Injected::NoTransfers);
-}
-
-#[test]
-fn a_stream_that_erases_no_more_ends_at_mid_scale_in_a_reset() {
-    is_found(Injected::NoEraser);
 }
 
 /// Checks that the amplifier is raised only after mid-scale has been put out for [`SETTLED_NS`], and is on only while

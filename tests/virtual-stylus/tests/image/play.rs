@@ -6,10 +6,10 @@ use stylus_app::safety::Config;
 use stylus_kernel::scene::cost::BUDGET;
 use virtual_stylus::Options;
 
-use crate::compared::{Compared, latched, plays_as_the_host_does};
 use crate::cost::{count, count_scene};
 use crate::device::{CODES, Device, MID_SCALE, MS, PERIOD_NS};
 use crate::expected::Heard;
+use crate::expected::{Compared, latched, plays_as_the_host_does};
 use crate::library;
 use crate::scenes::{fast, force_code, plan, press, tapping};
 
@@ -98,21 +98,6 @@ fn a_scene_at_ten_kilohertz_with_all_effects_is_put_out_as_the_host_computes_it(
 #[test]
 fn a_scene_of_fed_textures_is_put_out_as_the_host_computes_it() {
     a_scene_is_played(&crate::scenes::bytes(), "fed everything");
-}
-
-#[test]
-fn a_stop_ends_at_mid_scale_and_stays_there() {
-    let mut device = Device::started(library::options());
-    device.set_pins(pins);
-    device.move_at(120.0);
-    device.play_until_heard("lattice", MotionSource::Sensors, 1);
-    device.run_for(100 * MS);
-    device.stop();
-    device.run_for(100 * MS);
-    let silent_from = device.stylus.now_ns();
-    device.run_for(200 * MS);
-    assert!(device.sounds_from(0) > 0, "it was heard");
-    assert_eq!(device.sounds_from(silent_from), 0);
 }
 
 #[test]

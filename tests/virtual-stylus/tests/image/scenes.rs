@@ -1,9 +1,6 @@
 //! Scenes, and libraries of them at 5 and at 10 kHz.
 
-use model_format::link::{
-    Activity, MotionSource, MuteReason, MuteReasons, PlayEndpoint, PlayError, PlayRequest,
-    Selection,
-};
+use model_format::link::{Activity, MotionSource, Selection};
 use model_format::scene::{
     Biquad, MotionOfScene, Region, Scene, SceneName, StickSlip, Surface, Tap,
 };
@@ -13,11 +10,10 @@ use model_format::{
 };
 use stylus_kernel::scene::Plan;
 
-use crate::compared::recorded;
 use crate::device::{Device, MS};
 use crate::expected::Heard;
+use crate::expected::recorded;
 use crate::library;
-use crate::requests::play_request;
 
 /// Textures of the library, by their index in it.
 const LATTICE: u8 = 0;
@@ -320,27 +316,4 @@ fn assert_plays(device: &mut Device, scene: &str) {
         motion: MotionSource::Sensors,
     };
     assert_eq!(device.status().output.activity, activity);
-}
-
-#[test]
-fn a_scene_that_is_not_there_is_refused_and_what_is_played_goes_on() {
-    let mut device = Device::started(library::with(&bytes()));
-    press(&mut device, 1.0);
-    let played = device.play_scene("tap", MotionSource::Sensors, 1);
-    played.expect("it is there");
-    device.wait_until_heard();
-    let missing = device.play_scene("no such scene", MotionSource::Host, 1);
-    let told = PlayError::NoSuchScene {
-        name: name("no such scene"),
-    };
-    assert_eq!(missing, Err(Box::new(told)));
-    assert_plays(&mut device, "tap");
-    assert_eq!(device.status().output.mute, MuteReasons::NONE);
-    let louder = PlayRequest {
-        gain: 0.5,
-        ..play_request("lattice", MotionSource::Sensors, 1)
-    };
-    let playing = device.request::<PlayEndpoint>(&louder);
-    let mute = playing.expect("it is there").mute;
-    assert!(mute.contains(MuteReason::Changing), "a gain fades");
 }

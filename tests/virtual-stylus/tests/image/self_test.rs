@@ -4,8 +4,7 @@ use hil::injection::Injected;
 use host_tools::link::capture::{Calibration, Capture, Loss};
 use host_tools::link::self_test::{Line, Verdict, judge};
 use model_format::link::{
-    InfoEndpoint, MotionSource, PlayEndpoint, SelfTestEndpoint, SelfTestError, SelfTestRequest,
-    SelfTestValues, SlotId, SlotState,
+    InfoEndpoint, MotionSource, SelfTestEndpoint, SelfTestError, SelfTestRequest, SelfTestValues,
 };
 use virtual_stylus::Options;
 use virtual_stylus::board::StylusBoard;
@@ -14,7 +13,6 @@ use virtual_stylus::model::read_back::OutputPin;
 
 use crate::device::{CODE_NS, Device, MID_SCALE, MS, SECOND, inject, product, with_faults};
 use crate::library;
-use crate::requests::play_request;
 
 /// A device on a board that `change` has changed before the power came on.
 fn on_board(change: impl FnOnce(&mut StylusBoard) + Send + 'static) -> Device {
@@ -92,32 +90,6 @@ fn recording(device: &mut Device, seconds: u64) -> (Capture, Calibration) {
         holes: 0,
     };
     (capture, Calibration::new(&settings, None))
-}
-
-#[test]
-fn a_healthy_board_passes_every_measurement() {
-    let mut device = Device::on_usb(Options::default());
-    for request in [
-        SelfTestRequest::Chip,
-        SelfTestRequest::OptionBytes,
-        SelfTestRequest::Clocks,
-        SelfTestRequest::ErrorCorrection,
-        SelfTestRequest::Rest,
-        SelfTestRequest::Output,
-        SelfTestRequest::Flash {
-            slot: SlotId::B,
-            erases_library: false,
-        },
-    ] {
-        let lines = lines(&mut device, request);
-        assert!(!lines.is_empty());
-        assert_eq!(failing(&lines), [""; 0], "{request:?}");
-        let all_measured = (lines.iter()).all(|line| line.verdict == Verdict::Pass);
-        assert!(all_measured, "{request:?}: {lines:?}");
-    }
-    assert_eq!(device.slots().slots, [SlotState::Empty, SlotState::Empty]);
-    let status = device.status();
-    assert_eq!(failing(&judge::state(&status)), [""; 0]);
 }
 
 #[test]
@@ -298,50 +270,6 @@ fn the_output_is_at_rest_and_follows_the_tick_again_even_if_the_host_is_gone() {
     let status = device.status();
     assert_eq!((status.tick.missed, status.tick.late_conversions), (0, 0));
     device.play_until_heard("lattice", MotionSource::Sensors, 2);
-}
-
-#[test]
-fn nothing_is_measured_while_something_is_played_and_nothing_is_played_meanwhile() {
-    let mut device = Device::started(library::options());
-    device.play("lattice", MotionSource::Sensors, 2);
-    let refused = ask(&mut device, SelfTestRequest::Output);
-    assert_eq!(refused, Err(SelfTestError::Playing));
-    device.stop();
-    device.run_for(300 * MS);
-    device.send_frame(
-        <SelfTestEndpoint as postcard_rpc::Endpoint>::REQ_KEY,
-        &SelfTestRequest::Output,
-    );
-    device.run_for(20 * MS);
-    let request = play_request("lattice", MotionSource::Sensors, 2);
-    let refused = device.request::<PlayEndpoint>(&request);
-    assert!(refused.is_err(), "{refused:?}");
-    device.run_for(2 * SECOND);
-    let played = device.request::<PlayEndpoint>(&request);
-    assert!(played.is_ok(), "{played:?}");
-}
-
-#[test]
-fn a_library_is_erased_only_on_request_and_never_the_active_one() {
-    let mut device = Device::started(library::options());
-    let slots = device.slots();
-    let active = slots.active.expect("the library of the options");
-    let flash = |slot, erases_library| SelfTestRequest::Flash {
-        slot,
-        erases_library,
-    };
-    let refused = ask(&mut device, flash(active, true));
-    assert_eq!(refused, Err(SelfTestError::ActiveSlot { slot: active }));
-    let bytes = library::other();
-    let other = device.upload(&bytes).slot;
-    assert_ne!(other, active);
-    let refused = ask(&mut device, flash(other, false));
-    assert_eq!(refused, Err(SelfTestError::NotEmpty { slot: other }));
-    let found = lines(&mut device, flash(other, true));
-    assert_eq!(failing(&found), [""; 0]);
-    let after = device.slots();
-    assert!(!matches!(after.slots[other.index()], SlotState::Valid(_)));
-    assert_eq!(after.slots[active.index()], slots.slots[active.index()]);
 }
 
 #[test]

@@ -1,10 +1,10 @@
 //! Settings on the image: nothing plays with guessed ones, and none is lost with a word of the flash or by a power cut.
 
-use model_format::link::{MotionSource, PlayEndpoint, PlayError, Setting, SettingSet};
+use model_format::link::{MotionSource, PlayEndpoint, PlayError, Setting};
 use virtual_stylus::Options;
 use virtual_stylus::model::flash::{Contents, Moment};
 
-use crate::device::{Device, MID_SCALE, MS, is_drawn};
+use crate::device::{Device, is_drawn};
 use crate::library;
 use crate::requests::play_request;
 
@@ -39,30 +39,6 @@ fn last_words(flash: &Contents) -> [u32; 2] {
         let last = words.iter().rposition(|word| *word != [0xff; WORD_BYTES]);
         start + (last.expect("something was written") * WORD_BYTES) as u32
     })
-}
-
-#[test]
-fn a_new_device_stays_at_mid_scale_until_its_coil_was_set() {
-    let mut device = Device::started(options(Contents::default()));
-    let committed = device.upload(&library::small());
-    device.activate(committed.slot);
-    device.move_at(120.0);
-    let mut missing = SettingSet::REQUIRED;
-    for setting in SettingSet::REQUIRED.iter() {
-        let refused = play(&mut device);
-        assert_eq!(
-            refused,
-            Err(Box::new(PlayError::SettingsNotSet { missing }))
-        );
-        device.run_for(50 * MS);
-        device.set(setting, setting.spec().default);
-        missing = missing.with(setting, false);
-    }
-    let codes = device.dac().iter().filter_map(|output| output.code);
-    assert!(codes.into_iter().all(|code| code == MID_SCALE));
-    assert_eq!(play(&mut device), Ok(()));
-    device.wait_until_heard();
-    device.reset_settings().expect_err("it plays");
 }
 
 #[test]

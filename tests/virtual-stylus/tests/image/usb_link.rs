@@ -1,45 +1,15 @@
 //! The link over USB: its traffic, and the states of the bus that it survives.
 
-use model_format::link::{
-    ActivateEndpoint, BLOCK_SAMPLES, MotionSource, RecordSample, SlotId, StatusEndpoint,
-};
+use model_format::link::{ActivateEndpoint, RecordSample, SlotId, StatusEndpoint};
 use postcard_rpc::Endpoint;
 use virtual_stylus::Options;
 use virtual_stylus::model::usb::host::Host;
 use virtual_stylus::usb_host::{Request, Timing};
 
-use crate::boot::is_rtc_selection;
-use crate::device::{BULK_IN, BULK_OUT, Device, MS, SECOND, long, recording_s};
+use crate::device::{BULK_IN, BULK_OUT, Device, MS, SECOND, long};
 use crate::library;
 use crate::requests::{announced, assert_even};
-
-fn heard(device: &mut Device) {
-    device.move_at(120.0);
-    device.play_until_heard("lattice", MotionSource::Sensors, 5);
-}
-
-#[test]
-fn an_upload_over_usb_while_playing_and_recording_moves_nothing_and_loses_nothing() {
-    let mut device = Device::on_usb(library::options());
-    heard(&mut device);
-    device.record();
-    let before = device.status();
-    let uploaded = if long() {
-        library::large()
-    } else {
-        library::middling()
-    };
-    let committed = device.upload(&uploaded);
-    let after = device.status();
-    let stopped = device.stop_recording();
-    assert_eq!(after.output.mute_counts, before.output.mute_counts);
-    assert_eq!((after.usb.unsent, stopped.lost_blocks), (0, 0));
-    assert_eq!(device.blocks.len(), stopped.blocks as usize);
-    device.assert_whole();
-    device.assert_undisturbed();
-    let activated = device.activate(committed.slot);
-    assert_eq!(activated.library.crc32, announced(&uploaded).crc32);
-}
+use crate::start::is_rtc_selection;
 
 #[test]
 fn a_device_that_is_busy_with_a_large_library_sleeps_through_no_reset_of_the_bus() {
@@ -67,29 +37,6 @@ fn sleeps_through_nothing(device: &mut Device, slot: SlotId) {
         assert!(read.is_ok(), "{read:?}, {micros} us later");
         device.status();
     }
-}
-
-#[test]
-fn a_recording_over_usb_loses_no_block() {
-    let mut device = Device::on_usb(Options::default());
-    device.record();
-    let before = device.stylus.usb(|host, _| host.traffic());
-    device.run_for(recording_s() * SECOND);
-    let after = device.stylus.usb(|host, _| host.traffic());
-    let stopped = device.stop_recording();
-    device.run_for(20 * MS);
-    println!(
-        "{} s recorded: {} blocks, {} transactions",
-        recording_s(),
-        stopped.blocks,
-        after.transactions - before.transactions
-    );
-    assert_eq!(stopped.lost_blocks, 0);
-    assert_eq!(device.blocks.len(), stopped.blocks as usize);
-    assert!(device.blocks.len() as u64 * BLOCK_SAMPLES as u64 >= recording_s() * 5_000 - 100);
-    device.assert_whole();
-    assert_eq!(device.status().tick.missed, 0);
-    assert_even(&device.triggered());
 }
 
 #[test]

@@ -11,7 +11,7 @@ use virtual_stylus::usb_host::Timing;
 
 use crate::device::{Device, MS, is_drawn, long};
 use crate::library;
-use crate::power::state_of;
+use crate::upload::state_of;
 
 const MISHAPS: [Mishap; 2] = [Mishap::Unplug, Mishap::Reset];
 

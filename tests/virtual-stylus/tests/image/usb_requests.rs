@@ -24,67 +24,6 @@ fn lives(device: &mut Device, after: &str) {
     assert_eq!(device.stylus.resets(), []);
 }
 
-/// Names of requests, with their kind, request, value, index and length.
-const UNDESCRIBED: [(&str, [u16; 5]); 30] = [
-    ("a device qualifier, one speed", [0x80, 6, 0x0600, 0, 10]),
-    ("a descriptor of no type", [0x80, 6, 0x0000, 0, 64]),
-    ("a descriptor of another type", [0x80, 6, 0x4200, 0, 64]),
-    ("an interface by itself", [0x80, 6, 0x0400, 0, 9]),
-    ("a second configuration", [0x80, 6, 0x0201, 0, 64]),
-    ("a second device", [0x80, 6, 0x0101, 0, 18]),
-    ("another string", [0x80, 6, 0x03C8, 0x0409, 255]),
-    ("a string of old Windows'", [0x80, 6, 0x03EE, 0, 18]),
-    ("an address too high", [0x00, 5, 128, 0, 0]),
-    ("an address far too high", [0x00, 5, 300, 1, 0]),
-    ("another configuration", [0x00, 9, 2, 0, 0]),
-    ("a new descriptor", [0x00, 7, 0x0100, 0, 18]),
-    ("a synch frame", [0x82, 12, 0, 0x81, 2]),
-    ("another setting", [0x01, 11, 5, 0, 0]),
-    ("a setting of another interface", [0x01, 11, 0, 7, 0]),
-    ("the setting of another interface", [0x81, 10, 0, 7, 1]),
-    ("the status of another interface", [0x81, 0, 0, 255, 2]),
-    ("an interface beyond all", [0x81, 0, 0, 0x0100, 2]),
-    ("a test mode", [0x00, 3, 2, 0x0100, 0]),
-    ("another feature", [0x00, 3, 77, 0, 0]),
-    ("a class request", [0xA1, 33, 0, 0, 7]),
-    ("a class request with data", [0x21, 32, 0, 0, 7]),
-    ("another vendor code", [0xC0, 9, 0, 7, 64]),
-    ("another vendor index", [0xC0, 0, 0, 4, 64]),
-    ("a vendor request with data", [0x40, 0, 0, 8, 64]),
-    ("more data than fits", [0x40, 1, 0, 0, 200]),
-    ("far more data than fits", [0x40, 1, 0, 0, 4096]),
-    ("a reserved kind", [0xE0, 1, 2, 3, 4]),
-    ("a status of no length", [0x80, 0, 0, 0, 0]),
-    ("a descriptor of no length", [0x80, 6, 0x0100, 0, 0]),
-];
-
-/// Requests to endpoints that do not exist or are not in use.
-const OF_AN_ENDPOINT: [(&str, [u16; 3]); 3] = [
-    ("the status", [0x82, 0, 2]),
-    ("a halt", [0x02, 3, 0]),
-    ("the end of a halt", [0x02, 1, 0]),
-];
-
-#[test]
-fn a_request_that_is_not_described_is_stalled_and_the_next_one_is_answered() {
-    let mut device = Device::on_usb(Options::default());
-    let endpoints = (2..16)
-        .chain(0x82..0x90)
-        .filter(|&at| is_drawn(at.into()))
-        .flat_map(|endpoint| {
-            OF_AN_ENDPOINT
-                .map(|(what, [kind, asked, length])| (what, [kind, asked, 0, endpoint, length]))
-        });
-    for (what, [kind, asked, value, index, length]) in UNDESCRIBED.into_iter().chain(endpoints) {
-        let request = Request::new(kind as u8, asked as u8, value, index, length);
-        let bytes = if kind & 0x80 == 0 { length.into() } else { 0 };
-        let answer = ask(&mut device, request, &vec![0x5A; bytes]);
-        assert_eq!(answer, Err(TransferError::Stall), "{what}: {request:x?}");
-        lives(&mut device, what);
-    }
-    device.status();
-}
-
 #[test]
 fn any_request_is_answered_or_stalled_and_the_device_lives_on() {
     let requests = if long() { 3_000 } else { 300 };

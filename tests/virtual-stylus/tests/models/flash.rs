@@ -197,6 +197,20 @@ fn a_word_programmed_twice_cannot_be_read() {
     assert_eq!(ask(&mut stylus, b'r', FAULT_BYTES)[0], b'!');
 }
 
+/// What an audit of the image's ticks sees, which must be able to fail there.
+#[test]
+fn an_audit_sees_code_in_flash_and_every_tick_is_followed() {
+    let mut stylus = ready(Options::default());
+    let audits = stylus.take_audits();
+    let first = audits.first().expect("the first tick is always audited");
+    // The handler of this image is in flash.
+    assert_eq!(first.flash_fetches, first.instructions);
+    assert!(!first.places.is_empty());
+    let ticks = stylus.take_ticks();
+    assert!(ticks.len() > 90 && stylus.unfollowed_ticks() == 0);
+    assert!((ticks.iter()).all(|tick| u64::from(tick.instructions) == first.instructions));
+}
+
 /// The virtual stylus's program with its flash in `file`, and what it says; it has no image to run.
 fn start_with(file: &Path) -> (Option<i32>, String) {
     let output = Command::new(env!("CARGO_BIN_EXE_virtual-stylus"))

@@ -1,27 +1,7 @@
-//! The encoder.
+//! The edges of an encoder on a wheel that moves.
 
 use proptest::prelude::*;
-use virtual_stylus::Options;
 use virtual_stylus::motion::{Edge, Motion};
-
-use crate::probe::{MILLISECOND_NS, ask, numbers, ready};
-
-const SECOND_NS: u64 = 1_000 * MILLISECOND_NS;
-
-#[test]
-fn the_timer_counts_the_way_of_the_tool_forward_and_back() {
-    let mut stylus = ready(Options::default());
-    stylus.set_motion(Motion::steady(100.0, 0.1));
-    stylus.run_for(SECOND_NS / 10);
-    let forward = numbers(&ask(&mut stylus, b'c', 2))[0];
-    assert!((100..=102).contains(&forward), "{forward}");
-    stylus.set_motion(Motion::steady(-100.0, 0.1));
-    stylus.run_for(SECOND_NS / 5);
-    let back = numbers(&ask(&mut stylus, b'c', 2))[0] as i16;
-    assert!((-102..=-96).contains(&back), "{back}");
-    let counted = stylus.board(|board| board.part.encoder.around.count());
-    assert!(counted.abs_diff(i64::from(back)) <= 2);
-}
 
 /// Every edge until `until_ns`, from count 0 in the middle between two counts.
 fn edges(motion: &Motion, until_ns: u64) -> Vec<Edge> {

@@ -43,11 +43,6 @@ pub fn ask(stylus: &mut VirtualStylus, command: u8, expected: usize) -> Vec<u8> 
     answer
 }
 
-pub fn numbers(bytes: &[u8]) -> Vec<u16> {
-    let (pairs, _) = bytes.as_chunks();
-    pairs.iter().map(|pair| u16::from_le_bytes(*pair)).collect()
-}
-
 pub fn words(bytes: &[u8]) -> Vec<u32> {
     let (words, _) = bytes.as_chunks();
     words.iter().map(|word| u32::from_le_bytes(*word)).collect()

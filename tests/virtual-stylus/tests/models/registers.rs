@@ -1,15 +1,13 @@
-//! Registers that the probe image does not use, written one by one without a core: converters and watchdog.
+//! Registers written one by one without a core: DAC1 fed by DMA at the triggers of TIM7, and the watchdog.
 
 use rigless::mcu::Operate;
 use virtual_stylus::Electrical;
-use virtual_stylus::model::dac::Cause;
 
 use crate::bench::{AHB1ENR, Bench, RCC};
 
 pub const APB1LENR: u64 = RCC + 0xE8;
 const D3CCIPR: u64 = RCC + 0x58;
 pub const DAC: u64 = 0x4000_7400;
-const ADC1: u64 = 0x4002_2000;
 const IWDG1: u64 = 0x5800_4800;
 
 /// The part with the clocks of the converters on.
@@ -20,113 +18,6 @@ pub fn converters() -> Bench {
     // The converters' clock is the peripherals' common one, 64 MHz.
     bench.write(D3CCIPR, 0b10 << 16);
     bench
-}
-
-#[test]
-fn every_holding_register_of_the_dac_gives_the_same_codes() {
-    const CR: u64 = DAC;
-    let mut bench = converters();
-    bench.write(CR, 1 << 16 | 1);
-    // Register, value, and the outputs of both channels after the write.
-    let steps = [
-        (0x08, 0x0123, 0x123, 0),
-        (0x0C, 0x4560, 0x456, 0),
-        (0x10, 0x78, 0x780, 0),
-        (0x14, 0x0ABC, 0x780, 0xABC),
-        (0x18, 0xDEF0, 0x780, 0xDEF),
-        (0x1C, 0x9A, 0x780, 0x9A0),
-        (0x20, 0x0321_0654, 0x654, 0x321),
-        (0x24, 0x9870_4560, 0x456, 0x987),
-        (0x28, 0xBEAD, 0xAD0, 0xBE0),
-    ];
-    for (register, value, first, second) in steps {
-        bench.write(DAC + register, value);
-        assert_eq!(
-            (bench.read(DAC + 0x2C), bench.read(DAC + 0x30)),
-            (first, second),
-            "{register:#x}"
-        );
-    }
-}
-
-#[test]
-fn a_software_trigger_latches_the_channel_it_is_for() {
-    const SWTRGR: u64 = DAC + 0x04;
-    const TRIGGERED: u64 = 0b11;
-    let mut bench = converters();
-    bench.write(DAC, TRIGGERED << 16 | TRIGGERED);
-    bench.write(DAC + 0x20, 0x0222_0111);
-    assert_eq!((bench.read(DAC + 0x2C), bench.read(DAC + 0x30)), (0, 0));
-    bench.write(SWTRGR, 0b10);
-    assert_eq!((bench.read(DAC + 0x2C), bench.read(DAC + 0x30)), (0, 0x222));
-    bench.write(SWTRGR, 0b01);
-    assert_eq!(
-        (bench.read(DAC + 0x2C), bench.read(DAC + 0x30)),
-        (0x111, 0x222)
-    );
-}
-
-#[test]
-fn an_enabled_channel_that_is_kept_from_its_pin_drives_nothing() {
-    const MCR: u64 = DAC + 0x3C;
-    const INTERNAL_ONLY: u64 = 0b011;
-    let mut bench = converters();
-    bench.write(MCR, INTERNAL_ONLY);
-    bench.write(DAC, 1);
-    bench.write(DAC + 0x08, 100);
-    assert_eq!(bench.part.dac.pin(), None);
-    bench.write(MCR, 0);
-    assert_eq!(bench.part.dac.pin(), Some(100));
-    bench.write(DAC, 0);
-    let causes: Vec<Cause> = bench
-        .part
-        .dac
-        .record()
-        .iter()
-        .map(|output| output.cause)
-        .collect();
-    assert_eq!(causes, [Cause::Enabled, Cause::Disabled]);
-}
-
-#[test]
-fn a_sequence_started_by_software_runs_once_at_the_resolution_asked_for() {
-    const ISR: u64 = ADC1;
-    const CR: u64 = ADC1 + 0x08;
-    const RESOLUTION_12: u64 = 0b010 << 2;
-    const JADSTART: u64 = 1 << 3;
-    const JEOC: u64 = 1 << 5;
-    const JEOS: u64 = 1 << 6;
-    let mut bench = converters();
-    bench.write(CR, 1 << 28);
-    bench.wait(20_000);
-    bench.write(CR, 1 << 28 | 1);
-    bench.wait(1_000);
-    assert_eq!(bench.read(ISR) & 1, 1, "ready");
-    bench.write(ADC1 + 0x0C, RESOLUTION_12);
-    // Two conversions, both of the third channel.
-    bench.write(ADC1 + 0x4C, 3 << 15 | 3 << 9 | 1);
-    bench.write(CR, JADSTART);
-    // 1.5 and 6.5 cycles per conversion at 32 MHz.
-    bench.wait(249);
-    assert_eq!(
-        (bench.read(ISR) & (JEOC | JEOS), bench.read(CR) & JADSTART),
-        (0, JADSTART)
-    );
-    bench.wait(1);
-    assert_eq!(bench.read(ISR) & (JEOC | JEOS), JEOC);
-    assert_eq!(bench.read(ADC1 + 0x80), 0xABC);
-    assert_eq!(
-        bench.read(ISR) & (JEOC | JEOS),
-        0,
-        "reading the result clears the flag"
-    );
-    bench.wait(250);
-    assert_eq!(
-        (bench.read(ISR) & (JEOC | JEOS), bench.read(CR) & JADSTART),
-        (JEOC | JEOS, 0)
-    );
-    bench.write(ISR, JEOC | JEOS);
-    assert_eq!(bench.read(ISR) & (JEOC | JEOS), 0);
 }
 
 #[test]
@@ -162,4 +53,100 @@ fn a_shut_register_of_the_watchdog_takes_nothing() {
     bench.write(IWDG1, 0x5555);
     bench.write(RELOAD, 5);
     assert_eq!(bench.read(RELOAD), 5);
+}
+
+const TIM7: u64 = 0x4000_1400;
+const DMA1: u64 = 0x4002_0000;
+const DMAMUX1: u64 = 0x4002_0800;
+
+const CR: u64 = DAC;
+const DHR12R1: u64 = DAC + 0x08;
+const DHR12R2: u64 = DAC + 0x14;
+const DOR1: u64 = DAC + 0x2C;
+const SR: u64 = DAC + 0x34;
+
+const ENABLE: u64 = 1;
+const TRIGGER_ENABLE: u64 = 1 << 1;
+const TIM7_SELECTED: u64 = 6 << 2;
+const DMA_ENABLE: u64 = 1 << 12;
+const UNDERRUN_INTERRUPT: u64 = 1 << 13;
+const UNDERRUN: u64 = 1 << 13;
+/// TIM6_DAC.
+const UNDERRUN_LINE: u16 = 54;
+
+/// Cycles of TIM7 at 64 MHz, and their time.
+const PERIOD_CYCLES: u64 = 1_600;
+const PERIOD_NS: u64 = 25_000;
+
+/// A channel that is on, with TIM7 selected as its trigger before, and TIM7 running.
+fn triggered() -> Bench {
+    let mut bench = converters();
+    let clocks = bench.read(APB1LENR);
+    bench.write(APB1LENR, clocks | 1 << 5);
+    bench.write(CR, TIM7_SELECTED);
+    bench.write(CR, TIM7_SELECTED | TRIGGER_ENABLE | ENABLE);
+    bench.write(TIM7 + 0x2C, PERIOD_CYCLES - 1);
+    // TRGO on an update.
+    bench.write(TIM7 + 0x04, 0b010 << 4);
+    bench.write(TIM7, 1);
+    bench
+}
+
+/// Has stream 0 of DMA1 write the other channel's holding register to this one's, one word at each request 67.
+fn with_stream(bench: &mut Bench) {
+    const ENABLE: u64 = 1;
+    const MEMORY_TO_PERIPHERAL: u64 = 0b01 << 6;
+    const CIRCULAR: u64 = 1 << 8;
+    const WORDS: u64 = 0b10 << 11;
+    let clocks = bench.read(AHB1ENR);
+    bench.write(AHB1ENR, clocks | 1);
+    bench.write(DMAMUX1, 67);
+    bench.write(DMA1 + 0x14, 4);
+    bench.write(DMA1 + 0x18, DHR12R1);
+    bench.write(DMA1 + 0x1C, DHR12R2);
+    let setting = MEMORY_TO_PERIPHERAL | CIRCULAR | WORDS;
+    bench.write(DMA1 + 0x10, setting);
+    bench.write(DMA1 + 0x10, setting | ENABLE);
+}
+
+#[test]
+fn each_trigger_requests_one_code_which_the_next_one_puts_out() {
+    let mut bench = triggered();
+    with_stream(&mut bench);
+    bench.write(CR, DMA_ENABLE | TIM7_SELECTED | TRIGGER_ENABLE | ENABLE);
+    // The stream has fetched this one already when the second is written.
+    bench.write(DHR12R2, 0xABC);
+    bench.wait(PERIOD_NS + 1_000);
+    assert_eq!((bench.read(DHR12R1), bench.read(DOR1)), (0, 0));
+    bench.wait(PERIOD_NS);
+    assert_eq!((bench.read(DHR12R1), bench.read(DOR1)), (0xABC, 0));
+    bench.wait(PERIOD_NS);
+    assert_eq!(bench.read(DOR1), 0xABC);
+    assert_eq!(bench.read(DMA1 + 0x14), 1, "a code per trigger");
+    assert_eq!(bench.read(SR), 0);
+}
+
+#[test]
+fn a_trigger_before_the_acknowledge_is_an_underrun_and_ends_the_requests() {
+    let mut bench = triggered();
+    bench.write(
+        CR,
+        UNDERRUN_INTERRUPT | DMA_ENABLE | TIM7_SELECTED | TRIGGER_ENABLE | ENABLE,
+    );
+    bench.write(DHR12R1, 0x111);
+    bench.wait(PERIOD_NS + 1_000);
+    assert_eq!(bench.read(SR), 0, "the first request waits");
+    bench.wait(PERIOD_NS);
+    assert_eq!(bench.read(SR), UNDERRUN);
+    assert_eq!(bench.read(DOR1), 0x111, "the old code goes on");
+    let raised = bench.interrupts();
+    assert!(raised.contains(&UNDERRUN_LINE), "{raised:?}");
+    // A stream that comes now serves the request that stands, and gets no other.
+    with_stream(&mut bench);
+    bench.wait(4 * PERIOD_NS);
+    assert_eq!(bench.read(DMA1 + 0x14), 3);
+    bench.write(SR, UNDERRUN);
+    assert_eq!(bench.read(SR), 0);
+    bench.wait(PERIOD_NS);
+    assert_eq!(bench.read(DMA1 + 0x14), 2);
 }

@@ -1,12 +1,11 @@
 //! The USB core, register by register, and the host at the other end of the cable.
 
 use rigless::mcu::Operate;
-use rigless::soc::Width;
 use rigless::time::VirtualNanos;
 use virtual_stylus::Electrical;
 use virtual_stylus::model::usb::WINDOW_BASE;
 use virtual_stylus::model::usb::core::{Core, Handshake, InAnswer, Pid};
-use virtual_stylus::model::usb::host::{Host, Transfer, TransferError};
+use virtual_stylus::model::usb::host::{Host, Transfer};
 
 use crate::bench::{AHB1ENR, Bench, RCC};
 
@@ -248,69 +247,6 @@ fn a_disabled_or_flushed_in_endpoint_sends_nothing() {
     );
 }
 
-#[test]
-fn an_empty_fifo_interrupts_only_where_it_was_asked_for() {
-    let mut core = configured();
-    assert_eq!(core.peek(DAINT), 0);
-    core.write(DIEPEMPMSK, 1 << 1);
-    assert_eq!(core.peek(DAINT), 1 << 1);
-    assert!(core.interrupt());
-    core.write(DAINTMSK, 1);
-    assert_eq!(core.peek(GINTSTS) & IEPINT, 0);
-    assert!(!core.interrupt());
-}
-
-#[test]
-fn a_stall_of_a_bulk_endpoint_lasts_until_it_is_cleared() {
-    let mut core = configured();
-    for control in [diepctl(1), doepctl(1)] {
-        core.write(control, core.peek(control) & !EPENA | STALL);
-    }
-    core.setup([0; 8]);
-    assert_eq!(core.token_in(1), Some(InAnswer::Stall));
-    assert_eq!(core.out(1, Pid::Data0, &[]), Some(Handshake::Stall));
-    for control in [diepctl(1), doepctl(1)] {
-        core.write(control, core.peek(control) & !STALL);
-    }
-    assert_eq!(core.token_in(1), Some(InAnswer::Nak));
-    assert_eq!(core.out(1, Pid::Data0, &[]), Some(Handshake::Ack));
-}
-
-#[test]
-fn a_reset_of_the_bus_takes_bulk_endpoints_out_of_use_and_nothing_else() {
-    let mut core = configured();
-    send(&mut core, &[7], 4);
-    core.bus_reset_begins();
-    assert_eq!(core.peek(GINTSTS) & (USBRST | ENUMDNE), USBRST);
-    core.bus_reset_ends();
-    assert_eq!(core.peek(GINTSTS) & (USBRST | ENUMDNE), USBRST | ENUMDNE);
-    assert_eq!(core.token_in(1), None);
-    assert_eq!(core.out(1, Pid::Data0, &[1]), None);
-    core.write(diepctl(1), core.peek(diepctl(1)) | USBAEP);
-    assert_eq!(
-        core.token_in(1),
-        Some(InAnswer::Data(Pid::Data0, vec![7, 0, 0, 0]))
-    );
-}
-
-#[test]
-fn a_new_address_counts_from_the_end_of_the_transfer_that_brought_it() {
-    let mut core = configured();
-    core.setup([0, 5, 9, 0, 0, 0, 0, 0]);
-    core.write(DCFG, 9 << 4);
-    assert_eq!(core.address(), 0);
-    core.write(dieptsiz(0), 1 << 19);
-    core.write(diepctl(0), CNAK | EPENA);
-    core.token_in(0);
-    drain(&mut core);
-    assert_eq!(core.token_in(0), Some(InAnswer::Data(Pid::Data1, vec![])));
-    core.acknowledged(0);
-    assert_eq!(core.address(), 9);
-    core.write(DCFG, 0);
-    assert_eq!(core.address(), 0);
-}
-
-const AHB1RSTR: u64 = RCC + 0x80;
 const USB2OTG: u64 = 1 << 27;
 const HSI48_ON: u64 = 1 << 12;
 const D2CCIP2R: u64 = RCC + 0x54;
@@ -354,18 +290,6 @@ fn drive<T>(bench: &mut Bench, work: impl FnOnce(&mut Host, u64) -> T) -> T {
 
 fn read(bench: &mut Bench, register: u64) -> u32 {
     bench.read(WINDOW_BASE + register) as u32
-}
-
-#[test]
-fn a_core_without_its_clock_answers_nothing_and_one_that_is_reset_forgets() {
-    let mut bench = part(0);
-    bench.write(WINDOW_BASE + GCCFG, 1 << 16);
-    bench.write(AHB1RSTR, USB2OTG);
-    bench.write(AHB1RSTR, 0);
-    assert_eq!(read(&mut bench, GCCFG), 0);
-    bench.write(AHB1ENR, 0);
-    let read = (bench.part).read(bench.now, WINDOW_BASE + GCCFG, Width::W32);
-    assert!(read.is_err());
 }
 
 #[test]
@@ -450,25 +374,6 @@ fn packets_that_break_are_sent_again_and_taken_once_each_in_order() {
     assert!(packets > 600, "{packets}");
     let expected: Vec<u8> = (0..packets).map(|number| number as u8).collect();
     assert_eq!(numbers, expected);
-}
-
-#[test]
-fn a_device_that_does_not_answer_is_tried_three_times() {
-    let mut bench = part(0);
-    connect(&mut bench);
-    plug(&mut bench);
-    drive(&mut bench, |host, _| {
-        host.set_address(5);
-        host.submit(Transfer::Control {
-            setup: [0x80, 6, 0, 1, 0, 0, 18, 0],
-            data: Vec::new(),
-        });
-    });
-    bench.wait(MS);
-    let ended = drive(&mut bench, |host, _| host.take_completions());
-    assert_eq!(ended[0].result, Err(TransferError::NotAnswered));
-    let traffic = drive(&mut bench, |host, _| host.traffic());
-    assert_eq!((traffic.transactions, traffic.broken), (3, 3));
 }
 
 /// Outcome of a packet to the part's address, with HSI48 off by `ppm`, trimmed by the frames that `source` selects.

@@ -90,7 +90,7 @@ fn schedules_of_few_and_of_many_requests_keep_the_rules() {
 #[test]
 fn the_check_finds_a_play_that_comes_while_a_setting_is_stored_and_a_device_that_stays_locked() {
     // Playing is not locked meanwhile.
-    let found = run(10_000, 2, |control| control.end_self_test());
+    let found = run(10_000, 2, Control::end_self_test);
     let found = found.expect_err("the lock is left out");
     assert!(
         found.contains("setting") && found.contains("play"),

@@ -5,17 +5,19 @@
 
 use std::sync::LazyLock;
 
+use kernel_vectors::job::Job;
+use kernel_vectors::{DIGESTED, digest_library, report as keyword};
 use model_format::limits::MAX_ORDER;
 use stylus_costs::Structure;
 use stylus_kernel::UPDATE_INTERVAL_SAMPLES;
 use stylus_kernel::scene::cost::FEED;
-use tasks::compare::{self, EmulatorReport, Played};
-use tasks::costs::{self, Guest};
+use tasks::compare::{self, EmulatorReport};
+use tasks::costs::Guest;
 use tasks::guest::Processor;
-use tasks::tables;
+use tasks::qemu;
 use tasks::toolchain::Toolchain;
 
-static HOST: LazyLock<Vec<Played>> = LazyLock::new(compare::on_host);
+use crate::{held, image};
 
 /// The reports of both images, each built and run once for all tests.
 static REPORTS: [LazyLock<Result<EmulatorReport, String>>; 2] = [
@@ -24,9 +26,7 @@ static REPORTS: [LazyLock<Result<EmulatorReport, String>>; 2] = [
 ];
 
 fn play(processor: Processor) -> Result<EmulatorReport, String> {
-    let report = compare::play(processor).map_err(|error| format!("{error:#}"))?;
-    print!("{}", compare::table(processor, &report));
-    Ok(report)
+    compare::play(processor).map_err(|error| format!("{error:#}"))
 }
 
 fn report(processor: Processor) -> &'static EmulatorReport {
@@ -40,50 +40,40 @@ fn report(processor: Processor) -> &'static EmulatorReport {
     }
 }
 
-/// Panics with the message of a check that failed.
-#[track_caller]
-fn holds(checked: anyhow::Result<()>) {
-    if let Err(error) = checked {
-        panic!("{error:#}");
+#[test]
+fn both_processors_play_the_hosts_bits() {
+    let host = compare::on_host();
+    for processor in Processor::ALL {
+        held(compare::same_bits(
+            processor,
+            &report(processor).played,
+            &host,
+        ));
     }
 }
 
-fn plays_the_hosts_bits(processor: Processor) {
-    holds(compare::same_bits(
-        processor,
-        &report(processor).played,
-        &HOST,
-    ));
-}
-
+/// The digest of the fixture, which is that of host, board and browser.
 #[test]
-fn m4_plays_the_hosts_bits() {
-    plays_the_hosts_bits(Processor::CortexM4);
-}
-
-#[test]
-fn m7_plays_the_hosts_bits() {
-    plays_the_hosts_bits(Processor::CortexM7);
-}
-
-/// The figures are those of the compiler that the page names; another one's are not compared.
-#[test]
-fn the_page_has_the_figures_of_this_run() {
-    let toolchain = Toolchain::find().unwrap_or_else(|error| panic!("{error:#}"));
-    let compiler = costs::compiler(&toolchain).unwrap_or_else(|error| panic!("{error:#}"));
-    let [m4, m7] = [Processor::CortexM4, Processor::CortexM7].map(report);
-    let made = tables::emulated(m4, m7, &compiler);
-    match tables::check_made(tables::EMULATED, &made, &compiler) {
-        Ok(true) => (),
-        Ok(false) => println!("rustc {compiler} is not the page's: no comparison"),
-        Err(error) => panic!("{error:#}"),
+fn both_processors_play_the_digest_with_every_arithmetic() {
+    let library = digest_library();
+    let job = Job::Digest { library: &library };
+    for processor in Processor::ALL {
+        let text = held(qemu::run(processor, &image(processor), Some(&job)));
+        for arithmetic in keyword::ARITHMETICS {
+            let line = format!("{} {DIGESTED:08x} {arithmetic}", keyword::DIGEST);
+            assert!(
+                text.lines().any(|found| found == line),
+                "{}: {line} is not in\n{text}",
+                processor.name()
+            );
+        }
     }
 }
 
 #[test]
 fn the_kernel_is_within_its_budget_and_a_sample_takes_the_same_instructions_whatever_the_data() {
     for processor in Processor::ALL {
-        holds(compare::costs_hold(processor, report(processor)));
+        held(compare::costs_hold(processor, report(processor)));
     }
 }
 
@@ -127,11 +117,10 @@ fn four_lines_take_at_most_210_instructions_more_than_none() {
 fn the_timer_and_the_trace_count_the_same_but_for_a_call() {
     /// Instructions of a call, a return, and saving and restoring registers around another.
     const CALL: u32 = 16;
-    let toolchain = Toolchain::find().unwrap_or_else(|error| panic!("{error:#}"));
+    let toolchain = held(Toolchain::find());
     for processor in Processor::ALL {
-        let guest = Guest::build(&toolchain, processor).unwrap_or_else(|error| panic!("{error:#}"));
-        let traced = guest.count(Structure::NormalisedLattice32, &[MAX_ORDER]);
-        let traced = traced.unwrap_or_else(|error| panic!("{error:#}"));
+        let guest = held(Guest::build(&toolchain, processor));
+        let traced = held(guest.count(Structure::NormalisedLattice32, &[MAX_ORDER]));
         for traced in traced {
             let samples = &report(processor).samples;
             let timed = samples.iter().find(|cost| cost.texture == "lattice");

@@ -9,10 +9,11 @@ use kernel_vectors::job::{CAPACITY, Job, OVERHEAD_BYTES};
 use kernel_vectors::{HardCase, report};
 use model_format::Library;
 use stylus_kernel::arithmetic::Portable;
-use tasks::compare::{Cost, EmulatorReport};
-use tasks::guest::{self, Processor};
+use tasks::compare::{Cost, EmulatorReport, lines, same_bits};
+use tasks::guest::Processor;
 use tasks::qemu;
-use tasks::toolchain::Toolchain;
+
+use crate::{held, image};
 
 /// The number of motions of a case that are played. Each lasts as long as in the case; a case at rest has one.
 const MOTIONS: usize = 48;
@@ -95,14 +96,12 @@ fn jobs(cases: &[Prepared]) -> Vec<Vec<u8>> {
 
 /// The report of the image on `processor` on all cases.
 fn play(processor: Processor, cases: &[Prepared]) -> EmulatorReport {
-    let failed = |error: anyhow::Error| -> ! { panic!("{error:#}") };
-    let toolchain = Toolchain::find().unwrap_or_else(|error| failed(error));
-    let image = guest::build(&toolchain, processor).unwrap_or_else(|error| failed(error));
+    let image = image(processor);
     let mut whole = EmulatorReport::default();
     for cases in jobs(cases) {
-        let text = qemu::run(processor, &image, Some(&Job::Hard { cases: &cases }));
-        let text = text.unwrap_or_else(|error| failed(error));
-        let report = EmulatorReport::parse(&text).unwrap_or_else(|error| failed(error));
+        let job = Job::Hard { cases: &cases };
+        let text = held(qemu::run(processor, &image, Some(&job)));
+        let report = held(EmulatorReport::parse(&text));
         whole.played.extend(report.played);
         whole.samples.extend(report.samples);
     }
@@ -138,8 +137,8 @@ fn extremes(cases: &[Prepared], samples: &[Cost]) -> BTreeMap<String, (u32, u32,
 fn every_hard_case(processor: Processor) {
     let cases = prepared();
     assert!(cases.len() > 20, "{} cases", cases.len());
-    let report = play(processor, &cases);
-    let extremes = extremes(&cases, &report.samples);
+    let found = play(processor, &cases);
+    let extremes = extremes(&cases, &found.samples);
     for (plan, (fewest, most, cases)) in &extremes {
         println!(
             "{}: {plan}: {fewest} to {most} instructions per sample, {} cases",
@@ -150,24 +149,18 @@ fn every_hard_case(processor: Processor) {
     for (plan, (fewest, most, cases)) in &extremes {
         assert_eq!(fewest, most, "{plan} on {}: {cases:#?}", processor.name());
     }
+    let mut host = Vec::new();
     for case in &cases {
-        let played = report
-            .played
-            .iter()
-            .find(|played| played.texture.as_ref() == Some(&case.name));
-        let played = played.unwrap_or_else(|| panic!("{} was not played", case.name));
-        let host = case
-            .case()
-            .play::<Portable>(&mut |_, sample| sample())
-            .unwrap();
-        assert_eq!(
-            played.words,
-            [host],
-            "{} on {}",
-            case.name,
-            processor.name()
-        );
+        let played = case.case().play::<Portable>(&mut |_, sample| sample());
+        host.push(format!(
+            "{} {} {}",
+            report::VECTOR,
+            report::CORTEX_M,
+            case.name
+        ));
+        host.extend(lines(&[played.unwrap()]));
     }
+    held(same_bits(processor, &found.played, &host));
 }
 
 #[test]

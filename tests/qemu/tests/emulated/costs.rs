@@ -10,6 +10,8 @@ use tasks::costs::{self, Guest};
 use tasks::guest::Processor;
 use tasks::toolchain::Toolchain;
 
+use crate::held;
+
 /// The orders that are counted again. One is enough, because the code takes the same path for every order.
 const ORDERS: [usize; 1] = [50];
 
@@ -23,16 +25,15 @@ const BETWEEN_INSTRUCTIONS: f64 = 40.0;
 /// The allowed difference of a figure, as a share of itself.
 const TOLERANCE: f64 = 0.01;
 
-static COSTS: LazyLock<Costs> =
-    LazyLock::new(|| costs::read().unwrap_or_else(|error| panic!("{error:#}")));
+static COSTS: LazyLock<Costs> = LazyLock::new(|| held(costs::read()));
 
 fn guest(toolchain: &Toolchain, processor: Processor) -> Guest {
-    Guest::build(toolchain, processor).unwrap_or_else(|error| panic!("{error:#}"))
+    held(Guest::build(toolchain, processor))
 }
 
 /// The toolchain, and whether it is the one that the table was counted with.
 fn toolchain() -> (Toolchain, bool) {
-    let toolchain = Toolchain::find().unwrap_or_else(|error| panic!("{error:#}"));
+    let toolchain = held(Toolchain::find());
     let compiler = costs::compiler(&toolchain).unwrap();
     let is_same = compiler == COSTS.rustc;
     if !is_same {
@@ -71,9 +72,7 @@ fn what_is_counted_now_is_what_the_table_says() {
     for processor in Processor::ALL {
         let guest = guest(&toolchain, processor);
         for structure in Structure::ALL {
-            let counted = guest
-                .count(structure, &ORDERS)
-                .unwrap_or_else(|error| panic!("{error:#}"));
+            let counted = held(guest.count(structure, &ORDERS));
             assert_eq!(counted.len(), 2);
             for now in counted.into_iter().map(|counted| counted.entry) {
                 let entry = COSTS.entry(structure, now.nodes, now.core, now.order);
@@ -95,8 +94,7 @@ fn the_filters_alone_take_what_was_promised() {
     /// Instructions of a stage, with its share of loops and calls.
     const STAGE_INSTRUCTIONS: u32 = 12;
     let (toolchain, _) = toolchain();
-    let peers = guest(&toolchain, Processor::CortexM4).count_peers();
-    let peers = peers.unwrap_or_else(|error| panic!("{error:#}"));
+    let peers = held(guest(&toolchain, Processor::CortexM4).count_peers());
     let order = MAX_ORDER as u32;
     for (name, most) in [
         (
@@ -132,8 +130,7 @@ fn between_two_orders_no_less_is_looked_up_than_what_is_counted_but_for_a_few_in
     }
     let guest = guest(&toolchain, Processor::CortexM4);
     for looked_for in FilterStructure::ALL {
-        let counted = guest.count(looked_for.into(), &ORDERS_BETWEEN);
-        for now in counted.unwrap_or_else(|error| panic!("{error:#}")) {
+        for now in held(guest.count(looked_for.into(), &ORDERS_BETWEEN)) {
             let now = now.entry;
             let (nodes, order) = (now.nodes as usize, now.order as usize);
             let cost = LookUps::measured().at(looked_for, nodes, Core::M4, order);
