@@ -8,7 +8,7 @@ use super::contact::Contact;
 use super::description::{Measurement, Recording, RigDescription, Texture};
 use super::profile::{highest_roughness_term, highest_weave_term};
 use crate::support::error::Result;
-use crate::support::toml_field::{Checked, Field, TEXT, from_toml};
+use crate::support::toml_field::{Checked, Field, from_toml};
 
 /// The copy of the rig file.
 pub(super) const RIG: &str = "rig.toml";
@@ -53,35 +53,6 @@ impl RigFile {
 }
 
 const PAPER_RIG: &str = include_str!("../../rigs/paper-rig.toml");
-
-/// Returns whether `recording` belongs to a simulated set whose rig has the surface `texture`, the drum, the tool and
-/// the errors of measuring of [`RigFile::paper`]. Speeds, forces and durations may differ.
-///
-/// It looks for the copy of the rig file two folders above the recording, where
-/// [`simulate_to_folder`](super::simulate_to_folder) puts it; without one the answer is no.
-pub fn is_of_the_papers_rig(recording: &Path, texture: &str) -> bool {
-    let Some(folder) = recording.parent().and_then(Path::parent) else {
-        return false;
-    };
-    let path = folder.join(RIG);
-    let Ok(text) = TEXT.read_text(&path) else {
-        return false;
-    };
-    let Ok(rig) = RigFile::from_toml(&path, &text) else {
-        return false;
-    };
-    let paper = RigFile::paper();
-    let (rig, paper) = (rig.description(), paper.description());
-    let named = |rig: &super::RigDescription| {
-        let mut textures = rig.textures.iter();
-        textures.find(|known| known.name == texture).cloned()
-    };
-    let surface = named(rig);
-    surface.is_some()
-        && surface == named(paper)
-        && (&rig.drum, &rig.tool, &rig.measurement)
-            == (&paper.drum, &paper.tool, &paper.measurement)
-}
 
 /// Longest trial, s.
 const MAX_DURATION_S: f64 = 600.0;

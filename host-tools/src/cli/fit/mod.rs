@@ -4,50 +4,29 @@ mod densify;
 mod parts;
 mod report;
 
-use std::path::{Path, PathBuf};
-
 use host_tools::dsp::reduction::Reduction;
-use host_tools::evaluation::budget;
-use host_tools::evaluation::budget::{Budget, Concession};
-use host_tools::evaluation::frontier::costs;
 use host_tools::fit;
+use host_tools::fit::Fit;
 use host_tools::fit::lines::Lines;
 use host_tools::fit::record::{FitRecord, FoundLines};
-use host_tools::fit::{Estimator, ExcitationChoice, Fit, ModulationChoice, Order};
+use host_tools::fit::{ExcitationChoice, ModulationChoice, Order};
 use host_tools::recording::RecordingSet;
 use host_tools::recording::triage::{Kind, SILENCE_FLOOR_M_S2};
 use host_tools::support::error::{Error, Result};
 use host_tools::support::progress;
-use host_tools::texture::library::decode_library;
 use host_tools::texture::summary::TextureSummary;
-use host_tools::texture::theta::{self, ThetaChoice};
 use model_format::SAMPLE_RATE_HZ;
+use std::path::PathBuf;
+
 use model_format::limits::MAX_TEXTURES;
 use parts::LargeSet;
-use report::{FitReport, energy_kept, excitations, given_up, lines_found, show_verdicts};
+use report::{FitReport, energy_kept, excitations, lines_found, show_verdicts};
 
-use crate::cli::files::Overwrite;
-use crate::cli::input::{Recordings, not_negative, positive, tolerance};
+use crate::cli::input::{Recordings, not_negative, tolerance};
 use crate::cli::inspect::texture_table;
 use crate::cli::output::{note, print, print_json};
-
-/// The table's cores, as the command line names them.
-#[derive(Clone, Copy, clap::ValueEnum)]
-enum Core {
-    /// Cortex-M4
-    M4,
-    /// Cortex-M7, whose cycles are bounded by the Cortex-M4's worst ones
-    M7,
-}
-
-impl From<Core> for costs::Core {
-    fn from(core: Core) -> Self {
-        match core {
-            Core::M4 => Self::M4,
-            Core::M7 => Self::M7,
-        }
-    }
-}
+use crate::cli::files::Overwrite;
+use host_tools::texture::library::decode_library;
 
 #[derive(clap::Args)]
 pub struct Arguments {
@@ -61,19 +40,6 @@ pub struct Arguments {
     /// Order of the models: 0 to 400, or chosen for each node: 'auto' (AIC) or 'bic', which is thriftier
     #[arg(long, default_value = "auto")]
     order: Order,
-    /// Worst-case cycles per sample of the synthesis: bounds the orders, and reports the loss of accuracy
-    #[arg(long, value_name = "N", value_parser = positive, conflicts_with = "densify")]
-    budget_cycles: Option<f64>,
-    /// Core to which --budget-cycles applies
-    #[arg(long, value_enum, requires = "budget_cycles", default_value = "m4")]
-    core: Core,
-    /// Estimator of the autocorrelation
-    #[arg(long, value_enum, default_value = "auto")]
-    estimator: Estimator,
-    /// Bytes of θ: one per stage after the 32nd (compact), two (fine), or the fewest that keep every node's
-    /// spectrum
-    #[arg(long, value_enum, default_value = "auto")]
-    theta: ThetaChoice,
     /// Reduction from three axes to one
     #[arg(long, value_enum, default_value = "pca")]
     reduce: Reduction,
@@ -114,19 +80,22 @@ pub struct Arguments {
 /// The options at their rate. What needs comparisons with recordings, which are made at 5 kHz, is refused at another.
 fn checked_rate(options: &fit::Options, arguments: &Arguments) -> Result<fit::Options> {
     options.check_rate()?;
-    let asked = [
-        ("--densify", arguments.densify),
-        ("--budget-cycles", arguments.budget_cycles.is_some()),
-    ];
-    match asked.into_iter().find(|&(_, is_asked)| is_asked) {
-        Some((option, _)) if arguments.model_rate != SAMPLE_RATE_HZ => {
-            Err(Error::Request(format!(
-                "{option} compares models at {SAMPLE_RATE_HZ} Hz: leave it out at {} Hz",
-                arguments.model_rate
-            )))
-        }
-        _ => Ok(options.at_their_rate()),
+    if arguments.densify && arguments.model_rate != SAMPLE_RATE_HZ {
+        return Err(Error::Request(format!(
+            "--densify compares models at {SAMPLE_RATE_HZ} Hz: leave it out at {} Hz",
+            arguments.model_rate
+        )));
     }
+    Ok(options.at_their_rate())
+}
+
+/// Fits `set` with a progress bar, and encodes the library.
+pub fn fit_library(set: &RecordingSet, options: &fit::Options) -> Result<(Fit, Vec<u8>)> {
+    let bar = progress::bar(set.trials.len() as u64, "fitting");
+    let fit = fit::fit(set, options, || bar.inc(1))?;
+    bar.finish_and_clear();
+    let bytes = fit.library()?;
+    Ok((fit, bytes))
 }
 
 /// A fit as one library holds it.
@@ -193,20 +162,8 @@ fn check_outputs(arguments: &Arguments) -> Result<()> {
 pub fn run(arguments: &Arguments) -> Result<()> {
     check_outputs(arguments)?;
     let set = snapped(arguments.recordings.open()?, arguments.snap)?;
-    let budget = arguments.budget_cycles.map(|cycles| Budget {
-        cycles,
-        core: arguments.core.into(),
-    });
-    let highest_order = match &budget {
-        Some(budget) => Some(budget.highest_order()?),
-        None => None,
-    };
     let options = fit::Options {
-        order: highest_order.map_or(arguments.order, |highest| {
-            budget::capped(arguments.order, highest)
-        }),
-        estimator: arguments.estimator,
-        theta: arguments.theta,
+        order: arguments.order,
         reduction: arguments.reduce,
         silence_floor_m_s2: arguments.silence_floor,
         excitation: arguments.excitation,
@@ -229,26 +186,20 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         return parts::write_each(&set, &options, out, (&arguments.large, arguments.json));
     }
     let Fitted {
-        mut fit,
+        fit,
         mut bytes,
         contents,
     } = fitted(&set, &options, &arguments.large)?;
-    let concessions = match highest_order {
-        Some(highest) => Some(concessions(&set, &fit, &options, arguments.order, highest)?),
-        None => None,
-    };
     let denser = (arguments.densify).then(|| densify::densify(&set, &fit, &options));
     let denser = denser.transpose()?;
     if let Some(denser) = &denser {
-        bytes = fit::encoded(&denser.densified.specs)?;
-        fit.thetas.clone_from(&denser.densified.thetas);
+        bytes = fit::encoded(&denser.specs)?;
     }
-    if let Some(contents) = contents {
-        let record = FitRecord::with_contents(&set, &options, &bytes, &contents);
-        record.with_account_of(&fit).write_with(out, &bytes)?;
-    } else {
-        write_library(out, &bytes, &set, &fit, &options)?;
-    }
+    let record = match contents {
+        Some(contents) => FitRecord::with_contents(&set, &options, &bytes, &contents),
+        None => FitRecord::of(&set, &options, &bytes)?,
+    };
+    record.with_account_of(&fit).write_with(out, &bytes)?;
     let library = decode_library(out, &bytes)?;
     let textures: Vec<TextureSummary> = library
         .textures()
@@ -263,27 +214,17 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             trials: &fit.trials,
             excitations: &fit.excitations,
             lines: FoundLines::of(&fit),
-            thetas: &fit.thetas,
-            added_lines: denser.as_ref().map(|d| d.densified.lines.as_slice()),
-            left_out: denser.as_ref().map(|d| d.left_out.as_slice()),
-            removed_nodes: denser.as_ref().and_then(|d| d.test.as_ref()),
-            budget: concessions.as_deref(),
+            added_lines: denser.as_ref().map(|d| d.lines.as_slice()),
         });
     }
     show_verdicts(&fit);
     print(&texture_table(&textures))?;
     print(&format!("\n{}", lines_found(&fit)))?;
-    if !fit.thetas.is_empty() {
-        print(&format!("\n{}", theta::summary(&fit.thetas).join("\n")))?;
-    }
     if let Some(denser) = &denser {
-        print(&format!("\n{}", densify::summary(denser)))?;
+        print(&format!("\n{}", densify::lines_added(&denser.lines)))?;
     }
     if !fit.excitations.is_empty() {
         print(&format!("\n{}", excitations(&fit.excitations)))?;
-    }
-    if let (Some(concessions), Some(budget)) = (&concessions, &budget) {
-        print(&format!("\n{}", given_up(concessions, budget)))?;
     }
     print(&format!(
         "\n{} trials -> {} ({} bytes); the axes' energy kept: {}",
@@ -292,50 +233,4 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         bytes.len(),
         energy_kept(&fit.trials)
     ))
-}
-
-/// Fits `set` with a progress bar, and encodes the library.
-pub fn fit_library(set: &RecordingSet, options: &fit::Options) -> Result<(Fit, Vec<u8>)> {
-    let bar = progress::bar(set.trials.len() as u64, "fitting");
-    let fit = fit::fit(set, options, || bar.inc(1))?;
-    bar.finish_and_clear();
-    let bytes = fit.library()?;
-    Ok((fit, bytes))
-}
-
-/// Writes a library of `fit`, made of `set` with `options`, and beside it the record of the fit.
-///
-/// The library gets its name first: a record that is missing, or of an earlier library, is not believed.
-fn write_library(
-    path: &Path,
-    bytes: &[u8],
-    set: &RecordingSet,
-    fit: &Fit,
-    options: &fit::Options,
-) -> Result<FitRecord> {
-    let record = FitRecord::of(set, options, bytes)?.with_account_of(fit);
-    record.write_with(path, bytes)?;
-    Ok(record)
-}
-
-/// Loss of accuracy of `fit`, bounded to orders up to `highest`, against a fit with `order`. The unbounded fit is a
-/// lattice, because the comparison is of the models alone.
-fn concessions(
-    set: &RecordingSet,
-    fit: &Fit,
-    options: &fit::Options,
-    order: Order,
-    highest: usize,
-) -> Result<Vec<Concession>> {
-    let unbounded = fit::Options {
-        order: budget::capped(order, model_format::limits::MAX_ORDER),
-        // The models are compared, not what excites them.
-        excitation: ExcitationChoice::Gaussian,
-        modulation: ModulationChoice::None,
-        ..options.clone()
-    };
-    let bar = progress::bar(set.trials.len() as u64, "fitting without bounds");
-    let without = fit::fit(set, &unbounded, || bar.inc(1))?;
-    bar.finish_and_clear();
-    Ok(budget::concessions(&without, fit, highest))
 }

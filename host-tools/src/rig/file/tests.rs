@@ -218,27 +218,3 @@ fn a_profile_without_a_tool_is_refused_and_a_flat_texture_is_not() {
     let (flat, _) = after.split_once("[[texture]]").unwrap();
     read(&format!("{before}[[texture]]{flat}")).unwrap();
 }
-
-#[test]
-fn a_surface_is_the_papers_by_its_description_and_not_by_its_name() {
-    let folder = tempfile::tempdir().unwrap();
-    let recording = folder.path().join("paper/simulated_100mm_s_1N.wav");
-    let is_papers = |texture| is_of_the_papers_rig(&recording, texture);
-    assert!(!is_papers("paper"));
-    let put = |text: &str| std::fs::write(folder.path().join(RIG), text).unwrap();
-    let paper = RigFile::paper();
-    put(paper.text());
-    assert!(is_papers("paper") && is_papers("denim") && !is_papers("felt"));
-    let fewer = paper.text().replace("1.2, 1.4]", "1.2]");
-    assert_ne!(fewer, paper.text());
-    put(&fewer);
-    assert!(is_papers("paper"));
-    let other = paper
-        .text()
-        .replace("tip_radius_mm = 1.5", "tip_radius_mm = 1.6");
-    assert_ne!(other, paper.text());
-    put(&other);
-    assert!(!is_papers("paper"));
-    put("not a rig");
-    assert!(!is_papers("paper"));
-}
