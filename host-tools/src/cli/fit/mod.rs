@@ -22,10 +22,10 @@ use model_format::limits::MAX_TEXTURES;
 use parts::LargeSet;
 use report::{FitReport, energy_kept, excitations, lines_found, show_verdicts};
 
+use crate::cli::files::Overwrite;
 use crate::cli::input::{Recordings, not_negative, tolerance};
 use crate::cli::inspect::texture_table;
 use crate::cli::output::{note, print, print_json};
-use crate::cli::files::Overwrite;
 use host_tools::texture::library::decode_library;
 
 #[derive(clap::Args)]
