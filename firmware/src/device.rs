@@ -26,7 +26,7 @@ use stylus_app::status::Histogram;
 use stylus_kernel::scene::cost::BUDGET;
 
 use crate::boot::clock::CORE_HZ;
-use crate::boot::{critical, supply};
+use crate::boot::{critical, silicon};
 use crate::play::direction::{self, Next};
 use crate::play::library_ram::LibraryRam;
 use crate::play::{update, voice};
@@ -164,7 +164,7 @@ impl Device for Hardware {
 
     fn start_report(&self) -> StartReport {
         StartReport {
-            supply_low: supply::is_low(),
+            supply_low: silicon::is_supply_low(),
             ..self.start
         }
     }

@@ -40,13 +40,13 @@ use stylus_app::requests::Frame;
 use stylus_app::safety;
 use stylus_realtime::{boot, play, tick};
 
-use crate::boot::reset::ResetFlags;
-use crate::boot::{clock, critical, priority, protection, silicon, startup, supply, time};
+use crate::boot::silicon::ResetFlags;
+use crate::boot::{clock, critical, priority, protection, silicon, startup};
 use crate::device::Hardware;
 use crate::fault::{heat, record, report, stack, watchdog};
 use crate::flash::word;
 use crate::link::wire::{self, Wire};
-use crate::link::{counters, recording, requests, serial, storage, usb};
+use crate::link::{outlet, requests, serial, storage, usb};
 use crate::play::update;
 use crate::tick::{inputs, output, raising};
 
@@ -63,22 +63,22 @@ async fn main(spawner: Spawner) {
     watchdog::start();
     let revision = silicon::revision();
     silicon::remedy(revision);
-    self_test::memory::watch();
+    self_test::chip::watch_memories();
     let flags = ResetFlags::take();
     let before = record::take(flags);
     let clock = clock::select(before.starts.clock);
     record::enter(Some(clock::stage(clock)));
     watchdog::feed_at_start();
-    let p = time::begin(|| embassy_stm32::init(clock::config(clock, revision)));
+    let p = clock::begin_time(|| embassy_stm32::init(clock::config(clock, revision)));
     clock::guard(clock);
-    supply::watch();
+    silicon::watch_supply();
     watchdog::feed_at_start();
     priority::assign();
     let start = StartReport {
         clock,
         revision,
-        brown_out_level: supply::brown_out_level(),
-        supply_low: supply::is_low(),
+        brown_out_level: silicon::brown_out_level(),
+        supply_low: silicon::is_supply_low(),
         quick_faults: before.starts.quick_faults,
         safe_mode: before.starts.safe_mode,
         hung_stage: before.starts.hung_stage,
@@ -91,7 +91,7 @@ async fn main(spawner: Spawner) {
         report::reset_report(flags, before),
         start,
         heat::take(flags),
-        counters::all,
+        outlet::all_counters,
         guard_marks,
     );
     let fault_led = if before.caught.is_some() {
@@ -176,7 +176,7 @@ async fn serve(spawner: Spawner, hardware: Hardware, links: Links, leds: Leds) {
     record::enter(Some(StartStage::Storage));
     storage::start(spawner, hardware).await;
     record::enter(Some(StartStage::Links));
-    spawner.spawn(recording::stream().unwrap());
+    spawner.spawn(requests::stream_recording().unwrap());
     if let Ok((sender, receiver)) = serial::open(links.usart, links.tx, links.rx) {
         wire::SERIAL.open(sender).await;
         spawner.spawn(serve_serial(receiver).unwrap());

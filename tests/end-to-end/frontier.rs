@@ -1,10 +1,9 @@
-//! The frontier of accuracy against time, and orders within a budget of cycles.
+//! The frontier of accuracy against time.
 
-use crate::support::{Bench, RATE_HZ, all_pole, denim_rig_of, json, noise, text, wav};
-use host_tools::dsp::linear_prediction::step_up;
-use host_tools::evaluation::frontier::costs::{Core, Costs};
+use crate::support::{Bench, denim_rig_of, json, text};
+use host_tools::evaluation::frontier::costs::Costs;
 use host_tools::evaluation::frontier::{
-    Filter, FilterStructure, Frontier, INTERVALS, Material, Options, Prepared,
+    Filter, Frontier, INTERVALS, Material, Options, Prepared, STRUCTURES, Structure,
 };
 use host_tools::evaluation::stress::cases::{Length, suite};
 use host_tools::fit::Order;
@@ -83,24 +82,10 @@ fn a_comparison_is_the_same_on_any_number_of_threads_and_says_what_the_structure
     assert!(
         structures
             .iter()
-            .all(|s| *s == FilterStructure::NormalisedLattice32)
+            .all(|s| *s == Structure::NormalisedLattice32)
     );
     // Two takes differ as two pieces of one surface do.
     assert!(frontier.take_cost > 0.05 && frontier.take_band_error_db > 0.1);
-    // Without parts a tick costs what the device counts of the lattice, and every row keeps the bands.
-    let gaussian = &frontier.parts[0];
-    assert_eq!(
-        (gaussian.parts.as_str(), gaussian.textures),
-        ("Gaussian", 0)
-    );
-    assert_eq!(
-        (
-            gaussian.library_bytes,
-            gaussian.update_instructions_per_sample
-        ),
-        (0, 0)
-    );
-    assert!(gaussian.tick_instructions > 4000, "{gaussian:?}");
     page_holds_all(&bench, &frontier);
 }
 
@@ -129,10 +114,10 @@ fn check_filter(frontier: &Frontier, index: usize, filter: &Filter) {
     }
     let is_in_32_bits = !matches!(
         filter.structure,
-        FilterStructure::NormalisedLattice16 | FilterStructure::DirectForm16
+        Structure::NormalisedLattice16 | Structure::DirectForm16
     );
     assert_eq!(filter.still.mean_snr_db > 70.0, is_in_32_bits, "{name}");
-    if filter.structure == FilterStructure::NormalisedLattice32 {
+    if filter.structure == Structure::NormalisedLattice32 {
         assert_eq!(filter.hard.held, filter.hard.cases, "{name}");
         assert!(points[0].motion_error_db < 0.05, "{name}");
         assert!(filter.still.lowest_snr_db > 100.0, "{name}");
@@ -147,7 +132,7 @@ fn page_holds_all(bench: &Bench, frontier: &Frontier) {
     frontier_page::write(frontier, &page).unwrap();
     let page = std::fs::read_to_string(page).unwrap();
     assert_eq!(page.matches("<svg").count(), 4);
-    for structure in FilterStructure::ALL {
+    for structure in STRUCTURES {
         assert!(
             page.matches(&structure.to_string()).count() > 8,
             "{structure}"
@@ -210,85 +195,4 @@ fn takes_of_something_else_are_refused_and_so_is_what_is_not_there() {
     assert!(message.contains("nowhere"), "{message}");
     let output = bench.run("frontier --data rig5 --orders 500");
     assert!(text(&output.stderr).contains("1 to 400"));
-}
-
-fn budgeted(bench: &Bench, arguments: &str) -> Value {
-    let printed = bench.succeed(&format!("fit rig5 --out a.lib --json {arguments}"));
-    json(&printed)
-}
-
-#[test]
-fn a_budget_bounds_every_nodes_order_and_a_larger_one_gives_up_less() {
-    let bench = simulated();
-    let mut before = f64::INFINITY;
-    for cycles in [600, 1000, 1600, 20_000] {
-        let report = budgeted(&bench, &format!("--budget-cycles {cycles}"));
-        let highest = report["budget"][0]["highest_order"].as_u64().unwrap() as usize;
-        let lattice = FilterStructure::NormalisedLattice32;
-        let cost = Costs::measured().at(lattice, 4, Core::M4, highest).unwrap();
-        assert!(cost.sample.cycles <= f64::from(cycles));
-        let orders = report["textures"][0]["nodes"].as_array().unwrap();
-        let orders = orders
-            .iter()
-            .map(|node| node["order"].as_u64().unwrap() as usize);
-        assert!(orders.max().unwrap() <= highest);
-        let expected = report["budget"][0]["expected_cost"].as_f64().unwrap();
-        assert!(expected <= before);
-        before = expected;
-    }
-    let report = budgeted(&bench, "--budget-cycles 20000");
-    assert_eq!(report["budget"][0]["capped"], 0);
-    let shown = bench.succeed("fit rig5 --out a.lib --budget-cycles 600");
-    assert!(
-        shown.contains("4 of 4") && shown.contains("gives up"),
-        "{shown}"
-    );
-}
-
-/// The device plays with the predicted error: within a fifth, over the nodes whose order was lowered.
-#[test]
-fn the_cost_that_is_foretold_of_a_budget_is_that_of_what_the_stylus_plays() {
-    let bench = Bench::new();
-    bench.write("surface.wav", wav(&[&surface()], RATE_HZ));
-    // An order of ten, where the surface has fifteen.
-    let ten = Costs::measured().at(FilterStructure::NormalisedLattice32, 4, Core::M4, 10);
-    let cycles = ten.expect("it is in the table").sample.cycles + 1.0;
-    let fit = format!("fit surface.wav --budget-cycles {cycles:.0} --json --out a.lib");
-    let report = json(&bench.succeed(&fit));
-    let budget = &report["budget"][0];
-    assert_eq!(budget["capped"], 1, "{budget}");
-    bench.succeed("evaluate surface.wav --library a.lib --json a.json");
-    let read = std::fs::read(bench.path("a.json")).unwrap();
-    let evaluation: Value = serde_json::from_slice(&read).unwrap();
-    let played = evaluation["trials"][0]["cost"].as_f64().unwrap();
-    let foretold = budget["expected_cost"].as_f64().unwrap();
-    println!("foretold {foretold:.3}, played {played:.3}");
-    assert!(
-        (foretold - played).abs() < 0.2 * played,
-        "{foretold} {played}"
-    );
-}
-
-#[test]
-fn a_budget_for_nothing_and_one_beside_a_denser_grid_are_refused() {
-    let bench = simulated();
-    let message = bench.refuse("fit rig5 --out a.lib --budget-cycles 50");
-    assert!(message.contains("or more"), "{message}");
-    assert!(!bench.path("a.lib").exists());
-    for arguments in [
-        "--budget-cycles 900 --densify",
-        "--budget-cycles 0",
-        "--core m7",
-    ] {
-        let output = bench.run(&format!("fit rig5 --out a.lib {arguments}"));
-        assert!(!output.status.success(), "{arguments}");
-        assert!(!bench.path("a.lib").exists());
-    }
-}
-
-/// Noise through a lattice of fifteen stages, of which the last is strong.
-fn surface() -> Vec<f64> {
-    let mut reflection = [0.2; 15];
-    (reflection[0], reflection[1], reflection[14]) = (-0.8, 0.6, 0.5);
-    all_pole(&step_up(&reflection), &noise(11, 10_000 + 1000)).split_off(1000)
 }

@@ -12,12 +12,11 @@ use crate::hatt;
 use crate::support::{Bench, RATE_HZ, noise, rig_of, text, two_textures};
 
 /// Commands with a file to write, `{}`.
-const FILES: [&str; 11] = [
+const FILES: [&str; 10] = [
     "fit set --order 4 --out {}",
     "render good.lib --texture silk --speed 100 --force 1 --seconds 1 --out {}",
     "scene compile scene.toml --library good.lib --out {}",
     "scene render scene.toml --library good.lib --speed 50 --force 1 --seconds 1 --out {}",
-    "scene plot scene.toml --library good.lib --speed 50 --force 1 --seconds 1 --out {}",
     "import-hatt cork.xml --out {}",
     "page good.lib --out {}",
     "compare set --library good.lib --trials 1 --segment 0.3 --out {}",
@@ -27,7 +26,7 @@ const FILES: [&str; 11] = [
 ];
 
 /// Those of them whose work takes no time and no device.
-const QUICK: usize = 6;
+const QUICK: usize = 5;
 
 /// Commands with a folder to write.
 const FOLDERS: [&str; 3] = [
@@ -158,12 +157,11 @@ fn an_output_that_is_an_input_is_refused_under_every_name_of_it() {
         ("fit hard.wav --out {}", "set/silk-50-0.5.wav"),
         (FILES[2], "scene.toml"),
         (FILES[3], "good.lib"),
-        (FILES[4], "scene.toml"),
-        (FILES[5], "cork.xml"),
+        (FILES[4], "cork.xml"),
         ("import-hatt . --out {}", "cork.xml"),
-        (FILES[6], "good.lib"),
-        (FILES[7], "set/silk-50-0.5.wav"),
-        (FILES[8], "good.lib.fit.json"),
+        (FILES[5], "good.lib"),
+        (FILES[6], "set/silk-50-0.5.wav"),
+        (FILES[7], "good.lib.fit.json"),
     ] {
         refuse(
             &bench,
@@ -321,8 +319,7 @@ fn a_full_disk_leaves_nothing_and_the_line_names_the_users_file() {
     for (command, blocks) in [
         (FILES[0], 1),
         (FILES[1], 1),
-        (FILES[4], 1),
-        (FILES[6], 1),
+        (FILES[5], 1),
         (FOLDERS[0], 2),
         (FOLDERS[1], 1),
     ] {

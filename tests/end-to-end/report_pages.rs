@@ -70,7 +70,7 @@ fn check_page(page: &str) {
 }
 
 #[test]
-fn a_report_is_one_page_that_holds_everything_it_shows_with_pictures_and_data_beside() {
+fn a_report_is_one_page_that_holds_everything_it_shows_with_pictures_beside() {
     let bench = simulated();
     let said = bench.succeed(
         "evaluate set --library a.lib --takes set --leave-one-out --order 30 --synthesis 2 --report folder \
@@ -86,10 +86,8 @@ fn a_report_is_one_page_that_holds_everything_it_shows_with_pictures_and_data_be
         "SIMULATED",
         "Table I of the paper, and the same test here",
         "the paper&#39;s figures, real recordings",
-        "Domain of the average",
         "figure 7",
         "figure 8",
-        "figure 10",
         "data:image/png;base64,",
         "are in the fitted set, and judge nothing",
         "fitted on every other block of 0.5 s",
@@ -128,21 +126,11 @@ fn a_report_is_one_page_that_holds_everything_it_shows_with_pictures_and_data_be
         })
         .collect();
     assert_eq!((bars.len(), &bars[0]), (2, &bars[1]));
-    // Every picture is a file of its own, with its data.
-    let files = |folder: &str, ending: &str| {
-        let entries = std::fs::read_dir(bench.path(folder)).unwrap();
-        let names = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap());
-        names.filter(|name| name.ends_with(ending)).count()
-    };
-    let pictures = page.matches("<svg ").count();
-    assert_eq!(files("folder", ".svg"), pictures);
-    assert_eq!(files("folder/data", ".csv"), pictures);
-    let map = read(&bench.path("folder/data/denim-cost-map.csv"));
-    assert!(
-        map.starts_with("tangential speed (mm/s),normal force (N),cost C (%)"),
-        "{map}"
-    );
-    assert_eq!(map.lines().count(), 1 + 9);
+    // Every picture is a file of its own.
+    let entries = std::fs::read_dir(bench.path("folder")).unwrap();
+    let names = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap());
+    let pictures = names.filter(|name| name.ends_with(".svg"));
+    assert_eq!(pictures.count(), page.matches("<svg ").count());
     let numbers: Value = serde_json::from_str(&read(&bench.path("numbers.json"))).unwrap();
     assert_eq!(numbers["trials"].as_array().unwrap().len(), 18);
     let removed = numbers["removed_nodes"]["removed"].as_array().unwrap();

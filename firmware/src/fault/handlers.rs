@@ -21,7 +21,7 @@ use cortex_m_rt::{ExceptionFrame, exception};
 
 use crate::boot::clock;
 use crate::fault::record::{Caught, Kind, Record, TRACE};
-use crate::fault::{stack, stack_trace};
+use crate::fault::stack;
 use crate::tick::output;
 
 /// Length of the handler's stack, bytes: some times what it takes.
@@ -129,7 +129,7 @@ const fn bare(kind: Kind, detail: u32) -> Caught {
 /// Reports whether `program_counter` is at a UDF, with any number (ARM DDI 0403E, A7.7.194): how panic-probe ends.
 fn is_udf(program_counter: u32) -> bool {
     // SAFETY: the processor has just fetched this instruction, and `is_code` says that it is memory.
-    stack_trace::is_code(program_counter)
+    stack::is_code(program_counter)
         && unsafe { (program_counter as *const u16).read_volatile() } >> 8 == 0xDE
 }
 
@@ -158,7 +158,7 @@ extern "C" fn hard_fault(frame: u32) -> ! {
         Kind::HardFault
     };
     let location = if kind == Kind::Panic {
-        stack_trace::words(frame).find(|&word| stack_trace::location(word).is_some())
+        stack::words(frame).find(|&word| stack::location(word).is_some())
     } else {
         None
     };
@@ -170,7 +170,7 @@ extern "C" fn hard_fault(frame: u32) -> ! {
             Kind::StackOverflow => Some(address.unwrap_or(frame)),
             _ => address,
         },
-        trace: stack_trace::return_addresses(frame),
+        trace: stack::return_addresses(frame),
         location: location.unwrap_or(0),
     })
 }

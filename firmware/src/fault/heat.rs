@@ -9,7 +9,7 @@ use core::sync::atomic::{AtomicU32, Ordering};
 
 use stylus_app::safety::Heat;
 
-use crate::boot::reset::ResetFlags;
+use crate::boot::silicon::ResetFlags;
 
 /// Whole words, so that none waits in the memory's buffer for its error-correcting code when the reset comes (AN5342,
 /// section 2).

@@ -8,5 +8,4 @@ pub mod heat;
 pub mod record;
 pub mod report;
 pub mod stack;
-pub mod stack_trace;
 pub mod watchdog;

@@ -11,7 +11,7 @@ use core::mem::MaybeUninit;
 use model_format::link::StartStage;
 use stylus_app::start::{Ended, Kept as KeptOfStarts};
 
-use crate::boot::reset::ResetFlags;
+use crate::boot::silicon::ResetFlags;
 use crate::tick::alive;
 
 /// Kind of fault; the numbers are kept over a reset.
@@ -58,7 +58,7 @@ pub struct Caught {
     pub address: Option<u32>,
     /// Likely return addresses from the stack, the newest first; 0 after the last one.
     pub trace: [u32; TRACE],
-    /// Address in flash of a panic's `Location`, see [`crate::fault::stack_trace::location`]; 0 if it was not found.
+    /// Address in flash of a panic's `Location`, see [`crate::fault::stack::location`]; 0 if it was not found.
     pub location: u32,
 }
 

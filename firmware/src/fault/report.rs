@@ -5,9 +5,9 @@ use core::fmt::Write;
 use model_format::link::{Fault, FaultKind, FaultText, ResetReason};
 use stylus_app::control::ResetReport;
 
-use crate::boot::reset::ResetFlags;
+use crate::boot::silicon::ResetFlags;
 use crate::fault::record::{Before, Caught, Kind};
-use crate::fault::stack_trace;
+use crate::fault::stack;
 
 /// The report of this start, from what the processor and the memory kept.
 pub fn reset_report(flags: ResetFlags, before: Before) -> ResetReport {
@@ -52,7 +52,7 @@ fn text(caught: &Caught) -> FaultText {
     /// Characters of the colon and the line's number, at most.
     const LINE_CHARACTERS: usize = 8;
     let mut text = FaultText::new();
-    if let Some((file, line)) = stack_trace::location(caught.location) {
+    if let Some((file, line)) = stack::location(caught.location) {
         let left_out = file.len().saturating_sub(text.capacity() - LINE_CHARACTERS);
         // Fits. If the cut falls within a character of several bytes, only the line is written.
         let _ = write!(text, "{}:{line}", file.get(left_out..).unwrap_or_default());

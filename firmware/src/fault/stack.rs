@@ -1,14 +1,16 @@
-//! The stack: its place, and the most that was ever used of it.
+//! The stack: its place, the most that was ever used of it, and the traces that a fault left on it.
 //!
 //! cortex-m-rt paints the stack before anything runs, and a word that keeps the paint was never used. The search for
 //! the first that does not is spread over many calls, so that none of them takes long.
-#![expect(unsafe_code, reason = "the stack is read as memory")]
+#![expect(unsafe_code, reason = "stack and flash are read as memory")]
 
 use core::ops::Range;
 use core::ptr::addr_of;
 use core::sync::atomic::{AtomicU32, Ordering};
 
 use cortex_m_rt::STACK_PAINT_VALUE;
+
+use crate::fault::record::TRACE;
 
 /// Bytes that one call of [`search`] looks at: about a thousand cycles.
 const PIECE_BYTES: u32 = 1024;
@@ -60,4 +62,68 @@ pub fn search() {
 /// Bytes of the stack used since the start, interrupts included, as of the last whole search.
 pub fn used_bytes() -> u32 {
     USED.load(Ordering::Relaxed)
+}
+
+/// The flash that the program is in.
+const FLASH: Range<u32> = 0x0800_0000..0x080C_0000;
+
+/// The ITCM that code is in, see `tick.x`.
+const ITCM: Range<u32> = 0x400..0x1_0000;
+
+/// Reports whether `address` is in memory that holds code.
+pub fn is_code(address: u32) -> bool {
+    FLASH.contains(&address) || ITCM.contains(&address)
+}
+
+/// The words on the stack from `stack_pointer` on, the newest first: the frames of a panic and some of its callers.
+///
+/// After an overflow the pointer is below the stack, and the words are those from its last one on.
+pub fn words(stack_pointer: u32) -> impl Iterator<Item = u32> {
+    /// Largest number of words that are read.
+    const DEPTH: u32 = 256;
+    let stack = range();
+    let start = stack_pointer.clamp(stack.start, stack.end) & !(WORD - 1);
+    let count = ((stack.end - start) / WORD).min(DEPTH);
+    // SAFETY: these words are aligned and lie within the stack, which is all memory.
+    (0..count).map(move |index| unsafe { ((start + index * WORD) as *const u32).read_volatile() })
+}
+
+/// Likely return addresses on the stack: odd numbers that point into code.
+///
+/// Some are stale. With the image's file, `addr2line` tells the place in the source of each.
+pub fn return_addresses(stack_pointer: u32) -> [u32; TRACE] {
+    let mut found = [0; TRACE];
+    let addresses = words(stack_pointer).filter(|&word| word & 1 == 1 && is_code(word));
+    for (entry, address) in found.iter_mut().zip(addresses) {
+        *entry = address & !1;
+    }
+    found
+}
+
+/// File and line of the `core::panic::Location` at `address` in flash; none if there is no such value.
+///
+/// A `Location` is address and length of the file's name, line, column. Nothing says that one lies at `address`, so the
+/// values themselves decide.
+pub fn location(address: u32) -> Option<(&'static str, u32)> {
+    const LONGEST_NAME: u32 = 256;
+    const HIGHEST_LINE: u32 = 1_000_000;
+    let in_flash =
+        |start: u32, length: u32| start >= FLASH.start && start.saturating_add(length) <= FLASH.end;
+    if !address.is_multiple_of(WORD) || !in_flash(address, 4 * WORD) {
+        return None;
+    }
+    // SAFETY: flash, aligned, of this program, which changes only by flashing another.
+    let [name, length, line, column] = unsafe { *(address as *const [u32; 4]) };
+    if length > LONGEST_NAME
+        || !in_flash(name, length)
+        || line == 0
+        || line > HIGHEST_LINE
+        || column == 0
+    {
+        return None;
+    }
+    // SAFETY: as above; bytes need no alignment.
+    let name = unsafe { core::slice::from_raw_parts(name as *const u8, length as usize) };
+    let name = core::str::from_utf8(name).ok()?;
+    name.as_bytes().ends_with(b".rs").then_some((name, line))
 }

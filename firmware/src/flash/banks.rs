@@ -33,7 +33,7 @@ use stylus_app::settings::SETTINGS_RANGE;
 use stylus_app::slots::MappedFlash;
 
 use crate::boot::clock::CORE_HZ;
-use crate::boot::{priority, supply};
+use crate::boot::{priority, silicon};
 use crate::fault::watchdog;
 use crate::flash::{errors, word};
 
@@ -166,7 +166,7 @@ impl Bank {
     /// Prepares an erasure or a word: checks that the supply holds and the bank is idle, clears old faults, unlocks
     /// (RM0433 sections 4.3.9 and 4.3.10).
     fn prepare(self) -> Result<(), FlashError> {
-        if supply::is_low() {
+        if silicon::is_supply_low() {
             return Err(FlashError::SupplyLow);
         }
         let registers = self.registers();

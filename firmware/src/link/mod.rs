@@ -6,10 +6,8 @@
 //! - No host stops the tick. No host stops the other wire, except by a change of settings, which masks the tasks'
 //!   interrupts while flash is written or erased, and which is refused while something is played.
 
-pub mod counters;
 pub mod otg;
 pub mod outlet;
-pub mod recording;
 pub mod requests;
 pub mod serial;
 pub mod storage;

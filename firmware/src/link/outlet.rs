@@ -1,10 +1,12 @@
-//! The ends of one link: its receiver, and its sender for one frame at a time.
+//! The ends of one link: its receiver, its sender for one frame at a time, and its counters.
 
+use core::cell::Cell;
+
+use critical_section::Mutex as CriticalMutex;
 use embassy_sync::blocking_mutex::raw::ThreadModeRawMutex;
 use embassy_sync::mutex::Mutex;
 use embassy_time::{Duration, with_timeout};
-
-use crate::link::counters::Counters;
+use model_format::link::LinkCounters;
 
 /// Longest time that a frame may take: the longest frame takes 12 ms on the serial wire.
 const SEND_LIMIT: Duration = Duration::from_millis(100);
@@ -54,5 +56,47 @@ impl<S: SendFrame> Outlet<S> {
         if !sent.await.unwrap_or(false) {
             self.counters.count(|counters| &mut counters.unsent);
         }
+    }
+}
+
+/// Counters of one link.
+pub struct Counters(CriticalMutex<Cell<LinkCounters>>);
+
+/// Counters of the serial link.
+pub static SERIAL_COUNTERS: Counters = Counters::new();
+
+/// Counters of the USB link.
+pub static USB_COUNTERS: Counters = Counters::new();
+
+/// Counters of both links: USB, serial.
+pub fn all_counters() -> [LinkCounters; 2] {
+    [USB_COUNTERS.get(), SERIAL_COUNTERS.get()]
+}
+
+impl Counters {
+    const fn new() -> Self {
+        Self(CriticalMutex::new(Cell::new(LinkCounters {
+            frames: 0,
+            malformed: 0,
+            oversized: 0,
+            line_errors: 0,
+            unsent: 0,
+        })))
+    }
+
+    /// Values of the counters.
+    fn get(&self) -> LinkCounters {
+        critical_section::with(|section| self.0.borrow(section).get())
+    }
+
+    /// Adds one to the counter that `which` selects.
+    pub fn count(&self, which: impl FnOnce(&mut LinkCounters) -> &mut u32) {
+        critical_section::with(|section| {
+            let cell = self.0.borrow(section);
+            let mut counters = cell.get();
+            let counter = which(&mut counters);
+            *counter = counter.saturating_add(1);
+            cell.set(counters);
+        });
     }
 }

@@ -1,10 +1,14 @@
-//! Service of the requests that come by one wire; what they do is in [`stylus_app::requests`].
+//! Service of the requests that come by one wire, and the stream of a recording to the host that asked for it. What
+//! requests do is in [`stylus_app::requests`].
 
+use embassy_time::Timer;
 use model_format::link::{LinkCounters, LinkId};
-use stylus_app::requests::{self, Frame, Link, QueuedJob};
+use static_cell::ConstStaticCell;
+use stylus_app::control::Control;
+use stylus_app::requests::{self, Frame, Link, QueuedJob, encode_block};
 
 use crate::link::outlet::ReceiveFrame;
-use crate::link::storage::{ControlStage, QUEUE};
+use crate::link::storage::{ControlStage, QUEUE, with_control};
 use crate::link::wire::Wire;
 
 impl Link for Wire {
@@ -48,4 +52,23 @@ fn serve_frame(wire: Wire, frame: &[u8], answer: &mut Frame) -> Option<usize> {
         return None;
     }
     requests::serve(&ControlStage, &wire, frame, answer)
+}
+
+/// Sends blocks as they come, and empties the queue while nothing is recorded.
+#[embassy_executor::task]
+pub async fn stream_recording() -> ! {
+    static FRAME: ConstStaticCell<Frame> = ConstStaticCell::new([0; _]);
+    let frame = FRAME.take();
+    loop {
+        let Some((link, block)) = with_control(Control::next_block) else {
+            // A block comes every 6.4 ms.
+            Timer::after_millis(2).await;
+            continue;
+        };
+        if let Some(length) = encode_block(&block, frame) {
+            // A block that is not taken in time is counted by its wire, and the gap in the numbers shows it to the
+            // host.
+            Wire::of(link).send(&frame[..length]).await;
+        }
+    }
 }

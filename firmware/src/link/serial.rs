@@ -15,8 +15,7 @@ use embedded_io_async::{Read, Write};
 use model_format::link::{MAX_DEVICE_FRAME_BYTES, MAX_HOST_FRAME_BYTES, SERIAL_BAUD};
 use static_cell::ConstStaticCell;
 
-use crate::link::counters::SERIAL;
-use crate::link::outlet::{ReceiveFrame, SendFrame};
+use crate::link::outlet::{ReceiveFrame, SERIAL_COUNTERS, SendFrame};
 
 /// Length of the longest COBS frame of `length` bytes, with its zero: one byte more per 254, one more, and the zero.
 const fn encoded(length: usize) -> usize {
@@ -47,7 +46,7 @@ impl Handler<typelevel::USART3> for LineErrors {
     unsafe fn on_interrupt() {
         let flags = pac::USART3.isr().read();
         if flags.pe() | flags.fe() | flags.ne() | flags.ore() {
-            SERIAL.count(|counters| &mut counters.line_errors);
+            SERIAL_COUNTERS.count(|counters| &mut counters.line_errors);
         }
     }
 }
@@ -186,7 +185,7 @@ impl ReceiveFrame for Receiver {
             None => usize::MAX,
         };
         if decoded > MAX_HOST_FRAME_BYTES {
-            SERIAL.count(|counters| &mut counters.oversized);
+            SERIAL_COUNTERS.count(|counters| &mut counters.oversized);
             return None;
         }
         Some(decoded)

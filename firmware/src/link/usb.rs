@@ -19,10 +19,9 @@ use embassy_usb::{Builder, Config, UsbDevice};
 use model_format::link::{MAX_HOST_FRAME_BYTES, USB_PRODUCT_ID, USB_VENDOR_ID};
 use static_cell::ConstStaticCell;
 
-use crate::link::counters::USB;
-use crate::link::otg::core::PACKET_BYTES;
+use crate::link::otg::control::PACKET_BYTES;
 use crate::link::otg::driver::{BulkIn, BulkOut, Driver, Listen, Watch};
-use crate::link::outlet::{ReceiveFrame, SendFrame};
+use crate::link::outlet::{ReceiveFrame, SendFrame, USB_COUNTERS};
 
 /// Identifier by which programs on Windows find the interface; generated once, for this interface.
 const INTERFACE_GUIDS: &[&str] = &["{6D1F0C5A-9B0E-4C86-8F2B-51E6C2F5B0A7}"];
@@ -197,7 +196,7 @@ impl ReceiveFrame for Receiver {
                 None
             }
             Err(EndpointError::BufferOverflow) | Ok(None) => {
-                USB.count(|counters| &mut counters.oversized);
+                USB_COUNTERS.count(|counters| &mut counters.oversized);
                 None
             }
             Ok(Some(length)) => Some(length),

@@ -5,15 +5,14 @@
 
 use model_format::link::LinkId;
 
-use crate::link::counters::{self, Counters};
-use crate::link::outlet::Outlet;
+use crate::link::outlet::{Counters, Outlet, SERIAL_COUNTERS, USB_COUNTERS};
 use crate::link::{serial, usb};
 
 /// Outlet of the serial link. Until `main` opens it, frames are dropped and counted as unsent.
-pub static SERIAL: Outlet<serial::Sender> = Outlet::new(&counters::SERIAL);
+pub static SERIAL: Outlet<serial::Sender> = Outlet::new(&SERIAL_COUNTERS);
 
 /// Outlet of the USB link. Until `main` opens it, frames are dropped and counted as unsent.
-pub static USB: Outlet<usb::Sender> = Outlet::new(&counters::USB);
+pub static USB: Outlet<usb::Sender> = Outlet::new(&USB_COUNTERS);
 
 /// A link by which a frame goes to the host.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -44,8 +43,8 @@ impl Wire {
     /// Counters of this wire's link.
     pub fn counters(self) -> &'static Counters {
         match self {
-            Self::Serial => &counters::SERIAL,
-            Self::Usb => &counters::USB,
+            Self::Serial => &SERIAL_COUNTERS,
+            Self::Usb => &USB_COUNTERS,
         }
     }
 

@@ -1,15 +1,17 @@
-//! Identity of the silicon, and its option bytes.
+//! Identity of the silicon, its option bytes, and errors that its memories have corrected or found: the RAMECC monitors
+//! (RM0433 chapter 3) and the flash's counters.
 #![expect(
     unsafe_code,
-    reason = "two identities of the part have no register of the PAC"
+    reason = "two identities of the part have no register of the PAC, nor has RAMECC"
 )]
 
-use core::ptr::read_volatile;
+use core::ptr::{read_volatile, write_volatile};
 
 use embassy_stm32::pac::{DBGMCU, FLASH, RCC, SYSCFG};
-use model_format::link::{ChipValues, OptionByteValues};
+use model_format::link::{ChipValues, ErrorCorrectionValues, OptionByteValues, RAM_MONITORS};
 
 use crate::boot::silicon;
+use crate::flash::errors;
 
 /// The unique id, three words (RM0433 section 61.1).
 const UNIQUE_ID: *const u32 = 0x1FF1_E800 as *const u32;
@@ -47,5 +49,53 @@ pub fn option_bytes() -> OptionByteValues {
         read_protected: banks.map(|bank| bank.prar_cur().read().0),
         secure: banks.map(|bank| bank.scar_cur().read().0),
         boot: FLASH.boot_curr().read().0,
+    }
+}
+
+/// Base and number of monitors of RAMECC1 to RAMECC3 (RM0433 tables 7 and 8, section 3.3).
+const CONTROLLERS: [(usize, usize); 3] = [(0x5200_9000, 5), (0x4802_3000, 5), (0x5802_7000, 2)];
+
+/// Distance of two monitors, and of the first from the base.
+const MONITOR_BYTES: usize = 0x20;
+
+/// `MxSR` after `MxCR` (RM0433 section 3.4).
+const STATUS_OFFSET: usize = 4;
+
+/// `ECCELEN`: latches the failing address.
+const LATCHES: u32 = 1 << 5;
+
+/// `SEDCF`, `DEDF` and `DEBWDF`.
+const FLAGS: u32 = 0b111;
+
+/// Addresses of the monitors' `MxCR`.
+fn monitors() -> impl Iterator<Item = usize> {
+    CONTROLLERS
+        .into_iter()
+        .flat_map(|(base, count)| (1..=count).map(move |monitor| base + monitor * MONITOR_BYTES))
+}
+
+/// Lets the monitors watch from now on. Errors before, of memory that nobody had written, are forgotten.
+pub fn watch_memories() {
+    for monitor in monitors() {
+        // SAFETY: registers of RAMECC, which only this module touches and which change no memory.
+        unsafe {
+            write_volatile((monitor + STATUS_OFFSET) as *mut u32, 0);
+            write_volatile(monitor as *mut u32, LATCHES);
+        }
+    }
+}
+
+/// Errors since the start.
+pub fn memory_errors() -> ErrorCorrectionValues {
+    let mut ram = [0; RAM_MONITORS];
+    for (status, monitor) in ram.iter_mut().zip(monitors()) {
+        // SAFETY: as in `watch_memories`.
+        *status = (unsafe { read_volatile((monitor + STATUS_OFFSET) as *const u32) } & FLAGS) as u8;
+    }
+    let [first, second] = errors::counts();
+    ErrorCorrectionValues {
+        ram,
+        flash_corrected: [first.corrected, second.corrected],
+        flash_failed: [first.failed, second.failed],
     }
 }

@@ -2,15 +2,13 @@
 
 use cortex_m::peripheral::DWT;
 use embassy_futures::yield_now;
-use embassy_stm32::pac::TIM16;
 use embassy_stm32::pac::timer::vals::CcmrInputCcs;
+use embassy_stm32::pac::{TIM16, USB_OTG_FS};
 use embassy_stm32::{peripherals, rcc};
 use embassy_time::{Duration, Instant};
 use model_format::link::{ClockCount, ClockValues};
 
 use crate::boot::clock::{CORE_HZ, TIMER_HZ};
-use crate::self_test::frames;
-use crate::self_test::time::since;
 use crate::tick;
 
 /// `TIM16_TISEL`: LSI in place of the pin (RM0433, TIM16 timer input selection register).
@@ -41,7 +39,7 @@ const EDGE_CYCLES: u32 = CORE_HZ / 2_500;
 pub async fn count() -> ClockValues {
     let low_speed = low_speed().await;
     let begin = tick_edge();
-    let usb_frames = frames::count().await;
+    let usb_frames = count_frames().await;
     // The cycle counter wraps after ten seconds, so the frames' second may pass meanwhile.
     let started = Instant::now();
     let ticks = loop {
@@ -125,4 +123,62 @@ async fn captures() -> ClockCount {
         before = (!overwritten).then_some(capture);
     }
     counted
+}
+
+/// Frames to count: one second.
+const FRAMES: u32 = 1_000;
+
+/// Frame numbers have eleven bits at full speed (RM0433, OTG_DSTS).
+const FRAME_MASK: u16 = 0x7ff;
+
+/// Longest time between two looks around an edge: 50 ppm of the second.
+const FRAME_EDGE_CYCLES: u32 = CORE_HZ / 20_000;
+
+/// Time within which an edge is found.
+const FRAME_EDGE_LIMIT: Duration = Duration::from_millis(300);
+
+fn frame_number() -> u16 {
+    USB_OTG_FS.dsts().read().fnsof() & FRAME_MASK
+}
+
+/// Waits for the beginning of a frame, seen to within [`FRAME_EDGE_CYCLES`]; returns its number and the core's cycle.
+async fn frame_edge() -> Option<(u16, u32)> {
+    let begin = Instant::now();
+    let mut before = (frame_number(), DWT::cycle_count());
+    while since(begin) < FRAME_EDGE_LIMIT {
+        yield_now().await;
+        let now = (frame_number(), DWT::cycle_count());
+        if now.0 != before.0 && now.1.wrapping_sub(before.1) <= FRAME_EDGE_CYCLES {
+            return Some(now);
+        }
+        before = now;
+    }
+    None
+}
+
+/// Counts about [`FRAMES`] frames; none without a host that sends them.
+async fn count_frames() -> Option<ClockCount> {
+    let first = frame_edge().await?;
+    let mut passed = 0u32;
+    let mut before = first.0;
+    while passed < FRAMES {
+        // Edges are looked for all the time, so a frame number cannot wrap unseen.
+        let (frame, cycle) = frame_edge().await?;
+        passed += u32::from(frame.wrapping_sub(before) & FRAME_MASK);
+        before = frame;
+        if passed >= FRAMES {
+            return Some(ClockCount {
+                periods: passed,
+                cycles: cycle.wrapping_sub(first.1).into(),
+            });
+        }
+    }
+    None
+}
+
+/// Time since `begin`: zero if the clock reads earlier than it did then, for which `Instant::elapsed` panics. A clock
+/// that began half a turn ahead did so, see `boot/clock.rs`. One whose interrupt is masked for longer than half a turn,
+/// as while a sector of the settings is erased, may do so again.
+pub fn since(begin: Instant) -> Duration {
+    Instant::now().saturating_duration_since(begin)
 }

@@ -3,13 +3,10 @@
 //! All of it runs in the storage's task, a few microseconds between two yields at most. Nothing here stops the tick or
 //! touches its converter. What a measurement changes it puts back before it ends, whatever the host does meanwhile.
 
-mod chip;
+pub mod chip;
 mod clocks;
-mod frames;
-pub mod memory;
 mod output;
 mod read_back;
-mod time;
 
 use embassy_stm32::pac::{GPIOA, GPIOC};
 use embassy_time::Instant;
@@ -34,7 +31,7 @@ impl Bench for Measured {
     }
 
     fn error_correction(&self) -> ErrorCorrectionValues {
-        memory::errors()
+        chip::memory_errors()
     }
 
     /// The lines are PA6 and PC7; an input register shows a pin's level whatever its function (RM0433 section 11.3.1).

@@ -12,8 +12,8 @@ use model_format::link::{
 };
 
 use crate::boot::clock::{CONVERTER_HZ, CORE_HZ};
+use crate::self_test::clocks::since;
 use crate::self_test::read_back::ReadBack;
-use crate::self_test::time::since;
 use crate::tick::output::by_hand::ByHand;
 
 /// Time in which a new code settles, cycles: 20 µs, many times what the output's buffer takes.

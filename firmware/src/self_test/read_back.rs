@@ -12,7 +12,7 @@ use embassy_time::{Duration, Instant, Timer};
 use model_format::link::SelfTestError;
 
 use crate::boot::clock::CORE_HZ;
-use crate::self_test::time::since;
+use crate::self_test::clocks::since;
 
 /// Channel of PA4.
 const CHANNEL: usize = 18;

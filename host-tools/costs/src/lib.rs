@@ -46,6 +46,22 @@ impl Structure {
             Self::DirectForm16 => "direct form, 16 bits",
         }
     }
+
+    /// Returns whether it sums over past outputs.
+    pub fn is_direct(self) -> bool {
+        matches!(self, Self::DirectForm16 | Self::DirectForm32)
+    }
+
+    /// Returns whether the stylus plays it.
+    pub fn is_shipped(self) -> bool {
+        self == Self::NormalisedLattice32
+    }
+}
+
+impl std::fmt::Display for Structure {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.name())
+    }
 }
 
 /// The processor that the code was built for.

@@ -3,7 +3,7 @@
 use host_tools::dsp::spectrum::DEFAULT_SMOOTHING_WIDTH_HZ;
 use host_tools::evaluation::evaluate as evaluation;
 use host_tools::evaluation::held_out::chosen;
-use host_tools::evaluation::results;
+use host_tools::evaluation::summary as results;
 use host_tools::texture::library::decode_library;
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
@@ -133,7 +133,6 @@ pub fn evaluate<'py>(
         smoothing_hz: not_negative("smoothing_hz", smoothing_hz)?,
         synthesis_s: positive("synthesis_s", synthesis_s)?,
         seed,
-        in_sample: true,
         played: choice("excitation", excitation)?,
         ..evaluation::Options::default()
     };

@@ -3,8 +3,6 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use host_tools::evaluation::budget::{Budget, capped};
-use host_tools::evaluation::frontier::costs::Core;
 use host_tools::fit as fitted;
 use host_tools::fit::record::FitRecord;
 use host_tools::fit::{Options, Order};
@@ -12,7 +10,7 @@ use host_tools::recording::triage::{SILENCE_FLOOR_M_S2, Verdict};
 use model_format::SAMPLE_RATE_HZ;
 use pyo3::prelude::*;
 
-use crate::convert::{choice, not_negative, plain, positive};
+use crate::convert::{choice, not_negative, plain};
 use crate::error::{raised, refused, warn};
 use crate::library::Library;
 use crate::work;
@@ -121,31 +119,26 @@ impl Fit {
 /// Fits a library to recordings, as `stylus fit` does: the same recordings and options give the same bytes.
 ///
 /// `recordings` are a folder with `trials.csv`, a list, files, `Recording`s, or `Recordings`. `order` is 'auto' (AIC),
-/// 'bic' or 0 to 400; `estimator` 'auto', 'rectangular', 'tapered' or 'multitaper'; `theta` 'auto', 'fine' or
-/// 'compact'; `reduce` 'pca', 'dft321', 'x', 'y' or 'z'; `excitation` 'auto',
-/// 'residual' or 'gaussian'; `modulation` 'auto', 'track' or 'none'; `lines` 'auto' or 'none'. `silence_floor_m_s2` is
+/// 'bic' or 0 to 400; `reduce` 'pca', 'dft321', 'x', 'y' or 'z'; `excitation` 'auto', 'residual' or 'gaussian';
+/// `modulation` 'auto', 'track' or 'none'; `lines` 'auto' or 'none'. `silence_floor_m_s2` is
 /// the RMS below which a recording is silent; `drop` names verdicts to leave out; `model_rate_hz` is 5000 or 10000;
 /// `snap` is the largest share by which measured speeds and forces move to nominal ones; `strict` refuses a set in
-/// which triage finds anything. `budget_cycles` bounds the orders by the cycles per sample on `core` ('m4' or 'm7').
-/// `progress(done, total)` counts recordings.
+/// which triage finds anything. `progress(done, total)` counts recordings.
 ///
 /// Raises `StylusError` for the first recording that cannot be used, or a texture that no library holds.
 #[pyfunction]
 #[pyo3(signature = (
-    recordings, *, order = OrderLike::Named("auto".into()), estimator = "auto", theta = "auto",
-    reduce = "pca", silence_floor_m_s2 = SILENCE_FLOOR_M_S2, excitation = "auto", modulation = "auto",
+    recordings, *, order = OrderLike::Named("auto".into()), reduce = "pca", silence_floor_m_s2 = SILENCE_FLOOR_M_S2, excitation = "auto", modulation = "auto",
     drop = Vec::new(), lines = "auto", model_rate_hz = SAMPLE_RATE_HZ, snap = None, strict = false,
-    budget_cycles = None, core = "m4", progress = None
-), text_signature = "(recordings, *, order='auto', estimator='auto', theta='auto', reduce='pca', \
+    progress = None
+), text_signature = "(recordings, *, order='auto', reduce='pca', \
     silence_floor_m_s2=0.001, excitation='auto', modulation='auto', drop=(), lines='auto', model_rate_hz=5000, \
-    snap=None, strict=False, budget_cycles=None, core='m4', progress=None)")]
+    snap=None, strict=False, progress=None)")]
 #[expect(clippy::too_many_arguments, reason = "they are keywords")]
 pub fn fit(
     py: Python<'_>,
     recordings: &Bound<'_, PyAny>,
     order: OrderLike,
-    estimator: &str,
-    theta: &str,
     reduce: &str,
     silence_floor_m_s2: f64,
     excitation: &str,
@@ -155,14 +148,10 @@ pub fn fit(
     model_rate_hz: u32,
     snap: Option<f64>,
     strict: bool,
-    budget_cycles: Option<f64>,
-    core: &str,
     progress: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Fit> {
-    let mut options = Options {
+    let options = Options {
         order: order_of(order)?,
-        estimator: choice("estimator", estimator)?,
-        theta: choice("theta", theta)?,
         reduction: choice("reduce", reduce)?,
         silence_floor_m_s2: not_negative("silence_floor_m_s2", silence_floor_m_s2)?,
         excitation: choice("excitation", excitation)?,
@@ -174,19 +163,6 @@ pub fn fit(
         sample_rate_hz: model_rate_hz,
     };
     options.check_rate().map_err(raised)?;
-    if let Some(cycles) = budget_cycles {
-        if model_rate_hz != SAMPLE_RATE_HZ {
-            return Err(refused(format!(
-                "budget_cycles compares models at {SAMPLE_RATE_HZ} Hz: leave it out at {model_rate_hz} Hz"
-            )));
-        }
-        let budget = Budget {
-            cycles: positive("budget_cycles", cycles)?,
-            core: core_of(core)?,
-        };
-        let highest = budget.highest_order().map_err(raised)?;
-        options.order = capped(options.order, highest);
-    }
     let options = options.at_their_rate();
     let mut set = crate::recording::recordings(recordings)?;
     if let Some(tolerance) = options.snap {
@@ -242,16 +218,6 @@ fn order_of(order: OrderLike) -> PyResult<Order> {
     };
     let problem = |problem| refused(format!("order is '{text}': it {problem}"));
     text.parse().map_err(problem)
-}
-
-fn core_of(core: &str) -> PyResult<Core> {
-    match core {
-        "m4" => Ok(Core::M4),
-        "m7" => Ok(Core::M7),
-        _ => Err(refused(format!(
-            "core is '{core}': it must be 'm4' or 'm7'"
-        ))),
-    }
 }
 
 fn verdicts(names: Vec<String>) -> PyResult<Vec<String>> {

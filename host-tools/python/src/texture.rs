@@ -6,7 +6,7 @@ use std::sync::Arc;
 use host_tools::dsp::linear_prediction::step_up;
 use host_tools::support::error::Error;
 use host_tools::texture::grid::as_written;
-use host_tools::texture::stored;
+use host_tools::texture::quantise as stored;
 use model_format::{Coefficients, Library, NodeFlags, Provenance};
 use numpy::{AllowTypeChange, PyArray1, PyArray2, PyArrayLike1};
 use pyo3::exceptions::PyIndexError;

@@ -50,10 +50,9 @@ def test_integers_in_memory_are_those_of_a_wav_file(signals, tmp_path):
         (["--order", "40"], {"order": 40}),
         (["--order", "bic", "--reduce", "dft321"], {"order": "bic", "reduce": "dft321"}),
         (
-            ["--excitation", "gaussian", "--modulation", "none", "--theta", "fine", "--lines", "none"],
-            {"excitation": "gaussian", "modulation": "none", "theta": "fine", "lines": "none"},
+            ["--excitation", "gaussian", "--modulation", "none", "--lines", "none"],
+            {"excitation": "gaussian", "modulation": "none", "lines": "none"},
         ),
-        (["--budget-cycles", "4000", "--core", "m7"], {"budget_cycles": 4000, "core": "m7"}),
         (["--excitation", "residual", "--modulation", "track"], {"excitation": "residual", "modulation": "track"}),
     ],
 )

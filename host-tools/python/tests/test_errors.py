@@ -33,10 +33,6 @@ def test_a_bad_line_of_a_list_is_the_commands_line_with_its_place(command, tmp_p
             lambda d: sh.render(d / "a.lib", "felt", motion=d / "bad.csv"),
             ["render", "a.lib", "--texture", "felt", "--motion", "bad.csv", "--out", "x.wav"],
         ),
-        (
-            lambda d: sh.fit(d, strict=True, budget_cycles=1),
-            ["fit", ".", "--out", "x.lib", "--budget-cycles", 1],
-        ),
     ],
 )
 def test_other_failures_are_the_commands_line(command, folder, call, words):

@@ -40,15 +40,12 @@ def test_the_defaults_are_the_commands(command):
     signature = inspect.signature(sh.fit)
     for option, name in [
         ("--order", "order"),
-        ("--estimator", "estimator"),
-        ("--theta", "theta"),
         ("--reduce", "reduce"),
         ("--silence-floor", "silence_floor_m_s2"),
         ("--excitation", "excitation"),
         ("--modulation", "modulation"),
         ("--lines", "lines"),
         ("--model-rate", "model_rate_hz"),
-        ("--core", "core"),
     ]:
         of_option = told.split(f"\n      {option} ", 1)[1].split("[default: ", 1)[1].split("]", 1)[0]
         assert str(signature.parameters[name].default) == of_option, option

@@ -15,7 +15,7 @@ use host_tools::fit::Order;
 use host_tools::fit::record::FitRecord;
 use host_tools::recording::RecordingSet;
 use host_tools::report::evaluation_page;
-use host_tools::report::evaluation_page::{Inputs, RemovedNodeTest};
+use host_tools::report::evaluation_page::Inputs;
 use host_tools::report::sound::node_seconds;
 use host_tools::support::error::Result;
 use host_tools::support::output::OutputFolder;
@@ -36,7 +36,7 @@ pub struct Arguments {
     /// Library to evaluate
     #[arg(long, value_name = "LIB", required_unless_present = "leave_one_out")]
     library: Option<PathBuf>,
-    /// Remove each inner node, too, predict it from its neighbours in every domain, and evaluate the prediction
+    /// Remove each inner node, too, predict it from its neighbours, and evaluate the prediction
     #[arg(long)]
     leave_one_out: bool,
     /// Other takes of the same trials, as a folder or a list, which judge the library instead
@@ -45,7 +45,7 @@ pub struct Arguments {
     /// With --leave-one-out: order of the models, 0 to 400, or 'auto'
     #[arg(long, requires = "leave_one_out", default_value = "400")]
     order: Order,
-    /// Folder for a report: one page with tables, pictures and sounds, and the pictures with their data
+    /// Folder for a report: one page with tables, pictures and sounds, and the pictures as files
     #[arg(long, value_name = "OUT_DIR", requires = "library")]
     report: Option<PathBuf>,
     /// JSON file for the numbers of all trials
@@ -94,8 +94,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         return evaluate_library(arguments, path, set);
     }
     let options = removal_options(arguments);
-    let prepared = Prepared::new(&set, &options)?;
-    let test = removed_node_test(&prepared, &Row::all(), &options)?;
+    let test = removed_node_test(&set, &options)?;
     write_numbers(arguments, None, Some(&test))?;
     print(&removed_nodes(&test))
 }
@@ -120,7 +119,6 @@ fn evaluate_library(arguments: &Arguments, path: &Path, set: RecordingSet) -> Re
         smoothing_hz: arguments.smoothing,
         synthesis_s: arguments.synthesis.unwrap_or(default.synthesis_s),
         seed: arguments.seed,
-        in_sample: true,
         played: arguments.excitation,
         excerpt_s: (arguments.report.as_ref()).and_then(|_| node_seconds(set.trials.len())),
     };
@@ -131,10 +129,8 @@ fn evaluate_library(arguments: &Arguments, path: &Path, set: RecordingSet) -> Re
     let evaluation = evaluate_set(&set, &library, chosen.judges, record.as_ref(), &options)?;
     let removal = removal_options(arguments);
     let asked = arguments.leave_one_out;
-    let prepared = asked.then(|| Prepared::new(&set, &removal)).transpose()?;
-    let test = prepared
-        .as_ref()
-        .map(|prepared| removed_node_test(prepared, &Row::all(), &removal))
+    let test = asked
+        .then(|| removed_node_test(&set, &removal))
         .transpose()?;
     write_numbers(arguments, Some(&evaluation), test.as_ref())?;
     print(&summary(&evaluation))?;
@@ -147,14 +143,7 @@ fn evaluate_library(arguments: &Arguments, path: &Path, set: RecordingSet) -> Re
             library: &library,
             evaluation: &evaluation,
             options: &options,
-            removed_nodes: test
-                .as_ref()
-                .zip(prepared.as_ref())
-                .map(|(test, prepared)| RemovedNodeTest {
-                    test,
-                    prepared,
-                    options: removal,
-                }),
+            removed_nodes: test.as_ref(),
             unused_takes: &chosen.unused,
         };
         let folder = OutputFolder::begin(report, arguments.overwrite.is_asked())?;
@@ -205,13 +194,10 @@ pub fn evaluate_set(
 }
 
 /// Runs the removed-node test with a progress bar.
-pub fn removed_node_test(
-    prepared: &Prepared<'_>,
-    rows: &[Row],
-    options: &leave_one_out::Options,
-) -> Result<LeaveOneOut> {
+fn removed_node_test(set: &RecordingSet, options: &leave_one_out::Options) -> Result<LeaveOneOut> {
+    let prepared = Prepared::new(set, options)?;
     let bar = progress::bar(prepared.count() as u64, "removing nodes");
-    let test = prepared.run(rows, options, || bar.inc(1))?;
+    let test = prepared.run(&Row::all(), options, || bar.inc(1))?;
     bar.finish_and_clear();
     Ok(test)
 }
@@ -260,8 +246,7 @@ pub fn summary(evaluation: &Evaluation) -> String {
         }
     };
     let tables = tables.map(|table| shown(&table, keys(&table.title)));
-    let mut tables: Vec<String> = tables.collect();
-    tables.extend(evaluation.takes_table().map(|table| shown(&table, 1)));
+    let tables: Vec<String> = tables.collect();
     let origin = origin(evaluation.simulated);
     format!(
         "Held out: {}\n\n{}\n\n{}\n{}\n\
@@ -285,12 +270,11 @@ fn origin(simulated: bool) -> &'static str {
     }
 }
 
-/// The tables of the removed-node test, and an explanation of their columns.
+/// The table of the removed-node test, and an explanation of their columns.
 fn removed_nodes(test: &LeaveOneOut) -> String {
-    let [table_one, domains] = test.tables();
     folded_text(&format!(
         "{} nodes removed, each predicted from its neighbours; models of order {}; C with amplitudes smoothed by a \
-         {}\n\n{}\n\n{}\n\n\
+         {}\n\n{}\n\n\
          C: equation (6), mean ± standard deviation; not playable: means that are unstable or too loud, which count as \
          C = 100 %; in-sample: fitted to what it is compared with, not a measure of fidelity\n\
          σ² error: mean magnitude, (m/s²)² (the paper names no unit); |band|: mean error of third-octave \
@@ -298,8 +282,7 @@ fn removed_nodes(test: &LeaveOneOut) -> String {
         test.removed.len(),
         test.order,
         test.smoothing,
-        shown(&table_one, 1),
-        shown(&domains, 1),
+        shown(&test.table(), 1),
         origin(test.simulated)
     ))
 }

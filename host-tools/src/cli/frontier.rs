@@ -113,10 +113,8 @@ fn summary(frontier: &Frontier) -> String {
     format!(
         "The Pareto front of {} choices (structure, order, update interval)\n\n{}\n\n\
          error: third-octave bands, at rest against held-out recordings, in motion against float64; cycles: modelled \
-         per sample,\nwith updates\n\nOptional parts of the lattice at its highest order, against the held-out \
-         recordings\n\n{}{origin}",
+         per sample,\nwith updates{origin}",
         frontier.points.len(),
         shown(&frontier.front_table(), 3),
-        shown(&frontier.parts_table(), 1),
     )
 }

@@ -2,16 +2,15 @@
 
 use std::path::PathBuf;
 
-use host_tools::fit::hatt::comparison::Summary;
-use host_tools::fit::hatt::convert::{Converted, ROLL_OFF_DB_PER_OCTAVE, far_nodes};
+use host_tools::fit::hatt::convert::{Converted, ROLL_OFF_DB_PER_OCTAVE, Summary, far_nodes};
 use host_tools::fit::hatt::import::{ImportReport, Options, files, import, plan, read_all};
 use host_tools::support::atomic_file;
 use host_tools::support::error::Result;
 use host_tools::support::progress;
 
 use super::overwrite::Overwrite;
-use super::table::{folded_table, table};
-use crate::cli::output::{note, print, print_json, warn};
+use super::table::folded_table;
+use crate::cli::output::{print, print_json, warn};
 
 #[derive(clap::Args)]
 pub struct Arguments {
@@ -48,7 +47,6 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             warn(&format!("{}: {warning}", source.path.display()));
         }
     }
-    note(&plan.in_words(sources.len()));
     let bar = progress::bar(sources.len() as u64, "converting");
     let (converted, bytes) = import(&sources, &plan, &|| bar.inc(1))?;
     bar.finish_and_clear();
@@ -66,10 +64,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             .collect();
         return print_json(&reports);
     }
-    match &converted[..] {
-        [only] => print(&format!("{}\n{}\n", only.spec.name, nodes(only)))?,
-        several => print(&format!("{}\n", textures(several)))?,
-    }
+    print(&format!("{}\n", textures(&converted)))?;
     print(&format!(
         "{} textures -> {} ({} bytes); errors are of what the library plays against the file's own definition, within \
          the models' own band; above it the level falls by {ROLL_OFF_DB_PER_OCTAVE} dB per octave",
@@ -77,59 +72,6 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         arguments.out.display(),
         bytes.len()
     ))
-}
-
-fn nodes(converted: &Converted) -> String {
-    let number = |value: Option<f64>| value.map_or("-".into(), |value| format!("{value:.2}"));
-    let rows: Vec<Vec<String>> = converted
-        .nodes
-        .iter()
-        .map(|node| {
-            let place = if node.rms_m_s2 <= 0.0 {
-                "silent"
-            } else if node.is_extrapolated {
-                "beyond the models"
-            } else {
-                "between models"
-            };
-            vec![
-                node.speed_mm_s.to_string(),
-                node.force_n.to_string(),
-                format!("{:.3}", node.rms_m_s2),
-                node.order.to_string(),
-                number(node.worst_band_db),
-                number(node.level_db),
-                place.to_owned(),
-            ]
-        })
-        .collect();
-    let header = [
-        "mm/s",
-        "N",
-        "RMS m/s²",
-        "order",
-        "worst band dB",
-        "level dB",
-        "",
-    ];
-    let mut text = table(&header, &rows);
-    for (places, errors) in [
-        ("models' own places", &converted.own),
-        ("between models", &converted.between),
-    ] {
-        if let Some(summary) = Summary::of(errors) {
-            text.push_str(&format!(
-                "\n{} {places}: level {:.2} dB in the median, {:.2} in 95 %, {:.2} at worst; {:.1} % of third octaves \
-                 within 2.2 dB",
-                summary.places,
-                summary.level_median_db,
-                summary.level_95_db,
-                summary.level_worst_db,
-                summary.unfelt_bands_percent
-            ));
-        }
-    }
-    text
 }
 
 /// A row per texture: the grid, the worst error of a node, and errors at the models' own places and between them.

@@ -50,7 +50,6 @@ fn summary(outcomes: &[Outcome]) -> String {
         "saturated",
         "level dB",
         "SNR dB",
-        "off line dBc",
         "mean SE",
         "spectrum",
         "grows",
@@ -72,8 +71,7 @@ fn summary(outcomes: &[Outcome]) -> String {
          full scale in the whole state; breaks: the number of broken promises, which follow the \
          tables.\nThe lattice holds its guarantees in {} of {} cases. In {} of them, all marked *, the SNR is below {} \
          dB or the spectrum deviates by more than {} dB: lines this narrow, of pole radius above 0.998, have limits of \
-         their own, set by the radius. SNR counts the damping of such a line as noise; what is noise stands in the \
-         column off line, and what is damping in the level.",
+         their own, set by the radius. SNR counts the damping of such a line as noise.",
         held.count(),
         outcomes.len(),
         outside.count(),
@@ -114,7 +112,6 @@ fn row(outcome: &Outcome) -> Vec<String> {
         outcome.saturated.to_string(),
         optional(outcome.level_db, 4),
         optional(outcome.snr_db, 1),
-        optional(outcome.off_line_dbc, 0),
         format!("{:.1}", outcome.mean_standard_errors),
         format!("{:.3}", outcome.spectrum_db),
         format!("{growth:.1}"),
@@ -158,7 +155,6 @@ mod tests {
                 saturated: 100_000_000,
                 level_db: Some(-10.1234),
                 snr_db: Some(-110.1),
-                off_line_dbc: Some(-140.0),
                 mean_standard_errors: 100.1,
                 spectrum_db: 10.123,
                 stopped: latched,

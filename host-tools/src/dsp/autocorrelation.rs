@@ -46,11 +46,6 @@ impl Autocorrelation {
         // Lag 0 is the exact power, without the round-off of the transform.
         spectrum.into_autocorrelation(padded, energy(signal) / signal.len().max(1) as f64, 1.0)
     }
-
-    /// Computes the autocorrelation of `signal` with tapered ends; see [`Tapered`].
-    pub fn with_tapered_ends(signal: &[f64], max_lag: usize) -> Self {
-        Tapered::of(signal, max_lag).into_autocorrelation()
-    }
 }
 
 /// Power spectrum of a signal that is padded with zeros to the length of a transform.

@@ -2,7 +2,6 @@
 //!
 //! Invariant: slices in, numbers out. No files, no command line, no progress, no format of a library.
 
-pub mod analytic;
 pub mod autocorrelation;
 pub mod binomial;
 pub mod line_spectral_frequencies;
@@ -11,10 +10,11 @@ pub mod liveliness;
 pub mod log_spectrum;
 pub mod model;
 pub mod model_error;
-pub mod phase_correlation;
 pub mod reduction;
 pub mod spectrum;
 pub mod sums;
+#[cfg(test)]
+pub mod test_signals;
 
 use std::cell::RefCell;
 

@@ -187,12 +187,6 @@ mod tests {
 
     const RATE_HZ: f64 = 5000.0;
 
-    #[test]
-    fn a_model_has_no_error_against_itself() {
-        let error = ModelError::between(&[-0.99, 0.9, 0.3], &[-0.99, 0.9, 0.3], RATE_HZ);
-        assert_eq!(error, ModelError::default());
-    }
-
     proptest! {
         /// By its definition: sums over single frequencies, each evaluated on its own.
         #[test]
@@ -219,31 +213,6 @@ mod tests {
             let found = error.third_octave_db;
             prop_assert!((found - worst).abs() < 0.02 * worst + 1e-3, "{found} {worst}");
         }
-    }
-
-    /// The difference is 2.6 dB at 1000 Hz, and falls by half within 10 Hz.
-    #[test]
-    fn a_line_at_the_end_of_the_range_counts_as_far_as_it_lies_within() {
-        let k = [
-            -0.360_142_541_703_119_55,
-            0.044_945_545_389_948_65,
-            -0.320_462_771_523_416_96,
-            -0.292_563_594_288_660_9,
-            -0.637_133_487_299_018_5,
-            -0.542_171_027_972_315_5,
-            -0.553_129_619_270_218_8,
-            0.516_090_815_645_316_2,
-            0.644_135_485_427_644_2,
-            -0.624_654_152_150_036_8,
-        ];
-        let other = k.map(|k| k + 0.001_594_611_516_740_692_5);
-        let error = ModelError::between(&k, &other, RATE_HZ);
-        // By NumPy, over two million frequencies.
-        assert!(
-            (error.rms_db - 0.166_622_7).abs() < 1e-4,
-            "{}",
-            error.rms_db
-        );
     }
 
     /// A line of 0.03 Hz between two of the frequencies that are compared, moved by a tenth of its width.

@@ -11,12 +11,10 @@ use serde::Serialize;
 use super::held_out::{Judge, JudgeKind, in_words};
 use super::liveliness::{self, Signals, TrialLiveliness};
 use super::perception::Perceived;
+use super::perception::ScoringRange;
 use super::played::{self, Played, Version};
-use super::results::{Scores, TrialEvaluation};
-use super::scoring_range::ScoringRange;
-use super::summary::{
-    TextureEvaluation, judged_hz, other_in_words, summarise, tables, takes_table,
-};
+use super::summary::{Scores, TrialEvaluation};
+use super::summary::{TextureEvaluation, judged_hz, other_in_words, summarise, tables};
 use super::tables::Table;
 use crate::dsp::reduction::Reduction;
 use crate::dsp::spectrum;
@@ -46,8 +44,6 @@ pub struct Options {
     pub synthesis_s: f64,
     /// Seed of the syntheses; each trial has its own noise.
     pub seed: u64,
-    /// Compare the library as it is with what it was fitted to, too.
-    pub in_sample: bool,
     /// Parts of each texture that the synthesis plays.
     pub played: Played,
     /// Duration of what is kept of each trial and its synthesis, to be heard, s.
@@ -61,7 +57,6 @@ impl Default for Options {
             smoothing_hz: spectrum::DEFAULT_SMOOTHING_WIDTH_HZ,
             synthesis_s: 10.0,
             seed: 1,
-            in_sample: false,
             played: Played::Fitted,
             excerpt_s: None,
         }
@@ -186,13 +181,6 @@ fn play(
     seed: u64,
 ) -> Result<(Vec<f64>, u32)> {
     let rate_hz = f64::from(SAMPLE_RATE_HZ);
-    if texture.sample_rate_hz() != SAMPLE_RATE_HZ {
-        return Err(Error::Request(format!(
-            "texture '{}' plays at {} Hz, recordings are compared at {SAMPLE_RATE_HZ}",
-            texture.name(),
-            texture.sample_rate_hz()
-        )));
-    }
     let seconds = (samples as f64 / rate_hz).max(options.synthesis_s) + WARM_UP_S;
     let motion = MotionPath::constant(
         MillimetresPerSecond(trial.speed_mm_s as f32),
@@ -244,7 +232,7 @@ fn read(trial: &Trial, judge: &Judge, reduction: Reduction) -> Result<Comparison
 /// Fits what blocks judge, and evaluates nothing yet: for [`Evaluation::compare`].
 ///
 /// # Errors
-/// A texture that the library does not have, a recording that cannot be used, or blocks to judge without a record.
+/// A texture that the library does not have or that plays at another rate, a recording that cannot be used, or blocks to judge without a record.
 pub fn prepare(
     set: &RecordingSet,
     library: &Library<'_>,
@@ -253,7 +241,12 @@ pub fn prepare(
     options: &Options,
 ) -> Result<Evaluation> {
     for name in set.textures() {
-        texture_named(library, name)?;
+        let rate_hz = texture_named(library, name)?.sample_rate_hz();
+        if rate_hz != SAMPLE_RATE_HZ {
+            return Err(Error::Request(format!(
+                "texture '{name}' plays at {rate_hz} Hz, recordings are compared at {SAMPLE_RATE_HZ}"
+            )));
+        }
     }
     let (refitted, blocks_s) = refit(set, &judges, record, options)?;
     Ok(Evaluation {
@@ -299,13 +292,6 @@ pub fn evaluate(
             if let Judge::OtherTake(take) = judge {
                 judged.other_take = Some(take.file.display().to_string());
             }
-            if options.in_sample && *judge == Judge::Blocks {
-                let texture = texture_named(library, &trial.texture)?;
-                let (played, _) = played::with(&texture, options.played, |texture| {
-                    play(texture, trial, 0, options, options.seed_of(index))
-                })?;
-                judged.in_sample_log_spectral_distance_db = comparison.distance_db(&played);
-            }
             let excerpt = options.excerpt_s.map(|s| Excerpt::of(&comparison, s));
             progress();
             Ok((judged, excerpt))
@@ -341,11 +327,6 @@ impl Evaluation {
     /// The tables of all textures: spectra, what is felt, and what a spectrum does not show.
     pub fn tables(&self) -> Vec<Table> {
         tables(&self.textures, &self.liveliness)
-    }
-
-    /// Distances from the takes that judged; `None` where no take judged.
-    pub fn takes_table(&self) -> Option<Table> {
-        takes_table(&self.textures, &self.trials)
     }
 
     /// The other recording beside the synthesis, in words.
@@ -453,20 +434,6 @@ impl Comparison {
         let len = self.longest_block().len().max(1);
         synthesised.chunks_exact(len).collect()
     }
-
-    /// Log-spectral distance of a synthesis from the judge, dB.
-    fn distance_db(&self, synthesised: &[f64]) -> Option<f64> {
-        let range = self.range()?;
-        let rate_hz = f64::from(SAMPLE_RATE_HZ);
-        let spectrum =
-            |blocks: &[&[f64]]| spectrum::PowerSpectrum::of_blocks(blocks, range.segment, rate_hz);
-        let (judge, played) = (
-            spectrum(&slices(&self.judged)),
-            spectrum(&self.in_blocks(synthesised)),
-        );
-        let (low_hz, high_hz) = range.distance_hz();
-        spectrum::distance_of_spectra_db(&judge, &played, low_hz, high_hz)
-    }
 }
 
 /// Judges a comparison.
@@ -495,7 +462,6 @@ fn judged(
     let scores = scores.unwrap_or(Scores::NONE);
     let is_held_out = judge != JudgeKind::Nothing;
     let others = usable.map(|range| scores_of(&beside, &other, &range, options));
-    let in_sample = scores.log_spectral_distance_db.filter(|_| !is_held_out);
     let block = comparison.longest_block().len();
     TrialEvaluation {
         file: trial.file.display().to_string(),
@@ -525,7 +491,6 @@ fn judged(
             options.smoothing_hz,
         ),
         other: others.unwrap_or(Scores::NONE),
-        in_sample_log_spectral_distance_db: in_sample,
         saturations: comparison.saturations,
     }
 }
@@ -616,8 +581,7 @@ pub fn cost_by_order(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rand::SeedableRng;
-    use rand_distr::{Distribution, StandardNormal};
+    use crate::dsp::test_signals::noise;
 
     /// A trial of 6 s of noise, with a silence in its third second that triage cuts.
     fn trial_with_a_silent_part(folder: &std::path::Path) -> Trial {
@@ -629,11 +593,9 @@ mod tests {
             sample_format: hound::SampleFormat::Float,
         };
         let mut wav = hound::WavWriter::create(&file, spec).unwrap();
-        let noise = StandardNormal.sample_iter(rand_pcg::Pcg64::seed_from_u64(5));
-        for (n, x) in noise.take(30_000).enumerate() {
-            let x: f32 = x;
+        for (n, x) in noise(5, 30_000).into_iter().enumerate() {
             let sounds = !(10_300..13_900).contains(&n);
-            wav.write_sample(if sounds { 2.0 * x } else { 0.0 })
+            wav.write_sample(if sounds { 2.0 * x as f32 } else { 0.0 })
                 .unwrap();
         }
         wav.finalize().unwrap();

@@ -2,7 +2,6 @@
 //!
 //! Invariant: results are data. Nothing here draws, prints or writes a file.
 
-pub mod budget;
 pub mod evaluate;
 pub mod frontier;
 pub mod held_out;
@@ -11,9 +10,6 @@ pub mod listening;
 pub mod liveliness;
 pub mod perception;
 pub mod played;
-pub mod results;
-pub mod scoring_range;
 pub mod stress;
 pub mod summary;
 pub mod tables;
-pub mod takes;

@@ -3,11 +3,12 @@
 use serde::Serialize;
 
 use super::held_out::JudgeKind;
-use super::liveliness::{self, Summary};
-use super::results::{Scores, TrialEvaluation};
+use super::liveliness;
+use super::liveliness::{Summary, TrialLiveliness};
+use super::perception::Perceived;
+use super::perception::ScoringRange;
 use super::tables::{Table, number, percent};
-use crate::dsp::liveliness::median;
-use crate::dsp::spectrum::AMPLITUDE_JND_DB;
+use crate::dsp::spectrum::{AMPLITUDE_JND_DB, BAND_COUNT};
 
 /// A texture's trials in a few numbers; silent trials are counted and left out of all means.
 #[derive(Clone, Debug, Serialize)]
@@ -37,8 +38,6 @@ pub struct TextureEvaluation {
     pub mean_cost_other: Option<f64>,
     /// Properties that a spectrum does not show: of the judges, of what was played, and of the other recordings.
     pub liveliness: Vec<Summary>,
-    /// Mean log-spectral distance of the library as it is from what it was, or may have been, fitted to, dB.
-    pub in_sample_log_spectral_distance_db: Option<f64>,
 }
 
 /// Means over trials; none where no trial has a value.
@@ -124,54 +123,6 @@ pub(super) fn tables(textures: &[TextureEvaluation], liveliness: &[Summary]) -> 
         felt,
         liveliness_table("What the spectrum does not show", &lively),
     ]
-}
-
-/// Log-spectral distances from the takes that judged, by texture: of the fitted take of the same surface, and of the
-/// synthesis. `None` where no take judged.
-pub(super) fn takes_table(
-    textures: &[TextureEvaluation],
-    trials: &[TrialEvaluation],
-) -> Option<Table> {
-    let distance_db = |trial: &TrialEvaluation| trial.scores.log_spectral_distance_db;
-    let other_db = |trial: &TrialEvaluation| trial.other.log_spectral_distance_db;
-    let further_db = |trial: &TrialEvaluation| Some(distance_db(trial)? - other_db(trial)?);
-    let row = |texture: &TextureEvaluation| {
-        let judged = trials.iter();
-        let judged = judged.filter(|t| t.texture == texture.texture && t.other_take.is_some());
-        let judged: Vec<&TrialEvaluation> = judged.collect();
-        let worst = judged
-            .iter()
-            .filter_map(|trial| Some((distance_db(trial)?, trial)));
-        let (worst_db, worst) = worst.max_by(|a, b| a.0.total_cmp(&b.0))?;
-        let middle = |of: &dyn Fn(&TrialEvaluation) -> Option<f64>| {
-            number(median(judged.iter().filter_map(|trial| of(trial))), 2)
-        };
-        Some(vec![
-            texture.texture.clone(),
-            judged.len().to_string(),
-            middle(&other_db),
-            middle(&distance_db),
-            middle(&further_db),
-            number(Some(worst_db), 2),
-            worst.speed_mm_s.to_string(),
-            worst.force_n.to_string(),
-            worst.file.clone(),
-        ])
-    };
-    let rows: Vec<Vec<String>> = textures.iter().filter_map(row).collect();
-    let headings = [
-        "texture",
-        "trials",
-        "fitted take",
-        "synthesis",
-        "further by",
-        "worst synthesis",
-        "at mm/s",
-        "N",
-        "file",
-    ];
-    let title = "Log-spectral distance in dB from the takes that judged, medians over trials";
-    (!rows.is_empty()).then(|| Table::new(title, headings, rows))
 }
 
 impl TextureEvaluation {
@@ -299,11 +250,6 @@ pub(super) fn summarise(name: &str, trials: &[TrialEvaluation]) -> TextureEvalua
         other: Means::of(&others),
         mean_cost_other: mean(others.iter().filter_map(|scores| scores.cost)),
         liveliness: liveliness::summaries(heard.iter().filter_map(|t| t.liveliness.as_ref())),
-        in_sample_log_spectral_distance_db: mean(
-            heard
-                .iter()
-                .filter_map(|trial| trial.in_sample_log_spectral_distance_db),
-        ),
     }
 }
 
@@ -358,4 +304,65 @@ pub(super) fn other_in_words(trials: &[TrialEvaluation]) -> &'static str {
         "Other: the recording's other blocks in the place of the synthesis, against the judged ones; a synthesis need \
          not come nearer."
     }
+}
+
+/// Distances of a signal from the judge, a recording that was held out; none where they do not exist.
+#[derive(Clone, Debug, Serialize)]
+pub struct Scores {
+    /// The paper's cost C, equation (6); of blocks, C of the mean of their smoothed amplitudes.
+    pub cost: Option<f64>,
+    /// Level over the judge's in each third-octave band from 20 to 1000 Hz that can be judged, dB.
+    pub band_errors_db: [Option<f64>; BAND_COUNT],
+    /// Log-spectral distance in sliding third octaves, dB.
+    pub log_spectral_distance_db: Option<f64>,
+    /// Differences that are felt.
+    #[serde(flatten)]
+    pub perceived: Option<Perceived>,
+}
+
+impl Scores {
+    /// The scores of what cannot be compared.
+    pub const NONE: Self = Self {
+        cost: None,
+        band_errors_db: [None; BAND_COUNT],
+        log_spectral_distance_db: None,
+        perceived: None,
+    };
+}
+
+/// The comparison of one trial.
+#[derive(Clone, Debug, Serialize)]
+pub struct TrialEvaluation {
+    /// The recording.
+    pub file: String,
+    /// Its texture.
+    pub texture: String,
+    /// Tangential speed, mm/s.
+    pub speed_mm_s: f64,
+    /// Normal force, N.
+    pub force_n: f64,
+    /// The kind of data that judged.
+    pub judge: JudgeKind,
+    /// The other take that judged, if one did.
+    pub other_take: Option<String>,
+    /// Frequencies that were judged; none if the judge is too short.
+    pub range: Option<ScoringRange>,
+    /// True if the judge or the stylus is silent; there are no scores then.
+    pub is_silent: bool,
+    /// RMS of the judge, m/s².
+    pub recorded_rms_m_s2: f64,
+    /// RMS of the synthesis, m/s².
+    pub synthesised_rms_m_s2: f64,
+    /// Properties that a spectrum does not show, of the judge and of what was played; none if nothing is held out or
+    /// heard.
+    pub liveliness: Option<TrialLiveliness>,
+    /// The synthesis against the judge.
+    #[serde(flatten)]
+    pub scores: Scores,
+    /// C of a perfect model of broadband noise, which is not 0 because its synthesis is noise of its own.
+    pub cost_floor: f64,
+    /// Another recording against the judge: the blocks or the take that were fitted.
+    pub other: Scores,
+    /// Samples of the synthesis at full scale.
+    pub saturations: u32,
 }

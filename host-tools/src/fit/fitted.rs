@@ -6,7 +6,6 @@ use model_format::{Provenance, TextureSpec};
 
 use crate::support::error::{Error, Result};
 use crate::texture::grid::Grid;
-use crate::texture::theta::ThetaReport;
 
 use super::excitation::ExcitationReport;
 use super::lines::Findings;
@@ -36,8 +35,6 @@ pub struct Fit {
     pub textures: Vec<FittedTexture>,
     /// Their excitations, in the same order; none if the fit was of the models alone.
     pub excitations: Vec<ExcitationReport>,
-    /// The bytes of θ of each texture that is a lattice, in the same order.
-    pub thetas: Vec<ThetaReport>,
     /// Notes for the user, one line each.
     pub warnings: Vec<String>,
 }

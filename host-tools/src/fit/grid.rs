@@ -3,7 +3,7 @@
 use model_format::{FadeLaw, Laws, LevelLaw, NodeFlags, PartsSpec, limits};
 use rayon::prelude::*;
 
-use super::bands::{BandLevel, Bands};
+use super::estimate::{BandLevel, Bands};
 use super::lines::{LineMember, lines_on};
 use super::options::{Options, Order};
 use super::trial::{Analysis, TrialReport};
@@ -154,7 +154,7 @@ fn measured_model(cell: &[Member<'_>], options: &Options) -> Option<Measured> {
     let max_order = options.order.highest().min(order_cap);
     let prediction = Prediction::levinson_durbin(&corrected(lags), max_order);
     let order = match options.order {
-        Order::Auto | Order::AtMost(_) => prediction.akaike_order(samples),
+        Order::Auto => prediction.akaike_order(samples),
         Order::Bayesian => prediction.bayesian_order(samples),
         Order::Fixed(order) => order.min(prediction.max_order()),
     };

@@ -3,7 +3,16 @@
 //!
 //! Invariant: recordings in, models and their textures out. Nothing here draws, prints or writes a file.
 
-mod bands;
+use std::borrow::Cow;
+
+use model_format::{Provenance, SAMPLE_RATE_HZ};
+use rayon::prelude::*;
+
+use crate::recording::triage::{Compared, Verdict};
+use crate::recording::{RecordingSet, Trial, triage};
+use crate::support::error::{Error, Result};
+use crate::texture::library::stored_texture;
+
 pub mod densify;
 mod estimate;
 pub mod excitation;
@@ -20,24 +29,14 @@ pub mod record;
 mod separated;
 mod trial;
 
-use std::borrow::Cow;
-
-use model_format::{Provenance, SAMPLE_RATE_HZ};
-use rayon::prelude::*;
-
-use crate::recording::triage::{self, Compared, Verdict};
-use crate::recording::{RecordingSet, Trial};
-use crate::support::error::{Error, Result};
-use crate::texture::library::stored_texture;
-
 pub use fitted::{Fit, FittedTexture, encoded};
-use lines::Lines;
-pub use options::{Estimator, ExcitationChoice, ModulationChoice, Options, Order};
+pub use options::{ExcitationChoice, ModulationChoice, Options, Order};
 pub use separated::signals_without_lines;
 pub use trial::TrialReport;
-use trial::signal_of_judged;
 pub use trial::{Analysis, Signal, analyse, analyse_with_signal, signal};
-use trial::{Budget, KeptSignals};
+
+use lines::Lines;
+use trial::{Budget, KeptSignals, signal_of_judged};
 
 /// Memory for signals that are kept for a later step instead of being read again, bytes.
 const KEPT_SIGNALS: usize = 128 << 20;
@@ -221,7 +220,6 @@ fn fit_reported<'a>(
         specs: Vec::new(),
         textures: Vec::new(),
         excitations: Vec::new(),
-        thetas: Vec::new(),
         warnings: Vec::new(),
     };
     if options.sample_rate_hz != SAMPLE_RATE_HZ {
@@ -349,9 +347,7 @@ fn fit_texture(
     let short: Vec<notes::Short> = short.collect();
     let notes = notes::of(name, &grid, &misses, (&reports, &short), idle, options);
     fit.warnings.extend(notes);
-    let (theta, rate_hz) = (options.theta, options.sample_rate_hz);
-    let (spec, report) = stored_texture(name, provenance, &grid, theta, rate_hz)?;
-    fit.thetas.push(report);
+    let spec = stored_texture(name, provenance, &grid, options.sample_rate_hz)?;
     fit.specs.push(spec);
     fit.textures.push(FittedTexture {
         name: name.to_owned(),

@@ -6,7 +6,7 @@ use model_format::NodeFlags;
 use rayon::prelude::*;
 
 use super::grid::Miss;
-use super::options::{Estimator, Options, Order};
+use super::options::{Options, Order};
 use super::trial::TrialReport;
 use crate::recording::{RecordingSet, Trial, holds_integers, nominal};
 use crate::texture::grid::Grid;
@@ -179,11 +179,8 @@ fn close_values(what: &str, values: &[f32], unit: &str) -> Option<String> {
 fn missed_bands(name: &str, misses: &[Miss], options: &Options) -> Option<String> {
     let level = |miss: &&Miss| miss.band.level_db.abs();
     let worst = misses.iter().max_by(|a, b| level(a).total_cmp(&level(b)))?;
-    let remedy = match (options.estimator, options.order) {
-        (Estimator::Rectangular | Estimator::Multitaper, _) => {
-            "fit with --estimator auto, or record for longer"
-        }
-        (_, Order::Fixed(model_format::limits::MAX_ORDER)) => "record for longer",
+    let remedy = match options.order {
+        Order::Fixed(model_format::limits::MAX_ORDER) => "record for longer",
         _ => "fit with --order 400, or record for longer",
     };
     Some(format!(

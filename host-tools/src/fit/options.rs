@@ -7,7 +7,6 @@ use model_format::{PlayRate, SAMPLE_RATE_HZ};
 use crate::dsp::reduction::Reduction;
 use crate::recording::triage::SILENCE_FLOOR_M_S2;
 use crate::support::error::{Error, Result};
-use crate::texture::theta::ThetaChoice;
 
 /// The choice of a model's order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -15,8 +14,6 @@ use crate::texture::theta::ThetaChoice;
 pub enum Order {
     /// For each node by Akaike's criterion, at most 400: the least error to be expected of another take.
     Auto,
-    /// The same, at most this one: what a budget of cycles leaves.
-    AtMost(usize),
     /// For each node by the Bayesian information criterion, at most 400: smaller libraries, at the price of the lowest
     /// bands and of short recordings.
     Bayesian,
@@ -29,7 +26,7 @@ impl Order {
     pub fn highest(self) -> usize {
         match self {
             Self::Auto | Self::Bayesian => model_format::limits::MAX_ORDER,
-            Self::AtMost(order) | Self::Fixed(order) => order,
+            Self::Fixed(order) => order,
         }
     }
 }
@@ -46,21 +43,6 @@ impl std::str::FromStr for Order {
             _ => Err(format!("must be 'auto', 'bic' or 0 to {MAX_ORDER}")),
         }
     }
-}
-
-/// The estimate of a recording's autocorrelation.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
-#[serde(rename_all = "snake_case")]
-pub enum Estimator {
-    /// Rectangular, or tapered where a third-octave band would be more than 1 dB too loud by leakage.
-    #[default]
-    Auto,
-    /// Biased estimate with a rectangular window, as in the paper: finest resolution, but strong bands leak.
-    Rectangular,
-    /// The same with ends that rise and fall over 0.1 s (a twentieth of a shorter trial): next to no leakage.
-    Tapered,
-    /// Mean over seven sine tapers: lines are 4 Hz wide, with little leakage into weak parts of the spectrum.
-    Multitaper,
 }
 
 /// The choice of an excitation's source.
@@ -105,10 +87,6 @@ pub enum Lines {
 pub struct Options {
     /// Orders of the models.
     pub order: Order,
-    /// Estimate of the autocorrelation.
-    pub estimator: Estimator,
-    /// Bytes of θ.
-    pub theta: ThetaChoice,
     /// From three axes to one.
     pub reduction: Reduction,
     /// RMS below which a trial is silent, m/s².
@@ -156,10 +134,6 @@ impl Options {
                 "--modulation track",
                 self.modulation == ModulationChoice::Track,
             ),
-            (
-                "--estimator multitaper",
-                self.estimator == Estimator::Multitaper,
-            ),
         ];
         match asked.into_iter().find(|&(_, is_asked)| is_asked) {
             None => Ok(()),
@@ -188,8 +162,6 @@ impl Default for Options {
     fn default() -> Self {
         Self {
             order: Order::Auto,
-            estimator: Estimator::Auto,
-            theta: ThetaChoice::Auto,
             reduction: Reduction::Pca,
             silence_floor_m_s2: SILENCE_FLOOR_M_S2,
             excitation: ExcitationChoice::Auto,

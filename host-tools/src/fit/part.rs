@@ -10,10 +10,10 @@ use std::ops::Range;
 use model_format::SAMPLE_RATE_HZ;
 use rayon::prelude::*;
 
-use super::bands::Bands;
+use super::estimate::Bands;
 use super::estimate::{Estimate, estimate};
 use super::lines::{Lines, separate};
-use super::options::{Estimator, Options};
+use super::options::Options;
 use super::separated::{can_have_lines, of_texture};
 use super::trial::{Analysis, analyse_with_signal};
 use crate::dsp::autocorrelation::Autocorrelation;
@@ -99,7 +99,7 @@ pub fn analyse_blocks(
     let signal = signal.samples;
     let blocks = Blocks::of(signal.len());
     let fitted: Vec<&[f64]> = blocks.fitted().map(|block| &signal[block]).collect();
-    let estimate = estimate_of_blocks(&fitted, options.estimator, max_order);
+    let estimate = estimate_of_blocks(&fitted, max_order);
     (analysis.lags, analysis.bands) = (estimate.lags, estimate.bands);
     analysis.samples = fitted.iter().map(|block| block.len()).sum();
     analysis.power = analysis.lags[0];
@@ -170,7 +170,7 @@ fn separate_lines(
         if share.amplitudes_m_s2.iter().flatten().any(|&a| a > 0.0) {
             let fitted: Vec<&[f64]> = fitted.into_iter().map(|block| &rest[block]).collect();
             let max_order = analysis.lags.len() - 1;
-            let estimate = estimate_of_blocks(&fitted, options.estimator, max_order);
+            let estimate = estimate_of_blocks(&fitted, max_order);
             (analysis.lags, analysis.bands) = (estimate.lags, estimate.bands);
         }
         analysis.lines = share;
@@ -179,18 +179,18 @@ fn separate_lines(
 
 /// Estimates the autocorrelation of a signal from lag 0 to `max_lag`, (m/s²)², as the mean over its blocks, each
 /// weighed by its length.
-pub fn lags_of_blocks(blocks: &[&[f64]], estimator: Estimator, max_lag: usize) -> Vec<f64> {
-    estimate_of_blocks(blocks, estimator, max_lag).lags
+pub fn lags_of_blocks(blocks: &[&[f64]], max_lag: usize) -> Vec<f64> {
+    estimate_of_blocks(blocks, max_lag).lags
 }
 
-fn estimate_of_blocks(blocks: &[&[f64]], estimator: Estimator, max_lag: usize) -> Estimate {
+fn estimate_of_blocks(blocks: &[&[f64]], max_lag: usize) -> Estimate {
     let samples: usize = blocks.iter().map(|block| block.len()).sum();
     let estimates: Vec<(f64, Estimate)> = blocks
         .iter()
         .map(|block| {
             let weight = block.len() as f64 / samples.max(1) as f64;
             let plain = Autocorrelation::of(block, max_lag);
-            (weight, estimate(block, plain, estimator))
+            (weight, estimate(block, plain))
         })
         .collect();
     let mut lags = vec![0.0; max_lag + 1];
@@ -206,12 +206,8 @@ fn estimate_of_blocks(blocks: &[&[f64]], estimator: Estimator, max_lag: usize) -
 #[cfg(test)]
 mod tests {
     use super::*;
-    use clap::ValueEnum;
+    use crate::dsp::autocorrelation::Tapered;
     use proptest::prelude::*;
-
-    fn estimators() -> impl Strategy<Value = Estimator> {
-        prop::sample::select(Estimator::value_variants())
-    }
 
     proptest! {
         #[test]
@@ -235,11 +231,8 @@ mod tests {
 
         /// Samples of the blocks that are judged have no influence on the lags.
         #[test]
-        fn lags_do_not_depend_on_what_is_left_for_judging(seed in 0u64..1000, estimator in estimators()) {
-            use rand::SeedableRng;
-            use rand_distr::{Distribution, StandardNormal};
-            let generator = rand_pcg::Pcg64::seed_from_u64(seed);
-            let signal: Vec<f64> = StandardNormal.sample_iter(generator).take(10_000).collect();
+        fn lags_do_not_depend_on_what_is_left_for_judging(seed in 0u64..1000) {
+            let signal = crate::dsp::test_signals::noise(seed, 10_000);
             let blocks = Blocks::of(signal.len());
             let mut other = signal.clone();
             for block in blocks.judged() {
@@ -247,7 +240,7 @@ mod tests {
             }
             let lags = |signal: &[f64]| {
                 let fitted: Vec<&[f64]> = blocks.fitted().map(|block| &signal[block]).collect();
-                lags_of_blocks(&fitted, estimator, 50)
+                lags_of_blocks(&fitted, 50)
             };
             prop_assert_eq!(lags(&signal), lags(&other));
         }
@@ -255,7 +248,7 @@ mod tests {
 
     /// The fit that blocks judge is the one that was asked for, leakage and all.
     #[test]
-    fn a_block_is_estimated_as_a_recording_is_with_every_estimator() {
+    fn a_block_is_estimated_as_a_recording_is() {
         // Noise that falls by 12 dB per octave, which a rectangular window leaks from.
         let (mut velocity, mut place) = (0.0, 0.0);
         let signal: Vec<f64> = (0..5000u32)
@@ -265,17 +258,10 @@ mod tests {
                 place
             })
             .collect();
-        for &estimator in Estimator::value_variants() {
-            let whole = estimate(&signal, Autocorrelation::of(&signal, 50), estimator);
-            let of_blocks = lags_of_blocks(&[&signal], estimator, 50);
-            assert_eq!(of_blocks, whole.lags, "{estimator:?}");
-        }
-        let tapered = lags_of_blocks(&[&signal, &signal], Estimator::Tapered, 50);
-        assert_eq!(
-            tapered,
-            Autocorrelation::with_tapered_ends(&signal, 50).lags
-        );
-        assert_ne!(tapered, Autocorrelation::of(&signal, 50).lags);
+        let whole = estimate(&signal, Autocorrelation::of(&signal, 50)).lags;
+        assert_eq!(lags_of_blocks(&[&signal], 50), whole);
+        assert_eq!(whole, Tapered::of(&signal, 50).into_autocorrelation().lags);
+        assert_ne!(whole, Autocorrelation::of(&signal, 50).lags);
     }
 
     #[test]

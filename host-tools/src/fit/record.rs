@@ -20,7 +20,6 @@ use crate::support::atomic_file;
 use crate::support::bounded_file::{Limit, MIB};
 use crate::support::error::{Error, Result};
 use crate::support::fnv::Fnv;
-use crate::texture::theta::ThetaReport;
 
 /// Ending that the name of a library's file gets for that of its record.
 const ENDING: &str = ".fit.json";
@@ -44,8 +43,6 @@ pub struct FitRecord {
     pub trials: Vec<FittedTrial>,
     /// Lines of each texture that are locked to place, or the reason for none.
     pub lines: Vec<FoundLines>,
-    /// The bytes of each lattice's θ, and the reasons for them.
-    pub thetas: Vec<ThetaReport>,
 }
 
 /// Lines of a texture.
@@ -85,7 +82,7 @@ pub struct FittedTrial {
 
 impl FitRecord {
     /// The record of a fit of `set` with `options` that gave the library `bytes`, without an account of
-    /// excitations, lines and θ.
+    /// excitations and lines.
     ///
     /// # Errors
     /// A recording that cannot be read any more.
@@ -111,17 +108,15 @@ impl FitRecord {
                 .map(|(trial, &content)| FittedTrial::with_content(trial, content))
                 .collect(),
             lines: Vec::new(),
-            thetas: Vec::new(),
         }
     }
 
-    /// The record with what `fit` says of its textures' excitations, lines and θ.
+    /// The record with what `fit` says of its textures' excitations and lines.
     #[must_use]
     pub fn with_account_of(self, fit: &Fit) -> Self {
         Self {
             excitations: fit.excitations.clone(),
             lines: FoundLines::of(fit),
-            thetas: fit.thetas.clone(),
             ..self
         }
     }
@@ -271,14 +266,6 @@ mod tests {
             duration_s,
             ..Trial::of(file, "felt", 100.0, 1.0)
         }
-    }
-
-    /// The vectors of the draft's appendix.
-    #[test]
-    fn the_hash_is_that_of_its_authors() {
-        assert_eq!(content_hash(b""), "cbf29ce484222325");
-        assert_eq!(content_hash(b"a"), "af63dc4c8601ec8c");
-        assert_eq!(content_hash(b"foobar"), "85944171f73967e8");
     }
 
     #[test]

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use model_format::SAMPLE_RATE_HZ;
 use serde::{Deserialize, Serialize};
 
-use super::bands::Bands;
+use super::estimate::Bands;
 use super::estimate::estimate_at;
 use super::lines::TrialLines;
 use super::options::Options;
@@ -206,7 +206,7 @@ pub fn analyse_with_signal(
         reduced.signal
     };
     let rate_hz = f64::from(options.sample_rate_hz);
-    let estimate = estimate_at(rate_hz, &signal, autocorrelation, options.estimator);
+    let estimate = estimate_at(rate_hz, &signal, autocorrelation);
     let analysis = Analysis {
         samples: signal.len(),
         power,

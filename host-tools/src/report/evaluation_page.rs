@@ -1,11 +1,10 @@
 //! An evaluation as a folder: one page, which needs nothing else, on recordings and what the stylus makes of them; and
-//! beside it each picture as a file of its own, with its data.
+//! beside it each picture as a file of its own.
 
 use std::path::{Path, PathBuf};
 
-use model_format::{Axis, Library, Node, NodeFlags, SAMPLE_RATE_HZ, Texture};
+use model_format::{Axis, Library, Node, SAMPLE_RATE_HZ, Texture};
 
-use super::figures;
 use super::html::{Page, Sound};
 use super::plot::{
     COST, Caption, GridCell, GridMap, OrderSeries, Scale, Svg, WIDE, band_error_chart, grid_map,
@@ -16,21 +15,17 @@ use crate::dsp::spectrum::AMPLITUDE_JND_DB;
 use crate::evaluation::evaluate;
 use crate::evaluation::evaluate::{Comparison, Evaluation, Excerpt, cost_by_order, texture_named};
 use crate::evaluation::held_out::JudgeKind;
-use crate::evaluation::leave_one_out::{self, LeaveOneOut, Prepared, Removed, Row};
+use crate::evaluation::leave_one_out::LeaveOneOut;
 use crate::evaluation::liveliness::summaries;
-use crate::evaluation::results::TrialEvaluation;
+use crate::evaluation::summary::TrialEvaluation;
 use crate::evaluation::summary::{LIVELINESS_EXPLANATION, liveliness_table};
 use crate::recording::{RecordingSet, Trial};
-use crate::support::error::{Error, Result};
+use crate::support::error::Result;
 use crate::support::file_name::Stems;
-use crate::texture::domain::Method;
 use crate::texture::grid::as_written;
 
 /// The page's name in its folder.
 const PAGE: &str = "index.html";
-
-/// Folder of the pictures' data in it.
-const DATA: &str = "data";
 
 /// Speed, mm/s, and force, N, of the paper's own example (its figure 10); the nearest trial stands for its texture.
 const EXAMPLE: (f64, f64) = (120.0, 1.0);
@@ -55,34 +50,22 @@ pub struct Inputs<'a> {
     /// Options of the comparison.
     pub options: &'a evaluate::Options,
     /// The removed-node test, where it was made.
-    pub removed_nodes: Option<RemovedNodeTest<'a>>,
+    pub removed_nodes: Option<&'a LeaveOneOut>,
     /// Takes that were given and not used, with the reason.
     pub unused_takes: &'a [String],
 }
 
-/// The removed-node test with the set that it was made from.
-pub struct RemovedNodeTest<'a> {
-    /// The results.
-    pub test: &'a LeaveOneOut,
-    /// The set.
-    pub prepared: &'a Prepared<'a>,
-    /// Options of the test.
-    pub options: leave_one_out::Options,
-}
-
-/// Writes the page, its pictures and their data into `folder`, which is there, telling `progress` of each texture done.
+/// Writes the page and its pictures into `folder`, which is there, telling `progress` of each texture done.
 /// Returns the page's path.
 ///
 /// # Errors
 /// A folder that cannot be written to, or a recording that cannot be used any more.
 pub fn write(inputs: &Inputs<'_>, folder: &Path, progress: impl Fn()) -> Result<PathBuf> {
-    let data = folder.join(DATA);
-    std::fs::create_dir_all(&data).map_err(Error::io("create", &data))?;
     let mut report = Report::new(inputs, folder);
     report.overview();
     report.takes();
-    if let Some(removed_nodes) = &inputs.removed_nodes {
-        removed_node_tables(&mut report.page, removed_nodes.test);
+    if let Some(test) = inputs.removed_nodes {
+        removed_node_tables(&mut report.page, test);
     }
     report.orders()?;
     for summary in &inputs.evaluation.textures {
@@ -151,14 +134,12 @@ impl<'a> Report<'a> {
         let evaluation = inputs.evaluation;
         let trials = evaluation.trials.iter();
         let costs = trials.filter_map(|trial| trial.scores.cost);
-        let removed = inputs.removed_nodes.iter().flat_map(|of| &of.test.removed);
-        let further = removed.flat_map(|node| node.outcomes.iter().map(|o| o.judged.cost));
         let of_node = |clips: &Excerpt| 2 * (clips.recorded.len() + clips.synthesised.len());
         Self {
             inputs,
             folder,
             stems: Stems::default(),
-            cost_scale: Scale::of(costs.chain(further).map(|cost| 100.0 * cost)),
+            cost_scale: Scale::of(costs.map(|cost| 100.0 * cost)),
             sound_bytes: evaluation.excerpts.iter().map(of_node).sum(),
             page: Page::new("Recordings and what the stylus plays"),
         }
@@ -207,25 +188,14 @@ impl<'a> Report<'a> {
         }
     }
 
-    /// Writes how far the takes are from what they judged, and which of them judged nothing.
+    /// Writes which takes judged nothing.
     fn takes(&mut self) {
-        let (table, unused) = (
-            self.inputs.evaluation.takes_table(),
-            self.inputs.unused_takes,
-        );
-        if table.is_none() && unused.is_empty() {
-            return;
-        }
-        self.page.section("Takes");
+        let unused = self.inputs.unused_takes;
         if !unused.is_empty() {
             self.page
+                .section("Takes")
                 .notice("Takes that are in the fitted set, and judge nothing:")
                 .list(unused);
-        }
-        if let Some(table) = table {
-            self.page
-                .paragraph("A model need not come nearer to another take than the take that it was fitted to.")
-                .table(&table);
         }
     }
 
@@ -321,11 +291,7 @@ impl<'a> Report<'a> {
                 "Level of the synthesis over the held-out recording's in third-octave bands; shaded: not felt.",
             )?;
         }
-        self.cost_map(&texture)?;
-        match &self.inputs.removed_nodes {
-            Some(test) => draw_removed_nodes(self, test, name),
-            None => Ok(()),
-        }
+        self.cost_map(&texture)
     }
 
     /// Reads and plays the trial of a texture that is nearest to the paper's own example. `None` if all are silent.
@@ -490,7 +456,7 @@ impl<'a> Report<'a> {
         self.stems.of(texture)
     }
 
-    /// Puts a picture on the page, and as `name` with its data into the folder.
+    /// Puts a picture on the page, and as `name` into the folder.
     fn figure(&mut self, picture: &Svg, name: &str, caption: &str) -> Result<()> {
         self.figure_with_sounds(picture, name, caption, &[])
     }
@@ -503,8 +469,6 @@ impl<'a> Report<'a> {
         sounds: &[Sound],
     ) -> Result<()> {
         picture.write(&self.folder.join(format!("{name}.svg")))?;
-        let data = self.folder.join(DATA).join(format!("{name}.csv"));
-        figures::write(picture.figure(), &data)?;
         self.page.figure(picture, caption, sounds);
         Ok(())
     }
@@ -531,94 +495,19 @@ fn node_order(texture: &Texture<'_>, trial: &Trial) -> Option<usize> {
     Some(texture.node(speed, force).coefficients.order())
 }
 
-/// Writes Table I and the table of domains.
+/// Writes Table I.
 fn removed_node_tables(page: &mut Page, test: &LeaveOneOut) {
-    let [table_one, domains] = test.tables();
     page.section("Removed nodes: Table I of the paper")
         .paragraph(&format!(
             "Each of {} inner nodes was removed, predicted from its neighbours, played by the device's kernel and \
              compared with its recording. Models are of order {}. A prediction that cannot be played (an unstable \
              mean) counts with C = 100 %. σ² error is the mean difference of the excitation's variance; the paper \
              names no unit, here it is (m/s²)². The paper does not say either how its spectra are smoothed; here C is \
-             of amplitudes smoothed by a {}.",
+             of amplitudes smoothed by a {}. The last rows are what fitting a denser grid puts there, and the node's own \
+             model, which was fitted to what it is compared with (in-sample, not a measure of fidelity).",
             test.removed.len(),
             test.order,
             test.smoothing
         ))
-        .table(&table_one)
-        .section("What to interpolate")
-        .paragraph(
-            "The same test in every domain: what of the models is averaged, and how their level is. The last rows are \
-             what fitting a denser grid puts there, and the node's own model, which was fitted to what it is compared \
-             with (in-sample, not a measure of fidelity) and is as near as its order comes.",
-        )
-        .table(&domains);
-}
-
-/// Draws C of the removed nodes of `texture` over its grid, and an example: the paper's figure 10.
-fn draw_removed_nodes(
-    report: &mut Report<'_>,
-    test: &RemovedNodeTest<'_>,
-    texture: &str,
-) -> Result<()> {
-    let RemovedNodeTest {
-        test,
-        prepared,
-        options,
-    } = test;
-    let nodes = test.removed.iter().filter(|node| node.texture == texture);
-    let nodes: Vec<&Removed> = nodes.collect();
-    let far = |node: &&&Removed| distance(node.speed_mm_s, node.force_n);
-    let Some(example) = nodes.iter().min_by(|a, b| far(a).total_cmp(&far(b))) else {
-        return Ok(());
-    };
-    report.page.subsection("Removed nodes");
-    let axis = |of: fn(&Removed) -> f64| {
-        let mut values: Vec<f64> = nodes.iter().map(|n| of(n)).collect();
-        values.sort_by(f64::total_cmp);
-        values.dedup();
-        values
-    };
-    let (speeds, forces) = (axis(|n| n.speed_mm_s), axis(|n| n.force_n));
-    let stem = report.stem(texture);
-    for (name, row) in [
-        ("as-in-the-paper", Row::Interpolated(Method::PAPER)),
-        ("densified", Row::Densified),
-    ] {
-        let Some(column) = test.rows.iter().position(|&r| r == row) else {
-            continue;
-        };
-        let places = speeds
-            .iter()
-            .flat_map(|&v| forces.iter().map(move |&f| (v, f)));
-        let cells = places.map(|(speed, force)| {
-            let mut nodes = nodes.iter();
-            let here = nodes.find(|n| n.speed_mm_s == speed && n.force_n == force);
-            GridCell {
-                value: here.map(|node| 100.0 * node.outcomes[column].judged.cost),
-                flags: NodeFlags::NONE,
-            }
-        });
-        report.map(
-            texture,
-            &format!("{texture}: C of removed nodes, {}", row.name()),
-            (&speeds, &forces, &cells.collect::<Vec<_>>()),
-            &format!("{stem}-removed-nodes-{name}"),
-            "C of every removed node against its recording",
-        )?;
-        let (speed, force) = (example.speed_mm_s, example.force_n);
-        let place = format!("{texture}, {speed} mm/s, {force} N removed; {}", row.name());
-        match prepared.hear(example, row, options)? {
-            None => {
-                report.page.paragraph(&format!("{place}: cannot be played."));
-            }
-            Some((recorded, played)) => report.spectra(
-                &place,
-                (&recorded, &played),
-                &format!("{stem}-removed-node-{name}"),
-                "A recording, and what is played there when its node is removed (the paper's figure 10).",
-            )?,
-        }
-    }
-    Ok(())
+        .table(&test.table());
 }

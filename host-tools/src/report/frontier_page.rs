@@ -6,7 +6,7 @@ use stylus_costs::Origin;
 
 use crate::dsp::spectrum::AMPLITUDE_JND_DB;
 use crate::evaluation::frontier::{
-    CLOCKS_HZ, Filter, FilterStructure, Frontier, Point, interval_ms, moving, share,
+    CLOCKS_HZ, Filter, Frontier, Point, STRUCTURES, Structure, interval_ms, moving, share,
 };
 use crate::evaluation::tables::{Table, percent};
 use crate::fit::Order;
@@ -65,14 +65,6 @@ pub fn write(frontier: &Frontier, path: &Path) -> Result<()> {
     if !frontier.peers.is_empty() {
         page.section("Beside others").table(&peer_table(frontier));
     }
-    page.section("Excitation, level and lines")
-        .paragraph(
-            "What no spectrum shows: the optional parts of a texture, played by the normalised lattice at the highest \
-             order, at rest, against the held-out recordings. Distances are medians over nodes: |log2| of the ratio of \
-             kurtosis, dB of modulation and of the spread of 50 ms levels. Instructions of the tick are the device's \
-             own count, at most; those of the update make the excitation ahead of the tick.",
-        )
-        .table(&frontier.parts_table());
     page.section("What the figures are").list(&notes(frontier));
     page.write(path)
 }
@@ -213,8 +205,8 @@ fn pictures(frontier: &Frontier) -> Result<[(Svg, String); 4]> {
     ])
 }
 
-fn series(points: impl Fn(FilterStructure) -> Vec<FrontPoint>) -> Vec<FrontSeries> {
-    let structures = FilterStructure::ALL.into_iter();
+fn series(points: impl Fn(Structure) -> Vec<FrontPoint>) -> Vec<FrontSeries> {
+    let structures = STRUCTURES.into_iter();
     structures
         .map(|structure| FrontSeries {
             name: structure.to_string(),

@@ -32,7 +32,7 @@ const CONTENTS_FROM: usize = 3;
 pub struct Page {
     title: String,
     body: String,
-    /// Headings with their tags and anchors, escaped.
+    /// Headings with their anchors, escaped.
     headings: Vec<Heading>,
     /// Tables so far, whose captions name them.
     tables: usize,
@@ -62,7 +62,6 @@ struct NodesOfTexture {
 /// A heading that the contents lead to.
 #[derive(Clone, Debug)]
 struct Heading {
-    tag: &'static str,
     anchor: String,
     text: String,
 }
@@ -81,12 +80,11 @@ impl Page {
 
     /// The heading of a section.
     pub fn section(&mut self, heading: &str) -> &mut Self {
-        self.heading("h2", heading)
-    }
-
-    /// The heading of a part of a section.
-    pub fn subsection(&mut self, heading: &str) -> &mut Self {
-        self.heading("h3", heading)
+        let anchor = format!("s{}-{}", self.headings.len() + 1, slug(heading));
+        let text = escaped(heading);
+        self.push(&format!("<h2 id=\"{anchor}\">{text}</h2>"));
+        self.headings.push(Heading { anchor, text });
+        self
     }
 
     /// A paragraph.
@@ -220,23 +218,14 @@ impl Page {
             return String::new();
         }
         let mut list = String::new();
-        for Heading { tag, anchor, text } in &self.headings {
-            let class = if *tag == "h3" { " class=\"sub\"" } else { "" };
+        for Heading { anchor, text } in &self.headings {
             // Writing into a string does not fail.
-            let _ = writeln!(list, "<li{class}><a href=\"#{anchor}\">{text}</a></li>");
+            let _ = writeln!(list, "<li><a href=\"#{anchor}\">{text}</a></li>");
         }
         format!(
             "<nav aria-label=\"Contents\"><details open><summary>Contents</summary>\n<ul>\n{list}</ul></details>\
              </nav>\n"
         )
-    }
-
-    fn heading(&mut self, tag: &'static str, text: &str) -> &mut Self {
-        let anchor = format!("s{}-{}", self.headings.len() + 1, slug(text));
-        let text = escaped(text);
-        self.push(&format!("<{tag} id=\"{anchor}\">{text}</{tag}>"));
-        self.headings.push(Heading { tag, anchor, text });
-        self
     }
 
     fn element(&mut self, tag: &str, text: &str) -> &mut Self {
@@ -306,7 +295,6 @@ mod tests {
     fn page_of(text: &str) -> String {
         let mut page = Page::new(text);
         page.section(text)
-            .subsection(text)
             .paragraph(text)
             .notice(text)
             .list(&[text])
@@ -390,7 +378,7 @@ mod tests {
     fn the_contents_lead_to_every_heading_by_an_anchor_of_its_own() {
         let mut page = Page::new("title");
         for text in ["one", "one", "ⅱ & <b>", "", "one"] {
-            page.section(text).subsection(text);
+            page.section(text);
         }
         let page = page.finish();
         let after = |mark: &str| -> Vec<String> {
@@ -399,12 +387,11 @@ mod tests {
                 .map(|rest| rest.split('"').next().unwrap().to_owned())
                 .collect()
         };
-        let (links, mut anchors) = (after("href=\"#"), after("<h2 id=\""));
-        anchors.extend(after("<h3 id=\""));
-        assert_eq!(links.len(), 10);
+        let (links, anchors) = (after("href=\"#"), after("<h2 id=\""));
+        assert_eq!(links.len(), 5);
         let distinct: std::collections::BTreeSet<&String> = anchors.iter().collect();
         assert_eq!(distinct, links.iter().collect());
-        assert_eq!(distinct.len(), 10);
+        assert_eq!(distinct.len(), 5);
         for anchor in anchors {
             assert!(
                 anchor

@@ -4,7 +4,6 @@
 
 pub mod evaluation_page;
 pub mod family;
-mod figures;
 pub mod frontier_page;
 pub mod html;
 pub mod listening_page;

@@ -79,7 +79,6 @@ pub use description::{
     Roughness, Texture, Tool, Tremor, Wander, Weave,
 };
 pub use file::RigFile;
-pub use file::is_of_the_papers_rig;
 pub use output::{Summary, TextureSummary, simulate_to_folder};
 pub use profile::Profile;
 pub use trial::{Strip, Trial};

@@ -6,7 +6,7 @@ use model_format::{Library, Provenance, SAMPLE_RATE_HZ, TextureSpec, encode};
 
 use super::grid::Grid;
 use super::quantise;
-use super::theta::{self, ThetaChoice, ThetaReport};
+use super::theta;
 use crate::support::bounded_file::{Limit, MIB};
 use crate::support::error::{Error, Result};
 
@@ -27,7 +27,7 @@ pub fn texture_spec(name: &str, provenance: Provenance, grid: &Grid) -> Result<T
     })
 }
 
-/// As [`texture_spec`], at `sample_rate_hz`, with θ in the form that `theta` chooses, and the report of the choice.
+/// As [`texture_spec`], at `sample_rate_hz`, with θ in the fewest bytes that keep every node's spectrum.
 ///
 /// # Errors
 /// Those of [`texture_spec`].
@@ -35,14 +35,12 @@ pub fn stored_texture(
     name: &str,
     provenance: Provenance,
     grid: &Grid,
-    theta: ThetaChoice,
     sample_rate_hz: u32,
-) -> Result<(TextureSpec, ThetaReport)> {
+) -> Result<TextureSpec> {
     let mut spec = texture_spec(name, provenance, grid)?;
     spec.sample_rate_hz = sample_rate_hz;
-    let (nodes, report) = theta::store(name, grid, spec.nodes, theta, sample_rate_hz);
-    spec.nodes = nodes;
-    Ok((spec, report))
+    spec.nodes = theta::store(grid, spec.nodes, sample_rate_hz);
+    Ok(spec)
 }
 
 /// Returns the bytes of a library of one texture: for judging a model, never for a file.

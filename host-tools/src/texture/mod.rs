@@ -8,6 +8,5 @@ pub mod library;
 pub mod parts;
 pub mod quantise;
 pub mod recorded_spectra;
-pub mod stored;
 pub mod summary;
 pub mod theta;

@@ -1,14 +1,15 @@
 //! From a model in floating point to the codes that a library stores.
 
 use model_format::{
-    CodeSpec, FINE_THETA_STEP_RAD, NodeFlags, NodeSpec, THETA_FRACTION_BITS, limits,
+    CodeSpec, Coefficients, FINE_THETA_STEP_RAD, LevelLaw, NodeFlags, NodeSpec,
+    THETA_FRACTION_BITS, Texture, limits,
 };
 use rayon::prelude::*;
+use stylus_kernel::grid::{GridPoint, ONE};
 
 use crate::dsp::linear_prediction::error_share;
-use crate::support::error::{Error, Result};
-
 use crate::dsp::model::Model;
+use crate::support::error::{Error, Result};
 use crate::texture::grid::Grid;
 
 /// All nodes of `grid` as codes.
@@ -113,14 +114,38 @@ pub fn coarse(nodes: Vec<NodeSpec>) -> Vec<NodeSpec> {
     nodes.into_iter().map(coarse).collect()
 }
 
+/// k(1), k(2) ..., exactly as stored.
+pub fn reflection(coefficients: Coefficients<'_>) -> Vec<f64> {
+    let k = |theta: i32| (f64::from(theta) * FINE_THETA_STEP_RAD).sin();
+    coefficients.thetas().map(k).collect()
+}
+
+/// RMS of a lattice's output at `point`, m/s², by the texture's laws between nodes and below the grid, in float64.
+pub fn rms_m_s2(texture: &Texture<'_>, point: &GridPoint) -> f64 {
+    let power = |speed, force| f64::from(texture.node(speed, force).output_power);
+    let mean = |of: fn(f64) -> f64| -> f64 {
+        let nodes = point.nodes.iter().zip(&point.weights);
+        let used = nodes.filter(|&(_, &weight)| weight > 0);
+        let term = |(&(speed, force), &weight)| f64::from(weight) * of(power(speed, force));
+        used.map(term).sum::<f64>() / f64::from(ONE)
+    };
+    let rms = match texture.level_law() {
+        LevelLaw::Power => mean(|power| power).sqrt(),
+        LevelLaw::Amplitude => mean(f64::sqrt),
+        LevelLaw::Logarithm => mean(|power| 0.5 * power.ln()).exp(),
+    };
+    rms * f64::from(point.fade) / f64::from(ONE)
+}
+
 #[cfg(test)]
 mod tests {
+    use model_format::THETA_STEP_RAD;
+    use proptest::prelude::*;
+
     use super::*;
     use crate::dsp::linear_prediction::{Prediction, step_up};
     use crate::dsp::model_error::ModelError;
     use crate::texture::theta::LARGEST_ERROR;
-    use model_format::THETA_STEP_RAD;
-    use proptest::prelude::*;
 
     fn model(reflection: Vec<f64>) -> Model {
         Model {
@@ -298,26 +323,5 @@ mod tests {
         };
         let lags: Vec<f64> = (0..=order).map(lag).collect();
         Prediction::levinson_durbin(&lags, order).reflection
-    }
-
-    #[test]
-    fn poles_next_to_the_circle_keep_their_level() {
-        for (radius, fine_db, coarse_db) in [(0.9998f64, 0.0001, 0.001), (0.999_99, 0.0005, 0.01)] {
-            for line_hz in [40.0, 100.0, 237.0, 500.0, 1230.0] {
-                let k2 = radius * radius;
-                let angle =
-                    std::f64::consts::TAU * line_hz / f64::from(model_format::SAMPLE_RATE_HZ);
-                let k1 = -2.0 * radius * angle.cos() / (1.0 + k2);
-                let [fine, coarse] = line_errors(vec![k1, k2], &[line_hz]);
-                assert!(
-                    fine.peak_db < fine_db,
-                    "{radius}, {line_hz} Hz: {fine:?} with 24 bits"
-                );
-                assert!(
-                    coarse.peak_db < coarse_db,
-                    "{radius}, {line_hz} Hz: {coarse:?} with 16 bits"
-                );
-            }
-        }
     }
 }

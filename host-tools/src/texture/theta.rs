@@ -4,11 +4,8 @@
 //! after them. *Compact* ones have 24 bits in the first stages alone and one byte per stage after the 32nd, with a
 //! range per node: half of the bytes at order 400.
 
-use std::fmt;
-
 use model_format::{CodeSpec, NodeSpec, SAMPLE_RATE_HZ, limits};
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
 
 use crate::dsp::model::Model;
 use crate::dsp::model_error::ModelError;
@@ -25,22 +22,8 @@ pub const LARGEST_ERROR: ModelError = ModelError {
     line_db: 0.2,
 };
 
-/// The choice of a user.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
-#[serde(rename_all = "snake_case")]
-pub enum ThetaChoice {
-    /// Compact for each texture whose nodes all keep their spectrum.
-    #[default]
-    Auto,
-    /// 24 bits in the first 32 stages, 16 bits in others.
-    Fine,
-    /// One byte in stages after the 32nd, whatever the error.
-    Compact,
-}
-
 /// The form in which a texture's θ is stored.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StoredTheta {
     /// 16 bits or more in all stages.
     Fine,
@@ -48,49 +31,32 @@ pub enum StoredTheta {
     Compact,
 }
 
-/// Rounds the θ of texture `name` as `choice` asks. `nodes` are those of `grid`, quantised as a lattice with fine θ;
-/// `sample_rate_hz` is that of the models.
-pub fn store(
-    name: &str,
-    grid: &Grid,
-    nodes: Vec<NodeSpec>,
-    choice: ThetaChoice,
-    sample_rate_hz: u32,
-) -> (Vec<NodeSpec>, ThetaReport) {
-    let long = grid.models.iter().filter(|model| is_long(model)).count();
-    if choice == ThetaChoice::Fine || long == 0 {
-        let report = ThetaReport::unjudged(name, long);
-        return (nodes, report);
+/// Rounds θ to one byte after the 32nd stage, if every node keeps its spectrum. `nodes` are those of `grid`, quantised
+/// as a lattice with fine θ; `sample_rate_hz` is that of the models.
+pub fn store(grid: &Grid, nodes: Vec<NodeSpec>, sample_rate_hz: u32) -> Vec<NodeSpec> {
+    if !grid.models.iter().any(is_long) {
+        return nodes;
     }
-    let compacted: Vec<(CodeSpec, Option<ModelError>)> = (grid.models.par_iter())
-        .map(|model| compacted(model, sample_rate_hz))
-        .collect();
-    let errors = compacted.iter().zip(grid.nodes());
-    let errors = errors.filter_map(|((_, error), (speed_mm_s, force_n, _))| {
-        Some(NodeError {
-            speed_mm_s,
-            force_n,
-            error: (*error)?,
-        })
-    });
-    let report = ThetaReport::judged(name, long, &errors.collect::<Vec<_>>(), choice);
-    match report.stored {
-        StoredTheta::Fine => (nodes, report),
-        StoredTheta::Compact => {
-            let codes = compacted.into_iter().map(|(codes, _)| codes);
-            let both = nodes.iter().zip(codes);
-            let nodes = both.map(|(node, codes)| with_codes(node, codes));
-            (nodes.collect(), report)
-        }
+    let compacted = (grid.models.par_iter()).map(|model| compacted(model, sample_rate_hz));
+    let compacted: Vec<(CodeSpec, Option<ModelError>)> = compacted.collect();
+    if !compacted.iter().all(|(_, error)| is_unfelt(*error)) {
+        return nodes;
     }
+    let both = nodes.iter().zip(compacted);
+    both.map(|(node, (codes, _))| with_codes(node, codes))
+        .collect()
+}
+
+/// Returns whether an error is within its bounds.
+fn is_unfelt(error: Option<ModelError>) -> bool {
+    error.is_none_or(|error| error.share_of(LARGEST_ERROR) <= 1.0)
 }
 
 /// Returns whether all of `models`, of 5 kHz, may be stored with compact θ.
 pub fn all_allow_compact(models: &[&Model]) -> bool {
-    models.par_iter().all(|model| {
-        let (_, error) = compacted(model, SAMPLE_RATE_HZ);
-        error.is_none_or(|error| error.share_of(LARGEST_ERROR) <= 1.0)
-    })
+    models
+        .par_iter()
+        .all(|model| is_unfelt(compacted(model, SAMPLE_RATE_HZ).1))
 }
 
 /// Returns whether a model is heard and has stages that compact θ stores in one byte.
@@ -109,132 +75,6 @@ fn compacted(model: &Model, sample_rate_hz: u32) -> (CodeSpec, Option<ModelError
     (codes, error)
 }
 
-/// The form in which a texture's θ is stored, and the reason.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct ThetaReport {
-    /// The texture.
-    pub texture: String,
-    /// The form.
-    pub stored: StoredTheta,
-    /// Number of nodes with more than 32 stages.
-    pub long_nodes: usize,
-    /// Largest errors of the compact form over all nodes; none if it was not asked for.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub largest_error: Option<ModelError>,
-    /// The node that is farthest beyond the bounds of the compact form, if one is.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub forbidden_by: Option<NodeError>,
-}
-
-/// The error of a node in its compact form.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct NodeError {
-    /// Speed of the node, mm/s.
-    pub speed_mm_s: f32,
-    /// Force of the node, N.
-    pub force_n: f32,
-    /// The error.
-    pub error: ModelError,
-}
-
-impl NodeError {
-    fn share(&self) -> f64 {
-        self.error.share_of(LARGEST_ERROR)
-    }
-}
-
-impl ThetaReport {
-    /// The report of a texture whose compact form was not made.
-    fn unjudged(texture: &str, long_nodes: usize) -> Self {
-        Self {
-            texture: texture.to_owned(),
-            stored: StoredTheta::Fine,
-            long_nodes,
-            largest_error: None,
-            forbidden_by: None,
-        }
-    }
-
-    /// The report of a texture whose nodes have these errors in the compact form.
-    fn judged(texture: &str, long_nodes: usize, errors: &[NodeError], choice: ThetaChoice) -> Self {
-        let largest = errors.iter().map(|node| node.error);
-        let worst = errors.iter().max_by(|a, b| a.share().total_cmp(&b.share()));
-        let forbidden_by = worst.filter(|node| node.share() > 1.0).copied();
-        Self {
-            stored: match (choice, forbidden_by) {
-                (ThetaChoice::Auto, Some(_)) => StoredTheta::Fine,
-                _ => StoredTheta::Compact,
-            },
-            largest_error: largest.reduce(ModelError::max),
-            forbidden_by,
-            ..Self::unjudged(texture, long_nodes)
-        }
-    }
-}
-
-/// Lines that say what `reports` hold. Textures without more to say than others share a line.
-pub fn summary(reports: &[ThetaReport]) -> Vec<String> {
-    let mut short: Vec<&str> = Vec::new();
-    let mut asked: Vec<&str> = Vec::new();
-    let mut compact: Vec<&str> = Vec::new();
-    let mut largest = ModelError::default();
-    let mut others = Vec::new();
-    for report in reports {
-        let texture = report.texture.as_str();
-        match (report.stored, report.largest_error, report.forbidden_by) {
-            (_, None, _) if report.long_nodes == 0 => short.push(texture),
-            (_, None, _) => asked.push(texture),
-            (StoredTheta::Compact, Some(error), None) => {
-                compact.push(texture);
-                largest = largest.max(error);
-            }
-            (stored, Some(_), forbidding) => others.extend(forbidding.map(|node| {
-                let bits = match stored {
-                    StoredTheta::Fine => "16 bits after stage 32, because in 8 bits",
-                    StoredTheta::Compact => "8 bits after stage 32, as asked:",
-                };
-                let (speed_mm_s, force_n) = (node.speed_mm_s, node.force_n);
-                let error = Words(node.error);
-                format!("{texture}: θ in {bits} the node at {speed_mm_s} mm/s, {force_n} N has errors of {error}")
-            })),
-        }
-    }
-    let alike = [
-        (short, "no node has more than 32 stages of θ".to_owned()),
-        (asked, "θ in 16 bits after stage 32, as asked".to_owned()),
-        (
-            compact,
-            format!(
-                "θ in 8 bits after stage 32, with errors of at most {}",
-                Words(largest)
-            ),
-        ),
-    ];
-    let alike = alike
-        .into_iter()
-        .filter(|(textures, _)| !textures.is_empty());
-    let alike = alike.map(|(textures, words)| format!("{}: {words}", textures.join(", ")));
-    alike.chain(others).collect()
-}
-
-/// An error as a person reads it.
-struct Words(ModelError);
-
-impl fmt::Display for Words {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self(error) = self;
-        write!(
-            f,
-            "{:.3} dB RMS, {:.3} dB in a third octave",
-            error.rms_db, error.third_octave_db
-        )?;
-        if error.line_db > 0.0 {
-            write!(f, ", {:.3} dB at a line", error.line_db)?;
-        }
-        Ok(())
-    }
-}
-
 /// Length of the coefficients of a node of `order` in a library, bytes, with the fractions and the step of its θ. A
 /// lattice's fractions are as many for each node of a texture, whose highest order is `highest_order`.
 pub fn bytes_per_node(theta: StoredTheta, order: usize, highest_order: usize) -> usize {
@@ -248,4 +88,138 @@ pub fn bytes_per_node(theta: StoredTheta, order: usize, highest_order: usize) ->
 }
 
 #[cfg(test)]
-mod tests;
+mod tests {
+    use model_format::{Laws, Library, NodeFlags, PartsSpec, TextureSpec, encode};
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::texture::quantise::nodes;
+
+    fn model(reflection: Vec<f64>) -> Model {
+        Model {
+            reflection,
+            output_power: 2.0,
+            flags: NodeFlags::NONE,
+        }
+    }
+
+    /// A slope, and small coefficients of either sign behind it.
+    fn smooth(order: usize) -> Model {
+        let k = |stage: usize| match stage {
+            0 => -0.9,
+            _ => 0.2 * (1.7 * stage as f64).sin() / (1.0 + stage as f64).sqrt(),
+        };
+        model((0..order).map(k).collect())
+    }
+
+    /// The same with a stage in the tail whose θ takes most of the range, so that the others are left with coarse steps.
+    fn steep(order: usize) -> Model {
+        let mut model = smooth(order);
+        model.reflection[40] = 0.95;
+        model
+    }
+
+    fn grid(models: Vec<Model>) -> Grid {
+        Grid {
+            speeds_mm_s: (1..=models.len()).map(|n| 20.0 * n as f32).collect(),
+            forces_n: vec![0.5],
+            models,
+            laws: Laws::default(),
+            parts: PartsSpec::default(),
+        }
+    }
+
+    fn stored(grid: &Grid) -> Vec<NodeSpec> {
+        store(grid, nodes("felt", grid).unwrap(), SAMPLE_RATE_HZ)
+    }
+
+    /// Errors of `nodes` against the models of `grid`, in their order.
+    fn errors<'n>(grid: &'n Grid, nodes: &'n [NodeSpec]) -> impl Iterator<Item = ModelError> + 'n {
+        let both = grid.models.iter().zip(nodes);
+        both.map(|(model, node)| {
+            let stored = stored_reflection(&node.codes);
+            ModelError::between(&model.reflection, &stored, f64::from(SAMPLE_RATE_HZ))
+        })
+    }
+
+    fn has_tail(node: &NodeSpec) -> bool {
+        !node.codes.tail.codes.is_empty()
+    }
+
+    fn spec(grid: &Grid, nodes: Vec<NodeSpec>) -> TextureSpec {
+        TextureSpec {
+            laws: grid.laws,
+            parts: grid.parts.clone(),
+            ..TextureSpec::new("felt", &grid.speeds_mm_s, &grid.forces_n, nodes)
+        }
+    }
+
+    #[test]
+    fn models_that_keep_their_spectrum_are_compact() {
+        let grid = grid(vec![smooth(20), smooth(33), smooth(400), Model::silent()]);
+        let nodes = stored(&grid);
+        let tails: Vec<bool> = nodes.iter().map(has_tail).collect();
+        assert_eq!(tails, [false, true, true, false]);
+        for error in errors(&grid, &nodes).skip(1).take(2) {
+            assert!(error.share_of(LARGEST_ERROR) <= 1.0);
+        }
+        assert!(encode(&[spec(&grid, nodes)]).is_ok());
+    }
+
+    #[test]
+    fn one_node_that_would_lose_its_spectrum_keeps_the_texture_fine() {
+        let grid = grid(vec![smooth(400), steep(400), smooth(100)]);
+        assert!(!stored(&grid).iter().any(has_tail));
+    }
+
+    #[test]
+    fn models_of_32_stages_stay_as_they_are() {
+        let grid = grid(vec![smooth(32), smooth(5)]);
+        let fine = nodes("felt", &grid).unwrap();
+        assert_eq!(stored(&grid), fine);
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+
+        /// Whatever is chosen makes a library of the size that is reckoned with, within the bounds that are stated.
+        #[test]
+        fn what_is_chosen_keeps_its_bounds_and_its_size(
+            seeds in prop::collection::vec((0usize..=limits::MAX_ORDER, 0.0f64..0.4, any::<u32>()), 1..4),
+        ) {
+            let models = seeds.iter().map(|&(order, size, seed)| {
+                let mut state = seed;
+                let k = |_| {
+                    state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                    size * (f64::from(state >> 8) / f64::from(1 << 23) - 1.0)
+                };
+                model((0..order).map(k).collect())
+            });
+            let grid = grid(models.collect());
+            let nodes = stored(&grid);
+            let tails = nodes.iter().any(has_tail);
+            if tails {
+                for error in errors(&grid, &nodes) {
+                    prop_assert!(error.share_of(LARGEST_ERROR) <= 1.0);
+                }
+            }
+            if grid.models.iter().any(is_long) {
+                let models: Vec<&Model> = grid.models.iter().collect();
+                prop_assert_eq!(all_allow_compact(&models), tails);
+            }
+            let orders: Vec<usize> = nodes.iter().map(|node| node.codes.thetas().count()).collect();
+            let highest = orders.iter().copied().max().unwrap_or(0);
+            let bytes = orders.iter().map(|&order| {
+                bytes_per_node(if tails { StoredTheta::Compact } else { StoredTheta::Fine }, order, highest)
+            });
+            let reckoned: usize = bytes.sum();
+            let library = encode(&[spec(&grid, nodes)]).unwrap();
+            let library = Library::decode(&library).unwrap();
+            let texture = library.textures().next().unwrap();
+            let parts = texture.parts().map(|(_, bytes)| bytes).sum::<usize>();
+            let found = texture.coefficient_bytes() + parts;
+            // The last fractions of all nodes may be 0 by chance, and are not stored then.
+            prop_assert!(found <= reckoned && reckoned <= found + orders.len() * 2, "{} {}", found, reckoned);
+        }
+    }
+}

@@ -99,7 +99,7 @@ fn every_message_fits_a_frame() {
     fits::<SettingsChange>(0, MAX_HOST_FRAME_BYTES);
     fits::<SelfTestRequest>(0, MAX_HOST_FRAME_BYTES);
     // Offset, length and bytes of a chunk.
-    assert!(5 + 2 + MAX_CHUNK_BYTES + HEADER_BYTES <= MAX_HOST_FRAME_BYTES);
+    const { assert!(5 + 2 + MAX_CHUNK_BYTES + HEADER_BYTES <= MAX_HOST_FRAME_BYTES) };
 }
 
 #[test]

@@ -332,7 +332,7 @@ fn tails_have_one_step_per_node_which_is_the_one_that_their_codes_need() {
     for (number, step) in [(0, 1), (2, 1), (5, 1), (5, 9), (3, 0), (4, 0)] {
         of_tails(
             |texture| {
-                texture.parts[1].1[2 * number..][..2].copy_from_slice(&u16::to_le_bytes(step))
+                texture.parts[1].1[2 * number..][..2].copy_from_slice(&u16::to_le_bytes(step));
             },
             &format!(
                 "texture 0, node (speed {}, force {}): the step",

@@ -14,17 +14,6 @@ fn tells(library: &RawLibrary, told: &str) {
     assert!(message.contains(told), "{message}");
 }
 
-/// None of the textures is there, so that reading the first would be another error.
-#[test]
-fn the_texture_count_is_judged_before_any_texture_is_read() {
-    for count in [0, MAX_TEXTURES as u32 + 1, u32::MAX] {
-        let mut library = RawLibrary::sound();
-        library.textures.clear();
-        library.count = Some(count);
-        tells(&library, "the number of textures");
-    }
-}
-
 /// The first value is a fault too, and is not reached.
 #[test]
 fn the_length_of_an_axis_is_judged_before_its_values() {

@@ -12,13 +12,7 @@ fn dense(name: &str) -> TextureSpec {
     TextureSpec::new(name, &speeds, &forces, vec![node; 15 * 8])
 }
 
-#[test]
-fn a_dense_texture_takes_at_most_100_kilobytes() {
-    let bytes = encode(&[dense("dense")]).expect("a valid library");
-    assert!(bytes.len() <= 100_000, "{} bytes", bytes.len());
-}
-
-/// The same nodes with 24 fractions of θ and with tails.
+/// Nodes with 24 fractions of θ and with tails.
 #[test]
 fn a_dense_texture_with_tails_takes_at_most_56_kibibytes() {
     let mut texture = dense("dense");

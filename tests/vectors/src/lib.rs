@@ -10,8 +10,6 @@
 #[cfg(feature = "library")]
 extern crate alloc;
 
-#[cfg(feature = "library")]
-mod digest;
 mod edges;
 mod hard;
 pub mod job;
@@ -22,13 +20,13 @@ mod play;
 pub mod report;
 mod textures;
 
-#[cfg(feature = "library")]
-pub use digest::{DIGESTED, digest_library};
 pub use edges::edges;
 pub use hard::{HardCase, Way};
 pub use job::Libraries;
 #[cfg(feature = "library")]
-pub use library::{COUNTED_ORDERS, counted_library, counted_texture, library, specs};
+pub use library::{
+    COUNTED_ORDERS, DIGESTED, counted_library, counted_texture, digest_library, library, specs,
+};
 pub use path::{
     COUNTED_SAMPLES, COUNTED_UPDATES, PATH_UPDATES, PEER_SAMPLES, counted_motion, motion,
 };

@@ -2,14 +2,12 @@
 //!
 //! Models are made as reflection coefficients, because magnitudes below one suffice for stability.
 
-use alloc::string::ToString;
 use alloc::vec::Vec;
 
 use model_format::limits::{MAX_FINE_STAGES, MAX_ORDER};
 use model_format::{
-    CodeSpec, CodebookSpec, ExcitationSpec, FINE_THETA_STEP_RAD, FadeLaw, Laws, LevelLaw, LineSpec,
-    LinesSpec, ModulationSpec, NodeFlags, NodeSpec, PartsSpec, Provenance, THETA_STEP_RAD,
-    TailSpec, TextureSpec, encode,
+    CodeSpec, CodebookSpec, ExcitationSpec, FadeLaw, Laws, LevelLaw, LineSpec, LinesSpec,
+    ModulationSpec, NodeSpec, PartsSpec, THETA_STEP_RAD, TailSpec, TextureSpec, encode,
 };
 use rand_core::Rng;
 use rand_pcg::Pcg32;
@@ -41,7 +39,7 @@ pub fn library() -> Vec<u8> {
 /// The textures of [`library`].
 pub fn specs() -> [TextureSpec; 13] {
     let resonant = |index| Model::resonant(MAX_ORDER, index);
-    let one = Grid::one(Model::resonant(MAX_ORDER, 1), 9.0);
+    let one = Grid::one(&Model::resonant(MAX_ORDER, 1), 9.0);
     [
         one.texture("lattice, one node"),
         Grid::new(|index| resonant(index as u64)).texture("lattice"),
@@ -87,14 +85,24 @@ pub fn specs() -> [TextureSpec; 13] {
     ]
 }
 
-/// The texture whose digest platforms compare: every part that a texture may have, and an order that is played fast.
-pub(crate) fn digest_spec() -> TextureSpec {
-    Grid::new(|index| Model::resonant(SHORT_ORDER, 120 + index as u64).with_fractions(index as u64))
-        .with_laws(LevelLaw::Logarithm, FadeLaw::Power)
-        .with_codebooks()
-        .with_track()
-        .with_lines(&FOUR_LINES[1..3])
-        .texture("digest")
+/// Digest of the words that the texture of [`digest_library`] plays along the fixed stroke on every platform: host,
+/// emulated processors, emulated board and browser; see [`stylus_kernel::digest`].
+pub const DIGESTED: u32 = 0xf6ad_99d6;
+
+/// The bytes of a library of one texture with every part that a texture may have, and an order that is played fast.
+///
+/// # Panics
+/// Never, unless this crate is wrong: the texture that it encodes is valid.
+pub fn digest_library() -> Vec<u8> {
+    let spec = Grid::new(|index| {
+        Model::resonant(SHORT_ORDER, 120 + index as u64).with_fractions(index as u64)
+    })
+    .with_laws(LevelLaw::Logarithm, FadeLaw::Power)
+    .with_codebooks()
+    .with_track()
+    .with_lines(&FOUR_LINES[1..3])
+    .texture("digest");
+    encode(&[spec]).expect("the texture is valid")
 }
 
 /// Orders at which costs are counted.
@@ -107,7 +115,7 @@ pub const COUNTED_ORDERS: [usize; 6] = [10, 20, 50, 100, 200, MAX_ORDER];
 /// Orders above the limit, or more than sixteen of them.
 pub fn counted_library(orders: &[usize]) -> Vec<u8> {
     let one = |&order: &usize| {
-        Grid::one(Model::gentle(order, order as u64), 9.0)
+        Grid::one(&Model::gentle(order, order as u64), 9.0)
             .texture(&alloc::format!("order {order}, one node"))
     };
     let grid =
@@ -225,22 +233,6 @@ impl Model {
             whole
         }
     }
-
-    fn reflection(&self) -> impl Iterator<Item = f64> {
-        let fractions = self.fractions.iter().copied().chain(core::iter::repeat(0));
-        self.theta_codes
-            .iter()
-            .zip(fractions)
-            .map(|(&code, fraction)| {
-                let angle = f64::from(code) * THETA_STEP_RAD;
-                libm::sin(angle + f64::from(fraction) * FINE_THETA_STEP_RAD)
-            })
-    }
-
-    /// Power of the prediction error over that of the output, Π(1 - k²).
-    fn error_ratio(&self) -> f64 {
-        self.reflection().map(|k| 1.0 - k * k).product()
-    }
 }
 
 /// Models over (speed, force), speed-major, with their output powers, (m/s²)².
@@ -270,14 +262,12 @@ impl Grid {
     }
 
     /// A grid of one node.
-    fn one(model: Model, output_power: f32) -> Self {
+    fn one(model: &Model, output_power: f32) -> Self {
         Self {
             speeds_mm_s: SPEEDS_MM_S[..1].to_vec(),
             forces_n: FORCES_N[..1].to_vec(),
-            models: [(model, output_power)].to_vec(),
-            laws: Laws::default(),
-            lines: Vec::new(),
-            parts: PartsSpec::default(),
+            models: [(model.clone(), output_power)].to_vec(),
+            ..Self::new(|_| model.clone())
         }
     }
 
@@ -335,37 +325,16 @@ impl Grid {
     }
 
     fn texture(&self, name: &str) -> TextureSpec {
+        let nodes = self.models.iter();
+        let nodes = nodes.map(|(model, power)| NodeSpec::new(*power, model.lattice()));
         TextureSpec {
-            name: name.to_string(),
-            sample_rate_hz: 5000,
-            provenance: Provenance::Simulated,
             laws: self.laws,
             parts: PartsSpec {
                 lines: self.lines(),
                 ..self.parts.clone()
             },
-            speed_axis_mm_s: self.speeds_mm_s.clone(),
-            force_axis_n: self.forces_n.clone(),
-            nodes: self
-                .models
-                .iter()
-                .map(|(model, power)| node(model, *power))
-                .collect(),
+            ..TextureSpec::new(name, &self.speeds_mm_s, &self.forces_n, nodes.collect())
         }
-    }
-}
-
-fn node(model: &Model, output_power: f32) -> NodeSpec {
-    let silent = output_power <= 0.0;
-    NodeSpec {
-        output_power,
-        prediction_error_power: output_power * model.error_ratio() as f32,
-        flags: if silent {
-            NodeFlags::SILENT
-        } else {
-            NodeFlags::NONE
-        },
-        codes: model.lattice(),
     }
 }
 

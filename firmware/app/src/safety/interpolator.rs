@@ -227,18 +227,17 @@ mod tests {
 
     const PIN_HZ: f64 = 40_000.0;
 
-    /// Response of the three filters to one input, from their taps alone.
-    fn response() -> Vec<f64> {
-        let flat = |pairs: &[[i32; 2]]| -> Vec<f64> {
-            let unit = (1u32 << TAP_BITS) as f64;
-            pairs
+    /// Response of filters in a row to one input, from their taps alone. A tap that is 0 at the end is none.
+    fn response_of(filters: &[&[[i32; 2]]]) -> Vec<f64> {
+        let unit = (1u32 << TAP_BITS) as f64;
+        filters.iter().fold(std::vec![1.0], |inputs, pairs| {
+            let mut taps: Vec<f64> = pairs
                 .concat()
                 .iter()
                 .map(|&tap| f64::from(tap) / unit)
-                .collect()
-        };
-        // The inputs of each filter lie two of its outputs apart.
-        let through = |inputs: &[f64], taps: &[f64]| -> Vec<f64> {
+                .collect();
+            taps.pop_if(|tap| *tap == 0.0);
+            // The inputs of each filter lie two of its outputs apart.
             let mut outputs = std::vec![0.0; 2 * inputs.len() - 2 + taps.len()];
             for (n, input) in inputs.iter().enumerate() {
                 for (k, tap) in taps.iter().enumerate() {
@@ -246,29 +245,21 @@ mod tests {
                 }
             }
             outputs
-        };
-        let mut codes = through(&through(&flat(&FIRST), &flat(&SECOND)), &flat(&THIRD));
-        // The last tap of the third filter is none.
-        assert_eq!(codes.pop(), Some(0.0));
-        codes
+        })
     }
 
-    /// Response of the two filters at 10 kHz to one input, from their taps alone.
+    /// Response of the three filters at 5 kHz.
+    fn response() -> Vec<f64> {
+        response_of(&[&FIRST, &SECOND, &THIRD])
+    }
+
+    /// Response of the two filters at 10 kHz: half as many codes per input, and so half of the gain that [`at`] divides
+    /// by.
     fn response_of_pair() -> Vec<f64> {
-        let unit = (1u32 << TAP_BITS) as f64;
-        let taps = |pairs: &[[i32; 2]]| -> Vec<f64> {
-            let flat = pairs.concat();
-            flat.iter().map(|&tap| f64::from(tap) / unit).collect()
-        };
-        let (first, second) = (taps(&FIRST), taps(&SECOND));
-        let mut codes = std::vec![0.0; 2 * first.len() - 2 + second.len()];
-        for (n, input) in first.iter().enumerate() {
-            for (k, tap) in second.iter().enumerate() {
-                codes[2 * n + k] += input * tap;
-            }
-        }
-        // Half as many codes per input, and so half of the gain that `at` divides by.
-        codes.iter().map(|code| 2.0 * code).collect()
+        response_of(&[&FIRST, &SECOND])
+            .iter()
+            .map(|code| 2.0 * code)
+            .collect()
     }
 
     #[test]

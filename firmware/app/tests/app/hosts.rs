@@ -349,19 +349,6 @@ proptest! {
 }
 
 #[test]
-fn tokens_do_not_repeat() {
-    let stylus = Stylus::new();
-    let token = || stylus.propose(LinkId::Usb, &SettingsChange::Reset);
-    let mut tokens: Vec<u32> = (0..10_000)
-        .map(|_| token().expect("it rests").token.0)
-        .collect();
-    tokens.sort_unstable();
-    let equal = tokens.windows(2).filter(|pair| pair[0] == pair[1]).count();
-    // Of ten thousand random words of 32 bits, one pair in a hundred runs is equal.
-    assert!(equal <= 1, "{equal} equal tokens");
-}
-
-#[test]
 fn a_start_begins_with_the_kept_heat_and_a_later_change_of_settings_never_forgets_it() {
     let mut first = Stylus::new().stylus;
     let hot = Config::new(&first.control.borrow().settings(), 1.0).assumed_heat();

@@ -243,54 +243,6 @@ fn samples(moved: &mut Moved<impl Fn(f64) -> f64>, seconds: f64) -> (Vec<f64>, f
     (samples, first_s.expect("there are blocks"))
 }
 
-/// Times, in samples, of rises through zero.
-fn rises(samples: &[f64]) -> Vec<f64> {
-    let angle = |sample: f64| sample.clamp(-1.0, 1.0).asin();
-    let pairs = samples.windows(2).enumerate();
-    pairs
-        .filter(|(_, pair)| pair[0] < 0.0 && pair[1] >= 0.0)
-        .map(|(n, pair)| n as f64 - angle(pair[0]) / (angle(pair[1]) - angle(pair[0])))
-        .collect()
-}
-
-/// From counts to samples: rises through zero count the turns, and the tool's own motion tells the way.
-#[test]
-fn from_the_encoder_a_line_has_the_frequency_of_the_speed_and_a_steady_level() {
-    for speed in [20.0, 47.3, 100.0, 300.0] {
-        check_frequency(&format!("{speed} mm/s"), |t| speed * t + 0.0033, 4.0, 0.5);
-    }
-    check_frequency("20 to 300 mm/s", |t| 20.0 * t + 70.0 * t * t, 2.0, 0.25);
-}
-
-fn check_frequency(
-    what: &str,
-    position_mm: impl Fn(f64) -> f64 + Copy,
-    seconds: f64,
-    window_s: f64,
-) {
-    let mut moved = Moved::new(COUNT_MM, 0, position_mm);
-    let (samples, first_s) = samples(&mut moved, seconds);
-    let settled = (0.3 * RATE) as usize;
-    let window = (window_s * RATE) as usize;
-    let (mut off, mut loudest) = (0.0f64, 0.0f64);
-    for (index, chunk) in samples[settled..].chunks_exact(window).enumerate() {
-        let rises = rises(chunk);
-        let (first, last) = (rises[0], rises[rises.len() - 1]);
-        let place = |rise: f64| {
-            position_mm(first_s + (settled + index * window) as f64 / RATE + rise / RATE)
-        };
-        let turns = (rises.len() - 1) as f64;
-        let way = place(last) - place(first);
-        off = off.max((turns * f64::from(WAVELENGTH_MM) / way - 1.0).abs());
-        // Whole periods, because the rest of one is not of the mean level.
-        let whole = &chunk[first as usize..last as usize];
-        let square = whole.iter().map(|x| x * x).sum::<f64>() / whole.len() as f64;
-        loudest = loudest.max((10.0 * (2.0 * square).log10()).abs());
-    }
-    assert!(off < 1e-3, "{what}: {off}");
-    assert!(loudest < 0.5, "{what}: {loudest} dB");
-}
-
 #[test]
 fn a_tool_that_stops_is_silent_a_window_of_the_speed_later() {
     let mut moved = Moved::new(COUNT_MM, 0, |t: f64| 80.0 * t.min(1.0));

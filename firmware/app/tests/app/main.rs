@@ -6,19 +6,18 @@
 
 mod boots;
 mod budget;
-mod double_faults;
 mod hosts;
 mod inputs;
 mod interleavings;
 mod lines;
 mod player;
-mod power_cut;
 mod recorder;
 mod requests;
 mod rest;
 mod safety;
 mod self_test;
 mod settings;
+mod slot_faults;
 mod slots;
 mod start;
 mod upload;

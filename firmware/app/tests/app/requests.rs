@@ -6,16 +6,15 @@ use fake_stylus::device::{COIL, SteppedStylus, play_request};
 use fake_stylus::flash::{Memory, SECTOR_BYTES, SimulatedFlash};
 use fake_stylus::hardware::Hardware;
 use fake_stylus::library::{announcement, library, texture};
-use model_format::limits::{self, MAX_ORDER, SLOT_BYTES};
+use model_format::limits::{self, MAX_ORDER};
 use model_format::link::{
     ActivateError, Activity, LINK_LOST_AFTER_MS, LinkId, MAX_PIN_MEAN_SQUARE, MotionSource,
     MuteReason, PlayError, PlayRequest, STALE_AFTER_MS, Selection, Setting, SettingChange,
-    SettingSet, Settings, SettingsChange, SettingsError, SettingsState, SlotId, StopError,
-    UploadChunk, UploadError,
+    SettingSet, Settings, SettingsError, SettingsState, SlotId, StopError, UploadChunk,
+    UploadError,
 };
 use model_format::scene::{Biquad, Region, Scene, StickSlip, Surface, Tap};
 use model_format::{DacCode, Library, PlayRate, encode, encode_with_scenes};
-use stylus_app::safety::Config;
 use stylus_kernel::scene::Plan;
 
 /// A device with a library of one texture, "texture 0", that plays it.
@@ -534,36 +533,6 @@ fn an_open_force_sensor_is_silence_with_its_name_and_a_host_plays_on() {
 }
 
 #[test]
-fn nothing_begins_to_play_while_settings_are_stored_and_what_begins_after_has_its_gain() {
-    let mut stylus = SteppedStylus::ready(&library(1, 20, 1));
-    let quiet = PlayRequest {
-        gain: 0.25,
-        ..play_request("texture 0")
-    };
-    let mut asked = Vec::new();
-    let link = LinkId::Serial;
-    let tighter = SettingsChange::of(&[change(Setting::HardLimit, 0.25)]).expect("one");
-    let proposed = stylus.control.borrow_mut().propose(link, tighter);
-    let token = proposed.expect("nothing is played").token;
-    let set = stylus.request_meanwhile(
-        async |storage, stage| storage.settings_apply(stage, link, token).await,
-        |control| {
-            asked.push(control.borrow_mut().play(link, quiet.clone()));
-            control.millisecond_with_motion();
-        },
-    );
-    assert!(set.is_ok() && !asked.is_empty(), "{set:?} {asked:?}");
-    let is_busy = |asked: &Result<_, PlayError>| *asked == Err(PlayError::Busy);
-    assert!(asked.iter().all(is_busy), "{asked:?}");
-    stylus.run(50);
-    assert!(stylus.hardware().playing.is_none());
-    plays(&stylus, &quiet);
-    let settings = stylus.control.borrow().settings();
-    let config = stylus.hardware().config;
-    assert_eq!(config, Config::new(&settings, quiet.gain));
-}
-
-#[test]
 fn a_device_that_has_nothing_to_start_is_muted_by_a_fault_and_does_not_say_that_it_plays() {
     let stylus = SteppedStylus::ready(&library(1, 20, 1));
     stylus.play(play_request("texture 0")).expect("it is there");
@@ -576,22 +545,6 @@ fn a_device_that_has_nothing_to_start_is_muted_by_a_fault_and_does_not_say_that_
         refusal(&stylus, play_request("texture 0")),
         PlayError::Fault
     );
-}
-
-#[test]
-fn a_boot_takes_the_newest_library_that_can_be_read() {
-    let mut stylus = SteppedStylus::boot();
-    for (slot, bytes) in iter::zip(SlotId::ALL, [library(1, 4, 1), library(2, 4, 2)]) {
-        assert_eq!(stylus.upload(&bytes).expect("it is valid").slot, slot);
-        stylus.activate(slot).expect("it is valid");
-    }
-    let memory = stylus.storage.into_flash().0.memory;
-    let boot = |flash| SteppedStylus::boot_from(flash).status().active;
-    assert_eq!(boot(SimulatedFlash::new(memory.clone())), Some(SlotId::B));
-    // A word that is good when the slots are opened and bad when the library is copied.
-    let mut wearing = SimulatedFlash::new(memory);
-    wearing.wears_out = Some((SLOT_BYTES + 64, 1));
-    assert_eq!(boot(wearing), Some(SlotId::A));
 }
 
 #[test]

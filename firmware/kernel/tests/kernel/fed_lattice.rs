@@ -9,8 +9,7 @@ use stylus_kernel::feed::{FED_FRACTION_BITS, FED_HEADROOM_BITS};
 use stylus_kernel::lattice::LatticeState;
 
 use crate::fed::{encoded, everywhere, impulsive, spikes, values};
-use crate::models::{Model, fixtures, motion, texture};
-use crate::reference::{Deviation, FloatLattice};
+use crate::models::{Deviation, FloatLattice, Model, fixtures, motion, texture};
 use crate::scenes::texture_of;
 
 const SIGMA: f64 = (1u32 << FED_FRACTION_BITS) as f64;

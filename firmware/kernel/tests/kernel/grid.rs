@@ -131,18 +131,6 @@ proptest! {
     }
 
     #[test]
-    fn below_the_grid_the_fade_is_proportional(
-        first in 1u32..10_000, share in 0.0f32..=1.0,
-    ) {
-        let first = first as f32 / 10.0;
-        let bytes = grid(&[first, 2.0 * first], &[0.5]);
-        let point = locate(&texture(&bytes), first * share, 1.0);
-        prop_assert!((f64::from(point.fade) - f64::from(share) * f64::from(ONE)).abs() <= 1.0);
-        prop_assert_eq!(point.nodes[0], (0, 0));
-        prop_assert_eq!(point.weights[0], ONE);
-    }
-
-    #[test]
     fn a_speed_counts_by_its_magnitude_and_a_negative_force_is_no_contact(
         (speeds, forces) in (axis(), axis()), speed in choice(), force in choice(),
     ) {

@@ -9,8 +9,7 @@ use stylus_kernel::excitation::{Excitation, FRACTION_BITS};
 use stylus_kernel::lattice::LatticeState;
 use stylus_kernel::rotation::Rotation;
 
-use crate::models::{fixtures, rotation};
-use crate::reference::{Deviation, FloatLattice};
+use crate::models::{Deviation, FloatLattice, fixtures, rotation};
 
 fn energy(signals: &[i32]) -> u128 {
     signals

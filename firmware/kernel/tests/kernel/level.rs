@@ -109,17 +109,6 @@ proptest! {
     }
 
     #[test]
-    fn a_geometric_mean_is_below_an_arithmetic_one_and_that_below_the_mean_power(
-        shares in prop::array::uniform4(share()), speed in fraction(), force in fraction(),
-    ) {
-        let of = |speed: usize, force: usize| power(shares[2 * speed + force], 40);
-        let [power, amplitude, logarithm] =
-            LevelLaw::ALL.map(|law| i64::from(rms_at(&point(speed, force), law, 40, of)));
-        let room = 2 + (power >> 20);
-        prop_assert!(logarithm <= amplitude + room && amplitude <= power + room);
-    }
-
-    #[test]
     fn below_the_grid_the_level_fades_by_its_law(
         speed in 0.0f32..=1.2, force in 0.0f32..=1.2,
     ) {

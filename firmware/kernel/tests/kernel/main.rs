@@ -1,7 +1,6 @@
 //! Promises of the kernel for every texture and motion, tested through its public interface only.
 
 mod blocks;
-mod examples;
 mod fed;
 mod fed_lattice;
 mod fed_scene;
@@ -11,7 +10,6 @@ mod lattice;
 mod level;
 mod lines;
 mod models;
-mod reference;
 mod scene;
 mod scene_effects;
 mod scene_hard;

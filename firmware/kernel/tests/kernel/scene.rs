@@ -68,16 +68,6 @@ proptest! {
 }
 
 #[test]
-fn nothing_sounds_before_the_first_contact() {
-    let bytes = library(&[]);
-    let mut player = player(&bytes, &single(0), 1);
-    for _ in 0..10 {
-        assert_eq!(peak(&block(&mut player, lifted())), 0.0);
-        assert!(player.block().stages().is_empty());
-    }
-}
-
-#[test]
 fn at_constant_motion_the_frame_is_computed_once() {
     let bytes = library(&[]);
     let mut scene = single(2);

@@ -4,7 +4,6 @@
 
 use std::f64::consts::PI;
 
-use model_format::scene::Scene;
 use model_format::{CodeSpec, NodeSpec, TextureSpec, encode};
 use stylus_kernel::arithmetic::Portable;
 use stylus_kernel::excitation::Excitation;
@@ -13,7 +12,7 @@ use stylus_kernel::rotation::Rotation;
 use stylus_kernel::scene::{Interaction, Plan, ScenePlayer};
 
 use crate::models::{fixture, motion, rotation, texture};
-use crate::scenes::{at, block, lifted, moving, plan, player, side_by_side, texture_of};
+use crate::scenes::{at, block, lifted, moving, player, side_by_side, texture_of};
 
 /// Blocks of the first 20 ms.
 const FIRST_BLOCKS: usize = 10;
@@ -97,28 +96,6 @@ fn a_texture_is_at_its_level_in_its_first_20_ms() {
     }
 }
 
-/// The tool lifts, and comes down again: the state is the one that was left.
-#[test]
-fn a_texture_is_at_its_level_whenever_the_tool_comes_down_again() {
-    for case in cases() {
-        let bytes = encode(std::slice::from_ref(&case.spec)).expect("a valid library");
-        let again = deviation_db(&case, |seed| {
-            let plan = Plan::of_texture(texture(&bytes));
-            let mut player = ScenePlayer::new(plan, seed);
-            first_samples(&mut player, at(0.0, moving()));
-            let mut all = Vec::new();
-            for _ in 0..3 {
-                while !player.block().stages().is_empty() {
-                    block(&mut player, lifted());
-                }
-                all.extend(first_samples(&mut player, at(0.0, moving())));
-            }
-            all
-        });
-        assert_within(&case.name, again);
-    }
-}
-
 /// It was left at another motion, with other coefficients and another level.
 #[test]
 fn a_lattice_comes_down_at_its_level_wherever_it_was_left() {
@@ -182,36 +159,6 @@ fn a_texture_is_at_its_level_at_each_entry_of_its_region() {
             all
         });
         assert_within(&case.name, entered);
-    }
-}
-
-#[test]
-fn a_texture_is_at_its_level_after_a_switch_of_plans() {
-    let of = |texture| {
-        let surface = model_format::scene::Surface::of_texture(texture);
-        Scene::of_surface(crate::scenes::name("test"), 5000, surface)
-    };
-    for case in cases() {
-        let bytes = among_others(&case);
-        let switched = deviation_db(&case, |seed| {
-            let mut player = player(&bytes, &of(1), seed);
-            for _ in 0..5 {
-                block(&mut player, at(0.0, moving()));
-            }
-            player.switch(plan(&bytes, &of(0)));
-            let mut samples = Vec::new();
-            while player.director().is_switching() {
-                samples = block(&mut player, at(0.0, moving()));
-            }
-            if player.block().stages().is_empty() {
-                samples = block(&mut player, at(0.0, moving()));
-            }
-            for _ in 1..FIRST_BLOCKS {
-                samples.extend(block(&mut player, at(0.0, moving())));
-            }
-            samples
-        });
-        assert_within(&case.name, switched);
     }
 }
 

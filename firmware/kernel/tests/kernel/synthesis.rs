@@ -1,16 +1,12 @@
 //! A texture being played: starting, stopping, moving, repeating.
 
 use model_format::limits::MAX_OUTPUT_POWER;
-use model_format::{CodeSpec, NodeSpec, OutputSample, SAMPLE_RATE_HZ};
-use proptest::collection::vec;
+use model_format::{CodeSpec, NodeSpec, OutputSample};
 use proptest::prelude::*;
 use stylus_kernel::arithmetic::Portable;
-use stylus_kernel::grid::{GridPoint, ONE};
-use stylus_kernel::lattice::LatticeFrame;
-use stylus_kernel::rotation::Rotation;
+use stylus_kernel::grid::ONE;
 use stylus_kernel::{Frame, Levels, Motion, Synthesis, UPDATE_INTERVAL_SAMPLES};
 
-use crate::lattice::theta_code;
 use crate::models::{fixture, library, motion, single, texture};
 
 /// 2 × 2 nodes of different power.
@@ -194,80 +190,5 @@ fn a_grid_of_equal_nodes_plays_like_a_single_node() {
         )
         .collect::<Vec<_>>());
         assert!(alike, "update {n}");
-    }
-}
-
-/// RMS of a second at a motion, in output steps.
-fn rms(bytes: &[u8], motion: Motion) -> f64 {
-    let mut synthesis: Synthesis<'_> = Synthesis::new(texture(bytes), 11);
-    synthesis.follow(motion, 1);
-    let power: f64 = (0..SAMPLE_RATE_HZ)
-        .map(|_| f64::from(synthesis.next_sample().0).powi(2))
-        .sum();
-    (power / f64::from(SAMPLE_RATE_HZ)).sqrt()
-}
-
-/// The noise is the same throughout, so that levels compare without a statistical error.
-#[test]
-fn power_is_interpolated_between_nodes_and_amplitude_fades_below_them() {
-    let node = |power: f32| fixture("H1b").node(power);
-    let nodes = vec![node(1.0), node(1.0), node(9.0), node(25.0)];
-    let bytes = library(&[50.0, 100.0], &[0.5, 1.0], nodes);
-    let unit = rms(&bytes, motion(50.0, 0.5));
-    for (speed, force, expected) in [
-        (100.0, 0.5, 3.0),
-        (100.0, 1.0, 5.0),
-        (75.0, 0.5, 5.0f64.sqrt()),
-        (100.0, 0.75, 17.0f64.sqrt()),
-        (75.0, 0.75, 3.0),
-        (700.0, 7.0, 5.0),
-        (25.0, 0.5, 0.5),
-        (5.0, 0.5, 0.1),
-        (50.0, 0.125, 0.25),
-        (25.0, 0.25, 0.25),
-    ] {
-        let level = rms(&bytes, motion(speed, force)) / unit;
-        assert!(
-            (level / expected - 1.0).abs() < 0.001,
-            "at {speed}, {force}: {level} for {expected}"
-        );
-    }
-}
-
-/// A 3 × 3 grid of lattices with these codes, each node of its own order.
-fn random_lattices(codes: &[Vec<i16>]) -> Vec<u8> {
-    let node = |codes: &Vec<i16>| NodeSpec::new(1.0, CodeSpec::lattice(codes.clone()));
-    let (speeds, forces) = ([40.0, 80.0, 160.0], [0.3, 0.7, 1.5]);
-    library(&speeds, &forces, codes.iter().map(node).collect())
-}
-
-proptest! {
-    /// A step of a weight is 2⁻¹⁶ and moves θ by π/2¹⁶ at most; a motion that moves by less than a step may move each
-    /// of the two fractions by one step.
-    #[test]
-    fn rotations_are_continuous_within_cells_and_across_their_edges(
-        codes in vec(vec(theta_code(), 0..60), 9),
-        (speed, force) in (
-            prop_oneof![Just(40.0f32), Just(80.0), Just(160.0), 1.0f32..200.0],
-            prop_oneof![Just(0.3f32), Just(0.7), Just(1.5), 0.1f32..2.0],
-        ),
-        (to_speed, to_force) in (-1e-6f32..1e-6, -1e-6f32..1e-6),
-    ) {
-        let bytes = random_lattices(&codes);
-        let texture = texture(&bytes);
-        let rotations = |speed, force| -> Vec<Rotation> {
-            let mut frame = LatticeFrame::silent(texture.max_order());
-            frame.update::<Portable>(&texture, &GridPoint::locate(&texture, motion(speed, force)), Levels::SILENT, 1);
-            frame.rotations().to_vec()
-        };
-        let here = rotations(speed, force);
-        let there = rotations(speed * (1.0 + to_speed), force * (1.0 + to_force));
-        // Two steps of θ at 2³¹ and the errors of two sines.
-        let most = (2.0 * std::f64::consts::PI * f64::from(1 << 15)) as i64 + 8;
-        for (stage, (a, b)) in here.iter().zip(&there).enumerate() {
-            for (a, b) in [(a.sin, b.sin), (a.cos, b.cos)] {
-                prop_assert!((i64::from(a) - i64::from(b)).abs() <= most, "stage {}: {} and {}", stage + 1, a, b);
-            }
-        }
     }
 }

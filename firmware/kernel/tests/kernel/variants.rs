@@ -1,19 +1,17 @@
 //! Structures that are compared and not shipped: their accuracy, and their shortcomings beside the shipped lattice.
 
-use model_format::limits::MAX_ORDER;
-use proptest::prelude::*;
 use stylus_kernel::Motion;
 use stylus_kernel::excitation::{Excitation, FRACTION_BITS};
 use stylus_kernel::grid::GridPoint;
 use stylus_kernel::level::Levels;
-use stylus_kernel::rotation::{Rotation, THETA_QUARTER_TURN};
+use stylus_kernel::rotation::Rotation;
 use stylus_kernel::variants::direct::{self, DirectFrame, DirectState};
-use stylus_kernel::variants::normalised16::{Lattice16Frame, Lattice16State, Rotation16};
+use stylus_kernel::variants::normalised16::{Lattice16Frame, Lattice16State};
 use stylus_kernel::variants::two_multiplier::{TwoMultiplierFrame, TwoMultiplierState};
 
-use crate::lattice::theta_code;
-use crate::models::{Model, fixture, fixtures, library, motion, rotation, single, texture};
-use crate::reference::{Deviation, FloatLattice};
+use crate::models::{
+    Deviation, FloatLattice, Model, fixture, fixtures, library, motion, single, texture,
+};
 
 const DEVIATION: f64 = (1u32 << FRACTION_BITS) as f64;
 
@@ -102,92 +100,6 @@ fn the_16_bit_lattice_has_45_db_over_its_noise_at_order_400() {
         );
         assert!(level_db.abs() < 0.1, "{}: level {level_db} dB", model.name);
     }
-}
-
-/// Every θ: all stored codes, with all steps between any two.
-#[test]
-fn no_16_bit_rotation_lengthens_a_vector_and_each_is_within_a_step() {
-    for theta in -THETA_QUARTER_TURN..=THETA_QUARTER_TURN {
-        let exact = Rotation::from_theta(theta);
-        let short = Rotation16::from(exact);
-        let (cos, sin) = (i64::from(short.cos), i64::from(short.sin));
-        assert!(
-            cos >= 0 && cos * cos + sin * sin <= 1 << 30,
-            "theta {theta}"
-        );
-        let error = |short: i64, exact: i32| ((short << 16) - i64::from(exact)).abs();
-        // A step and a half: half for the nearest, and the one that the larger may lose.
-        assert!(
-            error(cos, exact.cos) <= 3 << 15 && error(sin, exact.sin) <= 3 << 15,
-            "theta {theta}"
-        );
-    }
-}
-
-proptest! {
-    #![proptest_config(ProptestConfig::with_cases(20_000))]
-
-    /// The 16-bit lattice's bound, which is weaker than the shipped one's.
-    #[test]
-    fn one_16_bit_stage_lengthens_a_vector_by_half_a_step_each_way_at_most(
-        code in theta_code(), f: i16, g: i16,
-    ) {
-        let mut backward = [0; MAX_ORDER];
-        backward[0] = g;
-        let mut state = Lattice16State::from_backward(backward);
-        state.filter(&[rotation(code).into()], f);
-        let length = |a: i16, b: i16| f64::from(a).hypot(f64::from(b));
-        let turned = state.backward(2);
-        prop_assert!(length(turned[0], turned[1]) <= length(f, g) + 0.5f64.sqrt() + 1e-9);
-    }
-
-    #[test]
-    fn one_two_multiplier_stage_is_exact_to_a_step_and_never_wraps(
-        k: i32, g in -(1i32 << 29)..1 << 29, f in -(1i32 << 29)..1 << 29,
-    ) {
-        let mut backward = [0; MAX_ORDER];
-        backward[0] = g;
-        let mut state = TwoMultiplierState::from_backward(backward);
-        let output = state.filter(&[k], f);
-        let unit = f64::from(1u32 << 31);
-        let full_scale = f64::from(1u32 << 29);
-        let (k, f, g) = (f64::from(k) / unit, f64::from(f), f64::from(g));
-        let forward = (f - k * g).clamp(-full_scale, full_scale - 1.0);
-        prop_assert!((f64::from(output) - forward).abs() <= 1.0);
-        let next = (g + k * forward).clamp(-full_scale, full_scale - 1.0);
-        prop_assert!((f64::from(state.doubled(2)[1]) / 2.0 - next).abs() <= 2.0);
-    }
-}
-
-/// The known shortcoming of rounding to nearest. The shipped lattice, which truncates, comes to exact silence here.
-#[test]
-fn a_few_steps_are_left_in_the_16_bit_lattice_when_the_drive_stops() {
-    let mut left = Vec::new();
-    for model in fixtures() {
-        let rotations: Vec<Rotation16> = model
-            .rotations()
-            .into_iter()
-            .map(Rotation16::from)
-            .collect();
-        let (mut state, mut noise) = (Lattice16State::new(), Excitation::new(3));
-        for _ in 0..20_000 {
-            state.filter(&rotations, (noise.next_sample() >> 16) as i16);
-        }
-        for _ in 0..60_000 {
-            state.filter(&rotations, 0);
-        }
-        let largest = (0..2000)
-            .map(|_| state.filter(&rotations, 0).unsigned_abs())
-            .max();
-        let largest = largest.unwrap_or(0);
-        println!("{}: {largest} steps left", model.name);
-        assert!(largest <= 16, "{}: {largest} steps", model.name);
-        left.push(largest);
-    }
-    assert!(
-        left.iter().any(|&largest| largest > 0),
-        "it would be silent: say so"
-    );
 }
 
 /// The known shortcoming of the two-multiplier lattice, on the pair of models that shows it: without an input, more

@@ -8,8 +8,5 @@ pub mod clock;
 pub mod critical;
 pub mod priority;
 pub mod protection;
-pub mod reset;
 pub mod silicon;
 pub mod startup;
-pub mod supply;
-pub mod time;

@@ -1,8 +1,11 @@
-//! Revision of the silicon, and the remedy that an old one needs.
+//! The silicon: its revision and the remedy that an old one needs, the cause of its last reset, and its supply: the
+//! level of the brown-out reset, and a detector above it.
+//!
+//! Option bytes are read, never written. A supply that the probe could not set right is for a person to see to.
 #![expect(unsafe_code, reason = "a register that the register crate lacks")]
 
-use embassy_stm32::pac::DBGMCU;
-use model_format::link::SiliconRevision;
+use embassy_stm32::pac::{DBGMCU, FLASH, PWR, RCC};
+use model_format::link::{FLASH_SUPPLY_MV, SiliconRevision};
 
 /// AXI_TARG7_FN_MOD: issuing overrides of the switch towards the AXI SRAM (RM0433 section 2.2, AXI interconnect
 /// registers).
@@ -25,4 +28,68 @@ pub fn remedy(revision: SiliconRevision) {
         unsafe { AXI_SRAM_ISSUING.write_volatile(ONE_READ) };
         cortex_m::asm::dsb();
     }
+}
+
+/// Cause of the last reset.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, defmt::Format)]
+pub enum ResetFlags {
+    /// Power came on.
+    PowerOn,
+    /// Power dipped.
+    Brownout,
+    /// The independent watchdog.
+    Watchdog,
+    /// The processor itself.
+    Software,
+    /// The reset pin.
+    Pin,
+    /// None of these.
+    Unknown,
+}
+
+impl ResetFlags {
+    /// Reads and clears RCC_RSR (RM0433 section 8.7.38).
+    ///
+    /// The order of the tests matters, because every other reset sets the pin's flag too, and power-on sets all of
+    /// them.
+    pub fn take() -> Self {
+        let rsr = RCC.rsr();
+        let flags = rsr.read();
+        rsr.modify(|w| w.set_rmvf(true));
+        if flags.porrstf() {
+            Self::PowerOn
+        } else if flags.borrstf() {
+            Self::Brownout
+        } else if flags.iwdg1rstf() {
+            Self::Watchdog
+        } else if flags.sftrstf() {
+            Self::Software
+        } else if flags.pinrstf() {
+            Self::Pin
+        } else {
+            Self::Unknown
+        }
+    }
+}
+
+/// Level of the voltage detector, PLS of PWR_CR1: the output is set below 2.76 V falling, and clear again above 2.86 V
+/// (RM0433 section 6.5.3; DS12110, embedded reset and power control block, typical).
+const DETECTOR_LEVEL: u8 = 6;
+
+const _: () = assert!(FLASH_SUPPLY_MV == 2_760);
+
+/// Turns the detector on.
+pub fn watch_supply() {
+    PWR.cr1().modify(|w| w.set_pls(DETECTOR_LEVEL));
+    PWR.cr1().modify(|w| w.set_pvde(true));
+}
+
+/// Returns true while the supply is below [`FLASH_SUPPLY_MV`].
+pub fn is_supply_low() -> bool {
+    PWR.csr1().read().pvdo()
+}
+
+/// Level of the brown-out reset in the option bytes, 0 to 3; 0 is off (RM0433 section 4.9, BOR_LEV of FLASH_OPTSR_CUR).
+pub fn brown_out_level() -> u8 {
+    FLASH.optsr_cur().read().bor_lev()
 }

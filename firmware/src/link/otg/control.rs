@@ -1,5 +1,5 @@
 //! The control pipe: it stalls requests that embassy would not survive, and ends a transfer that the host has
-//! abandoned.
+//! abandoned. Below it, the length of packets, and how a packet to the host is taken back.
 //!
 //! A host that begins another transfer sends another SETUP packet, which ends the transfer before at any stage (USB
 //! 2.0, section 5.5.5). A reset of the bus ends any transfer too.
@@ -10,13 +10,12 @@ use core::sync::atomic::{AtomicU32, Ordering};
 use core::task::Poll;
 
 use embassy_futures::poll_once;
+use embassy_stm32::pac::USB_OTG_FS;
 use embassy_stm32::peripherals;
 use embassy_stm32::usb;
 use embassy_sync::waitqueue::AtomicWaker;
 use embassy_usb::control::Request;
 use embassy_usb::driver::{self, ControlPipe, EndpointError};
-
-use crate::link::otg::core::{PACKET_BYTES, cancel_in};
 
 type Inner =
     <usb::Driver<'static, peripherals::USB_OTG_FS> as driver::Driver<'static>>::ControlPipe;
@@ -207,4 +206,41 @@ impl ControlPipe for Pipe {
     async fn accept_set_address(&mut self, address: u8) {
         let _ = unless_broken_off(self.began, self.inner.accept_set_address(address)).await;
     }
+}
+
+/// Longest packet of an endpoint at full speed, bytes (USB 2.0, section 5.8.3).
+pub const PACKET_BYTES: usize = 64;
+
+/// Number of times that a bit is read which the core clears within some cycles of its clocks (RM0433 section 57.14):
+/// far more than it takes, and less than a millisecond.
+const READS: u32 = 5_000;
+
+/// Waits until `done`, for at most [`READS`] reads.
+fn spin_until(done: impl Fn() -> bool) {
+    for _ in 0..READS {
+        if done() {
+            return;
+        }
+    }
+    defmt::warn!("USB core: a command has not finished in time");
+}
+
+/// Takes back the packet that endpoint `index` was to send. Interrupts stay on while the core does it.
+pub fn cancel_in(index: usize) {
+    critical_section::with(|_| {
+        if USB_OTG_FS.diepctl(index).read().epena() {
+            USB_OTG_FS.diepctl(index).modify(|w| {
+                w.set_snak(true);
+                w.set_epdis(true);
+            });
+        }
+    });
+    spin_until(|| !USB_OTG_FS.diepctl(index).read().epena());
+    critical_section::with(|_| {
+        USB_OTG_FS.grstctl().write(|w| {
+            w.set_txfflsh(true);
+            w.set_txfnum(index as u8);
+        });
+    });
+    spin_until(|| !USB_OTG_FS.grstctl().read().txfflsh());
 }

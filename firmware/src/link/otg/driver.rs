@@ -17,7 +17,7 @@ use embassy_usb::driver::{
 };
 
 use crate::link::otg::control::{self, Pipe};
-use crate::link::otg::core::{PACKET_BYTES, cancel_in};
+use crate::link::otg::control::{PACKET_BYTES, cancel_in};
 
 /// embassy's driver.
 type Inner = usb::Driver<'static, peripherals::USB_OTG_FS>;

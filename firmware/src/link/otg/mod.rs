@@ -22,5 +22,4 @@
 //! embassy has mended the toggles and the late suspend since, in no release yet.
 
 pub mod control;
-pub mod core;
 pub mod driver;

@@ -157,8 +157,6 @@ def fit(
     recordings: _Recordings,
     *,
     order: int | Literal["auto", "bic"] = "auto",
-    estimator: Literal["auto", "rectangular", "tapered", "multitaper"] = "auto",
-    theta: Literal["auto", "fine", "compact"] = "auto",
     reduce: _Reduction = "pca",
     silence_floor_m_s2: float = 0.001,
     excitation: Literal["gaussian", "residual", "auto"] = "auto",
@@ -168,8 +166,6 @@ def fit(
     model_rate_hz: int = 5000,
     snap: float | None = None,
     strict: bool = False,
-    budget_cycles: float | None = None,
-    core: Literal["m4", "m7"] = "m4",
     progress: _Progress | None = None,
 ) -> Fit: ...
 

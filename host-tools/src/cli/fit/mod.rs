@@ -1,56 +1,32 @@
 //! `stylus fit`
 
 mod densify;
-mod library;
 mod parts;
 mod report;
 
 use host_tools::dsp::reduction::Reduction;
-use host_tools::evaluation::budget;
-use host_tools::evaluation::budget::Budget;
-use host_tools::evaluation::frontier::costs;
 use host_tools::fit;
 use host_tools::fit::Fit;
 use host_tools::fit::lines::Lines;
 use host_tools::fit::record::{FitRecord, FoundLines};
-use host_tools::fit::{Estimator, ExcitationChoice, ModulationChoice, Order};
+use host_tools::fit::{ExcitationChoice, ModulationChoice, Order};
 use host_tools::recording::RecordingSet;
 use host_tools::recording::triage::{SILENCE_FLOOR_M_S2, Verdict};
 use host_tools::support::error::{Error, Result};
+use host_tools::support::progress;
 use host_tools::texture::summary::TextureSummary;
-use host_tools::texture::theta::{self, ThetaChoice};
 use model_format::SAMPLE_RATE_HZ;
 use std::path::PathBuf;
 
-pub use library::fit_library;
-use library::{concessions, write_library};
 use model_format::limits::MAX_TEXTURES;
 use parts::LargeSet;
-use report::{FitReport, energy_kept, excitations, given_up, lines_found, show_verdicts};
+use report::{FitReport, energy_kept, excitations, lines_found, show_verdicts};
 
-use crate::cli::input::{Recordings, not_negative, positive, tolerance};
+use crate::cli::input::{Recordings, not_negative, tolerance};
 use crate::cli::inspect::texture_table;
 use crate::cli::output::{note, print, print_json};
 use crate::cli::overwrite::Overwrite;
 use host_tools::texture::library::decode_library;
-
-/// The table's cores, as the command line names them.
-#[derive(Clone, Copy, clap::ValueEnum)]
-enum Core {
-    /// Cortex-M4
-    M4,
-    /// Cortex-M7, whose cycles are bounded by the Cortex-M4's worst ones
-    M7,
-}
-
-impl From<Core> for costs::Core {
-    fn from(core: Core) -> Self {
-        match core {
-            Core::M4 => Self::M4,
-            Core::M7 => Self::M7,
-        }
-    }
-}
 
 #[derive(clap::Args)]
 pub struct Arguments {
@@ -64,19 +40,6 @@ pub struct Arguments {
     /// Order of the models: 0 to 400, or chosen for each node: 'auto' (AIC) or 'bic', which is thriftier
     #[arg(long, default_value = "auto")]
     order: Order,
-    /// Worst-case cycles per sample of the synthesis: bounds the orders, and reports the loss of accuracy
-    #[arg(long, value_name = "N", value_parser = positive, conflicts_with = "densify")]
-    budget_cycles: Option<f64>,
-    /// Core to which --budget-cycles applies
-    #[arg(long, value_enum, requires = "budget_cycles", default_value = "m4")]
-    core: Core,
-    /// Estimator of the autocorrelation
-    #[arg(long, value_enum, default_value = "auto")]
-    estimator: Estimator,
-    /// Bytes of θ: one per stage after the 32nd (compact), two (fine), or the fewest that keep every node's
-    /// spectrum
-    #[arg(long, value_enum, default_value = "auto")]
-    theta: ThetaChoice,
     /// Reduction from three axes to one
     #[arg(long, value_enum, default_value = "pca")]
     reduce: Reduction,
@@ -117,19 +80,22 @@ pub struct Arguments {
 /// The options at their rate. What needs comparisons with recordings, which are made at 5 kHz, is refused at another.
 fn checked_rate(options: &fit::Options, arguments: &Arguments) -> Result<fit::Options> {
     options.check_rate()?;
-    let asked = [
-        ("--densify", arguments.densify),
-        ("--budget-cycles", arguments.budget_cycles.is_some()),
-    ];
-    match asked.into_iter().find(|&(_, is_asked)| is_asked) {
-        Some((option, _)) if arguments.model_rate != SAMPLE_RATE_HZ => {
-            Err(Error::Request(format!(
-                "{option} compares models at {SAMPLE_RATE_HZ} Hz: leave it out at {} Hz",
-                arguments.model_rate
-            )))
-        }
-        _ => Ok(options.at_their_rate()),
+    if arguments.densify && arguments.model_rate != SAMPLE_RATE_HZ {
+        return Err(Error::Request(format!(
+            "--densify compares models at {SAMPLE_RATE_HZ} Hz: leave it out at {} Hz",
+            arguments.model_rate
+        )));
     }
+    Ok(options.at_their_rate())
+}
+
+/// Fits `set` with a progress bar, and encodes the library.
+pub fn fit_library(set: &RecordingSet, options: &fit::Options) -> Result<(Fit, Vec<u8>)> {
+    let bar = progress::bar(set.trials.len() as u64, "fitting");
+    let fit = fit::fit(set, options, || bar.inc(1))?;
+    bar.finish_and_clear();
+    let bytes = fit.library()?;
+    Ok((fit, bytes))
 }
 
 /// A fit as one library holds it.
@@ -196,20 +162,8 @@ fn check_outputs(arguments: &Arguments) -> Result<()> {
 pub fn run(arguments: &Arguments) -> Result<()> {
     check_outputs(arguments)?;
     let set = snapped(arguments.recordings.open()?, arguments.snap)?;
-    let budget = arguments.budget_cycles.map(|cycles| Budget {
-        cycles,
-        core: arguments.core.into(),
-    });
-    let highest_order = match &budget {
-        Some(budget) => Some(budget.highest_order()?),
-        None => None,
-    };
     let options = fit::Options {
-        order: highest_order.map_or(arguments.order, |highest| {
-            budget::capped(arguments.order, highest)
-        }),
-        estimator: arguments.estimator,
-        theta: arguments.theta,
+        order: arguments.order,
         reduction: arguments.reduce,
         silence_floor_m_s2: arguments.silence_floor,
         excitation: arguments.excitation,
@@ -232,26 +186,20 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         return parts::write_each(&set, &options, out, (&arguments.large, arguments.json));
     }
     let Fitted {
-        mut fit,
+        fit,
         mut bytes,
         contents,
     } = fitted(&set, &options, &arguments.large)?;
-    let concessions = match highest_order {
-        Some(highest) => Some(concessions(&set, &fit, &options, arguments.order, highest)?),
-        None => None,
-    };
     let denser = (arguments.densify).then(|| densify::densify(&set, &fit, &options));
     let denser = denser.transpose()?;
     if let Some(denser) = &denser {
-        bytes = fit::encoded(&denser.densified.specs)?;
-        fit.thetas.clone_from(&denser.densified.thetas);
+        bytes = fit::encoded(&denser.specs)?;
     }
-    if let Some(contents) = contents {
-        let record = FitRecord::with_contents(&set, &options, &bytes, &contents);
-        record.with_account_of(&fit).write_with(out, &bytes)?;
-    } else {
-        write_library(out, &bytes, &set, &fit, &options)?;
-    }
+    let record = match contents {
+        Some(contents) => FitRecord::with_contents(&set, &options, &bytes, &contents),
+        None => FitRecord::of(&set, &options, &bytes)?,
+    };
+    record.with_account_of(&fit).write_with(out, &bytes)?;
     let library = decode_library(out, &bytes)?;
     let textures: Vec<TextureSummary> = library
         .textures()
@@ -266,27 +214,17 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             trials: &fit.trials,
             excitations: &fit.excitations,
             lines: FoundLines::of(&fit),
-            thetas: &fit.thetas,
-            added_lines: denser.as_ref().map(|d| d.densified.lines.as_slice()),
-            left_out: denser.as_ref().map(|d| d.left_out.as_slice()),
-            removed_nodes: denser.as_ref().and_then(|d| d.test.as_ref()),
-            budget: concessions.as_deref(),
+            added_lines: denser.as_ref().map(|d| d.lines.as_slice()),
         });
     }
     show_verdicts(&fit);
     print(&texture_table(&textures))?;
     print(&format!("\n{}", lines_found(&fit)))?;
-    if !fit.thetas.is_empty() {
-        print(&format!("\n{}", theta::summary(&fit.thetas).join("\n")))?;
-    }
     if let Some(denser) = &denser {
-        print(&format!("\n{}", densify::summary(denser)))?;
+        print(&format!("\n{}", densify::lines_added(&denser.lines)))?;
     }
     if !fit.excitations.is_empty() {
         print(&format!("\n{}", excitations(&fit.excitations)))?;
-    }
-    if let (Some(concessions), Some(budget)) = (&concessions, &budget) {
-        print(&format!("\n{}", given_up(concessions, budget)))?;
     }
     print(&format!(
         "\n{} trials -> {} ({} bytes); the axes' energy kept: {}",

@@ -1,16 +1,13 @@
 //! Report of `stylus fit`: as JSON, and as text.
 
-use host_tools::evaluation::budget::{Budget, Concession};
-use host_tools::evaluation::leave_one_out::LeaveOneOut;
-use host_tools::fit::densify::{AddedLine, LeftOut};
+use host_tools::fit::densify::AddedLine;
 use host_tools::fit::excitation::{CodebookReport, ExcitationReport};
 use host_tools::fit::record::FoundLines;
 use host_tools::fit::{Fit, TrialReport};
 use host_tools::texture::summary::TextureSummary;
-use host_tools::texture::theta::ThetaReport;
 
 use crate::cli::output::{tell, warn};
-use crate::cli::table::{folded_table, table};
+use crate::cli::table::table;
 
 /// Number of trials with a verdict that are shown one by one.
 const SHOWN_VERDICTS: usize = 20;
@@ -25,63 +22,8 @@ pub struct FitReport<'a> {
     pub trials: &'a [TrialReport],
     pub excitations: &'a [ExcitationReport],
     pub lines: Vec<FoundLines>,
-    pub thetas: &'a [ThetaReport],
     #[serde(skip_serializing_if = "Option::is_none")]
     pub added_lines: Option<&'a [AddedLine]>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub left_out: Option<&'a [LeftOut]>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub removed_nodes: Option<&'a LeaveOneOut>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub budget: Option<&'a [Concession]>,
-}
-
-/// Table of the accuracy that a budget costs, per texture.
-pub fn given_up(concessions: &[Concession], budget: &Budget) -> String {
-    let header = [
-        "texture",
-        "orders up to",
-        "nodes lowered",
-        "from",
-        "prediction error dB",
-        "largest dB",
-        "at",
-        "C expected %",
-        "without %",
-    ];
-    let rows: Vec<Vec<String>> = concessions
-        .iter()
-        .map(|concession| {
-            let mut row = vec![
-                concession.texture.clone(),
-                concession.highest_order.to_string(),
-                format!("{} of {}", concession.capped, concession.nodes),
-            ];
-            let Some((speed_mm_s, force_n)) = concession.worst_node else {
-                row.push("no loss".to_owned());
-                return row;
-            };
-            let (least, most) = concession.orders_without;
-            row.extend([
-                format!("{least} to {most}"),
-                format!("{:+.2}", concession.mean_error_rise_db),
-                format!("{:+.2}", concession.largest_error_rise_db),
-                format!("{speed_mm_s} mm/s, {force_n} N"),
-                format!("{:.1}", 100.0 * concession.expected_cost),
-                format!("{:.1}", 100.0 * concession.expected_cost_without),
-            ]);
-            row
-        })
-        .collect();
-    format!(
-        "A budget of {} cycles per sample on a {} gives up:\n\n{}\n\n\
-         Means over the lowered nodes. C expected: a synthesis of 2 s against one of the unbounded model; without: two \
-         syntheses of the same model.\nCycles: modelled worst case of the synthesis alone; a texture's highest order \
-         sets the time of all its nodes.",
-        budget.cycles,
-        budget.core,
-        folded_table(&header, &rows, 1),
-    )
 }
 
 /// Lines on what excites each texture's models, and why.

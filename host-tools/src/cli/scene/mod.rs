@@ -1,9 +1,8 @@
-//! `stylus scene`: check, compile, render, plot and fit-tap.
+//! `stylus scene`: check, compile, render and fit-tap.
 
 mod check;
 mod compile;
 mod fit_tap;
-mod plot;
 mod render;
 mod source;
 
@@ -24,8 +23,6 @@ enum Command {
     Compile(compile::Arguments),
     /// Render the stylus's output along a motion to a WAV file, sample for sample
     Render(render::Arguments),
-    /// Draw the surfaces along the path, the motion, and the stylus's output
-    Plot(plot::Arguments),
     /// Fit a scene's tap transient to recordings of taps
     FitTap(fit_tap::Arguments),
 }
@@ -35,7 +32,6 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         Command::Check(arguments) => check::run(arguments),
         Command::Compile(arguments) => compile::run(arguments),
         Command::Render(arguments) => render::run(arguments),
-        Command::Plot(arguments) => plot::run(arguments),
         Command::FitTap(arguments) => fit_tap::run(arguments),
     }
 }

@@ -103,32 +103,10 @@ fn measures_are_those_that_scipy_finds() {
 }
 
 #[test]
-fn gaussian_noise_has_the_measures_of_its_closed_forms() {
-    let found = measures(&noise(11, 500_000));
-    near(found.kurtosis, 3.0, 0.02);
-    // The median of kurtosis in 250 samples, whose mean is 3 · 249 / 251, is a little lower.
-    near(found.residual_kurtosis, 2.94, 0.01);
-    // The logarithm of a mean of 250 squares has the variance ψ′(125) = 1/125 + 1/(2 · 125²) + ...
-    let trigamma: f64 = 1.0 / 125.0 + 0.5 / 125f64.powi(2);
-    near(
-        found.level_spread_db,
-        10.0 / 10f64.ln() * trigamma.sqrt(),
-        0.03,
-    );
-    // Rice: the envelope's variance over its squared mean is 4/π - 1. Its spectrum is that of the squared envelope, a
-    // triangle over the band's width B to first order (0.915 of the power), and 8 to 64 Hz is a part of it.
-    let band_hz = MODULATION_BAND_HZ.1 - MODULATION_BAND_HZ.0;
-    let centre_hz = f64::midpoint(MODULATION_HZ.0, MODULATION_HZ.1);
-    let width_hz = MODULATION_HZ.1 - MODULATION_HZ.0;
-    let share = 2.0 * width_hz / band_hz * (1.0 - centre_hz / band_hz);
-    let pi = std::f64::consts::PI;
-    near(
-        found.modulation,
-        (pi / 16.0 / (pi / 4.0) * share).sqrt(),
-        0.04,
-    );
-    assert_eq!(found.line_range_db, None);
-    assert_eq!(strongest_line_hz(&[&noise(11, 500_000)], RATE_HZ), None);
+fn noise_has_no_line() {
+    let noise = noise(11, 100_000);
+    assert_eq!(measures(&noise).line_range_db, None);
+    assert_eq!(strongest_line_hz(&[&noise], RATE_HZ), None);
 }
 
 #[test]
@@ -158,45 +136,6 @@ fn the_modulation_of_a_modulated_tone_is_what_it_was_modulated_by() {
     near(tone(0.2, 50.0), 0.2 / 2f64.sqrt(), 0.01);
     assert!(tone(0.5, 2.0).unwrap() < 0.05);
     assert!(tone(0.5, 150.0).unwrap() < 0.02);
-}
-
-/// Noise whose level alternates by ±a dB from window to window has the deviation a beside its own.
-#[test]
-fn the_spread_of_levels_is_what_was_put_in() {
-    let carrier = noise(21, 100_000);
-    let own = measures(&carrier).level_spread_db.unwrap();
-    for step_db in [3.0, 7.0] {
-        let gain = 10f64.powf(step_db / 20.0);
-        let stepped = made(carrier.len(), |n| {
-            carrier[n] * if n / 250 % 2 == 0 { gain } else { 1.0 / gain }
-        });
-        near(measures(&stepped).level_spread_db, own.hypot(step_db), 0.01);
-    }
-}
-
-/// One sample in m, of variance m: the kurtosis is 3 m.
-#[test]
-fn rare_impulses_raise_the_kurtosis_by_their_rarity() {
-    let impulses = noise(31, 400_000);
-    for m in [10usize, 50] {
-        let rare = made(
-            impulses.len(),
-            |n| if n % m == 0 { impulses[n] } else { 0.0 },
-        );
-        near(measures(&rare).kurtosis, 3.0 * m as f64, 0.03);
-    }
-}
-
-/// Slow changes of level raise the signal's kurtosis and leave the residual's within windows.
-#[test]
-fn the_residual_within_windows_tells_impulses_from_slow_changes_of_level() {
-    let carrier = noise(41, 100_000);
-    let slow = made(carrier.len(), |n| {
-        carrier[n] * (1.5 * turn(0.5, n).sin()).exp()
-    });
-    let found = measures(&slow);
-    assert!(found.kurtosis.unwrap() > 5.0, "{found:?}");
-    near(found.residual_kurtosis, 2.94, 0.02);
 }
 
 #[test]

@@ -75,19 +75,13 @@ fn digamma(n: usize) -> f64 {
 mod tests {
     use super::super::STEP_HZ;
     use super::*;
-    use rand::SeedableRng;
-    use rand_distr::{Distribution, StandardNormal};
-
-    fn noise(len: usize, seed: u64) -> Vec<f64> {
-        let generator = rand_pcg::Pcg64::seed_from_u64(seed);
-        StandardNormal.sample_iter(generator).take(len).collect()
-    }
+    use crate::dsp::test_signals::noise;
 
     #[test]
     fn the_mean_of_many_estimates_logarithms_is_the_logarithm_of_the_power() {
         let mut sum = 0.0;
         for seed in 0..20 {
-            let signal = noise(7000 + 500 * seed as usize, seed);
+            let signal = noise(seed, 7000 + 500 * seed as usize);
             let spectrum = LogSpectrum::estimate(&[&signal]).unwrap();
             sum += spectrum.values()[10..4990].iter().sum::<f64>() / 4980.0;
         }

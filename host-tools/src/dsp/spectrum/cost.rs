@@ -92,7 +92,7 @@ fn hann_tail(width: f64, most: usize) -> Vec<f64> {
 ///
 /// S is [`smoothed_amplitude`]. The end of the longer signal is cut off, because amplitudes of signals of different
 /// lengths cannot be compared. The cost between two independent excerpts of one noise is not zero: see
-/// [`expected_cost_of_noise`].
+/// [`expected_cost_of_blocks`].
 ///
 /// Returns `None` if the recorded signal is empty or silent, or if a value is not finite.
 pub fn spectral_cost(
@@ -153,18 +153,12 @@ fn mean_amplitude(blocks: &[&[f64]], len: usize, rate_hz: f64, width_hz: f64) ->
     mean
 }
 
-/// Returns the approximate [`spectral_cost`] between two independent excerpts, of `len` samples each, of one Gaussian
-/// noise with a broad spectrum. A perfect model has this cost, because it does not copy the recording.
+/// Returns the approximate [`cost_of_blocks`] between two independent excerpts, each of `count` blocks of `len` samples,
+/// of one Gaussian noise with a broad spectrum. A perfect model has this cost, because it does not copy the recording.
 ///
 /// Amplitudes of Gaussian noise are Rayleigh distributed, with a variance of 4/π - 1 times their squared mean.
-/// Smoothing with weights w divides the variance by (Σw)²/Σw², and the difference of two amplitudes has twice the
-/// variance.
-pub fn expected_cost_of_noise(len: usize, rate_hz: f64, width_hz: f64) -> f64 {
-    expected_cost_of_blocks(1, len, rate_hz, width_hz)
-}
-
-/// As [`expected_cost_of_noise`], for [`cost_of_blocks`] with `count` blocks of `len` samples: the mean over the blocks
-/// divides the variance by their number.
+/// Smoothing with weights w divides the variance by (Σw)²/Σw², the mean over the blocks by their number, and the
+/// difference of two amplitudes has twice the variance.
 pub fn expected_cost_of_blocks(count: usize, len: usize, rate_hz: f64, width_hz: f64) -> f64 {
     let tail = hann_tail(width_hz * len as f64 / rate_hz, len / 2);
     let sum = 1.0 + 2.0 * tail.iter().sum::<f64>();
@@ -204,14 +198,6 @@ mod tests {
             }
         }
 
-        #[test]
-        fn smoothing_stays_between_the_extremes(seed: u64, width_hz in 0.0..10_000.0f64) {
-            let amplitude = dft_amplitude(&noise(301, seed));
-            let (low, high) = amplitude.iter().fold((f64::MAX, 0.0f64), |(low, high), &x| (low.min(x), high.max(x)));
-            for smoothed in smooth(&amplitude, RATE_HZ / 301.0, width_hz) {
-                prop_assert!(smoothed > low * (1.0 - 1e-12) && smoothed < high * (1.0 + 1e-12));
-            }
-        }
     }
 
     #[test]
@@ -242,14 +228,6 @@ mod tests {
             prop_assert!((cost - change.abs().min((2.0 + change).abs())).abs() < 1e-9);
         }
 
-        #[test]
-        fn the_cost_does_not_depend_on_the_common_scale(seed: u64, exponent in -100i32..100) {
-            let (a, b) = (noise(500, seed), noise(700, !seed));
-            let scale = 10f64.powi(exponent);
-            let cost = spectral_cost(&a, &b, RATE_HZ, 50.0).unwrap();
-            let other = spectral_cost(&scaled(&a, scale), &scaled(&b, scale), RATE_HZ, 50.0).unwrap();
-            prop_assert!(close(cost, other, 1e-9));
-        }
     }
 
     #[test]
@@ -271,16 +249,6 @@ mod tests {
     }
 
     #[test]
-    fn a_signal_costs_nothing_against_itself_and_one_against_silence() {
-        let signal = noise(1000, 1);
-        assert_eq!(spectral_cost(&signal, &signal, RATE_HZ, 20.0), Some(0.0));
-        assert_eq!(
-            spectral_cost(&signal, &[0.0; 1000], RATE_HZ, 20.0),
-            Some(1.0)
-        );
-    }
-
-    #[test]
     fn a_cost_that_does_not_exist_is_none() {
         let signal = noise(1000, 1);
         assert_eq!(spectral_cost(&[0.0; 1000], &signal, RATE_HZ, 20.0), None);
@@ -294,24 +262,5 @@ mod tests {
             spectral_cost(&signal, &[f64::INFINITY; 1000], RATE_HZ, 20.0),
             None
         );
-    }
-
-    #[test]
-    fn independent_noises_cost_what_statistics_expect() {
-        for (width_hz, seed) in [(0.0, 1), (5.0, 2), (20.0, 3), (100.0, 4)] {
-            let mut mean = 0.0;
-            for pair in 0..20 {
-                let (a, b) = (
-                    noise(10_000, 100 * seed + pair),
-                    noise(10_000, 100 * seed + 50 + pair),
-                );
-                mean += spectral_cost(&a, &b, RATE_HZ, width_hz).unwrap() / 20.0;
-            }
-            let expected = expected_cost_of_noise(10_000, RATE_HZ, width_hz);
-            assert!(
-                close(mean, expected, 0.05),
-                "{width_hz} Hz: {mean}, expected {expected}"
-            );
-        }
     }
 }

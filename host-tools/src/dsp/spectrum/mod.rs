@@ -14,7 +14,7 @@ pub use bands::{
 };
 pub use cost::{
     DEFAULT_SMOOTHING_WIDTH_HZ, cost_of_blocks, dft_amplitude, expected_cost_of_blocks,
-    expected_cost_of_noise, smoothed_amplitude, spectral_cost,
+    smoothed_amplitude, spectral_cost,
 };
 pub use power::{PowerSpectrum, longest_segment};
 
@@ -23,14 +23,10 @@ pub use power::{PowerSpectrum, longest_segment};
 mod test_signals {
     use std::f64::consts::TAU;
 
-    use rand::SeedableRng;
-    use rand_distr::{Distribution, StandardNormal};
-
     pub const RATE_HZ: f64 = 5000.0;
 
     pub fn noise(len: usize, seed: u64) -> Vec<f64> {
-        let generator = rand_pcg::Pcg64::seed_from_u64(seed);
-        StandardNormal.sample_iter(generator).take(len).collect()
+        crate::dsp::test_signals::noise(seed, len)
     }
 
     pub fn scaled(signal: &[f64], factor: f64) -> Vec<f64> {

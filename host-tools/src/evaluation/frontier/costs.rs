@@ -4,9 +4,7 @@ use std::sync::LazyLock;
 
 use serde::Serialize;
 pub use stylus_costs::Core;
-use stylus_costs::{Entry, SampleCost, UpdateCost};
-
-use crate::evaluation::frontier::FilterStructure;
+use stylus_costs::{Entry, SampleCost, Structure, UpdateCost};
 
 /// The result of a look-up.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -42,17 +40,9 @@ impl Costs {
 
     /// Returns the cost of `structure` over `nodes` nodes at `order` on `core`: linear between the measured orders,
     /// below the lowest as much as that. `None` above the highest, or where nothing was measured.
-    pub fn at(
-        &self,
-        structure: FilterStructure,
-        nodes: usize,
-        core: Core,
-        order: usize,
-    ) -> Option<Cost> {
+    pub fn at(&self, structure: Structure, nodes: usize, core: Core, order: usize) -> Option<Cost> {
         let of = |entry: &&Entry| {
-            entry.structure == structure.into()
-                && entry.core == core
-                && entry.nodes as usize == nodes
+            entry.structure == structure && entry.core == core && entry.nodes as usize == nodes
         };
         let mut entries: Vec<&Entry> = self.table.entries.iter().filter(of).collect();
         entries.sort_by_key(|entry| entry.order);
@@ -89,37 +79,16 @@ impl Costs {
             },
         })
     }
-
-    /// The highest order whose sample takes at most `cycles`; `Err` is what order 0 takes, if that is too
-    /// much or nothing is known.
-    ///
-    /// # Errors
-    /// The least number of cycles that would do; `None` where nothing was measured.
-    pub fn highest_order(
-        &self,
-        structure: FilterStructure,
-        nodes: usize,
-        core: Core,
-        cycles: f64,
-    ) -> Result<usize, Option<f64>> {
-        let taken = |order| {
-            let cost = self.at(structure, nodes, core, order);
-            cost.map(|cost| cost.sample.cycles)
-        };
-        let fits = |order: &usize| taken(*order).is_some_and(|taken| taken <= cycles);
-        let highest = (0..=model_format::limits::MAX_ORDER).rev().find(fits);
-        highest.ok_or_else(|| taken(0))
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proptest::prelude::*;
+    use crate::evaluation::frontier::STRUCTURES;
 
     #[test]
     fn the_table_has_every_structure_at_every_order_on_both_cores() {
-        for structure in FilterStructure::ALL {
+        for structure in STRUCTURES {
             for core in [Core::M4, Core::M7] {
                 for nodes in [1, 4] {
                     for order in super::super::ORDERS {
@@ -140,30 +109,13 @@ mod tests {
 
     #[test]
     fn what_a_sample_costs_rises_with_the_order() {
-        for structure in FilterStructure::ALL {
+        for structure in STRUCTURES {
             let worst = |order| {
                 let cost = Costs::measured().at(structure, 4, Core::M4, order).unwrap();
                 cost.sample.cycles
             };
             for order in 0..400 {
                 assert!(worst(order) <= worst(order + 1), "{structure} at {order}");
-            }
-        }
-    }
-
-    proptest! {
-        #[test]
-        fn the_highest_order_fits_and_the_next_does_not(cycles in 0.0..20_000.0f64) {
-            for structure in FilterStructure::ALL {
-                let costs = Costs::measured();
-                let worst = |order| costs.at(structure, 4, Core::M4, order).map(|c| c.sample.cycles);
-                match costs.highest_order(structure, 4, Core::M4, cycles) {
-                    Ok(order) => {
-                        prop_assert!(worst(order).unwrap() <= cycles);
-                        prop_assert!(worst(order + 1).is_none_or(|worst| worst > cycles));
-                    }
-                    Err(least) => prop_assert!(least.unwrap() > cycles),
-                }
             }
         }
     }

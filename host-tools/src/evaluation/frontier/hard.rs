@@ -1,16 +1,15 @@
 //! The hard cases at an order: does a structure hold what the stylus promises of its lattice, and if not, how bad does
 //! it get.
 
-use model_format::Library;
 use serde::Serialize;
 
-use super::FilterStructure;
+use stylus_costs::Structure;
+
 use super::players::player_of;
 use crate::evaluation::stress;
 use crate::evaluation::stress::Outcome;
 use crate::evaluation::stress::cases::Case;
-use crate::evaluation::stress::models::library;
-use crate::support::error::{Error, Result};
+use crate::support::error::Result;
 
 /// The end of a case, from good to bad.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -72,19 +71,17 @@ pub fn of_order(case: &Case, order: usize) -> Case {
 ///
 /// # Errors
 /// A lattice that makes no library, which none does.
-pub fn play(case: &Case, structure: FilterStructure) -> Result<Verdict> {
+pub fn play(case: &Case, structure: Structure) -> Result<Verdict> {
     let mut case = case.clone();
     // Its signals have other scales than a normalised lattice's: of the two-multiplier lattice, scales that change with
     // the coefficients.
-    if structure.is_direct()
-        || structure == FilterStructure::TwoMultiplierLattice32 && !case.is_still()
-    {
+    if structure.is_direct() || structure == Structure::TwoMultiplierLattice32 && !case.is_still() {
         case.with_reference = false;
     }
-    if structure.is_direct() && !holds(&case, structure)? {
+    let played = stress::play_with(&case, |texture| player_of(structure, texture).ok())?;
+    let Some(mut outcome) = played else {
         return Ok(Verdict::Refused);
-    }
-    let mut outcome = stress::play_with(&case, |texture| player_of(structure, texture))?;
+    };
     if !structure.is_shipped() {
         // A state that grows by a little is not worth a word.
         for rest in [
@@ -98,14 +95,6 @@ pub fn play(case: &Case, structure: FilterStructure) -> Result<Verdict> {
         }
     }
     Ok(verdict(&outcome))
-}
-
-/// Returns whether a direct form can hold the models of `case`.
-fn holds(case: &Case, structure: FilterStructure) -> Result<bool> {
-    let bytes = library(&case.nodes())?;
-    let library = Library::decode(&bytes).map_err(|failure| Error::Model(failure.to_string()))?;
-    let mut textures = library.textures();
-    Ok(textures.all(|texture| structure.predictors(&texture).is_ok()))
 }
 
 fn verdict(outcome: &Outcome) -> Verdict {
@@ -150,6 +139,7 @@ pub fn summarise(verdicts: &[(&str, Verdict)]) -> HardCases {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::evaluation::frontier::STRUCTURES;
     use crate::evaluation::stress::cases::{Length, suite};
 
     #[test]
@@ -161,13 +151,13 @@ mod tests {
             cases.map(|case| play(&case, structure).unwrap()).collect()
         };
         for order in [10, 50] {
-            let lattice = verdicts(FilterStructure::NormalisedLattice32, order);
+            let lattice = verdicts(Structure::NormalisedLattice32, order);
             assert!(
                 lattice.iter().all(|&verdict| verdict == Verdict::Held),
                 "{lattice:?}"
             );
-            for structure in FilterStructure::ALL {
-                if structure != FilterStructure::NormalisedLattice32 {
+            for structure in STRUCTURES {
+                if structure != Structure::NormalisedLattice32 {
                     let others = verdicts(structure, order);
                     assert!(
                         others.iter().any(|&verdict| verdict > Verdict::Held),

@@ -4,21 +4,16 @@
 //! **At rest** ([`still`]): the nodes of textures, played by the kernel and its variants, against recordings that the
 //! fit has not seen. **In motion** ([`moving`]): a hand that rubs over the grid, against float64 at every sample.
 //! **Hard cases** ([`hard`]): those of `stylus stress`, with models cut to the order. **Time** ([`costs`]):
-//! instructions counted on QEMU, and cycles of the Cortex-M4's published timings, from `cargo tasks costs`. **Parts**
-//! ([`PartsRow`]): excitation, modulation and lines of the lattice, which no spectrum shows.
+//! instructions counted on QEMU, and cycles of the Cortex-M4's published timings, from `cargo tasks costs`.
 //!
 //! The error of a choice is the root of the sum of squares of its error at rest and its error in motion, in
 //! third-octave bands: the one is of the models, the other of following the hand, and they do not know of each other.
 //! Its time is a sample's and its share of an update's.
 
 pub mod costs;
-mod fronts;
 pub mod hard;
-mod material;
 pub mod moving;
-mod parts;
 mod players;
-mod predictors;
 mod prepared;
 mod results;
 mod run;
@@ -29,11 +24,10 @@ use crate::dsp::reduction::Reduction;
 use crate::dsp::spectrum;
 use crate::evaluation::stress::cases::{Case, Length, suite};
 
-pub use material::Material;
-pub use parts::PartsRow;
-pub use prepared::Prepared;
+pub use prepared::{Material, Prepared};
 pub use results::{Filter, Frontier, Point, interval_ms, share};
-pub use structure::{FilterStructure, Voice};
+pub use structure::{STRUCTURES, Voice};
+pub use stylus_costs::Structure;
 
 /// Orders that are the same for all nodes.
 pub const ORDERS: [usize; 6] = [10, 20, 50, 100, 200, 400];

@@ -15,10 +15,12 @@ use stylus_kernel::Motion;
 use stylus_kernel::excitation::{self, Excitation};
 use stylus_kernel::grid::{GridPoint, ONE};
 
-use super::structure::{FilterStructure, NotHeld, Voice};
+use super::players::NotHeld;
+use super::structure::Voice;
 use crate::dsp::spectrum::{AMPLITUDE_JND_DB, BAND_COUNT, band_powers};
-use crate::texture::stored::rms_m_s2;
+use crate::texture::quantise::rms_m_s2;
 use model_format::SAMPLE_RATE_HZ;
+use stylus_costs::Structure;
 
 /// Strokes per second, to and fro; and how often the hand presses and lifts.
 const STROKES_HZ: f64 = 2.0;
@@ -166,7 +168,7 @@ pub fn reference(texture: &Texture<'_>, seed: u64) -> Frames {
 /// # Errors
 /// A direct form cannot hold the texture.
 pub fn play(
-    structure: FilterStructure,
+    structure: Structure,
     texture: Texture<'_>,
     reference: &Frames,
     interval: usize,
@@ -236,7 +238,7 @@ mod tests {
         let texture = library.textures().next().unwrap();
         let exact = reference(&texture, 3);
         let error = |interval| {
-            let lattice = FilterStructure::NormalisedLattice32;
+            let lattice = Structure::NormalisedLattice32;
             play(lattice, texture, &exact, interval, 3)
                 .unwrap()
                 .band_error_db()

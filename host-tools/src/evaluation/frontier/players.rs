@@ -7,41 +7,67 @@ use stylus_kernel::excitation::Excitation;
 use stylus_kernel::grid::GridPoint;
 use stylus_kernel::lattice::LatticeFrame;
 use stylus_kernel::rotation::Rotation;
-use stylus_kernel::variants::direct::{DirectFrame, DirectState};
+use stylus_kernel::variants::direct::{
+    CODE_SUM_LIMIT, COEFFICIENT_FRACTION_BITS, DirectFrame, DirectState, MAX_EXPONENT,
+};
 use stylus_kernel::variants::normalised16::{Lattice16Frame, Lattice16State};
 use stylus_kernel::variants::two_multiplier::{self, TwoMultiplierFrame, TwoMultiplierState};
 
-use super::FilterStructure;
-use super::predictors::Predictors;
-use super::structure::NotHeld;
-use crate::evaluation::stress::player::{Player, any_at, energy, player};
-use crate::playing::wavefront::Wavefront;
+use stylus_costs::Structure;
 
-/// A player of `structure` for `texture`, which a direct form must be able to hold.
-pub fn player_of(structure: FilterStructure, texture: &Texture<'_>) -> Box<dyn Player> {
+use crate::dsp::linear_prediction::{step_down, step_up};
+use crate::evaluation::stress::player::{ENDS, Player, any_at, energy, full_scale, player};
+use crate::playing::wavefront::Wavefront;
+use crate::texture::quantise::reflection;
+
+/// A texture that a direct form cannot hold.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct NotHeld;
+
+/// The predictors that `structure` plays `texture` by; none of a lattice.
+///
+/// # Errors
+/// A direct form cannot hold the texture.
+pub(super) fn predictors(
+    structure: Structure,
+    texture: &Texture<'_>,
+) -> Result<Option<Predictors>, NotHeld> {
+    let bits = match structure {
+        Structure::DirectForm16 => 16,
+        Structure::DirectForm32 => 32,
+        _ => return Ok(None),
+    };
+    Predictors::of(texture, bits).map(Some).ok_or(NotHeld)
+}
+
+/// A player of `structure` for `texture`.
+///
+/// # Errors
+/// A direct form cannot hold the texture.
+pub fn player_of(structure: Structure, texture: &Texture<'_>) -> Result<Box<dyn Player>, NotHeld> {
     let stages = texture.max_order();
-    match structure {
-        FilterStructure::TwoMultiplierLattice32 => Box::new(TwoMultiplier {
+    if let Some(predictors) = predictors(structure, texture)? {
+        return Ok(Box::new(Direct {
+            frame: DirectFrame::silent(texture, predictors.exponent()),
+            state: DirectState::new(),
+            predictors,
+        }));
+    }
+    Ok(match structure {
+        Structure::TwoMultiplierLattice32 => Box::new(TwoMultiplier {
             exact: LatticeFrame::silent(stages),
             frame: TwoMultiplierFrame::silent(stages),
             state: TwoMultiplierState::new(),
             stages,
         }),
-        FilterStructure::NormalisedLattice16 => Box::new(Lattice16 {
+        Structure::NormalisedLattice16 => Box::new(Lattice16 {
             exact: LatticeFrame::silent(stages),
             frame: Lattice16Frame::silent(stages),
             state: Lattice16State::new(),
             stages,
         }),
-        _ => match structure.predictors(texture) {
-            Ok(Some(predictors)) => Box::new(Direct {
-                frame: DirectFrame::silent(texture, predictors.exponent()),
-                state: DirectState::new(),
-                predictors,
-            }),
-            Ok(None) | Err(NotHeld) => player(texture),
-        },
-    }
+        _ => player(texture),
+    })
 }
 
 struct TwoMultiplier {
@@ -66,18 +92,15 @@ struct Lattice16 {
     stages: usize,
 }
 
-fn full_scale(noise: &mut Excitation, (low, high): (i32, i32)) -> i32 {
-    if noise.next_sample() < 0 { low } else { high }
-}
-
 impl Player for TwoMultiplier {
-    fn follow(&mut self, texture: &Texture<'_>, motion: Motion) {
+    fn follow(&mut self, texture: &Texture<'_>, motion: Motion, left: u32, samples: u32) {
         let point = GridPoint::locate(texture, motion);
-        self.frame.update(texture, &point, self.frame.levels(0), 1);
+        self.frame
+            .update(texture, &point, self.frame.levels(left), samples);
     }
 
-    fn sample(&mut self, excitation: i32) -> (OutputSample, bool) {
-        self.state.next_sample(&self.frame, excitation, 0)
+    fn sample(&mut self, excitation: i32, left: u32) -> (OutputSample, bool) {
+        self.state.next_sample(&self.frame, excitation, left)
     }
 
     /// Its full scale is 2²⁹, and it is kept doubled.
@@ -96,8 +119,7 @@ impl Player for TwoMultiplier {
     }
 
     fn glitch(&mut self, noise: &mut Excitation) {
-        let ends = (i32::MIN, i32::MAX);
-        let state = std::array::from_fn::<_, MAX_ORDER, _>(|_| full_scale(noise, ends));
+        let state = std::array::from_fn::<_, MAX_ORDER, _>(|_| full_scale(noise, ENDS));
         self.state = TwoMultiplierState::from_backward(state);
     }
 
@@ -109,13 +131,14 @@ impl Player for TwoMultiplier {
 }
 
 impl Player for Lattice16 {
-    fn follow(&mut self, texture: &Texture<'_>, motion: Motion) {
+    fn follow(&mut self, texture: &Texture<'_>, motion: Motion, left: u32, samples: u32) {
         let point = GridPoint::locate(texture, motion);
-        self.frame.update(texture, &point, self.frame.levels(0), 1);
+        self.frame
+            .update(texture, &point, self.frame.levels(left), samples);
     }
 
-    fn sample(&mut self, excitation: i32) -> (OutputSample, bool) {
-        self.state.next_sample(&self.frame, excitation, 0)
+    fn sample(&mut self, excitation: i32, left: u32) -> (OutputSample, bool) {
+        self.state.next_sample(&self.frame, excitation, left)
     }
 
     fn newest(&self) -> i32 {
@@ -134,8 +157,8 @@ impl Player for Lattice16 {
     }
 
     fn glitch(&mut self, noise: &mut Excitation) {
-        let ends = (i32::from(i16::MIN), i32::from(i16::MAX));
-        let state = std::array::from_fn::<_, MAX_ORDER, _>(|_| full_scale(noise, ends) as i16);
+        let ends = (i16::MIN, i16::MAX);
+        let state = std::array::from_fn::<_, MAX_ORDER, _>(|_| full_scale(noise, ends));
         self.state = Lattice16State::from_backward(state);
     }
 
@@ -147,14 +170,14 @@ impl Player for Lattice16 {
 }
 
 impl Player for Direct {
-    fn follow(&mut self, texture: &Texture<'_>, motion: Motion) {
+    fn follow(&mut self, texture: &Texture<'_>, motion: Motion, left: u32, samples: u32) {
         let point = GridPoint::locate(texture, motion);
-        let (nodes, from) = (self.predictors.around(&point), self.frame.levels(0));
-        self.frame.update(texture, &point, nodes, from, 1);
+        let (nodes, from) = (self.predictors.around(&point), self.frame.levels(left));
+        self.frame.update(texture, &point, nodes, from, samples);
     }
 
-    fn sample(&mut self, excitation: i32) -> (OutputSample, bool) {
-        self.state.next_sample(&self.frame, excitation, 0)
+    fn sample(&mut self, excitation: i32, left: u32) -> (OutputSample, bool) {
+        self.state.next_sample(&self.frame, excitation, left)
     }
 
     fn newest(&self) -> i32 {
@@ -166,16 +189,87 @@ impl Player for Direct {
     }
 
     fn is_at_full_scale(&self) -> bool {
-        any_at(self.state.history().iter().copied(), (i32::MIN, i32::MAX))
+        any_at(self.state.history().iter().copied(), ENDS)
     }
 
     fn glitch(&mut self, noise: &mut Excitation) {
-        let ends = (i32::MIN, i32::MAX);
-        let history = std::array::from_fn::<_, MAX_ORDER, _>(|_| full_scale(noise, ends));
+        let history = std::array::from_fn::<_, MAX_ORDER, _>(|_| full_scale(noise, ENDS));
         self.state = DirectState::from_history(&history);
     }
 
     fn settles(&self) -> bool {
         false
     }
+}
+
+/// The predictors of all nodes of a texture.
+#[derive(Clone, Debug)]
+pub struct Predictors {
+    /// Codes by node, speed-major, each of as many taps as the texture's highest order.
+    codes: Vec<Vec<i32>>,
+    forces: usize,
+    exponent: u32,
+}
+
+impl Predictors {
+    /// The predictors of `texture`, each rounded to `bits` bits. `None` if one of them is too large for that, or not
+    /// stable after rounding.
+    pub fn of(texture: &Texture<'_>, bits: u32) -> Option<Self> {
+        let taps = texture.max_order();
+        let nodes = texture.nodes().map(|node| {
+            let polynomial = step_up(&reflection(node.coefficients));
+            let mut predictor: Vec<f64> = polynomial.iter().map(|a| -a).collect();
+            predictor.resize(taps, 0.0);
+            predictor
+        });
+        let nodes: Vec<Vec<f64>> = nodes.collect();
+        let needed = nodes.iter().map(|predictor| exponent_of(predictor));
+        let exponent = needed.max().unwrap_or(0);
+        let codes = nodes.iter().map(|predictor| {
+            // A node's own exponent decides its steps; the codes are those of the common one.
+            let step = 2f64.powi(exponent_of(predictor) + 1 - bits as i32);
+            let rounded: Vec<f64> = predictor
+                .iter()
+                .map(|h| (h / step).round() * step)
+                .collect();
+            let polynomial: Vec<f64> = rounded.iter().map(|h| -h).collect();
+            step_down(&polynomial)?;
+            let one = 2f64.powi(COEFFICIENT_FRACTION_BITS as i32 - exponent);
+            Some(rounded.iter().map(|h| (h * one) as i32).collect())
+        });
+        let codes = codes.collect::<Option<Vec<_>>>()?;
+        let exponent = u32::try_from(exponent)
+            .ok()
+            .filter(|&e| e <= MAX_EXPONENT)?;
+        Some(Self {
+            codes,
+            forces: texture.force_axis().len(),
+            exponent,
+        })
+    }
+
+    /// The binary exponent of all of them.
+    pub fn exponent(&self) -> u32 {
+        self.exponent
+    }
+
+    /// The predictors of the nodes around `point`.
+    pub fn around(&self, point: &GridPoint) -> [&[i32]; 4] {
+        point
+            .nodes
+            .map(|(speed, force)| self.codes[speed * self.forces + force].as_slice())
+    }
+}
+
+/// The least exponent at which the codes of `predictor` fit their words, and their sum the kernel's.
+fn exponent_of(predictor: &[f64]) -> i32 {
+    let largest = predictor.iter().fold(0.0, |most: f64, h| most.max(h.abs()));
+    let sum: f64 = predictor.iter().map(|h| h.abs()).sum();
+    // Rounding may add half a step to each tap.
+    let room = 0.999 * CODE_SUM_LIMIT as f64 / 2f64.powi(COEFFICIENT_FRACTION_BITS as i32);
+    let holds = |exponent: i32| {
+        let scale = 2f64.powi(exponent);
+        largest < 0.9999 * scale && sum < room * scale
+    };
+    (0..64).find(|&exponent| holds(exponent)).unwrap_or(64)
 }

@@ -1,20 +1,20 @@
 //! Everything that is fitted and read before anything is played.
 
-use model_format::PartsSpec;
+use std::path::Path;
+
+use model_format::{PartsSpec, Provenance, SAMPLE_RATE_HZ};
 use rayon::prelude::*;
 
+use super::Options;
 use crate::dsp::spectrum;
 use crate::evaluation::stress::cases::Case;
-use crate::fit::Order;
 use crate::fit::lines::Lines;
-use crate::fit::{self, FittedTexture};
-use crate::recording::RecordingSet;
+use crate::fit::{FittedTexture, Order};
+use crate::recording::{RecordingSet, Trial};
+use crate::rig::RigFile;
 use crate::support::error::{Error, Result};
 use crate::texture::grid::Grid;
-use model_format::SAMPLE_RATE_HZ;
-
-use super::Options;
-use super::material::Material;
+use crate::{fit, recording, rig};
 
 /// Nodes judged at rest, at most; of more recordings evenly spaced ones are taken.
 const MAX_NODES: usize = 96;
@@ -32,8 +32,6 @@ pub struct Prepared {
     pub(super) names: Vec<String>,
     /// Without optional parts.
     pub(super) fitted: Vec<Fitted>,
-    /// Models of the highest order with their optional parts, in the order of [`Prepared::names`].
-    pub(super) with_parts: Vec<Grid>,
     /// Recordings held out, each with its texture's and its node's index.
     pub(super) held_out: Vec<(usize, usize, Vec<f64>)>,
     pub(super) take_cost: f64,
@@ -83,16 +81,9 @@ impl Prepared {
         for order in [Order::Bayesian, Order::Auto] {
             fitted.push(Fitted::new(order, grids(&fit_at(order)?)));
         }
-        // Parts are judged as a fit by default has them: lines stored apart, and the rest excited by its own residual.
-        let whole = fit::Options {
-            lines: Lines::Auto,
-            ..highest_order
-        };
-        let with_parts = fit::fit(&material.fit, &whole, &progress)?.textures;
         let mut prepared = Self {
             names,
             fitted,
-            with_parts: with_parts.into_iter().map(|texture| texture.grid).collect(),
             held_out: Vec::new(),
             take_cost: f64::NAN,
             take_band_error_db: f64::NAN,
@@ -173,5 +164,107 @@ impl Fitted {
             highest_order: highest.unwrap_or(0),
             grids,
         }
+    }
+}
+
+/// Seeds of the two simulated takes.
+const SEEDS: [u64; 2] = [1, 2];
+
+/// Recordings to fit, and others of the same nodes to judge by.
+#[derive(Clone, Debug)]
+pub struct Material {
+    /// To fit.
+    pub fit: RecordingSet,
+    /// To judge by.
+    pub held_out: RecordingSet,
+    /// Description of the recordings, in a sentence.
+    pub description: String,
+}
+
+impl Material {
+    /// Two takes of the paper's protocol by the rig simulator, written below `folder`.
+    ///
+    /// # Errors
+    /// A folder that cannot be written.
+    pub fn simulated(folder: &Path) -> Result<Self> {
+        let paper = RigFile::paper();
+        let [fit, held_out] = SEEDS.map(|seed| {
+            let take = folder.join(format!("take-{seed}"));
+            rig::simulate_to_folder(&paper, seed, &take, false)?;
+            RecordingSet::open(&[take])
+        });
+        let description = format!(
+            "SIMULATED: the paper's protocol by the rig simulator (simulate-rig), seed {} fitted, seed {}, other \
+             pieces of the same surfaces, held out",
+            SEEDS[0], SEEDS[1]
+        );
+        Ok(Self {
+            fit: fit?,
+            held_out: held_out?,
+            description,
+        })
+    }
+
+    /// The first half of each recording of `set` to fit, its second half to judge by.
+    ///
+    /// # Errors
+    /// A recording that cannot be read.
+    pub fn halves(set: &RecordingSet) -> Result<Self> {
+        let mut material = Self {
+            fit: set.clone(),
+            held_out: set.clone(),
+            description: "the first half of each recording fitted, its second half held out"
+                .to_owned(),
+        };
+        let halves = material
+            .fit
+            .trials
+            .iter_mut()
+            .zip(&mut material.held_out.trials);
+        for (first, second) in halves {
+            let samples = recording::read(first)?.axes.first().map_or(0, Vec::len);
+            let half_s = samples as f64 / f64::from(SAMPLE_RATE_HZ) / 2.0;
+            first.duration_s = Some(half_s);
+            second.duration_s = Some(half_s);
+            second.start_s += half_s;
+        }
+        Ok(material)
+    }
+
+    /// `set` to fit, and another take of the same nodes to judge by.
+    ///
+    /// # Errors
+    /// Takes that have no node of `set`.
+    pub fn takes(set: RecordingSet, takes: RecordingSet) -> Result<Self> {
+        let material = Self {
+            description: "one take of each recording fitted, another held out".to_owned(),
+            fit: set,
+            held_out: takes,
+        };
+        let common = material.held_out.trials.iter();
+        if !common
+            .into_iter()
+            .any(|trial| material.take_of(trial).is_some())
+        {
+            return Err(Error::Request(
+                "the takes have no texture, speed and force of the recordings; give takes of the same trials".into(),
+            ));
+        }
+        Ok(material)
+    }
+
+    /// Returns whether any of it is simulated.
+    pub fn is_simulated(&self) -> bool {
+        let mut trials = self.fit.trials.iter().chain(&self.held_out.trials);
+        trials.any(|trial| trial.provenance == Provenance::Simulated)
+    }
+
+    /// The fitted recording of the same node as `trial`.
+    pub(super) fn take_of(&self, trial: &Trial) -> Option<&Trial> {
+        self.fit.trials.iter().find(|other| {
+            other.texture == trial.texture
+                && other.speed_mm_s == trial.speed_mm_s
+                && other.force_n == trial.force_n
+        })
     }
 }

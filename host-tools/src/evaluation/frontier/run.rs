@@ -8,24 +8,23 @@ use crate::texture::grid::Grid;
 use crate::texture::library::library_of;
 
 use super::costs::{Core, Cost, Costs};
-use super::fronts::mark_fronts;
 use super::hard::{self, HardCases, Verdict};
 use super::moving::{self, Frames, Moving};
-use super::parts::choices;
+use super::players::predictors;
 use super::prepared::{Fitted, Prepared};
-use super::results::{Filter, Frontier, Point};
+use super::results::{Filter, Frontier, Point, mark_fronts};
 use super::still::{self, Node, Playing, Still};
-use super::structure::FilterStructure;
+use super::structure::{STRUCTURES, library_bytes_per_node, ram_bytes};
 use super::{INTERVALS, Options};
+use stylus_costs::Structure;
 
 impl Prepared {
     /// Pieces of work that [`Prepared::run`] does.
     pub fn work(&self) -> usize {
-        let filters = FilterStructure::ALL.len() * self.fitted.len();
+        let filters = STRUCTURES.len() * self.fitted.len();
         let references = self.fitted.len() * self.names.len();
         let moving = self.names.len() * INTERVALS.len();
-        let parts = choices(&self.with_parts).len() * self.held_out.len();
-        references + parts + filters * (self.held_out.len() + moving + self.cases.len())
+        references + filters * (self.held_out.len() + moving + self.cases.len())
     }
 
     /// Plays everything, telling `progress` of each piece of work done. The result does not depend on the number of
@@ -35,7 +34,7 @@ impl Prepared {
     /// A lattice that makes no library, or an order that no cost is known for.
     pub fn run(&self, options: &Options, progress: impl Fn() + Sync) -> Result<Frontier> {
         let references = self.references(options.seed, &progress)?;
-        let choices: Vec<(FilterStructure, usize)> = FilterStructure::ALL
+        let choices: Vec<(Structure, usize)> = STRUCTURES
             .into_iter()
             .flat_map(|structure| (0..self.fitted.len()).map(move |order| (structure, order)))
             .collect();
@@ -65,8 +64,8 @@ impl Prepared {
                 refused_textures: refused.map(|(_, name)| name.clone()).collect(),
                 m4: cost(Core::M4)?,
                 m7: cost(Core::M7)?,
-                library_bytes_per_node: structure.library_bytes_per_node(fitted.highest_order),
-                ram_bytes: structure.ram_bytes(fitted.highest_order),
+                library_bytes_per_node: library_bytes_per_node(structure, fitted.highest_order),
+                ram_bytes: ram_bytes(structure, fitted.highest_order),
                 on_cost_front: false,
             };
             let index = filters.len();
@@ -94,7 +93,6 @@ impl Prepared {
             peers: Costs::measured().table().peers.clone(),
             filters,
             points,
-            parts: self.parts(options, &progress)?,
         };
         mark_fronts(&mut frontier);
         Ok(frontier)
@@ -118,7 +116,7 @@ impl Prepared {
 
     fn still(
         &self,
-        structure: FilterStructure,
+        structure: Structure,
         fitted: &Fitted,
         options: &Options,
         progress: &(impl Fn() + Sync),
@@ -156,7 +154,7 @@ impl Prepared {
 
     fn hard(
         &self,
-        structure: FilterStructure,
+        structure: Structure,
         order: usize,
         progress: &(impl Fn() + Sync),
     ) -> Result<HardCases> {
@@ -172,13 +170,13 @@ impl Prepared {
     }
 
     /// Each texture's library; none of a texture that `structure` cannot hold.
-    fn libraries(&self, structure: FilterStructure, fitted: &Fitted) -> Vec<Option<Vec<u8>>> {
+    fn libraries(&self, structure: Structure, fitted: &Fitted) -> Vec<Option<Vec<u8>>> {
         let textures = (0..self.names.len()).into_par_iter();
         let libraries = textures.map(|texture| {
             let bytes = self.library(fitted, texture).ok()?;
             let holds = decoded(&bytes).is_ok_and(|library| {
                 let mut textures = library.textures();
-                textures.all(|texture| structure.predictors(&texture).is_ok())
+                textures.all(|texture| predictors(structure, &texture).is_ok())
             });
             holds.then_some(bytes)
         });

@@ -6,15 +6,16 @@ use serde::Serialize;
 use stylus_kernel::excitation::{self, Excitation};
 use stylus_kernel::{Motion, UPDATE_INTERVAL_SAMPLES};
 
-use super::structure::{FilterStructure, Voice};
+use super::structure::Voice;
 use crate::dsp::spectrum;
 use crate::dsp::spectrum::AMPLITUDE_JND_DB;
 use crate::evaluation::evaluate::WARM_UP_S;
 use crate::evaluation::evaluate::rms;
 use crate::evaluation::stress::reference::{Deviation, FloatLattice};
 use crate::support::error::{Error, Result};
-use crate::texture::stored::reflection;
+use crate::texture::quantise::reflection;
 use model_format::SAMPLE_RATE_HZ;
+use stylus_costs::Structure;
 
 /// Duration of the float64 reference after that, s.
 const REFERENCE_S: f64 = 1.0;
@@ -74,7 +75,7 @@ pub struct Playing {
 /// # Errors
 /// Bytes that are no library, which `encode` does not make.
 pub fn play(
-    structure: FilterStructure,
+    structure: Structure,
     bytes: &[u8],
     recording: &[f64],
     playing: &Playing,

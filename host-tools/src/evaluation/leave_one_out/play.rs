@@ -10,7 +10,7 @@ use crate::dsp::model::Model;
 use crate::dsp::spectrum;
 use crate::dsp::spectrum::BAND_COUNT;
 use crate::evaluation::evaluate::WARM_UP_S;
-use crate::evaluation::scoring_range::ScoringRange;
+use crate::evaluation::perception::ScoringRange;
 use crate::playing::motion::MotionPath;
 use crate::playing::render::render;
 use crate::texture::grid::Grid;

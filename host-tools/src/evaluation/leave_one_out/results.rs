@@ -1,5 +1,5 @@
 //! Results of the removed-node test: a row per way of predicting, an outcome per removed node and row; and in a few
-//! numbers, the paper's Table I and the table of domains.
+//! numbers, the paper's Table I.
 
 use serde::Serialize;
 
@@ -18,20 +18,9 @@ pub enum Row {
     Interpolated(Method),
     /// As `fit --densify` fills the place: log-spectra over f/v with surface and tool apart, refitted.
     Densified,
-    /// As the device interpolates over the place in a grid that `fit --densify` made, where all beside it was filled in
-    /// without its recording. It needs [`Prepared::set_denser`](super::Prepared::set_denser).
-    Denser,
 }
 
 impl Row {
-    /// Rows that are compared with the paper's Table I.
-    pub const TABLE_I: [Self; 4] = [
-        Self::Interpolated(Method::PAPER),
-        Self::Interpolated(Method::DEVICE),
-        Self::Densified,
-        Self::Own,
-    ];
-
     /// Every row, in the table's order.
     pub fn all() -> Vec<Self> {
         let methods = Method::ALL.map(Self::Interpolated);
@@ -44,7 +33,6 @@ impl Row {
             Self::Own => "(not removed: its own model; in-sample)".into(),
             Self::Interpolated(method) => method.name(),
             Self::Densified => "densified: f/v, surface and tool apart".into(),
-            Self::Denser => "interpolated in the denser grid, filled without it".into(),
         }
     }
 }
@@ -96,8 +84,6 @@ pub struct LeaveOneOut {
     pub order: String,
     /// True if any recording behind it is simulated.
     pub simulated: bool,
-    /// Textures that were simulated after the paper's protocol, for which the paper has figures.
-    pub papers_textures: Vec<String>,
     /// Ways of predicting a node.
     pub rows: Vec<Row>,
     /// Every removed node, in the order of the set.
@@ -116,12 +102,8 @@ impl LeaveOneOut {
         textures
     }
 
-    /// The paper's Table I beside the same test here, and the table of domains.
-    pub fn tables(&self) -> [Table; 2] {
-        [self.table_one(), self.table_of_domains()]
-    }
-
-    fn table_one(&self) -> Table {
+    /// The paper's Table I beside the same test here.
+    pub fn table(&self) -> Table {
         let textures = self.textures();
         let cell =
             |mean: f64, deviation: f64| format!("{:.1} ± {:.1}", 100.0 * mean, 100.0 * deviation);
@@ -135,7 +117,7 @@ impl LeaveOneOut {
             row.push(format!("{:.1e}", all.excitation_error));
             rows.push(row);
         }
-        for row in Row::TABLE_I {
+        for &row in &self.rows {
             let Some(all) = summarise(self, row, None) else {
                 continue;
             };
@@ -145,13 +127,20 @@ impl LeaveOneOut {
             let of_textures = own.chain([all.clone()]);
             let mut cells = vec![row.name()];
             cells.extend(of_textures.map(|own| cell(own.mean_cost, own.cost_deviation)));
-            cells.push(format!("{:.1e}", all.excitation_error));
-            cells.push(all.unplayable.to_string());
+            cells.extend([
+                format!("{:.1e}", all.excitation_error),
+                all.unplayable.to_string(),
+                format!("{:.2}", all.mean_band_error_db),
+                format!("{:.1}", 100.0 * all.bands_within_jnd),
+                format!("{:.2}", all.mean_log_spectral_distance_db),
+            ]);
             rows.push(cells);
         }
         let mut headings = vec!["C, %, mean ± sd"];
         headings.extend(textures);
+        let within = format!("within {AMPLITUDE_JND_DB} dB, %");
         headings.extend(["all", "σ² error, (m/s²)²", "not playable"]);
+        headings.extend(["|band|, dB", &within, "LSD, dB"]);
         Table::new(
             "Table I of the paper, and the same test here",
             headings,
@@ -159,45 +148,12 @@ impl LeaveOneOut {
         )
     }
 
-    fn table_of_domains(&self) -> Table {
-        let within = format!("within {AMPLITUDE_JND_DB} dB, %");
-        let headings = [
-            "domain, level",
-            "C, %",
-            "± sd",
-            "σ² error",
-            "|band|, dB",
-            &within,
-            "LSD, dB",
-            "not playable",
-        ];
-        let rows = self.rows.iter().filter_map(|&row| {
-            let summary = summarise(self, row, None)?;
-            Some(vec![
-                row.name(),
-                format!("{:.1}", 100.0 * summary.mean_cost),
-                format!("{:.1}", 100.0 * summary.cost_deviation),
-                format!("{:.1e}", summary.excitation_error),
-                format!("{:.2}", summary.mean_band_error_db),
-                format!("{:.1}", 100.0 * summary.bands_within_jnd),
-                format!("{:.2}", summary.mean_log_spectral_distance_db),
-                summary.unplayable.to_string(),
-            ])
-        });
-        Table::new(
-            "Domain of the average, and interpolation of the level",
-            headings,
-            rows,
-        )
-    }
-
-    /// The paper's figures for each of [`Self::textures`] that was simulated after its protocol, and their mean; `None`
-    /// if there are none.
+    /// The paper's figures for each of [`Self::textures`] that is simulated and has the name of one of the paper's, and
+    /// their mean; `None` if there are none.
     fn papers_figures(&self) -> Option<(Vec<Option<PaperColumn>>, PaperColumn)> {
         let column = |name: &str| {
-            let is_papers = self.papers_textures.iter().any(|papers| papers == name);
             let known = PAPER_TABLE_I.iter().find(|column| column.texture == name);
-            known.copied().filter(|_| is_papers)
+            known.copied().filter(|_| self.simulated)
         };
         let by_texture: Vec<Option<PaperColumn>> =
             self.textures().into_iter().map(column).collect();
@@ -320,7 +276,7 @@ fn mean(values: &[f64]) -> f64 {
 mod tests {
     use super::*;
 
-    fn test_of(textures: &[&str], papers: &[&str]) -> LeaveOneOut {
+    fn test_of(textures: &[&str], simulated: bool) -> LeaveOneOut {
         let removed = |texture: &&str| Removed {
             file: String::new(),
             texture: (*texture).to_owned(),
@@ -331,24 +287,22 @@ mod tests {
         LeaveOneOut {
             smoothing: String::new(),
             order: String::new(),
-            simulated: true,
-            papers_textures: papers.iter().map(|&name| name.to_owned()).collect(),
+            simulated,
             rows: Vec::new(),
             removed: textures.iter().map(removed).collect(),
         }
     }
 
     #[test]
-    fn the_papers_figures_are_for_textures_of_its_protocol_and_averaged_over_what_is_shown() {
-        let figures =
-            |textures: &[&str], papers: &[&str]| test_of(textures, papers).papers_figures();
-        assert_eq!(figures(&["paper", "denim"], &[]), None);
-        assert_eq!(figures(&["felt"], &["felt"]), None);
-        let (by_texture, all) = figures(&["paper", "felt", "denim"], &["denim", "felt"]).unwrap();
+    fn the_papers_figures_are_for_its_simulated_textures_and_averaged_over_what_is_shown() {
+        let figures = |textures: &[&str]| test_of(textures, true).papers_figures();
+        assert_eq!(test_of(&["paper", "denim"], false).papers_figures(), None);
+        assert_eq!(figures(&["felt"]), None);
+        let (by_texture, all) = figures(&["cork", "felt", "denim"]).unwrap();
         assert_eq!(by_texture, [None, None, Some(PAPER_TABLE_I[3])]);
         assert!((all.mean_cost - 0.36).abs() < 1e-12);
         let names = PAPER_TABLE_I.map(|column| column.texture);
-        let (_, all) = figures(&names, &names).unwrap();
+        let (_, all) = figures(&names).unwrap();
         assert!((all.mean_cost - 0.345).abs() < 1e-12);
         assert!((all.cost_deviation - 0.135).abs() < 1e-12);
     }

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use crate::dsp::linear_prediction::error_share;
 use crate::dsp::model::Model;
 use crate::fit::Order;
-use crate::support::error::{Error, Result};
+use crate::support::error::Result;
 use crate::texture::domain::{Domain, Level, Method, Neighbour};
 
 use super::Options;
@@ -26,73 +26,24 @@ impl Prepared<'_> {
         options: &Options,
         progress: impl Fn() + Sync,
     ) -> Result<LeaveOneOut> {
-        let all: Vec<usize> = (0..self.count()).collect();
-        let removed = self.run_some(&all, rows, options, progress)?;
+        let targets = self.targets().into_par_iter();
+        let removed = targets.map(|target| {
+            let outcome = self.remove(target, rows, options);
+            progress();
+            outcome
+        });
+        let removed = removed.collect::<Result<_>>()?;
         Ok(LeaveOneOut {
             smoothing: format!("Hann kernel, {} Hz wide", options.smoothing_hz),
             order: match options.order {
                 Order::Auto => "chosen for each node (AIC)".into(),
                 Order::Bayesian => "chosen for each node (BIC)".into(),
-                Order::AtMost(order) => format!("chosen for each node (AIC), at most {order}"),
                 Order::Fixed(order) => order.to_string(),
             },
             simulated: self.simulated,
-            papers_textures: self.papers_textures.clone(),
             rows: rows.to_vec(),
             removed,
         })
-    }
-
-    /// Removes and predicts some of the inner nodes, by their places in [`LeaveOneOut::removed`].
-    ///
-    /// # Errors
-    /// A request that the kernel's renderer refuses.
-    ///
-    /// # Panics
-    /// If there is no such node.
-    pub fn run_some(
-        &self,
-        nodes: &[usize],
-        rows: &[Row],
-        options: &Options,
-        progress: impl Fn() + Sync,
-    ) -> Result<Vec<Removed>> {
-        let targets = self.targets();
-        let removed = nodes.par_iter().map(|&node| {
-            let outcome = self.remove(targets[node], rows, options);
-            progress();
-            outcome
-        });
-        removed.collect()
-    }
-
-    /// The recording at a removed node, and what is played there in `row`; none if it cannot be.
-    ///
-    /// # Errors
-    /// A node that is not of this set, and a request that the kernel's renderer refuses.
-    pub fn hear(
-        &self,
-        node: &Removed,
-        row: Row,
-        options: &Options,
-    ) -> Result<Option<(Vec<f64>, Vec<f64>)>> {
-        let is_it = |target: &&Target| {
-            self.set.trials[target.trial].file.display().to_string() == node.file
-        };
-        let targets = self.targets();
-        let Some(&target) = targets.iter().find(is_it) else {
-            let problem = format!("{} is not one of the removed nodes", node.file);
-            return Err(Error::Request(problem));
-        };
-        let mut removal = Removal::new(self, target, options);
-        let Some((at, power)) = removal.voice(row)? else {
-            return Ok(None);
-        };
-        let played = removal.voices[at]
-            .1
-            .as_ref()
-            .and_then(|voice| voice.at_power(power));
-        Ok(played.map(|played| (self.signals[target.trial].clone(), played)))
     }
 
     fn remove(&self, target: Target, rows: &[Row], options: &Options) -> Result<Removed> {
@@ -116,7 +67,6 @@ enum Timbre {
     Own,
     Interpolated(Domain),
     Densified,
-    Denser,
 }
 
 /// A node that is being removed.
@@ -151,11 +101,9 @@ impl<'p, 's> Removal<'p, 's> {
         match timbre {
             Timbre::Own => Some(texture.model(place).clone()),
             Timbre::Densified => texture.densified(place),
-            Timbre::Denser => texture.in_denser_grid(place),
             Timbre::Interpolated(domain) => {
                 let level = Level::Power;
-                let speed_mm_s = self.prepared.set.trials[self.target.trial].speed_mm_s;
-                Method { domain, level }.predict(&self.neighbours, speed_mm_s)
+                Method { domain, level }.predict(&self.neighbours)
             }
         }
     }
@@ -165,7 +113,6 @@ impl<'p, 's> Removal<'p, 's> {
         let timbre = match row {
             Row::Own => Timbre::Own,
             Row::Densified => Timbre::Densified,
-            Row::Denser => Timbre::Denser,
             Row::Interpolated(method) => Timbre::Interpolated(method.domain),
         };
         let known = self.voices.iter().position(|(known, _)| *known == timbre);
@@ -181,7 +128,7 @@ impl<'p, 's> Removal<'p, 's> {
                 Row::Interpolated(method) => method
                     .level
                     .power(&self.neighbours, &voice.model.reflection),
-                Row::Own | Row::Densified | Row::Denser => voice.model.output_power,
+                Row::Own | Row::Densified => voice.model.output_power,
             };
             (at, power)
         }))

@@ -9,9 +9,7 @@
 //! ([`clopper_pearson`](crate::dsp::binomial::clopper_pearson)) says whether more than that was heard.
 
 mod answers;
-mod excerpts;
 mod plan;
 
 pub use answers::{Answers, CHANCE, CONFIDENCE, Score, score};
-pub use excerpts::{FADE_S, SHORTEST_EXCERPT_S};
-pub use plan::{Kind, Options, Pair, Plan, Trial, plan};
+pub use plan::{FADE_S, Kind, Options, Pair, Plan, SHORTEST_EXCERPT_S, Trial, plan};

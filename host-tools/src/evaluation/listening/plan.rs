@@ -1,12 +1,13 @@
 //! The plan of a listening test: what is heard in which trial, decided by the seed alone.
 
-use model_format::Library;
+use std::f64::consts::PI;
+
+use model_format::{Library, SAMPLE_RATE_HZ};
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use serde::Serialize;
 
-use super::excerpts;
 use crate::evaluation::evaluate;
 use crate::evaluation::evaluate::Evaluation;
 use crate::evaluation::held_out::JudgeKind;
@@ -205,7 +206,7 @@ pub fn plan(
         return Err(Error::Request(format!(
             "there is nothing to compare: no recording holds two excerpts of {} s that were not fitted, or no texture \
              has what --pairs asks for",
-            excerpts::SHORTEST_EXCERPT_S
+            SHORTEST_EXCERPT_S
         )));
     }
     trials.shuffle(&mut generator);
@@ -256,16 +257,16 @@ fn read(
     index: usize,
 ) -> Result<Option<Heard>> {
     let comparison = evaluation.compare(set, library, index, evaluate)?;
-    let Some(samples) = excerpts::samples(&comparison.judged, options.excerpt_s) else {
+    let Some(samples) = samples(&comparison.judged, options.excerpt_s) else {
         return Ok(None);
     };
     let judged: Vec<&[f64]> = comparison.judged.iter().map(Vec::as_slice).collect();
-    let recording = excerpts::excerpts(&judged, samples);
-    let played = excerpts::excerpts(&[&comparison.synthesised], samples);
+    let recording = excerpts(&judged, samples);
+    let played = excerpts(&[&comparison.synthesised], samples);
     let versions = comparison.versions.iter();
     let gaussian = versions
         .filter(|version| version.played == Played::Gaussian)
-        .map(|version| excerpts::excerpts(&[&version.synthesised], samples))
+        .map(|version| excerpts(&[&version.synthesised], samples))
         .next();
     let (gaussian, fitted) = match gaussian {
         Some(gaussian) => (gaussian, played),
@@ -322,10 +323,55 @@ fn trial(pair: Pair, heard: &Heard, sounds: &mut Vec<Vec<f64>>, generator: &mut 
     }
 }
 
+/// Duration of the fade at each end of an excerpt, s; short, and free of clicks.
+pub const FADE_S: f64 = 0.02;
+
+/// Shortest excerpt, s: shorter ones are mostly fades.
+pub const SHORTEST_EXCERPT_S: f64 = 0.2;
+
+/// Samples of excerpts of about `seconds`, of which `blocks` hold at least two that do not overlap; `None` if these
+/// would be shorter than [`SHORTEST_EXCERPT_S`].
+fn samples(blocks: &[Vec<f64>], seconds: f64) -> Option<usize> {
+    let rate_hz = f64::from(SAMPLE_RATE_HZ);
+    let mut lengths: Vec<usize> = blocks.iter().map(Vec::len).collect();
+    lengths.sort_unstable();
+    let longest = lengths.pop()?;
+    // Both in the longest block, or one in it and one in the second.
+    let most = (longest / 2).max(lengths.pop().unwrap_or(0));
+    let samples = most.min((seconds * rate_hz) as usize);
+    (samples as f64 >= SHORTEST_EXCERPT_S * rate_hz).then_some(samples)
+}
+
+/// Excerpts of `samples` of a signal in blocks, side by side, each with an RMS of 1 about its mean before its ends
+/// fade. Silent ones are left out.
+fn excerpts(blocks: &[&[f64]], samples: usize) -> Vec<Vec<f64>> {
+    let parts = blocks.iter().flat_map(|block| block.chunks_exact(samples));
+    parts.filter_map(levelled).collect()
+}
+
+fn levelled(part: &[f64]) -> Option<Vec<f64>> {
+    let mean = part.iter().sum::<f64>() / part.len() as f64;
+    let square = part.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / part.len() as f64;
+    let gain = 1.0 / square.sqrt();
+    let fade = (FADE_S * f64::from(SAMPLE_RATE_HZ)) as usize;
+    let weight = |n: usize| {
+        let from_end = n.min(part.len() - 1 - n);
+        if from_end < fade {
+            0.5 - 0.5 * (PI * (from_end as f64 + 0.5) / fade as f64).cos()
+        } else {
+            1.0
+        }
+    };
+    let sample = |(n, x): (usize, &f64)| (x - mean) * gain * weight(n);
+    gain.is_finite()
+        .then(|| part.iter().enumerate().map(sample).collect())
+}
+
 #[cfg(test)]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
+
+    use super::*;
 
     fn heard() -> Heard {
         let of = |kind: usize| {
@@ -391,5 +437,42 @@ mod tests {
         ] {
             assert!((share - 0.5).abs() < 0.04, "{share}");
         }
+    }
+
+    proptest! {
+        #[test]
+        fn two_excerpts_fit_side_by_side(
+            lengths in prop::collection::vec(0usize..30_000, 0..6),
+            seconds in 0.2..5.0f64,
+        ) {
+            let blocks: Vec<Vec<f64>> = lengths
+                .iter()
+                .map(|&len| (0..len).map(|n| (n as f64 * 0.7).sin()).collect())
+                .collect();
+            if let Some(samples) = samples(&blocks, seconds) {
+                let slices: Vec<&[f64]> = blocks.iter().map(Vec::as_slice).collect();
+                prop_assert!(excerpts(&slices, samples).len() >= 2);
+                prop_assert!(samples <= (seconds * 5000.0) as usize);
+            }
+        }
+    }
+
+    #[test]
+    fn excerpts_have_one_rms_and_begin_and_end_near_zero() {
+        let loud: Vec<f64> = (0..10_000)
+            .map(|n| 40.0 * (f64::from(n) * 0.3).sin() + 7.0)
+            .collect();
+        let soft: Vec<f64> = loud.iter().map(|x| x * 1e-4).collect();
+        for signal in [loud, soft] {
+            let found = excerpts(&[&signal], 5000);
+            assert_eq!(found.len(), 2);
+            for excerpt in found {
+                let middle = &excerpt[100..4900];
+                let rms = (middle.iter().map(|x| x * x).sum::<f64>() / middle.len() as f64).sqrt();
+                assert!((rms - 1.0).abs() < 0.01, "{rms}");
+                assert!(excerpt[0].abs() < 1e-3 && excerpt[4999].abs() < 1e-3);
+            }
+        }
+        assert_eq!(excerpts(&[&vec![3.0; 5000]], 1000), Vec::<Vec<f64>>::new());
     }
 }

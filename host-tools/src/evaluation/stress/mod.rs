@@ -7,22 +7,18 @@
 //!
 //! *Level* is measured against the same filter in float64 on the same noise, whose power is known exactly: a lattice's
 //! is one for noise of power one, whatever its rotations. So it needs no minutes of averaging. *SNR* is against float64
-//! with the same coefficients; it counts the damping of a line that rings for long as noise, which *off the line*, the
-//! error at frequencies where the signal is 60 dB below its strongest, does not. *Spectrum* is the largest difference,
+//! with the same coefficients; it counts the damping of a line that rings for long as noise. *Spectrum* is the largest difference,
 //! at any frequency, between the model as it was fitted and as it is stored.
 
 pub mod cases;
-mod limits;
 pub mod models;
-mod off_line;
 mod outcome;
 pub mod player;
 pub mod reference;
 mod run;
-mod spectrum;
 
-pub use limits::{
-    LEVEL_DB, MEAN_STANDARD_ERRORS, SNR_DB, SPECTRUM_DB, snr_limit_db, spectrum_limit_db,
+pub use outcome::{
+    LEVEL_DB, MEAN_STANDARD_ERRORS, Outcome, Rest, SNR_DB, SPECTRUM_DB, snr_limit_db,
+    spectrum_limit_db,
 };
-pub use outcome::{Outcome, Rest};
 pub use run::{play, play_with, run};

@@ -12,10 +12,12 @@ use crate::playing::wavefront::Wavefront;
 
 /// A filter of any structure.
 pub trait Player {
-    /// Takes over a motion, at once: as [`stylus_kernel::Synthesis::follow`] does in one sample.
-    fn follow(&mut self, texture: &Texture<'_>, motion: Motion);
-    /// Puts one sample of excitation through, in steps of 2⁻²⁸ of a standard deviation; and whether it saturated.
-    fn sample(&mut self, excitation: i32) -> (OutputSample, bool);
+    /// Takes over a motion as [`stylus_kernel::Synthesis::follow`] does: from a level that has `left` samples of its
+    /// ramp to come, in `samples` samples.
+    fn follow(&mut self, texture: &Texture<'_>, motion: Motion, left: u32, samples: u32);
+    /// Puts one sample of excitation through, in steps of 2⁻²⁸ of a standard deviation, `left` samples before the end
+    /// of the level's ramp; and whether it saturated.
+    fn sample(&mut self, excitation: i32, left: u32) -> (OutputSample, bool);
     /// The newest signal of the state, full scale 2³¹.
     fn newest(&self) -> i32;
     /// The sum of the state's squares.
@@ -69,18 +71,19 @@ pub fn any_at(signals: impl Iterator<Item = i32>, (low, high): (i32, i32)) -> bo
 }
 
 /// Full scale, either sign.
-const ENDS: (i32, i32) = (i32::MIN, i32::MAX);
+pub const ENDS: (i32, i32) = (i32::MIN, i32::MAX);
 
 impl Player for Lattice {
-    fn follow(&mut self, texture: &Texture<'_>, motion: Motion) {
+    fn follow(&mut self, texture: &Texture<'_>, motion: Motion, left: u32, samples: u32) {
         let point = GridPoint::locate(texture, motion);
-        let from = self.frame.levels(0);
-        self.frame.update::<Wavefront>(texture, &point, from, 1);
+        let from = self.frame.levels(left);
+        self.frame
+            .update::<Wavefront>(texture, &point, from, samples);
     }
 
-    fn sample(&mut self, excitation: i32) -> (OutputSample, bool) {
+    fn sample(&mut self, excitation: i32, left: u32) -> (OutputSample, bool) {
         self.state
-            .next_sample::<Wavefront>(&self.frame, excitation, 0)
+            .next_sample::<Wavefront>(&self.frame, excitation, left)
     }
 
     fn newest(&self) -> i32 {
@@ -96,7 +99,7 @@ impl Player for Lattice {
     }
 
     fn glitch(&mut self, noise: &mut Excitation) {
-        self.state = LatticeState::from_backward(std::array::from_fn(|_| full_scale(noise)));
+        self.state = LatticeState::from_backward(std::array::from_fn(|_| full_scale(noise, ENDS)));
     }
 
     fn rotations(&mut self, _texture: &Texture<'_>, _point: &GridPoint) -> &[Rotation] {
@@ -104,13 +107,9 @@ impl Player for Lattice {
     }
 }
 
-/// Full scale of either sign, by chance.
-pub fn full_scale(noise: &mut Excitation) -> i32 {
-    if noise.next_sample() < 0 {
-        i32::MIN
-    } else {
-        i32::MAX
-    }
+/// One of two ends, by chance.
+pub fn full_scale<T>(noise: &mut Excitation, (low, high): (T, T)) -> T {
+    if noise.next_sample() < 0 { low } else { high }
 }
 
 #[cfg(test)]
@@ -130,14 +129,20 @@ mod tests {
         let library = Library::decode(&bytes).unwrap();
         let texture = library.textures().next().unwrap();
         let mut synthesis: Synthesis<'_> = Synthesis::from_rest(texture, 5);
-        let (mut player, mut noise) = (player(&texture), Excitation::new(5));
+        let (mut player, mut noise, mut left) = (player(&texture), Excitation::new(5), 0);
         for n in 0..2000u16 {
             let speed = MillimetresPerSecond(f32::from(n % 97) * 3.0);
             let motion = Motion::new(speed, Newton(f32::from(n % 31) / 25.0)).unwrap();
-            synthesis.follow(motion, 1);
-            player.follow(&texture, motion);
-            let played = player.sample(noise.next_sample()).0;
-            assert_eq!(played, synthesis.next_sample(), "sample {n}");
+            // In one sample, and in ramps that are cut short.
+            let samples = if n < 1000 { 1 } else { 10 };
+            synthesis.follow(motion, samples);
+            player.follow(&texture, motion, left, samples);
+            left = samples;
+            for _ in 0..samples.min(7) {
+                left -= 1;
+                let played = player.sample(noise.next_sample(), left).0;
+                assert_eq!(played, synthesis.next_sample(), "step {n}");
+            }
         }
     }
 

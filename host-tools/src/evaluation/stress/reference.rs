@@ -118,18 +118,13 @@ impl Mean {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rand::SeedableRng;
-    use rand_distr::{Distribution, StandardNormal};
+    use crate::dsp::test_signals::noise;
 
     #[test]
     fn a_mean_that_is_not_zero_is_seen_and_one_that_is_is_not() {
-        let noise = |seed| -> Vec<f64> {
-            let generator = rand_pcg::Pcg64::seed_from_u64(seed);
-            StandardNormal.sample_iter(generator).take(64_000).collect()
-        };
         let errors = |offset: f64| {
             let mut mean = Mean::of(64_000);
-            noise(3).iter().for_each(|x| mean.add(x + offset));
+            noise(3, 64_000).iter().for_each(|x| mean.add(x + offset));
             mean.in_standard_errors()
         };
         // The standard error is 1/253.

@@ -6,14 +6,13 @@ use stylus_kernel::excitation::{self, Excitation};
 use stylus_kernel::grid::GridPoint;
 
 use crate::support::error::{Error, Result};
-use crate::texture::stored::rms_m_s2;
+use crate::texture::quantise::rms_m_s2;
 
 use super::cases::Case;
-use super::off_line::OffLine;
+use super::models;
 use super::outcome::{Outcome, Rest};
 use super::player::{Player, player};
 use super::reference::{Deviation, FloatLattice, Mean};
-use super::{models, spectrum};
 
 /// Gain of the overdrive: from an RMS of an eighth of full scale to one of a third.
 const OVERDRIVE: f64 = 8.0 / 3.0;
@@ -38,18 +37,22 @@ pub fn run(cases: &[Case], progress: impl Fn() + Sync) -> Result<Vec<Outcome>> {
 ///
 /// # Errors
 /// A case that makes no library.
+///
+/// # Panics
+/// Never: a lattice holds every texture.
 pub fn play(case: &Case) -> Result<Outcome> {
-    play_with(case, player)
+    let outcome = play_with(case, |texture| Some(player(texture)))?;
+    Ok(outcome.expect("a lattice holds every texture"))
 }
 
-/// Plays one case by what `new_player` makes for its texture, at rest each time.
+/// Plays one case by what `new_player` makes for its texture, at rest each time; nothing if it makes none.
 ///
 /// # Errors
 /// A case that makes no library.
 pub fn play_with(
     case: &Case,
-    new_player: impl Fn(&Texture<'_>) -> Box<dyn Player>,
-) -> Result<Outcome> {
+    new_player: impl Fn(&Texture<'_>) -> Option<Box<dyn Player>>,
+) -> Result<Option<Outcome>> {
     let mut outcome = Outcome {
         case: case.name.clone(),
         pole_radius: case.pole_radius(),
@@ -58,24 +61,28 @@ pub fn play_with(
     let bytes = models::library(&case.nodes())?;
     let library = Library::decode(&bytes).map_err(|failure| Error::Model(failure.to_string()))?;
     let texture = library.textures().next().expect("one was encoded");
-    let mut bench = Bench::new(case, texture, new_player(&texture));
+    let Some(first) = new_player(&texture) else {
+        return Ok(None);
+    };
+    let again = || new_player(&texture).expect("it was made before");
+    let mut bench = Bench::new(case, texture, first);
     outcome.samples = case.samples;
-    outcome.spectrum_db = spectrum::largest_difference_db(&case.nodes(), &texture);
+    outcome.spectrum_db = models::largest_difference_db(&case.nodes(), &texture);
     bench.drive(1.0, case.samples, &mut outcome);
     outcome.stopped = bench.rest();
 
-    let mut bench = Bench::new(case, texture, new_player(&texture));
+    let mut bench = Bench::new(case, texture, again());
     for _ in 0..case.samples.min(50_000) {
         bench.sample(OVERDRIVE);
     }
     outcome.overdriven = bench.rest();
 
-    let mut bench = Bench::new(case, texture, new_player(&texture));
+    let mut bench = Bench::new(case, texture, again());
     bench.move_on();
     let mut signs = Excitation::new(99);
     bench.player.glitch(&mut signs);
     outcome.glitched = bench.rest();
-    Ok(outcome)
+    Ok(Some(outcome))
 }
 
 /// A texture on its way along a case's motion.
@@ -103,7 +110,7 @@ impl<'a> Bench<'a> {
         let changes = self.case.path.changes_at(self.sample);
         if changes {
             let motion = self.case.path.motion(self.sample);
-            self.player.follow(&self.texture, motion);
+            self.player.follow(&self.texture, motion, 0, 1);
         }
         self.sample += 1;
         changes
@@ -112,7 +119,7 @@ impl<'a> Bench<'a> {
     fn sample(&mut self, drive: f64) -> (OutputSample, bool) {
         self.move_on();
         let excitation = f64::from(self.noise.next_sample()) * drive;
-        self.player.sample(excitation as i32)
+        self.player.sample(excitation as i32, 0)
     }
 
     /// Drives `samples` samples and measures them.
@@ -120,7 +127,6 @@ impl<'a> Bench<'a> {
         let mut reference = FloatLattice::new(self.texture.max_order());
         let mut gain = 0.0;
         let (mut snr, mut level) = (Deviation::default(), Deviation::default());
-        let mut off_line = OffLine::default();
         let mut mean = Mean::of(samples);
         for _ in 0..samples {
             if self.move_on() {
@@ -130,16 +136,13 @@ impl<'a> Bench<'a> {
                 gain = rms_m_s2(&self.texture, &point);
             }
             let excitation = (f64::from(self.noise.next_sample()) * drive) as i32;
-            let (output, saturated) = self.player.sample(excitation);
+            let (output, saturated) = self.player.sample(excitation, 0);
             outcome.saturated += usize::from(saturated || self.player.is_at_full_scale());
             mean.add(f64::from(self.player.newest()));
             if self.case.with_reference {
                 let exact = reference.filter(f64::from(excitation));
                 let played = f64::from(self.player.newest());
                 snr.add(exact, played);
-                if self.case.is_still() {
-                    off_line.add(exact, played);
-                }
                 level.add(
                     exact / DEVIATION * gain,
                     f64::from(output.metres_per_second_squared().0),
@@ -150,7 +153,6 @@ impl<'a> Bench<'a> {
         if self.case.with_reference {
             outcome.snr_db = Some(snr.snr_db());
             outcome.level_db = Some(level.level_db());
-            outcome.off_line_dbc = off_line.noise_dbc();
         }
     }
 
@@ -169,7 +171,7 @@ impl<'a> Bench<'a> {
                 break;
             }
             self.move_on();
-            self.player.sample(0);
+            self.player.sample(0, 0);
             let energy = self.player.energy();
             rest.growing += usize::from(energy > before);
             largest = largest.max(energy);

@@ -155,17 +155,12 @@ fn whitened(samples: &[f64]) -> Option<Vec<f64>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dsp::test_signals::noise;
     use rand::{RngExt, SeedableRng};
-    use rand_distr::{Distribution, StandardNormal};
 
     fn decoded(spec: &CodebookSpec) -> Vec<f64> {
         let value = |&code: &i8| f64::from(spec.peak) * share(code);
         spec.codes.iter().map(value).collect()
-    }
-
-    fn noise(seed: u64, count: usize) -> Vec<f64> {
-        let generator = rand_pcg::Pcg64::seed_from_u64(seed);
-        StandardNormal.sample_iter(generator).take(count).collect()
     }
 
     /// Of coloured material that is heavy in its tails, of odd and even length.

@@ -4,7 +4,6 @@ use serde::{Deserialize, Serialize};
 
 use crate::dsp::autocorrelation::Autocorrelation;
 use crate::dsp::linear_prediction::{Prediction, corrected, step_up};
-use crate::fit::options::Estimator;
 use crate::fit::part::{Blocks, lags_of_blocks};
 
 /// Chance of a false alarm of each test, at most.
@@ -160,7 +159,7 @@ pub(super) struct Judged {
 
 /// Judges `signal`, with models of `order` at most. Nothing is found in a signal that is too short, or that is
 /// predicted to its round-off.
-pub(super) fn held_out(signal: &[f64], order: usize, estimator: Estimator) -> Judged {
+pub(super) fn held_out(signal: &[f64], order: usize) -> Judged {
     let blocks = Blocks::of(signal.len());
     let fitted: Vec<&[f64]> = blocks.fitted().map(|block| &signal[block]).collect();
     let samples: usize = fitted.iter().map(|block| block.len()).sum();
@@ -168,7 +167,7 @@ pub(super) fn held_out(signal: &[f64], order: usize, estimator: Estimator) -> Ju
     if samples == 0 || mean_square(signal) <= 0.0 {
         return Judged::default();
     }
-    let lags = lags_of_blocks(&fitted, estimator, order);
+    let lags = lags_of_blocks(&fitted, order);
     if lags[0] <= 0.0 {
         return Judged::default();
     }

@@ -197,11 +197,7 @@ mod tests {
 
     #[test]
     fn a_tone_that_beats_has_its_envelope_as_track() {
-        // 5 Hz under 800 Hz: 1 + 0.8 cos.
-        let envelope = |n: usize| 1.0 + 0.8 * (n as f64 * std::f64::consts::TAU / 1000.0).cos();
-        let signal: Vec<f64> = (0..20_000)
-            .map(|n| envelope(n) * (n as f64).sin())
-            .collect();
+        let signal = beating(20_000);
         for resolution in [BESIDE_CODEBOOK, BESIDE_NOISE] {
             let (spec, trials) = track(&[&trace(signal.clone())], resolution).unwrap();
             assert_eq!(trials, 1);

@@ -63,7 +63,7 @@ pub(super) fn add_to(
     progress: impl Fn() + Sync,
 ) -> Result<()> {
     let texture = &fit.textures[index];
-    let traces = traces((set, members), (fit, index), options, &read, &progress)?;
+    let traces = traces((set, members), (fit, index), &read, &progress)?;
     let axes = Axes {
         speeds_mm_s: &texture.grid.speeds_mm_s,
         forces_n: &texture.grid.forces_n,
@@ -97,7 +97,6 @@ pub(super) fn bytes_per_texture(fit: &Fit) -> Result<usize> {
 fn traces(
     (set, members): (&RecordingSet, &[usize]),
     (fit, index): (&Fit, usize),
-    options: &Options,
     read: &(impl Fn(usize) -> Result<Signal> + Sync),
     progress: &(impl Fn() + Sync),
 ) -> Result<Vec<Trace>> {
@@ -116,13 +115,7 @@ fn traces(
             let trace = match nodes.get(grid.index(at.0, at.1)) {
                 Some(node) if node.output_power > 0.0 => {
                     let signal = read(member)?;
-                    Trace::of(
-                        &signal,
-                        at,
-                        &node.codes,
-                        &report.verdicts,
-                        options.estimator,
-                    )
+                    Trace::of(&signal, at, &node.codes, &report.verdicts)
                 }
                 _ => None,
             };

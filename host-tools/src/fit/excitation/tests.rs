@@ -4,8 +4,6 @@ use std::path::Path;
 
 use model_format::{Library, MillimetresPerSecond, Newton, NodeFlags, SAMPLE_RATE_HZ, limits};
 use proptest::prelude::*;
-use rand::SeedableRng;
-use rand_distr::{Distribution, StandardNormal};
 
 use super::evidence::mean_square;
 use super::texture::{Axes, parts};
@@ -13,8 +11,9 @@ use super::trace::Trace;
 use crate::dsp::autocorrelation::Autocorrelation;
 use crate::dsp::linear_prediction::{Prediction, corrected};
 use crate::dsp::model::Model;
+use crate::dsp::test_signals::noise;
 use crate::fit::excitation::texture::ExcitationReport;
-use crate::fit::options::{Estimator, ExcitationChoice, ModulationChoice, Options, Order};
+use crate::fit::options::{ExcitationChoice, ModulationChoice, Options, Order};
 use crate::fit::trial::Signal;
 use crate::fit::{Fit, fit};
 use crate::playing::motion::MotionPath;
@@ -23,14 +22,6 @@ use crate::recording::{RecordingSet, Trial};
 use crate::scene::with_scenes;
 use crate::texture::grid::Grid;
 use crate::texture::quantise::nodes;
-
-fn noise(seed: u64, samples: usize) -> Vec<f64> {
-    let generator = rand_pcg::Pcg64::seed_from_u64(seed);
-    StandardNormal
-        .sample_iter(generator)
-        .take(samples)
-        .collect()
-}
 
 /// Noise of an RMS of 1 with a power spectrum of a surface: two resonances, one of them narrow.
 fn filtered(excitation: &[f64], hz: f64) -> Vec<f64> {
@@ -87,7 +78,7 @@ fn trace(samples: &[f64], order: usize) -> Trace {
         source_rate_hz: 5000.0,
         flaws: Vec::new(),
     };
-    Trace::of(&signal, (0, 0), &node.codes, &[], Estimator::Auto).unwrap()
+    Trace::of(&signal, (0, 0), &node.codes, &[]).unwrap()
 }
 
 fn chosen(samples: &[f64], options: &Options) -> super::texture::Parts {
@@ -285,7 +276,7 @@ fn forced(excitation: ExcitationChoice, modulation: ModulationChoice) -> Options
     Options {
         excitation,
         modulation,
-        order: Order::AtMost(60),
+        order: Order::Fixed(60),
         ..Options::default()
     }
 }
@@ -302,30 +293,18 @@ fn bad_recordings_are_fitted_without_a_fault_and_at_their_level() {
     impulse[6000] = 5.0;
     let mut impulse_in_noise: Vec<f64> = noise(4, 12_000).iter().map(|x| 1e-2 * x).collect();
     impulse_in_noise[6000] += 5.0;
-    let clipped: Vec<f64> = filtered(&noise(5, 12_000), 80.0)
-        .iter()
-        .map(|x| x.clamp(-1.5, 1.5))
-        .collect();
-    let held: Vec<f64> = noise(6, 3000).iter().flat_map(|&x| [x; 4]).collect();
-    let alternating: Vec<f64> = (0..12_000)
-        .map(|n| if n % 2 == 0 { 1.0 } else { -1.0 })
-        .collect();
     let square: Vec<f64> = (0..12_000)
         .map(|n| if n / 50 % 2 == 0 { 1.0 } else { -1.0 })
         .collect();
     let tone: Vec<f64> = (0..12_000).map(|n| (0.3 * f64::from(n)).sin()).collect();
     let mut half_silent = filtered(&impulsive(7, 12_000), 90.0);
     half_silent[..7000].fill(0.0);
-    let cases: [(&str, Vec<f64>); 11] = [
+    let cases: [(&str, Vec<f64>); 7] = [
         ("silence", vec![0.0; 12_000]),
-        ("constant", vec![9.81; 12_000]),
-        ("alternating", alternating),
         ("square", square),
         ("tone", tone),
         ("impulse", impulse),
         ("impulse-in-noise", impulse_in_noise),
-        ("clipped", clipped),
-        ("held", held),
         ("half-silent", half_silent),
         ("short", filtered(&impulsive(8, 900), 90.0)),
     ];

@@ -6,7 +6,6 @@ use model_format::{CodeSpec, FINE_THETA_STEP_RAD, SAMPLE_RATE_HZ};
 
 use super::evidence::{self, Judged, mean_square, residual};
 use crate::dsp::linear_prediction::step_up;
-use crate::fit::options::Estimator;
 use crate::fit::trial::Signal;
 use crate::recording::triage::Verdict;
 
@@ -40,7 +39,6 @@ impl Trace {
         at: (usize, usize),
         codes: &CodeSpec,
         verdicts: &[Verdict],
-        estimator: Estimator,
     ) -> Option<Self> {
         if !verdicts.iter().all(leaves_the_residual) {
             return None;
@@ -61,7 +59,7 @@ impl Trace {
         Some(Self {
             at,
             flaws: signal.flaws.iter().map(moved).collect(),
-            judged: evidence::held_out(samples, order, estimator),
+            judged: evidence::held_out(samples, order),
             residual,
         })
     }

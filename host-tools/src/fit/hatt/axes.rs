@@ -80,7 +80,7 @@ impl Candidates {
 }
 
 /// Bytes of a node in a library.
-pub(super) fn node_bytes(model: &Model) -> usize {
+fn node_bytes(model: &Model) -> usize {
     NODE_RECORD_BYTES + 2 * model.reflection.len()
 }
 

@@ -1,6 +1,5 @@
 //! Elements of HaTT's XML and the numbers in them, with their places in the file.
 
-use std::collections::BTreeSet;
 use std::path::Path;
 
 use roxmltree::{Document, Node, ParsingOptions};
@@ -67,51 +66,6 @@ fn costly_line(text: &str) -> Option<u64> {
     }
     None
 }
-
-/// Largest difference between line spectral frequencies of the file and those of its coefficients, rad.
-///
-/// At 1 kHz it is 0.16 Hz. The files give six decimals.
-pub(super) const LSF_TOLERANCE_RAD: f64 = 0.001;
-
-/// Most numbers that one list may have; more is no model file.
-const MOST_NUMBERS: usize = 100_000;
-
-/// Elements of HaTT's files.
-const KNOWN: [&str; 30] = [
-    "modelSet",
-    "material",
-    "AccelUnits",
-    "SpeedUnits",
-    "ForceUnits",
-    "SampleRate",
-    "mu",
-    "htmlPicture",
-    "htmlLinuxPicture",
-    "renderPicture",
-    "DTpicture",
-    "LinuxDTpicture",
-    "numMod",
-    "numTri",
-    "maxSpeed",
-    "maxForce",
-    "speedList",
-    "forceList",
-    "tri",
-    "value",
-    "numARCoeff",
-    "numMACoeff",
-    "model",
-    "modNum",
-    "ARcoeff",
-    "ARlsf",
-    "MAcoeff",
-    "MAlsf",
-    "var",
-    "gain",
-];
-
-/// Elements with the place of a model.
-const PLACE: [&str; 2] = ["speedMod", "forceMod"];
 
 /// A file's elements.
 pub(super) struct File<'a> {
@@ -183,16 +137,12 @@ impl<'a> File<'a> {
                     self.wrong(text, format!("'{word}' in <{name}> is not a number"))
                 })?;
                 numbers.push(number);
-                if numbers.len() > MOST_NUMBERS {
-                    let problem = format!("<{name}> has more than {MOST_NUMBERS} numbers");
-                    return Err(self.wrong(node, problem));
-                }
             }
         }
         Ok(numbers)
     }
 
-    /// Triangles as indices from 0. HaTT counts from 1; a file with a corner 0 counts from 0.
+    /// Triangles as indices from 0, where the file counts from 1.
     ///
     /// # Errors
     /// Corners that are not three per triangle, or that name no model.
@@ -217,11 +167,8 @@ impl<'a> File<'a> {
                     .map(|corners| (node, [corners[0], corners[1], corners[2]])),
             );
         }
-        let first = f64::from(u8::from(
-            !listed.iter().any(|(_, corners)| corners.contains(&0.0)),
-        ));
         let index = |node, corner: f64| {
-            let index = corner - first;
+            let index = corner - 1.0;
             if index.fract() == 0.0 && (0.0..models as f64).contains(&index) {
                 return Ok(index as usize);
             }
@@ -283,25 +230,6 @@ impl<'a> File<'a> {
             }
         }
         Ok(())
-    }
-
-    /// One remark on all elements that no HaTT file has.
-    pub fn unknown_elements(&self) -> Option<String> {
-        let known = |node: &Node<'_, '_>| {
-            let name = node.tag_name().name();
-            KNOWN
-                .iter()
-                .chain(&PLACE)
-                .any(|known| known.eq_ignore_ascii_case(name))
-        };
-        let names: BTreeSet<String> = self
-            .document
-            .descendants()
-            .filter(|node| node.is_element() && !node.descendants().any(|inner| known(&inner)))
-            .map(|node| format!("<{}>", node.tag_name().name()))
-            .collect();
-        let list: Vec<String> = names.into_iter().collect();
-        (!list.is_empty()).then(|| format!("{} are not HaTT's and were not read", list.join(", ")))
     }
 }
 

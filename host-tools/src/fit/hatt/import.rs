@@ -7,10 +7,8 @@ use model_format::{TextureSpec, encode, limits};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::axes::{Bounds, Candidates, node_bytes};
-use super::between;
-use super::comparison::PlaceError;
-use super::convert::{Converted, ConvertedNode, convert};
+use super::axes::{Bounds, Candidates};
+use super::convert::{Converted, ConvertedNode, PlaceError, convert};
 use super::elements::MODEL_FILE;
 use super::read::read;
 use super::toolkit::Toolkit;
@@ -41,16 +39,6 @@ pub struct Options {
     pub speeds: Option<usize>,
     /// Most forces of a grid; as many as the slot has room for if none.
     pub forces: Option<usize>,
-}
-
-/// Bounds of every texture, and what they will take.
-#[derive(Clone, Debug)]
-pub struct Plan {
-    bounds: Vec<Bounds>,
-    /// Bytes of a library whose grids hold all speeds and forces, or as many as were asked for. An estimate.
-    pub wanted_bytes: usize,
-    /// Bytes of the library as it is planned. An estimate.
-    pub planned_bytes: usize,
 }
 
 /// Lists the files of `paths`: folders stand for all XML files in them, by name.
@@ -144,135 +132,38 @@ fn source(path: &Path) -> Result<Source> {
     })
 }
 
-/// Bytes that one texture would take, and its bounds.
-struct Need {
-    /// Bytes of its grid as it is wanted.
-    bytes: f64,
-    /// Number of the models' own places, by which the slot is shared.
-    places: f64,
-    bounds: Bounds,
-}
-
-/// Decides what every texture may take, before any of the work is done.
-///
-/// The slot is shared in proportion to the files' numbers of different speeds and
-/// forces; what a texture does not need goes to the others.
+/// Decides what the grid of every texture may take: the slot is shared in proportion to the files' numbers of different
+/// speeds and forces.
 ///
 /// # Errors
 /// Sizes that no grid can have.
-pub fn plan(sources: &[Source], options: &Options) -> Result<Plan> {
+pub fn plan(sources: &[Source], options: &Options) -> Result<Vec<Bounds>> {
     for (what, count) in [("speeds", options.speeds), ("forces", options.forces)] {
         if count.is_some_and(|count| !(1..=limits::MAX_AXIS_LEN).contains(&count)) {
             let most = limits::MAX_AXIS_LEN;
             return Err(Error::Request(format!("--{what} can be 1 to {most}")));
         }
     }
-    let needs: Vec<Need> = sources
-        .par_iter()
-        .map(|source| need(source, options))
-        .collect();
-    let fixed = LIBRARY_BYTES
-        + sources
-            .iter()
-            .map(|source| TEXTURE_BYTES + source.name.len())
-            .sum::<usize>();
-    let room = limits::MAX_LIBRARY_BYTES.saturating_sub(fixed) as f64;
-    let wanted_bytes = fixed + needs.iter().map(|need| need.bytes).sum::<f64>() as usize;
-    let shares = shares(&needs, room);
-    let planned = needs
-        .iter()
-        .zip(&shares)
-        .map(|(need, share)| need.bytes.min(*share))
-        .sum::<f64>();
-    let bounds = needs.iter().zip(&shares).map(|(need, share)| Bounds {
-        bytes: *share as usize,
-        ..need.bounds
+    let names: usize = sources.iter().map(|source| source.name.len()).sum();
+    let fixed = LIBRARY_BYTES + TEXTURE_BYTES * sources.len() + names;
+    let room = limits::MAX_LIBRARY_BYTES.saturating_sub(fixed);
+    let axes = sources.iter().map(|source| {
+        let candidates = Candidates::of(&source.toolkit);
+        (candidates.speeds_mm_s.len(), candidates.forces_n.len())
     });
-    Ok(Plan {
-        bounds: bounds.collect(),
-        wanted_bytes,
-        planned_bytes: fixed + planned as usize,
-    })
-}
-
-fn need(source: &Source, options: &Options) -> Need {
-    let candidates = Candidates::of(&source.toolkit);
-    let speeds = candidates
-        .speeds_mm_s
-        .len()
-        .min(options.speeds.unwrap_or(usize::MAX));
-    let forces = candidates
-        .forces_n
-        .len()
-        .min(options.forces.unwrap_or(usize::MAX));
-    let sounding = source.toolkit.models.iter().filter(|model| model.sounds());
-    let sizes: Vec<usize> = sounding
-        .map(|model| {
-            node_bytes(&between::model(
-                &source.toolkit,
-                (model.speed_mm_s, model.force_n),
-            ))
-        })
-        .collect();
-    let mean = sizes.iter().sum::<usize>() as f64 / sizes.len().max(1) as f64;
-    Need {
-        bytes: mean * (speeds * forces) as f64 + (size_of::<f32>() * (speeds + forces)) as f64,
-        places: (candidates.speeds_mm_s.len() + candidates.forces_n.len()) as f64,
-        bounds: Bounds {
-            speeds,
-            forces,
-            bytes: usize::MAX,
-        },
-    }
-}
-
-/// Shares of `room` bytes in proportion to the numbers of places. A texture that needs less has a little more than
-/// that, because needs are estimates, and the others share the rest.
-fn shares(needs: &[Need], room: f64) -> Vec<f64> {
-    const MARGIN: f64 = 1.2;
-    let mut shares = vec![None; needs.len()];
-    loop {
-        let given: f64 = shares.iter().flatten().sum();
-        let open = || (0..needs.len()).filter(|&index| shares[index].is_none());
-        let places: f64 = open().map(|index| needs[index].places).sum();
-        let share = |index: usize| (room - given) * needs[index].places / places;
-        let content: Vec<usize> = open()
-            .filter(|&index| MARGIN * needs[index].bytes <= share(index))
-            .collect();
-        if content.is_empty() {
-            return (0..needs.len())
-                .map(|index| shares[index].unwrap_or_else(|| share(index)))
-                .collect();
-        }
-        for index in content {
-            shares[index] = Some(MARGIN * needs[index].bytes);
-        }
-    }
+    let axes: Vec<(usize, usize)> = axes.collect();
+    let all: usize = axes.iter().map(|(speeds, forces)| speeds + forces).sum();
+    let bounds = axes.into_iter().map(|(speeds, forces)| Bounds {
+        speeds: speeds.min(options.speeds.unwrap_or(usize::MAX)),
+        forces: forces.min(options.forces.unwrap_or(usize::MAX)),
+        bytes: room * (speeds + forces) / all.max(1),
+    });
+    Ok(bounds.collect())
 }
 
 /// Bytes in words: KB of 1024 bytes, rounded up.
 fn kilobytes(bytes: usize) -> usize {
     bytes.div_ceil(1024)
-}
-
-impl Plan {
-    /// Returns one line on what `textures` textures will take.
-    pub fn in_words(&self, textures: usize) -> String {
-        let (planned, slot) = (kilobytes(self.planned_bytes), kilobytes(limits::SLOT_BYTES));
-        let noun = if textures == 1 {
-            "texture needs"
-        } else {
-            "textures need"
-        };
-        let mut line = format!("{textures} {noun} about {planned} KB of {slot}");
-        if self.wanted_bytes > limits::MAX_LIBRARY_BYTES {
-            let wanted = kilobytes(self.wanted_bytes);
-            line.push_str(&format!(
-                "; grids are chosen for that, whole ones would need {wanted} KB"
-            ));
-        }
-        line
-    }
 }
 
 /// The account of one texture.
@@ -309,18 +200,18 @@ impl ImportReport {
     }
 }
 
-/// Converts all `sources` as `plan` says, and calls `progress` after each file.
+/// Converts all `sources` within their `bounds`, and calls `progress` after each file.
 ///
 /// # Errors
 /// A model that the library cannot hold, with its file; a library that does not fit in a slot.
 pub fn import(
     sources: &[Source],
-    plan: &Plan,
+    bounds: &[Bounds],
     progress: &(impl Fn() + Sync),
 ) -> Result<(Vec<Converted>, Vec<u8>)> {
     let converted: Vec<Converted> = sources
         .par_iter()
-        .zip(&plan.bounds)
+        .zip(bounds)
         .map(|(source, bounds)| {
             let converted = convert(&source.name, &source.toolkit, *bounds)
                 .map_err(|failure| Error::file(&source.path, failure.to_string()));
@@ -350,7 +241,6 @@ pub fn import(
 mod tests {
     use super::super::fixture;
     use super::*;
-    use proptest::prelude::*;
 
     fn sources(count: usize, text: &str) -> Vec<Source> {
         let path = Path::new("felt.xml");
@@ -371,31 +261,12 @@ mod tests {
         };
         for options in [asked, Options::default()] {
             let plan = plan(&sources, &options).unwrap();
-            let bytes: usize = plan.bounds.iter().map(|bounds| bounds.bytes).sum();
+            let bytes: usize = plan.iter().map(|bounds| bounds.bytes).sum();
             assert!(
                 bytes < limits::MAX_LIBRARY_BYTES && bytes > limits::MAX_LIBRARY_BYTES * 9 / 10
             );
-            assert!(plan.planned_bytes <= limits::MAX_LIBRARY_BYTES);
-            assert!(plan.in_words(8).contains("of 512"), "{}", plan.in_words(8));
         }
         let speeds = Some(65);
         assert!(plan(&sources, &Options { speeds, ..asked }).is_err());
-    }
-
-    proptest! {
-        #[test]
-        fn shares_fill_the_room_and_no_more_than_it(
-            wanted in prop::collection::vec((1.0f64..1e6, 1.0f64..80.0), 1..40), room in 1e3f64..1e6,
-        ) {
-            let bounds = Bounds { speeds: 1, forces: 1, bytes: 0 };
-            let needs: Vec<Need> =
-                wanted.into_iter().map(|(bytes, places)| Need { bytes, places, bounds }).collect();
-            let shares = shares(&needs, room);
-            let sum: f64 = shares.iter().sum();
-            prop_assert!(sum <= room * (1.0 + 1e-9));
-            // What is not given away nobody needs.
-            let content = needs.iter().zip(&shares).all(|(need, share)| need.bytes <= *share);
-            prop_assert!(content || sum >= room * (1.0 - 1e-9), "{} of {}", sum, room);
-        }
     }
 }

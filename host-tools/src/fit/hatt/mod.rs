@@ -14,18 +14,16 @@
 //! | models that sound with different orders | refused |
 //! | a model that is unstable, or whose variance or gain is negative or not finite | left out with triangles; said |
 //! | a model of variance zero | silence; its shape counts, as in HaTT, if it has the others' order |
-//! | line spectral frequencies that are not those of the coefficients | said; they count, as in HaTT's renderer |
+//! | line spectral frequencies that are not those of the coefficients | they count, as in HaTT's renderer |
 //! | a first coefficient of MA that is not 1 | b(0), a factor of the gain |
-//! | models that no triangle uses, triangles that leave gaps, unknown elements | said |
+//! | models that no triangle uses, triangles that leave gaps, unknown elements | nothing |
 
 pub mod axes;
 mod between;
-pub mod comparison;
 pub mod convert;
 mod elements;
 #[cfg(test)]
 mod fixture;
 pub mod import;
-mod model;
 pub mod read;
 pub mod toolkit;

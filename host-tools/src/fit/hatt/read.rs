@@ -4,8 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::elements::{self, File};
-use super::model::{Found, found};
-use super::toolkit::{ArmaModel, Toolkit};
+use super::toolkit::{ArmaModel, Toolkit, found};
 use crate::recording::RATES_HZ;
 use crate::support::error::{Error, Result};
 use model_format::SAMPLE_RATE_HZ;
@@ -34,12 +33,11 @@ pub fn read(path: &Path, text: &str) -> Result<Toolkit> {
             format!("a sample rate of {sample_rate_hz} Hz is no model's; HaTT's are of 1000 Hz");
         return Err(Error::file(path, problem));
     }
-    let mut remarks = Remarks::default();
+    let mut remarks = BTreeMap::new();
     let read = models(&file, &mut remarks)?;
     let usable = read.iter().flatten().count();
     if usable == 0 {
-        let why = remarks
-            .warnings()
+        let why = warnings(&remarks)
             .first()
             .map_or(String::new(), |first| format!(": {first}"));
         let problem = format!("has no model that can be used{why}; is it a HaTT model file?");
@@ -56,11 +54,8 @@ pub fn read(path: &Path, text: &str) -> Result<Toolkit> {
         );
         return Err(Error::file(path, problem));
     }
-    remarks.unused(&read, &triangles);
     let (models, triangles) = without_missing(read, &triangles);
     let largest = |of: fn(&ArmaModel) -> f64| models.iter().map(of).fold(0.0, f64::max);
-    let mut warnings = remarks.warnings();
-    warnings.extend(file.unknown_elements());
     let mut toolkit = Toolkit {
         sample_rate_hz,
         max_speed_mm_s: file
@@ -69,17 +64,12 @@ pub fn read(path: &Path, text: &str) -> Result<Toolkit> {
         max_force_n: file
             .one("maxForce")?
             .unwrap_or_else(|| largest(|m| m.force_n)),
-        friction: file.one("mu")?,
         models,
         triangles,
-        warnings: Vec::new(),
+        warnings: warnings(&remarks),
     };
     toolkit.check_orders(path)?;
-    warnings.extend(toolkit.uncovered());
-    Ok(Toolkit {
-        warnings,
-        ..toolkit
-    })
+    Ok(toolkit)
 }
 
 /// Returns whether models may have this rate, Hz: that of a recording, and at most that at which they are played.
@@ -90,24 +80,17 @@ fn is_models_rate(rate_hz: f64) -> bool {
 /// All models in the file's order; `None` for one that is left out.
 fn models(file: &File<'_>, remarks: &mut Remarks) -> Result<Vec<Option<ArmaModel>>> {
     let (speeds, forces) = (file.list("speedList")?, file.list("forceList")?);
-    // Each search of the whole file is done once, not once per model.
-    let stated = [file.one("numARCoeff")?, file.one("numMACoeff")?];
     let mut read = Vec::new();
     for (index, node) in file.models().enumerate() {
         if index == MOST_MODELS {
             return Err(file.too_many(node, MOST_MODELS));
         }
         let place = (speeds.get(index).copied(), forces.get(index).copied());
-        read.push(match found(file, node, place, stated)? {
-            Ok(Found {
-                model,
-                lsf_error_rad,
-            }) => {
-                remarks.lines(index, lsf_error_rad);
-                Some(model)
-            }
+        read.push(match found(file, node, place)? {
+            Ok(model) => Some(model),
             Err(problem) => {
-                remarks.add(index, format!("{problem}; left out"));
+                let remark = format!("{problem}; left out");
+                remarks.entry(remark).or_default().push(index + 1);
                 None
             }
         });
@@ -137,66 +120,16 @@ fn without_missing(
     (read.into_iter().flatten().collect(), triangles)
 }
 
-/// Remarks on models, one per kind.
-#[derive(Default)]
-struct Remarks {
-    /// Models, from 1, of each remark.
-    of_models: BTreeMap<String, Vec<usize>>,
-    /// Models whose line spectral frequencies are not those of their coefficients, from 1.
-    lines: Vec<usize>,
-    largest_rad: f64,
-}
+/// Models, from 1, by what is wrong with them.
+type Remarks = BTreeMap<String, Vec<usize>>;
 
-impl Remarks {
-    fn add(&mut self, index: usize, remark: String) {
-        self.of_models.entry(remark).or_default().push(index + 1);
-    }
-
-    fn lines(&mut self, index: usize, error_rad: f64) {
-        if error_rad > elements::LSF_TOLERANCE_RAD {
-            self.lines.push(index + 1);
-            self.largest_rad = self.largest_rad.max(error_rad);
-        }
-    }
-
-    fn unused(&mut self, read: &[Option<ArmaModel>], triangles: &[[usize; 3]]) {
-        if triangles.is_empty() {
-            return;
-        }
-        let mut used = vec![false; read.len()];
-        for &corner in triangles.iter().flatten() {
-            used[corner] = true;
-        }
-        for index in (0..read.len()).filter(|&index| read[index].is_some() && !used[index]) {
-            self.add(
-                index,
-                "no triangle uses it, so that it is never played".into(),
-            );
-        }
-    }
-
-    fn warnings(&self) -> Vec<String> {
-        let named = |models: &[usize]| {
-            let numbers: Vec<String> = models.iter().map(usize::to_string).collect();
-            let plural = if numbers.len() > 1 { "s" } else { "" };
-            format!("model{plural} {}", numbers.join(", "))
-        };
-        let mut warnings: Vec<String> = self
-            .of_models
-            .iter()
-            .map(|(remark, models)| format!("{}: {remark}", named(models)))
-            .collect();
-        if !self.lines.is_empty() {
-            warnings.push(format!(
-                "{}: line spectral frequencies that are not those of the coefficients, by up to {:.3} rad where {} are \
-                 allowed; they count, as in HaTT's renderer",
-                named(&self.lines),
-                self.largest_rad,
-                elements::LSF_TOLERANCE_RAD
-            ));
-        }
-        warnings
-    }
+fn warnings(remarks: &Remarks) -> Vec<String> {
+    let warning = |(remark, models): (&String, &Vec<usize>)| {
+        let numbers: Vec<String> = models.iter().map(usize::to_string).collect();
+        let plural = if numbers.len() > 1 { "s" } else { "" };
+        format!("model{plural} {}: {remark}", numbers.join(", "))
+    };
+    remarks.iter().map(warning).collect()
 }
 
 #[cfg(test)]
@@ -237,10 +170,7 @@ pub(super) mod tests {
             fixture::TRIANGLES.map(|t| t.map(|corner| corner - 1))
         );
         assert_eq!(toolkit.models.len(), fixture::PLACES.len());
-        assert_eq!(
-            (toolkit.max_speed_mm_s, toolkit.friction),
-            (200.0, Some(0.3))
-        );
+        assert_eq!(toolkit.max_speed_mm_s, 200.0);
         assert!(toolkit.warnings.is_empty(), "{:?}", toolkit.warnings);
         for (model, place) in toolkit.models.iter().zip(fixture::PLACES) {
             assert_eq!((model.speed_mm_s, model.force_n, model.variance), place);
@@ -275,14 +205,6 @@ pub(super) mod tests {
                 .zip(b.poles.iter().chain(&b.zeros));
             assert!(pairs.into_iter().all(|(a, b)| (a - b).abs() < 1e-6));
         }
-    }
-
-    #[test]
-    fn corners_are_counted_from_one_unless_one_of_them_is_zero() {
-        let toolkit = parse(&small("1 -0.9 0.5", "0.02", "0 2 3")).unwrap();
-        assert_eq!(toolkit.triangles, [[1, 2, 3], [0, 2, 3]]);
-        let from_one = parse(&small("1 -0.9 0.5", "0.02", "")).unwrap();
-        assert_eq!(from_one.triangles, [[0, 1, 2]]);
     }
 
     #[test]
@@ -371,45 +293,13 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn line_spectra_that_are_not_the_coefficients_own_are_said_once_and_count() {
+    fn line_spectra_count_whatever_the_coefficients_are() {
         let lines = fixture::lines(60.0)[0][1];
         let text =
             fixture::whole().replace(&format!("{lines:.9}"), &format!("{:.9}", lines + 0.05));
         let toolkit = parse(&text).unwrap();
-        // Models at rest have the shape of that at 60 mm/s.
-        let [warning] = &toolkit.warnings[..] else {
-            panic!("{:?}", toolkit.warnings)
-        };
-        assert!(
-            warning.contains("models 1, 3, 5") && warning.contains("0.050 rad"),
-            "{warning}"
-        );
         let counted = toolkit.models[4].timbre.as_ref().unwrap().poles[1];
         assert!((counted - lines - 0.05).abs() < 1e-8);
-    }
-
-    #[test]
-    fn what_leaves_a_file_usable_is_said_once_per_kind() {
-        let places = [
-            &fixture::PLACES[..],
-            &[(100.0, 1.0, 0.01), (101.0, 1.0, 0.01)],
-        ]
-        .concat();
-        let unused = parse(&fixture::file(&places, &fixture::TRIANGLES))
-            .unwrap()
-            .warnings;
-        assert_eq!(unused.len(), 1);
-        assert!(unused[0].contains("models 7, 8: no triangle"), "{unused:?}");
-        let gap = parse(&fixture::file(&fixture::PLACES, &fixture::TRIANGLES[1..]))
-            .unwrap()
-            .warnings;
-        assert!(
-            gap.iter().any(|w| w.contains("the triangles cover")),
-            "{gap:?}"
-        );
-        let unknown = fixture::whole().replace("<modNum>", "<kurtosis>3</kurtosis><modNum>");
-        let unknown = parse(&unknown).unwrap().warnings;
-        assert_eq!(unknown, ["<kurtosis> are not HaTT's and were not read"]);
     }
 
     proptest! {

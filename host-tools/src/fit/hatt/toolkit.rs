@@ -1,7 +1,13 @@
 //! The models of a file.
 
+use std::f64::consts::PI;
 use std::path::Path;
 
+use roxmltree::Node;
+
+use super::elements::File;
+use crate::dsp::line_spectral_frequencies as line_spectrum;
+use crate::dsp::linear_prediction::step_down;
 use crate::support::error::{Error, Result};
 
 /// A file's models.
@@ -13,8 +19,6 @@ pub struct Toolkit {
     pub max_speed_mm_s: f64,
     /// Highest force of the recordings, N.
     pub max_force_n: f64,
-    /// Kinetic friction coefficient; the stylus does not play it.
-    pub friction: Option<f64>,
     /// The models that can be used.
     pub models: Vec<ArmaModel>,
     /// Corners of triangles, as indices of `models`.
@@ -113,33 +117,139 @@ impl Toolkit {
         }
         Ok(())
     }
+}
 
-    /// A remark if the triangles' area is not that of all speeds and forces up to the highest.
-    pub(super) fn uncovered(&self) -> Option<String> {
-        let place = |index: usize| {
-            let model = &self.models[index];
-            (
-                model.speed_mm_s / self.max_speed_mm_s,
-                model.force_n / self.max_force_n,
-            )
+/// Most coefficients of AR and of MA, without those of lag 0. The published models have some ten.
+const MOST_COEFFICIENTS: usize = 100;
+
+/// A model, or why it cannot be used.
+type Read<T> = std::result::Result<T, String>;
+
+/// Reads the model at `node`. `place` is the speed and force that the file's lists have for it.
+///
+/// # Errors
+/// Text that is not a number.
+pub(super) fn found(
+    file: &File<'_>,
+    node: Node<'_, '_>,
+    place: (Option<f64>, Option<f64>),
+) -> Result<Read<ArmaModel>> {
+    let one =
+        |name: &str| -> Result<Option<f64>> { Ok(file.list_in(node, name)?.first().copied()) };
+    let poles = Lists {
+        name: "AR",
+        coefficients: file.list_in(node, "ARcoeff")?,
+        lines: file.list_in(node, "ARlsf")?,
+    };
+    let zeros = Lists {
+        name: "MA",
+        coefficients: file.list_in(node, "MAcoeff")?,
+        lines: file.list_in(node, "MAlsf")?,
+    };
+    let (variance, gain) = (one("var")?, one("gain")?.unwrap_or(1.0));
+    let speed = one("speedMod")?.or(place.0);
+    let force = one("forceMod")?.or(place.1);
+    Ok(checked(&poles, &zeros, variance, gain, (speed, force)))
+}
+
+/// Lists of one half of a model.
+struct Lists {
+    name: &'static str,
+    coefficients: Vec<f64>,
+    lines: Vec<f64>,
+}
+
+/// One half of a model.
+struct Half {
+    /// The coefficient of lag 0.
+    first: f64,
+    lines: Vec<f64>,
+}
+
+fn checked(
+    poles: &Lists,
+    zeros: &Lists,
+    variance: Option<f64>,
+    gain: f64,
+    (speed, force): (Option<f64>, Option<f64>),
+) -> Read<ArmaModel> {
+    for half in [poles, zeros] {
+        if half.coefficients.len() > MOST_COEFFICIENTS + 1 || half.lines.len() > MOST_COEFFICIENTS {
+            return Err(format!(
+                "more than {MOST_COEFFICIENTS} {} coefficients",
+                half.name
+            ));
+        }
+    }
+    let finite = |what: &str, value: Option<f64>| match value {
+        None => Err(format!("no {what}")),
+        Some(value) if value.is_finite() && value >= 0.0 => Ok(value),
+        Some(value) => Err(format!("{what} is {value}")),
+    };
+    let variance = finite("var", variance)?;
+    let speed_mm_s = finite("speedMod", speed)?;
+    let force_n = finite("forceMod", force)?;
+    let gain = finite("gain", Some(gain))?;
+    if poles.coefficients.is_empty() && poles.lines.is_empty() && variance > 0.0 {
+        return Err("ARcoeff is empty".into());
+    }
+    let (poles, zeros) = (poles.half()?, zeros.half()?);
+    Ok(ArmaModel {
+        speed_mm_s,
+        force_n,
+        variance,
+        timbre: Some(Timbre {
+            poles: poles.lines,
+            zeros: zeros.lines,
+            gain: gain * zeros.first.abs(),
+        }),
+    })
+}
+
+impl Lists {
+    fn half(&self) -> Read<Half> {
+        let name = self.name;
+        let (first, rest) = self.split()?;
+        if !(first.is_finite() && rest.iter().all(|c| c.is_finite())) {
+            return Err(format!("{name}coeff is not finite"));
+        }
+        let monic: Vec<f64> = rest.iter().map(|c| c / first).collect();
+        if self.lines.is_empty() {
+            let reflection = step_down(&monic).ok_or_else(|| match name {
+                "AR" => "its coefficients are unstable".to_owned(),
+                _ => "MAcoeff has a zero outside of the unit circle, and so no line spectral frequencies".to_owned(),
+            })?;
+            let lines = line_spectrum::frequencies(&reflection);
+            return Ok(Half { first, lines });
+        }
+        let inside = |omega: &f64| *omega > 0.0 && *omega < PI;
+        if !self.lines.iter().all(inside) || self.lines.windows(2).any(|pair| pair[0] >= pair[1]) {
+            return Err(format!(
+                "{name}lsf do not ascend between 0 and π, so that it is unstable"
+            ));
+        }
+        // They count whatever the coefficients are, as in HaTT's renderer.
+        let lines = self.lines.clone();
+        Ok(Half { first, lines })
+    }
+
+    /// The coefficient of lag 0 and those after it. As many coefficients as line spectral frequencies are without the
+    /// first, which is 1.
+    fn split(&self) -> Read<(f64, &[f64])> {
+        let (name, count) = (self.name, self.coefficients.len());
+        let lines = Some(self.lines.len()).filter(|&lines| lines > 0);
+        let Some((&first, rest)) = self.coefficients.split_first() else {
+            return Ok((1.0, &[]));
         };
-        let area = |triangle: &[usize; 3]| {
-            let [a, b, c] = triangle.map(place);
-            0.5 * ((b.0 - a.0) * (c.1 - a.1) - (c.0 - a.0) * (b.1 - a.1)).abs()
-        };
-        let percent = 100.0 * self.triangles.iter().map(area).sum::<f64>();
-        let of = format!(
-            "speeds up to {} mm/s and forces up to {} N",
-            self.max_speed_mm_s, self.max_force_n
-        );
-        match percent {
-            p if p < 99.0 => Some(format!(
-                "the triangles cover {p:.0} % of {of}; beyond them the nearest place within counts"
+        match lines {
+            Some(order) if order == count => Ok((1.0, &self.coefficients)),
+            Some(order) if order + 1 != count => Err(format!(
+                "{name}coeff has {count} values for an order of {order}"
             )),
-            p if p > 101.0 => Some(format!(
-                "the triangles overlap: they cover {p:.0} % of {of}"
-            )),
-            _ => None,
+            _ if first == 0.0 || (name == "AR" && first != 1.0) => {
+                Err(format!("{name}coeff begins with {first}, not with 1"))
+            }
+            _ => Ok((first, rest)),
         }
     }
 }

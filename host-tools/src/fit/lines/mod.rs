@@ -10,7 +10,6 @@ mod findings;
 mod peaks;
 mod search;
 mod separate;
-mod sine;
 #[cfg(test)]
 mod tests;
 mod track;

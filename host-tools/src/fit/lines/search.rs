@@ -20,8 +20,7 @@ use std::ops::ControlFlow;
 use model_format::SAMPLE_RATE_HZ;
 
 use super::peaks::{LineSpectrum, Peak};
-use super::sine::{amplitudes, refined, steady_turns, subtract};
-use super::track::{at_even_places, followed};
+use super::track::{amplitudes, at_even_places, followed, refined, steady_turns, subtract};
 
 /// Chance of any line in a texture that has none.
 pub(super) const LEVEL: f64 = 1e-3;

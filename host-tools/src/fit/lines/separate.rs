@@ -12,8 +12,7 @@ use super::Lines;
 use super::findings::{Findings, Line, NoLines, TrialLines};
 use super::peaks::LineSpectrum;
 use super::search::{Found, HIGHEST_HZ, Heard, LEAST_SPEED_RATIO, Search};
-use super::sine::{amplitudes, subtract};
-use super::track::{followed, steady_mm, turns};
+use super::track::{amplitudes, followed, steady_mm, subtract, turns};
 
 /// Relative error of the speeds in a rig's list.
 const EXACT_LIST: f64 = 1e-3;

@@ -1,6 +1,6 @@
 //! A fit as a map over trials and a reduce over nodes, with files in between.
 //!
-//! The map reads a trial and computes what no other trial tells: autocorrelation by the chosen estimator, third-octave
+//! The map reads a trial and computes what no other trial tells: autocorrelation, third-octave
 //! bands, level, verdicts of triage, the sketch by which copies are found, and its share of its texture's lines. A
 //! *unit* of it is what is computed together: all trials of a texture where lines are sought, because they show in all
 //! of them, and up to 64 trials of a texture otherwise.

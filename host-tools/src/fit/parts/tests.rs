@@ -5,9 +5,9 @@ use rand_distr::{Distribution, StandardNormal};
 
 use super::{Mapped, Merged, Shard, map};
 use crate::fit::lines::Lines;
-use crate::fit::options::{Estimator, Order};
+use crate::fit::options::Order;
 use crate::fit::record::FitRecord;
-use crate::fit::{Fit, Options, fit};
+use crate::fit::{ExcitationChoice, Fit, Options, fit};
 use crate::recording::{RecordingSet, Trial};
 use crate::support::error::Result;
 
@@ -66,7 +66,7 @@ fn set(folder: &Path) -> RecordingSet {
 
 fn options(lines: Lines) -> Options {
     Options {
-        order: Order::AtMost(30),
+        order: Order::Fixed(30),
         lines,
         ..Options::default()
     }
@@ -166,7 +166,6 @@ fn a_merge_refuses_what_is_missing_damaged_or_of_other_inputs_and_a_map_computes
         options
     };
     for other in [
-        changed(&|options| options.estimator = Estimator::Tapered),
         changed(&|options| options.order = Order::Fixed(20)),
         changed(&|options| options.lines = Lines::None),
         changed(&|options| options.silence_floor_m_s2 = 0.5),
@@ -175,8 +174,8 @@ fn a_merge_refuses_what_is_missing_damaged_or_of_other_inputs_and_a_map_computes
         refused(&set, &other, "lacks the results of 12 of 12 trials");
     }
     // What the map does not depend on may be another.
-    let theta = changed(&|options| options.theta = crate::texture::theta::ThetaChoice::Fine);
-    merged(&set, &theta, &parts).unwrap();
+    let gaussian = changed(&|options| options.excitation = ExcitationChoice::Gaussian);
+    merged(&set, &gaussian, &parts).unwrap();
 
     // A unit is a texture of four trials: one is computed again if a line of its list or a recording changes.
     set.trials[0].speed_mm_s += 5.0;

@@ -86,7 +86,6 @@ impl Unit {
             .then(env!("CARGO_PKG_VERSION").as_bytes());
         hash = hash.then(&encoded(&(
             options.order.highest() as u64,
-            options.estimator,
             options.reduction,
             options.silence_floor_m_s2,
             options.sample_rate_hz,

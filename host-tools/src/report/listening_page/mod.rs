@@ -16,6 +16,7 @@ use super::sound::whole_sound;
 use crate::evaluation::listening::{CHANCE, CONFIDENCE, FADE_S, Plan, Trial};
 use crate::support::atomic_file;
 use crate::support::error::Result;
+use crate::support::fnv::Fnv;
 use crate::support::visible::visible;
 
 /// Trials after which a break is proposed.
@@ -67,7 +68,13 @@ fn page(plan: &Plan) -> Result<String> {
         format!("{shortest:.1} to {longest:.1}")
     };
     let script_plan = PagePlan {
-        page: format!("{:016x}", fingerprint(&[&sounds, &json(&plan.trials)])),
+        page: format!(
+            "{:016x}",
+            Fnv::default()
+                .then(sounds.as_bytes())
+                .then(json(&plan.trials).as_bytes())
+                .value()
+        ),
         seed: plan.seed,
         simulated: plan.simulated,
         chance: CHANCE,
@@ -114,14 +121,6 @@ fn page(plan: &Plan) -> Result<String> {
 fn json(value: &impl Serialize) -> String {
     let text = serde_json::to_string(value).expect("plans have text keys only");
     visible(&text).replace('<', "\\u003c")
-}
-
-/// FNV-1a of texts, 64 bits (Fowler, Noll and Vo): tells pages apart, and guards nothing.
-fn fingerprint(texts: &[&str]) -> u64 {
-    let bytes = texts.iter().flat_map(|text| text.bytes());
-    bytes.fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
-        (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
-    })
 }
 
 #[cfg(test)]

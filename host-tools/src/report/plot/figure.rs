@@ -1,7 +1,6 @@
 //! The data of a picture: what each pair of its axes shows, with quantities and units.
 //!
-//! A picture is drawn from these values, carries them thinned for whoever points at it, and its CSV file holds them
-//! whole. So a value that is read from a picture is one of its file.
+//! A picture is drawn from these values, and carries them thinned for whoever points at it.
 
 use std::fmt::Write as _;
 
@@ -162,7 +161,7 @@ pub enum Kind {
     Bars,
     /// Cells of a map at positions of two axes of names.
     Cells,
-    /// Levels over all pairs of an x and a y; a page has them as a bitmap alone.
+    /// Levels, whose values are in the bitmap alone.
     Levels,
 }
 
@@ -272,13 +271,12 @@ impl Series {
         }
     }
 
-    /// The series as a page carries it: curves thinned, values with five digits, and no levels, which the bitmap has.
+    /// The series as a page carries it: curves thinned, values with five digits.
     fn shown(&self) -> Self {
         let points = self.x.iter().copied().zip(self.y.iter().copied());
         let (x, y): (Vec<f64>, Vec<f64>) = match self.kind {
             Kind::Line => thinned(points).into_iter().unzip(),
-            Kind::Levels => (Vec::new(), Vec::new()),
-            Kind::Points | Kind::Bars | Kind::Cells => points.unzip(),
+            Kind::Points | Kind::Bars | Kind::Cells | Kind::Levels => points.unzip(),
         };
         let short = |values: &[f64]| values.iter().map(|value| short(*value)).collect();
         let has_notes = self.notes.iter().any(|note| !note.is_empty());
@@ -286,10 +284,7 @@ impl Series {
             x: short(&x),
             y: short(&y),
             z: self.z.as_ref().map(|third| Third {
-                values: match self.kind {
-                    Kind::Levels => Vec::new(),
-                    _ => short(&third.values),
-                },
+                values: short(&third.values),
                 ..third.clone()
             }),
             notes: if has_notes {

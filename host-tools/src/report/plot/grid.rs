@@ -278,7 +278,6 @@ fn luma(RGBColor(red, green, blue): RGBColor) -> f64 {
 mod tests {
     use super::super::figure::COST;
     use super::*;
-    use proptest::prelude::*;
 
     const CAPTION: Caption<'_> = Caption {
         title: "test",
@@ -371,14 +370,5 @@ mod tests {
         let scale = Scale::of(std::iter::empty());
         assert!(drawn(&[20.0, 40.0], &[0.2, 0.4], &[cell(1.0); 3], scale).is_err());
         assert!(drawn(&[], &[], &[], scale).is_err());
-    }
-
-    proptest! {
-        #[test]
-        fn more_is_darker(a in 0.0..10.0f64, b in 0.0..10.0f64) {
-            let scale = Scale::of([10.0].into_iter());
-            let (less, more) = (a.min(b), a.max(b));
-            prop_assert!(luma(scale.colour(less)) >= luma(scale.colour(more)) - 1.0);
-        }
     }
 }

@@ -4,18 +4,13 @@
 //! light and dark screens, no label covers another, curves are thinned to the picture's width so that a picture stays
 //! small whatever the length of a recording, and a picture of simulated data says SIMULATED.
 
-mod bands;
 mod canvas;
 pub(super) mod colours;
+mod curves;
 pub mod figure;
-mod frontier;
 mod grid;
-mod live;
-mod orders;
 #[cfg(test)]
 pub(super) mod properties;
-mod scene;
-mod spectra;
 mod spectrogram;
 mod waveforms;
 
@@ -24,14 +19,12 @@ use std::path::Path;
 use crate::support::atomic_file;
 use crate::support::error::Result;
 
-pub use bands::band_error_chart;
+pub use curves::{
+    FrontPoint, FrontSeries, NARROW, OrderSeries, band_error_chart, front_chart,
+    order_against_cost, spectra, spectrum_axes, waveform_axes,
+};
 pub use figure::{COST, Figure, Quantity};
-pub use frontier::{FrontPoint, FrontSeries, front_chart};
 pub use grid::{GridCell, GridMap, Scale, WIDE, grid_map};
-pub use live::{NARROW, spectrum_axes, waveform_axes};
-pub use orders::{OrderSeries, order_against_cost};
-pub use scene::{SceneRegion, SceneView, scene};
-pub use spectra::spectra;
 pub use spectrogram::spectrograms;
 pub use waveforms::waveforms;
 

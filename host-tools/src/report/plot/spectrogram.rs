@@ -24,7 +24,7 @@ const COLUMNS: usize = 240;
 const RANGE_DB: f64 = 60.0;
 
 /// The top of a scale that shows all finite `levels`: the next multiple of ten, dB; `None` without any.
-pub(super) fn top_of(levels: impl Iterator<Item = f64>) -> Option<f64> {
+fn top_of(levels: impl Iterator<Item = f64>) -> Option<f64> {
     let highest = levels.filter(|level| level.is_finite()).reduce(f64::max);
     highest.map(|highest| 10.0 * (highest / 10.0).ceil())
 }
@@ -42,8 +42,7 @@ pub fn spectrograms(
     let len = recorded.len().min(synthesised.len());
     let highest_hz = highest_hz.min(0.5 * rate_hz);
     let signals = [("recorded", recorded), ("synthesised", synthesised)];
-    let levels =
-        signals.map(|(_, signal)| levels_db(&signal[..len], rate_hz, highest_hz, WINDOW_S));
+    let levels = signals.map(|(_, signal)| levels_db(&signal[..len], rate_hz, highest_hz));
     let Some(top_db) = top_of(levels.iter().flatten().flatten().copied()) else {
         return Err(Error::Request(format!(
             "the spectrogram '{}' is of silence",
@@ -61,12 +60,7 @@ pub fn spectrograms(
             let x = Axis::new(TIME_S, 0.0..seconds.max(1e-3), 6);
             let y = Axis::new(FREQUENCY, 0.0..highest_hz, 8);
             let mut own = axes(&below, name, &x, &y)?.panel;
-            fill(
-                &mut own,
-                levels,
-                top_db,
-                Windows::of(len, rate_hz, WINDOW_S),
-            )?;
+            fill(&mut own, levels, top_db, Windows::of(len, rate_hz))?;
             drawn.push(own);
         }
         let ends = (at(30), bar.dim_in_pixel().1 as i32 - at(52));
@@ -76,7 +70,7 @@ pub fn spectrograms(
 
 /// The windows of a spectrogram.
 #[derive(Clone, Copy)]
-pub(super) struct Windows {
+struct Windows {
     /// Samples of one.
     len: usize,
     /// Samples that its beginning moves over, from the first window to the last.
@@ -87,9 +81,9 @@ pub(super) struct Windows {
 }
 
 impl Windows {
-    /// The windows of `window_s` over so many samples.
-    pub fn of(samples: usize, rate_hz: f64, window_s: f64) -> Self {
-        let len = ((window_s * rate_hz) as usize).clamp(2, samples.max(2));
+    /// The windows over so many samples.
+    pub fn of(samples: usize, rate_hz: f64) -> Self {
+        let len = ((WINDOW_S * rate_hz) as usize).clamp(2, samples.max(2));
         let spare = samples.saturating_sub(len);
         Self {
             len,
@@ -125,16 +119,15 @@ impl Windows {
     }
 }
 
-/// Puts levels into a panel, as data and as the bitmap in its frame, where each window is drawn around its middle.
-pub(super) fn fill(panel: &mut Panel, levels: &[Vec<f64>], top_db: f64, windows: Windows) -> Drawn {
-    let bins = levels.first().map_or(0, Vec::len);
+/// Puts levels into a panel as the bitmap in its frame, where each window is drawn around its middle.
+fn fill(panel: &mut Panel, levels: &[Vec<f64>], top_db: f64, windows: Windows) -> Drawn {
     panel.series.push(Series {
         name: String::new(),
         kind: Kind::Levels,
         colour: None,
-        x: (0..levels.len()).map(|n| windows.middle_s(n)).collect(),
-        y: (0..bins).map(|bin| bin as f64 * windows.bin_hz()).collect(),
-        z: Some(Third::new(POWER_DENSITY, levels.concat())),
+        x: Vec::new(),
+        y: Vec::new(),
+        z: Some(Third::new(POWER_DENSITY, Vec::new())),
         notes: Vec::new(),
     });
     let Frame { left, right, .. } = panel.frame;
@@ -174,15 +167,10 @@ fn palette() -> Vec<u8> {
         .collect()
 }
 
-/// One column per window of `window_s`, its power spectral densities from the lowest frequency up, one-sided, in dB
+/// One column per window, its power spectral densities from the lowest frequency up, one-sided, in dB
 /// re 1 (m/s²)²/Hz.
-pub(super) fn levels_db(
-    signal: &[f64],
-    rate_hz: f64,
-    highest_hz: f64,
-    window_s: f64,
-) -> Vec<Vec<f64>> {
-    let windows = Windows::of(signal.len(), rate_hz, window_s);
+fn levels_db(signal: &[f64], rate_hz: f64, highest_hz: f64) -> Vec<Vec<f64>> {
+    let windows = Windows::of(signal.len(), rate_hz);
     let window = windows.len;
     let weights: Vec<f64> = (0..window)
         .map(|n| 0.5 - 0.5 * (TAU * (n as f64 + 0.5) / window as f64).cos())
@@ -208,7 +196,7 @@ pub(super) fn levels_db(
 }
 
 /// Draws what the colours of a spectrogram stand for.
-pub(super) fn draw_bar(area: &Area<'_>, ends: (i32, i32), top_db: f64) -> Drawn {
+fn draw_bar(area: &Area<'_>, ends: (i32, i32), top_db: f64) -> Drawn {
     let values =
         [0.0, 20.0, 40.0, 60.0].map(|below| (1.0 - below / RANGE_DB, fixed(top_db - below, 0)));
     let of = |share| {
@@ -258,15 +246,14 @@ fn png(panel: &[Vec<f64>], top_db: f64) -> Drawn<Vec<u8>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rand::SeedableRng;
-    use rand_distr::{Distribution, StandardNormal};
+    use crate::dsp::test_signals::noise;
 
     #[test]
     fn a_line_is_brightest_where_it_sounds() {
         let line: Vec<f64> = (0..10_000)
             .map(|n| (TAU * 300.0 * f64::from(n) / 5000.0).sin())
             .collect();
-        for column in levels_db(&line, 5000.0, 1000.0, WINDOW_S) {
+        for column in levels_db(&line, 5000.0, 1000.0) {
             let peak = (0..column.len())
                 .max_by(|a, b| column[*a].total_cmp(&column[*b]))
                 .unwrap();
@@ -276,13 +263,8 @@ mod tests {
 
     #[test]
     fn the_level_of_white_noise_is_its_power_over_the_band() {
-        let generator = rand_pcg::Pcg64::seed_from_u64(7);
-        let noise: Vec<f64> = StandardNormal
-            .sample_iter(generator)
-            .take(50_000)
-            .map(|x: f64| 3.0 * x)
-            .collect();
-        let levels = levels_db(&noise, 5000.0, 2000.0, WINDOW_S);
+        let noise: Vec<f64> = noise(7, 50_000).iter().map(|x| 3.0 * x).collect();
+        let levels = levels_db(&noise, 5000.0, 2000.0);
         let powers = || {
             let inner = levels.iter().flat_map(|column| &column[5..]);
             inner.map(|level| 10f64.powf(level / 10.0))

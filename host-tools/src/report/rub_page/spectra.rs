@@ -5,7 +5,7 @@ use model_format::{Node, SAMPLE_RATE_HZ};
 use crate::dsp::log_spectrum::LogSpectrum;
 use crate::dsp::model::Model;
 use crate::dsp::spectrum::{PowerSpectrum, longest_segment};
-use crate::texture::stored::reflection;
+use crate::texture::quantise::reflection;
 
 /// Bands per octave.
 const PER_OCTAVE: f64 = 12.0;

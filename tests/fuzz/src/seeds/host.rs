@@ -73,10 +73,10 @@ const SCENES: [&str; 2] = [
      texture = \"silk\"\n",
 ];
 
-const RECORD: &str = r#"{"library":"0123456789abcdef","options":{"order":"auto","estimator":"auto",
-"structure":"lattice","theta":"auto","reduction":"pca","silence_floor_m_s2":0.001,"excitation":"auto",
+const RECORD: &str = r#"{"library":"0123456789abcdef","options":{"order":"auto",
+"reduction":"pca","silence_floor_m_s2":0.001,"excitation":"auto",
 "modulation":"auto","drop":["hum"],"lines":"auto","strict":false,"snap":0.03,"sample_rate_hz":5000},
-"excitations":[],"trials":[{"file":"a.wav","content":"00ff","start_s":0.5,"duration_s":null}],"lines":[],"thetas":[]}"#;
+"excitations":[],"trials":[{"file":"a.wav","content":"00ff","start_s":0.5,"duration_s":null}],"lines":[]}"#;
 
 /// WAV files of integers and of floats, with other chunks before the samples; and tables.
 fn recordings() -> Vec<Vec<u8>> {

@@ -2,7 +2,6 @@
 
 use std::sync::LazyLock;
 
-use host_tools::evaluation::frontier::FilterStructure;
 use host_tools::evaluation::frontier::costs::Costs as LookUps;
 use model_format::limits::MAX_ORDER;
 use stylus_costs::{Core, Costs, Structure};
@@ -129,8 +128,8 @@ fn between_two_orders_no_less_is_looked_up_than_what_is_counted_but_for_a_few_in
         return;
     }
     let guest = guest(&toolchain, Processor::CortexM4);
-    for looked_for in FilterStructure::ALL {
-        for now in held(guest.count(looked_for.into(), &ORDERS_BETWEEN)) {
+    for looked_for in Structure::ALL {
+        for now in held(guest.count(looked_for, &ORDERS_BETWEEN)) {
             let now = now.entry;
             let (nodes, order) = (now.nodes as usize, now.order as usize);
             let cost = LookUps::measured().at(looked_for, nodes, Core::M4, order);

@@ -1,9 +1,9 @@
 //! Interleavings of the requests of two hosts on two links, which do not wait for answers, with the storage's task, the
 //! poll and the tick.
 //!
-//! The application is the device's own, on the shared fake hardware. An executor draws at each await which task goes on;
-//! ticks and polls are late by up to a millisecond. [`REQUESTS`] is the list of requests: a new one is covered by a line
-//! in it, and a new await by itself, because every one of them is a point at which the executor draws.
+//! The application is the device's own, on the shared fake hardware. An executor draws at each await which task goes
+//! on; ticks and polls are late by up to a millisecond. [`REQUESTS`] is the list of requests: a new one is covered by a
+//! line in it, and a new await by itself, because every one of them is a point at which the executor draws.
 //!
 //! Held at each point: what `Watch` in `world.rs` looks at. Held at the end: every request was answered once, and the
 //! device plays again.
@@ -90,7 +90,7 @@ fn schedules_of_few_and_of_many_requests_keep_the_rules() {
 #[test]
 fn the_check_finds_a_play_that_comes_while_a_setting_is_stored_and_a_device_that_stays_locked() {
     // Playing is not locked meanwhile.
-    let found = run(10_000, 2, |control| control.end_self_test());
+    let found = run(10_000, 2, Control::end_self_test);
     let found = found.expect_err("the lock is left out");
     assert!(
         found.contains("setting") && found.contains("play"),

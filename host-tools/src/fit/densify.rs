@@ -1,0 +1,490 @@
+//! Denser grids: lines of nodes between the recorded ones, filled on the host by what a bilinear mean on the device
+//! cannot do, which is to move a surface's spectrum with the speed. The device stays as it is; it interpolates over
+//! shorter distances.
+//!
+//! Lines of a speed or of a force are added one by one, the one first that promises most, until the slot is full or no
+//! line promises anything. What a line promises is measured on the recordings: at the ends of the gap that it divides,
+//! the error of the device's own interpolation over the removed node, less that of the spectrum that would have been
+//! put there. A removed node's neighbours are two gaps apart, so that this is the worst case of a gap, twice as wide;
+//! it is the order of the gaps that it is used for.
+//!
+//! No filled node has a higher order than the texture's recorded ones.
+
+use std::collections::HashMap;
+use std::sync::{Mutex, PoisonError};
+
+use model_format::{NodeFlags, TextureSpec, limits};
+use rayon::prelude::*;
+use serde::Serialize;
+
+use crate::dsp::log_spectrum::LogSpectrum;
+use crate::dsp::model::Model;
+use crate::dsp::spectrum::DEFAULT_SMOOTHING_WIDTH_HZ;
+use crate::fit::{FittedTexture, Options};
+use crate::recording::RecordingSet;
+use crate::support::error::{Error, Result};
+use crate::texture::domain::{Method, Neighbour};
+use crate::texture::grid::{Grid, as_written};
+use crate::texture::library::stored_texture;
+use crate::texture::parts::{Between, bytes as bytes_of_parts, on_grid};
+use crate::texture::recorded_spectra::recorded_spectra;
+use crate::texture::recorded_spectra::{NodeIndex, RecordedSpectra, TwoWays};
+use crate::texture::theta::{StoredTheta, all_allow_compact, bytes_per_node};
+
+/// Bytes that a library's headers may take beside its nodes: names, axes and lengths, with room to spare.
+const HEADER_BYTES: usize = 64 + limits::MAX_NAME_BYTES;
+
+/// A line of nodes that was added.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct AddedLine {
+    /// The texture.
+    pub texture: String,
+    /// The axis that the line's value belongs to.
+    pub direction: Direction,
+    /// The speed, mm/s, or the force, N.
+    pub value: f32,
+    /// By how much C falls, on average over the removed nodes at both ends of the gap.
+    pub promised_gain: f64,
+}
+
+/// A denser grid per texture.
+#[derive(Clone, Debug)]
+pub struct Densified {
+    /// The textures, ready to be encoded.
+    pub specs: Vec<TextureSpec>,
+    /// The lines, in the order in which they were chosen.
+    pub lines: Vec<AddedLine>,
+}
+
+/// Fills `textures`, fitted with `options` to the recordings, as densely as a slot of the device allows, telling
+/// `progress` of every line looked at.
+///
+/// The recordings are a set and the reduced signals of its trials, those of dropped trials empty.
+///
+/// # Errors
+/// A texture that a library cannot hold.
+pub fn densify(
+    textures: &[FittedTexture],
+    (set, signals): (&RecordingSet, &[Vec<f64>]),
+    options: &Options,
+    progress: impl Fn(),
+) -> Result<Densified> {
+    let mut grids: Vec<Grid> = Vec::new();
+    let mut candidates = Vec::new();
+    let mut all_told = Vec::new();
+    for (index, texture) in textures.iter().enumerate() {
+        let field = recorded_spectra(&texture.name, &texture.grid, set, signals);
+        let told = Told::of(index, &texture.grid, field);
+        grids.push(with_holes_filled(&texture.grid, &told));
+        candidates.extend_from_slice(&told.candidates);
+        all_told.push(told);
+    }
+    candidates.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+    let mut stored: Vec<StoredTheta> = grids
+        .iter()
+        .map(|grid| allowed(&grid.models.iter().collect::<Vec<_>>()))
+        .collect();
+    let taken = grids.iter().zip(&stored);
+    let taken = taken.map(|(grid, &theta)| bytes(grid, theta));
+    let mut left = limits::MAX_LIBRARY_BYTES.saturating_sub(taken.sum::<usize>());
+    let mut lines = Vec::new();
+    for candidate in candidates {
+        progress();
+        let (grid, told) = (&grids[candidate.texture], &all_told[candidate.texture]);
+        let (direction, value) = (candidate.direction, candidate.value);
+        if !fills_any(grid, told, direction, value) {
+            continue;
+        }
+        let Some(denser) = with_line(grid, told, direction, value) else {
+            continue;
+        };
+        // One new node that must be fine makes the whole texture fine.
+        let before = stored[candidate.texture];
+        let after = match before {
+            StoredTheta::Fine => StoredTheta::Fine,
+            StoredTheta::Compact => allowed(&new_models(grid, &denser)),
+        };
+        let more = bytes(&denser, after) - bytes(grid, before);
+        if more > left {
+            continue;
+        }
+        left -= more;
+        stored[candidate.texture] = after;
+        grids[candidate.texture] = denser;
+        lines.push(AddedLine {
+            texture: textures[candidate.texture].name.clone(),
+            direction: candidate.direction,
+            value: candidate.value,
+            promised_gain: candidate.gain,
+        });
+    }
+    let mut specs = Vec::new();
+    for (texture, grid) in textures.iter().zip(&grids) {
+        let (name, rate_hz) = (&texture.name, options.sample_rate_hz);
+        specs.push(stored_texture(name, texture.provenance, grid, rate_hz)?);
+    }
+    model_format::encode(&specs)
+        .map_err(|failure| Error::Model(format!("the denser grid does not fit: {failure}")))?;
+    Ok(Densified { specs, lines })
+}
+
+/// The form of θ of a lattice of `models`.
+fn allowed(models: &[&Model]) -> StoredTheta {
+    if all_allow_compact(models) {
+        StoredTheta::Compact
+    } else {
+        StoredTheta::Fine
+    }
+}
+
+/// The models that `denser` has and `grid` has not.
+fn new_models<'g>(grid: &Grid, denser: &'g Grid) -> Vec<&'g Model> {
+    let is_new = |&(speed_mm_s, force_n, _): &(f32, f32, &Model)| {
+        !grid.speeds_mm_s.contains(&speed_mm_s) || !grid.forces_n.contains(&force_n)
+    };
+    denser.nodes().filter(is_new).map(|node| node.2).collect()
+}
+
+/// About how many bytes a grid takes in a library; not fewer than it does.
+fn bytes(grid: &Grid, theta: StoredTheta) -> usize {
+    const NODE_BYTES: usize = 16;
+    let orders = || grid.models.iter().map(|model| model.reflection.len());
+    let highest = orders().max().unwrap_or(0);
+    let theta = if highest > limits::MAX_FINE_STAGES {
+        theta
+    } else {
+        StoredTheta::Fine
+    };
+    let models: usize = orders()
+        .map(|order| NODE_BYTES + bytes_per_node(theta, order, highest))
+        .sum();
+    let axes = 4 * (grid.speeds_mm_s.len() + grid.forces_n.len());
+    HEADER_BYTES + axes + models + bytes_of_parts(&grid.parts)
+}
+
+/// Replaces what `fit` filled between recorded nodes by what their spectra tell.
+fn with_holes_filled(grid: &Grid, told: &Told) -> Grid {
+    let mut grid = grid.clone();
+    for (model, hole) in grid.models.iter_mut().zip(&told.holes) {
+        if let Some(hole) = hole {
+            model.clone_from(hole);
+        }
+    }
+    grid
+}
+
+/// True if a line at `value` has a node that is filled in: one that the field tells.
+fn fills_any(grid: &Grid, told: &Told, direction: Direction, value: f32) -> bool {
+    let across = match direction {
+        Direction::Speed => &grid.forces_n,
+        Direction::Force => &grid.speeds_mm_s,
+    };
+    across.iter().any(|&other| {
+        let (speed, force) = match direction {
+            Direction::Speed => (as_written(value), as_written(other)),
+            Direction::Force => (as_written(other), as_written(value)),
+        };
+        told.model_at(speed, force).is_some()
+    })
+}
+
+/// `grid` with a line of nodes more; `None` where the axis is full or has the value.
+fn with_line(grid: &Grid, told: &Told, direction: Direction, value: f32) -> Option<Grid> {
+    let mut denser = grid.clone();
+    let axis = match direction {
+        Direction::Speed => &mut denser.speeds_mm_s,
+        Direction::Force => &mut denser.forces_n,
+    };
+    let at = axis.partition_point(|&known| known < value);
+    if axis.len() >= limits::MAX_AXIS_LEN || axis.get(at) == Some(&value) {
+        return None;
+    }
+    let places = places_with(grid, direction, at, value);
+    axis.insert(at, value);
+    denser.parts = on_grid(&grid.parts, &places);
+    let forces = denser.forces_n.len();
+    let places = 0..denser.speeds_mm_s.len() * forces;
+    denser.models = places
+        .into_par_iter()
+        .map(|index| {
+            let (speed, force) = (index / forces, index % forces);
+            let old = |at_line: usize, before: usize| before - usize::from(before > at_line);
+            match direction {
+                Direction::Speed if speed == at => new_node(
+                    grid,
+                    told,
+                    value,
+                    denser.forces_n[force],
+                    [(at - 1, force), (at, force)],
+                ),
+                Direction::Force if force == at => new_node(
+                    grid,
+                    told,
+                    denser.speeds_mm_s[speed],
+                    value,
+                    [(speed, at - 1), (speed, at)],
+                ),
+                Direction::Speed => grid.models[grid.index(old(at, speed), force)].clone(),
+                Direction::Force => grid.models[grid.index(speed, old(at, force))].clone(),
+            }
+        })
+        .collect();
+    Some(denser)
+}
+
+/// Places, on `grid`, of the nodes of a denser one, with a line of nodes at `value` before line `at` of an axis, and
+/// not before its first.
+fn places_with(grid: &Grid, direction: Direction, at: usize, value: f32) -> Vec<Between> {
+    let on_axis = |axis: &[f32], own: bool| -> Vec<Between> {
+        let mut places: Vec<Between> = (0..axis.len()).map(Between::at).collect();
+        if own {
+            let (before, after) = (axis[at - 1], axis[at]);
+            let between = Between {
+                nodes: [at - 1, at],
+                share: (value - before) / (after - before),
+            };
+            places.insert(at, between);
+        }
+        places
+    };
+    let speeds = on_axis(&grid.speeds_mm_s, direction == Direction::Speed);
+    let forces = on_axis(&grid.forces_n, direction == Direction::Force);
+    let place = |speed: Between, force: Between| Between {
+        nodes: [0, 1].map(|end| grid.index(speed.nodes[end], force.nodes[end])),
+        share: speed.share.max(force.share),
+    };
+    let of_speed = |&speed: &Between| forces.iter().map(move |&force| place(speed, force));
+    speeds.iter().flat_map(of_speed).collect()
+}
+
+/// A node between two of the grid's: by the spectrum there, or, where the field has none, as the device would play it.
+fn new_node(
+    grid: &Grid,
+    told: &Told,
+    speed_mm_s: f32,
+    force_n: f32,
+    around: [NodeIndex; 2],
+) -> Model {
+    let ends = around.map(|(speed, force)| &grid.models[grid.index(speed, force)]);
+    let is_silent = |model: &&Model| model.flags.contains(NodeFlags::SILENT);
+    let (speed, force) = (as_written(speed_mm_s), as_written(force_n));
+    if !ends.iter().any(is_silent)
+        && let Some(model) = told.model_at(speed, force)
+    {
+        return model;
+    }
+    let [a, b] = around.map(|(speed, force)| (grid.speeds_mm_s[speed], grid.forces_n[force]));
+    let share = if a.0 == b.0 {
+        (force_n - a.1) / (b.1 - a.1)
+    } else {
+        (speed_mm_s - a.0) / (b.0 - a.0)
+    };
+    let neighbours = [(1.0 - share, ends[0]), (share, ends[1])].map(|(weight, model)| Neighbour {
+        weight: f64::from(weight),
+        model,
+    });
+    let mut model = Method::of_device(grid.laws.level)
+        .predict(&neighbours)
+        .expect("a mean of angles is stable");
+    model.flags = if model.output_power > 0.0 {
+        NodeFlags::INTERPOLATED
+    } else {
+        NodeFlags::SILENT
+    };
+    model
+}
+
+/// Worst error of a third octave that a densified node's order may leave, dB: well below the amplitude JND.
+pub const ECONOMY_DB: f64 = 0.5;
+
+/// The least gain of C that is worth a line: what cannot be told from the scatter of a recording.
+const LEAST_GAIN: f64 = 0.003;
+
+/// Divisions of a gap at most: into two, and each half again.
+const DIVISIONS: u32 = 2;
+
+/// The axis along which the nodes of a line share their value.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Direction {
+    /// Nodes of one speed.
+    Speed,
+    /// Nodes of one force.
+    Force,
+}
+
+/// A line that could be added.
+#[derive(Clone, Debug)]
+struct Candidate {
+    pub texture: usize,
+    pub direction: Direction,
+    pub value: f32,
+    pub gain: f64,
+}
+
+/// The lines that would make the grid of texture `texture` better.
+///
+/// The error of a mean over a gap goes with the square of its width, so that the second division promises a quarter
+/// of the first.
+fn candidates(
+    texture: usize,
+    grid: &Grid,
+    field: &RecordedSpectra,
+    ways: &TwoWays,
+) -> Vec<Candidate> {
+    let most = highest_order(grid);
+    let mut candidates = Vec::new();
+    for direction in [Direction::Speed, Direction::Force] {
+        let (along, across) = match direction {
+            Direction::Speed => (&grid.speeds_mm_s, grid.forces_n.len()),
+            Direction::Force => (&grid.forces_n, grid.speeds_mm_s.len()),
+        };
+        let place = |index: usize, other: usize| match direction {
+            Direction::Speed => (index, other),
+            Direction::Force => (other, index),
+        };
+        // The mean gain at every value of the axis.
+        let gains: Vec<Option<f64>> = (0..along.len())
+            .map(|index| {
+                let nodes = (0..across).map(|other| place(index, other));
+                let gains: Vec<f64> = nodes
+                    .filter_map(|node| gain(grid, field, (ways, most), direction, node))
+                    .collect();
+                let mean = gains.iter().sum::<f64>() / gains.len().max(1) as f64;
+                (!gains.is_empty()).then_some(mean)
+            })
+            .collect();
+        for gap in 1..along.len() {
+            let ends: Vec<f64> = gains[gap - 1..=gap].iter().flatten().copied().collect();
+            // Towards silence there is nothing to be filled.
+            let sounds =
+                |index: usize| (0..across).any(|o| field.spectrum(place(index, o)).is_some());
+            if ends.is_empty() || !sounds(gap - 1) || !sounds(gap) {
+                continue;
+            }
+            let mean = ends.iter().sum::<f64>() / ends.len() as f64;
+            let (low, high) = (along[gap - 1], along[gap]);
+            for division in 1..=DIVISIONS {
+                let parts = 1 << division;
+                let gain = mean / f64::from(4u32.pow(division - 1));
+                // Odd parts only: the even ones belong to the division before.
+                let new = (1..parts).step_by(2).map(|part| Candidate {
+                    texture,
+                    direction,
+                    value: rounded(low + (high - low) * part as f32 / parts as f32),
+                    gain,
+                });
+                candidates.extend(new.filter(|candidate| candidate.gain >= LEAST_GAIN));
+            }
+        }
+    }
+    candidates
+}
+
+/// The model that is filled in where `spectrum` is what the recordings tell.
+fn filled_model(spectrum: &LogSpectrum, highest_order: usize) -> Model {
+    Model {
+        flags: NodeFlags::INTERPOLATED,
+        ..spectrum.economical_model(ECONOMY_DB, highest_order)
+    }
+}
+
+/// The highest order among the recorded nodes of `grid`.
+pub fn highest_order(grid: &Grid) -> usize {
+    let filled = [NodeFlags::INTERPOLATED, NodeFlags::EXTRAPOLATED];
+    let recorded =
+        (grid.models.iter()).filter(|model| !filled.iter().any(|&flag| model.flags.contains(flag)));
+    let orders = recorded.map(|model| model.reflection.len());
+    orders.max().unwrap_or(0)
+}
+
+/// A value without the noise of single precision.
+fn rounded(value: f32) -> f32 {
+    (value * 1e4).round() / 1e4
+}
+
+/// C of the device's interpolation over `node` from its two neighbours, less that of the model of order `most` that
+/// would be filled in; `None` where either cannot be told.
+fn gain(
+    grid: &Grid,
+    field: &RecordedSpectra,
+    (ways, most): (&TwoWays, usize),
+    direction: Direction,
+    node: NodeIndex,
+) -> Option<f64> {
+    let recorded = field.spectrum(node)?;
+    let (before, after) = match direction {
+        Direction::Speed => ((node.0.checked_sub(1)?, node.1), (node.0 + 1, node.1)),
+        Direction::Force => ((node.0, node.1.checked_sub(1)?), (node.0, node.1 + 1)),
+    };
+    if after.0 >= grid.speeds_mm_s.len() || after.1 >= grid.forces_n.len() {
+        return None;
+    }
+    let filled = match direction {
+        Direction::Speed => ways.along_speed(field, node)?,
+        Direction::Force => ways.along_force(field, node)?,
+    };
+    field.spectrum(before).and(field.spectrum(after))?;
+    let value = |place: NodeIndex| match direction {
+        Direction::Speed => grid.speeds_mm_s[place.0],
+        Direction::Force => grid.forces_n[place.1],
+    };
+    let share = f64::from((value(node) - value(before)) / (value(after) - value(before)));
+    let neighbours = [(before, 1.0 - share), (after, share)].map(|(place, weight)| Neighbour {
+        weight,
+        model: &grid.models[grid.index(place.0, place.1)],
+    });
+    let played = Method::of_device(grid.laws.level).predict(&neighbours)?;
+    let cost = |spectrum: &LogSpectrum| recorded.cost(spectrum, DEFAULT_SMOOTHING_WIDTH_HZ);
+    Some(cost(&LogSpectrum::of_model(&played)) - cost(&LogSpectrum::of_model(&filled.model(most))))
+}
+
+/// All that the recordings of one texture tell.
+struct Told {
+    pub field: RecordedSpectra,
+    /// The lines that could be added.
+    pub candidates: Vec<Candidate>,
+    /// Models of the nodes that `fit` filled in, by the index of the node.
+    pub holes: Vec<Option<Model>>,
+    highest_order: usize,
+    /// Models by the bits of speed, mm/s, and force, N; none where the recordings tell nothing.
+    known: Mutex<HashMap<[u64; 2], Option<Model>>>,
+}
+
+impl Told {
+    /// All that `field` tells of the grid of texture `texture`.
+    pub fn of(texture: usize, grid: &Grid, field: RecordedSpectra) -> Self {
+        let ways = TwoWays::of(&field);
+        let highest_order = highest_order(grid);
+        let forces = grid.forces_n.len();
+        let hole = |(index, model): (usize, &Model)| {
+            let is_hole = model.flags.contains(NodeFlags::INTERPOLATED)
+                && !model.flags.contains(NodeFlags::SILENT);
+            let spectrum = is_hole
+                .then(|| field.without((index / forces, index % forces), &ways))
+                .flatten()?;
+            Some(filled_model(&spectrum, highest_order))
+        };
+        Self {
+            candidates: candidates(texture, grid, &field, &ways),
+            holes: grid.models.par_iter().enumerate().map(hole).collect(),
+            highest_order,
+            known: Mutex::default(),
+            field,
+        }
+    }
+
+    /// The model at a speed, mm/s, and a force, N; none where the recordings tell nothing.
+    pub fn model_at(&self, speed_mm_s: f64, force_n: f64) -> Option<Model> {
+        let place = [speed_mm_s.to_bits(), force_n.to_bits()];
+        let known = || self.known.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(model) = known().get(&place) {
+            return model.clone();
+        }
+        // Without the lock, because it takes long; two threads may compute the same, and find the same.
+        let spectrum = self.field.at(speed_mm_s, force_n);
+        let model = spectrum.map(|spectrum| filled_model(&spectrum, self.highest_order));
+        known().insert(place, model.clone());
+        model
+    }
+}

@@ -1,0 +1,452 @@
+//! Pictures of curves, bars and points over one pair of axes.
+
+use std::ops::Range;
+
+use plotters::prelude::*;
+
+use super::canvas::{
+    Axis, BLUE, INK, Mark, SERIES, Stroke, Swatch, TEXT, VERMILION, at, axes, centred, legend,
+    line, picture, range_around_zero, range_with_zero,
+};
+use super::colours::SHADE;
+use super::figure::{
+    ACCELERATION, COST, FREQUENCY, Kind, POWER_DENSITY, Quantity, Series, TIME_MS,
+};
+use super::{Caption, Svg};
+use crate::dsp::spectrum::{
+    AMPLITUDE_JND_DB, BAND_COUNT, BAND_LABELS_HZ, smoothed_amplitude, spectral_cost,
+};
+use crate::support::decimal::signed;
+use crate::support::error::Result;
+
+/// A choice.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FrontPoint {
+    /// Along the horizontal axis.
+    pub x: f64,
+    /// Along the vertical axis.
+    pub y: f64,
+    /// A name, which is told where one points at the choice.
+    pub name: String,
+    /// True for a point on the line of its series.
+    pub joined: bool,
+}
+
+/// Choices that belong together.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FrontSeries {
+    /// Their name.
+    pub name: String,
+    /// Points; those that are not finite are left out.
+    pub points: Vec<FrontPoint>,
+    /// True for a dashed line.
+    pub dashed: bool,
+}
+
+/// Series of choices and their fronts over two quantities: the horizontal axis in octaves if `in_octaves`, the vertical
+/// one from zero. A front is a line in steps, because between two of its choices the cheaper one holds.
+///
+/// Series and fronts without a point that can be drawn have no entry in the legend.
+///
+/// # Errors
+/// A picture that cannot be laid out.
+pub fn front_chart(
+    caption: &Caption<'_>,
+    (x, y): (Quantity<'_>, Quantity<'_>),
+    in_octaves: bool,
+    series: &[FrontSeries],
+    fronts: &[FrontSeries],
+) -> Result<Svg> {
+    let is_drawn = |point: &&FrontPoint| {
+        point.x.is_finite() && point.y.is_finite() && (!in_octaves || point.x > 0.0)
+    };
+    let drawn = |series: &FrontSeries| -> Vec<FrontPoint> {
+        series.points.iter().filter(is_drawn).cloned().collect()
+    };
+    let kept = |all: &[FrontSeries]| -> Vec<FrontSeries> {
+        let kept = all.iter().map(|series| FrontSeries {
+            points: drawn(series),
+            ..series.clone()
+        });
+        kept.filter(|series| !series.points.is_empty()).collect()
+    };
+    // Colours go by the place among all, so that a structure has one colour in several pictures.
+    let colours = series.iter().zip(SERIES.into_iter().cycle());
+    let colour = |name: &str| {
+        let mut own = colours.clone().filter(|(series, _)| series.name == name);
+        own.next().map_or(INK, |(_, colour)| colour)
+    };
+    let (series, fronts) = (kept(series), kept(fronts));
+    let all = || {
+        series
+            .iter()
+            .chain(&fronts)
+            .flat_map(|series| &series.points)
+    };
+    let octave = |x: f64| if in_octaves { x.log2() } else { x };
+    let places = || all().map(|point| octave(point.x));
+    let lowest = places().reduce(f64::min).unwrap_or(0.0);
+    let highest = places().reduce(f64::max).unwrap_or(0.0);
+    let first = lowest.floor();
+    let names =
+        (0..=(highest.ceil() - first).min(64.0) as i32).map(|n| (first + f64::from(n)).exp2());
+    let names: Vec<String> = names.map(|value| value.to_string()).collect();
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    let (x, origin) = if in_octaves {
+        let range = lowest - first - 0.3..highest - first + 0.3;
+        (Axis::of_octaves(x, range, first, &names), first)
+    } else {
+        (Axis::new(x, range_with_zero(places()), 8), 0.0)
+    };
+    let y = Axis::new(y, range_with_zero(all().map(|point| point.y)), 8);
+    let place = |point: &FrontPoint| (octave(point.x) - origin, point.y);
+    let swatch = |series: &FrontSeries| Swatch::Line {
+        colour: colour(&series.name),
+        dashed: series.dashed,
+    };
+    let entries = series.iter().chain(&fronts);
+    let entries: Vec<(Swatch, &str)> = entries.map(|s| (swatch(s), s.name.as_str())).collect();
+    picture(caption, (960, 560), |area, panels| {
+        let mut plot = axes(&legend(area, &entries)?, "", &x, &y)?;
+        for (is_front, of) in [(false, &series), (true, &fronts)] {
+            for series in of {
+                let stroke = Stroke {
+                    colour: colour(&series.name),
+                    half_pixels: 3,
+                    dashed: series.dashed,
+                };
+                let joined = series.points.iter().filter(|point| point.joined);
+                let joined: Vec<(f64, f64)> = joined.map(place).collect();
+                let path = if is_front { steps(&joined) } else { joined };
+                plot.path(path, stroke)?;
+                let (radius, style) = if is_front {
+                    (at(6), line(INK, 3))
+                } else {
+                    (at(3), stroke.colour.filled())
+                };
+                let dots = series.points.iter().map(place);
+                plot.chart
+                    .draw_series(dots.map(|place| Circle::new(place, radius, style)))?;
+                plot.panel.series.push(data(series, stroke.colour));
+            }
+        }
+        panels.push(plot.panel);
+        Ok(())
+    })
+}
+
+fn data(series: &FrontSeries, colour: RGBColor) -> Series {
+    let points = series.points.iter().map(|point| (point.x, point.y));
+    Series {
+        notes: series
+            .points
+            .iter()
+            .map(|point| point.name.clone())
+            .collect(),
+        ..Series::new(
+            &series.name,
+            Kind::Points,
+            colour,
+            &points.collect::<Vec<_>>(),
+        )
+    }
+}
+
+/// The line of a front in steps.
+fn steps(places: &[(f64, f64)]) -> Vec<(f64, f64)> {
+    let mut steps = Vec::new();
+    for (index, &(x, y)) in places.iter().enumerate() {
+        if index > 0 {
+            steps.push((x, places[index - 1].1));
+        }
+        steps.push((x, y));
+    }
+    steps
+}
+
+/// The cost of one recording's or texture's models by their order.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OrderSeries<'a> {
+    /// Name of the series.
+    pub name: &'a str,
+    /// (order, cost C as a fraction), orders ascending.
+    pub costs: &'a [(usize, f64)],
+    /// The order that was chosen, which is ringed; anywhere between those of `costs`.
+    pub chosen: Option<usize>,
+}
+
+impl OrderSeries<'_> {
+    /// The chosen order and its cost in per cent, on the straight line between the orders around it.
+    fn chosen(&self) -> Option<(f64, f64)> {
+        let order = self.chosen?;
+        let after = self.costs.partition_point(|cost| cost.0 < order);
+        let &(next, mut cost) = self.costs.get(after)?;
+        if next != order {
+            let &(before, cost_before) = self.costs.get(after.checked_sub(1)?)?;
+            let fraction = (order - before) as f64 / (next - before) as f64;
+            cost = cost_before + (cost - cost_before) * fraction;
+        }
+        cost.is_finite().then_some((order as f64, 100.0 * cost))
+    }
+
+    fn points(&self) -> impl Iterator<Item = (f64, f64)> {
+        let costs = self.costs.iter();
+        costs.map(|&(order, cost)| (order as f64, 100.0 * cost))
+    }
+}
+
+/// The paper's figure 8: cost against order, for several surfaces, with the chosen orders ringed.
+///
+/// # Errors
+/// A picture that cannot be laid out.
+pub fn order_against_cost(caption: &Caption<'_>, series: &[OrderSeries<'_>]) -> Result<Svg> {
+    // Past the last colour they come again, dashed.
+    let look = |index: usize| Stroke {
+        colour: SERIES[index % SERIES.len()],
+        half_pixels: 4,
+        dashed: index / SERIES.len() % 2 == 1,
+    };
+    let named = |series: &OrderSeries<'_>| match series.chosen {
+        Some(order) => format!("{} (order {order})", series.name),
+        None => series.name.to_owned(),
+    };
+    let names: Vec<String> = series.iter().map(named).collect();
+    let mut entries: Vec<(Swatch, &str)> = Vec::new();
+    for (index, name) in names.iter().enumerate() {
+        let Stroke { colour, dashed, .. } = look(index);
+        if series[index].points().any(|(_, cost)| cost.is_finite()) {
+            entries.push((Swatch::Line { colour, dashed }, name));
+        }
+    }
+    if series.iter().any(|series| series.chosen().is_some()) {
+        entries.push((Swatch::Mark(Mark::Ring), "the library's order there"));
+    }
+    let points = || series.iter().flat_map(OrderSeries::points);
+    let x = Axis::new(
+        Quantity::new("order of the model", ""),
+        range_with_zero(points().map(|point| point.0)),
+        12,
+    );
+    let y = Axis::new(COST, range_with_zero(points().map(|point| point.1)), 8);
+    picture(caption, (960, 400), |area, panels| {
+        let mut plot = axes(&legend(area, &entries)?, "", &x, &y)?;
+        for (index, series) in series.iter().enumerate() {
+            plot.curve(series.name, series.points(), look(index))?;
+        }
+        for (index, series) in series.iter().enumerate() {
+            let Some(place) = series.chosen() else {
+                continue;
+            };
+            let name = format!("{}, the library's order there", series.name);
+            let data = Series::new(&name, Kind::Points, look(index).colour, &[place]);
+            plot.panel.series.push(data);
+            plot.chart
+                .draw_series([Circle::new(place, at(6), line(INK, 3))])?;
+        }
+        panels.push(plot.panel);
+        Ok(())
+    })
+}
+
+/// Bars of the level of a synthesis over that of its recording in each third-octave band, dB
+/// ([`crate::dsp::spectrum::band_errors_db`]), with the range shaded in which skin tells no difference.
+///
+/// # Errors
+/// A picture that cannot be laid out.
+pub fn band_error_chart(
+    caption: &Caption<'_>,
+    errors_db: &[Option<f64>; BAND_COUNT],
+) -> Result<Svg> {
+    let errors_db = errors_db.map(|error| error.filter(|error| error.is_finite()));
+    // Room for the number at the end of the longest bar.
+    let ends = errors_db.iter().flatten().map(|error| 1.15 * error);
+    let range = range_around_zero(ends.chain([3.0 * AMPLITUDE_JND_DB]));
+    let bands = -0.6..BAND_COUNT as f64 - 0.4;
+    let (left, right) = (bands.start, bands.end);
+    let x = Axis::of_names(
+        Quantity::new("third-octave band", "Hz"),
+        bands,
+        &BAND_LABELS_HZ,
+    );
+    let y = Axis::new(
+        Quantity::new("level, synthesised over recorded", "dB"),
+        range,
+        9,
+    );
+    let within = format!("±{AMPLITUDE_JND_DB} dB, the just noticeable difference");
+    let mut entries = vec![(Swatch::Box(SHADE), within.as_str())];
+    let is_within = |error: &f64| error.abs() <= AMPLITUDE_JND_DB;
+    let mut errors = errors_db.iter().flatten();
+    if errors.clone().any(is_within) {
+        entries.push((Swatch::Box(BLUE), "error within"));
+    }
+    if errors.any(|error| !is_within(error)) {
+        entries.push((Swatch::Box(VERMILION), "error beyond"));
+    }
+    if errors_db.contains(&None) {
+        entries.push((Swatch::Mark(Mark::Cross), "no power in the band"));
+    }
+    picture(caption, (960, 400), |area, panels| {
+        let mut plot = axes(&legend(area, &entries)?, "", &x, &y)?;
+        let shade = [(left, -AMPLITUDE_JND_DB), (right, AMPLITUDE_JND_DB)];
+        plot.chart
+            .draw_series([Rectangle::new(shade, SHADE.filled())])?;
+        plot.path(vec![(left, 0.0), (right, 0.0)], Stroke::solid(INK, 2))?;
+        for (band, error) in errors_db.iter().enumerate() {
+            let centre = band as f64;
+            let Some(error) = *error else {
+                let cross = Cross::new((centre, 0.0), at(4), line(INK, 3));
+                plot.chart.draw_series([cross])?;
+                continue;
+            };
+            let colour = if is_within(&error) { BLUE } else { VERMILION };
+            let bar = [
+                (centre - 0.3, error.max(0.0)),
+                (centre + 0.3, error.min(0.0)),
+            ];
+            plot.chart
+                .draw_series([Rectangle::new(bar, colour.filled())])?;
+            let above = if error < 0.0 { at(9) } else { -at(9) };
+            let written = signed(error, usize::from(error.abs() < 99.5));
+            let number = EmptyElement::at((centre, error))
+                + Text::new(written, (0, above), centred(TEXT - 2, INK));
+            plot.chart.draw_series([number])?;
+        }
+        let points: Vec<(f64, f64)> = (0..)
+            .map(f64::from)
+            .zip(errors_db.map(|error| error.unwrap_or(f64::NAN)))
+            .collect();
+        let series = Series::new("error", Kind::Bars, BLUE, &points);
+        plot.panel.series.push(series);
+        panels.push(plot.panel);
+        Ok(())
+    })
+}
+
+/// Highest frequency shown, Hz: as high as skin feels.
+const HIGHEST_HZ: f64 = 1000.0;
+
+/// The paper's figures 7 and 10: the smoothed DFT amplitudes of a recording and of its synthesis, and in the title the
+/// cost C ([`spectral_cost`]).
+///
+/// Amplitudes are scaled by √(2 / (N · rate)), so that those of noise do not depend on the length N: m/s²/√Hz. The
+/// longer signal is cut as for C.
+///
+/// # Errors
+/// A picture that cannot be laid out.
+pub fn spectra(
+    caption: &Caption<'_>,
+    (recorded, synthesised): (&[f64], &[f64]),
+    rate_hz: f64,
+    smoothing_width_hz: f64,
+) -> Result<Svg> {
+    let cost = spectral_cost(recorded, synthesised, rate_hz, smoothing_width_hz);
+    let cost = cost.map_or("C is undefined".to_owned(), |cost| {
+        format!("C = {:.1} %", 100.0 * cost)
+    });
+    let title = format!("{}: {cost}", caption.title);
+    let caption = Caption {
+        title: &title,
+        ..*caption
+    };
+    let len = recorded.len().min(synthesised.len());
+    let end_hz = HIGHEST_HZ.min(rate_hz / 2.0);
+    let curves = [
+        (recorded, BLUE, "recorded"),
+        (synthesised, VERMILION, "synthesised"),
+    ]
+    .map(|(signal, colour, name)| {
+        let scale = (2.0 / (len.max(1) as f64 * rate_hz)).sqrt();
+        let amplitude = smoothed_amplitude(&signal[..len], rate_hz, smoothing_width_hz);
+        let bins = amplitude.into_iter().enumerate();
+        let points = bins.map(|(bin, x)| (bin as f64 * rate_hz / len as f64, scale * x));
+        let points: Vec<(f64, f64)> = points.take_while(|point| point.0 <= end_hz).collect();
+        (points, colour, name)
+    });
+    let values = curves.iter().flat_map(|(points, ..)| points);
+    let x = Axis::new(FREQUENCY, 0.0..end_hz, 11);
+    let y = Axis::new(
+        Quantity::new("smoothed DFT amplitude", "m/s²/√Hz"),
+        range_with_zero(values.map(|point| point.1)),
+        8,
+    );
+    let entries: [(Swatch, &str); 2] = [0, 1].map(|n| (Swatch::line(curves[n].1), curves[n].2));
+    picture(&caption, (960, 400), |area, panels| {
+        let mut plot = axes(&legend(area, &entries)?, "", &x, &y)?;
+        for (points, colour, name) in curves {
+            plot.curve(name, points.into_iter(), Stroke::solid(colour, 3))?;
+        }
+        panels.push(plot.panel);
+        Ok(())
+    })
+}
+
+/// Width of the page's pictures, shown pixels: three stand beside each other under the patch, and one fits a page 420
+/// pixels wide without being scaled down.
+pub const NARROW: u32 = 388;
+
+/// Height of axes, shown pixels.
+const HEIGHT: u32 = 280;
+
+/// Octaves that are written along a spectrum, Hz.
+const OCTAVES_HZ: [&str; 6] = ["31.5", "63", "125", "250", "500", "1000"];
+
+/// The first of them, exactly.
+const FIRST_OCTAVE_HZ: f64 = 1000.0 / 32.0;
+
+/// Empty axes for the last 100 ms of an acceleration within `peak_m_s2`.
+///
+/// # Errors
+/// A peak that is not positive and finite makes axes that cannot be laid out.
+pub fn waveform_axes(caption: &Caption<'_>, peak_m_s2: f64) -> Result<Svg> {
+    let x = Axis::new(TIME_MS, -100.0..0.0, 6);
+    empty(
+        caption,
+        &x,
+        &Axis::new(ACCELERATION, -peak_m_s2..peak_m_s2, 7),
+    )
+}
+
+/// Empty axes for the density of power from 20 Hz to 1 kHz, over octaves, between two levels in dB re 1 (m/s²)²/Hz.
+///
+/// # Errors
+/// Levels that are not finite and ascending make axes that cannot be laid out.
+pub fn spectrum_axes(caption: &Caption<'_>, levels_db: Range<f64>) -> Result<Svg> {
+    let lowest = FIRST_OCTAVE_HZ.log2();
+    // From 20 Hz to 1 kHz and a little room.
+    let x = Axis::of_octaves(FREQUENCY, -0.65..5.05, lowest, &OCTAVES_HZ);
+    empty(caption, &x, &Axis::new(POWER_DENSITY, levels_db, 9))
+}
+
+fn empty(caption: &Caption<'_>, x: &Axis<'_>, y: &Axis<'_>) -> Result<Svg> {
+    picture(caption, (NARROW, HEIGHT), |area, panels| {
+        panels.push(axes(area, "", x, y)?.panel);
+        Ok(())
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_cost_of_an_order_lies_on_the_curve() {
+        let costs = [(10, 0.8), (20, 0.4), (40, 0.2)];
+        for (order, cost) in [
+            (10, Some(80.0)),
+            (40, Some(20.0)),
+            (15, Some(60.0)),
+            (35, Some(25.0)),
+            (9, None),
+            (41, None),
+        ] {
+            let series = OrderSeries {
+                name: "",
+                costs: &costs,
+                chosen: Some(order),
+            };
+            let found = series.chosen().map(|place| (10.0 * place.1).round() / 10.0);
+            assert_eq!(found, cost, "{order}");
+        }
+    }
+}
