@@ -1,6 +1,6 @@
 //! Bytes that were damaged, cut, or never a library. Each gives a typed error, or a library that keeps all promises.
 
-use model_format::{DecodeError, Library, Place, Problem, encode_with_scenes};
+use model_format::{DecodeError, Library, Problem, encode_with_scenes};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::Index;
@@ -19,24 +19,6 @@ fn every_single_flipped_bit_is_an_error() {
         }
     }
     assert!(Library::decode(&bytes).is_ok());
-}
-
-#[test]
-fn every_truncation_is_an_error() {
-    let bytes = RawLibrary::full().bytes();
-    for length in 0..bytes.len() {
-        let error = Library::decode(&bytes[..length]).expect_err("a truncated library");
-        let declared = bytes.len() as u32;
-        let expected = match length {
-            0..4 => Problem::NotALibrary,
-            4..PREFIX_BYTES => Problem::Malformed("its prefix"),
-            _ => Problem::Length {
-                declared,
-                found: length,
-            },
-        };
-        assert_eq!((error.place, error.problem), (Place::Library, expected));
-    }
 }
 
 /// Behind a repaired prefix, the structure itself must show the truncation.

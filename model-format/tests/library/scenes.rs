@@ -3,16 +3,13 @@
 use std::f64::consts::PI;
 
 use model_format::scene::limits::{
-    MAX_EQUALISER_GAIN, MAX_POLE_RADIUS_1024THS, MAX_REGIONS, MAX_SCENES, MAX_SECTIONS,
-    MAX_SURFACES,
+    MAX_EQUALISER_GAIN, MAX_POLE_RADIUS_1024THS, MAX_REGIONS, MAX_SCENES, MAX_SURFACES,
 };
 use model_format::scene::{
     Biquad, MotionOfScene, Region, Scene, SceneError, SceneName, ScenePlace, SceneProblem,
     StickSlip, Surface, Tap,
 };
-use model_format::{
-    DecodeError, Library, Place, Problem, SAMPLE_RATE_HZ, encode, encode_with_scenes,
-};
+use model_format::{DecodeError, Library, Place, Problem, SAMPLE_RATE_HZ, encode_with_scenes};
 use proptest::collection::vec;
 use proptest::prelude::*;
 
@@ -68,7 +65,7 @@ fn a_name_must_be_there_and_be_readable() {
 type Spoil = fn(&mut Scene, f32);
 
 /// Every number of a scene: its setter, its place, its name, and its range in the scene "full".
-const FIELDS: [(Spoil, ScenePlace, &str, [f32; 2]); 19] = [
+const FIELDS: [(Spoil, ScenePlace, &str, [f32; 2]); 15] = [
     (
         |s, x| s.transition_mm = x,
         ScenePlace::Scene,
@@ -158,31 +155,6 @@ const FIELDS: [(Spoil, ScenePlace, &str, [f32; 2]); 19] = [
         ScenePlace::Motion,
         "force",
         [0.0, 1000.0],
-    ),
-    // The same fields of another surface are found there.
-    (
-        |s, x| s.surfaces[1].gain = x,
-        ScenePlace::Surface(1),
-        "gain",
-        [0.0, 64.0],
-    ),
-    (
-        |s, x| s.surfaces[1].tap = Some(tap_of(x)),
-        ScenePlace::Tap(1),
-        "frequency",
-        [10.0, 2250.0],
-    ),
-    (
-        |s, x| s.regions[1].start_mm = x,
-        ScenePlace::Region(1),
-        "start",
-        [20.0, 49.0],
-    ),
-    (
-        |s, x| s.regions[0].end_mm = x,
-        ScenePlace::Region(0),
-        "end",
-        [-9.0, 20.0],
     ),
 ];
 
@@ -359,53 +331,6 @@ fn a_record_is_one_scene_and_no_more() {
     library.scene_count = Some(33);
     let error = Library::decode(&library.bytes()).expect_err("too many");
     assert!(error.to_string().contains("the number of scenes is 33"));
-}
-
-/// A library without scenes has one byte for their number; the largest scene takes less than a kilobyte and a half.
-#[test]
-fn scenes_are_small() {
-    let bytes = sound();
-    let library = Library::decode(&bytes).expect("a valid library");
-    assert_eq!(library.scene_count(), 0);
-    assert_eq!(bytes.last(), Some(&0));
-    let full = RawLibrary::full();
-    println!(
-        "plain {} bytes, full {}",
-        full.scenes[0].len(),
-        full.scenes[1].len()
-    );
-    let bytes = full.bytes();
-    let library = Library::decode(&bytes).expect("a valid library");
-    let mut scene = library.scene("full").expect("it is there");
-    scene.name = name(&"n".repeat(48));
-    while let Ok(()) = scene.surfaces.push(scene.surfaces[0].clone()) {}
-    while let Ok(()) = scene.equaliser.push(Biquad {
-        numerator: [1 << 28, 0, 0],
-        denominator: [-(1 << 28), 1 << 27],
-    }) {
-        // A section whose gain the next one compensates would be longer by a few bytes.
-        let last = scene.equaliser.len() - 1;
-        scene.equaliser[last].numerator = [1 << 20; 3];
-    }
-    while scene.regions.len() < MAX_REGIONS {
-        let start_mm = scene.regions[scene.regions.len() - 1].end_mm;
-        let region = Region {
-            start_mm,
-            end_mm: start_mm + 1.0,
-            surface: 0,
-        };
-        scene.regions.push(region).expect("there is room");
-    }
-    assert_eq!(
-        (scene.surfaces.len(), scene.equaliser.len()),
-        (MAX_SURFACES, MAX_SECTIONS)
-    );
-    assert_eq!(scene.validate(&library), Ok(()));
-    let with = encode_with_scenes(&content(&library), &[scene]).expect("a valid scene");
-    let without = encode(&content(&library)).expect("valid textures");
-    let size = with.len() - without.len();
-    println!("largest {size} bytes; in memory {}", size_of::<Scene>());
-    assert!(size < 1536 && size_of::<Scene>() < 2048, "{size}");
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use embassy_futures::block_on;
 use model_format::limits::{MAX_LIBRARY_BYTES, MAX_TEXTURES, SLOT_BYTES};
-use model_format::link::{ListError, SlotFault, SlotId, SlotState};
+use model_format::link::{SlotFault, SlotId, SlotState};
 use model_format::{SAMPLE_RATE_HZ, encode};
 use stylus_app::slots::SlotStore;
 use stylus_app::upload::Uploader;
@@ -35,20 +35,6 @@ fn fault_of(store: &SlotStore<SimulatedFlash<'_>>, slot: SlotId) -> SlotFault {
         SlotState::Faulty(fault) => fault.clone(),
         state => panic!("slot {slot} is {state:?}"),
     }
-}
-
-#[test]
-fn blank_flash_has_two_empty_slots() {
-    let mut store = opened(Memory::blank(2 * SLOT_BYTES));
-    assert_eq!(store.slots().slots, [SlotState::Empty, SlotState::Empty]);
-    assert_eq!(
-        (store.newest(), store.active(), store.spare()),
-        (None, None, SlotId::A)
-    );
-    assert_eq!(
-        block_on(store.texture(SlotId::A, 0)),
-        Err(ListError::NoLibrary { slot: SlotId::A })
-    );
 }
 
 #[test]
@@ -136,29 +122,6 @@ fn a_slot_that_goes_bad_while_the_device_runs_is_not_handed_out() {
     let fault = SlotFault::Unreadable { offset: 64 };
     assert_eq!(block_on(store.library_bytes(SlotId::A)), Err(fault.clone()));
     assert_eq!(*store.state(SlotId::A), SlotState::Faulty(fault));
-}
-
-#[test]
-fn a_listing_tells_what_is_in_a_library() {
-    let (memory, ..) = two_libraries();
-    let mut store = opened(memory);
-    let texture = block_on(store.texture(SlotId::B, 2)).expect("it has three");
-    assert_eq!(texture.name, "texture 2");
-    assert_eq!(
-        (texture.max_order, texture.speeds, texture.forces),
-        (20, 15, 8)
-    );
-    assert_eq!(texture.speed_range.map(|speed| speed.0), [20.0, 300.0]);
-    assert_eq!(texture.force_range.map(|force| force.0), [0.25, 2.0]);
-    let (slot, index, textures) = (SlotId::B, 3, 3);
-    assert_eq!(
-        block_on(store.texture(slot, index)),
-        Err(ListError::Index {
-            slot,
-            index,
-            textures
-        })
-    );
 }
 
 #[test]
