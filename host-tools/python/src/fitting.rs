@@ -128,7 +128,8 @@ impl Fit {
 /// Raises `StylusError` for the first recording that cannot be used, or a texture that no library holds.
 #[pyfunction]
 #[pyo3(signature = (
-    recordings, *, order = OrderLike::Named("auto".into()), reduce = "pca", silence_floor_m_s2 = SILENCE_FLOOR_M_S2, excitation = "auto", modulation = "auto",
+    recordings, *, order = OrderLike::Named("auto".into()), reduce = "pca",
+    silence_floor_m_s2 = SILENCE_FLOOR_M_S2, excitation = "auto", modulation = "auto",
     drop = Vec::new(), lines = "auto", model_rate_hz = SAMPLE_RATE_HZ, snap = None, strict = false,
     progress = None
 ), text_signature = "(recordings, *, order='auto', reduce='pca', \
