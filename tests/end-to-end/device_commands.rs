@@ -59,7 +59,6 @@ fn a_library_is_uploaded_listed_activated_and_shown() {
         "stylus 0123456789ABCDEF01234567",
         "start    external clock, silicon revision V (0x2003), brown-out level 3, 0 quick faults",
         "µs",
-        "####",
         "changing texture or library 1 x",
     ] {
         assert!(shown.contains(words), "{words} is not in:\n{shown}");

@@ -177,7 +177,7 @@ fn what_makes_no_page_is_refused_with_the_remedy() {
 #[test]
 fn the_demos_page_holds_four_textures_in_one_and_a_half_megabytes() {
     let bench = Bench::new();
-    let said = bench.succeed("demo --out demo --pin");
+    let said = bench.succeed("demo --out demo");
     assert!(said.contains("Rub demo/page.html"), "{said}");
     assert!(said.contains("SIMULATED"), "{said}");
     let size = std::fs::metadata(bench.path("demo/page.html"))
@@ -196,21 +196,6 @@ fn the_demos_page_holds_four_textures_in_one_and_a_half_megabytes() {
     }
     let note = data["clip_note"].as_str().unwrap();
     assert!(note.contains("nearest"), "{note}");
-    for texture in textures {
-        let name = texture["name"].as_str().unwrap();
-        let file = format!("{name}_120mm_s_1N_pin_simulated.wav");
-        assert!(
-            said.contains(&format!("{file}: volts at the pin")),
-            "{said}"
-        );
-        let reader = hound::WavReader::open(bench.path(&format!("demo/render/{file}"))).unwrap();
-        assert_eq!(reader.spec().sample_rate, host_tools::playing::pin::RATE_HZ);
-        let codes: Vec<f32> = reader.into_samples().map(Result::unwrap).collect();
-        let loudest = codes
-            .iter()
-            .fold(0f32, |loudest, volts| loudest.max(volts.abs()));
-        assert!((1e-3..1.65).contains(&loudest), "{file}: {loudest} V");
-    }
 }
 
 /// Impulsive noise: Gaussian numbers to the third power, of a kurtosis far above 3.

@@ -1,7 +1,5 @@
-//! The command for a shell and its user: variables of the environment, quiet, colours and completions.
+//! The command for a shell and its user: variables of the environment, quiet and colours.
 
-use std::collections::BTreeSet;
-use std::path::Path;
 use std::process::{Command, Output, Stdio};
 
 use crate::support::{Bench, refusal, text, two_textures};
@@ -18,14 +16,6 @@ fn run_with(bench: &Bench, variables: &[(&str, &str)], arguments: &str) -> Outpu
         .envs(variables.iter().copied())
         .output()
         .expect("the command runs")
-}
-
-/// Standard output of a run that must succeed.
-fn succeed(bench: &Bench, variables: &[(&str, &str)], arguments: &str) -> String {
-    let output = run_with(bench, variables, arguments);
-    let (out, errors) = (text(&output.stdout), text(&output.stderr));
-    assert!(output.status.success(), "{arguments}: {errors}");
-    out
 }
 
 #[cfg(feature = "device")]
@@ -124,62 +114,4 @@ fn colours_and_progress_are_for_terminals() {
             "{shown}"
         );
     }
-}
-
-/// Names of all commands that a help lists, those of groups too.
-fn commands(bench: &Bench) -> Vec<String> {
-    let listed = |help: &str| -> Vec<String> {
-        let lines = help.lines().skip_while(|line| *line != "Commands:").skip(1);
-        let names = lines.map_while(|line| line.strip_prefix("  ")?.split_whitespace().next());
-        names
-            .filter(|name| *name != "help")
-            .map(str::to_owned)
-            .collect()
-    };
-    let mut all = Vec::new();
-    for name in listed(&succeed(bench, &[], "--help")) {
-        let inner = listed(&succeed(bench, &[], &format!("{name} --help")));
-        all.extend(inner.iter().map(|inner| format!("{name} {inner}")));
-        all.push(name);
-    }
-    all
-}
-
-/// Words that bash offers after `line`, by the script of `stylus completions bash`.
-fn offered(script: &Path, line: &str) -> Vec<String> {
-    let words: Vec<&str> = line.split(' ').collect();
-    let program = format!(
-        "source '{}'; COMP_WORDS=('{}'); COMP_CWORD={}; _stylus stylus '{}' '{}'; printf '%s\\n' \"${{COMPREPLY[@]}}\"",
-        script.display(),
-        words.join("' '"),
-        words.len() - 1,
-        words[words.len() - 1],
-        words[words.len() - 2],
-    );
-    let output = Command::new("bash")
-        .args(["--norc", "-c", &program])
-        .output();
-    let output = output.expect("bash is there");
-    assert!(output.stderr.is_empty(), "{}", text(&output.stderr));
-    text(&output.stdout).lines().map(str::to_owned).collect()
-}
-
-#[test]
-fn bash_completes_commands_options_and_values_by_the_script() {
-    let bench = Bench::new();
-    let script = succeed(&bench, &[("STYLUS_LINK", "tcp:mine:1")], "completions bash");
-    assert!(!script.contains("share-link") && !script.contains("mine"));
-    bench.write("stylus.bash", script);
-    let script = bench.path("stylus.bash");
-    let top: BTreeSet<String> = offered(&script, "stylus ").into_iter().collect();
-    for name in commands(&bench).iter().filter(|name| !name.contains(' ')) {
-        assert!(top.contains(name), "{name}: {top:?}");
-    }
-    assert_eq!(offered(&script, "stylus inspe"), ["inspect"]);
-    assert_eq!(offered(&script, "stylus scene comp"), ["compile"]);
-    assert_eq!(
-        offered(&script, "stylus fit --silence"),
-        ["--silence-floor"]
-    );
-    assert_eq!(offered(&script, "stylus fit --reduce pc"), ["pca"]);
 }

@@ -102,7 +102,7 @@ impl Frame {
     ///
     /// The work is bounded, and is not part of a sample's. A plain lattice of order 400 takes at most ten thousand
     /// instructions on a Cortex-M4, one with fractions and a tail, whose levels are averaged in dB, twelve thousand;
-    /// `cargo tasks qemu` counts them. A motion that rests can be held instead, see [`Frame::hold`].
+    /// `cargo test -p qemu-tests` counts them. A motion that rests can be held instead, see [`Frame::hold`].
     pub fn update<A: Arithmetic>(
         &mut self,
         texture: &Texture<'_>,

@@ -22,8 +22,8 @@ use serde::Serialize;
 
 use crate::convert::{plain, positive};
 use crate::error::{link_raised, raised, refused};
-use crate::library_like::LibraryLike;
 use crate::motion::{Along, Asked, MotionLike, warn_if_silent};
+use crate::playing::LibraryLike;
 use crate::work::{self, AfterEnd};
 
 /// Longest timeout, s: a day, so that sums of timeouts do not overflow.
@@ -38,8 +38,8 @@ type Shared = Arc<Mutex<Option<Linked>>>;
 /// A stylus on a link, for as long as it is open. Use it in a `with` statement, or close it.
 ///
 /// `link` is usb, usb:SERIAL, serial:PATH, tcp:HOST:PORT or usb-virtual:HOST:PORT; None takes the only stylus that is
-/// attached. `timeout_s` is that of an answer, s (default 1); requests that write flash have 16 times as long. The link
-/// is open for this program alone, as with `--no-broker` of the command.
+/// attached. `timeout_s` is that of an answer, s (default 1); requests that write flash have 16 times as long. A link
+/// that commands share is shared with them; another is open for this program alone.
 #[pyclass(frozen, module = "stylus_haptics")]
 pub struct Device {
     shared: Shared,

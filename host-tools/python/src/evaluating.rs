@@ -10,7 +10,7 @@ use pyo3::prelude::*;
 
 use crate::convert::{array, choice, not_negative, plain, positive, table};
 use crate::error::{raised, warn};
-use crate::library_like::LibraryLike;
+use crate::playing::LibraryLike;
 use crate::work;
 
 // A literal below, so that `help` shows it.

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use host_tools::fit as fitted;
 use host_tools::fit::record::FitRecord;
 use host_tools::fit::{Options, Order};
-use host_tools::recording::triage::{SILENCE_FLOOR_M_S2, Verdict};
+use host_tools::recording::triage::{Kind, SILENCE_FLOOR_M_S2};
 use model_format::SAMPLE_RATE_HZ;
 use pyo3::prelude::*;
 
@@ -128,7 +128,8 @@ impl Fit {
 /// Raises `StylusError` for the first recording that cannot be used, or a texture that no library holds.
 #[pyfunction]
 #[pyo3(signature = (
-    recordings, *, order = OrderLike::Named("auto".into()), reduce = "pca", silence_floor_m_s2 = SILENCE_FLOOR_M_S2, excitation = "auto", modulation = "auto",
+    recordings, *, order = OrderLike::Named("auto".into()), reduce = "pca",
+    silence_floor_m_s2 = SILENCE_FLOOR_M_S2, excitation = "auto", modulation = "auto",
     drop = Vec::new(), lines = "auto", model_rate_hz = SAMPLE_RATE_HZ, snap = None, strict = false,
     progress = None
 ), text_signature = "(recordings, *, order='auto', reduce='pca', \
@@ -223,12 +224,12 @@ fn order_of(order: OrderLike) -> PyResult<Order> {
 fn verdicts(names: Vec<String>) -> PyResult<Vec<String>> {
     match names
         .iter()
-        .find(|name| !Verdict::NAMES.contains(&name.as_str()))
+        .find(|name| !Kind::NAMES.contains(&name.as_str()))
     {
         None => Ok(names),
         Some(name) => Err(refused(format!(
             "drop names '{name}', which is no verdict: there are {}",
-            Verdict::NAMES.join(", ")
+            Kind::NAMES.join(", ")
         ))),
     }
 }

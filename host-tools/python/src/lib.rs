@@ -8,12 +8,12 @@
 //! | `error` | exceptions and warnings |
 //! | `work` | long work without the interpreter's lock, with progress, that Ctrl-C ends |
 //! | `convert` | arrays, paths and choices |
-//! | `recording` | recordings from arrays and files, and sets of them |
+//! | `recording` | recordings from arrays and files, and sets of them; simulated ones |
 //! | `fitting`, `evaluating` | fits and their evaluation |
-//! | `library`, `texture` | libraries, their textures and nodes; `library_like` arguments that stand for one |
-//! | `motion`, `rendering` | motions, and what the stylus plays along them; `playing` renders textures |
-//! | `scene` | scenes: costed and rendered; `playing` compiles them |
-//! | `simulating` | simulated recordings |
+//! | `library`, `texture` | libraries, their textures and nodes |
+//! | `motion`, `rendering` | motions, and what the stylus plays along them |
+//! | `scene` | scenes: costed and rendered |
+//! | `playing` | arguments that stand for a library; textures rendered, scenes compiled |
 //! | `hatt` | HaTT's models |
 //! | `device` | a stylus on a link |
 //!
@@ -32,13 +32,11 @@ mod evaluating;
 mod fitting;
 mod hatt;
 mod library;
-mod library_like;
 mod motion;
 mod playing;
 mod recording;
 mod rendering;
 mod scene;
-mod simulating;
 mod texture;
 mod work;
 
@@ -61,19 +59,17 @@ mod native {
     #[pymodule_export]
     use crate::library::Library;
     #[pymodule_export]
-    use crate::library_like::inspect;
-    #[pymodule_export]
     use crate::motion::Motion;
     #[pymodule_export]
-    use crate::playing::{compile_scene, render};
+    use crate::playing::inspect;
     #[pymodule_export]
-    use crate::recording::{Recording, Recordings};
+    use crate::playing::{compile_scene, inspect, render};
+    #[pymodule_export]
+    use crate::recording::{Recording, Recordings, paper_rig, simulate_rig};
     #[pymodule_export]
     use crate::rendering::Rendering;
     #[pymodule_export]
     use crate::scene::Scene;
-    #[pymodule_export]
-    use crate::simulating::{paper_rig, simulate_rig};
     #[pymodule_export]
     use crate::texture::{Node, Texture};
 

@@ -1,13 +1,15 @@
-//! Recordings from arrays and files, and sets of them.
+//! Recordings from arrays and files, and sets of them; simulated ones.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use host_tools::recording::{
     self, Assumed, HeldSamples, NOMINAL_FORCE_N, NOMINAL_SPEED_MM_S, RecordingSet, Trial,
 };
-use host_tools::support::error::Error;
+use host_tools::rig::{RigFile, simulate_to_folder};
+use host_tools::support::error::{Error, Result};
 use host_tools::support::hand::{force_fault, speed_fault};
+use host_tools::support::toml_field::TEXT;
 use model_format::{Provenance, SAMPLE_RATE_HZ};
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
@@ -347,4 +349,47 @@ fn held(trials: Vec<Trial>) -> RecordingSet {
         trials,
         is_listed: true,
     }
+}
+
+/// Returns the description of the paper's rig, as `stylus simulate-rig --print-rig` prints it: a start for one's own.
+#[pyfunction]
+pub fn paper_rig() -> String {
+    RigFile::paper().text().to_owned()
+}
+
+/// Simulates the recordings of a drum rig into the folder `out`, as `stylus simulate-rig` does, and returns the set.
+///
+/// `rig` is the path or the text of a rig's description; None is the paper's protocol: 4 textures at 15 speeds and 8
+/// forces. The folder is new or empty; an earlier simulated set is replaced with `overwrite` alone. The same
+/// seed gives the same recordings.
+#[pyfunction]
+#[pyo3(signature = (out, *, rig = None, seed = 1, overwrite = false))]
+pub fn simulate_rig(
+    py: Python<'_>,
+    out: PathBuf,
+    rig: Option<&Bound<'_, PyAny>>,
+    seed: u64,
+    overwrite: bool,
+) -> PyResult<Recordings> {
+    let rig = match rig {
+        None => Ok(RigFile::paper()),
+        Some(rig) => match rig
+            .extract::<String>()
+            .ok()
+            .filter(|text| text.contains('\n'))
+        {
+            Some(text) => RigFile::from_toml(&PathBuf::from("rig.toml"), &text),
+            None => rig_file(&rig.extract::<PathBuf>()?),
+        },
+    };
+    let rig = rig.map_err(raised)?;
+    let set = py.detach(|| {
+        simulate_to_folder(&rig, seed, &out, overwrite)?;
+        RecordingSet::open(&[out])
+    });
+    set.map(Recordings).map_err(raised)
+}
+
+fn rig_file(path: &Path) -> Result<RigFile> {
+    RigFile::from_toml(path, &TEXT.read_text(path)?)
 }

@@ -10,8 +10,8 @@ use host_tools::fit::record::FitRecord;
 use host_tools::report::listening_page;
 use host_tools::support::error::{Error, Result};
 
+use super::files::Overwrite;
 use super::input::{Recordings, positive};
-use super::overwrite::Overwrite;
 use super::table::table;
 use crate::cli::evaluate::{as_fitted, choose};
 use crate::cli::output::{note, print};

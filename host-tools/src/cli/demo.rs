@@ -8,10 +8,6 @@ use host_tools::evaluation::held_out::judges;
 use host_tools::fit;
 use host_tools::fit::record::FitRecord;
 use host_tools::playing::motion::MotionPath;
-#[cfg(feature = "device")]
-use host_tools::playing::pin::render_pin_wav;
-#[cfg(feature = "device")]
-use host_tools::playing::render::Rendering;
 use host_tools::playing::render::{WavFormat, render_wav};
 use host_tools::recording::RecordingSet;
 use host_tools::report::evaluation_page;
@@ -22,8 +18,6 @@ use host_tools::support::atomic_file;
 use host_tools::support::error::{Error, Result};
 use host_tools::support::output::OutputFolder;
 use host_tools::texture::summary::TextureSummary;
-#[cfg(feature = "device")]
-use model_format::link::Settings;
 use model_format::{Library, MillimetresPerSecond, Newton};
 
 use super::inspect::texture_table;
@@ -62,10 +56,6 @@ pub struct Arguments {
     /// Seed of the simulated recordings and of the syntheses
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Render each texture at the stylus's pin as well
-    #[cfg(feature = "device")]
-    #[arg(long)]
-    pin: bool,
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
@@ -149,10 +139,6 @@ fn all(arguments: &Arguments, folder: &OutputFolder, begin: Instant) -> Result<P
     std::fs::create_dir(&rendered).map_err(Error::io("create", &rendered))?;
     let named = |path: &Path| folder.named(path).display().to_string();
     render_all(&library, arguments.seed, &rendered, named)?;
-    #[cfg(feature = "device")]
-    if arguments.pin {
-        render_pins(&library, arguments.seed, &rendered, named)?;
-    }
 
     step(5, "stylus page: rub the textures in a browser")?;
     let inputs = Inputs {
@@ -170,24 +156,6 @@ fn all(arguments: &Arguments, folder: &OutputFolder, begin: Instant) -> Result<P
     let written = super::page::write(&inputs, &rubbed)?;
     print(&super::page::summary(&folder.named(&rubbed), &written))?;
     Ok(folder.named(&page))
-}
-
-/// Renders each texture at the pin of a stylus with the default settings.
-#[cfg(feature = "device")]
-fn render_pins(
-    library: &Library<'_>,
-    seed: u64,
-    folder: &Path,
-    named: impl Fn(&Path) -> String,
-) -> Result<()> {
-    let steady = steady()?;
-    for texture in library.textures() {
-        let path = folder.join(format!("{}_120mm_s_1N_pin_simulated.wav", texture.name()));
-        let mut rendering = Rendering::new(texture, &steady, STEADY_SECONDS, seed)?;
-        render_pin_wav(&mut rendering, &Settings::default(), &path)?;
-        print(&format!("{}: volts at the pin", named(&path)))?;
-    }
-    Ok(())
 }
 
 /// Motion that every texture is rendered along besides.

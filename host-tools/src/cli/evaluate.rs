@@ -23,9 +23,9 @@ use host_tools::support::{atomic_file, progress};
 use model_format::Library;
 use serde::Serialize;
 
+use super::files::Overwrite;
 use super::input::{Recordings, not_negative, positive};
 use super::output::{print, to_json, warn};
-use super::overwrite::Overwrite;
 use super::table::{folded_text, shown};
 use host_tools::texture::library::{decode_library, read_library};
 

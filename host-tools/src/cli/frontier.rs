@@ -13,8 +13,8 @@ use host_tools::support::output::OutputFolder;
 use host_tools::support::temporaries::Temporary;
 use host_tools::support::{atomic_file, progress};
 
+use super::files::Overwrite;
 use super::input::not_negative;
-use super::overwrite::Overwrite;
 use super::table::shown;
 use crate::cli::output::print;
 

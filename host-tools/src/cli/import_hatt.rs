@@ -8,7 +8,7 @@ use host_tools::support::atomic_file;
 use host_tools::support::error::Result;
 use host_tools::support::progress;
 
-use super::overwrite::Overwrite;
+use super::files::Overwrite;
 use super::table::folded_table;
 use crate::cli::output::{print, print_json, warn};
 

@@ -2,16 +2,14 @@
 //!
 //! **Invariant: thin.** A command parses its arguments, calls the library and prints. Signal processing, formats and
 //! the link belong to the library, where other programs can use them. Of the shared modules, `input`
-//! reads, `output`, `colour`, `table` and `wav_file` print, `overwrite` checks what is written, `interrupt` ends; they
-//! import no command.
+//! reads, `output` and `table` print, `files` writes, `interrupt` ends; they import no command.
 
-mod colour;
 mod compare;
-mod completions;
 mod demo;
 #[cfg(feature = "device")]
 mod device;
 mod evaluate;
+mod files;
 mod fit;
 mod frontier;
 #[cfg(feature = "hatt")]
@@ -20,23 +18,19 @@ mod input;
 mod inspect;
 mod interrupt;
 mod output;
-mod overwrite;
 mod page;
-#[cfg(feature = "device")]
-mod pin;
 mod render;
 mod scene;
 mod segment;
 mod simulate_rig;
 mod stress;
 mod table;
-mod wav_file;
 
 use std::io;
 use std::process::ExitCode;
 
 use clap::builder::FalseyValueParser;
-use clap::{CommandFactory, Parser, Subcommand};
+use clap::{Parser, Subcommand};
 use host_tools::support::error::{Error, Result};
 use host_tools::support::{progress, temporaries};
 
@@ -96,7 +90,7 @@ enum Command {
     #[cfg(feature = "hatt")]
     /// Convert HaTT's model files to a library
     ImportHatt(import_hatt::Arguments),
-    /// Check, compile, render and draw scenes: surfaces along a path, with effects
+    /// Check, compile and render scenes: surfaces along a path, with effects
     Scene(scene::Arguments),
     /// Play the hard cases with the device's kernel and check its guarantees
     Stress(stress::Arguments),
@@ -104,8 +98,6 @@ enum Command {
     Frontier(frontier::Arguments),
     /// Run every step on simulated recordings, with a report
     Demo(demo::Arguments),
-    /// Print a script by which a shell completes commands, options and values
-    Completions(completions::Arguments),
     #[cfg(feature = "device")]
     #[command(flatten)]
     Device(device::Command),
@@ -152,7 +144,6 @@ fn run_command(command: Command) -> Result<()> {
         Command::Stress(arguments) => stress::run(&arguments),
         Command::Frontier(arguments) => frontier::run(&arguments),
         Command::Demo(arguments) => demo::run(&arguments),
-        Command::Completions(arguments) => completions::run(&arguments, Arguments::command()),
         #[cfg(feature = "device")]
         Command::Device(command) => device::run(&command),
     }

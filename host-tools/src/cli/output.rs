@@ -3,14 +3,13 @@
 //! All that a command says goes through here, because two things must hold of all of it: what a file, a device or an
 //! argument brought into a text is shown and not obeyed by the terminal, and a closed or full output is no panic.
 
-use std::io::{self, Write};
+use std::io::{self, IsTerminal, Write};
 use std::path::Path;
 
+use clap::builder::styling::{AnsiColor, Style};
 use host_tools::support::error::{Error, Result};
 use host_tools::support::progress;
 use host_tools::support::visible::{visible, visible_json, visible_line};
-
-use super::colour;
 
 /// Prints to standard output.
 ///
@@ -60,12 +59,12 @@ pub fn tell(text: &str) {
 
 /// Warns of something, in one line on standard error; see [`tell`].
 pub fn warn(text: &str) {
-    tell_after(&colour::warning("warning:"), text);
+    tell_after(&yellow("warning:"), text);
 }
 
 /// Says why the command failed, in one line on standard error; see [`tell`].
 pub fn failed(failure: &Error) {
-    tell_after(&colour::error("stylus:"), &failure.to_string());
+    tell_after(&red("stylus:"), &failure.to_string());
 }
 
 /// Tells `text` in one line after `word`, which is of this program and may have a colour.
@@ -85,7 +84,7 @@ pub fn answer(answer: &clap::Error) -> Result<()> {
     if answer.use_stderr() {
         match plain.split_once(' ') {
             Some((word @ "error:", rest)) => {
-                let shown = format!("{} {}", colour::error(word), visible(rest));
+                let shown = format!("{} {}", red(word), visible(rest));
                 let _ = print_to(&mut io::stderr().lock(), &shown);
             }
             _ => tell(plain),
@@ -93,7 +92,7 @@ pub fn answer(answer: &clap::Error) -> Result<()> {
         return Ok(());
     }
     // No value of a user's is in the help, so that its marks are those of this program.
-    if colour::is_on(&io::stdout()) {
+    if takes_colours(&io::stdout()) {
         return print_exactly(format!("{}\n", styled.ansi().to_string().trim_end()).as_bytes());
     }
     print(plain)
@@ -106,6 +105,31 @@ fn print_to(output: &mut impl Write, text: &str) -> Result<()> {
         .and_then(|()| output.write_all(b"\n"))
         .and_then(|()| output.flush())
         .map_err(Error::io("write to", Path::new("standard output")))
+}
+
+/// Returns true if a stream takes colours.
+fn takes_colours(stream: &impl IsTerminal) -> bool {
+    let is_set = |name: &str| std::env::var_os(name).is_some_and(|value| !value.is_empty());
+    let is_dumb = std::env::var_os("TERM").is_some_and(|value| value == "dumb");
+    stream.is_terminal() && !is_dumb && !is_set("NO_COLOR")
+}
+
+/// `word`, at the beginning of an error, as standard error takes it.
+fn red(word: &str) -> String {
+    styled(word, AnsiColor::Red)
+}
+
+/// `word`, at the beginning of a warning, as standard error takes it.
+fn yellow(word: &str) -> String {
+    styled(word, AnsiColor::Yellow)
+}
+
+fn styled(word: &str, colour: AnsiColor) -> String {
+    if !takes_colours(&std::io::stderr()) {
+        return word.to_owned();
+    }
+    let style = Style::new().bold().fg_color(Some(colour.into()));
+    format!("{style}{word}{style:#}")
 }
 
 #[cfg(test)]

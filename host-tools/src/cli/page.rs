@@ -12,8 +12,8 @@ use host_tools::report::rub_page::{Clips, Inputs, Recordings, Written};
 use host_tools::support::error::{Error, Result};
 use host_tools::support::progress;
 
+use super::files::Overwrite;
 use super::input::positive;
-use super::overwrite::Overwrite;
 use crate::cli::evaluate::{as_fitted, choose};
 use crate::cli::output::print;
 use host_tools::texture::library::{decode_library, read_library};

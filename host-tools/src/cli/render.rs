@@ -10,10 +10,10 @@ use host_tools::playing::render::render_wav;
 use host_tools::support::error::Result;
 use model_format::{MillimetresPerSecond, Newton};
 
-use super::input::{force, positive, speed, warn_if_silent};
 #[cfg(feature = "device")]
-use super::pin::PinArguments;
-use crate::cli::wav_file::WavFile;
+use super::files::PinArguments;
+use super::input::{force, positive, speed, warn_if_silent};
+use crate::cli::files::WavFile;
 use host_tools::texture::library::{decode_library, read_library};
 
 #[derive(clap::Args)]

@@ -6,8 +6,8 @@ use host_tools::recording::freehand;
 use host_tools::recording::freehand::{Freehand, GridAxis, Options, Segmentation, Tolerance};
 use host_tools::support::error::{Error, Result};
 
+use super::files::Overwrite;
 use super::input::positive;
-use super::overwrite::Overwrite;
 use crate::cli::output::{note, print, warn};
 
 /// Number of pieces off the grid that are shown one by one.
@@ -158,19 +158,6 @@ fn show_what_is_left_out(cut: &Segmentation) {
              the encoder)",
             cut.jumps.len(),
             recording + 1
-        ));
-    }
-    for uneven in cut.uneven.iter().take(SHOWN) {
-        warn(&format!(
-            "a piece at {:.1} mm/s, {:.2} N changes its level by {:+.0} dB in steady motion (a lift-off or a \
-             tap?); left out",
-            uneven.segment.median_speed_mm_s, uneven.segment.median_force_n, uneven.change_db
-        ));
-    }
-    if cut.uneven.len() > SHOWN {
-        warn(&format!(
-            "{} pieces in total change their level",
-            cut.uneven.len()
         ));
     }
     for (speed, force, seconds) in &cut.too_little {

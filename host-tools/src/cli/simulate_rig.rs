@@ -6,8 +6,8 @@ use host_tools::rig::{self, RigFile};
 use host_tools::support::error::Result;
 use host_tools::support::toml_field::TEXT;
 
+use crate::cli::files::Overwrite;
 use crate::cli::output::print;
-use crate::cli::overwrite::Overwrite;
 
 #[derive(clap::Args)]
 pub struct Arguments {

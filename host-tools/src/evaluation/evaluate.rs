@@ -232,7 +232,8 @@ fn read(trial: &Trial, judge: &Judge, reduction: Reduction) -> Result<Comparison
 /// Fits what blocks judge, and evaluates nothing yet: for [`Evaluation::compare`].
 ///
 /// # Errors
-/// A texture that the library does not have or that plays at another rate, a recording that cannot be used, or blocks to judge without a record.
+/// A texture that the library does not have or that plays at another rate, a recording that cannot be used, or blocks
+/// to judge without a record.
 pub fn prepare(
     set: &RecordingSet,
     library: &Library<'_>,

@@ -13,7 +13,7 @@ use super::options::Options;
 use crate::dsp::autocorrelation::Autocorrelation;
 use crate::dsp::reduction::{Reduction, reduce};
 use crate::dsp::sums::mean;
-use crate::recording::triage::{Sketch, Verdict, in_words};
+use crate::recording::triage::{Kind, Sketch, Verdict, in_words};
 use crate::recording::{self, Samples, Trial, triage};
 use crate::support::error::{Error, Result};
 
@@ -47,7 +47,9 @@ pub struct Analysis {
 impl Analysis {
     /// Returns whether triage found it silent.
     pub fn is_silent(&self) -> bool {
-        self.verdicts.contains(&Verdict::Silent)
+        self.verdicts
+            .iter()
+            .any(|verdict| verdict.kind() == Kind::Silent)
     }
 }
 
@@ -188,7 +190,7 @@ pub fn analyse_with_signal(
     }
     let silent = power.sqrt() < options.silence_floor_m_s2 || power <= 0.0;
     if silent {
-        verdicts.insert(0, Verdict::Silent);
+        verdicts.insert(0, Verdict::silent());
     }
     let mains_line_hz = if silent {
         None

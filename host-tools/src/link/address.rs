@@ -32,11 +32,6 @@ pub enum LinkAddress {
         /// The port.
         port: u16,
     },
-    /// A link that a program brings itself, a [`CustomLink`](super::CustomLink). No text is parsed as one.
-    Custom {
-        /// Name of the link.
-        name: String,
-    },
 }
 
 impl FromStr for LinkAddress {
@@ -94,7 +89,6 @@ impl fmt::Display for LinkAddress {
             Self::Serial { path } => write!(f, "serial:{}", path.display()),
             Self::Tcp { host, port } => write_tcp(f, "tcp", host, *port),
             Self::UsbVirtual { host, port } => write_tcp(f, "usb-virtual", host, *port),
-            Self::Custom { name } => f.write_str(name),
         }
     }
 }

@@ -235,31 +235,6 @@ fn zero(setting: Setting, mean: f64) -> SettingChange {
     }
 }
 
-/// Sets `changes`, and verifies by the device's status that each counts as set.
-///
-/// # Errors
-/// A refusal, another value read back, or a setting that the device does not count as set.
-pub fn store(device: &Device, changes: &[SettingChange]) -> Result<Settings> {
-    device.set_all(changes)?;
-    let (settings, state) = (device.settings()?, device.status()?.settings);
-    for change in changes {
-        let found = settings.get(change.setting);
-        if found != change.value || !state.set.contains(change.setting) {
-            return Err(device.not_verified(format!(
-                "{} was set to {}, but the device has {found}, {}: calibrate again",
-                change.setting,
-                change.value,
-                if state.set.contains(change.setting) {
-                    "set"
-                } else {
-                    "not set"
-                }
-            )));
-        }
-    }
-    Ok(settings)
-}
-
 /// Measures the force again, and verifies that it is zero.
 ///
 /// # Errors

@@ -12,8 +12,7 @@ use virtual_link::announcement;
 
 use super::error::{LinkError, Result};
 use super::route::Route;
-use super::route::Sharing;
-use super::{Device, LinkAddress, Timeouts, broker, usb};
+use super::{Device, LinkAddress, Timeouts, usb};
 
 /// Time that a device has for its identity.
 const ANSWER_TIMEOUT: Duration = Duration::from_millis(500);
@@ -171,24 +170,8 @@ fn ask(attached: &mut Attached, route: &Route) {
     let timeouts = Timeouts::scaled_to(ANSWER_TIMEOUT);
     attached.identity = match Device::connect_by(&attached.link, timeouts, route.clone()) {
         Ok(device) => Identity::Known(Box::new(device.info().clone())),
-        Err(failure) => {
-            if let Route::Shared(sharing) = route {
-                free(&attached.link, sharing);
-            }
-            Identity::Unknown(failure.to_string())
-        }
+        Err(failure) => Identity::Unknown(failure.to_string()),
     };
-}
-
-/// Lets go of a port behind which nobody answers, which other programs may want at once.
-fn free(link: &LinkAddress, sharing: &Sharing) {
-    let runtime = tokio::runtime::Builder::new_current_thread()
-        .enable_all()
-        .build();
-    if let Ok(runtime) = runtime {
-        // One that others use is theirs.
-        let _ = runtime.block_on(broker::leave(link, sharing));
-    }
 }
 
 /// The device that is meant where the user names none, with a note where it is not a stylus's own USB port.

@@ -1,7 +1,7 @@
 //! State of a link beside its frames: broken frames, the reason for its end, and what a broker says of other programs.
 
 use std::collections::HashMap;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 
 use postcard_rpc::Key;
@@ -15,8 +15,8 @@ pub(super) struct Health {
     refusals: Mutex<HashMap<[u8; 8], String>>,
     /// The program that has stopped what this one played.
     stopped_by: Mutex<Option<String>>,
-    /// True if other programs go on with a recording that this one has stopped.
-    others_record: AtomicBool,
+    /// Blocks, and lost blocks, of a recording of other programs before this one joined it.
+    before_joining: Mutex<(u32, u32)>,
 }
 
 impl Health {
@@ -50,14 +50,15 @@ impl Health {
         lock(&self.stopped_by).clone()
     }
 
-    /// Forgets who has stopped an earlier play.
-    pub(super) fn begin(&self) {
-        *lock(&self.stopped_by) = None;
+    /// Blocks, and lost blocks, of a recording of other programs before this one joined it.
+    pub(super) fn before_joining(&self) -> (u32, u32) {
+        *lock(&self.before_joining)
     }
 
-    /// True if other programs go on with a recording that this one has stopped.
-    pub(super) fn others_record(&self) -> bool {
-        self.others_record.load(Ordering::Relaxed)
+    /// Forgets who has stopped an earlier play or recording, and which one was joined.
+    pub(super) fn begin(&self) {
+        *lock(&self.stopped_by) = None;
+        *lock(&self.before_joining) = (0, 0);
     }
 }
 
@@ -79,9 +80,9 @@ impl Health {
         *lock(&self.stopped_by) = Some(by);
     }
 
-    /// Notes whether other programs go on with a recording.
-    pub(super) fn set_others_record(&self, others: bool) {
-        self.others_record.store(others, Ordering::Relaxed);
+    /// Notes how far a recording was before this program joined it.
+    pub(super) fn join_recording(&self, blocks: u32, lost_blocks: u32) {
+        *lock(&self.before_joining) = (blocks, lost_blocks);
     }
 }
 

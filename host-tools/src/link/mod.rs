@@ -9,15 +9,13 @@
 //! | `address` | addresses of devices, as a user writes them |
 //! | `open` | opening of an address; `wire` and `bulk` carry frames, `health` is the state of a link |
 //! | `broker` | one link for several programs |
-//! | `route` | ways to a device, direct or shared; `custom` has links that a program brings itself |
+//! | `route` | ways to a device, direct or shared |
 //! | [`discovery`] | the devices that are attached |
 //! | `usb`, [`virtual_usb`] | the bulk endpoints of a stylus, and of a virtual one |
 //! | `version` | differences of version between device and host, and the older side |
 //! | [`Device`] | every request as a function, with its timeout |
 //! | [`upload`] | upload of a library, resumed after broken links, and read back |
-//! | [`budget`] | least time of an upload, by data sheets |
 //! | [`play`] | motions at a fixed rate, keep-alives, and why a play counts as failed |
-//! | [`contents`] | what the slots hold |
 //! | [`capture`] | the record stream and its losses |
 //! | [`calibrate`] | values of the coil, and zeros of the sensors, measured and verified |
 //! | [`strokes`] | recordings of a free hand, with its motion |
@@ -35,8 +33,6 @@ mod broker;
 mod bulk;
 pub mod calibrate;
 pub mod capture;
-pub mod contents;
-mod custom;
 mod device;
 pub mod discovery;
 mod error;
@@ -60,9 +56,9 @@ mod wire;
 use no_broker as broker;
 
 pub use address::LinkAddress;
+#[cfg(unix)]
 pub use broker::{Served, serve};
-pub use custom::{ByteStream, CustomLink};
-pub use device::{Device, Timeouts};
+pub use device::{Device, SlotContent, TextureEntry, Timeouts};
 pub use error::{LinkError, Result};
 pub use route::{BROKER_COMMAND, BROKER_READY, BROKER_TAKEN, Route, Sharing};
 pub use version::Mismatch;

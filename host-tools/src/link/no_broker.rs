@@ -1,32 +1,16 @@
 //! The place of a broker on systems without sockets of files: every link is direct.
+#![expect(
+    clippy::unused_async,
+    reason = "these are called in the place of functions that wait"
+)]
 
 use std::sync::Arc;
 
 use super::LinkAddress;
-use super::error::{LinkError, Result};
+use super::error::Result;
 use super::health::Health;
 use super::open::{self, Ends};
 use super::route::Sharing;
-
-/// End of a broker, which there is none of.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Served {
-    /// It has ended.
-    Ended,
-    /// Another one serves the device.
-    Taken,
-}
-
-/// Refuses to share a link.
-///
-/// # Errors
-/// Always.
-pub fn serve(address: &LinkAddress, _ready: impl FnOnce()) -> Result<Served> {
-    Err(LinkError::Open {
-        link: address.to_string(),
-        reason: "links are not shared on this system: leave the command out".to_owned(),
-    })
-}
 
 /// Opens a link of this program's own.
 ///
@@ -42,13 +26,6 @@ pub(super) async fn open<E: Ends>(
 }
 
 /// Finds no link that is shared.
-///
-/// # Errors
-/// Never.
-#[expect(
-    clippy::unused_async,
-    reason = "it is called in the place of one that waits"
-)]
 pub(super) async fn join<E: Ends>(
     _address: &LinkAddress,
     _command: &str,
@@ -59,13 +36,6 @@ pub(super) async fn join<E: Ends>(
 }
 
 /// Does nothing, because no broker can be in the way.
-///
-/// # Errors
-/// Never.
-#[expect(
-    clippy::unused_async,
-    reason = "it is called in the place of one that waits"
-)]
-pub(super) async fn leave(_address: &LinkAddress, _sharing: &Sharing) -> Result<()> {
+pub(super) async fn free(_address: &LinkAddress) -> Result<()> {
     Ok(())
 }

@@ -15,7 +15,7 @@ use tokio_serial::{SerialPortBuilderExt, SerialStream};
 use super::error::{LinkError, Result};
 use super::health::Health;
 use super::wire::{CobsRx, CobsTx, Spawn};
-use super::{CustomLink, LinkAddress, bulk, usb, virtual_usb};
+use super::{LinkAddress, bulk, usb, virtual_usb};
 
 /// Timeout of a TCP connection.
 const TCP_TIMEOUT: Duration = Duration::from_secs(3);
@@ -82,27 +82,7 @@ pub(super) async fn open<E: Ends>(
             let (reader, writer) = tcp(host, *port, &link).await?.into_split();
             stream(reader, writer, &link, health, ends).await
         }
-        // A route of its own opens it.
-        LinkAddress::Custom { .. } => Err(LinkError::Open {
-            link,
-            reason: "the link belongs to the program that has brought it: connect over that one"
-                .to_owned(),
-        }),
     }
-}
-
-/// Opens a link that this program brings, and gives its ends to `ends`.
-pub(super) async fn open_own<E: Ends>(
-    own: &dyn CustomLink,
-    health: &Arc<Health>,
-    ends: E,
-) -> Result<E::Made> {
-    let link = own.name();
-    let opened = own.open().map_err(|failure| LinkError::Open {
-        link: link.clone(),
-        reason: failure.to_string(),
-    })?;
-    stream(opened.reader, opened.writer, &link, health, ends).await
 }
 
 async fn transfers<E: Ends>(

@@ -15,8 +15,8 @@ pub enum Route {
     /// Over a link of one's own, which no other program can open meanwhile.
     #[default]
     Direct,
-    /// As [`Route::Direct`], after a broker that nobody uses was asked to leave.
-    Alone(Sharing),
+    /// As [`Route::Direct`], after the end of a broker that nobody uses.
+    Alone,
     /// Over a link that another program of this user shares, if one does, and else as [`Route::Direct`]: for programs
     /// that are no broker themselves. The text names what opens the link, for others that want to know.
     Joined(String),
@@ -30,7 +30,7 @@ impl Route {
     pub(super) async fn open(&self, address: &LinkAddress, health: &Arc<Health>) -> Result<Client> {
         match self {
             Self::Direct => {}
-            Self::Alone(sharing) => broker::leave(address, sharing).await?,
+            Self::Alone => broker::free(address).await?,
             Self::Joined(command) => {
                 let joined = broker::join(address, command, health, AsClient).await?;
                 if let Some(joined) = joined {

@@ -114,6 +114,7 @@ impl Response {
 }
 
 #[cfg(test)]
+#[expect(clippy::float_cmp, reason = "zeros and sums must be exact")]
 mod tests {
     use super::*;
 
@@ -155,17 +156,6 @@ mod tests {
             assert!((contact.stiffness_n_per_um() / slope - 1.0).abs() < 1e-6);
         }
     }
-
-    #[test]
-    fn without_force_there_is_no_contact() {
-        assert_eq!(Contact::hertz(1.5, 300.0, 0.0), None);
-    }
-}
-
-#[cfg(test)]
-#[expect(clippy::float_cmp, reason = "zeros and sums must be exact")]
-mod resonance_tests {
-    use super::*;
 
     fn mode(tip: Option<f64>) -> Mode {
         Mode {

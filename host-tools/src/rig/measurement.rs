@@ -130,8 +130,6 @@ impl StreamKey {
 
     /// The stream of `effect`.
     pub(super) fn stream(self, effect: &str) -> Pcg64 {
-        #[cfg(test)]
-        drawn::note(effect);
         Pcg64::seed_from_u64(self.text(effect).0)
     }
 
@@ -139,25 +137,5 @@ impl StreamKey {
         Self(bytes.iter().fold(self.0, |hash, byte| {
             (hash ^ u64::from(*byte)).wrapping_mul(0x0000_0100_0000_01B3)
         }))
-    }
-}
-
-/// Counts of the streams that the thread has begun, for tests of the effects that a rig draws for.
-#[cfg(test)]
-pub(super) mod drawn {
-    use std::cell::RefCell;
-    use std::collections::BTreeMap;
-
-    thread_local! {
-        static EFFECTS: RefCell<BTreeMap<String, usize>> = const { RefCell::new(BTreeMap::new()) };
-    }
-
-    pub(super) fn note(effect: &str) {
-        EFFECTS.with_borrow_mut(|effects| *effects.entry(effect.to_owned()).or_default() += 1);
-    }
-
-    /// Returns the number of streams per effect since the last call, and clears it.
-    pub fn take() -> BTreeMap<String, usize> {
-        EFFECTS.take()
     }
 }

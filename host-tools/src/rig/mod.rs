@@ -70,7 +70,6 @@ mod series;
 #[cfg(test)]
 mod tests;
 mod trial;
-mod validate;
 
 pub use contact::Contact;
 pub use contact::{Response, ToolResponse};

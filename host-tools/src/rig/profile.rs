@@ -258,23 +258,6 @@ mod tests {
     }
 
     #[test]
-    fn jitter_widens_the_lines_and_keeps_their_power() {
-        let exact = Profile::new(&DRUM, &texture(vec![weave(None)], None), 1);
-        let jitter = Jitter {
-            rms_rad: 0.5,
-            correlation_mm: 3.0,
-        };
-        let wandering = Profile::new(&DRUM, &texture(vec![weave(Some(jitter))], None), 1);
-        assert!((wandering.rms_um() / exact.rms_um() - 1.0).abs() < 0.01);
-        let terms = wandering.coefficients_um();
-        // A Gaussian phase of 0.5 rad leaves exp(-σ²/2) = 0.88 of the carrier.
-        assert!((terms[400].norm() / 4.0 - 0.88).abs() < 0.05);
-        let sidebands: f64 = terms[300..500].iter().map(Complex::norm_sqr).sum();
-        assert!((sidebands / 16.0 - 1.0).abs() < 1e-3);
-        assert!(terms.last().unwrap().norm() < 1e-6);
-    }
-
-    #[test]
     fn a_wandering_phase_has_the_stated_rms_and_correlation() {
         let jitter = Jitter {
             rms_rad: 0.4,

@@ -244,18 +244,13 @@ impl Pass {
 const SINES: usize = 48;
 
 /// Points of the vibration per sample.
-pub(super) const POINTS_PER_SAMPLE: usize = 4;
+const POINTS_PER_SAMPLE: usize = 4;
 
 /// Points on each side of a place that its value is interpolated from.
 const REACH: usize = 16;
 
 /// Place at each sample, in samples of the nominal speed.
-pub(super) fn places(
-    wander: &Wander,
-    sample_rate_hz: f64,
-    key: StreamKey,
-    samples: usize,
-) -> Vec<f64> {
+fn places(wander: &Wander, sample_rate_hz: f64, key: StreamKey, samples: usize) -> Vec<f64> {
     let mut random = key.stream("wander");
     let mut speed = vec![1.0; samples];
     let scale = wander.rms / (SINES as f64).sqrt();
@@ -282,7 +277,7 @@ pub(super) fn places(
 }
 
 /// First point that is needed for `places`, in points, and the number of points.
-pub(super) fn points(places: &[f64]) -> (i64, usize) {
+fn points(places: &[f64]) -> (i64, usize) {
     let (low, high) = places
         .iter()
         .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &x| {
@@ -295,7 +290,7 @@ pub(super) fn points(places: &[f64]) -> (i64, usize) {
 }
 
 /// Values at `places` of a function that is known at points from `first` on.
-pub(super) fn read(values: &[f64], first: i64, places: &[f64]) -> Vec<f64> {
+fn read(values: &[f64], first: i64, places: &[f64]) -> Vec<f64> {
     places
         .iter()
         .map(|place| {
@@ -319,26 +314,6 @@ fn windowed_sinc(x: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::tests::{PROTOCOL, ROUGHNESS, STRIP, TOOL, WEAVE, rig};
-    use super::*;
-
-    fn passes(parts: &[&str]) -> usize {
-        Strip::new(&rig(parts), 0, 1).passes.len()
-    }
-
-    #[test]
-    fn a_pass_is_built_for_each_speed_only_where_something_is_felt() {
-        let untouched = PROTOCOL.replace("[0.0, 0.2, 0.8, 1.4]", "[0.0]");
-        assert_eq!(passes(&[PROTOCOL, TOOL, STRIP, WEAVE]), 4);
-        assert_eq!(passes(&[PROTOCOL, TOOL, STRIP, ROUGHNESS]), 4);
-        assert_eq!(passes(&[PROTOCOL, TOOL, STRIP]), 0, "a flat surface");
-        assert_eq!(passes(&[PROTOCOL, STRIP]), 0, "no tool");
-        assert_eq!(passes(&[&untouched, TOOL, STRIP, WEAVE]), 0, "no force");
-    }
-}
-
-#[cfg(test)]
-mod wander_tests {
     use super::*;
     use proptest::prelude::*;
 

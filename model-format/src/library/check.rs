@@ -1,5 +1,5 @@
-//! The checks that a texture of a library must pass, in bounded steps: the header in one, then some nodes, amplitudes of
-//! lines, or bytes of codebooks and level track per step.
+//! The checks that a texture of a library must pass, in bounded steps: the header in one, then some nodes, amplitudes
+//! of lines, or bytes of codebooks and level track per step.
 
 use super::node::NodeFlags;
 use super::part::excitation::ExcitationCheck;

@@ -10,6 +10,7 @@
 //! A request that writes flash may take seconds, see [`FLASH_TIMEOUT_MS`]. Every other one is answered at once.
 
 mod cap;
+mod lease;
 mod library;
 mod play;
 mod proposal;
@@ -29,13 +30,14 @@ pub use cap::{
     BUILT_FOR_GAIN, BUILT_FOR_OHM, MAX_COIL_POWER_WATT, MAX_PIN_MEAN_SQUARE,
     MAX_THERMAL_TIME_CONSTANT_S, OutputLimits,
 };
+pub use lease::{LeaseStatus, LinkId};
 pub use library::{
     ActivateError, Activated, LIBRARY_CRC, ListError, ListRequest, Reason, SceneInfo, SlotFault,
     SlotId, SlotInfo, SlotState, Slots, TextureInfo, TextureName,
 };
 pub use play::{
-    Arithmetic, LeaseStatus, LinkId, MAX_PLAY_GAIN, MUTE_REASON_COUNT, MotionRefused, MotionSample,
-    MotionSource, MuteReason, MuteReasons, PlayError, PlayRequest, Playing, Selection, StopError,
+    Arithmetic, MAX_PLAY_GAIN, MUTE_REASON_COUNT, MotionRefused, MotionSample, MotionSource,
+    MuteReason, MuteReasons, PlayError, PlayRequest, Playing, Selection, StopError,
 };
 pub use proposal::{
     LOCKED, ProposalToken, SettingSet, SettingsChange, SettingsProposal, SettingsState,

@@ -221,7 +221,8 @@ pub fn all_pole(a: &[f64], excitation: &[f64]) -> Vec<f64> {
     output
 }
 
-/// Coefficients of an all-pole process at `rate_hz` by its poles, each a frequency, Hz, and a radius, with its conjugate.
+/// Coefficients of an all-pole process at `rate_hz` by its poles, each a frequency, Hz, and a radius, with its
+/// conjugate.
 pub fn predictor(rate_hz: u32, poles: &[(f64, f64)]) -> Vec<f64> {
     let mut polynomial = vec![1.0];
     for &(hertz, radius) in poles {
@@ -238,7 +239,8 @@ pub fn predictor(rate_hz: u32, poles: &[(f64, f64)]) -> Vec<f64> {
     polynomial.split_off(1)
 }
 
-/// Power of an all-pole process between two frequencies, for excitation of unit variance, by its density in closed form.
+/// Power of an all-pole process between two frequencies, for excitation of unit variance, by its density in closed
+/// form.
 pub fn power_between(a: &[f64], rate_hz: u32, low_hz: f64, high_hz: f64) -> f64 {
     const STEPS: u32 = 2000;
     let step_hz = (high_hz - low_hz) / f64::from(STEPS);

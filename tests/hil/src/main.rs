@@ -13,7 +13,7 @@ use hil::board::{Board, Images, Probe, VirtualBoard};
 use hil::error::{Error, Result};
 use hil::report::{Line, Report};
 use hil::suite::{overwrites, run};
-use host_tools::link::{Device, LinkAddress, Route, Sharing, Timeouts};
+use host_tools::link::{Device, LinkAddress, Route, Timeouts};
 use serde::Serialize;
 
 /// The part's name for probe-rs.
@@ -195,11 +195,7 @@ fn connect(address: &LinkAddress, timeouts: Timeouts) -> Result<Device> {
     let mut attempt = 1;
     loop {
         // A command before this one may have left its broker at the link.
-        let route = Route::Alone(Sharing {
-            program: PathBuf::new(),
-            command: "hil".to_owned(),
-        });
-        match Device::connect_by(address, timeouts, route) {
+        match Device::connect_by(address, timeouts, Route::Alone) {
             Ok(device) => return Ok(device),
             Err(error) if attempt == ATTEMPTS || !error.is_passing() => return Err(error.into()),
             Err(_) => std::thread::sleep(Duration::from_millis(500)),

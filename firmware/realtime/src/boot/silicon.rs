@@ -1,5 +1,5 @@
-//! The silicon: its revision and the remedy that an old one needs, the cause of its last reset, and its supply: the level
-//! of the brown-out reset, and a detector above it.
+//! The silicon: its revision and the remedy that an old one needs, the cause of its last reset, and its supply: the
+//! level of the brown-out reset, and a detector above it.
 //!
 //! Option bytes are read, never written. A supply that the probe could not set right is for a person to see to.
 #![expect(unsafe_code, reason = "a register that the register crate lacks")]

@@ -3,7 +3,7 @@
 use std::io::BufRead;
 
 use host_tools::link::Device;
-use host_tools::link::calibrate::{AtRest, Coil, acceleration_zeros, store, verify};
+use host_tools::link::calibrate::{AtRest, Coil, acceleration_zeros, verify};
 use host_tools::support::error::{Error, Result};
 use model_format::link::{Setting, SettingChange, Settings};
 use serde::Serialize;
@@ -90,7 +90,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     if !arguments.yes && answer("store these? [y/N]")?.trim() != "y" {
         return Err(Error::Request("nothing was stored".to_owned()));
     }
-    let stored = store(&device, &changes)?;
+    let stored = device.set_all(&changes)?;
     let at_rest = if arguments.keep_force {
         None
     } else {

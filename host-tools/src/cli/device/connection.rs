@@ -1,12 +1,22 @@
-//! Arguments for the connection to a stylus.
+//! The connection to a stylus: its arguments, and the commands that are about it alone: `devices`, `stop`, and
+//! `share-link`.
 
+#[cfg(unix)]
+use std::io::Write;
 use std::time::Duration;
 
-use host_tools::link::{Device, LinkAddress, LinkError, Route, Sharing, Timeouts, discovery};
+use host_tools::link::discovery::{self, Row};
+#[cfg(unix)]
+use host_tools::link::{BROKER_READY, BROKER_TAKEN, Served, serve};
+use host_tools::link::{Device, LinkAddress, LinkError, Route, Sharing, Timeouts};
 use host_tools::support::error::Result;
+#[cfg(unix)]
+use host_tools::support::visible::visible_line;
+use serde::Serialize;
 
 use crate::cli::input::positive;
-use crate::cli::output::note;
+use crate::cli::output::{note, print, print_json};
+use crate::cli::table::table;
 
 /// The stylus that a command talks to.
 #[derive(clap::Args)]
@@ -67,11 +77,10 @@ impl Link {
     }
 
     fn open(&self, link: &LinkAddress, timeouts: Timeouts) -> Result<Device> {
-        let sharing = sharing()?;
         let route = if self.no_broker {
-            Route::Alone(sharing)
+            Route::Alone
         } else {
-            Route::Shared(sharing)
+            Route::Shared(sharing()?)
         };
         Ok(Device::connect_by(link, timeouts, route)?)
     }
@@ -88,4 +97,112 @@ pub fn sharing() -> Result<Sharing> {
         program: std::env::current_exe().map_err(LinkError::Host)?,
         command,
     })
+}
+
+/// Arguments of `stylus devices`.
+#[derive(clap::Args)]
+pub struct DevicesArguments {
+    /// Print the list as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs `stylus devices`.
+pub fn devices(arguments: &DevicesArguments) -> Result<()> {
+    let rows = discovery::rows(&Route::Shared(sharing()?))?;
+    if arguments.json {
+        return print_json(&rows);
+    }
+    if rows.is_empty() {
+        note(
+            "nothing is attached: plug a stylus in, or start a virtual one with `cargo virtual-stylus`",
+        );
+        return Ok(());
+    }
+    let header = [
+        "--link",
+        "kind",
+        "serial number",
+        "firmware",
+        "probe",
+        "state",
+    ];
+    let text = |value: &Option<String>| value.clone().unwrap_or_else(|| "-".to_owned());
+    let cells = |row: &Row| {
+        vec![
+            row.link.clone(),
+            row.kind.to_string(),
+            text(&row.serial_number),
+            text(&row.firmware),
+            text(&row.probe),
+            row.state.clone(),
+        ]
+    };
+    let rows: Vec<Vec<String>> = rows.iter().map(cells).collect();
+    print(&table(&header, &rows))
+}
+
+/// Arguments of `stylus stop`.
+#[derive(clap::Args)]
+pub struct StopArguments {
+    /// Print the result as JSON
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    link: Link,
+}
+
+#[derive(Serialize)]
+struct StopReport {
+    was_playing: bool,
+    was_recording: bool,
+}
+
+/// Runs `stylus stop`.
+pub fn stop(arguments: &StopArguments) -> Result<()> {
+    let device = arguments.link.connect()?;
+    let (was_playing, _) = device.stop()?;
+    let was_recording = device.status()?.record.recording;
+    if was_recording {
+        device.record_stop()?;
+    }
+    if arguments.json {
+        return print_json(&StopReport {
+            was_playing,
+            was_recording,
+        });
+    }
+    let what = match (was_playing, was_recording) {
+        (true, true) => "stopped playing and recording",
+        (true, false) => "stopped playing",
+        (false, true) => "stopped recording; nothing was played",
+        (false, false) => "nothing was played or recorded",
+    };
+    print(&format!("{what}; the output is at rest"))
+}
+
+/// Arguments of `stylus share-link`.
+#[cfg(unix)]
+#[derive(clap::Args)]
+pub struct ShareLinkArguments {
+    /// Address of the stylus
+    #[arg(long, value_name = "LINK")]
+    link: LinkAddress,
+}
+
+/// Runs `stylus share-link`, which commands start to share a link; nobody types it. The one line that it prints is for the command that has started it.
+#[cfg(unix)]
+pub fn share_link(arguments: &ShareLinkArguments) {
+    match serve(&arguments.link, || say(BROKER_READY)) {
+        Ok(Served::Ended) => {}
+        Ok(Served::Taken) => say(BROKER_TAKEN),
+        Err(failure) => say(&visible_line(&failure.to_string())),
+    }
+}
+
+/// Prints a line, and lets it be if nobody reads: the command that has started this may be gone.
+#[cfg(unix)]
+fn say(line: &str) {
+    let mut output = std::io::stdout().lock();
+    let _ = writeln!(output, "{line}").and_then(|()| output.flush());
 }

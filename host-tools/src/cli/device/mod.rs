@@ -2,26 +2,25 @@
 
 pub mod calibrate;
 mod connection;
-pub mod devices;
 pub mod play;
 pub mod record;
 pub mod selftest;
-mod sensing;
 pub mod settings;
-pub mod share_link;
 pub mod slots;
 pub mod status;
-pub mod stop;
 pub mod upload;
 
 use clap::Subcommand;
+#[cfg(unix)]
 use host_tools::link::BROKER_COMMAND;
 use host_tools::support::error::Result;
+
+use self::connection::{DevicesArguments, StopArguments, devices, stop};
 
 #[derive(Subcommand)]
 pub enum Command {
     /// List the styluses that are attached: on USB, behind a probe's serial port, or virtual
-    Devices(devices::Arguments),
+    Devices(DevicesArguments),
     /// Record with the stylus's sensors: trials, prompted for each speed and force, or a free hand's strokes
     Record(record::Arguments),
     /// Upload a library to the stylus, and read it back
@@ -31,7 +30,7 @@ pub enum Command {
     /// Play a texture or a scene until Ctrl-C, along the sensors' motion or a given one
     Play(play::Arguments),
     /// Stop playing and recording
-    Stop(stop::Arguments),
+    Stop(StopArguments),
     /// Show the stylus's state and all its counters, once or continuously with the sensors
     Status(status::Arguments),
     /// Test the board, the wiring and the link, and keep a record; the amplifier must be off
@@ -41,25 +40,27 @@ pub enum Command {
     /// Set the coil's measured values and the sensors' zeros, with checks; nothing plays before
     Calibrate(calibrate::Arguments),
     /// Share a link among commands
+    #[cfg(unix)]
     #[command(name = BROKER_COMMAND, hide = true)]
-    ShareLink(share_link::Arguments),
+    ShareLink(connection::ShareLinkArguments),
 }
 
 /// Runs a command.
 pub fn run(command: &Command) -> Result<()> {
     match command {
-        Command::Devices(arguments) => devices::run(arguments),
+        Command::Devices(arguments) => devices(arguments),
         Command::Record(arguments) => record::run(arguments),
         Command::Upload(arguments) => upload::run(arguments),
         Command::Slots(arguments) => slots::run(arguments),
         Command::Play(arguments) => play::run(arguments),
-        Command::Stop(arguments) => stop::run(arguments),
+        Command::Stop(arguments) => stop(arguments),
         Command::Status(arguments) => status::run(arguments),
         Command::Selftest(arguments) => selftest::run(arguments),
         Command::Settings(arguments) => settings::run(arguments),
         Command::Calibrate(arguments) => calibrate::run(arguments),
+        #[cfg(unix)]
         Command::ShareLink(arguments) => {
-            share_link::run(arguments);
+            connection::share_link(arguments);
             Ok(())
         }
     }

@@ -10,9 +10,9 @@ use host_tools::support::progress;
 
 use super::connection::Link;
 use super::slots::Slot;
+use crate::cli::files::Overwrite;
 use crate::cli::input::positive;
 use crate::cli::output::{print, print_json, tell};
-use crate::cli::overwrite::Overwrite;
 use crate::cli::table::table;
 
 #[derive(clap::Args)]

@@ -1,7 +1,7 @@
 //! `stylus slots`: the libraries in the stylus, and which of them it plays.
 
 use host_tools::link::Device;
-use host_tools::link::contents::{SlotContent, TextureEntry};
+use host_tools::link::{SlotContent, TextureEntry};
 use host_tools::support::error::{Error, Result};
 use model_format::link::{SceneInfo, SlotId, SlotState};
 use serde::Serialize;

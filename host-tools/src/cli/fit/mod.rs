@@ -11,7 +11,7 @@ use host_tools::fit::lines::Lines;
 use host_tools::fit::record::{FitRecord, FoundLines};
 use host_tools::fit::{ExcitationChoice, ModulationChoice, Order};
 use host_tools::recording::RecordingSet;
-use host_tools::recording::triage::{SILENCE_FLOOR_M_S2, Verdict};
+use host_tools::recording::triage::{Kind, SILENCE_FLOOR_M_S2};
 use host_tools::support::error::{Error, Result};
 use host_tools::support::progress;
 use host_tools::texture::summary::TextureSummary;
@@ -22,10 +22,10 @@ use model_format::limits::MAX_TEXTURES;
 use parts::LargeSet;
 use report::{FitReport, energy_kept, excitations, lines_found, show_verdicts};
 
+use crate::cli::files::Overwrite;
 use crate::cli::input::{Recordings, not_negative, tolerance};
 use crate::cli::inspect::texture_table;
 use crate::cli::output::{note, print, print_json};
-use crate::cli::overwrite::Overwrite;
 use host_tools::texture::library::decode_library;
 
 #[derive(clap::Args)]
@@ -53,7 +53,7 @@ pub struct Arguments {
     #[arg(long, value_enum, default_value = "auto")]
     modulation: ModulationChoice,
     /// Verdicts of trials to leave out; their nodes are filled from neighbours
-    #[arg(long, value_delimiter = ',', value_parser = clap::builder::PossibleValuesParser::new(Verdict::NAMES))]
+    #[arg(long, value_delimiter = ',', value_parser = clap::builder::PossibleValuesParser::new(Kind::NAMES))]
     drop: Vec<String>,
     /// Lines that are locked to place, such as those of a weave: sought, or left in the noise
     #[arg(long, value_enum, default_value = "auto")]

@@ -6,7 +6,7 @@ use model_format::scene::MotionOfScene;
 use serde::Serialize;
 use stylus_kernel::scene::cost;
 
-use super::source::Source;
+use super::render::Source;
 use crate::cli::output::{print, print_json};
 use crate::cli::table::table;
 use host_tools::texture::library::{decode_library, read_library};

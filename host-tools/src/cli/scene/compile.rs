@@ -10,8 +10,8 @@ use model_format::scene::Scene;
 use stylus_kernel::scene::cost;
 
 use super::check::headline;
+use crate::cli::files::Overwrite;
 use crate::cli::output::{print, warn};
-use crate::cli::overwrite::Overwrite;
 use host_tools::texture::library::{decode_library, read_library};
 
 #[derive(clap::Args)]

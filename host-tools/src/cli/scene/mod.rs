@@ -4,7 +4,6 @@ mod check;
 mod compile;
 mod fit_tap;
 mod render;
-mod source;
 
 use clap::Subcommand;
 use host_tools::support::error::Result;

@@ -22,8 +22,8 @@ pub const STRUCTURES: [Structure; 5] = [
     Structure::NormalisedLattice32,
 ];
 
-/// Bytes of flash that a node's coefficients take: of a lattice in the smallest form that `fit` stores, of a direct form
-/// in its own words.
+/// Bytes of flash that a node's coefficients take: of a lattice in the smallest form that `fit` stores, of a direct
+/// form in its own words.
 pub(super) fn library_bytes_per_node(structure: Structure, order: usize) -> usize {
     match structure {
         Structure::DirectForm16 => return order * size_of::<i16>(),

@@ -10,7 +10,7 @@ use crate::fit::densify::Direction;
 use crate::fit::densify::{ECONOMY_DB, highest_order};
 use crate::fit::lines::Lines;
 use crate::fit::{Analysis, Fit};
-use crate::recording::triage::Verdict;
+use crate::recording::triage::{Kind, Verdict};
 use crate::recording::{RecordingSet, Trial};
 use crate::support::error::{Error, Result};
 use crate::texture::domain::Neighbour;
@@ -132,8 +132,8 @@ impl<'a> Prepared<'a> {
 
 /// The sample rate of a recording's file as far as it bounds what can be judged, Hz.
 fn source_rate_hz(verdicts: &[Verdict]) -> f64 {
-    let slow = verdicts.iter().map(|verdict| match verdict {
-        Verdict::WrongRate { rate_hz } => *rate_hz,
+    let slow = verdicts.iter().map(|verdict| match verdict.kind() {
+        Kind::WrongRate { rate_hz } => rate_hz,
         _ => f64::INFINITY,
     });
     slow.fold(f64::from(SAMPLE_RATE_HZ), f64::min)

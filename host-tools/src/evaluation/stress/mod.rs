@@ -7,8 +7,8 @@
 //!
 //! *Level* is measured against the same filter in float64 on the same noise, whose power is known exactly: a lattice's
 //! is one for noise of power one, whatever its rotations. So it needs no minutes of averaging. *SNR* is against float64
-//! with the same coefficients; it counts the damping of a line that rings for long as noise. *Spectrum* is the largest difference,
-//! at any frequency, between the model as it was fitted and as it is stored.
+//! with the same coefficients; it counts the damping of a line that rings for long as noise. *Spectrum* is the
+//! largest difference, at any frequency, between the model as it was fitted and as it is stored.
 
 pub mod cases;
 pub mod models;

@@ -7,7 +7,7 @@ use model_format::{CodeSpec, FINE_THETA_STEP_RAD, SAMPLE_RATE_HZ};
 use super::evidence::{self, Judged, mean_square, residual};
 use crate::dsp::linear_prediction::step_up;
 use crate::fit::trial::Signal;
-use crate::recording::triage::Verdict;
+use crate::recording::triage::{Kind, Verdict};
 
 /// Longest part of a trial that is looked at, samples: a minute, thirty times what a codebook holds.
 const LONGEST: usize = 60 * SAMPLE_RATE_HZ as usize;
@@ -72,19 +72,11 @@ impl Trace {
 }
 
 /// Returns whether the residual of a trial with this verdict is the surface's, apart from the verdict's spans and from
-/// clipped peaks: not that of a copy, of a converter's steps, or of a band without a signal.
+/// clipped peaks: not that of a copy, or of a converter's steps.
 fn leaves_the_residual(verdict: &Verdict) -> bool {
     !matches!(
-        verdict,
-        Verdict::Silent
-            | Verdict::ClippedBefore { .. }
-            | Verdict::Overflow { .. }
-            | Verdict::Repeated { .. }
-            | Verdict::Coarse { .. }
-            | Verdict::EmptyBand { .. }
-            | Verdict::SensorNoise { .. }
-            | Verdict::Duplicate { .. }
-            | Verdict::WrongRate { .. }
+        verdict.kind(),
+        Kind::Silent | Kind::Repeated | Kind::Coarse | Kind::Duplicate | Kind::WrongRate { .. }
     )
 }
 

@@ -11,9 +11,9 @@ use tokio::io::AsyncWriteExt;
 use tokio::net::UnixStream;
 use tokio::net::unix::{OwnedReadHalf, OwnedWriteHalf};
 
-use super::greeting::{self, Answer, Versions};
 use super::message::{FromBroker, Messages, ToBroker};
 use super::place::{Place, unusable};
+use super::serve::IDLE;
 use crate::link::LinkAddress;
 use crate::link::error::{LinkError, Result};
 use crate::link::health::Health;
@@ -24,8 +24,8 @@ use crate::link::virtual_usb::encode;
 /// Time in which a broker has to be found or started. A TCP connection alone may take three seconds.
 const TIMEOUT: Duration = Duration::from_secs(8);
 
-/// Time in which a broker has to answer a greeting.
-const GREETING_TIMEOUT: Duration = Duration::from_secs(2);
+/// Time in which a broker has to welcome a client.
+const WELCOME_TIMEOUT: Duration = Duration::from_secs(2);
 
 /// Interval between attempts while another program starts or ends a broker.
 const RETRY: Duration = Duration::from_millis(10);
@@ -33,7 +33,7 @@ const RETRY: Duration = Duration::from_millis(10);
 /// Opens a shared link, and gives its ends to `ends`. Starts a broker where there is none.
 ///
 /// # Errors
-/// A device that cannot be opened, or a broker that is of another version, in use, or dead.
+/// A device that cannot be opened, or that a program of another version shares.
 pub(in crate::link) async fn open<E: Ends>(
     address: &LinkAddress,
     sharing: &Sharing,
@@ -43,19 +43,18 @@ pub(in crate::link) async fn open<E: Ends>(
     let place = Place::of(address).await?;
     let begin = Instant::now();
     loop {
-        continue_within(&place, begin)?;
-        match attempt(&place, &sharing.command).await? {
-            Attempt::Welcome(stream) => return Ok(give(stream, health, ends)),
-            Attempt::Nobody => start(&place, sharing).await?,
-            Attempt::Leaves => tokio::time::sleep(RETRY).await,
+        if let Some(socket) = connect(&place, &sharing.command, health).await? {
+            return Ok(give(socket, health, ends));
         }
+        continue_within(&place, begin)?;
+        start(&place, sharing).await?;
     }
 }
 
 /// Opens a link that another program shares, and gives its ends to `ends`; none if nobody shares it.
 ///
 /// # Errors
-/// A broker that is of another version, or dead.
+/// A program of another version that shares it.
 pub(in crate::link) async fn join<E: Ends>(
     address: &LinkAddress,
     command: &str,
@@ -68,74 +67,39 @@ pub(in crate::link) async fn join<E: Ends>(
     };
     let begin = Instant::now();
     loop {
-        match attempt(&place, command).await? {
-            Attempt::Welcome(stream) => return Ok(Some(give(stream, health, ends))),
-            // The lock is held by one that begins or ends.
-            Attempt::Nobody if place.lock()?.is_some() => return Ok(None),
-            Attempt::Nobody | Attempt::Leaves => {}
+        if let Some(socket) = connect(&place, command, health).await? {
+            return Ok(Some(give(socket, health, ends)));
+        }
+        if place.lock()?.is_some() {
+            return Ok(None);
         }
         continue_within(&place, begin)?;
         tokio::time::sleep(RETRY).await;
     }
 }
 
-/// Answer to an attempt to be a broker's client.
-enum Attempt {
-    /// It is one's own now.
-    Welcome(UnixStream),
-    /// There is none.
-    Nobody,
-    /// It leaves, or has left.
-    Leaves,
-}
-
-/// Attempts once to be a broker's client.
-///
-/// # Errors
-/// A broker that is of another version, or dead.
-async fn attempt(place: &Place, command: &str) -> Result<Attempt> {
-    let Some(mut stream) = connect(place).await? else {
-        return Ok(Attempt::Nobody);
-    };
-    match greet(place, &mut stream, Versions::OWN, command).await? {
-        Some((Answer::Welcome, _)) => Ok(Attempt::Welcome(stream)),
-        Some((Answer::InUse, programs)) => Err(unusable(
-            &place.address,
-            &format!(
-                "another version of stylus shares it with {programs}: end that, or use the same version"
-            ),
-        )),
-        Some((Answer::Leaves, _)) | None => Ok(Attempt::Leaves),
-    }
-}
-
-/// Asks a broker without clients to leave, so that its device can be opened by this program alone.
+/// Waits until a broker without clients has ended, so that its device can be opened by this program alone.
 ///
 /// # Errors
 /// A broker that has clients; the error names them.
-pub(in crate::link) async fn leave(address: &LinkAddress, sharing: &Sharing) -> Result<()> {
+pub(in crate::link) async fn free(address: &LinkAddress) -> Result<()> {
     let Ok(place) = Place::of(address).await else {
-        // The opening tells what is wrong with the address; without a folder there is no broker.
         return Ok(());
     };
     let begin = Instant::now();
-    loop {
-        if let Some(mut stream) = connect(&place).await?
-            && let Some((Answer::InUse, programs)) =
-                greet(&place, &mut stream, Versions::NONE, &sharing.command).await?
-        {
+    while place.lock()?.is_none() {
+        if begin.elapsed() > IDLE + Duration::from_secs(1) {
             return Err(LinkError::Open {
                 link: place.address.to_string(),
-                reason: format!("it is in use by {programs}: end that, or leave --no-broker out"),
+                reason: format!(
+                    "it is in use by {}: end that, or leave --no-broker out",
+                    place.clients()
+                ),
             });
         }
-        // The lock is free once the broker has closed the device.
-        if place.lock()?.is_some() {
-            return Ok(());
-        }
-        continue_within(&place, begin)?;
         tokio::time::sleep(RETRY).await;
     }
+    Ok(())
 }
 
 fn continue_within(place: &Place, begin: Instant) -> Result<()> {
@@ -144,54 +108,48 @@ fn continue_within(place: &Place, begin: Instant) -> Result<()> {
     }
     Err(unusable(
         &place.address,
-        &format!("no broker was there within {} s", TIMEOUT.as_secs()),
+        &format!(
+            "another version of stylus shares it with {}: end that, or use the same version",
+            place.clients()
+        ),
     ))
 }
 
-/// Connects to the socket; none if nobody listens there.
-async fn connect(place: &Place) -> Result<Option<UnixStream>> {
-    match UnixStream::connect(&place.socket).await {
-        Ok(stream) => Ok(Some(stream)),
+/// The two ends of a broker's socket.
+type Socket = (Messages<OwnedReadHalf>, OwnedWriteHalf);
+
+/// Connects to the socket as the client of this command; none if no broker answers there.
+async fn connect(place: &Place, command: &str, health: &Health) -> Result<Option<Socket>> {
+    let stream = match UnixStream::connect(&place.socket).await {
+        Ok(stream) => stream,
         Err(failure)
             if matches!(
                 failure.kind(),
                 io::ErrorKind::NotFound | io::ErrorKind::ConnectionRefused
             ) =>
         {
-            Ok(None)
+            return Ok(None);
         }
-        Err(failure) => Err(unusable(&place.address, &failure)),
-    }
-}
-
-/// Greets a broker; none if it ends in the middle.
-async fn greet(
-    place: &Place,
-    stream: &mut UnixStream,
-    versions: Versions,
-    command: &str,
-) -> Result<Option<(Answer, String)>> {
-    let process = stream.peer_cred().ok().and_then(|peer| peer.pid());
-    let answer = async {
-        stream
-            .write_all(greeting::of_client(versions, command).as_bytes())
-            .await?;
-        greeting::read_broker(stream).await
+        Err(failure) => return Err(unusable(&place.address, &failure)),
     };
-    match tokio::time::timeout(GREETING_TIMEOUT, answer).await {
-        Ok(Ok(answer)) => Ok(Some(answer)),
-        Ok(Err(failure)) if failure.kind() == io::ErrorKind::InvalidData => Err(unusable(
-            &place.address,
-            &format!("{}: {failure}", place.socket.display()),
-        )),
-        Ok(Err(_)) => Ok(None),
-        Err(_) => {
-            let process = process.map_or_else(String::new, |process| format!(" {process}"));
-            Err(unusable(
-                &place.address,
-                &format!("the process{process} that shares it does not answer: end it"),
-            ))
+    let (reader, mut writer) = stream.into_split();
+    let mut messages = Messages::new(reader);
+    let welcome = async {
+        let command = ToBroker::Command(command.to_owned());
+        writer.write_all(&encode(&command)).await?;
+        messages.next().await
+    };
+    match tokio::time::timeout(WELCOME_TIMEOUT, welcome).await {
+        Ok(Ok(FromBroker::Broken(frames))) => {
+            health.set_broken(frames);
+            Ok(Some((messages, writer)))
         }
+        // It ends in this moment.
+        Ok(_) => Ok(None),
+        Err(_) => Err(unusable(
+            &place.address,
+            &"the process that shares it does not answer: end it",
+        )),
     }
 }
 
@@ -233,15 +191,10 @@ async fn start(place: &Place, sharing: &Sharing) -> Result<()> {
     }
 }
 
-/// Makes a link of a socket whose broker has said welcome.
-fn give<E: Ends>(stream: UnixStream, health: &Arc<Health>, ends: E) -> E::Made {
-    let (reader, writer) = stream.into_split();
-    let sender = SocketTx(writer);
-    let receiver = SocketRx {
-        messages: Messages::new(reader),
-        health: health.clone(),
-    };
-    ends.take(sender, receiver)
+/// Makes a link of a socket.
+fn give<E: Ends>((messages, writer): Socket, health: &Arc<Health>, ends: E) -> E::Made {
+    let health = health.clone();
+    ends.take(SocketTx(writer), SocketRx { messages, health })
 }
 
 /// Reason for the end of a socket without another one.
@@ -279,7 +232,10 @@ impl WireRx for SocketRx {
                 FromBroker::Frame(frame) => return Ok(frame),
                 FromBroker::Refused { key, words } => self.health.refuse(key, words),
                 FromBroker::Stopped { by } => self.health.stop(by),
-                FromBroker::OthersRecord(others) => self.health.set_others_record(others),
+                FromBroker::Joins {
+                    blocks,
+                    lost_blocks,
+                } => self.health.join_recording(blocks, lost_blocks),
                 FromBroker::Broken(frames) => self.health.set_broken(frames),
                 FromBroker::Ended(reason) => {
                     self.health.end(&reason);

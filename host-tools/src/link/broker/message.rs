@@ -1,6 +1,5 @@
-//! A broker's clients, and the messages between them and it, after the greeting.
-//!
-//! Each is its length, four bytes in little-endian order, and a value in postcard, as on a virtual USB.
+//! A broker's clients, and the messages between them and it. Each is its length, four bytes in little-endian order, and
+//! a value in postcard, as on a virtual USB. Programs of another version have another socket.
 
 use std::collections::VecDeque;
 use std::io;
@@ -35,6 +34,8 @@ impl std::fmt::Display for Program {
 /// A message of a client.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) enum ToBroker {
+    /// The client's command; its first message.
+    Command(String),
     /// A frame for the device.
     Frame(Vec<u8>),
 }
@@ -56,9 +57,14 @@ pub(super) enum FromBroker {
         /// The program, in words.
         by: String,
     },
-    /// Tells if other clients go on with the recording that this one stops.
-    OthersRecord(bool),
-    /// Number of the device's frames that were broken since this client joined.
+    /// The next answer is of a recording that other clients have begun.
+    Joins {
+        /// Blocks that the device has recorded so far.
+        blocks: u32,
+        /// Those of them that it has lost.
+        lost_blocks: u32,
+    },
+    /// Number of the device's frames that were broken so far.
     Broken(u64),
     /// The link to the device has ended, for this reason.
     Ended(String),

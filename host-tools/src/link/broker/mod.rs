@@ -7,27 +7,22 @@
 //! | module | subject |
 //! |---|---|
 //! | `place` | the socket and the lock of a device, in the user's runtime folder |
-//! | `greeting` | the first message of either side, which never changes its form |
-//! | `message` | messages after it |
+//! | `message` | messages between a client and the broker |
 //! | `join` | a client's side: finds a broker, starts one where there is none, and is its client |
-//! | `serve` | the process: its sockets, queues and end |
-//! | `outgoing` | frames on their way to the device, in the order of their urgency |
+//! | `serve` | the process: its sockets and its end |
 //! | `switchboard` | the rules, without input and output: answers go to who asked, and motion has one holder |
-//! | `recording` | one recording of the device for several clients |
 //!
 //! Invariants: an answer reaches the client that asked, under its own sequence number, or nobody. One client gives the
 //! motion; plays, motions and keep-alives of the others do not reach the device, because each would keep its lease
-//! alive. A stop reaches it from any client, before all that waits. A client that reads too slowly loses blocks of
-//! recordings, which it counts, and nobody else does.
+//! alive. Frames go to the device in the order of their arrival, and few of each client wait, so that a stop or a
+//! motion is not held up by another client's upload. Blocks of a recording go to all clients; one that reads too
+//! slowly loses some, which it counts, and nobody else does.
 
-mod greeting;
 mod join;
 mod message;
-mod outgoing;
 mod place;
-mod recording;
 mod serve;
 mod switchboard;
 
-pub(super) use join::{join, leave, open};
+pub(super) use join::{free, join, open};
 pub use serve::{Served, serve};

@@ -1,16 +1,21 @@
 //! The socket and the lock of a device, in the user's runtime folder.
 
-use std::fs::{File, OpenOptions, TryLockError};
+use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io;
 use std::net::ToSocketAddrs;
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 
+use model_format::link::SCHEMA_HASH;
 use virtual_link::runtime_folder;
 
 use crate::link::error::{LinkError, Result};
 use crate::link::{LinkAddress, usb};
 use crate::support::fnv::Fnv;
+
+/// Version of the messages, which stands in the socket's name with the version of the device's protocol. The lock is the
+/// same for all versions.
+const VERSION: u16 = 2;
 
 /// Remedy where no broker can be had.
 const REMEDY: &str = "--no-broker opens the device without sharing it";
@@ -22,7 +27,7 @@ pub(super) struct Place {
     pub(super) address: LinkAddress,
     /// The socket.
     pub(super) socket: PathBuf,
-    /// The lock, which the broker holds as long as it lives.
+    /// The lock, which the broker holds as long as it lives, and which names its clients.
     lock: PathBuf,
 }
 
@@ -41,10 +46,25 @@ impl Place {
         // A socket's path has at most 104 bytes on some systems, and a serial port's path may be longer.
         let name = format!("link-{:016x}", Fnv::of(address.to_string().as_bytes()));
         Self {
-            socket: folder.join(format!("{name}.sock")),
+            socket: folder.join(format!("{name}-{VERSION}-{SCHEMA_HASH:016x}.sock")),
             lock: folder.join(format!("{name}.lock")),
             address,
         }
+    }
+
+    /// The clients of the broker that holds the lock, in words.
+    pub(super) fn clients(&self) -> String {
+        let clients = fs::read_to_string(&self.lock).unwrap_or_default();
+        match clients.trim() {
+            "" => "another command".to_owned(),
+            clients => clients.to_owned(),
+        }
+    }
+
+    /// Names the clients in the lock.
+    pub(super) fn name_clients(&self, clients: &str) {
+        // It serves a message alone.
+        let _ = fs::write(&self.lock, clients);
     }
 
     /// Takes the lock, or returns `None` if another broker has it. A crash frees it, so that it tells of a broker that
@@ -101,7 +121,6 @@ async fn canonical(address: &LinkAddress) -> Result<LinkAddress> {
             host: resolved(host, *port).unwrap_or_else(|| host.clone()),
             port: *port,
         },
-        LinkAddress::Custom { name } => LinkAddress::Custom { name: name.clone() },
     })
 }
 

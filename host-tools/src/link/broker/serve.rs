@@ -16,9 +16,7 @@ use tokio::sync::mpsc::{self, UnboundedReceiver, UnboundedSender};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::time::Instant;
 
-use super::greeting::{self, Answer, Versions};
 use super::message::{ClientId, FromBroker, Messages, Program, ToBroker};
-use super::outgoing::Outgoing;
 use super::place::{Place, unusable};
 use super::switchboard::{Action, Switchboard};
 use crate::link::LinkAddress;
@@ -28,17 +26,14 @@ use crate::link::open::{self, Ends};
 use crate::link::virtual_usb::encode;
 
 /// Time without a client after which a broker ends.
-const IDLE: Duration = Duration::from_secs(3);
-
-/// Time in which a client has to greet.
-const GREETING_TIMEOUT: Duration = Duration::from_secs(1);
+pub(super) const IDLE: Duration = Duration::from_secs(3);
 
 /// Time that clients have to take the last messages of a broker that ends.
 const LAST_MESSAGES: Duration = Duration::from_millis(200);
 
 /// Frames of one client on their way to the device. Its further ones wait in its socket, so that a client that sends
-/// more than the link takes keeps nobody else waiting.
-const CLIENT_FRAMES: usize = 8;
+/// more than the link takes keeps the stops and motions of others waiting for no more than these.
+const CLIENT_FRAMES: usize = 2;
 
 /// Messages that wait for a client above which blocks of a recording are left out: more than a second of blocks.
 const MOST_WITH_BLOCKS: usize = 256;
@@ -89,9 +84,9 @@ async fn run(
     let mut hung_up = signal(SignalKind::hangup()).map_err(failed)?;
     let (events, mut arrivals) = mpsc::unbounded_channel();
     let health = Arc::new(Health::default());
-    let outgoing = Arc::new(Outgoing::default());
+    let (to_device, outgoing) = mpsc::unbounded_channel();
     let pumps = Pumps {
-        outgoing: outgoing.clone(),
+        outgoing,
         events: events.clone(),
         health: health.clone(),
     };
@@ -106,11 +101,14 @@ async fn run(
         switchboard: Switchboard::default(),
         clients: BTreeMap::new(),
         last_client: 0,
-        outgoing,
+        place: &place,
+        to_device,
         events,
         health,
+        broken: 0,
         idle_since: Instant::now(),
     };
+    place.name_clients("");
     loop {
         let is_idle = broker.clients.is_empty();
         tokio::select! {
@@ -119,10 +117,11 @@ async fn run(
                     break;
                 }
             }
-            Ok((stream, _)) = listener.accept() => broker.greet(stream),
+            Ok((stream, _)) = listener.accept() => broker.accept(stream),
             () = tokio::time::sleep_until(broker.idle_since + IDLE), if is_idle => break,
             _ = terminated.recv() => {
-                broker.tell_all("the process that shares it was ended");
+                let reason = "the process that shares it was ended".to_owned();
+                broker.tell_all(&FromBroker::Ended(reason));
                 break;
             }
             _ = hung_up.recv() => {}
@@ -143,14 +142,18 @@ impl Drop for Socket<'_> {
     }
 }
 
+/// A frame for the device, with the permit of its client, which is free again once the frame is sent.
+type Outgoing = (Vec<u8>, Option<OwnedSemaphorePermit>);
+
 /// An arrival at the broker.
 enum Event {
-    /// A client that has greeted.
-    Greeted {
-        stream: UnixStream,
-        versions: Versions,
-        program: Program,
-    },
+    /// A client that has said its command, with the queue of what it is told.
+    Joined(
+        ClientId,
+        Program,
+        UnboundedSender<FromBroker>,
+        Arc<AtomicUsize>,
+    ),
     /// A frame of a client, with the permit that bounds its number.
     OfClient(ClientId, Vec<u8>, OwnedSemaphorePermit),
     /// The end of a client.
@@ -163,7 +166,7 @@ enum Event {
 
 /// The two tasks between the device and the queues.
 struct Pumps {
-    outgoing: Arc<Outgoing>,
+    outgoing: UnboundedReceiver<Outgoing>,
     events: UnboundedSender<Event>,
     health: Arc<Health>,
 }
@@ -173,15 +176,14 @@ impl Ends for Pumps {
 
     fn take(self, mut sender: impl WireTx, mut receiver: impl WireRx) {
         let Self {
-            outgoing,
+            mut outgoing,
             events,
             health,
         } = self;
         let ended = events.clone();
         tokio::spawn(async move {
-            loop {
-                // The permit is held until the frame is sent.
-                let (frame, _permit) = outgoing.next().await;
+            // The permit is held until the frame is sent.
+            while let Some((frame, _permit)) = outgoing.recv().await {
                 if let Err(failure) = sender.send(frame).await {
                     health.end(&format!("{failure:?}"));
                     let _ = ended.send(Event::LinkEnded);
@@ -204,9 +206,6 @@ impl Ends for Pumps {
 struct Client {
     messages: UnboundedSender<FromBroker>,
     waiting: Arc<AtomicUsize>,
-    /// Broken frames of the device that were there before it.
-    broken_before: u64,
-    broken: u64,
 }
 
 impl Client {
@@ -221,25 +220,31 @@ impl Client {
     }
 }
 
-struct Broker {
+struct Broker<'a> {
     switchboard: Switchboard,
     clients: BTreeMap<ClientId, Client>,
     last_client: ClientId,
-    outgoing: Arc<Outgoing>,
+    place: &'a Place,
+    to_device: UnboundedSender<Outgoing>,
     events: UnboundedSender<Event>,
     health: Arc<Health>,
+    /// Number of broken frames that the clients know of.
+    broken: u64,
     idle_since: Instant,
 }
 
-impl Broker {
+impl Broker<'_> {
     /// Serves an event; true if the broker is to end.
     fn serve(&mut self, event: Event) -> bool {
         match event {
-            Event::Greeted {
-                stream,
-                versions,
-                program,
-            } => return self.answer(stream, versions, program),
+            Event::Joined(id, program, messages, waiting) => {
+                let client = Client { messages, waiting };
+                // The first message is the welcome.
+                client.tell(FromBroker::Broken(self.broken));
+                self.clients.insert(id, client);
+                self.switchboard.joined(id, program);
+                self.place.name_clients(&self.switchboard.programs());
+            }
             Event::OfClient(client, frame, permit) if self.clients.contains_key(&client) => {
                 let actions = self.switchboard.frame_of(client, &frame);
                 self.act(actions, Some(permit));
@@ -247,76 +252,49 @@ impl Broker {
             Event::OfClient(..) => {}
             Event::Left(client) => self.remove(client),
             Event::OfDevice(frame) => {
-                self.tell_broken();
+                let broken = self.health.broken_frames();
+                if broken != self.broken {
+                    self.broken = broken;
+                    self.tell_all(&FromBroker::Broken(broken));
+                }
                 let actions = self.switchboard.frame_of_device(&frame);
                 self.act(actions, None);
             }
             Event::LinkEnded => {
                 let reason = self.health.why_ended().to_owned();
-                self.tell_all(&reason);
+                self.tell_all(&FromBroker::Ended(reason));
                 return true;
             }
         }
         false
     }
 
-    /// Waits for the greeting of a client in a task of its own.
-    fn greet(&mut self, mut stream: UnixStream) {
+    /// Starts the two tasks of a client.
+    fn accept(&mut self, stream: UnixStream) {
         self.idle_since = Instant::now();
-        let events = self.events.clone();
-        tokio::spawn(async move {
-            let Ok(peer) = stream.peer_cred() else { return };
-            // The folder keeps others out already.
-            if !is_own(&peer) {
-                return;
-            }
-            let greeting = greeting::read_client(&mut stream);
-            if let Ok(Ok((versions, command))) =
-                tokio::time::timeout(GREETING_TIMEOUT, greeting).await
-            {
-                let program = Program {
-                    command,
-                    process: peer.pid(),
-                };
-                let _ = events.send(Event::Greeted {
-                    stream,
-                    versions,
-                    program,
-                });
-            }
-        });
-    }
-
-    /// Answers a greeting; true if the broker leaves for a client of other versions.
-    fn answer(&mut self, stream: UnixStream, versions: Versions, program: Program) -> bool {
-        let (answer, words) = if versions == Versions::OWN {
-            (Answer::Welcome, String::new())
-        } else if self.clients.is_empty() {
-            (Answer::Leaves, String::new())
-        } else {
-            (Answer::InUse, self.switchboard.programs())
-        };
-        let greeting = greeting::of_broker(answer, &words);
-        // A socket that nothing was written to has room for a greeting.
-        let is_said = stream.try_write(greeting.as_bytes());
-        let is_said = is_said.is_ok_and(|n| n == greeting.len());
-        if answer == Answer::Welcome && is_said {
-            self.join(stream, program);
+        let Ok(peer) = stream.peer_cred() else { return };
+        // The folder keeps others out already.
+        if !is_own(&peer) {
+            return;
         }
-        answer == Answer::Leaves
-    }
-
-    fn join(&mut self, stream: UnixStream, program: Program) {
         self.last_client += 1;
         let id = self.last_client;
         let (reader, mut writer) = stream.into_split();
         let (messages, outbox) = mpsc::unbounded_channel();
         let waiting = Arc::new(AtomicUsize::new(0));
+        let told = waiting.clone();
+        tokio::spawn(async move { write(outbox, &mut writer, &told).await });
         let events = self.events.clone();
         tokio::spawn(async move {
             let permits = Arc::new(Semaphore::new(CLIENT_FRAMES));
-            let mut messages = Messages::new(reader);
-            while let Ok(ToBroker::Frame(frame)) = messages.next().await {
+            let mut arrivals = Messages::new(reader);
+            let Ok(ToBroker::Command(command)) = arrivals.next().await else {
+                return;
+            };
+            let process = peer.pid();
+            let program = Program { command, process };
+            let _ = events.send(Event::Joined(id, program, messages, waiting));
+            while let Ok(ToBroker::Frame(frame)) = arrivals.next().await {
                 let Ok(permit) = permits.clone().acquire_owned().await else {
                     break;
                 };
@@ -326,24 +304,13 @@ impl Broker {
             }
             let _ = events.send(Event::Left(id));
         });
-        let told = waiting.clone();
-        tokio::spawn(async move {
-            write(outbox, &mut writer, &told).await;
-        });
-        let client = Client {
-            messages,
-            waiting,
-            broken_before: self.health.broken_frames(),
-            broken: 0,
-        };
-        self.clients.insert(id, client);
-        self.switchboard.joined(id, program);
     }
 
     fn remove(&mut self, client: ClientId) {
         if self.clients.remove(&client).is_some() {
             self.idle_since = Instant::now();
             let actions = self.switchboard.left(client);
+            self.place.name_clients(&self.switchboard.programs());
             self.act(actions, None);
         }
     }
@@ -352,19 +319,19 @@ impl Broker {
         let mut dead = Vec::new();
         for action in actions {
             match action {
-                Action::ToDevice(urgency, frame) => {
-                    self.outgoing.push(urgency, frame, permit.take());
+                Action::ToDevice(frame) => {
+                    // An end of the link is an event of its own.
+                    let _ = self.to_device.send((frame, permit.take()));
                 }
-                Action::ToClient {
-                    to,
-                    message,
-                    may_be_lost,
-                } => {
-                    if let Some(client) = self.clients.get(&to)
-                        && !(may_be_lost && client.is_slow())
-                        && !client.tell(message)
-                    {
+                Action::ToClient(to, message) => {
+                    let client = self.clients.get(&to);
+                    if client.is_some_and(|client| !client.tell(message)) {
                         dead.push(to);
+                    }
+                }
+                Action::Block(frame) => {
+                    for client in self.clients.values().filter(|client| !client.is_slow()) {
+                        client.tell(FromBroker::Frame(frame.clone()));
                     }
                 }
             }
@@ -372,21 +339,9 @@ impl Broker {
         dead.into_iter().for_each(|client| self.remove(client));
     }
 
-    /// Tells the clients how many frames were broken, where that has changed.
-    fn tell_broken(&mut self) {
-        let all = self.health.broken_frames();
-        for client in self.clients.values_mut() {
-            let broken = all - client.broken_before;
-            if broken != client.broken {
-                client.broken = broken;
-                client.tell(FromBroker::Broken(broken));
-            }
-        }
-    }
-
-    fn tell_all(&self, reason: &str) {
+    fn tell_all(&self, message: &FromBroker) {
         for client in self.clients.values() {
-            client.tell(FromBroker::Ended(reason.to_owned()));
+            client.tell(message.clone());
         }
     }
 

@@ -1,13 +1,13 @@
 //! The rules of a broker, without input and output: each event gives the frames and messages that follow from it.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::time::{Duration, Instant};
 
 use model_format::link::{
     ActivateEndpoint, KeepAliveTopic, MotionEndpoint, MotionTopic, PlayEndpoint, RecordBlock,
-    RecordBlockTopic, RecordError, RecordStartEndpoint, RecordStopEndpoint, RecordStopped,
-    SelfTestEndpoint, SettingsApplyEndpoint, SettingsProposeEndpoint, StopEndpoint,
-    UploadAbortEndpoint, UploadBeginEndpoint, UploadChunkEndpoint, UploadCommitEndpoint,
+    RecordBlockTopic, RecordStartEndpoint, RecordStopEndpoint, RecordStopped, SelfTestEndpoint,
+    SettingsApplyEndpoint, SettingsProposeEndpoint, StopEndpoint, UploadAbortEndpoint,
+    UploadBeginEndpoint, UploadChunkEndpoint, UploadCommitEndpoint,
 };
 use postcard_rpc::header::{VarHeader, VarKey, VarSeq};
 use postcard_rpc::standard_icd::{ERROR_KEY, WireError};
@@ -16,33 +16,15 @@ use serde::Serialize;
 
 use super::message::{ClientId, FromBroker, Program};
 
-use super::recording::{Recording, Start, Stop};
-
-/// Urgency of a frame for the device.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Urgency {
-    /// A play or a stop. They are in one queue, so that a stop never overtakes the play that it is to end.
-    Command,
-    /// A motion or a keep-alive, which is worth less the later it comes.
-    Motion,
-    /// All others.
-    Other,
-}
-
 /// Consequence of an event.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Action {
     /// A frame for the device.
-    ToDevice(Urgency, Vec<u8>),
-    /// A message for a client. One that `may_be_lost` is left out where the client reads too slowly.
-    ToClient {
-        /// The client.
-        to: ClientId,
-        /// The message.
-        message: FromBroker,
-        /// True for blocks of a recording, whose numbers show what is missing.
-        may_be_lost: bool,
-    },
+    ToDevice(Vec<u8>),
+    /// A message for a client.
+    ToClient(ClientId, FromBroker),
+    /// A block of a recording, for every client that does not read too slowly. Its number shows what is missing.
+    Block(Vec<u8>),
 }
 
 /// A client that has something alone.
@@ -70,8 +52,17 @@ enum Request {
     UploadBegin(bool),
     UploadEnd,
     RecordStart,
-    RecordStop,
     Other,
+}
+
+/// A recording of the device, for several clients: it begins with the first and ends with the last.
+#[derive(Debug)]
+struct Recording {
+    clients: BTreeSet<ClientId>,
+    /// Body of the device's answer to the start.
+    answer: Vec<u8>,
+    /// What the device would answer to a stop, by the last block.
+    so_far: RecordStopped,
 }
 
 /// All that a broker knows of its clients and of the device.
@@ -82,9 +73,7 @@ pub(super) struct Switchboard {
     last_number: u16,
     motion: Option<Holder>,
     upload: Option<Holder>,
-    recording: Recording,
-    /// Starts of recordings that wait for the answer to another client's.
-    waiting: Vec<(ClientId, VarHeader)>,
+    recording: Option<Recording>,
 }
 
 impl Switchboard {
@@ -104,7 +93,6 @@ impl Switchboard {
     /// Its play goes as one whose host is gone: nobody sends the keep-alives that the device waits for.
     pub(super) fn left(&mut self, client: ClientId) -> Vec<Action> {
         self.clients.remove(&client);
-        self.waiting.retain(|(waiting, _)| *waiting != client);
         for asked in self.asked.values_mut() {
             if asked.client == Some(client) {
                 asked.client = None;
@@ -112,11 +100,10 @@ impl Switchboard {
         }
         release(&mut self.motion, Some(client));
         release(&mut self.upload, Some(client));
-        let mut actions = Vec::new();
-        if self.recording.left(client) {
-            actions.push(self.stop_recording());
+        if let Some(recording) = &mut self.recording {
+            recording.clients.remove(&client);
         }
-        actions
+        self.end_unwanted_recording()
     }
 
     /// A frame of a client.
@@ -125,42 +112,29 @@ impl Switchboard {
             return Vec::new();
         };
         let VarKey::Key8(key) = header.key else {
-            return vec![self.ask(client, header, Request::Other, Urgency::Other, body)];
+            return vec![self.ask(Some(client), header, Request::Other, body)];
         };
         if let Some((holder, does)) = self.in_the_way(client, key) {
             return self.refuse(client, header, key, holder, does);
         }
-        match key {
+        let request = match key {
             // Topics are not answered, and keep their number.
             MotionTopic::TOPIC_KEY | KeepAliveTopic::TOPIC_KEY => {
-                vec![Action::ToDevice(Urgency::Motion, frame.to_vec())]
+                return vec![Action::ToDevice(frame.to_vec())];
             }
-            MotionEndpoint::REQ_KEY => {
-                vec![self.ask(client, header, Request::Other, Urgency::Motion, body)]
+            PlayEndpoint::REQ_KEY => Request::Play(hold(&mut self.motion, client)),
+            UploadBeginEndpoint::REQ_KEY => Request::UploadBegin(hold(&mut self.upload, client)),
+            UploadCommitEndpoint::REQ_KEY | UploadAbortEndpoint::REQ_KEY => Request::UploadEnd,
+            // The device refuses the start of a recording that is under way, and its answer is changed.
+            RecordStartEndpoint::REQ_KEY => Request::RecordStart,
+            StopEndpoint::REQ_KEY => {
+                let player = self.motion.take().map(|holder| holder.client);
+                return self.stop(client, header, body, player);
             }
-            PlayEndpoint::REQ_KEY => {
-                let is_new = hold(&mut self.motion, client);
-                vec![self.ask(
-                    client,
-                    header,
-                    Request::Play(is_new),
-                    Urgency::Command,
-                    body,
-                )]
-            }
-            StopEndpoint::REQ_KEY => self.stop(client, header, body),
-            UploadBeginEndpoint::REQ_KEY => {
-                let is_new = hold(&mut self.upload, client);
-                let request = Request::UploadBegin(is_new);
-                vec![self.ask(client, header, request, Urgency::Other, body)]
-            }
-            UploadCommitEndpoint::REQ_KEY | UploadAbortEndpoint::REQ_KEY => {
-                vec![self.ask(client, header, Request::UploadEnd, Urgency::Other, body)]
-            }
-            RecordStartEndpoint::REQ_KEY => self.start_recording(client, header, body),
-            RecordStopEndpoint::REQ_KEY => self.end_recording(client, header, body),
-            _ => vec![self.ask(client, header, Request::Other, Urgency::Other, body)],
-        }
+            RecordStopEndpoint::REQ_KEY => return self.stop_recording(client, header, body),
+            _ => Request::Other,
+        };
+        vec![self.ask(Some(client), header, request, body)]
     }
 
     /// A frame of the device.
@@ -169,7 +143,15 @@ impl Switchboard {
             return Vec::new();
         };
         if header.key == VarKey::Key8(RecordBlockTopic::TOPIC_KEY) {
-            return self.block(header, body);
+            if let Some(recording) = &mut self.recording
+                && let Ok(block) = postcard::from_bytes::<RecordBlock>(body)
+            {
+                recording.so_far = RecordStopped {
+                    blocks: block.sequence.wrapping_add(1),
+                    lost_blocks: block.lost_blocks,
+                };
+            }
+            return vec![Action::Block(frame.to_vec())];
         }
         let number = match header.seq_no {
             VarSeq::Seq1(number) => number.into(),
@@ -215,44 +197,40 @@ impl Switchboard {
         if [MotionTopic::TOPIC_KEY, KeepAliveTopic::TOPIC_KEY].contains(&key) {
             return Vec::new();
         }
-        let program = self.clients.get(&holder.client);
-        let program = program.map_or_else(|| "another program".to_owned(), Program::to_string);
         let remedy = match does {
             "plays" => "stop it with `stylus stop`, or wait for its end",
             _ => "wait for its end, or end it with Ctrl-C",
         };
         let words = format!(
-            "{program} {does}, since {}: {remedy}",
+            "{} {does}, since {}: {remedy}",
+            self.named(holder.client),
             ago(holder.since.elapsed())
         );
         let refusal = FromBroker::Refused {
             key: key.to_bytes(),
             words,
         };
+        let error = encoded(&WireError::SerFailed);
         vec![
-            to(client, refusal),
-            to(client, error_frame(header, &WireError::SerFailed)),
+            Action::ToClient(client, refusal),
+            Action::ToClient(
+                client,
+                answer_frame(VarKey::Key8(ERROR_KEY), header, &error),
+            ),
         ]
+    }
+
+    fn named(&self, client: ClientId) -> String {
+        let program = self.clients.get(&client);
+        program.map_or_else(|| "another program".to_owned(), Program::to_string)
     }
 
     /// Asks the device, under a number of the broker's own.
     fn ask(
         &mut self,
-        client: ClientId,
-        header: VarHeader,
-        request: Request,
-        urgency: Urgency,
-        body: &[u8],
-    ) -> Action {
-        self.ask_as(Some(client), header, request, urgency, body)
-    }
-
-    fn ask_as(
-        &mut self,
         client: Option<ClientId>,
         header: VarHeader,
         request: Request,
-        urgency: Urgency,
         body: &[u8],
     ) -> Action {
         // A number that comes again is that of the oldest request, whose answer was lost.
@@ -267,97 +245,58 @@ impl Switchboard {
             key: header.key,
             seq_no: VarSeq::Seq2(self.last_number),
         };
-        Action::ToDevice(urgency, frame(header, body))
+        Action::ToDevice(frame(header, body))
     }
 
-    /// A stop, which any client may send. It ends what the holder of the motion plays, and tells it so.
-    fn stop(&mut self, client: ClientId, header: VarHeader, body: &[u8]) -> Vec<Action> {
-        let mut actions = vec![self.ask(client, header, Request::Other, Urgency::Command, body)];
-        if let Some(holder) = self.motion.take()
-            && holder.client != client
-        {
-            actions.push(to(holder.client, self.stopped_by(client)));
-        }
+    /// A stop, which any client may send. It tells the other `clients` whose play or recording it ends.
+    fn stop(
+        &mut self,
+        client: ClientId,
+        header: VarHeader,
+        body: &[u8],
+        clients: impl IntoIterator<Item = ClientId>,
+    ) -> Vec<Action> {
+        let by = self.named(client);
+        let others = clients.into_iter().filter(|&other| other != client);
+        let told = others.map(|other| {
+            let by = by.clone();
+            Action::ToClient(other, FromBroker::Stopped { by })
+        });
+        let told: Vec<Action> = told.collect();
+        let mut actions = vec![self.ask(Some(client), header, Request::Other, body)];
+        actions.extend(told);
         actions
     }
 
-    fn stopped_by(&self, client: ClientId) -> FromBroker {
-        let by = self.clients.get(&client);
-        FromBroker::Stopped {
-            by: by.map_or_else(|| "another program".to_owned(), Program::to_string),
+    /// The end of a client's recording, which the device goes on with for others; or of all, by a client that has none.
+    fn stop_recording(&mut self, client: ClientId, header: VarHeader, body: &[u8]) -> Vec<Action> {
+        if let Some(recording) = &mut self.recording
+            && recording.clients.remove(&client)
+            && !recording.clients.is_empty()
+        {
+            let answer: <RecordStopEndpoint as Endpoint>::Response = Ok(recording.so_far);
+            let key = VarKey::Key8(RecordStopEndpoint::RESP_KEY);
+            let answer = answer_frame(key, header, &encoded(&answer));
+            return vec![Action::ToClient(client, answer)];
         }
-    }
-
-    fn start_recording(&mut self, client: ClientId, header: VarHeader, body: &[u8]) -> Vec<Action> {
-        match self.recording.start(client) {
-            Start::Ask => {
-                vec![self.ask(client, header, Request::RecordStart, Urgency::Other, body)]
-            }
-            Start::Wait => {
-                self.waiting.push((client, header));
-                Vec::new()
-            }
-            Start::Joined(answer) => vec![to(
-                client,
-                answer_frame(RecordStartEndpoint::RESP_KEY, header, &answer),
-            )],
-            Start::Refused => {
-                let refusal: <RecordStartEndpoint as Endpoint>::Response =
-                    Err(RecordError::Recording);
-                vec![to(
-                    client,
-                    answer_frame(RecordStartEndpoint::RESP_KEY, header, &encoded(&refusal)),
-                )]
-            }
-        }
-    }
-
-    fn end_recording(&mut self, client: ClientId, header: VarHeader, body: &[u8]) -> Vec<Action> {
-        match self.recording.stop(client) {
-            Stop::Ask(others) => {
-                let mut actions = vec![
-                    to(client, FromBroker::OthersRecord(false)),
-                    self.ask(client, header, Request::RecordStop, Urgency::Other, body),
-                ];
-                let told = others.into_iter();
-                actions.extend(told.map(|other| to(other, self.stopped_by(client))));
-                actions
-            }
-            Stop::Left(stopped) => {
-                let answer: <RecordStopEndpoint as Endpoint>::Response = Ok(stopped);
-                vec![
-                    to(client, FromBroker::OthersRecord(true)),
-                    to(
-                        client,
-                        answer_frame(RecordStopEndpoint::RESP_KEY, header, &encoded(&answer)),
-                    ),
-                ]
-            }
-        }
+        let recording = self.recording.take();
+        let clients = recording.map_or_else(BTreeSet::new, |recording| recording.clients);
+        self.stop(client, header, body, clients)
     }
 
     /// Stops a recording that no client wants any more.
-    fn stop_recording(&mut self) -> Action {
+    fn end_unwanted_recording(&mut self) -> Vec<Action> {
+        if (self.recording)
+            .take_if(|recording| recording.clients.is_empty())
+            .is_none()
+        {
+            return Vec::new();
+        }
         let header = VarHeader {
             key: VarKey::Key8(RecordStopEndpoint::REQ_KEY),
             seq_no: VarSeq::Seq2(0),
         };
-        self.ask_as(None, header, Request::Other, Urgency::Other, &[])
-    }
-
-    /// A block of the recording, for each client as it sees it.
-    fn block(&mut self, header: VarHeader, body: &[u8]) -> Vec<Action> {
-        let Ok(block) = postcard::from_bytes::<RecordBlock>(body) else {
-            return Vec::new();
-        };
-        let blocks = self.recording.block(&block).into_iter();
-        blocks
-            .map(|(client, block)| Action::ToClient {
-                to: client,
-                message: FromBroker::Frame(frame(header, &encoded(&block))),
-                may_be_lost: true,
-            })
-            .collect()
+        vec![self.ask(None, header, Request::Other, &[])]
     }
 
     /// An answer of the device, for the client that has asked.
@@ -371,28 +310,38 @@ impl Switchboard {
             Request::Play(true) if !is_done => release(&mut self.motion, asked.client),
             Request::UploadBegin(true) if !is_done => release(&mut self.upload, asked.client),
             Request::UploadEnd if !is_error => release(&mut self.upload, asked.client),
-            Request::RecordStart => {
-                let waiting = std::mem::take(&mut self.waiting);
-                let clients: Vec<ClientId> = waiting.iter().map(|(client, _)| *client).collect();
-                let answer = is_done.then_some(&body[..]);
-                if self.recording.started(asked.client, &clients, answer) {
-                    actions.push(self.stop_recording());
-                }
-                for (client, theirs) in waiting {
-                    actions.push(to(client, renumbered(header, theirs, &body)));
-                }
+            Request::RecordStart if is_done => {
+                self.recording = Some(Recording {
+                    clients: asked.client.into_iter().collect(),
+                    answer: body.clone(),
+                    so_far: RecordStopped {
+                        blocks: 0,
+                        lost_blocks: 0,
+                    },
+                });
+                actions = self.end_unwanted_recording();
             }
-            Request::RecordStop if is_done => {
-                let stopped = postcard::from_bytes::<Result<RecordStopped, RecordError>>(&body);
-                if let (Ok(Ok(whole)), Some(client)) = (stopped, asked.client) {
-                    let part = self.recording.stopped(client, whole);
-                    body = encoded(&Ok::<_, RecordError>(part));
+            Request::RecordStart if !is_error => {
+                if let (Some(recording), Some(client)) = (&mut self.recording, asked.client)
+                    && recording.clients.insert(client)
+                {
+                    body.clone_from(&recording.answer);
+                    let RecordStopped {
+                        blocks,
+                        lost_blocks,
+                    } = recording.so_far;
+                    let joins = FromBroker::Joins {
+                        blocks,
+                        lost_blocks,
+                    };
+                    actions.push(Action::ToClient(client, joins));
                 }
             }
             _ => {}
         }
         if let Some(client) = asked.client {
-            actions.push(to(client, renumbered(header, asked.header, &body)));
+            let answer = answer_frame(header.key, asked.header, &body);
+            actions.push(Action::ToClient(client, answer));
         }
         actions
     }
@@ -418,16 +367,7 @@ fn release(held: &mut Option<Holder>, client: Option<ClientId>) {
 fn ago(time: Duration) -> String {
     match time.as_secs() {
         0..120 => format!("{:.0} s ago", time.as_secs_f64()),
-        120..7200 => format!("{} min ago", time.as_secs() / 60),
-        seconds => format!("{} h ago", seconds / 3600),
-    }
-}
-
-fn to(client: ClientId, message: FromBroker) -> Action {
-    Action::ToClient {
-        to: client,
-        message,
-        may_be_lost: false,
+        seconds => format!("{} min ago", seconds / 60),
     }
 }
 
@@ -437,25 +377,10 @@ fn frame(header: VarHeader, body: &[u8]) -> Vec<u8> {
     bytes
 }
 
-/// The answer `body` under the number that the client has given its request.
-fn renumbered(answer: VarHeader, asked: VarHeader, body: &[u8]) -> FromBroker {
-    let header = VarHeader {
-        key: answer.key,
-        seq_no: asked.seq_no,
-    };
-    FromBroker::Frame(frame(header, body))
-}
-
-fn answer_frame(key: Key, asked: VarHeader, body: &[u8]) -> FromBroker {
-    let header = VarHeader {
-        key: VarKey::Key8(key),
-        seq_no: asked.seq_no,
-    };
-    FromBroker::Frame(frame(header, body))
-}
-
-fn error_frame(asked: VarHeader, error: &WireError) -> FromBroker {
-    answer_frame(ERROR_KEY, asked, &encoded(error))
+/// An answer under the number that the client has given its request.
+fn answer_frame(key: VarKey, asked: VarHeader, body: &[u8]) -> FromBroker {
+    let seq_no = asked.seq_no;
+    FromBroker::Frame(frame(VarHeader { key, seq_no }, body))
 }
 
 fn encoded(value: &impl Serialize) -> Vec<u8> {

@@ -137,7 +137,7 @@ impl<'a> Stream<'a> {
     /// Stops the recording and returns its losses.
     ///
     /// # Errors
-    /// A lost link, or a status that reports the recording as still in progress.
+    /// A lost link, or a recording that another program has stopped.
     pub fn stop(mut self) -> Result<Loss> {
         self.is_running = false;
         // A request to stop would end what yet another program may record by now.
@@ -145,15 +145,8 @@ impl<'a> Stream<'a> {
             return Err(self.stopped(&by));
         }
         let stopped = self.device.record_stop()?;
-        if self.device.status()?.record.recording && !self.device.others_record() {
-            return Err(self.device.not_verified(
-                "recording was stopped, but the status reports that it goes on: stop it again"
-                    .to_owned(),
-            ));
-        }
         // Blocks may arrive after the answer, because the device queues the two separately.
-        let sent = stopped.blocks.saturating_sub(stopped.lost_blocks);
-        while self.received < sent && self.next(LATE_BLOCKS)?.is_some() {}
+        while self.loss(stopped).on_link > 0 && self.next(LATE_BLOCKS)?.is_some() {}
         Ok(self.loss(stopped))
     }
 
@@ -165,10 +158,13 @@ impl<'a> Stream<'a> {
     }
 
     fn loss(&self, stopped: RecordStopped) -> Loss {
-        let sent = stopped.blocks.saturating_sub(stopped.lost_blocks);
+        let (blocks_before, lost_before) = self.device.before_joining();
+        let in_device = stopped.lost_blocks.saturating_sub(lost_before);
+        let blocks = stopped.blocks.saturating_sub(blocks_before);
+        let sent = blocks.saturating_sub(in_device);
         Loss {
             received: self.received,
-            in_device: stopped.lost_blocks,
+            in_device,
             on_link: sent.saturating_sub(self.received),
             broken_frames: self.device.broken_frames() - self.broken_before,
             torn_samples: self.torn,

@@ -17,11 +17,9 @@ use serde::de::DeserializeOwned;
 use tokio::runtime::{Handle, Runtime};
 
 use crate::link::address::LinkAddress;
-use crate::link::custom::CustomLink;
 use crate::link::error::{LinkError, Result};
 use crate::link::health::Health;
-use crate::link::open;
-use crate::link::open::{AsClient, Client};
+use crate::link::open::Client;
 use crate::link::route::Route;
 use crate::link::version::Mismatch;
 
@@ -34,6 +32,14 @@ pub(super) const BUSY_INTERVAL: Duration = Duration::from_millis(50);
 /// Interval between readings of the status while the device is waited for.
 pub(super) const POLL_INTERVAL: Duration = Duration::from_millis(10);
 
+/// A request of the device, whose types can be sent and received.
+pub(super) trait Ask:
+    Endpoint<Request: Serialize + Schema, Response: DeserializeOwned + Schema>
+{
+}
+
+impl<E: Endpoint<Request: Serialize + Schema, Response: DeserializeOwned + Schema>> Ask for E {}
+
 /// A stylus at the other end of a link.
 ///
 /// Every request blocks the calling thread until the answer is there or its [timeout](Timeouts) has passed.
@@ -41,15 +47,9 @@ pub struct Device {
     // Dropped first, which ends the tasks that use the runtime.
     pub(super) requester: Requester,
     address: LinkAddress,
-    way: Way,
+    route: Route,
     info: DeviceInfo,
     runtime: Option<Runtime>,
-}
-
-/// The way on which the link is opened, also anew.
-enum Way {
-    Route(Route),
-    Own(Arc<dyn CustomLink>),
 }
 
 impl Device {
@@ -66,31 +66,17 @@ impl Device {
     /// # Errors
     /// As [`Device::connect`], and a route that cannot be had.
     pub fn connect_by(address: &LinkAddress, timeouts: Timeouts, route: Route) -> Result<Self> {
-        Self::connect_on(address, timeouts, Way::Route(route))
-    }
-
-    /// Opens a link that this program brings itself, and reads the device's identity. The link is opened anew after a
-    /// loss, as any other.
-    ///
-    /// # Errors
-    /// As [`Device::connect`].
-    pub fn connect_over(link: Arc<dyn CustomLink>, timeouts: Timeouts) -> Result<Self> {
-        let address = LinkAddress::Custom { name: link.name() };
-        Self::connect_on(&address, timeouts, Way::Own(link))
-    }
-
-    fn connect_on(address: &LinkAddress, timeouts: Timeouts, way: Way) -> Result<Self> {
         let runtime = tokio::runtime::Builder::new_multi_thread()
             .worker_threads(1)
             .thread_name("stylus-link")
             .enable_all()
             .build()
             .map_err(LinkError::Host)?;
-        let (requester, info) = runtime.block_on(Self::identify(address, timeouts, &way))?;
+        let (requester, info) = runtime.block_on(Self::identify(address, timeouts, &route))?;
         Ok(Self {
             requester,
             address: address.clone(),
-            way,
+            route,
             info,
             runtime: Some(runtime),
         })
@@ -99,14 +85,11 @@ impl Device {
     async fn identify(
         address: &LinkAddress,
         timeouts: Timeouts,
-        way: &Way,
+        route: &Route,
     ) -> Result<(Requester, DeviceInfo)> {
         let health = Arc::new(Health::default());
         let requester = Requester {
-            client: match way {
-                Way::Route(route) => route.open(address, &health).await?,
-                Way::Own(link) => open::open_own(link.as_ref(), &health, AsClient).await?,
-            },
+            client: route.open(address, &health).await?,
             health,
             link: address.to_string().into(),
             timeouts,
@@ -138,7 +121,7 @@ impl Device {
         loop {
             match self
                 .runtime()
-                .block_on(Self::identify(&self.address, timeouts, &self.way))
+                .block_on(Self::identify(&self.address, timeouts, &self.route))
             {
                 Ok((requester, info)) if info.serial == self.info.serial => {
                     (self.requester, self.info) = (requester, info);
@@ -163,17 +146,12 @@ impl Device {
         self.runtime.as_ref().expect("it lives until the drop")
     }
 
-    fn request_within<E>(
+    fn request_within<E: Ask>(
         &self,
         name: &'static str,
         timeout: Duration,
         request: &E::Request,
-    ) -> Result<E::Response>
-    where
-        E: Endpoint,
-        E::Request: Serialize + Schema,
-        E::Response: DeserializeOwned + Schema,
-    {
+    ) -> Result<E::Response> {
         self.runtime()
             .block_on(self.requester.request::<E>(name, timeout, request))
     }
@@ -192,26 +170,20 @@ impl Device {
     }
 
     /// Makes a request that does not touch the flash. `name` stands for it in errors.
-    pub(super) fn request<E>(&self, name: &'static str, request: &E::Request) -> Result<E::Response>
-    where
-        E: Endpoint,
-        E::Request: Serialize + Schema,
-        E::Response: DeserializeOwned + Schema,
-    {
+    pub(super) fn request<E: Ask>(
+        &self,
+        name: &'static str,
+        request: &E::Request,
+    ) -> Result<E::Response> {
         self.request_within::<E>(name, self.requester.timeouts.answer, request)
     }
 
     /// Makes a request that may read, erase or write flash, and repeats it while the flash is busy with an earlier one.
-    pub(super) fn request_flash<E>(
+    pub(super) fn request_flash<E: Ask>(
         &self,
         name: &'static str,
         request: &E::Request,
-    ) -> Result<E::Response>
-    where
-        E: Endpoint,
-        E::Request: Serialize + Schema,
-        E::Response: DeserializeOwned + Schema,
-    {
+    ) -> Result<E::Response> {
         let timeout = self.requester.timeouts.flash;
         let begin = Instant::now();
         loop {
@@ -263,9 +235,9 @@ impl Device {
         self.requester.health.stopped_by()
     }
 
-    /// Returns true if other programs go on with a recording that this one has stopped.
-    pub(in crate::link) fn others_record(&self) -> bool {
-        self.requester.health.others_record()
+    /// Blocks, and lost blocks, of a recording of other programs before this one joined it.
+    pub(in crate::link) fn before_joining(&self) -> (u32, u32) {
+        self.requester.health.before_joining()
     }
 
     /// Checks that the device plays the library format that this program writes.
@@ -312,17 +284,12 @@ pub(in crate::link) struct Requester {
 
 impl Requester {
     /// Sends `request` and waits for its answer. `name` stands for the request in errors.
-    pub(super) async fn request<E>(
+    pub(super) async fn request<E: Ask>(
         &self,
         name: &'static str,
         timeout: Duration,
         request: &E::Request,
-    ) -> Result<E::Response>
-    where
-        E: Endpoint,
-        E::Request: Serialize + Schema,
-        E::Response: DeserializeOwned + Schema,
-    {
+    ) -> Result<E::Response> {
         let link = || self.link.to_string();
         let answer = tokio::time::timeout(timeout, self.client.send_resp::<E>(request)).await;
         match answer {

@@ -8,3 +8,4 @@ mod upload;
 
 pub use connection::{Device, Timeouts};
 pub(super) use requests::Blocks;
+pub use requests::{SlotContent, TextureEntry};

@@ -59,17 +59,11 @@ impl Line {
             (false, _) => format!("at most {}", text(highest)),
             (true, false) => format!("at least {}", text(lowest)),
         };
+        let value_text = format!("{} {unit}", text(value)).trim_end().to_owned();
+        let limits = format!("{limits} {unit}").trim_end().to_owned();
         Self {
-            name: name.into(),
             number: Some(value),
-            value: format!("{} {unit}", text(value)).trim_end().to_owned(),
-            limits: format!("{limits} {unit}").trim_end().to_owned(),
-            verdict: if good { Verdict::Pass } else { Verdict::Fail },
-            remedy: if good {
-                String::new()
-            } else {
-                remedy.to_owned()
-            },
+            ..Self::exact(name, value_text, limits, good, remedy)
         }
     }
 

@@ -5,14 +5,14 @@
 
 pub mod judge;
 mod line;
-mod load;
 pub mod record;
 
 use std::thread;
 use std::time::{Duration, Instant};
 
 use model_format::link::{
-    EncoderValues, SelfTestError, SelfTestRequest, SelfTestValues, SlotId, SlotState, Status,
+    EncoderValues, MotionSource, PlayRequest, Selection, SelfTestError, SelfTestRequest,
+    SelfTestValues, SlotId, SlotState, Status,
 };
 
 use self::judge::Traffic;
@@ -215,13 +215,45 @@ fn movement(device: &Device, seconds: f64) -> Result<(Capture, [[bool; 2]; 2])> 
 /// Lines of the traffic on a device's link, while a texture is played silently if there is one.
 fn traffic(device: &Device, seconds: f64) -> Result<Vec<Line>> {
     let link = device.address().to_string();
-    let load = load::begin(device)?;
+    let name = format!("{link}: kernel loaded");
+    let (is_loaded, line) = match load(device)? {
+        Ok(texture) => (
+            true,
+            Line::exact(name, format!("by {texture}"), "a texture", true, ""),
+        ),
+        Err(why) => (false, Line::not_measured(name, &why)),
+    };
     let measured = stream(device, seconds);
     // Also after a failure, so that everything is as before.
-    load::end(device, &load)?;
-    let mut lines = vec![load.line(&link)];
+    if is_loaded {
+        device.stop()?;
+    }
+    let mut lines = vec![line];
     lines.extend(judge::traffic(&link, &measured?));
     Ok(lines)
+}
+
+/// Plays the first texture of the active library with a gain of zero, so that the kernel works and the output stays at
+/// mid-scale. Returns its name, or why there is none.
+fn load(device: &Device) -> Result<std::result::Result<String, String>> {
+    let Some(slot) = device.slots()?.active else {
+        let why = "upload and activate a library to load the kernel";
+        return Ok(Err(why.to_owned()));
+    };
+    let Some(texture) = device.textures(slot)?.into_iter().next() else {
+        return Ok(Err("the active library has no texture".to_owned()));
+    };
+    let request = PlayRequest {
+        selection: Selection::Texture(texture.name.clone()),
+        gain: 0.0,
+        motion: MotionSource::Host,
+        seed: 1,
+    };
+    match device.play(&request) {
+        Ok(_) => Ok(Ok(texture.name.as_str().to_owned())),
+        Err(LinkError::Play(refusal)) => Ok(Err(refusal.to_string())),
+        Err(failure) => Err(failure),
+    }
 }
 
 fn stream(device: &Device, seconds: f64) -> Result<Traffic> {

@@ -24,8 +24,6 @@ pub(super) struct Axis<'a> {
     pub at_limits: Vec<usize>,
     /// Least step between neighbours that is not zero; infinity without one.
     pub least_step: f64,
-    /// Largest step between neighbours.
-    pub largest_step: f64,
     /// Number of neighbours that are not equal.
     pub changes: usize,
     /// RMS about the mean.
@@ -36,7 +34,7 @@ impl<'a> Axis<'a> {
     /// Measures `samples`.
     pub fn of(samples: &'a [f64]) -> Self {
         let (low, high) = extremes(samples);
-        let (least_step, largest_step) = steps(samples);
+        let (least_step, _) = steps(samples);
         let tolerance = 1e-6 * (high - low);
         Self {
             samples,
@@ -45,7 +43,6 @@ impl<'a> Axis<'a> {
             tolerance,
             at_limits: beyond(samples, low + tolerance, high - tolerance),
             least_step,
-            largest_step,
             changes: changes(samples),
             deviation: variance(samples).sqrt(),
         }

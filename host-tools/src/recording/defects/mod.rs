@@ -32,8 +32,6 @@ pub struct Defects {
     pub holds: Vec<Hold>,
     /// Single samples far off their neighbours, of all axes, in the order of time.
     pub spikes: Vec<Spike>,
-    /// Times of jumps from one end of the range to the other, s.
-    pub overflows: Vec<f64>,
     /// Number of successive samples that are equal, on all axes: 1 unless every value is repeated.
     pub repeats: usize,
     /// Ratio of the signal's power to that of the round-off of its steps, on the best axis, dB; infinite for a
@@ -68,10 +66,6 @@ impl Defects {
                 .collect(),
             holds,
             spikes,
-            overflows: axes
-                .iter()
-                .flat_map(|axis| clipping::overflows(axis, rate_hz))
-                .collect(),
             repeats: axes.iter().map(holds::repeats).min().unwrap_or(1),
             quantisation_snr_db: axes
                 .iter()

@@ -9,12 +9,9 @@
 //! Values that no hand and no sensor can have (10⁵ N) are outliers. They are reported with their line, and no segment
 //! includes a block with one. A file with more than one outlier per ten samples is refused, because its columns or
 //! units are then likely to be wrong.
-
 //!
 //! A block breaks a segment, and is counted, if the direction of motion changes in it or if the speed jumps in it by
-//! more than a hand can, as an encoder does that loses a count. Segments end where the direction changes. The
-//! acceleration of a segment must be steady, too: one whose halves differ by 15 dB or more had a lift-off, a stop or
-//! a tap that speed and force do not show, and is left out.
+//! more than a hand can, as an encoder does that loses a count. Segments end where the direction changes.
 
 mod grid;
 mod read;
@@ -23,5 +20,5 @@ mod write;
 
 pub use grid::{GridAxis, proposed_grid};
 pub use read::{Freehand, Outlier, read};
-pub use segment::{Options, Placed, Segment, Segmentation, Tolerance, Uneven, segment};
+pub use segment::{Options, Placed, Segment, Segmentation, Tolerance, segment};
 pub use write::write;

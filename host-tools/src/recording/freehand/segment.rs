@@ -31,15 +31,8 @@ const JUMP_MM_S: f64 = 50.0;
 const JUMP_SHARE: f64 = 0.5;
 const JUMP_STEPS: f64 = 8.0;
 
-/// Power in a block that counts as none, (m/s²)².
-const LEAST_POWER: f64 = 1e-12;
-
 /// Largest share of a block's samples in the other direction.
 const MINORITY: f64 = 0.1;
-
-/// Largest difference of level between the halves of a segment, dB. In real takes without a record of their motion,
-/// stops included, one piece of 0.2 to 0.5 s in twenty exceeds 13 dB.
-const UNEVEN_DB: f64 = 15.0;
 
 /// Options of a segmentation.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -73,15 +66,6 @@ pub struct Segment {
     pub median_force_n: f64,
 }
 
-/// A segment whose acceleration is not as steady as its motion.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Uneven {
-    /// The segment.
-    pub segment: Segment,
-    /// Level of the second half by that of the first, dB.
-    pub change_db: f64,
-}
-
 /// A segment with its node.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Placed {
@@ -102,8 +86,6 @@ pub struct Segmentation {
     pub off_grid: Vec<Segment>,
     /// Nodes with too little data: speed, mm/s, force, N, and total duration of the segments, s.
     pub too_little: Vec<(f64, f64, f64)>,
-    /// Segments that are left out because their acceleration is not steady.
-    pub uneven: Vec<Uneven>,
     /// Number of changes of direction, at which segments end.
     pub reversals: usize,
     /// Blocks in which the speed jumps: recording, and time of the block's start, s.
@@ -118,7 +100,7 @@ pub fn segment(recordings: &[Freehand], options: &Options) -> Segmentation {
     let mut nodes: BTreeMap<(u64, u64), Vec<Placed>> = BTreeMap::new();
     let mut off_grid = Vec::new();
     let mut seconds = BTreeMap::new();
-    let (mut uneven, mut reversals, mut jumps) = (Vec::new(), 0, Vec::new());
+    let (mut reversals, mut jumps) = (0, Vec::new());
     for (index, recording) in recordings.iter().enumerate() {
         moving += moving_s(recording, options);
         let blocks = blocks(recording, options);
@@ -131,11 +113,6 @@ pub fn segment(recordings: &[Freehand], options: &Options) -> Segmentation {
         for segment in segments_of(recording, &blocks, index, options) {
             let length_s = (segment.end - segment.first) as f64 / recording.rate_hz;
             if !is_moving(segment.median_speed_mm_s, segment.median_force_n, options) {
-                continue;
-            }
-            let change_db = level_change_db(recording, &segment);
-            if change_db.abs() >= UNEVEN_DB {
-                uneven.push(Uneven { segment, change_db });
                 continue;
             }
             steady += length_s;
@@ -172,7 +149,6 @@ pub fn segment(recordings: &[Freehand], options: &Options) -> Segmentation {
         placed: enough.flat_map(|(_, placed)| placed).collect(),
         off_grid,
         too_little,
-        uneven,
         reversals,
         jumps,
         steady_share: if moving > 0.0 {
@@ -270,33 +246,6 @@ fn count_reversals(blocks: &[Block], options: &Options) -> usize {
         .windows(2)
         .filter(|pair| pair[0] != pair[1])
         .count()
-}
-
-/// Returns the level of the acceleration in a segment's second half by that in its first, in dB, as the mean over
-/// blocks, so that no single impulse decides it.
-fn level_change_db(recording: &Freehand, segment: &Segment) -> f64 {
-    let length = block_length(recording);
-    let levels: Vec<f64> = (segment.first..segment.end)
-        .step_by(length)
-        .filter(|first| first + length <= segment.end)
-        .map(|first| {
-            let power = |axis: &Vec<f64>| {
-                let part = &axis[first..first + length];
-                let mean = part.iter().sum::<f64>() / length as f64;
-                part.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>()
-            };
-            10.0 * recording
-                .axes
-                .iter()
-                .map(power)
-                .sum::<f64>()
-                .max(LEAST_POWER)
-                .log10()
-        })
-        .collect();
-    let (first, second) = levels.split_at(levels.len() / 2);
-    let mean = |levels: &[f64]| levels.iter().sum::<f64>() / levels.len().max(1) as f64;
-    mean(second) - mean(first)
 }
 
 /// Returns the segments of one recording.
@@ -486,27 +435,5 @@ mod tests {
         assert_eq!(cut.jumps, [(0, 1.0)]);
         hand.speed_mm_s = (0..2000).map(|n| f64::from(n) * 0.15).collect();
         assert!(segment(&[hand], &OPTIONS).jumps.is_empty());
-    }
-
-    #[test]
-    fn a_segment_without_a_steady_acceleration_is_left_out() {
-        let mut hand = recording(&[(100.0, 0.6, 1.0), (0.0, 0.0, 0.2), (100.0, 0.6, 1.0)]);
-        let wave = |n: usize| if n.is_multiple_of(2) { 0.1 } else { -0.1 };
-        hand.axes[0] = (0..2200)
-            .map(|n| {
-                if n > 500 && n < 1000 {
-                    0.01 * wave(n)
-                } else {
-                    wave(n)
-                }
-            })
-            .collect();
-        let cut = segment(&[hand], &OPTIONS);
-        assert_eq!(ends(&cut), [(1200, 2200)]);
-        assert!(
-            (cut.uneven[0].change_db + 40.0).abs() < 3.0,
-            "{:?}",
-            cut.uneven
-        );
     }
 }

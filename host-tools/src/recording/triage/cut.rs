@@ -100,13 +100,11 @@ fn kept_of(axis: &[f64], parts: &[Span]) -> Vec<f64> {
 #[allow(clippy::single_range_in_vec_init, reason = "the spans are ranges")]
 mod tests {
     use super::super::test_signals::noise;
+    use super::super::verdict::Kind;
     use super::*;
 
     fn silent(spans: Vec<Span>) -> Vec<Verdict> {
-        vec![Verdict::PartlySilent {
-            spans,
-            samples: 10_000,
-        }]
+        vec![Verdict::on(Kind::PartlySilent, "partly silent", spans)]
     }
 
     #[test]

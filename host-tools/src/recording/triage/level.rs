@@ -3,9 +3,10 @@
 //! The level of real takes at one speed and force varies by 7 dB (standard deviation over 50 ms), so that only what
 //! exceeds this by far is a finding. Bounds are those of 24 real takes, whole and in parts of 2 s.
 
-use super::verdict::{Span, Verdict};
+use super::verdict::{Kind, Span, Verdict};
 use crate::dsp::sums::moments_inlined;
 use crate::dsp::wide;
+use model_format::SAMPLE_RATE_HZ;
 
 /// Samples of a part for silence: 20 ms.
 const SILENCE_PART: usize = 100;
@@ -66,10 +67,9 @@ pub(super) fn verdicts(axes: &[Vec<f64>]) -> Vec<Verdict> {
     }
     verdicts.extend(change(axes, &silence));
     if !silence.is_empty() {
-        verdicts.push(Verdict::PartlySilent {
-            spans: silence,
-            samples,
-        });
+        let whole = format!(", of {:.3} s", samples as f64 / f64::from(SAMPLE_RATE_HZ));
+        let silent = Verdict::on(Kind::PartlySilent, "partly silent", silence);
+        verdicts.push(silent.with(&whole));
     }
     verdicts
 }
@@ -195,10 +195,12 @@ fn tap(axes: &[Vec<f64>]) -> Option<Verdict> {
         })
         .collect();
     spans.sort_by_key(|span| span.start);
-    (share >= TAP_SHARE && above_db(count) >= TAP_ABOVE_DB).then(|| Verdict::Tap {
-        spans,
-        share,
-        above_db: above_db(count),
+    (share >= TAP_SHARE && above_db(count) >= TAP_ABOVE_DB).then(|| {
+        Verdict::on(Kind::Tap, "tap", spans).with(&format!(
+            ", {:.0} % of the energy, {:.0} dB above the next event",
+            100.0 * share,
+            above_db(count)
+        ))
     })
 }
 
@@ -235,14 +237,16 @@ fn change(axes: &[Vec<f64>], silence: &[Span]) -> Option<Verdict> {
     let line = 12.0 * moment * moment / (n * (n * n - 1.0));
     let ramp_db = 12.0 * moment / (n * (n + 1.0));
     let step = all - left(&best);
-    let (explained, change_db, at_s) = if line > step {
-        (line, ramp_db, None)
+    let (explained, change_db, place) = if line > step {
+        (line, ramp_db, "from beginning to end".to_owned())
     } else {
-        let seconds = (levels[best].0 * STEP_PART) as f64 / f64::from(model_format::SAMPLE_RATE_HZ);
-        (step, step_db, Some(seconds))
+        let seconds = (levels[best].0 * STEP_PART) as f64 / f64::from(SAMPLE_RATE_HZ);
+        (step, step_db, format!("at {seconds:.2} s"))
     };
-    (explained >= STEP_SHARE * all && change_db.abs() >= STEP_DB)
-        .then_some(Verdict::LevelChange { at_s, change_db })
+    (explained >= STEP_SHARE * all && change_db.abs() >= STEP_DB).then(|| {
+        let words = format!("level change: {change_db:+.0} dB {place}");
+        Verdict::new(Kind::LevelChange, words)
+    })
 }
 
 #[cfg(test)]
@@ -265,10 +269,13 @@ mod tests {
     fn a_silent_part_is_found_with_its_ends_also_if_it_is_most_of_the_trial() {
         for silent in [0..1000, 4000..5000, 500..10_000] {
             let found = verdicts(&[scaled(silent.clone(), 1e-4)]);
-            let [Verdict::PartlySilent { spans, .. }] = &found[..] else {
+            let [verdict] = &found[..] else {
                 panic!("{found:?}");
             };
-            assert_eq!(*spans, [silent]);
+            assert_eq!(
+                (verdict.kind(), verdict.spans()),
+                (Kind::PartlySilent, &[silent][..])
+            );
         }
     }
 
@@ -280,34 +287,24 @@ mod tests {
             .chain(tap)
             .chain(std::iter::repeat(0.0));
         let found = verdicts(&[plus(&noise(1), late)]);
-        assert!(
-            matches!(&found[..], [Verdict::Tap { spans, .. }] if spans.len() == 1 && spans[0].contains(&6010)),
-            "{found:?}"
-        );
+        let [verdict] = &found[..] else {
+            panic!("{found:?}");
+        };
+        assert_eq!((verdict.kind(), verdict.spans().len()), (Kind::Tap, 1));
+        assert!(verdict.spans()[0].contains(&6010), "{verdict}");
     }
 
     #[test]
     fn steps_and_ramps_of_the_level_are_told_apart() {
         let found = verdicts(&[scaled(5000..10_000, 4.0)]);
-        let [
-            Verdict::LevelChange {
-                at_s: Some(at_s),
-                change_db,
-            },
-        ] = found[..]
-        else {
-            panic!("{found:?}");
-        };
-        assert!((at_s - 1.0).abs() < 0.06 && (change_db - 12.0).abs() < 0.5);
+        let words = found[0].to_string();
+        assert!(words.starts_with("level change: +12 dB at 1.0"), "{words}");
         let ramp: Vec<f64> = noise(1)
             .iter()
             .enumerate()
             .map(|(n, x)| x * (n as f64 / 5000.0).exp())
             .collect();
-        let found = verdicts(&[ramp]);
-        assert!(
-            matches!(found[..], [Verdict::LevelChange { at_s: None, .. }]),
-            "{found:?}"
-        );
+        let words = verdicts(&[ramp])[0].to_string();
+        assert!(words.contains("from beginning to end"), "{words}");
     }
 }

@@ -5,8 +5,6 @@
 //! | silent | the RMS about the mean is below the silence floor | a silent node |
 //! | too-short | fewer than [`SHORT_SAMPLES`] samples | a lower order |
 //! | clipped | at least [`CLIPPED_SHARE`] of an axis's samples are at its extreme, in runs | |
-//! | clipped-before | the peaks end at one value although the level varies | |
-//! | overflow | two jumps or more from one end of the range to the other, where steps are small | |
 //! | dropouts, stuck | one value for 2 to 100 ms, longer than a natural run of equal values; zero, or another | cut |
 //! | spikes | a sample's fourth difference is 20 times that of the 48 samples on either side | cut |
 //! | repeated | every value is there twice or more | |
@@ -18,11 +16,8 @@
 //! | drifting | a straight line explains at least [`DRIFT_SHARE`] of an axis's energy | |
 //! | wandering | 25 % of the energy is below [`SLOW_HZ`] | |
 //! | hum | a line of the mains, or of its harmonics, is [`HUM_RATIO_DB`] above its surroundings at half the speeds | |
-//! | empty-band | the spectrum falls by 40 dB within 100 Hz, to a floor | |
-//! | sensor-noise | white, Gaussian and below [`SENSOR_NOISE_M_S2`] | |
 //! | scale | an RMS above [`LARGE_RMS_M_S2`], gravity of 1.00, or a level 45 dB off the texture's median | |
 //! | dead-axis | an axis is 60 dB below the strongest, or constant | |
-//! | alike-axes | two axes correlate by 0.9999 at one level | |
 //! | duplicate | a copy of an earlier trial, equal or scaled | |
 //! | wrong-rate | the file's sample rate is below the models' | |
 //!
@@ -32,7 +27,7 @@
 //!
 //! A trial that is used in spite of a verdict other than silent marks its node as doubtful. What a verdict can cut is
 //! cut if parts of 0.4 s or more are left that make half of the trial ([`usable`]). Silent trials are not compared for
-//! copies. At rest or without contact, sensor noise and slow motion are no findings. The option `--drop` leaves trials
+//! copies. At rest or without contact, slow motion is no finding. The option `--drop` leaves trials
 //! out, and `--strict` refuses the set.
 //!
 //! Bounds come from 24 real takes of a tool on 12 surfaces, whole and in parts of 2 s, none of which is in the
@@ -41,26 +36,20 @@
 //!
 //! Invariant: samples in (m/s² at 5 kHz, cut and scaled), verdicts out. Nothing here reads a file or drops a trial.
 
-mod axes;
-mod band;
 mod copies;
 mod cut;
-mod hum;
 mod level;
-mod peaks;
 mod set;
 mod single_trial;
 #[cfg(test)]
 mod test_signals;
 mod verdict;
 
-pub use axes::LARGE_RMS_M_S2;
-pub use band::SENSOR_NOISE_M_S2;
 pub use copies::Sketch;
 pub use cut::{LEAST_KEPT, kept, kept_spans, usable};
-pub use hum::{HUM_RATIO_DB, confirmed_hum, mains_line};
-pub use set::{Compared, all_verdicts};
+pub use set::{Compared, HUM_RATIO_DB, all_verdicts, confirmed_hum, mains_line};
 pub use single_trial::{
-    CLIPPED_SHARE, COARSE_SNR_DB, DRIFT_SHARE, SHORT_SAMPLES, SILENCE_FLOOR_M_S2, flaws, samples,
+    CLIPPED_SHARE, COARSE_SNR_DB, DRIFT_SHARE, LARGE_RMS_M_S2, SHORT_SAMPLES, SILENCE_FLOOR_M_S2,
+    flaws, samples,
 };
-pub use verdict::{SLOW_HZ, ScaleDoubt, Span, Verdict, in_words};
+pub use verdict::{Kind, SLOW_HZ, Span, Verdict, in_words};

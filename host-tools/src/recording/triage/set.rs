@@ -2,9 +2,11 @@
 
 use std::collections::BTreeMap;
 
+use model_format::SAMPLE_RATE_HZ;
+
 use super::copies::{Sketch, copies};
-use super::hum::confirmed_hum;
-use super::verdict::{ScaleDoubt, Verdict};
+use super::verdict::{Kind, Verdict};
+use crate::dsp::autocorrelation::Autocorrelation;
 
 /// Deviation of a trial's level from the median of its texture at which its scale is doubted, dB. From the slowest and
 /// lightest trial of a grid to the fastest and heaviest the level rises by some 40 dB; wrong units are 60 dB off.
@@ -20,7 +22,7 @@ pub struct Compared<'a> {
     pub texture: &'a str,
     /// Tangential speed, mm/s.
     pub speed_mm_s: f64,
-    /// True at rest or without contact, where noise of the sensor and slow motion are all that there is to record.
+    /// True at rest or without contact, where slow motion is all that there is to record.
     pub is_idle: bool,
     /// RMS, m/s².
     pub rms_m_s2: f64,
@@ -34,7 +36,9 @@ pub struct Compared<'a> {
 
 impl Compared<'_> {
     fn is_silent(&self) -> bool {
-        self.verdicts.contains(&Verdict::Silent)
+        self.verdicts
+            .iter()
+            .any(|verdict| verdict.kind() == Kind::Silent)
     }
 }
 
@@ -55,28 +59,23 @@ pub fn all_verdicts(trials: &[Compared<'_>]) -> Vec<Vec<Verdict>> {
         .collect();
     let sketches: Vec<&Sketch> = loud.iter().map(|&index| trials[index].sketch).collect();
     for (&index, copy) in loud.iter().zip(copies(&sketches)) {
-        verdicts[index].extend(copy.map(|(original, scale)| Verdict::Duplicate {
-            of: loud[original],
-            scale,
+        verdicts[index].extend(copy.map(|(original, scale)| {
+            let of = format!("duplicate of trial {}", loud[original] + 1);
+            let scaled = format!(", scaled by {scale:.3}");
+            let is_scaled = (scale - 1.0).abs() > 1e-3;
+            Verdict::new(Kind::Duplicate, of).with(if is_scaled { &scaled } else { "" })
         }));
     }
     verdicts
 }
 
-/// The verdicts of a trial by itself, without those that idleness explains.
+/// The verdicts of a trial by itself, without slow motion at rest, which is all that there is to record.
 fn own_verdicts(trial: &Compared<'_>) -> Vec<Verdict> {
-    let is_explained = |verdict: &&Verdict| {
-        let expected = matches!(
-            verdict,
-            Verdict::SensorNoise { .. } | Verdict::Wandering { .. }
-        );
-        trial.is_idle && expected
-    };
-    let own = trial
-        .verdicts
-        .iter()
-        .filter(|verdict| !is_explained(verdict));
-    own.cloned().collect()
+    let is_explained = |verdict: &&Verdict| trial.is_idle && verdict.kind() == Kind::Wandering;
+    let own = trial.verdicts.iter();
+    own.filter(|verdict| !is_explained(verdict))
+        .cloned()
+        .collect()
 }
 
 fn add_hum(trials: &[Compared<'_>], members: &[usize], verdicts: &mut [Vec<Verdict>]) {
@@ -85,7 +84,11 @@ fn add_hum(trials: &[Compared<'_>], members: &[usize], verdicts: &mut [Vec<Verdi
         .map(|&index| (trials[index].speed_mm_s, trials[index].mains_line_hz))
         .collect();
     for (&index, line) in members.iter().zip(confirmed_hum(&lines)) {
-        verdicts[index].extend(line.map(|frequency_hz| Verdict::Hum { frequency_hz }));
+        verdicts[index].extend(
+            line.map(|frequency_hz| {
+                Verdict::new(Kind::Hum, format!("hum at {frequency_hz:.1} Hz"))
+            }),
+        );
     }
 }
 
@@ -106,16 +109,71 @@ fn add_unlike_levels(trials: &[Compared<'_>], members: &[usize], verdicts: &mut 
         let off_db = level(index) - median;
         let is_doubted = verdicts[index]
             .iter()
-            .any(|verdict| verdict.name() == "scale");
+            .any(|verdict| verdict.kind() == Kind::Scale);
         if off_db.abs() >= UNLIKE_DB && !is_doubted {
-            verdicts[index].push(Verdict::Scale(ScaleDoubt::UnlikeOthers(off_db)));
+            let words = format!("scale: {off_db:+.0} dB from the median of the texture's trials");
+            verdicts[index].push(Verdict::new(Kind::Scale, words));
         }
     }
 }
 
+/// Least level of a mains line above its surroundings, dB.
+pub const HUM_RATIO_DB: f64 = 20.0;
+
+/// Mains frequencies, and the second and third harmonics: rectifiers and magnets hum at twice the frequency; Hz.
+const MAINS_HZ: [f64; 6] = [50.0, 60.0, 100.0, 120.0, 150.0, 180.0];
+
+/// Returns the frequency of a mains line in the spectrum of a reduced trial, in Hz.
+///
+/// A line of the texture can coincide with a mains frequency at one speed; [`confirmed_hum`] distinguishes the two.
+pub fn mains_line(autocorrelation: &Autocorrelation) -> Option<f64> {
+    let bin_hz = f64::from(SAMPLE_RATE_HZ) / autocorrelation.transform_length as f64;
+    let power = &autocorrelation.power;
+    let bins = |from_hz: f64, to_hz: f64| {
+        let from = (from_hz / bin_hz).round() as usize;
+        let to = ((to_hz / bin_hz).round() as usize).min(power.len());
+        from.min(to)..to
+    };
+    MAINS_HZ.into_iter().find_map(|mains| {
+        let line = bins(mains - 1.0, mains + 1.0);
+        let peak = line.max_by(|&a, &b| power[a].total_cmp(&power[b]))?;
+        let mut around: Vec<f64> = bins(mains - 10.0, mains - 3.0)
+            .chain(bins(mains + 3.0, mains + 10.0))
+            .map(|bin| power[bin])
+            .collect();
+        around.sort_by(f64::total_cmp);
+        let median = *around.get(around.len() / 2)?;
+        let ratio = 10f64.powf(HUM_RATIO_DB / 10.0);
+        (power[peak] > ratio * median && power[peak] > 0.0).then_some(peak as f64 * bin_hz)
+    })
+}
+
+/// Returns the confirmed mains line, in Hz, of each of a texture's trials, given as speed, mm/s, and mains line, Hz.
+///
+/// A line that stays at its frequency at half of the speeds or more is of the mains; another one is of the texture.
+/// With one or two speeds the two cannot be distinguished, and every line counts as hum.
+pub fn confirmed_hum(trials: &[(f64, Option<f64>)]) -> Vec<Option<f64>> {
+    let speeds = |lines_only: bool| {
+        let mut speeds: Vec<f64> = trials
+            .iter()
+            .filter(|(_, line)| !lines_only || line.is_some())
+            .map(|&(speed, _)| speed)
+            .collect();
+        speeds.sort_by(f64::total_cmp);
+        speeds.dedup();
+        speeds.len()
+    };
+    let (all, with_line) = (speeds(false), speeds(true));
+    let mains = all <= 2 || 2 * with_line >= all;
+    trials
+        .iter()
+        .map(|&(_, line)| line.filter(|_| mains))
+        .collect()
+}
+
 #[cfg(test)]
 mod tests {
-    use super::super::test_signals::noise;
+    use super::super::test_signals::{noise, plus, tone};
     use super::*;
 
     #[test]
@@ -140,17 +198,16 @@ mod tests {
         for (index, found) in verdicts.iter().enumerate() {
             assert_eq!(found.len(), usize::from(index == 2), "{found:?}");
         }
-        assert!(
-            matches!(verdicts[2][..], [Verdict::Scale(ScaleDoubt::UnlikeOthers(db))] if (db - 60.0).abs() < 1.0)
-        );
+        let words = verdicts[2][0].to_string();
+        assert!(words.starts_with("scale: +60 dB"), "{words}");
     }
 
     #[test]
-    fn noise_of_the_sensor_is_no_finding_in_the_air() {
+    fn slow_motion_is_no_finding_in_the_air() {
         let sketch = Sketch::of(&noise(1));
         let own = [
-            Verdict::SensorNoise { rms_m_s2: 0.05 },
-            Verdict::TooShort { samples: 9 },
+            Verdict::new(Kind::Wandering, ""),
+            Verdict::new(Kind::TooShort, ""),
         ];
         let verdicts = |is_idle: bool| {
             let trial = Compared {
@@ -166,5 +223,29 @@ mod tests {
         };
         assert_eq!(verdicts(false), own);
         assert_eq!(verdicts(true), own[1..]);
+    }
+
+    fn line_of(signal: &[f64]) -> Option<f64> {
+        mains_line(&Autocorrelation::of(signal, 400))
+    }
+
+    #[test]
+    fn mains_lines_are_found_with_their_frequency_and_others_are_not() {
+        for frequency_hz in [50.0, 59.9, 100.0, 119.8, 150.2, 180.0] {
+            let found = line_of(&plus(&noise(7), tone(frequency_hz, 0.3))).unwrap();
+            assert!((found - frequency_hz).abs() < 0.5, "{found}");
+        }
+        assert_eq!(line_of(&plus(&noise(8), tone(70.0, 0.5))), None);
+        assert_eq!(line_of(&vec![0.0; 10_000]), None);
+    }
+
+    #[test]
+    fn a_textures_own_line_is_not_hum_and_one_at_all_speeds_is() {
+        let speeds = [40.0, 50.0, 60.0, 80.0];
+        let own: Vec<_> = speeds.map(|v| (v, (v == 50.0).then_some(50.0))).to_vec();
+        assert!(confirmed_hum(&own).iter().all(Option::is_none));
+        let mains: Vec<_> = speeds.map(|v| (v, Some(50.1))).to_vec();
+        assert!(confirmed_hum(&mains).iter().all(Option::is_some));
+        assert_eq!(confirmed_hum(&[(100.0, Some(60.0))]), [Some(60.0)]);
     }
 }

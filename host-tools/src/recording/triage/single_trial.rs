@@ -1,12 +1,14 @@
 //! Verdicts on a trial that need no other trial.
 
-use super::verdict::{Span, Verdict};
-use super::{axes, band, level, peaks};
+use model_format::SAMPLE_RATE_HZ;
+
+use super::level;
+use super::verdict::{Kind, SLOW_HZ, Span, Verdict};
+use crate::dsp::spectrum::PowerSpectrum;
 use crate::dsp::sums::{Moments, moments, sum_of};
 use crate::dsp::wide;
 use crate::recording::defects::Truncation;
 use crate::recording::source::Samples;
-use model_format::SAMPLE_RATE_HZ;
 
 /// Number of samples below which a trial is too short: 0.4 s at 5 kHz.
 pub const SHORT_SAMPLES: usize = 2000;
@@ -16,6 +18,9 @@ pub const CLIPPED_SHARE: f64 = 1e-3;
 
 /// Share of an axis's energy explained by a straight line at which a recording counts as drifting.
 pub const DRIFT_SHARE: f64 = 0.05;
+
+/// Least share of the energy below [`SLOW_HZ`] of a wandering trial. A fit spends its first coefficients on it then.
+const SLOW_SHARE: f64 = 0.25;
 
 /// Default of the RMS below which a recording is silent, m/s²: less than the noise of any accelerometer.
 pub const SILENCE_FLOOR_M_S2: f64 = 1e-3;
@@ -27,7 +32,7 @@ const SPIKE_REACH: usize = 20;
 /// texture, which are some 40 dB below its strong ones.
 pub const COARSE_SNR_DB: f64 = 20.0;
 
-/// Returns the verdicts that need no other trial, but for [silence](Verdict::Silent), which depends on the reduction.
+/// Returns the verdicts that need no other trial, but for [silence](Verdict::silent), which depends on the reduction.
 pub fn samples(samples: &Samples) -> Vec<Verdict> {
     let axes = samples.axes.as_slice();
     let mut verdicts = of_file(samples);
@@ -36,19 +41,37 @@ pub fn samples(samples: &Samples) -> Vec<Verdict> {
     // What is silent has nothing else that could be judged.
     if power.sqrt() >= SILENCE_FLOOR_M_S2 {
         verdicts.extend(of_defects(samples));
-        verdicts.extend(axes::verdicts(axes, &moments));
-        verdicts.extend(peaks::clipped_before(
-            (axes, &moments),
-            samples.defects.clipped_share >= CLIPPED_SHARE,
-        ));
+        verdicts.extend(of_moments(&moments));
         verdicts.extend(level::verdicts(axes));
-        verdicts.extend(band::verdicts((axes, &moments), samples.source_rate_hz));
+        verdicts.extend(wandering(axes, &moments));
     }
     let share = worst(axes, drift_share);
     if share >= DRIFT_SHARE {
-        verdicts.push(Verdict::Drifting { share });
+        let words = format!("drifting: {:.0} % of energy", 100.0 * share);
+        verdicts.push(Verdict::new(Kind::Drifting, words));
     }
     verdicts
+}
+
+/// The verdict on slow motion, from the spectra of all axes together.
+fn wandering(axes: &[Vec<f64>], moments: &[Moments]) -> Option<Verdict> {
+    if axes.first().map_or(0, Vec::len) < SHORT_SAMPLES {
+        return None;
+    }
+    let rate_hz = f64::from(SAMPLE_RATE_HZ);
+    let (mut slow, mut all) = (0.0, 0.0);
+    for (axis, moments) in axes.iter().zip(moments) {
+        let centred: Vec<f64> = axis.iter().map(|x| x - moments.mean).collect();
+        let spectrum = PowerSpectrum::welch(&centred, rate_hz);
+        slow += spectrum.power_between(0.0, SLOW_HZ);
+        all += spectrum.power_between(0.0, 0.5 * rate_hz);
+    }
+    let share = slow / all;
+    let words = format!(
+        "wandering: {:.0} % of energy below {SLOW_HZ} Hz",
+        100.0 * share
+    );
+    (share >= SLOW_SHARE).then(|| Verdict::new(Kind::Wandering, words))
 }
 
 /// Verdicts on length, rate and completeness.
@@ -56,14 +79,20 @@ fn of_file(samples: &Samples) -> Vec<Verdict> {
     let mut verdicts = Vec::new();
     let count = samples.axes.first().map_or(0, Vec::len);
     if count < SHORT_SAMPLES {
-        verdicts.push(Verdict::TooShort { samples: count });
+        let words = format!("too short: {count} samples");
+        verdicts.push(Verdict::new(Kind::TooShort, words));
     }
     let rate_hz = samples.source_rate_hz;
     if rate_hz < f64::from(SAMPLE_RATE_HZ) {
-        verdicts.push(Verdict::WrongRate { rate_hz });
+        let words = format!(
+            "wrong rate: {rate_hz} Hz, nothing above {} Hz",
+            rate_hz / 2.0
+        );
+        verdicts.push(Verdict::new(Kind::WrongRate { rate_hz }, words));
     }
     if let Some(Truncation { declared, held }) = samples.defects.truncation {
-        verdicts.push(Verdict::Truncated { declared, held });
+        let words = format!("truncated: the file holds {held} of {declared} samples");
+        verdicts.push(Verdict::new(Kind::Truncated, words));
     }
     verdicts
 }
@@ -101,48 +130,35 @@ fn of_defects(samples: &Samples) -> Vec<Verdict> {
     };
     let mut verdicts = Vec::new();
     if defects.clipped_share >= CLIPPED_SHARE {
-        verdicts.push(Verdict::Clipped {
-            share: defects.clipped_share,
-        });
-    }
-    if let Some(&first_s) = defects.overflows.first() {
-        verdicts.push(Verdict::Overflow {
-            jumps: defects.overflows.len(),
-            first_s,
-        });
+        let words = format!("clipped: {:.2} % of samples", 100.0 * defects.clipped_share);
+        verdicts.push(Verdict::new(Kind::Clipped, words));
     }
     if defects.repeats > 1 {
-        verdicts.push(Verdict::Repeated {
-            times: defects.repeats,
-            band_hz: samples.source_rate_hz / (2 * defects.repeats) as f64,
-        });
+        let times = defects.repeats;
+        let band_hz = samples.source_rate_hz / (2 * times) as f64;
+        let words = format!("repeated: every value {times} times, nothing above {band_hz:.0} Hz");
+        verdicts.push(Verdict::new(Kind::Repeated, words));
     } else {
-        let (dropouts, stuck) = (holds(true), holds(false));
-        if !dropouts.is_empty() {
-            verdicts.push(Verdict::Dropouts { spans: dropouts });
-        }
-        if !stuck.is_empty() {
-            verdicts.push(Verdict::Stuck { spans: stuck });
+        for (kind, name, spans) in [
+            (Kind::Dropouts, "dropouts", holds(true)),
+            (Kind::Stuck, "stuck", holds(false)),
+        ] {
+            if !spans.is_empty() {
+                verdicts.push(Verdict::on(kind, name, spans));
+            }
         }
     }
     if !defects.spikes.is_empty() {
-        let spans = defects
-            .spikes
-            .iter()
-            .map(|spike| span(spike.time_s, 0.0, SPIKE_REACH));
-        verdicts.push(Verdict::Spikes {
-            spans: spans.collect(),
-            ratio: defects
-                .spikes
-                .iter()
-                .map(|spike| spike.ratio)
-                .fold(0.0, f64::max),
-        });
+        let spikes = defects.spikes.iter();
+        let ratio = spikes.clone().map(|spike| spike.ratio).fold(0.0, f64::max);
+        let spans = spikes.map(|spike| span(spike.time_s, 0.0, SPIKE_REACH));
+        let words = format!(", up to {ratio:.0} times what is around");
+        verdicts.push(Verdict::on(Kind::Spikes, "spikes", spans.collect()).with(&words));
     }
     if defects.quantisation_snr_db < COARSE_SNR_DB {
-        verdicts.push(Verdict::Coarse {
-            snr_db: defects.quantisation_snr_db,
-        });
+        let snr_db = defects.quantisation_snr_db;
+        let words = format!("coarse: its steps are {snr_db:.0} dB below it");
+        verdicts.push(Verdict::new(Kind::Coarse, words));
     }
     verdicts
 }
@@ -180,12 +196,59 @@ fn drift_share(axis: &[f64]) -> f64 {
     }
 }
 
+/// Ratio of a dead axis's RMS to the strongest one's. The cross-axis sensitivity of accelerometers is about one per
+/// cent, so that an axis 60 dB below another measures not even that.
+const DEAD_RATIO: f64 = 1e-3;
+
+/// RMS beyond which a scale is doubted, m/s²: ten times the acceleration of gravity. Tools on rough surfaces reach some
+/// 30 m/s².
+pub const LARGE_RMS_M_S2: f64 = 100.0;
+
+/// Deviation from one at which the mean of three axes is gravity in units of itself.
+const GRAVITY_TOLERANCE: f64 = 0.02;
+
+/// Largest RMS, in units of the mean, beside which a mean of one is gravity.
+const GRAVITY_RMS: f64 = 0.3;
+
+/// Returns the verdicts on scale and dead axes of a trial whose axes have these `moments`.
+fn of_moments(moments: &[Moments]) -> Vec<Verdict> {
+    let rms = |axis: &Moments| axis.variance.sqrt();
+    let strongest = moments.iter().map(rms).fold(0.0, f64::max);
+    let mut verdicts: Vec<Verdict> = scale(moments).into_iter().collect();
+    for (number, axis) in (1..).zip(moments) {
+        if rms(axis) < DEAD_RATIO * strongest {
+            let below_db = 20.0 * (strongest / rms(axis)).log10();
+            let words = if below_db.is_finite() {
+                format!("dead axis {number}: {below_db:.0} dB below the strongest")
+            } else {
+                format!("dead axis {number}: constant")
+            };
+            verdicts.push(Verdict::new(Kind::DeadAxis, words));
+        }
+    }
+    verdicts
+}
+
+fn scale(moments: &[Moments]) -> Option<Verdict> {
+    let rms = moments.iter().map(|axis| axis.variance).sum::<f64>().sqrt();
+    let mean = moments.iter().map(|axis| axis.mean.powi(2)).sum::<f64>();
+    let mean = mean.sqrt();
+    if rms > LARGE_RMS_M_S2 {
+        let words = format!("scale: an RMS of {rms:.0} m/s²");
+        return Some(Verdict::new(Kind::Scale, words));
+    }
+    let is_gravity =
+        moments.len() == 3 && (mean - 1.0).abs() < GRAVITY_TOLERANCE && rms < GRAVITY_RMS;
+    is_gravity.then(|| Verdict::new(Kind::Scale, "scale: gravity is 1.00, as in units of g"))
+}
+
 #[cfg(test)]
 mod tests {
-    use super::super::hum::mains_line;
+    use super::super::set::mains_line;
     use super::super::test_signals::{RATE_HZ, noise, plus, tone};
     use super::*;
     use crate::dsp::autocorrelation::Autocorrelation;
+    use crate::dsp::sums::moments;
     use crate::recording::defects::Defects;
 
     fn axes(axes: &[Vec<f64>], source_rate_hz: f64) -> Vec<Verdict> {
@@ -212,5 +275,24 @@ mod tests {
         );
         assert_eq!(mains_line(&Autocorrelation::of(&signal, 400)), None);
         assert_eq!(axes(&[tone(100.0, 1.0).collect()], RATE_HZ), []);
+    }
+
+    fn verdicts(axes: &[Vec<f64>]) -> Vec<String> {
+        let moments: Vec<_> = axes.iter().map(|axis| moments(axis)).collect();
+        let found = of_moments(&moments);
+        found.iter().map(ToString::to_string).collect()
+    }
+
+    #[test]
+    fn dead_axes_gravity_of_one_and_scales_that_are_off_are_said() {
+        let (a, b) = (noise(1), noise(2));
+        let scaled = |signal: &[f64], by: f64| signal.iter().map(|x| by * x).collect::<Vec<f64>>();
+        assert!(verdicts(&[a.clone(), scaled(&a, 0.5)]).is_empty());
+        let quiet =
+            |signal: &[f64], mean: f64| plus(&scaled(signal, 0.01), std::iter::repeat(mean));
+        let in_g = [quiet(&a, 0.6), quiet(&b, 0.8), quiet(&noise(3), 0.0)];
+        assert!(verdicts(&in_g)[0].contains("gravity is 1.00"));
+        assert!(verdicts(&[scaled(&a, 1000.0)])[0].contains("an RMS of"));
+        assert!(verdicts(&[a, scaled(&b, 1e-5)])[0].contains("dead axis 2"));
     }
 }

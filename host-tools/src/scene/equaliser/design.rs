@@ -5,8 +5,7 @@ use model_format::scene::limits::{MAX_EQUALISER_GAIN, MAX_SECTIONS};
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
-use super::section::{MAX_SECTION_GAIN_DB, Section, SectionKind, stored_level_db};
-use super::{Fault, Response};
+use super::{Fault, MAX_SECTION_GAIN_DB, Response, Section, SectionKind, stored_level_db};
 
 /// Default of the limit on the gain, dB.
 pub const DEFAULT_MAX_GAIN_DB: f64 = 12.0;
@@ -63,8 +62,6 @@ pub struct Design {
     pub after: Deviation,
     /// Deviation that the limit on the gain alone would leave.
     pub limit_leaves: Deviation,
-    /// Levels over the band.
-    pub curve: Vec<CurvePoint>,
 }
 
 /// Deviation of a level from its mean over the band, with even weight over the logarithm of the frequency.
@@ -74,17 +71,6 @@ pub struct Deviation {
     pub rms_db: f64,
     /// Largest magnitude, dB.
     pub largest_db: f64,
-}
-
-/// Levels at one frequency.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct CurvePoint {
-    /// Frequency, Hz.
-    pub frequency_hz: f64,
-    /// Level of the response relative to its mean, dB.
-    pub response_db: f64,
-    /// Level of the equaliser, dB.
-    pub equaliser_db: f64,
 }
 
 impl Deviation {
@@ -140,18 +126,8 @@ pub fn design(response: &Response, rate_hz: f64, request: &Request) -> Result<De
             .map(|section| stored_level_db(section, share))
             .sum()
     };
-    let curve: Vec<CurvePoint> = frequencies
-        .iter()
-        .zip(&off)
-        .map(|(&frequency_hz, &response_db)| CurvePoint {
-            frequency_hz,
-            response_db,
-            equaliser_db: of_all(frequency_hz),
-        })
-        .collect();
-    let together: Vec<f64> = curve
-        .iter()
-        .map(|point| point.response_db + point.equaliser_db)
+    let together: Vec<f64> = (frequencies.iter().zip(&off))
+        .map(|(&frequency_hz, off)| off + of_all(frequency_hz))
         .collect();
     let limited: Vec<f64> = off
         .iter()
@@ -169,7 +145,6 @@ pub fn design(response: &Response, rate_hz: f64, request: &Request) -> Result<De
         limit_leaves: Deviation::of(&limited),
         sections,
         biquads,
-        curve,
     })
 }
 

@@ -11,13 +11,16 @@
 
 mod design;
 mod response;
-mod section;
 #[cfg(test)]
 mod tests;
 
-pub use design::{CurvePoint, DEFAULT_MAX_GAIN_DB, Design, Deviation, Request, design};
+use std::f64::consts::TAU;
+
+use biquad::{Coefficients, Hertz, Type};
+pub use design::{DEFAULT_MAX_GAIN_DB, Design, Deviation, Request, design};
+use model_format::scene::Biquad;
 pub use response::Response;
-pub use section::{Section, SectionKind};
+use serde::{Deserialize, Serialize};
 
 /// A value out of its range, with its key in a scene's text.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -35,4 +38,114 @@ impl Fault {
             problem: problem.into(),
         }
     }
+}
+
+/// Frequencies of a section, as shares of the sample rate. Below, a section rings for longer than a second at 5 kHz;
+/// above, its upper flank does not fit below half the sample rate.
+const FREQUENCY_SHARES: [f64; 2] = [0.0002, 0.45];
+
+/// Range of quality factors in a scene.
+const QS: [f64; 2] = [0.1, 50.0];
+
+/// Largest gain of a section in magnitude, dB; slightly less than the format's limit.
+const MAX_SECTION_GAIN_DB: f64 = 24.0;
+
+/// Effect of a section around its frequency.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum SectionKind {
+    /// Raises or lowers the level near it.
+    Peaking,
+    /// Raises or lowers the level below it.
+    LowShelf,
+    /// Raises or lowers the level above it.
+    HighShelf,
+}
+
+impl std::fmt::Display for SectionKind {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Peaking => "peaking",
+            Self::LowShelf => "low-shelf",
+            Self::HighShelf => "high-shelf",
+        })
+    }
+}
+
+/// A section of the equaliser.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Section {
+    /// Effect around its frequency.
+    pub kind: SectionKind,
+    /// Centre frequency, Hz.
+    pub frequency_hz: f64,
+    /// Quality factor.
+    pub q: f64,
+    /// Gain, dB.
+    pub gain_db: f64,
+}
+
+impl Section {
+    /// The stored form of the section at the sample rate `rate_hz`.
+    ///
+    /// # Errors
+    /// A frequency, quality factor or gain out of its range.
+    pub fn biquad(&self, rate_hz: f64) -> Result<Biquad, Fault> {
+        let frequencies = FREQUENCY_SHARES.map(|share| share * rate_hz);
+        within("frequency_hz", self.frequency_hz, frequencies, "Hz")?;
+        within("q", self.q, QS, "")?;
+        let gains = [-MAX_SECTION_GAIN_DB, MAX_SECTION_GAIN_DB];
+        within("gain_db", self.gain_db, gains, "dB")?;
+        self.coefficients(rate_hz)
+            .and_then(|c| Biquad::from_f64([c.b0, c.b1, c.b2], [c.a1, c.a2]))
+            .ok_or_else(|| Fault::new("gain_db", "its coefficients do not fit the stored format"))
+    }
+
+    /// Level at `frequency_hz`, dB, before rounding to the stored form.
+    fn level_db(&self, rate_hz: f64, frequency_hz: f64) -> f64 {
+        self.coefficients(rate_hz).map_or(f64::NAN, |c| {
+            let numerator = [c.b0, c.b1, c.b2];
+            level_db(numerator, [c.a1, c.a2], frequency_hz / rate_hz)
+        })
+    }
+
+    /// Unrounded coefficients; none if the crate refuses the parameters.
+    fn coefficients(&self, rate_hz: f64) -> Option<Coefficients<f64>> {
+        let kind = match self.kind {
+            SectionKind::Peaking => Type::PeakingEQ(self.gain_db),
+            SectionKind::LowShelf => Type::LowShelf(self.gain_db),
+            SectionKind::HighShelf => Type::HighShelf(self.gain_db),
+        };
+        let rate = Hertz::<f64>::from_hz(rate_hz).ok()?;
+        let frequency = Hertz::<f64>::from_hz(self.frequency_hz).ok()?;
+        Coefficients::from_params(kind, rate, frequency, self.q).ok()
+    }
+}
+
+/// Level of a stored section at `share` of the sample rate, dB.
+fn stored_level_db(section: &Biquad, share: f64) -> f64 {
+    level_db(section.numerator(), section.denominator(), share)
+}
+
+fn level_db(numerator: [f64; 3], [a1, a2]: [f64; 2], share: f64) -> f64 {
+    let half = (0.5 * TAU * share).sin().powi(2);
+    // |c0 + c1 z⁻¹ + c2 z⁻²|² on the unit circle, in terms of the half angle's squared sine, because the direct form
+    // suffers cancellation at low frequencies.
+    let square = |[c0, c1, c2]: [f64; 3]| {
+        let sum = c0 + c1 + c2;
+        sum * sum - 4.0 * (c0 * c1 + 4.0 * c0 * c2 + c1 * c2) * half + 16.0 * c0 * c2 * half * half
+    };
+    10.0 * (square(numerator) / square([1.0, a1, a2])).log10()
+}
+
+fn within(key: &'static str, value: f64, [low, high]: [f64; 2], unit: &str) -> Result<(), Fault> {
+    // A NaN is in no range.
+    if (low..=high).contains(&value) {
+        return Ok(());
+    }
+    let problem = format!("is {value} {unit}; it must be finite and {low} to {high}");
+    Err(Fault::new(
+        key,
+        problem.replace("  ", " ").replace(" ;", ";"),
+    ))
 }

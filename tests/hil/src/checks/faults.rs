@@ -1,4 +1,5 @@
-//! The fault image: rows of the converters that are read late; and each fault on request, its reset, its reason and its kind in the status, and silence after it.
+//! The fault image: rows of the converters that are read late; and each fault on request, its reset, its reason and its
+//! kind in the status, and silence after it.
 
 use std::ops::Range;
 

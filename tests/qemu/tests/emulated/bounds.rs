@@ -1,5 +1,5 @@
-//! The bounds on the work of decoding a library, of one step of it, and of a plan: hostile valid libraries, each property
-//! at either end and drawn by a seed, stay below them on an emulated Cortex-M4.
+//! The bounds on the work of decoding a library, of one step of it, and of a plan: hostile valid libraries, each
+//! property at either end and drawn by a seed, stay below them on an emulated Cortex-M4.
 //!
 //! `STYLUS_HOSTILE_LIBRARIES` sets the number of those that are drawn, and `STYLUS_ATTACK_SEED` the seed.
 

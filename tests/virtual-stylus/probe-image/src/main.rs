@@ -1,5 +1,5 @@
-//! An image that programs, erases and reads flash as the stylus does, and as the stylus must not, and obeys commands over
-//! USART3.
+//! An image that programs, erases and reads flash as the stylus does, and as the stylus must not, and obeys commands
+//! over USART3.
 //!
 //! TIM6 runs at 5 kHz, and its handler, which is in flash, counts. All clocks stay at the 64 MHz after reset.
 //!

@@ -1,5 +1,5 @@
-//! The output that the image must give, from the product's own kernel and safety stages on this computer, and plays that
-//! are compared with it.
+//! The output that the image must give, from the product's own kernel and safety stages on this computer, and plays
+//! that are compared with it.
 
 use model_format::link::{RecordSample, Settings};
 use model_format::{DacCode, PlayRate, Texture};

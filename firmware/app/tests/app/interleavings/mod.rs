@@ -1,9 +1,9 @@
 //! Interleavings of the requests of two hosts on two links, which do not wait for answers, with the storage's task, the
 //! poll and the tick.
 //!
-//! The application is the device's own, on the shared fake hardware. An executor draws at each await which task goes on;
-//! ticks and polls are late by up to a millisecond. [`REQUESTS`] is the list of requests: a new one is covered by a line
-//! in it, and a new await by itself, because every one of them is a point at which the executor draws.
+//! The application is the device's own, on the shared fake hardware. An executor draws at each await which task goes
+//! on; ticks and polls are late by up to a millisecond. [`REQUESTS`] is the list of requests: a new one is covered by a
+//! line in it, and a new await by itself, because every one of them is a point at which the executor draws.
 //!
 //! Held at each point: what `Watch` in `world.rs` looks at. Held at the end: every request was answered once, and the
 //! device plays again.

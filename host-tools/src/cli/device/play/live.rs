@@ -11,7 +11,7 @@ use host_tools::support::visible::visible_line;
 use indicatif::ProgressBar;
 use model_format::link::{Activity, MuteReason, RecordSample, Status};
 
-use crate::cli::device::sensing::LIVE_SAMPLES;
+use crate::cli::device::record::LIVE_SAMPLES;
 use crate::cli::output::note;
 
 /// Interval between lines where standard error is no terminal.

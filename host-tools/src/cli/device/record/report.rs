@@ -143,7 +143,7 @@ fn verdicts(analysis: &Analysis, point: &PlannedTrial, level: &Level) -> Vec<Str
     let is_rest = point.speed_mm_s <= 0.0 || point.force_n <= 0.0;
     let triage = analysis.verdicts.iter();
     let mut verdicts: Vec<String> = triage
-        .filter(|verdict| !(is_rest && ["silent", "sensor-noise"].contains(&verdict.name())))
+        .filter(|verdict| !(is_rest && verdict.name() == "silent"))
         .map(ToString::to_string)
         .collect();
     if let Some(frequency_hz) = analysis.mains_line_hz {

@@ -18,7 +18,7 @@ use model_format::link::RecordSample;
 
 use super::Arguments;
 use super::report::Row;
-use crate::cli::device::sensing::{LIVE_SAMPLES, live};
+use crate::cli::device::record::{LIVE_SAMPLES, live};
 use crate::cli::interrupt::Interrupt;
 use crate::cli::output::tell;
 

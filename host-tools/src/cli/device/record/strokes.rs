@@ -8,7 +8,7 @@ use model_format::link::RecordSample;
 use serde::Serialize;
 
 use super::Arguments;
-use crate::cli::device::sensing::{LIVE_SAMPLES, live};
+use crate::cli::device::record::{LIVE_SAMPLES, live};
 use crate::cli::interrupt::Interrupt;
 use crate::cli::output::{print, print_json};
 

@@ -1,6 +1,5 @@
 //! `stylus status`
 
-mod histogram;
 mod watch;
 
 use host_tools::support::error::Result;
@@ -134,10 +133,12 @@ fn text(info: &DeviceInfo, status: &Status) -> String {
         marks(&status.marks, status.tick_histogram.core_hz)
     ));
     lines.push(format!("sensors  {}", levels(&status.levels)));
-    let histogram = histogram::draw(&status.tick_histogram);
+    let times = &status.tick_histogram;
+    let micros = |cycles: u32| f64::from(cycles) * 1e6 / f64::from(times.core_hz.max(1));
     lines.push(format!(
-        "tick time {}",
-        histogram.replace('\n', "\n         ")
+        "tick time {:.1} to {:.1} µs",
+        micros(times.shortest),
+        micros(times.longest)
     ));
     lines.join("\n")
 }

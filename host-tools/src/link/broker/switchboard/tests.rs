@@ -1,21 +1,13 @@
 //! Schedules of requests of several clients, against a device in the test.
 
-use std::collections::{BTreeSet, VecDeque};
+use std::collections::VecDeque;
 
 use model_format::link::{
-    BLOCK_SAMPLES, InfoEndpoint, PackedSample, PlayRequest, RecordStarted, Selection,
-    StatusEndpoint,
+    BLOCK_SAMPLES, InfoEndpoint, PackedSample, RecordError, RecordStarted, StatusEndpoint,
 };
 use proptest::prelude::*;
 
 use super::*;
-
-fn program(command: &str) -> Program {
-    Program {
-        command: command.to_owned(),
-        process: Some(7),
-    }
-}
 
 fn request(key: Key, number: u16, body: &[u8]) -> Vec<u8> {
     let header = VarHeader {
@@ -27,74 +19,73 @@ fn request(key: Key, number: u16, body: &[u8]) -> Vec<u8> {
 
 /// The key, number and body of a frame.
 fn parts(bytes: &[u8]) -> (Key, u16, Vec<u8>) {
-    let (header, body) = VarHeader::take_from_slice(bytes).unwrap();
-    let VarKey::Key8(key) = header.key else {
-        panic!("{header:?}")
-    };
-    let VarSeq::Seq2(number) = header.seq_no else {
-        panic!("{header:?}")
-    };
-    (key, number, body.to_vec())
+    match VarHeader::take_from_slice(bytes).unwrap() {
+        (
+            VarHeader {
+                key: VarKey::Key8(key),
+                seq_no: VarSeq::Seq2(number),
+            },
+            body,
+        ) => (key, number, body.to_vec()),
+        other => panic!("{other:?}"),
+    }
 }
 
 /// The answer of a device to `asked`, with this body.
 fn answer_to(asked: &[u8], key: Key, body: &[u8]) -> Vec<u8> {
-    let (_, number, _) = parts(asked);
-    request(key, number, body)
+    request(key, parts(asked).1, body)
 }
 
-fn for_device(actions: &[Action]) -> Vec<(Urgency, Vec<u8>)> {
+fn for_device(actions: &[Action]) -> Vec<Vec<u8>> {
     let of = |action: &Action| match action {
-        Action::ToDevice(urgency, frame) => Some((*urgency, frame.clone())),
-        Action::ToClient { .. } => None,
+        Action::ToDevice(frame) => Some(frame.clone()),
+        _ => None,
     };
     actions.iter().filter_map(of).collect()
 }
 
 fn for_client(actions: &[Action], client: ClientId) -> Vec<FromBroker> {
     let of = |action: &Action| match action {
-        Action::ToClient { to, message, .. } if *to == client => Some(message.clone()),
+        Action::ToClient(to, message) if *to == client => Some(message.clone()),
         _ => None,
     };
     actions.iter().filter_map(of).collect()
 }
 
-/// The refusal in `actions`, which must be the words and an error under the request's number.
-fn refusal(actions: &[Action], client: ClientId, number: u16) -> String {
-    assert!(for_device(actions).is_empty(), "{actions:?}");
-    let said = for_client(actions, client);
-    let [FromBroker::Refused { words, .. }, FromBroker::Frame(frame)] = &said[..] else {
-        panic!("{said:?}")
-    };
-    let (key, answered, _) = parts(frame);
-    assert_eq!((key, answered), (ERROR_KEY, number));
-    words.clone()
-}
-
 fn three() -> Switchboard {
     let mut board = Switchboard::default();
     for (client, command) in [(1, "play"), (2, "status"), (3, "stop")] {
-        board.joined(client, program(command));
+        let (command, process) = (command.to_owned(), Some(7));
+        board.joined(client, Program { command, process });
     }
     board
 }
 
-fn play() -> Vec<u8> {
-    encoded(&PlayRequest {
-        selection: Selection::Texture("silk".try_into().unwrap()),
-        gain: 1.0,
-        motion: model_format::link::MotionSource::Host,
-        seed: 1,
-    })
+/// What `client` is told where a request of its own is refused, which is words and an error under its number.
+fn refusal(board: &mut Switchboard, client: ClientId, key: Key) -> String {
+    let actions = board.frame_of(client, &request(key, 6, &[]));
+    assert!(for_device(&actions).is_empty(), "{actions:?}");
+    let said = for_client(&actions, client);
+    let [FromBroker::Refused { words, .. }, FromBroker::Frame(frame)] = &said[..] else {
+        panic!("{said:?}")
+    };
+    let (key, answered, _) = parts(frame);
+    assert_eq!((key, answered), (ERROR_KEY, 6));
+    words.clone()
 }
 
-/// Lets `client` play.
-fn playing(board: &mut Switchboard, client: ClientId) {
-    let asked = board.frame_of(client, &request(PlayEndpoint::REQ_KEY, 5, &play()));
-    let (urgency, frame) = for_device(&asked).remove(0);
-    assert_eq!(urgency, Urgency::Command);
-    board.frame_of_device(&answer_to(&frame, PlayEndpoint::RESP_KEY, &[0]));
+/// Has `client` ask and the device answer, with a result that is a refusal or not.
+fn done(board: &mut Switchboard, client: ClientId, keys: (Key, Key), is_refused: bool) {
+    let frame = for_device(&board.frame_of(client, &request(keys.0, 5, &[]))).remove(0);
+    board.frame_of_device(&answer_to(&frame, keys.1, &[is_refused.into()]));
 }
+
+const PLAY: (Key, Key) = (PlayEndpoint::REQ_KEY, PlayEndpoint::RESP_KEY);
+const BEGIN: (Key, Key) = (UploadBeginEndpoint::REQ_KEY, UploadBeginEndpoint::RESP_KEY);
+const COMMIT: (Key, Key) = (
+    UploadCommitEndpoint::REQ_KEY,
+    UploadCommitEndpoint::RESP_KEY,
+);
 
 /// A step of a schedule.
 #[derive(Clone, Debug)]
@@ -122,39 +113,31 @@ proptest! {
     ) {
         let mut board = Switchboard::default();
         let mut names: Vec<ClientId> = (0..5).collect();
-        names.iter().for_each(|&name| board.joined(name, program("status")));
-        let mut next = 5;
-        let mut serial = 0u32;
+        let (mut next, mut serial, mut left) = (5, 0u32, BTreeSet::new());
         let mut device: VecDeque<(ClientId, u16, u32, Vec<u8>)> = VecDeque::new();
-        let mut left = BTreeSet::new();
-        let rest = std::iter::repeat_n(Step::Answer(any_index()), 300);
-        for step in schedule.into_iter().chain(rest) {
+        for step in schedule {
             match step {
                 Step::Ask(place, number) => {
                     let client = names[place as usize];
                     serial += 1;
-                    let key = [StatusEndpoint::REQ_KEY, InfoEndpoint::REQ_KEY][serial as usize % 2];
+                    let key =
+                        [StatusEndpoint::REQ_KEY, InfoEndpoint::REQ_KEY][serial as usize % 2];
                     let frame = request(key, number, &serial.to_le_bytes());
-                    let asked = for_device(&board.frame_of(client, &frame));
-                    prop_assert_eq!(asked.len(), 1);
-                    let (found, _, body) = parts(&asked[0].1);
+                    let asked = for_device(&board.frame_of(client, &frame)).remove(0);
+                    let (found, _, body) = parts(&asked);
                     prop_assert_eq!((found, body), (key, serial.to_le_bytes().to_vec()));
-                    device.push_back((client, number, serial, asked[0].1.clone()));
+                    device.push_back((client, number, serial, asked));
                 }
                 Step::Answer(index) if !device.is_empty() => {
                     let place = index.index(device.len());
                     let (client, number, serial, frame) = device.remove(place).unwrap();
-                    let answer = answer_to(&frame, StatusEndpoint::RESP_KEY, &serial.to_le_bytes());
+                    let body = serial.to_le_bytes();
+                    let answer = answer_to(&frame, StatusEndpoint::RESP_KEY, &body);
+                    let expected = request(StatusEndpoint::RESP_KEY, number, &body);
+                    let expected = Action::ToClient(client, FromBroker::Frame(expected));
                     let actions = board.frame_of_device(&answer);
-                    if left.contains(&client) {
-                        prop_assert!(actions.is_empty());
-                        continue;
-                    }
-                    prop_assert_eq!(actions.len(), 1);
-                    let said = for_client(&actions, client);
-                    let expected = request(
-                        StatusEndpoint::RESP_KEY, number, &serial.to_le_bytes());
-                    prop_assert_eq!(said, vec![FromBroker::Frame(expected)]);
+                    let is_there = !left.contains(&client);
+                    prop_assert_eq!(actions, Vec::from_iter(is_there.then_some(expected)));
                     // It comes once.
                     prop_assert!(board.frame_of_device(&answer).is_empty());
                 }
@@ -163,82 +146,79 @@ proptest! {
                     let client = std::mem::replace(&mut names[place as usize], next);
                     left.insert(client);
                     prop_assert!(board.left(client).is_empty());
-                    board.joined(next, program("status"));
                     next += 1;
                 }
             }
         }
-        prop_assert!(device.is_empty());
-        prop_assert!(board.asked.is_empty());
+        prop_assert_eq!(board.asked.len(), device.len());
     }
 
-    /// Each of several clients sees a recording as its own, whenever others begin and end theirs.
+    /// Each of several clients sees all blocks of its recording, whenever others begin and end theirs.
     #[test]
     fn a_recording_of_several_clients_is_each_ones_own(
         steps in prop::collection::vec((0..4u64, 0..3u8), 1..200)
     ) {
         let mut board = Switchboard::default();
-        (0..3).for_each(|client| board.joined(client, program("monitor")));
         let mut device = Device::default();
-        // Blocks that each client has seen of its recording.
-        let mut seen: [Option<u32>; 3] = [None; 3];
+        // The first block of each client's recording, and the number of those that it has seen.
+        let mut seen: [Option<(u32, u32)>; 3] = [None; 3];
         for (client, what) in steps {
+            let of = |key| request(key, 9, &[]);
+            let records = seen.get(client as usize).is_some_and(Option::is_some);
             let actions = match (client, what) {
-                (3, _) => device.block().map_or_else(Vec::new, |block| board.frame_of_device(&block)),
-                (client, 0) => {
-                    board.frame_of(client, &request(RecordStartEndpoint::REQ_KEY, 9, &[]))
-                }
-                (client, 1) if seen[client as usize].is_some() => {
-                    board.frame_of(client, &request(RecordStopEndpoint::REQ_KEY, 8, &[]))
-                }
-                (client, 2) => {
+                (3, _) => match device.block() {
+                    Some(block) => board.frame_of_device(&block),
+                    None => continue,
+                },
+                (_, 0) if !records => board.frame_of(client, &of(RecordStartEndpoint::REQ_KEY)),
+                (_, 1) if records => board.frame_of(client, &of(RecordStopEndpoint::REQ_KEY)),
+                (_, 2) => {
                     seen[client as usize] = None;
-                    let actions = board.left(client);
-                    board.joined(client, program("monitor"));
-                    actions
+                    board.left(client)
                 }
-                _ => Vec::new(),
+                _ => continue,
             };
             let mut queue = VecDeque::from(actions);
+            let mut before = 0;
             while let Some(action) = queue.pop_front() {
-                let (to, bytes) = match action {
-                    Action::ToDevice(_, frame) => {
+                let frame = match action {
+                    Action::ToDevice(frame) => {
                         queue.extend(board.frame_of_device(&device.answer(&frame)));
                         continue;
                     }
-                    Action::ToClient { to, message: FromBroker::Frame(bytes), .. } => (to, bytes),
-                    Action::ToClient { .. } => continue,
+                    Action::Block(frame) => {
+                        let block: RecordBlock = postcard::from_bytes(&parts(&frame).2).unwrap();
+                        for (first, count) in seen.iter_mut().flatten() {
+                            prop_assert_eq!(block.sequence, *first + *count);
+                            *count += 1;
+                        }
+                        continue;
+                    }
+                    Action::ToClient(_, FromBroker::Joins { blocks, .. }) => {
+                        before = blocks;
+                        continue;
+                    }
+                    Action::ToClient(_, FromBroker::Frame(frame)) => frame,
+                    other @ Action::ToClient(..) => panic!("{other:?}"),
                 };
-                let (header, body) = VarHeader::take_from_slice(&bytes).unwrap();
-                let mine = &mut seen[to as usize];
-                if header.key == VarKey::Key8(RecordStartEndpoint::RESP_KEY) {
+                let mine = &mut seen[client as usize];
+                let (key, _, body) = parts(&frame);
+                if key == RecordStartEndpoint::RESP_KEY {
                     let answer: Result<RecordStarted, RecordError> =
-                        postcard::from_bytes(body).unwrap();
-                    prop_assert_eq!(answer.is_err(), mine.is_some());
-                    mine.get_or_insert(0);
-                } else if header.key == VarKey::Key8(RecordStopEndpoint::RESP_KEY) {
+                        postcard::from_bytes(&body).unwrap();
+                    prop_assert!(answer.is_ok());
+                    *mine = Some((before, 0));
+                } else {
                     let answer: Result<RecordStopped, RecordError> =
-                        postcard::from_bytes(body).unwrap();
-                    prop_assert_eq!(answer.unwrap().blocks, mine.take().unwrap());
-                } else if let Some(count) = mine {
-                    let block: RecordBlock = postcard::from_bytes(body).unwrap();
-                    prop_assert_eq!(block.sequence, *count);
-                    *count += 1;
+                        postcard::from_bytes(&body).unwrap();
+                    let (first, count) = mine.take().unwrap();
+                    prop_assert_eq!(answer.unwrap().blocks, first + count);
                 }
             }
             // The device records exactly while somebody wants it.
             prop_assert_eq!(device.recording.is_some(), seen.iter().any(Option::is_some));
         }
     }
-}
-
-fn any_index() -> prop::sample::Index {
-    use proptest::strategy::ValueTree;
-    let mut runner = proptest::test_runner::TestRunner::deterministic();
-    any::<prop::sample::Index>()
-        .new_tree(&mut runner)
-        .unwrap()
-        .current()
 }
 
 /// A recorder, with the number of its next block.
@@ -249,31 +229,23 @@ struct Device {
 
 impl Device {
     fn answer(&mut self, frame: &[u8]) -> Vec<u8> {
-        match parts(frame).0 {
-            RecordStartEndpoint::REQ_KEY => {
-                let answer = if self.recording.is_none() {
-                    self.recording = Some(0);
-                    Ok(RecordStarted {
-                        sample_rate_hz: 5000,
-                        block_samples: BLOCK_SAMPLES as u32,
-                    })
-                } else {
-                    Err(RecordError::Recording)
-                };
-                answer_to(frame, RecordStartEndpoint::RESP_KEY, &encoded(&answer))
-            }
-            RecordStopEndpoint::REQ_KEY => {
-                let answer = match self.recording.take() {
-                    Some(blocks) => Ok(RecordStopped {
-                        blocks,
-                        lost_blocks: 0,
-                    }),
-                    None => Err(RecordError::NotRecording),
-                };
-                answer_to(frame, RecordStopEndpoint::RESP_KEY, &encoded(&answer))
-            }
-            key => panic!("{key:?}"),
+        if parts(frame).0 == RecordStartEndpoint::REQ_KEY {
+            let answer = match self.recording {
+                Some(_) => Err(RecordError::Recording),
+                None => Ok(RecordStarted {
+                    sample_rate_hz: 5000,
+                    block_samples: BLOCK_SAMPLES as u32,
+                }),
+            };
+            self.recording.get_or_insert(0);
+            return answer_to(frame, RecordStartEndpoint::RESP_KEY, &encoded(&answer));
         }
+        let stopped = self.recording.take().map(|blocks| RecordStopped {
+            blocks,
+            lost_blocks: 0,
+        });
+        let answer = stopped.ok_or(RecordError::NotRecording);
+        answer_to(frame, RecordStopEndpoint::RESP_KEY, &encoded(&answer))
     }
 
     fn block(&mut self) -> Option<Vec<u8>> {
@@ -291,43 +263,32 @@ impl Device {
 }
 
 #[test]
-fn motions_and_keep_alives_of_who_does_not_play_do_not_reach_the_device() {
+fn what_would_disturb_a_play_does_not_reach_the_device_and_the_rest_goes_on() {
     let mut board = three();
     let motion = request(MotionTopic::TOPIC_KEY, 0, &[1, 2, 3]);
     let keep_alive = request(KeepAliveTopic::TOPIC_KEY, 0, &[]);
     // Nobody plays.
-    let passed = board.frame_of(2, &motion);
-    assert_eq!(for_device(&passed), [(Urgency::Motion, motion.clone())]);
-    playing(&mut board, 1);
+    assert_eq!(for_device(&board.frame_of(2, &motion)), [motion.clone()]);
+    done(&mut board, 1, PLAY, false);
     for frame in [&motion, &keep_alive] {
         assert!(board.frame_of(2, frame).is_empty());
-        let passed = board.frame_of(1, frame);
-        assert_eq!(for_device(&passed), [(Urgency::Motion, frame.clone())]);
+        assert_eq!(for_device(&board.frame_of(1, frame)), [frame.clone()]);
     }
-    let refused = board.frame_of(2, &request(MotionEndpoint::REQ_KEY, 4, &[]));
-    refusal(&refused, 2, 4);
-}
-
-#[test]
-fn what_would_disturb_a_play_is_refused_with_who_plays_and_the_rest_goes_on() {
-    let mut board = three();
-    playing(&mut board, 1);
     for key in [
+        MotionEndpoint::REQ_KEY,
         PlayEndpoint::REQ_KEY,
         ActivateEndpoint::REQ_KEY,
         SelfTestEndpoint::REQ_KEY,
         SettingsProposeEndpoint::REQ_KEY,
         SettingsApplyEndpoint::REQ_KEY,
     ] {
-        let words = refusal(&board.frame_of(2, &request(key, 6, &[])), 2, 6);
         assert_eq!(
-            words,
+            refusal(&mut board, 2, key),
             "`stylus play` (process 7) plays, since 0 s ago: stop it with `stylus stop`, or wait for its end"
         );
     }
     for key in [
         StatusEndpoint::REQ_KEY,
-        InfoEndpoint::REQ_KEY,
         UploadBeginEndpoint::REQ_KEY,
         UploadChunkEndpoint::REQ_KEY,
         RecordStartEndpoint::REQ_KEY,
@@ -337,59 +298,49 @@ fn what_would_disturb_a_play_is_refused_with_who_plays_and_the_rest_goes_on() {
             1
         );
     }
+    for frame in [&[][..], &[0xff], &[0xc0, 1, 2]] {
+        assert!(board.frame_of(2, frame).is_empty());
+        assert!(board.frame_of_device(frame).is_empty());
+    }
+    refusal(&mut board, 2, PLAY.0);
 }
 
 #[test]
-fn a_stop_of_any_client_goes_first_and_tells_who_played() {
+fn a_stop_of_any_client_ends_a_play_and_tells_who_played() {
     let mut board = three();
-    playing(&mut board, 1);
-    let stopped = board.frame_of(3, &request(StopEndpoint::REQ_KEY, 1, &[]));
-    assert_eq!(for_device(&stopped)[0].0, Urgency::Command);
+    done(&mut board, 1, PLAY, false);
+    let stop = request(StopEndpoint::REQ_KEY, 1, &[]);
+    let stopped = board.frame_of(3, &stop);
+    assert_eq!(for_device(&stopped).len(), 1);
     let by = "`stylus stop` (process 7)".to_owned();
     assert_eq!(for_client(&stopped, 1), [FromBroker::Stopped { by }]);
     // Another may play now, and the first one's late motions do not reach it.
-    playing(&mut board, 2);
-    assert!(
-        board
-            .frame_of(1, &request(KeepAliveTopic::TOPIC_KEY, 0, &[]))
-            .is_empty()
-    );
+    done(&mut board, 2, PLAY, false);
+    let late = request(KeepAliveTopic::TOPIC_KEY, 0, &[]);
+    assert!(board.frame_of(1, &late).is_empty());
     // A player that stops itself is told nothing.
-    let stopped = board.frame_of(2, &request(StopEndpoint::REQ_KEY, 1, &[]));
+    let stopped = board.frame_of(2, &stop);
     assert!(for_client(&stopped, 2).is_empty() && for_client(&stopped, 1).is_empty());
 }
 
 #[test]
 fn the_motion_is_free_after_a_refused_play_and_after_its_holder_is_gone() {
     let mut board = three();
-    let asked = board.frame_of(1, &request(PlayEndpoint::REQ_KEY, 5, &play()));
-    let frame = for_device(&asked).remove(0).1;
-    board.frame_of_device(&answer_to(&frame, PlayEndpoint::RESP_KEY, &[1, 0]));
-    playing(&mut board, 2);
+    done(&mut board, 1, PLAY, true);
+    done(&mut board, 2, PLAY, false);
     // A refused change of what is played leaves the first play with its holder.
-    let asked = board.frame_of(2, &request(PlayEndpoint::REQ_KEY, 5, &play()));
-    let frame = for_device(&asked).remove(0).1;
-    board.frame_of_device(&answer_to(&frame, ERROR_KEY, &[4]));
-    refusal(
-        &board.frame_of(1, &request(PlayEndpoint::REQ_KEY, 6, &play())),
-        1,
-        6,
-    );
+    done(&mut board, 2, PLAY, true);
+    refusal(&mut board, 1, PLAY.0);
     // One that is killed sends no stop; the device mutes by itself.
     assert!(board.left(2).is_empty());
-    playing(&mut board, 1);
+    done(&mut board, 1, PLAY, false);
 }
 
 #[test]
 fn one_client_uploads_until_the_end_of_it_or_its_own() {
     let mut board = three();
-    let begin = request(UploadBeginEndpoint::REQ_KEY, 1, &[]);
-    let begun = |board: &mut Switchboard, client, result: u8| {
-        let frame = for_device(&board.frame_of(client, &begin)).remove(0).1;
-        board.frame_of_device(&answer_to(&frame, UploadBeginEndpoint::RESP_KEY, &[result]));
-    };
-    begun(&mut board, 1, 1);
-    begun(&mut board, 2, 0);
+    done(&mut board, 1, BEGIN, true);
+    done(&mut board, 2, BEGIN, false);
     for key in [
         UploadBeginEndpoint::REQ_KEY,
         UploadChunkEndpoint::REQ_KEY,
@@ -397,47 +348,30 @@ fn one_client_uploads_until_the_end_of_it_or_its_own() {
         UploadAbortEndpoint::REQ_KEY,
         ActivateEndpoint::REQ_KEY,
     ] {
-        let words = refusal(&board.frame_of(1, &request(key, 6, &[])), 1, 6);
+        let words = refusal(&mut board, 1, key);
         assert!(
             words.contains("`stylus status` (process 7) uploads"),
             "{words}"
         );
     }
-    let commit = board.frame_of(2, &request(UploadCommitEndpoint::REQ_KEY, 2, &[]));
-    let frame = for_device(&commit).remove(0).1;
-    board.frame_of_device(&answer_to(&frame, UploadCommitEndpoint::RESP_KEY, &[0]));
-    begun(&mut board, 1, 0);
+    done(&mut board, 2, COMMIT, false);
+    done(&mut board, 1, BEGIN, false);
     board.left(1);
-    begun(&mut board, 2, 0);
+    done(&mut board, 2, BEGIN, false);
 }
 
 #[test]
 fn a_number_that_comes_again_belongs_to_the_newest_request() {
     let mut board = three();
     let status = request(StatusEndpoint::REQ_KEY, 1, &[]);
-    let first = for_device(&board.frame_of(1, &status)).remove(0).1;
+    let first = for_device(&board.frame_of(1, &status)).remove(0);
     for _ in 0..usize::from(u16::MAX) {
-        let asked = for_device(&board.frame_of(2, &status)).remove(0).1;
+        let asked = for_device(&board.frame_of(2, &status)).remove(0);
         board.frame_of_device(&answer_to(&asked, StatusEndpoint::RESP_KEY, &[]));
     }
-    let again = for_device(&board.frame_of(2, &status)).remove(0).1;
+    let again = for_device(&board.frame_of(2, &status)).remove(0);
     assert_eq!(parts(&first).1, parts(&again).1);
     let actions = board.frame_of_device(&answer_to(&again, StatusEndpoint::RESP_KEY, &[]));
     assert!(for_client(&actions, 1).is_empty());
     assert_eq!(for_client(&actions, 2).len(), 1);
-}
-
-#[test]
-fn what_is_no_frame_changes_nothing() {
-    let mut board = three();
-    playing(&mut board, 1);
-    for frame in [&[][..], &[0xff], &[0xc0, 1, 2]] {
-        assert!(board.frame_of(2, frame).is_empty());
-        assert!(board.frame_of_device(frame).is_empty());
-    }
-    refusal(
-        &board.frame_of(2, &request(PlayEndpoint::REQ_KEY, 6, &play())),
-        2,
-        6,
-    );
 }

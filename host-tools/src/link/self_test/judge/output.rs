@@ -118,18 +118,14 @@ pub fn rest(values: &RestValues) -> Vec<Line> {
          PA4, restart and test again";
     let mean = f64::from(values.sum) / f64::from(REST_CONVERSIONS) / WORDS_PER_CODE;
     let [lowest, highest] = values.range.map(f64::from);
+    let (offset, range) = (mean - MID_SCALE, (highest - lowest) / WORDS_PER_CODE);
+    let (limits, most) = ((-OFFSET_CODES, OFFSET_CODES), (0.0, REST_RANGE_CODES));
     vec![
-        Line::number(
-            "output at rest",
-            mean - MID_SCALE,
-            (-OFFSET_CODES, OFFSET_CODES),
-            ("codes", 1),
-            DRIVEN,
-        ),
+        Line::number("output at rest", offset, limits, ("codes", 1), DRIVEN),
         Line::number(
             "output still at rest",
-            (highest - lowest) / WORDS_PER_CODE,
-            (0.0, REST_RANGE_CODES),
+            range,
+            most,
             ("codes peak to peak", 1),
             DRIVEN,
         ),
@@ -156,45 +152,60 @@ pub fn output(values: &OutputValues, core_hz: u32) -> Vec<Line> {
     let smallest = steps.clone().fold(f64::INFINITY, f64::min);
     let largest = steps.fold(f64::NEG_INFINITY, f64::max);
     let [half, settled] = delays(values, core_hz, (slope, middle));
-    vec![
-        Line::exact("output at PA4", "follows its code", "follows", true, ""),
-        Line::number("output gain", slope, GAIN, ("", 4), AMPLIFIER),
-        Line::number(
+    const UNEVEN: &str = "the output is not even: a bit of the DAC is stuck; replace the board";
+    const DISTURBED: &str = "the reference or the ground is disturbed: keep the probe's cable away from supplies, and \
+         test again";
+    let none = f64::NEG_INFINITY;
+    let noise = f64::from(values.noise) / WORDS_PER_CODE;
+    let offset = (-OFFSET_CODES, OFFSET_CODES);
+    let mut lines = vec![Line::exact(
+        "output at PA4",
+        "follows its code",
+        "follows",
+        true,
+        "",
+    )];
+    for (name, value, limits, unit, remedy) in [
+        ("output gain", slope, GAIN, ("", 4), AMPLIFIER),
+        (
             "output offset",
             middle - MID_SCALE,
-            (-OFFSET_CODES, OFFSET_CODES),
+            offset,
             ("codes", 1),
             AMPLIFIER,
         ),
-        Line::number(
+        (
             "output bend",
             bend,
-            (f64::NEG_INFINITY, BEND_CODES),
+            (none, BEND_CODES),
             ("codes", 1),
             AMPLIFIER,
         ),
-        Line::number(
+        (
             "output smallest step",
             smallest,
             STEP_OF_CODES,
             ("codes", 1),
-            "the output is not even: a bit of the DAC is stuck; replace the board",
+            UNEVEN,
         ),
-        Line::number(
+        (
             "output largest step",
             largest,
             STEP_OF_CODES,
             ("codes", 1),
-            "the output is not even: a bit of the DAC is stuck; replace the board",
+            UNEVEN,
         ),
-        Line::number(
+        (
             "output noise",
-            f64::from(values.noise) / WORDS_PER_CODE,
-            (f64::NEG_INFINITY, NOISE_CODES),
+            noise,
+            (none, NOISE_CODES),
             ("codes RMS", 2),
-            "the reference or the ground is disturbed: keep the probe's cable away from supplies, and test again",
+            DISTURBED,
         ),
-        delay_line("output delay", half, DELAY_US),
-        delay_line("output settled", settled, SETTLED_US),
-    ]
+    ] {
+        lines.push(Line::number(name, value, limits, unit, remedy));
+    }
+    lines.push(delay_line("output delay", half, DELAY_US));
+    lines.push(delay_line("output settled", settled, SETTLED_US));
+    lines
 }

@@ -51,6 +51,11 @@ fn faults(counters: &LinkCounters) -> u32 {
         .saturating_add(counters.unsent)
 }
 
+const REPORT: &str = "report the device's build with the record of this test";
+const AGAIN: &str =
+    "restart and test again; if it stays, report the device's build with the record of this test";
+const SIMPLER: &str = "play a simpler scene; if a texture alone is too long, report the build with the record of this test";
+
 /// Judges what `status` counted since the start.
 pub fn state(status: &Status) -> Vec<Line> {
     let histogram = &status.tick_histogram;
@@ -61,42 +66,36 @@ pub fn state(status: &Status) -> Vec<Line> {
     };
     let mut lines = started(status.start);
     lines.extend(worst(&status.marks, histogram.core_hz));
-    lines.extend([
-        Line::exact(
-            "fault since power-on",
-            fault,
-            "none",
-            status.fault.is_none(),
-            "report it with the fault's line of `status`; switch the power off and on to forget it",
-        ),
-        Line::none(
-            "ticks missed since the start",
-            status.tick.missed,
-            "restart and test again; if it stays, report the device's build with the record of this test",
-        ),
-        Line::none(
-            "frames late since the start",
-            status.tick.late_frames,
-            "play a simpler scene; if a texture alone is late, report the build with the record of this test",
-        ),
-        Line::none(
-            "conversions late since the start",
-            status.tick.late_conversions,
-            "restart and test again; if it stays, report the device's build with the record of this test",
-        ),
-        Line::none(
-            "outputs late since the start",
-            status.tick.late_outputs,
-            "restart and test again; if it stays, report the device's build with the record of this test",
-        ),
-        Line::number(
-            "longest tick",
-            100.0 * f64::from(histogram.longest) / period,
-            (0.0, TICK_PERCENT),
-            ("% of its period", 1),
-            "play a simpler scene; if a texture alone is too long, report the build with the record of this test",
-        ),
-    ]);
+    lines.push(Line::exact(
+        "fault since power-on",
+        fault,
+        "none",
+        status.fault.is_none(),
+        "report it with the fault's line of `status`; switch the power off and on to forget it",
+    ));
+    let tick = &status.tick;
+    lines.extend(
+        [
+            ("ticks missed since the start", tick.missed, AGAIN),
+            ("frames late since the start", tick.late_frames, SIMPLER),
+            (
+                "conversions late since the start",
+                tick.late_conversions,
+                AGAIN,
+            ),
+            ("outputs late since the start", tick.late_outputs, AGAIN),
+        ]
+        .map(|(name, count, remedy)| Line::none(name, count, remedy)),
+    );
+    let longest = 100.0 * f64::from(histogram.longest) / period;
+    let limits = (0.0, TICK_PERCENT);
+    lines.push(Line::number(
+        "longest tick",
+        longest,
+        limits,
+        ("% of its period", 1),
+        SIMPLER,
+    ));
     lines
 }
 
@@ -129,36 +128,19 @@ fn started(start: StartReport) -> Vec<Line> {
 
 /// Judges the worst cases since the start.
 fn worst(marks: &Marks, core_hz: u32) -> Vec<Line> {
-    const REPORT: &str = "report the device's build with the record of this test";
     let micros = |cycles: u32| f64::from(cycles) * 1e6 / f64::from(core_hz);
     let stack = 100.0 * f64::from(marks.stack_used_bytes) / f64::from(marks.stack_bytes.max(1));
     let delay = micros(marks.longest_tick_delay_cycles);
     let masked = micros(marks.longest_critical_section_cycles);
     let gap = f64::from(marks.longest_watchdog_gap_us) / 1e3;
-    vec![
-        Line::number("stack used", stack, (0.0, STACK_PERCENT), ("%", 1), REPORT),
-        Line::number(
-            "trigger to tick",
-            delay,
-            (0.0, TICK_DELAY_US),
-            ("µs", 2),
-            REPORT,
-        ),
-        Line::number(
-            "masked interrupts",
-            masked,
-            (0.0, MASKED_US),
-            ("µs", 2),
-            REPORT,
-        ),
-        Line::number(
-            "watchdog gap",
-            gap,
-            (0.0, WATCHDOG_GAP_MS),
-            ("ms", 1),
-            REPORT,
-        ),
+    [
+        ("stack used", stack, STACK_PERCENT, ("%", 1)),
+        ("trigger to tick", delay, TICK_DELAY_US, ("µs", 2)),
+        ("masked interrupts", masked, MASKED_US, ("µs", 2)),
+        ("watchdog gap", gap, WATCHDOG_GAP_MS, ("ms", 1)),
     ]
+    .map(|(name, value, most, unit)| Line::number(name, value, (0.0, most), unit, REPORT))
+    .into()
 }
 
 /// Judges the traffic of `link`.
@@ -177,55 +159,44 @@ pub fn traffic(link: &str, values: &Traffic) -> Vec<Line> {
     let loss = &values.loss;
     let ticks = after.tick.ticks.saturating_sub(before.tick.ticks);
     let due = (ticks as f64 / BLOCK_SAMPLES as f64).max(1.0);
-    vec![
-        Line::number(
-            name("blocks received"),
-            100.0 * f64::from(loss.received) / due,
-            (RECEIVED_PERCENT, 100.0),
-            ("% of those due", 1),
-            CABLE,
-        ),
-        Line::none(name("blocks lost in the device"), loss.in_device, CABLE),
-        Line::none(name("blocks lost on the link"), loss.on_link, CABLE),
-        Line::none(name("frames broken"), loss.broken_frames, CABLE),
-        Line::none(
-            name("faults of the link"),
-            during(|status| faults(&status.usb).saturating_add(faults(&status.serial))),
-            CABLE,
-        ),
-        Line::number(
-            name("round trip, longest"),
-            longest,
-            (0.0, ROUND_TRIP_MS[0]),
+    let mut lines = vec![Line::number(
+        name("blocks received"),
+        100.0 * f64::from(loss.received) / due,
+        (RECEIVED_PERCENT, 100.0),
+        ("% of those due", 1),
+        CABLE,
+    )];
+    let faults = during(|status| faults(&status.usb).saturating_add(faults(&status.serial)));
+    for (what, count) in [
+        ("blocks lost in the device", loss.in_device.into()),
+        ("blocks lost on the link", loss.on_link.into()),
+        ("frames broken", loss.broken_frames),
+        ("faults of the link", faults.into()),
+    ] {
+        lines.push(Line::none(name(what), count, CABLE));
+    }
+    for (what, trip, most) in [
+        ("round trip, longest", longest, ROUND_TRIP_MS[0]),
+        ("round trip, median", median, ROUND_TRIP_MS[1]),
+    ] {
+        lines.push(Line::number(
+            name(what),
+            trip,
+            (0.0, most),
             ("ms", 1),
             CABLE,
-        ),
-        Line::number(
-            name("round trip, median"),
-            median,
-            (0.0, ROUND_TRIP_MS[1]),
-            ("ms", 1),
-            CABLE,
-        ),
-        Line::none(
-            name("ticks missed"),
-            during(|status| status.tick.missed),
-            "report the device's build with the record of this test",
-        ),
-        Line::none(
-            name("frames late"),
-            during(|status| status.tick.late_frames),
-            "report the device's build with the record of this test",
-        ),
-        Line::none(
-            name("conversions late"),
+        ));
+    }
+    for (what, count) in [
+        ("ticks missed", during(|status| status.tick.missed)),
+        ("frames late", during(|status| status.tick.late_frames)),
+        (
+            "conversions late",
             during(|status| status.tick.late_conversions),
-            "report the device's build with the record of this test",
         ),
-        Line::none(
-            name("outputs late"),
-            during(|status| status.tick.late_outputs),
-            "report the device's build with the record of this test",
-        ),
-    ]
+        ("outputs late", during(|status| status.tick.late_outputs)),
+    ] {
+        lines.push(Line::none(name(what), count, REPORT));
+    }
+    lines
 }

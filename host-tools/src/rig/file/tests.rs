@@ -1,11 +1,6 @@
 //! Checks of rig files: values in and out of range.
 
-use std::fmt::Write as _;
-use std::path::Path;
-
 use super::*;
-use crate::rig::RigFile;
-use crate::support::error::Result;
 
 /// A rig file with every section; the tests break one line each.
 const WHOLE: &str = r#"name = "test"
@@ -75,16 +70,15 @@ fn read(text: &str) -> Result<RigDescription> {
     RigFile::from_toml(Path::new("my.toml"), text).map(|rig| rig.description().clone())
 }
 
-/// The number of the line of [`WHOLE`] that starts with `start`.
-fn line_of_start(start: &str) -> usize {
-    1 + WHOLE
-        .lines()
-        .position(|line| line.trim_start().starts_with(start))
-        .unwrap()
+/// The start of an error about a line of [`WHOLE`] that begins so.
+fn at_line(start: &str) -> String {
+    let mut lines = WHOLE.lines();
+    let line = lines.position(|line| line.trim_start().starts_with(start));
+    format!("my.toml, line {}: ", 1 + line.unwrap())
 }
 
 #[test]
-fn a_whole_scene_is_read_with_its_defaults() {
+fn a_whole_rig_is_read_with_its_defaults() {
     let description = read(WHOLE).unwrap();
     assert_eq!(description.textures.len(), 2);
     let range_m_s2 = description.measurement.clipping.unwrap().range_m_s2();
@@ -92,26 +86,12 @@ fn a_whole_scene_is_read_with_its_defaults() {
     assert_eq!(description.textures[0].roughness, None);
 }
 
-/// A line of the rig file, the value or the line that takes its place, and the field that the error must name.
+/// A line of the rig file, the value that takes its place, and the field that the error must name: each check once.
 const OUT_OF_RANGE: &[(&str, &str, &str)] = &[
     ("name = \"test\"", "\"\"", "name"),
-    ("sample_rate_hz = 5000", "50", "recording.sample_rate_hz"),
     ("sample_rate_hz = 5000", "50000", "recording.sample_rate_hz"),
-    ("duration_s = 0.5", "0.0", "recording.duration_s"),
     ("duration_s = 0.5", "nan", "recording.duration_s"),
     ("duration_s = 0.5", "1e-5", "recording.duration_s"),
-    ("40,", "20,", "recording.speeds_mm_s[2]"),
-    ("40,", "nan,", "recording.speeds_mm_s[2]"),
-    (
-        "wander = { rms = 0.01, correlation_s = 0.5 }",
-        "{ rms = 0.2, correlation_s = 0.5 }",
-        "drum.wander.rms",
-    ),
-    (
-        "wander = { rms = 0.01, correlation_s = 0.5 }",
-        "{ rms = 0.01, correlation_s = 0.0 }",
-        "drum.wander.correlation_s",
-    ),
     ("forces_n = [0.0, 1.0]", "[]", "recording.forces_n"),
     (
         "forces_n = [0.0, 1.0]",
@@ -129,24 +109,9 @@ const OUT_OF_RANGE: &[(&str, &str, &str)] = &[
         "drum.circumference_mm",
     ),
     ("tip_radius_mm = 1.5", "0", "tool.tip_radius_mm"),
-    ("frequency_hz = 100.0", "0.0", "tool.mode[1].frequency_hz"),
     ("damping_ratio = 0.1", "0.0", "tool.mode[1].damping_ratio"),
-    (
-        "participation_m_s2_per_n = [1.0, 2.0, 3.0]",
-        "[1.0, nan, 3.0]",
-        "tool.mode[1].participation_m_s2_per_n[2]",
-    ),
-    (
-        "tip_participation_m_s2_per_n = 4.0",
-        "-4.0",
-        "tool.mode[1].tip_participation_m_s2_per_n",
-    ),
     ("name = \"denim\"", "\"a/b\"", "texture[2].name"),
-    ("name = \"denim\"", "'a\\b'", "texture[2].name"),
-    ("name = \"denim\"", "\"..\"", "texture[2].name"),
-    ("name = \"denim\"", "\"#1\"", "texture[2].name"),
     ("name = \"denim\"", "\"Smooth\"", "texture[2].name"),
-    ("name = \"denim\"", LONG_NAME, "texture[2].name"),
     (
         "effective_modulus_mpa = 500.0",
         "0.1",
@@ -164,27 +129,11 @@ const OUT_OF_RANGE: &[(&str, &str, &str)] = &[
         "texture[2].weave[1].wavelength_mm",
     ),
     (
-        "amplitude_um = 3.0",
-        "-3.0",
-        "texture[2].weave[1].amplitude_um",
-    ),
-    (
         "harmonics = [0.5, 0.2]",
         "[0.5, nan]",
         "texture[2].weave[1].harmonics[2]",
     ),
-    (
-        "jitter = { rms_rad = 0.1, correlation_mm = 2.0 }",
-        "{ rms_rad = 0.1, correlation_mm = 0.0 }",
-        "texture[2].weave[1].jitter.correlation_mm",
-    ),
-    ("rms_um = 1.0", "-1.0", "texture[2].roughness.rms_um"),
     ("hurst = 0.5", "1.5", "texture[2].roughness.hurst"),
-    (
-        "roll_off_mm = 1.0",
-        "301.0",
-        "texture[2].roughness.roll_off_mm",
-    ),
     (
         "shortest_mm = 0.1",
         "1.1",
@@ -201,41 +150,31 @@ const OUT_OF_RANGE: &[(&str, &str, &str)] = &[
         "2501",
         "measurement.hum.frequency_hz",
     ),
-    (
-        "value_m_s2 = [0.1, 0.1, 0.1]",
-        "[0.1, 0.1, inf]",
-        "measurement.offset.value_m_s2[3]",
-    ),
-    (
-        "[measurement.clipping]",
-        "[measurement]\nclipping.range_g = 0",
-        "measurement.clipping",
-    ),
 ];
-
-const LONG_NAME: &str = "\"a name that is longer than the 48 bytes a name may have\"";
 
 #[test]
 fn a_value_out_of_its_range_is_an_error_that_names_line_and_field() {
-    let many_harmonics = format!("{:?}", [0.1; 65]);
-    let too_many = (
-        "harmonics = [0.5, 0.2]",
-        many_harmonics.as_str(),
-        "texture[2].weave[1].harmonics",
-    );
-    for (good, bad, field) in OUT_OF_RANGE.iter().copied().chain([too_many]) {
-        let bad = match good.split_once(" = ") {
-            Some((key, _)) => format!("{key} = {bad}"),
-            None => bad.to_owned(),
-        };
-        let text = WHOLE.replacen(good, &bad, 1);
-        assert_ne!(text, WHOLE, "{good}");
-        let message = read(&text).expect_err(&bad).to_string();
-        let extra = bad.lines().count() - 1;
-        let line = line_of_start(good.trim_start()) + extra;
-        let start = format!("my.toml, line {line}: {field}");
+    for (good, bad, field) in OUT_OF_RANGE {
+        let (key, _) = good.split_once(" = ").unwrap();
+        let text = WHOLE.replacen(good, &format!("{key} = {bad}"), 1);
+        let message = read(&text).expect_err(bad).to_string();
+        let start = at_line(good) + field;
         assert!(message.starts_with(&start), "{bad}: {message}, not {start}");
     }
+    // A list that is too long, and none where one is needed.
+    let many = format!("forces_n = {:?}", (0..65).collect::<Vec<_>>());
+    let message = read(&WHOLE.replacen("forces_n = [0.0, 1.0]", &many, 1)).unwrap_err();
+    assert!(
+        message.to_string().contains("1 to 64 entries, but has 65"),
+        "{message}"
+    );
+    let (head, _) = WHOLE.split_once("[[texture]]").unwrap();
+    let message = read(&head.replacen("[recording]", "texture = []\n\n[recording]", 1));
+    let message = message.unwrap_err().to_string();
+    assert!(
+        message.contains("line 3: texture: must have 1 to 256"),
+        "{message}"
+    );
 }
 
 #[test]
@@ -245,19 +184,12 @@ fn text_that_does_not_fit_the_schema_is_an_error_that_names_the_line() {
         ("hurst = 0.5", "hurst = \"rough\"", "rough"),
         ("hurst = 0.5", "hurst 0.5", ""),
         ("sample_rate_hz = 5000", "sample_rate_hz = 5000.5", "5000.5"),
-        ("rms_um = 1.0", "rms_um = 1.0 mm", ""),
-        (
-            "participation_m_s2_per_n = [1.0, 2.0, 3.0]",
-            "participation_m_s2_per_n = [1.0, 2.0]",
-            "length",
-        ),
     ] {
         let message = read(&WHOLE.replacen(good, bad, 1))
             .expect_err(bad)
             .to_string();
-        let start = format!("my.toml, line {}: ", line_of_start(good));
         assert!(
-            message.starts_with(&start) && message.contains(named),
+            message.starts_with(&at_line(good)) && message.contains(named),
             "{message}"
         );
         assert!(!message.contains('\n'), "{message}");
@@ -265,44 +197,10 @@ fn text_that_does_not_fit_the_schema_is_an_error_that_names_the_line() {
     let missing = read(&WHOLE.replacen("hurst = 0.5", "", 1))
         .unwrap_err()
         .to_string();
-    let start = format!("my.toml, line {}: ", line_of_start("[texture.roughness]"));
+    let start = at_line("[texture.roughness]");
     assert!(
         missing.starts_with(&start) && missing.contains("hurst"),
         "{missing}"
-    );
-}
-
-#[test]
-fn lists_that_are_too_long_or_empty_are_refused() {
-    let list = |count: u32| format!("{:?}", (1..=count).collect::<Vec<_>>());
-    for (count, fits) in [(1, true), (64, true), (65, false)] {
-        let text = WHOLE.replacen("[0.0, 1.0]", &list(count), 1);
-        // The contact grows with force; keep it within the tip.
-        let text = text.replace("effective_modulus_mpa = ", "effective_modulus_mpa = 9");
-        assert_eq!(read(&text).is_ok(), fits, "{count}");
-    }
-    let (head, _) = WHOLE.split_once("[[texture]]").unwrap();
-    let head_alone = head.replacen("[recording]", "texture = []\n\n[recording]", 1);
-    let message = read(&head_alone).unwrap_err().to_string();
-    assert!(
-        message.contains("line 3: texture: must have 1 to 256"),
-        "{message}"
-    );
-    let mut many = head.to_owned();
-    for i in 0..257 {
-        write!(
-            many,
-            "[[texture]]
-name = \"t{i}\"
-effective_modulus_mpa = 500.0
-"
-        )
-        .unwrap();
-    }
-    let message = read(&many).unwrap_err().to_string();
-    assert!(
-        message.contains("texture: must have 1 to 256 entries, but has 257"),
-        "{message}"
     );
 }
 

@@ -1,11 +1,75 @@
-//! Tables of textures: their grids, their orders and their nodes.
+//! `stylus inspect`
 
+use std::path::PathBuf;
+
+use host_tools::scene::SceneSummary;
+use host_tools::support::error::Result;
+use host_tools::texture::library::{decode_library, read_library};
 use host_tools::texture::summary::{CodebookSummary, LineSummary, TextureSummary, TrackSummary};
+use serde::Serialize;
 
+use crate::cli::output::{print, print_json};
 use crate::cli::table::{folded_table, table};
 
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// Library to inspect
+    library: PathBuf,
+    /// Print all figures, node by node, as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// The content of a library as JSON.
+#[derive(Serialize)]
+struct Content {
+    textures: Vec<TextureSummary>,
+    scenes: Vec<SceneSummary>,
+}
+
+pub fn run(arguments: &Arguments) -> Result<()> {
+    let bytes = read_library(&arguments.library)?;
+    let library = decode_library(&arguments.library, &bytes)?;
+    let textures: Vec<TextureSummary> = library
+        .textures()
+        .map(|texture| TextureSummary::of(&texture, arguments.json))
+        .collect();
+    let scenes = library
+        .scenes()
+        .map(|scene| SceneSummary::of(&scene, &library))
+        .collect::<Result<Vec<_>>>()?;
+    if arguments.json {
+        return print_json(&Content { textures, scenes });
+    }
+    print(&format!(
+        "{}: {} texture(s), {} bytes, format version {}, checked\n",
+        arguments.library.display(),
+        library.len(),
+        bytes.len(),
+        model_format::FORMAT_VERSION
+    ))?;
+    print(&texture_table(&textures))?;
+    print(
+        "\norder: lowest / middle / highest of the nodes\n\
+         Each is a normalised lattice: every stage only rotates, whatever the motion, so that none can become \
+         unstable.\n",
+    )?;
+    print(&storage_table(&textures))?;
+    if let Some(excitations) = excitation_table(&textures) {
+        print(&format!("\n{excitations}"))?;
+        print("\npeak: standard deviations; dB: lowest to highest level of the track\n")?;
+    }
+    if let Some(lines) = line_table(&textures) {
+        print(&format!("\n{lines}"))?;
+    }
+    if scenes.is_empty() {
+        return Ok(());
+    }
+    print(&format!("\n{}", scene_table(&scenes)))
+}
+
 /// Table of the lines that are locked to place, one per row; none if no texture has any.
-pub fn line_table(textures: &[TextureSummary]) -> Option<String> {
+fn line_table(textures: &[TextureSummary]) -> Option<String> {
     let header = [
         "texture",
         "locked to place, mm",
@@ -72,7 +136,7 @@ pub fn texture_table(textures: &[TextureSummary]) -> String {
 }
 
 /// Table of the laws of the level and of the bytes that each texture takes, with one line per texture.
-pub fn storage_table(textures: &[TextureSummary]) -> String {
+fn storage_table(textures: &[TextureSummary]) -> String {
     let header = [
         "texture",
         "between nodes",
@@ -112,7 +176,7 @@ pub fn storage_table(textures: &[TextureSummary]) -> String {
 }
 
 /// Table of what excites the textures that have more than steady Gaussian noise; `None` if none has.
-pub fn excitation_table(textures: &[TextureSummary]) -> Option<String> {
+fn excitation_table(textures: &[TextureSummary]) -> Option<String> {
     let header = [
         "texture",
         "codebooks",
@@ -152,4 +216,35 @@ pub fn excitation_table(textures: &[TextureSummary]) -> Option<String> {
         |texture: &&TextureSummary| !texture.codebooks.is_empty() || texture.level_track.is_some();
     let rows: Vec<Vec<String>> = textures.iter().filter(fed).map(row).collect();
     (!rows.is_empty()).then(|| folded_table(&header, &rows, 1))
+}
+
+/// Table with one line per scene.
+fn scene_table(scenes: &[SceneSummary]) -> String {
+    let header = [
+        "scene",
+        "surfaces",
+        "regions",
+        "motion",
+        "effects",
+        "instructions at most",
+    ];
+    let rows: Vec<Vec<String>> = scenes
+        .iter()
+        .map(|scene| {
+            let motion = if scene.constant_motion {
+                "constant"
+            } else {
+                "the stylus's"
+            };
+            vec![
+                scene.name.clone(),
+                scene.surfaces.join(", "),
+                scene.regions.to_string(),
+                motion.to_owned(),
+                scene.effects.join(", "),
+                scene.worst_case_instructions.to_string(),
+            ]
+        })
+        .collect();
+    folded_table(&header, &rows, 1)
 }

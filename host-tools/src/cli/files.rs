@@ -1,0 +1,199 @@
+//! Files that commands write: the rule for what is there already, checked before the work, WAV files with their lines on
+//! standard output, and renderings at the stylus's pin.
+
+use std::ffi::OsStr;
+use std::path::{Path, PathBuf};
+
+use host_tools::fit::record::FitRecord;
+#[cfg(feature = "device")]
+use host_tools::playing::pin::{PinSummary, RATE_HZ, render_pin_wav, settings};
+#[cfg(feature = "device")]
+use host_tools::playing::render::Rendering;
+use host_tools::playing::render::{RenderSummary, WavFormat};
+use host_tools::recording::{RecordingSet, TRIALS_FILE};
+use host_tools::support::error::Result;
+use host_tools::support::output;
+
+use super::input::positive;
+use super::output::{print, warn};
+
+/// Flag that lets outputs be replaced.
+#[derive(clap::Args)]
+pub struct Overwrite {
+    /// Replace an output that is there already [env: STYLUS_OVERWRITE]
+    #[arg(long)]
+    overwrite: bool,
+}
+
+impl Overwrite {
+    /// Returns true if what is there is to be replaced.
+    pub fn is_asked(&self) -> bool {
+        // Not by clap, which takes a value of the environment as given beside options that exclude all others.
+        let of_environment = std::env::var_os("STYLUS_OVERWRITE");
+        let is_no = |value: &OsStr| {
+            ["", "0", "n", "no", "f", "false", "off"]
+                .iter()
+                .any(|no| value == *no)
+        };
+        self.overwrite || of_environment.is_some_and(|value| !is_no(&value))
+    }
+
+    /// Checks a file to write, by a command with these inputs.
+    ///
+    /// # Errors
+    /// As [`output::check_file`].
+    pub fn file(&self, path: &Path, inputs: &[PathBuf]) -> Result<()> {
+        output::check_file(path, self.is_asked(), &with_those_named(path, inputs))
+    }
+
+    /// Checks a folder to write, by a command with these inputs.
+    ///
+    /// # Errors
+    /// As [`output::check_folder`].
+    pub fn folder(&self, path: &Path, inputs: &[PathBuf]) -> Result<()> {
+        output::check_folder(path, self.is_asked(), &with_those_named(path, inputs))
+    }
+}
+
+/// `inputs` with the files that lists of recordings among them name, and the record beside a library. Nothing is read
+/// if there is no `output` yet that could be one of them.
+fn with_those_named(output: &Path, inputs: &[PathBuf]) -> Vec<PathBuf> {
+    let mut all = inputs.to_vec();
+    if !output.exists() {
+        return all;
+    }
+    for input in inputs {
+        all.push(FitRecord::path_for(input));
+        all.push(input.join(TRIALS_FILE));
+        if input.is_dir() || input.is_file() {
+            let set = RecordingSet::open(std::slice::from_ref(input));
+            all.extend(
+                set.into_iter()
+                    .flat_map(|set| set.trials)
+                    .map(|trial| trial.file),
+            );
+        }
+    }
+    all
+}
+
+/// The WAV file and its format.
+#[derive(clap::Args)]
+pub struct WavFile {
+    /// WAV file to write: 32-bit float, m/s²
+    #[arg(long, value_name = "WAV")]
+    out: PathBuf,
+    #[command(flatten)]
+    overwrite: Overwrite,
+    /// Write 16-bit samples with this full scale in m/s² instead, for listening
+    #[arg(long, value_name = "FULL_SCALE", value_parser = positive)]
+    pcm16: Option<f64>,
+}
+
+impl WavFile {
+    /// Checks that the file can be written, by a command with these inputs.
+    ///
+    /// # Errors
+    /// As [`Overwrite::file`].
+    pub fn check(&self, inputs: &[PathBuf]) -> Result<()> {
+        self.overwrite.file(&self.out, inputs)
+    }
+
+    /// Path of the file.
+    pub fn path(&self) -> &Path {
+        &self.out
+    }
+
+    /// Format of the file.
+    pub fn format(&self) -> WavFormat {
+        self.pcm16
+            .map_or(WavFormat::Float32, |full_scale_m_s2| WavFormat::Pcm16 {
+                full_scale_m_s2,
+            })
+    }
+
+    /// Prints the number of samples of `source` in the file, and warns of clipped samples and of samples at full scale.
+    pub fn print(&self, source: &str, sample_rate_hz: u32, summary: RenderSummary) -> Result<()> {
+        print(&format!(
+            "{}: {} samples of {source} at {sample_rate_hz} Hz",
+            self.out.display(),
+            summary.wav.samples,
+        ))?;
+        if summary.wav.clipped > 0 {
+            warn(&format!(
+                "{} samples were clipped; give --pcm16 a larger full scale",
+                summary.wav.clipped
+            ));
+        }
+        if summary.saturations > 0 {
+            warn(&format!(
+                "the synthesis was at full scale in {} samples",
+                summary.saturations
+            ));
+        }
+        Ok(())
+    }
+}
+
+/// The choice of the pin, and the settings of its stylus.
+#[cfg(feature = "device")]
+#[derive(clap::Args)]
+pub struct PinArguments {
+    /// Write what the stylus puts out at its pin instead: volts above mid-scale, 32-bit float, at 40 kHz
+    #[arg(long, conflicts_with = "pcm16")]
+    pin: bool,
+    /// Setting of the stylus for --pin, such as output-gain=0.02 [default: the defaults]
+    #[arg(long = "set", value_name = "NAME=VALUE", value_parser = setting, requires = "pin")]
+    settings: Vec<(String, f32)>,
+}
+
+#[cfg(feature = "device")]
+impl PinArguments {
+    /// Returns true if the pin is to be rendered.
+    pub fn is_asked(&self) -> bool {
+        self.pin
+    }
+
+    /// Renders the pin into `wav`, and prints what is in the file and what the safety stages changed.
+    ///
+    /// # Errors
+    /// A setting that is refused, and those of [`render_pin_wav`].
+    pub fn render(&self, rendering: &mut Rendering<'_>, wav: &WavFile, source: &str) -> Result<()> {
+        let changes = self.settings.iter();
+        let settings = settings(changes.map(|(name, value)| (name.as_str(), *value)))?;
+        let summary = render_pin_wav(rendering, &settings, wav.path())?;
+        report(wav, source, summary)
+    }
+}
+
+#[cfg(feature = "device")]
+fn report(wav: &WavFile, source: &str, summary: PinSummary) -> Result<()> {
+    print(&format!(
+        "{}: {} codes of {source} at {RATE_HZ} Hz, as volts above mid-scale at the pin of a stylus",
+        wav.path().display(),
+        summary.codes,
+    ))?;
+    let limited = summary.limited;
+    for (what, samples) in [
+        ("the synthesis was at full scale", summary.saturations),
+        ("the hard limit cut the output", limited.hard),
+        ("the slew limit held the output back", limited.slew),
+        ("the thermal limiter attenuated the output", limited.thermal),
+    ] {
+        if samples > 0 {
+            warn(&format!("{what} in {samples} samples of the kernel"));
+        }
+    }
+    Ok(())
+}
+
+/// Parses a setting's name and value.
+#[cfg(feature = "device")]
+fn setting(text: &str) -> std::result::Result<(String, f32), String> {
+    let (name, value) = text.split_once('=').ok_or("must be NAME=VALUE")?;
+    let value = value
+        .trim()
+        .parse()
+        .map_err(|_| "the value must be a number")?;
+    Ok((name.trim().to_owned(), value))
+}
