@@ -129,7 +129,11 @@ fn a_report_is_one_page_that_holds_everything_it_shows_with_pictures_beside() {
     // Every picture is a file of its own.
     let entries = std::fs::read_dir(bench.path("folder")).unwrap();
     let names = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap());
-    let pictures = names.filter(|name| name.ends_with(".svg"));
+    let pictures = names.filter(|name| {
+        Path::new(name)
+            .extension()
+            .is_some_and(|kind| kind == "svg")
+    });
     assert_eq!(pictures.count(), page.matches("<svg ").count());
     let numbers: Value = serde_json::from_str(&read(&bench.path("numbers.json"))).unwrap();
     assert_eq!(numbers["trials"].as_array().unwrap().len(), 18);

@@ -61,8 +61,6 @@ mod native {
     #[pymodule_export]
     use crate::motion::Motion;
     #[pymodule_export]
-    use crate::playing::inspect;
-    #[pymodule_export]
     use crate::playing::{compile_scene, inspect, render};
     #[pymodule_export]
     use crate::recording::{Recording, Recordings, paper_rig, simulate_rig};

@@ -16,7 +16,7 @@ pub fn densify(set: &RecordingSet, fit: &Fit, options: &fit::Options) -> Result<
     bar.finish_and_clear();
     let bar = progress::bar(0, "densifying");
     let densified = fill(&fit.textures, (set, &signals), options, || {
-        bar.inc_length(1)
+        bar.inc_length(1);
     })?;
     bar.finish_and_clear();
     Ok(densified)

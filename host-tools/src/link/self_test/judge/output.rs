@@ -132,6 +132,9 @@ pub fn rest(values: &RestValues) -> Vec<Line> {
     ]
 }
 
+const UNEVEN: &str = "the output is not even: a bit of the DAC is stuck; replace the board";
+const DISTURBED: &str = "the reference or the ground is disturbed: keep the probe's cable away from supplies, and test again";
+
 /// Judges the output of a device whose core runs at `core_hz`.
 pub fn output(values: &OutputValues, core_hz: u32) -> Vec<Line> {
     let means = means(values);
@@ -152,9 +155,6 @@ pub fn output(values: &OutputValues, core_hz: u32) -> Vec<Line> {
     let smallest = steps.clone().fold(f64::INFINITY, f64::min);
     let largest = steps.fold(f64::NEG_INFINITY, f64::max);
     let [half, settled] = delays(values, core_hz, (slope, middle));
-    const UNEVEN: &str = "the output is not even: a bit of the DAC is stuck; replace the board";
-    const DISTURBED: &str = "the reference or the ground is disturbed: keep the probe's cable away from supplies, and \
-         test again";
     let none = f64::NEG_INFINITY;
     let noise = f64::from(values.noise) / WORDS_PER_CODE;
     let offset = (-OFFSET_CODES, OFFSET_CODES);
