@@ -85,7 +85,7 @@ pub const STEP_BYTES: usize = 2048;
 
 /// Most instructions of decoding on a Cortex-M: this many, and the following per byte, texture and scene.
 ///
-/// `tests/qemu/tests/bounds.rs` holds these bounds and those below by a search for the worst library.
+/// `tests/qemu/tests/emulated/bounds.rs` holds these bounds and those below, with extreme libraries.
 pub const DECODE_INSTRUCTIONS: u64 = 5_000;
 
 /// Most instructions of decoding per byte of the library; see [`DECODE_INSTRUCTIONS`].

@@ -1,5 +1,5 @@
-//! Files that commands write: the rule for what is there already, checked before the work, WAV files with their lines on
-//! standard output, and renderings at the stylus's pin.
+//! Files that commands write: the rule for what is there already, checked before the work, WAV files with their lines
+//! on standard output, and renderings at the stylus's pin.
 
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};

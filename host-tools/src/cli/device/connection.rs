@@ -190,7 +190,8 @@ pub struct ShareLinkArguments {
     link: LinkAddress,
 }
 
-/// Runs `stylus share-link`, which commands start to share a link; nobody types it. The one line that it prints is for the command that has started it.
+/// Runs `stylus share-link`, which commands start to share a link; nobody types it. The one line that it prints is for
+/// the command that has started it.
 #[cfg(unix)]
 pub fn share_link(arguments: &ShareLinkArguments) {
     match serve(&arguments.link, || say(BROKER_READY)) {

@@ -154,7 +154,8 @@ fn mean_amplitude(blocks: &[&[f64]], len: usize, rate_hz: f64, width_hz: f64) ->
 }
 
 /// Returns the approximate [`cost_of_blocks`] between two independent excerpts, of `count` blocks of `len` samples
-/// each, of one Gaussian noise with a broad spectrum. A perfect model has this cost, because it does not copy the recording.
+/// each, of one Gaussian noise with a broad spectrum. A perfect model has this cost, because it does not copy the
+/// recording.
 ///
 /// Amplitudes of Gaussian noise are Rayleigh distributed, with a variance of 4/π - 1 times their squared mean.
 /// Smoothing with weights w divides the variance by (Σw)²/Σw², the mean over the blocks by their number, and the

@@ -204,8 +204,8 @@ pub fn plan(
     }
     if trials.is_empty() {
         return Err(Error::Request(format!(
-            "there is nothing to compare: no recording holds two excerpts of {SHORTEST_EXCERPT_S} s that were not fitted, or no texture \
-             has what --pairs asks for"
+            "there is nothing to compare: no recording holds two excerpts of {SHORTEST_EXCERPT_S} s that were not \
+             fitted, or no texture has what --pairs asks for"
         )));
     }
     trials.shuffle(&mut generator);

@@ -13,8 +13,8 @@ use crate::link::error::{LinkError, Result};
 use crate::link::{LinkAddress, usb};
 use crate::support::fnv::Fnv;
 
-/// Version of the messages, which stands in the socket's name with the version of the device's protocol. The lock is the
-/// same for all versions.
+/// Version of the messages, which stands in the socket's name with the version of the device's protocol. The lock is
+/// the same for all versions.
 const VERSION: u16 = 2;
 
 /// Remedy where no broker can be had.

@@ -61,7 +61,7 @@ struct Recording {
     clients: BTreeSet<ClientId>,
     /// Body of the device's answer to the start.
     answer: Vec<u8>,
-    /// What the device would answer to a stop, by the last block.
+    /// The device's answer if it were stopped now, by the last block.
     so_far: RecordStopped,
 }
 

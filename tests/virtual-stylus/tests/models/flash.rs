@@ -197,7 +197,7 @@ fn a_word_programmed_twice_cannot_be_read() {
     assert_eq!(ask(&mut stylus, b'r', FAULT_BYTES)[0], b'!');
 }
 
-/// What an audit of the image's ticks sees, which must be able to fail there.
+/// An audit of the image's ticks sees these, and must be able to fail.
 #[test]
 fn an_audit_sees_code_in_flash_and_every_tick_is_followed() {
     let mut stylus = ready(Options::default());

@@ -61,7 +61,7 @@ fn three() -> Switchboard {
     board
 }
 
-/// What `client` is told where a request of its own is refused, which is words and an error under its number.
+/// The words that tell `client` of the refusal of its own request, which is an error under its number.
 fn refusal(board: &mut Switchboard, client: ClientId, key: Key) -> String {
     let actions = board.frame_of(client, &request(key, 6, &[]));
     assert!(for_device(&actions).is_empty(), "{actions:?}");

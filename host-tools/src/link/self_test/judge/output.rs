@@ -133,7 +133,8 @@ pub fn rest(values: &RestValues) -> Vec<Line> {
 }
 
 const UNEVEN: &str = "the output is not even: a bit of the DAC is stuck; replace the board";
-const DISTURBED: &str = "the reference or the ground is disturbed: keep the probe's cable away from supplies, and test again";
+const DISTURBED: &str = "the reference or the ground is disturbed: keep the probe's cable away from supplies, and \
+     test again";
 
 /// Judges the output of a device whose core runs at `core_hz`.
 pub fn output(values: &OutputValues, core_hz: u32) -> Vec<Line> {

@@ -54,7 +54,8 @@ fn faults(counters: &LinkCounters) -> u32 {
 const REPORT: &str = "report the device's build with the record of this test";
 const AGAIN: &str =
     "restart and test again; if it stays, report the device's build with the record of this test";
-const SIMPLER: &str = "play a simpler scene; if a texture alone is too long, report the build with the record of this test";
+const SIMPLER: &str = "play a simpler scene; if a texture alone is too long, report the build with the record of \
+     this test";
 
 /// Judges what `status` counted since the start.
 pub fn state(status: &Status) -> Vec<Line> {
