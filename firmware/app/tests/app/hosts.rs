@@ -376,3 +376,19 @@ fn a_start_begins_with_the_kept_heat_and_a_later_change_of_settings_never_forget
     let after = first.hardware().heat().to_bits();
     assert!(after > before / 10 * 9, "{before} {after}");
 }
+
+#[test]
+fn of_a_change_with_one_bad_value_nothing_is_done() {
+    let stylus = Stylus::new();
+    let propose = |values: &[(Setting, f32)]| stylus.propose(LinkId::Usb, &change_of(values));
+    let good = (Setting::HardLimit, 0.1);
+    let bad = propose(&[good, (Setting::PowerLimit, 100.0)]);
+    assert!(matches!(bad, Err(SettingsError::OutOfRange { .. })));
+    let setting = Setting::HardLimit;
+    assert_eq!(
+        propose(&[good, good]),
+        Err(SettingsError::Repeated { setting })
+    );
+    assert_eq!(propose(&[]), Err(SettingsError::Nothing));
+    assert_eq!(stylus.proposal(), None);
+}

@@ -8,13 +8,15 @@ use fake_stylus::hardware::Hardware;
 use fake_stylus::library::{announcement, library, texture};
 use model_format::limits::{self, MAX_ORDER};
 use model_format::link::{
-    ActivateError, Activity, LINK_LOST_AFTER_MS, LinkId, MAX_PIN_MEAN_SQUARE, MotionSource,
-    MuteReason, PlayError, PlayRequest, STALE_AFTER_MS, Selection, Setting, SettingChange,
-    SettingSet, Settings, SettingsError, SettingsState, SlotId, StopError, UploadChunk,
-    UploadError,
+    ActivateError, Activity, LINK_LOST_AFTER_MS, LinkId, MAX_PIN_MEAN_SQUARE, MotionSample,
+    MotionSource, MuteReason, PlayError, PlayRequest, RecordError, STALE_AFTER_MS, Selection,
+    Setting, SettingChange, SettingSet, Settings, SettingsError, SettingsState, SlotId, StopError,
+    UploadChunk, UploadError,
 };
 use model_format::scene::{Biquad, Region, Scene, StickSlip, Surface, Tap};
-use model_format::{DacCode, Library, PlayRate, encode, encode_with_scenes};
+use model_format::{
+    DacCode, Library, MillimetresPerSecond, Newton, PlayRate, encode, encode_with_scenes,
+};
 use stylus_kernel::scene::Plan;
 
 /// A device with a library of one texture, "texture 0", that plays it.
@@ -594,4 +596,39 @@ fn while_the_supply_is_low_no_flash_is_written_and_what_was_begun_goes_on_after(
     stylus.hardware().start.supply_low = false;
     assert!(stylus.upload(&bytes).is_ok());
     assert!(stylus.change_settings(&tighter).is_ok());
+}
+
+#[test]
+fn motion_that_is_not_finite_is_refused_and_the_one_before_holds() {
+    let stylus = playing();
+    let before = stylus.hardware().host;
+    let bad = MotionSample {
+        speed: MillimetresPerSecond(f32::NAN),
+        force: Newton(1.0),
+        position_mm: None,
+        contact: None,
+    };
+    let moved = stylus.control.borrow_mut().motion(LinkId::Serial, bad);
+    assert!(moved.is_err());
+    assert_eq!(stylus.hardware().host, before);
+}
+
+#[test]
+fn recordings_are_started_and_stopped_once() {
+    let stylus = SteppedStylus::boot();
+    let mut control = stylus.control.borrow_mut();
+    assert_eq!(control.record_stop(), Err(RecordError::NotRecording));
+    assert!(control.record_start(LinkId::Usb).is_ok());
+    assert!(control.status().record.recording);
+    let again = control.record_start(LinkId::Serial);
+    assert_eq!(again, Err(RecordError::Recording));
+    drop(control);
+    // The blocks go to the link that has begun, and not to the one that was refused.
+    let block = iter::repeat_with(|| {
+        stylus.hardware().tick();
+        stylus.control.borrow_mut().next_block()
+    });
+    let (link, _) = block.take(100).flatten().next().expect("one in 32 ticks");
+    assert_eq!(link, LinkId::Usb);
+    assert!(stylus.control.borrow_mut().record_stop().is_ok());
 }

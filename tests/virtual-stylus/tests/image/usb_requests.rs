@@ -5,7 +5,7 @@ use virtual_stylus::chance::Chance;
 use virtual_stylus::model::usb::host::{Transfer, TransferError};
 use virtual_stylus::usb_host::{Request, descriptor};
 
-use crate::device::{BULK_OUT, Device, MS, is_drawn, long};
+use crate::device::{BULK_OUT, Device, MS, long};
 
 /// Time within which a request gets an answer or an error.
 const ANSWERED_NS: u64 = 100 * MS;

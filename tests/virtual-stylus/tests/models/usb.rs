@@ -1,6 +1,5 @@
 //! The USB core, register by register, and the host at the other end of the cable.
 
-use rigless::mcu::Operate;
 use rigless::time::VirtualNanos;
 use virtual_stylus::Electrical;
 use virtual_stylus::model::usb::WINDOW_BASE;
@@ -20,14 +19,12 @@ const DIEPTXF0: u64 = 0x028;
 const GCCFG: u64 = 0x038;
 const DIEPTXF1: u64 = 0x104;
 const GOTGCTL: u64 = 0x000;
-const DCFG: u64 = 0x800;
 const DCTL: u64 = 0x804;
 const DSTS: u64 = 0x808;
 const DIEPMSK: u64 = 0x810;
 const DOEPMSK: u64 = 0x814;
 const DAINT: u64 = 0x818;
 const DAINTMSK: u64 = 0x81C;
-const DIEPEMPMSK: u64 = 0x834;
 const FIFO0: u64 = 0x1000;
 const FIFO1: u64 = 0x2000;
 
