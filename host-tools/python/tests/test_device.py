@@ -23,7 +23,7 @@ def test_a_library_is_uploaded_listed_played_and_stopped(stylus, fitted, command
         assert device.status()["muted"] == ["not playing"]
         contents = device.slots()
     # The command sees the same, once the link is free.
-    assert command.json("list", "--json", "--no-broker", "--link", stylus) == contents
+    assert command.json("slots", "--json", "--no-broker", "--link", stylus) == contents
 
 
 def test_refusals_of_the_device_are_exceptions_of_the_link(stylus, fitted):

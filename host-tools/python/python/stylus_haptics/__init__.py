@@ -10,8 +10,34 @@ m/s², times in s, frequencies in Hz. A failure is a ``StylusError`` with the co
 ``StylusWarning``. Long work runs without the interpreter's lock, tells ``progress(done, total)``, and ends by Ctrl-C.
 """
 
-from . import _native
 from ._native import *
 
-__all__: list[str] = []
-__all__ += _native.__all__
+# The list once more, because checkers of types read no other module's.
+__all__ = [
+    "SAMPLE_RATE_HZ",
+    "Device",
+    "Evaluation",
+    "Fit",
+    "HattImport",
+    "Library",
+    "Motion",
+    "Node",
+    "Recording",
+    "Recordings",
+    "Rendering",
+    "Scene",
+    "StylusError",
+    "StylusWarning",
+    "Texture",
+    "TrialReport",
+    "__version__",
+    "compile_scene",
+    "devices",
+    "evaluate",
+    "fit",
+    "import_hatt",
+    "inspect",
+    "paper_rig",
+    "render",
+    "simulate_rig",
+]

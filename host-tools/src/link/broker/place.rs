@@ -43,11 +43,13 @@ impl Place {
     }
 
     fn within(folder: &Path, address: LinkAddress) -> Self {
-        // A socket's path has at most 104 bytes on some systems, and a serial port's path may be longer.
-        let name = format!("link-{:016x}", Fnv::of(address.to_string().as_bytes()));
+        // Hashes, because a socket's path has at most 104 bytes on some systems, and a serial port's may be longer.
+        let hashed = |text: &str| format!("link-{:016x}", Fnv::of(text.as_bytes()));
+        let name = address.to_string();
+        let versions = format!("{name} {VERSION} {SCHEMA_HASH:016x}");
         Self {
-            socket: folder.join(format!("{name}-{VERSION}-{SCHEMA_HASH:016x}.sock")),
-            lock: folder.join(format!("{name}.lock")),
+            socket: folder.join(format!("{}.sock", hashed(&versions))),
+            lock: folder.join(format!("{}.lock", hashed(&name))),
             address,
         }
     }

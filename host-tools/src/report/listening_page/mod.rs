@@ -89,7 +89,7 @@ fn page(plan: &Plan) -> Result<String> {
         trials: &plan.trials,
     };
     let notice = if plan.simulated {
-        "<p class=\"notice\">SIMULATED: the recordings here were computed by the rig simulator. Answers say nothing of \
+        "<p class=\"notice\">SIMULATED: the surfaces here were computed by the rig simulator. Answers say nothing of \
          real surfaces.</p>\n"
     } else {
         ""
