@@ -8,7 +8,7 @@ use virtual_stylus::usb_host::{Request, Timing};
 
 use crate::device::{BULK_IN, BULK_OUT, Device, MS, SECOND, long};
 use crate::library;
-use crate::requests::{announced};
+use crate::requests::announced;
 use crate::start::is_rtc_selection;
 
 #[test]
