@@ -10,7 +10,7 @@
 //!
 //! What is in time, [`boot`], [`play`] and [`tick`], is the package `stylus-realtime`, which all rooms may import.
 //! Rooms
-//! import in one direction: `link` imports `device`, `flash` and `self_test`; `self_test` imports `flash`; `flash`
+//! import in one direction: `link` imports `device`, `fault`, `flash` and `self_test`; `self_test` imports `flash`; `flash`
 //! imports `fault`. Only `main` sees all.
 //!
 //! The pins stand at the head of [`tick::inputs`], [`tick::output`], [`link::serial`] and [`link::usb`]; LED LD1 on PB0
@@ -153,6 +153,7 @@ async fn main(spawner: Spawner) {
     critical::begin_measuring();
     priority::enable();
     serve(spawner, hardware, links, leds).await;
+    tick::supply::guard();
     // Last: everything that ends the program at mid-scale is in place.
     spawner.spawn(raising::raise_amplifier().unwrap());
 }

@@ -8,8 +8,9 @@
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use cortex_m::peripheral::DWT;
-use embassy_stm32::pac::IWDG1;
+use embassy_stm32::pac::dbgmcu::regs::{Apb1lfzr1, Apb2fzr1};
 use embassy_stm32::pac::iwdg::vals::Key;
+use embassy_stm32::pac::{DBGMCU, IWDG1};
 use embassy_time::{Duration, Ticker};
 
 use crate::boot::clock::CORE_HZ;
@@ -29,14 +30,19 @@ static FED: AtomicU32 = AtomicU32::new(0);
 /// before.
 static LONGEST_GAP: AtomicU32 = AtomicU32::new(0);
 
-/// Begins to measure the gaps between two feeds. The watchdog runs already, and nothing stops it; with the feature
-/// `debug-halt`, a debugger that halts the processor does. The timers of the output go on in any case.
+/// Begins to measure the gaps between two feeds. The watchdog runs already.
 pub fn start() {
-    #[cfg(feature = "debug-halt")]
-    embassy_stm32::pac::DBGMCU
-        .apb4fzr1()
-        .modify(|w| w.set_iwdg1(true));
+    go_on_while_halted();
     FED.store(DWT::cycle_count(), Ordering::Relaxed);
+}
+
+/// Lets watchdog and timers of the output go on while a debugger halts the processor; with the feature `debug-halt` the
+/// watchdog waits. Some debuggers set these bits when they connect, as OpenOCD does for the watchdogs, and only power-on
+/// resets them (RM0433 section 60.5.8), so they are written again at each feed.
+fn go_on_while_halted() {
+    DBGMCU.apb1lfzr1().write_value(Apb1lfzr1(0));
+    DBGMCU.apb2fzr1().write_value(Apb2fzr1(0));
+    DBGMCU.apb4fzr1().write(|w| w.set_iwdg1(cfg!(feature = "debug-halt")));
 }
 
 /// Feeds the watchdog at the end of a stage of the start.
@@ -56,6 +62,7 @@ pub async fn feed() -> ! {
     let mut before = alive::ended();
     loop {
         ticker.next().await;
+        go_on_while_halted();
         stack::search();
         let now = alive::ended();
         if now == before && !WITHOUT_TICK.load(Ordering::Relaxed) {

@@ -16,7 +16,7 @@ use embassy_time::{Duration, Instant, Timer};
 use embassy_usb::driver::{Endpoint, EndpointError, EndpointIn, EndpointOut};
 use embassy_usb::msos::{self, windows_version};
 use embassy_usb::{Builder, Config, UsbDevice};
-use model_format::link::{MAX_HOST_FRAME_BYTES, USB_PRODUCT_ID, USB_VENDOR_ID};
+use model_format::link::{MAX_HOST_FRAME_BYTES, USB_PRODUCT, USB_PRODUCT_ID, USB_VENDOR_ID};
 use static_cell::ConstStaticCell;
 
 use crate::link::otg::control::PACKET_BYTES;
@@ -96,7 +96,7 @@ fn describe(driver: Driver) -> (Device, Sender, Receiver) {
     static CONTROL: ConstStaticCell<[u8; 64]> = ConstStaticCell::new([0; 64]);
     let mut config = Config::new(USB_VENDOR_ID, USB_PRODUCT_ID);
     config.manufacturer = Some("stylus");
-    config.product = Some("stylus");
+    config.product = Some(USB_PRODUCT);
     config.serial_number = Some(uid::uid_hex());
     // The one interface declares its class itself, so the device needs neither class nor association descriptors.
     config.device_class = 0;

@@ -7,11 +7,11 @@ use cortex_m::asm;
 use cortex_m::peripheral::DWT;
 use embassy_futures::yield_now;
 use embassy_stm32::pac::ADC2;
-use embassy_stm32::pac::adc::vals::{Adcaldif, Boost, Difsel, Exten, Ovrmod, Pcsel, SampleTime};
+use embassy_stm32::pac::adc::vals::{Adcaldif, Difsel, Exten, Ovrmod, Pcsel, SampleTime};
 use embassy_time::{Duration, Instant, Timer};
 use model_format::link::SelfTestError;
 
-use crate::boot::clock::CORE_HZ;
+use crate::boot::clock::{CONVERTER_BOOST, CORE_HZ};
 use crate::self_test::clocks::since;
 
 /// Channel of PA4.
@@ -58,8 +58,7 @@ impl ReadBack {
         let read_back = Self(());
         ADC2.cr().modify(|w| {
             w.set_deeppwd(false);
-            // That of 12.5 to 25 MHz, on whose border its clock lies.
-            w.set_boost(Boost::LT25);
+            w.set_boost(CONVERTER_BOOST);
         });
         ADC2.cr().modify(|w| w.set_advregen(true));
         // By time, because revisions Z and Y have no flag of its readiness.

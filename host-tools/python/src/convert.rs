@@ -1,10 +1,12 @@
 //! Arguments and results: arrays, choices by their names, and results as plain Python objects.
 
 use clap::ValueEnum;
+use host_tools::recording::{MAX_CHANNELS, MAX_FRAMES};
 use numpy::{
     AllowTypeChange, Element, PyArray1, PyArray2, PyArrayLike1, PyArrayMethods, PyReadonlyArray1,
     PyReadonlyArray2, PyUntypedArray, PyUntypedArrayMethods,
 };
+use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use serde::Serialize;
 
@@ -77,12 +79,37 @@ pub fn table<T: Element>(py: Python<'_>, values: Vec<T>, rows: usize) -> PyResul
     Ok(flat.reshape([rows, columns])?.unbind())
 }
 
-/// The numbers of an array-like of one dimension.
+/// Most numbers of an array that are copied: 1 GiB.
+const MOST_NUMBERS: usize = 1 << 27;
+
+/// The numbers of an array-like of one dimension, the argument `name`.
 ///
 /// # Errors
-/// Something else.
-pub fn numbers(values: &PyArrayLike1<'_, f64, AllowTypeChange>) -> Vec<f64> {
-    values.as_array().iter().copied().collect()
+/// Something else, masked numbers, or more than a result is made of.
+pub fn numbers(name: &str, values: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {
+    check_mask(name, values)?;
+    let array: PyArrayLike1<'_, f64, AllowTypeChange> = values
+        .extract()
+        .map_err(|failure: PyErr| PyTypeError::new_err(format!("argument '{name}': {failure}")))?;
+    check_length(name, array.len(), MOST_NUMBERS)?;
+    Ok(array.as_array().iter().copied().collect())
+}
+
+/// Checks a length before its copy is made.
+fn check_length(name: &str, count: usize, most: usize) -> PyResult<()> {
+    if count > most {
+        return Err(refused(format!("{name} has {count} values: give at most {most}")));
+    }
+    Ok(())
+}
+
+/// Refuses an array with masked values, which other arrays would be made of without their mask.
+fn check_mask(name: &str, array: &Bound<'_, PyAny>) -> PyResult<()> {
+    let masks = array.py().import("numpy")?.getattr("ma")?;
+    if masks.call_method1("is_masked", (array,))?.extract()? {
+        return Err(refused(format!("{name} has masked values: cut them off, or fill them")));
+    }
+    Ok(())
 }
 
 /// Channels of samples: one per column of an array of two dimensions, or one of an array of one.
@@ -99,6 +126,7 @@ pub struct Channels {
 /// An array of another kind or shape.
 pub fn channels(samples: &Bound<'_, PyAny>) -> PyResult<Channels> {
     let py = samples.py();
+    check_mask("samples", samples)?;
     let numpy = py.import("numpy")?;
     let array = numpy.call_method1("asarray", (samples,))?;
     let array = array.cast_into::<PyUntypedArray>()?;
@@ -119,6 +147,7 @@ pub fn channels(samples: &Bound<'_, PyAny>) -> PyResult<Channels> {
         }
     };
     let shape = array.shape().to_vec();
+    check_length("samples", array.len(), MAX_CHANNELS * MAX_FRAMES)?;
     let as_float = array.call_method1("astype", ("float64",))?;
     let mut channels: Vec<Vec<f64>> = match shape.as_slice() {
         [_] => {

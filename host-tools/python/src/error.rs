@@ -4,7 +4,7 @@ use std::ffi::CString;
 use std::path::PathBuf;
 
 use host_tools::support::error::Error;
-use host_tools::support::visible::visible_line;
+use host_tools::support::visible::message;
 use pyo3::exceptions::{PyException, PyUserWarning};
 use pyo3::prelude::*;
 
@@ -63,7 +63,7 @@ pub fn link_raised(failure: &host_tools::link::LinkError) -> PyErr {
 
 fn exception(text: &str, kind: &str, path: Option<PathBuf>, line: Option<u64>) -> PyErr {
     Python::attach(|py| {
-        let error = StylusError::new_err(visible_line(text).into_owned());
+        let error = StylusError::new_err(message(text));
         let value = error.value(py);
         let set = value
             .setattr("kind", kind)
@@ -81,7 +81,7 @@ fn exception(text: &str, kind: &str, path: Option<PathBuf>, line: Option<u64>) -
 /// # Errors
 /// A filter that makes errors of warnings.
 pub fn warn(py: Python<'_>, text: &str) -> PyResult<()> {
-    let text = CString::new(visible_line(text).replace('\0', ""))?;
+    let text = CString::new(message(text))?;
     let category = py.get_type::<StylusWarning>();
     PyErr::warn(py, &category, &text, 1)
 }

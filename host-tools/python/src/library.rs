@@ -8,6 +8,7 @@ use host_tools::scene::{scene_named, with_scenes};
 use host_tools::support::atomic_file;
 use host_tools::support::error::Result;
 use host_tools::support::output::check_file;
+use host_tools::support::visible::visible_line;
 use host_tools::texture::library::{decode_library, read_library};
 use pyo3::exceptions::PyKeyError;
 use pyo3::prelude::*;
@@ -70,8 +71,8 @@ impl Library {
     /// A few words about it.
     pub fn text(&self) -> String {
         let names = self.decoded().map(|library| {
-            let names: Vec<&str> = library.textures().map(|texture| texture.name()).collect();
-            names.join(", ")
+            let names = library.textures().map(|texture| visible_line(texture.name()).into_owned());
+            names.collect::<Vec<_>>().join(", ")
         });
         let names = names.unwrap_or_default();
         format!("Library({names}; {} bytes)", self.bytes.len())

@@ -4,36 +4,24 @@ use std::path::PathBuf;
 
 use host_tools::playing::motion::{MotionPath, MotionRow};
 use model_format::{MillimetresPerSecond, Newton};
-use numpy::{AllowTypeChange, PyArrayLike1};
 use pyo3::prelude::*;
 
 use crate::convert::numbers;
 use crate::error::{raised, refused, warn};
 
-/// A numpy array-like of one dimension.
-type Numbers<'py> = PyArrayLike1<'py, f64, AllowTypeChange>;
-
-/// Numbers of rows, or one for all.
-#[derive(FromPyObject)]
-enum PerRow<'py> {
-    One(f64),
-    Each(Numbers<'py>),
-}
-
-impl PerRow<'_> {
-    fn rows(&self, name: &str, count: usize) -> PyResult<Vec<f64>> {
-        let values = match self {
-            Self::One(value) => vec![*value; count],
-            Self::Each(values) => numbers(values),
-        };
-        if values.len() == count {
-            return Ok(values);
-        }
-        Err(refused(format!(
-            "{name} has {} values and time_s {count}: give as many, or one",
-            values.len()
-        )))
+/// The numbers of the argument `name`: one per row, or one for all of them.
+fn rows(name: &str, values: &Bound<'_, PyAny>, count: usize) -> PyResult<Vec<f64>> {
+    if let Ok(value) = values.extract() {
+        return Ok(vec![value; count]);
     }
+    let values = numbers(name, values)?;
+    if values.len() == count {
+        return Ok(values);
+    }
+    Err(refused(format!(
+        "{name} has {} values and time_s {count}: give as many, or one",
+        values.len()
+    )))
 }
 
 /// Speed and force of a hand over time, linear between rows.
@@ -53,19 +41,18 @@ impl Motion {
     #[new]
     #[pyo3(signature = (time_s, speed_mm_s, force_n, *, position_mm = None, contact = None))]
     fn new(
-        time_s: Numbers<'_>,
-        speed_mm_s: PerRow<'_>,
-        force_n: PerRow<'_>,
-        position_mm: Option<Numbers<'_>>,
-        contact: Option<Numbers<'_>>,
+        time_s: &Bound<'_, PyAny>,
+        speed_mm_s: &Bound<'_, PyAny>,
+        force_n: &Bound<'_, PyAny>,
+        position_mm: Option<&Bound<'_, PyAny>>,
+        contact: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
-        let times = numbers(&time_s);
+        let times = numbers("time_s", time_s)?;
         let count = times.len();
-        let speeds = speed_mm_s.rows("speed_mm_s", count)?;
-        let forces = force_n.rows("force_n", count)?;
-        let of = |name, values: Option<Numbers<'_>>| {
-            let rows = values.map(|values| PerRow::Each(values).rows(name, count));
-            rows.transpose()
+        let speeds = rows("speed_mm_s", speed_mm_s, count)?;
+        let forces = rows("force_n", force_n, count)?;
+        let of = |name, values: Option<&Bound<'_, PyAny>>| {
+            values.map(|values| rows(name, values, count)).transpose()
         };
         let positions = of("position_mm", position_mm)?;
         let contacts = of("contact", contact)?;

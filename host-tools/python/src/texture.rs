@@ -8,7 +8,7 @@ use host_tools::support::error::Error;
 use host_tools::texture::grid::as_written;
 use host_tools::texture::quantise as stored;
 use model_format::{Coefficients, Library, NodeFlags, Provenance};
-use numpy::{AllowTypeChange, PyArray1, PyArray2, PyArrayLike1};
+use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::PyIndexError;
 use pyo3::prelude::*;
 
@@ -210,8 +210,7 @@ pub struct Node {
 
 #[pymethods]
 impl Node {
-    /// Reflection coefficients k(1) to k(order): those of the stored codes of a lattice, and the step-down recursion's
-    /// of a direct form.
+    /// Reflection coefficients k(1) to k(order), of the stored codes.
     #[getter]
     fn reflection(&self, py: Python<'_>) -> Py<PyArray1<f64>> {
         array(py, self.reflection.clone())
@@ -228,8 +227,9 @@ impl Node {
     fn spectrum(
         &self,
         py: Python<'_>,
-        frequencies_hz: PyArrayLike1<'_, f64, AllowTypeChange>,
-    ) -> Py<PyArray1<f64>> {
+        frequencies_hz: &Bound<'_, PyAny>,
+    ) -> PyResult<Py<PyArray1<f64>>> {
+        let frequencies = numbers("frequencies_hz", frequencies_hz)?;
         let rate_hz = f64::from(self.sample_rate_hz);
         let variance = self.prediction_error_rms_m_s2.powi(2);
         let density = |frequency_hz: f64| {
@@ -242,8 +242,7 @@ impl Node {
             }
             2.0 * variance / (rate_hz * (real * real + imaginary * imaginary))
         };
-        let frequencies = numbers(&frequencies_hz);
-        array(py, frequencies.into_iter().map(density).collect())
+        Ok(array(py, frequencies.into_iter().map(density).collect()))
     }
 
     fn __repr__(&self) -> String {

@@ -113,6 +113,21 @@ def test_a_nodes_spectrum_is_that_of_what_is_played_there(arrays):
     assert np.isclose(variance, fit.library["cork"].node(1, 1).rms_m_s2 ** 2, rtol=0.02)
 
 
+def test_a_spectrum_of_more_frequencies_than_memory_holds_is_refused(fitted):
+    node = fitted.library["felt"].node(0, 0)
+    with pytest.raises(sh.StylusError, match="frequencies_hz has 1099511627776 values"):
+        node.spectrum(np.broadcast_to(1.0, 2**40))
+
+
+def test_a_name_that_turns_text_around_is_shown_by_its_number(signals):
+    recordings = [
+        sh.Recording(samples, 5000, texture="felt\u202e", speed_mm_s=speed, force_n=force)
+        for (texture, speed, force), samples in signals.items()
+        if texture == "felt"
+    ]
+    assert "\u202e" not in repr(sh.fit(recordings))
+
+
 def test_a_library_is_a_mapping_that_survives_bytes_and_files(fitted, tmp_path):
     library = fitted.library
     assert list(library) == library.keys() == ["felt", "cork"] and len(library) == 2

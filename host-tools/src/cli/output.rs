@@ -9,7 +9,7 @@ use std::path::Path;
 use clap::builder::styling::{AnsiColor, Style};
 use host_tools::support::error::{Error, Result};
 use host_tools::support::progress;
-use host_tools::support::visible::{visible, visible_json, visible_line};
+use host_tools::support::visible::{message, visible, visible_json};
 
 /// Prints to standard output.
 ///
@@ -69,7 +69,7 @@ pub fn failed(failure: &Error) {
 
 /// Tells `text` in one line after `word`, which is of this program and may have a colour.
 fn tell_after(word: &str, text: &str) {
-    let line = format!("{word} {}", visible_line(text));
+    let line = format!("{word} {}", message(text));
     let _ = print_to(&mut io::stderr().lock(), &line);
 }
 

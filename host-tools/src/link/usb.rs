@@ -2,7 +2,7 @@
 
 use std::io;
 
-use model_format::link::{USB_PRODUCT_ID, USB_VENDOR_ID};
+use model_format::link::{USB_PRODUCT, USB_PRODUCT_ID, USB_VENDOR_ID};
 use nusb::descriptors::TransferType;
 use nusb::transfer::{Buffer, Bulk, Completion, Direction, In, Out};
 use nusb::{DeviceInfo, Endpoint, ErrorKind, Interface};
@@ -63,9 +63,19 @@ async fn attached(link: &str) -> Result<Vec<DeviceInfo>> {
         Err(failure) => return Err(refused(link, &failure)),
     };
     let is_stylus = |device: &DeviceInfo| {
-        (device.vendor_id(), device.product_id()) == (USB_VENDOR_ID, USB_PRODUCT_ID)
+        let ids = (device.vendor_id(), device.product_id());
+        is_stylus(ids, device.product_string(), device.serial_number())
     };
     Ok(devices.filter(is_stylus).collect())
+}
+
+/// Returns true if a device says of itself what a stylus says. Its ids alone are shared by all tests of pid.codes. An
+/// operating system may not tell the texts of a device that nobody may open; they do not count then.
+fn is_stylus(ids: (u16, u16), product: Option<&str>, serial: Option<&str>) -> bool {
+    let is_id = |serial: &str| serial.len() == 24 && serial.bytes().all(|c| c.is_ascii_hexdigit());
+    ids == (USB_VENDOR_ID, USB_PRODUCT_ID)
+        && product.is_none_or(|product| product == USB_PRODUCT)
+        && serial.is_none_or(is_id)
 }
 
 /// Serial number of the stylus with this one, or of the only stylus; none if it has none.

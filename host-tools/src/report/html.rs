@@ -18,7 +18,7 @@ use crate::report::plot::Svg;
 use crate::support::atomic_file;
 use crate::support::error::Result;
 pub use crate::support::visible::escaped;
-use crate::support::visible::visible;
+use crate::support::visible::page_json;
 
 /// The page's policy: nothing is fetched, from anywhere; scripts and pictures are those in the page.
 pub const POLICY: &str = "default-src 'none'; img-src data:; media-src data:; style-src 'unsafe-inline'; \
@@ -207,8 +207,7 @@ impl Page {
         if self.nodes.textures.is_empty() {
             return String::new();
         }
-        let text = serde_json::to_string(&self.nodes).expect("names are text");
-        let text = visible(&text).replace('<', "\\u003c");
+        let text = page_json(&self.nodes);
         format!("<script type=\"application/json\" id=\"nodes\">{text}</script>\n")
     }
 

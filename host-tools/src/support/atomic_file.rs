@@ -122,13 +122,18 @@ impl<'a> Unnamed<'a> {
         write: impl FnOnce(&mut BufWriter<&mut File>) -> Result<T>,
     ) -> Result<(Self, T)> {
         let target = target(path)?;
-        let (temporary, mut file) =
-            Temporary::file_in(folder_of(&target)).map_err(Error::io("create", path))?;
+        let permissions = fs::metadata(&target).ok().map(|found| found.permissions());
+        let (temporary, mut file) = Temporary::file_in(folder_of(&target), permissions.clone())
+            .map_err(Error::io("create", path))?;
+        // Before the content, which must never be open to more than the earlier file was; the umask may have taken some.
+        if let Some(permissions) = permissions.filter(|_| cfg!(unix)) {
+            file.set_permissions(permissions)
+                .map_err(Error::io("write", path))?;
+        }
         let mut buffer = BufWriter::new(&mut file);
         let value = write(&mut buffer)?;
         buffer.flush().map_err(Error::io("write", path))?;
         drop(buffer);
-        keep_permissions(&file, &target).map_err(Error::io("write", path))?;
         file.sync_all()
             .map_err(Error::io("bring to the disk", path))?;
         let unnamed = Self {
@@ -142,14 +147,6 @@ impl<'a> Unnamed<'a> {
     fn name(self) -> Result<()> {
         let named = self.temporary.persist(&self.target, || Ok(()));
         named.map_err(Error::io("replace", self.path))
-    }
-}
-
-/// Gives `file` the permissions of the file at `path`, which it will replace, if there is one.
-fn keep_permissions(file: &File, path: &Path) -> io::Result<()> {
-    match fs::metadata(path) {
-        Ok(earlier) if cfg!(unix) => file.set_permissions(earlier.permissions()),
-        _ => Ok(()),
     }
 }
 
@@ -234,5 +231,14 @@ mod tests {
         fs::set_permissions(&written, fs::Permissions::from_mode(0o640)).unwrap();
         write(&written, b"again").unwrap();
         assert_eq!(mode(&written), 0o640);
+        fs::set_permissions(&written, fs::Permissions::from_mode(0o600)).unwrap();
+        write_with(&written, |_| {
+            let modes = fs::read_dir(folder.path()).unwrap();
+            let hidden = modes.map(|entry| entry.unwrap().path());
+            let mut hidden = hidden.filter(|path| *path != ordinary && *path != written);
+            assert_eq!(mode(&hidden.next().unwrap()), 0o600);
+            Ok(())
+        })
+        .unwrap();
     }
 }

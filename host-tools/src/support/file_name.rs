@@ -22,7 +22,7 @@ pub struct Stems {
 
 impl Stems {
     /// Returns the stem for `name`; the same each time. A name of ASCII letters, digits, `-` and `_` is its own stem,
-    /// unless an earlier thing has it.
+    /// unless an earlier thing has it or it begins with `-`, which would make it an option to other programs.
     pub fn of(&mut self, name: &str) -> String {
         if let Some(stem) = self.given.get(name) {
             return stem.clone();
@@ -46,7 +46,7 @@ fn safe(name: &str) -> String {
         .take(MOST_CHARACTERS)
         .map(|c| if kept(c) { c } else { '_' })
         .collect();
-    if stem.is_empty() || is_device(&stem) {
+    if stem.is_empty() || stem.starts_with('-') || is_device(&stem) {
         format!("_{stem}")
     } else {
         stem
@@ -115,11 +115,13 @@ mod tests {
             "x.",
             "x",
             "a_b-2",
+            "-rf",
         ];
         let given: Vec<String> = names.iter().map(|name| stems.of(name)).collect();
         let different: HashSet<String> = given.iter().map(|stem| stem.to_lowercase()).collect();
         assert_eq!(different.len(), names.len(), "{given:?}");
         assert_eq!(given[0], "a_b");
+        assert_eq!(given.last().unwrap(), "_-rf");
         assert_eq!(stems.of("a/b"), given[1]);
     }
 

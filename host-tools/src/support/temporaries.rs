@@ -73,15 +73,22 @@ pub struct Temporary {
 }
 
 impl Temporary {
-    /// Makes a file in `folder` with the permissions of an ordinary one: the process's umask takes its share.
+    /// Makes a file in `folder` that nobody may open who may not open the file with these permissions, or an ordinary
+    /// one: the process's umask takes its share.
     ///
     /// # Errors
     /// The operating system's reason.
-    pub fn file_in(folder: &Path) -> io::Result<(Self, File)> {
+    #[cfg_attr(not(unix), expect(unused_variables, reason = "permissions are those of the folder"))]
+    pub fn file_in(
+        folder: &Path,
+        permissions: Option<fs::Permissions>,
+    ) -> io::Result<(Self, File)> {
         let builder = &mut tempfile::Builder::new();
         // A temporary file would be its owner's alone.
         #[cfg(unix)]
-        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+        builder.permissions(
+            permissions.unwrap_or(std::os::unix::fs::PermissionsExt::from_mode(0o666)),
+        );
         let mut list = lock();
         let made = builder.prefix(PREFIX).tempfile_in(folder);
         let (file, path) = made.map_err(without_its_path)?.keep()?;
@@ -144,12 +151,12 @@ mod tests {
     fn what_is_dropped_is_removed_and_what_is_named_stays() {
         let folder = tempfile::tempdir().unwrap();
         let names = || fs::read_dir(folder.path()).unwrap().count();
-        drop(Temporary::file_in(folder.path()).unwrap());
+        drop(Temporary::file_in(folder.path(), None).unwrap());
         let dropped = Temporary::folder_in(folder.path()).unwrap();
         fs::write(dropped.path().join("a"), "").unwrap();
         drop(dropped);
         assert_eq!(names(), 0);
-        let (file, _) = Temporary::file_in(folder.path()).unwrap();
+        let (file, _) = Temporary::file_in(folder.path(), None).unwrap();
         file.persist(&folder.path().join("file"), || Ok(()))
             .unwrap();
         let kept = Temporary::folder_in(folder.path()).unwrap();
@@ -162,7 +169,7 @@ mod tests {
     #[test]
     fn a_failure_does_not_name_the_temporary() {
         let folder = tempfile::tempdir().unwrap();
-        let failure = Temporary::file_in(&folder.path().join("nowhere")).err();
+        let failure = Temporary::file_in(&folder.path().join("nowhere"), None).err();
         let message = failure.unwrap().to_string();
         assert!(!message.contains(PREFIX), "{message}");
     }

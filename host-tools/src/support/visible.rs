@@ -6,6 +6,8 @@
 use std::borrow::Cow;
 use std::fmt::Write as _;
 
+use serde::Serialize;
+
 /// Returns `text` with its control characters made visible. Line feeds and tabs stay.
 pub fn visible(text: &str) -> Cow<'_, str> {
     replaced(text, |c| is_obeyed(c) && c != '\n' && c != '\t', number)
@@ -14,6 +16,34 @@ pub fn visible(text: &str) -> Cow<'_, str> {
 /// Returns `text` in one line: as [`visible`], with line feeds and tabs made visible too.
 pub fn visible_line(text: &str) -> Cow<'_, str> {
     replaced(text, is_obeyed, number)
+}
+
+/// Most characters of an error or a warning: enough for a file's path, its problem and the remedy.
+const LONGEST_MESSAGE: usize = 1000;
+
+/// Most digits in a row that a message shows of a number.
+const MOST_DIGITS: usize = 40;
+
+/// Returns `text` as one line of a bounded length: as [`visible_line`], without what is in the middle of a long text,
+/// which a file or device made long, and without most digits of a long number. Its beginning has the place, its end
+/// the remedy.
+pub fn message(text: &str) -> String {
+    let mut shown = String::new();
+    let mut digits = 0;
+    for c in visible_line(text).chars() {
+        digits = if c.is_ascii_digit() { digits + 1 } else { 0 };
+        match digits {
+            0..=MOST_DIGITS => shown.push(c),
+            digits if digits == MOST_DIGITS + 1 => shown.push('…'),
+            _ => {}
+        }
+    }
+    let Some(left_out) = shown.chars().count().checked_sub(LONGEST_MESSAGE) else {
+        return shown;
+    };
+    let begin: String = shown.chars().take(LONGEST_MESSAGE * 2 / 3).collect();
+    let end: String = shown.chars().skip(LONGEST_MESSAGE * 2 / 3 + left_out).collect();
+    format!("{begin}… ({left_out} characters left out) …{end}")
 }
 
 /// Returns the JSON `text` with the control characters in its strings escaped, which leaves its meaning.
@@ -64,6 +94,16 @@ fn replaced(
     Cow::Owned(shown)
 }
 
+/// Returns the JSON of `value` for a page, where nothing in it ends an element of script, turns text around or is a
+/// line's end to JavaScript. In an attribute it stands [`escaped`].
+///
+/// # Panics
+/// A value with keys that are no text.
+pub fn page_json(value: &impl Serialize) -> String {
+    let text = serde_json::to_string(value).expect("the data of pages have text keys only");
+    visible_json(&text).replace('<', "\\u003c")
+}
+
 /// `text` as it stands in an element or in a quoted attribute of a page. Characters that turn the text around or that
 /// no page may hold are shown by their numbers.
 pub fn escaped(text: &str) -> String {
@@ -95,6 +135,16 @@ mod tests {
         assert_eq!(visible("two\nlines\t, grüße"), "two\nlines\t, grüße");
     }
 
+    #[test]
+    fn a_message_keeps_its_place_and_its_remedy_whatever_a_file_made_of_it() {
+        assert_eq!(message("a.csv: \n is no number"), "a.csv: \\n is no number");
+        assert_eq!(message(&format!("{}", 1e300)).chars().count(), MOST_DIGITS + 1);
+        let long = format!("a.csv: {}: remove it", "ä".repeat(5_000_000));
+        let shown = message(&long);
+        assert!(shown.starts_with("a.csv: ä") && shown.ends_with("ä: remove it"), "{shown}");
+        assert!(shown.chars().count() < LONGEST_MESSAGE + 50);
+    }
+
     proptest! {
         #[test]
         fn nothing_that_is_shown_is_obeyed(text in "\\PC*|[\\x00-\\x9f\u{202a}-\u{202e}a-z]*") {
@@ -110,6 +160,19 @@ mod tests {
             prop_assert!(!shown.contains(|c: char| is_obeyed(c) && c != '\n'));
             let read: Vec<String> = serde_json::from_str(&shown).unwrap();
             prop_assert_eq!(&read[0], &text);
+        }
+
+        #[test]
+        fn json_of_a_page_keeps_its_meaning_and_ends_no_element(
+            text in "\\PC*|[\\x00-\\x9f\u{200e}\u{200f}\u{2028}-\u{202e}a-z<>/&\"'\\\\]*"
+        ) {
+            let shown = page_json(&[&text]);
+            prop_assert!(!shown.contains(|c: char| is_obeyed(c) || c == '<'));
+            let read: Vec<String> = serde_json::from_str(&shown).unwrap();
+            prop_assert_eq!(&read[0], &text);
+            let attribute = escaped(&shown).replace("&quot;", "\"").replace("&#39;", "'");
+            let attribute = attribute.replace("&gt;", ">").replace("&amp;", "&");
+            prop_assert_eq!(attribute, shown);
         }
     }
 }

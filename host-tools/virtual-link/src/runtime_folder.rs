@@ -11,23 +11,29 @@ const NAME: &str = "stylus";
 #[cfg(unix)]
 const OTHERS: u32 = 0o077;
 
-/// The folder, made if need be: in `XDG_RUNTIME_DIR`, or else in the temporary folder under a name with the user's
-/// number. It is a folder of this user's that nobody else may enter, or there is none.
+/// The folder, made if need be: in `XDG_RUNTIME_DIR`; or else in the user's home as `.stylus`; or else in the temporary
+/// folder under a name with the user's number. It is a folder of this user's that nobody else may enter, or there is
+/// none.
 ///
 /// # Errors
 /// A folder that cannot be made, or one of another user's, or one that others may enter.
 pub fn own() -> io::Result<PathBuf> {
-    if let Some(runtime) = env::var_os("XDG_RUNTIME_DIR") {
-        let runtime = PathBuf::from(runtime);
-        // It may be one that is gone, or another user's where a command runs as root.
-        if runtime.is_absolute()
-            && is_own(&runtime)
-            && let Ok(folder) = private(&runtime.join(NAME))
-        {
-            return Ok(folder);
-        }
+    let runtime = env::var_os("XDG_RUNTIME_DIR").map(PathBuf::from);
+    let temporary = env::temp_dir().join(temporary_name()?);
+    first_of(runtime.as_deref(), env::home_dir().as_deref(), &temporary)
+}
+
+fn first_of(runtime: Option<&Path>, home: Option<&Path>, temporary: &Path) -> io::Result<PathBuf> {
+    // Either may be one that is gone, or another user's where a command runs as root. Nobody else can take a name in
+    // them, as anybody can in the temporary folder.
+    let is_usable = |folder: &&Path| folder.is_absolute() && is_own(folder);
+    let runtime = runtime.filter(is_usable).map(|folder| folder.join(NAME));
+    let home = (home.filter(is_usable)).map(|folder| folder.join(format!(".{NAME}")));
+    let mut private_ones = [runtime, home].into_iter().flatten().map(|folder| private(&folder));
+    match private_ones.find_map(Result::ok) {
+        Some(folder) => Ok(folder),
+        None => private(temporary),
     }
-    private(&env::temp_dir().join(temporary_name()?))
 }
 
 #[cfg(unix)]
@@ -95,6 +101,23 @@ mod tests {
     use std::os::unix::fs::{MetadataExt, PermissionsExt, symlink};
 
     use super::*;
+
+    #[test]
+    fn a_name_that_another_user_took_in_the_temporary_folder_keeps_nobody_out() {
+        let bench = tempfile::tempdir().unwrap();
+        let at = |name: &str| bench.path().join(name);
+        for name in ["runtime", "home"] {
+            create_dir(at(name)).unwrap();
+        }
+        // What another user made cannot be entered or removed; a file is as useless.
+        std::fs::write(at("temporary"), "").unwrap();
+        let (runtime, home, temporary) = (at("runtime"), at("home"), at("temporary"));
+        let first = |runtime: Option<&Path>, home| first_of(runtime, home, &temporary).ok();
+        assert_eq!(first(Some(&runtime), Some(&home)), Some(runtime.join("stylus")));
+        assert_eq!(first(Some(&at("gone")), Some(&home)), Some(home.join(".stylus")));
+        assert_eq!(first(None, Some(&home)), Some(home.join(".stylus")));
+        assert_eq!(first(None, None), None);
+    }
 
     #[test]
     fn a_folder_that_others_may_enter_or_that_is_a_link_is_refused() {

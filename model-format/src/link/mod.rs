@@ -89,6 +89,9 @@ pub const USB_VENDOR_ID: u16 = 0x1209;
 /// Product id of the USB device: pid.codes' id for tests, to be replaced by the product's own before it is sold.
 pub const USB_PRODUCT_ID: u16 = 0x0001;
 
+/// Product string of the USB device, which tells it from others with the id for tests.
+pub const USB_PRODUCT: &str = "stylus";
+
 /// Age beyond which a speed or force is stale and the output fades, ms.
 pub const STALE_AFTER_MS: u32 = 50;
 

@@ -18,6 +18,7 @@ use crate::electrical::{Defects, Electrical};
 use crate::error::{Error, Result};
 use crate::model::adc::Pins;
 use crate::model::flash::{Busy, Unreadable};
+use crate::model::ram_code::RamCode;
 use crate::part::Part;
 use crate::serial::Line;
 
@@ -43,6 +44,8 @@ pub struct StylusBoard {
     pub part: Part,
     serial: usize,
     unreadable: Unreadable,
+    /// Codes of the RAM.
+    pub ram: RamCode,
     busy: Busy,
     defects: Defects,
     auditor: Auditor,
@@ -82,6 +85,7 @@ impl StylusBoard {
             part,
             serial,
             unreadable,
+            ram: RamCode::default(),
             busy,
             defects,
             auditor,
@@ -92,6 +96,7 @@ impl StylusBoard {
     /// Fills all RAM with noise from `seed` before the start, as the part's power-on leaves it. Without it RAM holds
     /// zeros. A reset changes nothing.
     pub fn fill_ram(&mut self, seed: u64) {
+        self.ram.power_on();
         self.ram_noise = Some(seed);
     }
 
@@ -157,6 +162,7 @@ impl Board for StylusBoard {
         core::wrap(
             &mut core,
             self.unreadable.clone(),
+            self.ram.clone(),
             self.busy.clone(),
             self.defects.clone(),
             self.auditor.clone(),

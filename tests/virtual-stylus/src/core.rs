@@ -20,8 +20,9 @@ use rigless::emulator::{
 use rigless::soc::{Endian, Width};
 use rigless::time::VirtualNanos;
 
-use crate::electrical::Defects;
+use crate::electrical::{Defects, Interrupt};
 use crate::model::flash::{BASE, BYTES, Busy, Unreadable};
+use crate::model::ram_code::RamCode;
 use crate::model::usb;
 
 const FLASH: std::ops::Range<u64> = BASE as u64..BASE as u64 + BYTES as u64;
@@ -32,9 +33,12 @@ const AXI_SRAM_ISSUING: u64 = 0x5100_8108;
 const ONE_READ: u64 = 1;
 /// Distance of the reads that old silicon corrupts here; on the part it depends on what else is read.
 const MISREAD_BYTES: u64 = 64;
-/// ICSR, and its bit NMIPENDSET (ARM DDI 0403E, B3.2.4).
-const ICSR: u64 = 0xE000_ED04;
-const NMI_PENDING: u64 = 1 << 31;
+/// Registers and bits that make interrupts pending: ICSR.NMIPENDSET, and that of interrupt 1 in NVIC_ISPR0 (ARM DDI
+/// 0403E, B3.2.4 and B3.4.5).
+const PENDING: [(Interrupt, u64, u64); 2] = [
+    (Interrupt::NonMaskable, 0xE000_ED04, 1 << 31),
+    (Interrupt::Supply, 0xE000_E200, 1 << 1),
+];
 /// GDB's number of the program status register, whose low nine bits are the exception under way.
 const STATUS_REGISTER: usize = 16;
 const EXCEPTION: u32 = 0x1FF;
@@ -122,6 +126,7 @@ impl Auditor {
 pub fn wrap(
     spec: &mut CoreSpec,
     unreadable: Unreadable,
+    ram: RamCode,
     busy: Busy,
     defects: Defects,
     auditor: Auditor,
@@ -131,6 +136,7 @@ pub fn wrap(
         Ok(Box::new(Core {
             inner: make(endian)?,
             unreadable: unreadable.clone(),
+            ram: ram.clone(),
             busy: busy.clone(),
             stalled: 0,
             stall: None,
@@ -151,6 +157,7 @@ pub fn wrap(
 struct Core {
     inner: Box<dyn Processor>,
     unreadable: Unreadable,
+    ram: RamCode,
     busy: Busy,
     /// Instructions that count as executed because the core stood still.
     stalled: u64,
@@ -163,7 +170,7 @@ struct Core {
     /// The banks whose reads go over the bus, a bit per bank.
     on_bus: u8,
     defects: Defects,
-    seen_changes: Option<u64>,
+    seen_changes: Option<[u64; 2]>,
     seen_misreads: bool,
     auditor: Auditor,
     /// The exception that is being audited.
@@ -188,6 +195,7 @@ impl Core {
                 .flat_map(|start| (start..start + BANK).step_by(page as usize));
             unreadable.chain(banks).collect()
         };
+        wanted.extend(self.ram.pages(page));
         if self.defects.misreads() {
             wanted.extend(AXI_SRAM.step_by(page as usize));
         }
@@ -255,11 +263,12 @@ impl Core {
         let mut seen = Seen {
             bus,
             unreadable: &self.unreadable,
+            ram: &self.ram,
             busy: &self.busy,
             stalled: self.stalled,
             put_off: None,
             defects: &self.defects,
-            changes: Some((self.unreadable.changes(), self.busy.banks())),
+            changes: Some(self.changes()),
             flash_reads: 0,
         };
         let (exit, retired) = self.inner.run(budget, &mut seen);
@@ -269,6 +278,10 @@ impl Core {
             return (Exit::Returned, retired);
         }
         (exit, retired)
+    }
+
+    fn changes(&self) -> (u64, u64, u8) {
+        (self.unreadable.changes(), self.ram.changes(), self.busy.banks())
     }
 
     fn exception(&self) -> u32 {
@@ -283,6 +296,7 @@ impl Core {
         let mut seen = Seen {
             bus,
             unreadable: &self.unreadable,
+            ram: &self.ram,
             busy: &self.busy,
             stalled: self.stalled,
             put_off: None,
@@ -333,20 +347,22 @@ impl Core {
 struct Seen<'a> {
     bus: &'a mut dyn CoreBus,
     unreadable: &'a Unreadable,
+    ram: &'a RamCode,
     busy: &'a Busy,
     /// Instructions that count as executed besides those of the inner core.
     stalled: u64,
     /// Address of a load that has to wait for its bank.
     put_off: Option<u64>,
-    /// Number of changes of the unreadable words, and the busy banks, when the stretch began; `None` for a stretch that
+    /// Number of changes of the unreadable words and of the RAM's codes, and the busy banks, when the stretch began; `None` for a stretch that
     /// has to end.
-    changes: Option<(u64, u8)>,
+    changes: Option<(u64, u64, u8)>,
     defects: &'a Defects,
     flash_reads: u64,
 }
 
 impl CoreBus for Seen<'_> {
     fn access(&mut self, mut access: Access, from_code: bool) -> Option<u64> {
+        self.ram.follow(&access);
         access.instruction_count += self.stalled;
         if access.kind == AccessKind::Read && FLASH.contains(&access.address) {
             self.flash_reads += 1;
@@ -385,7 +401,7 @@ impl CoreBus for Seen<'_> {
 
     fn carry_on(&mut self, instructions: u64, event: Option<VirtualNanos>) -> Option<u32> {
         // A word that a model has just marked must be routed before the core goes on.
-        if Some((self.unreadable.changes(), self.busy.banks())) == self.changes {
+        if Some((self.unreadable.changes(), self.ram.changes(), self.busy.banks())) == self.changes {
             self.bus.carry_on(instructions + self.stalled, event)
         } else {
             None
@@ -427,11 +443,12 @@ impl Processor for Core {
             self.stalled += u64::from(budget);
             return (Exit::Budget, u64::from(budget));
         }
-        let changes = self.unreadable.changes();
-        if self.defects.take_interrupt() {
-            let now = bus.time(0);
-            self.inner
-                .debugger_access(Some(NMI_PENDING), ICSR, Width::W32, now);
+        let changes = [self.unreadable.changes(), self.ram.changes()];
+        for (interrupt, address, bit) in PENDING {
+            if self.defects.take_interrupt(interrupt) {
+                let now = bus.time(0);
+                (self.inner).debugger_access(Some(bit), address, Width::W32, now);
+            }
         }
         let misreads = self.defects.misreads();
         if self.auditing.is_none() && self.auditor.running() {

@@ -68,10 +68,19 @@ impl OldConverter {
     }
 }
 
+/// An interrupt that the emulator's own models do not request.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Interrupt {
+    /// The non-maskable one, of the clock security system.
+    NonMaskable,
+    /// `PVD_AVD`, of the voltage detector (table 148), whose line the emulator's EXTI lacks.
+    Supply,
+}
+
 #[derive(Debug, Default)]
 struct Shared {
-    /// A non-maskable interrupt that the core has not taken yet.
-    interrupt: AtomicBool,
+    /// Interrupts that the core has not taken yet: the non-maskable one, and that of the voltage detector.
+    interrupts: [AtomicBool; 2],
     /// Reads of the AXI SRAM are corrupted unless they are issued one at a time (ES0392 section 2.2.9).
     old_silicon: AtomicBool,
     one_read_at_a_time: AtomicBool,
@@ -90,14 +99,14 @@ impl Defects {
         defects
     }
 
-    /// Requests the non-maskable interrupt.
-    pub fn interrupt(&self) {
-        self.0.interrupt.store(true, Ordering::Relaxed);
+    /// Requests an interrupt.
+    pub fn interrupt(&self, which: Interrupt) {
+        self.0.interrupts[which as usize].store(true, Ordering::Relaxed);
     }
 
     /// Takes the request, if there is one.
-    pub fn take_interrupt(&self) -> bool {
-        self.0.interrupt.swap(false, Ordering::Relaxed)
+    pub fn take_interrupt(&self, which: Interrupt) -> bool {
+        self.0.interrupts[which as usize].swap(false, Ordering::Relaxed)
     }
 
     /// Sets whether reads of the AXI SRAM are issued one at a time.

@@ -6,7 +6,7 @@
 use rigless::device::{Device, DeviceContext, ErasedDevice, RegisterFile, ResetCause};
 use rigless::mcu::{Mcu, Operate};
 use rigless::soc::stm32h743::Stm32h743;
-use rigless::soc::stm32h743::generated::{crs, dbgmcu, flash, otg1_hs_global, ramecc1, rcc};
+use rigless::soc::stm32h743::generated::{crs, dbgmcu, exti, flash, otg1_hs_global, pwr, ramecc1, rcc};
 use rigless::soc::stm32h743::peripherals::adc::{Adc, Converter};
 use rigless::soc::stm32h743::peripherals::flash::{Flash, OptionBytes};
 use rigless::soc::stm32h743::peripherals::gpio::Gpio;
@@ -17,7 +17,7 @@ use rigless::soc::stm32h743::peripherals::tim::{
 use rigless::soc::{Bus, Error};
 use rigless::time::VirtualNanos;
 
-use crate::electrical::{Defects, Electrical, OldConverter};
+use crate::electrical::{Defects, Electrical, Interrupt, OldConverter};
 use crate::model::adc::{Injected, Pins};
 use crate::model::around::{Around, Extended};
 use crate::model::dac::{Dac, TIM6_TRIGGER, TIM7_TRIGGER};
@@ -100,6 +100,8 @@ const PLLS_FROM_HSI: u64 = 0;
 /// Code of `SYNCSRC` for the frames of USB2, which is the core OTG2 (CRS_CFGR; ST's driver calls it
 /// RCC_CRS_SYNC_SOURCE_USB2).
 const FRAMES_OF_USB2: u64 = 3;
+/// EXTI's line of the voltage detector (table 153).
+const DETECTOR_LINE: u64 = 1 << 16;
 /// Deviation of a clock that does not run.
 const NO_CLOCK_PPM: i64 = 1_000_000;
 
@@ -218,7 +220,7 @@ impl Part {
         let (registers, mut context) = self.rest.bus_mut().drive(at, self.slots.rcc);
         self.rcc.inner.fail_hse(registers, &mut context);
         if rcc::cifr::HSECSSF.is_set(registers.get(rcc::Register::Cifr)) {
-            self.defects.interrupt();
+            self.defects.interrupt(Interrupt::NonMaskable);
         }
     }
 
@@ -263,6 +265,45 @@ impl Part {
     pub fn set_revision(&mut self, revision: u16) {
         self.electrical.revision = revision;
         self.show_revision();
+    }
+
+    /// Sets the supply. Where it falls below the detector's level, EXTI's line 16 rises (sections 6.5.3 and 20.3).
+    ///
+    /// # Panics
+    /// The emulator's part lacks EXTI or PWR.
+    pub fn set_supply(&mut self, millivolts: u32) {
+        let before = self.is_supply_low();
+        self.rest.set_supply(millivolts);
+        let slot = self.rest.bus().slot("EXTI").expect("the part has one");
+        let lines = self.rest.bus().slots()[slot].registers();
+        let is_watched = [exti::Register::Rtsr1, exti::Register::Cpuimr1]
+            .iter()
+            .all(|&register| lines.get(register) & DETECTOR_LINE != 0);
+        if !before && self.is_supply_low() && is_watched {
+            self.defects.interrupt(Interrupt::Supply);
+        }
+    }
+
+    fn is_supply_low(&self) -> bool {
+        let slot = self.rest.bus().slot("PWR").expect("the part has one");
+        let registers = self.rest.bus().slots()[slot].registers();
+        pwr::csr1::PVDO.is_set(registers.get(pwr::Register::Csr1))
+    }
+
+    /// Has watchdog and timer of the output wait while the core is halted, as a debugger does: `DBGMCU_APB4FZ1` and
+    /// `DBGMCU_APB1LFZ1` (section 60.5.8).
+    pub fn freeze_in_halt(&mut self) {
+        let slot = self.rest.bus_mut().slot_mut(self.slots.debug);
+        let registers = slot.registers_mut();
+        registers.set(dbgmcu::Register::Apb4fz1, dbgmcu::apb4fz1::DBG_IWDG1.mask());
+        registers.set(dbgmcu::Register::Apb1lfz1, dbgmcu::apb1lfz1::DBG_TIM7.mask());
+    }
+
+    /// True if anything waits while the core is halted.
+    pub fn is_frozen_in_halt(&self) -> bool {
+        use dbgmcu::Register::{Apb1lfz1, Apb2fz1, Apb4fz1};
+        let registers = self.rest.bus().slots()[self.slots.debug].registers();
+        [Apb1lfz1, Apb2fz1, Apb4fz1].iter().any(|&register| registers.get(register) != 0)
     }
 
     /// Has AXI SRAM's monitor find an error: bit 0 of `flags` one that was corrected, bit 1 one that was not (section

@@ -199,6 +199,12 @@ impl VirtualStylus {
         self.ask(|_, hands, _| hands.unreadable.failures())
     }
 
+    /// Addresses of the words of RAM that were read, or written in part, before they were written after power-on; none
+    /// without [`Options::ram_noise`].
+    pub fn unwritten_ram(&mut self) -> Vec<u64> {
+        self.board(|board| board.ram.errors())
+    }
+
     /// Accesses that waited for a busy bank of the flash.
     pub fn flash_stalls(&mut self) -> Stalls {
         self.ask(|_, hands, _| hands.busy.stalls())
@@ -217,7 +223,7 @@ impl VirtualStylus {
 
     /// Sets the supply, in millivolts.
     pub fn set_supply(&mut self, millivolts: u32) {
-        self.board(move |board| board.part.rest.set_supply(millivolts));
+        self.board(move |board| board.part.set_supply(millivolts));
     }
 
     /// Resets the part by its pin.

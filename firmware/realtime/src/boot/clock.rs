@@ -13,6 +13,7 @@
 //! build time compares them.
 
 use cortex_m::peripheral::DWT;
+use embassy_stm32::pac::adc::vals::Boost;
 use embassy_stm32::pac::crs::vals::Syncsrc;
 use embassy_stm32::pac::timer::regs::SrGp16;
 use embassy_stm32::pac::{CRS, RCC, TIM2};
@@ -31,6 +32,9 @@ pub const TIMER_HZ: u32 = 200_000_000;
 
 /// Clock of the converters, Hz, on every revision of the silicon.
 pub const CONVERTER_HZ: u32 = 12_500_000;
+
+/// Value of ADC_CR.BOOST for it: 6.25 to 12.5 MHz (RM0433 section 25.4.3).
+pub const CONVERTER_BOOST: Boost = Boost::LT12_5;
 
 /// Clock of the core from the reset until [`config`] holds: HSI, Hz (RM0433 section 8.5.2).
 const RESET_HZ: u32 = 64_000_000;

@@ -3,6 +3,7 @@
 //! | priority | handler | deadline |
 //! |---|---|---|
 //! | 0 | tick (TIM6_DAC) | one sample per 200 µs |
+//! | 0 | falling supply (PVD_AVD) | before the output has fallen |
 //! | 2 | serial port (USART3) | its FIFO holds 170 µs, less than an update may take |
 //! | 4 | update (SWPMI1, pended by software) | one block per 2 ms |
 //! | 8 | embassy's handlers: time, USB | none: they wake tasks |
@@ -26,6 +27,9 @@ pub const UPDATE: Interrupt = Interrupt::SWPMI1;
 /// Interrupt of the serial port.
 pub const SERIAL: Interrupt = Interrupt::USART3;
 
+/// Interrupt of the voltage detector.
+pub const SUPPLY: Interrupt = Interrupt::PVD_AVD;
+
 /// All other interrupts in use.
 const TASKS: [Interrupt; 3] = [Interrupt::TIM2, Interrupt::OTG_FS, Interrupt::FLASH];
 
@@ -40,6 +44,7 @@ pub fn assign() {
     SERIAL.set_priority(Priority::P2);
     UPDATE.set_priority(Priority::P4);
     TICK.set_priority(Priority::P0);
+    SUPPLY.set_priority(Priority::P0);
 }
 
 /// Enables tick and update.

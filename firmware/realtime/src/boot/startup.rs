@@ -43,14 +43,16 @@ static VECTOR_TABLE: VectorTable = VectorTable(UnsafeCell::new([0; VECTORS]));
 // cortex-m-rt's reset handler calls this first, when no variable has its value yet, so it must not be Rust.
 //
 // At power-on RAM holds noise whose error-correcting code is wrong: one code per 64 bits in ITCM and AXI SRAM, per 32
-// bits elsewhere (DS12110, error code correction; AN5342). A narrower store reads the rest first, and a fill of a cache
-// line reads what was never written. So these memories are written in units of 64 bits before anything reads them,
-// which by count of cycles takes some 4 ms at the 64 MHz of the start. cortex-m-rt fills the DTCM's stack, `.bss` and
-// `.data` in words. The rest of the ITCM and of the SRAMs is never read.
+// bits elsewhere (DS12110, error code correction; AN5342). A narrower store reads the rest first, the processor reads
+// ahead, and a fill of a cache line reads what is beside. So all of these memories is written in units of 64 bits before
+// anything reads it, which by count of cycles takes some 5 ms at the 64 MHz of the start. The DTCM keeps what outlives a
+// reset (`.uninit`), so it is written only where power came on (RCC_RSR, PORRSTF and BORRSTF): there its content is
+// noise. `main` clears these flags. The first fault of a start that dies before is therefore not kept. SRAM 1 gets its
+// values in words (`tick/output/ring.rs`). SRAM 2, SRAM 3 and the backup SRAM are never read.
 //
-// SAFETY: besides the registers named here it writes only the three sections that the linker reserves for it
-// (`tick.x`) and the AXI SRAM, where the linker puts nothing, in pairs of words, between bounds that are multiples of
-// eight. It calls nothing. cortex-m-rt's reset handler keeps nothing in registers across this call.
+// SAFETY: besides the registers named here it writes ITCM, AXI SRAM, SRAM 4 and DTCM in pairs of words, before any
+// variable has its value and before anything is on the stack. It calls nothing. cortex-m-rt's reset handler keeps
+// nothing in registers across this call.
 global_asm!(
     ".section .text.before_main, \"ax\", %progbits",
     ".global __pre_init",
@@ -92,6 +94,24 @@ global_asm!(
     "    str r1, [r0]",
     "    orr r1, r1, #1",
     "    str r1, [r0]",
+    "    mov r4, #0",
+    "    mov r5, #0",
+    "    ldr r0, =0x580244D0",
+    "    ldr r1, [r0]",
+    "    tst r1, #0xA00000",
+    "    beq 6f",
+    "    ldr r0, =_stack_end",
+    "    ldr r1, =_ram_end",
+    "1:  cmp r0, r1",
+    "    itt lo",
+    "    strdlo r4, r5, [r0], #8",
+    "    blo 1b",
+    "6:  ldr r0, =_itcm_start",
+    "    ldr r1, =_itcm_end",
+    "7:  cmp r0, r1",
+    "    itt lo",
+    "    strdlo r4, r5, [r0], #8",
+    "    blo 7b",
     "    ldr r0, =__sitcm",
     "    ldr r1, =__eitcm",
     "    ldr r2, =__siitcm",
@@ -108,8 +128,8 @@ global_asm!(
     "    ldrlo r3, [r2], #4",
     "    strlo r3, [r0], #4",
     "    blo 3b",
-    "    ldr r0, =__ssram4",
-    "    ldr r1, =__esram4",
+    "    ldr r0, =_sram4_start",
+    "    ldr r1, =_sram4_end",
     "    mov r4, #0",
     "    mov r5, #0",
     "4:  cmp r0, r1",

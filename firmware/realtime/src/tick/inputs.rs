@@ -26,7 +26,7 @@ use embassy_stm32::timer::qei::{self, Qei};
 use model_format::AdcCode;
 use stylus_app::SAMPLE_RATE_HZ;
 
-use crate::boot::clock::{CONVERTER_HZ, TIMER_HZ};
+use crate::boot::clock::{CONVERTER_BOOST, CONVERTER_HZ, TIMER_HZ};
 
 /// Channels in the order of the sequence: acceleration X, Y, Z, and force.
 const CHANNELS: [u8; 4] = [15, 10, 6, 5];
@@ -138,6 +138,8 @@ pub fn start(pins: Pins) {
 }
 
 fn arm_sequence() {
+    // embassy takes the clock before the silicon halves it.
+    ADC1.cr().modify(|w| w.set_boost(CONVERTER_BOOST));
     ADC1.pcsel().modify(|w| {
         for channel in CHANNELS {
             w.set_pcsel(usize::from(channel), Pcsel::PRESELECTED);

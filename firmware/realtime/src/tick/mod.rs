@@ -8,6 +8,7 @@ mod handler;
 pub mod inputs;
 pub mod output;
 pub mod raising;
+pub mod supply;
 
 pub use handler::{
     configure, heat, is_at_rest, now, play, set_heat, set_muted, snapshot, start, stop, take_range,

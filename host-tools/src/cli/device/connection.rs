@@ -53,11 +53,7 @@ impl Link {
     /// # Errors
     /// See [`Device::connect_by`].
     pub fn connect(&self) -> Result<Device> {
-        let timeouts = match self.timeout {
-            // At most a day, so that sums of timeouts do not overflow.
-            Some(seconds) => Timeouts::scaled_to(Duration::from_secs_f64(seconds.min(86_400.0))),
-            None => Timeouts::default(),
-        };
+        let timeouts = self.timeouts();
         if let Some(link) = &self.link {
             return self.open(link, timeouts);
         }
@@ -66,6 +62,31 @@ impl Link {
             note(&format!("note: {words}"));
         }
         self.open(&link, timeouts)
+    }
+
+    /// Connects to the stylus by a link of this command alone, where it cannot be shared: for what must always find a
+    /// way.
+    ///
+    /// # Errors
+    /// That of [`Link::connect`], where neither way leads to the stylus.
+    fn connect_somehow(&self) -> Result<Device> {
+        let link = || match &self.link {
+            Some(link) => Ok(link.clone()),
+            None => discovery::only(&Route::Direct).map(|(link, _)| link),
+        };
+        self.connect().or_else(|failure| {
+            let direct = link().map(|link| Device::connect_by(&link, self.timeouts(), Route::Direct));
+            match direct {
+                Ok(Ok(device)) => Ok(device),
+                _ => Err(failure),
+            }
+        })
+    }
+
+    fn timeouts(&self) -> Timeouts {
+        // At most a day, so that sums of timeouts do not overflow.
+        let longest = |seconds: f64| Duration::from_secs_f64(seconds.min(86_400.0));
+        self.timeout.map_or_else(Timeouts::default, |seconds| Timeouts::scaled_to(longest(seconds)))
     }
 
     /// Connects to a second link of the stylus.
@@ -160,7 +181,7 @@ struct StopReport {
 
 /// Runs `stylus stop`.
 pub fn stop(arguments: &StopArguments) -> Result<()> {
-    let device = arguments.link.connect()?;
+    let device = arguments.link.connect_somehow()?;
     let (was_playing, _) = device.stop()?;
     let was_recording = device.status()?.record.recording;
     if was_recording {

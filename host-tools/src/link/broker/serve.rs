@@ -92,7 +92,13 @@ async fn run(
     };
     open::open(&place.address, &health, pumps).await?;
     // Nobody listens at a socket whose lock was free: it is that of a broker that has crashed.
-    let _ = fs::remove_file(&place.socket);
+    match fs::remove_file(&place.socket) {
+        Err(failure) if failure.kind() != io::ErrorKind::NotFound => {
+            let shown = place.socket.display();
+            return Err(unusable(address, &format!("{shown} cannot be replaced ({failure}): remove it")));
+        }
+        _ => {}
+    }
     let listener = UnixListener::bind(&place.socket).map_err(failed)?;
     let _socket = Socket(&place);
     fs::set_permissions(&place.socket, Permissions::from_mode(0o600)).map_err(failed)?;

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::time::{Duration, Instant};
 
 use model_format::link::{
-    ActivateEndpoint, KeepAliveTopic, MotionEndpoint, MotionTopic, PlayEndpoint, RecordBlock,
+    ActivateEndpoint, KeepAliveTopic, MAX_HOST_FRAME_BYTES, MotionEndpoint, MotionTopic, PlayEndpoint, RecordBlock,
     RecordBlockTopic, RecordStartEndpoint, RecordStopEndpoint, RecordStopped, SelfTestEndpoint,
     SettingsApplyEndpoint, SettingsProposeEndpoint, StopEndpoint, UploadAbortEndpoint,
     UploadBeginEndpoint, UploadChunkEndpoint, UploadCommitEndpoint,
@@ -108,6 +108,12 @@ impl Switchboard {
 
     /// A frame of a client.
     pub(super) fn frame_of(&mut self, client: ClientId, frame: &[u8]) -> Vec<Action> {
+        // The device would refuse it, after the others had waited for its time on the wire.
+        if frame.len() > MAX_HOST_FRAME_BYTES {
+            let bytes = frame.len();
+            let reason = format!("a frame of {bytes} bytes, and a stylus takes {MAX_HOST_FRAME_BYTES}");
+            return vec![Action::ToClient(client, FromBroker::Ended(reason))];
+        }
         let Some((header, body)) = VarHeader::take_from_slice(frame) else {
             return Vec::new();
         };

@@ -17,7 +17,7 @@ use crate::evaluation::listening::{CHANCE, CONFIDENCE, FADE_S, Plan, Trial};
 use crate::support::atomic_file;
 use crate::support::error::Result;
 use crate::support::fnv::Fnv;
-use crate::support::visible::visible;
+use crate::support::visible::page_json;
 
 /// Trials after which a break is proposed.
 const BREAK_EVERY: usize = 12;
@@ -60,7 +60,7 @@ fn page(plan: &Plan) -> Result<String> {
         let wav = whole_sound(signal, peak * 0.9 / PEAK)?;
         Ok(STANDARD.encode(wav))
     });
-    let sounds = json(&encoded.collect::<Result<Vec<String>>>()?);
+    let sounds = page_json(&encoded.collect::<Result<Vec<String>>>()?);
     let (shortest, longest) = plan.excerpt_s;
     let duration = if longest - shortest < 0.05 {
         format!("{longest:.1}")
@@ -72,7 +72,7 @@ fn page(plan: &Plan) -> Result<String> {
             "{:016x}",
             Fnv::default()
                 .then(sounds.as_bytes())
-                .then(json(&plan.trials).as_bytes())
+                .then(page_json(&plan.trials).as_bytes())
                 .value()
         ),
         seed: plan.seed,
@@ -112,15 +112,9 @@ fn page(plan: &Plan) -> Result<String> {
         family = family::style(),
         style = include_str!("style.css"),
         body = include_str!("body.html"),
-        plan = json(&script_plan),
+        plan = page_json(&script_plan),
         script = include_str!("script.js"),
     ))
-}
-
-/// JSON that ends no script element, whatever a texture's name holds.
-fn json(value: &impl Serialize) -> String {
-    let text = serde_json::to_string(value).expect("plans have text keys only");
-    visible(&text).replace('<', "\\u003c")
 }
 
 #[cfg(test)]
@@ -158,6 +152,10 @@ mod tests {
         let text = page(&plan(hostile, false)).unwrap();
         assert_eq!(text.matches("<script").count(), 3);
         assert_eq!(text.matches("</script>").count(), 3);
+        let (_, json) = text.split_once("id=\"plan\">").unwrap();
+        let (json, _) = json.split_once("</script>").unwrap();
+        let read: serde_json::Value = serde_json::from_str(json).unwrap();
+        assert!(read.to_string().contains("\u{2028}\u{202e}"));
         let text = text
             .replace("http://www.w3.org/2000/svg", "")
             .replace("data:,", "");

@@ -8,7 +8,7 @@ use plotters::style::RGBColor;
 use serde::{Serialize, Serializer};
 
 use super::colours::hex;
-use crate::support::visible::escaped;
+use crate::support::visible::{escaped, page_json};
 
 /// A rectangle along the axes, in drawn pixels, x to the right and y down.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -316,7 +316,7 @@ pub fn overlay(figure: &Figure) -> String {
             series: panel.series.iter().map(Series::shown).collect(),
             ..panel.clone()
         };
-        let text = serde_json::to_string(&shown).expect("plain data become JSON");
+        let text = page_json(&shown);
         // Writing into a string does not fail.
         let _ = writeln!(svg, "<g class=\"axes\" data-panel=\"{}\">", escaped(&text));
         if let Some(Bitmap { png, frame, .. }) = &panel.bitmap {

@@ -16,7 +16,6 @@ use std::path::Path;
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use model_format::Library;
-use serde::Serialize;
 
 use super::family;
 use super::html::escaped;
@@ -25,7 +24,7 @@ use crate::evaluation::evaluate::Evaluation;
 use crate::recording::RecordingSet;
 use crate::support::atomic_file;
 use crate::support::error::Result;
-use crate::support::visible::visible;
+use crate::support::visible::page_json;
 
 /// The kernel as a WebAssembly module, as `cargo tasks browser-module` builds it.
 pub const KERNEL: &[u8] = include_bytes!("kernel.wasm");
@@ -150,7 +149,7 @@ fn page(inputs: &Inputs<'_>, progress: impl Fn()) -> Result<(String, Written)> {
         body = include_str!("body.html").replace(NOTICE_MARK, notice),
         kernel = STANDARD.encode(KERNEL),
         library = STANDARD.encode(inputs.bytes),
-        data = json(data),
+        data = page_json(data),
         worklet = WORKLET.join("\n"),
         plots = family::plots_script(),
         script = SCRIPTS.join("\n"),
@@ -162,10 +161,4 @@ fn page(inputs: &Inputs<'_>, progress: impl Fn()) -> Result<(String, Written)> {
         digests: data.digests(),
     };
     Ok((text, written))
-}
-
-/// JSON that ends no script element, whatever a texture's name holds.
-fn json(value: &impl Serialize) -> String {
-    let text = serde_json::to_string(value).expect("the data have text keys only");
-    visible(&text).replace('<', "\\u003c")
 }

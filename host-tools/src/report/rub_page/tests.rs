@@ -53,7 +53,7 @@ fn data_of(page: &str) -> serde_json::Value {
 
 #[test]
 fn a_page_needs_nothing_but_itself_and_no_name_ends_its_elements() {
-    let hostile = "</script><b>alert(1)";
+    let hostile = "</script><b>alert(1)\u{200f}\u{2028}";
     let (text, _) = page_of(&[texture(hostile, Provenance::Recorded)]);
     assert_eq!(text.matches("<script").count(), 6);
     assert_eq!(text.matches("</script>").count(), 6);

@@ -24,6 +24,9 @@ const TICK: &str = "TIM6_DAC";
 /// The handler that the update begins with.
 const UPDATE: &str = "SWPMI1";
 
+/// The handler of a falling supply, which a busy bank must not keep waiting.
+const SUPPLY: &str = "PVD_AVD";
+
 /// The routines that erase and program the bank with the code, whose fetches stall meanwhile.
 const OF_CODE_BANK: [&str; 2] = ["erase_without_code", "program_without_code"];
 
@@ -68,7 +71,7 @@ pub fn check(image: &[u8]) -> Result<()> {
 
 /// Checks everything that the roots reach.
 fn check_roots(functions: &BTreeMap<u64, Function>, references: &[Reference]) -> Result<()> {
-    for root in [TICK].into_iter().chain(OF_CODE_BANK) {
+    for root in [TICK, SUPPLY].into_iter().chain(OF_CODE_BANK) {
         check_from(root, functions, references, |_| false)?;
     }
     check_from(UPDATE, functions, references, |reference| {
@@ -265,7 +268,7 @@ mod tests {
 
     #[test]
     fn each_root_has_to_be_in_itcm_and_may_not_lead_to_flash() {
-        let roots = [TICK, UPDATE, OF_CODE_BANK[0], OF_CODE_BANK[1]];
+        let roots = [TICK, UPDATE, SUPPLY, OF_CODE_BANK[0], OF_CODE_BANK[1]];
         let functions: BTreeMap<u64, Function> = (1..)
             .zip(roots)
             .map(|(number, name)| {

@@ -429,6 +429,8 @@ enum Asked {
 pub struct Journal {
     /// The unreadable words.
     pub unreadable: Unreadable,
+    /// True if no erasure is begun that is ordered; `RDSERRx` shows it.
+    pub refuses_erasures: bool,
     busy: Busy,
     buffers: [Buffer; 2],
     asked: Option<Asked>,
@@ -545,6 +547,12 @@ impl Around<Flash> for Journal {
         };
         let control = registers.get(register);
         if cr1::LOCK1.is_set(control) {
+            return;
+        }
+        if self.refuses_erasures && cr1::START1.is_set(control) {
+            registers.set(register, cr1::START1.set(control, 0));
+            let flags = registers.get(status(bank));
+            registers.set(status(bank), sr1::RDSERR1.set(flags, 1));
             return;
         }
         let start = BASE + bank as u32 * BANK_BYTES;

@@ -209,6 +209,26 @@ fn the_amplifier_is_off_until_the_coil_is_known_and_mid_scale_has_settled() {
 }
 
 #[test]
+fn a_falling_supply_drops_the_amplifier_before_anything_else_and_its_return_raises_it() {
+    let (mut device, _) = playing_loudly();
+    let fell = device.stylus.now_ns();
+    device.stylus.set_supply(2_700);
+    device.run_for(20 * MS);
+    let amplifier = device.amplifier();
+    let last = *amplifier.last().expect("it was raised");
+    assert_eq!(last.drive, Drive::Low, "{amplifier:?}");
+    assert!(last.at_ns - fell < 200_000, "{} ns", last.at_ns - fell);
+    device.run_for(200 * MS);
+    assert_eq!(device.amplifier().len(), amplifier.len(), "it stays off");
+    device.stylus.set_supply(3_300);
+    device.run_for(400 * MS);
+    assert!(device.status().output.amplifier);
+    let amplifier = device.amplifier();
+    let raised = amplifier_follows_the_output(device.dac(), &amplifier);
+    assert_eq!(raised.len(), 2, "{amplifier:?}");
+}
+
+#[test]
 fn an_amplifier_that_is_switched_off_and_on_while_a_texture_plays_returns_at_mid_scale() {
     let (mut device, slew) = playing_loudly();
     inject(&mut device, Injected::AmplifierOff);

@@ -259,6 +259,23 @@ fn a_start_with_a_low_supply_writes_no_flash_either() {
     assert_eq!(device.stylus.flash_operations(), []);
 }
 
+#[test]
+fn what_a_debugger_makes_wait_while_the_core_is_halted_goes_on_again() {
+    let mut device = Device::started(Options::default());
+    device.stylus.board(|board| board.part.freeze_in_halt());
+    assert!(device.stylus.board(|board| board.part.is_frozen_in_halt()));
+    device.run_for(50 * MS);
+    assert!(!device.stylus.board(|board| board.part.is_frozen_in_halt()));
+}
+
+#[test]
+fn converters_have_the_boost_of_their_clock() {
+    let mut device = Device::started(Options::default());
+    // ADC1_CR, bits 9:8: 1 for 6.25 to 12.5 MHz (RM0433 section 25.6.3).
+    let control = device.stylus.read_word(0x4002_2008).expect("it is mapped");
+    assert_eq!(control >> 8 & 3, 1);
+}
+
 /// The memory of the library that is played (RM0433 section 2.4); none was played here.
 const AXI_SRAM: std::ops::Range<u64> = 0x2400_0000..0x2408_0000;
 
@@ -300,6 +317,11 @@ fn the_output_is_at_mid_scale_from_its_first_enable_until_play() {
         let word = device.stylus.read_word(address);
         assert_eq!(word, Some(0), "{address:#x}");
     }
+    // And all else before it reads it, or stores a part of it.
+    let read: Vec<String> = (device.stylus.unwritten_ram().iter())
+        .map(|address| format!("{address:#x}"))
+        .collect();
+    assert!(read.is_empty(), "{read:?}");
     let report = device.stylus.report();
     assert!(report.unmapped.is_empty(), "{report:?}");
     // embassy selects a clock for the RTC, which nothing uses, and finds the selection made.

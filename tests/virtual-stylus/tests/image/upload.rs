@@ -1,6 +1,8 @@
 //! Uploads: the playing that they leave undisturbed, and power cuts, after which there is the old library or the new.
 
-use model_format::link::{MotionSource, SlotId, SlotState, UPLOAD_WINDOW};
+use model_format::link::{
+    MotionSource, SlotId, SlotState, UPLOAD_WINDOW, UploadBeginEndpoint,
+};
 use virtual_stylus::model::flash::{Contents, Moment, Stalls};
 use virtual_stylus::{Options, PowerCut};
 
@@ -41,6 +43,21 @@ fn a_full_upload_while_playing_and_streaming_moves_nothing_and_is_active_afterwa
     let last = committed.textures as u8 - 1;
     let name = device.texture(committed.slot, last).name;
     device.play_until_heard(&name, MotionSource::Sensors, 6);
+}
+
+#[test]
+fn an_erasure_that_the_flash_does_not_begin_is_no_success() {
+    let mut device = Device::started(library::options());
+    let refuse = |device: &mut Device, refuses| {
+        (device.stylus).board(move |board| board.part.flash.around.refuses_erasures = refuses);
+    };
+    // A slot that holds a library, so that something is to be erased.
+    device.upload(&library::other());
+    refuse(&mut device, true);
+    let begun = device.request::<UploadBeginEndpoint>(&announced(&library::middling()));
+    assert!(begun.is_err(), "{begun:?}");
+    refuse(&mut device, false);
+    device.upload(&library::middling());
 }
 
 /// The next chunk crosses the link while one is programmed.

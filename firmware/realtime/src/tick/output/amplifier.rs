@@ -8,6 +8,8 @@ use core::sync::atomic::{AtomicBool, Ordering};
 
 use embassy_stm32::pac::{GPIOE, RCC};
 
+use crate::boot::silicon;
+
 /// The pin's number in port E.
 const PIN: usize = 9;
 
@@ -46,10 +48,10 @@ pub fn is_to_be_raised() -> bool {
     WANTED.load(Ordering::Relaxed) && !ON.load(Ordering::Relaxed)
 }
 
-/// Sets the amplifier on if it is still to be on. The output must be driven at mid-scale.
+/// Sets the amplifier on if it is still to be on and the supply holds. The output must be driven at mid-scale.
 pub fn raise() {
     critical_section::with(|_| {
-        if WANTED.load(Ordering::Relaxed) {
+        if !silicon::is_supply_low() && WANTED.load(Ordering::Relaxed) {
             ON.store(true, Ordering::Relaxed);
             GPIOE.bsrr().write(|w| w.set_bs(PIN, true));
         }

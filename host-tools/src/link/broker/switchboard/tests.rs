@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use model_format::link::{
-    BLOCK_SAMPLES, InfoEndpoint, PackedSample, RecordError, RecordStarted, StatusEndpoint,
+    BLOCK_SAMPLES, InfoEndpoint, ListEndpoint, PackedSample, RecordError, RecordStarted, StatusEndpoint,
 };
 use proptest::prelude::*;
 
@@ -380,4 +380,16 @@ fn a_number_that_comes_again_belongs_to_the_newest_request() {
     let actions = board.frame_of_device(&answer_to(&again, StatusEndpoint::RESP_KEY, &[]));
     assert!(for_client(&actions, 1).is_empty());
     assert_eq!(for_client(&actions, 2).len(), 1);
+}
+
+#[test]
+fn a_frame_that_no_stylus_takes_ends_its_client_and_keeps_nobody_waiting() {
+    let mut board = three();
+    let header = request(ListEndpoint::REQ_KEY, 1, &[]).len();
+    let longest = |more| vec![0; MAX_HOST_FRAME_BYTES - header + more];
+    let fits = request(ListEndpoint::REQ_KEY, 1, &longest(0));
+    assert_eq!(for_device(&board.frame_of(1, &fits)).len(), 1);
+    let actions = board.frame_of(1, &request(ListEndpoint::REQ_KEY, 1, &longest(1)));
+    assert!(for_device(&actions).is_empty());
+    assert!(matches!(&for_client(&actions, 1)[..], [FromBroker::Ended(_)]));
 }

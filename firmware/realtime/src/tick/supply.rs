@@ -1,0 +1,30 @@
+//! The end of the amplifier when the supply falls.
+//!
+//! The output falls with the supply, while the enable stays above the amplifier's threshold: the coil would get what is
+//! left as DC. The voltage detector sees it first (`boot/silicon.rs`), and its interrupt drops the enable. The
+//! amplifier is raised again as after a start, once the supply is back.
+#![expect(unsafe_code, reason = "the handler of an interrupt")]
+
+use embassy_stm32::interrupt::InterruptExt;
+use embassy_stm32::pac::EXTI;
+
+use crate::boot::priority::SUPPLY;
+use crate::tick::output::amplifier;
+
+/// Line of the detector's output (RM0433 table 153).
+const DETECTOR: usize = 16;
+
+/// Takes the detector's rising edge, which is a falling supply, from now on.
+pub fn guard() {
+    EXTI.rtsr(0).modify(|w| w.set_line(DETECTOR, true));
+    EXTI.imr(0).modify(|w| w.set_line(DETECTOR, true));
+    // SAFETY: the handler uses the enable's pin alone, and no critical section masks by priority.
+    unsafe { SUPPLY.enable() };
+}
+
+#[unsafe(no_mangle)]
+#[unsafe(link_section = ".itcm.supply")]
+extern "C" fn PVD_AVD() {
+    amplifier::off_now();
+    EXTI.pr(0).write(|w| w.set_line(DETECTOR, true));
+}

@@ -1,0 +1,140 @@
+//! Error-correcting codes of the RAM, which do not fit its noise after power-on (RM0433 chapter 3).
+//!
+//! A code covers 64 bits in ITCM and AXI SRAM, and 32 bits elsewhere. A read of bits that were never written is an
+//! error, which RAMECC notes, and so is a store to a part of them, because it reads the rest.
+//!
+//! Left out: errors that noise happens to hide, fetches of instructions, reads ahead, fills of cache lines, DMA.
+
+use std::collections::{BTreeSet, HashMap};
+use std::ops::Range;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use rigless::emulator::{Access, AccessKind};
+
+/// Memories with codes, and the bytes of a code's word (RM0433 sections 2.4 and 3.2).
+const MEMORIES: [(Range<u64>, u64); 5] = [
+    (0..0x1_0000, 8),
+    (0x2000_0000..0x2002_0000, 4),
+    (0x2400_0000..0x2408_0000, 8),
+    (0x3000_0000..0x3004_8000, 4),
+    (0x3800_0000..0x3801_0000, 4),
+];
+
+/// The codes, shared by the core and those who ask. Without [`RamCode::power_on`] all of them fit.
+#[derive(Clone, Debug, Default)]
+pub struct RamCode(Arc<Mutex<State>>);
+
+#[derive(Debug, Default)]
+struct State {
+    /// Pages with words whose code does not fit: their words, and how many of them are left.
+    pages: HashMap<u64, (Vec<bool>, usize)>,
+    page_bytes: u64,
+    /// A word of which one instruction has written a part so far.
+    part: Option<Part>,
+    errors: BTreeSet<u64>,
+    changes: u64,
+}
+
+/// Bytes of a word that one instruction has written, a bit per byte.
+#[derive(Clone, Copy, Debug)]
+struct Part {
+    word: u64,
+    instruction: u64,
+    bytes: u8,
+}
+
+impl RamCode {
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Makes no code fit, as noise does.
+    pub fn power_on(&self) {
+        self.state().page_bytes = u64::MAX;
+    }
+
+    /// Pages, of `page_bytes` bytes, whose accesses must be shown to [`RamCode::follow`].
+    pub fn pages(&self, page_bytes: u64) -> Vec<u64> {
+        let mut state = self.state();
+        if state.page_bytes == u64::MAX {
+            state.page_bytes = page_bytes;
+            for (memory, word_bytes) in MEMORIES {
+                for page in memory.step_by(page_bytes as usize) {
+                    let words = (page_bytes / word_bytes) as usize;
+                    state.pages.insert(page, (vec![false; words], words));
+                }
+            }
+        }
+        state.pages.keys().copied().collect()
+    }
+
+    /// Number of changes of the pages, from which a caller learns of one.
+    pub fn changes(&self) -> u64 {
+        self.state().changes
+    }
+
+    /// Addresses of words that were read, or written in part, before they were written.
+    pub fn errors(&self) -> Vec<u64> {
+        self.state().errors.iter().copied().collect()
+    }
+
+    /// Follows an access of an instruction.
+    pub fn follow(&self, access: &Access) {
+        let within = |(memory, _): &(Range<u64>, u64)| memory.contains(&access.address);
+        let Some(word_bytes) = MEMORIES.iter().find(|memory| within(memory)).map(|found| found.1)
+        else {
+            return;
+        };
+        self.state().follow(access, word_bytes);
+    }
+}
+
+impl State {
+    fn follow(&mut self, access: &Access, word_bytes: u64) {
+        let word = access.address - access.address % word_bytes;
+        let (page, index) = self.place(word, word_bytes);
+        let is_written = (self.pages.get(&page)).is_none_or(|(written, _)| written[index]);
+        if is_written {
+            return;
+        }
+        // Two words of one instruction are one store of 64 bits.
+        let part = self.part.take();
+        let earlier = part.filter(|part| {
+            part.word == word && part.instruction == access.instruction_count
+        });
+        if let (Some(part), None) = (part, earlier) {
+            self.errors.insert(part.word);
+        }
+        if access.kind == AccessKind::Read {
+            self.errors.insert(word);
+            self.write(page, index);
+            return;
+        }
+        let first = access.address % word_bytes;
+        let count = u64::from(access.width.bytes()).min(word_bytes - first);
+        let bytes = earlier.map_or(0, |part| part.bytes) | (((1u16 << count) - 1) << first) as u8;
+        if u64::from(bytes.count_ones()) == word_bytes {
+            self.write(page, index);
+        } else {
+            let instruction = access.instruction_count;
+            self.part = Some(Part { word, instruction, bytes });
+        }
+    }
+
+    fn place(&self, word: u64, word_bytes: u64) -> (u64, usize) {
+        let page = word - word % self.page_bytes.max(1);
+        (page, ((word - page) / word_bytes) as usize)
+    }
+
+    /// Notes that a word's code fits; after an error, because an error is told once.
+    fn write(&mut self, page: u64, index: usize) {
+        if let Some((written, left)) = self.pages.get_mut(&page) {
+            written[index] = true;
+            *left -= 1;
+            if *left == 0 {
+                self.pages.remove(&page);
+                self.changes += 1;
+            }
+        }
+    }
+}
