@@ -7,7 +7,7 @@ use std::path::Path;
 use std::process::exit;
 use std::sync::OnceLock;
 
-use fuzz::{Judge, TARGETS};
+use fuzz::{Judge, targets};
 
 static TARGET: OnceLock<Judge> = OnceLock::new();
 
@@ -17,9 +17,11 @@ fn prepare() {
         exit(0);
     }
     let name = env::var("STYLUS_FUZZ_TARGET").unwrap_or_default();
-    let target = TARGETS.iter().find(|target| target.0 == name);
+    let targets = targets();
+    let target = targets.iter().find(|target| target.0 == name);
     let Some((_, judge)) = target else {
-        let names = TARGETS.map(|target| target.0).join(", ");
+        let names: Vec<&str> = targets.iter().map(|target| target.0).collect();
+        let names = names.join(", ");
         eprintln!("set STYLUS_FUZZ_TARGET to one of {names}");
         exit(2);
     };

@@ -10,7 +10,7 @@ use host_tools::scene::{SceneFile, with_scenes};
 use model_format::link::SettingsChange;
 use model_format::{CodeSpec, Library, NodeSpec, TextureSpec, encode};
 
-use crate::place;
+use super::place;
 
 /// A library of one texture, `silk`.
 fn library() -> &'static [u8] {

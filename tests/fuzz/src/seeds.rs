@@ -1,7 +1,6 @@
 //! Seeds of the fuzzer, in a folder for each target. For the decoder they are small valid libraries,
 //! with grids of one and of several nodes and orders 0 to 400, and with every optional part; for a parser of the host,
-//! a
-//! small file of each kind.
+//! a small file of each kind.
 
 use std::error::Error;
 use std::path::Path;
@@ -13,14 +12,13 @@ use model_format::{
     limits,
 };
 
-mod host;
-
 /// Writes the seeds of every target into its folder below `root`.
 ///
 /// # Errors
 /// A folder or file that cannot be written.
 pub fn write(root: &Path) -> Result<(), Box<dyn Error>> {
-    host::write(root)?;
+    #[cfg(feature = "parsers")]
+    crate::parsers::seeds::write(root)?;
     for target in ["decode", "motion"] {
         let folder = root.join(target);
         std::fs::create_dir_all(&folder)?;

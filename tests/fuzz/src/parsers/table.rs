@@ -9,7 +9,7 @@ use host_tools::recording::{RATES_HZ, freehand};
 use host_tools::scene::equaliser::Response;
 use host_tools::support::hand::{MAX_FORCE_N, MAX_SPEED_MM_S};
 
-use crate::place;
+use super::place;
 
 /// Judges `input` as a table of the kind that its first byte names.
 pub fn judge(input: &[u8]) {

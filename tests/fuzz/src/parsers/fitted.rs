@@ -8,7 +8,7 @@ use host_tools::support::error::Error;
 use host_tools::support::hand::{MAX_FORCE_N, MAX_SPEED_MM_S};
 use model_format::{Provenance, SAMPLE_RATE_HZ};
 
-use crate::place;
+use super::place;
 
 /// Judges `input` as a list.
 pub fn list(input: &[u8]) {
