@@ -8,7 +8,7 @@ use embedded_storage_async::nor_flash::NorFlash;
 use model_format::link::{
     ChipValues, ClockValues, EncoderValues, ErrorCorrectionValues, FLASH_TEST_BYTES, FlashValues,
     OptionByteValues, OutputValues, RestValues, SelfTestError, SelfTestRequest, SelfTestValues,
-    SlotId, SlotState, UploadState,
+    Setting, SlotId, SlotState, UploadState,
 };
 
 use crate::control::Control;
@@ -76,7 +76,15 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
             SelfTestRequest::ErrorCorrection => {
                 Ok(SelfTestValues::ErrorCorrection(bench.error_correction()))
             }
-            SelfTestRequest::Output => bench.output().await.map(SelfTestValues::Output),
+            SelfTestRequest::Output { disconnected } => {
+                let enable =
+                    |control: &mut Control<_>| control.settings().get(Setting::EnableWired);
+                if disconnected || stage.with_control(enable) == 1.0 {
+                    bench.output().await.map(SelfTestValues::Output)
+                } else {
+                    Err(SelfTestError::AmplifierMayBeOn)
+                }
+            }
             SelfTestRequest::Rest => bench.rest().await.map(SelfTestValues::Rest),
             SelfTestRequest::Encoder => Ok(SelfTestValues::Encoder(bench.encoder())),
             SelfTestRequest::Flash {

@@ -42,7 +42,9 @@ pub fn start() {
 fn go_on_while_halted() {
     DBGMCU.apb1lfzr1().write_value(Apb1lfzr1(0));
     DBGMCU.apb2fzr1().write_value(Apb2fzr1(0));
-    DBGMCU.apb4fzr1().write(|w| w.set_iwdg1(cfg!(feature = "debug-halt")));
+    DBGMCU
+        .apb4fzr1()
+        .write(|w| w.set_iwdg1(cfg!(feature = "debug-halt")));
 }
 
 /// Feeds the watchdog at the end of a stage of the start.

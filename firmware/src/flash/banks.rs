@@ -233,7 +233,10 @@ impl Bank {
     /// Checks that the sector at `offset` is erased, because an order that a bank does not take ends as one that it has
     /// done. `status` is the one with which the erasure ended.
     async fn check_erased(self, offset: u32, status: Sr) -> Result<(), FlashError> {
-        for at in (offset..).step_by(WORD_BYTES).take(SECTOR_BYTES / WORD_BYTES) {
+        for at in (offset..)
+            .step_by(WORD_BYTES)
+            .take(SECTOR_BYTES / WORD_BYTES)
+        {
             if word::read(self.address + at) != Some([0xFF; WORD_BYTES]) {
                 return Err(FlashError::Refused { status: status.0 });
             }

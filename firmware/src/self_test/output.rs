@@ -3,7 +3,7 @@
 use cortex_m::peripheral::DWT;
 use embassy_futures::yield_now;
 use embassy_stm32::pac::adc::vals::SampleTime;
-use embassy_time::{Duration, Instant};
+use embassy_time::{Duration, Instant, Timer};
 use micromath::F32Ext;
 use model_format::DacCode;
 use model_format::link::{
@@ -15,6 +15,13 @@ use crate::boot::clock::{CONVERTER_HZ, CORE_HZ};
 use crate::self_test::clocks::since;
 use crate::self_test::read_back::ReadBack;
 use crate::tick::output::by_hand::ByHand;
+
+/// Time after which an amplifier is off whose enable has dropped: amplifiers mute or fade for tens of milliseconds
+/// (TDF8544: 50 ms).
+const AMPLIFIER_OFF: Duration = Duration::from_millis(100);
+
+/// Largest step from one code to the next, but for the step that is measured: 0.1 V.
+const RAMP: i32 = 128;
 
 /// Time in which a new code settles, cycles: 20 µs, many times what the output's buffer takes.
 const SETTLE_CYCLES: u32 = CORE_HZ / 50_000;
@@ -61,18 +68,25 @@ fn dac_code(code: u16) -> DacCode {
     DacCode::from_mid_scale(i32::from(code) - i32::from(DacCode::MID_SCALE.get()))
 }
 
-/// Sets `code` and waits until it has settled on the pin.
+/// Leads the output to `code`, by steps of at most [`RAMP`], and waits until it has settled on the pin.
 async fn set(by_hand: &ByHand, code: DacCode) -> Result<(), SelfTestError> {
-    by_hand.set(code);
-    let begin = Instant::now();
-    while !by_hand.is_out(code) {
-        if since(begin) > LIMIT {
-            return Err(fault("the output does not take a code"));
+    let offset = |code: DacCode| i32::from(code.get()) - i32::from(DacCode::MID_SCALE.get());
+    loop {
+        let left = offset(code) - offset(by_hand.code());
+        let next = DacCode::from_mid_scale(offset(by_hand.code()) + left.clamp(-RAMP, RAMP));
+        by_hand.set(next);
+        let begin = Instant::now();
+        while !by_hand.is_out(next) {
+            if since(begin) > LIMIT {
+                return Err(fault("the output does not take a code"));
+            }
+            yield_now().await;
         }
-        yield_now().await;
+        if next == code {
+            settle();
+            return Ok(());
+        }
     }
-    settle();
-    Ok(())
 }
 
 /// Measures everything. However it ends, the output belongs to the tick again and the amplifier is as before.
@@ -82,6 +96,7 @@ async fn set(by_hand: &ByHand, code: DacCode) -> Result<(), SelfTestError> {
 pub async fn measure() -> Result<OutputValues, SelfTestError> {
     let read_back = ReadBack::start().await?;
     let by_hand = ByHand::take();
+    Timer::after(AMPLIFIER_OFF).await;
     let mut sums = [0; OUTPUT_CODES];
     for (index, sum) in sums.iter_mut().enumerate() {
         set(&by_hand, dac_code(output_code(index))).await?;

@@ -98,7 +98,9 @@ pub fn numbers(name: &str, values: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {
 /// Checks a length before its copy is made.
 fn check_length(name: &str, count: usize, most: usize) -> PyResult<()> {
     if count > most {
-        return Err(refused(format!("{name} has {count} values: give at most {most}")));
+        return Err(refused(format!(
+            "{name} has {count} values: give at most {most}"
+        )));
     }
     Ok(())
 }
@@ -107,7 +109,9 @@ fn check_length(name: &str, count: usize, most: usize) -> PyResult<()> {
 fn check_mask(name: &str, array: &Bound<'_, PyAny>) -> PyResult<()> {
     let masks = array.py().import("numpy")?.getattr("ma")?;
     if masks.call_method1("is_masked", (array,))?.extract()? {
-        return Err(refused(format!("{name} has masked values: cut them off, or fill them")));
+        return Err(refused(format!(
+            "{name} has masked values: cut them off, or fill them"
+        )));
     }
     Ok(())
 }

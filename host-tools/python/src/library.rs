@@ -71,7 +71,9 @@ impl Library {
     /// A few words about it.
     pub fn text(&self) -> String {
         let names = self.decoded().map(|library| {
-            let names = library.textures().map(|texture| visible_line(texture.name()).into_owned());
+            let names = library
+                .textures()
+                .map(|texture| visible_line(texture.name()).into_owned());
             names.collect::<Vec<_>>().join(", ")
         });
         let names = names.unwrap_or_default();

@@ -78,7 +78,10 @@ impl Temporary {
     ///
     /// # Errors
     /// The operating system's reason.
-    #[cfg_attr(not(unix), expect(unused_variables, reason = "permissions are those of the folder"))]
+    #[cfg_attr(
+        not(unix),
+        expect(unused_variables, reason = "permissions are those of the folder")
+    )]
     pub fn file_in(
         folder: &Path,
         permissions: Option<fs::Permissions>,

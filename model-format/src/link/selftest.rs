@@ -55,7 +55,10 @@ pub enum SelfTestRequest {
     /// Errors that memories have corrected or found since the start.
     ErrorCorrection,
     /// The output's pin, moved and read back, with the amplifier disabled. Takes about a second.
-    Output,
+    Output {
+        /// True if the host's user says that no amplifier is connected. Otherwise the device must know that it is off.
+        disconnected: bool,
+    },
     /// The output's pin at rest, read back without moving it.
     Rest,
     /// Levels of the encoder's lines.
@@ -238,6 +241,12 @@ pub enum SelfTestError {
         /// The slot.
         slot: SlotId,
     },
+    /// The output would be moved with an amplifier that may be on.
+    #[error(
+        "the amplifier may be on, and the coil would take what the test puts out: set enable-wired to 1 once it is off \
+         while PE9 is low, or disconnect it and test with --bare"
+    )]
+    AmplifierMayBeOn,
     /// A part that did not answer.
     #[error("{what}: restart the device; if it stays, the part is damaged")]
     Hardware {

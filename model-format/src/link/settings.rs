@@ -50,13 +50,16 @@ pub enum Setting {
     MuteRamp,
     /// Force above which contact begins, N; 0 derives it from the converter's noise.
     ContactThreshold,
+    /// 1 if the amplifier is off while the image's enable is low, 0 if that is not known. The self test moves the output
+    /// only with 1.
+    EnableWired,
 }
 
 /// Time for which a change of settings that was proposed can be applied, ms.
 pub const PROPOSAL_VALID_MS: u32 = 60_000;
 
 /// Number of settings.
-pub const SETTING_COUNT: usize = 19;
+pub const SETTING_COUNT: usize = 20;
 
 /// The tighter one of two values of a setting that protects.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -119,6 +122,7 @@ impl Setting {
         Self::SoftStart,
         Self::MuteRamp,
         Self::ContactThreshold,
+        Self::EnableWired,
     ];
 
     /// Name, unit, range and default.
@@ -154,6 +158,10 @@ impl Setting {
             // 100 ms.
             Self::MuteRamp => number("mute-ramp", "ms", [1.0, 30.0], 20.0),
             Self::ContactThreshold => number("contact-threshold", "N", [0.0, 10.0], 0.0),
+            Self::EnableWired => SettingSpec {
+                whole: true,
+                ..number("enable-wired", "0 or 1", [0.0, 1.0], 0.0)
+            },
         }
     }
 
@@ -170,7 +178,8 @@ impl Setting {
             | Self::CoilResistance
             | Self::ThermalTimeConstant
             | Self::PowerLimit
-            | Self::MuteRamp => Some(Tighter::Lower),
+            | Self::MuteRamp
+            | Self::EnableWired => Some(Tighter::Lower),
             Self::AmplifierGain | Self::SoftStart => Some(Tighter::Higher),
             _ => None,
         }

@@ -281,7 +281,11 @@ impl Core {
     }
 
     fn changes(&self) -> (u64, u64, u8) {
-        (self.unreadable.changes(), self.ram.changes(), self.busy.banks())
+        (
+            self.unreadable.changes(),
+            self.ram.changes(),
+            self.busy.banks(),
+        )
     }
 
     fn exception(&self) -> u32 {
@@ -401,7 +405,12 @@ impl CoreBus for Seen<'_> {
 
     fn carry_on(&mut self, instructions: u64, event: Option<VirtualNanos>) -> Option<u32> {
         // A word that a model has just marked must be routed before the core goes on.
-        if Some((self.unreadable.changes(), self.ram.changes(), self.busy.banks())) == self.changes {
+        if Some((
+            self.unreadable.changes(),
+            self.ram.changes(),
+            self.busy.banks(),
+        )) == self.changes
+        {
             self.bus.carry_on(instructions + self.stalled, event)
         } else {
             None

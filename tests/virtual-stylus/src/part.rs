@@ -6,7 +6,9 @@
 use rigless::device::{Device, DeviceContext, ErasedDevice, RegisterFile, ResetCause};
 use rigless::mcu::{Mcu, Operate};
 use rigless::soc::stm32h743::Stm32h743;
-use rigless::soc::stm32h743::generated::{crs, dbgmcu, exti, flash, otg1_hs_global, pwr, ramecc1, rcc};
+use rigless::soc::stm32h743::generated::{
+    crs, dbgmcu, exti, flash, otg1_hs_global, pwr, ramecc1, rcc,
+};
 use rigless::soc::stm32h743::peripherals::adc::{Adc, Converter};
 use rigless::soc::stm32h743::peripherals::flash::{Flash, OptionBytes};
 use rigless::soc::stm32h743::peripherals::gpio::Gpio;
@@ -296,14 +298,19 @@ impl Part {
         let slot = self.rest.bus_mut().slot_mut(self.slots.debug);
         let registers = slot.registers_mut();
         registers.set(dbgmcu::Register::Apb4fz1, dbgmcu::apb4fz1::DBG_IWDG1.mask());
-        registers.set(dbgmcu::Register::Apb1lfz1, dbgmcu::apb1lfz1::DBG_TIM7.mask());
+        registers.set(
+            dbgmcu::Register::Apb1lfz1,
+            dbgmcu::apb1lfz1::DBG_TIM7.mask(),
+        );
     }
 
     /// True if anything waits while the core is halted.
     pub fn is_frozen_in_halt(&self) -> bool {
         use dbgmcu::Register::{Apb1lfz1, Apb2fz1, Apb4fz1};
         let registers = self.rest.bus().slots()[self.slots.debug].registers();
-        [Apb1lfz1, Apb2fz1, Apb4fz1].iter().any(|&register| registers.get(register) != 0)
+        [Apb1lfz1, Apb2fz1, Apb4fz1]
+            .iter()
+            .any(|&register| registers.get(register) != 0)
     }
 
     /// Has AXI SRAM's monitor find an error: bit 0 of `flags` one that was corrected, bit 1 one that was not (section

@@ -40,7 +40,7 @@ fn a_playing_device_refuses_every_measurement_and_plays_on() {
         SelfTestRequest::OptionBytes,
         SelfTestRequest::Clocks,
         SelfTestRequest::ErrorCorrection,
-        SelfTestRequest::Output,
+        SelfTestRequest::Output { disconnected: true },
         SelfTestRequest::Encoder,
         flash(SlotId::B, true),
     ] {
@@ -72,6 +72,21 @@ fn nothing_can_be_played_until_a_measurement_has_ended() {
     assert!(measured.is_ok(), "{measured:?}");
     assert!(refusals > 100, "{refusals}");
     assert!(stylus.play(play_request("texture 0")).is_ok());
+}
+
+#[test]
+fn the_output_is_moved_only_where_the_amplifier_is_known_to_be_off() {
+    let mut stylus = SteppedStylus::ready(&library(1, 20, 1));
+    let output = |disconnected| SelfTestRequest::Output { disconnected };
+    let refused = measure(&mut stylus, output(false));
+    assert_eq!(refused, Err(SelfTestError::AmplifierMayBeOn));
+    assert!(measure(&mut stylus, output(true)).is_ok());
+    let change = SettingChange {
+        setting: Setting::EnableWired,
+        value: 1.0,
+    };
+    stylus.change_settings(&[change]).unwrap();
+    assert!(measure(&mut stylus, output(false)).is_ok());
 }
 
 #[test]

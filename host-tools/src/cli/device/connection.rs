@@ -75,7 +75,8 @@ impl Link {
             None => discovery::only(&Route::Direct).map(|(link, _)| link),
         };
         self.connect().or_else(|failure| {
-            let direct = link().map(|link| Device::connect_by(&link, self.timeouts(), Route::Direct));
+            let direct =
+                link().map(|link| Device::connect_by(&link, self.timeouts(), Route::Direct));
             match direct {
                 Ok(Ok(device)) => Ok(device),
                 _ => Err(failure),
@@ -86,7 +87,9 @@ impl Link {
     fn timeouts(&self) -> Timeouts {
         // At most a day, so that sums of timeouts do not overflow.
         let longest = |seconds: f64| Duration::from_secs_f64(seconds.min(86_400.0));
-        self.timeout.map_or_else(Timeouts::default, |seconds| Timeouts::scaled_to(longest(seconds)))
+        self.timeout.map_or_else(Timeouts::default, |seconds| {
+            Timeouts::scaled_to(longest(seconds))
+        })
     }
 
     /// Connects to a second link of the stylus.

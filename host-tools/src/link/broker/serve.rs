@@ -95,7 +95,10 @@ async fn run(
     match fs::remove_file(&place.socket) {
         Err(failure) if failure.kind() != io::ErrorKind::NotFound => {
             let shown = place.socket.display();
-            return Err(unusable(address, &format!("{shown} cannot be replaced ({failure}): remove it")));
+            return Err(unusable(
+                address,
+                &format!("{shown} cannot be replaced ({failure}): remove it"),
+            ));
         }
         _ => {}
     }

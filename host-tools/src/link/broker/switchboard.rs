@@ -4,10 +4,10 @@ use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::time::{Duration, Instant};
 
 use model_format::link::{
-    ActivateEndpoint, KeepAliveTopic, MAX_HOST_FRAME_BYTES, MotionEndpoint, MotionTopic, PlayEndpoint, RecordBlock,
-    RecordBlockTopic, RecordStartEndpoint, RecordStopEndpoint, RecordStopped, SelfTestEndpoint,
-    SettingsApplyEndpoint, SettingsProposeEndpoint, StopEndpoint, UploadAbortEndpoint,
-    UploadBeginEndpoint, UploadChunkEndpoint, UploadCommitEndpoint,
+    ActivateEndpoint, KeepAliveTopic, MAX_HOST_FRAME_BYTES, MotionEndpoint, MotionTopic,
+    PlayEndpoint, RecordBlock, RecordBlockTopic, RecordStartEndpoint, RecordStopEndpoint,
+    RecordStopped, SelfTestEndpoint, SettingsApplyEndpoint, SettingsProposeEndpoint, StopEndpoint,
+    UploadAbortEndpoint, UploadBeginEndpoint, UploadChunkEndpoint, UploadCommitEndpoint,
 };
 use postcard_rpc::header::{VarHeader, VarKey, VarSeq};
 use postcard_rpc::standard_icd::{ERROR_KEY, WireError};
@@ -111,7 +111,8 @@ impl Switchboard {
         // The device would refuse it, after the others had waited for its time on the wire.
         if frame.len() > MAX_HOST_FRAME_BYTES {
             let bytes = frame.len();
-            let reason = format!("a frame of {bytes} bytes, and a stylus takes {MAX_HOST_FRAME_BYTES}");
+            let reason =
+                format!("a frame of {bytes} bytes, and a stylus takes {MAX_HOST_FRAME_BYTES}");
             return vec![Action::ToClient(client, FromBroker::Ended(reason))];
         }
         let Some((header, body)) = VarHeader::take_from_slice(frame) else {

@@ -81,7 +81,10 @@ impl RamCode {
     /// Follows an access of an instruction.
     pub fn follow(&self, access: &Access) {
         let within = |(memory, _): &(Range<u64>, u64)| memory.contains(&access.address);
-        let Some(word_bytes) = MEMORIES.iter().find(|memory| within(memory)).map(|found| found.1)
+        let Some(word_bytes) = MEMORIES
+            .iter()
+            .find(|memory| within(memory))
+            .map(|found| found.1)
         else {
             return;
         };
@@ -99,9 +102,8 @@ impl State {
         }
         // Two words of one instruction are one store of 64 bits.
         let part = self.part.take();
-        let earlier = part.filter(|part| {
-            part.word == word && part.instruction == access.instruction_count
-        });
+        let earlier =
+            part.filter(|part| part.word == word && part.instruction == access.instruction_count);
         if let (Some(part), None) = (part, earlier) {
             self.errors.insert(part.word);
         }
@@ -117,7 +119,11 @@ impl State {
             self.write(page, index);
         } else {
             let instruction = access.instruction_count;
-            self.part = Some(Part { word, instruction, bytes });
+            self.part = Some(Part {
+                word,
+                instruction,
+                bytes,
+            });
         }
     }
 

@@ -14,6 +14,9 @@ use virtual_stylus::model::read_back::OutputPin;
 use crate::device::{CODE_NS, Device, MID_SCALE, MS, SECOND, inject, product, with_faults};
 use crate::library;
 
+/// The output, by a user who has connected no amplifier.
+const OUTPUT: SelfTestRequest = SelfTestRequest::Output { disconnected: true };
+
 /// A device on a board that `change` has changed before the power came on.
 fn on_board(change: impl FnOnce(&mut StylusBoard) + Send + 'static) -> Device {
     let mut device = Device::new(&product(), Options::default());
@@ -97,7 +100,7 @@ fn silicon_and_option_bytes_that_are_wrong_are_named() {
     let mut device = on_board(|board| board.part.set_revision(0x1003));
     let found = lines(&mut device, SelfTestRequest::Chip);
     assert_eq!(failing(&found), ["silicon revision"]);
-    for request in [SelfTestRequest::Rest, SelfTestRequest::Output] {
+    for request in [SelfTestRequest::Rest, OUTPUT] {
         let found = lines(&mut device, request);
         assert_eq!(failing(&found), [""; 0], "with the clock that it shares");
     }
@@ -193,7 +196,7 @@ fn errors_of_memories_are_counted_until_the_next_start() {
 
 #[test]
 fn faults_of_the_output_are_named() {
-    use SelfTestRequest::{Output, Rest};
+    use SelfTestRequest::Rest;
     let mut device = Device::started(Options::default());
     let mut fails = |request, change: fn(&mut OutputPin), named: &[&str]| {
         let mut pin = OutputPin::default();
@@ -210,19 +213,19 @@ fn faults_of_the_output_are_named() {
         );
     };
     fails(
-        Output,
+        OUTPUT,
         |pin| pin.gain = 0.95,
         &["output gain", "output offset"],
     );
-    fails(Output, |pin| pin.offset = 40.0, &["output offset"]);
-    fails(Output, |pin| pin.noise = 60.0, &["output noise"]);
-    fails(Output, |pin| pin.settling_ns = 6_000.0, &["output delay"]);
+    fails(OUTPUT, |pin| pin.offset = 40.0, &["output offset"]);
+    fails(OUTPUT, |pin| pin.noise = 60.0, &["output noise"]);
+    fails(OUTPUT, |pin| pin.settling_ns = 6_000.0, &["output delay"]);
     fails(
-        Output,
+        OUTPUT,
         |pin| pin.stuck_low = 1 << 6,
         &["output smallest step"],
     );
-    fails(Output, |pin| pin.disconnected = true, &["output at PA4"]);
+    fails(OUTPUT, |pin| pin.disconnected = true, &["output at PA4"]);
     fails(Rest, |pin| pin.offset = 40.0, &["output at rest"]);
     fails(Rest, |pin| pin.disconnected = true, &["output at rest"]);
     fails(Rest, |pin| pin.noise = 120.0, &["output still at rest"]);
@@ -235,7 +238,7 @@ fn the_output_is_at_rest_and_follows_the_tick_again_even_if_the_host_is_gone() {
     let asked_ns = device.stylus.now_ns();
     device.send_frame(
         <SelfTestEndpoint as postcard_rpc::Endpoint>::REQ_KEY,
-        &SelfTestRequest::Output,
+        &OUTPUT,
     );
     device.run_for(2 * SECOND);
     let (now, outputs) = (device.stylus.now_ns(), device.dac().to_vec());
@@ -253,6 +256,14 @@ fn the_output_is_at_rest_and_follows_the_tick_again_even_if_the_host_is_gone() {
     };
     assert!(on_at(asked_ns) && on_at(now));
     assert!(!away.iter().any(|&at_ns| on_at(at_ns)));
+    // An amplifier takes its time to go off, and a coil behind it gets no jumps but the one that is measured.
+    let dropped = amplifier.iter().rfind(|driven| driven.drive == Drive::Low);
+    let dropped = dropped.expect("it was on").at_ns;
+    assert!(away[0] - dropped >= 100 * MS, "{} ns", away[0] - dropped);
+    let codes: Vec<u16> = outputs.iter().filter_map(|output| output.code).collect();
+    let jumps = codes.windows(2).map(|pair| pair[0].abs_diff(pair[1]));
+    let jumps: Vec<u16> = jumps.filter(|&jump| jump > 128).collect();
+    assert!(jumps.iter().all(|&jump| jump == 2048), "{jumps:?}");
     let last: Vec<_> = (outputs.iter())
         .filter(|output| output.at_ns > now - 500 * MS)
         .collect();

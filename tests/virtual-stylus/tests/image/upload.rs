@@ -1,8 +1,6 @@
 //! Uploads: the playing that they leave undisturbed, and power cuts, after which there is the old library or the new.
 
-use model_format::link::{
-    MotionSource, SlotId, SlotState, UPLOAD_WINDOW, UploadBeginEndpoint,
-};
+use model_format::link::{MotionSource, SlotId, SlotState, UPLOAD_WINDOW, UploadBeginEndpoint};
 use virtual_stylus::model::flash::{Contents, Moment, Stalls};
 use virtual_stylus::{Options, PowerCut};
 

@@ -112,7 +112,7 @@ pub const REQUESTS: &[Request] = &[
         ask::<SelfTestEndpoint>(n, &request)
     }),
     asked("self test of the output", |n| {
-        ask::<SelfTestEndpoint>(n, &SelfTestRequest::Output)
+        ask::<SelfTestEndpoint>(n, &SelfTestRequest::Output { disconnected: true })
     }),
     asked("begin another upload", |n| {
         let begin = UploadBegin {

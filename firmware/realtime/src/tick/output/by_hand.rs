@@ -66,6 +66,11 @@ impl ByHand {
         CODE.store(i32::from(code.get()) - middle, Ordering::Relaxed);
     }
 
+    /// The code that was set last; mid-scale at first.
+    pub fn code(&self) -> DacCode {
+        DacCode::from_mid_scale(CODE.load(Ordering::Relaxed))
+    }
+
     /// Returns true if `code` is on the pin.
     #[inline(always)]
     pub fn is_out(&self, code: DacCode) -> bool {

@@ -3,7 +3,8 @@
 use std::collections::VecDeque;
 
 use model_format::link::{
-    BLOCK_SAMPLES, InfoEndpoint, ListEndpoint, PackedSample, RecordError, RecordStarted, StatusEndpoint,
+    BLOCK_SAMPLES, InfoEndpoint, ListEndpoint, PackedSample, RecordError, RecordStarted,
+    StatusEndpoint,
 };
 use proptest::prelude::*;
 
@@ -391,5 +392,8 @@ fn a_frame_that_no_stylus_takes_ends_its_client_and_keeps_nobody_waiting() {
     assert_eq!(for_device(&board.frame_of(1, &fits)).len(), 1);
     let actions = board.frame_of(1, &request(ListEndpoint::REQ_KEY, 1, &longest(1)));
     assert!(for_device(&actions).is_empty());
-    assert!(matches!(&for_client(&actions, 1)[..], [FromBroker::Ended(_)]));
+    assert!(matches!(
+        &for_client(&actions, 1)[..],
+        [FromBroker::Ended(_)]
+    ));
 }
