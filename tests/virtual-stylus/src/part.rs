@@ -19,7 +19,7 @@ use rigless::time::VirtualNanos;
 
 use crate::electrical::{Defects, Electrical, OldConverter};
 use crate::model::adc::{Injected, Pins};
-use crate::model::around::{Around, Extended};
+use crate::model::around::{Around, Call, Extended};
 use crate::model::dac::{Dac, TIM6_TRIGGER, TIM7_TRIGGER};
 use crate::model::encoder::Quadrature;
 use crate::model::flash::{Busy, Journal, Unreadable};
@@ -299,7 +299,9 @@ impl Part {
             let (registers, mut context) = bus.drive(at, self.slots.dac);
             self.dac.trigger(TIM6_TRIGGER, registers, &mut context);
             let (registers, mut context) = bus.drive(at, self.slots.adc);
-            self.adc.around.trigger(registers, &mut context);
+            let context = &mut context;
+            let mut call = Call { registers, context };
+            self.adc.around.trigger(&mut call);
         }
         while let Some(at) = self.code_timer.around.take() {
             let (registers, mut context) = self.rest.bus_mut().drive(at, self.slots.dac);

@@ -1,17 +1,15 @@
 //! Two hosts, one on each link: the lease of whoever plays, and changes of settings in two steps.
 
-use fake_stylus::device::{SteppedStylus, play_request};
+use fake_stylus::device::{COIL, MOTION, SteppedStylus, change, play_request};
 use fake_stylus::hardware::Hardware;
 use fake_stylus::library::library;
 use fake_stylus::requests::Requests;
 use model_format::link::{
     KEEP_ALIVE_MS, KeepAliveTopic, LINK_LOST_AFTER_MS, LOCKED, LinkId, MotionEndpoint,
-    MotionRefused, MotionSample, MotionSource, MotionTopic, MuteReason, PROPOSAL_VALID_MS,
-    PlayEndpoint, PlayError, PlayRequest, ProposalToken, Setting, SettingChange, SettingSet,
-    Settings, SettingsChange, SettingsError, SettingsProposal, SettingsProposeEndpoint, Status,
-    StatusEndpoint, StopEndpoint,
+    MotionRefused, MotionSource, MotionTopic, MuteReason, PROPOSAL_VALID_MS, PlayEndpoint,
+    PlayError, PlayRequest, ProposalToken, Setting, SettingSet, Settings, SettingsChange,
+    SettingsError, SettingsProposal, SettingsProposeEndpoint, Status, StatusEndpoint, StopEndpoint,
 };
-use model_format::{MillimetresPerSecond, Newton};
 use proptest::prelude::*;
 use stylus_app::TICKS_PER_MS;
 use stylus_app::control::Device;
@@ -51,7 +49,7 @@ impl Stylus {
     }
 
     fn moves(&self, link: LinkId) -> Result<MotionSource, MotionRefused> {
-        self.requests.ask::<MotionEndpoint>(link, &motion())
+        self.requests.ask::<MotionEndpoint>(link, &MOTION)
     }
 
     fn status(&self, link: LinkId) -> Status {
@@ -94,18 +92,11 @@ impl Stylus {
     }
 }
 
-fn motion() -> MotionSample {
-    MotionSample {
-        speed: MillimetresPerSecond(100.0),
-        force: Newton(1.0),
-        position_mm: None,
-        contact: None,
-    }
-}
-
 fn change_of(values: &[(Setting, f32)]) -> SettingsChange {
-    let change = |&(setting, value): &(Setting, f32)| SettingChange { setting, value };
-    let changes: Vec<_> = values.iter().map(change).collect();
+    let changes: Vec<_> = values
+        .iter()
+        .map(|&(of, value)| change(of, value))
+        .collect();
     SettingsChange::of(&changes).expect("there is room for seven")
 }
 
@@ -137,7 +128,7 @@ fn a_play_whose_program_died_is_silent_in_time_whatever_else_is_asked_on_either_
                     stylus.status(link);
                     if drives {
                         stylus.keep_alive(link);
-                        stylus.requests.publish::<MotionTopic>(link, &motion());
+                        stylus.requests.publish::<MotionTopic>(link, &MOTION);
                     }
                 }
                 stylus.stylus.control.millisecond();
@@ -366,12 +357,7 @@ fn a_start_begins_with_the_kept_heat_and_a_later_change_of_settings_never_forget
     // A reset of the settings and other ones judge the same heat.
     let before = first.hardware().heat().to_bits();
     first.reset_settings().expect("nothing is played");
-    let looser = [
-        (Setting::CoilResistance, 8.0),
-        (Setting::AmplifierGain, 1.0),
-        (Setting::PowerLimit, 1.0),
-    ];
-    let looser = looser.map(|(setting, value)| SettingChange { setting, value });
+    let looser = [COIL[0], COIL[1], change(Setting::PowerLimit, 1.0)];
     first.change_settings(&looser).expect("nothing is played");
     let after = first.hardware().heat().to_bits();
     assert!(after > before / 10 * 9, "{before} {after}");

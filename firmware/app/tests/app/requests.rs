@@ -2,7 +2,7 @@
 
 use std::iter;
 
-use fake_stylus::device::{COIL, SteppedStylus, play_request};
+use fake_stylus::device::{COIL, MOTION, SteppedStylus, change, play_request};
 use fake_stylus::flash::{Memory, SECTOR_BYTES, SimulatedFlash};
 use fake_stylus::hardware::Hardware;
 use fake_stylus::library::{announcement, library, texture};
@@ -10,13 +10,11 @@ use model_format::limits::{self, MAX_ORDER};
 use model_format::link::{
     ActivateError, Activity, LINK_LOST_AFTER_MS, LinkId, MAX_PIN_MEAN_SQUARE, MotionSample,
     MotionSource, MuteReason, PlayError, PlayRequest, RecordError, STALE_AFTER_MS, Selection,
-    Setting, SettingChange, SettingSet, Settings, SettingsError, SettingsState, SlotId, StopError,
-    UploadChunk, UploadError,
+    Setting, SettingSet, Settings, SettingsError, SettingsState, SlotId, StopError, UploadChunk,
+    UploadError,
 };
 use model_format::scene::{Biquad, Region, Scene, StickSlip, Surface, Tap};
-use model_format::{
-    DacCode, Library, MillimetresPerSecond, Newton, PlayRate, encode, encode_with_scenes,
-};
+use model_format::{DacCode, Library, MillimetresPerSecond, PlayRate, encode, encode_with_scenes};
 use stylus_kernel::scene::Plan;
 
 /// A device with a library of one texture, "texture 0", that plays it.
@@ -52,10 +50,6 @@ fn mute(stylus: &SteppedStylus) -> Vec<MuteReason> {
 fn starts_and_switches(stylus: &SteppedStylus) -> (usize, usize) {
     let hardware = stylus.hardware();
     (hardware.starts, hardware.switches)
-}
-
-fn change(setting: Setting, value: f32) -> SettingChange {
-    SettingChange { setting, value }
 }
 
 fn scene(name: &str, texture: u8, sample_rate_hz: u32) -> Scene {
@@ -604,9 +598,7 @@ fn motion_that_is_not_finite_is_refused_and_the_one_before_holds() {
     let before = stylus.hardware().host;
     let bad = MotionSample {
         speed: MillimetresPerSecond(f32::NAN),
-        force: Newton(1.0),
-        position_mm: None,
-        contact: None,
+        ..MOTION
     };
     let moved = stylus.control.borrow_mut().motion(LinkId::Serial, bad);
     assert!(moved.is_err());

@@ -54,16 +54,10 @@ fn any_request_is_answered_or_stalled_and_the_device_lives_on() {
         } else {
             (next() as u8, next() as u8)
         };
-        let value = if near {
-            VALUES[next() as usize % VALUES.len()]
-        } else {
-            next() as u16
-        };
-        let index = if near {
-            INDICES[next() as usize % INDICES.len()]
-        } else {
-            next() as u16
-        };
+        let [value, index] = [&VALUES[..], &INDICES].map(|specified| match next() {
+            drawn if near => specified[drawn as usize % specified.len()],
+            drawn => drawn as u16,
+        });
         let length = [0, 1, 2, 8, 18, 63, 64, 65, 255, 1024][next() as usize % 10];
         let request = Request::new(kind, asked, value, index, length);
         // Requests that would take the device away or end the test.

@@ -1,6 +1,5 @@
-//! Registers written one by one without a core: DAC1 fed by DMA at the triggers of TIM7, and the watchdog.
+//! Registers written one by one without a core: DAC1 fed by DMA at the triggers of TIM7, and the watchdog's.
 
-use rigless::mcu::Operate;
 use virtual_stylus::Electrical;
 
 use crate::bench::{AHB1ENR, Bench, RCC};
@@ -18,30 +17,6 @@ pub fn converters() -> Bench {
     // The converters' clock is the peripherals' common one, 64 MHz.
     bench.write(D3CCIPR, 0b10 << 16);
     bench
-}
-
-#[test]
-fn a_watchdog_fed_before_its_window_opens_resets_the_part() {
-    const KEY: u64 = IWDG1;
-    const RELOAD: u64 = IWDG1 + 0x08;
-    const WINDOW: u64 = IWDG1 + 0x10;
-    /// 4 cycles of the 32 kHz LSI.
-    const COUNT_NS: u64 = 125_000;
-    for (counts, resets) in [(89, true), (91, false)] {
-        let mut bench = converters();
-        bench.write(KEY, 0xCCCC);
-        bench.wait(1_000_000);
-        bench.write(KEY, 0x5555);
-        bench.write(RELOAD, 100);
-        bench.write(WINDOW, 10);
-        bench.wait(counts * COUNT_NS + COUNT_NS / 2);
-        bench.write(KEY, 0xAAAA);
-        assert_eq!(
-            bench.part.take_reset_request().is_some(),
-            resets,
-            "after {counts} counts"
-        );
-    }
 }
 
 #[test]
