@@ -6,7 +6,6 @@ use proptest::prelude::*;
 use stylus_kernel::arithmetic::Portable;
 use stylus_kernel::excitation::{Excitation, FRACTION_BITS};
 use stylus_kernel::lattice::LatticeState;
-use stylus_kernel::rotation::Rotation;
 
 use crate::models::{Deviation, FloatLattice, fixtures, rotation};
 
