@@ -168,6 +168,17 @@ fn what_is_played_changes_without_a_mute_where_gain_and_rate_stay_and_in_silence
             matches!(activity, Activity::Playing { selection, .. } if selection == request.selection)
         );
     }
+    // Of two requests during a fade-out the last one begins.
+    for gain in [0.5, 0.25] {
+        let request = play_request("slow");
+        let played = stylus.play(PlayRequest { gain, ..request });
+        assert!(played.is_ok(), "{played:?}");
+        assert_eq!(stylus.status().output.activity, Activity::FadingOut);
+    }
+    stylus.run(400);
+    let playing = stylus.hardware().playing.clone();
+    assert_eq!(playing.map(|request| request.gain), Some(0.25));
+    assert_eq!(starts_and_switches(&stylus), (5, 3));
 }
 
 #[test]
@@ -335,6 +346,7 @@ fn another_library_takes_over_in_silence_and_one_that_is_not_there_or_fails_does
 fn motion_that_stops_and_a_host_that_goes_are_silent_within_100_ms() {
     for host_is_heard in [true, false] {
         let stylus = playing();
+        let counts = stylus.status().output.mute_counts;
         let mut silent_after = 0;
         while stylus.sounds() {
             if host_is_heard {
@@ -348,6 +360,9 @@ fn motion_that_stops_and_a_host_that_goes_are_silent_within_100_ms() {
         let mute = mute(&stylus);
         assert!(mute.contains(&MuteReason::Stale));
         assert_eq!(mute.contains(&MuteReason::LinkLost), !host_is_heard);
+        let stale = MuteReason::Stale as usize;
+        let began = stylus.status().output.mute_counts[stale];
+        assert_eq!(began, counts[stale] + 1, "it began once");
         // And it comes back.
         stylus.run(300);
         assert!(stylus.sounds());

@@ -7,11 +7,9 @@ use model_format::link::{
     FlashOperation, MAX_CHUNK_BYTES, SlotFault, SlotId, SlotState, UploadBegin, UploadChunk,
     UploadError, UploadState,
 };
-use proptest::prelude::*;
 use stylus_app::slots::SlotStore;
 use stylus_app::upload::Uploader;
 
-use crate::budget;
 use fake_stylus::flash::{Memory, Mishap, SimulatedFlash};
 use fake_stylus::library::{announcement, library, upload};
 
@@ -272,70 +270,4 @@ fn a_call_that_is_dropped_half_way_ends_the_upload() {
     assert_eq!(store.newest(), Some(SlotId::A));
     assert!(block_on(upload(&mut uploader, &mut store, &new, 512)).is_ok());
     assert_library_is_left(&mut store, &old);
-}
-
-#[derive(Clone, Copy, Debug)]
-enum Step {
-    Begin(usize),
-    Chunk { good: bool, length: usize },
-    Commit,
-    Abort,
-    ActivateNewest,
-}
-
-fn steps() -> impl Strategy<Value = Vec<Step>> {
-    let step = prop_oneof![
-        2 => (0usize..3).prop_map(Step::Begin),
-        12 => (prop::bool::weighted(0.9), 1usize..=16)
-            .prop_map(|(good, words)| Step::Chunk { good, length: words * 32 }),
-        2 => Just(Step::Commit),
-        1 => Just(Step::Abort),
-        1 => Just(Step::ActivateNewest),
-    ];
-    prop::collection::vec(step, 1..120)
-}
-
-proptest! {
-    #![proptest_config(budget::config(160))]
-
-    /// There is always a library, and it is one of those that were sent whole, for all requests in all orders.
-    #[test]
-    fn any_order_of_requests_leaves_a_whole_library(steps in steps()) {
-        let libraries = [library(1, 1, 5), library(1, 2, 6), library(1, 3, 7)];
-        let (mut uploader, mut store, first) = device();
-        for step in steps {
-            let state = uploader.state();
-            match (step, state) {
-                (Step::Begin(which), _) => {
-                    prop_assert!(block_on(uploader.begin(&mut store, announcement(&libraries[which]))).is_ok());
-                }
-                (Step::Chunk { good, length }, UploadState::Receiving(progress)) => {
-                    let which = libraries.iter().find(|bytes| announcement(bytes) == progress.upload);
-                    let rest = &which.expect("one of these")[progress.next_offset as usize..];
-                    let data = &rest[..length.min(rest.len())];
-                    let offset = progress.next_offset + u32::from(!good);
-                    let taken = block_on(uploader.chunk(&mut store, UploadChunk { offset, data })).is_ok();
-                    prop_assert_eq!(taken, good && !data.is_empty());
-                }
-                (Step::Chunk { length, .. }, UploadState::Idle) => {
-                    let data = &[0; 512][..length];
-                    let error = block_on(uploader.chunk(&mut store, UploadChunk { offset: 0, data }));
-                    prop_assert_eq!(error, Err(UploadError::NotBegun));
-                }
-                (Step::Commit, UploadState::Receiving(progress)) => {
-                    let whole = progress.next_offset == progress.upload.length;
-                    prop_assert_eq!(block_on(uploader.commit(&mut store)).is_ok(), whole);
-                }
-                (Step::Commit, UploadState::Idle) => {
-                    prop_assert_eq!(block_on(uploader.commit(&mut store)), Err(UploadError::NotBegun));
-                }
-                (Step::Abort, _) => uploader.abort(&mut store),
-                (Step::ActivateNewest, _) => store.set_active(store.newest()),
-            }
-            let newest = store.newest();
-            prop_assert!(newest.is_some());
-            let bytes = block_on(store.library_bytes(newest.expect("there is one"))).expect("it is valid");
-            prop_assert!(bytes == first || libraries.iter().any(|library| bytes == library));
-        }
-    }
 }
