@@ -184,14 +184,12 @@ impl SteppedStylus {
 
     /// Boots on `slots`, with settings that were never written, in the order of the image.
     pub fn boot_from(slots: Flash) -> Self {
-        let flash = SimulatedFlash::new(Memory::blank(2 * SECTOR_BYTES));
-        Self::boot_with(slots, flash)
+        Self::boot_from_on(slots, Hardware::new())
     }
 
     /// Boots on blank flash and on `hardware`, whose start may have been in safe mode.
     pub fn boot_on(hardware: Hardware) -> Self {
-        let flash = SimulatedFlash::new(Memory::blank(2 * SECTOR_BYTES));
-        Self::boot_as(SimulatedFlash::two_slots(), flash, hardware)
+        Self::boot_from_on(SimulatedFlash::two_slots(), hardware)
     }
 
     /// Boots on `slots` and on `hardware`, with settings that were never written.

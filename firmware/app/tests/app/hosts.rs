@@ -78,6 +78,11 @@ impl Stylus {
         (self.requests).ask::<SettingsProposeEndpoint>(link, change)
     }
 
+    fn proposes_reset(&self, link: LinkId) -> SettingsProposal {
+        let proposed = self.propose(link, &SettingsChange::Reset);
+        proposed.expect("it rests")
+    }
+
     fn apply(&mut self, link: LinkId, token: ProposalToken) -> Result<Settings, SettingsError> {
         (self.stylus)
             .request(async |storage, stage| storage.settings_apply(stage, link, token).await)
@@ -179,9 +184,7 @@ fn a_proposal_ends_with_its_time_a_play_and_another_proposal() {
     let before = stylus.settings();
     assert_eq!(stylus.proposal(), None, "none at the start");
 
-    let first = stylus
-        .propose(usb, &SettingsChange::Reset)
-        .expect("it rests");
+    let first = stylus.proposes_reset(usb);
     stylus.stylus.run(PROPOSAL_VALID_MS - 1);
     let remaining_ms = stylus.proposal().map(|proposal| proposal.remaining_ms);
     assert_eq!(remaining_ms, Some(1));
@@ -189,9 +192,7 @@ fn a_proposal_ends_with_its_time_a_play_and_another_proposal() {
     assert_eq!(stylus.proposal(), None);
     assert_eq!(stylus.apply(usb, first.token), gone);
 
-    let first = stylus
-        .propose(usb, &SettingsChange::Reset)
-        .expect("it rests");
+    let first = stylus.proposes_reset(usb);
     stylus.play(serial).expect("it is there");
     let playing = Err(SettingsError::Playing);
     assert_eq!(stylus.propose(serial, &SettingsChange::Reset), playing);
@@ -199,9 +200,7 @@ fn a_proposal_ends_with_its_time_a_play_and_another_proposal() {
     stylus.stylus.run(100);
     assert_eq!(stylus.apply(usb, first.token), gone);
 
-    let first = stylus
-        .propose(usb, &SettingsChange::Reset)
-        .expect("it rests");
+    let first = stylus.proposes_reset(usb);
     let other = change_of(&[(Setting::HardLimit, 0.1)]);
     let second = stylus.propose(serial, &other).expect("it rests");
     assert_ne!(first.token, second.token);
@@ -233,8 +232,7 @@ fn the_users_word_is_wanted_for_what_loosens_and_for_first_values_alone() {
     let proposal = unset.control.borrow_mut().propose(LinkId::Usb, first);
     let loosens = proposal.expect("it rests").loosens;
     assert!(loosens.contains(Setting::PowerLimit));
-    let reset = stylus.propose(LinkId::Usb, &SettingsChange::Reset);
-    assert_eq!(reset.expect("it rests").loosens, LOCKED);
+    assert_eq!(stylus.proposes_reset(LinkId::Usb).loosens, LOCKED);
 }
 
 /// Act of a host.

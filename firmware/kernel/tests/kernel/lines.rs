@@ -35,13 +35,13 @@ fn silent_but_for(lines: &[(f32, f64, f32)]) -> Vec<u8> {
 }
 
 /// One line of phase 0.
-fn line_of(wavelength_mm: f32, amplitudes: Vec<f32>) -> Option<LinesSpec> {
+fn line_of(wavelength_mm: f32, amplitudes: Vec<f32>) -> LinesSpec {
     let line = LineSpec {
         wavelength_mm,
         phase: 0,
         amplitudes,
     };
-    Some(LinesSpec { lines: vec![line] })
+    LinesSpec { lines: vec![line] }
 }
 
 fn m_s2(sample: OutputSample) -> f64 {
@@ -255,7 +255,7 @@ fn amplitudes_are_means_over_the_grid_with_the_textures_fade_below_it() {
         let mut spec = spec(&[40.0, 80.0], &[1.0, 2.0], silent);
         spec.laws.fade = fade;
         let amplitudes = vec![1.0, 2.0, 4.0, 8.0];
-        spec.parts.lines = line_of(0.61, amplitudes);
+        spec.parts.lines = Some(line_of(0.61, amplitudes));
         let bytes = encode(&[spec]).expect("a valid library");
         for (speed, force, amplitude) in [
             (40.0, 1.0, 1.0),
@@ -363,7 +363,7 @@ fn lines_of_two_surfaces_share_a_transition_and_have_the_gain_of_their_surface()
     let lined = |name: &str, wavelength_mm| {
         let mut spec = spec(&[10.0], &[0.5], silent());
         spec.name = name.to_owned();
-        spec.parts.lines = line_of(wavelength_mm, vec![1.0]);
+        spec.parts.lines = Some(line_of(wavelength_mm, vec![1.0]));
         spec
     };
     let mut scene = side_by_side(&[0, 1], 40.0);
