@@ -187,7 +187,7 @@ impl Around<Rcc> for Oscillators {
     }
 
     fn answer(&mut self, register: Register, value: u64, _registers: &RegisterFile) -> Option<u64> {
-        (register == Register::Cr).then_some(value | self.withheld)
+        (register == Register::Cr && self.withheld != 0).then_some(value | self.withheld)
     }
 
     fn after(&mut self, _inner: &mut Rcc, _call: &mut Call<'_, '_>) {

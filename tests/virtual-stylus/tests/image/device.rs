@@ -52,7 +52,7 @@ pub fn recording_s() -> u64 {
 pub fn is_drawn(case: u64) -> bool {
     let seed = std::env::var("PROPTEST_RNG_SEED").ok();
     let seed = seed.and_then(|seed| seed.parse().ok()).unwrap_or(1);
-    let draw = Chance(case / 10 ^ (seed << 32)).below(10);
+    let draw = Chance((case / 10) ^ (seed << 32)).below(10);
     long() || case % 10 == draw
 }
 
