@@ -231,8 +231,8 @@ fn keys() -> Vec<(String, Key)> {
     keys
 }
 
-/// postcard-rpc's dispatcher computes this when it is compiled. Two equal keys, as of a topic and an endpoint of one path
-/// and type, are a panic there.
+/// postcard-rpc's dispatcher computes this when it is compiled. Two equal keys, as of a topic and an endpoint of one
+/// path and type, are a panic there.
 #[test]
 fn a_dispatcher_can_tell_all_messages_apart() {
     use postcard_rpc::server::min_key_needed;

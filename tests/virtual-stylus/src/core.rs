@@ -404,7 +404,7 @@ impl CoreBus for Seen<'_> {
     }
 }
 
-/// What a debugger alone asks of a core is left out, because none attaches to this one.
+// Methods that only a debugger calls are left out, because none attaches to this core.
 impl Processor for Core {
     fn run(&mut self, budget: u32, bus: &mut dyn CoreBus) -> (Exit, u64) {
         let now = bus.time(self.retired());

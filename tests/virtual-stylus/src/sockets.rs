@@ -2,8 +2,8 @@
 //! which enumerates the device and carries out a program's bulk transfers (`--link usb-virtual:127.0.0.1:PORT`).
 //!
 //! An answer on the serial line goes out whole and at once. The emulator's own socket sends it byte by byte and lets
-//! the operating system collect bytes (Nagle's algorithm), so that each answer waited some 40 ms for the acknowledgement of
-//! its first byte: no line does that.
+//! the operating system collect bytes (Nagle's algorithm), so that each answer waited some 40 ms for the
+//! acknowledgement of its first byte: no line does that.
 
 use std::collections::VecDeque;
 use std::io::{ErrorKind, Read, Write};

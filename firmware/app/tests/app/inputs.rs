@@ -17,7 +17,7 @@ fn motion(speed: f32, force: f32) -> Motion {
     Motion::new(MillimetresPerSecond(speed), Newton(force)).expect("finite")
 }
 
-/// What a host tells at `tick`: speed, mm/s, and force, N, with a position and a contact.
+/// Motion that a host tells at `tick`: speed, mm/s, and force, N, with a position and a contact.
 fn told(
     [speed, force]: [f32; 2],
     position_mm: Option<f32>,

@@ -6,7 +6,7 @@ use rigless::device::{Device, DeviceContext, RegisterFile, RequestChange};
 use rigless::soc::Width;
 use rigless::time::{EventId, VirtualNanos};
 
-/// What a model works on during a call.
+/// Registers and machine during a call of a model.
 pub struct Call<'a, 'c> {
     /// The registers of its instance.
     pub registers: &'a mut RegisterFile,
@@ -31,8 +31,8 @@ pub trait Around<D: Device>: Debug + Send {
     /// Called before the model for a store of the core into the memory that the model programs.
     fn before_store(&mut self, _address: u64, _: Width, _value: u64, _registers: &RegisterFile) {}
 
-    /// Called before the model for an event that the wrapper or the model has scheduled. There is one event per instance
-    /// and instant, so that both may have scheduled this one.
+    /// Called before the model for an event that the wrapper or the model has scheduled. There is one event per
+    /// instance and instant, so that both may have scheduled this one.
     fn event(&mut self, _inner: &mut D, _event: EventId, _call: &mut Call<'_, '_>) {}
 
     /// Called for a change of a request of any instance, before the model.
