@@ -209,10 +209,9 @@ impl RawTexture {
         append_string(&self.name, bytes);
         append_varint(self.sample_rate_hz, bytes);
         append_varint(self.provenance, bytes);
-        let axis = |axis: &[f32]| axis.iter().flat_map(|value| value.to_le_bytes()).collect();
         let mut strings: [Vec<u8>; 4] = [
-            axis(&self.speed_axis),
-            axis(&self.force_axis),
+            floats(&self.speed_axis),
+            floats(&self.force_axis),
             self.nodes.iter().flat_map(RawNode::bytes).collect(),
             self.coefficients.clone(),
         ];
@@ -308,52 +307,34 @@ fn append_signed(value: i32, bytes: &mut Vec<u8>) {
     append_varint(((value << 1) ^ (value >> 31)).cast_unsigned(), bytes);
 }
 
+fn floats(values: &[f32]) -> Vec<u8> {
+    values
+        .iter()
+        .flat_map(|value| value.to_le_bytes())
+        .collect()
+}
+
+/// The record of a scene of this name; `content` follows its rate.
+fn scene(name: &str, content: &[Vec<u8>]) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    append_string(name.as_bytes(), &mut bytes);
+    append_varint(SAMPLE_RATE_HZ, &mut bytes);
+    bytes.extend(content.concat());
+    bytes
+}
+
 /// A scene of texture 0 everywhere.
 fn plain_scene() -> Vec<u8> {
-    let mut bytes = Vec::new();
-    append_string(b"plain", &mut bytes);
-    append_varint(SAMPLE_RATE_HZ, &mut bytes);
     // One surface: texture 0, gain 1, no tap, no stick-slip.
-    bytes.extend([1, 1, 0]);
-    append_f32(1.0, &mut bytes);
-    bytes.extend([0, 0]);
+    let surface = [vec![1, 1, 0], floats(&[1.0]), vec![0, 0]].concat();
     // No region, no transition, the motion is followed, no equaliser.
-    bytes.push(0);
-    append_f32(0.0, &mut bytes);
-    bytes.extend([0, 0]);
-    bytes
+    scene("plain", &[surface, vec![0], floats(&[0.0]), vec![0, 0]])
 }
 
 /// A scene of two surfaces, one of them smooth, on two regions, at constant motion, through one section.
 fn full_scene() -> Vec<u8> {
-    let mut bytes = Vec::new();
-    append_string(b"full", &mut bytes);
-    append_varint(SAMPLE_RATE_HZ, &mut bytes);
-    bytes.push(2);
-    bytes.extend([1, 2]);
-    append_f32(0.5, &mut bytes);
-    bytes.push(1);
-    for value in [180.0, 0.01, 0.2, 30.0] {
-        append_f32(value, &mut bytes);
-    }
-    bytes.push(1);
-    for value in [1.5, 0.25, 0.75, 60.0, 0.5] {
-        append_f32(value, &mut bytes);
-    }
-    bytes.push(0);
-    append_f32(1.0, &mut bytes);
-    bytes.extend([0, 0]);
-    bytes.push(2);
-    for (start, end, surface) in [(-10.0, 20.0, 0), (20.0, 50.0, 1)] {
-        append_f32(start, &mut bytes);
-        append_f32(end, &mut bytes);
-        bytes.push(surface);
-    }
-    append_f32(5.0, &mut bytes);
-    bytes.push(1);
-    append_f32(100.0, &mut bytes);
-    append_f32(0.75, &mut bytes);
-    bytes.push(1);
+    let region = |start, end, surface| [floats(&[start, end]), vec![surface]].concat();
+    let mut section = vec![1];
     for step in [
         1 << 28,
         -300_000_000,
@@ -361,9 +342,19 @@ fn full_scene() -> Vec<u8> {
         -400_000_000,
         200_000_000,
     ] {
-        append_signed(step, &mut bytes);
+        append_signed(step, &mut section);
     }
-    bytes
+    let content = [
+        [vec![2, 1, 2], floats(&[0.5])].concat(),
+        [vec![1], floats(&[180.0, 0.01, 0.2, 30.0])].concat(),
+        [vec![1], floats(&[1.5, 0.25, 0.75, 60.0, 0.5])].concat(),
+        [vec![0], floats(&[1.0]), vec![0, 0]].concat(),
+        [vec![2], region(-10.0, 20.0, 0), region(20.0, 50.0, 1)].concat(),
+        floats(&[5.0]),
+        [vec![1], floats(&[100.0, 0.75])].concat(),
+        section,
+    ];
+    scene("full", &content)
 }
 
 fn append_string(string: &[u8], bytes: &mut Vec<u8>) {

@@ -82,11 +82,6 @@ proptest! {
     }
 
     #[test]
-    fn arbitrary_bytes_are_no_library(bytes in vec(any::<u8>(), 0..300)) {
-        sound_or_refused(&bytes)?;
-    }
-
-    #[test]
     fn arbitrary_bytes_behind_a_valid_prefix_give_a_sound_library_or_an_error(
         count in 1u8..4, body in vec(prop_oneof![0u8..8, any::<u8>()], 0..300),
     ) {

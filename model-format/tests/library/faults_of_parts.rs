@@ -8,21 +8,20 @@ use model_format::limits::{
 use crate::bytes::{RawLibrary, RawTexture, codebook, lines, two_codebooks};
 use crate::faults::{BAD, of_texture, tells};
 
+fn owned(parts: &[(u32, &[u8])]) -> Vec<(u32, Vec<u8>)> {
+    let parts = parts.iter();
+    parts.map(|part| (part.0, part.1.to_vec())).collect()
+}
+
 /// Checks that the sound library is refused so with these optional parts of texture 1.
 fn of_parts(parts: &[(u32, &[u8])], begin: &str) {
-    let parts = parts
-        .iter()
-        .map(|&(kind, content)| (kind, content.to_vec()));
-    of_texture(|texture| texture.parts = parts.collect(), begin);
+    of_texture(|texture| texture.parts = owned(parts), begin);
 }
 
 /// The texture with these parts, as texture 1, holds.
 fn holds(parts: &[(u32, &[u8])]) {
     let mut library = RawLibrary::sound();
-    let parts = parts
-        .iter()
-        .map(|&(kind, content)| (kind, content.to_vec()));
-    library.textures[1].parts = parts.collect();
+    library.textures[1].parts = owned(parts);
     let decoded = Library::decode(&library.bytes()).map(drop);
     assert_eq!(decoded, Ok(()));
 }

@@ -54,18 +54,6 @@ fn a_texture_lists_its_codebooks_and_its_track_with_their_bytes() {
     assert_eq!(PartKind::Modulation.to_string(), "modulation");
 }
 
-#[test]
-fn nodes_have_the_source_that_is_stored_for_them() {
-    let bytes = RawLibrary::full().bytes();
-    let library = Library::decode(&bytes).expect("a valid library");
-    let texture = library.texture("oak").expect("it is there");
-    let excitation = texture.excitation().expect("it has codebooks");
-    let sources: Vec<usize> = (0..6).map(|n| excitation.of_node(n / 2, n % 2)).collect();
-    assert_eq!(sources, [0, 1, 2, 0, 1, 2]);
-    let lengths = excitation.codebooks().iter().map(|one| one.codes().len());
-    assert_eq!(lengths.collect::<Vec<_>>(), [1000, 1004]);
-}
-
 proptest! {
     #[test]
     fn mean_squares_are_those_of_the_formulas(

@@ -4,9 +4,8 @@ use std::iter::repeat;
 
 use model_format::scene::Scene;
 use model_format::{
-    CodeSpec, Codebook, CodebookSpec, Coefficients, ExcitationSpec, Library, LineSpec, Lines,
-    LinesSpec, ModulationSpec, NodeFlags, NodeSpec, PartsSpec, TailSpec, Texture, TextureSpec,
-    limits,
+    CodeSpec, CodebookSpec, Coefficients, ExcitationSpec, Library, Lines, LinesSpec,
+    ModulationSpec, NodeFlags, NodeSpec, PartsSpec, TailSpec, Texture, TextureSpec, limits,
 };
 
 /// The content of `library`, through its public interface.
@@ -81,55 +80,38 @@ fn check_tails(texture: &Texture<'_>, nodes: &[NodeSpec]) {
 fn lines_of(texture: &Texture<'_>, lines: Lines<'_>) -> LinesSpec {
     let (speeds, forces) = (texture.speed_axis(), texture.force_axis());
     assert!((1..=limits::MAX_LINES).contains(&lines.len()));
-    let mut found: Vec<LineSpec> = Vec::new();
-    for line in lines.iter() {
+    let found = LinesSpec::from(lines);
+    for (index, (line, spec)) in lines.iter().zip(&found.lines).enumerate() {
         let wavelength_mm = line.wavelength_mm();
         assert!((limits::MIN_WAVELENGTH_MM..=limits::MAX_WAVELENGTH_MM).contains(&wavelength_mm));
         assert!(
-            found
+            found.lines[..index]
                 .iter()
                 .all(|other| other.wavelength_mm.to_bits() != wavelength_mm.to_bits())
         );
-        let mut amplitudes = Vec::new();
-        for speed in 0..speeds.len() {
-            for force in 0..forces.len() {
-                let amplitude = line.amplitude(speed, force);
-                let moves = speeds.value(speed) > 0.0 && forces.value(force) > 0.0;
-                assert!((0.0..=limits::MAX_LINE_AMPLITUDE).contains(&amplitude));
-                assert!(moves || amplitude.to_bits() == 0);
-                amplitudes.push(amplitude);
-            }
+        assert_eq!(spec.amplitudes.len(), speeds.len() * forces.len());
+        for (node, &amplitude) in spec.amplitudes.iter().enumerate() {
+            let (speed, force) = (node / forces.len(), node % forces.len());
+            let moves = speeds.value(speed) > 0.0 && forces.value(force) > 0.0;
+            assert_eq!(line.amplitude(speed, force).to_bits(), amplitude.to_bits());
+            assert!((0.0..=limits::MAX_LINE_AMPLITUDE).contains(&amplitude));
+            assert!(moves || amplitude.to_bits() == 0);
         }
-        assert!(line.amplitudes().eq(amplitudes.iter().copied()));
-        assert!(amplitudes.iter().any(|&amplitude| amplitude > 0.0));
-        found.push(LineSpec {
-            wavelength_mm,
-            phase: line.phase(),
-            amplitudes,
-        });
+        assert!(spec.amplitudes.iter().any(|&amplitude| amplitude > 0.0));
     }
-    LinesSpec { lines: found }
+    found
 }
 
 /// The optional parts of a texture, each as good as promised.
 fn parts(texture: &Texture<'_>) -> PartsSpec {
-    let signed = |bytes: &[u8]| bytes.iter().map(|byte| byte.cast_signed()).collect();
     let (speeds, forces) = (texture.speed_axis().len(), texture.force_axis().len());
     let excitation = texture.excitation().map(|excitation| {
-        let codebook = |codebook: &Codebook<'_>| CodebookSpec {
-            peak: codebook.peak(),
-            codes: signed(codebook.codes()),
-        };
         let nodes = (0..speeds * forces).map(|n| excitation.of_node(n / forces, n % forces) as u8);
-        ExcitationSpec {
-            codebooks: excitation.codebooks().iter().map(codebook).collect(),
-            of_nodes: nodes.collect(),
-        }
+        let spec = ExcitationSpec::from(excitation);
+        assert!(nodes.eq(spec.of_nodes.iter().copied()));
+        spec
     });
-    let modulation = texture.modulation().map(|modulation| ModulationSpec {
-        step_samples: modulation.step_samples(),
-        entries: signed(modulation.entries()),
-    });
+    let modulation = texture.modulation().map(ModulationSpec::from);
     let level = 0.98..=1.02;
     for codebook in excitation.iter().flat_map(|spec| &spec.codebooks) {
         assert!((1000..=16_384).contains(&codebook.codes.len()));
@@ -216,30 +198,24 @@ pub fn scenes(library: &Library<'_>) -> Vec<Scene> {
 }
 
 fn codes(coefficients: Coefficients<'_>) -> CodeSpec {
-    let signed = |bytes: &[u8]| bytes.iter().map(|byte| byte.cast_signed()).collect();
-    let mut fractions: Vec<i8> = signed(coefficients.fractions);
-    let codes = coefficients.codes.iter();
-    let codes: Vec<i16> = codes.map(|&code| i16::from_le_bytes(code)).collect();
-    assert!(fractions.len() <= limits::MAX_FINE_STAGES.min(codes.len()));
-    assert!(!codes.contains(&i16::MIN));
-    let tail = TailSpec {
-        codes: signed(coefficients.tail.codes),
-        step: coefficients.tail.step,
-    };
-    let all = fractions.iter().copied().chain(repeat(0));
-    let theta = |(&code, fraction)| i32::from(code) * 256 + i32::from(fraction);
-    let thetas = codes.iter().zip(all).map(theta).chain(thetas_of(&tail));
-    // Below π/2, so that every stage of every mean of nodes decays.
-    assert!(thetas.clone().all(|theta| theta.unsigned_abs() < 1 << 23));
-    assert!(coefficients.thetas().eq(thetas));
-    check_tail(codes.len(), &tail);
-    // Zeros at the end say nothing.
-    while fractions.pop_if(|fraction| *fraction == 0).is_some() {}
-    CodeSpec {
+    let mut spec = CodeSpec::from(coefficients);
+    let CodeSpec {
         codes,
         fractions,
         tail,
-    }
+    } = &mut spec;
+    assert!(fractions.len() <= limits::MAX_FINE_STAGES.min(codes.len()));
+    assert!(!codes.contains(&i16::MIN));
+    let all = fractions.iter().copied().chain(repeat(0));
+    let theta = |(&code, fraction): (&i16, i8)| i32::from(code) * 256 + i32::from(fraction);
+    let thetas = codes.iter().zip(all).map(theta).chain(thetas_of(tail));
+    // Below π/2, so that every stage of every mean of nodes decays.
+    assert!(thetas.clone().all(|theta| theta.unsigned_abs() < 1 << 23));
+    assert!(coefficients.thetas().eq(thetas));
+    check_tail(codes.len(), tail);
+    // Zeros at the end say nothing.
+    while fractions.pop_if(|fraction| *fraction == 0).is_some() {}
+    spec
 }
 
 fn thetas_of(tail: &TailSpec) -> impl Iterator<Item = i32> + Clone + '_ {

@@ -36,19 +36,35 @@ pub type Stores = Storage<Flash, Flash>;
 
 /// Settings of the coil that a test's owner has measured.
 pub const COIL: [SettingChange; 3] = [
-    SettingChange {
-        setting: Setting::CoilResistance,
-        value: 8.0,
-    },
-    SettingChange {
-        setting: Setting::AmplifierGain,
-        value: 1.0,
-    },
-    SettingChange {
-        setting: Setting::PowerLimit,
-        value: 0.1,
-    },
+    change(Setting::CoilResistance, 8.0),
+    change(Setting::AmplifierGain, 1.0),
+    change(Setting::PowerLimit, 0.1),
 ];
+
+/// A setting with a new value.
+pub const fn change(setting: Setting, value: f32) -> SettingChange {
+    SettingChange { setting, value }
+}
+
+/// The defaults with other values of some settings.
+///
+/// # Panics
+/// If a setting may not have its value.
+pub fn settings_with(values: &[(Setting, f32)]) -> Settings {
+    values
+        .iter()
+        .fold(Settings::default(), |settings, &(of, value)| {
+            settings.with(change(of, value)).expect("in range")
+        })
+}
+
+/// A motion of 100 mm/s and 1 N of a host that tells no position.
+pub const MOTION: MotionSample = MotionSample {
+    speed: MillimetresPerSecond(100.0),
+    force: Newton(1.0),
+    position_mm: None,
+    contact: None,
+};
 
 /// Virtual time after which a job of the storage counts as stuck, ms: an hour.
 const JOB_LIMIT_MS: u32 = 3_600_000;
@@ -94,18 +110,12 @@ impl SharedControl {
         std::iter::from_fn(|| Some(control.next_block()?.1)).collect()
     }
 
-    /// Runs the device for one millisecond at whose beginning a host sends a motion of 100 mm/s and 1 N.
+    /// Runs the device for one millisecond at whose beginning a host sends [`MOTION`].
     pub fn millisecond_with_motion(&self) {
-        let sample = MotionSample {
-            speed: MillimetresPerSecond(100.0),
-            force: Newton(1.0),
-            position_mm: None,
-            contact: None,
-        };
         let mut control = self.borrow_mut();
         control.keep_alive(LinkId::Serial);
         // While the other link plays, this one moves nothing.
-        let _ = control.motion(LinkId::Serial, sample);
+        let _ = control.motion(LinkId::Serial, MOTION);
         drop(control);
         self.millisecond();
     }
@@ -174,14 +184,12 @@ impl SteppedStylus {
 
     /// Boots on `slots`, with settings that were never written, in the order of the image.
     pub fn boot_from(slots: Flash) -> Self {
-        let flash = SimulatedFlash::new(Memory::blank(2 * SECTOR_BYTES));
-        Self::boot_with(slots, flash)
+        Self::boot_from_on(slots, Hardware::new())
     }
 
     /// Boots on blank flash and on `hardware`, whose start may have been in safe mode.
     pub fn boot_on(hardware: Hardware) -> Self {
-        let flash = SimulatedFlash::new(Memory::blank(2 * SECTOR_BYTES));
-        Self::boot_as(SimulatedFlash::two_slots(), flash, hardware)
+        Self::boot_from_on(SimulatedFlash::two_slots(), hardware)
     }
 
     /// Boots on `slots` and on `hardware`, with settings that were never written.

@@ -105,42 +105,45 @@ fn without_a_probe_resets_and_faults_are_left_out_with_the_reason() {
     assert!(left_out[0].value.contains("--flash"), "{}", left_out[0]);
 }
 
+/// Checks that `check`, on a device with the suite's library and then `faults`, fails in this test alone.
+fn finds(
+    faults: Faults,
+    check: impl FnOnce(&mut Bench, &Played) -> hil::error::Result<()>,
+    name: &str,
+) {
+    let stylus = FakeStylus::start();
+    let (mut bench, played) = bench_with_library(&stylus);
+    stylus.fail(faults);
+    check(&mut bench, &played).expect("the device answers");
+    assert_eq!(failed(&bench), [name]);
+}
+
 #[test]
 fn an_output_that_goes_on_after_a_lost_link_is_found() {
-    let stylus = FakeStylus::start();
-    let (mut bench, played) = bench_with_library(&stylus);
-    stylus.fail(Faults {
+    let faults = Faults {
         ignores_lost_link: true,
         ..Faults::default()
-    });
-    let (_, scene) = played.selections.last().expect("there are some");
-    playing::check(&mut bench, scene).expect("the device answers");
+    };
+    let check = |bench: &mut Bench, played: &Played| {
+        let (_, scene) = played.selections.last().expect("there are some");
+        playing::check(bench, scene)
+    };
     // A motion that grows old mutes too, but not for this reason.
-    assert_eq!(failed(&bench), ["a lost link is silent within 100 ms"]);
+    finds(faults, check, "a lost link is silent within 100 ms");
 }
 
 #[test]
-fn missed_ticks_are_found() {
-    let stylus = FakeStylus::start();
-    let (mut bench, played) = bench_with_library(&stylus);
-    stylus.fail(Faults {
-        misses_ticks: true,
-        ..Faults::default()
-    });
-    endurance::check(&mut bench, &played.bytes).expect("the device answers");
-    assert_eq!(failed(&bench), ["missed ticks"]);
-}
-
-#[test]
-fn codes_that_come_too_late_at_the_output_are_found() {
-    let stylus = FakeStylus::start();
-    let (mut bench, played) = bench_with_library(&stylus);
-    stylus.fail(Faults {
-        puts_out_late: true,
-        ..Faults::default()
-    });
-    endurance::check(&mut bench, &played.bytes).expect("the device answers");
-    assert_eq!(failed(&bench), ["late outputs"]);
+fn ticks_that_are_missed_late_or_too_long_are_found() {
+    let mut faults = [(); 3].map(|()| Faults::default());
+    faults[0].misses_ticks = true;
+    faults[1].puts_out_late = true;
+    faults[2].slower_by = 80_000;
+    let [missed, late, long] = faults;
+    let endures = |bench: &mut Bench, played: &Played| endurance::check(bench, &played.bytes);
+    finds(missed, endures, "missed ticks");
+    finds(late, endures, "late outputs");
+    // What came before is in the first range, which is not shown.
+    finds(long, |bench, _| cycles::check(bench, &[]), "idle");
 }
 
 #[test]
@@ -155,19 +158,6 @@ fn a_pin_that_is_not_at_mid_scale_is_found_although_the_device_says_that_it_rest
     assert!(status.output.at_rest);
     self_test::at_mid_scale(&mut bench, "the pin").expect("the device answers");
     assert_eq!(failed(&bench), ["the pin"]);
-}
-
-#[test]
-fn a_tick_that_takes_longer_than_its_period_is_found() {
-    let stylus = FakeStylus::start();
-    let (mut bench, _) = bench_with_library(&stylus);
-    stylus.fail(Faults {
-        slower_by: 80_000,
-        ..Faults::default()
-    });
-    cycles::check(&mut bench, &[]).expect("the device answers");
-    // What came before is in the first range, which is not shown.
-    assert_eq!(failed(&bench), ["idle"]);
 }
 
 #[test]

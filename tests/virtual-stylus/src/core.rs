@@ -14,7 +14,7 @@ use std::collections::BTreeSet;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use rigless::emulator::{
-    Access, AccessKind, Checked, CoreBus, CoreSpec, DataModel, Error, Exit, HaltReason, HostCall,
+    Access, AccessKind, Checked, CoreBus, CoreSpec, DataModel, Error, Exit, HostCall,
     InterruptLine, Processor, Queued,
 };
 use rigless::soc::{Endian, Width};
@@ -250,16 +250,21 @@ impl Core {
     fn run_beside_busy_code(&mut self, budget: u32, bus: &mut dyn CoreBus) -> (Exit, u64) {
         let close = self.inner.retired() - self.busy_since < CLOSELY;
         let step = budget.min(if close { 1 } else { COARSE });
-        let (exit, retired) = self.run_inner(step, bus);
-        let exit = if exit == Exit::Budget && step < budget {
-            Exit::Returned
-        } else {
-            exit
-        };
-        (exit, retired)
+        let (exit, retired, _) = self.run_inner(step, bus, true);
+        match exit {
+            Exit::Budget if step < budget => (Exit::Returned, retired),
+            other => (other, retired),
+        }
     }
 
-    fn run_inner(&mut self, budget: u32, bus: &mut dyn CoreBus) -> (Exit, u64) {
+    /// Runs the inner core, and puts off the load that has to wait for its bank; also the number of loads from flash. A
+    /// stretch `goes_on` past an event unless a model has changed what is routed.
+    fn run_inner(&mut self, budget: u32, bus: &mut dyn CoreBus, goes_on: bool) -> (Exit, u64, u64) {
+        let changes = (
+            self.unreadable.changes(),
+            self.ram.changes(),
+            self.busy.banks(),
+        );
         let mut seen = Seen {
             bus,
             unreadable: &self.unreadable,
@@ -268,24 +273,17 @@ impl Core {
             stalled: self.stalled,
             put_off: None,
             defects: &self.defects,
-            changes: Some(self.changes()),
+            changes: goes_on.then_some(changes),
             flash_reads: 0,
         };
         let (exit, retired) = self.inner.run(budget, &mut seen);
-        if let Some(address) = seen.put_off {
-            self.busy.count_read();
-            self.stall = Some(address);
-            return (Exit::Returned, retired);
-        }
-        (exit, retired)
-    }
-
-    fn changes(&self) -> (u64, u64, u8) {
-        (
-            self.unreadable.changes(),
-            self.ram.changes(),
-            self.busy.banks(),
-        )
+        let flash_reads = seen.flash_reads;
+        let Some(address) = seen.put_off else {
+            return (exit, retired, flash_reads);
+        };
+        self.busy.count_read();
+        self.stall = Some(address);
+        (Exit::Returned, retired, flash_reads)
     }
 
     fn exception(&self) -> u32 {
@@ -297,23 +295,9 @@ impl Core {
 
     fn step(&mut self, exception: u32, bus: &mut dyn CoreBus) -> (Exit, u64) {
         let at = self.inner.pc();
-        let mut seen = Seen {
-            bus,
-            unreadable: &self.unreadable,
-            ram: &self.ram,
-            busy: &self.busy,
-            stalled: self.stalled,
-            put_off: None,
-            defects: &self.defects,
-            changes: None,
-            flash_reads: 0,
-        };
-        let (exit, retired) = self.inner.run(1, &mut seen);
-        let flash_reads = seen.flash_reads;
-        if let Some(address) = seen.put_off {
-            self.busy.count_read();
-            self.stall = Some(address);
-            return (Exit::Returned, retired);
+        let (exit, retired, flash_reads) = self.run_inner(1, bus, false);
+        if self.stall.is_some() {
+            return (exit, retired);
         }
         let left = self.exception() != exception;
         let mut asked = self.auditor.asked();
@@ -336,14 +320,10 @@ impl Core {
             self.auditing = None;
             self.route();
         }
-        (
-            if exit == Exit::Budget {
-                Exit::Returned
-            } else {
-                exit
-            },
-            retired,
-        )
+        match exit {
+            Exit::Budget => (Exit::Returned, retired),
+            other => (other, retired),
+        }
     }
 }
 
@@ -444,6 +424,7 @@ impl CoreBus for Seen<'_> {
     }
 }
 
+// Methods that only a debugger calls are left out, because none attaches to this core.
 impl Processor for Core {
     fn run(&mut self, budget: u32, bus: &mut dyn CoreBus) -> (Exit, u64) {
         let now = bus.time(self.retired());
@@ -474,7 +455,8 @@ impl Processor for Core {
         if self.busy.banks() & CODE_BANK != 0 {
             return self.run_beside_busy_code(budget, bus);
         }
-        self.run_inner(budget, bus)
+        let (exit, retired, _) = self.run_inner(budget, bus, true);
+        (exit, retired)
     }
 
     fn retired(&self) -> u64 {
@@ -550,20 +532,8 @@ impl Processor for Core {
         self.inner.pass_breakpoint(address);
     }
 
-    fn attach_debugger(&mut self, attached: bool) {
-        self.inner.attach_debugger(attached);
-    }
-
-    fn hold_interrupts(&mut self, held: bool) {
-        self.inner.hold_interrupts(held);
-    }
-
     fn gdb_register(&self, number: usize) -> Option<Vec<u8>> {
         self.inner.gdb_register(number)
-    }
-
-    fn set_gdb_register(&mut self, number: usize, bytes: &[u8]) -> bool {
-        self.inner.set_gdb_register(number, bytes)
     }
 
     fn debugger_access(
@@ -574,14 +544,6 @@ impl Processor for Core {
         now: VirtualNanos,
     ) -> Option<u64> {
         self.inner.debugger_access(write, address, width, now)
-    }
-
-    fn take_debugger_trace(&mut self) -> Vec<u8> {
-        self.inner.take_debugger_trace()
-    }
-
-    fn target_xml(&self) -> &'static str {
-        self.inner.target_xml()
     }
 
     fn data_model(&self) -> DataModel {
@@ -598,14 +560,6 @@ impl Processor for Core {
 
     fn load(&mut self, bytes: &[u8]) -> Result<(), Error> {
         self.inner.load(bytes)
-    }
-
-    fn monitor_command(&mut self, command: &str) -> Option<String> {
-        self.inner.monitor_command(command)
-    }
-
-    fn debugger_halted(&mut self, why: HaltReason) -> bool {
-        self.inner.debugger_halted(why)
     }
 
     fn bit_alias(&self, address: u64, width: Width) -> Option<rigless::emulator::BitAlias> {

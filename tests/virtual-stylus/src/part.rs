@@ -21,7 +21,7 @@ use rigless::time::VirtualNanos;
 
 use crate::electrical::{Defects, Electrical, Interrupt, OldConverter};
 use crate::model::adc::{Injected, Pins};
-use crate::model::around::{Around, Extended};
+use crate::model::around::{Around, Call, Extended};
 use crate::model::dac::{Dac, TIM6_TRIGGER, TIM7_TRIGGER};
 use crate::model::encoder::Quadrature;
 use crate::model::flash::{Busy, Journal, Unreadable};
@@ -92,6 +92,10 @@ impl Device for Trimming {
     ) {
         self.changed = true;
     }
+}
+
+fn registers(rest: &mut Stm32h743, slot: usize) -> &mut RegisterFile {
+    rest.bus_mut().slot_mut(slot).registers_mut()
 }
 
 /// Clock of USB, Hz (section 57.4.2), and the code of `USBSEL` that takes it from HSI48 (section 8.7.20).
@@ -203,11 +207,7 @@ impl Part {
 
     /// Puts the revision into DBGMCU_IDC, above the device's identifier, and makes the converters those of it.
     fn show_revision(&mut self) {
-        let registers = self
-            .rest
-            .bus_mut()
-            .slot_mut(self.slots.debug)
-            .registers_mut();
+        let registers = registers(&mut self.rest, self.slots.debug);
         let device = registers.get(dbgmcu::Register::Idc) & 0xFFFF;
         let revision = u64::from(self.electrical.revision) << 16;
         registers.set(dbgmcu::Register::Idc, revision | device);
@@ -255,11 +255,7 @@ impl Part {
     pub fn set_option_bytes(&mut self, change: impl FnOnce(&mut OptionBytes)) {
         let mut options = self.flash.inner.committed_options();
         change(&mut options);
-        let registers = self
-            .rest
-            .bus_mut()
-            .slot_mut(self.slots.flash)
-            .registers_mut();
+        let registers = registers(&mut self.rest, self.slots.flash);
         self.flash.inner.keep_options(options, registers);
     }
 
@@ -320,15 +316,14 @@ impl Part {
     /// The emulator's part has no such monitor.
     pub fn find_ram_error(&mut self, flags: u64) -> Result<(), Error> {
         let slot = self.rest.bus().slot("RAMECC1")?;
-        let registers = self.rest.bus_mut().slot_mut(slot).registers_mut();
+        let registers = registers(&mut self.rest, slot);
         registers.set(ramecc1::Register::M1sr, flags);
         Ok(())
     }
 
     /// Has a read of bank 1 correct an error: `SNECCERR1` (section 4.9.5).
     pub fn correct_flash_error(&mut self) {
-        let slot = self.rest.bus_mut().slot_mut(self.slots.flash);
-        let registers = slot.registers_mut();
+        let registers = registers(&mut self.rest, self.slots.flash);
         let flags = registers.get(flash::Register::Sr1);
         registers.set(flash::Register::Sr1, flash::sr1::SNECCERR.set(flags, 1));
     }
@@ -347,7 +342,9 @@ impl Part {
             let (registers, mut context) = bus.drive(at, self.slots.dac);
             self.dac.trigger(TIM6_TRIGGER, registers, &mut context);
             let (registers, mut context) = bus.drive(at, self.slots.adc);
-            self.adc.around.trigger(registers, &mut context);
+            let context = &mut context;
+            let mut call = Call { registers, context };
+            self.adc.around.trigger(&mut call);
         }
         while let Some(at) = self.code_timer.around.take() {
             let (registers, mut context) = self.rest.bus_mut().drive(at, self.slots.dac);
@@ -402,11 +399,7 @@ impl Mcu for Part {
         let options = self.flash.inner.committed_options();
         Device::reset(&mut self.flash);
         self.flash.inner = Flash::new();
-        let registers = self
-            .rest
-            .bus_mut()
-            .slot_mut(self.slots.flash)
-            .registers_mut();
+        let registers = registers(&mut self.rest, self.slots.flash);
         self.flash.inner.keep_options(options, registers);
         Device::reset(&mut self.watchdog);
         self.usb_reset = UsbReset::default();

@@ -1,11 +1,9 @@
 //! Ports of the loopback interface for programs: the serial line (`--link tcp:127.0.0.1:PORT`), and a host on USB,
-//! which
-//! enumerates the device and carries out a program's bulk transfers (`--link usb-virtual:127.0.0.1:PORT`).
+//! which enumerates the device and carries out a program's bulk transfers (`--link usb-virtual:127.0.0.1:PORT`).
 //!
 //! An answer on the serial line goes out whole and at once. The emulator's own socket sends it byte by byte and lets
-//! the
-//! operating system collect bytes (Nagle's algorithm), so that each answer waited some 40 ms for the acknowledgement of
-//! its first byte: no line does that.
+//! the operating system collect bytes (Nagle's algorithm), so that each answer waited some 40 ms for the
+//! acknowledgement of its first byte: no line does that.
 
 use std::collections::VecDeque;
 use std::io::{ErrorKind, Read, Write};
@@ -274,39 +272,32 @@ impl Program {
                 return false;
             }
         }
-        while let Some(&id) = self.out.front()
-            && let Some(ended) = usb.take_ended(stylus, id)
-        {
-            self.out.pop_front();
-            let ended = ended.result.map(|_| ()).map_err(|error| error.to_string());
-            if !self.write(&FromBus::Out(ended)) {
-                return false;
+        let mut answers = Vec::new();
+        for (transfers, is_out) in [(&mut self.out, true), (&mut self.input, false)] {
+            while let Some(&id) = transfers.front()
+                && let Some(ended) = usb.take_ended(stylus, id)
+            {
+                transfers.pop_front();
+                let ended = ended.result.map_err(|error| error.to_string());
+                answers.push(if is_out {
+                    FromBus::Out(ended.map(drop))
+                } else {
+                    FromBus::In(ended)
+                });
             }
         }
-        while let Some(&id) = self.input.front()
-            && let Some(ended) = usb.take_ended(stylus, id)
-        {
-            self.input.pop_front();
-            let ended = ended.result.map_err(|error| error.to_string());
-            if !self.write(&FromBus::In(ended)) {
-                return false;
-            }
-        }
-        true
+        answers.iter().all(|answer| self.write(answer))
     }
 
     /// Reads the bytes that have come; false if the connection has ended.
     fn read(&mut self) -> bool {
-        let mut buffer = [0; 4096];
-        loop {
-            match self.stream.read(&mut buffer) {
-                Ok(0) => return false,
-                Ok(count) => self.bytes.extend(&buffer[..count]),
-                Err(failure) if failure.kind() == ErrorKind::WouldBlock => return true,
-                Err(failure) if failure.kind() == ErrorKind::Interrupted => {}
-                Err(_) => return false,
+        while let Some(bytes) = read_some(&mut self.stream, MOST_WAITING) {
+            if bytes.is_empty() {
+                return true;
             }
+            self.bytes.extend(bytes);
         }
+        false
     }
 
     /// Sends a message, waiting for a program that does not read; false if the connection has ended.

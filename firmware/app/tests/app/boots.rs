@@ -56,6 +56,19 @@ enum Action {
     Damage(SlotId, Place, Damage),
 }
 
+impl Action {
+    /// True if it may end the last library.
+    fn replaces_last(self) -> bool {
+        matches!(
+            self,
+            Self::Upload {
+                replaces_last: true,
+                ..
+            }
+        )
+    }
+}
+
 /// Place of a word in a slot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Place {
@@ -223,14 +236,7 @@ impl Life {
             return self.restart_after_cut(step.action);
         }
         self.check_ram()?;
-        let may_end_last = matches!(
-            step.action,
-            Action::Upload {
-                replaces_last: true,
-                ..
-            }
-        );
-        self.note_lost(may_end_last)
+        self.note_lost(step.action.replaces_last())
     }
 
     /// Follows the store's view of sound slots, which only an erasure changes.
@@ -254,14 +260,7 @@ impl Life {
         self.may_be_newer |= matches!(action, Action::Upload { .. });
         let memory = self.power_off();
         let left = sound(&memory);
-        let replaces = matches!(
-            action,
-            Action::Upload {
-                replaces_last: true,
-                ..
-            }
-        );
-        if before != [false; 2] && left == [false; 2] && !replaces {
+        if before != [false; 2] && left == [false; 2] && !action.replaces_last() {
             return Err(format!("a cut leaves nothing of {before:?}"));
         }
         // The slot of the newest one may have been given away.
@@ -409,14 +408,12 @@ impl Life {
         let memory = self.power_off();
         self.boot(memory)?;
         let mut answer = self.upload(0, usize::MAX, false)?;
-        if let Some(Err(UploadError::LastLibrary { slot })) = answer {
-            self.check_refusal(slot)?;
-            self.act(Action::Activate(slot))?;
-            answer = self.upload(0, usize::MAX, false)?;
-        }
-        if let Some(Err(UploadError::LastLibrary { slot })) = answer {
-            self.check_refusal(slot)?;
-            answer = self.upload(0, usize::MAX, true)?;
+        for replaces_last in [false, true] {
+            if let Some(Err(UploadError::LastLibrary { slot })) = answer {
+                self.check_refusal(slot)?;
+                self.act(Action::Activate(slot))?;
+                answer = self.upload(0, usize::MAX, replaces_last)?;
+            }
         }
         if answer != Some(Ok(())) {
             return Err(format!("the store cannot be used any more: {answer:?}"));

@@ -1,17 +1,15 @@
 //! Two hosts, one on each link: the lease of whoever plays, and changes of settings in two steps.
 
-use fake_stylus::device::{SteppedStylus, play_request};
+use fake_stylus::device::{COIL, MOTION, SteppedStylus, change, play_request};
 use fake_stylus::hardware::Hardware;
 use fake_stylus::library::library;
 use fake_stylus::requests::Requests;
 use model_format::link::{
     KEEP_ALIVE_MS, KeepAliveTopic, LINK_LOST_AFTER_MS, LOCKED, LinkId, MotionEndpoint,
-    MotionRefused, MotionSample, MotionSource, MotionTopic, MuteReason, PROPOSAL_VALID_MS,
-    PlayEndpoint, PlayError, PlayRequest, ProposalToken, Setting, SettingChange, SettingSet,
-    Settings, SettingsChange, SettingsError, SettingsProposal, SettingsProposeEndpoint, Status,
-    StatusEndpoint, StopEndpoint,
+    MotionRefused, MotionSource, MotionTopic, MuteReason, PROPOSAL_VALID_MS, PlayEndpoint,
+    PlayError, PlayRequest, ProposalToken, Setting, SettingSet, Settings, SettingsChange,
+    SettingsError, SettingsProposal, SettingsProposeEndpoint, Status, StatusEndpoint, StopEndpoint,
 };
-use model_format::{MillimetresPerSecond, Newton};
 use proptest::prelude::*;
 use stylus_app::TICKS_PER_MS;
 use stylus_app::control::Device;
@@ -51,7 +49,7 @@ impl Stylus {
     }
 
     fn moves(&self, link: LinkId) -> Result<MotionSource, MotionRefused> {
-        self.requests.ask::<MotionEndpoint>(link, &motion())
+        self.requests.ask::<MotionEndpoint>(link, &MOTION)
     }
 
     fn status(&self, link: LinkId) -> Status {
@@ -80,6 +78,11 @@ impl Stylus {
         (self.requests).ask::<SettingsProposeEndpoint>(link, change)
     }
 
+    fn proposes_reset(&self, link: LinkId) -> SettingsProposal {
+        let proposed = self.propose(link, &SettingsChange::Reset);
+        proposed.expect("it rests")
+    }
+
     fn apply(&mut self, link: LinkId, token: ProposalToken) -> Result<Settings, SettingsError> {
         (self.stylus)
             .request(async |storage, stage| storage.settings_apply(stage, link, token).await)
@@ -94,18 +97,11 @@ impl Stylus {
     }
 }
 
-fn motion() -> MotionSample {
-    MotionSample {
-        speed: MillimetresPerSecond(100.0),
-        force: Newton(1.0),
-        position_mm: None,
-        contact: None,
-    }
-}
-
 fn change_of(values: &[(Setting, f32)]) -> SettingsChange {
-    let change = |&(setting, value): &(Setting, f32)| SettingChange { setting, value };
-    let changes: Vec<_> = values.iter().map(change).collect();
+    let changes: Vec<_> = values
+        .iter()
+        .map(|&(of, value)| change(of, value))
+        .collect();
     SettingsChange::of(&changes).expect("there is room for seven")
 }
 
@@ -137,7 +133,7 @@ fn a_play_whose_program_died_is_silent_in_time_whatever_else_is_asked_on_either_
                     stylus.status(link);
                     if drives {
                         stylus.keep_alive(link);
-                        stylus.requests.publish::<MotionTopic>(link, &motion());
+                        stylus.requests.publish::<MotionTopic>(link, &MOTION);
                     }
                 }
                 stylus.stylus.control.millisecond();
@@ -188,9 +184,7 @@ fn a_proposal_ends_with_its_time_a_play_and_another_proposal() {
     let before = stylus.settings();
     assert_eq!(stylus.proposal(), None, "none at the start");
 
-    let first = stylus
-        .propose(usb, &SettingsChange::Reset)
-        .expect("it rests");
+    let first = stylus.proposes_reset(usb);
     stylus.stylus.run(PROPOSAL_VALID_MS - 1);
     let remaining_ms = stylus.proposal().map(|proposal| proposal.remaining_ms);
     assert_eq!(remaining_ms, Some(1));
@@ -198,9 +192,7 @@ fn a_proposal_ends_with_its_time_a_play_and_another_proposal() {
     assert_eq!(stylus.proposal(), None);
     assert_eq!(stylus.apply(usb, first.token), gone);
 
-    let first = stylus
-        .propose(usb, &SettingsChange::Reset)
-        .expect("it rests");
+    let first = stylus.proposes_reset(usb);
     stylus.play(serial).expect("it is there");
     let playing = Err(SettingsError::Playing);
     assert_eq!(stylus.propose(serial, &SettingsChange::Reset), playing);
@@ -208,9 +200,7 @@ fn a_proposal_ends_with_its_time_a_play_and_another_proposal() {
     stylus.stylus.run(100);
     assert_eq!(stylus.apply(usb, first.token), gone);
 
-    let first = stylus
-        .propose(usb, &SettingsChange::Reset)
-        .expect("it rests");
+    let first = stylus.proposes_reset(usb);
     let other = change_of(&[(Setting::HardLimit, 0.1)]);
     let second = stylus.propose(serial, &other).expect("it rests");
     assert_ne!(first.token, second.token);
@@ -242,8 +232,7 @@ fn the_users_word_is_wanted_for_what_loosens_and_for_first_values_alone() {
     let proposal = unset.control.borrow_mut().propose(LinkId::Usb, first);
     let loosens = proposal.expect("it rests").loosens;
     assert!(loosens.contains(Setting::PowerLimit));
-    let reset = stylus.propose(LinkId::Usb, &SettingsChange::Reset);
-    assert_eq!(reset.expect("it rests").loosens, LOCKED);
+    assert_eq!(stylus.proposes_reset(LinkId::Usb).loosens, LOCKED);
 }
 
 /// Act of a host.
@@ -366,12 +355,7 @@ fn a_start_begins_with_the_kept_heat_and_a_later_change_of_settings_never_forget
     // A reset of the settings and other ones judge the same heat.
     let before = first.hardware().heat().to_bits();
     first.reset_settings().expect("nothing is played");
-    let looser = [
-        (Setting::CoilResistance, 8.0),
-        (Setting::AmplifierGain, 1.0),
-        (Setting::PowerLimit, 1.0),
-    ];
-    let looser = looser.map(|(setting, value)| SettingChange { setting, value });
+    let looser = [COIL[0], COIL[1], change(Setting::PowerLimit, 1.0)];
     first.change_settings(&looser).expect("nothing is played");
     let after = first.hardware().heat().to_bits();
     assert!(after > before / 10 * 9, "{before} {after}");

@@ -1,7 +1,8 @@
 //! Speed, force, position and contact, with their age.
 
+use fake_stylus::device::settings_with as settings;
 use model_format::link::{
-    MotionRefused, MotionSample, MotionSource, STALE_AFTER_MS, Setting, SettingChange, Settings,
+    MotionRefused, MotionSample, MotionSource, STALE_AFTER_MS, Setting, Settings,
 };
 use model_format::{AdcCode, MillimetresPerSecond, Newton};
 use proptest::prelude::*;
@@ -12,18 +13,24 @@ use stylus_app::inputs::{
 use stylus_app::{SAMPLE_RATE_HZ, TICKS_PER_MS};
 use stylus_kernel::{Motion, UPDATE_INTERVAL_SAMPLES};
 
-fn settings(changes: &[(Setting, f32)]) -> Settings {
-    changes
-        .iter()
-        .fold(Settings::default(), |settings, &(setting, value)| {
-            settings
-                .with(SettingChange { setting, value })
-                .expect("in range")
-        })
-}
-
 fn motion(speed: f32, force: f32) -> Motion {
     Motion::new(MillimetresPerSecond(speed), Newton(force)).expect("finite")
+}
+
+/// Motion that a host tells at `tick`: speed, mm/s, and force, N, with a position and a contact.
+fn told(
+    [speed, force]: [f32; 2],
+    position_mm: Option<f32>,
+    contact: Option<bool>,
+    tick: u64,
+) -> Result<Timed, MotionRefused> {
+    let sample = MotionSample {
+        speed: MillimetresPerSecond(speed),
+        force: Newton(force),
+        position_mm,
+        contact,
+    };
+    Timed::from_host(sample, tick)
 }
 
 /// Sensors after `ticks` ticks, with `count_of(tick)` on a 16-bit counter.
@@ -107,13 +114,7 @@ fn the_largest_counts_overflow_nothing() {
 #[test]
 fn an_input_is_stale_after_its_time_and_not_before() {
     assert_eq!(STALE_TICKS, u64::from(STALE_AFTER_MS * TICKS_PER_MS));
-    let sample = MotionSample {
-        speed: MillimetresPerSecond(-5.0),
-        force: Newton(-1.0),
-        position_mm: None,
-        contact: None,
-    };
-    let host = Timed::from_host(sample, 1_000).expect("finite");
+    let host = told([-5.0, -1.0], None, None, 1_000).expect("finite");
     assert_eq!(host.motion, motion(5.0, 0.0));
     for (tick, stale) in [
         (990, false),
@@ -190,29 +191,14 @@ fn a_force_at_a_rail_is_no_contact_at_once_and_stale_in_its_time() {
 
 #[test]
 fn a_motion_that_is_not_finite_is_refused() {
-    let sample = |speed, force| MotionSample {
-        speed: MillimetresPerSecond(speed),
-        force: Newton(force),
-        position_mm: Some(1.0),
-        contact: None,
-    };
     for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
-        assert_eq!(
-            Timed::from_host(sample(bad, 1.0), 0),
-            Err(MotionRefused::Speed)
-        );
-        assert_eq!(
-            Timed::from_host(sample(1.0, bad), 0),
-            Err(MotionRefused::Force)
-        );
-        let off_the_path = MotionSample {
-            position_mm: Some(bad),
-            ..sample(1.0, 1.0)
-        };
-        assert_eq!(
-            Timed::from_host(off_the_path, 0),
-            Err(MotionRefused::Position)
-        );
+        for (motion, position_mm, refused) in [
+            ([bad, 1.0], 1.0, MotionRefused::Speed),
+            ([1.0, bad], 1.0, MotionRefused::Force),
+            ([1.0, 1.0], bad, MotionRefused::Position),
+        ] {
+            assert_eq!(told(motion, Some(position_mm), None, 0), Err(refused));
+        }
     }
 }
 
@@ -238,18 +224,12 @@ fn a_scene_is_followed_from_where_playing_began_and_from_the_first_touch() {
     let gone = follow(&on, None);
     assert_eq!((gone.position_mm(), gone.contact), (-2.5, true));
     // Position and contact of the host take precedence.
-    let sample = |position_mm, contact| MotionSample {
-        speed: MillimetresPerSecond(50.0),
-        force: Newton(1.0),
-        position_mm,
-        contact,
-    };
     for (position, contact, expected) in [
         (Some(70.0), Some(false), (70.0, false)),
         (None, Some(false), (-2.5, false)),
         (Some(-1.0), None, (-1.0, true)),
     ] {
-        let host = Timed::from_host(sample(position, contact), 1).expect("finite");
+        let host = told([50.0, 1.0], position, contact, 1).expect("finite");
         let followed = follow(&on, Some(host));
         assert_eq!((followed.position_mm(), followed.contact), expected);
         assert_eq!(followed.motion, host.motion);
@@ -275,13 +255,8 @@ fn a_texture_is_everywhere_and_is_touched_above_the_threshold() {
     }
     // The host's contact takes precedence.
     for contact in [true, false] {
-        let sample = MotionSample {
-            speed: MillimetresPerSecond(50.0),
-            force: Newton(if contact { 0.0 } else { 1.0 }),
-            position_mm: Some(30.0),
-            contact: Some(contact),
-        };
-        let host = Timed::from_host(sample, 1).expect("finite");
+        let force = if contact { 0.0 } else { 1.0 };
+        let host = told([50.0, force], Some(30.0), Some(contact), 1).expect("finite");
         let followed = follower.follow(host, &Sensors::new(), &config, 1);
         assert_eq!((followed.position_mm(), followed.contact), (0.0, contact));
     }

@@ -2,10 +2,11 @@
 
 use std::f64::consts::TAU;
 
-use model_format::link::{MotionSample, MotionSource, Setting, SettingChange, Settings};
+use fake_stylus::device::settings_with;
+use model_format::link::{MotionSample, MotionSource, Setting};
 use model_format::{
-    AdcCode, CodeSpec, Library, LineSpec, LinesSpec, MillimetresPerSecond, Newton, NodeFlags,
-    NodeSpec, OutputSample, PartsSpec, TextureSpec, encode,
+    AdcCode, Library, LineSpec, LinesSpec, MillimetresPerSecond, Newton, NodeSpec, OutputSample,
+    PartsSpec, TextureSpec, encode,
 };
 use stylus_app::SAMPLE_RATE_HZ;
 use stylus_app::inputs::tracker::LEAD_TICKS;
@@ -31,28 +32,19 @@ fn library() -> Vec<u8> {
         phase: 0,
         amplitudes: vec![1.0],
     };
-    let silent = NodeSpec {
-        output_power: 0.0,
-        prediction_error_power: 0.0,
-        flags: NodeFlags::SILENT,
-        codes: CodeSpec::lattice(vec![]),
-    };
     let spec = TextureSpec {
         parts: PartsSpec {
             lines: Some(LinesSpec { lines: vec![line] }),
             ..PartsSpec::default()
         },
-        ..TextureSpec::new("line", &[10.0], &[0.1], vec![silent])
+        ..TextureSpec::new("line", &[10.0], &[0.1], vec![NodeSpec::silent()])
     };
     encode(&[spec]).expect("valid")
 }
 
 fn config(path_per_count: f64) -> InputConfig {
-    let change = SettingChange {
-        setting: Setting::PathPerCount,
-        value: path_per_count as f32,
-    };
-    InputConfig::new(&Settings::default().with(change).expect("in range"))
+    let path = (Setting::PathPerCount, path_per_count as f32);
+    InputConfig::new(&settings_with(&[path]))
 }
 
 /// A stylus whose tool moves, as its update sees it: the sensors are read at each tick.

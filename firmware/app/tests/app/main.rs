@@ -10,7 +10,6 @@ mod hosts;
 mod inputs;
 mod interleavings;
 mod lines;
-mod player;
 mod recorder;
 mod requests;
 mod rest;

@@ -1,6 +1,7 @@
 //! A trial at rest: the tool in the air, with the noise that the converter gives there, moved or not.
 
-use model_format::link::{Setting, SettingChange, Settings};
+use fake_stylus::device::settings_with;
+use model_format::link::{Setting, Settings};
 use model_format::{AdcCode, CodeSpec, DacCode, Library, NodeSpec, Texture, TextureSpec, encode};
 use stylus_app::inputs::{FORCE_NOISE_CODES, Follower, InputConfig, Sensors};
 use stylus_app::safety::{Config, State};
@@ -62,19 +63,6 @@ impl<'a> Stylus<'a> {
     }
 }
 
-fn settings(force_zero: f32, force_per_volt: f32) -> Settings {
-    let changes = [
-        (Setting::ForceZero, force_zero),
-        (Setting::ForcePerVolt, force_per_volt),
-    ];
-    changes
-        .into_iter()
-        .fold(Settings::default(), |settings, (setting, value)| {
-            let change = SettingChange { setting, value };
-            settings.with(change).expect("in range")
-        })
-}
-
 /// A minute of Gaussian noise around the zero of the force, for a sensor of 2 N/V and for a coarse one, whose noise is
 /// above the least threshold.
 #[test]
@@ -83,7 +71,10 @@ fn noise_at_rest_is_exact_silence_and_costs_what_silence_costs() {
     let unit = (1u32 << excitation::FRACTION_BITS) as f32;
     let bytes = library();
     for (force_per_volt, counts) in [(2.0, 0), (2.0, 3), (50.0, 3)] {
-        let settings = settings(ZERO as f32, force_per_volt);
+        let settings = settings_with(&[
+            (Setting::ForceZero, ZERO as f32),
+            (Setting::ForcePerVolt, force_per_volt),
+        ]);
         let mut stylus = Stylus::new(&settings, texture(&bytes));
         let mut noise = Excitation::new(1);
         let mut at_rest = || {

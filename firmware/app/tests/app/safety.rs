@@ -1,8 +1,9 @@
 //! Bounds of the output that hold for all inputs, settings and timings.
 
+use fake_stylus::device::settings_with as with;
 use model_format::link::{
     BUILT_FOR_GAIN, BUILT_FOR_OHM, LINK_LOST_AFTER_MS, MAX_COIL_POWER_WATT, MAX_PIN_MEAN_SQUARE,
-    MAX_THERMAL_TIME_CONSTANT_S, STALE_AFTER_MS, Setting, SettingChange, Settings, Tighter,
+    MAX_THERMAL_TIME_CONSTANT_S, STALE_AFTER_MS, Setting, Settings, Tighter,
 };
 use model_format::{DacCode, OutputSample, PlayRate};
 use proptest::prelude::*;
@@ -22,26 +23,17 @@ const DELAY_CODES: f64 = 13.5;
 /// The codes of one tick at mid-scale.
 const REST: [DacCode; OVERSAMPLING] = [DacCode::MID_SCALE; OVERSAMPLING];
 
-fn with(changes: &[(Setting, f32)]) -> Settings {
-    changes
-        .iter()
-        .fold(Settings::default(), |settings, &(setting, value)| {
-            settings
-                .with(SettingChange { setting, value })
-                .expect("in range")
-        })
-}
-
-/// Settings that pass a signal unchanged.
-fn transparent() -> Settings {
-    with(&[
+/// Settings that pass a signal unchanged but for `changes`.
+fn transparent_but(changes: &[(Setting, f32)]) -> Settings {
+    let transparent = [
         (Setting::HardLimit, 1.45),
         (Setting::SlewLimit, 16.0),
         (Setting::PowerLimit, 1.0),
         (Setting::SoftStart, 1.0),
         (Setting::MuteRamp, 1.0),
         (Setting::OutputGain, 0.1),
-    ])
+    ];
+    with(&[&transparent, changes].concat())
 }
 
 /// Any settings of the output's stages; the ends of the ranges are frequent.
@@ -95,10 +87,11 @@ fn any_input() -> impl Strategy<Value = Vec<(i32, i32, bool, u16)>> {
     )
 }
 
-/// Samples of such an input: each piece alternates between two levels.
-fn samples(pieces: &[(i32, i32, bool, u16)]) -> impl Iterator<Item = (OutputSample, bool)> {
+/// Samples of such an input, each with the next one: each piece alternates between two levels.
+fn samples(pieces: &[(i32, i32, bool, u16)]) -> impl Iterator<Item = ([OutputSample; 2], bool)> {
     pieces.iter().flat_map(|&(a, b, muted, length)| {
-        (0..length).map(move |n| (OutputSample(if n % 7 < 3 { a } else { b }), muted))
+        let level = move |n: u16| OutputSample(if n % 7 < 3 { a } else { b });
+        (0..length).map(move |n| ([level(n), level(n + 1)], muted))
     })
 }
 
@@ -147,16 +140,16 @@ fn any_rate() -> impl Strategy<Value = PlayRate> {
     prop::sample::select(&PlayRate::ALL)
 }
 
-/// The codes of a tick: of `sample`, or at 10 kHz of two of it.
+/// The codes of a tick: of the first sample, or at 10 kHz of both.
 fn process(
     state: &mut State,
     config: &Config,
-    sample: OutputSample,
+    pair: [OutputSample; 2],
     muted: bool,
 ) -> [DacCode; OVERSAMPLING] {
     match config.rate() {
-        PlayRate::Hz5000 => state.process(config, sample, muted),
-        PlayRate::Hz10000 => state.process_pair(config, [sample; 2], muted),
+        PlayRate::Hz5000 => state.process(config, pair[0], muted),
+        PlayRate::Hz10000 => state.process_pair(config, pair, muted),
     }
 }
 
@@ -196,7 +189,7 @@ proptest! {
         let (settings, gain, _) = all.last().expect("there are two");
         let config = Config::at_rate(settings, *gain, rate);
         for _ in 0..config.mute_ticks() {
-            process(&mut state, &config, OutputSample(i32::MIN), true);
+            process(&mut state, &config, [OutputSample(i32::MIN); 2], true);
         }
         prop_assert!(state.is_at_rest());
     }
@@ -255,7 +248,7 @@ proptest! {
             process(&mut state, &config, sample, false);
         }
         for _ in 0..config.mute_ticks() {
-            process(&mut state, &config, OutputSample(i32::MAX), true);
+            process(&mut state, &config, [OutputSample(i32::MAX); 2], true);
         }
         prop_assert!(state.is_at_rest());
         for (sample, _) in samples(&input) {
@@ -277,10 +270,10 @@ proptest! {
         }
         // The DC blocker settles with a time constant of 80 ms.
         for _ in 0..3 * SAMPLE_RATE_HZ {
-            process(&mut state, &config, OutputSample::SILENCE, false);
+            process(&mut state, &config, [OutputSample::SILENCE; 2], false);
         }
         for _ in 0..100 {
-            prop_assert_eq!(process(&mut state, &config, OutputSample::SILENCE, false), REST);
+            prop_assert_eq!(process(&mut state, &config, [OutputSample::SILENCE; 2], false), REST);
         }
     }
 
@@ -291,15 +284,23 @@ proptest! {
         let config = Config::at_rate(&settings, 1.0, rate);
         let mut state = State::new(&config);
         for _ in 0..4 * SAMPLE_RATE_HZ {
-            process(&mut state, &config, OutputSample(level), false);
+            process(&mut state, &config, [OutputSample(level); 2], false);
         }
-        prop_assert_eq!(process(&mut state, &config, OutputSample(level), false), REST);
+        prop_assert_eq!(process(&mut state, &config, [OutputSample(level); 2], false), REST);
+    }
+
+    /// The mute ramp takes the same time at both rates, and limits of codes are the same.
+    #[test]
+    fn what_a_limit_is_in_time_it_is_at_both_rates(settings in any_settings()) {
+        let [slow, fast] = PlayRate::ALL.map(|rate| Config::at_rate(&settings, 1.0, rate));
+        prop_assert_eq!((fast.limit_steps(), fast.slew_steps()), (slow.limit_steps(), slow.slew_steps()));
+        prop_assert!(slow.mute_ticks().abs_diff(fast.mute_ticks()) <= 1);
     }
 }
 
 #[test]
 fn within_the_limits_the_output_is_the_input_times_the_gain() {
-    let config = Config::new(&transparent(), 0.5);
+    let config = Config::new(&transparent_but(&[]), 0.5);
     let mut state = State::new(&config);
     // 0.05 V per m/s² and 5 m/s² are 0.25 V.
     for n in 0..SAMPLE_RATE_HZ {
@@ -327,17 +328,8 @@ fn within_the_limits_the_output_is_the_input_times_the_gain() {
 
 #[test]
 fn a_soft_start_rises_in_its_time_and_a_mute_falls_in_its() {
-    let settings = transparent().with(SettingChange {
-        setting: Setting::SoftStart,
-        value: 500.0,
-    });
-    let settings = settings.and_then(|s| {
-        s.with(SettingChange {
-            setting: Setting::MuteRamp,
-            value: 20.0,
-        })
-    });
-    let config = Config::new(&settings.expect("in range"), 0.5);
+    let ramps = [(Setting::SoftStart, 500.0), (Setting::MuteRamp, 20.0)];
+    let config = Config::new(&transparent_but(&ramps), 0.5);
     let mut state = State::new(&config);
     // The envelope of a sine of 500 Hz, as the highest of each 2 ms.
     let mut envelope = |first: u32, samples: u32, muted: bool| -> Vec<i32> {
@@ -371,18 +363,11 @@ fn a_soft_start_rises_in_its_time_and_a_mute_falls_in_its() {
 
 #[test]
 fn an_endless_overload_is_held_below_the_power_limit_without_a_jump() {
-    let changes = [
+    let settings = transparent_but(&[
         (Setting::PowerLimit, 0.01),
         (Setting::ThermalTimeConstant, 2.0),
         (Setting::AmplifierGain, 2.0),
-    ];
-    let settings = changes
-        .iter()
-        .fold(transparent(), |settings, &(setting, value)| {
-            settings
-                .with(SettingChange { setting, value })
-                .expect("in range")
-        });
+    ]);
     let config = Config::new(&settings, 1.0);
     let (mut state, mut coil) = (State::new(&config), Coil::new(&settings));
     let (mut energy, mut gains) = (0.0, vec![]);
@@ -498,7 +483,7 @@ fn a_tighter_limit_counts_for_the_heat_that_is_there_and_a_round_trip_changes_no
 
 #[test]
 fn ticks_that_are_missed_warm_the_coil_by_the_code_that_was_held() {
-    let config = Config::new(&transparent(), 1.0);
+    let config = Config::new(&transparent_but(&[]), 1.0);
     let play = |missed: u32| {
         let mut state = State::new(&config);
         for n in 0..SAMPLE_RATE_HZ {
@@ -534,45 +519,12 @@ fn counters_count_what_was_changed() {
     assert!(counters(&[(Setting::SlewLimit, 0.1)]).slew_limited > 900);
 }
 
-proptest! {
-    #![proptest_config(budget::config(300))]
-
-    #[test]
-    fn no_pair_of_samples_goes_beyond_the_limits_of_codes_or_warms_the_coil_past_its_limit(
-        settings in any_settings(), gain in 0.0f32..=4.0, input in any_input(),
-    ) {
-        let config = Config::at_rate(&settings, gain, PlayRate::Hz10000);
-        // What a limit is in time, it is at both rates.
-        let slow = Config::new(&settings, gain);
-        prop_assert_eq!((config.limit_steps(), config.slew_steps()), (slow.limit_steps(), slow.slew_steps()));
-        let (mut state, mut coil, mut before) = (State::new(&config), Coil::new(&settings), 0);
-        let all: Vec<(OutputSample, bool)> = samples(&input).collect();
-        for pair in all.as_chunks::<2>().0 {
-            let [(first, muted), (second, _)] = *pair;
-            for now in offsets(state.process_pair(&config, [first, second], muted)) {
-                prop_assert!(now.abs() <= config.limit_steps());
-                prop_assert!((now - before).abs() <= config.slew_steps());
-                coil.follow(power(&settings, now));
-                before = now;
-            }
-            prop_assert!(coil.rise < 1.1, "rise {}", coil.rise);
-        }
-    }
-
-    /// The mute ramp and the soft start take the same time at both rates.
-    #[test]
-    fn ramps_take_the_same_time_at_both_rates(settings in any_settings()) {
-        let [slow, fast] = PlayRate::ALL.map(|rate| Config::at_rate(&settings, 1.0, rate));
-        prop_assert!(slow.mute_ticks().abs_diff(fast.mute_ticks()) <= 1);
-    }
-}
-
 /// A tone below 2 kHz, and the same at the other rate: the codes differ by the filters' delays alone, so that what one
 /// puts out, in the steady state, has the other's power.
 #[test]
 fn a_tone_has_the_same_power_at_both_rates() {
     let power = |rate: PlayRate, hertz: f64| {
-        let config = Config::at_rate(&transparent(), 0.5, rate);
+        let config = Config::at_rate(&transparent_but(&[]), 0.5, rate);
         let mut state = State::new(&config);
         let tone = |n: u32| {
             let seconds = f64::from(n) / f64::from(rate.hz());

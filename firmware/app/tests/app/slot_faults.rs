@@ -234,23 +234,17 @@ fn a_header_that_could_not_be_written_is_erased_so_that_it_is_not_right_another_
 
 #[test]
 fn in_safe_mode_the_slots_are_not_read_until_a_request_needs_them() {
-    let mut hardware = Hardware::new();
-    hardware.start.safe_mode = true;
-    hardware.start.quick_faults = 3;
-    let stylus = SteppedStylus::boot_from_on(SimulatedFlash::new(two([1, 2])), hardware);
-    assert_eq!(stylus.control.borrow().status().active, None);
+    let boot = || {
+        let mut hardware = Hardware::new();
+        hardware.start.safe_mode = true;
+        SteppedStylus::boot_from_on(SimulatedFlash::new(two([1, 2])), hardware)
+    };
+    let stylus = boot();
+    assert_eq!(stylus.status().active, None);
     assert_eq!(stylus.storage.into_flash().0.reads, 0);
-
-    let mut hardware = Hardware::new();
-    hardware.start.safe_mode = true;
-    let mut stylus = SteppedStylus::boot_from_on(SimulatedFlash::new(two([1, 2])), hardware);
-    let slots = stylus.request(async |storage, _| storage.read_slots().await);
-    assert!(
-        slots
-            .slots
-            .iter()
-            .all(|state| matches!(state, SlotState::Valid(_)))
-    );
+    let mut stylus = boot();
+    stylus.request(async |storage, _| storage.read_slots().await);
+    assert!(SlotId::ALL.iter().all(|&slot| is_valid(&stylus, slot)));
     // Nothing is active, so the older one goes.
     let begun = begin(&mut stylus, &small("new"), false);
     assert_eq!(begun.map(|progress| progress.slot), Ok(SlotId::A));

@@ -16,12 +16,10 @@ fn two_libraries() -> (Memory, Vec<u8>, Vec<u8>) {
     let mut flash = SimulatedFlash::two_slots();
     block_on(async {
         let mut store = SlotStore::open(&mut flash).await;
-        upload(&mut Uploader::new(), &mut store, &first, 512)
-            .await
-            .expect("slot A");
-        upload(&mut Uploader::new(), &mut store, &second, 512)
-            .await
-            .expect("slot B");
+        for (bytes, slot) in [&first, &second].into_iter().zip(SlotId::ALL) {
+            let committed = upload(&mut Uploader::new(), &mut store, bytes, 512).await;
+            assert_eq!(committed.map(|library| library.slot), Ok(slot));
+        }
     });
     (flash.memory, first, second)
 }

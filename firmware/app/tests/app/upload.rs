@@ -7,11 +7,9 @@ use model_format::link::{
     FlashOperation, MAX_CHUNK_BYTES, SlotFault, SlotId, SlotState, UploadBegin, UploadChunk,
     UploadError, UploadState,
 };
-use proptest::prelude::*;
 use stylus_app::slots::SlotStore;
 use stylus_app::upload::Uploader;
 
-use crate::budget;
 use fake_stylus::flash::{Memory, Mishap, SimulatedFlash};
 use fake_stylus::library::{announcement, library, upload};
 
@@ -102,34 +100,26 @@ fn chunks_out_of_turn_are_refused_and_change_nothing() {
     begun(&mut uploader, &mut store, &new, 1);
     let state = uploader.state();
     let expected = 512;
-    for (offset, length, error) in [
-        (0, 512, UploadError::Offset { expected, found: 0 }),
-        (
-            1024,
-            512,
-            UploadError::Offset {
-                expected,
-                found: 1024,
-            },
-        ),
-        (512, 0, UploadError::ChunkLength { length: 0 }),
-        (512, 33, UploadError::ChunkLength { length: 33 }),
-        (512, 513, UploadError::ChunkLength { length: 513 }),
-    ] {
-        let data = &data[..length];
+    let out_of_turn = [0, 1024].map(|found| {
+        let error = UploadError::Offset { expected, found };
+        (found, 512, error)
+    });
+    let of_bad_length = [0, 33, 513].map(|length| {
+        let error = UploadError::ChunkLength { length };
+        (expected, length, error)
+    });
+    for (offset, length, error) in out_of_turn.into_iter().chain(of_bad_length) {
+        let data = &data[..length as usize];
         let sent = block_on(uploader.chunk(&mut store, UploadChunk { offset, data }));
         assert_eq!(sent, Err(error));
         assert_eq!(uploader.state(), state);
     }
     let (next_offset, length) = (expected, total);
-    let early = block_on(uploader.commit(&mut store));
-    assert_eq!(
-        early,
-        Err(UploadError::Incomplete {
-            next_offset,
-            length
-        })
-    );
+    let incomplete = UploadError::Incomplete {
+        next_offset,
+        length,
+    };
+    assert_eq!(block_on(uploader.commit(&mut store)), Err(incomplete));
     assert_eq!(*store.state(SlotId::B), SlotState::Receiving);
     // The upload still succeeds.
     assert!(block_on(upload(&mut uploader, &mut store, &new, 512)).is_ok());
@@ -224,47 +214,29 @@ fn with_mishap(at: usize, mishap: Mishap) -> Option<UploadError> {
 fn a_fault_of_the_flash_is_told_with_its_place() {
     let words = library(1, 30, 2).len().div_ceil(32);
     let slot = SlotId::B;
+    let header = MAX_LIBRARY_BYTES as u32;
+    let (erase, write) = (FlashOperation::Erase, FlashOperation::Write);
     // Operation 0 erases the header's sector, 1 the first, 2 writes the first word; the header comes last.
-    let flash = |operation, offset| {
-        Some(UploadError::Flash {
+    for (at, operation, offset) in [
+        (0, erase, 3 * 128 * 1024),
+        (1, erase, 0),
+        (2, write, 0),
+        (5, write, 96),
+        (2 + words, write, header),
+    ] {
+        let error = UploadError::Flash {
             slot,
             operation,
             offset,
-        })
-    };
-    let header = MAX_LIBRARY_BYTES as u32;
-    for (at, mishap, error) in [
-        (
-            0,
-            Mishap::Refuse,
-            flash(FlashOperation::Erase, 3 * 128 * 1024),
-        ),
-        (1, Mishap::Refuse, flash(FlashOperation::Erase, 0)),
-        (2, Mishap::Refuse, flash(FlashOperation::Write, 0)),
-        (5, Mishap::Refuse, flash(FlashOperation::Write, 96)),
-        (
-            2 + words,
-            Mishap::Refuse,
-            flash(FlashOperation::Write, header),
-        ),
-        // There is no such operation.
-        (3 + words, Mishap::Refuse, None),
-        (
-            7,
-            Mishap::Corrupt,
-            Some(UploadError::ReadBack { slot, offset: 160 }),
-        ),
-        (
-            2 + words,
-            Mishap::Corrupt,
-            Some(UploadError::ReadBack {
-                slot,
-                offset: header,
-            }),
-        ),
-    ] {
-        assert_eq!(with_mishap(at, mishap), error, "{mishap:?} {at}");
+        };
+        assert_eq!(with_mishap(at, Mishap::Refuse), Some(error), "{at}");
     }
+    for (at, offset) in [(7, 160), (2 + words, header)] {
+        let error = UploadError::ReadBack { slot, offset };
+        assert_eq!(with_mishap(at, Mishap::Corrupt), Some(error), "{at}");
+    }
+    // There is no such operation.
+    assert_eq!(with_mishap(3 + words, Mishap::Refuse), None);
 }
 
 #[test]
@@ -298,70 +270,4 @@ fn a_call_that_is_dropped_half_way_ends_the_upload() {
     assert_eq!(store.newest(), Some(SlotId::A));
     assert!(block_on(upload(&mut uploader, &mut store, &new, 512)).is_ok());
     assert_library_is_left(&mut store, &old);
-}
-
-#[derive(Clone, Copy, Debug)]
-enum Step {
-    Begin(usize),
-    Chunk { good: bool, length: usize },
-    Commit,
-    Abort,
-    ActivateNewest,
-}
-
-fn steps() -> impl Strategy<Value = Vec<Step>> {
-    let step = prop_oneof![
-        2 => (0usize..3).prop_map(Step::Begin),
-        12 => (prop::bool::weighted(0.9), 1usize..=16)
-            .prop_map(|(good, words)| Step::Chunk { good, length: words * 32 }),
-        2 => Just(Step::Commit),
-        1 => Just(Step::Abort),
-        1 => Just(Step::ActivateNewest),
-    ];
-    prop::collection::vec(step, 1..120)
-}
-
-proptest! {
-    #![proptest_config(budget::config(160))]
-
-    /// There is always a library, and it is one of those that were sent whole, for all requests in all orders.
-    #[test]
-    fn any_order_of_requests_leaves_a_whole_library(steps in steps()) {
-        let libraries = [library(1, 1, 5), library(1, 2, 6), library(1, 3, 7)];
-        let (mut uploader, mut store, first) = device();
-        for step in steps {
-            let state = uploader.state();
-            match (step, state) {
-                (Step::Begin(which), _) => {
-                    prop_assert!(block_on(uploader.begin(&mut store, announcement(&libraries[which]))).is_ok());
-                }
-                (Step::Chunk { good, length }, UploadState::Receiving(progress)) => {
-                    let which = libraries.iter().find(|bytes| announcement(bytes) == progress.upload);
-                    let rest = &which.expect("one of these")[progress.next_offset as usize..];
-                    let data = &rest[..length.min(rest.len())];
-                    let offset = progress.next_offset + u32::from(!good);
-                    let taken = block_on(uploader.chunk(&mut store, UploadChunk { offset, data })).is_ok();
-                    prop_assert_eq!(taken, good && !data.is_empty());
-                }
-                (Step::Chunk { length, .. }, UploadState::Idle) => {
-                    let data = &[0; 512][..length];
-                    let error = block_on(uploader.chunk(&mut store, UploadChunk { offset: 0, data }));
-                    prop_assert_eq!(error, Err(UploadError::NotBegun));
-                }
-                (Step::Commit, UploadState::Receiving(progress)) => {
-                    let whole = progress.next_offset == progress.upload.length;
-                    prop_assert_eq!(block_on(uploader.commit(&mut store)).is_ok(), whole);
-                }
-                (Step::Commit, UploadState::Idle) => {
-                    prop_assert_eq!(block_on(uploader.commit(&mut store)), Err(UploadError::NotBegun));
-                }
-                (Step::Abort, _) => uploader.abort(&mut store),
-                (Step::ActivateNewest, _) => store.set_active(store.newest()),
-            }
-            let newest = store.newest();
-            prop_assert!(newest.is_some());
-            let bytes = block_on(store.library_bytes(newest.expect("there is one"))).expect("it is valid");
-            prop_assert!(bytes == first || libraries.iter().any(|library| bytes == library));
-        }
-    }
 }

@@ -134,6 +134,18 @@ pub fn bare(parts: PartsSpec) -> TextureSpec {
     fed(texture_of("bare", &node), parts)
 }
 
+/// A library of a texture that puts out an excitation of codebooks alone, with these numbers of its four nodes.
+fn bare_of(codebooks: Vec<CodebookSpec>, of_nodes: [u8; 4]) -> Vec<u8> {
+    let excitation = ExcitationSpec {
+        codebooks,
+        of_nodes: of_nodes.to_vec(),
+    };
+    encoded(bare(PartsSpec {
+        excitation: Some(excitation),
+        ..PartsSpec::default()
+    }))
+}
+
 pub fn encoded(spec: TextureSpec) -> Vec<u8> {
     encode(&[spec]).expect("a valid library")
 }
@@ -256,11 +268,7 @@ fn a_fed_texture_has_the_level_of_its_node() {
 
 #[test]
 fn pieces_take_20_to_80_ms_of_either_sign_and_are_joined_by_cosine_and_sine() {
-    let parts = PartsSpec {
-        excitation: Some(everywhere(steady(), 4)),
-        ..PartsSpec::default()
-    };
-    let bytes = encoded(bare(parts));
+    let bytes = bare_of(vec![steady()], [1; 4]);
     let signal: Vec<f64> = excitation(&texture(&bytes), 5).take(3_000_000).collect();
     let joins = joins(&signal);
     // Neighbours of one sign are joined too, by a swell.
@@ -279,20 +287,14 @@ fn pieces_take_20_to_80_ms_of_either_sign_and_are_joined_by_cosine_and_sine() {
         "{average}"
     );
     uniform(lengths.iter().map(|length| (length - 100) * 10 / 301), 10);
-    let negative = joins.iter().filter(|join| join.negative).count() as f64;
-    assert!(
-        (negative / count - 0.5).abs() < 4.5 * 0.5 / count.sqrt(),
-        "{negative} of {count}"
-    );
     // No sign follows from the one before.
-    let turns = joins
-        .windows(2)
-        .filter(|pair| pair[0].negative != pair[1].negative)
-        .count() as f64;
-    assert!(
-        (turns / count - 0.5).abs() < 4.5 * 0.5 / count.sqrt(),
-        "{turns} of {count}"
-    );
+    let turned = |pair: &&[Join]| pair[0].negative != pair[1].negative;
+    let turns = joins.windows(2).filter(turned).count();
+    let negative = joins.iter().filter(|join| join.negative).count();
+    for half in [negative, turns].map(|half| half as f64) {
+        let off = (half / count - 0.5).abs();
+        assert!(off < 4.5 * 0.5 / count.sqrt(), "{half} of {count}");
+    }
 }
 
 /// Checks that `bins` are uniform on 0 to `count` - 1, by χ² at a level that chance exceeds once in a million.
@@ -319,14 +321,7 @@ fn pieces_begin_anywhere_in_a_codebook_and_go_on_at_its_beginning_after_its_end(
     let samples: Vec<f64> = (0..1024).map(|n| share((n / 8) as i8)).collect();
     let codebook = codebook(&samples);
     let values = values(&codebook);
-    let with = |codebook| {
-        let parts = PartsSpec {
-            excitation: Some(everywhere(codebook, 4)),
-            ..PartsSpec::default()
-        };
-        encoded(bare(parts))
-    };
-    let (bytes, steady) = (with(codebook), with(steady()));
+    let [bytes, steady] = [codebook, steady()].map(|one| bare_of(vec![one], [1; 4]));
     let count = 3_000_000;
     let signal: Vec<f64> = excitation(&texture(&bytes), 6).take(count).collect();
     // Choices do not depend on what a codebook holds. The one of ones is shorter, but its shares are the same.
@@ -488,15 +483,7 @@ fn the_codebook_of_a_piece_is_drawn_by_the_weights_of_the_nodes() {
             .map(|n| if n % 4 == 0 { 127 } else { 0 })
             .collect(),
     };
-    let excitation = ExcitationSpec {
-        codebooks: vec![steady(), sparse],
-        of_nodes: vec![1, 2, 0, 0],
-    };
-    let parts = PartsSpec {
-        excitation: Some(excitation),
-        ..PartsSpec::default()
-    };
-    let bytes = encoded(bare(parts));
+    let bytes = bare_of(vec![steady(), sparse], [1, 2, 0, 0]);
     let texture = texture(&bytes);
     // The grid spans 50 to 100 mm/s and 0.5 to 1 N.
     let (speed, force) = (65.0, 0.625);
@@ -541,14 +528,7 @@ fn the_codebook_of_a_piece_is_drawn_by_the_weights_of_the_nodes() {
 
 #[test]
 fn noise_beside_codebooks_is_that_of_the_seed_without_them() {
-    let parts = PartsSpec {
-        excitation: Some(ExcitationSpec {
-            codebooks: vec![steady()],
-            of_nodes: vec![0, 0, 1, 1],
-        }),
-        ..PartsSpec::default()
-    };
-    let bytes = encoded(bare(parts));
+    let bytes = bare_of(vec![steady()], [0, 0, 1, 1]);
     let texture = texture(&bytes);
     let (material, slow) = (
         Material::of(&texture),
@@ -600,13 +580,9 @@ proptest! {
         for _ in 0..samples {
             synthesis.next_sample();
         }
+        let mut on_time = synthesis.clone();
         prop_assert!((0..500).all(|_| synthesis.next_sample() == OutputSample::SILENCE));
         // It goes on as if nothing had been missed.
-        let mut on_time: Synthesis<'_> = Synthesis::new(texture(&bytes), seed);
-        on_time.follow(motion(75.0, 0.75), samples);
-        for _ in 0..samples {
-            on_time.next_sample();
-        }
         for one in [&mut synthesis, &mut on_time] {
             one.follow(motion(75.0, 0.75), 10);
         }

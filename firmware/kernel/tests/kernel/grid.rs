@@ -1,10 +1,10 @@
 //! Weights and fades for every motion on every grid.
 
-use model_format::{MillimetresPerSecond, Newton, NodeSpec, Texture};
+use model_format::{NodeSpec, Texture};
 use proptest::collection::btree_set;
 use proptest::prelude::*;
+use stylus_kernel::Motion;
 use stylus_kernel::grid::{GridPoint, ONE};
-use stylus_kernel::{Motion, MotionError};
 
 use crate::models::{library, motion, texture};
 
@@ -139,19 +139,7 @@ proptest! {
         let (speed, force) = (value_about(&speeds, speed), value_about(&forces, force));
         prop_assert_eq!(locate(&texture, -speed, force), locate(&texture, speed, force));
         prop_assert_eq!(motion(speed, -force), motion(speed, 0.0));
+        prop_assert_eq!(motion(-0.0, -0.0), Motion::REST);
         prop_assert_eq!(locate(&texture, speed, -force).fade, 0);
     }
-}
-
-#[test]
-fn a_motion_that_is_not_finite_is_an_error_of_its_own() {
-    for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
-        let speed = Motion::new(MillimetresPerSecond(bad), Newton(1.0));
-        assert_eq!(speed, Err(MotionError::Speed));
-        let force = Motion::new(MillimetresPerSecond(1.0), Newton(bad));
-        assert_eq!(force, Err(MotionError::Force));
-    }
-    assert_eq!(MotionError::Speed.to_string(), "the speed is not finite");
-    assert_eq!(MotionError::Force.to_string(), "the force is not finite");
-    assert_eq!(motion(-0.0, -0.0), Motion::REST);
 }

@@ -13,7 +13,7 @@ use stylus_kernel::grid::GridPoint;
 use stylus_kernel::lattice::LatticeFrame;
 use stylus_kernel::{Levels, Motion, Synthesis};
 
-use crate::lattice::{sample, state, theta_code};
+use crate::lattice::{energy, sample, state, theta_code};
 use crate::models::{motion, spec, texture};
 
 /// A node of any order and level, silent ones among them.
@@ -70,13 +70,6 @@ fn any_motion() -> impl Strategy<Value = Motion> {
     let force =
         prop_oneof![6 => 0.0f32..2.0, 1 => Just(0.0), 1 => Just(1.5), 1 => -f32::MAX..=f32::MAX];
     (speed, force).prop_map(|(speed, force)| motion(speed, force))
-}
-
-fn energy(signals: &[i32]) -> u128 {
-    let squares = signals
-        .iter()
-        .map(|&signal| u128::from(signal.unsigned_abs()).pow(2));
-    squares.sum()
 }
 
 proptest! {

@@ -2,16 +2,14 @@
 
 use model_format::SAMPLE_RATE_HZ;
 use model_format::limits::MAX_ORDER;
-use proptest::collection::vec;
 use proptest::prelude::*;
 use stylus_kernel::arithmetic::Portable;
 use stylus_kernel::excitation::{Excitation, FRACTION_BITS};
 use stylus_kernel::lattice::LatticeState;
-use stylus_kernel::rotation::Rotation;
 
 use crate::models::{Deviation, FloatLattice, fixtures, rotation};
 
-fn energy(signals: &[i32]) -> u128 {
+pub fn energy(signals: &[i32]) -> u128 {
     signals
         .iter()
         .map(|&signal| u128::from(signal.unsigned_abs()).pow(2))
@@ -32,30 +30,6 @@ pub fn state(backward: &[i32]) -> LatticeState {
     let mut all = [0; MAX_ORDER];
     all[..backward.len()].copy_from_slice(backward);
     LatticeState::from_backward(all)
-}
-
-proptest! {
-    #![proptest_config(ProptestConfig::with_cases(256))]
-
-    /// The energy of the output and the new state, f[0] = g[0] to g[M], is at most that of excitation and state, in the
-    /// integers, with new coefficients at every sample.
-    #[test]
-    fn energy_never_grows_whatever_the_coefficients_do(
-        order in prop_oneof![0usize..40, Just(MAX_ORDER), 0..=MAX_ORDER],
-        pool in vec(theta_code(), 997),
-        backward in vec(sample(), MAX_ORDER),
-        excitation in vec(sample(), 1..40),
-    ) {
-        let mut state = state(&backward);
-        let mut codes = pool.iter().cycle();
-        for &excitation in &excitation {
-            let rotations: Vec<Rotation> = codes.by_ref().take(order).map(|&code| rotation(code)).collect();
-            let before = energy(state.backward(order)) + energy(&[excitation]);
-            let output = state.filter::<Portable>(&rotations, excitation);
-            prop_assert_eq!(state.backward(1)[0], output);
-            prop_assert!(energy(state.backward(order + 1)) <= before);
-        }
-    }
 }
 
 proptest! {

@@ -126,6 +126,10 @@ proptest! {
             let error = (f64::from(found) / f64::from(ONE) - exact).abs();
             prop_assert!(error <= 2.1 / f64::from(ONE), "{fade}: {found} {exact}");
             prop_assert!(found <= locate(speed * SPEEDS[0] * 1.01, force * FORCES[0]));
+            // Exactly nothing at rest, exactly one at the grid's edge, and no jump on the way there.
+            prop_assert_eq!((locate(0.0, force * FORCES[0]), locate(speed * SPEEDS[0], 0.0)), (0, 0));
+            prop_assert_eq!(locate(SPEEDS[0], FORCES[0]), ONE);
+            prop_assert!(locate(SPEEDS[0].next_down(), FORCES[0]) >= ONE - 1);
         }
     }
 }
@@ -141,31 +145,6 @@ fn with_laws(nodes: Vec<NodeSpec>, laws: Laws) -> TextureSpec {
     TextureSpec {
         laws,
         ..spec(&SPEEDS, &FORCES, nodes)
-    }
-}
-
-/// Exactly nothing at rest, exactly one at the grid's edge, and no jump on the way there.
-#[test]
-fn fades_are_exact_at_both_ends_and_meet_the_grid_without_a_jump() {
-    for fade in FadeLaw::ALL {
-        let bytes = lattice(Laws {
-            level: LevelLaw::Amplitude,
-            fade,
-        });
-        let texture = texture(&bytes);
-        let at = |speed, force| GridPoint::locate(&texture, motion(speed, force)).fade;
-        assert_eq!(at(0.0, FORCES[0]), 0);
-        assert_eq!(at(SPEEDS[0], 0.0), 0);
-        assert_eq!(at(f32::from_bits(1), FORCES[0]), 0);
-        assert_eq!(at(SPEEDS[0], FORCES[0]), ONE);
-        assert!(at(SPEEDS[0].next_down(), FORCES[0]) >= ONE - 1);
-        assert!(at(SPEEDS[0], FORCES[0].next_down()) >= ONE - 1);
-        // A quarter of the way: a quarter of the amplitude, or of the power.
-        let quarter = match fade {
-            FadeLaw::Amplitude => ONE / 4,
-            FadeLaw::Power => ONE / 2,
-        };
-        assert_eq!(at(SPEEDS[0] / 4.0, FORCES[0]), quarter);
     }
 }
 

@@ -2,7 +2,6 @@
 
 use std::f64::consts::TAU;
 
-use model_format::scene::{Region, Scene, Surface};
 use model_format::{
     FadeLaw, Library, LineSpec, LinesSpec, NodeSpec, OutputSample, SAMPLE_RATE_HZ, Texture, encode,
     encode_with_scenes,
@@ -10,9 +9,10 @@ use model_format::{
 use stylus_kernel::position::Position;
 use stylus_kernel::scene::cost::Item;
 use stylus_kernel::scene::{Interaction, Plan, ScenePlayer, Stage};
-use stylus_kernel::{Synthesis, UPDATE_INTERVAL_SAMPLES};
+use stylus_kernel::{Motion, Synthesis, UPDATE_INTERVAL_SAMPLES};
 
-use crate::models::{fixture, motion, spec};
+use crate::models::{fixture, motion, spec, texture as only_texture};
+use crate::scenes::side_by_side;
 
 const RATE: f64 = SAMPLE_RATE_HZ as f64;
 const BLOCK: usize = UPDATE_INTERVAL_SAMPLES as usize;
@@ -34,13 +34,29 @@ fn silent_but_for(lines: &[(f32, f64, f32)]) -> Vec<u8> {
     encode(&[spec]).expect("a valid library")
 }
 
-fn only_texture(bytes: &[u8]) -> Texture<'_> {
-    let library = Library::decode(bytes).expect("a valid library");
-    library.textures().next().expect("one was written")
+/// One line of phase 0.
+fn line_of(wavelength_mm: f32, amplitudes: Vec<f32>) -> LinesSpec {
+    let line = LineSpec {
+        wavelength_mm,
+        phase: 0,
+        amplitudes,
+    };
+    LinesSpec { lines: vec![line] }
 }
 
 fn m_s2(sample: OutputSample) -> f64 {
     f64::from(sample.0) / f64::from(1u32 << OutputSample::FRACTION_BITS)
+}
+
+/// Times of the first and the last sample of the block with this number, s.
+fn times(block: usize) -> [f64; 2] {
+    [block * BLOCK, (block + 1) * BLOCK - 1].map(|sample| sample as f64 / RATE)
+}
+
+/// The samples of a block of `motion` that ends at a position.
+fn block(synthesis: &mut Synthesis<'_>, motion: Motion, end: Option<Position>) -> [f64; BLOCK] {
+    synthesis.follow_to(motion, end, UPDATE_INTERVAL_SAMPLES);
+    [(); BLOCK].map(|()| m_s2(synthesis.next_sample()))
 }
 
 /// The samples of `texture` as the tool goes to `position_mm(t)`, told at the end of each block, at the speed that it
@@ -48,19 +64,12 @@ fn m_s2(sample: OutputSample) -> f64 {
 fn played(texture: Texture<'_>, seconds: f64, position_mm: impl Fn(f64) -> f64) -> Vec<f64> {
     let mut synthesis: Synthesis<'_> = Synthesis::new(texture, 1);
     let mut samples = Vec::new();
-    for block in 0..(seconds * RATE) as usize / BLOCK {
-        let (begin, end) = (
-            (block * BLOCK) as f64 / RATE,
-            ((block + 1) * BLOCK - 1) as f64 / RATE,
-        );
+    for number in 0..(seconds * RATE) as usize / BLOCK {
+        let [begin, end] = times(number);
         let speed = (position_mm(begin + 1e-4) - position_mm(begin - 1e-4)) / 2e-4;
         let position = Position::from_exact_mm(position_mm(end));
-        synthesis.follow_to(
-            motion(speed as f32, 1.0),
-            Some(position),
-            UPDATE_INTERVAL_SAMPLES,
-        );
-        samples.extend((0..BLOCK).map(|_| m_s2(synthesis.next_sample())));
+        let motion = motion(speed as f32, 1.0);
+        samples.extend(block(&mut synthesis, motion, Some(position)));
     }
     samples
 }
@@ -115,8 +124,7 @@ fn a_lines_frequency_is_speed_over_wavelength() {
         let mut synthesis: Synthesis<'_> = Synthesis::new(only_texture(&bytes), 1);
         let mut samples = Vec::new();
         for _ in 0..2_000 {
-            synthesis.follow(motion(speed, 1.0), UPDATE_INTERVAL_SAMPLES);
-            samples.extend((0..BLOCK).map(|_| m_s2(synthesis.next_sample())));
+            samples.extend(block(&mut synthesis, motion(speed, 1.0), None));
         }
         let rises = samples
             .windows(2)
@@ -135,8 +143,6 @@ fn level_db(window: &[f64]) -> f64 {
     10.0 * (2.0 * square / window.len() as f64).log10()
 }
 
-const HALF_SECOND: usize = SAMPLE_RATE_HZ as usize / 2;
-
 #[test]
 fn a_tool_that_rests_or_lifts_is_silent_without_a_constant_output() {
     let bytes = silent_but_for(&[(0.61, 0.1, 1.0), (50.0, 0.9, 3.0)]);
@@ -152,11 +158,9 @@ fn a_tool_that_rests_or_lifts_is_silent_without_a_constant_output() {
         "{rest}, and it stops at {stops}"
     );
     let mut lifted: Synthesis<'_> = Synthesis::new(only_texture(&bytes), 1);
-    lifted.follow(motion(80.0, 1.0), UPDATE_INTERVAL_SAMPLES);
-    (0..BLOCK).for_each(|_| _ = lifted.next_sample());
-    lifted.follow(motion(80.0, 0.0), UPDATE_INTERVAL_SAMPLES);
-    (1..BLOCK).for_each(|_| _ = lifted.next_sample());
-    assert_eq!(lifted.next_sample(), OutputSample::SILENCE);
+    block(&mut lifted, motion(80.0, 1.0), None);
+    let last = block(&mut lifted, motion(80.0, 0.0), None)[BLOCK - 1];
+    assert_eq!(last, 0.0);
 }
 
 /// Peak of a line at each speed, from its RMS, as a share of its amplitude.
@@ -204,14 +208,12 @@ fn a_jump_of_the_position_does_not_click_and_the_line_goes_on_at_the_new_place()
     for jump_mm in [-1000.0, -3.3, 0.8, 1.17, 40.0, 1.0e9] {
         let jump = |t: f64| if t > 0.5021 { jump_mm } else { 0.0 };
         let smooth = |t: f64| 120.0 * t;
-        let texture = only_texture(&bytes);
-        let mut synthesis: Synthesis<'_> = Synthesis::new(texture, 1);
+        let mut synthesis: Synthesis<'_> = Synthesis::new(only_texture(&bytes), 1);
         let mut samples = Vec::new();
-        for block in 0..500 {
-            let end = ((block + 1) * BLOCK - 1) as f64 / RATE;
+        for number in 0..500 {
+            let [_, end] = times(number);
             let position = Position::from_exact_mm(smooth(end) + jump(end));
-            synthesis.follow_to(motion(120.0, 1.0), Some(position), UPDATE_INTERVAL_SAMPLES);
-            samples.extend((0..BLOCK).map(|_| m_s2(synthesis.next_sample())));
+            samples.extend(block(&mut synthesis, motion(120.0, 1.0), Some(position)));
         }
         never_clicks(&samples[BLOCK..], 120.0 / f64::from(wavelength_mm));
         // Two blocks later it is the sine of the new place.
@@ -253,12 +255,7 @@ fn amplitudes_are_means_over_the_grid_with_the_textures_fade_below_it() {
         let mut spec = spec(&[40.0, 80.0], &[1.0, 2.0], silent);
         spec.laws.fade = fade;
         let amplitudes = vec![1.0, 2.0, 4.0, 8.0];
-        let line = LineSpec {
-            wavelength_mm: 0.61,
-            phase: 0,
-            amplitudes,
-        };
-        spec.parts.lines = Some(LinesSpec { lines: vec![line] });
+        spec.parts.lines = Some(line_of(0.61, amplitudes));
         let bytes = encode(&[spec]).expect("a valid library");
         for (speed, force, amplitude) in [
             (40.0, 1.0, 1.0),
@@ -271,13 +268,9 @@ fn amplitudes_are_means_over_the_grid_with_the_textures_fade_below_it() {
             (20.0, 0.5, at_half * at_half),
         ] {
             let mut synthesis: Synthesis<'_> = Synthesis::new(only_texture(&bytes), 1);
-            let samples: Vec<f64> = (0..4 * HALF_SECOND)
-                .map(|n| {
-                    if n.is_multiple_of(BLOCK) {
-                        synthesis.follow(motion(speed, force), UPDATE_INTERVAL_SAMPLES);
-                    }
-                    m_s2(synthesis.next_sample())
-                })
+            let blocks = 0..2 * SAMPLE_RATE_HZ / UPDATE_INTERVAL_SAMPLES;
+            let samples: Vec<f64> = blocks
+                .flat_map(|_| block(&mut synthesis, motion(speed, force), None))
                 .collect();
             let peak = samples[BLOCK..]
                 .iter()
@@ -370,56 +363,25 @@ fn lines_of_two_surfaces_share_a_transition_and_have_the_gain_of_their_surface()
     let lined = |name: &str, wavelength_mm| {
         let mut spec = spec(&[10.0], &[0.5], silent());
         spec.name = name.to_owned();
-        let line = LineSpec {
-            wavelength_mm,
-            phase: 0,
-            amplitudes: vec![1.0],
-        };
-        spec.parts.lines = Some(LinesSpec { lines: vec![line] });
+        spec.parts.lines = Some(line_of(wavelength_mm, vec![1.0]));
         spec
     };
-    let mut scene = Scene::of_surface(
-        "two".try_into().expect("short"),
-        SAMPLE_RATE_HZ,
-        Surface::of_texture(0),
-    );
-    let mut second = Surface::of_texture(1);
-    second.gain = 0.5;
-    scene.surfaces.push(second).expect("room");
-    for (start_mm, end_mm, surface) in [(-100.0, 0.0, 0), (0.0, 100.0, 1)] {
-        scene
-            .regions
-            .push(Region {
-                start_mm,
-                end_mm,
-                surface,
-            })
-            .expect("room");
-    }
-    scene.transition_mm = 40.0;
+    let mut scene = side_by_side(&[0, 1], 40.0);
+    scene.surfaces[1].gain = 0.5;
     let bytes = encode_with_scenes(&[lined("one", 0.61), lined("other", 1.9)], &[scene.clone()])
         .expect("valid");
     let library = Library::decode(&bytes).expect("valid");
     let plan = Plan::new(&scene, &library).expect("valid");
-    let items: Vec<_> = plan
-        .worst_case()
-        .terms()
-        .iter()
-        .map(|term| term.item)
-        .collect();
-    assert!(
-        [0, 1]
-            .iter()
-            .all(|&surface| items.contains(&Item::Lines { surface }))
-    );
+    let cost = plan.worst_case();
+    for surface in [0, 1] {
+        let item = Item::Lines { surface };
+        assert!(cost.terms().iter().any(|term| term.item == item));
+    }
     let mut player: ScenePlayer<'_> = ScenePlayer::new(plan, 3);
     let mut samples = Vec::new();
-    let x = |t: f64| -60.0 + 60.0 * t;
-    for block in 0..1000 {
-        let (begin, end) = (
-            (block * BLOCK) as f64 / RATE,
-            ((block + 1) * BLOCK - 1) as f64 / RATE,
-        );
+    let x = |t: f64| 40.0 + 60.0 * t;
+    for number in 0..1000 {
+        let [begin, end] = times(number);
         let told = Position::from_exact_mm(x(end));
         let interaction =
             Interaction::new(motion(60.0, 1.0), x(begin) as f32, true).expect("finite");
@@ -429,7 +391,7 @@ fn lines_of_two_surfaces_share_a_transition_and_have_the_gain_of_their_surface()
     // Sine and cosine of the share of the transition; the position of regions is that of the block's beginning.
     for (n, sample) in samples.iter().enumerate().skip(2 * BLOCK) {
         let t = n as f64 / RATE;
-        let share = ((x(t) + 20.0) / 40.0).clamp(0.0, 1.0) * TAU / 4.0;
+        let share = ((x(t) - 80.0) / 40.0).clamp(0.0, 1.0) * TAU / 4.0;
         let exact = share.cos() * (TAU * x(t) / f64::from(0.61f32)).sin()
             + 0.5 * share.sin() * (TAU * x(t) / f64::from(1.9f32)).sin();
         assert!(

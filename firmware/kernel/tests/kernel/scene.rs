@@ -20,6 +20,20 @@ fn single(texture: u8) -> Scene {
     Scene::of_surface(name("single"), SAMPLE_RATE_HZ, Surface::of_texture(texture))
 }
 
+fn sticking() -> Scene {
+    let mut scene = single(2);
+    scene.surfaces[0].stick_slip = Some(STICK_SLIP);
+    scene
+}
+
+/// A tap on a smooth surface.
+fn tapped() -> Scene {
+    let mut scene = single(2);
+    scene.surfaces[0].texture = None;
+    scene.surfaces[0].tap = Some(tap(200.0, 0.02));
+    scene
+}
+
 fn any_motion() -> impl Strategy<Value = Motion> {
     let speed = prop_oneof![6 => 0.0f32..150.0, 1 => Just(0.0), 1 => Just(75.0)];
     let force = prop_oneof![6 => 0.0f32..1.5, 1 => Just(0.0), 1 => Just(0.75)];
@@ -337,8 +351,7 @@ fn a_plan_over_the_budget_is_refused_with_the_arithmetic() {
 #[test]
 fn stick_slip_comes_with_slow_and_heavy_strokes_only() {
     let bytes = library(&[]);
-    let mut scene = single(2);
-    scene.surfaces[0].stick_slip = Some(STICK_SLIP);
+    let scene = sticking();
     let mut player = player(&bytes, &scene, 2);
     let mut position = 0.0;
     for (speed, force, sticks) in [
@@ -364,8 +377,7 @@ fn stick_slip_comes_with_slow_and_heavy_strokes_only() {
 #[test]
 fn stick_slip_has_the_period_of_the_path() {
     let bytes = library(&[]);
-    let mut scene = single(2);
-    scene.surfaces[0].stick_slip = Some(STICK_SLIP);
+    let scene = sticking();
     let (mut modulated, mut plain) = (player(&bytes, &scene, 2), player(&bytes, &single(2), 2));
     let mut energies = vec![(0.0, 0.0); 250];
     for n in 0..20_000usize {
@@ -412,9 +424,7 @@ fn contact_has_a_hysteresis() {
 #[test]
 fn a_tap_is_as_loud_wherever_between_two_updates_contact_falls() {
     let bytes = library(&[]);
-    let mut scene = single(2);
-    scene.surfaces[0].texture = None;
-    scene.surfaces[0].tap = Some(tap(200.0, 0.02));
+    let scene = tapped();
     let peak_at = |phase: u16| {
         let mut player = player(&bytes, &scene, 1);
         let contact = 100 + phase;
@@ -437,9 +447,7 @@ fn a_tap_is_as_loud_wherever_between_two_updates_contact_falls() {
 #[test]
 fn a_tap_sounds_on_contact_alone_and_scales_with_the_rate_of_force() {
     let bytes = library(&[]);
-    let mut scene = single(2);
-    scene.surfaces[0].texture = None;
-    scene.surfaces[0].tap = Some(tap(200.0, 0.02));
+    let scene = tapped();
     let peak_at = |force: f32| {
         let mut player = player(&bytes, &scene, 1);
         block(&mut player, lifted());

@@ -1,7 +1,7 @@
 //! Hard cases: bouncing contact, motion that stops dead, sixteen surfaces, jumps, and all effects at a time.
 
 use model_format::SAMPLE_RATE_HZ;
-use model_format::scene::{Region, Scene, StickSlip, Surface};
+use model_format::scene::{Scene, StickSlip, Surface};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use stylus_kernel::scene::{Interaction, SLOTS};
@@ -9,7 +9,8 @@ use stylus_kernel::{Motion, UPDATE_INTERVAL_SAMPLES};
 
 use crate::models::motion;
 use crate::scenes::{
-    at, biquad, block, library, lifted, moving, name, peak, plan, player, side_by_side, tap,
+    add_region, at, biquad, block, library, lifted, moving, name, peak, plan, player, side_by_side,
+    tap,
 };
 
 /// A surface with every effect.
@@ -130,12 +131,7 @@ fn any_scene() -> impl Strategy<Value = Scene> {
                 let start_mm = end_mm + gap;
                 end_mm = start_mm + length;
                 let surface = (index * 7 % scene.surfaces.len()) as u8;
-                let region = Region {
-                    start_mm,
-                    end_mm,
-                    surface,
-                };
-                scene.regions.push(region).expect("few regions");
+                add_region(&mut scene, [start_mm, end_mm], surface);
             }
             for (hz, radius, more) in sections {
                 let section = biquad(hz, radius, radius + more);

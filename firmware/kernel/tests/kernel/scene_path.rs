@@ -1,13 +1,13 @@
 //! Surfaces at a position, and their weights.
 
 use model_format::SAMPLE_RATE_HZ;
-use model_format::scene::{Region, Scene, Surface};
+use model_format::scene::{Scene, Surface};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use stylus_kernel::grid::ONE;
 use stylus_kernel::scene::{Located, Path};
 
-use crate::scenes::{name, side_by_side};
+use crate::scenes::{add_region, name, side_by_side};
 
 /// Regions of any lengths, some of which touch, and a transition.
 fn any_path() -> impl Strategy<Value = Path> {
@@ -22,12 +22,7 @@ fn any_path() -> impl Strategy<Value = Path> {
         for (gap, length, surface) in stretches {
             let start_mm = end_mm + gap;
             end_mm = start_mm + length;
-            let region = Region {
-                start_mm,
-                end_mm,
-                surface,
-            };
-            scene.regions.push(region).expect("few regions");
+            add_region(&mut scene, [start_mm, end_mm], surface);
         }
         Path::new(&scene)
     })

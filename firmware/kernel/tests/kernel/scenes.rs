@@ -59,14 +59,19 @@ pub fn side_by_side(textures: &[u8], transition_mm: f32) -> Scene {
     for (index, &texture) in textures.iter().enumerate() {
         let surface = Surface::of_texture(texture);
         scene.surfaces.push(surface).expect("few surfaces");
-        let region = Region {
-            start_mm: 100.0 * index as f32,
-            end_mm: 100.0 * (index + 1) as f32,
-            surface: index as u8,
-        };
-        scene.regions.push(region).expect("few regions");
+        let ends_mm = [index, index + 1].map(|end| 100.0 * end as f32);
+        add_region(&mut scene, ends_mm, index as u8);
     }
     scene
+}
+
+pub fn add_region(scene: &mut Scene, [start_mm, end_mm]: [f32; 2], surface: u8) {
+    let region = Region {
+        start_mm,
+        end_mm,
+        surface,
+    };
+    scene.regions.push(region).expect("few regions");
 }
 
 pub fn tap(frequency_hz: f32, decay_s: f32) -> Tap {

@@ -11,6 +11,7 @@ use stylus_kernel::lattice::LatticeState;
 use stylus_kernel::rotation::Rotation;
 use stylus_kernel::scene::{Interaction, Plan, ScenePlayer};
 
+use crate::fed::{decibels, mean_square};
 use crate::models::{fixture, motion, rotation, texture};
 use crate::scenes::{at, block, lifted, moving, player, side_by_side, texture_of};
 
@@ -54,14 +55,6 @@ fn cases() -> Vec<Case> {
         power: f64::from(node.output_power),
     };
     cases.map(case).into()
-}
-
-fn decibels(ratio: f64) -> f64 {
-    10.0 * ratio.log10()
-}
-
-fn mean_square(samples: &[f64]) -> f64 {
-    samples.iter().map(|sample| sample * sample).sum::<f64>() / samples.len() as f64
 }
 
 /// Samples of the first 20 ms in which a voice is in the blocks.

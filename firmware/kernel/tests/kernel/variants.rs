@@ -1,10 +1,9 @@
 //! Structures that are compared and not shipped: their accuracy, and their shortcomings beside the shipped lattice.
 
-use stylus_kernel::Motion;
+use model_format::{OutputSample, Texture};
 use stylus_kernel::excitation::{Excitation, FRACTION_BITS};
 use stylus_kernel::grid::GridPoint;
 use stylus_kernel::level::Levels;
-use stylus_kernel::rotation::Rotation;
 use stylus_kernel::variants::direct::{self, DirectFrame, DirectState};
 use stylus_kernel::variants::normalised16::{Lattice16Frame, Lattice16State};
 use stylus_kernel::variants::two_multiplier::{TwoMultiplierFrame, TwoMultiplierState};
@@ -18,20 +17,24 @@ const DEVIATION: f64 = (1u32 << FRACTION_BITS) as f64;
 /// The power that every model here has, (m/s²)².
 const POWER: f32 = 100.0;
 
-fn at_the_node() -> Motion {
-    motion(100.0, 1.0)
+/// The texture of a library of one node, at that node.
+fn located(bytes: &[u8]) -> (Texture<'_>, GridPoint) {
+    let texture = texture(bytes);
+    (texture, GridPoint::locate(&texture, motion(100.0, 1.0)))
 }
 
 /// SNR of a played model against float64 with the stored θ, dB, and its level over the model's, dB.
-fn accuracy(rotations: &[Rotation], mut play: impl FnMut(i32) -> f64) -> (f64, f64) {
-    let mut reference = FloatLattice::new(rotations);
+fn accuracy(model: &Model, mut play: impl FnMut(i32) -> (OutputSample, bool)) -> (f64, f64) {
+    let mut reference = FloatLattice::new(&model.rotations());
     let mut noise = Excitation::new(2);
     let mut deviation = Deviation::default();
     let (mut played_power, mut exact_power) = (0.0, 0.0);
     for _ in 0..60_000 {
         let excitation = noise.next_sample();
         let exact = reference.filter(f64::from(excitation)) / DEVIATION * f64::from(POWER).sqrt();
-        let played = play(excitation);
+        let (output, saturated) = play(excitation);
+        assert!(!saturated, "{}", model.name);
+        let played = f64::from(output.metres_per_second_squared().0);
         deviation.add(exact, played);
         played_power += played * played;
         exact_power += exact * exact;
@@ -44,30 +47,20 @@ fn accuracy(rotations: &[Rotation], mut play: impl FnMut(i32) -> f64) -> (f64, f
 
 fn two_multiplier(model: &Model) -> (f64, f64) {
     let bytes = single(model.node(POWER));
-    let texture = texture(&bytes);
-    let point = GridPoint::locate(&texture, at_the_node());
+    let (texture, point) = located(&bytes);
     let mut frame = TwoMultiplierFrame::silent(texture.max_order());
     frame.update(&texture, &point, Levels::SILENT, 1);
     let mut state = TwoMultiplierState::new();
-    accuracy(&model.rotations(), |excitation| {
-        let (output, saturated) = state.next_sample(&frame, excitation, 0);
-        assert!(!saturated, "{}", model.name);
-        f64::from(output.metres_per_second_squared().0)
-    })
+    accuracy(model, |excitation| state.next_sample(&frame, excitation, 0))
 }
 
 fn normalised16(model: &Model) -> (f64, f64) {
     let bytes = single(model.node(POWER));
-    let texture = texture(&bytes);
-    let point = GridPoint::locate(&texture, at_the_node());
+    let (texture, point) = located(&bytes);
     let mut frame = Lattice16Frame::silent(texture.max_order());
     frame.update(&texture, &point, Levels::SILENT, 1);
     let mut state = Lattice16State::new();
-    accuracy(&model.rotations(), |excitation| {
-        let (output, saturated) = state.next_sample(&frame, excitation, 0);
-        assert!(!saturated, "{}", model.name);
-        f64::from(output.metres_per_second_squared().0)
-    })
+    accuracy(model, |excitation| state.next_sample(&frame, excitation, 0))
 }
 
 /// The steeper a model's spectrum, the smaller its excitation beside its output, in the same steps.
@@ -145,9 +138,8 @@ fn a_direct_form_is_its_recursion_in_float64() {
     for name in ["H1a", "H1b"] {
         let (model, codes) = (fixture(name), codes(&fixture(name)));
         let bytes = single(model.node(POWER));
-        let texture = texture(&bytes);
+        let (texture, point) = located(&bytes);
         let mut frame = DirectFrame::silent(&texture, EXPONENT);
-        let point = GridPoint::locate(&texture, at_the_node());
         frame.update(&texture, &point, [&codes; 4], Levels::SILENT, 1);
         let (mut state, mut noise) = (DirectState::new(), Excitation::new(5));
         let (mut history, mut deviation) = (Vec::<f64>::new(), Deviation::default());

@@ -3,7 +3,7 @@
 
 use std::ops::Range;
 
-use host_tools::link::capture::{Loss, Stream};
+use host_tools::link::capture::Stream;
 use model_format::link::{Fault, FaultKind, MotionSource, QUICK_FAULT_MS, ResetReason, Status};
 
 use crate::bench::{Bench, request};
@@ -57,10 +57,19 @@ impl Ending {
         }
     }
 
-    const fn at(address: Range<u32>, fault: Injected, name: &'static str, kind: FaultKind) -> Self {
+    /// An access that the memory's protection refuses at `address`.
+    const fn at(address: Range<u32>, fault: Injected, name: &'static str) -> Self {
         Self {
             address: Some(address),
-            ..Self::caught(fault, name, kind)
+            ..Self::caught(fault, name, FaultKind::MemoryProtection)
+        }
+    }
+
+    /// A stack that overflows into the addresses below it.
+    const fn overflow(fault: Injected, name: &'static str) -> Self {
+        Self {
+            address: Some(BELOW_STACK),
+            ..Self::caught(fault, name, FaultKind::StackOverflow)
         }
     }
 
@@ -78,10 +87,7 @@ const BELOW_STACK: Range<u32> = 0x1fff_fc00..0x2000_0000;
 
 /// Faults that end in a reset. A core that stops leaves the output to timer and DMA.
 pub const ENDING: [Ending; 19] = {
-    use FaultKind::{
-        ExecutorStopped, HardFault, MemoryProtection, Nmi, Panic, StackOverflow, TickStopped,
-        UnexpectedInterrupt,
-    };
+    use FaultKind::{ExecutorStopped, HardFault, Nmi, Panic, TickStopped, UnexpectedInterrupt};
     use Injected as I;
     const NULL: Range<u32> = 0..1;
     const ITCM: Range<u32> = 0x400..0x401;
@@ -104,44 +110,14 @@ pub const ENDING: [Ending; 19] = {
         Ending::starved(I::Halt, "a core that stops", ExecutorStopped),
         Ending::of_output(I::NoTransfers, "a stream that feeds the converter no more"),
         Ending::of_output(I::NoEraser, "a stream that erases no more"),
-        Ending::at(
-            BELOW_STACK,
-            I::OverflowInTask,
-            "a stack that a task overflows",
-            StackOverflow,
-        ),
-        Ending::at(
-            BELOW_STACK,
-            I::OverflowInUpdate,
-            "a stack that the update overflows",
-            StackOverflow,
-        ),
-        Ending::at(
-            NULL,
-            I::WriteToNull,
-            "a write to address 0",
-            MemoryProtection,
-        ),
-        Ending::at(NULL, I::ReadNull, "a read of address 0", MemoryProtection),
-        Ending::at(
-            ITCM,
-            I::WriteToItcm,
-            "a write to the code in ITCM",
-            MemoryProtection,
-        ),
-        Ending::at(
-            FLASH,
-            I::WriteToFlash,
-            "a write to the code in flash",
-            MemoryProtection,
-        ),
-        Ending::at(DTCM, I::ExecuteData, "a jump to data", MemoryProtection),
-        Ending::at(
-            EXTERNAL,
-            I::ReadExternal,
-            "a read of external memory",
-            MemoryProtection,
-        ),
+        Ending::overflow(I::OverflowInTask, "a stack that a task overflows"),
+        Ending::overflow(I::OverflowInUpdate, "a stack that the update overflows"),
+        Ending::at(NULL, I::WriteToNull, "a write to address 0"),
+        Ending::at(NULL, I::ReadNull, "a read of address 0"),
+        Ending::at(ITCM, I::WriteToItcm, "a write to the code in ITCM"),
+        Ending::at(FLASH, I::WriteToFlash, "a write to the code in flash"),
+        Ending::at(DTCM, I::ExecuteData, "a jump to data"),
+        Ending::at(EXTERNAL, I::ReadExternal, "a read of external memory"),
     ]
 };
 
@@ -167,14 +143,8 @@ pub fn check(bench: &mut Bench) -> Result<()> {
     let restored = exchange(bench, Image::Product);
     injected?;
     restored?;
-    let takes = takes_faults(bench)?;
-    bench.judge(
-        "the product's image knows no fault on request",
-        if takes { "takes them" } else { "refuses them" },
-        "refuses them",
-        !takes,
-    );
-    Ok(())
+    let name = "the product's image knows no fault on request";
+    takes_faults(bench, name, false).map(drop)
 }
 
 fn exchange(bench: &mut Bench, image: Image) -> Result<Status> {
@@ -184,28 +154,22 @@ fn exchange(bench: &mut Bench, image: Image) -> Result<Status> {
     bench.wait(100)
 }
 
-/// Returns true if the image on the board takes faults on request.
-fn takes_faults(bench: &Bench) -> Result<bool> {
+/// Judges whether the image on the board takes faults on request as it has to; returns whether it does.
+fn takes_faults(bench: &mut Bench, name: &str, has_to: bool) -> Result<bool> {
     let malformed = |status: &Status| status.usb.malformed + status.serial.malformed;
     let before = bench.status()?;
     inject(bench, Injected::Nothing)?;
     let after = bench.wait(20)?;
-    Ok(malformed(&after) == malformed(&before))
+    let takes = malformed(&after) == malformed(&before);
+    let told = |takes: bool| if takes { "takes them" } else { "refuses them" };
+    bench.judge(name, told(takes), told(has_to), takes == has_to);
+    Ok(takes)
 }
 
 fn with_fault_image(bench: &mut Bench) -> Result<()> {
     exchange(bench, Image::FaultInjection)?;
-    let takes = takes_faults(bench)?;
-    bench.judge(
-        "the fault image is on the board",
-        if takes {
-            "takes faults"
-        } else {
-            "refuses them"
-        },
-        "takes faults",
-        takes,
-    );
+    let name = "the fault image takes faults on request";
+    let takes = takes_faults(bench, name, true)?;
     if !takes {
         return Ok(());
     }
@@ -215,31 +179,22 @@ fn with_fault_image(bench: &mut Bench) -> Result<()> {
 
 /// Delays ticks beyond the first conversion of the converter, and not so far, which silicon alone can tell.
 fn late_rows(bench: &mut Bench) -> Result<()> {
-    let (late, loss) = with_sections(bench, Injected::ShortSection)?;
-    bench.judge(
-        "a row that is read 25 µs after its trigger is whole",
-        format!(
-            "{late} late conversions, {} torn samples",
-            loss.torn_samples
-        ),
-        "0, 0",
-        late == 0 && loss.torn_samples == 0,
-    );
-    let (late, loss) = with_sections(bench, Injected::LongSection)?;
+    let told = |late: u32, torn: u32| format!("{late} late conversions, {torn} torn samples");
+    let (late, torn) = with_sections(bench, Injected::ShortSection)?;
+    let name = "a row that is read 25 µs after its trigger is whole";
+    bench.judge(name, told(late, torn), "0, 0", late == 0 && torn == 0);
+    let (late, torn) = with_sections(bench, Injected::LongSection)?;
     bench.judge(
         "a row that is read 45 µs after its trigger is marked as torn",
-        format!(
-            "{late} late conversions, {} torn samples",
-            loss.torn_samples
-        ),
+        told(late, torn),
         &format!("1 to {SECTIONS} torn samples, each counted"),
-        (1..=SECTIONS).contains(&loss.torn_samples) && late >= loss.torn_samples,
+        (1..=SECTIONS).contains(&torn) && late >= torn,
     );
     Ok(())
 }
 
-/// Records while `section` delays ticks. Returns the late conversions that were counted, and the losses.
-fn with_sections(bench: &Bench, section: Injected) -> Result<(u32, Loss)> {
+/// Records while `section` delays ticks. Returns the late conversions that were counted, and the torn samples.
+fn with_sections(bench: &Bench, section: Injected) -> Result<(u32, u32)> {
     let before = bench.status()?;
     let mut stream = Stream::start(&bench.device)?;
     for block in 0..(SECTIONS + 2) * BLOCKS_BETWEEN {
@@ -254,7 +209,8 @@ fn with_sections(bench: &Bench, section: Injected) -> Result<(u32, Loss)> {
     let loss = stream.stop()?;
     let after = bench.status()?;
     let late = after.tick.late_conversions;
-    Ok((late.saturating_sub(before.tick.late_conversions), loss))
+    let late = late.saturating_sub(before.tick.late_conversions);
+    Ok((late, loss.torn_samples))
 }
 
 fn ends(bench: &mut Bench, wanted: &Ending) -> Result<()> {

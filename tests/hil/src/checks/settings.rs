@@ -1,7 +1,7 @@
 //! Settings: written, read back, refused out of range, and kept over a reset.
 
 use host_tools::link::LinkError;
-use model_format::link::{ResetReason, Setting, SettingChange, SettingsError};
+use model_format::link::{ResetReason, Setting, SettingChange, Settings, SettingsError};
 
 use crate::bench::Bench;
 use crate::error::{Error, Result};
@@ -38,18 +38,10 @@ pub fn check(bench: &mut Bench) -> Result<()> {
             found == value,
         );
     }
-    let others = Setting::ALL
-        .into_iter()
-        .filter(|setting| CHANGED.iter().all(|(changed, _)| changed != setting));
-    let moved = others
-        .filter(|&setting| before.get(setting) != expected.get(setting))
-        .count();
-    bench.judge(
-        "no other setting changes",
-        format!("{moved} changed"),
-        "0",
-        moved == 0,
-    );
+    let moved = changed(&before, &expected);
+    let others = moved.filter(|setting| CHANGED.iter().all(|(changed, _)| changed != setting));
+    let others = others.count();
+    bench.judge("no other setting changes", others, "0", others == 0);
     refused(bench)?;
     let name = "settings survive a reset";
     if let Some(reason) = bench.board.lacks() {
@@ -60,16 +52,8 @@ pub fn check(bench: &mut Bench) -> Result<()> {
     bench.board.reset()?;
     let restarted = bench.wait_for_restart(&status)?;
     let after = bench.device.settings()?;
-    let same = Setting::ALL
-        .into_iter()
-        .filter(|&setting| after.get(setting) == expected.get(setting))
-        .count();
-    bench.judge(
-        name,
-        format!("{same} of {} as before", Setting::ALL.len()),
-        "all",
-        same == Setting::ALL.len(),
-    );
+    let lost = changed(&after, &expected).count();
+    bench.judge(name, format!("{lost} lost"), "0", lost == 0);
     // A probe pulls the pin or requests the reset from the core, as its firmware and its program like.
     let wanted = [ResetReason::Pin, ResetReason::Software];
     bench.judge(
@@ -79,6 +63,12 @@ pub fn check(bench: &mut Bench) -> Result<()> {
         wanted.contains(&restarted.reset),
     );
     Ok(())
+}
+
+/// Settings with another value.
+fn changed(before: &Settings, after: &Settings) -> impl Iterator<Item = Setting> {
+    let changed = |setting: &Setting| before.get(*setting) != after.get(*setting);
+    Setting::ALL.into_iter().filter(changed)
 }
 
 /// A value out of range must be refused and leave the setting as it was.

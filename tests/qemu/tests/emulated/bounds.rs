@@ -41,46 +41,26 @@ const PROPERTIES: usize = 20;
 
 /// Least and highest value of each property.
 const RANGES: [(u32, u32); PROPERTIES] = [
-    // Textures.
-    (1, MAX_TEXTURES as u32),
-    // Of them with a grid.
-    (1, MAX_TEXTURES as u32),
-    // Speeds.
-    (1, MAX_AXIS_LEN as u32),
-    // Forces.
-    (1, MAX_AXIS_LEN as u32),
-    // Order.
-    (0, MAX_ORDER as u32),
-    // Tails.
-    (0, 1),
-    // Fine stages.
-    (0, MAX_FINE_STAGES as u32),
-    // Law of the level.
-    (0, 2),
-    // Bytes of a name.
-    (2, MAX_NAME_BYTES as u32),
-    // Characters of several bytes.
-    (0, 1),
-    // Scenes.
-    (0, MAX_SCENES as u32),
-    // Surfaces.
-    (1, MAX_SURFACES as u32),
-    // Textures of surfaces.
-    (1, MAX_SURFACES as u32),
-    // Taps.
-    (0, MAX_SURFACES as u32),
-    // Stick-slips.
-    (0, MAX_SURFACES as u32),
-    // Sections.
-    (0, MAX_SECTIONS as u32),
-    // Regions.
-    (0, MAX_REGIONS as u32),
-    // Codebooks of the first texture.
-    (0, MAX_CODEBOOKS as u32),
-    // Entries of its level track.
-    (0, MAX_MODULATION_ENTRIES as u32),
-    // Lines.
-    (0, MAX_LINES as u32),
+    (1, MAX_TEXTURES as u32),           // Textures.
+    (1, MAX_TEXTURES as u32),           // Of them with a grid.
+    (1, MAX_AXIS_LEN as u32),           // Speeds.
+    (1, MAX_AXIS_LEN as u32),           // Forces.
+    (0, MAX_ORDER as u32),              // Order.
+    (0, 1),                             // Tails.
+    (0, MAX_FINE_STAGES as u32),        // Fine stages.
+    (0, 2),                             // Law of the level.
+    (2, MAX_NAME_BYTES as u32),         // Bytes of a name.
+    (0, 1),                             // Characters of several bytes.
+    (0, MAX_SCENES as u32),             // Scenes.
+    (1, MAX_SURFACES as u32),           // Surfaces.
+    (1, MAX_SURFACES as u32),           // Textures of surfaces.
+    (0, MAX_SURFACES as u32),           // Taps.
+    (0, MAX_SURFACES as u32),           // Stick-slips.
+    (0, MAX_SECTIONS as u32),           // Sections.
+    (0, MAX_REGIONS as u32),            // Regions.
+    (0, MAX_CODEBOOKS as u32),          // Codebooks of the first texture.
+    (0, MAX_MODULATION_ENTRIES as u32), // Entries of its level track.
+    (0, MAX_LINES as u32),              // Lines.
 ];
 
 /// The properties of a hostile library.

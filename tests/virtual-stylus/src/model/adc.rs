@@ -23,12 +23,12 @@
 
 use std::fmt::Debug;
 
-use rigless::device::{DeviceContext, Level, RegisterFile};
+use rigless::device::{Level, RegisterFile};
 use rigless::soc::stm32h743::generated::adc3::{Register, cfgr, cfgr2, cr, ier, isr, jsqr};
 use rigless::soc::stm32h743::peripherals::adc::Adc;
 use rigless::time::{EventId, NANOS_PER_SECOND, VirtualNanos};
 
-use super::around::Around;
+use super::around::{Around, Call};
 use crate::electrical::OldConverter;
 
 /// Section 25.4.19, table of injected triggers: TIM6's trigger output.
@@ -149,8 +149,8 @@ impl Injected {
     }
 
     /// Handles TIM6's trigger.
-    pub fn trigger(&mut self, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
-        let setting = registers.get(Register::Jsqr);
+    pub fn trigger(&mut self, call: &mut Call<'_, '_>) {
+        let setting = call.registers.get(Register::Jsqr);
         if !self.started
             || jsqr::JEXTEN.get(setting) == 0
             || jsqr::JEXTSEL.get(setting) != TIM6_TRIGGER
@@ -161,7 +161,7 @@ impl Injected {
             self.lost_triggers += 1;
             return;
         }
-        self.begin(registers, context);
+        self.begin(call);
     }
 
     /// Half cycles from the start of a conversion of `channel` to the end of its sampling, and to its own end.
@@ -181,12 +181,12 @@ impl Injected {
         VirtualNanos(began.0 + nanos as u64)
     }
 
-    fn begin(&mut self, registers: &RegisterFile, context: &mut DeviceContext<'_>) {
+    fn begin(&mut self, call: &mut Call<'_, '_>) {
         if self.hz == 0 {
-            context.tell("JSQR", WITHOUT_CLOCK);
+            call.context.tell("JSQR", WITHOUT_CLOCK);
             return;
         }
-        self.schedule(context.now(), 0, 0, registers, context);
+        self.schedule(call.context.now(), 0, 0, call);
     }
 
     fn schedule(
@@ -194,8 +194,7 @@ impl Injected {
         began: VirtualNanos,
         half_cycles: u64,
         rank: usize,
-        registers: &RegisterFile,
-        context: &mut DeviceContext<'_>,
+        Call { registers, context }: &mut Call<'_, '_>,
     ) {
         let (_, whole) = Self::durations(channel_at(rank, registers), registers);
         let event = context.schedule(self.instant(began, half_cycles + whole));
@@ -208,12 +207,8 @@ impl Injected {
     }
 
     /// Handles the end of the conversion under way.
-    fn converted(
-        &mut self,
-        done: &Sequence,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
-    ) {
+    fn converted(&mut self, done: &Sequence, call: &mut Call<'_, '_>) {
+        let registers = &mut *call.registers;
         let channel = channel_at(done.rank, registers);
         let (sampling, whole) = Self::durations(channel, registers);
         let sampled = self.instant(done.began, done.half_cycles + sampling);
@@ -235,13 +230,7 @@ impl Injected {
         self.flags |= isr::JEOC.mask();
         let setting = registers.get(Register::Jsqr);
         if (done.rank as u64) < jsqr::JL.get(setting) {
-            self.schedule(
-                done.began,
-                done.half_cycles + whole,
-                done.rank + 1,
-                registers,
-                context,
-            );
+            self.schedule(done.began, done.half_cycles + whole, done.rank + 1, call);
             return;
         }
         self.flags |= isr::JEOS.mask();
@@ -250,12 +239,7 @@ impl Injected {
         }
     }
 
-    fn command(
-        &mut self,
-        written: u64,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
-    ) {
+    fn command(&mut self, written: u64, call: &mut Call<'_, '_>) {
         if cr::JADSTP.is_set(written) || cr::ADDIS.is_set(written) {
             self.started = false;
             self.sequence = None;
@@ -263,19 +247,19 @@ impl Injected {
         if !cr::JADSTART.is_set(written) || cr::JADSTP.is_set(written) || self.started {
             return;
         }
-        if !cr::ADEN.is_set(registers.get(Register::Cr)) {
-            context.tell("CR", WITHOUT_ENABLE);
+        if !cr::ADEN.is_set(call.registers.get(Register::Cr)) {
+            call.context.tell("CR", WITHOUT_ENABLE);
             return;
         }
-        tell_what_is_left_out(registers, context);
+        tell_what_is_left_out(call);
         self.started = true;
-        if jsqr::JEXTEN.get(registers.get(Register::Jsqr)) == 0 {
-            self.begin(registers, context);
+        if jsqr::JEXTEN.get(call.registers.get(Register::Jsqr)) == 0 {
+            self.begin(call);
         }
     }
 
     /// Asserts the interrupt if either part of the model does.
-    fn refresh_interrupt(&mut self, registers: &RegisterFile, context: &mut DeviceContext<'_>) {
+    fn refresh_interrupt(&mut self, Call { registers, context }: &mut Call<'_, '_>) {
         let enabled = registers.get(Register::Ier);
         let wanted = self.flags & enabled & (ier::JEOCIE.mask() | ier::JEOSIE.mask()) != 0;
         if wanted || self.raised {
@@ -300,53 +284,27 @@ impl Around<Adc> for Injected {
         }
     }
 
-    fn after_write(
-        &mut self,
-        _inner: &mut Adc,
-        register: Register,
-        value: u64,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
-    ) {
+    fn after_write(&mut self, register: Register, value: u64, call: &mut Call<'_, '_>) {
         if register == Register::Cr {
-            self.command(value, registers, context);
+            self.command(value, call);
         }
     }
 
-    fn answer(
-        &mut self,
-        register: Register,
-        answered: Option<u64>,
-        registers: &RegisterFile,
-    ) -> Option<u64> {
+    fn answer(&mut self, register: Register, value: u64, _registers: &RegisterFile) -> Option<u64> {
         if RESULTS.contains(&register) {
             self.flags &= !isr::JEOC.mask();
         }
-        match register {
-            Register::Isr => Some(
-                (self.silicon).flags(answered.unwrap_or_else(|| registers.get(register)))
-                    & !injected_flags()
-                    | self.flags,
-            ),
-            _ => answered,
-        }
+        let flags = || self.silicon.flags(value) & !injected_flags() | self.flags;
+        (register == Register::Isr).then(flags)
     }
 
-    fn event(
-        &mut self,
-        _inner: &mut Adc,
-        event: EventId,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
-    ) -> bool {
-        match self.sequence.take_if(|sequence| sequence.event == event) {
-            Some(done) if self.hz != 0 => self.converted(&done, registers, context),
-            // The clock has stopped: the conversion does not end.
-            Some(_) => {}
-            None => return false,
+    fn event(&mut self, _inner: &mut Adc, event: EventId, call: &mut Call<'_, '_>) {
+        // Without a clock the conversion does not end.
+        if let Some(done) = self.sequence.take_if(|sequence| sequence.event == event)
+            && self.hz != 0
+        {
+            self.converted(&done, call);
         }
-        // There is one event per instance and instant, so the emulator's model may have scheduled this one too.
-        false
     }
 
     fn clock(&mut self, hz: u64) -> u64 {
@@ -354,18 +312,11 @@ impl Around<Adc> for Injected {
         self.hz
     }
 
-    fn after(
-        &mut self,
-        _inner: &mut Adc,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
-    ) {
-        let others = registers.get(Register::Cr) & !(cr::JADSTART.mask() | cr::JADSTP.mask());
-        registers.set(
-            Register::Cr,
-            cr::JADSTART.set(others, u64::from(self.started)),
-        );
-        self.refresh_interrupt(registers, context);
+    fn after(&mut self, _inner: &mut Adc, call: &mut Call<'_, '_>) {
+        let others = call.registers.get(Register::Cr) & !(cr::JADSTART.mask() | cr::JADSTP.mask());
+        let control = cr::JADSTART.set(others, u64::from(self.started));
+        call.registers.set(Register::Cr, control);
+        self.refresh_interrupt(call);
     }
 
     fn reset(&mut self) {
@@ -396,7 +347,7 @@ fn channel_at(rank: usize, registers: &RegisterFile) -> u64 {
     field.get(registers.get(Register::Jsqr))
 }
 
-fn tell_what_is_left_out(registers: &RegisterFile, context: &mut DeviceContext<'_>) {
+fn tell_what_is_left_out(Call { registers, context }: &mut Call<'_, '_>) {
     let setting = registers.get(Register::Jsqr);
     if jsqr::JEXTEN.get(setting) != 0 && jsqr::JEXTSEL.get(setting) != TIM6_TRIGGER {
         context.tell("JSQR", OTHER_TRIGGER);

@@ -2,10 +2,17 @@
 
 use std::fmt::Debug;
 
-use rigless::device::{Device, DeviceContext, InterruptChange, RegisterFile, RequestChange};
-use rigless::emulator::InterruptLine;
-use rigless::soc::{RegisterSpec, Width};
+use rigless::device::{Device, DeviceContext, RegisterFile, RequestChange};
+use rigless::soc::Width;
 use rigless::time::{EventId, VirtualNanos};
+
+/// Registers and machine during a call of a model.
+pub struct Call<'a, 'c> {
+    /// The registers of its instance.
+    pub registers: &'a mut RegisterFile,
+    /// The rest of the machine.
+    pub context: &'a mut DeviceContext<'c>,
+}
 
 /// A wrapper of a model of type `D`, which is called before or after each call of the model.
 pub trait Around<D: Device>: Debug + Send {
@@ -13,48 +20,20 @@ pub trait Around<D: Device>: Debug + Send {
     fn before_write(&mut self, _register: D::Register, _value: u64, _registers: &mut RegisterFile) {
     }
 
-    /// Called after the model for a read, with the model's answer, or `None` if it left the answer to the register
-    /// file. Returns the answer to the core.
-    fn answer(
-        &mut self,
-        _register: D::Register,
-        answered: Option<u64>,
-        _registers: &RegisterFile,
-    ) -> Option<u64> {
-        answered
+    /// Called after the model for a read, with the model's answer. Returns another one, if the core is to have it.
+    fn answer(&mut self, _: D::Register, _value: u64, _registers: &RegisterFile) -> Option<u64> {
+        None
     }
 
     /// Called after the model for a write of `value`.
-    fn after_write(
-        &mut self,
-        _inner: &mut D,
-        _register: D::Register,
-        _value: u64,
-        _registers: &mut RegisterFile,
-        _context: &mut DeviceContext<'_>,
-    ) {
-    }
+    fn after_write(&mut self, _register: D::Register, _value: u64, _call: &mut Call<'_, '_>) {}
 
     /// Called before the model for a store of the core into the memory that the model programs.
-    fn before_store(
-        &mut self,
-        _address: u64,
-        _width: Width,
-        _value: u64,
-        _registers: &RegisterFile,
-    ) {
-    }
+    fn before_store(&mut self, _address: u64, _: Width, _value: u64, _registers: &RegisterFile) {}
 
-    /// Called for an event that the wrapper or the model has scheduled. True if it was the wrapper's only.
-    fn event(
-        &mut self,
-        _inner: &mut D,
-        _event: EventId,
-        _registers: &mut RegisterFile,
-        _context: &mut DeviceContext<'_>,
-    ) -> bool {
-        false
-    }
+    /// Called before the model for an event that the wrapper or the model has scheduled. There is one event per
+    /// instance and instant, so that both may have scheduled this one.
+    fn event(&mut self, _inner: &mut D, _event: EventId, _call: &mut Call<'_, '_>) {}
 
     /// Called for a change of a request of any instance, before the model.
     fn request(&mut self, _change: RequestChange, _context: &mut DeviceContext<'_>) {}
@@ -65,13 +44,7 @@ pub trait Around<D: Device>: Debug + Send {
     }
 
     /// Called after any call but a peek, a reset, and a change of a request: there are hundreds per code at the output.
-    fn after(
-        &mut self,
-        _inner: &mut D,
-        _registers: &mut RegisterFile,
-        _context: &mut DeviceContext<'_>,
-    ) {
-    }
+    fn after(&mut self, _inner: &mut D, _call: &mut Call<'_, '_>) {}
 
     /// Called after a reset of the part, after which no scheduled event comes.
     fn reset(&mut self) {}
@@ -93,15 +66,18 @@ impl<D, A> Extended<D, A> {
     }
 }
 
+impl<D: Device, A: Around<D>> Extended<D, A> {
+    fn after(&mut self, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
+        let mut call = Call { registers, context };
+        self.around.after(&mut self.inner, &mut call);
+    }
+}
+
 impl<D: Device, A: Around<D>> Device for Extended<D, A>
 where
     D::Register: Copy,
 {
     type Register = D::Register;
-
-    fn layout(&self) -> &'static [RegisterSpec] {
-        self.inner.layout()
-    }
 
     fn read(
         &mut self,
@@ -110,8 +86,9 @@ where
         context: &mut DeviceContext<'_>,
     ) -> Option<u64> {
         let answered = self.inner.read(register, registers, context);
-        let answered = self.around.answer(register, answered, registers);
-        self.around.after(&mut self.inner, registers, context);
+        let value = answered.unwrap_or_else(|| registers.get(register));
+        let answered = self.around.answer(register, value, registers).or(answered);
+        self.after(registers, context);
         answered
     }
 
@@ -133,9 +110,9 @@ where
     ) {
         self.around.before_write(register, value, registers);
         self.inner.write(register, value, registers, context);
-        self.around
-            .after_write(&mut self.inner, register, value, registers, context);
-        self.around.after(&mut self.inner, registers, context);
+        let mut call = Call { registers, context };
+        self.around.after_write(register, value, &mut call);
+        self.around.after(&mut self.inner, &mut call);
     }
 
     fn on_event(
@@ -144,13 +121,10 @@ where
         registers: &mut RegisterFile,
         context: &mut DeviceContext<'_>,
     ) {
-        if !self
-            .around
-            .event(&mut self.inner, event, registers, context)
-        {
-            self.inner.on_event(event, registers, context);
-        }
-        self.around.after(&mut self.inner, registers, context);
+        let mut call = Call { registers, context };
+        self.around.event(&mut self.inner, event, &mut call);
+        self.inner.on_event(event, registers, context);
+        self.after(registers, context);
     }
 
     fn on_request(
@@ -163,34 +137,10 @@ where
         self.inner.on_request(request, registers, context);
     }
 
-    fn on_interrupt(
-        &mut self,
-        change: InterruptChange,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
-    ) {
-        self.inner.on_interrupt(change, registers, context);
-    }
-
-    fn acknowledge_interrupt(
-        &mut self,
-        line: InterruptLine,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
-    ) -> Option<u64> {
-        self.inner.acknowledge_interrupt(line, registers, context)
-    }
-
-    fn on_clock_input(
-        &mut self,
-        input: usize,
-        hz: u64,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
-    ) {
+    fn on_clock(&mut self, hz: u64, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
         let hz = self.around.clock(hz);
-        self.inner.on_clock_input(input, hz, registers, context);
-        self.around.after(&mut self.inner, registers, context);
+        self.inner.on_clock(hz, registers, context);
+        self.after(registers, context);
     }
 
     fn on_access(
@@ -201,7 +151,7 @@ where
         context: &mut DeviceContext<'_>,
     ) {
         self.inner.on_access(token, value, registers, context);
-        self.around.after(&mut self.inner, registers, context);
+        self.after(registers, context);
     }
 
     fn on_refused(
@@ -211,7 +161,7 @@ where
         context: &mut DeviceContext<'_>,
     ) {
         self.inner.on_refused(token, registers, context);
-        self.around.after(&mut self.inner, registers, context);
+        self.after(registers, context);
     }
 
     fn write_region(
@@ -226,13 +176,13 @@ where
         let taken = self
             .inner
             .write_region(address, width, value, registers, context);
-        self.around.after(&mut self.inner, registers, context);
+        self.after(registers, context);
         taken
     }
 
     fn poll(&mut self, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
         self.inner.poll(registers, context);
-        self.around.after(&mut self.inner, registers, context);
+        self.after(registers, context);
     }
 
     fn reset(&mut self) {

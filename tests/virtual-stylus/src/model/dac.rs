@@ -9,7 +9,6 @@
 //! | `TENx` set: it goes at the trigger of `TSELx`: TIM6 (5), TIM7 (6) | 26.4.7, table 217 |
 //! | `DMAENx`: a trigger raises the channel's request; its acknowledge lowers it | 26.4.8 |
 //! | A trigger before the acknowledge sets `DMAUDRx`: no request until a written one clears it | 26.4.8, 26.7.14 |
-//! | `DMAUDRIEx`: the interrupt, which shares TIM6's line | 26.6, 26.7.1 |
 //! | `DORx`, read only | 26.7.12, 26.7.13 |
 //! | `MCR`: a mode without the pin drives no pin; `CCR` and the sample-and-hold registers keep their bits | 26.7.16 |
 //! | The registers are accessed by words; the report tells another access | 26.7 |
@@ -20,7 +19,7 @@
 //!
 //! Left out: the two or three cycles of the bus clock between a trigger or write and `DORx` (constant, 30 ns at most at
 //! 100 MHz), settling and the buffer, the other triggers and holding
-//! registers, waves (`WAVEx`), calibration (`CENx`), and the timing of
+//! registers, waves (`WAVEx`), calibration (`CENx`), the interrupt on an underrun (`DMAUDRIEx`), and the timing of
 //! sample and hold. If the image asks for one of these, the run's report says so (`told`).
 
 use rigless::device::{Device, DeviceContext, Level, RegisterFile};
@@ -36,17 +35,16 @@ const CHANNELS: usize = 2;
 const CODE: u64 = 0xFFF;
 /// The bits of channel 1 in `CR` and `SR`; those of channel 2 are 16 higher.
 const ENABLE: u64 = 1;
+const TRIGGER_ENABLE: u64 = 1 << 1;
 const SELECTION: u64 = 0xF << 2;
 const DMA_ENABLE: u64 = 1 << 12;
-const UNDERRUN_INTERRUPT: u64 = 1 << 13;
 const UNDERRUN: u64 = 1 << 13;
-/// The underrun among the interrupts of the instance.
-const INTERRUPT: usize = 0;
 
 const WAVES: &str = "RM0433 26.4.10: WAVEx is not modelled, so DHRx goes to DORx as it is";
 const LOCKED: &str = "RM0433 26.4.7: TSELx cannot be changed while ENx is set, so it stays";
 const NARROW: &str = "RM0433 26.7: the registers have to be accessed by words";
 const LEFT_OUT: &str = "RM0433 26.7: of the registers of codes, DHR12Rx alone are modelled, and no trigger by software";
+const INTERRUPT: &str = "RM0433 26.6: DMAUDRIEx is not modelled, so an underrun is no interrupt";
 const CALIBRATION: &str = "RM0433 26.4.13: CENx is not modelled, so nothing is calibrated";
 
 /// Cause of a change or of a new latch of the output.
@@ -86,7 +84,6 @@ pub struct Dac {
     requested: [bool; CHANNELS],
     /// `DMAUDRx`.
     underruns: u64,
-    raised: bool,
     driven: bool,
     latest: Option<Output>,
     record: Vec<Output>,
@@ -144,19 +141,14 @@ impl Dac {
         self.output = [0; CHANNELS];
         self.requested = [false; CHANNELS];
         self.underruns = 0;
-        self.raised = false;
         self.driven = false;
         if was_driven {
             self.keep(at, Cause::Reset);
         }
     }
 
-    fn enabled(&self, channel: usize) -> bool {
-        self.control >> (16 * channel) & 1 != 0
-    }
-
     fn triggered(&self, channel: usize) -> bool {
-        self.control >> (16 * channel + 1) & 1 != 0
+        self.has(channel, TRIGGER_ENABLE)
     }
 
     fn selection(&self, channel: usize) -> u64 {
@@ -165,12 +157,12 @@ impl Dac {
 
     /// Modes 3 and 7 keep the channel from its pin; 6 and 7 are sample and hold, where 6 drives it (26.7.16).
     fn reaches_pin(&self) -> bool {
-        self.enabled(0) && !matches!(self.mode & 0b111, 0b011 | 0b111)
+        self.has(0, ENABLE) && !matches!(self.mode & 0b111, 0b011 | 0b111)
     }
 
     /// True if the trigger with this `selection` moves the channel's code.
     fn hears(&self, channel: usize, selection: u64) -> bool {
-        self.enabled(channel) && self.triggered(channel) && self.selection(channel) == selection
+        self.has(channel, ENABLE) && self.triggered(channel) && self.selection(channel) == selection
     }
 
     fn has(&self, channel: usize, bit: u64) -> bool {
@@ -184,19 +176,9 @@ impl Dac {
         }
         if self.requested[channel] {
             self.underruns |= underrun;
-            self.refresh_interrupt(context);
         } else {
             self.requested[channel] = true;
             context.request(channel, Level::High);
-        }
-    }
-
-    fn refresh_interrupt(&mut self, context: &mut DeviceContext<'_>) {
-        let enables = self.control & (UNDERRUN_INTERRUPT | UNDERRUN_INTERRUPT << 16);
-        let wanted = self.underruns & enables != 0;
-        if wanted != self.raised {
-            self.raised = wanted;
-            context.interrupt(INTERRUPT, Level::from(wanted));
         }
     }
 
@@ -239,19 +221,17 @@ impl Dac {
         let driven = self.reaches_pin();
         if driven != self.driven {
             self.driven = driven;
-            self.keep(
-                at,
-                if driven {
-                    Cause::Enabled
-                } else {
-                    Cause::Disabled
-                },
-            );
+            let cause = [Cause::Disabled, Cause::Enabled][usize::from(driven)];
+            self.keep(at, cause);
         }
     }
 
     fn write_control(&mut self, value: u64, context: &mut DeviceContext<'_>) {
-        for (bits, reason) in [(0x00C0_00C0, WAVES), (0x4000_4000, CALIBRATION)] {
+        for (bits, reason) in [
+            (0x00C0_00C0, WAVES),
+            (0x4000_4000, CALIBRATION),
+            (0x2000_2000, INTERRUPT),
+        ] {
             if value & bits != 0 {
                 context.tell("CR", reason);
             }
@@ -270,7 +250,6 @@ impl Dac {
                 self.acknowledge(channel, context);
             }
         }
-        self.refresh_interrupt(context);
         self.connect(context.now());
     }
 }
@@ -311,10 +290,7 @@ impl Device for Dac {
             }
             Register::Dhr12r1 => self.hold(at, 0, value, registers),
             Register::Dhr12r2 => self.hold(at, 1, value, registers),
-            Register::Sr => {
-                self.underruns &= !value;
-                self.refresh_interrupt(context);
-            }
+            Register::Sr => self.underruns &= !value,
             Register::Dor1
             | Register::Dor2
             | Register::Ccr

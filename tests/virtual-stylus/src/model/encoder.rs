@@ -10,11 +10,11 @@
 
 use std::collections::VecDeque;
 
-use rigless::device::{DeviceContext, Level, RegisterFile};
+use rigless::device::{DeviceContext, Level};
 use rigless::soc::stm32h743::peripherals::tim::{Channel, General, Tim};
 use rigless::time::{EventId, VirtualNanos};
 
-use super::around::Around;
+use super::around::{Around, Call};
 use crate::motion::{Edge, Motion};
 
 /// The levels of the two tracks over a period of four counts.
@@ -100,55 +100,37 @@ impl Quadrature {
     }
 
     /// Drives both tracks.
-    fn drive(
-        &self,
-        inner: &mut Tim<General>,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
-    ) {
+    fn drive(&self, inner: &mut Tim<General>, call: &mut Call<'_, '_>) {
         let tracks = TRACKS[self.count.rem_euclid(4) as usize];
         for (track, channel) in [CHANNEL_1, CHANNEL_2].into_iter().enumerate() {
             let is_high = (tracks[track] == Level::High) ^ self.disturbed[track];
-            inner.drive_input(channel, Level::from(is_high), registers, context);
+            inner.drive_input(channel, Level::from(is_high), call.registers, call.context);
         }
     }
 }
 
 impl Around<Tim<General>> for Quadrature {
-    fn event(
-        &mut self,
-        inner: &mut Tim<General>,
-        event: EventId,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
-    ) -> bool {
+    fn event(&mut self, inner: &mut Tim<General>, event: EventId, call: &mut Call<'_, '_>) {
         let is_edge = self.next.take_if(|(_, asked)| *asked == event);
         let is_disturbance = self.next_disturbance.take_if(|asked| *asked == event);
         if let Some((edge, _)) = is_edge {
             self.count = edge.count;
         }
         if is_disturbance.is_some() {
-            let now = context.now().0;
+            let now = call.context.now().0;
             while let Some((_, track)) = self.disturbances.pop_front_if(|&mut (at, _)| at <= now) {
                 self.disturbed[track] = !self.disturbed[track];
             }
         }
         if is_edge.is_some() || is_disturbance.is_some() {
-            self.drive(inner, registers, context);
-            self.schedule(context);
+            self.drive(inner, call);
+            self.schedule(call.context);
         }
-        // There is one event per instance and instant, so the timer may have scheduled this one too.
-        false
     }
 
-    fn after(
-        &mut self,
-        _inner: &mut Tim<General>,
-        _registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
-    ) {
+    fn after(&mut self, _inner: &mut Tim<General>, call: &mut Call<'_, '_>) {
         if !self.settled {
-            self.schedule(context);
+            self.schedule(call.context);
         }
     }
 

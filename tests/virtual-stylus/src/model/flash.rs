@@ -27,12 +27,12 @@ use std::path::Path;
 use std::sync::atomic::{AtomicU8, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use rigless::device::{DeviceContext, RegisterFile};
+use rigless::device::RegisterFile;
 use rigless::soc::Width;
 use rigless::soc::stm32h743::generated::flash::{Register, cr1, optsr_cur, sr1};
 use rigless::soc::stm32h743::peripherals::flash::Flash;
 
-use super::around::Around;
+use super::around::{Around, Call};
 use crate::chance::Chance;
 use crate::error::{Error, Result};
 
@@ -571,14 +571,8 @@ impl Around<Flash> for Journal {
         }
     }
 
-    fn answer(
-        &mut self,
-        register: Register,
-        answered: Option<u64>,
-        registers: &RegisterFile,
-    ) -> Option<u64> {
+    fn answer(&mut self, register: Register, value: u64, _registers: &RegisterFile) -> Option<u64> {
         if matches!(register, Register::OptsrCur | Register::OptsrCur_) {
-            let value = answered.unwrap_or_else(|| registers.get(register));
             return Some(optsr_cur::BOR_LEV.set(value, u64::from(self.brown_out_level)));
         }
         // The register file shows a failed read from the next call on; this call is answered here.
@@ -586,26 +580,17 @@ impl Around<Flash> for Journal {
         let bank = match register {
             Register::Sr1 => 0,
             Register::Sr2 => 1,
-            _ => return answered,
+            _ => return None,
         };
-        let hit = (failed.failed.iter())
-            .any(|&address| usize::from(address >= BASE + BANK_BYTES) == bank);
-        let value = answered.unwrap_or_else(|| registers.get(register));
-        Some(if hit {
-            sr1::DBECCERR1.set(value, 1)
-        } else {
-            value
-        })
+        let mut failed = failed.failed.iter();
+        let hit = failed.any(|&address| usize::from(address >= BASE + BANK_BYTES) == bank);
+        hit.then(|| sr1::DBECCERR1.set(value, 1))
     }
 
-    fn after(
-        &mut self,
-        _inner: &mut Flash,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
-    ) {
+    fn after(&mut self, _inner: &mut Flash, call: &mut Call<'_, '_>) {
+        let registers = &mut *call.registers;
         if let Some(asked) = self.asked.take() {
-            self.settle(&asked, registers, context.now().0);
+            self.settle(&asked, registers, call.context.now().0);
         }
         for bank in 0..2 {
             let pending = registers.get(status(bank)) & (sr1::QW1.mask() | sr1::BSY1.mask()) != 0;

@@ -9,7 +9,7 @@ use rigless::soc::stm32h743::generated::tim16::{Register, ccer, cr1};
 use rigless::soc::stm32h743::peripherals::tim::{Channel, Tim, Tim16};
 use rigless::time::{EventId, NANOS_PER_SECOND, VirtualNanos};
 
-use super::around::Around;
+use super::around::{Around, Call};
 
 /// Selection of LSI.
 const SELECTION: u8 = 1;
@@ -55,32 +55,19 @@ impl LowSpeedInput {
 }
 
 impl Around<Tim<Tim16>> for LowSpeedInput {
-    fn event(
-        &mut self,
-        inner: &mut Tim<Tim16>,
-        event: EventId,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
-    ) -> bool {
+    fn event(&mut self, inner: &mut Tim<Tim16>, event: EventId, call: &mut Call<'_, '_>) {
         if let Some((began, edge, _)) = self.next.take_if(|(_, _, asked)| *asked == event)
-            && Self::is_seen(registers)
+            && Self::is_seen(call.registers)
         {
             let level = Level::from(edge % 2 != 0);
-            inner.drive_input_source(CHANNEL_1, SELECTION, level, registers, context);
-            self.schedule(began, edge + 1, context);
+            inner.drive_input_source(CHANNEL_1, SELECTION, level, call.registers, call.context);
+            self.schedule(began, edge + 1, call.context);
         }
-        // There is one event per instance and instant, so the timer may have scheduled this one too.
-        false
     }
 
-    fn after(
-        &mut self,
-        _inner: &mut Tim<Tim16>,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
-    ) {
-        if self.next.is_none() && Self::is_seen(registers) {
-            self.schedule(context.now().0, 1, context);
+    fn after(&mut self, _inner: &mut Tim<Tim16>, call: &mut Call<'_, '_>) {
+        if self.next.is_none() && Self::is_seen(call.registers) {
+            self.schedule(call.context.now().0, 1, call.context);
         }
     }
 

@@ -13,14 +13,14 @@
 //!
 //! Left out: a failing HSE without the clock security system, under which the part's PLL runs away.
 
-use rigless::device::{DeviceContext, RegisterFile};
+use rigless::device::RegisterFile;
 use rigless::soc::FieldSpec;
 use rigless::soc::stm32h743::generated::rcc::{
     Register, cr, pll1divr, pll2divr, pll3divr, pllcfgr, pllckselr,
 };
 use rigless::soc::stm32h743::peripherals::rcc::Rcc;
 
-use super::around::Around;
+use super::around::{Around, Call};
 
 /// Reference of the medium range, Hz: from the first to the second.
 const MEDIUM_REFERENCE_HZ: [u64; 2] = [1_000_000, 2_000_000];
@@ -186,25 +186,11 @@ impl Around<Rcc> for Oscillators {
         registers.set(Register::Cr, written & !self.withheld);
     }
 
-    fn answer(
-        &mut self,
-        register: Register,
-        answered: Option<u64>,
-        registers: &RegisterFile,
-    ) -> Option<u64> {
-        if register != Register::Cr || self.withheld == 0 {
-            return answered;
-        }
-        let value = answered.unwrap_or_else(|| registers.get(register));
-        Some(value | self.withheld)
+    fn answer(&mut self, register: Register, value: u64, _registers: &RegisterFile) -> Option<u64> {
+        (register == Register::Cr && self.withheld != 0).then_some(value | self.withheld)
     }
 
-    fn after(
-        &mut self,
-        _inner: &mut Rcc,
-        _registers: &mut RegisterFile,
-        _context: &mut DeviceContext<'_>,
-    ) {
+    fn after(&mut self, _inner: &mut Rcc, _call: &mut Call<'_, '_>) {
         self.changed = true;
     }
 

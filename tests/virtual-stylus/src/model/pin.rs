@@ -3,12 +3,12 @@
 //! A pin floats until the image makes it an output: in every reset all pins of the ports C to K are analogue (section
 //! 11.4.1). What the board holds the pin at meanwhile is not the part's.
 
-use rigless::device::{DeviceContext, RegisterFile};
+use rigless::device::RegisterFile;
 use rigless::soc::stm32h743::generated::gpioa::Register;
 use rigless::soc::stm32h743::peripherals::gpio::Gpio;
 use rigless::time::VirtualNanos;
 
-use super::around::Around;
+use super::around::{Around, Call};
 
 /// The part's own effect on a pin.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -80,13 +80,8 @@ impl PinRecord {
 }
 
 impl Around<Gpio> for PinRecord {
-    fn after(
-        &mut self,
-        _inner: &mut Gpio,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
-    ) {
-        let drive = self.of_registers(registers);
-        self.keep(context.now(), drive);
+    fn after(&mut self, _inner: &mut Gpio, call: &mut Call<'_, '_>) {
+        let drive = self.of_registers(call.registers);
+        self.keep(call.context.now(), drive);
     }
 }

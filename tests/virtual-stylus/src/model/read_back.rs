@@ -11,12 +11,12 @@
 
 use std::collections::VecDeque;
 
-use rigless::device::{DeviceContext, RegisterFile};
+use rigless::device::RegisterFile;
 use rigless::soc::stm32h743::generated::adc3::{Register, sqr1};
 use rigless::soc::stm32h743::peripherals::adc::Adc;
 use rigless::time::{EventId, NANOS_PER_SECOND};
 
-use super::around::Around;
+use super::around::{Around, Call};
 use super::dac::Output;
 use crate::chance::Chance;
 use crate::electrical::OldConverter;
@@ -127,37 +127,21 @@ impl ReadBack {
 }
 
 impl Around<Adc> for ReadBack {
-    fn event(
-        &mut self,
-        _inner: &mut Adc,
-        _event: EventId,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
-    ) -> bool {
-        if self.hz != 0 && sqr1::SQ1.get(registers.get(Register::Sqr1)) == CHANNEL {
+    fn event(&mut self, _inner: &mut Adc, _event: EventId, call: &mut Call<'_, '_>) {
+        if self.hz != 0 && sqr1::SQ1.get(call.registers.get(Register::Sqr1)) == CHANNEL {
             let since = SUCCESSIVE_HALF_CYCLES * NANOS_PER_SECOND / (2 * self.hz);
-            let level = self.level_at(context.now().0.saturating_sub(since));
+            let level = self.level_at(call.context.now().0.saturating_sub(since));
             let noise = self.noise() * self.pin.noise;
             self.word = (level + noise).round().clamp(0.0, 65_535.0) as u16;
         }
-        // The event is the emulator's.
-        false
     }
 
-    fn answer(
-        &mut self,
-        register: Register,
-        answered: Option<u64>,
-        registers: &RegisterFile,
-    ) -> Option<u64> {
-        let reads =
-            register == Register::Dr && sqr1::SQ1.get(registers.get(Register::Sqr1)) == CHANNEL;
+    fn answer(&mut self, register: Register, value: u64, registers: &RegisterFile) -> Option<u64> {
+        let is_of_pin = sqr1::SQ1.get(registers.get(Register::Sqr1)) == CHANNEL;
         match register {
-            _ if reads => Some(self.word.into()),
-            Register::Isr => {
-                Some((self.silicon).flags(answered.unwrap_or_else(|| registers.get(register))))
-            }
-            _ => answered,
+            Register::Dr if is_of_pin => Some(self.word.into()),
+            Register::Isr => Some(self.silicon.flags(value)),
+            _ => None,
         }
     }
 

@@ -9,11 +9,11 @@
 //! Left out: the level modes of `MMS` (reset, enable). The pulse of the update mode is one instant; its two edges are
 //! one cycle of the timer's clock apart on the part.
 
-use rigless::device::{DeviceContext, Level, RegisterFile, RequestChange};
+use rigless::device::{DeviceContext, Level, RequestChange};
 use rigless::soc::stm32h743::peripherals::tim::{Basic, Tim};
 use rigless::time::VirtualNanos;
 
-use super::around::Around;
+use super::around::{Around, Call};
 
 /// The first acknowledge among the outputs of DMAMUX1: after one request and one event for each of its 16 channels.
 const FIRST_ACKNOWLEDGE: usize = 2 * 16;
@@ -33,9 +33,7 @@ impl TriggerOutput {
     pub fn take(&mut self) -> Option<VirtualNanos> {
         (!self.unheard.is_empty()).then(|| self.unheard.remove(0))
     }
-}
 
-impl TriggerOutput {
     /// Takes the instant of an acknowledge for the converter, and the converter's channel.
     pub fn take_acknowledge(&mut self) -> Option<(VirtualNanos, usize)> {
         self.acknowledged.take()
@@ -54,16 +52,11 @@ impl Around<Tim<Basic>> for TriggerOutput {
         }
     }
 
-    fn after(
-        &mut self,
-        inner: &mut Tim<Basic>,
-        _registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
-    ) {
+    fn after(&mut self, inner: &mut Tim<Basic>, call: &mut Call<'_, '_>) {
         let (_, sent) = inner.trigger_output();
         // The model wakes at each update while the trigger output is in use, so a call adds one at most.
         for _ in self.sent..sent {
-            self.unheard.push(context.now());
+            self.unheard.push(call.context.now());
         }
         self.sent = sent;
     }

@@ -2,14 +2,15 @@
 //!
 //! | What | Section |
 //! |---|---|
-//! | `KR`: 0x5555 opens `PR`, `RLR` and `WINR`, any other key shuts them | 45.3.3, 45.4.1 |
+//! | `KR`: 0x5555 opens `PR` and `RLR`, any other key shuts them | 45.3.3, 45.4.1 |
 //! | `KR`: 0xAAAA reloads, 0xCCCC starts | 45.3.1, 45.4.1 |
 //! | Counts the LSI, forced on, through the divider of `PR` from `RLR` down | 45.3.1, 45.4.2, 45.4.3, 8.5.2 |
-//! | A reset of the part at the end of the count, or on a reload before the window opens (`WINR`) | 45.3.2 |
+//! | A reset of the part at the end of the count | 45.3.1 |
 //! | Once started only a reset stops it | 45.3.1 |
 //!
-//! Left out: the up to five cycles of the LSI before a written `PR`, `RLR` or `WINR` counts, so `SR` is always zero;
-//! the start by option byte; the hold by the debugger and in low-power modes.
+//! Left out: the window (`WINR`), of which the run's report says so if the image asks for it; the up to five cycles of
+//! the LSI before a written `PR` or `RLR` counts, so `SR` is always zero; the start by option byte; the hold by the
+//! debugger and in low-power modes.
 
 use rigless::device::{Device, DeviceContext, Level, RegisterFile};
 use rigless::soc::stm32h743::generated::iwdg::Register;
@@ -19,8 +20,9 @@ use rigless::time::{EventId, NANOS_PER_SECOND, VirtualNanos};
 const OPEN: u64 = 0x5555;
 const RELOAD: u64 = 0xAAAA;
 const START: u64 = 0xCCCC;
-/// `WINR` after a reset: no window.
-const NO_WINDOW: u64 = 0xFFF;
+/// `RLR` after a reset.
+const LONGEST: u64 = 0xFFF;
+const WITHOUT_WINDOW: &str = "RM0433 45.3.2: the window is not modelled, so no reload is too early";
 /// The largest divider, for the two highest codes of `PR` alike.
 const LARGEST_DIVIDER_CODE: u64 = 6;
 
@@ -31,7 +33,6 @@ pub struct Watchdog {
     open: bool,
     divider: u64,
     reload: u64,
-    window: u64,
     hz: u64,
     /// The count at an instant, and the instant.
     counted_from: (VirtualNanos, u64),
@@ -45,10 +46,9 @@ impl Default for Watchdog {
             started: false,
             open: false,
             divider: 4,
-            reload: NO_WINDOW,
-            window: NO_WINDOW,
+            reload: LONGEST,
             hz: 0,
-            counted_from: (VirtualNanos(0), NO_WINDOW),
+            counted_from: (VirtualNanos(0), LONGEST),
             end: None,
             reloads: 0,
         }
@@ -89,19 +89,13 @@ impl Watchdog {
             .then(|| context.schedule(VirtualNanos(context.now().0 + self.span_ns(count + 1))));
     }
 
-    fn feed(&mut self, context: &mut DeviceContext<'_>) {
-        if self.started && self.window < NO_WINDOW && self.count_at(context.now()) > self.window {
-            context.request_reset();
-            return;
-        }
-        self.reloads += u64::from(self.started);
-        self.count_from(self.reload, context);
-    }
-
     fn key(&mut self, key: u64, context: &mut DeviceContext<'_>) {
         self.open = key == OPEN;
         match key {
-            RELOAD => self.feed(context),
+            RELOAD => {
+                self.reloads += u64::from(self.started);
+                self.count_from(self.reload, context);
+            }
             START if !self.started => {
                 self.started = true;
                 // The clock controller forces the LSI on, and tells the rate at once.
@@ -131,17 +125,12 @@ impl Device for Watchdog {
                 self.count_from(count, context);
             }
             Register::Rlr if self.open => self.reload = value & 0xFFF,
-            Register::Winr if self.open => {
-                self.window = value & 0xFFF;
-                // Section 45.4.5: writing the window reloads the count.
-                self.count_from(self.reload, context);
-            }
-            Register::Pr | Register::Rlr | Register::Winr | Register::Sr => {}
+            Register::Winr => context.tell("WINR", WITHOUT_WINDOW),
+            Register::Pr | Register::Rlr | Register::Sr => {}
         }
         let divider_code = u64::from(self.divider.trailing_zeros() - 2);
         registers.set(Register::Pr, divider_code);
         registers.set(Register::Rlr, self.reload);
-        registers.set(Register::Winr, self.window);
     }
 
     fn on_clock(

@@ -52,7 +52,7 @@ pub fn recording_s() -> u64 {
 pub fn is_drawn(case: u64) -> bool {
     let seed = std::env::var("PROPTEST_RNG_SEED").ok();
     let seed = seed.and_then(|seed| seed.parse().ok()).unwrap_or(1);
-    let draw = Chance(case / 10 ^ seed << 32).below(10);
+    let draw = Chance((case / 10) ^ (seed << 32)).below(10);
     long() || case % 10 == draw
 }
 
@@ -426,13 +426,7 @@ pub fn frame(key: Key, sequence: u32, message: &impl Serialize) -> Vec<u8> {
         key: VarKey::Key8(key),
         seq_no: VarSeq::Seq4(sequence),
     };
-    let mut buffer = [0; 64];
-    let (used, _) = header
-        .write_to_slice(&mut buffer)
-        .expect("a header fits 64 bytes");
-    let mut frame = used.to_vec();
-    frame.extend(postcard::to_allocvec(message).expect("messages are plain data"));
-    frame
+    fake_stylus::requests::frame(key, header, message)
 }
 
 /// Requests a fault from the image that takes them.

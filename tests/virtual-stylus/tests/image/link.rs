@@ -1,5 +1,6 @@
 //! A lost link, a host whose motion stops, and frames that no host sends.
 
+use fake_stylus::device::MOTION;
 use model_format::link::{
     InfoEndpoint, KEEP_ALIVE_MS, KeepAliveTopic, MAX_HOST_FRAME_BYTES, MotionSample, MotionSource,
     MotionTopic, MuteReason, PlayEndpoint, UploadBeginEndpoint,
@@ -40,8 +41,7 @@ fn a_motion_of_the_hosts_that_is_not_renewed_is_silence_within_100_ms() {
     let motion = MotionSample {
         speed: MillimetresPerSecond(120.0),
         force: Newton(0.8),
-        position_mm: None,
-        contact: None,
+        ..MOTION
     };
     for _ in 0..200 {
         device.publish::<MotionTopic>(&motion);

@@ -2,13 +2,15 @@
 
 use std::collections::VecDeque;
 
+use fake_stylus::device::change;
+pub use fake_stylus::library::announcement as announced;
 use model_format::link::{
-    ActivateEndpoint, Activated, BLOCK_SAMPLES, LIBRARY_CRC, ListEndpoint, ListRequest,
-    MAX_CHUNK_BYTES, MotionSource, MuteReasons, PlayEndpoint, PlayError, PlayRequest, Playing,
-    RecordSample, RecordStartEndpoint, RecordStopEndpoint, RecordStopped, Selection, Setting,
-    SettingChange, SettingSet, Settings, SettingsApplyEndpoint, SettingsChange, SettingsError,
+    ActivateEndpoint, Activated, BLOCK_SAMPLES, ListEndpoint, ListRequest, MAX_CHUNK_BYTES,
+    MotionSource, MuteReasons, PlayEndpoint, PlayError, PlayRequest, Playing, RecordSample,
+    RecordStartEndpoint, RecordStopEndpoint, RecordStopped, Selection, Setting, SettingChange,
+    SettingSet, Settings, SettingsApplyEndpoint, SettingsChange, SettingsError,
     SettingsGetEndpoint, SettingsProposeEndpoint, SlotId, Slots, SlotsEndpoint, Status,
-    StatusEndpoint, StopEndpoint, TextureInfo, UploadBegin, UploadBeginEndpoint, UploadChunk,
+    StatusEndpoint, StopEndpoint, TextureInfo, UploadBeginEndpoint, UploadChunk,
     UploadChunkEndpoint, UploadCommitEndpoint, UploadCommitted, UploadProgress,
 };
 use postcard_rpc::Endpoint;
@@ -123,7 +125,7 @@ impl Device {
 
     /// Changes one setting.
     pub fn set(&mut self, setting: Setting, value: f32) -> Settings {
-        let changed = self.change_settings(&[SettingChange { setting, value }]);
+        let changed = self.change_settings(&[change(setting, value)]);
         changed.expect("in range, and nothing is played")
     }
 
@@ -270,17 +272,7 @@ pub fn assert_even(outputs: &[Output]) {
 
 /// The default of `setting`.
 pub fn default_of(setting: Setting) -> SettingChange {
-    let value = setting.spec().default;
-    SettingChange { setting, value }
-}
-
-/// The announcement of an upload of `library`.
-pub fn announced(library: &[u8]) -> UploadBegin {
-    UploadBegin {
-        length: library.len() as u32,
-        crc32: LIBRARY_CRC.checksum(library),
-        replaces_last: false,
-    }
+    change(setting, setting.spec().default)
 }
 
 pub fn play_request(texture: &str, motion: MotionSource, seed: u64) -> PlayRequest {

@@ -249,7 +249,6 @@ fn the_output_is_at_rest_and_follows_the_tick_again_even_if_the_host_is_gone() {
     assert!(away.len() > 1_000, "the output was moved");
     // Of a device that has started, the amplifier is on before and after, and off in between.
     let amplifier = device.stylus.take_amplifier_record();
-    let amplifier = amplifier;
     let on_at = |at_ns: u64| {
         let before = amplifier.iter().rev().find(|driven| driven.at_ns <= at_ns);
         before.is_some_and(|driven| driven.drive == Drive::High)

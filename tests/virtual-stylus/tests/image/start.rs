@@ -1,10 +1,11 @@
 //! Starts on clocks that do not come, hang or fail, on old silicon, with a low supply, and after quick faults.
 
+use fake_stylus::device::change;
 use hil::injection::Injected;
 use model_format::link::{
     ClockSource, FaultKind, InfoEndpoint, MotionSource, MuteReason, PROTOCOL_VERSION, PlayEndpoint,
-    PlayError, QUICK_FAULTS, ResetReason, SCHEMA_HASH, Setting, SettingChange, SettingsError,
-    SiliconRevision, StartReport, StartStage, UploadBeginEndpoint, UploadError,
+    PlayError, QUICK_FAULTS, ResetReason, SCHEMA_HASH, Setting, SettingsError, SiliconRevision,
+    StartReport, StartStage, UploadBeginEndpoint, UploadError,
 };
 use virtual_stylus::motion::Motion;
 use virtual_stylus::{Electrical, Options, ResetCause};
@@ -231,10 +232,7 @@ fn while_the_supply_is_low_no_flash_is_written() {
     let mut device = Device::started(with(|electrical| electrical.brown_out_level = 2));
     assert_eq!(start(&mut device).brown_out_level, 2);
     let before = device.stylus.flash_operations().len();
-    let change = SettingChange {
-        setting: Setting::HardLimit,
-        value: 0.25,
-    };
+    let change = change(Setting::HardLimit, 0.25);
     device.stylus.set_supply(2_700);
     assert!(start(&mut device).supply_low);
     let begun = device.request::<UploadBeginEndpoint>(&announced(&library::other()));

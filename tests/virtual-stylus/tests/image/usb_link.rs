@@ -129,13 +129,7 @@ fn after_a_halt_is_cleared_the_next_command_works() {
                 let (stylus, usb) = device.usb();
                 usb.control(stylus, Request::set_halt(endpoint), &[])
                     .expect("it can be halted");
-                let status = Request {
-                    kind: 0x82,
-                    request: 0,
-                    value: 0,
-                    index: endpoint.into(),
-                    length: 2,
-                };
+                let status = Request::new(0x82, 0, 0, endpoint.into(), 2);
                 let told = usb.control(stylus, status, &[]);
                 assert_eq!(told, Ok(vec![1, 0]));
             }
@@ -168,13 +162,7 @@ fn a_program_that_ends_in_the_middle_of_a_frame_leaves_nothing_to_the_next_one()
 #[test]
 fn a_setting_or_configuration_that_is_chosen_again_begins_anew() {
     let mut device = Device::on_usb(library::options());
-    let interface = Request {
-        kind: 0x01,
-        request: 11,
-        value: 0,
-        index: 0,
-        length: 0,
-    };
+    let interface = Request::new(0x01, 11, 0, 0, 0);
     for request in [Request::set_configuration(1), interface] {
         for round in 0..2 {
             for _ in 0..round {

@@ -2,8 +2,8 @@
 //! and the active library stays.
 
 use model_format::link::{
-    LIBRARY_CRC, MAX_CHUNK_BYTES, MotionSource, UploadBegin, UploadBeginEndpoint, UploadChunk,
-    UploadChunkEndpoint, UploadCommitEndpoint,
+    MAX_CHUNK_BYTES, MotionSource, UploadBeginEndpoint, UploadChunk, UploadChunkEndpoint,
+    UploadCommitEndpoint,
 };
 use virtual_stylus::Options;
 use virtual_stylus::model::usb::host::Mishap;
@@ -11,6 +11,7 @@ use virtual_stylus::usb_host::Timing;
 
 use crate::device::{Device, MS, is_drawn, long};
 use crate::library;
+use crate::requests::announced;
 use crate::upload::state_of;
 
 const MISHAPS: [Mishap; 2] = [Mishap::Unplug, Mishap::Reset];
@@ -21,6 +22,18 @@ const HURRIED: Timing = Timing {
     reset_ns: 10 * MS,
     recovery_ns: 2 * MS,
 };
+
+/// Those of the points of a test that are drawn, each with its mishap; a host that is hasty at most of them.
+fn points(count: u64) -> impl Iterator<Item = (u64, Mishap, Timing)> {
+    (0..count).filter(|&point| is_drawn(point)).map(|point| {
+        let timing = if point % 3 == 0 {
+            Timing::default()
+        } else {
+            HURRIED
+        };
+        (point, MISHAPS[(point % 2) as usize], timing)
+    })
+}
 
 /// Schedules `mishap` after `transactions` transactions.
 fn arm(device: &mut Device, mishap: Mishap, transactions: u64) {
@@ -60,10 +73,8 @@ fn a_mishap_anywhere_in_an_enumeration_does_not_keep_the_next_one() {
             if !is_drawn(transactions) {
                 continue;
             }
-            comes_back(
-                &mut device,
-                &format!("{mishap:?} after {transactions} transactions"),
-            );
+            let after = format!("{mishap:?} after {transactions} transactions");
+            comes_back(&mut device, &after);
         }
     }
     println!("{points} points");
@@ -72,12 +83,7 @@ fn a_mishap_anywhere_in_an_enumeration_does_not_keep_the_next_one() {
 
 /// Goes on with an upload of `library` until it is committed; false if the link broke before.
 fn go_on(device: &mut Device, library: &[u8]) -> Option<()> {
-    let begin = UploadBegin {
-        length: library.len() as u32,
-        crc32: LIBRARY_CRC.checksum(library),
-        replaces_last: false,
-    };
-    let begun = device.try_ask::<UploadBeginEndpoint, _>(&begin)?;
+    let begun = device.try_ask::<UploadBeginEndpoint, _>(&announced(library))?;
     let mut offset = begun.expect("the library fits a slot").next_offset as usize;
     while offset < library.len() {
         let chunk = UploadChunk {
@@ -100,13 +106,8 @@ fn a_mishap_anywhere_in_an_upload_leaves_the_active_library_and_the_upload_goes_
     let was = state_of(&mut device);
     let libraries = [library::other(), library::small()];
     let (mut committed, mut cut) = (0, 0);
-    for point in (0..POINTS).filter(|&point| is_drawn(point)) {
-        let mishap = MISHAPS[(point % 2) as usize];
-        device.usb().1.timing = if point % 3 == 0 {
-            Timing::default()
-        } else {
-            HURRIED
-        };
+    for (point, mishap, timing) in points(POINTS) {
+        device.usb().1.timing = timing;
         // Far enough apart for progress, and close enough to hit the middle of a chunk as often as the gap between two.
         arm(&mut device, mishap, 1 + point * 37 % 97);
         if go_on(&mut device, &libraries[committed % 2]).is_some() {
@@ -137,13 +138,8 @@ fn a_mishap_anywhere_in_a_stream_does_not_keep_the_next_one() {
     let mut device = Device::on_usb(library::options());
     device.move_at(120.0);
     let was = state_of(&mut device);
-    for point in (0..POINTS).filter(|&point| is_drawn(point)) {
-        let mishap = MISHAPS[(point % 2) as usize];
-        device.usb().1.timing = if point % 3 == 0 {
-            Timing::default()
-        } else {
-            HURRIED
-        };
+    for (point, mishap, timing) in points(POINTS) {
+        device.usb().1.timing = timing;
         device.blocks.clear();
         device.play("lattice", MotionSource::Sensors, point);
         device.record();
@@ -154,14 +150,9 @@ fn a_mishap_anywhere_in_a_stream_does_not_keep_the_next_one() {
         let what = format!("{mishap:?} at point {point}");
         comes_back(&mut device, &what);
         assert_eq!(state_of(&mut device), was, "after {what}");
-        let sequences = device
-            .blocks
-            .windows(2)
-            .map(|pair| pair[1].sequence - pair[0].sequence);
-        assert!(
-            sequences.min() != Some(0),
-            "a block came twice after {what}"
-        );
+        let pairs = device.blocks.windows(2);
+        let steps = pairs.map(|pair| pair[1].sequence - pair[0].sequence);
+        assert!(steps.min() != Some(0), "a block came twice after {what}");
         assert_eq!(device.broken, 0, "after {what}");
         device.stop_recording();
         device.keep_alive(true);

@@ -26,7 +26,6 @@ fn lives(device: &mut Device, after: &str) {
 
 #[test]
 fn any_request_is_answered_or_stalled_and_the_device_lives_on() {
-    let requests = if long() { 3_000 } else { 300 };
     const NEAR: [(u8, u8); 11] = [
         (0x80, 0),
         (0x80, 6),
@@ -42,6 +41,7 @@ fn any_request_is_answered_or_stalled_and_the_device_lives_on() {
     ];
     const VALUES: [u16; 9] = [0, 1, 0x0100, 0x0200, 0x0300, 0x0301, 0x0302, 0x0600, 0x0F00];
     const INDICES: [u16; 8] = [0, 1, 7, 0x01, 0x81, 0x09, 0x89, 0x0409];
+    let requests = if long() { 3_000 } else { 300 };
     let mut device = Device::on_usb(Options::default());
     let mut chance = Chance(0x5EED);
     let mut next = move || chance.draw() as u32 >> 1;
@@ -54,16 +54,10 @@ fn any_request_is_answered_or_stalled_and_the_device_lives_on() {
         } else {
             (next() as u8, next() as u8)
         };
-        let value = if near {
-            VALUES[next() as usize % VALUES.len()]
-        } else {
-            next() as u16
-        };
-        let index = if near {
-            INDICES[next() as usize % INDICES.len()]
-        } else {
-            next() as u16
-        };
+        let [value, index] = [&VALUES[..], &INDICES].map(|specified| match next() {
+            drawn if near => specified[drawn as usize % specified.len()],
+            drawn => drawn as u16,
+        });
         let length = [0, 1, 2, 8, 18, 63, 64, 65, 255, 1024][next() as usize % 10];
         let request = Request::new(kind, asked, value, index, length);
         // Requests that would take the device away or end the test.

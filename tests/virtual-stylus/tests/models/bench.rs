@@ -1,6 +1,5 @@
 //! The part without a core: registers written and read one by one, at given instants.
 
-use rigless::device::Level;
 use rigless::emulator::{Error, Memory};
 use rigless::mcu::Operate;
 use rigless::soc::Width;
@@ -61,15 +60,6 @@ impl Bench {
     pub fn read(&mut self, address: u64) -> u64 {
         let read = self.part.read(self.now, address, Width::W32);
         read.expect("the register is there")
-    }
-
-    /// Lines of the core's controller that were raised since the last call.
-    pub fn interrupts(&mut self) -> Vec<u16> {
-        let changes = self.part.drain_interrupts().into_iter();
-        changes
-            .filter(|change| change.level == Level::High)
-            .map(|change| change.interrupt)
-            .collect()
     }
 
     /// Advances to the next event, or to `until`.

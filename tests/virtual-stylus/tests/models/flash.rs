@@ -160,15 +160,11 @@ fn the_image_is_told_of_the_fault_and_its_place() {
 
 #[test]
 fn a_cut_before_or_after_an_operation_leaves_a_whole_word() {
-    let before = cut(Contents::default(), b'p', 2, Moment::Before);
-    let mut stylus = ready(with(before));
-    assert_eq!(
-        words(&ask(&mut stylus, b'r', 16)),
-        [1, ERASED, ERASED, ERASED]
-    );
-    let after = cut(Contents::default(), b'p', 2, Moment::After);
-    let mut stylus = ready(with(after));
-    assert_eq!(words(&ask(&mut stylus, b'r', 16)), [1, 2, ERASED, ERASED]);
+    for (moment, second) in [(Moment::Before, ERASED), (Moment::After, 2)] {
+        let mut stylus = ready(with(cut(Contents::default(), b'p', 2, moment)));
+        let left = words(&ask(&mut stylus, b'r', 16));
+        assert_eq!(left, [1, second, ERASED, ERASED]);
+    }
 }
 
 #[test]

@@ -46,33 +46,16 @@ const SD0PID: u32 = 1 << 28;
 const EPDIS: u32 = 1 << 30;
 const EPENA: u32 = 1 << 31;
 
-fn diepctl(index: u64) -> u64 {
-    0x900 + 0x20 * index
-}
-
-fn diepint(index: u64) -> u64 {
-    diepctl(index) + 0x08
-}
-
-fn dieptsiz(index: u64) -> u64 {
-    diepctl(index) + 0x10
-}
-
-fn dtxfsts(index: u64) -> u64 {
-    diepctl(index) + 0x18
-}
-
-fn doepctl(index: u64) -> u64 {
-    0xB00 + 0x20 * index
-}
-
-fn doepint(index: u64) -> u64 {
-    doepctl(index) + 0x08
-}
-
-fn doeptsiz(index: u64) -> u64 {
-    doepctl(index) + 0x10
-}
+/// Registers of endpoints 0 and 1.
+const DIEPCTL0: u64 = 0x900;
+const DIEPCTL1: u64 = 0x920;
+const DIEPINT1: u64 = 0x928;
+const DIEPTSIZ1: u64 = 0x930;
+const DOEPCTL0: u64 = 0xB00;
+const DOEPCTL1: u64 = 0xB20;
+const DOEPINT0: u64 = 0xB08;
+const DOEPTSIZ1: u64 = 0xB30;
+const DTXFSTS1: u64 = 0x938;
 
 /// A core with endpoint 1 in use in both directions, its FIFOs configured, and all masks open.
 fn configured() -> Core {
@@ -87,9 +70,9 @@ fn configured() -> Core {
         (DIEPMSK, 1),
         (DOEPMSK, 1 << 3 | 1),
         (DAINTMSK, u32::MAX),
-        (diepctl(1), bulk | 1 << 22 | SNAK),
-        (doepctl(1), bulk | CNAK | EPENA),
-        (doeptsiz(1), 1 << 19 | 64),
+        (DIEPCTL1, bulk | 1 << 22 | SNAK),
+        (DOEPCTL1, bulk | CNAK | EPENA),
+        (DOEPTSIZ1, 1 << 19 | 64),
     ] {
         core.write(register, value);
     }
@@ -99,9 +82,9 @@ fn configured() -> Core {
 
 /// Makes endpoint 1 send `words`.
 fn send(core: &mut Core, words: &[u32], bytes: u32) {
-    core.write(dieptsiz(1), 1 << 19 | bytes);
-    let control = core.peek(diepctl(1));
-    core.write(diepctl(1), control | CNAK | EPENA);
+    core.write(DIEPTSIZ1, 1 << 19 | bytes);
+    let control = core.peek(DIEPCTL1);
+    core.write(DIEPCTL1, control | CNAK | EPENA);
     for &word in words {
         core.write(FIFO1, word);
     }
@@ -124,8 +107,8 @@ fn drain(core: &mut Core) -> Vec<(u32, Vec<u32>)> {
 #[test]
 fn a_setup_is_taken_whatever_its_endpoint_does_and_is_complete_with_the_next_token() {
     let mut core = configured();
-    core.write(diepctl(0), STALL);
-    core.write(doepctl(0), STALL | SNAK);
+    core.write(DIEPCTL0, STALL);
+    core.write(DOEPCTL0, STALL | SNAK);
     assert_eq!(core.answer_in(0), Some(InAnswer::Stall));
     assert_eq!(core.setup([1, 2, 3, 4, 5, 6, 7, 8]), Some(Handshake::Ack));
     assert_eq!(
@@ -134,7 +117,7 @@ fn a_setup_is_taken_whatever_its_endpoint_does_and_is_complete_with_the_next_tok
         "a SETUP ends the stall"
     );
     assert_eq!(drain(&mut core), [(0b0110, vec![0x0403_0201, 0x0807_0605])]);
-    assert_eq!(core.peek(doepint(0)) & 1 << 3, 0);
+    assert_eq!(core.peek(DOEPINT0) & 1 << 3, 0);
     assert_eq!(core.token_in(0), Some(InAnswer::Nak));
     assert_eq!(
         core.peek(GINTSTS) & OEPINT,
@@ -142,11 +125,11 @@ fn a_setup_is_taken_whatever_its_endpoint_does_and_is_complete_with_the_next_tok
         "the entry has to be popped first"
     );
     assert_eq!(drain(&mut core), [(0b0100, vec![])]);
-    assert_eq!(core.peek(doepint(0)) & 1 << 3, 1 << 3);
+    assert_eq!(core.peek(DOEPINT0) & 1 << 3, 1 << 3);
     assert_eq!(core.peek(DAINT), 1 << 16);
     assert_ne!(core.peek(GINTSTS) & OEPINT, 0);
     assert!(core.interrupt());
-    core.write(doepint(0), 1 << 3);
+    core.write(DOEPINT0, 1 << 3);
     assert_eq!(core.peek(GINTSTS) & OEPINT, 0);
 }
 
@@ -156,7 +139,7 @@ fn an_out_endpoint_takes_what_it_was_set_up_for_and_refuses_until_its_nak_is_cle
     let packet: Vec<u8> = (0..64).collect();
     assert_eq!(core.out(1, Pid::Data0, &packet), Some(Handshake::Ack));
     assert_eq!(core.out(1, Pid::Data1, &packet), Some(Handshake::Nak));
-    assert_ne!(core.peek(doepctl(1)) & NAKSTS, 0);
+    assert_ne!(core.peek(DOEPCTL1) & NAKSTS, 0);
     let entries = drain(&mut core);
     assert_eq!(entries[0].0, 0b0010);
     assert_eq!(
@@ -164,9 +147,9 @@ fn an_out_endpoint_takes_what_it_was_set_up_for_and_refuses_until_its_nak_is_cle
         (0x0302_0100, 0x3F3E_3D3C)
     );
     assert_eq!(entries[1], (0b0011, vec![]));
-    assert_eq!(core.peek(doepctl(1)) & EPENA, 0, "the transfer is complete");
-    core.write(doeptsiz(1), 1 << 19 | 64);
-    core.write(doepctl(1), core.peek(doepctl(1)) | CNAK);
+    assert_eq!(core.peek(DOEPCTL1) & EPENA, 0, "the transfer is complete");
+    core.write(DOEPTSIZ1, 1 << 19 | 64);
+    core.write(DOEPCTL1, core.peek(DOEPCTL1) | CNAK);
     // The same packet again: its acknowledgement was lost.
     assert_eq!(core.out(1, Pid::Data0, &packet), Some(Handshake::Ack));
     assert_eq!(drain(&mut core), [], "it is acknowledged and dropped");
@@ -182,8 +165,8 @@ fn a_receive_fifo_without_room_refuses_data() {
     let mut core = configured();
     core.write(GRXFSIZ, 20);
     assert_eq!(core.out(1, Pid::Data0, &[0; 64]), Some(Handshake::Ack));
-    core.write(doeptsiz(1), 1 << 19 | 64);
-    core.write(doepctl(1), core.peek(doepctl(1)) | CNAK);
+    core.write(DOEPTSIZ1, 1 << 19 | 64);
+    core.write(DOEPCTL1, core.peek(DOEPCTL1) | CNAK);
     assert_eq!(core.out(1, Pid::Data1, &[0; 64]), Some(Handshake::Nak));
     drain(&mut core);
     assert_eq!(core.out(1, Pid::Data1, &[0; 64]), Some(Handshake::Ack));
@@ -195,7 +178,7 @@ fn a_receive_fifo_without_room_refuses_data() {
 fn an_in_endpoint_sends_whole_packets_and_again_until_they_are_acknowledged() {
     let mut core = configured();
     assert_eq!(core.token_in(1), Some(InAnswer::Nak));
-    assert_eq!(core.peek(dtxfsts(1)), 16);
+    assert_eq!(core.peek(DTXFSTS1), 16);
     send(&mut core, &[0x0403_0201], 6);
     assert_eq!(
         core.token_in(1),
@@ -203,7 +186,7 @@ fn an_in_endpoint_sends_whole_packets_and_again_until_they_are_acknowledged() {
         "half of it is not there"
     );
     core.write(FIFO1, 0x0605);
-    assert_eq!(core.peek(dtxfsts(1)), 14);
+    assert_eq!(core.peek(DTXFSTS1), 14);
     let answer = Some(InAnswer::Data(Pid::Data0, vec![1, 2, 3, 4, 5, 6]));
     assert_eq!(core.token_in(1), answer);
     assert_eq!(
@@ -211,10 +194,10 @@ fn an_in_endpoint_sends_whole_packets_and_again_until_they_are_acknowledged() {
         answer,
         "without an acknowledgement the same again"
     );
-    assert_eq!(core.peek(diepctl(1)) & EPENA, EPENA);
+    assert_eq!(core.peek(DIEPCTL1) & EPENA, EPENA);
     core.acknowledged(1);
-    assert_eq!(core.peek(diepctl(1)) & EPENA, 0);
-    assert_eq!(core.peek(diepint(1)) & 1, 1);
+    assert_eq!(core.peek(DIEPCTL1) & EPENA, 0);
+    assert_eq!(core.peek(DIEPINT1) & 1, 1);
     assert_eq!(core.peek(DAINT), 1 << 1);
     assert_ne!(core.peek(GINTSTS) & IEPINT, 0);
     assert_eq!(core.token_in(1), Some(InAnswer::Nak));
@@ -230,13 +213,13 @@ fn a_disabled_or_flushed_in_endpoint_sends_nothing() {
     core.write(GRSTCTL, 1 << 5 | 1 << 6);
     assert_eq!(core.token_in(1), Some(InAnswer::Nak));
     assert_eq!(
-        core.peek(diepctl(1)) & EPENA,
+        core.peek(DIEPCTL1) & EPENA,
         EPENA,
         "a flush does not disable it"
     );
-    core.write(diepctl(1), core.peek(diepctl(1)) | SNAK | EPDIS);
-    assert_eq!(core.peek(diepctl(1)) & EPENA, 0);
-    assert_eq!(core.peek(diepint(1)) & 2, 2);
+    core.write(DIEPCTL1, core.peek(DIEPCTL1) | SNAK | EPDIS);
+    assert_eq!(core.peek(DIEPCTL1) & EPENA, 0);
+    assert_eq!(core.peek(DIEPINT1) & 2, 2);
     send(&mut core, &[8], 4);
     assert_eq!(
         core.token_in(1),
@@ -334,10 +317,7 @@ fn taken(per_million: u64, frames: u64) -> (u64, Vec<u8>) {
     });
     for (register, value) in [
         (GRXFSIZ, 64),
-        (
-            doepctl(1),
-            u64::from(PACKET | USBAEP | BULK | SD0PID | CNAK),
-        ),
+        (DOEPCTL1, u64::from(PACKET | USBAEP | BULK | SD0PID | CNAK)),
     ] {
         bench.write(WINDOW_BASE + register, value);
     }
@@ -350,8 +330,8 @@ fn taken(per_million: u64, frames: u64) -> (u64, Vec<u8>) {
             let words = (status >> 4 & 0x7FF).div_ceil(4);
             let words: Vec<u32> = (0..words).map(|_| read(&mut bench, FIFO0)).collect();
             numbers.extend(words.first().map(|word| *word as u8));
-            let control = u64::from(read(&mut bench, doepctl(1)));
-            bench.write(WINDOW_BASE + doepctl(1), control | u64::from(CNAK));
+            let control = u64::from(read(&mut bench, DOEPCTL1));
+            bench.write(WINDOW_BASE + DOEPCTL1, control | u64::from(CNAK));
         }
     }
     (numbers.len() as u64, numbers)

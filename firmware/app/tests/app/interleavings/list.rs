@@ -2,33 +2,30 @@
 
 use std::sync::LazyLock;
 
-use fake_stylus::device::play_request;
+use fake_stylus::device::{MOTION, change, play_request};
 use fake_stylus::library::{announcement, small_texture};
-use fake_stylus::requests::frame;
 use model_format::link::{
     ActivateEndpoint, CyclesEndpoint, InfoEndpoint, KeepAliveTopic, ListEndpoint, ListRequest,
-    ListSceneEndpoint, MotionEndpoint, MotionSample, MotionSource, MotionTopic, PlayEndpoint,
-    PlayRequest, ProposalToken, RecordStartEndpoint, RecordStopEndpoint, Selection,
-    SelfTestEndpoint, SelfTestRequest, Setting, SettingChange, SettingsApplyEndpoint,
-    SettingsChange, SettingsGetEndpoint, SettingsProposeEndpoint, SlotId, SlotsEndpoint,
-    StatusEndpoint, StopEndpoint, UploadAbortEndpoint, UploadBegin, UploadBeginEndpoint,
-    UploadChunk, UploadChunkEndpoint, UploadCommitEndpoint, UploadProgressEndpoint,
+    ListSceneEndpoint, MotionEndpoint, MotionSource, MotionTopic, PlayEndpoint, PlayRequest,
+    ProposalToken, RecordStartEndpoint, RecordStopEndpoint, Selection, SelfTestEndpoint,
+    SelfTestRequest, Setting, SettingChange, SettingsApplyEndpoint, SettingsChange,
+    SettingsGetEndpoint, SettingsProposeEndpoint, SlotId, SlotsEndpoint, StatusEndpoint,
+    StopEndpoint, UploadAbortEndpoint, UploadBegin, UploadBeginEndpoint, UploadChunk,
+    UploadChunkEndpoint, UploadCommitEndpoint, UploadProgressEndpoint,
 };
 use model_format::scene::{Scene, Surface};
-use model_format::{MillimetresPerSecond, Newton, PlayRate, encode_with_scenes};
+use model_format::{PlayRate, encode_with_scenes};
 use postcard_rpc::header::{VarHeader, VarKey, VarSeq};
 use postcard_rpc::standard_icd::PingEndpoint;
 use postcard_rpc::{Endpoint, Key, Topic};
 use serde::Serialize;
 
-/// Frame of a request with the given sequence number.
-pub type Made = fn(u32) -> Vec<u8>;
-
-/// A request: its name, and its frame.
-#[derive(Clone, Copy)]
+/// A request: its name, and its message.
+#[derive(Clone)]
 pub struct Request {
     pub name: &'static str,
-    pub make: Made,
+    key: Key,
+    body: Vec<u8>,
     /// True if it is answered.
     pub answered: bool,
     /// True if it renews the lease of a host that plays.
@@ -38,148 +35,140 @@ pub struct Request {
 }
 
 impl Request {
-    const fn renewing(self) -> Self {
-        Self {
-            renews: true,
-            ..self
-        }
+    /// Its frame with this sequence number.
+    pub fn frame(&self, number: u32) -> Vec<u8> {
+        let header = VarHeader {
+            key: VarKey::Key8(self.key),
+            seq_no: VarSeq::Seq4(number),
+        };
+        [header.write_to_vec(), self.body.clone()].concat()
     }
 }
 
-const fn asked(name: &'static str, make: Made) -> Request {
+fn request(name: &'static str, key: Key, body: &impl Serialize) -> Request {
     Request {
         name,
-        make,
+        key,
+        body: postcard::to_allocvec(body).expect("it fits in memory"),
         answered: true,
         renews: false,
         then_applies: false,
     }
 }
 
-/// A change of settings in two steps.
-pub const fn changed(name: &'static str, make: Made) -> Request {
+fn asked<E: Endpoint>(name: &'static str, body: &impl Serialize) -> Request {
+    request(name, E::REQ_KEY, body)
+}
+
+fn renews<E: Endpoint>(name: &'static str, body: &impl Serialize) -> Request {
     Request {
-        then_applies: true,
-        ..asked(name, make)
+        renews: true,
+        ..asked::<E>(name, body)
     }
 }
 
-const fn told(name: &'static str, make: Made) -> Request {
+fn told<T: Topic>(name: &'static str, body: &impl Serialize) -> Request {
     Request {
-        name,
-        make,
         answered: false,
         renews: true,
-        then_applies: false,
+        ..request(name, T::TOPIC_KEY, body)
     }
+}
+
+/// A change of settings in two steps.
+pub fn changed(name: &'static str, values: &[SettingChange]) -> Request {
+    Request {
+        then_applies: true,
+        ..proposed(name, values)
+    }
+}
+
+/// A proposal to change settings to `values`, or to reset them if there are none.
+fn proposed(name: &'static str, values: &[SettingChange]) -> Request {
+    let change = if values.is_empty() {
+        SettingsChange::Reset
+    } else {
+        SettingsChange::of(values).expect("there is room for them")
+    };
+    asked::<SettingsProposeEndpoint>(name, &change)
+}
+
+/// The application of the proposal that was answered with `token`.
+pub fn applied(name: &'static str, token: ProposalToken) -> Request {
+    asked::<SettingsApplyEndpoint>(name, &token)
 }
 
 /// All requests. Those that come first change what is played or stored, and are drawn more often.
-pub const REQUESTS: &[Request] = &[
-    asked("play", |n| ask::<PlayEndpoint>(n, &play("texture 0", 1.0))).renewing(),
-    asked("play another texture", |n| {
-        ask::<PlayEndpoint>(n, &play("texture 1", 1.0))
-    })
-    .renewing(),
-    asked("play with another gain", |n| {
-        ask::<PlayEndpoint>(n, &play("texture 0", 0.25))
-    })
-    .renewing(),
-    asked("play at another rate", |n| {
-        ask::<PlayEndpoint>(n, &play(FAST, 1.0))
-    })
-    .renewing(),
-    asked("stop", |n| ask::<StopEndpoint>(n, &())),
-    changed("set a limit", |n| {
-        propose(n, &[set(Setting::HardLimit, 0.25)])
-    }),
-    changed("set what the coil needs", |n| {
-        propose(n, &[set(Setting::AmplifierGain, 2.0)])
-    }),
-    changed("reset the settings", |n| {
-        ask::<SettingsProposeEndpoint>(n, &SettingsChange::Reset)
-    }),
-    asked("activate A", |n| ask::<ActivateEndpoint>(n, &SlotId::A)),
-    asked("activate B", |n| ask::<ActivateEndpoint>(n, &SlotId::B)),
-    asked("begin an upload", |n| {
-        ask::<UploadBeginEndpoint>(n, &announcement(&LIBRARIES[2]))
-    }),
-    asked("self test of a slot", |n| {
-        let request = SelfTestRequest::Flash {
-            slot: SlotId::B,
-            erases_library: true,
-        };
-        ask::<SelfTestEndpoint>(n, &request)
-    }),
-    asked("self test of the output", |n| {
-        ask::<SelfTestEndpoint>(n, &SelfTestRequest::Output { disconnected: true })
-    }),
-    asked("begin another upload", |n| {
-        let begin = UploadBegin {
-            replaces_last: true,
-            ..announcement(&LIBRARIES[1])
-        };
-        ask::<UploadBeginEndpoint>(n, &begin)
-    }),
-    asked("the only chunk", |n| chunk(n, 0, usize::MAX)),
-    asked("first chunk", |n| chunk(n, 0, HALF)),
-    asked("second chunk", |n| chunk(n, HALF, usize::MAX)),
-    asked("commit", |n| ask::<UploadCommitEndpoint>(n, &())),
-    asked("abort", |n| ask::<UploadAbortEndpoint>(n, &())),
-    asked("progress", |n| ask::<UploadProgressEndpoint>(n, &())),
-    asked("slots", |n| ask::<SlotsEndpoint>(n, &())),
-    asked("list", |n| ask::<ListEndpoint>(n, &first_of(SlotId::A))),
-    asked("list scenes", |n| {
-        ask::<ListSceneEndpoint>(n, &first_of(SlotId::B))
-    }),
-    asked("set a value out of range", |n| {
-        propose(n, &[set(Setting::HardLimit, 99.0)])
-    }),
-    asked("propose and forget", |n| {
-        propose(n, &[set(Setting::OutputGain, 0.5)])
-    }),
-    asked("apply by a token of nobody", |n| apply(n, ProposalToken(0))),
-    asked("settings", |n| ask::<SettingsGetEndpoint>(n, &())),
-    asked("play by the sensors", |n| {
-        let request = PlayRequest {
-            motion: MotionSource::Sensors,
-            ..play("texture 0", 1.0)
-        };
-        ask::<PlayEndpoint>(n, &request)
-    })
-    .renewing(),
-    asked("play a scene at another rate", |n| {
-        let request = PlayRequest {
-            selection: Selection::Scene(FAST.try_into().expect("it is short")),
-            ..play("", 1.0)
-        };
-        ask::<PlayEndpoint>(n, &request)
-    })
-    .renewing(),
-    asked("play what is not there", |n| {
-        ask::<PlayEndpoint>(n, &play("nothing", 1.0))
-    }),
-    asked("motion", |n| ask::<MotionEndpoint>(n, &motion())).renewing(),
-    told("live motion", |n| tell::<MotionTopic>(n, &motion())),
-    told("keep alive", |n| tell::<KeepAliveTopic>(n, &())),
-    asked("record", |n| ask::<RecordStartEndpoint>(n, &())),
-    asked("end of the recording", |n| {
-        ask::<RecordStopEndpoint>(n, &())
-    }),
-    asked("self test of the chip", |n| {
-        ask::<SelfTestEndpoint>(n, &SelfTestRequest::Chip)
-    }),
-    asked("status", |n| ask::<StatusEndpoint>(n, &())),
-    asked("cycles", |n| ask::<CyclesEndpoint>(n, &())),
-    asked("info", |n| ask::<InfoEndpoint>(n, &())),
-    asked("ping", |n| ask::<PingEndpoint>(n, &7)),
-    asked("a request without its body", |n| {
-        frame(PlayEndpoint::REQ_KEY, header(n), &())
-    }),
-    asked("an unknown request", |n| {
-        frame(Key::for_path::<()>("nowhere"), header(n), &())
-    }),
-];
+pub static REQUESTS: LazyLock<Vec<Request>> = LazyLock::new(|| {
+    let slow = play("texture 0", 1.0);
+    let by_sensors = PlayRequest {
+        motion: MotionSource::Sensors,
+        ..slow.clone()
+    };
+    let fast_scene = PlayRequest {
+        selection: Selection::Scene(FAST.try_into().expect("it is short")),
+        ..slow.clone()
+    };
+    let of_slot = SelfTestRequest::Flash {
+        slot: SlotId::B,
+        erases_library: true,
+    };
+    let replacing = UploadBegin {
+        replaces_last: true,
+        ..announcement(&LIBRARIES[1])
+    };
+    let [whole, first, second] = [(0, usize::MAX), (0, HALF), (HALF, usize::MAX)].map(chunk);
+    vec![
+        renews::<PlayEndpoint>("play", &slow),
+        renews::<PlayEndpoint>("play another texture", &play("texture 1", 1.0)),
+        renews::<PlayEndpoint>("play with another gain", &play("texture 0", 0.25)),
+        renews::<PlayEndpoint>("play at another rate", &play(FAST, 1.0)),
+        asked::<StopEndpoint>("stop", &()),
+        changed("set a limit", &[change(Setting::HardLimit, 0.25)]),
+        changed("set the amplifier", &[change(Setting::AmplifierGain, 2.0)]),
+        changed("reset the settings", &[]),
+        asked::<ActivateEndpoint>("activate A", &SlotId::A),
+        asked::<ActivateEndpoint>("activate B", &SlotId::B),
+        asked::<UploadBeginEndpoint>("begin an upload", &announcement(&LIBRARIES[2])),
+        asked::<SelfTestEndpoint>("self test of a slot", &of_slot),
+        asked::<SelfTestEndpoint>(
+            "self test of the output",
+            &SelfTestRequest::Output { disconnected: true },
+        ),
+        asked::<UploadBeginEndpoint>("begin another upload", &replacing),
+        asked::<UploadChunkEndpoint>("the only chunk", &whole),
+        asked::<UploadChunkEndpoint>("first chunk", &first),
+        asked::<UploadChunkEndpoint>("second chunk", &second),
+        asked::<UploadCommitEndpoint>("commit", &()),
+        asked::<UploadAbortEndpoint>("abort", &()),
+        asked::<UploadProgressEndpoint>("progress", &()),
+        asked::<SlotsEndpoint>("slots", &()),
+        asked::<ListEndpoint>("list", &first_of(SlotId::A)),
+        asked::<ListSceneEndpoint>("list scenes", &first_of(SlotId::B)),
+        proposed(
+            "set a value out of range",
+            &[change(Setting::HardLimit, 99.0)],
+        ),
+        proposed("propose and forget", &[change(Setting::OutputGain, 0.5)]),
+        applied("apply by a token of nobody", ProposalToken(0)),
+        asked::<SettingsGetEndpoint>("settings", &()),
+        renews::<PlayEndpoint>("play by the sensors", &by_sensors),
+        renews::<PlayEndpoint>("play a scene at another rate", &fast_scene),
+        asked::<PlayEndpoint>("play what is not there", &play("nothing", 1.0)),
+        renews::<MotionEndpoint>("motion", &MOTION),
+        told::<MotionTopic>("live motion", &MOTION),
+        told::<KeepAliveTopic>("keep alive", &()),
+        asked::<RecordStartEndpoint>("record", &()),
+        asked::<RecordStopEndpoint>("end of the recording", &()),
+        asked::<SelfTestEndpoint>("self test of the chip", &SelfTestRequest::Chip),
+        asked::<StatusEndpoint>("status", &()),
+        asked::<CyclesEndpoint>("cycles", &()),
+        asked::<InfoEndpoint>("info", &()),
+        asked::<PingEndpoint>("ping", &7),
+        asked::<PlayEndpoint>("a request without its body", &()),
+        request("an unknown request", Key::for_path::<()>("nowhere"), &()),
+    ]
+});
 
 /// Bytes of the first chunk of an upload in two.
 const HALF: usize = 64;
@@ -214,32 +203,6 @@ pub static LIBRARIES: LazyLock<[Vec<u8>; 3]> = LazyLock::new(|| {
     })
 });
 
-fn header(number: u32) -> VarHeader {
-    VarHeader {
-        key: VarKey::Key8(PingEndpoint::REQ_KEY),
-        seq_no: VarSeq::Seq4(number),
-    }
-}
-
-fn ask<E: Endpoint>(number: u32, request: &impl Serialize) -> Vec<u8> {
-    frame(E::REQ_KEY, header(number), request)
-}
-
-fn tell<T: Topic>(number: u32, message: &impl Serialize) -> Vec<u8> {
-    frame(T::TOPIC_KEY, header(number), message)
-}
-
-/// A proposal to change settings to `values`.
-pub fn propose(number: u32, values: &[SettingChange]) -> Vec<u8> {
-    let change = SettingsChange::of(values).expect("there is room for them");
-    ask::<SettingsProposeEndpoint>(number, &change)
-}
-
-/// The application of the proposal that was answered with `token`.
-pub fn apply(number: u32, token: ProposalToken) -> Vec<u8> {
-    ask::<SettingsApplyEndpoint>(number, &token)
-}
-
 fn play(texture: &str, gain: f32) -> PlayRequest {
     PlayRequest {
         gain,
@@ -247,26 +210,14 @@ fn play(texture: &str, gain: f32) -> PlayRequest {
     }
 }
 
-pub fn set(setting: Setting, value: f32) -> SettingChange {
-    SettingChange { setting, value }
-}
-
 fn first_of(slot: SlotId) -> ListRequest {
     ListRequest { slot, index: 0 }
 }
 
-pub fn motion() -> MotionSample {
-    MotionSample {
-        speed: MillimetresPerSecond(100.0),
-        force: Newton(1.0),
-        position_mm: None,
-        contact: None,
-    }
-}
-
-fn chunk(number: u32, offset: usize, end: usize) -> Vec<u8> {
+/// The part of a library from an offset to an end.
+fn chunk((offset, end): (usize, usize)) -> UploadChunk<'static> {
     let bytes = &LIBRARIES[2];
     let data = &bytes[offset..bytes.len().min(end)];
     let offset = offset as u32;
-    ask::<UploadChunkEndpoint>(number, &UploadChunk { offset, data })
+    UploadChunk { offset, data }
 }

@@ -63,7 +63,7 @@ fn run(cases: u32, most: usize, mistake: Mistake) -> Checked {
             let draw = |_| {
                 // Half of them of the first ones.
                 let among = [FIRST, REQUESTS.len()][chance.below(2)];
-                REQUESTS[chance.below(among)]
+                REQUESTS[chance.below(among)].clone()
             };
             (0..length).map(draw).collect()
         });

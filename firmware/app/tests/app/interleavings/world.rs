@@ -4,7 +4,7 @@ use std::pin::Pin;
 use std::task::{Context, Waker};
 
 use embassy_futures::block_on;
-use fake_stylus::device::{COIL, SharedControl, SteppedStylus};
+use fake_stylus::device::{COIL, MOTION, SharedControl, SteppedStylus, change};
 use fake_stylus::flash::{Memory, SECTOR_BYTES, SimulatedFlash};
 use fake_stylus::hardware::Hardware;
 use fake_stylus::library::put;
@@ -19,7 +19,7 @@ use stylus_app::safety::Config;
 use stylus_app::settings::SettingsStore;
 
 use super::Mistake;
-use super::list::{LIBRARIES, REQUESTS, Request, apply, changed, motion, propose, rate_of, set};
+use super::list::{LIBRARIES, REQUESTS, Request, applied, changed, rate_of};
 
 /// Time within which the output is silent after a mute begins, ticks: 100 ms, and the lateness of the poll.
 const SILENT_WITHIN_TICKS: u64 = (100 * TICKS_PER_MS) as u64 + LATEST_POLL_TICKS;
@@ -35,7 +35,8 @@ fn stored_settings(brief: bool) -> Memory {
     let mut flash = SimulatedFlash::new(Memory::blank(2 * SECTOR_BYTES));
     let range = 0..2 * SECTOR_BYTES as u32;
     let mut store = block_on(SettingsStore::open(&mut flash, range));
-    let ramps = [Setting::MuteRamp, Setting::SoftStart].map(|ramp| set(ramp, ramp.spec().lowest));
+    let ramps =
+        [Setting::MuteRamp, Setting::SoftStart].map(|ramp| change(ramp, ramp.spec().lowest));
     for change in COIL.into_iter().chain(ramps.into_iter().filter(|_| brief)) {
         block_on(store.set(change)).expect("it is in range");
     }
@@ -206,7 +207,7 @@ impl World {
             schedule: Vec::new(),
         };
         if plays {
-            world.serve(0, REQUESTS[0]);
+            world.serve(0, &REQUESTS[0]);
             for _ in 0..8 {
                 world.millisecond().expect("it plays alone");
             }
@@ -215,7 +216,7 @@ impl World {
     }
 
     /// Serves a request of a host.
-    fn serve(&mut self, host: usize, request: Request) {
+    fn serve(&mut self, host: usize, request: &Request) {
         let number = self.expected.len() as u32;
         if request.renews {
             self.note_renewed(host);
@@ -225,9 +226,10 @@ impl World {
         let frame = if self.hosts[host].has_proposed {
             let control = self.control.borrow();
             let proposal = control.status().proposal;
-            apply(number, proposal.map_or(ProposalToken(0), |it| it.token))
+            let token = proposal.map_or(ProposalToken(0), |it| it.token);
+            applied("apply", token).frame(number)
         } else {
-            (request.make)(number)
+            request.frame(number)
         };
         if let Some(answer) = self.requests.serve(LINKS[host], &frame, false) {
             self.count(&answer);
@@ -245,7 +247,7 @@ impl World {
     pub fn moves(&mut self) {
         let holder = self.holder();
         self.note_renewed(holder);
-        let moved = self.control.borrow_mut().motion(LINKS[holder], motion());
+        let moved = self.control.borrow_mut().motion(LINKS[holder], MOTION);
         moved.expect("it is finite, and this host plays");
     }
 
@@ -282,8 +284,8 @@ impl World {
         match choice {
             Choice::Host(index) => {
                 let host = &self.hosts[index];
-                let request = host.requests[host.sent];
-                self.serve(index, request);
+                let request = host.requests[host.sent].clone();
+                self.serve(index, &request);
                 let host = &mut self.hosts[index];
                 host.has_proposed = request.then_applies && !host.has_proposed;
                 host.sent += usize::from(!host.has_proposed);
@@ -362,7 +364,7 @@ impl World {
     pub fn plays_again(&mut self) -> Checked {
         let named = |name| {
             let found = REQUESTS.iter().find(|request| request.name == name);
-            *found.expect("it is in the list")
+            found.expect("it is in the list").clone()
         };
         self.do_alone(named("stop"))?;
         for _ in 0..110 {
@@ -377,21 +379,14 @@ impl World {
                 "after a stop it is {activity:?}, sounding: {sounds}"
             ));
         }
-        if self
-            .control
-            .borrow()
-            .status()
-            .settings
-            .check_playable()
-            .is_err()
-        {
-            self.do_alone(changed("the coil's settings", |n| propose(n, &COIL)))?;
+        let settings = self.control.borrow().status().settings;
+        if settings.check_playable().is_err() {
+            self.do_alone(changed("the coil's settings", &COIL))?;
         }
-        if self.control.borrow().status().active.is_none() {
-            self.do_alone(named("activate A"))?;
-        }
-        if self.control.borrow().status().active.is_none() {
-            self.do_alone(named("activate B"))?;
+        for activation in ["activate A", "activate B"] {
+            if self.control.borrow().status().active.is_none() {
+                self.do_alone(named(activation))?;
+            }
         }
         let starts = self.control.borrow_mut().device().starts;
         self.do_alone(named("play"))?;

@@ -10,7 +10,7 @@ use model_format::link::{
 use stylus_app::flash::WORD_BYTES;
 use stylus_app::settings::SettingsStore;
 
-use fake_stylus::device::COIL;
+use fake_stylus::device::{COIL, change};
 use fake_stylus::flash::{Memory, Mishap, Operation, SECTOR_BYTES, SimulatedFlash};
 
 mod histories;
@@ -48,10 +48,6 @@ fn set(memory: Memory, changes: &[SettingChange]) -> Memory {
         block_on(store.set(change)).expect("it is in range");
     }
     flash.memory
-}
-
-fn change(setting: Setting, value: f32) -> SettingChange {
-    SettingChange { setting, value }
 }
 
 /// Changes from the first to the last of the flashes that [`NEARLY_FULL`] holds for each number of lost places.
