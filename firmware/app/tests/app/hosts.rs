@@ -160,8 +160,11 @@ fn no_single_frame_changes_a_setting_and_the_second_one_changes_all_of_them_once
     let proposal = stylus.propose(usb, &all_told_away()).expect("it rests");
     assert_eq!(stylus.settings(), before);
     assert_eq!(stylus.proposal().as_ref(), Some(&proposal));
-    let tight = SettingSet::NONE.with(Setting::SoftStart, true);
-    let loosens = LOCKED.without(tight.with(Setting::MuteRamp, true));
+    let left = [Setting::SoftStart, Setting::MuteRamp, Setting::EnableWired];
+    let left = left
+        .iter()
+        .fold(SettingSet::NONE, |set, &setting| set.with(setting, true));
+    let loosens = LOCKED.without(left);
     assert_eq!(proposal.loosens, loosens);
     // Neither the other link nor another token applies it, and neither ends it.
     let crossed = stylus.apply(serial, proposal.token);

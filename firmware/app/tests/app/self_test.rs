@@ -1,11 +1,11 @@
 //! Measurements of the self test on a device in memory: what is refused, and what is left behind.
 
 use fake_stylus::BoardOf;
-use fake_stylus::device::{SteppedStylus, play_request};
+use fake_stylus::device::{SteppedStylus, change, play_request};
 use fake_stylus::library::{announcement, library};
 use model_format::link::{
-    FLASH_TEST_BYTES, LinkId, PlayError, SelfTestError, SelfTestRequest, SelfTestValues, SlotId,
-    SlotState,
+    FLASH_TEST_BYTES, LinkId, PlayError, SelfTestError, SelfTestRequest, SelfTestValues, Setting,
+    SlotId, SlotState,
 };
 
 fn measure(
@@ -81,11 +81,8 @@ fn the_output_is_moved_only_where_the_amplifier_is_known_to_be_off() {
     let refused = measure(&mut stylus, output(false));
     assert_eq!(refused, Err(SelfTestError::AmplifierMayBeOn));
     assert!(measure(&mut stylus, output(true)).is_ok());
-    let change = SettingChange {
-        setting: Setting::EnableWired,
-        value: 1.0,
-    };
-    stylus.change_settings(&[change]).unwrap();
+    let known = change(Setting::EnableWired, 1.0);
+    assert!(stylus.change_settings(&[known]).is_ok());
     assert!(measure(&mut stylus, output(false)).is_ok());
 }
 
