@@ -266,14 +266,6 @@ fn what_a_debugger_makes_wait_while_the_core_is_halted_goes_on_again() {
     assert!(!device.stylus.board(|board| board.part.is_frozen_in_halt()));
 }
 
-#[test]
-fn converters_have_the_boost_of_their_clock() {
-    let mut device = Device::started(Options::default());
-    // ADC1_CR, bits 9:8: 1 for 6.25 to 12.5 MHz (RM0433 section 25.6.3).
-    let control = device.stylus.read_word(0x4002_2008).expect("it is mapped");
-    assert_eq!(control >> 8 & 3, 1);
-}
-
 /// The memory of the library that is played (RM0433 section 2.4); none was played here.
 const AXI_SRAM: std::ops::Range<u64> = 0x2400_0000..0x2408_0000;
 
