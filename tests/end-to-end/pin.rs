@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, LazyLock};
 
-use crate::support::{Bench, RATE_HZ, decibels, noise};
+use crate::support::{Bench, RATE_HZ, decibels, holds, noise};
 use host_tools::playing::motion::MotionPath;
 use host_tools::playing::pin::{Pin, RATE_HZ as PIN_HZ, settings};
 use host_tools::playing::render::render;
@@ -310,10 +310,7 @@ fn the_commands_write_the_pin_in_volts_and_say_so() {
     bench.succeed("fit set --out cloths.lib");
     let render = "render cloths.lib --texture felt --speed 90 --force 0.7 --seconds 1";
     let told = bench.succeed(&format!("{render} --out pin.wav --pin --set soft-start=1"));
-    assert!(
-        told.contains("40000 codes") && told.contains("volts above mid-scale"),
-        "{told}"
-    );
+    holds(&told, &["40000 codes", "volts above mid-scale"]);
     let louder =
         format!("{render} --out louder.wav --pin --set soft-start=1 --set output-gain=0.02");
     bench.succeed(&louder);
@@ -335,8 +332,8 @@ fn the_commands_write_the_pin_in_volts_and_say_so() {
         ["louder.wav", "scene.wav"].map(|name| std::fs::read(bench.path(name)).unwrap());
     assert!(texture == scene);
 
-    let unknown = bench.refuse(&format!("{render} --out no.wav --pin --set gain=1"));
-    assert!(unknown.contains("there is no setting 'gain'"), "{unknown}");
+    let refused = bench.refuse(&format!("{render} --out no.wav --pin --set gain=1"));
+    holds(&refused, &["there is no setting 'gain'"]);
     assert!(!bench.path("no.wav").exists());
 }
 

@@ -7,7 +7,7 @@
 use std::f64::consts::TAU;
 use std::fmt::Write as _;
 
-use crate::support::{Bench, RATE_HZ, noise, scaled, wav};
+use crate::support::{Bench, RATE_HZ, holds, noise, scaled, wav};
 use host_tools::dsp::linear_prediction::{error_share, step_up};
 use host_tools::dsp::model::Model;
 use host_tools::fit::lines::Lines;
@@ -639,9 +639,7 @@ fn tables_that_hold_no_accelerations_are_named_with_the_remedy() {
         (&rising, &["no header", "even steps", "time_s"]),
     ] {
         let message = read(content).unwrap_err();
-        for word in words {
-            assert!(message.contains(word), "{content}\n{message}");
-        }
+        holds(&message, words);
         assert_eq!(message.lines().count(), 1, "{message}");
     }
 }

@@ -307,6 +307,7 @@ impl Columns {
 mod tests {
     use super::super::TRIALS_FILE;
     use super::*;
+    use crate::support::holds;
 
     fn parse(text: &str) -> Result<Vec<Trial>> {
         let folder = tempfile::tempdir().unwrap();
@@ -340,11 +341,7 @@ mod tests {
             ("a.wav,denim,100", "fields"),
         ] {
             let text = format!("{HEADER}a.wav,denim,100,1,,\n{line}\n");
-            let message = parse(&text).unwrap_err().to_string();
-            assert!(
-                message.contains("line 3") && message.contains(word),
-                "{message}"
-            );
+            holds(&parse(&text).unwrap_err(), &["line 3", word]);
         }
     }
 
@@ -356,8 +353,7 @@ mod tests {
             (HEADER, "no trials"),
             ("", "no column"),
         ] {
-            let message = parse(text).unwrap_err().to_string();
-            assert!(message.contains(word), "{message}");
+            holds(&parse(text).unwrap_err(), &[word]);
         }
     }
 }

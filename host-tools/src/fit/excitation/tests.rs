@@ -20,6 +20,7 @@ use crate::playing::motion::MotionPath;
 use crate::playing::render::render;
 use crate::recording::{RecordingSet, Trial};
 use crate::scene::with_scenes;
+use crate::support::float_wav::float_wav;
 use crate::texture::grid::Grid;
 use crate::texture::quantise::nodes;
 
@@ -230,17 +231,8 @@ fn regions_that_differ_have_codebooks_of_their_own_and_all_have_room() {
 
 fn written(folder: &Path, name: &str, samples: &[f64]) -> Trial {
     let file = folder.join(format!("{name}.wav"));
-    let spec = hound::WavSpec {
-        channels: 1,
-        sample_rate: SAMPLE_RATE_HZ,
-        bits_per_sample: 32,
-        sample_format: hound::SampleFormat::Float,
-    };
-    let mut wav = hound::WavWriter::create(&file, spec).unwrap();
-    for &x in samples {
-        wav.write_sample(x as f32).unwrap();
-    }
-    wav.finalize().unwrap();
+    let bytes = float_wav(1, SAMPLE_RATE_HZ, samples.iter().copied()).unwrap();
+    std::fs::write(&file, bytes).unwrap();
     Trial::of(file, name, 100.0, 1.0)
 }
 
