@@ -1,6 +1,6 @@
 //! Commands to a stylus without faults: each is carried out, and its effect read back.
 
-use crate::support::{Bench, attached, holds, interrupt, json, text, wait_for};
+use crate::support::{Bench, attached, holds, interrupt, json, near, text, wait_for};
 use fake_stylus::library::{announcement, library};
 use fake_stylus::{FakeStylus, Hand};
 use host_tools::link::{Device, Timeouts};
@@ -315,10 +315,7 @@ fn a_calibration_sets_the_coil_and_the_forces_zero_and_measures_again() {
         ..Hand::default()
     });
     let report = json(&bench.succeed(&calibrate));
-    assert!(
-        (report["peak_watts"].as_f64().unwrap() - 0.5).abs() < 1e-6,
-        "{report}"
-    );
+    near(report["peak_watts"].as_f64().unwrap(), 0.5, 1e-6);
     let zero = report["set"][4]["value"].as_f64().unwrap();
     assert!(
         (zero - (4_096.0 + 0.25 / 3.3 * 65_536.0)).abs() <= 1.0,
@@ -456,18 +453,9 @@ fn a_monitor_shows_what_the_sensors_see_and_leaves_no_recording_behind() {
     let level = &sights[1]["level"];
     // 768 codes to either side, 3.3 V / 65 536 per code, 29.72 m/s² per V.
     let rms = 768.0 * 3.3 / 65_536.0 * 29.72;
-    assert!(
-        (level["rms_m_s2"].as_f64().unwrap() - rms).abs() < 1e-3,
-        "{level}"
-    );
-    assert!(
-        (level["speed_mm_s"].as_f64().unwrap() - 80.0).abs() < 1.0,
-        "{level}"
-    );
-    assert!(
-        (level["force_n"].as_f64().unwrap() - 1.5).abs() < 0.01,
-        "{level}"
-    );
+    near(level["rms_m_s2"].as_f64().unwrap(), rms, 1e-3);
+    near(level["speed_mm_s"].as_f64().unwrap(), 80.0, 1.0);
+    near(level["force_n"].as_f64().unwrap(), 1.5, 0.01);
     let said = bench.succeed("status --watch --seconds 0.5");
     holds(&said, &["1.149 m/s² RMS", "idle"]);
     let status = json(&bench.succeed("status --json"));

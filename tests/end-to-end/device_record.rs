@@ -4,7 +4,9 @@ use std::io::Write;
 use std::process::{Child, Output};
 use std::time::Duration;
 
-use crate::support::{Bench, all_pole, attached, holds, interrupt, json, noise, text, wait_for};
+use crate::support::{
+    Bench, all_pole, attached, holds, interrupt, json, near, noise, text, wait_for,
+};
 use fake_stylus::{FakeStylus, Faults, Hand};
 use model_format::AdcCode;
 use serde_json::Value;
@@ -60,14 +62,8 @@ fn what_is_recorded_is_what_was_on_the_pins_and_a_fit_takes_it() {
         let report = report(&record(&bench, &arguments));
         let row = &report["recorded"][0];
         assert_eq!(row["verdicts"], serde_json::json!([]), "{row}");
-        assert!(
-            (row["level"]["speed_mm_s"].as_f64().unwrap() - speed).abs() < 0.5,
-            "{row}"
-        );
-        assert!(
-            (row["level"]["force_n"].as_f64().unwrap() - force).abs() < 0.01,
-            "{row}"
-        );
+        near(row["level"]["speed_mm_s"].as_f64().unwrap(), speed, 0.5);
+        near(row["level"]["force_n"].as_f64().unwrap(), force, 0.01);
         assert_eq!(
             (report["lost_blocks"].as_u64(), row["holes"].as_u64()),
             (Some(0), Some(0))

@@ -4,7 +4,7 @@
 use std::process::Command;
 
 use crate::hatt;
-use crate::support::{Bench, RATE_HZ, all_pole, denim_rig_of, holds, noise, rig_of, text};
+use crate::support::{Bench, RATE_HZ, all_pole, denim_rig_of, holds, near, noise, rig_of, text};
 use host_tools::evaluation::leave_one_out;
 use host_tools::evaluation::leave_one_out::{Prepared, Row};
 use host_tools::recording::RecordingSet;
@@ -186,10 +186,7 @@ fn what_a_model_was_fitted_to_does_not_judge_it() {
     };
     // The same recording judges the same synthesis; segments are of 0.5 s there, because blocks are beside it, and of
     // 1 s here.
-    assert!(
-        (distance(&takes) - distance(&unseen)).abs() < 0.2,
-        "{takes} {unseen}"
-    );
+    near(distance(&takes), distance(&unseen), 0.2);
 }
 
 #[test]

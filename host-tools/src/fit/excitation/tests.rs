@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use model_format::{Library, MillimetresPerSecond, Newton, NodeFlags, SAMPLE_RATE_HZ, limits};
+use model_format::{Library, MillimetresPerSecond, Newton, SAMPLE_RATE_HZ, limits};
 use proptest::prelude::*;
 
 use super::evidence::mean_square;
@@ -61,18 +61,11 @@ fn swelling(seed: u64, samples: usize, depth_db: f64) -> Vec<f64> {
 
 fn trace(samples: &[f64], order: usize) -> Trace {
     let lags = corrected(Autocorrelation::of(samples, order).lags);
-    let model = Model {
-        output_power: lags[0],
-        reflection: Prediction::levinson_durbin(&lags, order).reflection,
-        flags: NodeFlags::NONE,
-    };
-    let grid = Grid {
-        speeds_mm_s: vec![100.0],
-        forces_n: vec![1.0],
-        models: vec![model],
-        laws: model_format::Laws::default(),
-        parts: model_format::PartsSpec::default(),
-    };
+    let model = Model::new(
+        Prediction::levinson_durbin(&lags, order).reflection,
+        lags[0],
+    );
+    let grid = Grid::new(vec![100.0], vec![1.0], vec![model]);
     let node = nodes("test", &grid).unwrap().remove(0);
     let signal = Signal {
         samples: samples.to_vec(),
