@@ -17,7 +17,7 @@ use rand::{RngExt, SeedableRng};
 use serde_json::Value;
 
 use crate::device_links::port;
-use crate::support::{Bench, PLAY, interrupt, json, refusal, text, wait_for};
+use crate::support::{Bench, PLAY, holds, interrupt, json, refusal, text, wait_for};
 
 /// A desk with a stylus on it that has a library, and a runtime folder of its own, so that its brokers are its own.
 struct Desk {
@@ -213,8 +213,7 @@ fn a_second_play_is_refused_with_who_plays_and_a_stop_of_any_terminal_says_who_s
     let player = desk.play();
     let refused = desk.refuse("play --scene none");
     let who = format!("`stylus play` (process {}) plays, since ", player.id());
-    assert!(refused.contains(&who), "{refused}");
-    assert!(refused.contains("stop it with `stylus stop`"), "{refused}");
+    holds(&refused, &[&who, "stop it with `stylus stop`"]);
     for arguments in [
         "slots --activate",
         "settings set hard-limit 0.4",
@@ -223,7 +222,7 @@ fn a_second_play_is_refused_with_who_plays_and_a_stop_of_any_terminal_says_who_s
         let refused = desk.bench.run(arguments);
         let err = text(&refused.stderr);
         assert_eq!(refused.status.code(), Some(2), "{arguments}: {err}");
-        assert!(err.contains(&who), "{arguments}: {err}");
+        holds(&err, &[&who]);
     }
     // An upload alone does not disturb, and neither does a command that is killed.
     desk.succeed("upload a.lib");
@@ -238,10 +237,10 @@ fn a_second_play_is_refused_with_who_plays_and_a_stop_of_any_terminal_says_who_s
         desk.stylus.count("stylus/record/stop") > 0
     });
     let stopped = desk.succeed("stop");
-    assert!(stopped.contains("stopped playing"), "{stopped}");
+    holds(&stopped, &["stopped playing"]);
     let (code, _, err) = output_of(player);
     assert_eq!(code, Some(2));
-    assert!(err.contains("stopped by `stylus stop` (process "), "{err}");
+    holds(&err, &["stopped by `stylus stop` (process "]);
 }
 
 #[test]
@@ -287,10 +286,7 @@ fn a_broker_that_is_killed_leaves_a_stale_socket_that_stops_nobody() {
     signal("KILL", broker[0]);
     let (code, _, err) = output_of(monitor);
     assert_eq!(code, Some(2));
-    assert!(
-        err.contains("the process that shared it has ended"),
-        "{err}"
-    );
+    holds(&err, &["the process that shared it has ended"]);
     // The upload goes on by a new broker, where it was.
     let (code, out, err) = output_of(upload);
     assert_eq!(code, Some(0), "{err}");
@@ -336,10 +332,9 @@ fn a_device_that_is_unplugged_ends_its_commands_and_its_broker() {
     desk.stylus = FakeStylus::start();
     let (code, _, err) = output_of(monitor);
     assert_eq!(code, Some(2));
-    assert!(err.contains("the link was lost: "), "{err}");
+    holds(&err, &["the link was lost: "]);
     desk.wait_until_idle();
-    let refused = desk.refuse("status");
-    assert!(refused.contains("nothing listens there"), "{refused}");
+    holds(&desk.refuse("status"), &["nothing listens there"]);
     desk.wait_until_idle();
 }
 
@@ -353,16 +348,15 @@ fn a_broker_of_another_version_is_named_with_its_clients_and_one_that_hangs_is_n
     fs::write(&lock, "`stylus play` (process 1)").unwrap();
     let refused = desk.refuse("status");
     let words = "another version of stylus shares it with `stylus play` (process 1)";
-    assert!(refused.contains(words), "{refused}");
-    assert!(refused.contains("--no-broker"), "{refused}");
+    holds(&refused, &[words]);
+    holds(&refused, &["--no-broker"]);
     drop(other);
     // It leaves a socket, which nothing answers at any more.
     desk.succeed("status");
     let socket = desk.file(".sock");
     desk.wait_until_idle();
     let silent = UnixListener::bind(&socket).unwrap();
-    let refused = desk.refuse("status");
-    assert!(refused.contains("does not answer: end it"), "{refused}");
+    holds(&desk.refuse("status"), &["does not answer: end it"]);
     drop(silent);
     desk.succeed("status");
 }
@@ -378,7 +372,7 @@ fn without_a_broker_a_link_is_opened_alone_unless_others_use_it() {
     let player = desk.play();
     let refused = desk.refuse("status --no-broker");
     let who = format!("in use by `stylus play` (process {})", player.id());
-    assert!(refused.contains(&who), "{refused}");
+    holds(&refused, &[&who]);
     wait_for("the play that goes on", || desk.is_playing());
     interrupt(&player);
     assert_eq!(output_of(player).0, Some(0));
@@ -492,10 +486,7 @@ fn what_is_attached_is_listed_and_the_only_one_is_used() {
     };
     let none = run(&["status"]);
     let message = refusal(&none, "status");
-    assert!(
-        message.contains("no stylus is attached: plug one in"),
-        "{message}"
-    );
+    holds(&message, &["no stylus is attached: plug one in"]);
     let listed = run(&["devices"]);
     assert_eq!(
         (listed.status.code(), text(&listed.stdout)),
@@ -520,11 +511,8 @@ fn what_is_attached_is_listed_and_the_only_one_is_used() {
             .contains("nothing listens there"),
         "{listed}"
     );
-    let table = text(&run(&["devices"]).stdout);
-    assert!(
-        table.contains("0123456789ABCDEF01234567") && table.contains("--link"),
-        "{table}"
-    );
+    let message = text(&run(&["devices"]).stdout);
+    holds(&message, &["0123456789ABCDEF01234567", "--link"]);
     let status = run(&["status"]);
     assert!(status.status.success());
     let note = format!("note: {}: the only stylus found\n", desk.link);
@@ -538,7 +526,7 @@ fn what_is_attached_is_listed_and_the_only_one_is_used() {
         desk.link,
         other.link()
     );
-    assert!(message.contains(&both), "{message}");
+    holds(&message, &[&both]);
     // One that was killed has let go of its file.
     drop(two);
     assert!(run(&["status"]).status.success());
@@ -560,7 +548,7 @@ fn a_play_whose_motions_do_not_arrive_or_that_is_muted_throughout_fails_with_the
     let (report, err) = (json(&text(&output.stdout)), text(&output.stderr));
     let due = report["motions"].as_u64().unwrap() + report["skipped"].as_u64().unwrap();
     let words = format!("only {} of {due} motions could be sent", report["motions"]);
-    assert!(err.contains(&words) && err.contains("at least 60"), "{err}");
+    holds(&err, &[&words, "at least 60"]);
     assert!(
         report["failure"].as_str().unwrap().contains(&words),
         "{report}"
@@ -577,10 +565,12 @@ fn a_play_whose_motions_do_not_arrive_or_that_is_muted_throughout_fails_with_the
     let output = command.output().unwrap();
     let err = text(&output.stderr);
     assert_eq!(output.status.code(), Some(2), "{err}");
-    assert!(
-        err.contains("the output was muted throughout (")
-            && err.contains("force sensor at its rail"),
-        "{err}"
+    holds(
+        &err,
+        &[
+            "the output was muted throughout (",
+            "force sensor at its rail",
+        ],
     );
     assert!(
         text(&output.stdout).contains("muted 100 % of the time"),
@@ -628,6 +618,6 @@ fn a_play_shows_speed_force_level_mutes_and_missed_ticks_while_it_lasts() {
         ] {
             assert!(line.contains(words), "{words}: {err}");
         }
-        assert!(out.contains("0 mutes, 0 missed ticks; stopped"), "{out}");
+        holds(&out, &["0 mutes, 0 missed ticks; stopped"]);
     }
 }

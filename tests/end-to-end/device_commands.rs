@@ -1,6 +1,6 @@
 //! Commands to a stylus without faults: each is carried out, and its effect read back.
 
-use crate::support::{Bench, attached, interrupt, json, text, wait_for};
+use crate::support::{Bench, attached, holds, interrupt, json, near, text, wait_for};
 use fake_stylus::library::{announcement, library};
 use fake_stylus::{FakeStylus, Hand};
 use host_tools::link::{Device, Timeouts};
@@ -49,20 +49,16 @@ fn a_library_is_uploaded_listed_activated_and_shown() {
     assert_eq!(full["textures"][1]["name"], "texture 1");
     assert_eq!(full["textures"][1]["max_order"], 30);
     assert_eq!(full["textures"][1]["provenance"], "SIMULATED");
-    let shown = bench.succeed("slots");
-    assert!(
-        shown.contains("(active)") && shown.contains("15 x 8"),
-        "{shown}"
+    holds(&bench.succeed("slots"), &["(active)", "15 x 8"]);
+    holds(
+        &bench.succeed("status"),
+        &[
+            "stylus 0123456789ABCDEF01234567",
+            "start    external clock, silicon revision V (0x2003), brown-out level 3, 0 quick faults",
+            "µs",
+            "changing texture or library 1 x",
+        ],
     );
-    let shown = bench.succeed("status");
-    for words in [
-        "stylus 0123456789ABCDEF01234567",
-        "start    external clock, silicon revision V (0x2003), brown-out level 3, 0 quick faults",
-        "µs",
-        "changing texture or library 1 x",
-    ] {
-        assert!(shown.contains(words), "{words} is not in:\n{shown}");
-    }
 }
 
 #[test]
@@ -82,7 +78,7 @@ fn an_abort_ends_the_upload_of_a_command_that_is_gone_and_says_how_far_it_was() 
         "the upload to slot {slot} is ended; 512 of {} bytes had arrived",
         bytes.len()
     );
-    assert!(ended.contains(&words), "{ended}");
+    holds(&ended, &[&words]);
     let none = bench.succeed("upload --abort --json");
     assert_eq!(
         json(&none),
@@ -208,12 +204,8 @@ fn settings_are_shown_changed_read_back_and_reset() {
     assert_eq!(value("get force-per-volt"), -3.5);
     let all = bench.succeed("settings");
     assert_eq!(all.lines().count(), 2 + model_format::link::SETTING_COUNT);
-    assert!(
-        all.contains("acceleration-per-volt-z") && all.contains("m/s²/V"),
-        "{all}"
-    );
-    let refused = bench.refuse("settings reset");
-    assert!(refused.contains("give --yes"), "{refused}");
+    holds(&all, &["acceleration-per-volt-z", "m/s²/V"]);
+    holds(&bench.refuse("settings reset"), &["give --yes"]);
     assert_eq!(value("get force-per-volt"), -3.5);
     bench.succeed("settings reset --yes");
     assert_eq!(value("get force-per-volt"), 2.0);
@@ -225,18 +217,18 @@ fn a_new_stylus_plays_nothing_until_one_command_sets_the_coil() {
     bench.write("a.lib", library(1, 20, 1));
     bench.succeed("upload a.lib --activate");
     let play = "play --texture absent";
-    let refused = bench.refuse(play);
-    for words in [
-        "amplifier-gain, coil-resistance, power-limit not set",
-        "stylus calibrate",
-        "stylus settings set",
-    ] {
-        assert!(refused.contains(words), "{words}: {refused}");
-    }
+    holds(
+        &bench.refuse(play),
+        &[
+            "amplifier-gain, coil-resistance, power-limit not set",
+            "stylus calibrate",
+            "stylus settings set",
+        ],
+    );
     let shown = bench.succeed("settings");
     assert_eq!(shown.matches(" not set ").count(), 3, "{shown}");
     let status = bench.succeed("status");
-    assert!(status.contains("SETTINGS nothing plays"), "{status}");
+    holds(&status, &["SETTINGS nothing plays"]);
     let row = json(&bench.succeed("settings get coil-resistance --json"));
     assert_eq!(
         (&row[0]["value"], &row[0]["state"]),
@@ -245,9 +237,7 @@ fn a_new_stylus_plays_nothing_until_one_command_sets_the_coil() {
 
     let all = "settings set coil-resistance 8 amplifier-gain 2 power-limit 0.2";
     let refused = bench.refuse(all);
-    for words in ["not set -> 8 Ω", "W held at 8 Ω", "give --yes"] {
-        assert!(refused.contains(words), "{words}: {refused}");
-    }
+    holds(&refused, &["not set -> 8 Ω", "W held at 8 Ω", "give --yes"]);
     let shown = bench.succeed("settings");
     assert_eq!(shown.matches(" not set ").count(), 3, "{shown}");
     let set = json(&bench.succeed(&format!("{all} --yes --json")));
@@ -260,15 +250,14 @@ fn a_new_stylus_plays_nothing_until_one_command_sets_the_coil() {
     assert!(!status.contains("SETTINGS"), "{status}");
     // Nothing is missing but the texture.
     let refused = bench.refuse(play);
-    assert!(refused.contains("no texture"), "{refused}");
+    holds(&refused, &["no texture"]);
     // A pair without a value, or an unknown name, is refused before anything is set.
     for (pairs, words) in [
         ("power-limit 0.3 hard-limit", "hard-limit has no value"),
         ("power-limit 0.3 volume 1", "no setting 'volume'"),
         ("power-limit loud", "must be a number"),
     ] {
-        let message = bench.refuse(&format!("settings set {pairs}"));
-        assert!(message.contains(words), "{pairs}: {message}");
+        holds(&bench.refuse(&format!("settings set {pairs}")), &[words]);
     }
     let row = json(&bench.succeed("settings get power-limit --json"));
     assert_eq!(
@@ -287,16 +276,17 @@ fn what_protects_less_is_shown_and_confirmed_and_what_protects_more_is_not_asked
     bench.succeed("settings set hard-limit 0.25");
     let looser = "settings set soft-start 300 hard-limit 0.75 force-zero 5000";
     let refused = bench.refuse(looser);
-    for words in ["hard-limit: 0.25 -> 0.75 V", "0.749 V peak", "give --yes"] {
-        assert!(refused.contains(words), "{words}: {refused}");
-    }
+    holds(
+        &refused,
+        &["hard-limit: 0.25 -> 0.75 V", "0.749 V peak", "give --yes"],
+    );
     assert!(!refused.contains("soft-start"), "{refused}");
     // All or nothing: neither is changed.
     assert_eq!((value("soft-start"), value("force-zero")), (200.0, 4096.0));
     bench.succeed(&format!("{looser} --yes"));
     assert_eq!((value("soft-start"), value("hard-limit")), (300.0, 0.75));
     let refused = bench.refuse("settings set soft-start 300 soft-start 400");
-    assert!(refused.contains("soft-start is given twice"), "{refused}");
+    holds(&refused, &["soft-start is given twice"]);
 }
 
 #[test]
@@ -310,19 +300,14 @@ fn a_calibration_sets_the_coil_and_the_forces_zero_and_measures_again() {
         ..Hand::default()
     });
     let refused = bench.refuse(&calibrate);
-    assert!(
-        refused.contains("nothing was stored: force is at a rail"),
-        "{refused}"
-    );
+    holds(&refused, &["nothing was stored: force is at a rail"]);
     // Nor has one that moves.
     stylus.set_hand(Hand {
         speed_mm_s: 30.0,
         ..Hand::default()
     });
-    let refused = bench.refuse(&calibrate);
-    assert!(refused.contains("the encoder moved"), "{refused}");
-    let missing = bench.refuse("play --texture silk");
-    assert!(missing.contains("not set"), "{missing}");
+    holds(&bench.refuse(&calibrate), &["the encoder moved"]);
+    holds(&bench.refuse("play --texture silk"), &["not set"]);
 
     // A sensor whose zero is another than the default.
     stylus.set_hand(Hand {
@@ -330,10 +315,7 @@ fn a_calibration_sets_the_coil_and_the_forces_zero_and_measures_again() {
         ..Hand::default()
     });
     let report = json(&bench.succeed(&calibrate));
-    assert!(
-        (report["peak_watts"].as_f64().unwrap() - 0.5).abs() < 1e-6,
-        "{report}"
-    );
+    near(report["peak_watts"].as_f64().unwrap(), 0.5, 1e-6);
     let zero = report["set"][4]["value"].as_f64().unwrap();
     assert!(
         (zero - (4_096.0 + 0.25 / 3.3 * 65_536.0)).abs() <= 1.0,
@@ -342,14 +324,13 @@ fn a_calibration_sets_the_coil_and_the_forces_zero_and_measures_again() {
     let mean = report["at_rest"]["mean"][3].as_f64().unwrap();
     assert!((mean - zero).abs() <= 1.0, "{report}");
     let refused = bench.refuse("play --texture silk");
-    assert!(refused.contains("no library is active"), "{refused}");
+    holds(&refused, &["no library is active"]);
     let refused = bench.refuse(&calibrate.replace("--resistance 8", "--resistance 0.01"));
-    assert!(refused.contains("coil-resistance of 0.01"), "{refused}");
+    holds(&refused, &["coil-resistance of 0.01"]);
     // Without an answer nothing is stored.
     let unanswered = bench.run(&calibrate.replace("--yes ", ""));
     assert!(!unanswered.status.success());
-    let words = text(&unanswered.stderr);
-    assert!(words.contains("nobody answered"), "{words}");
+    holds(&text(&unanswered.stderr), &["nobody answered"]);
 }
 
 #[test]
@@ -413,8 +394,7 @@ fn what_the_device_refuses_is_told_in_its_words_and_what_was_there_stays() {
         ),
         ("upload huge.lib --unchecked", "a slot holds 1 to"),
     ] {
-        let message = bench.refuse(arguments);
-        assert!(message.contains(words), "{arguments}: {message}");
+        holds(&bench.refuse(arguments), &[words]);
     }
     assert_eq!(status(), before);
     let set = json(&bench.succeed("settings get hard-limit --json"));
@@ -429,8 +409,7 @@ fn without_a_library_there_is_nothing_to_play_or_activate() {
         ("slots --activate", "no slot holds a library"),
         ("slots --activate B", "slot B holds no library"),
     ] {
-        let message = bench.refuse(arguments);
-        assert!(message.contains(words), "{arguments}: {message}");
+        holds(&bench.refuse(arguments), &[words]);
     }
     let listed = bench.succeed("slots");
     assert_eq!(listed.trim(), "slot A: empty\n\nslot B: empty");
@@ -455,8 +434,7 @@ fn what_is_wrong_before_the_device_is_asked_is_told_without_it() {
             "absent.csv: cannot read",
         ),
     ] {
-        let message = bench.refuse(arguments);
-        assert!(message.contains(words), "{arguments}: {message}");
+        holds(&bench.refuse(arguments), &[words]);
     }
 }
 
@@ -475,23 +453,11 @@ fn a_monitor_shows_what_the_sensors_see_and_leaves_no_recording_behind() {
     let level = &sights[1]["level"];
     // 768 codes to either side, 3.3 V / 65 536 per code, 29.72 m/s² per V.
     let rms = 768.0 * 3.3 / 65_536.0 * 29.72;
-    assert!(
-        (level["rms_m_s2"].as_f64().unwrap() - rms).abs() < 1e-3,
-        "{level}"
-    );
-    assert!(
-        (level["speed_mm_s"].as_f64().unwrap() - 80.0).abs() < 1.0,
-        "{level}"
-    );
-    assert!(
-        (level["force_n"].as_f64().unwrap() - 1.5).abs() < 0.01,
-        "{level}"
-    );
-    let lines = bench.succeed("status --watch --seconds 0.5");
-    assert!(
-        lines.contains("1.149 m/s² RMS") && lines.contains("idle"),
-        "{lines}"
-    );
+    near(level["rms_m_s2"].as_f64().unwrap(), rms, 1e-3);
+    near(level["speed_mm_s"].as_f64().unwrap(), 80.0, 1.0);
+    near(level["force_n"].as_f64().unwrap(), 1.5, 0.01);
+    let said = bench.succeed("status --watch --seconds 0.5");
+    holds(&said, &["1.149 m/s² RMS", "idle"]);
     let status = json(&bench.succeed("status --json"));
     assert_eq!(status["status"]["record"]["recording"], false);
     let mut child = bench.spawn(["status", "--watch"]);

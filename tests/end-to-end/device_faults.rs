@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use crate::support::{Bench, PLAY, attached, json, text, wait_for};
+use crate::support::{Bench, PLAY, attached, holds, json, text, wait_for};
 use fake_stylus::flash::Damage;
 use fake_stylus::library::library;
 use fake_stylus::{FakeStylus, Faults};
@@ -51,8 +51,7 @@ fn an_upload_that_was_killed_is_resumed_by_the_next() {
     first.kill().unwrap();
     first.wait().unwrap();
     stylus.fail(Faults::default());
-    let status = bench.succeed("status");
-    assert!(status.contains("receiving into slot"), "{status}");
+    holds(&bench.succeed("status"), &["receiving into slot"]);
     stylus.take_heard();
     let report = upload(&bench);
     let resumed_from = report["resumed_from"].as_u64().unwrap() as usize;
@@ -114,10 +113,9 @@ fn a_device_whose_flash_is_busy_is_asked_until_it_is_free() {
         ..Faults::default()
     });
     // The timeout is sixteen times that of other answers.
-    let message = bench.refuse("slots --timeout 0.2");
-    assert!(
-        message.contains("the device did not accept the slot list request"),
-        "{message}"
+    holds(
+        &bench.refuse("slots --timeout 0.2"),
+        &["the device did not accept the slot list request"],
     );
 }
 
@@ -128,11 +126,8 @@ fn an_upload_that_gets_nowhere_ends_with_the_reason() {
         close_every: Some(2),
         ..Faults::default()
     });
-    let message = bench.refuse("upload a.lib");
-    assert!(
-        message.contains("the link was lost: the other side closed it"),
-        "{message}"
-    );
+    let refused = bench.refuse("upload a.lib");
+    holds(&refused, &["the link was lost: the other side closed it"]);
     assert_eq!(stylus.connections(), 5);
 }
 
@@ -145,12 +140,12 @@ fn a_device_that_says_nothing_is_given_up_in_time() {
     });
     let begin = Instant::now();
     let message = bench.refuse("status --timeout 0.3");
-    assert!(
-        message.contains("no answer to the identity request within 0.3 s"),
-        "{message}"
+    holds(
+        &message,
+        &["no answer to the identity request within 0.3 s"],
     );
     // The remedy is a value that can be typed.
-    assert!(message.contains("--timeout 2"), "{message}");
+    holds(&message, &["--timeout 2"]);
     assert!(begin.elapsed() < Duration::from_secs(5));
 }
 
@@ -237,11 +232,10 @@ fn of_two_versions_the_older_is_named_before_anything_is_asked() {
         ),
     ];
     for (disguise, arguments, words) in cases {
-        let message = said_to(disguise, arguments);
-        assert!(message.contains(words), "{arguments}: {message}");
+        holds(&said_to(disguise, arguments), &[words]);
     }
-    let same = said_to(|info| info.schema_hash ^= 1, "settings");
-    assert!(same.contains("from one version of the sources"), "{same}");
+    let message = said_to(|info| info.schema_hash ^= 1, "settings");
+    holds(&message, &["from one version of the sources"]);
 }
 
 #[test]
@@ -275,13 +269,9 @@ fn the_last_library_that_can_be_read_is_replaced_only_where_the_user_asks_for_it
     // The active library goes on from RAM; its slot cannot be read any more.
     stylus.damage(0, Damage::Faulting);
     let refused = bench.refuse("upload c.lib");
-    for remedy in ["activate slot B", "--replace-last"] {
-        assert!(refused.contains(remedy), "{refused}");
-    }
+    holds(&refused, &["activate slot B", "--replace-last"]);
     let uploaded = bench.run("upload c.lib --replace-last");
     assert!(uploaded.status.success(), "{uploaded:?}");
-    let told = text(&uploaded.stderr);
-    assert!(told.contains("without one"), "{told}");
-    let listed = bench.succeed("slots --json");
-    assert!(listed.contains("\"B\""), "{listed}");
+    holds(&text(&uploaded.stderr), &["without one"]);
+    holds(&bench.succeed("slots --json"), &["\"B\""]);
 }

@@ -3,7 +3,7 @@
 use fake_stylus::FakeStylus;
 use model_format::link::{USB_PRODUCT_ID, USB_VENDOR_ID};
 
-use crate::support::{Bench, text};
+use crate::support::{Bench, holds, text};
 
 /// A pseudo-terminal in front of a stylus, whose other end is an ordinary serial port.
 pub mod port {
@@ -62,9 +62,9 @@ fn a_serial_port_carries_what_tcp_carries() {
     let name = &port.name;
     bench.write("a.lib", fake_stylus::library::library(1, 50, 1));
     let uploaded = bench.succeed(&format!("upload a.lib --activate --link serial:{name}"));
-    assert!(uploaded.contains("read back"), "{uploaded}");
-    let status = bench.succeed(&format!("status --link serial:{name}"));
-    assert!(status.contains("slot A, checksum"), "{status}");
+    holds(&uploaded, &["read back"]);
+    let said = bench.succeed(&format!("status --link serial:{name}"));
+    holds(&said, &["slot A, checksum"]);
 }
 
 #[test]
@@ -73,8 +73,8 @@ fn a_port_that_another_program_uses_is_said_to_be_in_use() {
     let mut port = port::before(stylus.port());
     let held = port.held.as_mut().expect("it is held from the beginning");
     held.set_exclusive(true).unwrap();
-    let message = Bench::new().refuse(&format!("status --link serial:{}", port.name));
-    assert!(message.contains("in use by another program"), "{message}");
+    let refused = Bench::new().refuse(&format!("status --link serial:{}", port.name));
+    holds(&refused, &["in use by another program"]);
 }
 
 #[test]
@@ -88,8 +88,7 @@ fn where_there_is_no_device_one_line_says_so() {
         // If a stylus is plugged in, it has another serial number.
         ("usb:no-such-serial", "on USB"),
     ] {
-        let message = bench.refuse(&format!("status --link {link}"));
-        assert!(message.contains(words), "{link}: {message}");
+        holds(&bench.refuse(&format!("status --link {link}")), &[words]);
     }
     let output = bench.run("status --link bluetooth:stylus");
     assert_eq!(output.status.code(), Some(2));

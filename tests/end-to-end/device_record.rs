@@ -4,7 +4,9 @@ use std::io::Write;
 use std::process::{Child, Output};
 use std::time::Duration;
 
-use crate::support::{Bench, all_pole, attached, interrupt, json, noise, text, wait_for};
+use crate::support::{
+    Bench, all_pole, attached, holds, interrupt, json, near, noise, text, wait_for,
+};
 use fake_stylus::{FakeStylus, Faults, Hand};
 use model_format::AdcCode;
 use serde_json::Value;
@@ -60,14 +62,8 @@ fn what_is_recorded_is_what_was_on_the_pins_and_a_fit_takes_it() {
         let report = report(&record(&bench, &arguments));
         let row = &report["recorded"][0];
         assert_eq!(row["verdicts"], serde_json::json!([]), "{row}");
-        assert!(
-            (row["level"]["speed_mm_s"].as_f64().unwrap() - speed).abs() < 0.5,
-            "{row}"
-        );
-        assert!(
-            (row["level"]["force_n"].as_f64().unwrap() - force).abs() < 0.01,
-            "{row}"
-        );
+        near(row["level"]["speed_mm_s"].as_f64().unwrap(), speed, 0.5);
+        near(row["level"]["force_n"].as_f64().unwrap(), force, 0.01);
         assert_eq!(
             (report["lost_blocks"].as_u64(), row["holes"].as_u64()),
             (Some(0), Some(0))
@@ -99,8 +95,8 @@ fn what_is_recorded_is_what_was_on_the_pins_and_a_fit_takes_it() {
             "the recording is not a stretch of what was on the pins"
         );
     }
-    let fitted = bench.succeed("fit set --out silk.lib --order 10");
-    assert!(fitted.contains("3 trials -> silk.lib"), "{fitted}");
+    let said = bench.succeed("fit set --out silk.lib --order 10");
+    holds(&said, &["3 trials -> silk.lib"]);
 }
 
 #[test]
@@ -116,8 +112,8 @@ fn trials_that_are_there_are_not_recorded_again_unless_asked() {
     assert_eq!(second["recorded"].as_array().unwrap().len(), 1);
     assert_eq!(stylus.count("stylus/record/start"), 1);
     // The hand is too slow, and the report says so.
-    let verdicts = second["recorded"][0]["verdicts"].to_string();
-    assert!(verdicts.contains("instead of 200 mm/s"), "{verdicts}");
+    let message = second["recorded"][0]["verdicts"].to_string();
+    holds(&message, &["instead of 200 mm/s"]);
     let before = samples(&bench, 0);
     let again = report(&record(&bench, &format!("{first} --again --scale 10")));
     assert_eq!(again["recorded"].as_array().unwrap().len(), 1);
@@ -138,11 +134,7 @@ fn a_hole_makes_a_trial_begin_anew_and_the_loss_is_told() {
     let arguments = "--texture silk --speeds 100 --forces 1 --settle 0 --yes";
     let failed = record(&bench, &format!("{arguments} --seconds 0.4"));
     assert_eq!(failed.status.code(), Some(2));
-    let message = text(&failed.stderr);
-    assert!(
-        message.contains("without a hole") && message.contains("on the link"),
-        "{message}"
-    );
+    holds(&text(&failed.stderr), &["without a hole", "on the link"]);
     assert!(!bench.path("set/trials.csv").exists());
     let report = report(&record(&bench, &format!("{arguments} --seconds 0.24")));
     let row = &report["recorded"][0];
@@ -189,8 +181,7 @@ fn torn_samples_are_told_and_interpolated_and_too_many_are_no_recording() {
                 "{row}"
             );
         } else {
-            let words = text(&output.stderr);
-            assert!(words.contains("of 10000 samples are torn"), "{words}");
+            holds(&text(&output.stderr), &["of 10000 samples are torn"]);
         }
     }
 }
@@ -214,10 +205,7 @@ fn the_person_at_the_keyboard_says_what_is_recorded_kept_and_left_out() {
     assert_eq!(report["recorded"].as_array().unwrap().len(), 2, "{said}");
     assert_eq!(report["left_out"], 3);
     assert_eq!(stylus.count("stylus/record/start"), 3);
-    assert!(
-        said.contains("[2/5] silk, 200 mm/s, 1 N") && said.contains("instead of 200 mm/s"),
-        "{said}"
-    );
+    holds(&said, &["[2/5] silk, 200 mm/s, 1 N", "instead of 200 mm/s"]);
     let set = host_tools::recording::RecordingSet::open(&[bench.path("set")]).unwrap();
     let listed: Vec<f64> = set.trials.iter().map(|trial| trial.speed_mm_s).collect();
     assert_eq!(listed, [100.0, 200.0]);
@@ -260,8 +248,7 @@ fn triage_judges_each_trial_when_it_is_there() {
         });
         let arguments = format!("--texture {texture} --speeds 100 --forces 1 --yes");
         let report = report(&record(&bench, &arguments));
-        let verdicts = report["recorded"][0]["verdicts"].to_string();
-        assert!(verdicts.contains(word), "{texture}: {verdicts}");
+        holds(&report["recorded"][0]["verdicts"].to_string(), &[word]);
     }
 }
 
@@ -303,8 +290,7 @@ fn a_recording_that_was_left_running_is_stopped_by_stop() {
     let refused = record(&bench, arguments);
     assert_eq!(refused.status.code(), Some(2));
     assert!(text(&refused.stderr).contains("a recording is under way: stop it first"));
-    let stopped = bench.succeed("stop");
-    assert!(stopped.contains("stopped recording"), "{stopped}");
+    holds(&bench.succeed("stop"), &["stopped recording"]);
     report(&record(&bench, arguments));
 }
 
@@ -355,9 +341,9 @@ fn a_free_hands_strokes_are_recorded_cut_and_fitted() {
     let cut = bench.succeed(
         "segment a.csv b.csv --texture silk --out set --speeds 20:200:20 --forces 0.2:1.4:0.2",
     );
-    assert!(cut.contains("2 nodes"), "{cut}");
-    let fitted = bench.succeed("fit set --out silk.lib --order 10");
-    assert!(fitted.contains("-> silk.lib"), "{fitted}");
+    holds(&cut, &["2 nodes"]);
+    let said = bench.succeed("fit set --out silk.lib --order 10");
+    holds(&said, &["-> silk.lib"]);
 }
 
 #[cfg(unix)]
@@ -399,6 +385,6 @@ fn a_duration_that_no_recording_can_have_is_refused_before_memory_is_taken_for_i
         let output = bench.run(&arguments);
         let message = text(&output.stderr);
         assert_eq!(output.status.code(), Some(2), "{message}");
-        assert!(message.contains("more than 33554432 samples"), "{message}");
+        holds(&message, &["more than 33554432 samples"]);
     }
 }

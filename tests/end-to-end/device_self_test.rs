@@ -1,6 +1,6 @@
 //! `stylus selftest`: a healthy device passes, each fault is named with what to do, and a record is kept.
 
-use crate::support::{Bench, attached, json, text};
+use crate::support::{Bench, attached, holds, json, text};
 use fake_stylus::library::library;
 use fake_stylus::{Board, FakeStylus, Faults, Hand};
 use host_tools::link::self_test::{self, Options, Verdict};
@@ -65,15 +65,16 @@ fn a_healthy_device_passes_and_leaves_a_record() {
     // A file by name, and the table.
     let shown = bench.succeed("selftest --bare --seconds 0.2 --record here.json");
     assert!(bench.path("here.json").is_file());
-    for words in [
-        "silicon revision",
-        "V (0x2003)",
-        "pass",
-        "record: here.json",
-        "0 fail",
-    ] {
-        assert!(shown.contains(words), "{words} is not in:\n{shown}");
-    }
+    holds(
+        &shown,
+        &[
+            "silicon revision",
+            "V (0x2003)",
+            "pass",
+            "record: here.json",
+            "0 fail",
+        ],
+    );
 }
 
 #[test]
@@ -158,11 +159,7 @@ fn a_line_of_the_encoder_that_is_stuck_is_named() {
     // Up and down by one: the tool shakes, or one line is stuck.
     stylus.set_board(Board::default());
     stylus.set_hand(lying());
-    let failing = failing();
-    assert!(
-        failing.contains(&"encoder counts moved".to_owned()),
-        "{failing:?}"
-    );
+    assert!(failing().contains(&"encoder counts moved".to_owned()));
 }
 
 #[test]
@@ -184,8 +181,7 @@ fn a_second_link_that_cannot_be_opened_is_an_error_before_anything_is_measured()
     let (stylus, bench) = on(Board::default());
     let other = bench.run("selftest --also tcp:127.0.0.1:1 --seconds 0.1");
     assert_eq!(other.status.code(), Some(2));
-    let message = text(&other.stderr);
-    assert!(message.contains("127.0.0.1:1"), "{message}");
+    holds(&text(&other.stderr), &["127.0.0.1:1"]);
     assert_eq!(stylus.count("stylus/selftest"), 0);
     assert_eq!(bench.names(), [""; 0]);
 }

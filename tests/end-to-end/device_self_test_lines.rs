@@ -162,7 +162,8 @@ type SensorRow = (&'static str, fn(&mut Measured, usize));
 /// A change of a healthy device.
 type Change = Box<dyn Fn(&mut Measured)>;
 
-const BOARD: [Row; 35] = [
+/// Lines of the board, of the flash, of the encoder, of the link and of the state.
+const LINES: &[Row] = &[
     ("chip", |m| m.chip.device = 0x483),
     ("silicon revision", |m| m.chip.revision = 0x1003),
     ("unique id", |m| m.chip.unique_id[0] ^= 1),
@@ -233,32 +234,7 @@ const BOARD: [Row; 35] = [
     ("slot A word write, mean", |m| {
         m.flash.write_us = 128 * 3_000;
     }),
-];
-
-const FLASH: [Row; 1] = [("slot A bytes wrong", |m| m.flash.wrong = 1)];
-
-/// Lines of each axis and of the force, after its name.
-const SENSORS: [&str; 4] = [
-    "acceleration X",
-    "acceleration Y",
-    "acceleration Z",
-    "force",
-];
-const OF_SENSOR: [SensorRow; 5] = [
-    ("from the rails", |m, sensor| {
-        m.change(sensor, |_, code| code - 32_700);
-    }),
-    ("converts", |m, sensor| m.change(sensor, |_, _| 32_760)),
-    ("noise", |m, sensor| {
-        m.change(sensor, |n, code| {
-            code + (n.wrapping_mul(0x9E37_79B9) >> 18) as u16
-        });
-    }),
-    ("hum of 50 Hz", |m, sensor| m.hum(sensor, 50.0)),
-    ("hum of 60 Hz", |m, sensor| m.hum(sensor, 60.0)),
-];
-
-const ENCODER: [Row; 5] = [
+    ("slot A bytes wrong", |m| m.flash.wrong = 1),
     ("encoder counts at rest", |m| {
         for one in &mut m.at_rest.samples[..5] {
             one.encoder_delta = 1;
@@ -272,9 +248,6 @@ const ENCODER: [Row; 5] = [
     }),
     ("encoder line A", |m| m.seen[0] = [true, false]),
     ("encoder line B", |m| m.seen[1] = [false, true]),
-];
-
-const TRAFFIC: [Row; 11] = [
     ("link: blocks received", |m| m.traffic.loss.received = 1),
     ("link: blocks lost in the device", |m| {
         m.traffic.loss.in_device = 1;
@@ -302,9 +275,6 @@ const TRAFFIC: [Row; 11] = [
     ("link: outputs late", |m| {
         m.traffic.after.tick.late_outputs += 1;
     }),
-];
-
-const STATE: [Row; 13] = [
     ("clock", |m| m.status.start.clock = ClockSource::Internal),
     ("safe mode", |m| m.status.start.safe_mode = true),
     ("supply", |m| m.status.start.supply_low = true),
@@ -344,16 +314,31 @@ const STATE: [Row; 13] = [
     }),
 ];
 
+/// Lines of each axis and of the force, after its name.
+const SENSORS: [&str; 4] = [
+    "acceleration X",
+    "acceleration Y",
+    "acceleration Z",
+    "force",
+];
+const OF_SENSOR: [SensorRow; 5] = [
+    ("from the rails", |m, sensor| {
+        m.change(sensor, |_, code| code - 32_700);
+    }),
+    ("converts", |m, sensor| m.change(sensor, |_, _| 32_760)),
+    ("noise", |m, sensor| {
+        m.change(sensor, |n, code| {
+            code + (n.wrapping_mul(0x9E37_79B9) >> 18) as u16
+        });
+    }),
+    ("hum of 50 Hz", |m, sensor| m.hum(sensor, 50.0)),
+    ("hum of 60 Hz", |m, sensor| m.hum(sensor, 60.0)),
+];
+
 /// Every line's name, with its change.
 fn rows() -> Vec<(String, Change)> {
-    let plain = BOARD
-        .into_iter()
-        .chain(FLASH)
-        .chain(ENCODER)
-        .chain(TRAFFIC)
-        .chain(STATE);
     let mut rows: Vec<(String, Change)> = Vec::new();
-    for (name, change) in plain {
+    for &(name, change) in LINES {
         rows.push((name.to_owned(), Box::new(change)));
     }
     for (sensor, name) in SENSORS.into_iter().enumerate() {

@@ -4,7 +4,7 @@
 use std::process::Command;
 
 use crate::hatt;
-use crate::support::{Bench, RATE_HZ, all_pole, denim_rig_of, noise, rig_of, text};
+use crate::support::{Bench, RATE_HZ, all_pole, denim_rig_of, holds, near, noise, rig_of, text};
 use host_tools::evaluation::leave_one_out;
 use host_tools::evaluation::leave_one_out::{Prepared, Row};
 use host_tools::recording::RecordingSet;
@@ -69,10 +69,7 @@ fn removed_nodes_are_predicted_alike_by_any_number_of_threads_and_better_by_the_
         std::fs::read(bench.path("one.json")).unwrap(),
         std::fs::read(bench.path("three.json")).unwrap()
     );
-    assert!(
-        one.contains("SIMULATED") && one.contains("36.0 ± 9.0"),
-        "{one}"
-    );
+    holds(&one, &["SIMULATED", "36.0 ± 9.0"]);
     let test = &json(&bench, "one.json")["removed_nodes"];
     // Four inner speeds, one inner force.
     assert_eq!(test["removed"].as_array().unwrap().len(), 4);
@@ -136,8 +133,8 @@ fn a_set_without_inner_nodes_is_told_what_it_lacks() {
     let bench = Bench::new();
     let signal = noise(1, 10_000);
     bench.write("a.wav", crate::support::wav(&[&signal], RATE_HZ));
-    let message = bench.refuse("evaluate a.wav --leave-one-out");
-    assert!(message.contains("three speeds"), "{message}");
+    let refused = bench.refuse("evaluate a.wav --leave-one-out");
+    holds(&refused, &["three speeds"]);
 }
 
 /// A recording of noise without structure: any high order only learns its accidents.
@@ -164,7 +161,7 @@ fn what_a_model_was_fitted_to_does_not_judge_it() {
     bench.succeed("fit one --out felt.lib --order 400");
     let said = bench.succeed("evaluate one --library felt.lib --json blocks.json");
     let words = "fitted on every other block of 0.5 s of each recording, judged on the rest";
-    assert!(said.contains(words), "{said}");
+    holds(&said, &[words]);
     let felt = &json(&bench, "blocks.json")["textures"][0];
     let held_out = felt["mean_log_spectral_distance_db"].as_f64().unwrap();
     // Another block of the same noise is as near as a model comes.
@@ -175,13 +172,10 @@ fn what_a_model_was_fitted_to_does_not_judge_it() {
 
     // A recording that the record of the fit does not name judges the library as it is.
     let said = bench.succeed("evaluate two --library felt.lib --json unseen.json");
-    assert!(
-        said.contains("recordings that its fit did not use"),
-        "{said}"
-    );
+    holds(&said, &["recordings that its fit did not use"]);
     assert_eq!(json(&bench, "unseen.json")["trials"][0]["judge"], "unseen");
     let said = bench.succeed("evaluate one --library felt.lib --takes two --json takes.json");
-    assert!(said.contains("judged on another take"), "{said}");
+    holds(&said, &["judged on another take"]);
     let takes = json(&bench, "takes.json");
     let unseen = json(&bench, "unseen.json");
     assert_eq!(takes["trials"][0]["judge"], "other_take");
@@ -192,10 +186,7 @@ fn what_a_model_was_fitted_to_does_not_judge_it() {
     };
     // The same recording judges the same synthesis; segments are of 0.5 s there, because blocks are beside it, and of
     // 1 s here.
-    assert!(
-        (distance(&takes) - distance(&unseen)).abs() < 0.2,
-        "{takes} {unseen}"
-    );
+    near(distance(&takes), distance(&unseen), 0.2);
 }
 
 #[test]
@@ -204,7 +195,7 @@ fn without_a_record_of_the_fit_no_figure_counts() {
     bench.succeed("fit one --out felt.lib");
     std::fs::remove_file(bench.path("felt.lib.fit.json")).unwrap();
     let said = bench.succeed("evaluate one --library felt.lib --json a.json");
-    assert!(said.contains("not known to be held out"), "{said}");
+    holds(&said, &["not known to be held out"]);
     let felt = &json(&bench, "a.json")["textures"][0];
     assert!(
         felt["mean_cost"].is_null() && felt["level_error_jnd"].is_null(),
@@ -228,9 +219,9 @@ fn takes_that_are_in_the_fitted_set_are_named_and_judge_nothing() {
         ));
         let warned = text(&output.stderr);
         assert!(output.status.success(), "{warned}");
-        assert!(
-            warned.contains("a take judges nothing") && warned.contains(&format!("{name}/x.wav")),
-            "{warned}"
+        holds(
+            &warned,
+            &["a take judges nothing", &format!("{name}/x.wav")],
         );
         assert_eq!(
             json(&bench, "a.json")["trials"][0]["judge"],
@@ -248,7 +239,7 @@ fn nothing_above_a_recordings_own_rate_is_judged() {
     bench.write("slow.wav", crate::support::wav(&[&signal], 1000));
     bench.succeed("fit slow.wav --out slow.lib --duration 4");
     let said = bench.succeed("evaluate slow.wav --library slow.lib --duration 4 --json a.json");
-    assert!(said.contains("18 to 450 Hz"), "{said}");
+    holds(&said, &["18 to 450 Hz"]);
     let trial = &json(&bench, "a.json")["trials"][0];
     assert_eq!(trial["range"]["high_hz"], 450.0);
     let distance = trial["log_spectral_distance_db"].as_f64().unwrap();
@@ -274,7 +265,7 @@ fn takes_without_a_partner_are_named() {
         "file,texture,speed_mm_s,force_n\n../other.wav,denim,7,1\n",
     );
     let message = bench.refuse("evaluate rig --library plain.lib --takes others --synthesis 2");
-    assert!(message.contains("no other take"), "{message}");
+    holds(&message, &["no other take"]);
 }
 
 /// A stroke: speeds and forces held for a second each, with an outlier of 10⁵ N and rest between.
@@ -304,22 +295,13 @@ fn a_free_hand_is_cut_where_it_is_steady_and_fitted() {
     let output = bench.run("segment stroke.csv --texture felt --out pieces --enough 0.9");
     let (said, warned) = (text(&output.stdout), text(&output.stderr));
     assert!(output.status.success(), "{warned}");
-    assert!(warned.contains("line 2503: force_n is 100000"), "{warned}");
-    assert!(warned.contains("s of data; left out"), "{warned}");
-    assert!(
-        said.contains("at 2 nodes") && said.contains("SIMULATED"),
-        "{said}"
-    );
-    let list = std::fs::read_to_string(bench.path("pieces/trials.csv")).unwrap();
-    assert!(
-        list.contains(",felt,100,0.6,") && list.contains(",felt,160,0.4,"),
-        "{list}"
-    );
-    let fitted = bench.succeed("fit pieces --out felt.lib");
-    assert!(
-        fitted.contains("felt") && fitted.contains("SIMULATED"),
-        "{fitted}"
-    );
+    holds(&warned, &["line 2503: force_n is 100000"]);
+    holds(&warned, &["s of data; left out"]);
+    holds(&said, &["at 2 nodes", "SIMULATED"]);
+    let message = std::fs::read_to_string(bench.path("pieces/trials.csv")).unwrap();
+    holds(&message, &[",felt,100,0.6,", ",felt,160,0.4,"]);
+    let said = bench.succeed("fit pieces --out felt.lib");
+    holds(&said, &["felt", "SIMULATED"]);
 }
 
 #[test]
@@ -348,8 +330,8 @@ fn a_free_hands_file_that_cannot_be_used_is_named() {
         ),
     ] {
         bench.write("bad.csv", content);
-        let message = bench.refuse("segment bad.csv --texture felt --out pieces");
-        assert!(message.contains(word), "{message}");
+        let refused = bench.refuse("segment bad.csv --texture felt --out pieces");
+        holds(&refused, &[word]);
         assert!(!bench.path("pieces").exists());
     }
 }
@@ -366,15 +348,8 @@ fn a_folder_of_model_files_becomes_a_library_that_plays() {
     let output = bench.run("import-hatt toolkit --out hatt.lib");
     let said = text(&output.stdout);
     assert!(output.status.success(), "{}", text(&output.stderr));
-    assert!(
-        said.contains("cork") && said.contains("worst band dB"),
-        "{said}"
-    );
-    let inspected = bench.succeed("inspect hatt.lib");
-    assert!(
-        inspected.contains("bark") && inspected.contains("3 x 3"),
-        "{inspected}"
-    );
+    holds(&said, &["cork", "worst band dB"]);
+    holds(&bench.succeed("inspect hatt.lib"), &["bark", "3 x 3"]);
     bench
         .succeed("render hatt.lib --texture cork --speed 120 --force 1 --seconds 1 --out cork.wav");
     let report = bench
@@ -447,8 +422,5 @@ fn model_files_that_cannot_be_used_are_named_and_nothing_is_written() {
     let output = bench.run("import-hatt odd.xml --out odd.lib");
     let warned = text(&output.stderr);
     assert!(output.status.success(), "{warned}");
-    assert!(
-        warned.contains("odd.xml: model 5: var is -1; left out"),
-        "{warned}"
-    );
+    holds(&warned, &["odd.xml: model 5: var is -1; left out"]);
 }

@@ -1,6 +1,6 @@
 //! The frontier of accuracy against time.
 
-use crate::support::{Bench, denim_rig_of, json, text};
+use crate::support::{Bench, denim_rig_of, holds, json, text};
 use host_tools::evaluation::frontier::costs::Costs;
 use host_tools::evaluation::frontier::{
     Filter, Frontier, INTERVALS, Material, Options, Prepared, STRUCTURES, Structure,
@@ -191,8 +191,8 @@ fn takes_of_something_else_are_refused_and_so_is_what_is_not_there() {
     }
     let refusal = Material::takes(set(&bench, "rig5"), others).unwrap_err();
     assert!(refusal.to_string().contains("same trials"), "{refusal}");
-    let message = bench.refuse("frontier --data nowhere --out out");
-    assert!(message.contains("nowhere"), "{message}");
+    let refused = bench.refuse("frontier --data nowhere --out out");
+    holds(&refused, &["nowhere"]);
     let output = bench.run("frontier --data rig5 --orders 500");
     assert!(text(&output.stderr).contains("1 to 400"));
 }

@@ -3,7 +3,7 @@
 
 use std::process::{Command, Output, Stdio};
 
-use crate::support::{Bench, RATE_HZ, noise, refusal, text, two_textures, wav};
+use crate::support::{Bench, RATE_HZ, holds, noise, refusal, text, two_textures, wav};
 
 const HEADER: &str = "file,texture,speed_mm_s,force_n,sample_rate_hz\n";
 
@@ -48,9 +48,7 @@ fn rates_that_no_recording_has_are_refused_with_file_and_remedy_and_size_no_memo
     for rate_hz in [1, 99, 1_000_003, 3_999_999_979, u32::MAX] {
         bench.write("a.wav", recording(rate_hz));
         let message = refuse_within_memory(&bench, "fit a.wav --out a.lib");
-        for words in ["a.wav", "Hz", "convert it again"] {
-            assert!(message.contains(words), "{message}");
-        }
+        holds(&message, &["a.wav", "Hz", "convert it again"]);
     }
     bench.write("a.csv", "1\n-1\n2\n".repeat(2000));
     for rate in ["1", "3999999979"] {
@@ -58,19 +56,13 @@ fn rates_that_no_recording_has_are_refused_with_file_and_remedy_and_size_no_memo
             &bench,
             &format!("fit a.csv --sample-rate {rate} --out a.lib"),
         );
-        assert!(
-            message.contains("a.csv") && message.contains("--sample-rate"),
-            "{message}"
-        );
+        holds(&message, &["a.csv", "--sample-rate"]);
         bench.write(
             "set/trials.csv",
             format!("{HEADER}../a.csv,silk,100,1,{rate}\n"),
         );
         let message = refuse_within_memory(&bench, "fit set --out a.lib");
-        assert!(
-            message.contains("line 2") && message.contains("sample_rate_hz"),
-            "{message}"
-        );
+        holds(&message, &["line 2", "sample_rate_hz"]);
     }
     for step_s in [1e-9, 0.1] {
         let rows = |motion: &str| -> String {
@@ -79,19 +71,13 @@ fn rates_that_no_recording_has_are_refused_with_file_and_remedy_and_size_no_memo
         };
         bench.write("times.csv", format!("time_s,x\n{}", rows("")));
         let message = refuse_within_memory(&bench, "fit times.csv --out a.lib");
-        assert!(
-            message.contains("times.csv") && message.contains("time_s"),
-            "{message}"
-        );
+        holds(&message, &["times.csv", "time_s"]);
         bench.write(
             "hand.csv",
             format!("time_s,speed_mm_s,force_n,x\n{}", rows("100,1,")),
         );
         let message = refuse_within_memory(&bench, "segment hand.csv --texture a --out cut");
-        assert!(
-            message.contains("hand.csv") && message.contains("time_s"),
-            "{message}"
-        );
+        holds(&message, &["hand.csv", "time_s"]);
     }
     assert!(!bench.path("a.lib").exists());
 }
@@ -160,10 +146,7 @@ fn sizes_in_a_wav_header_size_no_memory() {
     ] {
         bench.write(&format!("{name}.wav"), bytes);
         let message = refuse_within_memory(&bench, &format!("fit {name}.wav --out a.lib"));
-        assert!(
-            message.contains(name) && message.contains(words),
-            "{message}"
-        );
+        holds(&message, &[name, words]);
     }
     // What is in the file may be there: titles do not keep a recording from being read.
     let titled = [
@@ -204,19 +187,14 @@ fn files_are_read_up_to_the_size_of_their_kind() {
             "long.csv",
         ),
     ] {
-        let message = bench.refuse(arguments);
-        assert!(
-            message.contains(file) && message.contains("bytes, the most of"),
-            "{message}"
-        );
+        holds(&bench.refuse(arguments), &[file, "bytes, the most of"]);
     }
     // What does not end is read up to the limit, or not at all.
     for (arguments, words) in [
         ("inspect long", "the most of a library"),
         ("fit long.wav --out o.lib", "is a device"),
     ] {
-        let message = bench.refuse(arguments);
-        assert!(message.contains(words), "{message}");
+        holds(&bench.refuse(arguments), &[words]);
     }
 }
 
@@ -260,8 +238,7 @@ fn characters_that_a_terminal_obeys_are_shown_wherever_they_come_from() {
             "\\u{202e}z",
         ),
     ] {
-        let all = shown(&bench, arguments);
-        assert!(all.contains(words), "{all}");
+        holds(&shown(&bench, arguments), &[words]);
     }
     bench.write(
         "set/trials.csv",
@@ -332,10 +309,7 @@ fn a_full_output_is_an_error() {
     let output = in_shell(&bench, small, "inspect good.lib --json > content.json");
     let message = text(&output.stderr);
     assert_eq!(output.status.code(), Some(2), "{message}");
-    assert!(
-        message.contains("standard output: cannot write"),
-        "{message}"
-    );
+    holds(&message, &["standard output: cannot write"]);
     // Standard error is full too.
     bench.write("notes", "already there ".repeat(1000));
     for arguments in ["inspect nowhere.lib", "nothing"] {

@@ -2,7 +2,7 @@
 //! them, motions that end before they begin. What is doubtful is said in a line, and what cannot be is refused with its
 //! place.
 
-use crate::support::{Bench, RATE_HZ, all_pole, json, noise, text, two_textures, wav};
+use crate::support::{Bench, RATE_HZ, all_pole, holds, json, noise, text, two_textures, wav};
 
 const HEADER: &str = "file,texture,speed_mm_s,force_n";
 
@@ -48,12 +48,6 @@ fn set(bench: &Bench, trials: &[(&str, f64, f64)]) {
         list.push_str(&format!("{number}.wav,{texture},{speed},{force}\n"));
     }
     bench.write("set/trials.csv", list);
-}
-
-fn holds(message: &str, words: &[&str]) {
-    for word in words {
-        assert!(message.contains(word), "no '{word}' in: {message}");
-    }
 }
 
 #[test]
@@ -130,8 +124,8 @@ fn speeds_and_forces_of_no_hand_are_refused_with_their_line_and_doubtful_ones_to
         ),
     ] {
         set(&bench, &[("silk", 120.0, 1.0), ("silk", speed, force)]);
-        let message = bench.refuse("fit set --out a.lib");
-        holds(&message, &["trials.csv", "line 3", words]);
+        let refused = bench.refuse("fit set --out a.lib");
+        holds(&refused, &["trials.csv", "line 3", words]);
     }
     for (speed, force, words) in [
         (5000.0, 1.0, "speeds reach 5000 mm/s"),
@@ -139,16 +133,12 @@ fn speeds_and_forces_of_no_hand_are_refused_with_their_line_and_doubtful_ones_to
         (0.12, 1.0, "are they in m/s"),
     ] {
         set(&bench, &[("silk", speed, force)]);
-        holds(
-            &said(&bench, &format!("fit set --out a.lib {QUICK}")),
-            &[words],
-        );
+        let message = said(&bench, &format!("fit set --out a.lib {QUICK}"));
+        holds(&message, &[words]);
     }
     let refused = bench.run("fit set/0.wav --speed 120000 --out a.lib");
-    holds(
-        &text(&refused.stderr),
-        &["--speed", "no hand or drum exceeds"],
-    );
+    let message = text(&refused.stderr);
+    holds(&message, &["--speed", "no hand or drum exceeds"]);
 }
 
 #[test]
@@ -173,18 +163,14 @@ fn a_duration_beyond_the_file_is_told_with_both() {
 fn a_wav_of_one_hertz_or_one_sample_is_told_in_one_line() {
     let bench = Bench::new();
     bench.write("hertz.wav", wav(&[&noise(1, 5000)], 1));
-    holds(
-        &bench.refuse("fit hertz.wav --out a.lib"),
-        &["hertz.wav", "1 Hz, where 100 to 768000 Hz"],
-    );
+    let refused = bench.refuse("fit hertz.wav --out a.lib");
+    holds(&refused, &["hertz.wav", "1 Hz, where 100 to 768000 Hz"]);
     bench.write("one.wav", wav(&[&[0.5]], RATE_HZ));
     let one = bench.run("fit one.wav --out a.lib");
     holds(&text(&one.stderr), &["one.wav", "1 sample"]);
     bench.write("one.csv", "time_s,x\n0,0.5\n");
-    holds(
-        &bench.refuse("fit one.csv --out a.lib"),
-        &["one.csv", "one sample"],
-    );
+    let refused = bench.refuse("fit one.csv --out a.lib");
+    holds(&refused, &["one.csv", "one sample"]);
 }
 
 #[test]
@@ -260,10 +246,10 @@ fn measured_speeds_make_a_sparse_grid_which_is_told_and_snapped_on_request() {
 fn nodes_that_are_next_to_equal_are_told_with_the_remedy() {
     let bench = Bench::new();
     set(&bench, &[("silk", 100.0, 1.0), ("silk", 100.0001, 0.5)]);
-    let told = said(&bench, &format!("fit set --out a.lib {QUICK}"));
-    holds(&told, &["100 and 100.0001 mm/s", "--snap 0.01"]);
-    let told = said(&bench, &format!("fit set --snap 0.01 --out a.lib {QUICK}"));
-    holds(&told, &["2 speeds become 1 (100 mm/s)"]);
+    let message = said(&bench, &format!("fit set --out a.lib {QUICK}"));
+    holds(&message, &["100 and 100.0001 mm/s", "--snap 0.01"]);
+    let message = said(&bench, &format!("fit set --snap 0.01 --out a.lib {QUICK}"));
+    holds(&message, &["2 speeds become 1 (100 mm/s)"]);
 }
 
 /// A library of two textures, in a folder with its set.
@@ -427,8 +413,6 @@ fn what_a_table_holds_besides_is_named_with_line_column_and_separator() {
         "set/trials.csv",
         format!("# mine\n{HEADER}\n# next\n\nsilk-50-0.5.wav,silk,50,x\n"),
     );
-    holds(
-        &bench.refuse("fit set --out o.lib"),
-        &["line 5", "column 4", "force_n", "comma"],
-    );
+    let refused = bench.refuse("fit set --out o.lib");
+    holds(&refused, &["line 5", "column 4", "force_n", "comma"]);
 }

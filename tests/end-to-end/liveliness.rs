@@ -1,7 +1,7 @@
 //! Liveliness from the command line: textures with an excitation and a level of their own, which are written by hand,
 //! against recordings made by the same rule.
 
-use crate::support::{Bench, RATE_HZ, all_pole, json, noise, wav};
+use crate::support::{Bench, RATE_HZ, all_pole, holds, json, noise, wav};
 use model_format::{
     CodebookSpec, ExcitationSpec, Library, ModulationSpec, PartsSpec, TextureSpec, encode,
 };
@@ -151,14 +151,15 @@ fn a_texture_with_parts_has_the_recordings_kurtosis_modulation_and_levels_and_wi
         of(&evaluation, "synthesis")["parts"],
         "residual + modulation"
     );
-    for row in [
-        "recording",
-        "synthesis: residual + modulation",
-        "Gaussian",
-        "other recording",
-    ] {
-        assert!(said.contains(row), "{said}");
-    }
+    holds(
+        &said,
+        &[
+            "recording",
+            "synthesis: residual + modulation",
+            "Gaussian",
+            "other recording",
+        ],
+    );
     // The texture without its parts plays what a texture that never had any plays.
     let (_, stripped) = evaluated(&bench, "fed.lib", "--excitation gaussian");
     let (_, plain) = evaluated(&bench, "plain.lib", "");
@@ -175,7 +176,7 @@ fn a_page_for_listening_compares_every_pair_of_recording_gaussian_and_fitted() {
     let bench = bench();
     let said = bench
         .succeed("compare set --library fed.lib --takes takes --out page.html --trials 4 --seed 3");
-    assert!(said.contains("12 trials"), "{said}");
+    holds(&said, &["12 trials"]);
     let text = std::fs::read_to_string(bench.path("page.html")).unwrap();
     let (_, rest) = text.split_once("id=\"plan\">").unwrap();
     let plan = json(rest.split_once("</script>").unwrap().0);

@@ -9,7 +9,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use crate::hatt;
-use crate::support::{Bench, RATE_HZ, noise, rig_of, text, two_textures};
+use crate::support::{Bench, RATE_HZ, holds, noise, rig_of, text, two_textures};
 
 /// Commands with a file to write, `{}`.
 const FILES: [&str; 10] = [
@@ -94,10 +94,7 @@ fn refuse(bench: &Bench, command: &str, name: &str, word: &str) {
     let before = content(&bench.path("."));
     let arguments = command.replace("{}", name);
     let message = bench.refuse(&arguments);
-    assert!(
-        message.contains(name) && message.contains(word),
-        "stylus {arguments}\n{message}"
-    );
+    holds(&message, &[name, word]);
     assert!(!message.contains(".stylus-"), "{message}");
     assert_eq!(content(&bench.path(".")), before, "stylus {arguments}");
 }

@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use crate::support::{Bench, RATE_HZ, noise, rig_of, scaled, two_textures, wav};
+use crate::support::{Bench, RATE_HZ, holds, noise, rig_of, scaled, two_textures, wav};
 use serde_json::Value;
 
 /// Simulated recordings of two textures, one much louder than the other, and their library.
@@ -76,10 +76,7 @@ fn a_report_is_one_page_that_holds_everything_it_shows_with_pictures_beside() {
         "evaluate set --library a.lib --takes set --leave-one-out --order 30 --synthesis 2 --report folder \
          --json numbers.json",
     );
-    assert!(
-        said.contains("folder/index.html") && said.contains("SIMULATED"),
-        "{said}"
-    );
+    holds(&said, &["folder/index.html", "SIMULATED"]);
     let page = read(&bench.path("folder/index.html"));
     check_page(&page);
     for part in [
@@ -182,7 +179,7 @@ fn a_seed_decides_a_page_for_listening_its_size_is_said_and_what_cannot_be_compa
         "{said}"
     );
     let megabytes = format!("{:.1} MB", one.len() as f64 / 1e6);
-    assert!(said.contains(&megabytes), "{said}");
+    holds(&said, &[&megabytes]);
     bench.succeed(&format!("{LISTENING} --overwrite"));
     assert_eq!(std::fs::read(bench.path("page.html")).unwrap(), one);
     let other = LISTENING.replace("--seed 9", "--seed 10 --overwrite");
@@ -200,12 +197,11 @@ fn a_seed_decides_a_page_for_listening_its_size_is_said_and_what_cannot_be_compa
             "give a file that the page of `stylus compare` saved",
         ),
     ] {
-        let message = bench.refuse(arguments);
-        assert!(message.contains(word), "{arguments}: {message}");
+        holds(&bench.refuse(arguments), &[word]);
     }
     std::fs::remove_file(bench.path("textures.lib.fit.json")).unwrap();
-    let message = bench.refuse("compare set --library textures.lib --out p.html");
-    assert!(message.contains("--takes"), "{message}");
+    let refused = bench.refuse("compare set --library textures.lib --out p.html");
+    holds(&refused, &["--takes"]);
     let output = bench.run("compare set --library textures.lib --out p.html --segment 0.01");
     assert!(!output.status.success());
 }

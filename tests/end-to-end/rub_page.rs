@@ -5,7 +5,7 @@ use base64::engine::general_purpose::STANDARD;
 use host_tools::report::rub_page::KERNEL;
 use serde_json::Value;
 
-use crate::support::{Bench, scaled, two_textures};
+use crate::support::{Bench, holds, scaled, two_textures};
 
 /// Recordings of two textures, and their library.
 fn fitted() -> Bench {
@@ -38,17 +38,19 @@ fn a_library_alone_makes_a_page_with_its_digests_and_its_size_is_said() {
     assert_eq!(bytes(&bench, "page.html", "library"), library);
     assert_eq!(bytes(&bench, "page.html", "kernel"), KERNEL);
     let size = std::fs::metadata(bench.path("page.html")).unwrap().len();
-    assert!(
-        said.contains(&format!("{:.2} MB", size as f64 / 1e6)),
-        "{said}"
+    holds(
+        &said,
+        &[
+            &format!("{:.2} MB", size as f64 / 1e6),
+            "no clips of recordings",
+        ],
     );
-    assert!(said.contains("no clips of recordings"), "{said}");
     assert!(!said.contains("SIMULATED"), "{said}");
     let data = data(&bench, "page.html");
     for texture in 0..2 {
         let name = data["textures"][texture]["name"].as_str().unwrap();
         let digest = data["digest"]["of_textures"][texture].as_str().unwrap();
-        assert!(said.contains(&format!("{name} {digest}")), "{said}");
+        holds(&said, &[&format!("{name} {digest}")]);
         assert_eq!(digest.len(), 8);
     }
     assert_eq!(data["digest"]["words"], 50_000);
@@ -62,7 +64,7 @@ fn recordings_are_fitted_as_fit_does_and_come_with_clips_spectra_and_costs() {
     let bench = two_textures(|signal| [scaled(signal, 1.0)]);
     bench.succeed("fit set --out textures.lib");
     let said = bench.succeed("page set --out page.html");
-    assert!(said.contains("8 clips of recordings"), "{said}");
+    holds(&said, &["8 clips of recordings"]);
     let library = std::fs::read(bench.path("textures.lib")).unwrap();
     assert_eq!(bytes(&bench, "page.html", "library"), library);
     let data = data(&bench, "page.html");
@@ -162,8 +164,7 @@ fn what_makes_no_page_is_refused_with_the_remedy() {
         ("page page.txt --out p.html", "page.txt"),
         ("page textures.lib --out textures.lib", "textures.lib"),
     ] {
-        let said = bench.refuse(arguments);
-        assert!(said.contains(word), "{arguments}: {said}");
+        holds(&bench.refuse(arguments), &[word]);
     }
     assert!(!bench.path("p.html").exists());
     let wrong = bench.run("page textures.lib --recordings set --clips 0.01 --out p.html");
@@ -178,8 +179,8 @@ fn what_makes_no_page_is_refused_with_the_remedy() {
 fn the_demos_page_holds_four_textures_in_one_and_a_half_megabytes() {
     let bench = Bench::new();
     let said = bench.succeed("demo --out demo");
-    assert!(said.contains("Rub demo/page.html"), "{said}");
-    assert!(said.contains("SIMULATED"), "{said}");
+    holds(&said, &["Rub demo/page.html"]);
+    holds(&said, &["SIMULATED"]);
     let size = std::fs::metadata(bench.path("demo/page.html"))
         .unwrap()
         .len();
@@ -194,8 +195,7 @@ fn the_demos_page_holds_four_textures_in_one_and_a_half_megabytes() {
         assert!(nodes.iter().any(|node| node["clip"].is_u64()));
         assert!(nodes.iter().all(|node| node["cost"].is_f64()));
     }
-    let note = data["clip_note"].as_str().unwrap();
-    assert!(note.contains("nearest"), "{note}");
+    holds(&data["clip_note"].as_str().unwrap(), &["nearest"]);
 }
 
 /// Impulsive noise: Gaussian numbers to the third power, of a kurtosis far above 3.

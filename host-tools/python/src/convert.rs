@@ -2,6 +2,7 @@
 
 use clap::ValueEnum;
 use host_tools::recording::{MAX_CHANNELS, MAX_FRAMES};
+use host_tools::support::number;
 use numpy::{
     AllowTypeChange, Element, PyArray1, PyArray2, PyArrayLike1, PyArrayMethods, PyReadonlyArray1,
     PyReadonlyArray2, PyUntypedArray, PyUntypedArrayMethods,
@@ -27,18 +28,24 @@ pub fn choice<T: ValueEnum>(name: &str, text: &str) -> PyResult<T> {
     })
 }
 
+/// Checks a number by the rule of an option of the command.
+///
+/// # Errors
+/// A number that the rule refuses.
+pub fn checked(
+    name: &str,
+    value: f64,
+    rule: fn(&str) -> std::result::Result<f64, String>,
+) -> PyResult<f64> {
+    rule(&value.to_string()).map_err(|problem| refused(format!("{name} is {value}: it {problem}")))
+}
+
 /// Checks a number that must be finite and above zero.
 ///
 /// # Errors
 /// Another number.
 pub fn positive(name: &str, value: f64) -> PyResult<f64> {
-    if value.is_finite() && value > 0.0 {
-        Ok(value)
-    } else {
-        Err(refused(format!(
-            "{name} is {value}: it must be a number above zero"
-        )))
-    }
+    checked(name, value, number::positive)
 }
 
 /// Checks a number that must be finite and at least zero.
@@ -46,13 +53,7 @@ pub fn positive(name: &str, value: f64) -> PyResult<f64> {
 /// # Errors
 /// Another number.
 pub fn not_negative(name: &str, value: f64) -> PyResult<f64> {
-    if value.is_finite() && value >= 0.0 {
-        Ok(value)
-    } else {
-        Err(refused(format!(
-            "{name} is {value}: it must be a number that is not negative"
-        )))
-    }
+    checked(name, value, number::not_negative)
 }
 
 /// `value` as plain Python objects: what `json.loads` makes of the command's JSON.

@@ -7,16 +7,14 @@ use host_tools::fit as fitted;
 use host_tools::fit::record::FitRecord;
 use host_tools::fit::{Options, Order};
 use host_tools::recording::triage::{Kind, SILENCE_FLOOR_M_S2};
+use host_tools::support::number::tolerance;
 use model_format::SAMPLE_RATE_HZ;
 use pyo3::prelude::*;
 
-use crate::convert::{choice, not_negative, plain};
+use crate::convert::{checked, choice, not_negative, plain};
 use crate::error::{raised, refused, warn};
 use crate::library::Library;
 use crate::work;
-
-/// Largest share by which `snap` may move a value, as on the command line.
-const MOST_SNAP: f64 = 0.25;
 
 // A literal below, so that `help` shows it.
 const _: () = assert!(SILENCE_FLOOR_M_S2 == 0.001);
@@ -160,7 +158,9 @@ pub fn fit(
         drop: verdicts(drop)?,
         lines: choice("lines", lines)?,
         strict,
-        snap: snap.map(tolerance).transpose()?,
+        snap: snap
+            .map(|share| checked("snap", share, tolerance))
+            .transpose()?,
         sample_rate_hz: model_rate_hz,
     };
     options.check_rate().map_err(raised)?;
@@ -231,15 +231,5 @@ fn verdicts(names: Vec<String>) -> PyResult<Vec<String>> {
             "drop names '{name}', which is no verdict: there are {}",
             Kind::NAMES.join(", ")
         ))),
-    }
-}
-
-fn tolerance(share: f64) -> PyResult<f64> {
-    if share > 0.0 && share <= MOST_SNAP {
-        Ok(share)
-    } else {
-        Err(refused(format!(
-            "snap is {share}: it must be a share above zero and at most {MOST_SNAP}, such as 0.05"
-        )))
     }
 }

@@ -12,7 +12,7 @@ use host_tools::support::error::{Error, Result};
 
 use super::files::Overwrite;
 use super::input::{Recordings, positive};
-use super::table::table;
+use super::table::{headed, table};
 use crate::cli::evaluate::{as_fitted, choose};
 use crate::cli::output::{note, print};
 use host_tools::texture::library::{decode_library, read_library};
@@ -130,37 +130,28 @@ fn excerpt(text: &str) -> std::result::Result<f64, String> {
 
 /// Table of scores, and an explanation of its columns.
 fn scores(scores: &[Score]) -> String {
-    let header = [
-        "pair",
-        "files",
-        "trials",
-        "right",
-        "share",
-        "95 % interval",
-        "told apart",
-    ];
     let percent = |share: f64| format!("{:.1} %", 100.0 * share);
     let row = |score: &Score| {
-        vec![
-            score.pair.clone(),
-            score.files.to_string(),
-            score.trials.to_string(),
-            score.correct.to_string(),
-            percent(score.proportion),
-            format!(
-                "{} to {}",
-                percent(score.interval.0),
-                percent(score.interval.1)
+        let (low, high) = score.interval;
+        let told_apart = if score.is_told_apart {
+            "yes"
+        } else {
+            "not shown"
+        };
+        [
+            ("pair", score.pair.clone()),
+            ("files", score.files.to_string()),
+            ("trials", score.trials.to_string()),
+            ("right", score.correct.to_string()),
+            ("share", percent(score.proportion)),
+            (
+                "95 % interval",
+                format!("{} to {}", percent(low), percent(high)),
             ),
-            if score.is_told_apart {
-                "yes"
-            } else {
-                "not shown"
-            }
-            .to_owned(),
+            ("told apart", told_apart.to_owned()),
         ]
     };
-    let rows: Vec<Vec<String>> = scores.iter().map(row).collect();
+    let (header, rows) = headed(scores.iter().map(row));
     let origin = if scores.iter().any(|score| score.simulated) {
         "\nThe recordings are SIMULATED."
     } else {

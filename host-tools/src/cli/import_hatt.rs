@@ -22,12 +22,8 @@ pub struct Arguments {
     out: PathBuf,
     #[command(flatten)]
     overwrite: Overwrite,
-    /// Most speeds of a grid [default: as many of the file's own as the slot has room for]
-    #[arg(long)]
-    speeds: Option<usize>,
-    /// Most forces of a grid [default: as many of the file's own as the slot has room for]
-    #[arg(long)]
-    forces: Option<usize>,
+    #[command(flatten)]
+    options: Options,
     /// Print the errors of the conversion, place by place, as JSON
     #[arg(long)]
     json: bool,
@@ -36,12 +32,8 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> Result<()> {
     let paths = files(&arguments.paths)?;
     arguments.overwrite.file(&arguments.out, &paths)?;
-    let options = Options {
-        speeds: arguments.speeds,
-        forces: arguments.forces,
-    };
     let sources = read_all(&paths)?;
-    let plan = plan(&sources, &options)?;
+    let plan = plan(&sources, &arguments.options)?;
     for source in &sources {
         for warning in &source.toolkit.warnings {
             warn(&format!("{}: {warning}", source.path.display()));

@@ -1,11 +1,12 @@
-//! Arguments that several commands share: recordings, and numbers with a range.
+//! Arguments that several commands share: recordings, motions, and numbers with a range.
 
 use std::path::PathBuf;
 
 use host_tools::playing::motion::MotionPath;
-use host_tools::recording::{Assumed, NOMINAL_FORCE_N, NOMINAL_SPEED_MM_S, RecordingSet};
-use host_tools::support::error::Result;
-use host_tools::support::hand::{force_fault, speed_fault};
+use host_tools::recording::{Assumed, RecordingSet};
+use host_tools::support::error::{Error, Result};
+pub use host_tools::support::number::{force, not_negative, positive, speed};
+use model_format::{MillimetresPerSecond, Newton};
 
 use crate::cli::output::warn;
 
@@ -15,22 +16,8 @@ pub struct Recordings {
     /// Folder with trials.csv, such a list, or WAV or CSV recordings (each becomes a texture named like the file)
     #[arg(required = true)]
     inputs: Vec<PathBuf>,
-    /// Duration of a trial whose list gives no duration_s, in seconds [default: to its end]
-    #[arg(long, value_name = "S", value_parser = positive)]
-    duration: Option<f64>,
-    /// Sample rate of CSV recordings without a time column, in hertz
-    #[arg(long, value_name = "HZ", value_parser = positive)]
-    sample_rate: Option<f64>,
-    /// Acceleration of a sample of 1 (the full scale of integers) of trials whose list gives no scale_m_s2, in m/s²
-    /// [default: 1]
-    #[arg(long, value_name = "M_S2", value_parser = positive)]
-    scale: Option<f64>,
-    /// Tangential speed of recordings given without a list, in mm/s
-    #[arg(long, value_name = "MM_S", value_parser = recorded_speed, default_value_t = NOMINAL_SPEED_MM_S)]
-    speed: f64,
-    /// Normal force of recordings given without a list, in newtons
-    #[arg(long, value_name = "N", value_parser = recorded_force, default_value_t = NOMINAL_FORCE_N)]
-    force: f64,
+    #[command(flatten)]
+    assumed: Assumed,
 }
 
 impl Recordings {
@@ -44,51 +31,8 @@ impl Recordings {
     /// # Errors
     /// See [`RecordingSet::open_with`].
     pub fn open(&self) -> Result<RecordingSet> {
-        let assumed = Assumed {
-            duration_s: self.duration,
-            sample_rate_hz: self.sample_rate,
-            scale_m_s2: self.scale,
-            speed_mm_s: self.speed,
-            force_n: self.force,
-        };
-        RecordingSet::open_with(&self.inputs, &assumed)
+        RecordingSet::open_with(&self.inputs, &self.assumed)
     }
-}
-
-/// Parses a finite number above zero.
-pub fn positive(text: &str) -> std::result::Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
-        _ => Err("must be a number above zero".into()),
-    }
-}
-
-/// Parses a finite number that is not negative.
-pub fn not_negative(text: &str) -> std::result::Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if value.is_finite() && value >= 0.0 => Ok(value),
-        _ => Err("must be a number that is not negative".into()),
-    }
-}
-
-/// Parses the speed of a motion, in mm/s; its sign is the direction.
-pub fn speed(text: &str) -> std::result::Result<f64, String> {
-    within(text, speed_fault)
-}
-
-/// Parses the force of a motion, in N; at or below zero there is no contact.
-pub fn force(text: &str) -> std::result::Result<f64, String> {
-    within(text, force_fault)
-}
-
-/// Parses the speed of a recording, in mm/s, above zero.
-fn recorded_speed(text: &str) -> std::result::Result<f64, String> {
-    positive(text).and_then(|_| speed(text))
-}
-
-/// Parses the force of a recording, in N, above zero.
-fn recorded_force(text: &str) -> std::result::Result<f64, String> {
-    positive(text).and_then(|_| force(text))
 }
 
 /// Parses the speed of a trial to be recorded, in mm/s.
@@ -103,23 +47,6 @@ pub fn trial_force(text: &str) -> std::result::Result<f64, String> {
     not_negative(text).and_then(|_| force(text))
 }
 
-fn within(text: &str, fault: fn(f64) -> Option<String>) -> std::result::Result<f64, String> {
-    let value: f64 = text.parse().map_err(|_| "must be a number".to_owned())?;
-    fault(value).map_or(Ok(value), Err)
-}
-
-/// Parses a tolerance, as a share.
-pub fn tolerance(text: &str) -> std::result::Result<f64, String> {
-    /// Tolerances above would take neighbours of an ordinary grid for one.
-    const MOST: f64 = 0.25;
-    match positive(text) {
-        Ok(share) if share <= MOST => Ok(share),
-        _ => Err(format!(
-            "must be a share above zero and at most {MOST}, such as 0.05"
-        )),
-    }
-}
-
 /// Warns of a motion along which a texture is never heard.
 pub fn warn_if_silent(motion: &MotionPath) {
     if !motion.sounds() {
@@ -127,5 +54,63 @@ pub fn warn_if_silent(motion: &MotionPath) {
             "the motion never has a speed and a force above zero together, so that nothing is heard: a force at or \
              below zero is no contact",
         );
+    }
+}
+
+/// The motion that is rendered along.
+#[derive(clap::Args)]
+pub struct Along {
+    /// Motion: CSV with time_s, speed_mm_s, force_n, and position_mm and contact if they do not follow from those
+    #[arg(long, value_name = "CSV", conflicts_with_all = ["speed", "force"])]
+    motion: Option<PathBuf>,
+    /// Constant tangential speed instead, in mm/s
+    #[arg(long, value_name = "MM_S", value_parser = speed, allow_negative_numbers = true, requires = "force")]
+    speed: Option<f64>,
+    /// Constant normal force, in newtons
+    #[arg(long, value_name = "N", value_parser = force, allow_negative_numbers = true, requires = "speed")]
+    force: Option<f64>,
+    /// Duration, in seconds [default: the motion's]
+    #[arg(long, value_name = "S", value_parser = positive)]
+    seconds: Option<f64>,
+    /// Seed of the noise: the same seed gives the same samples
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+}
+
+impl Along {
+    /// The table of the motion, if it is one.
+    pub fn file(&self) -> Option<&PathBuf> {
+        self.motion.as_ref()
+    }
+
+    /// The motion and its duration, s, for something of this name. A scene of constant speed, mm/s, and force, N, needs
+    /// no other.
+    ///
+    /// # Errors
+    /// A motion that cannot be read or is not given, or a constant one without a duration.
+    pub fn motion(&self, name: &str, own: Option<(f32, f32)>) -> Result<(MotionPath, f64)> {
+        let asked = self.speed.zip(self.force);
+        let asked = asked.map(|(speed, force)| (speed as f32, force as f32));
+        let motion = match (&self.motion, asked.or(own)) {
+            (Some(path), _) => MotionPath::from_csv(path)?,
+            (None, Some((speed, force))) => {
+                MotionPath::constant(MillimetresPerSecond(speed), Newton(force))?
+            }
+            (None, None) => {
+                return Err(Error::Request(format!(
+                    "{name} follows the hand; give --motion CSV, or --speed, --force and --seconds"
+                )));
+            }
+        };
+        let seconds = match (self.seconds, &self.motion) {
+            (Some(seconds), _) => seconds,
+            (None, Some(path)) => motion.end_s(path)?,
+            (None, None) => {
+                return Err(Error::Request(format!(
+                    "{name}: a constant motion has no end; give --seconds"
+                )));
+            }
+        };
+        Ok((motion, seconds))
     }
 }

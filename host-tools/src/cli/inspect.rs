@@ -9,7 +9,7 @@ use host_tools::texture::summary::{CodebookSummary, LineSummary, TextureSummary,
 use serde::Serialize;
 
 use crate::cli::output::{print, print_json};
-use crate::cli::table::{folded_table, table};
+use crate::cli::table::{folded_table, headed, table};
 
 #[derive(clap::Args)]
 pub struct Arguments {
@@ -70,181 +70,138 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 
 /// Table of the lines that are locked to place, one per row; none if no texture has any.
 fn line_table(textures: &[TextureSummary]) -> Option<String> {
-    let header = [
-        "texture",
-        "locked to place, mm",
-        "amplitude m/s²",
-        "phase, turns",
-        "bytes",
-    ];
-    let of_texture = |texture: &TextureSummary| -> Vec<Vec<String>> {
-        let lines = texture.lines.iter();
+    let of_texture = |texture: &TextureSummary| -> Vec<_> {
         let row = |line: &LineSummary| {
             let [low, high] = line.amplitude_m_s2;
-            vec![
-                texture.name.clone(),
-                format!("{:.4}", line.wavelength_mm),
-                format!("{low:.3} to {high:.3}"),
-                format!("{:.3}", line.phase_turns),
-                line.bytes.to_string(),
+            [
+                ("texture", texture.name.clone()),
+                ("locked to place, mm", format!("{:.4}", line.wavelength_mm)),
+                ("amplitude m/s²", format!("{low:.3} to {high:.3}")),
+                ("phase, turns", format!("{:.3}", line.phase_turns)),
+                ("bytes", line.bytes.to_string()),
             ]
         };
-        lines.map(row).collect()
+        texture.lines.iter().map(row).collect()
     };
-    let rows: Vec<Vec<String>> = textures.iter().flat_map(of_texture).collect();
+    let (header, rows) = headed(textures.iter().flat_map(of_texture));
     (!rows.is_empty()).then(|| table(&header, &rows))
 }
 
 /// Table with one line per texture.
 pub fn texture_table(textures: &[TextureSummary]) -> String {
-    let header = [
-        "texture",
-        "from",
-        "grid",
-        "mm/s",
-        "N",
-        "order",
-        "RMS m/s²",
-        "silent",
-        "filled",
-        "doubtful",
-    ];
     let range = |axis: &[f32]| match axis {
         [only] => only.to_string(),
         [first, .., last] => format!("{first} to {last}"),
         [] => String::new(),
     };
-    let rows: Vec<Vec<String>> = textures
-        .iter()
-        .map(|texture| {
-            let [low, middle, high] = texture.orders;
-            vec![
-                texture.name.clone(),
-                texture.provenance.clone(),
-                format!("{} x {}", texture.speeds_mm_s.len(), texture.forces_n.len()),
-                range(&texture.speeds_mm_s),
-                range(&texture.forces_n),
-                format!("{low} / {middle} / {high}"),
-                format!("{:.3} to {:.3}", texture.rms_m_s2[0], texture.rms_m_s2[1]),
-                texture.silent_nodes.to_string(),
-                texture.filled_nodes.to_string(),
-                texture.doubtful_nodes.to_string(),
-            ]
-        })
-        .collect();
+    let (header, rows) = headed(textures.iter().map(|texture| {
+        let [low, middle, high] = texture.orders;
+        let [least, most] = texture.rms_m_s2;
+        let (speeds, forces) = (&texture.speeds_mm_s, &texture.forces_n);
+        [
+            ("texture", texture.name.clone()),
+            ("from", texture.provenance.clone()),
+            ("grid", format!("{} x {}", speeds.len(), forces.len())),
+            ("mm/s", range(speeds)),
+            ("N", range(forces)),
+            ("order", format!("{low} / {middle} / {high}")),
+            ("RMS m/s²", format!("{least:.3} to {most:.3}")),
+            ("silent", texture.silent_nodes.to_string()),
+            ("filled", texture.filled_nodes.to_string()),
+            ("doubtful", texture.doubtful_nodes.to_string()),
+        ]
+    }));
     folded_table(&header, &rows, 1)
+}
+
+/// `values` with commas between, or the word for none.
+fn joined(values: &[String]) -> String {
+    if values.is_empty() {
+        "none".to_owned()
+    } else {
+        values.join(", ")
+    }
 }
 
 /// Table of the laws of the level and of the bytes that each texture takes, with one line per texture.
 fn storage_table(textures: &[TextureSummary]) -> String {
-    let header = [
-        "texture",
-        "between nodes",
-        "below the grid",
-        "stages of 24-bit θ",
-        "of 8-bit θ",
-        "within rad",
-        "bytes of coefficients",
-        "bytes of parts",
-    ];
-    let row = |texture: &TextureSummary| {
+    let (header, rows) = headed(textures.iter().map(|texture| {
         let parts = texture.parts.iter();
-        let parts: Vec<String> = parts
-            .map(|part| format!("{} {}", part.part, part.bytes))
-            .collect();
-        vec![
-            texture.name.clone(),
-            texture.level_law.clone(),
-            texture.fade_law.clone(),
-            texture.fine_stages.to_string(),
-            texture.tail_stages.to_string(),
-            if texture.tail_stages == 0 {
-                String::new()
-            } else {
-                let [least, most] = texture.tail_range_rad;
-                format!("{least:.3} to {most:.3}")
-            },
-            texture.coefficient_bytes.to_string(),
-            if parts.is_empty() {
-                "none".to_owned()
-            } else {
-                parts.join(", ")
-            },
+        let parts = parts.map(|part| format!("{} {}", part.part, part.bytes));
+        let [least, most] = texture.tail_range_rad;
+        let tail = (texture.tail_stages > 0).then(|| format!("{least:.3} to {most:.3}"));
+        [
+            ("texture", texture.name.clone()),
+            ("between nodes", texture.level_law.clone()),
+            ("below the grid", texture.fade_law.clone()),
+            ("stages of 24-bit θ", texture.fine_stages.to_string()),
+            ("of 8-bit θ", texture.tail_stages.to_string()),
+            ("within rad", tail.unwrap_or_default()),
+            (
+                "bytes of coefficients",
+                texture.coefficient_bytes.to_string(),
+            ),
+            ("bytes of parts", joined(&parts.collect::<Vec<_>>())),
         ]
-    };
-    folded_table(&header, &textures.iter().map(row).collect::<Vec<_>>(), 1)
+    }));
+    folded_table(&header, &rows, 1)
 }
 
 /// Table of what excites the textures that have more than steady Gaussian noise; `None` if none has.
 fn excitation_table(textures: &[TextureSummary]) -> Option<String> {
-    let header = [
-        "texture",
-        "codebooks",
-        "seconds",
-        "peak",
-        "nodes",
-        "level track s",
-        "step ms",
-        "dB",
-    ];
-    let joined = |values: Vec<String>| {
-        if values.is_empty() {
-            "none".to_owned()
-        } else {
-            values.join(", ")
-        }
-    };
     let row = |texture: &TextureSummary| {
         let each = |of: &dyn Fn(&CodebookSummary) -> String| {
-            joined(texture.codebooks.iter().map(of).collect())
+            joined(&texture.codebooks.iter().map(of).collect::<Vec<_>>())
         };
         let track = texture.level_track.as_ref();
         let of_track =
             |of: &dyn Fn(&TrackSummary) -> String| track.map_or_else(|| "none".to_owned(), of);
-        vec![
-            texture.name.clone(),
-            texture.codebooks.len().to_string(),
-            each(&|codebook| format!("{:.1}", codebook.seconds)),
-            each(&|codebook| format!("{:.1}", codebook.peak)),
-            each(&|codebook| codebook.nodes.to_string()),
-            of_track(&|track| format!("{:.1}", track.seconds)),
-            of_track(&|track| format!("{:.0}", 1000.0 * track.step_s)),
-            of_track(&|track| format!("{:+.1} to {:+.1}", track.range_db[0], track.range_db[1])),
+        let range = |[low, high]: [f64; 2]| format!("{low:+.1} to {high:+.1}");
+        [
+            ("texture", texture.name.clone()),
+            ("codebooks", texture.codebooks.len().to_string()),
+            (
+                "seconds",
+                each(&|codebook| format!("{:.1}", codebook.seconds)),
+            ),
+            ("peak", each(&|codebook| format!("{:.1}", codebook.peak))),
+            ("nodes", each(&|codebook| codebook.nodes.to_string())),
+            (
+                "level track s",
+                of_track(&|track| format!("{:.1}", track.seconds)),
+            ),
+            (
+                "step ms",
+                of_track(&|track| format!("{:.0}", 1000.0 * track.step_s)),
+            ),
+            ("dB", of_track(&|track| range(track.range_db))),
         ]
     };
     let fed =
         |texture: &&TextureSummary| !texture.codebooks.is_empty() || texture.level_track.is_some();
-    let rows: Vec<Vec<String>> = textures.iter().filter(fed).map(row).collect();
+    let (header, rows) = headed(textures.iter().filter(fed).map(row));
     (!rows.is_empty()).then(|| folded_table(&header, &rows, 1))
 }
 
 /// Table with one line per scene.
 fn scene_table(scenes: &[SceneSummary]) -> String {
-    let header = [
-        "scene",
-        "surfaces",
-        "regions",
-        "motion",
-        "effects",
-        "instructions at most",
-    ];
-    let rows: Vec<Vec<String>> = scenes
-        .iter()
-        .map(|scene| {
-            let motion = if scene.constant_motion {
-                "constant"
-            } else {
-                "the stylus's"
-            };
-            vec![
-                scene.name.clone(),
-                scene.surfaces.join(", "),
-                scene.regions.to_string(),
-                motion.to_owned(),
-                scene.effects.join(", "),
+    let (header, rows) = headed(scenes.iter().map(|scene| {
+        let motion = if scene.constant_motion {
+            "constant"
+        } else {
+            "the stylus's"
+        };
+        [
+            ("scene", scene.name.clone()),
+            ("surfaces", scene.surfaces.join(", ")),
+            ("regions", scene.regions.to_string()),
+            ("motion", motion.to_owned()),
+            ("effects", scene.effects.join(", ")),
+            (
+                "instructions at most",
                 scene.worst_case_instructions.to_string(),
-            ]
-        })
-        .collect();
+            ),
+        ]
+    }));
     folded_table(&header, &rows, 1)
 }

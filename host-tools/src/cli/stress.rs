@@ -5,7 +5,7 @@ use host_tools::evaluation::stress::{Outcome, Rest, cases};
 use host_tools::support::error::{Error, Result};
 use host_tools::support::progress;
 
-use super::table::{folded_table, folded_text};
+use super::table::{folded_table, folded_text, headed};
 use crate::cli::output::{print, print_json};
 
 #[derive(clap::Args)]
@@ -45,20 +45,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 }
 
 fn summary(outcomes: &[Outcome]) -> String {
-    let header = [
-        "case",
-        "saturated",
-        "level dB",
-        "SNR dB",
-        "mean SE",
-        "spectrum",
-        "grows",
-        "stopped",
-        "FS/3",
-        "glitch",
-        "breaks",
-    ];
-    let rows: Vec<Vec<String>> = outcomes.iter().map(row).collect();
+    let (header, rows) = headed(outcomes.iter().map(row));
     let held = outcomes
         .iter()
         .filter(|outcome| outcome.broken().is_empty());
@@ -99,31 +86,30 @@ fn broken(outcome: &Outcome) -> Option<String> {
     (!broken.is_empty()).then(|| folded_text(&format!("{head} {}", broken.join("; "))))
 }
 
-fn row(outcome: &Outcome) -> Vec<String> {
+fn row(outcome: &Outcome) -> [(&'static str, String); 11] {
     let optional = |value: Option<f64>, decimals: usize| {
         value.map_or("-".to_owned(), |value| format!("{value:.decimals$}"))
     };
-    let mut row = vec![name(outcome)];
-    let growth = [outcome.stopped, outcome.overdriven, outcome.glitched]
-        .iter()
-        .map(|rest| rest.growth_db)
-        .fold(0.0, f64::max);
-    row.extend([
-        outcome.saturated.to_string(),
-        optional(outcome.level_db, 4),
-        optional(outcome.snr_db, 1),
-        format!("{:.1}", outcome.mean_standard_errors),
-        format!("{:.3}", outcome.spectrum_db),
-        format!("{growth:.1}"),
-        rest(outcome.stopped),
-        rest(outcome.overdriven),
-        rest(outcome.glitched),
-        match outcome.broken().len() {
-            0 => "-".to_owned(),
-            broken => broken.to_string(),
-        },
-    ]);
-    row
+    let rests = [outcome.stopped, outcome.overdriven, outcome.glitched];
+    let growth = rests.iter().map(|rest| rest.growth_db).fold(0.0, f64::max);
+    let breaks = match outcome.broken().len() {
+        0 => "-".to_owned(),
+        broken => broken.to_string(),
+    };
+    let [stopped, overdriven, glitched] = rests.map(rest);
+    [
+        ("case", name(outcome)),
+        ("saturated", outcome.saturated.to_string()),
+        ("level dB", optional(outcome.level_db, 4)),
+        ("SNR dB", optional(outcome.snr_db, 1)),
+        ("mean SE", format!("{:.1}", outcome.mean_standard_errors)),
+        ("spectrum", format!("{:.3}", outcome.spectrum_db)),
+        ("grows", format!("{growth:.1}")),
+        ("stopped", stopped),
+        ("FS/3", overdriven),
+        ("glitch", glitched),
+        ("breaks", breaks),
+    ]
 }
 
 fn rest(rest: Rest) -> String {

@@ -4,8 +4,11 @@ use host_tools::evaluation::tables::Table;
 use host_tools::support::visible::visible_line;
 
 /// `rows` under `header`, columns aligned: text to the left, numbers to the right. A cell is one line, whatever a name
-/// in it holds.
+/// in it holds. Without a header there is nothing.
 pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {
+    if header.is_empty() {
+        return String::new();
+    }
     let shown = |row: &Vec<String>| -> Vec<String> {
         let cells = row.iter().map(|cell| visible_line(cell).into_owned());
         cells.collect()
@@ -38,6 +41,19 @@ pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {
             .map(|row| line(&mut row.iter().map(String::as_str))),
     );
     lines.join("\n")
+}
+
+/// The header and the rows of a table, of rows whose cells stand beside their headings; nothing of no rows.
+pub fn headed<const N: usize>(
+    rows: impl IntoIterator<Item = [(&'static str, String); N]>,
+) -> (Vec<&'static str>, Vec<Vec<String>>) {
+    let mut header = Vec::new();
+    let rows = rows.into_iter().map(|row| {
+        header = row.iter().map(|(heading, _)| *heading).collect();
+        row.into_iter().map(|(_, cell)| cell).collect()
+    });
+    let rows = rows.collect();
+    (header, rows)
 }
 
 /// Characters of a line of a terminal that tables keep to.

@@ -228,11 +228,8 @@ mod tests {
             prop_assert!(lines[0] > 0.0 && lines[lines.len() - 1] < PI);
             prop_assert!(lines.windows(2).all(|pair| pair[0] < pair[1]));
             let back = log_spectrum(&lines, crate::dsp::log_spectrum::BINS);
-            let direct = LogSpectrum::of_model(&crate::dsp::model::Model {
-                output_power: 1.0 / crate::dsp::linear_prediction::error_share(&reflection),
-                reflection,
-                flags: model_format::NodeFlags::NONE,
-            });
+            let power = 1.0 / crate::dsp::linear_prediction::error_share(&reflection);
+            let direct = LogSpectrum::of_model(&crate::dsp::model::Model::new(reflection, power));
             for (a, b) in back.values().iter().zip(direct.values()) {
                 prop_assert!((a - b).abs() < 1e-5, "{} {}", a, b);
             }

@@ -14,6 +14,15 @@ pub struct Model {
 }
 
 impl Model {
+    /// A model of sound without further properties.
+    pub fn new(reflection: Vec<f64>, output_power: f64) -> Self {
+        Self {
+            reflection,
+            output_power,
+            flags: NodeFlags::NONE,
+        }
+    }
+
     /// The model of silence.
     pub fn silent() -> Self {
         Self {

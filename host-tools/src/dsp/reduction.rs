@@ -172,13 +172,8 @@ fn dft321(axes: &[Vec<f64>]) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dsp::test_signals::noise;
     use proptest::prelude::*;
-    use rand::{RngExt, SeedableRng};
-
-    fn noise(seed: u64, length: usize) -> Vec<f64> {
-        let mut rng = rand_pcg::Pcg64::seed_from_u64(seed);
-        (0..length).map(|_| rng.random_range(-1.0..1.0)).collect()
-    }
 
     fn centred_energy(axes: &[Vec<f64>]) -> f64 {
         let mut axes = axes.to_vec();

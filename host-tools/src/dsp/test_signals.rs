@@ -11,3 +11,10 @@ pub fn noise(seed: u64, samples: usize) -> Vec<f64> {
         .take(samples)
         .collect()
 }
+
+/// Asserts that a value is within `tolerance` of another.
+#[track_caller]
+pub fn near(found: f64, expected: f64, tolerance: f64) {
+    let is_near = (found - expected).abs() <= tolerance;
+    assert!(is_near, "{found} is not {expected} to within {tolerance}");
+}

@@ -583,23 +583,16 @@ pub fn cost_by_order(
 mod tests {
     use super::*;
     use crate::dsp::test_signals::noise;
+    use crate::support::float_wav::float_wav;
 
     /// A trial of 6 s of noise, with a silence in its third second that triage cuts.
     fn trial_with_a_silent_part(folder: &std::path::Path) -> Trial {
         let file = folder.join("noise.wav");
-        let spec = hound::WavSpec {
-            channels: 1,
-            sample_rate: SAMPLE_RATE_HZ,
-            bits_per_sample: 32,
-            sample_format: hound::SampleFormat::Float,
-        };
-        let mut wav = hound::WavWriter::create(&file, spec).unwrap();
-        for (n, x) in noise(5, 30_000).into_iter().enumerate() {
-            let sounds = !(10_300..13_900).contains(&n);
-            wav.write_sample(if sounds { 2.0 * x as f32 } else { 0.0 })
-                .unwrap();
-        }
-        wav.finalize().unwrap();
+        let mut samples = noise(5, 30_000);
+        samples.iter_mut().for_each(|x| *x *= 2.0);
+        samples[10_300..13_900].fill(0.0);
+        let bytes = float_wav(1, SAMPLE_RATE_HZ, samples).unwrap();
+        std::fs::write(&file, bytes).unwrap();
         Trial::of(file, "felt", 100.0, 1.0)
     }
 

@@ -82,35 +82,8 @@ impl Means {
 
 /// The tables of an evaluation: spectra, what is felt, and what a spectrum does not show.
 pub(super) fn tables(textures: &[TextureEvaluation], liveliness: &[Summary]) -> Vec<Table> {
-    let spectra = Table::new(
-        "Spectra",
-        [
-            "texture",
-            "trials",
-            "silent",
-            "judged, Hz",
-            "C, %",
-            "± sd",
-            "C, other",
-            "LSD, dB",
-            "LSD, other",
-            "|band|, dB",
-            "within 2.2 dB, %",
-            "within, other",
-        ],
-        textures.iter().map(TextureEvaluation::spectra_cells),
-    );
-    let felt = Table::new(
-        "What is felt",
-        [
-            "texture",
-            "level error, JND",
-            "level, other",
-            "|balance|, dB",
-            "balance, other",
-        ],
-        textures.iter().map(TextureEvaluation::feel_cells),
-    );
+    let spectra = textures.iter().map(TextureEvaluation::spectra_cells);
+    let felt = textures.iter().map(TextureEvaluation::feel_cells);
     let mut lively: Vec<(String, &[Summary])> = Vec::new();
     for texture in textures {
         lively.push((texture.texture.clone(), &texture.liveliness));
@@ -119,46 +92,48 @@ pub(super) fn tables(textures: &[TextureEvaluation], liveliness: &[Summary]) -> 
         lively.push(("all".to_owned(), liveliness));
     }
     vec![
-        spectra,
-        felt,
+        Table::headed("Spectra", spectra),
+        Table::headed("What is felt", felt),
         liveliness_table("What the spectrum does not show", &lively),
     ]
 }
 
+/// A cell beside its heading.
+type Cell = (&'static str, String);
+
 impl TextureEvaluation {
-    fn spectra_cells(&self) -> Vec<String> {
-        let Self {
-            synthesis, other, ..
-        } = self;
+    fn spectra_cells(&self) -> Vec<Cell> {
+        let (played, other) = (&self.synthesis, &self.other);
         let range = self
             .bands_hz
             .map_or("-".into(), |(low, high)| format!("{low:.0} to {high:.0}"));
+        let distance = |of: &Means| number(of.mean_log_spectral_distance_db, 2);
+        let within = |of: &Means| percent(of.bands_within_jnd, 0);
         vec![
-            self.texture.clone(),
-            self.trials.to_string(),
-            self.silent.to_string(),
-            range,
-            percent(self.mean_cost, 1),
-            percent(self.cost_deviation, 1),
-            percent(self.mean_cost_other, 1),
-            number(synthesis.mean_log_spectral_distance_db, 2),
-            number(other.mean_log_spectral_distance_db, 2),
-            number(synthesis.mean_band_error_db, 2),
-            percent(synthesis.bands_within_jnd, 0),
-            percent(other.bands_within_jnd, 0),
+            ("texture", self.texture.clone()),
+            ("trials", self.trials.to_string()),
+            ("silent", self.silent.to_string()),
+            ("judged, Hz", range),
+            ("C, %", percent(self.mean_cost, 1)),
+            ("± sd", percent(self.cost_deviation, 1)),
+            ("C, other", percent(self.mean_cost_other, 1)),
+            ("LSD, dB", distance(played)),
+            ("LSD, other", distance(other)),
+            ("|band|, dB", number(played.mean_band_error_db, 2)),
+            ("within 2.2 dB, %", within(played)),
+            ("within, other", within(other)),
         ]
     }
 
-    fn feel_cells(&self) -> Vec<String> {
-        let Self {
-            synthesis, other, ..
-        } = self;
+    fn feel_cells(&self) -> Vec<Cell> {
+        let level = |of: &Means| number(of.level_error_jnd, 2);
+        let balance = |of: &Means| number(of.mean_balance_error_db, 1);
         vec![
-            self.texture.clone(),
-            number(synthesis.level_error_jnd, 2),
-            number(other.level_error_jnd, 2),
-            number(synthesis.mean_balance_error_db, 1),
-            number(other.mean_balance_error_db, 1),
+            ("texture", self.texture.clone()),
+            ("level error, JND", level(&self.synthesis)),
+            ("level, other", level(&self.other)),
+            ("|balance|, dB", balance(&self.synthesis)),
+            ("balance, other", balance(&self.other)),
         ]
     }
 }

@@ -25,6 +25,21 @@ impl Table {
         }
     }
 
+    /// A table of rows whose cells stand beside their headings; without headings if there is no row.
+    pub fn headed<H: Into<String>>(
+        title: &str,
+        rows: impl IntoIterator<Item = Vec<(H, String)>>,
+    ) -> Self {
+        let mut headings = Vec::new();
+        let rows = rows.into_iter().map(|row| {
+            let (own, cells) = row.into_iter().unzip();
+            headings = own;
+            cells
+        });
+        let rows: Vec<Vec<String>> = rows.collect();
+        Self::new(title, headings, rows)
+    }
+
     /// Returns whether a column's cells begin with digits or signs, as far as they are filled.
     pub fn is_of_numbers(&self, column: usize) -> bool {
         let cells = self.rows.iter().filter_map(|row| row.get(column));

@@ -203,8 +203,6 @@ fn edges_hz(band: usize) -> (f64, f64) {
 
 #[cfg(test)]
 mod tests {
-    use model_format::NodeFlags;
-
     use super::*;
     use crate::dsp::test_signals::noise;
 
@@ -240,11 +238,7 @@ mod tests {
     fn model(radius: f64, frequency_hz: f64) -> Model {
         let angle = std::f64::consts::TAU * frequency_hz / f64::from(SAMPLE_RATE_HZ);
         let k2 = radius * radius;
-        Model {
-            reflection: vec![-2.0 * radius * angle.cos() / (1.0 + k2), k2],
-            output_power: 3.0,
-            flags: NodeFlags::NONE,
-        }
+        Model::new(vec![-2.0 * radius * angle.cos() / (1.0 + k2), k2], 3.0)
     }
 
     #[test]

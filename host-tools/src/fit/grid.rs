@@ -293,11 +293,7 @@ mod tests {
     use proptest::prelude::*;
 
     fn model(k: f64, power: f64) -> Model {
-        Model {
-            reflection: vec![k, -k / 2.0],
-            output_power: power,
-            flags: NodeFlags::NONE,
-        }
+        Model::new(vec![k, -k / 2.0], power)
     }
 
     fn filler(speeds: usize, forces: usize, known: Vec<Option<Model>>) -> Filler {

@@ -1,12 +1,14 @@
 //! Choices of a fit.
 
+use clap::builder::PossibleValuesParser;
 use serde::{Deserialize, Serialize};
 
 use model_format::{PlayRate, SAMPLE_RATE_HZ};
 
 use crate::dsp::reduction::Reduction;
-use crate::recording::triage::SILENCE_FLOOR_M_S2;
+use crate::recording::triage::{Kind, SILENCE_FLOOR_M_S2};
 use crate::support::error::{Error, Result};
+use crate::support::number::{not_negative, tolerance};
 
 /// The choice of a model's order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -83,29 +85,44 @@ pub enum Lines {
 }
 
 /// Options of a fit.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize, Deserialize, clap::Args)]
 pub struct Options {
-    /// Orders of the models.
+    /// Order of the models: 0 to 400, or chosen for each node: 'auto' (AIC) or 'bic', which is thriftier
+    #[arg(long, default_value = "auto")]
     pub order: Order,
-    /// From three axes to one.
+    /// Reduction from three axes to one
+    #[arg(long = "reduce", value_enum, default_value = "pca")]
     pub reduction: Reduction,
-    /// RMS below which a trial is silent, m/s².
+    /// RMS below which a trial counts as silent, in m/s²
+    #[arg(
+        long = "silence-floor",
+        value_name = "M_S2",
+        value_parser = not_negative,
+        default_value_t = SILENCE_FLOOR_M_S2
+    )]
     pub silence_floor_m_s2: f64,
-    /// Source of the excitation.
+    /// Source of the excitation: noise, pieces of the recordings' own residual, or what a test finds
+    #[arg(long, value_enum, default_value = "auto")]
     pub excitation: ExcitationChoice,
-    /// Level of the excitation.
+    /// Level of the excitation: steady, pieces of the recordings' own level, or what a test finds
+    #[arg(long, value_enum, default_value = "auto")]
     pub modulation: ModulationChoice,
-    /// Names of verdicts whose trials are left out, to be filled from their neighbours.
+    /// Verdicts of trials to leave out; their nodes are filled from neighbours
+    #[arg(long, value_delimiter = ',', value_parser = PossibleValuesParser::new(Kind::NAMES))]
     pub drop: Vec<String>,
-    /// Lines that are locked to place.
+    /// Lines that are locked to place, such as those of a weave: sought, or left in the noise
+    #[arg(long, value_enum, default_value = "auto")]
     pub lines: Lines,
-    /// Refuse a set in which any trial has a verdict.
+    /// Refuse a set if triage finds anything
+    #[arg(long)]
     pub strict: bool,
-    /// Share by which measured speeds and forces were moved to nominal ones before the fit, at most; none if they were
-    /// not. The fit itself takes the set as it is given.
+    /// Largest share by which measured speeds and forces move to nominal ones, such as 0.05 [default: none moves]
+    // They move before the fit, which takes the set as it is given.
+    #[arg(long, value_name = "SHARE", value_parser = tolerance)]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub snap: Option<f64>,
-    /// Rate of the models, Hz.
+    /// Sample rate of the models, Hz: 5000, or 10000 from recordings of that rate or above
+    #[arg(id = "model_rate", long, value_name = "HZ", default_value_t = SAMPLE_RATE_HZ)]
     pub sample_rate_hz: u32,
 }
 

@@ -104,6 +104,7 @@ fn write_tcp(f: &mut fmt::Formatter<'_>, kind: &str, host: &str, port: u16) -> f
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::support::holds;
 
     #[test]
     fn an_address_is_written_as_it_is_read() {
@@ -139,8 +140,8 @@ mod tests {
             "usb-virtual:localhost",
             "bluetooth:stylus",
         ] {
-            let problem = text.parse::<LinkAddress>().unwrap_err();
-            assert!(problem.contains("tcp:HOST:PORT"), "{text}: {problem}");
+            let message = text.parse::<LinkAddress>().unwrap_err();
+            holds(&message, &["tcp:HOST:PORT"]);
         }
     }
 }

@@ -275,6 +275,7 @@ fn name(info: &UsbPortInfo) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::support::holds;
 
     fn one(link: &str, kind: Kind, identity: Identity) -> Attached {
         Attached {
@@ -324,15 +325,11 @@ mod tests {
             several.to_string(),
             "2 styluses are attached: name one, --link usb:01 or --link tcp:127.0.0.1:1"
         );
-        let none = choose(&[adapter]).unwrap_err().to_string();
-        assert!(none.contains("plug"), "{none}");
+        holds(&choose(&[adapter]).unwrap_err(), &["plug"]);
         let silent = Identity::Unknown("no answer".to_owned());
         let silent = one("serial:/dev/ttyACM0", Kind::Serial, silent);
-        let none = choose(&[silent]).unwrap_err().to_string();
-        assert!(
-            none.contains("no stylus answers at serial:/dev/ttyACM0"),
-            "{none}"
-        );
+        let message = choose(&[silent]).unwrap_err();
+        holds(&message, &["no stylus answers at serial:/dev/ttyACM0"]);
     }
 
     #[test]

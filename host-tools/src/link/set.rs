@@ -6,10 +6,9 @@
 
 use std::collections::{HashMap, HashSet};
 use std::fs;
-use std::io::{Cursor, ErrorKind};
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-use hound::{SampleFormat, WavSpec, WavWriter};
 use model_format::Provenance;
 use model_format::limits::MAX_NAME_BYTES;
 
@@ -17,6 +16,7 @@ use crate::link::capture::{Calibration, Capture};
 use crate::recording::{RecordingSet, TRIALS_FILE, Trial};
 use crate::support::csv_table::{CsvTable, TABLE};
 use crate::support::error::{Error, Result};
+use crate::support::float_wav::float_wav;
 use crate::support::hand::{force_fault, speed_fault};
 use crate::support::{atomic_file, file_name};
 
@@ -244,7 +244,10 @@ impl Folder {
         let folder = file.parent().unwrap_or(&self.path);
         fs::create_dir_all(folder).map_err(Error::io("create", folder))?;
         let scale_m_s2 = scale_m_s2(calibration);
-        let wav = encode(capture, calibration, scale_m_s2)
+        let samples = capture.samples.iter();
+        let samples = samples.flat_map(|sample| calibration.acceleration(sample));
+        let samples = samples.map(|acceleration_m_s2| acceleration_m_s2 / scale_m_s2);
+        let wav = float_wav(3, capture.rate_hz, samples)
             .map_err(|failure| Error::file(&file, failure.to_string()))?;
         atomic_file::write(&file, &wav)?;
         let line = row(&[
@@ -324,25 +327,6 @@ fn scale_m_s2(calibration: &Calibration) -> f64 {
     }
 }
 
-/// Returns the bytes of the file. A sample is its acceleration over `scale_m_s2`.
-fn encode(capture: &Capture, calibration: &Calibration, scale_m_s2: f64) -> hound::Result<Vec<u8>> {
-    let spec = WavSpec {
-        channels: 3,
-        sample_rate: capture.rate_hz,
-        bits_per_sample: 32,
-        sample_format: SampleFormat::Float,
-    };
-    let mut file = Cursor::new(Vec::with_capacity(12 * capture.samples.len() + 128));
-    let mut writer = WavWriter::new(&mut file, spec)?;
-    for sample in &capture.samples {
-        for acceleration_m_s2 in calibration.acceleration(sample) {
-            writer.write_sample((acceleration_m_s2 / scale_m_s2) as f32)?;
-        }
-    }
-    writer.finalize()?;
-    Ok(file.into_inner())
-}
-
 #[cfg(test)]
 mod tests {
     use model_format::AdcCode;
@@ -351,6 +335,7 @@ mod tests {
 
     use super::*;
     use crate::link::capture::Loss;
+    use crate::support::holds;
 
     pub fn planned(texture: &str, speed_mm_s: f64) -> PlannedTrial {
         PlannedTrial {
@@ -397,31 +382,7 @@ mod tests {
             ("texture,speed_mm_s\nsilk,1\n", "force_n"),
             ("texture,speed_mm_s,force_n\n", "nothing to record"),
         ] {
-            let message = read(text, None).unwrap_err().to_string();
-            assert!(message.contains(word), "{message}");
-        }
-    }
-
-    #[test]
-    fn what_is_read_back_is_the_acceleration_that_the_codes_stand_for() {
-        let folder = tempfile::tempdir().unwrap();
-        let codes = [[0, 65_535, 40_000], [32_768, 32_768, 32_768], [1, 2, 3]];
-        let mut set = Folder::open(folder.path()).unwrap();
-        let (calibration, capture) = (calibration(), capture(&codes));
-        set.add(
-            &planned("silk", 120.0),
-            &capture,
-            &calibration,
-            Provenance::Recorded,
-        )
-        .unwrap();
-        let listed = RecordingSet::open(&[folder.path().to_owned()]).unwrap();
-        let samples = crate::recording::read(&listed.trials[0]).unwrap();
-        for (index, sample) in capture.samples.iter().enumerate() {
-            for (axis, expected) in calibration.acceleration(sample).into_iter().enumerate() {
-                let found = samples.axes[axis][index];
-                assert!((found - expected).abs() < 1e-5 * 99.0, "{found} {expected}");
-            }
+            holds(&read(text, None).unwrap_err(), &[word]);
         }
     }
 
@@ -480,8 +441,8 @@ mod tests {
         let list = folder.path().join(TRIALS_FILE);
         let text = "file,texture,speed_mm_s,force_n\na.wav,silk,1,1\n";
         std::fs::write(&list, text).unwrap();
-        let message = Folder::open(folder.path()).unwrap_err().to_string();
-        assert!(message.contains("name a new folder"), "{message}");
+        let message = Folder::open(folder.path()).unwrap_err();
+        holds(&message, &["name a new folder"]);
         assert_eq!(std::fs::read_to_string(&list).unwrap(), text);
     }
 

@@ -225,13 +225,6 @@ mod tests {
     }
 
     #[test]
-    fn settings_that_are_not_there_and_values_out_of_range_are_refused() {
-        let refused = |name, value| settings([(name, value)]).unwrap_err().to_string();
-        assert!(refused("gain", 1.0).contains("there is no setting 'gain'"));
-        assert!(refused("output-gain", 2.0).contains("output-gain"));
-    }
-
-    #[test]
     fn a_texture_of_another_rate_is_refused() {
         let (library, motion) = (library(4000), constant(90.0, 0.8));
         let path = Path::new("never.wav");

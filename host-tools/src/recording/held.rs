@@ -96,6 +96,7 @@ impl HeldSamples {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::support::holds;
 
     #[test]
     fn samples_that_are_no_recording_are_refused_with_the_remedy() {
@@ -111,7 +112,7 @@ mod tests {
             let message = HeldSamples::new(rate_hz, channels, false)
                 .unwrap_err()
                 .to_string();
-            assert!(message.contains(word), "{message}");
+            holds(&message, &[word]);
         }
     }
 

@@ -128,43 +128,33 @@ fn at_model_rate(
 mod tests {
     use super::*;
     use crate::recording::HeldSamples;
+    use crate::support::float_wav::float_wav;
 
-    /// Samples of 2 s at 8 kHz, on two axes, with a clipped peak.
-    fn axes() -> Vec<Vec<f64>> {
-        let sample = |index: u32, of: f64| (of * f64::from(index)).sin().clamp(-0.9, 0.9);
-        let axis = |of: f64| (0..16_000).map(|index| sample(index, of)).collect();
-        vec![axis(0.11), axis(0.023)]
+    /// Samples of 2 s at 8 kHz in single precision, on two axes, with a clipped peak.
+    fn axes() -> [Vec<f64>; 2] {
+        [0.11, 0.023].map(|of: f64| {
+            let sample = |n: u32| (of * f64::from(n)).sin().clamp(-0.9, 0.9);
+            (0..16_000)
+                .map(sample)
+                .map(|x| f64::from(x as f32))
+                .collect()
+        })
     }
 
     #[test]
     fn samples_in_memory_are_read_as_those_of_a_wav_file() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("a.wav");
-        let spec = hound::WavSpec {
-            channels: 2,
-            sample_rate: 8000,
-            bits_per_sample: 32,
-            sample_format: hound::SampleFormat::Float,
-        };
-        let mut writer = hound::WavWriter::create(&file, spec).unwrap();
-        // Single precision, which this file has.
-        let axes: Vec<Vec<f64>> = axes()
-            .iter()
-            .map(|axis| axis.iter().map(|&x| f64::from(x as f32)).collect())
-            .collect();
-        for frame in 0..axes[0].len() {
-            for axis in &axes {
-                writer.write_sample(axis[frame] as f32).unwrap();
-            }
-        }
-        writer.finalize().unwrap();
+        let axes = axes();
+        let samples = (0..16_000).flat_map(|n| [axes[0][n], axes[1][n]]);
+        std::fs::write(&file, float_wav(2, 8000, samples).unwrap()).unwrap();
         let of_file = Trial {
             scale_m_s2: Some(3.0),
             start_s: 0.25,
             duration_s: Some(1.5),
             ..Trial::of(file, "felt", 100.0, 1.0)
         };
-        let held = HeldSamples::new(8000.0, axes, false).unwrap();
+        let held = HeldSamples::new(8000.0, axes.into(), false).unwrap();
         let in_memory = Trial {
             held: Some(held.into()),
             ..of_file.clone()

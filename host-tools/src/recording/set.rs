@@ -10,22 +10,29 @@ use super::trial::{NOMINAL_FORCE_N, NOMINAL_SPEED_MM_S, Trial};
 use crate::support::csv_table::{CsvTable, Header, Row, TABLE};
 use crate::support::error::{Error, Result};
 use crate::support::hand::{force_fault, speed_fault};
+use crate::support::number::{positive, recorded_force, recorded_speed};
 
 /// File name of the list of trials in a recording set's folder.
 pub const TRIALS_FILE: &str = "trials.csv";
 
 /// Values that files and lists may lack. None of them changes what a list gives.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, clap::Args)]
 pub struct Assumed {
-    /// Duration of a trial whose list gives none, s; to its end if none.
+    /// Duration of a trial whose list gives no duration_s, in seconds [default: to its end]
+    #[arg(long = "duration", value_name = "S", value_parser = positive)]
     pub duration_s: Option<f64>,
-    /// Sample rate of CSV recordings without a time column, Hz.
+    /// Sample rate of CSV recordings without a time column, in hertz
+    #[arg(long = "sample-rate", value_name = "HZ", value_parser = positive)]
     pub sample_rate_hz: Option<f64>,
-    /// Acceleration of a sample of 1 of trials whose list gives no scale, m/s²; 1 if none.
+    /// Acceleration of a sample of 1 (the full scale of integers) of trials whose list gives no scale_m_s2, in m/s²
+    /// [default: 1]
+    #[arg(long = "scale", value_name = "M_S2", value_parser = positive)]
     pub scale_m_s2: Option<f64>,
-    /// Tangential speed of recordings without a list, mm/s.
+    /// Tangential speed of recordings given without a list, in mm/s
+    #[arg(long = "speed", value_name = "MM_S", value_parser = recorded_speed, default_value_t = NOMINAL_SPEED_MM_S)]
     pub speed_mm_s: f64,
-    /// Normal force of recordings without a list, N.
+    /// Normal force of recordings given without a list, in newtons
+    #[arg(long = "force", value_name = "N", value_parser = recorded_force, default_value_t = NOMINAL_FORCE_N)]
     pub force_n: f64,
 }
 
@@ -307,6 +314,7 @@ impl Columns {
 mod tests {
     use super::super::TRIALS_FILE;
     use super::*;
+    use crate::support::holds;
 
     fn parse(text: &str) -> Result<Vec<Trial>> {
         let folder = tempfile::tempdir().unwrap();
@@ -340,11 +348,7 @@ mod tests {
             ("a.wav,denim,100", "fields"),
         ] {
             let text = format!("{HEADER}a.wav,denim,100,1,,\n{line}\n");
-            let message = parse(&text).unwrap_err().to_string();
-            assert!(
-                message.contains("line 3") && message.contains(word),
-                "{message}"
-            );
+            holds(&parse(&text).unwrap_err(), &["line 3", word]);
         }
     }
 
@@ -356,8 +360,7 @@ mod tests {
             (HEADER, "no trials"),
             ("", "no column"),
         ] {
-            let message = parse(text).unwrap_err().to_string();
-            assert!(message.contains(word), "{message}");
+            holds(&parse(text).unwrap_err(), &[word]);
         }
     }
 }

@@ -6,7 +6,8 @@ use stylus_costs::Origin;
 
 use crate::dsp::spectrum::AMPLITUDE_JND_DB;
 use crate::evaluation::frontier::{
-    CLOCKS_HZ, Filter, Frontier, Point, STRUCTURES, Structure, interval_ms, moving, share,
+    CLOCKS_HZ, Filter, Frontier, Point, STRUCTURES, Structure, clock_headings, interval_ms, moving,
+    share,
 };
 use crate::evaluation::tables::{Table, percent};
 use crate::fit::Order;
@@ -227,56 +228,40 @@ fn filter_table(frontier: &Frontier) -> Table {
             "" => filter.hard.worst.to_string(),
             case => format!("{}: {case}", filter.hard.worst),
         };
+        let cell = |heading: &str, text: String| (heading.to_owned(), text);
+        let within = format!("within {AMPLITUDE_JND_DB} dB, %");
+        let held = format!("{} of {}", filter.hard.held, filter.hard.cases);
         let mut row = vec![
-            filter.structure.to_string(),
-            filter.order_text(),
-            percent(Some(still.cost), 1),
-            format!("{:.2}", still.band_error_db),
-            percent(Some(still.bands_within_jnd), 0),
-            format!("{:.0}", still.lowest_snr_db),
-            refused,
-            format!("{} of {}", filter.hard.held, filter.hard.cases),
-            worst,
-            format!("{:.0}", m4.sample.instructions),
-            format!("{:.0}", m7.sample.instructions),
-            format!("{:.0}", m4.sample.cycles),
+            cell("structure", filter.structure.to_string()),
+            cell("order", filter.order_text()),
+            cell("C, %", percent(Some(still.cost), 1)),
+            cell("bands, dB", format!("{:.2}", still.band_error_db)),
+            (within, percent(Some(still.bands_within_jnd), 0)),
+            cell("SNR, dB, lowest", format!("{:.0}", still.lowest_snr_db)),
+            cell("refused by fit", refused),
+            cell("hard cases held", held),
+            cell("the worst", worst),
+            cell("instructions, M4", format!("{:.0}", m4.sample.instructions)),
+            cell("M7", format!("{:.0}", m7.sample.instructions)),
+            cell("cycles", format!("{:.0}", m4.sample.cycles)),
         ];
-        row.extend(CLOCKS_HZ.map(|clock| percent(Some(share(m4.sample.cycles, clock)), 1)));
+        let shares = CLOCKS_HZ.map(|clock| percent(Some(share(m4.sample.cycles, clock)), 1));
+        row.extend(clock_headings().into_iter().zip(shares));
+        let update = format!("{:.0}", m4.update.instructions_most);
         row.extend([
-            format!("{:.0}", m7.sample.cycles),
-            format!("{:.0}", m4.update.instructions_most),
-            filter.library_bytes_per_node.to_string(),
-            filter.ram_bytes.to_string(),
+            cell("cycles, M7", format!("{:.0}", m7.sample.cycles)),
+            cell("an update, instructions", update),
+            cell(
+                "flash, bytes per node",
+                filter.library_bytes_per_node.to_string(),
+            ),
+            cell("RAM, bytes", filter.ram_bytes.to_string()),
         ]);
         row
     };
-    let within = format!("within {AMPLITUDE_JND_DB} dB, %");
-    let clocks = CLOCKS_HZ.map(|clock_hz| format!("{} MHz, %", clock_hz / 1e6));
-    let [slow, middle, fast] = clocks.each_ref().map(String::as_str);
-    Table::new(
+    Table::headed(
         "Accuracy at rest, the hard cases, and a sample's time without updates: cycles are llvm-mca's, of an M4 \
          unless they are said to be others, and shares are of 200 µs",
-        [
-            "structure",
-            "order",
-            "C, %",
-            "bands, dB",
-            &within,
-            "SNR, dB, lowest",
-            "refused by fit",
-            "hard cases held",
-            "the worst",
-            "instructions, M4",
-            "M7",
-            "cycles",
-            slow,
-            middle,
-            fast,
-            "cycles, M7",
-            "an update, instructions",
-            "flash, bytes per node",
-            "RAM, bytes",
-        ],
         frontier.filters.iter().map(row),
     )
 }
@@ -289,28 +274,16 @@ fn peer_table(frontier: &Frontier) -> Table {
             Origin::Reference => "reference, by the same rules",
         };
         vec![
-            peer.name.clone(),
-            peer.order.to_string(),
-            peer.instructions.to_string(),
-            cycles(peer.cortex_m4_cycles),
-            cycles(peer.cortex_m7_cycles),
-            peer.includes.clone(),
-            origin.to_owned(),
+            ("what", peer.name.clone()),
+            ("order", peer.order.to_string()),
+            ("instructions", peer.instructions.to_string()),
+            ("cycles, M4", cycles(peer.cortex_m4_cycles)),
+            ("M7", cycles(peer.cortex_m7_cycles)),
+            ("beside the filter", peer.includes.clone()),
+            ("origin", origin.to_owned()),
         ]
     });
-    Table::new(
-        "One sample per call; cycles are llvm-mca's",
-        [
-            "what",
-            "order",
-            "instructions",
-            "cycles, M4",
-            "M7",
-            "beside the filter",
-            "origin",
-        ],
-        rows,
-    )
+    Table::headed("One sample per call; cycles are llvm-mca's", rows)
 }
 
 fn notes(frontier: &Frontier) -> Vec<String> {

@@ -273,6 +273,22 @@ fn slug(text: &str) -> String {
     words.join("-").to_lowercase()
 }
 
+/// Asserts that a page needs nothing but itself.
+#[cfg(test)]
+pub(super) fn assert_fetches_nothing(page: &str) {
+    assert!(page.contains("default-src 'none'"));
+    // The names of namespaces are not fetched.
+    let page = page
+        .replace("http://www.w3.org/2000/svg", "")
+        .replace("http://www.w3.org/1999/xlink", "");
+    for outside in ["http:", "https:", " src=", "url(", "@import", "import("] {
+        assert!(!page.contains(outside), "{outside}");
+    }
+    for call in ["fetch(", "XMLHttpRequest"] {
+        assert!(!page.contains(call), "{call}");
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -348,25 +364,10 @@ mod tests {
     fn a_page_needs_nothing_but_itself() {
         let page = page_of("text");
         assert!(page.contains(picture().as_str()));
-        // The name of a namespace is not fetched.
         // Those of the page itself, and no others, whatever its text.
         assert_eq!(page.matches("<script").count(), 2);
-        let page = page
-            .replace("http://www.w3.org/2000/svg", "")
-            .replace("http-equiv", "")
-            .replace("href=\"data:,\"", "");
-        for reference in [
-            "http",
-            "src=",
-            "url(",
-            "@import",
-            "fetch(",
-            "XMLHttpRequest",
-            "import(",
-        ] {
-            assert!(!page.contains(reference), "{reference}");
-        }
-        assert!(page.contains("default-src 'none'"));
+        super::assert_fetches_nothing(&page);
+        let page = page.replace("href=\"data:,\"", "");
         assert_eq!(
             page.matches("href=").count(),
             page.matches("href=\"#").count()

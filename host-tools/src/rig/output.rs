@@ -2,16 +2,16 @@
 
 use std::fmt;
 use std::fs;
-use std::io::{Cursor, Write};
+use std::io::Write;
 use std::path::Path;
 
-use hound::{SampleFormat, WavSpec, WavWriter};
 use rayon::prelude::*;
 
 use super::description::RigDescription;
 use super::file::{RIG, RigFile};
 use super::trial::{Strip, Trial};
 use crate::support::error::{Error, Result};
+use crate::support::float_wav::float_wav;
 use crate::support::output::OutputFolder;
 use crate::support::{atomic_file, progress};
 
@@ -263,23 +263,9 @@ fn with_a_decimal(value: f64) -> String {
 
 /// A trial as a WAV file. A chunk of its own holds `comment`, so that the file says SIMULATED outside its folder, too.
 fn wav_bytes(trial: &Trial, sample_rate_hz: u32, comment: &str) -> hound::Result<Vec<u8>> {
-    let spec = WavSpec {
-        channels: 3,
-        sample_rate: sample_rate_hz,
-        bits_per_sample: 32,
-        sample_format: SampleFormat::Float,
-    };
     let [x, y, z] = &trial.samples_m_s2;
-    let mut file = Cursor::new(Vec::with_capacity(12 * x.len() + 512));
-    let mut writer = WavWriter::new(&mut file, spec)?;
-    for frame in x.iter().zip(y).zip(z) {
-        let ((x, y), z) = frame;
-        for sample in [x, y, z] {
-            writer.write_sample(*sample as f32)?;
-        }
-    }
-    writer.finalize()?;
-    let mut bytes = file.into_inner();
+    let samples = (0..x.len()).flat_map(|n| [x[n], y[n], z[n]]);
+    let mut bytes = float_wav(3, sample_rate_hz, samples)?;
     append_comment(&mut bytes, comment);
     Ok(bytes)
 }

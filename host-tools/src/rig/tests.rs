@@ -15,6 +15,7 @@ use realfft::num_complex::Complex;
 
 use super::measurement::StreamKey;
 use super::*;
+use crate::dsp::test_signals::near;
 
 /// Speeds, forces and drum that most rigs here have.
 const PROTOCOL: &str = r#"
@@ -259,12 +260,7 @@ fn samples_are_those_of_the_equations_of_motion() {
         // By 0.3 s the start has died away: 90 Hz at 0.3 of critical damping.
         for (i, expected) in expected.iter().enumerate().skip(1500) {
             for (axis, expected) in trial.samples_m_s2.iter().zip(expected) {
-                assert!(
-                    (axis[i] - expected).abs() < 1e-4 * scale,
-                    "{} against {expected} at {i}, {} mm/s",
-                    axis[i],
-                    trial.speed_mm_s
-                );
+                near(axis[i], *expected, 1e-4 * scale);
             }
         }
     }
@@ -348,10 +344,7 @@ fn noise_is_white_with_its_rms_and_its_axes_are_independent() {
         let (spectrum, _) = amplitudes(&signal);
         for quarter in spectrum[1..].chunks_exact(spectrum.len() / 4) {
             let power = rms(quarter.iter().copied()) * (signal.len() as f64 / 4.0).sqrt();
-            assert!(
-                (power / expected - 1.0).abs() < 0.02,
-                "{power} of {expected}"
-            );
+            near(power / expected, 1.0, 0.02);
         }
     }
     let [x, y, _] = &all[0].samples_m_s2;

@@ -82,6 +82,7 @@ impl Limit {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::support::holds;
 
     const SMALL: Limit = Limit {
         of: "a note",
@@ -94,11 +95,8 @@ mod tests {
         std::fs::write(file.path(), "four").unwrap();
         assert_eq!(SMALL.read_text(file.path()).unwrap(), "four");
         std::fs::write(file.path(), "five!").unwrap();
-        let message = SMALL.read(file.path()).unwrap_err().to_string();
-        assert!(
-            message.contains("4 bytes") && message.contains("a note"),
-            "{message}"
-        );
+        let message = SMALL.read(file.path()).unwrap_err();
+        holds(&message, &["4 bytes", "a note"]);
     }
 
     #[cfg(unix)]
@@ -107,14 +105,11 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let socket = folder.path().join("socket");
         let _socket = std::os::unix::net::UnixListener::bind(&socket).unwrap();
-        let message = SMALL.open(&socket).unwrap_err().to_string();
-        assert!(message.contains("a socket"), "{message}");
-        let message = SMALL.open(folder.path()).unwrap_err().to_string();
-        assert!(message.contains("a folder"), "{message}");
+        holds(&SMALL.open(&socket).unwrap_err(), &["a socket"]);
+        holds(&SMALL.open(folder.path()).unwrap_err(), &["a folder"]);
         let file = folder.path().join("file");
         std::fs::write(&file, "five!").unwrap();
-        let message = SMALL.open(&file).unwrap_err().to_string();
-        assert!(message.contains("4 bytes"), "{message}");
+        holds(&SMALL.open(&file).unwrap_err(), &["4 bytes"]);
         std::fs::write(&file, "four").unwrap();
         assert!(SMALL.open(&file).is_ok());
     }
@@ -123,7 +118,6 @@ mod tests {
     fn text_of_another_encoding_is_refused_with_its_line() {
         let file = tempfile::NamedTempFile::new().unwrap();
         std::fs::write(file.path(), b"a\n\xff").unwrap();
-        let message = SMALL.read_text(file.path()).unwrap_err().to_string();
-        assert!(message.contains("line 2"), "{message}");
+        holds(&SMALL.read_text(file.path()).unwrap_err(), &["line 2"]);
     }
 }

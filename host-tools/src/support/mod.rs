@@ -1,7 +1,6 @@
-//! Tools that every other wing needs: the error type, files read up to a limit, tables as CSV, files and folders
-//! written whole or not at all, decimals, names of files, bounds of a hand's motion, hashes of content, text made fit
-//! to
-//! be shown, progress bars, fields of a TOML text, and what the allocator does with freed memory.
+//! Tools that every other wing needs: the error type, files read up to a limit, tables as CSV, WAV files, files and folders
+//! written whole or not at all, decimals, names of files, numbers of options, bounds of a hand's motion, hashes of content, text made fit
+//! to be shown, progress bars, fields of a TOML text, and what the allocator does with freed memory.
 //!
 //! Invariant: nothing here knows of signals, textures or devices, and nothing here imports another wing.
 
@@ -11,12 +10,24 @@ pub mod csv_table;
 pub mod decimal;
 pub mod error;
 pub mod file_name;
+pub mod float_wav;
 pub mod fnv;
 pub mod freed_memory;
 pub mod hand;
 pub mod nearest;
+pub mod number;
 pub mod output;
 pub mod progress;
 pub mod temporaries;
 pub mod toml_field;
 pub mod visible;
+
+/// Asserts that a text, such as an error's, has all these words.
+#[cfg(test)]
+#[track_caller]
+pub(crate) fn holds(text: &(impl std::fmt::Display + ?Sized), words: &[&str]) {
+    let text = text.to_string();
+    for word in words {
+        assert!(text.contains(word), "no '{word}' in: {text}");
+    }
+}

@@ -229,6 +229,7 @@ impl OutputFolder {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::support::holds;
 
     fn result(path: &Path, overwrite: bool, names: &[&str]) -> Result<()> {
         OutputFolder::begin(path, overwrite)?.fill(|folder| {
@@ -269,8 +270,7 @@ mod tests {
             ("page/", "names a folder"),
             (".", "is a folder"),
         ] {
-            let message = refusal(check_file(&at(name), true, &[]));
-            assert!(message.contains(word), "{message}");
+            holds(&refusal(check_file(&at(name), true, &[])), &[word]);
         }
     }
 
@@ -308,8 +308,7 @@ mod tests {
             ("file/inner", "is a file and no folder"),
             ("no/where", "there is no folder"),
         ] {
-            let message = refusal(result(&at(name), true, &["x"]));
-            assert!(message.contains(word), "{message}");
+            holds(&refusal(result(&at(name), true, &["x"])), &[word]);
         }
     }
 

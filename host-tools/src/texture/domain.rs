@@ -1,6 +1,6 @@
 //! Domains in which models can be interpolated, and a model predicted in each from its neighbours.
 
-use model_format::{LevelLaw, NodeFlags};
+use model_format::LevelLaw;
 
 use crate::dsp::linear_prediction::{error_share, step_down, step_up};
 use crate::dsp::model::Model;
@@ -88,11 +88,8 @@ impl Method {
     /// The model between `neighbours`, at least one and none silent; `None` where the mean is not stable.
     pub fn predict(self, neighbours: &[Neighbour<'_>]) -> Option<Model> {
         let reflection = self.domain.shape(neighbours)?;
-        Some(Model {
-            output_power: self.level.power(neighbours, &reflection),
-            reflection,
-            flags: NodeFlags::NONE,
-        })
+        let output_power = self.level.power(neighbours, &reflection);
+        Some(Model::new(reflection, output_power))
     }
 }
 
@@ -153,14 +150,6 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn model(reflection: Vec<f64>, output_power: f64) -> Model {
-        Model {
-            reflection,
-            output_power,
-            flags: NodeFlags::NONE,
-        }
-    }
-
     fn predict(method: Method, models: &[Model]) -> Option<Model> {
         let weight = 1.0 / models.len() as f64;
         let neighbours = models.iter().map(|model| Neighbour { weight, model });
@@ -174,7 +163,7 @@ mod tests {
         fn between_equal_neighbours_every_method_gives_them_back(
             reflection in prop::collection::vec(-0.4f64..0.4, 1..10), power in 0.01f64..10.0,
         ) {
-            let same = model(reflection, power);
+            let same = Model::new(reflection, power);
             for method in Method::ALL {
                 let mean = predict(method, &[same.clone(), same.clone()]).unwrap();
                 prop_assert!((mean.output_power / power - 1.0).abs() < 1e-9, "{}", method.name());
@@ -188,7 +177,7 @@ mod tests {
         fn every_mean_but_that_of_predictors_is_stable(
             a in prop::collection::vec(-0.95f64..0.95, 1..24), b in prop::collection::vec(-0.95f64..0.95, 1..24),
         ) {
-            let models = [model(a, 1.0), model(b, 4.0)];
+            let models = [Model::new(a, 1.0), Model::new(b, 4.0)];
             for method in Method::ALL {
                 let mean = predict(method, &models);
                 if let Some(mean) = mean {
@@ -210,7 +199,7 @@ mod tests {
     #[test]
     fn the_mean_of_stable_predictors_that_is_not_stable_is_told() {
         let ends = [[-2.7, 2.43, -0.729], [2.7, 2.43, 0.729]];
-        let models = ends.map(|a| model(step_down(&a).unwrap(), 1.0));
+        let models = ends.map(|a| Model::new(step_down(&a).unwrap(), 1.0));
         assert!(predict(Method::PAPER, &models).is_none());
         assert!(predict(Method::DEVICE, &models).is_some());
     }

@@ -20,6 +20,17 @@ pub struct Grid {
 }
 
 impl Grid {
+    /// A grid with the default laws and without parts.
+    pub fn new(speeds_mm_s: Vec<f32>, forces_n: Vec<f32>, models: Vec<Model>) -> Self {
+        Self {
+            speeds_mm_s,
+            forces_n,
+            models,
+            laws: Laws::default(),
+            parts: PartsSpec::default(),
+        }
+    }
+
     /// Index of the node at these indices of the axes.
     pub fn index(&self, speed: usize, force: usize) -> usize {
         speed * self.forces_n.len() + force

@@ -148,11 +148,7 @@ mod tests {
     use crate::texture::theta::LARGEST_ERROR;
 
     fn model(reflection: Vec<f64>) -> Model {
-        Model {
-            reflection,
-            output_power: 2.0,
-            flags: NodeFlags::NONE,
-        }
+        Model::new(reflection, 2.0)
     }
 
     proptest! {

@@ -89,18 +89,14 @@ pub fn bytes_per_node(theta: StoredTheta, order: usize, highest_order: usize) ->
 
 #[cfg(test)]
 mod tests {
-    use model_format::{Laws, Library, NodeFlags, PartsSpec, TextureSpec, encode};
+    use model_format::{Library, TextureSpec, encode};
     use proptest::prelude::*;
 
     use super::*;
     use crate::texture::quantise::nodes;
 
     fn model(reflection: Vec<f64>) -> Model {
-        Model {
-            reflection,
-            output_power: 2.0,
-            flags: NodeFlags::NONE,
-        }
+        Model::new(reflection, 2.0)
     }
 
     /// A slope, and small coefficients of either sign behind it.
@@ -120,13 +116,8 @@ mod tests {
     }
 
     fn grid(models: Vec<Model>) -> Grid {
-        Grid {
-            speeds_mm_s: (1..=models.len()).map(|n| 20.0 * n as f32).collect(),
-            forces_n: vec![0.5],
-            models,
-            laws: Laws::default(),
-            parts: PartsSpec::default(),
-        }
+        let speeds_mm_s = (1..=models.len()).map(|n| 20.0 * n as f32);
+        Grid::new(speeds_mm_s.collect(), vec![0.5], models)
     }
 
     fn stored(grid: &Grid) -> Vec<NodeSpec> {

@@ -197,6 +197,22 @@ pub fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
 }
 
+/// Asserts that a text, such as an error's, has all these words.
+#[track_caller]
+pub fn holds(text: &(impl std::fmt::Display + ?Sized), words: &[&str]) {
+    let text = text.to_string();
+    for word in words {
+        assert!(text.contains(word), "no '{word}' in: {text}");
+    }
+}
+
+/// Asserts that a value is within `tolerance` of another.
+#[track_caller]
+pub fn near(found: f64, expected: f64, tolerance: f64) {
+    let is_near = (found - expected).abs() <= tolerance;
+    assert!(is_near, "{found} is not {expected} to within {tolerance}");
+}
+
 /// White Gaussian noise of unit variance.
 pub fn noise(seed: u64, samples: usize) -> Vec<f64> {
     let generator = rand_pcg::Pcg64::seed_from_u64(seed);

@@ -5,7 +5,7 @@
 use std::io::Write;
 use std::time::Duration;
 
-use host_tools::link::discovery::{self, Row};
+use host_tools::link::discovery;
 #[cfg(unix)]
 use host_tools::link::{BROKER_READY, BROKER_TAKEN, Served, serve};
 use host_tools::link::{Device, LinkAddress, LinkError, Route, Sharing, Timeouts};
@@ -16,7 +16,7 @@ use serde::Serialize;
 
 use crate::cli::input::positive;
 use crate::cli::output::{note, print, print_json};
-use crate::cli::table::table;
+use crate::cli::table::{headed, table};
 
 /// The stylus that a command talks to.
 #[derive(clap::Args)]
@@ -143,26 +143,17 @@ pub fn devices(arguments: &DevicesArguments) -> Result<()> {
         );
         return Ok(());
     }
-    let header = [
-        "--link",
-        "kind",
-        "serial number",
-        "firmware",
-        "probe",
-        "state",
-    ];
     let text = |value: &Option<String>| value.clone().unwrap_or_else(|| "-".to_owned());
-    let cells = |row: &Row| {
-        vec![
-            row.link.clone(),
-            row.kind.to_string(),
-            text(&row.serial_number),
-            text(&row.firmware),
-            text(&row.probe),
-            row.state.clone(),
+    let (header, rows) = headed(rows.iter().map(|row| {
+        [
+            ("--link", row.link.clone()),
+            ("kind", row.kind.to_string()),
+            ("serial number", text(&row.serial_number)),
+            ("firmware", text(&row.firmware)),
+            ("probe", text(&row.probe)),
+            ("state", row.state.clone()),
         ]
-    };
-    let rows: Vec<Vec<String>> = rows.iter().map(cells).collect();
+    }));
     print(&table(&header, &rows))
 }
 

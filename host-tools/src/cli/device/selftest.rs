@@ -13,7 +13,7 @@ use super::slots::Slot;
 use crate::cli::files::Overwrite;
 use crate::cli::input::positive;
 use crate::cli::output::{print, print_json, tell};
-use crate::cli::table::table;
+use crate::cli::table::{headed, table};
 
 #[derive(clap::Args)]
 pub struct Arguments {
@@ -119,21 +119,16 @@ fn words(step: Step, seconds: f64) -> String {
 
 /// The lines as a table, each remedy below its line.
 fn text(record: &Record) -> String {
-    let cells: Vec<Vec<String>> = (record.lines.iter())
-        .map(|line| {
-            vec![
-                line.name.clone(),
-                line.value.clone(),
-                line.limits.clone(),
-                line.verdict.to_string(),
-                line.remedy.clone(),
-            ]
-        })
-        .collect();
-    let mut text = table(
-        &["what", "value", "limits", "verdict", "what to do"],
-        &cells,
-    );
+    let (header, rows) = headed(record.lines.iter().map(|line| {
+        [
+            ("what", line.name.clone()),
+            ("value", line.value.clone()),
+            ("limits", line.limits.clone()),
+            ("verdict", line.verdict.to_string()),
+            ("what to do", line.remedy.clone()),
+        ]
+    }));
+    let mut text = table(&header, &rows);
     let bad: Vec<&str> = (record.lines.iter())
         .filter(|line| line.verdict == Verdict::Fail)
         .map(|line| line.name.as_str())

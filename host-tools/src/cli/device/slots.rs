@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use super::connection::Link;
 use crate::cli::output::{print, print_json};
-use crate::cli::table::table;
+use crate::cli::table::{headed, table};
 
 /// A slot on the command line.
 #[derive(Clone, Copy, clap::ValueEnum)]
@@ -115,9 +115,6 @@ fn text(slot: &SlotContent) -> String {
 }
 
 fn textures(textures: &[TextureEntry]) -> String {
-    let header = [
-        "texture", "from", "Hz", "grid", "mm/s", "N", "order", "silent", "filled", "doubtful",
-    ];
     let range = |[low, high]: [f32; 2]| {
         if low == high {
             low.to_string()
@@ -125,23 +122,20 @@ fn textures(textures: &[TextureEntry]) -> String {
             format!("{low} to {high}")
         }
     };
-    let rows: Vec<Vec<String>> = textures
-        .iter()
-        .map(|texture| {
-            vec![
-                texture.name.clone(),
-                texture.provenance.clone(),
-                texture.sample_rate_hz.to_string(),
-                format!("{} x {}", texture.speeds, texture.forces),
-                range(texture.speed_range_mm_s),
-                range(texture.force_range_n),
-                texture.max_order.to_string(),
-                texture.silent_nodes.to_string(),
-                texture.filled_nodes.to_string(),
-                texture.doubtful_nodes.to_string(),
-            ]
-        })
-        .collect();
+    let (header, rows) = headed(textures.iter().map(|texture| {
+        [
+            ("texture", texture.name.clone()),
+            ("from", texture.provenance.clone()),
+            ("Hz", texture.sample_rate_hz.to_string()),
+            ("grid", format!("{} x {}", texture.speeds, texture.forces)),
+            ("mm/s", range(texture.speed_range_mm_s)),
+            ("N", range(texture.force_range_n)),
+            ("order", texture.max_order.to_string()),
+            ("silent", texture.silent_nodes.to_string()),
+            ("filled", texture.filled_nodes.to_string()),
+            ("doubtful", texture.doubtful_nodes.to_string()),
+        ]
+    }));
     table(&header, &rows)
 }
 
@@ -150,32 +144,21 @@ fn scenes(scenes: &[SceneInfo]) -> String {
     if scenes.is_empty() {
         return String::new();
     }
-    let header = [
-        "scene",
-        "surfaces",
-        "regions",
-        "taps",
-        "stick-slip",
-        "equaliser",
-        "motion",
-    ];
-    let rows: Vec<Vec<String>> = scenes
-        .iter()
-        .map(|scene| {
-            vec![
-                scene.name.to_string(),
-                scene.surfaces.to_string(),
-                scene.regions.to_string(),
-                scene.taps.to_string(),
-                scene.stick_slips.to_string(),
-                scene.sections.to_string(),
-                if scene.constant_motion {
-                    "constant".to_owned()
-                } else {
-                    "followed".to_owned()
-                },
-            ]
-        })
-        .collect();
+    let (header, rows) = headed(scenes.iter().map(|scene| {
+        let motion = if scene.constant_motion {
+            "constant"
+        } else {
+            "followed"
+        };
+        [
+            ("scene", scene.name.to_string()),
+            ("surfaces", scene.surfaces.to_string()),
+            ("regions", scene.regions.to_string()),
+            ("taps", scene.taps.to_string()),
+            ("stick-slip", scene.stick_slips.to_string()),
+            ("equaliser", scene.sections.to_string()),
+            ("motion", motion.to_owned()),
+        ]
+    }));
     format!("\n\n{}", table(&header, &rows))
 }

@@ -4,14 +4,10 @@ mod densify;
 mod parts;
 mod report;
 
-use host_tools::dsp::reduction::Reduction;
 use host_tools::fit;
 use host_tools::fit::Fit;
-use host_tools::fit::lines::Lines;
 use host_tools::fit::record::{FitRecord, FoundLines};
-use host_tools::fit::{ExcitationChoice, ModulationChoice, Order};
 use host_tools::recording::RecordingSet;
-use host_tools::recording::triage::{Kind, SILENCE_FLOOR_M_S2};
 use host_tools::support::error::{Error, Result};
 use host_tools::support::progress;
 use host_tools::texture::summary::TextureSummary;
@@ -23,7 +19,7 @@ use parts::LargeSet;
 use report::{FitReport, energy_kept, excitations, lines_found, show_verdicts};
 
 use crate::cli::files::Overwrite;
-use crate::cli::input::{Recordings, not_negative, tolerance};
+use crate::cli::input::Recordings;
 use crate::cli::inspect::texture_table;
 use crate::cli::output::{note, print, print_json};
 use host_tools::texture::library::decode_library;
@@ -37,36 +33,8 @@ pub struct Arguments {
     out: Option<PathBuf>,
     #[command(flatten)]
     overwrite: Overwrite,
-    /// Order of the models: 0 to 400, or chosen for each node: 'auto' (AIC) or 'bic', which is thriftier
-    #[arg(long, default_value = "auto")]
-    order: Order,
-    /// Reduction from three axes to one
-    #[arg(long, value_enum, default_value = "pca")]
-    reduce: Reduction,
-    /// RMS below which a trial counts as silent, in m/s²
-    #[arg(long, value_name = "M_S2", value_parser = not_negative, default_value_t = SILENCE_FLOOR_M_S2)]
-    silence_floor: f64,
-    /// Source of the excitation: noise, pieces of the recordings' own residual, or what a test finds
-    #[arg(long, value_enum, default_value = "auto")]
-    excitation: ExcitationChoice,
-    /// Level of the excitation: steady, pieces of the recordings' own level, or what a test finds
-    #[arg(long, value_enum, default_value = "auto")]
-    modulation: ModulationChoice,
-    /// Verdicts of trials to leave out; their nodes are filled from neighbours
-    #[arg(long, value_delimiter = ',', value_parser = clap::builder::PossibleValuesParser::new(Kind::NAMES))]
-    drop: Vec<String>,
-    /// Lines that are locked to place, such as those of a weave: sought, or left in the noise
-    #[arg(long, value_enum, default_value = "auto")]
-    lines: Lines,
-    /// Sample rate of the models, Hz: 5000, or 10000 from recordings of that rate or above
-    #[arg(long, value_name = "HZ", default_value_t = SAMPLE_RATE_HZ)]
-    model_rate: u32,
-    /// Largest share by which measured speeds and forces move to nominal ones, such as 0.05 [default: none moves]
-    #[arg(long, value_name = "SHARE", value_parser = tolerance)]
-    snap: Option<f64>,
-    /// Refuse a set if triage finds anything
-    #[arg(long)]
-    strict: bool,
+    #[command(flatten)]
+    options: fit::Options,
     /// Fill the grid between recorded nodes as densely as the slot allows, and show the gain
     #[arg(long)]
     densify: bool,
@@ -78,12 +46,12 @@ pub struct Arguments {
 }
 
 /// The options at their rate. What needs comparisons with recordings, which are made at 5 kHz, is refused at another.
-fn checked_rate(options: &fit::Options, arguments: &Arguments) -> Result<fit::Options> {
+fn checked_rate(options: &fit::Options, densify: bool) -> Result<fit::Options> {
     options.check_rate()?;
-    if arguments.densify && arguments.model_rate != SAMPLE_RATE_HZ {
+    if densify && options.sample_rate_hz != SAMPLE_RATE_HZ {
         return Err(Error::Request(format!(
             "--densify compares models at {SAMPLE_RATE_HZ} Hz: leave it out at {} Hz",
-            arguments.model_rate
+            options.sample_rate_hz
         )));
     }
     Ok(options.at_their_rate())
@@ -161,20 +129,8 @@ fn check_outputs(arguments: &Arguments) -> Result<()> {
 
 pub fn run(arguments: &Arguments) -> Result<()> {
     check_outputs(arguments)?;
-    let set = snapped(arguments.recordings.open()?, arguments.snap)?;
-    let options = fit::Options {
-        order: arguments.order,
-        reduction: arguments.reduce,
-        silence_floor_m_s2: arguments.silence_floor,
-        excitation: arguments.excitation,
-        modulation: arguments.modulation,
-        drop: arguments.drop.clone(),
-        lines: arguments.lines,
-        strict: arguments.strict,
-        snap: arguments.snap,
-        sample_rate_hz: arguments.model_rate,
-    };
-    let options = checked_rate(&options, arguments)?;
+    let set = snapped(arguments.recordings.open()?, arguments.options.snap)?;
+    let options = checked_rate(&arguments.options, arguments.densify)?;
     if let Some(shard) = arguments.large.shard_to_map() {
         return parts::map_shard(&set, &options, shard, (&arguments.large, arguments.json));
     }

@@ -8,7 +8,7 @@ use host_tools::support::error::{Error, Result};
 
 use crate::cli::input::positive;
 use crate::cli::output::{print, print_json, warn};
-use crate::cli::table::table;
+use crate::cli::table::{headed, table};
 
 /// Rate of force that is assumed if none is known, N/s.
 const ASSUMED_FORCE_RATE_N_S: f64 = 100.0;
@@ -61,34 +61,19 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 }
 
 fn text(fit: &TapFit) -> String {
-    let rows: Vec<Vec<String>> = fit
-        .impacts
-        .iter()
-        .map(|impact| {
-            vec![
-                impact.recording.clone(),
-                format!("{:.3}", impact.time_s),
-                format!("{:.1}", impact.frequency_hz),
-                format!("{:.2}", 1000.0 * impact.decay_s),
-                format!("{:.2}", impact.amplitude_m_s2),
-                impact
-                    .force_rate_n_s
-                    .map_or_else(|| "-".to_owned(), |rate| format!("{rate:.1}")),
-                format!("{:.1}", 100.0 * impact.residual),
-                impact.left_out.clone().unwrap_or_default(),
-            ]
-        })
-        .collect();
-    let header = [
-        "recording",
-        "s",
-        "Hz",
-        "decay ms",
-        "m/s²",
-        "N/s",
-        "left %",
-        "left out",
-    ];
+    let (header, rows) = headed(fit.impacts.iter().map(|impact| {
+        let rate = impact.force_rate_n_s.map(|rate| format!("{rate:.1}"));
+        [
+            ("recording", impact.recording.clone()),
+            ("s", format!("{:.3}", impact.time_s)),
+            ("Hz", format!("{:.1}", impact.frequency_hz)),
+            ("decay ms", format!("{:.2}", 1000.0 * impact.decay_s)),
+            ("m/s²", format!("{:.2}", impact.amplitude_m_s2)),
+            ("N/s", rate.unwrap_or_else(|| "-".to_owned())),
+            ("left %", format!("{:.1}", 100.0 * impact.residual)),
+            ("left out", impact.left_out.clone().unwrap_or_default()),
+        ]
+    }));
     let counted = fit.impacts.iter().filter(|i| i.left_out.is_none());
     let counted: Vec<f64> = counted.map(|i| i.residual).collect();
     let left = counted.iter().sum::<f64>() / counted.len() as f64;

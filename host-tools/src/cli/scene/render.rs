@@ -2,18 +2,17 @@
 
 use std::path::{Path, PathBuf};
 
-use host_tools::playing::motion::MotionPath;
 use host_tools::playing::render::{RenderSummary, Rendering, write_wav};
 use host_tools::scene::{CompiledScene, SceneFile, scene_named};
 use host_tools::support::error::{Error, Result};
 use host_tools::texture::library::{decode_library, read_library};
-use model_format::scene::{MotionOfScene, Scene};
-use model_format::{Library, MillimetresPerSecond, Newton};
+use model_format::Library;
+use model_format::scene::MotionOfScene;
 
 #[cfg(feature = "device")]
 use crate::cli::files::PinArguments;
 use crate::cli::files::WavFile;
-use crate::cli::input::{force, speed};
+use crate::cli::input::Along;
 
 #[derive(clap::Args)]
 pub struct Arguments {
@@ -34,7 +33,15 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let bytes = read_library(path)?;
     let library = decode_library(path, &bytes)?;
     let compiled = arguments.source.compile(&library)?;
-    let (motion, seconds) = arguments.along.motion(&compiled.scene)?;
+    let constant = match compiled.scene.motion {
+        MotionOfScene::Constant {
+            speed_mm_s,
+            force_n,
+        } => Some((speed_mm_s, force_n)),
+        MotionOfScene::Followed => None,
+    };
+    let name = format!("scene '{}'", compiled.scene.name);
+    let (motion, seconds) = arguments.along.motion(&name, constant)?;
     let plan = compiled.plan(&library)?;
     let mut rendering = Rendering::of_plan(plan, &motion, seconds, arguments.along.seed)?;
     let source = format!(
@@ -76,7 +83,7 @@ impl Source {
     /// The files that are read for it and for the motion along it.
     pub fn inputs(&self, along: &Along) -> Vec<PathBuf> {
         let given = std::iter::once(&self.file).chain(&self.library);
-        given.chain(&along.motion).cloned().collect()
+        given.chain(along.file()).cloned().collect()
     }
 
     /// Returns true for a scene file.
@@ -127,66 +134,4 @@ impl Source {
 pub fn is_text(path: &Path) -> bool {
     let extension = path.extension().unwrap_or_default();
     extension.eq_ignore_ascii_case("toml")
-}
-
-/// The motion along a scene.
-#[derive(clap::Args)]
-pub struct Along {
-    /// Motion: CSV with time_s, speed_mm_s, force_n, and position_mm and contact if they do not follow from those
-    #[arg(long, value_name = "CSV", conflicts_with_all = ["speed", "force"])]
-    motion: Option<PathBuf>,
-    /// Constant tangential speed instead, in mm/s
-    #[arg(long, value_name = "MM_S", value_parser = speed, allow_negative_numbers = true, requires = "force")]
-    speed: Option<f64>,
-    /// Constant normal force, in newtons
-    #[arg(long, value_name = "N", value_parser = force, allow_negative_numbers = true, requires = "speed")]
-    force: Option<f64>,
-    /// Duration, in seconds [default: the motion's]
-    #[arg(long, value_name = "S", value_parser = crate::cli::input::positive)]
-    seconds: Option<f64>,
-    /// Seed of the noise: the same seed gives the same samples
-    #[arg(long, default_value_t = 1)]
-    pub seed: u64,
-}
-
-impl Along {
-    /// The motion and its duration, s. A scene of constant motion needs no other.
-    ///
-    /// # Errors
-    /// A motion that cannot be read or is not given, or a constant one without a duration.
-    pub fn motion(&self, scene: &Scene) -> Result<(MotionPath, f64)> {
-        let constant = match (self.speed.zip(self.force), scene.motion) {
-            (Some((speed, force)), _) => Some((speed as f32, force as f32)),
-            (
-                None,
-                MotionOfScene::Constant {
-                    speed_mm_s,
-                    force_n,
-                },
-            ) => Some((speed_mm_s, force_n)),
-            (None, MotionOfScene::Followed) => None,
-        };
-        let name = &scene.name;
-        let motion = match (&self.motion, constant) {
-            (Some(path), _) => MotionPath::from_csv(path)?,
-            (None, Some((speed, force))) => {
-                MotionPath::constant(MillimetresPerSecond(speed), Newton(force))?
-            }
-            (None, None) => {
-                return Err(Error::Request(format!(
-                    "scene '{name}' follows the hand; give --motion CSV, or --speed, --force and --seconds"
-                )));
-            }
-        };
-        let seconds = match (self.seconds, &self.motion) {
-            (Some(seconds), _) => seconds,
-            (None, Some(path)) => motion.end_s(path)?,
-            (None, None) => {
-                return Err(Error::Request(format!(
-                    "scene '{name}': a constant motion has no end; give --seconds"
-                )));
-            }
-        };
-        Ok((motion, seconds))
-    }
 }

@@ -1,6 +1,6 @@
 //! Spectra of models, and models of spectra.
 
-use model_format::{NodeFlags, limits};
+use model_format::limits;
 use realfft::num_complex::Complex;
 
 use super::{BINS, LogSpectrum};
@@ -47,11 +47,7 @@ impl LogSpectrum {
 
     /// Returns the model of order `order` of this spectrum, with its power.
     pub fn model(&self, order: usize) -> Model {
-        Model {
-            reflection: self.prediction(order).reflection,
-            output_power: self.power(),
-            flags: NodeFlags::NONE,
-        }
+        Model::new(self.prediction(order).reflection, self.power())
     }
 
     /// Returns the model of the lowest order that cannot be told from this spectrum by touch: every third-octave band
@@ -113,21 +109,13 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn model(reflection: Vec<f64>, output_power: f64) -> Model {
-        Model {
-            reflection,
-            output_power,
-            flags: NodeFlags::NONE,
-        }
-    }
-
     proptest! {
         // No larger, since a resonance narrower than the spectrum's step is not held by it.
         #[test]
         fn a_models_spectrum_has_its_power_and_gives_it_back(
             reflection in prop::collection::vec(-0.4f64..0.4, 1..8), power in 0.01f64..100.0,
         ) {
-            let original = model(reflection.clone(), power);
+            let original = Model::new(reflection.clone(), power);
             let spectrum = LogSpectrum::of_model_at(&original, FINE_BINS);
             prop_assert!((spectrum.power() / power - 1.0).abs() < 1e-6);
             let back = spectrum.model(reflection.len());
@@ -142,7 +130,7 @@ mod tests {
         fn a_density_has_the_logarithms_of_the_spectrum(
             reflection in prop::collection::vec(-0.9f64..0.9, 0..30), power in 0.01f64..100.0,
         ) {
-            let model = model(reflection, power);
+            let model = Model::new(reflection, power);
             let spectrum = LogSpectrum::of_model(&model);
             let density = density_of_model(&model, BINS);
             prop_assert_eq!(density.len(), spectrum.values().len());
@@ -154,7 +142,7 @@ mod tests {
 
     #[test]
     fn an_economical_model_of_a_model_is_no_larger_than_it_need_be() {
-        let spectrum = LogSpectrum::of_model(&model(vec![-0.9, 0.7, -0.2, 0.3], 2.0));
+        let spectrum = LogSpectrum::of_model(&Model::new(vec![-0.9, 0.7, -0.2, 0.3], 2.0));
         let order_of = |most: usize| spectrum.economical_model(0.5, most).reflection.len();
         assert_eq!(order_of(limits::MAX_ORDER), 15);
         assert_eq!([0, 3, 14, 15, 16].map(order_of), [0, 3, 14, 15, 15]);

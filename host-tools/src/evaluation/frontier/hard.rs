@@ -135,36 +135,3 @@ pub fn summarise(verdicts: &[(&str, Verdict)]) -> HardCases {
         },
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::evaluation::frontier::STRUCTURES;
-    use crate::evaluation::stress::cases::{Length, suite};
-
-    #[test]
-    fn the_shipped_lattice_holds_every_hard_case_at_every_order_and_the_others_do_not() {
-        let cases = suite(Length::Short);
-        let quick = |case: &&Case| case.pole_radius() < 0.9999;
-        let verdicts = |structure, order| -> Vec<Verdict> {
-            let cases = cases.iter().filter(quick).map(|case| of_order(case, order));
-            cases.map(|case| play(&case, structure).unwrap()).collect()
-        };
-        for order in [10, 50] {
-            let lattice = verdicts(Structure::NormalisedLattice32, order);
-            assert!(
-                lattice.iter().all(|&verdict| verdict == Verdict::Held),
-                "{lattice:?}"
-            );
-            for structure in STRUCTURES {
-                if structure != Structure::NormalisedLattice32 {
-                    let others = verdicts(structure, order);
-                    assert!(
-                        others.iter().any(|&verdict| verdict > Verdict::Held),
-                        "{structure}"
-                    );
-                }
-            }
-        }
-    }
-}

@@ -25,7 +25,7 @@ use crate::dsp::spectrum;
 use crate::evaluation::stress::cases::{Case, Length, suite};
 
 pub use prepared::{Material, Prepared};
-pub use results::{Filter, Frontier, Point, interval_ms, share};
+pub use results::{Filter, Frontier, Point, clock_headings, interval_ms, share};
 pub use structure::{STRUCTURES, Voice};
 pub use stylus_costs::Structure;
 

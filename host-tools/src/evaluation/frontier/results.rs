@@ -90,6 +90,11 @@ pub fn interval_ms(samples: usize) -> f64 {
     1000.0 * samples as f64 / f64::from(SAMPLE_RATE_HZ)
 }
 
+/// Headings of shares of the time, by clock.
+pub fn clock_headings() -> [String; 3] {
+    CLOCKS_HZ.map(|clock_hz| format!("{} MHz, %", clock_hz / 1e6))
+}
+
 /// `cycles` as a share of a sample's 200 µs.
 pub fn share(cycles: f64, clock_hz: f64) -> f64 {
     cycles / (clock_hz / f64::from(SAMPLE_RATE_HZ))
@@ -134,50 +139,33 @@ impl Frontier {
         points.sort_by(|a, b| a.cycles.total_cmp(&b.cycles));
         let row = |point: &Point| {
             let filter = &self.filters[point.filter];
+            let cell = |heading: &str, text: String| (heading.to_owned(), text);
             let mut row = vec![
-                filter.structure.to_string(),
-                filter.order_text(),
-                point.interval_ms().to_string(),
-                format!("{:.2}", point.total_error_db),
-                format!("{:.2}", filter.still.band_error_db),
-                format!("{:.2}", point.motion_error_db),
-                percent(Some(filter.still.cost), 1),
-                format!("{:.0}", filter.still.lowest_snr_db),
-                format!("{:.0}", point.cycles),
+                cell("structure", filter.structure.to_string()),
+                cell("order", filter.order_text()),
+                cell("update, ms", point.interval_ms().to_string()),
+                cell("error, dB", format!("{:.2}", point.total_error_db)),
+                cell("at rest", format!("{:.2}", filter.still.band_error_db)),
+                cell("in motion", format!("{:.2}", point.motion_error_db)),
+                cell("C, %", percent(Some(filter.still.cost), 1)),
+                cell("SNR, dB", format!("{:.0}", filter.still.lowest_snr_db)),
+                cell("cycles", format!("{:.0}", point.cycles)),
             ];
-            row.extend(point.shares().map(|share| percent(Some(share), 1)));
-            row.push(format!("{} of {}", filter.hard.held, filter.hard.cases));
-            row.push(
-                match (point.on_front, point.on_safe_front) {
-                    (true, true) => "both",
-                    (true, false) => "all",
-                    (false, _) => "safe",
-                }
-                .to_owned(),
-            );
+            let shares = point.shares().map(|share| percent(Some(share), 1));
+            row.extend(clock_headings().into_iter().zip(shares));
+            let held = format!("{} of {}", filter.hard.held, filter.hard.cases);
+            let front = match (point.on_front, point.on_safe_front) {
+                (true, true) => "both",
+                (true, false) => "all",
+                (false, _) => "safe",
+            };
+            row.push(cell("hard cases held", held));
+            row.push(cell("front of", front.to_owned()));
             row
         };
-        let clocks = CLOCKS_HZ.map(|clock_hz| format!("{} MHz, %", clock_hz / 1e6));
-        let [slow, middle, fast] = clocks.each_ref().map(String::as_str);
-        Table::new(
+        Table::headed(
             "Nothing cheaper has a lower error, all textures being held; safe: among what holds every hard case; \
              shares are of 200 µs",
-            [
-                "structure",
-                "order",
-                "update, ms",
-                "error, dB",
-                "at rest",
-                "in motion",
-                "C, %",
-                "SNR, dB",
-                "cycles",
-                slow,
-                middle,
-                fast,
-                "hard cases held",
-                "front of",
-            ],
             points.into_iter().map(row),
         )
     }

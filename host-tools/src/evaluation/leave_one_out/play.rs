@@ -1,6 +1,6 @@
 //! A model played by the device's kernel, and compared with a recording.
 
-use model_format::{Laws, Library, MillimetresPerSecond, Newton, PartsSpec, limits};
+use model_format::{Library, MillimetresPerSecond, Newton, limits};
 use serde::Serialize;
 
 use super::Options;
@@ -74,14 +74,7 @@ impl Voice {
 /// A duration that the renderer refuses.
 pub fn synthesis(model: &Model, seconds: f64, seed: u64) -> Result<Option<Vec<f64>>> {
     const NAME: &str = "removed node";
-    let grid = Grid {
-        speeds_mm_s: vec![PLACE.0],
-        forces_n: vec![PLACE.1],
-        models: vec![model.clone()],
-        // One node has nothing between.
-        laws: Laws::default(),
-        parts: PartsSpec::default(),
-    };
+    let grid = Grid::new(vec![PLACE.0], vec![PLACE.1], vec![model.clone()]);
     let Ok(bytes) = library_of(NAME, &grid) else {
         return Ok(None);
     };

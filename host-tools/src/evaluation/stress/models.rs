@@ -2,7 +2,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-use model_format::{Laws, NodeFlags, PartsSpec, SAMPLE_RATE_HZ, Texture, limits};
+use model_format::{SAMPLE_RATE_HZ, Texture, limits};
 use realfft::num_complex::Complex;
 
 use crate::dsp::linear_prediction::{Prediction, error_share, step_up};
@@ -117,18 +117,12 @@ pub const FORCES_N: [f32; 2] = [0.5, 1.0];
 /// A model that a library cannot hold, in the words of `fit`.
 pub fn library(nodes: &[(&NamedModel, f64)]) -> Result<Vec<u8>> {
     let side = if nodes.len() == 1 { 1 } else { 2 };
-    let model = |(model, power): &(&NamedModel, f64)| Model {
-        reflection: model.reflection.clone(),
-        output_power: *power,
-        flags: NodeFlags::NONE,
-    };
-    let grid = Grid {
-        speeds_mm_s: SPEEDS_MM_S[..side].to_vec(),
-        forces_n: FORCES_N[..side].to_vec(),
-        models: nodes.iter().map(model).collect(),
-        laws: Laws::default(),
-        parts: PartsSpec::default(),
-    };
+    let model = |(model, power): &(&NamedModel, f64)| Model::new(model.reflection.clone(), *power);
+    let grid = Grid::new(
+        SPEEDS_MM_S[..side].to_vec(),
+        FORCES_N[..side].to_vec(),
+        nodes.iter().map(model).collect(),
+    );
     library_of("hard", &grid)
 }
 

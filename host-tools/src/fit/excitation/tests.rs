@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use model_format::{Library, MillimetresPerSecond, Newton, NodeFlags, SAMPLE_RATE_HZ, limits};
+use model_format::{Library, MillimetresPerSecond, Newton, SAMPLE_RATE_HZ, limits};
 use proptest::prelude::*;
 
 use super::evidence::mean_square;
@@ -20,6 +20,7 @@ use crate::playing::motion::MotionPath;
 use crate::playing::render::render;
 use crate::recording::{RecordingSet, Trial};
 use crate::scene::with_scenes;
+use crate::support::float_wav::float_wav;
 use crate::texture::grid::Grid;
 use crate::texture::quantise::nodes;
 
@@ -60,18 +61,11 @@ fn swelling(seed: u64, samples: usize, depth_db: f64) -> Vec<f64> {
 
 fn trace(samples: &[f64], order: usize) -> Trace {
     let lags = corrected(Autocorrelation::of(samples, order).lags);
-    let model = Model {
-        output_power: lags[0],
-        reflection: Prediction::levinson_durbin(&lags, order).reflection,
-        flags: NodeFlags::NONE,
-    };
-    let grid = Grid {
-        speeds_mm_s: vec![100.0],
-        forces_n: vec![1.0],
-        models: vec![model],
-        laws: model_format::Laws::default(),
-        parts: model_format::PartsSpec::default(),
-    };
+    let model = Model::new(
+        Prediction::levinson_durbin(&lags, order).reflection,
+        lags[0],
+    );
+    let grid = Grid::new(vec![100.0], vec![1.0], vec![model]);
     let node = nodes("test", &grid).unwrap().remove(0);
     let signal = Signal {
         samples: samples.to_vec(),
@@ -230,17 +224,8 @@ fn regions_that_differ_have_codebooks_of_their_own_and_all_have_room() {
 
 fn written(folder: &Path, name: &str, samples: &[f64]) -> Trial {
     let file = folder.join(format!("{name}.wav"));
-    let spec = hound::WavSpec {
-        channels: 1,
-        sample_rate: SAMPLE_RATE_HZ,
-        bits_per_sample: 32,
-        sample_format: hound::SampleFormat::Float,
-    };
-    let mut wav = hound::WavWriter::create(&file, spec).unwrap();
-    for &x in samples {
-        wav.write_sample(x as f32).unwrap();
-    }
-    wav.finalize().unwrap();
+    let bytes = float_wav(1, SAMPLE_RATE_HZ, samples.iter().copied()).unwrap();
+    std::fs::write(&file, bytes).unwrap();
     Trial::of(file, name, 100.0, 1.0)
 }
 

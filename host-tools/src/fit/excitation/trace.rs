@@ -95,18 +95,8 @@ mod tests {
     /// The residual of what the model's filter makes of an excitation is that excitation.
     #[test]
     fn the_residual_of_a_synthesis_is_its_excitation() {
-        let model = crate::dsp::model::Model {
-            reflection: vec![-0.7, 0.5, -0.3],
-            output_power: 1.0,
-            flags: model_format::NodeFlags::NONE,
-        };
-        let grid = Grid {
-            speeds_mm_s: vec![100.0],
-            forces_n: vec![1.0],
-            models: vec![model],
-            laws: model_format::Laws::default(),
-            parts: model_format::PartsSpec::default(),
-        };
+        let model = crate::dsp::model::Model::new(vec![-0.7, 0.5, -0.3], 1.0);
+        let grid = Grid::new(vec![100.0], vec![1.0], vec![model]);
         let node = nodes("test", &grid).unwrap().remove(0);
         let a = predictor(&node.codes);
         let excitation: Vec<f64> = (0..200u32).map(|n| f64::from(n * n % 31) - 15.0).collect();

@@ -113,14 +113,9 @@ pub fn convert(name: &str, toolkit: &Toolkit, bounds: Bounds) -> Result<Converte
         forces_n,
         models,
     } = choose(toolkit, &candidates, bounds);
-    let grid = Grid {
-        speeds_mm_s,
-        forces_n,
-        models,
-        laws: LAWS,
-        // Published models hold neither a residual nor a place.
-        parts: model_format::PartsSpec::default(),
-    };
+    // Published models hold neither a residual nor a place.
+    let mut grid = Grid::new(speeds_mm_s, forces_n, models);
+    grid.laws = LAWS;
     let mut spec = texture_spec(name, Provenance::Recorded, &grid)?;
     // Models of 1 kHz have no line so narrow that it needs 24 bits of θ, and the slot holds more nodes without.
     spec.nodes = coarse(spec.nodes);
@@ -323,6 +318,7 @@ pub(super) fn played_density(texture: &Texture<'_>, (speed_mm_s, force_n): (f64,
 
 #[cfg(test)]
 mod tests {
+    use crate::dsp::test_signals::near;
     use std::path::Path;
 
     use super::super::fixture;
@@ -424,10 +420,7 @@ mod tests {
         let text = fixture::whole();
         let louder = converted(&text.replace("<var>0.004", "<var>0.016"), ROOM);
         let error = &errors_at(&louder, &text, &[(60.0, 0.5)])[0];
-        assert!(
-            (error.level_db - 20.0 * 2f64.log10()).abs() < 0.02,
-            "{error:?}"
-        );
+        near(error.level_db, 20.0 * 2f64.log10(), 0.02);
         // One triangle of six, the misreading that an error against one's own reading does not see.
         let one = fixture::file(&fixture::PLACES, &fixture::TRIANGLES[..1]);
         let misread = converted(&one, ROOM);

@@ -147,51 +147,33 @@ impl<'a> File<'a> {
     /// # Errors
     /// Corners that are not three per triangle, or that name no model.
     pub fn triangles(&self, models: usize) -> Result<Vec<[usize; 3]>> {
-        let mut listed = Vec::new();
-        for node in self
-            .document
-            .descendants()
-            .filter(|node| is_named(*node, "tri"))
-        {
+        let mut triangles = Vec::new();
+        let all = self.document.descendants();
+        for node in all.filter(|node| is_named(*node, "tri")) {
             let corners = self.numbers(node)?;
-            if !corners.len().is_multiple_of(3) {
+            let (whole, rest) = corners.as_chunks::<3>();
+            if !rest.is_empty() {
                 let count = corners.len();
-                return Err(self.wrong(
-                    node,
-                    format!("<tri> has {count} corners, not three per triangle"),
-                ));
+                let problem = format!("<tri> has {count} corners, not three per triangle");
+                return Err(self.wrong(node, problem));
             }
-            listed.extend(
-                corners
-                    .chunks_exact(3)
-                    .map(|corners| (node, [corners[0], corners[1], corners[2]])),
-            );
-        }
-        let index = |node, corner: f64| {
-            let index = corner - 1.0;
-            if index.fract() == 0.0 && (0.0..models as f64).contains(&index) {
-                return Ok(index as usize);
-            }
-            Err(self.wrong(
-                node,
-                format!("<tri> names model {corner}; there are {models}"),
-            ))
-        };
-        listed
-            .into_iter()
-            .map(|(node, [a, b, c])| {
-                let triangle = [index(node, a)?, index(node, b)?, index(node, c)?];
-                if triangle[0] == triangle[1]
-                    || triangle[1] == triangle[2]
-                    || triangle[2] == triangle[0]
-                {
-                    return Err(
-                        self.wrong(node, format!("<tri> names a model twice: {a}, {b}, {c}"))
-                    );
+            let index = |corner: f64| {
+                let index = corner - 1.0;
+                if index.fract() == 0.0 && (0.0..models as f64).contains(&index) {
+                    return Ok(index as usize);
                 }
-                Ok(triangle)
-            })
-            .collect()
+                let problem = format!("<tri> names model {corner}; there are {models}");
+                Err(self.wrong(node, problem))
+            };
+            for &[a, b, c] in whole {
+                if a == b || b == c || c == a {
+                    let problem = format!("<tri> names a model twice: {a}, {b}, {c}");
+                    return Err(self.wrong(node, problem));
+                }
+                triangles.push([index(a)?, index(b)?, index(c)?]);
+            }
+        }
+        Ok(triangles)
     }
 
     /// Compares a count that the file states with what it has.

@@ -33,11 +33,13 @@ pub struct Source {
 }
 
 /// Sizes of the grids that are asked for.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, clap::Args)]
 pub struct Options {
-    /// Most speeds of a grid; as many as the slot has room for if none.
+    /// Most speeds of a grid [default: as many of the file's own as the slot has room for]
+    #[arg(long)]
     pub speeds: Option<usize>,
-    /// Most forces of a grid; as many as the slot has room for if none.
+    /// Most forces of a grid [default: as many of the file's own as the slot has room for]
+    #[arg(long)]
     pub forces: Option<usize>,
 }
 

@@ -9,6 +9,7 @@ use rand_pcg::Pcg64;
 
 use super::findings::NoLines;
 use super::{Findings, Lines, TrialLines, separate};
+use crate::dsp::test_signals::near;
 
 const RATE_HZ: f64 = SAMPLE_RATE_HZ as f64;
 const SAMPLES: usize = 10_000;
@@ -107,19 +108,12 @@ fn a_weave_is_found_with_its_harmonics_and_nothing_is_left_of_it() {
     assert_eq!(findings.lines.len(), 3);
     for (line, n, phase) in [(0, 1.0, 0.0), (1, 2.0, 0.3), (2, 3.0, 0.8)] {
         let line = &findings.lines[line];
-        assert!(
-            (line.wavelength_mm * n / 0.85 - 1.0).abs() < 1e-4,
-            "{line:?}"
-        );
+        near(line.wavelength_mm * n / 0.85, 1.0, 1e-4);
         assert!((line.phase_turns - phase).abs() < 0.02, "{line:?}");
     }
     for ((signal, plain), share) in signals.iter().zip(plain).zip(&shares) {
         assert!((rms(signal) / plain - 1.0).abs() < 0.01);
-        assert!(
-            (share.amplitudes_m_s2[0].unwrap() - 1.0).abs() < 0.05,
-            "{:?}",
-            share.amplitudes_m_s2
-        );
+        near(share.amplitudes_m_s2[0].unwrap(), 1.0, 0.05);
     }
 }
 
@@ -200,17 +194,11 @@ fn speeds_that_are_all_wrong_by_one_factor_keep_their_lines_and_a_single_wrong_o
     }
     let tenfold: Vec<f64> = SPEEDS_MM_S.iter().map(|v| 10.0 * v).collect();
     let (findings, _) = found(&tenfold, &mut signals.clone());
-    assert!(
-        (findings.lines[0].wavelength_mm / 8.0 - 1.0).abs() < 1e-4,
-        "{findings}"
-    );
+    near(findings.lines[0].wavelength_mm / 8.0, 1.0, 1e-4);
     let mut one_wrong = SPEEDS_MM_S;
     one_wrong[2] = 1000.0;
     let (findings, shares) = found(&one_wrong, &mut signals);
-    assert!(
-        (findings.lines[0].wavelength_mm / 0.8 - 1.0).abs() < 1e-4,
-        "{findings}"
-    );
+    near(findings.lines[0].wavelength_mm / 0.8, 1.0, 1e-4);
     assert_eq!(findings.lines[0].shown_at_speeds.0, 5);
     assert!(
         shares[2].amplitudes_m_s2[0].is_none_or(|a| a < 0.2),
@@ -236,10 +224,7 @@ fn a_line_is_followed_through_a_speed_that_wanders() {
     }
     let (findings, shares) = found(&SPEEDS_MM_S, &mut signals);
     assert_eq!(findings.lines.len(), 2, "{findings}");
-    assert!(
-        (findings.lines[0].wavelength_mm / 0.6 - 1.0).abs() < 1e-3,
-        "{findings}"
-    );
+    near(findings.lines[0].wavelength_mm / 0.6, 1.0, 1e-3);
     assert!(findings.followed_trials >= 3, "{findings}");
     for ((signal, plain), share) in signals.iter().zip(plain).zip(&shares) {
         assert!(
@@ -247,10 +232,7 @@ fn a_line_is_followed_through_a_speed_that_wanders() {
             "{} {plain} {share:?}",
             rms(signal)
         );
-        assert!(
-            (share.amplitudes_m_s2[0].unwrap() / 3.0 - 1.0).abs() < 0.06,
-            "{share:?}"
-        );
+        near(share.amplitudes_m_s2[0].unwrap() / 3.0, 1.0, 0.06);
     }
 }
 
@@ -266,10 +248,7 @@ fn speeds_known_to_a_percent_alone_are_told_by_the_line() {
     }
     let (findings, shares) = found(&SPEEDS_MM_S, &mut signals);
     assert_eq!(findings.lines.len(), 1, "{findings}");
-    assert!(
-        (findings.lines[0].wavelength_mm / 0.4 - 1.0).abs() < 0.01,
-        "{findings}"
-    );
+    near(findings.lines[0].wavelength_mm / 0.4, 1.0, 0.01);
     assert!(findings.speed_scatter.unwrap() > 1e-3);
     let base = shares[0].speed_ratio.unwrap() / (1.0 + errors[0]);
     for (share, error) in shares.iter().zip(&errors) {

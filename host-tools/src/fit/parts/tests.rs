@@ -1,15 +1,15 @@
 use std::path::Path;
 
-use rand::SeedableRng;
-use rand_distr::{Distribution, StandardNormal};
-
 use super::{Mapped, Merged, Shard, map};
+use crate::dsp::test_signals::noise;
 use crate::fit::lines::Lines;
 use crate::fit::options::Order;
 use crate::fit::record::FitRecord;
 use crate::fit::{ExcitationChoice, Fit, Options, fit};
 use crate::recording::{RecordingSet, Trial};
 use crate::support::error::Result;
+use crate::support::float_wav::float_wav;
+use crate::support::holds;
 
 const SAMPLES: usize = 2600;
 
@@ -18,21 +18,12 @@ const TEXTURES: [&str; 3] = ["felt", "cork", "tile"];
 
 /// Writes a recording of coloured noise.
 fn write(path: &Path, seed: u64) {
-    let spec = hound::WavSpec {
-        channels: 1,
-        sample_rate: 5000,
-        bits_per_sample: 32,
-        sample_format: hound::SampleFormat::Float,
-    };
-    let mut writer = hound::WavWriter::create(path, spec).unwrap();
-    let mut random = rand_pcg::Pcg64::seed_from_u64(seed);
     let mut before = 0.0;
-    for _ in 0..SAMPLES {
-        let next: f64 = StandardNormal.sample(&mut random);
+    let samples = noise(seed, SAMPLES).into_iter().map(|next| {
         before = 0.8 * before + next;
-        writer.write_sample(before as f32).unwrap();
-    }
-    writer.finalize().unwrap();
+        before
+    });
+    std::fs::write(path, float_wav(1, 5000, samples).unwrap()).unwrap();
 }
 
 /// A set of three textures, whose trials stand mixed in the list, with a copy of a trial in another texture.
@@ -148,8 +139,7 @@ fn a_merge_refuses_what_is_missing_damaged_or_of_other_inputs_and_a_map_computes
     let (own, parts) = (options(Lines::Auto), folder.path().join("parts"));
     std::fs::create_dir(&parts).unwrap();
     let refused = |set: &RecordingSet, options: &Options, word: &str| {
-        let message = merged(set, options, &parts).unwrap_err().to_string();
-        assert!(message.contains(word), "{message}");
+        holds(&merged(set, options, &parts).unwrap_err(), &[word]);
     };
     refused(&set, &own, "lacks the results of 12 of 12 trials");
     mapped(&set, &own, Shard { number: 1, of: 2 }, &parts);

@@ -334,6 +334,8 @@ impl<'a> Hand<'a> {
 mod tests {
     use super::super::table::tests::path_of as read;
     use super::*;
+    use crate::dsp::test_signals::near;
+    use crate::support::holds;
     use proptest::prelude::*;
 
     fn motion(speed_mm_s: f32, force_n: f32) -> Motion {
@@ -384,8 +386,7 @@ mod tests {
             (vec![rows[0], rows[0]], "times must rise"),
         ];
         for (rows, word) in refused {
-            let message = MotionPath::from_rows(rows).unwrap_err().to_string();
-            assert!(message.contains(word), "{message}");
+            holds(&MotionPath::from_rows(rows).unwrap_err(), &[word]);
         }
     }
 
@@ -420,11 +421,7 @@ mod tests {
             (4.0, 250.0),
             (5.0, 50.0),
         ] {
-            assert!(
-                (path.position_mm_at(time_s) - position_mm).abs() < 1e-9,
-                "{time_s} s: {}",
-                path.position_mm_at(time_s)
-            );
+            near(path.position_mm_at(time_s), position_mm, 1e-9);
         }
         let told = read("time_s,position_mm,speed_mm_s,force_n\n1,-5,0,1\n3,7,0,1\n").unwrap();
         for (time_s, position_mm) in [(0.0, -5.0), (1.0, -5.0), (2.0, 1.0), (9.0, 7.0)] {

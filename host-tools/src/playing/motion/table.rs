@@ -99,6 +99,7 @@ impl Columns {
 pub(super) mod tests {
     use super::super::MotionPath;
     use super::*;
+    use crate::support::holds;
     use proptest::prelude::*;
 
     pub fn path_of(text: &str) -> Result<MotionPath> {
@@ -182,8 +183,7 @@ pub(super) mod tests {
             ("time_s,speed_mm_s,force_n\n", "no rows"),
             ("", "no column 'time_s'"),
         ] {
-            let error = path_of(text).unwrap_err().to_string();
-            assert!(error.contains(problem), "{error}");
+            holds(&path_of(text).unwrap_err(), &[problem]);
         }
     }
 

@@ -234,6 +234,7 @@ mod tests {
     use super::super::MAX_SECONDS;
     use super::super::test_library::{constant, library, sweep, texture};
     use super::*;
+    use crate::dsp::test_signals::near;
     use crate::support::error::Error;
 
     #[test]
@@ -283,10 +284,7 @@ mod tests {
             let values = rendered.accelerations_m_s2();
             let mean_square =
                 values.iter().map(|value| value * value).sum::<f64>() / values.len() as f64;
-            assert!(
-                (mean_square / power - 1.0).abs() < 0.05,
-                "{mean_square}, not {power}"
-            );
+            near(mean_square / power, 1.0, 0.05);
         }
     }
 

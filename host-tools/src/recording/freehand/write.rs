@@ -2,13 +2,12 @@
 
 use std::path::Path;
 
-use hound::{SampleFormat, WavSpec, WavWriter};
-
 use super::read::Freehand;
 use super::segment::{Placed, Segmentation};
 use crate::recording::TRIALS_FILE;
 use crate::support::atomic_file;
 use crate::support::error::{Error, Result};
+use crate::support::float_wav::float_wav;
 use crate::support::output::OutputFolder;
 
 /// Writes every segment as a WAV file (32-bit float, m/s²) into `folder`, and then the list of the trials of `texture`:
@@ -67,20 +66,9 @@ fn write_into(
 }
 
 fn write_segment(path: &Path, recording: &Freehand, placed: &Placed) -> Result<()> {
-    let spec = WavSpec {
-        channels: recording.axes.len() as u16,
-        sample_rate: recording.rate_hz as u32,
-        bits_per_sample: 32,
-        sample_format: SampleFormat::Float,
-    };
-    let mut bytes = std::io::Cursor::new(Vec::new());
-    let failed = |failure: hound::Error| Error::file(path, failure.to_string());
-    let mut writer = WavWriter::new(&mut bytes, spec).map_err(failed)?;
-    for sample in placed.segment.first..placed.segment.end {
-        for axis in &recording.axes {
-            writer.write_sample(axis[sample] as f32).map_err(failed)?;
-        }
-    }
-    writer.finalize().map_err(failed)?;
-    atomic_file::write(path, &bytes.into_inner())
+    let part = placed.segment.first..placed.segment.end;
+    let samples = part.flat_map(|sample| recording.axes.iter().map(move |axis| axis[sample]));
+    let bytes = float_wav(recording.axes.len(), recording.rate_hz as u32, samples);
+    let bytes = bytes.map_err(|failure| Error::file(path, failure.to_string()))?;
+    atomic_file::write(path, &bytes)
 }

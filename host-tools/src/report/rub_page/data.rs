@@ -3,9 +3,10 @@
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use model_format::scene::{MotionOfScene, Scene};
-use model_format::{NodeFlags, PartKind, Provenance, Texture};
+use model_format::{NodeFlags, Provenance, Texture};
 use rayon::prelude::*;
 use serde::Serialize;
+use serde_json::{Value, json};
 use stylus_kernel::digest::{DIGEST_SEED, DIGEST_WORDS, of_plan};
 use stylus_kernel::scene::Plan;
 
@@ -36,21 +37,15 @@ pub struct Data {
     stylus: &'static str,
     pub title: String,
     pub simulated: bool,
-    kernel: KernelData,
+    kernel: Value,
     seed: u64,
     digest: DigestData,
     pub frequencies_hz: Vec<f64>,
     pub full_scale_m_s2: f64,
     pub textures: Vec<TextureData>,
-    scenes: Vec<SceneData>,
+    scenes: Vec<Value>,
     pub clips: Vec<Clip>,
     clip_note: String,
-}
-
-#[derive(Serialize)]
-struct KernelData {
-    bytes: usize,
-    built_by: &'static str,
 }
 
 #[derive(Serialize)]
@@ -85,12 +80,7 @@ pub struct TextureData {
 struct PartsData {
     codebooks: bool,
     track: bool,
-    lines: Vec<LineData>,
-}
-
-#[derive(Serialize)]
-struct LineData {
-    wavelength_mm: f64,
+    lines: Vec<Value>,
 }
 
 /// A node.
@@ -114,48 +104,6 @@ pub struct NodeData {
     clip: Option<usize>,
     #[serde(skip)]
     pub flags: NodeFlags,
-}
-
-#[derive(Serialize)]
-struct SceneData {
-    name: String,
-    sample_rate_hz: u32,
-    transition_mm: f32,
-    constant: Option<ConstantData>,
-    equaliser_sections: usize,
-    surfaces: Vec<SurfaceData>,
-    regions: Vec<RegionData>,
-}
-
-#[derive(Serialize)]
-struct ConstantData {
-    speed_mm_s: f32,
-    force_n: f32,
-}
-
-#[derive(Serialize)]
-struct SurfaceData {
-    texture: Option<u8>,
-    gain: f32,
-    tap: Option<TapData>,
-    stick_slip: Option<StickSlipData>,
-}
-
-#[derive(Serialize)]
-struct TapData {
-    frequency_hz: f32,
-}
-
-#[derive(Serialize)]
-struct StickSlipData {
-    period_mm: f32,
-}
-
-#[derive(Serialize)]
-struct RegionData {
-    start_mm: f32,
-    end_mm: f32,
-    surface: u8,
 }
 
 impl Data {
@@ -188,10 +136,7 @@ impl Data {
             stylus: env!("CARGO_PKG_VERSION"),
             title: format!("Rub {}", in_words(&names)),
             simulated: textures.iter().any(|one| one.simulated),
-            kernel: KernelData {
-                bytes: KERNEL.len(),
-                built_by: KERNEL_BUILT_BY.trim(),
-            },
+            kernel: json!({ "bytes": KERNEL.len(), "built_by": KERNEL_BUILT_BY.trim() }),
             seed: inputs.seed,
             digest: DigestData {
                 words: DIGEST_WORDS,
@@ -304,18 +249,9 @@ impl TextureData {
             can_leave_out: PartsData {
                 codebooks: texture.excitation().is_some(),
                 track: texture.modulation().is_some(),
-                lines: texture
-                    .lines()
-                    .into_iter()
-                    .flat_map(|lines| {
-                        lines
-                            .iter()
-                            .map(|line| line.wavelength_mm())
-                            .collect::<Vec<_>>()
-                    })
-                    .map(|wavelength| LineData {
-                        wavelength_mm: as_written(wavelength),
-                    })
+                lines: (texture.lines().iter())
+                    .flat_map(|lines| lines.iter().map(|line| as_written(line.wavelength_mm())))
+                    .map(|wavelength_mm| json!({ "wavelength_mm": wavelength_mm }))
                     .collect(),
             },
             nodes,
@@ -335,12 +271,11 @@ fn recorded_at(
     thinning: &Thinning,
 ) -> Result<Recorded> {
     let (speed_mm_s, force_n) = (texture.speed(speed).0, texture.force(force).0);
-    let of_node = |trial: &Trial| {
-        trial.texture == texture.name()
-            && trial.speed_mm_s as f32 == speed_mm_s
-            && trial.force_n as f32 == force_n
+    let is_here = |name: &str, speed: f64, force: f64| {
+        name == texture.name() && (speed as f32, force as f32) == (speed_mm_s, force_n)
     };
     let set = recordings.set;
+    let of_node = |trial: &Trial| is_here(&trial.texture, trial.speed_mm_s, trial.force_n);
     let trials: Vec<usize> = (0..set.trials.len())
         .filter(|&trial| of_node(&set.trials[trial]))
         .collect();
@@ -350,11 +285,7 @@ fn recorded_at(
     });
     let signals = signals.collect::<Result<Vec<Vec<f64>>>>()?;
     let judged = recordings.evaluation.trials.iter();
-    let judged = judged.filter(|trial| {
-        trial.texture == texture.name()
-            && trial.speed_mm_s as f32 == speed_mm_s
-            && trial.force_n as f32 == force_n
-    });
+    let judged = judged.filter(|trial| is_here(&trial.texture, trial.speed_mm_s, trial.force_n));
     let costs: Vec<f64> = judged.filter_map(|trial| trial.scores.cost).collect();
     let levels: Vec<f64> = signals.iter().map(|signal| rms(signal)).collect();
     let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
@@ -376,50 +307,43 @@ fn recorded_at(
 }
 
 fn part_bytes(texture: &Texture<'_>) -> usize {
-    let parts: Vec<(PartKind, usize)> = texture.parts().collect();
-    parts.iter().map(|(_, bytes)| bytes).sum()
+    texture.parts().map(|(_, bytes)| bytes).sum()
 }
 
-fn scene_data(scene: &Scene) -> SceneData {
-    SceneData {
-        name: scene.name.to_string(),
-        sample_rate_hz: scene.sample_rate_hz,
-        transition_mm: scene.transition_mm,
-        constant: match scene.motion {
-            MotionOfScene::Followed => None,
-            MotionOfScene::Constant {
-                speed_mm_s,
-                force_n,
-            } => Some(ConstantData {
-                speed_mm_s,
-                force_n,
-            }),
-        },
-        equaliser_sections: scene.equaliser.len(),
-        surfaces: scene
-            .surfaces
-            .iter()
-            .map(|surface| SurfaceData {
-                texture: surface.texture,
-                gain: surface.gain,
-                tap: surface.tap.map(|tap| TapData {
-                    frequency_hz: tap.frequency_hz,
-                }),
-                stick_slip: surface.stick_slip.map(|slip| StickSlipData {
-                    period_mm: slip.period_mm,
-                }),
-            })
-            .collect(),
-        regions: scene
-            .regions
-            .iter()
-            .map(|region| RegionData {
-                start_mm: region.start_mm,
-                end_mm: region.end_mm,
-                surface: region.surface,
-            })
-            .collect(),
-    }
+fn scene_data(scene: &Scene) -> Value {
+    let constant = match scene.motion {
+        MotionOfScene::Followed => Value::Null,
+        MotionOfScene::Constant {
+            speed_mm_s,
+            force_n,
+        } => json!({ "speed_mm_s": as_written(speed_mm_s), "force_n": as_written(force_n) }),
+    };
+    let surfaces = scene.surfaces.iter().map(|surface| {
+        let tap_hz = surface.tap.map(|tap| as_written(tap.frequency_hz));
+        let period_mm = surface.stick_slip.map(|slip| as_written(slip.period_mm));
+        json!({
+            "texture": surface.texture,
+            "gain": as_written(surface.gain),
+            "tap": tap_hz.map(|frequency_hz| json!({ "frequency_hz": frequency_hz })),
+            "stick_slip": period_mm.map(|period_mm| json!({ "period_mm": period_mm })),
+        })
+    });
+    let regions = scene.regions.iter().map(|region| {
+        json!({
+            "start_mm": as_written(region.start_mm),
+            "end_mm": as_written(region.end_mm),
+            "surface": region.surface,
+        })
+    });
+    json!({
+        "name": scene.name.as_str(),
+        "sample_rate_hz": scene.sample_rate_hz,
+        "transition_mm": as_written(scene.transition_mm),
+        "constant": constant,
+        "equaliser_sections": scene.equaliser.len(),
+        "surfaces": surfaces.collect::<Vec<_>>(),
+        "regions": regions.collect::<Vec<_>>(),
+    })
 }
 
 /// Codes as Base64 of little-endian numbers.

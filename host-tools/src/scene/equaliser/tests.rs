@@ -4,6 +4,7 @@ use model_format::scene::limits::MAX_SECTIONS;
 use proptest::prelude::*;
 
 use super::*;
+use crate::support::holds;
 
 const RATE_HZ: f64 = 5000.0;
 
@@ -170,8 +171,7 @@ fn what_is_wrong_with_a_response_is_said_with_its_line() {
             "coil.csv, line 4: frequency_hz is 'NaN'",
         ),
     ] {
-        let message = read(text);
-        assert!(message.contains(expected), "{message}");
+        holds(&read(text), &[expected]);
     }
 }
 

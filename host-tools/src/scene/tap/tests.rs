@@ -5,6 +5,7 @@ use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 
 use super::*;
+use crate::dsp::test_signals::near;
 
 const RATE_HZ: f64 = 5000.0;
 
@@ -62,10 +63,7 @@ fn noise_at_the_onset_does_not_spoil_the_fit() {
     let found = TapFit::new(&[recording(samples)]).unwrap();
     assert_eq!(found.impacts[0].time_s, 0.2);
     assert!((found.decay_s / decay_s - 1.0).abs() < 0.03, "{found:?}");
-    assert!(
-        (found.impacts[0].amplitude_m_s2 - 1.0).abs() < 0.03,
-        "{found:?}"
-    );
+    near(found.impacts[0].amplitude_m_s2, 1.0, 0.03);
 }
 
 proptest! {
@@ -149,10 +147,7 @@ fn amplitudes_over_rates_of_force_give_the_gain() {
     let gain = found.gain_m_s2_per_n_s.unwrap();
     for impact in &found.impacts {
         let played = gain * impact.force_rate_n_s.unwrap();
-        assert!(
-            (played / impact.amplitude_m_s2 - 1.0).abs() < 0.6,
-            "{impact:?}"
-        );
+        near(played / impact.amplitude_m_s2, 1.0, 0.6);
     }
     assert!(found.gain_scatter.unwrap() < 0.1, "{found:?}");
     assert!((found.limit_m_s2 / 37.5 - 1.0).abs() < 0.05, "{found:?}");

@@ -256,6 +256,7 @@ fn judged_bins() -> impl Iterator<Item = usize> {
 mod tests {
     use super::*;
     use crate::dsp::log_spectrum::BINS;
+    use crate::dsp::test_signals::near;
 
     /// Levels over a grid: level(speed index, force index), in nepers of power.
     fn field(level: impl Fn(usize, usize) -> Option<f64>) -> RecordedSpectra {
@@ -277,11 +278,7 @@ mod tests {
         let field = field(|speed, force| Some(0.3 * force as f64 + 5.0 * (speed % 2) as f64));
         let ways = TwoWays::of(&field);
         let there = field.without((2, 1), &ways).unwrap();
-        assert!(
-            (there.values()[400] - 0.3).abs() < 1e-6,
-            "{}",
-            there.values()[400]
-        );
+        near(there.values()[400], 0.3, 1e-6);
     }
 
     #[test]

@@ -7,7 +7,7 @@ use host_tools::link::capture::{Calibration, Capture, Level, Loss};
 use host_tools::link::set::PlannedTrial;
 use serde::Serialize;
 
-use crate::cli::table::table;
+use crate::cli::table::{headed, table};
 
 /// Share by which the measured speed or force may differ from the wanted one.
 const TOLERANCE: f64 = 0.1;
@@ -108,21 +108,16 @@ impl RecordReport {
 
     /// The report as a table with a summary.
     pub fn text(&self) -> String {
-        let header = ["trial", "mm/s", "N", "RMS m/s²", "triage", "lost blocks"];
-        let rows: Vec<Vec<String>> = self
-            .recorded
-            .iter()
-            .map(|row| {
-                vec![
-                    row.texture.clone(),
-                    row.speed_mm_s.to_string(),
-                    row.force_n.to_string(),
-                    format!("{:.3}", row.level.rms_m_s2),
-                    row.verdict_text(),
-                    row.lost_blocks().to_string(),
-                ]
-            })
-            .collect();
+        let (header, rows) = headed(self.recorded.iter().map(|row| {
+            [
+                ("trial", row.texture.clone()),
+                ("mm/s", row.speed_mm_s.to_string()),
+                ("N", row.force_n.to_string()),
+                ("RMS m/s²", format!("{:.3}", row.level.rms_m_s2)),
+                ("triage", row.verdict_text()),
+                ("lost blocks", row.lost_blocks().to_string()),
+            ]
+        }));
         let summary = format!(
             "{} trial(s) recorded into {}, {} already there, {} left out; {} block(s) lost",
             self.recorded.len(),

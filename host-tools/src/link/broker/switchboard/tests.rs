@@ -9,6 +9,7 @@ use model_format::link::{
 use proptest::prelude::*;
 
 use super::*;
+use crate::support::holds;
 
 fn request(key: Key, number: u16, body: &[u8]) -> Vec<u8> {
     let header = VarHeader {
@@ -355,11 +356,8 @@ fn one_client_uploads_until_the_end_of_it_or_its_own() {
         UploadAbortEndpoint::REQ_KEY,
         ActivateEndpoint::REQ_KEY,
     ] {
-        let words = refusal(&mut board, 1, key);
-        assert!(
-            words.contains("`stylus status` (process 7) uploads"),
-            "{words}"
-        );
+        let message = refusal(&mut board, 1, key);
+        holds(&message, &["`stylus status` (process 7) uploads"]);
     }
     done(&mut board, 2, COMMIT, false);
     done(&mut board, 1, BEGIN, false);
