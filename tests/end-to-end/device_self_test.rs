@@ -45,6 +45,18 @@ fn with<'a>(record: &'a Value, verdict: &str) -> Vec<&'a str> {
 }
 
 #[test]
+fn an_output_with_an_amplifier_that_may_be_on_is_not_moved_and_the_line_says_what_to_do() {
+    let (_stylus, bench) = on(Board::default());
+    bench.succeed("settings set enable-wired 0");
+    let (record, code) = test(&bench, "");
+    assert_eq!((with(&record, "fail"), code), (vec![], 0));
+    assert!(with(&record, "not measured").contains(&"output"));
+    assert!(record.to_string().contains("set enable-wired to 1"));
+    let (record, _) = test(&bench, "--bare");
+    assert!(!with(&record, "not measured").contains(&"output"));
+}
+
+#[test]
 fn a_healthy_device_passes_and_leaves_a_record() {
     let (_stylus, bench) = on(Board::default());
     let (record, code) = test(&bench, "");

@@ -122,7 +122,7 @@ pub struct Options {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub snap: Option<f64>,
     /// Sample rate of the models, Hz: 5000, or 10000 from recordings of that rate or above
-    #[arg(id = "model_rate", long, value_name = "HZ", default_value_t = SAMPLE_RATE_HZ)]
+    #[arg(id = "model_rate", long = "model-rate", value_name = "HZ", default_value_t = SAMPLE_RATE_HZ)]
     pub sample_rate_hz: u32,
 }
 

@@ -274,7 +274,8 @@ impl SteppedStylus {
 
     /// Sets what nothing plays without, as the owner of the coil does: by requests.
     pub fn set_coil(&mut self) {
-        self.change_settings(&COIL)
+        let [one, two, three] = COIL;
+        self.change_settings(&[one, two, three, change(Setting::EnableWired, 1.0)])
             .expect("they are in range, and nothing is played");
     }
 

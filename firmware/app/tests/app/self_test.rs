@@ -78,6 +78,8 @@ fn nothing_can_be_played_until_a_measurement_has_ended() {
 fn the_output_is_moved_only_where_the_amplifier_is_known_to_be_off() {
     let mut stylus = SteppedStylus::ready(&library(1, 20, 1));
     let output = |disconnected| SelfTestRequest::Output { disconnected };
+    let unknown = change(Setting::EnableWired, 0.0);
+    assert!(stylus.change_settings(&[unknown]).is_ok());
     let refused = measure(&mut stylus, output(false));
     assert_eq!(refused, Err(SelfTestError::AmplifierMayBeOn));
     assert!(measure(&mut stylus, output(true)).is_ok());
