@@ -50,10 +50,10 @@ fn an_output_with_an_amplifier_that_may_be_on_is_not_moved_and_the_line_says_wha
     bench.succeed("settings set enable-wired 0");
     let (record, code) = test(&bench, "");
     assert_eq!((with(&record, "fail"), code), (vec![], 0));
-    assert!(with(&record, "not measured").contains(&"output"));
+    assert!(with(&record, "not_measured").contains(&"output"));
     assert!(record.to_string().contains("set enable-wired to 1"));
     let (record, _) = test(&bench, "--bare");
-    assert!(!with(&record, "not measured").contains(&"output"));
+    assert!(!with(&record, "not_measured").contains(&"output"));
 }
 
 #[test]
