@@ -9,9 +9,8 @@
 //! | [`link`] | requests, over two wires |
 //!
 //! What is in time, [`boot`], [`play`] and [`tick`], is the package `stylus-realtime`, which all rooms may import.
-//! Rooms
-//! import in one direction: `link` imports `device`, `fault`, `flash` and `self_test`; `self_test` imports `flash`; `flash`
-//! imports `fault`. Only `main` sees all.
+//! Rooms import in one direction: `link` imports `device`, `fault`, `flash` and `self_test`; `self_test` imports
+//! `flash`; `flash` imports `fault`. Only `main` sees all.
 //!
 //! The pins stand at the head of [`tick::inputs`], [`tick::output`], [`link::serial`] and [`link::usb`]; LED LD1 on PB0
 //! blinks while all is well, LD3 on PB14 lights after a fault, both in turn in safe mode.

@@ -36,8 +36,8 @@ pub fn start() {
     FED.store(DWT::cycle_count(), Ordering::Relaxed);
 }
 
-/// Lets watchdog and timers of the output go on while a debugger halts the processor; with the feature `debug-halt` the
-/// watchdog waits. Some debuggers set these bits when they connect, as OpenOCD does for the watchdogs, and only power-on
+/// Lets watchdog and timers of the output go on while a debugger halts the processor; with the feature `debug-halt`
+/// the watchdog waits. Some debuggers set these bits when they connect, as OpenOCD does for the watchdogs, and only power-on
 /// resets them (RM0433 section 60.5.8), so they are written again at each feed.
 fn go_on_while_halted() {
     DBGMCU.apb1lfzr1().write_value(Apb1lfzr1(0));

@@ -125,7 +125,8 @@ impl<'a> Unnamed<'a> {
         let permissions = fs::metadata(&target).ok().map(|found| found.permissions());
         let (temporary, mut file) = Temporary::file_in(folder_of(&target), permissions.clone())
             .map_err(Error::io("create", path))?;
-        // Before the content, which must never be open to more than the earlier file was; the umask may have taken some.
+        // Before the content, which must never be open to more than the earlier file was. The umask may have taken
+        // some.
         if let Some(permissions) = permissions.filter(|_| cfg!(unix)) {
             file.set_permissions(permissions)
                 .map_err(Error::io("write", path))?;

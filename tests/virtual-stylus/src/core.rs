@@ -337,8 +337,8 @@ struct Seen<'a> {
     stalled: u64,
     /// Address of a load that has to wait for its bank.
     put_off: Option<u64>,
-    /// Number of changes of the unreadable words and of the RAM's codes, and the busy banks, when the stretch began; `None` for a stretch that
-    /// has to end.
+    /// Number of changes of the unreadable words and of the RAM's codes, and the busy banks, when the stretch began;
+    /// `None` for a stretch that has to end.
     changes: Option<(u64, u64, u8)>,
     defects: &'a Defects,
     flash_reads: u64,

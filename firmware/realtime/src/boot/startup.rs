@@ -44,11 +44,11 @@ static VECTOR_TABLE: VectorTable = VectorTable(UnsafeCell::new([0; VECTORS]));
 //
 // At power-on RAM holds noise whose error-correcting code is wrong: one code per 64 bits in ITCM and AXI SRAM, per 32
 // bits elsewhere (DS12110, error code correction; AN5342). A narrower store reads the rest first, the processor reads
-// ahead, and a fill of a cache line reads what is beside. So all of these memories is written in units of 64 bits before
-// anything reads it, which by count of cycles takes some 5 ms at the 64 MHz of the start. The DTCM keeps what outlives a
-// reset (`.uninit`), so it is written only where power came on (RCC_RSR, PORRSTF and BORRSTF): there its content is
-// noise. `main` clears these flags. The first fault of a start that dies before is therefore not kept. SRAM 1 gets its
-// values in words (`tick/output/ring.rs`). SRAM 2, SRAM 3 and the backup SRAM are never read.
+// ahead, and a fill of a cache line reads what is beside. So these memories are written to their ends in units of 64
+// bits before anything reads them, which by count of cycles takes some 5 ms at the 64 MHz of the start. The DTCM keeps
+// what outlives a reset (`.uninit`), so it is written only where power came on (RCC_RSR, PORRSTF and BORRSTF): its
+// content is noise there. `main` clears these flags. The fault of a start that dies before is therefore not kept.
+// SRAM 1 gets its values in words (`tick/output/ring.rs`). SRAM 2, SRAM 3 and the backup SRAM are never read.
 //
 // SAFETY: besides the registers named here it writes ITCM, AXI SRAM, SRAM 4 and DTCM in pairs of words, before any
 // variable has its value and before anything is on the stack. It calls nothing. cortex-m-rt's reset handler keeps

@@ -25,7 +25,14 @@ const FLOORS: [&[&str]; 7] = [
 const PLACES: [(&[&str], &[&str], &str); 4] = [
     (
         &["clap"],
-        &["cli/", "main.rs"],
+        // Options that the command shares with other programs are declared once.
+        &[
+            "cli/",
+            "main.rs",
+            "fit/options.rs",
+            "fit/hatt/import.rs",
+            "recording/set.rs",
+        ],
         "the command line is of cli alone",
     ),
     (

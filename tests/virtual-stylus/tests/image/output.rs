@@ -151,7 +151,10 @@ fn a_tick_that_takes_two_periods_is_heard_as_a_held_code() {
 #[test]
 fn a_tick_that_takes_six_periods_is_heard_as_a_fade_to_mid_scale() {
     let (outputs, counted) = late(Injected::VeryLongTick);
-    assert_eq!(counted, 1, "unless the last code was at mid-scale by itself");
+    assert_eq!(
+        counted, 1,
+        "unless the last code was at mid-scale by itself"
+    );
     let silent = outputs
         .chunk_by(|one, next| one.code == next.code)
         .filter(|run| run[0].code == Some(MID_SCALE))
