@@ -37,8 +37,8 @@ pub fn start() {
 }
 
 /// Lets watchdog and timers of the output go on while a debugger halts the processor; with the feature `debug-halt`
-/// the watchdog waits. Some debuggers set these bits when they connect, as OpenOCD does for the watchdogs, and only power-on
-/// resets them (RM0433 section 60.5.8), so they are written again at each feed.
+/// the watchdog waits. Some debuggers set these bits when they connect, as OpenOCD does for the watchdogs, and only
+/// power-on resets them (RM0433 section 60.5.8), so they are written again at each feed.
 fn go_on_while_halted() {
     DBGMCU.apb1lfzr1().write_value(Apb1lfzr1(0));
     DBGMCU.apb2fzr1().write_value(Apb2fzr1(0));
