@@ -2,8 +2,8 @@
 //!
 //! It has a clock of its own. A task feeds it, so an executor that hangs starves it. The task feeds only if the tick
 //! has moved on, so a tick that hangs starves it too. `boot/startup.rs` starts it, with the first instructions, and the
-//! start feeds it at the end of each of its stages. The reset includes DAC and pins, and the start puts the output to
-//! mid-scale.
+//! start feeds it at the end of each of its stages. Once tasks run its timeout is shorter. The reset includes DAC and
+//! pins, and the start puts the output to mid-scale.
 
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
@@ -14,6 +14,7 @@ use embassy_stm32::pac::{DBGMCU, IWDG1};
 use embassy_time::{Duration, Ticker};
 
 use crate::boot::clock::CORE_HZ;
+use crate::boot::startup;
 use crate::fault::{record, stack};
 use crate::tick::alive;
 
@@ -57,11 +58,20 @@ pub fn expect_no_tick() {
     WITHOUT_TICK.store(true, Ordering::Relaxed);
 }
 
-/// Feeds the watchdog while the tick moves on, and searches the stack for its most use, piece by piece.
+/// Feeds the watchdog while the tick moves on, and searches the stack for its most use, piece by piece. From its first
+/// feed on, the timeout is [`startup::RUNNING_WATCHDOG_US`].
 #[embassy_executor::task]
 pub async fn feed() -> ! {
+    IWDG1.kr().write(|w| w.set_key(Key::ENABLE));
+    IWDG1
+        .rlr()
+        .write(|w| w.set_rl(startup::watchdog_reload(startup::RUNNING_WATCHDOG_US) as u16));
     let mut ticker = Ticker::every(FEED);
     let mut before = alive::ended();
+    // The rest of the start runs before the first turn of this task, and has its own stages.
+    ticker.next().await;
+    reload();
+    LONGEST_GAP.store(0, Ordering::Relaxed);
     loop {
         ticker.next().await;
         go_on_while_halted();
@@ -97,7 +107,7 @@ fn reload() {
     }
 }
 
-/// Longest time between two feeds since the start, µs.
+/// Longest time between two feeds since tasks run, µs.
 pub fn longest_gap_us() -> u32 {
     LONGEST_GAP.load(Ordering::Relaxed) / (CORE_HZ / 1_000_000)
 }

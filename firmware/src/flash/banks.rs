@@ -9,6 +9,9 @@
 //! - **Bank 1** holds the code, whose fetches stall while the bank is busy. The wait for it runs from ITCM and masks
 //!   the interrupts of tasks, whose handlers lie in flash; tick and update go on. Settings must therefore be written
 //!   only while nothing else matters: a change takes a tenth of a millisecond, and one in a few thousand an erasure.
+//!   embassy's clock counts half turns of 32.8 ms by an interrupt that is masked then, so an erasure makes it late by
+//!   whole turns, and every running timeout longer. It never steps back. The device's time is the tick's count, which
+//!   goes on.
 #![expect(
     unsafe_code,
     reason = "the flash's registers change memory, and the memory is read in place"
@@ -446,6 +449,7 @@ extern "C" fn erase_without_code(offset: u32) -> bool {
     let mask = mask_tasks();
     BANK_1.begin_erase(offset);
     let done = wait_without_code(8_000);
+    keep_fetches_here();
     unmask(mask);
     done
 }
@@ -459,6 +463,7 @@ extern "C" fn program_without_code(offset: u32, word: &[u32; WORD_BYTES / 4]) ->
     let mask = mask_tasks();
     BANK_1.begin_program(offset, word);
     let done = wait_without_code(10);
+    keep_fetches_here();
     unmask(mask);
     done
 }
@@ -477,6 +482,15 @@ fn wait_without_code(limit_ms: u32) -> bool {
         watchdog::feed_while_ticking();
     }
     false
+}
+
+/// Keeps the processor's fetches ahead of a wait in ITCM. It fetches along the path that it predicts, which ends in
+/// flash: a fetch from a busy bank would stall until the bank is idle, past the watchdog's end. 256 bytes lie between,
+/// eight times its queue of four double words (Cortex-M7 TRM, prefetch unit); the barrier discards what was fetched.
+#[inline(always)]
+fn keep_fetches_here() {
+    // SAFETY: these instructions change nothing.
+    unsafe { core::arch::asm!(".rept 128", "nop", ".endr", "isb", options(nomem, nostack)) };
 }
 
 /// Masks as they were before.

@@ -107,6 +107,12 @@ impl SiliconRevision {
         matches!(self.letter(), Some('X' | 'V'))
     }
 
+    /// Returns true for the revisions whose trimming of the USB clock by the host's frames does not work by owners'
+    /// reports, so that USB needs the external clock.
+    pub const fn lacks_trimming(self) -> bool {
+        self.0 <= 0x1003
+    }
+
     /// The revisions of [`Self::is_supported`], in words.
     pub const SUPPORTED: &str = "X or V";
 

@@ -13,7 +13,7 @@ use rigless::soc::stm32h743::MEMORY;
 use rigless::soc::stm32h743::peripherals::usart;
 
 use crate::chance::Chance;
-use crate::core::{self, Auditor};
+use crate::core::{self, Auditor, Touched};
 use crate::electrical::{Defects, Electrical};
 use crate::error::{Error, Result};
 use crate::model::adc::Pins;
@@ -49,6 +49,8 @@ pub struct StylusBoard {
     busy: Busy,
     defects: Defects,
     auditor: Auditor,
+    /// The registers that the core has touched.
+    pub touched: Touched,
     ram_noise: Option<u64>,
 }
 
@@ -89,6 +91,7 @@ impl StylusBoard {
             busy,
             defects,
             auditor,
+            touched: Touched::default(),
             ram_noise: None,
         })
     }
@@ -166,6 +169,7 @@ impl Board for StylusBoard {
             self.busy.clone(),
             self.defects.clone(),
             self.auditor.clone(),
+            self.touched.clone(),
         );
         vec![Target::new(NAME, &mut self.part, core)]
     }

@@ -10,8 +10,8 @@
 //! counter go on. Fetches are looked at before every instruction in the first [`CLOSELY`] of them after the bank became
 //! busy, and before every 32nd after that, because an erasure takes longer than a test can wait for single steps.
 
-use std::collections::BTreeSet;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 use rigless::emulator::{
     Access, AccessKind, Checked, CoreBus, CoreSpec, DataModel, Error, Exit, HostCall,
@@ -122,6 +122,33 @@ impl Auditor {
     }
 }
 
+/// The registers that the core has read or written: by address, in words, the bits that it has ever written as ones.
+#[derive(Clone, Debug, Default)]
+pub struct Touched(Arc<OnceLock<Mutex<BTreeMap<u64, u64>>>>);
+
+impl Touched {
+    /// Begins to note them.
+    pub fn begin(&self) {
+        self.0.get_or_init(Mutex::default);
+    }
+
+    /// All that was noted.
+    pub fn noted(&self) -> BTreeMap<u64, u64> {
+        let noted = self.0.get().map(|noted| noted.lock());
+        noted.map_or_else(BTreeMap::new, |noted| {
+            noted.unwrap_or_else(PoisonError::into_inner).clone()
+        })
+    }
+
+    fn note(&self, access: &Access) {
+        if let Some(noted) = self.0.get() {
+            let mut noted = noted.lock().unwrap_or_else(PoisonError::into_inner);
+            let ones = access.value << (8 * (access.address & 3));
+            *noted.entry(access.address & !3).or_default() |= ones & u64::from(u32::MAX);
+        }
+    }
+}
+
 /// Wraps this core around the one that `spec` makes.
 pub fn wrap(
     spec: &mut CoreSpec,
@@ -130,6 +157,7 @@ pub fn wrap(
     busy: Busy,
     defects: Defects,
     auditor: Auditor,
+    touched: Touched,
 ) {
     let make = Arc::clone(&spec.processor);
     spec.processor = Arc::new(move |endian| {
@@ -147,6 +175,7 @@ pub fn wrap(
             seen_changes: None,
             seen_misreads: false,
             auditor: auditor.clone(),
+            touched: touched.clone(),
             auditing: None,
             routed: BTreeSet::new(),
         }))
@@ -173,6 +202,7 @@ struct Core {
     seen_changes: Option<[u64; 2]>,
     seen_misreads: bool,
     auditor: Auditor,
+    touched: Touched,
     /// The exception that is being audited.
     auditing: Option<u32>,
     /// Pages that go over the bus.
@@ -273,6 +303,7 @@ impl Core {
             stalled: self.stalled,
             put_off: None,
             defects: &self.defects,
+            touched: &self.touched,
             changes: goes_on.then_some(changes),
             flash_reads: 0,
         };
@@ -341,12 +372,14 @@ struct Seen<'a> {
     /// `None` for a stretch that has to end.
     changes: Option<(u64, u64, u8)>,
     defects: &'a Defects,
+    touched: &'a Touched,
     flash_reads: u64,
 }
 
 impl CoreBus for Seen<'_> {
     fn access(&mut self, mut access: Access, from_code: bool) -> Option<u64> {
         self.ram.follow(&access);
+        self.touched.note(&access);
         access.instruction_count += self.stalled;
         if access.kind == AccessKind::Read && FLASH.contains(&access.address) {
             self.flash_reads += 1;

@@ -40,6 +40,8 @@ pub struct Options {
     pub electrical: Electrical,
     /// Follows the ticks.
     pub watch_ticks: bool,
+    /// Notes the registers that the core touches.
+    pub note_registers: bool,
 }
 
 impl Default for Options {
@@ -51,6 +53,7 @@ impl Default for Options {
             ram_noise: None,
             electrical: Electrical::default(),
             watch_ticks: true,
+            note_registers: false,
         }
     }
 }
@@ -198,6 +201,9 @@ pub(crate) fn start(image: &Path, options: Options) -> Result<Ends> {
     )?;
     if let Some(seed) = options.ram_noise {
         board.fill_ram(seed);
+    }
+    if options.note_registers {
+        board.touched.begin();
     }
     let (commands, receiver) = channel();
     let (sender, stops) = channel();

@@ -15,9 +15,13 @@ use cortex_m::peripheral::{CPUID, DCB, DWT, SCB};
 /// Entries of the vector table: 16 of the core and 150 of the STM32H743 (RM0433 table 148).
 const VECTORS: usize = 166;
 
-/// Timeout of the watchdog, µs. The first one after a reset is twice as long, because the count begins at its highest
-/// (RM0433 section 45.3.1).
+/// Timeout of the watchdog during the start, µs. The first one after a reset is twice as long, because the count begins
+/// at its highest (RM0433 section 45.3.1).
 const WATCHDOG_US: u32 = 250_000;
+
+/// The same once tasks run, µs. For as long, and 9 % longer on the slowest LSI, a hung core whose output hangs, too,
+/// leaves its last code on a coil.
+pub const RUNNING_WATCHDOG_US: u32 = 100_000;
 
 /// Nominal clock of the watchdog, LSI, Hz. It is within 29.4 and 33.6 kHz (DS12110, LSI oscillator characteristics).
 const WATCHDOG_HZ: u32 = 32_000;
@@ -25,8 +29,12 @@ const WATCHDOG_HZ: u32 = 32_000;
 /// Divider of that clock after a reset, which stays.
 const WATCHDOG_DIVIDER: u32 = 4;
 
-/// Value of IWDG_RLR for [`WATCHDOG_US`].
-const WATCHDOG_RELOAD: u32 = WATCHDOG_US / 1_000 * WATCHDOG_HZ / 1_000 / WATCHDOG_DIVIDER - 1;
+/// Value of IWDG_RLR for a timeout in µs.
+pub const fn watchdog_reload(timeout_us: u32) -> u32 {
+    timeout_us / 1_000 * WATCHDOG_HZ / 1_000 / WATCHDOG_DIVIDER - 1
+}
+
+const WATCHDOG_RELOAD: u32 = watchdog_reload(WATCHDOG_US);
 
 const _: () = assert!(WATCHDOG_RELOAD < 1 << 12);
 

@@ -163,6 +163,40 @@ mod tests {
         spec.codes.iter().map(value).collect()
     }
 
+    /// The density of what is played of `samples` at any frequency in Hz, as a multiple of that of white noise of unit
+    /// power, by another path than the filter's: pieces with random starts and signs.
+    fn played(samples: &[f64], seed: u64) -> impl Fn(f64) -> f64 + use<> {
+        let count = samples.len();
+        let mut random = rand_pcg::Pcg64::seed_from_u64(seed);
+        let mut lags = vec![0.0; 401];
+        let (pieces, mut played) = (20_000, 0);
+        for _ in 0..pieces {
+            let (start, length) = (
+                random.random_range(0..count),
+                random.random_range(PIECE_SAMPLES),
+            );
+            let piece: Vec<f64> = (start..start + length)
+                .map(|n| samples[n % count])
+                .collect();
+            for (lag, sum) in lags.iter_mut().enumerate().take(length) {
+                *sum += piece[lag..]
+                    .iter()
+                    .zip(&piece)
+                    .map(|(a, b)| a * b)
+                    .sum::<f64>();
+            }
+            played += length;
+        }
+        move |hz| {
+            let angle = std::f64::consts::TAU * hz / 5000.0;
+            let cosines = lags.iter().enumerate().skip(1);
+            let sum: f64 = cosines
+                .map(|(lag, r)| 2.0 * r * (angle * lag as f64).cos())
+                .sum();
+            (lags[0] + sum) / f64::from(played as u32)
+        }
+    }
+
     /// Of coloured material that is heavy in its tails, of odd and even length.
     #[test]
     fn what_is_played_of_a_codebook_is_white_and_of_unit_power() {
@@ -183,35 +217,7 @@ mod tests {
                 "{coded:?}",
                 coded = coded.snr_db
             );
-            // Play it, by another path than the filter's: pieces with random starts and signs.
-            let mut random = rand_pcg::Pcg64::seed_from_u64(seed);
-            let mut lags = vec![0.0; 401];
-            let (pieces, mut played) = (20_000, 0);
-            for _ in 0..pieces {
-                let (start, length) = (
-                    random.random_range(0..count),
-                    random.random_range(PIECE_SAMPLES),
-                );
-                let piece: Vec<f64> = (start..start + length)
-                    .map(|n| samples[n % count])
-                    .collect();
-                for (lag, sum) in lags.iter_mut().enumerate().take(length) {
-                    *sum += piece[lag..]
-                        .iter()
-                        .zip(&piece)
-                        .map(|(a, b)| a * b)
-                        .sum::<f64>();
-                }
-                played += length;
-            }
-            let density = |hz: f64| -> f64 {
-                let angle = std::f64::consts::TAU * hz / 5000.0;
-                let cosines = lags.iter().enumerate().skip(1);
-                let sum: f64 = cosines
-                    .map(|(lag, r)| 2.0 * r * (angle * lag as f64).cos())
-                    .sum();
-                (lags[0] + sum) / f64::from(played as u32)
-            };
+            let density = played(&samples, seed);
             for band in 0..19 {
                 let centre = 30.0 * 2f64.powf(f64::from(band) / 3.0);
                 let mean = (0..20)
@@ -222,6 +228,21 @@ mod tests {
                 assert!(level_db.abs() < 0.3, "{centre} Hz: {level_db} dB");
             }
         }
+    }
+
+    /// A tone in the residual would resonate with the model's own pole there.
+    #[test]
+    fn a_tone_in_the_material_is_no_louder_than_white_noise_at_its_frequency() {
+        let mut material = noise(5, 8000);
+        for (n, x) in material.iter_mut().enumerate() {
+            *x += 30.0 * (std::f64::consts::TAU * 440.0 / 5000.0 * n as f64).sin();
+        }
+        let density = played(&decoded(&coded(&material, 38.0).unwrap().spec), 5);
+        let loudest = (0..2500)
+            .map(|hz| density(f64::from(hz)))
+            .fold(0.0, f64::max);
+        println!("{loudest:.2} of white noise");
+        assert!(loudest < 2.0, "{loudest}");
     }
 
     #[test]

@@ -14,8 +14,8 @@ use crate::output::amplifier_follows_the_output;
 /// Time for the request on the line, for a stack to be filled, and for the handler or for the output to run out of
 /// codes.
 const CAUGHT_NS: u64 = 5 * MS;
-/// Period of the watchdog, with the tolerance of its clock.
-const WATCHDOG_NS: u64 = 400 * MS;
+/// Period of the watchdog, with the tolerance of its clock, and the 20 ms between two feeds.
+const WATCHDOG_NS: u64 = 130 * MS;
 
 /// A device that plays a texture.
 fn playing() -> Device {

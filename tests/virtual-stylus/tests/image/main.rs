@@ -17,6 +17,7 @@ mod output;
 #[path = "../../../../host-tools/tasks/src/tables/page.rs"]
 mod page;
 mod play;
+mod registers;
 mod requests;
 mod scenes;
 mod self_test;

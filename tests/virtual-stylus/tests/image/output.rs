@@ -73,17 +73,17 @@ fn a_core_that_stops_while_a_texture_plays_leaves_mid_scale_at_the_pin_within_a_
     device.stylus.take_ticks();
     inject(&mut device, Injected::Halt);
     device.keep_alive(false);
-    device.run_for(150 * MS);
+    device.run_for(60 * MS);
     assert!(device.stylus.resets().is_empty());
     let ticks = device.stylus.take_ticks();
     let last = ticks.last().expect("it played").at_ns;
     let now = device.stylus.now_ns();
-    assert!(now - last > 100 * MS, "the core stands");
+    assert!(now - last > 40 * MS, "the core stands");
     let outputs = device.dac();
     let (mut before, after): (Vec<&Output>, Vec<&Output>) = outputs
         .iter()
         .partition(|output| output.at_ns < last + ENDED_NS + PHASE_NS);
-    assert!(after.len() > 3_000, "the converter goes on");
+    assert!(after.len() > 1_000, "the converter goes on");
     let left = after.iter().find(|output| output.code != Some(MID_SCALE));
     assert_eq!(left, None, "after {last}");
     // It got there without a click.

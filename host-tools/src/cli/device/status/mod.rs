@@ -157,10 +157,16 @@ fn start(start: StartReport) -> Vec<String> {
     }
     match start.clock {
         ClockSource::External => {}
-        ClockSource::Internal => lines.push(
-            "CLOCK    the external clock is missing or failed: pitch and times are within 1 %"
-                .to_owned(),
-        ),
+        ClockSource::Internal => {
+            let usb = if start.revision.lacks_trimming() {
+                "; this silicon does not trim USB's clock by reports: use serial"
+            } else {
+                ""
+            };
+            lines.push(format!(
+                "CLOCK    the external clock is missing or failed: pitch and times are within 1 %{usb}"
+            ));
+        }
         ClockSource::InternalUnmultiplied => lines
             .push("CLOCK    no clock could be multiplied: nothing is sampled or played".to_owned()),
     }

@@ -20,8 +20,8 @@ const TICK_DELAY_US: f64 = 20.0;
 /// Longest critical section, µs: it delays a tick as long.
 const MASKED_US: f64 = 15.0;
 
-/// Longest time between two feeds of the watchdog, ms, of the 250 after which it bites.
-const WATCHDOG_GAP_MS: f64 = 125.0;
+/// Longest time between two feeds of the watchdog, ms, of the 100 after which it bites.
+const WATCHDOG_GAP_MS: f64 = 50.0;
 
 /// Longest round trip of a request while a recording streams, ms, and the median of all.
 const ROUND_TRIP_MS: [f64; 2] = [500.0, 100.0];
