@@ -142,7 +142,7 @@ impl<'a> Search<'a> {
             })
             .collect();
         let angles = |model: &Model| model.reflection.iter().map(|k| k.asin()).collect();
-        let probes = probes(toolkit.nyquist_hz());
+        let probes = probes(toolkit.highest_hz());
         let mut search = Self {
             candidates,
             thetas: models
@@ -363,7 +363,7 @@ struct Position {
     fade: f64,
 }
 
-fn probes(nyquist_hz: f64) -> Vec<Probe> {
+fn probes(highest_hz: f64) -> Vec<Probe> {
     let probe = |low: f64, high: f64, band| {
         let frequency_hz = 0.5 * (low + high);
         let omega = std::f64::consts::TAU * frequency_hz / f64::from(SAMPLE_RATE_HZ);
@@ -380,9 +380,9 @@ fn probes(nyquist_hz: f64) -> Vec<Probe> {
         (0..PER_BAND).map(move |i| probe(low + step * i as f64, low + step * (i + 1) as f64, band))
     };
     let own: Vec<usize> = (0..BAND_COUNT)
-        .filter(|&band| band_edges_hz(band).1 <= nyquist_hz)
+        .filter(|&band| band_edges_hz(band).1 <= highest_hz)
         .collect();
-    let highest = own.last().map_or(0.0, |&band| band_edges_hz(band).1);
+    let last = own.last().map_or(0.0, |&band| band_edges_hz(band).1);
     let lowest = own.first().map_or(0.0, |&band| band_edges_hz(band).0);
     let bands = own.iter().flat_map(|&band| {
         let (low, high) = band_edges_hz(band);
@@ -390,7 +390,7 @@ fn probes(nyquist_hz: f64) -> Vec<Probe> {
     });
     bands
         .chain(split(0.0, lowest, None))
-        .chain(split(highest, nyquist_hz, None))
+        .chain(split(last, highest_hz, None))
         .collect()
 }
 

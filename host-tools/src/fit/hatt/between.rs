@@ -208,7 +208,7 @@ const ORDERS: [usize; 17] = [
 
 /// Returns the model at a speed, mm/s, and a force, N.
 ///
-/// Its power between 0 Hz and the models' half rate is exactly theirs. A silent node keeps its shape, because shapes
+/// Its power up to half the lower rate is exactly theirs. A silent node keeps its shape, because shapes
 /// are interpolated towards it.
 pub(super) fn model(toolkit: &Toolkit, place: (f64, f64)) -> Model {
     let Between {
@@ -226,7 +226,7 @@ pub(super) fn model(toolkit: &Toolkit, place: (f64, f64)) -> Model {
             ..Model::silent()
         };
     };
-    let model = economical(&shape, 0.5 * toolkit.sample_rate_hz);
+    let model = economical(&shape, toolkit.highest_hz());
     let output_power = model.output_power * variance;
     if output_power as f32 <= 0.0 {
         flags = flags.with(NodeFlags::SILENT);
@@ -313,6 +313,37 @@ mod tests {
         let shape = at(&toolkit, (60.0, 0.5)).shape.unwrap();
         let fall = shape.at(1000.0 / STEP_HZ) - shape.at(2000.0 / STEP_HZ);
         assert!((10.0 / std::f64::consts::LN_10 * fall - ROLL_OFF_DB_PER_OCTAVE).abs() < 1e-6);
+    }
+
+    /// The same models at ten times the rate, on ten times the frequencies: Penn's models of 10 kHz have no zeros.
+    #[test]
+    fn models_of_10_khz_have_their_spectrum_up_to_half_the_styluss_rate() {
+        let text = fixture::whole().replace("<SampleRate>1000", "<SampleRate>10000");
+        let toolkit = read(Path::new("felt.xml"), &text).unwrap();
+        assert!((toolkit.highest_hz() - 2_500.0).abs() < 1e-9);
+        let frequencies_hz = [0.0, 400.0, 1_330.0, 2_490.0];
+        let found = density(&toolkit, (60.0, 0.5), &frequencies_hz).unwrap();
+        for (got, hz) in found.iter().zip(frequencies_hz) {
+            let wanted = 0.1 * fixture::density(&[(4, 1.0)], 0.1 * hz);
+            assert!((got / wanted - 1.0).abs() < 1e-3, "{hz}: {got} {wanted}");
+        }
+        let without_zeros = ArmaModel {
+            timbre: toolkit.models[4].timbre.clone().map(|timbre| Timbre {
+                zeros: Vec::new(),
+                ..timbre
+            }),
+            ..toolkit.models[4].clone()
+        };
+        assert!(shape(10_000.0, &[(&without_zeros, 1.0)]).is_some());
+        let model = model(&toolkit, (60.0, 0.5));
+        let kept: f64 = (0..2_500)
+            .map(|hz| 0.1 * fixture::density(&[(4, 1.0)], 0.1 * (f64::from(hz) + 0.5)))
+            .sum();
+        assert!(
+            (model.output_power / kept - 1.0).abs() < 0.02,
+            "{} {kept}",
+            model.output_power
+        );
     }
 
     #[test]

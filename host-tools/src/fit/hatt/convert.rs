@@ -1,8 +1,9 @@
-//! From scattered ARMA models at 1 kHz to AR models at 5 kHz over a rectangle.
+//! From scattered ARMA models at 1 or 10 kHz to AR models at 5 kHz over a rectangle.
 //!
-//! Up to half their own rate the models' spectrum is kept. Above, where they say nothing, it goes on from its mean
-//! level in the last tenth below and falls by [`ROLL_OFF_DB_PER_OCTAVE`]: no power to speak of, and no edge that a
-//! model would ring at. Every node has the lowest order that keeps all third octaves within [`ORDER_TOLERANCE_DB`].
+//! Up to half the lower rate the models' spectrum is kept. Above that of models at 1 kHz, where they say nothing, it
+//! goes on from its mean level in the last tenth below and falls by [`ROLL_OFF_DB_PER_OCTAVE`]: no power to speak of,
+//! and no edge that a model would ring at. Every node has the lowest order that keeps all third octaves within
+//! [`ORDER_TOLERANCE_DB`].
 
 use model_format::{
     FadeLaw, Laws, LevelLaw, Library, MillimetresPerSecond, Newton, NodeFlags, OutputSample,
@@ -164,7 +165,7 @@ pub struct PlaceError {
     pub speed_mm_s: f64,
     /// Normal force, N.
     pub force_n: f64,
-    /// Error of the level up to half the file's rate, dB.
+    /// Error of the level up to half the lower rate, dB.
     pub level_db: f64,
     /// Errors of the third octaves up to there, by their nominal frequencies, dB.
     pub bands_db: Vec<(&'static str, f64)>,
@@ -235,10 +236,10 @@ pub fn errors(
 
 fn error(toolkit: &Toolkit, texture: &Texture<'_>, place: (f64, f64)) -> Option<PlaceError> {
     let played = played_density(texture, place);
-    let nyquist_hz = toolkit.nyquist_hz();
+    let highest_hz = toolkit.highest_hz();
     let frequencies_hz: Vec<f64> = (0..played.len())
         .map(|bin| bin as f64)
-        .take_while(|&f| f <= nyquist_hz)
+        .take_while(|&f| f <= highest_hz)
         .collect();
     let wanted = between::density(toolkit, place, &frequencies_hz)?;
     let error = |low_hz: f64, high_hz: f64| {
@@ -246,11 +247,11 @@ fn error(toolkit: &Toolkit, texture: &Texture<'_>, place: (f64, f64)) -> Option<
             power_between(&played, low_hz, high_hz) / power_between(&wanted, low_hz, high_hz);
         10.0 * ratio.log10()
     };
-    let bands = (0..BAND_COUNT).filter(|&band| band_edges_hz(band).1 <= nyquist_hz);
+    let bands = (0..BAND_COUNT).filter(|&band| band_edges_hz(band).1 <= highest_hz);
     Some(PlaceError {
         speed_mm_s: place.0,
         force_n: place.1,
-        level_db: error(0.0, nyquist_hz),
+        level_db: error(0.0, highest_hz),
         bands_db: bands
             .map(|band| {
                 let (low, high) = band_edges_hz(band);

@@ -96,10 +96,28 @@ pub fn files(paths: &[PathBuf]) -> Result<Vec<PathBuf>> {
 /// Reads all `files`.
 ///
 /// # Errors
-/// The first file that cannot be used; two files whose textures would have one name.
+/// The first file that cannot be used, with the number of them; two files whose textures would have one name.
 pub fn read_all(files: &[PathBuf]) -> Result<Vec<Source>> {
-    let sources = files.par_iter().map(|path| source(path));
-    let sources = sources.collect::<Result<Vec<Source>>>()?;
+    let read = files.par_iter().map(|path| source(path));
+    let mut sources = Vec::new();
+    let mut refused = Vec::new();
+    for source in read.collect::<Vec<_>>() {
+        match source {
+            Ok(source) => sources.push(source),
+            Err(error) => refused.push(error),
+        }
+    }
+    match refused.len() {
+        0 => {}
+        1 => return Err(refused.swap_remove(0)),
+        count => {
+            return Err(Error::Request(format!(
+                "{count} of {} files cannot be used; the first is {}",
+                files.len(),
+                refused[0]
+            )));
+        }
+    }
     let mut names: HashMap<&str, &Path> = HashMap::new();
     for source in &sources {
         if let Some(first) = names.insert(&source.name, &source.path) {

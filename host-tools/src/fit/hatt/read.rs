@@ -7,7 +7,6 @@ use super::elements::{self, File};
 use super::toolkit::{ArmaModel, Toolkit, found};
 use crate::recording::RATES_HZ;
 use crate::support::error::{Error, Result};
-use model_format::SAMPLE_RATE_HZ;
 
 /// Most models of a file. The published files have some hundred; the choice of a grid visits them all for each place.
 const MOST_MODELS: usize = 1000;
@@ -29,8 +28,9 @@ pub fn read(path: &Path, text: &str) -> Result<Toolkit> {
     file.check_units()?;
     let sample_rate_hz = file.one("SampleRate")?.unwrap_or(1000.0);
     if !(sample_rate_hz.is_finite() && is_models_rate(sample_rate_hz)) {
-        let problem =
-            format!("a sample rate of {sample_rate_hz} Hz is no model's; HaTT's are of 1000 Hz");
+        let problem = format!(
+            "a sample rate of {sample_rate_hz} Hz is no model's; HaTT's are of 1000 or 10000 Hz"
+        );
         return Err(Error::file(path, problem));
     }
     let mut remarks = BTreeMap::new();
@@ -72,9 +72,12 @@ pub fn read(path: &Path, text: &str) -> Result<Toolkit> {
     Ok(toolkit)
 }
 
-/// Returns whether models may have this rate, Hz: that of a recording, and at most that at which they are played.
+/// Highest rate of models, Hz.
+const MOST_RATE_HZ: f64 = 10_000.0;
+
+/// Returns whether models may have this rate, Hz.
 fn is_models_rate(rate_hz: f64) -> bool {
-    RATES_HZ.contains(&rate_hz) && rate_hz <= f64::from(SAMPLE_RATE_HZ)
+    RATES_HZ.contains(&rate_hz) && rate_hz <= MOST_RATE_HZ
 }
 
 /// All models in the file's order; `None` for one that is left out.

@@ -3,6 +3,7 @@
 use std::f64::consts::PI;
 use std::path::Path;
 
+use model_format::SAMPLE_RATE_HZ;
 use roxmltree::Node;
 
 use super::elements::File;
@@ -59,9 +60,9 @@ impl ArmaModel {
 }
 
 impl Toolkit {
-    /// Half the file's sample rate, Hz.
-    pub fn nyquist_hz(&self) -> f64 {
-        0.5 * self.sample_rate_hz
+    /// The highest frequency that both the file and the stylus have, Hz: half of the lower of their sample rates.
+    pub fn highest_hz(&self) -> f64 {
+        0.5 * self.sample_rate_hz.min(f64::from(SAMPLE_RATE_HZ))
     }
 
     /// Speeds, mm/s, and forces, N, of all models, those of silent ones included.
