@@ -416,3 +416,108 @@ fn what_a_table_holds_besides_is_named_with_line_column_and_separator() {
     let refused = bench.refuse("fit set --out o.lib");
     holds(&refused, &["line 5", "column 4", "force_n", "comma"]);
 }
+
+#[test]
+fn a_folder_of_named_recordings_becomes_a_list_by_their_names() {
+    let bench = Bench::new();
+    let signal = noise(3, 4_000);
+    for (texture, take) in [("denim", "1"), ("denim", "2"), ("wet silk", "1")] {
+        for speed in [50, 100] {
+            let name = format!("set/{texture}_{speed}mms_500mN_{take}.wav");
+            bench.write(&name, wav(&[&signal], 5_000));
+        }
+    }
+    bench.write("set/rest.wav", wav(&[&signal], 5_000));
+    let refused = bench.refuse("fit set --out a.lib");
+    holds(&refused, &["no trials.csv", "stylus trials DIR --pattern"]);
+    let command = |rest: &[&str]| {
+        let arguments = ["trials", "set", "--pattern"]
+            .into_iter()
+            .chain(rest.iter().copied());
+        bench.command(arguments).output().expect("it runs")
+    };
+    let pattern = "{texture}_{speed}mms_{force*0.001}N_{take}.wav";
+    let output = command(&[pattern]);
+    holds(
+        &text(&output.stderr),
+        &["{speed}mms_{force*0.001}N", "first of 7 is"],
+    );
+    let pattern = "{texture}_{speed}mms_{force*0.001}mN_{take}.wav";
+    let output = command(&[pattern]);
+    holds(
+        &text(&output.stdout),
+        &[
+            "denim",
+            "50 100",
+            "0.5",
+            "1 2",
+            "6 trials -> set/trials.csv",
+        ],
+    );
+    holds(
+        &text(&output.stderr),
+        &["1 file(s) do not match", "rest.wav"],
+    );
+    let list = std::fs::read_to_string(bench.path("set/trials.csv")).expect("it was written");
+    assert!(
+        list.starts_with(
+            "file,texture,speed_mm_s,force_n\ndenim_100mms_500mN_1.wav,denim,100,0.5\n"
+        ),
+        "{list}"
+    );
+    holds(&bench.succeed("fit set --out a.lib"), &["wet silk"]);
+    let output = command(&[
+        pattern,
+        "--take",
+        "2",
+        "--out",
+        "takes.csv",
+        "--scale",
+        "9.81",
+    ]);
+    holds(&text(&output.stdout), &["2 trials"]);
+    let takes = std::fs::read_to_string(bench.path("set/takes.csv")).expect("it was written");
+    assert_eq!(
+        takes.lines().filter(|line| line.ends_with(",9.81")).count(),
+        2,
+        "{takes}"
+    );
+    let output = command(&["{texture}_{*}.wav", "--out", "b.csv"]);
+    holds(&text(&output.stderr), &["no {speed}", "--speed"]);
+}
+
+#[test]
+fn recordings_without_a_list_whose_names_differ_by_one_number_are_pointed_at() {
+    let bench = Bench::new();
+    for speed in [50, 100] {
+        bench.write(
+            &format!("denim_{speed}.wav"),
+            wav(&[&noise(3, 4_000)], 5_000),
+        );
+    }
+    let note = text(
+        &bench
+            .run("fit denim_50.wav denim_100.wav --out a.lib")
+            .stderr,
+    );
+    holds(&note, &["differ by one number", "'denim_{speed}.wav'"]);
+    let list = "file,texture,speed_mm_s,force_n,note\ndenim_50.wav,denim,50,1,a new tip\n";
+    bench.write("list.csv", list);
+    bench.succeed("fit list.csv --out b.lib");
+    bench.write("capital.csv", list.replace("denim_50", "Denim_50"));
+    let refused = bench.refuse("fit capital.csv --out c.lib");
+    holds(&refused, &["Denim_50.wav", "'denim_50.wav' is"]);
+    let render = |speed: u32| {
+        said(
+            &bench,
+            &format!(
+                "render b.lib --texture denim --speed {speed} --force 1 --seconds 1 --out a{speed}.wav"
+            ),
+        )
+    };
+    holds(
+        &render(90),
+        &["the speed reaches 90.000 mm/s", "up to 50 mm/s"],
+    );
+    assert!(!render(51).contains("reaches"));
+}

@@ -6,7 +6,7 @@ use host_tools::playing::motion::MotionPath;
 use host_tools::recording::{Assumed, RecordingSet};
 use host_tools::support::error::{Error, Result};
 pub use host_tools::support::number::{force, not_negative, positive, speed};
-use model_format::{MillimetresPerSecond, Newton};
+use model_format::{MillimetresPerSecond, Newton, Texture};
 
 use crate::cli::output::warn;
 
@@ -54,6 +54,27 @@ pub fn warn_if_silent(motion: &MotionPath) {
             "the motion never has a speed and a force above zero together, so that nothing is heard: a force at or \
              below zero is no contact",
         );
+    }
+}
+
+/// Share by which a motion may exceed the grid before it is worth a word.
+const BEYOND_GRID: f64 = 0.05;
+
+/// Warns of a motion beyond the recorded speeds and forces of a texture, where its edge is played.
+pub fn warn_beyond(motion: &MotionPath, texture: &Texture<'_>) {
+    let (speed, force) = motion.largest();
+    for (what, value, axis, unit) in [
+        ("speed", speed, texture.speed_axis(), "mm/s"),
+        ("force", force, texture.force_axis(), "N"),
+    ] {
+        let highest = f64::from(axis.value(axis.len() - 1));
+        if value > highest * (1.0 + BEYOND_GRID) {
+            warn(&format!(
+                "the {what} reaches {value:.3} {unit}, and texture '{}' was recorded up to {highest} {unit}: beyond, \
+                 it sounds as there",
+                texture.name()
+            ));
+        }
     }
 }
 

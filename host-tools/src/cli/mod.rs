@@ -25,6 +25,7 @@ mod segment;
 mod simulate_rig;
 mod stress;
 mod table;
+mod trials;
 
 use std::io;
 use std::process::ExitCode;
@@ -85,6 +86,8 @@ enum Command {
     Render(render::Arguments),
     /// Show the content of a library
     Inspect(inspect::Arguments),
+    /// List the recordings of a folder by their names, for fit
+    Trials(trials::Arguments),
     /// Cut the steady pieces out of free-hand recordings, for fit
     Segment(segment::Arguments),
     #[cfg(feature = "hatt")]
@@ -137,6 +140,7 @@ fn run_command(command: Command) -> Result<()> {
         Command::Page(arguments) => page::run(&arguments),
         Command::Render(arguments) => render::run(&arguments),
         Command::Inspect(arguments) => inspect::run(&arguments),
+        Command::Trials(arguments) => trials::run(&arguments),
         Command::Segment(arguments) => segment::run(&arguments),
         #[cfg(feature = "hatt")]
         Command::ImportHatt(arguments) => import_hatt::run(&arguments),

@@ -10,7 +10,7 @@ use host_tools::support::error::Result;
 
 #[cfg(feature = "device")]
 use super::files::PinArguments;
-use super::input::{Along, warn_if_silent};
+use super::input::{Along, warn_beyond, warn_if_silent};
 use crate::cli::files::WavFile;
 use host_tools::texture::library::{decode_library, read_library};
 
@@ -39,6 +39,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let name = format!("texture '{}'", texture.name());
     let (motion, seconds) = arguments.along.motion(&name, None)?;
     warn_if_silent(&motion);
+    warn_beyond(&motion, &texture);
     let source = format!("'{}' ({})", texture.name(), texture.provenance());
     #[cfg(feature = "device")]
     if arguments.pin.is_asked() {

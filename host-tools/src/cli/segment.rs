@@ -35,8 +35,8 @@ pub struct Arguments {
     /// Largest deviation of speed and force from the middle of a piece, as a share
     #[arg(long, value_parser = positive, default_value_t = 0.12)]
     tolerance: f64,
-    /// Least duration of a piece, in seconds
-    #[arg(long, value_name = "S", value_parser = positive, default_value_t = 0.2)]
+    /// Least duration of a piece, in seconds; a fit finds shorter ones than 0.4 s too short
+    #[arg(long, value_name = "S", value_parser = positive, default_value_t = 0.4)]
     least: f64,
     /// Least total duration of a node's pieces, in seconds
     #[arg(long, value_name = "S", value_parser = positive, default_value_t = 0.5)]

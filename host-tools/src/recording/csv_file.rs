@@ -105,6 +105,10 @@ fn time_column(names: &Header<'_>) -> Result<Option<usize>> {
             format!(
                 "has a column '{name}': cut a free hand's recording with 'stylus segment' first"
             )
+        } else if name != TIME_COLUMN && TIME_NAMES.contains(&stem) && lower.contains("ms") {
+            format!(
+                "has a column '{name}': divide it by 1000 and name it '{TIME_COLUMN}', or remove it"
+            )
         } else if name != TIME_COLUMN && TIME_NAMES.contains(&stem) {
             format!(
                 "has a column '{name}': name it '{TIME_COLUMN}' if it is the time in seconds, or remove it"

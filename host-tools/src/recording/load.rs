@@ -67,6 +67,10 @@ pub fn read_at(trial: &Trial, model_rate_hz: u32) -> Result<Samples> {
 /// Reads the part of a trial's file within `cut`.
 fn from_file(trial: &Trial, cut: &Cut) -> Result<Source> {
     let path = trial.file.as_path();
+    if let Some(other) = named_alike(path) {
+        let problem = format!("is not there, and '{other}' is: mend the letters' case in the list");
+        return Err(Error::file(path, problem));
+    }
     match extension(path).as_str() {
         "wav" | "wave" => wav::read(path, cut),
         "csv" | "txt" => csv_file::read(path, cut, trial.sample_rate_hz),
@@ -77,6 +81,19 @@ fn from_file(trial: &Trial, cut: &Cut) -> Result<Source> {
             Err(Error::file(path, problem))
         }
     }
+}
+
+/// The name of a file beside `path`, which is not there, that differs from it by capitals alone.
+fn named_alike(path: &Path) -> Option<String> {
+    if path.exists() {
+        return None;
+    }
+    let wanted = path.file_name()?.to_string_lossy().to_lowercase();
+    let folder = path.parent().filter(|folder| *folder != Path::new(""));
+    let beside = std::fs::read_dir(folder.unwrap_or(Path::new("."))).ok()?;
+    let names =
+        beside.filter_map(|entry| Some(entry.ok()?.file_name().to_string_lossy().into_owned()));
+    names.into_iter().find(|name| name.to_lowercase() == wanted)
 }
 
 fn extension(path: &Path) -> String {

@@ -8,6 +8,7 @@ mod defects;
 pub mod freehand;
 mod held;
 mod load;
+pub mod pattern;
 mod rate;
 mod resample;
 mod riff;

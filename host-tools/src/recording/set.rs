@@ -70,6 +70,13 @@ impl RecordingSet {
                     "no recordings given: name a folder, a list or files".into(),
                 ));
             }
+            [folder] if folder.is_dir() && !folder.join(TRIALS_FILE).exists() => {
+                let problem = format!(
+                    "has no {TRIALS_FILE}, the list of its recordings: 'stylus trials DIR --pattern \
+                     '{{texture}}_{{speed}}mms_{{force}}N.wav'' makes one of the files' names"
+                );
+                return Err(Error::file(folder, problem));
+            }
             [folder] if folder.is_dir() => Self::from_list(&folder.join(TRIALS_FILE))?,
             [file] if file.file_name().is_some_and(|name| name == TRIALS_FILE) || is_list(file) => {
                 Self::from_list(file)?
@@ -225,6 +232,9 @@ const OPTIONAL: [&str; 5] = [
     "simulated",
 ];
 
+/// Columns of a person's own, which are not read.
+const REMARKS: [&str; 4] = ["note", "notes", "comment", "take"];
+
 impl Columns {
     fn of(header: &Header<'_>) -> Result<Self> {
         let expected = format!(
@@ -236,7 +246,7 @@ impl Columns {
         for name in REQUIRED {
             columns.insert(name, header.needed(name, &expected)?);
         }
-        for name in header.names() {
+        for name in header.names().filter(|name| !REMARKS.contains(name)) {
             let known = REQUIRED.iter().chain(&OPTIONAL).find(|&&k| k == name);
             let Some(&known) = known else {
                 return Err(header.error(format!("unknown column '{name}': {expected}")));

@@ -175,6 +175,16 @@ impl MotionPath {
         any(&self.points[..1]) || self.points.windows(2).any(any)
     }
 
+    /// Returns the largest magnitude of the speed, mm/s, and the largest force, N.
+    pub fn largest(&self) -> (f64, f64) {
+        self.points
+            .iter()
+            .fold((0.0, 0.0), |(speed, force): (f64, f64), point| {
+                let own = (f64::from(point.speed_mm_s).abs(), f64::from(point.force_n));
+                (speed.max(own.0), force.max(own.1))
+            })
+    }
+
     /// Returns the time of the last row, in s; zero for a constant motion.
     pub fn duration_s(&self) -> f64 {
         self.points.last().map_or(0.0, |point| point.time_s)

@@ -1,0 +1,154 @@
+//! `stylus trials`
+
+use std::collections::BTreeSet;
+use std::path::PathBuf;
+
+use host_tools::recording::TRIALS_FILE;
+use host_tools::recording::pattern::{Named, Pattern};
+use host_tools::support::atomic_file;
+use host_tools::support::error::{Error, Result};
+use host_tools::support::number::{recorded_force, recorded_speed};
+
+use super::files::Overwrite;
+use super::input::positive;
+use super::table::table;
+use crate::cli::output::{print, warn};
+
+/// Number of values, and of files that do not match, that are shown.
+const SHOWN: usize = 8;
+
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// Folder of recordings, WAV or CSV, in it or below
+    folder: PathBuf,
+    /// Names of the files, by {texture}, {speed} in mm/s, {force} in newtons, {take}, and {*} for anything, such as
+    /// '{texture}_{speed}mms_{force}N_{take}.wav'; {force*0.001} takes millinewtons
+    #[arg(long)]
+    pattern: Pattern,
+    /// Texture of all files, if their names tell none
+    #[arg(long, value_name = "NAME")]
+    texture: Option<String>,
+    /// Speed of all files, in mm/s, if their names tell none
+    #[arg(long, value_name = "MM_S", value_parser = recorded_speed)]
+    speed: Option<f64>,
+    /// Force of all files, in newtons, if their names tell none
+    #[arg(long, value_name = "N", value_parser = recorded_force)]
+    force: Option<f64>,
+    /// Acceleration of a sample of 1 in all files, in m/s²
+    #[arg(long, value_name = "M_S2", value_parser = positive)]
+    scale: Option<f64>,
+    /// Take to list alone; the others can have a list of their own, for evaluate --takes
+    #[arg(long)]
+    take: Option<String>,
+    /// Name of the list, in the folder
+    #[arg(long, value_name = "NAME", default_value = TRIALS_FILE)]
+    out: String,
+    #[command(flatten)]
+    overwrite: Overwrite,
+}
+
+pub fn run(arguments: &Arguments) -> Result<()> {
+    if arguments.out.contains(['/', '\\']) {
+        let problem =
+            "--out is the name of a list in the folder, because its files are named from there";
+        return Err(Error::Request(problem.into()));
+    }
+    let list = arguments.folder.join(&arguments.out);
+    arguments.overwrite.file(&list, &[])?;
+    let (mut named, others) = arguments.pattern.read(&arguments.folder)?;
+    if let Some(take) = &arguments.take {
+        named.retain(|file| file.take.as_ref() == Some(take));
+    }
+    if named.is_empty() {
+        return Err(Error::Request("no file is of that take".into()));
+    }
+    let missing = |what: &str| {
+        Error::Request(format!(
+            "the pattern has no {{{what}}}: add it, or give --{what} for all files"
+        ))
+    };
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    let mut header = vec!["file", "texture", "speed_mm_s", "force_n"];
+    header.extend(arguments.scale.map(|_| "scale_m_s2"));
+    let mut records = vec![header.into_iter().map(str::to_owned).collect::<Vec<_>>()];
+    for file in &mut named {
+        let texture = file
+            .texture
+            .get_or_insert_with(|| arguments.texture.clone().unwrap_or_default());
+        if texture.is_empty() {
+            return Err(missing("texture"));
+        }
+        let speed = *file
+            .speed_mm_s
+            .insert((file.speed_mm_s.or(arguments.speed)).ok_or_else(|| missing("speed"))?);
+        let force = *file
+            .force_n
+            .insert((file.force_n.or(arguments.force)).ok_or_else(|| missing("force"))?);
+        let mut record = vec![
+            file.file.display().to_string(),
+            texture.clone(),
+            speed.to_string(),
+            force.to_string(),
+        ];
+        record.extend(arguments.scale.map(|scale| scale.to_string()));
+        records.push(record);
+    }
+    let failed =
+        |fault: &dyn std::fmt::Display| Error::file(&list, format!("cannot be made: {fault}"));
+    for record in records {
+        writer
+            .write_record(record)
+            .map_err(|fault| failed(&fault))?;
+    }
+    let text = writer.into_inner().map_err(|fault| failed(&fault))?;
+    atomic_file::write(&list, &text)?;
+    if !others.is_empty() {
+        let shown: Vec<&str> = others.iter().take(SHOWN).map(String::as_str).collect();
+        let more = if others.len() > SHOWN { ", ..." } else { "" };
+        warn(&format!(
+            "{} file(s) do not match and are left out: {}{more}",
+            others.len(),
+            shown.join(", ")
+        ));
+    }
+    print(&format!("{}\n", understood(&named)))?;
+    print(&format!("{} trials -> {}", named.len(), list.display()))
+}
+
+/// A row per texture: its trials, speeds, forces and takes.
+fn understood(named: &[Named]) -> String {
+    let textures: BTreeSet<&str> = named
+        .iter()
+        .filter_map(|file| file.texture.as_deref())
+        .collect();
+    let rows: Vec<Vec<String>> = textures
+        .into_iter()
+        .map(|texture| {
+            let own = || {
+                named
+                    .iter()
+                    .filter(move |file| file.texture.as_deref() == Some(texture))
+            };
+            let numbers = |of: fn(&Named) -> Option<f64>| {
+                let mut values: Vec<f64> = own().filter_map(of).collect();
+                values.sort_by(f64::total_cmp);
+                values.dedup();
+                let shown: Vec<String> = values.iter().take(SHOWN).map(f64::to_string).collect();
+                let more = if values.len() > SHOWN { " ..." } else { "" };
+                format!("{}{more}", shown.join(" "))
+            };
+            let takes: BTreeSet<&str> = own().filter_map(|file| file.take.as_deref()).collect();
+            vec![
+                texture.to_owned(),
+                own().count().to_string(),
+                numbers(|file| file.speed_mm_s),
+                numbers(|file| file.force_n),
+                takes.into_iter().take(SHOWN).collect::<Vec<_>>().join(" "),
+            ]
+        })
+        .collect();
+    table(
+        &["texture", "trials", "speeds mm/s", "forces N", "takes"],
+        &rows,
+    )
+}

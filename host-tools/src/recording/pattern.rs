@@ -1,0 +1,307 @@
+//! Names of files that tell what was recorded: texture, speed, force and take.
+
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+use regex_lite::{Regex, escape};
+
+use super::set::TRIALS_FILE;
+use crate::support::error::{Error, Result};
+
+/// Endings of recordings, in lower case.
+const ENDINGS: [&str; 2] = ["wav", "csv"];
+
+/// A number in a name, such as 50 or 0.35.
+const NUMBER: &str = r"([0-9]+(?:\.[0-9]+)?)";
+
+/// A text in a name, as short as possible.
+const TEXT: &str = "([^/]+?)";
+
+/// The meaning of a placeholder.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Field {
+    Texture,
+    /// The factor makes mm/s of the number.
+    Speed(f64),
+    /// The factor makes newtons of the number.
+    Force(f64),
+    Take,
+    Any,
+}
+
+/// A pattern of files' paths below a folder: `{texture}`, `{speed}`, `{force}`, `{take}`, each at most once, and `{*}`
+/// for anything. `{force*0.001}` multiplies the number, here to make newtons of millinewtons.
+#[derive(Clone, Debug)]
+pub struct Pattern {
+    text: String,
+    regex: Regex,
+    fields: Vec<Field>,
+}
+
+/// A file, with all that its name tells.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Named {
+    /// The file, relative to the folder.
+    pub file: PathBuf,
+    /// Name of the texture.
+    pub texture: Option<String>,
+    /// Tangential speed, mm/s.
+    pub speed_mm_s: Option<f64>,
+    /// Normal force, N.
+    pub force_n: Option<f64>,
+    /// Name of the take.
+    pub take: Option<String>,
+}
+
+impl FromStr for Pattern {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        let (mut expression, mut fields) = (String::from("^"), Vec::new());
+        let mut rest = text;
+        while let Some((literal, after)) = rest.split_once('{') {
+            let (inside, after) = after
+                .split_once('}')
+                .ok_or_else(|| format!("'{{{after}' has no '}}'"))?;
+            let field = field(inside)?;
+            let is_same =
+                |other: &Field| std::mem::discriminant(other) == std::mem::discriminant(&field);
+            if field != Field::Any && fields.iter().any(is_same) {
+                return Err(format!("{{{inside}}} stands twice"));
+            }
+            expression += &escape(literal);
+            expression += match field {
+                Field::Speed(_) | Field::Force(_) => NUMBER,
+                Field::Texture | Field::Take => TEXT,
+                Field::Any => "([^/]*?)",
+            };
+            fields.push(field);
+            rest = after;
+        }
+        expression += &escape(rest);
+        expression.push('$');
+        let regex = Regex::new(&expression).map_err(|fault| fault.to_string())?;
+        let text = text.to_owned();
+        Ok(Self {
+            text,
+            regex,
+            fields,
+        })
+    }
+}
+
+/// The field that stands between braces.
+fn field(inside: &str) -> std::result::Result<Field, String> {
+    let (name, factor) = match inside.split_once('*') {
+        Some((name, factor)) if !name.is_empty() => (name, Some(factor)),
+        _ => (inside, None),
+    };
+    let number = factor.map_or(Ok(1.0), str::parse::<f64>);
+    let number = number.ok().filter(|n| n.is_finite() && *n > 0.0);
+    match (name, number, factor) {
+        ("speed", Some(factor), _) => Ok(Field::Speed(factor)),
+        ("force", Some(factor), _) => Ok(Field::Force(factor)),
+        ("texture", _, None) => Ok(Field::Texture),
+        ("take", _, None) => Ok(Field::Take),
+        ("*", _, None) => Ok(Field::Any),
+        _ => Err(format!(
+            "{{{inside}}} is none of {{texture}}, {{speed}} in mm/s, {{force}} in N, {{take}} and {{*}}; \
+             {{force*0.001}} takes millinewtons"
+        )),
+    }
+}
+
+impl Pattern {
+    /// Reads the path of a file below the folder, whose parts are divided by '/'; none if it does not match.
+    pub fn told(&self, path: &str) -> Option<Named> {
+        let found = self.regex.captures(path)?;
+        let mut named = Named {
+            file: PathBuf::from(path),
+            ..Named::default()
+        };
+        for (index, field) in self.fields.iter().enumerate() {
+            let text = found.get(index + 1)?.as_str();
+            let number = |factor: f64| Some(text.parse::<f64>().ok()? * factor);
+            match *field {
+                Field::Texture => named.texture = Some(text.to_owned()),
+                Field::Take => named.take = Some(text.to_owned()),
+                Field::Speed(factor) => named.speed_mm_s = number(factor),
+                Field::Force(factor) => named.force_n = number(factor),
+                Field::Any => {}
+            }
+        }
+        Some(named)
+    }
+
+    /// Reads the names of all recordings in `folder` and below, in their order: what those tell that match, and the
+    /// paths of the others.
+    ///
+    /// # Errors
+    /// A folder that cannot be read, or in which no recording matches.
+    pub fn read(&self, folder: &Path) -> Result<(Vec<Named>, Vec<String>)> {
+        let mut paths = Vec::new();
+        collect(folder, "", &mut paths)?;
+        paths.sort();
+        let (mut named, mut others) = (Vec::new(), Vec::new());
+        for path in paths {
+            match self.told(&path) {
+                Some(told) => named.push(told),
+                None => others.push(path),
+            }
+        }
+        if named.is_empty() {
+            let found = others.first().map_or_else(
+                || "it has no WAV or CSV file".to_owned(),
+                |first| format!("the first of {} is '{first}'", others.len()),
+            );
+            let problem = format!("has no recording that matches '{}': {found}", self.text);
+            return Err(Error::file(folder, problem));
+        }
+        Ok((named, others))
+    }
+}
+
+/// Adds the recordings in `folder`, whose own path is `above`, and below.
+fn collect(folder: &Path, above: &str, paths: &mut Vec<String>) -> Result<()> {
+    for entry in std::fs::read_dir(folder).map_err(Error::io("read", folder))? {
+        let entry = entry.map_err(Error::io("read", folder))?;
+        let name = entry.file_name().to_string_lossy().into_owned();
+        let kind = entry.file_type().map_err(Error::io("read", folder))?;
+        if kind.is_dir() {
+            collect(&entry.path(), &format!("{above}{name}/"), paths)?;
+            continue;
+        }
+        let ending = Path::new(&name).extension();
+        let is_recording = ending.is_some_and(|ending| {
+            let ending = ending.to_string_lossy().to_lowercase();
+            ENDINGS.contains(&ending.as_str())
+        });
+        if is_recording && name != TRIALS_FILE {
+            paths.push(format!("{above}{name}"));
+        }
+    }
+    Ok(())
+}
+
+/// A pattern for `names` of files without their ending that differ by one number alone, with the number's place as
+/// `{speed}`. `None` if they differ otherwise.
+pub fn one_number(names: &[&str]) -> Option<String> {
+    let number = Regex::new(NUMBER).ok()?;
+    let split = |name: &str| -> (Vec<String>, Vec<String>) {
+        let mut end = 0;
+        let (mut texts, mut numbers) = (Vec::new(), Vec::new());
+        for found in number.find_iter(name) {
+            texts.push(name[end..found.start()].to_owned());
+            numbers.push(found.as_str().to_owned());
+            end = found.end();
+        }
+        texts.push(name[end..].to_owned());
+        (texts, numbers)
+    };
+    let (first, rest) = names.split_first()?;
+    let (texts, numbers) = split(first);
+    let mut place = None;
+    for (other_texts, other_numbers) in rest.iter().map(|name| split(name)) {
+        let differ: Vec<usize> = (0..numbers.len())
+            .filter(|&index| numbers.get(index) != other_numbers.get(index))
+            .collect();
+        let [index] = differ[..] else { return None };
+        if other_texts != texts || place.is_some_and(|known| known != index) {
+            return None;
+        }
+        place = Some(index);
+    }
+    let mut numbers = numbers;
+    "{speed}".clone_into(&mut numbers[place?]);
+    let numbers = numbers.iter().map(String::as_str).chain([""]);
+    let pieces = texts.iter().map(String::as_str).zip(numbers);
+    Some(pieces.flat_map(|(text, number)| [text, number]).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn pattern(text: &str) -> Pattern {
+        text.parse().unwrap()
+    }
+
+    #[test]
+    fn names_of_laboratories_are_understood() {
+        let told = |text: &str, path: &str| {
+            let named = pattern(text).told(path)?;
+            Some((
+                named.texture.unwrap_or_default(),
+                named.speed_mm_s?,
+                named.force_n.unwrap_or(-1.0),
+                named.take.unwrap_or_default(),
+            ))
+        };
+        let found = |texture: &str, speed, force, take: &str| {
+            Some((texture.to_owned(), speed, force, take.to_owned()))
+        };
+        let usual = "{texture}_{speed}mms_{force}N_{take}.wav";
+        assert_eq!(
+            told(usual, "denim_50mms_0.35N_2.wav"),
+            found("denim", 50.0, 0.35, "2")
+        );
+        assert_eq!(
+            told(usual, "wet_denim-2_50mms_1N_b.wav"),
+            found("wet_denim-2", 50.0, 1.0, "b")
+        );
+        assert_eq!(told(usual, "denim_50mm_1N_2.wav"), None);
+        assert_eq!(told(usual, "denim_50mms_1N_2.wav.bak"), None);
+        let cluster = "accel/{texture}/{*}_{speed}_{force*0.001}_{take}.csv";
+        assert_eq!(
+            told(cluster, "accel/17/17_N_40_500_1.csv"),
+            found("17", 40.0, 0.5, "1")
+        );
+        assert_eq!(
+            told("a (x) {speed*10}.wav", "a (x) 2.5.wav"),
+            found("", 25.0, -1.0, "")
+        );
+        assert_eq!(
+            told("{texture}_{speed}.wav", "deep/er_50.wav"),
+            None,
+            "no part of a path"
+        );
+    }
+
+    #[test]
+    fn placeholders_that_there_are_not_are_refused_with_those_that_there_are() {
+        for text in [
+            "{sped}",
+            "{speed",
+            "{speed}{speed}",
+            "{speed*x}",
+            "{texture*2}",
+            "{force*0}",
+            "{}",
+        ] {
+            let problem = text.parse::<Pattern>().unwrap_err();
+            assert!(problem.contains('{'), "{text}: {problem}");
+        }
+    }
+
+    #[test]
+    fn names_that_differ_by_one_number_are_found() {
+        assert_eq!(
+            one_number(&["a_50", "a_100", "a_5.5"]).as_deref(),
+            Some("a_{speed}")
+        );
+        assert_eq!(
+            one_number(&["v2 50 x", "v2 60 x"]).as_deref(),
+            Some("v2 {speed} x")
+        );
+        for names in [
+            &["a_50"][..],
+            &["a", "b"],
+            &["a_50", "b_50"],
+            &["a_1_2", "a_2_3"],
+            &["a1", "a2", "b1"],
+            &["a", "a"],
+        ] {
+            assert_eq!(one_number(names), None, "{names:?}");
+        }
+    }
+}
