@@ -292,7 +292,8 @@ fn stroke() -> String {
 fn a_free_hand_is_cut_where_it_is_steady_and_fitted() {
     let bench = Bench::new();
     bench.write("stroke.csv", stroke());
-    let output = bench.run("segment stroke.csv --texture felt --out pieces --enough 0.9");
+    let output =
+        bench.run("segment stroke.csv --texture felt --out pieces --least 0.2 --enough 0.9");
     let (said, warned) = (text(&output.stdout), text(&output.stderr));
     assert!(output.status.success(), "{warned}");
     holds(&warned, &["line 2503: force_n is 100000"]);
@@ -417,6 +418,21 @@ fn model_files_that_cannot_be_used_are_named_and_nothing_is_written() {
         assert!(words.iter().all(|word| message.contains(word)), "{message}");
         assert!(!bench.path("x.lib").exists());
     }
+    // A folder of a hundred is refused by one line.
+    for number in 0..ALL_OF_HATT {
+        let text = hatt::whole().replace("<SampleRate>1000", "<SampleRate>20000");
+        bench.write(&format!("fast/{number:03}.xml"), text);
+    }
+    let message = bench.refuse("import-hatt fast --out x.lib");
+    holds(
+        &message,
+        &[
+            "100 of 100 files cannot be used",
+            "000.xml",
+            "1000 or 10000 Hz",
+        ],
+    );
+    assert_eq!(message.lines().count(), 1, "{message}");
     let odd = hatt::whole().replace("<var>0.004", "<var>-1");
     bench.write("odd.xml", odd);
     let output = bench.run("import-hatt odd.xml --out odd.lib");

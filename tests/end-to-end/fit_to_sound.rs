@@ -6,6 +6,7 @@ use host_tools::dsp::linear_prediction::{Prediction, corrected};
 use host_tools::dsp::spectrum::{band_edges_hz, band_powers};
 use host_tools::fit;
 use host_tools::fit::Order;
+use host_tools::fit::conditioning::HighPass;
 use host_tools::playing::motion::MotionPath;
 use host_tools::playing::render::render;
 use host_tools::recording::RecordingSet;
@@ -180,7 +181,10 @@ fn hard_spectra_come_back_within_three_decibels() {
         let bench = Bench::new();
         bench.write("hard.wav", wav(&[&signal], RATE_HZ));
         let set = RecordingSet::open(&[bench.path("hard.wav")]).unwrap();
-        let fit = fit::fit(&set, &fit::Options::default(), || ()).unwrap();
+        // Some of them have their power below 10 Hz, and nobody's hand was in it.
+        let mut options = fit::Options::default();
+        options.conditioning.high_pass = HighPass::None;
+        let fit = fit::fit(&set, &options, || ()).unwrap();
         let model = &fit.textures[0].grid.models[0];
         let worst = worst_band_db(density, &model.reflection);
         assert!(worst.abs() < 3.0, "{name}: {worst} dB");

@@ -15,6 +15,7 @@ mod device_record;
 mod device_self_test;
 #[cfg(feature = "device")]
 mod device_self_test_lines;
+mod drift;
 mod evaluation;
 mod fit_to_sound;
 mod frontier;

@@ -1,6 +1,7 @@
 //! Arguments and results: arrays, choices by their names, and results as plain Python objects.
 
 use clap::ValueEnum;
+use host_tools::fit::conditioning::Conditioning;
 use host_tools::recording::{MAX_CHANNELS, MAX_FRAMES};
 use host_tools::support::number;
 use numpy::{
@@ -25,6 +26,18 @@ pub fn choice<T: ValueEnum>(name: &str, text: &str) -> PyResult<T> {
             .map(|value| format!("'{}'", value.get_name()))
             .collect();
         refused(format!("{name} is '{text}': it must be {}", all.join(", ")))
+    })
+}
+
+/// The conditioning of recordings, by the names of the command's options.
+///
+/// # Errors
+/// A choice that there is not.
+pub fn conditioning(reduce: &str, high_pass: &str) -> PyResult<Conditioning> {
+    let problem = |problem: String| refused(format!("high_pass is '{high_pass}': it {problem}"));
+    Ok(Conditioning {
+        reduction: choice("reduce", reduce)?,
+        high_pass: high_pass.parse().map_err(problem)?,
     })
 }
 

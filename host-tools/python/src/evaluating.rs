@@ -8,7 +8,7 @@ use host_tools::texture::library::decode_library;
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 
-use crate::convert::{array, choice, not_negative, plain, positive, table};
+use crate::convert::{array, choice, conditioning, not_negative, plain, positive, table};
 use crate::error::{raised, warn};
 use crate::playing::LibraryLike;
 use crate::work;
@@ -107,12 +107,13 @@ impl Evaluation {
 /// Compares what the stylus plays with recordings that were not fitted, as `stylus evaluate` does.
 ///
 /// `recordings` are as in `fit`, and `library` is a `Library`, a `Fit`, or a path. `takes` are other recordings of the
-/// same trials, which judge the library instead. `reduce` is that of the fit; `smoothing_hz` the full width of the Hann
-/// kernel that smooths amplitudes for C; `synthesis_s` the least duration of each synthesis, s; `excitation` 'fitted',
-/// 'gaussian' or 'residual', the parts of each texture that are played. `progress(done, total)` counts recordings.
+/// same trials, which judge the library instead. `reduce` and `high_pass` are those of the fit; `smoothing_hz` the full
+/// width of the Hann kernel that smooths amplitudes for C; `synthesis_s` the least duration of each synthesis, s;
+/// `excitation` 'fitted', 'gaussian' or 'residual', the parts of each texture that are played. `progress(done, total)`
+/// counts recordings.
 #[pyfunction]
 #[pyo3(signature = (
-    recordings, library, *, takes = None, reduce = "pca", smoothing_hz = 20.0,
+    recordings, library, *, takes = None, reduce = "pca", high_pass = "auto", smoothing_hz = 20.0,
     synthesis_s = 10.0, excitation = "fitted", seed = 1, progress = None
 ))]
 #[expect(clippy::too_many_arguments, reason = "they are keywords")]
@@ -122,6 +123,7 @@ pub fn evaluate<'py>(
     library: LibraryLike<'py>,
     takes: Option<&Bound<'py, PyAny>>,
     reduce: &str,
+    high_pass: &str,
     smoothing_hz: f64,
     synthesis_s: f64,
     excitation: &str,
@@ -129,7 +131,7 @@ pub fn evaluate<'py>(
     progress: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Evaluation> {
     let options = evaluation::Options {
-        reduction: choice("reduce", reduce)?,
+        conditioning: conditioning(reduce, high_pass)?,
         smoothing_hz: not_negative("smoothing_hz", smoothing_hz)?,
         synthesis_s: positive("synthesis_s", synthesis_s)?,
         seed,
@@ -151,7 +153,7 @@ pub fn evaluate<'py>(
     let (found, unused) = work::run(py, total, progress, move |steps| {
         let record = record.as_deref();
         let decoded = decode_library(&path, &bytes)?;
-        let chosen = chosen(&set, others.as_ref(), record, options.reduction)?;
+        let chosen = chosen(&set, others.as_ref(), record, options.conditioning)?;
         steps.between();
         let judges = chosen.judges;
         let found = evaluation::evaluate(&set, &decoded, judges, record, &options, || {

@@ -11,7 +11,7 @@ use host_tools::support::number::tolerance;
 use model_format::SAMPLE_RATE_HZ;
 use pyo3::prelude::*;
 
-use crate::convert::{checked, choice, not_negative, plain};
+use crate::convert::{checked, choice, conditioning, not_negative, plain};
 use crate::error::{raised, refused, warn};
 use crate::library::Library;
 use crate::work;
@@ -117,7 +117,8 @@ impl Fit {
 /// Fits a library to recordings, as `stylus fit` does: the same recordings and options give the same bytes.
 ///
 /// `recordings` are a folder with `trials.csv`, a list, files, `Recording`s, or `Recordings`. `order` is 'auto' (AIC),
-/// 'bic' or 0 to 400; `reduce` 'pca', 'dft321', 'x', 'y' or 'z'; `excitation` 'auto', 'residual' or 'gaussian';
+/// 'bic' or 0 to 400; `reduce` 'pca', 'dft321', 'x', 'y' or 'z'; `high_pass` 'auto', 'none' or a
+/// frequency in Hz as text; `excitation` 'auto', 'residual' or 'gaussian';
 /// `modulation` 'auto', 'track' or 'none'; `lines` 'auto' or 'none'. `silence_floor_m_s2` is
 /// the RMS below which a recording is silent; `drop` names verdicts to leave out; `model_rate_hz` is 5000 or 10000;
 /// `snap` is the largest share by which measured speeds and forces move to nominal ones; `strict` refuses a set in
@@ -126,11 +127,11 @@ impl Fit {
 /// Raises `StylusError` for the first recording that cannot be used, or a texture that no library holds.
 #[pyfunction]
 #[pyo3(signature = (
-    recordings, *, order = OrderLike::Named("auto".into()), reduce = "pca",
+    recordings, *, order = OrderLike::Named("auto".into()), reduce = "pca", high_pass = "auto",
     silence_floor_m_s2 = SILENCE_FLOOR_M_S2, excitation = "auto", modulation = "auto",
     drop = Vec::new(), lines = "auto", model_rate_hz = SAMPLE_RATE_HZ, snap = None, strict = false,
     progress = None
-), text_signature = "(recordings, *, order='auto', reduce='pca', \
+), text_signature = "(recordings, *, order='auto', reduce='pca', high_pass='auto', \
     silence_floor_m_s2=0.001, excitation='auto', modulation='auto', drop=(), lines='auto', model_rate_hz=5000, \
     snap=None, strict=False, progress=None)")]
 #[expect(clippy::too_many_arguments, reason = "they are keywords")]
@@ -139,6 +140,7 @@ pub fn fit(
     recordings: &Bound<'_, PyAny>,
     order: OrderLike,
     reduce: &str,
+    high_pass: &str,
     silence_floor_m_s2: f64,
     excitation: &str,
     modulation: &str,
@@ -151,7 +153,7 @@ pub fn fit(
 ) -> PyResult<Fit> {
     let options = Options {
         order: order_of(order)?,
-        reduction: choice("reduce", reduce)?,
+        conditioning: conditioning(reduce, high_pass)?,
         silence_floor_m_s2: not_negative("silence_floor_m_s2", silence_floor_m_s2)?,
         excitation: choice("excitation", excitation)?,
         modulation: choice("modulation", modulation)?,

@@ -15,7 +15,7 @@ use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyList, PySequence};
 
-use crate::convert::{array, channels, choice, not_negative, positive, table};
+use crate::convert::{array, channels, conditioning, not_negative, positive, table};
 use crate::error::{raised, refused};
 
 // Literals below, so that `help` shows them.
@@ -164,12 +164,12 @@ impl Recording {
     }
 
     /// The signal that a fit takes of it: one axis, float64, m/s², at 5 kHz, with a mean of zero, without what triage
-    /// cuts. `reduce` is 'pca', 'dft321', 'x', 'y' or 'z'.
-    #[pyo3(signature = (*, reduce = "pca"))]
-    fn signal(&self, py: Python<'_>, reduce: &str) -> PyResult<Py<PyArray1<f64>>> {
-        let reduction = choice("reduce", reduce)?;
+    /// cuts. `reduce` is 'pca', 'dft321', 'x', 'y' or 'z'; `high_pass` 'auto', 'none' or a frequency in Hz as text.
+    #[pyo3(signature = (*, reduce = "pca", high_pass = "auto"))]
+    fn signal(&self, py: Python<'_>, reduce: &str, high_pass: &str) -> PyResult<Py<PyArray1<f64>>> {
+        let conditioning = conditioning(reduce, high_pass)?;
         let trial = self.0.clone();
-        let signal = py.detach(|| host_tools::fit::signal(&trial, reduction));
+        let signal = py.detach(|| host_tools::fit::signal(&trial, conditioning));
         Ok(array(py, signal.map_err(raised)?.samples))
     }
 

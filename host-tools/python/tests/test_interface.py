@@ -41,6 +41,7 @@ def test_the_defaults_are_the_commands(command):
     for option, name in [
         ("--order", "order"),
         ("--reduce", "reduce"),
+        ("--high-pass", "high_pass"),
         ("--silence-floor", "silence_floor_m_s2"),
         ("--excitation", "excitation"),
         ("--modulation", "modulation"),

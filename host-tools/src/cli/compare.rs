@@ -2,10 +2,10 @@
 
 use std::path::PathBuf;
 
-use host_tools::dsp::reduction::Reduction;
 use host_tools::evaluation::evaluate;
 use host_tools::evaluation::listening;
 use host_tools::evaluation::listening::{Answers, CONFIDENCE, Pair, Score, plan, score};
+use host_tools::fit::conditioning::Conditioning;
 use host_tools::fit::record::FitRecord;
 use host_tools::report::listening_page;
 use host_tools::support::error::{Error, Result};
@@ -41,9 +41,8 @@ pub struct Arguments {
     /// Duration of a sound, in seconds, at most 10; less where recordings do not hold two of it
     #[arg(long, value_name = "S", value_parser = excerpt, default_value_t = 1.5)]
     segment: f64,
-    /// Reduction from three axes to one; the same as for the fit
-    #[arg(long, value_enum, default_value = "pca")]
-    reduce: Reduction,
+    #[command(flatten)]
+    conditioning: Conditioning,
     /// Seed of order, places and X: the same seed gives the same page
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -72,9 +71,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let record = FitRecord::beside(path, &bytes)?;
     let set = as_fitted(record.as_ref(), set)?;
     let takes = arguments.takes.as_deref();
-    let chosen = choose(&set, takes, record.as_ref(), arguments.reduce)?;
+    let chosen = choose(&set, takes, record.as_ref(), arguments.conditioning)?;
     let evaluate = evaluate::Options {
-        reduction: arguments.reduce,
+        conditioning: arguments.conditioning,
         seed: arguments.seed,
         ..evaluate::Options::default()
     };

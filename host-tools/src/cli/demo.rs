@@ -147,7 +147,7 @@ fn all(arguments: &Arguments, folder: &OutputFolder, begin: Instant) -> Result<P
         recordings: Some(Recordings {
             set: &set,
             evaluation: &evaluation,
-            reduction: options.reduction,
+            conditioning: options.conditioning,
             clips: Clips::Budget,
         }),
         seed: arguments.seed,

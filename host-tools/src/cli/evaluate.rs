@@ -2,7 +2,6 @@
 
 use std::path::{Path, PathBuf};
 
-use host_tools::dsp::reduction::Reduction;
 use host_tools::dsp::spectrum::{AMPLITUDE_JND_DB, DEFAULT_SMOOTHING_WIDTH_HZ};
 use host_tools::evaluation::evaluate;
 use host_tools::evaluation::evaluate::Evaluation;
@@ -12,6 +11,7 @@ use host_tools::evaluation::leave_one_out::{LeaveOneOut, Prepared, Row};
 use host_tools::evaluation::played::Played;
 use host_tools::evaluation::summary::LIVELINESS_EXPLANATION;
 use host_tools::fit::Order;
+use host_tools::fit::conditioning::Conditioning;
 use host_tools::fit::record::FitRecord;
 use host_tools::recording::RecordingSet;
 use host_tools::report::evaluation_page;
@@ -53,9 +53,8 @@ pub struct Arguments {
     json: Option<PathBuf>,
     #[command(flatten)]
     overwrite: Overwrite,
-    /// Reduction from three axes to one; the same as for the fit
-    #[arg(long, value_enum, default_value = "pca")]
-    reduce: Reduction,
+    #[command(flatten)]
+    conditioning: Conditioning,
     /// Full width of the Hann kernel that smooths amplitudes for the cost C, in hertz
     #[arg(long, value_name = "HZ", value_parser = not_negative, default_value_t = DEFAULT_SMOOTHING_WIDTH_HZ)]
     smoothing: f64,
@@ -102,7 +101,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 fn removal_options(arguments: &Arguments) -> leave_one_out::Options {
     let default = leave_one_out::Options::default();
     leave_one_out::Options {
-        reduction: arguments.reduce,
+        conditioning: arguments.conditioning,
         order: arguments.order,
         smoothing_hz: arguments.smoothing,
         synthesis_s: arguments.synthesis.unwrap_or(default.synthesis_s),
@@ -115,7 +114,7 @@ fn evaluate_library(arguments: &Arguments, path: &Path, set: RecordingSet) -> Re
     let library = decode_library(path, &bytes)?;
     let default = evaluate::Options::default();
     let options = evaluate::Options {
-        reduction: arguments.reduce,
+        conditioning: arguments.conditioning,
         smoothing_hz: arguments.smoothing,
         synthesis_s: arguments.synthesis.unwrap_or(default.synthesis_s),
         seed: arguments.seed,
@@ -125,7 +124,7 @@ fn evaluate_library(arguments: &Arguments, path: &Path, set: RecordingSet) -> Re
     let record = FitRecord::beside(path, &bytes)?;
     let set = as_fitted(record.as_ref(), set)?;
     let takes = arguments.takes.as_deref();
-    let chosen = choose(&set, takes, record.as_ref(), arguments.reduce)?;
+    let chosen = choose(&set, takes, record.as_ref(), arguments.conditioning)?;
     let evaluation = evaluate_set(&set, &library, chosen.judges, record.as_ref(), &options)?;
     let removal = removal_options(arguments);
     let asked = arguments.leave_one_out;
@@ -218,7 +217,7 @@ pub fn choose(
     set: &RecordingSet,
     others: Option<&Path>,
     record: Option<&FitRecord>,
-    reduction: Reduction,
+    conditioning: Conditioning,
 ) -> Result<Chosen> {
     let others = match others {
         Some(others) => {
@@ -227,7 +226,7 @@ pub fn choose(
         }
         None => None,
     };
-    let chosen = chosen(set, others.as_ref(), record, reduction)?;
+    let chosen = chosen(set, others.as_ref(), record, conditioning)?;
     for reason in &chosen.unused {
         warn(&format!("a take judges nothing: {reason}"));
     }

@@ -2,10 +2,10 @@
 
 use std::path::PathBuf;
 
-use host_tools::dsp::reduction::Reduction;
 use host_tools::dsp::spectrum::DEFAULT_SMOOTHING_WIDTH_HZ;
 use host_tools::evaluation::frontier;
 use host_tools::evaluation::frontier::{Frontier, Material, Options, Prepared};
+use host_tools::fit::conditioning::Conditioning;
 use host_tools::recording::RecordingSet;
 use host_tools::report::frontier_page;
 use host_tools::support::error::{Error, Result};
@@ -35,9 +35,8 @@ pub struct Arguments {
     /// Orders that are the same for all nodes, beside orders chosen per node
     #[arg(long, value_name = "N,N", value_delimiter = ',', value_parser = order, default_values_t = frontier::ORDERS)]
     orders: Vec<usize>,
-    /// Reduction from three axes to one
-    #[arg(long, value_enum, default_value = "pca")]
-    reduce: Reduction,
+    #[command(flatten)]
+    conditioning: Conditioning,
     /// Full width of the Hann kernel that smooths amplitudes for the cost C, in hertz
     #[arg(long, value_name = "HZ", value_parser = not_negative, default_value_t = DEFAULT_SMOOTHING_WIDTH_HZ)]
     smoothing: f64,
@@ -80,7 +79,7 @@ fn compute(arguments: &Arguments) -> Result<Frontier> {
     };
     let options = Options {
         orders: arguments.orders.clone(),
-        reduction: arguments.reduce,
+        conditioning: arguments.conditioning,
         smoothing_hz: arguments.smoothing,
         seed: arguments.seed,
         ..Options::default()

@@ -2,9 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use host_tools::dsp::reduction::Reduction;
 use host_tools::evaluation::evaluate;
 use host_tools::fit;
+use host_tools::fit::conditioning::Conditioning;
 use host_tools::fit::record::FitRecord;
 use host_tools::recording::RecordingSet;
 use host_tools::report::rub_page;
@@ -35,9 +35,8 @@ pub struct Arguments {
     /// nodes where they are many]
     #[arg(long, value_name = "S", value_parser = clip)]
     clips: Option<f64>,
-    /// Reduction from three axes to one; the same as for the fit
-    #[arg(long, value_enum, default_value = "pca")]
-    reduce: Reduction,
+    #[command(flatten)]
+    conditioning: Conditioning,
     /// Seed that the page begins with
     #[arg(long, default_value_t = 1)]
     seed: u32,
@@ -67,7 +66,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let set = recordings.map(|path| RecordingSet::open(std::slice::from_ref(path)));
     let set = set.transpose()?;
     let (bytes, record) = match &set {
-        Some(set) if is_recordings => fitted(set, arguments.reduce)?,
+        Some(set) if is_recordings => fitted(set, arguments.conditioning)?,
         _ => {
             let bytes = read_library(&arguments.input)?;
             let record = FitRecord::beside(&arguments.input, &bytes)?;
@@ -87,17 +86,17 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     };
     let set = as_fitted(record.as_ref(), set)?;
     let options = evaluate::Options {
-        reduction: arguments.reduce,
+        conditioning: arguments.conditioning,
         seed: u64::from(arguments.seed),
         ..evaluate::Options::default()
     };
-    let judges = choose(&set, None, record.as_ref(), arguments.reduce)?.judges;
+    let judges = choose(&set, None, record.as_ref(), arguments.conditioning)?.judges;
     let evaluation =
         super::evaluate::evaluate_set(&set, &library, judges, record.as_ref(), &options)?;
     let recordings = Recordings {
         set: &set,
         evaluation: &evaluation,
-        reduction: arguments.reduce,
+        conditioning: arguments.conditioning,
         clips: arguments.clips.map_or(Clips::Budget, Clips::Seconds),
     };
     let inputs = Inputs {
@@ -117,9 +116,9 @@ fn is_recordings(path: &Path) -> bool {
 }
 
 /// Fits a library to `set` with the defaults of `stylus fit`; its bytes and its record.
-fn fitted(set: &RecordingSet, reduction: Reduction) -> Result<(Vec<u8>, Option<FitRecord>)> {
+fn fitted(set: &RecordingSet, conditioning: Conditioning) -> Result<(Vec<u8>, Option<FitRecord>)> {
     let options = fit::Options {
-        reduction,
+        conditioning,
         ..fit::Options::default()
     };
     let (fit, bytes) = super::fit::fit_library(set, &options)?;

@@ -48,6 +48,39 @@ impl Autocorrelation {
     }
 }
 
+impl Autocorrelation {
+    /// The autocorrelation with the spectrum below `hz` filled with its mean from there to the double, of a signal at
+    /// `rate_hz` whose own spectrum there was filtered out. A model of high order would follow the filter; this one
+    /// goes on evenly below.
+    #[must_use]
+    pub fn filled_below(mut self, hz: f64, rate_hz: f64) -> Self {
+        let bin_of = |hz: f64| (hz * self.transform_length as f64 / rate_hz).ceil() as usize;
+        let (edge, end) = (bin_of(hz), bin_of(2.0 * hz).min(self.power.len()));
+        if edge >= end {
+            return self;
+        }
+        let mean = self.power[edge..end].iter().sum::<f64>() / (end - edge) as f64;
+        let inverse = with_planner(|planner| planner.plan_fft_inverse(self.transform_length));
+        let mut sums = inverse.make_output_vec();
+        let mut transform = |power: &[f64]| {
+            let mut spectrum: Vec<_> = power.iter().map(|&p| Complex::new(p, 0.0)).collect();
+            inverse
+                .process(&mut spectrum, &mut sums)
+                .expect("lengths come from the plan");
+            sums[..self.lags.len()].to_vec()
+        };
+        let before = transform(&self.power)[0];
+        if before <= 0.0 {
+            return self;
+        }
+        let scale = self.lags[0] / before;
+        self.power[..edge].fill(mean);
+        self.lags = transform(&self.power);
+        self.lags.iter_mut().for_each(|lag| *lag *= scale);
+        self
+    }
+}
+
 /// Power spectrum of a signal that is padded with zeros to the length of a transform.
 struct PaddedSpectrum {
     samples: usize,

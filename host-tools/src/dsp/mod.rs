@@ -1,9 +1,10 @@
-//! Signal processing: spectra, linear prediction, and the reduction of three axes to one.
+//! Signal processing: spectra, linear prediction, and the conditioning and reduction of three axes to one.
 //!
 //! Invariant: slices in, numbers out. No files, no command line, no progress, no format of a library.
 
 pub mod autocorrelation;
 pub mod binomial;
+pub mod high_pass;
 pub mod line_spectral_frequencies;
 pub mod linear_prediction;
 pub mod liveliness;

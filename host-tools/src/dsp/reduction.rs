@@ -84,7 +84,7 @@ fn single(axes: &[Vec<f64>], index: usize) -> Result<Vec<f64>, NoSuchAxis> {
 }
 
 /// Subtracts the mean; a constant becomes exactly zero.
-fn remove_mean(signal: &mut [f64]) {
+pub(crate) fn remove_mean(signal: &mut [f64]) {
     let mean = mean(signal);
     for sample in signal {
         *sample -= mean;
@@ -103,6 +103,12 @@ fn principal_component(axes: &[Vec<f64>]) -> Vec<f64> {
         return signal;
     };
     axis.clone()
+}
+
+/// Angle between the principal axes of two recordings of the same axes about their means, degrees: 0 to 90.
+pub fn angle_deg(one: &[Vec<f64>], other: &[Vec<f64>]) -> f64 {
+    let cos = principal_direction(one).dot(&principal_direction(other));
+    cos.abs().min(1.0).acos().to_degrees()
 }
 
 /// Returns the unit vector in the direction of the greatest variance. Its largest component is positive, so that the

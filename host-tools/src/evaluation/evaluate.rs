@@ -16,11 +16,12 @@ use super::played::{self, Played, Version};
 use super::summary::{Scores, TrialEvaluation};
 use super::summary::{TextureEvaluation, judged_hz, other_in_words, summarise, tables};
 use super::tables::Table;
-use crate::dsp::reduction::Reduction;
+use crate::dsp::high_pass::{high_pass, lowest_hz};
 use crate::dsp::spectrum;
 use crate::dsp::spectrum::{BAND_COUNT, BAND_LABELS_HZ};
 use crate::fit;
 use crate::fit::Signal;
+use crate::fit::conditioning::Conditioning;
 use crate::fit::part::{Blocks, analyse_blocks};
 use crate::fit::record::FitRecord;
 use crate::playing::motion::MotionPath;
@@ -36,8 +37,8 @@ pub(super) const WARM_UP_S: f64 = 0.5;
 /// Options of an evaluation.
 #[derive(Clone, Copy, Debug)]
 pub struct Options {
-    /// From three axes to one; as for the fit.
-    pub reduction: Reduction,
+    /// From the axes to one signal; as for the fit.
+    pub conditioning: Conditioning,
     /// Full width of the Hann kernel that smooths amplitudes for the cost C, Hz.
     pub smoothing_hz: f64,
     /// Duration of each synthesis, s; at least that of the recording. Longer ones give more exact levels of bands.
@@ -53,7 +54,7 @@ pub struct Options {
 impl Default for Options {
     fn default() -> Self {
         Self {
-            reduction: Reduction::Pca,
+            conditioning: Conditioning::default(),
             smoothing_hz: spectrum::DEFAULT_SMOOTHING_WIDTH_HZ,
             synthesis_s: 10.0,
             seed: 1,
@@ -141,6 +142,8 @@ pub struct Comparison {
     pub versions: Vec<Version>,
     /// The lowest sample rate of the files behind it, Hz.
     source_rate_hz: f64,
+    /// The highest cut-off frequency at which a recording behind it was filtered, Hz; none if none was.
+    cut_hz: Option<f64>,
 }
 
 impl Comparison {
@@ -154,7 +157,18 @@ impl Comparison {
     fn range(&self) -> Option<ScoringRange> {
         let blocks = [&self.judged, &self.other, &self.beside];
         let shortest = blocks.into_iter().flatten().map(Vec::len).min();
-        ScoringRange::of(self.source_rate_hz, shortest?)
+        let range = ScoringRange::of(self.source_rate_hz, shortest?)?;
+        match self.cut_hz {
+            Some(cut_hz) => range.above(lowest_hz(cut_hz)),
+            None => Some(range),
+        }
+    }
+
+    /// Filters a synthesis as the recording was that it is compared with.
+    fn condition(&self, synthesised: &mut [f64]) {
+        if let Some(cut_hz) = self.cut_hz {
+            high_pass(synthesised, f64::from(SAMPLE_RATE_HZ), cut_hz);
+        }
     }
 }
 
@@ -193,21 +207,23 @@ fn play(
 }
 
 /// A trial read for its judge: the comparison without a synthesis.
-fn read(trial: &Trial, judge: &Judge, reduction: Reduction) -> Result<Comparison> {
+fn read(trial: &Trial, judge: &Judge, conditioning: Conditioning) -> Result<Comparison> {
     // Triage cuts here what it cuts for the fit, so that the blocks left here are those that the fit left.
     let Signal {
         samples: own,
         mut source_rate_hz,
+        mut cut_hz,
         ..
-    } = fit::signal(trial, reduction)?;
+    } = fit::signal(trial, conditioning)?;
     let blocks = Blocks::of(own.len());
     let fitted = blocks.fitted().map(|block| own[block].to_vec()).collect();
     let left = blocks.judged().map(|block| own[block].to_vec()).collect();
     let (judged, other, beside): (Vec<Vec<f64>>, _, _) = match judge {
         Judge::Blocks => (left, fitted, Vec::new()),
         Judge::OtherTake(take) => {
-            let take = fit::signal(take, reduction)?;
+            let take = fit::signal(take, conditioning)?;
             source_rate_hz = source_rate_hz.min(take.source_rate_hz);
+            cut_hz = cut_hz.into_iter().chain(take.cut_hz).reduce(f64::max);
             (vec![take.samples], vec![own.clone()], Vec::new())
         }
         Judge::Unseen | Judge::Nothing => (vec![own.clone()], fitted, left),
@@ -226,6 +242,7 @@ fn read(trial: &Trial, judge: &Judge, reduction: Reduction) -> Result<Comparison
         parts: String::new(),
         versions: Vec::new(),
         source_rate_hz,
+        cut_hz,
     })
 }
 
@@ -347,7 +364,7 @@ impl Evaluation {
         options: &Options,
     ) -> Result<Comparison> {
         let trial = &set.trials[index];
-        let mut comparison = read(trial, &self.judges[index], options.reduction)?;
+        let mut comparison = read(trial, &self.judges[index], options.conditioning)?;
         let samples = comparison.judged.iter().map(Vec::len).sum();
         let seed = options.seed_of(index);
         let refitted = self
@@ -361,20 +378,22 @@ impl Evaluation {
         let texture = texture_named(refitted.as_ref().unwrap_or(library), &trial.texture)?;
         let stored = played::parts(&texture);
         comparison.parts = played::in_words(&options.played.of(&stored));
-        let played = played::with(&texture, options.played, |texture| {
+        let (mut played, saturations) = played::with(&texture, options.played, |texture| {
             play(texture, trial, samples, options, seed)
         })?;
+        comparison.condition(&mut played);
         for version in options.played.beside(&stored) {
-            let (synthesised, _) = played::with(&texture, version, |texture| {
+            let (mut synthesised, _) = played::with(&texture, version, |texture| {
                 play(texture, trial, samples, options, seed)
             })?;
+            comparison.condition(&mut synthesised);
             comparison.versions.push(Version {
                 played: version,
                 parts: played::in_words(&version.of(&stored)),
                 synthesised,
             });
         }
-        (comparison.synthesised, comparison.saturations) = played;
+        (comparison.synthesised, comparison.saturations) = (played, saturations);
         Ok(comparison)
     }
 }
@@ -402,7 +421,7 @@ fn refit(
         ));
     };
     let fit_options = fit::Options {
-        reduction: options.reduction,
+        conditioning: options.conditioning,
         // A lattice needs no proof of stability between nodes, and the models are the same; the texture is then made
         // in the structure that was chosen. Findings of triage were accepted when the library was fitted.
         strict: false,
@@ -547,13 +566,13 @@ pub fn cost_by_order(
     };
     let fit_options = fit::Options {
         order: fit::Order::Fixed(highest),
-        reduction: options.reduction,
+        conditioning: options.conditioning,
         ..fit::Options::default()
     };
     let analysis = analyse_blocks(trial, &fit_options, highest)?.analysis;
     let fit = fit::fit_analysed(&alone, &[analysis], &fit_options)?;
     let fitted = &fit.textures[0];
-    let read = read(trial, &Judge::Blocks, options.reduction)?;
+    let read = read(trial, &Judge::Blocks, options.conditioning)?;
     let samples = read.judged.iter().map(Vec::len).sum();
     let costs = orders.par_iter().map(|&order| {
         let mut grid = fitted.grid.clone();
@@ -568,8 +587,9 @@ pub fn cost_by_order(
             Library::decode(&bytes).map_err(|failure| Error::Model(failure.to_string()))?;
         let texture = texture_named(&library, &trial.texture)?;
         let mut comparison = read.clone();
-        (comparison.synthesised, comparison.saturations) =
-            play(texture, trial, samples, options, options.seed)?;
+        let (mut synthesised, saturations) = play(texture, trial, samples, options, options.seed)?;
+        comparison.condition(&mut synthesised);
+        (comparison.synthesised, comparison.saturations) = (synthesised, saturations);
         Ok(judged(trial, JudgeKind::Blocks, &comparison, options)
             .scores
             .cost
@@ -605,7 +625,7 @@ mod tests {
         let of_signal = |block: std::ops::Range<usize>| fitted.signal[block].to_vec();
         let left: Vec<Vec<f64>> = fitted.blocks.judged().map(of_signal).collect();
         let used: Vec<Vec<f64>> = fitted.blocks.fitted().map(of_signal).collect();
-        let comparison = read(&trial, &Judge::Blocks, Reduction::Pca).unwrap();
+        let comparison = read(&trial, &Judge::Blocks, Conditioning::default()).unwrap();
         assert_eq!(comparison.judged, left);
         assert_eq!(comparison.other, used);
     }

@@ -3,8 +3,8 @@
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::dsp::reduction::Reduction;
 use crate::fit;
+use crate::fit::conditioning::Conditioning;
 use crate::fit::record::FitRecord;
 use crate::recording::{RecordingSet, Trial};
 use crate::support::error::{Error, Result};
@@ -91,10 +91,10 @@ pub fn chosen(
     set: &RecordingSet,
     others: Option<&RecordingSet>,
     record: Option<&FitRecord>,
-    reduction: Reduction,
+    conditioning: Conditioning,
 ) -> Result<Chosen> {
     let found = match others {
-        Some(others) => takes(set, others, record, reduction)?,
+        Some(others) => takes(set, others, record, conditioning)?,
         None => Vec::new(),
     };
     let unused = found.iter().filter_map(|take| match take {
@@ -180,7 +180,7 @@ pub fn takes(
     set: &RecordingSet,
     others: &RecordingSet,
     record: Option<&FitRecord>,
-    reduction: Reduction,
+    conditioning: Conditioning,
 ) -> Result<Vec<Take>> {
     let of_set = FitRecord::of(set, &fit::Options::default(), &[])?;
     let take = |trial: &Trial| {
@@ -194,9 +194,9 @@ pub fn takes(
             } else {
                 let trials = match &signal {
                     Some(signal) => signal,
-                    None => signal.insert(fit::signal(trial, reduction)?.samples),
+                    None => signal.insert(fit::signal(trial, conditioning)?.samples),
                 };
-                let samples = fit::signal(other, reduction)?.samples;
+                let samples = fit::signal(other, conditioning)?.samples;
                 (correlation(trials, &samples) >= COPY_CORRELATION)
                     .then(|| "the same samples, in another file, were fitted".to_owned())
             };

@@ -149,6 +149,13 @@ impl ScoringRange {
         Some(range).filter(Self::holds_a_third_octave)
     }
 
+    /// The range without what is below `low_hz`. `None` if no third octave is left.
+    pub fn above(mut self, low_hz: f64) -> Option<Self> {
+        self.low_hz = self.low_hz.max(low_hz);
+        self.cost_hz.0 = self.cost_hz.0.max(low_hz);
+        Some(self).filter(Self::holds_a_third_octave)
+    }
+
     /// The lowest and the highest frequency of bands, Hz.
     pub fn band_edges_hz(&self) -> (f64, f64) {
         (self.low_hz, self.high_hz)

@@ -10,6 +10,7 @@ use model_format::SAMPLE_RATE_HZ;
 use serde::{Deserialize, Serialize};
 
 use crate::dsp::autocorrelation::{Autocorrelation, Tapered};
+use crate::dsp::high_pass::lowest_hz;
 use crate::dsp::log_spectrum::{BINS, FINE_BINS, density_of_model};
 use crate::dsp::model::Model;
 use crate::dsp::sums::{extremes, sum};
@@ -25,15 +26,30 @@ pub(super) struct Estimate {
     pub bands: Bands,
 }
 
-/// Estimates the autocorrelation of `signal` at 5 kHz, whose plain autocorrelation is `plain`.
-pub(super) fn estimate(signal: &[f64], plain: Autocorrelation) -> Estimate {
-    estimate_at(f64::from(SAMPLE_RATE_HZ), signal, plain)
+/// Estimates the autocorrelation of `signal` at 5 kHz, whose plain autocorrelation is `plain` and which was filtered at
+/// `cut_hz`, if at all.
+pub(super) fn estimate(signal: &[f64], plain: Autocorrelation, cut_hz: Option<f64>) -> Estimate {
+    estimate_at(f64::from(SAMPLE_RATE_HZ), signal, plain, cut_hz)
 }
 
 /// As [`estimate`], of a signal at `rate_hz`.
-pub(super) fn estimate_at(rate_hz: f64, signal: &[f64], plain: Autocorrelation) -> Estimate {
-    let power = plain.lags[0];
+pub(super) fn estimate_at(
+    rate_hz: f64,
+    signal: &[f64],
+    plain: Autocorrelation,
+    cut_hz: Option<f64>,
+) -> Estimate {
     let tapered = Tapered::of(signal, plain.lags.len() - 1);
+    if let Some(cut_hz) = cut_hz {
+        // The filter has taken what leaks.
+        let filled = tapered.into_autocorrelation();
+        let filled = filled.filled_below(lowest_hz(cut_hz), rate_hz);
+        return Estimate {
+            bands: Bands::of_density(&filled.power, filled.lags[0], rate_hz),
+            lags: filled.lags,
+        };
+    }
+    let power = plain.lags[0];
     let bands = Bands::of_density(&tapered.power(), power, rate_hz);
     let with_leakage = Bands::of_density(&plain.power, power, rate_hz);
     let lags = if bands.largest_excess_db(&with_leakage, signal.len()) > TOLERABLE_LEAKAGE_DB {
@@ -210,7 +226,11 @@ mod tests {
         let plain = Autocorrelation::of(signal, 400);
         let tapered = Tapered::of(signal, 400).into_autocorrelation();
         let rectangular = plain.lags.clone();
-        [estimate(signal, plain).lags, rectangular, tapered.lags]
+        [
+            estimate(signal, plain, None).lags,
+            rectangular,
+            tapered.lags,
+        ]
     }
 
     #[test]

@@ -13,6 +13,7 @@ use crate::recording::{RecordingSet, Trial, triage};
 use crate::support::error::{Error, Result};
 use crate::texture::library::stored_texture;
 
+pub mod conditioning;
 pub mod densify;
 mod estimate;
 pub mod excitation;
@@ -100,7 +101,7 @@ fn add_excitation(
                 return Ok(signal.clone());
             }
             let place = members.binary_search(&member).unwrap_or_default();
-            signal_of_judged(&set.trials[member], &verdicts[place], options.reduction)
+            signal_of_judged(&set.trials[member], &verdicts[place], options.conditioning)
         };
         let texture = (&mut *fit, index);
         excitation::add_to((set, &members), texture, options, room, read, &progress)?;
@@ -261,6 +262,9 @@ fn reports(
             rms_m_s2: found.power.sqrt(),
             mean_m_s2: found.mean_m_s2,
             energy_share: found.energy_share,
+            slow_share: found.slow.share,
+            high_pass_hz: found.slow.cut_hz,
+            axis_turn_deg: found.slow.turn_deg,
             cut_s: found.cut_s,
             used: !dropped(&verdicts) && trial.is_in_motion_and_contact(),
             verdicts,

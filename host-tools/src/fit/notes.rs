@@ -8,6 +8,9 @@ use rayon::prelude::*;
 use super::grid::Miss;
 use super::options::{Options, Order};
 use super::trial::TrialReport;
+use crate::dsp::high_pass::{SLOW_HZ, lowest_hz};
+use crate::fit::conditioning::HighPass;
+use crate::recording::pattern::one_number;
 use crate::recording::{RecordingSet, Trial, holds_integers, nominal};
 use crate::texture::grid::Grid;
 
@@ -94,6 +97,7 @@ pub(super) fn of(
         )
     });
     let missed = missed_bands(name, misses, options);
+    let slow = slow_motion(name, trials);
     left_out
         .into_iter()
         .chain(too_short(name, short))
@@ -101,8 +105,49 @@ pub(super) fn of(
         .chain(close)
         .chain(lowered)
         .chain(removed)
+        .chain(slow)
         .chain(missed)
         .collect()
+}
+
+/// Returns a note on slow motion that was filtered out, or was not.
+fn slow_motion(name: &str, trials: &[&TrialReport]) -> Option<String> {
+    let is_filtered = |trial: &&&TrialReport| trial.high_pass_hz.is_some();
+    let is_advised = |trial: &&&TrialReport| {
+        HighPass::Auto.cut_hz(trial.slow_share).is_some() || is_filtered(trial)
+    };
+    let moved: Vec<_> = trials.iter().filter(is_advised).collect();
+    let share = moved
+        .iter()
+        .map(|trial| trial.slow_share)
+        .reduce(f64::max)?;
+    let turn_deg = moved.iter().map(|t| t.axis_turn_deg).fold(0.0, f64::max);
+    let what = format!(
+        "up to {:.0} % of their power is below {SLOW_HZ} Hz, as of a hand's motion, which turns the principal axis by \
+         up to {turn_deg:.0}°",
+        100.0 * share
+    );
+    let cut_hz = moved
+        .iter()
+        .filter_map(|trial| trial.high_pass_hz)
+        .reduce(f64::max);
+    Some(match cut_hz {
+        Some(cut_hz) => {
+            let low = lowest_hz(cut_hz);
+            format!(
+                "texture '{name}': {} trial(s) are high-passed at {cut_hz} Hz: {what}. Below {low:.0} Hz the models go \
+                 on evenly, and nothing is judged; --high-pass none keeps that motion",
+                moved
+                    .iter()
+                    .filter(|trial| trial.high_pass_hz.is_some())
+                    .count()
+            )
+        }
+        None => format!(
+            "texture '{name}': {} trial(s) are fitted with their slow motion, as asked for: {what}",
+            moved.len()
+        ),
+    })
 }
 
 /// Returns a note on trials whose files end early.
@@ -225,8 +270,29 @@ const SMALL_SPEED_MM_S: f64 = 1.0;
 pub(super) fn of_set(set: &RecordingSet, reports: &[TrialReport]) -> Vec<String> {
     let mut notes = Vec::new();
     notes.extend(missing_scale(set, reports));
+    notes.extend(unlisted_speeds(set));
     notes.extend(doubtful_motions(&set.trials));
     notes
+}
+
+/// Returns a note on recordings without a list whose names differ by one number.
+fn unlisted_speeds(set: &RecordingSet) -> Option<String> {
+    if set.is_listed {
+        return None;
+    }
+    let names: Vec<&str> = set
+        .trials
+        .iter()
+        .map(|trial| trial.texture.as_str())
+        .collect();
+    let pattern = one_number(&names)?;
+    Some(format!(
+        "the names of {} recordings differ by one number alone, and each becomes a texture of its own, all at {} mm/s: \
+         if they are speeds of one surface, make a list by 'stylus trials DIR --pattern '{pattern}.wav'' and fit the \
+         folder",
+        names.len(),
+        set.trials[0].speed_mm_s
+    ))
 }
 
 /// Returns true for a trial whose samples were integers.

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use model_format::{PlayRate, SAMPLE_RATE_HZ};
 
-use crate::dsp::reduction::Reduction;
+use crate::fit::conditioning::Conditioning;
 use crate::recording::triage::{Kind, SILENCE_FLOOR_M_S2};
 use crate::support::error::{Error, Result};
 use crate::support::number::{not_negative, tolerance};
@@ -90,9 +90,10 @@ pub struct Options {
     /// Order of the models: 0 to 400, or chosen for each node: 'auto' (AIC) or 'bic', which is thriftier
     #[arg(long, default_value = "auto")]
     pub order: Order,
-    /// Reduction from three axes to one
-    #[arg(long = "reduce", value_enum, default_value = "pca")]
-    pub reduction: Reduction,
+    /// From three axes to one signal
+    #[command(flatten)]
+    #[serde(flatten)]
+    pub conditioning: Conditioning,
     /// RMS below which a trial counts as silent, in m/s²
     #[arg(
         long = "silence-floor",
@@ -179,7 +180,7 @@ impl Default for Options {
     fn default() -> Self {
         Self {
             order: Order::Auto,
-            reduction: Reduction::Pca,
+            conditioning: Conditioning::default(),
             silence_floor_m_s2: SILENCE_FLOOR_M_S2,
             excitation: ExcitationChoice::Auto,
             modulation: ModulationChoice::Auto,

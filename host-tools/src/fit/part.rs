@@ -99,7 +99,7 @@ pub fn analyse_blocks(
     let signal = signal.samples;
     let blocks = Blocks::of(signal.len());
     let fitted: Vec<&[f64]> = blocks.fitted().map(|block| &signal[block]).collect();
-    let estimate = estimate_of_blocks(&fitted, max_order);
+    let estimate = estimate_of_blocks(&fitted, max_order, analysis.slow.cut_hz);
     (analysis.lags, analysis.bands) = (estimate.lags, estimate.bands);
     analysis.samples = fitted.iter().map(|block| block.len()).sum();
     analysis.power = analysis.lags[0];
@@ -170,7 +170,7 @@ fn separate_lines(
         if share.amplitudes_m_s2.iter().flatten().any(|&a| a > 0.0) {
             let fitted: Vec<&[f64]> = fitted.into_iter().map(|block| &rest[block]).collect();
             let max_order = analysis.lags.len() - 1;
-            let estimate = estimate_of_blocks(&fitted, max_order);
+            let estimate = estimate_of_blocks(&fitted, max_order, analysis.slow.cut_hz);
             (analysis.lags, analysis.bands) = (estimate.lags, estimate.bands);
         }
         analysis.lines = share;
@@ -180,17 +180,17 @@ fn separate_lines(
 /// Estimates the autocorrelation of a signal from lag 0 to `max_lag`, (m/s²)², as the mean over its blocks, each
 /// weighed by its length.
 pub fn lags_of_blocks(blocks: &[&[f64]], max_lag: usize) -> Vec<f64> {
-    estimate_of_blocks(blocks, max_lag).lags
+    estimate_of_blocks(blocks, max_lag, None).lags
 }
 
-fn estimate_of_blocks(blocks: &[&[f64]], max_lag: usize) -> Estimate {
+fn estimate_of_blocks(blocks: &[&[f64]], max_lag: usize, cut_hz: Option<f64>) -> Estimate {
     let samples: usize = blocks.iter().map(|block| block.len()).sum();
     let estimates: Vec<(f64, Estimate)> = blocks
         .iter()
         .map(|block| {
             let weight = block.len() as f64 / samples.max(1) as f64;
             let plain = Autocorrelation::of(block, max_lag);
-            (weight, estimate(block, plain))
+            (weight, estimate(block, plain, cut_hz))
         })
         .collect();
     let mut lags = vec![0.0; max_lag + 1];
@@ -258,7 +258,7 @@ mod tests {
                 place
             })
             .collect();
-        let whole = estimate(&signal, Autocorrelation::of(&signal, 50)).lags;
+        let whole = estimate(&signal, Autocorrelation::of(&signal, 50), None).lags;
         assert_eq!(lags_of_blocks(&[&signal], 50), whole);
         assert_eq!(whole, Tapered::of(&signal, 50).into_autocorrelation().lags);
         assert_ne!(whole, Autocorrelation::of(&signal, 50).lags);

@@ -47,7 +47,7 @@ pub(super) fn separate_lines(
         }
         if share.amplitudes_m_s2.iter().flatten().any(|&a| a > 0.0) {
             let plain = Autocorrelation::of(&signal.samples, max_order);
-            let estimate = estimate(&signal.samples, plain);
+            let estimate = estimate(&signal.samples, plain, analysis.slow.cut_hz);
             (analysis.lags, analysis.bands) = (estimate.lags, estimate.bands);
         }
         analysis.lines = share;

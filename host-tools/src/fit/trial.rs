@@ -11,11 +11,24 @@ use super::estimate::estimate_at;
 use super::lines::TrialLines;
 use super::options::Options;
 use crate::dsp::autocorrelation::Autocorrelation;
-use crate::dsp::reduction::{Reduction, reduce};
+use crate::dsp::high_pass::{high_pass, slow_share};
+use crate::dsp::reduction::{Reduction, angle_deg, reduce, remove_mean};
 use crate::dsp::sums::mean;
+use crate::fit::conditioning::{Conditioning, HighPass};
 use crate::recording::triage::{Kind, Sketch, Verdict, in_words};
 use crate::recording::{self, Samples, Trial, triage};
 use crate::support::error::{Error, Result};
+
+/// A trial's slow motion, and its remedy.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct SlowMotion {
+    /// Share of the axes' power below 10 Hz.
+    pub share: f64,
+    /// Cut-off frequency at which the axes were filtered, Hz; none if they were not.
+    pub cut_hz: Option<f64>,
+    /// Angle by which slow motion turns the principal axis, degrees; 0 where it is not one of several axes.
+    pub turn_deg: f64,
+}
 
 /// The statistics of a trial that a fit keeps.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -32,6 +45,8 @@ pub struct Analysis {
     pub mean_m_s2: f64,
     /// Share of the axes' energy that the reduced signal keeps.
     pub energy_share: f64,
+    /// Slow motion of hand or rig.
+    pub slow: SlowMotion,
     /// Duration that triage cut out of the trial, s.
     pub cut_s: f64,
     /// Findings of triage on the trial by itself.
@@ -53,9 +68,12 @@ impl Analysis {
     }
 }
 
-/// A trial without what triage cuts.
+/// A trial without what triage cuts, filtered.
 struct Triaged {
     samples: Samples,
+    /// Largest magnitude of an axis's mean before the filter, m/s².
+    mean_m_s2: f64,
+    slow: SlowMotion,
     verdicts: Vec<Verdict>,
     /// Duration that was cut, s.
     cut_s: f64,
@@ -65,23 +83,50 @@ struct Triaged {
     parts: Vec<Range<usize>>,
 }
 
-/// Reads `trial` and keeps what triage does not cut.
-fn triaged(trial: &Trial) -> Result<Triaged> {
+/// Reads `trial`, keeps what triage does not cut, and filters it.
+fn triaged(trial: &Trial, conditioning: Conditioning) -> Result<Triaged> {
     let samples = recording::read(trial)?;
     let verdicts = triage::samples(&samples);
-    Ok(without_cuts(samples, verdicts))
+    Ok(without_cuts(samples, verdicts, conditioning))
 }
 
-/// Keeps what `verdicts` do not cut.
-fn without_cuts(mut samples: Samples, verdicts: Vec<Verdict>) -> Triaged {
+/// Keeps what `verdicts` do not cut, filtered.
+fn without_cuts(
+    mut samples: Samples,
+    verdicts: Vec<Verdict>,
+    conditioning: Conditioning,
+) -> Triaged {
     let length = |samples: &Samples| samples.axes.first().map_or(0, Vec::len);
     let before = length(&samples);
     let parts = triage::usable(&verdicts, before);
     let flaws = triage::kept_spans(&triage::flaws(&samples, &verdicts), &parts);
+    let whole = samples.axes.clone();
     samples.axes = triage::kept(samples.axes, &parts);
+    let mean_of = |axis: &Vec<f64>| mean(axis).abs();
+    let mean_m_s2 = samples.axes.iter().map(mean_of).fold(0.0, f64::max);
+    let rate_hz = f64::from(SAMPLE_RATE_HZ);
+    let share = slow_share(&samples.axes, rate_hz);
+    let mut slow = SlowMotion {
+        share,
+        cut_hz: conditioning.high_pass.cut_hz(share),
+        turn_deg: 0.0,
+    };
+    let advised = HighPass::Auto.cut_hz(share).or(slow.cut_hz);
+    if let Some(cut_hz) = advised {
+        let filtered = triage::kept(filtered(whole, &parts, rate_hz, cut_hz), &parts);
+        if conditioning.reduction == Reduction::Pca && filtered.len() > 1 {
+            samples.axes.iter_mut().for_each(|axis| remove_mean(axis));
+            slow.turn_deg = angle_deg(&samples.axes, &filtered);
+        }
+        if slow.cut_hz.is_some() {
+            samples.axes = filtered;
+        }
+    }
     let cut_s = (before - length(&samples)) as f64 / f64::from(SAMPLE_RATE_HZ);
     Triaged {
         samples,
+        mean_m_s2,
+        slow,
         verdicts,
         cut_s,
         flaws,
@@ -89,8 +134,32 @@ fn without_cuts(mut samples: Samples, verdicts: Vec<Verdict>) -> Triaged {
     }
 }
 
-/// The axes of `trial` at `rate_hz`, a multiple of 5 kHz, without what triage cut out of it at 5 kHz.
-fn kept_at(trial: &Trial, rate_hz: u32, parts: &[Range<usize>]) -> Result<Vec<Vec<f64>>> {
+/// `axes` at `rate_hz`, each of their `parts` filtered by itself, so that nothing rings from what is cut out.
+fn filtered(
+    mut axes: Vec<Vec<f64>>,
+    parts: &[Range<usize>],
+    rate_hz: f64,
+    cut_hz: f64,
+) -> Vec<Vec<f64>> {
+    for axis in &mut axes {
+        if parts.is_empty() {
+            high_pass(axis, rate_hz, cut_hz);
+        }
+        for part in parts {
+            high_pass(&mut axis[part.clone()], rate_hz, cut_hz);
+        }
+    }
+    axes
+}
+
+/// The axes of `trial` at `rate_hz`, a multiple of 5 kHz, without what triage cut out of it at 5 kHz, filtered at
+/// `cut_hz`.
+fn kept_at(
+    trial: &Trial,
+    rate_hz: u32,
+    parts: &[Range<usize>],
+    cut_hz: Option<f64>,
+) -> Result<Vec<Vec<f64>>> {
     let samples = recording::read_at(trial, rate_hz)?;
     if samples.source_rate_hz < f64::from(rate_hz) {
         let problem = format!(
@@ -105,7 +174,11 @@ fn kept_at(trial: &Trial, rate_hz: u32, parts: &[Range<usize>]) -> Result<Vec<Ve
     let parts: Vec<_> = (parts.iter())
         .map(|part| at_rate(part.start)..at_rate(part.end))
         .collect();
-    Ok(triage::kept(samples.axes, &parts))
+    let axes = match cut_hz {
+        Some(cut_hz) => filtered(samples.axes, &parts, f64::from(rate_hz), cut_hz),
+        None => samples.axes,
+    };
+    Ok(triage::kept(axes, &parts))
 }
 
 /// A trial reduced to one axis, without what triage cuts.
@@ -115,6 +188,8 @@ pub struct Signal {
     pub samples: Vec<f64>,
     /// The file's own sample rate, Hz.
     pub source_rate_hz: f64,
+    /// Cut-off frequency at which the axes were filtered, Hz; none if they were not.
+    pub cut_hz: Option<f64>,
     /// Stretches of the samples that are no surface's: clipped peaks, joints, and what triage would have cut.
     pub flaws: Vec<Range<usize>>,
 }
@@ -123,8 +198,8 @@ pub struct Signal {
 ///
 /// # Errors
 /// A file that cannot be used, or without the axis that was asked for.
-pub fn signal(trial: &Trial, reduction: Reduction) -> Result<Signal> {
-    reduced(trial, triaged(trial)?, reduction)
+pub fn signal(trial: &Trial, conditioning: Conditioning) -> Result<Signal> {
+    reduced(trial, triaged(trial, conditioning)?, conditioning.reduction)
 }
 
 /// As [`signal`], without triage: `verdicts` are what triage found on this trial.
@@ -134,21 +209,25 @@ pub fn signal(trial: &Trial, reduction: Reduction) -> Result<Signal> {
 pub(super) fn signal_of_judged(
     trial: &Trial,
     verdicts: &[Verdict],
-    reduction: Reduction,
+    conditioning: Conditioning,
 ) -> Result<Signal> {
-    let triaged = without_cuts(recording::read(trial)?, verdicts.to_vec());
-    reduced(trial, triaged, reduction)
+    let triaged = without_cuts(recording::read(trial)?, verdicts.to_vec(), conditioning);
+    reduced(trial, triaged, conditioning.reduction)
 }
 
 fn reduced(trial: &Trial, triaged: Triaged, reduction: Reduction) -> Result<Signal> {
     let Triaged {
-        mut samples, flaws, ..
+        mut samples,
+        flaws,
+        slow,
+        ..
     } = triaged;
     let reduced = reduce(&mut samples.axes, reduction)
         .map_err(|missing| Error::file(&trial.file, missing.to_string()))?;
     Ok(Signal {
         samples: reduced.signal,
         source_rate_hz: samples.source_rate_hz,
+        cut_hz: slow.cut_hz,
         flaws,
     })
 }
@@ -172,14 +251,15 @@ pub fn analyse_with_signal(
 ) -> Result<(Analysis, Signal)> {
     let Triaged {
         mut samples,
+        mean_m_s2,
+        slow,
         mut verdicts,
         cut_s,
         flaws,
         parts,
-    } = triaged(trial)?;
-    let mean_of = |axis: &Vec<f64>| mean(axis).abs();
-    let mean_m_s2 = samples.axes.iter().map(mean_of).fold(0.0, f64::max);
-    let reduced = reduce(&mut samples.axes, options.reduction)
+    } = triaged(trial, options.conditioning)?;
+    let reduction = options.conditioning.reduction;
+    let reduced = reduce(&mut samples.axes, reduction)
         .map_err(|missing| Error::file(&trial.file, missing.to_string()))?;
     let sketch = Sketch::of(&reduced.signal);
     let mut autocorrelation = Autocorrelation::of(&reduced.signal, max_order);
@@ -200,20 +280,24 @@ pub fn analyse_with_signal(
     let signal = if options.sample_rate_hz == SAMPLE_RATE_HZ {
         reduced.signal
     } else {
-        let mut axes = kept_at(trial, options.sample_rate_hz, &parts)?;
-        let reduced = reduce(&mut axes, options.reduction)
+        let mut axes = kept_at(trial, options.sample_rate_hz, &parts, slow.cut_hz)?;
+        let reduced = reduce(&mut axes, reduction)
             .map_err(|missing| Error::file(&trial.file, missing.to_string()))?;
         autocorrelation = Autocorrelation::of(&reduced.signal, max_order);
         power = autocorrelation.lags[0];
         reduced.signal
     };
     let rate_hz = f64::from(options.sample_rate_hz);
-    let estimate = estimate_at(rate_hz, &signal, autocorrelation);
+    let estimate = estimate_at(rate_hz, &signal, autocorrelation, slow.cut_hz);
+    if slow.cut_hz.is_some() {
+        power = estimate.lags[0];
+    }
     let analysis = Analysis {
         samples: signal.len(),
         power,
         mean_m_s2,
         energy_share: reduced.energy_share,
+        slow,
         cut_s,
         verdicts,
         mains_line_hz,
@@ -225,6 +309,7 @@ pub fn analyse_with_signal(
     let signal = Signal {
         samples: signal,
         source_rate_hz: samples.source_rate_hz,
+        cut_hz: slow.cut_hz,
         flaws,
     };
     Ok((analysis, signal))
@@ -247,6 +332,13 @@ pub struct TrialReport {
     pub mean_m_s2: f64,
     /// Share of the axes' energy that the reduced signal keeps.
     pub energy_share: f64,
+    /// Share of the axes' power below 10 Hz.
+    pub slow_share: f64,
+    /// Cut-off frequency at which the axes were filtered, Hz; none if they were not.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub high_pass_hz: Option<f64>,
+    /// Angle by which slow motion turns the principal axis, degrees.
+    pub axis_turn_deg: f64,
     /// Duration that triage cut out of it, s.
     pub cut_s: f64,
     /// Findings of triage; none for a sound recording.

@@ -100,7 +100,9 @@ class Recording:
     @property
     def simulated(self) -> bool: ...
     def samples(self, rate_hz: int = 5000) -> npt.NDArray[np.float64]: ...
-    def signal(self, *, reduce: _Reduction = "pca") -> npt.NDArray[np.float64]: ...
+    def signal(
+        self, *, reduce: _Reduction = "pca", high_pass: str = "auto"
+    ) -> npt.NDArray[np.float64]: ...
 
 @final
 class Recordings:
@@ -158,6 +160,7 @@ def fit(
     *,
     order: int | Literal["auto", "bic"] = "auto",
     reduce: _Reduction = "pca",
+    high_pass: str = "auto",
     silence_floor_m_s2: float = 0.001,
     excitation: Literal["gaussian", "residual", "auto"] = "auto",
     modulation: Literal["none", "track", "auto"] = "auto",
@@ -305,6 +308,7 @@ def evaluate(
     *,
     takes: _Recordings | None = None,
     reduce: _Reduction = "pca",
+    high_pass: str = "auto",
     smoothing_hz: float = 20.0,
     synthesis_s: float = 10.0,
     excitation: Literal["fitted", "gaussian", "residual"] = "fitted",

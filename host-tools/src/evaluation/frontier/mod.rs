@@ -20,9 +20,9 @@ mod run;
 pub mod still;
 mod structure;
 
-use crate::dsp::reduction::Reduction;
 use crate::dsp::spectrum;
 use crate::evaluation::stress::cases::{Case, Length, suite};
+use crate::fit::conditioning::Conditioning;
 
 pub use prepared::{Material, Prepared};
 pub use results::{Filter, Frontier, Point, clock_headings, interval_ms, share};
@@ -44,7 +44,7 @@ pub struct Options {
     /// Orders that are the same for all nodes.
     pub orders: Vec<usize>,
     /// From three axes to one.
-    pub reduction: Reduction,
+    pub conditioning: Conditioning,
     /// Width of C's smoothing, Hz.
     pub smoothing_hz: f64,
     /// Duration of each synthesis at rest, s.
@@ -59,7 +59,7 @@ impl Default for Options {
     fn default() -> Self {
         Self {
             orders: ORDERS.to_vec(),
-            reduction: Reduction::Pca,
+            conditioning: Conditioning::default(),
             smoothing_hz: spectrum::DEFAULT_SMOOTHING_WIDTH_HZ,
             synthesis_s: 4.0,
             seed: 1,

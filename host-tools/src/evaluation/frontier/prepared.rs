@@ -49,7 +49,7 @@ impl Prepared {
     pub fn new(material: &Material, options: &Options, progress: impl Fn() + Sync) -> Result<Self> {
         let at = |order| fit::Options {
             order,
-            reduction: options.reduction,
+            conditioning: options.conditioning,
             // Filters are compared by what they do with the whole spectrum.
             lines: Lines::None,
             ..fit::Options::default()
@@ -112,11 +112,11 @@ impl Prepared {
             .collect::<Vec<_>>()
             .into_par_iter()
             .map(|(index, (texture, node))| {
-                let signal = fit::signal(&trials[index], options.reduction)?.samples;
+                let signal = fit::signal(&trials[index], options.conditioning)?.samples;
                 let take = material.take_of(&trials[index]);
                 let between = match take {
                     Some(take) => {
-                        let other = fit::signal(take, options.reduction)?.samples;
+                        let other = fit::signal(take, options.conditioning)?.samples;
                         let cost =
                             spectrum::spectral_cost(&signal, &other, rate_hz, options.smoothing_hz);
                         let bands = spectrum::band_errors_db(&signal, &other, rate_hz);

@@ -14,9 +14,9 @@ mod prepared;
 mod results;
 mod run;
 
-use crate::dsp::reduction::Reduction;
 use crate::dsp::spectrum;
 use crate::fit::Order;
+use crate::fit::conditioning::Conditioning;
 
 pub use play::{Judged, Voice, synthesis};
 pub use prepared::Prepared;
@@ -28,7 +28,7 @@ pub use results::{
 #[derive(Clone, Copy, Debug)]
 pub struct Options {
     /// From three axes to one.
-    pub reduction: Reduction,
+    pub conditioning: Conditioning,
     /// Order of the models; the paper's is 400 for all.
     pub order: Order,
     /// Full width of the Hann kernel that smooths amplitudes for the cost C, Hz.
@@ -42,7 +42,7 @@ pub struct Options {
 impl Default for Options {
     fn default() -> Self {
         Self {
-            reduction: Reduction::Pca,
+            conditioning: Conditioning::default(),
             order: Order::Fixed(model_format::limits::MAX_ORDER),
             smoothing_hz: spectrum::DEFAULT_SMOOTHING_WIDTH_HZ,
             synthesis_s: 5.0,

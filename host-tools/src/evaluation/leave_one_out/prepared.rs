@@ -3,6 +3,7 @@
 use model_format::{NodeFlags, Provenance, SAMPLE_RATE_HZ};
 use rayon::prelude::*;
 
+use crate::dsp::high_pass::lowest_hz;
 use crate::dsp::model::Model;
 use crate::evaluation::perception::ScoringRange;
 use crate::fit;
@@ -53,7 +54,7 @@ impl<'a> Prepared<'a> {
     pub fn new(set: &'a RecordingSet, options: &Options) -> Result<Self> {
         let fit_options = fit::Options {
             order: options.order,
-            reduction: options.reduction,
+            conditioning: options.conditioning,
             // A removed node is predicted as a whole, the lines of its surface included.
             lines: Lines::None,
             ..fit::Options::default()
@@ -70,7 +71,12 @@ impl<'a> Prepared<'a> {
                 .iter()
                 .zip(&signals)
                 .map(|(analysis, signal): (&Analysis, &Vec<f64>)| {
-                    ScoringRange::of(source_rate_hz(&analysis.verdicts), signal.len())
+                    let rate_hz = source_rate_hz(&analysis.verdicts);
+                    let range = ScoringRange::of(rate_hz, signal.len())?;
+                    match analysis.slow.cut_hz {
+                        Some(cut_hz) => range.above(lowest_hz(cut_hz)),
+                        None => Some(range),
+                    }
                 });
         let ranges = ranges.collect();
         let Fit { textures, .. } = fit::fit_analysed(set, &analyses, &fit_options)?;

@@ -70,6 +70,7 @@ fn trace(samples: &[f64], order: usize) -> Trace {
     let signal = Signal {
         samples: samples.to_vec(),
         source_rate_hz: 5000.0,
+        cut_hz: None,
         flaws: Vec::new(),
     };
     Trace::of(&signal, (0, 0), &node.codes, &[]).unwrap()
@@ -344,7 +345,7 @@ fn clipped_peaks_and_repeated_values_are_not_taken() {
     let clipped: Vec<f64> = sound.iter().map(|x| x.clamp(-limit, limit)).collect();
     let folder = tempfile::tempdir().unwrap();
     let trial = written(folder.path(), "clipped", &clipped);
-    let signal = crate::fit::signal(&trial, options.reduction).unwrap();
+    let signal = crate::fit::signal(&trial, options.conditioning).unwrap();
     let at_limit: Vec<usize> = (0..15_000).filter(|&n| clipped[n].abs() >= limit).collect();
     let in_runs = at_limit
         .windows(3)

@@ -153,7 +153,7 @@ fn refuse_missing(set: &RecordingSet, units: &[(Unit, PathBuf)], folder: &Path) 
     let trials: usize = missing.iter().map(|unit| unit.trials.len()).sum();
     let problem = format!(
         "lacks the results of {trials} of {} trials, the first of them '{}': run all shards with this list, by the \
-         same path, the same options that matter to them (order, reduction, lines, drop, silence floor, \
+         same path, the same options that matter to them (order, reduction, high-pass, lines, drop, silence floor, \
          rate) and this version; copy recordings with their times (cp -p, rsync -t)",
         set.trials.len(),
         set.trials[first.trials[0]].file.display()

@@ -23,7 +23,7 @@ use crate::support::fnv::Fnv;
 
 /// First bytes of a file, with the version of the format. It changes with anything that a file holds, and with whatever
 /// the map computes.
-const MAGIC: [u8; 8] = *b"stylusP2";
+const MAGIC: [u8; 8] = *b"stylusP3";
 
 /// Most trials of a unit where no lines are sought.
 const MOST_TRIALS: usize = 64;
@@ -86,7 +86,7 @@ impl Unit {
             .then(env!("CARGO_PKG_VERSION").as_bytes());
         hash = hash.then(&encoded(&(
             options.order.highest() as u64,
-            options.reduction,
+            options.conditioning,
             options.silence_floor_m_s2,
             options.sample_rate_hz,
             options.lines,

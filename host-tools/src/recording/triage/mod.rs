@@ -14,7 +14,7 @@
 //! | tap | 40 ms with 25 % of the energy, 9 dB above the next event | cut |
 //! | level-change | a step or a ramp of 6 dB explains 60 % of the level's variance | |
 //! | drifting | a straight line explains at least [`DRIFT_SHARE`] of an axis's energy | |
-//! | wandering | 25 % of the energy is below [`SLOW_HZ`] | |
+//! | wandering | 25 % of the energy is below [`SLOW_HZ`](crate::dsp::high_pass::SLOW_HZ) | |
 //! | hum | a line of the mains, or of its harmonics, is [`HUM_RATIO_DB`] above its surroundings at half the speeds | |
 //! | scale | an RMS above [`LARGE_RMS_M_S2`], gravity of 1.00, or a level 45 dB off the texture's median | |
 //! | dead-axis | an axis is 60 dB below the strongest, or constant | |
@@ -52,4 +52,4 @@ pub use single_trial::{
     CLIPPED_SHARE, COARSE_SNR_DB, DRIFT_SHARE, LARGE_RMS_M_S2, SHORT_SAMPLES, SILENCE_FLOOR_M_S2,
     flaws, samples,
 };
-pub use verdict::{Kind, SLOW_HZ, Span, Verdict, in_words};
+pub use verdict::{Kind, Span, Verdict, in_words};

@@ -3,8 +3,8 @@
 use model_format::SAMPLE_RATE_HZ;
 
 use super::level;
-use super::verdict::{Kind, SLOW_HZ, Span, Verdict};
-use crate::dsp::spectrum::PowerSpectrum;
+use super::verdict::{Kind, Span, Verdict};
+use crate::dsp::high_pass::{SLOW_HZ, slow_share};
 use crate::dsp::sums::{Moments, moments, sum_of};
 use crate::dsp::wide;
 use crate::recording::defects::Truncation;
@@ -43,7 +43,7 @@ pub fn samples(samples: &Samples) -> Vec<Verdict> {
         verdicts.extend(of_defects(samples));
         verdicts.extend(of_moments(&moments));
         verdicts.extend(level::verdicts(axes));
-        verdicts.extend(wandering(axes, &moments));
+        verdicts.extend(wandering(axes));
     }
     let share = worst(axes, drift_share);
     if share >= DRIFT_SHARE {
@@ -54,19 +54,11 @@ pub fn samples(samples: &Samples) -> Vec<Verdict> {
 }
 
 /// The verdict on slow motion, from the spectra of all axes together.
-fn wandering(axes: &[Vec<f64>], moments: &[Moments]) -> Option<Verdict> {
+fn wandering(axes: &[Vec<f64>]) -> Option<Verdict> {
     if axes.first().map_or(0, Vec::len) < SHORT_SAMPLES {
         return None;
     }
-    let rate_hz = f64::from(SAMPLE_RATE_HZ);
-    let (mut slow, mut all) = (0.0, 0.0);
-    for (axis, moments) in axes.iter().zip(moments) {
-        let centred: Vec<f64> = axis.iter().map(|x| x - moments.mean).collect();
-        let spectrum = PowerSpectrum::welch(&centred, rate_hz);
-        slow += spectrum.power_between(0.0, SLOW_HZ);
-        all += spectrum.power_between(0.0, 0.5 * rate_hz);
-    }
-    let share = slow / all;
+    let share = slow_share(axes, f64::from(SAMPLE_RATE_HZ));
     let words = format!(
         "wandering: {:.0} % of energy below {SLOW_HZ} Hz",
         100.0 * share

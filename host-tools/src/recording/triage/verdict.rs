@@ -6,9 +6,6 @@ use std::ops::Range;
 use model_format::SAMPLE_RATE_HZ;
 use serde::{Deserialize, Serialize, Serializer};
 
-/// Frequency below which a vibration is motion of hand or rig, Hz; textures are played from there on.
-pub const SLOW_HZ: f64 = 10.0;
-
 /// Samples from the first to before the last, at 5 kHz, from the start of the trial.
 pub type Span = Range<usize>;
 
@@ -123,7 +120,7 @@ impl Kind {
             ),
             Self::Wandering => (
                 "wandering",
-                "filter the motion of hand and rig out below 10 Hz",
+                "the motion of hand or rig: a fit filters it out, unless --high-pass is none",
             ),
             Self::Hum => ("hum", "check ground and shield, and record again"),
             Self::Scale => (

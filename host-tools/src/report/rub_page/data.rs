@@ -280,7 +280,7 @@ fn recorded_at(
         .filter(|&trial| of_node(&set.trials[trial]))
         .collect();
     let signals = trials.iter().map(|&trial| {
-        let signal = fit::signal(&set.trials[trial], recordings.reduction)?;
+        let signal = fit::signal(&set.trials[trial], recordings.conditioning)?;
         Ok(signal.samples)
     });
     let signals = signals.collect::<Result<Vec<Vec<f64>>>>()?;

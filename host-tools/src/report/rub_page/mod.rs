@@ -19,8 +19,8 @@ use model_format::Library;
 
 use super::family;
 use super::html::escaped;
-use crate::dsp::reduction::Reduction;
 use crate::evaluation::evaluate::Evaluation;
+use crate::fit::conditioning::Conditioning;
 use crate::recording::RecordingSet;
 use crate::support::atomic_file;
 use crate::support::error::Result;
@@ -48,8 +48,8 @@ pub struct Recordings<'a> {
     pub set: &'a RecordingSet,
     /// The library's comparison with them.
     pub evaluation: &'a Evaluation,
-    /// Reduction from three axes to one; as for the fit.
-    pub reduction: Reduction,
+    /// From the axes to one signal; as for the fit.
+    pub conditioning: Conditioning,
     /// Duration of their clips.
     pub clips: Clips,
 }

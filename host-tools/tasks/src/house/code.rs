@@ -29,6 +29,7 @@ const PLACES: [(&[&str], &[&str], &str); 4] = [
         &[
             "cli/",
             "main.rs",
+            "fit/conditioning.rs",
             "fit/options.rs",
             "fit/hatt/import.rs",
             "recording/set.rs",

@@ -1,0 +1,180 @@
+//! A tool that a hand holds: three axes with gravity and a slow motion beside a texture that is known.
+
+use std::f64::consts::TAU;
+
+use crate::support::{
+    Bench, all_pole, decibels, holds, json, noise, power_between, predictor, wav,
+};
+use host_tools::dsp::spectrum::{band_edges_hz, band_powers};
+
+/// Directions of texture and drift, 53° apart.
+const TEXTURE: [f64; 3] = [0.6, 0.0, 0.8];
+const DRIFT: [f64; 3] = [1.0, 0.0, 0.0];
+const GRAVITY_M_S2: [f64; 3] = [0.0, -9.81, 0.0];
+const SECONDS: usize = 8;
+/// RMS of the texture, m/s².
+const LEVEL: f64 = 0.5;
+
+/// The predictor of the texture: resonances of 60 Hz width.
+fn surface(rate_hz: u32) -> Vec<f64> {
+    let radius = (-std::f64::consts::PI * 60.0 / f64::from(rate_hz)).exp();
+    predictor(rate_hz, &[(90.0, radius), (260.0, radius)])
+}
+
+/// Three axes of the texture with `drift` times its RMS of motion from 0.5 to 8 Hz, and the factor of its excitation.
+fn axes(rate_hz: u32, drift: f64, seed: u64) -> ([Vec<f64>; 3], f64) {
+    let count = SECONDS * rate_hz as usize;
+    let a = surface(rate_hz);
+    let texture = all_pole(&a, &noise(seed, count));
+    let factor = LEVEL / power_between(&a, rate_hz, 0.0, f64::from(rate_hz) / 2.0).sqrt();
+    let tones: Vec<(f64, f64)> = noise(seed + 50, 30)
+        .iter()
+        .zip(0..)
+        .map(|(&phase, n)| (0.5 + 0.25 * f64::from(n), phase))
+        .collect();
+    let scale = drift * LEVEL / (tones.len() as f64 / 2.0).sqrt();
+    let motion = |n: usize| -> f64 {
+        let time_s = n as f64 / f64::from(rate_hz);
+        let tones = tones
+            .iter()
+            .map(|&(hz, phase)| (TAU * (hz * time_s + phase)).sin());
+        scale * tones.sum::<f64>()
+    };
+    let motion: Vec<f64> = (0..count).map(motion).collect();
+    let axis = |index: usize| -> Vec<f64> {
+        let both = texture.iter().zip(&motion);
+        both.map(|(x, slow)| {
+            TEXTURE[index] * factor * x + DRIFT[index] * slow + GRAVITY_M_S2[index]
+        })
+        .collect()
+    };
+    (std::array::from_fn(axis), factor)
+}
+
+fn recorded(axes: &[Vec<f64>; 3], rate_hz: u32) -> Bench {
+    let bench = Bench::new();
+    let [x, y, z] = axes;
+    bench.write("set/silk.wav", wav(&[x, y, z], rate_hz));
+    let list = "file,texture,speed_mm_s,force_n\nsilk.wav,silk,100,1\n";
+    bench.write("set/trials.csv", list);
+    bench
+}
+
+/// Output of `library` for 40 s, m/s² at 5 kHz.
+fn played(bench: &Bench, library: &str) -> Vec<f64> {
+    bench.succeed(&format!(
+        "render {library} --texture silk --speed 100 --force 1 --seconds 41 --seed 7 --out played.wav --overwrite"
+    ));
+    let reader = hound::WavReader::open(bench.path("played.wav")).expect("it was rendered");
+    let samples = reader.into_samples::<f32>().map(|x| f64::from(x.unwrap()));
+    samples.skip(5_000).collect()
+}
+
+/// Largest error of a third octave that is felt, and that of the level, dB.
+fn errors(played: &[f64], rate_hz: u32, factor: f64, share: f64) -> (f64, f64) {
+    let a = surface(rate_hz);
+    let power =
+        |low: f64, high: f64| share * factor.powi(2) * power_between(&a, rate_hz, low, high);
+    let highest_hz = (0.4 * f64::from(rate_hz)).min(1_000.0);
+    let bands = band_powers(played, 5_000.0).into_iter().enumerate();
+    let worst = bands.filter_map(|(band, found)| {
+        let (low, high) = band_edges_hz(band);
+        (low > 28.0 && high < highest_hz).then(|| decibels(found / power(low, high)).abs())
+    });
+    let mean_square = played.iter().map(|x| x * x).sum::<f64>() / played.len() as f64;
+    let half_hz = (f64::from(rate_hz) / 2.0).min(2_500.0);
+    let level = decibels(mean_square / power(0.0, half_hz));
+    (worst.fold(0.0, f64::max), level)
+}
+
+fn holds_the_texture(rate_hz: u32, drift: f64, method: &str) {
+    let (axes, factor) = axes(rate_hz, drift, 3);
+    let bench = recorded(&axes, rate_hz);
+    bench.succeed(&format!("fit set --out a.lib --reduce {method}"));
+    // One axis has its own part of the texture; the others give all of it.
+    let share = if method == "x" {
+        TEXTURE[0].powi(2)
+    } else {
+        1.0
+    };
+    let (band_db, level_db) = errors(&played(&bench, "a.lib"), rate_hz, factor, share);
+    println!(
+        "{rate_hz} Hz, drift {drift}, {method}: bands {band_db:.2} dB, level {level_db:+.2} dB"
+    );
+    assert!(
+        band_db < 1.5,
+        "{rate_hz} Hz, drift {drift}, {method}: {band_db} dB"
+    );
+    assert!(
+        level_db.abs() < 1.0,
+        "{rate_hz} Hz, drift {drift}, {method}: {level_db} dB"
+    );
+}
+
+/// Without the filter a drift of three times the texture's level makes bands 12 dB wrong.
+#[test]
+fn a_hands_drift_of_up_to_twenty_times_the_texture_is_not_taken_for_it() {
+    for rate_hz in [1_000, 3_200, 5_000, 48_000] {
+        for drift in [0.0, 0.2, 1.0, 20.0] {
+            holds_the_texture(rate_hz, drift, "pca");
+        }
+    }
+    for method in ["dft321", "x"] {
+        for drift in [0.2, 3.0, 20.0] {
+            holds_the_texture(3_200, drift, method);
+        }
+    }
+}
+
+#[test]
+fn without_drift_the_fit_is_byte_for_byte_that_without_the_filter() {
+    let bench = recorded(&axes(5_000, 0.0, 5).0, 5_000);
+    let note = bench.run("fit set --out auto.lib");
+    bench.succeed("fit set --out none.lib --high-pass none");
+    let read = |name: &str| std::fs::read(bench.path(name)).expect("it was written");
+    assert_eq!(read("auto.lib"), read("none.lib"));
+    assert!(!crate::support::text(&note.stderr).contains("high-passed"));
+}
+
+#[test]
+fn the_filter_is_said_with_its_reason_and_what_is_below_it_is_not_judged() {
+    let (axes, _) = axes(5_000, 3.0, 4);
+    let bench = recorded(&axes, 5_000);
+    let output = bench.run("fit set --out a.lib --lines none");
+    let said = crate::support::text(&output.stderr);
+    holds(
+        &said,
+        &[
+            "1 trial(s) are high-passed at 20 Hz",
+            "89 %",
+            "50°",
+            "--high-pass none",
+        ],
+    );
+    bench.succeed("evaluate set --library a.lib --json report.json");
+    let report = std::fs::read_to_string(bench.path("report.json")).expect("it was written");
+    let report = json(&report);
+    let trial = &report["trials"][0];
+    assert!(
+        trial["range"]["low_hz"].as_f64().unwrap() >= 25.0,
+        "{trial}"
+    );
+    let bands = trial["band_errors_db"].as_array().expect("bands");
+    assert!(bands[0].is_null() && !bands[4].is_null(), "{bands:?}");
+    let worst = bands.iter().filter_map(serde_json::Value::as_f64);
+    assert!(
+        worst.fold(0.0, |worst: f64, x| worst.max(x.abs())) < 4.0,
+        "{bands:?}"
+    );
+    let kept = bench.run("fit set --out b.lib --high-pass none");
+    holds(
+        &crate::support::text(&kept.stderr),
+        &["fitted with their slow motion", "50°"],
+    );
+    let refused = bench.run("fit set --out c.lib --high-pass 0.5");
+    assert_eq!(refused.status.code(), Some(2));
+    holds(
+        &crate::support::text(&refused.stderr),
+        &["'auto', 'none' or 1 to 200 Hz"],
+    );
+}
