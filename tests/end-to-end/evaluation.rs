@@ -268,6 +268,93 @@ fn takes_without_a_partner_are_named() {
     holds(&message, &["no other take"]);
 }
 
+#[test]
+fn trials_without_another_take_leave_the_others_to_be_judged() {
+    let bench = Bench::new();
+    let signal = |seed: u64| all_pole(&[-0.6, 0.4], &noise(seed, 15_000));
+    for (name, seed) in [("a", 1), ("b", 2), ("a2", 3)] {
+        bench.write(
+            &format!("{name}.wav"),
+            crate::support::wav(&[&signal(seed)], RATE_HZ),
+        );
+    }
+    let list = "file,texture,speed_mm_s,force_n\n";
+    bench.write(
+        "set/trials.csv",
+        format!("{list}../a.wav,felt,50,1\n../b.wav,felt,100,1\n"),
+    );
+    bench.write("others/trials.csv", format!("{list}../a2.wav,felt,50,1\n"));
+    bench.succeed("fit set --out felt.lib");
+    let output = bench.run("evaluate set --library felt.lib --takes others --synthesis 2");
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    holds(
+        &text(&output.stderr),
+        &["1 of 2 trials are judged without --takes", "b.wav"],
+    );
+    holds(
+        &text(&output.stdout),
+        &["1 of 2 trials: the library as it is, judged on another take"],
+    );
+}
+
+/// A hand's stroke of 4 s whose amplitude is a hundredth of speed times force; another seed is another stroke.
+fn free_stroke(seed: u64) -> String {
+    let signal = all_pole(&[-0.6, 0.4], &noise(seed, 4 * RATE_HZ as usize));
+    let mut csv = String::from("# SIMULATED\ntime_s,a,speed_mm_s,force_n\n");
+    for (n, a) in signal.iter().enumerate() {
+        let time_s = n as f64 / f64::from(RATE_HZ);
+        let speed = 100.0 + 60.0 * (0.7 * time_s + seed as f64).sin();
+        let force = 1.0 + 0.5 * (0.3 * time_s + 2.0 * seed as f64).cos();
+        let a = 0.01 * speed * force * a;
+        csv.push_str(&format!("{time_s:.4},{a:.6},{speed:.3},{force:.4}\n"));
+    }
+    csv
+}
+
+#[test]
+fn along_strokes_that_it_never_saw_a_library_is_nearer_than_a_constant_level_and_the_nearest_stroke()
+ {
+    let bench = Bench::new();
+    for seed in 0..16 {
+        bench.write(&format!("s{seed}.csv"), free_stroke(seed));
+    }
+    let files = |seeds: std::ops::Range<u64>| {
+        seeds
+            .map(|seed| format!("s{seed}.csv"))
+            .collect::<Vec<_>>()
+            .join(" ")
+    };
+    let (fitted, judges) = (files(0..12), files(12..16));
+    bench.succeed(&format!("segment {fitted} --texture felt --out pieces"));
+    bench.succeed("fit pieces --out felt.lib");
+    let command = format!("evaluate {fitted} --library felt.lib --strokes {judges} --json n.json");
+    let said = bench.succeed(&command);
+    holds(&said, &["'felt' along 4 strokes", "SIMULATED"]);
+    let json = std::fs::read_to_string(bench.path("n.json")).unwrap();
+    let found: serde_json::Value = serde_json::from_str(&json).unwrap();
+    let of = |by: &str, field: &str| {
+        let all = found["nearness"].as_array().unwrap();
+        let near = all.iter().find(|near| near["by"] == by).unwrap();
+        near[field].as_f64().unwrap()
+    };
+    assert!(of("library", "correlation") > 0.95, "{json}");
+    assert!(of("library", "bias_db").abs() < 0.5, "{json}");
+    for other in ["constant level", "nearest stroke"] {
+        assert!(
+            of("library", "error_db") < 0.75 * of(other, "error_db"),
+            "{json}"
+        );
+    }
+    // The line is the truth here.
+    assert!(
+        of("line over log speed, log force", "error_db") < 0.6,
+        "{json}"
+    );
+    assert!(of("library", "band_error_db") < 1.5, "{json}");
+    let refused = bench.refuse("evaluate s0.csv --library felt.lib --strokes s0.csv");
+    holds(&refused, &["s0.csv", "cannot judge"]);
+}
+
 /// A stroke: speeds and forces held for a second each, with an outlier of 10⁵ N and rest between.
 fn stroke() -> String {
     let signal = all_pole(&[-0.6, 0.4], &noise(9, 5 * RATE_HZ as usize));

@@ -9,15 +9,17 @@ use host_tools::evaluation::held_out::{Chosen, Judge, chosen};
 use host_tools::evaluation::leave_one_out;
 use host_tools::evaluation::leave_one_out::{LeaveOneOut, Prepared, Row};
 use host_tools::evaluation::played::Played;
+use host_tools::evaluation::strokes::{Stroke, along_strokes};
 use host_tools::evaluation::summary::LIVELINESS_EXPLANATION;
 use host_tools::fit::Order;
 use host_tools::fit::conditioning::Conditioning;
 use host_tools::fit::record::FitRecord;
 use host_tools::recording::RecordingSet;
+use host_tools::recording::freehand;
 use host_tools::report::evaluation_page;
 use host_tools::report::evaluation_page::Inputs;
 use host_tools::report::sound::node_seconds;
-use host_tools::support::error::Result;
+use host_tools::support::error::{Error, Result};
 use host_tools::support::output::OutputFolder;
 use host_tools::support::{atomic_file, progress};
 use model_format::Library;
@@ -42,6 +44,19 @@ pub struct Arguments {
     /// Other takes of the same trials, as a folder or a list, which judge the library instead
     #[arg(long, value_name = "DIR", requires = "library")]
     takes: Option<PathBuf>,
+    /// A free hand's recordings that the library was not fitted to, which judge it in time: CSV as for segment. The
+    /// recordings before are then those of the fit, for comparison
+    #[arg(
+        long,
+        value_name = "CSV",
+        num_args = 1..,
+        requires = "library",
+        conflicts_with_all = ["takes", "leave_one_out", "report"]
+    )]
+    strokes: Vec<PathBuf>,
+    /// With --strokes: texture of the library that was stroked, if it has several
+    #[arg(long, value_name = "NAME", requires = "strokes")]
+    texture: Option<String>,
     /// With --leave-one-out: order of the models, 0 to 400, or 'auto'
     #[arg(long, requires = "leave_one_out", default_value = "400")]
     order: Order,
@@ -81,12 +96,16 @@ struct Numbers<'a> {
 
 pub fn run(arguments: &Arguments) -> Result<()> {
     let inputs = (arguments.recordings.inputs().iter()).chain(&arguments.library);
-    let inputs: Vec<PathBuf> = inputs.chain(&arguments.takes).cloned().collect();
+    let judges = arguments.takes.iter().chain(&arguments.strokes);
+    let inputs: Vec<PathBuf> = inputs.chain(judges).cloned().collect();
     if let Some(json) = &arguments.json {
         arguments.overwrite.file(json, &inputs)?;
     }
     if let Some(report) = &arguments.report {
         arguments.overwrite.folder(report, &inputs)?;
+    }
+    if let (Some(path), false) = (&arguments.library, arguments.strokes.is_empty()) {
+        return evaluate_along_strokes(arguments, path);
     }
     let set = arguments.recordings.open()?;
     if let Some(path) = &arguments.library {
@@ -96,6 +115,61 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let test = removed_node_test(&set, &options)?;
     write_numbers(arguments, None, Some(&test))?;
     print(&removed_nodes(&test))
+}
+
+fn evaluate_along_strokes(arguments: &Arguments, path: &Path) -> Result<()> {
+    let bytes = read_library(path)?;
+    let library = decode_library(path, &bytes)?;
+    let texture = match &arguments.texture {
+        Some(name) => evaluate::texture_named(&library, name)?,
+        None if library.textures().count() == 1 => library.textures().next().expect("it has one"),
+        None => {
+            let problem = "the library has several textures: give --texture NAME";
+            return Err(Error::Request(problem.into()));
+        }
+    };
+    let assumed = arguments.recordings.assumed();
+    let read = |path: &PathBuf| {
+        let recording = freehand::read(
+            path,
+            assumed.sample_rate_hz,
+            assumed.scale_m_s2.unwrap_or(1.0),
+        )?;
+        Stroke::of(path, recording, arguments.conditioning)
+    };
+    let fitted = arguments.recordings.inputs();
+    let contents = |paths: &[PathBuf]| {
+        let content = |path: &PathBuf| std::fs::read(path).map_err(Error::io("read", path));
+        paths.iter().map(content).collect::<Result<Vec<_>>>()
+    };
+    let known = contents(fitted)?;
+    for (path, content) in arguments.strokes.iter().zip(contents(&arguments.strokes)?) {
+        if known.contains(&content) {
+            let problem = "is among the recordings of the fit, by content: it cannot judge";
+            return Err(Error::file(path, problem));
+        }
+    }
+    let strokes = |paths: &[PathBuf]| paths.iter().map(read).collect::<Result<Vec<_>>>();
+    let found = along_strokes(
+        texture,
+        &strokes(fitted)?,
+        &strokes(&arguments.strokes)?,
+        arguments.seed,
+    )?;
+    if let Some(json) = &arguments.json {
+        atomic_file::write(json, to_json(&found).as_bytes())?;
+    }
+    print(&format!(
+        "Held out: the library as it is, along {} strokes that its fit did not use; {} of its fit beside\n\n{}\n\n\
+         levels of 100 ms in motion and contact, {} of them, whose own spread is {:.2} dB; bias: mean of the levels \
+         over those recorded; |band|: mean error of third octaves{}",
+        found.strokes,
+        found.fitted,
+        shown(&found.table(), 1),
+        found.windows,
+        found.recorded_spread_db,
+        origin(found.simulated)
+    ))
 }
 
 fn removal_options(arguments: &Arguments) -> leave_one_out::Options {
@@ -229,6 +303,12 @@ pub fn choose(
     let chosen = chosen(set, others.as_ref(), record, conditioning)?;
     for reason in &chosen.unused {
         warn(&format!("a take judges nothing: {reason}"));
+    }
+    if let Some(first) = chosen.without.first() {
+        let (count, all) = (chosen.without.len(), set.trials.len());
+        warn(&format!(
+            "{count} of {all} trials are judged without --takes; the first: {first}"
+        ));
     }
     Ok(chosen)
 }

@@ -26,6 +26,11 @@ impl Recordings {
         &self.inputs
     }
 
+    /// The values that their files may lack.
+    pub fn assumed(&self) -> &Assumed {
+        &self.assumed
+    }
+
     /// Opens the set.
     ///
     /// # Errors

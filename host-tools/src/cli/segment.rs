@@ -13,6 +13,9 @@ use crate::cli::output::{note, print, warn};
 /// Number of pieces off the grid that are shown one by one.
 const SHOWN: usize = 10;
 
+/// Share of the motion below which it is worth a word how little is steady.
+const LITTLE: f64 = 0.5;
+
 #[derive(clap::Args)]
 pub struct Arguments {
     /// Free-hand recordings: CSV with speed_mm_s, force_n, one to three accelerations, and time_s
@@ -33,7 +36,7 @@ pub struct Arguments {
     #[arg(long, value_name = "LOW:HIGH:STEP")]
     forces: Option<GridAxis>,
     /// Largest deviation of speed and force from the middle of a piece, as a share
-    #[arg(long, value_parser = positive, default_value_t = 0.12)]
+    #[arg(long, value_parser = positive, default_value_t = 0.25)]
     tolerance: f64,
     /// Least duration of a piece, in seconds; a fit finds shorter ones than 0.4 s too short
     #[arg(long, value_name = "S", value_parser = positive, default_value_t = 0.4)]
@@ -96,6 +99,12 @@ pub fn run(arguments: &Arguments) -> Result<()> {
              a shorter --least or --enough, or another grid"
                 .into(),
         ));
+    }
+    if cut.steady_share < LITTLE {
+        note(
+            "more than half of the motion is left out: a wider --tolerance keeps more, and evaluate --strokes tells \
+             which comes nearer",
+        );
     }
     let overwrite = arguments.overwrite.is_asked();
     freehand::write(

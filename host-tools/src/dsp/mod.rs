@@ -11,6 +11,7 @@ pub mod liveliness;
 pub mod log_spectrum;
 pub mod model;
 pub mod model_error;
+pub mod motion_law;
 pub mod reduction;
 pub mod spectrum;
 pub mod sums;

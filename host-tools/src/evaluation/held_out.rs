@@ -81,12 +81,14 @@ pub struct Chosen {
     pub judges: Vec<Judge>,
     /// Takes that the fit has seen, in words.
     pub unused: Vec<String>,
+    /// Trials that have no other take although others were given, in words.
+    pub without: Vec<String>,
 }
 
 /// Chooses the judges of `set` among the takes `others`, if given.
 ///
 /// # Errors
-/// Those of [`takes`] and [`judges`].
+/// Those of [`takes`] and [`judges`], or `others` of which none is another take of any trial.
 pub fn chosen(
     set: &RecordingSet,
     others: Option<&RecordingSet>,
@@ -97,13 +99,22 @@ pub fn chosen(
         Some(others) => takes(set, others, record, conditioning)?,
         None => Vec::new(),
     };
-    let unused = found.iter().filter_map(|take| match take {
-        Take::Seen(reason) => Some(reason.clone()),
-        Take::Other(_) => None,
-    });
+    let (mut unused, mut without) = (Vec::new(), Vec::new());
+    for take in &found {
+        match take {
+            Take::Seen(reason) => unused.push(reason.clone()),
+            Take::Missing(trial) => without.push(trial.clone()),
+            Take::Other(_) => (),
+        }
+    }
+    if !without.is_empty() && without.len() == found.len() {
+        let problem = format!("no trial has an other take; the first: {}", without[0]);
+        return Err(Error::Request(problem));
+    }
     Ok(Chosen {
-        unused: unused.collect(),
         judges: judges(set, found, record)?,
+        unused,
+        without,
     })
 }
 
@@ -166,6 +177,8 @@ pub enum Take {
     Other(Trial),
     /// None: what was given is in the fitted set, for this reason.
     Seen(String),
+    /// None: the others have no recording of this trial, in words.
+    Missing(String),
 }
 
 /// Returns the take of each trial of `set`: the first of `others` that has its texture, speed and force and whose
@@ -175,7 +188,7 @@ pub enum Take {
 /// that of the trial, so that a copy under another name, scaled or inverted, is known.
 ///
 /// # Errors
-/// A trial that has no other take, seen or not, or a recording that cannot be used.
+/// A recording that cannot be used.
 pub fn takes(
     set: &RecordingSet,
     others: &RecordingSet,
@@ -205,17 +218,20 @@ pub fn takes(
             };
             seen = Some(format!("{}: {reason}", other.file.display()));
         }
-        seen.map(Take::Seen).ok_or_else(|| {
-            Error::file(
-                &trial.file,
-                format!(
-                    "has no other take: none of '{}' at {} mm/s and {} N among the others",
-                    trial.texture, trial.speed_mm_s, trial.force_n
-                ),
-            )
-        })
+        Ok(seen.map_or_else(|| Take::Missing(missing(trial)), Take::Seen))
     };
     set.trials.par_iter().map(take).collect()
+}
+
+/// A trial that has no other take, in words.
+fn missing(trial: &Trial) -> String {
+    format!(
+        "{} has no other take: none of '{}' at {} mm/s and {} N among the others",
+        trial.file.display(),
+        trial.texture,
+        trial.speed_mm_s,
+        trial.force_n
+    )
 }
 
 /// Magnitude of the correlation of two signals as far as both go; not a number for silence.

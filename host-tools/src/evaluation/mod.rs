@@ -11,5 +11,6 @@ pub mod liveliness;
 pub mod perception;
 pub mod played;
 pub mod stress;
+pub mod strokes;
 pub mod summary;
 pub mod tables;

@@ -34,10 +34,10 @@ pub use fitted::{Fit, FittedTexture, encoded};
 pub use options::{ExcitationChoice, ModulationChoice, Options, Order};
 pub use separated::signals_without_lines;
 pub use trial::TrialReport;
-pub use trial::{Analysis, Signal, analyse, analyse_with_signal, signal};
+pub use trial::{Analysis, Signal, analyse, analyse_with_signal, signal, signal_of_judged};
 
 use lines::Lines;
-use trial::{Budget, KeptSignals, signal_of_judged};
+use trial::{Budget, KeptSignals};
 
 /// Memory for signals that are kept for a later step instead of being read again, bytes.
 const KEPT_SIGNALS: usize = 128 << 20;

@@ -202,11 +202,12 @@ pub fn signal(trial: &Trial, conditioning: Conditioning) -> Result<Signal> {
     reduced(trial, triaged(trial, conditioning)?, conditioning.reduction)
 }
 
-/// As [`signal`], without triage: `verdicts` are what triage found on this trial.
+/// As [`signal`], without triage: `verdicts` are what triage found on this trial. Without verdicts nothing is cut, and
+/// every moment stays in its place.
 ///
 /// # Errors
 /// Those of [`signal`].
-pub(super) fn signal_of_judged(
+pub fn signal_of_judged(
     trial: &Trial,
     verdicts: &[Verdict],
     conditioning: Conditioning,

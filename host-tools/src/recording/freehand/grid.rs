@@ -2,9 +2,11 @@
 
 use super::read::Freehand;
 
-/// Speeds and forces below these are rest and air, mm/s and N; a proposed grid leaves them out.
-const LEAST_SPEED_MM_S: f64 = 5.0;
-const LEAST_FORCE_N: f64 = 0.05;
+/// Speed below which a hand rests, mm/s.
+pub const LEAST_SPEED_MM_S: f64 = 5.0;
+
+/// Force below which a tool is in the air, N.
+pub const LEAST_FORCE_N: f64 = 0.05;
 
 /// Largest number of lines of a proposed grid: the paper's 15 speeds, and about its 8 forces.
 const SPEEDS: f64 = 15.0;

@@ -18,7 +18,7 @@ mod read;
 mod segment;
 mod write;
 
-pub use grid::{GridAxis, proposed_grid};
+pub use grid::{GridAxis, LEAST_FORCE_N, LEAST_SPEED_MM_S, proposed_grid};
 pub use read::{Freehand, Outlier, read};
 pub use segment::{Options, Placed, Segment, Segmentation, Tolerance, segment};
 pub use write::write;

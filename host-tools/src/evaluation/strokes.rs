@@ -1,0 +1,418 @@
+//! Comparison in time, along a hand: the library is played along the speed and force of strokes that it was not fitted
+//! to, and beside it stand predictions that need no synthesis.
+
+use std::path::{Path, PathBuf};
+
+use model_format::{Provenance, SAMPLE_RATE_HZ, Texture};
+use rayon::prelude::*;
+use serde::Serialize;
+
+use super::perception::ScoringRange;
+use super::tables::{Table, number};
+use crate::dsp::high_pass::{high_pass, lowest_hz};
+use crate::dsp::motion_law::{LevelAt, MotionLaw};
+use crate::dsp::spectrum::{PowerSpectrum, band_errors_within_db};
+use crate::dsp::sums::{energy, mean, variance};
+use crate::fit;
+use crate::fit::conditioning::Conditioning;
+use crate::playing::motion::{MotionPath, MotionRow};
+use crate::playing::render::render;
+use crate::recording::freehand::{Freehand, LEAST_FORCE_N, LEAST_SPEED_MM_S};
+use crate::recording::{HeldSamples, Trial};
+use crate::support::error::{Error, Result};
+
+/// Duration over which a level is taken, s.
+const WINDOW_S: f64 = 0.1;
+
+/// Samples of a window.
+const WINDOW: usize = (WINDOW_S * SAMPLE_RATE_HZ as f64) as usize;
+
+/// Windows in a row from which on a part of a stroke has a spectrum.
+const SPECTRUM_WINDOWS: usize = 5;
+
+/// Level of silence, dB re 1 m/s²: far below any sensor's noise.
+const SILENCE_DB: f64 = -100.0;
+
+/// Interval at which a stroke's motion is taken over, s; as often as the device takes it.
+const MOTION_STEP_S: f64 = 0.002;
+
+/// Playings over whose seeds the library's levels are averaged: a level that is predicted has no noise of its own, and
+/// one playing does.
+const PLAYINGS: u64 = 8;
+
+/// A stroke with the levels of its windows in motion and contact.
+#[derive(Clone, Debug)]
+pub struct Stroke {
+    file: PathBuf,
+    /// At the models' rate, m/s².
+    signal: Vec<f64>,
+    motion: MotionPath,
+    /// Windows that count, by their number from the stroke's beginning.
+    windows: Vec<(usize, LevelAt)>,
+    source_rate_hz: f64,
+    cut_hz: Option<f64>,
+    is_simulated: bool,
+}
+
+impl Stroke {
+    /// The stroke `recording`, which `file` holds.
+    ///
+    /// # Errors
+    /// A recording that is shorter than a window or that cannot be reduced to one axis.
+    pub fn of(file: &Path, recording: Freehand, conditioning: Conditioning) -> Result<Self> {
+        let motion = motion_of(&recording)?;
+        let Freehand {
+            rate_hz,
+            axes,
+            speed_mm_s,
+            force_n,
+            is_outlier,
+            is_simulated,
+            ..
+        } = recording;
+        let trial = Trial {
+            held: Some(HeldSamples::new(rate_hz, axes, false)?.into()),
+            ..Trial::of(file, "", 0.0, 0.0)
+        };
+        let signal = fit::signal_of_judged(&trial, &[], conditioning)?;
+        let per_window = rate_hz * WINDOW_S;
+        let count =
+            (signal.samples.len() / WINDOW).min((speed_mm_s.len() as f64 / per_window) as usize);
+        let window = |index: usize| {
+            let begin = (index as f64 * per_window) as usize;
+            let own = begin..begin + per_window as usize;
+            let is_bad = is_outlier[own.clone()].iter().any(|bad| *bad);
+            let in_contact = force_n[own.clone()]
+                .iter()
+                .all(|force| *force >= LEAST_FORCE_N);
+            let at = LevelAt {
+                speed_mm_s: mean(&speed_mm_s[own.clone()]),
+                force_n: mean(&force_n[own]),
+                level_db: level_db(&signal.samples, index),
+                weight: 1.0,
+            };
+            let counts = !is_bad && in_contact && at.speed_mm_s >= LEAST_SPEED_MM_S;
+            (counts && at.level_db > SILENCE_DB).then_some((index, at))
+        };
+        Ok(Self {
+            file: file.to_owned(),
+            windows: (0..count).filter_map(window).collect(),
+            motion,
+            source_rate_hz: signal.source_rate_hz,
+            cut_hz: signal.cut_hz,
+            signal: signal.samples,
+            is_simulated,
+        })
+    }
+
+    /// The level of each window, dB.
+    fn levels_db(&self) -> Vec<f64> {
+        self.windows.iter().map(|(_, at)| at.level_db).collect()
+    }
+
+    /// Parts of `signal` in which windows count without a gap, if they are long enough for a spectrum.
+    fn parts<'a>(&self, signal: &'a [f64]) -> Vec<&'a [f64]> {
+        let runs = self.windows.chunk_by(|a, b| a.0 + 1 == b.0);
+        let long = runs.filter(|run| run.len() >= SPECTRUM_WINDOWS);
+        long.map(|run| &signal[run[0].0 * WINDOW..(run[run.len() - 1].0 + 1) * WINDOW])
+            .collect()
+    }
+
+    /// Mean logarithms of speed and force.
+    fn middle(&self) -> [f64; 2] {
+        let of = |value: fn(&LevelAt) -> f64| {
+            mean(
+                &self
+                    .windows
+                    .iter()
+                    .map(|(_, at)| value(at).ln())
+                    .collect::<Vec<_>>(),
+            )
+        };
+        [of(|at| at.speed_mm_s), of(|at| at.force_n)]
+    }
+
+    /// Plays `texture` along the stroke: m/s², as long as the stroke's signal.
+    fn played(&self, texture: Texture<'_>, seed: u64) -> Result<Vec<f64>> {
+        let seconds = self.signal.len() as f64 / f64::from(SAMPLE_RATE_HZ);
+        let rendered = render(texture, &self.motion, seconds, seed)?;
+        let mut played = rendered.accelerations_m_s2();
+        played.resize(self.signal.len(), 0.0);
+        if let Some(cut_hz) = self.cut_hz {
+            high_pass(&mut played, f64::from(SAMPLE_RATE_HZ), cut_hz);
+        }
+        Ok(played)
+    }
+}
+
+/// The motion of `recording`.
+fn motion_of(recording: &Freehand) -> Result<MotionPath> {
+    let step = ((recording.rate_hz * MOTION_STEP_S) as usize).max(1);
+    let row = |index: usize| MotionRow {
+        time_s: index as f64 / recording.rate_hz,
+        speed_mm_s: if recording.is_backward[index] {
+            -recording.speed_mm_s[index]
+        } else {
+            recording.speed_mm_s[index]
+        },
+        force_n: recording.force_n[index],
+        position_mm: None,
+        contact: None,
+    };
+    MotionPath::from_rows((0..recording.force_n.len()).step_by(step).map(row))
+}
+
+/// Level of window `index` of `signal`, dB re 1 m/s².
+fn level_db(signal: &[f64], index: usize) -> f64 {
+    let power = energy(&signal[index * WINDOW..(index + 1) * WINDOW]) / WINDOW as f64;
+    (10.0 * power.log10()).max(SILENCE_DB)
+}
+
+/// Nearness of a prediction to the strokes, over all windows in motion and contact.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Nearness {
+    /// The prediction, in words.
+    pub by: &'static str,
+    /// Correlation of its levels with the recorded ones; none of a constant.
+    pub correlation: Option<f64>,
+    /// RMS difference of levels, dB.
+    pub error_db: f64,
+    /// Mean of its levels over those recorded, dB.
+    pub bias_db: f64,
+    /// Standard deviation of its levels, dB.
+    pub spread_db: f64,
+    /// Mean error of third octaves, dB; none of what is a level alone, or without half a second in motion and contact.
+    pub band_error_db: Option<f64>,
+}
+
+/// The outcome of a comparison along strokes.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct AlongStrokes {
+    /// Texture that was played.
+    pub texture: String,
+    /// Strokes that judged.
+    pub strokes: usize,
+    /// Strokes of the fit, from which the predictions beside are made.
+    pub fitted: usize,
+    /// Windows of 100 ms that were compared.
+    pub windows: usize,
+    /// Standard deviation of the recorded levels, dB.
+    pub recorded_spread_db: f64,
+    /// True if any stroke or the texture is simulated.
+    pub simulated: bool,
+    /// The library's first, then the others'.
+    pub nearness: Vec<Nearness>,
+}
+
+/// Plays `texture` along each of the `judges`, and compares in time, with predictions from the `fitted` strokes beside:
+/// their mean level, a straight line over the logarithms of speed and force, and the stroke of the nearest motion, one
+/// window after the other.
+///
+/// # Errors
+/// A texture of another rate than 5 kHz, or strokes without motion in contact.
+pub fn along_strokes(
+    texture: Texture<'_>,
+    fitted: &[Stroke],
+    judges: &[Stroke],
+    seed: u64,
+) -> Result<AlongStrokes> {
+    check(texture, fitted, judges)?;
+    let levels: Vec<LevelAt> = fitted
+        .iter()
+        .flat_map(|s| s.windows.iter().map(|w| w.1))
+        .collect();
+    let no_strokes =
+        || Error::Request("give at least one stroke of the fit and one that judges".into());
+    let law = MotionLaw::of(&levels)
+        .filter(|_| !judges.is_empty())
+        .ok_or_else(no_strokes)?;
+    let constant_db = mean(&levels.iter().map(|at| at.level_db).collect::<Vec<_>>());
+    let play = |index: usize| {
+        let of_seed = |playing: u64| {
+            let own = (index as u64).wrapping_mul(PLAYINGS).wrapping_add(playing);
+            judges[index].played(texture, seed.wrapping_add(own))
+        };
+        (0..PLAYINGS).map(of_seed).collect::<Result<Vec<_>>>()
+    };
+    let played = (0..judges.len()).into_par_iter().map(play);
+    let played = played.collect::<Result<Vec<_>>>()?;
+    let of_windows = |of: &dyn Fn(&(usize, LevelAt)) -> f64| -> Vec<f64> {
+        judges
+            .iter()
+            .flat_map(|stroke| stroke.windows.iter().map(of))
+            .collect()
+    };
+    let recorded = of_windows(&|(_, at)| at.level_db);
+    let of_playings = |of: &dyn Fn(&[Vec<f64>], usize) -> f64| -> Vec<f64> {
+        let strokes = judges.iter().zip(&played);
+        let levels = strokes.flat_map(|(stroke, played)| {
+            (stroke.windows.iter()).map(move |(window, _)| of(played, *window))
+        });
+        levels.collect()
+    };
+    let synthesised = of_playings(&|played, window| level_db(&played[0], window));
+    let averaged = of_playings(&|played, window| {
+        let levels: Vec<f64> = played
+            .iter()
+            .map(|signal| level_db(signal, window))
+            .collect();
+        mean(&levels)
+    });
+    let nearest: Vec<&Stroke> = judges
+        .iter()
+        .map(|stroke| nearest(stroke, fitted))
+        .collect();
+    let replayed: Vec<f64> = (judges.iter().zip(&nearest))
+        .flat_map(|(stroke, near)| {
+            near.levels_db()
+                .into_iter()
+                .cycle()
+                .take(stroke.windows.len())
+        })
+        .collect();
+    let bands_of = |others: Vec<Vec<&[f64]>>| band_error_db(judges, &others);
+    let parts = judges
+        .iter()
+        .zip(&played)
+        .map(|(stroke, played)| stroke.parts(&played[0]));
+    let of_synthesis = bands_of(parts.collect());
+    let of_nearest = bands_of(
+        nearest
+            .iter()
+            .map(|near| near.parts(&near.signal))
+            .collect(),
+    );
+    let by_law = of_windows(&|(_, at)| law.level_db(at.speed_mm_s, at.force_n));
+    let near = |by, levels: &[f64], bands| Nearness::of(by, &recorded, levels, bands);
+    Ok(AlongStrokes {
+        texture: texture.name().to_owned(),
+        strokes: judges.len(),
+        fitted: fitted.len(),
+        windows: recorded.len(),
+        recorded_spread_db: variance(&recorded).sqrt(),
+        simulated: texture.provenance() == Provenance::Simulated
+            || fitted
+                .iter()
+                .chain(judges)
+                .any(|stroke| stroke.is_simulated),
+        nearness: vec![
+            near("library", &synthesised, of_synthesis),
+            near("library, mean of 8 playings", &averaged, None),
+            near("constant level", &vec![constant_db; recorded.len()], None),
+            near("line over log speed, log force", &by_law, None),
+            near("nearest stroke", &replayed, of_nearest),
+        ],
+    })
+}
+
+/// Returns an error if `texture` cannot be played along strokes, or if one of them has nothing to compare.
+fn check(texture: Texture<'_>, fitted: &[Stroke], judges: &[Stroke]) -> Result<()> {
+    if texture.sample_rate_hz() != SAMPLE_RATE_HZ {
+        return Err(Error::Request(format!(
+            "texture '{}' plays at {} Hz, strokes are compared at {SAMPLE_RATE_HZ}",
+            texture.name(),
+            texture.sample_rate_hz()
+        )));
+    }
+    for strokes in [fitted, judges] {
+        if let Some(still) = strokes.iter().find(|stroke| stroke.windows.is_empty()) {
+            let problem = format!(
+                "no {WINDOW_S} s in motion and contact: at least {LEAST_SPEED_MM_S} mm/s and {LEAST_FORCE_N} N"
+            );
+            return Err(Error::file(&still.file, problem));
+        }
+    }
+    Ok(())
+}
+
+/// The one of `others`, at least one, whose motion is nearest to that of `stroke`, by mean logarithms.
+fn nearest<'a>(stroke: &Stroke, others: &'a [Stroke]) -> &'a Stroke {
+    let own = stroke.middle();
+    let distance = |other: &Stroke| {
+        let middle = other.middle();
+        (middle[0] - own[0]).hypot(middle[1] - own[1])
+    };
+    let nearest = others
+        .iter()
+        .min_by(|a, b| distance(a).total_cmp(&distance(b)));
+    nearest.expect("there are levels of at least one")
+}
+
+/// Mean magnitude of the errors of third octaves over all strokes that have a spectrum, of which `others` are
+/// predictions.
+fn band_error_db(strokes: &[Stroke], others: &[Vec<&[f64]>]) -> Option<f64> {
+    let mut errors = Vec::new();
+    for (stroke, other) in strokes.iter().zip(others) {
+        let own = stroke.parts(&stroke.signal);
+        let Some(mut range) = ScoringRange::of(stroke.source_rate_hz, SPECTRUM_WINDOWS * WINDOW)
+        else {
+            continue;
+        };
+        if let Some(cut_hz) = stroke.cut_hz {
+            let Some(above) = range.above(lowest_hz(cut_hz)) else {
+                continue;
+            };
+            range = above;
+        }
+        if own.is_empty() || other.is_empty() {
+            continue;
+        }
+        let spectrum = |parts: &[&[f64]]| {
+            PowerSpectrum::of_blocks(parts, range.segment, f64::from(SAMPLE_RATE_HZ))
+        };
+        let bands = band_errors_within_db(&spectrum(&own), &spectrum(other), range.band_edges_hz());
+        errors.extend(bands.into_iter().flatten().map(f64::abs));
+    }
+    (!errors.is_empty()).then(|| mean(&errors))
+}
+
+impl Nearness {
+    fn of(by: &'static str, recorded: &[f64], levels: &[f64], band_error_db: Option<f64>) -> Self {
+        let off: Vec<f64> = levels
+            .iter()
+            .zip(recorded)
+            .map(|(level, own)| level - own)
+            .collect();
+        let (bias_db, middle) = (mean(&off), (mean(recorded), mean(levels)));
+        let product = recorded
+            .iter()
+            .zip(levels)
+            .map(|(a, b)| (a - middle.0) * (b - middle.1));
+        let product = product.sum::<f64>() / recorded.len() as f64;
+        let correlation = product / (variance(recorded) * variance(levels)).sqrt();
+        Self {
+            by,
+            correlation: Some(correlation).filter(|value| value.is_finite()),
+            error_db: (energy(&off) / off.len() as f64).sqrt(),
+            bias_db,
+            spread_db: variance(levels).sqrt(),
+            band_error_db,
+        }
+    }
+}
+
+impl AlongStrokes {
+    /// The table of all predictions.
+    pub fn table(&self) -> Table {
+        let row = |near: &Nearness| {
+            vec![
+                near.by.to_owned(),
+                number(near.correlation, 2),
+                number(Some(near.error_db), 2),
+                number(Some(near.bias_db), 2),
+                number(Some(near.spread_db), 2),
+                number(near.band_error_db, 2),
+            ]
+        };
+        let headings = [
+            "predicted by",
+            "correlation",
+            "error dB",
+            "bias dB",
+            "spread dB",
+            "|band| dB",
+        ];
+        let title = format!("'{}' along {} strokes", self.texture, self.strokes);
+        Table::new(&title, headings, self.nearness.iter().map(row))
+    }
+}
