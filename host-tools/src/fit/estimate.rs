@@ -148,6 +148,18 @@ impl Bands {
         mean
     }
 
+    /// Centre, Hz, and level, dB, of each band that has power and that a recording of `samples` samples knows.
+    pub(super) fn known_db(&self, samples: usize) -> Vec<(f64, f64)> {
+        let duration_s = samples as f64 / self.rate_hz;
+        let known = (0..COUNT).filter(|&band| {
+            let (low, high) = edges_hz(band);
+            (high - low) * duration_s >= LEAST_DEGREES && self.powers[band] > 0.0
+        });
+        known
+            .map(|band| (centre_hz(band), 10.0 * self.powers[band].log10()))
+            .collect()
+    }
+
     /// Returns the level of `other` over this one in each band that is within 50 dB of this one's strongest, and that
     /// a recording of `samples` samples knows, with the standard deviation of the band's own level in dB.
     fn levels_db<'a>(

@@ -278,11 +278,15 @@ fn reports(
 
 /// The findings of every trial, those included that only a comparison of trials tells.
 fn all_verdicts(set: &RecordingSet, analyses: &[Analysis]) -> Vec<Vec<Verdict>> {
-    let trials = set.trials.iter().zip(analyses);
+    let bands_of = |found: &Analysis| found.bands.known_db(found.samples);
+    let bands: Vec<_> = analyses.iter().map(bands_of).collect();
+    let trials = set.trials.iter().zip(analyses).zip(&bands);
     let compared: Vec<_> = trials
-        .map(|(trial, found)| Compared {
+        .map(|((trial, found), bands_db)| Compared {
             texture: &trial.texture,
             speed_mm_s: trial.speed_mm_s,
+            force_n: trial.force_n,
+            bands_db,
             is_idle: trial.speed_mm_s <= 0.0 || trial.force_n <= 0.0,
             rms_m_s2: found.power.sqrt(),
             mains_line_hz: found.mains_line_hz,

@@ -19,6 +19,7 @@
 //! | scale | an RMS above [`LARGE_RMS_M_S2`], gravity of 1.00, or a level 45 dB off the texture's median | |
 //! | dead-axis | an axis is 60 dB below the strongest, or constant | |
 //! | duplicate | a copy of an earlier trial, equal or scaled | |
+//! | unlike | from some frequency on [`UNLIKE_NEIGHBOURS_DB`] off both neighbours in speed, and more than these are | |
 //! | wrong-rate | the file's sample rate is below the models' | |
 //!
 //! A texture of one or two speeds cannot tell hum from a line of its own, so there every such line counts as hum. A
@@ -36,6 +37,7 @@
 //!
 //! Invariant: samples in (m/s² at 5 kHz, cut and scaled), verdicts out. Nothing here reads a file or drops a trial.
 
+mod compared;
 mod copies;
 mod cut;
 mod level;
@@ -43,13 +45,16 @@ mod set;
 mod single_trial;
 #[cfg(test)]
 mod test_signals;
+mod unlike;
 mod verdict;
 
+pub use compared::Compared;
 pub use copies::Sketch;
 pub use cut::{LEAST_KEPT, kept, kept_spans, usable};
-pub use set::{Compared, HUM_RATIO_DB, all_verdicts, confirmed_hum, mains_line};
+pub use set::{HUM_RATIO_DB, all_verdicts, confirmed_hum, mains_line};
 pub use single_trial::{
     CLIPPED_SHARE, COARSE_SNR_DB, DRIFT_SHARE, LARGE_RMS_M_S2, SHORT_SAMPLES, SILENCE_FLOOR_M_S2,
     flaws, samples,
 };
+pub use unlike::UNLIKE_NEIGHBOURS_DB;
 pub use verdict::{Kind, Span, Verdict, in_words};

@@ -4,7 +4,9 @@ use std::collections::BTreeMap;
 
 use model_format::SAMPLE_RATE_HZ;
 
+use super::compared::Compared;
 use super::copies::{Sketch, copies};
+use super::unlike::unlike_neighbours;
 use super::verdict::{Kind, Verdict};
 use crate::dsp::autocorrelation::Autocorrelation;
 
@@ -14,33 +16,6 @@ const UNLIKE_DB: f64 = 45.0;
 
 /// Fewest trials of a texture with a median that means something.
 const FEWEST_TRIALS: usize = 4;
-
-/// A trial, as far as it is compared with others.
-#[derive(Clone, Copy, Debug)]
-pub struct Compared<'a> {
-    /// Name of its texture.
-    pub texture: &'a str,
-    /// Tangential speed, mm/s.
-    pub speed_mm_s: f64,
-    /// True at rest or without contact, where slow motion is all that there is to record.
-    pub is_idle: bool,
-    /// RMS, m/s².
-    pub rms_m_s2: f64,
-    /// A line at a mains frequency, Hz.
-    pub mains_line_hz: Option<f64>,
-    /// Sketch of its signal.
-    pub sketch: &'a Sketch,
-    /// Its verdicts so far.
-    pub verdicts: &'a [Verdict],
-}
-
-impl Compared<'_> {
-    fn is_silent(&self) -> bool {
-        self.verdicts
-            .iter()
-            .any(|verdict| verdict.kind() == Kind::Silent)
-    }
-}
 
 /// Returns all verdicts on each trial: its own, and those of the comparison.
 pub fn all_verdicts(trials: &[Compared<'_>]) -> Vec<Vec<Verdict>> {
@@ -52,6 +27,9 @@ pub fn all_verdicts(trials: &[Compared<'_>]) -> Vec<Vec<Verdict>> {
     for members in textures.values() {
         add_hum(trials, members, &mut verdicts);
         add_unlike_levels(trials, members, &mut verdicts);
+        for (index, verdict) in unlike_neighbours(trials, members) {
+            verdicts[index].push(verdict);
+        }
     }
     // All silence is alike.
     let loud: Vec<usize> = (0..trials.len())
@@ -182,6 +160,8 @@ mod tests {
         let trial = |index: usize, rms_m_s2: f64| Compared {
             texture: "felt",
             speed_mm_s: 100.0,
+            force_n: 1.0,
+            bands_db: &[],
             is_idle: false,
             rms_m_s2,
             mains_line_hz: None,
@@ -213,6 +193,8 @@ mod tests {
             let trial = Compared {
                 texture: "felt",
                 speed_mm_s: 100.0,
+                force_n: 1.0,
+                bands_db: &[],
                 is_idle,
                 rms_m_s2: 0.05,
                 mains_line_hz: None,

@@ -48,6 +48,8 @@ pub enum Kind {
     DeadAxis,
     /// A copy of an earlier trial, also one that is scaled.
     Duplicate,
+    /// A spectrum that departs from those of both neighbours in speed.
+    Unlike,
     /// A lower sample rate than that of the models.
     WrongRate {
         /// Sample rate of the file, Hz.
@@ -57,7 +59,7 @@ pub enum Kind {
 
 impl Kind {
     /// Names of all kinds, as users give them on the command line.
-    pub const NAMES: [&str; 19] = [
+    pub const NAMES: [&str; 20] = [
         "silent",
         "too-short",
         "clipped",
@@ -76,6 +78,7 @@ impl Kind {
         "scale",
         "dead-axis",
         "duplicate",
+        "unlike",
         "wrong-rate",
     ];
 
@@ -132,6 +135,10 @@ impl Kind {
                 "check its cable, or choose an axis with --reduce",
             ),
             Self::Duplicate => ("duplicate", "remove one of the two, or record it anew"),
+            Self::Unlike => (
+                "unlike",
+                "check filter, sensor and gain of this recording, and record it again",
+            ),
             Self::WrongRate { .. } => ("wrong-rate", "record at 5 kHz or more"),
         }
     }
