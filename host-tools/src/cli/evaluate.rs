@@ -15,7 +15,7 @@ use host_tools::fit::Order;
 use host_tools::fit::conditioning::Conditioning;
 use host_tools::fit::record::FitRecord;
 use host_tools::recording::RecordingSet;
-use host_tools::recording::freehand;
+use host_tools::recording::freehand::{self, Freehand};
 use host_tools::report::evaluation_page;
 use host_tools::report::evaluation_page::Inputs;
 use host_tools::report::sound::node_seconds;
@@ -51,7 +51,7 @@ pub struct Arguments {
         value_name = "CSV",
         num_args = 1..,
         requires = "library",
-        conflicts_with_all = ["takes", "leave_one_out", "report"]
+        conflicts_with_all = ["takes", "leave_one_out", "report", "excitation", "smoothing", "synthesis"]
     )]
     strokes: Vec<PathBuf>,
     /// With --strokes: texture of the library that was stroked, if it has several
@@ -129,31 +129,28 @@ fn evaluate_along_strokes(arguments: &Arguments, path: &Path) -> Result<()> {
         }
     };
     let assumed = arguments.recordings.assumed();
-    let read = |path: &PathBuf| {
-        let recording = freehand::read(
-            path,
-            assumed.sample_rate_hz,
-            assumed.scale_m_s2.unwrap_or(1.0),
-        )?;
-        Stroke::of(path, recording, arguments.conditioning)
+    let scale_m_s2 = assumed.scale_m_s2.unwrap_or(1.0);
+    let read = |paths: &[PathBuf]| {
+        let read = |path: &PathBuf| freehand::read(path, assumed.sample_rate_hz, scale_m_s2);
+        paths.iter().map(read).collect::<Result<Vec<_>>>()
     };
-    let fitted = arguments.recordings.inputs();
-    let contents = |paths: &[PathBuf]| {
-        let content = |path: &PathBuf| std::fs::read(path).map_err(Error::io("read", path));
-        paths.iter().map(content).collect::<Result<Vec<_>>>()
-    };
-    let known = contents(fitted)?;
-    for (path, content) in arguments.strokes.iter().zip(contents(&arguments.strokes)?) {
-        if known.contains(&content) {
+    let (fitted, judges) = (arguments.recordings.inputs(), &arguments.strokes);
+    let (of_fit, of_judges) = (read(fitted)?, read(judges)?);
+    for (path, judge) in judges.iter().zip(&of_judges) {
+        if of_fit.contains(judge) {
             let problem = "is among the recordings of the fit, by content: it cannot judge";
             return Err(Error::file(path, problem));
         }
     }
-    let strokes = |paths: &[PathBuf]| paths.iter().map(read).collect::<Result<Vec<_>>>();
+    let strokes = |paths: &[PathBuf], recordings: Vec<Freehand>| {
+        let pairs = paths.iter().zip(recordings);
+        let stroke = pairs.map(|(path, own)| Stroke::of(path, own, arguments.conditioning));
+        stroke.collect::<Result<Vec<_>>>()
+    };
     let found = along_strokes(
         texture,
-        &strokes(fitted)?,
-        &strokes(&arguments.strokes)?,
+        &strokes(fitted, of_fit)?,
+        &strokes(judges, of_judges)?,
         arguments.seed,
     )?;
     if let Some(json) = &arguments.json {

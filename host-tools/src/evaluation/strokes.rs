@@ -297,7 +297,7 @@ pub fn along_strokes(
                 .any(|stroke| stroke.is_simulated),
         nearness: vec![
             near("library", &synthesised, of_synthesis),
-            near("library, mean of 8 playings", &averaged, None),
+            near("library, mean over seeds", &averaged, None),
             near("constant level", &vec![constant_db; recorded.len()], None),
             near("line over log speed, log force", &by_law, None),
             near("nearest stroke", &replayed, of_nearest),
