@@ -193,9 +193,17 @@ fn measured_speeds_make_a_sparse_grid_which_is_told_and_snapped_on_request() {
     let told = said(&bench, &format!("fit set --out a.lib {QUICK}"));
     holds(
         &told,
-        &["380 of 400 nodes", "grid of 20 x 20", "--snap 0.0", "4 x 5"],
+        &[
+            "380 of 400 nodes",
+            "grid of 20 x 20",
+            "--snap auto",
+            "4 x 5",
+        ],
     );
+    bench.succeed(&format!("fit set --snap auto --out auto.lib {QUICK}"));
     let told = said(&bench, &format!("fit set --snap 0.03 --out b.lib {QUICK}"));
+    let library = |name: &str| std::fs::read(bench.path(name)).expect("written");
+    assert_eq!(library("auto.lib"), library("b.lib"));
     holds(
         &told,
         &[

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use host_tools::fit as fitted;
 use host_tools::fit::record::FitRecord;
 use host_tools::fit::{Options, Order};
+use host_tools::recording::Snap;
 use host_tools::recording::triage::{Kind, SILENCE_FLOOR_M_S2};
 use host_tools::support::number::tolerance;
 use model_format::SAMPLE_RATE_HZ;
@@ -26,6 +27,24 @@ pub enum OrderLike {
     Fixed(usize),
     /// The name of a criterion.
     Named(String),
+}
+
+/// The way in which measured values move: a share, or 'auto'.
+#[derive(FromPyObject)]
+pub enum SnapLike {
+    /// A share.
+    Within(f64),
+    /// The word 'auto'.
+    Named(String),
+}
+
+fn snap_of(snap: SnapLike) -> PyResult<Snap> {
+    match snap {
+        SnapLike::Within(share) => checked("snap", share, tolerance).map(Snap::Within),
+        SnapLike::Named(word) => {
+            (word.parse()).map_err(|fault| refused(format!("snap '{word}' {fault}")))
+        }
+    }
 }
 
 /// The account of one recording that a fit gives.
@@ -121,7 +140,7 @@ impl Fit {
 /// frequency in Hz as text; `excitation` 'auto', 'residual' or 'gaussian';
 /// `modulation` 'auto', 'track' or 'none'; `lines` 'auto' or 'none'. `silence_floor_m_s2` is
 /// the RMS below which a recording is silent; `drop` names verdicts to leave out; `model_rate_hz` is 5000 or 10000;
-/// `snap` is the largest share by which measured speeds and forces move to nominal ones; `strict` refuses a set in
+/// `snap` moves measured speeds and forces to nominal ones: by at most this share, or 'auto'; `strict` refuses a set in
 /// which triage finds anything. `progress(done, total)` counts recordings.
 ///
 /// Raises `StylusError` for the first recording that cannot be used, or a texture that no library holds.
@@ -147,7 +166,7 @@ pub fn fit(
     drop: Vec<String>,
     lines: &str,
     model_rate_hz: u32,
-    snap: Option<f64>,
+    snap: Option<SnapLike>,
     strict: bool,
     progress: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Fit> {
@@ -160,16 +179,14 @@ pub fn fit(
         drop: verdicts(drop)?,
         lines: choice("lines", lines)?,
         strict,
-        snap: snap
-            .map(|share| checked("snap", share, tolerance))
-            .transpose()?,
+        snap: snap.map(snap_of).transpose()?,
         sample_rate_hz: model_rate_hz,
     };
     options.check_rate().map_err(raised)?;
     let options = options.at_their_rate();
     let mut set = crate::recording::recordings(recordings)?;
-    if let Some(tolerance) = options.snap {
-        set = set.snapped(tolerance).map_err(raised)?.0;
+    if let Some(snap) = options.snap {
+        set = set.snapped(snap).map_err(raised)?.0;
     }
     let textures = set.by_texture().len();
     if textures > model_format::limits::MAX_TEXTURES {

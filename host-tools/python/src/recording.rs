@@ -57,6 +57,7 @@ impl Recording {
             file: PathBuf::from(name),
             texture,
             speed_mm_s,
+            measured_speed_mm_s: None,
             force_n,
             scale_m_s2,
             start_s,

@@ -11,7 +11,7 @@ use super::trial::TrialReport;
 use crate::dsp::high_pass::{SLOW_HZ, lowest_hz};
 use crate::fit::conditioning::HighPass;
 use crate::recording::pattern::one_number;
-use crate::recording::{RecordingSet, Trial, holds_integers, nominal};
+use crate::recording::{RecordingSet, Trial, grid_by_gaps, holds_integers};
 use crate::texture::grid::Grid;
 
 /// A mean this many times the RMS is more than an offset of an amplifier: gravity, or a sensor that is not what it is
@@ -23,9 +23,6 @@ const CLOSE_SHARE: f32 = 0.01;
 
 /// Fewest nodes of a grid of which it is worth a word that most are filled.
 const SPARSE_NODES: usize = 12;
-
-/// Tolerances that are tried for a nominal grid, as shares.
-const TOLERANCES: [f64; 7] = [0.01, 0.02, 0.03, 0.05, 0.08, 0.12, 0.2];
 
 /// Least lack of a trial's duration that is worth a word, s, and as a share of the duration.
 const LACK_S: f64 = 0.005;
@@ -175,24 +172,14 @@ fn mostly_filled(name: &str, grid: &Grid, trials: &[&TrialReport]) -> Option<Str
     if nodes < SPARSE_NODES || 2 * with >= nodes {
         return None;
     }
-    let (speeds, forces): (Vec<f64>, Vec<f64>) = measured.iter().copied().unzip();
-    let remedy = TOLERANCES.iter().find_map(|&tolerance| {
-        let (speed, force) = (
-            nominal(&speeds, tolerance).ok()?,
-            nominal(&forces, tolerance).ok()?,
-        );
-        let snapped = measured.iter().map(|&(s, f)| (speed.of(s), force.of(f)));
-        let snapped = recorded(&snapped.collect::<Vec<_>>());
-        let size = (speed.values().len(), force.values().len());
-        (2 * snapped >= size.0 * size.1).then(|| {
-            format!(
-                "if they are measured values, --snap {tolerance} makes a grid of {} x {} of them and moves none by \
-                 more than {:.1} %",
-                size.0,
-                size.1,
-                100.0 * speed.largest_move().max(force.largest_move())
-            )
-        })
+    let remedy = grid_by_gaps(&measured).map(|(speed, force)| {
+        format!(
+            "if they are measured values, --snap auto makes a grid of {} x {} of them and moves none by more than \
+             {:.1} %",
+            speed.values().len(),
+            force.values().len(),
+            100.0 * speed.largest_move().max(force.largest_move())
+        )
     });
     Some(format!(
         "texture '{name}': {} of {nodes} nodes of its grid of {} x {} are filled from neighbours, because few speeds \

@@ -6,9 +6,10 @@ use serde::{Deserialize, Serialize};
 use model_format::{PlayRate, SAMPLE_RATE_HZ};
 
 use crate::fit::conditioning::Conditioning;
+use crate::recording::Snap;
 use crate::recording::triage::{Kind, SILENCE_FLOOR_M_S2};
 use crate::support::error::{Error, Result};
-use crate::support::number::{not_negative, tolerance};
+use crate::support::number::not_negative;
 
 /// The choice of a model's order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -117,11 +118,12 @@ pub struct Options {
     /// Refuse a set if triage finds anything
     #[arg(long)]
     pub strict: bool,
-    /// Largest share by which measured speeds and forces move to nominal ones, such as 0.05 [default: none moves]
+    /// Move measured speeds and forces to nominal ones: by at most this share, such as 0.05, or auto, to the grid that
+    /// each texture's values fall into [default: none moves]
     // They move before the fit, which takes the set as it is given.
-    #[arg(long, value_name = "SHARE", value_parser = tolerance)]
+    #[arg(long, value_name = "SHARE|auto")]
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub snap: Option<f64>,
+    pub snap: Option<Snap>,
     /// Sample rate of the models, Hz: 5000, or 10000 from recordings of that rate or above
     #[arg(id = "model_rate", long = "model-rate", value_name = "HZ", default_value_t = SAMPLE_RATE_HZ)]
     pub sample_rate_hz: u32,

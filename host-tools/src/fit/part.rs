@@ -143,7 +143,7 @@ fn separate_lines(
     options: &Options,
 ) {
     let (indices, trials) = of_texture(set, name);
-    let speeds_mm_s: Vec<f64> = trials.iter().map(|trial| trial.speed_mm_s).collect();
+    let speeds_mm_s: Vec<f64> = trials.iter().map(|trial| trial.line_speed_mm_s()).collect();
     let mut signals: Vec<Vec<f64>> = indices
         .iter()
         .zip(&trials)

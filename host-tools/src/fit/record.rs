@@ -163,7 +163,7 @@ impl FitRecord {
     /// See [`RecordingSet::snapped`].
     pub fn as_fitted(&self, set: RecordingSet) -> Result<RecordingSet> {
         match self.options.snap {
-            Some(tolerance) => Ok(set.snapped(tolerance)?.0),
+            Some(snap) => Ok(set.snapped(snap)?.0),
             None => Ok(set),
         }
     }

@@ -38,7 +38,7 @@ pub(super) fn separate_lines(
             }
         })
         .collect();
-    let speeds_mm_s: Vec<f64> = trials.iter().map(|trial| trial.speed_mm_s).collect();
+    let speeds_mm_s: Vec<f64> = trials.iter().map(|trial| trial.line_speed_mm_s()).collect();
     let shares = separate(&speeds_mm_s, &mut signals, None, options.lines);
     let work = analysed.par_iter_mut().zip(signals).zip(shares);
     work.for_each(|(((analysis, signal), rest), share)| {

@@ -26,7 +26,7 @@ pub use rate::{MAX_FRAMES, RATES_HZ, rate_fault};
 pub use resample::resample;
 pub use riff::holds_integers;
 pub use set::{Assumed, RecordingSet, TRIALS_FILE};
-pub use snap::{Nominal, Spread, nominal};
+pub use snap::{Nominal, Snap, Spread, grid_by_gaps, nominal};
 pub(crate) use source::RECORDING;
 pub use source::Samples;
 pub use source::{Cut, MAX_CHANNELS, Source};

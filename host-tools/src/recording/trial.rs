@@ -25,6 +25,8 @@ pub struct Trial {
     pub texture: String,
     /// Tangential speed, mm/s.
     pub speed_mm_s: f64,
+    /// Tangential speed before it was moved to a nominal one, mm/s, if it was.
+    pub measured_speed_mm_s: Option<f64>,
     /// Normal force, N.
     pub force_n: f64,
     /// Acceleration of a sample of 1, the full scale of integer samples, m/s²; 1 if not given.
@@ -53,6 +55,7 @@ impl Trial {
             file: file.into(),
             texture: texture.into(),
             speed_mm_s,
+            measured_speed_mm_s: None,
             force_n,
             scale_m_s2: None,
             start_s: 0.0,
@@ -66,6 +69,11 @@ impl Trial {
     /// Acceleration of a sample of 1, m/s².
     pub fn scale(&self) -> f64 {
         self.scale_m_s2.unwrap_or(1.0)
+    }
+
+    /// Speed at which lines pass, mm/s: the measured one, if the trial has one.
+    pub fn line_speed_mm_s(&self) -> f64 {
+        self.measured_speed_mm_s.unwrap_or(self.speed_mm_s)
     }
 
     /// Returns whether both speed and force are above zero. Anywhere else the stylus is silent.

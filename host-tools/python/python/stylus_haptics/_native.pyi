@@ -167,7 +167,7 @@ def fit(
     drop: Sequence[str] = (),
     lines: Literal["auto", "none"] = "auto",
     model_rate_hz: int = 5000,
-    snap: float | None = None,
+    snap: float | Literal["auto"] | None = None,
     strict: bool = False,
     progress: _Progress | None = None,
 ) -> Fit: ...

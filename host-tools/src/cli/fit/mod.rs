@@ -7,7 +7,7 @@ mod report;
 use host_tools::fit;
 use host_tools::fit::Fit;
 use host_tools::fit::record::{FitRecord, FoundLines};
-use host_tools::recording::RecordingSet;
+use host_tools::recording::{RecordingSet, Snap};
 use host_tools::support::error::{Error, Result};
 use host_tools::support::progress;
 use host_tools::texture::summary::TextureSummary;
@@ -105,13 +105,13 @@ fn fitted(set: &RecordingSet, options: &fit::Options, large: &LargeSet) -> Resul
 }
 
 /// The set with its speeds and forces moved to nominal ones, which is said.
-fn snapped(set: RecordingSet, tolerance: Option<f64>) -> Result<RecordingSet> {
-    let Some(tolerance) = tolerance else {
+fn snapped(set: RecordingSet, snap: Option<Snap>) -> Result<RecordingSet> {
+    let Some(snap) = snap else {
         return Ok(set);
     };
-    let (set, moves) = set.snapped(tolerance)?;
+    let (set, moves) = set.snapped(snap)?;
     if moves.is_empty() {
-        note(&format!("no speed or force is moved by --snap {tolerance}"));
+        note(&format!("no speed or force is moved by --snap {snap}"));
     }
     moves.iter().for_each(|moved| note(moved));
     Ok(set)

@@ -318,7 +318,7 @@ impl Search<'_> {
             }
             let at = speeds
                 .iter()
-                .position(|s| s.speed_mm_s.to_bits() == trial.speed_mm_s.to_bits());
+                .position(|s| (trial.speed_mm_s / s.speed_mm_s).ln().abs() < SAME_SPEED);
             let at = at.unwrap_or_else(|| {
                 speeds.push(SpeedSupport::new(trial.speed_mm_s));
                 speeds.len() - 1
@@ -361,6 +361,9 @@ pub(super) const LEAST_SPEED_RATIO: f64 = 1.05;
 
 /// Chance below which a trial counts among those that show an established line.
 const LN_SHOWN_CHANCE: f64 = -7.0;
+
+/// Difference of the logarithms of two speeds that count as one: repeats that were measured do not agree to the digit.
+const SAME_SPEED: f64 = 0.02;
 
 /// Support of the trials at one speed.
 struct SpeedSupport {
