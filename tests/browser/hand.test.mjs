@@ -17,7 +17,7 @@ function load(files, names) {
 }
 
 const { PointerPath, KeyStroke } = load(["stroke.js"], ["PointerPath", "KeyStroke"]);
-const { distinctNodes } = load(["data.js"], ["distinctNodes"]);
+const { distinctNodes, beyondGrid } = load(["data.js"], ["distinctNodes", "beyondGrid"]);
 const { LiveSpectrum } = load(["spectrum.js"], ["LiveSpectrum"]);
 
 // Numbers from 0 to 1, by a xorshift of 32 bits (Marsaglia, 2003).
@@ -154,4 +154,11 @@ test("the spectrum of white noise is its power over its band, and a tone's power
   assert.ok(Math.abs(total / 2 - 1) < 0.01, "half the square of the amplitude");
   const highest = tone.levels().indexOf(Math.max(...tone.levels()));
   assert.ok(Math.abs(Math.log2(frequencies[highest] / 237)) <= 1 / 24);
+});
+
+test("a speed or force above the recorded ones is said", () => {
+  const nodes = [{ speed_mm_s: 50, force_n: 0.5 }, { speed_mm_s: 200, force_n: 1 }];
+  assert.equal(beyondGrid(nodes, 200, 1), "");
+  assert.match(beyondGrid(nodes, 300, 1), /up to 200 mm\/s: beyond/);
+  assert.match(beyondGrid(nodes, 300, 2), /200 mm\/s and 1 N/);
 });

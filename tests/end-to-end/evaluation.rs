@@ -92,9 +92,9 @@ fn on_the_simulated_textures_the_dense_grid_halves_the_papers_error_and_keeps_ni
     let (paper, dense) = (Row::Interpolated(Method::PAPER), Row::Densified);
     let test = Prepared::new(&set, &options)
         .unwrap()
-        .run(&[paper, dense], &options, || ())
+        .run(&[paper.clone(), dense.clone()], &options, || ())
         .unwrap();
-    let summary = |row| leave_one_out::summarise(&test, row, None).unwrap();
+    let summary = |row| leave_one_out::summarise(&test, &row, None).unwrap();
     let (paper, dense) = (summary(paper), summary(dense));
     assert_eq!(dense.nodes, 4 * 5 * 2);
     assert!(
@@ -126,6 +126,50 @@ fn a_denser_grid_keeps_to_its_textures_orders() {
         }
     }
     assert!(!report["added_lines"].as_array().unwrap().is_empty());
+}
+
+/// A method that plays the recordings themselves stands for a perfect one, and noise for a bad one.
+#[test]
+fn another_programs_sounds_are_judged_beside_the_paper_the_device_and_the_nearest_recording() {
+    let bench = four_textures();
+    let set = RecordingSet::open(&[bench.path("rig")]).unwrap();
+    for trial in &set.trials {
+        assert!(trial.scale_m_s2.is_none(), "the method's WAV is in m/s²");
+        let name = trial.file.strip_prefix(bench.path("rig")).unwrap();
+        let name = format!("noise/{}", name.display());
+        bench.write(&name, crate::support::wav(&[&noise(3, 10_000)], RATE_HZ));
+    }
+    let command = "evaluate rig --leave-out speed --order 60 --synthesis 2 --json t.json";
+    let said = bench.succeed(&format!(
+        "{command} --method perfect=rig --method bad=noise"
+    ));
+    holds(
+        &said,
+        &["log-power MAE", "nearest recording", "perfect", "SIMULATED"],
+    );
+    let text = std::fs::read_to_string(bench.path("t.json")).unwrap();
+    let test: serde_json::Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(test["left_out"], "speed");
+    // Two inner speeds of four, at every force, of four textures.
+    let removed = test["removed"].as_array().unwrap();
+    assert_eq!(removed.len(), 4 * 2 * 4);
+    let rows = test["rows"].as_array().unwrap();
+    let mean = |name: &str, measure: &str| {
+        let at = rows
+            .iter()
+            .position(|row| row.as_str().unwrap().contains(name))
+            .unwrap();
+        let of = |node: &serde_json::Value| node["outcomes"][at][measure].as_f64().unwrap();
+        removed.iter().map(of).sum::<f64>() / removed.len() as f64
+    };
+    let mae = |name: &str| mean(name, "log_power_mae");
+    assert!(mae("perfect") < 1e-6 && mean("perfect", "fit_coefficient") > 1.0 - 1e-6);
+    assert!(
+        mae("nearest") > 0.05 && mae("bad") > mae("nearest"),
+        "{said}"
+    );
+    let refused = bench.refuse(&format!("{command} --method none=elsewhere"));
+    holds(&refused, &["elsewhere", ".wav"]);
 }
 
 #[test]

@@ -91,9 +91,14 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         seed: arguments.seed,
     };
     let plan = plan(&set, &library, &prepared, &evaluate, &options)?;
+    let remedy = if takes.is_none() {
+        ": what is held out by blocks is fitted without codebooks and tracks, and --takes judges them"
+    } else {
+        ""
+    };
     for pair in &plan.left_out {
         note(&format!(
-            "{}: left out, because no texture that is heard plays anything but Gaussian noise",
+            "{}: left out, because no texture that is heard plays anything but Gaussian noise{remedy}",
             pair.name()
         ));
     }

@@ -172,9 +172,9 @@ pub fn liveliness_table(title: &str, of: &[(String, &[Summary])]) -> Table {
         [
             "texture",
             "signal",
-            "kurtosis",
+            "signal's kurtosis",
             "off, log2",
-            "residual kurtosis",
+            "residual's kurtosis",
             "crest factor",
             "modulation",
             "off, dB",

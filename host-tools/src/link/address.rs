@@ -1,6 +1,7 @@
 //! Addresses of devices.
 
 use std::fmt;
+use std::net::IpAddr;
 use std::path::PathBuf;
 use std::str::FromStr;
 
@@ -32,6 +33,19 @@ pub enum LinkAddress {
         /// The port.
         port: u16,
     },
+}
+
+impl LinkAddress {
+    /// Returns whether the device can only exist in a computer: on a virtual USB, or at a port of this computer.
+    pub fn is_of_an_emulator(&self) -> bool {
+        match self {
+            Self::UsbVirtual { .. } => true,
+            Self::Tcp { host, .. } => {
+                host == "localhost" || host.parse().is_ok_and(|ip: IpAddr| ip.is_loopback())
+            }
+            Self::Usb { .. } | Self::Serial { .. } => false,
+        }
+    }
 }
 
 impl FromStr for LinkAddress {
@@ -105,6 +119,28 @@ fn write_tcp(f: &mut fmt::Formatter<'_>, kind: &str, host: &str, port: u16) -> f
 mod tests {
     use super::*;
     use crate::support::holds;
+
+    #[test]
+    fn devices_of_this_computer_alone_are_an_emulators() {
+        let is_of_one = |text: &str| text.parse::<LinkAddress>().unwrap().is_of_an_emulator();
+        assert!(
+            [
+                "tcp:127.0.0.1:5555",
+                "tcp:[::1]:5555",
+                "tcp:localhost:1",
+                "usb-virtual:a:1"
+            ]
+            .map(is_of_one)
+            .iter()
+            .all(|is| *is)
+        );
+        assert!(
+            !["tcp:10.0.0.2:5555", "usb", "serial:/dev/x"]
+                .map(is_of_one)
+                .iter()
+                .any(|is| *is)
+        );
+    }
 
     #[test]
     fn an_address_is_written_as_it_is_read() {

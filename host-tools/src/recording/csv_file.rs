@@ -4,16 +4,15 @@ use std::path::Path;
 
 use super::rate::{length_fault, rate_fault};
 use super::source::{Cut, MAX_CHANNELS, Source};
+use super::uneven::{LARGEST_DEVIATION, Steps, are_even};
 use crate::support::csv_table::{CsvTable, Header, Row, TABLE};
 use crate::support::error::{Error, Result};
 
 /// Column of the time of each sample, s.
 const TIME_COLUMN: &str = "time_s";
 
-/// Largest deviation of a step of the first column from the mean step, as a share of it, at which it counts as times.
-const UNEVENNESS: f64 = 0.5;
-
-/// Names of columns that hold a time, in lower case, without a unit.
+/// Names of columns that hold a time, in lower case, without a unit: in seconds, as the bounds of rates tell, because
+/// milliseconds would be a rate a thousand times too low.
 const TIME_NAMES: [&str; 4] = ["time", "t", "timestamp", "zeit"];
 
 /// Columns of a free hand's recording.
@@ -66,8 +65,8 @@ pub(super) fn read(path: &Path, cut: &Cut, sample_rate_hz: Option<f64>) -> Resul
     if names.is_none() {
         refuse_times_without_a_name(path, &columns)?;
     }
-    let rate_hz = match (time, sample_rate_hz) {
-        (Some(time), _) => near_whole(rate_of(&table, TIME_COLUMN, &time)?),
+    let rate_hz = match (&time, sample_rate_hz) {
+        (Some(time), _) => near_whole(rate_of(&table, TIME_COLUMN, time, Steps::hold)?),
         (None, Some(rate_hz)) => rate_hz,
         (None, None) => {
             let problem = "has no sample rate: add a column 'time_s' to it, or a column 'sample_rate_hz' to \
@@ -75,12 +74,14 @@ pub(super) fn read(path: &Path, cut: &Cut, sample_rate_hz: Option<f64>) -> Resul
             return Err(Error::file(path, problem));
         }
     };
-    let remedy = "mend sample_rate_hz, or give --sample-rate; a column 'time_s' holds seconds";
+    let remedy =
+        "mend sample_rate_hz, or give --sample-rate; a column 'time_s' or 'time' holds seconds";
     if let Some(fault) = rate_fault(rate_hz, remedy) {
         return Err(Error::file(path, fault));
     }
     let (first, end) = cut.frames(rate_hz);
-    for column in &mut columns {
+    let mut times_s = time.filter(|times| rate_hz.fract() != 0.0 || !are_even(times));
+    for column in columns.iter_mut().chain(&mut times_s) {
         column.truncate(end);
         column.drain(..first.min(column.len()));
     }
@@ -92,6 +93,7 @@ pub(super) fn read(path: &Path, cut: &Cut, sample_rate_hz: Option<f64>) -> Resul
         rate_hz,
         first_frame: first,
         channels: columns,
+        times_s,
         truncation: None,
     })
 }
@@ -109,7 +111,7 @@ fn time_column(names: &Header<'_>) -> Result<Option<usize>> {
             format!(
                 "has a column '{name}': divide it by 1000 and name it '{TIME_COLUMN}', or remove it"
             )
-        } else if name != TIME_COLUMN && TIME_NAMES.contains(&stem) {
+        } else if name != TIME_COLUMN && TIME_NAMES.contains(&stem) && lower != stem {
             format!(
                 "has a column '{name}': name it '{TIME_COLUMN}' if it is the time in seconds, or remove it"
             )
@@ -127,7 +129,9 @@ fn time_column(names: &Header<'_>) -> Result<Option<usize>> {
         };
         return Err(names.error(problem));
     }
-    names.column(TIME_COLUMN)
+    let is_time = |name: &str| TIME_NAMES.contains(&name.to_lowercase().as_str());
+    let bare = names.names().position(is_time);
+    Ok(names.column(TIME_COLUMN)?.or(bare))
 }
 
 /// The whole rate next to `rate_hz`, if it is close: times are often printed with few digits.
@@ -171,7 +175,7 @@ fn refuse_times_without_a_name(path: &Path, columns: &[Vec<f64>]) -> Result<()> 
         return Ok(());
     };
     let step = (end - begin) / (first.len() - 1).max(1) as f64;
-    let even = |pair: &[f64]| (pair[1] - pair[0] - step).abs() <= UNEVENNESS * step;
+    let even = |pair: &[f64]| (pair[1] - pair[0] - step).abs() <= LARGEST_DEVIATION * step;
     if first.len() >= LEAST_TIMES && step > 0.0 && first.windows(2).all(even) {
         let problem = format!(
             "has no header, and its first column rises in even steps of {step}: add a header that names it \
@@ -182,14 +186,16 @@ fn refuse_times_without_a_name(path: &Path, columns: &[Vec<f64>]) -> Result<()> 
     Ok(())
 }
 
-/// Most steps of which the usual one is the median: as many tell it, and no more memory is taken.
-const MOST_STEPS: usize = 4096;
-
 /// Returns the sample rate of the times in `column` of `table`, one per row below its header, in Hz.
 ///
 /// # Errors
 /// Fewer than two times; a time that does not rise, or a gap, with its line.
-pub(super) fn rate_of(table: &CsvTable, column: &str, times: &[f64]) -> Result<f64> {
+pub(super) fn rate_of(
+    table: &CsvTable,
+    column: &str,
+    times: &[f64],
+    hold: impl Fn(&Steps, f64) -> bool,
+) -> Result<f64> {
     let path = table.path();
     let (Some(first), Some(last)) = (times.first(), times.last()) else {
         return Err(Error::file(path, "holds no samples"));
@@ -198,14 +204,10 @@ pub(super) fn rate_of(table: &CsvTable, column: &str, times: &[f64]) -> Result<f
         let problem = "holds one sample, whose time tells no sample rate: record for longer";
         return Err(Error::file(path, problem));
     }
-    let usual = usual_step(times);
-    let uneven = |pair: &[f64]| {
-        let step = pair[1] - pair[0];
-        // Not a number is no step.
-        !(step > 0.0 && (step / usual - 1.0).abs() <= UNEVENNESS)
-    };
-    if let Some(index) = times.windows(2).position(uneven) {
-        let problem = step_fault(column, times[index], times[index + 1], usual);
+    let steps = Steps::of(times);
+    let bad = |pair: &[f64]| !hold(&steps, pair[1] - pair[0]);
+    if let Some(index) = times.windows(2).position(bad) {
+        let problem = step_fault(column, times[index], times[index + 1], steps.usual_s);
         return Err(Error::line(path, table.line_of_row(index + 2), problem));
     }
     let step = (last - first) / (times.len() - 1) as f64;
@@ -242,18 +244,6 @@ fn step_fault(column: &str, before: f64, time: f64, usual: f64) -> String {
     }
 }
 
-/// Median of the steps, or of as many as tell it, s.
-fn usual_step(times: &[f64]) -> f64 {
-    let stride = times.len().div_ceil(MOST_STEPS);
-    let mut steps: Vec<f64> = times
-        .windows(2)
-        .step_by(stride)
-        .map(|pair| pair[1] - pair[0])
-        .collect();
-    let middle = steps.len() / 2;
-    *steps.select_nth_unstable_by(middle, f64::total_cmp).1
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -267,7 +257,7 @@ mod tests {
             text += &format!("{time},1\n");
         }
         let table = CsvTable::of(Path::new("a.csv"), text);
-        rate_of(&table, "time_s", times)
+        rate_of(&table, "time_s", times, Steps::hold)
     }
 
     proptest! {

@@ -88,6 +88,7 @@ impl HeldSamples {
             rate_hz: self.rate_hz,
             first_frame: first,
             channels: self.channels.iter().map(part).collect(),
+            times_s: None,
             truncation: None,
         }
     }

@@ -9,7 +9,7 @@ use super::rate::length_fault;
 use super::source::Samples;
 use super::source::{Cut, Source};
 use super::trial::Trial;
-use super::{csv_file, resample, wav};
+use super::{csv_file, resample, uneven, wav};
 use crate::dsp::sums::sum;
 use crate::support::error::{Error, Result};
 
@@ -45,9 +45,13 @@ pub fn read_at(trial: &Trial, model_rate_hz: u32) -> Result<Samples> {
         return Err(Error::file(path, problem));
     }
     check_finite(path, &axes, source.first_frame)?;
-    let rate_hz = source.rate_hz;
+    let mut rate_hz = source.rate_hz;
     let mut defects = Defects::of(&axes, rate_hz);
     defects.truncation = source.truncation;
+    if let Some(times) = &source.times_s {
+        rate_hz = rate_hz.round();
+        axes = uneven::evened(&axes, times, rate_hz);
+    }
     if (rate_hz - f64::from(model_rate_hz)).abs() > 0.0 {
         axes = at_model_rate(path, &axes, rate_hz, model_rate_hz)?;
     }

@@ -3,6 +3,7 @@
 //!
 //! Invariant: files, or samples that a program holds, in; samples and verdicts out. Nothing here fits a model.
 
+pub mod cluster;
 mod csv_file;
 mod defects;
 pub mod freehand;
@@ -17,6 +18,7 @@ mod snap;
 mod source;
 pub mod triage;
 mod trial;
+mod uneven;
 mod wav;
 
 pub use defects::{Defects, Hold, Spike, Truncation};

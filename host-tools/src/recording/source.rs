@@ -39,6 +39,8 @@ pub struct Source {
     pub first_frame: usize,
     /// One to three channels of equal length.
     pub channels: Vec<Vec<f64>>,
+    /// Time of each sample, s, if they are uneven.
+    pub times_s: Option<Vec<f64>>,
     /// Lengths, if the file ends before its header says.
     pub truncation: Option<Truncation>,
 }

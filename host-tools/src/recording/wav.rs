@@ -91,6 +91,7 @@ pub(super) fn read(path: &Path, cut: &Cut) -> Result<Source> {
         rate_hz: f64::from(rate_hz),
         first_frame: first,
         channels,
+        times_s: None,
         truncation: declared_frames
             .and_then(|declared| truncation(declared, frame_bits, file_bytes)),
     })

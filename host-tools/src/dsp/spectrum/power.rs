@@ -14,8 +14,8 @@ const SEGMENT_S: f64 = 1.0;
 pub struct PowerSpectrum {
     /// One-sided density, (signal's unit)²/Hz. Value k is for the frequencies nearer to k · `step_hz` than to any
     /// other.
-    density: Vec<f64>,
-    step_hz: f64,
+    pub(super) density: Vec<f64>,
+    pub(super) step_hz: f64,
     nyquist_hz: f64,
     worth_s: f64,
 }

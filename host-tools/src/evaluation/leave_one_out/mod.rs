@@ -8,6 +8,9 @@
 //!
 //! A prediction that the device could not play (an unstable mean, or one too loud) counts with C = 1, which is what
 //! silence scores.
+//!
+//! If all nodes of the removed one's speed, or of its force, are left out with it, it is predicted along that axis
+//! alone, and other programs' sounds can stand beside: a benchmark.
 
 mod play;
 mod prepared;
@@ -17,11 +20,12 @@ mod run;
 use crate::dsp::spectrum;
 use crate::fit::Order;
 use crate::fit::conditioning::Conditioning;
+use crate::fit::densify::Direction;
 
 pub use play::{Judged, Voice, synthesis};
 pub use prepared::Prepared;
 pub use results::{
-    LeaveOneOut, Outcome, PAPER_TABLE_I, PaperColumn, Removed, Row, Summary, summarise,
+    Given, LeaveOneOut, Outcome, PAPER_TABLE_I, PaperColumn, Removed, Row, Summary, summarise,
 };
 
 /// Options of the test.
@@ -37,6 +41,8 @@ pub struct Options {
     pub synthesis_s: f64,
     /// Seed of the syntheses; each trial has its own noise, the same for every method.
     pub seed: u64,
+    /// Axis all of whose nodes at the removed one's value are removed with it; none to remove it alone.
+    pub left_out: Option<Direction>,
 }
 
 impl Default for Options {
@@ -47,6 +53,7 @@ impl Default for Options {
             smoothing_hz: spectrum::DEFAULT_SMOOTHING_WIDTH_HZ,
             synthesis_s: 5.0,
             seed: 1,
+            left_out: None,
         }
     }
 }

@@ -8,7 +8,7 @@ use crate::support::error::{Error, Result};
 
 use crate::dsp::model::Model;
 use crate::dsp::spectrum;
-use crate::dsp::spectrum::BAND_COUNT;
+use crate::dsp::spectrum::{BAND_COUNT, agreement};
 use crate::evaluation::evaluate::WARM_UP_S;
 use crate::evaluation::perception::ScoringRange;
 use crate::playing::motion::MotionPath;
@@ -29,6 +29,10 @@ pub struct Judged {
     pub band_errors_db: [Option<f64>; BAND_COUNT],
     /// Log-spectral distance from 30 to 1000 Hz in sliding third octaves, dB.
     pub log_spectral_distance_db: Option<f64>,
+    /// Mean magnitude of the difference of log10 of the power densities.
+    pub log_power_mae: Option<f64>,
+    /// Goodness-of-fit coefficient of the amplitudes.
+    pub fit_coefficient: Option<f64>,
 }
 
 impl Judged {
@@ -38,6 +42,8 @@ impl Judged {
             cost: 1.0,
             band_errors_db: [None; BAND_COUNT],
             log_spectral_distance_db: None,
+            log_power_mae: None,
+            fit_coefficient: None,
         }
     }
 }
@@ -100,6 +106,7 @@ pub(super) fn judge(
         |signal: &[f64]| spectrum::PowerSpectrum::of_blocks(&[signal], range.segment, rate_hz);
     let (a, b) = (of_blocks(recorded), of_blocks(synthesised));
     let (low_hz, high_hz) = range.distance_hz();
+    let agreement = agreement(recorded, synthesised, rate_hz, range.band_edges_hz());
     Some(Judged {
         cost: spectrum::cost_of_blocks(
             &[recorded],
@@ -110,5 +117,7 @@ pub(super) fn judge(
         )?,
         band_errors_db: spectrum::band_errors_within_db(&a, &b, range.band_edges_hz()),
         log_spectral_distance_db: spectrum::distance_of_spectra_db(&a, &b, low_hz, high_hz),
+        log_power_mae: agreement.map(|found| found.log_power_mae),
+        fit_coefficient: agreement.map(|found| found.fit_coefficient),
     })
 }

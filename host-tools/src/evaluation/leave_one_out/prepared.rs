@@ -29,6 +29,7 @@ pub struct Prepared<'a> {
     pub(super) ranges: Vec<Option<ScoringRange>>,
     pub(super) textures: Vec<PreparedTexture>,
     pub(super) simulated: bool,
+    left_out: Option<Direction>,
 }
 
 pub(super) struct PreparedTexture {
@@ -97,6 +98,7 @@ impl<'a> Prepared<'a> {
             signals,
             ranges,
             textures,
+            left_out: options.left_out,
             simulated: set
                 .trials
                 .iter()
@@ -122,10 +124,10 @@ impl<'a> Prepared<'a> {
         trials
             .filter_map(|(index, trial)| {
                 let texture = self.textures.iter().position(|t| t.name == trial.texture)?;
-                let place = self.textures[texture].place(trial)?;
+                let place = self.textures[texture].place(trial, self.left_out)?;
                 // A recording that nothing can be judged on is no place of the test.
                 self.ranges[index].as_ref()?;
-                let neighbours = self.textures[texture].neighbours(place);
+                let neighbours = self.neighbours(texture, place);
                 (!neighbours.is_empty()).then_some(Target {
                     trial: index,
                     texture,
@@ -145,21 +147,54 @@ fn source_rate_hz(verdicts: &[Verdict]) -> f64 {
     slow.fold(f64::from(SAMPLE_RATE_HZ), f64::min)
 }
 
+impl Prepared<'_> {
+    /// Returns the neighbours that the node of `texture` at `place` is predicted from, and their places.
+    pub(super) fn neighbours(&self, texture: usize, place: (usize, usize)) -> Vec<Neighbour<'_>> {
+        self.textures[texture].neighbours(place, self.left_out)
+    }
+
+    /// The trial of `texture` at the neighbour of `place` that counts most, whose recording is what retrieval plays.
+    pub(super) fn nearest(&self, texture: usize, place: (usize, usize)) -> Option<usize> {
+        let neighbours = self.neighbours(texture, place);
+        let nearest = neighbours
+            .iter()
+            .max_by(|a, b| a.weight.total_cmp(&b.weight))?;
+        let own = &self.textures[texture];
+        let is_its = |trial: &Trial| {
+            trial.texture == own.name
+                && own
+                    .at(trial)
+                    .is_some_and(|place| std::ptr::eq(own.model(place), nearest.model))
+        };
+        self.set.trials.iter().position(is_its)
+    }
+}
+
 impl PreparedTexture {
     pub(super) fn model(&self, (speed, force): (usize, usize)) -> &Model {
         &self.grid.models[self.grid.index(speed, force)]
     }
 
     /// The node of a trial, if it is an inner one.
-    fn place(&self, trial: &Trial) -> Option<(usize, usize)> {
-        let at = |axis: &[f32], value: f64| {
-            let index = axis.iter().position(|&v| v == value as f32)?;
-            let inner = axis.len() <= 2 || (index > 0 && index + 1 < axis.len());
-            inner.then_some(index)
-        };
-        let speed = at(&self.grid.speeds_mm_s, trial.speed_mm_s)?;
-        let force = at(&self.grid.forces_n, trial.force_n)?;
-        self.sounds((speed, force)).then_some((speed, force))
+    fn place(&self, trial: &Trial, left_out: Option<Direction>) -> Option<(usize, usize)> {
+        let (speed, force) = self.at(trial)?;
+        let is_inner =
+            |axis: &[f32], index: usize| axis.len() <= 2 || (index > 0 && index + 1 < axis.len());
+        // What is left out by one axis needs no neighbours along the other.
+        let along_speed =
+            left_out == Some(Direction::Force) || is_inner(&self.grid.speeds_mm_s, speed);
+        let along_force =
+            left_out == Some(Direction::Speed) || is_inner(&self.grid.forces_n, force);
+        (along_speed && along_force && self.sounds((speed, force))).then_some((speed, force))
+    }
+
+    /// Indices of a trial's speed and force on the grid.
+    fn at(&self, trial: &Trial) -> Option<(usize, usize)> {
+        let at = |axis: &[f32], value: f64| axis.iter().position(|&v| v == value as f32);
+        Some((
+            at(&self.grid.speeds_mm_s, trial.speed_mm_s)?,
+            at(&self.grid.forces_n, trial.force_n)?,
+        ))
     }
 
     /// Returns whether a node was recorded and is not silent.
@@ -174,8 +209,9 @@ impl PreparedTexture {
     }
 
     /// Returns the neighbours that the node at `place` is predicted from.
-    pub(super) fn neighbours(&self, place: (usize, usize)) -> Vec<Neighbour<'_>> {
+    fn neighbours(&self, place: (usize, usize), left_out: Option<Direction>) -> Vec<Neighbour<'_>> {
         let directions = [Direction::Speed, Direction::Force].into_iter();
+        let directions = directions.filter(|along| left_out.is_none_or(|axis| axis == *along));
         let pairs = directions.filter_map(|along| self.pair_along(along, place));
         let pairs: Vec<[Neighbour<'_>; 2]> = pairs.collect();
         let share = 1.0 / pairs.len().max(1) as f64;

@@ -1,6 +1,10 @@
 //! Results of the removed-node test: a row per way of predicting, an outcome per removed node and row; and in a few
 //! numbers, the paper's Table I.
 
+use std::path::PathBuf;
+use std::str::FromStr;
+use std::sync::Arc;
+
 use serde::Serialize;
 
 use crate::texture::domain::Method;
@@ -8,9 +12,14 @@ use crate::texture::domain::Method;
 use super::play::Judged;
 use crate::dsp::spectrum::AMPLITUDE_JND_DB;
 use crate::evaluation::tables::Table;
+use crate::fit::conditioning::Conditioning;
+use crate::fit::densify::Direction;
+use crate::fit::signal_of_judged;
+use crate::recording::Trial;
+use crate::support::error::Result;
 
 /// A row of the table: how the removed node was predicted.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Row {
     /// Not at all: the node's own model, as the best that its structure and order can do.
     Own,
@@ -18,6 +27,55 @@ pub enum Row {
     Interpolated(Method),
     /// As `fit --densify` fills the place: log-spectra over f/v with surface and tool apart, refitted.
     Densified,
+    /// The nearest neighbour's recording itself: retrieval.
+    Nearest,
+    /// By another program.
+    Given(Arc<Given>),
+}
+
+/// Sounds of another program, as WAV files of the names of the recordings that they are judged by, in a folder or in
+/// folders below as the recordings are.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Given {
+    /// Name for tables.
+    pub name: String,
+    /// Folder of the files.
+    pub folder: PathBuf,
+}
+
+impl Given {
+    /// What stands for `trial`, reduced as recordings are, m/s² at the models' rate.
+    ///
+    /// # Errors
+    /// A file that is not there or cannot be read.
+    pub(super) fn samples(&self, trial: &Trial, conditioning: Conditioning) -> Result<Vec<f64>> {
+        let name = trial.file.with_extension("wav");
+        // A list names files from its own folder, so that as much of the path counts as the folder here has.
+        let parts: Vec<_> = name.components().collect();
+        let ends = (0..parts.len()).map(|first| parts[first..].iter().collect::<PathBuf>());
+        let below: Vec<PathBuf> = ends
+            .filter(|end| end.is_relative())
+            .map(|end| self.folder.join(end))
+            .collect();
+        let file = below.iter().find(|file| file.is_file()).or(below.last());
+        let file = file.unwrap_or(&self.folder);
+        let played = Trial::of(file, &trial.texture, trial.speed_mm_s, trial.force_n);
+        Ok(signal_of_judged(&played, &[], conditioning)?.samples)
+    }
+}
+
+impl FromStr for Given {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        match text.split_once('=') {
+            Some((name, folder)) if !name.is_empty() && !folder.is_empty() => Ok(Self {
+                name: name.to_owned(),
+                folder: folder.into(),
+            }),
+            _ => Err("give NAME=DIR".to_owned()),
+        }
+    }
 }
 
 impl Row {
@@ -27,12 +85,23 @@ impl Row {
         [&methods[..], &[Self::Densified, Self::Own]].concat()
     }
 
+    /// The rows of a benchmark, without those that see what is left out, and `given` ones.
+    pub fn benchmark(given: &[Given]) -> Vec<Self> {
+        let methods = Method::ALL.map(Self::Interpolated).into_iter();
+        let given = given
+            .iter()
+            .map(|given| Self::Given(Arc::new(given.clone())));
+        methods.chain([Self::Nearest]).chain(given).collect()
+    }
+
     /// A name for tables.
-    pub fn name(self) -> String {
+    pub fn name(&self) -> String {
         match self {
             Self::Own => "(not removed: its own model; in-sample)".into(),
             Self::Interpolated(method) => method.name(),
             Self::Densified => "densified: f/v, surface and tool apart".into(),
+            Self::Nearest => "the nearest recording itself".into(),
+            Self::Given(given) => given.name.clone(),
         }
     }
 }
@@ -84,6 +153,9 @@ pub struct LeaveOneOut {
     pub order: String,
     /// True if any recording behind it is simulated.
     pub simulated: bool,
+    /// Axis all of whose nodes at the removed one's value are left out with it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub left_out: Option<Direction>,
     /// Ways of predicting a node.
     pub rows: Vec<Row>,
     /// Every removed node, in the order of the set.
@@ -117,7 +189,7 @@ impl LeaveOneOut {
             row.push(format!("{:.1e}", all.excitation_error));
             rows.push(row);
         }
-        for &row in &self.rows {
+        for row in &self.rows {
             let Some(all) = summarise(self, row, None) else {
                 continue;
             };
@@ -144,6 +216,38 @@ impl LeaveOneOut {
         Table::new(
             "Table I of the paper, and the same test here",
             headings,
+            rows,
+        )
+    }
+
+    /// The benchmark: a row per method, over all nodes that were left out.
+    pub fn benchmark_table(&self) -> Table {
+        let rows = self.rows.iter().filter_map(|row| {
+            let all = summarise(self, row, None)?;
+            Some(vec![
+                row.name(),
+                format!("{:.3}", all.log_power_mae),
+                format!("{:.3}", all.fit_coefficient),
+                format!("{:.2}", all.mean_band_error_db),
+                format!("{:.1}", 100.0 * all.bands_within_jnd),
+                format!("{:.2}", all.mean_log_spectral_distance_db),
+                format!("{:.1}", 100.0 * all.mean_cost),
+                all.unplayable.to_string(),
+            ])
+        });
+        let within = format!("within {AMPLITUDE_JND_DB} dB, %");
+        Table::new(
+            "What is left out, by each method",
+            vec![
+                "method",
+                "log-power MAE",
+                "GFC",
+                "|band|, dB",
+                &within,
+                "LSD, dB",
+                "C, %",
+                "not playable",
+            ],
             rows,
         )
     }
@@ -223,11 +327,15 @@ pub struct Summary {
     pub bands_within_jnd: f64,
     /// Mean log-spectral distance from 30 to 1000 Hz, dB, of what could be played.
     pub mean_log_spectral_distance_db: f64,
+    /// Mean of the log-power MAE, of what could be played.
+    pub log_power_mae: f64,
+    /// Mean goodness-of-fit coefficient, of what could be played.
+    pub fit_coefficient: f64,
 }
 
 /// `row` over the nodes of `texture`, or over all; `None` if the test does not have it.
-pub fn summarise(test: &LeaveOneOut, row: Row, texture: Option<&str>) -> Option<Summary> {
-    let column = test.rows.iter().position(|&r| r == row)?;
+pub fn summarise(test: &LeaveOneOut, row: &Row, texture: Option<&str>) -> Option<Summary> {
+    let column = test.rows.iter().position(|r| r == row)?;
     let outcomes: Vec<&Outcome> = test
         .removed
         .iter()
@@ -255,7 +363,13 @@ pub fn summarise(test: &LeaveOneOut, row: Row, texture: Option<&str>) -> Option<
     let distances: Vec<f64> = played()
         .filter_map(|outcome| outcome.judged.log_spectral_distance_db)
         .collect();
+    let mean_of = |of: fn(&Judged) -> Option<f64>| {
+        let values: Vec<f64> = played().filter_map(|o| of(&o.judged)).collect();
+        mean(&values)
+    };
     Some(Summary {
+        log_power_mae: mean_of(|judged| judged.log_power_mae),
+        fit_coefficient: mean_of(|judged| judged.fit_coefficient),
         nodes: outcomes.len(),
         unplayable: outcomes.len() - played().count(),
         mean_cost,
@@ -288,6 +402,7 @@ mod tests {
             smoothing: String::new(),
             order: String::new(),
             simulated,
+            left_out: None,
             rows: Vec::new(),
             removed: textures.iter().map(removed).collect(),
         }

@@ -40,6 +40,7 @@ impl Prepared<'_> {
                 Order::Bayesian => "chosen for each node (BIC)".into(),
                 Order::Fixed(order) => order.to_string(),
             },
+            left_out: options.left_out,
             simulated: self.simulated,
             rows: rows.to_vec(),
             removed,
@@ -49,7 +50,7 @@ impl Prepared<'_> {
     fn remove(&self, target: Target, rows: &[Row], options: &Options) -> Result<Removed> {
         let trial = &self.set.trials[target.trial];
         let mut removal = Removal::new(self, target, options);
-        let outcomes = rows.iter().map(|&row| removal.outcome(row));
+        let outcomes = rows.iter().map(|row| removal.outcome(row));
         Ok(Removed {
             outcomes: outcomes.collect::<Result<Vec<_>>>()?,
             file: trial.file.display().to_string(),
@@ -81,12 +82,11 @@ struct Removal<'p, 's> {
 
 impl<'p, 's> Removal<'p, 's> {
     fn new(prepared: &'p Prepared<'s>, target: Target, options: &'p Options) -> Self {
-        let texture = &prepared.textures[target.texture];
         Self {
             prepared,
             target,
             options,
-            neighbours: texture.neighbours(target.place),
+            neighbours: prepared.neighbours(target.texture, target.place),
             voices: Vec::new(),
         }
     }
@@ -109,11 +109,12 @@ impl<'p, 's> Removal<'p, 's> {
     }
 
     /// Index of the voice of `row`, and the power at which it is to be heard; none if the device cannot play it.
-    fn voice(&mut self, row: Row) -> Result<Option<(usize, f64)>> {
+    fn voice(&mut self, row: &Row) -> Result<Option<(usize, f64)>> {
         let timbre = match row {
             Row::Own => Timbre::Own,
             Row::Densified => Timbre::Densified,
             Row::Interpolated(method) => Timbre::Interpolated(method.domain),
+            Row::Nearest | Row::Given(_) => return Ok(None),
         };
         let known = self.voices.iter().position(|(known, _)| *known == timbre);
         let at = known.unwrap_or(self.voices.len());
@@ -128,13 +129,41 @@ impl<'p, 's> Removal<'p, 's> {
                 Row::Interpolated(method) => method
                     .level
                     .power(&self.neighbours, &voice.model.reflection),
-                Row::Own | Row::Densified => voice.model.output_power,
+                _ => voice.model.output_power,
             };
             (at, power)
         }))
     }
 
-    fn outcome(&mut self, row: Row) -> Result<Outcome> {
+    /// The samples of a row that plays no model.
+    fn played(&self, row: &Row) -> Result<Option<Vec<f64>>> {
+        let trial = &self.prepared.set.trials[self.target.trial];
+        match row {
+            Row::Nearest => {
+                let nearest = self
+                    .prepared
+                    .nearest(self.target.texture, self.target.place);
+                Ok(nearest.map(|trial| self.prepared.signals[trial].clone()))
+            }
+            Row::Given(given) => Ok(Some(given.samples(trial, self.options.conditioning)?)),
+            _ => Ok(None),
+        }
+    }
+
+    fn outcome(&mut self, row: &Row) -> Result<Outcome> {
+        if matches!(row, Row::Nearest | Row::Given(_)) {
+            let recorded = &self.prepared.signals[self.target.trial];
+            let range = self.prepared.ranges[self.target.trial].as_ref();
+            let judged = self.played(row)?.zip(range).and_then(|(played, range)| {
+                play::judge(recorded, &played, range, self.options.smoothing_hz)
+            });
+            return Ok(Outcome {
+                is_playable: judged.is_some(),
+                order: 0,
+                excitation_error: None,
+                judged: judged.unwrap_or_else(Judged::silence),
+            });
+        }
         let voice = self.voice(row)?;
         let recorded = &self.prepared.signals[self.target.trial];
         let voice = voice.and_then(|(at, power)| Some((self.voices[at].1.as_ref()?, power)));

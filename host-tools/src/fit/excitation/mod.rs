@@ -21,6 +21,7 @@
 mod codebook;
 mod evidence;
 mod level;
+mod low_rate;
 mod material;
 mod regions;
 #[cfg(test)]

@@ -18,7 +18,7 @@ use crate::fit::trial::Signal;
 use crate::fit::{Fit, fit};
 use crate::playing::motion::MotionPath;
 use crate::playing::render::render;
-use crate::recording::{RecordingSet, Trial};
+use crate::recording::{RecordingSet, Trial, resample};
 use crate::scene::with_scenes;
 use crate::support::float_wav::float_wav;
 use crate::texture::grid::Grid;
@@ -60,6 +60,10 @@ fn swelling(seed: u64, samples: usize, depth_db: f64) -> Vec<f64> {
 }
 
 fn trace(samples: &[f64], order: usize) -> Trace {
+    trace_of_rate(samples, order, 5000.0)
+}
+
+fn trace_of_rate(samples: &[f64], order: usize, source_rate_hz: f64) -> Trace {
     let lags = corrected(Autocorrelation::of(samples, order).lags);
     let model = Model::new(
         Prediction::levinson_durbin(&lags, order).reflection,
@@ -69,30 +73,24 @@ fn trace(samples: &[f64], order: usize) -> Trace {
     let node = nodes("test", &grid).unwrap().remove(0);
     let signal = Signal {
         samples: samples.to_vec(),
-        source_rate_hz: 5000.0,
+        source_rate_hz,
         cut_hz: None,
         flaws: Vec::new(),
     };
     Trace::of(&signal, (0, 0), &node.codes, &[]).unwrap()
 }
 
-fn chosen(samples: &[f64], options: &Options) -> super::texture::Parts {
+fn chosen(trace: Trace, options: &Options) -> super::texture::Parts {
     let axes = Axes {
         speeds_mm_s: &[100.0],
         forces_n: &[1.0],
     };
-    parts(
-        "test",
-        &[trace(samples, 40)],
-        axes,
-        options,
-        limits::MAX_LIBRARY_BYTES,
-    )
+    parts("test", &[trace], axes, options, limits::MAX_LIBRARY_BYTES)
 }
 
 /// Returns whether automatic choice takes a codebook, and a track.
 fn automatic(samples: &[f64]) -> (bool, bool) {
-    let parts = chosen(samples, &Options::default());
+    let parts = chosen(trace(samples, 40), &Options::default());
     (parts.excitation.is_some(), parts.modulation.is_some())
 }
 
@@ -119,6 +117,34 @@ proptest! {
     }
 }
 
+/// 3200 and 1600 Hz are usual accelerometers': the residual above half the rate is the filter's, and no texture's.
+#[test]
+fn recordings_of_low_rates_get_what_those_of_high_ones_do() {
+    for rate_hz in [1000, 2000, 3200] {
+        for seed in 0..4 {
+            let of = |signal: Vec<f64>| {
+                let low = resample(&[signal], 5000, rate_hz).unwrap();
+                let samples = resample(&low, rate_hz, 5000).unwrap().remove(0);
+                let trace = trace_of_rate(&samples, 40, f64::from(rate_hz));
+                let parts = chosen(trace, &Options::default());
+                (parts.excitation.is_some(), parts.modulation.is_some())
+            };
+            let found = [
+                of(filtered(&noise(seed, 20_000), 150.0)),
+                of(filtered(&impulsive(seed, 20_000), 150.0)),
+                of(filtered(&swelling(seed, 20_000, 6.0), 150.0)),
+            ];
+            // What a narrow band shows of impulses, and then of levels, drowns in the noise of the rest.
+            let meant = [
+                (false, false),
+                (rate_hz > 2000, false),
+                (false, rate_hz > 1000),
+            ];
+            assert_eq!(found, meant, "{rate_hz} {seed}");
+        }
+    }
+}
+
 #[test]
 fn what_is_asked_for_needs_no_test_and_what_is_not_stays_out() {
     let lively: Vec<f64> = impulsive(1, 20_000)
@@ -134,7 +160,7 @@ fn what_is_asked_for_needs_no_test_and_what_is_not_stays_out() {
                     modulation,
                     ..Options::default()
                 };
-                let parts = chosen(&signal, &options);
+                let parts = chosen(trace(&signal, 40), &options);
                 assert_eq!(
                     parts.excitation.is_some(),
                     excitation == ExcitationChoice::Residual
@@ -159,7 +185,7 @@ fn the_highest_peak_at_the_highest_level_stays_within_the_excitations_range() {
     for (n, x) in lively.iter_mut().enumerate() {
         *x *= if n % 331 == 0 { 60.0 } else { 1.0 };
     }
-    let parts = chosen(&filtered(&lively, 100.0), &Options::default());
+    let parts = chosen(trace(&filtered(&lively, 100.0), 40), &Options::default());
     let (excitation, modulation) = (parts.excitation.unwrap(), parts.modulation.unwrap());
     let peak = excitation
         .codebooks

@@ -5,6 +5,7 @@ use std::ops::Range;
 use model_format::{CodeSpec, FINE_THETA_STEP_RAD, SAMPLE_RATE_HZ};
 
 use super::evidence::{self, Judged, mean_square, residual};
+use super::low_rate::{ENDS, carried_hz, filled};
 use crate::dsp::linear_prediction::step_up;
 use crate::fit::trial::Signal;
 use crate::recording::triage::{Kind, Verdict};
@@ -47,20 +48,32 @@ impl Trace {
         let predictor = predictor(codes);
         let order = predictor.len();
         let mut residual = residual(samples, &predictor);
+        let moved = |flaw: &Range<usize>| {
+            flaw.start.saturating_sub(order)..(flaw.end + AFTER_FLAW).saturating_sub(order)
+        };
+        let mut flaws: Vec<Range<usize>> = signal.flaws.iter().map(moved).collect();
+        let length = residual.len();
+        let carried_hz = carried_hz(signal.source_rate_hz).filter(|_| length > 2 * ENDS);
+        let judged = match carried_hz {
+            Some(carried_hz) => {
+                residual = filled(&residual, carried_hz);
+                flaws.insert(0, 0..ENDS);
+                flaws.push(length - ENDS..length);
+                evidence::held_out(&residual[ENDS..length - ENDS], order)
+            }
+            None => evidence::held_out(samples, order),
+        };
         let power = mean_square(&residual);
         if power.is_nan() || power <= ROUND_OFF * mean_square(samples) {
             return None;
         }
         let scale = 1.0 / power.sqrt();
         residual.iter_mut().for_each(|x| *x *= scale);
-        let moved = |flaw: &Range<usize>| {
-            flaw.start.saturating_sub(order)..(flaw.end + AFTER_FLAW).saturating_sub(order)
-        };
         Some(Self {
             at,
-            flaws: signal.flaws.iter().map(moved).collect(),
-            judged: evidence::held_out(samples, order),
             residual,
+            flaws,
+            judged,
         })
     }
 
@@ -76,7 +89,7 @@ impl Trace {
 fn leaves_the_residual(verdict: &Verdict) -> bool {
     !matches!(
         verdict.kind(),
-        Kind::Silent | Kind::Repeated | Kind::Coarse | Kind::Duplicate | Kind::WrongRate { .. }
+        Kind::Silent | Kind::Repeated | Kind::Coarse | Kind::Duplicate
     )
 }
 

@@ -7,6 +7,7 @@ use serde::Serialize;
 use crate::recording::MAX_CHANNELS;
 use crate::recording::csv_file;
 use crate::recording::rate_fault;
+use crate::recording::uneven::Steps;
 use crate::support::csv_table::{CsvTable, Header, TABLE};
 use crate::support::error::{Error, Result};
 use crate::support::hand::{MAX_FORCE_N, MAX_SPEED_MM_S};
@@ -203,5 +204,7 @@ fn rate_of(table: &CsvTable, times: &[f64], given: Option<f64>) -> Result<f64> {
         let problem = format!("has no sample rate: add a column '{TIME}', or give --sample-rate");
         return Err(Error::file(table.path(), problem));
     }
-    Ok(csv_file::rate_of(table, TIME, times)?.round().max(1.0))
+    Ok(csv_file::rate_of(table, TIME, times, Steps::hold_even)?
+        .round()
+        .max(1.0))
 }

@@ -98,6 +98,15 @@ class PageTexture {
   }
 }
 
+// Words on a speed, mm/s, and a force, N, above the highest that were recorded: the texture sounds there as at the edge.
+function beyondGrid(nodes, speed, force) {
+  const highest = (key) => Math.max(...nodes.map((node) => node[key]));
+  const words = [];
+  if (speed > 1.02 * highest("speed_mm_s")) words.push(`${highest("speed_mm_s")} mm/s`);
+  if (force > 1.02 * highest("force_n")) words.push(`${highest("force_n")} N`);
+  return words.length > 0 ? ` Recorded up to ${words.join(" and ")}: beyond, it sounds as there.` : "";
+}
+
 // Nodes of a voice, each once, with the sum of its weights. On a grid of one speed or force, and beyond the grid's edge,
 // some of the four corners are one node.
 function distinctNodes({ nodes, weights }) {

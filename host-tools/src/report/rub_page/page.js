@@ -583,8 +583,9 @@ class RubPage {
     }
     this.map.draw(voice);
     const fade = voice.fade < 1 ? ` Below the grid the level fades: ${Math.round(100 * voice.fade)} % are left.` : "";
+    const beyond = beyondGrid(this.texture.nodes, Math.abs(voice.speed), voice.force);
     byId("place-text").textContent = `${this.texture.name} at ${Math.round(Math.abs(voice.speed))} mm/s and
-      ${voice.force.toFixed(2)} N.${fade}`;
+      ${voice.force.toFixed(2)} N.${fade}${beyond}`;
     const key = voice.nodes.join() + voice.weights.map((weight) => weight.toFixed(2)).join();
     if (key === this.shownNodes) return;
     this.shownNodes = key;

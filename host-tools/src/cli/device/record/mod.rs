@@ -142,7 +142,7 @@ pub struct Sensing {
         allow_negative_numbers = true
     )]
     scale: Vec<f64>,
-    /// Mark the recording as simulated, for a virtual stylus
+    /// Mark the recording as simulated, as is done for a virtual stylus on this computer
     #[arg(long)]
     simulated: bool,
 }
@@ -164,9 +164,9 @@ impl Sensing {
         Ok(calibration)
     }
 
-    /// Provenance of the recording.
-    pub fn provenance(&self) -> Provenance {
-        if self.simulated {
+    /// Provenance of a recording by `device`.
+    pub fn provenance(&self, device: &Device) -> Provenance {
+        if self.simulated || device.address().is_of_an_emulator() {
             Provenance::Simulated
         } else {
             Provenance::Recorded

@@ -12,6 +12,9 @@ use crate::cli::table::{headed, table};
 /// Share by which the measured speed or force may differ from the wanted one.
 const TOLERANCE: f64 = 0.1;
 
+/// Share of a wanted speed or force below which there was none.
+const UNTOUCHED: f64 = 0.02;
+
 /// A recorded trial.
 #[derive(Serialize)]
 pub struct Row {
@@ -71,6 +74,12 @@ impl Row {
         )
     }
 
+    /// Returns whether neither speed nor force was measured where both were wanted.
+    fn is_untouched(&self) -> bool {
+        let lacks = |wanted: f64, found: f64| wanted > 0.0 && found < UNTOUCHED * wanted;
+        lacks(self.speed_mm_s, self.level.speed_mm_s) && lacks(self.force_n, self.level.force_n)
+    }
+
     fn verdict_text(&self) -> String {
         if self.verdicts.is_empty() {
             "ok".to_owned()
@@ -126,6 +135,14 @@ impl RecordReport {
             self.left_out,
             self.lost_blocks
         );
+        let untouched = self.recorded.iter().filter(|row| row.is_untouched());
+        let summary = match untouched.count() {
+            0 => summary,
+            count => format!(
+                "{summary}; {count} of them without any speed or force: untouched, or without sensors, and \
+                 --again records all anew"
+            ),
+        };
         if rows.is_empty() {
             return summary;
         }

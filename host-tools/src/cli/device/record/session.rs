@@ -105,7 +105,7 @@ impl<'a> Session<'a> {
 
     /// Adds a capture to the folder, and judges it as `fit` would.
     fn keep(&self, folder: &mut Folder, point: &PlannedTrial, capture: &Capture) -> Result<Row> {
-        let provenance = self.arguments.sensing.provenance();
+        let provenance = self.arguments.sensing.provenance(&self.device);
         let trial = folder.add(point, capture, &self.calibration, provenance)?;
         let analysis = fit::analyse(&trial, &fit::Options::default(), MAX_ORDER)?;
         Ok(Row::new(point, capture, &self.calibration, &analysis))

@@ -47,7 +47,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     if strokes.samples.is_empty() {
         return Err(Error::Request("nothing was recorded".to_owned()));
     }
-    let provenance = arguments.sensing.provenance();
+    let provenance = arguments.sensing.provenance(&device);
     strokes.write(file, &calibration, provenance)?;
     let there: Vec<RecordSample> = strokes.samples.iter().flatten().copied().collect();
     let rate_hz = f64::from(strokes.rate_hz);

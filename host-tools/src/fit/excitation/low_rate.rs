@@ -1,0 +1,60 @@
+//! The residual of a recording at a rate below the models'.
+//!
+//! Such a recording says nothing above half its rate. The predictor raises what is there, the round-off of the
+//! conversion, to the level of a residual, and it is no surface's: it is loudest where the recording begins and ends.
+//! Gaussian noise of the level below takes its place, as a texture without parts has it there.
+
+use rand::SeedableRng;
+use rand_distr::{Distribution, StandardNormal};
+use rand_pcg::Pcg64;
+use realfft::num_complex::Complex;
+
+use model_format::SAMPLE_RATE_HZ;
+
+use crate::dsp::with_planner;
+
+/// Share of half the recording's rate up to which it is the surface's: converters' filters take what is above.
+const CARRIED: f64 = 0.85;
+
+/// Samples at both ends in which the conversion's filter rings: 20 ms.
+pub(super) const ENDS: usize = 100;
+
+/// The frequency up to which a recording at `rate_hz` tells of the surface, Hz; none if it is all of the models' band.
+pub(super) fn carried_hz(rate_hz: f64) -> Option<f64> {
+    (rate_hz < f64::from(SAMPLE_RATE_HZ)).then(|| CARRIED * rate_hz / 2.0)
+}
+
+/// `residual` with Gaussian noise, the same for each call, above `carried_hz`.
+pub(super) fn filled(residual: &[f64], carried_hz: f64) -> Vec<f64> {
+    let length = residual.len();
+    let (forward, inverse) = with_planner(|planner| {
+        (
+            planner.plan_fft_forward(length),
+            planner.plan_fft_inverse(length),
+        )
+    });
+    let mut spectrum = forward.make_output_vec();
+    let mut signal = residual.to_vec();
+    let first = (carried_hz / f64::from(SAMPLE_RATE_HZ) * length as f64) as usize;
+    let first = first.clamp(1, spectrum.len());
+    forward
+        .process(&mut signal, &mut spectrum)
+        .expect("lengths are the plan's");
+    let (known, empty) = spectrum.split_at_mut(first);
+    let power = known.iter().map(Complex::norm_sqr).sum::<f64>() / known.len() as f64;
+    let mut generator = Pcg64::seed_from_u64(1);
+    let mut normal = || -> f64 { StandardNormal.sample(&mut generator) };
+    for bin in empty {
+        *bin = Complex::new(normal(), normal()) * (power / 2.0).sqrt();
+    }
+    // The bins of 0 Hz and of half the rate are real.
+    spectrum[0].im = 0.0;
+    if length.is_multiple_of(2) {
+        spectrum[length / 2].im = 0.0;
+    }
+    inverse
+        .process(&mut spectrum, &mut signal)
+        .expect("lengths are the plan's");
+    signal.iter_mut().for_each(|x| *x /= length as f64);
+    signal
+}

@@ -1,0 +1,169 @@
+//! Samples at uneven times, brought to even ones.
+
+/// Samples around a time that tell its value: a polynomial of the fifth degree goes through them. Of a tone at an
+/// eighth of the sample rate it leaves 0.1 % as error.
+const POINTS: usize = 6;
+
+/// Steps of which the usual one is told, at most, and so is their unevenness: as many tell it, and no more memory is
+/// taken.
+const MOST_STEPS: usize = 4096;
+
+/// Largest unevenness of steps that are meant to be even, as a share of the usual one.
+const EVEN: f64 = 0.05;
+
+/// Largest deviation of a single step from the usual one, as a share of it, where steps are meant to be even.
+pub(super) const LARGEST_DEVIATION: f64 = 0.5;
+
+/// Largest step where steps are uneven, over the usual unevenness, and over the usual step in any case.
+const LARGEST_STEP: (f64, f64) = (4.0, 8.0);
+
+/// Distance from even times beyond which samples are moved, as a share of a step.
+const LEAST_MOVE: f64 = 0.05;
+
+/// Most decimals of a time that are its clock's, and not those of its sum.
+const MOST_DECIMALS: usize = 9;
+
+/// The steps of a file's times.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Steps {
+    /// Median, s.
+    pub usual_s: f64,
+    /// Largest deviation from it that nine of ten steps have, as a share of it.
+    pub unevenness: f64,
+}
+
+impl Steps {
+    /// The steps of at least two `times`, s.
+    pub fn of(times: &[f64]) -> Self {
+        let stride = times.len().div_ceil(MOST_STEPS);
+        let steps = times.windows(2).step_by(stride);
+        let mut steps: Vec<f64> = steps.map(|pair| pair[1] - pair[0]).collect();
+        let quantile = |share: f64, steps: &mut [f64]| {
+            let index = ((steps.len() as f64 * share) as usize).min(steps.len() - 1);
+            *steps.select_nth_unstable_by(index, f64::total_cmp).1
+        };
+        let usual_s = quantile(0.5, &mut steps);
+        for step in &mut steps {
+            *step = (*step / usual_s - 1.0).abs();
+        }
+        let unevenness = quantile(0.9, &mut steps);
+        Self {
+            usual_s,
+            unevenness,
+        }
+    }
+
+    /// Returns whether `step_s` is one of even steps.
+    pub fn hold_even(&self, step_s: f64) -> bool {
+        // Not a number is no step.
+        step_s > 0.0 && (step_s / self.usual_s - 1.0).abs() <= LARGEST_DEVIATION
+    }
+
+    /// Returns whether `step_s` is one of these: no gap, no step back, and no short step where all are even.
+    pub fn hold(&self, step_s: f64) -> bool {
+        if self.unevenness < EVEN {
+            return self.hold_even(step_s);
+        }
+        let ratio = step_s / self.usual_s;
+        let (times, most) = LARGEST_STEP;
+        let largest = 1.0 + (times * self.unevenness).max(LARGEST_DEVIATION);
+        step_s > 0.0 && ratio <= largest.min(most)
+    }
+}
+
+/// Returns whether samples at `times`, s, are at even times but for the digits that the times are written with.
+pub(super) fn are_even(times: &[f64]) -> bool {
+    let (Some(first), Some(last)) = (times.first(), times.last()) else {
+        return true;
+    };
+    let step = (last - first) / (times.len() - 1).max(1) as f64;
+    let stride = times.len().div_ceil(MOST_STEPS);
+    let decimals = times.iter().step_by(stride).map(|time| {
+        let text = time.to_string();
+        text.split_once('.').map_or(0, |(_, digits)| digits.len())
+    });
+    let digit_s = 10f64.powi(-(decimals.max().unwrap_or(0).min(MOST_DECIMALS) as i32));
+    let farthest = times
+        .iter()
+        .enumerate()
+        .fold(0.0, |farthest: f64, (n, time)| {
+            farthest.max((time - first - step * n as f64).abs())
+        });
+    farthest <= digit_s + LEAST_MOVE * step
+}
+
+/// Samples of `channels`, taken at `times`, which rise, as they are at every 1/`rate_hz` from the first time on. Exact
+/// for polynomials of the fifth degree (Lagrange's interpolation through the six nearest samples).
+pub(super) fn evened(channels: &[Vec<f64>], times: &[f64], rate_hz: f64) -> Vec<Vec<f64>> {
+    let (Some(first), Some(last)) = (times.first(), times.last()) else {
+        return channels.to_vec();
+    };
+    let count = ((last - first) * rate_hz + 1e-6) as usize + 1;
+    let points = POINTS.min(times.len());
+    let mut evened = vec![Vec::with_capacity(count); channels.len()];
+    let mut next = 0;
+    for n in 0..count {
+        let time = first + n as f64 / rate_hz;
+        while next < times.len() && times[next] <= time {
+            next += 1;
+        }
+        let from = next.saturating_sub(points / 2).min(times.len() - points);
+        let near = &times[from..from + points];
+        let weights: Vec<f64> = (0..points)
+            .map(|i| {
+                let others = (0..points).filter(|&j| j != i);
+                others
+                    .map(|j| (time - near[j]) / (near[i] - near[j]))
+                    .product()
+            })
+            .collect();
+        for (evened, channel) in evened.iter_mut().zip(channels) {
+            let values = &channel[from..from + points];
+            evened.push(weights.iter().zip(values).map(|(w, x)| w * x).sum());
+        }
+    }
+    evened
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// Steps of 0.13 and 0.21 ms, as an accelerometer's that is read in turn with others.
+        #[test]
+        fn a_tone_at_uneven_times_comes_out_as_at_even_ones(
+            hz in 20.0..1000.0f64,
+            long in prop::collection::vec(prop::bool::ANY, 4000),
+        ) {
+            let mut time = 3.0;
+            let times: Vec<f64> = long
+                .iter()
+                .map(|is_long| {
+                    time += if *is_long { 0.000_13 } else { 0.000_21 } * 0.68;
+                    time
+                })
+                .collect();
+            prop_assert!(!are_even(&times));
+            let steps = Steps::of(&times);
+            prop_assert!(times.windows(2).all(|pair| steps.hold(pair[1] - pair[0])));
+            prop_assert!(!steps.hold(9.0 * steps.usual_s) && !steps.hold(0.0));
+            let tone = |time: f64| (core::f64::consts::TAU * hz * (time - 3.0)).sin();
+            let channel: Vec<f64> = times.iter().map(|&t| tone(t)).collect();
+            let there = evened(&[channel], &times, 8600.0).remove(0);
+            prop_assert!((there.len() as f64 / 8600.0 - (times[3999] - times[0])).abs() < 1e-3);
+            for (n, x) in there.iter().enumerate().skip(3).take(there.len() - 6) {
+                let error = x - tone(times[0] + n as f64 / 8600.0);
+                prop_assert!(error.abs() < 0.01, "{} {} {}", hz, n, error);
+            }
+        }
+
+        #[test]
+        fn even_times_are_even_whatever_their_digits(rate_hz in 500.0..50_000.0f64, digits in 4usize..9) {
+            let written = |n: u32| format!("{:.digits$}", f64::from(n) / rate_hz).parse::<f64>().unwrap();
+            let times: Vec<f64> = (0..3000).map(written).collect();
+            prop_assert!(are_even(&times));
+        }
+    }
+}
