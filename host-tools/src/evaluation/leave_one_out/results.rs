@@ -44,7 +44,7 @@ pub struct Given {
 }
 
 impl Given {
-    /// What stands for `trial`, reduced as recordings are, m/s² at the models' rate.
+    /// The sound that stands for `trial`, reduced as recordings are, m/s² at the models' rate.
     ///
     /// # Errors
     /// A file that is not there or cannot be read.

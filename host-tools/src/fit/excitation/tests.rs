@@ -138,7 +138,7 @@ fn recordings_of_low_rates_get_what_those_of_high_ones_do() {
             let meant = [
                 (false, false),
                 (rate_hz > 2000, false),
-                (false, rate_hz > 1000),
+                (false, rate_hz > 2000),
             ];
             assert_eq!(found, meant, "{rate_hz} {seed}");
         }
