@@ -94,6 +94,7 @@ impl Recording {
             texture: texture.unwrap_or_else(|| stem().into_owned()),
             file: path,
             speed_mm_s,
+            measured_speed_mm_s: None,
             force_n,
             scale_m_s2,
             start_s,
