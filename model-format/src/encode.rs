@@ -3,7 +3,9 @@
 use alloc::vec::Vec;
 
 use crate::error::{DecodeError, Place, Problem};
-use crate::library::part::{self, excitation, fine_theta, levels, lines, modulation, tails};
+use crate::library::part::{
+    self, excitation, fine_theta, levels, lines, modulation, tails, wander,
+};
 use crate::library::{Coefficients, Laws, Library, NodeFlags, PartsSpec, TailSpec, theta};
 use crate::limits;
 use crate::scene::Scene;
@@ -316,6 +318,7 @@ fn append_parts(
         .transpose()
         .map_err(|problem| problem.at(Place::Texture(index)))?
         .map(|content| (lines::KIND, content));
+    let wander = texture.parts.lines.as_ref().and_then(lines::wander_content);
     let malformed = |_| Problem::Malformed("an optional part").at(Place::Texture(index));
     let excitation = texture.parts.excitation.as_ref().map(excitation::part);
     let modulation = texture.parts.modulation.as_ref().map(modulation::part);
@@ -326,6 +329,7 @@ fn append_parts(
         modulation.transpose().map_err(malformed)?,
         lines,
         tails,
+        wander.map(|content| (wander::KIND, content)),
     ]
     .into_iter()
     .flatten()

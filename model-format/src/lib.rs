@@ -22,7 +22,7 @@ pub use error::{DecodeError, Place, Problem};
 pub use library::{
     Axis, Codebook, Coefficients, Decoder, Excitation, FadeLaw, LEVEL_FRACTION_BITS, Laws,
     LevelLaw, Library, Line, Lines, MU_LAW_FRACTION_BITS, Modulation, Node, NodeFlags, Outline,
-    PartKind, Tail, Texture, Workspace, level_amplitude, mu_law,
+    PartKind, Tail, Texture, Wander, Workspace, level_amplitude, mu_law,
 };
 #[cfg(feature = "alloc")]
 pub use library::{

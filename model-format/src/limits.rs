@@ -67,6 +67,21 @@ pub const MAX_WAVELENGTH_MM: f32 = 1000.0;
 /// Largest amplitude of a line, m/s²: an eighth of the output's full scale.
 pub const MAX_LINE_AMPLITUDE: f32 = 256.0;
 
+/// Most wanders of a texture's lines.
+pub const MAX_WANDERS: usize = 4;
+
+/// Shortest correlation length of a wander, mm.
+pub const MIN_CORRELATION_MM: f32 = 0.05;
+
+/// Longest correlation length of a wander, mm.
+pub const MAX_CORRELATION_MM: f32 = 1000.0;
+
+/// Largest RMS of a wander over its correlation length: the RMS share by which a line's frequency wanders.
+pub const MAX_WANDER_SLOPE: f32 = 0.25;
+
+/// Highest speed of a clock that moves the place of lines, mm/s.
+pub const MAX_CLOCK_MM_S: f32 = 10_000.0;
+
 /// Longest name of a texture, bytes of UTF-8.
 pub const MAX_NAME_BYTES: usize = 48;
 

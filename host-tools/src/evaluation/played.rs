@@ -123,7 +123,9 @@ mod tests {
                     wavelength_mm: 0.5,
                     phase: 0,
                     amplitudes: vec![1.0],
+                    ..LineSpec::default()
                 }],
+                ..LinesSpec::default()
             }),
         }
     }

@@ -88,7 +88,7 @@ fn lines(old: &LinesSpec, places: &[Between]) -> Option<LinesSpec> {
         })
     };
     let lines: Vec<LineSpec> = old.lines.iter().filter_map(moved).collect();
-    (!lines.is_empty()).then_some(LinesSpec { lines })
+    (!lines.is_empty()).then_some(LinesSpec::from(lines))
 }
 
 #[cfg(test)]
@@ -105,6 +105,7 @@ mod tests {
             wavelength_mm,
             phase: 7,
             amplitudes: amplitudes.to_vec(),
+            ..LineSpec::default()
         };
         PartsSpec {
             excitation: Some(ExcitationSpec {
@@ -117,6 +118,7 @@ mod tests {
             }),
             lines: Some(LinesSpec {
                 lines: vec![line(0.5, [1.0, 3.0, 0.0]), line(2.0, [4.0, 0.0, 0.0])],
+                ..LinesSpec::default()
             }),
         }
     }

@@ -38,5 +38,6 @@ pub use part::modulation::ModulationSpec;
 pub use part::modulation::{LEVEL_FRACTION_BITS, Modulation, level_amplitude};
 #[cfg(feature = "alloc")]
 pub use part::tails::TailSpec;
+pub use part::wander::Wander;
 pub use texture::{Axis, Texture};
 pub use view::{Library, Outline};

@@ -171,7 +171,7 @@ impl<'a> Texture<'a> {
     /// The texture as it would be without its lines: the model alone.
     #[must_use]
     pub fn without_lines(mut self) -> Self {
-        self.parts.lines = None;
+        (self.parts.lines, self.parts.wander) = (None, None);
         self
     }
 
@@ -192,7 +192,7 @@ impl<'a> Texture<'a> {
     pub fn lines(&self) -> Option<Lines<'a>> {
         let nodes = self.nodes.len() / NodeRecord::BYTES;
         let part = self.parts.lines?;
-        Some(part.lines(nodes, self.force_axis.len()))
+        Some(part.lines(nodes, self.force_axis.len(), self.parts.wander))
     }
 
     /// Length of the coefficients of all nodes, bytes.

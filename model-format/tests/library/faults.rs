@@ -297,9 +297,10 @@ fn flat_lines(count: usize, amplitudes: usize) -> LinesSpec {
         wavelength_mm: 1.0 + at as f32,
         phase: 0,
         amplitudes: vec![1.0; amplitudes],
+        ..LineSpec::default()
     };
-    let lines = (0..count).map(line).collect();
-    LinesSpec { lines }
+    let lines: Vec<_> = (0..count).map(line).collect();
+    LinesSpec::from(lines)
 }
 
 fn encodes_not(spoil: impl FnOnce(&mut TextureSpec), told: &str) {

@@ -28,7 +28,7 @@ fn holds(parts: &[(u32, &[u8])]) {
 
 #[test]
 fn parts_are_known_ascend_and_say_something() {
-    for kind in [0, 7, 200, u32::MAX] {
+    for kind in [0, 50, 200, u32::MAX] {
         let told = format!(": an optional part of {kind:#x}, which this program does not know");
         of_parts(&[(kind, b"later")], &told);
         // Behind known ones too.
@@ -301,6 +301,48 @@ fn amplitudes_of_lines_are_finite_bounded_and_zero_at_rest() {
     }
     let told = ": a line of amplitude 0 says nothing";
     of_lines(|content| content[1 + LINE_BYTES + 6..].fill(0), told);
+}
+
+/// Two wanders of three lines, with one fault.
+#[test]
+fn wanders_are_bounded_used_and_of_lines_that_there_are() {
+    fn of_wander(spoil: impl FnOnce(&mut Vec<u8>), begin: &str) {
+        let three = lines(&[(0.5, 0), (2.0, 9), (3.0, 0)], 6);
+        let mut content = vec![2];
+        let values = [0.1f32, 2.0, 0.0, 0.0, 1.0, 80.0];
+        content.extend(values.into_iter().flat_map(f32::to_le_bytes));
+        content.extend([2, 0, 1]);
+        holds(&[(5, &three), (7, &content)]);
+        spoil(&mut content);
+        of_parts(&[(5, &three), (7, &content)], begin);
+    }
+    let set = |at: usize, value: f32, told: &str| {
+        of_wander(
+            |content| content[1 + 4 * at..][..4].copy_from_slice(&value.to_le_bytes()),
+            &format!(": {told}"),
+        );
+    };
+    for value in [f32::NAN, -1.0, 0.0, 0.049, 1001.0] {
+        set(1, value, "a correlation length in mm is");
+    }
+    for value in [f32::INFINITY, -0.1, 0.51] {
+        set(0, value, "the RMS of a wander in mm is");
+    }
+    set(5, 10_001.0, "a clock's speed in mm/s is");
+    set(5, 0.0, "a wander says nothing");
+    of_wander(|content| content[0] = 5, ": the number of wanders is 5");
+    of_wander(|content| content[0] = 0, ": the number of wanders is 0");
+    of_wander(|content| content.push(0), ": bytes of wanders: 29 where 28");
+    of_wander(
+        |content| content[25] = 3,
+        ": the number of a line's wander is 3",
+    );
+    of_wander(
+        |content| content[25] = 1,
+        ": a wander that no line has says nothing",
+    );
+    let alone: &[u8] = &[1, 0, 0, 0, 63, 0, 0, 0, 64, 0, 0, 0, 0];
+    of_parts(&[(7, alone)], ": a wander that no line has says nothing");
 }
 
 #[test]

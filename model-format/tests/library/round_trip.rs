@@ -3,7 +3,7 @@
 use model_format::{
     CodeSpec, CodebookSpec, ExcitationSpec, FadeLaw, Laws, LevelLaw, Library, LineSpec, LinesSpec,
     MAX_FINE_THETA, ModulationSpec, NodeFlags, NodeSpec, PartsSpec, Provenance, TailSpec,
-    TextureSpec, encode, encode_with_scenes, limits,
+    TextureSpec, Wander, encode, encode_with_scenes, limits,
 };
 use proptest::collection::{btree_set, vec};
 use proptest::prelude::*;
@@ -232,10 +232,29 @@ fn lines(moves: Vec<bool>) -> impl Strategy<Value = Option<LinesSpec>> {
                     .zip(&moves)
                     .map(|(&bits, &moves)| if moves { f32::from_bits(bits) } else { 0.0 })
                     .collect(),
+                ..LineSpec::default()
             })
             .collect();
-        (some && !lines.is_empty()).then_some(LinesSpec { lines })
+        (some && !lines.is_empty()).then(|| wandering(lines))
     })
+}
+
+/// These lines, every other of which wanders, with a wander of each kind if there are lines for it.
+fn wandering(mut lines: Vec<LineSpec>) -> LinesSpec {
+    let all = [(0.02, 0.5, 0.0), (0.0, limits::MAX_CORRELATION_MM, 70.0)];
+    let wander = |(rms_mm, correlation_mm, clock_mm_s)| Wander {
+        rms_mm,
+        correlation_mm,
+        clock_mm_s,
+    };
+    let count = (lines.len() / 2).min(all.len());
+    for (index, line) in lines.iter_mut().skip(1).step_by(2).enumerate() {
+        line.wander = Some((index % count) as u8);
+    }
+    LinesSpec {
+        lines,
+        wanders: all[..count].iter().copied().map(wander).collect(),
+    }
 }
 
 /// A name of up to 40 bytes, so that an index fits before it.

@@ -89,6 +89,7 @@ fn lines_of(lines: usize) -> LinesSpec {
         wavelength_mm: 0.5 * (at + 1) as f32,
         phase: 30_000,
         amplitudes: vec![0.0, 0.0, 0.0, 1.0],
+        ..LineSpec::default()
     };
     LinesSpec {
         lines: (0..lines).map(line).collect(),

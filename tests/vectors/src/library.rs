@@ -295,9 +295,10 @@ impl Grid {
             wavelength_mm,
             phase,
             amplitudes: self.models.iter().enumerate().map(amplitude).collect(),
+            ..LineSpec::default()
         };
         let lines: Vec<_> = self.lines.iter().map(line).collect();
-        (!lines.is_empty()).then_some(LinesSpec { lines })
+        (!lines.is_empty()).then_some(LinesSpec::from(lines))
     }
 
     /// The same with two codebooks, and nodes of both and of neither.

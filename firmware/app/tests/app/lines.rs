@@ -31,10 +31,11 @@ fn library() -> Vec<u8> {
         wavelength_mm: WAVELENGTH_MM,
         phase: 0,
         amplitudes: vec![1.0],
+        ..LineSpec::default()
     };
     let spec = TextureSpec {
         parts: PartsSpec {
-            lines: Some(LinesSpec { lines: vec![line] }),
+            lines: Some(LinesSpec::from(vec![line])),
             ..PartsSpec::default()
         },
         ..TextureSpec::new("line", &[10.0], &[0.1], vec![NodeSpec::silent()])

@@ -11,11 +11,15 @@
 //! **Amplitude** is the weighted mean of the amplitudes of the four nodes around the motion, times the fade below the
 //! grid and the voice's gain. It fades out between 0.40 and 0.44 of the sample rate.
 //!
+//! **A wander** moves the place of lines by a random function of the place, or moves it by a clock, so that a weave's
+//! amplitude is steady and its phase is not (`wander`). It is made per block, at both ends of its way.
+//!
 //! **A jump** of the position gives no chirp: the line goes on at the frequency that it had and fades out within the
 //! block, and begins at the new place with the next one. So does a line that is too fast to be played.
 
 mod sine;
 mod voice;
+mod wander;
 
 pub use sine::{SINE_FRACTION_BITS, sine};
 pub use voice::VoiceLines;

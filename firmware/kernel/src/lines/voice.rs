@@ -1,9 +1,10 @@
 //! Lines of a voice from block to block, below the tick.
 
 use heapless::Vec;
-use model_format::limits::MAX_LINES;
+use model_format::limits::{MAX_LINES, MAX_WANDERS};
 use model_format::{Line, OutputSample, Texture};
 
+use super::wander::VoiceWander;
 use super::{LineFrame, LinesFrame, MAX_AMPLITUDE};
 use crate::grid::{GridPoint, Motion, ONE};
 use crate::level::Ramp;
@@ -28,6 +29,7 @@ const LONGEST: u64 = 256 << Position::FRACTION_BITS;
 #[derive(Clone, Debug)]
 pub struct VoiceLines {
     lines: Vec<PlayedLine, MAX_LINES>,
+    wanders: Vec<VoiceWander, MAX_WANDERS>,
     /// The block before.
     frame: LinesFrame,
 }
@@ -39,17 +41,19 @@ struct PlayedLine {
     turns: Turns,
     /// Phase at the origin of positions, in steps of 2⁻³² of a turn.
     phase: u32,
+    /// Index of its wander; beyond them all if it does not wander.
+    wander: usize,
     /// True if the block before left the position, because the line was too fast or the position jumped.
     astray: bool,
 }
 
 /// Turns of a line per mm, in steps of 2⁻⁴⁸. The smallest has 38 digits.
 #[derive(Clone, Copy, Debug)]
-struct Turns(u64);
+pub(super) struct Turns(u64);
 
 impl Turns {
     /// The turns of `wavelength_mm`, which a valid texture has.
-    fn of(wavelength_mm: f32) -> Self {
+    pub(super) fn of(wavelength_mm: f32) -> Self {
         // A float is an integer of 24 digits times a power of two, by which the quotient of integers is shifted.
         let bits = wavelength_mm.to_bits();
         let mantissa = u64::from(bits & 0x007f_ffff | 0x0080_0000);
@@ -79,6 +83,19 @@ impl Turns {
         (middle.wrapping_add(whole) >> (TURNS_BITS - 32)) as u32
     }
 
+    /// Turns at `position`, whole turns included, in steps of 2⁻¹⁶ of a turn, off by less than one step beyond the error
+    /// of the turns per mm.
+    pub(super) fn turns(self, position: Position) -> i64 {
+        // Each product of 32 digits by 32 is brought to steps of 2⁻³² before they are added, so that the sum has room.
+        let (high, low) = (position.steps() >> 32, position.steps() & 0xffff_ffff);
+        let (turns_high, turns_low) = (
+            (self.0 >> 32).cast_signed(),
+            (self.0 & 0xffff_ffff).cast_signed(),
+        );
+        let middle = ((low * turns_high) >> 16) + ((high * turns_low) >> 16);
+        high * turns_high + (middle >> 16)
+    }
+
     /// Phase of a way of `steps` steps of a position, whole turns included, from the difference of the phases at its
     /// ends, `exact`.
     fn way(self, steps: i64, exact: u32) -> i64 {
@@ -93,6 +110,7 @@ impl PlayedLine {
         Self {
             turns: Turns::of(line.wavelength_mm()),
             phase: u32::from(line.phase()) << 16,
+            wander: line.wander().unwrap_or(MAX_WANDERS),
             astray: false,
         }
     }
@@ -161,8 +179,12 @@ impl VoiceLines {
             .map(|line| PlayedLine::new(&line))
             .collect();
         let silent = lines.iter().map(|_| LineFrame::default()).collect();
+        let wanders = texture.lines()?.wanders().take(MAX_WANDERS).enumerate();
         Some(Self {
             lines,
+            wanders: wanders
+                .map(|(index, wander)| VoiceWander::new(&wander, index))
+                .collect(),
             frame: LinesFrame { lines: silent },
         })
     }
@@ -181,10 +203,16 @@ impl VoiceLines {
         left: u32,
     ) -> &LinesFrame {
         let point = GridPoint::locate(texture, motion);
+        let rate = texture.sample_rate_hz();
+        let wanders = self.wanders.iter_mut();
+        let passages: Vec<Passage, MAX_WANDERS> = wanders
+            .map(|wander| wander.passage(passage, samples, left, rate))
+            .collect();
         if let Some(lines) = texture.lines() {
             let both = self.lines.iter_mut().zip(&mut self.frame.lines);
             for ((played, frame), line) in both.zip(lines.iter()) {
                 let amplitude = amplitude(&line, &point, gain);
+                let passage = *passages.get(played.wander).unwrap_or(&passage);
                 *frame = played.frame(*frame, amplitude, passage, samples, left);
             }
         }

@@ -3,8 +3,8 @@
 use std::f64::consts::TAU;
 
 use model_format::{
-    FadeLaw, Library, LineSpec, LinesSpec, NodeSpec, OutputSample, SAMPLE_RATE_HZ, Texture, encode,
-    encode_with_scenes,
+    FadeLaw, Library, LineSpec, LinesSpec, NodeSpec, OutputSample, SAMPLE_RATE_HZ, Texture, Wander,
+    encode, encode_with_scenes,
 };
 use stylus_kernel::position::Position;
 use stylus_kernel::scene::cost::Item;
@@ -27,9 +27,11 @@ fn silent_but_for(lines: &[(f32, f64, f32)]) -> Vec<u8> {
         wavelength_mm,
         phase: (phase * 65_536.0) as u16,
         amplitudes: vec![amplitude],
+        ..LineSpec::default()
     };
     spec.parts.lines = Some(LinesSpec {
         lines: lines.iter().map(line).collect(),
+        ..LinesSpec::default()
     });
     encode(&[spec]).expect("a valid library")
 }
@@ -40,8 +42,9 @@ fn line_of(wavelength_mm: f32, amplitudes: Vec<f32>) -> LinesSpec {
         wavelength_mm,
         phase: 0,
         amplitudes,
+        ..LineSpec::default()
     };
-    LinesSpec { lines: vec![line] }
+    LinesSpec::from(vec![line])
 }
 
 fn m_s2(sample: OutputSample) -> f64 {
@@ -135,6 +138,103 @@ fn a_lines_frequency_is_speed_over_wavelength() {
             (rises as f64 - turns).abs() < 1.01,
             "{speed} mm/s: {rises} of {turns}"
         );
+    }
+}
+
+/// A library of a silent texture but for a line of this wavelength and amplitude 1, whose place wanders.
+fn wandering(wavelength_mm: f32, wander: Wander) -> Vec<u8> {
+    let mut spec = spec(&[10.0], &[0.5], vec![NodeSpec::silent()]);
+    let mut lines = line_of(wavelength_mm, vec![1.0]);
+    lines.wanders = vec![wander];
+    lines.lines[0].wander = Some(0);
+    spec.parts.lines = Some(lines);
+    encode(&[spec]).expect("a valid library")
+}
+
+/// A wander of 1.5 rad of a wavelength of 0.85 mm.
+const OF_THREADS: Wander = Wander {
+    rms_mm: 0.2,
+    correlation_mm: 8.0,
+    clock_mm_s: 0.0,
+};
+
+/// Another way over the same places, at other speeds and with other blocks, meets the same threads; so does the way
+/// back.
+#[test]
+fn a_wandering_line_is_a_function_of_the_place_and_its_harmonics_stay_locked() {
+    let at_block_ends = |bytes: &[u8], position_mm: fn(f64) -> f64| -> Vec<(f64, f64)> {
+        let samples = played(only_texture(bytes), 2.0, position_mm);
+        let ends = samples.chunks_exact(BLOCK).enumerate().skip(2);
+        ends.map(|(number, block)| (position_mm(times(number)[1]), block[BLOCK - 1]))
+            .collect()
+    };
+    let [one, two] = [0.85, 0.425].map(|wavelength_mm| wandering(wavelength_mm, OF_THREADS));
+    let there = at_block_ends(&one, |t| 500.0 + 80.0 * t);
+    let back = at_block_ends(&one, |t| 660.0 - 80.0 * (t + 4e-4));
+    let same = there.iter().flat_map(|&(x, value)| {
+        let near = back
+            .iter()
+            .filter(move |(other, _)| (x - other).abs() < 1e-6);
+        near.map(move |&(_, other)| value - other)
+    });
+    let (mut compared, mut worst) = (0, 0.0f64);
+    for off in same {
+        (compared, worst) = (compared + 1, worst.max(off.abs()));
+    }
+    assert!(compared > 900 && worst < 1e-5, "{compared}, {worst}");
+    // sin² 2φ = 4 sin² φ (1 - sin² φ).
+    let harmonic = at_block_ends(&two, |t| 500.0 + 80.0 * t);
+    for ((_, first), (_, second)) in there.iter().zip(&harmonic) {
+        let expected = 4.0 * first * first * (1.0 - first * first);
+        assert!((second * second - expected).abs() < 1e-4);
+    }
+}
+
+/// The amplitude is that of a steady line; the phase against the line without its wander has the RMS that the wander
+/// states.
+#[test]
+fn a_wandering_line_keeps_its_amplitude_while_its_phase_wanders() {
+    let bytes = wandering(0.85, OF_THREADS);
+    let speed = 85.0;
+    let samples = played(only_texture(&bytes), 40.0, |t| 85.0 * t);
+    // Means of 20 ms, two periods, turned back by the steady phase.
+    let phasors: Vec<[f64; 2]> = samples[BLOCK..]
+        .chunks_exact(100)
+        .enumerate()
+        .map(|(chunk, samples)| {
+            let terms = samples.iter().enumerate().map(|(n, sample)| {
+                let turns = speed / 0.85 * (BLOCK + 100 * chunk + n) as f64 / RATE;
+                [(TAU * turns).sin() * sample, (TAU * turns).cos() * sample]
+            });
+            terms.fold([0.0; 2], |[a, b], [c, d]| [a + c / 50.0, b + d / 50.0])
+        })
+        .collect();
+    let lengths: Vec<f64> = phasors.iter().map(|[a, b]| a.hypot(*b)).collect();
+    assert!(lengths.iter().all(|length| (length - 1.0).abs() < 0.2));
+    let mean = lengths.iter().sum::<f64>() / lengths.len() as f64;
+    assert!((mean - 1.0).abs() < 0.03, "{mean}");
+    let cosine = phasors.iter().map(|[a, b]| a / a.hypot(*b)).sum::<f64>() / lengths.len() as f64;
+    // E cos φ = exp(-σ²/2), with σ = 2π · 0.2 / 0.85.
+    let expected = (-0.5 * (TAU * 0.2 / 0.85f64).powi(2)).exp();
+    assert!((cosine - expected).abs() < 0.1, "{cosine}, not {expected}");
+}
+
+#[test]
+fn a_line_that_a_clock_moves_holds_its_frequency_at_any_speed_of_the_hand() {
+    let wander = Wander {
+        rms_mm: 0.0,
+        correlation_mm: 1.0,
+        clock_mm_s: 100.0,
+    };
+    let bytes = wandering(0.5, wander);
+    for (seconds, position_mm) in [
+        (2.0, (|t| 30.0 * t) as fn(f64) -> f64),
+        (2.0, |t| 250.0 * t),
+    ] {
+        let samples = played(only_texture(&bytes), seconds, position_mm);
+        let is_rise = |pair: &&[f64]| pair[0] < 0.0 && pair[1] >= 0.0;
+        let rises = samples.windows(2).filter(is_rise).count();
+        assert!(rises.abs_diff(400) <= 1, "{rises}");
     }
 }
 

@@ -172,10 +172,11 @@ pub fn lines_on(grid: &Grid, members: &[LineMember<'_>]) -> Option<LinesSpec> {
                 wavelength_mm,
                 phase: (line.phase_turns.rem_euclid(1.0) * 65_536.0).round() as u32 as u16,
                 amplitudes,
+                ..LineSpec::default()
             })
         })
         .collect();
-    (!lines.is_empty()).then_some(LinesSpec { lines })
+    (!lines.is_empty()).then_some(LinesSpec::from(lines))
 }
 
 /// RMS of the amplitudes of line `index` in a node's trials; `None` if none of them tells.

@@ -4,6 +4,7 @@
 //! steps of 2⁻¹⁶ of a turn, as `u16`; and per node, speed-major, its amplitude, m/s², as `f32`. All lines take the same
 //! number of bytes, so that any amplitude is found without reading those before it.
 
+use super::wander::{self, Wander, WanderPart, Wanders};
 use crate::error::Problem;
 use crate::limits::{MAX_LINES, MAX_WAVELENGTH_MM, MIN_WAVELENGTH_MM};
 
@@ -27,32 +28,40 @@ pub struct Lines<'a> {
     bytes: &'a [u8],
     nodes: usize,
     forces: usize,
+    wanders: Wanders<'a>,
 }
 
-/// A line, whose value at the place x is amplitude · sin(2π (x / wavelength + phase)).
+/// A line, whose value at the place x is amplitude · sin(2π (x / wavelength + phase)), where x is moved by its wander.
 #[derive(Clone, Copy, Debug)]
 pub struct Line<'a> {
     bytes: &'a [u8],
     forces: usize,
+    wander: Option<u8>,
 }
 
 impl<'a> LinesPart<'a> {
-    /// The lines of a part that was found valid, in a texture of `nodes` nodes and `forces` forces.
-    pub fn lines(self, nodes: usize, forces: usize) -> Lines<'a> {
+    /// Number of lines, as the part states it.
+    pub fn count(self) -> usize {
+        usize::from(self.0.first().copied().unwrap_or(0))
+    }
+
+    /// The lines of a part that was found valid, in a texture of `nodes` nodes and `forces` forces, with its wanders.
+    pub fn lines(self, nodes: usize, forces: usize, wander: Option<WanderPart<'a>>) -> Lines<'a> {
         Lines {
             bytes: self.0.get(1..).unwrap_or_default(),
             nodes,
             forces,
+            wanders: wander.map(WanderPart::wanders).unwrap_or_default(),
         }
     }
 
     /// Checks all but the amplitudes, in a texture of `nodes` nodes.
     pub fn check(self, nodes: usize) -> Result<(), Problem> {
-        let count = usize::from(self.0.first().copied().unwrap_or(0));
+        let count = self.count();
         Problem::count("the number of lines", count, [1, MAX_LINES])?;
         let expected = 1 + count * (HEAD_BYTES + nodes * AMPLITUDE_BYTES);
         Problem::same("bytes of lines", self.0.len(), expected)?;
-        let lines = self.lines(nodes, 1);
+        let lines = self.lines(nodes, 1, None);
         for line in 0..count {
             let value = lines.line(line).wavelength_mm();
             let range = [MIN_WAVELENGTH_MM, MAX_WAVELENGTH_MM];
@@ -88,7 +97,13 @@ impl<'a> Lines<'a> {
         Line {
             bytes: &self.bytes[index * length..][..length],
             forces: self.forces,
+            wander: self.wanders.of_line(index),
         }
+    }
+
+    /// The wanders that lines share.
+    pub fn wanders(self) -> impl Iterator<Item = Wander> + use<'a> {
+        self.wanders.iter()
     }
 
     /// All lines.
@@ -106,6 +121,11 @@ impl Line<'_> {
     /// Phase at the origin of places, in steps of 2⁻¹⁶ of a turn.
     pub fn phase(&self) -> u16 {
         u16::from_le_bytes([self.bytes[4], self.bytes[5]])
+    }
+
+    /// Index of its wander among [`Lines::wanders`], if its place wanders.
+    pub fn wander(&self) -> Option<usize> {
+        self.wander.map(usize::from)
     }
 
     /// Amplitude at the node of the indices (`speed`, `force`), each below the length of its axis, m/s²: the peak of
@@ -127,15 +147,17 @@ impl Line<'_> {
 
 /// Lines of a texture to be written: sines over the place on the surface.
 #[cfg(feature = "alloc")]
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct LinesSpec {
     /// The lines.
     pub lines: alloc::vec::Vec<LineSpec>,
+    /// The wanders that lines share.
+    pub wanders: alloc::vec::Vec<Wander>,
 }
 
 /// A line to be written, whose value at the place x is amplitude · sin(2π (x / wavelength + phase)).
 #[cfg(feature = "alloc")]
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct LineSpec {
     /// Wavelength, mm.
     pub wavelength_mm: f32,
@@ -143,6 +165,19 @@ pub struct LineSpec {
     pub phase: u16,
     /// Amplitude at each node, m/s², speed-major: the peak of the sine.
     pub amplitudes: alloc::vec::Vec<f32>,
+    /// Index of its wander in [`LinesSpec::wanders`], if its place wanders.
+    pub wander: Option<u8>,
+}
+
+#[cfg(feature = "alloc")]
+impl From<alloc::vec::Vec<LineSpec>> for LinesSpec {
+    /// Lines whose place does not wander.
+    fn from(lines: alloc::vec::Vec<LineSpec>) -> Self {
+        Self {
+            lines,
+            wanders: alloc::vec::Vec::new(),
+        }
+    }
 }
 
 #[cfg(feature = "alloc")]
@@ -153,9 +188,11 @@ impl From<Lines<'_>> for LinesSpec {
             wavelength_mm: line.wavelength_mm(),
             phase: line.phase(),
             amplitudes: line.amplitudes().collect(),
+            wander: line.wander,
         };
         Self {
             lines: lines.iter().map(spec).collect(),
+            wanders: lines.wanders().collect(),
         }
     }
 }
@@ -175,4 +212,12 @@ pub(crate) fn content(lines: &LinesSpec, nodes: usize) -> Result<alloc::vec::Vec
         content.extend(line.amplitudes.iter().flat_map(|value| value.to_le_bytes()));
     }
     Ok(content)
+}
+
+/// The content of the part with the wanders of these lines, if they have any.
+#[cfg(feature = "alloc")]
+pub(crate) fn wander_content(lines: &LinesSpec) -> Option<alloc::vec::Vec<u8>> {
+    let number = |line: &LineSpec| line.wander.map_or(0, |index| index.saturating_add(1));
+    let of_lines: alloc::vec::Vec<u8> = lines.lines.iter().map(number).collect();
+    wander::content(&lines.wanders, &of_lines)
 }

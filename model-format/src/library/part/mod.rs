@@ -8,6 +8,7 @@
 //! | 4 | [`modulation`] | a track of the excitation's level |
 //! | 5 | [`lines`] | lines that are locked to place |
 //! | 6 | [`tails`] | θ in one byte for the last stages of a lattice, with a step per node |
+//! | 7 | [`wander`] | how the place of lines wanders |
 //!
 //! A texture ends with a varint of the number of its parts, and each part is a varint of its kind and a string of its
 //! content. Kinds ascend, so that none comes twice. An unknown kind is refused, because a reader that left it out would
@@ -23,6 +24,7 @@ pub(crate) mod levels;
 pub(crate) mod lines;
 pub(crate) mod modulation;
 pub(crate) mod tails;
+pub(crate) mod wander;
 
 use crate::error::Problem;
 use crate::wire::Reader;
@@ -33,6 +35,7 @@ use levels::LevelsPart;
 use lines::LinesPart;
 use modulation::ModulationPart;
 use tails::Tails;
+use wander::WanderPart;
 
 /// Kind and content of a part to be written.
 #[cfg(feature = "alloc")]
@@ -78,6 +81,8 @@ pub enum PartKind {
     Lines,
     /// θ of a lattice's last stages in one byte.
     Tails,
+    /// Wander of the place of lines.
+    Wander,
 }
 
 impl core::fmt::Display for PartKind {
@@ -89,6 +94,7 @@ impl core::fmt::Display for PartKind {
             Self::Modulation => "modulation",
             Self::Lines => "lines",
             Self::Tails => "tails",
+            Self::Wander => "wander",
         })
     }
 }
@@ -102,6 +108,7 @@ pub(super) struct Parts<'a> {
     pub modulation: Option<ModulationPart<'a>>,
     pub lines: Option<LinesPart<'a>>,
     pub tails: Option<Tails<'a>>,
+    pub wander: Option<WanderPart<'a>>,
 }
 
 impl<'a> Parts<'a> {
@@ -123,6 +130,7 @@ impl<'a> Parts<'a> {
                 modulation::KIND => parts.modulation = Some(ModulationPart(content)),
                 lines::KIND => parts.lines = Some(LinesPart(content)),
                 tails::KIND => parts.tails = Some(Tails(content)),
+                wander::KIND => parts.wander = Some(WanderPart(content)),
                 code => {
                     let what = "an optional part";
                     return Err(Problem::Unknown { what, code });
@@ -158,6 +166,9 @@ impl<'a> Parts<'a> {
         if let Some(tails) = self.tails {
             tails.check(nodes)?;
         }
+        if let Some(wander) = self.wander {
+            wander.check(self.lines.map_or(0, |lines| lines.count()))?;
+        }
         Ok(())
     }
 
@@ -171,6 +182,7 @@ impl<'a> Parts<'a> {
             of(PartKind::Modulation, self.modulation.map(|part| part.0)),
             of(PartKind::Lines, self.lines.map(|part| part.0)),
             of(PartKind::Tails, self.tails.map(|part| part.0)),
+            of(PartKind::Wander, self.wander.map(|part| part.0)),
         ];
         parts.into_iter().flatten()
     }

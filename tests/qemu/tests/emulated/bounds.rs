@@ -203,9 +203,10 @@ impl Recipe {
             wavelength_mm: 1.0 + at as f32,
             phase: 7,
             amplitudes: vec![0.1; nodes],
+            ..LineSpec::default()
         };
         let lines: Vec<_> = (0..self.0[19]).map(line).collect();
-        (!lines.is_empty()).then_some(LinesSpec { lines })
+        (!lines.is_empty()).then_some(LinesSpec::from(lines))
     }
 
     /// Codebooks and level track of a texture of so many nodes, as many as there is room for.
