@@ -48,7 +48,8 @@ pub fn bytes(parts: &PartsSpec) -> usize {
     let modulation = modulation.map(|part| HEADER_BYTES + part.entries.len());
     let lines = parts.lines.iter().map(|part| {
         let line = |line: &LineSpec| HEADER_BYTES + size_of::<f32>() * line.amplitudes.len();
-        HEADER_BYTES + part.lines.iter().map(line).sum::<usize>()
+        let wanders = (HEADER_BYTES + part.lines.len()) * (1 + part.wanders.len());
+        HEADER_BYTES + wanders + part.lines.iter().map(line).sum::<usize>()
     });
     excitation.chain(modulation).chain(lines).sum()
 }
@@ -88,7 +89,7 @@ fn lines(old: &LinesSpec, places: &[Between]) -> Option<LinesSpec> {
         })
     };
     let lines: Vec<LineSpec> = old.lines.iter().filter_map(moved).collect();
-    (!lines.is_empty()).then_some(LinesSpec::from(lines))
+    (!lines.is_empty()).then(|| LinesSpec::with_wanders(lines, &old.wanders))
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@ use std::fmt;
 use std::sync::Arc;
 
 use model_format::limits::{MAX_LINE_AMPLITUDE, MAX_WAVELENGTH_MM, MIN_WAVELENGTH_MM};
-use model_format::{LineSpec, LinesSpec};
+use model_format::{LineSpec, LinesSpec, Wander};
 use serde::{Deserialize, Serialize};
 
 use crate::texture::grid::Grid;
@@ -22,6 +22,9 @@ pub struct Findings {
     pub followed_trials: usize,
     /// Reason for having no lines.
     pub none_because: Option<NoLines>,
+    /// Wanders that lines share.
+    #[serde(default)]
+    pub wanders: Vec<Wander>,
 }
 
 /// A line that is locked to place.
@@ -39,6 +42,9 @@ pub struct Line {
     pub shown_at_speeds: (usize, usize),
     /// Lowest and highest amplitude of a trial that shows it, m/s².
     pub amplitude_range_m_s2: (f64, f64),
+    /// Index of its wander among the findings', if its place wanders.
+    #[serde(default)]
+    pub wander: Option<usize>,
 }
 
 /// A reason for having no lines.
@@ -86,6 +92,28 @@ impl fmt::Display for Findings {
                     Some((of, n)) => write!(f, ", harmonic {n} of line {})", of + 1)?,
                     None => write!(f, ")")?,
                 }
+            }
+            for (index, wander) in self.wanders.iter().enumerate() {
+                let own = |line: &&Line| line.wander == Some(index);
+                let longest = self
+                    .lines
+                    .iter()
+                    .find(own)
+                    .map_or(1.0, |line| line.wavelength_mm);
+                let rad = std::f64::consts::TAU * f64::from(wander.rms_mm) / longest;
+                let what = if wander.clock_mm_s > 0.0 {
+                    let hz = f64::from(wander.clock_mm_s) / longest;
+                    format!(
+                        "that of {longest:.4} mm and its harmonics hold {hz:.1} Hz at any speed, and wander"
+                    )
+                } else {
+                    format!("that of {longest:.4} mm and its harmonics wander")
+                };
+                let (rms, length) = (wander.rms_mm, wander.correlation_mm);
+                write!(
+                    f,
+                    "; {what} by {rms:.3} mm RMS ({rad:.2} rad) over {length:.2} mm"
+                )?;
             }
             if let Some(scatter) = self.speed_scatter {
                 write!(
@@ -172,11 +200,11 @@ pub fn lines_on(grid: &Grid, members: &[LineMember<'_>]) -> Option<LinesSpec> {
                 wavelength_mm,
                 phase: (line.phase_turns.rem_euclid(1.0) * 65_536.0).round() as u32 as u16,
                 amplitudes,
-                ..LineSpec::default()
+                wander: line.wander.map(|index| index as u8),
             })
         })
         .collect();
-    (!lines.is_empty()).then_some(LinesSpec::from(lines))
+    (!lines.is_empty()).then(|| LinesSpec::with_wanders(lines, &findings.wanders))
 }
 
 /// RMS of the amplitudes of line `index` in a node's trials; `None` if none of them tells.

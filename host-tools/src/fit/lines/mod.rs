@@ -5,14 +5,19 @@
 //! least squares on the place of the surface under the tool (`track`), and removed, so that the stochastic model is
 //! fitted to the rest. What is removed leaves as much as noise would have there, so that the rest has neither a line
 //! nor a hole.
+//!
+//! Threads that are not evenly spaced make a band instead of a line. If there is no narrow line, bands of a steady
+//! amplitude are sought (`steady`), whose phase tells the place with its wander (`wander`).
 
 mod findings;
 mod peaks;
 mod search;
 mod separate;
+mod steady;
 #[cfg(test)]
 mod tests;
 mod track;
+mod wander;
 
 pub use super::options::Lines;
 pub use findings::{Findings, Line, NoLines, TrialLines};

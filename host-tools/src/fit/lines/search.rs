@@ -46,7 +46,7 @@ const MOST_EVIDENCE: f64 = 60.0;
 const MOST_REMOVED: usize = 40;
 
 /// Harmonics of a line that are looked for by name.
-const HARMONICS: u32 = 8;
+pub(super) const HARMONICS: u32 = 8;
 
 /// One trial as the search hears it.
 pub(super) struct Heard {
@@ -363,7 +363,7 @@ pub(super) const LEAST_SPEED_RATIO: f64 = 1.05;
 const LN_SHOWN_CHANCE: f64 = -7.0;
 
 /// Difference of the logarithms of two speeds that count as one: repeats that were measured do not agree to the digit.
-const SAME_SPEED: f64 = 0.02;
+pub(super) const SAME_SPEED: f64 = 0.02;
 
 /// Support of the trials at one speed.
 struct SpeedSupport {

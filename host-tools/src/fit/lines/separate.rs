@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 use std::ops::Range;
 use std::sync::Arc;
 
-use model_format::{SAMPLE_RATE_HZ, limits};
+use model_format::{SAMPLE_RATE_HZ, Wander, limits};
 use rayon::prelude::*;
 use realfft::num_complex::Complex;
 
@@ -13,6 +13,7 @@ use super::findings::{Findings, Line, NoLines, TrialLines};
 use super::peaks::LineSpectrum;
 use super::search::{Found, HIGHEST_HZ, Heard, LEAST_SPEED_RATIO, Search};
 use super::track::{amplitudes, followed, steady_mm, subtract, turns};
+use super::wander::{Course, Weave, find};
 
 /// Relative error of the speeds in a rig's list.
 const EXACT_LIST: f64 = 1e-3;
@@ -47,6 +48,7 @@ pub fn separate(
     fitted: Option<&[Vec<Range<usize>>]>,
     lines: Lines,
 ) -> Vec<TrialLines> {
+    let count = signals.len();
     let nothing = |reason| {
         let findings = Arc::new(Findings {
             none_because: Some(reason),
@@ -56,7 +58,7 @@ pub fn separate(
             findings,
             ..TrialLines::default()
         };
-        vec![share; signals.len()]
+        vec![share; count]
     };
     if lines == Lines::None {
         return nothing(NoLines::NotAskedFor);
@@ -68,8 +70,14 @@ pub fn separate(
     let (slowest, fastest) = used.fold((f64::INFINITY, 0.0f64), |(low, high), (v, _)| {
         (low.min(*v), high.max(*v))
     });
+    let whole: Vec<Vec<Range<usize>>> = signals
+        .iter()
+        .map(|signal| std::iter::once(0..signal.len()).collect())
+        .collect();
+    let ranges = fitted.unwrap_or(&whole);
     if fastest < LEAST_SPEED_RATIO * slowest {
-        return nothing(NoLines::OneSpeed);
+        return wandering(speeds_mm_s, signals, ranges, true, Vec::new())
+            .unwrap_or_else(|_| nothing(NoLines::OneSpeed));
     }
     // Wider windows for a line's place are taken if more speeds show it there.
     let speeds = |known: &[Known]| known.iter().map(|line| line.found.speeds.0).max();
@@ -83,17 +91,111 @@ pub fn separate(
         exact
     };
     if !known.is_empty() {
-        return removed(speeds_mm_s, signals, fitted, &known, time_locked_hz);
+        return removed(speeds_mm_s, signals, ranges, &known, time_locked_hz);
     }
-    let mut none = nothing(NoLines::NothingStandsOut);
+    wandering(speeds_mm_s, signals, ranges, false, time_locked_hz).unwrap_or_else(
+        |time_locked_hz| {
+            let findings = Arc::new(Findings {
+                time_locked_hz,
+                none_because: Some(NoLines::NothingStandsOut),
+                ..Findings::default()
+            });
+            let mut none = nothing(NoLines::NothingStandsOut);
+            none.iter_mut()
+                .for_each(|share| share.findings = Arc::clone(&findings));
+            none
+        },
+    )
+}
+
+/// Finds lines whose place wanders and removes them from `signals`. Returns each trial's share, or, if there are none,
+/// the frequencies that stay while the speed changes.
+fn wandering(
+    speeds_mm_s: &[f64],
+    signals: &mut [Vec<f64>],
+    ranges: &[Vec<Range<usize>>],
+    is_one_speed: bool,
+    mut time_locked_hz: Vec<f64>,
+) -> Result<Vec<TrialLines>, Vec<f64>> {
+    let (mut lines, mut wanders) = (Vec::<Line>::new(), Vec::<Wander>::new());
+    let mut amplitudes: Vec<Vec<Option<f64>>> = vec![Vec::new(); signals.len()];
+    while wanders.len() < limits::MAX_WANDERS && lines.len() < limits::MAX_LINES {
+        let known_mm: Vec<f64> = lines.iter().map(|line| line.wavelength_mm).collect();
+        let mut weave = match find(speeds_mm_s, signals, ranges, is_one_speed, &known_mm) {
+            Ok(weave) => weave,
+            Err(held_hz) => {
+                time_locked_hz.extend(held_hz);
+                break;
+            }
+        };
+        weave.harmonics.truncate(limits::MAX_LINES - lines.len());
+        for (signal, (course, amplitudes)) in signals
+            .iter_mut()
+            .zip(weave.courses.iter().zip(&mut amplitudes))
+        {
+            amplitudes.extend(without(signal, course.as_ref(), &weave));
+        }
+        let first = lines.len();
+        for (at, &(number, shown_at_speeds)) in weave.harmonics.iter().enumerate() {
+            let is_harmonic = number > 1 && weave.harmonics[0].0 == 1;
+            let complex = |course: &Course, harmonic| course.amplitude(harmonic).map(|a| a.0);
+            let pairs = weave.courses.iter().flatten();
+            let pairs = pairs.filter_map(|c| Some((complex(c, 1)?, complex(c, number)?)));
+            let (phase_turns, phase_agreement) = if is_harmonic {
+                relative_phase(pairs, number)
+            } else {
+                (0.0, 1.0)
+            };
+            let own = amplitudes
+                .iter()
+                .filter_map(|amplitudes| amplitudes[first + at]);
+            let own = own.filter(|&amplitude| amplitude > 0.0);
+            let range = own.fold((f64::INFINITY, 0.0f64), |(low, high), a| {
+                (low.min(a), high.max(a))
+            });
+            lines.push(Line {
+                wavelength_mm: weave.wavelength_mm / f64::from(number),
+                phase_turns,
+                harmonic_of: is_harmonic.then_some((first, number)),
+                phase_agreement,
+                shown_at_speeds,
+                amplitude_range_m_s2: (range.0.min(range.1), range.1),
+                wander: Some(wanders.len()),
+            });
+        }
+        wanders.push(weave.wander);
+    }
+    if lines.is_empty() {
+        return Err(time_locked_hz);
+    }
     let findings = Arc::new(Findings {
+        lines,
+        wanders,
         time_locked_hz,
-        none_because: Some(NoLines::NothingStandsOut),
         ..Findings::default()
     });
-    none.iter_mut()
-        .for_each(|share| share.findings = Arc::clone(&findings));
-    none
+    let share = |amplitudes_m_s2| TrialLines {
+        findings: Arc::clone(&findings),
+        amplitudes_m_s2,
+        speed_ratio: None,
+    };
+    Ok(amplitudes.into_iter().map(share).collect())
+}
+
+/// Takes the harmonics of `weave` out of `signal`, whose `course` it is. Returns the amplitude of each: 0 where the line
+/// is not told from noise, in which it stays.
+fn without(signal: &mut [f64], course: Option<&Course>, weave: &Weave) -> Vec<Option<f64>> {
+    let numbers = weave.harmonics.iter().map(|(number, _)| *number);
+    let amplitudes = numbers.map(|number| {
+        let told = course.and_then(|course| Some((course, course.amplitude(number)?)));
+        let Some((course, (amplitude, clean, stays))) = told else {
+            return Some(0.0);
+        };
+        let turns = turns(&course.place_mm, weave.wavelength_mm / f64::from(number));
+        subtract(signal, amplitude * (1.0 - stays), &turns);
+        Some(clean)
+    });
+    amplitudes.collect()
 }
 
 /// Lines found in the signals, and the frequencies that stay.
@@ -238,7 +340,7 @@ struct Fitted {
 fn removed(
     speeds_mm_s: &[f64],
     signals: &mut [Vec<f64>],
-    fitted: Option<&[Vec<Range<usize>>]>,
+    ranges: &[Vec<Range<usize>>],
     known: &[Known],
     time_locked_hz: Vec<f64>,
 ) -> Vec<TrialLines> {
@@ -249,16 +351,18 @@ fn removed(
         .zip(&measures.speed_ratios)
         .enumerate()
         .map(|(index, ((signal, speed), ratio))| {
-            let whole = 0..signal.len();
-            let whole = std::slice::from_ref(&whole);
-            let ranges = fitted.map_or(whole, |fitted| &fitted[index]);
             let speed_mm_s = speed * ratio.unwrap_or(1.0);
-            removed_from(signal, ranges, speed_mm_s, &measures.wavelengths_mm)
+            removed_from(signal, &ranges[index], speed_mm_s, &measures.wavelengths_mm)
         })
         .collect();
     let lines = known.iter().enumerate().map(|(index, line)| {
         let (phase_turns, phase_agreement) = match line.harmonic_of {
-            Some((of, number)) => relative_phase(&fits, of, index, number),
+            Some((of, number)) => {
+                let pairs = fits
+                    .iter()
+                    .filter_map(|fit| Some((fit.amplitudes[of]?, fit.amplitudes[index]?)));
+                relative_phase(pairs, number)
+            }
             None => (0.0, 1.0),
         };
         let shown = line
@@ -276,6 +380,7 @@ fn removed(
             phase_agreement,
             shown_at_speeds: line.found.speeds,
             amplitude_range_m_s2: (range.0.min(range.1), range.1),
+            wander: None,
         }
     });
     let findings = Arc::new(Findings {
@@ -284,6 +389,7 @@ fn removed(
         speed_scatter: measures.speed_scatter,
         followed_trials: fits.iter().filter(|fit| fit.was_followed).count(),
         none_because: None,
+        wanders: Vec::new(),
     });
     fits.into_iter()
         .zip(measures.speed_ratios)
@@ -295,21 +401,21 @@ fn removed(
         .collect()
 }
 
-/// Phase of line `index`, harmonic `number` of line `of`, at the place where that one's sine begins, turns, and how far
-/// the trials agree on it.
-fn relative_phase(fits: &[Fitted], of: usize, index: usize, number: u32) -> (f64, f64) {
+/// Phase of harmonic `number` at the place where its fundamental's sine begins, turns, and how far the trials agree on
+/// it, from the amplitudes of fundamental and harmonic in each.
+fn relative_phase(
+    pairs: impl Iterator<Item = (Complex<f64>, Complex<f64>)>,
+    number: u32,
+) -> (f64, f64) {
     // As sines: a cosine is a quarter of a turn ahead.
     let sine = |c: Complex<f64>| c * Complex::i();
     let mut sum = Complex::<f64>::default();
     let mut weight = 0.0;
-    for fit in fits {
-        if let (Some(base), Some(harmonic)) = (fit.amplitudes[of], fit.amplitudes[index]) {
-            let (base, harmonic) = (sine(base), sine(harmonic));
-            let turned =
-                harmonic * Complex::from_polar(base.norm(), -f64::from(number) * base.arg());
-            sum += turned;
-            weight += turned.norm();
-        }
+    for (base, harmonic) in pairs {
+        let (base, harmonic) = (sine(base), sine(harmonic));
+        let turned = harmonic * Complex::from_polar(base.norm(), -f64::from(number) * base.arg());
+        sum += turned;
+        weight += turned.norm();
     }
     if weight <= 0.0 {
         return (0.0, 0.0);

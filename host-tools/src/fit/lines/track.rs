@@ -147,7 +147,7 @@ fn interpolated(places: &[f64], values: &[f64], at: f64) -> f64 {
     values[right - 1] + share * (values[right] - values[right - 1])
 }
 
-fn without_straight_line(times: &[f64], values: &[f64]) -> Vec<f64> {
+pub(super) fn without_straight_line(times: &[f64], values: &[f64]) -> Vec<f64> {
     let count = times.len() as f64;
     let (mean_t, mean_v) = (
         times.iter().sum::<f64>() / count,

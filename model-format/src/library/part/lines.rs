@@ -170,6 +170,28 @@ pub struct LineSpec {
 }
 
 #[cfg(feature = "alloc")]
+impl LinesSpec {
+    /// These lines with those of `wanders` that they have.
+    pub fn with_wanders(mut lines: alloc::vec::Vec<LineSpec>, wanders: &[Wander]) -> Self {
+        let mut kept = alloc::vec::Vec::new();
+        for (index, wander) in wanders.iter().enumerate() {
+            let of_lines = lines.iter_mut().filter_map(|line| line.wander.as_mut());
+            let mut of_lines = of_lines
+                .filter(|own| usize::from(**own) == index)
+                .peekable();
+            if of_lines.peek().is_some() {
+                of_lines.for_each(|own| *own = kept.len() as u8);
+                kept.push(*wander);
+            }
+        }
+        Self {
+            lines,
+            wanders: kept,
+        }
+    }
+}
+
+#[cfg(feature = "alloc")]
 impl From<alloc::vec::Vec<LineSpec>> for LinesSpec {
     /// Lines whose place does not wander.
     fn from(lines: alloc::vec::Vec<LineSpec>) -> Self {

@@ -10,6 +10,8 @@
 //! A clock's speed of 0 leaves the place to the hand. Otherwise the place moves at this speed by itself, so that lines
 //! hold their frequency at any speed of the hand, as a resonance or a motor does.
 
+use serde::{Deserialize, Serialize};
+
 use crate::error::Problem;
 use crate::limits::{
     MAX_CLOCK_MM_S, MAX_CORRELATION_MM, MAX_WANDER_SLOPE, MAX_WANDERS, MIN_CORRELATION_MM,
@@ -22,7 +24,7 @@ pub(crate) const KIND: u32 = 7;
 const BYTES: usize = 12;
 
 /// Wander of the place of lines.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Wander {
     /// RMS of the displacement d(x), mm.
     pub rms_mm: f32,

@@ -1,0 +1,271 @@
+//! Bands of one recording whose amplitude is steadier than that of Gaussian noise.
+//!
+//! The threads of a weave are not evenly spaced, so that its line is no narrow one: it is a band of a few per cent, in
+//! which a spectrum cannot tell it from noise. Its envelope can. The intensity of Gaussian noise in a band is
+//! exponentially distributed, that of a line is nearly constant whatever its phase does.
+//!
+//! The statistic is the arithmetic over the geometric mean of the intensity, e^γ = 1.78 for noise. With N independent
+//! intensities Iₖ and their shares Dₖ = Iₖ / Σ I,
+//!
+//! ```text
+//! E ∏ (N Dₖ)ˢ = N^(N s) Γ(N) Γ(1 + s)^N / Γ(N (1 + s))
+//! ```
+//! because the shares are uniform on the simplex, and Chernoff's bound of that moment bounds the p-value.
+
+use std::f64::consts::TAU;
+
+use model_format::SAMPLE_RATE_HZ;
+use realfft::num_complex::Complex;
+use rustfft::FftPlanner;
+
+use super::peaks::LEAST_SAMPLES;
+use super::search::{HIGHEST_HZ, LOWEST_HZ};
+use crate::dsp::with_planner;
+
+/// Widths by which a spectrum is smoothed to find bands in it, Hz: standard deviations of a Gaussian kernel.
+const WIDTHS_HZ: [f64; 4] = [1.0, 3.0, 9.0, 24.0];
+
+/// Power of a band's edge over its peak's.
+const EDGE: f64 = 0.1;
+
+/// Power of a valley over a peak's, at and above which the peak is none, and below which it ends a band.
+const VALLEY: f64 = 0.25;
+
+/// Share of an envelope that is left out at each of its ends, where the transform joins them.
+const ENDS: f64 = 0.02;
+
+/// Logarithm of the ratio of means beyond which a band is as good as noise, whose is 0.577.
+const MOST_LN_RATIO: f64 = 0.45;
+
+/// Samples of an envelope per line of the spectrum in its band.
+const OVERSAMPLING: usize = 8;
+
+/// A band around a peak of the spectrum.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Band {
+    /// Frequency of the peak, Hz.
+    pub frequency_hz: f64,
+    /// Lowest and highest frequency, Hz.
+    pub edges_hz: [f64; 2],
+    /// Natural logarithm of a bound of the probability that noise has so steady an envelope there.
+    pub ln_chance: f64,
+}
+
+impl Band {
+    /// Distance of its edges, Hz.
+    pub(super) fn width_hz(&self) -> f64 {
+        self.edges_hz[1] - self.edges_hz[0]
+    }
+}
+
+/// Spectrum of a whole recording.
+pub(super) struct WholeSpectrum {
+    bins: Vec<Complex<f64>>,
+    samples: usize,
+}
+
+/// Envelope of a band: its complex amplitude about the band's lowest frequency, at even times.
+pub(super) struct Envelope {
+    values: Vec<Complex<f64>>,
+    lowest_hz: f64,
+    /// Samples of the recording from one value to the next.
+    step: f64,
+}
+
+impl WholeSpectrum {
+    /// Spectrum of `signal`; `None` if it is too short or silent.
+    pub(super) fn of(signal: &[f64]) -> Option<Self> {
+        if signal.len() < LEAST_SAMPLES || signal.iter().all(|x| *x == 0.0) {
+            return None;
+        }
+        let forward = with_planner(|planner| planner.plan_fft_forward(signal.len()));
+        let mut samples = signal.to_vec();
+        let mut bins = forward.make_output_vec();
+        forward
+            .process(&mut samples, &mut bins)
+            .expect("lengths come from the plan");
+        Some(Self {
+            bins,
+            samples: signal.len(),
+        })
+    }
+
+    fn step_hz(&self) -> f64 {
+        f64::from(SAMPLE_RATE_HZ) / self.samples as f64
+    }
+
+    /// Bands around all peaks, each with the probability of its envelope in noise.
+    pub(super) fn bands(&self) -> Vec<Band> {
+        let powers: Vec<f64> = self.bins.iter().map(Complex::norm_sqr).collect();
+        let mut bands: Vec<Band> = Vec::new();
+        for width_hz in WIDTHS_HZ {
+            let smooth = smoothed(&powers, width_hz / self.step_hz());
+            for (peak, [low, high]) in ranges(&smooth) {
+                let [frequency_hz, low_hz, high_hz] =
+                    [peak, low, high].map(|bin| bin as f64 * self.step_hz());
+                if (LOWEST_HZ..=HIGHEST_HZ).contains(&frequency_hz) && high > low + 2 {
+                    bands.push(Band {
+                        frequency_hz,
+                        edges_hz: [low_hz, high_hz],
+                        ln_chance: self.ln_chance([low, high]),
+                    });
+                }
+            }
+        }
+        bands
+    }
+
+    /// Envelope of what lies from `edges_hz[0]` to `edges_hz[1]`.
+    pub(super) fn envelope(&self, edges_hz: [f64; 2]) -> Envelope {
+        let last = self.bins.len() - 1;
+        let [low, high] =
+            edges_hz.map(|hz| ((hz / self.step_hz()).round() as usize).clamp(1, last));
+        self.envelope_of([low, high.max(low)])
+    }
+
+    fn envelope_of(&self, [low, high]: [usize; 2]) -> Envelope {
+        let count = high - low + 1;
+        let length = (OVERSAMPLING * count).next_power_of_two();
+        let mut values = vec![Complex::default(); length];
+        values[..count].copy_from_slice(&self.bins[low..=high]);
+        FftPlanner::new()
+            .plan_fft_inverse(length)
+            .process(&mut values);
+        // The amplitude of a sine of amplitude 1 is 1.
+        let scale = 2.0 / self.samples as f64;
+        values.iter_mut().for_each(|value| *value *= scale);
+        Envelope {
+            values,
+            lowest_hz: low as f64 * self.step_hz(),
+            step: self.samples as f64 / length as f64,
+        }
+    }
+
+    /// Logarithm of a bound of the probability of so steady an envelope in noise.
+    fn ln_chance(&self, [low, high]: [usize; 2]) -> f64 {
+        let powers = || self.bins[low..=high].iter().map(Complex::norm_sqr);
+        let (sum, squares) = powers().fold((0.0, 0.0), |(a, b), p| (a + p, b + p * p));
+        // The equivalent number of independent intensities, bandwidth times duration; a periodogram's values have twice
+        // the mean square of their expectation.
+        let count = (2.0 * sum * sum / squares.max(f64::MIN_POSITIVE)).max(2.0);
+        let envelope = self.envelope_of([low, high]);
+        let intensities = || envelope.middle().map(|(_, value)| value.norm_sqr());
+        let number = intensities().count() as f64;
+        let mean = intensities().sum::<f64>() / number;
+        let ln_mean = intensities()
+            .map(|i| i.max(f64::MIN_POSITIVE).ln())
+            .sum::<f64>()
+            / number;
+        let ln_ratio = mean.ln() - ln_mean;
+        if ln_ratio < MOST_LN_RATIO {
+            ln_bound(count, ln_ratio)
+        } else {
+            0.0
+        }
+    }
+}
+
+impl Envelope {
+    /// Values without those at the ends, each with its time, samples.
+    pub(super) fn middle(&self) -> impl Iterator<Item = (f64, Complex<f64>)> {
+        let ends = (ENDS * self.values.len() as f64).ceil() as usize;
+        let values = self.values.iter().enumerate();
+        let kept = values.skip(ends).take(self.values.len() - 2 * ends);
+        kept.map(|(index, value)| (index as f64 * self.step, *value))
+    }
+
+    /// Phase at each of `samples` samples, turns; continuous.
+    pub(super) fn turns(&self, samples: usize) -> Vec<f64> {
+        let (mut turns, mut last) = (Vec::with_capacity(self.values.len()), None);
+        let mut phase = 0.0;
+        for value in &self.values {
+            phase = match last {
+                Some(last) => phase + (value * Complex::conj(&last)).arg() / TAU,
+                None => value.arg() / TAU,
+            };
+            last = Some(*value);
+            turns.push(phase);
+        }
+        let per_sample = self.lowest_hz / f64::from(SAMPLE_RATE_HZ);
+        let end = turns.len() - 1;
+        (0..samples)
+            .map(|n| {
+                let at = n as f64 / self.step;
+                let left = (at as usize).min(end);
+                let right = (left + 1).min(end);
+                let share = at - left as f64;
+                turns[left] + share * (turns[right] - turns[left]) + per_sample * n as f64
+            })
+            .collect()
+    }
+}
+
+/// Chernoff's bound of the logarithm of the probability that the logarithm of the arithmetic over the geometric mean of
+/// `count` exponential values is at most `ln_ratio`.
+fn ln_bound(count: f64, ln_ratio: f64) -> f64 {
+    let bound = |ln_s: f64| {
+        let s = ln_s.exp();
+        count * (s * count.ln() + libm::lgamma(1.0 + s) + s * ln_ratio) + libm::lgamma(count)
+            - libm::lgamma(count * (1.0 + s))
+    };
+    // The logarithm of a moment is convex in s, so that thirds leave out no minimum.
+    let (mut low, mut high) = (-3.0, 6.0);
+    for _ in 0..30 {
+        let third = (high - low) / 3.0;
+        if bound(low + third) < bound(high - third) {
+            high -= third;
+        } else {
+            low += third;
+        }
+    }
+    bound(f64::midpoint(low, high)).min(0.0)
+}
+
+/// `values`, smoothed by three running means, which together have a standard deviation of about `width` values.
+fn smoothed(values: &[f64], width: f64) -> Vec<f64> {
+    // A mean of 2 r + 1 values has a variance of r (r + 1) / 3.
+    let reach = (0.5 * ((1.0 + 4.0 * width * width).sqrt() - 1.0)).round() as usize;
+    let mut smooth = values.to_vec();
+    for _ in 0..3 {
+        let sums: Vec<f64> = std::iter::once(0.0)
+            .chain(smooth.iter().scan(0.0, |sum, value| {
+                *sum += value;
+                Some(*sum)
+            }))
+            .collect();
+        for (at, value) in smooth.iter_mut().enumerate() {
+            let (from, to) = (at.saturating_sub(reach), (at + reach + 1).min(values.len()));
+            *value = (sums[to] - sums[from]) / (to - from) as f64;
+        }
+    }
+    smooth
+}
+
+/// Peaks of `levels`, each with the range down to [`EDGE`] of it, or to the valley before another peak.
+fn ranges(levels: &[f64]) -> Vec<(usize, [usize; 2])> {
+    let last = levels.len() - 1;
+    // The end of a peak's range in one direction; none if a higher peak comes first.
+    let end = |peak: usize, step: isize| -> Option<usize> {
+        let (mut at, mut least) = (peak, peak);
+        loop {
+            let level = levels[at];
+            if level > levels[peak] {
+                return (levels[least] < VALLEY * levels[peak]).then_some(least);
+            }
+            if level < levels[least] {
+                least = at;
+            } else if levels[least] < VALLEY * levels[peak] && level > 1.2 * levels[least] {
+                return Some(least);
+            }
+            if level < EDGE * levels[peak] || at == 1 || at == last {
+                return Some(at);
+            }
+            at = at.checked_add_signed(step)?;
+        }
+    };
+    let is_peak = |&at: &usize| levels[at] > levels[at - 1] && levels[at] >= levels[at + 1];
+    (2..last)
+        .filter(is_peak)
+        .filter_map(|peak| Some((peak, [end(peak, -1)?, end(peak, 1)?])))
+        .collect()
+}

@@ -1,0 +1,456 @@
+//! Lines whose place wanders: the search over a texture's trials, the place that a trial's line itself tells, and the
+//! wander's RMS and correlation length.
+
+use std::ops::Range;
+
+use model_format::{SAMPLE_RATE_HZ, Wander, limits};
+use rayon::prelude::*;
+use realfft::num_complex::Complex;
+
+use super::search::{HARMONICS, HIGHEST_HZ, LEVEL, LOWEST_HZ, SAME_SPEED};
+use super::steady::{Band, WholeSpectrum};
+use super::track::{amplitudes, without_straight_line};
+
+/// Logarithm of the chance below which a band makes a hypothesis.
+const LN_HYPOTHESIS_CHANCE: f64 = -9.0;
+
+/// Logarithm of the chance below which a speed shows a line, corrected for its trials and bands.
+const LN_SHOWN_CHANCE: f64 = -6.9;
+
+/// Logarithm of the chance below which a trial's band is followed, once its texture has the line.
+const LN_FOLLOWED_CHANCE: f64 = -4.6;
+
+/// Largest width of a band over its frequency: a wider one does not tell a wavelength.
+const MOST_WIDTH: f64 = 0.6;
+
+/// Least ratio of the fastest to the slowest speed that show a line, because a band is wide.
+const LEAST_SPEED_RATIO: f64 = 1.2;
+
+/// Change of a held frequency from one quarter of a recording to another, over the frequency.
+const HELD_WITHIN: f64 = 0.05;
+
+/// Correlation lengths that are tried, mm, and the number of them and of lags.
+const LENGTHS_MM: [f64; 2] = [0.2, 50.0];
+const LENGTHS: usize = 80;
+
+/// What carries a line.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Carrier {
+    /// The place: wavelength, mm.
+    Place(f64),
+    /// Time: frequency, Hz.
+    Time(f64),
+}
+
+/// One trial as the search hears it.
+struct Heard {
+    index: usize,
+    speed_mm_s: f64,
+    spectrum: WholeSpectrum,
+    bands: Vec<Band>,
+}
+
+/// A line with harmonics whose place wanders.
+pub(super) struct Weave {
+    /// Wavelength of the fundamental, mm.
+    pub wavelength_mm: f64,
+    pub wander: Wander,
+    /// Harmonics that show, ascending, each with the speeds that show it and those at which it could be seen.
+    pub harmonics: Vec<(u32, (usize, usize))>,
+    /// The course of each trial that follows the line.
+    pub courses: Vec<Option<Course>>,
+}
+
+/// The line and its harmonics in one trial.
+pub(super) struct Course {
+    /// Place at each sample, mm, with its wander.
+    pub place_mm: Vec<f64>,
+    /// Harmonic whose phase tells the place.
+    reference: u32,
+    /// Complex amplitude of each harmonic from the first, m/s².
+    amplitudes: Vec<Complex<f64>>,
+    /// Mean square of what else is in the band of each, as of an amplitude, (m/s²)².
+    noises: Vec<f64>,
+    /// Independent values in the band of each.
+    counts: Vec<f64>,
+}
+
+impl Heard {
+    fn of(index: usize, speed_mm_s: f64, signal: &[f64]) -> Option<Self> {
+        let spectrum = WholeSpectrum::of(signal)?;
+        let mut bands = spectrum.bands();
+        bands.retain(|band| {
+            band.ln_chance < 0.0 && band.width_hz() < MOST_WIDTH * band.frequency_hz
+        });
+        Some(Self {
+            index,
+            speed_mm_s,
+            spectrum,
+            bands,
+        })
+    }
+
+    fn frequency_hz(&self, carrier: Carrier) -> f64 {
+        match carrier {
+            Carrier::Place(wavelength_mm) => self.speed_mm_s / wavelength_mm,
+            Carrier::Time(frequency_hz) => frequency_hz,
+        }
+    }
+
+    /// The steadiest band around `frequency_hz`, its chance corrected for the number of bands there.
+    fn band_at(&self, frequency_hz: f64) -> Option<(Band, f64)> {
+        let near = || {
+            self.bands
+                .iter()
+                .filter(|band| 2.0 * (band.frequency_hz - frequency_hz).abs() <= band.width_hz())
+        };
+        let band = near().min_by(|a, b| a.ln_chance.total_cmp(&b.ln_chance))?;
+        Some((*band, band.ln_chance + (near().count() as f64).ln()))
+    }
+}
+
+/// Chances at one speed.
+struct AtSpeed {
+    speed_mm_s: f64,
+    trials: usize,
+    least: f64,
+}
+
+impl AtSpeed {
+    fn ln_chance(&self) -> f64 {
+        (self.least + (self.trials as f64).ln()).min(0.0)
+    }
+}
+
+/// Chances by speed, from those of trials.
+fn by_speed(chances: impl Iterator<Item = (f64, f64)>) -> Vec<AtSpeed> {
+    let mut speeds: Vec<AtSpeed> = Vec::new();
+    for (speed_mm_s, ln_chance) in chances {
+        let same = |at: &AtSpeed| (speed_mm_s / at.speed_mm_s).ln().abs() < SAME_SPEED;
+        let at = speeds.iter().position(same).unwrap_or_else(|| {
+            speeds.push(AtSpeed {
+                speed_mm_s,
+                trials: 0,
+                least: 0.0,
+            });
+            speeds.len() - 1
+        });
+        speeds[at].trials += 1;
+        speeds[at].least = speeds[at].least.min(ln_chance);
+    }
+    speeds
+}
+
+/// The speeds that show a line and all at which it could be seen, if they are at least `least` and half of all.
+fn shown(speeds: &[AtSpeed], least: usize) -> Option<(usize, usize)> {
+    let count = shows(speeds).count();
+    (count >= least && 2 * count >= speeds.len()).then_some((count, speeds.len()))
+}
+
+fn shows(speeds: &[AtSpeed]) -> impl Iterator<Item = &AtSpeed> {
+    speeds.iter().filter(|at| at.ln_chance() < LN_SHOWN_CHANCE)
+}
+
+/// The search over the trials of one texture.
+struct Search {
+    heard: Vec<Heard>,
+    is_one_speed: bool,
+    /// Logarithm of the number of hypotheses.
+    ln_hypotheses: f64,
+}
+
+impl Search {
+    /// Minus the logarithm of the chance of all speeds together that show `carrier`; `None` if it is not acceptable.
+    fn evidence(&self, carrier: Carrier) -> Option<f64> {
+        let chances = self.heard.iter().filter_map(|heard| {
+            let hz = heard.frequency_hz(carrier);
+            let ln_chance = || heard.band_at(hz).map_or(0.0, |(_, ln_chance)| ln_chance);
+            let is_seen = (LOWEST_HZ..=HIGHEST_HZ).contains(&hz);
+            is_seen.then(|| (heard.speed_mm_s, ln_chance()))
+        });
+        let speeds = by_speed(chances);
+        shown(&speeds, if self.is_one_speed { 1 } else { 2 })?;
+        let ends = shows(&speeds).fold((f64::INFINITY, 0.0f64), |(low, high), at| {
+            (low.min(at.speed_mm_s), high.max(at.speed_mm_s))
+        });
+        let tells_place = ends.1 >= LEAST_SPEED_RATIO * ends.0;
+        if matches!(carrier, Carrier::Place(_)) && !tells_place {
+            return None;
+        }
+        // The speeds that show it were chosen among all of them.
+        let evidence = -shows(&speeds).map(AtSpeed::ln_chance).sum::<f64>()
+            - speeds.len() as f64 * std::f64::consts::LN_2
+            - self.ln_hypotheses;
+        (evidence > -LEVEL.ln()).then_some(evidence)
+    }
+
+    /// The carrier with most evidence that is no harmonic of a line at `known_mm`; of one for which a longer wavelength
+    /// is acceptable, of which it is a harmonic, that one.
+    fn best(&self, known_mm: &[f64]) -> Option<Carrier> {
+        let strong = |heard: &Heard| {
+            let speed = heard.speed_mm_s;
+            let bands = heard
+                .bands
+                .iter()
+                .filter(|b| b.ln_chance < LN_HYPOTHESIS_CHANCE);
+            let hz: Vec<f64> = bands.map(|band| band.frequency_hz).collect();
+            hz.into_iter().flat_map(move |hz| {
+                let place = (speed > 0.0).then_some(Carrier::Place(speed / hz));
+                [place, Some(Carrier::Time(hz))].into_iter().flatten()
+            })
+        };
+        let is_new = |carrier: &Carrier| match carrier {
+            Carrier::Place(mm) => known_mm.iter().all(|known| {
+                let ratio = known / mm;
+                (ratio / ratio.round().max(1.0) - 1.0).abs() > 0.02
+            }),
+            Carrier::Time(_) => true,
+        };
+        let hypotheses: Vec<Carrier> = self.heard.iter().flat_map(strong).filter(is_new).collect();
+        let judged = hypotheses.into_par_iter();
+        let judged = judged.filter_map(|carrier| Some((carrier, self.evidence(carrier)?)));
+        let (best, _) = judged.max_by(|(_, a), (_, b)| a.total_cmp(b))?;
+        let longer = |n: u32| match best {
+            Carrier::Place(mm) => Carrier::Place(f64::from(n) * mm),
+            Carrier::Time(hz) => Carrier::Time(hz / f64::from(n)),
+        };
+        let fundamental = (2..=4).rev().map(longer);
+        let fundamental = fundamental.filter(is_new);
+        let mut acceptable = fundamental.filter(|&carrier| self.evidence(carrier).is_some());
+        Some(acceptable.next().unwrap_or(best))
+    }
+}
+
+/// Finds the strongest line in `signals` whose amplitude is steady and whose place wanders, beside those of wavelengths
+/// `known_mm`. Returns none if there is none, or the frequency of a steady band that stays while the speed changes, Hz.
+///
+/// Trials of one speed do not tell place from time; a line that holds its frequency is then one of time. Amplitudes are
+/// those of the samples in `ranges`.
+pub(super) fn find(
+    speeds_mm_s: &[f64],
+    signals: &[Vec<f64>],
+    ranges: &[Vec<Range<usize>>],
+    is_one_speed: bool,
+    known_mm: &[f64],
+) -> Result<Weave, Option<f64>> {
+    let pairs: Vec<_> = speeds_mm_s.iter().zip(signals).enumerate().collect();
+    let heard: Vec<Heard> = pairs
+        .into_par_iter()
+        .filter(|(_, (speed, _))| **speed > 0.0)
+        .filter_map(|(index, (speed, signal))| Heard::of(index, *speed, signal))
+        .collect();
+    let bands: usize = heard.iter().map(|heard| heard.bands.len()).sum();
+    let search = Search {
+        heard,
+        is_one_speed,
+        ln_hypotheses: (2.0 * bands.max(1) as f64).ln(),
+    };
+    let carrier = search.best(known_mm).ok_or(None)?;
+    let clock_mm_s = match carrier {
+        Carrier::Place(_) => 0.0,
+        Carrier::Time(hz) if !is_one_speed => return Err(Some(hz)),
+        Carrier::Time(_) => search.heard[0].speed_mm_s,
+    };
+    let mut courses: Vec<Option<Course>> = signals.iter().map(|_| None).collect();
+    let followed: Vec<(usize, Course, f64)> = search
+        .heard
+        .par_iter()
+        .filter_map(|heard| {
+            let course = (&signals[heard.index], &ranges[heard.index][..]);
+            let (course, wavelength_mm) = course_of(heard, carrier, course.0, course.1)?;
+            Some((heard.index, course, wavelength_mm))
+        })
+        .collect();
+    let mut wavelengths: Vec<f64> = followed.iter().map(|(.., mm)| *mm).collect();
+    wavelengths.sort_by(f64::total_cmp);
+    let wavelength_mm = *wavelengths.get(wavelengths.len() / 2).ok_or(None)?;
+    for (index, mut course, own_mm) in followed {
+        // Each course was told in its own wavelengths.
+        let scale = wavelength_mm / own_mm;
+        course.place_mm.iter_mut().for_each(|place| *place *= scale);
+        courses[index] = Some(course);
+    }
+    let least = if is_one_speed { 1 } else { 2 };
+    let harmonics: Vec<(u32, (usize, usize))> = (1..=HARMONICS)
+        .filter_map(|harmonic| {
+            let told = courses.iter().zip(speeds_mm_s);
+            let chances = told.filter_map(|(course, speed)| {
+                Some((*speed, course.as_ref()?.ln_chance(harmonic)?))
+            });
+            Some((harmonic, shown(&by_speed(chances), least)?))
+        })
+        .collect();
+    let paths = courses.iter().flatten().map(|course| &course.place_mm[..]);
+    let (rms_mm, correlation_mm) = wander_of(paths.collect(), wavelength_mm).ok_or(None)?;
+    if harmonics.is_empty() {
+        return Err(None);
+    }
+    Ok(Weave {
+        wavelength_mm,
+        wander: Wander {
+            rms_mm: rms_mm.min(f64::from(limits::MAX_WANDER_SLOPE) * correlation_mm) as f32,
+            correlation_mm: correlation_mm as f32,
+            clock_mm_s: clock_mm_s as f32,
+        },
+        harmonics,
+        courses,
+    })
+}
+
+/// The course of a trial by its steadiest band among the first harmonics of `carrier`, and the wavelength of the
+/// fundamental by it, mm; `None` if none is steady, or a line of time does not hold its frequency.
+fn course_of(
+    heard: &Heard,
+    carrier: Carrier,
+    signal: &[f64],
+    ranges: &[Range<usize>],
+) -> Option<(Course, f64)> {
+    let bands = (1..=4).filter_map(|harmonic| {
+        let hz = f64::from(harmonic) * heard.frequency_hz(carrier);
+        let (band, ln_chance) = heard.band_at(hz)?;
+        (hz >= LOWEST_HZ).then_some((harmonic, band, ln_chance))
+    });
+    let (reference, band, ln_chance) = bands.min_by(|a, b| a.2.total_cmp(&b.2))?;
+    if ln_chance > LN_FOLLOWED_CHANCE {
+        return None;
+    }
+    let envelope = heard.spectrum.envelope(band.edges_hz);
+    let turns: Vec<f64> = envelope
+        .turns(signal.len())
+        .into_iter()
+        .map(|turns| turns / f64::from(reference))
+        .collect();
+    let quarter = turns.len() / 4;
+    let rates = (0..4).map(|part| turns[(part + 1) * quarter - 1] - turns[part * quarter]);
+    let (low, high) = rates.fold((f64::INFINITY, 0.0f64), |(low, high), rate| {
+        (low.min(rate), high.max(rate))
+    });
+    if matches!(carrier, Carrier::Time(_)) && high > (1.0 + HELD_WITHIN) * low {
+        return None;
+    }
+    let times: Vec<f64> = (0..turns.len()).map(|n| n as f64).collect();
+    let straight = without_straight_line(&times, &turns);
+    let last = turns.len() - 1;
+    let per_sample = ((turns[last] - straight[last]) - (turns[0] - straight[0])) / last as f64;
+    let speed = heard.speed_mm_s / f64::from(SAMPLE_RATE_HZ);
+    let wavelength_mm = speed / per_sample;
+    let hz = per_sample * f64::from(SAMPLE_RATE_HZ);
+    let count = ((HIGHEST_HZ / hz) as u32).min(HARMONICS);
+    let of_harmonics: Vec<Vec<f64>> = (1..=count)
+        .map(|n| turns.iter().map(|turns| turns * f64::from(n)).collect())
+        .collect();
+    let amplitudes = amplitudes(signal, ranges, &of_harmonics);
+    let seconds = signal.len() as f64 / f64::from(SAMPLE_RATE_HZ);
+    let half_hz = 0.5 * band.width_hz() / f64::from(reference);
+    let (mut noises, mut counts) = (Vec::new(), Vec::new());
+    for (n, amplitude) in (1..=count).map(f64::from).zip(&amplitudes) {
+        let edges = [n * hz - n * half_hz, n * hz + n * half_hz];
+        let envelope = heard.spectrum.envelope(edges);
+        let is_fitted = |at: f64| ranges.iter().any(|range| range.contains(&(at as usize)));
+        let values = envelope.middle().filter(|(at, _)| is_fitted(*at));
+        let (sum, lengths, values) = values
+            .fold((0.0, 0.0, 0.0), |(sum, lengths, values), (_, z)| {
+                (sum + z.norm_sqr(), lengths + z.norm(), values + 1.0)
+            });
+        let mean_square = sum / f64::max(values, 1.0);
+        noises.push(if n == f64::from(reference) {
+            // Its phase follows the noise across the line, so that half of the noise shows.
+            2.0 * (mean_square - (lengths / f64::max(values, 1.0)).powi(2)).max(0.0)
+        } else {
+            (mean_square - amplitude.norm_sqr()).max(0.0)
+        });
+        counts.push((2.0 * n * half_hz * seconds).max(2.0));
+    }
+    let course = Course {
+        place_mm: turns.iter().map(|turns| turns * wavelength_mm).collect(),
+        reference,
+        amplitudes,
+        noises,
+        counts,
+    };
+    Some((course, wavelength_mm))
+}
+
+impl Course {
+    /// Logarithm of the probability that noise in the band of `harmonic` has so much of its power in step with the
+    /// place; `None` if the trial cannot hold it.
+    fn ln_chance(&self, harmonic: u32) -> Option<f64> {
+        let at = harmonic as usize - 1;
+        let power = self.amplitudes.get(at)?.norm_sqr();
+        let rest = self.noises[at] / (power + self.noises[at]).max(f64::MIN_POSITIVE);
+        // Of independent complex values; the reference is in step by its making, and was tested by its envelope.
+        Some(if harmonic == self.reference {
+            f64::NEG_INFINITY
+        } else {
+            (self.counts[at] - 1.0) * rest.max(f64::MIN_POSITIVE).ln()
+        })
+    }
+
+    /// Complex amplitude of `harmonic` as fitted, its magnitude without what noise adds, and the share of the fitted one
+    /// that stays, so that the rest has no hole in its noise; `None` if the trial cannot hold it.
+    pub(super) fn amplitude(&self, harmonic: u32) -> Option<(Complex<f64>, f64, f64)> {
+        let at = harmonic as usize - 1;
+        let amplitude = *self.amplitudes.get(at)?;
+        let fitted = amplitude.norm_sqr().max(f64::MIN_POSITIVE);
+        let share = if harmonic == self.reference {
+            0.5
+        } else {
+            self.counts[at].recip()
+        };
+        let noise = (share * self.noises[at] / fitted).min(1.0);
+        Some((amplitude, (fitted * (1.0 - noise)).sqrt(), noise.sqrt()))
+    }
+}
+
+/// RMS and correlation length of the wander of these `paths`, mm, about their straight courses: the structure function
+/// 2 σ² (1 - exp(-Δ² / 2ℓ²)) with the least relative errors.
+fn wander_of(paths: Vec<&[f64]>, wavelength_mm: f64) -> Option<(f64, f64)> {
+    let [shortest, longest] = LENGTHS_MM;
+    let step = (longest / shortest).ln() / (LENGTHS - 1) as f64;
+    let lengths: Vec<f64> = (0..LENGTHS)
+        .map(|n| shortest * (step * n as f64).exp())
+        .collect();
+    let functions: Vec<Vec<Option<f64>>> = paths
+        .par_iter()
+        .map(|path| {
+            let per_sample = (path[path.len() - 1] - path[0]) / (path.len() - 1) as f64;
+            let of_lag = |lag_mm: &f64| {
+                let lag = (lag_mm / per_sample).round() as usize;
+                let is_held = lag >= 1 && lag <= path.len() / 3 && *lag_mm > 0.3 * wavelength_mm;
+                is_held.then(|| variance(path.iter().zip(&path[lag..]).map(|(a, b)| b - a)))
+            };
+            lengths.iter().map(of_lag).collect()
+        })
+        .collect();
+    let points: Vec<(f64, f64)> = lengths
+        .iter()
+        .enumerate()
+        .filter_map(|(at, lag_mm)| {
+            let mut values: Vec<f64> = functions.iter().filter_map(|f| f[at]).collect();
+            values.sort_by(f64::total_cmp);
+            // Most of the trials, because few long paths would tell of another mean.
+            let is_known = 2 * values.len() > functions.len();
+            is_known.then(|| (*lag_mm, values[values.len() / 2].max(f64::MIN_POSITIVE)))
+        })
+        .collect();
+    let fits = lengths.iter().map(|length_mm| {
+        let shape = |lag_mm: f64| 2.0 * (1.0 - (-0.5 * (lag_mm / length_mm).powi(2)).exp());
+        let ratios = || points.iter().map(|(lag, value)| shape(*lag) / value);
+        let (sum, squares) = ratios().fold((0.0, 0.0), |(a, b), r| (a + r, b + r * r));
+        let power = sum / f64::max(squares, f64::MIN_POSITIVE);
+        let error: f64 = ratios().map(|r| (1.0 - power * r).powi(2)).sum();
+        (error, power.sqrt(), *length_mm)
+    });
+    let (_, rms_mm, length_mm) = fits.min_by(|a, b| a.0.total_cmp(&b.0))?;
+    (points.len() > 4 && rms_mm > 0.0).then_some((rms_mm, length_mm))
+}
+
+fn variance(values: impl Iterator<Item = f64>) -> f64 {
+    let (mut count, mut sum, mut squares) = (0.0, 0.0, 0.0);
+    for value in values {
+        count += 1.0;
+        sum += value;
+        squares += value * value;
+    }
+    squares / count - (sum / count) * (sum / count)
+}
