@@ -7,7 +7,7 @@ use alloc::vec::Vec;
 use model_format::limits::{MAX_FINE_STAGES, MAX_ORDER};
 use model_format::{
     CodeSpec, CodebookSpec, ExcitationSpec, FadeLaw, Laws, LevelLaw, LineSpec, LinesSpec,
-    ModulationSpec, NodeSpec, PartsSpec, THETA_STEP_RAD, TailSpec, TextureSpec, encode,
+    ModulationSpec, NodeSpec, PartsSpec, THETA_STEP_RAD, TailSpec, TextureSpec, Wander, encode,
 };
 use rand_core::Rng;
 use rand_pcg::Pcg32;
@@ -28,6 +28,20 @@ const SHORT_ORDER: usize = 60;
 /// Wavelengths, mm, and phases of lines: the shortest and the longest that there are, and two that a hand feels.
 const FOUR_LINES: [(f32, u16); 4] = [(0.02, 1), (0.61, 0x4000), (2.0, 0xffff), (1000.0, 0)];
 
+/// Wanders: of threads, and of a resonance that keeps its frequency.
+const WANDERS: [Wander; 2] = [
+    Wander {
+        rms_mm: 0.15,
+        correlation_mm: 4.0,
+        clock_mm_s: 0.0,
+    },
+    Wander {
+        rms_mm: 0.1,
+        correlation_mm: 0.5,
+        clock_mm_s: 90.0,
+    },
+];
+
 /// The bytes of a library that holds every texture of [`crate::VECTORS`].
 ///
 /// # Panics
@@ -37,7 +51,7 @@ pub fn library() -> Vec<u8> {
 }
 
 /// The textures of [`library`].
-pub fn specs() -> [TextureSpec; 13] {
+pub fn specs() -> [TextureSpec; 14] {
     let resonant = |index| Model::resonant(MAX_ORDER, index);
     let one = Grid::one(&Model::resonant(MAX_ORDER, 1), 9.0);
     [
@@ -82,6 +96,10 @@ pub fn specs() -> [TextureSpec; 13] {
         })
         .with_laws(LevelLaw::Logarithm, FadeLaw::Power)
         .texture("compact lattice, mean dB"),
+        Grid::new(|index| resonant(150 + index as u64))
+            .with_lines(&FOUR_LINES)
+            .with_wanders()
+            .texture("lattice, four lines that wander"),
     ]
 }
 
@@ -101,6 +119,7 @@ pub fn digest_library() -> Vec<u8> {
     .with_codebooks()
     .with_track()
     .with_lines(&FOUR_LINES[1..3])
+    .with_wanders()
     .texture("digest");
     encode(&[spec]).expect("the texture is valid")
 }
@@ -242,6 +261,7 @@ struct Grid {
     models: Vec<(Model, f32)>,
     laws: Laws,
     lines: Vec<(f32, u16)>,
+    wanders: &'static [Wander],
     parts: PartsSpec,
 }
 
@@ -257,6 +277,7 @@ impl Grid {
                 .collect(),
             laws: Laws::default(),
             lines: Vec::new(),
+            wanders: &[],
             parts: PartsSpec::default(),
         }
     }
@@ -283,6 +304,14 @@ impl Grid {
         Self { lines, ..self }
     }
 
+    /// The same with lines of which every wander has some, in turn.
+    fn with_wanders(self) -> Self {
+        Self {
+            wanders: &WANDERS,
+            ..self
+        }
+    }
+
     fn lines(&self) -> Option<LinesSpec> {
         let amplitude = |(index, (_, power)): (usize, &(Model, f32))| {
             if *power > 0.0 {
@@ -297,8 +326,11 @@ impl Grid {
             amplitudes: self.models.iter().enumerate().map(amplitude).collect(),
             ..LineSpec::default()
         };
-        let lines: Vec<_> = self.lines.iter().map(line).collect();
-        (!lines.is_empty()).then_some(LinesSpec::from(lines))
+        let mut lines: Vec<_> = self.lines.iter().map(line).collect();
+        for (index, line) in lines.iter_mut().enumerate() {
+            line.wander = (index as u8).checked_rem(self.wanders.len() as u8);
+        }
+        (!lines.is_empty()).then(|| LinesSpec::with_wanders(lines, self.wanders))
     }
 
     /// The same with two codebooks, and nodes of both and of neither.

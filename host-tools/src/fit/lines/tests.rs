@@ -118,15 +118,127 @@ fn a_weave_is_found_with_its_harmonics_and_nothing_is_left_of_it() {
 }
 
 #[test]
-fn one_speed_cannot_tell_place_from_time() {
+fn at_one_speed_noise_has_no_line_and_a_steady_band_is_one_of_time() {
     let speeds = [100.0, 100.0];
-    let (_, mut signals) = surfaces(3, &speeds, None);
-    signals
-        .iter_mut()
-        .for_each(|s| add_line(s, 117.0, 5.0, 0.0));
+    for seed in 0..8 {
+        let (_, mut signals) = surfaces(seed, &speeds, Some(0.9));
+        let before = signals.clone();
+        let (findings, _) = found(&speeds, &mut signals);
+        assert_eq!(findings.none_because, Some(NoLines::OneSpeed));
+        assert_eq!(signals, before);
+    }
+    let (mut generator, mut signals) = surfaces(3, &speeds, None);
+    let plain: Vec<f64> = signals.iter().map(|s| rms(s)).collect();
+    for signal in &mut signals {
+        // A resonance that stick-slip drives: its phase wanders by 1.2 rad, with a correlation time of 40 ms.
+        let wander = gaussian_process(&mut generator, 1.2, 4.0);
+        for (n, x) in signal.iter_mut().enumerate() {
+            let time_s = n as f64 / RATE_HZ;
+            *x += (TAU * 117.0 * time_s + wander(100.0 * time_s)).sin();
+        }
+    }
+    let (findings, shares) = found(&speeds, &mut signals);
+    assert_eq!(findings.lines.len(), 1, "{findings}");
+    assert!((findings.lines[0].wavelength_mm * 117.0 / 100.0 - 1.0).abs() < 0.01);
+    assert_eq!(findings.wanders[0].clock_mm_s, 100.0);
+    for ((signal, plain), share) in signals.iter().zip(plain).zip(&shares) {
+        assert!((rms(signal) / plain - 1.0).abs() < 0.05);
+        near(share.amplitudes_m_s2[0].unwrap(), 1.0, 0.05);
+    }
+}
+
+/// A Gaussian process of RMS `rms` and correlation length `length`: a sum of cosines whose wave numbers are drawn from
+/// its spectrum.
+fn gaussian_process(generator: &mut Pcg64, rms: f64, length: f64) -> impl Fn(f64) -> f64 + use<> {
+    const TERMS: usize = 200;
+    let terms: Vec<(f64, f64)> = (0..TERMS)
+        .map(|_| {
+            let number: f64 = StandardNormal.sample(generator);
+            (number / length, TAU * generator.random::<f64>())
+        })
+        .collect();
+    move |x| {
+        let sum: f64 = terms.iter().map(|(q, phase)| (q * x + phase).cos()).sum();
+        rms * (2.0 / TERMS as f64).sqrt() * sum
+    }
+}
+
+/// Adds a weave of 0.7 mm and its second harmonic to trials over one surface, whose threads wander.
+fn add_weave(
+    generator: &mut Pcg64,
+    signals: &mut [Vec<f64>],
+    amplitude: f64,
+    rms_rad: f64,
+    length_mm: f64,
+) {
+    let wander = gaussian_process(generator, rms_rad, length_mm);
+    for (signal, v) in signals.iter_mut().zip(SPEEDS_MM_S) {
+        let start_mm = 500.0 * generator.random::<f64>();
+        for (n, x) in signal.iter_mut().enumerate() {
+            let place_mm = start_mm + v * n as f64 / RATE_HZ;
+            let phase = TAU * place_mm / 0.7 + wander(place_mm);
+            *x += amplitude * (phase.sin() + 0.4 * (2.0 * phase + 1.0).sin());
+        }
+    }
+}
+
+/// Of lines 5 to 60 Hz wide, in noise of which a third-octave band has a tenth of the line's power.
+#[test]
+fn a_weave_of_uneven_threads_is_found_with_its_wander_its_harmonic_and_its_amplitude() {
+    for (seed, rms_rad, length_mm) in [(1, 1.5, 3.0), (2, 1.5, 6.0), (3, 2.5, 8.0), (4, 0.8, 2.0)] {
+        let (mut generator, mut signals) = surfaces(seed, &SPEEDS_MM_S, None);
+        let plain: Vec<f64> = signals.iter().map(|s| rms(s)).collect();
+        let amplitude = 3.0 * plain[0];
+        add_weave(&mut generator, &mut signals, amplitude, rms_rad, length_mm);
+        let (findings, shares) = found(&SPEEDS_MM_S, &mut signals);
+        let numbers: Vec<_> = findings.lines.iter().map(|l| l.harmonic_of).collect();
+        assert_eq!(numbers, [None, Some((0, 2))], "{findings}");
+        near(findings.lines[0].wavelength_mm / 0.7, 1.0, 0.01);
+        assert!((findings.lines[1].phase_turns - 1.0 / TAU).abs() < 0.03);
+        let wander = findings.wanders[0];
+        let off = |found: f64, right: f64| (found / right - 1.0).abs();
+        let worst =
+            |values: &dyn Fn(usize) -> f64| (0..plain.len()).map(values).fold(0.0, f64::max);
+        let amplitude_of = |at: usize, line: usize| shares[at].amplitudes_m_s2[line].unwrap();
+        let errors = [
+            off(TAU * f64::from(wander.rms_mm) / 0.7, rms_rad),
+            off(f64::from(wander.correlation_mm), length_mm),
+            worst(&|at| off(rms(&signals[at]), plain[at])),
+            worst(&|at| off(amplitude_of(at, 0), amplitude)),
+            worst(&|at| off(amplitude_of(at, 1), 0.4 * amplitude)),
+        ];
+        let bounds = [0.2, 0.2, 0.1, 0.05, 0.2];
+        let holds = errors
+            .iter()
+            .zip(bounds)
+            .all(|(error, bound)| *error < bound);
+        assert!(
+            holds,
+            "{rms_rad} rad, {length_mm} mm: {errors:.3?}, bounds {bounds:?}"
+        );
+    }
+}
+
+#[test]
+fn a_steady_band_that_stays_while_the_speed_changes_is_named_and_left_in_the_noise() {
+    let (mut generator, mut signals) = surfaces(17, &SPEEDS_MM_S, None);
+    let wander = gaussian_process(&mut generator, 1.5, 0.03);
+    for signal in &mut signals {
+        for (n, x) in signal.iter_mut().enumerate() {
+            let time_s = n as f64 / RATE_HZ;
+            *x += (TAU * 90.0 * time_s + wander(time_s)).sin();
+        }
+    }
     let before = signals.clone();
-    let (findings, _) = found(&speeds, &mut signals);
-    assert_eq!(findings.none_because, Some(NoLines::OneSpeed));
+    let (findings, _) = found(&SPEEDS_MM_S, &mut signals);
+    assert!(findings.lines.is_empty(), "{findings}");
+    assert!(
+        findings
+            .time_locked_hz
+            .iter()
+            .any(|hz| (hz - 90.0).abs() < 5.0),
+        "{findings}"
+    );
     assert_eq!(signals, before);
 }
 

@@ -29,6 +29,9 @@ const LEAST_SPEED_RATIO: f64 = 1.2;
 /// Change of a held frequency from one quarter of a recording to another, over the frequency.
 const HELD_WITHIN: f64 = 0.05;
 
+/// Least amplitude of a harmonic over that of the strongest, each where it is loudest: 40 dB below it is not felt.
+const LEAST_AMPLITUDE: f64 = 0.01;
+
 /// Correlation lengths that are tried, mm, and the number of them and of lags.
 const LENGTHS_MM: [f64; 2] = [0.2, 50.0];
 const LENGTHS: usize = 80;
@@ -271,7 +274,14 @@ pub(super) fn find(
         courses[index] = Some(course);
     }
     let least = if is_one_speed { 1 } else { 2 };
+    let loudest = |harmonic: u32| {
+        let told = courses.iter().flatten();
+        told.filter_map(|course| Some(course.amplitude(harmonic)?.1))
+            .fold(0.0, f64::max)
+    };
+    let least_amplitude = LEAST_AMPLITUDE * (1..=HARMONICS).map(loudest).fold(0.0, f64::max);
     let harmonics: Vec<(u32, (usize, usize))> = (1..=HARMONICS)
+        .filter(|&harmonic| loudest(harmonic) >= least_amplitude)
         .filter_map(|harmonic| {
             let told = courses.iter().zip(speeds_mm_s);
             let chances = told.filter_map(|(course, speed)| {
@@ -297,8 +307,9 @@ pub(super) fn find(
     })
 }
 
-/// The course of a trial by its steadiest band among the first harmonics of `carrier`, and the wavelength of the
-/// fundamental by it, mm; `None` if none is steady, or a line of time does not hold its frequency.
+/// The course of a trial, and the wavelength of the fundamental by it, mm: by the steadiest band at that of the first
+/// harmonics of `carrier` which leaves most in step with the place, because a phase that slips leaves little. `None` if
+/// none is steady, or a line of time does not hold its frequency.
 fn course_of(
     heard: &Heard,
     carrier: Carrier,
@@ -307,27 +318,31 @@ fn course_of(
 ) -> Option<(Course, f64)> {
     let bands = (1..=4).filter_map(|harmonic| {
         let hz = f64::from(harmonic) * heard.frequency_hz(carrier);
-        let (band, ln_chance) = heard.band_at(hz)?;
-        (hz >= LOWEST_HZ).then_some((harmonic, band, ln_chance))
+        let (band, ln_chance) = heard.band_at(hz).filter(|_| hz >= LOWEST_HZ)?;
+        (ln_chance < LN_FOLLOWED_CHANCE).then_some((harmonic, band))
     });
-    let (reference, band, ln_chance) = bands.min_by(|a, b| a.2.total_cmp(&b.2))?;
-    if ln_chance > LN_FOLLOWED_CHANCE {
-        return None;
-    }
+    let is_of_time = matches!(carrier, Carrier::Time(_));
+    let courses = bands.filter_map(|(reference, band)| {
+        let course = course_by(heard, reference, band, signal, ranges);
+        course.filter(|(course, _)| !is_of_time || course.holds())
+    });
+    courses.max_by(|(a, _), (b, _)| a.power().total_cmp(&b.power()))
+}
+
+/// The course of a trial by the phase of harmonic `reference` in `band`.
+fn course_by(
+    heard: &Heard,
+    reference: u32,
+    band: Band,
+    signal: &[f64],
+    ranges: &[Range<usize>],
+) -> Option<(Course, f64)> {
     let envelope = heard.spectrum.envelope(band.edges_hz);
     let turns: Vec<f64> = envelope
         .turns(signal.len())
         .into_iter()
         .map(|turns| turns / f64::from(reference))
         .collect();
-    let quarter = turns.len() / 4;
-    let rates = (0..4).map(|part| turns[(part + 1) * quarter - 1] - turns[part * quarter]);
-    let (low, high) = rates.fold((f64::INFINITY, 0.0f64), |(low, high), rate| {
-        (low.min(rate), high.max(rate))
-    });
-    if matches!(carrier, Carrier::Time(_)) && high > (1.0 + HELD_WITHIN) * low {
-        return None;
-    }
     let times: Vec<f64> = (0..turns.len()).map(|n| n as f64).collect();
     let straight = without_straight_line(&times, &turns);
     let last = turns.len() - 1;
@@ -372,6 +387,22 @@ fn course_of(
 }
 
 impl Course {
+    /// Power of the fundamental and its harmonics, as of amplitudes, (m/s²)².
+    fn power(&self) -> f64 {
+        self.amplitudes.iter().map(Complex::norm_sqr).sum()
+    }
+
+    /// Returns whether the frequency is the same in all quarters of the recording.
+    fn holds(&self) -> bool {
+        let quarter = self.place_mm.len() / 4;
+        let ways = self.place_mm.chunks_exact(quarter.max(1)).take(4);
+        let ways = ways.map(|part| part[part.len() - 1] - part[0]);
+        let (low, high) = ways.fold((f64::INFINITY, 0.0f64), |(low, high), way| {
+            (low.min(way), high.max(way))
+        });
+        high < (1.0 + HELD_WITHIN) * low
+    }
+
     /// Logarithm of the probability that noise in the band of `harmonic` has so much of its power in step with the
     /// place; `None` if the trial cannot hold it.
     fn ln_chance(&self, harmonic: u32) -> Option<f64> {
