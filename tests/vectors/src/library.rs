@@ -105,7 +105,7 @@ pub fn specs() -> [TextureSpec; 14] {
 
 /// Digest of the words that the texture of [`digest_library`] plays along the fixed stroke on every platform: host,
 /// emulated processors, emulated board and browser; see [`stylus_kernel::digest`].
-pub const DIGESTED: u32 = 0xf6ad_99d6;
+pub const DIGESTED: u32 = 0x104b_59ee;
 
 /// The bytes of a library of one texture with every part that a texture may have, and an order that is played fast.
 ///
