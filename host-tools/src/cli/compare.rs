@@ -32,8 +32,13 @@ pub struct Arguments {
     /// Other takes of the same trials, as a folder or a list, which are heard instead
     #[arg(long, value_name = "DIR")]
     takes: Option<PathBuf>,
-    /// Pairs of kinds; 'fitted' is a texture with all its parts, 'gaussian' its filter with Gaussian noise
-    #[arg(long, value_enum, value_delimiter = ',', default_values_t = Pair::ALL)]
+    /// Another library, such as one of an earlier version, to compare with too, on other takes
+    #[arg(long, value_name = "LIB", requires = "takes")]
+    before: Option<PathBuf>,
+    /// Pairs of kinds; 'fitted' is a texture with all its parts, 'gaussian' its filter with Gaussian noise, 'before' that
+    /// of --before. Without it recording-fitted,recording-gaussian,gaussian-fitted, and with --before
+    /// recording-fitted,recording-before,before-fitted
+    #[arg(long, value_enum, value_delimiter = ',', hide_possible_values = true)]
     pairs: Vec<Pair>,
     /// Trials per pair, 1 to 200
     #[arg(long, value_name = "N", default_value_t = 12, value_parser = clap::value_parser!(u16).range(1..=200))]
@@ -63,7 +68,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         ));
     };
     let inputs = (arguments.recordings.inputs().iter()).chain([path]);
-    let inputs: Vec<PathBuf> = inputs.chain(&arguments.takes).cloned().collect();
+    let inputs = inputs.chain(&arguments.takes).chain(&arguments.before);
+    let inputs: Vec<PathBuf> = inputs.cloned().collect();
     arguments.overwrite.file(out, &inputs)?;
     let set = arguments.recordings.open()?;
     let bytes = read_library(path)?;
@@ -78,8 +84,29 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         ..evaluate::Options::default()
     };
     let prepared = evaluate::prepare(&set, &library, chosen.judges, record.as_ref(), &evaluate)?;
+    let before = match &arguments.before {
+        Some(path) => Some((path, read_library(path)?)),
+        None => None,
+    };
+    let before = match &before {
+        Some((path, bytes)) => {
+            let library = decode_library(path, bytes)?;
+            // The same takes judge it.
+            let chosen = choose(&set, takes, record.as_ref(), arguments.conditioning)?;
+            let record = FitRecord::beside(path, bytes)?;
+            let prepared =
+                evaluate::prepare(&set, &library, chosen.judges, record.as_ref(), &evaluate)?;
+            Some((library, prepared))
+        }
+        None => None,
+    };
+    let asked = match &arguments.pairs[..] {
+        [] if before.is_some() => &Pair::WITH_BEFORE[..],
+        [] => &Pair::USUAL[..],
+        asked => asked,
+    };
     let mut pairs: Vec<Pair> = Vec::new();
-    for pair in &arguments.pairs {
+    for pair in asked {
         if !pairs.contains(pair) {
             pairs.push(*pair);
         }
@@ -90,7 +117,10 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         excerpt_s: arguments.segment,
         seed: arguments.seed,
     };
-    let plan = plan(&set, &library, &prepared, &evaluate, &options)?;
+    let before = before
+        .as_ref()
+        .map(|(library, prepared)| (library, prepared));
+    let plan = plan(&set, &library, &prepared, before, &evaluate, &options)?;
     let remedy = if takes.is_none() {
         ": what is held out by blocks is fitted without codebooks and tracks, and --takes judges them"
     } else {

@@ -25,6 +25,8 @@ pub enum Kind {
     Gaussian,
     /// The texture with all its parts.
     Fitted,
+    /// The texture of another library.
+    Before,
 }
 
 /// Two kinds that are compared.
@@ -37,6 +39,10 @@ pub enum Pair {
     RecordingGaussian,
     /// Gaussian noise through the filter and the texture as fitted.
     GaussianFitted,
+    /// A recording and the texture of another library.
+    RecordingBefore,
+    /// The textures of another library and of this one.
+    BeforeFitted,
 }
 
 /// Options of a test.
@@ -55,7 +61,7 @@ pub struct Options {
 impl Default for Options {
     fn default() -> Self {
         Self {
-            pairs: Pair::ALL.to_vec(),
+            pairs: Pair::USUAL.to_vec(),
             trials: 12,
             excerpt_s: 1.5,
             seed: 1,
@@ -106,16 +112,24 @@ impl Kind {
             Self::Recording => "recording",
             Self::Gaussian => "gaussian",
             Self::Fitted => "fitted",
+            Self::Before => "before",
         }
     }
 }
 
 impl Pair {
-    /// All pairs.
-    pub const ALL: [Self; 3] = [
+    /// The pairs of one library.
+    pub const USUAL: [Self; 3] = [
         Self::RecordingFitted,
         Self::RecordingGaussian,
         Self::GaussianFitted,
+    ];
+
+    /// The pairs of two libraries.
+    pub const WITH_BEFORE: [Self; 3] = [
+        Self::RecordingFitted,
+        Self::RecordingBefore,
+        Self::BeforeFitted,
     ];
 
     /// Both kinds.
@@ -124,6 +138,8 @@ impl Pair {
             Self::RecordingFitted => [Kind::Recording, Kind::Fitted],
             Self::RecordingGaussian => [Kind::Recording, Kind::Gaussian],
             Self::GaussianFitted => [Kind::Gaussian, Kind::Fitted],
+            Self::RecordingBefore => [Kind::Recording, Kind::Before],
+            Self::BeforeFitted => [Kind::Before, Kind::Fitted],
         }
     }
 
@@ -133,6 +149,8 @@ impl Pair {
             Self::RecordingFitted => "recording-fitted",
             Self::RecordingGaussian => "recording-gaussian",
             Self::GaussianFitted => "gaussian-fitted",
+            Self::RecordingBefore => "recording-before",
+            Self::BeforeFitted => "before-fitted",
         }
     }
 }
@@ -143,6 +161,7 @@ struct Heard {
     recording: Vec<Vec<f64>>,
     gaussian: Vec<Vec<f64>>,
     fitted: Vec<Vec<f64>>,
+    before: Vec<Vec<f64>>,
 }
 
 impl Heard {
@@ -151,6 +170,7 @@ impl Heard {
             Kind::Recording => &self.recording,
             Kind::Gaussian => &self.gaussian,
             Kind::Fitted => &self.fitted,
+            Kind::Before => &self.before,
         }
     }
 
@@ -160,8 +180,8 @@ impl Heard {
     }
 }
 
-/// Plans a test of the trials of `set`, which `evaluation` has prepared. Speeds and forces of a texture take turns, and
-/// so do textures.
+/// Plans a test of the trials of `set`, which `evaluation` has prepared, and with `before` of those of another library
+/// too, with its own evaluation. Speeds and forces of a texture take turns, and so do textures.
 ///
 /// # Errors
 /// No trial, speed or pair to compare; recordings that are not held out; a recording that cannot be used any more.
@@ -169,6 +189,7 @@ pub fn plan(
     set: &RecordingSet,
     library: &Library<'_>,
     evaluation: &Evaluation,
+    before: Option<(&Library<'_>, &Evaluation)>,
     evaluate: &evaluate::Options,
     options: &Options,
 ) -> Result<Plan> {
@@ -185,8 +206,19 @@ pub fn plan(
     order.truncate(options.trials);
     let mut heard = Vec::new();
     for index in order {
-        let read = read(set, library, evaluation, evaluate, options, index)?;
-        heard.extend(read);
+        let Some(mut read) = read(set, library, evaluation, evaluate, options, index)? else {
+            continue;
+        };
+        if let Some((library, evaluation)) = before {
+            let comparison = evaluation.compare(set, library, index, evaluate)?;
+            let samples = read.recording.first().map_or(1, Vec::len);
+            read.before = excerpts(&[&comparison.synthesised], samples);
+            // Two libraries are compared as they are, with other parts than Gaussian noise or without.
+            if read.fitted.is_empty() {
+                read.fitted.clone_from(&read.gaussian);
+            }
+        }
+        heard.push(read);
     }
     let mut trials = Vec::new();
     let mut sounds: Vec<Vec<f64>> = Vec::new();
@@ -280,6 +312,7 @@ fn read(
         recording,
         gaussian,
         fitted,
+        before: Vec::new(),
     }))
 }
 
@@ -382,6 +415,7 @@ mod tests {
             recording: of(0),
             gaussian: of(1),
             fitted: of(2),
+            before: of(3),
         }
     }
 
@@ -390,7 +424,7 @@ mod tests {
         let mut sounds = Vec::new();
         let trials = (0..count)
             .map(|n| {
-                let pair = Pair::ALL[n % 3];
+                let pair = Pair::WITH_BEFORE[n % 3];
                 trial(pair, &heard(), &mut sounds, &mut generator)
             })
             .collect();

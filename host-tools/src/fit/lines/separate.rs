@@ -24,6 +24,9 @@ const ROUGH_LIST: f64 = 2e-2;
 /// Distance of two lines in a spectrum from which least squares tell their amplitudes, cells.
 const TOLD_APART_CELLS: f64 = 1.5;
 
+/// Power that lines whose place wanders must have over that of narrow ones, to be taken in their place.
+const WANDERING_OVER_NARROW: f64 = 1.1;
+
 /// Times that the course of a trial's place is corrected at most.
 const FOLLOWED_TIMES: usize = 3;
 
@@ -49,8 +52,9 @@ pub fn separate(
     lines: Lines,
 ) -> Vec<TrialLines> {
     let count = signals.len();
-    let nothing = |reason| {
+    let nothing = |time_locked_hz, reason| {
         let findings = Arc::new(Findings {
+            time_locked_hz,
             none_because: Some(reason),
             ..Findings::default()
         });
@@ -61,7 +65,7 @@ pub fn separate(
         vec![share; count]
     };
     if lines == Lines::None {
-        return nothing(NoLines::NotAskedFor);
+        return nothing(Vec::new(), NoLines::NotAskedFor);
     }
     let used = speeds_mm_s
         .iter()
@@ -77,7 +81,7 @@ pub fn separate(
     let ranges = fitted.unwrap_or(&whole);
     if fastest < LEAST_SPEED_RATIO * slowest {
         return wandering(speeds_mm_s, signals, ranges, true, Vec::new())
-            .unwrap_or_else(|_| nothing(NoLines::OneSpeed));
+            .unwrap_or_else(|_| nothing(Vec::new(), NoLines::OneSpeed));
     }
     // Wider windows for a line's place are taken if more speeds show it there.
     let speeds = |known: &[Known]| known.iter().map(|line| line.found.speeds.0).max();
@@ -90,22 +94,52 @@ pub fn separate(
     } else {
         exact
     };
-    if !known.is_empty() {
-        return removed(speeds_mm_s, signals, ranges, &known, time_locked_hz);
+    let mut rest = signals.to_vec();
+    let wandering = wandering(
+        speeds_mm_s,
+        &mut rest,
+        ranges,
+        false,
+        time_locked_hz.clone(),
+    );
+    if known.is_empty() {
+        return match wandering {
+            Ok(shares) => {
+                signals.clone_from_slice(&rest);
+                shares
+            }
+            Err(time_locked_hz) => nothing(time_locked_hz, NoLines::NothingStandsOut),
+        };
     }
-    wandering(speeds_mm_s, signals, ranges, false, time_locked_hz).unwrap_or_else(
-        |time_locked_hz| {
-            let findings = Arc::new(Findings {
-                time_locked_hz,
-                none_because: Some(NoLines::NothingStandsOut),
-                ..Findings::default()
-            });
-            let mut none = nothing(NoLines::NothingStandsOut);
-            none.iter_mut()
-                .for_each(|share| share.findings = Arc::clone(&findings));
-            none
-        },
-    )
+    let mut without_narrow = signals.to_vec();
+    let narrow = removed(
+        speeds_mm_s,
+        &mut without_narrow,
+        ranges,
+        &known,
+        time_locked_hz,
+    );
+    // A narrow line holds but a part of one that wanders.
+    let wandering = wandering.ok();
+    match wandering.filter(|shares| power(shares) > WANDERING_OVER_NARROW * power(&narrow)) {
+        Some(shares) => {
+            signals.clone_from_slice(&rest);
+            shares
+        }
+        None => {
+            signals.clone_from_slice(&without_narrow);
+            narrow
+        }
+    }
+}
+
+/// Power of all lines in all trials, as of amplitudes, (m/s²)².
+fn power(shares: &[TrialLines]) -> f64 {
+    let amplitudes = shares.iter().flat_map(|share| &share.amplitudes_m_s2);
+    amplitudes
+        .flatten()
+        .map(|amplitude| amplitude * amplitude)
+        .sum()
 }
 
 /// Finds lines whose place wanders and removes them from `signals`. Returns each trial's share, or, if there are none,

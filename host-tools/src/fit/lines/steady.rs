@@ -146,8 +146,8 @@ impl WholeSpectrum {
         let powers = || self.bins[low..=high].iter().map(Complex::norm_sqr);
         let (sum, squares) = powers().fold((0.0, 0.0), |(a, b), p| (a + p, b + p * p));
         // The equivalent number of independent intensities, bandwidth times duration; a periodogram's values have twice
-        // the mean square of their expectation.
-        let count = (2.0 * sum * sum / squares.max(f64::MIN_POSITIVE)).max(2.0);
+        // the mean square of their expectation. One less, because few values tell too many.
+        let count = (2.0 * sum * sum / squares.max(f64::MIN_POSITIVE) - 1.0).max(1.0);
         let envelope = self.envelope_of([low, high]);
         let intensities = || envelope.middle().map(|(_, value)| value.norm_sqr());
         let number = intensities().count() as f64;

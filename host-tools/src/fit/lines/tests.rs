@@ -421,3 +421,47 @@ fn lines_without_noise_are_removed_to_nothing() {
         assert!(rms(signal) < 0.01, "{}", rms(signal));
     }
 }
+
+#[test]
+#[ignore]
+fn scratch_false_alarms_and_power() {
+    use rayon::prelude::*;
+    for band_mm in [Some(2.0), None, Some(0.5)] {
+        let count = (1000..2000u64)
+            .into_par_iter()
+            .filter(|&seed| {
+                let (_, mut signals) = surfaces(seed, &SPEEDS_MM_S, band_mm);
+                !found(&SPEEDS_MM_S, &mut signals).0.lines.is_empty()
+            })
+            .count();
+        eprintln!("FALSE {band_mm:?}: {count} of 334");
+    }
+    let one = (5000..6000u64)
+        .into_par_iter()
+        .filter(|&seed| {
+            let (_, mut signals) = surfaces(seed, &[100.0, 100.0], Some(0.9));
+            !found(&[100.0, 100.0], &mut signals).0.lines.is_empty()
+        })
+        .count();
+    eprintln!("FALSE one speed: {one} of 1000");
+    for db in [0.0f64, -5.0] {
+        for rms_rad in [0.5, 1.0, 1.5, 3.0] {
+            for length_mm in [1.5, 3.0, 6.0] {
+                let hits: Vec<bool> = (0..20u64)
+                    .into_par_iter()
+                    .map(|seed| {
+                        let (mut generator, mut signals) = surfaces(seed + 100, &SPEEDS_MM_S, None);
+                        let amplitude = rms(&signals[0]) * (2.0 * 10f64.powf(db / 10.0)).sqrt();
+                        add_weave(&mut generator, &mut signals, amplitude, rms_rad, length_mm);
+                        let f = found(&SPEEDS_MM_S, &mut signals).0;
+                        f.lines
+                            .iter()
+                            .any(|l| (l.wavelength_mm / 0.7 - 1.0).abs() < 0.02)
+                    })
+                    .collect();
+                let n = hits.iter().filter(|h| **h).count();
+                eprintln!("POWER {db} dB rms {rms_rad} length {length_mm}: {n} of 20");
+            }
+        }
+    }
+}

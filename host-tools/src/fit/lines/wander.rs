@@ -15,7 +15,7 @@ use super::track::{amplitudes, without_straight_line};
 const LN_HYPOTHESIS_CHANCE: f64 = -9.0;
 
 /// Logarithm of the chance below which a speed shows a line, corrected for its trials and bands.
-const LN_SHOWN_CHANCE: f64 = -6.9;
+const LN_SHOWN_CHANCE: f64 = -4.6;
 
 /// Logarithm of the chance below which a trial's band is followed, once its texture has the line.
 const LN_FOLLOWED_CHANCE: f64 = -4.6;
