@@ -67,7 +67,7 @@ fn found(speeds: &[f64], signals: &mut [Vec<f64>]) -> (Findings, Vec<TrialLines>
     (shares[0].findings.as_ref().clone(), shares)
 }
 
-/// Of 300 surfaces of each kind, none had a line; the level is 1e-3.
+/// Of 1000 surfaces of each kind, 0, 0 and 2 had a line; the level is 1e-3.
 #[test]
 fn surfaces_without_a_period_have_no_lines_even_if_bands_of_noise_move_with_the_speed() {
     for band_mm in [None, Some(0.5), Some(2.0)] {
@@ -182,7 +182,8 @@ fn add_weave(
     }
 }
 
-/// Of lines 5 to 60 Hz wide, in noise of which a third-octave band has a tenth of the line's power.
+/// Of 20 surfaces with a line of the noise's power all were found at 1.5 rad over 1.5 to 6 mm, and 5 dB below it 10, 20
+/// and 20 over 1.5, 3 and 6 mm; at 3 rad over 1.5 mm the line is as wide as its frequency, and 1 was found.
 #[test]
 fn a_weave_of_uneven_threads_is_found_with_its_wander_its_harmonic_and_its_amplitude() {
     for (seed, rms_rad, length_mm) in [(1, 1.5, 3.0), (2, 1.5, 6.0), (3, 2.5, 8.0), (4, 0.8, 2.0)] {
@@ -419,49 +420,5 @@ fn lines_without_noise_are_removed_to_nothing() {
     assert_eq!(findings.lines.len(), 1, "{findings}");
     for signal in &signals {
         assert!(rms(signal) < 0.01, "{}", rms(signal));
-    }
-}
-
-#[test]
-#[ignore]
-fn scratch_false_alarms_and_power() {
-    use rayon::prelude::*;
-    for band_mm in [Some(2.0), None, Some(0.5)] {
-        let count = (1000..2000u64)
-            .into_par_iter()
-            .filter(|&seed| {
-                let (_, mut signals) = surfaces(seed, &SPEEDS_MM_S, band_mm);
-                !found(&SPEEDS_MM_S, &mut signals).0.lines.is_empty()
-            })
-            .count();
-        eprintln!("FALSE {band_mm:?}: {count} of 334");
-    }
-    let one = (5000..6000u64)
-        .into_par_iter()
-        .filter(|&seed| {
-            let (_, mut signals) = surfaces(seed, &[100.0, 100.0], Some(0.9));
-            !found(&[100.0, 100.0], &mut signals).0.lines.is_empty()
-        })
-        .count();
-    eprintln!("FALSE one speed: {one} of 1000");
-    for db in [0.0f64, -5.0] {
-        for rms_rad in [0.5, 1.0, 1.5, 3.0] {
-            for length_mm in [1.5, 3.0, 6.0] {
-                let hits: Vec<bool> = (0..20u64)
-                    .into_par_iter()
-                    .map(|seed| {
-                        let (mut generator, mut signals) = surfaces(seed + 100, &SPEEDS_MM_S, None);
-                        let amplitude = rms(&signals[0]) * (2.0 * 10f64.powf(db / 10.0)).sqrt();
-                        add_weave(&mut generator, &mut signals, amplitude, rms_rad, length_mm);
-                        let f = found(&SPEEDS_MM_S, &mut signals).0;
-                        f.lines
-                            .iter()
-                            .any(|l| (l.wavelength_mm / 0.7 - 1.0).abs() < 0.02)
-                    })
-                    .collect();
-                let n = hits.iter().filter(|h| **h).count();
-                eprintln!("POWER {db} dB rms {rms_rad} length {length_mm}: {n} of 20");
-            }
-        }
     }
 }
