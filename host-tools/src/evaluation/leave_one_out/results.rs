@@ -160,6 +160,7 @@ pub struct LeaveOneOut {
     pub rows: Vec<Row>,
     /// Area under the curve of a classifier of windows for each row of a benchmark, over what could be played; 0.5
     /// if it does not tell them from the recordings. None where less than two seconds are long enough.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub areas: Vec<Option<f64>>,
     /// Every removed node, in the order of the set.
     pub removed: Vec<Removed>,

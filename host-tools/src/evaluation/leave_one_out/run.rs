@@ -38,7 +38,8 @@ impl Prepared<'_> {
             let outcomes = removed.iter().map(move |node| &node.outcomes[row]);
             outcomes.filter_map(|outcome| outcome.judged.windows.as_ref())
         };
-        let areas = (0..rows.len()).into_par_iter();
+        let judged = options.left_out.map_or(0, |_| rows.len());
+        let areas = (0..judged).into_par_iter();
         let areas = areas.map(|row| classifier::area(windows(row))).collect();
         Ok(LeaveOneOut {
             smoothing: format!("Hann kernel, {} Hz wide", options.smoothing_hz),
