@@ -164,6 +164,10 @@ fn another_programs_sounds_are_judged_beside_the_paper_the_device_and_the_neares
     };
     let mae = |name: &str| mean(name, "log_power_mae");
     assert!(mae("perfect") < 1e-6 && mean("perfect", "fit_coefficient") > 1.0 - 1e-6);
+    let areas = test["areas"].as_array().unwrap();
+    let area = |from_last: usize| areas[areas.len() - 1 - from_last].as_f64().unwrap();
+    near(area(1), 0.5, 1e-9);
+    assert!(area(0) > 0.9 && area(2) > 0.5, "{said}");
     assert!(
         mae("nearest") > 0.05 && mae("bad") > mae("nearest"),
         "{said}"

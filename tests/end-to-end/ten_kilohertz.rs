@@ -1,5 +1,6 @@
-//! Libraries at 10 kHz: fitted to recordings of that rate, checked and rendered.
+//! Libraries at 10 kHz: fitted to recordings of that rate or made of published models, checked and rendered.
 
+use crate::hatt;
 use crate::support::{
     Bench, all_pole, decibels, holds, json, noise, power_between, predictor, wav,
 };
@@ -68,6 +69,32 @@ fn a_process_recorded_at_ten_kilohertz_comes_back_with_what_is_above_the_half_of
     assert!(error.abs() < 0.5, "{error} dB about 3300 Hz");
     let refused = bench.refuse("evaluate set --library fast.lib");
     holds(&refused, &["10000 Hz"]);
+}
+
+/// The closed form of the fixture holds the whole way, from the file to the samples.
+#[test]
+fn published_models_of_ten_kilohertz_are_played_at_that_rate_as_the_file_defines_them() {
+    let bench = Bench::new();
+    let fast = hatt::whole().replace("<SampleRate>1000", "<SampleRate>10000");
+    bench.write("fast.xml", fast);
+    bench.write("slow.xml", hatt::whole());
+    bench.succeed("import-hatt fast.xml --out fast.lib --model-rate 10000");
+    bench.succeed(
+        "render fast.lib --texture fast --speed 140 --force 1.3 --seconds 40 --out fast.wav",
+    );
+    let played = samples(&bench, "fast.wav", FAST_HZ).split_off(FAST_HZ as usize);
+    for bins in [2..=3, 8..=11, 36..=44, 90..=112, 180..=223, 356..=446] {
+        let density = |bin: u32| 0.1 * hatt::density(&[(5, 1.0)], f64::from(bin));
+        let expected: f64 = bins.clone().map(|bin| 10.0 * density(bin)).sum();
+        let error = decibels(power_by_sums(&played, bins.clone()) / expected);
+        assert!(error.abs() < 1.0, "{bins:?} x 10 Hz: {error} dB");
+    }
+    let refused = |file: &str, rate: u32| {
+        let arguments = format!("import-hatt {file} --out x.lib --model-rate {rate}");
+        bench.refuse(&arguments)
+    };
+    holds(&refused("slow.xml", 10_000), &["slow.xml", "1000 Hz"]);
+    holds(&refused("fast.xml", 8_000), &["8000 Hz"]);
 }
 
 /// A folder with a recording of 5 s at `rate_hz`.

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use host_tools::fit::hatt::convert::far_nodes;
 use host_tools::fit::hatt::import::{ImportReport, Options, files, import, plan, read_all};
+use model_format::SAMPLE_RATE_HZ;
 use pyo3::prelude::*;
 
 use crate::convert::plain;
@@ -54,26 +55,34 @@ pub enum Paths {
 
 /// Converts HaTT's model files, or folders of them, as `stylus import-hatt` does.
 ///
-/// `speeds` and `forces` are the most of a grid, as many as the slot has room for if None. `progress(done, total)`
+/// `speeds` and `forces` are the most of a grid, as many as the slot has room for if None; `model_rate_hz` is 5000 or
+/// 10000. `progress(done, total)`
 /// counts files.
 #[pyfunction]
-#[pyo3(signature = (paths, *, speeds = None, forces = None, progress = None))]
+#[pyo3(signature = (
+    paths, *, speeds = None, forces = None, model_rate_hz = SAMPLE_RATE_HZ, progress = None
+), text_signature = "(paths, *, speeds=None, forces=None, model_rate_hz=5000, progress=None)")]
 pub fn import_hatt(
     py: Python<'_>,
     paths: Paths,
     speeds: Option<usize>,
     forces: Option<usize>,
+    model_rate_hz: u32,
     progress: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<HattImport> {
     let paths = match paths {
         Paths::One(path) => vec![path],
         Paths::Several(paths) => paths,
     };
-    let options = Options { speeds, forces };
+    let options = Options {
+        speeds,
+        forces,
+        sample_rate_hz: model_rate_hz,
+    };
     let files = files(&paths).map_err(raised)?;
     let total = files.len() as u64;
     let (bytes, warnings, reports) = work::run(py, total, progress, move |steps| {
-        let sources = read_all(&files)?;
+        let sources = read_all(&files, &options)?;
         let plan = plan(&sources, &options)?;
         let mut warnings: Vec<String> = Vec::new();
         for source in &sources {

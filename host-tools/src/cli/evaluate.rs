@@ -152,7 +152,8 @@ fn benchmark(
         "{} trials, each predicted from those of the next lower and higher value; models of order {}\n\n{}\n\n\
          log-power MAE: mean |difference of log10 of the power densities|; GFC: correlation of the amplitude spectra; \
          both in segments of 0.2 s, 20 to 1000 Hz; |band|: mean error of third octaves; LSD: 30 to 1000 Hz; C: \
-         equation (6); not playable: unstable or too loud, C = 100 %, and left out of the other means{}",
+         equation (6); area: of a classifier of windows of 250 ms, 0.5 if it does not tell them apart; not playable: \
+         unstable or too loud, C = 100 %, and left out of the other means{}",
         test.removed.len(),
         test.order,
         shown(&test.benchmark_table(), 1),

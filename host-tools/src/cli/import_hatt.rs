@@ -32,7 +32,7 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> Result<()> {
     let paths = files(&arguments.paths)?;
     arguments.overwrite.file(&arguments.out, &paths)?;
-    let sources = read_all(&paths)?;
+    let sources = read_all(&paths, &arguments.options)?;
     let plan = plan(&sources, &arguments.options)?;
     for source in &sources {
         for warning in &source.toolkit.warnings {

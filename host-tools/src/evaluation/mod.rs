@@ -2,6 +2,7 @@
 //!
 //! Invariant: results are data. Nothing here draws, prints or writes a file.
 
+pub mod classifier;
 pub mod evaluate;
 pub mod frontier;
 pub mod held_out;

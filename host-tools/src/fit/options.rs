@@ -129,6 +129,19 @@ pub struct Options {
     pub sample_rate_hz: u32,
 }
 
+/// The rate of `rate_hz` samples per second.
+///
+/// # Errors
+/// A rate that no stylus plays.
+pub(super) fn play_rate(rate_hz: u32) -> Result<PlayRate> {
+    PlayRate::of(rate_hz).ok_or_else(|| {
+        let rates = PlayRate::ALL.map(|rate| rate.hz().to_string()).join(" or ");
+        Error::Request(format!(
+            "a sample rate of {rate_hz} Hz: a stylus plays {rates}"
+        ))
+    })
+}
+
 impl Options {
     /// Checks that what they ask for is fitted at their rate.
     ///
@@ -139,12 +152,7 @@ impl Options {
         if rate_hz == SAMPLE_RATE_HZ {
             return Ok(());
         }
-        if PlayRate::of(rate_hz).is_none() {
-            let rates = PlayRate::ALL.map(|rate| rate.hz().to_string()).join(" or ");
-            return Err(Error::Request(format!(
-                "a sample rate of {rate_hz} Hz: a stylus plays {rates}"
-            )));
-        }
+        play_rate(rate_hz)?;
         let asked = [
             (
                 "--excitation residual",

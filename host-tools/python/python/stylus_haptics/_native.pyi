@@ -329,6 +329,7 @@ def import_hatt(
     *,
     speeds: int | None = None,
     forces: int | None = None,
+    model_rate_hz: int = 5000,
     progress: _Progress | None = None,
 ) -> HattImport: ...
 

@@ -90,14 +90,14 @@ impl LogSpectrum {
     pub fn band_errors_db(&self, other: &Self) -> [Option<f64>; BAND_COUNT] {
         std::array::from_fn(|band| {
             let (low, high) = band_edges_hz(band);
+            let (low, high) = (low / STEP_HZ, high / STEP_HZ);
             let ratio = other.power_between(low, high) / self.power_between(low, high);
             Some(10.0 * ratio.log10()).filter(|level| level.is_finite())
         })
     }
 
-    /// Returns the power between two frequencies on one side of the spectrum, with fractional bins at both ends.
-    fn power_between(&self, low_hz: f64, high_hz: f64) -> f64 {
-        let (low, high) = (low_hz / STEP_HZ, high_hz / STEP_HZ);
+    /// Returns what is proportional to the power between two fractional bins of [`BINS`].
+    pub(crate) fn power_between(&self, low: f64, high: f64) -> f64 {
         let first = low.round().max(0.0) as usize;
         let last = (high.round() as usize).min(BINS - 1);
         (first..=last)

@@ -9,6 +9,7 @@ use crate::support::error::{Error, Result};
 use crate::dsp::model::Model;
 use crate::dsp::spectrum;
 use crate::dsp::spectrum::{BAND_COUNT, agreement};
+use crate::evaluation::classifier::Windows;
 use crate::evaluation::evaluate::WARM_UP_S;
 use crate::evaluation::perception::ScoringRange;
 use crate::playing::motion::MotionPath;
@@ -33,6 +34,9 @@ pub struct Judged {
     pub log_power_mae: Option<f64>,
     /// Goodness-of-fit coefficient of the amplitudes.
     pub fit_coefficient: Option<f64>,
+    /// Windows of both for the classifier, which judges all places together.
+    #[serde(skip)]
+    pub(super) windows: Option<Windows>,
 }
 
 impl Judged {
@@ -44,6 +48,7 @@ impl Judged {
             log_spectral_distance_db: None,
             log_power_mae: None,
             fit_coefficient: None,
+            windows: None,
         }
     }
 }
@@ -99,7 +104,7 @@ pub(super) fn judge(
     recorded: &[f64],
     synthesised: &[f64],
     range: &ScoringRange,
-    smoothing_hz: f64,
+    options: &Options,
 ) -> Option<Judged> {
     let rate_hz = f64::from(SAMPLE_RATE_HZ);
     let of_blocks =
@@ -112,12 +117,14 @@ pub(super) fn judge(
             &[recorded],
             &[synthesised],
             rate_hz,
-            smoothing_hz,
+            options.smoothing_hz,
             range.cost_hz,
         )?,
         band_errors_db: spectrum::band_errors_within_db(&a, &b, range.band_edges_hz()),
         log_spectral_distance_db: spectrum::distance_of_spectra_db(&a, &b, low_hz, high_hz),
         log_power_mae: agreement.map(|found| found.log_power_mae),
         fit_coefficient: agreement.map(|found| found.fit_coefficient),
+        windows: (options.left_out)
+            .and_then(|_| Windows::of(recorded, synthesised, rate_hz, range.band_edges_hz().1)),
     })
 }

@@ -158,6 +158,10 @@ pub struct LeaveOneOut {
     pub left_out: Option<Direction>,
     /// Ways of predicting a node.
     pub rows: Vec<Row>,
+    /// Area under the curve of a classifier of windows for each row of a benchmark, over what could be played; 0.5
+    /// if it does not tell them from the recordings. None where less than two seconds are long enough.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub areas: Vec<Option<f64>>,
     /// Every removed node, in the order of the set.
     pub removed: Vec<Removed>,
 }
@@ -222,7 +226,7 @@ impl LeaveOneOut {
 
     /// The benchmark: a row per method, over all nodes that were left out.
     pub fn benchmark_table(&self) -> Table {
-        let rows = self.rows.iter().filter_map(|row| {
+        let rows = self.rows.iter().zip(&self.areas).filter_map(|(row, area)| {
             let all = summarise(self, row, None)?;
             Some(vec![
                 row.name(),
@@ -232,6 +236,7 @@ impl LeaveOneOut {
                 format!("{:.1}", 100.0 * all.bands_within_jnd),
                 format!("{:.2}", all.mean_log_spectral_distance_db),
                 format!("{:.1}", 100.0 * all.mean_cost),
+                area.map_or("-".to_owned(), |area| format!("{area:.2}")),
                 all.unplayable.to_string(),
             ])
         });
@@ -246,6 +251,7 @@ impl LeaveOneOut {
                 &within,
                 "LSD, dB",
                 "C, %",
+                "area",
                 "not playable",
             ],
             rows,
@@ -404,6 +410,7 @@ mod tests {
             simulated,
             left_out: None,
             rows: Vec::new(),
+            areas: Vec::new(),
             removed: textures.iter().map(removed).collect(),
         }
     }

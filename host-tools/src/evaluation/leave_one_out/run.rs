@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use crate::dsp::linear_prediction::error_share;
 use crate::dsp::model::Model;
+use crate::evaluation::classifier;
 use crate::fit::Order;
 use crate::support::error::Result;
 use crate::texture::domain::{Domain, Level, Method, Neighbour};
@@ -32,7 +33,14 @@ impl Prepared<'_> {
             progress();
             outcome
         });
-        let removed = removed.collect::<Result<_>>()?;
+        let removed: Vec<Removed> = removed.collect::<Result<_>>()?;
+        let windows = |row: usize| {
+            let outcomes = removed.iter().map(move |node| &node.outcomes[row]);
+            outcomes.filter_map(|outcome| outcome.judged.windows.as_ref())
+        };
+        let judged = options.left_out.map_or(0, |_| rows.len());
+        let areas = (0..judged).into_par_iter();
+        let areas = areas.map(|row| classifier::area(windows(row))).collect();
         Ok(LeaveOneOut {
             smoothing: format!("Hann kernel, {} Hz wide", options.smoothing_hz),
             order: match options.order {
@@ -43,6 +51,7 @@ impl Prepared<'_> {
             left_out: options.left_out,
             simulated: self.simulated,
             rows: rows.to_vec(),
+            areas,
             removed,
         })
     }
@@ -154,9 +163,10 @@ impl<'p, 's> Removal<'p, 's> {
         if matches!(row, Row::Nearest | Row::Given(_)) {
             let recorded = &self.prepared.signals[self.target.trial];
             let range = self.prepared.ranges[self.target.trial].as_ref();
-            let judged = self.played(row)?.zip(range).and_then(|(played, range)| {
-                play::judge(recorded, &played, range, self.options.smoothing_hz)
-            });
+            let judged = self
+                .played(row)?
+                .zip(range)
+                .and_then(|(played, range)| play::judge(recorded, &played, range, self.options));
             return Ok(Outcome {
                 is_playable: judged.is_some(),
                 order: 0,
@@ -170,7 +180,7 @@ impl<'p, 's> Removal<'p, 's> {
         let judged = voice.and_then(|(voice, power)| {
             let synthesised = voice.at_power(power)?;
             let range = self.prepared.ranges[self.target.trial].as_ref()?;
-            play::judge(recorded, &synthesised, range, self.options.smoothing_hz)
+            play::judge(recorded, &synthesised, range, self.options)
         });
         let own = self.texture().model(self.target.place);
         let excitation_error = voice.filter(|_| judged.is_some()).map(|(voice, power)| {

@@ -6,20 +6,23 @@
 //! enough. The cost is the error against the file's definition at the models' own places, and with less
 //! weight in the middle of every triangle.
 
-use model_format::{SAMPLE_RATE_HZ, limits};
+use model_format::limits;
 use rayon::prelude::*;
 
 use super::between::{self, density};
 use super::toolkit::Toolkit;
 use crate::dsp::linear_prediction::error_share;
 use crate::dsp::model::Model;
-use crate::dsp::spectrum::{BAND_COUNT, band_edges_hz};
+use crate::dsp::spectrum::band_edges_hz;
 
 /// Weight of a triangle's middle relative to that of a model's own place.
 const MIDDLE_WEIGHT: f64 = 0.3;
 
 /// Errors beyond this one, dB, count as it: a place that is lost is not worth more than several that are kept.
 const MOST_DB: f64 = 6.0;
+
+/// Most third octaves of a file: from 20 Hz to 4 kHz.
+pub(super) const MOST_BANDS: usize = 24;
 
 /// Frequencies per third octave at which the cost is computed.
 const PER_BAND: usize = 5;
@@ -108,12 +111,14 @@ struct Probe {
 struct Spot {
     place: (f64, f64),
     /// Levels of the bands and of all frequencies together, dB.
-    wanted_db: [f64; BAND_COUNT + 1],
+    wanted_db: [f64; MOST_BANDS + 1],
     weight: f64,
 }
 
 struct Search<'a> {
     candidates: &'a Candidates,
+    /// Samples per second that are played.
+    rate_hz: f64,
     /// Models of the grid of all candidates, as angles θ with the power.
     thetas: Vec<(Vec<f64>, f64)>,
     models: Vec<Model>,
@@ -142,9 +147,10 @@ impl<'a> Search<'a> {
             })
             .collect();
         let angles = |model: &Model| model.reflection.iter().map(|k| k.asin()).collect();
-        let probes = probes(toolkit.highest_hz());
+        let probes = probes(toolkit);
         let mut search = Self {
             candidates,
+            rate_hz: toolkit.play_rate_hz(),
             thetas: models
                 .iter()
                 .map(|model| (angles(model), model.output_power))
@@ -280,15 +286,15 @@ impl<'a> Search<'a> {
                 .clamp(-MOST_DB, MOST_DB)
                 .powi(2)
         };
-        let bands: Vec<usize> = (0..BAND_COUNT)
+        let bands: Vec<usize> = (0..MOST_BANDS)
             .filter(|&band| spot.wanted_db[band].is_finite())
             .collect();
         let mean = bands.iter().map(|&band| square(band)).sum::<f64>() / bands.len().max(1) as f64;
-        spot.weight * (mean + square(BAND_COUNT))
+        spot.weight * (mean + square(MOST_BANDS))
     }
 
     /// Levels that a grid plays, by the device's rule: means of θ and of power, and power in proportion below the grid.
-    fn played_db(&self, place: (f64, f64), left: &[Vec<usize>; 2]) -> [f64; BAND_COUNT + 1] {
+    fn played_db(&self, place: (f64, f64), left: &[Vec<usize>; 2]) -> [f64; MOST_BANDS + 1] {
         let (speeds, forces) = (
             self.position(0, &left[0], place.0),
             self.position(1, &left[1], place.1),
@@ -310,11 +316,8 @@ impl<'a> Search<'a> {
             }
         }
         let reflection: Vec<f64> = thetas.into_iter().map(f64::sin).collect();
-        let scale = 2.0 / f64::from(SAMPLE_RATE_HZ)
-            * power
-            * speeds.fade
-            * forces.fade
-            * error_share(&reflection);
+        let scale =
+            2.0 / self.rate_hz * power * speeds.fade * forces.fade * error_share(&reflection);
         levels_db(&self.probes, |probe| {
             scale / probe.inverse_gain(&reflection)
         })
@@ -363,10 +366,11 @@ struct Position {
     fade: f64,
 }
 
-fn probes(highest_hz: f64) -> Vec<Probe> {
+fn probes(toolkit: &Toolkit) -> Vec<Probe> {
+    let (highest_hz, rate_hz) = (toolkit.highest_hz(), toolkit.play_rate_hz());
     let probe = |low: f64, high: f64, band| {
         let frequency_hz = 0.5 * (low + high);
-        let omega = std::f64::consts::TAU * frequency_hz / f64::from(SAMPLE_RATE_HZ);
+        let omega = std::f64::consts::TAU * frequency_hz / rate_hz;
         Probe {
             frequency_hz,
             width_hz: high - low,
@@ -379,9 +383,7 @@ fn probes(highest_hz: f64) -> Vec<Probe> {
         let step = (high - low) / PER_BAND as f64;
         (0..PER_BAND).map(move |i| probe(low + step * i as f64, low + step * (i + 1) as f64, band))
     };
-    let own: Vec<usize> = (0..BAND_COUNT)
-        .filter(|&band| band_edges_hz(band).1 <= highest_hz)
-        .collect();
+    let own: Vec<usize> = toolkit.bands().collect();
     let last = own.last().map_or(0.0, |&band| band_edges_hz(band).1);
     let lowest = own.first().map_or(0.0, |&band| band_edges_hz(band).0);
     let bands = own.iter().flat_map(|&band| {
@@ -419,11 +421,11 @@ fn spots(toolkit: &Toolkit, probes: &[Probe]) -> Vec<Spot> {
         .collect()
 }
 
-fn levels_db(probes: &[Probe], mut density: impl FnMut(&Probe) -> f64) -> [f64; BAND_COUNT + 1] {
-    let mut powers = [0.0; BAND_COUNT + 1];
+fn levels_db(probes: &[Probe], mut density: impl FnMut(&Probe) -> f64) -> [f64; MOST_BANDS + 1] {
+    let mut powers = [0.0; MOST_BANDS + 1];
     for probe in probes {
         let power = density(probe) * probe.width_hz;
-        powers[BAND_COUNT] += power;
+        powers[MOST_BANDS] += power;
         if let Some(band) = probe.band {
             powers[band] += power;
         }

@@ -1,12 +1,12 @@
 //! Spectra between the models of a file, as their makers interpolate them.
 
-use model_format::{NodeFlags, SAMPLE_RATE_HZ};
+use model_format::NodeFlags;
 
 use super::toolkit::{ArmaModel, Timbre, Toolkit};
 use crate::dsp::line_spectral_frequencies as line_spectrum;
-use crate::dsp::log_spectrum::{BINS, LogSpectrum, STEP_HZ};
+use crate::dsp::log_spectrum::{BINS, LogSpectrum};
 use crate::dsp::model::Model;
-use crate::dsp::spectrum::{BAND_COUNT, band_edges_hz};
+use crate::dsp::spectrum::band_edges_hz;
 
 /// Slope of the spectrum where the models say nothing.
 pub const ROLL_OFF_DB_PER_OCTAVE: f64 = 48.0;
@@ -33,7 +33,7 @@ pub(super) fn at(toolkit: &Toolkit, place: (f64, f64)) -> Between {
         .map(|&(index, weight)| (&toolkit.models[index], weight))
         .collect();
     Between {
-        shape: shape(toolkit.sample_rate_hz, &models),
+        shape: shape(toolkit, &models),
         variance: models
             .iter()
             .map(|(model, weight)| model.variance * weight)
@@ -58,11 +58,11 @@ pub(super) fn density(
     let shape = between
         .shape
         .filter(|_| !between.is_extrapolated && !is_silent)?;
-    let scale = 2.0 / f64::from(SAMPLE_RATE_HZ) * between.variance;
+    let scale = 2.0 / toolkit.play_rate_hz() * between.variance;
     let frequencies = frequencies_hz.iter();
     Some(
         frequencies
-            .map(|hz| scale * shape.at(hz / STEP_HZ).exp())
+            .map(|hz| scale * shape.at(hz / toolkit.step_hz()).exp())
             .collect(),
     )
 }
@@ -139,7 +139,7 @@ fn nearest_on_edge(p: (f64, f64), a: (f64, f64), b: (f64, f64)) -> (f64, f64) {
     )
 }
 
-fn shape(rate_hz: f64, models: &[(&ArmaModel, f64)]) -> Option<LogSpectrum> {
+fn shape(toolkit: &Toolkit, models: &[(&ArmaModel, f64)]) -> Option<LogSpectrum> {
     let shaped: Vec<(&Timbre, f64)> = models
         .iter()
         .filter(|(_, weight)| *weight > 0.0)
@@ -161,34 +161,35 @@ fn shape(rate_hz: f64, models: &[(&ArmaModel, f64)]) -> Option<LogSpectrum> {
         .map(|(timbre, weight)| timbre.gain * weight)
         .sum::<f64>()
         / total;
-    Some(at_stylus_rate(rate_hz, &poles, &zeros, gain)).filter(|_| gain > 0.0)
+    Some(at_play_rate(toolkit, &poles, &zeros, gain)).filter(|_| gain > 0.0)
 }
 
-/// The density at `rate_hz` of unit excitation, at the stylus's rate and in its scale: a larger one per sample at a
-/// higher rate.
-fn at_stylus_rate(rate_hz: f64, poles: &[f64], zeros: &[f64], gain: f64) -> LogSpectrum {
+/// The density of unit excitation at the file's rate, at that which is played and in its scale: a larger one per sample
+/// at a higher rate.
+fn at_play_rate(toolkit: &Toolkit, poles: &[f64], zeros: &[f64], gain: f64) -> LogSpectrum {
     // A zero on the circle itself is a floor 200 dB down.
     const FLOOR: f64 = 1e-20;
-    let own_bins = (0.5 * rate_hz / STEP_HZ).ceil() as usize * 2 + 1;
+    let (rate_hz, step_hz) = (toolkit.sample_rate_hz, toolkit.step_hz());
+    let own_bins = (0.5 * rate_hz / step_hz).ceil() as usize * 2 + 1;
     let (poles, zeros) = (
         line_spectrum::log_spectrum(poles, own_bins),
         line_spectrum::log_spectrum(zeros, own_bins),
     );
     let nyquist_hz = 0.5 * rate_hz;
-    let level = (gain * gain * f64::from(SAMPLE_RATE_HZ) / rate_hz).ln();
+    let level = (gain * gain * toolkit.play_rate_hz() / rate_hz).ln();
     let value = |frequency_hz: f64| {
         let bin = (frequency_hz / nyquist_hz).min(1.0) * (own_bins - 1) as f64;
         poles.at(bin) + (-zeros.at(bin)).max(FLOOR.ln()) + level
     };
-    let last = (nyquist_hz / STEP_HZ).round() as usize;
-    let first = (0.9 * nyquist_hz / STEP_HZ) as usize;
+    let last = (nyquist_hz / step_hz).round() as usize;
+    let first = (0.9 * nyquist_hz / step_hz) as usize;
     let edge = (first..=last)
-        .map(|bin| value(bin as f64 * STEP_HZ))
+        .map(|bin| value(bin as f64 * step_hz))
         .sum::<f64>()
         / (last - first + 1) as f64;
     let slope = ROLL_OFF_DB_PER_OCTAVE / 10.0 * std::f64::consts::LN_10 / std::f64::consts::LN_2;
     let values = (0..BINS).map(|bin| {
-        let frequency_hz = bin as f64 * STEP_HZ;
+        let frequency_hz = bin as f64 * step_hz;
         if frequency_hz <= nyquist_hz {
             value(frequency_hz)
         } else {
@@ -226,7 +227,7 @@ pub(super) fn model(toolkit: &Toolkit, place: (f64, f64)) -> Model {
             ..Model::silent()
         };
     };
-    let model = economical(&shape, toolkit.highest_hz());
+    let model = economical(&shape, toolkit);
     let output_power = model.output_power * variance;
     if output_power as f32 <= 0.0 {
         flags = flags.with(NodeFlags::SILENT);
@@ -238,7 +239,8 @@ pub(super) fn model(toolkit: &Toolkit, place: (f64, f64)) -> Model {
     }
 }
 
-fn economical(shape: &LogSpectrum, highest_hz: f64) -> Model {
+fn economical(shape: &LogSpectrum, toolkit: &Toolkit) -> Model {
+    let last_bin = (toolkit.highest_hz() / toolkit.step_hz()).round() as usize;
     let full = shape.model(ORDERS[ORDERS.len() - 1]);
     let mut last = None;
     for order in ORDERS.map(|order| order.min(full.reflection.len())) {
@@ -247,12 +249,14 @@ fn economical(shape: &LogSpectrum, highest_hz: f64) -> Model {
             ..full.clone()
         };
         let made = LogSpectrum::of_model(&model);
-        let bands = shape.band_errors_db(&made);
-        let own = (0..BAND_COUNT).filter(|&band| band_edges_hz(band).1 <= highest_hz);
-        let is_near = own
-            .filter_map(|band| bands[band])
-            .all(|error| error.abs() <= ORDER_TOLERANCE_DB);
-        let level = power_below(shape, highest_hz) / power_below(&made, highest_hz);
+        let is_near = toolkit.bands().all(|band| {
+            let (low_hz, high_hz) = band_edges_hz(band);
+            let (low, high) = (low_hz / toolkit.step_hz(), high_hz / toolkit.step_hz());
+            let ratio = made.power_between(low, high) / shape.power_between(low, high);
+            let error_db = 10.0 * ratio.log10();
+            error_db.abs() <= ORDER_TOLERANCE_DB || !error_db.is_finite()
+        });
+        let level = power_below(shape, last_bin) / power_below(&made, last_bin);
         last = Some(Model {
             output_power: model.output_power * level,
             ..model
@@ -264,9 +268,8 @@ fn economical(shape: &LogSpectrum, highest_hz: f64) -> Model {
     last.expect("there are orders")
 }
 
-/// Sum of the values below a frequency, which are proportional to power.
-fn power_below(spectrum: &LogSpectrum, highest_hz: f64) -> f64 {
-    let last = ((highest_hz / STEP_HZ).round() as usize).min(spectrum.values().len() - 1);
+/// Sum of the values up to the `last`, which are proportional to power.
+fn power_below(spectrum: &LogSpectrum, last: usize) -> f64 {
     let inner: f64 = spectrum.values()[1..last]
         .iter()
         .map(|value| value.exp())
@@ -279,6 +282,8 @@ mod tests {
     use super::super::fixture;
     use super::super::read::read;
     use super::*;
+    use crate::dsp::log_spectrum::STEP_HZ;
+    use model_format::{PlayRate, SAMPLE_RATE_HZ};
     use std::path::Path;
 
     fn toolkit() -> Toolkit {
@@ -317,12 +322,20 @@ mod tests {
 
     /// The same models at ten times the rate, on ten times the frequencies: Penn's models of 10 kHz have no zeros.
     #[test]
-    fn models_of_10_khz_have_their_spectrum_up_to_half_the_styluss_rate() {
+    fn models_of_10_khz_have_their_spectrum_up_to_half_the_rate_that_is_played() {
         let text = fixture::whole().replace("<SampleRate>1000", "<SampleRate>10000");
-        let toolkit = read(Path::new("felt.xml"), &text).unwrap();
-        assert!((toolkit.highest_hz() - 2_500.0).abs() < 1e-9);
-        let frequencies_hz = [0.0, 400.0, 1_330.0, 2_490.0];
-        let found = density(&toolkit, (60.0, 0.5), &frequencies_hz).unwrap();
+        let mut toolkit = read(Path::new("felt.xml"), &text).unwrap();
+        for play_rate in PlayRate::ALL {
+            toolkit.play_rate = play_rate;
+            keeps_its_spectrum(&toolkit);
+        }
+    }
+
+    fn keeps_its_spectrum(toolkit: &Toolkit) {
+        let highest_hz = toolkit.play_rate.hz() / 2;
+        assert!((toolkit.highest_hz() - f64::from(highest_hz)).abs() < 1e-9);
+        let frequencies_hz = [0.0, 400.0, 1_330.0, f64::from(highest_hz) - 10.0];
+        let found = density(toolkit, (60.0, 0.5), &frequencies_hz).unwrap();
         for (got, hz) in found.iter().zip(frequencies_hz) {
             let wanted = 0.1 * fixture::density(&[(4, 1.0)], 0.1 * hz);
             assert!((got / wanted - 1.0).abs() < 1e-3, "{hz}: {got} {wanted}");
@@ -334,9 +347,9 @@ mod tests {
             }),
             ..toolkit.models[4].clone()
         };
-        assert!(shape(10_000.0, &[(&without_zeros, 1.0)]).is_some());
-        let model = model(&toolkit, (60.0, 0.5));
-        let kept: f64 = (0..2_500)
+        assert!(shape(toolkit, &[(&without_zeros, 1.0)]).is_some());
+        let model = model(toolkit, (60.0, 0.5));
+        let kept: f64 = (0..highest_hz)
             .map(|hz| 0.1 * fixture::density(&[(4, 1.0)], 0.1 * (f64::from(hz) + 0.5)))
             .sum();
         assert!(

@@ -1,4 +1,4 @@
-//! From scattered ARMA models at 1 or 10 kHz to AR models at 5 kHz over a rectangle.
+//! From scattered ARMA models at 1 or 10 kHz to AR models at 5 or 10 kHz over a rectangle.
 //!
 //! Up to half the lower rate the models' spectrum is kept. Above that of models at 1 kHz, where they say nothing, it
 //! goes on from its mean level in the last tenth below and falls by [`ROLL_OFF_DB_PER_OCTAVE`]: no power to speak of,
@@ -7,7 +7,7 @@
 
 use model_format::{
     FadeLaw, Laws, LevelLaw, Library, MillimetresPerSecond, Newton, NodeFlags, OutputSample,
-    Provenance, SAMPLE_RATE_HZ, Texture, TextureSpec, encode,
+    Provenance, Texture, TextureSpec, encode,
 };
 use rayon::prelude::*;
 use realfft::RealFftPlanner;
@@ -17,10 +17,10 @@ use stylus_kernel::excitation;
 use stylus_kernel::grid::{GridPoint, Motion};
 use stylus_kernel::lattice::{LatticeFrame, LatticeState};
 
-use super::axes::{Candidates, Chosen, choose};
+use super::axes::{Candidates, Chosen, MOST_BANDS, choose};
 use super::between;
 use super::toolkit::Toolkit;
-use crate::dsp::spectrum::{AMPLITUDE_JND_DB, BAND_COUNT, BAND_LABELS_HZ, band_edges_hz};
+use crate::dsp::spectrum::{AMPLITUDE_JND_DB, BAND_LABELS_HZ, band_edges_hz};
 use crate::support::error::{Error, Result};
 use crate::texture::grid::Grid;
 use crate::texture::library::texture_spec;
@@ -29,6 +29,10 @@ use crate::texture::quantise::coarse;
 pub use super::axes::Bounds;
 pub use super::between::ORDER_TOLERANCE_DB;
 pub use super::between::ROLL_OFF_DB_PER_OCTAVE;
+
+/// Nominal frequencies of the third octaves above those of [`BAND_LABELS_HZ`], Hz.
+const HIGH_LABELS_HZ: [&str; MOST_BANDS - BAND_LABELS_HZ.len()] =
+    ["1250", "1600", "2000", "2500", "3150", "4000"];
 
 /// Weights of the places within triangles at which a conversion is judged; the choice of the axes sees none of them.
 const JUDGED_WEIGHTS: [f64; 3] = [0.5, 0.3, 0.2];
@@ -118,7 +122,8 @@ pub fn convert(name: &str, toolkit: &Toolkit, bounds: Bounds) -> Result<Converte
     let mut grid = Grid::new(speeds_mm_s, forces_n, models);
     grid.laws = LAWS;
     let mut spec = texture_spec(name, Provenance::Recorded, &grid)?;
-    // Models of 1 kHz have no line so narrow that it needs 24 bits of θ, and the slot holds more nodes without.
+    spec.sample_rate_hz = toolkit.play_rate.hz();
+    // Published models have no line so narrow that it needs 24 bits of θ, and the slot holds more nodes without.
     spec.nodes = coarse(spec.nodes);
     let refused = |failure| Error::Model(format!("the texture makes no library: {failure}"));
     let bytes = encode(std::slice::from_ref(&spec)).map_err(refused)?;
@@ -247,15 +252,15 @@ fn error(toolkit: &Toolkit, texture: &Texture<'_>, place: (f64, f64)) -> Option<
             power_between(&played, low_hz, high_hz) / power_between(&wanted, low_hz, high_hz);
         10.0 * ratio.log10()
     };
-    let bands = (0..BAND_COUNT).filter(|&band| band_edges_hz(band).1 <= highest_hz);
+    let labels = || BAND_LABELS_HZ.into_iter().chain(HIGH_LABELS_HZ);
     Some(PlaceError {
         speed_mm_s: place.0,
         force_n: place.1,
         level_db: error(0.0, highest_hz),
-        bands_db: bands
-            .map(|band| {
+        bands_db: (toolkit.bands().zip(labels()))
+            .map(|(band, label)| {
                 let (low, high) = band_edges_hz(band);
-                (BAND_LABELS_HZ[band], error(low, high))
+                (label, error(low, high))
             })
             .collect(),
     })
@@ -273,9 +278,6 @@ fn power_between(density: &[f64], low_hz: f64, high_hz: f64) -> f64 {
         .map(|(bin, value)| value * share(bin))
         .sum()
 }
-
-/// Length of the response, samples: 1 s, so that the densities are 1 Hz apart.
-const LENGTH: usize = SAMPLE_RATE_HZ as usize;
 
 /// Height of the impulse in standard deviations of the excitation, as a power of two: half of full scale.
 const HEIGHT_BITS: u32 = 2;
@@ -297,7 +299,9 @@ pub(super) fn played_density(texture: &Texture<'_>, (speed_mm_s, force_n): (f64,
     );
     let mut state = LatticeState::new();
     let step = f64::from(1u32 << HEIGHT_BITS) * f64::from(1u32 << OutputSample::FRACTION_BITS);
-    let mut response: Vec<f64> = (0..LENGTH)
+    // A response of 1 s has densities 1 Hz apart.
+    let rate_hz = texture.sample_rate_hz();
+    let mut response: Vec<f64> = (0..rate_hz)
         .map(|sample| {
             let excitation = if sample == 0 {
                 1 << (excitation::FRACTION_BITS + HEIGHT_BITS)
@@ -308,12 +312,12 @@ pub(super) fn played_density(texture: &Texture<'_>, (speed_mm_s, force_n): (f64,
             f64::from(output.0) / step
         })
         .collect();
-    let transform = RealFftPlanner::new().plan_fft_forward(LENGTH);
+    let transform = RealFftPlanner::new().plan_fft_forward(response.len());
     let mut spectrum = transform.make_output_vec();
     transform
         .process(&mut response, &mut spectrum)
         .expect("lengths come from the plan");
-    let scale = 2.0 / f64::from(SAMPLE_RATE_HZ);
+    let scale = 2.0 / f64::from(rate_hz);
     spectrum.iter().map(|bin| scale * bin.norm_sqr()).collect()
 }
 

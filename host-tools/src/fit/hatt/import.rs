@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-use model_format::{TextureSpec, encode, limits};
+use model_format::{PlayRate, SAMPLE_RATE_HZ, TextureSpec, encode, limits};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -12,6 +12,7 @@ use super::convert::{Converted, ConvertedNode, PlaceError, convert};
 use super::elements::MODEL_FILE;
 use super::read::read;
 use super::toolkit::Toolkit;
+use crate::fit::options::play_rate;
 use crate::support::error::{Error, Result};
 
 /// Bytes of a library without its textures, and of a texture without its name, axes and nodes; not fewer than these.
@@ -33,7 +34,7 @@ pub struct Source {
 }
 
 /// Sizes of the grids that are asked for.
-#[derive(Clone, Copy, Debug, Default, clap::Args)]
+#[derive(Clone, Copy, Debug, clap::Args)]
 pub struct Options {
     /// Most speeds of a grid [default: as many of the file's own as the slot has room for]
     #[arg(long)]
@@ -41,6 +42,19 @@ pub struct Options {
     /// Most forces of a grid [default: as many of the file's own as the slot has room for]
     #[arg(long)]
     pub forces: Option<usize>,
+    /// Sample rate of the textures, Hz: 5000, or 10000 from models of that rate
+    #[arg(id = "model_rate", long = "model-rate", value_name = "HZ", default_value_t = SAMPLE_RATE_HZ)]
+    pub sample_rate_hz: u32,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            speeds: None,
+            forces: None,
+            sample_rate_hz: SAMPLE_RATE_HZ,
+        }
+    }
 }
 
 /// Lists the files of `paths`: folders stand for all XML files in them, by name.
@@ -93,12 +107,14 @@ pub fn files(paths: &[PathBuf]) -> Result<Vec<PathBuf>> {
     Ok(files)
 }
 
-/// Reads all `files`.
+/// Reads all `files`, to be played at the rate of the `options`.
 ///
 /// # Errors
-/// The first file that cannot be used, with the number of them; two files whose textures would have one name.
-pub fn read_all(files: &[PathBuf]) -> Result<Vec<Source>> {
-    let read = files.par_iter().map(|path| source(path));
+/// A rate that no stylus plays; the first file that cannot be used, with the number of them; two files whose textures
+/// would have one name.
+pub fn read_all(files: &[PathBuf], options: &Options) -> Result<Vec<Source>> {
+    let rate = play_rate(options.sample_rate_hz)?;
+    let read = files.par_iter().map(|path| source(path, rate));
     let mut sources = Vec::new();
     let mut refused = Vec::new();
     for source in read.collect::<Vec<_>>() {
@@ -132,9 +148,19 @@ pub fn read_all(files: &[PathBuf]) -> Result<Vec<Source>> {
     Ok(sources)
 }
 
-fn source(path: &Path) -> Result<Source> {
+fn source(path: &Path, rate: PlayRate) -> Result<Source> {
     let text = MODEL_FILE.read_text(path)?;
-    let toolkit = read(path, &text)?;
+    let toolkit = Toolkit {
+        play_rate: rate,
+        ..read(path, &text)?
+    };
+    if rate != PlayRate::default() && toolkit.highest_hz() < 0.5 * toolkit.play_rate_hz() {
+        let problem = format!(
+            "has models of {} Hz, which say nothing above half of it: leave out --model-rate",
+            toolkit.sample_rate_hz
+        );
+        return Err(Error::file(path, problem));
+    }
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
     let name = stem.strip_prefix(FILE_PREFIX).unwrap_or(&stem).to_owned();
     if name.is_empty() || name.len() > limits::MAX_NAME_BYTES {
@@ -278,6 +304,7 @@ mod tests {
         let asked = Options {
             speeds: Some(62),
             forces: Some(62),
+            ..Options::default()
         };
         for options in [asked, Options::default()] {
             let plan = plan(&sources, &options).unwrap();

@@ -3,6 +3,8 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use model_format::PlayRate;
+
 use super::elements::{self, File};
 use super::toolkit::{ArmaModel, Toolkit, found};
 use crate::recording::RATES_HZ;
@@ -58,6 +60,7 @@ pub fn read(path: &Path, text: &str) -> Result<Toolkit> {
     let largest = |of: fn(&ArmaModel) -> f64| models.iter().map(of).fold(0.0, f64::max);
     let mut toolkit = Toolkit {
         sample_rate_hz,
+        play_rate: PlayRate::default(),
         max_speed_mm_s: file
             .one("maxSpeed")?
             .unwrap_or_else(|| largest(|m| m.speed_mm_s)),

@@ -3,12 +3,14 @@
 use std::f64::consts::PI;
 use std::path::Path;
 
-use model_format::SAMPLE_RATE_HZ;
+use model_format::{PlayRate, SAMPLE_RATE_HZ};
 use roxmltree::Node;
 
 use super::elements::File;
 use crate::dsp::line_spectral_frequencies as line_spectrum;
 use crate::dsp::linear_prediction::step_down;
+use crate::dsp::log_spectrum::STEP_HZ;
+use crate::dsp::spectrum::band_edges_hz;
 use crate::support::error::{Error, Result};
 
 /// A file's models.
@@ -16,6 +18,8 @@ use crate::support::error::{Error, Result};
 pub struct Toolkit {
     /// Samples per second at which the models hold.
     pub sample_rate_hz: f64,
+    /// Rate at which a stylus plays what is made of them.
+    pub play_rate: PlayRate,
     /// Highest speed of the recordings, mm/s.
     pub max_speed_mm_s: f64,
     /// Highest force of the recordings, N.
@@ -62,7 +66,24 @@ impl ArmaModel {
 impl Toolkit {
     /// The highest frequency that both the file and the stylus have, Hz: half of the lower of their sample rates.
     pub fn highest_hz(&self) -> f64 {
-        0.5 * self.sample_rate_hz.min(f64::from(SAMPLE_RATE_HZ))
+        0.5 * self.sample_rate_hz.min(self.play_rate_hz())
+    }
+
+    /// Samples per second that a stylus plays.
+    pub(super) fn play_rate_hz(&self) -> f64 {
+        f64::from(self.play_rate.hz())
+    }
+
+    /// Step between the frequencies of spectra at the rate that is played, Hz.
+    pub(super) fn step_hz(&self) -> f64 {
+        STEP_HZ * self.play_rate_hz() / f64::from(SAMPLE_RATE_HZ)
+    }
+
+    /// The third octaves from 20 Hz to [`Self::highest_hz`], counted as in
+    /// [`BAND_LABELS_HZ`](crate::dsp::spectrum::BAND_LABELS_HZ) and on from there.
+    pub(super) fn bands(&self) -> impl Iterator<Item = usize> + use<> {
+        let highest_hz = self.highest_hz();
+        (0..).take_while(move |&band| band_edges_hz(band).1 <= highest_hz)
     }
 
     /// Speeds, mm/s, and forces, N, of all models, those of silent ones included.
