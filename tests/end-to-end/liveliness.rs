@@ -220,8 +220,4 @@ fn a_page_for_listening_compares_every_pair_of_recording_gaussian_and_fitted_or_
             assert_eq!(own.count(), 4, "{pair}");
         }
     }
-    bench.fail(
-        "compare set --library fed.lib --before plain.lib --out page.html",
-        "--takes",
-    );
 }

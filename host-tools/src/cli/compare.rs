@@ -35,8 +35,8 @@ pub struct Arguments {
     /// Another library, such as one of an earlier version, to compare with too, on other takes
     #[arg(long, value_name = "LIB", requires = "takes")]
     before: Option<PathBuf>,
-    /// Pairs of kinds; 'fitted' is a texture with all its parts, 'gaussian' its filter with Gaussian noise, 'before' that
-    /// of --before. Without it recording-fitted,recording-gaussian,gaussian-fitted, and with --before
+    /// Pairs of kinds; 'fitted' is a texture with all its parts, 'gaussian' its filter with Gaussian noise, 'before'
+    /// that of --before. Without it recording-fitted,recording-gaussian,gaussian-fitted, and with --before
     /// recording-fitted,recording-before,before-fitted
     #[arg(long, value_enum, value_delimiter = ',', hide_possible_values = true)]
     pairs: Vec<Pair>,

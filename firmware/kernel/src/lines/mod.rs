@@ -18,6 +18,7 @@
 //! block, and begins at the new place with the next one. So does a line that is too fast to be played.
 
 mod sine;
+mod turns;
 mod voice;
 mod wander;
 

@@ -4,14 +4,12 @@ use heapless::Vec;
 use model_format::limits::{MAX_LINES, MAX_WANDERS};
 use model_format::{Line, OutputSample, Texture};
 
+use super::turns::Turns;
 use super::wander::VoiceWander;
 use super::{LineFrame, LinesFrame, MAX_AMPLITUDE};
 use crate::grid::{GridPoint, Motion, ONE};
 use crate::level::Ramp;
 use crate::position::{Passage, Position};
-
-/// Binary digits after the point of turns per mm.
-const TURNS_BITS: u32 = 48;
 
 /// A turn in steps of a phase.
 const TURN: i64 = 1 << 32;
@@ -23,7 +21,7 @@ const FADE_BEGINS: i64 = TURN * 40 / 100;
 const FADE_ENDS: i64 = TURN * 44 / 100;
 
 /// Longest way of a block whose turns are counted, in steps of a position: 256 mm.
-const LONGEST: u64 = 256 << Position::FRACTION_BITS;
+pub(super) const LONGEST: u64 = 256 << Position::FRACTION_BITS;
 
 /// Lines of a voice.
 #[derive(Clone, Debug)]
@@ -45,64 +43,6 @@ struct PlayedLine {
     wander: usize,
     /// True if the block before left the position, because the line was too fast or the position jumped.
     astray: bool,
-}
-
-/// Turns of a line per mm, in steps of 2⁻⁴⁸. The smallest has 38 digits.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Turns(u64);
-
-impl Turns {
-    /// The turns of `wavelength_mm`, which a valid texture has.
-    pub(super) fn of(wavelength_mm: f32) -> Self {
-        // A float is an integer of 24 digits times a power of two, by which the quotient of integers is shifted.
-        let bits = wavelength_mm.to_bits();
-        let mantissa = u64::from(bits & 0x007f_ffff | 0x0080_0000);
-        let exponent = (bits >> 23).cast_signed() - 150;
-        // 2⁶² / mantissa is of 39 digits; 2⁴⁸ / wavelength is that times 2^-(14 + exponent).
-        let quotient = (1 << 62) / mantissa;
-        let shift = 14 + exponent;
-        Self(if shift >= 0 {
-            quotient >> shift.min(63)
-        } else {
-            quotient << (-shift).min(24)
-        })
-    }
-
-    /// Phase of `position`, in steps of 2⁻³² of a turn.
-    fn phase(self, position: Position) -> u32 {
-        // Digits 48 to 79 of the product of 64 by 64 digits, in pieces of 32. What is beyond 64 bits here is whole
-        // turns.
-        let (high, low) = (position.steps() >> 32, position.steps() & 0xffff_ffff);
-        let (turns_high, turns_low) = ((self.0 >> 32).cast_signed(), self.0 & 0xffff_ffff);
-        let lowest = (low.cast_unsigned() * turns_low) >> 32;
-        let middle = low
-            .wrapping_mul(turns_high)
-            .wrapping_add(lowest.cast_signed());
-        let middle = middle.wrapping_add(high.wrapping_mul(turns_low.cast_signed()));
-        let whole = high.wrapping_mul(turns_high) << 32;
-        (middle.wrapping_add(whole) >> (TURNS_BITS - 32)) as u32
-    }
-
-    /// Turns at `position`, whole turns included, in steps of 2⁻¹⁶ of a turn, off by less than one step beyond the error
-    /// of the turns per mm.
-    pub(super) fn turns(self, position: Position) -> i64 {
-        // Each product of 32 digits by 32 is brought to steps of 2⁻³² before they are added, so that the sum has room.
-        let (high, low) = (position.steps() >> 32, position.steps() & 0xffff_ffff);
-        let (turns_high, turns_low) = (
-            (self.0 >> 32).cast_signed(),
-            (self.0 & 0xffff_ffff).cast_signed(),
-        );
-        let middle = ((low * turns_high) >> 16) + ((high * turns_low) >> 16);
-        high * turns_high + (middle >> 16)
-    }
-
-    /// Phase of a way of `steps` steps of a position, whole turns included, from the difference of the phases at its
-    /// ends, `exact`.
-    fn way(self, steps: i64, exact: u32) -> i64 {
-        // It is off by less than a hundredth of a turn, so that the nearest number with the exact digits is right.
-        let coarse = ((steps >> 16) * (self.0 >> 16).cast_signed()) >> 16;
-        coarse + i64::from(exact.wrapping_sub(coarse as u32).cast_signed())
-    }
 }
 
 impl PlayedLine {
@@ -227,55 +167,4 @@ fn amplitude(line: &Line<'_>, point: &GridPoint, gain: u32) -> u32 {
     let faded = (steps * u64::from(point.fade)) / u64::from(ONE);
     let steps = (faded * u64::from(gain)) / u64::from(ONE);
     steps.min(u64::from(MAX_AMPLITUDE)) as u32
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use proptest::prelude::*;
-
-    /// The wavelength as the fraction that the float is: mantissa · 2^exponent.
-    fn fraction(wavelength_mm: f32) -> (i128, i32) {
-        let bits = wavelength_mm.to_bits();
-        let mantissa = i128::from(bits & 0x007f_ffff | 0x0080_0000);
-        (mantissa, (bits >> 23).cast_signed() - 150)
-    }
-
-    proptest! {
-        /// Against the turns as a fraction of integers of 128 bits, over 1000 km.
-        #[test]
-        fn a_phase_is_that_of_the_position_over_a_thousand_kilometres(
-            bits in 0.02f32.to_bits()..=1000f32.to_bits(), mm in -1e9f64..1e9,
-        ) {
-            let wavelength_mm = f32::from_bits(bits);
-            let position = Position::from_exact_mm(mm);
-            let phase = Turns::of(wavelength_mm).phase(position);
-            // Turns in steps of 2⁻³², from steps of 2⁻³² mm: steps / wavelength, by parts because it needs 90 digits.
-            let (mantissa, exponent) = fraction(wavelength_mm);
-            let scaled = i128::from(position.steps()) << (-exponent).clamp(0, 40);
-            let exact = scaled.div_euclid(mantissa);
-            let off = phase.wrapping_sub(exact as u32).cast_signed();
-            // 3·10⁻¹² of the turns, and a step.
-            let turns = (mm / f64::from(wavelength_mm)).abs();
-            let bound = 2.0 + turns * 4e-12 * libm::exp2(32.0);
-            prop_assert!(f64::from(off).abs() <= bound, "{off}, {bound}, {turns} turns");
-        }
-
-        /// Whole turns of a block's way are counted right, and forwards is backwards.
-        #[test]
-        fn the_turns_of_a_way_are_those_of_its_length(
-            bits in 0.02f32.to_bits()..=1000f32.to_bits(), mm in -1e6f64..1e6, way_mm in -256f64..256.0,
-        ) {
-            let turns = Turns::of(f32::from_bits(bits));
-            let [from, to] = [mm, mm + way_mm].map(Position::from_exact_mm);
-            let exact = turns.phase(to).wrapping_sub(turns.phase(from));
-            let steps = to.since(from);
-            prop_assume!(steps.unsigned_abs() <= LONGEST);
-            let way = turns.way(steps, exact);
-            prop_assert_eq!(way as u32, exact);
-            let expected = steps as f64 / f64::from(f32::from_bits(bits));
-            prop_assert!((way as f64 - expected).abs() < 3.0 + expected.abs() * 1e-11, "{} {}", way, expected);
-            prop_assert_eq!(turns.way(-steps, exact.wrapping_neg()), -way);
-        }
-    }
 }

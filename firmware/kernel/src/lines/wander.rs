@@ -3,14 +3,14 @@
 //! ```text
 //! d(x) = rms · Σ g(k) B(x / h - k) / √(∫ B²)      B the cubic B-spline, g(k) a random number per lattice point k
 //! ```
-//! The random numbers are a hash of the lattice point, so that nothing is stored, a place is displaced alike whenever
-//! and however the tool comes to it, and the tool feels the same threads backwards. The lattice's spacing is h = ℓ √1.5:
-//! the autocorrelation of B is nearly Gaussian with a variance of 2 h² / 3, so that ℓ is the correlation length. Between
-//! lattice points the RMS varies by ±2 %. A random number is the sum of four uniform ones.
+//! The random numbers are a hash of the lattice point, so that nothing is stored. A place is displaced alike whenever
+//! and however the tool comes to it, and the tool feels the same threads backwards. The lattice's spacing is
+//! h = ℓ √1.5: the autocorrelation of B is nearly Gaussian with a variance of 2 h² / 3, so that ℓ is the correlation
+//! length. Between lattice points the RMS varies by ±2 %. A random number is the sum of four uniform ones.
 
 use model_format::Wander;
 
-use super::voice::Turns;
+use super::turns::Turns;
 use crate::excitation::hashed;
 use crate::position::{Passage, Position, distance_steps};
 

@@ -95,42 +95,26 @@ pub fn separate(
         exact
     };
     let mut rest = signals.to_vec();
-    let wandering = wandering(
-        speeds_mm_s,
-        &mut rest,
-        ranges,
-        false,
-        time_locked_hz.clone(),
-    );
-    if known.is_empty() {
-        return match wandering {
-            Ok(shares) => {
-                signals.clone_from_slice(&rest);
-                shares
-            }
-            Err(time_locked_hz) => nothing(time_locked_hz, NoLines::NothingStandsOut),
-        };
-    }
-    let mut without_narrow = signals.to_vec();
-    let narrow = removed(
-        speeds_mm_s,
-        &mut without_narrow,
-        ranges,
-        &known,
-        time_locked_hz,
-    );
-    // A narrow line holds but a part of one that wanders.
-    let wandering = wandering.ok();
-    match wandering.filter(|shares| power(shares) > WANDERING_OVER_NARROW * power(&narrow)) {
-        Some(shares) => {
-            signals.clone_from_slice(&rest);
-            shares
-        }
-        None => {
-            signals.clone_from_slice(&without_narrow);
-            narrow
-        }
-    }
+    let held_hz = time_locked_hz.clone();
+    let wandering = wandering(speeds_mm_s, &mut rest, ranges, false, held_hz);
+    let (narrow, least) = if known.is_empty() {
+        (None, 0.0)
+    } else {
+        let mut rest = signals.to_vec();
+        let shares = removed(speeds_mm_s, &mut rest, ranges, &known, time_locked_hz);
+        // A narrow line holds but a part of one that wanders.
+        let least = WANDERING_OVER_NARROW * power(&shares);
+        (Some((shares, rest)), least)
+    };
+    let wandering = wandering.map(|shares| (shares, rest));
+    let chosen = match (wandering, narrow) {
+        (Ok(wandering), _) if power(&wandering.0) > least => wandering,
+        (_, Some(narrow)) => narrow,
+        (Ok(wandering), None) => wandering,
+        (Err(time_locked_hz), None) => return nothing(time_locked_hz, NoLines::NothingStandsOut),
+    };
+    signals.clone_from_slice(&chosen.1);
+    chosen.0
 }
 
 /// Power of all lines in all trials, as of amplitudes, (m/s²)².
@@ -204,8 +188,8 @@ fn wandering(
     }
     let findings = Arc::new(Findings {
         lines,
-        wanders,
         time_locked_hz,
+        wanders,
         ..Findings::default()
     });
     let share = |amplitudes_m_s2| TrialLines {
@@ -216,8 +200,8 @@ fn wandering(
     Ok(amplitudes.into_iter().map(share).collect())
 }
 
-/// Takes the harmonics of `weave` out of `signal`, whose `course` it is. Returns the amplitude of each: 0 where the line
-/// is not told from noise, in which it stays.
+/// Takes the harmonics of `weave` out of `signal`, whose `course` it is. Returns the amplitude of each: 0 where the
+/// line is not told from noise, in which it stays.
 fn without(signal: &mut [f64], course: Option<&Course>, weave: &Weave) -> Vec<Option<f64>> {
     let numbers = weave.harmonics.iter().map(|(number, _)| *number);
     let amplitudes = numbers.map(|number| {

@@ -36,7 +36,7 @@ const LEAST_AMPLITUDE: f64 = 0.01;
 const LENGTHS_MM: [f64; 2] = [0.2, 50.0];
 const LENGTHS: usize = 80;
 
-/// What carries a line.
+/// Carrier of a line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Carrier {
     /// The place: wavelength, mm.
@@ -291,7 +291,8 @@ pub(super) fn find(
         })
         .collect();
     let paths = courses.iter().flatten().map(|course| &course.place_mm[..]);
-    let (rms_mm, correlation_mm) = wander_of(paths.collect(), wavelength_mm).ok_or(None)?;
+    let paths: Vec<&[f64]> = paths.collect();
+    let (rms_mm, correlation_mm) = wander_of(&paths, wavelength_mm).ok_or(None)?;
     if harmonics.is_empty() {
         return Err(None);
     }
@@ -322,10 +323,8 @@ fn course_of(
         (ln_chance < LN_FOLLOWED_CHANCE).then_some((harmonic, band))
     });
     let is_of_time = matches!(carrier, Carrier::Time(_));
-    let courses = bands.filter_map(|(reference, band)| {
-        let course = course_by(heard, reference, band, signal, ranges);
-        course.filter(|(course, _)| !is_of_time || course.holds())
-    });
+    let courses = bands.map(|(reference, band)| course_by(heard, reference, band, signal, ranges));
+    let courses = courses.filter(|(course, _)| !is_of_time || course.holds());
     courses.max_by(|(a, _), (b, _)| a.power().total_cmp(&b.power()))
 }
 
@@ -336,7 +335,7 @@ fn course_by(
     band: Band,
     signal: &[f64],
     ranges: &[Range<usize>],
-) -> Option<(Course, f64)> {
+) -> (Course, f64) {
     let envelope = heard.spectrum.envelope(band.edges_hz);
     let turns: Vec<f64> = envelope
         .turns(signal.len())
@@ -383,7 +382,7 @@ fn course_by(
         noises,
         counts,
     };
-    Some((course, wavelength_mm))
+    (course, wavelength_mm)
 }
 
 impl Course {
@@ -417,8 +416,8 @@ impl Course {
         })
     }
 
-    /// Complex amplitude of `harmonic` as fitted, its magnitude without what noise adds, and the share of the fitted one
-    /// that stays, so that the rest has no hole in its noise; `None` if the trial cannot hold it.
+    /// Complex amplitude of `harmonic` as fitted, its magnitude without what noise adds, and the share of the fitted
+    /// one that stays, so that the rest has no hole in its noise; `None` if the trial cannot hold it.
     pub(super) fn amplitude(&self, harmonic: u32) -> Option<(Complex<f64>, f64, f64)> {
         let at = harmonic as usize - 1;
         let amplitude = *self.amplitudes.get(at)?;
@@ -435,7 +434,7 @@ impl Course {
 
 /// RMS and correlation length of the wander of these `paths`, mm, about their straight courses: the structure function
 /// 2 σ² (1 - exp(-Δ² / 2ℓ²)) with the least relative errors.
-fn wander_of(paths: Vec<&[f64]>, wavelength_mm: f64) -> Option<(f64, f64)> {
+fn wander_of(paths: &[&[f64]], wavelength_mm: f64) -> Option<(f64, f64)> {
     let [shortest, longest] = LENGTHS_MM;
     let step = (longest / shortest).ln() / (LENGTHS - 1) as f64;
     let lengths: Vec<f64> = (0..LENGTHS)

@@ -167,7 +167,7 @@ impl<'a> Parts<'a> {
             tails.check(nodes)?;
         }
         if let Some(wander) = self.wander {
-            wander.check(self.lines.map_or(0, |lines| lines.count()))?;
+            wander.check(self.lines.map_or(0, LinesPart::count))?;
         }
         Ok(())
     }
