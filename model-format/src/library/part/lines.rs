@@ -4,7 +4,9 @@
 //! steps of 2⁻¹⁶ of a turn, as `u16`; and per node, speed-major, its amplitude, m/s², as `f32`. All lines take the same
 //! number of bytes, so that any amplitude is found without reading those before it.
 
-use super::wander::{self, Wander, WanderPart, Wanders};
+#[cfg(feature = "alloc")]
+use super::wander;
+use super::wander::{Wander, WanderPart, Wanders};
 use crate::error::Problem;
 use crate::limits::{MAX_LINES, MAX_WAVELENGTH_MM, MIN_WAVELENGTH_MM};
 
