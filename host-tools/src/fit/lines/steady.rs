@@ -12,6 +12,7 @@
 //! ```
 //! because the shares are uniform on the simplex, and Chernoff's bound of that moment bounds the p-value.
 
+use std::cell::RefCell;
 use std::f64::consts::TAU;
 
 use model_format::SAMPLE_RATE_HZ;
@@ -38,7 +39,14 @@ const ENDS: f64 = 0.02;
 const MOST_LN_RATIO: f64 = 0.45;
 
 /// Samples of an envelope per line of the spectrum in its band.
-const OVERSAMPLING: usize = 8;
+const OVERSAMPLING: usize = 4;
+
+/// Largest width of a band over its frequency: a wider one does not tell a wavelength.
+const MOST_WIDTH: f64 = 0.6;
+
+thread_local! {
+    static PLANNER: RefCell<FftPlanner<f64>> = RefCell::new(FftPlanner::new());
+}
 
 /// A band around a peak of the spectrum.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -103,7 +111,9 @@ impl WholeSpectrum {
             for (peak, [low, high]) in ranges(&smooth) {
                 let [frequency_hz, low_hz, high_hz] =
                     [peak, low, high].map(|bin| bin as f64 * self.step_hz());
-                if (LOWEST_HZ..=HIGHEST_HZ).contains(&frequency_hz) && high > low + 2 {
+                let is_narrow = high_hz - low_hz < MOST_WIDTH * frequency_hz;
+                let is_in_range = (LOWEST_HZ..=HIGHEST_HZ).contains(&frequency_hz);
+                if is_in_range && is_narrow && high > low + 2 {
                     bands.push(Band {
                         frequency_hz,
                         edges_hz: [low_hz, high_hz],
@@ -128,9 +138,8 @@ impl WholeSpectrum {
         let length = (OVERSAMPLING * count).next_power_of_two();
         let mut values = vec![Complex::default(); length];
         values[..count].copy_from_slice(&self.bins[low..=high]);
-        FftPlanner::new()
-            .plan_fft_inverse(length)
-            .process(&mut values);
+        let inverse = PLANNER.with_borrow_mut(|planner| planner.plan_fft_inverse(length));
+        inverse.process(&mut values);
         // The amplitude of a sine of amplitude 1 is 1.
         let scale = 2.0 / self.samples as f64;
         values.iter_mut().for_each(|value| *value *= scale);

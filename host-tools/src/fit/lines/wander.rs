@@ -1,6 +1,7 @@
 //! Lines whose place wanders: the search over a texture's trials, the place that a trial's line itself tells, and the
 //! wander's RMS and correlation length.
 
+use std::f64::consts::TAU;
 use std::ops::Range;
 
 use model_format::{SAMPLE_RATE_HZ, Wander, limits};
@@ -19,9 +20,6 @@ const LN_SHOWN_CHANCE: f64 = -4.6;
 
 /// Logarithm of the chance below which a trial's band is followed, once its texture has the line.
 const LN_FOLLOWED_CHANCE: f64 = -4.6;
-
-/// Largest width of a band over its frequency: a wider one does not tell a wavelength.
-const MOST_WIDTH: f64 = 0.6;
 
 /// Least ratio of the fastest to the slowest speed that show a line, because a band is wide.
 const LEAST_SPEED_RATIO: f64 = 1.2;
@@ -82,9 +80,7 @@ impl Heard {
     fn of(index: usize, speed_mm_s: f64, signal: &[f64]) -> Option<Self> {
         let spectrum = WholeSpectrum::of(signal)?;
         let mut bands = spectrum.bands();
-        bands.retain(|band| {
-            band.ln_chance < 0.0 && band.width_hz() < MOST_WIDTH * band.frequency_hz
-        });
+        bands.retain(|band| band.ln_chance < 0.0);
         Some(Self {
             index,
             speed_mm_s,
@@ -322,28 +318,62 @@ fn course_of(
         let (band, ln_chance) = heard.band_at(hz).filter(|_| hz >= LOWEST_HZ)?;
         (ln_chance < LN_FOLLOWED_CHANCE).then_some((harmonic, band))
     });
+    let turned = bands.map(|(reference, band)| {
+        let turns = heard.spectrum.envelope(band.edges_hz).turns(signal.len());
+        let of_fundamental = |turns: f64| turns / f64::from(reference);
+        let turns: Vec<f64> = turns.into_iter().map(of_fundamental).collect();
+        (
+            power_in_step(signal, ranges, &turns),
+            reference,
+            band,
+            turns,
+        )
+    });
     let is_of_time = matches!(carrier, Carrier::Time(_));
-    let courses = bands.map(|(reference, band)| course_by(heard, reference, band, signal, ranges));
-    let courses = courses.filter(|(course, _)| !is_of_time || course.holds());
-    courses.max_by(|(a, _), (b, _)| a.power().total_cmp(&b.power()))
+    let turned = turned.filter(|(.., turns)| !is_of_time || holds(turns));
+    let (_, reference, band, turns) = turned.max_by(|a, b| a.0.total_cmp(&b.0))?;
+    Some(course_by(heard, reference, band, &turns, signal, ranges))
 }
 
-/// The course of a trial by the phase of harmonic `reference` in `band`.
+/// Power of the harmonics in step with a fundamental of these `turns`, as of amplitudes, (m/s²)², if they are taken one
+/// by one.
+fn power_in_step(signal: &[f64], ranges: &[Range<usize>], turns: &[f64]) -> f64 {
+    let mut sums = [Complex::<f64>::default(); HARMONICS as usize];
+    let mut samples = 0.0;
+    for n in ranges.iter().cloned().flatten() {
+        let step = Complex::cis(-TAU * turns[n].fract());
+        let mut turned = Complex::from(signal[n]);
+        for sum in &mut sums {
+            turned *= step;
+            *sum += turned;
+        }
+        samples += 1.0;
+    }
+    let scale = 2.0 / f64::max(samples, 1.0);
+    sums.iter().map(|sum| (scale * sum).norm_sqr()).sum()
+}
+
+/// Returns whether the frequency is the same in all quarters of a recording.
+fn holds(turns: &[f64]) -> bool {
+    let quarters = turns.chunks_exact((turns.len() / 4).max(1)).take(4);
+    let ways = quarters.map(|part| part[part.len() - 1] - part[0]);
+    let (low, high) = ways.fold((f64::INFINITY, 0.0f64), |(low, high), way| {
+        (low.min(way), high.max(way))
+    });
+    high < (1.0 + HELD_WITHIN) * low
+}
+
+/// The course of a trial by the phase of harmonic `reference` in `band`, which gives the fundamental's `turns`.
 fn course_by(
     heard: &Heard,
     reference: u32,
     band: Band,
+    turns: &[f64],
     signal: &[f64],
     ranges: &[Range<usize>],
 ) -> (Course, f64) {
-    let envelope = heard.spectrum.envelope(band.edges_hz);
-    let turns: Vec<f64> = envelope
-        .turns(signal.len())
-        .into_iter()
-        .map(|turns| turns / f64::from(reference))
-        .collect();
     let times: Vec<f64> = (0..turns.len()).map(|n| n as f64).collect();
-    let straight = without_straight_line(&times, &turns);
+    let straight = without_straight_line(&times, turns);
     let last = turns.len() - 1;
     let per_sample = ((turns[last] - straight[last]) - (turns[0] - straight[0])) / last as f64;
     let speed = heard.speed_mm_s / f64::from(SAMPLE_RATE_HZ);
@@ -386,22 +416,6 @@ fn course_by(
 }
 
 impl Course {
-    /// Power of the fundamental and its harmonics, as of amplitudes, (m/s²)².
-    fn power(&self) -> f64 {
-        self.amplitudes.iter().map(Complex::norm_sqr).sum()
-    }
-
-    /// Returns whether the frequency is the same in all quarters of the recording.
-    fn holds(&self) -> bool {
-        let quarter = self.place_mm.len() / 4;
-        let ways = self.place_mm.chunks_exact(quarter.max(1)).take(4);
-        let ways = ways.map(|part| part[part.len() - 1] - part[0]);
-        let (low, high) = ways.fold((f64::INFINITY, 0.0f64), |(low, high), way| {
-            (low.min(way), high.max(way))
-        });
-        high < (1.0 + HELD_WITHIN) * low
-    }
-
     /// Logarithm of the probability that noise in the band of `harmonic` has so much of its power in step with the
     /// place; `None` if the trial cannot hold it.
     fn ln_chance(&self, harmonic: u32) -> Option<f64> {
