@@ -113,6 +113,7 @@ mod tests {
                     codes: vec![1; 1000],
                 }],
                 of_nodes: vec![1],
+                moment_samples: None,
             }),
             modulation: Some(ModulationSpec {
                 step_samples: 100,

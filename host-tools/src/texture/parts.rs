@@ -72,6 +72,7 @@ fn excitation(old: &ExcitationSpec, places: &[Between]) -> Option<ExcitationSpec
     (!codebooks.is_empty()).then(|| ExcitationSpec {
         of_nodes: of_nodes.collect(),
         codebooks,
+        moment_samples: old.moment_samples,
     })
 }
 
@@ -110,6 +111,7 @@ mod tests {
             excitation: Some(ExcitationSpec {
                 codebooks: vec![codebook(1), codebook(2)],
                 of_nodes: vec![1, 0, 2],
+                moment_samples: Some(500),
             }),
             modulation: Some(ModulationSpec {
                 step_samples: 50,

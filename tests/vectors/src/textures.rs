@@ -37,7 +37,7 @@ impl Vector {
 }
 
 /// All textures of the library, and two of them at once.
-pub const VECTORS: [Vector; 15] = [
+pub const VECTORS: [Vector; 16] = [
     Vector::new("lattice, one node", 10),
     Vector::new("lattice", 1),
     Vector::new("lattice of unequal orders", 2),
@@ -61,6 +61,7 @@ pub const VECTORS: [Vector; 15] = [
     Vector::new("lattice with rest, one line", 23),
     Vector::new("lattice, codebooks, track and four lines", 24),
     Vector::new("compact lattice, mean dB", 25),
+    Vector::new("lattice, moments", 26),
 ];
 
 /// A texture whose cost is measured.

@@ -8,6 +8,7 @@
 //! | 4 | [`modulation`] | a track of the excitation's level |
 //! | 5 | [`lines`] | lines that are locked to place |
 //! | 6 | [`tails`] | θ in one byte for the last stages of a lattice, with a step per node |
+//! | 8 | [`moments`] | codebooks in blocks with their level, played in moments |
 //!
 //! A texture ends with a varint of the number of its parts, and each part is a varint of its kind and a string of its
 //! content. Kinds ascend, so that none comes twice. An unknown kind is refused, because a reader that left it out would
@@ -22,6 +23,7 @@ pub(crate) mod fine_theta;
 pub(crate) mod levels;
 pub(crate) mod lines;
 pub(crate) mod modulation;
+pub(crate) mod moments;
 pub(crate) mod tails;
 
 use crate::error::Problem;
@@ -32,6 +34,7 @@ use fine_theta::FineTheta;
 use levels::LevelsPart;
 use lines::LinesPart;
 use modulation::ModulationPart;
+use moments::MomentsPart;
 use tails::Tails;
 
 /// Kind and content of a part to be written.
@@ -78,6 +81,8 @@ pub enum PartKind {
     Lines,
     /// θ of a lattice's last stages in one byte.
     Tails,
+    /// Codebooks in blocks, played in moments.
+    Moments,
 }
 
 impl core::fmt::Display for PartKind {
@@ -89,6 +94,7 @@ impl core::fmt::Display for PartKind {
             Self::Modulation => "modulation",
             Self::Lines => "lines",
             Self::Tails => "tails",
+            Self::Moments => "moments",
         })
     }
 }
@@ -102,6 +108,7 @@ pub(super) struct Parts<'a> {
     pub modulation: Option<ModulationPart<'a>>,
     pub lines: Option<LinesPart<'a>>,
     pub tails: Option<Tails<'a>>,
+    pub moments: Option<MomentsPart<'a>>,
 }
 
 impl<'a> Parts<'a> {
@@ -123,6 +130,7 @@ impl<'a> Parts<'a> {
                 modulation::KIND => parts.modulation = Some(ModulationPart(content)),
                 lines::KIND => parts.lines = Some(LinesPart(content)),
                 tails::KIND => parts.tails = Some(Tails(content)),
+                moments::KIND => parts.moments = Some(MomentsPart(content)),
                 code => {
                     let what = "an optional part";
                     return Err(Problem::Unknown { what, code });
@@ -147,7 +155,9 @@ impl<'a> Parts<'a> {
             fine_theta.check(nodes)?;
         }
         if let Some(excitation) = self.excitation {
-            excitation.check(nodes)?;
+            excitation.check(nodes, self.moments)?;
+        } else if self.moments.is_some() {
+            return Err(Problem::Needless("the length of moments without codebooks"));
         }
         if let Some(modulation) = self.modulation {
             modulation.check()?;
@@ -171,6 +181,7 @@ impl<'a> Parts<'a> {
             of(PartKind::Modulation, self.modulation.map(|part| part.0)),
             of(PartKind::Lines, self.lines.map(|part| part.0)),
             of(PartKind::Tails, self.tails.map(|part| part.0)),
+            of(PartKind::Moments, self.moments.map(|part| part.0)),
         ];
         parts.into_iter().flatten()
     }
