@@ -217,6 +217,9 @@ fn moments_have_codebooks_of_whole_blocks_below_their_peak_and_a_length_within_b
         &[(8, mean)],
         ": the length of moments without codebooks says nothing",
     );
+    let track = [&[100][..], &[4; 10], &[0xf8; 10]].concat();
+    let told = ": a level track beside moments, which have theirs";
+    of_parts(&[(3, &sound), (4, &track), (8, mean)], told);
     let mut cut = of_blocks(400, 0);
     cut.pop();
     for (codes, told) in [

@@ -162,10 +162,14 @@ fn parts(nodes: usize) -> impl Strategy<Value = PartsSpec> {
     );
     let excitation = prop::option::weighted(0.3, excitation);
     let modulation = prop::option::weighted(0.3, track());
-    (excitation, modulation).prop_map(|(excitation, modulation)| PartsSpec {
-        excitation,
-        modulation,
-        lines: None,
+    (excitation, modulation).prop_map(|(excitation, modulation)| {
+        let has_moments = |spec: &ExcitationSpec| spec.moment_samples.is_some();
+        let moments = excitation.as_ref().is_some_and(has_moments);
+        PartsSpec {
+            excitation,
+            modulation: modulation.filter(|_| !moments),
+            lines: None,
+        }
     })
 }
 

@@ -160,6 +160,11 @@ impl<'a> Parts<'a> {
             return Err(Problem::Needless("the length of moments without codebooks"));
         }
         if let Some(modulation) = self.modulation {
+            if self.moments.is_some() {
+                return Err(Problem::Rule(
+                    "a level track beside moments, which have theirs",
+                ));
+            }
             modulation.check()?;
         }
         if let Some(lines) = self.lines {
