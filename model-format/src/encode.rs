@@ -4,7 +4,7 @@ use alloc::vec::Vec;
 
 use crate::error::{DecodeError, Place, Problem};
 use crate::library::part::{
-    self, excitation, fine_theta, levels, lines, modulation, tails, wander,
+    self, excitation, fine_theta, levels, lines, modulation, moments, tails, wander,
 };
 use crate::library::{Coefficients, Laws, Library, NodeFlags, PartsSpec, TailSpec, theta};
 use crate::limits;
@@ -322,6 +322,8 @@ fn append_parts(
     let malformed = |_| Problem::Malformed("an optional part").at(Place::Texture(index));
     let excitation = texture.parts.excitation.as_ref().map(excitation::part);
     let modulation = texture.parts.modulation.as_ref().map(modulation::part);
+    let moments = texture.parts.excitation.as_ref();
+    let moments = moments.and_then(|spec| spec.moment_samples.map(moments::part));
     let parts: Vec<_> = [
         levels::part(texture.laws),
         fine_theta,
@@ -330,6 +332,7 @@ fn append_parts(
         lines,
         tails,
         wander.map(|content| (wander::KIND, content)),
+        moments.transpose().map_err(malformed)?,
     ]
     .into_iter()
     .flatten()

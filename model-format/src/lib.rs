@@ -20,9 +20,10 @@ mod wire;
 pub use encode::{CodeSpec, NodeSpec, TextureSpec, encode, encode_with_scenes};
 pub use error::{DecodeError, Place, Problem};
 pub use library::{
-    Axis, Codebook, Coefficients, Decoder, Excitation, FadeLaw, LEVEL_FRACTION_BITS, Laws,
-    LevelLaw, Library, Line, Lines, MU_LAW_FRACTION_BITS, Modulation, Node, NodeFlags, Outline,
-    PartKind, Tail, Texture, Wander, Workspace, level_amplitude, mu_law,
+    Axis, BLOCK_BYTES, BLOCK_MAGNITUDES, BLOCK_SAMPLES, Codebook, Coefficients, Decoder,
+    Excitation, FadeLaw, LEVEL_FRACTION_BITS, Laws, LevelLaw, Library, Line, Lines,
+    MU_LAW_FRACTION_BITS, Modulation, Node, NodeFlags, Outline, PartKind, Tail, Texture, Wander,
+    Workspace, block_scale, block_share, level_amplitude, mu_law,
 };
 #[cfg(feature = "alloc")]
 pub use library::{

@@ -34,6 +34,16 @@ pub const MAX_CODEBOOKS: usize = 4;
 /// Fewest samples of a codebook: 0.2 s at 5 kHz.
 pub const MIN_CODEBOOK_SAMPLES: usize = 1000;
 
+/// Most samples of a codebook: those of as many blocks as there is room for.
+pub const MAX_CODEBOOK_SAMPLES: usize = MAX_EXCITATION_BYTES / 25 * 64;
+
+/// Shortest mean of a texture's moments, samples.
+pub const MIN_MOMENT_SAMPLES: u16 = 250;
+
+/// Longest mean of a texture's moments, samples: 1 s at 5 kHz. It bounds the density of what a codebook plays, see the
+/// kernel's `lattice`.
+pub const MAX_MOMENT_SAMPLES: u16 = 5000;
+
 /// Highest peak of a codebook, standard deviations. A fed excitation has its full scale at 64.
 pub const MAX_CODEBOOK_PEAK: f32 = 40.0;
 

@@ -89,6 +89,7 @@ fn bench() -> Bench {
         excitation: Some(ExcitationSpec {
             codebooks: vec![codebook(&impulsive(77, 8000))],
             of_nodes: vec![1; spec.nodes.len()],
+            moment_samples: None,
         }),
         modulation: Some(ModulationSpec {
             step_samples: 100,

@@ -167,6 +167,12 @@ fn excitation_table(textures: &[TextureSummary]) -> Option<String> {
             ("peak", each(&|codebook| format!("{:.1}", codebook.peak))),
             ("nodes", each(&|codebook| codebook.nodes.to_string())),
             (
+                "moment ms",
+                texture
+                    .moment_s
+                    .map_or_else(|| "none".to_owned(), |s| format!("{:.0}", 1000.0 * s)),
+            ),
+            (
                 "level track s",
                 of_track(&|track| format!("{:.1}", track.seconds)),
             ),

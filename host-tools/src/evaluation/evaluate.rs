@@ -434,8 +434,7 @@ fn refit(
         blocks_s.clone().fold(f64::INFINITY, f64::min),
         blocks_s.fold(0.0, f64::max),
     );
-    let analyses: Vec<_> = analysed.into_iter().map(|trial| trial.analysis).collect();
-    let fit = fit::fit_analysed(&part, &analyses, &fit_options)?;
+    let fit = fit::fit_blocks(&part, analysed, &fit_options)?;
     let libraries = fit.textures.into_iter().map(|texture| {
         let bytes = library_of(&texture.name, &texture.grid)?;
         Ok((texture.name, bytes))
@@ -622,7 +621,7 @@ mod tests {
         let trial = trial_with_a_silent_part(folder.path());
         let fitted = analyse_blocks(&trial, &fit::Options::default(), 50).unwrap();
         assert!(fitted.analysis.cut_s > 0.5, "{}", fitted.analysis.cut_s);
-        let of_signal = |block: std::ops::Range<usize>| fitted.signal[block].to_vec();
+        let of_signal = |block: std::ops::Range<usize>| fitted.signal.samples[block].to_vec();
         let left: Vec<Vec<f64>> = fitted.blocks.judged().map(of_signal).collect();
         let used: Vec<Vec<f64>> = fitted.blocks.fitted().map(of_signal).collect();
         let comparison = read(&trial, &Judge::Blocks, Conditioning::default()).unwrap();

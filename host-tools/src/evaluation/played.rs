@@ -1,6 +1,6 @@
 //! Choice of what a texture plays: all of it, or without the parts that are stored beside its filter.
 
-use model_format::{Library, PartsSpec, Texture, TextureSpec, encode};
+use model_format::{ExcitationSpec, Library, PartsSpec, Texture, TextureSpec, encode};
 use serde::Serialize;
 
 use crate::scene::texture_spec;
@@ -70,8 +70,11 @@ pub fn in_words(parts: &PartsSpec) -> String {
         modulation,
         lines,
     } = parts;
+    let has_moments = |spec: &ExcitationSpec| spec.moment_samples.is_some();
+    let moments = excitation.as_ref().is_some_and(has_moments);
     let names = [
-        ("residual", excitation.is_some()),
+        ("moments", moments),
+        ("residual", excitation.is_some() && !moments),
         ("Gaussian", excitation.is_none()),
         ("modulation", modulation.is_some()),
         ("place", lines.is_some()),
@@ -103,7 +106,7 @@ pub fn with<T>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use model_format::{CodebookSpec, ExcitationSpec, LineSpec, LinesSpec, ModulationSpec};
+    use model_format::{CodebookSpec, LineSpec, LinesSpec, ModulationSpec};
 
     fn all() -> PartsSpec {
         PartsSpec {
@@ -113,6 +116,7 @@ mod tests {
                     codes: vec![1; 1000],
                 }],
                 of_nodes: vec![1],
+                moment_samples: None,
             }),
             modulation: Some(ModulationSpec {
                 step_samples: 100,

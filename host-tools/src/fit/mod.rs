@@ -104,10 +104,42 @@ fn add_excitation(
             signal_of_judged(&set.trials[member], &verdicts[place], options.conditioning)
         };
         let texture = (&mut *fit, index);
-        excitation::add_to((set, &members), texture, options, room, read, &progress)?;
+        excitation::add_to(
+            (set, &members),
+            texture,
+            options,
+            (room, false),
+            read,
+            &progress,
+        )?;
         kept.forget(&members);
     }
     Ok(())
+}
+
+/// As [`fit_analysed`], of `analysed` trials, with what excites the models: codebooks and tracks of fitted blocks.
+///
+/// # Errors
+/// As [`fit_analysed`].
+pub fn fit_blocks(
+    set: &RecordingSet,
+    analysed: Vec<part::PartlyAnalysed>,
+    options: &Options,
+) -> Result<Fit> {
+    let (analyses, signals): (Vec<Analysis>, Vec<Signal>) = analysed
+        .into_iter()
+        .map(|trial| (trial.analysis, trial.signal))
+        .unzip();
+    let mut fit = fit_analysed(set, &analyses, options)?;
+    if excitation::is_wanted(options) {
+        let room = excitation::bytes_per_texture(&fit)?;
+        for (index, (_, members)) in set.by_texture().into_iter().enumerate() {
+            let read = |member: usize| Ok(signals[member].clone());
+            let texture = (&mut fit, index);
+            excitation::add_to((set, &members), texture, options, (room, true), read, || ())?;
+        }
+    }
+    Ok(fit)
 }
 
 /// Signals of a texture's trials `members` without its lines, as its statistics were made of.

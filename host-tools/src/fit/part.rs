@@ -2,8 +2,8 @@
 //!
 //! Blocks alternate, because a recording changes over time: halves would compare its beginning with its end. Lags are
 //! estimated within blocks and averaged, never across the join of two blocks. Nothing but the direction of the first
-//! principal component, the mean, the verdicts of triage, and the wavelengths of lines with the course of the speed
-//! comes from the whole recording.
+//! principal component, the mean, the verdicts of triage, the wavelengths of lines with the course of the speed, and
+//! whether a residual has impulses and a level of its own comes from the whole recording.
 
 use std::ops::Range;
 
@@ -15,7 +15,7 @@ use super::estimate::{Estimate, estimate};
 use super::lines::{Lines, separate};
 use super::options::Options;
 use super::separated::{can_have_lines, of_texture};
-use super::trial::{Analysis, analyse_with_signal};
+use super::trial::{Analysis, Signal, analyse_with_signal};
 use crate::dsp::autocorrelation::Autocorrelation;
 use crate::recording::{RecordingSet, Trial};
 use crate::support::error::Result;
@@ -58,16 +58,16 @@ impl Blocks {
     }
 
     /// Samples of each block that is fitted.
-    pub fn fitted(&self) -> impl Iterator<Item = Range<usize>> {
+    pub fn fitted(&self) -> impl Iterator<Item = Range<usize>> + use<> {
         self.every_other(0)
     }
 
     /// Samples of each block that is left for judging.
-    pub fn judged(&self) -> impl Iterator<Item = Range<usize>> {
+    pub fn judged(&self) -> impl Iterator<Item = Range<usize>> + use<> {
         self.every_other(1)
     }
 
-    fn every_other(&self, first: usize) -> impl Iterator<Item = Range<usize>> {
+    fn every_other(&self, first: usize) -> impl Iterator<Item = Range<usize>> + use<> {
         let len = self.len;
         (first..self.count)
             .step_by(2)
@@ -80,8 +80,8 @@ impl Blocks {
 pub struct PartlyAnalysed {
     /// Statistics of the fitted blocks; verdicts and mean of the whole recording.
     pub analysis: Analysis,
-    /// The whole reduced signal, m/s².
-    pub signal: Vec<f64>,
+    /// The whole reduced signal, without the lines that were taken out of the statistics.
+    pub signal: Signal,
     /// Its division.
     pub blocks: Blocks,
 }
@@ -96,9 +96,9 @@ pub fn analyse_blocks(
     max_order: usize,
 ) -> Result<PartlyAnalysed> {
     let (mut analysis, signal) = analyse_with_signal(trial, options, max_order)?;
-    let signal = signal.samples;
-    let blocks = Blocks::of(signal.len());
-    let fitted: Vec<&[f64]> = blocks.fitted().map(|block| &signal[block]).collect();
+    let blocks = Blocks::of(signal.samples.len());
+    let fitted = blocks.fitted().map(|block| &signal.samples[block]);
+    let fitted: Vec<&[f64]> = fitted.collect();
     let estimate = estimate_of_blocks(&fitted, max_order, analysis.slow.cut_hz);
     (analysis.lags, analysis.bands) = (estimate.lags, estimate.bands);
     analysis.samples = fitted.iter().map(|block| block.len()).sum();
@@ -134,8 +134,7 @@ pub fn analyse_blocks_of_set(
     Ok(analysed)
 }
 
-/// Takes the lines of texture `name` out of the statistics of its trials. `signal` stays whole, because a synthesis
-/// with its lines is compared with it.
+/// Takes the lines of texture `name` out of its trials' statistics and signals.
 fn separate_lines(
     set: &RecordingSet,
     name: &str,
@@ -153,7 +152,7 @@ fn separate_lines(
             } = &analysed[index];
             let is_sought = can_have_lines(trial, analysis, options);
             if is_sought {
-                signal.clone()
+                signal.samples.clone()
             } else {
                 Vec::new()
             }
@@ -166,12 +165,15 @@ fn separate_lines(
     let shares = separate(&speeds_mm_s, &mut signals, Some(&fitted), options.lines);
     for (((index, rest), share), fitted) in indices.into_iter().zip(signals).zip(shares).zip(fitted)
     {
-        let analysis = &mut analysed[index].analysis;
+        let PartlyAnalysed {
+            analysis, signal, ..
+        } = &mut analysed[index];
         if share.amplitudes_m_s2.iter().flatten().any(|&a| a > 0.0) {
             let fitted: Vec<&[f64]> = fitted.into_iter().map(|block| &rest[block]).collect();
             let max_order = analysis.lags.len() - 1;
             let estimate = estimate_of_blocks(&fitted, max_order, analysis.slow.cut_hz);
             (analysis.lags, analysis.bands) = (estimate.lags, estimate.bands);
+            signal.samples = rest;
         }
         analysis.lines = share;
     }

@@ -73,6 +73,7 @@ fn excitation(old: &ExcitationSpec, places: &[Between]) -> Option<ExcitationSpec
     (!codebooks.is_empty()).then(|| ExcitationSpec {
         of_nodes: of_nodes.collect(),
         codebooks,
+        moment_samples: old.moment_samples,
     })
 }
 
@@ -112,6 +113,7 @@ mod tests {
             excitation: Some(ExcitationSpec {
                 codebooks: vec![codebook(1), codebook(2)],
                 of_nodes: vec![1, 0, 2],
+                moment_samples: Some(500),
             }),
             modulation: Some(ModulationSpec {
                 step_samples: 50,

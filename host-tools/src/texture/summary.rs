@@ -46,6 +46,9 @@ pub struct TextureSummary {
     /// The codebooks of the residual.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub codebooks: Vec<CodebookSummary>,
+    /// Mean length of the moments that are played of them, s.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub moment_s: Option<f64>,
     /// The track of the level.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub level_track: Option<TrackSummary>,
@@ -179,6 +182,10 @@ impl TextureSummary {
                 })
                 .collect(),
             codebooks: codebook_summaries(texture),
+            moment_s: texture
+                .excitation()
+                .and_then(|own| own.moment_samples())
+                .map(|samples| f64::from(samples) / f64::from(texture.sample_rate_hz())),
             level_track: track_summary(texture),
             lines: line_summaries(texture),
             nodes,
@@ -212,7 +219,10 @@ fn codebook_summaries(texture: &Texture<'_>) -> Vec<CodebookSummary> {
         };
         let codebooks = part.codebooks.iter().enumerate();
         let summary = |(index, codebook): (usize, &CodebookSpec)| CodebookSummary {
-            seconds: codebook.codes.len() as f64 / rate_hz,
+            seconds: texture
+                .excitation()
+                .map_or(0, |own| own.codebooks()[index].samples()) as f64
+                / rate_hz,
             peak: codebook.peak,
             nodes: nodes(index + 1).count(),
         };

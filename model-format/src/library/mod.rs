@@ -36,6 +36,7 @@ pub use part::lines::{LineSpec, LinesSpec};
 #[cfg(feature = "alloc")]
 pub use part::modulation::ModulationSpec;
 pub use part::modulation::{LEVEL_FRACTION_BITS, Modulation, level_amplitude};
+pub use part::moments::{BLOCK_BYTES, BLOCK_MAGNITUDES, BLOCK_SAMPLES, block_scale, block_share};
 #[cfg(feature = "alloc")]
 pub use part::tails::TailSpec;
 pub use part::wander::Wander;

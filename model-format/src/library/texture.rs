@@ -140,7 +140,7 @@ impl<'a> Texture<'a> {
     /// Codebooks of the excitation, if there are any; it is Gaussian noise otherwise.
     pub fn excitation(&self) -> Option<Excitation<'a>> {
         let (nodes, forces) = (self.nodes.len() / NodeRecord::BYTES, self.force_axis.len());
-        let view = |part: ExcitationPart<'a>| part.view(nodes, forces);
+        let view = |part: ExcitationPart<'a>| part.view(nodes, forces, self.parts.moments);
         self.parts.excitation.and_then(view)
     }
 
@@ -157,7 +157,7 @@ impl<'a> Texture<'a> {
     /// The texture as it would be without its codebooks: Gaussian noise of the same power excites the filter.
     #[must_use]
     pub fn without_codebooks(mut self) -> Self {
-        self.parts.excitation = None;
+        (self.parts.excitation, self.parts.moments) = (None, None);
         self
     }
 

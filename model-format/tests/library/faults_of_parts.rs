@@ -189,6 +189,55 @@ fn an_excitation_that_is_cut_anywhere_is_refused() {
     }
 }
 
+/// Blocks of samples at their level, which is the peak, or another for the first of all.
+fn of_blocks(count: usize, first_level: i8) -> Vec<i8> {
+    let block = |n| [vec![-1; 24], vec![if n == 0 { first_level } else { 0 }]].concat();
+    (0..count).flat_map(block).collect()
+}
+
+#[test]
+fn moments_have_codebooks_of_whole_blocks_below_their_peak_and_a_length_within_bounds() {
+    let mean: &[u8] = &[250, 1];
+    let part = |codes: &[i8]| excitation(&[codebook(1.0, codes)], &[1; 6]);
+    let sound = part(&of_blocks(400, 0));
+    holds(&[(3, &sound), (8, mean)]);
+    let (length, malformed) = (
+        "the length of moments in samples is",
+        "the length of its moments",
+    );
+    for (content, told) in [
+        (&[][..], malformed),
+        (&[250, 1, 0], malformed),
+        (&[249, 1], length),
+        (&[137, 39], length),
+    ] {
+        of_parts(&[(3, &sound), (8, content)], &format!(": {told}"));
+    }
+    of_parts(
+        &[(8, mean)],
+        ": the length of moments without codebooks says nothing",
+    );
+    let track = [&[100][..], &[4; 10], &[0xf8; 10]].concat();
+    let told = ": a level track beside moments, which have theirs";
+    of_parts(&[(3, &sound), (4, &track), (8, mean)], told);
+    let mut cut = of_blocks(400, 0);
+    cut.pop();
+    for (codes, told) in [
+        (cut, "a codebook is no whole number of blocks"),
+        (
+            of_blocks(15, 0),
+            "the number of samples of a codebook is 960",
+        ),
+        (
+            of_blocks(400, 1),
+            "a block of a codebook is louder than its peak",
+        ),
+        (of_blocks(17, -128), "the mean square of a codebook is"),
+    ] {
+        of_parts(&[(3, &part(&codes)), (8, mean)], &format!(": {told}"));
+    }
+}
+
 #[test]
 fn a_level_track_has_steps_and_entries_within_bounds_and_a_mean_square_of_one() {
     let entries = |length: usize| (0..length).map(|n| if n % 2 == 0 { 1 } else { 0xff });

@@ -1,13 +1,13 @@
 //! Codebooks and level tracks: their laws, and what a texture tells of them.
 
 use model_format::{
-    CodebookSpec, LEVEL_FRACTION_BITS, Library, MU_LAW_FRACTION_BITS, ModulationSpec, PartKind,
-    level_amplitude, mu_law,
+    BLOCK_BYTES, BLOCK_SAMPLES, CodebookSpec, LEVEL_FRACTION_BITS, Library, MU_LAW_FRACTION_BITS,
+    ModulationSpec, PartKind, block_share, level_amplitude, mu_law,
 };
 use proptest::prelude::*;
 
 use crate::bytes::{RawLibrary, two_codebooks};
-use crate::walk::{mean_square, mean_square_as_played};
+use crate::walk::{mean_square, mean_square_as_played, share_of_block};
 
 #[test]
 fn codes_follow_the_mu_law_and_levels_a_quarter_of_a_decibel() {
@@ -23,6 +23,21 @@ fn codes_follow_the_mu_law_and_levels_a_quarter_of_a_decibel() {
         let exact = 10f64.powf(f64::from(entry) * 0.25 / 20.0);
         let found = f64::from(level_amplitude(entry)) / 2f64.powi(LEVEL_FRACTION_BITS as i32);
         assert!((found - exact).abs() <= 0.51 / 65_536.0, "{entry}");
+    }
+}
+
+proptest! {
+    #[test]
+    fn samples_of_blocks_follow_their_formula(
+        codes in prop::array::uniform24(any::<u8>()), level in -128..=0i8, index in 0..BLOCK_SAMPLES,
+    ) {
+        let mut block = [0; BLOCK_BYTES];
+        block[..24].copy_from_slice(&codes);
+        block[24] = level.cast_unsigned();
+        let (found, exact) = (f64::from(block_share(&block, index)), share_of_block(&block, index));
+        let exact = exact * 2f64.powi(MU_LAW_FRACTION_BITS as i32);
+        // The lowest levels have two digits.
+        prop_assert!((found - exact).abs() <= 1e-3 * exact.abs() + 17_000.0, "{found} {exact}");
     }
 }
 

@@ -1,9 +1,9 @@
 //! Round trips: from content to bytes and back, and from bytes to content and back.
 
 use model_format::{
-    CodeSpec, CodebookSpec, ExcitationSpec, FadeLaw, Laws, LevelLaw, Library, LineSpec, LinesSpec,
-    MAX_FINE_THETA, ModulationSpec, NodeFlags, NodeSpec, PartsSpec, Provenance, TailSpec,
-    TextureSpec, Wander, encode, encode_with_scenes, limits,
+    BLOCK_BYTES, CodeSpec, CodebookSpec, ExcitationSpec, FadeLaw, Laws, LevelLaw, Library,
+    LineSpec, LinesSpec, MAX_FINE_THETA, ModulationSpec, NodeFlags, NodeSpec, PartsSpec,
+    Provenance, TailSpec, TextureSpec, Wander, encode, encode_with_scenes, limits,
 };
 use proptest::collection::{btree_set, vec};
 use proptest::prelude::*;
@@ -139,9 +139,14 @@ fn with_tails(mut nodes: Vec<NodeSpec>) -> Vec<NodeSpec> {
 
 /// Codebooks and level tracks of a mean square of 1 for so many nodes, some of the time.
 fn parts(nodes: usize) -> impl Strategy<Value = PartsSpec> {
-    let codebooks = vec(codebook(), 1..=limits::MAX_CODEBOOKS.min(nodes));
+    let count = 1..=limits::MAX_CODEBOOKS.min(nodes);
+    let means = limits::MIN_MOMENT_SAMPLES..=limits::MAX_MOMENT_SAMPLES;
+    let codebooks = prop_oneof![
+        (vec(codebook(), count.clone()), Just(None)),
+        (vec(blocks(), count), means.prop_map(Some)),
+    ];
     let excitation = (codebooks, vec(0..=limits::MAX_CODEBOOKS as u8, nodes)).prop_map(
-        |(codebooks, mut of_nodes)| {
+        |((codebooks, moment_samples), mut of_nodes)| {
             for source in &mut of_nodes {
                 *source %= codebooks.len() as u8 + 1;
             }
@@ -151,15 +156,20 @@ fn parts(nodes: usize) -> impl Strategy<Value = PartsSpec> {
             ExcitationSpec {
                 codebooks,
                 of_nodes,
+                moment_samples,
             }
         },
     );
     let excitation = prop::option::weighted(0.3, excitation);
     let modulation = prop::option::weighted(0.3, track());
-    (excitation, modulation).prop_map(|(excitation, modulation)| PartsSpec {
-        excitation,
-        modulation,
-        lines: None,
+    (excitation, modulation).prop_map(|(excitation, modulation)| {
+        let has_moments = |spec: &ExcitationSpec| spec.moment_samples.is_some();
+        let moments = excitation.as_ref().is_some_and(has_moments);
+        PartsSpec {
+            excitation,
+            modulation: modulation.filter(|_| !moments),
+            lines: None,
+        }
     })
 }
 
@@ -169,6 +179,25 @@ fn codebook() -> impl Strategy<Value = CodebookSpec> {
     codes.prop_map(|codes| {
         let mut codebook = CodebookSpec { peak: 1.0, codes };
         codebook.peak = codebook.mean_square().sqrt().recip();
+        codebook
+    })
+}
+
+fn blocks() -> impl Strategy<Value = CodebookSpec> {
+    let block = (vec(any::<i8>(), BLOCK_BYTES - 1), -100..=0i8);
+    let blocks = vec(block, 16..60).prop_map(|blocks| {
+        let bytes = blocks.into_iter().flat_map(|(mut codes, level)| {
+            codes.push(level);
+            codes
+        });
+        let mut codes: Vec<i8> = bytes.collect();
+        // One block at the peak, so that the peak stays within its bound.
+        codes[BLOCK_BYTES - 1] = 0;
+        codes
+    });
+    blocks.prop_map(|codes| {
+        let mut codebook = CodebookSpec { peak: 1.0, codes };
+        codebook.peak = codebook.mean_square_of_blocks().sqrt().recip();
         codebook
     })
 }

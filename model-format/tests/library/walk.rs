@@ -4,8 +4,9 @@ use std::iter::repeat;
 
 use model_format::scene::Scene;
 use model_format::{
-    CodeSpec, CodebookSpec, Coefficients, ExcitationSpec, Library, Lines, LinesSpec,
-    ModulationSpec, NodeFlags, NodeSpec, PartsSpec, TailSpec, Texture, TextureSpec, limits,
+    BLOCK_BYTES, BLOCK_SAMPLES, CodeSpec, CodebookSpec, Coefficients, ExcitationSpec, Library,
+    Lines, LinesSpec, ModulationSpec, NodeFlags, NodeSpec, PartsSpec, TailSpec, Texture,
+    TextureSpec, limits,
 };
 
 /// The content of `library`, through its public interface.
@@ -113,7 +114,20 @@ fn parts(texture: &Texture<'_>) -> PartsSpec {
     });
     let modulation = texture.modulation().map(ModulationSpec::from);
     let level = 0.98..=1.02;
+    let moments = excitation.as_ref().and_then(|spec| spec.moment_samples);
+    assert!(moments.is_none_or(|mean| (250..=5000).contains(&mean)));
     for codebook in excitation.iter().flat_map(|spec| &spec.codebooks) {
+        if moments.is_some() {
+            let bytes: Vec<u8> = codebook.codes.iter().map(|c| c.cast_unsigned()).collect();
+            let blocks = bytes.chunks(BLOCK_BYTES);
+            let squares = blocks.flat_map(|block| {
+                (0..BLOCK_SAMPLES).map(|index| share_of_block(block, index).powi(2))
+            });
+            let count = bytes.len() / BLOCK_BYTES * BLOCK_SAMPLES;
+            let power = squares.sum::<f64>() / count as f64 * f64::from(codebook.peak).powi(2);
+            assert!(level.contains(&power), "{power}");
+            continue;
+        }
         assert!((1000..=16_384).contains(&codebook.codes.len()));
         assert!(codebook.peak > 0.0 && codebook.peak <= 40.0);
         assert!(!codebook.codes.contains(&i8::MIN));
@@ -142,6 +156,19 @@ fn parts(texture: &Texture<'_>) -> PartsSpec {
         excitation,
         modulation,
         lines: texture.lines().map(|lines| lines_of(texture, lines)),
+    }
+}
+
+/// Value of a sample of a block as a share of the peak, by the formula of the format, read bit by bit.
+pub fn share_of_block(block: &[u8], index: usize) -> f64 {
+    let bit = |at: usize| u32::from(block[at / 8] >> (at % 8) & 1);
+    let k = bit(3 * index) + 2 * bit(3 * index + 1);
+    let m = (5f64.powf(f64::from(2 * k + 1) / 7.0) - 1.0) / 4.0;
+    let scale = 10f64.powf(f64::from(block[24].cast_signed()) / 40.0);
+    if bit(3 * index + 2) == 1 {
+        -scale * m
+    } else {
+        scale * m
     }
 }
 

@@ -111,6 +111,7 @@ fn parts(codebooks: usize, modulation: bool, nodes: usize) -> PartsSpec {
         of_nodes: (0..nodes)
             .map(|node| (node % (codebooks + 1)) as u8)
             .collect(),
+        moment_samples: None,
     });
     let modulation = modulation.then(|| ModulationSpec {
         step_samples: 25,

@@ -6,8 +6,9 @@ use alloc::vec::Vec;
 
 use model_format::limits::{MAX_FINE_STAGES, MAX_ORDER};
 use model_format::{
-    CodeSpec, CodebookSpec, ExcitationSpec, FadeLaw, Laws, LevelLaw, LineSpec, LinesSpec,
-    ModulationSpec, NodeSpec, PartsSpec, THETA_STEP_RAD, TailSpec, TextureSpec, Wander, encode,
+    BLOCK_BYTES, CodeSpec, CodebookSpec, ExcitationSpec, FadeLaw, Laws, LevelLaw, LineSpec,
+    LinesSpec, ModulationSpec, NodeSpec, PartsSpec, THETA_STEP_RAD, TailSpec, TextureSpec, Wander,
+    encode,
 };
 use rand_core::Rng;
 use rand_pcg::Pcg32;
@@ -51,7 +52,7 @@ pub fn library() -> Vec<u8> {
 }
 
 /// The textures of [`library`].
-pub fn specs() -> [TextureSpec; 14] {
+pub fn specs() -> [TextureSpec; 15] {
     let resonant = |index| Model::resonant(MAX_ORDER, index);
     let one = Grid::one(&Model::resonant(MAX_ORDER, 1), 9.0);
     [
@@ -100,6 +101,9 @@ pub fn specs() -> [TextureSpec; 14] {
             .with_lines(&FOUR_LINES)
             .with_wanders()
             .texture("lattice, four lines that wander"),
+        Grid::new(|index| resonant(150 + index as u64))
+            .with_moments()
+            .texture("lattice, moments"),
     ]
 }
 
@@ -339,7 +343,18 @@ impl Grid {
         self.parts.excitation = Some(ExcitationSpec {
             codebooks: [codebook(1000, 1), codebook(1537, 2)].to_vec(),
             of_nodes: nodes.map(|node| [1, 2, 0][node % 3]).collect(),
+            moment_samples: None,
         });
+        self
+    }
+
+    /// The same with two codebooks in blocks, and nodes of both and of neither.
+    fn with_moments(mut self) -> Self {
+        self = self.with_codebooks();
+        if let Some(excitation) = &mut self.parts.excitation {
+            excitation.codebooks = [blocks(30, 4), blocks(41, 5)].to_vec();
+            excitation.moment_samples = Some(777);
+        }
         self
     }
 
@@ -385,6 +400,20 @@ fn codebook(samples: usize, seed: u64) -> CodebookSpec {
         *code /= 2;
     }
     codebook.peak = libm::sqrtf(codebook.mean_square()).recip();
+    codebook
+}
+
+/// A codebook of so many blocks, with levels that are spread over 32 dB.
+fn blocks(count: usize, seed: u64) -> CodebookSpec {
+    let mut uniform = uniform(seed);
+    let mut codes: Vec<i8> = (0..count * BLOCK_BYTES)
+        .map(|_| (127.0 * uniform()) as i8)
+        .collect();
+    for block in codes.chunks_exact_mut(BLOCK_BYTES) {
+        block[BLOCK_BYTES - 1] = -(block[0].unsigned_abs() as i8 / 2);
+    }
+    let mut codebook = CodebookSpec { peak: 1.0, codes };
+    codebook.peak = libm::sqrtf(codebook.mean_square_of_blocks()).recip();
     codebook
 }
 

@@ -37,7 +37,7 @@ impl Vector {
 }
 
 /// All textures of the library, and two of them at once.
-pub const VECTORS: [Vector; 16] = [
+pub const VECTORS: [Vector; 17] = [
     Vector::new("lattice, one node", 10),
     Vector::new("lattice", 1),
     Vector::new("lattice of unequal orders", 2),
@@ -62,6 +62,7 @@ pub const VECTORS: [Vector; 16] = [
     Vector::new("lattice, codebooks, track and four lines", 24),
     Vector::new("compact lattice, mean dB", 25),
     Vector::new("lattice, four lines that wander", 26),
+    Vector::new("lattice, moments", 26),
 ];
 
 /// A texture whose cost is measured.

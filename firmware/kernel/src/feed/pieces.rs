@@ -5,8 +5,13 @@
 //! probabilities; a node without codebook gives a piece of Gaussian noise. Two neighbouring pieces overlap for 5 ms, in
 //! which their amplitudes are the cosine and the sine of an angle from 0 to a quarter turn. They are independent, so
 //! that the variance stays 1.
+//!
+//! A texture with moments has longer pieces, of 0.4 to 1.6 times their mean, which hold events with their levels. Few
+//! of them fit in a codebook, so that places at random would repeat some of it soon and leave out the rest. A piece
+//! begins a golden section of the codebook after the one before, and up to 1.6 % to either side at random: places that
+//! are spread evenly however many there are.
 
-use model_format::{Codebook, Excitation as Codebooks, MU_LAW_FRACTION_BITS, mu_law};
+use model_format::{Codebook, Excitation as Codebooks, MU_LAW_FRACTION_BITS};
 
 use super::draws::{Draws, share};
 use super::scale::{FED_FRACTION_BITS, gaussian_sample};
@@ -21,6 +26,12 @@ const LONGEST_MS: u32 = 80;
 
 /// Cross-fades per second: 5 ms.
 const FADES_PER_S: u32 = 200;
+
+/// The golden section of a turn of 2³².
+const GOLDEN_TURN: u32 = 0x9e37_79b9;
+
+/// Digits that the random part of a turn has fewer than a turn.
+const RANDOM_TURN_SHIFT: u32 = 5;
 
 /// A piece that is played.
 #[derive(Clone, Copy, Debug)]
@@ -45,6 +56,8 @@ pub(super) struct Pieces {
     piece: Option<Piece>,
     /// Samples until the next piece begins.
     left: u32,
+    /// Place of a moment's beginning in its codebook, as a part of 2³².
+    turn: u32,
     /// The piece that comes up, with the samples of the cross-fade that are done.
     next: Option<(Piece, u32)>,
 }
@@ -54,6 +67,7 @@ impl Pieces {
     pub const NONE: Self = Self {
         piece: None,
         left: 0,
+        turn: 0,
         next: None,
     };
 
@@ -100,7 +114,7 @@ impl Pieces {
         draws: &mut Draws,
     ) {
         let source = source_at(codebooks, point, draws.below(ONE));
-        let at = draws.bits();
+        let at = self.turn_of(codebooks, draws.bits());
         let length_and_sign = draws.bits();
         let drawn = match source
             .checked_sub(1)
@@ -108,12 +122,12 @@ impl Pieces {
         {
             Some(codebook) => Piece::Codebook {
                 index: (source - 1) as u8,
-                at: share(at, codebook.codes().len() as u32),
+                at: share(at, codebook.samples() as u32),
                 negative: length_and_sign >> 31 == 1,
             },
             None => Piece::Gaussian,
         };
-        let (shortest, longest) = piece_samples(sample_rate_hz);
+        let (shortest, longest) = piece_samples(codebooks, sample_rate_hz);
         self.left = shortest + share(length_and_sign << 1, longest - shortest + 1);
         match self.piece {
             // Noise goes on as noise.
@@ -121,6 +135,21 @@ impl Pieces {
             Some(_) => self.next = Some((drawn, 0)),
             None => self.piece = Some(drawn),
         }
+    }
+
+    /// The place of the next piece in its codebook, from random `bits`, as a part of 2³².
+    fn turn_of(&mut self, codebooks: &Codebooks<'_>, bits: u32) -> u32 {
+        if codebooks.moment_samples().is_none() {
+            return bits;
+        }
+        let half = 1 << (31 - RANDOM_TURN_SHIFT);
+        let random = (bits >> RANDOM_TURN_SHIFT).wrapping_sub(half);
+        self.turn = if self.piece.is_none() {
+            bits
+        } else {
+            self.turn.wrapping_add(GOLDEN_TURN).wrapping_add(random)
+        };
+        self.turn
     }
 }
 
@@ -138,24 +167,21 @@ impl Piece {
         let Some(codebook) = codebooks.codebooks().get(usize::from(*index)) else {
             return 0;
         };
-        let Some(&code) = codebook.codes().get(*at as usize) else {
-            return 0;
-        };
+        let sample = value(codebook, *at);
         *at += 1;
-        if *at as usize == codebook.codes().len() {
+        if *at as usize >= codebook.samples() {
             *at = 0;
         }
-        let sample = value(codebook, code.cast_signed());
         if *negative { -sample } else { sample }
     }
 }
 
-/// Value of a code in steps of 2⁻²⁵.
+/// Value of sample number `at` in steps of 2⁻²⁵.
 #[inline]
-fn value(codebook: &Codebook<'_>, code: i8) -> i32 {
+fn value(codebook: &Codebook<'_>, at: u32) -> i32 {
     // A power of two scales a float exactly.
     let peak = (codebook.peak() * (1u32 << FED_FRACTION_BITS) as f32) as i32;
-    let product = i64::from(mu_law(code)) * i64::from(peak);
+    let product = i64::from(codebook.share(at as usize)) * i64::from(peak);
     shift_toward_zero(product, MU_LAW_FRACTION_BITS) as i32
 }
 
@@ -178,7 +204,14 @@ fn fade_samples(sample_rate_hz: u32) -> u32 {
 }
 
 /// Fewest and most samples from the beginning of one piece to that of the next. A piece is longer than its cross-fade.
-fn piece_samples(sample_rate_hz: u32) -> (u32, u32) {
-    let shortest = (sample_rate_hz / SHORTEST_PER_S).max(fade_samples(sample_rate_hz) + 1);
-    (shortest, (sample_rate_hz * LONGEST_MS / 1000).max(shortest))
+fn piece_samples(codebooks: &Codebooks<'_>, sample_rate_hz: u32) -> (u32, u32) {
+    let (shortest, longest) = match codebooks.moment_samples().map(u32::from) {
+        Some(mean) => (mean * 2 / 5, mean * 8 / 5),
+        None => (
+            sample_rate_hz / SHORTEST_PER_S,
+            sample_rate_hz * LONGEST_MS / 1000,
+        ),
+    };
+    let shortest = shortest.max(fade_samples(sample_rate_hz) + 1);
+    (shortest, longest.max(shortest))
 }

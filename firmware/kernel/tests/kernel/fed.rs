@@ -3,8 +3,8 @@
 use std::f64::consts::{FRAC_PI_2, LN_2, LN_10};
 
 use model_format::{
-    CodeSpec, CodebookSpec, ExcitationSpec, ModulationSpec, NodeSpec, OutputSample, PartsSpec,
-    Texture, TextureSpec, encode,
+    BLOCK_SAMPLES, CodeSpec, CodebookSpec, ExcitationSpec, ModulationSpec, NodeSpec, OutputSample,
+    PartsSpec, Texture, TextureSpec, encode,
 };
 use proptest::prelude::*;
 use stylus_kernel::excitation::Excitation;
@@ -94,6 +94,7 @@ pub fn everywhere(codebook: CodebookSpec, nodes: usize) -> ExcitationSpec {
     ExcitationSpec {
         codebooks: vec![codebook],
         of_nodes: vec![1; nodes],
+        moment_samples: None,
     }
 }
 
@@ -139,6 +140,7 @@ fn bare_of(codebooks: Vec<CodebookSpec>, of_nodes: [u8; 4]) -> Vec<u8> {
     let excitation = ExcitationSpec {
         codebooks,
         of_nodes: of_nodes.to_vec(),
+        moment_samples: None,
     };
     encoded(bare(PartsSpec {
         excitation: Some(excitation),
@@ -295,6 +297,61 @@ fn pieces_take_20_to_80_ms_of_either_sign_and_are_joined_by_cosine_and_sine() {
         let off = (half / count - 0.5).abs();
         assert!(off < 4.5 * 0.5 / count.sqrt(), "{half} of {count}");
     }
+}
+
+/// A codebook in blocks of ones at these levels, scaled to unit power.
+pub fn blocks_of_ones(levels: impl Iterator<Item = i8>) -> CodebookSpec {
+    // Each code of three bits is 3: the highest magnitude, positive.
+    let [a, b, c, _] = 0o3333_3333_u32.to_le_bytes().map(u8::cast_signed);
+    let block = |level| [[a, b, c].repeat(8), vec![level]].concat();
+    let codes = levels.flat_map(block).collect();
+    let mut codebook = CodebookSpec { peak: 1.0, codes };
+    codebook.peak = codebook.mean_square_of_blocks().sqrt().recip();
+    codebook
+}
+
+/// A texture that puts out moments of `codebook` of this mean length.
+pub fn bare_of_moments(codebook: CodebookSpec, moment_samples: u16) -> Vec<u8> {
+    let mut parts = PartsSpec {
+        excitation: Some(everywhere(codebook, 4)),
+        ..PartsSpec::default()
+    };
+    parts.excitation.as_mut().unwrap().moment_samples = Some(moment_samples);
+    encoded(bare(parts))
+}
+
+/// The block that each sample is of tells the place, except in cross-fades. Places at random would leave out a block
+/// for four rounds about once in fifty, and this plays forty.
+#[test]
+fn moments_are_played_on_with_their_level_and_go_round_the_whole_codebook() {
+    const BLOCKS: usize = 60;
+    const MEAN: usize = 1000;
+    let codebook = blocks_of_ones((0..BLOCKS as i8).map(|n| -n));
+    let peak = f64::from(codebook.peak);
+    let bytes = bare_of_moments(codebook, MEAN as u16);
+    let round = BLOCKS * BLOCK_SAMPLES;
+    let signal: Vec<f64> = excitation(&texture(&bytes), 7).take(40 * round).collect();
+    let block = |x: f64| {
+        let level = -40.0 * (x.abs() / peak).log10();
+        let is_near = (level - level.round()).abs() < 0.05;
+        (is_near && (0.0..59.5).contains(&level.round())).then(|| level.round() as usize)
+    };
+    let blocks: Vec<Option<usize>> = signal.iter().map(|&x| block(x)).collect();
+    for rounds in blocks.chunks_exact(4 * round) {
+        let left_out = (0..BLOCKS).filter(|n| !rounds.contains(&Some(*n))).count();
+        assert_eq!(left_out, 0);
+    }
+    // Most moments are longer than a block, and the next one comes up in its order.
+    let mut in_order = 0;
+    for pair in blocks.chunks_exact(2 * BLOCK_SAMPLES) {
+        let (from, to) = (pair[0], pair[BLOCK_SAMPLES]);
+        in_order += usize::from(from.is_some_and(|n| to == Some((n + 1) % BLOCKS)));
+    }
+    let share = in_order as f64 * (2 * BLOCK_SAMPLES) as f64 / signal.len() as f64;
+    // A joint or a fade is within 64 + 2 · 25 samples of the thousand.
+    assert!((0.8..0.95).contains(&share), "{share}");
+    let power_db = decibels(mean_square(&signal));
+    assert!(power_db.abs() < 0.5, "{power_db} dB");
 }
 
 /// Checks that `bins` are uniform on 0 to `count` - 1, by χ² at a level that chance exceeds once in a million.

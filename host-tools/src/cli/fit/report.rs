@@ -39,6 +39,12 @@ fn excitation(report: &ExcitationReport) -> String {
     ];
     lines.extend(report.codebooks.iter().map(codebook));
     lines.push(format!("  level: {}", report.level));
+    lines.extend(report.moments.as_ref().map(|judged| {
+        format!(
+            "    octaves' levels off the blocks that were left out: moments {:.2} dB, level apart {:.2} dB",
+            judged.moments_db, judged.apart_db
+        )
+    }));
     lines.extend(report.track.as_ref().map(|track| {
         let [low, high] = track.range_db;
         format!(

@@ -1,13 +1,18 @@
-//! A codebook: material of a residual, whitened as it is played, cut at its highest peaks, and coded by the mu-law.
+//! A codebook: material of a residual, whitened as it is played, cut at its highest peaks, and coded by the mu-law, or
+//! in blocks if it keeps the recording's level.
 
-use model_format::{CodebookSpec, MU_LAW_FRACTION_BITS, limits, mu_law};
+use model_format::{
+    BLOCK_BYTES, BLOCK_MAGNITUDES, BLOCK_SAMPLES, CodebookSpec, MU_LAW_FRACTION_BITS, block_scale,
+    limits, mu_law,
+};
 use realfft::num_complex::Complex;
 
 use crate::dsp::with_planner;
 
 use super::evidence::mean_square;
 
-/// Shortest and longest piece that a player takes of a codebook, samples: 20 to 80 ms.
+/// Shortest and longest piece that a player takes of a codebook, samples: 20 to 80 ms. Moments are longer, and are
+/// whitened with the same resolution, which is that of third octaves: a finer one would smear events.
 const PIECE_SAMPLES: std::ops::RangeInclusive<usize> = 100..=400;
 
 /// Passes of whitening. Three leave less than 0.1 dB of any third octave.
@@ -30,8 +35,106 @@ pub(super) struct Coded {
     pub snr_db: f64,
 }
 
-/// Codes `material`, cut at `highest` standard deviations. `None` if it has no power.
+/// Codes `material` by the mu-law, cut at `highest` standard deviations. `None` if it has no power.
 pub(super) fn coded(material: &[f64], highest: f64) -> Option<Coded> {
+    let (samples, cut) = prepared(material, highest)?;
+    let peak = peak_of(&samples);
+    let bounds: Vec<f64> = (0..HIGHEST_CODE)
+        .map(|code| peak * (share(code) + share(code + 1)) / 2.0)
+        .collect();
+    let code = |x: &f64| {
+        let code = bounds.partition_point(|&bound| bound < x.abs()) as i8;
+        if *x < 0.0 { -code } else { code }
+    };
+    let codes: Vec<i8> = samples.iter().map(code).collect();
+    let decoded: Vec<f64> = codes.iter().map(|&code| peak * share(code)).collect();
+    with_unit_power((codes, peak), (&samples, &decoded), cut)
+}
+
+/// Codes `material` in blocks, cut at `highest` standard deviations, without the last samples that fill no block.
+/// `None` if it has no power.
+pub(super) fn coded_in_blocks(material: &[f64], highest: f64) -> Option<Coded> {
+    let whole = material.len() / BLOCK_SAMPLES * BLOCK_SAMPLES;
+    let (samples, cut) = prepared(&material[..whole], highest)?;
+    let peak = peak_of(&samples);
+    let blocks = samples.as_chunks::<BLOCK_SAMPLES>().0;
+    let coded: Vec<_> = blocks
+        .iter()
+        .map(|block| coded_block(block, peak))
+        .collect();
+    let codes: Vec<i8> = coded
+        .iter()
+        .flat_map(|(bytes, _)| bytes.map(u8::cast_signed))
+        .collect();
+    let decoded: Vec<f64> = coded.iter().flat_map(|(_, samples)| *samples).collect();
+    with_unit_power((codes, peak), (&samples, &decoded), cut)
+}
+
+/// Bytes of a block of samples, of a codebook with this `peak`, and the samples that they stand for: at the level whose
+/// error is least.
+fn coded_block(
+    samples: &[f64; BLOCK_SAMPLES],
+    peak: f64,
+) -> ([u8; BLOCK_BYTES], [f64; BLOCK_SAMPLES]) {
+    /// Levels that are tried below and above the block's own peak: 6 dB and 1 dB, in steps of 0.5 dB.
+    const TRIED: std::ops::RangeInclusive<i32> = -12..=2;
+    let own = (40.0 * (peak_of(samples) / peak).log10()).round() as i32;
+    let tried = TRIED.map(|step| own.saturating_add(step).clamp(i8::MIN.into(), 0) as i8);
+    let coded = tried.map(|level| {
+        let scale = peak * f64::from(block_scale(level)) / 65_536.0;
+        let magnitudes = BLOCK_MAGNITUDES.map(|m| scale * f64::from(m) / 16_384.0);
+        let number = |x: f64| {
+            let nearer = |k: &usize| 2.0 * x.abs() > magnitudes[*k] + magnitudes[*k + 1];
+            (0..magnitudes.len() - 1).take_while(nearer).count()
+        };
+        let codes = samples.map(|x| number(x) | if x < 0.0 { 4 } else { 0 });
+        let decoded = codes.map(|code| {
+            let magnitude = magnitudes[code & 3];
+            if code & 4 == 0 { magnitude } else { -magnitude }
+        });
+        let error: f64 = samples
+            .iter()
+            .zip(&decoded)
+            .map(|(a, b)| (a - b).powi(2))
+            .sum();
+        (error, level, codes, decoded)
+    });
+    let best = coded.min_by(|a, b| a.0.total_cmp(&b.0));
+    let (_, level, codes, decoded) = best.expect("some levels are tried");
+    let mut bytes = [0; BLOCK_BYTES];
+    for (index, code) in codes.into_iter().enumerate() {
+        let bits = (code << (3 * index % 8)) as u16;
+        let [low, high] = bits.to_le_bytes();
+        bytes[3 * index / 8] |= low;
+        bytes[3 * index / 8 + 1] |= high;
+    }
+    bytes[BLOCK_BYTES - 1] = level.cast_unsigned();
+    (bytes, decoded)
+}
+
+fn peak_of(samples: &[f64]) -> f64 {
+    samples.iter().fold(0.0, |peak: f64, x| peak.max(x.abs()))
+}
+
+/// The codebook with these codes of this peak, scaled to a mean square of 1.
+fn with_unit_power(
+    (codes, peak): (Vec<i8>, f64),
+    (samples, decoded): (&[f64], &[f64]),
+    cut: usize,
+) -> Option<Coded> {
+    let errors: Vec<f64> = decoded.iter().zip(samples).map(|(a, b)| a - b).collect();
+    let power = mean_square(decoded);
+    let peak = (peak / power.sqrt()) as f32;
+    (power.is_normal() && peak.is_finite() && peak <= limits::MAX_CODEBOOK_PEAK).then(|| Coded {
+        spec: CodebookSpec { peak, codes },
+        cut,
+        snr_db: 10.0 * (power / mean_square(&errors)).log10(),
+    })
+}
+
+/// Returns `material` whitened, cut at `highest` standard deviations, with a mean square of 1; and how many samples
+/// were cut. `None` if it has no power.
+fn prepared(material: &[f64], highest: f64) -> Option<(Vec<f64>, usize)> {
     let highest = highest.min(0.99 * f64::from(limits::MAX_CODEBOOK_PEAK));
     let mut samples = material.to_vec();
     for _ in 0..PASSES {
@@ -47,24 +150,7 @@ pub(super) fn coded(material: &[f64], highest: f64) -> Option<Coded> {
         }
     }
     scale_to_one(&mut samples)?;
-    let peak = samples.iter().fold(0.0, |peak: f64, x| peak.max(x.abs()));
-    let bounds: Vec<f64> = (0..HIGHEST_CODE)
-        .map(|code| peak * (share(code) + share(code + 1)) / 2.0)
-        .collect();
-    let code = |x: &f64| {
-        let code = bounds.partition_point(|&bound| bound < x.abs()) as i8;
-        if *x < 0.0 { -code } else { code }
-    };
-    let codes: Vec<i8> = samples.iter().map(code).collect();
-    let decoded: Vec<f64> = codes.iter().map(|&code| peak * share(code)).collect();
-    let errors: Vec<f64> = decoded.iter().zip(&samples).map(|(a, b)| a - b).collect();
-    let power = mean_square(&decoded);
-    let peak = (peak / power.sqrt()) as f32;
-    (power.is_normal() && peak.is_finite() && peak <= limits::MAX_CODEBOOK_PEAK).then(|| Coded {
-        spec: CodebookSpec { peak, codes },
-        cut: is_cut.iter().filter(|&&cut| cut).count(),
-        snr_db: 10.0 * (power / mean_square(&errors)).log10(),
-    })
+    Some((samples, is_cut.iter().filter(|&&cut| cut).count()))
 }
 
 /// Value of a code by the mu-law, as a share of the peak.
@@ -161,6 +247,45 @@ mod tests {
     fn decoded(spec: &CodebookSpec) -> Vec<f64> {
         let value = |&code: &i8| f64::from(spec.peak) * share(code);
         spec.codes.iter().map(value).collect()
+    }
+
+    fn decoded_blocks(spec: &CodebookSpec) -> Vec<f64> {
+        let bytes: Vec<u8> = spec.codes.iter().map(|code| code.cast_unsigned()).collect();
+        let blocks = bytes.as_chunks::<BLOCK_BYTES>().0;
+        let share = |block, index| f64::from(model_format::block_share(block, index));
+        let samples = blocks
+            .iter()
+            .flat_map(|block| (0..BLOCK_SAMPLES).map(move |index| share(block, index)));
+        let unit = f64::from(1u32 << MU_LAW_FRACTION_BITS);
+        samples.map(|x| f64::from(spec.peak) * x / unit).collect()
+    }
+
+    /// Bursts of 40 ms that are 20 dB above what is between them, and silence.
+    #[test]
+    fn blocks_keep_the_level_of_bursts_and_come_near_each_sample() {
+        let material: Vec<f64> = noise(4, 10_000)
+            .iter()
+            .enumerate()
+            .map(|(n, x)| match n % 1000 {
+                0..200 => 10.0 * x,
+                200..900 => *x,
+                _ => 0.0,
+            })
+            .collect();
+        let coded = coded_in_blocks(&material, 36.0).unwrap();
+        assert_eq!(coded.spec.codes.len(), 10_000 / 64 * 25);
+        assert!(coded.cut == 0 && coded.snr_db > 12.5, "{}", coded.snr_db);
+        let samples = decoded_blocks(&coded.spec);
+        assert!((mean_square(&samples) - 1.0).abs() < 1e-3);
+        let level = |from: usize| {
+            let bursts = samples
+                .chunks_exact(1000)
+                .map(|period| mean_square(&period[from..from + 150]));
+            10.0 * (bursts.sum::<f64>() / 9.0).log10()
+        };
+        let step_db = level(25) - level(500);
+        assert!((step_db - 20.0).abs() < 1.0, "{step_db}");
+        assert_eq!(coded_in_blocks(&[0.0; 2000], 36.0), None);
     }
 
     /// The density of what is played of `samples` at any frequency in Hz, as a multiple of that of white noise of unit

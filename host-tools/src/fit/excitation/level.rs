@@ -171,10 +171,8 @@ mod tests {
 
     fn trace(residual: Vec<f64>) -> Trace {
         Trace {
-            at: (0, 0),
             residual,
-            flaws: Vec::new(),
-            judged: crate::fit::excitation::evidence::Judged::default(),
+            ..Trace::default()
         }
     }
 

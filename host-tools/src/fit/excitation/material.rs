@@ -11,8 +11,25 @@ pub(super) const STRETCH_SAMPLES: usize = 1000;
 /// Fewest stretches of a codebook: 0.8 s.
 pub(super) const LEAST_STRETCHES: usize = 4;
 
-/// Most stretches of a codebook: 2 s. Longer ones come no closer to another take.
+/// Most stretches of a codebook by the mu-law: 2 s. Longer ones come no closer to another take.
 pub(super) const MOST_STRETCHES: usize = 10;
+
+/// Most stretches of a codebook in blocks: 5 s, which take as many bytes.
+pub(super) const MOST_STRETCHES_OF_MOMENTS: usize = 25;
+
+/// Stretches that stay together where there is material to choose moments from: 1 s.
+const TOGETHER: usize = 5;
+
+/// The level of a material.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Level {
+    /// Divided by the level that a track holds.
+    Apart,
+    /// Steady enough to be left as it is.
+    Steady,
+    /// Kept, because moments are played with theirs.
+    OfMoments,
+}
 
 /// Stretches this much below their trial's power are none of the surface's, as where the tool stood still: 12 dB.
 const QUIET: f64 = 0.063;
@@ -22,8 +39,8 @@ const QUIET: f64 = 0.063;
 struct Stretch {
     trace: usize,
     start: usize,
-    /// Mean kurtosis of its windows of 10 ms.
-    kurtosis: f64,
+    /// Mean kurtosis of its windows of 10 ms, or the power of a moment.
+    rank: f64,
 }
 
 /// Material of a codebook.
@@ -35,17 +52,17 @@ pub(super) struct Material {
     pub trials: usize,
 }
 
-/// Takes at most `most` stretches of `traces`, divided by their level if a level track is kept beside. `None` if there
-/// are fewer than [`LEAST_STRETCHES`] that are clean and not quiet.
+/// Takes at most `most` stretches of `traces`. `None` if there are fewer than [`LEAST_STRETCHES`] that are clean and,
+/// unless they are moments, not quiet.
 ///
 /// They are taken at equal ranks of their kurtosis, so that calm and lively stretches have the share that they have in
-/// the recordings.
-pub(super) fn choose(traces: &[&Trace], is_level_apart: bool, most: usize) -> Option<Material> {
+/// the recordings; moments at equal ranks of their power.
+pub(super) fn choose(traces: &[&Trace], level: Level, most: usize) -> Option<Material> {
     let prepared: Vec<Vec<f64>> = traces
         .iter()
         .map(|trace| {
             let residual = trace.residual.iter();
-            if is_level_apart {
+            if level == Level::Apart {
                 let levels = local_rms(&trace.residual, BESIDE_CODEBOOK.smoothing);
                 residual.zip(levels).map(|(x, level)| x / level).collect()
             } else {
@@ -53,26 +70,40 @@ pub(super) fn choose(traces: &[&Trace], is_level_apart: bool, most: usize) -> Op
             }
         })
         .collect();
-    let mut stretches: Vec<Stretch> = Vec::new();
-    for (trace, own) in traces.iter().enumerate() {
-        stretches.extend(clean(own).map(|start| Stretch {
-            trace,
-            start,
-            kurtosis: mean_kurtosis(&prepared[trace][start..start + STRETCH_SAMPLES]),
-        }));
-    }
-    let count = stretches.len().min(most);
+    let of_length = |samples: usize| -> Vec<Stretch> {
+        let own = traces.iter().enumerate();
+        own.flat_map(|(trace, own)| {
+            let prepared = &prepared[trace];
+            clean(own, samples, level).map(move |start| {
+                let stretch = &prepared[start..start + samples];
+                let rank = match level {
+                    Level::OfMoments => mean_square(stretch),
+                    _ => mean_kurtosis(stretch),
+                };
+                Stretch { trace, start, rank }
+            })
+        })
+        .collect()
+    };
+    let mut stretches = of_length(STRETCH_SAMPLES);
+    let (mut length, mut count) = (STRETCH_SAMPLES, stretches.len().min(most));
     if count < LEAST_STRETCHES {
         return None;
     }
-    stretches.sort_by(|a, b| a.kurtosis.total_cmp(&b.kurtosis));
+    if level == Level::OfMoments && stretches.len() > 2 * most {
+        let longer = of_length(TOGETHER * STRETCH_SAMPLES);
+        if longer.len() >= most / TOGETHER {
+            (length, count) = (TOGETHER * STRETCH_SAMPLES, most / TOGETHER);
+            stretches = longer;
+        }
+    }
+    stretches.sort_by(|a, b| a.rank.total_cmp(&b.rank));
     let rank = |n: usize| (2 * n + 1) * stretches.len() / (2 * count);
     let mut chosen: Vec<Stretch> = (0..count).map(|n| stretches[rank(n)]).collect();
     // Neighbours stay together.
     chosen.sort_by_key(|stretch| (stretch.trace, stretch.start));
-    let samples = |stretch: &Stretch| {
-        prepared[stretch.trace][stretch.start..stretch.start + STRETCH_SAMPLES].to_vec()
-    };
+    let samples =
+        |stretch: &Stretch| prepared[stretch.trace][stretch.start..stretch.start + length].to_vec();
     let mut of: Vec<usize> = chosen.iter().map(|stretch| stretch.trace).collect();
     of.dedup();
     Some(Material {
@@ -81,17 +112,19 @@ pub(super) fn choose(traces: &[&Trace], is_level_apart: bool, most: usize) -> Op
     })
 }
 
-/// First samples of the stretches of a trial that are clean and not quiet, and do not overlap.
-fn clean(trace: &Trace) -> impl Iterator<Item = usize> {
+/// First samples of the stretches of a trial of this `length` that are clean and, unless they are moments, not quiet,
+/// and do not overlap.
+fn clean(trace: &Trace, length: usize, level: Level) -> impl Iterator<Item = usize> {
     let mut start = 0;
     std::iter::from_fn(move || {
-        while start + STRETCH_SAMPLES <= trace.residual.len() {
-            let stretch = start..start + STRETCH_SAMPLES;
+        while start + length <= trace.residual.len() {
+            let stretch = start..start + length;
             let flaw = trace
                 .flaws
                 .iter()
                 .find(|flaw| flaw.start < stretch.end && stretch.start < flaw.end);
-            let is_loud = mean_square(&trace.residual[stretch.clone()]) > QUIET;
+            let is_loud =
+                level == Level::OfMoments || mean_square(&trace.residual[stretch.clone()]) > QUIET;
             start = flaw.map_or(stretch.end, |flaw| flaw.end.max(start + 1));
             if flaw.is_none() && is_loud {
                 return Some(stretch.start);
@@ -113,15 +146,12 @@ fn mean_kurtosis(stretch: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fit::excitation::evidence::Judged;
 
     fn trace(samples: usize) -> Trace {
         // Each sample tells its place.
         Trace {
-            at: (0, 0),
             residual: (0..samples).map(|n| 1.0 + n as f64 / 1e6).collect(),
-            flaws: Vec::new(),
-            judged: Judged::default(),
+            ..Trace::default()
         }
     }
 
@@ -130,7 +160,7 @@ mod tests {
         let mut one = trace(12_000);
         one.flaws = vec![2500..2600, 2550..2580];
         one.residual[5000..6500].iter_mut().for_each(|x| *x *= 0.1);
-        let material = choose(&[&one], false, MOST_STRETCHES).unwrap();
+        let material = choose(&[&one], Level::Steady, MOST_STRETCHES).unwrap();
         assert_eq!((material.samples.len(), material.trials), (10_000, 1));
         for x in &material.samples {
             let place = ((x - 1.0) * 1e6).round();
@@ -140,13 +170,13 @@ mod tests {
         assert!(quiet <= 900, "half of a stretch at most: {quiet}");
         one.flaws = std::iter::once(0..8500).collect();
         assert_eq!(
-            choose(&[&one], false, MOST_STRETCHES),
+            choose(&[&one], Level::Steady, MOST_STRETCHES),
             None,
             "0.7 s are too little"
         );
-        assert_eq!(choose(&[], true, MOST_STRETCHES), None);
+        assert_eq!(choose(&[], Level::Apart, MOST_STRETCHES), None);
         assert_eq!(
-            choose(&[&trace(STRETCH_SAMPLES - 1)], true, MOST_STRETCHES),
+            choose(&[&trace(STRETCH_SAMPLES - 1)], Level::Apart, MOST_STRETCHES),
             None
         );
     }
@@ -157,7 +187,7 @@ mod tests {
         for n in (0..10_000).step_by(KURTOSIS_SAMPLES) {
             one.residual[n] = 20.0;
         }
-        let material = choose(&[&one], false, 8).unwrap();
+        let material = choose(&[&one], Level::Steady, 8).unwrap();
         let lively = material.samples.iter().filter(|&&x| x > 10.0).count();
         assert_eq!(lively, 2 * STRETCH_SAMPLES / KURTOSIS_SAMPLES);
     }
@@ -174,7 +204,8 @@ mod tests {
                 .map(|w| 10.0 * mean_square(w).log10());
             levels.clone().fold(f64::MIN, f64::max) - levels.fold(f64::MAX, f64::min)
         };
-        let [with, without] = [true, false].map(|apart| choose(&[&one], apart, 10).unwrap());
+        let [with, without] =
+            [Level::Apart, Level::Steady].map(|level| choose(&[&one], level, 10).unwrap());
         assert!(level_db(&without.samples) > 8.0);
         assert!(level_db(&with.samples) < 1.5, "{}", level_db(&with.samples));
     }

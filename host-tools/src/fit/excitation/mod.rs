@@ -16,8 +16,13 @@
 //! faster, and 20 ms and 5 ms beside Gaussian noise. It is joined from all trials, because a single one may be unlike
 //! the others; each is divided by its own RMS, because the nodes have the differences between trials.
 //!
+//! **Moments** (`choice`) take the place of both where levels vary and blocks that were left out are nearer to them:
+//! 5 s of the residual with its level, whitened alike and coded in 3 bits, in pieces of up to 1 s. More material does
+//! more than longer pieces or finer codes: 2 s of it are no better than a codebook with a track.
+//!
 //! These choices come from twelve pairs of recorded takes, one fitted and the other judged; none is in the repository.
 
+mod choice;
 mod codebook;
 mod evidence;
 mod level;
@@ -39,6 +44,7 @@ use super::Fit;
 use super::options::{ExcitationChoice, ModulationChoice, Options};
 use super::trial::Signal;
 
+pub use choice::Distances;
 pub use evidence::Evidence;
 use texture::{Axes, Parts};
 pub use texture::{CodebookReport, ExcitationReport, TrackReport};
@@ -51,7 +57,8 @@ pub(super) fn is_wanted(options: &Options) -> bool {
 
 /// Adds the excitation of the texture `index` of `fit`, which was fitted to `set` with `options`, in at most `room`
 /// bytes, telling `progress` of each trial that is done. `members` are the indices of the texture's trials in the set,
-/// and `read` gives the signal of one of them: what is left of the recording if something else plays a part of it.
+/// and `read` gives the signal of one of them: what is left of the recording if something else plays a part of it. If
+/// `are_blocks_fitted`, what is made is of the trials' fitted blocks alone, see [`super::part`].
 ///
 /// # Errors
 /// Those of `read`.
@@ -59,12 +66,15 @@ pub(super) fn add_to(
     (set, members): (&RecordingSet, &[usize]),
     (fit, index): (&mut Fit, usize),
     options: &Options,
-    room: usize,
+    (room, are_blocks_fitted): (usize, bool),
     read: impl Fn(usize) -> Result<Signal> + Sync,
     progress: impl Fn() + Sync,
 ) -> Result<()> {
     let texture = &fit.textures[index];
-    let traces = traces((set, members), (fit, index), &read, &progress)?;
+    let mut traces = traces((set, members), (fit, index), &read, &progress)?;
+    if are_blocks_fitted {
+        traces = choice::fitted(&traces);
+    }
     let axes = Axes {
         speeds_mm_s: &texture.grid.speeds_mm_s,
         forces_n: &texture.grid.forces_n,

@@ -131,12 +131,11 @@ mod tests {
                     .collect();
                 Trace {
                     at,
-                    residual: Vec::new(),
-                    flaws: Vec::new(),
                     judged: Judged {
                         kurtosis: Sums::of(&windows),
                         ..Judged::default()
                     },
+                    ..Trace::default()
                 }
             })
             .collect()

@@ -1,12 +1,17 @@
 //! The choice of a texture's excitation, from the traces of its trials.
 
-use model_format::{ExcitationSpec, ModulationSpec, SAMPLE_RATE_HZ, limits};
+use model_format::{
+    BLOCK_BYTES, BLOCK_SAMPLES, ExcitationSpec, ModulationSpec, SAMPLE_RATE_HZ, limits,
+};
 use serde::{Deserialize, Serialize};
 
-use super::codebook::{Coded, coded};
+use super::choice::{self, Distances};
+use super::codebook::{Coded, coded, coded_in_blocks};
 use super::evidence::{Evidence, KURTOSIS_SAMPLES, LEAST_WINDOWS, LEVEL, Sums, kurtosis, spread};
 use super::level::{BESIDE_CODEBOOK, BESIDE_NOISE, amplitude, track};
-use super::material::{LEAST_STRETCHES, MOST_STRETCHES, STRETCH_SAMPLES, choose};
+use super::material::{
+    LEAST_STRETCHES, Level, MOST_STRETCHES, MOST_STRETCHES_OF_MOMENTS, STRETCH_SAMPLES, choose,
+};
 use super::regions::{Region, regions};
 use super::trace::Trace;
 use crate::fit::options::{ExcitationChoice, ModulationChoice, Options};
@@ -14,6 +19,9 @@ use crate::fit::options::{ExcitationChoice, ModulationChoice, Options};
 /// Highest product of a codebook's peak and a track's level, standard deviations. Two pieces that both peak where they
 /// are joined reach 1.41 times this, which is still below the excitation's full scale of 64.
 const HIGHEST_PEAK: f64 = 45.0;
+
+/// Highest peak of moments, standard deviations: what coding takes of their power raises it, to 40 at most.
+const HIGHEST_PEAK_OF_MOMENTS: f64 = 36.0;
 
 /// Bytes of a part beside its codes, entries and nodes; and of a codebook beside its codes. Not fewer than they are.
 const HEADER_BYTES: usize = 16;
@@ -39,9 +47,11 @@ struct OfRegion {
     coded: Coded,
     kurtosis: Evidence,
     trials: usize,
+    seconds: f64,
 }
 
-/// Chooses the excitation of texture `name`, which may take `room` bytes of the library.
+/// Chooses the excitation of texture `name`, which may take `room` bytes of the library: of moments where these are
+/// nearer to blocks that were left out, with its level apart elsewhere.
 pub(super) fn parts(
     name: &str,
     traces: &[Trace],
@@ -49,6 +59,35 @@ pub(super) fn parts(
     options: &Options,
     room: usize,
 ) -> Parts {
+    let with_level_apart = apart(name, traces, axes, options, room);
+    let is_free = options.modulation == ModulationChoice::Auto
+        && options.excitation == ExcitationChoice::Auto;
+    if !is_free || !with_level_apart.report.spread_db.is_significant() {
+        return with_level_apart;
+    }
+    let half = choice::fitted(traces);
+    let distance_db = |parts: &Parts| {
+        let pair = (parts.excitation.as_ref(), parts.modulation.as_ref());
+        choice::distance_db(traces, axes.forces_n.len(), pair)
+    };
+    let moments_db = moments(name, &half, axes, room).and_then(|parts| distance_db(&parts));
+    let apart_db = distance_db(&apart(name, &half, axes, options, room));
+    let judged = moments_db
+        .zip(apart_db)
+        .map(|(moments_db, apart_db)| Distances {
+            moments_db,
+            apart_db,
+        });
+    let chosen = judged
+        .filter(|judged| judged.is_for_moments(with_level_apart.excitation.is_some()))
+        .and_then(|_| moments(name, traces, axes, room));
+    let mut chosen = chosen.unwrap_or(with_level_apart);
+    chosen.report.moments = judged;
+    chosen
+}
+
+/// The excitation of a texture whose level is a track, if it is not steady.
+fn apart(name: &str, traces: &[Trace], axes: Axes<'_>, options: &Options, room: usize) -> Parts {
     let all: Vec<&Trace> = traces.iter().collect();
     let kurtosis = kurtosis_of(&all);
     let levels: Vec<_> = traces.iter().map(|trace| trace.judged.levels).collect();
@@ -77,7 +116,11 @@ pub(super) fn parts(
             let highest_peak = HIGHEST_PEAK / highest_level;
             let wanted = Wanted {
                 is_forced: choice == ExcitationChoice::Residual,
-                is_level_apart: beside.is_some(),
+                level: if beside.is_some() {
+                    Level::Apart
+                } else {
+                    Level::Steady
+                },
                 highest_peak,
             };
             let found = codebooks(traces, axes, wanted, budget);
@@ -105,6 +148,8 @@ pub(super) fn parts(
             .iter()
             .map(|own| codebook_report(own, axes))
             .collect(),
+        moment_s: None,
+        moments: None,
         track: chosen
             .as_ref()
             .map(|(spec, trials)| track_report(spec, *trials)),
@@ -112,10 +157,68 @@ pub(super) fn parts(
         level,
     };
     Parts {
-        excitation: excitation(codebooks, axes),
+        excitation: excitation(codebooks, axes, None),
         modulation: chosen.map(|(spec, _)| spec),
         report,
     }
+}
+
+/// Mean length of moments of codebooks whose shortest has so many samples: as many as a second has, if at least five of
+/// them make the codebook, so that they do not repeat soon. With several codebooks a moment of one region may still
+/// play in another, so that it is shorter.
+fn moment_samples(shortest: usize, codebooks: usize) -> u16 {
+    const SEVERAL: u16 = 1500;
+    let longest = if codebooks > 1 {
+        SEVERAL
+    } else {
+        limits::MAX_MOMENT_SAMPLES
+    };
+    let fifth = u16::try_from(shortest / 5).unwrap_or(longest);
+    fifth.clamp(limits::MIN_MOMENT_SAMPLES, longest)
+}
+
+/// The excitation of a texture whose residual keeps its level, if there is material enough.
+fn moments(name: &str, traces: &[Trace], axes: Axes<'_>, room: usize) -> Option<Parts> {
+    let all: Vec<&Trace> = traces.iter().collect();
+    let levels: Vec<_> = traces.iter().map(|trace| trace.judged.levels).collect();
+    let (kurtosis, spread_db) = (kurtosis_of(&all), spread(&levels));
+    let budget = Budget {
+        bytes: room.min(limits::MAX_EXCITATION_BYTES),
+        nodes: axes.speeds_mm_s.len() * axes.forces_n.len(),
+    };
+    let wanted = Wanted {
+        // A region without impulses has its level in its codebook.
+        is_forced: true,
+        level: Level::OfMoments,
+        highest_peak: HIGHEST_PEAK_OF_MOMENTS,
+    };
+    let found = codebooks(traces, axes, wanted, budget);
+    let shortest = found.iter().map(|own| own.seconds).reduce(f64::min)?;
+    let samples = (shortest * f64::from(SAMPLE_RATE_HZ)) as usize;
+    let moment_samples = moment_samples(samples, found.len());
+    let report = ExcitationReport {
+        texture: name.to_owned(),
+        kurtosis,
+        spread_db,
+        codebooks: found.iter().map(|own| codebook_report(own, axes)).collect(),
+        moment_s: Some(f64::from(moment_samples) / f64::from(SAMPLE_RATE_HZ)),
+        moments: None,
+        track: None,
+        source: format!(
+            "{} codebook(s) of moments of the residual: local kurtosis {}",
+            found.len(),
+            said(kurtosis, "")
+        ),
+        level: format!(
+            "that of the moments: spread of 50 ms levels {}",
+            said(spread_db, " dB")
+        ),
+    };
+    Some(Parts {
+        excitation: excitation(found, axes, Some(moment_samples)),
+        modulation: None,
+        report,
+    })
 }
 
 /// Bytes for codebooks, of a grid of so many nodes.
@@ -127,14 +230,20 @@ struct Budget {
 
 impl Budget {
     /// Stretches that each of `count` codebooks may have.
-    fn stretches(self, count: usize) -> usize {
+    fn stretches(self, count: usize, level: Level) -> usize {
         let codes = self.bytes.saturating_sub(HEADER_BYTES + self.nodes) / count.max(1);
-        (codes.saturating_sub(HEADER_BYTES) / STRETCH_SAMPLES).min(MOST_STRETCHES)
+        let bytes = codes.saturating_sub(HEADER_BYTES);
+        if level == Level::OfMoments {
+            let samples = bytes / BLOCK_BYTES * BLOCK_SAMPLES;
+            (samples / STRETCH_SAMPLES).min(MOST_STRETCHES_OF_MOMENTS)
+        } else {
+            (bytes / STRETCH_SAMPLES).min(MOST_STRETCHES)
+        }
     }
 
     /// Most codebooks that all are long enough.
-    fn codebooks(self) -> usize {
-        let long_enough = |&count: &usize| self.stretches(count) >= LEAST_STRETCHES;
+    fn codebooks(self, level: Level) -> usize {
+        let long_enough = |&count: &usize| self.stretches(count, level) >= LEAST_STRETCHES;
         (1..=limits::MAX_CODEBOOKS)
             .filter(long_enough)
             .max()
@@ -147,8 +256,8 @@ impl Budget {
 struct Wanted {
     /// True if no test is asked.
     is_forced: bool,
-    /// True if a level track is kept beside.
-    is_level_apart: bool,
+    /// The level of the material.
+    level: Level,
     /// Highest peak, standard deviations.
     highest_peak: f64,
 }
@@ -156,7 +265,7 @@ struct Wanted {
 /// Codebooks of the regions that want one, and have the material for it.
 fn codebooks(traces: &[Trace], axes: Axes<'_>, wanted: Wanted, budget: Budget) -> Vec<OfRegion> {
     let shape = (axes.speeds_mm_s.len(), axes.forces_n.len());
-    let regions = regions(traces, shape, budget.codebooks());
+    let regions = regions(traces, shape, budget.codebooks(wanted.level));
     let members = |region: &Region| -> Vec<&Trace> {
         traces
             .iter()
@@ -172,12 +281,17 @@ fn codebooks(traces: &[Trace], axes: Axes<'_>, wanted: Wanted, budget: Budget) -
         })
         .filter(|(.., kurtosis)| wanted.is_forced || kurtosis.is_significant())
         .collect();
-    let most = budget.stretches(wanting.len());
+    let most = budget.stretches(wanting.len(), wanted.level);
     let made = wanting.into_iter().filter_map(|(region, own, kurtosis)| {
-        let material = choose(&own, wanted.is_level_apart, most)?;
+        let material = choose(&own, wanted.level, most)?;
+        let code = match wanted.level {
+            Level::OfMoments => coded_in_blocks,
+            Level::Apart | Level::Steady => coded,
+        };
         Some(OfRegion {
             region,
-            coded: coded(&material.samples, wanted.highest_peak)?,
+            coded: code(&material.samples, wanted.highest_peak)?,
+            seconds: material.samples.len() as f64 / f64::from(SAMPLE_RATE_HZ),
             kurtosis,
             trials: material.trials,
         })
@@ -195,7 +309,11 @@ fn highest(spec: &ModulationSpec) -> f64 {
     spec.entries.iter().copied().max().map_or(1.0, amplitude)
 }
 
-fn excitation(codebooks: Vec<OfRegion>, axes: Axes<'_>) -> Option<ExcitationSpec> {
+fn excitation(
+    codebooks: Vec<OfRegion>,
+    axes: Axes<'_>,
+    moment_samples: Option<u16>,
+) -> Option<ExcitationSpec> {
     let (speeds, forces) = (axes.speeds_mm_s.len(), axes.forces_n.len());
     let nodes = (0..speeds).flat_map(|speed| (0..forces).map(move |force| (speed, force)));
     let number = |at: (usize, usize)| {
@@ -207,6 +325,7 @@ fn excitation(codebooks: Vec<OfRegion>, axes: Axes<'_>) -> Option<ExcitationSpec
     (!codebooks.is_empty()).then_some(ExcitationSpec {
         codebooks,
         of_nodes,
+        moment_samples,
     })
 }
 
@@ -219,7 +338,7 @@ fn codebook_report(own: &OfRegion, axes: Axes<'_>) -> CodebookReport {
         forces_n: ends(axes.forces_n, forces),
         kurtosis: own.kurtosis,
         trials: own.trials,
-        seconds: own.coded.spec.codes.len() as f64 / f64::from(SAMPLE_RATE_HZ),
+        seconds: own.seconds,
         peak: own.coded.spec.peak,
         cut_samples: own.coded.cut,
         snr_db: own.coded.snr_db,
@@ -267,7 +386,7 @@ fn reason_of_source(found: &[OfRegion], all: Evidence, wanted: Wanted, budget: B
     }
     let why = if !wanted.is_forced && !all.is_significant() {
         format!("local kurtosis {}", said(all, ""))
-    } else if budget.codebooks() == 0 {
+    } else if budget.codebooks(wanted.level) == 0 {
         "the library has no room for a codebook".to_owned()
     } else {
         let least_s = (LEAST_STRETCHES * STRETCH_SAMPLES) as f64 / f64::from(SAMPLE_RATE_HZ);
@@ -342,6 +461,12 @@ pub struct ExcitationReport {
     pub spread_db: Evidence,
     /// The codebooks, none for Gaussian noise.
     pub codebooks: Vec<CodebookReport>,
+    /// Mean length of the moments that are played with the level that they had, s; none if there are none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub moment_s: Option<f64>,
+    /// Distances by which moments were chosen or not; none if there was no choice.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub moments: Option<Distances>,
     /// The level track, none for a steady level.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub track: Option<TrackReport>,

@@ -7,6 +7,7 @@ use model_format::{CodeSpec, FINE_THETA_STEP_RAD, SAMPLE_RATE_HZ};
 use super::evidence::{self, Judged, mean_square, residual};
 use super::low_rate::{ENDS, carried_hz, filled};
 use crate::dsp::linear_prediction::step_up;
+use crate::fit::part::Blocks;
 use crate::fit::trial::Signal;
 use crate::recording::triage::{Kind, Verdict};
 
@@ -20,7 +21,7 @@ const AFTER_FLAW: usize = 100;
 const ROUND_OFF: f64 = 1e-12;
 
 /// A trial's residual, and what tests found in it.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Trace {
     /// Indices of its speed and force on the grid.
     pub at: (usize, usize),
@@ -28,6 +29,10 @@ pub(super) struct Trace {
     pub residual: Vec<f64>,
     /// Stretches of the residual that are no surface's.
     pub flaws: Vec<Range<usize>>,
+    /// Number of the signal's samples, and of the predictor's: the residual begins at the sample of this index.
+    pub samples: usize,
+    /// See [`Trace::samples`].
+    pub order: usize,
     /// Statistics in data that was not fitted.
     pub judged: Judged,
 }
@@ -73,8 +78,26 @@ impl Trace {
             at,
             residual,
             flaws,
+            samples: signal.samples.len(),
+            order,
             judged,
         })
+    }
+
+    /// The division of the signal into blocks.
+    pub fn blocks(&self) -> Blocks {
+        Blocks::of(self.samples)
+    }
+
+    /// The part of the residual that is of samples within one of the signal's `blocks` alone, for each that has one.
+    pub fn inside(
+        &self,
+        blocks: impl Iterator<Item = Range<usize>>,
+    ) -> impl Iterator<Item = Range<usize>> {
+        let of = move |block: Range<usize>| {
+            block.start..(block.end.saturating_sub(self.order)).min(self.residual.len())
+        };
+        blocks.map(of).filter(|block| !block.is_empty())
     }
 
     /// Returns whether none of `samples` is in a flaw.

@@ -4,21 +4,23 @@
 //! deviations, and n bytes of codes; then a byte per node, speed-major: 0 for Gaussian noise, k for codebook number k.
 //!
 //! A code c stands for sign(c) · peak · (256^(|c|/127) - 1)/255, the mu-law with mu = 255. A codebook's mean square is
-//! 1 within 2 %, because the level of a node is that of an excitation of variance 1.
+//! 1 within 2 %, because the level of a node is that of an excitation of variance 1. Beside a part of kind 8 the codes
+//! are those of [`super::moments`].
 
 #[cfg(feature = "alloc")]
 use alloc::vec::Vec;
 
 use crate::error::Problem;
 use crate::limits::{
-    MAX_CODEBOOK_PEAK, MAX_CODEBOOKS, MAX_EXCITATION_BYTES, MAX_FED_POWER, MIN_CODEBOOK_SAMPLES,
-    MIN_FED_POWER,
+    MAX_CODEBOOK_PEAK, MAX_CODEBOOK_SAMPLES, MAX_CODEBOOKS, MAX_EXCITATION_BYTES, MAX_FED_POWER,
+    MIN_CODEBOOK_SAMPLES, MIN_FED_POWER,
 };
 use crate::wire::Reader;
 
 #[cfg(feature = "alloc")]
 use super::PartSpec;
 use super::exp;
+use super::moments::{BLOCK_BYTES, BLOCK_SAMPLES, MomentsPart, block_share, block_squares};
 
 /// Kind of this part.
 pub(crate) const KIND: u32 = 3;
@@ -59,16 +61,19 @@ pub struct ExcitationSpec {
     pub codebooks: Vec<CodebookSpec>,
     /// The source of each node's excitation, speed-major: 0 for Gaussian noise, k for codebook number k, from 1.
     pub of_nodes: Vec<u8>,
+    /// Mean length of a moment, samples: the codes are then blocks, see [`crate::block_share`]. None for codes by the
+    /// mu-law, of which pieces of 20 to 80 ms are played.
+    pub moment_samples: Option<u16>,
 }
 
-/// A codebook: successive samples of a prediction residual whose level was made even, with a mean square of 1.
+/// A codebook: successive samples of a prediction residual, with a mean square of 1.
 #[cfg(feature = "alloc")]
 #[derive(Clone, Debug, PartialEq)]
 pub struct CodebookSpec {
     /// Magnitude of the codes ±127, standard deviations.
     pub peak: f32,
     /// Samples at the texture's rate, by the mu-law with mu = 255:
-    /// sign(c) · peak · (256^(|c| / 127) - 1) / 255. No code is -128.
+    /// sign(c) · peak · (256^(|c| / 127) - 1) / 255. No code is -128. Of moments, the bytes of blocks.
     pub codes: Vec<i8>,
 }
 
@@ -78,6 +83,14 @@ impl CodebookSpec {
     pub fn mean_square(&self) -> f32 {
         let sum = self.codes.iter().map(|&code| square(code)).sum();
         mean_square(sum, self.codes.len(), self.peak)
+    }
+
+    /// As [`CodebookSpec::mean_square`], of a codebook in blocks.
+    pub fn mean_square_of_blocks(&self) -> f32 {
+        let bytes: Vec<u8> = self.codes.iter().map(|code| code.cast_unsigned()).collect();
+        let blocks = bytes.as_chunks().0;
+        let sum = blocks.iter().filter_map(block_squares).sum();
+        mean_square(sum, blocks.len() * BLOCK_SAMPLES, self.peak)
     }
 }
 
@@ -96,6 +109,7 @@ impl From<Excitation<'_>> for ExcitationSpec {
                 })
                 .collect(),
             of_nodes: excitation.of_nodes.to_vec(),
+            moment_samples: excitation.moment_samples,
         }
     }
 }
@@ -108,6 +122,7 @@ pub struct Excitation<'a> {
     of_nodes: &'a [u8],
     /// Number of forces of the grid.
     forces: usize,
+    moment_samples: Option<u16>,
 }
 
 /// A codebook of a decoded texture.
@@ -115,6 +130,7 @@ pub struct Excitation<'a> {
 pub struct Codebook<'a> {
     peak: f32,
     codes: &'a [u8],
+    is_in_blocks: bool,
 }
 
 impl<'a> Excitation<'a> {
@@ -129,12 +145,18 @@ impl<'a> Excitation<'a> {
         let source = self.of_nodes.get(speed * self.forces + force);
         source.copied().map_or(0, usize::from)
     }
+
+    /// Mean length of a moment, samples; none for pieces of 20 to 80 ms.
+    pub fn moment_samples(&self) -> Option<u16> {
+        self.moment_samples
+    }
 }
 
-impl<'a> Codebook<'a> {
+impl Codebook<'_> {
     const EMPTY: Self = Self {
         peak: 0.0,
         codes: &[],
+        is_in_blocks: false,
     };
 
     /// Magnitude of the codes ±127, standard deviations.
@@ -142,9 +164,25 @@ impl<'a> Codebook<'a> {
         self.peak
     }
 
-    /// Samples of the codebook, an `i8` each; see [`mu_law`].
-    pub fn codes(&self) -> &'a [u8] {
-        self.codes
+    /// Number of samples.
+    #[inline]
+    pub fn samples(&self) -> usize {
+        if self.is_in_blocks {
+            self.codes.len() / BLOCK_BYTES * BLOCK_SAMPLES
+        } else {
+            self.codes.len()
+        }
+    }
+
+    /// Sample number `at` as a share of the peak, in steps of 2⁻³⁰; 0 behind the last one.
+    #[inline]
+    pub fn share(&self, at: usize) -> i32 {
+        if self.is_in_blocks {
+            let block = self.codes.as_chunks().0.get(at / BLOCK_SAMPLES);
+            return block.map_or(0, |block| block_share(block, at % BLOCK_SAMPLES));
+        }
+        let code = self.codes.get(at);
+        code.map_or(0, |code| mu_law(code.cast_signed()))
     }
 }
 
@@ -154,7 +192,13 @@ pub(crate) struct ExcitationPart<'a>(pub &'a [u8]);
 
 impl<'a> ExcitationPart<'a> {
     /// Parses the content for a grid of `forces` forces, and checks all but its codes and the sources of nodes.
-    fn read(self, nodes: usize, forces: usize) -> Result<Excitation<'a>, Problem> {
+    fn read(
+        self,
+        nodes: usize,
+        forces: usize,
+        moments: Option<MomentsPart<'_>>,
+    ) -> Result<Excitation<'a>, Problem> {
+        let moment_samples = moments.map(MomentsPart::mean_samples).transpose()?;
         let most = MAX_EXCITATION_BYTES;
         Problem::count(
             "the length of the excitation in bytes",
@@ -166,7 +210,7 @@ impl<'a> ExcitationPart<'a> {
         Problem::count("the number of codebooks", count, [1, MAX_CODEBOOKS])?;
         let mut codebooks = [Codebook::EMPTY; MAX_CODEBOOKS];
         for codebook in &mut codebooks[..count] {
-            *codebook = codebook_of(&mut reader)?;
+            *codebook = codebook_of(&mut reader, moments.is_some())?;
         }
         Problem::same("sources of excitation of the nodes", reader.0.len(), nodes)?;
         Ok(Excitation {
@@ -174,33 +218,48 @@ impl<'a> ExcitationPart<'a> {
             count,
             of_nodes: reader.0,
             forces,
+            moment_samples,
         })
     }
 
     /// The view of a part that was found valid.
-    pub fn view(self, nodes: usize, forces: usize) -> Option<Excitation<'a>> {
-        self.read(nodes, forces).ok()
+    pub fn view(
+        self,
+        nodes: usize,
+        forces: usize,
+        moments: Option<MomentsPart<'_>>,
+    ) -> Option<Excitation<'a>> {
+        self.read(nodes, forces, moments).ok()
     }
 
     /// Checks all of the part, in a texture of `nodes` nodes, but its codes and the sources of nodes.
-    pub fn check(self, nodes: usize) -> Result<(), Problem> {
-        self.read(nodes, 1).map(|_| ())
+    pub fn check(self, nodes: usize, moments: Option<MomentsPart<'_>>) -> Result<(), Problem> {
+        self.read(nodes, 1, moments).map(|_| ())
     }
 }
 
 const MALFORMED: Problem = Problem::Malformed("its excitation");
 
 /// The codebook that `reader` is at, without a look at its codes.
-fn codebook_of<'a>(reader: &mut Reader<'a>) -> Result<Codebook<'a>, Problem> {
+fn codebook_of<'a>(reader: &mut Reader<'a>, is_in_blocks: bool) -> Result<Codebook<'a>, Problem> {
     let length = reader.varint().ok_or(MALFORMED)? as usize;
     let peak = reader.f32().ok_or(MALFORMED)?;
-    let lengths = [MIN_CODEBOOK_SAMPLES, MAX_EXCITATION_BYTES];
-    Problem::count("the number of samples of a codebook", length, lengths)?;
     // The mean square, which is checked later, is never that of a peak of 0.
     Problem::within("the peak of a codebook", peak, [0.0, MAX_CODEBOOK_PEAK])?;
     let (codes, rest) = reader.0.split_at_checked(length).ok_or(MALFORMED)?;
     reader.0 = rest;
-    Ok(Codebook { peak, codes })
+    let codebook = Codebook {
+        peak,
+        codes,
+        is_in_blocks,
+    };
+    if is_in_blocks && !length.is_multiple_of(BLOCK_BYTES) {
+        return Err(Problem::Rule("a codebook is no whole number of blocks"));
+    }
+    let (samples, most) = (codebook.samples(), MAX_CODEBOOK_SAMPLES);
+    let lengths = [MIN_CODEBOOK_SAMPLES, most];
+    Problem::count("the number of samples of a codebook", samples, lengths)?;
+    Ok(codebook)
 }
 
 /// The square of a code's share of the peak, in steps of 2⁻³².
@@ -242,13 +301,19 @@ impl ExcitationCheck {
     ) -> Result<usize, (Option<usize>, Problem)> {
         let mut taken = 0;
         while let Some(codebook) = excitation.codebooks().get(self.codebook) {
-            let end = codebook.codes.len().min(self.at + room - taken);
+            let unit = if codebook.is_in_blocks {
+                BLOCK_BYTES
+            } else {
+                1
+            };
+            let whole = (room - taken) / unit * unit;
+            let end = codebook.codes.len().min(self.at + whole);
             taken += end - self.at;
-            self.codes(&codebook.codes[self.at..end])
+            self.codes(&codebook.codes[self.at..end], codebook.is_in_blocks)
                 .map_err(|problem| (None, problem))?;
             self.at = end;
             if end < codebook.codes.len() {
-                return Ok(taken);
+                return Ok(room);
             }
             self.end_of_codebook(codebook)
                 .map_err(|problem| (None, problem))?;
@@ -267,7 +332,14 @@ impl ExcitationCheck {
         Ok(taken)
     }
 
-    fn codes(&mut self, codes: &[u8]) -> Result<(), Problem> {
+    fn codes(&mut self, codes: &[u8], are_blocks: bool) -> Result<(), Problem> {
+        if are_blocks {
+            for block in codes.as_chunks().0 {
+                let louder = Problem::Rule("a block of a codebook is louder than its peak");
+                self.sum += block_squares(block).ok_or(louder)?;
+            }
+            return Ok(());
+        }
         let mut sum = 0;
         let mut lowest = 0;
         for &code in codes {
@@ -285,7 +357,7 @@ impl ExcitationCheck {
     }
 
     fn end_of_codebook(&mut self, codebook: &Codebook<'_>) -> Result<(), Problem> {
-        let power = mean_square(self.sum, codebook.codes.len(), codebook.peak);
+        let power = mean_square(self.sum, codebook.samples(), codebook.peak);
         let range = [MIN_FED_POWER, MAX_FED_POWER];
         Problem::within("the mean square of a codebook", power, range)?;
         (self.codebook, self.at, self.sum) = (self.codebook + 1, 0, 0);

@@ -9,6 +9,7 @@
 //! | 5 | [`lines`] | lines that are locked to place |
 //! | 6 | [`tails`] | θ in one byte for the last stages of a lattice, with a step per node |
 //! | 7 | [`wander`] | how the place of lines wanders |
+//! | 8 | [`moments`] | codebooks in blocks with their level, played in moments |
 //!
 //! A texture ends with a varint of the number of its parts, and each part is a varint of its kind and a string of its
 //! content. Kinds ascend, so that none comes twice. An unknown kind is refused, because a reader that left it out would
@@ -23,6 +24,7 @@ pub(crate) mod fine_theta;
 pub(crate) mod levels;
 pub(crate) mod lines;
 pub(crate) mod modulation;
+pub(crate) mod moments;
 pub(crate) mod tails;
 pub(crate) mod wander;
 
@@ -34,6 +36,7 @@ use fine_theta::FineTheta;
 use levels::LevelsPart;
 use lines::LinesPart;
 use modulation::ModulationPart;
+use moments::MomentsPart;
 use tails::Tails;
 use wander::WanderPart;
 
@@ -83,6 +86,8 @@ pub enum PartKind {
     Tails,
     /// Wander of the place of lines.
     Wander,
+    /// Codebooks in blocks, played in moments.
+    Moments,
 }
 
 impl core::fmt::Display for PartKind {
@@ -95,6 +100,7 @@ impl core::fmt::Display for PartKind {
             Self::Lines => "lines",
             Self::Tails => "tails",
             Self::Wander => "wander",
+            Self::Moments => "moments",
         })
     }
 }
@@ -109,6 +115,7 @@ pub(super) struct Parts<'a> {
     pub lines: Option<LinesPart<'a>>,
     pub tails: Option<Tails<'a>>,
     pub wander: Option<WanderPart<'a>>,
+    pub moments: Option<MomentsPart<'a>>,
 }
 
 impl<'a> Parts<'a> {
@@ -131,6 +138,7 @@ impl<'a> Parts<'a> {
                 lines::KIND => parts.lines = Some(LinesPart(content)),
                 tails::KIND => parts.tails = Some(Tails(content)),
                 wander::KIND => parts.wander = Some(WanderPart(content)),
+                moments::KIND => parts.moments = Some(MomentsPart(content)),
                 code => {
                     let what = "an optional part";
                     return Err(Problem::Unknown { what, code });
@@ -155,9 +163,16 @@ impl<'a> Parts<'a> {
             fine_theta.check(nodes)?;
         }
         if let Some(excitation) = self.excitation {
-            excitation.check(nodes)?;
+            excitation.check(nodes, self.moments)?;
+        } else if self.moments.is_some() {
+            return Err(Problem::Needless("the length of moments without codebooks"));
         }
         if let Some(modulation) = self.modulation {
+            if self.moments.is_some() {
+                return Err(Problem::Rule(
+                    "a level track beside moments, which have theirs",
+                ));
+            }
             modulation.check()?;
         }
         if let Some(lines) = self.lines {
@@ -183,6 +198,7 @@ impl<'a> Parts<'a> {
             of(PartKind::Lines, self.lines.map(|part| part.0)),
             of(PartKind::Tails, self.tails.map(|part| part.0)),
             of(PartKind::Wander, self.wander.map(|part| part.0)),
+            of(PartKind::Moments, self.moments.map(|part| part.0)),
         ];
         parts.into_iter().flatten()
     }

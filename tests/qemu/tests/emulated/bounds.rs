@@ -222,6 +222,7 @@ impl Recipe {
             of_nodes: (0..nodes)
                 .map(|node| (node % codebooks) as u8 + 1)
                 .collect(),
+            moment_samples: None,
         });
         let entries = self.0[18];
         let modulation = (entries as usize >= MIN_MODULATION_ENTRIES).then(|| ModulationSpec {

@@ -94,6 +94,7 @@ fn fed(name: &str, spec: &TextureSpec) -> TextureSpec {
             excitation: Some(ExcitationSpec {
                 codebooks: vec![codebook],
                 of_nodes: vec![1, 0, 0, 1],
+                moment_samples: None,
             }),
             modulation: Some(modulation),
             ..spec.parts.clone()
