@@ -8,8 +8,8 @@ use std::path::Path;
 use model_format::scene::{Biquad, Region, Scene, SceneName, StickSlip, Surface, Tap};
 use model_format::{
     CodeSpec, CodebookSpec, ExcitationSpec, FadeLaw, Laws, LevelLaw, LineSpec, LinesSpec,
-    ModulationSpec, NodeFlags, NodeSpec, PartsSpec, TextureSpec, encode, encode_with_scenes,
-    limits,
+    ModulationSpec, NodeFlags, NodeSpec, PartsSpec, TextureSpec, Wander, encode,
+    encode_with_scenes, limits,
 };
 
 /// Writes the seeds of every target into its folder below `root`.
@@ -57,6 +57,29 @@ fn libraries(folder: &Path) -> Result<(), Box<dyn Error>> {
         lined.parts.lines = Some(lines_of(lines));
         all.push(lined);
     }
+    let mut wandering = texture("wandering lines".into(), 3, 2);
+    let mut lines = lines_of(3).lines;
+    (lines[0].wander, lines[2].wander) = (Some(1), Some(0));
+    let wander = |clock_mm_s| Wander {
+        rms_mm: 0.1,
+        correlation_mm: 2.0,
+        clock_mm_s,
+    };
+    let wanders = [0.0, 90.0].map(wander);
+    wandering.parts.lines = Some(LinesSpec::with_wanders(lines, &wanders));
+    all.push(wandering);
+    let mut moments = texture("moments".into(), 5, 2);
+    moments.parts = parts(1, false, moments.nodes.len());
+    if let Some(excitation) = &mut moments.parts.excitation {
+        // Ones in blocks: each code of three bits is the highest magnitude, and the level of a block is 0.
+        let block = [&[0xdb, 0xb6, 0x6d].repeat(8)[..], &[0]].concat();
+        let codes: Vec<i8> = block.repeat(20).into_iter().map(u8::cast_signed).collect();
+        let mut codebook = CodebookSpec { peak: 1.0, codes };
+        codebook.peak = codebook.mean_square_of_blocks().sqrt().recip();
+        excitation.codebooks[0] = codebook;
+        excitation.moment_samples = Some(500);
+    }
+    all.push(moments);
     for (excitation, modulation) in [(1, false), (0, true), (3, true)] {
         let name = format!("{excitation} codebooks, track {modulation}");
         let mut fed = texture(name, 5, 2);
@@ -91,9 +114,8 @@ fn lines_of(lines: usize) -> LinesSpec {
         amplitudes: vec![0.0, 0.0, 0.0, 1.0],
         ..LineSpec::default()
     };
-    LinesSpec {
-        lines: (0..lines).map(line).collect(),
-    }
+    let lines: Vec<LineSpec> = (0..lines).map(line).collect();
+    LinesSpec::from(lines)
 }
 
 /// So many codebooks, all of the shortest length, and a level track of the shortest.

@@ -6,7 +6,7 @@ use model_format::scene::{
 };
 use model_format::{
     CodeSpec, CodebookSpec, ExcitationSpec, Library, LineSpec, LinesSpec, ModulationSpec,
-    NodeFlags, NodeSpec, PartsSpec, TextureSpec, encode_with_scenes,
+    NodeFlags, NodeSpec, PartsSpec, TextureSpec, Wander, encode_with_scenes,
 };
 use stylus_kernel::scene::Plan;
 
@@ -62,7 +62,7 @@ fn texture(name: &str, order: u32) -> TextureSpec {
     }
 }
 
-/// The same with so many lines that are locked to place.
+/// The same with so many lines that are locked to place, the first of which wanders.
 fn lined(mut spec: TextureSpec, lines: usize) -> TextureSpec {
     let line = |at: usize| LineSpec {
         wavelength_mm: 0.3 + 0.7 * at as f32,
@@ -70,10 +70,15 @@ fn lined(mut spec: TextureSpec, lines: usize) -> TextureSpec {
         amplitudes: (1..=spec.nodes.len())
             .map(|node| 0.3 * node as f32)
             .collect(),
+        wander: (at == 0).then_some(0),
     };
-    spec.parts.lines = Some(LinesSpec {
-        lines: (0..lines).map(line).collect(),
-    });
+    let wander = Wander {
+        rms_mm: 0.05,
+        correlation_mm: 3.0,
+        clock_mm_s: 0.0,
+    };
+    let lines = (0..lines).map(line).collect();
+    spec.parts.lines = Some(LinesSpec::with_wanders(lines, &[wander]));
     spec
 }
 
