@@ -94,9 +94,9 @@ fn a_report_is_one_page_that_holds_everything_it_shows_with_pictures_beside() {
     ] {
         assert!(page.contains(part), "{part}");
     }
-    // A recording and a synthesis of each texture, as WAV files in the page.
-    assert_eq!(page.matches("<audio controls").count(), 4);
-    assert_eq!(page.matches("src=\"data:audio/wav;base64,").count(), 4);
+    // A recording and a synthesis of each texture, and denim without its weave's lines, as WAV files in the page.
+    assert_eq!(page.matches("<audio controls").count(), 5);
+    assert_eq!(page.matches("src=\"data:audio/wav;base64,").count(), 5);
     assert!(page.contains("denim, 120 mm/s, 0.8 N: recorded (SIMULATED)"));
     assert!(page.len() < 4_000_000, "{}", page.len());
     // Recording and synthesis of every node.
