@@ -2,17 +2,17 @@
 //!
 //! | room | content |
 //! |---|---|
-//! | [`fault`] | ends of the program, their reasons, and the guards: handlers, watchdog, stack |
-//! | [`flash`] | library slots and settings in flash |
-//! | [`self_test`] | measurements of the self test |
-//! | [`device`] | the hardware as `stylus_app::control` sees it |
-//! | [`link`] | requests, over two wires |
+//! | `fault` | ends of the program, their reasons, and the guards: handlers, watchdog, stack |
+//! | `flash` | library slots and settings in flash |
+//! | `self_test` | measurements of the self test |
+//! | `device` | the hardware as `stylus_app::control` sees it |
+//! | `link` | requests, over two wires |
 //!
-//! What is in time, [`boot`], [`play`] and [`tick`], is the package `stylus-realtime`, which all rooms may import.
+//! What is in time, `boot`, `play` and `tick`, is the package `stylus-realtime`, which all rooms may import.
 //! Rooms import in one direction: `link` imports `device`, `fault`, `flash` and `self_test`; `self_test` imports
 //! `flash`; `flash` imports `fault`. Only `main` sees all.
 //!
-//! The pins stand at the head of [`tick::inputs`], [`tick::output`], [`link::serial`] and [`link::usb`]; LED LD1 on PB0
+//! The pins stand at the head of `tick::inputs`, `tick::output`, `link::serial` and `link::usb`; LED LD1 on PB0
 //! blinks while all is well, LD3 on PB14 lights after a fault, both in turn in safe mode.
 #![no_std]
 #![cfg(all(target_arch = "arm", feature = "image"))]

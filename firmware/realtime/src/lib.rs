@@ -4,13 +4,13 @@
 //!
 //! | module | content |
 //! |---|---|
-//! | [`boot`] | from reset to running: memory, clocks, interrupt priorities, cause of the reset; imports no other |
-//! | [`play`] | one block every 2 ms, handed to the tick |
-//! | [`tick`] | one sample, 5000 times per second |
-//! | [`CortexM`] | the kernel's inner loops in the processor's own instructions |
+//! | `boot` | from reset to running: memory, clocks, interrupt priorities, cause of the reset; imports no other |
+//! | `play` | one block every 2 ms, handed to the tick |
+//! | `tick` | one sample, 5000 times per second |
+//! | `CortexM` | the kernel's inner loops in the processor's own instructions |
 //! | `injection` | faults on request, in the tests' image alone |
 //!
-//! `tick` imports `play`. Without the feature `image` there is [`CortexM`] alone, as the emulated kernel uses it, and
+//! `tick` imports `play`. Without the feature `image` there is `CortexM` alone, as the emulated kernel uses it, and
 //! on
 //! a host this library is empty. The instructions are those of ARMv7E-M (ARM DDI 0403E, chapter A7), so that a
 //! Cortex-M4

@@ -5,7 +5,7 @@
 //! variance var, at 1 kHz, and triangles over them. Within a triangle line spectral frequencies, variances and gains
 //! are interpolated. The stylus plays AR models at 5 kHz over a rectangle of speeds and forces. So the models are
 //! interpolated as their makers do, at every node of a rectangle, and refitted from their own spectrum ([`convert`]).
-//! What the library plays is compared with the file's definition ([`comparison`]).
+//! What the library plays is compared with the file's definition.
 //!
 //! | in the file | what becomes of it |
 //! |---|---|

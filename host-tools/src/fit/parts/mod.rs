@@ -5,12 +5,12 @@
 //! *unit* of it is what is computed together: all trials of a texture where lines are sought, because they show in all
 //! of them, and up to 64 trials of a texture otherwise.
 //!
-//! Each unit has a file of its own, named by a hash of everything that its content comes from ([`unit`]). So a file
+//! Each unit has a file of its own, named by a hash of everything that its content comes from (`unit`). So a file
 //! that
 //! is there is not computed again, whoever made it: an interrupted fit goes on where it was, and shard I of N is the
 //! computation of every N-th unit.
 //!
-//! The reduce compares the trials, pools each node's lags and fits its model ([`merge`]). It goes over the textures one
+//! The reduce compares the trials, pools each node's lags and fits its model (`merge`). It goes over the textures one
 //! after the other, and holds the lags of one. Where the excitation needs residuals, it reads the texture's recordings
 //! again.
 //!
