@@ -191,6 +191,10 @@ fn a_seed_decides_a_page_for_listening_its_size_is_said_and_what_cannot_be_compa
             "compare set --library textures.lib --out p.html --pairs gaussian-fitted",
             "nothing to compare",
         ),
+        (
+            "compare set --library textures.lib --out p.html --pairs recording-before",
+            "--pairs recording-before needs the library of before: give --before",
+        ),
         ("compare --score none.csv", "none.csv"),
         (
             "compare --score textures.lib",

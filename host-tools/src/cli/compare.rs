@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use host_tools::evaluation::evaluate;
 use host_tools::evaluation::listening;
-use host_tools::evaluation::listening::{Answers, CONFIDENCE, Pair, Score, plan, score};
+use host_tools::evaluation::listening::{Answers, CONFIDENCE, Kind, Pair, Score, plan, score};
 use host_tools::fit::conditioning::Conditioning;
 use host_tools::fit::record::FitRecord;
 use host_tools::report::listening_page;
@@ -61,6 +61,13 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         let files = arguments.score.iter().map(|path| Answers::read(path));
         return print(&scores(&score(&files.collect::<Result<Vec<_>>>()?)?));
     }
+    let of_before = |pair: &&Pair| pair.kinds().contains(&Kind::Before);
+    if let (None, Some(pair)) = (&arguments.before, arguments.pairs.iter().find(of_before)) {
+        return Err(Error::Request(format!(
+            "--pairs {} needs the library of before: give --before LIB and --takes DIR",
+            pair.name()
+        )));
+    }
     let out = arguments.out.as_deref();
     let (Some(path), Some(out)) = (&arguments.library, out) else {
         return Err(Error::Request(
@@ -83,7 +90,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         seed: arguments.seed,
         ..evaluate::Options::default()
     };
-    let prepared = evaluate::prepare(&set, &library, chosen.judges, record.as_ref(), &evaluate)?;
+    let judges = chosen.judges;
+    let prepared = evaluate::prepare(&set, &library, judges.clone(), record.as_ref(), &evaluate)?;
     let before = match &arguments.before {
         Some(path) => Some((path, read_library(path)?)),
         None => None,
@@ -91,11 +99,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let before = match &before {
         Some((path, bytes)) => {
             let library = decode_library(path, bytes)?;
-            // The same takes judge it.
-            let chosen = choose(&set, takes, record.as_ref(), arguments.conditioning)?;
             let record = FitRecord::beside(path, bytes)?;
-            let prepared =
-                evaluate::prepare(&set, &library, chosen.judges, record.as_ref(), &evaluate)?;
+            // The same takes judge it.
+            let prepared = evaluate::prepare(&set, &library, judges, record.as_ref(), &evaluate)?;
             Some((library, prepared))
         }
         None => None,

@@ -264,7 +264,7 @@ fn nothing(silent: &[String]) -> String {
 const LONGEST_PROPOSED_S: f64 = 60.0;
 
 /// Proposal of a timeout that is several times as long as `timeout`, in words.
-fn longer(timeout: Duration) -> String {
+pub(in crate::link) fn longer(timeout: Duration) -> String {
     /// A computer under load, or an emulated device, is rarely slower than this.
     const FACTOR: f64 = 5.0;
     let proposed = (timeout.as_secs_f64() * FACTOR).ceil();

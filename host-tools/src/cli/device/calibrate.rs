@@ -2,8 +2,8 @@
 
 use std::io::BufRead;
 
-use host_tools::link::Device;
 use host_tools::link::calibrate::{AtRest, Coil, acceleration_zeros, verify};
+use host_tools::link::{Device, LinkError};
 use host_tools::support::error::{Error, Result};
 use model_format::link::{Setting, SettingChange, Settings};
 use serde::Serialize;
@@ -94,7 +94,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let at_rest = if arguments.keep_force {
         None
     } else {
-        Some(verify(&device, arguments.seconds)?)
+        Some(verify(&device, arguments.seconds).map_err(|failure| unverified(&changes, &failure))?)
     };
     let report = CalibrationReport {
         coil,
@@ -123,6 +123,18 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     print(&format!(
         "{} settings stored and read back{noise}",
         report.set.len()
+    ))
+}
+
+/// An error for settings that are stored although the measurement after them failed.
+fn unverified(changes: &[SettingChange], failure: &LinkError) -> Error {
+    let stored: Vec<String> = changes
+        .iter()
+        .map(|SettingChange { setting, value }| format!("{setting} {value}"))
+        .collect();
+    Error::Request(format!(
+        "stored and read back: {}; not verified: {failure}",
+        stored.join(", ")
     ))
 }
 

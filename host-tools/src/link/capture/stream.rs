@@ -6,7 +6,7 @@ use model_format::link::{BLOCK_SAMPLES, RecordBlock, RecordSample, RecordStopped
 
 use super::calibration::Loss;
 use crate::link::device::{Blocks, Device};
-use crate::link::error::{LinkError, Result};
+use crate::link::error::{LinkError, Result, longer};
 use crate::recording::{MAX_FRAMES, RATES_HZ};
 
 /// Longest interval between the blocks that arrive after the answer that ends a recording.
@@ -128,8 +128,9 @@ impl<'a> Stream<'a> {
         self.next(timeout)?.ok_or_else(|| LinkError::Lossy {
             link: self.device.address().to_string(),
             what: format!(
-                "no block of the recording arrived within {:.1} s: record again, or use USB",
-                timeout.as_secs_f64()
+                "no block of the recording arrived within {:.1} s: record again, or use USB{}",
+                timeout.as_secs_f64(),
+                longer(timeout)
             ),
         })
     }
