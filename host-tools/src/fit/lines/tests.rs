@@ -220,6 +220,16 @@ fn a_weave_of_uneven_threads_is_found_with_its_wander_its_harmonic_and_its_ampli
     }
 }
 
+/// Holds that the search names what stays at `frequency_hz` and leaves it in `signals`.
+fn named_and_left(signals: &mut [Vec<f64>], frequency_hz: f64, tolerance_hz: f64) {
+    let before = signals.to_vec();
+    let (findings, _) = found(&SPEEDS_MM_S, signals);
+    assert!(findings.lines.is_empty(), "{findings}");
+    let is_near = |hz: &f64| (hz - frequency_hz).abs() < tolerance_hz;
+    assert!(findings.time_locked_hz.iter().any(is_near), "{findings}");
+    assert_eq!(signals, before);
+}
+
 #[test]
 fn a_steady_band_that_stays_while_the_speed_changes_is_named_and_left_in_the_noise() {
     let (mut generator, mut signals) = surfaces(17, &SPEEDS_MM_S, None);
@@ -230,17 +240,7 @@ fn a_steady_band_that_stays_while_the_speed_changes_is_named_and_left_in_the_noi
             *x += (TAU * 90.0 * time_s + wander(time_s)).sin();
         }
     }
-    let before = signals.clone();
-    let (findings, _) = found(&SPEEDS_MM_S, &mut signals);
-    assert!(findings.lines.is_empty(), "{findings}");
-    assert!(
-        findings
-            .time_locked_hz
-            .iter()
-            .any(|hz| (hz - 90.0).abs() < 5.0),
-        "{findings}"
-    );
-    assert_eq!(signals, before);
+    named_and_left(&mut signals, 90.0, 5.0);
 }
 
 #[test]
@@ -251,17 +251,7 @@ fn what_stays_while_the_speed_changes_is_not_taken() {
             add_line(signal, n * 50.0, amplitude, generator.random());
         }
     }
-    let before = signals.clone();
-    let (findings, _) = found(&SPEEDS_MM_S, &mut signals);
-    assert!(findings.lines.is_empty(), "{findings}");
-    assert!(
-        findings
-            .time_locked_hz
-            .iter()
-            .any(|hz| (hz - 50.0).abs() < 0.1),
-        "{findings}"
-    );
-    assert_eq!(signals, before);
+    named_and_left(&mut signals, 50.0, 0.1);
 }
 
 #[test]

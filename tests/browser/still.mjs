@@ -1,0 +1,23 @@
+// A still of the page to rub while it is rubbed, for the README.
+//
+//   STYLUS_NODE_MODULES=MODULES node tests/browser/still.mjs PAGE.html OUT.png
+
+import path from "node:path";
+
+import { Opened, launched } from "./chromium.mjs";
+
+const [page, out] = process.argv.slice(2);
+if (!page || !out) {
+  console.error("usage: node tests/browser/still.mjs PAGE.html OUT.png");
+  process.exit(2);
+}
+const browser = await launched();
+const opened = await Opened.open(browser, path.resolve(page), { viewport: { width: 1000, height: 640 } });
+let isTaken = false;
+const begin = Date.now();
+await opened.rub(4, 0.3, async () => {
+  if (isTaken || Date.now() < begin + 3000) return;
+  isTaken = true;
+  await opened.page.screenshot({ path: out });
+});
+await browser.close();
