@@ -77,7 +77,7 @@ fn an_abort_ends_the_upload_of_a_command_that_is_gone_and_says_how_far_it_was() 
 
     let ended = bench.succeed("upload --abort");
     let words = format!(
-        "the upload to slot {slot} is ended; 512 of {} bytes had arrived",
+        "the upload to slot {slot} was ended; 512 of {} bytes had arrived",
         bytes.len()
     );
     holds(&ended, &[&words]);

@@ -79,8 +79,8 @@ impl Coil {
         )];
         lines.push(if self.peak_watts() > f64::from(self.power_limit) {
             format!(
-                "that is {:.1} x the power limit of {} W: the thermal limiter has to hold it back; a hard limit of \
-                 {:.3} V cannot exceed it",
+                "that is {:.1} x the power limit of {} W, so the thermal limiter has to reduce it; a hard limit of \
+                 {:.3} V would keep within it",
                 self.peak_watts() / f64::from(self.power_limit),
                 self.power_limit,
                 self.hard_limit_of_power()
@@ -124,8 +124,7 @@ impl AtRest {
         goes_on: impl FnMut() -> bool,
     ) -> Result<Option<Self>> {
         if device.status()?.output.activity != Activity::Idle {
-            let what =
-                "something is played, and a calibration is for a stylus at rest: stop it first";
+            let what = "the stylus is playing: stop it, then calibrate";
             return Err(device.not_verified(what.to_owned()));
         }
         let captured = capture(device, seconds, 0.1, goes_on, |_, _, _| ())?;
@@ -215,7 +214,7 @@ pub fn acceleration_zeros(
     let gravity = (0..3).map(|axis| along(axis).powi(2)).sum::<f64>().sqrt();
     if (gravity / GRAVITY - 1.0).abs() > GRAVITY_TOLERANCE {
         return Err(format!(
-            "the two poses differ by a gravity of {gravity:.2} m/s² instead of {GRAVITY:.2}: turn the stylus exactly \
+            "the two poses show a gravity of {gravity:.2} m/s² instead of {GRAVITY:.2}: turn the stylus exactly \
              upside down, and check acceleration-per-volt-x, -y and -z"
         ));
     }

@@ -226,7 +226,7 @@ fn choose(found: &[Attached]) -> Result<(LinkAddress, Option<String>)> {
                 (_, false) => {
                     let others: Vec<String> = links(&others);
                     Some(format!(
-                        "{}, and not {}; --link names another one",
+                        "{} is used, and not {}; --link names another one",
                         one.link,
                         others.join(" or ")
                     ))

@@ -23,7 +23,7 @@ pub enum LinkError {
     NoUsbDevice,
     /// Styluses are on USB, but none with this serial number.
     #[error(
-        "no stylus with serial number {wanted} on USB: name one of those that are, {}",
+        "no stylus with serial number {wanted} is on USB: name one that is, {}",
         links(found)
     )]
     NoSuchSerial {
@@ -33,7 +33,7 @@ pub enum LinkError {
         found: Vec<String>,
     },
     /// Several styluses are on USB, and none was named.
-    #[error("{} styluses on USB: name one with --link, {}", found.len(), links(found))]
+    #[error("{} styluses are on USB: name one with --link, {}", found.len(), links(found))]
     SeveralUsbDevices {
         /// Their serial numbers.
         found: Vec<String>,
@@ -41,7 +41,7 @@ pub enum LinkError {
     /// No device is attached.
     #[error(
         "{}plug one in by its own USB port or by the debug port of its board, or start a virtual one with `cargo \
-         virtual-stylus`; `stylus devices` lists what is attached, and --link names what is not found",
+         virtual-stylus`; `stylus devices` lists what is attached, and --link names one that is not listed",
         nothing(silent)
     )]
     NoDevice {
@@ -271,7 +271,7 @@ pub(in crate::link) fn longer(timeout: Duration) -> String {
     if proposed > LONGEST_PROPOSED_S {
         return String::new();
     }
-    format!("; where device or computer is slow, wait longer, with --timeout {proposed}")
+    format!("; if the device or this computer is slow, wait longer with --timeout {proposed}")
 }
 
 fn links(serials: &[String]) -> String {

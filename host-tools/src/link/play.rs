@@ -265,8 +265,8 @@ impl Heard {
         let is_slow = per_second < f64::from(MIN_MOTION_RATE_HZ);
         let motions = (driven.motions < due.div_ceil(2) && is_slow).then(|| {
             format!(
-                "only {} of {due} motions could be sent, {per_second:.0} per second where at least \
-                 {MIN_MOTION_RATE_HZ} are needed: use a faster link, a computer that has more time, or a lower --rate",
+                "only {} of {due} motions could be sent, {per_second:.0} per second, but at least \
+                 {MIN_MOTION_RATE_HZ} are needed: use a faster link, a less busy computer, or a lower --rate",
                 driven.motions
             )
         });

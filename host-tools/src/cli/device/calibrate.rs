@@ -115,7 +115,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
     let noise = report.at_rest.map_or_else(String::new, |at_rest| {
         format!(
-            "; the force measured again is {:.1} codes from its zero, with a noise of {:.1}",
+            "; measured again, the force is {:.1} codes from its zero, with a noise of {:.1}",
             at_rest.mean[3] - f64::from(stored.force_zero().0),
             at_rest.deviation[3]
         )
@@ -146,7 +146,7 @@ fn coil(arguments: &Arguments, settings: &Settings) -> Result<Coil> {
     };
     let resistance = value(
         arguments.resistance,
-        "resistance of the coil in ohms, with a multimeter at the unplugged coil:",
+        "resistance of the coil in ohms, measured with a multimeter at the unplugged coil:",
     )?;
     let amplifier_gain = value(
         arguments.amplifier_gain,
@@ -196,7 +196,7 @@ fn sensors(
         changes
             .extend(zeros.map_err(|words| Error::Request(format!("nothing was stored: {words}")))?);
         // The tip's weight is part of the force in the pose in which the stylus is used.
-        say("for the force: tip down again");
+        say("next is the force: turn the tip down again");
     }
     if !arguments.keep_force {
         changes.push(measure("in the air, tip down", true)?.force_zero());
@@ -227,5 +227,5 @@ fn number(question: &str) -> Result<f32> {
     let line = answer(question)?;
     line.trim()
         .parse()
-        .map_err(|_| Error::Request(format!("'{}' is no number", line.trim())))
+        .map_err(|_| Error::Request(format!("'{}' is not a number", line.trim())))
 }

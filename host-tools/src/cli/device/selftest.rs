@@ -59,7 +59,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         erasable: arguments.use_slot.and_then(Slot::id),
         ..Options::default()
     };
-    tell("the amplifier must be off; the output is moved while its pin is read back");
+    tell("the amplifier must be off: the test moves the output and reads its pin back");
     let line = progress::line("self test");
     let mut lines = self_test::run(&device, &options, |step| {
         let words = words(step, arguments.seconds);

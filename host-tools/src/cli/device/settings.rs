@@ -36,13 +36,13 @@ enum Action {
         /// Names of settings, each followed by its value in the setting's unit
         #[arg(value_name = "NAME VALUE", num_args = 2.., required = true, allow_negative_numbers = true)]
         pairs: Vec<String>,
-        /// Do not ask before a change that protects coil and hand less than before
+        /// Do not ask before a change that loosens a limit
         #[arg(long)]
         yes: bool,
     },
     /// Erase all settings: each has its default, none is set, and nothing plays
     Reset {
-        /// Do not ask before
+        /// Do not ask first
         #[arg(long)]
         yes: bool,
     },
@@ -81,7 +81,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         .iter()
         .find(|change| !state.set.contains(change.setting))
     {
-        let problem = "was written, but the device does not count it as set: set it again";
+        let problem = "was written, but the device says that it is not set: set it again";
         return Err(Error::Request(format!("{} {problem}", unknown.setting)));
     }
     show(&settings, &state, wanted, arguments.json)
@@ -110,8 +110,8 @@ fn consent(lines: &[String], yes: bool) -> Result<()> {
     if !yes && !input.is_terminal() {
         let told: Vec<&str> = lines.iter().map(|line| line.trim()).collect();
         return Err(Error::Request(format!(
-            "nothing was changed, because it would protect coil and hand less, or by first values: {}: give --yes if \
-             that is meant",
+            "nothing was changed, because this loosens limits or gives them their first values: {}: give --yes if you \
+             mean it",
             told.join("; ")
         )));
     }

@@ -79,7 +79,7 @@ fn abort(arguments: &Arguments) -> Result<()> {
     print(&match before {
         UploadState::Idle => "no upload was under way".to_owned(),
         UploadState::Receiving(progress) => format!(
-            "the upload to slot {} is ended; {} of {} bytes had arrived",
+            "the upload to slot {} was ended; {} of {} bytes had arrived",
             progress.slot, progress.next_offset, progress.upload.length
         ),
     })
@@ -96,8 +96,8 @@ fn upload(arguments: &Arguments, path: &Path) -> Result<()> {
     }
     if arguments.replace_last {
         warn(
-            "with --replace-last the last library that the device can read may be erased: until the upload is done, a \
-             restart would leave it without one",
+            "--replace-last may erase the last library that the device can read: until the upload is done, a restart \
+             leaves it without one",
         );
     }
     let bar = progress::bar(bytes.len() as u64, "uploading");

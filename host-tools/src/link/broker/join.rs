@@ -92,7 +92,7 @@ pub(in crate::link) async fn free(address: &LinkAddress) -> Result<()> {
             return Err(LinkError::Open {
                 link: place.address.to_string(),
                 reason: format!(
-                    "it is in use by {}: end that, or leave --no-broker out",
+                    "it is in use by {}: end that program, or omit --no-broker",
                     place.clients()
                 ),
             });
@@ -109,7 +109,7 @@ fn continue_within(place: &Place, begin: Instant) -> Result<()> {
     Err(unusable(
         &place.address,
         &format!(
-            "another version of stylus shares it with {}: end that, or use the same version",
+            "another version of stylus shares it with {}: end that program, or use the same version",
             place.clients()
         ),
     ))
@@ -175,7 +175,7 @@ async fn start(place: &Place, sharing: &Sharing) -> Result<()> {
         Ok(Ok(line)) => line.map_err(failed)?,
         Ok(Err(failure)) => return Err(unusable(&place.address, &failure)),
         Err(_) => {
-            return Err(unusable(&place.address, &"its broker does not start"));
+            return Err(unusable(&place.address, &"the sharing process won't start"));
         }
     };
     // A broker that lives longer than this process is the system's to wait for.
@@ -186,7 +186,7 @@ async fn start(place: &Place, sharing: &Sharing) -> Result<()> {
             tokio::time::sleep(RETRY).await;
             Ok(())
         }
-        "" => Err(unusable(&place.address, &"its broker has ended at once")),
+        "" => Err(unusable(&place.address, &"the sharing process has ended")),
         problem => Err(LinkError::Broker(problem.to_owned())),
     }
 }

@@ -112,7 +112,7 @@ impl Switchboard {
         if frame.len() > MAX_HOST_FRAME_BYTES {
             let bytes = frame.len();
             let reason =
-                format!("a frame of {bytes} bytes, and a stylus takes {MAX_HOST_FRAME_BYTES}");
+                format!("a frame of {bytes} bytes, more than the {MAX_HOST_FRAME_BYTES} allowed");
             return vec![Action::ToClient(client, FromBroker::Ended(reason))];
         }
         let Some((header, body)) = VarHeader::take_from_slice(frame) else {

@@ -124,7 +124,7 @@ impl std::fmt::Display for Loss {
             self.received, self.in_device, self.on_link
         )?;
         if self.torn_samples > 0 {
-            write!(f, "; {} torn samples are no data", self.torn_samples)?;
+            write!(f, "; {} late samples do not count", self.torn_samples)?;
         }
         Ok(())
     }

@@ -75,8 +75,8 @@ pub fn capture(
             return Err(LinkError::Lossy {
                 link: device.address().to_string(),
                 what: format!(
-                    "no {seconds} s without a hole in {:.1} s ({loss}): close other programs that use the \
-                     link, or use USB",
+                    "{:.1} s were recorded, and no {seconds} s of them without a hole ({loss}): close other programs \
+                     that use the link, or use USB",
                     most_ticks as f64 / f64::from(rate_hz)
                 ),
             });

@@ -304,7 +304,7 @@ impl Device {
             Ok(proposal)
         } else {
             Err(self.not_verified(
-                "another change of settings was proposed than was asked for: propose it again"
+                "the device proposed another change of settings than this one: propose it again"
                     .to_owned(),
             ))
         }

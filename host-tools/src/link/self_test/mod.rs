@@ -109,7 +109,7 @@ pub fn run(device: &Device, options: &Options, mut told: impl FnMut(Step)) -> Re
     } else {
         lines.push(Line::not_measured(
             "sensors",
-            "connect them and leave --bare out to measure them",
+            "to measure them, connect them and omit --bare",
         ));
     }
     if options.sensors && options.moves {
@@ -119,7 +119,7 @@ pub fn run(device: &Device, options: &Options, mut told: impl FnMut(Step)) -> Re
     } else {
         lines.push(Line::not_measured(
             "encoder moved",
-            "pass --move and move the tool when asked to measure it",
+            "to measure it, give --move, and move the tool when asked",
         ));
     }
     told(Step::Traffic);
@@ -174,7 +174,7 @@ fn flash(device: &Device, erasable: Option<SlotId>) -> Result<Vec<Line>> {
     let Some(slot) = erasable.or(empty) else {
         return Ok(vec![Line::not_measured(
             "flash",
-            "no slot is empty: pass --use-slot with the one whose library may be erased",
+            "no slot is empty: pass --use-slot with a slot whose library may be erased",
         )]);
     };
     let request = SelfTestRequest::Flash {
@@ -245,7 +245,7 @@ fn traffic(device: &Device, seconds: f64) -> Result<Vec<Line>> {
 /// mid-scale. Returns its name, or why there is none.
 fn load(device: &Device) -> Result<std::result::Result<String, String>> {
     let Some(slot) = device.slots()?.active else {
-        let why = "upload and activate a library to load the kernel";
+        let why = "to load the kernel, upload and activate a library";
         return Ok(Err(why.to_owned()));
     };
     let Some(texture) = device.textures(slot)?.into_iter().next() else {

@@ -113,7 +113,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let driven = played?;
     let (was_playing, status) = stopped?;
     if !was_playing {
-        let problem = "the device had stopped by itself; read its status";
+        let problem = "the device stopped by itself: `stylus status` says why";
         return Err(Error::Request(format!("{}: {problem}", device.address())));
     }
     let failure = heard.failure(&driven);
@@ -212,7 +212,7 @@ fn request(arguments: &Arguments, plan: &Drive) -> Result<PlayRequest> {
 fn selection(arguments: &Arguments) -> Result<Selection> {
     let too_long = |what: &str, name: &str| {
         Error::Request(format!(
-            "no {what} has a name as long as '{name}'; see `stylus slots`"
+            "'{name}' is longer than the name of any {what}: `stylus slots` lists the names"
         ))
     };
     if let Some(name) = &arguments.scene {
@@ -249,7 +249,7 @@ fn keep_playing(
     live.into_inner().end();
     let driven = driven?;
     if ended.get() {
-        let problem = "the device has stopped by itself; read its status";
+        let problem = "the device stopped by itself: `stylus status` says why";
         return Err(Error::Request(format!("{}: {problem}", device.address())));
     }
     Ok(driven)

@@ -139,8 +139,8 @@ impl RecordReport {
         let summary = match untouched.count() {
             0 => summary,
             count => format!(
-                "{summary}; {count} of them without any speed or force: untouched, or without sensors, and \
-                 --again records all anew"
+                "{summary}; {count} of them have neither speed nor force: was the tool moved, and are sensors \
+                 connected? --again records all trials again"
             ),
         };
         if rows.is_empty() {
@@ -160,7 +160,7 @@ fn verdicts(analysis: &Analysis, point: &PlannedTrial, level: &Level) -> Vec<Str
         .collect();
     if let Some(frequency_hz) = analysis.mains_line_hz {
         verdicts.push(format!(
-            "a line at {frequency_hz:.1} Hz, which is hum if other speeds have it, too"
+            "a line at {frequency_hz:.1} Hz; if other speeds have it too, it is hum"
         ));
     }
     for (name, wanted, found, unit) in [

@@ -151,7 +151,7 @@ fn start(start: StartReport) -> Vec<String> {
     )];
     if start.safe_mode {
         lines.push(
-            "SAFE     the device plays nothing; switch the power off and on, or press the reset button, to leave"
+            "SAFE     nothing plays in safe mode: to end it, switch the power off and on, or press the reset button"
                 .to_owned(),
         );
     }
@@ -159,12 +159,12 @@ fn start(start: StartReport) -> Vec<String> {
         ClockSource::External => {}
         ClockSource::Internal => {
             let usb = if start.revision.lacks_trimming() {
-                "; this silicon does not trim USB's clock by reports: use serial"
+                "; by reports this silicon does not trim USB's clock: use serial"
             } else {
                 ""
             };
             lines.push(format!(
-                "CLOCK    the external clock is missing or failed: pitch and times are within 1 %{usb}"
+                "CLOCK    the external clock is missing or failed: pitch and times are off by up to 1 %{usb}"
             ));
         }
         ClockSource::InternalUnmultiplied => lines
@@ -172,7 +172,7 @@ fn start(start: StartReport) -> Vec<String> {
     }
     if let Some(stage) = start.hung_stage {
         lines.push(format!(
-            "HUNG     a start did not get past the stage: {stage}"
+            "HUNG     an earlier start hung at the stage: {stage}"
         ));
     }
     if start.supply_low {
@@ -232,7 +232,7 @@ fn lease(lease: LeaseStatus) -> String {
     let holder = match lease.holder {
         None => "nobody plays".to_owned(),
         Some(link) if lease.is_alive => format!("{link} plays"),
-        Some(link) => format!("{link} has played and went away"),
+        Some(link) => format!("{link} was playing and fell silent"),
     };
     format!("{holder}; {} refused", lease.refused)
 }
@@ -276,10 +276,10 @@ pub fn settings(state: &SettingsState) -> impl Iterator<Item = String> + use<> {
         )
     });
     let mended = (state.mended && state.lost.is_empty()).then(|| {
-        "one of the two copies in flash was damaged or its writing interrupted; it was written anew".to_owned()
+        "one of the two copies in flash was damaged, or its writing was interrupted; it was rewritten".to_owned()
     });
     let unwritable = state.unwritable.then(|| {
-        "the flash did not take the last change; try again, then `stylus settings reset`".to_owned()
+        "the last change could not be written to flash: try again; if that fails, `stylus settings reset`".to_owned()
     });
     let refusal = refusal.map(|refusal| format!("nothing plays: {refusal}"));
     [refusal, differing, mended, unwritable]

@@ -32,8 +32,8 @@ pub fn chip(values: &ChipValues, info: &DeviceInfo) -> Vec<Line> {
             revision.to_string(),
             SiliconRevision::SUPPORTED,
             revision.is_supported(),
-            "on revisions Z and Y the image works round the reads of AXI SRAM (ES0392 2.2.9) and the converter's other \
-             clock, and nothing else was tested: use a board with revision V",
+            "for revisions Z and Y the image works around two faults (reads of AXI SRAM, ES0392 2.2.9, and the \
+             converter's clock), and nothing else was tested: use a board with revision V",
         ),
         Line::exact(
             "unique id",
@@ -80,8 +80,7 @@ pub fn clocks(values: &ClockValues) -> Vec<Line> {
             hertz(count, values.timer_hz),
             LOW_SPEED_HZ,
             ("Hz", 0),
-            "LSI or the core's clock is not what it should be: see the line of USB; if that passes, the chip is \
-             damaged",
+            "LSI or the core's clock is wrong: look at the line of USB; if that one passes, the chip is damaged",
         ),
         None => Line::exact(
             "LSI",
@@ -270,14 +269,16 @@ pub fn option_bytes(values: &OptionByteValues) -> Vec<Line> {
             f64::from(brown_out_level),
             (f64::from(LEAST_BROWN_OUT_LEVEL), 3.0),
             ("", 0),
-            "the part runs on below the supply that flash and core need: set BOR_LEV to 3 with STM32CubeProgrammer",
+            "the chip would run on with less supply than flash and core need: set BOR_LEV to 3 with \
+             STM32CubeProgrammer",
         ),
         Line::exact(
             "watchdog by",
             if bit(4) { "software" } else { "hardware" },
             "software",
             bit(4),
-            "a watchdog by hardware resets the device in its start: set IWDG1_SW with STM32CubeProgrammer",
+            "the hardware starts a watchdog, which resets the device during its start: set IWDG1_SW with \
+             STM32CubeProgrammer",
         ),
         Line::exact(
             "banks swapped",

@@ -40,8 +40,8 @@ const SETTLED_CODES: f64 = 16.0;
 /// Time within which it has settled, µs.
 const SETTLED_US: f64 = 8.0;
 
-const AMPLIFIER: &str = "take the amplifier's input off PA4 and test again: what loads the pin bends it; if it stays, \
-     the chip's output is damaged";
+const AMPLIFIER: &str = "take the amplifier's input off PA4 and test again, because a load bends the output; if it \
+                         stays, the chip's output is damaged";
 
 /// Mean word per code of the sweep, in codes.
 fn means(values: &OutputValues) -> [f64; OUTPUT_CODES] {
@@ -132,7 +132,7 @@ pub fn rest(values: &RestValues) -> Vec<Line> {
     ]
 }
 
-const UNEVEN: &str = "the output is not even: a bit of the DAC is stuck; replace the board";
+const UNEVEN: &str = "the output's steps are uneven: a bit of the DAC is stuck; replace the board";
 const DISTURBED: &str = "the reference or the ground is disturbed: keep the probe's cable away from supplies, and \
      test again";
 

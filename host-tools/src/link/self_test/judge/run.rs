@@ -54,8 +54,8 @@ fn faults(counters: &LinkCounters) -> u32 {
 const REPORT: &str = "report the device's build with the record of this test";
 const AGAIN: &str =
     "restart and test again; if it stays, report the device's build with the record of this test";
-const SIMPLER: &str = "play a simpler scene; if a texture alone is too long, report the build with the record of \
-     this test";
+const SIMPLER: &str = "play a simpler scene; if a texture alone takes too long, report the build with the record of \
+                       this test";
 
 /// Judges what `status` counted since the start.
 pub fn state(status: &Status) -> Vec<Line> {
@@ -72,7 +72,7 @@ pub fn state(status: &Status) -> Vec<Line> {
         fault,
         "none",
         status.fault.is_none(),
-        "report it with the fault's line of `status`; switch the power off and on to forget it",
+        "report it with the fault's line of `status`; switch the power off and on to clear it",
     ));
     let tick = &status.tick;
     lines.extend(
@@ -115,7 +115,7 @@ fn started(start: StartReport) -> Vec<Line> {
             if start.safe_mode { "yes" } else { "no" },
             "no",
             !start.safe_mode,
-            "three starts ended in a fault: read it in `status`, mend it, then switch the power off and on",
+            "three starts ended in a fault: find it in `status`, remove its cause, then switch the power off and on",
         ),
         Line::exact(
             "supply",
