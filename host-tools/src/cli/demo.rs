@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use host_tools::evaluation::evaluate;
 use host_tools::evaluation::held_out::judges;
+use host_tools::evaluation::played;
 use host_tools::fit;
 use host_tools::fit::record::FitRecord;
 use host_tools::playing::motion::MotionPath;
@@ -17,11 +18,10 @@ use host_tools::rig::{self, RigFile};
 use host_tools::support::atomic_file;
 use host_tools::support::error::{Error, Result};
 use host_tools::support::output::OutputFolder;
-use host_tools::texture::summary::TextureSummary;
 use model_format::{Library, MillimetresPerSecond, Newton};
 
-use super::inspect::texture_table;
-use crate::cli::output::print;
+use super::output::{print, warn_of};
+use super::table::{headed, table};
 use host_tools::texture::library::decode_library;
 
 /// Motion that every texture is rendered along: a stroke that speeds up, presses harder, and comes to rest.
@@ -63,12 +63,18 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     // The demo replaces its own earlier result unasked, because nobody edits that; a folder with any other file stays.
     let page =
         OutputFolder::begin(&arguments.out, true)?.fill(|folder| all(arguments, folder, begin))?;
+    let out = arguments.out.display();
     print(&format!(
-        "\nDone in {:.1} s. Rub {}, look at {}, listen to {}",
+        "\nDone in {:.1} s. Open in a browser, with sound:\n  \
+           {out}/{PAGE}\n    \
+             Rub each texture with the pointer: its kernel is the stylus's. You hear the clicks\n    \
+             of 'scratched', the tone of denim's threads, which follows your speed, the hiss\n    \
+             of paper, the soft hum of vinyl.\n  \
+           {}\n    \
+             Recording and synthesis of each above each other, to look at and to hear.\n\
+         {out}/{RENDERED} has each texture along one stroke, as WAV files.",
         begin.elapsed().as_secs_f64(),
-        arguments.out.join(PAGE).display(),
-        page.display(),
-        arguments.out.join(RENDERED).display()
+        page.display()
     ))
 }
 
@@ -77,17 +83,22 @@ fn all(arguments: &Arguments, folder: &OutputFolder, begin: Instant) -> Result<P
     let out = folder.path();
     let step = |number: u32, what: &str| {
         print(&format!(
-            "\n[{number}/5, {:.1} s] {what}",
+            "[{number}/5, {:.1} s] {what}",
             begin.elapsed().as_secs_f64()
         ))
     };
 
     let recordings = out.join("recordings");
-    step(1, "stylus simulate-rig: the paper's protocol, SIMULATED")?;
-    let simulated = rig::simulate_to_folder(&RigFile::paper(), arguments.seed, &recordings, false)?;
-    print(simulated.to_string().trim_end())?;
+    step(
+        1,
+        "stylus simulate-rig: SIMULATED recordings of four surfaces",
+    )?;
+    rig::simulate_to_folder(&RigFile::demo(), arguments.seed, &recordings, false)?;
 
-    step(2, "stylus fit: one model per node, its order chosen by AIC")?;
+    step(
+        2,
+        "stylus fit: a model per speed and force, and what no filter holds",
+    )?;
     let set = RecordingSet::open(&[recordings])?;
     let fit_options = fit::Options::default();
     let (fit, bytes) = super::fit::fit_library(&set, &fit_options)?;
@@ -98,18 +109,25 @@ fn all(arguments: &Arguments, folder: &OutputFolder, begin: Instant) -> Result<P
     }
     record.write_with(&path, &bytes)?;
     let library = decode_library(&path, &bytes)?;
-    let textures: Vec<TextureSummary> = library
-        .textures()
-        .map(|t| TextureSummary::of(&t, false))
-        .collect();
-    print(&texture_table(&textures))?;
-    for warning in &fit.warnings {
-        print(&format!("warning: {warning}"))?;
-    }
+    let (header, rows) = headed(library.textures().map(|texture| {
+        let orders = || texture.nodes().map(|node| node.coefficients.order());
+        let (low, high) = (orders().min(), orders().max());
+        [
+            ("texture", texture.name().to_owned()),
+            ("models", texture.nodes().count().to_string()),
+            (
+                "orders",
+                format!("{} to {}", low.unwrap_or(0), high.unwrap_or(0)),
+            ),
+            ("plays", played::in_words(&played::parts(&texture))),
+        ]
+    }));
+    print(&table(&header, &rows))?;
+    warn_of(&fit.warnings);
 
     step(
         3,
-        "stylus evaluate: the device's kernel against what was held out of every recording",
+        "stylus evaluate: the device's kernel against what was not fitted",
     )?;
     let options = evaluate::Options {
         seed: arguments.seed,
@@ -137,8 +155,7 @@ fn all(arguments: &Arguments, folder: &OutputFolder, begin: Instant) -> Result<P
     step(4, "stylus render: each texture along one stroke")?;
     let rendered = out.join(RENDERED);
     std::fs::create_dir(&rendered).map_err(Error::io("create", &rendered))?;
-    let named = |path: &Path| folder.named(path).display().to_string();
-    render_all(&library, arguments.seed, &rendered, named)?;
+    render_all(&library, arguments.seed, &rendered)?;
 
     step(5, "stylus page: rub the textures in a browser")?;
     let inputs = Inputs {
@@ -153,8 +170,7 @@ fn all(arguments: &Arguments, folder: &OutputFolder, begin: Instant) -> Result<P
         seed: arguments.seed,
     };
     let rubbed = out.join(PAGE);
-    let written = super::page::write(&inputs, &rubbed)?;
-    print(&super::page::summary(&folder.named(&rubbed), &written))?;
+    super::page::write(&inputs, &rubbed)?;
     Ok(folder.named(&page))
 }
 
@@ -163,12 +179,7 @@ fn steady() -> Result<MotionPath> {
     MotionPath::constant(MillimetresPerSecond(120.0), Newton(1.0))
 }
 
-fn render_all(
-    library: &Library<'_>,
-    seed: u64,
-    folder: &Path,
-    named: impl Fn(&Path) -> String,
-) -> Result<()> {
+fn render_all(library: &Library<'_>, seed: u64, folder: &Path) -> Result<()> {
     let stroke = folder.join("stroke.csv");
     atomic_file::write(&stroke, STROKE.as_bytes())?;
     let along = MotionPath::from_csv(&stroke)?;
@@ -184,7 +195,6 @@ fn render_all(
         ] {
             let path = folder.join(format!("{name}_{suffix}_simulated.wav"));
             render_wav(texture, motion, seconds, seed, &path, format)?;
-            print(&named(&path))?;
         }
     }
     Ok(())

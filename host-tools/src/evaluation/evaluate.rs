@@ -14,7 +14,7 @@ use super::perception::Perceived;
 use super::perception::ScoringRange;
 use super::played::{self, Played, Version};
 use super::summary::{Scores, TrialEvaluation};
-use super::summary::{TextureEvaluation, judged_hz, other_in_words, summarise, tables};
+use super::summary::{TextureEvaluation, judged_hz, summarise, table, tables, target_in_words};
 use super::tables::Table;
 use crate::dsp::high_pass::{high_pass, lowest_hz};
 use crate::dsp::spectrum;
@@ -342,14 +342,25 @@ impl Evaluation {
         judged_hz(&self.trials)
     }
 
-    /// The tables of all textures: spectra, what is felt, and what a spectrum does not show.
+    /// The verdict on each texture, after its name.
+    pub fn verdicts(&self) -> impl Iterator<Item = String> {
+        let textures = self.textures.iter();
+        textures.map(|texture| format!("{}: {}", texture.texture, texture.verdict))
+    }
+
+    /// The table of all textures: the synthesis, and in brackets the other recording.
+    pub fn table(&self) -> Table {
+        table(&self.textures)
+    }
+
+    /// All tables of all textures: spectra, what is felt, and what a spectrum does not show.
     pub fn tables(&self) -> Vec<Table> {
         tables(&self.textures, &self.liveliness)
     }
 
-    /// The other recording beside the synthesis, in words.
-    pub fn other_in_words(&self) -> &'static str {
-        other_in_words(&self.trials)
+    /// The target in words: the other recording in the place of the synthesis.
+    pub fn target_in_words(&self) -> &'static str {
+        target_in_words(&self.trials)
     }
 
     /// Reads the judge of trial `index` of the evaluated set, and plays what it judges.

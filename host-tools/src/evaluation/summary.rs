@@ -8,6 +8,7 @@ use super::liveliness::{Summary, TrialLiveliness};
 use super::perception::Perceived;
 use super::perception::ScoringRange;
 use super::tables::{Table, number, percent};
+use super::verdict;
 use crate::dsp::spectrum::{AMPLITUDE_JND_DB, BAND_COUNT};
 
 /// A texture's trials in a few numbers; silent trials are counted and left out of all means.
@@ -15,6 +16,8 @@ use crate::dsp::spectrum::{AMPLITUDE_JND_DB, BAND_COUNT};
 pub struct TextureEvaluation {
     /// The texture.
     pub texture: String,
+    /// The answer in one line.
+    pub verdict: String,
     /// Trials compared.
     pub trials: usize,
     /// Trials at which the stylus or the recording is silent.
@@ -80,7 +83,43 @@ impl Means {
     }
 }
 
-/// The tables of an evaluation: spectra, what is felt, and what a spectrum does not show.
+/// The table of an evaluation: the synthesis, and in brackets the other recording.
+pub(super) fn table(textures: &[TextureEvaluation]) -> Table {
+    let row = |texture: &TextureEvaluation| {
+        let (own, other) = (&texture.synthesis, &texture.other);
+        let beside = |own: String, other: String| format!("{own} ({other})");
+        let both = |of: &dyn Fn(&Means) -> String| beside(of(own), of(other));
+        let costs = [texture.mean_cost, texture.mean_cost_other];
+        let [cost, cost_other] = costs.map(|cost| percent(cost, 1));
+        vec![
+            ("texture", texture.texture.clone()),
+            ("trials", texture.trials.to_string()),
+            ("C, %", beside(cost, cost_other)),
+            (
+                "LSD, dB",
+                both(&|m| number(m.mean_log_spectral_distance_db, 2)),
+            ),
+            (
+                "bands within JND, %",
+                both(&|m| percent(m.bands_within_jnd, 0)),
+            ),
+            ("level, JND", both(&|m| number(m.level_error_jnd, 2))),
+        ]
+    };
+    Table::headed("In brackets: the target", textures.iter().map(row))
+}
+
+/// Explanation of [`table`].
+pub fn explanation() -> String {
+    format!(
+        "C, equation (6) of the paper: mismatch of smoothed spectra, 0 % if they are equal; good is as low as its \
+         target, because two parts of one recording differ, too. LSD: log-spectral distance. Bands: share of third \
+         octaves within one JND (just noticeable difference) of level, {AMPLITUDE_JND_DB} dB. Level: their RMS error, \
+         less the scatter of noise; below 1 JND it is not felt."
+    )
+}
+
+/// All tables of an evaluation: spectra, what is felt, and what a spectrum does not show.
 pub(super) fn tables(textures: &[TextureEvaluation], liveliness: &[Summary]) -> Vec<Table> {
     let spectra = textures.iter().map(TextureEvaluation::spectra_cells);
     let felt = textures.iter().map(TextureEvaluation::feel_cells);
@@ -212,8 +251,9 @@ pub(super) fn summarise(name: &str, trials: &[TrialEvaluation]) -> TextureEvalua
         ranges.reduce(|a, b| (a.0.max(b.0), a.1.min(b.1)))
     };
     let ranges = || heard.iter().filter_map(|trial| trial.range);
-    TextureEvaluation {
+    let mut texture = TextureEvaluation {
         texture: name.to_owned(),
+        verdict: String::new(),
         trials: heard.len(),
         silent: members.len() - heard.len(),
         bands_hz: common(&mut ranges().map(|range| range.band_edges_hz())),
@@ -225,11 +265,13 @@ pub(super) fn summarise(name: &str, trials: &[TrialEvaluation]) -> TextureEvalua
         other: Means::of(&others),
         mean_cost_other: mean(others.iter().filter_map(|scores| scores.cost)),
         liveliness: liveliness::summaries(heard.iter().filter_map(|t| t.liveliness.as_ref())),
-    }
+    };
+    texture.verdict = verdict::of_texture(&texture, &members);
+    texture
 }
 
 /// The mean; `None` of nothing.
-fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
+pub(super) fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
     let (sum, count) = values.fold((0.0, 0u32), |(sum, count), value| (sum + value, count + 1));
     (count > 0).then(|| sum / f64::from(count))
 }
@@ -257,27 +299,32 @@ pub(super) fn judged_hz(trials: &[TrialEvaluation]) -> String {
         return "Nothing could be judged: recordings are silent, too short or too slow.".into();
     }
     format!(
-        "Judged: third octaves and balance from {}, LSD from {}, C from {}; nothing above 0.9 \
-         of half a recording's own sample rate, nor where its blocks do not resolve a third octave.",
+        "Judged: third octaves from {}, LSD from {}, C from {}; nothing above 0.9 of half a recording's own sample \
+         rate, nor where its blocks do not resolve a third octave.",
         ends(ranges().map(|range| range.band_edges_hz()).collect()),
         ends(ranges().map(|range| range.distance_hz()).collect()),
         ends(ranges().map(|range| range.cost_hz).collect()),
     )
 }
 
-/// The other recording beside the synthesis, in words.
-pub(super) fn other_in_words(trials: &[TrialEvaluation]) -> &'static str {
-    let kinds: Vec<JudgeKind> = trials.iter().map(|trial| trial.judge).collect();
-    let all = |kind| kinds.iter().all(|&k| k == kind);
-    if all(JudgeKind::OtherTake) {
-        "Other: the fitted recording in the place of the synthesis, against the same take; a synthesis need not come \
-         nearer."
-    } else if kinds.contains(&JudgeKind::OtherTake) {
-        "Other: the fitted take, or the recording's other blocks, in the place of the synthesis; a synthesis need not \
-         come nearer."
-    } else {
-        "Other: the recording's other blocks in the place of the synthesis, against the judged ones; a synthesis need \
-         not come nearer."
+/// The target in words: the other recording in the place of the synthesis.
+pub(super) fn target_in_words(trials: &[TrialEvaluation]) -> &'static str {
+    let takes = trials
+        .iter()
+        .filter(|trial| trial.judge == JudgeKind::OtherTake);
+    match takes.count() {
+        0 => {
+            "The target is how far two parts of the same recording are from each other. A synthesis as near as that is \
+             as good as it can be."
+        }
+        all if all == trials.len() => {
+            "The target is how far two takes of the same surface are from each other. A synthesis as near as that is as \
+             good as it can be."
+        }
+        _ => {
+            "The target is how far two takes, or two parts of a recording, are from each other. A synthesis as near as \
+             that is as good as it can be."
+        }
     }
 }
 

@@ -11,14 +11,14 @@ use super::plot::{
     order_against_cost, spectra, spectrograms, waveforms,
 };
 use super::sound::{SOUNDS_BYTES, clip, sound};
-use crate::dsp::spectrum::AMPLITUDE_JND_DB;
 use crate::evaluation::evaluate;
 use crate::evaluation::evaluate::{Comparison, Evaluation, Excerpt, cost_by_order, texture_named};
 use crate::evaluation::held_out::JudgeKind;
 use crate::evaluation::leave_one_out::LeaveOneOut;
 use crate::evaluation::liveliness::summaries;
 use crate::evaluation::summary::TrialEvaluation;
-use crate::evaluation::summary::{LIVELINESS_EXPLANATION, liveliness_table};
+use crate::evaluation::summary::{LIVELINESS_EXPLANATION, explanation, liveliness_table};
+use crate::evaluation::verdict;
 use crate::recording::{RecordingSet, Trial};
 use crate::support::error::Result;
 use crate::support::file_name::Stems;
@@ -63,15 +63,13 @@ pub struct Inputs<'a> {
 pub fn write(inputs: &Inputs<'_>, folder: &Path, progress: impl Fn()) -> Result<PathBuf> {
     let mut report = Report::new(inputs, folder);
     report.overview();
-    report.takes();
-    if let Some(test) = inputs.removed_nodes {
-        removed_node_tables(&mut report.page, test);
-    }
-    report.orders()?;
+    let mut folded = Vec::new();
     for summary in &inputs.evaluation.textures {
-        report.texture(texture_named(inputs.library, &summary.texture)?)?;
+        folded.extend(report.texture(&summary.texture, &summary.verdict)?);
         progress();
     }
+    report.maps()?;
+    report.figures(&folded)?;
     let page = folder.join(PAGE);
     report.page.write(&page)?;
     Ok(page)
@@ -96,6 +94,15 @@ struct Example<'a> {
     comparison: Comparison,
     /// Texture, speed and force in words.
     title: String,
+}
+
+/// What is folded of an example trial.
+struct Folded<'a> {
+    judged: &'a TrialEvaluation,
+    title: String,
+    /// Beginning of the names of its pictures.
+    stem: String,
+    waveforms: Svg,
 }
 
 impl Example<'_> {
@@ -145,7 +152,7 @@ impl<'a> Report<'a> {
         }
     }
 
-    /// Writes what was compared, how, and a line per texture.
+    /// Writes what was compared, and how.
     fn overview(&mut self) {
         let (evaluation, page) = (self.inputs.evaluation, &mut self.page);
         if evaluation.simulated {
@@ -154,28 +161,59 @@ impl<'a> Report<'a> {
                  stylus comes to a real surface.",
             );
         }
-        page.section("How near the stylus comes")
-            .notice(&format!("Held out: {}", evaluation.held_out))
+        page.fold("What is compared, and what the verdicts mean")
             .paragraph(&format!(
-                "Each held-out recording is compared with {} s of what the stylus plays at its speed and force, \
-                 computed by the device's own kernel. {} {}",
+                "Each recording is compared with {} s of what the stylus plays at its speed and force, computed by the \
+                 device's own kernel. Held out: {} {}",
                 self.inputs.options.synthesis_s,
-                evaluation.judged_hz(),
-                evaluation.other_in_words()
-            ));
+                evaluation.held_out,
+                evaluation.target_in_words()
+            ))
+            .paragraph(&verdict::explanation())
+            .end_fold();
+    }
+
+    /// Draws the maps of all textures, and the cost by order.
+    fn maps(&mut self) -> Result<()> {
+        let Inputs {
+            library,
+            evaluation,
+            ..
+        } = self.inputs;
+        self.page.section("Maps").paragraph(
+            "C is the paper's mismatch of spectra in per cent, equation (6): 0 if they are equal. It is good where it is \
+             as low as that of two parts of one recording, which the table of all figures has in brackets.",
+        );
+        for summary in &evaluation.textures {
+            self.cost_map(&texture_named(library, &summary.texture)?)?;
+        }
+        self.orders()
+    }
+
+    /// Writes all figures, folded: tables, what is `folded` of each example, and which takes judged nothing.
+    fn figures(&mut self, folded: &[Folded<'a>]) -> Result<()> {
+        let Inputs {
+            evaluation,
+            removed_nodes,
+            unused_takes,
+            ..
+        } = self.inputs;
+        let page = &mut self.page;
+        page.section("Figures")
+            .paragraph(evaluation.target_in_words())
+            .paragraph(&explanation())
+            .table(&evaluation.table())
+            .fold("All tables")
+            .paragraph(&evaluation.judged_hz());
         let explanations = [
             format!(
-                "C is equation (6) of Romano, Yoshioka and Kuchenbecker (ICRA 2010) in per cent, with DFT amplitudes \
-                 smoothed by a {} and averaged over blocks. LSD is the log-spectral distance in sliding third octaves. \
-                 |band| is the mean magnitude of the errors of third octaves, and the next columns are the share of \
-                 them below {AMPLITUDE_JND_DB} dB, the amplitude JND (Israr 2006), which are not felt.",
+                "Amplitudes of C are smoothed by a {} and averaged over blocks. |band| is the mean magnitude of the \
+                 errors of third octaves. 'Other' is the target.",
                 evaluation.smoothing
             ),
-            format!(
-                "Level error: RMS error of third octaves in just noticeable differences of {AMPLITUDE_JND_DB} dB, less \
-                 what two estimates of one noise differ by: about 0 for another seed, 2.7 for a gain of -6 dB. \
-                 Balance: power below 100 Hz over that above, against the judge's."
-            ),
+            "Level error: about 0 for another seed of one noise, 2.7 for a gain of -6 dB (JND: Israr 2006). Balance: \
+             power below 100 Hz over that above, against the judge's."
+                .to_owned(),
             format!(
                 "Two signals with one spectrum may feel different, because one has impulses, or a level that changes, \
                  and the other has not. {LIVELINESS_EXPLANATION}"
@@ -186,17 +224,20 @@ impl<'a> Report<'a> {
                 page.paragraph(explanation).table(&table);
             }
         }
-    }
-
-    /// Writes which takes judged nothing.
-    fn takes(&mut self) {
-        let unused = self.inputs.unused_takes;
-        if !unused.is_empty() {
+        page.end_fold();
+        for example in folded {
+            self.folded(example)?;
+        }
+        if let Some(test) = removed_nodes {
+            removed_node_tables(&mut self.page, test);
+        }
+        if !unused_takes.is_empty() {
             self.page
                 .section("Takes")
                 .notice("Takes that are in the fitted set, and judge nothing:")
-                .list(unused);
+                .list(unused_takes);
         }
+        Ok(())
     }
 
     /// Draws the cost of each texture's example trial by the order of its model: the paper's figure 8.
@@ -222,7 +263,6 @@ impl<'a> Report<'a> {
         });
         let series: Vec<OrderSeries<'_>> = series.collect();
         let picture = order_against_cost(&self.caption("Order against cost"), &series)?;
-        self.page.section("Cost by order");
         self.figure(
             &picture,
             "order-against-cost",
@@ -231,12 +271,13 @@ impl<'a> Report<'a> {
         )
     }
 
-    fn texture(&mut self, texture: Texture<'_>) -> Result<()> {
-        let name = texture.name();
+    /// Writes what a reader asks for first: both signals, to be seen and heard, the verdict, and both spectra. Returns
+    /// the example, of which more is folded; none of a silent texture.
+    fn texture(&mut self, name: &str, verdict: &str) -> Result<Option<Folded<'a>>> {
         self.page.section(name);
         let Some(example) = self.example(name)? else {
             self.page.paragraph("Silent in every trial.");
-            return Ok(());
+            return Ok(None);
         };
         let (title, comparison) = (self.caption(&example.title), &example.comparison);
         let stem = self.stem(name);
@@ -249,7 +290,7 @@ impl<'a> Report<'a> {
         let heard = if sounds.is_empty() {
             ""
         } else {
-            " Click in one to hear it from there. All sounds below have one scale; what is heard is the acceleration."
+            " Click in one to hear it from there. All sounds have one scale; what is heard is the acceleration."
         };
         self.figure_with_sounds(
             &picture,
@@ -257,6 +298,7 @@ impl<'a> Report<'a> {
             &format!("Spectrograms of the recording and of the synthesis, to one scale.{heard}"),
             &sounds,
         )?;
+        self.page.verdict(&format!("{name}: {verdict}"));
         self.nodes(name);
         self.spectra(
             &example.title,
@@ -270,28 +312,47 @@ impl<'a> Report<'a> {
         )?;
         let signals = example.signals();
         let signals: Vec<(&str, &[f64])> = signals.iter().map(|(n, s)| (n.as_str(), *s)).collect();
+        let waveforms = waveforms(&title, &signals, RATE_HZ)?;
+        Ok(Some(Folded {
+            judged: example.judged,
+            title: example.title.clone(),
+            stem,
+            waveforms,
+        }))
+    }
+
+    /// Writes the rest on an example, folded.
+    fn folded(&mut self, example: &Folded<'_>) -> Result<()> {
+        let Folded {
+            judged,
+            title,
+            stem,
+            waveforms,
+        } = example;
+        self.page.fold(title);
         self.figure(
-            &waveforms(&title, &signals, RATE_HZ)?,
+            waveforms,
             &format!("{stem}-waveforms"),
             "Waveforms and envelopes, 0.1 s and 2 s from the middle of each. The recording is drawn whatever was \
              fitted of it; the figures below are of what was held out.",
         )?;
-        if let Some(liveliness) = &example.judged.liveliness {
+        if let Some(liveliness) = &judged.liveliness {
             let summaries = summaries(std::iter::once(liveliness));
             let table = liveliness_table(
                 "What the spectrum does not show, of this trial",
-                &[(example.title.clone(), &summaries)],
+                &[(title.clone(), &summaries)],
             );
             self.page.table(&table);
         }
-        if example.judged.judge != JudgeKind::Nothing {
+        if judged.judge != JudgeKind::Nothing {
             self.figure(
-                &band_error_chart(&title, &example.judged.scores.band_errors_db)?,
+                &band_error_chart(&self.caption(title), &judged.scores.band_errors_db)?,
                 &format!("{stem}-bands"),
                 "Level of the synthesis over the held-out recording's in third-octave bands; shaded: not felt.",
             )?;
         }
-        self.cost_map(&texture)
+        self.page.end_fold();
+        Ok(())
     }
 
     /// Reads and plays the trial of a texture that is nearest to the paper's own example. `None` if all are silent.

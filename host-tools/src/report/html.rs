@@ -97,6 +97,24 @@ impl Page {
         self.push(&format!("<p class=\"notice\">{}</p>", escaped(text)))
     }
 
+    /// The verdict on what is above.
+    pub fn verdict(&mut self, text: &str) -> &mut Self {
+        self.push(&format!("<p class=\"verdict\">{}</p>", escaped(text)))
+    }
+
+    /// Folds what comes next, until [`end_fold`](Self::end_fold), behind a line that opens it.
+    pub fn fold(&mut self, line: &str) -> &mut Self {
+        let line = escaped(line);
+        self.push(&format!(
+            "<details class=\"fold\"><summary>{line}</summary>"
+        ))
+    }
+
+    /// Ends what was folded.
+    pub fn end_fold(&mut self) -> &mut Self {
+        self.push("</details>")
+    }
+
     /// A list of points.
     pub fn list<T: AsRef<str>>(&mut self, points: &[T]) -> &mut Self {
         self.push("<ul>");
@@ -314,7 +332,10 @@ mod tests {
             .notice(text)
             .list(&[text])
             .table(&Table::new(text, [text, text], [vec![text.to_owned(); 2]]))
+            .fold(text)
             .figure(&picture(), text, &[])
+            .end_fold()
+            .verdict(text)
             .finish()
     }
 
