@@ -89,6 +89,9 @@ fn a_report_is_one_page_that_holds_everything_it_shows_with_pictures_beside() {
         "are in the fitted set, and judge nothing",
         "fitted on every other block of 0.5 s",
         "What is felt",
+        "<li>denim: spectrum",
+        "<p class=\"verdict\">spectrum",
+        "<details class=\"fold\"><summary>denim, 120 mm/s, 0.8 N</summary>",
         "What the spectrum does not show, of this trial",
         "cost C, %",
     ] {

@@ -1,5 +1,6 @@
 //! `stylus demo`: every step from recordings to sound, on simulated recordings.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -21,7 +22,6 @@ use host_tools::support::output::OutputFolder;
 use model_format::{Library, MillimetresPerSecond, Newton};
 
 use super::output::{print, warn_of};
-use super::table::{headed, table};
 use host_tools::texture::library::decode_library;
 
 /// Motion that every texture is rendered along: a stroke that speeds up, presses harder, and comes to rest.
@@ -67,11 +67,10 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     print(&format!(
         "\nDone in {:.1} s. Open in a browser, with sound:\n  \
            {out}/{PAGE}\n    \
-             Rub each texture with the pointer: its kernel is the stylus's. You hear the clicks\n    \
-             of 'scratched', the tone of denim's threads, which follows your speed, the hiss\n    \
-             of paper, the soft hum of vinyl.\n  \
+             Rub, and hear what the stylus plays: clicks on 'scratched' (moments), a tone\n    \
+             that follows your speed on denim (place), the hiss of paper, vinyl's hum.\n  \
            {}\n    \
-             Recording and synthesis of each above each other, to look at and to hear.\n\
+             See and hear the recording and the synthesis of each texture.\n\
          {out}/{RENDERED} has each texture along one stroke, as WAV files.",
         begin.elapsed().as_secs_f64(),
         page.display()
@@ -83,7 +82,7 @@ fn all(arguments: &Arguments, folder: &OutputFolder, begin: Instant) -> Result<P
     let out = folder.path();
     let step = |number: u32, what: &str| {
         print(&format!(
-            "[{number}/5, {:.1} s] {what}",
+            "[{number}/4, {:.1} s] {what}",
             begin.elapsed().as_secs_f64()
         ))
     };
@@ -109,20 +108,16 @@ fn all(arguments: &Arguments, folder: &OutputFolder, begin: Instant) -> Result<P
     }
     record.write_with(&path, &bytes)?;
     let library = decode_library(&path, &bytes)?;
-    let (header, rows) = headed(library.textures().map(|texture| {
-        let orders = || texture.nodes().map(|node| node.coefficients.order());
-        let (low, high) = (orders().min(), orders().max());
-        [
-            ("texture", texture.name().to_owned()),
-            ("models", texture.nodes().count().to_string()),
-            (
-                "orders",
-                format!("{} to {}", low.unwrap_or(0), high.unwrap_or(0)),
-            ),
-            ("plays", played::in_words(&played::parts(&texture))),
-        ]
-    }));
-    print(&table(&header, &rows))?;
+    let mut by_parts: BTreeMap<String, Vec<&str>> = BTreeMap::new();
+    for texture in library.textures() {
+        let parts = played::in_words(&played::parts(&texture));
+        by_parts.entry(parts).or_default().push(texture.name());
+    }
+    let plays = by_parts.iter();
+    let plays: Vec<String> = plays
+        .map(|(parts, names)| format!("{}: {parts}", names.join(", ")))
+        .collect();
+    print(&format!("  {}", plays.join("; ")))?;
     warn_of(&fit.warnings);
 
     step(
@@ -137,7 +132,7 @@ fn all(arguments: &Arguments, folder: &OutputFolder, begin: Instant) -> Result<P
     let judges = judges(&set, Vec::new(), Some(&record))?;
     let evaluation =
         super::evaluate::evaluate_set(&set, &library, judges, Some(&record), &options)?;
-    print(&super::evaluate::summary(&evaluation))?;
+    print(&super::evaluate::answer(&evaluation))?;
     let reported = out.join("report");
     std::fs::create_dir(&reported).map_err(Error::io("create", &reported))?;
     let page = super::evaluate::write_report(
@@ -152,12 +147,14 @@ fn all(arguments: &Arguments, folder: &OutputFolder, begin: Instant) -> Result<P
         &reported,
     )?;
 
-    step(4, "stylus render: each texture along one stroke")?;
+    step(
+        4,
+        "stylus render and stylus page: sounds, and a page to rub",
+    )?;
     let rendered = out.join(RENDERED);
     std::fs::create_dir(&rendered).map_err(Error::io("create", &rendered))?;
     render_all(&library, arguments.seed, &rendered)?;
 
-    step(5, "stylus page: rub the textures in a browser")?;
     let inputs = Inputs {
         library: &library,
         bytes: &bytes,

@@ -373,20 +373,27 @@ pub fn choose(
     Ok(chosen)
 }
 
-/// A verdict per texture, one table, and what its columns are; with `--full` all tables.
-pub fn summary(evaluation: &Evaluation) -> String {
+/// A verdict per texture, and one table with what its columns are.
+pub fn answer(evaluation: &Evaluation) -> String {
     let verdicts = evaluation.verdicts();
     let verdicts: Vec<String> = verdicts.map(|v| wrapped(&v, LINE_CHARS, "  ")).collect();
-    let notes = folded_text(&format!(
-        "{}\n{}\nHeld out: {}\n{}{}",
-        evaluation.target_in_words(),
-        explanation(),
+    format!(
+        "{}\n\n{}\n{}",
+        verdicts.join("\n"),
+        shown(&evaluation.table(), 1),
+        folded_text(&explanation())
+    )
+}
+
+/// The answer, and how it was judged; with `--full` all tables.
+fn summary(evaluation: &Evaluation) -> String {
+    let how = folded_text(&format!(
+        "Held out: {}\n{}{}",
         evaluation.held_out,
         evaluation.judged_hz(),
         origin(evaluation.simulated)
     ));
-    let table = shown(&evaluation.table(), 1);
-    let brief = format!("{}\n\n{table}\n\n{notes}", verdicts.join("\n"));
+    let brief = format!("{}\n\n{how}", answer(evaluation));
     if !is_full() {
         return brief;
     }

@@ -348,19 +348,14 @@ impl Evaluation {
         textures.map(|texture| format!("{}: {}", texture.texture, texture.verdict))
     }
 
-    /// The table of all textures: the synthesis, and in brackets the other recording.
+    /// The table of all textures: the synthesis, and in brackets the target, which its title explains.
     pub fn table(&self) -> Table {
-        table(&self.textures)
+        table(&self.textures, target_in_words(&self.trials))
     }
 
     /// All tables of all textures: spectra, what is felt, and what a spectrum does not show.
     pub fn tables(&self) -> Vec<Table> {
         tables(&self.textures, &self.liveliness)
-    }
-
-    /// The target in words: the other recording in the place of the synthesis.
-    pub fn target_in_words(&self) -> &'static str {
-        target_in_words(&self.trials)
     }
 
     /// Reads the judge of trial `index` of the evaluated set, and plays what it judges.

@@ -83,8 +83,8 @@ impl Means {
     }
 }
 
-/// The table of an evaluation: the synthesis, and in brackets the other recording.
-pub(super) fn table(textures: &[TextureEvaluation]) -> Table {
+/// The table of an evaluation: the synthesis, and in brackets the target.
+pub(super) fn table(textures: &[TextureEvaluation], target: &str) -> Table {
     let row = |texture: &TextureEvaluation| {
         let (own, other) = (&texture.synthesis, &texture.other);
         let beside = |own: String, other: String| format!("{own} ({other})");
@@ -106,16 +106,15 @@ pub(super) fn table(textures: &[TextureEvaluation]) -> Table {
             ("level, JND", both(&|m| number(m.level_error_jnd, 2))),
         ]
     };
-    Table::headed("In brackets: the target", textures.iter().map(row))
+    Table::headed(target, textures.iter().map(row))
 }
 
 /// Explanation of [`table`].
 pub fn explanation() -> String {
     format!(
-        "C, equation (6) of the paper: mismatch of smoothed spectra, 0 % if they are equal; good is as low as its \
-         target, because two parts of one recording differ, too. LSD: log-spectral distance. Bands: share of third \
-         octaves within one JND (just noticeable difference) of level, {AMPLITUDE_JND_DB} dB. Level: their RMS error, \
-         less the scatter of noise; below 1 JND it is not felt."
+        "C: mismatch of spectra, equation (6) of the paper; as low as its target is good. LSD: log-spectral distance. \
+         JND: just noticeable difference of level, {AMPLITUDE_JND_DB} dB; bands: share of third octaves within one; \
+         level: their RMS error without the scatter of noise."
     )
 }
 
@@ -313,18 +312,11 @@ pub(super) fn target_in_words(trials: &[TrialEvaluation]) -> &'static str {
         .iter()
         .filter(|trial| trial.judge == JudgeKind::OtherTake);
     match takes.count() {
-        0 => {
-            "The target is how far two parts of the same recording are from each other. A synthesis as near as that is \
-             as good as it can be."
-        }
+        0 => "In brackets the target: how far two parts of one recording are from each other",
         all if all == trials.len() => {
-            "The target is how far two takes of the same surface are from each other. A synthesis as near as that is as \
-             good as it can be."
+            "In brackets the target: how far two takes of one surface are from each other"
         }
-        _ => {
-            "The target is how far two takes, or two parts of a recording, are from each other. A synthesis as near as \
-             that is as good as it can be."
-        }
+        _ => "In brackets the target: how far two takes, or parts of one, are from each other",
     }
 }
 

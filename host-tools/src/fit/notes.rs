@@ -63,8 +63,7 @@ pub(super) fn of(
     let note = |kind, size: f64, text| Warning::of_texture(kind, name, size, text);
     let left_out = (idle > 0).then(|| {
         let text = format!(
-            "{idle} trial(s) at speed 0 or force 0 are left out, because the stylus is silent there: give light \
-             contact its force, such as 0.05 N, to use them"
+            "{idle} trial(s) at speed 0 or force 0 are left out: the stylus is silent there. Label light contact 0.05 N"
         );
         note("idle", idle as f64, text)
     });
@@ -123,8 +122,8 @@ fn slow_motion(trials: &[&TrialReport]) -> Option<Noted> {
         .reduce(f64::max)?;
     let turn_deg = moved.iter().map(|t| t.axis_turn_deg).fold(0.0, f64::max);
     let what = format!(
-        "up to {:.0} % of their power is below {SLOW_HZ} Hz, as of a hand's motion, which turns the principal axis by \
-         up to {turn_deg:.0}°",
+        "up to {:.0} % of their power is below {SLOW_HZ} Hz, as of a hand's motion, and turns the main axis by up to \
+         {turn_deg:.0}°",
         100.0 * share
     );
     let cut_hz = moved
@@ -135,8 +134,8 @@ fn slow_motion(trials: &[&TrialReport]) -> Option<Noted> {
         Some(cut_hz) => {
             let low = lowest_hz(cut_hz);
             format!(
-                "{} trial(s) are high-passed at {cut_hz} Hz: {what}. Below {low:.0} Hz the models go on evenly, and \
-                 nothing is judged; --high-pass none keeps that motion",
+                "{} trial(s) are high-passed at {cut_hz} Hz: {what}. Below {low:.0} Hz nothing is judged; --high-pass \
+                 none keeps that motion",
                 moved
                     .iter()
                     .filter(|trial| trial.high_pass_hz.is_some())
@@ -222,8 +221,7 @@ fn missed_bands(misses: &[Miss], options: &Options) -> Option<Noted> {
         _ => "fit with --order 400, or record for longer",
     };
     let text = format!(
-        "{} node(s) miss a third-octave band of their recording, worst by {:+.1} dB at {:.0} Hz, {} mm/s, {} N: \
-         {remedy}",
+        "{} node(s) miss a third octave of their recording, one by {:+.1} dB at {:.0} Hz, {} mm/s, {} N: {remedy}",
         misses.len(),
         worst.band.level_db,
         worst.band.centre_hz,

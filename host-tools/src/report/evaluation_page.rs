@@ -161,13 +161,12 @@ impl<'a> Report<'a> {
                  stylus comes to a real surface.",
             );
         }
-        page.fold("What is compared, and what the verdicts mean")
+        page.list(&evaluation.verdicts().collect::<Vec<_>>())
+            .fold("What is compared, and what the verdicts mean")
             .paragraph(&format!(
                 "Each recording is compared with {} s of what the stylus plays at its speed and force, computed by the \
-                 device's own kernel. Held out: {} {}",
-                self.inputs.options.synthesis_s,
-                evaluation.held_out,
-                evaluation.target_in_words()
+                 device's own kernel. Held out: {}",
+                self.inputs.options.synthesis_s, evaluation.held_out
             ))
             .paragraph(&verdict::explanation())
             .end_fold();
@@ -200,7 +199,6 @@ impl<'a> Report<'a> {
         } = self.inputs;
         let page = &mut self.page;
         page.section("Figures")
-            .paragraph(evaluation.target_in_words())
             .paragraph(&explanation())
             .table(&evaluation.table())
             .fold("All tables")
@@ -298,7 +296,7 @@ impl<'a> Report<'a> {
             &format!("Spectrograms of the recording and of the synthesis, to one scale.{heard}"),
             &sounds,
         )?;
-        self.page.verdict(&format!("{name}: {verdict}"));
+        self.page.verdict(verdict);
         self.nodes(name);
         self.spectra(
             &example.title,

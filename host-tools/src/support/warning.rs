@@ -86,7 +86,7 @@ pub fn by_kind(warnings: &[Warning]) -> Vec<String> {
                 },
                 ..,
             ] => format!(
-                "{} {noun}s, {worst} and {next} the worst; {worst}: {text}",
+                "{} {noun}s, the worst {worst} and {next}: {text}",
                 alike.len()
             ),
             _ => alike[0].to_string(),
@@ -113,7 +113,7 @@ mod tests {
             of("loud", "d", 2.0),
         ];
         let lines = [
-            "3 textures, 'c' and 'd' the worst; 'c': 3 off",
+            "3 textures, the worst 'c' and 'd': 3 off",
             "texture 'b': 2 off",
             "no scale",
         ];
