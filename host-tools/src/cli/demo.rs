@@ -19,7 +19,7 @@ use host_tools::rig::{self, RigFile};
 use host_tools::support::atomic_file;
 use host_tools::support::error::{Error, Result};
 use host_tools::support::output::OutputFolder;
-use model_format::{Library, MillimetresPerSecond, Newton};
+use model_format::Library;
 
 use super::output::{print, warn_of};
 use host_tools::texture::library::decode_library;
@@ -38,9 +38,6 @@ time_s,speed_mm_s,force_n
 
 /// Full scale of the renders for listening, m/s².
 const LISTENING_FULL_SCALE_M_S2: f64 = 60.0;
-
-/// Duration of the rendering along the steady motion, s.
-const STEADY_SECONDS: f64 = 3.0;
 
 /// The page to rub in that of all outputs.
 const PAGE: &str = "page.html";
@@ -171,28 +168,16 @@ fn all(arguments: &Arguments, folder: &OutputFolder, begin: Instant) -> Result<P
     Ok(folder.named(&page))
 }
 
-/// Motion that every texture is rendered along besides.
-fn steady() -> Result<MotionPath> {
-    MotionPath::constant(MillimetresPerSecond(120.0), Newton(1.0))
-}
-
 fn render_all(library: &Library<'_>, seed: u64, folder: &Path) -> Result<()> {
     let stroke = folder.join("stroke.csv");
     atomic_file::write(&stroke, STROKE.as_bytes())?;
     let along = MotionPath::from_csv(&stroke)?;
-    let steady = steady()?;
+    let listening = WavFormat::Pcm16 {
+        full_scale_m_s2: LISTENING_FULL_SCALE_M_S2,
+    };
     for texture in library.textures() {
-        let name = texture.name();
-        let listening = WavFormat::Pcm16 {
-            full_scale_m_s2: LISTENING_FULL_SCALE_M_S2,
-        };
-        for (suffix, motion, seconds, format) in [
-            ("stroke", &along, along.duration_s(), listening),
-            ("120mm_s_1N", &steady, STEADY_SECONDS, WavFormat::Float32),
-        ] {
-            let path = folder.join(format!("{name}_{suffix}_simulated.wav"));
-            render_wav(texture, motion, seconds, seed, &path, format)?;
-        }
+        let path = folder.join(format!("{}_stroke_simulated.wav", texture.name()));
+        render_wav(texture, &along, along.duration_s(), seed, &path, listening)?;
     }
     Ok(())
 }

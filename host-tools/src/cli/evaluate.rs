@@ -399,8 +399,7 @@ fn summary(evaluation: &Evaluation) -> String {
     }
     // The second column of what the spectrum does not show names a row, too.
     let keys = |title: &str| 1 + usize::from(title.contains("does not show"));
-    let tables = evaluation.tables().into_iter();
-    let tables: Vec<String> = tables.map(|t| shown(&t, keys(&t.title))).collect();
+    let tables = evaluation.tables().map(|t| shown(&t, keys(&t.title)));
     let notes = folded_text(&format!(
         "{}\nAmplitudes of C are smoothed by a {}. |band|: mean error of third octaves. Balance: power below 100 Hz \
          over that above. {LIVELINESS_EXPLANATION}",

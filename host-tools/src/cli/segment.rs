@@ -5,11 +5,13 @@ use std::path::PathBuf;
 use host_tools::recording::freehand;
 use host_tools::recording::freehand::{Freehand, GridAxis, Options, Segmentation, Tolerance};
 use host_tools::support::error::{Error, Result};
-use host_tools::support::warning::Warning;
 
 use super::files::Overwrite;
 use super::input::positive;
-use crate::cli::output::{note, print, warn, warn_of};
+use crate::cli::output::{note, print, warn};
+
+/// Number of pieces off the grid that are shown one by one.
+const SHOWN: usize = 10;
 
 /// Share of the motion below which it is worth a word how little is steady.
 const LITTLE: f64 = 0.5;
@@ -57,34 +59,24 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         .iter()
         .map(|path| freehand::read(path, arguments.sample_rate, arguments.scale))
         .collect::<Result<Vec<_>>>()?;
-    let mut outliers = Vec::new();
     for (path, recording) in arguments.files.iter().zip(&recordings) {
         for outlier in &recording.outliers {
-            let name = format!("{}, line {}", path.display(), outlier.line);
-            let text = format!(
-                "{} is {}, which is out of range; cut out",
-                outlier.column, outlier.value
-            );
-            outliers.push(Warning::of(
-                "outlier",
-                ("sample", &name),
-                outlier.value.abs(),
-                text,
+            warn(&format!(
+                "{}, line {}: {} is {}, which is out of range; cut out",
+                path.display(),
+                outlier.line,
+                outlier.column,
+                outlier.value
             ));
         }
         let more = recording.is_outlier.iter().filter(|bad| **bad).count();
         if more > recording.outliers.len() {
-            let name = path.display().to_string();
-            let text = format!("{more} samples in total are out of range");
-            outliers.push(Warning::of(
-                "outliers",
-                ("recording", &name),
-                more as f64,
-                text,
+            warn(&format!(
+                "{}: {more} samples in total are out of range",
+                path.display()
             ));
         }
     }
-    warn_of(&outliers);
     let (speeds, forces) = grid(arguments, &recordings)?;
     // At the lowest speeds and forces a share is too strict; a quarter of the grid's step counts as steady there.
     let tolerance = |axis: &GridAxis| Tolerance {
@@ -177,24 +169,21 @@ fn show_what_is_left_out(cut: &Segmentation) {
             recording + 1
         ));
     }
-    let too_little = cut.too_little.iter().map(|(speed, force, seconds)| {
-        let text = format!("only {seconds:.2} s of data; left out");
-        Warning::of(
-            "too little",
-            ("node", &format!("{speed} mm/s, {force} N")),
-            -seconds,
-            text,
-        )
-    });
-    let off_grid = cut.off_grid.iter().map(|segment| {
-        let (speed, force) = (segment.median_speed_mm_s, segment.median_force_n);
-        let name = format!("at {speed:.1} mm/s, {force:.2} N");
-        Warning::of(
-            "off the grid",
-            ("steady piece", &name),
-            0.0,
-            "off the grid; left out",
-        )
-    });
-    warn_of(&too_little.chain(off_grid).collect::<Vec<_>>());
+    for (speed, force, seconds) in &cut.too_little {
+        warn(&format!(
+            "{speed} mm/s, {force} N: only {seconds:.2} s of data; left out"
+        ));
+    }
+    for segment in cut.off_grid.iter().take(SHOWN) {
+        warn(&format!(
+            "a steady piece at {:.1} mm/s, {:.2} N is off the grid; left out",
+            segment.median_speed_mm_s, segment.median_force_n
+        ));
+    }
+    if cut.off_grid.len() > SHOWN {
+        warn(&format!(
+            "{} pieces in total are off the grid",
+            cut.off_grid.len()
+        ));
+    }
 }

@@ -118,62 +118,30 @@ pub fn explanation() -> String {
     )
 }
 
-/// All tables of an evaluation: spectra, what is felt, and what a spectrum does not show.
-pub(super) fn tables(textures: &[TextureEvaluation], liveliness: &[Summary]) -> Vec<Table> {
-    let spectra = textures.iter().map(TextureEvaluation::spectra_cells);
-    let felt = textures.iter().map(TextureEvaluation::feel_cells);
-    let mut lively: Vec<(String, &[Summary])> = Vec::new();
-    for texture in textures {
-        lively.push((texture.texture.clone(), &texture.liveliness));
-    }
-    if textures.len() > 1 {
-        lively.push(("all".to_owned(), liveliness));
-    }
-    vec![
-        Table::headed("Spectra", spectra),
-        Table::headed("What is felt", felt),
+/// Further tables of an evaluation: of spectra, and what a spectrum does not show.
+pub(super) fn tables(textures: &[TextureEvaluation], liveliness: &[Summary]) -> [Table; 2] {
+    let row = |texture: &TextureEvaluation| {
+        let (own, other) = (&texture.synthesis, &texture.other);
+        let hz = |(low, high): (f64, f64)| format!("{low:.0} to {high:.0}");
+        vec![
+            ("texture", texture.texture.clone()),
+            ("silent trials", texture.silent.to_string()),
+            ("judged, Hz", texture.bands_hz.map_or("-".into(), hz)),
+            ("C, ± sd", percent(texture.cost_deviation, 1)),
+            ("|band|, dB", number(own.mean_band_error_db, 2)),
+            ("|balance|, dB", number(own.mean_balance_error_db, 1)),
+            ("balance, other", number(other.mean_balance_error_db, 1)),
+        ]
+    };
+    let lively = textures
+        .iter()
+        .map(|t| (t.texture.clone(), t.liveliness.as_slice()));
+    let all = (textures.len() > 1).then(|| ("all".to_owned(), liveliness));
+    let lively: Vec<(String, &[Summary])> = lively.chain(all).collect();
+    [
+        Table::headed("Spectra", textures.iter().map(row)),
         liveliness_table("What the spectrum does not show", &lively),
     ]
-}
-
-/// A cell beside its heading.
-type Cell = (&'static str, String);
-
-impl TextureEvaluation {
-    fn spectra_cells(&self) -> Vec<Cell> {
-        let (played, other) = (&self.synthesis, &self.other);
-        let range = self
-            .bands_hz
-            .map_or("-".into(), |(low, high)| format!("{low:.0} to {high:.0}"));
-        let distance = |of: &Means| number(of.mean_log_spectral_distance_db, 2);
-        let within = |of: &Means| percent(of.bands_within_jnd, 0);
-        vec![
-            ("texture", self.texture.clone()),
-            ("trials", self.trials.to_string()),
-            ("silent", self.silent.to_string()),
-            ("judged, Hz", range),
-            ("C, %", percent(self.mean_cost, 1)),
-            ("± sd", percent(self.cost_deviation, 1)),
-            ("C, other", percent(self.mean_cost_other, 1)),
-            ("LSD, dB", distance(played)),
-            ("LSD, other", distance(other)),
-            ("|band|, dB", number(played.mean_band_error_db, 2)),
-            ("within 2.2 dB, %", within(played)),
-            ("within, other", within(other)),
-        ]
-    }
-
-    fn feel_cells(&self) -> Vec<Cell> {
-        let level = |of: &Means| number(of.level_error_jnd, 2);
-        let balance = |of: &Means| number(of.mean_balance_error_db, 1);
-        vec![
-            ("texture", self.texture.clone()),
-            ("level error, JND", level(&self.synthesis)),
-            ("level, other", level(&self.other)),
-            ("|balance|, dB", balance(&self.synthesis)),
-            ("balance, other", balance(&self.other)),
-        ]
-    }
 }
 
 /// Properties that a spectrum does not show, of textures or trials by name.
@@ -277,32 +245,21 @@ pub(super) fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
 
 /// The frequencies of all figures, in words.
 pub(super) fn judged_hz(trials: &[TrialEvaluation]) -> String {
-    let ends = |ranges: Vec<(f64, f64)>| {
-        let of = |pick: fn(&(f64, f64)) -> f64| {
-            let values: Vec<f64> = ranges.iter().map(pick).collect();
-            let least = values.iter().copied().fold(f64::INFINITY, f64::min);
-            let most = values.iter().copied().fold(0.0, f64::max);
-            if format!("{least:.0}") == format!("{most:.0}") {
-                format!("{most:.0}")
-            } else {
-                format!("{least:.0}-{most:.0}")
-            }
-        };
-        format!("{} to {} Hz", of(|r| r.0), of(|r| r.1))
+    let ends = |of: fn(ScoringRange) -> (f64, f64)| {
+        let heard = trials.iter().filter(|trial| !trial.is_silent);
+        let ranges = heard.filter_map(|trial| trial.range).map(of);
+        let (low, high) = ranges.reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))?;
+        Some(format!("{low:.0} to {high:.0} Hz"))
     };
-    let ranges = || {
-        let trials = trials.iter().filter(|trial| !trial.is_silent);
-        trials.filter_map(|trial| trial.range)
-    };
-    if ranges().next().is_none() {
+    let found = ends(|range| range.band_edges_hz())
+        .zip(ends(|range| range.distance_hz()))
+        .zip(ends(|range| range.cost_hz));
+    let Some(((bands, distance), cost)) = found else {
         return "Nothing could be judged: recordings are silent, too short or too slow.".into();
-    }
+    };
     format!(
-        "Judged: third octaves from {}, LSD from {}, C from {}; nothing above 0.9 of half a recording's own sample \
-         rate, nor where its blocks do not resolve a third octave.",
-        ends(ranges().map(|range| range.band_edges_hz()).collect()),
-        ends(ranges().map(|range| range.distance_hz()).collect()),
-        ends(ranges().map(|range| range.cost_hz).collect()),
+        "Judged: third octaves from {bands}, LSD from {distance}, C from {cost}; nothing above 0.9 of half a \
+         recording's own sample rate, nor where its blocks do not resolve a third octave."
     )
 }
 

@@ -29,62 +29,54 @@ pub fn explanation() -> String {
 
 /// The verdict on a texture: its numbers, and all its trials.
 pub(super) fn of_texture(texture: &TextureEvaluation, trials: &[&TrialEvaluation]) -> String {
-    let heard = || trials.iter().copied().filter(|trial| !trial.is_silent);
-    let all = |kind| heard().all(|trial| trial.judge == kind);
-    let judged = heard().filter(|t| t.scores.perceived.is_some()).count();
-    if texture.trials == 0 {
-        return "silent in every trial, so that nothing is judged".to_owned();
-    }
-    if judged == 0 {
-        let problem = if all(JudgeKind::Nothing) {
-            "nobody knows what the library was fitted to"
-        } else {
-            "its recordings are too short or too slow"
-        };
-        return format!("not judged: {problem}");
+    let heard = trials.iter().copied().filter(|trial| !trial.is_silent);
+    let heard: Vec<&TrialEvaluation> = heard.collect();
+    let all = |kind| heard.iter().all(|trial| trial.judge == kind);
+    let is_judged = |trial: &&&TrialEvaluation| trial.scores.perceived.is_some();
+    let judged = heard.iter().filter(is_judged).count();
+    match judged {
+        0 if heard.is_empty() => return "silent in every trial, so that nothing is judged".into(),
+        0 if all(JudgeKind::Nothing) => {
+            return "not judged: nobody knows what the library was fitted to".into();
+        }
+        0 => return "not judged: its recordings are too short or too slow".into(),
+        _ => (),
     }
     let other = if all(JudgeKind::OtherTake) {
         "another take"
     } else {
         "another part of the recording"
     };
-    let mute = |t: &&&TrialEvaluation| {
-        t.is_silent && t.recorded_rms_m_s2 > 0.0 && t.speed_mm_s > 0.0 && t.force_n > 0.0
-    };
-    let mute = trials.iter().filter(mute).count();
-    let heard: Vec<&TrialEvaluation> = heard().collect();
-    let mut clauses = vec![spectrum(texture, other)];
-    clauses.extend(worst_band(&heard));
-    clauses.extend(impulses(&texture.liveliness));
-    clauses.extend(evenness(&texture.liveliness, &heard));
-    if mute > 0 {
-        clauses.push(format!("the stylus is silent in {mute} of its trials"));
-    }
-    if judged < texture.trials {
-        clauses.push(format!("judged in {judged} of {} trials", texture.trials));
-    }
-    clauses.join("; ")
+    let clauses = [
+        spectrum(&texture.synthesis, &texture.other, other),
+        worst_band(&heard),
+        impulses(&texture.liveliness),
+        evenness(&texture.liveliness, &heard),
+        (judged < heard.len()).then(|| format!("judged in {judged} of {} trials", heard.len())),
+    ];
+    clauses.into_iter().flatten().collect::<Vec<_>>().join("; ")
 }
 
-fn spectrum(texture: &TextureEvaluation, other: &str) -> String {
-    let of = |means: &Means| means.mean_log_spectral_distance_db;
-    let Some(own_db) = of(&texture.synthesis) else {
-        return "spectrum not judged".to_owned();
-    };
-    let target_db = of(&texture.other).unwrap_or(0.0);
-    // Errors of one cause add by their squares.
-    let further_db = (own_db.powi(2) - target_db.powi(2)).max(0.0).sqrt();
-    let mut words = if further_db <= NEAR_DB {
+/// The distance that a difference of `own` from a judge has beyond that of another recording: errors of one cause add
+/// by their squares.
+fn further(own: f64, target: f64) -> f64 {
+    (own.powi(2) - target.powi(2)).max(0.0).sqrt()
+}
+
+fn spectrum(own: &Means, target: &Means, other: &str) -> Option<String> {
+    let distance_db = |means: &Means| means.mean_log_spectral_distance_db;
+    let further_db = further(distance_db(own)?, distance_db(target).unwrap_or(0.0));
+    let near = if further_db <= NEAR_DB {
         format!("spectrum as near as {other}")
     } else {
         format!("spectrum {further_db:.1} dB further than {other}")
     };
-    let felt = texture.synthesis.level_error_jnd.filter(|jnd| *jnd >= 1.0);
-    if let Some(jnd) = felt {
-        let target = texture.other.level_error_jnd.unwrap_or(0.0);
-        words.push_str(&format!(", levels {jnd:.1} JND off (target {target:.1})"));
-    }
-    words
+    let felt = own.level_error_jnd.filter(|jnd| *jnd >= 1.0);
+    let felt = felt.map(|jnd| {
+        let target = target.level_error_jnd.unwrap_or(0.0);
+        format!(", levels {jnd:.1} JND off (target {target:.1})")
+    });
+    Some(near + &felt.unwrap_or_default())
 }
 
 /// The third octave whose mean level over trials is off by most beyond the other's, if that is felt.
@@ -99,30 +91,28 @@ fn worst_band(heard: &[&TrialEvaluation]) -> Option<String> {
     });
     let (beyond_db, own_db, band) = bands.max_by(|a, b| a.0.total_cmp(&b.0))?;
     let way = if own_db > 0.0 { "strong" } else { "weak" };
-    (beyond_db > AMPLITUDE_JND_DB).then(|| {
-        let centre_hz = BAND_LABELS_HZ[band];
-        format!("{:.0} dB too {way} at {centre_hz} Hz", own_db.abs())
-    })
+    let centre_hz = BAND_LABELS_HZ[band];
+    (beyond_db > AMPLITUDE_JND_DB)
+        .then(|| format!("{:.0} dB too {way} at {centre_hz} Hz", own_db.abs()))
 }
 
 /// The summary of the signals with a part in the comparison.
-fn summary_of(of: &[Summary], role: Role) -> Option<&Summary> {
-    of.iter().find(|summary| summary.role == role)
+fn of(summaries: &[Summary], role: Role) -> Option<&Summary> {
+    summaries.iter().find(|summary| summary.role == role)
 }
 
 /// A difference of the synthesis beyond that of the other recording.
-fn beyond(of: &[Summary], pick: fn(&Differences) -> Option<f64>) -> Option<f64> {
-    let own = pick(&summary_of(of, Role::Synthesis)?.differences)?;
-    let other = summary_of(of, Role::Other).and_then(|other| pick(&other.differences));
+fn beyond(summaries: &[Summary], pick: fn(&Differences) -> Option<f64>) -> Option<f64> {
+    let own = pick(&of(summaries, Role::Synthesis)?.differences)?;
+    let other = of(summaries, Role::Other).and_then(|other| pick(&other.differences));
     Some(own - other.unwrap_or(0.0))
 }
 
-fn impulses(of: &[Summary]) -> Option<String> {
-    let kurtosis = |role| summary_of(of, role)?.median.residual_kurtosis;
-    let octaves = beyond(of, |d| d.residual_kurtosis_octaves)?;
-    if octaves <= NEAR_OCTAVES {
-        return Some("impulses as near".to_owned());
+fn impulses(summaries: &[Summary]) -> Option<String> {
+    if beyond(summaries, |d| d.residual_kurtosis_octaves)? <= NEAR_OCTAVES {
+        return Some("impulses as near".into());
     }
+    let kurtosis = |role| of(summaries, role)?.median.residual_kurtosis;
     let (own, recorded) = (kurtosis(Role::Synthesis)?, kurtosis(Role::Recording)?);
     let way = if own < recorded { "weak" } else { "strong" };
     Some(format!(
@@ -130,24 +120,23 @@ fn impulses(of: &[Summary]) -> Option<String> {
     ))
 }
 
-fn evenness(of: &[Summary], heard: &[&TrialEvaluation]) -> Option<String> {
-    let word = |db: f64| if db > 0.0 { "uneven" } else { "even" };
-    let line = beyond(of, |d| d.line_range_db);
-    let level = beyond(of, |d| d.level_spread_db);
+fn evenness(summaries: &[Summary], heard: &[&TrialEvaluation]) -> Option<String> {
+    let off = |db: f64| {
+        let way = if db > 0.0 { "uneven" } else { "even" };
+        format!("{:.0} dB too {way}", db.abs())
+    };
+    let line = beyond(summaries, |d| d.line_range_db);
+    let level = beyond(summaries, |d| d.level_spread_db);
     if line.is_some_and(|db| db > NEAR_DB) {
         let (db, line_hz) = median_line(heard)?;
-        return Some(format!(
-            "line {:.0} dB too {} at {line_hz:.0} Hz",
-            db.abs(),
-            word(db)
-        ));
+        return Some(format!("line {} at {line_hz:.0} Hz", off(db)));
     }
     if level.is_some_and(|db| db > NEAR_DB) {
-        let spread = |role| summary_of(of, role)?.median.level_spread_db;
+        let spread = |role| of(summaries, role)?.median.level_spread_db;
         let db = spread(Role::Synthesis)? - spread(Role::Recording)?;
-        return Some(format!("level {:.0} dB too {}", db.abs(), word(db)));
+        return Some(format!("level {}", off(db)));
     }
-    level.or(line).map(|_| "as even".to_owned())
+    level.or(line).map(|_| "as even".into())
 }
 
 /// Range of the line's levels over the recording's, dB, and its frequency, Hz, of the trial in the middle.
@@ -155,9 +144,8 @@ fn median_line(heard: &[&TrialEvaluation]) -> Option<(f64, f64)> {
     let of = |trial: &&TrialEvaluation| {
         let liveliness = trial.liveliness.as_ref()?;
         let range = |role| {
-            let signals = liveliness.signals.iter();
-            let own = signals.filter(|s| s.role == role);
-            own.map(|s| s.measures.line_range_db).next()?
+            let own = liveliness.signals.iter().find(|s| s.role == role);
+            own?.measures.line_range_db
         };
         let db = range(Role::Synthesis)? - range(Role::Recording)?;
         Some((db, liveliness.line_hz?))
@@ -169,12 +157,9 @@ fn median_line(heard: &[&TrialEvaluation]) -> Option<(f64, f64)> {
 
 /// The verdict along strokes: RMS differences of levels, dB, of the library, of its mean over seeds, of a line over
 /// speed and force and of the nearest stroke of the fit, and the library's mean level over the recorded one, dB.
-pub(super) fn along_strokes(
-    [own_db, averaged_db, line_db, target_db]: [f64; 4],
-    bias_db: f64,
-) -> String {
-    let further_db = (own_db.powi(2) - target_db.powi(2)).max(0.0).sqrt();
-    let mut clauses = vec![if further_db <= NEAR_DB {
+pub(super) fn along_strokes(errors_db: [f64; 4], bias_db: f64) -> String {
+    let [own_db, averaged_db, line_db, target_db] = errors_db;
+    let mut clauses = vec![if further(own_db, target_db) <= NEAR_DB {
         format!("levels as near as the nearest stroke of the fit ({target_db:.1} dB)")
     } else {
         format!("levels {own_db:.1} dB off, the nearest stroke of the fit {target_db:.1} dB")
@@ -185,7 +170,7 @@ pub(super) fn along_strokes(
     }
     if averaged_db > line_db + NEAR_DB {
         clauses.push(format!(
-            "a line over speed and force is nearer ({line_db:.1} dB, the library without its noise {averaged_db:.1} dB)"
+            "a line over speed and force is nearer ({line_db:.1} dB)"
         ));
     }
     clauses.join("; ")
@@ -198,28 +183,21 @@ mod tests {
 
     /// A recording, a synthesis off by so many octaves of kurtosis and dB of evenness, and another recording.
     fn lively(octaves: f64, spread_db: f64) -> Vec<Summary> {
-        let of = |role, octaves: f64, spread_db: f64| {
-            let measures = Liveliness {
-                residual_kurtosis: Some(6.0 * octaves.exp2()),
-                level_spread_db: Some(3.0 + spread_db),
-                ..Liveliness::default()
-            };
-            let recorded = Liveliness {
-                residual_kurtosis: Some(6.0),
-                level_spread_db: Some(3.0),
-                ..Liveliness::default()
-            };
-            Summary {
-                role,
-                parts: None,
-                median: measures,
-                differences: Differences::of(&recorded, &measures),
-            }
+        let measures = |octaves: f64, spread_db: f64| Liveliness {
+            residual_kurtosis: Some(6.0 * octaves.exp2()),
+            level_spread_db: Some(3.0 + spread_db),
+            ..Liveliness::default()
+        };
+        let of = |role, median| Summary {
+            role,
+            parts: None,
+            median,
+            differences: Differences::of(&measures(0.0, 0.0), &median),
         };
         vec![
-            of(Role::Recording, 0.0, 0.0),
-            of(Role::Synthesis, octaves, spread_db),
-            of(Role::Other, 0.1, 0.1),
+            of(Role::Recording, measures(0.0, 0.0)),
+            of(Role::Synthesis, measures(octaves, spread_db)),
+            of(Role::Other, measures(0.1, 0.1)),
         ]
     }
 
@@ -231,15 +209,18 @@ mod tests {
             [impulses(&of).unwrap(), evenness(&of, &[]).unwrap()]
         };
         assert_eq!(of(-0.39, -1.19), ["impulses as near", "as even"]);
-        let weak = of(-1.0, -2.0);
-        assert_eq!(weak[0], "impulses too weak (kurtosis 3.0, recorded 6.0)");
-        assert_eq!(weak[1], "level 2 dB too even");
+        let weak = [
+            "impulses too weak (kurtosis 3.0, recorded 6.0)",
+            "level 2 dB too even",
+        ];
+        assert_eq!(of(-1.0, -2.0), weak);
         let strong = of(0.41, 1.3);
         assert!(strong[0].contains("too strong") && strong[1].contains("too uneven"));
         assert!(along_strokes([2.0, 1.0, 2.0, 2.5], 0.0).starts_with("levels as near"));
         let far = along_strokes([4.0, 3.5, 2.0, 2.5], -3.0);
-        for clause in ["levels 4.0 dB off", "3 dB too quiet", "a line over speed"] {
-            assert!(far.contains(clause), "{far}");
-        }
+        assert!(
+            far.contains("4.0 dB off") && far.contains("3 dB too quiet; a line over"),
+            "{far}"
+        );
     }
 }

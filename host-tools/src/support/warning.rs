@@ -65,35 +65,26 @@ impl Serialize for Warning {
 
 /// A line per kind, in the order of their first: the count, the two worst by name, and the words of the worst.
 pub fn by_kind(warnings: &[Warning]) -> Vec<String> {
-    let is_first = |index: usize| {
-        let kind = warnings[index].kind;
-        warnings[..index].iter().all(|other| other.kind != kind)
-    };
-    let line = |first: usize| {
-        let alike = warnings.iter().filter(|w| w.kind == warnings[first].kind);
-        let mut alike: Vec<&Warning> = alike.collect();
-        alike.sort_by(|a, b| b.magnitude.total_cmp(&a.magnitude));
-        match alike.as_slice() {
-            [
-                Warning {
-                    subject: Some((noun, worst)),
-                    text,
-                    ..
-                },
-                Warning {
-                    subject: Some((_, next)),
-                    ..
-                },
-                ..,
-            ] => format!(
-                "{} {noun}s, the worst {worst} and {next}: {text}",
-                alike.len()
-            ),
-            _ => alike[0].to_string(),
+    let mut kinds: Vec<Vec<&Warning>> = Vec::new();
+    for warning in warnings {
+        match kinds.iter_mut().find(|alike| alike[0].kind == warning.kind) {
+            Some(alike) => alike.push(warning),
+            None => kinds.push(vec![warning]),
         }
+    }
+    let line = |alike: &mut Vec<&Warning>| {
+        alike.sort_by(|a, b| b.magnitude.total_cmp(&a.magnitude));
+        let Some((noun, worst)) = alike[0].subject.as_ref().filter(|_| alike.len() > 1) else {
+            return alike[0].to_string();
+        };
+        let next = alike[1].subject.as_ref().map_or("", |(_, name)| name);
+        let text = &alike[0].text;
+        format!(
+            "{} {noun}s, the worst {worst} and {next}: {text}",
+            alike.len()
+        )
     };
-    let firsts = (0..warnings.len()).filter(|&index| is_first(index));
-    firsts.map(line).collect()
+    kinds.iter_mut().map(line).collect()
 }
 
 #[cfg(test)]
