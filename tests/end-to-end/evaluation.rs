@@ -211,6 +211,13 @@ fn what_a_model_was_fitted_to_does_not_judge_it() {
     let words = "fitted on every other block of 0.5 s of each recording, judged on the rest";
     holds(&said, &[words]);
     let felt = &json(&bench, "blocks.json")["textures"][0];
+    let verdict = "spectrum as near as another part of the recording; impulses as near; as even";
+    assert_eq!(felt["verdict"], verdict);
+    holds(&said, &[&format!("felt: {verdict} In brackets the target")]);
+    assert!(
+        said.lines().all(|line| line.chars().count() <= 80),
+        "{said}"
+    );
     let held_out = felt["mean_log_spectral_distance_db"].as_f64().unwrap();
     // Another block of the same noise is as near as a model comes.
     let other = felt["other"]["mean_log_spectral_distance_db"]
@@ -225,8 +232,18 @@ fn what_a_model_was_fitted_to_does_not_judge_it() {
     let said = bench.succeed("evaluate one --library felt.lib --takes two --json takes.json");
     holds(&said, &["judged on another take"]);
     let takes = json(&bench, "takes.json");
+    holds(
+        &takes["textures"][0]["verdict"],
+        &["as near as another take"],
+    );
     let unseen = json(&bench, "unseen.json");
     assert_eq!(takes["trials"][0]["judge"], "other_take");
+    // The same recording at a quarter of its level.
+    let loud = "evaluate two --scale 0.25 --library felt.lib --json loud.json --full";
+    holds(
+        &bench.succeed(loud),
+        &["JND off (target", "12 dB too strong at", "silent trials"],
+    );
     let distance = |figures: &serde_json::Value| {
         figures["trials"][0]["log_spectral_distance_db"]
             .as_f64()
@@ -243,7 +260,10 @@ fn without_a_record_of_the_fit_no_figure_counts() {
     bench.succeed("fit one --out felt.lib");
     std::fs::remove_file(bench.path("felt.lib.fit.json")).unwrap();
     let said = bench.succeed("evaluate one --library felt.lib --json a.json");
-    holds(&said, &["not known to be held out"]);
+    holds(
+        &said,
+        &["not known to be held out", "felt: not judged: nobody knows"],
+    );
     let felt = &json(&bench, "a.json")["textures"][0];
     assert!(
         felt["mean_cost"].is_null() && felt["level_error_jnd"].is_null(),
@@ -267,10 +287,7 @@ fn takes_that_are_in_the_fitted_set_are_named_and_judge_nothing() {
         ));
         let warned = text(&output.stderr);
         assert!(output.status.success(), "{warned}");
-        holds(
-            &warned,
-            &["a take judges nothing", &format!("{name}/x.wav")],
-        );
+        holds(&warned, &["judges nothing", &format!("take {name}/x.wav")]);
         assert_eq!(
             json(&bench, "a.json")["trials"][0]["judge"],
             "blocks",

@@ -5,7 +5,7 @@ use base64::engine::general_purpose::STANDARD;
 use host_tools::report::rub_page::KERNEL;
 use serde_json::Value;
 
-use crate::support::{Bench, holds, scaled, two_textures};
+use crate::support::{Bench, holds, scaled, text, two_textures};
 
 /// Recordings of two textures, and their library.
 fn fitted() -> Bench {
@@ -176,11 +176,26 @@ fn what_makes_no_page_is_refused_with_the_remedy() {
 }
 
 #[test]
-fn the_demos_page_holds_four_textures_in_one_and_a_half_megabytes() {
+fn the_demo_says_in_forty_lines_what_it_holds_and_its_page_has_one_and_a_half_megabytes() {
     let bench = Bench::new();
-    let said = bench.succeed("demo --out demo");
-    holds(&said, &["Rub demo/page.html"]);
-    holds(&said, &["SIMULATED"]);
+    let output = bench.run("demo --out demo");
+    let said = text(&output.stdout) + &text(&output.stderr);
+    assert!(said.lines().count() <= 40, "{said}");
+    assert!(
+        said.lines().all(|line| line.chars().count() <= 80),
+        "{said}"
+    );
+    holds(
+        &said,
+        &["SIMULATED", "demo/page.html", "demo/report/index.html"],
+    );
+    // A surface with impulses, one that holds still, a calm one.
+    let plays = [
+        "scratched: moments",
+        "denim: Gaussian + place",
+        "paper: Gaussian;",
+    ];
+    holds(&said, &plays);
     let size = std::fs::metadata(bench.path("demo/page.html"))
         .unwrap()
         .len();

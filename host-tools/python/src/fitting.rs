@@ -202,7 +202,8 @@ pub fn fit(
         let record = FitRecord::of(&set, &options, &bytes)?.with_account_of(&made);
         Ok((made, bytes, record))
     })?;
-    for warning in &made.warnings {
+    let warnings: Vec<String> = made.warnings.iter().map(ToString::to_string).collect();
+    for warning in &warnings {
         warn(py, warning)?;
     }
     let record = Arc::new(record);
@@ -210,7 +211,7 @@ pub fn fit(
         library: Py::new(py, Library::of(bytes.into(), None, Some(record.clone())))?,
         record,
         trials: made.trials.into_iter().map(TrialReport::from).collect(),
-        warnings: made.warnings,
+        warnings,
     })
 }
 

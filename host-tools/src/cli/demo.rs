@@ -1,10 +1,12 @@
 //! `stylus demo`: every step from recordings to sound, on simulated recordings.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use host_tools::evaluation::evaluate;
 use host_tools::evaluation::held_out::judges;
+use host_tools::evaluation::played;
 use host_tools::fit;
 use host_tools::fit::record::FitRecord;
 use host_tools::playing::motion::MotionPath;
@@ -17,11 +19,9 @@ use host_tools::rig::{self, RigFile};
 use host_tools::support::atomic_file;
 use host_tools::support::error::{Error, Result};
 use host_tools::support::output::OutputFolder;
-use host_tools::texture::summary::TextureSummary;
-use model_format::{Library, MillimetresPerSecond, Newton};
+use model_format::Library;
 
-use super::inspect::texture_table;
-use crate::cli::output::print;
+use super::output::{print, warn_of};
 use host_tools::texture::library::decode_library;
 
 /// Motion that every texture is rendered along: a stroke that speeds up, presses harder, and comes to rest.
@@ -38,9 +38,6 @@ time_s,speed_mm_s,force_n
 
 /// Full scale of the renders for listening, m/s².
 const LISTENING_FULL_SCALE_M_S2: f64 = 60.0;
-
-/// Duration of the rendering along the steady motion, s.
-const STEADY_SECONDS: f64 = 3.0;
 
 /// The page to rub in that of all outputs.
 const PAGE: &str = "page.html";
@@ -63,12 +60,17 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     // The demo replaces its own earlier result unasked, because nobody edits that; a folder with any other file stays.
     let page =
         OutputFolder::begin(&arguments.out, true)?.fill(|folder| all(arguments, folder, begin))?;
+    let out = arguments.out.display();
     print(&format!(
-        "\nDone in {:.1} s. Rub {}, look at {}, listen to {}",
+        "\nDone in {:.1} s. Open in a browser, with sound:\n  \
+           {out}/{PAGE}\n    \
+             Rub, and hear what the stylus plays: clicks on 'scratched' (moments), a tone\n    \
+             that follows your speed on denim (place), the hiss of paper, vinyl's hum.\n  \
+           {}\n    \
+             See and hear the recording and the synthesis of each texture.\n\
+         {out}/{RENDERED} has each texture along one stroke, as WAV files.",
         begin.elapsed().as_secs_f64(),
-        arguments.out.join(PAGE).display(),
-        page.display(),
-        arguments.out.join(RENDERED).display()
+        page.display()
     ))
 }
 
@@ -77,17 +79,22 @@ fn all(arguments: &Arguments, folder: &OutputFolder, begin: Instant) -> Result<P
     let out = folder.path();
     let step = |number: u32, what: &str| {
         print(&format!(
-            "\n[{number}/5, {:.1} s] {what}",
+            "[{number}/4, {:.1} s] {what}",
             begin.elapsed().as_secs_f64()
         ))
     };
 
     let recordings = out.join("recordings");
-    step(1, "stylus simulate-rig: the paper's protocol, SIMULATED")?;
-    let simulated = rig::simulate_to_folder(&RigFile::paper(), arguments.seed, &recordings, false)?;
-    print(simulated.to_string().trim_end())?;
+    step(
+        1,
+        "stylus simulate-rig: SIMULATED recordings of four surfaces",
+    )?;
+    rig::simulate_to_folder(&RigFile::demo(), arguments.seed, &recordings, false)?;
 
-    step(2, "stylus fit: one model per node, its order chosen by AIC")?;
+    step(
+        2,
+        "stylus fit: a model per speed and force, and what no filter holds",
+    )?;
     let set = RecordingSet::open(&[recordings])?;
     let fit_options = fit::Options::default();
     let (fit, bytes) = super::fit::fit_library(&set, &fit_options)?;
@@ -98,18 +105,21 @@ fn all(arguments: &Arguments, folder: &OutputFolder, begin: Instant) -> Result<P
     }
     record.write_with(&path, &bytes)?;
     let library = decode_library(&path, &bytes)?;
-    let textures: Vec<TextureSummary> = library
-        .textures()
-        .map(|t| TextureSummary::of(&t, false))
-        .collect();
-    print(&texture_table(&textures))?;
-    for warning in &fit.warnings {
-        print(&format!("warning: {warning}"))?;
+    let mut by_parts: BTreeMap<String, Vec<&str>> = BTreeMap::new();
+    for texture in library.textures() {
+        let parts = played::in_words(&played::parts(&texture));
+        by_parts.entry(parts).or_default().push(texture.name());
     }
+    let plays = by_parts.iter();
+    let plays: Vec<String> = plays
+        .map(|(parts, names)| format!("{}: {parts}", names.join(", ")))
+        .collect();
+    print(&format!("  {}", plays.join("; ")))?;
+    warn_of(&fit.warnings);
 
     step(
         3,
-        "stylus evaluate: the device's kernel against what was held out of every recording",
+        "stylus evaluate: the device's kernel against what was not fitted",
     )?;
     let options = evaluate::Options {
         seed: arguments.seed,
@@ -119,7 +129,7 @@ fn all(arguments: &Arguments, folder: &OutputFolder, begin: Instant) -> Result<P
     let judges = judges(&set, Vec::new(), Some(&record))?;
     let evaluation =
         super::evaluate::evaluate_set(&set, &library, judges, Some(&record), &options)?;
-    print(&super::evaluate::summary(&evaluation))?;
+    print(&super::evaluate::answer(&evaluation))?;
     let reported = out.join("report");
     std::fs::create_dir(&reported).map_err(Error::io("create", &reported))?;
     let page = super::evaluate::write_report(
@@ -134,13 +144,14 @@ fn all(arguments: &Arguments, folder: &OutputFolder, begin: Instant) -> Result<P
         &reported,
     )?;
 
-    step(4, "stylus render: each texture along one stroke")?;
+    step(
+        4,
+        "stylus render and stylus page: sounds, and a page to rub",
+    )?;
     let rendered = out.join(RENDERED);
     std::fs::create_dir(&rendered).map_err(Error::io("create", &rendered))?;
-    let named = |path: &Path| folder.named(path).display().to_string();
-    render_all(&library, arguments.seed, &rendered, named)?;
+    render_all(&library, arguments.seed, &rendered)?;
 
-    step(5, "stylus page: rub the textures in a browser")?;
     let inputs = Inputs {
         library: &library,
         bytes: &bytes,
@@ -153,39 +164,20 @@ fn all(arguments: &Arguments, folder: &OutputFolder, begin: Instant) -> Result<P
         seed: arguments.seed,
     };
     let rubbed = out.join(PAGE);
-    let written = super::page::write(&inputs, &rubbed)?;
-    print(&super::page::summary(&folder.named(&rubbed), &written))?;
+    super::page::write(&inputs, &rubbed)?;
     Ok(folder.named(&page))
 }
 
-/// Motion that every texture is rendered along besides.
-fn steady() -> Result<MotionPath> {
-    MotionPath::constant(MillimetresPerSecond(120.0), Newton(1.0))
-}
-
-fn render_all(
-    library: &Library<'_>,
-    seed: u64,
-    folder: &Path,
-    named: impl Fn(&Path) -> String,
-) -> Result<()> {
+fn render_all(library: &Library<'_>, seed: u64, folder: &Path) -> Result<()> {
     let stroke = folder.join("stroke.csv");
     atomic_file::write(&stroke, STROKE.as_bytes())?;
     let along = MotionPath::from_csv(&stroke)?;
-    let steady = steady()?;
+    let listening = WavFormat::Pcm16 {
+        full_scale_m_s2: LISTENING_FULL_SCALE_M_S2,
+    };
     for texture in library.textures() {
-        let name = texture.name();
-        let listening = WavFormat::Pcm16 {
-            full_scale_m_s2: LISTENING_FULL_SCALE_M_S2,
-        };
-        for (suffix, motion, seconds, format) in [
-            ("stroke", &along, along.duration_s(), listening),
-            ("120mm_s_1N", &steady, STEADY_SECONDS, WavFormat::Float32),
-        ] {
-            let path = folder.join(format!("{name}_{suffix}_simulated.wav"));
-            render_wav(texture, motion, seconds, seed, &path, format)?;
-            print(&named(&path))?;
-        }
+        let path = folder.join(format!("{}_stroke_simulated.wav", texture.name()));
+        render_wav(texture, &along, along.duration_s(), seed, &path, listening)?;
     }
     Ok(())
 }

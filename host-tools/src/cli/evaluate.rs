@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use host_tools::dsp::spectrum::{AMPLITUDE_JND_DB, DEFAULT_SMOOTHING_WIDTH_HZ};
+use host_tools::dsp::spectrum::DEFAULT_SMOOTHING_WIDTH_HZ;
 use host_tools::evaluation::evaluate;
 use host_tools::evaluation::evaluate::Evaluation;
 use host_tools::evaluation::held_out::{Chosen, Judge, chosen};
@@ -10,7 +10,8 @@ use host_tools::evaluation::leave_one_out;
 use host_tools::evaluation::leave_one_out::{Given, LeaveOneOut, Prepared, Row};
 use host_tools::evaluation::played::Played;
 use host_tools::evaluation::strokes::{Stroke, along_strokes};
-use host_tools::evaluation::summary::LIVELINESS_EXPLANATION;
+use host_tools::evaluation::summary::{LIVELINESS_EXPLANATION, explanation};
+use host_tools::evaluation::verdict;
 use host_tools::fit::Order;
 use host_tools::fit::conditioning::Conditioning;
 use host_tools::fit::densify::Direction;
@@ -22,14 +23,15 @@ use host_tools::report::evaluation_page::Inputs;
 use host_tools::report::sound::node_seconds;
 use host_tools::support::error::{Error, Result};
 use host_tools::support::output::OutputFolder;
+use host_tools::support::warning::Warning;
 use host_tools::support::{atomic_file, progress};
 use model_format::Library;
 use serde::Serialize;
 
 use super::files::Overwrite;
 use super::input::{Recordings, not_negative, positive};
-use super::output::{print, to_json, warn};
-use super::table::{folded_text, shown};
+use super::output::{is_full, print, to_json, warn, warn_of};
+use super::table::{LINE_CHARS, folded_text, shown, wrapped};
 use host_tools::texture::library::{decode_library, read_library};
 
 #[derive(clap::Args)]
@@ -200,17 +202,19 @@ fn evaluate_along_strokes(arguments: &Arguments, path: &Path) -> Result<()> {
     if let Some(json) = &arguments.json {
         atomic_file::write(json, to_json(&found).as_bytes())?;
     }
-    print(&format!(
-        "Held out: the library as it is, along {} strokes that its fit did not use; {} of its fit beside\n\n{}\n\n\
-         levels of 100 ms in motion and contact, {} of them, whose own spread is {:.2} dB; bias: mean of the levels \
-         over those recorded; |band|: mean error of third octaves{}",
+    print(&folded_text(&format!(
+        "{}: {}\n\n{}\n\nHeld out: the library as it is, along {} strokes that its fit did not use; {} of its fit \
+         beside. Levels are of 100 ms in motion and contact, {} of them, whose own spread is {:.2} dB. Bias: mean of \
+         the levels over those recorded. |band|: mean error of third octaves.{}",
+        found.texture,
+        found.verdict,
+        shown(&found.table(), 1),
         found.strokes,
         found.fitted,
-        shown(&found.table(), 1),
         found.windows,
         found.recorded_spread_db,
         origin(found.simulated)
-    ))
+    )))
 }
 
 fn removal_options(arguments: &Arguments) -> leave_one_out::Options {
@@ -350,9 +354,16 @@ pub fn choose(
         None => None,
     };
     let chosen = chosen(set, others.as_ref(), record, conditioning)?;
-    for reason in &chosen.unused {
-        warn(&format!("a take judges nothing: {reason}"));
-    }
+    let unused = chosen.unused.iter().map(|reason| {
+        let (take, why) = reason.rsplit_once(": ").unwrap_or(("", reason));
+        Warning::of(
+            "take",
+            ("take", take),
+            0.0,
+            format!("judges nothing: {why}"),
+        )
+    });
+    warn_of(&unused.collect::<Vec<_>>());
     if let Some(first) = chosen.without.first() {
         let (count, all) = (chosen.without.len(), set.trials.len());
         warn(&format!(
@@ -362,32 +373,40 @@ pub fn choose(
     Ok(chosen)
 }
 
-/// The data that were held out, the tables with one line per texture, and an explanation of their columns.
-pub fn summary(evaluation: &Evaluation) -> String {
-    let tables = evaluation.tables().into_iter();
-    // The second column of what the spectrum does not show names a row, too.
-    let keys = |title: &str| {
-        if title.contains("does not show") {
-            2
-        } else {
-            1
-        }
-    };
-    let tables = tables.map(|table| shown(&table, keys(&table.title)));
-    let tables: Vec<String> = tables.collect();
-    let origin = origin(evaluation.simulated);
+/// A verdict per texture, and one table with what its columns are.
+pub fn answer(evaluation: &Evaluation) -> String {
+    let verdicts = evaluation.verdicts();
+    let verdicts: Vec<String> = verdicts.map(|v| wrapped(&v, LINE_CHARS, "  ")).collect();
     format!(
-        "Held out: {}\n\n{}\n\n{}\n{}\n\
-         C: equation (6) in per cent, amplitudes smoothed by a {}; LSD: log-spectral distance; |band|: \
-         mean error of third octaves\n\
-         level error: RMS error of third octaves in JND of {AMPLITUDE_JND_DB} dB, less the scatter of noise (another \
-         seed 0, -6 dB 2.7)\nbalance: power below 100 Hz over that above\n{LIVELINESS_EXPLANATION}{origin}",
-        evaluation.held_out,
-        tables.join("\n\n"),
-        evaluation.judged_hz(),
-        evaluation.other_in_words(),
-        evaluation.smoothing
+        "{}\n\n{}\n{}",
+        verdicts.join("\n"),
+        shown(&evaluation.table(), 1),
+        folded_text(&explanation())
     )
+}
+
+/// The answer, and how it was judged; with `--full` all tables.
+fn summary(evaluation: &Evaluation) -> String {
+    let how = folded_text(&format!(
+        "Held out: {}\n{}{}",
+        evaluation.held_out,
+        evaluation.judged_hz(),
+        origin(evaluation.simulated)
+    ));
+    let brief = format!("{}\n\n{how}", answer(evaluation));
+    if !is_full() {
+        return brief;
+    }
+    // The second column of what the spectrum does not show names a row, too.
+    let keys = |title: &str| 1 + usize::from(title.contains("does not show"));
+    let tables = evaluation.tables().map(|t| shown(&t, keys(&t.title)));
+    let notes = folded_text(&format!(
+        "{}\nAmplitudes of C are smoothed by a {}. |band|: mean error of third octaves. Balance: power below 100 Hz \
+         over that above. {LIVELINESS_EXPLANATION}",
+        verdict::explanation(),
+        evaluation.smoothing
+    ));
+    format!("{brief}\n\n{}\n\n{notes}", tables.join("\n\n"))
 }
 
 fn origin(simulated: bool) -> &'static str {

@@ -1,16 +1,17 @@
 //! `stylus import-hatt`
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use host_tools::fit::hatt::convert::{Converted, ROLL_OFF_DB_PER_OCTAVE, Summary, far_nodes};
 use host_tools::fit::hatt::import::{ImportReport, Options, files, import, plan, read_all};
 use host_tools::support::atomic_file;
 use host_tools::support::error::Result;
 use host_tools::support::progress;
+use host_tools::support::warning::Warning;
 
 use super::files::Overwrite;
 use super::table::folded_table;
-use crate::cli::output::{print, print_json, warn};
+use crate::cli::output::{print, print_json, warn_of};
 
 #[derive(clap::Args)]
 pub struct Arguments {
@@ -34,20 +35,26 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     arguments.overwrite.file(&arguments.out, &paths)?;
     let sources = read_all(&paths, &arguments.options)?;
     let plan = plan(&sources, &arguments.options)?;
-    for source in &sources {
-        for warning in &source.toolkit.warnings {
-            warn(&format!("{}: {warning}", source.path.display()));
-        }
-    }
+    let of_file = |kind, path: &Path, text: &str| {
+        Warning::of(kind, ("file", &path.display().to_string()), 0.0, text)
+    };
+    let read = sources.iter().flat_map(|source| {
+        let warnings = source.toolkit.warnings.iter();
+        warnings.map(|text| of_file("model", &source.path, text))
+    });
+    warn_of(&read.collect::<Vec<_>>());
     let bar = progress::bar(sources.len() as u64, "converting");
     let (converted, bytes) = import(&sources, &plan, &|| bar.inc(1))?;
     bar.finish_and_clear();
     atomic_file::write(&arguments.out, &bytes)?;
-    for (source, converted) in sources.iter().zip(&converted) {
-        if let Some(warning) = far_nodes(&converted.nodes) {
-            warn(&format!("{}: {warning}", source.path.display()));
-        }
-    }
+    let far = sources
+        .iter()
+        .zip(&converted)
+        .filter_map(|(source, converted)| {
+            let text = far_nodes(&converted.nodes)?;
+            Some(of_file("far nodes", &source.path, &text))
+        });
+    warn_of(&far.collect::<Vec<_>>());
     if arguments.json {
         let reports: Vec<ImportReport> = sources
             .into_iter()

@@ -66,6 +66,9 @@ struct Arguments {
         help_heading = "General options"
     )]
     quiet: bool,
+    /// Print every warning by itself, and every table of evaluate
+    #[arg(long, global = true, help_heading = "General options")]
+    full: bool,
     #[command(subcommand)]
     command: Command,
 }
@@ -114,6 +117,9 @@ pub fn run() -> ExitCode {
     };
     if arguments.quiet {
         progress::hide();
+    }
+    if arguments.full {
+        output::be_full();
     }
     interrupt::handle();
     let outcome = run_command(arguments.command);

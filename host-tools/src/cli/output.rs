@@ -5,11 +5,29 @@
 
 use std::io::{self, IsTerminal, Write};
 use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::builder::styling::{AnsiColor, Style};
+use console::Term;
 use host_tools::support::error::{Error, Result};
 use host_tools::support::progress;
 use host_tools::support::visible::{message, visible, visible_json};
+use host_tools::support::warning::{Warning, by_kind};
+
+use super::table::{LINE_CHARS, wrapped};
+
+/// True if the user has asked for everything there is to say.
+static IS_FULL: AtomicBool = AtomicBool::new(false);
+
+/// Makes all that this process says complete from now on: every warning by itself, and every table.
+pub fn be_full() {
+    IS_FULL.store(true, Ordering::Relaxed);
+}
+
+/// Returns true once [`be_full`] was called.
+pub fn is_full() -> bool {
+    IS_FULL.load(Ordering::Relaxed)
+}
 
 /// Prints to standard output.
 ///
@@ -57,19 +75,31 @@ pub fn tell(text: &str) {
     let _ = print_to(&mut io::stderr().lock(), &visible(text));
 }
 
-/// Warns of something, in one line on standard error; see [`tell`].
+/// Fewest columns of a terminal that lines are wrapped at.
+const LEAST_COLUMNS: u16 = 40;
+
+/// Warns of something on standard error, wrapped at the terminal's width; see [`tell`].
 pub fn warn(text: &str) {
-    tell_after(&yellow("warning:"), text);
+    let size = Term::stderr().size_checked();
+    let width = size.map_or(LINE_CHARS, |(_, columns)| columns.max(LEAST_COLUMNS).into());
+    let line = wrapped(&format!("warning: {}", message(text)), width, "  ");
+    let rest = line.strip_prefix("warning:").unwrap_or(&line);
+    let _ = print_to(&mut io::stderr().lock(), &(yellow("warning:") + rest));
+}
+
+/// Warns of recordings and textures: in a line per kind, or with `--full` of each by itself.
+pub fn warn_of(warnings: &[Warning]) {
+    let lines = if is_full() {
+        warnings.iter().map(Warning::to_string).collect()
+    } else {
+        by_kind(warnings)
+    };
+    lines.iter().for_each(|line| warn(line));
 }
 
 /// Says why the command failed, in one line on standard error; see [`tell`].
 pub fn failed(failure: &Error) {
-    tell_after(&red("stylus:"), &failure.to_string());
-}
-
-/// Tells `text` in one line after `word`, which is of this program and may have a colour.
-fn tell_after(word: &str, text: &str) {
-    let line = format!("{word} {}", message(text));
+    let line = format!("{} {}", red("stylus:"), message(&failure.to_string()));
     let _ = print_to(&mut io::stderr().lock(), &line);
 }
 

@@ -57,7 +57,7 @@ pub fn headed<const N: usize>(
 }
 
 /// Characters of a line of a terminal that tables keep to.
-pub const LINE_CHARS: usize = 100;
+pub const LINE_CHARS: usize = 80;
 
 /// [`table`] in lines of at most [`LINE_CHARS`] characters: as several tables, one below the other, where one is too
 /// wide. Each begins with the first `keys` columns, which name the row. Only a column of its own may be wider. A row
@@ -98,14 +98,20 @@ fn table_of(header: &[&str], rows: &[Vec<String>], columns: &[usize]) -> String 
 
 /// `text` in lines of at most [`LINE_CHARS`] characters, broken at spaces.
 pub fn folded_text(text: &str) -> String {
+    wrapped(text, LINE_CHARS, "")
+}
+
+/// `text` in lines of at most so many characters, broken at spaces; those after a break begin with `indent`.
+pub fn wrapped(text: &str, width: usize, indent: &str) -> String {
     let mut lines: Vec<String> = Vec::new();
     for paragraph in text.lines() {
         let mut line = String::new();
-        for word in paragraph.split(' ') {
-            if !line.is_empty() && line.chars().count() + 1 + word.chars().count() > LINE_CHARS {
-                lines.push(std::mem::take(&mut line));
+        for (index, word) in paragraph.split(' ').enumerate() {
+            if index > 0 && line.chars().count() + 1 + word.chars().count() > width {
+                lines.push(std::mem::replace(&mut line, format!("{indent}{word}")));
+                continue;
             }
-            if !line.is_empty() {
+            if index > 0 {
                 line.push(' ');
             }
             line.push_str(word);

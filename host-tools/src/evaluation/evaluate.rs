@@ -14,7 +14,7 @@ use super::perception::Perceived;
 use super::perception::ScoringRange;
 use super::played::{self, Played, Version};
 use super::summary::{Scores, TrialEvaluation};
-use super::summary::{TextureEvaluation, judged_hz, other_in_words, summarise, tables};
+use super::summary::{TextureEvaluation, judged_hz, summarise, table, tables, target_in_words};
 use super::tables::Table;
 use crate::dsp::high_pass::{high_pass, lowest_hz};
 use crate::dsp::spectrum;
@@ -22,7 +22,7 @@ use crate::dsp::spectrum::{BAND_COUNT, BAND_LABELS_HZ};
 use crate::fit;
 use crate::fit::Signal;
 use crate::fit::conditioning::Conditioning;
-use crate::fit::part::{Blocks, analyse_blocks};
+use crate::fit::part::Blocks;
 use crate::fit::record::FitRecord;
 use crate::playing::motion::MotionPath;
 use crate::playing::render::{Rendered, render};
@@ -342,14 +342,20 @@ impl Evaluation {
         judged_hz(&self.trials)
     }
 
-    /// The tables of all textures: spectra, what is felt, and what a spectrum does not show.
-    pub fn tables(&self) -> Vec<Table> {
-        tables(&self.textures, &self.liveliness)
+    /// The verdict on each texture, after its name.
+    pub fn verdicts(&self) -> impl Iterator<Item = String> {
+        let textures = self.textures.iter();
+        textures.map(|texture| format!("{}: {}", texture.texture, texture.verdict))
     }
 
-    /// The other recording beside the synthesis, in words.
-    pub fn other_in_words(&self) -> &'static str {
-        other_in_words(&self.trials)
+    /// The table of all textures: the synthesis, and in brackets the target, which its title explains.
+    pub fn table(&self) -> Table {
+        table(&self.textures, target_in_words(&self.trials))
+    }
+
+    /// Further tables of all textures: of spectra, and what a spectrum does not show.
+    pub fn tables(&self) -> [Table; 2] {
+        tables(&self.textures, &self.liveliness)
     }
 
     /// Reads the judge of trial `index` of the evaluated set, and plays what it judges.
@@ -546,62 +552,11 @@ pub fn rms(signal: &[f64]) -> f64 {
     (signal.iter().map(|x| x * x).sum::<f64>() / signal.len().max(1) as f64).sqrt()
 }
 
-/// C of models of `trial` of each of `orders`, as in the paper's figure 8, fitted to every other block of the recording
-/// and judged on the rest. Orders that the data do not bear are left out.
-///
-/// # Errors
-/// A recording that cannot be used.
-pub fn cost_by_order(
-    trial: &Trial,
-    orders: &[usize],
-    options: &Options,
-) -> Result<Vec<(usize, f64)>> {
-    let Some(&highest) = orders.iter().max() else {
-        return Ok(Vec::new());
-    };
-    let alone = RecordingSet {
-        trials: vec![trial.clone()],
-        is_listed: true,
-    };
-    let fit_options = fit::Options {
-        order: fit::Order::Fixed(highest),
-        conditioning: options.conditioning,
-        ..fit::Options::default()
-    };
-    let analysis = analyse_blocks(trial, &fit_options, highest)?.analysis;
-    let fit = fit::fit_analysed(&alone, &[analysis], &fit_options)?;
-    let fitted = &fit.textures[0];
-    let read = read(trial, &Judge::Blocks, options.conditioning)?;
-    let samples = read.judged.iter().map(Vec::len).sum();
-    let costs = orders.par_iter().map(|&order| {
-        let mut grid = fitted.grid.clone();
-        // Levinson-Durbin's model of a lower order is the first stages of that of a higher one.
-        let reflection = &mut grid.models[0].reflection;
-        reflection.truncate(order);
-        if reflection.len() < order {
-            return Ok(None);
-        }
-        let bytes = library_of(&fitted.name, &grid)?;
-        let library =
-            Library::decode(&bytes).map_err(|failure| Error::Model(failure.to_string()))?;
-        let texture = texture_named(&library, &trial.texture)?;
-        let mut comparison = read.clone();
-        let (mut synthesised, saturations) = play(texture, trial, samples, options, options.seed)?;
-        comparison.condition(&mut synthesised);
-        (comparison.synthesised, comparison.saturations) = (synthesised, saturations);
-        Ok(judged(trial, JudgeKind::Blocks, &comparison, options)
-            .scores
-            .cost
-            .map(|cost| (order, cost)))
-    });
-    let costs = costs.collect::<Result<Vec<_>>>()?;
-    Ok(costs.into_iter().flatten().collect())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::dsp::test_signals::noise;
+    use crate::fit::part::analyse_blocks;
     use crate::support::float_wav::float_wav;
 
     /// A trial of 6 s of noise, with a silence in its third second that triage cuts.

@@ -15,3 +15,4 @@ pub mod stress;
 pub mod strokes;
 pub mod summary;
 pub mod tables;
+pub mod verdict;

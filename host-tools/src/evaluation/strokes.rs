@@ -9,6 +9,7 @@ use serde::Serialize;
 
 use super::perception::ScoringRange;
 use super::tables::{Table, number};
+use super::verdict;
 use crate::dsp::high_pass::{high_pass, lowest_hz};
 use crate::dsp::motion_law::{LevelAt, MotionLaw};
 use crate::dsp::spectrum::{PowerSpectrum, band_errors_within_db};
@@ -190,6 +191,8 @@ pub struct Nearness {
 pub struct AlongStrokes {
     /// Texture that was played.
     pub texture: String,
+    /// The answer in one line.
+    pub verdict: String,
     /// Strokes that judged.
     pub strokes: usize,
     /// Strokes of the fit, from which the predictions beside are made.
@@ -284,8 +287,17 @@ pub fn along_strokes(
     );
     let by_law = of_windows(&|(_, at)| law.level_db(at.speed_mm_s, at.force_n));
     let near = |by, levels: &[f64], bands| Nearness::of(by, &recorded, levels, bands);
+    let nearness = vec![
+        near("library", &synthesised, of_synthesis),
+        near("library, mean over seeds", &averaged, None),
+        near("constant level", &vec![constant_db; recorded.len()], None),
+        near("line over log speed, log force", &by_law, None),
+        near("nearest stroke", &replayed, of_nearest),
+    ];
+    let errors_db = [0, 1, 3, 4].map(|of: usize| nearness[of].error_db);
     Ok(AlongStrokes {
         texture: texture.name().to_owned(),
+        verdict: verdict::along_strokes(errors_db, nearness[0].bias_db),
         strokes: judges.len(),
         fitted: fitted.len(),
         windows: recorded.len(),
@@ -295,13 +307,7 @@ pub fn along_strokes(
                 .iter()
                 .chain(judges)
                 .any(|stroke| stroke.is_simulated),
-        nearness: vec![
-            near("library", &synthesised, of_synthesis),
-            near("library, mean over seeds", &averaged, None),
-            near("constant level", &vec![constant_db; recorded.len()], None),
-            near("line over log speed, log force", &by_law, None),
-            near("nearest stroke", &replayed, of_nearest),
-        ],
+        nearness,
     })
 }
 

@@ -8,6 +8,7 @@ use super::liveliness::{Summary, TrialLiveliness};
 use super::perception::Perceived;
 use super::perception::ScoringRange;
 use super::tables::{Table, number, percent};
+use super::verdict;
 use crate::dsp::spectrum::{AMPLITUDE_JND_DB, BAND_COUNT};
 
 /// A texture's trials in a few numbers; silent trials are counted and left out of all means.
@@ -15,6 +16,8 @@ use crate::dsp::spectrum::{AMPLITUDE_JND_DB, BAND_COUNT};
 pub struct TextureEvaluation {
     /// The texture.
     pub texture: String,
+    /// The answer in one line.
+    pub verdict: String,
     /// Trials compared.
     pub trials: usize,
     /// Trials at which the stylus or the recording is silent.
@@ -80,62 +83,65 @@ impl Means {
     }
 }
 
-/// The tables of an evaluation: spectra, what is felt, and what a spectrum does not show.
-pub(super) fn tables(textures: &[TextureEvaluation], liveliness: &[Summary]) -> Vec<Table> {
-    let spectra = textures.iter().map(TextureEvaluation::spectra_cells);
-    let felt = textures.iter().map(TextureEvaluation::feel_cells);
-    let mut lively: Vec<(String, &[Summary])> = Vec::new();
-    for texture in textures {
-        lively.push((texture.texture.clone(), &texture.liveliness));
-    }
-    if textures.len() > 1 {
-        lively.push(("all".to_owned(), liveliness));
-    }
-    vec![
-        Table::headed("Spectra", spectra),
-        Table::headed("What is felt", felt),
-        liveliness_table("What the spectrum does not show", &lively),
-    ]
+/// The table of an evaluation: the synthesis, and in brackets the target.
+pub(super) fn table(textures: &[TextureEvaluation], target: &str) -> Table {
+    let row = |texture: &TextureEvaluation| {
+        let (own, other) = (&texture.synthesis, &texture.other);
+        let beside = |own: String, other: String| format!("{own} ({other})");
+        let both = |of: &dyn Fn(&Means) -> String| beside(of(own), of(other));
+        let costs = [texture.mean_cost, texture.mean_cost_other];
+        let [cost, cost_other] = costs.map(|cost| percent(cost, 1));
+        vec![
+            ("texture", texture.texture.clone()),
+            ("trials", texture.trials.to_string()),
+            ("C, %", beside(cost, cost_other)),
+            (
+                "LSD, dB",
+                both(&|m| number(m.mean_log_spectral_distance_db, 2)),
+            ),
+            (
+                "bands within JND, %",
+                both(&|m| percent(m.bands_within_jnd, 0)),
+            ),
+            ("level, JND", both(&|m| number(m.level_error_jnd, 2))),
+        ]
+    };
+    Table::headed(target, textures.iter().map(row))
 }
 
-/// A cell beside its heading.
-type Cell = (&'static str, String);
+/// Explanation of [`table`].
+pub fn explanation() -> String {
+    format!(
+        "C: mismatch of spectra, equation (6) of the paper; as low as its target is good. LSD: log-spectral distance. \
+         JND: just noticeable difference of level, {AMPLITUDE_JND_DB} dB; bands: share of third octaves within one; \
+         level: their RMS error without the scatter of noise."
+    )
+}
 
-impl TextureEvaluation {
-    fn spectra_cells(&self) -> Vec<Cell> {
-        let (played, other) = (&self.synthesis, &self.other);
-        let range = self
-            .bands_hz
-            .map_or("-".into(), |(low, high)| format!("{low:.0} to {high:.0}"));
-        let distance = |of: &Means| number(of.mean_log_spectral_distance_db, 2);
-        let within = |of: &Means| percent(of.bands_within_jnd, 0);
+/// Further tables of an evaluation: of spectra, and what a spectrum does not show.
+pub(super) fn tables(textures: &[TextureEvaluation], liveliness: &[Summary]) -> [Table; 2] {
+    let row = |texture: &TextureEvaluation| {
+        let (own, other) = (&texture.synthesis, &texture.other);
+        let hz = |(low, high): (f64, f64)| format!("{low:.0} to {high:.0}");
         vec![
-            ("texture", self.texture.clone()),
-            ("trials", self.trials.to_string()),
-            ("silent", self.silent.to_string()),
-            ("judged, Hz", range),
-            ("C, %", percent(self.mean_cost, 1)),
-            ("± sd", percent(self.cost_deviation, 1)),
-            ("C, other", percent(self.mean_cost_other, 1)),
-            ("LSD, dB", distance(played)),
-            ("LSD, other", distance(other)),
-            ("|band|, dB", number(played.mean_band_error_db, 2)),
-            ("within 2.2 dB, %", within(played)),
-            ("within, other", within(other)),
+            ("texture", texture.texture.clone()),
+            ("silent trials", texture.silent.to_string()),
+            ("judged, Hz", texture.bands_hz.map_or("-".into(), hz)),
+            ("C, ± sd", percent(texture.cost_deviation, 1)),
+            ("|band|, dB", number(own.mean_band_error_db, 2)),
+            ("|balance|, dB", number(own.mean_balance_error_db, 1)),
+            ("balance, other", number(other.mean_balance_error_db, 1)),
         ]
-    }
-
-    fn feel_cells(&self) -> Vec<Cell> {
-        let level = |of: &Means| number(of.level_error_jnd, 2);
-        let balance = |of: &Means| number(of.mean_balance_error_db, 1);
-        vec![
-            ("texture", self.texture.clone()),
-            ("level error, JND", level(&self.synthesis)),
-            ("level, other", level(&self.other)),
-            ("|balance|, dB", balance(&self.synthesis)),
-            ("balance, other", balance(&self.other)),
-        ]
-    }
+    };
+    let lively = textures
+        .iter()
+        .map(|t| (t.texture.clone(), t.liveliness.as_slice()));
+    let all = (textures.len() > 1).then(|| ("all".to_owned(), liveliness));
+    let lively: Vec<(String, &[Summary])> = lively.chain(all).collect();
+    [
+        Table::headed("Spectra", textures.iter().map(row)),
+        liveliness_table("What the spectrum does not show", &lively),
+    ]
 }
 
 /// Properties that a spectrum does not show, of textures or trials by name.
@@ -212,8 +218,9 @@ pub(super) fn summarise(name: &str, trials: &[TrialEvaluation]) -> TextureEvalua
         ranges.reduce(|a, b| (a.0.max(b.0), a.1.min(b.1)))
     };
     let ranges = || heard.iter().filter_map(|trial| trial.range);
-    TextureEvaluation {
+    let mut texture = TextureEvaluation {
         texture: name.to_owned(),
+        verdict: String::new(),
         trials: heard.len(),
         silent: members.len() - heard.len(),
         bands_hz: common(&mut ranges().map(|range| range.band_edges_hz())),
@@ -225,59 +232,48 @@ pub(super) fn summarise(name: &str, trials: &[TrialEvaluation]) -> TextureEvalua
         other: Means::of(&others),
         mean_cost_other: mean(others.iter().filter_map(|scores| scores.cost)),
         liveliness: liveliness::summaries(heard.iter().filter_map(|t| t.liveliness.as_ref())),
-    }
+    };
+    texture.verdict = verdict::of_texture(&texture, &members);
+    texture
 }
 
 /// The mean; `None` of nothing.
-fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
+pub(super) fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
     let (sum, count) = values.fold((0.0, 0u32), |(sum, count), value| (sum + value, count + 1));
     (count > 0).then(|| sum / f64::from(count))
 }
 
 /// The frequencies of all figures, in words.
 pub(super) fn judged_hz(trials: &[TrialEvaluation]) -> String {
-    let ends = |ranges: Vec<(f64, f64)>| {
-        let of = |pick: fn(&(f64, f64)) -> f64| {
-            let values: Vec<f64> = ranges.iter().map(pick).collect();
-            let least = values.iter().copied().fold(f64::INFINITY, f64::min);
-            let most = values.iter().copied().fold(0.0, f64::max);
-            if format!("{least:.0}") == format!("{most:.0}") {
-                format!("{most:.0}")
-            } else {
-                format!("{least:.0}-{most:.0}")
-            }
-        };
-        format!("{} to {} Hz", of(|r| r.0), of(|r| r.1))
+    let ends = |of: fn(ScoringRange) -> (f64, f64)| {
+        let heard = trials.iter().filter(|trial| !trial.is_silent);
+        let ranges = heard.filter_map(|trial| trial.range).map(of);
+        let (low, high) = ranges.reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))?;
+        Some(format!("{low:.0} to {high:.0} Hz"))
     };
-    let ranges = || {
-        let trials = trials.iter().filter(|trial| !trial.is_silent);
-        trials.filter_map(|trial| trial.range)
-    };
-    if ranges().next().is_none() {
+    let found = ends(|range| range.band_edges_hz())
+        .zip(ends(|range| range.distance_hz()))
+        .zip(ends(|range| range.cost_hz));
+    let Some(((bands, distance), cost)) = found else {
         return "Nothing could be judged: recordings are silent, too short or too slow.".into();
-    }
+    };
     format!(
-        "Judged: third octaves and balance from {}, LSD from {}, C from {}; nothing above 0.9 \
-         of half a recording's own sample rate, nor where its blocks do not resolve a third octave.",
-        ends(ranges().map(|range| range.band_edges_hz()).collect()),
-        ends(ranges().map(|range| range.distance_hz()).collect()),
-        ends(ranges().map(|range| range.cost_hz).collect()),
+        "Judged: third octaves from {bands}, LSD from {distance}, C from {cost}; nothing above 0.9 of half a \
+         recording's own sample rate, nor where its blocks do not resolve a third octave."
     )
 }
 
-/// The other recording beside the synthesis, in words.
-pub(super) fn other_in_words(trials: &[TrialEvaluation]) -> &'static str {
-    let kinds: Vec<JudgeKind> = trials.iter().map(|trial| trial.judge).collect();
-    let all = |kind| kinds.iter().all(|&k| k == kind);
-    if all(JudgeKind::OtherTake) {
-        "Other: the fitted recording in the place of the synthesis, against the same take; a synthesis need not come \
-         nearer."
-    } else if kinds.contains(&JudgeKind::OtherTake) {
-        "Other: the fitted take, or the recording's other blocks, in the place of the synthesis; a synthesis need not \
-         come nearer."
-    } else {
-        "Other: the recording's other blocks in the place of the synthesis, against the judged ones; a synthesis need \
-         not come nearer."
+/// The target in words: the other recording in the place of the synthesis.
+pub(super) fn target_in_words(trials: &[TrialEvaluation]) -> &'static str {
+    let takes = trials
+        .iter()
+        .filter(|trial| trial.judge == JudgeKind::OtherTake);
+    match takes.count() {
+        0 => "In brackets the target: how far two parts of one recording are from each other",
+        all if all == trials.len() => {
+            "In brackets the target: how far two takes of one surface are from each other"
+        }
+        _ => "In brackets the target: how far two takes, or parts of one, are from each other",
     }
 }
 

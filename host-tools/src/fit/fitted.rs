@@ -5,6 +5,7 @@ use std::sync::Arc;
 use model_format::{Provenance, TextureSpec};
 
 use crate::support::error::{Error, Result};
+use crate::support::warning::Warning;
 use crate::texture::grid::Grid;
 
 use super::excitation::ExcitationReport;
@@ -35,8 +36,8 @@ pub struct Fit {
     pub textures: Vec<FittedTexture>,
     /// Their excitations, in the same order; none if the fit was of the models alone.
     pub excitations: Vec<ExcitationReport>,
-    /// Notes for the user, one line each.
-    pub warnings: Vec<String>,
+    /// Notes for the user.
+    pub warnings: Vec<Warning>,
 }
 
 impl Fit {

@@ -11,6 +11,7 @@ use rayon::prelude::*;
 use crate::recording::triage::{Compared, Verdict};
 use crate::recording::{RecordingSet, Trial, triage};
 use crate::support::error::{Error, Result};
+use crate::support::warning::Warning;
 use crate::texture::library::stored_texture;
 
 pub mod conditioning;
@@ -256,11 +257,12 @@ fn fit_reported<'a>(
         warnings: Vec::new(),
     };
     if options.sample_rate_hz != SAMPLE_RATE_HZ {
-        fit.warnings.push(format!(
+        let text = format!(
             "at {} Hz nothing but noise of steady level is fitted: residual, level and lines are sought at \
              {SAMPLE_RATE_HZ} Hz alone",
             options.sample_rate_hz
-        ));
+        );
+        fit.warnings.push(Warning::of_set("rate", text));
     }
     fit.warnings.extend(notes::of_set(set, &fit.trials));
     for (name, members) in set.by_texture() {

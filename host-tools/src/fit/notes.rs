@@ -12,6 +12,7 @@ use crate::dsp::high_pass::{SLOW_HZ, lowest_hz};
 use crate::fit::conditioning::HighPass;
 use crate::recording::pattern::one_number;
 use crate::recording::{RecordingSet, Trial, grid_by_gaps, holds_integers};
+use crate::support::warning::Warning;
 use crate::texture::grid::Grid;
 
 /// A mean this many times the RMS is more than an offset of an amplifier: gravity, or a sensor that is not what it is
@@ -48,7 +49,7 @@ impl Short {
     }
 }
 
-/// Returns the notes on texture `name`, one line each: on its `grid`, on the bands that nodes miss, on the `trials`
+/// Returns the notes on texture `name`: on its `grid`, on the bands that nodes miss, on the `trials`
 /// that were used and those that end too early, and on the number of `idle` ones, which were not used, because they are
 /// at rest or without contact.
 pub(super) fn of(
@@ -58,27 +59,25 @@ pub(super) fn of(
     (trials, short): (&[&TrialReport], &[Short]),
     idle: usize,
     options: &Options,
-) -> Vec<String> {
+) -> Vec<Warning> {
+    let note = |kind, size: f64, text| Warning::of_texture(kind, name, size, text);
     let left_out = (idle > 0).then(|| {
-        format!(
-            "texture '{name}': {idle} trial(s) at speed 0 or force 0 are left out, because the stylus is silent there: \
-             give light contact its force, such as 0.05 N, to use them"
-        )
+        let text = format!(
+            "{idle} trial(s) at speed 0 or force 0 are left out: the stylus is silent there. Label light contact 0.05 N"
+        );
+        note("idle", idle as f64, text)
     });
     let close = [
         close_values("speeds", &grid.speeds_mm_s, "mm/s"),
         close_values("forces", &grid.forces_n, "N"),
     ];
-    let close = close
-        .into_iter()
-        .flatten()
-        .map(|pair| format!("texture '{name}': {pair}"));
+    let close = close.into_iter().flatten();
     let lowered = lowered_orders(grid, options).map(|(nodes, order, speed, force)| {
-        format!(
-            "texture '{name}': {nodes} node(s) have a lower order than was asked for, the lowest {order} at {speed} \
-             mm/s, {force} N: too few samples, or a signal of a few lines, which higher orders only make \
-             ill-conditioned"
-        )
+        let text = format!(
+            "{nodes} node(s) have a lower order than was asked for, the lowest {order} at {speed} mm/s, {force} N: too \
+             few samples, or a signal of a few lines, which higher orders only make ill-conditioned"
+        );
+        note("lower order", nodes as f64, text)
     });
     let with_mean = trials
         .iter()
@@ -88,27 +87,30 @@ pub(super) fn of(
         .map(|trial| trial.mean_m_s2)
         .fold(0.0, f64::max);
     let removed = (largest > 0.0).then(|| {
-        format!(
-            "texture '{name}': a mean above the RMS, up to {largest:.3} m/s², was removed from {} trial(s)",
+        let text = format!(
+            "a mean above the RMS, up to {largest:.3} m/s², was removed from {} trial(s)",
             with_mean.count()
-        )
+        );
+        note("mean", largest, text)
     });
-    let missed = missed_bands(name, misses, options);
-    let slow = slow_motion(name, trials);
-    left_out
+    let noted = |(kind, size, text): Noted| note(kind, size, text);
+    let notes = left_out
         .into_iter()
-        .chain(too_short(name, short))
-        .chain(mostly_filled(name, grid, trials))
-        .chain(close)
-        .chain(lowered)
-        .chain(removed)
-        .chain(slow)
-        .chain(missed)
+        .chain(too_short(short).map(noted))
+        .chain(mostly_filled(grid, trials).map(noted))
+        .chain(close.map(noted));
+    let notes = notes.chain(lowered).chain(removed);
+    notes
+        .chain(slow_motion(trials).map(noted))
+        .chain(missed_bands(misses, options).map(noted))
         .collect()
 }
 
+/// Kind, size and words of a note on a texture.
+type Noted = (&'static str, f64, String);
+
 /// Returns a note on slow motion that was filtered out, or was not.
-fn slow_motion(name: &str, trials: &[&TrialReport]) -> Option<String> {
+fn slow_motion(trials: &[&TrialReport]) -> Option<Noted> {
     let is_filtered = |trial: &&&TrialReport| trial.high_pass_hz.is_some();
     let is_advised = |trial: &&&TrialReport| {
         HighPass::Auto.cut_hz(trial.slow_share).is_some() || is_filtered(trial)
@@ -120,20 +122,20 @@ fn slow_motion(name: &str, trials: &[&TrialReport]) -> Option<String> {
         .reduce(f64::max)?;
     let turn_deg = moved.iter().map(|t| t.axis_turn_deg).fold(0.0, f64::max);
     let what = format!(
-        "up to {:.0} % of their power is below {SLOW_HZ} Hz, as of a hand's motion, which turns the principal axis by \
-         up to {turn_deg:.0}°",
+        "up to {:.0} % of their power is below {SLOW_HZ} Hz, as of a hand's motion, and turns the main axis by up to \
+         {turn_deg:.0}°",
         100.0 * share
     );
     let cut_hz = moved
         .iter()
         .filter_map(|trial| trial.high_pass_hz)
         .reduce(f64::max);
-    Some(match cut_hz {
+    let text = match cut_hz {
         Some(cut_hz) => {
             let low = lowest_hz(cut_hz);
             format!(
-                "texture '{name}': {} trial(s) are high-passed at {cut_hz} Hz: {what}. Below {low:.0} Hz the models go \
-                 on evenly, and nothing is judged; --high-pass none keeps that motion",
+                "{} trial(s) are high-passed at {cut_hz} Hz: {what}. Below {low:.0} Hz nothing is judged; --high-pass \
+                 none keeps that motion",
                 moved
                     .iter()
                     .filter(|trial| trial.high_pass_hz.is_some())
@@ -141,28 +143,30 @@ fn slow_motion(name: &str, trials: &[&TrialReport]) -> Option<String> {
             )
         }
         None => format!(
-            "texture '{name}': {} trial(s) are fitted with their slow motion, as asked for: {what}",
+            "{} trial(s) are fitted with their slow motion, as asked for: {what}",
             moved.len()
         ),
-    })
+    };
+    Some(("slow motion", share, text))
 }
 
 /// Returns a note on trials whose files end early.
-fn too_short(name: &str, short: &[Short]) -> Option<String> {
+fn too_short(short: &[Short]) -> Option<Noted> {
     let lack = |short: &&Short| short.asked_s - short.held_s;
     let worst = short.iter().max_by(|a, b| lack(a).total_cmp(&lack(b)))?;
-    Some(format!(
-        "texture '{name}': {} trial(s) are shorter than the duration that was asked for, such as {} with {:.3} s of \
-         {} s: mend duration_s in the list, or record for longer",
+    let text = format!(
+        "{} trial(s) are shorter than the duration that was asked for, such as {} with {:.3} s of {} s: mend \
+         duration_s in the list, or record for longer",
         short.len(),
         worst.file,
         worst.held_s,
         worst.asked_s
-    ))
+    );
+    Some(("short", lack(&worst), text))
 }
 
 /// Returns a note on a grid of which most nodes have no recording, with the tolerance that makes a dense one of it.
-fn mostly_filled(name: &str, grid: &Grid, trials: &[&TrialReport]) -> Option<String> {
+fn mostly_filled(grid: &Grid, trials: &[&TrialReport]) -> Option<Noted> {
     let recorded = |places: &[(f64, f64)]| {
         let bits = places.iter().map(|(s, f)| (s.to_bits(), f.to_bits()));
         bits.collect::<HashSet<_>>().len()
@@ -181,49 +185,50 @@ fn mostly_filled(name: &str, grid: &Grid, trials: &[&TrialReport]) -> Option<Str
             100.0 * speed.largest_move().max(force.largest_move())
         )
     });
-    Some(format!(
-        "texture '{name}': {} of {nodes} nodes of its grid of {} x {} are filled from neighbours, because few speeds \
-         and forces were recorded together: {}",
+    let text = format!(
+        "{} of {nodes} nodes of its grid of {} x {} are filled from neighbours, because few speeds and forces were \
+         recorded together: {}",
         nodes - with,
         grid.speeds_mm_s.len(),
         grid.forces_n.len(),
         remedy.unwrap_or_else(|| "give nominal values in the list".to_owned())
-    ))
+    );
+    Some(("filled", (nodes - with) as f64, text))
 }
 
 /// Returns a note on the closest values of an axis, if they are closer than nominal values would be.
-fn close_values(what: &str, values: &[f32], unit: &str) -> Option<String> {
+fn close_values(what: &'static str, values: &[f32], unit: &str) -> Option<Noted> {
     let close = values
         .windows(2)
         .filter(|pair| pair[1] - pair[0] < CLOSE_SHARE * pair[1]);
     let share = |pair: &&[f32]| (pair[1] - pair[0]) / pair[1];
     let closest = close.clone().min_by(|a, b| share(a).total_cmp(&share(b)))?;
-    Some(format!(
-        "{} pair(s) of {what} are less than 1 % apart, such as {} and {} {unit}, and make a line of nodes each: give \
+    let pairs = close.count();
+    let text = format!(
+        "{pairs} pair(s) of {what} are less than 1 % apart, such as {} and {} {unit}, and make a line of nodes each: give \
          nominal values in the list, or --snap 0.01, if they are meant to be one",
-        close.count(),
-        closest[0],
-        closest[1]
-    ))
+        closest[0], closest[1]
+    );
+    Some((what, pairs as f64, text))
 }
 
 /// Returns a note on the bands that nodes miss.
-fn missed_bands(name: &str, misses: &[Miss], options: &Options) -> Option<String> {
+fn missed_bands(misses: &[Miss], options: &Options) -> Option<Noted> {
     let level = |miss: &&Miss| miss.band.level_db.abs();
     let worst = misses.iter().max_by(|a, b| level(a).total_cmp(&level(b)))?;
     let remedy = match options.order {
         Order::Fixed(model_format::limits::MAX_ORDER) => "record for longer",
         _ => "fit with --order 400, or record for longer",
     };
-    Some(format!(
-        "texture '{name}': {} node(s) miss a third-octave band of their recording, worst by {:+.1} dB at {:.0} Hz, {} \
-         mm/s, {} N: {remedy}",
+    let text = format!(
+        "{} node(s) miss a third octave of their recording, one by {:+.1} dB at {:.0} Hz, {} mm/s, {} N: {remedy}",
         misses.len(),
         worst.band.level_db,
         worst.band.centre_hz,
         worst.speed_mm_s,
         worst.force_n
-    ))
+    );
+    Some(("bands", level(&worst), text))
 }
 
 /// Returns the number of measured nodes below the fixed order that was asked for, the lowest order, its speed and
@@ -253,12 +258,17 @@ const LARGE_SPEED_MM_S: f64 = 2000.0;
 /// Speed that is less than anything is stroked with, mm/s; metres per second taken for millimetres are below.
 const SMALL_SPEED_MM_S: f64 = 1.0;
 
-/// Returns the notes on `set`, whose trials have these `reports`, one line each.
-pub(super) fn of_set(set: &RecordingSet, reports: &[TrialReport]) -> Vec<String> {
+/// Returns the notes on `set`, whose trials have these `reports`.
+pub(super) fn of_set(set: &RecordingSet, reports: &[TrialReport]) -> Vec<Warning> {
     let mut notes = Vec::new();
-    notes.extend(missing_scale(set, reports));
-    notes.extend(unlisted_speeds(set));
-    notes.extend(doubtful_motions(&set.trials));
+    notes.extend(missing_scale(set, reports).map(|text| Warning::of_set("scale", text)));
+    notes.extend(unlisted_speeds(set).map(|text| Warning::of_set("unlisted", text)));
+    let motions = doubtful_motions(&set.trials);
+    notes.extend(
+        motions
+            .into_iter()
+            .map(|(kind, text)| Warning::of_set(kind, text)),
+    );
     notes
 }
 
@@ -319,24 +329,26 @@ fn missing_scale(set: &RecordingSet, reports: &[TrialReport]) -> Option<String> 
 }
 
 /// Returns notes on speeds and forces that are likely to be in another unit.
-fn doubtful_motions(trials: &[Trial]) -> Vec<String> {
+fn doubtful_motions(trials: &[Trial]) -> Vec<(&'static str, String)> {
     let largest = |of: fn(&Trial) -> f64| trials.iter().map(of).fold(0.0, f64::max);
     let (speed, force) = (largest(|t| t.speed_mm_s), largest(|t| t.force_n));
     let mut notes = Vec::new();
     if speed > LARGE_SPEED_MM_S {
-        notes.push(format!(
+        let text = format!(
             "speeds reach {speed} mm/s, and hands and drums stay below {LARGE_SPEED_MM_S}: check speed_mm_s"
-        ));
+        );
+        notes.push(("fast", text));
     }
     if speed > 0.0 && speed < SMALL_SPEED_MM_S {
-        notes.push(format!(
-            "no speed is above {speed} mm/s: are they in m/s? give speed_mm_s in mm/s"
-        ));
+        let text =
+            format!("no speed is above {speed} mm/s: are they in m/s? give speed_mm_s in mm/s");
+        notes.push(("slow", text));
     }
     if force > LARGE_FORCE_N {
-        notes.push(format!(
+        let text = format!(
             "forces reach {force} N, and hands stay below {LARGE_FORCE_N}: are they in grams? give force_n in newtons"
-        ));
+        );
+        notes.push(("strong", text));
     }
     notes
 }

@@ -7,19 +7,18 @@ use model_format::{Axis, Library, Node, SAMPLE_RATE_HZ, Texture};
 
 use super::html::{Page, Sound};
 use super::plot::{
-    COST, Caption, GridCell, GridMap, OrderSeries, Scale, Svg, WIDE, band_error_chart, grid_map,
-    order_against_cost, spectra, spectrograms, waveforms,
+    COST, Caption, GridCell, GridMap, Scale, Svg, WIDE, grid_map, spectra, spectrograms, waveforms,
 };
 use super::sound::{SOUNDS_BYTES, clip, sound};
-use crate::dsp::spectrum::AMPLITUDE_JND_DB;
 use crate::evaluation::evaluate;
-use crate::evaluation::evaluate::{Comparison, Evaluation, Excerpt, cost_by_order, texture_named};
+use crate::evaluation::evaluate::{Comparison, Evaluation, Excerpt, texture_named};
 use crate::evaluation::held_out::JudgeKind;
 use crate::evaluation::leave_one_out::LeaveOneOut;
 use crate::evaluation::liveliness::summaries;
 use crate::evaluation::summary::TrialEvaluation;
-use crate::evaluation::summary::{LIVELINESS_EXPLANATION, liveliness_table};
-use crate::recording::{RecordingSet, Trial};
+use crate::evaluation::summary::{LIVELINESS_EXPLANATION, explanation, liveliness_table};
+use crate::evaluation::verdict;
+use crate::recording::RecordingSet;
 use crate::support::error::Result;
 use crate::support::file_name::Stems;
 use crate::texture::grid::as_written;
@@ -29,9 +28,6 @@ const PAGE: &str = "index.html";
 
 /// Speed, mm/s, and force, N, of the paper's own example (its figure 10); the nearest trial stands for its texture.
 const EXAMPLE: (f64, f64) = (120.0, 1.0);
-
-/// Orders of the picture of order against cost. The paper's goes up to 1000, a stylus to 400.
-const ORDERS: [usize; 10] = [0, 2, 5, 10, 20, 50, 100, 200, 300, 400];
 
 /// Highest frequency of spectrograms, Hz.
 const HIGHEST_HZ: f64 = 1000.0;
@@ -63,15 +59,12 @@ pub struct Inputs<'a> {
 pub fn write(inputs: &Inputs<'_>, folder: &Path, progress: impl Fn()) -> Result<PathBuf> {
     let mut report = Report::new(inputs, folder);
     report.overview();
-    report.takes();
-    if let Some(test) = inputs.removed_nodes {
-        removed_node_tables(&mut report.page, test);
-    }
-    report.orders()?;
     for summary in &inputs.evaluation.textures {
-        report.texture(texture_named(inputs.library, &summary.texture)?)?;
+        report.texture(&summary.texture, &summary.verdict)?;
         progress();
     }
+    report.maps()?;
+    report.figures();
     let page = folder.join(PAGE);
     report.page.write(&page)?;
     Ok(page)
@@ -145,7 +138,7 @@ impl<'a> Report<'a> {
         }
     }
 
-    /// Writes what was compared, how, and a line per texture.
+    /// Writes what was compared, and how.
     fn overview(&mut self) {
         let (evaluation, page) = (self.inputs.evaluation, &mut self.page);
         if evaluation.simulated {
@@ -154,85 +147,80 @@ impl<'a> Report<'a> {
                  stylus comes to a real surface.",
             );
         }
-        page.section("How near the stylus comes")
-            .notice(&format!("Held out: {}", evaluation.held_out))
-            .paragraph(&format!(
-                "Each held-out recording is compared with {} s of what the stylus plays at its speed and force, \
-                 computed by the device's own kernel. {} {}",
-                self.inputs.options.synthesis_s,
-                evaluation.judged_hz(),
-                evaluation.other_in_words()
-            ));
+        page.list(&evaluation.verdicts().collect::<Vec<_>>())
+            .folded("What is compared, and what the verdicts mean", |page| {
+                page.paragraph(&format!(
+                    "Each recording is compared with {} s of what the stylus plays at its speed and force, computed by \
+                     the device's own kernel. Held out: {}",
+                    self.inputs.options.synthesis_s, evaluation.held_out
+                ))
+                .paragraph(&verdict::explanation());
+            });
+    }
+
+    /// Draws the maps of all textures.
+    fn maps(&mut self) -> Result<()> {
+        let Inputs {
+            library,
+            evaluation,
+            ..
+        } = self.inputs;
+        self.page.section("Maps").paragraph(
+            "C is the paper's mismatch of spectra in per cent, equation (6): 0 if they are equal. It is good where it is \
+             as low as that of two parts of one recording, which the table of all figures has in brackets.",
+        );
+        for summary in &evaluation.textures {
+            self.cost_map(&texture_named(library, &summary.texture)?)?;
+        }
+        Ok(())
+    }
+
+    /// Writes the tables, all but one folded, and which takes judged nothing.
+    fn figures(&mut self) {
+        let Inputs {
+            evaluation,
+            removed_nodes,
+            unused_takes,
+            ..
+        } = self.inputs;
+        let page = &mut self.page;
         let explanations = [
             format!(
-                "C is equation (6) of Romano, Yoshioka and Kuchenbecker (ICRA 2010) in per cent, with DFT amplitudes \
-                 smoothed by a {} and averaged over blocks. LSD is the log-spectral distance in sliding third octaves. \
-                 |band| is the mean magnitude of the errors of third octaves, and the next columns are the share of \
-                 them below {AMPLITUDE_JND_DB} dB, the amplitude JND (Israr 2006), which are not felt.",
+                "{} Amplitudes of C are smoothed by a {} and averaged over blocks. |band| is the mean magnitude of the \
+                 errors of third octaves; balance is power below 100 Hz over that above. 'Other' is the target. The \
+                 level error is about 0 for another seed of one noise, 2.7 JND for a gain of -6 dB (Israr 2006).",
+                evaluation.judged_hz(),
                 evaluation.smoothing
-            ),
-            format!(
-                "Level error: RMS error of third octaves in just noticeable differences of {AMPLITUDE_JND_DB} dB, less \
-                 what two estimates of one noise differ by: about 0 for another seed, 2.7 for a gain of -6 dB. \
-                 Balance: power below 100 Hz over that above, against the judge's."
             ),
             format!(
                 "Two signals with one spectrum may feel different, because one has impulses, or a level that changes, \
                  and the other has not. {LIVELINESS_EXPLANATION}"
             ),
         ];
-        for (explanation, table) in explanations.iter().zip(evaluation.tables()) {
-            if !table.rows.is_empty() {
-                page.paragraph(explanation).table(&table);
-            }
+        page.section("Figures")
+            .paragraph(&explanation())
+            .table(&evaluation.table())
+            .folded("All tables", |page| {
+                for (explanation, table) in explanations.iter().zip(evaluation.tables()) {
+                    if !table.rows.is_empty() {
+                        page.paragraph(explanation).table(&table);
+                    }
+                }
+            });
+        if let Some(test) = removed_nodes {
+            removed_node_tables(&mut self.page, test);
         }
-    }
-
-    /// Writes which takes judged nothing.
-    fn takes(&mut self) {
-        let unused = self.inputs.unused_takes;
-        if !unused.is_empty() {
+        if !unused_takes.is_empty() {
             self.page
                 .section("Takes")
                 .notice("Takes that are in the fitted set, and judge nothing:")
-                .list(unused);
+                .list(unused_takes);
         }
     }
 
-    /// Draws the cost of each texture's example trial by the order of its model: the paper's figure 8.
-    fn orders(&mut self) -> Result<()> {
-        let Inputs { set, library, .. } = self.inputs;
-        let mut costs = Vec::new();
-        for summary in &self.inputs.evaluation.textures {
-            let Some(index) = self.example_index(&summary.texture) else {
-                continue;
-            };
-            let trial = &set.trials[index];
-            let chosen = node_order(&texture_named(library, &summary.texture)?, trial);
-            let of_trial = cost_by_order(trial, &ORDERS, self.inputs.options)?;
-            costs.push((summary.texture.as_str(), of_trial, chosen));
-        }
-        if costs.is_empty() {
-            return Ok(());
-        }
-        let series = costs.iter().map(|(name, costs, chosen)| OrderSeries {
-            name,
-            costs,
-            chosen: *chosen,
-        });
-        let series: Vec<OrderSeries<'_>> = series.collect();
-        let picture = order_against_cost(&self.caption("Order against cost"), &series)?;
-        self.page.section("Cost by order");
-        self.figure(
-            &picture,
-            "order-against-cost",
-            "C of the example trial of each texture by the order of its model (the paper's figure 8), fitted to every \
-             other block of the recording and judged on the rest. The mark is the order that the library has there.",
-        )
-    }
-
-    fn texture(&mut self, texture: Texture<'_>) -> Result<()> {
-        let name = texture.name();
+    /// Writes what a reader asks for first: both signals, to be seen and heard, the verdict, and both spectra. What else
+    /// there is on the example is folded.
+    fn texture(&mut self, name: &str, verdict: &str) -> Result<()> {
         self.page.section(name);
         let Some(example) = self.example(name)? else {
             self.page.paragraph("Silent in every trial.");
@@ -249,49 +237,50 @@ impl<'a> Report<'a> {
         let heard = if sounds.is_empty() {
             ""
         } else {
-            " Click in one to hear it from there. All sounds below have one scale; what is heard is the acceleration."
+            " Click in one to hear it from there. All sounds have one scale; what is heard is the acceleration."
         };
-        self.figure_with_sounds(
+        self.figure(
             &picture,
             &format!("{stem}-spectrograms"),
             &format!("Spectrograms of the recording and of the synthesis, to one scale.{heard}"),
             &sounds,
         )?;
+        self.page.verdict(verdict);
         self.nodes(name);
-        self.spectra(
-            &example.title,
-            (comparison.longest_block(), &comparison.synthesised),
+        let block = (
+            comparison.longest_block(),
+            comparison.synthesised.as_slice(),
+        );
+        let width_hz = self.inputs.options.smoothing_hz;
+        self.figure(
+            &spectra(&title, block, RATE_HZ, width_hz)?,
             &format!("{stem}-spectra"),
             &format!(
                 "The example trial and its synthesis in frequency (the paper's figure 7): {}. C is of what is drawn \
                  here.",
                 example.part()
             ),
+            &[],
         )?;
         let signals = example.signals();
         let signals: Vec<(&str, &[f64])> = signals.iter().map(|(n, s)| (n.as_str(), *s)).collect();
-        self.figure(
-            &waveforms(&title, &signals, RATE_HZ)?,
-            &format!("{stem}-waveforms"),
-            "Waveforms and envelopes, 0.1 s and 2 s from the middle of each. The recording is drawn whatever was \
-             fitted of it; the figures below are of what was held out.",
-        )?;
-        if let Some(liveliness) = &example.judged.liveliness {
-            let summaries = summaries(std::iter::once(liveliness));
-            let table = liveliness_table(
-                "What the spectrum does not show, of this trial",
-                &[(example.title.clone(), &summaries)],
-            );
-            self.page.table(&table);
-        }
-        if example.judged.judge != JudgeKind::Nothing {
-            self.figure(
-                &band_error_chart(&title, &example.judged.scores.band_errors_db)?,
-                &format!("{stem}-bands"),
-                "Level of the synthesis over the held-out recording's in third-octave bands; shaded: not felt.",
-            )?;
-        }
-        self.cost_map(&texture)
+        let picture = waveforms(&title, &signals, RATE_HZ)?;
+        picture.write(&self.folder.join(format!("{stem}-waveforms.svg")))?;
+        let liveliness = example.judged.liveliness.as_ref();
+        let summaries = liveliness.map(|own| summaries(std::iter::once(own)));
+        let words = "Waveforms, and what the spectrum does not show";
+        self.page.folded(words, |page| {
+            let caption = "Waveforms and envelopes, 0.1 s and 2 s from the middle of each. The recording is drawn \
+                 whatever was fitted of it.";
+            page.figure(&picture, caption, &[]);
+            if let Some(summaries) = &summaries {
+                page.table(&liveliness_table(
+                    "What the spectrum does not show, of this trial",
+                    &[(example.title.clone(), summaries)],
+                ));
+            }
+        });
+        Ok(())
     }
 
     /// Reads and plays the trial of a texture that is nearest to the paper's own example. `None` if all are silent.
@@ -402,30 +391,11 @@ impl<'a> Report<'a> {
         };
         let cells: Vec<GridCell> = texture.nodes().zip(places).map(cell).collect();
         let axis = |axis: Axis<'_>| axis.values().map(as_written).collect::<Vec<f64>>();
-        let stem = self.stem(texture.name());
-        self.map(
-            texture.name(),
-            &format!("{}: C over the grid", texture.name()),
-            (&axis(speeds), &axis(forces), &cells),
-            &format!("{stem}-cost-map"),
-            "C of every node against what was held out of its recordings",
-        )
-    }
-
-    /// Draws a map of C of `texture`, speeds by forces.
-    fn map(
-        &mut self,
-        texture: &str,
-        title: &str,
-        (speeds_mm_s, forces_n, cells): (&[f64], &[f64], &[GridCell]),
-        name: &str,
-        what: &str,
-    ) -> Result<()> {
         let map = GridMap {
-            texture,
-            speeds_mm_s,
-            forces_n,
-            cells,
+            texture: texture.name(),
+            speeds_mm_s: &axis(speeds),
+            forces_n: &axis(forces),
+            cells: &cells,
             quantity: COST,
             scale: self.cost_scale,
         };
@@ -434,21 +404,14 @@ impl<'a> Report<'a> {
         } else {
             "Click a node, or press Enter on it, to hear its recording and then its synthesis."
         };
-        let caption = format!("{what}, in the colours of all maps of C on this page. {playing}");
-        self.figure(&grid_map(&self.caption(title), &map, WIDE)?, name, &caption)
-    }
-
-    /// Draws a recording and its synthesis in frequency.
-    fn spectra(
-        &mut self,
-        title: &str,
-        signals: (&[f64], &[f64]),
-        name: &str,
-        caption: &str,
-    ) -> Result<()> {
-        let width_hz = self.inputs.options.smoothing_hz;
-        let picture = spectra(&self.caption(title), signals, RATE_HZ, width_hz)?;
-        self.figure(&picture, name, caption)
+        let title = format!("{}: C over the grid", texture.name());
+        let picture = grid_map(&self.caption(&title), &map, WIDE)?;
+        let name = format!("{}-cost-map", self.stem(texture.name()));
+        let caption = format!(
+            "C of every node against what was held out of its recordings, in the colours of all maps of C on this \
+             page. {playing}"
+        );
+        self.figure(&picture, &name, &caption, &[])
     }
 
     /// The beginning of the names of a texture's pictures.
@@ -456,18 +419,8 @@ impl<'a> Report<'a> {
         self.stems.of(texture)
     }
 
-    /// Puts a picture on the page, and as `name` into the folder.
-    fn figure(&mut self, picture: &Svg, name: &str, caption: &str) -> Result<()> {
-        self.figure_with_sounds(picture, name, caption, &[])
-    }
-
-    fn figure_with_sounds(
-        &mut self,
-        picture: &Svg,
-        name: &str,
-        caption: &str,
-        sounds: &[Sound],
-    ) -> Result<()> {
+    /// Puts a picture with players on the page, and as `name` into the folder.
+    fn figure(&mut self, picture: &Svg, name: &str, caption: &str, sounds: &[Sound]) -> Result<()> {
         picture.write(&self.folder.join(format!("{name}.svg")))?;
         self.page.figure(picture, caption, sounds);
         Ok(())
@@ -485,14 +438,6 @@ impl<'a> Report<'a> {
 /// Squared distance of a speed and a force from [`EXAMPLE`], as shares of it.
 fn distance(speed_mm_s: f64, force_n: f64) -> f64 {
     (speed_mm_s / EXAMPLE.0 - 1.0).powi(2) + (force_n / EXAMPLE.1 - 1.0).powi(2)
-}
-
-/// The order of the library's model at a trial's node, if the trial stands at one.
-fn node_order(texture: &Texture<'_>, trial: &Trial) -> Option<usize> {
-    let at = |axis: Axis<'_>, value: f64| axis.values().position(|v| v == value as f32);
-    let speed = at(texture.speed_axis(), trial.speed_mm_s)?;
-    let force = at(texture.force_axis(), trial.force_n)?;
-    Some(texture.node(speed, force).coefficients.order())
 }
 
 /// Writes Table I.

@@ -97,6 +97,11 @@ impl Page {
         self.push(&format!("<p class=\"notice\">{}</p>", escaped(text)))
     }
 
+    /// The verdict on what is above.
+    pub fn verdict(&mut self, text: &str) -> &mut Self {
+        self.push(&format!("<p class=\"verdict\">{}</p>", escaped(text)))
+    }
+
     /// A list of points.
     pub fn list<T: AsRef<str>>(&mut self, points: &[T]) -> &mut Self {
         self.push("<ul>");
@@ -169,6 +174,13 @@ impl Page {
             let bytes: Vec<u8> = clip.iter().flat_map(|value| value.to_le_bytes()).collect();
             STANDARD.encode(bytes)
         }));
+    }
+
+    /// What `fill` adds, folded under `summary` until it is asked for.
+    pub fn folded(&mut self, summary: &str, fill: impl FnOnce(&mut Self)) -> &mut Self {
+        self.push(&format!("<details><summary>{}</summary>", escaped(summary)));
+        fill(self);
+        self.push("</details>")
     }
 
     /// The page's text.
@@ -292,18 +304,15 @@ pub(super) fn assert_fetches_nothing(page: &str) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::report::plot::{Caption, order_against_cost};
+    use crate::report::plot::{Caption, waveforms};
     use proptest::prelude::*;
 
     fn picture() -> Svg {
-        order_against_cost(
-            &Caption {
-                title: "picture",
-                simulated: false,
-            },
-            &[],
-        )
-        .unwrap()
+        let caption = Caption {
+            title: "picture",
+            simulated: false,
+        };
+        waveforms(&caption, &[], 5000.0).unwrap()
     }
 
     /// A page with everything, made of `text`.
@@ -314,7 +323,10 @@ mod tests {
             .notice(text)
             .list(&[text])
             .table(&Table::new(text, [text, text], [vec![text.to_owned(); 2]]))
-            .figure(&picture(), text, &[])
+            .folded(text, |page| {
+                page.figure(&picture(), text, &[]);
+            })
+            .verdict(text)
             .finish()
     }
 

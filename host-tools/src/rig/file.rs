@@ -41,6 +41,12 @@ impl RigFile {
             .expect("the rig file that comes with the program is sound; a test reads it")
     }
 
+    /// The rig of the demo: of the paper's textures paper, vinyl and denim, and a plate with scratches.
+    pub fn demo() -> Self {
+        Self::from_toml(Path::new("rigs/demo-rig.toml"), DEMO_RIG)
+            .expect("the rig file that comes with the program is sound; a test reads it")
+    }
+
     /// The content of the file.
     pub fn description(&self) -> &RigDescription {
         &self.description
@@ -53,6 +59,7 @@ impl RigFile {
 }
 
 const PAPER_RIG: &str = include_str!("../../rigs/paper-rig.toml");
+const DEMO_RIG: &str = include_str!("../../rigs/demo-rig.toml");
 
 /// Longest trial, s.
 const MAX_DURATION_S: f64 = 600.0;

@@ -570,3 +570,21 @@ fn the_papers_scene_has_its_protocol_and_levels_of_its_kind() {
         assert_eq!(strip.trial(14, 7).clipped, 0);
     }
 }
+
+#[test]
+fn the_demos_rig_is_the_papers_with_scratches_in_the_place_of_organza() {
+    let (paper, demo) = (RigFile::paper(), RigFile::demo());
+    let mut demo = demo.description().clone();
+    assert_eq!(demo.textures[1].name, "scratched");
+    demo.textures[1] = paper.description().textures[1].clone();
+    demo.name = paper.description().name.clone();
+    assert_eq!(&demo, paper.description());
+    let rig = RigFile::demo();
+    let strip = Strip::new(&rig, 1, 1);
+    let samples = strip.trial(4, 5).samples_m_s2[2].clone();
+    let kurtosis = crate::dsp::liveliness::Liveliness::of(&[&samples], 5000.0, None).kurtosis;
+    assert!(
+        kurtosis.unwrap() > 8.0,
+        "scratches are impulses: {kurtosis:?}"
+    );
+}

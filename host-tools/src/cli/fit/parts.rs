@@ -11,8 +11,9 @@ use host_tools::recording::RecordingSet;
 use host_tools::support::error::{Error, Result};
 use host_tools::support::file_name::Stems;
 use host_tools::support::progress;
+use host_tools::support::warning::Warning;
 
-use crate::cli::output::{print, print_json, warn};
+use crate::cli::output::{print, print_json, warn_of};
 use crate::cli::table::table;
 
 /// Options for sets that one library, one run or one machine is too small for.
@@ -121,7 +122,7 @@ struct Written {
     trials: usize,
     /// Trials with a finding of triage.
     doubtful: usize,
-    warnings: Vec<String>,
+    warnings: Vec<Warning>,
 }
 
 pub fn write_each(
@@ -152,9 +153,10 @@ pub fn write_each(
     if is_json {
         return print_json(&serde_json::json!({ "libraries": libraries }));
     }
-    for written in &libraries {
-        written.warnings.iter().for_each(|warning| warn(warning));
-    }
+    let warnings = libraries
+        .iter()
+        .flat_map(|written| written.warnings.clone());
+    warn_of(&warnings.collect::<Vec<_>>());
     let rows: Vec<Vec<String>> = libraries.iter().map(row).collect();
     let header = ["texture", "trials", "with a verdict", "bytes", "library"];
     print(&table(&header, &rows))?;

@@ -4,20 +4,17 @@ use host_tools::fit::densify::AddedLine;
 use host_tools::fit::excitation::{CodebookReport, ExcitationReport};
 use host_tools::fit::record::FoundLines;
 use host_tools::fit::{Fit, TrialReport};
+use host_tools::support::warning::Warning;
 use host_tools::texture::summary::TextureSummary;
 
-use crate::cli::output::{tell, warn};
-use crate::cli::table::table;
-
-/// Number of trials with a verdict that are shown one by one.
-const SHOWN_VERDICTS: usize = 20;
+use crate::cli::output::warn_of;
 
 /// The report as JSON.
 #[derive(serde::Serialize)]
 pub struct FitReport<'a> {
     pub library: String,
     pub bytes: usize,
-    pub warnings: &'a [String],
+    pub warnings: &'a [Warning],
     pub textures: Vec<TextureSummary>,
     pub trials: &'a [TrialReport],
     pub excitations: &'a [ExcitationReport],
@@ -112,38 +109,19 @@ pub fn energy_kept(trials: &[TrialReport]) -> String {
 
 /// Prints triage's verdicts and the fit's warnings to standard error.
 pub fn show_verdicts(fit: &Fit) {
-    let doubtful: Vec<&TrialReport> = fit
-        .trials
-        .iter()
-        .filter(|trial| !trial.verdicts.is_empty())
-        .collect();
-    let rows: Vec<Vec<String>> = doubtful
-        .iter()
-        .take(SHOWN_VERDICTS)
-        .map(|trial| {
-            let verdicts: Vec<String> = trial.verdicts.iter().map(ToString::to_string).collect();
-            vec![
-                trial.file.clone(),
-                verdicts.join("; "),
-                match trial.used {
-                    true if trial.cut_s > 0.0 => format!("used without {:.3} s", trial.cut_s),
-                    true => "used".to_owned(),
-                    false => "dropped".to_owned(),
-                },
-            ]
+    let of_trial = |trial: &TrialReport| {
+        let used = match trial.used {
+            true if trial.cut_s > 0.0 => format!("; used without {:.3} s", trial.cut_s),
+            true => String::new(),
+            false => "; dropped".to_owned(),
+        };
+        let verdicts = trial.verdicts.clone().into_iter();
+        let file = trial.file.clone();
+        verdicts.map(move |verdict| {
+            let text = format!("{verdict}{used}");
+            Warning::of(verdict.name(), ("recording", &file), verdict.size(), text)
         })
-        .collect();
-    if !rows.is_empty() {
-        tell(&table(&["trial", "triage", "use"], &rows));
-        if doubtful.len() > rows.len() {
-            tell(&format!(
-                "... and {} more (all are in --json)",
-                doubtful.len() - rows.len()
-            ));
-        }
-        tell("");
-    }
-    for warning in &fit.warnings {
-        warn(warning);
-    }
+    };
+    let verdicts: Vec<Warning> = fit.trials.iter().flat_map(of_trial).collect();
+    warn_of(&[verdicts.as_slice(), &fit.warnings].concat());
 }

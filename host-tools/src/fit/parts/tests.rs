@@ -79,7 +79,7 @@ fn left_by(
         format!("{bytes:?}"),
         record.with_account_of(fit).to_text().unwrap(),
         serde_json::to_string(&fit.trials).unwrap(),
-        fit.warnings.join("\n"),
+        format!("{:?}", fit.warnings),
     ]
 }
 

@@ -205,6 +205,21 @@ impl Verdict {
         self.kind.words().0
     }
 
+    /// Size of the finding, larger of worse ones: samples that it would leave out, or the first number in its words.
+    pub fn size(&self) -> f64 {
+        let is_of_number = |c: char| c.is_ascii_digit() || c == '.';
+        let mut words = self.finding.split(|c| !is_of_number(c));
+        let first = words.find_map(|word| word.parse().ok()).unwrap_or(0.0);
+        match self.kind {
+            _ if !self.spans.is_empty() => {
+                self.spans.iter().map(ExactSizeIterator::len).sum::<usize>() as f64
+            }
+            Kind::TooShort | Kind::Truncated | Kind::WrongRate { .. } => -first,
+            Kind::Duplicate => 0.0,
+            _ => first,
+        }
+    }
+
     /// Parts of the trial that it would leave out of a fit.
     pub fn spans(&self) -> &[Span] {
         &self.spans

@@ -258,13 +258,13 @@ globalThis.stylusPlots = (() => {
           node: best.isNode ? [series.x[index], series.y[index]] : undefined };
       }
     }
-    // Curves and bars: each at the pointer's x, or the nearest that it has.
+    // Curves: each at the pointer's x, or the nearest that it has.
     const wanted = value(own.group, px, py)[0];
     let at = null;
     const lines = [], marks = [];
-    const curves = own.series.filter(({ kind, x: xs }) => (kind === "line" || kind === "bars") && xs.length > 0);
+    const curves = own.series.filter(({ kind, x: xs }) => kind === "line" && xs.length > 0);
     for (const series of curves) {
-      if (series.kind === "line" && (wanted < series.x[0] && at !== null)) continue;
+      if (wanted < series.x[0] && at !== null) continue;
       const index = nearestIn(series.x, wanted);
       at = at ?? series.x[index];
       lines.push(ofCurve(own, series, index, curves.length === 1));
@@ -344,7 +344,7 @@ globalThis.stylusPlots = (() => {
     const kinds = new Set(own.series.map((series) => series.kind));
     const points = own.series.filter((series) => series.kind === "points");
     const first = own.series[0];
-    const isCurve = first && (first.kind === "line" || first.kind === "bars") && first.x.length > 0;
+    const isCurve = first && first.kind === "line" && first.x.length > 0;
     if (isCurve && across !== 0) {
       // A hundredth of the axis, and at least to the next value.
       const at = nearestIn(first.x, value(own.group, px, py)[0]);

@@ -193,8 +193,6 @@ pub enum Swatch {
         /// With gaps.
         dashed: bool,
     },
-    /// A filled box.
-    Box(RGBColor),
     /// A cell of a grid with a mark in it.
     Mark(Mark),
 }
@@ -218,8 +216,6 @@ pub enum Mark {
     HollowCorner,
     /// A dot in the upper right corner.
     Dot,
-    /// A ring around a point.
-    Ring,
     /// A cross on a point.
     Cross,
 }
@@ -250,7 +246,6 @@ impl Mark {
                 let place = (right - size * 2 / 3, top + size * 2 / 3);
                 area.draw(&Circle::new(place, size * 2 / 5, VERMILION.filled()))?;
             }
-            Self::Ring => area.draw(&Circle::new(middle, at(6), line(INK, 3)))?,
             Self::Cross => area.draw(&Cross::new(middle, at(4), line(INK, 3)))?,
         }
         Ok(())
@@ -276,10 +271,6 @@ pub fn legend<'a>(area: &Area<'a>, entries: &[(Swatch, &str)]) -> Drawn<Area<'a>
                 } else {
                     area.draw(&PathElement::new(ends, style))?;
                 }
-            }
-            Swatch::Box(colour) => {
-                let corners = [(x + at(4), y - at(6)), (x + swatch_width, y + at(6))];
-                area.draw(&Rectangle::new(corners, colour.filled()))?;
             }
             Swatch::Mark(mark) => {
                 let (from, to) = ((x + at(4), y - at(8)), (x + swatch_width, y + at(8)));
@@ -314,8 +305,6 @@ pub struct Axis<'a> {
 enum Ticks<'a> {
     /// About so many numbers, at round values.
     Numbers(usize),
-    /// A name at 0, at 1, and so on.
-    Names(&'a [&'a str]),
     /// Octaves: a name at 0, which is 2^`lowest`, at 1, which is twice that, and so on.
     Octaves { lowest: f64, names: &'a [&'a str] },
 }
@@ -328,14 +317,6 @@ impl<'a> Axis<'a> {
             quantity,
             ticks: Ticks::Numbers(numbers),
             is_blank: false,
-        }
-    }
-
-    /// An axis with a name at 0, at 1, and so on.
-    pub fn of_names(quantity: Quantity<'a>, range: Range<f64>, names: &'a [&'a str]) -> Self {
-        Self {
-            ticks: Ticks::Names(names),
-            ..Self::new(quantity, range, 0)
         }
     }
 
@@ -364,7 +345,7 @@ impl<'a> Axis<'a> {
     fn count(&self) -> usize {
         match self.ticks {
             Ticks::Numbers(count) => count,
-            Ticks::Names(names) | Ticks::Octaves { names, .. } => names.len() + 1,
+            Ticks::Octaves { names, .. } => names.len() + 1,
         }
     }
 
@@ -372,7 +353,7 @@ impl<'a> Axis<'a> {
         match self.ticks {
             _ if self.is_blank => String::new(),
             Ticks::Numbers(_) => number(value, self.range.end - self.range.start),
-            Ticks::Names(names) | Ticks::Octaves { names, .. } => {
+            Ticks::Octaves { names, .. } => {
                 let index = value.round();
                 let is_there = index >= 0.0 && (value - index).abs() < 1e-6;
                 let name = is_there.then(|| names.get(index as usize)).flatten();
@@ -384,12 +365,11 @@ impl<'a> Axis<'a> {
     /// The data of the axis as it is drawn.
     fn data(&self) -> AxisData {
         let Range { start, end } = self.range;
-        let (scale, from, to, names) = match self.ticks {
-            Ticks::Numbers(_) => (AxisScale::Linear, start, end, &[][..]),
-            Ticks::Names(names) => (AxisScale::Names, start, end, names),
+        let (scale, from, to) = match self.ticks {
+            Ticks::Numbers(_) => (AxisScale::Linear, start, end),
             Ticks::Octaves { lowest, .. } => {
                 let ends = ((start + lowest).exp2(), (end + lowest).exp2());
-                (AxisScale::Log, ends.0, ends.1, &[][..])
+                (AxisScale::Log, ends.0, ends.1)
             }
         };
         AxisData {
@@ -398,7 +378,7 @@ impl<'a> Axis<'a> {
             scale,
             from,
             to,
-            names: names.iter().map(ToString::to_string).collect(),
+            names: Vec::new(),
         }
     }
 }

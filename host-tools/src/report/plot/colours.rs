@@ -32,8 +32,6 @@ pub const ON_PALE: RGBColor = RGBColor(41, 41, 41);
 pub const PALE: RGBColor = RGBColor(225, 225, 225);
 /// Values beside the point.
 pub const FADED: RGBColor = RGBColor(130, 130, 130);
-/// The range within a just noticeable difference.
-pub const SHADE: RGBColor = RGBColor(222, 235, 247);
 
 /// The ground of a dark screen, as of a page's.
 pub const DARK_GROUND: RGBColor = RGBColor(22, 24, 26);
@@ -42,12 +40,11 @@ pub const DARK_GROUND: RGBColor = RGBColor(22, 24, 26);
 pub const SERIES: [RGBColor; 6] = [BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY];
 
 /// Colours with those that take their place on a dark screen; [`pale`] ones follow from them.
-const DARK: [(RGBColor, RGBColor); 11] = [
+const DARK: [(RGBColor, RGBColor); 10] = [
     (ALERT, RGBColor(255, 156, 87)),
     (INK, RGBColor(232, 232, 232)),
     (PALE, RGBColor(62, 66, 70)),
     (FADED, RGBColor(150, 150, 150)),
-    (SHADE, RGBColor(38, 56, 74)),
     (BLUE, RGBColor(64, 150, 224)),
     (VERMILION, RGBColor(255, 138, 61)),
     (GREEN, RGBColor(47, 194, 152)),
@@ -139,14 +136,14 @@ mod tests {
                 "{series:?}"
             );
         }
-        for ground in SERIES.map(pale).into_iter().chain([white, SHADE, PALE]) {
+        for ground in SERIES.map(pale).into_iter().chain([white, PALE]) {
             assert!(contrast(INK, ground) >= 4.5, "{ground:?}");
             assert!(contrast(VERMILION, ground) >= 2.0, "{ground:?}");
         }
         assert!(contrast(ALERT, white) >= 4.5);
         assert!(contrast(in_the_dark(ALERT), DARK_GROUND) >= 4.5);
         let dims = SERIES.map(|series| dim(in_the_dark(series)));
-        let grounds = [DARK_GROUND, in_the_dark(SHADE), in_the_dark(PALE)];
+        let grounds = [DARK_GROUND, in_the_dark(PALE)];
         for ground in dims.into_iter().chain(grounds) {
             assert!(contrast(in_the_dark(INK), ground) >= 4.5, "{ground:?}");
         }

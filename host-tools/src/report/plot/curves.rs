@@ -1,22 +1,16 @@
-//! Pictures of curves, bars and points over one pair of axes.
+//! Pictures of curves and points over one pair of axes.
 
 use std::ops::Range;
 
 use plotters::prelude::*;
 
 use super::canvas::{
-    Axis, BLUE, INK, Mark, SERIES, Stroke, Swatch, TEXT, VERMILION, at, axes, centred, legend,
-    line, picture, range_around_zero, range_with_zero,
+    Axis, BLUE, INK, SERIES, Stroke, Swatch, VERMILION, at, axes, legend, line, picture,
+    range_with_zero,
 };
-use super::colours::SHADE;
-use super::figure::{
-    ACCELERATION, COST, FREQUENCY, Kind, POWER_DENSITY, Quantity, Series, TIME_MS,
-};
+use super::figure::{ACCELERATION, FREQUENCY, Kind, POWER_DENSITY, Quantity, Series, TIME_MS};
 use super::{Caption, Svg};
-use crate::dsp::spectrum::{
-    AMPLITUDE_JND_DB, BAND_COUNT, BAND_LABELS_HZ, smoothed_amplitude, spectral_cost,
-};
-use crate::support::decimal::signed;
+use crate::dsp::spectrum::{smoothed_amplitude, spectral_cost};
 use crate::support::error::Result;
 
 /// A choice.
@@ -164,165 +158,6 @@ fn steps(places: &[(f64, f64)]) -> Vec<(f64, f64)> {
     steps
 }
 
-/// The cost of one recording's or texture's models by their order.
-#[derive(Clone, Debug, PartialEq)]
-pub struct OrderSeries<'a> {
-    /// Name of the series.
-    pub name: &'a str,
-    /// (order, cost C as a fraction), orders ascending.
-    pub costs: &'a [(usize, f64)],
-    /// The order that was chosen, which is ringed; anywhere between those of `costs`.
-    pub chosen: Option<usize>,
-}
-
-impl OrderSeries<'_> {
-    /// The chosen order and its cost in per cent, on the straight line between the orders around it.
-    fn chosen(&self) -> Option<(f64, f64)> {
-        let order = self.chosen?;
-        let after = self.costs.partition_point(|cost| cost.0 < order);
-        let &(next, mut cost) = self.costs.get(after)?;
-        if next != order {
-            let &(before, cost_before) = self.costs.get(after.checked_sub(1)?)?;
-            let fraction = (order - before) as f64 / (next - before) as f64;
-            cost = cost_before + (cost - cost_before) * fraction;
-        }
-        cost.is_finite().then_some((order as f64, 100.0 * cost))
-    }
-
-    fn points(&self) -> impl Iterator<Item = (f64, f64)> {
-        let costs = self.costs.iter();
-        costs.map(|&(order, cost)| (order as f64, 100.0 * cost))
-    }
-}
-
-/// The paper's figure 8: cost against order, for several surfaces, with the chosen orders ringed.
-///
-/// # Errors
-/// A picture that cannot be laid out.
-pub fn order_against_cost(caption: &Caption<'_>, series: &[OrderSeries<'_>]) -> Result<Svg> {
-    // Past the last colour they come again, dashed.
-    let look = |index: usize| Stroke {
-        colour: SERIES[index % SERIES.len()],
-        half_pixels: 4,
-        dashed: index / SERIES.len() % 2 == 1,
-    };
-    let named = |series: &OrderSeries<'_>| match series.chosen {
-        Some(order) => format!("{} (order {order})", series.name),
-        None => series.name.to_owned(),
-    };
-    let names: Vec<String> = series.iter().map(named).collect();
-    let mut entries: Vec<(Swatch, &str)> = Vec::new();
-    for (index, name) in names.iter().enumerate() {
-        let Stroke { colour, dashed, .. } = look(index);
-        if series[index].points().any(|(_, cost)| cost.is_finite()) {
-            entries.push((Swatch::Line { colour, dashed }, name));
-        }
-    }
-    if series.iter().any(|series| series.chosen().is_some()) {
-        entries.push((Swatch::Mark(Mark::Ring), "the library's order there"));
-    }
-    let points = || series.iter().flat_map(OrderSeries::points);
-    let x = Axis::new(
-        Quantity::new("order of the model", ""),
-        range_with_zero(points().map(|point| point.0)),
-        12,
-    );
-    let y = Axis::new(COST, range_with_zero(points().map(|point| point.1)), 8);
-    picture(caption, (960, 400), |area, panels| {
-        let mut plot = axes(&legend(area, &entries)?, "", &x, &y)?;
-        for (index, series) in series.iter().enumerate() {
-            plot.curve(series.name, series.points(), look(index))?;
-        }
-        for (index, series) in series.iter().enumerate() {
-            let Some(place) = series.chosen() else {
-                continue;
-            };
-            let name = format!("{}, the library's order there", series.name);
-            let data = Series::new(&name, Kind::Points, look(index).colour, &[place]);
-            plot.panel.series.push(data);
-            plot.chart
-                .draw_series([Circle::new(place, at(6), line(INK, 3))])?;
-        }
-        panels.push(plot.panel);
-        Ok(())
-    })
-}
-
-/// Bars of the level of a synthesis over that of its recording in each third-octave band, dB
-/// ([`crate::dsp::spectrum::band_errors_db`]), with the range shaded in which skin tells no difference.
-///
-/// # Errors
-/// A picture that cannot be laid out.
-pub fn band_error_chart(
-    caption: &Caption<'_>,
-    errors_db: &[Option<f64>; BAND_COUNT],
-) -> Result<Svg> {
-    let errors_db = errors_db.map(|error| error.filter(|error| error.is_finite()));
-    // Room for the number at the end of the longest bar.
-    let ends = errors_db.iter().flatten().map(|error| 1.15 * error);
-    let range = range_around_zero(ends.chain([3.0 * AMPLITUDE_JND_DB]));
-    let bands = -0.6..BAND_COUNT as f64 - 0.4;
-    let (left, right) = (bands.start, bands.end);
-    let x = Axis::of_names(
-        Quantity::new("third-octave band", "Hz"),
-        bands,
-        &BAND_LABELS_HZ,
-    );
-    let y = Axis::new(
-        Quantity::new("level, synthesised over recorded", "dB"),
-        range,
-        9,
-    );
-    let within = format!("±{AMPLITUDE_JND_DB} dB, the just noticeable difference");
-    let mut entries = vec![(Swatch::Box(SHADE), within.as_str())];
-    let is_within = |error: &f64| error.abs() <= AMPLITUDE_JND_DB;
-    let mut errors = errors_db.iter().flatten();
-    if errors.clone().any(is_within) {
-        entries.push((Swatch::Box(BLUE), "error within"));
-    }
-    if errors.any(|error| !is_within(error)) {
-        entries.push((Swatch::Box(VERMILION), "error beyond"));
-    }
-    if errors_db.contains(&None) {
-        entries.push((Swatch::Mark(Mark::Cross), "no power in the band"));
-    }
-    picture(caption, (960, 400), |area, panels| {
-        let mut plot = axes(&legend(area, &entries)?, "", &x, &y)?;
-        let shade = [(left, -AMPLITUDE_JND_DB), (right, AMPLITUDE_JND_DB)];
-        plot.chart
-            .draw_series([Rectangle::new(shade, SHADE.filled())])?;
-        plot.path(vec![(left, 0.0), (right, 0.0)], Stroke::solid(INK, 2))?;
-        for (band, error) in errors_db.iter().enumerate() {
-            let centre = band as f64;
-            let Some(error) = *error else {
-                let cross = Cross::new((centre, 0.0), at(4), line(INK, 3));
-                plot.chart.draw_series([cross])?;
-                continue;
-            };
-            let colour = if is_within(&error) { BLUE } else { VERMILION };
-            let bar = [
-                (centre - 0.3, error.max(0.0)),
-                (centre + 0.3, error.min(0.0)),
-            ];
-            plot.chart
-                .draw_series([Rectangle::new(bar, colour.filled())])?;
-            let above = if error < 0.0 { at(9) } else { -at(9) };
-            let written = signed(error, usize::from(error.abs() < 99.5));
-            let number = EmptyElement::at((centre, error))
-                + Text::new(written, (0, above), centred(TEXT - 2, INK));
-            plot.chart.draw_series([number])?;
-        }
-        let points: Vec<(f64, f64)> = (0..)
-            .map(f64::from)
-            .zip(errors_db.map(|error| error.unwrap_or(f64::NAN)))
-            .collect();
-        let series = Series::new("error", Kind::Bars, BLUE, &points);
-        plot.panel.series.push(series);
-        panels.push(plot.panel);
-        Ok(())
-    })
-}
-
 /// Highest frequency shown, Hz: as high as skin feels.
 const HIGHEST_HZ: f64 = 1000.0;
 
@@ -423,30 +258,4 @@ fn empty(caption: &Caption<'_>, x: &Axis<'_>, y: &Axis<'_>) -> Result<Svg> {
         panels.push(axes(area, "", x, y)?.panel);
         Ok(())
     })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_cost_of_an_order_lies_on_the_curve() {
-        let costs = [(10, 0.8), (20, 0.4), (40, 0.2)];
-        for (order, cost) in [
-            (10, Some(80.0)),
-            (40, Some(20.0)),
-            (15, Some(60.0)),
-            (35, Some(25.0)),
-            (9, None),
-            (41, None),
-        ] {
-            let series = OrderSeries {
-                name: "",
-                costs: &costs,
-                chosen: Some(order),
-            };
-            let found = series.chosen().map(|place| (10.0 * place.1).round() / 10.0);
-            assert_eq!(found, cost, "{order}");
-        }
-    }
 }

@@ -157,8 +157,6 @@ pub enum Kind {
     Line,
     /// Points in any order.
     Points,
-    /// Bars at positions of an axis of names.
-    Bars,
     /// Cells of a map at positions of two axes of names.
     Cells,
     /// Levels, whose values are in the bitmap alone.
@@ -276,7 +274,7 @@ impl Series {
         let points = self.x.iter().copied().zip(self.y.iter().copied());
         let (x, y): (Vec<f64>, Vec<f64>) = match self.kind {
             Kind::Line => thinned(points).into_iter().unzip(),
-            Kind::Points | Kind::Bars | Kind::Cells | Kind::Levels => points.unzip(),
+            Kind::Points | Kind::Cells | Kind::Levels => points.unzip(),
         };
         let short = |values: &[f64]| values.iter().map(|value| short(*value)).collect();
         let has_notes = self.notes.iter().any(|note| !note.is_empty());

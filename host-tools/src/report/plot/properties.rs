@@ -4,7 +4,6 @@ use model_format::NodeFlags;
 use plotters::style::RGBColor;
 
 use super::*;
-use crate::dsp::spectrum::BAND_COUNT;
 
 const CAPTION: Caption<'_> = Caption {
     title: "a picture",
@@ -69,38 +68,16 @@ fn front(in_octaves: bool, value: impl Fn(i32) -> f64) -> Svg {
     front_chart(&CAPTION, axes, in_octaves, &all[..5], &all[5..]).unwrap()
 }
 
-fn orders(costs: &[(usize, f64)]) -> Svg {
-    let names = [
-        "paper", "organza", "vinyl", "denim", "cork", "felt", "slate",
-    ];
-    let series = names.map(|name| OrderSeries {
-        name,
-        costs,
-        chosen: Some(120),
-    });
-    order_against_cost(&CAPTION, &series).unwrap()
-}
-
 /// Every kind of picture of what it is made for, by name.
 pub fn pictures() -> Vec<(&'static str, Svg)> {
     let (one, two) = (signal(0.0), signal(1.0));
     let signals = [("recording", &one[..]), ("synthesis: Gaussian", &two[..])];
-    let errors = |band: usize| match band {
-        0 => None,
-        1 => Some(-0.04),
-        _ => Some((band as f64 * 1.7).sin() * 12.0 - 0.02),
-    };
     vec![
         (
             "map",
             map(15, 7, |n| (n % 11 != 0).then_some(n as f64 + 0.01)),
         ),
         ("front", front(true, |n| 6.0 / f64::from(1 + n))),
-        ("orders", orders(&[(0, 1.0), (50, 0.4), (400, 0.2)])),
-        (
-            "bands",
-            band_error_chart(&CAPTION, &std::array::from_fn(errors)).unwrap(),
-        ),
         (
             "spectra",
             spectra(&CAPTION, (&one, &two), 5000.0, 20.0).unwrap(),
@@ -119,12 +96,7 @@ fn odd_pictures() -> Vec<(&'static str, Svg)> {
         ("map of one", map(1, 1, |_| Some(1.0))),
         ("odd front", front(true, |n| ODD[n as usize % 6])),
         ("even front", front(false, |_| f64::NAN)),
-        ("odd orders", orders(&[(0, f64::NAN), (400, 0.5)])),
     ];
-    for value in [None, Some(0.0), Some(f64::NAN), Some(1e9)] {
-        let bands = band_error_chart(&CAPTION, &[value; BAND_COUNT]).unwrap();
-        all.push(("odd bands", bands));
-    }
     let zeros = vec![0.0; 5000];
     for signal in [&[][..], &[1.0], &zeros, &ODD] {
         all.push((
@@ -236,10 +208,6 @@ fn the_legend_has_an_entry_for_each_curve_that_is_drawn_and_for_no_other() {
     let has = |svg: &Svg, name: &str| texts(svg).iter().any(|text| text.words == name);
     let half = front(true, |n| if n > 12 { 1.0 } else { f64::NAN });
     assert!(has(&half, "a structure, 5 bits") && !has(&half, "a structure, 1 bits"));
-    let unknown = orders(&[(0, f64::NAN), (400, f64::NAN)]);
-    assert!(!has(&unknown, "felt (order 120)") && !has(&unknown, "the library's order there"));
-    let small = band_error_chart(&CAPTION, &[Some(0.5); BAND_COUNT]).unwrap();
-    assert!(!has(&small, "error beyond"));
 }
 
 #[test]

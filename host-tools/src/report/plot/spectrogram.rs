@@ -1,4 +1,4 @@
-//! Spectrograms of a recording and its synthesis, side by side.
+//! Spectrograms of a recording and its synthesis, one above the other.
 
 use std::f64::consts::TAU;
 use std::fmt::Write as _;
@@ -49,9 +49,9 @@ pub fn spectrograms(
             caption.title
         )));
     };
-    picture(caption, (960, 380), |area, drawn| {
+    picture(caption, (960, 640), |area, drawn| {
         let (panes, bar) = area.split_horizontally(at(960 - BAR));
-        let halves = panes.split_evenly((1, 2));
+        let halves = panes.split_evenly((2, 1));
         for ((half, levels), (name, _)) in halves.iter().zip(&levels).zip(signals) {
             let (heading, below) = half.split_vertically(at(22));
             let middle = (heading.dim_in_pixel().0 as i32 / 2, at(12));

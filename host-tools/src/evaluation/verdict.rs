@@ -1,0 +1,226 @@
+//! An evaluation in one line per texture, in the words of the field.
+//!
+//! Each clause sets the synthesis beside another recording of the same surface, both against the recording that judges,
+//! with the same numbers as the tables. Nothing is called near that is not as near as that, to within [`NEAR_DB`] or
+//! [`NEAR_OCTAVES`].
+
+use super::held_out::JudgeKind;
+use super::liveliness::{Differences, Role, Summary};
+use super::summary::{Means, Scores, TextureEvaluation, TrialEvaluation, mean};
+use crate::dsp::spectrum::{AMPLITUDE_JND_DB, BAND_COUNT, BAND_LABELS_HZ};
+
+/// Distance beyond that of the other recording up to which a spectrum or a level is as near, dB: half of what is felt.
+pub const NEAR_DB: f64 = 0.5 * AMPLITUDE_JND_DB;
+
+/// Difference of kurtosis beyond that of the other recording up to which impulses are as near, octaves: a quarter more
+/// or less.
+pub const NEAR_OCTAVES: f64 = 0.3;
+
+/// An explanation of the verdicts.
+pub fn explanation() -> String {
+    format!(
+        "Verdicts set what the stylus plays beside another recording of the same surface, the target. As near: at most \
+         {NEAR_DB} dB further than the target, half of the least change of level that is felt ({AMPLITUDE_JND_DB} dB, \
+         one JND, just noticeable difference); of impulses, a kurtosis at most {NEAR_OCTAVES} octaves further. Kurtosis \
+         is of what no filter predicts, about 3 without impulses. A third octave is named if its mean level is off by a \
+         JND more than the target's; a line is a steady tone, as of threads, uneven if it swells and fades."
+    )
+}
+
+/// The verdict on a texture: its numbers, and all its trials.
+pub(super) fn of_texture(texture: &TextureEvaluation, trials: &[&TrialEvaluation]) -> String {
+    let heard = trials.iter().copied().filter(|trial| !trial.is_silent);
+    let heard: Vec<&TrialEvaluation> = heard.collect();
+    let all = |kind| heard.iter().all(|trial| trial.judge == kind);
+    let is_judged = |trial: &&&TrialEvaluation| trial.scores.perceived.is_some();
+    let judged = heard.iter().filter(is_judged).count();
+    match judged {
+        0 if heard.is_empty() => return "silent in every trial, so that nothing is judged".into(),
+        0 if all(JudgeKind::Nothing) => {
+            return "not judged: nobody knows what the library was fitted to".into();
+        }
+        0 => return "not judged: its recordings are too short or too slow".into(),
+        _ => (),
+    }
+    let other = if all(JudgeKind::OtherTake) {
+        "another take"
+    } else {
+        "another part of the recording"
+    };
+    let clauses = [
+        spectrum(&texture.synthesis, &texture.other, other),
+        worst_band(&heard),
+        impulses(&texture.liveliness),
+        evenness(&texture.liveliness, &heard),
+        (judged < heard.len()).then(|| format!("judged in {judged} of {} trials", heard.len())),
+    ];
+    clauses.into_iter().flatten().collect::<Vec<_>>().join("; ")
+}
+
+/// The distance that a difference of `own` from a judge has beyond that of another recording: errors of one cause add
+/// by their squares.
+fn further(own: f64, target: f64) -> f64 {
+    (own.powi(2) - target.powi(2)).max(0.0).sqrt()
+}
+
+fn spectrum(own: &Means, target: &Means, other: &str) -> Option<String> {
+    let distance_db = |means: &Means| means.mean_log_spectral_distance_db;
+    let further_db = further(distance_db(own)?, distance_db(target).unwrap_or(0.0));
+    let near = if further_db <= NEAR_DB {
+        format!("spectrum as near as {other}")
+    } else {
+        format!("spectrum {further_db:.1} dB further than {other}")
+    };
+    let felt = own.level_error_jnd.filter(|jnd| *jnd >= 1.0);
+    let felt = felt.map(|jnd| {
+        let target = target.level_error_jnd.unwrap_or(0.0);
+        format!(", levels {jnd:.1} JND off (target {target:.1})")
+    });
+    Some(near + &felt.unwrap_or_default())
+}
+
+/// The third octave whose mean level over trials is off by most beyond the other's, if that is felt.
+fn worst_band(heard: &[&TrialEvaluation]) -> Option<String> {
+    let level = |of: fn(&TrialEvaluation) -> &Scores, band: usize| {
+        mean(heard.iter().filter_map(|t| of(t).band_errors_db[band]))
+    };
+    let bands = (0..BAND_COUNT).filter_map(|band| {
+        let own_db = level(|t| &t.scores, band)?;
+        let target_db = level(|t| &t.other, band).unwrap_or(0.0);
+        Some((own_db.abs() - target_db.abs(), own_db, band))
+    });
+    let (beyond_db, own_db, band) = bands.max_by(|a, b| a.0.total_cmp(&b.0))?;
+    let way = if own_db > 0.0 { "strong" } else { "weak" };
+    let centre_hz = BAND_LABELS_HZ[band];
+    (beyond_db > AMPLITUDE_JND_DB)
+        .then(|| format!("{:.0} dB too {way} at {centre_hz} Hz", own_db.abs()))
+}
+
+/// The summary of the signals with a part in the comparison.
+fn of(summaries: &[Summary], role: Role) -> Option<&Summary> {
+    summaries.iter().find(|summary| summary.role == role)
+}
+
+/// A difference of the synthesis beyond that of the other recording.
+fn beyond(summaries: &[Summary], pick: fn(&Differences) -> Option<f64>) -> Option<f64> {
+    let own = pick(&of(summaries, Role::Synthesis)?.differences)?;
+    let other = of(summaries, Role::Other).and_then(|other| pick(&other.differences));
+    Some(own - other.unwrap_or(0.0))
+}
+
+fn impulses(summaries: &[Summary]) -> Option<String> {
+    if beyond(summaries, |d| d.residual_kurtosis_octaves)? <= NEAR_OCTAVES {
+        return Some("impulses as near".into());
+    }
+    let kurtosis = |role| of(summaries, role)?.median.residual_kurtosis;
+    let (own, recorded) = (kurtosis(Role::Synthesis)?, kurtosis(Role::Recording)?);
+    let way = if own < recorded { "weak" } else { "strong" };
+    Some(format!(
+        "impulses too {way} (kurtosis {own:.1}, recorded {recorded:.1})"
+    ))
+}
+
+fn evenness(summaries: &[Summary], heard: &[&TrialEvaluation]) -> Option<String> {
+    let off = |db: f64| {
+        let way = if db > 0.0 { "uneven" } else { "even" };
+        format!("{:.0} dB too {way}", db.abs())
+    };
+    let line = beyond(summaries, |d| d.line_range_db);
+    let level = beyond(summaries, |d| d.level_spread_db);
+    if line.is_some_and(|db| db > NEAR_DB) {
+        let (db, line_hz) = median_line(heard)?;
+        return Some(format!("line {} at {line_hz:.0} Hz", off(db)));
+    }
+    if level.is_some_and(|db| db > NEAR_DB) {
+        let spread = |role| of(summaries, role)?.median.level_spread_db;
+        let db = spread(Role::Synthesis)? - spread(Role::Recording)?;
+        return Some(format!("level {}", off(db)));
+    }
+    level.or(line).map(|_| "as even".into())
+}
+
+/// Range of the line's levels over the recording's, dB, and its frequency, Hz, of the trial in the middle.
+fn median_line(heard: &[&TrialEvaluation]) -> Option<(f64, f64)> {
+    let of = |trial: &&TrialEvaluation| {
+        let liveliness = trial.liveliness.as_ref()?;
+        let range = |role| {
+            let own = liveliness.signals.iter().find(|s| s.role == role);
+            own?.measures.line_range_db
+        };
+        let db = range(Role::Synthesis)? - range(Role::Recording)?;
+        Some((db, liveliness.line_hz?))
+    };
+    let mut lines: Vec<(f64, f64)> = heard.iter().filter_map(of).collect();
+    lines.sort_by(|a, b| a.0.total_cmp(&b.0));
+    lines.get(lines.len() / 2).copied()
+}
+
+/// The verdict along strokes: RMS differences of levels, dB, of the library, of its mean over seeds, of a line over
+/// speed and force and of the nearest stroke of the fit, and the library's mean level over the recorded one, dB.
+pub(super) fn along_strokes(errors_db: [f64; 4], bias_db: f64) -> String {
+    let [own_db, averaged_db, line_db, target_db] = errors_db;
+    let mut clauses = vec![if further(own_db, target_db) <= NEAR_DB {
+        format!("levels as near as the nearest stroke of the fit ({target_db:.1} dB)")
+    } else {
+        format!("levels {own_db:.1} dB off, the nearest stroke of the fit {target_db:.1} dB")
+    }];
+    if bias_db.abs() > AMPLITUDE_JND_DB {
+        let way = if bias_db > 0.0 { "loud" } else { "quiet" };
+        clauses.push(format!("{:.0} dB too {way}", bias_db.abs()));
+    }
+    if averaged_db > line_db + NEAR_DB {
+        clauses.push(format!(
+            "a line over speed and force is nearer ({line_db:.1} dB)"
+        ));
+    }
+    clauses.join("; ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dsp::liveliness::Liveliness;
+
+    /// A recording, a synthesis off by so many octaves of kurtosis and dB of evenness, and another recording.
+    fn lively(octaves: f64, spread_db: f64) -> Vec<Summary> {
+        let measures = |octaves: f64, spread_db: f64| Liveliness {
+            residual_kurtosis: Some(6.0 * octaves.exp2()),
+            level_spread_db: Some(3.0 + spread_db),
+            ..Liveliness::default()
+        };
+        let of = |role, median| Summary {
+            role,
+            parts: None,
+            median,
+            differences: Differences::of(&measures(0.0, 0.0), &median),
+        };
+        vec![
+            of(Role::Recording, measures(0.0, 0.0)),
+            of(Role::Synthesis, measures(octaves, spread_db)),
+            of(Role::Other, measures(0.1, 0.1)),
+        ]
+    }
+
+    #[test]
+    fn what_is_within_a_threshold_of_the_target_is_as_near_and_what_is_beyond_is_named_with_its_way()
+     {
+        let of = |octaves, spread_db| {
+            let of = lively(octaves, spread_db);
+            [impulses(&of).unwrap(), evenness(&of, &[]).unwrap()]
+        };
+        assert_eq!(of(-0.39, -1.19), ["impulses as near", "as even"]);
+        let weak = [
+            "impulses too weak (kurtosis 3.0, recorded 6.0)",
+            "level 2 dB too even",
+        ];
+        assert_eq!(of(-1.0, -2.0), weak);
+        let strong = of(0.41, 1.3);
+        assert!(strong[0].contains("too strong") && strong[1].contains("too uneven"));
+        assert!(along_strokes([2.0, 1.0, 2.0, 2.5], 0.0).starts_with("levels as near"));
+        let far = along_strokes([4.0, 3.5, 2.0, 2.5], -3.0);
+        assert!(
+            far.contains("4.0 dB off") && far.contains("3 dB too quiet; a line over"),
+            "{far}"
+        );
+    }
+}

@@ -1,0 +1,114 @@
+//! What is doubtful about recordings and textures, said once per kind.
+
+use std::fmt;
+
+use serde::{Serialize, Serializer};
+
+/// Something doubtful about a recording, a texture or a whole set. It serialises as its words.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Warning {
+    /// Its kind: warnings of one kind are shown as one.
+    kind: &'static str,
+    /// Noun and name of its subject; none of a whole set.
+    subject: Option<(&'static str, String)>,
+    /// Its size; the largest of a kind is the worst.
+    magnitude: f64,
+    /// The finding and the remedy.
+    text: String,
+}
+
+impl Warning {
+    /// A warning of a whole set.
+    pub fn of_set(kind: &'static str, text: impl Into<String>) -> Self {
+        Self {
+            kind,
+            subject: None,
+            magnitude: 0.0,
+            text: text.into(),
+        }
+    }
+
+    /// A warning of a texture.
+    pub fn of_texture(kind: &'static str, name: &str, magnitude: f64, text: String) -> Self {
+        Self::of(kind, ("texture", &format!("'{name}'")), magnitude, text)
+    }
+
+    /// A warning of what a noun and a name say, such as a recording.
+    pub fn of(
+        kind: &'static str,
+        (noun, name): (&'static str, &str),
+        magnitude: f64,
+        text: impl Into<String>,
+    ) -> Self {
+        Self {
+            subject: Some((noun, name.to_owned())),
+            magnitude,
+            ..Self::of_set(kind, text)
+        }
+    }
+}
+
+impl fmt::Display for Warning {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match &self.subject {
+            Some((noun, name)) => write!(f, "{noun} {name}: {}", self.text),
+            None => f.write_str(&self.text),
+        }
+    }
+}
+
+impl Serialize for Warning {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
+    }
+}
+
+/// A line per kind, in the order of their first: the count, the two worst by name, and the words of the worst.
+pub fn by_kind(warnings: &[Warning]) -> Vec<String> {
+    let mut kinds: Vec<Vec<&Warning>> = Vec::new();
+    for warning in warnings {
+        match kinds.iter_mut().find(|alike| alike[0].kind == warning.kind) {
+            Some(alike) => alike.push(warning),
+            None => kinds.push(vec![warning]),
+        }
+    }
+    let line = |alike: &mut Vec<&Warning>| {
+        alike.sort_by(|a, b| b.magnitude.total_cmp(&a.magnitude));
+        let Some((noun, worst)) = alike[0].subject.as_ref().filter(|_| alike.len() > 1) else {
+            return alike[0].to_string();
+        };
+        let next = alike[1].subject.as_ref().map_or("", |(_, name)| name);
+        let text = &alike[0].text;
+        format!(
+            "{} {noun}s, the worst {worst} and {next}: {text}",
+            alike.len()
+        )
+    };
+    kinds.iter_mut().map(line).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_kind_is_one_line_with_its_count_and_its_two_worst_and_no_kind_is_lost() {
+        let of = |kind, name: &str, size: f64| {
+            Warning::of_texture(kind, name, size, format!("{size} off"))
+        };
+        let all = [
+            of("loud", "a", 1.0),
+            of("late", "b", 2.0),
+            of("loud", "c", 3.0),
+            Warning::of_set("scale", "no scale"),
+            of("loud", "d", 2.0),
+        ];
+        let lines = [
+            "3 textures, the worst 'c' and 'd': 3 off",
+            "texture 'b': 2 off",
+            "no scale",
+        ];
+        assert_eq!(by_kind(&all), lines);
+        assert_eq!(by_kind(&all[..2]), ["texture 'a': 1 off", lines[1]]);
+    }
+}
