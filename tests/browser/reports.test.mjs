@@ -21,6 +21,7 @@ after(() => browser.close());
 async function opened(file, use) {
   const page = await Opened.open(browser, file, {}, { waits: false });
   try {
+    await page.value(() => document.querySelectorAll("details").forEach((one) => { one.open = true; }));
     await use(page);
     assert.deepEqual(page.requests, [], "no request");
     assert.deepEqual(page.complaints, [], "no error and no warning");

@@ -171,6 +171,13 @@ impl Page {
         }));
     }
 
+    /// What `fill` adds, folded under `summary` until it is asked for.
+    pub fn folded(&mut self, summary: &str, fill: impl FnOnce(&mut Self)) -> &mut Self {
+        self.push(&format!("<details><summary>{}</summary>", escaped(summary)));
+        fill(self);
+        self.push("</details>")
+    }
+
     /// The page's text.
     pub fn finish(&self) -> String {
         let Self { title, body, .. } = self;

@@ -20,11 +20,11 @@ use crate::support::atomic_file;
 use crate::support::error::Result;
 
 pub use curves::{
-    FrontPoint, FrontSeries, NARROW, OrderSeries, band_error_chart, front_chart,
-    order_against_cost, spectra, spectrum_axes, waveform_axes,
+    FrontPoint, FrontSeries, OrderSeries, band_error_chart, front_chart, order_against_cost,
+    spectra, spectrum_axes, waveform_axes,
 };
 pub use figure::{COST, Figure, Quantity};
-pub use grid::{GridCell, GridMap, Scale, WIDE, grid_map};
+pub use grid::{GridCell, GridMap, Scale, WIDE, grid_map, map_axes};
 pub use spectrogram::spectrograms;
 pub use waveforms::waveforms;
 
