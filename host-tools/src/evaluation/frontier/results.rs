@@ -101,8 +101,8 @@ pub fn share(cycles: f64, clock_hz: f64) -> f64 {
 
 /// The meaning of [`Frontier::choice_table`]'s columns.
 pub const CHOICES_NOTE: &str = "Errors are RMS over third octaves: at rest against recordings held out, in motion \
-     against float64. Cycles per sample, updates included, are modelled for the device's Cortex-M7; the share is of its \
-     200 µs at 400 MHz. Hard cases: how many are held.";
+     against float64. Cycles per sample, updates included, are modelled for the device's Cortex-M7; the share is of \
+     its 200 µs at 400 MHz. Hard cases: how many are held.";
 
 /// Everything.
 #[derive(Clone, Debug, Serialize)]
@@ -157,8 +157,8 @@ impl Frontier {
         front
     }
 
-    /// The three choices that answer what accuracy costs, with their names: of [`Frontier::front`] the cheapest, thrifty,
-    /// and the most accurate, finest. The knee lies farthest below the chord between these two, over logarithms of
+    /// The three choices that answer what accuracy costs, with their names: of [`Frontier::front`] the cheapest is
+    /// thrifty, and the most accurate finest. The knee lies farthest below the chord between these two, over logarithms of
     /// cycles and error; if none is below it, it is the finest. Nothing of an empty front.
     pub fn choices(&self) -> Vec<(&'static str, &Point)> {
         let front = self.front();
@@ -212,11 +212,14 @@ impl Frontier {
         let on_a_front = |point: &&Point| point.on_front || point.on_safe_front;
         let mut points: Vec<&Point> = self.points.iter().filter(on_a_front).collect();
         points.sort_by(|a, b| a.cycles.total_cmp(&b.cycles));
-        let named = |point| (self.filters[point.filter].structure.to_string(), point);
+        let named = points.into_iter().map(|point| {
+            let structure = self.filters[point.filter].structure;
+            (structure.to_string(), point)
+        });
         self.table(
             "Nothing cheaper has a lower error, among all or among what holds every hard case",
             "structure",
-            points.into_iter().map(named),
+            named,
         )
     }
 
