@@ -96,14 +96,10 @@ fn pictures(frontier: &Frontier) -> Result<[(Svg, String); 2]> {
         });
         own.collect()
     });
-    let name = if frontier.is_safe() {
-        "front of what holds every hard case"
-    } else {
-        "front of all"
-    };
+    let names = ["front of all", "front of what holds every hard case"];
     let on_front = frontier.front().into_iter().map(|on| point(on));
     let front = FrontSeries {
-        name: name.to_owned(),
+        name: names[usize::from(frontier.is_safe())].to_owned(),
         points: on_front.collect(),
         dashed: false,
     };

@@ -22,9 +22,9 @@ function levelsOf(base64, top) {
   return base64 ? Array.from(bytesOf(base64), (code) => (code === 255 ? null : top - code / 2)) : null;
 }
 
-// A number with four digits and no idle ones.
-function short(value) {
-  return String(Number(value.toPrecision(4)));
+// A number with four digits, or as many, and no idle ones.
+function short(value, digits = 4) {
+  return String(Number(value.toPrecision(digits)));
 }
 
 // Bits of a node's flags.
@@ -79,16 +79,22 @@ class PageTexture {
     return levels?.some((level) => level !== null) ? levels : null;
   }
 
-  // Densities of model or recording, (m/s²)²/Hz, over nodes with weights: their mean in decibels, as the stylus
-  // interpolates, of those that have any; null if these have less than half of the weight.
+  // Densities of model or recording, (m/s²)²/Hz, over nodes with weights: their mean by the law of the texture's
+  // level, of those that have any; null if these have less than half of the weight.
   density(kind, nodes) {
     const known = nodes.filter(([node]) => this.levels(kind, node) !== null);
     const whole = known.reduce((sum, [, weight]) => sum + weight, 0);
     if (whole < 0.5) return null;
     const levels = this.all(kind);
+    const laws = {
+      "mean power": [(level) => 10 ** (level / 10), (mean) => mean],
+      "mean amplitude": [(level) => 10 ** (level / 20), (mean) => mean ** 2],
+      "mean dB": [(level) => level, (mean) => 10 ** (mean / 10)],
+    };
+    const [into, back] = laws[this.data.level_law];
     return Array.from({ length: this.count }, (_, band) => {
-      const sum = known.reduce((sum, [node, weight]) => sum + weight * (levels[node * this.count + band] ?? -200), 0);
-      return 10 ** (sum / whole / 10);
+      const at = (node) => into(levels[node * this.count + band] ?? -200);
+      return back(known.reduce((sum, [node, weight]) => sum + weight * at(node), 0) / whole);
     });
   }
 

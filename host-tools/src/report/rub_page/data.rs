@@ -70,6 +70,7 @@ pub struct TextureData {
     rms_m_s2: f64,
     highest_rms_m_s2: f64,
     can_leave_out: PartsData,
+    level_law: String,
     pub nodes: NodesData,
     /// No level of the spectra is above it, dB; negative infinity of silence.
     pub top_db: f64,
@@ -244,6 +245,7 @@ impl TextureData {
                     .map(|wavelength_mm| json!({ "wavelength_mm": wavelength_mm }))
                     .collect(),
             },
+            level_law: texture.level_law().to_string(),
             nodes,
             top_db,
             model_base64: STANDARD.encode(model_codes),

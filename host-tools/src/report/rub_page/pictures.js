@@ -163,8 +163,8 @@ class MapPicture {
       const panel = JSON.parse(group.dataset.panel);
       const [cells] = panel.series;
       [this.end] = cells.z.values;
-      Object.assign(panel.x, { names: speeds.map(short), values: speeds, to: speeds.length - 0.5 });
-      Object.assign(panel.y, { names: forces.map(short), values: forces, to: forces.length - 0.5 });
+      Object.assign(panel.x, { names: speeds.map((speed) => short(speed)), values: speeds, to: speeds.length - 0.5 });
+      Object.assign(panel.y, { names: forces.map((force) => short(force, 3)), values: forces, to: forces.length - 0.5 });
       cells.x = values.map((_, n) => Math.floor(n / forces.length));
       cells.y = values.map((_, n) => n % forces.length);
       cells.z.values = values;
