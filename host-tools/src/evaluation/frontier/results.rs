@@ -158,8 +158,8 @@ impl Frontier {
     }
 
     /// The three choices that answer what accuracy costs, with their names: of [`Frontier::front`] the cheapest is
-    /// thrifty, and the most accurate finest. The knee lies farthest below the chord between these two, over logarithms of
-    /// cycles and error; if none is below it, it is the finest. Nothing of an empty front.
+    /// thrifty, and the most accurate finest. The knee lies farthest below the chord between these two, over logarithms
+    /// of cycles and error; if none is below it, it is the finest. Nothing of an empty front.
     pub fn choices(&self) -> Vec<(&'static str, &Point)> {
         let front = self.front();
         let places = front
