@@ -25,9 +25,10 @@ export function launched() {
 
 export class Opened {
   // Opens the file at `place`. Nothing but that file can be reached.
-  static async open(browser, place, { autoplay: _autoplay, ...options } = {}, { waits = true } = {}) {
+  static async open(browser, place, { autoplay: _autoplay, ...options } = {}, { waits = true, init } = {}) {
     const context = await browser.newContext({ offline: true, viewport: { width: 1240, height: 1000 }, ...options });
     const page = await context.newPage();
+    if (init) await page.addInitScript(init);
     const opened = new Opened(context, page);
     const own = `file://${place}`;
     // Data of the page itself is no request of the network.

@@ -156,9 +156,30 @@ test("the spectrum of white noise is its power over its band, and a tone's power
   assert.ok(Math.abs(Math.log2(frequencies[highest] / 237)) <= 1 / 24);
 });
 
+test("what is compared with a sound is averaged over the same windows, however it changes", () => {
+  const rate = 5000;
+  const frequencies = Array.from({ length: 68 }, (_, n) => 20 * 2 ** (n / 12));
+  const spectrum = new LiveSpectrum(rate, frequencies);
+  const uniform = generator(7);
+  const power = (levels) => levels.reduce((sum, level) => sum + level, 0) / levels.length;
+  let apart = 0;
+  for (let piece = 0; piece < 600; piece += 1) {
+    // Between 0.1 and 1, twice per second.
+    const amplitude = 0.55 + 0.45 * Math.sin((2 * Math.PI * piece) / 15);
+    const samples = Float32Array.from({ length: 167 }, () => amplitude * (uniform() - 0.5));
+    const density = frequencies.map(() => (amplitude ** 2 / 12) / (rate / 2));
+    if (!spectrum.add(samples, { model: density, recorded: piece % 30 === 0 ? density : null }) || piece < 30) continue;
+    const shown = power(spectrum.levels().slice(24));
+    assert.ok(Math.abs(shown - 10 * Math.log10(spectrum.compared.model[0])) < 2, `${piece}: ${shown} dB`);
+    assert.equal(spectrum.compared.recorded, undefined, "of most of the time there is none");
+    apart = Math.max(apart, Math.abs(shown - 10 * Math.log10(density[0])));
+  }
+  assert.ok(apart > 8, "and a moment alone is far from it");
+});
+
 test("a speed or force above the recorded ones is said", () => {
   const nodes = [{ speed_mm_s: 50, force_n: 0.5 }, { speed_mm_s: 200, force_n: 1 }];
   assert.equal(beyondGrid(nodes, 200, 1), "");
-  assert.match(beyondGrid(nodes, 300, 1), /up to 200 mm\/s: beyond/);
+  assert.match(beyondGrid(nodes, 300, 1), /ends at 200 mm\/s: it sounds as there/);
   assert.match(beyondGrid(nodes, 300, 2), /200 mm\/s and 1 N/);
 });

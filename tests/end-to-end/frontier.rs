@@ -84,6 +84,12 @@ fn a_comparison_is_the_same_on_any_number_of_threads_and_says_what_the_structure
             .iter()
             .all(|s| *s == Structure::NormalisedLattice32)
     );
+    let choices = frontier.choices();
+    assert_eq!(choices.len(), 3);
+    assert!(choices.iter().all(|(_, choice)| choice.on_safe_front));
+    assert!(choices.is_sorted_by(|(_, a), (_, b)| {
+        a.cycles <= b.cycles && a.total_error_db >= b.total_error_db
+    }));
     // Two takes differ as two pieces of one surface do.
     assert!(frontier.take_cost > 0.05 && frontier.take_band_error_db > 0.1);
     page_holds_all(&bench, &frontier);
@@ -131,7 +137,27 @@ fn page_holds_all(bench: &Bench, frontier: &Frontier) {
     let page = bench.path("page.html");
     frontier_page::write(frontier, &page).unwrap();
     let page = std::fs::read_to_string(page).unwrap();
-    assert_eq!(page.matches("<svg").count(), 4);
+    assert_eq!(page.matches("<svg").count(), 2);
+    let before_folds = page
+        .split_once("<main>")
+        .unwrap()
+        .1
+        .split_once("<details>")
+        .unwrap()
+        .0;
+    assert!(before_folds.contains(&*host_tools::report::html::escaped(&frontier.answer())));
+    let (_, picture) = before_folds.split_once("<svg").unwrap();
+    let texts = picture
+        .split("<text")
+        .skip(1)
+        .map(|text| text.split(['>', '<']).nth(1).unwrap());
+    let labels: Vec<&str> = texts
+        .filter(|text| text.trim().parse::<f64>().is_err())
+        .collect();
+    assert!(labels.len() <= 13, "SIMULATED and twelve: {labels:?}");
+    for (name, _) in frontier.choices() {
+        assert!(labels.contains(&name), "{name}: {labels:?}");
+    }
     for structure in STRUCTURES {
         assert!(
             page.matches(&structure.to_string()).count() > 8,

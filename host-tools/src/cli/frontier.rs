@@ -15,7 +15,7 @@ use host_tools::support::{atomic_file, progress};
 
 use super::files::Overwrite;
 use super::input::not_negative;
-use super::table::shown;
+use super::table::{folded_text, shown};
 use crate::cli::output::print;
 
 #[derive(clap::Args)]
@@ -102,18 +102,18 @@ fn order(text: &str) -> std::result::Result<usize, String> {
     }
 }
 
-/// Table of the Pareto front, and an explanation of its columns.
+/// The answer, and the three choices that it names.
 fn summary(frontier: &Frontier) -> String {
     let origin = if frontier.simulated {
-        "\nThe recordings are SIMULATED."
+        " The recordings are SIMULATED."
     } else {
         ""
     };
-    format!(
-        "The Pareto front of {} choices (structure, order, update interval)\n\n{}\n\n\
-         error: third-octave bands, at rest against held-out recordings, in motion against float64; cycles: modelled \
-         per sample,\nwith updates{origin}",
-        frontier.points.len(),
-        shown(&frontier.front_table(), 3),
-    )
+    let table = shown(&frontier.choice_table(), 1);
+    let text = format!(
+        "{}{origin}\n\n{table}\n\n{}",
+        frontier.answer(),
+        frontier::CHOICES_NOTE
+    );
+    folded_text(&text)
 }

@@ -3,9 +3,11 @@
 use std::path::PathBuf;
 
 use host_tools::scene::SceneSummary;
+use host_tools::support::decimal::significant;
 use host_tools::support::error::Result;
 use host_tools::texture::library::{decode_library, read_library};
 use host_tools::texture::summary::{CodebookSummary, LineSummary, TextureSummary, TrackSummary};
+use model_format::Wander;
 use serde::Serialize;
 
 use crate::cli::output::{print, print_json};
@@ -71,13 +73,25 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 /// Table of the lines that are locked to place, one per row; none if no texture has any.
 fn line_table(textures: &[TextureSummary]) -> Option<String> {
     let of_texture = |texture: &TextureSummary| -> Vec<_> {
+        let wander = |line: &LineSummary, of: fn(Wander) -> f32| {
+            let of = line.wander.map(|wander| figure(of(wander)));
+            of.unwrap_or_else(|| "none".to_owned())
+        };
         let row = |line: &LineSummary| {
             let [low, high] = line.amplitude_m_s2;
             [
                 ("texture", texture.name.clone()),
                 ("locked to place, mm", format!("{:.4}", line.wavelength_mm)),
-                ("amplitude m/s²", format!("{low:.3} to {high:.3}")),
+                (
+                    "amplitude m/s²",
+                    format!("{} to {}", figure(low), figure(high)),
+                ),
                 ("phase, turns", format!("{:.3}", line.phase_turns)),
+                ("wander's RMS, mm", wander(line, |wander| wander.rms_mm)),
+                (
+                    "correlated over, mm",
+                    wander(line, |wander| wander.correlation_mm),
+                ),
                 ("bytes", line.bytes.to_string()),
             ]
         };
@@ -87,11 +101,16 @@ fn line_table(textures: &[TextureSummary]) -> Option<String> {
     (!rows.is_empty()).then(|| table(&header, &rows))
 }
 
+/// A number with four digits.
+fn figure(value: f32) -> String {
+    significant(f64::from(value)).to_string()
+}
+
 /// Table with one line per texture.
 pub fn texture_table(textures: &[TextureSummary]) -> String {
     let range = |axis: &[f32]| match axis {
-        [only] => only.to_string(),
-        [first, .., last] => format!("{first} to {last}"),
+        [only] => figure(*only),
+        [first, .., last] => format!("{} to {}", figure(*first), figure(*last)),
         [] => String::new(),
     };
     let (header, rows) = headed(textures.iter().map(|texture| {
@@ -132,6 +151,7 @@ fn storage_table(textures: &[TextureSummary]) -> String {
         let tail = (texture.tail_stages > 0).then(|| format!("{least:.3} to {most:.3}"));
         [
             ("texture", texture.name.clone()),
+            ("rate, Hz", texture.sample_rate_hz.to_string()),
             ("between nodes", texture.level_law.clone()),
             ("below the grid", texture.fade_law.clone()),
             ("stages of 24-bit θ", texture.fine_stages.to_string()),

@@ -6,7 +6,7 @@ use host_tools::evaluation::evaluate;
 use host_tools::fit;
 use host_tools::fit::conditioning::Conditioning;
 use host_tools::fit::record::FitRecord;
-use host_tools::recording::RecordingSet;
+use host_tools::recording::{Assumed, RecordingSet};
 use host_tools::report::rub_page;
 use host_tools::report::rub_page::{Clips, Inputs, Recordings, Written};
 use host_tools::support::error::{Error, Result};
@@ -20,9 +20,12 @@ use host_tools::texture::library::{decode_library, read_library};
 
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// Library, or recordings, to which one is fitted as `stylus fit` does: a folder with trials.csv, or such a list
-    #[arg(value_name = "LIB|DIR")]
-    input: PathBuf,
+    /// Library, or recordings, to which one is fitted as `stylus fit` does: a folder with trials.csv, such a list, or
+    /// WAV or CSV files
+    #[arg(required = true, value_name = "LIB|DIR|FILES")]
+    inputs: Vec<PathBuf>,
+    #[command(flatten)]
+    assumed: Assumed,
     /// HTML file to write
     #[arg(long, value_name = "HTML")]
     out: PathBuf,
@@ -43,14 +46,14 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
-    let inputs = std::iter::once(&arguments.input).chain(&arguments.recordings);
-    let inputs: Vec<PathBuf> = inputs.cloned().collect();
-    arguments.overwrite.file(&arguments.out, &inputs)?;
-    let is_recordings = is_recordings(&arguments.input);
+    let given = &arguments.inputs;
+    let read: Vec<PathBuf> = given.iter().chain(&arguments.recordings).cloned().collect();
+    arguments.overwrite.file(&arguments.out, &read)?;
+    let is_recordings = given.len() > 1 || is_recordings(&given[0]);
     if is_recordings && arguments.recordings.is_some() {
         return Err(Error::Request(format!(
             "{} is recordings already, to which a library is fitted: give --recordings beside a library only",
-            arguments.input.display()
+            given[0].display()
         )));
     }
     if arguments.clips.is_some() && !is_recordings && arguments.recordings.is_none() {
@@ -59,21 +62,22 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         ));
     }
     let recordings = if is_recordings {
-        Some(&arguments.input)
+        given.as_slice()
     } else {
-        arguments.recordings.as_ref()
+        arguments.recordings.as_slice()
     };
-    let set = recordings.map(|path| RecordingSet::open(std::slice::from_ref(path)));
+    let set =
+        (!recordings.is_empty()).then(|| RecordingSet::open_with(recordings, &arguments.assumed));
     let set = set.transpose()?;
     let (bytes, record) = match &set {
         Some(set) if is_recordings => fitted(set, arguments.conditioning)?,
         _ => {
-            let bytes = read_library(&arguments.input)?;
-            let record = FitRecord::beside(&arguments.input, &bytes)?;
+            let bytes = read_library(&given[0])?;
+            let record = FitRecord::beside(&given[0], &bytes)?;
             (bytes, record)
         }
     };
-    let library = decode_library(&arguments.input, &bytes)?;
+    let library = decode_library(&given[0], &bytes)?;
     let out = &arguments.out;
     let Some(set) = set else {
         let inputs = Inputs {
@@ -108,11 +112,15 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     print(&summary(out, &write(&inputs, out)?))
 }
 
-/// Returns whether `path` is recordings: a folder or a list. Anything else is read as a library, which says what it is
-/// if it is none.
+/// Returns whether `path` is recordings: a folder, a list or a file of samples. Anything else is read as a library,
+/// which says what it is if it is none.
 fn is_recordings(path: &Path) -> bool {
     let extension = path.extension().unwrap_or_default();
-    path.is_dir() || extension.eq_ignore_ascii_case("csv")
+    let of_recordings = ["csv", "txt", "wav"];
+    path.is_dir()
+        || of_recordings
+            .iter()
+            .any(|known| extension.eq_ignore_ascii_case(known))
 }
 
 /// Fits a library to `set` with the defaults of `stylus fit`; its bytes and its record.
@@ -137,7 +145,10 @@ pub fn write(inputs: &Inputs<'_>, path: &Path) -> Result<Written> {
     Ok(written)
 }
 
-/// The page in words, and the digest of each texture, to be compared with what a browser says.
+/// Digests that are printed.
+const SHOWN_DIGESTS: usize = 4;
+
+/// The page in words, and digests of the first textures, to be compared with what a browser says.
 pub fn summary(path: &Path, written: &Written) -> String {
     let origin = if written.simulated {
         ", of SIMULATED recordings"
@@ -149,15 +160,19 @@ pub fn summary(path: &Path, written: &Written) -> String {
         1 => "1 clip of a recording".to_owned(),
         many => format!("{many} clips of recordings"),
     };
-    let digests = written.digests.iter();
-    let digests: Vec<String> = digests
+    let shown = written.digests.iter().take(SHOWN_DIGESTS);
+    let shown: Vec<String> = shown
         .map(|(name, digest)| format!("{name} {digest}"))
         .collect();
+    let more = match written.digests.len() - shown.len() {
+        0 => String::new(),
+        more => format!(" and {more} more, which the page shows"),
+    };
     format!(
-        "{}: {:.2} MB, {clips}{origin}\ndigest of the first 50 000 words: {}",
+        "{}: {:.2} MB, {clips}{origin}\ndigest of the first 50 000 words: {}{more}",
         path.display(),
         written.bytes as f64 / 1e6,
-        digests.join(", ")
+        shown.join(", ")
     )
 }
 

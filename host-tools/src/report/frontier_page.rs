@@ -6,20 +6,20 @@ use stylus_costs::Origin;
 
 use crate::dsp::spectrum::AMPLITUDE_JND_DB;
 use crate::evaluation::frontier::{
-    CLOCKS_HZ, Filter, Frontier, Point, STRUCTURES, Structure, clock_headings, interval_ms, moving,
-    share,
+    CHOICES_NOTE, CLOCKS_HZ, Filter, Frontier, Point, STRUCTURES, Structure, clock_headings,
+    interval_ms, moving, share,
 };
 use crate::evaluation::tables::{Table, percent};
 use crate::fit::Order;
 use crate::report::html::Page;
-use crate::report::plot::{COST, Caption, FrontPoint, FrontSeries, Quantity, Svg, front_chart};
+use crate::report::plot::{Caption, FrontPoint, FrontSeries, Quantity, Svg, front_chart};
 use crate::support::error::Result;
 
 /// The interval that a device has, samples.
 const DEVICE_INTERVAL: usize = stylus_kernel::UPDATE_INTERVAL_SAMPLES as usize;
 
 /// Cycles along a picture's horizontal axis.
-const CYCLES: Quantity<'static> = Quantity::new("cycles per sample, Cortex-M4, modelled", "");
+const CYCLES: Quantity<'static> = Quantity::new("cycles per sample, Cortex-M7, modelled", "");
 
 /// Errors along a picture's vertical axis.
 const ERROR: Quantity<'static> = Quantity::new("RMS error", "dB");
@@ -30,69 +30,46 @@ const ERROR: Quantity<'static> = Quantity::new("RMS error", "dB");
 /// A picture that cannot be laid out, or a file that cannot be written.
 pub fn write(frontier: &Frontier, path: &Path) -> Result<()> {
     let mut page = Page::new("What accuracy costs in time");
-    let nodes = frontier.nodes;
-    page.paragraph(&format!(
-        "Structures by orders by intervals of updates: how near each comes, and what it costs on a Cortex-M4. {nodes} \
-         nodes of {}. Material: {}.",
-        frontier.textures.join(", "),
-        frontier.material
-    ));
     if frontier.simulated {
         page.notice(
             "The recordings are SIMULATED. The figures tell how the choices compare on them, not how near any of them \
              comes to a surface.",
         );
     }
-    page.paragraph(&format!(
-        "Made by stylus frontier; instructions and cycles by cargo tasks costs with rustc {} and QEMU {}. \
-         Instructions are counted and exact for that compiler. Cycles are llvm-mca's model (LLVM {}) of each core, \
-         without wait states, and not true to the cycle. The fronts go by those of the Cortex-M4.",
-        frontier.rustc, frontier.qemu, frontier.llvm_mca
-    ));
-    page.section("Errors against time");
-    for (picture, caption) in pictures(frontier)? {
-        page.figure(&picture, &caption, &[]);
-    }
-    page.paragraph(&format!(
-        "For comparison, one take against the other, with no model between them: C {:.1} %, bands {:.2} dB. No model \
-         of noise comes nearer than that but by chance.",
-        100.0 * frontier.take_cost,
-        frontier.take_band_error_db
-    ));
-    page.section("The Pareto front")
-        .table(&frontier.front_table());
-    page.section("Every structure at each order")
-        .table(&filter_table(frontier));
+    page.paragraph(&frontier.answer())
+        .table(&frontier.choice_table());
+    let [(answer, of_answer), (intervals, of_intervals)] = pictures(frontier)?;
+    page.paragraph(CHOICES_NOTE)
+        .figure(&answer, &of_answer, &[]);
+    page.folded("Error in motion by the interval of updates", |page| {
+        page.figure(&intervals, &of_intervals, &[]);
+    });
+    page.folded("The Pareto front", |page| {
+        page.table(&frontier.front_table());
+    });
+    page.folded("Every structure at each order", |page| {
+        page.table(&filter_table(frontier));
+    });
     if !frontier.peers.is_empty() {
-        page.section("Beside others").table(&peer_table(frontier));
+        page.folded("Beside filters of other libraries", |page| {
+            page.table(&peer_table(frontier));
+        });
     }
-    page.section("What the figures are").list(&notes(frontier));
+    page.folded("What the figures are", |page| {
+        page.list(&notes(frontier));
+    });
     page.write(path)
 }
 
 /// The pictures with their captions.
-#[expect(clippy::too_many_lines, reason = "four pictures of the same points")]
-fn pictures(frontier: &Frontier) -> Result<[(Svg, String); 4]> {
+#[expect(clippy::too_many_lines, reason = "two pictures of the same points")]
+fn pictures(frontier: &Frontier) -> Result<[(Svg, String); 2]> {
     let caption = |title| Caption {
         title,
         simulated: frontier.simulated,
     };
     let is_fixed = |filter: &Filter| matches!(filter.order, Order::Fixed(_));
-    let filter_point = |filter: &Filter, y: f64| FrontPoint {
-        x: filter.m4.sample.cycles,
-        y,
-        name: format!("order {}", filter.order_text()),
-        joined: is_fixed(filter),
-    };
-    let by_order = |y: fn(&Filter) -> f64| {
-        series(|structure| {
-            let filters = frontier.filters.iter().filter(|f| f.structure == structure);
-            filters
-                .map(|filter| filter_point(filter, y(filter)))
-                .collect()
-        })
-    };
-    let point = |point: &Point, joined| FrontPoint {
+    let point = |point: &Point| FrontPoint {
         x: point.cycles,
         y: point.total_error_db,
         name: format!(
@@ -100,16 +77,14 @@ fn pictures(frontier: &Frontier) -> Result<[(Svg, String); 4]> {
             frontier.filters[point.filter].order_text(),
             point.interval_ms()
         ),
-        joined,
     };
     let of = |structure, point: &Point| frontier.filters[point.filter].structure == structure;
     let total = series(|structure| {
         let own = frontier.points.iter().filter(|point| of(structure, point));
-        let shown = own.filter_map(|own| {
-            let joined = own.interval == DEVICE_INTERVAL && is_fixed(&frontier.filters[own.filter]);
-            (joined || own.on_front || own.on_safe_front).then(|| point(own, joined))
+        let own = own.filter(|own| {
+            own.interval == DEVICE_INTERVAL && is_fixed(&frontier.filters[own.filter])
         });
-        shown.collect()
+        own.map(|own| point(own)).collect()
     });
     let intervals = series(|structure| {
         let own = frontier.points.iter().filter(|point| of(structure, point));
@@ -118,40 +93,19 @@ fn pictures(frontier: &Frontier) -> Result<[(Svg, String); 4]> {
             x: point.interval_ms(),
             y: point.motion_error_db,
             name: String::new(),
-            joined: true,
         });
         own.collect()
     });
-    let front = |name: &str, dashed, mut points: Vec<FrontPoint>| {
-        points.sort_by(|a, b| a.x.total_cmp(&b.x));
-        FrontSeries {
-            name: name.to_owned(),
-            points,
-            dashed,
-        }
+    let names = ["front of all", "front of what holds every hard case"];
+    let on_front = frontier.front().into_iter().map(|on| point(on));
+    let front = FrontSeries {
+        name: names[usize::from(frontier.is_safe())].to_owned(),
+        points: on_front.collect(),
+        dashed: false,
     };
-    let points_on = |is_on: fn(&Point) -> bool| {
-        let on = frontier.points.iter().filter(|point| is_on(point));
-        on.map(|on| point(on, true)).collect()
-    };
-    let fronts = [
-        front("front of all", false, points_on(|point| point.on_front)),
-        front(
-            "front of what holds every hard case",
-            true,
-            points_on(|point| point.on_safe_front),
-        ),
-    ];
-    let on_cost_front = frontier
-        .filters
-        .iter()
-        .filter(|filter| filter.on_cost_front);
-    let on_cost_front = on_cost_front.map(|filter| FrontPoint {
-        joined: true,
-        ..filter_point(filter, 100.0 * filter.still.cost)
-    });
-    let cost_front = [front("front of all", false, on_cost_front.collect())];
-    let snr = Quantity::new("SNR of the noisiest node", "dB");
+    let choices = frontier.choices().into_iter();
+    let choices = choices.map(|(name, choice)| (name, choice.cycles, choice.total_error_db));
+    let choices: Vec<(&str, f64, f64)> = choices.collect();
     let ms = Quantity::new("from update to update", "ms");
     Ok([
         (
@@ -159,44 +113,22 @@ fn pictures(frontier: &Frontier) -> Result<[(Svg, String); 4]> {
                 &caption("Error in third-octave bands, at rest and in motion, against time"),
                 (CYCLES, ERROR),
                 true,
-                &total,
-                &fronts,
+                (&total, &[front]),
+                &choices,
             )?,
             format!(
                 "Error at rest and in motion together against the time of a sample and its share of the updates. \
                  Coloured lines join orders at the stylus's own interval of {} ms; dashed structures are not shipped. \
-                 The steps are the fronts over all orders and intervals; point at a choice to read it.",
+                 The steps are the front over all orders and intervals; point at a choice to read it.",
                 interval_ms(DEVICE_INTERVAL)
             ),
-        ),
-        (
-            front_chart(
-                &caption("Cost C at rest against time, by order"),
-                (CYCLES, COST),
-                true,
-                &by_order(|filter| 100.0 * filter.still.cost),
-                &cost_front,
-            )?,
-            "The paper's cost C against recordings that were held out. Points beside the coloured lines are orders \
-             chosen per node. The steps are the front."
-                .to_owned(),
-        ),
-        (
-            front_chart(
-                &caption("Noise of the arithmetic against time, by order"),
-                (CYCLES, snr),
-                true,
-                &by_order(|filter| filter.still.lowest_snr_db),
-                &[],
-            )?,
-            "Signal to noise against float64 with the stored coefficients, of the noisiest node.".to_owned(),
         ),
         (
             front_chart(
                 &caption("Error in motion by the interval of updates, order per node by AIC"),
                 (ms, ERROR),
                 false,
-                &intervals,
+                (&intervals, &[]),
                 &[],
             )?,
             "What is lost by following the hand only every so often. A direct form interpolates its predictor \
@@ -230,7 +162,6 @@ fn filter_table(frontier: &Frontier) -> Table {
         };
         let cell = |heading: &str, text: String| (heading.to_owned(), text);
         let within = format!("within {AMPLITUDE_JND_DB} dB, %");
-        let held = format!("{} of {}", filter.hard.held, filter.hard.cases);
         let mut row = vec![
             cell("structure", filter.structure.to_string()),
             cell("order", filter.order_text()),
@@ -239,7 +170,7 @@ fn filter_table(frontier: &Frontier) -> Table {
             (within, percent(Some(still.bands_within_jnd), 0)),
             cell("SNR, dB, lowest", format!("{:.0}", still.lowest_snr_db)),
             cell("refused by fit", refused),
-            cell("hard cases held", held),
+            cell("hard cases held", filter.hard.to_string()),
             cell("the worst", worst),
             cell("instructions, M4", format!("{:.0}", m4.sample.instructions)),
             cell("M7", format!("{:.0}", m7.sample.instructions)),
@@ -289,6 +220,24 @@ fn peer_table(frontier: &Frontier) -> Table {
 fn notes(frontier: &Frontier) -> Vec<String> {
     vec![
         format!(
+            "{} nodes of {}. Material: {}.",
+            frontier.nodes,
+            frontier.textures.join(", "),
+            frontier.material
+        ),
+        format!(
+            "Made by stylus frontier; instructions and cycles by cargo tasks costs with rustc {} and QEMU {}. \
+             Instructions are counted and exact for that compiler. Cycles are llvm-mca's model (LLVM {}) of each \
+             core, without wait states, and not true to the cycle. The fronts go by those of the Cortex-M7.",
+            frontier.rustc, frontier.qemu, frontier.llvm_mca
+        ),
+        format!(
+            "One take against the other, with no model between them: C {:.1} %, bands {:.2} dB. No model of noise \
+             comes nearer than that but by chance.",
+            100.0 * frontier.take_cost,
+            frontier.take_band_error_db
+        ),
+        format!(
             "At rest: each node's model plays at its own speed and force, by the kernel or a variant, and is compared \
              with the recording that was held out. C is the paper's equation (6), amplitudes smoothed by a {}. Bands \
              are third octaves from 20 to 1000 Hz.",
@@ -300,8 +249,7 @@ fn notes(frontier: &Frontier) -> Vec<String> {
              {} s.",
             moving::FRAME_S
         ),
-        "The error of a choice is √(at rest² + in motion²). What gains less than 0.05 dB, or 0.5 % of C, is on no \
-         front."
+        "The error of a choice is √(at rest² + in motion²). What gains less than 0.05 dB is on no front."
             .to_owned(),
         "Orders per node, with the highest of all: by Akaike's criterion (AIC), as fit chooses, or by the Bayesian \
          one (BIC), as fit --order bic does. SNR is of the output, in steps of 2⁻²⁰ m/s²: quiet nodes have \

@@ -176,7 +176,7 @@ impl Page {
         }));
     }
 
-    /// What `fill` adds, folded under `summary` until it is asked for.
+    /// A part that `fill` adds, folded under `summary` until it is asked for.
     pub fn folded(&mut self, summary: &str, fill: impl FnOnce(&mut Self)) -> &mut Self {
         self.push(&format!("<details><summary>{}</summary>", escaped(summary)));
         fill(self);

@@ -10,6 +10,21 @@ pub fn signed(value: f64, decimals: usize) -> String {
     without_sign_of_zero(format!("{value:+.decimals$}"))
 }
 
+/// The value with four digits, which is more than anybody reads; 0 for what is not finite.
+pub fn significant(value: f64) -> f64 {
+    if value == 0.0 || !value.is_finite() {
+        return 0.0;
+    }
+    let digits = 3 - value.abs().log10().floor() as i32;
+    let factor = 10f64.powi(digits.abs());
+    let rounded = if digits < 0 {
+        (value / factor).round() * factor
+    } else {
+        (value * factor).round() / factor
+    };
+    if rounded.is_finite() { rounded } else { value }
+}
+
 fn without_sign_of_zero(text: String) -> String {
     match text.strip_prefix(['-', '+']) {
         Some(digits) if digits.chars().all(|digit| matches!(digit, '0' | '.')) => digits.to_owned(),

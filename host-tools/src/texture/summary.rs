@@ -2,7 +2,7 @@
 
 use model_format::{
     CodebookSpec, ExcitationSpec, FINE_THETA_STEP_RAD, LEVEL_FRACTION_BITS, ModulationSpec,
-    NodeFlags, PartKind, Tail, TailSpec, Texture, level_amplitude,
+    NodeFlags, PartKind, Tail, TailSpec, Texture, Wander, level_amplitude,
 };
 use serde::Serialize;
 
@@ -100,6 +100,9 @@ pub struct LineSummary {
     pub phase_turns: f64,
     /// Lowest and highest amplitude of a node, m/s².
     pub amplitude_m_s2: [f32; 2],
+    /// Wander of its place.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub wander: Option<Wander>,
     /// Length, bytes.
     pub bytes: usize,
 }
@@ -265,6 +268,7 @@ fn line_summaries(texture: &Texture<'_>) -> Vec<LineSummary> {
                 line.amplitudes().fold(f32::INFINITY, f32::min),
                 line.amplitudes().fold(0.0, f32::max),
             ],
+            wander: line.wander().and_then(|index| lines.wanders().nth(index)),
             // All lines take as many.
             bytes: bytes / lines.len(),
         })

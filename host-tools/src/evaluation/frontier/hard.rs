@@ -55,6 +55,12 @@ pub struct HardCases {
     pub worst_case: String,
 }
 
+impl std::fmt::Display for HardCases {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{} of {}", self.held, self.cases)
+    }
+}
+
 /// A share of full scale that is loud.
 const LOUD: f64 = 0.01;
 

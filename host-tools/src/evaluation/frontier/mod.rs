@@ -4,7 +4,7 @@
 //! **At rest** ([`still`]): the nodes of textures, played by the kernel and its variants, against recordings that the
 //! fit has not seen. **In motion** ([`moving`]): a hand that rubs over the grid, against float64 at every sample.
 //! **Hard cases** ([`hard`]): those of `stylus stress`, with models cut to the order. **Time** ([`costs`]):
-//! instructions counted on QEMU, and cycles of the Cortex-M4's published timings, from `cargo tasks costs`.
+//! instructions counted on QEMU, and cycles of llvm-mca's model of the device's Cortex-M7, from `cargo tasks costs`.
 //!
 //! The error of a choice is the root of the sum of squares of its error at rest and its error in motion, in
 //! third-octave bands: the one is of the models, the other of following the hand, and they do not know of each other.
@@ -25,7 +25,7 @@ use crate::evaluation::stress::cases::{Case, Length, suite};
 use crate::fit::conditioning::Conditioning;
 
 pub use prepared::{Material, Prepared};
-pub use results::{Filter, Frontier, Point, clock_headings, interval_ms, share};
+pub use results::{CHOICES_NOTE, Filter, Frontier, Point, clock_headings, interval_ms, share};
 pub use structure::{STRUCTURES, Voice};
 pub use stylus_costs::Structure;
 
@@ -35,7 +35,10 @@ pub const ORDERS: [usize; 6] = [10, 20, 50, 100, 200, 400];
 /// Intervals of updates, samples: 0.2 (every sample) to 10 ms at 5 kHz.
 pub const INTERVALS: [usize; 6] = [1, 2, 5, 10, 25, 50];
 
-/// Clocks that a sample's time is shown for, Hz.
+/// The device's clock, Hz.
+pub const DEVICE_CLOCK_HZ: f64 = 400e6;
+
+/// Clocks of other microcontrollers, with a Cortex-M4, that a sample's time is shown for, Hz.
 pub const CLOCKS_HZ: [f64; 3] = [80e6, 168e6, 480e6];
 
 /// Options of a comparison.

@@ -4,10 +4,11 @@ use model_format::SAMPLE_RATE_HZ;
 use serde::Serialize;
 use stylus_costs::{Peer, Structure};
 
-use super::CLOCKS_HZ;
 use super::costs::Cost;
 use super::hard::HardCases;
 use super::still::Still;
+use super::{CLOCKS_HZ, DEVICE_CLOCK_HZ};
+use crate::dsp::spectrum::AMPLITUDE_JND_DB;
 use crate::evaluation::tables::{Table, percent};
 use crate::fit::Order;
 
@@ -34,8 +35,6 @@ pub struct Filter {
     pub library_bytes_per_node: usize,
     /// RAM for two frames' coefficients and the state, bytes.
     pub ram_bytes: usize,
-    /// True if it plays all nodes and nothing cheaper has as low a C.
-    pub on_cost_front: bool,
 }
 
 impl Filter {
@@ -65,7 +64,7 @@ pub struct Point {
     pub total_error_db: f64,
     /// Samples at full scale while rubbing.
     pub saturations: u32,
-    /// Cycles per sample on a Cortex-M4, updates included.
+    /// Cycles per sample on the device's Cortex-M7, modelled, updates included.
     pub cycles: f64,
     /// True if it plays all textures and nothing cheaper has as low an error.
     pub on_front: bool,
@@ -74,9 +73,9 @@ pub struct Point {
 }
 
 impl Point {
-    /// Share of a sample's time at each of [`CLOCKS_HZ`].
-    pub fn shares(&self) -> [f64; 3] {
-        CLOCKS_HZ.map(|clock_hz| share(self.cycles, clock_hz))
+    /// Share of a sample's time on the device.
+    pub fn share(&self) -> f64 {
+        share(self.cycles, DEVICE_CLOCK_HZ)
     }
 
     /// The interval in ms.
@@ -99,6 +98,11 @@ pub fn clock_headings() -> [String; 3] {
 pub fn share(cycles: f64, clock_hz: f64) -> f64 {
     cycles / (clock_hz / f64::from(SAMPLE_RATE_HZ))
 }
+
+/// The meaning of [`Frontier::choice_table`]'s columns.
+pub const CHOICES_NOTE: &str = "Errors are RMS over third octaves: at rest against recordings held out, in motion \
+     against float64. Cycles per sample, updates included, are modelled for the device's Cortex-M7; the share is of \
+     its 200 µs at 400 MHz. Hard cases: how many are held.";
 
 /// Everything.
 #[derive(Clone, Debug, Serialize)]
@@ -132,42 +136,114 @@ pub struct Frontier {
 }
 
 impl Frontier {
+    /// True if a choice that plays all textures holds every hard case.
+    pub fn is_safe(&self) -> bool {
+        self.points.iter().any(|point| point.on_safe_front)
+    }
+
+    /// The front that choices are made of, the cheapest first: that of what holds every hard case, or of all if nothing
+    /// does.
+    pub fn front(&self) -> Vec<&Point> {
+        let is_safe = self.is_safe();
+        let is_on = |point: &&Point| {
+            if is_safe {
+                point.on_safe_front
+            } else {
+                point.on_front
+            }
+        };
+        let mut front: Vec<&Point> = self.points.iter().filter(is_on).collect();
+        front.sort_by(|a, b| a.cycles.total_cmp(&b.cycles));
+        front
+    }
+
+    /// The three choices that answer what accuracy costs, with their names: of [`Frontier::front`] the cheapest is
+    /// thrifty, and the most accurate finest. The knee lies farthest below the chord between these two, over logarithms
+    /// of cycles and error; if none is below it, it is the finest. Nothing of an empty front.
+    pub fn choices(&self) -> Vec<(&'static str, &Point)> {
+        let front = self.front();
+        let places = front
+            .iter()
+            .map(|point| (point.cycles, point.total_error_db));
+        let knee = knee(&places.collect::<Vec<_>>());
+        let chosen = knee.map(|knee| [("thrifty", 0), ("knee", knee), ("finest", front.len() - 1)]);
+        let chosen = chosen.into_iter().flatten();
+        chosen.map(|(name, index)| (name, front[index])).collect()
+    }
+
+    /// The answer in three sentences.
+    pub fn answer(&self) -> String {
+        let choices = self.choices();
+        let [(_, thrifty), (_, knee), (_, finest)] = choices.as_slice() else {
+            return "No structure plays all of the textures, so that there is nothing to choose."
+                .to_owned();
+        };
+        let begin = if self.is_safe() {
+            "The cheapest choice that holds every hard case"
+        } else {
+            "No choice holds every hard case; the cheapest of all"
+        };
+        let [few, some, most] =
+            [thrifty, knee, finest].map(|point| percent(Some(point.share()), 2));
+        format!(
+            "{begin} takes {few} % of the device's time and errs by {:.1} dB. The most accurate takes {:.0} times as \
+             long, {most} %, and errs by {:.1} dB, where two takes of one surface differ by {:.1} dB, and skin feels \
+             no difference below {AMPLITUDE_JND_DB} dB. The knee lies at {some} % and {:.1} dB: from there the last \
+             {:.1} dB take {:.1} times the time.",
+            thrifty.total_error_db,
+            finest.cycles / thrifty.cycles,
+            finest.total_error_db,
+            self.take_band_error_db,
+            knee.total_error_db,
+            knee.total_error_db - finest.total_error_db,
+            finest.cycles / knee.cycles,
+        )
+    }
+
+    /// The three choices as a table.
+    pub fn choice_table(&self) -> Table {
+        let choices = self.choices().into_iter();
+        let choices = choices.map(|(name, point)| (name.to_owned(), point));
+        self.table("Three choices on the Pareto front", "choice", choices)
+    }
+
     /// The choices on a front, the cheapest first.
     pub fn front_table(&self) -> Table {
         let on_a_front = |point: &&Point| point.on_front || point.on_safe_front;
         let mut points: Vec<&Point> = self.points.iter().filter(on_a_front).collect();
         points.sort_by(|a, b| a.cycles.total_cmp(&b.cycles));
-        let row = |point: &Point| {
-            let filter = &self.filters[point.filter];
-            let cell = |heading: &str, text: String| (heading.to_owned(), text);
-            let mut row = vec![
-                cell("structure", filter.structure.to_string()),
-                cell("order", filter.order_text()),
-                cell("update, ms", point.interval_ms().to_string()),
-                cell("error, dB", format!("{:.2}", point.total_error_db)),
-                cell("at rest", format!("{:.2}", filter.still.band_error_db)),
-                cell("in motion", format!("{:.2}", point.motion_error_db)),
-                cell("C, %", percent(Some(filter.still.cost), 1)),
-                cell("SNR, dB", format!("{:.0}", filter.still.lowest_snr_db)),
-                cell("cycles", format!("{:.0}", point.cycles)),
-            ];
-            let shares = point.shares().map(|share| percent(Some(share), 1));
-            row.extend(clock_headings().into_iter().zip(shares));
-            let held = format!("{} of {}", filter.hard.held, filter.hard.cases);
-            let front = match (point.on_front, point.on_safe_front) {
-                (true, true) => "both",
-                (true, false) => "all",
-                (false, _) => "safe",
-            };
-            row.push(cell("hard cases held", held));
-            row.push(cell("front of", front.to_owned()));
-            row
-        };
-        Table::headed(
-            "Nothing cheaper has a lower error, all textures being held; safe: among what holds every hard case; \
-             shares are of 200 µs",
-            points.into_iter().map(row),
+        let named = points.into_iter().map(|point| {
+            let structure = self.filters[point.filter].structure;
+            (structure.to_string(), point)
+        });
+        self.table(
+            "Nothing cheaper has a lower error, among all or among what holds every hard case",
+            "structure",
+            named,
         )
+    }
+
+    /// Choices with names under the heading `names`; [`CHOICES_NOTE`] tells what the columns are.
+    fn table<'a>(
+        &'a self,
+        title: &str,
+        names: &str,
+        choices: impl Iterator<Item = (String, &'a Point)>,
+    ) -> Table {
+        let row = |(name, point): (String, &Point)| {
+            let filter = &self.filters[point.filter];
+            vec![
+                (names, name),
+                ("order", filter.order_text()),
+                ("update ms", point.interval_ms().to_string()),
+                ("at rest dB", format!("{:.2}", filter.still.band_error_db)),
+                ("in motion dB", format!("{:.2}", point.motion_error_db)),
+                ("cycles", format!("{:.0}", point.cycles)),
+                ("share %", percent(Some(point.share()), 2)),
+                ("hard cases", filter.hard.to_string()),
+            ]
+        };
+        Table::headed(title, choices.map(row))
     }
 
     /// The numbers as JSON, a line per filter, choice and row.
@@ -191,22 +267,11 @@ impl Frontier {
     }
 }
 
-/// Least gains that count for more time: less is the scatter of the measurement.
-mod worth {
-    /// Of C.
-    pub const COST: f64 = 0.005;
-    /// Of errors in bands, dB.
-    pub const BAND_DB: f64 = 0.05;
-}
+/// Least gain that counts for more time, dB: less is the scatter of the measurement.
+const WORTH_DB: f64 = 0.05;
 
 /// Marks what nothing cheaper beats. Where a structure does not hold all nodes or textures it is not in the running.
 pub(super) fn mark_fronts(frontier: &mut Frontier) {
-    let costs = frontier.filters.iter().map(|filter| {
-        let holds = filter.still.refused == 0;
-        let cost = if holds { filter.still.cost } else { f64::NAN };
-        (filter.m4.sample.cycles, cost)
-    });
-    let on_cost_front = pareto(&costs.collect::<Vec<_>>(), worth::COST);
     let front = |holds: fn(&Filter) -> bool| {
         let points = frontier.points.iter().map(|point| {
             let filter = &frontier.filters[point.filter];
@@ -218,13 +283,10 @@ pub(super) fn mark_fronts(frontier: &mut Frontier) {
             };
             (point.cycles, error)
         });
-        pareto(&points.collect::<Vec<_>>(), worth::BAND_DB)
+        pareto(&points.collect::<Vec<_>>(), WORTH_DB)
     };
     let on_front = front(|_| true);
     let on_safe_front = front(|filter| filter.hard.held == filter.hard.cases);
-    for (filter, on_front) in frontier.filters.iter_mut().zip(on_cost_front) {
-        filter.on_cost_front = on_front;
-    }
     let marks = on_front.into_iter().zip(on_safe_front);
     for (point, (on_front, on_safe_front)) in frontier.points.iter_mut().zip(marks) {
         (point.on_front, point.on_safe_front) = (on_front, on_safe_front);
@@ -251,6 +313,19 @@ fn pareto(points: &[(f64, f64)], worth: f64) -> Vec<bool> {
         }
     }
     on_front
+}
+
+/// Index of the place that lies farthest below the chord from the first to the last, over logarithms of both numbers.
+fn knee(places: &[(f64, f64)]) -> Option<usize> {
+    let logs: Vec<(f64, f64)> = places
+        .iter()
+        .map(|place| (place.0.ln(), place.1.ln()))
+        .collect();
+    let (&first, &last) = (logs.first()?, logs.last()?);
+    let below = |&(x, y): &(f64, f64)| {
+        (x - first.0) * (last.1 - first.1) - (y - first.1) * (last.0 - first.0)
+    };
+    (0..logs.len()).max_by(|&a, &b| below(&logs[a]).total_cmp(&below(&logs[b])))
 }
 
 #[cfg(test)]
@@ -282,6 +357,28 @@ mod tests {
             kept.sort_by(|a, b| a.0.total_cmp(&b.0));
             prop_assert!(!kept.is_empty());
             prop_assert!(kept.windows(2).all(|pair| pair[1].1 < pair[0].1 - worth));
+        }
+    }
+
+    proptest! {
+        /// By turning the chord to the horizontal; units of cycles and error do not count.
+        #[test]
+        fn nothing_on_a_front_lies_farther_below_its_chord_than_the_knee(
+            points in prop::collection::vec((1.0..10.0f64, 1.0..10.0f64), 1..40), unit in 0.1..100.0f64,
+        ) {
+            let on_front = pareto(&points, 0.0);
+            let mut front: Vec<(f64, f64)> = points.iter().zip(&on_front).filter(|p| *p.1).map(|p| *p.0).collect();
+            front.sort_by(|a, b| a.0.total_cmp(&b.0));
+            let of = |front: &[(f64, f64)]| front[knee(front).unwrap()];
+            let (first, last, found) = (front[0], front[front.len() - 1], of(&front));
+            let angle = (last.1 / first.1).ln().atan2((last.0 / first.0).ln());
+            let below = |place: (f64, f64)| {
+                let (x, y) = ((place.0 / first.0).ln(), (place.1 / first.1).ln());
+                x * angle.sin() - y * angle.cos()
+            };
+            prop_assert!(front.iter().all(|place| below(*place) <= below(found) + 1e-9));
+            let scaled: Vec<(f64, f64)> = front.iter().map(|place| (place.0 * unit, place.1 / unit)).collect();
+            prop_assert!((below((of(&scaled).0 / unit, of(&scaled).1 * unit)) - below(found)).abs() < 1e-9);
         }
     }
 

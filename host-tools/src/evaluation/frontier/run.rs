@@ -66,7 +66,6 @@ impl Prepared {
                 m7: cost(Core::M7)?,
                 library_bytes_per_node: library_bytes_per_node(structure, fitted.highest_order),
                 ram_bytes: ram_bytes(structure, fitted.highest_order),
-                on_cost_front: false,
             };
             let index = filters.len();
             points.extend(rubbed(
@@ -224,7 +223,7 @@ fn rubbed(
             motion_within_jnd: moved.map_or(f64::NAN, |moved| moved.bands_within_jnd()),
             total_error_db: error_db.hypot(filter.still.band_error_db),
             saturations: moved.map_or(0, |moved| moved.saturations),
-            cycles: cycles(&filter.m4, moved.as_ref(), interval),
+            cycles: cycles(&filter.m7, moved.as_ref(), interval),
             on_front: false,
             on_safe_front: false,
         }

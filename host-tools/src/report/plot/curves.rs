@@ -3,10 +3,11 @@
 use std::ops::Range;
 
 use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::canvas::{
-    Axis, BLUE, INK, SERIES, Stroke, Swatch, VERMILION, at, axes, legend, line, picture,
-    range_with_zero,
+    Axis, BLUE, INK, SERIES, Stroke, Swatch, TEXT, VERMILION, at, axes, legend, line, picture,
+    range_with_zero, text, text_width,
 };
 use super::figure::{ACCELERATION, FREQUENCY, Kind, POWER_DENSITY, Quantity, Series, TIME_MS};
 use super::{Caption, Svg};
@@ -22,8 +23,6 @@ pub struct FrontPoint {
     pub y: f64,
     /// A name, which is told where one points at the choice.
     pub name: String,
-    /// True for a point on the line of its series.
-    pub joined: bool,
 }
 
 /// Choices that belong together.
@@ -38,7 +37,8 @@ pub struct FrontSeries {
 }
 
 /// Series of choices and their fronts over two quantities: the horizontal axis in octaves if `in_octaves`, the vertical
-/// one from zero. A front is a line in steps, because between two of its choices the cheaper one holds.
+/// one from zero. A front is a line in steps, because between two of its choices the cheaper one holds. Each of `names`
+/// stands to the left below its place, where no choice beats it.
 ///
 /// Series and fronts without a point that can be drawn have no entry in the legend.
 ///
@@ -48,8 +48,8 @@ pub fn front_chart(
     caption: &Caption<'_>,
     (x, y): (Quantity<'_>, Quantity<'_>),
     in_octaves: bool,
-    series: &[FrontSeries],
-    fronts: &[FrontSeries],
+    (series, fronts): (&[FrontSeries], &[FrontSeries]),
+    names: &[(&str, f64, f64)],
 ) -> Result<Svg> {
     let is_drawn = |point: &&FrontPoint| {
         point.x.is_finite() && point.y.is_finite() && (!in_octaves || point.x > 0.0)
@@ -82,13 +82,13 @@ pub fn front_chart(
     let lowest = places().reduce(f64::min).unwrap_or(0.0);
     let highest = places().reduce(f64::max).unwrap_or(0.0);
     let first = lowest.floor();
-    let names =
+    let octaves =
         (0..=(highest.ceil() - first).min(64.0) as i32).map(|n| (first + f64::from(n)).exp2());
-    let names: Vec<String> = names.map(|value| value.to_string()).collect();
-    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    let octaves: Vec<String> = octaves.map(|value| value.to_string()).collect();
+    let octaves: Vec<&str> = octaves.iter().map(String::as_str).collect();
     let (x, origin) = if in_octaves {
-        let range = lowest - first - 0.3..highest - first + 0.3;
-        (Axis::of_octaves(x, range, first, &names), first)
+        let range = lowest - first - 0.5..highest - first + 0.3;
+        (Axis::of_octaves(x, range, first, &octaves), first)
     } else {
         (Axis::new(x, range_with_zero(places()), 8), 0.0)
     };
@@ -109,8 +109,7 @@ pub fn front_chart(
                     half_pixels: 3,
                     dashed: series.dashed,
                 };
-                let joined = series.points.iter().filter(|point| point.joined);
-                let joined: Vec<(f64, f64)> = joined.map(place).collect();
+                let joined: Vec<(f64, f64)> = series.points.iter().map(place).collect();
                 let path = if is_front { steps(&joined) } else { joined };
                 plot.path(path, stroke)?;
                 let (radius, style) = if is_front {
@@ -123,6 +122,16 @@ pub fn front_chart(
                     .draw_series(dots.map(|place| Circle::new(place, radius, style)))?;
                 plot.panel.series.push(data(series, stroke.colour));
             }
+        }
+        for &(name, x, y) in names {
+            let (width, height) = (text_width(name, TEXT), at(TEXT));
+            let ground = [(-at(10) - width, at(6)), (-at(6), at(10) + height)];
+            let style = text(TEXT, INK).pos(Pos::new(HPos::Right, VPos::Top));
+            let element = EmptyElement::at((octave(x) - origin, y))
+                + Circle::new((0, 0), at(6), INK.filled())
+                + Rectangle::new(ground, WHITE.filled())
+                + Text::new(name.to_owned(), (-at(8), at(8)), style);
+            plot.chart.draw_series([element])?;
         }
         panels.push(plot.panel);
         Ok(())

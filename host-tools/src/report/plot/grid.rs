@@ -8,6 +8,7 @@ use super::canvas::{
     Area, BAR, Drawn, INK, Mark, ON_PALE, PALE, Swatch, TEXT, at, centred, colour_bar,
     draw_upwards, grid_value, legend, picture, text_width,
 };
+use super::curves::NARROW;
 use super::figure::{AxisData, FORCE, Frame, Panel, Quantity, SPEED, Series};
 use super::{Caption, Svg};
 use crate::support::decimal::fixed;
@@ -100,11 +101,26 @@ pub fn grid_map(caption: &Caption<'_>, map: &GridMap<'_>, width: u32) -> Result<
         }
         layout.draw_axes(&chart, map)?;
         panels.push(panel(map, layout.frame(&chart)));
-        let ends = (at(16), bar.dim_in_pixel().1 as i32 - at(56));
-        let value = |share: f64| map.scale.end * share;
-        let values = [0.0, 0.5, 1.0].map(|share| (share, fixed(value(share), DECIMALS)));
-        let colour = |share| map.scale.colour(value(share));
-        colour_bar(&bar, ends, colour, &values, map.quantity)
+        map.scale.draw(&bar, map.quantity)
+    })
+}
+
+/// Axes without names, and the colours of `scale`, for a map whose cells a page draws. The data has one cell, whose
+/// value is the scale's end.
+///
+/// # Errors
+/// A picture that cannot be laid out.
+pub fn map_axes(caption: &Caption<'_>, quantity: Quantity<'_>, scale: Scale) -> Result<Svg> {
+    picture(caption, (NARROW, 340), |area, panels| {
+        let (chart, bar) = area.split_horizontally(at(NARROW - BAR));
+        let layout = Layout::new(&chart, 1, 1);
+        layout.draw_titles(&chart)?;
+        let [x, y] = [SPEED, FORCE].map(|axis| AxisData::of_cells(axis, Vec::new()));
+        let mut panel = Panel::new("", layout.frame(&chart), x, y);
+        let end = Series::cells(quantity, (1, 1), vec![scale.end], Vec::new());
+        panel.series.push(end);
+        panels.push(panel);
+        scale.draw(&bar, quantity)
     })
 }
 
@@ -209,6 +225,13 @@ impl Layout {
         ]
     }
 
+    fn draw_titles(&self, area: &Area<'_>) -> Drawn {
+        let centre = (i32::midpoint(self.left, self.right), self.bottom + at(34));
+        area.draw_text(&SPEED.label(), &centred(TEXT, INK), centre)?;
+        let middle = (at(14), i32::midpoint(self.top, self.bottom));
+        draw_upwards(area, FORCE, middle, self.bottom - self.top)
+    }
+
     fn draw_axes(&self, area: &Area<'_>, map: &GridMap<'_>) -> Drawn {
         // Every so many cells a label stands, so that none touches the next.
         let apart =
@@ -227,10 +250,7 @@ impl Layout {
             let style = small.pos(Pos::new(HPos::Right, VPos::Center));
             area.draw_text(&grid_value(*value), &style, (self.left - at(8), y))?;
         }
-        let centre = (i32::midpoint(self.left, self.right), self.bottom + at(34));
-        area.draw_text(&SPEED.label(), &small, centre)?;
-        let middle = (at(14), i32::midpoint(self.top, self.bottom));
-        draw_upwards(area, FORCE, middle, self.bottom - self.top)
+        self.draw_titles(area)
     }
 }
 
@@ -249,6 +269,15 @@ impl Scale {
         Self {
             end: if rounded > 0.0 { rounded } else { 1.0 },
         }
+    }
+
+    /// Draws the bar of its colours.
+    fn draw(self, bar: &Area<'_>, quantity: Quantity<'_>) -> Drawn {
+        let ends = (at(16), bar.dim_in_pixel().1 as i32 - at(56));
+        let value = |share: f64| self.end * share;
+        let values = [0.0, 0.5, 1.0].map(|share| (share, fixed(value(share), DECIMALS)));
+        let colour = |share| self.colour(value(share));
+        colour_bar(bar, ends, colour, &values, quantity)
     }
 
     /// By way of the palette's blue the scale is even to the eye.

@@ -23,7 +23,7 @@ pub use curves::{
     FrontPoint, FrontSeries, NARROW, front_chart, spectra, spectrum_axes, waveform_axes,
 };
 pub use figure::{COST, Figure, Quantity};
-pub use grid::{GridCell, GridMap, Scale, WIDE, grid_map};
+pub use grid::{GridCell, GridMap, Scale, WIDE, grid_map, map_axes};
 pub use spectrogram::spectrograms;
 pub use waveforms::waveforms;
 

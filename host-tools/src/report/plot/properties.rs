@@ -55,7 +55,6 @@ fn front(in_octaves: bool, value: impl Fn(i32) -> f64) -> Svg {
                 x: 300.0 * 1.2f64.powi(n + index),
                 y: value(n + index),
                 name: format!("{n} @ 2 ms"),
-                joined: true,
             })
             .collect(),
         dashed: index % 2 == 0,
@@ -65,7 +64,9 @@ fn front(in_octaves: bool, value: impl Fn(i32) -> f64) -> Svg {
         Quantity::new("cycles", "1 per sample"),
         Quantity::new("RMS error", "dB"),
     );
-    front_chart(&CAPTION, axes, in_octaves, &all[..5], &all[5..]).unwrap()
+    let place = &all[5].points[0];
+    let names = [("thrifty", place.x, place.y)];
+    front_chart(&CAPTION, axes, in_octaves, (&all[..5], &all[5..]), &names).unwrap()
 }
 
 /// Every kind of picture of what it is made for, by name.

@@ -17,16 +17,18 @@ function base64Of(bytes) {
   return btoa(binary);
 }
 
-// Levels in dB of a list of i16 in hundredths; null is no level.
-function levelsOf(base64) {
-  if (!base64) return null;
-  const bytes = bytesOf(base64);
-  const view = new DataView(bytes.buffer);
-  return Array.from({ length: bytes.length / 2 }, (_, n) => {
-    const code = view.getInt16(2 * n, true);
-    return code === -32768 ? null : code / 100;
-  });
+// Levels in dB of a list of bytes, half decibels below `top`; null is no level.
+function levelsOf(base64, top) {
+  return base64 ? Array.from(bytesOf(base64), (code) => (code === 255 ? null : top - code / 2)) : null;
 }
+
+// A number with four digits, or as many, and no idle ones.
+function short(value, digits = 4) {
+  return String(Number(value.toPrecision(digits)));
+}
+
+// Bits of a node's flags.
+const FLAGS = { silent: 1, interpolated: 2, extrapolated: 4, doubtful: 8 };
 
 // Samples of a clip, m/s²: codes are companded, so that quiet parts keep their shape.
 function clipSamples({ peak_m_s2: peak, codes_base64: codes }) {
@@ -41,7 +43,17 @@ class PageTexture {
     this.data = data.textures[index];
     this.index = index;
     this.name = this.data.name;
-    this.nodes = this.data.nodes;
+    const { orders, rms_m_s2: levels, flags, costs } = this.data.nodes;
+    const { speeds_mm_s: speeds, forces_n: forces } = this.data;
+    this.nodes = orders.map((order, node) => ({
+      speed_mm_s: speeds[Math.floor(node / forces.length)],
+      force_n: forces[node % forces.length],
+      order,
+      rms_m_s2: levels[node],
+      flags: flags[node],
+      silent: (flags[node] & FLAGS.silent) !== 0,
+      cost: costs?.[node] ?? null,
+    }));
     this.count = data.frequencies_hz.length;
     this.clips = data.clips.filter((clip) => clip.texture === index);
     this.known = {};
@@ -49,7 +61,7 @@ class PageTexture {
 
   // Levels of all nodes, decoded when they are first asked for.
   all(kind) {
-    this.known[kind] ??= { levels: levelsOf(this.data[`${kind}_base64`]) };
+    this.known[kind] ??= { levels: levelsOf(this.data[`${kind}_base64`], this.data.top_db) };
     return this.known[kind].levels;
   }
 
@@ -67,13 +79,23 @@ class PageTexture {
     return levels?.some((level) => level !== null) ? levels : null;
   }
 
-  // The node with the most weight that `has` something, of nodes and weights of a voice.
-  heaviest(voice, has = () => true) {
-    let best = null;
-    for (const [node, weight] of distinctNodes(voice)) {
-      if (has(node) && (best === null || weight > best.weight)) best = { node, weight };
-    }
-    return best === null || best.weight === 0 ? null : best.node;
+  // Densities of model or recording, (m/s²)²/Hz, over nodes with weights: their mean by the law of the texture's
+  // level, of those that have any; null if these have less than half of the weight.
+  density(kind, nodes) {
+    const known = nodes.filter(([node]) => this.levels(kind, node) !== null);
+    const whole = known.reduce((sum, [, weight]) => sum + weight, 0);
+    if (whole < 0.5) return null;
+    const levels = this.all(kind);
+    const laws = {
+      "mean power": [(level) => 10 ** (level / 10), (mean) => mean],
+      "mean amplitude": [(level) => 10 ** (level / 20), (mean) => mean ** 2],
+      "mean dB": [(level) => level, (mean) => 10 ** (mean / 10)],
+    };
+    const [into, back] = laws[this.data.level_law];
+    return Array.from({ length: this.count }, (_, band) => {
+      const at = (node) => into(levels[node * this.count + band] ?? -200);
+      return back(known.reduce((sum, [node, weight]) => sum + weight * at(node), 0) / whole);
+    });
   }
 
   // What excites the models, in words.
@@ -98,13 +120,13 @@ class PageTexture {
   }
 }
 
-// Words on a speed, mm/s, and a force, N, above the highest that were recorded: the texture sounds there as at the edge.
+// Words on a speed, mm/s, and a force, N, above the highest of the grid: the texture sounds there as at its edge.
 function beyondGrid(nodes, speed, force) {
-  const highest = (key) => Math.max(...nodes.map((node) => node[key]));
+  const highest = (key) => nodes.at(-1)[key];
   const words = [];
-  if (speed > 1.02 * highest("speed_mm_s")) words.push(`${highest("speed_mm_s")} mm/s`);
-  if (force > 1.02 * highest("force_n")) words.push(`${highest("force_n")} N`);
-  return words.length > 0 ? ` Recorded up to ${words.join(" and ")}: beyond, it sounds as there.` : "";
+  if (speed > 1.02 * highest("speed_mm_s")) words.push(`${short(highest("speed_mm_s"))} mm/s`);
+  if (force > 1.02 * highest("force_n")) words.push(`${short(highest("force_n"))} N`);
+  return words.length > 0 ? `Off the grid, which ends at ${words.join(" and ")}: it sounds as there.` : "";
 }
 
 // Nodes of a voice, each once, with the sum of its weights. On a grid of one speed or force, and beyond the grid's edge,

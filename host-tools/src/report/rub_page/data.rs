@@ -3,7 +3,7 @@
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use model_format::scene::{MotionOfScene, Scene};
-use model_format::{NodeFlags, Provenance, Texture};
+use model_format::{Provenance, Texture};
 use rayon::prelude::*;
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -11,17 +11,20 @@ use stylus_kernel::digest::{DIGEST_SEED, DIGEST_WORDS, of_plan};
 use stylus_kernel::scene::Plan;
 
 use super::clips::{Clip, Thinning};
-use super::spectra::{Spectrum, band_centres_hz, model_spectrum, recorded_spectrum};
+use super::spectra::{STEPS_PER_DB, Spectrum, band_centres_hz, model_spectrum, recorded_spectrum};
 use super::{Inputs, KERNEL, KERNEL_BUILT_BY, Recordings};
-use crate::evaluation::evaluate::rms;
 use crate::fit;
 use crate::playing::wavefront::Wavefront;
 use crate::recording::Trial;
+use crate::support::decimal::significant;
 use crate::support::error::Result;
 use crate::texture::grid::as_written;
 
 /// Version of the data's form.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
+
+/// Most textures that the title names.
+const MOST_IN_TITLE: usize = 4;
 
 /// Peak over RMS of Gaussian noise through a filter, which hardly exceeds it.
 const NOISE_PEAK: f64 = 4.0;
@@ -67,13 +70,12 @@ pub struct TextureData {
     rms_m_s2: f64,
     highest_rms_m_s2: f64,
     can_leave_out: PartsData,
-    pub nodes: Vec<NodeData>,
+    level_law: String,
+    pub nodes: NodesData,
+    /// No level of the spectra is above it, dB; negative infinity of silence.
+    pub top_db: f64,
     model_base64: String,
     recorded_base64: Option<String>,
-    map_quantity: &'static str,
-    /// Highest level of all spectra, dB.
-    #[serde(skip)]
-    pub highest_db: f64,
 }
 
 #[derive(Serialize)]
@@ -83,27 +85,15 @@ struct PartsData {
     lines: Vec<Value>,
 }
 
-/// A node.
+/// Values of a texture's nodes, speed-major.
 #[derive(Serialize)]
-#[expect(
-    clippy::struct_excessive_bools,
-    reason = "the page's scripts read each mark of a node by its name"
-)]
-pub struct NodeData {
-    pub speed_mm_s: f64,
-    pub force_n: f64,
-    order: usize,
-    pub rms_m_s2: f64,
-    silent: bool,
-    interpolated: bool,
-    extrapolated: bool,
-    doubtful: bool,
-    /// C as a share.
-    pub cost: Option<f64>,
-    recorded_rms_m_s2: Option<f64>,
-    clip: Option<usize>,
-    #[serde(skip)]
-    pub flags: NodeFlags,
+pub struct NodesData {
+    orders: Vec<usize>,
+    pub rms_m_s2: Vec<f64>,
+    /// The bits of [`model_format::NodeFlags`].
+    flags: Vec<u8>,
+    /// C as a share; nothing where no node has one.
+    pub costs: Option<Vec<Option<f64>>>,
 }
 
 impl Data {
@@ -134,7 +124,10 @@ impl Data {
         Ok(Self {
             version: VERSION,
             stylus: env!("CARGO_PKG_VERSION"),
-            title: format!("Rub {}", in_words(&names)),
+            title: match names.len() {
+                0..=MOST_IN_TITLE => format!("Rub {}", in_words(&names)),
+                many => format!("Rub one of {many} textures"),
+            },
             simulated: textures.iter().any(|one| one.simulated),
             kernel: json!({ "bytes": KERNEL.len(), "built_by": KERNEL_BUILT_BY.trim() }),
             seed: inputs.seed,
@@ -166,7 +159,6 @@ impl Data {
 #[derive(Default)]
 struct Recorded {
     spectrum: Option<Spectrum>,
-    rms_m_s2: Option<f64>,
     cost: Option<f64>,
     clip: Option<Clip>,
 }
@@ -207,36 +199,35 @@ impl TextureData {
         let all = recorded.iter().filter_map(|node| node.spectrum.as_ref());
         let highest_db = models.iter().chain(all).map(Spectrum::highest_db);
         let highest_db = highest_db.fold(f64::NEG_INFINITY, f64::max);
+        let top_db = (STEPS_PER_DB * highest_db).ceil() / STEPS_PER_DB;
         let recorded_base64 = any_recorded.then(|| {
             let silence = Spectrum::silence();
-            let of_node = |node: &Recorded| node.spectrum.as_ref().unwrap_or(&silence).codes();
-            encoded(recorded.iter().flat_map(of_node))
+            let of_node =
+                |node: &Recorded| node.spectrum.as_ref().unwrap_or(&silence).codes(top_db);
+            STANDARD.encode(recorded.iter().flat_map(of_node).collect::<Vec<u8>>())
         });
-        let mut nodes = Vec::new();
-        for (&(speed, force), recorded) in places.iter().zip(recorded) {
-            let node = texture.node(speed, force);
-            let clip = recorded.clip.map(|clip| {
-                clips.push(clip);
-                clips.len() - 1
-            });
-            nodes.push(NodeData {
-                speed_mm_s: as_written(speeds[speed]),
-                force_n: as_written(forces[force]),
-                order: node.coefficients.order(),
-                rms_m_s2: significant(f64::from(node.output_power).sqrt()),
-                silent: node.flags.contains(NodeFlags::SILENT),
-                interpolated: node.flags.contains(NodeFlags::INTERPOLATED),
-                extrapolated: node.flags.contains(NodeFlags::EXTRAPOLATED),
-                doubtful: node.flags.contains(NodeFlags::DOUBTFUL),
-                cost: recorded.cost.map(significant),
-                recorded_rms_m_s2: recorded.rms_m_s2.map(significant),
-                clip,
-                flags: node.flags,
-            });
-        }
+        let model_codes: Vec<u8> = models
+            .iter()
+            .flat_map(|model| model.codes(top_db))
+            .collect();
+        let costs: Vec<Option<f64>> = (recorded.iter())
+            .map(|node| node.cost.map(significant))
+            .collect();
+        clips.extend(recorded.into_iter().filter_map(|node| node.clip));
+        let levels = texture
+            .nodes()
+            .map(|node| significant(f64::from(node.output_power).sqrt()));
+        let nodes = NodesData {
+            orders: texture
+                .nodes()
+                .map(|node| node.coefficients.order())
+                .collect(),
+            rms_m_s2: levels.collect(),
+            flags: texture.nodes().map(|node| node.flags.bits()).collect(),
+            costs: costs.iter().any(Option::is_some).then_some(costs),
+        };
         let powers = texture.nodes().map(|node| f64::from(node.output_power));
         let mean_power = powers.sum::<f64>() / places.len() as f64;
-        let any_cost = nodes.iter().any(|node| node.cost.is_some());
         Ok(Self {
             name: texture.name().to_owned(),
             simulated: texture.provenance() == Provenance::Simulated,
@@ -254,11 +245,11 @@ impl TextureData {
                     .map(|wavelength_mm| json!({ "wavelength_mm": wavelength_mm }))
                     .collect(),
             },
+            level_law: texture.level_law().to_string(),
             nodes,
-            model_base64: encoded(models.iter().flat_map(Spectrum::codes)),
+            top_db,
+            model_base64: STANDARD.encode(model_codes),
             recorded_base64,
-            map_quantity: if any_cost { "C" } else { "RMS level" },
-            highest_db,
         })
     }
 }
@@ -287,7 +278,6 @@ fn recorded_at(
     let judged = recordings.evaluation.trials.iter();
     let judged = judged.filter(|trial| is_here(&trial.texture, trial.speed_mm_s, trial.force_n));
     let costs: Vec<f64> = judged.filter_map(|trial| trial.scores.cost).collect();
-    let levels: Vec<f64> = signals.iter().map(|signal| rms(signal)).collect();
     let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
     let longest = (trials.iter().zip(&signals)).max_by_key(|(_, signal)| signal.len());
     let clip = longest
@@ -300,7 +290,6 @@ fn recorded_at(
         });
     Ok(Recorded {
         spectrum: recorded_spectrum(&signals),
-        rms_m_s2: (!levels.is_empty()).then(|| mean(&levels)),
         cost: (!costs.is_empty()).then(|| mean(&costs)),
         clip,
     })
@@ -346,11 +335,6 @@ fn scene_data(scene: &Scene) -> Value {
     })
 }
 
-/// Codes as Base64 of little-endian numbers.
-fn encoded(codes: impl Iterator<Item = i16>) -> String {
-    STANDARD.encode(codes.flat_map(i16::to_le_bytes).collect::<Vec<u8>>())
-}
-
 /// The names as a list in words.
 fn in_words(names: &[&str]) -> String {
     match names {
@@ -362,18 +346,4 @@ fn in_words(names: &[&str]) -> String {
 
 fn rounded(value: f64, steps_per_unit: f64) -> f64 {
     (value * steps_per_unit).round() / steps_per_unit
-}
-
-/// The value with four digits, which is more than anybody reads; 0 for what is not finite.
-fn significant(value: f64) -> f64 {
-    if value == 0.0 || !value.is_finite() {
-        return 0.0;
-    }
-    let digits = 3 - value.abs().log10().floor() as i32;
-    let factor = 10f64.powi(digits);
-    if factor.is_finite() && factor > 0.0 {
-        rounded(value, factor)
-    } else {
-        value
-    }
 }

@@ -25,9 +25,9 @@ function actionOf(event) {
 
 function listenToKeys(page) {
   document.addEventListener("keydown", (event) => {
-    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    if (event.ctrlKey || event.metaKey || event.altKey || event.target.type === "search") return;
     if (/^[1-9]$/.test(event.key)) {
-      page.chooseSurface(Number(event.key) - 1);
+      page.chooseShown(Number(event.key) - 1);
       return;
     }
     const action = actionOf(event);

@@ -84,9 +84,10 @@ const WORKLET: [&str; 4] = [
 ];
 
 /// Scripts of the page, in their order.
-const SCRIPTS: [&str; 12] = [
+const SCRIPTS: [&str; 14] = [
     include_str!("kernel.js"),
     include_str!("resampler.js"),
+    include_str!("voices.js"),
     include_str!("data.js"),
     include_str!("hash.js"),
     include_str!("spectrum.js"),
@@ -96,6 +97,7 @@ const SCRIPTS: [&str; 12] = [
     include_str!("pictures.js"),
     include_str!("patch.js"),
     include_str!("files.js"),
+    include_str!("silence.js"),
     include_str!("page.js"),
 ];
 

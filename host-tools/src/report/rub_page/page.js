@@ -3,6 +3,9 @@
 // Interval at which the hand is told to the worklet while it touches, ms.
 const TELL_MS = 4;
 
+// Surfaces from which on there is a list to search.
+const MOST_CHIPS = 12;
+
 // Pictures per second, and with reduced motion.
 const PICTURES_PER_S = 30;
 const STILL_PICTURES_PER_S = 4;
@@ -32,6 +35,7 @@ class RubPage {
     this.kind = "synthesis";
     this.isMute = false;
     this.stroke = new KeyStroke();
+    this.silence = new Silence(this);
     this.recent = new Float32Array(0);
     this.rate = 5000;
     this.played = null;
@@ -76,9 +80,8 @@ class RubPage {
 
   // ---- Sound ----
 
-  // Takes over the sound: its context and the worklet's node there.
-  connect(context, node) {
-    this.context = context;
+  // Takes over the worklet's node.
+  connect(node) {
     this.node = node;
     this.node.port.onmessage = ({ data }) => this.hear(data);
     this.node.onprocessorerror = () => this.fail("the browser's audio worklet stopped: reload the page");
@@ -88,6 +91,7 @@ class RubPage {
   }
 
   hear(message) {
+    if (message.type === "played") this.silence.end();
     if (message.type === "ready") this.times.ready = performance.now();
     else if (message.type === "fault") this.fail(message.text);
     else if (message.type === "heard") this.times.heard = message.at - performance.timeOrigin;
@@ -106,6 +110,7 @@ class RubPage {
   // Tells the worklet what to play, from its beginning.
   play(take = false) {
     if (this.choice().recording) this.sendClips(this.texture);
+    this.silence.choose();
     this.node?.port.postMessage({ type: "choose", choice: this.choice(), take });
   }
 
@@ -136,7 +141,7 @@ class RubPage {
     this.delays.push(...message.delays);
     if (this.delays.length > 400) this.delays.splice(0, this.delays.length - 400);
     const isSounding = message.samples.some((sample) => sample !== 0);
-    if (isSounding && this.spectrum.add(message.samples)) this.hasNewSpectrum = true;
+    if (isSounding && this.spectrum.add(message.samples, this.beside())) this.hasNewSpectrum = true;
     const joined = new Float32Array(this.recent.length + message.samples.length);
     joined.set(this.recent);
     joined.set(message.samples, this.recent.length);
@@ -161,6 +166,7 @@ class RubPage {
 
   touch() {
     this.context?.resume();
+    this.silence.watch();
     this.times.touched ??= performance.now();
     byId("patch").classList.add("touched");
     this.watch();
@@ -256,7 +262,11 @@ class RubPage {
     this.surfaceIndex = index;
     const surfaces = this.data.scenes[this.surface.scene]?.surfaces ?? [];
     this.under = this.surface.texture ?? surfaces.find(({ texture }) => texture !== null)?.texture;
-    document.getElementsByName("surface")[index].checked = true;
+    const input = document.getElementsByName("surface")[index];
+    input.checked = true;
+    const [list, chip] = [byId("surfaces"), input.parentElement];
+    const above = chip.offsetTop - list.offsetTop - list.clientTop;
+    if (above < list.scrollTop || above + chip.offsetHeight > list.scrollTop + list.clientHeight) list.scrollTop = above;
     if (!this.kinds().some(({ id }) => id === this.kind)) this.kind = "synthesis";
     this.setRanges();
     this.showKinds();
@@ -265,6 +275,26 @@ class RubPage {
     this.play();
     this.computeDigest();
     this.say(this.surface.name);
+  }
+
+  // Chips of the surfaces that the search has left.
+  shownChips() {
+    return [...byId("surfaces").querySelectorAll("label")].filter((label) => !label.hidden);
+  }
+
+  chooseShown(number) {
+    const inputs = [...document.getElementsByName("surface")];
+    const chip = this.shownChips()[number];
+    if (chip) this.chooseSurface(inputs.indexOf(chip.firstChild));
+  }
+
+  search(words) {
+    const wanted = words.toLowerCase().split(/\s+/);
+    [...document.getElementsByName("surface")].forEach((input, index) => {
+      const name = this.surfaces[index].name.toLowerCase();
+      input.parentElement.hidden = !wanted.every((word) => name.includes(word));
+    });
+    byId("search-text").textContent = `${this.shownChips().length} of ${this.surfaces.length}; Enter takes the first`;
   }
 
   // Kinds of sound of the surface: a scene has its synthesis alone.
@@ -400,6 +430,13 @@ class RubPage {
       const text = scene === undefined ? name : `${name} (scene)`;
       surfaces.append(this.chip("surface", text, () => this.chooseSurface(index)));
     });
+    if (this.surfaces.length > MOST_CHIPS) {
+      surfaces.classList.add("many");
+      byId("search-row").hidden = false;
+      byId("search").addEventListener("input", ({ target }) => this.search(target.value));
+      byId("search").addEventListener("keydown", ({ key }) => key === "Enter" && this.chooseShown(0));
+      this.search("");
+    }
     for (const id of ["force", "speed", "volume", "scale"]) {
       byId(id).addEventListener("input", () => this.showRanges());
     }
@@ -493,9 +530,11 @@ class RubPage {
     const index = this.texture.index;
     if (this.mapOf === index) return;
     this.mapOf = index;
-    this.map = new MapPicture(byId("map-picture"), `map-${index}`, this.texture);
-    byId("map-text").textContent = `Click a node, or press Enter on it, for a stroke there. The point is your speed and
-      force of the moment; the rings are the nodes whose models are mixed, at most four, larger with more weight.`;
+    this.map = new MapPicture(byId("map-picture"), this.texture);
+    const marks = [...this.map.marks].map((words) => ` A node with ${words}.`).join("");
+    byId("map-text").textContent = `Click a node, or press Enter on it, for a stroke there. The ring is your speed and
+      force of the moment; the frames are around the nodes whose models are mixed, at most four, thicker with more
+      weight.${marks}`;
   }
 
   showPatch() {
@@ -526,19 +565,19 @@ class RubPage {
 
   drawPictures() {
     const { played } = this;
+    if (this.place) this.patch.move(this.place.x, this.place.y, this.touches);
     if (!played) return;
     byId("now-speed").textContent = `${Math.round(Math.abs(played.contact ? played.speed : 0))} mm/s`;
     byId("now-force").textContent = `${(played.contact ? played.force : 0).toFixed(2)} N`;
     const power = this.recent.reduce((sum, value) => sum + value * value, 0) / Math.max(1, this.recent.length);
     byId("now-level").textContent = power > 0 ? shown(Math.sqrt(power), "m/s²") : "silent";
     this.waveform.draw(this.recent, this.rate);
-    if (this.place) this.patch.move(this.place.x, this.place.y, this.touches);
     const voice = this.voice();
     this.drawSpectrum(voice);
     this.drawPlace(voice);
     if (played.clip !== null) {
       const node = this.texture.nodes[played.clip];
-      byId("place-text").textContent = `The recording at ${node.speed_mm_s} mm/s and ${node.force_n} N,
+      byId("place-text").textContent = `The recording at ${short(node.speed_mm_s)} mm/s and ${short(node.force_n)} N,
         the nearest one.`;
     }
   }
@@ -551,31 +590,43 @@ class RubPage {
     return Kernel.voices(played.state).findLast((voice) => voice.texture >= 0) ?? null;
   }
 
-  drawSpectrum(voice) {
-    if (this.hasNewSpectrum) {
-      this.spectrumPicture.draw("live", this.spectrum.levels());
-      this.hasNewSpectrum = false;
-    }
-    if (!voice) return;
+  // What the model and the recording have at the place of the moment, to be compared with what sounds.
+  beside() {
+    const voice = this.voice();
+    if (!voice) return {};
     const texture = this.textures[voice.texture] ?? this.texture;
+    const gain = (this.data.scenes[this.surface.scene]?.surfaces[voice.surface]?.gain ?? 1) * voice.fade;
+    const { clip } = this.played;
+    const nodes = clip === null ? distinctNodes(voice) : [[clip, 1]];
+    const heard = (kind) => texture.density(kind, nodes)?.map((density) => density * gain ** 2) ?? null;
     // A recording that sounds is its own spectrum.
-    const isRecording = this.played.clip !== null;
-    const at = (kind, name) => {
-      const node = this.played.clip ?? texture.heaviest(voice, (index) => texture.levels(kind, index) !== null);
-      const levels = node === null ? null : texture.levels(kind, node);
-      this.spectrumPicture.draw(name, levels);
-      if (node === null) return null;
-      const { speed_mm_s: speed, force_n: force } = texture.nodes[node];
-      return `at ${speed} mm/s, ${force} N`;
-    };
-    const recorded = isRecording ? this.spectrumPicture.draw("recorded", null) : at("recorded", "recorded");
-    byId("recorded-key").hidden = isRecording || texture.all("recorded") === null;
-    byId("recorded-at").textContent = recorded ?? "of no node near";
-    byId("model-at").textContent = at("model", "model") ?? "of a silent node";
+    return { model: heard("model"), recorded: clip === null ? heard("recorded") : null };
+  }
+
+  drawSpectrum(voice) {
+    // Until there is a first estimate, the place of the moment stands for itself.
+    const isFirst = this.spectrum.density === null;
+    if (!this.hasNewSpectrum && !(isFirst && voice)) return;
+    const compared = isFirst ? this.beside() : this.spectrum.compared;
+    const levels = (densities) => densities?.map((density) => 10 * Math.log10(density)) ?? null;
+    this.spectrumPicture.draw("live", isFirst ? null : this.spectrum.levels());
+    this.spectrumPicture.draw("model", levels(compared.model));
+    this.spectrumPicture.draw("recorded", levels(compared.recorded));
+    this.hasNewSpectrum = false;
+    byId("recorded-key").hidden = this.played.clip !== null || this.texture.all("recorded") === null;
+    byId("recorded-at").textContent = compared.recorded ? "" : " (of no node near)";
+    byId("model-at").textContent = compared.model ? "" : " (silent)";
   }
 
   drawPlace(voice) {
     if (this.surface.scene !== undefined && this.under !== null && this.under !== undefined) this.showMap();
+    const beyond = voice ? beyondGrid(this.texture.nodes, Math.abs(voice.speed), voice.force) : "";
+    const label = byId("patch-beyond");
+    if (label.textContent !== beyond) {
+      label.textContent = beyond;
+      label.hidden = beyond === "";
+      if (beyond) this.say(beyond);
+    }
     if (!voice) {
       this.map.hide();
       byId("place-text").textContent = this.played.contact ? "A smooth surface." : "Nothing is touched.";
@@ -583,16 +634,15 @@ class RubPage {
     }
     this.map.draw(voice);
     const fade = voice.fade < 1 ? ` Below the grid the level fades: ${Math.round(100 * voice.fade)} % are left.` : "";
-    const beyond = beyondGrid(this.texture.nodes, Math.abs(voice.speed), voice.force);
     byId("place-text").textContent = `${this.texture.name} at ${Math.round(Math.abs(voice.speed))} mm/s and
-      ${voice.force.toFixed(2)} N.${fade}${beyond}`;
+      ${voice.force.toFixed(2)} N.${fade} ${beyond}`;
     const key = voice.nodes.join() + voice.weights.map((weight) => weight.toFixed(2)).join();
     if (key === this.shownNodes) return;
     this.shownNodes = key;
     const rows = distinctNodes(voice).map(([index, weight]) => {
       const node = this.texture.nodes[index];
       const cost = node.cost === null ? "–" : (100 * node.cost).toFixed(1);
-      return [node.speed_mm_s, node.force_n, weight.toFixed(2), node.silent ? "silent" : node.order, cost];
+      return [short(node.speed_mm_s), short(node.force_n), weight.toFixed(2), node.silent ? "silent" : node.order, cost];
     });
     byId("nodes").replaceChildren(
       ...rows.map((cells) => {
@@ -775,18 +825,20 @@ async function main() {
     return;
   }
   // The sound first, because it is made beside all else.
-  const context = new AudioContext({ latencyHint: "interactive" });
   const kernelBytes = bytesOfElement("kernel");
   const libraryBytes = bytesOfElement("library");
+  const context = new AudioContext({ latencyHint: "interactive" });
   const sound = soundOf(context, kernelBytes, libraryBytes);
   const page = new RubPage(JSON.parse(byId("data").textContent));
   globalThis.rubPage = page;
+  page.context = context;
+  page.animate();
+  const connected = sound.then((node) => page.connect(node)).catch((fault) => page.fail(fault.message ?? String(fault)));
   try {
-    page.connect(context, await sound);
-    page.animate();
-    // On the page itself for digests and patches, when the sound is ready.
+    // On the page itself for digests and patches, when the sound is ready or does not come.
     const module = await WebAssembly.compile(kernelBytes);
     page.newKernel = () => new Kernel(module, libraryBytes);
+    await Promise.race([connected, new Promise((resolve) => setTimeout(resolve, SOUND_DUE_MS))]);
     await page.computeDigest();
   } catch (fault) {
     page.fail(fault.message ?? String(fault));

@@ -52,9 +52,10 @@ class Axes {
   }
 }
 
-// The picture out of a template, in `holder`.
-function pictureOf(holder, name) {
+// The picture out of a template, in `holder`, after `prepare` has filled its element of the axes.
+function pictureOf(holder, name, prepare = () => {}) {
   holder.replaceChildren(document.getElementById(name).content.cloneNode(true));
+  prepare(holder.querySelector("g.axes"));
   // Values at the pointer, as on every page of the family.
   stylusPlots.attach(holder);
   return new Axes(holder.querySelector("svg"));
@@ -132,15 +133,115 @@ function colourOf(look) {
   return `var(${name})`;
 }
 
-// A map with the point of the moment and the nodes that are mixed there, four at most.
+// Letters of a picture are so high and, on average, so wide, in its pixels.
+const [LETTER_HIGH, LETTER_WIDE] = [26, 15];
+
+// Colours of a map's values at shares of its scale, as the program has them.
+function cellColour(share) {
+  const stops = [[247, 247, 247], [91, 163, 207], [8, 48, 107]];
+  const place = 2 * Math.max(0, Math.min(1, share));
+  const below = place >= 1 ? 1 : 0;
+  return stops[below].map((from, n) => Math.round(from + (stops[below + 1][n] - from) * (place - below)));
+}
+
+// Marks of nodes that are not of a good recording: a path in a cell of 16 pixels, and words.
+const NODE_MARKS = [
+  { flag: FLAGS.interpolated, path: "M0 0H16L0 16Z", hollow: false, words: "a corner is interpolated" },
+  { flag: FLAGS.extrapolated, path: "M1 1H15L1 15Z", hollow: true, words: "a hollow corner is extrapolated" },
+  { flag: FLAGS.doubtful, path: "M3 0H13V10H3Z", hollow: false, words: "a square is of a doubtful recording" },
+];
+
+// The map of a texture's nodes, with the point of the moment and frames around the nodes that are mixed there, four at
+// most. Values are written above both.
 class MapPicture {
-  constructor(holder, name, texture) {
+  constructor(holder, texture) {
     this.texture = texture;
-    this.axes = pictureOf(holder, name);
-    this.ties = [0, 1, 2, 3].map(() => this.axes.add("line", "tie"));
-    this.rings = [0, 1, 2, 3].map(() => this.axes.add("circle", "node"));
-    this.point = this.axes.add("circle", "point");
+    const { speeds_mm_s: speeds, forces_n: forces, nodes } = texture.data;
+    this.counts = [speeds.length, forces.length];
+    const values = nodes.costs ? nodes.costs.map((cost) => cost && 100 * cost) : nodes.rms_m_s2;
+    this.axes = pictureOf(holder, nodes.costs ? "map-cost" : "map-level", (group) => {
+      const panel = JSON.parse(group.dataset.panel);
+      const [cells] = panel.series;
+      [this.end] = cells.z.values;
+      Object.assign(panel.x, { names: speeds.map((speed) => short(speed)), values: speeds, to: speeds.length - 0.5 });
+      Object.assign(panel.y, { names: forces.map((force) => short(force, 3)), values: forces, to: forces.length - 0.5 });
+      cells.x = values.map((_, n) => Math.floor(n / forces.length));
+      cells.y = values.map((_, n) => n % forces.length);
+      cells.z.values = values;
+      cells.notes = texture.nodes.map(({ flags }) => Object.keys(FLAGS).filter((name) => flags & FLAGS[name]).join("; "));
+      panel.play = texture.name;
+      group.dataset.panel = JSON.stringify(panel);
+    });
+    const { axes } = this;
+    axes.svg.setAttribute("aria-label", `${axes.svg.getAttribute("aria-label")} of ${texture.name}`);
+    const below = axes.svg.insertBefore(axes.add("g", "cells"), axes.group);
+    axes.svg.insertBefore(axes.layer, axes.group);
+    this.texts = axes.svg.insertBefore(axes.add("g", "values"), axes.group);
+    this.marks = new Set();
+    values.forEach((value, node) => this.drawCell(below, node, value));
+    this.drawNames();
+    this.frames = [0, 1, 2, 3].map(() => axes.add("rect", "node"));
+    this.point = ["halo", "point"].map((name) => axes.add("circle", name));
     this.hide();
+  }
+
+  // The rectangle of a node.
+  cell(node) {
+    const { left, right, top, bottom } = this.axes;
+    const [columns, rows] = this.counts;
+    const [width, height] = [(right - left) / columns, (bottom - top) / rows];
+    const [column, row] = [Math.floor(node / rows), node % rows];
+    return { x: left + column * width, y: bottom - (row + 1) * height, width: width - 2, height: height - 2 };
+  }
+
+  write(text, x, y, fill, anchor = "middle") {
+    const element = this.axes.add("text", "", this.texts);
+    const attributes = { x, y, fill, dy: "0.35em", "text-anchor": anchor, "font-size": LETTER_HIGH };
+    for (const [name, value] of Object.entries(attributes)) element.setAttribute(name, value);
+    element.textContent = text;
+    return element;
+  }
+
+  drawCell(below, node, value) {
+    const { axes } = this;
+    const cell = this.cell(node);
+    const { flags, silent } = this.texture.nodes[node];
+    const colour = value === null ? null : cellColour(value / this.end);
+    const fill = colour ? `rgb(${colour})` : "#E1E1E1";
+    const element = axes.add("rect", "", below);
+    place(element, cell);
+    element.setAttribute("fill", fill);
+    const text = colour ? value.toFixed(1) : silent ? "silent" : "–";
+    if (LETTER_WIDE * text.length < cell.width && LETTER_HIGH < cell.height) {
+      const isDark = colour && 0.299 * colour[0] + 0.587 * colour[1] + 0.114 * colour[2] < 140;
+      const ink = colour ? (isDark ? "#FFFFFF" : "#292929") : "#282828";
+      const written = this.write(text, cell.x + cell.width / 2, cell.y + cell.height / 2, ink);
+      // Over the frames and the point a value keeps the ground of its cell.
+      written.setAttribute("stroke", fill);
+    }
+    for (const { flag, path, hollow, words } of NODE_MARKS) {
+      if ((flags & flag) === 0) continue;
+      const mark = axes.add("path", hollow ? "mark hollow" : "mark", below);
+      mark.setAttribute("d", path);
+      mark.setAttribute("transform", `translate(${cell.x.toFixed(1)} ${cell.y.toFixed(1)})`);
+      this.marks.add(words);
+    }
+  }
+
+  // Names along both axes, every so many, so that none touches the next.
+  drawNames() {
+    const { left, bottom } = this.axes;
+    const { x, y } = this.axes.data;
+    const { width, height } = this.cell(0);
+    const widest = LETTER_WIDE * Math.max(...x.names.map((name) => name.length)) + 14;
+    const every = (needed, size) => Math.ceil(needed / (size + 2));
+    x.names.forEach((name, n) => {
+      if (n % every(widest, width) === 0) this.write(name, left + (n + 0.5) * (width + 2), bottom + 24, "#282828");
+    });
+    y.names.forEach((name, n) => {
+      if (n % every(LETTER_HIGH + 4, height) !== 0) return;
+      this.write(name, left - 14, bottom - (n + 0.5) * (height + 2), "#282828", "end");
+    });
   }
 
   hide() {
@@ -150,17 +251,13 @@ class MapPicture {
   draw(voice) {
     const { axes } = this;
     axes.layer.setAttribute("visibility", "visible");
-    const x = axes.placeX(Math.abs(voice.speed));
-    const y = axes.placeY(voice.force);
-    place(this.point, { cx: x, cy: y, r: 11 });
+    const [cx, cy] = [axes.placeX(Math.abs(voice.speed)), axes.placeY(voice.force)];
+    this.point.forEach((circle) => place(circle, { cx, cy, r: 15 }));
     const nodes = distinctNodes(voice);
-    this.rings.forEach((ring, number) => {
+    this.frames.forEach((frame, number) => {
       const [index, weight] = nodes[number] ?? [0, 0];
-      const node = this.texture.nodes[index];
-      const [nodeX, nodeY] = [axes.placeX(node.speed_mm_s), axes.placeY(node.force_n)];
-      place(ring, { cx: nodeX, cy: nodeY, r: weight > 0 ? 5 + 13 * Math.sqrt(weight) : 0 });
-      place(this.ties[number], { x1: x, y1: y, x2: nodeX, y2: nodeY });
-      this.ties[number].setAttribute("opacity", Math.sqrt(Math.max(0, weight)));
+      place(frame, this.cell(index));
+      frame.setAttribute("stroke-width", weight > 0 ? 3 + 7 * Math.sqrt(weight) : 0);
     });
   }
 }

@@ -1,9 +1,8 @@
-//! Pictures of the page: axes for what its scripts draw, and maps under the point that moves.
+//! Pictures of the page: axes for what its scripts draw.
 
-use super::data::{Data, TextureData};
+use super::data::Data;
 use crate::report::plot::{
-    COST, Caption, GridCell, GridMap, NARROW, Quantity, Scale, Svg, grid_map, spectrum_axes,
-    waveform_axes,
+    COST, Caption, Quantity, Scale, Svg, map_axes, spectrum_axes, waveform_axes,
 };
 use crate::support::error::Result;
 
@@ -31,8 +30,9 @@ pub fn templates(data: &Data) -> Result<String> {
         peak,
     )?;
     let mut text = template("waveform", &waveform) + &template("spectrum", &spectrum(data)?);
-    for (index, map) in maps(data)?.iter().enumerate() {
-        text += &template(&format!("map-{index}"), map);
+    for (name, title, quantity, scale) in maps(data) {
+        let axes = map_axes(&caption(title, data.simulated), quantity, scale)?;
+        text += &template(name, &axes);
     }
     Ok(text)
 }
@@ -43,7 +43,7 @@ fn caption(title: &str, simulated: bool) -> Caption<'_> {
 
 /// The axes of spectra.
 fn spectrum(data: &Data) -> Result<Svg> {
-    let highest = data.textures.iter().map(|texture| texture.highest_db);
+    let highest = data.textures.iter().map(|texture| texture.top_db);
     let highest = highest.filter(|level| level.is_finite());
     let highest = highest.reduce(f64::max).unwrap_or(0.0);
     let highest = (highest / STEP_DB).ceil() * STEP_DB;
@@ -53,53 +53,18 @@ fn spectrum(data: &Data) -> Result<Svg> {
     )
 }
 
-/// The map of each texture.
-fn maps(data: &Data) -> Result<Vec<Svg>> {
-    let simulated = data.simulated;
-    let costs = Scale::of(data.textures.iter().flat_map(costs));
-    let levels = data.textures.iter().flat_map(|texture| &texture.nodes);
-    let levels = Scale::of(levels.map(|node| node.rms_m_s2));
-    let mut maps = Vec::new();
-    for texture in &data.textures {
-        let shows_cost = costs_known(texture);
-        let title = if shows_cost {
-            format!("Cost C of {}", texture.name)
-        } else {
-            format!("RMS level of {}", texture.name)
-        };
-        let cells: Vec<GridCell> = texture
-            .nodes
-            .iter()
-            .map(|node| GridCell {
-                value: if shows_cost {
-                    node.cost.map(|cost| 100.0 * cost)
-                } else {
-                    Some(node.rms_m_s2)
-                },
-                flags: node.flags,
-            })
-            .collect();
-        let map = GridMap {
-            texture: &texture.name,
-            speeds_mm_s: &texture.speeds_mm_s,
-            forces_n: &texture.forces_n,
-            cells: &cells,
-            quantity: if shows_cost { COST } else { RMS },
-            scale: if shows_cost { costs } else { levels },
-        };
-        maps.push(grid_map(&caption(&title, simulated), &map, NARROW)?);
-    }
-    Ok(maps)
-}
-
-fn costs_known(texture: &TextureData) -> bool {
-    costs(texture).next().is_some()
-}
-
-/// The known C of all nodes, per cent.
-fn costs(texture: &TextureData) -> impl Iterator<Item = f64> {
-    let nodes = texture.nodes.iter();
-    nodes.filter_map(|node| node.cost.map(|cost| 100.0 * cost))
+/// Axes of maps that the textures need, with a scale for all of them: those of C where it is known.
+fn maps(
+    data: &Data,
+) -> impl Iterator<Item = (&'static str, &'static str, Quantity<'static>, Scale)> {
+    let nodes = || data.textures.iter().map(|texture| &texture.nodes);
+    let shares = nodes().flat_map(|nodes| nodes.costs.iter().flatten().flatten());
+    let costs = Scale::of(shares.map(|share| 100.0 * share));
+    let levels = Scale::of(nodes().flat_map(|nodes| nodes.rms_m_s2.iter().copied()));
+    let known = [true, false].map(|known| nodes().any(|nodes| nodes.costs.is_some() == known));
+    let of_costs = known[0].then_some(("map-cost", "Cost C", COST, costs));
+    let of_levels = known[1].then_some(("map-level", "RMS level", RMS, levels));
+    of_costs.into_iter().chain(of_levels)
 }
 
 /// A picture as a template.

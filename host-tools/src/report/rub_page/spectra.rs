@@ -17,10 +17,10 @@ const LOWEST_HZ: f64 = 20.0;
 const BANDS: usize = 68;
 
 /// Steps per decibel of a code.
-const STEPS_PER_DB: f64 = 100.0;
+pub const STEPS_PER_DB: f64 = 2.0;
 
 /// Code of a band without power.
-const NO_POWER: i16 = i16::MIN;
+const NO_POWER: u8 = u8::MAX;
 
 /// Frequencies of a model's spectrum: steps of 0.5 Hz at 5 kHz, finer than the narrowest band by half.
 const MODEL_BINS: usize = 5001;
@@ -54,7 +54,8 @@ impl Spectrum {
         Self(densities)
     }
 
-    fn levels_db(&self) -> impl Iterator<Item = Option<f64>> {
+    /// Levels, dB re 1 (m/s²)²/Hz; none of a band without power.
+    pub fn levels_db(&self) -> impl Iterator<Item = Option<f64>> {
         self.0
             .iter()
             .map(|&density| (density > 0.0).then(|| 10.0 * density.log10()))
@@ -65,13 +66,13 @@ impl Spectrum {
         self.levels_db().flatten().fold(f64::NEG_INFINITY, f64::max)
     }
 
-    /// Levels in steps of 0.01 dB re 1 (m/s²)²/Hz.
-    pub fn codes(&self) -> impl Iterator<Item = i16> + use<> {
+    /// Levels as steps of 0.5 dB below `top_db`, which none exceeds.
+    pub fn codes(&self, top_db: f64) -> Vec<u8> {
         let code = |level: Option<f64>| {
-            let level = level.map(|db| (STEPS_PER_DB * db).round());
-            level.map_or(NO_POWER, |code| (code as i16).max(NO_POWER + 1))
+            let steps = level.map(|db| (STEPS_PER_DB * (top_db - db)).round());
+            steps.map_or(NO_POWER, |steps| steps.min(f64::from(NO_POWER - 1)) as u8)
         };
-        self.levels_db().map(code).collect::<Vec<_>>().into_iter()
+        self.levels_db().map(code).collect()
     }
 }
 

@@ -1,4 +1,5 @@
-// The power spectrum of what sounds: Welch's estimate (Hann's window, half overlapping), averaged over the last second.
+// The power spectrum of what sounds: Welch's estimate (Hann's window, half overlapping), averaged over the last second;
+// and the mean, over the same windows, of what is compared with it.
 
 class LiveSpectrum {
   // `frequencies` are where it is shown, Hz, ascending by one ratio.
@@ -17,17 +18,24 @@ class LiveSpectrum {
 
   clear() {
     this.pending = [];
+    this.besides = [];
     this.density = null;
+    this.compared = {};
     this.count = 0;
   }
 
-  // Adds samples, m/s². Returns true if the estimate has changed.
-  add(samples) {
-    for (const sample of samples) this.pending.push(sample);
+  // Adds samples, m/s², and what is compared with them: by name, densities at the frequencies, or null. Returns true if
+  // the estimate has changed.
+  add(samples, beside = {}) {
+    for (const sample of samples) {
+      this.pending.push(sample);
+      this.besides.push(beside);
+    }
     let isNew = false;
     while (this.pending.length >= this.length) {
-      this.average(this.densityOf(this.pending));
+      this.average(this.densityOf(this.pending), this.besideOf(this.besides));
       this.pending.splice(0, this.length / 2);
+      this.besides.splice(0, this.length / 2);
       isNew = true;
     }
     return isNew;
@@ -43,11 +51,29 @@ class LiveSpectrum {
     return Float64Array.from({ length: length / 2 }, (_, k) => scale * (re[k] ** 2 + im[k] ** 2));
   }
 
-  average(density) {
+  // By name, the mean of what belongs to a window's samples, by their share of its energy; nothing if half has none.
+  besideOf(besides) {
+    const shares = new Map();
+    this.window.forEach((w, n) => shares.set(besides[n], (shares.get(besides[n]) ?? 0) + (w * w) / this.energy));
+    const mean = {};
+    for (const name of new Set([...shares.keys()].flatMap(Object.keys))) {
+      const known = [...shares].filter(([beside]) => beside[name]);
+      const whole = known.reduce((sum, [, share]) => sum + share, 0);
+      if (whole <= 0.5) continue;
+      const sumAt = (k) => known.reduce((sum, [beside, share]) => sum + share * beside[name][k], 0);
+      mean[name] = this.frequencies.map((_, k) => sumAt(k) / whole);
+    }
+    return mean;
+  }
+
+  average(density, beside) {
     this.count += 1;
     // The mean of the first ones, then an exponential one over a second.
     const share = Math.max(1 / this.count, this.length / 2 / this.rate);
-    this.density = this.density ? this.density.map((old, k) => old + share * (density[k] - old)) : density;
+    const mixed = (before, now) => (before ? before.map((old, k) => old + share * (now[k] - old)) : now);
+    this.density = mixed(this.density, density);
+    const names = Object.entries(beside);
+    this.compared = Object.fromEntries(names.map(([name, now]) => [name, mixed(this.compared[name], now)]));
   }
 
   // Levels at the frequencies, dB re 1 (m/s²)²/Hz: the mean over each one's share of an octave. -Infinity is silence.

@@ -5,7 +5,7 @@ use stylus_kernel::arithmetic::Portable;
 use stylus_kernel::digest::of_plan;
 use stylus_kernel::scene::Plan;
 
-use super::spectra::{band_centres_hz, model_spectrum, recorded_spectrum};
+use super::spectra::{Spectrum, band_centres_hz, model_spectrum, recorded_spectrum};
 use super::*;
 use crate::dsp::spectrum::PowerSpectrum;
 use crate::report::html::assert_fetches_nothing;
@@ -127,8 +127,8 @@ fn spectra_have_the_level_of_what_is_played() {
     let library = Library::decode(&bytes).unwrap();
     let texture = library.texture_at(0).unwrap();
     let flat = 10.0 * (4.0f64 / 2500.0).log10();
-    for code in model_spectrum(&texture.node(0, 0), 5000.0).codes() {
-        assert!((f64::from(code) / 100.0 - flat).abs() < 0.02, "{code}");
+    for level in model_spectrum(&texture.node(0, 0), 5000.0).levels_db() {
+        assert!((level.unwrap() - flat).abs() < 0.02, "{level:?}");
     }
     let motion = crate::playing::motion::MotionPath::constant(
         model_format::MillimetresPerSecond(100.0),
@@ -138,23 +138,42 @@ fn spectra_have_the_level_of_what_is_played() {
     let signal = rendered.accelerations_m_s2();
     let model = model_spectrum(&texture.node(1, 0), 5000.0);
     let heard = recorded_spectrum(std::slice::from_ref(&signal)).unwrap();
-    let wide = |code: &(f64, (i16, i16))| code.0 > 100.0;
-    let pairs = band_centres_hz().zip(model.codes().zip(heard.codes()));
-    for (hz, (model, heard)) in pairs.filter(wide) {
-        let difference = f64::from(model - heard) / 100.0;
+    let pairs = model.levels_db().flatten().zip(heard.levels_db().flatten());
+    for (hz, (model, heard)) in band_centres_hz().zip(pairs).filter(|pair| pair.0 > 100.0) {
+        let difference = model - heard;
         assert!(difference.abs() < 1.5, "{hz} Hz: {difference} dB");
     }
+    // Half a step of what a page keeps, and silence stays silence.
+    let top_db = model.highest_db() + 0.3;
+    for (code, level) in model.codes(top_db).iter().zip(model.levels_db().flatten()) {
+        assert!((top_db - f64::from(*code) / 2.0 - level).abs() <= 0.2501);
+    }
+    assert!(
+        Spectrum::silence()
+            .codes(0.0)
+            .iter()
+            .all(|&code| code == 255)
+    );
     let density = PowerSpectrum::welch(&signal, 5000.0);
     let edge = (0.5f64 / 12.0).exp2();
     let centres: Vec<f64> = band_centres_hz().collect();
     let (low, high) = (centres[0] / edge, centres[centres.len() - 1] * edge);
     let power: f64 = centres
         .iter()
-        .zip(model.codes())
-        .map(|(hz, code)| 10f64.powf(f64::from(code) / 1000.0) * hz * (edge - 1.0 / edge))
+        .zip(model.levels_db().flatten())
+        .map(|(hz, level)| 10f64.powf(level / 10.0) * hz * (edge - 1.0 / edge))
         .sum();
     let ratio = power / density.power_between(low, high);
     assert!((0.93..1.07).contains(&ratio), "{ratio}");
+}
+
+#[test]
+fn a_hundred_textures_have_a_short_title_and_add_no_markup() {
+    let names: Vec<String> = (0..100).map(|n| format!("texture {n}")).collect();
+    let specs = names.iter().map(|name| texture(name, Provenance::Recorded));
+    let (text, _) = page_of(&specs.collect::<Vec<_>>());
+    assert_eq!(data_of(&text)["title"], "Rub one of 100 textures");
+    assert_eq!(text.matches("<template").count(), 3);
 }
 
 #[test]
@@ -162,9 +181,9 @@ fn a_page_without_recordings_maps_levels_and_says_that_there_are_none() {
     let (text, written) = page_of(&[texture("felt", Provenance::Recorded)]);
     let data = data_of(&text);
     let of_texture = &data["textures"][0];
-    assert_eq!(of_texture["map_quantity"], "RMS level");
+    assert_eq!(of_texture["nodes"]["costs"], serde_json::Value::Null);
     assert_eq!(of_texture["recorded_base64"], serde_json::Value::Null);
-    assert_eq!(of_texture["nodes"][1]["rms_m_s2"], 3.0);
+    assert_eq!(of_texture["nodes"]["rms_m_s2"][1], 3.0);
     assert_eq!(
         (written.clips, data["clips"].as_array().unwrap().len()),
         (0, 0)
@@ -175,5 +194,5 @@ fn a_page_without_recordings_maps_levels_and_says_that_there_are_none() {
             .unwrap()
             .contains("No recordings")
     );
-    assert!(text.contains("id=\"map-0\""));
+    assert!(text.contains("id=\"map-level\""));
 }
