@@ -48,6 +48,25 @@ pub struct Freehand {
     pub is_simulated: bool,
 }
 
+impl Freehand {
+    /// Notes on the outliers of the recording in the file at `path`, one line each.
+    pub fn notes(&self, path: &Path) -> Vec<String> {
+        let path = path.display();
+        let named = self.outliers.iter().map(|outlier| {
+            format!(
+                "{path}, line {}: {} is {}, which is out of range; cut out",
+                outlier.line, outlier.column, outlier.value
+            )
+        });
+        let mut notes: Vec<String> = named.collect();
+        let all = self.is_outlier.iter().filter(|bad| **bad).count();
+        if all > self.outliers.len() {
+            notes.push(format!("{path}: {all} samples in total are out of range"));
+        }
+        notes
+    }
+}
+
 /// A value that no hand and no sensor can have.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Outlier {
