@@ -78,6 +78,14 @@ pub struct Outlier {
     pub value: f64,
 }
 
+/// Returns true if a comment at the top of a CSV file's `text` begins with SIMULATED.
+pub fn says_simulated(text: &str) -> bool {
+    let comments = text.lines().take_while(|line| line.starts_with('#'));
+    comments
+        .map(|line| line.trim_start_matches('#').trim_start())
+        .any(|comment| comment.starts_with("SIMULATED"))
+}
+
 /// Reads a CSV file with the columns `speed_mm_s` and `force_n`, and one to three columns of accelerations, in units of
 /// `scale_m_s2`. A column `time_s` is necessary unless `rate_hz` is given. Comments begin with `#`; a comment at the
 /// top that begins with SIMULATED marks the file as simulated.
@@ -104,15 +112,7 @@ pub fn read(path: &Path, rate_hz: Option<f64>, scale_m_s2: f64) -> Result<Freeha
         is_outlier: Vec::new(),
         outliers: Vec::new(),
         is_backward: Vec::new(),
-        is_simulated: table
-            .text()
-            .lines()
-            .take_while(|line| line.starts_with('#'))
-            .any(|line| {
-                line.trim_start_matches('#')
-                    .trim_start()
-                    .starts_with("SIMULATED")
-            }),
+        is_simulated: says_simulated(table.text()),
     };
     let mut times = Vec::new();
     let mut rows = table.rows_below_header()?;
