@@ -2,11 +2,12 @@
 
     python3 host-tools/tutorial/check.py [--write]
 
-With `--write` the outputs and pictures in the repository are renewed. The program is $STYLUS_PROGRAM, or `cargo stylus`.
+With `--write` the outputs and pictures in the repository are renewed. The program is $STYLUS_PROGRAM, or else
+`cargo stylus`.
 
-Commands stand in fences without a language. A fence `text` has what the last command of the fence before it prints; a
-pattern behind the word says which lines of it. Longer lines are folded. Pictures are those files of the tutorial's folder
-that a command leaves under the same name.
+Commands stand in fences without a language. A fence `text` has what the last command before it prints; a pattern behind
+the word says which lines of it. Longer lines are folded. Pictures are those files of the tutorial's folder that a
+command leaves under the same name.
 """
 
 import os

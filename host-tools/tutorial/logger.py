@@ -41,6 +41,7 @@ for number, row in enumerate(rows):
         out.write("# SIMULATED: a logger's file, computed from a simulated recording\ntime_s,x,y,z\n")
         for at, (x, y, z) in enumerate(samples):
             warming = drift * at / len(samples)
-            counts = (round(max(-most, min(most, value / MILLI_G + add))) for value, add in ((x, 0), (y, 0), (z, warming)))
+            values = (x / MILLI_G, y / MILLI_G, z / MILLI_G + warming)
+            counts = (round(max(-most, min(most, value))) for value in values)
             out.write(f"{at / RATE_HZ:.6f},{','.join(map(str, counts))}\n")
 print(f"{len(rows)} files of three axes, SIMULATED -> {asked.out}")

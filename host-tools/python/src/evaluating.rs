@@ -62,7 +62,7 @@ impl Judged {
         })
     }
 
-    /// What judges each recording.
+    /// The judge of each recording, and takes that judge nothing.
     fn chosen(&self) -> Result<Chosen> {
         let (takes, record) = (self.takes.as_ref(), self.record.as_deref());
         chosen(&self.set, takes, record, self.options.conditioning)
@@ -221,8 +221,8 @@ pub fn page<'py>(
 ///
 /// `recordings`, `library` and `takes` are as in `evaluate`; `out` is the HTML file to write, replaced with `overwrite`
 /// alone. `before` is another library to compare with, on `takes`. `pairs` are of 'recording-fitted',
-/// 'recording-gaussian', 'gaussian-fitted', 'recording-before' and 'before-fitted'; `trials` is their number per pair, 1
-/// to 200; `segment_s` the duration of a sound, s, at most 10. Warns of pairs that are left out. See `score`.
+/// 'recording-gaussian', 'gaussian-fitted', 'recording-before' and 'before-fitted'; `trials` is their number per pair,
+/// 1 to 200; `segment_s` the duration of a sound, s, at most 10. Warns of pairs that are left out. See `score`.
 #[pyfunction]
 #[pyo3(signature = (
     recordings, library, out, *, takes = None, before = None, pairs = Vec::new(), trials = 12, segment_s = 1.5,
@@ -313,8 +313,8 @@ pub fn compare<'py>(
 
 /// Scores saved answers of listening tests, those of all files together, as `stylus compare --score` does.
 ///
-/// Returns a dictionary per pair, and one for all: `pair`, `files`, `trials`, `correct`, `proportion`, `interval` (exact,
-/// 95 %), `chance`, `is_told_apart`, `simulated`.
+/// Returns a dictionary per pair, and one for all: `pair`, `files`, `trials`, `correct`, `proportion`, `interval`
+/// (exact, 95 %), `chance`, `is_told_apart`, `simulated`.
 #[pyfunction]
 pub fn score(py: Python<'_>, answers: Vec<PathBuf>) -> PyResult<Bound<'_, PyAny>> {
     let read = answers.iter().map(|path| Answers::read(path));

@@ -1,8 +1,8 @@
 //! The Python package `stylus_haptics`: the library of the command `stylus`, with NumPy arrays in and out.
 //!
 //! **Invariant: thin.** A function takes its arguments apart, calls `host-tools`, and puts the results together. What a
-//! result is, the library alone decides, so that it is bit for bit that of the command. Results are plain Python, of the
-//! classes in `_results.py`, which shows them and makes tables of them.
+//! result is, the library alone decides, so that it is bit for bit that of the command. Results are plain Python, of
+//! the classes in `_results.py`, which shows them and makes tables of them.
 //!
 //! | module | subject |
 //! |---|---|

@@ -21,8 +21,8 @@ use crate::texture::described;
 
 /// A library of textures and scenes: validated bytes, as the stylus holds them.
 ///
-/// `Library(data)` takes bytes, and optionally the text of the record of their fit; `Library.open(path)` a file with that
-/// record beside it. It is a mapping from names to textures, and can be pickled.
+/// `Library(data)` takes bytes, and optionally the text of the record of their fit; `Library.open(path)` a file with
+/// that record beside it. It is a mapping from names to textures, and can be pickled.
 #[pyclass(frozen, mapping, module = "stylus_haptics")]
 pub struct Library {
     bytes: Arc<[u8]>,
@@ -115,7 +115,7 @@ impl Library {
         Ok(library)
     }
 
-    /// What `Library` makes an equal one of, for `pickle`.
+    /// The arguments that make an equal one, for `pickle`.
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyType>, Made<'py>)> {
         let library = slf.get();
         let record = library.record.as_ref().map(|record| record.to_text());

@@ -44,7 +44,11 @@ def test_a_listening_test_is_the_commands_and_is_scored_as_by_it(command, folder
     )
     assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes()
     assert f" {trials} trials" in told
-    for given, word in (({"trials": 0}, "1 to 200"), ({"pairs": ["x"]}, "gaussian-fitted"), ({"before": fitted}, "takes")):
+    for given, word in (
+        ({"trials": 0}, "1 to 200"),
+        ({"pairs": ["x"]}, "gaussian-fitted"),
+        ({"before": fitted}, "takes"),
+    ):
         with pytest.raises(sh.StylusError, match=word):
             sh.compare(folder, fitted, tmp_path / "c.html", **given)
     answers = tmp_path / "answers.csv"

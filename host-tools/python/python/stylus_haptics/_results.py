@@ -51,9 +51,9 @@ class Rendering:
     """What the stylus plays along a motion. In a notebook it shows a player.
 
     ``samples`` are float32, m/s², of the shape (N,): those of the WAV file that ``stylus render`` writes. ``words`` are
-    the kernel's own, int32, in steps of 2⁻²⁰ m/s², bit-equal on the computer and the stylus. ``sample_rate_hz`` is their
-    rate, ``saturations`` the number of samples at the kernel's full scale, ``label`` the texture or scene in words, and
-    ``simulated`` is true if any texture in it is of simulated recordings.
+    the kernel's own, int32, in steps of 2⁻²⁰ m/s², bit-equal on the computer and the stylus. ``sample_rate_hz`` is
+    their rate, ``saturations`` the number of samples at the kernel's full scale, ``label`` the texture or scene in
+    words, and ``simulated`` is true if any texture in it is of simulated recordings.
     """
 
     samples: npt.NDArray[np.float32]
@@ -99,7 +99,8 @@ class Rendering:
         said = f"{html.escape(self.label)}: {part}{self.duration_s:.3g} s, scaled to its peak of {peak:.3g} m/s²"
         return (
             f'<figure style="margin:0"><figcaption>{said}{f", {_SIMULATED}" if self.simulated else ""}</figcaption>'
-            f'<audio controls aria-label="{html.escape(self.label)}" src="data:audio/wav;base64,{sound}"></audio></figure>'
+            f'<audio controls aria-label="{html.escape(self.label)}" src="data:audio/wav;base64,{sound}"></audio>'
+            "</figure>"
         )
 
     def __repr__(self) -> str:
@@ -114,10 +115,10 @@ class Rendering:
 class Node:
     """A node of a texture's grid: a linear predictor with its level.
 
-    ``speed_mm_s`` and ``force_n`` are its place; ``rms_m_s2`` is the RMS of the output and ``prediction_error_rms_m_s2``
-    that of the prediction error; ``flags`` are of 'silent', 'interpolated', 'extrapolated' and 'doubtful'.
-    ``reflection`` holds k(1) to k(order), of the stored codes, and ``predictor`` h(1) to h(order): x(n) is predicted as
-    the sum of h(i) x(n - i), at ``sample_rate_hz``.
+    ``speed_mm_s`` and ``force_n`` are its place; ``rms_m_s2`` is the RMS of the output and
+    ``prediction_error_rms_m_s2`` that of the prediction error; ``flags`` are of 'silent', 'interpolated',
+    'extrapolated' and 'doubtful'. ``reflection`` holds k(1) to k(order), of the stored codes, and ``predictor`` h(1) to
+    h(order): x(n) is predicted as the sum of h(i) x(n - i), at ``sample_rate_hz``.
     """
 
     speed_mm_s: float
@@ -137,8 +138,8 @@ class Node:
     def spectrum(self, frequencies_hz: npt.ArrayLike) -> npt.NDArray[np.float64]:
         """Power spectral density of the model at `frequencies_hz`, one-sided, (m/s²)²/Hz.
 
-        It is 2 σ² / (fs |A|²), where σ² is the variance of the prediction error, fs the sample rate, and A the prediction
-        error filter. Raises `StylusError` for more than 2²⁷ frequencies.
+        It is 2 σ² / (fs |A|²), where σ² is the variance of the prediction error, fs the sample rate, and A the
+        prediction error filter. Raises `StylusError` for more than 2²⁷ frequencies.
         """
         frequencies = np.asarray(frequencies_hz)
         if frequencies.size > 1 << 27:
@@ -162,9 +163,9 @@ class Node:
 class Texture:
     """A texture: models over a grid of speeds and forces.
 
-    ``speeds_mm_s`` and ``forces_n`` are the axes, ascending, ``sample_rate_hz`` is the rate of its models, ``simulated``
-    is true if its recordings were, and ``nodes`` are its nodes, all forces of a speed after each other. Arrays over the
-    grid have the shape (speeds, forces).
+    ``speeds_mm_s`` and ``forces_n`` are the axes, ascending, ``sample_rate_hz`` is the rate of its models,
+    ``simulated`` is true if its recordings were, and ``nodes`` are its nodes, all forces of a speed after each other.
+    Arrays over the grid have the shape (speeds, forces).
     """
 
     name: str
@@ -373,8 +374,9 @@ class HattImport:
 
 
 def report(recordings: Any, library: Any, out: Union[str, PathLike[str]], **options: Any) -> Evaluation:
-    """Evaluates as `evaluate` does, with its `options`, and writes the page on it, OUT/index.html, with pictures and sounds.
+    """Evaluates as `evaluate` does, with its `options`, and writes the page on it, OUT/index.html.
 
-    `out` is a folder that is new or empty; an earlier report is replaced with `overwrite=True` alone.
+    The page has pictures and sounds. `out` is a folder that is new or empty; an earlier report is replaced with
+    `overwrite=True` alone.
     """
     return _native.evaluate(recordings, library, report=out, **options)
