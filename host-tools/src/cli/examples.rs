@@ -19,8 +19,11 @@ fn examples(path: &str) -> Vec<&'static str> {
 pub fn with_examples(command: Command, path: &str) -> Command {
     command.mut_subcommands(|inner| {
         let path = format!("{path} {}", inner.get_name());
-        let text = format!("Examples:\n  {}", examples(&path).join("\n  "));
-        with_examples(inner.after_help(text), &path)
+        let inner = match examples(&path).as_slice() {
+            [] => inner,
+            some => inner.after_help(format!("Examples:\n  {}", some.join("\n  "))),
+        };
+        with_examples(inner, &path)
     })
 }
 
