@@ -47,6 +47,8 @@ def run(line: str, place: Path) -> str:
 def quoted(output: str, pattern: str) -> list[str]:
     folded = textwrap.TextWrapper(COLUMNS, subsequent_indent="    ", break_long_words=False, break_on_hyphens=False)
     lines = [line.rstrip() for line in output.splitlines() if re.search(pattern, line)]
+    # Long lines are of tables whose columns are far apart.
+    lines = [line if len(line) <= COLUMNS else re.sub(" {3,}", "  ", line) for line in lines]
     return [part for line in lines for part in folded.wrap(line) or [""]]
 
 

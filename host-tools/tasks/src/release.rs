@@ -13,7 +13,7 @@ use crate::{process, toolchain};
 /// Options of `cargo tasks release`.
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// Folder for the wheel [default: target/tasks/release]
+    /// Folder for the wheel [default: target/tasks/release/wheels]
     #[arg(long)]
     out: Option<PathBuf>,
     /// Build by the tests' profile, in less time
@@ -27,7 +27,8 @@ pub struct Arguments {
 /// maturin is not installed, or fails.
 pub fn run(arguments: &Arguments) -> Result<PathBuf> {
     let maturin = process::find("maturin", "`pip install maturin`")?;
-    let own = || workspace::target_folder("release");
+    let folders = Folders::here("release");
+    let own = || folders.target.join("wheels");
     let out = arguments.out.clone().unwrap_or_else(own);
     for earlier in wheels(&out).unwrap_or_default() {
         fs::remove_file(&earlier).with_context(|| earlier.display().to_string())?;
@@ -37,13 +38,15 @@ pub fn run(arguments: &Arguments) -> Result<PathBuf> {
     toolchain::without_inherited(&mut build);
     build
         .current_dir(workspace::root())
-        .env("CARGO_TARGET_DIR", workspace::host_target_folder())
         .args(["build", "--locked", "--profile", profile])
         .args(["--manifest-path", "host-tools/python/Cargo.toml", "--out"])
         .arg(&out);
-    if !arguments.dev {
-        // The tests' profile keeps what is built already, which other flags would build anew.
-        let flags = Folders::here("release").compiler_flags(&[]);
+    if arguments.dev {
+        build.env("CARGO_TARGET_DIR", workspace::host_target_folder());
+    } else {
+        // In a folder of its own, because other flags would make cargo build everything there again.
+        let flags = folders.compiler_flags(&[]);
+        build.env("CARGO_TARGET_DIR", &folders.target);
         build.env("CARGO_ENCODED_RUSTFLAGS", flags);
     }
     process::run(&mut build)?;
