@@ -8,8 +8,9 @@ use model_format::link::Setting;
 const COMMANDS: &str = include_str!("../../host-tools/COMMANDS.md");
 
 /// Pages that name options of `stylus`.
-const PAGES: [(&str, &str); 5] = [
+const PAGES: [(&str, &str); 6] = [
     ("README.md", include_str!("../../README.md")),
+    ("TUTORIAL.md", include_str!("../../TUTORIAL.md")),
     ("firmware/BRINGUP.md", BRINGUP),
     ("host-tools/COMMANDS.md", COMMANDS),
     (
@@ -32,7 +33,7 @@ const HIL: &str = include_str!("../../host-tools/tasks/src/hil.rs");
 const GROUPS: [&str; 2] = ["scene", "settings"];
 
 /// Options of other programs that the pages name.
-const OF_OTHERS: [&str; 2] = ["--port", "--version"];
+const OF_OTHERS: [&str; 4] = ["--port", "--version", "--range", "--warm"];
 
 /// Options of `cargo tasks hil` that only pages for boards name.
 const OF_HIL: [&str; 2] = ["--flash", "--minutes"];

@@ -8,6 +8,7 @@ use numpy::{
     AllowTypeChange, Element, PyArray1, PyArray2, PyArrayLike1, PyArrayMethods, PyReadonlyArray1,
     PyReadonlyArray2, PyUntypedArray, PyUntypedArrayMethods,
 };
+use pyo3::call::PyCallArgs;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use serde::Serialize;
@@ -76,6 +77,19 @@ pub fn not_negative(name: &str, value: f64) -> PyResult<f64> {
 pub fn plain<'py>(py: Python<'py>, value: &impl Serialize) -> PyResult<Bound<'py, PyAny>> {
     let text = serde_json::to_string(value).map_err(|failure| refused(failure.to_string()))?;
     py.import("json")?.call_method1("loads", (text,))
+}
+
+/// An object of a class of results, which are plain Python: `_results.py`.
+///
+/// # Errors
+/// None for the arguments of the class.
+pub fn made<'py>(
+    py: Python<'py>,
+    class: &str,
+    arguments: impl PyCallArgs<'py>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let results = py.import("stylus_haptics._results")?;
+    results.getattr(class)?.call1(arguments)
 }
 
 /// `values` as an array of one dimension, without a copy.

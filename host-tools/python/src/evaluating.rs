@@ -1,107 +1,89 @@
-//! Evaluations: what the stylus plays against recordings that were not fitted.
+//! Evaluations: what the stylus plays against recordings that were not fitted; and the pages that show them.
+
+use std::path::PathBuf;
+use std::sync::Arc;
 
 use host_tools::dsp::spectrum::DEFAULT_SMOOTHING_WIDTH_HZ;
-use host_tools::evaluation::evaluate as evaluation;
-use host_tools::evaluation::held_out::chosen;
-use host_tools::evaluation::summary as results;
+use host_tools::evaluation::evaluate::{self as evaluation, Evaluation};
+use host_tools::evaluation::held_out::{Chosen, chosen};
+use host_tools::evaluation::listening::{self, Answers, Compared, Pair, plan_of};
+use host_tools::fit::record::FitRecord;
+use host_tools::recording::RecordingSet;
+use host_tools::report::sound::node_seconds;
+use host_tools::report::{evaluation_page, listening_page, rub_page};
+use host_tools::support::error::Result;
+use host_tools::support::output::{OutputFolder, check_file, check_folder};
 use host_tools::texture::library::decode_library;
-use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
+use pyo3::types::{IntoPyDict, PyDict};
 
-use crate::convert::{array, choice, conditioning, not_negative, plain, positive, table};
-use crate::error::{raised, warn};
+use crate::convert::{choice, conditioning, made, not_negative, plain, positive};
+use crate::error::{raised, refused, warn};
+use crate::library::Library;
 use crate::playing::LibraryLike;
-use crate::work;
+use crate::work::{self, Steps};
 
-// A literal below, so that `help` shows it.
+// Literals below, so that `help` shows them.
 const _: () = assert!(DEFAULT_SMOOTHING_WIDTH_HZ == 20.0);
 
-/// The outcome of an evaluation. Arrays have one row per recording, in the order of the set; figures that do not exist
-/// are NaN.
-#[pyclass(frozen, module = "stylus_haptics")]
-pub struct Evaluation(evaluation::Evaluation);
+/// Recordings, the library that is compared with them, and other takes that judge it.
+struct Judged {
+    set: RecordingSet,
+    takes: Option<RecordingSet>,
+    bytes: Arc<[u8]>,
+    path: PathBuf,
+    record: Option<Arc<FitRecord>>,
+    options: evaluation::Options,
+}
 
-impl Evaluation {
-    fn of_trials(
-        &self,
-        py: Python<'_>,
-        of: impl Fn(&results::TrialEvaluation) -> Option<f64>,
-    ) -> Py<PyArray1<f64>> {
-        let values = self
-            .0
-            .trials
-            .iter()
-            .map(|trial| of(trial).unwrap_or(f64::NAN));
-        array(py, values.collect())
+impl Judged {
+    /// The recordings with the speeds and forces that the library's fit took for its own.
+    fn new<'py>(
+        recordings: &Bound<'py, PyAny>,
+        library: &Library,
+        takes: Option<&Bound<'py, PyAny>>,
+        options: evaluation::Options,
+    ) -> PyResult<Self> {
+        let record = library.record().cloned();
+        let of_fit = |given| {
+            let set = crate::recording::recordings(given)?;
+            match &record {
+                Some(record) => record.as_fitted(set).map_err(raised),
+                None => Ok(set),
+            }
+        };
+        Ok(Self {
+            set: of_fit(recordings)?,
+            takes: takes.map(of_fit).transpose()?,
+            bytes: library.bytes().clone(),
+            path: library.named(),
+            record,
+            options,
+        })
+    }
+
+    /// The judge of each recording, and takes that judge nothing.
+    fn chosen(&self) -> Result<Chosen> {
+        let (takes, record) = (self.takes.as_ref(), self.record.as_deref());
+        chosen(&self.set, takes, record, self.options.conditioning)
+    }
+
+    /// The evaluation, and the takes that judge nothing.
+    fn evaluated(&self, steps: &Steps) -> Result<(Evaluation, Vec<String>)> {
+        let library = decode_library(&self.path, &self.bytes)?;
+        let Chosen { judges, unused, .. } = self.chosen()?;
+        steps.between();
+        let record = self.record.as_deref();
+        let done = || steps.done();
+        let found = evaluation::evaluate(&self.set, &library, judges, record, &self.options, done)?;
+        Ok((found, unused))
     }
 }
 
-#[pymethods]
-impl Evaluation {
-    /// The data that were held out, in words.
-    #[getter]
-    fn held_out(&self) -> &str {
-        &self.0.held_out
-    }
-
-    /// True if any recording behind it is simulated.
-    #[getter]
-    fn simulated(&self) -> bool {
-        self.0.simulated
-    }
-
-    /// Cost C of each recording; a share.
-    #[getter]
-    fn cost(&self, py: Python<'_>) -> Py<PyArray1<f64>> {
-        self.of_trials(py, |trial| trial.scores.cost)
-    }
-
-    /// Log-spectral distance of each recording, dB.
-    #[getter]
-    fn log_spectral_distance_db(&self, py: Python<'_>) -> Py<PyArray1<f64>> {
-        self.of_trials(py, |trial| trial.scores.log_spectral_distance_db)
-    }
-
-    /// Level of the synthesis over the recording's in each third octave, dB, of the shape (recordings, bands).
-    #[getter]
-    fn band_errors_db(&self, py: Python<'_>) -> PyResult<Py<PyArray2<f64>>> {
-        let trials = &self.0.trials;
-        let errors = trials.iter().flat_map(|trial| trial.scores.band_errors_db);
-        let errors = errors.map(|error| error.unwrap_or(f64::NAN)).collect();
-        table(py, errors, trials.len())
-    }
-
-    /// Nominal centre frequencies of the third octaves, Hz.
-    #[getter]
-    fn bands_hz(&self, py: Python<'_>) -> Py<PyArray1<f64>> {
-        let labels = self.0.bands_hz.iter();
-        let numbers = labels.map(|label| label.parse().unwrap_or(f64::NAN));
-        array(py, numbers.collect())
-    }
-
-    /// All figures as plain objects: those of `stylus evaluate --json`.
-    fn as_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        plain(py, &self.0)
-    }
-
-    fn __len__(&self) -> usize {
-        self.0.trials.len()
-    }
-
-    fn __repr__(&self) -> String {
-        let textures = self.0.textures.iter().map(|texture| {
-            let cost = texture.mean_cost.unwrap_or(f64::NAN);
-            let distance = texture.synthesis.mean_log_spectral_distance_db;
-            format!(
-                "{}: C {:.1} %, {:.2} dB",
-                texture.texture,
-                100.0 * cost,
-                distance.unwrap_or(f64::NAN)
-            )
-        });
-        let textures: Vec<String> = textures.collect();
-        format!("Evaluation({})", textures.join("; "))
-    }
+/// Warns of takes that judge nothing, for these reasons.
+fn warn_of_unused(py: Python<'_>, reasons: &[String]) -> PyResult<()> {
+    let mut warnings = (reasons.iter()).map(|reason| format!("a take judges nothing: {reason}"));
+    warnings.try_for_each(|warning| warn(py, &warning))
 }
 
 /// Compares what the stylus plays with recordings that were not fitted, as `stylus evaluate` does.
@@ -109,12 +91,13 @@ impl Evaluation {
 /// `recordings` are as in `fit`, and `library` is a `Library`, a `Fit`, or a path. `takes` are other recordings of the
 /// same trials, which judge the library instead. `reduce` and `high_pass` are those of the fit; `smoothing_hz` the full
 /// width of the Hann kernel that smooths amplitudes for C; `synthesis_s` the least duration of each synthesis, s;
-/// `excitation` 'fitted', 'gaussian' or 'residual', the parts of each texture that are played. `progress(done, total)`
-/// counts recordings.
+/// `excitation` 'fitted', 'gaussian' or 'residual', the parts of each texture that are played. With `report`, a folder,
+/// a page on it with pictures and sounds is written there, as with the command's --report; an earlier one is replaced
+/// with `overwrite` alone. `progress(done, total)` counts recordings.
 #[pyfunction]
 #[pyo3(signature = (
     recordings, library, *, takes = None, reduce = "pca", high_pass = "auto", smoothing_hz = 20.0,
-    synthesis_s = 10.0, excitation = "fitted", seed = 1, progress = None
+    synthesis_s = 10.0, excitation = "fitted", seed = 1, report = None, overwrite = false, progress = None
 ))]
 #[expect(clippy::too_many_arguments, reason = "they are keywords")]
 pub fn evaluate<'py>(
@@ -128,8 +111,10 @@ pub fn evaluate<'py>(
     synthesis_s: f64,
     excitation: &str,
     seed: u64,
+    report: Option<PathBuf>,
+    overwrite: bool,
     progress: Option<&Bound<'py, PyAny>>,
-) -> PyResult<Evaluation> {
+) -> PyResult<Bound<'py, PyAny>> {
     let options = evaluation::Options {
         conditioning: conditioning(reduce, high_pass)?,
         smoothing_hz: not_negative("smoothing_hz", smoothing_hz)?,
@@ -139,30 +124,201 @@ pub fn evaluate<'py>(
         ..evaluation::Options::default()
     };
     let library = library.library(py)?;
-    let library = library.get();
-    let record = library.record().cloned();
-    let of_fit = |set| match &record {
-        Some(record) => record.as_fitted(set).map_err(raised),
-        None => Ok(set),
-    };
-    let set = of_fit(crate::recording::recordings(recordings)?)?;
-    let others = takes.map(crate::recording::recordings).transpose()?;
-    let others = others.map(of_fit).transpose()?;
-    let total = set.trials.len() as u64;
-    let (bytes, path) = (library.bytes().clone(), library.named());
-    let (found, unused) = work::run(py, total, progress, move |steps| {
-        let record = record.as_deref();
-        let decoded = decode_library(&path, &bytes)?;
-        let chosen = chosen(&set, others.as_ref(), record, options.conditioning)?;
-        steps.between();
-        let judges = chosen.judges;
-        let found = evaluation::evaluate(&set, &decoded, judges, record, &options, || {
-            steps.done();
-        })?;
-        Ok((found, chosen.unused))
-    })?;
-    for reason in &unused {
-        warn(py, &format!("a take judges nothing: {reason}"))?;
+    let mut judged = Judged::new(recordings, library.get(), takes, options)?;
+    let total = judged.set.trials.len();
+    if let Some(folder) = &report {
+        check_folder(folder, overwrite, &[]).map_err(raised)?;
+        judged.options.excerpt_s = node_seconds(total);
     }
-    Ok(Evaluation(found))
+    let (found, unused) = work::run(py, total as u64, progress, move |steps| {
+        let (found, unused) = judged.evaluated(steps)?;
+        if let Some(folder) = report {
+            let inputs = evaluation_page::Inputs {
+                set: &judged.set,
+                library: &decode_library(&judged.path, &judged.bytes)?,
+                evaluation: &found,
+                options: &judged.options,
+                removed_nodes: None,
+                unused_takes: &unused,
+            };
+            let begun = OutputFolder::begin(&folder, overwrite)?;
+            begun.fill(|folder| {
+                evaluation_page::write(&inputs, folder.path(), || steps.between())
+            })?;
+        }
+        Ok((found, unused))
+    })?;
+    warn_of_unused(py, &unused)?;
+    made(py, "Evaluation", (plain(py, &found)?,))
+}
+
+/// Writes a library as one page to rub, as `stylus page` does, and returns the digest of each texture by its name.
+///
+/// `library` is a `Library`, a `Fit`, or a path; `out` the HTML file to write, replaced with `overwrite` alone. With
+/// `recordings`, as in `fit`, their clips, spectra and C come too; clips are of `clips_s`, 0.1 to 10 s each, or as long
+/// as the page's size allows. `seed` is the one that the page begins with. `progress(done, total)` counts recordings.
+#[pyfunction]
+#[pyo3(signature = (
+    library, out, *, recordings = None, clips_s = None, reduce = "pca", high_pass = "auto", seed = 1,
+    overwrite = false, progress = None
+))]
+#[expect(clippy::too_many_arguments, reason = "they are keywords")]
+pub fn page<'py>(
+    py: Python<'py>,
+    library: LibraryLike<'py>,
+    out: PathBuf,
+    recordings: Option<&Bound<'py, PyAny>>,
+    clips_s: Option<f64>,
+    reduce: &str,
+    high_pass: &str,
+    seed: u32,
+    overwrite: bool,
+    progress: Option<&Bound<'py, PyAny>>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let conditioning = conditioning(reduce, high_pass)?;
+    let clips = match clips_s {
+        None => rub_page::Clips::Budget,
+        Some(seconds) if (0.1..=10.0).contains(&seconds) => rub_page::Clips::Seconds(seconds),
+        Some(other) => return Err(refused(format!("clips_s is {other}: it must be 0.1 to 10"))),
+    };
+    check_file(&out, overwrite, &[]).map_err(raised)?;
+    let library = library.library(py)?;
+    let library = library.get();
+    let options = evaluation::Options {
+        conditioning,
+        seed: seed.into(),
+        ..evaluation::Options::default()
+    };
+    let judged = recordings.map(|recordings| Judged::new(recordings, library, None, options));
+    let judged = judged.transpose()?;
+    let (bytes, path) = (library.bytes().clone(), library.named());
+    let total = judged.as_ref().map_or(0, |judged| judged.set.trials.len());
+    let written = work::run(py, total as u64, progress, move |steps| {
+        let evaluation = match &judged {
+            Some(judged) => Some(judged.evaluated(steps)?.0),
+            None => None,
+        };
+        let both = judged.as_ref().zip(evaluation.as_ref());
+        let recordings = both.map(|(judged, evaluation)| rub_page::Recordings {
+            set: &judged.set,
+            evaluation,
+            conditioning,
+            clips,
+        });
+        let inputs = rub_page::Inputs {
+            library: &decode_library(&path, &bytes)?,
+            bytes: &bytes,
+            recordings,
+            seed: seed.into(),
+        };
+        rub_page::write(&inputs, &out, || steps.between())
+    })?;
+    written.digests.into_py_dict(py)
+}
+
+/// Writes a page for a blind listening test (A/B/X) of recordings and what the stylus plays, as `stylus compare` does,
+/// and returns the number of its trials.
+///
+/// `recordings`, `library` and `takes` are as in `evaluate`; `out` is the HTML file to write, replaced with `overwrite`
+/// alone. `before` is another library to compare with, on `takes`. `pairs` are of 'recording-fitted',
+/// 'recording-gaussian', 'gaussian-fitted', 'recording-before' and 'before-fitted'; `trials` is their number per pair,
+/// 1 to 200; `segment_s` the duration of a sound, s, at most 10. Warns of pairs that are left out. See `score`.
+#[pyfunction]
+#[pyo3(signature = (
+    recordings, library, out, *, takes = None, before = None, pairs = Vec::new(), trials = 12, segment_s = 1.5,
+    reduce = "pca", high_pass = "auto", seed = 1, overwrite = false
+), text_signature = "(recordings, library, out, *, takes=None, before=None, pairs=(), trials=12, segment_s=1.5, \
+    reduce='pca', high_pass='auto', seed=1, overwrite=False)")]
+#[expect(clippy::too_many_arguments, reason = "they are keywords")]
+pub fn compare<'py>(
+    py: Python<'py>,
+    recordings: &Bound<'py, PyAny>,
+    library: LibraryLike<'py>,
+    out: PathBuf,
+    takes: Option<&Bound<'py, PyAny>>,
+    before: Option<LibraryLike<'py>>,
+    pairs: Vec<String>,
+    trials: usize,
+    segment_s: f64,
+    reduce: &str,
+    high_pass: &str,
+    seed: u64,
+    overwrite: bool,
+) -> PyResult<usize> {
+    let least = listening::SHORTEST_EXCERPT_S;
+    if !(1..=200).contains(&trials) || !(least..=10.0).contains(&segment_s) {
+        return Err(refused(format!(
+            "trials is {trials} and segment_s {segment_s}: give 1 to 200 trials of {least} to 10 s"
+        )));
+    }
+    let pairs = pairs.iter().map(|pair| choice::<Pair>("pairs", pair));
+    let pairs = pairs.collect::<PyResult<Vec<_>>>()?;
+    check_file(&out, overwrite, &[]).map_err(raised)?;
+    let evaluate = evaluation::Options {
+        conditioning: conditioning(reduce, high_pass)?,
+        seed,
+        ..evaluation::Options::default()
+    };
+    let library = library.library(py)?;
+    let judged = Judged::new(recordings, library.get(), takes, evaluate)?;
+    let before = before.map(|before| before.library(py)).transpose()?;
+    if before.is_some() && judged.takes.is_none() {
+        return Err(refused("before is compared on other takes: give takes"));
+    }
+    let before = before.map(|before| {
+        let before = before.get();
+        (
+            before.bytes().clone(),
+            before.named(),
+            before.record().cloned(),
+        )
+    });
+    let options = listening::Options {
+        pairs: Pair::asked(&pairs, before.is_some()),
+        trials,
+        excerpt_s: segment_s,
+        seed,
+    };
+    let (plan, notes, unused) = work::run(py, 0, None, move |steps| {
+        let library = decode_library(&judged.path, &judged.bytes)?;
+        let Chosen { judges, unused, .. } = judged.chosen()?;
+        let fitted = Compared {
+            library: &library,
+            record: judged.record.as_deref(),
+        };
+        let decoded = (before.as_ref()).map(|(bytes, path, _)| decode_library(path, bytes));
+        let decoded = decoded.transpose()?;
+        let before =
+            (decoded.as_ref().zip(before.as_ref())).map(|(library, (.., record))| Compared {
+                library,
+                record: record.as_deref(),
+            });
+        let plan = plan_of(
+            &judged.set,
+            &judges,
+            fitted,
+            before,
+            &judged.options,
+            &options,
+        )?;
+        steps.between();
+        listening_page::write(&plan, &out)?;
+        let notes = plan.notes(options.excerpt_s, judged.takes.is_some());
+        Ok((plan.trials.len(), notes, unused))
+    })?;
+    warn_of_unused(py, &unused)?;
+    notes.iter().try_for_each(|note| warn(py, note))?;
+    Ok(plan)
+}
+
+/// Scores saved answers of listening tests, those of all files together, as `stylus compare --score` does.
+///
+/// Returns a dictionary per pair, and one for all: `pair`, `files`, `trials`, `correct`, `proportion`, `interval`
+/// (exact, 95 %), `chance`, `is_told_apart`, `simulated`.
+#[pyfunction]
+pub fn score(py: Python<'_>, answers: Vec<PathBuf>) -> PyResult<Bound<'_, PyAny>> {
+    let read = answers.iter().map(|path| Answers::read(path));
+    let scores = read.collect::<Result<Vec<_>>>();
+    let scores = scores.and_then(|answers| listening::score(&answers));
+    plain(py, &scores.map_err(raised)?)
 }

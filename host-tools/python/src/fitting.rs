@@ -1,6 +1,5 @@
 //! Fits: from recordings to a library.
 
-use std::path::PathBuf;
 use std::sync::Arc;
 
 use host_tools::fit as fitted;
@@ -12,7 +11,7 @@ use host_tools::support::number::tolerance;
 use model_format::SAMPLE_RATE_HZ;
 use pyo3::prelude::*;
 
-use crate::convert::{checked, choice, conditioning, not_negative, plain};
+use crate::convert::{checked, choice, conditioning, made, not_negative};
 use crate::error::{raised, refused, warn};
 use crate::library::Library;
 use crate::work;
@@ -47,92 +46,6 @@ fn snap_of(snap: SnapLike) -> PyResult<Snap> {
     }
 }
 
-/// The account of one recording that a fit gives.
-#[pyclass(frozen, get_all, module = "stylus_haptics")]
-#[derive(Clone)]
-pub struct TrialReport {
-    /// The file, or the name of samples in memory.
-    name: String,
-    /// Name of the texture.
-    texture: String,
-    /// Tangential speed, mm/s.
-    speed_mm_s: f64,
-    /// Normal force, N.
-    force_n: f64,
-    /// RMS of the signal of one axis, m/s².
-    rms_m_s2: f64,
-    /// Largest magnitude of an axis's mean, which was removed, m/s².
-    mean_m_s2: f64,
-    /// Share of the axes' energy that one axis keeps.
-    energy_share: f64,
-    /// Duration that triage cut out, s.
-    cut_s: f64,
-    /// Findings of triage in words; empty for a sound recording.
-    verdicts: Vec<String>,
-    /// True if the fit used it.
-    used: bool,
-}
-
-#[pymethods]
-impl TrialReport {
-    fn __repr__(&self) -> String {
-        format!(
-            "TrialReport({:?}, rms_m_s2={:.4}, verdicts={:?}, used={})",
-            self.name, self.rms_m_s2, self.verdicts, self.used
-        )
-    }
-}
-
-/// The outcome of a fit.
-#[pyclass(frozen, module = "stylus_haptics")]
-pub struct Fit {
-    library: Py<Library>,
-    record: Arc<FitRecord>,
-    trials: Vec<TrialReport>,
-    warnings: Vec<String>,
-}
-
-#[pymethods]
-impl Fit {
-    /// The library, with the record of the fit.
-    #[getter]
-    pub fn library(&self, py: Python<'_>) -> Py<Library> {
-        self.library.clone_ref(py)
-    }
-
-    /// The account of every recording, in the order of the set.
-    #[getter]
-    fn trials(&self) -> Vec<TrialReport> {
-        self.trials.clone()
-    }
-
-    /// Notes on what is doubtful, one line each; each was warned of, too.
-    #[getter]
-    fn warnings(&self) -> Vec<String> {
-        self.warnings.clone()
-    }
-
-    /// The record of the fit as plain objects, as in LIB.fit.json: options, excitations, lines, θ and recordings.
-    fn record<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        plain(py, self.record.as_ref())
-    }
-
-    /// Writes the library to `path`, and beside it the record, PATH.fit.json. See `Library.save`.
-    #[pyo3(signature = (path, *, overwrite = false))]
-    fn save(&self, path: PathBuf, overwrite: bool) -> PyResult<()> {
-        self.library.get().write(&path, overwrite)
-    }
-
-    fn __repr__(&self) -> String {
-        format!(
-            "Fit(library={}, {} recordings, {} warnings)",
-            self.library.get().text(),
-            self.trials.len(),
-            self.warnings.len()
-        )
-    }
-}
-
 /// Fits a library to recordings, as `stylus fit` does: the same recordings and options give the same bytes.
 ///
 /// `recordings` are a folder with `trials.csv`, a list, files, `Recording`s, or `Recordings`. `order` is 'auto' (AIC),
@@ -154,9 +67,9 @@ impl Fit {
     silence_floor_m_s2=0.001, excitation='auto', modulation='auto', drop=(), lines='auto', model_rate_hz=5000, \
     snap=None, strict=False, progress=None)")]
 #[expect(clippy::too_many_arguments, reason = "they are keywords")]
-pub fn fit(
-    py: Python<'_>,
-    recordings: &Bound<'_, PyAny>,
+pub fn fit<'py>(
+    py: Python<'py>,
+    recordings: &Bound<'py, PyAny>,
     order: OrderLike,
     reduce: &str,
     high_pass: &str,
@@ -168,8 +81,8 @@ pub fn fit(
     model_rate_hz: u32,
     snap: Option<SnapLike>,
     strict: bool,
-    progress: Option<&Bound<'_, PyAny>>,
-) -> PyResult<Fit> {
+    progress: Option<&Bound<'py, PyAny>>,
+) -> PyResult<Bound<'py, PyAny>> {
     let options = Options {
         order: order_of(order)?,
         conditioning: conditioning(reduce, high_pass)?,
@@ -196,40 +109,38 @@ pub fn fit(
         )));
     }
     let total = set.trials.len() as u64;
-    let (made, bytes, record) = work::run(py, total, progress, move |steps| {
-        let made = fitted::fit_between(&set, &options, || steps.done(), || steps.between())?;
-        let bytes = made.library()?;
-        let record = FitRecord::of(&set, &options, &bytes)?.with_account_of(&made);
-        Ok((made, bytes, record))
+    let (found, bytes, record) = work::run(py, total, progress, move |steps| {
+        let found = fitted::fit_between(&set, &options, || steps.done(), || steps.between())?;
+        let bytes = found.library()?;
+        let record = FitRecord::of(&set, &options, &bytes)?.with_account_of(&found);
+        Ok((found, bytes, record))
     })?;
-    let warnings: Vec<String> = made.warnings.iter().map(ToString::to_string).collect();
+    let warnings: Vec<String> = found.warnings.iter().map(ToString::to_string).collect();
     for warning in &warnings {
         warn(py, warning)?;
     }
-    let record = Arc::new(record);
-    Ok(Fit {
-        library: Py::new(py, Library::of(bytes.into(), None, Some(record.clone())))?,
-        record,
-        trials: made.trials.into_iter().map(TrialReport::from).collect(),
-        warnings,
-    })
+    let library = Library::of(bytes.into(), None, Some(Arc::new(record)));
+    let trials = found.trials.into_iter().map(|trial| account(py, trial));
+    let trials = trials.collect::<PyResult<Vec<_>>>()?;
+    made(py, "Fit", (library, trials, warnings))
 }
 
-impl From<fitted::TrialReport> for TrialReport {
-    fn from(report: fitted::TrialReport) -> Self {
-        Self {
-            name: report.file,
-            texture: report.texture,
-            speed_mm_s: report.speed_mm_s,
-            force_n: report.force_n,
-            rms_m_s2: report.rms_m_s2,
-            mean_m_s2: report.mean_m_s2,
-            energy_share: report.energy_share,
-            cut_s: report.cut_s,
-            verdicts: report.verdicts.iter().map(ToString::to_string).collect(),
-            used: report.used,
-        }
-    }
+/// The account of one recording, as Python has it.
+fn account(py: Python<'_>, report: fitted::TrialReport) -> PyResult<Bound<'_, PyAny>> {
+    let verdicts = report.verdicts.iter().map(ToString::to_string);
+    let arguments = (
+        report.file,
+        report.texture,
+        report.speed_mm_s,
+        report.force_n,
+        report.rms_m_s2,
+        report.mean_m_s2,
+        report.energy_share,
+        report.cut_s,
+        verdicts.collect::<Vec<String>>(),
+        report.used,
+    );
+    made(py, "TrialReport", arguments)
 }
 
 fn order_of(order: OrderLike) -> PyResult<Order> {

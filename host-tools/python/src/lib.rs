@@ -1,7 +1,8 @@
 //! The Python package `stylus_haptics`: the library of the command `stylus`, with NumPy arrays in and out.
 //!
 //! **Invariant: thin.** A function takes its arguments apart, calls `host-tools`, and puts the results together. What a
-//! result is, the library alone decides, so that it is bit for bit that of the command.
+//! result is, the library alone decides, so that it is bit for bit that of the command. Results are plain Python, of
+//! the classes in `_results.py`, which shows them and makes tables of them.
 //!
 //! | module | subject |
 //! |---|---|
@@ -9,7 +10,7 @@
 //! | `work` | long work without the interpreter's lock, with progress, that Ctrl-C ends |
 //! | `convert` | arrays, paths and choices |
 //! | `recording` | recordings from arrays and files, and sets of them; simulated ones |
-//! | `fitting`, `evaluating` | fits and their evaluation |
+//! | `fitting`, `evaluating` | fits, their evaluation, and the pages that show both |
 //! | `library`, `texture` | libraries, their textures and nodes |
 //! | `motion`, `rendering` | motions, and what the stylus plays along them |
 //! | `scene` | scenes: costed and rendered |
@@ -51,11 +52,11 @@ mod native {
     #[pymodule_export]
     use crate::device::{Device, devices};
     #[pymodule_export]
-    use crate::evaluating::{Evaluation, evaluate};
+    use crate::evaluating::{compare, evaluate, page, score};
     #[pymodule_export]
-    use crate::fitting::{Fit, TrialReport, fit};
+    use crate::fitting::fit;
     #[pymodule_export]
-    use crate::hatt::{HattImport, import_hatt};
+    use crate::hatt::import_hatt;
     #[pymodule_export]
     use crate::library::Library;
     #[pymodule_export]
@@ -63,13 +64,11 @@ mod native {
     #[pymodule_export]
     use crate::playing::{compile_scene, inspect, render};
     #[pymodule_export]
-    use crate::recording::{Recording, Recordings, paper_rig, simulate_rig};
+    use crate::recording::{Recording, Recordings, paper_rig, segment, simulate_rig};
     #[pymodule_export]
-    use crate::rendering::Rendering;
+    use crate::rendering::write_words;
     #[pymodule_export]
     use crate::scene::Scene;
-    #[pymodule_export]
-    use crate::texture::{Node, Texture};
 
     use super::error;
     use pyo3::prelude::*;

@@ -12,16 +12,17 @@ use host_tools::support::visible::visible_line;
 use host_tools::texture::library::{decode_library, read_library};
 use pyo3::exceptions::PyKeyError;
 use pyo3::prelude::*;
-use pyo3::types::PyBytes;
+use pyo3::types::{PyBytes, PyType};
 
+use crate::convert::plain;
 use crate::error::{raised, refused};
 use crate::scene::Scene;
-use crate::texture::Texture;
+use crate::texture::described;
 
 /// A library of textures and scenes: validated bytes, as the stylus holds them.
 ///
-/// `Library(data)` takes bytes, `Library.open(path)` a file with the record of its fit beside it. It is a mapping from
-/// names to textures.
+/// `Library(data)` takes bytes, and optionally the text of the record of their fit; `Library.open(path)` a file with
+/// that record beside it. It is a mapping from names to textures, and can be pickled.
 #[pyclass(frozen, mapping, module = "stylus_haptics")]
 pub struct Library {
     bytes: Arc<[u8]>,
@@ -95,13 +96,31 @@ impl Library {
     }
 }
 
+/// Bytes of a library, and the text of its record.
+type Made<'py> = (Bound<'py, PyBytes>, Option<String>);
+
 #[pymethods]
 impl Library {
     #[new]
-    fn new(data: &[u8]) -> PyResult<Self> {
-        let library = Self::of(data.into(), None, None);
+    #[pyo3(signature = (data, record = None))]
+    fn new(data: &[u8], record: Option<&str>) -> PyResult<Self> {
+        let name = Path::new("record");
+        let record = record.map(|text| FitRecord::from_text(name, text.as_bytes()));
+        let record = record.transpose().map_err(raised)?.map(Arc::new);
+        if (record.as_ref()).is_some_and(|record| !record.is_of(data)) {
+            return Err(refused("the record is of another library: leave it out"));
+        }
+        let library = Self::of(data.into(), None, record);
         library.decoded().map_err(raised)?;
         Ok(library)
+    }
+
+    /// The arguments that make an equal one, for `pickle`.
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyType>, Made<'py>)> {
+        let library = slf.get();
+        let record = library.record.as_ref().map(|record| record.to_text());
+        let bytes = PyBytes::new(slf.py(), &library.bytes);
+        Ok((slf.get_type(), (bytes, record.transpose().map_err(raised)?)))
     }
 
     /// Reads the library at `path`, and the record of its fit beside it, if there is one.
@@ -117,12 +136,19 @@ impl Library {
         self.write(&path, overwrite)
     }
 
+    /// The record of the fit as plain objects, as in LIB.fit.json; None if it is not known.
+    #[pyo3(name = "record")]
+    fn plain_record<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
+        let record = self.record.as_ref();
+        record.map(|record| plain(py, record.as_ref())).transpose()
+    }
+
     /// The textures, in their order.
     #[getter]
-    fn textures(&self) -> PyResult<Vec<Texture>> {
-        let count = self.decoded().map_err(raised)?.len();
-        let of = |index| Texture::of(self.bytes.clone(), index);
-        (0..count).map(of).collect()
+    fn textures<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyAny>>> {
+        let library = self.decoded().map_err(raised)?;
+        let textures = library.textures();
+        textures.map(|texture| described(py, &texture)).collect()
     }
 
     /// The scenes, in their order.
@@ -166,13 +192,11 @@ impl Library {
         Ok(made)
     }
 
-    fn __getitem__(&self, name: &str) -> PyResult<Texture> {
+    fn __getitem__<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {
         let library = self.decoded().map_err(raised)?;
-        let index = library
-            .textures()
-            .position(|texture| texture.name() == name);
+        let texture = library.texture(name);
         let absent = || PyKeyError::new_err(name.to_owned());
-        Texture::of(self.bytes.clone(), index.ok_or_else(absent)?)
+        described(py, &texture.ok_or_else(absent)?)
     }
 
     fn __contains__(&self, name: &str) -> PyResult<bool> {

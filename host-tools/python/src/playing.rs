@@ -10,10 +10,9 @@ use serde::Serialize;
 
 use crate::convert::plain;
 use crate::error::{raised, refused, warn};
-use crate::fitting::Fit;
 use crate::library::Library;
 use crate::motion::{Along, Asked, MotionLike, warn_if_silent};
-use crate::rendering::{Played, Rendering, rendered};
+use crate::rendering::{Played, rendered};
 use crate::scene::Scene;
 
 /// A library, a fit, or the path of a library.
@@ -21,8 +20,11 @@ use crate::scene::Scene;
 pub enum LibraryLike<'py> {
     /// A library.
     Library(Bound<'py, Library>),
-    /// A fit, whose library is meant.
-    Fit(Bound<'py, Fit>),
+    /// A result with a library, which is meant.
+    Of {
+        /// The library of a fit or an import.
+        library: Bound<'py, Library>,
+    },
     /// A file.
     Path(PathBuf),
 }
@@ -34,8 +36,7 @@ impl LibraryLike<'_> {
     /// A file that is none.
     pub fn library(&self, py: Python<'_>) -> PyResult<Py<Library>> {
         match self {
-            Self::Library(library) => Ok(library.clone().unbind()),
-            Self::Fit(fit) => Ok(fit.get().library(py)),
+            Self::Library(library) | Self::Of { library } => Ok(library.clone().unbind()),
             Self::Path(path) => Py::new(py, Library::read(path.clone()).map_err(raised)?),
         }
     }
@@ -85,7 +86,7 @@ pub fn render<'py>(
     seconds: Option<f64>,
     seed: u64,
     progress: Option<&Bound<'py, PyAny>>,
-) -> PyResult<Rendering> {
+) -> PyResult<Bound<'py, PyAny>> {
     let library = library.library(py)?;
     let library = library.get();
     let asked = Asked {

@@ -3,12 +3,14 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use host_tools::recording::freehand::{self, GridAxis, Options};
 use host_tools::recording::{
     self, Assumed, HeldSamples, NOMINAL_FORCE_N, NOMINAL_SPEED_MM_S, RecordingSet, Trial,
 };
 use host_tools::rig::{RigFile, simulate_to_folder};
 use host_tools::support::error::{Error, Result};
 use host_tools::support::hand::{force_fault, speed_fault};
+use host_tools::support::output::check_folder;
 use host_tools::support::toml_field::TEXT;
 use model_format::{Provenance, SAMPLE_RATE_HZ};
 use numpy::{PyArray1, PyArray2};
@@ -16,7 +18,8 @@ use pyo3::prelude::*;
 use pyo3::types::{PyList, PySequence};
 
 use crate::convert::{array, channels, conditioning, not_negative, positive, table};
-use crate::error::{raised, refused};
+use crate::error::{raised, refused, warn};
+use crate::hatt::Paths;
 
 // Literals below, so that `help` shows them.
 const _: () = assert!(NOMINAL_SPEED_MM_S == 100.0 && NOMINAL_FORCE_N == 1.0);
@@ -351,6 +354,77 @@ fn held(trials: Vec<Trial>) -> RecordingSet {
         trials,
         is_listed: true,
     }
+}
+
+/// Cuts the steady pieces out of free-hand recordings into the folder `out`, as `stylus segment` does, and returns them
+/// as a set for `fit`.
+///
+/// `files` are CSV with speed_mm_s, force_n, one to three accelerations, and time_s; without that column at
+/// `sample_rate_hz`. `speeds_mm_s` and `forces_n` are the grid's lowest and highest value and step, proposed from the
+/// recordings if None; `tolerance` is the largest deviation of speed and force within a piece, a share; `least_s` the
+/// shortest piece, s, and `enough_s` the least of all pieces of a node; `scale_m_s2` the acceleration of a sample of 1.
+/// An earlier result in `out` is replaced with `overwrite` alone. Warns of what is left out.
+#[pyfunction]
+#[pyo3(signature = (
+    files, texture, out, *, speeds_mm_s = None, forces_n = None, tolerance = 0.25, least_s = 0.4, enough_s = 0.5,
+    sample_rate_hz = None, scale_m_s2 = 1.0, overwrite = false
+))]
+#[expect(clippy::too_many_arguments, reason = "they are keywords")]
+pub fn segment(
+    py: Python<'_>,
+    files: Paths,
+    texture: &str,
+    out: PathBuf,
+    speeds_mm_s: Option<(f64, f64, f64)>,
+    forces_n: Option<(f64, f64, f64)>,
+    tolerance: f64,
+    least_s: f64,
+    enough_s: f64,
+    sample_rate_hz: Option<f64>,
+    scale_m_s2: f64,
+    overwrite: bool,
+) -> PyResult<Recordings> {
+    for (name, value) in [
+        ("tolerance", Some(tolerance)),
+        ("least_s", Some(least_s)),
+        ("enough_s", Some(enough_s)),
+        ("sample_rate_hz", sample_rate_hz),
+        ("scale_m_s2", Some(scale_m_s2)),
+    ] {
+        value.map(|value| positive(name, value)).transpose()?;
+    }
+    let axis = |name, given: Option<(f64, f64, f64)>| {
+        let parsed =
+            given.map(|(low, high, step)| format!("{low}:{high}:{step}").parse::<GridAxis>());
+        parsed
+            .transpose()
+            .map_err(|problem| refused(format!("{name} {problem}")))
+    };
+    let grid = (
+        axis("speeds_mm_s", speeds_mm_s)?,
+        axis("forces_n", forces_n)?,
+    );
+    let files = files.all();
+    check_folder(&out, overwrite, &files).map_err(raised)?;
+    let (recordings, cut) = py
+        .detach(|| {
+            let read = |path: &PathBuf| freehand::read(path, sample_rate_hz, scale_m_s2);
+            let recordings = files.iter().map(read).collect::<Result<Vec<_>>>()?;
+            let options = Options::of(&recordings, grid, tolerance, (least_s, enough_s))?;
+            let cut = freehand::segment(&recordings, &options);
+            Ok((recordings, cut))
+        })
+        .map_err(raised)?;
+    let pairs = files.iter().zip(&recordings);
+    let notes = pairs.flat_map(|(path, recording)| recording.notes(path));
+    for text in notes.chain(cut.left_out()) {
+        warn(py, &text)?;
+    }
+    let set = cut
+        .check()
+        .and_then(|()| freehand::write(&out, texture, &recordings, &cut, overwrite))
+        .and_then(|()| RecordingSet::open(&[out]));
+    set.map(Recordings).map_err(raised)
 }
 
 /// Returns the description of the paper's rig, as `stylus simulate-rig --print-rig` prints it: a start for one's own.

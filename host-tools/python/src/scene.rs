@@ -14,7 +14,7 @@ use stylus_kernel::scene::cost;
 use crate::convert::plain;
 use crate::error::{raised, refused};
 use crate::motion::{Along, Asked, MotionLike};
-use crate::rendering::{Played, Rendering, rendered};
+use crate::rendering::{Played, rendered};
 
 /// A scene, checked against the library that plays it.
 #[pyclass(frozen, module = "stylus_haptics")]
@@ -114,7 +114,7 @@ impl Scene {
         seconds: Option<f64>,
         seed: u64,
         progress: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Rendering> {
+    ) -> PyResult<Bound<'py, PyAny>> {
         let is_asked = speed_mm_s.is_some() || force_n.is_some() || motion.is_some();
         let (speed_mm_s, force_n) = if is_asked {
             (speed_mm_s, force_n)

@@ -1,12 +1,13 @@
 """The names, signatures and docstrings of the module, against its stubs and the command's defaults."""
 
+import dataclasses
 import inspect
 import subprocess
 import sys
 from importlib import resources
 
 import stylus_haptics as sh
-from stylus_haptics import _native
+from stylus_haptics import _native, _results
 
 
 def public(owner):
@@ -22,7 +23,9 @@ def test_the_stubs_say_what_the_module_has():
 
 
 def test_the_package_gives_all_that_the_module_has():
-    assert sorted(set(public(_native)) | {"__version__"}) == sorted(sh.__all__)
+    results = {name for name, thing in vars(_results).items() if getattr(thing, "__module__", "") == _results.__name__}
+    results = {name for name in results if not name.startswith("_")}
+    assert sorted(set(public(_native)) | results | {"__version__"}) == sorted(sh.__all__)
 
 
 def test_everything_public_has_a_docstring():
@@ -33,6 +36,9 @@ def test_everything_public_has_a_docstring():
         assert thing.__doc__, name
         for member in public(thing) if inspect.isclass(thing) and not issubclass(thing, Exception) else []:
             assert getattr(thing, member).__doc__, f"{name}.{member}"
+        for field in dataclasses.fields(thing) if dataclasses.is_dataclass(thing) else []:
+            said = f"``{field.name}``" in thing.__doc__ or field.name in ("texture", "name")
+            assert said, f"{name}.{field.name}"
 
 
 def test_the_defaults_are_the_commands(command):

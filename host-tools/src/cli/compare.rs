@@ -4,7 +4,9 @@ use std::path::PathBuf;
 
 use host_tools::evaluation::evaluate;
 use host_tools::evaluation::listening;
-use host_tools::evaluation::listening::{Answers, CONFIDENCE, Kind, Pair, Score, plan, score};
+use host_tools::evaluation::listening::{
+    Answers, CONFIDENCE, Compared, Kind, Pair, Score, plan_of, score,
+};
 use host_tools::fit::conditioning::Conditioning;
 use host_tools::fit::record::FitRecord;
 use host_tools::report::listening_page;
@@ -90,59 +92,30 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         seed: arguments.seed,
         ..evaluate::Options::default()
     };
-    let judges = chosen.judges;
-    let prepared = evaluate::prepare(&set, &library, judges.clone(), record.as_ref(), &evaluate)?;
     let before = match &arguments.before {
         Some(path) => Some((path, read_library(path)?)),
         None => None,
     };
     let before = match &before {
-        Some((path, bytes)) => {
-            let library = decode_library(path, bytes)?;
-            let record = FitRecord::beside(path, bytes)?;
-            // The same takes judge it.
-            let prepared = evaluate::prepare(&set, &library, judges, record.as_ref(), &evaluate)?;
-            Some((library, prepared))
-        }
+        Some((path, bytes)) => Some((
+            decode_library(path, bytes)?,
+            FitRecord::beside(path, bytes)?,
+        )),
         None => None,
     };
-    let asked = match &arguments.pairs[..] {
-        [] if before.is_some() => &Pair::WITH_BEFORE[..],
-        [] => &Pair::USUAL[..],
-        asked => asked,
-    };
-    let mut pairs: Vec<Pair> = Vec::new();
-    for pair in asked {
-        if !pairs.contains(pair) {
-            pairs.push(*pair);
-        }
-    }
     let options = listening::Options {
-        pairs,
+        pairs: Pair::asked(&arguments.pairs, before.is_some()),
         trials: usize::from(arguments.trials),
         excerpt_s: arguments.segment,
         seed: arguments.seed,
     };
-    let before = before
-        .as_ref()
-        .map(|(library, prepared)| (library, prepared));
-    let plan = plan(&set, &library, &prepared, before, &evaluate, &options)?;
-    let remedy = if takes.is_none() {
-        ": what is held out by blocks is fitted without codebooks and tracks, and --takes judges them"
-    } else {
-        ""
-    };
-    for pair in &plan.left_out {
-        note(&format!(
-            "{}: left out, because no texture that is heard plays anything but Gaussian noise{remedy}",
-            pair.name()
-        ));
-    }
-    if plan.excerpt_s.0 < arguments.segment - 0.01 {
-        note(&format!(
-            "sounds take {:.1} s and more, not {} s: held-out recordings do not hold two of it",
-            plan.excerpt_s.0, arguments.segment
-        ));
+    let of = |library, record| Compared { library, record };
+    let before = before.as_ref();
+    let before = before.map(|(library, record)| of(library, record.as_ref()));
+    let fitted = of(&library, record.as_ref());
+    let plan = plan_of(&set, &chosen.judges, fitted, before, &evaluate, &options)?;
+    for text in plan.notes(arguments.segment, takes.is_some()) {
+        note(&text);
     }
     let size = listening_page::write(&plan, out)?;
     let origin = if plan.simulated {

@@ -2,13 +2,14 @@
 //!
 //! **Invariant: thin.** A command parses its arguments, calls the library and prints. Signal processing, formats and
 //! the link belong to the library, where other programs can use them. Of the shared modules, `input`
-//! reads, `output` and `table` print, `files` writes, `interrupt` ends; they import no command.
+//! reads, `output` and `table` print, `files` writes, `interrupt` ends, `examples` shows how; they import no command.
 
 mod compare;
 mod demo;
 #[cfg(feature = "device")]
 mod device;
 mod evaluate;
+mod examples;
 mod files;
 mod fit;
 mod frontier;
@@ -31,7 +32,8 @@ use std::io;
 use std::process::ExitCode;
 
 use clap::builder::FalseyValueParser;
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+use examples::with_examples;
 use host_tools::support::error::{Error, Result};
 use host_tools::support::{progress, temporaries};
 
@@ -111,7 +113,8 @@ enum Command {
 
 /// Runs the command on the process's command line.
 pub fn run() -> ExitCode {
-    let arguments = match Arguments::try_parse() {
+    let parsed = with_examples(Arguments::command(), "stylus").try_get_matches();
+    let arguments = match parsed.and_then(|matches| Arguments::from_arg_matches(&matches)) {
         Ok(arguments) => arguments,
         Err(answer) => return answer_without_a_command(&answer),
     };

@@ -3,18 +3,12 @@
 use std::path::PathBuf;
 
 use host_tools::recording::freehand;
-use host_tools::recording::freehand::{Freehand, GridAxis, Options, Segmentation, Tolerance};
-use host_tools::support::error::{Error, Result};
+use host_tools::recording::freehand::{GridAxis, Options};
+use host_tools::support::error::Result;
 
 use super::files::Overwrite;
 use super::input::positive;
 use crate::cli::output::{note, print, warn};
-
-/// Number of pieces off the grid that are shown one by one.
-const SHOWN: usize = 10;
-
-/// Share of the motion below which it is worth a word how little is steady.
-const LITTLE: f64 = 0.5;
 
 #[derive(clap::Args)]
 pub struct Arguments {
@@ -59,53 +53,22 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         .iter()
         .map(|path| freehand::read(path, arguments.sample_rate, arguments.scale))
         .collect::<Result<Vec<_>>>()?;
-    for (path, recording) in arguments.files.iter().zip(&recordings) {
-        for outlier in &recording.outliers {
-            warn(&format!(
-                "{}, line {}: {} is {}, which is out of range; cut out",
-                path.display(),
-                outlier.line,
-                outlier.column,
-                outlier.value
-            ));
-        }
-        let more = recording.is_outlier.iter().filter(|bad| **bad).count();
-        if more > recording.outliers.len() {
-            warn(&format!(
-                "{}: {more} samples in total are out of range",
-                path.display()
-            ));
-        }
+    let pairs = arguments.files.iter().zip(&recordings);
+    for text in pairs.flat_map(|(path, recording)| recording.notes(path)) {
+        warn(&text);
     }
-    let (speeds, forces) = grid(arguments, &recordings)?;
-    // At the lowest speeds and forces a share is too strict; a quarter of the grid's step counts as steady there.
-    let tolerance = |axis: &GridAxis| Tolerance {
-        share: arguments.tolerance,
-        least: 0.25 * axis.step,
-    };
-    let options = Options {
-        speed: tolerance(&speeds),
-        force: tolerance(&forces),
-        least_s: arguments.least,
-        enough_s: arguments.enough,
-        speeds,
-        forces,
-    };
+    let given = (arguments.speeds, arguments.forces);
+    let shortest_s = (arguments.least, arguments.enough);
+    let options = Options::of(&recordings, given, arguments.tolerance, shortest_s)?;
+    if given.0.is_none() || given.1.is_none() {
+        let Options { speeds, forces, .. } = options;
+        note(&format!("grid: --speeds {speeds} --forces {forces}"));
+    }
     let cut = freehand::segment(&recordings, &options);
-    show_what_is_left_out(&cut);
-    if cut.placed.is_empty() {
-        return Err(Error::Request(
-            "no piece is steady for long enough on this grid; record longer strokes, or give a wider --tolerance, \
-             a shorter --least or --enough, or another grid"
-                .into(),
-        ));
+    for text in cut.left_out() {
+        warn(&text);
     }
-    if cut.steady_share < LITTLE {
-        note(
-            "more than half of the motion is left out: a wider --tolerance keeps more, and evaluate --strokes tells \
-             which comes nearer",
-        );
-    }
+    cut.check()?;
     let overwrite = arguments.overwrite.is_asked();
     freehand::write(
         &arguments.out,
@@ -132,58 +95,4 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         nodes.len(),
         arguments.out.display()
     ))
-}
-
-/// The grid that is given, or proposed from the recordings, which is said.
-fn grid(arguments: &Arguments, recordings: &[Freehand]) -> Result<(GridAxis, GridAxis)> {
-    if let (Some(speeds), Some(forces)) = (arguments.speeds, arguments.forces) {
-        return Ok((speeds, forces));
-    }
-    let (speeds, forces) = freehand::proposed_grid(recordings).ok_or_else(|| {
-        Error::Request(
-            "no motion in contact, so that no grid can be proposed and no piece is steady; check the columns \
-             speed_mm_s and force_n, or give --speeds and --forces"
-                .into(),
-        )
-    })?;
-    let (speeds, forces) = (
-        arguments.speeds.unwrap_or(speeds),
-        arguments.forces.unwrap_or(forces),
-    );
-    note(&format!("grid: --speeds {speeds} --forces {forces}"));
-    Ok((speeds, forces))
-}
-
-fn show_what_is_left_out(cut: &Segmentation) {
-    if cut.reversals > 0 {
-        warn(&format!(
-            "the speed changes its sign {} times; pieces end there, and both directions count alike",
-            cut.reversals
-        ));
-    }
-    if let Some((recording, time_s)) = cut.jumps.first() {
-        warn(&format!(
-            "the speed jumps in {} block(s) of 20 ms, first at {time_s:.2} s of recording {}; cut out (check \
-             the encoder)",
-            cut.jumps.len(),
-            recording + 1
-        ));
-    }
-    for (speed, force, seconds) in &cut.too_little {
-        warn(&format!(
-            "{speed} mm/s, {force} N: only {seconds:.2} s of data; left out"
-        ));
-    }
-    for segment in cut.off_grid.iter().take(SHOWN) {
-        warn(&format!(
-            "a steady piece at {:.1} mm/s, {:.2} N is off the grid; left out",
-            segment.median_speed_mm_s, segment.median_force_n
-        ));
-    }
-    if cut.off_grid.len() > SHOWN {
-        warn(&format!(
-            "{} pieces in total are off the grid",
-            cut.off_grid.len()
-        ));
-    }
 }

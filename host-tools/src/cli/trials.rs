@@ -1,10 +1,13 @@
 //! `stylus trials`
 
 use std::collections::BTreeSet;
-use std::path::PathBuf;
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
 
 use host_tools::recording::TRIALS_FILE;
 use host_tools::recording::cluster;
+use host_tools::recording::freehand::says_simulated;
 use host_tools::recording::pattern::{Named, Pattern};
 use host_tools::support::error::{Error, Result};
 use host_tools::support::number::{recorded_force, recorded_speed};
@@ -17,6 +20,9 @@ use crate::cli::output::{print, warn};
 
 /// Number of values, and of files that do not match, that are shown.
 const SHOWN: usize = 8;
+
+/// Length of a file's top, where a comment may say that it is SIMULATED.
+const TOP_BYTES: u64 = 4096;
 
 #[derive(clap::Args)]
 pub struct Arguments {
@@ -98,8 +104,13 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let mut writer = csv::Writer::from_writer(Vec::new());
     let mut header = vec!["file", "texture", "speed_mm_s", "force_n"];
     header.extend(scale.map(|_| "scale_m_s2"));
+    let paths = named.iter().map(|file| folder.join(&file.file));
+    let simulated = paths.map(|path| is_simulated(&path));
+    let simulated = simulated.collect::<Result<Vec<bool>>>()?;
+    let has_simulated = simulated.contains(&true);
+    header.extend(has_simulated.then_some("simulated"));
     let mut records = vec![header.into_iter().map(str::to_owned).collect::<Vec<_>>()];
-    for file in &mut named {
+    for (file, simulated) in named.iter_mut().zip(simulated) {
         let texture = file
             .texture
             .get_or_insert_with(|| arguments.texture.clone().unwrap_or_default());
@@ -119,6 +130,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             force.to_string(),
         ];
         record.extend(scale.map(|scale| scale.to_string()));
+        record.extend(has_simulated.then(|| simulated.to_string()));
         records.push(record);
     }
     let failed =
@@ -148,7 +160,21 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             off.0, off.1
         ))?;
     }
-    print(&format!("{} trials -> {}", named.len(), list.display()))
+    let mark = if has_simulated { ", SIMULATED" } else { "" };
+    print(&format!(
+        "{} trials{mark} -> {}",
+        named.len(),
+        list.display()
+    ))
+}
+
+/// Returns true if the file at `path` is text that says at its top that it is SIMULATED.
+fn is_simulated(path: &Path) -> Result<bool> {
+    let mut top = Vec::new();
+    let file = File::open(path).map_err(Error::io("open", path))?;
+    let read = file.take(TOP_BYTES).read_to_end(&mut top);
+    read.map_err(Error::io("read", path))?;
+    Ok(says_simulated(&String::from_utf8_lossy(&top)))
 }
 
 /// A row per texture: its trials, speeds, forces and takes.

@@ -143,7 +143,12 @@ impl FitRecord {
             Err(failure) => return Err(failure),
         };
         let record = Self::from_text(&path, &text)?;
-        Ok(Some(record).filter(|record| record.library == content_hash(bytes)))
+        Ok(Some(record).filter(|record| record.is_of(bytes)))
+    }
+
+    /// Returns true if it is the record of the library of these `bytes`.
+    pub fn is_of(&self, bytes: &[u8]) -> bool {
+        self.library == content_hash(bytes)
     }
 
     /// Reads a record from `text`; `path` is only named in errors.

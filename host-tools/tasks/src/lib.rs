@@ -16,6 +16,7 @@ pub mod lint;
 pub mod mca;
 pub mod process;
 pub mod qemu;
+pub mod release;
 pub mod tables;
 pub mod toolchain;
 pub mod virtual_stylus;

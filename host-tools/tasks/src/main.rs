@@ -10,8 +10,8 @@ use clap::{Parser, Subcommand};
 use tasks::firmware::Image;
 use tasks::toolchain::{Toolchain, check_clippy};
 use tasks::{
-    attack, browser_module, costs, firmware, hil, house, lint, qemu, tables, virtual_stylus,
-    workspace,
+    attack, browser_module, costs, firmware, hil, house, lint, qemu, release, tables,
+    virtual_stylus, workspace,
 };
 
 /// Tasks around the microcontroller's core.
@@ -79,6 +79,8 @@ enum Task {
         #[arg(long)]
         check: bool,
     },
+    /// Build the wheel of the Python package for this system, in release mode
+    Release(release::Arguments),
     /// Lint all code for the target; every warning fails
     CheckTarget,
     /// Lint the virtual stylus; every warning fails
@@ -126,6 +128,9 @@ fn main() -> ExitCode {
         }
         Task::BrowserModule { check: false } => {
             browser_module::write().map(|told| println!("{told}"))
+        }
+        Task::Release(arguments) => {
+            release::run(&arguments).map(|wheel| println!("{}", wheel.display()))
         }
         Task::CheckVirtualStylus => virtual_stylus::lint(),
         Task::CheckTarget => Toolchain::find().and_then(|toolchain| lint::check_target(&toolchain)),

@@ -4,6 +4,8 @@
     >>> fit = sh.fit("recordings")                            # a folder with trials.csv, files, or Recordings
     >>> played = sh.render(fit, "denim", speed_mm_s=130, force_n=0.8, seconds=5)
     >>> played.samples                                        # m/s², float32, at played.sample_rate_hz
+    >>> sh.report("recordings", fit, "report")                # a folder with a page: figures, pictures, sounds
+    >>> sh.page(fit, "page.html", recordings="recordings")    # to rub in a browser
 
 The same input gives the same bits as the command. Units are in the names: speeds in mm/s, forces in N, accelerations in
 m/s², times in s, frequencies in Hz. A failure is a ``StylusError`` with the command's one line; something doubtful is a
@@ -11,6 +13,7 @@ m/s², times in s, frequencies in Hz. A failure is a ``StylusError`` with the co
 """
 
 from ._native import *
+from ._results import Evaluation, Fit, HattImport, Node, Rendering, Texture, TrialReport, report
 
 # The list once more, because checkers of types read no other module's.
 __all__ = [
@@ -31,13 +34,18 @@ __all__ = [
     "Texture",
     "TrialReport",
     "__version__",
+    "compare",
     "compile_scene",
     "devices",
     "evaluate",
     "fit",
     "import_hatt",
     "inspect",
+    "page",
     "paper_rig",
     "render",
+    "report",
+    "score",
+    "segment",
     "simulate_rig",
 ]

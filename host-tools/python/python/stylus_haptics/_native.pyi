@@ -9,38 +9,38 @@ from typing import Any, Literal, Union, final
 import numpy as np
 import numpy.typing as npt
 
+from ._results import Evaluation, Fit, HattImport, Rendering, Texture
+
 _Path = Union[str, PathLike[str]]
 _Progress = Callable[[int, int], object]
 _Recordings = Union[_Path, Recording, Recordings, Sequence[Union[_Path, Recording]]]
-_LibraryLike = Union[_Path, Library, Fit]
+_LibraryLike = Union[_Path, Library, Fit, HattImport]
 _Reduction = Literal["pca", "dft321", "x", "y", "z"]
 
 __all__ = [
     "SAMPLE_RATE_HZ",
     "Device",
-    "Evaluation",
-    "Fit",
-    "HattImport",
     "Library",
     "Motion",
-    "Node",
     "Recording",
     "Recordings",
-    "Rendering",
     "Scene",
     "StylusError",
     "StylusWarning",
-    "Texture",
-    "TrialReport",
     "__version__",
+    "_write_wav",
+    "compare",
     "compile_scene",
     "devices",
     "evaluate",
     "fit",
     "import_hatt",
     "inspect",
+    "page",
     "paper_rig",
     "render",
+    "score",
+    "segment",
     "simulate_rig",
 ]
 
@@ -121,40 +121,6 @@ class Recordings:
     @property
     def textures(self) -> list[str]: ...
 
-@final
-class TrialReport:
-    @property
-    def name(self) -> str: ...
-    @property
-    def texture(self) -> str: ...
-    @property
-    def speed_mm_s(self) -> float: ...
-    @property
-    def force_n(self) -> float: ...
-    @property
-    def rms_m_s2(self) -> float: ...
-    @property
-    def mean_m_s2(self) -> float: ...
-    @property
-    def energy_share(self) -> float: ...
-    @property
-    def cut_s(self) -> float: ...
-    @property
-    def verdicts(self) -> list[str]: ...
-    @property
-    def used(self) -> bool: ...
-
-@final
-class Fit:
-    @property
-    def library(self) -> Library: ...
-    @property
-    def trials(self) -> list[TrialReport]: ...
-    @property
-    def warnings(self) -> list[str]: ...
-    def record(self) -> dict[str, Any]: ...
-    def save(self, path: _Path, *, overwrite: bool = False) -> None: ...
-
 def fit(
     recordings: _Recordings,
     *,
@@ -174,7 +140,9 @@ def fit(
 
 @final
 class Library:
-    def __new__(cls, data: bytes) -> Library: ...
+    def __new__(cls, data: bytes, record: str | None = None) -> Library: ...
+    def __reduce__(self) -> tuple[type[Library], tuple[bytes, str | None]]: ...
+    def record(self) -> dict[str, Any] | None: ...
     @staticmethod
     def open(path: _Path) -> Library: ...
     def save(self, path: _Path, *, overwrite: bool = False) -> None: ...
@@ -192,50 +160,6 @@ class Library:
     def __bytes__(self) -> bytes: ...
     def __eq__(self, other: object, /) -> bool: ...
     def __hash__(self) -> int: ...
-
-@final
-class Texture:
-    @property
-    def name(self) -> str: ...
-    @property
-    def simulated(self) -> bool: ...
-    @property
-    def sample_rate_hz(self) -> int: ...
-    @property
-    def speeds_mm_s(self) -> npt.NDArray[np.float64]: ...
-    @property
-    def forces_n(self) -> npt.NDArray[np.float64]: ...
-    @property
-    def orders(self) -> npt.NDArray[np.int64]: ...
-    @property
-    def rms_m_s2(self) -> npt.NDArray[np.float64]: ...
-    @property
-    def filled(self) -> npt.NDArray[np.bool_]: ...
-    @property
-    def silent(self) -> npt.NDArray[np.bool_]: ...
-    @property
-    def doubtful(self) -> npt.NDArray[np.bool_]: ...
-    def node(self, speed_index: int, force_index: int) -> Node: ...
-
-@final
-class Node:
-    @property
-    def speed_mm_s(self) -> float: ...
-    @property
-    def force_n(self) -> float: ...
-    @property
-    def order(self) -> int: ...
-    @property
-    def rms_m_s2(self) -> float: ...
-    @property
-    def prediction_error_rms_m_s2(self) -> float: ...
-    @property
-    def flags(self) -> list[str]: ...
-    @property
-    def reflection(self) -> npt.NDArray[np.float64]: ...
-    @property
-    def predictor(self) -> npt.NDArray[np.float64]: ...
-    def spectrum(self, frequencies_hz: npt.ArrayLike) -> npt.NDArray[np.float64]: ...
 
 def inspect(library: _LibraryLike) -> dict[str, Any]: ...
 
@@ -258,21 +182,6 @@ class Motion:
     def duration_s(self) -> float: ...
     def at(self, time_s: float) -> tuple[float, float]: ...
 
-@final
-class Rendering:
-    @property
-    def samples(self) -> npt.NDArray[np.float32]: ...
-    @property
-    def words(self) -> npt.NDArray[np.int32]: ...
-    @property
-    def sample_rate_hz(self) -> int: ...
-    @property
-    def duration_s(self) -> float: ...
-    @property
-    def saturations(self) -> int: ...
-    def __len__(self) -> int: ...
-    def save(self, path: _Path, *, pcm16_m_s2: float | None = None, overwrite: bool = False) -> int: ...
-
 def render(
     library: _LibraryLike,
     texture: str,
@@ -285,23 +194,6 @@ def render(
     progress: _Progress | None = None,
 ) -> Rendering: ...
 
-@final
-class Evaluation:
-    @property
-    def held_out(self) -> str: ...
-    @property
-    def simulated(self) -> bool: ...
-    @property
-    def cost(self) -> npt.NDArray[np.float64]: ...
-    @property
-    def log_spectral_distance_db(self) -> npt.NDArray[np.float64]: ...
-    @property
-    def band_errors_db(self) -> npt.NDArray[np.float64]: ...
-    @property
-    def bands_hz(self) -> npt.NDArray[np.float64]: ...
-    def as_dict(self) -> dict[str, Any]: ...
-    def __len__(self) -> int: ...
-
 def evaluate(
     recordings: _Recordings,
     library: _LibraryLike,
@@ -313,16 +205,41 @@ def evaluate(
     synthesis_s: float = 10.0,
     excitation: Literal["fitted", "gaussian", "residual"] = "fitted",
     seed: int = 1,
+    report: _Path | None = None,
+    overwrite: bool = False,
     progress: _Progress | None = None,
 ) -> Evaluation: ...
 
-@final
-class HattImport:
-    @property
-    def library(self) -> Library: ...
-    @property
-    def warnings(self) -> list[str]: ...
-    def as_dict(self) -> list[dict[str, Any]]: ...
+def page(
+    library: _LibraryLike,
+    out: _Path,
+    *,
+    recordings: _Recordings | None = None,
+    clips_s: float | None = None,
+    reduce: _Reduction = "pca",
+    high_pass: str = "auto",
+    seed: int = 1,
+    overwrite: bool = False,
+    progress: _Progress | None = None,
+) -> dict[str, str]: ...
+
+def compare(
+    recordings: _Recordings,
+    library: _LibraryLike,
+    out: _Path,
+    *,
+    takes: _Recordings | None = None,
+    before: _LibraryLike | None = None,
+    pairs: Sequence[str] = (),
+    trials: int = 12,
+    segment_s: float = 1.5,
+    reduce: _Reduction = "pca",
+    high_pass: str = "auto",
+    seed: int = 1,
+    overwrite: bool = False,
+) -> int: ...
+
+def score(answers: Sequence[_Path]) -> list[dict[str, Any]]: ...
 
 def import_hatt(
     paths: _Path | Sequence[_Path],
@@ -399,6 +316,25 @@ class Device:
     def close(self) -> None: ...
     def __enter__(self) -> Device: ...
     def __exit__(self, *_exception: object) -> None: ...
+
+def segment(
+    files: _Path | Sequence[_Path],
+    texture: str,
+    out: _Path,
+    *,
+    speeds_mm_s: tuple[float, float, float] | None = None,
+    forces_n: tuple[float, float, float] | None = None,
+    tolerance: float = 0.25,
+    least_s: float = 0.4,
+    enough_s: float = 0.5,
+    sample_rate_hz: float | None = None,
+    scale_m_s2: float = 1.0,
+    overwrite: bool = False,
+) -> Recordings: ...
+
+def _write_wav(
+    path: _Path, words: npt.NDArray[np.int32], sample_rate_hz: int, pcm16_m_s2: float | None, overwrite: bool
+) -> int: ...
 
 def paper_rig() -> str: ...
 def simulate_rig(out: _Path, *, rig: _Path | None = None, seed: int = 1, overwrite: bool = False) -> Recordings: ...

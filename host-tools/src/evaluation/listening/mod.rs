@@ -12,4 +12,6 @@ mod answers;
 mod plan;
 
 pub use answers::{Answers, CHANCE, CONFIDENCE, Score, score};
-pub use plan::{FADE_S, Kind, Options, Pair, Plan, SHORTEST_EXCERPT_S, Trial, plan};
+pub use plan::{
+    Compared, FADE_S, Kind, Options, Pair, Plan, SHORTEST_EXCERPT_S, Trial, plan, plan_of,
+};

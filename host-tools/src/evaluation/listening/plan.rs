@@ -10,8 +10,9 @@ use serde::Serialize;
 
 use crate::evaluation::evaluate;
 use crate::evaluation::evaluate::Evaluation;
-use crate::evaluation::held_out::JudgeKind;
+use crate::evaluation::held_out::{Judge, JudgeKind};
 use crate::evaluation::played::Played;
+use crate::fit::record::FitRecord;
 use crate::recording::RecordingSet;
 use crate::support::error::{Error, Result};
 
@@ -132,6 +133,22 @@ impl Pair {
         Self::BeforeFitted,
     ];
 
+    /// The pairs that are asked for, each once, or the usual ones; `has_before` if another library is compared, too.
+    pub fn asked(pairs: &[Self], has_before: bool) -> Vec<Self> {
+        let asked = match pairs {
+            [] if has_before => &Self::WITH_BEFORE[..],
+            [] => &Self::USUAL[..],
+            asked => asked,
+        };
+        let mut each: Vec<Self> = Vec::new();
+        for pair in asked {
+            if !each.contains(pair) {
+                each.push(*pair);
+            }
+        }
+        each
+    }
+
     /// Both kinds.
     pub fn kinds(self) -> [Kind; 2] {
         match self {
@@ -153,6 +170,60 @@ impl Pair {
             Self::BeforeFitted => "before-fitted",
         }
     }
+}
+
+impl Plan {
+    /// Notes on what was asked for and is not in the test: excerpts of `excerpt_s`, and pairs.
+    pub fn notes(&self, excerpt_s: f64, has_takes: bool) -> Vec<String> {
+        let remedy = if has_takes {
+            ""
+        } else {
+            ": what is held out by blocks is fitted without codebooks and tracks, and other takes judge them"
+        };
+        let left_out = self.left_out.iter().map(|pair| {
+            format!(
+                "{}: left out, because no texture that is heard plays anything but Gaussian noise{remedy}",
+                pair.name()
+            )
+        });
+        let mut notes: Vec<String> = left_out.collect();
+        if self.excerpt_s.0 < excerpt_s - 0.01 {
+            notes.push(format!(
+                "sounds take {:.1} s and more, not {excerpt_s} s: held-out recordings do not hold two of it",
+                self.excerpt_s.0
+            ));
+        }
+        notes
+    }
+}
+
+/// A library that is compared, with the record of its fit.
+#[derive(Clone, Copy)]
+pub struct Compared<'a> {
+    /// The library.
+    pub library: &'a Library<'a>,
+    /// The record, if there is one.
+    pub record: Option<&'a FitRecord>,
+}
+
+/// Plans a test as [`plan`] does, of a library and, if there is one, of that of before, which the same `judges` judge.
+///
+/// # Errors
+/// As [`plan`] and [`evaluate::prepare`].
+pub fn plan_of(
+    set: &RecordingSet,
+    judges: &[Judge],
+    fitted: Compared<'_>,
+    before: Option<Compared<'_>>,
+    evaluate: &evaluate::Options,
+    options: &Options,
+) -> Result<Plan> {
+    let prepared =
+        |of: Compared<'_>| evaluate::prepare(set, of.library, judges.to_vec(), of.record, evaluate);
+    let evaluation = prepared(fitted)?;
+    let of_before = before.map(prepared).transpose()?;
+    let before = before.map(|before| before.library).zip(of_before.as_ref());
+    plan(set, fitted.library, &evaluation, before, evaluate, options)
 }
 
 /// Excerpts of a trial of the set, by kind; none of the texture as fitted if that is Gaussian noise.

@@ -48,6 +48,25 @@ pub struct Freehand {
     pub is_simulated: bool,
 }
 
+impl Freehand {
+    /// Notes on the outliers of the recording in the file at `path`, one line each.
+    pub fn notes(&self, path: &Path) -> Vec<String> {
+        let path = path.display();
+        let named = self.outliers.iter().map(|outlier| {
+            format!(
+                "{path}, line {}: {} is {}, which is out of range; cut out",
+                outlier.line, outlier.column, outlier.value
+            )
+        });
+        let mut notes: Vec<String> = named.collect();
+        let all = self.is_outlier.iter().filter(|bad| **bad).count();
+        if all > self.outliers.len() {
+            notes.push(format!("{path}: {all} samples in total are out of range"));
+        }
+        notes
+    }
+}
+
 /// A value that no hand and no sensor can have.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Outlier {
@@ -57,6 +76,14 @@ pub struct Outlier {
     pub column: String,
     /// The value.
     pub value: f64,
+}
+
+/// Returns true if a comment at the top of a CSV file's `text` begins with SIMULATED.
+pub fn says_simulated(text: &str) -> bool {
+    let comments = text.lines().take_while(|line| line.starts_with('#'));
+    comments
+        .map(|line| line.trim_start_matches('#').trim_start())
+        .any(|comment| comment.starts_with("SIMULATED"))
 }
 
 /// Reads a CSV file with the columns `speed_mm_s` and `force_n`, and one to three columns of accelerations, in units of
@@ -85,15 +112,7 @@ pub fn read(path: &Path, rate_hz: Option<f64>, scale_m_s2: f64) -> Result<Freeha
         is_outlier: Vec::new(),
         outliers: Vec::new(),
         is_backward: Vec::new(),
-        is_simulated: table
-            .text()
-            .lines()
-            .take_while(|line| line.starts_with('#'))
-            .any(|line| {
-                line.trim_start_matches('#')
-                    .trim_start()
-                    .starts_with("SIMULATED")
-            }),
+        is_simulated: says_simulated(table.text()),
     };
     let mut times = Vec::new();
     let mut rows = table.rows_below_header()?;

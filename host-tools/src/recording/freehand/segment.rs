@@ -4,8 +4,9 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use super::grid::GridAxis;
+use super::grid::{GridAxis, proposed_grid};
 use super::read::Freehand;
+use crate::support::error::{Error, Result};
 
 /// Length of a block, s.
 const BLOCK_S: f64 = 0.02;
@@ -92,6 +93,111 @@ pub struct Segmentation {
     pub jumps: Vec<(usize, f64)>,
     /// Share of the time in motion and contact that is within segments.
     pub steady_share: f64,
+}
+
+/// Number of pieces off the grid that are named one by one.
+const NAMED: usize = 10;
+
+/// Share of the motion below which it is worth a word how little is steady.
+const LITTLE: f64 = 0.5;
+
+impl Options {
+    /// Options for these recordings: the grid's axes that are given, or proposed, and the tolerance as a share.
+    ///
+    /// # Errors
+    /// No motion in contact, so that no grid can be proposed.
+    pub fn of(
+        recordings: &[Freehand],
+        (speeds, forces): (Option<GridAxis>, Option<GridAxis>),
+        tolerance: f64,
+        (least_s, enough_s): (f64, f64),
+    ) -> Result<Self> {
+        let (speeds, forces) = match (speeds, forces, proposed_grid(recordings)) {
+            (Some(speeds), Some(forces), _) => (speeds, forces),
+            (speeds, forces, Some(proposed)) => {
+                (speeds.unwrap_or(proposed.0), forces.unwrap_or(proposed.1))
+            }
+            (.., None) => {
+                return Err(Error::Request(
+                    "no motion in contact, so that no grid can be proposed and no piece is steady; check the columns \
+                     speed_mm_s and force_n, or give speeds and forces of the grid"
+                        .into(),
+                ));
+            }
+        };
+        // At the lowest speeds and forces a share is too strict; a quarter of the grid's step counts as steady there.
+        let tolerance = |axis: &GridAxis| Tolerance {
+            share: tolerance,
+            least: 0.25 * axis.step,
+        };
+        Ok(Self {
+            speed: tolerance(&speeds),
+            force: tolerance(&forces),
+            least_s,
+            enough_s,
+            speeds,
+            forces,
+        })
+    }
+}
+
+impl Segmentation {
+    /// Checks that there is a piece.
+    ///
+    /// # Errors
+    /// There is none.
+    pub fn check(&self) -> Result<()> {
+        if self.placed.is_empty() {
+            return Err(Error::Request(
+                "no piece is steady for long enough on this grid; record longer strokes, or give a wider tolerance, a \
+                 shorter least duration of a piece or of a node's pieces, or another grid"
+                    .into(),
+            ));
+        }
+        Ok(())
+    }
+
+    /// Notes on what is left out, one line each.
+    pub fn left_out(&self) -> Vec<String> {
+        let mut notes = Vec::new();
+        if self.reversals > 0 {
+            notes.push(format!(
+                "the speed changes its sign {} times; pieces end there, and both directions count alike",
+                self.reversals
+            ));
+        }
+        if let Some((recording, time_s)) = self.jumps.first() {
+            notes.push(format!(
+                "the speed jumps in {} block(s) of 20 ms, first at {time_s:.2} s of recording {}; cut out (check the \
+                 encoder)",
+                self.jumps.len(),
+                recording + 1
+            ));
+        }
+        notes.extend(self.too_little.iter().map(|(speed, force, seconds)| {
+            format!("{speed} mm/s, {force} N: only {seconds:.2} s of data; left out")
+        }));
+        notes.extend(self.off_grid.iter().take(NAMED).map(|segment| {
+            format!(
+                "a steady piece at {:.1} mm/s, {:.2} N is off the grid; left out",
+                segment.median_speed_mm_s, segment.median_force_n
+            )
+        }));
+        if self.off_grid.len() > NAMED {
+            notes.push(format!(
+                "{} pieces in total are off the grid",
+                self.off_grid.len()
+            ));
+        }
+        if self.steady_share < LITTLE && !self.placed.is_empty() {
+            notes.push(
+                "more than half of the motion is left out: a wider tolerance keeps more, and evaluate --strokes tells \
+                 which comes nearer"
+                    .into(),
+            );
+        }
+        notes
+    }
 }
 
 /// Cuts `recordings` into segments and assigns them to the nodes of the grid.
