@@ -1,7 +1,7 @@
 """The map of clocks against a simulated device, whose true times are known, over an hour.
 
-The truth is the phase of the device's clock, integrated over true time on a grid of 10 ms and inverted by interpolation:
-nothing of the map's own model is in it.
+The truth is the phase of the device's clock, integrated over true time on a grid of 10 ms and inverted by
+interpolation: nothing of the map's own model is in it.
 """
 
 import numpy as np
@@ -30,8 +30,9 @@ class Simulated:
             first = int(generator.integers(0, 10**7))
             self.lives.append((begin, end, phase - np.interp(begin, self.grid, phase) + first, first))
         # Times in which all waits: a computer that is busy, a cable's retries; and others in which all is slower.
-        self.stalls = [(at, at + generator.uniform(0.05, 3)) for at in generator.uniform(20, seconds, int(seconds / 60))]
-        self.slow = [(at, at + generator.uniform(5, 20)) for at in generator.uniform(20, seconds, int(seconds / 300))]
+        times = lambda every_s: generator.uniform(10, seconds, int(seconds / every_s))
+        self.stalls = [(at, at + generator.uniform(0.05, 3)) for at in times(60)]
+        self.slow = [(at, at + generator.uniform(5, 20)) for at in times(300)]
         self.least_s = (generator.uniform(0.1e-3, 0.9e-3), generator.uniform(0.1e-3, 0.9e-3))
 
     def true_s(self, life, ticks):
@@ -52,7 +53,7 @@ class Simulated:
         last = int(np.interp(end, self.grid, phase))
         ticks = np.arange(first + BLOCK - 1, last, BLOCK)
         kept = np.ones(len(ticks), bool)
-        for at in self.generator.integers(0, len(ticks), 8):
+        for at in self.generator.integers(0, len(ticks), 1 + len(ticks) // 30_000):
             kept[at : at + self.generator.integers(1, 2000)] = False
         # A burst of questions before the first block, and four per second from then on.
         asked = np.concatenate([begin + 0.02 * np.arange(16), np.arange(begin + 0.4, end - 1, 0.25)])

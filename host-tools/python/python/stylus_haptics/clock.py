@@ -28,8 +28,9 @@ MOST_DRIFT = 150e-6
 # Distance above the line within which the earliest arrival of a second is near it, s.
 NEAR_S = 0.2e-3
 
-# Distance of the line from a lower bound at which the clock has jumped, s: above what a slow change of the rate makes.
-TOLERANCE_S = 0.25e-3
+# Distance of the line below a lower bound from which on the clock has jumped, s. Less than that is the grain of the
+# ticks: an emulated stylus runs several at a time.
+TOLERANCE_S = 2e-3
 
 
 class ClockMap:
@@ -56,9 +57,9 @@ class ClockMap:
 
     @property
     def uncertainty_s(self) -> float:
-        """Largest error, s, while the rate is steady: half the distance between the bounds, and what the rate may be
+        """Largest error, s, while the rate is steady: half the distance of the bounds, and what the rate may be
         off since the last second that was near the line. Infinite before the first answer."""
-        return self._room_s / 2 + self._extrapolated_s
+        return abs(self._room_s) / 2 + self._extrapolated_s
 
     @property
     def drift_ppm(self) -> float:
@@ -129,7 +130,7 @@ class ClockMap:
     def _bound(self) -> None:
         """Finds the room between the line and the lower bounds."""
         room = min((self._at(place) - height for place, height in self._early.values()), default=math.inf)
-        self._room_s = max(0.0, room)
+        self._room_s = room
         if room < -TOLERANCE_S:
             # What arrived is before what was asked for: the clock has jumped to earlier times.
             last, origin = max(self._late.values()), self._origin

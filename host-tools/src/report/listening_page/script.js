@@ -13,8 +13,11 @@
     s !== null && typeof s === "object" && Array.isArray(s.answers) && s.answers.length <= plan.trials.length &&
     s.answers.every((a) => (a.answer === "A" || a.answer === "B") && isCount(a.replays) && a.seconds >= 0) &&
     Array.isArray(s.plays) && s.plays.length === 3 && s.plays.every(isCount) && s.seconds >= 0;
+  // An experiment's page around this one gets every answer and keeps it, and the next listener begins anew.
+  const isInside = parent !== window;
   let keeps = true;
   const load = () => {
+    if (isInside) return fresh();
     try {
       const text = localStorage.getItem(KEY);
       const state = text === null ? fresh() : JSON.parse(text);
@@ -35,6 +38,7 @@
   };
   const keep = () => {
     settle();
+    if (isInside) return;
     try {
       localStorage.setItem(KEY, JSON.stringify(state));
       keeps = true;
@@ -148,6 +152,7 @@
     keep();
     at("status").textContent = "Kept: trial " + (done + 1) + ", X is like " + letter + ".";
     const left = plan.trials.length - state.answers.length;
+    if (isInside) parent.postMessage({ stylus: "compare", csv: csv(), left }, "*");
     if (left > 0 && state.answers.length % plan.break_every === 0) {
       stop();
       at("progress").value = state.answers.length;

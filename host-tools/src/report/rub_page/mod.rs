@@ -84,7 +84,7 @@ const WORKLET: [&str; 4] = [
 ];
 
 /// Scripts of the page, in their order.
-const SCRIPTS: [&str; 12] = [
+const SCRIPTS: [&str; 13] = [
     include_str!("kernel.js"),
     include_str!("resampler.js"),
     include_str!("data.js"),
@@ -96,6 +96,7 @@ const SCRIPTS: [&str; 12] = [
     include_str!("pictures.js"),
     include_str!("patch.js"),
     include_str!("files.js"),
+    include_str!("embedding.js"),
     include_str!("page.js"),
 ];
 

@@ -374,6 +374,7 @@ class RubPage {
     const name = this.surface.name.replaceAll(/[^\p{L}\p{N}]+/gu, "-");
     const csv = motionCsv(take);
     this.takes.push({ ...take, csv });
+    this.onTake?.(this.takes.at(-1));
     const text = byId("take-text");
     text.replaceChildren(`${(take.words.length / take.rate).toFixed(1)} s, seed ${take.choice.seed}: `);
     const file = (label, action) => {
@@ -784,6 +785,7 @@ async function main() {
   try {
     page.connect(context, await sound);
     page.animate();
+    embed(page);
     // On the page itself for digests and patches, when the sound is ready.
     const module = await WebAssembly.compile(kernelBytes);
     page.newKernel = () => new Kernel(module, libraryBytes);
