@@ -72,7 +72,7 @@ const [jsPsychStylusRub, jsPsychStylusCompare] = (() => {
     trial(display, { page, texture, kind, seed, whole_page, prompt, button_label, duration_s, height }) {
       const begin = performance.now();
       const frame = framed(page);
-      Object.assign(frame.style, { width: "100%", height });
+      Object.assign(frame.style, { display: "block", width: "min(92vw, 60rem)", height });
       const words = document.createElement("div");
       words.innerHTML = prompt;
       const button = Object.assign(document.createElement("button"), { className: "jspsych-btn", disabled: true });

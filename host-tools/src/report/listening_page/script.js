@@ -292,6 +292,7 @@
 
   // ---- Wires.
   at("facts").textContent = plan.trials.length + " trials, with a break after every " + plan.break_every + ". " + plan.facts;
+  at("kept-here").hidden = isInside;
   at("origin").textContent = "Page " + plan.page + ", seed " + plan.seed + ". Held out: " + plan.held_out;
   if (state.answers.length > 0) {
     at("begin").textContent = "Go on with trial " + Math.min(state.answers.length + 1, plan.trials.length);
