@@ -111,7 +111,7 @@ test("from the first trial to the table: takes are played by stylus render, and 
     const expected = { trial: String(number + 1), pair, a, b, x, surface, answer: "A", correct: a === x ? "1" : "0" };
     const found = Object.fromEntries(Object.keys(expected).map((name) => [name, row[name]]));
     assert.deepEqual(found, expected);
-    assert.equal(Number(row.trials_left), plan.trials.length - number - 1);
+    assert.equal(row.is_last, String(number === plan.trials.length - 1));
   });
   assert.deepEqual(page.requests.filter((url) => !/^(file|blob):/.test(url)), []);
   assert.deepEqual(page.complaints, []);

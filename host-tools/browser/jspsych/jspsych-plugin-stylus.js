@@ -127,17 +127,16 @@ const [jsPsychStylusRub, jsPsychStylusCompare] = (() => {
         page: { type: STRING, default: undefined },
       },
       data: {
-        // The columns of the page's table, as numbers where they are, and how many trials are left.
+        // The columns of the page's table, and whether the page has no further trial.
         answer: { type: COMPLEX },
-        trials_left: { type: INT },
+        is_last: { type: BOOL },
         rt: { type: INT },
       },
     };
 
     // All trials of the page.
     static timeline(page) {
-      const isOver = (data) => data.values().at(-1).trials_left === 0;
-      return { timeline: [{ type: Compare, page }], loop_function: (data) => !isOver(data) };
+      return { timeline: [{ type: Compare, page }], loop_function: (data) => !data.values().at(-1).is_last };
     }
 
     constructor(jsPsych) {
@@ -156,15 +155,15 @@ const [jsPsychStylusRub, jsPsychStylusCompare] = (() => {
       const frame = frames.get(page);
       frame.hidden = false;
       frame.focus();
-      const stopListening = listening(frame, "compare", ({ csv, left }) => {
+      const stopListening = listening(frame, "compare", ({ csv, is_last }) => {
         stopListening();
         frame.hidden = true;
-        if (left === 0) {
+        if (is_last) {
           frame.remove();
           frames.delete(page);
         }
         const rt = Math.round(performance.now() - begin);
-        this.jsPsych.finishTrial({ ...lastRow(csv), trials_left: left, rt });
+        this.jsPsych.finishTrial({ ...lastRow(csv), is_last, rt });
       });
     }
   }

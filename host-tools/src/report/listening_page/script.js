@@ -150,9 +150,10 @@
     state.seconds = 0;
     since = null;
     keep();
+    const isLast = done + 1 === plan.trials.length;
+    if (isInside) parent.postMessage({ stylus: "compare", csv: csv(), is_last: isLast }, "*");
     at("status").textContent = "Kept: trial " + (done + 1) + ", X is like " + letter + ".";
     const left = plan.trials.length - state.answers.length;
-    if (isInside) parent.postMessage({ stylus: "compare", csv: csv(), left }, "*");
     if (left > 0 && state.answers.length % plan.break_every === 0) {
       stop();
       at("progress").value = state.answers.length;
