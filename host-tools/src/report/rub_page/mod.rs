@@ -93,10 +93,10 @@ const SCRIPTS: [&str; 13] = [
     include_str!("stroke.js"),
     include_str!("pointer.js"),
     include_str!("keyboard.js"),
+    include_str!("embedding.js"),
     include_str!("pictures.js"),
     include_str!("patch.js"),
     include_str!("files.js"),
-    include_str!("embedding.js"),
     include_str!("page.js"),
 ];
 

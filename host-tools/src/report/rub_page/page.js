@@ -85,6 +85,7 @@ class RubPage {
     this.tellVolume();
     this.tellHand();
     this.play();
+    embed(this);
   }
 
   hear(message) {
@@ -785,7 +786,6 @@ async function main() {
   try {
     page.connect(context, await sound);
     page.animate();
-    embed(page);
     // On the page itself for digests and patches, when the sound is ready.
     const module = await WebAssembly.compile(kernelBytes);
     page.newKernel = () => new Kernel(module, libraryBytes);
