@@ -13,9 +13,9 @@
     s !== null && typeof s === "object" && Array.isArray(s.answers) && s.answers.length <= plan.trials.length &&
     s.answers.every((a) => (a.answer === "A" || a.answer === "B") && isCount(a.replays) && a.seconds >= 0) &&
     Array.isArray(s.plays) && s.plays.length === 3 && s.plays.every(isCount) && s.seconds >= 0;
+  let keeps = true;
   // An experiment's page around this one gets every answer and keeps it, and the next listener begins anew.
   const isInside = parent !== window;
-  let keeps = true;
   const load = () => {
     if (isInside) return fresh();
     try {
@@ -150,8 +150,6 @@
     state.seconds = 0;
     since = null;
     keep();
-    const isLast = done + 1 === plan.trials.length;
-    if (isInside) parent.postMessage({ stylus: "compare", csv: csv(), is_last: isLast }, "*");
     at("status").textContent = "Kept: trial " + (done + 1) + ", X is like " + letter + ".";
     const left = plan.trials.length - state.answers.length;
     if (left > 0 && state.answers.length % plan.break_every === 0) {
@@ -161,6 +159,7 @@
     } else {
       next();
     }
+    if (isInside) parent.postMessage({ stylus: "compare", csv: csv(), is_last: !at("end").hidden }, "*");
   };
 
   // ---- Files.
@@ -293,7 +292,6 @@
 
   // ---- Wires.
   at("facts").textContent = plan.trials.length + " trials, with a break after every " + plan.break_every + ". " + plan.facts;
-  at("kept-here").hidden = isInside;
   at("origin").textContent = "Page " + plan.page + ", seed " + plan.seed + ". Held out: " + plan.held_out;
   if (state.answers.length > 0) {
     at("begin").textContent = "Go on with trial " + Math.min(state.answers.length + 1, plan.trials.length);
@@ -324,6 +322,7 @@
     else return;
     event.preventDefault();
   });
+  at("kept-here").hidden = isInside;
   addEventListener("pagehide", () => { if (since !== null) keep(); });
   // For whoever checks the page's arithmetic.
   globalThis.clopperPearson = clopperPearson;
