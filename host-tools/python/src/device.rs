@@ -3,8 +3,9 @@
 use std::cell::Cell;
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
+use host_tools::link::capture::{Calibration, Stream};
 use host_tools::link::discovery;
 use host_tools::link::play::{Drive, Heard, MAX_MOTION_RATE_HZ, MIN_MOTION_RATE_HZ, drive};
 use host_tools::link::settings::{self as described, SettingRow, consequences};
@@ -20,7 +21,7 @@ use model_format::scene::SceneName;
 use pyo3::prelude::*;
 use serde::Serialize;
 
-use crate::convert::{plain, positive};
+use crate::convert::{plain, positive, table};
 use crate::error::{link_raised, raised, refused};
 use crate::motion::{Along, Asked, MotionLike, warn_if_silent};
 use crate::playing::LibraryLike;
@@ -31,6 +32,9 @@ const LONGEST_TIMEOUT_S: f64 = 86_400.0;
 
 // A literal below, so that `help` shows it.
 const _: () = assert!(MAX_MOTION_RATE_HZ == 1000);
+
+/// Interval between readings of the status while a recording is passed on.
+const STATUS_INTERVAL: Duration = Duration::from_millis(250);
 
 /// A link, which is none once it is closed.
 type Shared = Arc<Mutex<Option<Linked>>>;
@@ -69,6 +73,17 @@ impl Device {
             None => Err(refused("the link to the stylus is closed: open it again")),
         }
     }
+
+    fn reported<'py>(&self, py: Python<'py>, status: &Status) -> PyResult<Bound<'py, PyAny>> {
+        let reasons = status.output.mute.iter();
+        let report = StatusReport {
+            link: &self.link,
+            device: &self.info,
+            muted: reasons.map(|reason| reason.to_string()).collect(),
+            status,
+        };
+        plain(py, &report)
+    }
 }
 
 #[pymethods]
@@ -105,6 +120,12 @@ impl Device {
         &self.link
     }
 
+    /// True for an emulated stylus, whose recordings are simulated.
+    #[getter]
+    fn is_emulated(&self) -> bool {
+        address(&self.link).is_ok_and(|link| link.is_of_an_emulator())
+    }
+
     /// The device's identity as plain objects: product, serial number, versions.
     #[getter]
     fn info<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
@@ -113,17 +134,7 @@ impl Device {
 
     /// The status as plain objects: that of `stylus status --json`.
     fn status<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let status = self.ask(py, Linked::status)?;
-        let reasons = status.output.mute.iter();
-        plain(
-            py,
-            &StatusReport {
-                link: &self.link,
-                device: &self.info,
-                muted: reasons.map(|reason| reason.to_string()).collect(),
-                status: &status,
-            },
-        )
+        self.reported(py, &self.ask(py, Linked::status)?)
     }
 
     /// The slots with their textures and scenes as plain objects: those of `stylus slots --json`.
@@ -264,6 +275,54 @@ impl Device {
             Ok(played(device, &plan, &request, steps))
         })?;
         plain(py, &played?)
+    }
+
+    /// Records, and passes on what arrives until `heard` returns True. Returns the losses as plain objects.
+    ///
+    /// `heard(first_tick, samples)` gets each block: `samples` is an array of the shape (32, 5), float64, of the
+    /// accelerations along x, y and z, m/s², the path since the sample before, mm, and the force, N; what is torn is
+    /// NaN. Ticks are 200 µs long by the device's clock and count from its start. `told(status, asked_s)` gets the
+    /// status four times per second, and the time since it was asked for, s. Both must not use this `Device`.
+    fn record<'py>(
+        &self,
+        py: Python<'py>,
+        heard: Py<PyAny>,
+        told: Py<PyAny>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let loss = py.detach(|| {
+            let broken = |failure: LinkError| link_raised(&failure);
+            let mut device = locked(&self.shared);
+            let device: &Linked = open(&mut device).map_err(raised)?;
+            let calibration = Calibration::new(&device.settings().map_err(broken)?, None);
+            let mut stream = Stream::start(device).map_err(broken)?;
+            let (mut asked, mut ends) = (Instant::now(), false);
+            while !ends {
+                let arrival = stream.wait().map_err(broken)?;
+                let rows = arrival.samples.iter().zip(arrival.whole);
+                let rows = rows.flat_map(|(sample, is_whole)| {
+                    let known = |value| if is_whole { value } else { f64::NAN };
+                    let [x, y, z] = calibration.acceleration(sample).map(known);
+                    let path_mm = f64::from(sample.encoder_delta) * calibration.mm_per_count;
+                    [x, y, z, path_mm, known(calibration.force(sample))]
+                });
+                ends = Python::attach(|py| {
+                    py.check_signals()?;
+                    let block = table(py, rows.collect(), arrival.samples.len())?;
+                    let answer = heard.bind(py).call1((arrival.first_tick, block))?;
+                    answer.is_truthy()
+                })?;
+                if asked.elapsed() >= STATUS_INTERVAL {
+                    asked = Instant::now();
+                    let status = device.status().map_err(broken)?;
+                    Python::attach(|py| {
+                        let status = self.reported(py, &status)?;
+                        told.call1(py, (status, asked.elapsed().as_secs_f64()))
+                    })?;
+                }
+            }
+            stream.stop().map_err(broken)
+        })?;
+        plain(py, &loss)
     }
 
     /// Stops what is played or recorded, also what another program plays, and reads that back. Returns True if

@@ -14,7 +14,10 @@
     s.answers.every((a) => (a.answer === "A" || a.answer === "B") && isCount(a.replays) && a.seconds >= 0) &&
     Array.isArray(s.plays) && s.plays.length === 3 && s.plays.every(isCount) && s.seconds >= 0;
   let keeps = true;
+  // An experiment's page around this one gets every answer and keeps it, and the next listener begins anew.
+  const isInside = parent !== window;
   const load = () => {
+    if (isInside) return fresh();
     try {
       const text = localStorage.getItem(KEY);
       const state = text === null ? fresh() : JSON.parse(text);
@@ -35,6 +38,7 @@
   };
   const keep = () => {
     settle();
+    if (isInside) return;
     try {
       localStorage.setItem(KEY, JSON.stringify(state));
       keeps = true;
@@ -155,6 +159,7 @@
     } else {
       next();
     }
+    if (isInside) parent.postMessage({ stylus: "compare", csv: csv(), is_last: !at("end").hidden }, "*");
   };
 
   // ---- Files.
@@ -317,6 +322,7 @@
     else return;
     event.preventDefault();
   });
+  at("kept-here").hidden = isInside;
   addEventListener("pagehide", () => { if (since !== null) keep(); });
   // For whoever checks the page's arithmetic.
   globalThis.clopperPearson = clopperPearson;

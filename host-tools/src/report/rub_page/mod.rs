@@ -84,7 +84,7 @@ const WORKLET: [&str; 4] = [
 ];
 
 /// Scripts of the page, in their order.
-const SCRIPTS: [&str; 14] = [
+const SCRIPTS: [&str; 15] = [
     include_str!("kernel.js"),
     include_str!("resampler.js"),
     include_str!("voices.js"),
@@ -94,6 +94,7 @@ const SCRIPTS: [&str; 14] = [
     include_str!("stroke.js"),
     include_str!("pointer.js"),
     include_str!("keyboard.js"),
+    include_str!("embedding.js"),
     include_str!("pictures.js"),
     include_str!("patch.js"),
     include_str!("files.js"),

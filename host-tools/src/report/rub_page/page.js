@@ -88,6 +88,7 @@ class RubPage {
     this.tellVolume();
     this.tellHand();
     this.play();
+    embed(this);
   }
 
   hear(message) {
@@ -404,6 +405,7 @@ class RubPage {
     const name = this.surface.name.replaceAll(/[^\p{L}\p{N}]+/gu, "-");
     const csv = motionCsv(take);
     this.takes.push({ ...take, csv });
+    this.onTake?.(this.takes.at(-1));
     const text = byId("take-text");
     text.replaceChildren(`${(take.words.length / take.rate).toFixed(1)} s, seed ${take.choice.seed}: `);
     const file = (label, action) => {
