@@ -22,7 +22,8 @@ before(async () => {
   for (const name of fs.readdirSync(example)) fs.copyFileSync(path.join(example, name), path.join(folder, name));
   fs.copyFileSync(rub, path.join(folder, "rub.html"));
   fs.copyFileSync(listening, path.join(folder, "listening.html"));
-  fs.cpSync(path.join(modules, "jspsych"), path.join(folder, "node_modules", "jspsych"), { recursive: true });
+  const jspsych = path.join("node_modules", "jspsych");
+  fs.cpSync(path.join(modules, jspsych), path.join(folder, jspsych), { recursive: true });
   browser = await launched();
 });
 
