@@ -17,6 +17,7 @@ mod device_self_test;
 mod device_self_test_lines;
 mod drift;
 mod evaluation;
+mod export;
 mod fit_to_sound;
 mod frontier;
 mod hard_cases;

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use host_tools::evaluation::evaluate::texture_named;
-use host_tools::export::{Export, Format, Stroke};
+use host_tools::export::{Export, Format};
 use host_tools::support::error::Result;
 use host_tools::texture::library::{decode_library, read_library};
 
@@ -44,19 +44,14 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let (motion, seconds) = arguments.along.motion(&name, None)?;
     warn_if_silent(&motion);
     warn_beyond(&motion, &texture);
-    let stroke = Stroke::render(texture, &motion, seconds, arguments.along.seed)?;
-    let export = Export::new(&stroke, arguments.format, arguments.full_scale)?;
-    if let Some(loss) = export.loss() {
-        warn(&loss);
-    }
+    let rendering = (seconds, arguments.along.seed);
+    let (format, full_scale) = (arguments.format, arguments.full_scale);
+    let export = Export::new(texture, &motion, rendering, format, full_scale)?;
+    export.warnings.iter().for_each(|warning| warn(warning));
     export.write(&arguments.out)?;
-    let out = arguments.out.display();
-    print(&format!("{out}: {}", export.description()))?;
-    let saturations = stroke.rendered().saturations;
-    if saturations > 0 {
-        warn(&format!(
-            "the synthesis was at full scale in {saturations} samples"
-        ));
-    }
-    Ok(())
+    print(&format!(
+        "{}: {}",
+        arguments.out.display(),
+        export.description
+    ))
 }

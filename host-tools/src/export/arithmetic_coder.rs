@@ -2,16 +2,15 @@
 
 use super::set_partitioning::CONTEXTS;
 
-/// Top of the range, and its half and quarters.
+/// Top of the range, and its half and quarter.
 const TOP: u32 = 1024;
 const HALF: u32 = TOP / 2;
 const QUARTER: u32 = TOP / 4;
 
-/// Symbols that a context has seen before the first one, half of them zeros.
-const BEFORE: u32 = 16;
+/// Zeros, and all symbols, that a context counts before its first one.
+const BEFORE: (u32, u32) = (8, 16);
 
 /// A coder with the bits that it has put out.
-#[derive(Debug)]
 pub struct Coder {
     bits: Vec<bool>,
     low: u32,
@@ -22,31 +21,33 @@ pub struct Coder {
     seen: [(u32, u32); CONTEXTS],
 }
 
-impl Coder {
-    /// A coder before its first symbol.
-    pub fn new() -> Self {
+impl Default for Coder {
+    fn default() -> Self {
+        let (bits, seen) = (Vec::new(), [BEFORE; CONTEXTS]);
         Self {
-            bits: Vec::new(),
+            bits,
             low: 0,
             high: TOP,
             pending: 0,
-            seen: [(BEFORE / 2, BEFORE); CONTEXTS],
+            seen,
         }
     }
+}
 
+impl Coder {
     /// Codes one symbol of `context`.
     pub fn push(&mut self, context: usize, symbol: bool) {
         let (zeros, all) = &mut self.seen[context];
         let share = (f64::from(*zeros) / f64::from(*all) * f64::from(TOP)).round() as u32;
         let range = self.high - self.low;
-        let split = (range * share / TOP).clamp(1, range - 1);
+        let split = self.low + (range * share / TOP).clamp(1, range - 1);
+        *if symbol {
+            &mut self.low
+        } else {
+            &mut self.high
+        } = split;
         *zeros += u32::from(!symbol);
         *all += 1;
-        if symbol {
-            self.low += split;
-        } else {
-            self.high = self.low + split;
-        }
         self.widen();
     }
 
@@ -65,25 +66,25 @@ impl Coder {
             } else {
                 return;
             };
-            self.low = 2 * (self.low - below);
-            self.high = 2 * (self.high - below);
+            (self.low, self.high) = (2 * (self.low - below), 2 * (self.high - below));
         }
     }
 
     fn put(&mut self, bit: bool) {
         self.bits.push(bit);
-        self.bits
-            .extend(std::iter::repeat_n(!bit, std::mem::take(&mut self.pending)));
+        let inverted = std::iter::repeat_n(!bit, std::mem::take(&mut self.pending));
+        self.bits.extend(inverted);
     }
 
     /// Returns the bits, first bit highest in its byte. A reader takes zeros after the last one.
     pub fn finish(mut self) -> Vec<u8> {
         // The half lies within the range.
         self.bits.push(true);
-        let bytes = self.bits.chunks(8).map(|bits| {
-            let places = bits.iter().zip((0..8).rev());
-            places.map(|(bit, place)| u8::from(*bit) << place).sum()
-        });
-        bytes.collect()
+        let byte = |bits: &[bool]| {
+            bits.iter()
+                .rev()
+                .fold(0, |byte, &bit| byte >> 1 | u8::from(bit) << 7)
+        };
+        self.bits.chunks(8).map(byte).collect()
     }
 }

@@ -7,140 +7,118 @@ mod arithmetic_coder;
 mod envelope;
 mod hjif;
 mod set_partitioning;
-mod stroke;
-mod tone_files;
 mod wavelet;
 
 use std::path::Path;
 
-use serde_json::Value;
+use model_format::Texture;
 
 use crate::dsp::spectrum::PowerSpectrum;
-use crate::playing::render::{WavFormat, write_wav};
-use crate::support::atomic_file;
+use crate::playing::motion::MotionPath;
+use crate::playing::render::{Rendered, Rendering};
 use crate::support::error::{Error, Result};
+use crate::support::float_wav::float_wav;
+use crate::support::{atomic_file, progress};
 use envelope::{Envelope, RANGE_HZ};
-pub use stroke::{MAX_SECONDS, Stroke};
+
+/// Longest stroke of a file, s. It bounds the memory for samples and text to a few hundred megabytes.
+pub const MAX_SECONDS: f64 = 600.0;
 
 /// Format of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Format {
-    /// MPEG haptics, ISO/IEC 23090-31, as JSON: wavelets up to 4 kHz
+    /// MPEG haptics, ISO/IEC 23090-31, as JSON: wavelets, up to 4 kHz
     Hjif,
     /// Meta's .haptic: one tone of varying amplitude and frequency
     Haptic,
     /// Apple's AHAP: one tone of varying intensity and sharpness
     Ahap,
-    /// WAV: the samples, 32-bit float, in m/s²
+    /// WAV: 32-bit float
     Wav,
 }
 
-/// A stroke, made ready for a file of one format.
+/// A stroke in a file's format.
 #[derive(Debug)]
-pub struct Export<'a> {
-    stroke: &'a Stroke,
-    content: Content,
-    full_scale_m_s2: f64,
+pub struct Export {
+    bytes: Vec<u8>,
+    /// Sentences that the file, except WAV, says of itself.
+    pub description: String,
+    /// What the file cannot hold of the stroke, with figures, and samples at the kernel's full scale.
+    pub warnings: Vec<String>,
 }
 
-/// What a file will hold, in m/s².
-#[derive(Debug)]
-enum Content {
-    /// Samples at [`hjif::RATE_HZ`].
-    Wavelets(Vec<f64>),
-    Haptic(Envelope),
-    Ahap(Envelope),
-    Samples,
-}
-
-impl<'a> Export<'a> {
-    /// Makes `stroke` ready for `format`. The formats hold numbers up to 1, which stand for `full_scale_m_s2`, or without
-    /// one for the largest number that the file would hold; WAV holds m/s².
+impl Export {
+    /// Renders `seconds` of `texture` along `motion`, with a progress bar, and makes a file of it. The number 1 in the
+    /// file is `full_scale_m_s2`, or else the largest acceleration in it, or 1 m/s² in WAV.
     ///
     /// # Errors
-    /// A silent stroke, a full scale below the largest number, or one for WAV.
-    pub fn new(stroke: &'a Stroke, format: Format, full_scale_m_s2: Option<f64>) -> Result<Self> {
-        let envelope = || Envelope::of(&stroke.accelerations(), stroke.rate_hz());
-        let content = match format {
-            Format::Hjif => Content::Wavelets(hjif::resampled(stroke)?),
-            Format::Haptic => Content::Haptic(envelope()),
-            Format::Ahap => Content::Ahap(envelope()),
-            Format::Wav if full_scale_m_s2.is_some() => {
-                let problem = "a WAV file holds m/s² and takes no full scale: leave --full-scale out, or use render \
-                               --pcm16";
-                return Err(Error::Request(problem.to_owned()));
-            }
-            Format::Wav => Content::Samples,
+    /// More than [`MAX_SECONDS`], a silent stroke, a full scale that is too small, and those of [`Rendering::new`].
+    pub fn new(
+        texture: Texture<'_>,
+        motion: &MotionPath,
+        (seconds, seed): (f64, u64),
+        format: Format,
+        full_scale_m_s2: Option<f64>,
+    ) -> Result<Self> {
+        let (name, origin) = (texture.name(), texture.provenance());
+        let refused = |problem: String| Err(Error::Request(format!("texture '{name}': {problem}")));
+        if seconds > MAX_SECONDS {
+            return refused(format!(
+                "a file holds at most {MAX_SECONDS} s, not {seconds}: give fewer --seconds, or use stylus render"
+            ));
+        }
+        let mut rendering = Rendering::new(texture, motion, seconds, seed)?;
+        let bar = progress::bar(rendering.len() as u64, "rendering");
+        let rendered = Rendered {
+            sample_rate_hz: texture.sample_rate_hz(),
+            samples: bar.wrap_iter(rendering.by_ref()).collect(),
+            saturations: rendering.saturations(),
         };
-        let largest = match &content {
-            Content::Wavelets(samples) => largest(samples.iter().copied()),
-            Content::Haptic(envelope) | Content::Ahap(envelope) => {
-                largest(envelope.points.iter().map(|point| point.amplitude_m_s2))
-            }
-            Content::Samples => 1.0,
+        bar.finish_and_clear();
+        let warnings = warnings(&rendered, format);
+        let (mut samples, rate_hz) = (rendered.accelerations_m_s2(), rendered.sample_rate_hz);
+        let envelope = Envelope::of(&samples, f64::from(rate_hz));
+        if format == Format::Hjif {
+            samples = hjif::resampled(&samples, rate_hz)?;
+        }
+        let largest = match format {
+            Format::Haptic | Format::Ahap => envelope.largest_m_s2(),
+            Format::Hjif | Format::Wav => largest(&samples),
         };
         if largest <= 0.0 {
-            return Err(Error::Request(format!(
-                "{} is silent: give a motion with a speed and a force above zero",
-                stroke.name()
-            )));
+            return refused("the stroke is silent: give speeds and forces above zero".to_owned());
         }
-        let full_scale_m_s2 = full_scale_m_s2.unwrap_or(largest);
-        if full_scale_m_s2 < largest {
-            return Err(Error::Request(format!(
-                "{} reaches {largest:.4} m/s² in this format, above the full scale of {full_scale_m_s2} m/s²: give \
-                 --full-scale at least that, or leave it out",
-                stroke.name()
-            )));
+        let own = if format == Format::Wav { 1.0 } else { largest };
+        let scale = full_scale_m_s2.unwrap_or(own);
+        if scale < largest && format != Format::Wav {
+            return refused(format!(
+                "the file reaches {largest:.4} m/s², more than {scale}: raise --full-scale, or leave it out"
+            ));
         }
+        let description = format!(
+            "'{name}' ({origin}), a stroke of {seconds} s, seed {seed}, by stylus {}. 1.0 is {scale:.6} m/s².",
+            env!("CARGO_PKG_VERSION")
+        );
+        let json = match format {
+            Format::Hjif => hjif::file(&samples, scale, &description),
+            Format::Haptic => envelope.haptic(scale, &description),
+            Format::Ahap => envelope.ahap(scale, &description),
+            Format::Wav => {
+                let wav = float_wav(1, rate_hz, samples.iter().map(|sample| sample / scale));
+                let bytes = wav.expect("ten minutes fit");
+                return Ok(Self {
+                    bytes,
+                    description,
+                    warnings,
+                });
+            }
+        };
+        let bytes = format!("{json}\n").into_bytes();
         Ok(Self {
-            stroke,
-            content,
-            full_scale_m_s2,
+            bytes,
+            description,
+            warnings,
         })
-    }
-
-    /// Returns what the file cannot hold of the stroke, with figures; `None` if it holds all.
-    pub fn loss(&self) -> Option<String> {
-        let stroke = self.stroke;
-        let samples = stroke.accelerations();
-        let spectrum = PowerSpectrum::welch(&samples, stroke.rate_hz());
-        match &self.content {
-            Content::Samples => None,
-            Content::Wavelets(_) => {
-                let (limit, all) = (f64::from(hjif::RATE_HZ) / 2.0, stroke.rate_hz() / 2.0);
-                let share = spectrum.power_between(limit, all) / spectrum.power_between(0.0, all);
-                (all > limit).then(|| {
-                    format!(
-                        "hjif holds nothing above {limit} Hz, which is {:.1} dB of the stroke's power",
-                        10.0 * share.log10()
-                    )
-                })
-            }
-            Content::Haptic(envelope) | Content::Ahap(envelope) => {
-                let tone = envelope.tone(samples.len(), stroke.rate_hz());
-                let tone = PowerSpectrum::welch(&tone, stroke.rate_hz());
-                let (low_hz, high_hz) = RANGE_HZ;
-                Some(format!(
-                    "this format holds no noise and no line: it holds one tone between {low_hz} and {high_hz} Hz, with \
-                     the power and the mean frequency of the stroke every 20 ms. Octaves of that tone against the \
-                     stroke: {}",
-                    octaves(&spectrum, &tone)
-                ))
-            }
-        }
-    }
-
-    /// Returns the sentences that the file says of itself.
-    pub fn description(&self) -> String {
-        match self.content {
-            Content::Samples => self.stroke.name().to_owned(),
-            _ => format!(
-                "{}. 1.0 is {:.6} m/s².",
-                self.stroke.name(),
-                self.full_scale_m_s2
-            ),
-        }
     }
 
     /// Writes the file, whole or not at all.
@@ -148,46 +126,61 @@ impl<'a> Export<'a> {
     /// # Errors
     /// A file that cannot be written.
     pub fn write(&self, path: &Path) -> Result<()> {
-        let json = match &self.content {
-            Content::Wavelets(samples) => {
-                hjif::file(samples, self.full_scale_m_s2, &self.description())
-            }
-            Content::Haptic(envelope) => {
-                tone_files::haptic(envelope, self.full_scale_m_s2, &self.description())
-            }
-            Content::Ahap(envelope) => {
-                tone_files::ahap(envelope, self.full_scale_m_s2, &self.description())
-            }
-            Content::Samples => return self.write_wav(path),
-        };
-        atomic_file::write(path, &text_of(&json))
-    }
-
-    fn write_wav(&self, path: &Path) -> Result<()> {
-        let samples = self.stroke.rendered().samples.iter().copied();
-        let rate = self.stroke.rendered().sample_rate_hz;
-        write_wav(path, rate, WavFormat::Float32, samples).map(drop)
+        atomic_file::write(path, &self.bytes)
     }
 }
 
-fn text_of(json: &Value) -> Vec<u8> {
-    let mut text = serde_json::to_vec(json).expect("keys are text and numbers finite");
-    text.push(b'\n');
-    text
+/// Warnings of what `format` cannot hold, and of samples at full scale.
+fn warnings(rendered: &Rendered, format: Format) -> Vec<String> {
+    let (stroke, rate_hz) = (
+        rendered.accelerations_m_s2(),
+        f64::from(rendered.sample_rate_hz),
+    );
+    let spectrum = || PowerSpectrum::welch(&stroke, rate_hz);
+    let limit_hz = f64::from(hjif::RATE_HZ) / 2.0;
+    let loss = match format {
+        Format::Haptic | Format::Ahap => {
+            let tone = Envelope::of(&stroke, rate_hz).tone(rate_hz);
+            Some(loss_of_a_tone(
+                &spectrum(),
+                &PowerSpectrum::welch(&tone, rate_hz),
+            ))
+        }
+        Format::Hjif if rate_hz > 2.0 * limit_hz => {
+            let [lost, all] = [limit_hz, 0.0].map(|from| spectrum().power_between(from, rate_hz));
+            let level = 10.0 * (lost / all).log10();
+            Some(format!(
+                "hjif holds nothing above {limit_hz} Hz: {level:+.1} dB of the power"
+            ))
+        }
+        Format::Hjif | Format::Wav => None,
+    };
+    let saturations = rendered.saturations;
+    let full = format!("the synthesis was at full scale in {saturations} samples");
+    loss.into_iter()
+        .chain((saturations > 0).then_some(full))
+        .collect()
 }
 
-fn largest(values: impl Iterator<Item = f64>) -> f64 {
-    values.fold(0.0, |largest: f64, value| largest.max(value.abs()))
+fn largest(values: &[f64]) -> f64 {
+    values.iter().fold(0.0, |most, value| most.max(value.abs()))
 }
 
-/// Levels of `other` against `reference` in the octaves from 31.5 Hz to 1 kHz (base ten, IEC 61260-1), as text.
-fn octaves(reference: &PowerSpectrum, other: &PowerSpectrum) -> String {
-    const LABELS: [&str; 6] = ["31.5", "63", "125", "250", "500", "1000"];
-    let levels = LABELS.iter().zip(-5..=0).map(|(label, octave)| {
+/// What one tone cannot hold of a stroke, with its levels in octaves (base ten, IEC 61260-1).
+fn loss_of_a_tone(stroke: &PowerSpectrum, tone: &PowerSpectrum) -> String {
+    let labels = ["31.5", "63", "125", "250", "500", "1000"];
+    let levels = labels.iter().zip(-5..=0).map(|(label, octave)| {
         let edge_hz = |half: f64| 10f64.powf(3.0 + 0.3 * (f64::from(octave) + half));
         let power = |of: &PowerSpectrum| of.power_between(edge_hz(-0.5), edge_hz(0.5));
-        let level = 10.0 * (power(other) / power(reference)).log10();
-        format!("{label} Hz {level:+.1} dB")
+        format!(
+            "{label} Hz {:+.1} dB",
+            10.0 * (power(tone) / power(stroke)).log10()
+        )
     });
-    levels.collect::<Vec<_>>().join(", ")
+    let (low_hz, high_hz) = RANGE_HZ;
+    format!(
+        "this format holds no noise: it holds one tone from {low_hz} to {high_hz} Hz, of the stroke's power and mean \
+         frequency every 20 ms. Its octaves against the stroke's: {}",
+        levels.collect::<Vec<_>>().join(", ")
+    )
 }

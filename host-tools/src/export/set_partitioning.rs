@@ -17,59 +17,53 @@ const REFINEMENT: usize = 6;
 /// Coefficients that are coded one by one from the start; the second half of them are roots of trees.
 const FIRST: usize = 8;
 
-/// A set of coefficients below a root, all small so far.
-#[derive(Clone, Copy)]
-enum Set {
-    /// All below the root.
-    Below(usize),
-    /// All below the root's children.
-    FarBelow(usize),
-}
-
 /// Codes `coefficients`, at least eight and a power of two in number, from bit `highest` of their magnitudes to bit 0.
 /// `put` takes each bit after its context.
 pub fn code(coefficients: &[i32], highest: u32, mut put: impl FnMut(usize, bool)) {
     let count = coefficients.len();
     let magnitude = |i: usize| coefficients[i].unsigned_abs();
+    // Largest magnitude below each root.
     let mut below = vec![0; count];
     for root in (1..count / 2).rev() {
-        let children = [2 * root, 2 * root + 1];
-        let largest = children.map(|child| magnitude(child).max(below[child]));
+        let largest = [2 * root, 2 * root + 1].map(|child| magnitude(child).max(below[child]));
         below[root] = largest[0].max(largest[1]);
     }
-    let mut small: Vec<usize> = (0..FIRST).collect();
-    let mut large = Vec::new();
-    let mut sets: Vec<Set> = (FIRST / 2..FIRST).map(Set::Below).collect();
-    for bit in (0..=highest).rev() {
-        let threshold = 1 << bit;
-        let before = large.len();
-        small.retain(|&i| {
-            let is_small = !put_single(coefficients[i], threshold, SINGLE, &mut put);
-            if !is_small {
-                large.push(i);
+    let (mut small, mut large): (Vec<_>, Vec<_>) = ((0..FIRST).collect(), Vec::new());
+    // Roots of sets that are small so far: all below, or all below the root's children.
+    let mut sets: Vec<_> = (FIRST / 2..FIRST).map(|root| (root, BELOW)).collect();
+    for threshold in (0..=highest).rev().map(|bit| 1 << bit) {
+        let put_single = |i: usize, context, put: &mut dyn FnMut(usize, bool)| {
+            let is_large = magnitude(i) >= threshold;
+            put(context, is_large);
+            if is_large {
+                put(SIGN, coefficients[i] >= 0);
             }
-            is_small
-        });
+            is_large
+        };
+        let before = large.len();
+        for i in std::mem::take(&mut small) {
+            let is_large = put_single(i, SINGLE, &mut put);
+            if is_large { &mut large } else { &mut small }.push(i);
+        }
         let mut queue = VecDeque::from(std::mem::take(&mut sets));
-        while let Some(set) = queue.pop_front() {
-            let (largest, context) = match set {
-                Set::Below(root) => (below[root], BELOW),
-                Set::FarBelow(root) => (below[2 * root].max(below[2 * root + 1]), FAR_BELOW),
+        while let Some((root, kind)) = queue.pop_front() {
+            let children = [2 * root, 2 * root + 1];
+            let largest = match kind {
+                BELOW => below[root],
+                _ => below[children[0]].max(below[children[1]]),
             };
-            put(context, largest >= threshold);
-            match set {
-                _ if largest < threshold => sets.push(set),
-                Set::Below(root) => {
-                    for child in [2 * root, 2 * root + 1] {
-                        let is_large = put_single(coefficients[child], threshold, CHILD, &mut put);
-                        if is_large { &mut large } else { &mut small }.push(child);
-                    }
-                    if 4 * root + 3 < count {
-                        queue.push_back(Set::FarBelow(root));
-                    }
+            put(kind, largest >= threshold);
+            if largest < threshold {
+                sets.push((root, kind));
+            } else if kind == FAR_BELOW {
+                queue.extend(children.map(|child| (child, BELOW)));
+            } else {
+                for child in children {
+                    let is_large = put_single(child, CHILD, &mut put);
+                    if is_large { &mut large } else { &mut small }.push(child);
                 }
-                Set::FarBelow(root) => {
-                    queue.extend([2 * root, 2 * root + 1].map(Set::Below));
+                if 4 * root + 3 < count {
+                    queue.push_back((root, FAR_BELOW));
                 }
             }
         }
@@ -77,19 +71,4 @@ pub fn code(coefficients: &[i32], highest: u32, mut put: impl FnMut(usize, bool)
             put(REFINEMENT, magnitude(i) & threshold != 0);
         }
     }
-}
-
-/// Puts whether a coefficient reaches `threshold`, with its sign if it does, and returns that.
-fn put_single(
-    coefficient: i32,
-    threshold: u32,
-    context: usize,
-    put: &mut impl FnMut(usize, bool),
-) -> bool {
-    let is_large = coefficient.unsigned_abs() >= threshold;
-    put(context, is_large);
-    if is_large {
-        put(SIGN, coefficient >= 0);
-    }
-    is_large
 }

@@ -12,21 +12,17 @@ const STEPS: [(f64, f64); 2] = [
 /// Gain of the steps for a constant.
 const GAIN: f64 = 1.230_174_104_914_001;
 
-/// Length at which the transform ends: four means, before as many details.
-const SHORTEST: usize = 4;
+/// Number of means at which the transform ends.
+const MEANS: usize = 4;
 
-/// Largest coefficient of a block of 512 samples within ±1: the sum of the magnitudes of the filter of seven levels.
-#[cfg(test)]
-pub const MOST: f64 = 14.7;
-
-/// Transforms a block, whose length is a power of two of at least 8, in place: the four means of the coarsest level,
-/// then the details from the coarsest to the finest level. A block is mirrored at its ends.
+/// Transforms a block, whose length is a power of two, in place: the means of the coarsest level, then the details from
+/// the coarsest to the finest level. A block is mirrored at its ends.
 ///
 /// Means have a gain of √2 per level. Details have the opposite sign of a difference from the neighbours, as the
 /// standard has them.
 pub fn transform(block: &mut [f64]) {
     let mut length = block.len();
-    while length > SHORTEST {
+    while length > MEANS {
         split(&mut block[..length]);
         length /= 2;
     }
