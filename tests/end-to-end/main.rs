@@ -17,7 +17,6 @@ mod device_self_test;
 mod device_self_test_lines;
 mod drift;
 mod evaluation;
-mod export;
 mod fit_to_sound;
 mod frontier;
 mod hard_cases;

@@ -23,7 +23,7 @@ pub struct Arguments {
     /// Format of the file
     #[arg(long, value_enum)]
     format: Format,
-    /// Acceleration that the number 1 stands for, in m/s² [default: the largest of the file]
+    /// Acceleration that the number 1 stands for, in m/s² [default: the largest of the file, 1 for WAV]
     #[arg(long, value_name = "M_S2", value_parser = positive)]
     full_scale: Option<f64>,
     /// File to write
@@ -49,9 +49,6 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let export = Export::new(texture, &motion, rendering, format, full_scale)?;
     export.warnings.iter().for_each(|warning| warn(warning));
     export.write(&arguments.out)?;
-    print(&format!(
-        "{}: {}",
-        arguments.out.display(),
-        export.description
-    ))
+    let out = arguments.out.display();
+    print(&format!("{out}: {}", export.description))
 }

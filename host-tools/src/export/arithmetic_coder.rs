@@ -41,11 +41,11 @@ impl Coder {
         let share = (f64::from(*zeros) / f64::from(*all) * f64::from(TOP)).round() as u32;
         let range = self.high - self.low;
         let split = self.low + (range * share / TOP).clamp(1, range - 1);
-        *if symbol {
-            &mut self.low
+        (self.low, self.high) = if symbol {
+            (split, self.high)
         } else {
-            &mut self.high
-        } = split;
+            (self.low, split)
+        };
         *zeros += u32::from(!symbol);
         *all += 1;
         self.widen();
@@ -80,11 +80,8 @@ impl Coder {
     pub fn finish(mut self) -> Vec<u8> {
         // The half lies within the range.
         self.bits.push(true);
-        let byte = |bits: &[bool]| {
-            bits.iter()
-                .rev()
-                .fold(0, |byte, &bit| byte >> 1 | u8::from(bit) << 7)
-        };
-        self.bits.chunks(8).map(byte).collect()
+        let push = |byte, &bit: &bool| byte >> 1 | u8::from(bit) << 7;
+        let bytes = self.bits.chunks(8);
+        bytes.map(|bits| bits.iter().rev().fold(0, push)).collect()
     }
 }

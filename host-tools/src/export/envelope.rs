@@ -51,10 +51,8 @@ impl Envelope {
         Self((0..=samples.len().div_ceil(step)).map(point).collect())
     }
 
-    /// The largest amplitude, m/s².
-    pub fn largest_m_s2(&self) -> f64 {
-        let amplitudes = self.0.iter().map(|point| point.amplitude_m_s2);
-        amplitudes.fold(0.0, f64::max)
+    pub fn amplitudes_m_s2(&self) -> impl Iterator<Item = f64> {
+        self.0.iter().map(|point| point.amplitude_m_s2)
     }
 
     /// Returns the samples of the tone, m/s².
@@ -75,16 +73,17 @@ impl Envelope {
 
     /// Returns the `.haptic` file, version 1.0.0.
     pub fn haptic(&self, full_scale_m_s2: f64, description: &str) -> Value {
-        let points = |name: &str, value: &dyn Fn(&Point) -> f64| -> Vec<Value> {
-            let point = |point: &Point| json!({"time": point.time_s, name: value(point)});
-            self.0.iter().map(point).collect()
-        };
-        let amplitude = points("amplitude", &|point| point.amplitude_m_s2 / full_scale_m_s2);
-        let frequency = points("frequency", &Point::place);
+        let amplitude = self.0.iter().map(|point| {
+            json!({"time": point.time_s, "amplitude": point.amplitude_m_s2 / full_scale_m_s2})
+        });
+        let frequency =
+            (self.0.iter()).map(|point| json!({"time": point.time_s, "frequency": point.place()}));
         json!({
             "version": {"major": 1, "minor": 0, "patch": 0},
             "metadata": {"editor": "stylus", "description": description},
-            "signals": {"continuous": {"envelopes": {"amplitude": amplitude, "frequency": frequency}}},
+            "signals": {"continuous": {"envelopes": {
+                "amplitude": amplitude.collect::<Vec<_>>(), "frequency": frequency.collect::<Vec<_>>(),
+            }}},
         })
     }
 

@@ -9,8 +9,6 @@ use serde_json::{Value, json};
 use super::arithmetic_coder::Coder;
 use super::set_partitioning::{HEAD, code};
 use super::{largest, wavelet};
-use crate::recording::resample;
-use crate::support::error::{Error, Result};
 use crate::support::{date, progress};
 
 /// Rate of the band, Hz. A block's samples and milliseconds must be powers of two, which 5 and 10 kHz do not allow.
@@ -25,30 +23,19 @@ const BLOCK_MS: usize = BLOCK * 1000 / RATE_HZ as usize;
 /// Highest bit of a coefficient as large as its block's scale: the most that a stream's head can name.
 const HIGHEST_BIT: u32 = 15;
 
-/// Returns samples at [`RATE_HZ`].
-///
-/// # Errors
-/// A sample rate that cannot be converted.
-pub fn resampled(samples: &[f64], from_hz: u32) -> Result<Vec<f64>> {
-    let resampled = resample(&[samples.to_vec()], from_hz, RATE_HZ);
-    let failed = |problem| Error::Request(format!("{from_hz} Hz to {RATE_HZ} Hz: {problem}"));
-    Ok(resampled.map_err(failed)?.remove(0))
-}
-
-/// Returns the file of `samples` in m/s², with a progress bar.
-pub fn file(samples: &[f64], full_scale_m_s2: f64, description: &str) -> Value {
+/// Returns the file of samples within ±1 at [`RATE_HZ`], with a progress bar.
+pub fn file(samples: &[f64], description: &str) -> Value {
     let bar = progress::bar(samples.len().div_ceil(BLOCK) as u64, "encoding");
     let blocks = bar.wrap_iter(samples.chunks(BLOCK)).enumerate();
     let effects = blocks.map(|(index, block)| {
-        let scaled = |n| block.get(n).map_or(0.0, |sample| sample / full_scale_m_s2);
-        let stream = STANDARD_NO_PAD.encode(stream(std::array::from_fn(scaled)));
+        let block = std::array::from_fn(|n| block.get(n).copied().unwrap_or(0.0));
+        let stream = STANDARD_NO_PAD.encode(stream(block));
         json!({"effect_type": "Basis", "position": index * BLOCK_MS, "wavelet_stream": stream})
     });
+    // Readers take the upper limit of a wavelet band for its sample rate.
     let band = json!({
         "band_type": "WaveletWave", "block_length": BLOCK_MS, "lower_frequency_limit": 0,
-        // Readers take this limit for the sample rate.
-        "upper_frequency_limit": RATE_HZ,
-        "effects": effects.collect::<Vec<_>>(),
+        "upper_frequency_limit": RATE_HZ, "effects": effects.collect::<Vec<_>>(),
     });
     bar.finish_and_clear();
     let channel = json!({
@@ -68,7 +55,7 @@ pub fn file(samples: &[f64], full_scale_m_s2: f64, description: &str) -> Value {
 /// Returns the stream of a block within ±1, empty for silence.
 fn stream(mut block: [f64; BLOCK]) -> Vec<u8> {
     wavelet::transform(&mut block);
-    let (scale_code, scale) = scale_of(largest(&block));
+    let (scale_code, scale) = scale_of(largest(block.iter().copied()));
     let steps = f64::from(1 << HIGHEST_BIT) / scale;
     let coefficients = block.map(|coefficient| (coefficient * steps).round() as i32);
     if coefficients == [0; BLOCK] {
@@ -98,19 +85,20 @@ fn scale_of(largest: f64) -> (u32, f64) {
 mod tests {
     use super::*;
 
-    /// A coefficient is largest for the block of the signs of its weights. The weights are the transforms of impulses.
+    /// A coefficient is largest for a block of the signs of its weights, which are the transforms of impulses.
     #[test]
     fn no_block_within_one_has_a_coefficient_above_the_largest_scale() {
         let mut most = [0.0; BLOCK];
         for place in 0..BLOCK {
-            let mut impulse = [0.0; BLOCK];
-            impulse[place] = 1.0;
+            let mut impulse =
+                std::array::from_fn::<_, BLOCK, _>(|n| f64::from(u8::from(n == place)));
             wavelet::transform(&mut impulse);
-            most.iter_mut()
-                .zip(impulse)
-                .for_each(|(sum, weight)| *sum += weight.abs());
+            most = std::array::from_fn(|n| most[n] + impulse[n].abs());
         }
-        let (code, scale) = scale_of(largest(&most));
-        assert!(code < 1 << 8 && scale >= largest(&most), "{code} {scale}");
+        let (code, scale) = scale_of(largest(most.into_iter()));
+        assert!(
+            code < 1 << 8 && scale >= largest(most.into_iter()),
+            "{code} {scale}"
+        );
     }
 }

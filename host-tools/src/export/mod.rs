@@ -7,6 +7,8 @@ mod arithmetic_coder;
 mod envelope;
 mod hjif;
 mod set_partitioning;
+#[cfg(test)]
+mod tests;
 mod wavelet;
 
 use std::path::Path;
@@ -16,6 +18,7 @@ use model_format::Texture;
 use crate::dsp::spectrum::PowerSpectrum;
 use crate::playing::motion::MotionPath;
 use crate::playing::render::{Rendered, Rendering};
+use crate::recording::resample;
 use crate::support::error::{Error, Result};
 use crate::support::float_wav::float_wav;
 use crate::support::{atomic_file, progress};
@@ -75,45 +78,48 @@ impl Export {
             saturations: rendering.saturations(),
         };
         bar.finish_and_clear();
-        let warnings = warnings(&rendered, format);
-        let (mut samples, rate_hz) = (rendered.accelerations_m_s2(), rendered.sample_rate_hz);
-        let envelope = Envelope::of(&samples, f64::from(rate_hz));
+        let rate_hz = f64::from(rendered.sample_rate_hz);
+        let mut samples = rendered.accelerations_m_s2();
+        let envelope = Envelope::of(&samples, rate_hz);
+        let mut warnings = Vec::from_iter(loss(&samples, rate_hz, &envelope, format));
+        if rendered.saturations > 0 {
+            let count = rendered.saturations;
+            warnings.push(format!(
+                "the synthesis was at full scale in {count} samples"
+            ));
+        }
         if format == Format::Hjif {
-            samples = hjif::resampled(&samples, rate_hz)?;
+            let resampled = resample(&[samples], rendered.sample_rate_hz, hjif::RATE_HZ);
+            samples = resampled.map_err(Error::Request)?.remove(0);
         }
         let largest = match format {
-            Format::Haptic | Format::Ahap => envelope.largest_m_s2(),
-            Format::Hjif | Format::Wav => largest(&samples),
+            Format::Haptic | Format::Ahap => largest(envelope.amplitudes_m_s2()),
+            Format::Hjif | Format::Wav => largest(samples.iter().copied()),
         };
+        let own = if format == Format::Wav { 1.0 } else { largest };
+        let scale = full_scale_m_s2.unwrap_or(own);
         if largest <= 0.0 {
             return refused("the stroke is silent: give speeds and forces above zero".to_owned());
         }
-        let own = if format == Format::Wav { 1.0 } else { largest };
-        let scale = full_scale_m_s2.unwrap_or(own);
         if scale < largest && format != Format::Wav {
             return refused(format!(
                 "the file reaches {largest:.4} m/s², more than {scale}: raise --full-scale, or leave it out"
             ));
         }
+        let version = env!("CARGO_PKG_VERSION");
         let description = format!(
-            "'{name}' ({origin}), a stroke of {seconds} s, seed {seed}, by stylus {}. 1.0 is {scale:.6} m/s².",
-            env!("CARGO_PKG_VERSION")
+            "'{name}' ({origin}), a stroke of {seconds} s, seed {seed}, by stylus {version}. 1.0 is {scale:.6} m/s²."
         );
-        let json = match format {
-            Format::Hjif => hjif::file(&samples, scale, &description),
-            Format::Haptic => envelope.haptic(scale, &description),
-            Format::Ahap => envelope.ahap(scale, &description),
-            Format::Wav => {
-                let wav = float_wav(1, rate_hz, samples.iter().map(|sample| sample / scale));
-                let bytes = wav.expect("ten minutes fit");
-                return Ok(Self {
-                    bytes,
-                    description,
-                    warnings,
-                });
-            }
+        samples.iter_mut().for_each(|sample| *sample /= scale);
+        let bytes = match format {
+            Format::Hjif => hjif::file(&samples, &description).to_string().into_bytes(),
+            Format::Haptic => envelope
+                .haptic(scale, &description)
+                .to_string()
+                .into_bytes(),
+            Format::Ahap => envelope.ahap(scale, &description).to_string().into_bytes(),
+            Format::Wav => float_wav(1, rendered.sample_rate_hz, samples).expect("ten minutes fit"),
         };
-        let bytes = format!("{json}\n").into_bytes();
         Ok(Self {
             bytes,
             description,
@@ -130,57 +136,38 @@ impl Export {
     }
 }
 
-/// Warnings of what `format` cannot hold, and of samples at full scale.
-fn warnings(rendered: &Rendered, format: Format) -> Vec<String> {
-    let (stroke, rate_hz) = (
-        rendered.accelerations_m_s2(),
-        f64::from(rendered.sample_rate_hz),
-    );
-    let spectrum = || PowerSpectrum::welch(&stroke, rate_hz);
+fn largest(values: impl Iterator<Item = f64>) -> f64 {
+    values.fold(0.0, |most, value| most.max(value.abs()))
+}
+
+/// What `format` cannot hold of a stroke, with the levels of what it cannot; `None` if it holds all.
+fn loss(stroke: &[f64], rate_hz: f64, envelope: &Envelope, format: Format) -> Option<String> {
+    let spectrum = PowerSpectrum::welch(stroke, rate_hz);
     let limit_hz = f64::from(hjif::RATE_HZ) / 2.0;
-    let loss = match format {
+    let decibels = |part: f64, whole: f64| format!("{:+.1} dB", 10.0 * (part / whole).log10());
+    match format {
         Format::Haptic | Format::Ahap => {
-            let tone = Envelope::of(&stroke, rate_hz).tone(rate_hz);
-            Some(loss_of_a_tone(
-                &spectrum(),
-                &PowerSpectrum::welch(&tone, rate_hz),
+            let tone = PowerSpectrum::welch(&envelope.tone(rate_hz), rate_hz);
+            // Octaves in base ten, as IEC 61260-1 has them.
+            let labels = ["31.5", "63", "125", "250", "500", "1000"];
+            let levels = labels.iter().zip(-5..=0).map(|(label, octave)| {
+                let edge_hz = |half: f64| 10f64.powf(3.0 + 0.3 * (f64::from(octave) + half));
+                let power = |of: &PowerSpectrum| of.power_between(edge_hz(-0.5), edge_hz(0.5));
+                format!("{label} Hz {}", decibels(power(&tone), power(&spectrum)))
+            });
+            let ((low_hz, high_hz), levels) = (RANGE_HZ, levels.collect::<Vec<_>>().join(", "));
+            Some(format!(
+                "this format holds no noise: it holds one tone from {low_hz} to {high_hz} Hz, of the stroke's power \
+                 and mean frequency every 20 ms. Its octaves against the stroke's: {levels}"
             ))
         }
         Format::Hjif if rate_hz > 2.0 * limit_hz => {
-            let [lost, all] = [limit_hz, 0.0].map(|from| spectrum().power_between(from, rate_hz));
-            let level = 10.0 * (lost / all).log10();
+            let [lost, all] = [limit_hz, 0.0].map(|from| spectrum.power_between(from, rate_hz));
+            let lost = decibels(lost, all);
             Some(format!(
-                "hjif holds nothing above {limit_hz} Hz: {level:+.1} dB of the power"
+                "hjif holds nothing above {limit_hz} Hz: {lost} of the power"
             ))
         }
         Format::Hjif | Format::Wav => None,
-    };
-    let saturations = rendered.saturations;
-    let full = format!("the synthesis was at full scale in {saturations} samples");
-    loss.into_iter()
-        .chain((saturations > 0).then_some(full))
-        .collect()
-}
-
-fn largest(values: &[f64]) -> f64 {
-    values.iter().fold(0.0, |most, value| most.max(value.abs()))
-}
-
-/// What one tone cannot hold of a stroke, with its levels in octaves (base ten, IEC 61260-1).
-fn loss_of_a_tone(stroke: &PowerSpectrum, tone: &PowerSpectrum) -> String {
-    let labels = ["31.5", "63", "125", "250", "500", "1000"];
-    let levels = labels.iter().zip(-5..=0).map(|(label, octave)| {
-        let edge_hz = |half: f64| 10f64.powf(3.0 + 0.3 * (f64::from(octave) + half));
-        let power = |of: &PowerSpectrum| of.power_between(edge_hz(-0.5), edge_hz(0.5));
-        format!(
-            "{label} Hz {:+.1} dB",
-            10.0 * (power(tone) / power(stroke)).log10()
-        )
-    });
-    let (low_hz, high_hz) = RANGE_HZ;
-    format!(
-        "this format holds no noise: it holds one tone from {low_hz} to {high_hz} Hz, of the stroke's power and mean \
-         frequency every 20 ms. Its octaves against the stroke's: {}",
-        levels.collect::<Vec<_>>().join(", ")
-    )
+    }
 }
