@@ -32,7 +32,7 @@ pub struct Envelope(Vec<Point>);
 impl Envelope {
     /// The tone with the power and the mean frequency of `samples` in 40 ms around each point.
     ///
-    /// The mean frequency is that of a sine with the same correlation between neighbouring samples, within [`RANGE_HZ`].
+    /// The mean frequency is that of a sine with the same correlation of neighbouring samples, within [`RANGE_HZ`].
     pub fn of(samples: &[f64], rate_hz: f64) -> Self {
         let step = ((rate_hz * STEP_S).round() as usize).max(1);
         let point = |index: usize| {

@@ -46,7 +46,7 @@ pub struct Export {
     bytes: Vec<u8>,
     /// Sentences that the file, except WAV, says of itself.
     pub description: String,
-    /// What the file cannot hold of the stroke, with figures, and samples at the kernel's full scale.
+    /// Sentences on what the file cannot hold of the stroke, with figures, and on samples at the kernel's full scale.
     pub warnings: Vec<String>,
 }
 
@@ -140,7 +140,7 @@ fn largest(values: impl Iterator<Item = f64>) -> f64 {
     values.fold(0.0, |most, value| most.max(value.abs()))
 }
 
-/// What `format` cannot hold of a stroke, with the levels of what it cannot; `None` if it holds all.
+/// Returns what `format` cannot hold of a stroke, with levels; `None` if it holds all.
 fn loss(stroke: &[f64], rate_hz: f64, envelope: &Envelope, format: Format) -> Option<String> {
     let spectrum = PowerSpectrum::welch(stroke, rate_hz);
     let limit_hz = f64::from(hjif::RATE_HZ) / 2.0;

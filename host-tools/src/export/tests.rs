@@ -19,7 +19,7 @@ const FILTERS: [[f64; 5]; 2] = [
     [-0.852_699, 0.377_403, 0.110_624, -0.023_849, -0.037_828],
 ];
 
-/// A wavelet stream: the interval and the value within it, their bits so far, and the zeros and symbols of each context.
+/// A wavelet stream: the interval and the value within it, their bits, and the zeros and symbols of each context.
 struct Stream(Vec<u8>, [u32; 3], usize, [(f64, f64); 7]);
 
 impl Stream {
@@ -164,7 +164,7 @@ fn at(points: &[(f64, f64)], time: f64) -> f64 {
     before + (after - before) * (time - from) / (to - from)
 }
 
-/// What the kernel plays along `motion`, m/s², and the JSON file with what is warned of, for a full scale of 40 m/s².
+/// Samples that the kernel plays along `motion`, m/s², and the JSON file of 40 m/s² with its warnings.
 fn exported(rate_hz: u32, motion: &MotionPath, format: Format) -> (Vec<f64>, Value, String) {
     let library = library(rate_hz);
     let played = render(texture(&library), motion, 40.0, 7).unwrap();
