@@ -2,6 +2,7 @@
 
 pub mod dsp;
 pub mod evaluation;
+pub mod export;
 pub mod fit;
 #[cfg(feature = "device")]
 pub mod link;

@@ -37,6 +37,18 @@ fn recordings_become_a_library_that_is_judged_inspected_and_rendered() {
         (rendered.spec().sample_rate, rendered.duration()),
         (RATE_HZ, 10_000)
     );
+    let export = "export textures.lib --texture silk --speed 100 --force 0.7 --seconds 2 --out";
+    for format in ["hjif", "haptic", "ahap", "wav"] {
+        let said = bench.succeed(&format!("{export} b.{format} --format {format}"));
+        holds(&said, &["'silk' (recorded)", "1.0 is "]);
+    }
+    let read = |name| std::fs::read(bench.path(name)).unwrap();
+    assert_eq!(read("b.wav"), read("a.wav"));
+    let refused = bench.refuse(&format!("{export} c --format hjif --full-scale 1e-3"));
+    holds(&refused, &["'silk'", "more than 0.001", "--full-scale"]);
+    let refused = bench.refuse(&format!("{export} c --format ahap").replace('2', "601"));
+    holds(&refused, &["'silk'", "600 s", "stylus render"]);
+    assert!(!bench.path("c").exists());
 }
 
 #[test]

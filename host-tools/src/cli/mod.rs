@@ -10,6 +10,7 @@ mod demo;
 mod device;
 mod evaluate;
 mod examples;
+mod export;
 mod files;
 mod fit;
 mod frontier;
@@ -89,6 +90,8 @@ enum Command {
     Page(page::Arguments),
     /// Render the stylus's output to a WAV file, sample for sample
     Render(render::Arguments),
+    /// Write a stroke for other devices: MPEG haptics, Meta's .haptic, Apple's AHAP, or WAV
+    Export(export::Arguments),
     /// Show the content of a library
     Inspect(inspect::Arguments),
     /// List the recordings of a folder by their names, for fit
@@ -148,6 +151,7 @@ fn run_command(command: Command) -> Result<()> {
         Command::Compare(arguments) => compare::run(&arguments),
         Command::Page(arguments) => page::run(&arguments),
         Command::Render(arguments) => render::run(&arguments),
+        Command::Export(arguments) => export::run(&arguments),
         Command::Inspect(arguments) => inspect::run(&arguments),
         Command::Trials(arguments) => trials::run(&arguments),
         Command::Segment(arguments) => segment::run(&arguments),

@@ -1,14 +1,14 @@
 //! The record of a self test: a file with the device's identity, the date and all lines.
 
 use std::path::{Path, PathBuf};
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::SystemTime;
 
 use model_format::link::DeviceInfo;
 use serde::Serialize;
 
 use super::line::{Line, Verdict};
-use crate::support::atomic_file;
 use crate::support::error::Result;
+use crate::support::{atomic_file, date};
 
 /// A self test with its device and its date.
 #[derive(Clone, Debug, Serialize)]
@@ -33,9 +33,8 @@ impl Record {
     /// The record of `lines`, which were measured now.
     pub fn new(device: &DeviceInfo, lines: Vec<Line>) -> Self {
         let count = |verdict| lines.iter().filter(|line| line.verdict == verdict).count();
-        let now = SystemTime::now().duration_since(UNIX_EPOCH);
         Self {
-            date: date(now.unwrap_or_default()),
+            date: date::utc(SystemTime::now()),
             host_version: env!("CARGO_PKG_VERSION"),
             device: device.clone(),
             passed: count(Verdict::Pass),
@@ -69,52 +68,5 @@ impl Record {
             self.device.serial,
             self.date.replace(':', "")
         )
-    }
-}
-
-/// Date and time `since` 1970, UTC, in the proleptic Gregorian calendar.
-fn date(since: Duration) -> String {
-    let seconds = since.as_secs();
-    let (mut days, of_day) = (seconds / 86_400, seconds % 86_400);
-    let is_leap = |year: u64| {
-        year.is_multiple_of(4) && (!year.is_multiple_of(100) || year.is_multiple_of(400))
-    };
-    let mut year = 1970;
-    while days >= 365 + u64::from(is_leap(year)) {
-        days -= 365 + u64::from(is_leap(year));
-        year += 1;
-    }
-    let february = 28 + u64::from(is_leap(year));
-    let mut month = 1;
-    for length in [31, february, 31, 30, 31, 30, 31, 31, 30, 31, 30] {
-        if days < length {
-            break;
-        }
-        days -= length;
-        month += 1;
-    }
-    let (hour, minute, second) = (of_day / 3600, of_day / 60 % 60, of_day % 60);
-    format!(
-        "{year:04}-{month:02}-{:02}T{hour:02}:{minute:02}:{second:02}Z",
-        days + 1
-    )
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn dates_are_those_of_the_calendar() {
-        for (seconds, expected) in [
-            (0, "1970-01-01T00:00:00Z"),
-            (951_782_399, "2000-02-28T23:59:59Z"),
-            (951_782_400, "2000-02-29T00:00:00Z"),
-            (951_868_800, "2000-03-01T00:00:00Z"),
-            (1_735_689_599, "2024-12-31T23:59:59Z"),
-            (4_107_542_400, "2100-03-01T00:00:00Z"),
-        ] {
-            assert_eq!(date(Duration::from_secs(seconds)), expected);
-        }
     }
 }

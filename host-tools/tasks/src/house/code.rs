@@ -16,7 +16,7 @@ const FLOORS: [&[&str]; 7] = [
     &["report"],
     &["evaluation"],
     &["fit"],
-    &["texture", "scene", "link"],
+    &["texture", "scene", "link", "export"],
     &["recording", "playing", "rig"],
     &["dsp", "support"],
 ];

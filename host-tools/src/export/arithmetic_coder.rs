@@ -1,0 +1,87 @@
+//! The adaptive binary arithmetic coder of wavelet streams: registers of 10 bits, and a probability per context.
+
+use super::set_partitioning::CONTEXTS;
+
+/// Top of the range, and its half and quarter.
+const TOP: u32 = 1024;
+const HALF: u32 = TOP / 2;
+const QUARTER: u32 = TOP / 4;
+
+/// Zeros, and all symbols, that a context counts before its first one.
+const BEFORE: (u32, u32) = (8, 16);
+
+/// A coder with the bits that it has put out.
+pub struct Coder {
+    bits: Vec<bool>,
+    low: u32,
+    high: u32,
+    /// Bits that follow the next one, inverted.
+    pending: usize,
+    /// Zeros and all symbols of each context.
+    seen: [(u32, u32); CONTEXTS],
+}
+
+impl Default for Coder {
+    fn default() -> Self {
+        let (bits, seen) = (Vec::new(), [BEFORE; CONTEXTS]);
+        Self {
+            bits,
+            low: 0,
+            high: TOP,
+            pending: 0,
+            seen,
+        }
+    }
+}
+
+impl Coder {
+    /// Codes one symbol of `context`.
+    pub fn push(&mut self, context: usize, symbol: bool) {
+        let (zeros, all) = &mut self.seen[context];
+        let share = (f64::from(*zeros) / f64::from(*all) * f64::from(TOP)).round() as u32;
+        let range = self.high - self.low;
+        let split = self.low + (range * share / TOP).clamp(1, range - 1);
+        (self.low, self.high) = if symbol {
+            (split, self.high)
+        } else {
+            (self.low, split)
+        };
+        *zeros += u32::from(!symbol);
+        *all += 1;
+        self.widen();
+    }
+
+    /// Doubles the range until it is wider than a quarter, and puts out the bits that are certain.
+    fn widen(&mut self) {
+        loop {
+            let below = if self.high <= HALF {
+                self.put(false);
+                0
+            } else if self.low >= HALF {
+                self.put(true);
+                HALF
+            } else if self.low >= QUARTER && self.high <= TOP - QUARTER {
+                self.pending += 1;
+                QUARTER
+            } else {
+                return;
+            };
+            (self.low, self.high) = (2 * (self.low - below), 2 * (self.high - below));
+        }
+    }
+
+    fn put(&mut self, bit: bool) {
+        self.bits.push(bit);
+        let inverted = std::iter::repeat_n(!bit, std::mem::take(&mut self.pending));
+        self.bits.extend(inverted);
+    }
+
+    /// Returns the bits, first bit highest in its byte. A reader takes zeros after the last one.
+    pub fn finish(mut self) -> Vec<u8> {
+        // The half lies within the range.
+        self.bits.push(true);
+        let push = |byte, &bit: &bool| byte >> 1 | u8::from(bit) << 7;
+        let bytes = self.bits.chunks(8);
+        bytes.map(|bits| bits.iter().rev().fold(0, push)).collect()
+    }
+}

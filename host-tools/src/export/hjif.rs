@@ -1,0 +1,104 @@
+//! MPEG haptics (ISO/IEC 23090-31) as JSON: one channel with one wavelet band.
+
+use std::time::SystemTime;
+
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD_NO_PAD;
+use serde_json::{Value, json};
+
+use super::arithmetic_coder::Coder;
+use super::set_partitioning::{HEAD, code};
+use super::{largest, wavelet};
+use crate::support::{date, progress};
+
+/// Rate of the band, Hz. A block's samples and milliseconds must be powers of two, which 5 and 10 kHz do not allow.
+pub const RATE_HZ: u32 = 8000;
+
+/// Samples of a block.
+const BLOCK: usize = 512;
+
+/// Milliseconds of a block.
+const BLOCK_MS: usize = BLOCK * 1000 / RATE_HZ as usize;
+
+/// Highest bit of a coefficient as large as its block's scale: the most that a stream's head can name.
+const HIGHEST_BIT: u32 = 15;
+
+/// Returns the file of samples within ±1 at [`RATE_HZ`], with a progress bar.
+pub fn file(samples: &[f64], description: &str) -> Value {
+    let bar = progress::bar(samples.len().div_ceil(BLOCK) as u64, "encoding");
+    let blocks = bar.wrap_iter(samples.chunks(BLOCK)).enumerate();
+    let effects = blocks.map(|(index, block)| {
+        let block = std::array::from_fn(|n| block.get(n).copied().unwrap_or(0.0));
+        let stream = STANDARD_NO_PAD.encode(stream(block));
+        json!({"effect_type": "Basis", "position": index * BLOCK_MS, "wavelet_stream": stream})
+    });
+    // Readers take the upper limit of a wavelet band for its sample rate.
+    let band = json!({
+        "band_type": "WaveletWave", "block_length": BLOCK_MS, "lower_frequency_limit": 0,
+        "upper_frequency_limit": RATE_HZ, "effects": effects.collect::<Vec<_>>(),
+    });
+    bar.finish_and_clear();
+    let channel = json!({
+        "id": 0, "description": description, "gain": 1.0, "mixing_coefficient": 1.0, "body_part_mask": 0,
+        "frequency_sampling": RATE_HZ, "sample_count": samples.len(), "vertices": [], "bands": [band],
+    });
+    let perception = json!({
+        "id": 0, "avatar_id": 0, "description": description, "perception_modality": "Vibrotactile",
+        "reference_devices": [], "effect_library": [], "channels": [channel],
+    });
+    json!({
+        "version": "2023", "profile": "Main", "level": 1, "date": date::utc(SystemTime::now()),
+        "description": description, "timescale": 1000, "avatars": [], "perceptions": [perception], "syncs": [],
+    })
+}
+
+/// Returns the stream of a block within ±1, empty for silence.
+fn stream(mut block: [f64; BLOCK]) -> Vec<u8> {
+    wavelet::transform(&mut block);
+    let (scale_code, scale) = scale_of(largest(block.iter().copied()));
+    let steps = f64::from(1 << HIGHEST_BIT) / scale;
+    let coefficients = block.map(|coefficient| (coefficient * steps).round() as i32);
+    if coefficients == [0; BLOCK] {
+        return Vec::new();
+    }
+    let mut coder = Coder::default();
+    let head = HIGHEST_BIT | scale_code << 4;
+    (0..12).for_each(|bit| coder.push(HEAD, head >> bit & 1 == 1));
+    code(&coefficients, HIGHEST_BIT, |context, bit| {
+        coder.push(context, bit);
+    });
+    coder.finish()
+}
+
+/// Returns the smallest scale that is at least `largest`, with its code: below 1 in steps of 1/128, from there in steps
+/// of 1/8 up to 16.875.
+fn scale_of(largest: f64) -> (u32, f64) {
+    let fine = (largest * 128.0).ceil().max(1.0);
+    if fine < 128.0 {
+        return ((fine as u32) << 1, fine / 128.0);
+    }
+    let coarse = ((largest - 1.0) * 8.0).ceil().max(0.0);
+    (1 | (coarse as u32) << 1, 1.0 + coarse / 8.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A coefficient is largest for a block of the signs of its weights, which are the transforms of impulses.
+    #[test]
+    fn no_block_within_one_has_a_coefficient_above_the_largest_scale() {
+        let mut most = [0.0; BLOCK];
+        for place in 0..BLOCK {
+            let mut impulse =
+                std::array::from_fn::<_, BLOCK, _>(|n| f64::from(u8::from(n == place)));
+            wavelet::transform(&mut impulse);
+            most = std::array::from_fn(|n| most[n] + impulse[n].abs());
+        }
+        let (code, scale) = scale_of(largest(most.into_iter()));
+        assert!(
+            code < 1 << 8 && scale >= largest(most.into_iter()),
+            "{code} {scale}"
+        );
+    }
+}

@@ -1,0 +1,173 @@
+//! A stroke as a file for other devices: MPEG haptics (ISO/IEC 23090-31), Meta's `.haptic`, Apple's AHAP, or WAV.
+//!
+//! Invariant: a file holds what [`playing`](crate::playing) renders, as far as its format can. What a format cannot
+//! hold is known before anything is written.
+
+mod arithmetic_coder;
+mod envelope;
+mod hjif;
+mod set_partitioning;
+#[cfg(test)]
+mod tests;
+mod wavelet;
+
+use std::path::Path;
+
+use model_format::Texture;
+
+use crate::dsp::spectrum::PowerSpectrum;
+use crate::playing::motion::MotionPath;
+use crate::playing::render::{Rendered, Rendering};
+use crate::recording::resample;
+use crate::support::error::{Error, Result};
+use crate::support::float_wav::float_wav;
+use crate::support::{atomic_file, progress};
+use envelope::{Envelope, RANGE_HZ};
+
+/// Longest stroke of a file, s. It bounds the memory for samples and text to a few hundred megabytes.
+pub const MAX_SECONDS: f64 = 600.0;
+
+/// Format of a file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Format {
+    /// MPEG haptics, ISO/IEC 23090-31, as JSON: wavelets, up to 4 kHz
+    Hjif,
+    /// Meta's .haptic: one tone of varying amplitude and frequency
+    Haptic,
+    /// Apple's AHAP: one tone of varying intensity and sharpness
+    Ahap,
+    /// WAV: 32-bit float
+    Wav,
+}
+
+/// A stroke in a file's format.
+#[derive(Debug)]
+pub struct Export {
+    bytes: Vec<u8>,
+    /// Sentences that the file, except WAV, says of itself.
+    pub description: String,
+    /// Sentences on what the file cannot hold of the stroke, with figures, and on samples at the kernel's full scale.
+    pub warnings: Vec<String>,
+}
+
+impl Export {
+    /// Renders `seconds` of `texture` along `motion`, with a progress bar, and makes a file of it. The number 1 in the
+    /// file is `full_scale_m_s2`, or else the largest acceleration in it, or 1 m/s² in WAV.
+    ///
+    /// # Errors
+    /// More than [`MAX_SECONDS`], a silent stroke, a full scale that is too small, and those of [`Rendering::new`].
+    pub fn new(
+        texture: Texture<'_>,
+        motion: &MotionPath,
+        (seconds, seed): (f64, u64),
+        format: Format,
+        full_scale_m_s2: Option<f64>,
+    ) -> Result<Self> {
+        let (name, origin) = (texture.name(), texture.provenance());
+        let refused = |problem: String| Err(Error::Request(format!("texture '{name}': {problem}")));
+        if seconds > MAX_SECONDS {
+            return refused(format!(
+                "a file holds at most {MAX_SECONDS} s, not {seconds}: give fewer --seconds, or use stylus render"
+            ));
+        }
+        let mut rendering = Rendering::new(texture, motion, seconds, seed)?;
+        let bar = progress::bar(rendering.len() as u64, "rendering");
+        let rendered = Rendered {
+            sample_rate_hz: texture.sample_rate_hz(),
+            samples: bar.wrap_iter(rendering.by_ref()).collect(),
+            saturations: rendering.saturations(),
+        };
+        bar.finish_and_clear();
+        let rate_hz = f64::from(rendered.sample_rate_hz);
+        let mut samples = rendered.accelerations_m_s2();
+        let envelope = Envelope::of(&samples, rate_hz);
+        let mut warnings = Vec::from_iter(loss(&samples, rate_hz, &envelope, format));
+        if rendered.saturations > 0 {
+            let count = rendered.saturations;
+            warnings.push(format!(
+                "the synthesis was at full scale in {count} samples"
+            ));
+        }
+        if format == Format::Hjif {
+            let resampled = resample(&[samples], rendered.sample_rate_hz, hjif::RATE_HZ);
+            samples = resampled.map_err(Error::Request)?.remove(0);
+        }
+        let largest = match format {
+            Format::Haptic | Format::Ahap => largest(envelope.amplitudes_m_s2()),
+            Format::Hjif | Format::Wav => largest(samples.iter().copied()),
+        };
+        let own = if format == Format::Wav { 1.0 } else { largest };
+        let scale = full_scale_m_s2.unwrap_or(own);
+        if largest <= 0.0 {
+            return refused("the stroke is silent: give speeds and forces above zero".to_owned());
+        }
+        if scale < largest && format != Format::Wav {
+            return refused(format!(
+                "the file reaches {largest:.4} m/s², more than {scale}: raise --full-scale, or leave it out"
+            ));
+        }
+        let version = env!("CARGO_PKG_VERSION");
+        let description = format!(
+            "'{name}' ({origin}), a stroke of {seconds} s, seed {seed}, by stylus {version}. 1.0 is {scale:.6} m/s²."
+        );
+        samples.iter_mut().for_each(|sample| *sample /= scale);
+        let bytes = match format {
+            Format::Hjif => hjif::file(&samples, &description).to_string().into_bytes(),
+            Format::Haptic => envelope
+                .haptic(scale, &description)
+                .to_string()
+                .into_bytes(),
+            Format::Ahap => envelope.ahap(scale, &description).to_string().into_bytes(),
+            Format::Wav => float_wav(1, rendered.sample_rate_hz, samples).expect("ten minutes fit"),
+        };
+        Ok(Self {
+            bytes,
+            description,
+            warnings,
+        })
+    }
+
+    /// Writes the file, whole or not at all.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        atomic_file::write(path, &self.bytes)
+    }
+}
+
+fn largest(values: impl Iterator<Item = f64>) -> f64 {
+    values.fold(0.0, |most, value| most.max(value.abs()))
+}
+
+/// Returns what `format` cannot hold of a stroke, with levels; `None` if it holds all.
+fn loss(stroke: &[f64], rate_hz: f64, envelope: &Envelope, format: Format) -> Option<String> {
+    let spectrum = PowerSpectrum::welch(stroke, rate_hz);
+    let limit_hz = f64::from(hjif::RATE_HZ) / 2.0;
+    let decibels = |part: f64, whole: f64| format!("{:+.1} dB", 10.0 * (part / whole).log10());
+    match format {
+        Format::Haptic | Format::Ahap => {
+            let tone = PowerSpectrum::welch(&envelope.tone(rate_hz), rate_hz);
+            // Octaves in base ten, as IEC 61260-1 has them.
+            let labels = ["31.5", "63", "125", "250", "500", "1000"];
+            let levels = labels.iter().zip(-5..=0).map(|(label, octave)| {
+                let edge_hz = |half: f64| 10f64.powf(3.0 + 0.3 * (f64::from(octave) + half));
+                let power = |of: &PowerSpectrum| of.power_between(edge_hz(-0.5), edge_hz(0.5));
+                format!("{label} Hz {}", decibels(power(&tone), power(&spectrum)))
+            });
+            let ((low_hz, high_hz), levels) = (RANGE_HZ, levels.collect::<Vec<_>>().join(", "));
+            Some(format!(
+                "this format holds no noise: it holds one tone from {low_hz} to {high_hz} Hz, of the stroke's power \
+                 and mean frequency every 20 ms. Its octaves against the stroke's: {levels}"
+            ))
+        }
+        Format::Hjif if rate_hz > 2.0 * limit_hz => {
+            let [lost, all] = [limit_hz, 0.0].map(|from| spectrum.power_between(from, rate_hz));
+            let lost = decibels(lost, all);
+            Some(format!(
+                "hjif holds nothing above {limit_hz} Hz: {lost} of the power"
+            ))
+        }
+        Format::Hjif | Format::Wav => None,
+    }
+}
