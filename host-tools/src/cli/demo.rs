@@ -62,12 +62,10 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         OutputFolder::begin(&arguments.out, true)?.fill(|folder| all(arguments, folder, begin))?;
     let out = arguments.out.display();
     print(&format!(
-        "\nDone in {:.1} s. Open in a browser, with sound:\n  \
-           {out}/{PAGE}\n    \
-             Rub, and hear what the stylus plays: clicks on 'scratched' (moments), a tone\n    \
+        "Done in {:.1} s. Open in a browser, with sound:\n  \
+           {out}/{PAGE}: rub, and hear clicks on 'scratched' (moments), a tone\n    \
              that follows your speed on denim (place), the hiss of paper, vinyl's hum.\n  \
-           {}\n    \
-             See and hear the recording and the synthesis of each texture.\n\
+           {}: recording and synthesis, to see and hear\n\
          {out}/{RENDERED} has each texture along one stroke, as WAV files.",
         begin.elapsed().as_secs_f64(),
         page.display()

@@ -16,6 +16,7 @@ use super::played::{self, Played, Version};
 use super::summary::{Scores, TrialEvaluation};
 use super::summary::{TextureEvaluation, judged_hz, summarise, table, tables, target_in_words};
 use super::tables::Table;
+use super::verdict;
 use crate::dsp::high_pass::{high_pass, lowest_hz};
 use crate::dsp::spectrum;
 use crate::dsp::spectrum::{BAND_COUNT, BAND_LABELS_HZ};
@@ -322,7 +323,12 @@ pub fn evaluate(
     evaluation.textures = set
         .textures()
         .into_iter()
-        .map(|name| summarise(name, &evaluation.trials))
+        .map(|name| {
+            let mut texture = summarise(name, &evaluation.trials);
+            let own = evaluation.trials.iter().filter(|t| t.texture == name);
+            texture.verdict = verdict::of_texture(&texture, &own.collect::<Vec<_>>());
+            texture
+        })
         .collect();
     let heard = evaluation.trials.iter().filter(|trial| !trial.is_silent);
     evaluation.liveliness = liveliness::summaries(heard.filter_map(|t| t.liveliness.as_ref()));

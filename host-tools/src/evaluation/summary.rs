@@ -8,7 +8,6 @@ use super::liveliness::{Summary, TrialLiveliness};
 use super::perception::Perceived;
 use super::perception::ScoringRange;
 use super::tables::{Table, number, percent};
-use super::verdict;
 use crate::dsp::spectrum::{AMPLITUDE_JND_DB, BAND_COUNT};
 
 /// A texture's trials in a few numbers; silent trials are counted and left out of all means.
@@ -218,7 +217,7 @@ pub(super) fn summarise(name: &str, trials: &[TrialEvaluation]) -> TextureEvalua
         ranges.reduce(|a, b| (a.0.max(b.0), a.1.min(b.1)))
     };
     let ranges = || heard.iter().filter_map(|trial| trial.range);
-    let mut texture = TextureEvaluation {
+    TextureEvaluation {
         texture: name.to_owned(),
         verdict: String::new(),
         trials: heard.len(),
@@ -232,9 +231,7 @@ pub(super) fn summarise(name: &str, trials: &[TrialEvaluation]) -> TextureEvalua
         other: Means::of(&others),
         mean_cost_other: mean(others.iter().filter_map(|scores| scores.cost)),
         liveliness: liveliness::summaries(heard.iter().filter_map(|t| t.liveliness.as_ref())),
-    };
-    texture.verdict = verdict::of_texture(&texture, &members);
-    texture
+    }
 }
 
 /// The mean; `None` of nothing.

@@ -205,8 +205,8 @@ fn close_values(what: &'static str, values: &[f32], unit: &str) -> Option<Noted>
     let closest = close.clone().min_by(|a, b| share(a).total_cmp(&share(b)))?;
     let pairs = close.count();
     let text = format!(
-        "{pairs} pair(s) of {what} are less than 1 % apart, such as {} and {} {unit}, and make a line of nodes each: give \
-         nominal values in the list, or --snap 0.01, if they are meant to be one",
+        "{pairs} pair(s) of {what} are less than 1 % apart, such as {} and {} {unit}, and make a line of nodes each: \
+         give nominal values in the list, or --snap 0.01, if they are meant to be one",
         closest[0], closest[1]
     );
     Some((what, pairs as f64, text))

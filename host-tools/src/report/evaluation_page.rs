@@ -166,8 +166,8 @@ impl<'a> Report<'a> {
             ..
         } = self.inputs;
         self.page.section("Maps").paragraph(
-            "C is the paper's mismatch of spectra in per cent, equation (6): 0 if they are equal. It is good where it is \
-             as low as that of two parts of one recording, which the table of all figures has in brackets.",
+            "C is the paper's mismatch of spectra in per cent, equation (6): 0 if they are equal. It is good where it \
+             is as low as that of two parts of one recording, which the table of all figures has in brackets.",
         );
         for summary in &evaluation.textures {
             self.cost_map(&texture_named(library, &summary.texture)?)?;
@@ -218,8 +218,8 @@ impl<'a> Report<'a> {
         }
     }
 
-    /// Writes what a reader asks for first: both signals, to be seen and heard, the verdict, and both spectra. What else
-    /// there is on the example is folded.
+    /// Writes what a reader asks for first: both signals, to be seen and heard, the verdict, and both spectra. The rest
+    /// on the example is folded.
     fn texture(&mut self, name: &str, verdict: &str) -> Result<()> {
         self.page.section(name);
         let Some(example) = self.example(name)? else {

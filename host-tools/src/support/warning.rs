@@ -1,4 +1,4 @@
-//! What is doubtful about recordings and textures, said once per kind.
+//! Warnings of recordings and textures, said once per kind.
 
 use std::fmt;
 
