@@ -62,7 +62,6 @@ pub fn write(frontier: &Frontier, path: &Path) -> Result<()> {
 }
 
 /// The pictures with their captions.
-#[expect(clippy::too_many_lines, reason = "two pictures of the same points")]
 fn pictures(frontier: &Frontier) -> Result<[(Svg, String); 2]> {
     let caption = |title| Caption {
         title,
@@ -84,7 +83,7 @@ fn pictures(frontier: &Frontier) -> Result<[(Svg, String); 2]> {
         let own = own.filter(|own| {
             own.interval == DEVICE_INTERVAL && is_fixed(&frontier.filters[own.filter])
         });
-        own.map(|own| point(own)).collect()
+        own.map(&point).collect()
     });
     let intervals = series(|structure| {
         let own = frontier.points.iter().filter(|point| of(structure, point));
@@ -97,7 +96,7 @@ fn pictures(frontier: &Frontier) -> Result<[(Svg, String); 2]> {
         own.collect()
     });
     let names = ["front of all", "front of what holds every hard case"];
-    let on_front = frontier.front().into_iter().map(|on| point(on));
+    let on_front = frontier.front().into_iter().map(point);
     let front = FrontSeries {
         name: names[usize::from(frontier.is_safe())].to_owned(),
         points: on_front.collect(),
