@@ -19,11 +19,12 @@ pub const NEAR_OCTAVES: f64 = 0.3;
 /// An explanation of the verdicts.
 pub fn explanation() -> String {
     format!(
-        "Verdicts set what the stylus plays beside another recording of the same surface, the target. As near: at most \
-         {NEAR_DB} dB further than the target, half of the least change of level that is felt ({AMPLITUDE_JND_DB} dB, \
-         one JND, just noticeable difference); of impulses, a kurtosis at most {NEAR_OCTAVES} octaves further. \
-         Kurtosis is of what no filter predicts, about 3 without impulses. A third octave is named if its mean level is \
-         off by a JND more than the target's; a line is a steady tone, as of threads, uneven if it swells and fades."
+        "Verdicts set what the stylus plays beside another recording of the same surface, the target. As near: at \
+         most {NEAR_DB} dB further than the target, half of the least change of level that is felt \
+         ({AMPLITUDE_JND_DB} dB, one JND, just noticeable difference); of impulses, a kurtosis at most {NEAR_OCTAVES} \
+         octaves further. Kurtosis is of what no filter predicts, about 3 without impulses. A third octave is named if \
+         its mean level is off by a JND more than the target's; a line is a steady tone, as of threads, uneven if it \
+         swells and fades."
     )
 }
 
