@@ -41,8 +41,8 @@ def main(paths: list[str]) -> None:
         print("\nd' by differencing, with exact intervals of 95 %")
         for listener in sorted({row["listener"] for row in of["abx"]}, key=str):
             for one in psychophysics.sensitivities(row for row in of["abx"] if row["listener"] == listener):
-                interval = f"{one.low:.2f} to {one.high:.2f}"
-                print(f"  listener {listener}  {one.pair:20} {one.right} of {one.trials}: {one.d_prime:.2f} ({interval})")
+                found = f"{one.right} of {one.trials}: {one.d_prime:.2f} ({one.low:.2f} to {one.high:.2f})"
+                print(f"  listener {listener}  {one.pair:20} {found}")
     if of["staircase"]:
         print("\nthresholds: 70.7 % of answers right")
         for one in psychophysics.thresholds(of["staircase"]):

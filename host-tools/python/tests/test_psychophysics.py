@@ -48,7 +48,8 @@ def test_an_interval_leaves_half_of_what_the_confidence_leaves_on_either_side():
     for trials in (1, 12, 40):
         for right in range(trials + 1):
             low, high = psychophysics.proportion_interval(right, trials)
-            chance = lambda share, counts: sum(math.comb(trials, n) * share**n * (1 - share) ** (trials - n) for n in counts)
+            term = lambda share, n: math.comb(trials, n) * share**n * (1 - share) ** (trials - n)
+            chance = lambda share, counts: sum(term(share, n) for n in counts)
             assert right == 0 or chance(low, range(right, trials + 1)) == pytest.approx(0.025)
             assert right == trials or chance(high, range(right + 1)) == pytest.approx(0.025)
 
@@ -63,7 +64,8 @@ def test_staircases_come_to_the_strength_of_70_7_per_cent():
             (one,) = psychophysics.thresholds(psychophysics.simulated_staircase(d_prime_of, LEVELS_DB, generator, 200))
             assert one.reversals == 12 and one.part == "level"
             found.append(math.log(one.threshold))
-        # At the mean threshold answers are right in 67.7 to 73.7 %: steps of finite size shift it, the more the steeper.
+        # At the mean threshold answers are right in 67.7 to 73.7 %: steps of finite size shift it, most where d' rises
+        # steeply.
         share = psychophysics.abx_proportion(d_prime_of(math.exp(np.mean(found))))
         assert abs(share - psychophysics.TWO_DOWN_ONE_UP) < 0.03, (slope, share)
 
@@ -101,7 +103,8 @@ def test_files_of_a_page_are_read_with_numbers_and_others_are_refused(tmp_path):
         table.writerow(header)
         for trial in range(1, 5):
             correct = int(trial < 4)
-            table.writerow(["abx", 7, trial, "r-g", "r", "g", "r", "AB"[1 - correct], correct, 0, 2.5, "felt, 1 N", "p", "recorded"])
+            answer = ["r-g", "r", "g", "r", "AB"[1 - correct], correct]
+            table.writerow(["abx", 7, trial, *answer, 0, 2.5, "felt, 1 N", "p", "recorded"])
     (found,) = psychophysics.sensitivities(psychophysics.read(place))
     assert (found.pair, found.right, found.trials) == ("r-g", 3, 4)
     with pytest.raises(ValueError, match="--design staircase"):

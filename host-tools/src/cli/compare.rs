@@ -4,7 +4,9 @@ use std::path::PathBuf;
 
 use host_tools::evaluation::evaluate;
 use host_tools::evaluation::listening;
-use host_tools::evaluation::listening::{Answers, CONFIDENCE, Kind, Pair, Score, plan, score};
+use host_tools::evaluation::listening::{
+    Answers, CONFIDENCE, Design, Kind, Pair, Part, Plan, Score, plan, score,
+};
 use host_tools::fit::conditioning::Conditioning;
 use host_tools::fit::record::FitRecord;
 use host_tools::report::listening_page;
@@ -40,9 +42,22 @@ pub struct Arguments {
     /// recording-fitted,recording-before,before-fitted
     #[arg(long, value_enum, value_delimiter = ',', hide_possible_values = true)]
     pairs: Vec<Pair>,
-    /// Trials per pair, 1 to 200
-    #[arg(long, value_name = "N", default_value_t = 12, value_parser = clap::value_parser!(u16).range(1..=200))]
-    trials: u16,
+    /// Question to listeners: of which kind X is (abx); how alike two sounds are, 0 to 100 (similarity); or of which
+    /// kind X is, where the difference follows the answers until it can just be told (staircase)
+    #[arg(long, value_enum, default_value = "abx")]
+    design: Design,
+    /// Parts whose strengths the staircases of --design staircase find
+    #[arg(
+        long,
+        value_enum,
+        value_delimiter = ',',
+        default_value = "level,codebook,lines"
+    )]
+    parts: Vec<Part>,
+    /// Trials per pair, 1 to 200; of ratings also per kind beside itself; of a staircase at most. Without it 12, 6 or
+    /// 80
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=200))]
+    trials: Option<u16>,
     /// Duration of a sound, in seconds, at most 10; less where recordings do not hold two of it
     #[arg(long, value_name = "S", value_parser = excerpt, default_value_t = 1.5)]
     segment: f64,
@@ -60,6 +75,13 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     if !arguments.score.is_empty() {
         let files = arguments.score.iter().map(|path| Answers::read(path));
         return print(&scores(&score(&files.collect::<Result<Vec<_>>>()?)?));
+    }
+    if arguments.design == Design::Staircase
+        && (!arguments.pairs.is_empty() || arguments.before.is_some())
+    {
+        return Err(Error::Request(
+            "a staircase varies parts of one library: give --parts in place of --pairs and --before".into(),
+        ));
     }
     let of_before = |pair: &&Pair| pair.kinds().contains(&Kind::Before);
     if let (None, Some(pair)) = (&arguments.before, arguments.pairs.iter().find(of_before)) {
@@ -111,15 +133,11 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         [] => &Pair::USUAL[..],
         asked => asked,
     };
-    let mut pairs: Vec<Pair> = Vec::new();
-    for pair in asked {
-        if !pairs.contains(pair) {
-            pairs.push(*pair);
-        }
-    }
     let options = listening::Options {
-        pairs,
-        trials: usize::from(arguments.trials),
+        design: arguments.design,
+        pairs: once(asked),
+        parts: once(&arguments.parts),
+        trials: (arguments.trials).map_or(arguments.design.usual_trials(), usize::from),
         excerpt_s: arguments.segment,
         seed: arguments.seed,
     };
@@ -127,23 +145,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         .as_ref()
         .map(|(library, prepared)| (library, prepared));
     let plan = plan(&set, &library, &prepared, before, &evaluate, &options)?;
-    let remedy = if takes.is_none() {
-        ": what is held out by blocks is fitted without codebooks and tracks, and --takes judges them"
-    } else {
-        ""
-    };
-    for pair in &plan.left_out {
-        note(&format!(
-            "{}: left out, because no texture that is heard plays anything but Gaussian noise{remedy}",
-            pair.name()
-        ));
-    }
-    if plan.excerpt_s.0 < arguments.segment - 0.01 {
-        note(&format!(
-            "sounds take {:.1} s and more, not {} s: held-out recordings do not hold two of it",
-            plan.excerpt_s.0, arguments.segment
-        ));
-    }
+    say_what_is_missing(arguments, &plan);
     let size = listening_page::write(&plan, out)?;
     let origin = if plan.simulated {
         ", of SIMULATED recordings"
@@ -151,12 +153,52 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         ""
     };
     print(&format!(
-        "{}: {} trials, {} sounds, {:.1} MB{origin}",
+        "{}: {}{} trials, {} sounds, {:.1} MB{origin}",
         out.display(),
-        plan.trials.len(),
+        if arguments.design == Design::Staircase {
+            "up to "
+        } else {
+            ""
+        },
+        plan.task.trials(),
         plan.sounds.len(),
         size as f64 / 1e6
     ))
+}
+
+/// Notes what is left out, and sounds that are shorter than asked for.
+fn say_what_is_missing(arguments: &Arguments, plan: &Plan) {
+    let remedy = if arguments.takes.is_none() {
+        ": what is held out by blocks is fitted without codebooks and tracks, and --takes judges them"
+    } else {
+        ""
+    };
+    let reason = match arguments.design {
+        Design::Staircase => "has it",
+        Design::Abx | Design::Similarity => "plays anything but Gaussian noise",
+    };
+    for name in &plan.left_out {
+        note(&format!(
+            "{name}: left out, because no texture that is heard {reason}{remedy}"
+        ));
+    }
+    if plan.excerpt_s.0 < arguments.segment - 0.01 {
+        note(&format!(
+            "sounds take {:.1} s and more, not {} s: held-out recordings do not hold more",
+            plan.excerpt_s.0, arguments.segment
+        ));
+    }
+}
+
+/// The asked ones, each once.
+fn once<T: Copy + PartialEq>(asked: &[T]) -> Vec<T> {
+    let mut once = Vec::new();
+    for one in asked {
+        if !once.contains(one) {
+            once.push(*one);
+        }
+    }
+    once
 }
 
 /// Parses the duration of a sound, s.

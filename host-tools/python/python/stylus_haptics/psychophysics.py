@@ -6,10 +6,10 @@
     >>> psychophysics.thresholds(rows)                                   # staircases: the 70.7 % points
     >>> psychophysics.ratings(rows)                                      # a mixed model; takes statsmodels
 
-**d'** of A/B/X follows from the proportion of right answers of an unbiased listener, by one of two models (Macmillan and
-Creelman, "Detection Theory: A User's Guide", 2nd edition, 2005, chapter 9; the R package ``psyphy`` has the same
-formulas in ``dprime.ABX``). ``differencing``: the listener takes the one of A and B that is nearer to X,
-P = Φ(d'/√2) Φ(d'/√6) + Φ(-d'/√2) Φ(-d'/√6). It suits tests whose trials have many surfaces, as those of ``compare``.
+**d'** of A/B/X follows from the proportion of right answers of an unbiased listener, by one of two models (Macmillan
+and Creelman, "Detection Theory: A User's Guide", 2nd edition, 2005, chapter 9; the R package ``psyphy`` has the same
+formulas in ``dprime.ABX``). ``differencing``: the listener takes the one of A and B that is nearer to X, P = Φ(d'/√2)
+Φ(d'/√6) + Φ(-d'/√2) Φ(-d'/√6). It suits tests whose trials have many surfaces, as those of ``compare``.
 ``independent``: the listener knows where the border of both kinds lies, P = Φ(d'/√2) Φ(d'/2) + Φ(-d'/√2) Φ(-d'/2). It
 suits two sounds that never change, and is the best that anyone can do. Both rise with d', so that the exact interval of
 the proportion (Clopper and Pearson, 1934) becomes that of d'.
@@ -177,8 +177,8 @@ class Staircase:
 
 @dataclass(frozen=True)
 class Threshold:
-    """The strength of a part at which a listener is right in 70.7 % of trials; NaN of too few reversals. ``at_end`` says
-    that a reversal stands at an end of the grid, so that the threshold may lie beyond it."""
+    """The strength of a part at which a listener is right in 70.7 % of trials; NaN of too few reversals. ``at_end``
+    says that a reversal stands at an end of the grid, so that the threshold may lie beyond it."""
 
     listener: Any
     part: str
@@ -190,8 +190,8 @@ class Threshold:
 
 
 def thresholds(rows: Iterable[Row]) -> list[Threshold]:
-    """The thresholds of each listener and part. The answers are followed once more, and rows that no staircase has asked
-    for are refused."""
+    """The thresholds of each listener and part. The answers are followed once more, and rows that no staircase has
+    asked for are refused."""
     tracks: dict[tuple[Any, ...], list[Row]] = {}
     for row in _of_design(rows, "staircase"):
         tracks.setdefault((row["page"], row["listener"], row["part"]), []).append(row)
@@ -205,8 +205,8 @@ def thresholds(rows: Iterable[Row]) -> list[Threshold]:
             asked = stairs.step
             if row["step"] - 1 != asked or stairs.answer(bool(row["correct"])) != bool(row["reversal"]):
                 raise ValueError(
-                    f"trial {row['trial']} of listener {listener} is at step {row['step']}, and the answers before lead "
-                    f"to step {asked + 1}; give the file as the page saved it"
+                    f"trial {row['trial']} of listener {listener} is at step {row['step']}, and the answers before "
+                    f"lead to step {asked + 1}; give the file as the page saved it"
                 )
         last = stairs.reversals[-stairs.averaged_reversals :]
         at_end = any(value in (stairs.strengths[0], stairs.strengths[-1]) for value in last)
@@ -231,9 +231,9 @@ class Rating:
 
 def ratings(rows: Iterable[Row], *, reference: str | None = None, confidence: float = 0.95) -> list[Rating]:
     """A linear mixed model of ratings: a fixed effect of each pair, and normal effects of each listener and of each
-    listener on each pair, by restricted maximum likelihood. Differences are to ``reference``, by default two excerpts of
-    one recording, which is the best that a texture can reach. Intervals are Student's with one degree of freedom fewer
-    than listeners. Takes statsmodels: ``pip install statsmodels``."""
+    listener on each pair, by restricted maximum likelihood. Differences are to ``reference``, by default two excerpts
+    of one recording, which is the best that a texture can reach. Intervals are Student's with one degree of freedom
+    fewer than listeners. Takes statsmodels: ``pip install statsmodels``."""
     import pandas  # type: ignore
     import scipy.stats  # type: ignore
     import statsmodels.formula.api  # type: ignore
@@ -251,7 +251,11 @@ def ratings(rows: Iterable[Row], *, reference: str | None = None, confidence: fl
         # are not taken.
         warnings.simplefilter("ignore")
         found = statsmodels.formula.api.mixedlm(
-            f"rating ~ C(pair, levels={names})", table, groups="listener", re_formula="1", vc_formula={"pair": "0 + C(pair)"}
+            f"rating ~ C(pair, levels={names})",
+            table,
+            groups="listener",
+            re_formula="1",
+            vc_formula={"pair": "0 + C(pair)"},
         ).fit(method=["lbfgs", "powell"])
     estimates = np.asarray(found.fe_params)
     # The covariance of generalised least squares at the variances that were found.
@@ -317,8 +321,8 @@ def simulated_ratings(
     of_pair: float = 5.0,
     of_trial: float = 10.0,
 ) -> list[Row]:
-    """The rows of simulated listeners who rate pairs about ``means``, with these deviations between listeners, between a
-    listener's pairs, and between trials. Ratings are not rounded and not held between 0 and 100."""
+    """The rows of simulated listeners who rate pairs about ``means``, with these deviations between listeners, between
+    a listener's pairs, and between trials. Ratings are not rounded and not held between 0 and 100."""
     rows: list[Row] = []
     for listener in range(1, listeners + 1):
         own = generator.normal(0, of_listener)
