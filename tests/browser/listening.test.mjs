@@ -11,8 +11,9 @@ import { Opened, launched } from "./chromium.mjs";
 
 const { STYLUS_LISTENING: file, STYLUS_PROGRAM: stylus } = process.env;
 const folder = fs.mkdtempSync(path.join(os.tmpdir(), "stylus-listening-"));
-// The key of the page: what is right in each trial.
-const plan = JSON.parse(fs.readFileSync(file, "utf8").split('id="plan">')[1].split("</script>")[0]);
+// The key of a page: what is right in each trial.
+const planOf = (place) => JSON.parse(fs.readFileSync(place, "utf8").split('id="plan">')[1].split("</script>")[0]);
+const plan = planOf(file);
 const total = plan.trials.length;
 let browser;
 
@@ -54,7 +55,7 @@ async function answer(page, number) {
     await page.wait(() => !document.getElementById("break").hidden);
     await page.page.click("#go-on");
   }
-  await page.wait((title) => document.getElementById("trial-title").textContent === title, `Trial ${number + 1} of ${total}`);
+  await titled(page, `Trial ${number + 1} of ${total}`);
   // Blind: nothing that is seen names a kind.
   const seen = (await page.value(() => document.body.innerText + document.title)).toLowerCase();
   for (const kind of ["recording", "gaussian", "fitted"]) assert.ok(!seen.includes(kind), seen);
@@ -62,17 +63,45 @@ async function answer(page, number) {
   await page.press("1");
   const right = trial.a === trial.x ? 0 : 1;
   const given = number % 3 === 0 ? 1 - right : right;
-  const heard = (index) => page.value(
-    (n) => JSON.parse(localStorage.getItem(Object.keys(localStorage)[0])).plays[n], index);
-  for (const index of number % 2 === 0 ? [0, 1, 2] : [0, 1, 2, 2]) {
-    const before = await heard(index);
-    if (number % 2 === 0) await page.press("abx"[index]);
-    else await page.page.click(`#play-${index}`);
-    while ((await heard(index)) === before) await page.settle(10);
-  }
+  await play(page, number % 2 === 0 ? [0, 1, 2] : [0, 1, 2, 2], number % 2 === 0);
   if (number % 2 === 0) await page.press(["1", "2"][given]);
   else await page.page.click(`#answer-${given}`);
   return given;
+}
+
+const titled = (page, title) =>
+  page.wait((own) => document.getElementById("trial-title").textContent === own, title);
+
+// Plays sounds until the page has counted them.
+async function play(page, sounds, byKeys = true) {
+  const heard = (index) => page.value(
+    (n) => JSON.parse(localStorage.getItem(Object.keys(localStorage)[0])).plays[n], index);
+  for (const index of sounds) {
+    const before = await heard(index);
+    if (byKeys) await page.press("abx"[index]);
+    else await page.page.click(`#play-${index}`);
+    while ((await heard(index)) === before) await page.settle(10);
+  }
+}
+
+// The rows of the file that the page saves, after its header.
+async function savedBy(page, header) {
+  const [download] = await Promise.all([page.page.waitForEvent("download"), page.page.click("#save")]);
+  const saved = path.join(folder, download.suggestedFilename());
+  await download.saveAs(saved);
+  const [names, ...rows] = fs.readFileSync(saved, "utf8").trim().split("\n");
+  assert.equal(names, header);
+  return [saved, rows];
+}
+
+// The cells of the rows of the table at the end.
+const results = (page) => page.value(() =>
+  [...document.querySelectorAll("#results tbody tr")].map((row) => [...row.cells].map((cell) => cell.textContent)));
+
+async function closed(page) {
+  assert.deepEqual(page.requests.filter((url) => !url.startsWith("blob:")), []);
+  assert.deepEqual(page.complaints, []);
+  await page.close();
 }
 
 test("a listener answers, reloads and saves, and the score is that of the seed's key", async () => {
@@ -85,29 +114,132 @@ test("a listener answers, reloads and saves, and the score is that of the seed's
   for (let number = 0; number < total; number++) given.push(await answer(page, number));
   await page.wait(() => !document.getElementById("end").hidden);
   await checkLooks(page, "end");
-  const [download] = await Promise.all([page.page.waitForEvent("download"), page.page.click("#save")]);
-  const saved = path.join(folder, download.suggestedFilename());
-  await download.saveAs(saved);
   const correct = given.filter((_, number) => number % 3 !== 0).length;
-  const cells = await page.value(() => [...document.querySelectorAll("#results tbody tr")[0].cells].map((c) => c.textContent));
+  const cells = (await results(page))[0];
   assert.deepEqual(cells.slice(1, 3), [String(correct), String(total)]);
 
-  const [header, ...rows] = fs.readFileSync(saved, "utf8").trim().split("\n");
-  assert.equal(header, "trial,pair,a,b,x,answer,correct,replays,seconds,surface,page,origin");
+  const [saved, rows] = await savedBy(page,
+    "design,listener,trial,pair,a,b,x,answer,correct,replays,seconds,surface,page,origin");
   assert.equal(rows.length, total);
   rows.forEach((row, number) => {
     const { pair, a, b, x } = plan.trials[number];
     const replays = (number % 2) + (number === RELOADS_IN ? 1 : 0);
-    const expected = [number + 1, pair, a, b, x, "AB"[given[number]], number % 3 === 0 ? 0 : 1, replays];
+    const expected = ["abx", 1, number + 1, pair, a, b, x, "AB"[given[number]], number % 3 === 0 ? 0 : 1, replays];
     assert.ok(row.startsWith(`${expected.join(",")},`), `${row}: ${expected}`);
     assert.ok(row.endsWith(`${plan.page},SIMULATED`), row);
   });
   const score = spawnSync(stylus, ["compare", "--score", saved], { encoding: "utf8" });
   const line = score.stdout.split("\n").find((one) => one.startsWith("recording-gaussian"));
   assert.deepEqual(line.split(/\s+/).slice(1, 4), ["1", String(total), String(correct)]);
-  assert.deepEqual(page.requests.filter((url) => !url.startsWith("blob:")), []);
-  assert.deepEqual(page.complaints, []);
-  await page.close();
+  await closed(page);
+});
+
+test("ratings come in the listener's own order of the Latin square, and are kept as they were given", async () => {
+  const place = file.replace(".html", "-similarity.html");
+  const { orders, trials } = planOf(place);
+  const page = await Opened.open(browser, place, {}, { waits: false });
+  assert.ok((await page.page.innerText("body")).includes("Rate how alike"));
+  await checkLooks(page, "start");
+  await page.page.fill("#listener", "3");
+  await page.page.click("#begin");
+  const width = orders[0].length;
+  const expected = [];
+  for (let number = 0; number < trials.length; number++) {
+    if (number > 0 && number % plan.break_every === 0) await page.page.click("#go-on");
+    if (number === 2) {
+      await page.page.reload();
+      assert.ok(await page.page.isDisabled("#listener"));
+      await page.page.click("#begin");
+    }
+    const [block, position] = [Math.floor(number / width), number % width];
+    const { pair, a, b } = trials[block * width + orders[(2 + block) % orders.length][position]];
+    await titled(page, `Trial ${number + 1} of ${trials.length}`);
+    assert.ok(await page.page.isDisabled("#rating"), "no rating before both were heard");
+    await play(page, [0, 1], number % 2 === 0);
+    assert.ok(await page.page.isDisabled("#rate"), "no rating that nobody has given");
+    await page.page.focus("#rating");
+    const rating = a === b ? 100 - number : 50 + (number % 7);
+    await page.press(a === b ? "End" : "ArrowRight");
+    for (let n = a === b ? 100 : 51; n !== rating; n += n < rating ? 1 : -1) {
+      await page.press(n < rating ? "ArrowRight" : "ArrowLeft");
+    }
+    if (number === 0) await checkLooks(page, "trial");
+    if (number % 2 === 0) await page.press("Enter");
+    else await page.page.click("#rate");
+    expected.push(["similarity", 3, number + 1, block + 1, position + 1, pair, a, b, a === b ? 1 : 0, rating, 0]);
+  }
+  await page.wait(() => !document.getElementById("end").hidden);
+  await checkLooks(page, "end");
+  const [saved, rows] = await savedBy(page,
+    "design,listener,trial,block,position,pair,a,b,same,rating,replays,seconds,surface,page,origin");
+  assert.equal(rows.length, expected.length);
+  rows.forEach((row, number) => {
+    assert.ok(row.startsWith(`${expected[number].join(",")},`), `${row}: ${expected[number]}`);
+  });
+  for (const [name, count, mean] of await results(page)) {
+    const own = expected.filter((row) => row[5] === name.replace(" and ", "-")).map((row) => row[9]);
+    assert.deepEqual([count, mean], [String(own.length), (own.reduce((x, y) => x + y) / own.length).toFixed(1)]);
+  }
+  const refused = spawnSync(stylus, ["compare", "--score", saved], { encoding: "utf8" });
+  assert.ok(refused.status !== 0 && refused.stderr.includes("'similarity'"), refused.stderr);
+  await closed(page);
+});
+
+test("a staircase finds the strength from which on a listener is right, and says it", async () => {
+  const place = file.replace(".html", "-staircase.html");
+  const { tracks, rule } = planOf(place);
+  const page = await Opened.open(browser, place, {}, { waits: false });
+  await checkLooks(page, "start");
+  await page.page.click("#begin");
+  // The strength that the listener of each part can just tell.
+  const least = new Map(tracks.map(({ part }, index) => [part, 4 + 2 * index]));
+  const done = () => page.value(() => !document.getElementById("end").hidden);
+  const asked = tracks.map(() => 0);
+  // The parts take turns as long as all are open: what is heard in each is known from the plan alone.
+  const step = tracks.map(({ strengths }) => strengths.length);
+  const [run, down, reversals] = [0, null, 0].map((value) => tracks.map(() => value));
+  let number = 0;
+  for (; !(await done()); number++) {
+    if (await page.value(() => !document.getElementById("break").hidden)) await page.page.click("#go-on");
+    await titled(page, `Trial ${number + 1}`);
+    const open = [...tracks.keys()].filter((index) => reversals[index] < rule.reversals);
+    const index = open.reduce((one, other) => (asked[other] < asked[one] ? other : one));
+    const coin = tracks[index].coins[asked[index]];
+    const isRight = step[index] >= least.get(tracks[index].part);
+    await play(page, [0, 1, 2]);
+    await page.press((coin.a_is_changed === coin.x_is_changed) === isRight ? "1" : "2");
+    asked[index] += 1;
+    run[index] = isRight ? run[index] + 1 : 0;
+    if (isRight && run[index] < 2) continue;
+    if (down[index] === !isRight) reversals[index] += 1;
+    [run[index], down[index]] = [0, isRight];
+    const size = reversals[index] < rule.coarse_reversals ? 2 : 1;
+    step[index] = Math.min(tracks[index].strengths.length, Math.max(1, step[index] + (isRight ? -size : size)));
+  }
+  await checkLooks(page, "end");
+  const [saved, text] = await savedBy(page,
+    "design,listener,trial,part,step,strength,unit,a,b,x,answer,correct,reversal,replays,seconds,surface,page,origin");
+  const rows = text.map((row) => row.split(","));
+  assert.equal(rows.length, number);
+  const table = await results(page);
+  tracks.forEach(({ part, strengths, unit }, index) => {
+    const own = rows.filter((row) => row[3] === part);
+    for (const row of own) {
+      assert.equal(Number(row[5]), strengths[row[4] - 1]);
+      assert.equal(row[11], Number(row[4]) >= least.get(part) ? "1" : "0", row);
+      assert.equal(row[11], row[{ A: 7, B: 8 }[row[10]]] === row[9] ? "1" : "0", row);
+    }
+    assert.equal(own.filter((row) => row[12] === "1").length, rule.reversals);
+    // It goes to and fro between the strength that is heard and the one below.
+    const threshold = Math.sqrt(strengths[least.get(part) - 1] * strengths[least.get(part) - 2]);
+    const [name, trials, count, found] = table[index];
+    assert.deepEqual([name, trials, count], [part, String(own.length), String(rule.reversals)]);
+    assert.equal(found, `${threshold.toPrecision(3)} ${unit}`);
+  });
+  const refused = spawnSync(stylus, ["compare", "--score", saved], { encoding: "utf8" });
+  assert.ok(refused.status !== 0 && refused.stderr.includes("'staircase'"), refused.stderr);
+  if (process.env.STYLUS_ANSWERS) fs.cpSync(folder, process.env.STYLUS_ANSWERS, { recursive: true });
+  await closed(page);
 });
 
 test("the interval of a proportion leaves half of what the confidence leaves on either side", async () => {

@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use crate::support::{Bench, RATE_HZ, holds, noise, rig_of, scaled, two_textures, wav};
+use crate::support::{Bench, RATE_HZ, holds, noise, rig_of, scaled, text, two_textures, wav};
 use serde_json::Value;
 
 /// Simulated recordings of two textures, one much louder than the other, and their library.
@@ -188,7 +188,31 @@ fn a_seed_decides_a_page_for_listening_its_size_is_said_and_what_cannot_be_compa
     bench.succeed(&other);
     assert_ne!(std::fs::read(bench.path("page.html")).unwrap(), one);
 
+    // Textures of Gaussian noise: one pair with both its kinds beside themselves, and no part but the level.
+    for (design, trials) in [
+        ("similarity", "42 trials"),
+        ("staircase", "up to 14 trials"),
+    ] {
+        let said = bench.succeed(&format!("{LISTENING} --overwrite --design {design}"));
+        holds(&said, &[trials]);
+        let page = read(&bench.path("page.html"));
+        let said = bench.run(&format!("{LISTENING} --overwrite --design {design}"));
+        assert_eq!(read(&bench.path("page.html")), page, "the seed decides it");
+        let left_out = match design {
+            "similarity" => ["recording-fitted: left out", "gaussian-fitted: left out"],
+            _ => ["codebook: left out", "lines: left out"],
+        };
+        holds(&text(&said.stderr), &left_out);
+    }
     for (arguments, word) in [
+        (
+            "compare set --library textures.lib --out p.html --design staircase --pairs recording-fitted",
+            "give --parts in place of --pairs",
+        ),
+        (
+            "compare set --library textures.lib --out p.html --design staircase --parts lines",
+            "no texture has a part of --parts",
+        ),
         (
             "compare set --library textures.lib --out p.html --pairs gaussian-fitted",
             "nothing to compare",

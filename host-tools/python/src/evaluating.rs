@@ -278,6 +278,7 @@ pub fn compare<'py>(
         trials,
         excerpt_s: segment_s,
         seed,
+        ..listening::Options::default()
     };
     let (plan, notes, unused) = work::run(py, 0, None, move |steps| {
         let library = decode_library(&judged.path, &judged.bytes)?;
@@ -304,7 +305,7 @@ pub fn compare<'py>(
         steps.between();
         listening_page::write(&plan, &out)?;
         let notes = plan.notes(options.excerpt_s, judged.takes.is_some());
-        Ok((plan.trials.len(), notes, unused))
+        Ok((plan.task.trials(), notes, unused))
     })?;
     warn_of_unused(py, &unused)?;
     notes.iter().try_for_each(|note| warn(py, note))?;

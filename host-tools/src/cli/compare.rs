@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use host_tools::evaluation::evaluate;
 use host_tools::evaluation::listening;
 use host_tools::evaluation::listening::{
-    Answers, CONFIDENCE, Compared, Kind, Pair, Score, plan_of, score,
+    Answers, CONFIDENCE, Compared, Design, Kind, Pair, Part, Score, once, plan_of, score,
 };
 use host_tools::fit::conditioning::Conditioning;
 use host_tools::fit::record::FitRecord;
@@ -42,9 +42,22 @@ pub struct Arguments {
     /// recording-fitted,recording-before,before-fitted
     #[arg(long, value_enum, value_delimiter = ',', hide_possible_values = true)]
     pairs: Vec<Pair>,
-    /// Trials per pair, 1 to 200
-    #[arg(long, value_name = "N", default_value_t = 12, value_parser = clap::value_parser!(u16).range(1..=200))]
-    trials: u16,
+    /// Question to listeners: of which kind X is (abx); how alike two sounds are, 0 to 100 (similarity); or of which
+    /// kind X is, where the difference follows the answers until it can just be told (staircase)
+    #[arg(long, value_enum, default_value = "abx")]
+    design: Design,
+    /// Parts whose strengths the staircases of --design staircase find
+    #[arg(
+        long,
+        value_enum,
+        value_delimiter = ',',
+        default_value = "level,codebook,lines"
+    )]
+    parts: Vec<Part>,
+    /// Trials per pair, 1 to 200; of ratings also per kind beside itself; of a staircase at most. Without it 12, 6 or
+    /// 80
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=200))]
+    trials: Option<u16>,
     /// Duration of a sound, in seconds, at most 10; less where recordings do not hold two of it
     #[arg(long, value_name = "S", value_parser = excerpt, default_value_t = 1.5)]
     segment: f64,
@@ -62,6 +75,13 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     if !arguments.score.is_empty() {
         let files = arguments.score.iter().map(|path| Answers::read(path));
         return print(&scores(&score(&files.collect::<Result<Vec<_>>>()?)?));
+    }
+    if arguments.design == Design::Staircase
+        && (!arguments.pairs.is_empty() || arguments.before.is_some())
+    {
+        return Err(Error::Request(
+            "a staircase varies parts of one library: give --parts in place of --pairs and --before".into(),
+        ));
     }
     let of_before = |pair: &&Pair| pair.kinds().contains(&Kind::Before);
     if let (None, Some(pair)) = (&arguments.before, arguments.pairs.iter().find(of_before)) {
@@ -104,8 +124,10 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         None => None,
     };
     let options = listening::Options {
+        design: arguments.design,
         pairs: Pair::asked(&arguments.pairs, before.is_some()),
-        trials: usize::from(arguments.trials),
+        parts: once(&arguments.parts),
+        trials: (arguments.trials).map_or(arguments.design.usual_trials(), usize::from),
         excerpt_s: arguments.segment,
         seed: arguments.seed,
     };
@@ -124,9 +146,14 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         ""
     };
     print(&format!(
-        "{}: {} trials, {} sounds, {:.1} MB{origin}",
+        "{}: {}{} trials, {} sounds, {:.1} MB{origin}",
         out.display(),
-        plan.trials.len(),
+        if arguments.design == Design::Staircase {
+            "up to "
+        } else {
+            ""
+        },
+        plan.task.trials(),
         plan.sounds.len(),
         size as f64 / 1e6
     ))

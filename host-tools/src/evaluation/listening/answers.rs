@@ -25,6 +25,7 @@ const LIMIT: Limit = Limit {
 /// A row of a file of answers.
 #[derive(Clone, Debug, PartialEq)]
 struct Answered {
+    listener: String,
     trial: u32,
     pair: String,
     a: String,
@@ -75,7 +76,9 @@ impl Answers {
     /// A file that cannot be read, a row that is none or contradicts itself, or a trial that is there twice.
     pub fn read(path: &Path) -> Result<Self> {
         let table = CsvTable::read(path, LIMIT).map_err(|failure| not_saved(path, failure))?;
-        let columns = Columns::of(&table.header()?)?;
+        let header = table.header()?;
+        refuse_other_designs(&table, header.column("design")?)?;
+        let columns = Columns::of(&header)?;
         let mut rows: Vec<Answered> = Vec::new();
         let mut seen = BTreeSet::new();
         let mut lines = table.rows_below_header()?;
@@ -85,9 +88,9 @@ impl Answers {
         {
             let row = columns.answer(&line)?;
             row.check().map_err(|problem| line.error(problem))?;
-            if !seen.insert((row.page.clone(), row.trial)) {
+            if !seen.insert((row.page.clone(), row.listener.clone(), row.trial)) {
                 return Err(line.error(format!(
-                    "trial {} of this page is there twice; give each listener's file once",
+                    "trial {} of this page and listener is there twice; give each listener's file once",
                     row.trial
                 )));
             }
@@ -111,8 +114,26 @@ const NAMES: [&str; 11] = [
     "trial", "pair", "a", "b", "x", "answer", "correct", "replays", "seconds", "page", "origin",
 ];
 
-/// Indices of the columns of [`NAMES`].
-struct Columns([usize; NAMES.len()]);
+/// Refuses ratings and staircases, which no proportion of right answers scores.
+fn refuse_other_designs(table: &CsvTable, design: Option<usize>) -> Result<()> {
+    let mut rows = table.rows_below_header()?;
+    let (Some(column), Ok(Some(row))) = (design, rows.next_row()) else {
+        return Ok(());
+    };
+    match row.text(column) {
+        "abx" => Ok(()),
+        other => Err(Error::file(
+            table.path(),
+            format!(
+                "holds answers of the design '{other}', and --score counts those of 'abx'; analyse it by the Python \
+                 package: `examples/analyse_listening.py`"
+            ),
+        )),
+    }
+}
+
+/// Indices of the columns of [`NAMES`], and that of the listener's number, which files of before do not have.
+struct Columns([usize; NAMES.len()], Option<usize>);
 
 impl Columns {
     fn of(header: &Header<'_>) -> Result<Self> {
@@ -120,7 +141,7 @@ impl Columns {
         for (column, name) in columns.iter_mut().zip(NAMES) {
             *column = header.needed(name, FROM_A_PAGE)?;
         }
-        Ok(Self(columns))
+        Ok(Self(columns, header.column("listener")?))
     }
 
     fn answer(&self, line: &Row<'_, '_>) -> Result<Answered> {
@@ -134,6 +155,7 @@ impl Columns {
             })
         };
         Ok(Answered {
+            listener: self.1.map_or("", |column| line.text(column)).to_owned(),
             trial: count(0)?,
             pair: text(1),
             a: text(2),
@@ -308,6 +330,11 @@ mod tests {
             let path = file(folder.path(), "bad.csv", &[good(), bad]);
             holds(&Answers::read(&path).unwrap_err(), &["line 3", word]);
         }
+        let other = format!("design,{HEADER}similarity,{}", good());
+        let path = folder.path().join("other.csv");
+        std::fs::write(&path, other).unwrap();
+        let words = ["other.csv", "'similarity'", "'abx'", "analyse_listening.py"];
+        holds(&Answers::read(&path).unwrap_err(), &words);
         let empty = file(folder.path(), "empty.csv", &[]);
         holds(&Answers::read(&empty).unwrap_err(), &["no answers"]);
     }

@@ -13,7 +13,7 @@ use serde::Serialize;
 use super::family;
 use super::html::{POLICY, escaped};
 use super::sound::whole_sound;
-use crate::evaluation::listening::{CHANCE, CONFIDENCE, FADE_S, Plan, Trial};
+use crate::evaluation::listening::{CHANCE, CONFIDENCE, FADE_S, Plan, Task};
 use crate::support::atomic_file;
 use crate::support::error::Result;
 use crate::support::fnv::Fnv;
@@ -37,7 +37,8 @@ struct PagePlan<'a> {
     break_every: usize,
     facts: String,
     held_out: &'a str,
-    trials: &'a [Trial],
+    #[serde(flatten)]
+    task: &'a Task,
 }
 
 /// Writes the page for `plan`. Returns its size in bytes.
@@ -67,12 +68,16 @@ fn page(plan: &Plan) -> Result<String> {
     } else {
         format!("{shortest:.1} to {longest:.1}")
     };
+    let but = match plan.task {
+        Task::Staircase(_) => ", but for those that differ in level",
+        Task::Abx { .. } | Task::Similarity(_) => "",
+    };
     let script_plan = PagePlan {
         page: format!(
             "{:016x}",
             Fnv::default()
                 .then(sounds.as_bytes())
-                .then(page_json(&plan.trials).as_bytes())
+                .then(page_json(&plan.task).as_bytes())
                 .value()
         ),
         seed: plan.seed,
@@ -82,11 +87,11 @@ fn page(plan: &Plan) -> Result<String> {
         break_every: BREAK_EVERY,
         facts: format!(
             "Each sound takes {duration} s. All have the same RMS level over their duration, before {:.0} ms of fade \
-             at each end.",
+             at each end{but}.",
             1000.0 * FADE_S
         ),
         held_out: &plan.held_out,
-        trials: &plan.trials,
+        task: &plan.task,
     };
     let notice = if plan.simulated {
         "<p class=\"notice\">SIMULATED: the surfaces here were computed by the rig simulator. Answers say nothing of \
@@ -120,7 +125,7 @@ fn page(plan: &Plan) -> Result<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::evaluation::listening::{Kind, Pair};
+    use crate::evaluation::listening::{Kind, Pair, Trial};
     use crate::report::html::assert_fetches_nothing;
 
     fn plan(surface: &str, simulated: bool) -> Plan {
@@ -130,14 +135,16 @@ mod tests {
                 .collect()
         };
         Plan {
-            trials: vec![Trial {
-                pair: Pair::RecordingGaussian,
-                a: Kind::Recording,
-                b: Kind::Gaussian,
-                x: Kind::Recording,
-                surface: surface.to_owned(),
-                sounds: [0, 1, 2],
-            }],
+            task: Task::Abx {
+                trials: vec![Trial {
+                    pair: Pair::RecordingGaussian,
+                    a: Kind::Recording,
+                    b: Kind::Gaussian,
+                    x: Kind::Recording,
+                    surface: surface.to_owned(),
+                    sounds: [0, 1, 2],
+                }],
+            },
             sounds: (1..4).map(sound).collect(),
             excerpt_s: (0.1, 0.1),
             left_out: Vec::new(),

@@ -1,0 +1,149 @@
+//! Ratings of how alike two sounds are, in an order that a Latin square balances.
+
+use rand::RngExt;
+use rand_pcg::Pcg64;
+use serde::Serialize;
+
+use super::excerpts::{Heard, Sounds};
+use super::kinds::{Kind, Pair};
+
+/// One rating: two excerpts that differ, and what they are. The pair has both kinds in its own order, whichever is A.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub(super) struct Rating {
+    pair: String,
+    a: Kind,
+    b: Kind,
+    surface: String,
+    sounds: [usize; 2],
+}
+
+/// All ratings of a test: every condition of the first block, of the second, and so on; and orders of the conditions in
+/// a block, of which the listener numbered `n` begins with order `n`, and takes the next one in the next block.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Ratings {
+    orders: Vec<Vec<usize>>,
+    pub(super) trials: Vec<Rating>,
+}
+
+/// Both kinds of each pair, and then each kind with itself. Two excerpts of one kind are what "the same" can mean of
+/// noise, and their rating is what a perfect texture can reach.
+fn conditions(pairs: &[Pair]) -> Vec<[Kind; 2]> {
+    let mut conditions: Vec<[Kind; 2]> = pairs.iter().map(|pair| pair.kinds()).collect();
+    for kind in pairs.iter().flat_map(|pair| pair.kinds()) {
+        if !conditions.contains(&[kind; 2]) {
+            conditions.push([kind; 2]);
+        }
+    }
+    conditions
+}
+
+/// Plans so many blocks. A and B change places from one block to the next, after a coin for each condition.
+pub(super) fn ratings(
+    pairs: &[Pair],
+    heard: &[Heard],
+    blocks: usize,
+    sounds: &mut Sounds,
+    generator: &mut Pcg64,
+) -> Ratings {
+    let conditions = conditions(pairs);
+    let coins: Vec<bool> = (conditions.iter())
+        .map(|_| generator.random_bool(0.5))
+        .collect();
+    let mut trials = Vec::new();
+    for block in 0..blocks {
+        for (&kinds, coin) in conditions.iter().zip(&coins) {
+            let able: Vec<&Heard> = heard.iter().filter(|heard| heard.has(kinds)).collect();
+            let heard = able[block % able.len()];
+            let [mut a, mut b] = kinds;
+            if *coin == (block % 2 == 0) {
+                std::mem::swap(&mut a, &mut b);
+            }
+            let of_a = generator.random_range(0..heard.of(a).len());
+            let of_b = if a == b {
+                (of_a + generator.random_range(1..heard.of(a).len())) % heard.of(a).len()
+            } else {
+                generator.random_range(0..heard.of(b).len())
+            };
+            trials.push(Rating {
+                pair: format!("{}-{}", kinds[0].name(), kinds[1].name()),
+                a,
+                b,
+                surface: heard.surface.clone(),
+                sounds: [(a, of_a), (b, of_b)].map(|(kind, n)| sounds.index_of(&heard.of(kind)[n])),
+            });
+        }
+    }
+    Ratings {
+        orders: latin_square(conditions.len()),
+        trials,
+    }
+}
+
+/// Latin square balanced for carry-over, after Williams (1949): every condition is as often at every place, and as
+/// often directly after every other one. An odd number of conditions takes twice as many rows.
+fn latin_square(conditions: usize) -> Vec<Vec<usize>> {
+    let first = |place: usize| match place % 2 {
+        0 => (conditions - place / 2) % conditions,
+        _ => place.div_ceil(2),
+    };
+    let row = |shift: usize| (0..conditions).map(move |place| (first(place) + shift) % conditions);
+    let mut rows: Vec<Vec<usize>> = (0..conditions).map(|shift| row(shift).collect()).collect();
+    if conditions % 2 == 1 {
+        rows.extend((0..conditions).map(|shift| row(shift).rev().collect()));
+    }
+    rows
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_condition_is_as_often_at_every_place_and_after_every_other() {
+        for count in 1..9 {
+            let rows = latin_square(count);
+            let mut at = vec![vec![0; count]; count];
+            let mut after = vec![vec![0; count]; count];
+            for row in &rows {
+                assert_eq!(row.len(), count);
+                for (place, condition) in row.iter().enumerate() {
+                    at[place][*condition] += 1;
+                }
+                for two in row.windows(2) {
+                    after[two[0]][two[1]] += 1;
+                }
+            }
+            let each = rows.len() / count;
+            assert!(at.iter().flatten().all(|&times| times == each), "{rows:?}");
+            for (before, row) in after.iter().enumerate() {
+                for (next, &times) in row.iter().enumerate() {
+                    assert_eq!(times, if before == next { 0 } else { each }, "{rows:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_and_b_are_two_excerpts_of_their_kinds_and_change_places_from_block_to_block() {
+        use rand::SeedableRng;
+        let (heard, mut sounds) = (Heard::made(), Sounds::default());
+        let mut generator = Pcg64::seed_from_u64(4);
+        let rated = ratings(&Pair::USUAL, &[heard], 8, &mut sounds, &mut generator);
+        let names = ["recording-recording", "gaussian-gaussian", "fitted-fitted"];
+        assert_eq!(rated.trials.len(), 8 * 6);
+        for block in rated.trials.chunks(6) {
+            for name in names.iter().chain(&Pair::USUAL.map(Pair::name)) {
+                assert_eq!(block.iter().filter(|one| one.pair == *name).count(), 1);
+            }
+        }
+        for (index, rating) in rated.trials.iter().enumerate() {
+            assert_ne!(rating.sounds[0], rating.sounds[1]);
+            for (kind, sound) in [rating.a, rating.b].into_iter().zip(rating.sounds) {
+                assert_eq!(sounds.all()[sound][0] as usize, kind as usize);
+            }
+            if let Some(next) = rated.trials.get(index + 6) {
+                assert_eq!((rating.a, rating.b), (next.b, next.a));
+            }
+        }
+    }
+}
