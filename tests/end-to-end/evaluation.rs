@@ -211,7 +211,8 @@ fn what_a_model_was_fitted_to_does_not_judge_it() {
     let words = "fitted on every other block of 0.5 s of each recording, judged on the rest";
     holds(&said, &[words]);
     let felt = &json(&bench, "blocks.json")["textures"][0];
-    let verdict = "spectrum as near as another part of the recording; impulses as near; as even";
+    let verdict =
+        "spectrum as near as another part of the recording; impulses as near; evenness as near";
     assert_eq!(felt["verdict"], verdict);
     holds(&said, &[&format!("felt: {verdict} In brackets the target")]);
     assert!(

@@ -137,7 +137,7 @@ fn evenness(summaries: &[Summary], heard: &[&TrialEvaluation]) -> Option<String>
         let db = spread(Role::Synthesis)? - spread(Role::Recording)?;
         return Some(format!("level {}", off(db)));
     }
-    level.or(line).map(|_| "as even".into())
+    level.or(line).map(|_| "evenness as near".into())
 }
 
 /// Range of the line's levels over the recording's, dB, and its frequency, Hz, of the trial in the middle.
@@ -209,7 +209,7 @@ mod tests {
             let of = lively(octaves, spread_db);
             [impulses(&of).unwrap(), evenness(&of, &[]).unwrap()]
         };
-        assert_eq!(of(-0.39, -1.19), ["impulses as near", "as even"]);
+        assert_eq!(of(-0.39, -1.19), ["impulses as near", "evenness as near"]);
         let weak = [
             "impulses too weak (kurtosis 3.0, recorded 6.0)",
             "level 2 dB too even",
