@@ -1,4 +1,4 @@
-// A still of the page to rub while it is rubbed, for the README.
+// A still of the page to rub while its last texture is rubbed, for the README.
 //
 //   STYLUS_NODE_MODULES=MODULES node tests/browser/still.mjs PAGE.html OUT.png
 
@@ -12,7 +12,8 @@ if (!page || !out) {
   process.exit(2);
 }
 const browser = await launched();
-const opened = await Opened.open(browser, path.resolve(page), { viewport: { width: 1000, height: 640 } });
+const opened = await Opened.open(browser, path.resolve(page), { viewport: { width: 1000, height: 950 } });
+await opened.press(String(await opened.value(() => rubPage.textures.length)));
 let isTaken = false;
 const begin = Date.now();
 await opened.rub(4, 0.3, async () => {

@@ -129,7 +129,7 @@ fn evaluated(bench: &Bench, library: &str, more: &str) -> (String, Value) {
 fn a_texture_with_parts_has_the_recordings_kurtosis_modulation_and_levels_and_without_them_it_has_not()
  {
     let bench = bench();
-    let (said, evaluation) = evaluated(&bench, "fed.lib", "");
+    let (said, evaluation) = evaluated(&bench, "fed.lib", "--full");
     let number = |role: &str, measure: &str| {
         of(&evaluation, role)["differences"][measure]
             .as_f64()
