@@ -379,8 +379,8 @@ impl Device {
         };
         let lines: Vec<&str> = lines.iter().map(|line| line.trim()).collect();
         Err(refused(format!(
-            "nothing was changed, because it would protect coil and hand less, or by first values: {}: give \
-             accept=True if that is meant",
+            "nothing was changed, because this loosens limits or gives them their first values: {}: give accept=True \
+             if you mean it",
             lines.join("; ")
         )))
     }
@@ -448,7 +448,7 @@ fn played(
     let (was_playing, status) = stopped.map_err(broken)?;
     if ended.get() || !was_playing {
         return Err(failed(
-            "the device has stopped by itself; read its status".into(),
+            "the device stopped by itself: Device.status says why".into(),
         ));
     }
     if let Some(failure) = heard.failure(&driven) {
@@ -466,7 +466,7 @@ fn played(
 fn selection(texture: Option<&str>, scene: Option<&str>) -> PyResult<Selection> {
     let too_long = |what: &str, name: &str| {
         refused(format!(
-            "no {what} has a name as long as '{name}'; see Device.slots"
+            "'{name}' is longer than the name of any {what}: Device.slots lists the names"
         ))
     };
     match (texture, scene) {

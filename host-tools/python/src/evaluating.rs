@@ -6,7 +6,7 @@ use std::sync::Arc;
 use host_tools::dsp::spectrum::DEFAULT_SMOOTHING_WIDTH_HZ;
 use host_tools::evaluation::evaluate::{self as evaluation, Evaluation};
 use host_tools::evaluation::held_out::{Chosen, chosen};
-use host_tools::evaluation::listening::{self, Answers, Compared, Pair, plan_of};
+use host_tools::evaluation::listening::{self, Answers, Compared, Design, Pair, plan_of};
 use host_tools::fit::record::FitRecord;
 use host_tools::recording::RecordingSet;
 use host_tools::report::sound::node_seconds;
@@ -216,19 +216,19 @@ pub fn page<'py>(
     written.digests.into_py_dict(py)
 }
 
-/// Writes a page for a blind listening test (A/B/X) of recordings and what the stylus plays, as `stylus compare` does,
-/// and returns the number of its trials.
+/// Writes a page for a blind listening test of recordings and what the stylus plays, as `stylus compare` does, and
+/// returns the number of its trials, of staircases at most. `design` is 'abx', 'similarity' or 'staircase'.
 ///
 /// `recordings`, `library` and `takes` are as in `evaluate`; `out` is the HTML file to write, replaced with `overwrite`
 /// alone. `before` is another library to compare with, on `takes`. `pairs` are of 'recording-fitted',
-/// 'recording-gaussian', 'gaussian-fitted', 'recording-before' and 'before-fitted'; `trials` is their number per pair,
-/// 1 to 200; `segment_s` the duration of a sound, s, at most 10. Warns of pairs that are left out. See `score`.
+/// 'recording-gaussian', 'gaussian-fitted', 'recording-before' and 'before-fitted'; `trials` is their number per pair
+/// or staircase, 1 to 200, by default 12, 6 and 80 by design; `segment_s` the duration of a sound, s, at most 10. Warns of pairs that are left out. See `score`.
 #[pyfunction]
 #[pyo3(signature = (
-    recordings, library, out, *, takes = None, before = None, pairs = Vec::new(), trials = 12, segment_s = 1.5,
-    reduce = "pca", high_pass = "auto", seed = 1, overwrite = false
-), text_signature = "(recordings, library, out, *, takes=None, before=None, pairs=(), trials=12, segment_s=1.5, \
-    reduce='pca', high_pass='auto', seed=1, overwrite=False)")]
+    recordings, library, out, *, takes = None, before = None, design = "abx", pairs = Vec::new(), trials = None,
+    segment_s = 1.5, reduce = "pca", high_pass = "auto", seed = 1, overwrite = false
+), text_signature = "(recordings, library, out, *, takes=None, before=None, design='abx', pairs=(), trials=None, \
+    segment_s=1.5, reduce='pca', high_pass='auto', seed=1, overwrite=False)")]
 #[expect(clippy::too_many_arguments, reason = "they are keywords")]
 pub fn compare<'py>(
     py: Python<'py>,
@@ -237,19 +237,27 @@ pub fn compare<'py>(
     out: PathBuf,
     takes: Option<&Bound<'py, PyAny>>,
     before: Option<LibraryLike<'py>>,
+    design: &str,
     pairs: Vec<String>,
-    trials: usize,
+    trials: Option<usize>,
     segment_s: f64,
     reduce: &str,
     high_pass: &str,
     seed: u64,
     overwrite: bool,
 ) -> PyResult<usize> {
+    let design = choice::<Design>("design", design)?;
+    let trials = trials.unwrap_or(design.usual_trials());
     let least = listening::SHORTEST_EXCERPT_S;
     if !(1..=200).contains(&trials) || !(least..=10.0).contains(&segment_s) {
         return Err(refused(format!(
             "trials is {trials} and segment_s {segment_s}: give 1 to 200 trials of {least} to 10 s"
         )));
+    }
+    if design == Design::Staircase && !(pairs.is_empty() && before.is_none()) {
+        return Err(refused(
+            "a staircase varies parts of one library: leave pairs and before out",
+        ));
     }
     let pairs = pairs.iter().map(|pair| choice::<Pair>("pairs", pair));
     let pairs = pairs.collect::<PyResult<Vec<_>>>()?;
@@ -274,6 +282,7 @@ pub fn compare<'py>(
         )
     });
     let options = listening::Options {
+        design,
         pairs: Pair::asked(&pairs, before.is_some()),
         trials,
         excerpt_s: segment_s,

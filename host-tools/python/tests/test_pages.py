@@ -37,17 +37,20 @@ def test_a_report_is_the_commands_and_brings_its_figures(command, fitted, folder
 
 
 def test_a_listening_test_is_the_commands_and_is_scored_as_by_it(command, folder, fitted, tmp_path):
-    words = ["--trials", "3", "--segment", "0.3", "--pairs", "recording-gaussian"]
-    told = command.succeed("compare", folder, "--library", "a.lib", "--out", tmp_path / "a.html", *words)
-    trials = sh.compare(
-        folder, fitted, tmp_path / "b.html", trials=3, segment_s=0.3, pairs=["recording-gaussian"]
-    )
-    assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes()
-    assert f" {trials} trials" in told
+    words = ["--trials", "3", "--segment", "0.3", "--pairs", "recording-gaussian", "--overwrite"]
+    pairs = ["recording-gaussian"]
+    for design in ("abx", "similarity"):
+        asked = [*words, "--design", design, "--out", tmp_path / "a.html"]
+        told = command.succeed("compare", folder, "--library", "a.lib", *asked)
+        kept = {"design": design, "trials": 3, "segment_s": 0.3, "pairs": pairs, "overwrite": True}
+        trials = sh.compare(folder, fitted, tmp_path / "b.html", **kept)
+        assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes()
+        assert f" {trials} trials" in told
     for given, word in (
         ({"trials": 0}, "1 to 200"),
         ({"pairs": ["x"]}, "gaussian-fitted"),
         ({"before": fitted}, "takes"),
+        ({"design": "staircase", "pairs": pairs}, "leave pairs"),
     ):
         with pytest.raises(sh.StylusError, match=word):
             sh.compare(folder, fitted, tmp_path / "c.html", **given)

@@ -130,6 +130,7 @@ fn fitted(set: &RecordingSet, conditioning: Conditioning) -> Result<(Vec<u8>, Op
         ..fit::Options::default()
     };
     let (fit, bytes) = super::fit::fit_library(set, &options)?;
+    super::fit::show_verdicts(&fit);
     let record = FitRecord::of(set, &options, &bytes)?.with_account_of(&fit);
     Ok((bytes, Some(record)))
 }

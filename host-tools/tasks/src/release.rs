@@ -60,11 +60,14 @@ pub fn run(arguments: &Arguments) -> Result<PathBuf> {
     }
 }
 
-/// The wheels in `folder`.
+/// The wheels of this package in `folder`.
 fn wheels(folder: &Path) -> Result<Vec<PathBuf>> {
     let entries = fs::read_dir(folder).with_context(|| folder.display().to_string())?;
     let paths = entries.map(|entry| Ok(entry?.path()));
     let mut paths = paths.collect::<Result<Vec<PathBuf>>>()?;
-    paths.retain(|path| path.extension() == Some(OsStr::new("whl")));
+    paths.retain(|path| {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        name.starts_with("stylus_haptics-") && path.extension() == Some(OsStr::new("whl"))
+    });
     Ok(paths)
 }

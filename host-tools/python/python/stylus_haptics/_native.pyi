@@ -15,6 +15,7 @@ _Path = Union[str, PathLike[str]]
 _Progress = Callable[[int, int], object]
 _Recordings = Union[_Path, Recording, Recordings, Sequence[Union[_Path, Recording]]]
 _LibraryLike = Union[_Path, Library, Fit, HattImport]
+_Design = Literal["abx", "similarity", "staircase"]
 _Reduction = Literal["pca", "dft321", "x", "y", "z"]
 
 __all__ = [
@@ -230,8 +231,9 @@ def compare(
     *,
     takes: _Recordings | None = None,
     before: _LibraryLike | None = None,
+    design: _Design = "abx",
     pairs: Sequence[str] = (),
-    trials: int = 12,
+    trials: int | None = None,
     segment_s: float = 1.5,
     reduce: _Reduction = "pca",
     high_pass: str = "auto",

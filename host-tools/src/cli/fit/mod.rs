@@ -16,7 +16,8 @@ use std::path::PathBuf;
 
 use model_format::limits::MAX_TEXTURES;
 use parts::LargeSet;
-use report::{FitReport, energy_kept, excitations, lines_found, show_verdicts};
+pub use report::show_verdicts;
+use report::{FitReport, energy_kept, excitations, lines_found};
 
 use crate::cli::files::Overwrite;
 use crate::cli::input::Recordings;
