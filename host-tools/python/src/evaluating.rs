@@ -222,7 +222,8 @@ pub fn page<'py>(
 /// `recordings`, `library` and `takes` are as in `evaluate`; `out` is the HTML file to write, replaced with `overwrite`
 /// alone. `before` is another library to compare with, on `takes`. `pairs` are of 'recording-fitted',
 /// 'recording-gaussian', 'gaussian-fitted', 'recording-before' and 'before-fitted'; `trials` is their number per pair
-/// or staircase, 1 to 200, by default 12, 6 and 80 by design; `segment_s` the duration of a sound, s, at most 10. Warns of pairs that are left out. See `score`.
+/// or staircase, 1 to 200, by default 12, 6 and 80 by design; `segment_s` the duration of a sound, s, at most 10. Warns
+/// of pairs that are left out. See `score`.
 #[pyfunction]
 #[pyo3(signature = (
     recordings, library, out, *, takes = None, before = None, design = "abx", pairs = Vec::new(), trials = None,
