@@ -5,7 +5,6 @@
 //! the fitted blocks against the judged ones, or one take against the other. A synthesis need not come nearer.
 
 use model_format::{Library, MillimetresPerSecond, Newton, Provenance, SAMPLE_RATE_HZ, Texture};
-use rayon::prelude::*;
 use serde::Serialize;
 
 use super::held_out::{Judge, JudgeKind, in_words};
@@ -29,6 +28,7 @@ use crate::playing::motion::MotionPath;
 use crate::playing::render::{Rendered, render};
 use crate::recording::{RecordingSet, Trial};
 use crate::support::error::{Error, Result};
+use crate::support::in_order::in_order;
 use crate::texture::library::library_of;
 
 /// Beginning of a synthesis that no comparison uses, s: a direct form is silent while it is run up, and the frontier's
@@ -301,21 +301,19 @@ pub fn evaluate(
     progress: impl Fn() + Sync,
 ) -> Result<Evaluation> {
     let mut evaluation = prepare(set, library, judges, record, options)?;
-    let judged = (0..set.trials.len())
-        .into_par_iter()
-        .map(|index| {
-            let comparison = evaluation.compare(set, library, index, options)?;
-            let trial = &set.trials[index];
-            let judge = &evaluation.judges[index];
-            let mut judged = judged(trial, judge.kind(), &comparison, options);
-            if let Judge::OtherTake(take) = judge {
-                judged.other_take = Some(take.file.display().to_string());
-            }
-            let excerpt = options.excerpt_s.map(|s| Excerpt::of(&comparison, s));
-            progress();
-            Ok((judged, excerpt))
-        })
-        .collect::<Result<Vec<_>>>()?;
+    let indices: Vec<usize> = (0..set.trials.len()).collect();
+    let judged = in_order(&indices, |&index| -> Result<_> {
+        let comparison = evaluation.compare(set, library, index, options)?;
+        let trial = &set.trials[index];
+        let judge = &evaluation.judges[index];
+        let mut judged = judged(trial, judge.kind(), &comparison, options);
+        if let Judge::OtherTake(take) = judge {
+            judged.other_take = Some(take.file.display().to_string());
+        }
+        let excerpt = options.excerpt_s.map(|s| Excerpt::of(&comparison, s));
+        progress();
+        Ok((judged, excerpt))
+    })?;
     for (trial, excerpt) in judged {
         evaluation.trials.push(trial);
         evaluation.excerpts.extend(excerpt);

@@ -1,6 +1,5 @@
 //! The part of the data that judges a model, which is never the part that it was fitted to.
 
-use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::fit;
@@ -8,6 +7,7 @@ use crate::fit::conditioning::Conditioning;
 use crate::fit::record::FitRecord;
 use crate::recording::{RecordingSet, Trial};
 use crate::support::error::{Error, Result};
+use crate::support::in_order::in_order;
 
 /// The data that judge the model of a trial.
 #[derive(Clone, Debug, PartialEq)]
@@ -220,7 +220,7 @@ pub fn takes(
         }
         Ok(seen.map_or_else(|| Take::Missing(missing(trial)), Take::Seen))
     };
-    set.trials.par_iter().map(take).collect()
+    in_order(&set.trials, take)
 }
 
 /// A trial that has no other take, in words.

@@ -6,11 +6,11 @@
 use std::borrow::Cow;
 
 use model_format::{Provenance, SAMPLE_RATE_HZ};
-use rayon::prelude::*;
 
 use crate::recording::triage::{Compared, Verdict};
 use crate::recording::{RecordingSet, Trial, triage};
 use crate::support::error::{Error, Result};
+use crate::support::in_order::in_order;
 use crate::support::warning::Warning;
 use crate::texture::library::stored_texture;
 
@@ -181,13 +181,12 @@ fn analyse_keeping(
         (analysis, is_kept.then_some(signal))
     };
     if options.lines == Lines::None {
-        let analysed = set.trials.par_iter().map(|trial| {
+        let analysed = in_order(&set.trials, |trial| {
             let analysed = analyse_with_signal(trial, options, max_order).map(&keep);
             progress();
             analysed
-        });
-        let (analyses, signals): (Vec<_>, Vec<_>) =
-            analysed.collect::<Result<Vec<_>>>()?.into_iter().unzip();
+        })?;
+        let (analyses, signals): (Vec<_>, Vec<_>) = analysed.into_iter().unzip();
         return Ok((analyses, KeptSignals::of(signals)));
     }
     // The lines of a texture show in its trials together, so that the samples of one texture are held at a time.
@@ -212,14 +211,11 @@ fn analyse_texture(
     max_order: usize,
     progress: &(impl Fn() + Sync),
 ) -> Result<Vec<(Analysis, Signal)>> {
-    let mut analysed = trials
-        .par_iter()
-        .map(|trial| {
-            let analysed = analyse_with_signal(trial, options, max_order);
-            progress();
-            analysed
-        })
-        .collect::<Result<Vec<_>>>()?;
+    let mut analysed = in_order(trials, |trial| {
+        let analysed = analyse_with_signal(trial, options, max_order);
+        progress();
+        analysed
+    })?;
     if options.lines != Lines::None {
         separated::separate_lines(trials, &mut analysed, options, max_order);
     }

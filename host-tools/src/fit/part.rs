@@ -8,7 +8,6 @@
 use std::ops::Range;
 
 use model_format::SAMPLE_RATE_HZ;
-use rayon::prelude::*;
 
 use super::estimate::Bands;
 use super::estimate::{Estimate, estimate};
@@ -19,6 +18,7 @@ use super::trial::{Analysis, Signal, analyse_with_signal};
 use crate::dsp::autocorrelation::Autocorrelation;
 use crate::recording::{RecordingSet, Trial};
 use crate::support::error::Result;
+use crate::support::in_order::in_order;
 
 /// Longest block, s. Blocks of 1 s resolve the lowest third octave; shorter ones alternate more often.
 const LONGEST_BLOCK_S: f64 = 1.0;
@@ -120,12 +120,11 @@ pub fn analyse_blocks_of_set(
     progress: impl Fn() + Sync,
 ) -> Result<Vec<PartlyAnalysed>> {
     let max_order = options.order.highest();
-    let analysed = set.trials.par_iter().map(|trial| {
+    let mut analysed = in_order(&set.trials, |trial| {
         let analysed = analyse_blocks(trial, options, max_order);
         progress();
         analysed
-    });
-    let mut analysed = analysed.collect::<Result<Vec<_>>>()?;
+    })?;
     if options.lines != Lines::None {
         for name in set.textures() {
             separate_lines(set, name, &mut analysed, options);

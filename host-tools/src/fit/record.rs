@@ -8,7 +8,6 @@
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::excitation::ExcitationReport;
@@ -20,6 +19,7 @@ use crate::support::atomic_file;
 use crate::support::bounded_file::{Limit, MIB};
 use crate::support::error::{Error, Result};
 use crate::support::fnv::Fnv;
+use crate::support::in_order::in_order;
 
 /// Ending that the name of a library's file gets for that of its record.
 const ENDING: &str = ".fit.json";
@@ -87,8 +87,7 @@ impl FitRecord {
     /// # Errors
     /// A recording that cannot be read any more.
     pub fn of(set: &RecordingSet, options: &Options, bytes: &[u8]) -> Result<Self> {
-        let contents = set.trials.par_iter().map(content_of);
-        let contents = contents.collect::<Result<Vec<u64>>>()?;
+        let contents = in_order(&set.trials, content_of)?;
         Ok(Self::with_contents(set, options, bytes, &contents))
     }
 

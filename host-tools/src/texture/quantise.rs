@@ -4,12 +4,12 @@ use model_format::{
     CodeSpec, Coefficients, FINE_THETA_STEP_RAD, LevelLaw, NodeFlags, NodeSpec,
     THETA_FRACTION_BITS, Texture, limits,
 };
-use rayon::prelude::*;
 use stylus_kernel::grid::{GridPoint, ONE};
 
 use crate::dsp::linear_prediction::error_share;
 use crate::dsp::model::Model;
 use crate::support::error::{Error, Result};
+use crate::support::in_order::in_order;
 use crate::texture::grid::Grid;
 
 /// All nodes of `grid` as codes.
@@ -18,15 +18,12 @@ use crate::texture::grid::Grid;
 /// A node that is too loud.
 pub fn nodes(name: &str, grid: &Grid) -> Result<Vec<NodeSpec>> {
     let nodes: Vec<_> = grid.nodes().collect();
-    nodes
-        .into_par_iter()
-        .map(|(speed_mm_s, force_n, model)| {
-            node(model).map_err(|problem| {
-                let place = format!("texture '{name}' at {speed_mm_s} mm/s, {force_n} N");
-                Error::Model(format!("{place}: {problem}"))
-            })
+    in_order(&nodes, |(speed_mm_s, force_n, model)| {
+        node(model).map_err(|problem| {
+            let place = format!("texture '{name}' at {speed_mm_s} mm/s, {force_n} N");
+            Error::Model(format!("{place}: {problem}"))
         })
-        .collect()
+    })
 }
 
 fn node(model: &Model) -> std::result::Result<NodeSpec, String> {

@@ -1,7 +1,6 @@
 //! A set made ready for the removed-node test: its models, its signals and its spectra.
 
 use model_format::{NodeFlags, Provenance, SAMPLE_RATE_HZ};
-use rayon::prelude::*;
 
 use crate::dsp::high_pass::lowest_hz;
 use crate::dsp::model::Model;
@@ -14,6 +13,7 @@ use crate::fit::{Analysis, Fit};
 use crate::recording::triage::{Kind, Verdict};
 use crate::recording::{RecordingSet, Trial};
 use crate::support::error::{Error, Result};
+use crate::support::in_order::in_order;
 use crate::texture::domain::Neighbour;
 use crate::texture::grid::Grid;
 use crate::texture::recorded_spectra::recorded_spectra;
@@ -60,13 +60,12 @@ impl<'a> Prepared<'a> {
             lines: Lines::None,
             ..fit::Options::default()
         };
-        let read = set.trials.par_iter().map(|trial| {
+        let read = in_order(&set.trials, |trial| -> Result<_> {
             let highest = fit_options.order.highest();
             let (analysis, signal) = fit::analyse_with_signal(trial, &fit_options, highest)?;
             Ok((analysis, signal.samples))
-        });
-        let (analyses, signals): (Vec<_>, Vec<_>) =
-            read.collect::<Result<Vec<_>>>()?.into_iter().unzip();
+        })?;
+        let (analyses, signals): (Vec<_>, Vec<_>) = read.into_iter().unzip();
         let ranges =
             analyses
                 .iter()

@@ -1,0 +1,49 @@
+//! Parallel work whose error does not depend on which thread was faster.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use rayon::prelude::*;
+
+/// The results of `work` on each of `items`, in their order.
+///
+/// # Errors
+/// That of the first item in the order that fails, whichever failed first in time. Items behind it may be left out.
+pub fn in_order<I: Sync, T: Send, E: Send>(
+    items: &[I],
+    work: impl Fn(&I) -> Result<T, E> + Sync,
+) -> Result<Vec<T>, E> {
+    let first_failed = AtomicUsize::new(usize::MAX);
+    let results = items.par_iter().enumerate().map(|(index, item)| {
+        if first_failed.load(Ordering::Relaxed) < index {
+            return None;
+        }
+        let result = work(item);
+        if result.is_err() {
+            first_failed.fetch_min(index, Ordering::Relaxed);
+        }
+        Some(result)
+    });
+    let results: Vec<_> = results.collect();
+    // What was left out is behind an error.
+    results.into_iter().flatten().collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_item_that_fails_is_told_even_if_a_later_one_fails_sooner() {
+        let items: Vec<u64> = (0..200).collect();
+        assert_eq!(in_order(&items, |n| Ok::<_, ()>(2 * n)).unwrap()[199], 398);
+        for first in [3, 90, 199] {
+            let failed = in_order(&items, |&n| {
+                if n == first {
+                    std::thread::sleep(std::time::Duration::from_millis(5));
+                }
+                if n < first { Ok(()) } else { Err(n) }
+            });
+            assert_eq!(failed, Err(first));
+        }
+    }
+}
