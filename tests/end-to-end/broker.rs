@@ -606,7 +606,7 @@ fn a_play_shows_speed_force_level_mutes_and_missed_ticks_while_it_lasts() {
             let words = [
                 speed,
                 force,
-                "m/s² RMS",
+                "accelerometer ",
                 "; playing; ",
                 " mutes, 0 missed ticks",
             ];

@@ -119,7 +119,7 @@ fn level(status: &Status) -> String {
         return String::new();
     }
     let rms = 10f64.powf(f64::from(status.levels.vibration_decibel) / 20.0 - 6.0);
-    format!(", {rms:.3} m/s² RMS")
+    format!(", accelerometer {rms:.3} m/s² RMS")
 }
 
 fn state(status: &Status) -> String {
