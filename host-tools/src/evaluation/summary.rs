@@ -108,7 +108,7 @@ pub(super) fn table(textures: &[TextureEvaluation], target: &str) -> Table {
     Table::headed(target, textures.iter().map(row))
 }
 
-/// Explanation of [`table`].
+/// Explanation of the columns of the table of verdicts.
 pub fn explanation() -> String {
     format!(
         "C: mismatch of spectra, equation (6) of the paper; as low as its target is good. LSD: log-spectral distance. \
