@@ -595,24 +595,27 @@ fn a_play_shows_speed_force_level_mutes_and_missed_ticks_while_it_lasts() {
         ),
         (&[][..], "80.0 mm/s", "0.70 N"),
     ] {
-        let mut command =
-            desk.bench
-                .command(["play", "--texture", "texture 0", "--seconds", "2.5"]);
-        let output = command.args(arguments).output().unwrap();
-        let (out, err) = (text(&output.stdout), text(&output.stderr));
-        assert_eq!(output.status.code(), Some(0), "{err}");
-        // How often the stylus is muted is not held: a busy computer sends motions too late.
+        let play = || {
+            let mut command =
+                desk.bench
+                    .command(["play", "--texture", "texture 0", "--seconds", "2.5"]);
+            let output = command.args(arguments).output().unwrap();
+            let (out, err) = (text(&output.stdout), text(&output.stderr));
+            assert_eq!(output.status.code(), Some(0), "{err}");
+            (out, err)
+        };
+        // A busy computer may send a motion so late that the stylus is muted meanwhile, but not each time.
+        let stopped = " 0 mutes, 0 missed ticks; stopped";
+        let (out, err) = (0..8)
+            .map(|_| play())
+            .find(|(out, _)| out.contains(stopped))
+            .unwrap_or_else(play);
         let shown = err.lines().any(|line| {
-            let words = [
-                speed,
-                force,
-                "accelerometer ",
-                "; playing; ",
-                " mutes, 0 missed ticks",
-            ];
+            let playing = "; playing; 0 mutes, 0 missed ticks";
+            let words = [speed, force, "accelerometer ", playing];
             words.iter().all(|words| line.contains(words))
         });
         assert!(shown, "{err}");
-        holds(&out, &[" mutes, 0 missed ticks; stopped"]);
+        holds(&out, &[stopped]);
     }
 }
