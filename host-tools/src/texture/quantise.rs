@@ -30,7 +30,7 @@ fn node(model: &Model) -> std::result::Result<NodeSpec, String> {
     let mut output_power = model.output_power as f32;
     if output_power > limits::MAX_OUTPUT_POWER {
         return Err(format!(
-            "an RMS of {:.0} m/s² is above the {} that a model can have; check scale_m_s2",
+            "an RMS of {:.1} m/s² is above the {} that a model can have; check scale_m_s2",
             model.output_power.sqrt(),
             limits::MAX_OUTPUT_POWER.sqrt()
         ));
