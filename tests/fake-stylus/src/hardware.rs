@@ -57,7 +57,7 @@ pub enum Prepared {
     /// The selection that was found playable, and its rate.
     Selected(Selection, PlayRate),
     /// A probe.
-    Probe(Plan<'static>),
+    Probe(Box<Plan<'static>>),
 }
 
 /// The hardware's state, which tests may inspect.
@@ -399,7 +399,8 @@ impl Device for Hardware {
     }
 
     fn plan_wave(&self, wave: Wave<'static>, rate: PlayRate, sections: &[Biquad]) -> Prepared {
-        Prepared::Probe(Plan::of_wave(wave, rate.hz()).with_response(sections))
+        let plan = Plan::of_wave(wave, rate.hz()).with_response(sections);
+        Prepared::Probe(Box::new(plan))
     }
 
     fn prepare(&mut self, plan: Prepared) {
@@ -423,7 +424,7 @@ impl Device for Hardware {
             }
             (Prepared::Probe(plan), Piece::Probe(_)) => {
                 assert_eq!(plan.sample_rate_hz(), config.rate().hz(), "another rate");
-                self.probe = Some(ScenePlayer::new(plan, 0));
+                self.probe = Some(ScenePlayer::new(*plan, 0));
             }
             (prepared, piece) => panic!("{prepared:?} was prepared, and {piece:?} is started"),
         }
