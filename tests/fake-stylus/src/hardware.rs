@@ -16,7 +16,7 @@ use model_format::link::{
 };
 use model_format::{FORMAT_VERSION, Library, OutputSample, PlayRate};
 use stylus_app::control::{Device, LoadFault, NotPrepared, ResetReport, TickReport, plan_of};
-use stylus_app::inputs::{InputConfig, Sensors, Timed, choose};
+use stylus_app::inputs::{Estimator, InputConfig, Sensors, Timed, choose};
 use stylus_app::levels::Sums;
 use stylus_app::recorder::{Recorder, SampleQueue, Tap};
 use stylus_app::safety::{Config, Heat, State};
@@ -74,6 +74,7 @@ pub struct Hardware {
     /// True if that is so because the force sensor is at a rail.
     is_railed: bool,
     sensors: Sensors,
+    estimator: Estimator,
     inputs: InputConfig,
     /// The settings that were installed last.
     pub settings: Settings,
@@ -151,6 +152,7 @@ impl Hardware {
             is_stale: true,
             is_railed: false,
             sensors: Sensors::new(),
+            estimator: Estimator::new(),
             inputs: InputConfig::new(&settings),
             settings,
             tap: Tap::new(producer),
@@ -193,7 +195,7 @@ impl Hardware {
             .read(self.now, sample.encoder_delta, sample.force, whole);
         if self.now.is_multiple_of(UPDATE_INTERVAL_SAMPLES.into()) {
             self.sensors.end_block();
-            let sensors = self.sensors.motion(&self.inputs);
+            let sensors = self.estimator.motion(&self.sensors, &self.inputs);
             self.is_stale = choose(self.source, sensors, self.host).is_stale(self.now);
             let cycles = 60_000;
             self.updates = self.updates.merged(CycleRange {
