@@ -5,7 +5,7 @@
 //! configuration of the safety stages, and a library's RAM is empty while it is exchanged. It is stricter than the
 //! hardware in one respect: it panics where the application breaks the contract of [`Device`], for example by
 //! exchanging a texture while the output sounds. What it leaves out is the kernel: while something is played, the
-//! samples are those of a sine.
+//! samples are those of a sine, unless there is an [`Actuator`].
 
 use model_format::limits::MAX_LIBRARY_BYTES;
 use model_format::link::{
@@ -24,6 +24,7 @@ use stylus_app::status::Histogram;
 use stylus_kernel::UPDATE_INTERVAL_SAMPLES;
 use stylus_kernel::scene::cost::BUDGET;
 
+use crate::actuator::{Actuator, Performance};
 use crate::board::Board;
 use crate::hand::Hand;
 
@@ -96,6 +97,10 @@ pub struct Hardware {
     encoder: u16,
     /// The hand that holds the stylus.
     pub hand: Hand,
+    /// The plant at the output, if there is one.
+    pub actuator: Option<Actuator>,
+    /// The kernel, while something is played to a plant.
+    performance: Option<Performance>,
     /// Number of samples to come that are lost before they reach the recorder.
     pub lose_samples: u32,
     /// Number of samples to come whose conversions are not all of their tick.
@@ -166,6 +171,8 @@ impl Hardware {
             board: Board::default(),
             encoder: 0,
             hand: Hand::default(),
+            actuator: None,
+            performance: None,
             lose_samples: 0,
             tear_samples: 0,
             disguise: None,
@@ -187,7 +194,10 @@ impl Hardware {
     /// recording.
     pub fn tick(&mut self) {
         self.now += 1;
-        let sample = self.hand.sample(self.now);
+        let mut sample = self.hand.sample(self.now);
+        if let Some(actuator) = &self.actuator {
+            sample.acceleration = actuator.acceleration();
+        }
         let whole = self.tear_samples == 0;
         self.tear_samples = self.tear_samples.saturating_sub(1);
         self.encoder = self.encoder.wrapping_add_signed(sample.encoder_delta);
@@ -196,7 +206,12 @@ impl Hardware {
         if self.now.is_multiple_of(UPDATE_INTERVAL_SAMPLES.into()) {
             self.sensors.end_block();
             let sensors = self.estimator.motion(&self.sensors, &self.inputs);
-            self.is_stale = choose(self.source, sensors, self.host).is_stale(self.now);
+            let chosen = choose(self.source, sensors, self.host);
+            self.is_stale = chosen.is_stale(self.now);
+            if let Some(performance) = &mut self.performance {
+                let rate = self.config.rate();
+                performance.begin_block(chosen, &self.estimator, &self.inputs, self.now, rate);
+            }
             let cycles = 60_000;
             self.updates = self.updates.merged(CycleRange {
                 runs: 1,
@@ -206,16 +221,19 @@ impl Hardware {
             let by_rail = self.source == MotionSource::Sensors && self.sensors.is_railed();
             self.is_railed = self.is_stale && by_rail;
         }
-        let phase = self.now as f32 * 0.3;
-        let level = if self.playing.is_some() { 2e7 } else { 0.0 };
-        let output = OutputSample((phase.sin() * level) as i32);
-        match self.config.rate() {
-            PlayRate::Hz5000 => self.safety.process(&self.config, output, self.muted),
+        let mut samples = [self.next_sample(); 2];
+        let codes = match self.config.rate() {
+            PlayRate::Hz5000 => self.safety.process(&self.config, samples[0], self.muted),
             PlayRate::Hz10000 => {
-                let samples = [output; 2];
+                if let Some(performance) = &mut self.performance {
+                    samples[1] = performance.next_sample();
+                }
                 self.safety.process_pair(&self.config, samples, self.muted)
             }
         };
+        if let Some(actuator) = &mut self.actuator {
+            actuator.put_out(codes, self.amplifier);
+        }
         if self.lose_samples > 0 {
             self.lose_samples -= 1;
         } else {
@@ -223,6 +241,16 @@ impl Hardware {
         }
         self.histogram
             .count(20_000 + (self.now % 7) as u32 * 3_000 + self.slower_by);
+    }
+
+    /// The next sample of the kernel, or of the sine in its place.
+    fn next_sample(&mut self) -> OutputSample {
+        if let Some(performance) = &mut self.performance {
+            return performance.next_sample();
+        }
+        let phase = self.now as f32 * 0.3;
+        let level = if self.playing.is_some() { 2e7 } else { 0.0 };
+        OutputSample((phase.sin() * level) as i32)
     }
 
     /// The library in RAM; empty if there is none.
@@ -376,6 +404,10 @@ impl Device for Hardware {
             "another plan was prepared than is started"
         );
         self.playing = Some(request.clone());
+        self.performance = self.actuator.as_ref().map(|_| {
+            let performance = Performance::new(&self.ram, &request.selection, request.seed);
+            performance.expect("it was found playable")
+        });
         self.config = config;
         self.starts += 1;
         Ok(())
@@ -387,6 +419,10 @@ impl Device for Hardware {
             "there is nothing to fade, or another plan to fade to"
         );
         self.playing = Some(request.clone());
+        if let Some(performance) = &mut self.performance {
+            let switched = performance.switch(&self.ram, &request.selection);
+            switched.expect("it was found playable");
+        }
         self.switches += 1;
     }
 
@@ -396,6 +432,7 @@ impl Device for Hardware {
             "a texture is exchanged while the output sounds"
         );
         self.playing = None;
+        self.performance = None;
         self.prepared = None;
     }
 
