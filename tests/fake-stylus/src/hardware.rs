@@ -95,6 +95,8 @@ pub struct Hardware {
     pub board: Board,
     /// The encoder's counter.
     encoder: u16,
+    /// Counts of the encoder since the start.
+    pub place: i64,
     /// The hand that holds the stylus.
     pub hand: Hand,
     /// The plant at the output, if there is one.
@@ -170,6 +172,7 @@ impl Hardware {
             amplifier: false,
             board: Board::default(),
             encoder: 0,
+            place: 0,
             hand: Hand::default(),
             actuator: None,
             performance: None,
@@ -194,7 +197,8 @@ impl Hardware {
     /// recording.
     pub fn tick(&mut self) {
         self.now += 1;
-        let mut sample = self.hand.sample(self.now);
+        let mut sample = self.hand.sample(self.now, self.place);
+        self.place += i64::from(sample.encoder_delta);
         if let Some(actuator) = &self.actuator {
             sample.acceleration = actuator.acceleration();
         }

@@ -52,16 +52,20 @@ fn ticks(device: &mut Device, millis: u64) -> Vec<Tick> {
 /// One tick of ten begins a block, and one requests the next: they take more instructions than each of the others.
 fn hands_over(ticks: &[Tick], tick: &Tick) -> bool {
     let of_period = |tick: &Tick| (tick.at_ns + PERIOD_NS / 2) / PERIOD_NS % 10;
-    let mut sums = [0u64; 10];
+    let mut fewest = [u32::MAX; 10];
     for tick in ticks {
-        sums[of_period(tick) as usize] += u64::from(tick.instructions);
+        let fewest = &mut fewest[of_period(tick) as usize];
+        *fewest = tick.instructions.min(*fewest);
     }
-    let mut places: [usize; 10] = std::array::from_fn(|place| place);
-    places.sort_by_key(|&place| sums[place]);
-    let [most, next] = [places[9], places[8]];
+    let least = fewest.iter().min().expect("there are ten");
+    let more: Vec<usize> = (0..10).filter(|&place| fewest[place] > *least).collect();
     let lead = UPDATE_LEAD_TICKS as usize;
-    assert!([lead, 10 - lead].contains(&most.abs_diff(next)), "{sums:?}");
-    [most, next].contains(&(of_period(tick) as usize))
+    let apart = more.last().zip(more.first()).map(|(last, first)| last - first);
+    assert!(
+        more.len() == 2 && apart.is_some_and(|apart| [lead, 10 - lead].contains(&apart)),
+        "{fewest:?}"
+    );
+    more.contains(&(of_period(tick) as usize))
 }
 
 /// Plays `scene` and counts while it sounds.

@@ -23,8 +23,12 @@ const APART_NS: u64 = 60 * MS + PERIOD_NS;
 /// Time until the hand takes its step back.
 const HELD_NS: u64 = 30 * MS;
 
-/// Delay from which on people tell that a tap is late, ms, and that a texture's change is (Okamoto et al., 2009).
+/// Delay from which on people feel that a tap is late, ms (Hachisu and Kajimoto, "Vibration Feedback Latency Affects
+/// Material Perception During Rod Tapping Interactions", 2017).
 const TAP_FELT_MS: f64 = 5.5;
+
+/// Delay from which on a texture feels like another one, ms (Okamoto et al., "Detectability and Perceptual Consequences
+/// of Delayed Feedback in a Vibrotactile Texture Display", 2009).
 const CHANGE_FELT_MS: f64 = 40.0;
 
 /// Speed of the hand, mm/s.
