@@ -118,8 +118,8 @@ impl ForceScale {
 
         let grams = measured.iter().map(|one| one.grams).fold(0.0, f64::max);
         let (most_n, change) = (newtons(grams), codes_per_n * newtons(grams));
-        // A comparison with NaN, that of no measurements, is false.
-        if !(change.abs() >= LEAST_CODES) {
+        // Without two different weights it is no number.
+        if change.is_nan() || change.abs() < LEAST_CODES {
             let codes = change.abs();
             return Err(ForceFault::Insensitive { grams, codes });
         }
