@@ -5,7 +5,7 @@ use std::io::Write;
 use model_format::link::{Response, Selection};
 use model_format::{AdcCode, DacCode, Library, OutputSample, PlayRate};
 use stylus_app::control::plan_of;
-use stylus_app::inputs::{Follower, InputConfig, Sensors, Timed};
+use stylus_app::inputs::{Estimator, Follower, InputConfig, Timed};
 use stylus_app::safety::OVERSAMPLING;
 use stylus_kernel::UPDATE_INTERVAL_SAMPLES;
 use stylus_kernel::scene::{Interaction, Plan, ScenePlayer};
@@ -90,7 +90,7 @@ impl Performance {
     pub fn begin_block(
         &mut self,
         chosen: Timed,
-        sensors: &Sensors,
+        encoder: &Estimator,
         inputs: &InputConfig,
         now: u64,
         rate: PlayRate,
@@ -98,7 +98,7 @@ impl Performance {
         let samples = UPDATE_INTERVAL_SAMPLES * rate.samples_per_tick();
         self.player.at_tick(now);
         self.player.follow(self.decided, samples);
-        self.decided = self.follower.follow(chosen, sensors, inputs, now);
+        self.decided = self.follower.follow(chosen, encoder, inputs, now);
     }
 
     /// The next sample.

@@ -21,7 +21,7 @@ use model_format::{DacCode, FORMAT_VERSION, Library, OutputSample, PlayRate};
 use stylus_app::control::{
     Device, LoadFault, NotPrepared, ResetReport, TickReport, Waveform, plan_of,
 };
-use stylus_app::inputs::{Follower, InputConfig, Sensors, Timed, choose};
+use stylus_app::inputs::{Estimator, Follower, InputConfig, Sensors, Timed, choose};
 use stylus_app::levels::Sums;
 use stylus_app::player::Piece;
 use stylus_app::recorder::{Recorder, SampleQueue, Tap};
@@ -90,6 +90,7 @@ pub struct Hardware {
     /// True if that is so because the force sensor is at a rail.
     is_railed: bool,
     sensors: Sensors,
+    estimator: Estimator,
     inputs: InputConfig,
     /// The settings that were installed last.
     pub settings: Settings,
@@ -109,6 +110,8 @@ pub struct Hardware {
     pub board: Board,
     /// The encoder's counter.
     encoder: u16,
+    /// Counts of the encoder since the start.
+    pub place: i64,
     /// The hand that holds the stylus.
     pub hand: Hand,
     /// The plant at the output, if there is one.
@@ -174,6 +177,7 @@ impl Hardware {
             is_stale: true,
             is_railed: false,
             sensors: Sensors::new(),
+            estimator: Estimator::new(),
             inputs: InputConfig::new(&settings),
             settings,
             tap: Tap::new(producer),
@@ -186,6 +190,7 @@ impl Hardware {
             amplifier: false,
             board: Board::default(),
             encoder: 0,
+            place: 0,
             hand: Hand::default(),
             actuator: None,
             performance: None,
@@ -210,7 +215,8 @@ impl Hardware {
     /// recording.
     pub fn tick(&mut self) {
         self.now += 1;
-        let mut sample = self.hand.sample(self.now);
+        let mut sample = self.hand.sample(self.now, self.place);
+        self.place += i64::from(sample.encoder_delta);
         if let Some(actuator) = &self.actuator {
             sample.acceleration = actuator.acceleration();
         }
@@ -221,12 +227,12 @@ impl Hardware {
             .read(self.now, sample.encoder_delta, sample.force, whole);
         if self.now.is_multiple_of(UPDATE_INTERVAL_SAMPLES.into()) {
             self.sensors.end_block();
-            let sensors = self.sensors.motion(&self.inputs);
+            let sensors = self.estimator.motion(&self.sensors, &self.inputs);
             let chosen = choose(self.source, sensors, self.host);
             self.is_stale = chosen.is_stale(self.now);
             if let Some(performance) = &mut self.performance {
                 let rate = self.config.rate();
-                performance.begin_block(chosen, &self.sensors, &self.inputs, self.now, rate);
+                performance.begin_block(chosen, &self.estimator, &self.inputs, self.now, rate);
             }
             let cycles = 60_000;
             self.updates = self.updates.merged(CycleRange {

@@ -41,6 +41,7 @@ struct Inner {
     faults: Faults,
     heard: Vec<Heard>,
     hand: Hand,
+    place: i64,
     board: Board,
     /// Offsets of words of the slots that are to be damaged.
     damage: Vec<(usize, Damage)>,
@@ -117,6 +118,11 @@ impl FakeStylus {
     /// Puts it in another hand.
     pub fn set_hand(&self, hand: Hand) {
         lock(&self.inner).hand = hand;
+    }
+
+    /// Counts of its encoder since the start.
+    pub fn place(&self) -> i64 {
+        lock(&self.inner).place
     }
 
     /// Puts it on another board, for the self test.
@@ -249,6 +255,7 @@ fn set_scene(control: &SharedControl, shared: &Mutex<Inner>) -> bool {
     let mut control = control.borrow_mut();
     let device = control.device();
     device.hand = inner.hand.clone();
+    inner.place = device.place;
     device.board = inner.board.clone();
     device.lose_samples += std::mem::take(&mut inner.lose_samples);
     device.tear_samples += std::mem::take(&mut inner.tear_samples);

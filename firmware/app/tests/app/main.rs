@@ -19,5 +19,6 @@ mod self_test;
 mod settings;
 mod slot_faults;
 mod slots;
+mod speed;
 mod start;
 mod upload;

@@ -9,6 +9,7 @@ mod device;
 mod expected;
 mod faults;
 mod inputs;
+mod latency;
 mod library;
 mod link;
 mod marks;
