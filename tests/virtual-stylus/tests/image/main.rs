@@ -22,6 +22,7 @@ mod requests;
 mod scenes;
 mod self_test;
 mod settings;
+mod soak;
 mod start;
 mod ticks;
 mod upload;
