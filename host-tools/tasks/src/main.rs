@@ -72,7 +72,7 @@ enum Task {
     /// Fuzz, model-check starts and interleaved requests, and draw cases for settings, leases, output and bounds, with
     /// fresh seeds as long as asked
     Attack(attack::Arguments),
-    /// Use the image on the virtual stylus for hours of its time as two hosts may, with all mishaps, and check it meanwhile
+    /// Use the image on the virtual stylus as two hosts may, with all mishaps, and check it meanwhile
     Soak(soak::Arguments),
     /// Build the kernel as a page's WebAssembly module, and keep it in host-tools/src/report/rub_page
     BrowserModule {

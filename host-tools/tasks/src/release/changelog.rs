@@ -50,7 +50,8 @@ mod tests {
     use super::*;
     use std::process::Command;
 
-    const TEXT: &str = "# Changelog\n\nThe form.\n\n## [Unreleased]\n\n### Added\n\n- This.\n\n## [0.1.0] - 2025-01-02\n\n- That.\n";
+    const TEXT: &str = "# Changelog\n\nThe form.\n\n## [Unreleased]\n\n### Added\n\n- This.\n\n\
+                        ## [0.1.0] - 2025-01-02\n\n- That.\n";
 
     #[test]
     fn the_patch_applies_and_gives_the_release_its_heading() {

@@ -13,6 +13,8 @@ pub struct System {
     /// Its part of a file's name, with the ending of a program.
     pub name: &'static str,
     target: &'static str,
+    /// The program as cargo names it.
+    program: &'static str,
     /// The linker, and the package of Debian that has it.
     linker: [&'static str; 2],
     /// Further flags for the compiler.
@@ -22,6 +24,7 @@ pub struct System {
 pub const LINUX_X86: System = System {
     name: "linux-x86_64",
     target: "x86_64-unknown-linux-gnu",
+    program: "stylus",
     linker: ["cc", "gcc"],
     flags: &[],
 };
@@ -29,6 +32,7 @@ pub const LINUX_X86: System = System {
 pub const LINUX_ARM: System = System {
     name: "linux-aarch64",
     target: "aarch64-unknown-linux-gnu",
+    program: "stylus",
     linker: ["aarch64-linux-gnu-gcc", "gcc-aarch64-linux-gnu"],
     flags: &[],
 };
@@ -36,6 +40,7 @@ pub const LINUX_ARM: System = System {
 pub const WINDOWS: System = System {
     name: "windows-x86_64.exe",
     target: "x86_64-pc-windows-gnu",
+    program: "stylus.exe",
     linker: ["x86_64-w64-mingw32-gcc", "gcc-mingw-w64-x86-64"],
     // The linker would write the time of the build into the program.
     flags: &["-Clink-arg=-Wl,--no-insert-timestamp"],
@@ -93,10 +98,5 @@ pub fn build(system: &System, build: &Build) -> Result<PathBuf> {
         .target
         .join(system.target)
         .join(if build.is_dev { "debug" } else { "release" });
-    let program = folder.join(if system.name.ends_with(".exe") {
-        "stylus.exe"
-    } else {
-        "stylus"
-    });
-    process::built(program)
+    process::built(folder.join(system.program))
 }

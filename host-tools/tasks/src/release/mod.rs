@@ -1,5 +1,5 @@
-//! What a person downloads: the image, the command for each system, the Python wheel, the pages' module, the list of
-//! all that they contain, and their checksums. The same commit gives the same bytes. RELEASING.md says how it is
+//! Files for people to download: the image, the command for each system, the Python wheel, the pages' module, the list
+//! of all that they contain, and their checksums. The same commit gives the same bytes. RELEASING.md says how they are
 //! published, which this does not do.
 
 mod changelog;
@@ -81,7 +81,7 @@ pub struct Arguments {
     against: Option<PathBuf>,
 }
 
-/// What all parts are built with.
+/// Properties of a build that all parts have in common.
 struct Build {
     is_dev: bool,
     out: PathBuf,

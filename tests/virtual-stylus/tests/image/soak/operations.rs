@@ -1,4 +1,4 @@
-//! What the hosts do, and what befalls the stylus.
+//! Acts of the hosts, and mishaps of the stylus.
 
 use fake_stylus::device::{MOTION, change};
 use hil::checks::faults::ENDING;
@@ -28,8 +28,13 @@ const CAUGHT_NS: u64 = 200 * MS;
 /// An operation: its name, its share of all, and what is done.
 pub type Operation = (&'static str, u64, fn(&mut World));
 
+/// Of the uploads with mishaps, links that broke.
+pub const LINKS_BROKEN: &str = "links broken in uploads";
+/// Of the power cuts, those at an operation of the flash.
+pub const CUT_AT_OPERATION: &str = "power cuts at an operation of the flash";
+
 pub const OPERATIONS: [Operation; 21] = [
-    ("plays from the sensors", 12, play_from_sensors),
+    ("plays from the sensors", 16, play_from_sensors),
     ("plays from the host's motion", 8, play_from_host),
     ("switches while it plays", 8, switch),
     ("stops", 4, World::stop),
@@ -49,7 +54,7 @@ pub const OPERATIONS: [Operation; 21] = [
     ("resets by the pin", 2, reset_pin),
     ("faults", 2, fault),
     ("power cuts", 3, cut),
-    ("counts of ticks past 32 bits", 2, wrap),
+    ("counts of ticks past 32 bits", 4, wrap),
 ];
 
 fn play_from_sensors(world: &mut World) {
@@ -185,7 +190,7 @@ fn change_settings(world: &mut World) {
         Err(SettingsError::Playing) if !is_idle => {}
         Err(refused) => panic!("{changes:?}: {refused}"),
     }
-    if is_idle && world.once_in(3) {
+    if is_idle && world.once_in(2) {
         reset_settings(world);
     }
 }
@@ -241,7 +246,7 @@ fn mishap(world: &mut World) {
         if has_happened(&mut world.device) {
             world.pass(100);
             world.device.enumerate().expect("it enumerates");
-            world.count("  of these, links that broke");
+            world.count(LINKS_BROKEN);
         }
         world.sends_noise();
         if committed.is_some() {
@@ -419,7 +424,7 @@ fn cut_at(
     work(world);
     let contents = match world.device.stylus.take_power_cuts().pop() {
         Some(cut) => {
-            world.count("  of these, at an operation of the flash");
+            world.count(CUT_AT_OPERATION);
             cut.contents
         }
         None => world.device.stylus.flash(),

@@ -23,6 +23,12 @@ use crate::self_test::quiet;
 /// Ticks per millisecond.
 const TICKS_PER_MS: u64 = 5;
 
+/// Resets of all kinds, each of them expected.
+pub const RESETS: &str = "resets, all expected";
+
+/// Most that the last quarter's mark of the stack may exceed those before: what a rare meeting of interrupts takes.
+const MOST_GROWTH_BYTES: u32 = 512;
+
 /// A library, and all that it plays.
 pub struct Known {
     pub bytes: Vec<u8>,
@@ -50,7 +56,7 @@ struct Run {
     has_faults: bool,
     /// Resets since power-on.
     resets: u32,
-    /// Frames that each host had sent at the last reset, the serial port's first.
+    /// Frames that each host has sent more than the device has counted, modulo 2³²; the serial port's first.
     sent: [u32; 2],
     /// False once a host has sent what is no frame, or has lost one on its way.
     is_exact: [bool; 2],
@@ -180,6 +186,7 @@ impl World {
 
     /// Handles a reset that was caused.
     pub fn was_reset(&mut self, is_fault: bool) {
+        self.count(RESETS);
         self.run.resets += 1;
         self.run.faults += u32::from(is_fault);
         self.follow_pin();
@@ -218,7 +225,7 @@ impl World {
             self.turn_to(usb);
             let counted = counters.frames + counters.malformed + counters.oversized;
             if !std::mem::replace(&mut self.run.is_exact[usize::from(usb)], true) {
-                self.run.sent[usize::from(usb)] = self.device.sent() - counted;
+                self.run.sent[usize::from(usb)] = self.device.sent().wrapping_sub(counted);
             }
         }
     }
@@ -345,22 +352,36 @@ impl World {
         self.run.last = None;
     }
 
-    /// Prints what was done, and the largest marks of each quarter of the time.
-    pub fn tell(&self) {
-        for (what, count) in &self.done {
-            println!("{count:>7} {what}");
-        }
+    /// Prints the largest marks of each quarter of the time; if it was `long`, those of the stack no longer grow.
+    pub fn tell_marks(&self, long: bool) {
         let [codes, heard] = [
             self.codes[0] + self.run.pin.codes,
             self.codes[1] + self.run.pin.heard,
         ];
-        println!("{codes:>7} codes, {heard} of them heard; largest marks of each quarter:");
+        println!(
+            "{codes:>11} codes, {heard} of them other than mid-scale; largest of each quarter:"
+        );
+        println!(
+            "   stack, bytes  tick's delay  masked, cycles  gap of feeds, us  tick, cycles  code"
+        );
         for most in &self.most {
+            let marks = &most.marks;
             println!(
-                "{:?}, tick {} cycles, code {}",
-                most.marks, most.tick_cycles, most.offset
+                "{:>15} {:>13} {:>15} {:>17} {:>13} {:>5}",
+                marks.stack_used_bytes,
+                marks.longest_tick_delay_cycles,
+                marks.longest_critical_section_cycles,
+                marks.longest_watchdog_gap_us,
+                most.tick_cycles,
+                most.offset
             );
         }
+        let stacks = self.most.map(|most| most.marks.stack_used_bytes);
+        let before = stacks[..3].iter().max().copied().unwrap_or_default();
+        assert!(
+            !long || stacks[3] <= before + MOST_GROWTH_BYTES,
+            "the stack still grows: {stacks:?}"
+        );
     }
 
     /// Checks all that holds after every step; a settings' change before it was from `before`.
@@ -425,7 +446,10 @@ impl World {
         for (usb, counters) in [(false, status.serial), (true, status.usb)] {
             self.turn_to(usb);
             let counted = counters.frames + counters.malformed + counters.oversized;
-            let sent = self.device.sent() - self.run.sent[usize::from(usb)];
+            let sent = self
+                .device
+                .sent()
+                .wrapping_sub(self.run.sent[usize::from(usb)]);
             if self.run.is_exact[usize::from(usb)] {
                 // A keep-alive may be on its way, now or when the counting began.
                 assert!(
@@ -498,6 +522,7 @@ fn switched_on(contents: Contents, chance: &mut Chance) -> (Device, bool) {
     };
     let mut device = Device::new(&image, options);
     device.set_pins(quiet);
+    device.move_at(120.0);
     device.add_usb();
     device.run_for(300 * MS);
     (device, has_faults)
