@@ -17,6 +17,7 @@ pub mod mca;
 pub mod process;
 pub mod qemu;
 pub mod release;
+pub mod soak;
 pub mod tables;
 pub mod toolchain;
 pub mod virtual_stylus;

@@ -226,6 +226,14 @@ impl Part {
         }
     }
 
+    /// Has the internal oscillators deviate by so many parts per million from now on, as far as USB notices it.
+    pub fn drift(&mut self, hsi_ppm: i64, hsi48_ppm: i64) {
+        let clocks = &mut self.electrical.clocks;
+        (clocks.hsi_ppm, clocks.hsi48_ppm) = (hsi_ppm, hsi48_ppm);
+        let deviation = self.usb_clock_ppm();
+        self.usb.host.set_clock_deviation(deviation);
+    }
+
     /// Deviation of the clock of USB from 48 MHz, parts per million.
     fn usb_clock_ppm(&self) -> i64 {
         let slots = self.rest.bus().slots();

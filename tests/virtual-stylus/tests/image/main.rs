@@ -24,6 +24,7 @@ mod requests;
 mod scenes;
 mod self_test;
 mod settings;
+mod soak;
 mod start;
 mod ticks;
 mod upload;
