@@ -103,6 +103,10 @@ pub fn write_wav(
 ///
 /// # Errors
 /// More samples than the file's length fields can count, or a file that cannot be written.
+#[expect(
+    clippy::redundant_closure_for_method_calls,
+    reason = "the method itself is of one lifetime, and any is asked for"
+)]
 pub fn write_floats_wav(
     path: &Path,
     sample_rate_hz: u32,
