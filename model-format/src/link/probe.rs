@@ -60,9 +60,9 @@ pub enum ProbeThrough {
     /// None.
     #[default]
     Nothing,
-    /// That of the stored response, at the settings in force.
+    /// The stored response's, at the settings in force.
     Stored,
-    /// That of the response which this link has proposed, with its `output_gain` in place of the setting.
+    /// The equaliser of the response that this link has proposed, with its `output_gain` in place of the setting.
     Proposed,
 }
 
