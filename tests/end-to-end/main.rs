@@ -13,6 +13,8 @@ mod device_links;
 #[cfg(feature = "device")]
 mod device_record;
 #[cfg(feature = "device")]
+mod device_response;
+#[cfg(feature = "device")]
 mod device_self_test;
 #[cfg(feature = "device")]
 mod device_self_test_lines;

@@ -588,8 +588,8 @@ impl<D: Device> Control<D> {
     }
 }
 
-/// The plan of `selection` from `library` through the equaliser of `response`, which takes at most `budget` instructions
-/// per tick, and its rate.
+/// The plan of `selection` from `library` through the equaliser of `response`, which takes at most `budget`
+/// instructions per tick, and its rate.
 ///
 /// # Errors
 /// The library lacks the texture or scene; no stylus plays its sample rate; the scene is invalid or over the budget.

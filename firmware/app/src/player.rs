@@ -42,7 +42,7 @@ pub struct Observed {
     pub link_lost: bool,
 }
 
-/// What is played.
+/// A piece that is played.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Piece {
     /// A texture or scene.

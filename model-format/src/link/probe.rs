@@ -7,7 +7,7 @@ use heapless::Vec;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-use super::PlayError;
+use super::{LIBRARY_CRC, PlayError};
 use crate::PlayRate;
 
 /// Most samples of one period: 0.4 s at 5 kHz.
@@ -34,15 +34,35 @@ pub struct ProbeLoad {
     pub samples: Vec<i16, PROBE_CHUNK_SAMPLES>,
 }
 
+impl ProbeLoad {
+    /// The parts of a waveform whose period is `samples`.
+    pub fn parts(samples: &[i16]) -> impl Iterator<Item = Self> {
+        let parts = samples
+            .chunks(PROBE_CHUNK_SAMPLES)
+            .zip((0..).step_by(PROBE_CHUNK_SAMPLES));
+        parts.map(|(samples, offset)| Self {
+            offset,
+            samples: samples.iter().copied().collect(),
+        })
+    }
+}
+
+/// CRC-32 of a waveform's samples, [`LIBRARY_CRC`] over their little-endian bytes.
+pub fn waveform_crc32(samples: impl Iterator<Item = i16>) -> u32 {
+    let mut digest = LIBRARY_CRC.digest();
+    samples.for_each(|sample| digest.update(&sample.to_le_bytes()));
+    digest.finalize()
+}
+
 /// The equaliser that a probe passes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum ProbeThrough {
     /// None.
     #[default]
     Nothing,
-    /// That of the stored response, at the settings in force.
+    /// The stored response's, at the settings in force.
     Stored,
-    /// That of the response which this link has proposed, with its `output_gain` in place of the setting.
+    /// The equaliser of the response that this link has proposed, with its `output_gain` in place of the setting.
     Proposed,
 }
 
@@ -55,8 +75,7 @@ pub struct ProbeStart {
     pub length: u16,
     /// Number of periods; all together last [`MAX_PROBE_S`] at most.
     pub periods: u16,
-    /// CRC-32 of the period's samples, [`super::LIBRARY_CRC`] over their little-endian bytes: so that what plays is
-    /// what was loaded.
+    /// [`waveform_crc32`] of the period, so that what plays is what was loaded.
     pub crc32: u32,
     /// Acceleration of a sample of [`PROBE_PEAK`], m/s², above 0 and up to [`MAX_PROBE_M_S2`].
     pub peak_m_s2: f32,
@@ -65,6 +84,18 @@ pub struct ProbeStart {
 }
 
 impl ProbeStart {
+    /// A request to play `samples` as a period, so many times, at 5 kHz and through nothing.
+    pub fn of(samples: &[i16], periods: u16, peak_m_s2: f32) -> Self {
+        Self {
+            rate_hz: PlayRate::Hz5000.hz(),
+            length: samples.len() as u16,
+            periods,
+            crc32: waveform_crc32(samples.iter().copied()),
+            peak_m_s2,
+            through: ProbeThrough::Nothing,
+        }
+    }
+
     /// Rate and number of samples of the whole probe.
     ///
     /// # Errors

@@ -319,8 +319,8 @@ pub struct StoredResponse {
     pub response: Response,
     /// [`Response::id`].
     pub id: u32,
-    /// [`Response::stale`] by the settings in force. Its equaliser is played all the same: a filter for another level is
-    /// nearer than none, and what plays does not change behind the back of who changes a setting.
+    /// [`Response::stale`] by the settings in force. Its equaliser is played all the same: a filter for another level
+    /// is nearer than none, and what plays does not change behind the back of who changes a setting.
     pub stale: SettingSet,
 }
 

@@ -4,8 +4,8 @@ use core::sync::atomic::Ordering;
 
 use model_format::PlayRate;
 use model_format::link::{
-    LIBRARY_CRC, LinkId, PlayError, ProbeError, ProbeLoad, ProbeStart, ProbeStarted, ProbeThrough,
-    Setting, SettingChange,
+    LinkId, PlayError, ProbeError, ProbeLoad, ProbeStart, ProbeStarted, ProbeThrough, Setting,
+    SettingChange, waveform_crc32,
 };
 use stylus_kernel::scene::Wave;
 
@@ -53,11 +53,7 @@ impl<D: Device> Control<D> {
         let (rate, samples) = request.check()?;
         self.check_playable().map_err(ProbeError::Refused)?;
         let period = &self.device.waveform()[..request.length.into()];
-        let mut digest = LIBRARY_CRC.digest();
-        for sample in period {
-            digest.update(&sample.load(Ordering::Relaxed).to_le_bytes());
-        }
-        let loaded = digest.finalize();
+        let loaded = waveform_crc32(period.iter().map(|sample| sample.load(Ordering::Relaxed)));
         if loaded != request.crc32 {
             return Err(ProbeError::Waveform { loaded });
         }

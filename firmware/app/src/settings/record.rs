@@ -238,7 +238,6 @@ pub fn is_blank(bytes: &[u8]) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use model_format::link::{RESPONSE_BANDS, Sections};
     use proptest::prelude::*;
     use std::vec::Vec;
 
@@ -261,31 +260,9 @@ mod tests {
             settings,
             set: SettingSet::from_bits(set),
             lost: SettingSet::from_bits(lost),
-            response: (share > 0.5).then(|| response(share)),
+            response: (share > 0.5).then(|| Response::from_bytes(&[(share * 255.0) as u8; _])),
         };
         Record { sequence, snapshot }
-    }
-
-    /// A response whose numbers are as long as they can be.
-    fn response(share: f32) -> Response {
-        Response {
-            sections_5khz: Sections::NONE,
-            sections_10khz: Sections::NONE,
-            measured_at: u64::MAX,
-            worst_db: share,
-            rms_db: share,
-            resonance_hz: share,
-            damping_ratio: share,
-            delay_us: share,
-            axis: [share; 3],
-            level_m_s2_per_volt: share,
-            bands_centi_db: [i16::MIN; RESPONSE_BANDS],
-            trusted_bands: u32::MAX,
-            output_gain: share,
-            amplifier_gain: share,
-            coil_resistance: share,
-            hard_limit: share,
-        }
     }
 
     /// The record as older firmware wrote it, without its response.

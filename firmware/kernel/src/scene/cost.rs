@@ -11,7 +11,7 @@ use model_format::{PlayRate, Texture};
 use super::block::{MAX_STAGES, SLOTS};
 
 /// Instructions of every sample: the list of stages, the sum of voices, its saturation. An empty list takes 22 of them.
-pub const MIX: StageCost = StageCost { base: 66, each: 0 };
+pub const MIX: StageCost = StageCost { base: 68, each: 0 };
 
 /// A voice of a normalised lattice, with `each` per stage of the lattice.
 pub const LATTICE: StageCost = StageCost {
@@ -30,7 +30,7 @@ pub const FED_LATTICE: StageCost = StageCost {
 pub const FEED: u32 = 450;
 
 /// Stick-slip of a voice, in addition to the voice.
-pub const STICK_SLIP: StageCost = StageCost { base: 49, each: 0 };
+pub const STICK_SLIP: StageCost = StageCost { base: 51, each: 0 };
 
 /// Lines of a voice, in addition to the voice, with `each` per line.
 pub const LINES: StageCost = StageCost { base: 45, each: 37 };
@@ -39,13 +39,13 @@ pub const LINES: StageCost = StageCost { base: 45, each: 37 };
 pub const TAP: StageCost = StageCost { base: 43, each: 0 };
 
 /// A probe's waveform.
-pub const WAVE: StageCost = StageCost { base: 30, each: 0 };
+pub const WAVE: StageCost = StageCost { base: 28, each: 0 };
 
 /// The equaliser, with `each` per section.
-pub const EQUALISER: StageCost = StageCost { base: 56, each: 79 };
+pub const EQUALISER: StageCost = StageCost { base: 56, each: 83 };
 
 /// The fade while scenes are exchanged.
-pub const FADE_OUT: StageCost = StageCost { base: 25, each: 0 };
+pub const FADE_OUT: StageCost = StageCost { base: 27, each: 0 };
 
 /// Instructions per tick that a scene may take. At the device's 400 MHz a period of 200 µs is 80 000 cycles, or 40 000
 /// instructions at two cycles per instruction, which is pessimistic. Half of them are for safety, inputs, interrupts

@@ -1,9 +1,9 @@
 //! Requests of probes, and of the actuator's response that they measure.
 
 use model_format::link::{
-    LIBRARY_CRC, PROBE_CHUNK_SAMPLES, ProbeLoad, ProbeLoadEndpoint, ProbeStart, ProbeStartEndpoint,
-    ProbeStarted, Response, ResponseChange, ResponseGetEndpoint, ResponseProposeEndpoint,
-    ResponseSetEndpoint, ResponseState,
+    ProbeLoad, ProbeLoadEndpoint, ProbeStart, ProbeStartEndpoint, ProbeStarted, Response,
+    ResponseChange, ResponseGetEndpoint, ResponseProposeEndpoint, ResponseSetEndpoint,
+    ResponseState, waveform_crc32,
 };
 
 use super::connection::Device;
@@ -15,18 +15,10 @@ impl Device {
     /// # Errors
     /// A refusal, a lost link or a missing answer.
     pub fn load_probe(&self, period: &[i16]) -> Result<u32> {
-        let mut digest = LIBRARY_CRC.digest();
-        for (number, samples) in period.chunks(PROBE_CHUNK_SAMPLES).enumerate() {
-            let load = ProbeLoad {
-                // A waveform that is too long is refused.
-                offset: u16::try_from(number * PROBE_CHUNK_SAMPLES).unwrap_or(u16::MAX),
-                samples: samples.iter().copied().collect(),
-            };
+        for load in ProbeLoad::parts(period) {
             self.request::<ProbeLoadEndpoint>("probe load", &load)??;
-            let bytes: Vec<u8> = samples.iter().flat_map(|s| s.to_le_bytes()).collect();
-            digest.update(&bytes);
         }
-        Ok(digest.finalize())
+        Ok(waveform_crc32(period.iter().copied()))
     }
 
     /// Plays the waveform that was loaded. While it plays, the host sends [`Device::keep_alive`] every

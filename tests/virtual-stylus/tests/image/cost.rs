@@ -182,7 +182,7 @@ fn an_effect_costs_a_tick_what_the_model_says_and_one_that_is_not_called_for_not
     // A probe is its samples, and the sections of a response are those of a scene, after these.
     device.stop();
     device.run_for(100 * MS);
-    let wave = probe::load(&mut device, &probe::WAVE);
+    let wave = probe::load(&mut device);
     probe::start(&mut device, wave);
     device.run_for(50 * MS);
     let probing = count(&mut device, "probe", 30).within;

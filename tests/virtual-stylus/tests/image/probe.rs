@@ -4,9 +4,9 @@ use std::sync::atomic::AtomicI16;
 
 use fake_stylus::device::response_for;
 use model_format::link::{
-    LIBRARY_CRC, MotionSource, PROBE_CHUNK_SAMPLES, ProbeLoad, ProbeLoadEndpoint, ProbeStart,
-    ProbeStartEndpoint, ProbeStarted, ProbeThrough, Response, ResponseChange, ResponseGetEndpoint,
-    ResponseProposeEndpoint, ResponseSetEndpoint, Sections, Setting,
+    MotionSource, ProbeLoad, ProbeLoadEndpoint, ProbeStart, ProbeStartEndpoint, ProbeStarted,
+    ProbeThrough, Response, ResponseChange, ResponseGetEndpoint, ResponseProposeEndpoint,
+    ResponseSetEndpoint, Sections, Setting,
 };
 use model_format::scene::Biquad;
 use model_format::{Library, PlayRate};
@@ -19,7 +19,7 @@ use crate::library;
 use crate::scenes::{fast, press};
 
 /// A period of a waveform without symmetry, of more than one part.
-pub const WAVE: [i16; 317] = {
+const WAVE: [i16; 317] = {
     let mut wave = [0; 317];
     let mut at = 0;
     while at < wave.len() {
@@ -29,29 +29,13 @@ pub const WAVE: [i16; 317] = {
     wave
 };
 
-/// Loads `period`; the request that plays it.
-pub fn load(device: &mut Device, period: &[i16]) -> ProbeStart {
-    for (number, samples) in period.chunks(PROBE_CHUNK_SAMPLES).enumerate() {
-        let load = ProbeLoad {
-            offset: (number * PROBE_CHUNK_SAMPLES) as u16,
-            samples: samples.iter().copied().collect(),
-        };
-        device
-            .request::<ProbeLoadEndpoint>(&load)
-            .expect("nothing is played");
+/// Loads the waveform; the request that plays it.
+pub fn load(device: &mut Device) -> ProbeStart {
+    for load in ProbeLoad::parts(&WAVE) {
+        let loaded = device.request::<ProbeLoadEndpoint>(&load);
+        loaded.expect("nothing is played");
     }
-    let bytes: Vec<u8> = period
-        .iter()
-        .flat_map(|sample| sample.to_le_bytes())
-        .collect();
-    ProbeStart {
-        rate_hz: 5_000,
-        length: period.len() as u16,
-        periods: 40,
-        crc32: LIBRARY_CRC.checksum(&bytes),
-        peak_m_s2: 12.5,
-        through: ProbeThrough::Nothing,
-    }
+    ProbeStart::of(&WAVE, 40, 12.5)
 }
 
 pub fn start(device: &mut Device, request: ProbeStart) -> ProbeStarted {
@@ -99,7 +83,7 @@ fn is_put_out_as_the_host_computes_it(rate: PlayRate, through: ProbeThrough) {
     let request = ProbeStart {
         rate_hz: rate.hz(),
         through,
-        ..load(&mut device, &WAVE)
+        ..load(&mut device)
     };
     let mut started = None;
     let compared = recorded(&mut device, |device| {

@@ -5,10 +5,10 @@ use std::sync::LazyLock;
 use fake_stylus::device::{MOTION, change, play_request, response_for};
 use fake_stylus::library::{announcement, small_texture};
 use model_format::link::{
-    ActivateEndpoint, CyclesEndpoint, InfoEndpoint, KeepAliveTopic, LIBRARY_CRC, ListEndpoint,
-    ListRequest, ListSceneEndpoint, MotionEndpoint, MotionSource, MotionTopic, PlayEndpoint,
-    PlayRequest, ProbeLoad, ProbeLoadEndpoint, ProbeStart, ProbeStartEndpoint, ProbeThrough,
-    ProposalToken, RecordStartEndpoint, RecordStopEndpoint, ResponseChange, ResponseGetEndpoint,
+    ActivateEndpoint, CyclesEndpoint, InfoEndpoint, KeepAliveTopic, ListEndpoint, ListRequest,
+    ListSceneEndpoint, MotionEndpoint, MotionSource, MotionTopic, PlayEndpoint, PlayRequest,
+    ProbeLoad, ProbeLoadEndpoint, ProbeStart, ProbeStartEndpoint, ProbeThrough, ProposalToken,
+    RecordStartEndpoint, RecordStopEndpoint, ResponseChange, ResponseGetEndpoint,
     ResponseProposeEndpoint, ResponseSetEndpoint, Selection, SelfTestEndpoint, SelfTestRequest,
     Setting, SettingChange, Settings, SettingsApplyEndpoint, SettingsChange, SettingsGetEndpoint,
     SettingsProposeEndpoint, SlotId, SlotsEndpoint, StatusEndpoint, StopEndpoint,
@@ -120,25 +120,15 @@ pub static REQUESTS: LazyLock<Vec<Request>> = LazyLock::new(|| {
         ..announcement(&LIBRARIES[1])
     };
     let samples = [PROBE; 16];
-    let bytes: Vec<u8> = samples.iter().flat_map(|it| it.to_le_bytes()).collect();
-    let probe = ProbeStart {
-        rate_hz: 5_000,
-        length: samples.len() as u16,
-        periods: 100,
-        crc32: LIBRARY_CRC.checksum(&bytes),
-        peak_m_s2: 20.0,
-        through: ProbeThrough::Nothing,
-    };
+    let probe = ProbeStart::of(&samples, 100, 20.0);
     let through = ProbeThrough::Proposed;
     let proposed_probe = ProbeStart {
         through,
         rate_hz: 10_000,
         ..probe
     };
-    let load = ProbeLoad {
-        offset: 0,
-        samples: samples.into_iter().collect(),
-    };
+    let load = ProbeLoad::parts(&samples).next();
+    let load = load.expect("it has samples");
     let response = response_for(&Settings::default());
     let id = response.id();
     let [whole, first, second] = [(0, usize::MAX), (0, HALF), (HALF, usize::MAX)].map(chunk);
