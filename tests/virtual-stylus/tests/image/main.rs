@@ -24,6 +24,7 @@ mod self_test;
 mod settings;
 mod start;
 mod ticks;
+mod update;
 mod upload;
 mod usb;
 mod usb_client;
