@@ -47,8 +47,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// A linker script for what is flashed besides the image: the bootloader, and a word of ones in each sector of the record
-/// of updates, by which whatever flashes erases them, so that the bootloader has nothing to do at the first start.
+/// A linker script for what is flashed besides the image: the bootloader, and a word of ones in each sector of the
+/// record of updates, by which whatever flashes erases them: the bootloader has nothing to do at the first start.
 fn both(bootloader: &[u8]) -> String {
     let words = bootloader.chunks(4).map(|part| {
         let mut word = [0xFF; 4];

@@ -13,7 +13,7 @@
 //! | [`start`] | the start, before anything else |
 //! | [`player`], [`control`] | thread mode, never waits |
 //! | [`requests`] | thread mode, never waits; its jobs are asynchronous |
-//! | [`slots`], [`upload`], [`update`], [`settings`], [`storage`], [`self_test`] | thread mode, asynchronous |
+//! | [`slots`], [`upload`], [`update`], [`update_requests`], [`settings`], [`storage`], [`self_test`] | thread mode, asynchronous |
 #![no_std]
 #![expect(
     clippy::result_large_err,
@@ -41,6 +41,7 @@ pub mod start;
 pub mod status;
 pub mod storage;
 pub mod update;
+pub mod update_requests;
 pub mod upload;
 mod words;
 

@@ -57,8 +57,7 @@ fn other(NotKept: NotKept) -> BootError {
 struct Part<'f, F> {
     flash: &'f RefCell<F>,
     range: Range<u32>,
-    /// True if a word that cannot be read is read as erased: it lies behind the image, because that was read back before
-    /// it was committed.
+    /// True if a word that cannot be read is read as erased: it lies behind the image, which was read back.
     is_image: bool,
 }
 

@@ -22,7 +22,7 @@ use stylus_boot::map::{ACTIVE, BANK_BYTES, FLASH, SECTOR_BYTES, VERSION_MAGIC, W
 use stylus_boot::registers::{BANK_1, BANK_2, Bank, words};
 use stylus_boot::{loader, word};
 
-// The table of vectors: the stack, and the exceptions that can occur, of which all but a bus fault wait for the watchdog.
+// The table of vectors: the stack, and the exceptions that can occur. All but a bus fault wait for the watchdog.
 //
 // The reset starts the watchdog, with the timeout of its reset values: half a second. Then the RAM that the bootloader
 // uses is written in units of 64 bits, because at power-on it holds noise whose error-correcting code is wrong. It is

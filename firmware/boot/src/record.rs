@@ -1,8 +1,8 @@
 //! The record of updates: one word of the flash that is replaced as a whole.
 //!
 //! A change programs the next erased word of a sector; the record in force is the newest that can be read. So a change
-//! happens or does not, and one of which half was programmed is passed over. When the words of a sector are used up, the
-//! other sector is erased, which holds older records only, so an erasure that is cut loses nothing.
+//! happens or does not, and one of which half was programmed is passed over. When the words of a sector are used up,
+//! the other sector is erased, which holds older records only, so an erasure that is cut loses nothing.
 
 use core::ops::Range;
 

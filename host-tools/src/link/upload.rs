@@ -84,8 +84,8 @@ pub fn upload_over(
     })
 }
 
-/// Repeats `attempt`, which also gives the device's next offset, as long as its failures pass and it gets on. Returns its
-/// result, and the number of times that it was repeated.
+/// Repeats `attempt`, which also gives the device's next offset, as long as its failures pass and it gets on. Returns
+/// its result, and the number of times that it was repeated.
 pub(super) fn retried<T>(
     device: &mut Device,
     mut attempt: impl FnMut(&Device) -> (Result<T>, u32),

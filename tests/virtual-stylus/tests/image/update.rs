@@ -4,9 +4,9 @@ use std::path::Path;
 
 use hil::injection::Injected;
 use model_format::link::{
-    DEVELOPMENT_SEED, ImageVersion, InfoEndpoint, LIBRARY_CRC, MotionSource, ResetReason,
-    SIGNED_BYTES, Setting, UPLOAD_WINDOW, UpdateBegin, UpdateBeginEndpoint, UpdateCommitEndpoint,
-    UpdateConfirmEndpoint, UpdateError, UpdatePhase, UpdateReport, UpdateStateEndpoint,
+    DEVELOPMENT_SEED, ImageVersion, LIBRARY_CRC, MotionSource, ResetReason, SIGNED_BYTES, Setting,
+    UPLOAD_WINDOW, UpdateBegin, UpdateBeginEndpoint, UpdateCommitEndpoint, UpdateConfirmEndpoint,
+    UpdateError, UpdatePhase, UpdateReport, UpdateStateEndpoint,
 };
 use stylus_app::update::sign;
 use stylus_boot::map::ACTIVE;
@@ -19,11 +19,6 @@ use crate::upload::state_of;
 
 /// Time in which the bootloader exchanges two images, with a margin.
 const EXCHANGE_NS: u64 = 30 * SECOND;
-
-/// True if the amplifier's pin was let go, at `begin` or later, as a reset does.
-fn is_reset(driven: &Driven, begin: u64) -> bool {
-    driven.drive == Drive::Floating && driven.at_ns >= begin
-}
 
 /// The image in the file at `path`, as it is flashed.
 fn image(path: &Path) -> Vec<u8> {
@@ -66,35 +61,34 @@ impl Device {
         committed.expect("all of it has arrived")
     }
 
+    /// Instant at which an image started after a reset at `begin` or later: its first instructions drive the amplifier's
+    /// enable low. Until then the pin floats, by which the board holds the amplifier off.
+    fn started_after(&mut self, begin: u64) -> Option<u64> {
+        let record = self.amplifier();
+        let is_reset = |driven: &Driven| driven.drive == Drive::Floating && driven.at_ns >= begin;
+        let reset = record.iter().position(is_reset)?;
+        let started = record[reset..]
+            .iter()
+            .find(|driven| driven.drive != Drive::Floating)?;
+        assert_eq!(started.drive, Drive::Low);
+        Some(started.at_ns)
+    }
+
     /// Runs until an image answers after an exchange, and returns the time until it started. Nothing but mid-scale goes
-    /// out meanwhile, and the amplifier is off until then.
+    /// out meanwhile.
     fn wait_for_exchange(&mut self) -> u64 {
         let begin = self.stylus.now_ns();
-        let mut answered = false;
-        while !answered && self.stylus.now_ns() < begin + EXCHANGE_NS {
-            let sequence = self.send_frame(InfoEndpoint::REQ_KEY, &());
-            self.run_for(50 * MS);
-            answered = self.take_answer(InfoEndpoint::RESP_KEY, sequence).is_some();
-            answered &= self
-                .amplifier()
-                .iter()
-                .any(|driven| is_reset(driven, begin));
-        }
-        assert!(
-            answered,
-            "no image: {:?} {:?}",
-            self.stylus.resets(),
-            self.stylus.report()
-        );
+        let end = begin + EXCHANGE_NS;
+        let started = loop {
+            self.run_for(100 * MS);
+            if let Some(started) = self.started_after(begin) {
+                break started;
+            }
+            assert!(self.stylus.now_ns() < end, "{:?}", self.stylus.report());
+        };
+        self.wait_for_start();
         assert_eq!(self.sounds_from(begin), 0, "codes other than mid-scale");
-        let record = self.amplifier();
-        let reset = record.iter().position(|driven| is_reset(driven, begin));
-        let after = &record[reset.expect("it was seen")..];
-        // The image's first instructions drive it low.
-        let started = after.iter().find(|driven| driven.drive != Drive::Floating);
-        let started = started.expect("an image has answered");
-        assert_eq!(started.drive, Drive::Low);
-        started.at_ns - begin
+        started - begin
     }
 }
 
