@@ -127,7 +127,7 @@ impl ImageHeader {
 }
 
 /// Request to receive an image, which is checked before anything is erased.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct UpdateBegin {
     /// Header and signature, [`SIGNED_BYTES`].
     pub signed: Vec<u8, SIGNED_BYTES>,

@@ -455,7 +455,7 @@ fn an_older_image_is_taken_when_asked_for_and_an_unsigned_one_with_the_button_he
 fn a_trial_ends_by_the_host_or_after_a_minute_of_health_and_an_unhealthy_one_restarts() {
     let trial = Record::marked(mark::SWAP, 1, VERSION.numbers());
     let end = async |storage: &mut fake_stylus::device::Stores, stage: &mut _| {
-        storage.end_trial(stage).await
+        storage.end_trial(stage).await;
     };
     for by_host in [true, false] {
         let mut stylus = stylus(RUNNING, trial);

@@ -4,21 +4,103 @@ use std::path::Path;
 
 use hil::injection::Injected;
 use model_format::link::{
-    DEVELOPMENT_SEED, ImageVersion, LIBRARY_CRC, MotionSource, ResetReason, SIGNED_BYTES, Setting,
-    UPLOAD_WINDOW, UpdateBegin, UpdateBeginEndpoint, UpdateCommitEndpoint, UpdateConfirmEndpoint,
-    UpdateError, UpdatePhase, UpdateReport, UpdateStateEndpoint,
+    DEVELOPMENT_SEED, ImageVersion, InfoEndpoint, LIBRARY_CRC, MotionSource, ResetReason,
+    SIGNED_BYTES, Setting, UPLOAD_WINDOW, UpdateBegin, UpdateBeginEndpoint, UpdateCommitEndpoint,
+    UpdateConfirmEndpoint, UpdateError, UpdatePhase, UpdateReport, UpdateStateEndpoint,
 };
+use postcard_rpc::Endpoint;
 use stylus_app::update::sign;
 use stylus_boot::map::ACTIVE;
-use virtual_stylus::Options;
+use virtual_stylus::model::flash::{Contents, Moment};
 use virtual_stylus::model::pin::{Drive, Driven};
+use virtual_stylus::{Options, PowerCut};
 
-use crate::device::{Device, MS, SECOND, inject, product, with_faults};
+use crate::device::{Device, MS, SECOND, inject, long, product, with_faults};
 use crate::library;
 use crate::upload::state_of;
 
 /// Time in which the bootloader exchanges two images, with a margin.
 const EXCHANGE_NS: u64 = 30 * SECOND;
+
+/// The content of the flash after cuts of an update to `new` and its exchange: at both ends of each of them, and spread
+/// between.
+fn cuts(flash: &Contents, new: &[u8]) -> Vec<PowerCut> {
+    const BETWEEN: u64 = 8;
+    let options = || library::of(flash.clone());
+    let mut counted = Device::started(options());
+    let count = |device: &mut Device| device.stylus.flash_operations().len() as u64;
+    counted.update(new);
+    let sent = count(&mut counted);
+    counted.wait_for_exchange();
+    let all = count(&mut counted);
+    let spread = |n: u64| n * all / BETWEEN;
+    let ends = [
+        1,
+        2,
+        sent - 1,
+        sent,
+        sent + 1,
+        sent + 2,
+        sent + 3,
+        all - 1,
+        all,
+    ];
+    let numbers = (1..BETWEEN).map(spread).chain(ends);
+    let moments = [Moment::Before, Moment::During { seed: 5 }, Moment::After];
+    let wanted = numbers
+        .zip(0..)
+        .map(|(number, case)| (number, moments[case % 3]));
+    let torn = [
+        (sent, moments[1]),
+        (sent + 2, moments[1]),
+        (all, moments[1]),
+    ];
+    let mut device = Device::started(options());
+    device
+        .stylus
+        .capture_power_cuts(wanted.chain(torn).collect());
+    device.update(new);
+    device.wait_for_exchange();
+    println!("{sent} operations until the commit, {all} until the new image starts");
+    device.stylus.take_power_cuts()
+}
+
+#[test]
+fn after_a_power_cut_of_an_update_the_old_or_the_new_image_answers_with_settings_and_library() {
+    if !long() {
+        return;
+    }
+    let [old, new] = [product(), with_faults()].map(|path| image(&path));
+    let mut before = Device::started(library::options());
+    let settings = before.set(Setting::HardLimit, 0.25);
+    let (flash, library) = (before.stylus.flash(), state_of(&mut before));
+    let mut counts = [0; 2];
+    for cut in cuts(&flash, &new) {
+        let mut device = Device::new(
+            &product(),
+            Options {
+                keep_flash: true,
+                watch_ticks: false,
+                ..library::of(cut.contents)
+            },
+        );
+        let told = (cut.operation.number, cut.moment);
+        assert!(device.answers_within(EXCHANGE_NS), "{told:?}");
+        let active = active(&device.stylus.flash().bytes);
+        assert!(active == old || active == new, "{told:?}");
+        counts[usize::from(active == new)] += 1;
+        assert_eq!(device.settings(), settings, "{told:?}");
+        assert_eq!(
+            device.status().settings.check_playable(),
+            Ok(()),
+            "{told:?}"
+        );
+        assert_eq!(state_of(&mut device), library, "{told:?}");
+        assert_eq!(device.sounds_from(0), 0, "{told:?}");
+    }
+    println!("{counts:?} times the old and the new image");
+    assert!(counts[0] > 0 && counts[1] > 0);
+}
 
 /// The image in the file at `path`, as it is flashed.
 fn image(path: &Path) -> Vec<u8> {
@@ -59,6 +141,19 @@ impl Device {
         self.send_ahead(image, UPLOAD_WINDOW);
         let committed = self.request::<UpdateCommitEndpoint>(&());
         committed.expect("all of it has arrived")
+    }
+
+    /// Runs until an image answers; false if none does in time.
+    fn answers_within(&mut self, nanos: u64) -> bool {
+        let end = self.stylus.now_ns() + nanos;
+        while self.stylus.now_ns() < end {
+            let sequence = self.send_frame(InfoEndpoint::REQ_KEY, &());
+            self.run_for(100 * MS);
+            if self.take_answer(InfoEndpoint::RESP_KEY, sequence).is_some() {
+                return true;
+            }
+        }
+        false
     }
 
     /// Instant at which an image started after a reset at `begin` or later: its first instructions drive the amplifier's
