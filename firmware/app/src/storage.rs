@@ -15,6 +15,7 @@ use model_format::link::{
 use crate::control::{Control, Device, LoadFault};
 use crate::settings::SettingsStore;
 use crate::slots::{MappedFlash, SlotStore};
+use crate::update::Updates;
 use crate::upload::Uploader;
 
 /// The rest of the device, as requests and storage see it.
@@ -37,9 +38,11 @@ const REST_TIMEOUT_MS: u32 = 500;
 
 /// The two slots and the settings in flash.
 pub struct Storage<F, S: NorFlash> {
-    slots: SlotStore<F>,
+    pub(crate) slots: SlotStore<F>,
     settings: SettingsStore<S>,
-    uploader: Uploader,
+    pub(crate) uploader: Uploader,
+    /// Updates of the image; none without a bootloader.
+    pub(crate) updates: Option<Updates<S>>,
     /// The library in RAM.
     loaded: Option<(SlotId, SlotInfo)>,
 }
@@ -51,6 +54,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
             slots,
             settings,
             uploader: Uploader::new(),
+            updates: None,
             loaded: None,
         }
     }
@@ -58,6 +62,11 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
     /// Gives both flashes back: that of the slots, and that of the settings.
     pub fn into_flash(self) -> (F, S) {
         (self.slots.into_flash(), self.settings.into_flash())
+    }
+
+    /// Gives the updates back.
+    pub fn take_updates(&mut self) -> Option<Updates<S>> {
+        self.updates.take()
     }
 
     /// The slots.
@@ -174,13 +183,16 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
     /// Serves `UploadBeginEndpoint`.
     ///
     /// # Errors
-    /// As [`Uploader::begin`], or the supply is too low.
+    /// As [`Uploader::begin`], the supply is too low, or the slot keeps an image.
     pub async fn upload_begin(
         &mut self,
         stage: &mut impl Stage,
         begin: UploadBegin,
     ) -> Result<UploadProgress, UploadError> {
         supplied(stage)?;
+        if self.keeps_image().await {
+            return Err(UploadError::Busy);
+        }
         self.slots.scan_once().await;
         let result = self.uploader.begin(&mut self.slots, begin).await;
         stage.with_control(|control| control.set_upload(self.uploader.state()));
@@ -254,7 +266,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
 }
 
 /// Refuses an upload's write while the supply is too low, before the upload changes.
-fn supplied(stage: &impl Stage) -> Result<(), UploadError> {
+pub(crate) fn supplied(stage: &impl Stage) -> Result<(), UploadError> {
     if stage.with_control(|control| control.is_supply_low()) {
         return Err(UploadError::SupplyLow);
     }

@@ -22,6 +22,7 @@ mod status;
 #[cfg(test)]
 mod tests;
 mod units;
+mod update;
 mod upload;
 
 use postcard_rpc::{TopicDirection, endpoints, standard_icd, topics};
@@ -65,6 +66,11 @@ pub use status::{
     Activity, CycleRange, CycleReport, DeviceInfo, Fault, FaultKind, FaultText, Levels,
     LinkCounters, Marks, OutputStatus, ProductName, RecordCounters, ResetReason, Serial, Status,
     TICK_BIN_COUNT, TICK_BIN_CYCLES, TickCounters, TickHistogram, VersionText,
+};
+pub use update::{
+    BOARD, DEVELOPMENT_SEED, EXCHANGE_MS, HEADER_BYTES, ImageHeader, ImageVersion, MAX_IMAGE_BYTES,
+    SIGNATURE_BYTES, SIGNED_BYTES, TRIAL_MS, UNSIGNED, UpdateBegin, UpdateError, UpdatePhase,
+    UpdateReport,
 };
 pub use upload::{
     CHUNK_ALIGN, FlashOperation, MAX_CHUNK_BYTES, UPLOAD_WINDOW, UploadBegin, UploadChunk,
@@ -129,6 +135,9 @@ type RecordStartResult = Result<RecordStarted, RecordError>;
 type RecordStopResult = Result<RecordStopped, RecordError>;
 type ProposalResult = Result<SettingsProposal, SettingsError>;
 type SettingsResult = Result<Settings, SettingsError>;
+type UpdateResult = Result<UploadProgress, UpdateError>;
+type UpdateStateResult = Option<UpdateReport>;
+type UpdatedResult = Result<UpdateReport, UpdateError>;
 type SelfTestResult = Result<SelfTestValues, SelfTestError>;
 
 endpoints! {
@@ -156,6 +165,10 @@ endpoints! {
     | SettingsProposeEndpoint | SettingsChange  | ProposalResult    | "stylus/settings/propose" |
     | SettingsApplyEndpoint   | ProposalToken   | SettingsResult    | "stylus/settings/apply"   |
     | SelfTestEndpoint        | SelfTestRequest | SelfTestResult    | "stylus/selftest"         |
+    | UpdateBeginEndpoint     | UpdateBegin     | UpdateResult      | "stylus/update/begin"     |
+    | UpdateCommitEndpoint    | ()              | UpdatedResult     | "stylus/update/commit"    |
+    | UpdateConfirmEndpoint   | ()              | UpdatedResult     | "stylus/update/confirm"   |
+    | UpdateStateEndpoint     | ()              | UpdateStateResult | "stylus/update/state"     |
 }
 
 topics! {

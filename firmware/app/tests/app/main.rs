@@ -19,4 +19,5 @@ mod settings;
 mod slot_faults;
 mod slots;
 mod start;
+mod update;
 mod upload;

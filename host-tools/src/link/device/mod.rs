@@ -4,6 +4,7 @@
 
 mod connection;
 mod requests;
+mod update;
 mod upload;
 
 pub use connection::{Device, Timeouts};

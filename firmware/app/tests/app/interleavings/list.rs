@@ -10,7 +10,8 @@ use model_format::link::{
     ProposalToken, RecordStartEndpoint, RecordStopEndpoint, Selection, SelfTestEndpoint,
     SelfTestRequest, Setting, SettingChange, SettingsApplyEndpoint, SettingsChange,
     SettingsGetEndpoint, SettingsProposeEndpoint, SlotId, SlotsEndpoint, StatusEndpoint,
-    StopEndpoint, UploadAbortEndpoint, UploadBegin, UploadBeginEndpoint, UploadChunk,
+    StopEndpoint, UpdateBegin, UpdateBeginEndpoint, UpdateCommitEndpoint, UpdateConfirmEndpoint,
+    UpdateStateEndpoint, UploadAbortEndpoint, UploadBegin, UploadBeginEndpoint, UploadChunk,
     UploadChunkEndpoint, UploadCommitEndpoint, UploadProgressEndpoint,
 };
 use model_format::scene::{Scene, Surface};
@@ -161,6 +162,10 @@ pub static REQUESTS: LazyLock<Vec<Request>> = LazyLock::new(|| {
         asked::<RecordStartEndpoint>("record", &()),
         asked::<RecordStopEndpoint>("end of the recording", &()),
         asked::<SelfTestEndpoint>("self test of the chip", &SelfTestRequest::Chip),
+        asked::<UpdateBeginEndpoint>("begin an update", &UpdateBegin::default()),
+        asked::<UpdateCommitEndpoint>("commit an update", &()),
+        asked::<UpdateConfirmEndpoint>("confirm an update", &()),
+        asked::<UpdateStateEndpoint>("update state", &()),
         asked::<StatusEndpoint>("status", &()),
         asked::<CyclesEndpoint>("cycles", &()),
         asked::<InfoEndpoint>("info", &()),
