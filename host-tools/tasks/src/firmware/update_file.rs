@@ -15,10 +15,10 @@ use super::read;
 pub struct Arguments {
     /// The secret key that `cargo tasks keys` wrote; without it, the development key, which everybody has
     #[arg(long)]
-    key: Option<PathBuf>,
+    pub key: Option<PathBuf>,
     /// The file to write [default: beside the image's ELF file, with the extension image]
     #[arg(long)]
-    out: Option<PathBuf>,
+    pub out: Option<PathBuf>,
 }
 
 /// Writes the update with the image of the ELF file `image`, signed as `arguments` say, and returns the file.
