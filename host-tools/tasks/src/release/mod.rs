@@ -212,8 +212,8 @@ fn check_key(key: Option<&Path>) -> Result<()> {
     match (key, public) {
         (Some(key), Some(public)) if key.with_extension("pub") == public => Ok(()),
         _ => bail!(
-            "an image is released with a key of your own, which `cargo tasks keys FILE` makes: set STYLUS_UPDATE_KEY to \
-             FILE.pub, and give --key FILE"
+            "an image is released with a key of your own, which `cargo tasks keys FILE` makes: set STYLUS_UPDATE_KEY \
+             to FILE.pub, and give --key FILE"
         ),
     }
 }
