@@ -1,6 +1,6 @@
-//! Profile and compiler of the image, for its answer to the identity request.
+//! Profile and compiler of the image, for its answer to the identity request, and the key that it trusts.
 
-use std::{env, error::Error, process::Command};
+use std::{env, error::Error, fs, path::Path, process::Command};
 
 fn main() -> Result<(), Box<dyn Error>> {
     println!("cargo::rerun-if-changed=build.rs");
@@ -8,5 +8,23 @@ fn main() -> Result<(), Box<dyn Error>> {
     let compiler = Command::new(env::var("RUSTC")?).arg("--version").output()?;
     let compiler = String::from_utf8(compiler.stdout)?;
     println!("cargo::rustc-env=STYLUS_COMPILER={}", compiler.trim());
+    // The public half of a pair that `cargo tasks keys` made: 64 hexadecimal digits.
+    println!("cargo::rerun-if-env-changed=STYLUS_UPDATE_KEY");
+    let key = match env::var_os("STYLUS_UPDATE_KEY") {
+        Some(path) => {
+            println!("cargo::rerun-if-changed={}", Path::new(&path).display());
+            key(&fs::read_to_string(path)?).ok_or("STYLUS_UPDATE_KEY: the file has no key")?
+        }
+        None => "stylus_app::update::DEVELOPMENT_KEY".to_owned(),
+    };
+    fs::write(Path::new(&env::var("OUT_DIR")?).join("key.rs"), key)?;
     Ok(())
+}
+
+/// The key of this text as an array.
+fn key(text: &str) -> Option<String> {
+    let digits = text.trim();
+    let byte = |index: usize| u8::from_str_radix(digits.get(2 * index..2 * index + 2)?, 16).ok();
+    let bytes: Vec<u8> = (0..32).map(byte).collect::<Option<_>>()?;
+    (digits.len() == 64).then(|| format!("{bytes:?}"))
 }

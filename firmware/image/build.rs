@@ -1,6 +1,6 @@
 //! Linker arguments for the memory map of the image.
 
-use std::{env, error::Error, path::Path};
+use std::{env, error::Error, fs, path::Path};
 
 fn main() -> Result<(), Box<dyn Error>> {
     println!("cargo::rerun-if-changed=build.rs");
@@ -35,5 +35,31 @@ fn main() -> Result<(), Box<dyn Error>> {
     ] {
         println!("cargo::rustc-link-arg-bin=stylus-firmware={argument}");
     }
+    // The file that is flashed holds both. Without the bootloader the image is linked for checks alone.
+    println!("cargo::rerun-if-env-changed=STYLUS_BOOTLOADER");
+    if let Some(file) = env::var_os("STYLUS_BOOTLOADER") {
+        println!("cargo::rerun-if-changed={}", Path::new(&file).display());
+        let out = env::var("OUT_DIR")?;
+        fs::write(Path::new(&out).join("both.x"), both(&fs::read(file)?))?;
+        println!("cargo::rustc-link-search={out}");
+        println!("cargo::rustc-link-arg-bin=stylus-firmware=-Tboth.x");
+    }
     Ok(())
+}
+
+/// A linker script for what is flashed besides the image: the bootloader, and a word of ones in each sector of the
+/// record of updates, by which whatever flashes erases them: the bootloader has nothing to do at the first start.
+fn both(bootloader: &[u8]) -> String {
+    let words = bootloader.chunks(4).map(|part| {
+        let mut word = [0xFF; 4];
+        word[..part.len()].copy_from_slice(part);
+        format!("LONG({:#x})\n", u32::from_le_bytes(word))
+    });
+    let erased = "LONG(0xffffffff) ".repeat(8);
+    format!(
+        "SECTIONS {{\n.bootloader : {{\n{}}} > BOOTLOADER\n\
+         .records_1 ORIGIN(RECORDS) : {{ {erased} }} > RECORDS\n\
+         .records_2 ORIGIN(RECORDS) + 128K : {{ {erased} }} > RECORDS\n}}\nINSERT BEFORE .text;\n",
+        words.collect::<String>()
+    )
 }

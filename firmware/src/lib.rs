@@ -27,7 +27,7 @@ use defmt_rtt as _;
 use panic_probe as _;
 
 use embassy_executor::Spawner;
-use embassy_stm32::gpio::{Level, Output, Speed};
+use embassy_stm32::gpio::{Input, Level, Output, Pull, Speed};
 use embassy_stm32::{Peri, peripherals};
 use embassy_time::{Instant, Timer};
 use heapless::spsc::Queue;
@@ -43,7 +43,6 @@ use crate::boot::silicon::ResetFlags;
 use crate::boot::{clock, critical, priority, protection, silicon, startup};
 use crate::device::Hardware;
 use crate::fault::{heat, record, report, stack, watchdog};
-use crate::flash::word;
 use crate::link::wire::{self, Wire};
 use crate::link::{outlet, requests, serial, storage, usb};
 use crate::play::update;
@@ -58,7 +57,7 @@ async fn main(spawner: Spawner) {
     startup::prepare_memory(&mut core.SCB, &mut core.CPUID);
     play::voice::begin();
     startup::start_cycle_counter(&mut core.DCB, &mut core.DWT);
-    word::enable_bus_fault(&mut core.SCB);
+    stylus_boot::word::enable_bus_fault(&mut core.SCB);
     watchdog::start();
     let revision = silicon::revision();
     silicon::remedy(revision);
@@ -98,6 +97,9 @@ async fn main(spawner: Spawner) {
     } else {
         Level::Low
     };
+    // B1 pulls its pin up.
+    let button = Input::new(p.PC13, Pull::Down);
+    let takes_unsigned = flags == ResetFlags::PowerOn && button.is_high();
     let leds = Leds {
         life: Output::new(p.PB0, Level::Low, Speed::Low),
         fault: Output::new(p.PB14, fault_led, Speed::Low),
@@ -119,7 +121,7 @@ async fn main(spawner: Spawner) {
         defmt::warn!("safe mode after {} quick faults", start.quick_faults);
         watchdog::expect_no_tick();
         spawner.spawn(watchdog::feed().unwrap());
-        serve(spawner, hardware, links, leds).await;
+        serve(spawner, hardware, links, leds, takes_unsigned).await;
         return;
     }
     record::enter(Some(StartStage::Inputs));
@@ -151,7 +153,7 @@ async fn main(spawner: Spawner) {
     );
     critical::begin_measuring();
     priority::enable();
-    serve(spawner, hardware, links, leds).await;
+    serve(spawner, hardware, links, leds, takes_unsigned).await;
     tick::supply::guard();
     // Last: everything that ends the program at mid-scale is in place.
     spawner.spawn(raising::raise_amplifier().unwrap());
@@ -171,10 +173,16 @@ struct Links {
 }
 
 /// Opens the stores and the links, which ends the start.
-async fn serve(spawner: Spawner, hardware: Hardware, links: Links, leds: Leds) {
+async fn serve(
+    spawner: Spawner,
+    hardware: Hardware,
+    links: Links,
+    leds: Leds,
+    takes_unsigned: bool,
+) {
     spawner.spawn(blink(leds).unwrap());
     record::enter(Some(StartStage::Storage));
-    storage::start(spawner, hardware).await;
+    storage::start(spawner, hardware, takes_unsigned).await;
     record::enter(Some(StartStage::Links));
     spawner.spawn(requests::stream_recording().unwrap());
     if let Ok((sender, receiver)) = serial::open(links.usart, links.tx, links.rx) {

@@ -7,6 +7,7 @@ use std::path::Path;
 
 use model_format::limits::{MAX_LIBRARY_BYTES, SLOT_BYTES};
 use stylus_app::settings::SETTINGS_RANGE;
+use stylus_boot::map;
 
 /// The regions of the MPU, as the image sets them.
 #[path = "../realtime/src/boot/protection.rs"]
@@ -114,6 +115,26 @@ fn settings_lie_where_the_store_looks_for_them_in_whole_sectors_behind_the_code(
     assert!(settings.start.is_multiple_of(SECTOR_BYTES));
     // A map in flash needs another sector to move to.
     assert!((settings.end - settings.start) / SECTOR_BYTES >= 2);
+}
+
+#[test]
+fn bootloader_image_and_records_lie_where_the_bootloader_looks_for_them() {
+    let regions = regions();
+    let expected = [
+        ("BOOTLOADER", map::BOOTLOADER),
+        ("FLASH", map::ACTIVE),
+        ("RECORDS", map::RECORDS),
+        ("SLOT_A", map::SLOTS[0].clone()),
+        ("SLOT_B", map::SLOTS[1].clone()),
+    ];
+    for (name, offsets) in expected {
+        let expected = [offsets.start, offsets.end].map(|offset| u64::from(map::FLASH + offset));
+        let region = &regions[name];
+        assert_eq!([region.start, region.end], expected, "{name}");
+    }
+    // The exchange of images takes a sector more than an image.
+    let lengths = [map::ACTIVE, map::SLOTS[0].clone()].map(|range| range.len());
+    assert!(lengths[0] + map::SECTOR_BYTES <= lengths[1]);
 }
 
 #[test]
@@ -232,6 +253,8 @@ fn each_memory_is_protected_as_its_use_wants() {
     let map = regions();
     let expected = [
         ("FLASH", (Read, true, WriteBack)),
+        ("BOOTLOADER", (Read, true, WriteBack)),
+        ("RECORDS", (ReadWrite, false, NotCached)),
         ("SETTINGS", (ReadWrite, false, NotCached)),
         ("SLOT_A", (ReadWrite, false, NotCached)),
         ("SLOT_B", (ReadWrite, false, NotCached)),

@@ -342,6 +342,14 @@ impl<D: Device> Control<D> {
         self.device.start_report().supply_low
     }
 
+    /// Returns true if a new image may confirm itself: it has started as it should, no tick was missed, and the output
+    /// can be driven.
+    pub fn is_healthy(&self) -> bool {
+        let is_faulty = self.player.mute().contains(MuteReason::Fault);
+        let missed = self.device.tick_report().counters.missed;
+        !self.device.start_report().safe_mode && !is_faulty && missed == 0
+    }
+
     fn output(&self, tick: &TickReport) -> OutputStatus {
         OutputStatus {
             activity: self.player.activity(),

@@ -13,7 +13,7 @@
 //! | [`start`] | the start, before anything else |
 //! | [`player`], [`control`] | thread mode, never waits |
 //! | [`requests`] | thread mode, never waits; its jobs are asynchronous |
-//! | [`slots`], [`upload`], [`settings`], [`storage`], [`self_test`] | thread mode, asynchronous |
+//! | [`slots`], [`upload`], [`update`], [`update_requests`], [`settings`], [`storage`], [`self_test`] | thread mode, asynchronous |
 #![no_std]
 #![expect(
     clippy::result_large_err,
@@ -40,6 +40,8 @@ pub mod slots;
 pub mod start;
 pub mod status;
 pub mod storage;
+pub mod update;
+pub mod update_requests;
 pub mod upload;
 mod words;
 

@@ -16,8 +16,9 @@ use model_format::link::{
     ResponseChange, ResponseGetEndpoint, ResponseProposeEndpoint, ResponseSetEndpoint,
     SelfTestEndpoint, SelfTestRequest, SettingsApplyEndpoint, SettingsGetEndpoint,
     SettingsProposeEndpoint, SlotId, SlotsEndpoint, StatusEndpoint, StopEndpoint, UPLOAD_WINDOW,
-    UploadAbortEndpoint, UploadBegin, UploadBeginEndpoint, UploadChunk, UploadChunkEndpoint,
-    UploadCommitEndpoint, UploadProgressEndpoint,
+    UpdateBegin, UpdateBeginEndpoint, UpdateCommitEndpoint, UpdateConfirmEndpoint,
+    UpdateStateEndpoint, UploadAbortEndpoint, UploadBegin, UploadBeginEndpoint, UploadChunk,
+    UploadChunkEndpoint, UploadCommitEndpoint, UploadProgressEndpoint,
 };
 use postcard_rpc::header::{VarHeader, VarKey, VarSeq};
 use postcard_rpc::standard_icd::{ERROR_KEY, PingEndpoint, WireError};
@@ -77,6 +78,14 @@ pub enum Job {
     ResponseSet(ResponseChange),
     /// `SelfTestEndpoint`.
     SelfTest(SelfTestRequest),
+    /// `UpdateBeginEndpoint`.
+    UpdateBegin(UpdateBegin),
+    /// `UpdateCommitEndpoint`.
+    UpdateCommit,
+    /// `UpdateConfirmEndpoint`.
+    UpdateConfirm,
+    /// `UpdateStateEndpoint`.
+    UpdateState,
 }
 
 /// A job with the way of its answer.
@@ -188,6 +197,20 @@ pub async fn work<F: MappedFlash, N: NorFlash, S: Stage>(
             &storage.self_test(stage, bench, request).await,
             answer,
         ),
+        Job::UpdateBegin(begin) => reply::<UpdateBeginEndpoint>(
+            sequence,
+            &storage.update_begin(stage, &begin).await,
+            answer,
+        ),
+        Job::UpdateCommit => {
+            reply::<UpdateCommitEndpoint>(sequence, &storage.update_commit(stage).await, answer)
+        }
+        Job::UpdateConfirm => {
+            reply::<UpdateConfirmEndpoint>(sequence, &storage.update_confirm(stage).await, answer)
+        }
+        Job::UpdateState => {
+            reply::<UpdateStateEndpoint>(sequence, &storage.update_state(stage), answer)
+        }
     }
 }
 
@@ -339,6 +362,10 @@ fn dispatch<S: Stage, L: Link>(
         ListSceneEndpoint::REQ_KEY => request.queue(|list| Some(Job::ListScene(list))),
         ActivateEndpoint::REQ_KEY => request.queue(|slot| Some(Job::Activate(slot))),
         SelfTestEndpoint::REQ_KEY => request.queue(|request| Some(Job::SelfTest(request))),
+        UpdateBeginEndpoint::REQ_KEY => request.queue(|begin| Some(Job::UpdateBegin(begin))),
+        UpdateCommitEndpoint::REQ_KEY => request.queue(|()| Some(Job::UpdateCommit)),
+        UpdateConfirmEndpoint::REQ_KEY => request.queue(|()| Some(Job::UpdateConfirm)),
+        UpdateStateEndpoint::REQ_KEY => request.queue(|()| Some(Job::UpdateState)),
         _ => Err(WireError::UnknownKey),
     }
 }

@@ -105,7 +105,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
         slot: SlotId,
         erases_library: bool,
     ) -> Result<FlashValues, SelfTestError> {
-        if self.upload() != UploadState::Idle {
+        if self.upload() != UploadState::Idle || self.keeps_image().await {
             return Err(SelfTestError::Uploading);
         }
         let slots = self.slot_store();

@@ -16,6 +16,7 @@ use model_format::link::{
 use crate::control::{Control, Device, LoadFault};
 use crate::settings::SettingsStore;
 use crate::slots::{MappedFlash, SlotStore};
+use crate::update::Updates;
 use crate::upload::Uploader;
 
 /// The rest of the device, as requests and storage see it.
@@ -38,9 +39,11 @@ const REST_TIMEOUT_MS: u32 = 500;
 
 /// The two slots and the settings in flash.
 pub struct Storage<F, S: NorFlash> {
-    slots: SlotStore<F>,
+    pub(crate) slots: SlotStore<F>,
     settings: SettingsStore<S>,
-    uploader: Uploader,
+    pub(crate) uploader: Uploader,
+    /// Updates of the image; none without a bootloader.
+    pub(crate) updates: Option<Updates<S>>,
     /// The library in RAM.
     loaded: Option<(SlotId, SlotInfo)>,
 }
@@ -52,6 +55,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
             slots,
             settings,
             uploader: Uploader::new(),
+            updates: None,
             loaded: None,
         }
     }
@@ -65,6 +69,11 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
     pub async fn read_settings(&mut self) -> &SettingsStore<S> {
         self.settings.read().await;
         &self.settings
+    }
+
+    /// Gives the updates back.
+    pub fn take_updates(&mut self) -> Option<Updates<S>> {
+        self.updates.take()
     }
 
     /// The slots.
@@ -181,13 +190,16 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
     /// Serves `UploadBeginEndpoint`.
     ///
     /// # Errors
-    /// As [`Uploader::begin`], or the supply is too low.
+    /// As [`Uploader::begin`], the supply is too low, or the slot keeps an image.
     pub async fn upload_begin(
         &mut self,
         stage: &mut impl Stage,
         begin: UploadBegin,
     ) -> Result<UploadProgress, UploadError> {
         supplied(stage)?;
+        if self.keeps_image().await {
+            return Err(UploadError::Busy);
+        }
         self.slots.scan_once().await;
         let result = self.uploader.begin(&mut self.slots, begin).await;
         stage.with_control(|control| control.set_upload(self.uploader.state()));
@@ -287,7 +299,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
 }
 
 /// Refuses an upload's write while the supply is too low, before the upload changes.
-fn supplied(stage: &impl Stage) -> Result<(), UploadError> {
+pub(crate) fn supplied(stage: &impl Stage) -> Result<(), UploadError> {
     if stage.with_control(|control| control.is_supply_low()) {
         return Err(UploadError::SupplyLow);
     }

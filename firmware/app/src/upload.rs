@@ -126,19 +126,9 @@ impl Uploader {
         &mut self,
         store: &mut SlotStore<F>,
     ) -> Result<UploadCommitted, UploadError> {
-        let Upload {
-            begin,
-            claim,
-            next_offset,
-        } = self.upload.ok_or(UploadError::NotBegun)?;
+        let (slot, _) = self.received()?;
+        let Upload { begin, claim, .. } = self.upload.ok_or(UploadError::NotBegun)?;
         let UploadBegin { length, crc32, .. } = begin;
-        let slot = claim.slot();
-        if next_offset != length {
-            return Err(UploadError::Incomplete {
-                next_offset,
-                length,
-            });
-        }
         self.end(store);
         let sealed = store.seal(claim, length, crc32).await;
         let library = sealed.map_err(|fault| match fault {
@@ -149,6 +139,26 @@ impl Uploader {
             slot,
             sequence: library.sequence,
             textures: library.textures,
+        })
+    }
+
+    /// Slot and length of the upload under way, of which all bytes have arrived.
+    ///
+    /// # Errors
+    /// No upload is under way, or it is not complete.
+    pub fn received(&self) -> Result<(SlotId, u32), UploadError> {
+        let Upload {
+            begin,
+            claim,
+            next_offset,
+        } = self.upload.ok_or(UploadError::NotBegun)?;
+        let length = begin.length;
+        if next_offset == length {
+            return Ok((claim.slot(), length));
+        }
+        Err(UploadError::Incomplete {
+            next_offset,
+            length,
         })
     }
 

@@ -110,7 +110,7 @@ fn inject(fault: u8) {
         PANIC => panic!("asked for"),
         // SAFETY: none is needed: the processor refuses the jump, which is the fault (INVSTATE, ARM DDI 0403E,
         // B1.5.14).
-        BAD_JUMP => unsafe { asm!("bx {}", in(reg) 0x0800_0000, options(noreturn)) },
+        BAD_JUMP => unsafe { asm!("bx {}", in(reg) 0x0802_0000, options(noreturn)) },
         UNEXPECTED_INTERRUPT => {
             // SAFETY: no critical section masks by priority, and the handler is the one for all that have none.
             unsafe { NVIC::unmask(Interrupt::SAI4) };

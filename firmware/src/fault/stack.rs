@@ -9,6 +9,7 @@ use core::ptr::addr_of;
 use core::sync::atomic::{AtomicU32, Ordering};
 
 use cortex_m_rt::STACK_PAINT_VALUE;
+use stylus_boot::map::{self, ACTIVE};
 
 use crate::fault::record::TRACE;
 
@@ -65,7 +66,7 @@ pub fn used_bytes() -> u32 {
 }
 
 /// The flash that the program is in.
-const FLASH: Range<u32> = 0x0800_0000..0x080C_0000;
+const FLASH: Range<u32> = map::FLASH + ACTIVE.start..map::FLASH + ACTIVE.end;
 
 /// The ITCM that code is in, see `tick.x`.
 const ITCM: Range<u32> = 0x400..0x1_0000;

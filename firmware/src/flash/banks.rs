@@ -1,5 +1,5 @@
-//! Drivers of the flash banks for the NorFlash traits: the library slots of bank 2, and the two settings sectors of
-//! bank 1.
+//! Drivers of the flash banks for the NorFlash traits: the library slots of bank 2, and the sectors of bank 1 with
+//! settings and with the record of updates.
 //!
 //! embassy-stm32's own driver waits for an erasure, a second or two, without yielding, and turns an uncorrectable word
 //! into a hard fault. This one follows RM0433 section 4.3. Every wait is bounded. A read after a write comes from the
@@ -23,8 +23,6 @@ use core::slice;
 use cortex_m::peripheral::{DWT, NVIC};
 use cortex_m::register::basepri;
 use embassy_futures::yield_now;
-use embassy_stm32::pac;
-use embassy_stm32::pac::flash::Bank as Registers;
 use embassy_stm32::pac::flash::regs::Sr;
 use embassy_time::{Duration, Instant, Timer};
 use embedded_storage_async::nor_flash::{
@@ -32,8 +30,8 @@ use embedded_storage_async::nor_flash::{
 };
 use model_format::limits::SLOT_BYTES;
 use stylus_app::flash::{BANK_BYTES, SECTOR_BYTES, WORD_BYTES};
-use stylus_app::settings::SETTINGS_RANGE;
 use stylus_app::slots::MappedFlash;
+use stylus_boot::registers::{BANK_1, BANK_2, Bank, words};
 
 use crate::boot::clock::CORE_HZ;
 use crate::boot::{priority, silicon};
@@ -131,154 +129,58 @@ fn length(from: u32, to: u32) -> Result<usize, FlashError> {
         .ok_or(FlashError::Range(OutOfRange::OutOfBounds))
 }
 
-/// A bank, with its registers.
-#[derive(Clone, Copy)]
-struct Bank {
-    index: usize,
-    address: u32,
+/// Reads bytes of words that may fault.
+fn read(bank: Bank, offset: u32, bytes: &mut [u8]) -> Result<(), FlashError> {
+    let mut at = bank.address + offset;
+    let mut rest = bytes;
+    while !rest.is_empty() {
+        let within = at as usize % WORD_BYTES;
+        let word = at - within as u32;
+        let read = word::read(word).ok_or(FlashError::Unreadable { address: word })?;
+        let length = rest.len().min(WORD_BYTES - within);
+        let (now, later) = rest.split_at_mut(length);
+        now.copy_from_slice(&read[within..within + length]);
+        at += length as u32;
+        rest = later;
+    }
+    Ok(())
 }
 
-const BANK_1: Bank = Bank {
-    index: 0,
-    address: 0x0800_0000,
-};
-const BANK_2: Bank = Bank {
-    index: 1,
-    address: 0x0810_0000,
-};
-
-impl Bank {
-    fn registers(self) -> Registers {
-        pac::FLASH.bank(self.index)
+/// Prepares an erasure or a word: checks that the supply holds and the bank is idle, clears old faults, unlocks.
+fn prepare(bank: Bank) -> Result<(), FlashError> {
+    if silicon::is_supply_low() {
+        return Err(FlashError::SupplyLow);
     }
-
-    /// Reads bytes of words that may fault.
-    fn read(self, offset: u32, bytes: &mut [u8]) -> Result<(), FlashError> {
-        let mut at = self.address + offset;
-        let mut rest = bytes;
-        while !rest.is_empty() {
-            let within = at as usize % WORD_BYTES;
-            let word = at - within as u32;
-            let read = word::read(word).ok_or(FlashError::Unreadable { address: word })?;
-            let length = rest.len().min(WORD_BYTES - within);
-            let (now, later) = rest.split_at_mut(length);
-            now.copy_from_slice(&read[within..within + length]);
-            at += length as u32;
-            rest = later;
-        }
-        Ok(())
+    if bank.is_busy() {
+        return Err(FlashError::Timeout);
     }
+    errors::take(bank.index);
+    bank.unlock();
+    Ok(())
+}
 
-    /// Prepares an erasure or a word: checks that the supply holds and the bank is idle, clears old faults, unlocks
-    /// (RM0433 sections 4.3.9 and 4.3.10).
-    fn prepare(self) -> Result<(), FlashError> {
-        if silicon::is_supply_low() {
-            return Err(FlashError::SupplyLow);
-        }
-        let registers = self.registers();
-        if registers.sr().read().qw() {
-            return Err(FlashError::Timeout);
-        }
-        errors::take(self.index);
-        clear(registers);
-        if registers.cr().read().lock() {
-            registers.keyr().write_value(0x4567_0123);
-            registers.keyr().write_value(0xCDEF_89AB);
-        }
-        Ok(())
-    }
+/// Locks the bank and returns the status with which the operation has ended.
+fn end(bank: Bank) -> Result<Sr, FlashError> {
+    errors::take(bank.index);
+    bank.end()
+        .map_err(|status| FlashError::Refused { status: status.0 })
+}
 
-    /// Begins to erase the sector at `offset`.
-    fn begin_erase(self, offset: u32) {
-        self.registers().cr().modify(|w| {
-            w.set_pg(false);
-            w.set_ser(true);
-            w.set_snb((offset as usize / SECTOR_BYTES) as u8);
-        });
-        self.registers().cr().modify(|w| w.set_start(true));
-    }
-
-    /// Writes `word` at `offset`, which is erased. The bank programs it when all of it has arrived. For bank 1 this is
-    /// inlined into ITCM.
-    #[inline(always)]
-    fn begin_program(self, offset: u32, word: &[u32; WORD_BYTES / 4]) {
-        self.registers().cr().modify(|w| {
-            w.set_ser(false);
-            w.set_pg(true);
-        });
-        cortex_m::asm::dsb();
-        let start = (self.address + offset) as *mut u32;
-        for (index, &part) in word.iter().enumerate() {
-            // SAFETY: the callers have checked that the word is in their range. Nothing holds a reference to it,
-            // because references are shared borrows and programming borrows the flash exclusively.
-            unsafe { start.add(index).write_volatile(part) };
-        }
-        cortex_m::asm::dsb();
-    }
-
-    /// Locks the bank and returns the status with which the operation has ended.
-    fn end(self) -> Result<Sr, FlashError> {
-        let registers = self.registers();
-        let status = registers.sr().read();
-        errors::take(self.index);
-        clear(registers);
-        registers.cr().modify(|w| {
-            w.set_pg(false);
-            w.set_ser(false);
-            w.set_lock(true);
-        });
-        if is_fault(status) {
+/// Checks that the sector at `offset` is erased, because an order that a bank does not take ends as one that it has
+/// done. `status` is the one with which the erasure ended.
+async fn check_erased(bank: Bank, offset: u32, status: Sr) -> Result<(), FlashError> {
+    for at in (offset..)
+        .step_by(WORD_BYTES)
+        .take(SECTOR_BYTES / WORD_BYTES)
+    {
+        if word::read(bank.address + at) != Some([0xFF; WORD_BYTES]) {
             return Err(FlashError::Refused { status: status.0 });
         }
-        Ok(status)
-    }
-
-    /// Checks that the sector at `offset` is erased, because an order that a bank does not take ends as one that it has
-    /// done. `status` is the one with which the erasure ended.
-    async fn check_erased(self, offset: u32, status: Sr) -> Result<(), FlashError> {
-        for at in (offset..)
-            .step_by(WORD_BYTES)
-            .take(SECTOR_BYTES / WORD_BYTES)
-        {
-            if word::read(self.address + at) != Some([0xFF; WORD_BYTES]) {
-                return Err(FlashError::Refused { status: status.0 });
-            }
-            if (at as usize).is_multiple_of(WORDS_PER_TURN * WORD_BYTES) {
-                yield_now().await;
-            }
+        if (at as usize).is_multiple_of(WORDS_PER_TURN * WORD_BYTES) {
+            yield_now().await;
         }
-        Ok(())
     }
-}
-
-/// Clears the end-of-operation flag and every fault.
-fn clear(registers: Registers) {
-    registers.ccr().write(|w| {
-        w.set_clr_eop(true);
-        w.set_clr_wrperr(true);
-        w.set_clr_pgserr(true);
-        w.set_clr_strberr(true);
-        w.set_clr_incerr(true);
-        w.set_clr_operr(true);
-        w.set_clr_rdperr(true);
-        w.set_clr_rdserr(true);
-        w.set_clr_sneccerr(true);
-        w.set_clr_dbeccerr(true);
-    });
-}
-
-/// Refused reads, RDPERR and RDSERR, are no faults: owners of revision V see them at 400 MHz with two wait states where
-/// nothing is protected. Where they come with an order that was not taken, the status of [`FlashError::Refused`] has
-/// them.
-fn is_fault(status: Sr) -> bool {
-    status.wrperr() | status.pgserr() | status.strberr() | status.incerr() | status.operr()
-}
-
-fn words(bytes: &[u8]) -> impl Iterator<Item = [u32; WORD_BYTES / 4]> {
-    bytes.as_chunks::<WORD_BYTES>().0.iter().map(|word| {
-        let mut parts = word.as_chunks::<4>().0.iter();
-        core::array::from_fn(|_| parts.next().map_or(0, |part| u32::from_le_bytes(*part)))
-    })
+    Ok(())
 }
 
 /// Bank 2: slot A and slot B.
@@ -297,7 +199,7 @@ impl Bank2 {
 
     async fn wait(limit: Duration, pause: Option<Duration>) -> Result<(), FlashError> {
         let begin = Instant::now();
-        while BANK_2.registers().sr().read().qw() {
+        while BANK_2.is_busy() {
             // Saturating, because the time driver may be late by half a period.
             if Instant::now().saturating_duration_since(begin) > limit {
                 return Err(FlashError::Timeout);
@@ -320,7 +222,7 @@ impl ReadNorFlash for Bank2 {
 
     async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), FlashError> {
         check(offset, bytes.len(), Self::READ_SIZE, Self::RANGE)?;
-        BANK_2.read(offset, bytes)
+        read(BANK_2, offset, bytes)
     }
 
     fn capacity(&self) -> usize {
@@ -337,12 +239,12 @@ impl NorFlash for Bank2 {
         for sector in (from..to).step_by(Self::ERASE_SIZE) {
             // An erasure whose caller gave up ends first.
             Self::wait(ERASE_LIMIT, Some(Duration::from_millis(1))).await?;
-            BANK_2.prepare()?;
+            prepare(BANK_2)?;
             BANK_2.begin_erase(sector);
             let waited = Self::wait(ERASE_LIMIT, Some(Duration::from_millis(1))).await;
-            let status = BANK_2.end()?;
+            let status = end(BANK_2)?;
             waited?;
-            BANK_2.check_erased(sector, status).await?;
+            check_erased(BANK_2, sector, status).await?;
         }
         Ok(())
     }
@@ -351,10 +253,10 @@ impl NorFlash for Bank2 {
         check(offset, bytes.len(), Self::WRITE_SIZE, Self::RANGE)?;
         for (at, word) in (offset..).step_by(WORD_BYTES).zip(words(bytes)) {
             Self::wait(ERASE_LIMIT, None).await?;
-            BANK_2.prepare()?;
+            prepare(BANK_2)?;
             BANK_2.begin_program(at, &word);
             let waited = Self::wait(PROGRAM_LIMIT, None).await;
-            BANK_2.end()?;
+            end(BANK_2)?;
             waited?;
         }
         Ok(())
@@ -372,29 +274,29 @@ impl MappedFlash for Bank2 {
     }
 }
 
-/// The settings' sectors of bank 1. Offsets count from the start of the bank.
-pub struct SettingsFlash(());
+/// Sectors of bank 1: the settings', or those of the record of updates. Offsets count from the start of the bank.
+pub struct Bank1(Range<u32>);
 
-impl SettingsFlash {
-    /// The only value of this type.
+impl Bank1 {
+    /// The sectors of `range`.
     ///
     /// # Safety
-    /// Called once.
-    pub const unsafe fn new() -> Self {
-        Self(())
+    /// Called once per sector, and no code lies there.
+    pub const unsafe fn new(range: Range<u32>) -> Self {
+        Self(range)
     }
 }
 
-impl ErrorType for SettingsFlash {
+impl ErrorType for Bank1 {
     type Error = FlashError;
 }
 
-impl ReadNorFlash for SettingsFlash {
+impl ReadNorFlash for Bank1 {
     const READ_SIZE: usize = 1;
 
     async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), FlashError> {
-        check(offset, bytes.len(), Self::READ_SIZE, SETTINGS_RANGE)?;
-        BANK_1.read(offset, bytes)
+        check(offset, bytes.len(), Self::READ_SIZE, self.0.clone())?;
+        read(BANK_1, offset, bytes)
     }
 
     fn capacity(&self) -> usize {
@@ -402,28 +304,28 @@ impl ReadNorFlash for SettingsFlash {
     }
 }
 
-impl NorFlash for SettingsFlash {
+impl NorFlash for Bank1 {
     const WRITE_SIZE: usize = WORD_BYTES;
     const ERASE_SIZE: usize = SECTOR_BYTES;
 
     async fn erase(&mut self, from: u32, to: u32) -> Result<(), FlashError> {
-        check(from, length(from, to)?, Self::ERASE_SIZE, SETTINGS_RANGE)?;
+        check(from, length(from, to)?, Self::ERASE_SIZE, self.0.clone())?;
         for sector in (from..to).step_by(Self::ERASE_SIZE) {
-            BANK_1.prepare()?;
+            prepare(BANK_1)?;
             let done = erase_without_code(sector);
-            let status = BANK_1.end()?;
+            let status = end(BANK_1)?;
             in_time(done)?;
-            BANK_1.check_erased(sector, status).await?;
+            check_erased(BANK_1, sector, status).await?;
         }
         Ok(())
     }
 
     async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), FlashError> {
-        check(offset, bytes.len(), Self::WRITE_SIZE, SETTINGS_RANGE)?;
+        check(offset, bytes.len(), Self::WRITE_SIZE, self.0.clone())?;
         for (at, word) in (offset..).step_by(WORD_BYTES).zip(words(bytes)) {
-            BANK_1.prepare()?;
+            prepare(BANK_1)?;
             let done = program_without_code(at, &word);
-            BANK_1.end()?;
+            end(BANK_1)?;
             in_time(done)?;
             yield_now().await;
         }
@@ -475,7 +377,7 @@ fn wait_without_code(limit_ms: u32) -> bool {
     for _ in 0..limit_ms {
         let begin = DWT::cycle_count();
         while DWT::cycle_count().wrapping_sub(begin) < CORE_HZ / 1000 {
-            if !BANK_1.registers().sr().read().qw() {
+            if !BANK_1.is_busy() {
                 return true;
             }
         }

@@ -7,22 +7,28 @@
 
 use core::cell::RefCell;
 
+use cortex_m::peripheral::SCB;
 use embassy_executor::Spawner;
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::ThreadModeRawMutex;
 use embassy_sync::channel::Channel;
 use embassy_sync::signal::Signal;
 use embassy_time::{Duration, Instant, Ticker, Timer, with_timeout};
+use model_format::link::ImageVersion;
 use static_cell::{ConstStaticCell, StaticCell};
 use stylus_app::control::{Control, Device};
 use stylus_app::requests::{Frame, QUEUED_JOBS, QueuedJob, work};
 use stylus_app::settings::{SETTINGS_RANGE, SettingsStore};
 use stylus_app::slots::SlotStore;
 use stylus_app::storage::{Stage, Storage};
+use stylus_app::update::{Running, Updates};
+use stylus_boot::map::{self, RECORDS};
+use stylus_boot::record;
 
 use crate::device::Hardware;
 use crate::fault::heat;
-use crate::flash::banks::{Bank2, SettingsFlash};
+use crate::flash::banks::{Bank1, Bank2};
+use crate::flash::word;
 use crate::link::wire::Wire;
 use crate::self_test::Measured;
 use crate::tick;
@@ -44,7 +50,7 @@ pub fn with_control<R>(what: impl FnOnce(&mut Control<Hardware>) -> R) -> R {
 /// Jobs that wait. Of a host that sends the next request after the answer one waits at most.
 pub static QUEUE: Channel<ThreadModeRawMutex, QueuedJob, QUEUED_JOBS> = Channel::new();
 
-type Stores = Storage<Bank2, SettingsFlash>;
+type Stores = Storage<Bank2, Bank1>;
 
 #[unsafe(link_section = ".sram4.stores")]
 static STORES: StaticCell<Stores> = StaticCell::new();
@@ -52,15 +58,35 @@ static STORES: StaticCell<Stores> = StaticCell::new();
 /// Longest wait for the newest library before the links open. It takes far less.
 const LIBRARY_FIRST: Duration = Duration::from_millis(500);
 
+/// Interval of looks at the end of a trial.
+const TRIAL_POLL: Duration = Duration::from_secs(1);
+
+/// Time for the last answer to leave, and for the output to come to mid-scale.
+const RESTART_AFTER: Duration = Duration::from_millis(100);
+
+/// Key that an update must be signed with; `build.rs` writes it.
+const KEY: [u8; 32] = include!(concat!(env!("OUT_DIR"), "/key.rs"));
+
 static ACTIVATED: Signal<ThreadModeRawMutex, ()> = Signal::new();
 
 /// Opens the stores, starts the tasks that poll and that serve jobs, and waits until the newest library is active, if
 /// that does not take long.
-pub async fn start(spawner: Spawner, hardware: Hardware) {
-    // SAFETY: nothing else calls them, and this runs once.
-    let (slots, settings) = unsafe { (Bank2::new(), SettingsFlash::new()) };
+pub async fn start(spawner: Spawner, hardware: Hardware, takes_unsigned: bool) {
+    // SAFETY: nothing else calls them, and this runs once. The ranges lie behind the code.
+    let (slots, settings, records) = unsafe {
+        (
+            Bank2::new(),
+            Bank1::new(SETTINGS_RANGE),
+            Bank1::new(RECORDS),
+        )
+    };
     let settings = SettingsStore::unread(settings, SETTINGS_RANGE);
+    let mut records = record::Store::open(records, RECORDS).await;
+    // One that cannot be kept now is tried again at the next start.
+    let _ = records.settle().await;
+    let updates = Updates::new(records, running(takes_unsigned));
     let stores = STORES.init(Storage::new(SlotStore::unread(slots), settings));
+    stores.set_updates(updates);
     let settings = stores.read_settings().await;
     let safe_mode = hardware.start_report().safe_mode;
     let (values, state) = (settings.settings(), settings.state());
@@ -98,7 +124,14 @@ async fn serve(stores: &'static mut Stores, safe_mode: bool) -> ! {
     ACTIVATED.signal(());
     let answer = ANSWER.take();
     loop {
-        let job = QUEUE.receive().await;
+        stores.end_trial(&mut ControlStage).await;
+        if stores.wants_restart() {
+            restart().await;
+        }
+        // Woken now and then for the end of a trial.
+        let Ok(job) = with_timeout(TRIAL_POLL, QUEUE.receive()).await else {
+            continue;
+        };
         let wire = Wire::of(job.from);
         let length = work(stores, &mut ControlStage, &mut Measured, job, answer).await;
         if let Some(length) = length {
@@ -106,6 +139,31 @@ async fn serve(stores: &'static mut Stores, safe_mode: bool) -> ! {
             wire.send(&answer[..length]).await;
         }
     }
+}
+
+/// The running image, and what it trusts.
+fn running(takes_unsigned: bool) -> Running {
+    let numbers = || {
+        let word = word::read(map::FLASH + map::BOOTLOADER_VERSION)?;
+        let [magic, numbers @ ..] = word.first_chunk::<16>()?.as_chunks::<4>().0 else {
+            return None;
+        };
+        (u32::from_le_bytes(*magic) == map::VERSION_MAGIC)
+            .then(|| core::array::from_fn(|index| u32::from_le_bytes(numbers[index]) as u16))
+    };
+    Running {
+        image: ImageVersion::read(env!("CARGO_PKG_VERSION")).unwrap_or_default(),
+        bootloader: numbers().map(ImageVersion::new),
+        key: KEY,
+        takes_unsigned,
+    }
+}
+
+/// Restarts with the amplifier off, once the answer has left.
+async fn restart() -> ! {
+    with_control(|control| control.device().set_amplifier(false));
+    Timer::after(RESTART_AFTER).await;
+    SCB::sys_reset()
 }
 
 /// The rest of the device, as requests and storage see it.

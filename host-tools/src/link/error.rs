@@ -4,7 +4,8 @@ use std::time::Duration;
 
 use model_format::link::{
     ActivateError, ListError, MotionRefused, PlayError, ProbeError, RecordError, ResponseError,
-    SelfTestError, SettingsError, StopError, USB_PRODUCT_ID, USB_VENDOR_ID, UploadError,
+    SelfTestError, SettingsError, StopError, USB_PRODUCT_ID, USB_VENDOR_ID, UpdateError,
+    UploadError,
 };
 use postcard_rpc::standard_icd::WireError;
 
@@ -168,6 +169,9 @@ pub enum LinkError {
     /// The device refuses an upload.
     #[error("the device refuses the upload: {0}")]
     Upload(Box<UploadError>),
+    /// The device refuses an update.
+    #[error("the device refuses the update: {0}")]
+    Update(Box<UpdateError>),
     /// The device cannot list a texture or scene.
     #[error("the device cannot list its content: {0}")]
     List(Box<ListError>),
@@ -246,6 +250,7 @@ macro_rules! boxed {
 
 boxed! {
     Upload(UploadError),
+    Update(UpdateError),
     List(ListError),
     Activate(ActivateError),
     Play(PlayError),

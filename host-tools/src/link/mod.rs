@@ -15,6 +15,7 @@
 //! | `version` | differences of version between device and host, and the older side |
 //! | [`Device`] | every request as a function, with its timeout |
 //! | [`upload`] | upload of a library, resumed after broken links, and read back |
+//! | [`update`] | update of the image, up to its confirmation |
 //! | [`play`] | motions at a fixed rate, keep-alives, and why a play counts as failed |
 //! | [`capture`] | the record stream and its losses |
 //! | [`calibrate`] | values of the coil, and zeros of the sensors, measured and verified |
@@ -43,6 +44,7 @@ pub mod self_test;
 pub mod set;
 pub mod settings;
 pub mod strokes;
+pub mod update;
 pub mod upload;
 mod usb;
 mod version;

@@ -69,18 +69,37 @@ pub fn upload_over(
         next_offset: 0,
         committing: false,
     };
-    let (mut furthest, mut failures, mut retries) = (0, 0, 0);
-    let (slot, info, textures) = loop {
+    let ((slot, info, textures), retries) = retried(device, |device| {
         let outcome = run
             .go_on(device, &mut progress)
             .and_then(|(slot, info)| Ok((slot, info, read_back(device, slot, &info, library)?)));
+        (outcome, run.next_offset)
+    })?;
+    Ok(Uploaded {
+        slot,
+        library: info,
+        textures,
+        resumed_from: run.resumed_from.unwrap_or(0),
+        retries,
+    })
+}
+
+/// Repeats `attempt`, which also gives the device's next offset, as long as its failures pass and it gets on. Returns
+/// its result, and the number of times that it was repeated.
+pub(super) fn retried<T>(
+    device: &mut Device,
+    mut attempt: impl FnMut(&Device) -> (Result<T>, u32),
+) -> Result<(T, u32)> {
+    let (mut furthest, mut failures, mut retries) = (0, 0, 0);
+    loop {
+        let (outcome, next_offset) = attempt(device);
         let failure = match outcome {
-            Ok(done) => break done,
+            Ok(done) => return Ok((done, retries)),
             Err(failure) if is_passing(&failure) => failure,
             Err(failure) => return Err(failure),
         };
-        if run.next_offset > furthest {
-            (furthest, failures) = (run.next_offset, 0);
+        if next_offset > furthest {
+            (furthest, failures) = (next_offset, 0);
         }
         failures += 1;
         retries += 1;
@@ -90,14 +109,7 @@ pub fn upload_over(
         if !matches!(failure, LinkError::Upload(_)) {
             device.reconnect()?;
         }
-    };
-    Ok(Uploaded {
-        slot,
-        library: info,
-        textures,
-        resumed_from: run.resumed_from.unwrap_or(0),
-        retries,
-    })
+    }
 }
 
 /// Returns true for a failure after which the upload can go on from the device's offset.

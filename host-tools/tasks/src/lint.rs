@@ -4,13 +4,15 @@ use anyhow::Result;
 
 use crate::guest::{self, Processor};
 use crate::toolchain::{Toolchain, check_clippy};
+use crate::workspace::Folders;
 use crate::{firmware, process, workspace};
 
 /// The packages of the workspace that run on the target.
-const PACKAGES: [&str; 6] = [
+const PACKAGES: [&str; 7] = [
     "model-format",
     "stylus-kernel",
     "stylus-app",
+    "stylus-boot",
     "stylus-realtime",
     "stylus-firmware",
     "kernel-vectors",
@@ -41,7 +43,9 @@ pub fn check_target(toolchain: &Toolchain) -> Result<()> {
     let target_folder = workspace::target_folder(PROCESSOR.name());
     let mut guest = toolchain.cargo("clippy", &guest::folder(), &target_folder);
     guest.arg("--release");
-    for command in [&mut packages, &mut image, &mut guest] {
+    let mut bootloader =
+        firmware::bootloader(toolchain, "clippy", &Folders::here(firmware::FOLDER));
+    for command in [&mut packages, &mut image, &mut bootloader, &mut guest] {
         command.arg("--quiet");
         command.env("RUSTFLAGS", guest::compiler_flags(PROCESSOR));
         process::run(command.args(["--", "--deny", "warnings"]))?;

@@ -34,6 +34,13 @@ enum Task {
         #[arg(long)]
         fault_injection: bool,
     },
+    /// Build the image, and write the signed file for `stylus update`
+    Image(firmware::UpdateArguments),
+    /// Make a pair of keys for signing updates: the secret one in a new file, the public one beside it
+    Keys {
+        /// The new file; keep it where nobody else reads it
+        file: PathBuf,
+    },
     /// Build the image here and in another folder, and compare the bytes (some minutes)
     Reproducible,
     /// Build the image, flash it with probe-rs, and show its log
@@ -99,6 +106,16 @@ fn main() -> ExitCode {
         Task::Firmware {
             fault_injection: true,
         } => build_firmware(Image::FaultInjection).map(drop),
+        Task::Image(arguments) => build_firmware(Image::Product)
+            .and_then(|file| firmware::write_update(&file, &arguments))
+            .map(|written| println!("{}", written.display())),
+        Task::Keys { file } => firmware::make_keys(&file).map(|public| {
+            println!(
+                "{}: secret, signs updates: cargo tasks image --key",
+                file.display()
+            );
+            println!("{}: for builds: STYLUS_UPDATE_KEY", public.display());
+        }),
         Task::Reproducible => Toolchain::find()
             .and_then(|toolchain| firmware::check_reproducible(&toolchain))
             .map(|bytes| println!("the same {bytes} bytes from two folders")),

@@ -24,6 +24,7 @@ mod status;
 #[cfg(test)]
 mod tests;
 mod units;
+mod update;
 mod upload;
 
 use postcard_rpc::{TopicDirection, endpoints, standard_icd, topics};
@@ -75,6 +76,11 @@ pub use status::{
     Activity, CycleRange, CycleReport, DeviceInfo, Fault, FaultKind, FaultText, Levels,
     LinkCounters, Marks, OutputStatus, ProductName, RecordCounters, ResetReason, Serial, Status,
     TICK_BIN_COUNT, TICK_BIN_CYCLES, TickCounters, TickHistogram, VersionText,
+};
+pub use update::{
+    BOARD, DEVELOPMENT_SEED, EXCHANGE_MS, HEADER_BYTES, ImageHeader, ImageVersion, MAX_IMAGE_BYTES,
+    SIGNATURE_BYTES, SIGNED_BYTES, TRIAL_MS, UNSIGNED, UpdateBegin, UpdateError, UpdatePhase,
+    UpdateReport,
 };
 pub use upload::{
     CHUNK_ALIGN, FlashOperation, MAX_CHUNK_BYTES, UPLOAD_WINDOW, UploadBegin, UploadChunk,
@@ -143,6 +149,9 @@ type ProbeLoadResult = Result<(), ProbeError>;
 type ProbeStartResult = Result<ProbeStarted, ProbeError>;
 type ProposedResult = Result<u32, ResponseError>;
 type ResponseResult = Result<ResponseState, ResponseError>;
+type UpdateResult = Result<UploadProgress, UpdateError>;
+type UpdateStateResult = Option<UpdateReport>;
+type UpdatedResult = Result<UpdateReport, UpdateError>;
 type SelfTestResult = Result<SelfTestValues, SelfTestError>;
 
 endpoints! {
@@ -175,6 +184,10 @@ endpoints! {
     | ResponseProposeEndpoint | Response        | ProposedResult    | "stylus/response/propose" |
     | ResponseSetEndpoint     | ResponseChange  | ResponseResult    | "stylus/response/set"     |
     | SelfTestEndpoint        | SelfTestRequest | SelfTestResult    | "stylus/selftest"         |
+    | UpdateBeginEndpoint     | UpdateBegin     | UpdateResult      | "stylus/update/begin"     |
+    | UpdateCommitEndpoint    | ()              | UpdatedResult     | "stylus/update/commit"    |
+    | UpdateConfirmEndpoint   | ()              | UpdatedResult     | "stylus/update/confirm"   |
+    | UpdateStateEndpoint     | ()              | UpdateStateResult | "stylus/update/state"     |
 }
 
 topics! {

@@ -18,7 +18,7 @@ use crate::scene::SceneName;
 use crate::{AdcCode, SAMPLE_RATE_HZ};
 
 /// postcard-rpc's header with the longest key and sequence number: one byte, eight and four.
-const HEADER_BYTES: usize = 13;
+const FRAME_HEADER_BYTES: usize = 13;
 
 /// Largest length of a value of this type, bytes, if no text has more than `text` bytes and no sequence more than
 /// `items` elements.
@@ -60,7 +60,7 @@ fn capacity<const N: usize>(_: fn(heapless::String<N>)) -> usize {
 #[test]
 fn every_message_fits_a_frame() {
     fn fits<T: Schema + ?Sized>(text: usize, frame: usize) {
-        let length = longest(T::SCHEMA, [text, SETTING_COUNT]) + HEADER_BYTES;
+        let length = longest(T::SCHEMA, [text, SETTING_COUNT]) + FRAME_HEADER_BYTES;
         assert!(length <= frame, "{}: {length} bytes", T::SCHEMA.name);
     }
     fn to_host<E: postcard_rpc::Endpoint>(text: usize)
@@ -101,6 +101,12 @@ fn every_message_fits_a_frame() {
     to_host::<ResponseProposeEndpoint>(0);
     to_host::<ResponseSetEndpoint>(0);
     to_host::<SelfTestEndpoint>(reason);
+    to_host::<UpdateBeginEndpoint>(reason);
+    to_host::<UpdateCommitEndpoint>(reason);
+    to_host::<UpdateConfirmEndpoint>(reason);
+    to_host::<UpdateStateEndpoint>(0);
+    // Header and signature with their length, checksum, and flag.
+    const { assert!(2 + SIGNED_BYTES + 5 + 1 + FRAME_HEADER_BYTES <= MAX_HOST_FRAME_BYTES) };
     fits::<PlayRequest>(name, MAX_HOST_FRAME_BYTES);
     fits::<MotionSample>(0, MAX_HOST_FRAME_BYTES);
     fits::<SettingsChange>(0, MAX_HOST_FRAME_BYTES);
@@ -109,7 +115,7 @@ fn every_message_fits_a_frame() {
     // Offset, length and samples of a part of a probe.
     const { assert!(3 + 2 + 3 * PROBE_CHUNK_SAMPLES + HEADER_BYTES <= MAX_HOST_FRAME_BYTES) };
     // Offset, length and bytes of a chunk.
-    const { assert!(5 + 2 + MAX_CHUNK_BYTES + HEADER_BYTES <= MAX_HOST_FRAME_BYTES) };
+    const { assert!(5 + 2 + MAX_CHUNK_BYTES + FRAME_HEADER_BYTES <= MAX_HOST_FRAME_BYTES) };
 }
 
 proptest! {
@@ -145,7 +151,7 @@ fn a_record_block_takes_less_than_400_bytes_whatever_is_in_it() {
     let length = postcard::to_slice(&block(u16::MAX, u32::MAX), &mut [0; 4096])
         .expect("no message is so long")
         .len();
-    assert!(length + HEADER_BYTES <= 400, "{length} bytes");
+    assert!(length + FRAME_HEADER_BYTES <= 400, "{length} bytes");
     // At the serial rate, 10 bits per byte, blocks take less than three quarters of the line.
     let bytes_per_second = SAMPLE_RATE_HZ / BLOCK_SAMPLES as u32 * (length as u32 + 20);
     assert!(bytes_per_second * 10 < SERIAL_BAUD / 4 * 3);

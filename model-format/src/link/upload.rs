@@ -185,8 +185,8 @@ pub enum UploadError {
         /// The slot.
         slot: SlotId,
     },
-    /// The other slot's library is being activated.
-    #[error("a library is being activated: try again in a moment")]
+    /// The other slot's library is being activated, or an update is not confirmed.
+    #[error("a library is being activated, or an update is not confirmed: try again in a minute")]
     Busy,
     /// A supply too low to write flash.
     #[error(

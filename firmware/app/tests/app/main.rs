@@ -21,4 +21,5 @@ mod slot_faults;
 mod slots;
 mod speed;
 mod start;
+mod update;
 mod upload;

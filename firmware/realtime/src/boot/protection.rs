@@ -10,7 +10,7 @@
 //! | ITCM | read, execute | normal | code of the tick, copied before |
 //! | null: the first KB | none | strongly ordered | left free in `tick.x`, so that a null pointer faults |
 //! | flash, bank 1 | read, execute | write-back | code; 2 |
-//! | settings in bank 1 | read, write | not cached | 3 |
+//! | record of updates, and settings, in bank 1 | read, write | not cached | 3 |
 //! | flash, bank 2 | read, write | not cached | slots of libraries; 3 |
 //! | identity | read | not cached | serial number and factory calibration (RM0433 chapter 61) |
 //! | DTCM | read, write | normal | stack, data, vectors; 4 |
@@ -130,11 +130,12 @@ impl Region {
 }
 
 /// The regions, see the table above. The part has room for 16 (DS12110 section 3.2).
-pub const REGIONS: [Region; 12] = [
+pub const REGIONS: [Region; 13] = [
     Region::new(0, 32, Access::Nothing, Memory::StronglyOrdered),
     Region::of_code(0x0000_0000, 16, Memory::NotCached),
     Region::new(0x0000_0000, 10, Access::Nothing, Memory::StronglyOrdered),
     Region::of_code(0x0800_0000, 20, Memory::WriteBack),
+    Region::new(0x0808_0000, 18, Access::ReadWrite, Memory::NotCached),
     Region::new(0x080C_0000, 18, Access::ReadWrite, Memory::NotCached),
     Region::new(0x0810_0000, 20, Access::ReadWrite, Memory::NotCached),
     Region::new(0x1FF1_E800, 11, Access::Read, Memory::NotCached),

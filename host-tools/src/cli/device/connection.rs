@@ -64,6 +64,23 @@ impl Link {
         self.open(&link, timeouts)
     }
 
+    /// Connects as [`Link::connect`] does, also to a stylus that speaks another protocol, by a link of this command
+    /// alone.
+    ///
+    /// # Errors
+    /// No stylus is attached, or several are and none is named, or the link cannot be opened.
+    pub fn connect_to_any(&self) -> Result<Device> {
+        let link = match &self.link {
+            Some(link) => link.clone(),
+            None => discovery::only(&Route::Direct)?.0,
+        };
+        Ok(Device::connect_to_any(
+            &link,
+            self.timeouts(),
+            Route::Alone,
+        )?)
+    }
+
     /// Connects to the stylus by a link of this command alone, where it cannot be shared: for what must always find a
     /// way.
     ///

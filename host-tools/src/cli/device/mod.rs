@@ -8,6 +8,7 @@ pub mod selftest;
 pub mod settings;
 pub mod slots;
 pub mod status;
+pub mod update;
 pub mod upload;
 
 use clap::Subcommand;
@@ -25,6 +26,8 @@ pub enum Command {
     Record(record::Arguments),
     /// Upload a library to the stylus, and read it back
     Upload(upload::Arguments),
+    /// Update the stylus's image, signed, and confirm it once it runs
+    Update(update::Arguments),
     /// List the libraries and textures in the stylus, or make another library the active one
     Slots(slots::Arguments),
     /// Play a texture or a scene until Ctrl-C, along the sensors' motion or a given one
@@ -51,6 +54,7 @@ pub fn run(command: &Command) -> Result<()> {
         Command::Devices(arguments) => devices(arguments),
         Command::Record(arguments) => record::run(arguments),
         Command::Upload(arguments) => upload::run(arguments),
+        Command::Update(arguments) => update::run(arguments),
         Command::Slots(arguments) => slots::run(arguments),
         Command::Play(arguments) => play::run(arguments),
         Command::Stop(arguments) => stop(arguments),

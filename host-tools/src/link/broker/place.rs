@@ -25,7 +25,6 @@ pub(super) struct Place {
     /// The device's address, the same whichever way the user has written it.
     pub(super) address: LinkAddress,
     /// The socket.
-    #[cfg_attr(not(unix), expect(dead_code, reason = "there are none"))]
     pub(super) socket: PathBuf,
     /// The lock, which the broker holds as long as it lives, and which names its clients.
     lock: PathBuf,

@@ -49,6 +49,8 @@ pub struct Device {
     address: LinkAddress,
     route: Route,
     info: DeviceInfo,
+    /// True if the device may speak another protocol.
+    is_any: bool,
     runtime: Option<Runtime>,
 }
 
@@ -66,18 +68,38 @@ impl Device {
     /// # Errors
     /// As [`Device::connect`], and a route that cannot be had.
     pub fn connect_by(address: &LinkAddress, timeouts: Timeouts, route: Route) -> Result<Self> {
+        Self::connect_as(address, timeouts, route, false)
+    }
+
+    /// Opens the link by this route also to a device that speaks another protocol, as long as both know the request
+    /// that is made: those of an update do not change.
+    ///
+    /// # Errors
+    /// As [`Device::connect_by`].
+    pub fn connect_to_any(address: &LinkAddress, timeouts: Timeouts, route: Route) -> Result<Self> {
+        Self::connect_as(address, timeouts, route, true)
+    }
+
+    fn connect_as(
+        address: &LinkAddress,
+        timeouts: Timeouts,
+        route: Route,
+        is_any: bool,
+    ) -> Result<Self> {
         let runtime = tokio::runtime::Builder::new_multi_thread()
             .worker_threads(1)
             .thread_name("stylus-link")
             .enable_all()
             .build()
             .map_err(LinkError::Host)?;
-        let (requester, info) = runtime.block_on(Self::identify(address, timeouts, &route))?;
+        let (requester, info) =
+            runtime.block_on(Self::identify(address, timeouts, &route, is_any))?;
         Ok(Self {
             requester,
             address: address.clone(),
             route,
             info,
+            is_any,
             runtime: Some(runtime),
         })
     }
@@ -86,6 +108,7 @@ impl Device {
         address: &LinkAddress,
         timeouts: Timeouts,
         route: &Route,
+        is_any: bool,
     ) -> Result<(Requester, DeviceInfo)> {
         let health = Arc::new(Health::default());
         let requester = Requester {
@@ -98,7 +121,7 @@ impl Device {
             .request::<InfoEndpoint>("identity", timeouts.answer, &())
             .await
             .inspect_err(|_| requester.close())?;
-        match Mismatch::of_protocol(&info) {
+        match Mismatch::of_protocol(&info).filter(|_| !is_any) {
             None => Ok((requester, info)),
             Some(mismatch) => {
                 requester.close();
@@ -119,10 +142,12 @@ impl Device {
         let timeouts = self.requester.timeouts;
         let begin = Instant::now();
         loop {
-            match self
-                .runtime()
-                .block_on(Self::identify(&self.address, timeouts, &self.route))
-            {
+            match self.runtime().block_on(Self::identify(
+                &self.address,
+                timeouts,
+                &self.route,
+                self.is_any,
+            )) {
                 Ok((requester, info)) if info.serial == self.info.serial => {
                     (self.requester, self.info) = (requester, info);
                     return Ok(());

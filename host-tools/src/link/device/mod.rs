@@ -5,6 +5,7 @@
 mod connection;
 mod requests;
 mod response;
+mod update;
 mod upload;
 
 pub use connection::{Device, Timeouts};

@@ -20,6 +20,31 @@ pub struct Use {
     pub size: u64,
 }
 
+/// The bytes that the ELF file `image` has for the flash from the address `start` on, below `end`; gaps are ones.
+///
+/// # Errors
+/// The bytes are no image, or it has nothing there.
+pub fn flashed(image: &[u8], start: u64, end: u64) -> Result<Vec<u8>> {
+    let file = ElfFile32::<Endianness>::parse(image)?;
+    let endian = file.endian();
+    let mut bytes = Vec::new();
+    for segment in file.elf_header().program_headers(endian, file.data())? {
+        let at = u64::from(segment.p_paddr(endian));
+        let data = segment.data(endian, file.data()).unwrap_or_default();
+        if segment.p_type(endian) != elf::PT_LOAD || data.is_empty() || !(start..end).contains(&at)
+        {
+            continue;
+        }
+        let (from, to) = ((at - start) as usize, (at - start) as usize + data.len());
+        bytes.resize(bytes.len().max(to), 0xFF);
+        bytes[from..to].copy_from_slice(data);
+    }
+    if bytes.is_empty() {
+        bail!("the image has nothing from {start:#x} on");
+    }
+    Ok(bytes)
+}
+
 /// All memories of an image.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Memory(Vec<Use>);
@@ -28,19 +53,24 @@ pub struct Memory(Vec<Use>);
 const MAP: &str = include_str!("../../../../memory.x");
 
 /// The shown name of each memory, and its name in the map.
-const SHOWN: [(&str, &str); 4] = [
+const SHOWN: [(&str, &str); 5] = [
+    ("bootloader", "BOOTLOADER"),
     ("flash", "FLASH"),
     ("ITCM", "ITCM"),
     ("DTCM, data", "RAM"),
     ("DTCM, stack", "STACK"),
 ];
 
-/// The most bytes that the product's image may take of a memory: two images and a loader are to fit into bank 1, and
-/// the ITCM is to have room for what comes.
-const LIMITS: [(&str, u64); 2] = [("flash", 300 * 1024), ("ITCM", 56 * 1024)];
+/// The most bytes that the product's image and its bootloader may take of a memory, so that there is room for what
+/// comes.
+const LIMITS: [(&str, u64); 3] = [
+    ("bootloader", 32 * 1024),
+    ("flash", 340 * 1024),
+    ("ITCM", 56 * 1024),
+];
 
 /// First address and length of the region called `name` in the map.
-fn region(name: &str) -> Option<(u64, u64)> {
+pub(super) fn region(name: &str) -> Option<(u64, u64)> {
     let line = MAP
         .lines()
         .find(|line| line.split_whitespace().next() == Some(name))?;
@@ -156,7 +186,7 @@ mod tests {
         for (_, name) in SHOWN {
             assert!(region(name).is_some_and(|(_, size)| size > 0), "{name}");
         }
-        assert_eq!(region("FLASH").map(|(start, _)| start), Some(0x0800_0000));
+        assert_eq!(region("FLASH").map(|(start, _)| start), Some(0x0802_0000));
         assert_eq!(region("NOTHING"), None);
     }
 

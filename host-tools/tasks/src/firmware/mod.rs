@@ -3,8 +3,10 @@
 mod memory;
 mod placement;
 mod reproducible;
+mod update_file;
 
 use std::path::{Path, PathBuf};
+use std::process::Command;
 
 use anyhow::{Context, Result};
 
@@ -15,6 +17,7 @@ use crate::workspace::{Folders, TARGET};
 pub use memory::{Memory, Use};
 pub use placement::check as check_placement;
 pub use reproducible::check as check_reproducible;
+pub use update_file::{Arguments as UpdateArguments, make_keys, signed, write as write_update};
 
 /// The part's name for probe-rs.
 const CHIP: &str = "STM32H743ZITx";
@@ -78,28 +81,57 @@ pub fn build_saying(toolchain: &Toolchain, image: Image, progress: Progress) -> 
     Ok(kept)
 }
 
+/// Cargo for a package that is flashed, with the flags of all of them.
+fn cargo(toolchain: &Toolchain, subcommand: &str, package: &str, folders: &Folders) -> Command {
+    let mut cargo = toolchain.cargo(subcommand, &folders.sources, &folders.target);
+    cargo.args(["--package", package, "--profile", PROFILE]);
+    cargo.env("CARGO_HOME", &folders.cargo_home);
+    cargo.env(
+        "CARGO_ENCODED_RUSTFLAGS",
+        folders.compiler_flags(&["-C", "target-cpu=cortex-m7"]),
+    );
+    cargo
+}
+
+/// Cargo for the bootloader.
+pub(crate) fn bootloader(toolchain: &Toolchain, subcommand: &str, folders: &Folders) -> Command {
+    let mut cargo = cargo(toolchain, subcommand, "stylus-boot", folders);
+    cargo.args(["--features", "image"]);
+    cargo
+}
+
+/// Builds the bootloader, and returns the file with its bytes.
+fn build_bootloader(
+    toolchain: &Toolchain,
+    folders: &Folders,
+    progress: Progress,
+) -> Result<PathBuf> {
+    process::run(bootloader(toolchain, "build", folders).args(progress.argument()))?;
+    let built = folders.target.join(TARGET).join("firmware/stylus-boot");
+    let bytes = read(&process::built(built)?)?;
+    let kept = folders.target.join("stylus-boot.bin");
+    let (start, end) = memory::region("BOOTLOADER").context("memory.x has no bootloader")?;
+    std::fs::write(&kept, memory::flashed(&bytes, start, start + end)?)?;
+    Ok(kept)
+}
+
 fn build_in(
     toolchain: &Toolchain,
     image: Image,
     folders: &Folders,
     progress: Progress,
 ) -> Result<PathBuf> {
-    let mut cargo = toolchain.cargo("build", &folders.sources, &folders.target);
+    let bootloader = build_bootloader(toolchain, folders, progress)?;
+    let mut cargo = cargo(toolchain, "build", "stylus-image", folders);
     cargo.args(progress.argument());
-    cargo.args(["--package", "stylus-image", "--profile", PROFILE]);
     cargo.args(["--features", image.features()]);
-    cargo.env("CARGO_HOME", &folders.cargo_home);
-    cargo.env(
-        "CARGO_ENCODED_RUSTFLAGS",
-        folders.compiler_flags(&["-C", "target-cpu=cortex-m7"]),
-    );
+    cargo.env("STYLUS_BOOTLOADER", bootloader);
     // Without this variable defmt leaves out all but errors.
     if std::env::var_os("DEFMT_LOG").is_none() {
         cargo.env("DEFMT_LOG", "info");
     }
     process::run(&mut cargo)?;
-    let target = folders.target.join(Path::new(TARGET));
-    let built = target.join("firmware/stylus-firmware");
+    let built = folders.target.join(TARGET).join("firmware/stylus-firmware");
     // All variants are built under one name, so that each gets a copy under its own.
     let kept = folders.target.join(image.file_name());
     std::fs::copy(process::built(built)?, &kept)?;
@@ -146,7 +178,7 @@ pub fn probe_rs() -> Result<PathBuf> {
 pub fn download(file: &Path) -> Result<()> {
     let program = probe_rs()?;
     let probe = |subcommand: &str| {
-        let mut command = std::process::Command::new(&program);
+        let mut command = Command::new(&program);
         command.args([subcommand, "--chip", CHIP]);
         command
     };
@@ -159,7 +191,7 @@ pub fn download(file: &Path) -> Result<()> {
 /// # Errors
 /// probe-rs is missing or fails.
 pub fn flash(file: &Path) -> Result<()> {
-    let mut command = std::process::Command::new(probe_rs()?);
+    let mut command = Command::new(probe_rs()?);
     command.args(PROBE_RS).arg(file);
     process::run(&mut command)
 }

@@ -13,7 +13,7 @@ use std::process::Command;
 
 use anyhow::{Context, Result, bail};
 
-use crate::firmware::{self, Image};
+use crate::firmware::{self, Image, UpdateArguments};
 use crate::toolchain::Toolchain;
 use crate::workspace::{self, Folders};
 use crate::{browser_module, process};
@@ -76,6 +76,10 @@ pub struct Arguments {
     /// Build these parts alone
     #[arg(long, value_delimiter = ',')]
     only: Vec<Part>,
+    /// The secret key that signs the update, whose public one STYLUS_UPDATE_KEY names; needless with --dev, which takes
+    /// the development key
+    #[arg(long)]
+    key: Option<PathBuf>,
     /// Fail if a checksum differs from that of the same file in this list, of another build of the same commit
     #[arg(long, value_name = "SHA256SUMS")]
     against: Option<PathBuf>,
@@ -85,6 +89,7 @@ pub struct Arguments {
 struct Build {
     is_dev: bool,
     out: PathBuf,
+    key: Option<PathBuf>,
     folders: Folders,
     /// The commit's time, s since 1970, in place of each instant that a file would hold.
     epoch: String,
@@ -104,6 +109,9 @@ pub fn run(arguments: &Arguments) -> Result<PathBuf> {
         check_clean()?;
     }
     check_tools(parts)?;
+    if parts.contains(&Part::Image) && !arguments.dev {
+        check_key(arguments.key.as_deref())?;
+    }
     let against = arguments
         .against
         .as_deref()
@@ -116,6 +124,7 @@ pub fn run(arguments: &Arguments) -> Result<PathBuf> {
             .out
             .clone()
             .unwrap_or_else(|| folders.target.join("files")),
+        key: arguments.key.clone(),
         folders,
         epoch: git(&["show", "-s", "--format=%ct", "HEAD"])?,
         date: git(&["show", "-s", "--format=%cs", "HEAD"])?,
@@ -146,11 +155,13 @@ fn part_of(part: Part, build: &Build) -> Result<()> {
     match part {
         Part::Image => {
             let image = firmware::build(&Toolchain::find()?, Image::Product)?;
-            keep(
-                &image,
-                &build.out,
-                Some(&format!("stylus-image-{version}.elf")),
-            )
+            let name = format!("stylus-image-{version}.elf");
+            keep(&image, &build.out, Some(&name))?;
+            let signed = UpdateArguments {
+                key: build.key.clone(),
+                out: Some(build.out.join(format!("stylus-update-{version}.image"))),
+            };
+            firmware::write_update(&image, &signed).map(drop)
         }
         Part::Wheel => wheel::build(build).map(drop),
         Part::Module => {
@@ -193,6 +204,18 @@ fn check_clean() -> Result<()> {
         );
     }
     Ok(())
+}
+
+/// Checks that the update is signed by a key of one's own, which the image trusts: everybody has the development key.
+fn check_key(key: Option<&Path>) -> Result<()> {
+    let public = std::env::var_os("STYLUS_UPDATE_KEY").map(PathBuf::from);
+    match (key, public) {
+        (Some(key), Some(public)) if key.with_extension("pub") == public => Ok(()),
+        _ => bail!(
+            "an image is released with a key of your own, which `cargo tasks keys FILE` makes: set STYLUS_UPDATE_KEY \
+             to FILE.pub, and give --key FILE"
+        ),
+    }
 }
 
 /// Checks that all tools are there, so that nothing is found missing after an hour.

@@ -27,6 +27,7 @@ mod settings;
 mod soak;
 mod start;
 mod ticks;
+mod update;
 mod upload;
 mod usb;
 mod usb_client;

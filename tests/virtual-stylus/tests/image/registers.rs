@@ -57,7 +57,7 @@ fn block(ir: &IR, name: &str, at: u64, found: &mut BTreeMap<u64, Described>) {
                     let fields = register.fieldset.map_or(all, |name| fields(ir, name));
                     let shift = 8 * (at & 3);
                     let entry = found.entry(at & !3).or_default();
-                    entry.name = item.name.to_owned();
+                    item.name.clone_into(&mut entry.name);
                     entry.fields |= fields << shift;
                 }
             }
@@ -133,7 +133,7 @@ fn svd(part: &impl Mcu, address: u64) -> Option<Described> {
         let shift = 8 * (register.offset & 3);
         let entry = described.get_or_insert_with(Described::default);
         entry.name = format!("{} {}", peripheral.name, register.name);
-        let fields = register.fields.iter().map(|field| field.mask());
+        let fields = register.fields.iter().map(rigless::soc::FieldSpec::mask);
         entry.fields |= fields.fold(0, |all, mask| all | mask) << shift;
         entry.reset |= register.reset << shift;
     }

@@ -174,8 +174,15 @@ impl Device {
     /// does with [`UPLOAD_WINDOW`](model_format::link::UPLOAD_WINDOW).
     pub fn upload_ahead(&mut self, library: &[u8], window: usize) -> UploadCommitted {
         self.begin_upload(library);
+        self.send_ahead(library, window);
+        self.request::<UploadCommitEndpoint>(&())
+            .expect("a valid library")
+    }
+
+    /// Sends all chunks of `bytes`, up to `window` of them before the answer to the first.
+    pub fn send_ahead(&mut self, bytes: &[u8], window: usize) {
         let offsets = (0..).step_by(MAX_CHUNK_BYTES);
-        let mut chunks = library.chunks(MAX_CHUNK_BYTES).zip(offsets);
+        let mut chunks = bytes.chunks(MAX_CHUNK_BYTES).zip(offsets);
         let mut on_their_way = VecDeque::new();
         loop {
             while on_their_way.len() < window
@@ -192,8 +199,6 @@ impl Device {
                 .expect("the link holds")
                 .expect("the chunk that is due");
         }
-        self.request::<UploadCommitEndpoint>(&())
-            .expect("a valid library")
     }
 
     pub fn activate(&mut self, slot: SlotId) -> Activated {

@@ -7,7 +7,8 @@ use host_tools::support::error::Result;
 use model_format::link::{
     Activity, ClockSource, DeviceInfo, FLASH_SUPPLY_MV, Fault, LEAST_BROWN_OUT_LEVEL, LeaseStatus,
     Levels, LinkCounters, Marks, MotionSource, MuteReason, OutputLimits, OutputStatus,
-    SettingChange, SettingsChange, SettingsState, StartReport, Status, UploadState,
+    SettingChange, SettingsChange, SettingsState, StartReport, Status, UpdatePhase, UpdateReport,
+    UploadState,
 };
 use serde::Serialize;
 
@@ -43,6 +44,8 @@ struct StatusReport<'a> {
     status: &'a Status,
     /// The response that is stored, if any.
     response: Option<Summary>,
+    /// Images and update; none without a bootloader.
+    update: Option<UpdateReport>,
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
@@ -52,6 +55,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
     let status = device.status()?;
     let response = Summary::of(&device.response()?);
+    let update = device.update_state()?;
     if arguments.json {
         return print_json(&StatusReport {
             link: device.address().to_string(),
@@ -59,9 +63,10 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             muted: status.output.mute.iter().map(|r| r.to_string()).collect(),
             status: &status,
             response,
+            update,
         });
     }
-    let mut text = text(device.info(), &status);
+    let mut text = text(device.info(), &status, update);
     if let Some(response) = response {
         text += &format!("\nresponse {}", response.line());
     }
@@ -69,7 +74,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 }
 
 /// The status with one line per subject.
-fn text(info: &DeviceInfo, status: &Status) -> String {
+fn text(info: &DeviceInfo, status: &Status, update: Option<UpdateReport>) -> String {
     let mut lines = vec![
         format!(
             "{} {}: firmware {} ({}), protocol {}, libraries of format {}",
@@ -82,6 +87,7 @@ fn text(info: &DeviceInfo, status: &Status) -> String {
         ),
         format!("up       {}", uptime(status)),
     ];
+    lines.extend(update.map(|update| format!("update   {}", self::update(update))));
     if let Some(fault) = &status.fault {
         lines.push(self::fault(fault));
     }
@@ -295,6 +301,40 @@ pub fn settings(state: &SettingsState) -> impl Iterator<Item = String> + use<> {
     [refusal, differing, mended, unwritable]
         .into_iter()
         .flatten()
+}
+
+/// Both versions, and the state of the update.
+fn update(report: UpdateReport) -> String {
+    let phase = match report.phase {
+        UpdatePhase::Confirmed => "confirmed".to_owned(),
+        UpdatePhase::Committed { version } => format!("{version} follows at the restart"),
+        UpdatePhase::Trial { left_ms, .. } => {
+            format!(
+                "ON TRIAL for {} s more: a reset puts the one before back",
+                left_ms / 1000
+            )
+        }
+        UpdatePhase::RolledBack { version, cause } => {
+            format!("put back, because {version} was reset on its trial, by: {cause}")
+        }
+    };
+    let bootloader = report
+        .bootloader
+        .map_or("none".to_owned(), |version| version.to_string());
+    let key = if report.trusts_development_key {
+        "; trusts the DEVELOPMENT KEY, so everybody's images"
+    } else {
+        ""
+    };
+    let unsigned = if report.takes_unsigned {
+        "; takes an unsigned image until the next reset"
+    } else {
+        ""
+    };
+    format!(
+        "image {}, bootloader {bootloader}, {phase}{key}{unsigned}",
+        report.image
+    )
 }
 
 fn uptime(status: &Status) -> String {

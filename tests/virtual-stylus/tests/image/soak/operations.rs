@@ -81,7 +81,7 @@ fn play_from_host(world: &mut World) {
 
 /// One texture or scene after the other, each before the one before has settled.
 fn switch(world: &mut World) {
-    for _ in 0..1 + world.below(4) {
+    for _ in 0..=world.below(4) {
         world.play(MotionSource::Sensors);
         world.pass(120);
     }

@@ -1,0 +1,181 @@
+//! Requests of an update, which need slots, uploads and the record together.
+
+use embassy_futures::yield_now;
+use embedded_storage_async::nor_flash::NorFlash;
+use model_format::link::{
+    SlotId, TRIAL_MS, UpdateBegin, UpdateError, UpdateReport, UploadBegin, UploadProgress,
+};
+use salty::Sha512;
+use stylus_boot::record::{Record, mark};
+
+use crate::control::Control;
+use crate::flash::WORD_BYTES;
+use crate::slots::{MappedFlash, SlotStore};
+use crate::storage::{Stage, Storage, supplied};
+use crate::update::Updates;
+
+/// Bytes of an image that are hashed between two turns of other tasks.
+const STRIDE_BYTES: u32 = 4096;
+
+impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
+    /// Allows `updates`: the device has a bootloader.
+    pub fn set_updates(&mut self, updates: Updates<S>) {
+        self.updates = Some(updates);
+    }
+
+    /// Returns true while no slot may be erased, because of an update.
+    pub(crate) async fn keeps_image(&mut self) -> bool {
+        let Some(updates) = self.updates.as_mut() else {
+            return false;
+        };
+        updates.is_pending() || updates.store.settle().await.is_err()
+    }
+
+    /// Returns true once the device is to restart, after its answer has been sent.
+    pub fn wants_restart(&self) -> bool {
+        let updates = self.updates.as_ref();
+        updates.is_some_and(|updates| updates.wants_restart)
+    }
+
+    /// Serves `UpdateStateEndpoint`.
+    pub fn update_state(&self, stage: &impl Stage) -> Option<UpdateReport> {
+        let updates = self.updates.as_ref()?;
+        Some(updates.report(stage.now_us()))
+    }
+
+    /// Serves `UpdateBeginEndpoint`. The chunks are those of an upload.
+    ///
+    /// # Errors
+    /// The image is not one that this device takes, something is played, or the flash cannot be erased.
+    pub async fn update_begin(
+        &mut self,
+        stage: &mut impl Stage,
+        begin: &UpdateBegin,
+    ) -> Result<UploadProgress, UpdateError> {
+        supplied(stage)?;
+        let is_kept = self.keeps_image().await;
+        let updates = self.updates.as_mut().ok_or(UpdateError::NoBootloader)?;
+        if is_kept {
+            return Err(UpdateError::Unconfirmed);
+        }
+        let header = updates.running.check(begin)?;
+        updates.begun = Some(header);
+        at_rest(stage)?;
+        self.slots.scan_once().await;
+        let upload = UploadBegin {
+            length: header.length,
+            crc32: begin.crc32,
+            replaces_last: true,
+        };
+        let begun = self.uploader.begin(&mut self.slots, upload).await;
+        stage.with_control(|control| {
+            control.end_self_test();
+            control.set_upload(self.uploader.state());
+        });
+        Ok(begun?)
+    }
+
+    /// Serves `UpdateCommitEndpoint`: checks the image in flash, asks the bootloader for it, and for a restart.
+    ///
+    /// # Errors
+    /// No update was begun, chunks are missing, the image is not the signed one, something is played, or the flash
+    /// fails. The running image stays.
+    pub async fn update_commit(
+        &mut self,
+        stage: &mut impl Stage,
+    ) -> Result<UpdateReport, UpdateError> {
+        supplied(stage)?;
+        let updates = self.updates.as_mut().ok_or(UpdateError::NoBootloader)?;
+        let header = updates.begun.ok_or(UpdateError::NotBegun)?;
+        let (slot, length) = self.uploader.received()?;
+        at_rest(stage)?;
+        self.uploader.abort(&mut self.slots);
+        let is_signed = length == header.length
+            && digest(&mut self.slots, slot, length).await == Some(header.digest);
+        let asked = if is_signed {
+            let version = header.version.numbers();
+            let record = Record::marked(mark::SWAP, slot.index() as u8, version);
+            let kept = updates.store.replace(record).await;
+            kept.map_err(|_| UpdateError::NotKept)
+        } else {
+            Err(UpdateError::Digest)
+        };
+        updates.begun = None;
+        stage.with_control(|control| control.set_upload(self.uploader.state()));
+        if let Err(error) = asked {
+            stage.with_control(Control::end_self_test);
+            return Err(error);
+        }
+        // Until the restart nothing can be played.
+        (updates.is_committed, updates.wants_restart) = (true, true);
+        Ok(updates.report(stage.now_us()))
+    }
+
+    /// Serves `UpdateConfirmEndpoint`: from now on a reset does not put the image before back.
+    ///
+    /// # Errors
+    /// No image is on trial, something is played, or the flash fails.
+    pub async fn update_confirm(
+        &mut self,
+        stage: &mut impl Stage,
+    ) -> Result<UpdateReport, UpdateError> {
+        supplied(stage)?;
+        let updates = self.updates.as_mut().ok_or(UpdateError::NoBootloader)?;
+        if !updates.is_on_trial() {
+            return Err(UpdateError::NotOnTrial);
+        }
+        at_rest(stage)?;
+        let Record { slot, version, .. } = updates.store.record();
+        let confirmed = Record::marked(mark::BOOT, slot, version);
+        let kept = updates.store.replace(confirmed).await;
+        stage.with_control(Control::end_self_test);
+        kept.map_err(|_| UpdateError::NotKept)?;
+        Ok(updates.report(stage.now_us()))
+    }
+
+    /// At the end of a trial: confirms the image if it is healthy, else asks for a restart, which puts the one before
+    /// back. While something is played it does nothing.
+    pub async fn end_trial(&mut self, stage: &mut impl Stage) {
+        let now_ms = stage.now_us() / 1000;
+        let Some(updates) = self
+            .updates
+            .as_mut()
+            .filter(|updates| updates.is_on_trial())
+        else {
+            return;
+        };
+        if now_ms < TRIAL_MS {
+            return;
+        }
+        if stage.with_control(|control| control.is_healthy()) {
+            // What cannot be kept now is tried again.
+            let _ = self.update_confirm(stage).await;
+        } else if at_rest(stage).is_ok() {
+            updates.wants_restart = true;
+        }
+    }
+}
+
+/// Keeps everything from being played until `Control::end_self_test`.
+fn at_rest(stage: &impl Stage) -> Result<(), UpdateError> {
+    let begun = stage.with_control(Control::begin_self_test);
+    begun.map_err(|_| UpdateError::Playing)
+}
+
+/// SHA-512 of the first `length` bytes of `slot`; none if one cannot be read.
+async fn digest<F: MappedFlash>(
+    slots: &mut SlotStore<F>,
+    slot: SlotId,
+    length: u32,
+) -> Option<[u8; 64]> {
+    let mut digest = Sha512::new();
+    for offset in (0..length).step_by(WORD_BYTES) {
+        let word = slots.word(slot, offset).await?;
+        let left = (length - offset) as usize;
+        digest.update(&word[..left.min(WORD_BYTES)]);
+        if offset.is_multiple_of(STRIDE_BYTES) {
+            yield_now().await;
+        }
+    }
+    Some(digest.finalize())
+}

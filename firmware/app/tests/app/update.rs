@@ -1,0 +1,512 @@
+//! Updates: what the device refuses before anything is erased, and the bootloader on flash that loses power.
+
+use std::pin::pin;
+use std::task::{Context, Poll, Waker};
+
+use embassy_futures::block_on;
+use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash};
+use embedded_storage_async::nor_flash::{
+    NorFlash as AsyncNorFlash, ReadNorFlash as AsyncReadNorFlash,
+};
+use fake_stylus::device::{SteppedStylus, play_request};
+use fake_stylus::flash::{
+    Cut, Memory, Mishap, Operation, SECTOR_BYTES, SimulatedError, SimulatedFlash,
+};
+use fake_stylus::library;
+use model_format::link::{
+    DEVELOPMENT_SEED, ImageVersion, LIBRARY_CRC, MAX_CHUNK_BYTES, MAX_IMAGE_BYTES, ResetReason,
+    SIGNED_BYTES, SlotId, TRIAL_MS, UNSIGNED, UpdateBegin, UpdateError, UpdatePhase, UpdateReport,
+    UploadChunk, UploadError,
+};
+use proptest::prelude::*;
+use stylus_app::update::{DEVELOPMENT_KEY, Running, Updates, sign};
+use stylus_boot::loader;
+use stylus_boot::map::{ACTIVE, RECORDS, SLOTS, WORD_BYTES};
+use stylus_boot::record::{Record, Store, mark};
+
+const FLASH_BYTES: usize = 2 * stylus_boot::map::BANK_BYTES;
+const VERSION: ImageVersion = ImageVersion::new([2, 3, 4]);
+
+/// A driver of the simulated flash that blocks, until power is lost.
+struct Blocking<'a>(SimulatedFlash<'a>);
+
+impl Blocking<'_> {
+    /// After a loss of power nothing is done any more.
+    fn operate<R>(
+        &mut self,
+        operation: impl AsyncFnOnce(&mut SimulatedFlash<'_>) -> Result<R, SimulatedError>,
+    ) -> Result<R, NorFlashErrorKind> {
+        if self.0.fate.is_off() {
+            return Err(NorFlashErrorKind::Other);
+        }
+        let polled = polled(operation(&mut self.0));
+        polled.and_then(Result::ok).ok_or(NorFlashErrorKind::Other)
+    }
+}
+
+/// The result of `work`; none if power is lost, after which it waits forever.
+fn polled<R>(work: impl Future<Output = R>) -> Option<R> {
+    // Many times the operations of one call.
+    const POLLS: usize = 10_000;
+    let mut work = pin!(work);
+    let mut poll = || {
+        let mut context = Context::from_waker(Waker::noop());
+        work.as_mut().poll(&mut context)
+    };
+    (0..POLLS).find_map(|_| match poll() {
+        Poll::Ready(done) => Some(done),
+        Poll::Pending => None,
+    })
+}
+
+impl ErrorType for Blocking<'_> {
+    type Error = NorFlashErrorKind;
+}
+
+impl ReadNorFlash for Blocking<'_> {
+    const READ_SIZE: usize = 1;
+
+    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), NorFlashErrorKind> {
+        self.operate(async |flash| AsyncReadNorFlash::read(flash, offset, bytes).await)
+    }
+
+    fn capacity(&self) -> usize {
+        FLASH_BYTES
+    }
+}
+
+impl NorFlash for Blocking<'_> {
+    const WRITE_SIZE: usize = WORD_BYTES;
+    const ERASE_SIZE: usize = SECTOR_BYTES;
+
+    fn erase(&mut self, from: u32, to: u32) -> Result<(), NorFlashErrorKind> {
+        self.operate(async |flash| AsyncNorFlash::erase(flash, from, to).await)
+    }
+
+    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), NorFlashErrorKind> {
+        self.operate(async |flash| AsyncNorFlash::write(flash, offset, bytes).await)
+    }
+}
+
+/// Bytes of an image, or of anything else, that `seed` tells from others.
+fn pattern(seed: u32, length: usize) -> Vec<u8> {
+    let byte = |at: usize| (at as u32 ^ seed).wrapping_mul(0x9E37_79B9) >> 24;
+    (0..length).map(|at| byte(at) as u8).collect()
+}
+
+fn program(memory: &mut Memory, offset: u32, bytes: &[u8]) {
+    for (index, data) in bytes.chunks(WORD_BYTES).enumerate() {
+        let mut word = [0xFF; WORD_BYTES];
+        word[..data.len()].copy_from_slice(data);
+        let word = Operation::Write {
+            word: offset as usize / WORD_BYTES + index,
+            data: word,
+        };
+        memory.perform(word, Cut::After);
+    }
+}
+
+/// A device with an image, a library in the first slot, settings, and a committed update in the second slot.
+struct Committed {
+    memory: Memory,
+    old: Vec<u8>,
+    new: Vec<u8>,
+}
+
+fn committed() -> Committed {
+    let mut memory = Memory::blank(FLASH_BYTES);
+    let (old, new) = (pattern(1, ACTIVE.len()), pattern(2, 290_000));
+    program(&mut memory, ACTIVE.start, &old);
+    program(&mut memory, RECORDS.end, &pattern(3, 2 * SECTOR_BYTES));
+    program(&mut memory, SLOTS[0].start, &pattern(4, SLOTS[0].len()));
+    program(&mut memory, SLOTS[1].start, &new);
+    let mut new = new;
+    new.resize(ACTIVE.len(), 0xFF);
+    let memory = recorded(memory, Record::marked(mark::SWAP, 1, [2, 3, 5]));
+    Committed { memory, old, new }
+}
+
+/// `memory` with this record.
+fn recorded(memory: Memory, record: Record) -> Memory {
+    block_on(async {
+        let mut store = Store::open(SimulatedFlash::new(memory), RECORDS).await;
+        store.replace(record).await.expect("it is kept");
+        store.into_flash().memory
+    })
+}
+
+fn record(memory: &Memory) -> Record {
+    block_on(Store::open(SimulatedFlash::new(memory.clone()), RECORDS)).record()
+}
+
+fn part(memory: &Memory, range: std::ops::Range<u32>) -> &[u8] {
+    &memory.bytes()[range.start as usize..range.end as usize]
+}
+
+/// Runs the bootloader, with a mishap; returns the flash after it, and true if the power held.
+fn boot(memory: Memory, mishap: Option<(usize, Cut)>) -> (Memory, bool) {
+    let flash = SimulatedFlash::new(memory);
+    if let Some((operations, cut)) = mishap {
+        flash.fate.strike(operations, Mishap::Cut(cut));
+    }
+    let mut flash = Blocking(flash);
+    let prepared = loader::prepare(&mut flash, 1 << 2, || {});
+    let holds = !flash.0.fate.is_off();
+    assert!(prepared.is_ok() || !holds, "{prepared:?}");
+    (flash.0.memory, holds)
+}
+
+/// All operations of the bootloader on `memory`.
+fn operations(memory: &Memory) -> Vec<Operation> {
+    let mut seen = Vec::new();
+    let observed = SimulatedFlash::observed(memory.clone(), |_, operation| seen.push(operation));
+    loader::prepare(Blocking(observed), 0, || {}).expect("the flash works");
+    seen
+}
+
+/// Numbers of operations at which cuts may differ: all but the words within a copied sector, of which each end counts.
+fn edges(operations: &[Operation]) -> Vec<usize> {
+    let is_inner = |operation: &Operation| match operation {
+        Operation::Erase { .. } => false,
+        Operation::Write { word, .. } => {
+            let offset = (word * WORD_BYTES) as u32;
+            let at = word * WORD_BYTES % SECTOR_BYTES;
+            !RECORDS.contains(&offset) && (WORD_BYTES..SECTOR_BYTES - WORD_BYTES).contains(&at)
+        }
+    };
+    let numbers = operations.iter().enumerate();
+    numbers
+        .filter(|(_, operation)| !is_inner(operation))
+        .map(|(number, _)| number)
+        .collect()
+}
+
+/// Boots `before` with each of these cuts, then to the end. Asserts that a whole image is active and everything else is
+/// as it was, and returns the flash, and true if the active image is the new one.
+fn survives(before: &Memory, cuts: &[(usize, Cut)], images: &Committed) -> (Memory, bool) {
+    let cut = |memory, cut: &(usize, Cut)| boot(memory, Some(*cut)).0;
+    let (after, holds) = boot(cuts.iter().fold(before.clone(), cut), None);
+    let active = part(&after, ACTIVE);
+    let is_new = active == images.new;
+    assert!(holds && (is_new || active == images.old), "{cuts:?}");
+    for kept in [
+        RECORDS.end..SLOTS[0].start,
+        SLOTS[0].clone(),
+        0..ACTIVE.start,
+    ] {
+        assert!(part(&after, kept.clone()) == part(before, kept), "{cuts:?}");
+    }
+    (after, is_new)
+}
+
+/// A cut at the end of an exchange is a reset on the trial, which puts the old image back.
+fn check_exchange(images: &Committed, numbers: &[usize], last: usize, cuts: usize) {
+    let mut counts = [0; 2];
+    for (case, &number) in numbers.iter().enumerate() {
+        for cut in kinds(case, cuts) {
+            let (after, is_new) = survives(&images.memory, &[(number, cut)], images);
+            assert!(is_new || number == last, "{cut:?} at {number}");
+            counts[usize::from(is_new)] += 1;
+            if is_new && case.is_multiple_of(8) {
+                let (after, _) = boot(after, None);
+                assert!(part(&after, ACTIVE) == images.old, "{cut:?} at {number}");
+                assert_eq!(record(&after).marks[0], mark::REVERT);
+            }
+        }
+    }
+    println!("{counts:?} times the old and the new image");
+}
+
+/// So many kinds of cuts, from one on that differs from case to case.
+fn kinds(case: usize, count: usize) -> impl Iterator<Item = Cut> {
+    (case..case + count).map(|kind| Cut::WITH_UNSTABLE[kind % 5])
+}
+
+fn check_way_back(images: &Committed, cuts: usize, numbers: impl Fn(&[Operation]) -> Vec<usize>) {
+    let (trial, _) = boot(images.memory.clone(), None);
+    let numbers = numbers(&operations(&trial));
+    for (case, &number) in numbers.iter().enumerate() {
+        for cut in kinds(case, cuts) {
+            let (after, is_new) = survives(&trial, &[(number, cut)], images);
+            let Record { cause, version, .. } = record(&after);
+            assert_eq!((is_new, cause, version), (false, 1 << 2, [2, 3, 5]));
+        }
+    }
+    println!("{} times the old image", cuts * numbers.len());
+}
+
+#[test]
+fn a_cut_at_any_operation_of_an_exchange_or_of_the_way_back_ends_with_a_whole_image() {
+    let images = committed();
+    let operations = operations(&images.memory);
+    check_exchange(&images, &edges(&operations), operations.len() - 1, 5);
+    check_way_back(&images, 5, edges);
+}
+
+#[test]
+#[ignore = "minutes: every third operation"]
+fn a_cut_at_every_third_operation_ends_with_a_whole_image() {
+    let images = committed();
+    let count = operations(&images.memory).len();
+    let thirds = |count| (0..count).step_by(3).collect::<Vec<_>>();
+    check_exchange(&images, &thirds(count), count - 1, 1);
+    check_way_back(&images, 1, |operations| thirds(operations.len()));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    #[test]
+    fn two_cuts_of_an_exchange_end_with_a_whole_image(
+        first in 0..24_600_usize, second in 0..24_600_usize, cuts in (0..5_usize, 0..5_usize),
+    ) {
+        let [one, other] = [cuts.0, cuts.1].map(|cut| Cut::WITH_UNSTABLE[cut]);
+        let images = committed();
+        survives(&images.memory, &[(first, one), (second, other)], &images);
+    }
+
+    #[test]
+    fn a_record_is_the_old_one_or_the_new_one_after_a_cut_and_stays_so_once_it_is_settled(
+        records in 0..600_usize, at in 0..4_usize, cut in 0..5_usize, seed: u64,
+    ) {
+        let numbered = |number: usize| Record::marked(mark::BOOT, 0, [number as u16; 3]);
+        let mut memory = Memory::blank(RECORDS.end as usize);
+        memory.seed(seed);
+        let mut store = block_on(Store::open(SimulatedFlash::new(memory), RECORDS));
+        for number in 0..=records {
+            block_on(store.replace(numbered(number))).expect("it is kept");
+        }
+        let flash = store.into_flash();
+        flash.fate.strike(at, Mishap::Cut(Cut::WITH_UNSTABLE[cut]));
+        let mut store = block_on(Store::open(flash, RECORDS));
+        let has_power = polled(store.replace(numbered(records + 1))).is_some();
+        let memory = store.into_flash().memory;
+        let mut store = block_on(Store::open(SimulatedFlash::new(memory), RECORDS));
+        block_on(store.settle()).expect("the flash works");
+        let settled = store.record();
+        prop_assert!(settled == numbered(records + 1) || !has_power && settled == numbered(records));
+        let mut flash = store.into_flash();
+        for _ in 0..10 {
+            let store = block_on(Store::open(flash, RECORDS));
+            prop_assert_eq!(store.record(), settled);
+            flash = store.into_flash();
+        }
+        let mut store = block_on(Store::open(flash, RECORDS));
+        block_on(store.replace(numbered(9999))).expect("the flash works");
+        let store = block_on(Store::open(store.into_flash(), RECORDS));
+        prop_assert_eq!(store.record(), numbered(9999));
+    }
+}
+
+const RUNNING: Running = Running {
+    image: VERSION,
+    bootloader: Some(VERSION),
+    key: DEVELOPMENT_KEY,
+    takes_unsigned: false,
+};
+
+/// A device with a bootloader that has left `record`.
+fn stylus(running: Running, record: Record) -> SteppedStylus {
+    let mut stylus = SteppedStylus::ready(&library::library(1, 4, 1));
+    let memory = recorded(Memory::blank(RECORDS.end as usize), record);
+    let store = block_on(Store::open(SimulatedFlash::new(memory), RECORDS));
+    stylus.storage.set_updates(Updates::new(store, running));
+    stylus
+}
+
+fn announced(image: &[u8], signed: [u8; SIGNED_BYTES]) -> UpdateBegin {
+    UpdateBegin {
+        signed: signed.iter().copied().collect(),
+        crc32: LIBRARY_CRC.checksum(image),
+        allow_downgrade: false,
+    }
+}
+
+fn update(
+    stylus: &mut SteppedStylus,
+    image: &[u8],
+    begin: &UpdateBegin,
+) -> Result<UpdateReport, UpdateError> {
+    stylus.request(async |storage, stage| {
+        storage.update_begin(stage, begin).await?;
+        for (offset, data) in (0..)
+            .step_by(MAX_CHUNK_BYTES)
+            .zip(image.chunks(MAX_CHUNK_BYTES))
+        {
+            storage
+                .upload_chunk(stage, UploadChunk { offset, data })
+                .await?;
+        }
+        storage.update_commit(stage).await
+    })
+}
+
+fn state(stylus: &mut SteppedStylus) -> UpdateReport {
+    let state = stylus.request(async |storage, stage| storage.update_state(stage));
+    state.expect("it has a bootloader")
+}
+
+#[test]
+fn an_image_that_the_device_does_not_take_is_refused_before_anything_is_erased() {
+    let image = pattern(5, 3_000);
+    let good = sign(&image, VERSION, &DEVELOPMENT_SEED);
+    let older = ImageVersion::new([2, 3, 3]);
+    let long = vec![0; MAX_IMAGE_BYTES as usize + 1];
+    let changed = |at: usize| {
+        let mut signed = good;
+        signed[at] ^= 1;
+        signed
+    };
+    let mut unsigned = good;
+    unsigned[100..].copy_from_slice(&UNSIGNED);
+    let offered = older;
+    let refused = [
+        (changed(0), UpdateError::NotAnImage),
+        (changed(9), UpdateError::Board),
+        (
+            sign(&[], VERSION, &DEVELOPMENT_SEED),
+            UpdateError::Length { length: 0 },
+        ),
+        (
+            sign(&long, VERSION, &DEVELOPMENT_SEED),
+            UpdateError::Length {
+                length: long.len() as u32,
+            },
+        ),
+        (changed(40), UpdateError::Signature),
+        (changed(120), UpdateError::Signature),
+        (sign(&image, VERSION, &[7; 32]), UpdateError::Signature),
+        (unsigned, UpdateError::Signature),
+        (
+            sign(&image, older, &DEVELOPMENT_SEED),
+            UpdateError::Downgrade {
+                running: VERSION,
+                offered,
+            },
+        ),
+    ];
+    let mut stylus = stylus(RUNNING, Record::NONE);
+    let slots = stylus.storage.slots();
+    for (signed, expected) in refused {
+        let refused = update(&mut stylus, &image, &announced(&image, signed));
+        assert_eq!(refused, Err(expected));
+        assert_eq!(stylus.storage.slots(), slots);
+    }
+    let mut short = announced(&image, good);
+    short.signed.pop();
+    assert_eq!(
+        update(&mut stylus, &image, &short),
+        Err(UpdateError::NotAnImage)
+    );
+    stylus.play(play_request("texture 0")).expect("it is there");
+    let played = update(&mut stylus, &image, &announced(&image, good));
+    assert_eq!(played, Err(UpdateError::Playing));
+    assert_eq!(stylus.storage.slots(), slots);
+    assert_eq!(state(&mut stylus).phase, UpdatePhase::Confirmed);
+}
+
+#[test]
+fn an_update_asks_for_the_exchange_and_a_restart_and_leaves_the_active_library() {
+    let image = pattern(5, 140_001);
+    let mut stylus = stylus(RUNNING, Record::NONE);
+    let active = stylus.storage.slots().active.expect("it is ready");
+    let begin = announced(&image, sign(&image, VERSION, &DEVELOPMENT_SEED));
+    let report = update(&mut stylus, &image, &begin).expect("it is signed");
+    assert_eq!(report.phase, UpdatePhase::Committed { version: VERSION });
+    assert!(stylus.storage.wants_restart());
+    assert!(stylus.play(play_request("texture 0")).is_err());
+    let uploaded = stylus.upload(&library::library(1, 4, 2));
+    assert_eq!(uploaded.map(drop), Err(UploadError::Busy));
+    assert!(stylus.storage.slots().active == Some(active));
+}
+
+#[test]
+fn bytes_other_than_the_signed_ones_are_not_committed() {
+    let image = pattern(5, 3_000);
+    let mut stylus = stylus(RUNNING, Record::NONE);
+    let begin = announced(&image, sign(&image, VERSION, &DEVELOPMENT_SEED));
+    let refused = update(&mut stylus, &pattern(6, 3_000), &begin);
+    assert_eq!(refused, Err(UpdateError::Digest));
+    assert!(!stylus.storage.wants_restart());
+    assert_eq!(state(&mut stylus).phase, UpdatePhase::Confirmed);
+    stylus.play(play_request("texture 0")).expect("it plays on");
+}
+
+#[test]
+fn an_older_image_is_taken_when_asked_for_and_an_unsigned_one_with_the_button_held() {
+    let image = pattern(5, 3_000);
+    let mut begin = announced(
+        &image,
+        sign(&image, ImageVersion::default(), &DEVELOPMENT_SEED),
+    );
+    begin.allow_downgrade = true;
+    update(&mut stylus(RUNNING, Record::NONE), &image, &begin).expect("it was asked for");
+    let mut unsigned = sign(&image, VERSION, &DEVELOPMENT_SEED);
+    unsigned[100..].copy_from_slice(&UNSIGNED);
+    let running = Running {
+        takes_unsigned: true,
+        ..RUNNING
+    };
+    let begin = announced(&image, unsigned);
+    update(&mut stylus(running, Record::NONE), &image, &begin).expect("the button was held");
+}
+
+#[test]
+fn a_trial_ends_by_the_host_or_after_a_minute_of_health_and_an_unhealthy_one_restarts() {
+    let trial = Record::marked(mark::SWAP, 1, VERSION.numbers());
+    let end = async |storage: &mut fake_stylus::device::Stores, stage: &mut _| {
+        storage.end_trial(stage).await;
+    };
+    for by_host in [true, false] {
+        let mut stylus = stylus(RUNNING, trial);
+        assert!(matches!(
+            state(&mut stylus).phase,
+            UpdatePhase::Trial {
+                slot: SlotId::B,
+                ..
+            }
+        ));
+        assert_eq!(
+            stylus.upload(&library::library(1, 4, 2)).map(drop),
+            Err(UploadError::Busy)
+        );
+        if by_host {
+            let confirm =
+                stylus.request(async |storage, stage| storage.update_confirm(stage).await);
+            confirm.expect("it is on trial");
+        } else {
+            stylus.request(end);
+            assert!(matches!(
+                state(&mut stylus).phase,
+                UpdatePhase::Trial { .. }
+            ));
+            stylus.run(TRIAL_MS as u32);
+            stylus.request(end);
+        }
+        assert_eq!(state(&mut stylus).phase, UpdatePhase::Confirmed);
+        let again = stylus.request(async |storage, stage| storage.update_confirm(stage).await);
+        assert_eq!(again, Err(UpdateError::NotOnTrial));
+        stylus
+            .upload(&library::library(1, 4, 2))
+            .expect("the slot is free");
+    }
+    let mut stylus = stylus(RUNNING, trial);
+    stylus.hardware().start.safe_mode = true;
+    stylus.run(TRIAL_MS as u32);
+    stylus.request(end);
+    assert!(stylus.storage.wants_restart());
+    assert!(matches!(
+        state(&mut stylus).phase,
+        UpdatePhase::Trial { .. }
+    ));
+}
+
+#[test]
+fn a_device_that_was_rolled_back_tells_the_version_and_the_cause() {
+    let mut record = Record::marked(mark::REVERT, 1, [2, 3, 5]);
+    record.cause = 1 << 5 | 1 << 1;
+    let phase = state(&mut stylus(RUNNING, record)).phase;
+    let version = ImageVersion::new([2, 3, 5]);
+    let cause = ResetReason::Watchdog;
+    assert_eq!(phase, UpdatePhase::RolledBack { version, cause });
+}

@@ -1,0 +1,164 @@
+//! The exchange of images, by `embassy-boot`, on any flash: that of the part, and one in memory that tests cut.
+
+use core::cell::RefCell;
+use core::ops::Range;
+
+use embassy_boot::{BootError, BootLoader, BootLoaderConfig};
+use embassy_embedded_hal::adapter::BlockingAsync;
+use embassy_futures::block_on;
+use embedded_storage::nor_flash::{
+    ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
+};
+
+use crate::map::{ACTIVE, RECORDS, SECTOR_BYTES, SLOTS, WORD_BYTES};
+use crate::record::{MARKS, NotKept, Record, Store, mark};
+
+/// Bytes that are copied at once.
+const COPIED_BYTES: usize = 4096;
+
+/// Finds the image to run, and exchanges images if an update asks for it. Offsets in `flash` count from its start.
+///
+/// `begin` is called before anything is erased or programmed. `cause` is kept if this ends a trial.
+///
+/// # Errors
+/// The flash fails. The exchange goes on at the next start.
+pub fn prepare<F: NorFlash>(flash: F, cause: u8, begin: impl FnOnce()) -> Result<(), BootError> {
+    let flash = RefCell::new(flash);
+    let part = |range: Range<u32>, is_image: bool| Part {
+        flash: &flash,
+        range,
+        is_image,
+    };
+    let records = BlockingAsync::new(part(0..SLOTS[1].end, false));
+    let mut store = block_on(Store::open(records, RECORDS));
+    let record = store.record();
+    let Some(slot) = SLOTS.get(usize::from(record.slot)) else {
+        return Ok(());
+    };
+    if record.marks[0] != mark::SWAP {
+        return Ok(());
+    }
+    begin();
+    // Its word may have been cut just before its end, and read right this time only. Now it is programmed whole.
+    block_on(store.replace(Record { cause, ..record })).map_err(other)?;
+    let mut loader = BootLoader::new(BootLoaderConfig {
+        active: part(ACTIVE, true),
+        dfu: part(slot.clone(), true),
+        state: Marks(store),
+    });
+    loader.prepare_boot(&mut [0; COPIED_BYTES]).map(drop)
+}
+
+fn other(NotKept: NotKept) -> BootError {
+    BootError::Flash(NorFlashErrorKind::Other)
+}
+
+/// A part of the flash.
+struct Part<'f, F> {
+    flash: &'f RefCell<F>,
+    range: Range<u32>,
+    /// True if a word that cannot be read is read as erased: it lies behind the image, which was read back.
+    is_image: bool,
+}
+
+impl<F: NorFlash> ErrorType for Part<'_, F> {
+    type Error = F::Error;
+}
+
+impl<F: NorFlash> ReadNorFlash for Part<'_, F> {
+    const READ_SIZE: usize = WORD_BYTES;
+
+    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), Self::Error> {
+        let at = (self.range.start + offset..).step_by(WORD_BYTES);
+        for (at, word) in at.zip(bytes.chunks_mut(WORD_BYTES)) {
+            match self.flash.borrow_mut().read(at, word) {
+                Err(_) if self.is_image => word.fill(mark::ERASED),
+                read => read?,
+            }
+        }
+        Ok(())
+    }
+
+    fn capacity(&self) -> usize {
+        self.range.len()
+    }
+}
+
+impl<F: NorFlash> NorFlash for Part<'_, F> {
+    const WRITE_SIZE: usize = WORD_BYTES;
+    const ERASE_SIZE: usize = SECTOR_BYTES;
+
+    fn erase(&mut self, from: u32, to: u32) -> Result<(), Self::Error> {
+        let start = self.range.start;
+        self.flash.borrow_mut().erase(start + from, start + to)
+    }
+
+    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), Self::Error> {
+        let at = self.range.start + offset;
+        self.flash.borrow_mut().write(at, bytes)
+    }
+}
+
+/// The marks of the record as a flash of 16 bytes, for `embassy-boot`: each of its operations replaces the record.
+struct Marks<F>(Store<F>);
+
+impl NorFlashError for NotKept {
+    fn kind(&self) -> NorFlashErrorKind {
+        NorFlashErrorKind::Other
+    }
+}
+
+impl<F> ErrorType for Marks<F> {
+    type Error = NotKept;
+}
+
+impl<F: embedded_storage_async::nor_flash::NorFlash> ReadNorFlash for Marks<F> {
+    const READ_SIZE: usize = 1;
+
+    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), NotKept> {
+        let marks = self.0.record().marks;
+        let from = offset as usize;
+        let read = marks.get(from..from + bytes.len()).ok_or(NotKept)?;
+        bytes.copy_from_slice(read);
+        Ok(())
+    }
+
+    fn capacity(&self) -> usize {
+        MARKS
+    }
+}
+
+impl<F: embedded_storage_async::nor_flash::NorFlash> NorFlash for Marks<F> {
+    const WRITE_SIZE: usize = 1;
+    const ERASE_SIZE: usize = MARKS;
+
+    fn erase(&mut self, _: u32, _: u32) -> Result<(), NotKept> {
+        let mut record = self.0.record();
+        record.marks = [mark::ERASED; MARKS];
+        block_on(self.0.replace(record))
+    }
+
+    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), NotKept> {
+        let mut record = self.0.record();
+        let from = offset as usize;
+        let place = record.marks.get_mut(from..from + bytes.len());
+        place.ok_or(NotKept)?.copy_from_slice(bytes);
+        block_on(self.0.replace(record))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use embassy_boot::State;
+
+    use super::*;
+
+    #[test]
+    fn embassy_boot_reads_the_marks_as_they_are_meant() {
+        assert_eq!(State::from([mark::SWAP]), State::Swap);
+        assert_eq!(State::from([mark::REVERT]), State::Revert);
+        for other in [mark::BOOT, mark::ERASED] {
+            assert_eq!(State::from([other]), State::Boot);
+        }
+    }
+}

@@ -1,0 +1,211 @@
+//! The bootloader: from reset to the image's own reset handler.
+//!
+//! It runs from flash at the 64 MHz of the reset. While bank 1 is erased or programmed, its fetches wait. A sector may
+//! take 4 s (DS12110, table 60), so the watchdog has its longest timeout then, and the image's own after it.
+#![no_std]
+#![no_main]
+#![expect(
+    unsafe_code,
+    reason = "registers and memory before they have owners, and the jump to the image"
+)]
+
+use core::arch::global_asm;
+use core::panic::PanicInfo;
+
+use cortex_m::peripheral::SCB;
+use embedded_storage::nor_flash::{
+    ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
+};
+use stm32_metapac::iwdg::vals::{Key, Pr};
+use stm32_metapac::{IWDG1, RCC};
+use stylus_boot::map::{ACTIVE, BANK_BYTES, FLASH, SECTOR_BYTES, VERSION_MAGIC, WORD_BYTES};
+use stylus_boot::registers::{BANK_1, BANK_2, Bank, words};
+use stylus_boot::{loader, word};
+
+// The table of vectors: the stack, and the exceptions that can occur. All but a bus fault wait for the watchdog.
+//
+// The reset starts the watchdog, with the timeout of its reset values: half a second. Then the RAM that the bootloader
+// uses is written in units of 64 bits, because at power-on it holds noise whose error-correcting code is wrong. It is
+// the image's stack later, and nothing of what outlives a reset.
+//
+// SAFETY: the reset writes a register of the watchdog and memory that has no values yet, and does not return.
+global_asm!(
+    ".section .vectors, \"a\", %progbits",
+    ".word _stack_start, Reset, HardFault, HardFault, HardFault, BusFault, HardFault",
+    ".rept 249",
+    ".word HardFault",
+    ".endr",
+    ".section .text.Reset, \"ax\", %progbits",
+    ".global Reset",
+    ".type Reset, %function",
+    ".thumb_func",
+    "Reset:",
+    "    ldr r0, =0x58004800",
+    "    movw r1, #0xCCCC",
+    "    str r1, [r0]",
+    "    mov r4, #0",
+    "    mov r5, #0",
+    "    ldr r0, =_stack_end",
+    "    ldr r1, =_stack_start",
+    "1:  cmp r0, r1",
+    "    itt lo",
+    "    strdlo r4, r5, [r0], #8",
+    "    blo 1b",
+    "    dsb",
+    "    b {main}",
+    "    .ltorg",
+    ".size Reset, . - Reset",
+    ".section .text.HardFault, \"ax\", %progbits",
+    ".global HardFault",
+    ".type HardFault, %function",
+    ".thumb_func",
+    "HardFault:",
+    "    b HardFault",
+    ".size HardFault, . - HardFault",
+    main = sym main,
+);
+
+/// The version, where the image looks for it (`map::BOOTLOADER_VERSION`).
+#[unsafe(link_section = ".version")]
+#[used]
+static VERSION: [u32; 4] = [
+    VERSION_MAGIC,
+    number(env!("CARGO_PKG_VERSION_MAJOR")),
+    number(env!("CARGO_PKG_VERSION_MINOR")),
+    number(env!("CARGO_PKG_VERSION_PATCH")),
+];
+
+const fn number(text: &str) -> u32 {
+    match u32::from_str_radix(text, 10) {
+        Ok(number) => number,
+        Err(_) => panic!("a version has numbers"),
+    }
+}
+
+extern "C" fn main() -> ! {
+    // SAFETY: this runs once, and nothing else has taken them.
+    let mut core = unsafe { cortex_m::Peripherals::steal() };
+    // SAFETY: the table of vectors is there.
+    unsafe { core.SCB.vtor.write(FLASH) };
+    word::enable_bus_fault(&mut core.SCB);
+    let cause = (RCC.rsr().read().0 >> 21) as u8;
+    let mut has_exchanged = false;
+    let prepared = loader::prepare(Banks, cause, || {
+        has_exchanged = true;
+        set_watchdog(Pr::DIVIDE_BY256);
+    });
+    if prepared.is_err() {
+        // The exchange goes on at the next start.
+        SCB::sys_reset();
+    }
+    if has_exchanged {
+        set_watchdog(Pr::DIVIDE_BY4);
+    }
+    jump(&mut core.SCB)
+}
+
+/// Gives the watchdog its longest count at the clock divided by `divider`, which is 512 ms at 4, as after a reset, and
+/// 32 s at 256. Both registers take some cycles of a clock of 32 kHz (RM0433 section 45.4.4).
+fn set_watchdog(divider: Pr) {
+    IWDG1.kr().write(|w| w.set_key(Key::ENABLE));
+    IWDG1.pr().write(|w| w.set_pr(divider));
+    // A bounded wait: the watchdog counts.
+    while IWDG1.sr().read().0 != 0 {}
+    feed();
+}
+
+fn feed() {
+    IWDG1.kr().write(|w| w.set_key(Key::RESET));
+}
+
+/// Goes on at the image's reset handler, with its stack and vectors.
+fn jump(scb: &mut SCB) -> ! {
+    use cortex_m::peripheral::scb::Exception;
+    let vectors = FLASH + ACTIVE.start;
+    scb.disable(Exception::BusFault);
+    // SAFETY: an image begins with its table of vectors, and no interrupt is enabled. Where no image is, the processor
+    // faults, and the watchdog resets it.
+    unsafe {
+        scb.vtor.write(vectors);
+        cortex_m::asm::dsb();
+        cortex_m::asm::isb();
+        cortex_m::asm::bootload(vectors as *const u32)
+    }
+}
+
+/// A panic: the next start tries again.
+#[panic_handler]
+fn panic(_: &PanicInfo<'_>) -> ! {
+    SCB::sys_reset()
+}
+
+/// Both banks. Offsets count from the start of the flash.
+struct Banks;
+
+/// Failure of a flash operation.
+#[derive(Clone, Copy, Debug)]
+struct Failed;
+
+impl NorFlashError for Failed {
+    fn kind(&self) -> NorFlashErrorKind {
+        NorFlashErrorKind::Other
+    }
+}
+
+impl Banks {
+    /// The bank of `offset`, and the offset in it.
+    fn bank(offset: u32) -> (Bank, u32) {
+        match offset.checked_sub(BANK_BYTES as u32) {
+            Some(offset) => (BANK_2, offset),
+            None => (BANK_1, offset),
+        }
+    }
+
+    /// Does `begin` with a bank that is ready, and waits for its end, which the watchdog bounds.
+    fn operate(bank: Bank, begin: impl FnOnce()) -> Result<(), Failed> {
+        feed();
+        bank.unlock();
+        begin();
+        while bank.is_busy() {}
+        bank.end().map(drop).map_err(|_| Failed)
+    }
+}
+
+impl ErrorType for Banks {
+    type Error = Failed;
+}
+
+impl ReadNorFlash for Banks {
+    const READ_SIZE: usize = WORD_BYTES;
+
+    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), Failed> {
+        let read = word::read(FLASH + offset).ok_or(Failed)?;
+        bytes.copy_from_slice(read.get(..bytes.len()).ok_or(Failed)?);
+        Ok(())
+    }
+
+    fn capacity(&self) -> usize {
+        2 * BANK_BYTES
+    }
+}
+
+impl NorFlash for Banks {
+    const WRITE_SIZE: usize = WORD_BYTES;
+    const ERASE_SIZE: usize = SECTOR_BYTES;
+
+    fn erase(&mut self, from: u32, to: u32) -> Result<(), Failed> {
+        for sector in (from..to).step_by(SECTOR_BYTES) {
+            let (bank, at) = Self::bank(sector);
+            Self::operate(bank, || bank.begin_erase(at))?;
+        }
+        Ok(())
+    }
+
+    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), Failed> {
+        for (at, word) in (offset..).step_by(WORD_BYTES).zip(words(bytes)) {
+            let (bank, at) = Self::bank(at);
+            Self::operate(bank, || bank.begin_program(at, &word))?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,255 @@
+//! The record of updates: one word of the flash that is replaced as a whole.
+//!
+//! A change programs the next erased word of a sector; the record in force is the newest that can be read. So a change
+//! happens or does not, and one of which half was programmed is passed over. When the words of a sector are used up,
+//! the other sector is erased, which holds older records only, so an erasure that is cut loses nothing.
+
+use core::ops::Range;
+
+use crc::{CRC_32_ISO_HDLC, Crc, NoTable};
+use embedded_storage_async::nor_flash::NorFlash;
+
+use crate::map::{SECTOR_BYTES, WORD_BYTES};
+
+/// Bytes of `embassy-boot`'s state: mark, validity of its progress, and its progress.
+pub const MARKS: usize = 16;
+
+/// Marks of `embassy-boot`, whose constants are its own; `loader` tests that it reads them so.
+pub mod mark {
+    /// The images are to be exchanged, or the new one is on trial.
+    pub const SWAP: u8 = 0xF0;
+    /// The active image is confirmed.
+    pub const BOOT: u8 = 0xD0;
+    /// The image before has been put back.
+    pub const REVERT: u8 = 0xC0;
+    /// Nothing is written.
+    pub const ERASED: u8 = 0xFF;
+}
+
+/// Words of a sector that are used: an update takes some twenty.
+const WORDS: u32 = 256;
+
+/// Words that are tried for a record.
+const TRIES: usize = 8;
+
+/// Number of times that the newest words must read the same. One that is as often right as not passes once in a million
+/// times.
+const STEADY_READS: usize = 20;
+
+const CRC: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
+
+/// Content of the record.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Record {
+    /// State of `embassy-boot`.
+    pub marks: [u8; MARKS],
+    /// Index of the slot that an exchange is with.
+    pub slot: u8,
+    /// Cause of the reset that ended a trial: bits 28:21 of `RCC_RSR`.
+    pub cause: u8,
+    /// Version of the image of the last update.
+    pub version: [u16; 3],
+}
+
+impl Record {
+    /// The record of a device that was never updated.
+    pub const NONE: Self = Self::marked(mark::BOOT, 0, [0; 3]);
+
+    /// A record with a mark and no progress.
+    pub const fn marked(mark: u8, slot: u8, version: [u16; 3]) -> Self {
+        let mut marks = [mark::ERASED; MARKS];
+        marks[0] = mark;
+        Self {
+            marks,
+            slot,
+            cause: 0,
+            version,
+        }
+    }
+
+    fn word(&self, sequence: u32) -> [u8; WORD_BYTES] {
+        let mut word = [0; WORD_BYTES];
+        word[..4].copy_from_slice(&sequence.to_le_bytes());
+        word[4..20].copy_from_slice(&self.marks);
+        word[20] = self.slot;
+        word[21] = self.cause;
+        for (place, part) in word[22..28]
+            .as_chunks_mut::<2>()
+            .0
+            .iter_mut()
+            .zip(self.version)
+        {
+            *place = part.to_le_bytes();
+        }
+        let crc = CRC.checksum(&word[..28]);
+        word[28..].copy_from_slice(&crc.to_le_bytes());
+        word
+    }
+
+    /// Number and record of a word; none if it is not whole.
+    fn read(word: &[u8; WORD_BYTES]) -> Option<(u32, Self)> {
+        let (fields, crc) = word.split_last_chunk::<4>()?;
+        if CRC.checksum(fields) != u32::from_le_bytes(*crc) {
+            return None;
+        }
+        let (sequence, rest) = fields.split_first_chunk::<4>()?;
+        let (marks, rest) = rest.split_first_chunk::<MARKS>()?;
+        let mut versions = rest[2..].as_chunks::<2>().0.iter();
+        let record = Self {
+            marks: *marks,
+            slot: rest[0],
+            cause: rest[1],
+            version: core::array::from_fn(|_| {
+                versions.next().map_or(0, |part| u16::from_le_bytes(*part))
+            }),
+        };
+        Some((u32::from_le_bytes(*sequence), record))
+    }
+}
+
+/// The record in its two sectors.
+#[derive(Clone, Debug)]
+pub struct Store<F> {
+    flash: F,
+    /// Its two sectors.
+    range: Range<u32>,
+    record: Record,
+    /// Number of the record, or a later one that a word which cannot be read may have.
+    sequence: u32,
+    /// Offset of the sector in use.
+    start: u32,
+    /// Offset of the next word to be programmed.
+    next: u32,
+    is_steady: bool,
+}
+
+/// Failure to keep a record: no word of it read back.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct NotKept;
+
+/// Content of a word that is not erased.
+type Used = Option<[u8; WORD_BYTES]>;
+
+impl<F: NorFlash> Store<F> {
+    /// Reads the record from the two sectors of `flash` at `range`. Without one that can be read nothing is under way.
+    pub async fn open(flash: F, range: Range<u32>) -> Self {
+        let mut store = Self {
+            flash,
+            start: range.start,
+            next: range.start,
+            range,
+            record: Record::NONE,
+            sequence: 0,
+            is_steady: true,
+        };
+        let mut newest: Option<(u32, Record, u32)> = None;
+        for sector in store.range.clone().step_by(SECTOR_BYTES) {
+            let mut end = sector;
+            for at in (sector..).step_by(WORD_BYTES).take(WORDS as usize) {
+                let Some(used) = store.used_word(at).await else {
+                    continue;
+                };
+                end = at + WORD_BYTES as u32;
+                let read = used.as_ref().and_then(Record::read);
+                if let Some((sequence, record)) = read
+                    && newest.is_none_or(|(newest, ..)| is_newer(sequence, newest))
+                {
+                    newest = Some((sequence, record, at));
+                }
+            }
+            let is_newest = newest.is_some_and(|(_, _, at)| at >= sector);
+            if is_newest || sector == store.range.start {
+                (store.start, store.next) = (sector, end);
+            }
+        }
+        if let Some((sequence, record, at)) = newest {
+            let later = (store.next - at) / WORD_BYTES as u32 - 1;
+            (store.sequence, store.record) = (sequence.wrapping_add(later), record);
+            store.is_steady = store.reads_steadily(at).await;
+        }
+        store
+    }
+
+    /// The word at `at` unless it is erased; its content is none if it cannot be read.
+    async fn used_word(&mut self, at: u32) -> Option<Used> {
+        let mut word = [0; WORD_BYTES];
+        let read = self.flash.read(at, &mut word).await.ok().map(|()| word);
+        (read != Some([mark::ERASED; WORD_BYTES])).then_some(read)
+    }
+
+    /// Returns true if every used word from `at` on reads the same each time.
+    async fn reads_steadily(&mut self, at: u32) -> bool {
+        for at in (at..self.next).step_by(WORD_BYTES) {
+            let first = self.used_word(at).await;
+            for _ in 0..STEADY_READS {
+                if self.used_word(at).await != first {
+                    return false;
+                }
+            }
+        }
+        true
+    }
+
+    /// The record in force.
+    pub const fn record(&self) -> Record {
+        self.record
+    }
+
+    /// Writes the record anew if it, or one after it, reads differently from read to read, as after a power cut. Done
+    /// before anything else is erased or programmed that depends on the record.
+    ///
+    /// # Errors
+    /// The flash does not keep it.
+    pub async fn settle(&mut self) -> Result<(), NotKept> {
+        if self.is_steady {
+            return Ok(());
+        }
+        self.replace(self.record).await
+    }
+
+    /// Replaces the record.
+    ///
+    /// # Errors
+    /// The flash does not keep it. The record before is in force then.
+    pub async fn replace(&mut self, record: Record) -> Result<(), NotKept> {
+        let sequence = self.sequence.wrapping_add(1);
+        let word = record.word(sequence);
+        for _ in 0..TRIES {
+            let at = self.free_word().await?;
+            let written = self.flash.write(at, &word).await.is_ok();
+            if written && self.used_word(at).await == Some(Some(word)) {
+                (self.sequence, self.record, self.is_steady) = (sequence, record, true);
+                return Ok(());
+            }
+        }
+        (self.sequence, self.is_steady) = (sequence, false);
+        Err(NotKept)
+    }
+
+    /// Offset of a word that is erased, which is given away.
+    async fn free_word(&mut self) -> Result<u32, NotKept> {
+        if self.next >= self.start + WORDS * WORD_BYTES as u32 {
+            let other = if self.start == self.range.start {
+                self.start + SECTOR_BYTES as u32
+            } else {
+                self.range.start
+            };
+            let end = other + SECTOR_BYTES as u32;
+            self.flash.erase(other, end).await.map_err(|_| NotKept)?;
+            (self.start, self.next) = (other, other);
+        }
+        let at = self.next;
+        self.next += WORD_BYTES as u32;
+        Ok(at)
+    }
+
+    /// Gives the flash back.
+    pub fn into_flash(self) -> F {
+        self.flash
+    }
+}
+
+/// Returns true if a record with number `one` came after that with number `other`. Numbers wrap.
+const fn is_newer(one: u32, other: u32) -> bool {
+    (one.wrapping_sub(other) as i32) > 0
+}

@@ -1,0 +1,79 @@
+//! `stylus update`
+
+use std::path::PathBuf;
+
+use host_tools::link::update::{Step, UpdateFile, update};
+use host_tools::support::error::Result;
+use host_tools::support::progress;
+use model_format::link::UpdateReport;
+use serde::Serialize;
+
+use super::connection::Link;
+use crate::cli::output::{note, print, print_json, warn};
+
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// The signed file that `cargo tasks image` wrote
+    image: PathBuf,
+    /// Allow an older version than the one that runs
+    #[arg(long)]
+    allow_downgrade: bool,
+    /// Print the result as JSON
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    link: Link,
+}
+
+#[derive(Serialize)]
+struct Report {
+    before: UpdateReport,
+    after: UpdateReport,
+    bytes: u32,
+    sent_s: f64,
+    exchanged_s: f64,
+    retries: u32,
+}
+
+pub fn run(arguments: &Arguments) -> Result<()> {
+    let file = UpdateFile::read(&arguments.image)?;
+    let mut device = arguments.link.connect_to_any()?;
+    note(
+        "note: the library in the slot that is not active is given up; settings and the active library stay. Keep the \
+         device on its supply",
+    );
+    let bytes = file.header.length;
+    let bar = progress::bar(u64::from(bytes), "sending");
+    let updated = update(
+        &mut device,
+        &file,
+        arguments.allow_downgrade,
+        |step| match step {
+            Step::Sent(there) => bar.set_position(there as u64),
+            Step::Exchanging => {
+                bar.finish_and_clear();
+                note("the device exchanges the images, which takes some ten seconds");
+            }
+        },
+    )?;
+    if updated.after.trusts_development_key {
+        warn(
+            "the image trusts the development key, so it takes anybody's updates: `cargo tasks keys` makes a key",
+        );
+    }
+    let (sent_s, exchanged_s) = (updated.sent.as_secs_f64(), updated.exchanged.as_secs_f64());
+    if arguments.json {
+        return print_json(&Report {
+            before: updated.before,
+            after: updated.after,
+            bytes,
+            sent_s,
+            exchanged_s,
+            retries: updated.retries,
+        });
+    }
+    print(&format!(
+        "{} -> {} ({bytes} bytes): sent in {sent_s:.1} s, answered after {exchanged_s:.1} s, confirmed",
+        updated.before.image, updated.after.image
+    ))
+}

@@ -1,0 +1,179 @@
+//! Update of a device's image: sent as an upload is, exchanged by the bootloader, looked at, and confirmed.
+
+use std::path::Path;
+use std::thread;
+use std::time::{Duration, Instant};
+
+use model_format::link::{
+    EXCHANGE_MS, ImageHeader, LIBRARY_CRC, MAX_IMAGE_BYTES, SIGNED_BYTES, UpdateBegin, UpdateError,
+    UpdatePhase, UpdateReport,
+};
+
+use super::Device;
+use super::error::{LinkError, Result};
+use super::upload::retried;
+use crate::support::bounded_file::Limit;
+use crate::support::error::Error;
+
+const UPDATE: Limit = Limit {
+    of: "an update",
+    bytes: SIGNED_BYTES as u64 + MAX_IMAGE_BYTES as u64,
+};
+
+/// Time between two looks at a device that restarts.
+const LOOK_INTERVAL: Duration = Duration::from_millis(500);
+
+/// A file of an update.
+#[derive(Clone, Debug)]
+pub struct UpdateFile {
+    /// The header.
+    pub header: ImageHeader,
+    bytes: Vec<u8>,
+}
+
+impl UpdateFile {
+    /// Reads the file at `path`. The device checks its signature.
+    ///
+    /// # Errors
+    /// A file that cannot be read, or is no update.
+    pub fn read(path: &Path) -> crate::support::error::Result<Self> {
+        let bytes = UPDATE.read(path)?;
+        let header = ImageHeader::read(&bytes);
+        let whole = header.filter(|header| bytes.len() == SIGNED_BYTES + header.length as usize);
+        let header = whole.ok_or_else(|| {
+            let problem = "is not an update: give a file that `cargo tasks image` wrote";
+            Error::file(path, problem.to_owned())
+        })?;
+        Ok(Self { header, bytes })
+    }
+
+    fn image(&self) -> &[u8] {
+        &self.bytes[SIGNED_BYTES..]
+    }
+}
+
+/// An update that was done.
+#[derive(Clone, Debug)]
+pub struct Updated {
+    /// The device before it.
+    pub before: UpdateReport,
+    /// The device after it.
+    pub after: UpdateReport,
+    /// Time to send the image.
+    pub sent: Duration,
+    /// Time from the commit until the new image answered.
+    pub exchanged: Duration,
+    /// Number of times that the transfer was resumed after a failure.
+    pub retries: u32,
+}
+
+/// Progress of an update.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Step {
+    /// So many bytes of the image are in the device.
+    Sent(usize),
+    /// The device exchanges the images.
+    Exchanging,
+}
+
+/// Updates the device, waits for the new image, looks at its status, and confirms it. The library in the slot that is
+/// not active is given up.
+///
+/// # Errors
+/// A refusal of the device, a lost link that does not come back, or a new image that did not start or is not healthy:
+/// the one before is put back then, at the device's next reset at the latest.
+pub fn update(
+    device: &mut Device,
+    file: &UpdateFile,
+    allow_downgrade: bool,
+    mut step: impl FnMut(Step),
+) -> Result<Updated> {
+    let before = device.update_state()?.ok_or(UpdateError::NoBootloader)?;
+    let image = file.image();
+    let begin = UpdateBegin {
+        signed: file.bytes[..SIGNED_BYTES].iter().copied().collect(),
+        crc32: LIBRARY_CRC.checksum(image),
+        allow_downgrade,
+    };
+    let start = Instant::now();
+    let mut next_offset = 0;
+    let ((), retries) = retried(device, |device| {
+        let outcome = send(device, image, &begin, |next| {
+            next_offset = next;
+            step(Step::Sent(next as usize));
+        });
+        (outcome, next_offset)
+    })?;
+    let sent = start.elapsed();
+    device.update_commit()?;
+    step(Step::Exchanging);
+    let start = Instant::now();
+    let trial = wait_for_exchange(device)?;
+    let exchanged = start.elapsed();
+    let after = match trial.phase {
+        UpdatePhase::Trial { .. } => {
+            check_health(device)?;
+            device.update_confirm()?
+        }
+        UpdatePhase::RolledBack { version, cause } => {
+            return Err(device.not_verified(format!(
+                "the new image, {version}, did not last and the one before is back; the reset was by: {cause}; \
+                 `stylus status` shows a fault"
+            )));
+        }
+        _ => trial,
+    };
+    Ok(Updated {
+        before,
+        after,
+        sent,
+        exchanged,
+        retries,
+    })
+}
+
+fn send(
+    device: &Device,
+    image: &[u8],
+    begin: &UpdateBegin,
+    mut progress: impl FnMut(u32),
+) -> Result<()> {
+    let at = device.update_begin(begin)?.next_offset;
+    progress(at);
+    device.upload_chunks(image, at, progress)
+}
+
+/// Waits until an image answers that is not the one which has committed the update.
+fn wait_for_exchange(device: &mut Device) -> Result<UpdateReport> {
+    let longest = Duration::from_millis(EXCHANGE_MS);
+    let start = Instant::now();
+    loop {
+        thread::sleep(LOOK_INTERVAL);
+        let report = device.reconnect().and_then(|()| device.update_state());
+        match report {
+            Ok(Some(report)) if !matches!(report.phase, UpdatePhase::Committed { .. }) => {
+                return Ok(report);
+            }
+            Err(failure @ LinkError::Version { .. }) => return Err(failure),
+            Err(failure) if start.elapsed() > longest => return Err(failure),
+            Ok(_) if start.elapsed() > longest => {
+                let what = "the device does not restart: switch its power off and on".to_owned();
+                return Err(device.not_verified(what));
+            }
+            _ => {}
+        }
+    }
+}
+
+/// Checks by the status that the new image does what it should.
+fn check_health(device: &Device) -> Result<()> {
+    let status = device.status()?;
+    if status.start.safe_mode || status.tick.missed > 0 || status.start.hung_stage.is_some() {
+        return Err(device.not_verified(
+            "the new image is not healthy, so it is not confirmed: reset the device, which puts the one before back; \
+             `stylus status` shows why"
+                .to_owned(),
+        ));
+    }
+    Ok(())
+}

@@ -1,0 +1,121 @@
+//! Files of updates, and the keys that sign them.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
+use model_format::link::{DEVELOPMENT_SEED, ImageVersion, SIGNED_BYTES};
+use stylus_app::update::{public_key, sign};
+
+use super::memory::{flashed, region};
+use super::read;
+
+/// Arguments of `cargo tasks image`.
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// The secret key that `cargo tasks keys` wrote; without it, the development key, which everybody has
+    #[arg(long)]
+    pub key: Option<PathBuf>,
+    /// The file to write [default: beside the image's ELF file, with the extension image]
+    #[arg(long)]
+    pub out: Option<PathBuf>,
+}
+
+/// Writes the update with the image of the ELF file `image`, signed as `arguments` say, and returns the file.
+///
+/// # Errors
+/// The image or the key cannot be read, or the update cannot be written.
+pub fn write(image: &Path, arguments: &Arguments) -> Result<PathBuf> {
+    let seed = match &arguments.key {
+        Some(path) => read_key(path)?,
+        None => DEVELOPMENT_SEED,
+    };
+    let version = ImageVersion::read(env!("CARGO_PKG_VERSION")).context("a version has numbers")?;
+    let bytes = signed(&read(image)?, version, &seed)?;
+    let out = arguments.out.clone();
+    let out = out.unwrap_or_else(|| image.with_extension("image"));
+    fs::write(&out, bytes).with_context(|| out.display().to_string())?;
+    Ok(out)
+}
+
+/// The bytes of an update with the image of the ELF file `image`.
+///
+/// # Errors
+/// The bytes are no image.
+pub fn signed(image: &[u8], version: ImageVersion, seed: &[u8; 32]) -> Result<Vec<u8>> {
+    let (start, length) = region("FLASH").context("memory.x has no flash")?;
+    let body = flashed(image, start, start + length)?;
+    let mut bytes = Vec::with_capacity(SIGNED_BYTES + body.len());
+    bytes.extend_from_slice(&sign(&body, version, seed));
+    bytes.extend_from_slice(&body);
+    Ok(bytes)
+}
+
+/// Makes a pair of keys: the secret one in the new file `path`, and the public one beside it, with the extension pub.
+/// Returns the public one's file.
+///
+/// # Errors
+/// The file is there already or cannot be written, or the system has no random numbers.
+pub fn make_keys(path: &Path) -> Result<PathBuf> {
+    if path.exists() {
+        bail!("{} is there already: name another file", path.display());
+    }
+    let mut seed = [0; 32];
+    getrandom::fill(&mut seed).context("the system gives no random numbers")?;
+    write_secret(path, &(digits(&seed) + "\n")).with_context(|| path.display().to_string())?;
+    let public = path.with_extension("pub");
+    fs::write(&public, digits(&public_key(&seed)) + "\n")
+        .with_context(|| public.display().to_string())?;
+    Ok(public)
+}
+
+/// Writes a file that only its owner can read.
+fn write_secret(path: &Path, text: &str) -> std::io::Result<()> {
+    let mut options = fs::OpenOptions::new();
+    options.write(true).create_new(true);
+    #[cfg(unix)]
+    std::os::unix::fs::OpenOptionsExt::mode(&mut options, 0o600);
+    std::io::Write::write_all(&mut options.open(path)?, text.as_bytes())
+}
+
+fn digits(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+fn read_key(path: &Path) -> Result<[u8; 32]> {
+    let text = String::from_utf8(read(path)?).ok();
+    let bytes = text.as_deref().map(str::trim).and_then(|digits| {
+        let byte =
+            |index: usize| u8::from_str_radix(digits.get(2 * index..2 * index + 2)?, 16).ok();
+        (digits.len() == 64).then(|| (0..32).map(byte).collect::<Option<Vec<u8>>>())?
+    });
+    bytes
+        .and_then(|bytes| bytes.try_into().ok())
+        .with_context(|| {
+            format!(
+                "{}: not a key that `cargo tasks keys` wrote",
+                path.display()
+            )
+        })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pair_of_keys_comes_back_and_is_never_overwritten() {
+        let folder = tempfile::tempdir().expect("there is room");
+        let path = folder.path().join("key");
+        let public = make_keys(&path).expect("it is written");
+        let seed = read_key(&path).expect("it is a key");
+        let expected = digits(&public_key(&seed));
+        let text = fs::read_to_string(&public).expect("it was written");
+        assert_eq!(text.trim(), expected);
+        assert!(make_keys(&path).is_err());
+        assert_eq!(read_key(&path).ok(), Some(seed));
+        assert!(read_key(Path::new("/nowhere")).is_err());
+        fs::write(&public, "no key").expect("it is written");
+        assert!(read_key(&public).is_err());
+    }
+}

@@ -1,0 +1,267 @@
+//! Update of the device's image: a signed header, then the image as an upload into the slot that is not active.
+//!
+//! A file of an update is [`ImageHeader::to_bytes`], its Ed25519 signature, and the image. Its chunks are those of
+//! [`super::UploadChunkEndpoint`].
+
+use heapless::Vec;
+use postcard_schema::Schema;
+use serde::{Deserialize, Serialize};
+
+use super::{ResetReason, SlotId, UploadError};
+
+/// First bytes of a header: its name and version.
+const MAGIC: [u8; 8] = *b"STYLIMG\x01";
+
+/// Longest image, bytes: the three sectors that it runs from.
+pub const MAX_IMAGE_BYTES: u32 = 384 * 1024;
+
+/// Name of the board that this project's images run on, with zeros after it.
+pub const BOARD: [u8; 16] = *b"NUCLEO-H743ZI2\0\0";
+
+/// Length of a header, bytes.
+pub const HEADER_BYTES: usize = 100;
+
+/// Length of an Ed25519 signature, bytes.
+pub const SIGNATURE_BYTES: usize = 64;
+
+/// Length of a header with its signature, bytes.
+pub const SIGNED_BYTES: usize = HEADER_BYTES + SIGNATURE_BYTES;
+
+/// Signature of an image that is not signed. The device takes it only if its button was held at power-on.
+pub const UNSIGNED: [u8; SIGNATURE_BYTES] = [0; SIGNATURE_BYTES];
+
+/// Seed of the development key. It is public, so an image that trusts it takes anybody's images.
+pub const DEVELOPMENT_SEED: [u8; 32] = *b"stylus: development, not secret!";
+
+/// Time for which a new image runs until it confirms itself, ms.
+pub const TRIAL_MS: u64 = 60_000;
+
+/// Time that a device takes to exchange two images, at most, ms: six sectors erased and programmed (DS12110, table 60).
+pub const EXCHANGE_MS: u64 = 60_000;
+
+/// Version of an image or a bootloader. A later one is the greater.
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, Schema,
+)]
+pub struct ImageVersion {
+    /// Major number.
+    pub major: u16,
+    /// Minor number.
+    pub minor: u16,
+    /// Number of the patch.
+    pub patch: u16,
+}
+
+impl ImageVersion {
+    /// The version of these numbers.
+    pub const fn new([major, minor, patch]: [u16; 3]) -> Self {
+        Self {
+            major,
+            minor,
+            patch,
+        }
+    }
+
+    /// Reads `major.minor.patch`; none if it is not three numbers.
+    pub fn read(text: &str) -> Option<Self> {
+        let mut parts = text.split('.').map(|part| part.parse().ok());
+        let numbers = [parts.next()??, parts.next()??, parts.next()??];
+        parts.next().is_none().then(|| Self::new(numbers))
+    }
+
+    /// The numbers.
+    pub const fn numbers(self) -> [u16; 3] {
+        [self.major, self.minor, self.patch]
+    }
+}
+
+impl core::fmt::Display for ImageVersion {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        write!(f, "{}.{}.{}", self.major, self.minor, self.patch)
+    }
+}
+
+/// Header of an image, which is signed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ImageHeader {
+    /// Board that it runs on, see [`BOARD`].
+    pub board: [u8; 16],
+    /// Its version.
+    pub version: ImageVersion,
+    /// Length of the image, bytes.
+    pub length: u32,
+    /// SHA-512 of the image.
+    pub digest: [u8; 64],
+}
+
+impl ImageHeader {
+    /// The bytes that are signed.
+    pub fn to_bytes(&self) -> [u8; HEADER_BYTES] {
+        let mut bytes = [0; HEADER_BYTES];
+        bytes[..8].copy_from_slice(&MAGIC);
+        bytes[8..24].copy_from_slice(&self.board);
+        let parts = bytes[24..30].as_chunks_mut::<2>().0.iter_mut();
+        for (place, number) in parts.zip(self.version.numbers()) {
+            *place = number.to_le_bytes();
+        }
+        bytes[32..36].copy_from_slice(&self.length.to_le_bytes());
+        bytes[36..].copy_from_slice(&self.digest);
+        bytes
+    }
+
+    /// Reads the header at the start of `bytes`; none if it is not one.
+    pub fn read(bytes: &[u8]) -> Option<Self> {
+        let (magic, rest) = bytes.split_first_chunk::<8>()?;
+        let (board, rest) = rest.split_first_chunk::<16>()?;
+        let (version, rest) = rest.split_first_chunk::<8>()?;
+        let (length, rest) = rest.split_first_chunk::<4>()?;
+        let digest = *rest.first_chunk::<64>()?;
+        let [a, b, c, d, e, f, _, _] = *version;
+        (*magic == MAGIC).then_some(Self {
+            board: *board,
+            version: ImageVersion::new([[a, b], [c, d], [e, f]].map(u16::from_le_bytes)),
+            length: u32::from_le_bytes(*length),
+            digest,
+        })
+    }
+}
+
+/// Request to receive an image, which is checked before anything is erased.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub struct UpdateBegin {
+    /// Header and signature, [`SIGNED_BYTES`].
+    pub signed: Vec<u8, SIGNED_BYTES>,
+    /// CRC-32 (ISO-HDLC) of the image, by which a broken transfer is resumed.
+    pub crc32: u32,
+    /// True if an older version than the running one is wanted.
+    pub allow_downgrade: bool,
+}
+
+/// Phase of the update.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub enum UpdatePhase {
+    /// The running image is confirmed.
+    Confirmed,
+    /// An image was committed, and the device is about to restart.
+    Committed {
+        /// Its version.
+        version: ImageVersion,
+    },
+    /// The running image is new. A reset puts the one before back, until it is confirmed.
+    Trial {
+        /// Slot that keeps the image before.
+        slot: SlotId,
+        /// Time until it confirms itself, ms.
+        left_ms: u32,
+    },
+    /// The image before was put back, because a reset came before the new one was confirmed.
+    RolledBack {
+        /// Version of the new one.
+        version: ImageVersion,
+        /// Cause of that reset.
+        cause: ResetReason,
+    },
+}
+
+/// The device's images, and the state of the update.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub struct UpdateReport {
+    /// Version of the running image.
+    pub image: ImageVersion,
+    /// Version of the bootloader; none if there is none.
+    pub bootloader: Option<ImageVersion>,
+    /// The phase.
+    pub phase: UpdatePhase,
+    /// True if the running image trusts the development key, and so everybody's images.
+    pub trusts_development_key: bool,
+    /// True if it takes an image that is not signed, because the button was held at power-on.
+    pub takes_unsigned: bool,
+}
+
+/// Reason for which an update does not go on. The running image stays.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, Schema, thiserror::Error)]
+pub enum UpdateError {
+    /// A device without a bootloader.
+    #[error("the device has no bootloader: flash it once by the probe, `cargo flash`")]
+    NoBootloader,
+    /// An output that is not at rest.
+    #[error(
+        "something is played, or settings or a library are being changed: stop it, then update"
+    )]
+    Playing,
+    /// Bytes that are no header.
+    #[error("no header of an image: give a file that `cargo tasks image` wrote")]
+    NotAnImage,
+    /// An image of another board.
+    #[error("the image is for another board: give one that was built for this board")]
+    Board,
+    /// An image that is empty or does not fit.
+    #[error("an image of {length} bytes; it may have 1 to {MAX_IMAGE_BYTES}: give another one")]
+    Length {
+        /// Its length, bytes.
+        length: u32,
+    },
+    /// A signature that is not by the key that the running image trusts.
+    #[error(
+        "the image is not signed by the key that the device trusts: sign it with that key, or hold the button while \
+         power comes on, or flash it by the probe"
+    )]
+    Signature,
+    /// A version older than the running one.
+    #[error(
+        "the image is older, {offered}, than the running {running}: --allow-downgrade takes it"
+    )]
+    Downgrade {
+        /// The running version.
+        running: ImageVersion,
+        /// The offered one.
+        offered: ImageVersion,
+    },
+    /// A new image that is not confirmed, or one that waits for the restart.
+    #[error("the running image is not confirmed yet: confirm it, or wait a minute")]
+    Unconfirmed,
+    /// A confirmation of an image that is not on trial.
+    #[error("the running image is not on trial: there is nothing to confirm")]
+    NotOnTrial,
+    /// A commit without a begin.
+    #[error("no update is under way: begin one")]
+    NotBegun,
+    /// A failure of the transfer or the flash.
+    #[error("{0}")]
+    Upload(UploadError),
+    /// An image in flash that is not the one that was signed.
+    #[error("the image in flash is not the signed one: update again")]
+    Digest,
+    /// A record of the update that the flash does not keep.
+    #[error(
+        "the flash does not keep the record of the update: try again; if it stays, the flash is worn"
+    )]
+    NotKept,
+}
+
+impl From<UploadError> for UpdateError {
+    fn from(error: UploadError) -> Self {
+        Self::Upload(error)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn a_header_comes_back(version: [u16; 3], length: u32, board: [u8; 16], byte: u8) {
+            let digest = [byte; 64];
+            let version = ImageVersion::new(version);
+            let header = ImageHeader { board, version, length, digest };
+            let bytes = header.to_bytes();
+            prop_assert_eq!(ImageHeader::read(&bytes), Some(header));
+            prop_assert_eq!(ImageHeader::read(&bytes[1..]), None);
+            prop_assert_eq!(ImageVersion::read(&std::format!("{version}")), Some(version));
+        }
+    }
+}
