@@ -4,6 +4,7 @@
 mod broker;
 mod command_line;
 #[cfg(feature = "device")]
+mod device_calibrate;
 mod device_commands;
 #[cfg(feature = "device")]
 mod device_faults;

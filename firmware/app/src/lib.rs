@@ -48,5 +48,11 @@ pub use model_format::SAMPLE_RATE_HZ;
 /// Ticks between two updates, 2 ms: at 5 kHz there is one sample per tick.
 pub const UPDATE_INTERVAL_TICKS: u32 = stylus_kernel::UPDATE_INTERVAL_SAMPLES;
 
+/// Ticks from the update's request to the beginning of the block that it decides: its deadline, 0.6 ms.
+///
+/// It is short, because what the hand does is felt that much earlier. Beside ticks that take half of the processor, an
+/// update of two voices, 25 000 instructions, has four cycles for each.
+pub const UPDATE_LEAD_TICKS: u32 = 3;
+
 /// Ticks per millisecond: there is one tick per sample at 5 kHz.
 pub const TICKS_PER_MS: u32 = SAMPLE_RATE_HZ / 1_000;

@@ -120,7 +120,7 @@ impl Track {
     }
 }
 
-/// Way that a hand may go in a block beyond twice its speed: 0.5 mm, because a speed that is a mean of 20 ms lags.
+/// Way that a hand may go in a block beyond twice its speed: 0.5 mm, because a speed that a host tells may lag.
 pub const SLACK_STEPS: u64 = (1 << Position::FRACTION_BITS) / 2;
 
 impl Passage {

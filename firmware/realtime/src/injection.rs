@@ -14,7 +14,7 @@ use postcard_rpc::Key;
 use postcard_rpc::header::{VarHeader, VarKey};
 
 use crate::boot::clock::{CORE_HZ, TIMER_HZ};
-use crate::tick::output::amplifier;
+use crate::tick::{self, output::amplifier};
 
 /// The topic's path.
 pub const PATH: &str = "stylus/fault-injection";
@@ -74,6 +74,8 @@ const WRITE_TO_FLASH: u8 = 37;
 const EXECUTE_DATA: u8 = 38;
 /// A read of external memory, which the board does not have.
 const READ_EXTERNAL: u8 = 39;
+/// No fault: counts of ticks as after ten days, shortly before the ends of their 32 bits.
+const AGE: u8 = 40;
 
 static IN_TICK: AtomicU8 = AtomicU8::new(0);
 
@@ -131,6 +133,7 @@ fn inject(fault: u8) {
             unsafe { asm!("blx {}", in(reg) code, out("lr") _) }
         }
         NO_TICK => TIM6.cr1().modify(|w| w.set_cen(false)),
+        AGE => tick::age(),
         SHORT_SECTION => delay_tick(25),
         LONG_SECTION => delay_tick(45),
         _ => {}

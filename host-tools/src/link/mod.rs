@@ -28,7 +28,6 @@
 //! Invariant: nothing here fits or evaluates a model, and nothing here prints.
 
 mod address;
-#[cfg(unix)]
 mod broker;
 mod bulk;
 pub mod calibrate;
@@ -37,8 +36,6 @@ mod device;
 pub mod discovery;
 mod error;
 mod health;
-#[cfg(not(unix))]
-mod no_broker;
 mod open;
 pub mod play;
 mod route;
@@ -51,9 +48,6 @@ mod usb;
 mod version;
 pub mod virtual_usb;
 mod wire;
-
-#[cfg(not(unix))]
-use no_broker as broker;
 
 pub use address::LinkAddress;
 #[cfg(unix)]

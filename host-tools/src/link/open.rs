@@ -153,6 +153,10 @@ fn serial(path: &Path, link: &str) -> Result<SerialStream> {
     tokio_serial::new(path.to_string_lossy(), SERIAL_BAUD)
         .open_native_async()
         .map_err(|failure| match failure.kind() {
+            // Windows denies what another program has open.
+            tokio_serial::ErrorKind::Io(ErrorKind::PermissionDenied) if cfg!(windows) => {
+                LinkError::Busy { link }
+            }
             tokio_serial::ErrorKind::Io(ErrorKind::PermissionDenied) => LinkError::Permission {
                 link,
                 remedy: SERIAL_REMEDY,

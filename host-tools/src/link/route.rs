@@ -20,8 +20,8 @@ pub enum Route {
     /// Over a link that another program of this user shares, if one does, and else as [`Route::Direct`]: for programs
     /// that are no broker themselves. The text names what opens the link, for others that want to know.
     Joined(String),
-    /// Over a link that other programs of this user share. It is as [`Route::Direct`] on systems without sockets of
-    /// files, such as Windows.
+    /// Over a link that other programs of this user share. On systems without sockets of files, such as Windows, over
+    /// one of its own, which is refused while another program has one.
     Shared(Sharing),
 }
 

@@ -79,7 +79,6 @@ fn is_stylus(ids: (u16, u16), product: Option<&str>, serial: Option<&str>) -> bo
 }
 
 /// Serial number of the stylus with this one, or of the only stylus; none if it has none.
-#[cfg(unix)]
 pub(super) async fn serial_number(serial: Option<&str>, link: &str) -> Result<Option<String>> {
     let device = choose(attached(link).await?, serial)?;
     Ok(device.serial_number().map(str::to_owned))
@@ -130,6 +129,8 @@ fn bulk_address(interface: &Interface, direction: Direction) -> Option<u8> {
 fn refused(link: &str, failure: &nusb::Error) -> LinkError {
     let link = link.to_owned();
     match failure.kind() {
+        // Windows denies what another program has open.
+        ErrorKind::PermissionDenied if cfg!(windows) => LinkError::Busy { link },
         ErrorKind::PermissionDenied => LinkError::Permission {
             link,
             remedy: PERMISSION_REMEDY,

@@ -63,7 +63,10 @@ pub struct Arguments {
 }
 
 /// A number with its unit: s, m or h.
-fn duration(text: &str) -> std::result::Result<Duration, String> {
+///
+/// # Errors
+/// Anything else.
+pub fn duration(text: &str) -> std::result::Result<Duration, String> {
     let units = [('s', 1), ('m', 60), ('h', 3600)];
     let mut parsed = units.iter().filter_map(|&(unit, seconds)| {
         let number: u32 = text.strip_suffix(unit)?.parse().ok()?;

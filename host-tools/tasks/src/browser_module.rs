@@ -20,7 +20,7 @@ pub const TARGET: &str = "wasm32-unknown-unknown";
 const PROFILE: &str = "browser";
 
 /// The kept module, from the workspace's folder.
-const KEPT: &str = "host-tools/src/report/rub_page/kernel.wasm";
+pub const KEPT: &str = "host-tools/src/report/rub_page/kernel.wasm";
 
 /// The name and version of its compiler.
 const KEPT_COMPILER: &str = "host-tools/src/report/rub_page/kernel.txt";

@@ -15,6 +15,7 @@ pub mod lint;
 pub mod process;
 pub mod qemu;
 pub mod release;
+pub mod soak;
 pub mod tables;
 pub mod toolchain;
 pub mod virtual_stylus;

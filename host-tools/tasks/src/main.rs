@@ -9,8 +9,8 @@ use clap::{Parser, Subcommand};
 use tasks::firmware::Image;
 use tasks::toolchain::{Toolchain, check_clippy};
 use tasks::{
-    attack, browser_module, firmware, hil, house, lint, qemu, release, tables, virtual_stylus,
-    workspace,
+    attack, browser_module, firmware, hil, house, lint, qemu, release, soak, tables,
+    virtual_stylus, workspace,
 };
 
 /// Tasks around the microcontroller's core.
@@ -69,6 +69,8 @@ enum Task {
     /// Fuzz, model-check starts and interleaved requests, and draw cases for settings, leases, output and bounds, with
     /// fresh seeds as long as asked
     Attack(attack::Arguments),
+    /// Use the image on the virtual stylus as two hosts may, with all mishaps, and check it meanwhile
+    Soak(soak::Arguments),
     /// Build the kernel as a page's WebAssembly module, and keep it in host-tools/src/report/rub_page
     BrowserModule {
         /// Keep nothing, and fail if the kept module is not what this builds: byte by byte where the compiler is that
@@ -76,7 +78,7 @@ enum Task {
         #[arg(long)]
         check: bool,
     },
-    /// Build the wheel of the Python package for this system, in release mode
+    /// Build all that a person downloads: image, command for three systems, wheel, module, contents and checksums
     Release(release::Arguments),
     /// Lint all code for the target; every warning fails
     CheckTarget,
@@ -116,6 +118,7 @@ fn main() -> ExitCode {
             .and_then(|toolchain| virtual_stylus::test(&toolchain, long, &arguments)),
         Task::Hil(arguments) => hil::run(&arguments),
         Task::Attack(arguments) => attack::run(&arguments),
+        Task::Soak(arguments) => soak::run(&arguments),
         Task::House => check_house(),
         Task::Tables { check: true, .. } => tables::check_instant(),
         Task::Tables { names, .. } => write_tables(names),
@@ -126,7 +129,7 @@ fn main() -> ExitCode {
             browser_module::write().map(|told| println!("{told}"))
         }
         Task::Release(arguments) => {
-            release::run(&arguments).map(|wheel| println!("{}", wheel.display()))
+            release::run(&arguments).map(|folder| println!("{}", folder.display()))
         }
         Task::CheckVirtualStylus => virtual_stylus::lint(),
         Task::CheckTarget => Toolchain::find().and_then(|toolchain| lint::check_target(&toolchain)),

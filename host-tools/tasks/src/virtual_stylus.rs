@@ -99,6 +99,24 @@ pub fn write_ticks(toolchain: &Toolchain) -> Result<()> {
     process::run(test.args(["--test", "image", "--", "ticks::"]))
 }
 
+/// Runs the test of endurance alone, with these variables.
+///
+/// # Errors
+/// A build or the test fails.
+pub fn soak(toolchain: &Toolchain, variables: [(&str, u64); 2]) -> Result<()> {
+    let product = firmware::build(toolchain, Image::Product)?;
+    let mut test = tests(toolchain, product)?;
+    test.envs(variables.map(|(name, value)| (name, value.to_string())));
+    process::run(test.args([
+        "--test",
+        "image",
+        "--",
+        "--ignored",
+        "--nocapture",
+        "soak::",
+    ]))
+}
+
 /// The command that tests the virtual stylus with the product's image in the file `product`.
 fn tests(toolchain: &Toolchain, product: PathBuf) -> Result<Command> {
     let mut test = cargo("test", Progress::Quiet);

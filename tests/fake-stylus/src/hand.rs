@@ -17,7 +17,12 @@ pub struct Hand {
     pub is_open: bool,
     /// Noise of the force's converter, codes to either side.
     pub force_noise: u16,
+    /// Place that the tip moves to and stays at, counts of the encoder from the start; none if it moves at its speed.
+    pub goal_counts: Option<i64>,
 }
+
+/// Counts per tick of a tip that moves to a place.
+const GOAL_COUNTS_PER_TICK: i64 = 40;
 
 impl Default for Hand {
     /// At rest.
@@ -28,6 +33,7 @@ impl Default for Hand {
             acceleration: vec![[32_768; 3]],
             is_open: false,
             force_noise: 0,
+            goal_counts: None,
         }
     }
 }
@@ -39,8 +45,8 @@ impl Hand {
         (hashed % (2 * u64::from(self.force_noise) + 1)) as u16
     }
 
-    /// The converters' codes and the encoder's step at `tick`, under the default settings.
-    pub fn sample(&self, tick: u64) -> RecordSample {
+    /// The converters' codes and the encoder's step at `tick` of a tip at `place`, under the default settings.
+    pub fn sample(&self, tick: u64, place: i64) -> RecordSample {
         let settings = Settings::default();
         let per_volt = f64::from(settings.get(Setting::ForcePerVolt));
         let path = f64::from(settings.get(Setting::PathPerCount));
@@ -58,7 +64,12 @@ impl Hand {
             } else {
                 force.round() as u16 + self.disturbance(tick)
             }),
-            encoder_delta: (counts(tick + 1) - counts(tick)) as i16,
+            encoder_delta: match self.goal_counts {
+                Some(goal) => {
+                    (goal - place).clamp(-GOAL_COUNTS_PER_TICK, GOAL_COUNTS_PER_TICK) as i16
+                }
+                None => (counts(tick + 1) - counts(tick)) as i16,
+            },
         }
     }
 }

@@ -4,26 +4,34 @@
 //! the difference: a mute counts from the next tick on, the motion is judged once per block, new settings replace the
 //! configuration of the safety stages, and a library's RAM is empty while it is exchanged. It is stricter than the
 //! hardware in one respect: it panics where the application breaks the contract of [`Device`], for example by
-//! exchanging a texture while the output sounds. What it leaves out is the kernel: while something is played, the
-//! samples are those of a sine.
+//! exchanging a texture while the output sounds. A probe's samples are the kernel's, and so are all if there is an
+//! [`Actuator`]. Otherwise it leaves the kernel out: while something is played, the samples are those of a sine.
+
+use std::sync::atomic::AtomicI16;
 
 use model_format::limits::MAX_LIBRARY_BYTES;
 use model_format::link::{
     ClockSource, CycleRange, CycleReport, DeviceInfo, LinkCounters, Marks, MotionSource,
     PROTOCOL_VERSION, PlayError, PlayRequest, RecordBlock, RecordCounters, RecordError,
-    RecordStarted, RecordStopped, ResetReason, SCHEMA_HASH, Selection, Settings, SiliconRevision,
-    StartReport, TickCounters,
+    RecordStarted, RecordStopped, ResetReason, Response, SCHEMA_HASH, Selection, Settings,
+    SiliconRevision, StartReport, TickCounters,
 };
-use model_format::{FORMAT_VERSION, Library, OutputSample, PlayRate};
-use stylus_app::control::{Device, LoadFault, NotPrepared, ResetReport, TickReport, plan_of};
-use stylus_app::inputs::{InputConfig, Sensors, Timed, choose};
+use model_format::scene::Biquad;
+use model_format::{DacCode, FORMAT_VERSION, Library, OutputSample, PlayRate};
+use stylus_app::control::{
+    Device, LoadFault, NotPrepared, ResetReport, TickReport, Waveform, plan_of,
+};
+use stylus_app::inputs::{Estimator, Follower, InputConfig, Sensors, Timed, choose};
 use stylus_app::levels::Sums;
+use stylus_app::player::Piece;
 use stylus_app::recorder::{Recorder, SampleQueue, Tap};
-use stylus_app::safety::{Config, Heat, State};
+use stylus_app::safety::{Config, Heat, OVERSAMPLING, State};
 use stylus_app::status::Histogram;
 use stylus_kernel::UPDATE_INTERVAL_SAMPLES;
 use stylus_kernel::scene::cost::BUDGET;
+use stylus_kernel::scene::{Plan, Wave};
 
+use crate::actuator::{Actuator, Performance, planned};
 use crate::board::Board;
 use crate::hand::Hand;
 
@@ -44,9 +52,14 @@ const HEALTHY_START: StartReport = StartReport {
     hung_stage: None,
 };
 
-/// A plan of the fake hardware: the selection that was found playable, and its rate.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Prepared(Selection, PlayRate);
+/// A plan of the fake hardware.
+#[derive(Clone, Debug)]
+pub enum Prepared {
+    /// The selection that was found playable, its rate, and the response that equalises it.
+    Selected(Selection, PlayRate, Option<Box<Response>>),
+    /// A probe.
+    Probe(Box<Plan<'static>>),
+}
 
 /// The hardware's state, which tests may inspect.
 #[expect(clippy::struct_excessive_bools, reason = "each is a state of its own")]
@@ -64,6 +77,9 @@ pub struct Hardware {
     pub config: Config,
     /// The texture or scene that is played.
     pub playing: Option<PlayRequest>,
+    waveform: &'static Waveform,
+    /// Codes of the last tick.
+    pub codes: [DacCode; OVERSAMPLING],
     /// The plan that waits to be started.
     pub prepared: Option<Prepared>,
     source: MotionSource,
@@ -74,6 +90,7 @@ pub struct Hardware {
     /// True if that is so because the force sensor is at a rail.
     is_railed: bool,
     sensors: Sensors,
+    estimator: Estimator,
     inputs: InputConfig,
     /// The settings that were installed last.
     pub settings: Settings,
@@ -93,8 +110,14 @@ pub struct Hardware {
     pub board: Board,
     /// The encoder's counter.
     encoder: u16,
+    /// Counts of the encoder since the start.
+    pub place: i64,
     /// The hand that holds the stylus.
     pub hand: Hand,
+    /// The plant at the output, if there is one.
+    pub actuator: Option<Actuator>,
+    /// The kernel, while something is played to a plant.
+    performance: Option<Performance>,
     /// Number of samples to come that are lost before they reach the recorder.
     pub lose_samples: u32,
     /// Number of samples to come whose conversions are not all of their tick.
@@ -145,12 +168,16 @@ impl Hardware {
             safety: State::new(&config),
             config,
             playing: None,
+            // As the queue, it is never freed.
+            waveform: Box::leak(Box::new([const { AtomicI16::new(0) }; _])),
+            codes: [DacCode::MID_SCALE; OVERSAMPLING],
             prepared: None,
             source: MotionSource::Sensors,
             host: Timed::NEVER,
             is_stale: true,
             is_railed: false,
             sensors: Sensors::new(),
+            estimator: Estimator::new(),
             inputs: InputConfig::new(&settings),
             settings,
             tap: Tap::new(producer),
@@ -163,7 +190,10 @@ impl Hardware {
             amplifier: false,
             board: Board::default(),
             encoder: 0,
+            place: 0,
             hand: Hand::default(),
+            actuator: None,
+            performance: None,
             lose_samples: 0,
             tear_samples: 0,
             disguise: None,
@@ -185,7 +215,11 @@ impl Hardware {
     /// recording.
     pub fn tick(&mut self) {
         self.now += 1;
-        let sample = self.hand.sample(self.now);
+        let mut sample = self.hand.sample(self.now, self.place);
+        self.place += i64::from(sample.encoder_delta);
+        if let Some(actuator) = &self.actuator {
+            sample.acceleration = actuator.acceleration();
+        }
         let whole = self.tear_samples == 0;
         self.tear_samples = self.tear_samples.saturating_sub(1);
         self.encoder = self.encoder.wrapping_add_signed(sample.encoder_delta);
@@ -193,8 +227,13 @@ impl Hardware {
             .read(self.now, sample.encoder_delta, sample.force, whole);
         if self.now.is_multiple_of(UPDATE_INTERVAL_SAMPLES.into()) {
             self.sensors.end_block();
-            let sensors = self.sensors.motion(&self.inputs);
-            self.is_stale = choose(self.source, sensors, self.host).is_stale(self.now);
+            let sensors = self.estimator.motion(&self.sensors, &self.inputs);
+            let chosen = choose(self.source, sensors, self.host);
+            self.is_stale = chosen.is_stale(self.now);
+            if let Some(performance) = &mut self.performance {
+                let rate = self.config.rate();
+                performance.begin_block(chosen, &self.estimator, &self.inputs, self.now, rate);
+            }
             let cycles = 60_000;
             self.updates = self.updates.merged(CycleRange {
                 runs: 1,
@@ -204,16 +243,19 @@ impl Hardware {
             let by_rail = self.source == MotionSource::Sensors && self.sensors.is_railed();
             self.is_railed = self.is_stale && by_rail;
         }
-        let phase = self.now as f32 * 0.3;
-        let level = if self.playing.is_some() { 2e7 } else { 0.0 };
-        let output = OutputSample((phase.sin() * level) as i32);
-        match self.config.rate() {
-            PlayRate::Hz5000 => self.safety.process(&self.config, output, self.muted),
+        let mut samples = [self.next_sample(); 2];
+        self.codes = match self.config.rate() {
+            PlayRate::Hz5000 => (self.safety).process(&self.config, samples[0], self.muted),
             PlayRate::Hz10000 => {
-                let samples = [output; 2];
+                if let Some(performance) = &mut self.performance {
+                    samples[1] = performance.next_sample();
+                }
                 self.safety.process_pair(&self.config, samples, self.muted)
             }
         };
+        if let Some(actuator) = &mut self.actuator {
+            actuator.put_out(self.codes, self.amplifier);
+        }
         if self.lose_samples > 0 {
             self.lose_samples -= 1;
         } else {
@@ -221,6 +263,16 @@ impl Hardware {
         }
         self.histogram
             .count(20_000 + (self.now % 7) as u32 * 3_000 + self.slower_by);
+    }
+
+    /// The next sample of the kernel, or of the sine in its place.
+    fn next_sample(&mut self) -> OutputSample {
+        if let Some(performance) = &mut self.performance {
+            return performance.next_sample();
+        }
+        let phase = self.now as f32 * 0.3;
+        let level = if self.playing.is_some() { 2e7 } else { 0.0 };
+        OutputSample((phase.sin() * level) as i32)
     }
 
     /// The library in RAM; empty if there is none.
@@ -348,42 +400,74 @@ impl Device for Hardware {
         }
     }
 
-    fn plan(&self, selection: &Selection) -> Result<(Prepared, PlayRate), PlayError> {
+    fn plan(
+        &self,
+        selection: &Selection,
+        response: Option<&Response>,
+    ) -> Result<(Prepared, PlayRate), PlayError> {
         if !self.is_loaded {
             return Err(PlayError::NoLibrary);
         }
         let library = Library::decode(&self.ram).map_err(|_| PlayError::NoLibrary)?;
-        let (_, rate) = plan_of(selection, &library, self.budget)?;
-        Ok((Prepared(selection.clone(), rate), rate))
+        let (_, rate) = plan_of(selection, &library, self.budget, response)?;
+        let response = response.copied().map(Box::new);
+        Ok((Prepared::Selected(selection.clone(), rate, response), rate))
+    }
+
+    fn waveform(&self) -> &'static Waveform {
+        self.waveform
+    }
+
+    fn plan_wave(&self, wave: Wave<'static>, rate: PlayRate, sections: &[Biquad]) -> Prepared {
+        let plan = Plan::of_wave(wave, rate.hz()).with_response(sections);
+        Prepared::Probe(Box::new(plan))
     }
 
     fn prepare(&mut self, plan: Prepared) {
         self.prepared = Some(plan);
     }
 
-    fn start(&mut self, request: &PlayRequest, config: Config) -> Result<(), NotPrepared> {
+    fn start(&mut self, piece: &Piece, config: Config) -> Result<(), NotPrepared> {
         assert!(
             self.safety.is_at_rest(),
             "a texture is exchanged while the output sounds"
         );
         self.playing = None;
-        let Prepared(selection, rate) = self.prepared.take().ok_or(NotPrepared)?;
-        assert_eq!(
-            (selection, rate),
-            (request.selection.clone(), config.rate()),
-            "another plan was prepared than is started"
-        );
-        self.playing = Some(request.clone());
+        self.performance = match (self.prepared.take().ok_or(NotPrepared)?, piece) {
+            (Prepared::Selected(selection, rate, response), Piece::Selected(request)) => {
+                assert_eq!(
+                    (&selection, rate),
+                    (&request.selection, config.rate()),
+                    "another plan was prepared than is started"
+                );
+                self.playing = Some(request.clone());
+                self.actuator.as_ref().map(|_| {
+                    let plan = planned(&self.ram, &selection, response.as_deref());
+                    Performance::new(plan, request.seed)
+                })
+            }
+            (Prepared::Probe(plan), Piece::Probe(_)) => {
+                assert_eq!(plan.sample_rate_hz(), config.rate().hz(), "another rate");
+                Some(Performance::new((*plan, Follower::new(false)), 0))
+            }
+            (prepared, piece) => panic!("{prepared:?} was prepared, and {piece:?} is started"),
+        };
         self.config = config;
         self.starts += 1;
         Ok(())
     }
 
-    fn switch(&mut self, request: &PlayRequest, Prepared(selection, rate): Prepared) {
+    fn switch(&mut self, request: &PlayRequest, prepared: Prepared) {
+        let Prepared::Selected(selection, rate, response) = prepared else {
+            panic!("a probe is started from silence");
+        };
         assert!(
             self.playing.is_some() && selection == request.selection && rate == self.config.rate(),
             "there is nothing to fade, or another plan to fade to"
         );
+        if let Some(performance) = &mut self.performance {
+            performance.switch(planned(&self.ram, &selection, response.as_deref()));
+        }
         self.playing = Some(request.clone());
         self.switches += 1;
     }
@@ -394,6 +478,7 @@ impl Device for Hardware {
             "a texture is exchanged while the output sounds"
         );
         self.playing = None;
+        self.performance = None;
         self.prepared = None;
     }
 

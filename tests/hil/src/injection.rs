@@ -47,6 +47,8 @@ pub enum Injected {
     WriteToFlash,
     ExecuteData,
     ReadExternal,
+    /// No fault: counts of ticks a second before the ends of their 32 bits.
+    Age,
 }
 
 /// Requests a fault.

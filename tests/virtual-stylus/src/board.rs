@@ -51,7 +51,6 @@ pub struct StylusBoard {
     auditor: Auditor,
     /// The registers that the core has touched.
     pub touched: Touched,
-    ram_noise: Option<u64>,
 }
 
 impl StylusBoard {
@@ -92,15 +91,7 @@ impl StylusBoard {
             defects,
             auditor,
             touched: Touched::default(),
-            ram_noise: None,
         })
-    }
-
-    /// Fills all RAM with noise from `seed` before the start, as the part's power-on leaves it. Without it RAM holds
-    /// zeros. A reset changes nothing.
-    pub fn fill_ram(&mut self, seed: u64) {
-        self.ram.power_on();
-        self.ram_noise = Some(seed);
     }
 
     /// The far end of the serial line.
@@ -110,17 +101,15 @@ impl StylusBoard {
     }
 }
 
-/// Noise from `seed` for all RAM of the part.
-fn noise(seed: u64) -> impl Iterator<Item = Image> {
+/// Noise from `seed` for all RAM of the part, in pieces of 64 bits with their addresses, as power-on leaves it. It is
+/// none of the emulator's images, which are placed again at each reset.
+pub fn noise(seed: u64) -> impl Iterator<Item = (u64, u64)> {
     let mut chance = Chance(seed);
     MEMORY
         .iter()
         .filter(|region| region.kind == RegionKind::Ram)
-        .map(move |region| {
-            let words = (0..region.size / 8).flat_map(|_| chance.draw().to_le_bytes());
-            Image::new(Path::new("noise"), words.collect(), Some(region.base))
-                .expect("bytes with an address make an image")
-        })
+        .flat_map(|region| (region.base..region.base + region.size).step_by(8))
+        .map(move |address| (address, chance.draw()))
 }
 
 // Runs start from reset, never from a snapshot.
@@ -152,9 +141,6 @@ impl Board for StylusBoard {
         );
         core.factory_images
             .push(unique_id.expect("bytes with an address make an image"));
-        if let Some(seed) = self.ram_noise {
-            core.factory_images.extend(noise(seed));
-        }
         let flash_size = Image::new(
             Path::new("flash-size"),
             FLASH_KB.to_le_bytes().to_vec(),

@@ -192,15 +192,15 @@ pub(crate) fn start(image: &Path, options: Options) -> Result<Ends> {
     let auditor = Auditor::default();
     let ticks = TickWatch::new(handler, auditor.clone());
     let busy = Busy::default();
-    let mut board = StylusBoard::new(
+    let board = StylusBoard::new(
         options.pins,
         options.electrical,
         unreadable.clone(),
         busy.clone(),
         auditor,
     )?;
-    if let Some(seed) = options.ram_noise {
-        board.fill_ram(seed);
+    if options.ram_noise.is_some() {
+        board.ram.power_on();
     }
     if options.note_registers {
         board.touched.begin();

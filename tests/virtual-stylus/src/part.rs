@@ -27,7 +27,7 @@ use crate::model::encoder::Quadrature;
 use crate::model::flash::{Busy, Journal, Unreadable};
 use crate::model::low_speed::LowSpeedInput;
 use crate::model::oscillators::Oscillators;
-use crate::model::pin::PinRecord;
+use crate::model::pin::{Drive, PinRecord};
 use crate::model::read_back::ReadBack;
 use crate::model::trigger::TriggerOutput;
 use crate::model::usb::host::Host;
@@ -226,6 +226,14 @@ impl Part {
         }
     }
 
+    /// Has the internal oscillators deviate by so many parts per million from now on, as far as USB notices it.
+    pub fn drift(&mut self, hsi_ppm: i64, hsi48_ppm: i64) {
+        let clocks = &mut self.electrical.clocks;
+        (clocks.hsi_ppm, clocks.hsi48_ppm) = (hsi_ppm, hsi48_ppm);
+        let deviation = self.usb_clock_ppm();
+        self.usb.host.set_clock_deviation(deviation);
+    }
+
     /// Deviation of the clock of USB from 48 MHz, parts per million.
     fn usb_clock_ppm(&self) -> i64 {
         let slots = self.rest.bus().slots();
@@ -373,6 +381,8 @@ impl Mcu for Part {
             self.usb.host.set_clock_deviation(self.usb_clock_ppm());
         }
         self.read_back.around.follow(self.dac.latest());
+        let enabled = self.amplifier.around.drive() == Drive::High;
+        self.adc.around.follow(self.dac.latest(), enabled);
         self.rest.bus_mut()
     }
 

@@ -14,7 +14,7 @@ use rigless::session::Session;
 use rigless::soc::Width;
 use rigless::time::VirtualNanos;
 
-use crate::board::StylusBoard;
+use crate::board::{StylusBoard, noise};
 use crate::core::Audit;
 use crate::emulation::{Command, Hands, Options, PowerCut, start};
 use crate::error::Result;
@@ -42,6 +42,7 @@ impl VirtualStylus {
     /// # Errors
     /// The image cannot be read or does not fit the flash.
     pub fn new(image: &Path, options: Options) -> Result<Self> {
+        let ram_noise = options.ram_noise;
         let (commands, stops, thread) = start(image, options)?;
         let mut stylus = Self {
             commands: Some(commands),
@@ -50,6 +51,13 @@ impl VirtualStylus {
             now_ns: 0,
         };
         stylus.wait();
+        if let Some(seed) = ram_noise {
+            stylus.ask(move |_, _, host| {
+                for (address, bits) in noise(seed) {
+                    host.write(address, Width::W64, bits).expect("it is RAM");
+                }
+            });
+        }
         Ok(stylus)
     }
 

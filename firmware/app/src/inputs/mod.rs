@@ -1,8 +1,7 @@
 //! Speed, force, position and contact, with their age: from the encoder and the force sensor, or from the host.
 //!
-//! **Force** is (code - zero) times a constant. **Speed** is the change of the encoder's count over the last
-//! [`WINDOW_TICKS`] ticks, 20 ms, times the path per count, divided by that time: the mean speed of 10 ms ago. Its
-//! resolution is path per count / 20 ms, 0.5 mm/s for counts of 0.01 mm. Its direction does not matter.
+//! **Force** is (code - zero) times a constant. **Speed** is the [`estimator`]'s velocity times the path per count,
+//! half a millisecond old while the hand accelerates. Its direction does not matter.
 //!
 //! **Position** is the encoder's count since playing began, times the path per count. **Contact** follows from the
 //! force, see [`ContactDetector`], for a texture as for a scene. The host may give either of them instead.
@@ -12,12 +11,13 @@
 //! noise of one conversion. Beyond 6 deviations lies one of 10⁹ Gaussian values: a contact out of nothing every 23
 //! days. Contact ends at 3 deviations.
 //!
-//! **Lines that are locked to place** need more digits than a count has, and follow the hand without a delay: see
-//! [`tracker`].
+//! **Lines that are locked to place** need more digits than a count has, and follow the hand without a delay, see
+//! [`tracker`], by the same estimator.
 //!
 //! An input that is older than [`STALE_TICKS`] is stale and mutes the output. A force at a rail of the converter, see
 //! [`RAIL_CODES`], is none: there is no contact at once, and the motion becomes stale.
 
+pub mod estimator;
 pub mod tracker;
 
 pub use model_format::link::RAIL_CODES;
@@ -29,6 +29,7 @@ use stylus_kernel::scene::{ContactDetector, ContactThreshold, Interaction};
 use stylus_kernel::{Motion, MotionError};
 
 use crate::{SAMPLE_RATE_HZ, TICKS_PER_MS, UPDATE_INTERVAL_TICKS};
+pub use estimator::Estimator;
 use tracker::{Told, Tracker};
 
 /// Greatest age of an input that is not stale, ticks.
@@ -44,17 +45,9 @@ pub const FORCE_NOISE_CODES: f32 = 16.0;
 /// Deviations of the noise at which contact begins.
 const CONTACT_DEVIATIONS: f32 = 6.0;
 
-/// Blocks of the window that the speed is averaged over.
-const WINDOW_BLOCKS: usize = 10;
-
-/// Ticks of the window that the speed is averaged over.
-pub const WINDOW_TICKS: u32 = WINDOW_BLOCKS as u32 * UPDATE_INTERVAL_TICKS;
-
 /// Conversion of counts and codes to speed, position and force.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct InputConfig {
-    /// Speed per count in the window, mm/s.
-    speed_per_count: f32,
     /// Path per count, mm.
     path_per_count: f32,
     force_zero: AdcCode,
@@ -66,11 +59,9 @@ pub struct InputConfig {
 impl InputConfig {
     /// The conversion by `settings`.
     pub fn new(settings: &Settings) -> Self {
-        let windows_per_second = SAMPLE_RATE_HZ as f32 / WINDOW_TICKS as f32;
         let path_per_count = settings.get(Setting::PathPerCount);
         let force_per_code = settings.get(Setting::ForcePerVolt) * AdcCode::STEP.0;
         Self {
-            speed_per_count: path_per_count * windows_per_second,
             path_per_count,
             force_zero: settings.force_zero(),
             force_per_code,
@@ -89,9 +80,10 @@ impl InputConfig {
         Newton(codes as f32 * self.force_per_code)
     }
 
-    /// Speed of `counts` in a window.
-    fn speed(&self, counts: i32) -> MillimetresPerSecond {
-        MillimetresPerSecond((counts as f32 * self.speed_per_count).abs())
+    /// Speed of `counts` per block.
+    fn speed(&self, counts: f32) -> MillimetresPerSecond {
+        const BLOCKS_PER_SECOND: f32 = SAMPLE_RATE_HZ as f32 / UPDATE_INTERVAL_TICKS as f32;
+        MillimetresPerSecond((counts * self.path_per_count * BLOCKS_PER_SECOND).abs())
     }
 
     /// Position `counts` from the origin, mm.
@@ -130,14 +122,26 @@ impl Encoder {
     }
 }
 
+/// Counts of a block.
+#[derive(Clone, Copy, Debug)]
+struct Counted {
+    counts: i32,
+    /// Sum of the counts since the block's beginning, as each of its ticks has read them.
+    sum: i32,
+}
+
+impl Counted {
+    const NONE: Self = Self { counts: 0, sum: 0 };
+}
+
 /// Last values of the sensors, gathered by the tick.
 #[derive(Clone, Copy, Debug)]
 pub struct Sensors {
-    /// Counts of the block under way.
-    block_counts: i32,
-    /// Counts of the blocks before, as a ring.
-    blocks: [i32; WINDOW_BLOCKS],
-    oldest: usize,
+    /// The block under way.
+    block: Counted,
+    /// The block before, and the number of blocks that have ended, which wraps.
+    last: Counted,
+    ended: u32,
     /// Counts of all blocks, modulo 2³².
     counts: i32,
     force: AdcCode,
@@ -157,9 +161,9 @@ impl Sensors {
     /// Sensors of which nothing has been read.
     pub const fn new() -> Self {
         Self {
-            block_counts: 0,
-            blocks: [0; WINDOW_BLOCKS],
-            oldest: 0,
+            block: Counted::NONE,
+            last: Counted::NONE,
+            ended: 0,
             counts: 0,
             force: AdcCode(0),
             railed: false,
@@ -171,7 +175,8 @@ impl Sensors {
     /// it is at a rail.
     #[inline(always)]
     pub fn read(&mut self, tick: u64, encoder_delta: i16, force: AdcCode, fresh: bool) {
-        self.block_counts = self.block_counts.saturating_add(i32::from(encoder_delta));
+        self.block.counts = self.block.counts.wrapping_add(i32::from(encoder_delta));
+        self.block.sum = self.block.sum.wrapping_add(self.block.counts);
         let inside = force.0.wrapping_sub(RAIL_CODES) <= u16::MAX - 2 * RAIL_CODES;
         if fresh {
             self.railed = !inside;
@@ -185,20 +190,15 @@ impl Sensors {
     /// Ends a block of [`UPDATE_INTERVAL_TICKS`]. Called at each block's boundary, for any source of motion.
     #[inline(always)]
     pub fn end_block(&mut self) {
-        self.blocks[self.oldest] = self.block_counts;
-        self.oldest = (self.oldest + 1) % WINDOW_BLOCKS;
-        self.counts = self.counts.wrapping_add(self.block_counts);
-        self.block_counts = 0;
+        self.counts = self.counts.wrapping_add(self.block.counts);
+        self.last = core::mem::replace(&mut self.block, Counted::NONE);
+        self.ended = self.ended.wrapping_add(1);
     }
 
-    /// Motion of the last window, and the tick of its last good conversion.
-    pub fn motion(&self, config: &InputConfig) -> Timed {
-        let counts = self
-            .blocks
-            .iter()
-            .fold(0i32, |sum, &block| sum.saturating_add(block));
+    /// The motion at `speed` with the force that was read last, and the tick of its last good conversion.
+    fn moving_at(&self, speed: MillimetresPerSecond, config: &InputConfig) -> Timed {
         // Both are products of finite numbers in range, so this is a motion.
-        let motion = Motion::new(config.speed(counts), config.force(self.force));
+        let motion = Motion::new(speed, config.force(self.force));
         Timed {
             motion: motion.unwrap_or(Motion::REST),
             source: MotionSource::Sensors,
@@ -212,11 +212,6 @@ impl Sensors {
     /// Returns true if the force is at a rail of its converter, so that it is not known.
     pub fn is_railed(&self) -> bool {
         self.railed
-    }
-
-    /// Count of the encoder at the end of the last block, modulo 2³².
-    pub fn counts(&self) -> i32 {
-        self.counts
     }
 }
 
@@ -321,19 +316,19 @@ impl Follower {
         Self { tracker, ..self }
     }
 
-    /// Interaction of the hand, from the chosen motion and the sensors, both at tick `now`. The origin is the encoder's
+    /// Interaction of the hand, from the chosen motion and the encoder's, both at tick `now`. The origin is the encoder's
     /// count at the first call.
     pub fn follow(
         &mut self,
         chosen: Timed,
-        sensors: &Sensors,
+        encoder: &Estimator,
         config: &InputConfig,
         now: u64,
     ) -> Interaction {
         let by_force = self.contact.touches(chosen.motion, config.contact);
         let contact = chosen.contact.unwrap_or(by_force);
         let position = if self.locates {
-            let counts = sensors.counts();
+            let counts = encoder.counts();
             let origin = *self.origin.get_or_insert(counts);
             let by_encoder = config.position_mm(counts.wrapping_sub(origin));
             chosen.position_mm.unwrap_or(by_encoder)
@@ -349,9 +344,9 @@ impl Follower {
             speed_mm_s: chosen.speed_mm_s,
             at: chosen.at,
         });
-        let (counts, path_per_count) = (sensors.counts(), config.path_per_count);
+        let path_per_count = config.path_per_count;
         let tracker = self.tracker.as_mut();
         interaction
-            .reaching(tracker.map(|tracker| tracker.follow(told, counts, path_per_count, now)))
+            .reaching(tracker.map(|tracker| tracker.follow(told, encoder, path_per_count, now)))
     }
 }

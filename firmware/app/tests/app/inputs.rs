@@ -6,12 +6,12 @@ use model_format::link::{
 };
 use model_format::{AdcCode, MillimetresPerSecond, Newton};
 use proptest::prelude::*;
+use stylus_app::TICKS_PER_MS;
 use stylus_app::inputs::{
-    Encoder, FORCE_NOISE_CODES, Follower, InputConfig, RAIL_CODES, STALE_TICKS, Sensors, Timed,
-    WINDOW_TICKS, choose,
+    Estimator, FORCE_NOISE_CODES, Follower, InputConfig, RAIL_CODES, STALE_TICKS, Sensors, Timed,
+    choose,
 };
-use stylus_app::{SAMPLE_RATE_HZ, TICKS_PER_MS};
-use stylus_kernel::{Motion, UPDATE_INTERVAL_SAMPLES};
+use stylus_kernel::Motion;
 
 fn motion(speed: f32, force: f32) -> Motion {
     Motion::new(MillimetresPerSecond(speed), Newton(force)).expect("finite")
@@ -33,18 +33,9 @@ fn told(
     Timed::from_host(sample, tick)
 }
 
-/// Sensors after `ticks` ticks, with `count_of(tick)` on a 16-bit counter.
-fn sensors(ticks: u32, count_of: impl Fn(u32) -> i64) -> Sensors {
-    let mut encoder = Encoder::new(count_of(0) as u16);
-    let mut sensors = Sensors::new();
-    for tick in 1..=ticks {
-        let delta = encoder.delta(count_of(tick) as u16);
-        sensors.read(u64::from(tick), delta, AdcCode(1000), true);
-        if tick.is_multiple_of(UPDATE_INTERVAL_SAMPLES) {
-            sensors.end_block();
-        }
-    }
-    sensors
+/// Motion of a tool of which nothing is known but what `sensors` have read last.
+fn motion_of(sensors: &Sensors, config: &InputConfig) -> Timed {
+    Estimator::new().motion(sensors, config)
 }
 
 proptest! {
@@ -57,58 +48,21 @@ proptest! {
         let volt = f64::from(AdcCode(code).volt().0) - f64::from(AdcCode(zero).volt().0);
         prop_assert!((f64::from(force.0) - volt * f64::from(per_volt)).abs() < 1e-3);
     }
-
-    #[test]
-    fn a_steady_speed_is_measured_to_a_count_in_the_window(
-        counts_per_second in -2e6f64..2e6, start: u16, per_count in 0.001f32..0.1,
-    ) {
-        let config = InputConfig::new(&settings(&[(Setting::PathPerCount, per_count)]));
-        let counts_per_tick = counts_per_second / f64::from(SAMPLE_RATE_HZ);
-        let count = |tick| (f64::from(tick) * counts_per_tick).floor() as i64 + i64::from(start);
-        let sensors = sensors(3 * WINDOW_TICKS, count);
-        let expected = counts_per_second.abs() * f64::from(per_count);
-        let one_count = f64::from(per_count) * f64::from(SAMPLE_RATE_HZ) / f64::from(WINDOW_TICKS);
-        let found = sensors.motion(&config);
-        let near = |offset: f64| motion((expected + offset).max(0.0) as f32, 0.0);
-        // A motion shows its values only by Debug.
-        let speed = |motion: Motion| {
-            let text = format!("{motion:?}");
-            let number = text.split(&[' ', ','][..]).nth(3).expect("it has a speed").to_owned();
-            number.parse::<f64>().expect("a number")
-        };
-        let (low, high) = (speed(near(-1.01 * one_count)), speed(near(1.01 * one_count)));
-        prop_assert!((low..=high).contains(&speed(found.motion)), "{found:?}, {expected}");
-    }
-}
-
-#[test]
-fn a_hand_that_stops_is_at_rest_a_window_later() {
-    let config = InputConfig::new(&Settings::default());
-    let stop = 500;
-    let count = |tick: u32| i64::from(tick.min(stop)) * 3;
-    let moving = sensors(stop, count).motion(&config).motion;
-    assert_ne!(
-        moving,
-        sensors(stop + WINDOW_TICKS, count).motion(&config).motion
-    );
-    let at_rest = sensors(stop + WINDOW_TICKS, count).motion(&config).motion;
-    assert_eq!(
-        at_rest,
-        Motion::new(MillimetresPerSecond(0.0), config.force(AdcCode(1000))).expect("finite")
-    );
 }
 
 #[test]
 fn the_largest_counts_overflow_nothing() {
     let config = InputConfig::new(&settings(&[(Setting::PathPerCount, 10.0)]));
-    let mut sensors = Sensors::new();
+    let (mut sensors, mut estimator) = (Sensors::new(), Estimator::new());
     for tick in 0..100_000 {
         sensors.read(tick, i16::MIN, AdcCode(u16::MAX - RAIL_CODES), true);
         if tick % 1000 == 0 {
             sensors.end_block();
+            let motion = estimator.motion(&sensors, &config);
+            assert!(motion.speed_mm_s.is_finite());
         }
     }
-    assert!(!sensors.motion(&config).is_stale(99_999));
+    assert!(!estimator.motion(&sensors, &config).is_stale(99_999));
 }
 
 #[test]
@@ -139,14 +93,14 @@ fn conversions_that_do_not_come_make_the_sensors_stale() {
     let config = InputConfig::new(&Settings::default());
     let mut sensors = Sensors::new();
     assert!(
-        sensors.motion(&config).is_stale(0),
+        motion_of(&sensors, &config).is_stale(0),
         "nothing was read so far"
     );
     sensors.read(10, 0, AdcCode(5_007), true);
     for tick in 11..1_000 {
         sensors.read(tick, 0, AdcCode(5_009), false);
     }
-    let timed = sensors.motion(&config);
+    let timed = motion_of(&sensors, &config);
     assert_eq!(timed.at, Some(10));
     assert_eq!(
         timed.motion,
@@ -169,14 +123,16 @@ fn a_force_at_a_rail_is_no_contact_at_once_and_stale_in_its_time() {
             sensors.read(tick, 0, AdcCode(code), true);
         }
         let now = 2 + STALE_TICKS;
-        let timed = sensors.motion(&config);
+        let timed = motion_of(&sensors, &config);
         assert_eq!(
             (sensors.is_railed(), timed.is_stale(now)),
             (railed, railed),
             "code {code}"
         );
         let mut follower = Follower::new(false);
-        let touches = follower.follow(timed, &sensors, &config, now).contact;
+        let touches = follower
+            .follow(timed, &Estimator::new(), &config, now)
+            .contact;
         assert_eq!(touches, !railed && code > 300, "code {code}");
         // The force that was known last is not followed any further.
         let at = if railed { 1 } else { now };
@@ -185,7 +141,7 @@ fn a_force_at_a_rail_is_no_contact_at_once_and_stale_in_its_time() {
         sensors.read(now + 1, 0, AdcCode(0), false);
         assert_eq!(sensors.is_railed(), railed);
         sensors.read(now + 2, 0, AdcCode(20_000), true);
-        assert!(!sensors.is_railed() && !sensors.motion(&config).is_stale(now + 2));
+        assert!(!sensors.is_railed() && !motion_of(&sensors, &config).is_stale(now + 2));
     }
 }
 
@@ -214,9 +170,10 @@ fn a_scene_is_followed_from_where_playing_began_and_from_the_first_touch() {
     let config = InputConfig::new(&settings(&[(Setting::PathPerCount, 0.01)]));
     let before = moved(Sensors::new(), 12_345, 4_096);
     let mut follower = Follower::new(true);
+    let mut estimator = Estimator::new();
     let mut follow = |sensors: &Sensors, host: Option<Timed>| {
-        let chosen = host.unwrap_or_else(|| sensors.motion(&config));
-        follower.follow(chosen, sensors, &config, 1)
+        let by_sensors = estimator.motion(sensors, &config);
+        follower.follow(host.unwrap_or(by_sensors), &estimator, &config, 1)
     };
     let begun = follow(&before, None);
     assert_eq!((begun.position_mm(), begun.contact), (0.0, false));
@@ -249,7 +206,8 @@ fn a_texture_is_everywhere_and_is_touched_above_the_threshold() {
         (0, 90, false),
     ] {
         let sensors = moved(Sensors::new(), counts, 4_096 + code);
-        let followed = follower.follow(sensors.motion(&config), &sensors, &config, 1);
+        let chosen = motion_of(&sensors, &config);
+        let followed = follower.follow(chosen, &Estimator::new(), &config, 1);
         let found = (followed.position_mm(), followed.contact);
         assert_eq!(found, (0.0, touches), "code {code}");
     }
@@ -257,7 +215,7 @@ fn a_texture_is_everywhere_and_is_touched_above_the_threshold() {
     for contact in [true, false] {
         let force = if contact { 0.0 } else { 1.0 };
         let host = told([50.0, force], Some(30.0), Some(contact), 1).expect("finite");
-        let followed = follower.follow(host, &Sensors::new(), &config, 1);
+        let followed = follower.follow(host, &Estimator::new(), &config, 1);
         assert_eq!((followed.position_mm(), followed.contact), (0.0, contact));
     }
 }

@@ -3,7 +3,7 @@
 use fake_stylus::device::settings_with;
 use model_format::link::{Setting, Settings};
 use model_format::{AdcCode, CodeSpec, DacCode, Library, NodeSpec, Texture, TextureSpec, encode};
-use stylus_app::inputs::{FORCE_NOISE_CODES, Follower, InputConfig, Sensors};
+use stylus_app::inputs::{Estimator, FORCE_NOISE_CODES, Follower, InputConfig, Sensors};
 use stylus_app::safety::{Config, State};
 use stylus_kernel::UPDATE_INTERVAL_SAMPLES;
 use stylus_kernel::excitation::{self, Excitation};
@@ -25,6 +25,7 @@ fn texture(bytes: &[u8]) -> Texture<'_> {
 struct Stylus<'a> {
     input: InputConfig,
     sensors: Sensors,
+    estimator: Estimator,
     follower: Follower,
     player: ScenePlayer<'a>,
     safety: (Config, State),
@@ -37,6 +38,7 @@ impl<'a> Stylus<'a> {
         Self {
             input: InputConfig::new(settings),
             sensors: Sensors::new(),
+            estimator: Estimator::new(),
             follower: Follower::new(false),
             player: ScenePlayer::new(Plan::of_texture(texture), 3),
             safety: (config, State::new(&config)),
@@ -51,10 +53,10 @@ impl<'a> Stylus<'a> {
             self.sensors.read(self.tick, counts, code(), true);
         }
         self.sensors.end_block();
-        let chosen = self.sensors.motion(&self.input);
+        let chosen = self.estimator.motion(&self.sensors, &self.input);
         let interaction = self
             .follower
-            .follow(chosen, &self.sensors, &self.input, self.tick);
+            .follow(chosen, &self.estimator, &self.input, self.tick);
         self.player.follow(interaction, UPDATE_INTERVAL_SAMPLES);
         let (config, state) = &mut self.safety;
         (0..UPDATE_INTERVAL_SAMPLES)

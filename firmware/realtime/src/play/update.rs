@@ -9,7 +9,7 @@ use core::sync::atomic::{AtomicBool, Ordering};
 
 use cortex_m::peripheral::DWT;
 use model_format::link::{CycleRange, MotionSource};
-use stylus_app::inputs::{self, InputConfig, Timed};
+use stylus_app::inputs::{self, Estimator, InputConfig, Timed};
 
 use crate::play::shared::OfHandler;
 use crate::play::{direction, voice};
@@ -24,6 +24,8 @@ static RAILED: AtomicBool = AtomicBool::new(false);
 pub struct Update {
     /// Conversion of counts and codes to speed and force.
     pub config: InputConfig,
+    /// Estimate of the tool's motion from the encoder's counts.
+    encoder: Estimator,
     /// Source of the motion that is followed.
     pub source: MotionSource,
     /// The last motion from the host.
@@ -40,6 +42,7 @@ pub fn start(config: InputConfig) {
     UPDATE.with(|_, update| {
         *update = Some(Update {
             config,
+            encoder: Estimator::new(),
             source: MotionSource::Sensors,
             host: Timed::NEVER,
             range: CycleRange::NONE,
@@ -76,7 +79,7 @@ pub fn change(change: impl FnOnce(&mut Update)) {
     });
 }
 
-/// The update's interrupt, pended by the tick. **Deadline: 2 ms, until the next block.**
+/// The update's interrupt, pended by the tick. **Deadline: 0.6 ms, until the next block.**
 ///
 /// Its time is bounded by two voices at a time, the highest order of their textures, four nodes around the motion,
 /// twenty samples of excitation from codebooks and level tracks, and the ticks that interrupt it. If it is late, the
@@ -92,7 +95,7 @@ extern "C" fn SWPMI1() {
     let noted = unsafe { voice::noted() };
     // SAFETY: this is the handler that owns the value.
     if let Some(update) = unsafe { UPDATE.in_handler() } {
-        let sensors = noted.sensors.motion(&update.config);
+        let sensors = update.encoder.motion(&noted.sensors, &update.config);
         let chosen = inputs::choose(update.source, sensors, update.host);
         let stale = chosen.is_stale(noted.tick);
         let by_rail = update.source == MotionSource::Sensors && noted.sensors.is_railed();
@@ -103,9 +106,9 @@ extern "C" fn SWPMI1() {
             if let Some(direction) = unsafe { direction::directed() } {
                 let follower = &mut direction.follower;
                 let interaction =
-                    follower.follow(chosen, &noted.sensors, &update.config, noted.tick);
+                    follower.follow(chosen, &update.encoder, &update.config, noted.tick);
                 // SAFETY: as above; this is the director of the block that is played.
-                unsafe { voice::direct(&mut direction.director, interaction, played) };
+                unsafe { voice::direct(&mut direction.director, interaction, noted.tick, played) };
             }
         }
         let cycles = DWT::cycle_count().wrapping_sub(begin);

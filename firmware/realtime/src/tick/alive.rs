@@ -39,6 +39,12 @@ pub fn ended() -> u32 {
     ENDED.load(Ordering::Relaxed)
 }
 
+/// Sets the number of ticks that have ended, modulo 2³².
+#[cfg(feature = "fault-injection")]
+pub fn set_ended(ticks: u32) {
+    ENDED.store(ticks, Ordering::Relaxed);
+}
+
 /// Reports whether a tick is running or, right after a reset, whether one was running at the reset.
 pub fn is_running() -> bool {
     RUNNING.load(Ordering::Relaxed) == RUNNING_MARK

@@ -27,7 +27,8 @@ use stylus_app::inputs::{Encoder, Sensors};
 use stylus_app::recorder::Tap;
 use stylus_app::safety::{self, Wanted};
 use stylus_app::status::Histogram;
-use stylus_app::{SAMPLE_RATE_HZ, UPDATE_INTERVAL_TICKS};
+use stylus_app::{SAMPLE_RATE_HZ, UPDATE_INTERVAL_TICKS, UPDATE_LEAD_TICKS};
+use stylus_kernel::scene::Ringing;
 
 use crate::boot::clock::{CORE_HZ, TIMER_HZ};
 use crate::play::shared::OfHandler;
@@ -57,6 +58,8 @@ pub struct Tick {
     phase: u32,
     /// The block that is played, if any.
     playing: Option<BlockIndex>,
+    /// The ringing when that block began.
+    ringing: Ringing,
     /// True if playing begins with the next block.
     begins: bool,
     /// True if the update was requested to decide the block after the one that is played.
@@ -110,6 +113,7 @@ pub fn start(
             tap,
             phase: 0,
             playing: None,
+            ringing: Ringing::default(),
             begins: false,
             requested: false,
             trigger: DWT::cycle_count(),
@@ -133,6 +137,18 @@ pub fn start(
 /// Number of ticks since the start.
 pub fn now() -> u64 {
     TICK.with(|_, tick| tick.as_ref().map_or(0, |tick| tick.counters.ticks))
+}
+
+/// Sets the counts of ticks to a second before the ends of their 32 bits, which they reach after ten days.
+#[cfg(feature = "fault-injection")]
+pub fn age() {
+    const TICKS: u32 = u32::MAX - SAMPLE_RATE_HZ;
+    TICK.with(|_, tick| {
+        if let Some(tick) = tick {
+            tick.counters.ticks = TICKS.into();
+        }
+    });
+    alive::set_ended(TICKS);
 }
 
 /// Counters and state of the tick; none before the start.
@@ -271,7 +287,10 @@ impl Tick {
             .late_conversions
             .saturating_add(u32::from(late));
         if self.phase == 0 {
-            self.begin_block(now);
+            self.begin_block();
+        }
+        if self.phase == UPDATE_INTERVAL_TICKS - UPDATE_LEAD_TICKS {
+            self.request_update(now);
         }
         // A remainder would take more instructions.
         let phase = self.phase + 1;
@@ -348,35 +367,41 @@ impl Tick {
         self.safety.miss(periods - 1);
     }
 
-    /// Begins the block that was decided during the last one, and requests the next one from the present motion.
-    ///
-    /// So a motion that is noted at the beginning of one block sounds from the beginning of the next. If the update has
-    /// not finished, the block before goes on.
+    /// Begins the block that was decided during the last one. If the update has not finished, the block before goes on.
     #[inline(always)]
-    fn begin_block(&mut self, now: u64) {
-        self.sensors.end_block();
+    fn begin_block(&mut self) {
         if core::mem::take(&mut self.begins) {
             self.playing = Some(BlockIndex::First);
-            self.requested = false;
+            (self.ringing, self.requested) = (Ringing::default(), false);
         }
         if !voice::is_ready() {
             let late = u32::from(self.playing.is_some());
             self.counters.late_frames = self.counters.late_frames.saturating_add(late);
             return;
         }
-        if self.requested {
+        if core::mem::take(&mut self.requested) {
             self.playing = self.playing.map(BlockIndex::other);
         }
-        self.requested = true;
-        let playing = self.playing.map(|block| {
+        if let Some(block) = self.playing {
             // SAFETY: this is the tick, which plays, and the update is ready.
-            let ringing = unsafe { voice::begin_block(block) };
-            Played { block, ringing }
-        });
+            self.ringing = unsafe { voice::begin_block(block) };
+        }
+    }
+
+    /// Requests the block after the one that is played, from the present motion, which so sounds [`UPDATE_LEAD_TICKS`]
+    /// later. A block that was decided and has not begun yet is not decided again.
+    #[inline(always)]
+    fn request_update(&mut self, now: u64) {
+        self.sensors.end_block();
+        if self.requested || !voice::is_ready() {
+            return;
+        }
+        self.requested = true;
+        let ringing = self.ringing;
         let noted = Noted {
             sensors: self.sensors,
             tick: now,
-            playing,
+            playing: self.playing.map(|block| Played { block, ringing }),
         };
         // SAFETY: this is the tick, and the update is ready.
         unsafe { voice::request(noted) };

@@ -1,11 +1,14 @@
 //! `stylus calibrate`
 
+mod scales;
+
 use std::io::BufRead;
 
+use host_tools::link::Device;
 use host_tools::link::calibrate::{AtRest, Coil, acceleration_zeros, verify};
-use host_tools::link::{Device, LinkError};
 use host_tools::support::error::{Error, Result};
-use model_format::link::{Setting, SettingChange, Settings};
+use model_format::link::{Setting, SettingChange, SettingSet, Settings};
+use scales::{Scales, ScalesReport};
 use serde::Serialize;
 
 use super::connection::Link;
@@ -37,6 +40,8 @@ pub struct Arguments {
     /// Measure the accelerometer's zeros too, in two opposite poses
     #[arg(long, conflicts_with = "yes")]
     accelerometer: bool,
+    #[command(flatten)]
+    scales: Scales,
     /// Duration of each measurement, in seconds
     #[arg(long, value_name = "S", value_parser = positive, default_value_t = 1.0)]
     seconds: f64,
@@ -58,6 +63,8 @@ struct CalibrationReport {
     peak_watts: f64,
     /// The sensors at rest, measured again after their zeros were set.
     at_rest: Option<AtRest>,
+    /// The scales of force and path, if they were measured.
+    scales: ScalesReport,
     /// Every setting that was set, read back.
     set: Vec<Set>,
 }
@@ -72,15 +79,17 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let device = arguments.link.connect()?;
     let interrupt = Interrupt::listen()?;
     let settings = device.settings()?;
-    let coil = coil(arguments, &settings)?;
-    let mut changes = coil.changes().to_vec();
-    for change in &changes {
-        change
-            .setting
-            .check(change.value)
-            .map_err(|error| Error::Request(error.to_string()))?;
-    }
-    changes.extend(sensors(arguments, &device, interrupt, &settings)?);
+    let bench = Bench {
+        arguments,
+        device: &device,
+        interrupt,
+    };
+    let (coil, mut changes) = bench.coil(&settings)?;
+    check(&changes)?;
+    let (zeros, scales) = bench.sensors(&settings)?;
+    changes.extend(zeros);
+    changes.extend(scales.changes());
+    check(&changes)?;
     for line in coil.summary() {
         say(&line);
     }
@@ -91,17 +100,15 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         return Err(Error::Request("nothing was stored".to_owned()));
     }
     let stored = device.set_all(&changes)?;
-    let at_rest = if arguments.keep_force {
-        None
-    } else {
-        Some(verify(&device, arguments.seconds).map_err(|failure| unverified(&changes, &failure))?)
-    };
+    let verified = bench.verify(&scales, &stored);
+    let at_rest = verified.map_err(|failure| unverified(&changes, &failure))?;
     let report = CalibrationReport {
         coil,
         peak_volts: coil.peak_volts(),
         peak_amperes: coil.peak_amperes(),
         peak_watts: coil.peak_watts(),
         at_rest,
+        scales,
         set: changes
             .iter()
             .map(|change| Set {
@@ -127,7 +134,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 }
 
 /// An error for settings that are stored although the measurement after them failed.
-fn unverified(changes: &[SettingChange], failure: &LinkError) -> Error {
+fn unverified(changes: &[SettingChange], failure: &Error) -> Error {
     let stored: Vec<String> = changes
         .iter()
         .map(|SettingChange { setting, value }| format!("{setting} {value}"))
@@ -138,45 +145,74 @@ fn unverified(changes: &[SettingChange], failure: &LinkError) -> Error {
     ))
 }
 
-/// The coil by the command line, and by what the operator answers.
-fn coil(arguments: &Arguments, settings: &Settings) -> Result<Coil> {
-    let value = |given: Option<f64>, question: &str| match given {
-        Some(value) => Ok(value as f32),
-        None => number(question),
-    };
-    let resistance = value(
-        arguments.resistance,
-        "resistance of the coil in ohms, measured with a multimeter at the unplugged coil:",
-    )?;
-    let amplifier_gain = value(
-        arguments.amplifier_gain,
-        "volts at the coil per volt at the amplifier's input:",
-    )?;
-    let power_limit = value(
-        arguments.power_limit,
-        "power that the coil bears continuously, in watts:",
-    )?;
-    let as_it_is = settings.get(Setting::HardLimit);
-    Ok(Coil {
-        resistance,
-        amplifier_gain,
-        power_limit,
-        hard_limit: arguments.hard_limit.map_or(as_it_is, |volts| volts as f32),
-    })
+/// Checks `changes` before anything is asked or stored.
+fn check(changes: &[SettingChange]) -> Result<()> {
+    for change in changes {
+        let checked = change.setting.check(change.value);
+        checked.map_err(|error| Error::Request(format!("nothing was stored: {error}")))?;
+    }
+    Ok(())
 }
 
-/// The zeros of the sensors, measured.
-fn sensors(
-    arguments: &Arguments,
-    device: &Device,
+/// The stylus to calibrate, and how.
+struct Bench<'a> {
+    arguments: &'a Arguments,
+    device: &'a Device,
     interrupt: Interrupt,
-    settings: &Settings,
-) -> Result<Vec<SettingChange>> {
-    let measure = |pose: &str, is_force_alone: bool| -> Result<AtRest> {
-        if !arguments.yes {
+}
+
+impl Bench<'_> {
+    /// The coil by the command line, and by what the operator answers, with its changes. Where only scales are wanted,
+    /// a coil that was set before stays.
+    fn coil(&self, settings: &Settings) -> Result<(Coil, Vec<SettingChange>)> {
+        let arguments = self.arguments;
+        let mut coil = Coil {
+            resistance: settings.get(Setting::CoilResistance),
+            amplifier_gain: settings.get(Setting::AmplifierGain),
+            power_limit: settings.get(Setting::PowerLimit),
+            hard_limit: settings.get(Setting::HardLimit),
+        };
+        let given = [
+            arguments.resistance,
+            arguments.amplifier_gain,
+            arguments.power_limit,
+            arguments.hard_limit,
+        ];
+        if arguments.scales.are_wanted() && given.iter().all(Option::is_none) {
+            let set = self.device.status()?.settings.set;
+            if SettingSet::REQUIRED.without(set) == SettingSet::NONE {
+                return Ok((coil, Vec::new()));
+            }
+        }
+        let value = |given: Option<f64>, question: &str| match given {
+            Some(value) => Ok(value as f32),
+            None => number(question),
+        };
+        coil.resistance = value(
+            arguments.resistance,
+            "resistance of the coil in ohms, measured with a multimeter at the unplugged coil:",
+        )?;
+        coil.amplifier_gain = value(
+            arguments.amplifier_gain,
+            "volts at the coil per volt at the amplifier's input:",
+        )?;
+        coil.power_limit = value(
+            arguments.power_limit,
+            "power that the coil bears continuously, in watts:",
+        )?;
+        if let Some(volts) = arguments.hard_limit {
+            coil.hard_limit = volts as f32;
+        }
+        Ok((coil, coil.changes().to_vec()))
+    }
+
+    /// Measures a stylus that is held still in this `pose`.
+    fn measure(&self, pose: &str, is_force_alone: bool) -> Result<AtRest> {
+        if !self.arguments.yes {
             answer(&format!("hold the stylus still, {pose}, then press Enter"))?;
         }
-        let measured = AtRest::measure(device, arguments.seconds, || !interrupt.is_raised())?;
+        let goes_on = || !self.interrupt.is_raised();
+        let measured = AtRest::measure(self.device, self.arguments.seconds, goes_on)?;
         let at_rest =
             measured.ok_or_else(|| Error::Request("interrupted; nothing was stored".to_owned()))?;
         let faults = at_rest.faults(is_force_alone);
@@ -187,21 +223,38 @@ fn sensors(
             "nothing was stored: {}",
             faults.join("; ")
         )))
-    };
-    let mut changes = Vec::new();
-    if arguments.accelerometer {
-        let pose = measure("in the air, tip down", arguments.keep_force)?;
-        let opposite = measure("in the air, tip up", arguments.keep_force)?;
-        let zeros = acceleration_zeros(&pose, &opposite, settings);
-        changes
-            .extend(zeros.map_err(|words| Error::Request(format!("nothing was stored: {words}")))?);
-        // The tip's weight is part of the force in the pose in which the stylus is used.
-        say("next is the force: turn the tip down again");
     }
-    if !arguments.keep_force {
-        changes.push(measure("in the air, tip down", true)?.force_zero());
+
+    /// The zeros of the sensors, and the scales that are wanted, measured.
+    fn sensors(&self, settings: &Settings) -> Result<(Vec<SettingChange>, ScalesReport)> {
+        let keeps_force = self.arguments.keep_force;
+        let mut changes = Vec::new();
+        if self.arguments.accelerometer {
+            let pose = self.measure("in the air, tip down", keeps_force)?;
+            let opposite = self.measure("in the air, tip up", keeps_force)?;
+            let zeros = acceleration_zeros(&pose, &opposite, settings);
+            let zeros =
+                zeros.map_err(|words| Error::Request(format!("nothing was stored: {words}")))?;
+            changes.extend(zeros);
+        }
+        let scales = self.scales()?;
+        if !keeps_force {
+            // The tip's weight is part of the force in the pose in which the stylus is used.
+            changes.push(self.measure("in the air, tip down", true)?.force_zero());
+        }
+        Ok((changes, scales))
     }
-    Ok(changes)
+
+    /// Measures again what was set, and returns the sensors at rest if the force's zero was.
+    fn verify(&self, scales: &ScalesReport, stored: &Settings) -> Result<Option<AtRest>> {
+        let at_rest = if self.arguments.keep_force {
+            None
+        } else {
+            Some(verify(self.device, self.arguments.seconds)?)
+        };
+        self.verify_scales(scales, stored)?;
+        Ok(at_rest)
+    }
 }
 
 /// Prints to standard error, so that standard output holds the report alone.

@@ -6,6 +6,7 @@
 //!
 //! | module | subject |
 //! |---|---|
+//! | `alone` | without sockets of files: one command at a time has a device |
 //! | `place` | the socket and the lock of a device, in the user's runtime folder |
 //! | `message` | messages between a client and the broker |
 //! | `join` | a client's side: finds a broker, starts one where there is none, and is its client |
@@ -18,11 +19,21 @@
 //! motion is not held up by another client's upload. Blocks of a recording go to all clients; one that reads too
 //! slowly loses some, which it counts, and nobody else does.
 
+#[cfg(any(not(unix), test))]
+mod alone;
+#[cfg(unix)]
 mod join;
+#[cfg(unix)]
 mod message;
 mod place;
+#[cfg(unix)]
 mod serve;
+#[cfg(unix)]
 mod switchboard;
 
+#[cfg(not(unix))]
+pub(super) use alone::{free, join, open};
+#[cfg(unix)]
 pub(super) use join::{free, join, open};
+#[cfg(unix)]
 pub use serve::{Served, serve};

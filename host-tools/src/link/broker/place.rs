@@ -3,7 +3,6 @@
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io;
 use std::net::ToSocketAddrs;
-use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 
 use model_format::link::SCHEMA_HASH;
@@ -26,6 +25,7 @@ pub(super) struct Place {
     /// The device's address, the same whichever way the user has written it.
     pub(super) address: LinkAddress,
     /// The socket.
+    #[cfg_attr(not(unix), expect(dead_code, reason = "there are none"))]
     pub(super) socket: PathBuf,
     /// The lock, which the broker holds as long as it lives, and which names its clients.
     lock: PathBuf,
@@ -56,7 +56,7 @@ impl Place {
 
     /// The clients of the broker that holds the lock, in words.
     pub(super) fn clients(&self) -> String {
-        let clients = fs::read_to_string(&self.lock).unwrap_or_default();
+        let clients = fs::read_to_string(self.names()).unwrap_or_default();
         match clients.trim() {
             "" => "another command".to_owned(),
             clients => clients.to_owned(),
@@ -66,7 +66,16 @@ impl Place {
     /// Names the clients in the lock.
     pub(super) fn name_clients(&self, clients: &str) {
         // It serves a message alone.
-        let _ = fs::write(&self.lock, clients);
+        let _ = fs::write(self.names(), clients);
+    }
+
+    /// The file that names the clients: the lock, where a lock does not keep others from reading it.
+    fn names(&self) -> PathBuf {
+        if cfg!(unix) {
+            self.lock.clone()
+        } else {
+            self.lock.with_extension("txt")
+        }
     }
 
     /// Takes the lock, or returns `None` if another broker has it. A crash frees it, so that it tells of a broker that
@@ -76,13 +85,11 @@ impl Place {
     /// A file that cannot be made or locked.
     pub(super) fn lock(&self) -> Result<Option<File>> {
         let failed = |failure: io::Error| unusable(&self.address, &failure);
-        let file = OpenOptions::new()
-            .create(true)
-            .truncate(false)
-            .write(true)
-            .mode(0o600)
-            .open(&self.lock)
-            .map_err(failed)?;
+        let mut options = OpenOptions::new();
+        options.create(true).truncate(false).write(true);
+        #[cfg(unix)]
+        std::os::unix::fs::OpenOptionsExt::mode(&mut options, 0o600);
+        let file = options.open(&self.lock).map_err(failed)?;
         match file.try_lock() {
             Ok(()) => Ok(Some(file)),
             Err(TryLockError::WouldBlock) => Ok(None),
@@ -126,7 +133,7 @@ async fn canonical(address: &LinkAddress) -> Result<LinkAddress> {
     })
 }
 
-#[cfg(test)]
+#[cfg(all(test, unix))]
 mod tests {
     use super::*;
 

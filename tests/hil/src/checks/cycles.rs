@@ -1,5 +1,6 @@
 //! Cycles of tick and update, by the device's own cycle counter, for every texture and scene of the suite.
 
+use model_format::SAMPLE_RATE_HZ;
 use model_format::link::{CycleReport, MotionSource, Selection};
 
 use crate::bench::Bench;
@@ -8,11 +9,8 @@ use crate::error::Result;
 /// Time before a measurement, ms of the device.
 const RUN_UP_MS: u64 = 200;
 
-/// Updates per second.
-const UPDATES_HZ: u32 = 500;
-
-/// Ticks per second.
-const TICKS_HZ: u32 = 5_000;
+/// Ticks from an update's request to the block that it decides (`stylus_app::UPDATE_LEAD_TICKS`).
+const UPDATE_TICKS: u32 = 3;
 
 /// Measures the idle device and `selections`.
 ///
@@ -38,14 +36,15 @@ pub fn check(bench: &mut Bench, selections: &[(String, Selection)]) -> Result<()
     Ok(())
 }
 
-/// Adds a line: the tick must end within its period, and the update within its own.
+/// Adds a line: the tick must end within its period, and the update before its block begins.
 fn tell(bench: &mut Bench, what: &str, report: &CycleReport) {
     let CycleReport {
         core_hz,
         tick,
         update,
     } = report;
-    let [tick_cycles, update_cycles] = [TICKS_HZ, UPDATES_HZ].map(|hz| core_hz / hz);
+    let tick_cycles = core_hz / SAMPLE_RATE_HZ;
+    let update_cycles = tick_cycles * UPDATE_TICKS;
     bench.judge(
         what,
         format!(

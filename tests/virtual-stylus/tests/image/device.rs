@@ -93,19 +93,45 @@ enum Line {
     Usb(UsbHost, Option<BulkFrames>),
 }
 
-/// The virtual stylus and a host that talks to it.
-pub struct Device {
-    pub stylus: VirtualStylus,
+/// A host and its link to the device.
+struct Side {
     line: Line,
     /// Virtual time between two looks at the line, during the wait for an answer.
     step_ns: u64,
     frames: VecDeque<Frame>,
+    sequence: u32,
+    /// Frames that were put on the line.
+    sent: u32,
+    keeps_alive: bool,
+    next_keep_alive_ns: u64,
+}
+
+impl Side {
+    fn new(line: Line) -> Self {
+        let step_ns = match line {
+            Line::Serial(_) => STEP_NS,
+            Line::Usb(..) => USB_STEP_NS,
+        };
+        Self {
+            line,
+            step_ns,
+            frames: VecDeque::new(),
+            sequence: 0,
+            sent: 0,
+            keeps_alive: false,
+            next_keep_alive_ns: 0,
+        }
+    }
+}
+
+/// The virtual stylus and one or two hosts that talk to it, one of which has its turn.
+pub struct Device {
+    pub stylus: VirtualStylus,
+    side: Side,
+    other: Option<Side>,
     pub blocks: Vec<RecordBlock>,
     /// Number of received frames that do not decode.
     pub broken: usize,
-    sequence: u32,
-    keeps_alive: bool,
-    next_keep_alive_ns: u64,
     dac: Vec<Output>,
     amplifier: Vec<Driven>,
 }
@@ -116,14 +142,10 @@ impl Device {
         let stylus = VirtualStylus::new(image, options).expect("the image fits the flash");
         Self {
             stylus,
-            line: Line::Serial(Vec::new()),
-            step_ns: STEP_NS,
-            frames: VecDeque::new(),
+            side: Side::new(Line::Serial(Vec::new())),
+            other: None,
             blocks: Vec::new(),
             broken: 0,
-            sequence: 0,
-            keeps_alive: false,
-            next_keep_alive_ns: 0,
             dac: Vec::new(),
             amplifier: Vec::new(),
         }
@@ -139,17 +161,37 @@ impl Device {
     /// The product's image, started, enumerated and answering over USB.
     pub fn on_usb(options: Options) -> Self {
         let mut device = Self::new(&product(), options);
-        device.line = Line::Usb(UsbHost::default(), None);
-        device.step_ns = USB_STEP_NS;
+        device.side = Side::new(Line::Usb(UsbHost::default(), None));
         device.run_for(300 * MS);
         device.enumerate().expect("it enumerates");
         device.wait_for_start();
         device
     }
 
+    /// Adds a host on USB, whose turn it is. It looks at its line as seldom as the other.
+    pub fn add_usb(&mut self) {
+        let usb = Side {
+            step_ns: STEP_NS,
+            ..Side::new(Line::Usb(UsbHost::default(), None))
+        };
+        self.other = Some(std::mem::replace(&mut self.side, usb));
+    }
+
+    /// Gives the turn to the other host, if there is one.
+    pub fn turn(&mut self) {
+        if let Some(other) = &mut self.other {
+            std::mem::swap(&mut self.side, other);
+        }
+    }
+
+    /// True if the host that has its turn is on USB.
+    pub fn is_usb(&self) -> bool {
+        matches!(self.side.line, Line::Usb(..))
+    }
+
     /// Enumerates the device on USB, and opens its bulk endpoints.
     pub fn enumerate(&mut self) -> Result<Descriptors, TransferError> {
-        let Line::Usb(usb, bulk) = &mut self.line else {
+        let Line::Usb(usb, bulk) = &mut self.side.line else {
             panic!("it is not on USB");
         };
         *bulk = None;
@@ -160,7 +202,7 @@ impl Device {
 
     /// The run and the host's software on USB.
     pub fn usb(&mut self) -> (&mut VirtualStylus, &mut UsbHost) {
-        match &mut self.line {
+        match &mut self.side.line {
             Line::Usb(usb, _) => (&mut self.stylus, usb),
             Line::Serial(_) => panic!("it is not on USB"),
         }
@@ -168,7 +210,7 @@ impl Device {
 
     /// Cancels the transfers on the bulk endpoints, as at the end of a program.
     pub fn close(&mut self) {
-        let Line::Usb(usb, bulk) = &mut self.line else {
+        let Line::Usb(usb, bulk) = &mut self.side.line else {
             panic!("it is not on USB");
         };
         if let Some(open) = bulk.take() {
@@ -191,7 +233,7 @@ impl Device {
     }
 
     fn open(&mut self) {
-        let Line::Usb(_, bulk) = &mut self.line else {
+        let Line::Usb(_, bulk) = &mut self.side.line else {
             panic!("it is not on USB");
         };
         *bulk = Some(BulkFrames::open(
@@ -205,7 +247,7 @@ impl Device {
 
     /// True while the bulk endpoints are open and nothing has failed on them.
     pub fn is_open(&self) -> bool {
-        matches!(self.line, Line::Usb(_, Some(_)))
+        matches!(self.side.line, Line::Usb(_, Some(_)))
     }
 
     /// Runs until the image answers.
@@ -215,7 +257,7 @@ impl Device {
             self.send_frame(InfoEndpoint::REQ_KEY, &());
             self.run_for(20 * MS);
             if self
-                .take_answer(InfoEndpoint::RESP_KEY, self.sequence)
+                .take_answer(InfoEndpoint::RESP_KEY, self.side.sequence)
                 .is_some()
             {
                 return;
@@ -263,16 +305,20 @@ impl Device {
                     postcard::from_bytes(&body).expect("an answer of the type of its key"),
                 );
             }
-            if matches!(self.line, Line::Usb(_, None)) {
+            if matches!(self.side.line, Line::Usb(_, None)) {
                 return None;
             }
             let now = self.stylus.now_ns();
             if now >= end {
-                let told = self.frames.iter().map(|frame| (frame.header, &frame.body));
+                let told = self
+                    .side
+                    .frames
+                    .iter()
+                    .map(|frame| (frame.header, &frame.body));
                 let (told, resets) = (told.collect::<Vec<_>>(), self.stylus.resets());
                 panic!("{} is not answered; unasked: {told:?}; {resets:?}", E::PATH);
             }
-            self.run_for(self.step_ns);
+            self.run_for(self.side.step_ns);
         }
     }
 
@@ -283,19 +329,21 @@ impl Device {
 
     /// Sends any message under any key.
     pub fn send_frame(&mut self, key: Key, message: &impl Serialize) -> u32 {
-        self.sequence += 1;
-        self.send_raw(&frame(key, self.sequence, message));
-        self.sequence
+        self.side.sequence += 1;
+        self.send_raw(&frame(key, self.side.sequence, message));
+        self.side.sequence
     }
 
     /// Sends `frame` as one COBS frame, or one bulk transfer.
     pub fn send_raw(&mut self, frame: &[u8]) {
-        if let Line::Usb(_, bulk) = &mut self.line {
+        if let Line::Usb(_, bulk) = &mut self.side.line {
             if let Some(bulk) = bulk {
                 bulk.send(&mut self.stylus, frame);
+                self.side.sent += 1;
             }
             return;
         }
+        self.side.sent += 1;
         let mut encoded = cobs::encode_vec(frame);
         encoded.push(0);
         self.send_bytes(&encoded);
@@ -308,25 +356,39 @@ impl Device {
 
     /// Switches the host's keep-alives on or off.
     pub fn keep_alive(&mut self, on: bool) {
-        self.keeps_alive = on;
+        self.side.keeps_alive = on;
     }
 
     /// Runs for `nanos`, and receives frames.
     pub fn run_for(&mut self, nanos: u64) {
         let end = self.stylus.now_ns() + nanos;
         while self.stylus.now_ns() < end {
-            if self.keeps_alive && self.stylus.now_ns() >= self.next_keep_alive_ns {
-                self.publish::<KeepAliveTopic>(&());
-                self.next_keep_alive_ns = self.stylus.now_ns() + u64::from(KEEP_ALIVE_MS) * MS;
-            }
+            self.on_each_side(Self::be_alive);
             let next = (self.stylus.now_ns() + 4 * STEP_NS).min(end);
             self.stylus.run_until(next);
-            self.listen();
+            self.on_each_side(Self::listen);
+        }
+    }
+
+    /// Does `work` for the host that has its turn, then for the other.
+    fn on_each_side(&mut self, work: fn(&mut Self)) {
+        work(self);
+        if self.other.is_some() {
+            self.turn();
+            work(self);
+            self.turn();
+        }
+    }
+
+    fn be_alive(&mut self) {
+        if self.side.keeps_alive && self.stylus.now_ns() >= self.side.next_keep_alive_ns {
+            self.publish::<KeepAliveTopic>(&());
+            self.side.next_keep_alive_ns = self.stylus.now_ns() + u64::from(KEEP_ALIVE_MS) * MS;
         }
     }
 
     fn listen(&mut self) {
-        if matches!(self.line, Line::Usb(..)) {
+        if self.is_usb() {
             self.listen_on_usb();
         } else {
             self.listen_on_serial();
@@ -334,7 +396,7 @@ impl Device {
     }
 
     fn listen_on_usb(&mut self) {
-        let Line::Usb(usb, bulk) = &mut self.line else {
+        let Line::Usb(usb, bulk) = &mut self.side.line else {
             return;
         };
         let Some(open) = bulk else { return };
@@ -355,7 +417,7 @@ impl Device {
     fn listen_on_serial(&mut self) {
         let sent = self.stylus.receive();
         for byte in sent.into_iter().map(|sent| sent.byte) {
-            let Line::Serial(partial) = &mut self.line else {
+            let Line::Serial(partial) = &mut self.side.line else {
                 return;
             };
             if byte != 0 {
@@ -379,7 +441,7 @@ impl Device {
                     Err(_) => self.broken += 1,
                 }
             }
-            Some((header, body)) => self.frames.push_back(Frame {
+            Some((header, body)) => self.side.frames.push_back(Frame {
                 header,
                 body: body.to_vec(),
             }),
@@ -394,10 +456,11 @@ impl Device {
             seq_no: VarSeq::Seq4(sequence),
         };
         let position = self
+            .side
             .frames
             .iter()
             .position(|frame| frame.header == header)?;
-        self.frames.remove(position).map(|frame| frame.body)
+        self.side.frames.remove(position).map(|frame| frame.body)
     }
 
     /// Outputs of the converter since power-on.
@@ -414,9 +477,14 @@ impl Device {
         self.amplifier.clone()
     }
 
+    /// Number of frames that the host that has its turn has sent.
+    pub fn sent(&self) -> u32 {
+        self.side.sent
+    }
+
     /// Drops the frames that were not requested.
     pub fn forget_frames(&mut self) {
-        self.frames.clear();
+        self.side.frames.clear();
     }
 }
 

@@ -3,8 +3,8 @@
 
 use model_format::link::{RecordSample, Settings};
 use model_format::{DacCode, PlayRate, Texture};
-use stylus_app::inputs::{Follower, InputConfig, Sensors};
-use stylus_app::safety;
+use stylus_app::inputs::{Estimator, Follower, InputConfig, Sensors};
+use stylus_app::{UPDATE_LEAD_TICKS, safety};
 use stylus_kernel::UPDATE_INTERVAL_SAMPLES;
 use stylus_kernel::scene::{Plan, ScenePlayer};
 use virtual_stylus::model::dac::Cause;
@@ -28,15 +28,13 @@ impl Recorded {
         }
     }
 
-    /// The sensors at the first tick of each block, with that tick.
-    ///
-    /// They are right for blocks that begin at least a window of the speed after the first tick.
+    /// The sensors at each tick that requests an update, with that tick. The tool rests when the recording begins.
     fn noted(&self) -> Vec<(u64, Sensors)> {
         let mut sensors = Sensors::new();
         let mut noted = Vec::new();
         for (tick, sample) in (self.first_tick..).zip(&self.samples) {
             sensors.read(tick, sample.encoder_delta, sample.force, true);
-            if begins_block(tick) {
+            if begins_block(tick + u64::from(UPDATE_LEAD_TICKS)) {
                 sensors.end_block();
                 noted.push((tick, sensors));
             }
@@ -50,7 +48,7 @@ pub struct Heard<'a> {
     pub plan: Plan<'a>,
     pub follower: Follower,
     pub seed: u64,
-    /// The one that takes over, and the first tick at whose block's beginning it is known.
+    /// The one that takes over, and the first tick at whose update it is known.
     pub switch: Option<(u64, Plan<'a>, Follower)>,
 }
 
@@ -98,13 +96,18 @@ fn samples(heard: &Heard<'_>, recorded: &Recorded, play: u64) -> Vec<model_forma
     let mut switch = heard.switch.clone();
     let block = heard.plan.block_samples();
     let mut samples = vec![model_format::OutputSample::SILENCE; block as usize];
-    let noted = recorded.noted().into_iter();
-    for (tick, sensors) in noted.filter(|&(tick, _)| tick >= play) {
+    let mut estimator = Estimator::new();
+    for (tick, sensors) in recorded.noted() {
+        let motion = estimator.motion(&sensors, &config);
+        if tick < play {
+            continue;
+        }
         if let Some((_, plan, next)) = switch.take_if(|(known, ..)| tick >= *known) {
             player.switch(plan);
             follower = next;
         }
-        let interaction = follower.follow(sensors.motion(&config), &sensors, &config, tick);
+        let interaction = follower.follow(motion, &estimator, &config, tick);
+        player.at_tick(tick + u64::from(UPDATE_INTERVAL_SAMPLES));
         player.follow(interaction, block);
         samples.extend((0..block).map(|_| player.next_sample()));
     }
@@ -250,10 +253,10 @@ impl Compared {
     }
 }
 
-/// Records while `play` is played for as long as it takes; no tick may be late, saturated or touch flash.
+/// Records, first the tool at rest, and then while `play` is played for as long as it takes; no tick may be late, saturated or touch flash.
 pub fn recorded(device: &mut Device, play: impl FnOnce(&mut Device)) -> Compared {
     device.record();
-    // More than the window of the speed.
+    // Until the estimate of the speed is exactly at rest.
     device.run_for(60 * MS);
     let asked = device.status().tick.ticks;
     device.stylus.audit_ticks(997);

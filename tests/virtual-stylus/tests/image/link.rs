@@ -69,7 +69,7 @@ fn bytes(random: &mut Chance, count: u64) -> Vec<u8> {
 }
 
 /// A frame that is wrong in one of several ways. Most are short, so that many fit into a second.
-fn wrong(random: &mut Chance) -> Vec<u8> {
+pub fn wrong(random: &mut Chance) -> Vec<u8> {
     let keys = [
         InfoEndpoint::REQ_KEY,
         PlayEndpoint::REQ_KEY,

@@ -11,7 +11,7 @@ use crate::device::{CODES, Device, MID_SCALE, MS, PERIOD_NS};
 use crate::expected::Heard;
 use crate::expected::{Compared, latched, plays_as_the_host_does};
 use crate::library;
-use crate::scenes::{fast, force_code, plan, press, tapping};
+use crate::scenes::{OVER_AND_BACK, fast, force_code, plan, press, tapping};
 
 /// Most instructions of a tick at 10 kHz besides those of its samples: inputs, safety, and what begins a block.
 const BESIDES: u32 = 2_400;
@@ -41,10 +41,10 @@ fn a_texture_is_played(bytes: &[u8], texture: &str) {
         ..library::with(bytes)
     });
     device.set_pins(pins);
-    device.move_along(&STROKES);
     let library = Library::decode(bytes).expect("a valid library");
     let heard = Heard::of_texture(library.texture(texture).expect("it is there"), 77);
     plays_as_the_host_does(&mut device, &heard, 1_100, |device| {
+        device.move_along(&STROKES);
         device.play(texture, MotionSource::Sensors, 77);
     });
 }
@@ -60,11 +60,10 @@ fn the_texture_of_the_digest_is_put_out_as_the_host_computes_it_code_for_code() 
     a_texture_is_played(&kernel_vectors::digest_library(), "digest");
 }
 
-/// A hand that goes over the boundary of the scenes, back, and over it again, and a force that taps.
+/// A force that taps.
 fn touched(bytes: &[u8]) -> Device {
     let mut device = Device::started(library::with(bytes));
     device.set_pins(tapping);
-    device.move_along(&[(0, 40.0), (500, 110.0), (900, -90.0), (1_500, 160.0)]);
     device
 }
 
@@ -74,6 +73,7 @@ fn a_texture_at_ten_kilohertz_is_put_out_as_the_host_computes_it() {
     let library = Library::decode(&bytes).expect("a valid library");
     let heard = Heard::of_texture(library.texture("fast").expect("it is there"), 77);
     plays_as_the_host_does(&mut touched(&bytes), &heard, 700, |device| {
+        device.move_along(&OVER_AND_BACK);
         device.play("fast", MotionSource::Sensors, 77);
     });
 }
@@ -83,6 +83,7 @@ fn a_scene_is_played(bytes: &[u8], scene: &str) {
     let heard = Heard::of_scene(plan(&library, scene), 5);
     let Compared { audits, .. } =
         plays_as_the_host_does(&mut touched(bytes), &heard, 1_300, |device| {
+            device.move_along(&OVER_AND_BACK);
             let played = device.play_scene(scene, MotionSource::Sensors, 5);
             played.expect("it is there");
         });

@@ -265,6 +265,9 @@ pub fn tapping(channel: u8, at_ns: u64) -> u16 {
     }
 }
 
+/// A hand that goes over the boundary of the scenes, back, and over it again.
+pub const OVER_AND_BACK: [(u64, f64); 4] = [(0, 40.0), (500, 110.0), (900, -90.0), (1_500, 160.0)];
+
 pub fn press(device: &mut Device, newton: f64) {
     device.set_pins(move |channel, _| match channel {
         5 => force_code(newton),
@@ -277,14 +280,13 @@ fn a_scene_with_all_effects_and_a_switch_to_another_are_put_out_as_the_host_comp
     let bytes = bytes();
     let mut device = Device::started(library::with(&bytes));
     device.set_pins(tapping);
-    // Over the boundary, back, and over it again.
-    device.move_along(&[(0, 40.0), (500, 110.0), (900, -90.0), (1_500, 160.0)]);
     let mut switched = 0..0;
     let compared = recorded(&mut device, |device| {
         let play = |device: &mut Device, scene| {
             let played = device.play_scene(scene, MotionSource::Sensors, 5);
             played.expect("it is there");
         };
+        device.move_along(&OVER_AND_BACK);
         play(device, "everything");
         device.run_for(1_300 * MS);
         let before = device.status();

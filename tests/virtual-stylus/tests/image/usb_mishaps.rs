@@ -36,13 +36,13 @@ fn points(count: u64) -> impl Iterator<Item = (u64, Mishap, Timing)> {
 }
 
 /// Schedules `mishap` after `transactions` transactions.
-fn arm(device: &mut Device, mishap: Mishap, transactions: u64) {
+pub fn arm(device: &mut Device, mishap: Mishap, transactions: u64) {
     device
         .stylus
         .usb(move |host, _| host.have(mishap, transactions));
 }
 
-fn has_happened(device: &mut Device) -> bool {
+pub fn has_happened(device: &mut Device) -> bool {
     device.stylus.usb(|host, _| host.has_happened())
 }
 
@@ -81,8 +81,8 @@ fn a_mishap_anywhere_in_an_enumeration_does_not_keep_the_next_one() {
     assert!(points > 60, "{points} points");
 }
 
-/// Goes on with an upload of `library` until it is committed; false if the link broke before.
-fn go_on(device: &mut Device, library: &[u8]) -> Option<()> {
+/// Goes on with an upload of `library` until it is committed; none if the link broke before.
+pub fn go_on(device: &mut Device, library: &[u8]) -> Option<()> {
     let begun = device.try_ask::<UploadBeginEndpoint, _>(&announced(library))?;
     let mut offset = begun.expect("the library fits a slot").next_offset as usize;
     while offset < library.len() {

@@ -1,18 +1,13 @@
-//! Calibration of a stylus: the coil's measured values, checked against each other, and the zero codes of its sensors,
-//! measured at rest.
-//!
-//! The device cannot measure its coil, because it has no current sense. So resistance, amplifier gain and power limit
-//! are measured by a person, and [`Coil`] says what follows from them. The sensors' codes without force and
-//! acceleration are measured by the device itself, with their noise, and measured again after they were set.
+//! Sensors at rest: their means, their noise, and their zeros.
 
 use model_format::link::{Activity, RAIL_CODES, RecordSample, Setting, SettingChange, Settings};
 
-use super::capture::{Calibration, Capture, capture};
-use super::device::Device;
-use super::error::Result;
+use crate::link::capture::{Calibration, Capture, capture};
+use crate::link::device::Device;
+use crate::link::error::Result;
 
 /// Standard gravity, m/s².
-const GRAVITY: f64 = 9.806_65;
+pub(super) const GRAVITY: f64 = 9.806_65;
 /// Largest share by which the gravity that an accelerometer measures may be off, because of its scales.
 const GRAVITY_TOLERANCE: f64 = 0.1;
 /// Largest standard deviation of a sensor at rest, codes: 10 mV of 3.3 V.
@@ -21,76 +16,6 @@ const MOST_NOISE: f64 = 200.0;
 const MOST_DRIFT: f64 = 100.0;
 /// Largest change of the encoder's count at rest.
 const MOST_COUNTS: i64 = 2;
-
-/// Values of a coil and its amplifier, as a person has measured them.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
-pub struct Coil {
-    /// Resistance of the coil, Ω.
-    pub resistance: f32,
-    /// Voltage at the coil per voltage at the DAC, V/V.
-    pub amplifier_gain: f32,
-    /// Power that the coil bears continuously, W.
-    pub power_limit: f32,
-    /// Largest voltage at the DAC to either side of mid-scale, V.
-    pub hard_limit: f32,
-}
-
-impl Coil {
-    /// The settings of the coil.
-    pub fn changes(&self) -> [SettingChange; 4] {
-        [
-            (Setting::CoilResistance, self.resistance),
-            (Setting::AmplifierGain, self.amplifier_gain),
-            (Setting::PowerLimit, self.power_limit),
-            (Setting::HardLimit, self.hard_limit),
-        ]
-        .map(|(setting, value)| SettingChange { setting, value })
-    }
-
-    /// Voltage at the coil at the hard limit, V.
-    pub fn peak_volts(&self) -> f64 {
-        f64::from(self.hard_limit) * f64::from(self.amplifier_gain)
-    }
-
-    /// Current in the coil at the hard limit, A.
-    pub fn peak_amperes(&self) -> f64 {
-        self.peak_volts() / f64::from(self.resistance)
-    }
-
-    /// Power in the coil at the hard limit, W.
-    pub fn peak_watts(&self) -> f64 {
-        self.peak_volts() * self.peak_amperes()
-    }
-
-    /// Hard limit at which a constant output has the power limit, V.
-    pub fn hard_limit_of_power(&self) -> f64 {
-        (f64::from(self.power_limit) * f64::from(self.resistance)).sqrt()
-            / f64::from(self.amplifier_gain)
-    }
-
-    /// Consequences of the values, one line each.
-    pub fn summary(&self) -> Vec<String> {
-        let mut lines = vec![format!(
-            "at the hard limit: {:.2} V, {:.0} mA, {:.3} W in {} Ω",
-            self.peak_volts(),
-            1e3 * self.peak_amperes(),
-            self.peak_watts(),
-            self.resistance
-        )];
-        lines.push(if self.peak_watts() > f64::from(self.power_limit) {
-            format!(
-                "that is {:.1} x the power limit of {} W, so the thermal limiter has to reduce it; a hard limit of \
-                 {:.3} V would keep within it",
-                self.peak_watts() / f64::from(self.power_limit),
-                self.power_limit,
-                self.hard_limit_of_power()
-            )
-        } else {
-            format!("the power limit of {} W is never reached", self.power_limit)
-        });
-        lines
-    }
-}
 
 /// Sensors at rest, in codes: axes X, Y, Z of the accelerometer, and force.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
@@ -123,10 +48,7 @@ impl AtRest {
         seconds: f64,
         goes_on: impl FnMut() -> bool,
     ) -> Result<Option<Self>> {
-        if device.status()?.output.activity != Activity::Idle {
-            let what = "the stylus is playing: stop it, then calibrate";
-            return Err(device.not_verified(what.to_owned()));
-        }
+        refuse_if_playing(device)?;
         let captured = capture(device, seconds, 0.1, goes_on, |_, _, _| ())?;
         Ok(captured.map(|Capture { samples, .. }| Self::of(&samples)))
     }
@@ -197,6 +119,15 @@ impl AtRest {
     pub fn force_zero(&self) -> SettingChange {
         zero(Setting::ForceZero, self.mean[3])
     }
+}
+
+/// Refuses a measurement of a stylus whose output moves it.
+pub(super) fn refuse_if_playing(device: &Device) -> Result<()> {
+    if device.status()?.output.activity == Activity::Idle {
+        return Ok(());
+    }
+    let what = "the stylus is playing: stop it, then calibrate";
+    Err(device.not_verified(what.to_owned()))
 }
 
 /// The settings of the accelerometer's zeros by measurements in a pose and in the opposite one, so that gravity
@@ -320,19 +251,5 @@ mod tests {
         );
         let refused = acceleration_zeros(&pose, &pose, &settings);
         assert!(refused.is_err_and(|words| words.contains("gravity of 0.00")));
-    }
-
-    #[test]
-    fn the_figures_of_a_coil_are_those_of_ohms_law() {
-        let coil = Coil {
-            resistance: 8.0,
-            amplifier_gain: 10.0,
-            power_limit: 0.5,
-            hard_limit: 0.5,
-        };
-        assert!((coil.peak_amperes() - 0.625).abs() < 1e-6);
-        assert!((coil.peak_watts() - 3.125).abs() < 1e-6);
-        assert!((coil.hard_limit_of_power() - 0.2).abs() < 1e-6);
-        assert!(coil.summary()[1].contains("6.2 x") || coil.summary()[1].contains("6.3 x"));
     }
 }

@@ -1,0 +1,244 @@
+//! Scale of the force sensor by known weights, which are laid on the tip one after the other and taken off again.
+
+use model_format::AdcCode;
+use model_format::link::{Setting, SettingChange, Settings};
+
+use super::rest::{AtRest, GRAVITY};
+use crate::link::capture::Calibration;
+
+/// Fewest codes by which the largest weight must change the force: 25 mV of 3.3 V.
+const LEAST_CODES: f64 = 500.0;
+/// Largest share of the largest weight by which the force may differ from a line, and on its way down from that up.
+const MOST_SHARE: f64 = 0.05;
+/// Deviations of the noise beyond which contact begins, so that it ends beyond half of them.
+const CONTACT_DEVIATIONS: f64 = 6.0;
+/// Lowest threshold of contact, N: the device's own, which is above the weight of a cable.
+const LEAST_CONTACT_N: f64 = 0.02;
+
+/// The sensors with a weight on the tip.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Weighed {
+    /// Weight, g; 0 without one.
+    pub grams: f64,
+    /// The sensors meanwhile.
+    pub at_rest: AtRest,
+}
+
+/// The order in which `grams` are weighed: none, each one, and back, so that hysteresis shows.
+pub fn order(grams: &[f64]) -> Vec<f64> {
+    let mut up = grams.to_vec();
+    up.sort_by(f64::total_cmp);
+    let down = up.iter().rev().skip(1).copied().collect::<Vec<_>>();
+    [vec![0.0], up, down, vec![0.0]].concat()
+}
+
+/// Scale of the force, and how far it can be trusted.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct ForceScale {
+    /// Force per voltage, N/V; negative if the voltage falls with the force.
+    pub n_per_volt: f64,
+    /// Largest difference of a measurement from the line through all of them, N.
+    pub residual_n: f64,
+    /// Largest difference of the ways up and down, N.
+    pub hysteresis_n: f64,
+    /// Standard deviation without a weight, N.
+    pub noise_n: f64,
+    /// Threshold of contact by noise and hysteresis, N.
+    pub contact_threshold_n: f64,
+}
+
+/// Reason for which weights give no scale.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum ForceFault {
+    /// The force hardly changes.
+    #[error(
+        "{grams} g change the force by {codes:.0} codes, fewer than {LEAST_CODES}: lay the weight on the tip itself, use \
+         a heavier one, and check the sensor's wiring and gain"
+    )]
+    Insensitive {
+        /// The largest weight, g.
+        grams: f64,
+        /// Change of the mean code.
+        codes: f64,
+    },
+    /// The way down is not that up.
+    #[error(
+        "on the way down the force differs by {newtons:.3} N, {percent:.0} % of the largest weight: see that the tip \
+         moves freely and nothing slips, and lay each weight at the same place"
+    )]
+    Hysteresis {
+        /// The difference, N.
+        newtons: f64,
+        /// Its share of the largest weight.
+        percent: f64,
+    },
+    /// The measurements do not lie on a line.
+    #[error(
+        "the force differs from a line by {newtons:.3} N, {percent:.0} % of the largest weight: check the values of the \
+         weights and their order, and that the sensor is not at the end of its range"
+    )]
+    NotLinear {
+        /// The difference, N.
+        newtons: f64,
+        /// Its share of the largest weight.
+        percent: f64,
+    },
+    /// The settings that were stored show another force.
+    #[error(
+        "{grams} g show as {newtons:.3} N instead of {expected:.3} N by the scale that was just set: lay the same weight \
+         on the tip as before, and calibrate again"
+    )]
+    NotVerified {
+        /// The weight, g.
+        grams: f64,
+        /// The force by the settings, N.
+        newtons: f64,
+        /// The weight's force, N.
+        expected: f64,
+    },
+}
+
+fn newtons(grams: f64) -> f64 {
+    grams / 1e3 * GRAVITY
+}
+
+impl ForceScale {
+    /// The scale by measurements in the [`order`] of their weights.
+    ///
+    /// # Errors
+    /// A sensor that hardly reacts, that does not come back, or whose force is not linear in the weight.
+    pub fn of(measured: &[Weighed]) -> Result<Self, ForceFault> {
+        let codes = |weighed: &Weighed| weighed.at_rest.mean[3];
+        let count = measured.len() as f64;
+        let mean = |of: &dyn Fn(&Weighed) -> f64| measured.iter().map(of).sum::<f64>() / count;
+        let force = |weighed: &Weighed| newtons(weighed.grams);
+        let (mean_n, mean_codes) = (mean(&force), mean(&codes));
+        let covariance = mean(&|one| (force(one) - mean_n) * (codes(one) - mean_codes));
+        let codes_per_n = covariance / mean(&|one| (force(one) - mean_n).powi(2));
+
+        let grams = measured.iter().map(|one| one.grams).fold(0.0, f64::max);
+        let (most_n, change) = (newtons(grams), codes_per_n * newtons(grams));
+        // Without two different weights it is no number.
+        if change.is_nan() || change.abs() < LEAST_CODES {
+            let codes = change.abs();
+            return Err(ForceFault::Insensitive { grams, codes });
+        }
+        let most = |codes: f64, one: f64| f64::max(codes, (one / codes_per_n).abs());
+        let back = measured.iter().zip(measured.iter().rev());
+        let hysteresis_n = back
+            .map(|(up, down)| codes(up) - codes(down))
+            .fold(0.0, most);
+        let line = |one: &Weighed| mean_codes + codes_per_n * (force(one) - mean_n);
+        let residuals = measured.iter().map(|one| codes(one) - line(one));
+        let residual_n = residuals.fold(0.0, most);
+        let percent = |newtons: f64| 100.0 * newtons / most_n;
+        if hysteresis_n > MOST_SHARE * most_n {
+            let (newtons, percent) = (hysteresis_n, percent(hysteresis_n));
+            return Err(ForceFault::Hysteresis { newtons, percent });
+        }
+        if residual_n > MOST_SHARE * most_n {
+            let (newtons, percent) = (residual_n, percent(residual_n));
+            return Err(ForceFault::NotLinear { newtons, percent });
+        }
+        let unloaded = measured.iter().filter(|one| one.grams == 0.0);
+        let noise_n = unloaded.map(|one| one.at_rest.deviation[3]).fold(0.0, most);
+        // Contact ends at half of the threshold, which must be beyond a zero that is off by the hysteresis.
+        let threshold_n = CONTACT_DEVIATIONS * noise_n + 2.0 * hysteresis_n;
+        Ok(Self {
+            n_per_volt: 1.0 / (codes_per_n * f64::from(AdcCode::STEP.0)),
+            residual_n,
+            hysteresis_n,
+            noise_n,
+            contact_threshold_n: threshold_n.max(LEAST_CONTACT_N),
+        })
+    }
+
+    /// The settings of scale and threshold, to four digits, which is more than is known.
+    pub fn changes(&self) -> [SettingChange; 2] {
+        let digits = |value: f64| {
+            let text = format!("{value:.3e}");
+            text.parse().unwrap_or(value as f32)
+        };
+        [
+            (Setting::ForcePerVolt, self.n_per_volt),
+            (Setting::ContactThreshold, self.contact_threshold_n),
+        ]
+        .map(|(setting, value)| SettingChange {
+            setting,
+            value: digits(value),
+        })
+    }
+
+    /// Verifies that the second of two measurements shows the weight that it has beyond the first, by `stored`.
+    ///
+    /// # Errors
+    /// A force that is off by more than [`ForceScale::of`] allows.
+    pub fn verify([before, after]: [Weighed; 2], stored: &Settings) -> Result<(), ForceFault> {
+        let change = after.at_rest.mean[3] - before.at_rest.mean[3];
+        let shown = change * Calibration::new(stored, None).n_per_code;
+        let grams = after.grams - before.grams;
+        let expected = newtons(grams);
+        if (shown - expected).abs() <= MOST_SHARE * expected {
+            return Ok(());
+        }
+        Err(ForceFault::NotVerified {
+            grams,
+            newtons: shown,
+            expected,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// Measurements of a sensor of `codes_per_n`, with so many codes more on the way down and per square newton.
+    fn measured(grams: &[f64], codes_per_n: f64, down: f64, square: f64) -> Vec<Weighed> {
+        let order = order(grams);
+        let top = order.len() / 2;
+        let one = |(at, &grams): (usize, &f64)| {
+            let (force, mut at_rest) = (newtons(grams), AtRest::default());
+            let more = if at > top { down } else { 0.0 };
+            at_rest.mean[3] = 9_000.0 + codes_per_n * force + square * force * force + more;
+            at_rest.deviation[3] = 16.0;
+            Weighed { grams, at_rest }
+        };
+        order.iter().enumerate().map(one).collect()
+    }
+
+    proptest! {
+        #[test]
+        fn the_scale_of_a_straight_sensor_is_found_whatever_its_sign_and_the_weights(
+            grams in prop::collection::vec(60.0f64..300.0, 1..3),
+            codes_per_n in prop_oneof![-15_000.0f64..-1_500.0, 1_500.0f64..15_000.0],
+        ) {
+            let scale = ForceScale::of(&measured(&grams, codes_per_n, 0.0, 0.0)).expect("it is straight");
+            let expected = 1.0 / (codes_per_n * f64::from(AdcCode::STEP.0));
+            prop_assert!((scale.n_per_volt / expected - 1.0).abs() < 1e-9);
+            prop_assert!(scale.residual_n.max(scale.hysteresis_n) < 1e-9);
+            let threshold = (6.0 * 16.0 / codes_per_n.abs()).max(0.02);
+            prop_assert!((scale.contact_threshold_n - threshold).abs() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn a_sensor_that_sticks_bends_or_does_not_react_is_refused_by_its_name() {
+        let of = |down, square| ForceScale::of(&measured(&[100.0, 200.0], 5_000.0, down, square));
+        let kept = of(100.0, 0.0).expect("1 % is within what is allowed");
+        assert!((kept.hysteresis_n - 0.02).abs() < 0.001, "{kept:?}");
+        assert!(kept.contact_threshold_n > 2.0 * kept.hysteresis_n);
+        assert!(matches!(of(700.0, 0.0), Err(ForceFault::Hysteresis { .. })));
+        assert!(matches!(
+            of(0.0, -1_500.0),
+            Err(ForceFault::NotLinear { .. })
+        ));
+        let numb = ForceScale::of(&measured(&[100.0], 200.0, 0.0, 0.0));
+        assert!(matches!(numb, Err(ForceFault::Insensitive { .. })));
+        assert!(matches!(
+            ForceScale::of(&[]),
+            Err(ForceFault::Insensitive { .. })
+        ));
+    }
+}

@@ -1,0 +1,102 @@
+//! The command `stylus` for each system, built on Linux.
+
+use std::path::PathBuf;
+use std::process::Command;
+
+use anyhow::{Result, bail};
+
+use super::Build;
+use crate::{process, toolchain, workspace};
+
+/// A system that the command is built for.
+pub struct System {
+    /// Its part of a file's name, with the ending of a program.
+    pub name: &'static str,
+    target: &'static str,
+    /// The program as cargo names it.
+    program: &'static str,
+    /// The linker, and the package of Debian that has it.
+    linker: [&'static str; 2],
+    /// Further flags for the compiler.
+    flags: &'static [&'static str],
+}
+
+pub const LINUX_X86: System = System {
+    name: "linux-x86_64",
+    target: "x86_64-unknown-linux-gnu",
+    program: "stylus",
+    linker: ["cc", "gcc"],
+    flags: &[],
+};
+
+pub const LINUX_ARM: System = System {
+    name: "linux-aarch64",
+    target: "aarch64-unknown-linux-gnu",
+    program: "stylus",
+    linker: ["aarch64-linux-gnu-gcc", "gcc-aarch64-linux-gnu"],
+    flags: &[],
+};
+
+pub const WINDOWS: System = System {
+    name: "windows-x86_64.exe",
+    target: "x86_64-pc-windows-gnu",
+    program: "stylus.exe",
+    linker: ["x86_64-w64-mingw32-gcc", "gcc-mingw-w64-x86-64"],
+    // The linker would write the time of the build into the program.
+    flags: &["-Clink-arg=-Wl,--no-insert-timestamp"],
+};
+
+impl System {
+    /// Checks that compiler and linker can build for it.
+    ///
+    /// # Errors
+    /// A tool is missing.
+    pub fn check(&self) -> Result<()> {
+        let [linker, package] = self.linker;
+        process::find(linker, &format!("`apt-get install {package}` on Debian"))?;
+        if !toolchain::has_target(self.target) {
+            bail!("the target is missing: `rustup target add {}`", self.target);
+        }
+        Ok(())
+    }
+}
+
+/// Builds the command for `system`, and returns its file.
+///
+/// # Errors
+/// The build fails.
+pub fn build(system: &System, build: &Build) -> Result<PathBuf> {
+    let profile = if build.is_dev { "dev" } else { "release" };
+    let mut cargo = Command::new("cargo");
+    toolchain::without_inherited(&mut cargo);
+    let linker = format!(
+        "CARGO_TARGET_{}_LINKER",
+        system.target.to_uppercase().replace('-', "_")
+    );
+    cargo
+        .current_dir(workspace::root())
+        .args([
+            "build",
+            "--quiet",
+            "--locked",
+            "--package",
+            "host-tools",
+            "--bin",
+            "stylus",
+        ])
+        .args(["--profile", profile, "--target", system.target])
+        .env(linker, system.linker[0])
+        .env("SOURCE_DATE_EPOCH", &build.epoch)
+        .env("CARGO_TARGET_DIR", &build.folders.target)
+        .env(
+            "CARGO_ENCODED_RUSTFLAGS",
+            build.folders.compiler_flags(system.flags),
+        );
+    process::run(&mut cargo)?;
+    let folder = build
+        .folders
+        .target
+        .join(system.target)
+        .join(if build.is_dev { "debug" } else { "release" });
+    process::built(folder.join(system.program))
+}

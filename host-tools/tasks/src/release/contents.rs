@@ -1,0 +1,167 @@
+//! The packages that the files of a release are made of, as a list of CycloneDX 1.5.
+//!
+//! One list for all files, from `cargo metadata`: nothing is to be installed for it, and it names no folder and no
+//! instant, so that the same commit gives the same bytes.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::process::Command;
+
+use anyhow::{Context, Result, bail};
+use serde_json::{Value, json};
+
+use crate::workspace;
+
+/// Packages of which files of a release are built.
+const ROOTS: [&str; 4] = [
+    "host-tools",
+    "stylus-browser",
+    "stylus-image",
+    "stylus-python",
+];
+
+/// The list, as JSON.
+///
+/// # Errors
+/// Cargo fails.
+pub fn list() -> Result<String> {
+    let mut cargo = Command::new("cargo");
+    cargo.args([
+        "metadata",
+        "--format-version",
+        "1",
+        "--locked",
+        "--all-features",
+    ]);
+    let output = cargo
+        .current_dir(workspace::root())
+        .output()
+        .context("cannot run cargo")?;
+    if !output.status.success() {
+        bail!("{}", String::from_utf8_lossy(&output.stderr).trim());
+    }
+    let listed = of_metadata(&serde_json::from_slice(&output.stdout)?)?;
+    Ok(format!("{listed:#}\n"))
+}
+
+fn text<'a>(value: &'a Value, key: &str) -> &'a str {
+    value[key].as_str().unwrap_or_default()
+}
+
+fn items<'a>(value: &'a Value, key: &str) -> impl Iterator<Item = &'a Value> {
+    value[key].as_array().into_iter().flatten()
+}
+
+/// The list by cargo's description of the workspace.
+fn of_metadata(metadata: &Value) -> Result<Value> {
+    let packages: BTreeMap<&str, &Value> = items(metadata, "packages")
+        .map(|package| (text(package, "id"), package))
+        .collect();
+    let nodes: BTreeMap<&str, &Value> = items(&metadata["resolve"], "nodes")
+        .map(|node| (text(node, "id"), node))
+        .collect();
+    let mut found = BTreeSet::new();
+    let mut next: Vec<&str> = packages
+        .iter()
+        .filter(|(_, package)| ROOTS.contains(&text(package, "name")))
+        .map(|(id, _)| *id)
+        .collect();
+    if next.len() != ROOTS.len() {
+        bail!("the workspace lacks one of the packages {ROOTS:?}");
+    }
+    while let Some(id) = next.pop() {
+        if found.insert(id) {
+            next.extend(built_in(nodes[id]));
+        }
+    }
+    let reference = |id: &&str| {
+        format!(
+            "{}@{}",
+            text(packages[*id], "name"),
+            text(packages[*id], "version")
+        )
+    };
+    let mut components: Vec<Value> = found
+        .iter()
+        .map(|id| {
+            let package = packages[*id];
+            let mut component = json!({
+                "type": "library",
+                "bom-ref": reference(id),
+                "name": package["name"],
+                "version": package["version"],
+                "licenses": [{ "expression": package["license"] }],
+            });
+            // The workspace's own are in no registry.
+            if package["source"].is_string() {
+                component["purl"] = format!("pkg:cargo/{}", reference(id)).into();
+            }
+            component
+        })
+        .collect();
+    let mut dependencies: Vec<Value> = found
+        .iter()
+        .map(|id| {
+            let on: BTreeSet<String> = built_in(nodes[*id]).map(|on| reference(&on)).collect();
+            json!({ "ref": reference(id), "dependsOn": on })
+        })
+        .collect();
+    components.sort_by_key(|component| text(component, "bom-ref").to_owned());
+    dependencies.sort_by_key(|dependency| text(dependency, "ref").to_owned());
+    Ok(json!({
+        "bomFormat": "CycloneDX",
+        "specVersion": "1.5",
+        "version": 1,
+        "metadata": { "component": {
+            "type": "application",
+            "name": "stylus",
+            "version": env!("CARGO_PKG_VERSION"),
+        } },
+        "components": components,
+        "dependencies": dependencies,
+    }))
+}
+
+/// The packages that are built into that of `node`: neither those of its tests nor those of its build alone.
+fn built_in(node: &Value) -> impl Iterator<Item = &str> {
+    items(node, "deps")
+        .filter(|dependency| items(dependency, "dep_kinds").any(|kind| kind["kind"].is_null()))
+        .map(|dependency| text(dependency, "pkg"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_list_has_what_is_built_in_and_not_what_tests_use() {
+        let listed: Value = serde_json::from_str(&list().expect("cargo runs")).expect("JSON");
+        let names: Vec<&str> = items(&listed, "components")
+            .map(|component| text(component, "name"))
+            .collect();
+        for built_in in [
+            "embassy-stm32",
+            "host-tools",
+            "pyo3",
+            "rustfft",
+            "stylus-kernel",
+        ] {
+            assert!(names.contains(&built_in), "{built_in}");
+        }
+        for of_tests in ["fake-stylus", "proptest", "wasmi"] {
+            assert!(!names.contains(&of_tests), "{of_tests}");
+        }
+        let licensed = items(&listed, "components")
+            .all(|component| component["licenses"][0]["expression"].is_string());
+        assert!(licensed, "a package without a licence");
+        let references: BTreeSet<&str> = items(&listed, "components")
+            .map(|component| text(component, "bom-ref"))
+            .collect();
+        assert_eq!(references.len(), names.len(), "each is there once");
+        let on =
+            items(&listed, "dependencies").flat_map(|dependency| items(dependency, "dependsOn"));
+        assert!(
+            on.into_iter()
+                .all(|on| references.contains(on.as_str().unwrap_or_default()))
+        );
+    }
+}

@@ -1,0 +1,182 @@
+//! `stylus calibrate` with an operator at the keyboard: known weights and a known distance.
+
+use std::io::{BufRead, BufReader, Lines, Write};
+use std::process::{Child, ChildStderr, ChildStdin};
+
+use crate::support::{Bench, attached, holds, json, near, wait_for};
+use fake_stylus::{FakeStylus, Hand};
+
+/// Force of a weight of 100 g, N.
+const WEIGHT_N: f64 = 0.980_665;
+
+/// Someone who answers what the command asks, with the stylus in the hand.
+struct Operator<'a> {
+    stylus: &'a FakeStylus,
+    child: Child,
+    keyboard: ChildStdin,
+    said: Lines<BufReader<ChildStderr>>,
+    hand: Hand,
+}
+
+impl<'a> Operator<'a> {
+    fn new(stylus: &'a FakeStylus, bench: &Bench, command: &str) -> Self {
+        let mut child = bench.spawn(command.split(' '));
+        Self {
+            stylus,
+            keyboard: child.stdin.take().unwrap(),
+            said: BufReader::new(child.stderr.take().unwrap()).lines(),
+            child,
+            hand: Hand::default(),
+        }
+    }
+
+    /// Waits until the command says `words`.
+    fn until(&mut self, words: &str) -> String {
+        let said = |line: &std::io::Result<String>| line.as_ref().unwrap().contains(words);
+        self.said
+            .find(said)
+            .unwrap_or_else(|| panic!("'{words}' is not said"))
+            .unwrap()
+    }
+
+    fn answer(&mut self, words: &str, answer: &str) {
+        self.until(words);
+        self.stylus.set_hand(self.hand.clone());
+        writeln!(self.keyboard, "{answer}").unwrap();
+    }
+
+    /// Lays weights on the tip, each as `newtons` of a sensor of 2 N/V, when the command asks for it in `grams`.
+    fn weigh(&mut self, weights: &[(&str, f64)]) {
+        for (grams, newtons) in weights {
+            self.hand.force_n = *newtons;
+            self.answer(&format!("with {grams} on the tip"), "");
+        }
+    }
+
+    /// Moves the tip to a place, in counts, when the command asks for it.
+    fn travel(&mut self, goal: i64) {
+        self.answer("put the tip on", "");
+        self.until("in a straight line");
+        self.hand.goal_counts = Some(goal);
+        self.stylus.set_hand(self.hand.clone());
+        wait_for("the tip", || self.stylus.place() == goal);
+        writeln!(self.keyboard).unwrap();
+    }
+
+    /// The report, and the exit code.
+    fn end(mut self) -> (String, Option<i32>) {
+        let mut report = String::new();
+        let mut output = self.child.stdout.take().unwrap();
+        std::io::Read::read_to_string(&mut output, &mut report).unwrap();
+        (report, self.child.wait().unwrap().code())
+    }
+}
+
+fn value(bench: &Bench, setting: &str) -> f64 {
+    let got = json(&bench.succeed(&format!("settings get {setting} --json")));
+    got[0]["value"].as_f64().unwrap()
+}
+
+/// A sensor of 4 N/V and a wheel of 0.02 mm per count, where a stylus that was never set assumes 2 and 0.01.
+#[test]
+fn weights_and_a_distance_set_both_scales_in_one_change_and_are_measured_again() {
+    let (stylus, bench) = attached(FakeStylus::start());
+    let command = "calibrate --weights 100,200 --distance 50 --seconds 0.2 --json";
+    let mut operator = Operator::new(&stylus, &bench, command);
+    operator.hand.force_noise = 20;
+    let [one, two] = [0.5 * WEIGHT_N, WEIGHT_N];
+    operator.weigh(&[
+        ("nothing", 0.0),
+        ("100 g", one),
+        ("200 g", two),
+        ("100 g", one),
+        ("nothing", 0.0),
+    ]);
+    operator.travel(2_500);
+    operator.travel(0);
+    operator.answer("in the air, tip down", "");
+    operator.answer("store these?", "y");
+    operator.weigh(&[("nothing", 0.0), ("200 g", two)]);
+    operator.travel(2_500);
+    let (report, code) = operator.end();
+    assert_eq!(code, Some(0), "{report}");
+    let report: serde_json::Value = serde_json::from_str(&report).unwrap();
+    near(value(&bench, "force-per-volt"), 4.0, 0.01);
+    near(value(&bench, "path-per-count"), 0.02, 1e-6);
+    // Noise that is even between ± 20 codes of 0.2 mN has a deviation of 2.4 mN.
+    let threshold = value(&bench, "contact-threshold");
+    assert!((0.02..0.03).contains(&threshold), "{threshold}");
+    let set: Vec<_> = report["set"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|set| &set["name"])
+        .collect();
+    assert_eq!(
+        set,
+        [
+            "force-zero",
+            "force-per-volt",
+            "contact-threshold",
+            "path-per-count"
+        ]
+    );
+    assert_eq!(
+        report["scales"]["path"]["counts"],
+        serde_json::json!([2_500, -2_500])
+    );
+}
+
+#[test]
+fn what_cannot_be_is_refused_with_its_remedy_and_nothing_is_stored() {
+    let (stylus, bench) = attached(FakeStylus::start());
+    let command = "calibrate --weights 100 --seconds 0.2";
+    for (weights, words) in [
+        ([0.0, 0.0, 0.0], "lay the weight on the tip itself"),
+        ([0.0, WEIGHT_N, 0.1], "see that the tip moves freely"),
+    ] {
+        let mut operator = Operator::new(&stylus, &bench, command);
+        let [before, loaded, after] = weights;
+        operator.weigh(&[("nothing", before), ("100 g", loaded), ("nothing", after)]);
+        let refused = operator.until("nothing was stored");
+        holds(&refused, &[words]);
+        assert_eq!(operator.end().1, Some(2));
+    }
+    for (there, back, words) in [
+        (100, 0, "a longer distance"),
+        (2_500, 5_000, "move back to the beginning"),
+        (2_500, 200, "begin and end at the same marks"),
+    ] {
+        let mut operator = Operator::new(&stylus, &bench, "calibrate --distance 50 --keep-force");
+        // The place that the way before has ended at is the first mark.
+        let begin = stylus.place();
+        operator.hand.goal_counts = Some(begin);
+        operator.travel(begin + there);
+        operator.travel(begin + back);
+        let refused = operator.until("nothing was stored");
+        holds(&refused, &[words]);
+        assert_eq!(operator.end().1, Some(2));
+    }
+    assert_eq!(value(&bench, "force-per-volt"), 2.0);
+    assert_eq!(value(&bench, "path-per-count"), 0.01);
+}
+
+/// A way that is another one when it is measured again.
+#[test]
+fn a_scale_that_is_not_verified_is_told_with_what_is_stored() {
+    let (stylus, bench) = attached(FakeStylus::start());
+    let mut operator = Operator::new(&stylus, &bench, "calibrate --distance 50 --keep-force");
+    operator.travel(2_500);
+    operator.travel(0);
+    operator.answer("store these?", "y");
+    operator.travel(2_000);
+    let told = operator.until("not verified");
+    holds(
+        &told,
+        &[
+            "stored and read back: path-per-count 0.02",
+            "50 mm show as 40.00 mm",
+        ],
+    );
+    assert_eq!(operator.end().1, Some(2));
+}

@@ -1,0 +1,120 @@
+//! Random use by two hosts, one on USB and one on the serial port, with mishaps, as long as asked. All the time no tick
+//! is late, the pin keeps its limits, counters add up, marks keep their bounds, and flash holds what it must.
+//!
+//! `cargo tasks soak` runs it. All of it follows from its seed.
+
+mod operations;
+mod pin;
+mod world;
+
+use std::collections::VecDeque;
+use std::time::Instant;
+
+use operations::{CUT_AT_OPERATION, LINKS_BROKEN, OPERATIONS, Operation};
+use world::{RESETS, World};
+
+use crate::device::SECOND;
+
+/// Number of steps that a failure tells.
+const TOLD: usize = 40;
+
+/// Time after which the marks of the stack are to be steady, s.
+const LONG_S: u64 = 600;
+
+/// The number in `variable`, or `default`.
+fn number(variable: &str, default: u64) -> u64 {
+    let text = std::env::var(variable).ok();
+    text.map_or(default, |text| text.parse().expect("a number"))
+}
+
+/// Tells how to see a failure again, if it ends by one.
+struct Told {
+    seed: u64,
+    step: u64,
+    now_s: u64,
+    /// Names of the last steps.
+    last: VecDeque<&'static str>,
+}
+
+impl Drop for Told {
+    fn drop(&mut self) {
+        if std::thread::panicking() {
+            let Self {
+                seed,
+                step,
+                now_s,
+                last,
+            } = self;
+            println!(
+                "step {step}, after {now_s} s of the device's time, the last of these: {last:#?}"
+            );
+            println!(
+                "to see it again: cargo tasks soak --seed {seed} --for {}s",
+                *now_s + 60
+            );
+        }
+    }
+}
+
+fn drawn(world: &mut World) -> &'static Operation {
+    let shares = OPERATIONS.iter().map(|(_, share, _)| share).sum();
+    let mut left = world.below(shares);
+    let drawn = OPERATIONS.iter().find(|(_, share, _)| {
+        let is_drawn = left < *share;
+        left = left.saturating_sub(*share);
+        is_drawn
+    });
+    drawn.expect("the shares are all")
+}
+
+#[test]
+#[ignore = "as long as asked: cargo tasks soak"]
+fn two_hosts_and_all_mishaps_leave_every_invariant_whole() {
+    let seconds = number("STYLUS_SOAK_SECONDS", 60);
+    let seed = number("STYLUS_SOAK_SEED", 1);
+    let begun = Instant::now();
+    let mut told = Told {
+        seed,
+        step: 0,
+        now_s: 0,
+        last: VecDeque::new(),
+    };
+    let mut world = World::new(seed);
+    while told.now_s < seconds {
+        let (name, _, work) = *drawn(&mut world);
+        let usb = world.once_in(2);
+        world.turn_to(usb);
+        told.step += 1;
+        told.last.push_back(name);
+        if told.last.len() > TOLD {
+            told.last.pop_front();
+        }
+        let before = world.settings;
+        work(&mut world);
+        if !std::mem::take(&mut world.skipped) {
+            world.count(name);
+        }
+        world.check(before);
+        told.now_s = world.now_ns() / SECOND;
+        world.quarter = (4 * told.now_s / seconds).min(3) as usize;
+        if told.step.is_multiple_of(100) {
+            println!(
+                "{} s, {} steps, {} s of this computer",
+                told.now_s,
+                told.step,
+                begun.elapsed().as_secs()
+            );
+        }
+    }
+    println!(
+        "seed {seed}: {} steps in {} s of the device's time, {} s of this computer's",
+        told.step,
+        told.now_s,
+        begun.elapsed().as_secs()
+    );
+    let of_all = OPERATIONS.iter().map(|(name, ..)| *name);
+    for name in of_all.chain([LINKS_BROKEN, CUT_AT_OPERATION, RESETS]) {
+        println!("{:>11} {name}", world.done.get(name).unwrap_or(&0));
+    }
+    world.tell_marks(seconds >= LONG_S);
+}

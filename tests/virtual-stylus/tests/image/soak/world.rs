@@ -1,0 +1,529 @@
+//! The virtual stylus with its two hosts, what its flash must hold, and what holds after every step.
+
+use std::collections::BTreeMap;
+
+use model_format::Library;
+use model_format::link::{
+    Activity, Marks, MotionSource, MuteReason, PlayEndpoint, PlayError, PlayRequest, Selection,
+    Settings, SlotState, Status, StopEndpoint,
+};
+use stylus_app::safety;
+use virtual_stylus::Options;
+use virtual_stylus::chance::Chance;
+use virtual_stylus::model::flash::{Contents, Stalls};
+
+use super::pin::{Limits, Pin};
+use crate::device::{Device, MS, product, with_faults};
+use crate::library;
+use crate::marks;
+use crate::requests::announced;
+use crate::scenes;
+use crate::self_test::quiet;
+
+/// Ticks per millisecond.
+const TICKS_PER_MS: u64 = 5;
+
+/// Resets of all kinds, each of them expected.
+pub const RESETS: &str = "resets, all expected";
+
+/// Most that the last quarter's mark of the stack may exceed those before: what a rare meeting of interrupts takes.
+const MOST_GROWTH_BYTES: u32 = 512;
+
+/// A library, and all that it plays.
+pub struct Known {
+    pub bytes: Vec<u8>,
+    pub crc32: u32,
+    pub selections: Vec<Selection>,
+}
+
+impl Known {
+    fn new(bytes: Vec<u8>) -> Self {
+        let library = Library::decode(&bytes).expect("a valid library");
+        let textures = library.textures().map(|texture| {
+            Selection::Texture(texture.name().try_into().expect("a texture's name fits"))
+        });
+        let scenes = library.scenes().map(|scene| Selection::Scene(scene.name));
+        Self {
+            selections: textures.chain(scenes).collect(),
+            crc32: announced(&bytes).crc32,
+            bytes,
+        }
+    }
+}
+
+/// A run from one power-on to the next.
+struct Run {
+    has_faults: bool,
+    /// Resets since power-on.
+    resets: u32,
+    /// Frames that each host has sent more than the device has counted, modulo 2³²; the serial port's first.
+    sent: [u32; 2],
+    /// False once a host has sent what is no frame, or has lost one on its way.
+    is_exact: [bool; 2],
+    /// True once the counts of ticks were put near the ends of their 32 bits.
+    is_aged: bool,
+    faults: u32,
+    pin: Pin,
+    last: Option<Status>,
+}
+
+/// Largest marks so far.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Most {
+    pub marks: Marks,
+    pub tick_cycles: u32,
+    pub offset: u16,
+}
+
+/// The stylus, its hosts, and what they know.
+pub struct World {
+    pub device: Device,
+    pub chance: Chance,
+    pub libraries: Vec<Known>,
+    /// The settings that flash must hold.
+    pub settings: Settings,
+    /// True while the host on USB, or else the one on the serial port, keeps alive what it has begun to play.
+    pub player: Option<bool>,
+    run: Run,
+    /// Virtual time of the runs before.
+    earlier_ns: u64,
+    pub done: BTreeMap<&'static str, u64>,
+    /// Largest marks of each quarter of the time.
+    pub most: [Most; 4],
+    pub quarter: usize,
+    pub codes: [u64; 2],
+    /// True after a step that could not be taken.
+    pub skipped: bool,
+}
+
+impl World {
+    /// Switches the power on for the first time.
+    pub fn new(seed: u64) -> Self {
+        let libraries = [
+            library::small(),
+            library::middling(),
+            library::other(),
+            scenes::bytes(),
+            scenes::fast(),
+        ];
+        let mut chance = Chance(seed);
+        let flash = library::flash_with(&[&libraries[0]]);
+        let (device, has_faults) = switched_on(flash, &mut chance);
+        let mut world = Self {
+            device,
+            chance,
+            libraries: libraries.map(Known::new).into(),
+            settings: Settings::default(),
+            player: None,
+            run: Run::new(has_faults),
+            earlier_ns: 0,
+            done: BTreeMap::new(),
+            most: [Most::default(); 4],
+            quarter: 0,
+            codes: [0; 2],
+            skipped: false,
+        };
+        world.come_back();
+        world
+    }
+
+    /// Virtual time so far.
+    pub fn now_ns(&self) -> u64 {
+        self.earlier_ns + self.device.stylus.now_ns()
+    }
+
+    /// A number below `bound`.
+    pub fn below(&mut self, bound: u64) -> u64 {
+        self.chance.below(bound)
+    }
+
+    /// True once in `of`.
+    pub fn once_in(&mut self, of: u64) -> bool {
+        self.below(of) == 0
+    }
+
+    pub fn count(&mut self, what: &'static str) {
+        *self.done.entry(what).or_default() += 1;
+    }
+
+    /// Runs for some time up to `most_ms`.
+    pub fn pass(&mut self, most_ms: u64) {
+        let nanos = (1 + self.below(most_ms)) * MS;
+        self.device.run_for(nanos);
+    }
+
+    /// Gives the turn to the host on USB, or else to the one on the serial port.
+    pub fn turn_to(&mut self, usb: bool) {
+        if self.device.is_usb() != usb {
+            self.device.turn();
+        }
+    }
+
+    /// True for the image that takes faults on request.
+    pub fn takes_faults(&self) -> bool {
+        self.run.has_faults
+    }
+
+    /// True for a run with less faults than lead to safe mode, on a clock that can fail.
+    pub fn bears_fault(&self) -> bool {
+        self.run.faults < if self.run.has_faults { 2 } else { 1 }
+    }
+
+    /// Notes that the step does nothing.
+    pub fn skip(&mut self) {
+        self.skipped = true;
+    }
+
+    /// Counts the ticks as near the ends of their 32 bits from now on.
+    pub fn age(&mut self) -> bool {
+        !std::mem::replace(&mut self.run.is_aged, true)
+    }
+
+    /// Frames of the host that has its turn are no longer all counted.
+    pub fn sends_noise(&mut self) {
+        self.run.is_exact[usize::from(self.device.is_usb())] = false;
+    }
+
+    /// Handles a reset that was caused.
+    pub fn was_reset(&mut self, is_fault: bool) {
+        self.count(RESETS);
+        self.run.resets += 1;
+        self.run.faults += u32::from(is_fault);
+        self.follow_pin();
+        self.come_back();
+    }
+
+    /// Enumerates, and waits until the device answers both hosts.
+    fn come_back(&mut self) {
+        self.player = None;
+        self.run.last = None;
+        self.run.is_aged = false;
+        for usb in [false, true] {
+            self.turn_to(usb);
+            self.device.keep_alive(false);
+            self.device.forget_frames();
+        }
+        self.device.enumerate().expect("it enumerates");
+        for usb in [false, true] {
+            self.turn_to(usb);
+            self.device.wait_for_start();
+            // Requests before the start were lost, and their answers come late.
+            self.device.run_for(20 * MS);
+            self.device.forget_frames();
+            self.run.is_exact[usize::from(usb)] = false;
+        }
+        assert_eq!(self.device.settings(), self.settings, "after a start");
+        let status = self.device.status();
+        assert_eq!(status.resets, self.run.resets, "since power-on");
+        assert!(!status.start.safe_mode, "{status:?}");
+        self.count_frames_from(&status);
+    }
+
+    /// Counts frames from here on.
+    fn count_frames_from(&mut self, status: &Status) {
+        for (usb, counters) in [(false, status.serial), (true, status.usb)] {
+            self.turn_to(usb);
+            let counted = counters.frames + counters.malformed + counters.oversized;
+            if !std::mem::replace(&mut self.run.is_exact[usize::from(usb)], true) {
+                self.run.sent[usize::from(usb)] = self.device.sent().wrapping_sub(counted);
+            }
+        }
+    }
+
+    /// Cuts the power, and switches it on with `contents` in the flash. One of `allowed` must be active then, and the
+    /// library that `was` must be there.
+    pub fn cut_power(
+        &mut self,
+        contents: Contents,
+        was: Option<u32>,
+        allowed: &[u32],
+        settings: [Settings; 2],
+    ) {
+        self.follow_pin();
+        let pin = &self.run.pin;
+        self.codes = [self.codes[0] + pin.codes, self.codes[1] + pin.heard];
+        assert_eq!(
+            self.device.stylus.unwritten_ram(),
+            [0; 0],
+            "RAM that nobody had written was read"
+        );
+        self.earlier_ns += self.device.stylus.now_ns();
+        let (device, has_faults) = switched_on(contents, &mut self.chance);
+        self.device = device;
+        self.run = Run::new(has_faults);
+        self.device.enumerate().expect("it enumerates");
+        self.device.wait_for_start();
+        let found = self.device.settings();
+        assert!(
+            settings.contains(&found),
+            "{found:?} is neither of {settings:?}"
+        );
+        self.settings = found;
+        let (active, valid) = self.slots();
+        assert!(
+            was.is_some_and(|was| valid.contains(&was)),
+            "{was:x?} of {valid:x?}"
+        );
+        assert!(
+            active.is_some_and(|active| allowed.contains(&active)),
+            "{active:x?} of {allowed:x?}"
+        );
+        self.come_back();
+    }
+
+    /// The checksum of the active library, and those of all valid ones.
+    pub fn slots(&mut self) -> (Option<u32>, Vec<u32>) {
+        let slots = self.device.slots();
+        let crc32 = |state: &SlotState| match state {
+            SlotState::Valid(info) => Some(info.crc32),
+            _ => None,
+        };
+        let active = slots
+            .active
+            .and_then(|active| crc32(&slots.slots[active.index()]));
+        (active, slots.slots.iter().filter_map(crc32).collect())
+    }
+
+    /// Something that the active library plays.
+    pub fn selection(&mut self) -> Selection {
+        let (active, _) = self.slots();
+        let active = active.expect("a library is active");
+        let known = self.libraries.iter().find(|known| known.crc32 == active);
+        let count = known.expect("it was uploaded").selections.len() as u64;
+        let index = self.below(count) as usize;
+        let known = self.libraries.iter().find(|known| known.crc32 == active);
+        known.expect("as above").selections[index].clone()
+    }
+
+    /// Has the host that has its turn play something; false if it was refused, as it must be then.
+    pub fn play(&mut self, motion: MotionSource) -> bool {
+        let request = PlayRequest {
+            selection: self.selection(),
+            gain: (self.below(9) as f32) / 4.0,
+            motion,
+            seed: self.chance.draw(),
+        };
+        let usb = self.device.is_usb();
+        let held = self.player.filter(|player| *player != usb);
+        match self.device.request::<PlayEndpoint>(&request) {
+            Ok(_) => {
+                assert_eq!(held, None, "the other host plays");
+                self.player = Some(usb);
+                self.device.keep_alive(true);
+                true
+            }
+            Err(PlayError::Held { .. }) if held.is_some() => false,
+            Err(PlayError::OverBudget { .. }) => false,
+            Err(refused) => panic!("{request:?}: {refused}"),
+        }
+    }
+
+    /// Notes that nothing is played any more, because a library was activated.
+    pub fn has_stopped(&mut self) {
+        self.player = None;
+        self.silence();
+    }
+
+    /// Has the host that has its turn stop what is played, and waits until nothing is.
+    pub fn stop(&mut self) {
+        self.silence();
+        if self.player.take().is_some() {
+            self.device.request::<StopEndpoint>(&()).expect("it plays");
+        }
+        for _ in 0..100 {
+            if self.device.status().output.activity == Activity::Idle {
+                return;
+            }
+            self.device.run_for(10 * MS);
+        }
+        panic!("it does not come to rest: {:?}", self.device.status());
+    }
+
+    /// Ends the keep-alives of both hosts, as at a fault.
+    pub fn silence(&mut self) {
+        for usb in [false, true] {
+            self.turn_to(usb);
+            self.device.keep_alive(false);
+        }
+    }
+
+    /// Forgets the status before, whose counts go on elsewhere.
+    pub fn forget_last(&mut self) {
+        self.run.last = None;
+    }
+
+    /// Prints the largest marks of each quarter of the time; if it was `long`, those of the stack no longer grow.
+    pub fn tell_marks(&self, long: bool) {
+        let [codes, heard] = [
+            self.codes[0] + self.run.pin.codes,
+            self.codes[1] + self.run.pin.heard,
+        ];
+        println!(
+            "{codes:>11} codes, {heard} of them other than mid-scale; largest of each quarter:"
+        );
+        println!(
+            "   stack, bytes  tick's delay  masked, cycles  gap of feeds, us  tick, cycles  code"
+        );
+        for most in &self.most {
+            let marks = &most.marks;
+            println!(
+                "{:>15} {:>13} {:>15} {:>17} {:>13} {:>5}",
+                marks.stack_used_bytes,
+                marks.longest_tick_delay_cycles,
+                marks.longest_critical_section_cycles,
+                marks.longest_watchdog_gap_us,
+                most.tick_cycles,
+                most.offset
+            );
+        }
+        let stacks = self.most.map(|most| most.marks.stack_used_bytes);
+        let before = stacks[..3].iter().max().copied().unwrap_or_default();
+        assert!(
+            !long || stacks[3] <= before + MOST_GROWTH_BYTES,
+            "the stack still grows: {stacks:?}"
+        );
+    }
+
+    /// Checks all that holds after every step; a settings' change before it was from `before`.
+    pub fn check(&mut self, before: Settings) {
+        self.limits_and_pin(before);
+        let status = self.device.status();
+        let tick = status.tick;
+        let late = [
+            tick.missed,
+            tick.late_frames,
+            tick.late_conversions,
+            tick.late_outputs,
+        ];
+        assert_eq!(late, [0; 4], "missed, late frames, conversions, outputs");
+        assert_eq!(
+            self.device.stylus.resets().len(),
+            self.run.resets as usize,
+            "{status:?}"
+        );
+        assert_eq!(self.device.stylus.flash_stalls(), Stalls::default());
+        assert_eq!(self.device.broken, 0, "frames from the device");
+        let faulted = status.output.mute_counts[MuteReason::Fault as usize];
+        assert_eq!(faulted, 0, "mutes by faults");
+        self.counters(&status);
+        marks::check_bounds(status.marks);
+        let most = &mut self.most[self.quarter];
+        let (now, marks) = (status.marks, &mut most.marks);
+        marks.stack_used_bytes = marks.stack_used_bytes.max(now.stack_used_bytes);
+        marks.longest_tick_delay_cycles =
+            (marks.longest_tick_delay_cycles).max(now.longest_tick_delay_cycles);
+        marks.longest_critical_section_cycles =
+            (marks.longest_critical_section_cycles).max(now.longest_critical_section_cycles);
+        marks.longest_watchdog_gap_us = marks
+            .longest_watchdog_gap_us
+            .max(now.longest_watchdog_gap_us);
+        most.tick_cycles = most.tick_cycles.max(status.tick_histogram.longest);
+        most.offset = most.offset.max(self.run.pin.largest);
+        self.run.last = Some(status);
+    }
+
+    fn limits_and_pin(&mut self, before: Settings) {
+        let of = |settings: &Settings| {
+            let config = safety::Config::new(settings, 1.0);
+            [config.limit_steps() as u16, config.slew_steps() as u16]
+        };
+        let [one, other] = [of(&before), of(&self.settings)];
+        let limits = Limits {
+            offset: one[0].max(other[0]),
+            slew: one[1].max(other[1]),
+        };
+        let outputs = self.device.stylus.take_dac_record();
+        let amplifier = self.device.stylus.take_amplifier_record();
+        self.run.pin.follow(&outputs, &amplifier, limits);
+    }
+
+    fn follow_pin(&mut self) {
+        self.limits_and_pin(self.settings);
+    }
+
+    /// Checks that counters add up, and only rise.
+    fn counters(&mut self, status: &Status) {
+        for (usb, counters) in [(false, status.serial), (true, status.usb)] {
+            self.turn_to(usb);
+            let counted = counters.frames + counters.malformed + counters.oversized;
+            let sent = self
+                .device
+                .sent()
+                .wrapping_sub(self.run.sent[usize::from(usb)]);
+            if self.run.is_exact[usize::from(usb)] {
+                // A keep-alive may be on its way, now or when the counting began.
+                assert!(
+                    counted.abs_diff(sent) <= 1,
+                    "{counted} of {sent}: {counters:?}, USB: {usb}"
+                );
+            }
+        }
+        // A step that has sent noise is over.
+        self.count_frames_from(status);
+        let (ticks, uptime) = (status.tick.ticks, status.uptime_ms);
+        assert_eq!(ticks / TICKS_PER_MS, uptime);
+        if !self.run.is_aged {
+            let binned: u64 = status
+                .tick_histogram
+                .bins
+                .iter()
+                .map(|&bin| u64::from(bin))
+                .sum();
+            assert!(
+                ticks.abs_diff(binned) <= 1,
+                "{ticks} ticks, {binned} in the histogram"
+            );
+        }
+        let Some(last) = &self.run.last else { return };
+        assert!(status.tick.ticks > last.tick.ticks);
+        let counts = |status: &Status| {
+            let output = &status.output;
+            let mut counts = output.mute_counts.to_vec();
+            counts.extend([output.saturations, output.hard_limited, output.slew_limited]);
+            counts.extend([
+                output.thermally_limited,
+                status.lease.refused,
+                status.resets,
+            ]);
+            counts.extend([status.usb, status.serial].map(|link| link.frames));
+            counts
+        };
+        let pairs = counts(last).into_iter().zip(counts(status));
+        assert!(
+            pairs.into_iter().all(|(before, now)| before <= now),
+            "{last:?}, then {status:?}"
+        );
+    }
+}
+
+impl Run {
+    fn new(has_faults: bool) -> Self {
+        Self {
+            has_faults,
+            resets: 0,
+            sent: [0; 2],
+            is_exact: [false; 2],
+            is_aged: false,
+            faults: 0,
+            pin: Pin::default(),
+            last: None,
+        }
+    }
+}
+
+/// The stylus with `contents` and one of the images in its flash, and two hosts; and true if it takes faults.
+fn switched_on(contents: Contents, chance: &mut Chance) -> (Device, bool) {
+    let has_faults = chance.below(2) == 0;
+    let image = if has_faults { with_faults() } else { product() };
+    let options = Options {
+        ram_noise: Some(chance.draw()),
+        watch_ticks: false,
+        ..library::of(contents)
+    };
+    let mut device = Device::new(&image, options);
+    device.set_pins(quiet);
+    device.move_at(120.0);
+    device.add_usb();
+    device.run_for(300 * MS);
+    (device, has_faults)
+}
