@@ -111,6 +111,8 @@ fn the_rule_of_outputs_holds_for_every_command_before_its_work() {
             ("pipe", "is a pipe"),
             ("dangling", "not there"),
             ("nowhere/o", "there is no folder nowhere: make it"),
+            ("diary/o", "is a file and no folder"),
+            ("page/", "names a folder"),
             ("diary", "--overwrite"),
         ] {
             refuse(&bench, command, name, word);

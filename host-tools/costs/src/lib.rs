@@ -1,6 +1,6 @@
 //! The schema of `host-tools/costs/costs.json`, the table of measured costs.
 //!
-//! `cargo tasks costs` writes the table, the tests in `tests/qemu` compare it with new counts, and the `stylus` command
+//! The table was counted once; `tests/qemu` compares the shipped structure with new counts, and the `stylus` command
 //! embeds it. Counts are whole instructions and whole cycles. A look-up between two measured orders has fractions; for
 //! it the same types hold another number.
 
@@ -120,25 +120,6 @@ pub struct Entry {
     pub update: UpdateCost,
 }
 
-impl Entry {
-    /// The largest difference of `other` from this over all counts of instructions, as a share of this.
-    pub fn difference(&self, other: &Self) -> f64 {
-        let figures = |entry: &Self| {
-            [
-                entry.sample.instructions,
-                entry.update.instructions_least,
-                entry.update.instructions_most,
-            ]
-        };
-        let pairs = figures(self).into_iter().zip(figures(other));
-        pairs
-            .map(|(this, other)| {
-                (f64::from(other) - f64::from(this)).abs() / f64::from(this.max(1))
-            })
-            .fold(0.0, f64::max)
-    }
-}
-
 /// The source of a peer's figures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -236,15 +217,5 @@ mod tests {
             |nodes, order| costs.entry(Structure::TwoMultiplierLattice32, nodes, Core::M7, order);
         assert_eq!(entry(4, 400), Some(&costs.entries[1]));
         assert_eq!((entry(1, 400), entry(4, 401)), (None, None));
-    }
-
-    #[test]
-    fn a_difference_is_that_of_the_figure_that_differs_most() {
-        let [first, mut second] = [entry(10); 2];
-        assert_eq!(first.difference(&second), 0.0);
-        second.sample.instructions = 1010;
-        assert!((first.difference(&second) - 0.01).abs() < 1e-12);
-        second.update.instructions_most = 30;
-        assert!((first.difference(&second) - 0.5).abs() < 1e-12);
     }
 }

@@ -225,7 +225,7 @@ fn notes(frontier: &Frontier) -> Vec<String> {
             frontier.material
         ),
         format!(
-            "Made by stylus frontier; instructions and cycles by cargo tasks costs with rustc {} and QEMU {}. \
+            "Made by stylus frontier; instructions and cycles were counted with rustc {} and QEMU {}. \
              Instructions are counted and exact for that compiler. Cycles are llvm-mca's model (LLVM {}) of each \
              core, without wait states, and not true to the cycle. The fronts go by those of the Cortex-M7.",
             frontier.rustc, frontier.qemu, frontier.llvm_mca

@@ -247,34 +247,6 @@ mod tests {
     }
 
     #[test]
-    fn a_file_that_is_there_wants_overwrite_and_an_input_is_never_replaced() {
-        let home = tempfile::tempdir().unwrap();
-        let at = |name: &str| home.path().join(name);
-        fs::write(at("there"), "today\n").unwrap();
-        fs::write(at("empty"), "").unwrap();
-        fs::write(at("file"), "").unwrap();
-        check_file(&at("new"), false, &[]).unwrap();
-        check_file(&at("empty"), false, &[]).unwrap();
-        assert!(refusal(check_file(&at("there"), false, &[])).contains("--overwrite"));
-        check_file(&at("there"), true, &[at("empty")]).unwrap();
-        let inputs = [home.path().join("./there")];
-        assert!(refusal(check_file(&at("there"), true, &inputs)).contains("is an input"));
-        #[cfg(unix)]
-        {
-            fs::hard_link(at("there"), at("hard")).unwrap();
-            assert!(refusal(check_file(&at("hard"), true, &inputs)).contains("is an input"));
-        }
-        for (name, word) in [
-            ("nowhere/page", "there is no folder"),
-            ("file/page", "is a file and no folder"),
-            ("page/", "names a folder"),
-            (".", "is a folder"),
-        ] {
-            holds(&refusal(check_file(&at(name), true, &[])), &[word]);
-        }
-    }
-
-    #[test]
     fn a_folder_appears_whole_and_replaces_its_earlier_result_alone() {
         let home = tempfile::tempdir().unwrap();
         let path = home.path().join("out");

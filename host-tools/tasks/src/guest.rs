@@ -9,14 +9,11 @@ use crate::workspace::TARGET;
 use crate::{process, workspace};
 
 /// A processor that the kernel is built for. QEMU has each on one of Arm's boards.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-#[value(rename_all = "kebab-case")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Processor {
     /// The processor of a small stylus.
-    #[value(name = "cortex-m4")]
     CortexM4,
     /// The processor of the product's board.
-    #[value(name = "cortex-m7")]
     CortexM7,
 }
 

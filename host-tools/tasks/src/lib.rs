@@ -7,13 +7,11 @@
 pub mod attack;
 pub mod browser_module;
 pub mod compare;
-pub mod costs;
 pub mod firmware;
 pub mod guest;
 pub mod hil;
 pub mod house;
 pub mod lint;
-pub mod mca;
 pub mod process;
 pub mod qemu;
 pub mod release;

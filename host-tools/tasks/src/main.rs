@@ -3,14 +3,13 @@
 use std::ffi::OsString;
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::time::Instant;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, bail};
 use clap::{Parser, Subcommand};
 use tasks::firmware::Image;
 use tasks::toolchain::{Toolchain, check_clippy};
 use tasks::{
-    attack, browser_module, costs, firmware, hil, house, lint, qemu, release, soak, tables,
+    attack, browser_module, firmware, hil, house, lint, qemu, release, soak, tables,
     virtual_stylus, workspace,
 };
 
@@ -26,8 +25,6 @@ struct Arguments {
 enum Task {
     /// List the needed programs, and how to install the missing ones
     Setup,
-    /// Count the cost per sample and per update, by instruction, and write host-tools/costs/costs.json (some minutes)
-    Costs,
     /// Build the image for the STM32H743, check the place of the tick's code, and show the use of each memory
     Firmware {
         /// With faults on request, for tests
@@ -99,7 +96,6 @@ enum Task {
 fn main() -> ExitCode {
     let done = match Arguments::parse().task {
         Task::Setup => setup(),
-        Task::Costs => count_all(),
         Task::Firmware {
             fault_injection: false,
         } => build_firmware(Image::Product).map(drop),
@@ -226,17 +222,4 @@ fn write_tables(mut names: Vec<String>) -> Result<()> {
         }
     }
     tables::write(&names, |name| println!("{name}: written"))
-}
-
-/// Counts all costs and writes the table.
-fn count_all() -> Result<()> {
-    let begin = Instant::now();
-    let counted = costs::count(&Toolchain::find()?, |processor, structure| {
-        let seconds = begin.elapsed().as_secs();
-        eprintln!("{seconds:>4} s: {}, {}", processor.name(), structure.name());
-    })?;
-    let path = costs::path();
-    std::fs::write(&path, costs::to_text(&counted)).with_context(|| path.display().to_string())?;
-    println!("\n{}", path.display());
-    Ok(())
 }

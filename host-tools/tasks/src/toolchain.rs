@@ -70,6 +70,18 @@ impl Toolchain {
         }
     }
 
+    /// The version of the compiler, without its name.
+    ///
+    /// # Errors
+    /// It cannot be run.
+    pub fn compiler(&self) -> Result<String> {
+        let version = self.compiler_version()?;
+        Ok(version
+            .strip_prefix("rustc ")
+            .unwrap_or(&version)
+            .to_owned())
+    }
+
     /// `cargo <subcommand> --locked --target <the target>`, run in `folder`, with outputs in `target_folder`.
     pub fn cargo(&self, subcommand: &str, folder: &Path, target_folder: &Path) -> Command {
         let mut command = match self {

@@ -13,7 +13,7 @@ use crate::firmware::{self, Image};
 use crate::process::Progress;
 use crate::toolchain::Toolchain;
 use crate::workspace::TARGET;
-use crate::{costs, process, tables, workspace};
+use crate::{process, tables, workspace};
 
 fn folder() -> PathBuf {
     workspace::root().join("tests/virtual-stylus")
@@ -58,7 +58,7 @@ pub fn test(toolchain: &Toolchain, long: bool, arguments: &[OsString]) -> Result
         test.env("STYLUS_LONG", "1");
     }
     process::run(test.arg("--").args(arguments))?;
-    let compiler = costs::compiler(toolchain)?;
+    let compiler = toolchain.compiler()?;
     let made = tables::memory(&memory, &compiler);
     if !tables::check_made(tables::MEMORY, &made, &compiler)? {
         println!("rustc {compiler} is not the one of the page's table of memory: not compared");
@@ -121,7 +121,7 @@ pub fn soak(toolchain: &Toolchain, variables: [(&str, u64); 2]) -> Result<()> {
 fn tests(toolchain: &Toolchain, product: PathBuf) -> Result<Command> {
     let mut test = cargo("test", Progress::Quiet);
     test.env("STYLUS_IMAGE", product);
-    test.env("STYLUS_COMPILER", costs::compiler(toolchain)?);
+    test.env("STYLUS_COMPILER", toolchain.compiler()?);
     test.env(
         "STYLUS_FAULT_IMAGE",
         firmware::build(toolchain, Image::FaultInjection)?,

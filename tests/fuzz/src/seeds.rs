@@ -19,12 +19,9 @@ use model_format::{
 pub fn write(root: &Path) -> Result<(), Box<dyn Error>> {
     #[cfg(feature = "parsers")]
     crate::parsers::seeds::write(root)?;
-    for target in ["decode", "motion"] {
-        let folder = root.join(target);
-        std::fs::create_dir_all(&folder)?;
-        libraries(&folder)?;
-    }
-    Ok(())
+    let folder = root.join("decode");
+    std::fs::create_dir_all(&folder)?;
+    libraries(&folder)
 }
 
 /// Writes the libraries.

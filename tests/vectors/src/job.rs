@@ -18,18 +18,12 @@ const HEADER_BYTES: usize = 8;
 /// A job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Job<'a> {
-    /// Playback of every texture of a library along [`counted_motion`](crate::counted_motion), while the host traces
-    /// it.
+    /// Playback of every texture of a library along [`counted_motion`](crate::counted_motion), with a count of the
+    /// instructions of samples and updates.
     Count {
-        /// The filter.
-        filter: Filter,
-        /// Number of updates of the motion, each with its samples.
-        updates: u32,
         /// A library.
         library: &'a [u8],
     },
-    /// A run of other libraries' filters, while the host traces them.
-    Peers,
     /// Playback of hard cases, with a count of each sample's instructions.
     Hard {
         /// [`HardCase`](crate::HardCase)s, one after the other.
@@ -75,19 +69,6 @@ impl Libraries<'_> {
     }
 }
 
-/// A filter that plays a texture.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Filter {
-    /// The product's lattice.
-    Product,
-    /// The kernel's variant `two_multiplier`.
-    TwoMultiplier,
-    /// The kernel's variant `normalised16`.
-    Normalised16,
-    /// The kernel's variant `direct`.
-    Direct,
-}
-
 /// The job in `memory`, if there is one.
 pub fn read(memory: &[u8]) -> Option<Job<'_>> {
     let (magic, rest) = memory.split_first_chunk()?;
@@ -119,15 +100,13 @@ mod tests {
     #[test]
     fn a_job_is_read_as_it_was_written_and_nothing_else_is_one() {
         let job = Job::Count {
-            filter: Filter::Normalised16,
-            updates: 3,
             library: b"a library",
         };
         let mut bytes = write(&job).expect("it is small");
         assert!(bytes.len() <= b"a library".len() + OVERHEAD_BYTES);
         bytes.resize(CAPACITY, 0);
         assert_eq!(read(&bytes), Some(job));
-        assert_eq!(read(&bytes[..20]), None);
+        assert_eq!(read(&bytes[..HEADER_BYTES + 4]), None);
         bytes[0] ^= 1;
         assert_eq!(read(&bytes), None);
         assert_eq!(read(&[0; 64]), None);

@@ -27,8 +27,6 @@ pub use job::Libraries;
 pub use library::{
     COUNTED_ORDERS, DIGESTED, counted_library, counted_texture, digest_library, library, specs,
 };
-pub use path::{
-    COUNTED_SAMPLES, COUNTED_UPDATES, PATH_UPDATES, PEER_SAMPLES, counted_motion, motion,
-};
+pub use path::{COUNTED_UPDATES, PATH_UPDATES, counted_motion, motion};
 pub use play::{PlayError, run};
 pub use textures::{MEASURED, Measured, VECTORS, Vector};

@@ -52,14 +52,8 @@ pub fn motion(update: u32) -> Motion {
 /// Number of updates of [`counted_motion`].
 pub const COUNTED_UPDATES: u32 = LEGS.len() as u32;
 
-/// Number of samples per update.
-pub const COUNTED_SAMPLES: u32 = 4;
-
-/// The motion at update `update` while every instruction is traced, which takes long: one point of each leg, so that
+/// The motion at update `update` for the table of costs: one point of each leg, so that
 /// the cell stays on some updates and changes on others.
 pub fn counted_motion(update: u32) -> Motion {
     motion(update * UPDATES_PER_LEG + update % UPDATES_PER_LEG)
 }
-
-/// Number of samples of each filter of other libraries while every instruction is traced.
-pub const PEER_SAMPLES: u32 = 20;

@@ -81,7 +81,7 @@ pub struct Measured {
 pub const MEASURED: [Measured; 8] = [
     Measured {
         texture: "lattice",
-        budget_instructions: 5100,
+        budget_instructions: 4800,
         update_budget_instructions: 10_000,
     },
     Measured {

@@ -34,11 +34,14 @@ fn node() -> impl Strategy<Value = NodeSpec> {
     ]
 }
 
-/// The same nodes with one byte per stage after the first 32.
-fn with_tails(mut nodes: Vec<NodeSpec>) -> Vec<NodeSpec> {
+/// The same nodes with one byte per stage after the first 32, in steps of `step` where more than one is allowed.
+fn with_tails(mut nodes: Vec<NodeSpec>, step: u16) -> Vec<NodeSpec> {
     for node in &mut nodes {
         let thetas: Vec<i32> = node.codes.thetas().collect();
         node.codes = CodeSpec::compact_lattice(&thetas, MAX_FINE_STAGES);
+        if node.codes.tail.step > 1 {
+            node.codes.tail.step = step;
+        }
     }
     nodes
 }
@@ -46,8 +49,13 @@ fn with_tails(mut nodes: Vec<NodeSpec>) -> Vec<NodeSpec> {
 /// A library of 3 x 2 such nodes, with laws that they allow.
 fn grid() -> impl Strategy<Value = Vec<u8>> {
     let laws = (select(&LevelLaw::ALL[..]), select(&FadeLaw::ALL[..]));
-    (vec(node(), 6), laws, any::<bool>()).prop_map(|(nodes, (level, fade), tails)| {
-        let nodes = if tails { with_tails(nodes) } else { nodes };
+    let step = prop_oneof![Just(1), Just(u16::MAX), 1..=u16::MAX];
+    let tails = proptest::option::of(step);
+    (vec(node(), 6), laws, tails).prop_map(|(nodes, (level, fade), tails)| {
+        let nodes = match tails {
+            Some(step) => with_tails(nodes, step),
+            None => nodes,
+        };
         let silent = |node: &NodeSpec| node.flags.contains(NodeFlags::SILENT);
         let level = match level {
             LevelLaw::Logarithm if nodes.iter().any(silent) => LevelLaw::Amplitude,

@@ -1,4 +1,4 @@
-//! Costs of a sample on a microcontroller: the table that `cargo tasks costs` measures, and look-ups in it.
+//! Costs of a sample on a microcontroller: a table that was measured, and look-ups in it.
 
 use std::sync::LazyLock;
 
@@ -94,7 +94,7 @@ mod tests {
                     for order in super::super::ORDERS {
                         let cost = Costs::measured().at(structure, nodes, core, order);
                         let cost = cost.unwrap_or_else(|| {
-                            panic!("{structure}, {nodes} nodes, {core}, order {order}: run `cargo tasks costs`")
+                            panic!("{structure}, {nodes} nodes, {core}, order {order}")
                         });
                         let sample = cost.sample;
                         assert!(sample.instructions > 0.0);

@@ -4,7 +4,7 @@
 //! **At rest** ([`still`]): the nodes of textures, played by the kernel and its variants, against recordings that the
 //! fit has not seen. **In motion** ([`moving`]): a hand that rubs over the grid, against float64 at every sample.
 //! **Hard cases** ([`hard`]): those of `stylus stress`, with models cut to the order. **Time** ([`costs`]):
-//! instructions counted on QEMU, and cycles of llvm-mca's model of the device's Cortex-M7, from `cargo tasks costs`.
+//! instructions counted on QEMU, and cycles of llvm-mca's model of the device's Cortex-M7, of the kept table.
 //!
 //! The error of a choice is the root of the sum of squares of its error at rest and its error in motion, in
 //! third-octave bands: the one is of the models, the other of following the hand, and they do not know of each other.

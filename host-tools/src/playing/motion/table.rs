@@ -187,17 +187,6 @@ pub(super) mod tests {
         }
     }
 
-    #[test]
-    fn a_file_that_is_not_there_is_named() {
-        let error = MotionPath::from_csv(Path::new("no/such/motion.csv")).unwrap_err();
-        assert!(
-            error
-                .to_string()
-                .starts_with("no/such/motion.csv: cannot read"),
-            "{error}"
-        );
-    }
-
     proptest! {
         #[test]
         fn any_text_gives_a_path_or_an_error(text in "(#|time_s|speed_mm_s|force_n|[,\n\r\" 0-9.eEa-]){0,60}") {

@@ -262,11 +262,6 @@ mod tests {
     }
 
     #[test]
-    fn steady_noise_has_no_verdict() {
-        assert_eq!(verdicts(&[noise(1), noise(2)]), []);
-    }
-
-    #[test]
     fn a_silent_part_is_found_with_its_ends_also_if_it_is_most_of_the_trial() {
         for silent in [0..1000, 4000..5000, 500..10_000] {
             let found = verdicts(&[scaled(silent.clone(), 1e-4)]);

@@ -155,34 +155,6 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_trial_in_other_units_than_its_texture_is_told() {
-        let sketches: Vec<Sketch> = (0..5).map(|seed| Sketch::of(&noise(seed))).collect();
-        let trial = |index: usize, rms_m_s2: f64| Compared {
-            texture: "felt",
-            speed_mm_s: 100.0,
-            force_n: 1.0,
-            bands_db: &[],
-            is_idle: false,
-            rms_m_s2,
-            mains_line_hz: None,
-            sketch: &sketches[index],
-            verdicts: &[],
-        };
-        let levels = [0.02, 0.05, 50.0, 0.1, 0.03];
-        let trials: Vec<_> = levels
-            .iter()
-            .enumerate()
-            .map(|(index, &rms)| trial(index, rms))
-            .collect();
-        let verdicts = all_verdicts(&trials);
-        for (index, found) in verdicts.iter().enumerate() {
-            assert_eq!(found.len(), usize::from(index == 2), "{found:?}");
-        }
-        let words = verdicts[2][0].to_string();
-        assert!(words.starts_with("scale: +60 dB"), "{words}");
-    }
-
-    #[test]
     fn slow_motion_is_no_finding_in_the_air() {
         let sketch = Sketch::of(&noise(1));
         let own = [

@@ -240,7 +240,6 @@ mod tests {
     use super::super::test_signals::{RATE_HZ, noise, plus, tone};
     use super::*;
     use crate::dsp::autocorrelation::Autocorrelation;
-    use crate::dsp::sums::moments;
     use crate::recording::defects::Defects;
 
     fn axes(axes: &[Vec<f64>], source_rate_hz: f64) -> Vec<Verdict> {
@@ -267,24 +266,5 @@ mod tests {
         );
         assert_eq!(mains_line(&Autocorrelation::of(&signal, 400)), None);
         assert_eq!(axes(&[tone(100.0, 1.0).collect()], RATE_HZ), []);
-    }
-
-    fn verdicts(axes: &[Vec<f64>]) -> Vec<String> {
-        let moments: Vec<_> = axes.iter().map(|axis| moments(axis)).collect();
-        let found = of_moments(&moments);
-        found.iter().map(ToString::to_string).collect()
-    }
-
-    #[test]
-    fn dead_axes_gravity_of_one_and_scales_that_are_off_are_said() {
-        let (a, b) = (noise(1), noise(2));
-        let scaled = |signal: &[f64], by: f64| signal.iter().map(|x| by * x).collect::<Vec<f64>>();
-        assert!(verdicts(&[a.clone(), scaled(&a, 0.5)]).is_empty());
-        let quiet =
-            |signal: &[f64], mean: f64| plus(&scaled(signal, 0.01), std::iter::repeat(mean));
-        let in_g = [quiet(&a, 0.6), quiet(&b, 0.8), quiet(&noise(3), 0.0)];
-        assert!(verdicts(&in_g)[0].contains("gravity is 1.00"));
-        assert!(verdicts(&[scaled(&a, 1000.0)])[0].contains("an RMS of"));
-        assert!(verdicts(&[a, scaled(&b, 1e-5)])[0].contains("dead axis 2"));
     }
 }

@@ -3,7 +3,7 @@
 //!
 //! | table | made from | checked by |
 //! |---|---|---|
-//! | those of `INSTANT` | constants, `costs.json` | `cargo tasks tables --check`, at once |
+//! | those of `INSTANT` | constants | `cargo tasks tables --check`, at once |
 //! | [`MEMORY`] | the sections of the image | `cargo tasks test-virtual-stylus` |
 //! | [`TICKS`] | the image's ticks on the virtual stylus | its tests, which include [`page`] by its path |
 //!
@@ -17,10 +17,9 @@ mod tests;
 use anyhow::{Context, Result, bail};
 use page::{OPENING, Page};
 pub use rows::memory;
-use stylus_costs::Costs;
 
 use crate::toolchain::Toolchain;
-use crate::{costs, firmware, workspace};
+use crate::{firmware, workspace};
 
 /// The table of the image's memories.
 pub const MEMORY: &str = "memory";
@@ -29,30 +28,24 @@ pub const MEMORY: &str = "memory";
 pub const TICKS: &str = "ticks";
 
 /// The making of a table's content.
-type Make = fn(&Costs) -> Result<String>;
+type Make = fn() -> String;
 
 /// All tables that are made within a second, by their names.
-const INSTANT: [(&str, Make); 6] = [
-    ("settings", |_| Ok(rows::settings())),
-    ("scene-stages", |_| Ok(rows::scene_stages())),
-    ("scene-limits", |_| Ok(rows::scene_limits())),
-    ("library-limits", |_| Ok(rows::library_limits())),
-    ("filters", |costs| Ok(rows::filters(costs))),
-    ("samples-by-order", |costs| {
-        Ok(rows::samples_by_order(costs))
-    }),
+const INSTANT: [(&str, Make); 4] = [
+    ("settings", rows::settings),
+    ("scene-stages", rows::scene_stages),
+    ("scene-limits", rows::scene_limits),
+    ("library-limits", rows::library_limits),
 ];
 
 /// The page of each table, as a path from the workspace's folder.
-const PAGES: [(&str, &str); 8] = [
+const PAGES: [(&str, &str); 6] = [
     ("settings", "firmware/README.md"),
     (TICKS, "firmware/README.md"),
     (MEMORY, "firmware/README.md"),
     ("scene-stages", "host-tools/SCENES.md"),
     ("scene-limits", "host-tools/SCENES.md"),
     ("library-limits", "host-tools/FORMATS.md"),
-    ("filters", "host-tools/COSTS.md"),
-    ("samples-by-order", "host-tools/COSTS.md"),
 ];
 
 /// Names of all tables.
@@ -76,9 +69,8 @@ fn page(name: &str) -> Result<Page> {
 /// # Errors
 /// The first row that differs from its command's, with its page and table.
 pub fn check_instant() -> Result<()> {
-    let counted = costs::read()?;
     for (name, make) in INSTANT {
-        page(name)?.check(name, &make(&counted)?)?;
+        page(name)?.check(name, &make())?;
     }
     for name in names() {
         page(name)?.block(name)?;
@@ -99,7 +91,6 @@ pub fn check_instant() -> Result<()> {
 /// # Errors
 /// A name is that of no table, a page lacks the block, or the source of a table is missing.
 pub fn write(asked: &[String], mut told: impl FnMut(&str)) -> Result<()> {
-    let counted = costs::read()?;
     let instant = INSTANT.iter().map(|(name, _)| (*name).to_owned());
     let asked = if asked.is_empty() {
         instant.collect()
@@ -107,7 +98,7 @@ pub fn write(asked: &[String], mut told: impl FnMut(&str)) -> Result<()> {
         asked.to_vec()
     };
     for name in &asked {
-        if page(name)?.write(name, &made(name, &counted)?)? {
+        if page(name)?.write(name, &made(name)?)? {
             told(name);
         }
     }
@@ -115,12 +106,12 @@ pub fn write(asked: &[String], mut told: impl FnMut(&str)) -> Result<()> {
 }
 
 /// Makes table `name` again.
-fn made(name: &str, counted: &Costs) -> Result<String> {
+fn made(name: &str) -> Result<String> {
     if let Some((_, make)) = INSTANT.iter().find(|(table, _)| *table == name) {
-        return make(counted);
+        return Ok(make());
     }
     let toolchain = Toolchain::find()?;
-    let compiler = costs::compiler(&toolchain)?;
+    let compiler = toolchain.compiler()?;
     match name {
         MEMORY => {
             let image = firmware::build(&toolchain, firmware::Image::Product)?;

@@ -5,7 +5,6 @@ use std::fmt::Write;
 use model_format::limits;
 use model_format::link::{Setting, SettingSet};
 use model_format::scene::limits as scene_limits;
-use stylus_costs::{Core, Costs, Origin, Peer, Structure};
 use stylus_kernel::scene::cost::{self, StageCost};
 
 use crate::firmware::Memory;
@@ -149,65 +148,6 @@ pub fn scene_limits() -> String {
 fn most<const ROWS: usize>(rows: [(&str, String); ROWS]) -> String {
     let rows = rows.map(|(name, value)| [name.to_owned(), value]);
     table(["quantity", "at most, or range"], rows)
-}
-
-/// Nodes around a motion on a grid.
-const NODES: u32 = 4;
-
-/// The structure that an image has.
-const SHIPPED: Structure = Structure::NormalisedLattice32;
-
-/// Filters at order 400 on a Cortex-M4, ours and others'.
-pub fn filters(costs: &Costs) -> String {
-    let row = |peer: &Peer| {
-        let origin = match peer.origin {
-            Origin::Measured => "",
-            Origin::Reference => " †",
-        };
-        [
-            format!("{}{origin}", peer.name),
-            peer.includes.clone(),
-            grouped(peer.instructions.into()),
-            modelled(peer.cortex_m4_cycles),
-            modelled(peer.cortex_m7_cycles),
-        ]
-    };
-    table(
-        [
-            "filter",
-            "the call includes",
-            "instructions",
-            "cycles, Cortex-M4",
-            "cycles, Cortex-M7",
-        ],
-        costs.peers.iter().map(row),
-    )
-}
-
-/// A number, or a dash where there is none.
-fn modelled(number: Option<u32>) -> String {
-    number.map_or_else(|| "–".to_owned(), |number| grouped(number.into()))
-}
-
-/// Instructions on a Cortex-M4 and cycles on a Cortex-M7 per sample of each structure, by order, on four nodes.
-pub fn samples_by_order(costs: &Costs) -> String {
-    let rows = Structure::ALL.into_iter().map(|structure| {
-        let at = |order| {
-            let entry = |core| costs.entry(structure, NODES, core, order);
-            let instructions = entry(Core::M4).map(|entry| entry.sample.instructions);
-            let cycles = entry(Core::M7).map(|entry| entry.sample.cycles);
-            format!("{} / {}", modelled(instructions), modelled(cycles))
-        };
-        let shipped = if structure == SHIPPED {
-            ""
-        } else {
-            " (not shipped)"
-        };
-        let name = format!("{}{shipped}", structure.name());
-        [name, at(10), at(20), at(50), at(100), at(200), at(400)]
-    });
-    let header = ["structure", "order 10", "20", "50", "100", "200", "400"];
-    table(header, rows)
 }
 
 /// The taken bytes of each memory. `compiler` is the version of the compiler, without its name.

@@ -170,6 +170,7 @@ pub fn hatt(input: &[u8]) {
     let options = Options {
         speeds: Some(2),
         forces: Some(2),
+        ..Options::default()
     };
     // A grid that no slot holds is refused for all files together.
     match plan(&sources, &options) {

@@ -7,23 +7,24 @@
 #![no_main]
 
 mod bounds;
-mod counted;
 mod counter;
 mod failure;
 mod hard;
 mod job;
 mod output;
-mod peers;
 
 use cortex_m_rt::entry;
 use cortex_m_semihosting::{debug, hio};
 use kernel_vectors::job::Job;
-use kernel_vectors::{MEASURED, PATH_UPDATES, VECTORS, edges, motion, report, run};
-use model_format::Library;
+use kernel_vectors::{
+    COUNTED_UPDATES, MEASURED, Measured, PATH_UPDATES, VECTORS, counted_motion, edges, motion,
+    report, run,
+};
+use model_format::{Library, OutputSample, Texture};
 use stylus_kernel::arithmetic::{Arithmetic, Portable};
 use stylus_kernel::digest::of_plan;
 use stylus_kernel::scene::Plan;
-use stylus_kernel::{Synthesis, UPDATE_INTERVAL_SAMPLES};
+use stylus_kernel::{Motion, Synthesis, UPDATE_INTERVAL_SAMPLES};
 use stylus_realtime::CortexM;
 
 use crate::counter::{Counter, Range};
@@ -38,19 +39,29 @@ fn main() -> ! {
     let peripherals = cortex_m::Peripherals::take().expect("nobody else takes them");
     let counter = Counter::new(peripherals.SYST);
     match job::read() {
-        Some(Job::Count {
-            filter,
-            updates,
-            library,
-        }) => counted::play(filter, updates, library),
-        Some(Job::Peers) => peers::play(),
+        Some(Job::Count { library }) => {
+            let library = Library::decode(library).expect("the host wrote a library");
+            let textures = library.textures();
+            measure(
+                textures,
+                COUNTED_UPDATES,
+                counted_motion,
+                &counter,
+                &mut output,
+            );
+        }
         Some(Job::Hard { cases }) => hard::play(cases, &counter, &mut output),
         Some(Job::Bounds { libraries }) => bounds::measure(libraries, &counter, &mut output),
         Some(Job::Digest { library }) => digest(library, &mut output),
         None => {
             play::<Portable>(report::PORTABLE, &mut output);
             play::<CortexM>(report::CORTEX_M, &mut output);
-            measure(&counter, &mut output);
+            let library = Library::decode(LIBRARY).expect("the library is valid");
+            let texture = |measured: &Measured| library.texture(measured.texture);
+            let textures = MEASURED
+                .iter()
+                .map(|measured| texture(measured).expect("it is there"));
+            measure(textures, PATH_UPDATES, motion, &counter, &mut output);
         }
     }
     output.line(format_args!("{}", report::END));
@@ -64,7 +75,7 @@ fn play<M: Arithmetic>(name: &str, output: &mut Output) {
     for vector in &VECTORS {
         output.line(format_args!("{} {name} {}", report::VECTOR, vector.texture));
         let mut words = Words::new(output);
-        let sink = |sample: model_format::OutputSample| words.push(sample.0.cast_unsigned());
+        let sink = |sample: OutputSample| words.push(sample.0.cast_unsigned());
         let played = run::<M>(LIBRARY, vector, sink);
         words.finish();
         let full_scale = played.expect("the library holds every vector");
@@ -88,35 +99,37 @@ fn digest(library: &[u8], output: &mut Output) {
     played::<CortexM>(library, report::CORTEX_M, output);
 }
 
-/// Prints the costs of a sample and of an update, over the whole path.
-fn measure(counter: &Counter, output: &mut Output) {
-    let library = Library::decode(LIBRARY).expect("the library is valid");
-    for measured in &MEASURED {
-        let texture = library
-            .texture(measured.texture)
-            .expect("it is in the library");
+#[inline(never)]
+fn update(synthesis: &mut Synthesis<'_, CortexM>, motion: Motion) {
+    synthesis.follow(motion, UPDATE_INTERVAL_SAMPLES);
+}
+
+#[inline(never)]
+fn next(synthesis: &mut Synthesis<'_, CortexM>) -> OutputSample {
+    synthesis.next_sample()
+}
+
+/// Prints the costs of a sample and of an update of `textures`, over the first `updates` of a motion.
+fn measure<'a>(
+    textures: impl Iterator<Item = Texture<'a>>,
+    updates: u32,
+    motion: fn(u32) -> Motion,
+    counter: &Counter,
+    output: &mut Output,
+) {
+    for texture in textures {
+        let name = texture.name();
         let mut synthesis = Synthesis::<CortexM>::from_rest(texture, 0);
         let (mut sample, mut follow) = (Range::default(), Range::default());
-        for update in 0..PATH_UPDATES {
-            let motion = motion(update);
-            follow.add(
-                counter.instructions(&mut || synthesis.follow(motion, UPDATE_INTERVAL_SAMPLES)),
-            );
+        for motion in (0..updates).map(motion) {
+            follow.add(counter.instructions(&mut || update(&mut synthesis, motion)));
             for _ in 0..UPDATE_INTERVAL_SAMPLES {
-                let mut played = model_format::OutputSample::SILENCE;
-                sample.add(counter.instructions(&mut || played = synthesis.next_sample()));
+                let mut played = OutputSample::SILENCE;
+                sample.add(counter.instructions(&mut || played = next(&mut synthesis)));
                 core::hint::black_box(played);
             }
         }
-        output.line(format_args!(
-            "{} {sample} {}",
-            report::SAMPLE_COST,
-            measured.texture
-        ));
-        output.line(format_args!(
-            "{} {follow} {}",
-            report::FOLLOW_COST,
-            measured.texture
-        ));
+        output.line(format_args!("{} {sample} {name}", report::SAMPLE_COST));
+        output.line(format_args!("{} {follow} {name}", report::FOLLOW_COST));
     }
 }

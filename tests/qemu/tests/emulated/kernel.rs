@@ -7,15 +7,11 @@ use std::sync::LazyLock;
 
 use kernel_vectors::job::Job;
 use kernel_vectors::{DIGESTED, digest_library, report as keyword};
-use model_format::limits::MAX_ORDER;
-use stylus_costs::Structure;
 use stylus_kernel::UPDATE_INTERVAL_SAMPLES;
 use stylus_kernel::scene::cost::FEED;
 use tasks::compare::{self, EmulatorReport};
-use tasks::costs::Guest;
 use tasks::guest::Processor;
 use tasks::qemu;
-use tasks::toolchain::Toolchain;
 
 use crate::{held, image};
 
@@ -135,28 +131,5 @@ fn a_wander_costs_a_sample_nothing_and_an_update_at_most_900_instructions() {
         );
         assert!(more(&report.samples) <= 16);
         assert!(more(&report.follows) <= 2 * 900);
-    }
-}
-
-/// Two counts agree: the image's by its timer, in virtual time, and the trace's, by instruction. They differ by the
-/// call and return of the traced function.
-#[test]
-fn the_timer_and_the_trace_count_the_same_but_for_a_call() {
-    /// Instructions of a call, a return, and saving and restoring registers around another.
-    const CALL: u32 = 16;
-    let toolchain = held(Toolchain::find());
-    for processor in Processor::ALL {
-        let guest = held(Guest::build(&toolchain, processor));
-        let traced = held(guest.count(Structure::NormalisedLattice32, &[MAX_ORDER]));
-        for traced in traced {
-            let samples = &report(processor).samples;
-            let timed = samples.iter().find(|cost| cost.texture == "lattice");
-            let timed = timed.expect("it is measured").most;
-            let traced = traced.entry.sample.instructions;
-            assert!(
-                traced.abs_diff(timed) <= CALL,
-                "{traced}, and by the timer {timed}"
-            );
-        }
     }
 }
