@@ -142,7 +142,8 @@ fn nothing_lies_below_the_stack() {
     const DTCM_START: u64 = 0x2000_0000;
     let regions = regions();
     assert_eq!(regions["STACK"].start, DTCM_START);
-    assert_eq!(regions["STACK"].end, regions["RAM"].start);
+    assert_eq!(regions["STACK"].end, regions["KEPT"].start);
+    assert_eq!(regions["KEPT"].end, regions["RAM"].start);
 }
 
 #[test]
@@ -259,6 +260,7 @@ fn each_memory_is_protected_as_its_use_wants() {
         ("SLOT_A", (ReadWrite, false, NotCached)),
         ("SLOT_B", (ReadWrite, false, NotCached)),
         ("STACK", (ReadWrite, false, NotCached)),
+        ("KEPT", (ReadWrite, false, NotCached)),
         ("RAM", (ReadWrite, false, NotCached)),
         ("AXISRAM", (ReadWrite, false, WriteBack)),
         ("SRAM4", (ReadWrite, false, WriteBack)),

@@ -13,7 +13,8 @@
 //! | [`start`] | the start, before anything else |
 //! | [`player`], [`control`] | thread mode, never waits |
 //! | [`requests`] | thread mode, never waits; its jobs are asynchronous |
-//! | [`slots`], [`upload`], [`update`], [`update_requests`], [`settings`], [`storage`], [`self_test`] | thread mode, asynchronous |
+//! | [`slots`], [`upload`], [`settings`], [`storage`], [`self_test`] | thread mode, asynchronous |
+//! | [`update`], [`update_requests`] | thread mode, asynchronous |
 #![no_std]
 #![expect(
     clippy::result_large_err,

@@ -43,6 +43,13 @@ global_asm!(
     "    ldr r0, =0x58004800",
     "    movw r1, #0xCCCC",
     "    str r1, [r0]",
+    // CPACR: the compiler may use the floating-point unit's registers (ARM DDI 0403E, B3.2.20).
+    "    ldr r0, =0xE000ED88",
+    "    ldr r1, [r0]",
+    "    orr r1, r1, #0xF00000",
+    "    str r1, [r0]",
+    "    dsb",
+    "    isb",
     "    mov r4, #0",
     "    mov r5, #0",
     "    ldr r0, =_stack_end",

@@ -79,7 +79,9 @@ fn write_secret(path: &Path, text: &str) -> std::io::Result<()> {
 }
 
 fn digits(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+    bytes
+        .iter()
+        .fold(String::new(), |text, byte| text + &format!("{byte:02x}"))
 }
 
 fn read_key(path: &Path) -> Result<[u8; 32]> {

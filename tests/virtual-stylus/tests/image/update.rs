@@ -156,8 +156,8 @@ impl Device {
         false
     }
 
-    /// Instant at which an image started after a reset at `begin` or later: its first instructions drive the amplifier's
-    /// enable low. Until then the pin floats, by which the board holds the amplifier off.
+    /// Instant at which an image started after a reset at `begin` or later: its first instructions drive the
+    /// amplifier's enable low. Until then the pin floats, by which the board holds the amplifier off.
     fn started_after(&mut self, begin: u64) -> Option<u64> {
         let record = self.amplifier();
         let is_reset = |driven: &Driven| driven.drive == Drive::Floating && driven.at_ns >= begin;
