@@ -252,7 +252,8 @@ impl Compared {
     }
 }
 
-/// Records, first the tool at rest, and then while `play` is played for as long as it takes; no tick may be late, saturated or touch flash.
+/// Records, first the tool at rest, and then while `play` is played for as long as it takes; no tick may be late,
+/// saturated or touch flash.
 pub fn recorded(device: &mut Device, play: impl FnOnce(&mut Device)) -> Compared {
     device.record();
     // Until the estimate of the speed is exactly at rest.
