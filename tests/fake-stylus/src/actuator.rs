@@ -2,7 +2,7 @@
 
 use std::io::Write;
 
-use model_format::link::{PlayError, Selection};
+use model_format::link::{Response, Selection};
 use model_format::{AdcCode, DacCode, Library, OutputSample, PlayRate};
 use stylus_app::control::plan_of;
 use stylus_app::inputs::{Estimator, Follower, InputConfig, Timed};
@@ -71,28 +71,19 @@ pub struct Performance {
 }
 
 impl Performance {
-    /// Plays `selection` of `library` from silence, with noise from `seed`.
-    ///
-    /// # Errors
-    /// The selection cannot be played.
-    pub fn new(library: &[u8], selection: &Selection, seed: u64) -> Result<Self, PlayError> {
-        let (plan, follower) = planned(library, selection)?;
-        Ok(Self {
+    /// Plays a plan from silence, with noise from `seed`.
+    pub fn new((plan, follower): (Plan<'static>, Follower), seed: u64) -> Self {
+        Self {
             player: ScenePlayer::new(plan, seed),
             follower,
             decided: Interaction::NONE,
-        })
+        }
     }
 
-    /// Goes over to `selection`.
-    ///
-    /// # Errors
-    /// The selection cannot be played.
-    pub fn switch(&mut self, library: &[u8], selection: &Selection) -> Result<(), PlayError> {
-        let (plan, follower) = planned(library, selection)?;
+    /// Goes over to another plan.
+    pub fn switch(&mut self, (plan, follower): (Plan<'static>, Follower)) {
         self.player.switch(plan);
         self.follower = follower;
-        Ok(())
     }
 
     /// Begins the block that was decided during the last one, and decides the next one by the `chosen` motion.
@@ -105,6 +96,7 @@ impl Performance {
         rate: PlayRate,
     ) {
         let samples = UPDATE_INTERVAL_SAMPLES * rate.samples_per_tick();
+        self.player.at_tick(now);
         self.player.follow(self.decided, samples);
         self.decided = self.follower.follow(chosen, encoder, inputs, now);
     }
@@ -115,15 +107,23 @@ impl Performance {
     }
 }
 
-/// The plan of `selection`, and a follower through it.
-fn planned(library: &[u8], selection: &Selection) -> Result<(Plan<'static>, Follower), PlayError> {
+/// The plan of `selection` through the equaliser of `response`, and a follower through it.
+///
+/// # Panics
+/// If it cannot be played.
+pub fn planned(
+    library: &[u8],
+    selection: &Selection,
+    response: Option<&Response>,
+) -> (Plan<'static>, Follower) {
     // Never freed: a plan borrows its library, and a test begins to play a few times.
     let library: &'static [u8] = Box::leak(library.into());
-    let library = Library::decode(library).map_err(|_| PlayError::NoLibrary)?;
-    let (plan, _) = plan_of(selection, &library, u32::MAX)?;
+    let library = Library::decode(library).expect("it was loaded");
+    let plan = plan_of(selection, &library, u32::MAX, response);
+    let (plan, _) = plan.expect("it was found playable");
     let follower = Follower::new(matches!(selection, Selection::Scene(_)));
     let follower = follower.tracking(plan.has_lines());
-    Ok((plan, follower))
+    (plan, follower)
 }
 
 #[cfg(test)]

@@ -4,27 +4,34 @@
 //! the difference: a mute counts from the next tick on, the motion is judged once per block, new settings replace the
 //! configuration of the safety stages, and a library's RAM is empty while it is exchanged. It is stricter than the
 //! hardware in one respect: it panics where the application breaks the contract of [`Device`], for example by
-//! exchanging a texture while the output sounds. What it leaves out is the kernel: while something is played, the
-//! samples are those of a sine, unless there is an [`Actuator`].
+//! exchanging a texture while the output sounds. A probe's samples are the kernel's, and so are all if there is an
+//! [`Actuator`]. Otherwise it leaves the kernel out: while something is played, the samples are those of a sine.
+
+use std::sync::atomic::AtomicI16;
 
 use model_format::limits::MAX_LIBRARY_BYTES;
 use model_format::link::{
     ClockSource, CycleRange, CycleReport, DeviceInfo, LinkCounters, Marks, MotionSource,
     PROTOCOL_VERSION, PlayError, PlayRequest, RecordBlock, RecordCounters, RecordError,
-    RecordStarted, RecordStopped, ResetReason, SCHEMA_HASH, Selection, Settings, SiliconRevision,
-    StartReport, TickCounters,
+    RecordStarted, RecordStopped, ResetReason, Response, SCHEMA_HASH, Selection, Settings,
+    SiliconRevision, StartReport, TickCounters,
 };
-use model_format::{FORMAT_VERSION, Library, OutputSample, PlayRate};
-use stylus_app::control::{Device, LoadFault, NotPrepared, ResetReport, TickReport, plan_of};
-use stylus_app::inputs::{Estimator, InputConfig, Sensors, Timed, choose};
+use model_format::scene::Biquad;
+use model_format::{DacCode, FORMAT_VERSION, Library, OutputSample, PlayRate};
+use stylus_app::control::{
+    Device, LoadFault, NotPrepared, ResetReport, TickReport, Waveform, plan_of,
+};
+use stylus_app::inputs::{Estimator, Follower, InputConfig, Sensors, Timed, choose};
 use stylus_app::levels::Sums;
+use stylus_app::player::Piece;
 use stylus_app::recorder::{Recorder, SampleQueue, Tap};
-use stylus_app::safety::{Config, Heat, State};
+use stylus_app::safety::{Config, Heat, OVERSAMPLING, State};
 use stylus_app::status::Histogram;
 use stylus_kernel::UPDATE_INTERVAL_SAMPLES;
 use stylus_kernel::scene::cost::BUDGET;
+use stylus_kernel::scene::{Plan, Wave};
 
-use crate::actuator::{Actuator, Performance};
+use crate::actuator::{Actuator, Performance, planned};
 use crate::board::Board;
 use crate::hand::Hand;
 
@@ -45,9 +52,14 @@ const HEALTHY_START: StartReport = StartReport {
     hung_stage: None,
 };
 
-/// A plan of the fake hardware: the selection that was found playable, and its rate.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Prepared(Selection, PlayRate);
+/// A plan of the fake hardware.
+#[derive(Clone, Debug)]
+pub enum Prepared {
+    /// The selection that was found playable, its rate, and the response that equalises it.
+    Selected(Selection, PlayRate, Option<Box<Response>>),
+    /// A probe.
+    Probe(Box<Plan<'static>>),
+}
 
 /// The hardware's state, which tests may inspect.
 #[expect(clippy::struct_excessive_bools, reason = "each is a state of its own")]
@@ -65,6 +77,9 @@ pub struct Hardware {
     pub config: Config,
     /// The texture or scene that is played.
     pub playing: Option<PlayRequest>,
+    waveform: &'static Waveform,
+    /// Codes of the last tick.
+    pub codes: [DacCode; OVERSAMPLING],
     /// The plan that waits to be started.
     pub prepared: Option<Prepared>,
     source: MotionSource,
@@ -153,6 +168,9 @@ impl Hardware {
             safety: State::new(&config),
             config,
             playing: None,
+            // As the queue, it is never freed.
+            waveform: Box::leak(Box::new([const { AtomicI16::new(0) }; _])),
+            codes: [DacCode::MID_SCALE; OVERSAMPLING],
             prepared: None,
             source: MotionSource::Sensors,
             host: Timed::NEVER,
@@ -226,8 +244,8 @@ impl Hardware {
             self.is_railed = self.is_stale && by_rail;
         }
         let mut samples = [self.next_sample(); 2];
-        let codes = match self.config.rate() {
-            PlayRate::Hz5000 => self.safety.process(&self.config, samples[0], self.muted),
+        self.codes = match self.config.rate() {
+            PlayRate::Hz5000 => (self.safety).process(&self.config, samples[0], self.muted),
             PlayRate::Hz10000 => {
                 if let Some(performance) = &mut self.performance {
                     samples[1] = performance.next_sample();
@@ -236,7 +254,7 @@ impl Hardware {
             }
         };
         if let Some(actuator) = &mut self.actuator {
-            actuator.put_out(codes, self.amplifier);
+            actuator.put_out(self.codes, self.amplifier);
         }
         if self.lose_samples > 0 {
             self.lose_samples -= 1;
@@ -382,51 +400,75 @@ impl Device for Hardware {
         }
     }
 
-    fn plan(&self, selection: &Selection) -> Result<(Prepared, PlayRate), PlayError> {
+    fn plan(
+        &self,
+        selection: &Selection,
+        response: Option<&Response>,
+    ) -> Result<(Prepared, PlayRate), PlayError> {
         if !self.is_loaded {
             return Err(PlayError::NoLibrary);
         }
         let library = Library::decode(&self.ram).map_err(|_| PlayError::NoLibrary)?;
-        let (_, rate) = plan_of(selection, &library, self.budget)?;
-        Ok((Prepared(selection.clone(), rate), rate))
+        let (_, rate) = plan_of(selection, &library, self.budget, response)?;
+        let response = response.copied().map(Box::new);
+        Ok((Prepared::Selected(selection.clone(), rate, response), rate))
+    }
+
+    fn waveform(&self) -> &'static Waveform {
+        self.waveform
+    }
+
+    fn plan_wave(&self, wave: Wave<'static>, rate: PlayRate, sections: &[Biquad]) -> Prepared {
+        let plan = Plan::of_wave(wave, rate.hz()).with_response(sections);
+        Prepared::Probe(Box::new(plan))
     }
 
     fn prepare(&mut self, plan: Prepared) {
         self.prepared = Some(plan);
     }
 
-    fn start(&mut self, request: &PlayRequest, config: Config) -> Result<(), NotPrepared> {
+    fn start(&mut self, piece: &Piece, config: Config) -> Result<(), NotPrepared> {
         assert!(
             self.safety.is_at_rest(),
             "a texture is exchanged while the output sounds"
         );
         self.playing = None;
-        let Prepared(selection, rate) = self.prepared.take().ok_or(NotPrepared)?;
-        assert_eq!(
-            (selection, rate),
-            (request.selection.clone(), config.rate()),
-            "another plan was prepared than is started"
-        );
-        self.playing = Some(request.clone());
-        self.performance = self.actuator.as_ref().map(|_| {
-            let performance = Performance::new(&self.ram, &request.selection, request.seed);
-            performance.expect("it was found playable")
-        });
+        self.performance = match (self.prepared.take().ok_or(NotPrepared)?, piece) {
+            (Prepared::Selected(selection, rate, response), Piece::Selected(request)) => {
+                assert_eq!(
+                    (&selection, rate),
+                    (&request.selection, config.rate()),
+                    "another plan was prepared than is started"
+                );
+                self.playing = Some(request.clone());
+                self.actuator.as_ref().map(|_| {
+                    let plan = planned(&self.ram, &selection, response.as_deref());
+                    Performance::new(plan, request.seed)
+                })
+            }
+            (Prepared::Probe(plan), Piece::Probe(_)) => {
+                assert_eq!(plan.sample_rate_hz(), config.rate().hz(), "another rate");
+                Some(Performance::new((*plan, Follower::new(false)), 0))
+            }
+            (prepared, piece) => panic!("{prepared:?} was prepared, and {piece:?} is started"),
+        };
         self.config = config;
         self.starts += 1;
         Ok(())
     }
 
-    fn switch(&mut self, request: &PlayRequest, Prepared(selection, rate): Prepared) {
+    fn switch(&mut self, request: &PlayRequest, prepared: Prepared) {
+        let Prepared::Selected(selection, rate, response) = prepared else {
+            panic!("a probe is started from silence");
+        };
         assert!(
             self.playing.is_some() && selection == request.selection && rate == self.config.rate(),
             "there is nothing to fade, or another plan to fade to"
         );
-        self.playing = Some(request.clone());
         if let Some(performance) = &mut self.performance {
-            let switched = performance.switch(&self.ram, &request.selection);
-            switched.expect("it was found playable");
+            performance.switch(planned(&self.ram, &selection, response.as_deref()));
         }
+        self.playing = Some(request.clone());
         self.switches += 1;
     }
 

@@ -107,6 +107,7 @@ fn samples(heard: &Heard<'_>, recorded: &Recorded, play: u64) -> Vec<model_forma
             follower = next;
         }
         let interaction = follower.follow(motion, &estimator, &config, tick);
+        player.at_tick(tick + u64::from(UPDATE_LEAD_TICKS));
         player.follow(interaction, block);
         samples.extend((0..block).map(|_| player.next_sample()));
     }
