@@ -19,7 +19,7 @@ use std::f64::consts::TAU;
 use biquad::{Coefficients, Hertz, Type};
 pub use design::{DEFAULT_MAX_GAIN_DB, Design, Deviation, Request, design};
 use model_format::scene::Biquad;
-pub use response::Response;
+pub use response::{Response, ResponseFault};
 use serde::{Deserialize, Serialize};
 
 /// A value out of its range, with its key in a scene's text.
