@@ -13,8 +13,10 @@ mod cap;
 mod lease;
 mod library;
 mod play;
+mod probe;
 mod proposal;
 mod record;
+mod response;
 mod selftest;
 mod settings;
 mod start;
@@ -39,12 +41,20 @@ pub use play::{
     Arithmetic, MAX_PLAY_GAIN, MUTE_REASON_COUNT, MotionRefused, MotionSample, MotionSource,
     MuteReason, MuteReasons, PlayError, PlayRequest, Playing, Selection, StopError,
 };
+pub use probe::{
+    MAX_PROBE_M_S2, MAX_PROBE_S, MAX_PROBE_SAMPLES, PROBE_CHUNK_SAMPLES, PROBE_PEAK, ProbeError,
+    ProbeLoad, ProbeStart, ProbeStarted, ProbeThrough,
+};
 pub use proposal::{
     LOCKED, ProposalToken, SettingSet, SettingsChange, SettingsProposal, SettingsState,
 };
 pub use record::{
     BLOCK_SAMPLES, PackedSample, RAIL_CODES, RecordBlock, RecordError, RecordSample, RecordStarted,
     RecordStopped,
+};
+pub use response::{
+    MAX_RESPONSE_BYTES, MAX_RESPONSE_SECTIONS, RESPONSE_BANDS, Response, ResponseChange,
+    ResponseError, ResponseState, Sections, StoredResponse,
 };
 pub use selftest::{
     CONVERSIONS_PER_CODE, ChipValues, ClockCount, ClockValues, EncoderValues,
@@ -129,6 +139,10 @@ type RecordStartResult = Result<RecordStarted, RecordError>;
 type RecordStopResult = Result<RecordStopped, RecordError>;
 type ProposalResult = Result<SettingsProposal, SettingsError>;
 type SettingsResult = Result<Settings, SettingsError>;
+type ProbeLoadResult = Result<(), ProbeError>;
+type ProbeStartResult = Result<ProbeStarted, ProbeError>;
+type ProposedResult = Result<u32, ResponseError>;
+type ResponseResult = Result<ResponseState, ResponseError>;
 type SelfTestResult = Result<SelfTestValues, SelfTestError>;
 
 endpoints! {
@@ -155,6 +169,11 @@ endpoints! {
     | SettingsGetEndpoint     | ()              | SettingsResult    | "stylus/settings/get"     |
     | SettingsProposeEndpoint | SettingsChange  | ProposalResult    | "stylus/settings/propose" |
     | SettingsApplyEndpoint   | ProposalToken   | SettingsResult    | "stylus/settings/apply"   |
+    | ProbeLoadEndpoint       | ProbeLoad       | ProbeLoadResult   | "stylus/probe/load"       |
+    | ProbeStartEndpoint      | ProbeStart      | ProbeStartResult  | "stylus/probe/start"      |
+    | ResponseGetEndpoint     | ()              | ResponseState     | "stylus/response/get"     |
+    | ResponseProposeEndpoint | Response        | ProposedResult    | "stylus/response/propose" |
+    | ResponseSetEndpoint     | ResponseChange  | ResponseResult    | "stylus/response/set"     |
     | SelfTestEndpoint        | SelfTestRequest | SelfTestResult    | "stylus/selftest"         |
 }
 

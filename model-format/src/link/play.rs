@@ -117,6 +117,19 @@ pub enum PlayError {
         /// Terms of the cost.
         arithmetic: Arithmetic,
     },
+    /// A texture or scene that fits the budget, but not with the equaliser of the stored response.
+    #[error(
+        "with the {sections} sections of the stored response it takes {instructions} instructions per sample, of \
+         {budget} available: use fewer effects or lower orders, or calibrate with fewer sections"
+    )]
+    EqualiserOverBudget {
+        /// Instructions of a sample in the worst case.
+        instructions: u32,
+        /// Instructions that a sample may take.
+        budget: u32,
+        /// Sections of the response's equaliser at this rate.
+        sections: u8,
+    },
     /// A gain that is not finite or out of range.
     #[error("a gain of {gain}; it must be 0 to {MAX_PLAY_GAIN}")]
     Gain {

@@ -28,6 +28,8 @@ pub enum Activity {
         /// Source of speed and force.
         motion: MotionSource,
     },
+    /// A probe is played, or about to be.
+    Probing,
     /// The output fades out, before it stops or another texture or library takes over.
     FadingOut,
     /// Another library is taken over.

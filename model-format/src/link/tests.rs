@@ -93,11 +93,19 @@ fn every_message_fits_a_frame() {
     to_host::<SettingsGetEndpoint>(0);
     to_host::<SettingsProposeEndpoint>(0);
     to_host::<SettingsApplyEndpoint>(0);
+    to_host::<ProbeLoadEndpoint>(capacity(drop::<Arithmetic>).max(reason));
+    to_host::<ProbeStartEndpoint>(capacity(drop::<Arithmetic>).max(reason));
+    to_host::<ResponseGetEndpoint>(0);
+    to_host::<ResponseProposeEndpoint>(0);
+    to_host::<ResponseSetEndpoint>(0);
     to_host::<SelfTestEndpoint>(reason);
     fits::<PlayRequest>(name, MAX_HOST_FRAME_BYTES);
     fits::<MotionSample>(0, MAX_HOST_FRAME_BYTES);
     fits::<SettingsChange>(0, MAX_HOST_FRAME_BYTES);
     fits::<SelfTestRequest>(0, MAX_HOST_FRAME_BYTES);
+    fits::<Response>(0, MAX_RESPONSE_BYTES + HEADER_BYTES);
+    // Offset, length and samples of a part of a probe.
+    const { assert!(3 + 2 + 3 * PROBE_CHUNK_SAMPLES + HEADER_BYTES <= MAX_HOST_FRAME_BYTES) };
     // Offset, length and bytes of a chunk.
     const { assert!(5 + 2 + MAX_CHUNK_BYTES + HEADER_BYTES <= MAX_HOST_FRAME_BYTES) };
 }

@@ -149,7 +149,7 @@ const DISTANCES: [f32; SPREAD] = {
 ///
 /// # Errors
 /// The index of the first section with a fault, and the fault.
-pub(super) fn check(sections: &[Biquad]) -> Result<(), (usize, SceneProblem)> {
+pub fn check(sections: &[Biquad]) -> Result<(), (usize, SceneProblem)> {
     const HIGHEST: f32 = (MAX_EQUALISER_GAIN * MAX_EQUALISER_GAIN * 1.0001) as f32;
     if let Some(at) = sections.iter().position(|s| !s.poles_are_within_limit()) {
         return Err((at, SceneProblem::PoleRadius));

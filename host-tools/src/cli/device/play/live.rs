@@ -127,6 +127,7 @@ fn state(status: &Status) -> String {
     match output.activity {
         Activity::Playing { .. } if output.mute.is_empty() => "playing".to_owned(),
         Activity::Playing { .. } => format!("muted: {}", output.mute),
+        Activity::Probing => "probing".to_owned(),
         Activity::FadingOut => "fading out".to_owned(),
         Activity::Activating => MuteReason::Changing.to_string(),
         Activity::Idle => "stopped".to_owned(),

@@ -316,6 +316,7 @@ pub fn output(output: &OutputStatus) -> String {
             };
             format!("playing {selection} along the motion of {motion}")
         }
+        Activity::Probing => "probing".to_owned(),
         Activity::FadingOut => "fading out".to_owned(),
         Activity::Activating => "taking over another library".to_owned(),
     };

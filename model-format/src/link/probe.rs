@@ -1,0 +1,162 @@
+//! Probe: a periodic waveform that the host loads and the device plays, so that a recording shows what the actuator
+//! makes of it.
+//!
+//! It passes the safety stages, and the mute's ramps, as a texture does. It needs no contact and no motion.
+
+use heapless::Vec;
+use postcard_schema::Schema;
+use serde::{Deserialize, Serialize};
+
+use super::PlayError;
+use crate::PlayRate;
+
+/// Most samples of one period: 0.4 s at 5 kHz.
+pub const MAX_PROBE_SAMPLES: usize = 2_000;
+
+/// Most samples of one [`ProbeLoad`].
+pub const PROBE_CHUNK_SAMPLES: usize = 256;
+
+/// Longest probe, all periods together, s.
+pub const MAX_PROBE_S: u32 = 10;
+
+/// Largest peak of a probe, m/s²; the kernel's full scale is 2048.
+pub const MAX_PROBE_M_S2: f32 = 1_024.0;
+
+/// Sample of a waveform at the peak of the probe.
+pub const PROBE_PEAK: i16 = i16::MAX;
+
+/// A part of the waveform. What was loaded before stays elsewhere.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub struct ProbeLoad {
+    /// Index of the first sample in the waveform.
+    pub offset: u16,
+    /// Samples; [`PROBE_PEAK`] is the peak of the probe.
+    pub samples: Vec<i16, PROBE_CHUNK_SAMPLES>,
+}
+
+/// The equaliser that a probe passes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub enum ProbeThrough {
+    /// None.
+    #[default]
+    Nothing,
+    /// That of the stored response, at the settings in force.
+    Stored,
+    /// That of the response which this link has proposed, with its `output_gain` in place of the setting.
+    Proposed,
+}
+
+/// Request to play the waveform that was loaded.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
+pub struct ProbeStart {
+    /// Sample rate of the waveform, Hz: 5000 or 10 000.
+    pub rate_hz: u32,
+    /// Samples of one period, up to [`MAX_PROBE_SAMPLES`].
+    pub length: u16,
+    /// Number of periods; all together last [`MAX_PROBE_S`] at most.
+    pub periods: u16,
+    /// CRC-32 of the period's samples, [`super::LIBRARY_CRC`] over their little-endian bytes: so that what plays is
+    /// what was loaded.
+    pub crc32: u32,
+    /// Acceleration of a sample of [`PROBE_PEAK`], m/s², above 0 and up to [`MAX_PROBE_M_S2`].
+    pub peak_m_s2: f32,
+    /// The equaliser that it passes.
+    pub through: ProbeThrough,
+}
+
+impl ProbeStart {
+    /// Rate and number of samples of the whole probe.
+    ///
+    /// # Errors
+    /// A value out of its range.
+    pub fn check(&self) -> Result<(PlayRate, u32), ProbeError> {
+        let &Self {
+            rate_hz,
+            length,
+            periods,
+            peak_m_s2,
+            ..
+        } = self;
+        let rate = PlayRate::of(rate_hz).ok_or(ProbeError::Rate { rate_hz })?;
+        let samples = u32::from(length) * u32::from(periods);
+        if usize::from(length) > MAX_PROBE_SAMPLES
+            || samples == 0
+            || samples > MAX_PROBE_S * rate_hz
+        {
+            return Err(ProbeError::Length { length, periods });
+        }
+        // A comparison with NaN is false.
+        if !(peak_m_s2 > 0.0 && peak_m_s2 <= MAX_PROBE_M_S2) {
+            return Err(ProbeError::Peak { peak_m_s2 });
+        }
+        Ok((rate, samples))
+    }
+}
+
+/// A probe that begins by itself, and ends by itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub struct ProbeStarted {
+    /// Tick of the first sample, as in [`super::RecordBlock::first_tick`].
+    pub first_tick: u64,
+    /// Tick from which the level is whole, because the ramp of `soft-start` has ended.
+    pub whole_tick: u64,
+    /// Tick after the last sample.
+    pub end_tick: u64,
+}
+
+/// Reason for which a waveform is not loaded or played. What is played goes on.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema, thiserror::Error)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "without allocation the longest text is part of the whole"
+)]
+pub enum ProbeError {
+    /// A rate that no stylus plays.
+    #[error("a probe at {rate_hz} Hz: it must be {} or {} Hz", PlayRate::Hz5000.hz(), PlayRate::Hz10000.hz())]
+    Rate {
+        /// The requested value.
+        rate_hz: u32,
+    },
+    /// No sample, or too many.
+    #[error(
+        "a probe of {periods} periods of {length} samples: a period has 1 to {MAX_PROBE_SAMPLES}, and all together \
+         last {MAX_PROBE_S} s at most"
+    )]
+    Length {
+        /// Samples of a period.
+        length: u16,
+        /// Number of periods.
+        periods: u16,
+    },
+    /// A peak out of range.
+    #[error("a probe's peak of {peak_m_s2} m/s²: it must be above 0, up to {MAX_PROBE_M_S2}")]
+    Peak {
+        /// The requested value.
+        peak_m_s2: f32,
+    },
+    /// A part beyond the longest waveform.
+    #[error("samples from {offset} on end beyond {MAX_PROBE_SAMPLES}: load a shorter waveform")]
+    Offset {
+        /// Index of the first sample.
+        offset: u16,
+    },
+    /// Another waveform than the request names.
+    #[error(
+        "the waveform in the device is another one (CRC-32 {loaded:08x}): load all of it again"
+    )]
+    Waveform {
+        /// CRC-32 of the samples in the device.
+        loaded: u32,
+    },
+    /// No response with an equaliser to pass.
+    #[error(
+        "no response is there to play through: propose one on this link, or calibrate with `stylus calibrate`"
+    )]
+    NoResponse,
+    /// Something is played.
+    #[error("something is played: stop it first")]
+    Playing,
+    /// A reason for which nothing may be played.
+    #[error("{0}")]
+    Refused(PlayError),
+}

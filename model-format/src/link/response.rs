@@ -1,0 +1,269 @@
+//! Response of the actuator, as it was measured in the stylus, and the equaliser that corrects it.
+//!
+//! A response is proposed, proved with [`super::ProbeThrough::Proposed`], and then stored by its [`Response::id`]. What
+//! is proposed is in RAM alone, so that a calibration that fails or is cut off changes nothing. Storing writes the
+//! response and `output-gain` in one record.
+
+use heapless::Vec;
+use postcard_schema::Schema;
+use serde::{Deserialize, Serialize};
+
+use super::{LIBRARY_CRC, LinkId, Setting, SettingChange, SettingSet, Settings, SettingsError};
+use crate::PlayRate;
+use crate::scene::{Biquad, SceneProblem, check_equaliser};
+
+/// Most sections of a response's equaliser.
+pub const MAX_RESPONSE_SECTIONS: usize = 6;
+
+/// Third octaves of [`Response::bands_centi_db`]: the exact bands of base ten whose nominal centres are 10 to 1000 Hz.
+pub const RESPONSE_BANDS: usize = 21;
+
+/// Most bytes of a response in postcard.
+pub const MAX_RESPONSE_BYTES: usize = 372;
+
+/// A cascade of up to [`MAX_RESPONSE_SECTIONS`] sections, of one length whatever is in it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub struct Sections {
+    count: u8,
+    /// b0, b1, b2, a1, a2 of each, little-endian, as in [`Biquad`].
+    coefficients: [[u8; 20]; MAX_RESPONSE_SECTIONS],
+}
+
+impl Sections {
+    /// No section.
+    pub const NONE: Self = Self {
+        count: 0,
+        coefficients: [[0; 20]; MAX_RESPONSE_SECTIONS],
+    };
+
+    /// The cascade of `biquads`; none if there are more than [`MAX_RESPONSE_SECTIONS`].
+    pub fn new(biquads: &[Biquad]) -> Option<Self> {
+        let mut sections = Self::NONE;
+        sections.count = biquads.len() as u8;
+        let places = sections.coefficients.get_mut(..biquads.len())?;
+        for (place, biquad) in places.iter_mut().zip(biquads) {
+            let values = biquad.numerator.iter().chain(&biquad.denominator);
+            for (word, value) in place.chunks_exact_mut(4).zip(values) {
+                word.copy_from_slice(&value.to_le_bytes());
+            }
+        }
+        Some(sections)
+    }
+
+    /// The sections.
+    pub fn biquads(&self) -> Vec<Biquad, MAX_RESPONSE_SECTIONS> {
+        let value = |bytes: &[u8; 20], at: usize| {
+            let word = bytes[4 * at..].first_chunk();
+            i32::from_le_bytes(word.copied().unwrap_or_default())
+        };
+        let of = |bytes: &[u8; 20]| Biquad {
+            numerator: [0, 1, 2].map(|at| value(bytes, at)),
+            denominator: [3, 4].map(|at| value(bytes, at)),
+        };
+        let there = self.coefficients.iter().take(self.count.into());
+        there.map(of).collect()
+    }
+}
+
+/// The actuator's response as it was measured, and its correction.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
+pub struct Response {
+    /// Equaliser of what is played at 5 kHz.
+    pub sections_5khz: Sections,
+    /// Equaliser of what is played at 10 kHz.
+    pub sections_10khz: Sections,
+    /// Time of the measurement, s since 1970-01-01 UTC.
+    pub measured_at: u64,
+    /// Largest deviation from flat that the proof has found, dB.
+    pub worst_db: f32,
+    /// RMS of the deviation from flat, dB.
+    pub rms_db: f32,
+    /// Frequency of the actuator's resonance, Hz.
+    pub resonance_hz: f32,
+    /// Damping ratio of the resonance.
+    pub damping_ratio: f32,
+    /// Delay from a sample's tick to that of its conversion, µs.
+    pub delay_us: f32,
+    /// Direction of the motion in the accelerometer's axes, of length 1.
+    pub axis: [f32; 3],
+    /// Acceleration per voltage at the DAC, before correction, at the level of reference, m/s² per V.
+    pub level_m_s2_per_volt: f32,
+    /// Level of each third octave as measured before correction, in hundredths of a decibel re 1 m/s² per V.
+    pub bands_centi_db: [i16; RESPONSE_BANDS],
+    /// Bands whose level was coherent enough to be trusted, a bit each.
+    pub trusted_bands: u32,
+    /// `output-gain` with which what is asked for is what the tip does; it is stored with the response.
+    pub output_gain: f32,
+    /// `amplifier-gain` of the measurement.
+    pub amplifier_gain: f32,
+    /// `coil-resistance` of the measurement.
+    pub coil_resistance: f32,
+    /// `hard-limit` of the measurement.
+    pub hard_limit: f32,
+}
+
+impl Response {
+    /// Sections for what is played at `rate`.
+    pub const fn sections(&self, rate: PlayRate) -> &Sections {
+        match rate {
+            PlayRate::Hz5000 => &self.sections_5khz,
+            PlayRate::Hz10000 => &self.sections_10khz,
+        }
+    }
+
+    /// A hash of the whole record: CRC-32 of its postcard.
+    pub fn id(&self) -> u32 {
+        let mut bytes = [0; MAX_RESPONSE_BYTES];
+        let written = postcard::to_slice(self, &mut bytes);
+        written.map_or(0, |bytes| LIBRARY_CRC.checksum(bytes))
+    }
+
+    /// The setting that is stored with the response.
+    pub const fn change(&self) -> SettingChange {
+        SettingChange {
+            setting: Setting::OutputGain,
+            value: self.output_gain,
+        }
+    }
+
+    /// The settings that have other values than the response was made for, so that it no longer says what the tip does.
+    pub fn stale(&self, settings: &Settings) -> SettingSet {
+        let made_for = [
+            (Setting::OutputGain, self.output_gain),
+            (Setting::AmplifierGain, self.amplifier_gain),
+            (Setting::CoilResistance, self.coil_resistance),
+        ];
+        made_for
+            .into_iter()
+            .fold(SettingSet::NONE, |set, (of, value)| {
+                set.with(of, settings.get(of).to_bits() != value.to_bits())
+            })
+    }
+
+    /// Checks that the equalisers are stable and within the limit of gain, that every figure is finite, and that
+    /// `settings` are those of the measurement.
+    ///
+    /// # Errors
+    /// What the check finds first.
+    pub fn check(&self, settings: &Settings) -> Result<(), ResponseError> {
+        for rate in PlayRate::ALL {
+            check_equaliser(&self.sections(rate).biquads()).map_err(|(section, problem)| {
+                let (section, rate_hz) = (section as u8, rate.hz());
+                match problem {
+                    SceneProblem::PoleRadius => ResponseError::Poles { rate_hz, section },
+                    _ => ResponseError::Gain { rate_hz, section },
+                }
+            })?;
+        }
+        let figures = [
+            self.worst_db,
+            self.rms_db,
+            self.resonance_hz,
+            self.damping_ratio,
+            self.delay_us,
+            self.level_m_s2_per_volt,
+            self.hard_limit,
+        ];
+        if !figures
+            .iter()
+            .chain(&self.axis)
+            .all(|figure| figure.is_finite())
+        {
+            return Err(ResponseError::NotFinite);
+        }
+        let settings = settings.with(self.change())?;
+        let differing = self.stale(&settings);
+        if differing.is_empty() {
+            Ok(())
+        } else {
+            Err(ResponseError::Stale { differing })
+        }
+    }
+}
+
+/// The response that is stored.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
+pub struct StoredResponse {
+    /// The response.
+    pub response: Response,
+    /// [`Response::id`].
+    pub id: u32,
+    /// [`Response::stale`] by the settings in force. Its equaliser is played all the same: a filter for another level is
+    /// nearer than none, and what plays does not change behind the back of who changes a setting.
+    pub stale: SettingSet,
+}
+
+/// Responses in the device.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Schema)]
+pub struct ResponseState {
+    /// The response that is stored, whose equaliser follows whatever is played.
+    pub stored: Option<StoredResponse>,
+    /// [`Response::id`] of the response that was proposed and not yet stored.
+    pub proposed: Option<u32>,
+}
+
+/// Change of what is stored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub enum ResponseChange {
+    /// The response of this [`Response::id`], which this link has proposed, is stored with its `output_gain`.
+    Store {
+        /// Its hash.
+        id: u32,
+    },
+    /// The stored response is removed. Settings stay.
+    Clear {
+        /// Its hash.
+        id: u32,
+    },
+}
+
+/// Reason for which a response is not taken or stored. What was stored stays.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema, thiserror::Error)]
+pub enum ResponseError {
+    /// Poles beyond the limit of their radius.
+    #[error(
+        "section {section} of the equaliser at {rate_hz} Hz has poles beyond the limit: design it anew"
+    )]
+    Poles {
+        /// Sample rate of the equaliser, Hz.
+        rate_hz: u32,
+        /// Index of the section.
+        section: u8,
+    },
+    /// Too much gain.
+    #[error(
+        "the equaliser at {rate_hz} Hz is above the limit of gain from section {section} on: design it anew"
+    )]
+    Gain {
+        /// Sample rate of the equaliser, Hz.
+        rate_hz: u32,
+        /// Index of the section.
+        section: u8,
+    },
+    /// A figure that is NaN or infinite.
+    #[error("a figure of the response is not finite: measure it again")]
+    NotFinite,
+    /// Settings of another hardware than the measured one.
+    #[error("{differing} has changed since the response was measured: measure it again")]
+    Stale {
+        /// The settings that differ.
+        differing: SettingSet,
+    },
+    /// No such response.
+    #[error(
+        "no response with the hash {id:08x} waits or is stored: it was replaced, or the device has restarted"
+    )]
+    NoSuchResponse {
+        /// The requested value.
+        id: u32,
+    },
+    /// A proposal of the other link.
+    #[error("{from} has proposed this response, and it alone stores it")]
+    OtherLink {
+        /// The link that proposed it.
+        from: LinkId,
+    },
+    /// A reason for which no setting is changed either.
+    #[error("{0}")]
+    Settings(#[from] SettingsError),
+}
