@@ -142,6 +142,8 @@ pub struct Measured {
     pub even: f64,
     /// Distortion of odd order, by the odd lines left out.
     pub odd: f64,
+    /// Power of the lines over that of the noise in them: about 1 if nothing moves.
+    pub over_noise: f64,
 }
 
 impl Measured {
@@ -154,10 +156,11 @@ impl Measured {
     ) -> Option<Self> {
         let (axis, across) = spectra.direction(&wave.lines, bandwidths)?;
         let asked = spectrum(&wave.samples);
-        let mut power = 0.0;
+        let (mut power, mut noise) = (0.0, 0.0);
         let lines = wave.lines.iter().map(|&bin| {
             let (value, variance) = spectra.along(axis, bin, bandwidths);
             power += value.norm_sqr() / wave.lines.len() as f64;
+            noise += variance / wave.lines.len() as f64;
             let square = value.norm_sqr();
             let value = value / (asked[bin] * volts);
             let of_period = variance * spectra.periods as f64;
@@ -179,23 +182,16 @@ impl Measured {
             (powers.sum::<f64>().max(0.0) / bins.len() as f64 / power).sqrt()
         };
         let last = wave.lines[wave.lines.len() - 1];
-        let even: Vec<usize> = (wave.lines[0] + 2..last).step_by(2).collect();
+        let even = (wave.lines[0]..last).step_by(2);
+        let even: Vec<usize> = even.filter(|bin| !wave.lines.contains(bin)).collect();
         Some(Self {
             even: left_out(&even),
             odd: left_out(&wave.left_out),
+            over_noise: power / noise,
             lines,
             axis,
             across,
         })
-    }
-
-    /// The response along the opposite direction.
-    pub fn reversed(mut self) -> Self {
-        self.axis = self.axis.map(|part| -part);
-        self.lines
-            .iter_mut()
-            .for_each(|line| line.value = -line.value);
-        self
     }
 
     /// Level over frequency, Hz and dB, of the trusted lines, averaged over a twelfth of an octave where lines are

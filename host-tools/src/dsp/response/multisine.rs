@@ -10,6 +10,9 @@ use crate::dsp::with_planner;
 /// First and last line, in bins: 10 Hz and 1 kHz.
 const BINS: [usize; 2] = [4, 400];
 
+/// Even bins among the lines: the third octaves around 10 and 20 Hz have no odd one.
+const EVEN: [usize; 2] = [4, 8];
+
 /// First bin from which some odd lines are left out. Below, third octaves have few lines.
 const FIRST_LEFT_OUT: usize = 21;
 
@@ -24,7 +27,7 @@ const ROUNDS: usize = 80;
 pub struct Multisine {
     /// One period.
     pub samples: Vec<f64>,
-    /// Lines that it has, in bins: 10 Hz, and odd ones.
+    /// Lines that it has, in bins, ascending: odd ones, and a few even ones where bands are narrow.
     pub lines: Vec<usize>,
     /// Odd lines between them that it leaves out, in bins.
     pub left_out: Vec<usize>,
@@ -37,7 +40,7 @@ impl Multisine {
     /// Schoukens and Renneboog, IEEE Trans. Instrum. Meas. 37, 1988, 145).
     pub fn new(seed: u64, amplitude: impl Fn(f64) -> f64) -> Self {
         let mut random = Pcg32::seed_from_u64(seed);
-        let (mut lines, mut left_out) = (vec![BINS[0]], Vec::new());
+        let (mut lines, mut left_out) = (EVEN.to_vec(), Vec::new());
         let odd: Vec<usize> = (BINS[0] + 1..=BINS[1]).step_by(2).collect();
         let (whole, thinned) = odd.split_at(odd.partition_point(|&bin| bin < FIRST_LEFT_OUT));
         lines.extend(whole);
@@ -52,6 +55,7 @@ impl Multisine {
                 lines.push(bin);
             }
         }
+        lines.sort_unstable();
         let amplitudes: Vec<f64> = lines
             .iter()
             .map(|&bin| amplitude(bin as f64 * STEP_HZ))
