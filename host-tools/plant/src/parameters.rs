@@ -1,0 +1,342 @@
+//! Parameters of a plant.
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use crate::chance::Chance;
+use crate::fault::{Axis, Fault};
+
+/// The names of the presets: an actuator, held lightly.
+pub const PRESETS: [&str; 2] = ["haptuator", "mark-ii-d"];
+
+/// Parameters that cannot be used.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum Error {
+    /// A text of another form.
+    #[error("not the parameters of a plant: {0}")]
+    Form(String),
+    /// A file that cannot be used.
+    #[error("{path}: {reason}")]
+    File {
+        /// The file.
+        path: String,
+        /// The reason.
+        reason: String,
+    },
+    /// A value that no plant has.
+    #[error("{name} of {value}: it must be {least} to {most}")]
+    OutOfRange {
+        /// Its table and key.
+        name: String,
+        /// The value.
+        value: String,
+        /// The least one.
+        least: String,
+        /// The largest one.
+        most: String,
+    },
+    /// A name that no preset has.
+    #[error(
+        "there is no plant '{0}': name one of {names}, with /light, /firm or /free for the hand",
+        names = PRESETS.join(", ")
+    )]
+    NoPreset(String),
+}
+
+/// A result with an [`Error`] of parameters.
+pub type Result<T> = std::result::Result<T, Error>;
+
+/// A voice coil with a moving mass on a spring.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Coil {
+    /// Resistance, Ω.
+    pub resistance_ohm: f64,
+    /// Inductance, H.
+    pub inductance_h: f64,
+    /// Force per current, N/A; the same number is the back-EMF per velocity, V per m/s.
+    pub force_n_per_a: f64,
+    /// Moving mass, kg.
+    pub moving_mass_kg: f64,
+    /// Stiffness of its spring to the body, N/m.
+    pub stiffness_n_per_m: f64,
+    /// Damping between it and the body, N per m/s.
+    pub damping_n_s_per_m: f64,
+    /// Power that the coil bears continuously, W. No equation has it; it is what an owner would set.
+    pub rated_watts: f64,
+}
+
+/// The amplifier between pin and coil.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Amplifier {
+    /// Voltage at the coil per voltage at the pin.
+    pub gain: f64,
+    /// Voltage at the coil without a signal, V.
+    pub offset_volts: f64,
+    /// Corner of the high-pass at its input, Hz; 0 for none.
+    pub low_hz: f64,
+    /// Corner of the low-pass at its output, Hz.
+    pub high_hz: f64,
+    /// Largest voltage to either side, V.
+    pub clip_volts: f64,
+    /// Time from a rise of the enable until it puts out anything, s. A fall mutes it at once.
+    pub wake_s: f64,
+}
+
+/// The stylus without its moving mass: tip, actuator's case, electronics. It is rigid.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Body {
+    /// Mass, kg.
+    pub mass_kg: f64,
+}
+
+/// A grip: a spring and a damper from the body to a hand that stays where it is.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Hand {
+    /// Stiffness, N/m.
+    pub stiffness_n_per_m: f64,
+    /// Damping, N per m/s.
+    pub damping_n_s_per_m: f64,
+}
+
+impl Hand {
+    /// A light grip; the source of the figures is at the head of the preset `haptuator`.
+    pub const LIGHT: Self = Self {
+        stiffness_n_per_m: 228.0,
+        damping_n_s_per_m: 0.5,
+    };
+    /// A firm grip, from the same source.
+    pub const FIRM: Self = Self {
+        stiffness_n_per_m: 1043.0,
+        damping_n_s_per_m: 2.4,
+    };
+    /// No hand: the stylus hangs on a thread.
+    pub const FREE: Self = Self {
+        stiffness_n_per_m: 0.0,
+        damping_n_s_per_m: 0.0,
+    };
+}
+
+/// An analogue accelerometer of three axes on the body.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Accelerometer {
+    /// The axis nearest to the actuator's.
+    pub main_axis: Axis,
+    /// Angle between the two, degrees.
+    pub tilt_deg: f64,
+    /// Direction of that angle, from the next axis (Y after X) towards the one after, degrees.
+    pub azimuth_deg: f64,
+    /// Sensitivity, V per m/s².
+    pub volts_per_m_s2: f64,
+    /// Voltages at rest from mid-scale, by bias and gravity, V.
+    pub rest_volts: [f64; 3],
+    /// Density of each axis's noise, m/s² per √Hz.
+    pub noise_m_s2_per_root_hz: [f64; 3],
+    /// Corner of each axis's low-pass, Hz.
+    pub bandwidth_hz: [f64; 3],
+    /// Largest acceleration to either side that an axis shows, m/s².
+    pub saturation_m_s2: f64,
+}
+
+/// All of a plant.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Parameters {
+    /// The voice coil.
+    pub coil: Coil,
+    /// The amplifier.
+    pub amplifier: Amplifier,
+    /// The body.
+    pub body: Body,
+    /// The hand that holds it.
+    pub hand: Hand,
+    /// The accelerometer.
+    pub accelerometer: Accelerometer,
+    /// Its faults.
+    #[serde(default)]
+    pub faults: Vec<Fault>,
+}
+
+impl Parameters {
+    /// The parameters in a TOML text: the tables `coil`, `amplifier`, `body`, `hand` and `accelerometer`, and any
+    /// number of `[[faults]]`.
+    ///
+    /// # Errors
+    /// A text of another form, or a value out of its range.
+    pub fn from_toml(text: &str) -> Result<Self> {
+        let parameters: Self =
+            toml::from_str(text).map_err(|error| Error::Form(error.to_string()))?;
+        parameters.check()?;
+        Ok(parameters)
+    }
+
+    /// A preset by its name, one of [`PRESETS`], with `/light`, `/firm` or `/free` after it for another hand.
+    ///
+    /// # Errors
+    /// A name that no preset has.
+    pub fn preset(name: &str) -> Result<Self> {
+        let unknown = || Error::NoPreset(name.to_owned());
+        let (actuator, hand) = name.split_once('/').unwrap_or((name, "light"));
+        let text = match actuator {
+            "haptuator" => include_str!("../presets/haptuator.toml"),
+            "mark-ii-d" => include_str!("../presets/mark-ii-d.toml"),
+            _ => return Err(unknown()),
+        };
+        let hand = match hand {
+            "light" => Hand::LIGHT,
+            "firm" => Hand::FIRM,
+            "free" => Hand::FREE,
+            _ => return Err(unknown()),
+        };
+        let parameters = Self::from_toml(text)?;
+        Ok(Self { hand, ..parameters })
+    }
+
+    /// The parameters in the TOML file `source`, or those of the preset of that name if there is no such file.
+    ///
+    /// # Errors
+    /// A file that cannot be read or used, or a name of neither.
+    pub fn read(source: &Path) -> Result<Self> {
+        let name = source.display().to_string();
+        let file = |reason: String| Error::File {
+            path: name.clone(),
+            reason,
+        };
+        match std::fs::read_to_string(source) {
+            Ok(text) => Self::from_toml(&text).map_err(|error| file(error.to_string())),
+            Err(error) => {
+                Self::preset(&name).map_err(|unknown| file(format!("{error}; {unknown}")))
+            }
+        }
+    }
+
+    /// Another specimen of the same design, in another grip and mounted at another angle, by `seed`. Its faults stay.
+    #[must_use]
+    pub fn varied(&self, seed: u64) -> Self {
+        let mut chance = Chance(seed);
+        let mut varied = self.clone();
+        let mut vary = |value: &mut f64, share: f64| *value = chance.about(*value, share);
+        vary(&mut varied.coil.resistance_ohm, 0.05);
+        vary(&mut varied.coil.inductance_h, 0.15);
+        vary(&mut varied.coil.force_n_per_a, 0.1);
+        vary(&mut varied.coil.moving_mass_kg, 0.05);
+        vary(&mut varied.coil.stiffness_n_per_m, 0.2);
+        vary(&mut varied.coil.damping_n_s_per_m, 0.3);
+        vary(&mut varied.amplifier.gain, 0.05);
+        vary(&mut varied.amplifier.high_hz, 0.1);
+        vary(&mut varied.body.mass_kg, 0.1);
+        vary(&mut varied.hand.stiffness_n_per_m, 1.0);
+        vary(&mut varied.hand.damping_n_s_per_m, 1.0);
+        vary(&mut varied.accelerometer.volts_per_m_s2, 0.02);
+        varied.amplifier.offset_volts += chance.within(0.01);
+        let accelerometer = &mut varied.accelerometer;
+        accelerometer.tilt_deg += chance.within(15.0);
+        accelerometer.azimuth_deg += chance.within(180.0);
+        for volts in &mut accelerometer.rest_volts {
+            *volts += chance.within(0.05);
+        }
+        varied
+    }
+
+    /// Checks that every value is one that a plant may have, so that its steps stay finite.
+    ///
+    /// # Errors
+    /// A value out of its range.
+    pub fn check(&self) -> Result<()> {
+        let Self {
+            coil,
+            amplifier,
+            body,
+            hand,
+            accelerometer,
+            faults,
+        } = self;
+        within("coil.resistance_ohm", coil.resistance_ohm, [0.1, 1e4])?;
+        within("coil.inductance_h", coil.inductance_h, [1e-6, 1.0])?;
+        within("coil.force_n_per_a", coil.force_n_per_a, [0.0, 100.0])?;
+        within("coil.moving_mass_kg", coil.moving_mass_kg, [1e-5, 1.0])?;
+        within("coil.stiffness_n_per_m", coil.stiffness_n_per_m, [0.0, 1e6])?;
+        within("coil.damping_n_s_per_m", coil.damping_n_s_per_m, [0.0, 1e3])?;
+        within("coil.rated_watts", coil.rated_watts, [1e-3, 100.0])?;
+        within("amplifier.gain", amplifier.gain, [0.01, 100.0])?;
+        within(
+            "amplifier.offset_volts",
+            amplifier.offset_volts,
+            [-1.0, 1.0],
+        )?;
+        within("amplifier.low_hz", amplifier.low_hz, [0.0, 1e3])?;
+        within("amplifier.high_hz", amplifier.high_hz, [100.0, 1e6])?;
+        within("amplifier.clip_volts", amplifier.clip_volts, [0.01, 100.0])?;
+        within("amplifier.wake_s", amplifier.wake_s, [0.0, 10.0])?;
+        within("body.mass_kg", body.mass_kg, [1e-3, 10.0])?;
+        within("hand.stiffness_n_per_m", hand.stiffness_n_per_m, [0.0, 1e6])?;
+        within("hand.damping_n_s_per_m", hand.damping_n_s_per_m, [0.0, 1e3])?;
+        accelerometer.check()?;
+        faults.iter().try_for_each(check_fault)
+    }
+}
+
+impl Accelerometer {
+    fn check(&self) -> Result<()> {
+        let of = |name: &str| format!("accelerometer.{name}");
+        within(&of("tilt_deg"), self.tilt_deg, [-180.0, 180.0])?;
+        within(&of("azimuth_deg"), self.azimuth_deg, [-360.0, 360.0])?;
+        within(&of("volts_per_m_s2"), self.volts_per_m_s2, [1e-5, 10.0])?;
+        within(&of("saturation_m_s2"), self.saturation_m_s2, [0.1, 1e5])?;
+        for axis in 0..3 {
+            within(&of("rest_volts"), self.rest_volts[axis], [-1.65, 1.65])?;
+            let noise = self.noise_m_s2_per_root_hz[axis];
+            within(&of("noise_m_s2_per_root_hz"), noise, [0.0, 10.0])?;
+            within(&of("bandwidth_hz"), self.bandwidth_hz[axis], [1.0, 1e5])?;
+        }
+        Ok(())
+    }
+}
+
+fn check_fault(fault: &Fault) -> Result<()> {
+    match *fault {
+        Fault::Clipped { volts } => within("faults.volts", volts, [1e-3, 100.0]),
+        Fault::LooseMount {
+            gap_m,
+            stiffness_n_per_m,
+        } => {
+            within("faults.gap_m", gap_m, [0.0, 0.1])?;
+            within("faults.stiffness_n_per_m", stiffness_n_per_m, [0.0, 1e6])
+        }
+        Fault::MovingResonance { doubles_at_m } => {
+            within("faults.doubles_at_m", doubles_at_m, [1e-5, 1.0])
+        }
+        Fault::Hum {
+            hz,
+            coil_volts,
+            accelerometer_volts,
+        } => {
+            within("faults.hz", hz, [1.0, 1e4])?;
+            within("faults.coil_volts", coil_volts, [0.0, 100.0])?;
+            within(
+                "faults.accelerometer_volts",
+                accelerometer_volts,
+                [0.0, 3.3],
+            )
+        }
+        Fault::DeadCoil | Fault::OpenWire | Fault::Reversed | Fault::DeadAxis { .. } => Ok(()),
+    }
+}
+
+fn within(name: &str, value: f64, [least, most]: [f64; 2]) -> Result<()> {
+    // A comparison with NaN is false.
+    if (least..=most).contains(&value) {
+        return Ok(());
+    }
+    Err(Error::OutOfRange {
+        name: name.to_owned(),
+        value: value.to_string(),
+        least: least.to_string(),
+        most: most.to_string(),
+    })
+}
