@@ -77,7 +77,11 @@ impl Spectra {
         }
         let eigen = SymmetricEigen::new(sum);
         let largest = eigen.eigenvalues.imax();
-        let total: f64 = eigen.eigenvalues.iter().map(|value: &f64| value.max(0.0)).sum();
+        let total: f64 = eigen
+            .eigenvalues
+            .iter()
+            .map(|value: &f64| value.max(0.0))
+            .sum();
         let along: Vector3<f64> = eigen.eigenvectors.column(largest).into();
         let sign = along[along.iamax()].signum();
         let across = 1.0 - eigen.eigenvalues[largest] / total;

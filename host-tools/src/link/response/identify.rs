@@ -6,7 +6,9 @@ use stylus_app::safety::Config;
 
 use super::bench::{Bench, Played, Probe, usable};
 use super::{Fault, Result};
-use crate::dsp::response::{Bandwidths, Fit, Line, Measured, Multisine, PERIOD, Resonance, STEP_HZ, Spectra};
+use crate::dsp::response::{
+    Bandwidths, Fit, Line, Measured, Multisine, PERIOD, Resonance, STEP_HZ, Spectra,
+};
 use crate::link::capture::Calibration;
 
 /// Band that has to be flat, Hz.
@@ -109,7 +111,7 @@ pub(super) struct Bounds {
     rms_volts: f64,
     volts_per_sample: f64,
     pub(super) output_gain: f64,
-    range_m_s2: f64,
+    pub(super) range_m_s2: f64,
 }
 
 impl Bounds {
@@ -117,9 +119,13 @@ impl Bounds {
         let limits = Config::new(settings, 1.0).output_limits(settings);
         let gain = f64::from(settings.get(Setting::OutputGain));
         let scales = Calibration::new(settings, None).m_s2_per_code;
-        let narrowest = scales.iter().map(|scale| scale.abs()).fold(f64::INFINITY, f64::min);
+        let narrowest = scales
+            .iter()
+            .map(|scale| scale.abs())
+            .fold(f64::INFINITY, f64::min);
         Self {
-            peak_volts: (SHARES[0] * f64::from(limits.peak_volt)).min(f64::from(MAX_PROBE_M_S2) * gain),
+            peak_volts: (SHARES[0] * f64::from(limits.peak_volt))
+                .min(f64::from(MAX_PROBE_M_S2) * gain),
             rms_volts: SHARES[1] * f64::from(limits.mean_square).sqrt(),
             // Between two samples an interpolated slope is up to half as much steeper than theirs.
             volts_per_sample: f64::from(settings.get(Setting::SlewLimit)) * 0.2 / 1.5,
@@ -128,14 +134,26 @@ impl Bounds {
         }
     }
 
+    /// Largest RMS voltage of a sine at the pin, V.
+    pub(super) fn sine_volts(&self) -> f64 {
+        (self.peak_volts / std::f64::consts::SQRT_2).min(self.rms_volts)
+    }
+
     /// Largest peak of a waveform at the pin, V, if its samples there are `samples` times that.
     pub(super) fn volts(&self, samples: &[f64]) -> f64 {
-        let peak = samples.iter().fold(0.0f64, |peak, sample| peak.max(sample.abs()));
+        let peak = samples
+            .iter()
+            .fold(0.0f64, |peak, sample| peak.max(sample.abs()));
         let square: f64 = samples.iter().map(|sample| sample * sample).sum();
         let rms = (square / samples.len() as f64).sqrt();
         let around = samples.iter().cycle().skip(1);
-        let slope = samples.iter().zip(around).fold(0.0f64, |most, (a, b)| most.max((a - b).abs()));
-        (self.peak_volts / peak).min(self.rms_volts / rms).min(self.volts_per_sample / slope)
+        let slope = samples
+            .iter()
+            .zip(around)
+            .fold(0.0f64, |most, (a, b)| most.max((a - b).abs()));
+        (self.peak_volts / peak)
+            .min(self.rms_volts / rms)
+            .min(self.volts_per_sample / slope)
     }
 }
 
@@ -143,7 +161,11 @@ impl Bounds {
 ///
 /// # Errors
 /// What is wrong with it, a lost link or an interrupt.
-pub fn identify(bench: &mut impl Bench, options: &Options, heard: &mut dyn FnMut(&str)) -> Result<Identified> {
+pub fn identify(
+    bench: &mut impl Bench,
+    options: &Options,
+    heard: &mut dyn FnMut(&str),
+) -> Result<Identified> {
     let bounds = Bounds::of(bench.settings());
     heard("at rest");
     let rest_m_s2 = rest(bench, &bounds)?;
@@ -158,14 +180,28 @@ pub fn identify(bench: &mut impl Bench, options: &Options, heard: &mut dyn FnMut
             through: ProbeThrough::Nothing,
         };
         let played = usable(bench.play(&probe)?, volts)?;
-        let measured = Measured::of(&Spectra::of(&played.axes), &wave, volts, &options.bandwidths);
-        Ok((played, measured.filter(|measured| measured.over_noise > MOVES)))
+        let measured = Measured::of(
+            &Spectra::of(&played.axes),
+            &wave,
+            volts,
+            &options.bandwidths,
+        );
+        Ok((
+            played,
+            measured.filter(|measured| measured.over_noise > MOVES),
+        ))
     };
     let mut top = most * FIRST;
     loop {
         let (played, measured) = play(top, UPWARDS)?;
-        let bent = measured.as_ref().is_some_and(|measured| measured.even.max(measured.odd) > TOO_BENT);
-        let peak = played.axes.iter().map(|axis| swing(axis)).fold(0.0, f64::max);
+        let bent = measured
+            .as_ref()
+            .is_some_and(|measured| measured.even.max(measured.odd) > TOO_BENT);
+        let peak = played
+            .axes
+            .iter()
+            .map(|axis| swing(axis))
+            .fold(0.0, f64::max);
         let next = (2.0 * top).min(top * bounds.range_m_s2 / peak).min(most);
         if bent || next < 1.05 * top {
             break;
@@ -180,7 +216,11 @@ pub fn identify(bench: &mut impl Bench, options: &Options, heard: &mut dyn FnMut
             continue;
         };
         let fit = Fit::of(&measured.lines);
-        found.push(Some((level(volts, &measured, fit.as_ref(), periods), measured, fit)));
+        found.push(Some((
+            level(volts, &measured, fit.as_ref(), periods),
+            measured,
+            fit,
+        )));
     }
     let Some((_, measured, fit)) = found[2].clone() else {
         return Err(Fault::NothingMoves { volts: top }.into());
@@ -190,8 +230,13 @@ pub fn identify(bench: &mut impl Bench, options: &Options, heard: &mut dyn FnMut
         return Err(fault.into());
     }
     let share = trusted(&measured);
-    let (Ok(levels), Some(fit), true) = (<[Level; 3]>::try_from(levels), fit, share > TRUSTED) else {
-        return Err(Fault::Noisy { share: 100.0 * share, volts: top }.into());
+    let (Ok(levels), Some(fit), true) = (<[Level; 3]>::try_from(levels), fit, share > TRUSTED)
+    else {
+        return Err(Fault::Noisy {
+            share: 100.0 * share,
+            volts: top,
+        }
+        .into());
     };
     if !fit.is_positive && !options.invert {
         return Err(Fault::Reversed.into());
@@ -207,7 +252,8 @@ pub fn identify(bench: &mut impl Bench, options: &Options, heard: &mut dyn FnMut
 /// Largest distance from the mean.
 fn swing(axis: &[f64]) -> f64 {
     let mean = axis.iter().sum::<f64>() / axis.len().max(1) as f64;
-    axis.iter().fold(0.0, |most, value| most.max((value - mean).abs()))
+    axis.iter()
+        .fold(0.0, |most, value| most.max((value - mean).abs()))
 }
 
 /// Noise of each axis while the output is driven and silent, m/s² RMS.
@@ -223,7 +269,12 @@ fn rest(bench: &mut impl Bench, bounds: &Bounds) -> Result<[f64; 3]> {
         let values = &played.axes[axis];
         let count = values.len() as f64;
         let mean = values.iter().sum::<f64>() / count;
-        (values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / count).sqrt()
+        (values
+            .iter()
+            .map(|value| (value - mean).powi(2))
+            .sum::<f64>()
+            / count)
+            .sqrt()
     });
     let largest = deviations.into_iter().fold(0.0, f64::max);
     for (axis, deviation) in ['X', 'Y', 'Z'].into_iter().zip(deviations) {
@@ -234,9 +285,23 @@ fn rest(bench: &mut impl Bench, bounds: &Bounds) -> Result<[f64; 3]> {
     let spectra = Spectra::of(&played.axes);
     let bins = HUM_HZ.map(|hz| (hz / STEP_HZ) as usize);
     let mut amplitudes: Vec<f64> = (bins[0]..=bins[1])
-        .map(|bin| spectra.mean.iter().map(|axis| axis[bin].norm_sqr()).sum::<f64>().sqrt())
+        .map(|bin| {
+            spectra
+                .mean
+                .iter()
+                .map(|axis| axis[bin].norm_sqr())
+                .sum::<f64>()
+                .sqrt()
+        })
         .collect();
-    let (loudest, m_s2) = amplitudes.iter().copied().enumerate().fold((0, 0.0), |best, now| if now.1 > best.1 { now } else { best });
+    let (loudest, m_s2) = amplitudes
+        .iter()
+        .copied()
+        .enumerate()
+        .fold(
+            (0, 0.0),
+            |best, now| if now.1 > best.1 { now } else { best },
+        );
     amplitudes.sort_by(f64::total_cmp);
     if m_s2 > HUM.0 && m_s2 > HUM.1 * amplitudes[amplitudes.len() / 2] {
         let hz = (bins[0] + loudest) as f64 * STEP_HZ;
@@ -246,7 +311,10 @@ fn rest(bench: &mut impl Bench, bounds: &Bounds) -> Result<[f64; 3]> {
 }
 
 fn level(volts: f64, measured: &Measured, fit: Option<&Fit>, periods: usize) -> Level {
-    let within = measured.lines.iter().filter(|line| (100.0..BAND_HZ[1]).contains(&line.hz) && line.is_trusted());
+    let within = measured
+        .lines
+        .iter()
+        .filter(|line| (100.0..BAND_HZ[1]).contains(&line.hz) && line.is_trusted());
     let levels: Vec<f64> = within.map(|line| line.level_db).collect();
     Level {
         volts,
@@ -261,9 +329,13 @@ fn level(volts: f64, measured: &Measured, fit: Option<&Fit>, periods: usize) -> 
 /// Share of the lines in the band that can be trusted.
 pub(super) fn trusted(measured: &Measured) -> f64 {
     let within = |line: &&Line| (BAND_HZ[0]..=BAND_HZ[1]).contains(&line.hz);
-    let (all, trusted) = measured.lines.iter().filter(within).fold((0, 0), |(all, trusted), line| {
-        (all + 1, trusted + u32::from(line.is_trusted()))
-    });
+    let (all, trusted) = measured
+        .lines
+        .iter()
+        .filter(within)
+        .fold((0, 0), |(all, trusted), line| {
+            (all + 1, trusted + u32::from(line.is_trusted()))
+        });
     f64::from(trusted) / f64::from(all.max(1))
 }
 
@@ -273,15 +345,23 @@ fn bent(levels: &[Level]) -> Option<Fault> {
     let distortion = last.even.max(last.odd).max(last.restless - first.restless);
     let loss_db = first.gain_db - last.gain_db;
     let (distorted, changed_db, moved) = BENT;
-    let resonances = first.resonance.zip(last.resonance).map(|(first, last)| [first.hz, last.hz]);
+    let resonances = first
+        .resonance
+        .zip(last.resonance)
+        .map(|(first, last)| [first.hz, last.hz]);
     let moves = resonances.map_or(0.0, |[low, high]| (high / low - 1.0).abs());
     if distortion < distorted && loss_db.abs() < changed_db && moves < moved {
         return None;
     }
     let volts = last.volts;
     match resonances {
-        Some([low_hz, high_hz]) if moves > moved => Some(Fault::MovingResonance { low_hz, high_hz }),
+        Some([low_hz, high_hz]) if moves > moved => {
+            Some(Fault::MovingResonance { low_hz, high_hz })
+        }
         _ if loss_db > changed_db => Some(Fault::Clipped { loss_db, volts }),
-        _ => Some(Fault::Loose { share: 100.0 * distortion, volts }),
+        _ => Some(Fault::Loose {
+            share: 100.0 * distortion,
+            volts,
+        }),
     }
 }

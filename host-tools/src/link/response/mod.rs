@@ -3,7 +3,7 @@
 //!
 //! | module | subject |
 //! |---|---|
-//! | `bench` | what plays waveforms and records them: a device, or in tests a model |
+//! | `bench`, `device` | what plays waveforms and records them: a device, or in tests a model |
 //! | `identify` | rest, levels upwards, the response at three levels, and what is wrong with it |
 //! | `design` | equalisers and absolute level |
 //! | `calibrate` | all of it, proved by a second measurement through the proposed equaliser |
@@ -22,7 +22,7 @@ mod identify;
 #[cfg(test)]
 mod tests;
 
-pub use bench::{Bench, DeviceBench, Played, Probe};
+pub use bench::{Bench, Played, Probe};
 pub use calibrate::{Calibrated, Flatness, calibrate};
 pub use check::{Checked, check};
 pub use headroom::{BandHeadroom, Headroom, headroom};
@@ -40,7 +40,7 @@ pub enum Failure {
     #[error("interrupted")]
     Interrupted,
     /// What is wrong with actuator, accelerometer or mounting.
-    #[error("{}: {0}", .0.name())]
+    #[error("{name}: {0}", name = .0.name())]
     Fault(#[from] Fault),
 }
 
@@ -78,7 +78,9 @@ pub enum Fault {
         volts: f64,
     },
     /// An axis of the accelerometer that shows nothing, not even noise.
-    #[error("axis {axis} of the accelerometer shows nothing, not even noise: check its wiring and its supply")]
+    #[error(
+        "axis {axis} of the accelerometer shows nothing, not even noise: check its wiring and its supply"
+    )]
     DeadAxis {
         /// The axis.
         axis: char,
@@ -139,7 +141,9 @@ pub enum Fault {
         high_hz: f64,
     },
     /// An output gain out of its range.
-    #[error("the output gain would be {gain:.2e} V/(m/s²), out of the range of output-gain: check amplifier and coil")]
+    #[error(
+        "the output gain would be {gain:.2e} V/(m/s²), out of the range of output-gain: check amplifier and coil"
+    )]
     OutputGain {
         /// The gain.
         gain: f64,
@@ -158,10 +162,14 @@ pub enum Fault {
         level_db: f64,
     },
     /// A stage of the device that changed the probe.
-    #[error("a limit of the output acted on the probe: wait until the coil is cool, then calibrate again")]
+    #[error(
+        "a limit of the output acted on the probe: wait until the coil is cool, then calibrate again"
+    )]
     Limited,
     /// The converter's range.
-    #[error("the accelerometer left its range at {volts:.3} V of peak: check its zero and its supply")]
+    #[error(
+        "the accelerometer left its range at {volts:.3} V of peak: check its zero and its supply"
+    )]
     Saturated {
         /// Peak at the pin, V.
         volts: f64,
