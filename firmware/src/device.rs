@@ -13,17 +13,22 @@ use heapless::String;
 use model_format::link::{
     CycleRange, CycleReport, DeviceInfo, LinkCounters, Marks, MotionSource, PROTOCOL_VERSION,
     PlayError, PlayRequest, RecordBlock, RecordCounters, RecordError, RecordStarted, RecordStopped,
-    SCHEMA_HASH, Selection, Settings, StartReport, TickCounters,
+    Response, SCHEMA_HASH, Selection, Settings, StartReport, TickCounters,
 };
+use model_format::scene::Biquad;
 use model_format::{FORMAT_VERSION, PlayRate};
 use stylus_app::SAMPLE_RATE_HZ;
-use stylus_app::control::{Device, LoadFault, NotPrepared, ResetReport, TickReport, plan_of};
+use stylus_app::control::{
+    Device, LoadFault, NotPrepared, ResetReport, TickReport, Waveform, plan_of,
+};
 use stylus_app::inputs::{Follower, InputConfig, Timed};
 use stylus_app::levels::Sums;
+use stylus_app::player::Piece;
 use stylus_app::recorder::Recorder;
 use stylus_app::safety::{self, Heat};
 use stylus_app::status::Histogram;
 use stylus_kernel::scene::cost::BUDGET;
+use stylus_kernel::scene::{Plan, Wave};
 
 use crate::boot::clock::CORE_HZ;
 use crate::boot::{critical, silicon};
@@ -188,9 +193,13 @@ impl Device for Hardware {
         }
     }
 
-    fn plan(&self, selection: &Selection) -> Result<(Next, PlayRate), PlayError> {
+    fn plan(
+        &self,
+        selection: &Selection,
+        response: Option<&Response>,
+    ) -> Result<(Next, PlayRate), PlayError> {
         let library = self.library.library().ok_or(PlayError::NoLibrary)?;
-        let (plan, rate) = plan_of(selection, &library, BUDGET)?;
+        let (plan, rate) = plan_of(selection, &library, BUDGET, response)?;
         let follower = Follower::new(matches!(selection, Selection::Scene(_)));
         let next = Next {
             follower: follower.tracking(plan.has_lines()),
@@ -199,16 +208,31 @@ impl Device for Hardware {
         Ok((next, rate))
     }
 
+    fn waveform(&self) -> &'static Waveform {
+        direction::waveform()
+    }
+
+    fn plan_wave(&self, wave: Wave<'static>, rate: PlayRate, sections: &[Biquad]) -> Next {
+        Next {
+            plan: Plan::of_wave(wave, rate.hz()).with_response(sections),
+            follower: Follower::new(false),
+        }
+    }
+
     fn prepare(&mut self, plan: Next) {
         direction::prepare(plan);
     }
 
-    fn start(&mut self, request: &PlayRequest, config: safety::Config) -> Result<(), NotPrepared> {
+    fn start(&mut self, piece: &Piece, config: safety::Config) -> Result<(), NotPrepared> {
+        let seed = match piece {
+            Piece::Selected(request) => request.seed,
+            Piece::Probe(_) => 0,
+        };
         tick::stop();
         // SAFETY: the tick was told to play nothing, and no task runs in the middle of a tick.
         unsafe {
             voice::clear();
-            direction::start(request.seed)?;
+            direction::start(seed)?;
         }
         tick::configure(config);
         tick::play();

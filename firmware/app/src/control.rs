@@ -3,27 +3,33 @@
 //! One [`Control`] serves all links. Each method is one endpoint or topic and takes and returns the types of
 //! [`model_format::link`], so that a dispatcher only has to call it.
 
+mod probe;
+mod response;
+
+use core::sync::atomic::AtomicI16;
+
 use model_format::link::{
-    ActivateError, CycleReport, DeviceInfo, LinkCounters, LinkId, MAX_PLAY_GAIN, Marks,
-    MotionRefused, MotionSample, MotionSource, OutputStatus, PlayError, PlayRequest, Playing,
-    ProposalToken, RecordBlock, RecordCounters, RecordError, RecordStarted, RecordStopped,
-    ResetReason, Selection, Settings, SettingsChange, SettingsError, SettingsProposal,
+    ActivateError, CycleReport, DeviceInfo, LinkCounters, LinkId, MAX_PLAY_GAIN, MAX_PROBE_SAMPLES,
+    Marks, MotionRefused, MotionSample, MotionSource, OutputStatus, PlayError, PlayRequest,
+    Playing, ProposalToken, RecordBlock, RecordCounters, RecordError, RecordStarted, RecordStopped,
+    ResetReason, Response, Selection, Settings, SettingsChange, SettingsError, SettingsProposal,
     SettingsState, SlotId, SlotInfo, StartReport, Status, StopError, TickCounters, TickHistogram,
     UploadState,
 };
 use model_format::link::{Fault, MuteReason};
+use model_format::scene::Biquad;
 use model_format::{Library, PlayRate};
 
 use crate::TICKS_PER_MS;
 use crate::inputs::Timed;
 use crate::lease::{HeldBy, Lease};
 use crate::levels::Sums;
-use crate::player::{Action, Begin, Busy, Observed, Player};
+use crate::player::{Action, Begin, Busy, Observed, Piece, Player};
 use crate::proposals::Proposals;
 use crate::safety::{Config, Counters, Heat};
 use crate::words::in_words;
-use stylus_kernel::scene::Plan;
 use stylus_kernel::scene::cost::OverBudget;
+use stylus_kernel::scene::{Plan, Wave};
 
 /// The hardware's side of the application. No method waits.
 pub trait Device {
@@ -73,16 +79,26 @@ pub trait Device {
     ///
     /// # Errors
     /// There is no library, or the texture or scene cannot be played.
-    fn plan(&self, selection: &Selection) -> Result<(Self::Plan, PlayRate), PlayError>;
+    fn plan(
+        &self,
+        selection: &Selection,
+        response: Option<&Response>,
+    ) -> Result<(Self::Plan, PlayRate), PlayError>;
+
+    /// Memory of a probe's waveform, which only [`Control`] writes.
+    fn waveform(&self) -> &'static Waveform;
+
+    /// The plan of a probe's `wave` from [`Device::waveform`], at `rate`, through `sections`.
+    fn plan_wave(&self, wave: Wave<'static>, rate: PlayRate, sections: &[Biquad]) -> Self::Plan;
 
     /// Keeps `plan` for [`Device::start`], in place of one that was prepared before. What is played goes on.
     fn prepare(&mut self, plan: Self::Plan);
 
-    /// At rest: plays the prepared plan, that of `request`, from silence, with `config`, which has the plan's rate.
+    /// At rest: plays the prepared plan, that of `piece`, from silence, with `config`, which has the plan's rate.
     ///
     /// # Errors
     /// No plan was prepared; nothing is played then.
-    fn start(&mut self, request: &PlayRequest, config: Config) -> Result<(), NotPrepared>;
+    fn start(&mut self, piece: &Piece, config: Config) -> Result<(), NotPrepared>;
 
     /// While something of the same library and rate is played: plays `plan`, that of `request`, as soon as the director
     /// has faded what sounds.
@@ -141,6 +157,9 @@ pub trait Device {
     fn record_counters(&self) -> RecordCounters;
 }
 
+/// Samples of one period of a probe.
+pub type Waveform = [AtomicI16; MAX_PROBE_SAMPLES];
+
 /// Failure to copy a library to RAM.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LoadFault;
@@ -189,6 +208,10 @@ pub struct Control<D> {
     upload: UploadState,
     lease: Lease,
     proposals: Proposals,
+    /// The actuator's response that is stored.
+    response: Option<Response>,
+    /// A response that was proposed, and the link that did it.
+    proposed: Option<(LinkId, Response)>,
     /// The link that began the recording.
     listener: LinkId,
     /// True once the coil's heat is more than an assumption, because the amplifier has been on.
@@ -197,7 +220,12 @@ pub struct Control<D> {
 
 impl<D: Device> Control<D> {
     /// A control that plays nothing and has no library.
-    pub fn new(mut device: D, settings: Settings, settings_state: SettingsState) -> Self {
+    pub fn new(
+        mut device: D,
+        settings: Settings,
+        settings_state: SettingsState,
+        response: Option<Response>,
+    ) -> Self {
         device.set_settings(&settings);
         device.set_mute(true);
         let mut player = Player::new();
@@ -213,6 +241,8 @@ impl<D: Device> Control<D> {
             upload: UploadState::Idle,
             lease: Lease::new(),
             proposals: Proposals::new(),
+            response,
+            proposed: None,
             listener: LinkId::Serial,
             is_heat_known: false,
         };
@@ -251,15 +281,16 @@ impl<D: Device> Control<D> {
         };
         let action = self.player.poll(observed);
         match action {
-            Some(Action::Start(request, rate)) => {
-                let config = Config::at_rate(&self.settings, request.gain, rate);
-                if self.device.start(&request, config).is_err() {
+            Some(Action::Start(piece, rate)) => {
+                let config = self.config(&piece, rate);
+                if self.device.start(&piece, config).is_err() {
                     self.player.not_started();
                 }
             }
             Some(Action::Clear) => self.device.clear(),
             None => {}
         }
+        self.end_probe(observed.link_lost);
         self.tell_mute();
     }
 
@@ -363,6 +394,15 @@ impl<D: Device> Control<D> {
         if !(0.0..=MAX_PLAY_GAIN).contains(&request.gain) {
             return Err(PlayError::Gain { gain: request.gain });
         }
+        self.check_playable()?;
+        if self.active.is_none() {
+            return Err(PlayError::NoLibrary);
+        }
+        (self.device).plan(&request.selection, self.response.as_ref())
+    }
+
+    /// Checks that something may begin to play.
+    fn check_playable(&self) -> Result<(), PlayError> {
         let start = self.device.start_report();
         if start.safe_mode {
             return Err(PlayError::SafeMode {
@@ -377,10 +417,7 @@ impl<D: Device> Control<D> {
             // In the middle of an activation there is no library, or only a part of one.
             return Err(PlayError::Busy);
         }
-        if self.active.is_none() {
-            return Err(PlayError::NoLibrary);
-        }
-        self.device.plan(&request.selection)
+        Ok(())
     }
 
     /// Serves `StopEndpoint`, of any link, and ends the lease.
@@ -487,9 +524,17 @@ impl<D: Device> Control<D> {
     }
 
     /// Applies the settings of the store, and lets textures be played again.
-    pub fn end_configuration(&mut self, settings: Settings, state: SettingsState) {
+    pub fn end_configuration(
+        &mut self,
+        settings: Settings,
+        state: SettingsState,
+        response: Option<Response>,
+    ) {
         self.settings = settings;
         self.settings_state = state;
+        self.response = response;
+        // It was checked with the settings of before.
+        self.proposed = None;
         self.device.set_settings(&settings);
         self.follow_settings();
         self.proposals.end();
@@ -543,7 +588,8 @@ impl<D: Device> Control<D> {
     }
 }
 
-/// The plan of `selection` from `library`, which takes at most `budget` instructions per tick, and its rate.
+/// The plan of `selection` from `library` through the equaliser of `response`, which takes at most `budget` instructions
+/// per tick, and its rate.
 ///
 /// # Errors
 /// The library lacks the texture or scene; no stylus plays its sample rate; the scene is invalid or over the budget.
@@ -551,15 +597,16 @@ pub fn plan_of<'l>(
     selection: &Selection,
     library: &Library<'l>,
     budget: u32,
+    response: Option<&Response>,
 ) -> Result<(Plan<'l>, PlayRate), PlayError> {
     let rate_of =
         |texture_hz: u32| PlayRate::of(texture_hz).ok_or(PlayError::SampleRate { texture_hz });
-    match selection {
+    let (plan, rate) = match selection {
         Selection::Texture(name) => {
             let missing = || PlayError::NoSuchTexture { name: name.clone() };
             let texture = library.texture(name).ok_or_else(missing)?;
             let rate = rate_of(texture.sample_rate_hz())?;
-            Ok((within(Plan::of_texture(texture), budget)?, rate))
+            (within(Plan::of_texture(texture), budget)?, rate)
         }
         Selection::Scene(name) => {
             let missing = || PlayError::NoSuchScene { name: name.clone() };
@@ -568,9 +615,21 @@ pub fn plan_of<'l>(
             let plan = Plan::new(&scene, library).map_err(|error| PlayError::InvalidScene {
                 reason: in_words(&error),
             })?;
-            Ok((within(plan, budget)?, rate))
+            (within(plan, budget)?, rate)
         }
-    }
+    };
+    let Some(response) = response else {
+        return Ok((plan, rate));
+    };
+    let sections = response.sections(rate).biquads();
+    let plan = plan.with_response(&sections);
+    let refused = |OverBudget { cost, budget }| PlayError::EqualiserOverBudget {
+        instructions: cost.instructions(),
+        budget,
+        sections: sections.len() as u8,
+    };
+    plan.within(budget).map_err(refused)?;
+    Ok((plan, rate))
 }
 
 fn within(plan: Plan<'_>, budget: u32) -> Result<Plan<'_>, PlayError> {

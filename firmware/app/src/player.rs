@@ -42,11 +42,29 @@ pub struct Observed {
     pub link_lost: bool,
 }
 
+/// What is played.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Piece {
+    /// A texture or scene.
+    Selected(PlayRequest),
+    /// A probe, which follows no motion.
+    Probe(Probe),
+}
+
+/// A probe that is played.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Probe {
+    /// Tick after its last sample, at which it ends by itself.
+    pub end_tick: u64,
+    /// `output-gain` with which it is played.
+    pub output_gain: f32,
+}
+
 /// Action of the device, at rest.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Action {
-    /// Start what was prepared for the request, from silence, at its rate.
-    Start(PlayRequest, PlayRate),
+    /// Start what was prepared for the piece, from silence, at its rate.
+    Start(Piece, PlayRate),
     /// Play nothing.
     Clear,
 }
@@ -64,14 +82,14 @@ pub enum Begin {
 #[derive(Clone, Debug, PartialEq)]
 enum Then {
     Stop,
-    Play(PlayRequest, PlayRate),
+    Play(Piece, PlayRate),
     Activate,
 }
 
 #[derive(Clone, Debug, PartialEq)]
 enum Phase {
     Idle,
-    Playing(PlayRequest, PlayRate),
+    Playing(Piece, PlayRate),
     FadingOut(Then),
     Activating,
     Configuring,
@@ -110,17 +128,42 @@ impl Player {
         if self.is_busy() {
             return Err(Busy);
         }
-        if let Phase::Playing(before, rate_before) = &mut self.phase
+        if let Phase::Playing(Piece::Selected(before), rate_before) = &mut self.phase
             && before.gain == request.gain
             && *rate_before == rate
         {
             *before = request;
             return Ok(Begin::Switch);
         }
-        self.phase = Phase::FadingOut(Then::Play(request, rate));
+        self.begin(Piece::Selected(request), rate);
+        Ok(Begin::AtRest)
+    }
+
+    /// Plays `probe` at `rate` at the next [`Player::poll`].
+    ///
+    /// # Errors
+    /// Something is played, a library is being activated, or settings are being stored.
+    pub fn probe(&mut self, probe: Probe, rate: PlayRate) -> Result<(), Busy> {
+        if !self.is_idle() {
+            return Err(Busy);
+        }
+        self.begin(Piece::Probe(probe), rate);
+        Ok(())
+    }
+
+    /// The probe that is played or about to be.
+    pub fn probing(&self) -> Option<Probe> {
+        match self.phase {
+            Phase::Playing(Piece::Probe(probe), _)
+            | Phase::FadingOut(Then::Play(Piece::Probe(probe), _)) => Some(probe),
+            _ => None,
+        }
+    }
+
+    fn begin(&mut self, piece: Piece, rate: PlayRate) {
+        self.phase = Phase::FadingOut(Then::Play(piece, rate));
         self.set(MuteReason::Changing, true);
         self.set(MuteReason::NotPlaying, false);
-        Ok(Begin::AtRest)
     }
 
     /// Fades out and stops.
@@ -206,23 +249,25 @@ impl Player {
     /// then passes [`Player::mute`] to the tick.
     pub fn poll(&mut self, observed: Observed) -> Option<Action> {
         let playing = matches!(self.phase, Phase::Playing(..));
+        let follows = matches!(self.phase, Phase::Playing(Piece::Selected(_), _));
         // Without playing, neither motion nor host is needed.
-        self.set(MuteReason::Stale, playing && observed.stale);
-        self.set(MuteReason::ForceRail, playing && observed.railed);
+        self.set(MuteReason::Stale, follows && observed.stale);
+        self.set(MuteReason::ForceRail, follows && observed.railed);
         self.set(MuteReason::LinkLost, playing && observed.link_lost);
         if !observed.at_rest {
             return None;
         }
         let phase = core::mem::replace(&mut self.phase, Phase::Idle);
         let (phase, action) = match phase {
-            Phase::FadingOut(Then::Play(request, rate)) => {
+            Phase::FadingOut(Then::Play(piece, rate)) => {
                 self.set(MuteReason::Changing, false);
                 // These are judged again at the next poll. A motion that never came must not pass until then.
-                self.set(MuteReason::Stale, observed.stale);
+                let follows = matches!(piece, Piece::Selected(_));
+                self.set(MuteReason::Stale, follows && observed.stale);
                 self.set(MuteReason::LinkLost, observed.link_lost);
                 (
-                    Phase::Playing(request.clone(), rate),
-                    Some(Action::Start(request, rate)),
+                    Phase::Playing(piece.clone(), rate),
+                    Some(Action::Start(piece, rate)),
                 )
             }
             Phase::FadingOut(Then::Stop) => (Phase::Idle, Some(Action::Clear)),
@@ -251,7 +296,8 @@ impl Player {
     /// Source of motion for what is played or about to be.
     pub fn motion_source(&self) -> MotionSource {
         match &self.phase {
-            Phase::Playing(request, _) | Phase::FadingOut(Then::Play(request, _)) => request.motion,
+            Phase::Playing(Piece::Selected(request), _)
+            | Phase::FadingOut(Then::Play(Piece::Selected(request), _)) => request.motion,
             _ => MotionSource::Sensors,
         }
     }
@@ -260,11 +306,12 @@ impl Player {
     pub fn activity(&self) -> Activity {
         match &self.phase {
             Phase::Idle | Phase::Configuring => Activity::Idle,
-            Phase::Playing(request, _) => Activity::Playing {
+            Phase::Playing(Piece::Selected(request), _) => Activity::Playing {
                 selection: request.selection.clone(),
                 motion: request.motion,
             },
-            Phase::FadingOut(_) => Activity::FadingOut,
+            _ if self.probing().is_some() => Activity::Probing,
+            Phase::Playing(..) | Phase::FadingOut(_) => Activity::FadingOut,
             Phase::Activating => Activity::Activating,
         }
     }

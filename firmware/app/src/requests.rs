@@ -11,12 +11,13 @@ use heapless::Vec;
 use model_format::link::{
     ActivateEndpoint, CyclesEndpoint, InfoEndpoint, KeepAliveTopic, LinkCounters, LinkId,
     ListEndpoint, ListRequest, ListSceneEndpoint, MAX_CHUNK_BYTES, MAX_DEVICE_FRAME_BYTES,
-    MotionEndpoint, MotionTopic, PlayEndpoint, ProposalToken, RecordBlock, RecordBlockTopic,
-    RecordStartEndpoint, RecordStopEndpoint, SelfTestEndpoint, SelfTestRequest,
-    SettingsApplyEndpoint, SettingsGetEndpoint, SettingsProposeEndpoint, SlotId, SlotsEndpoint,
-    StatusEndpoint, StopEndpoint, UPLOAD_WINDOW, UploadAbortEndpoint, UploadBegin,
-    UploadBeginEndpoint, UploadChunk, UploadChunkEndpoint, UploadCommitEndpoint,
-    UploadProgressEndpoint,
+    MotionEndpoint, MotionTopic, PlayEndpoint, ProbeLoadEndpoint, ProbeStartEndpoint,
+    ProposalToken, RecordBlock, RecordBlockTopic, RecordStartEndpoint, RecordStopEndpoint,
+    ResponseChange, ResponseGetEndpoint, ResponseProposeEndpoint, ResponseSetEndpoint,
+    SelfTestEndpoint, SelfTestRequest, SettingsApplyEndpoint, SettingsGetEndpoint,
+    SettingsProposeEndpoint, SlotId, SlotsEndpoint, StatusEndpoint, StopEndpoint, UPLOAD_WINDOW,
+    UploadAbortEndpoint, UploadBegin, UploadBeginEndpoint, UploadChunk, UploadChunkEndpoint,
+    UploadCommitEndpoint, UploadProgressEndpoint,
 };
 use postcard_rpc::header::{VarHeader, VarKey, VarSeq};
 use postcard_rpc::standard_icd::{ERROR_KEY, PingEndpoint, WireError};
@@ -72,6 +73,8 @@ pub enum Job {
     Activate(SlotId),
     /// `SettingsApplyEndpoint`.
     SettingsApply(ProposalToken),
+    /// `ResponseSetEndpoint`.
+    ResponseSet(ResponseChange),
     /// `SelfTestEndpoint`.
     SelfTest(SelfTestRequest),
 }
@@ -173,6 +176,11 @@ pub async fn work<F: MappedFlash, N: NorFlash, S: Stage>(
         Job::SettingsApply(token) => reply::<SettingsApplyEndpoint>(
             sequence,
             &storage.settings_apply(stage, from, token).await,
+            answer,
+        ),
+        Job::ResponseSet(change) => reply::<ResponseSetEndpoint>(
+            sequence,
+            &storage.response_set(stage, from, change).await,
             answer,
         ),
         Job::SelfTest(request) => reply::<SelfTestEndpoint>(
@@ -301,6 +309,21 @@ fn dispatch<S: Stage, L: Link>(
         SettingsProposeEndpoint::REQ_KEY => request
             .answer::<SettingsProposeEndpoint>(|control, change| control.propose(from, change)),
         SettingsApplyEndpoint::REQ_KEY => request.queue(|token| Some(Job::SettingsApply(token))),
+        ProbeLoadEndpoint::REQ_KEY => {
+            request.answer::<ProbeLoadEndpoint>(|control, load| control.load_probe(from, &load))
+        }
+        ProbeStartEndpoint::REQ_KEY => {
+            request.answer::<ProbeStartEndpoint>(|control, start| control.start_probe(from, &start))
+        }
+        ResponseGetEndpoint::REQ_KEY => {
+            request.answer::<ResponseGetEndpoint>(|control, ()| control.response())
+        }
+        ResponseProposeEndpoint::REQ_KEY => {
+            request.answer::<ResponseProposeEndpoint>(|control, response| {
+                control.propose_response(from, response)
+            })
+        }
+        ResponseSetEndpoint::REQ_KEY => request.queue(|change| Some(Job::ResponseSet(change))),
         UploadProgressEndpoint::REQ_KEY => {
             request.answer::<UploadProgressEndpoint>(|control, ()| control.upload())
         }

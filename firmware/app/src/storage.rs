@@ -7,9 +7,10 @@
 use embassy_futures::yield_now;
 use embedded_storage_async::nor_flash::NorFlash;
 use model_format::link::{
-    ActivateError, Activated, LinkId, ListError, ListRequest, ProposalToken, SceneInfo, Settings,
-    SettingsChange, SettingsError, SlotId, SlotInfo, SlotState, Slots, TextureInfo, UploadBegin,
-    UploadChunk, UploadCommitted, UploadError, UploadProgress, UploadState,
+    ActivateError, Activated, LinkId, ListError, ListRequest, ProposalToken, ResponseChange,
+    ResponseError, ResponseState, SceneInfo, Settings, SettingsChange, SettingsError, SlotId,
+    SlotInfo, SlotState, Slots, TextureInfo, UploadBegin, UploadChunk, UploadCommitted,
+    UploadError, UploadProgress, UploadState,
 };
 
 use crate::control::{Control, Device, LoadFault};
@@ -58,6 +59,12 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
     /// Gives both flashes back: that of the slots, and that of the settings.
     pub fn into_flash(self) -> (F, S) {
         (self.slots.into_flash(), self.settings.into_flash())
+    }
+
+    /// Reads the settings, which were [`SettingsStore::unread`].
+    pub async fn read_settings(&mut self) -> &SettingsStore<S> {
+        self.settings.read().await;
+        &self.settings
     }
 
     /// The slots.
@@ -247,9 +254,35 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
             SettingsChange::Reset => self.settings.reset().await,
         };
         // Also after an error, because a reset that failed half way has changed some settings.
-        let (settings, state) = (self.settings.settings(), self.settings.state());
-        stage.with_control(|control| control.end_configuration(settings, state));
+        self.end_configuration(stage);
         result
+    }
+
+    /// Serves `ResponseSetEndpoint`: stores what `from` has proposed, with the setting that belongs to it, or removes
+    /// the stored response.
+    ///
+    /// # Errors
+    /// No such response; something is played; the supply is too low; the flash fails.
+    pub async fn response_set(
+        &mut self,
+        stage: &mut impl Stage,
+        from: LinkId,
+        change: ResponseChange,
+    ) -> Result<ResponseState, ResponseError> {
+        if stage.with_control(|control| control.is_supply_low()) {
+            return Err(SettingsError::SupplyLow.into());
+        }
+        let response = stage.with_control(|control| control.begin_response(from, change))?;
+        let result = self.settings.set_response(response.as_ref()).await;
+        self.end_configuration(stage);
+        result?;
+        Ok(stage.with_control(|control| control.response()))
+    }
+
+    fn end_configuration(&self, stage: &impl Stage) {
+        let store = &self.settings;
+        let (settings, state, response) = (store.settings(), store.state(), store.response());
+        stage.with_control(|control| control.end_configuration(settings, state, response));
     }
 }
 

@@ -59,12 +59,14 @@ static ACTIVATED: Signal<ThreadModeRawMutex, ()> = Signal::new();
 pub async fn start(spawner: Spawner, hardware: Hardware) {
     // SAFETY: nothing else calls them, and this runs once.
     let (slots, settings) = unsafe { (Bank2::new(), SettingsFlash::new()) };
-    let settings = SettingsStore::open(settings, SETTINGS_RANGE).await;
+    let settings = SettingsStore::unread(settings, SETTINGS_RANGE);
+    let stores = STORES.init(Storage::new(SlotStore::unread(slots), settings));
+    let settings = stores.read_settings().await;
     let safe_mode = hardware.start_report().safe_mode;
-    let control = Control::new(hardware, settings.settings(), settings.state());
+    let (values, state) = (settings.settings(), settings.state());
+    let control = Control::new(hardware, values, state, settings.response());
     CONTROL.lock(|cell| *cell.borrow_mut() = Some(control));
     spawner.spawn(poll().unwrap());
-    let stores = STORES.init(Storage::new(SlotStore::unread(slots), settings));
     spawner.spawn(serve(stores, safe_mode).unwrap());
     // A host whose request came before it would find no library.
     let _ = with_timeout(LIBRARY_FIRST, ACTIVATED.wait()).await;

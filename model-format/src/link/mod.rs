@@ -53,8 +53,8 @@ pub use record::{
     RecordStopped,
 };
 pub use response::{
-    MAX_RESPONSE_BYTES, MAX_RESPONSE_SECTIONS, RESPONSE_BANDS, Response, ResponseChange,
-    ResponseError, ResponseState, Sections, StoredResponse,
+    MAX_RESPONSE_BYTES, RESPONSE_BANDS, Response, ResponseChange, ResponseError, ResponseState,
+    Sections, StoredResponse,
 };
 pub use selftest::{
     CONVERSIONS_PER_CODE, ChipValues, ClockCount, ClockValues, EncoderValues,

@@ -69,6 +69,10 @@ impl ProbeStart {
     ///
     /// # Errors
     /// A value out of its range.
+    #[expect(
+        clippy::result_large_err,
+        reason = "without allocation the error is as large as its longest text"
+    )]
     pub fn check(&self) -> Result<(PlayRate, u32), ProbeError> {
         let &Self {
             rate_hz,

@@ -10,10 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{LIBRARY_CRC, LinkId, Setting, SettingChange, SettingSet, Settings, SettingsError};
 use crate::PlayRate;
-use crate::scene::{Biquad, SceneProblem, check_equaliser};
-
-/// Most sections of a response's equaliser.
-pub const MAX_RESPONSE_SECTIONS: usize = 6;
+use crate::scene::{Biquad, SceneProblem, check_equaliser, limits::MAX_RESPONSE_SECTIONS};
 
 /// Third octaves of [`Response::bands_centi_db`]: the exact bands of base ten whose nominal centres are 10 to 1000 Hz.
 pub const RESPONSE_BANDS: usize = 21;

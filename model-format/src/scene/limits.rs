@@ -12,6 +12,9 @@ pub const MAX_REGIONS: usize = 32;
 /// Most sections of an equaliser.
 pub const MAX_SECTIONS: usize = 8;
 
+/// Most sections of the equaliser of the device's response, which follow those of a scene.
+pub const MAX_RESPONSE_SECTIONS: usize = 6;
+
 /// Farthest place on a path, to either side of its origin, mm: at 100 m a step of `f32` is still 8 µm.
 pub const MAX_POSITION_MM: f32 = 100_000.0;
 

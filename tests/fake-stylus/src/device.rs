@@ -11,10 +11,11 @@ use embassy_futures::yield_now;
 use model_format::link::{
     ActivateError, Activated, ChipValues, ClockValues, EncoderValues, ErrorCorrectionValues,
     LinkId, MAX_CHUNK_BYTES, MotionSample, MotionSource, OptionByteValues, OutputValues, PlayError,
-    PlayRequest, Playing, RecordBlock, RestValues, Selection, SelfTestError, Setting,
-    SettingChange, Settings, SettingsChange, SettingsError, SlotId, Status, UploadChunk,
-    UploadCommitted, UploadError,
+    PlayRequest, Playing, RESPONSE_BANDS, RecordBlock, Response, RestValues, Sections, Selection,
+    SelfTestError, Setting, SettingChange, Settings, SettingsChange, SettingsError, SlotId, Status,
+    UploadChunk, UploadCommitted, UploadError,
 };
+use model_format::scene::Biquad;
 use model_format::{MillimetresPerSecond, Newton};
 use stylus_app::control::{Control, Device};
 use stylus_app::self_test::Bench;
@@ -56,6 +57,33 @@ pub fn settings_with(values: &[(Setting, f32)]) -> Settings {
         .fold(Settings::default(), |settings, &(of, value)| {
             settings.with(change(of, value)).expect("in range")
         })
+}
+
+/// A response that a device with `settings` takes, whose equaliser turns the sign and takes half of what plays.
+///
+/// # Panics
+/// Never.
+pub fn response_for(settings: &Settings) -> Response {
+    let half = Biquad::from_f64([-0.5, 0.0, 0.0], [0.0, 0.0]).expect("in range");
+    let sections = Sections::new(&[half]).expect("one is not too many");
+    Response {
+        sections_5khz: sections,
+        sections_10khz: sections,
+        measured_at: 1_700_000_000,
+        worst_db: 1.5,
+        rms_db: 0.5,
+        resonance_hz: 80.0,
+        damping_ratio: 0.2,
+        delay_us: 412.5,
+        axis: [0.0, 0.6, 0.8],
+        level_m_s2_per_volt: 20.0,
+        bands_centi_db: [2_600; RESPONSE_BANDS],
+        trusted_bands: (1 << RESPONSE_BANDS) - 1,
+        output_gain: 0.05,
+        amplifier_gain: settings.get(Setting::AmplifierGain),
+        coil_resistance: settings.get(Setting::CoilResistance),
+        hard_limit: settings.get(Setting::HardLimit),
+    }
 }
 
 /// A motion of 100 mm/s and 1 N of a host that tells no position.
@@ -207,7 +235,12 @@ impl SteppedStylus {
         let safe_mode = hardware.start.safe_mode;
         let range = 0..2 * SECTOR_BYTES as u32;
         let settings = embassy_futures::block_on(SettingsStore::open(flash, range));
-        let control = Control::new(hardware, settings.settings(), settings.state());
+        let control = Control::new(
+            hardware,
+            settings.settings(),
+            settings.state(),
+            settings.response(),
+        );
         let mut stylus = Self {
             control: SharedControl::new(control),
             storage: Storage::new(SlotStore::unread(slots), settings),

@@ -4,25 +4,32 @@
 //! the difference: a mute counts from the next tick on, the motion is judged once per block, new settings replace the
 //! configuration of the safety stages, and a library's RAM is empty while it is exchanged. It is stricter than the
 //! hardware in one respect: it panics where the application breaks the contract of [`Device`], for example by
-//! exchanging a texture while the output sounds. What it leaves out is the kernel: while something is played, the
-//! samples are those of a sine.
+//! exchanging a texture while the output sounds. A probe's samples are the kernel's. For textures and scenes it leaves
+//! the kernel out: while one is played, the samples are those of a sine.
+
+use std::sync::atomic::AtomicI16;
 
 use model_format::limits::MAX_LIBRARY_BYTES;
 use model_format::link::{
     ClockSource, CycleRange, CycleReport, DeviceInfo, LinkCounters, Marks, MotionSource,
     PROTOCOL_VERSION, PlayError, PlayRequest, RecordBlock, RecordCounters, RecordError,
-    RecordStarted, RecordStopped, ResetReason, SCHEMA_HASH, Selection, Settings, SiliconRevision,
-    StartReport, TickCounters,
+    RecordStarted, RecordStopped, ResetReason, Response, SCHEMA_HASH, Selection, Settings,
+    SiliconRevision, StartReport, TickCounters,
 };
-use model_format::{FORMAT_VERSION, Library, OutputSample, PlayRate};
-use stylus_app::control::{Device, LoadFault, NotPrepared, ResetReport, TickReport, plan_of};
+use model_format::scene::Biquad;
+use model_format::{DacCode, FORMAT_VERSION, Library, OutputSample, PlayRate};
+use stylus_app::control::{
+    Device, LoadFault, NotPrepared, ResetReport, TickReport, Waveform, plan_of,
+};
 use stylus_app::inputs::{InputConfig, Sensors, Timed, choose};
 use stylus_app::levels::Sums;
+use stylus_app::player::Piece;
 use stylus_app::recorder::{Recorder, SampleQueue, Tap};
-use stylus_app::safety::{Config, Heat, State};
+use stylus_app::safety::{Config, Heat, OVERSAMPLING, State};
 use stylus_app::status::Histogram;
 use stylus_kernel::UPDATE_INTERVAL_SAMPLES;
 use stylus_kernel::scene::cost::BUDGET;
+use stylus_kernel::scene::{Interaction, Plan, ScenePlayer, Wave};
 
 use crate::board::Board;
 use crate::hand::Hand;
@@ -44,9 +51,14 @@ const HEALTHY_START: StartReport = StartReport {
     hung_stage: None,
 };
 
-/// A plan of the fake hardware: the selection that was found playable, and its rate.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Prepared(Selection, PlayRate);
+/// A plan of the fake hardware.
+#[derive(Clone, Debug)]
+pub enum Prepared {
+    /// The selection that was found playable, and its rate.
+    Selected(Selection, PlayRate),
+    /// A probe.
+    Probe(Plan<'static>),
+}
 
 /// The hardware's state, which tests may inspect.
 #[expect(clippy::struct_excessive_bools, reason = "each is a state of its own")]
@@ -64,6 +76,11 @@ pub struct Hardware {
     pub config: Config,
     /// The texture or scene that is played.
     pub playing: Option<PlayRequest>,
+    /// The probe that is played.
+    probe: Option<ScenePlayer<'static>>,
+    waveform: &'static Waveform,
+    /// Codes of the last tick.
+    pub codes: [DacCode; OVERSAMPLING],
     /// The plan that waits to be started.
     pub prepared: Option<Prepared>,
     source: MotionSource,
@@ -145,6 +162,10 @@ impl Hardware {
             safety: State::new(&config),
             config,
             playing: None,
+            probe: None,
+            // As the queue, it is never freed.
+            waveform: Box::leak(Box::new([const { AtomicI16::new(0) }; _])),
+            codes: [DacCode::MID_SCALE; OVERSAMPLING],
             prepared: None,
             source: MotionSource::Sensors,
             host: Timed::NEVER,
@@ -204,15 +225,10 @@ impl Hardware {
             let by_rail = self.source == MotionSource::Sensors && self.sensors.is_railed();
             self.is_railed = self.is_stale && by_rail;
         }
-        let phase = self.now as f32 * 0.3;
-        let level = if self.playing.is_some() { 2e7 } else { 0.0 };
-        let output = OutputSample((phase.sin() * level) as i32);
-        match self.config.rate() {
-            PlayRate::Hz5000 => self.safety.process(&self.config, output, self.muted),
-            PlayRate::Hz10000 => {
-                let samples = [output; 2];
-                self.safety.process_pair(&self.config, samples, self.muted)
-            }
+        let samples = self.samples();
+        self.codes = match self.config.rate() {
+            PlayRate::Hz5000 => (self.safety).process(&self.config, samples[0], self.muted),
+            PlayRate::Hz10000 => self.safety.process_pair(&self.config, samples, self.muted),
         };
         if self.lose_samples > 0 {
             self.lose_samples -= 1;
@@ -221,6 +237,23 @@ impl Hardware {
         }
         self.histogram
             .count(20_000 + (self.now % 7) as u32 * 3_000 + self.slower_by);
+    }
+
+    /// Samples of this tick: the first one, or both at 10 kHz.
+    fn samples(&mut self) -> [OutputSample; 2] {
+        if let Some(player) = &mut self.probe {
+            let per_tick = self.config.rate().samples_per_tick();
+            if self.now.is_multiple_of(UPDATE_INTERVAL_SAMPLES.into()) {
+                player.at_tick(self.now);
+                player.follow(Interaction::NONE, UPDATE_INTERVAL_SAMPLES * per_tick);
+            }
+            let mut samples = [OutputSample::SILENCE; 2];
+            player.next_block(&mut samples[..per_tick as usize]);
+            return samples;
+        }
+        let phase = self.now as f32 * 0.3;
+        let level = if self.playing.is_some() { 2e7 } else { 0.0 };
+        [OutputSample((phase.sin() * level) as i32); 2]
     }
 
     /// The library in RAM; empty if there is none.
@@ -348,40 +381,62 @@ impl Device for Hardware {
         }
     }
 
-    fn plan(&self, selection: &Selection) -> Result<(Prepared, PlayRate), PlayError> {
+    fn plan(
+        &self,
+        selection: &Selection,
+        response: Option<&Response>,
+    ) -> Result<(Prepared, PlayRate), PlayError> {
         if !self.is_loaded {
             return Err(PlayError::NoLibrary);
         }
         let library = Library::decode(&self.ram).map_err(|_| PlayError::NoLibrary)?;
-        let (_, rate) = plan_of(selection, &library, self.budget)?;
-        Ok((Prepared(selection.clone(), rate), rate))
+        let (_, rate) = plan_of(selection, &library, self.budget, response)?;
+        Ok((Prepared::Selected(selection.clone(), rate), rate))
+    }
+
+    fn waveform(&self) -> &'static Waveform {
+        self.waveform
+    }
+
+    fn plan_wave(&self, wave: Wave<'static>, rate: PlayRate, sections: &[Biquad]) -> Prepared {
+        Prepared::Probe(Plan::of_wave(wave, rate.hz()).with_response(sections))
     }
 
     fn prepare(&mut self, plan: Prepared) {
         self.prepared = Some(plan);
     }
 
-    fn start(&mut self, request: &PlayRequest, config: Config) -> Result<(), NotPrepared> {
+    fn start(&mut self, piece: &Piece, config: Config) -> Result<(), NotPrepared> {
         assert!(
             self.safety.is_at_rest(),
             "a texture is exchanged while the output sounds"
         );
-        self.playing = None;
-        let Prepared(selection, rate) = self.prepared.take().ok_or(NotPrepared)?;
-        assert_eq!(
-            (selection, rate),
-            (request.selection.clone(), config.rate()),
-            "another plan was prepared than is started"
-        );
-        self.playing = Some(request.clone());
+        (self.playing, self.probe) = (None, None);
+        match (self.prepared.take().ok_or(NotPrepared)?, piece) {
+            (Prepared::Selected(selection, rate), Piece::Selected(request)) => {
+                assert_eq!(
+                    (selection, rate),
+                    (request.selection.clone(), config.rate()),
+                    "another plan was prepared than is started"
+                );
+                self.playing = Some(request.clone());
+            }
+            (Prepared::Probe(plan), Piece::Probe(_)) => {
+                assert_eq!(plan.sample_rate_hz(), config.rate().hz(), "another rate");
+                self.probe = Some(ScenePlayer::new(plan, 0));
+            }
+            (prepared, piece) => panic!("{prepared:?} was prepared, and {piece:?} is started"),
+        }
         self.config = config;
         self.starts += 1;
         Ok(())
     }
 
-    fn switch(&mut self, request: &PlayRequest, Prepared(selection, rate): Prepared) {
+    fn switch(&mut self, request: &PlayRequest, prepared: Prepared) {
         assert!(
-            self.playing.is_some() && selection == request.selection && rate == self.config.rate(),
+            self.playing.is_some()
+                && matches!(prepared, Prepared::Selected(selection, rate)
+                    if selection == request.selection && rate == self.config.rate()),
             "there is nothing to fade, or another plan to fade to"
         );
         self.playing = Some(request.clone());
@@ -393,7 +448,7 @@ impl Device for Hardware {
             self.safety.is_at_rest(),
             "a texture is exchanged while the output sounds"
         );
-        self.playing = None;
+        (self.playing, self.probe) = (None, None);
         self.prepared = None;
     }
 

@@ -4,7 +4,7 @@ use core::ops::Range;
 
 use embedded_storage_async::nor_flash::NorFlash;
 
-use super::record::{Place, RECORD_BYTES, Record};
+use super::record::{Place, RECORD_BYTES, Record, is_blank};
 use crate::flash::WORD_BYTES;
 
 /// Places that are tried for one record before the copy counts as full. A place fails if a power cut has left a word of
@@ -14,16 +14,31 @@ const TRIES: usize = 4;
 /// Reads of a place that must agree.
 const READS: usize = 16;
 
-/// Content of a copy.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Content {
+/// Bytes of a place as they are read, twice, for comparison. They belong to the store, because a task's memory is dear.
+pub type Buffers = [[u8; RECORD_BYTES]; 2];
+
+/// One copy, and what was found in it.
+pub struct Copy {
+    range: Range<u32>,
+    /// The next place to write to.
+    next: u32,
     /// The last record that can be read.
     pub newest: Option<Record>,
     /// Number of places after it, or at all, that hold something else.
     pub damaged: usize,
 }
 
-impl Content {
+impl Copy {
+    /// A copy in `range`, which is of whole sectors.
+    pub const fn new(range: Range<u32>) -> Self {
+        Self {
+            next: range.start,
+            range,
+            newest: None,
+            damaged: 0,
+        }
+    }
+
     /// Returns true if nothing was ever written.
     pub fn is_blank(&self) -> bool {
         self.newest.is_none() && self.damaged == 0
@@ -33,70 +48,67 @@ impl Content {
     pub fn is_clean(&self) -> bool {
         self.newest.is_some() && self.damaged == 0
     }
-}
-
-/// One copy.
-pub struct Copy {
-    range: Range<u32>,
-    /// The next place to write to.
-    next: u32,
-}
-
-impl Copy {
-    /// A copy in `range`, which is of whole sectors.
-    pub const fn new(range: Range<u32>) -> Self {
-        let next = range.start;
-        Self { range, next }
-    }
 
     /// Reads the copy, from its end back to the last record that can be read.
     ///
     /// The places around the end are read often, because a word after a power cut may differ from read to read.
-    pub async fn read<F: NorFlash>(&mut self, flash: &mut F) -> Content {
-        let mut content = Content {
-            newest: None,
-            damaged: 0,
-        };
+    pub async fn read<F: NorFlash>(&mut self, flash: &mut F, buffers: &mut Buffers) {
         let places = self.range.clone().step_by(RECORD_BYTES);
         let mut end = self.range.start;
         for at in places.rev() {
-            if place(flash, at).await != Place::Blank {
+            let [bytes, _] = buffers;
+            if !bytes_at(flash, at, bytes).await || !is_blank(bytes) {
                 end = at + RECORD_BYTES as u32;
                 break;
             }
         }
         self.next = end;
         for at in (end..self.range.end).step_by(RECORD_BYTES).take(TRIES) {
-            if steady(flash, at).await != Place::Blank {
-                content.damaged += 1;
+            if !steady(flash, at, buffers).await || !is_blank(&buffers[0]) {
+                self.damaged += 1;
                 self.next = at + RECORD_BYTES as u32;
             }
         }
         for at in (self.range.start..end).step_by(RECORD_BYTES).rev() {
-            match steady(flash, at).await {
-                Place::Blank => {}
-                Place::Damaged => content.damaged += 1,
-                Place::Record(record) => {
-                    content.newest = Some(record);
-                    break;
-                }
+            let is_steady = steady(flash, at, buffers).await;
+            if self.found(is_steady, &buffers[0]) {
+                break;
             }
         }
-        content
+    }
+
+    /// Takes note of a place; true if it has the last record that can be read.
+    fn found(&mut self, is_steady: bool, bytes: &[u8; RECORD_BYTES]) -> bool {
+        match Place::read(bytes) {
+            Place::Blank if is_steady => return false,
+            Place::Record(record) if is_steady => self.newest = Some(record),
+            Place::Followed(record) if is_steady => {
+                self.newest = Some(record);
+                self.damaged += 1;
+            }
+            _ => self.damaged += 1,
+        }
+        is_steady && self.newest.is_some()
     }
 
     /// Writes `record` after the others and reads it back; false if the flash does not take it or the copy is full.
-    pub async fn append<F: NorFlash>(&mut self, flash: &mut F, record: &Record) -> bool {
-        let bytes = record.bytes();
+    pub async fn append<F: NorFlash>(
+        &mut self,
+        flash: &mut F,
+        record: &Record,
+        buffers: &mut Buffers,
+    ) -> bool {
         for _ in 0..TRIES {
             let at = self.next;
             if at >= self.range.end {
                 return false;
             }
             self.next = at + RECORD_BYTES as u32;
+            buffers[0] = record.bytes();
             // A word that fails leaves a place that counts as damaged; the next one is tried.
-            if flash.write(at, &bytes).await.is_ok()
-                && steady(flash, at).await == Place::Record(*record)
+            if flash.write(at, &buffers[0]).await.is_ok()
+                && steady(flash, at, buffers).await
+                && buffers[0] == record.bytes()
             {
                 return true;
             }
@@ -118,27 +130,27 @@ impl Copy {
     }
 }
 
-/// The content of the place at `at`, damaged unless every one of [`READS`] finds the same.
-async fn steady<F: NorFlash>(flash: &mut F, at: u32) -> Place {
-    let first = place(flash, at).await;
+/// Reads the place at `at` into the first buffer; false unless every one of [`READS`] finds the same.
+async fn steady<F: NorFlash>(flash: &mut F, at: u32, buffers: &mut Buffers) -> bool {
+    let [first, other] = buffers;
+    if !bytes_at(flash, at, first).await {
+        return false;
+    }
     for _ in 1..READS {
-        if first == Place::Damaged || place(flash, at).await != first {
-            return Place::Damaged;
+        if !bytes_at(flash, at, other).await || first != other {
+            return false;
         }
     }
-    first
+    true
 }
 
-/// The content of the place at `at`. A word that faults makes it damaged.
-async fn place<F: NorFlash>(flash: &mut F, at: u32) -> Place {
-    let mut bytes = [0; RECORD_BYTES];
-    for (word, offset) in bytes
-        .chunks_exact_mut(WORD_BYTES)
-        .zip((at..).step_by(WORD_BYTES))
-    {
+/// Reads the place at `at`; false if a word of it faults.
+async fn bytes_at<F: NorFlash>(flash: &mut F, at: u32, bytes: &mut [u8; RECORD_BYTES]) -> bool {
+    let words = bytes.chunks_exact_mut(WORD_BYTES);
+    for (word, offset) in words.zip((at..).step_by(WORD_BYTES)) {
         if flash.read(offset, word).await.is_err() {
-            return Place::Damaged;
+            return false;
         }
     }
-    Place::read(&bytes)
+    true
 }

@@ -1,5 +1,6 @@
 //! Settings in flash: two copies, each a log of records of all settings, so that a change is appended, and a sector is
-//! erased only once in a thousand changes.
+//! erased only once in some hundred changes. The actuator's response is part of the record, so that it and the settings
+//! that belong to it change together.
 //!
 //! A change is written to one copy, read back, then to the other one; it counts when both hold it. So one copy always
 //! holds the last change that was acknowledged, whatever the power does and whichever word of a copy is lost. For the
@@ -14,6 +15,7 @@
 //! | both copies end with the same record | that record |
 //! | one ends with a record, and the other one is damaged there | the record |
 //! | both end with records, and these differ | the newer one, with the tighter value of each limit |
+//! | the same, and the newer one has another response | the older one: a calibration that was cut off changes nothing |
 //! | both are damaged behind their last record | nothing plays: every limit is lost |
 //! | nothing that can be read, and yet not blank | nothing plays: everything is lost |
 //!
@@ -28,11 +30,11 @@ use core::ops::Range;
 
 use embedded_storage_async::nor_flash::NorFlash;
 use model_format::link::{
-    FlashOperation, SettingChange, SettingSet, Settings, SettingsError, SettingsState,
+    FlashOperation, Response, SettingChange, SettingSet, Settings, SettingsError, SettingsState,
 };
 
-use copy::{Content, Copy};
-use record::{Record, Snapshot};
+use copy::{Buffers, Copy};
+use record::{RECORD_BYTES, Record, Snapshot};
 
 /// Range of the settings, bytes from the start of bank 1: its last two sectors of 128 KB, one per copy. The code ends
 /// before them.
@@ -49,7 +51,11 @@ pub struct SettingsStore<F: NorFlash> {
     copies: [Copy; 2],
     /// Number of the copy that is written and erased first. The other one keeps what is in force meanwhile.
     spare: usize,
+    /// The record in force.
     record: Record,
+    /// The record that is being written.
+    draft: Record,
+    buffers: Buffers,
     differing: SettingSet,
     mended: bool,
     unwritable: bool,
@@ -58,23 +64,36 @@ pub struct SettingsStore<F: NorFlash> {
 impl<F: NorFlash> SettingsStore<F> {
     /// Reads the settings in `range` of `flash`, which is an even number of whole sectors, and mends the copies.
     pub async fn open(flash: F, range: Range<u32>) -> Self {
+        let mut store = Self::unread(flash, range);
+        store.read().await;
+        store
+    }
+
+    /// A store that is to be [`SettingsStore::read`] in its place: it is some kilobytes.
+    pub const fn unread(flash: F, range: Range<u32>) -> Self {
         let middle = range.start.midpoint(range.end);
-        let mut store = Self {
+        Self {
             flash,
             copies: [Copy::new(range.start..middle), Copy::new(middle..range.end)],
             spare: 0,
             record: NEVER_SET,
+            draft: NEVER_SET,
+            buffers: [[0; RECORD_BYTES]; 2],
             differing: SettingSet::NONE,
             mended: false,
             unwritable: false,
-        };
-        let [first, second] = &mut store.copies;
-        let contents = [
-            first.read(&mut store.flash).await,
-            second.read(&mut store.flash).await,
-        ];
-        store.settle(&contents).await;
-        store
+        }
+    }
+
+    /// Reads the settings, once, and mends the copies.
+    pub async fn read(&mut self) {
+        for copy in &mut self.copies {
+            copy.read(&mut self.flash, &mut self.buffers).await;
+        }
+        if self.is_to_be_mended() {
+            // If this fails, the next change reports it.
+            let _ = self.write().await;
+        }
     }
 
     /// Gives the flash back.
@@ -85,6 +104,11 @@ impl<F: NorFlash> SettingsStore<F> {
     /// The settings in force.
     pub fn settings(&self) -> Settings {
         self.record.snapshot.settings
+    }
+
+    /// The actuator's response, if one was stored.
+    pub fn response(&self) -> Option<Response> {
+        self.record.snapshot.response
     }
 
     /// State of the settings.
@@ -115,14 +139,27 @@ impl<F: NorFlash> SettingsStore<F> {
             change.setting.check(change.value)?;
         }
         let before = self.record.snapshot;
-        let snapshot = changes
-            .iter()
-            .fold(before, |snapshot, &change| snapshot.with(change));
-        self.write(snapshot).await?;
+        let changed = (changes.iter()).fold(before, |snapshot, &change| snapshot.with(change));
+        self.draft = self.next(changed);
+        self.write().await?;
         for change in changes {
             self.differing = self.differing.with(change.setting, false);
         }
         Ok(self.settings())
+    }
+
+    /// Stores `response` and the setting that belongs to it, by one record, or removes the response.
+    ///
+    /// # Errors
+    /// The flash fails. What is in force stays.
+    pub async fn set_response(&mut self, response: Option<&Response>) -> Result<(), SettingsError> {
+        let changed = self.record.snapshot.with_response(response.copied());
+        self.draft = self.next(changed);
+        self.write().await?;
+        if let Some(response) = response {
+            self.differing = self.differing.with(response.change().setting, false);
+        }
+        Ok(())
     }
 
     /// Erases both copies and begins anew: every setting has its default and none is set.
@@ -130,12 +167,13 @@ impl<F: NorFlash> SettingsStore<F> {
     /// # Errors
     /// The flash fails. Every setting then has its default, and none is set, until a restart.
     pub async fn reset(&mut self) -> Result<Settings, SettingsError> {
-        self.record = self.next(Snapshot::NEVER_SET);
+        self.draft = self.next(Snapshot::NEVER_SET);
+        self.record = self.draft;
         self.differing = SettingSet::NONE;
         self.mended = false;
         self.unwritable = false;
         for index in [self.spare, 1 - self.spare] {
-            if self.erase(index).await && self.append(index, self.record).await {
+            if self.erase(index).await && self.append(index).await {
                 self.spare = 1 - index;
             } else {
                 self.unwritable = true;
@@ -147,10 +185,10 @@ impl<F: NorFlash> SettingsStore<F> {
         Ok(self.settings())
     }
 
-    /// Decides which settings are in force, and mends the copies.
-    async fn settle(&mut self, contents: &[Content; 2]) {
-        match judge(contents) {
-            Found::NeverSet => {}
+    /// Decides which settings are in force. Returns true if both copies are to be written anew.
+    fn is_to_be_mended(&mut self) -> bool {
+        match judge(&self.copies) {
+            Found::NeverSet => return false,
             Found::Lost => self.record.snapshot = Snapshot::lost(),
             Found::Same(record) => self.record = record,
             Found::Mendable {
@@ -162,36 +200,39 @@ impl<F: NorFlash> SettingsStore<F> {
                 self.differing = differing;
                 self.mended = true;
                 self.spare = spare;
-                // If this fails, the next change reports it.
-                let _ = self.write(record.snapshot).await;
+                self.draft = self.next(record.snapshot);
             }
         }
+        self.mended
     }
 
-    /// Writes `snapshot` to both copies, beginning with the spare one; it is in force then.
-    async fn write(&mut self, snapshot: Snapshot) -> Result<(), SettingsError> {
-        let (first, before) = (self.spare, self.record.snapshot);
-        let next = self.next(snapshot);
+    /// Writes the draft to both copies, beginning with the spare one; it is in force then.
+    async fn write(&mut self) -> Result<(), SettingsError> {
+        let first = self.spare;
         for index in [first, 1 - first] {
-            if !self.has_or_makes_room(index).await || !self.append(index, next).await {
+            if !self.has_or_makes_room(index).await || !self.append(index).await {
                 self.unwritable = true;
-                self.go_back(before, first).await;
+                if index != first {
+                    self.go_back(first).await;
+                }
                 return Err(NOT_WRITTEN);
             }
-            self.record = next;
             // This one keeps what is in force from now on.
             self.spare = 1 - index;
         }
+        self.record = self.draft;
         self.unwritable = false;
         Ok(())
     }
 
-    /// Writes `before` again to the copy at `first`, if that one has a later snapshot, so that a restart finds what is
-    /// in force.
-    async fn go_back(&mut self, before: Snapshot, first: usize) {
-        if self.record.snapshot != before {
-            self.record = self.next(before);
-            self.append(first, self.record).await;
+    /// Writes what is in force again to the copy at `first`, which has the draft, so that a restart finds it.
+    async fn go_back(&mut self, first: usize) {
+        let Record { sequence, snapshot } = self.draft;
+        self.record.sequence = sequence;
+        if snapshot != self.record.snapshot {
+            self.draft = self.next(self.record.snapshot);
+            self.record = self.draft;
+            self.append(first).await;
         }
     }
 
@@ -204,8 +245,11 @@ impl<F: NorFlash> SettingsStore<F> {
         self.copies[index].erase(&mut self.flash).await
     }
 
-    async fn append(&mut self, index: usize, record: Record) -> bool {
-        self.copies[index].append(&mut self.flash, &record).await
+    /// Writes the draft to the copy at `index`.
+    async fn append(&mut self, index: usize) -> bool {
+        let copy = &mut self.copies[index];
+        copy.append(&mut self.flash, &self.draft, &mut self.buffers)
+            .await
     }
 
     fn next(&self, snapshot: Snapshot) -> Record {
@@ -244,7 +288,12 @@ enum Found {
     Lost,
 }
 
-fn judge(contents: &[Content; 2]) -> Found {
+/// Returns true if `newer` has another response than `older`: a calibration whose storing was cut off.
+fn is_interrupted(newer: &Snapshot, older: &Snapshot) -> bool {
+    newer.response.is_some() && newer.response != older.response
+}
+
+fn judge(contents: &[Copy; 2]) -> Found {
     let [first, second] = contents;
     let mendable = |record, differing, spare| Found::Mendable {
         record,
@@ -277,6 +326,10 @@ fn judge(contents: &[Content; 2]) -> Found {
         // The copy that ends with the older record shows that no change counted after it. It stays whole until the
         // other one is: a cut may have left a word of the newer record that reads right now and wrongly at the next
         // start.
+        Some(other) if is_interrupted(&record.snapshot, &other.snapshot) => {
+            let snapshot = other.snapshot;
+            mendable(Record { snapshot, ..record }, SettingSet::NONE, newest)
+        }
         Some(other) => {
             let (snapshot, differing) = record.snapshot.tightened(&other.snapshot);
             mendable(Record { snapshot, ..record }, differing, newest)

@@ -1,31 +1,44 @@
-//! Record of all settings in flash: four flash words with a checksum over all of them.
+//! Record of all settings in flash, and of the actuator's response: sixteen flash words with one checksum over all of
+//! them, so that a response and the settings that belong to it are stored together or not at all.
+//!
+//! Firmware before the response wrote four flash words, without it. Their records count as before, one to each quarter
+//! of a place; the next change writes a new one after them.
 
 use crc::{CRC_32_ISO_HDLC, Crc};
-use model_format::link::{Setting, SettingChange, SettingSet, Settings, Tighter};
+use model_format::link::{
+    MAX_RESPONSE_BYTES, Response, Setting, SettingChange, SettingSet, Settings, Tighter,
+};
 
 use crate::flash::WORD_BYTES;
 
 /// Length of a record, in whole flash words.
-pub const RECORD_BYTES: usize = 4 * WORD_BYTES;
+pub const RECORD_BYTES: usize = 16 * WORD_BYTES;
 
-const MAGIC: [u8; 4] = *b"HTXC";
+/// Length of a record without a response.
+const OLD_BYTES: usize = 4 * WORD_BYTES;
+
+const MAGIC: [u8; 4] = *b"HTXD";
+const OLD_MAGIC: [u8; 4] = *b"HTXC";
 static CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 
 /// Offset of the values: behind magic, sequence, set, lost and the number of settings, each of four bytes.
 const VALUES: usize = 20;
 /// Offset of the checksum, at the record's end.
 const CHECKSUM: usize = RECORD_BYTES - 4;
+/// Offset of the response, in postcard, behind room for more settings.
+const RESPONSE: usize = CHECKSUM - (1 + MAX_RESPONSE_BYTES);
 /// Most settings that a record has room for.
-const ROOM: usize = (CHECKSUM - VALUES) / 4;
+const ROOM: usize = (RESPONSE - VALUES) / 4;
 
 const _: () = assert!(Setting::ALL.len() <= ROOM);
 
-/// All settings, with those that were set and those that were lost.
+/// All settings, with those that were set and those that were lost, and the actuator's response.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Snapshot {
     pub settings: Settings,
     pub set: SettingSet,
     pub lost: SettingSet,
+    pub response: Option<Response>,
 }
 
 /// A snapshot and its number: each change has the number after that of the one before.
@@ -40,6 +53,8 @@ pub struct Record {
 pub enum Place {
     Blank,
     Record(Record),
+    /// A record of older firmware, with something damaged behind it.
+    Followed(Record),
     Damaged,
 }
 
@@ -49,6 +64,7 @@ impl Snapshot {
         settings: Settings::DEFAULT,
         set: SettingSet::NONE,
         lost: SettingSet::NONE,
+        response: None,
     };
 
     /// Settings of which nothing is known any more.
@@ -65,7 +81,14 @@ impl Snapshot {
             settings: self.settings.with(change).unwrap_or(self.settings),
             set: self.set.with(change.setting, true),
             lost: self.lost.with(change.setting, false),
+            ..self
         }
+    }
+
+    /// This snapshot with another response, and the setting that is stored with it; or without a response.
+    pub fn with_response(self, response: Option<Response>) -> Self {
+        let set = response.map_or(self, |response| self.with(response.change()));
+        Self { response, ..set }
     }
 
     /// This snapshot, of which a later one with other limits was lost: every limit is lost.
@@ -121,6 +144,7 @@ impl Record {
             settings,
             set,
             lost,
+            response,
         } = &self.snapshot;
         let count = Setting::ALL.len() as u32;
         let mut bytes = [0; RECORD_BYTES];
@@ -135,33 +159,31 @@ impl Record {
         for (word, change) in bytes[VALUES..].chunks_exact_mut(4).zip(settings.iter()) {
             word.copy_from_slice(&change.value.to_le_bytes());
         }
+        // There is room for the longest response.
+        let _ = postcard::to_slice(response, &mut bytes[RESPONSE..CHECKSUM]);
         let crc = CRC.checksum(&bytes[..CHECKSUM]);
         bytes[CHECKSUM..].copy_from_slice(&crc.to_le_bytes());
         bytes
     }
-}
 
-impl Place {
-    /// The content of `bytes`.
+    /// The record of `bytes`, none unless magic and checksum are right.
     ///
     /// A setting that the firmware of the record did not have has its default. A value out of its range, as of a
-    /// firmware with other ranges, is lost.
-    pub fn read(bytes: &[u8; RECORD_BYTES]) -> Self {
-        if bytes.iter().all(|&byte| byte == 0xff) {
-            return Self::Blank;
-        }
-        let word = |at: usize| {
-            let word = bytes[at..at + 4].first_chunk();
-            word.copied().unwrap_or_default()
-        };
+    /// firmware with other ranges, is lost. A response of another form is none.
+    fn read(bytes: &[u8], magic: [u8; 4]) -> Option<Self> {
+        let word = |at: usize| bytes[at..].first_chunk().copied().unwrap_or_default();
         let number = |at: usize| u32::from_le_bytes(word(at));
-        if bytes[..4] != MAGIC || number(CHECKSUM) != CRC.checksum(&bytes[..CHECKSUM]) {
-            return Self::Damaged;
+        let checksum = bytes.len() - 4;
+        if bytes[..4] != magic || number(checksum) != CRC.checksum(&bytes[..checksum]) {
+            return None;
         }
+        let response = bytes.get(RESPONSE..CHECKSUM);
+        let response = response.and_then(|bytes| postcard::from_bytes(bytes).ok());
         let mut snapshot = Snapshot {
             settings: Settings::default(),
             set: SettingSet::from_bits(number(8)),
             lost: SettingSet::from_bits(number(12)),
+            response: response.flatten(),
         };
         let count = number(16) as usize;
         for (index, setting) in Setting::ALL.into_iter().enumerate().take(count) {
@@ -173,17 +195,46 @@ impl Place {
                 snapshot.lost = snapshot.lost.with(setting, true);
             }
         }
-        Self::Record(Record {
+        Some(Self {
             sequence: number(4),
             snapshot,
         })
     }
 }
 
+impl Place {
+    /// The content of `bytes`.
+    pub fn read(bytes: &[u8; RECORD_BYTES]) -> Self {
+        if is_blank(bytes) {
+            return Self::Blank;
+        }
+        if let Some(record) = Record::read(bytes, MAGIC) {
+            return Self::Record(record);
+        }
+        let quarters = bytes.chunks_exact(OLD_BYTES).rev();
+        let mut followed = false;
+        for quarter in quarters.filter(|quarter| !is_blank(quarter)) {
+            match Record::read(quarter, OLD_MAGIC) {
+                Some(record) if followed => return Self::Followed(record),
+                Some(record) => return Self::Record(record),
+                None => followed = true,
+            }
+        }
+        Self::Damaged
+    }
+}
+
+/// Returns true if nothing was written.
+pub fn is_blank(bytes: &[u8]) -> bool {
+    bytes.iter().all(|&byte| byte == 0xff)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use model_format::link::{RESPONSE_BANDS, Sections};
     use proptest::prelude::*;
+    use std::vec::Vec;
 
     fn record(sequence: u32, set: u32, lost: u32, share: f32) -> Record {
         let mut settings = Settings::default();
@@ -204,8 +255,40 @@ mod tests {
             settings,
             set: SettingSet::from_bits(set),
             lost: SettingSet::from_bits(lost),
+            response: (share > 0.5).then(|| response(share)),
         };
         Record { sequence, snapshot }
+    }
+
+    /// A response whose numbers are as long as they can be.
+    fn response(share: f32) -> Response {
+        Response {
+            sections_5khz: Sections::NONE,
+            sections_10khz: Sections::NONE,
+            measured_at: u64::MAX,
+            worst_db: share,
+            rms_db: share,
+            resonance_hz: share,
+            damping_ratio: share,
+            delay_us: share,
+            axis: [share; 3],
+            level_m_s2_per_volt: share,
+            bands_centi_db: [i16::MIN; RESPONSE_BANDS],
+            trusted_bands: u32::MAX,
+            output_gain: share,
+            amplifier_gain: share,
+            coil_resistance: share,
+            hard_limit: share,
+        }
+    }
+
+    /// The record as older firmware wrote it, without its response.
+    fn old_bytes(record: &Record) -> Vec<u8> {
+        let mut bytes = record.bytes()[..OLD_BYTES].to_vec();
+        bytes[..4].copy_from_slice(&OLD_MAGIC);
+        let crc = CRC.checksum(&bytes[..OLD_BYTES - 4]);
+        bytes[OLD_BYTES - 4..].copy_from_slice(&crc.to_le_bytes());
+        bytes
     }
 
     proptest! {
@@ -218,6 +301,25 @@ mod tests {
             prop_assert_eq!(Place::read(&bytes), Place::Record(record));
             bytes[bit / 8] ^= 1 << (bit % 8);
             prop_assert_eq!(Place::read(&bytes), Place::Damaged);
+        }
+
+        #[test]
+        fn the_last_record_of_older_firmware_in_a_place_counts_and_damage_behind_it_is_seen(
+            shares in prop::collection::vec(0.0..0.5f32, 1..=4), damaged: bool,
+        ) {
+            let records: Vec<_> = (1..).zip(&shares).map(|(n, &share)| record(n, n, 0, share)).collect();
+            let mut place = [0xff; RECORD_BYTES];
+            for (quarter, record) in place.chunks_exact_mut(OLD_BYTES).zip(&records) {
+                quarter.copy_from_slice(&old_bytes(record));
+            }
+            let count = records.len();
+            place[count * OLD_BYTES - 1] ^= u8::from(damaged);
+            let expected = match (damaged, count) {
+                (false, _) => Place::Record(records[count - 1]),
+                (true, 1) => Place::Damaged,
+                (true, _) => Place::Followed(records[count - 2]),
+            };
+            prop_assert_eq!(Place::read(&place), expected);
         }
 
         #[test]

@@ -5,6 +5,7 @@ use heapless::Vec;
 use super::equaliser::Equaliser;
 use super::stick_slip::StickSlipFrame;
 use super::tap::{Resonance, Strike};
+use super::wave::MAX_BLOCK_SAMPLES;
 use crate::level::Ramp;
 use crate::lines::LinesFrame;
 
@@ -36,6 +37,8 @@ pub enum Stage {
     Lines(u8),
     /// A tap that rings.
     Tap(Resonance),
+    /// A probe's waveform.
+    Wave,
     /// The equaliser of all stages before.
     Equaliser,
     /// A fade of all stages before, by a ramp that ends at zero with the block.
@@ -47,7 +50,7 @@ impl Stage {
     pub fn voice(&self) -> Option<VoiceStage> {
         match *self {
             Self::Voice(voice) | Self::StickSlip(voice, _) => Some(voice),
-            Self::Lines(_) | Self::Tap(_) | Self::Equaliser | Self::FadeOut(_) => None,
+            Self::Lines(_) | Self::Tap(_) | Self::Wave | Self::Equaliser | Self::FadeOut(_) => None,
         }
     }
 }
@@ -59,6 +62,8 @@ pub struct Block {
     /// Lines of each slot's voice.
     pub(super) lines: [LinesFrame; SLOTS],
     pub(super) strike: Option<Strike>,
+    /// Samples of a probe's waveform, the last one first.
+    pub(super) wave: [i32; MAX_BLOCK_SAMPLES],
     /// True if tap and equaliser are reset before the first sample.
     pub(super) resets: bool,
     pub(super) samples: u32,
@@ -74,6 +79,7 @@ impl Block {
             stages: Vec::new(),
             lines: [const { LinesFrame::new() }; SLOTS],
             strike: None,
+            wave: [0; MAX_BLOCK_SAMPLES],
             resets: false,
             samples: 0,
             equaliser: Equaliser::NONE,
@@ -95,6 +101,14 @@ impl Block {
     #[inline(never)]
     pub(super) fn lines_of(&self, slot: u8, left: u32) -> i64 {
         self.lines[usize::from(slot) % SLOTS].sample(left)
+    }
+
+    /// The sample of the probe's waveform with `left` samples of the block to come. A function of its own for the
+    /// reason of [`Block::lines_of`].
+    #[cold]
+    #[inline(never)]
+    pub(super) fn wave_of(&self, left: u32) -> i64 {
+        self.wave.get(left as usize).copied().unwrap_or(0).into()
     }
 
     /// The stages that the tick runs per sample, in their order.

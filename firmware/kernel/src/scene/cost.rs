@@ -38,6 +38,9 @@ pub const LINES: StageCost = StageCost { base: 45, each: 37 };
 /// A tap transient.
 pub const TAP: StageCost = StageCost { base: 43, each: 0 };
 
+/// A probe's waveform.
+pub const WAVE: StageCost = StageCost { base: 30, each: 0 };
+
 /// The equaliser, with `each` per section.
 pub const EQUALISER: StageCost = StageCost { base: 56, each: 79 };
 
@@ -89,6 +92,8 @@ pub enum Item {
     },
     /// A tap transient.
     Tap,
+    /// A probe's waveform.
+    Wave,
     /// The equaliser.
     Equaliser,
     /// The fade while scenes are exchanged.
@@ -194,6 +199,7 @@ impl fmt::Display for Item {
             Self::Voice { surface } => write!(f, "surface {surface}, normalised lattice"),
             Self::StickSlip { surface } => write!(f, "surface {surface}, stick-slip"),
             Self::Lines { surface } => write!(f, "surface {surface}, lines"),
+            Self::Wave => f.write_str("probe"),
             Self::Tap => f.write_str("tap"),
             Self::Equaliser => f.write_str("equaliser"),
             Self::FadeOut => f.write_str("fade"),

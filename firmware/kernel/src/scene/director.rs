@@ -10,6 +10,7 @@ use super::tap::{Resonance, Strike};
 use crate::grid::{Motion, ONE};
 use crate::level::Ramp;
 use crate::position::{Passage, Track};
+use crate::synthesis::UPDATE_INTERVAL_SAMPLES;
 
 /// Decides the stages of each block.
 #[derive(Clone, Debug)]
@@ -31,6 +32,8 @@ pub struct Director<'a> {
     /// The way of the tool, for lines that are locked to place.
     track: Track,
     before: Option<Before>,
+    /// Tick at which the next block begins.
+    tick: u64,
 }
 
 /// The interaction of the block before.
@@ -64,6 +67,7 @@ impl<'a> Director<'a> {
             fading: None,
             track: Track::new(),
             before: None,
+            tick: 0,
         }
     }
 
@@ -71,6 +75,11 @@ impl<'a> Director<'a> {
     /// if a voice needs a slot that was played until then.
     pub fn switch(&mut self, plan: Plan<'a>) {
         self.next_plan = Some(plan);
+    }
+
+    /// Tells the tick at which the next block begins, which a probe's waveform is tied to.
+    pub fn at_tick(&mut self, tick: u64) {
+        self.tick = tick;
     }
 
     /// Returns whether a plan waits for what sounds to fade.
@@ -113,6 +122,7 @@ impl<'a> Director<'a> {
         self.slots
             .direct(&self.plan, &wanted, moment, voices, block);
         let impact = self.impact(&interaction, &located);
+        self.direct_wave(block);
         self.direct_tap(impact, ringing, block);
         self.direct_equaliser(ringing, block);
         self.direct_fade(moment, block);
@@ -248,6 +258,18 @@ impl<'a> Director<'a> {
         self.struck = impact.is_some();
         if let Some(resonance) = self.tap {
             block.push(Stage::Tap(resonance));
+        }
+    }
+
+    fn direct_wave(&mut self, block: &mut Block) {
+        let Some(wave) = &self.plan.wave else {
+            return;
+        };
+        let per_tick = self.plan.block_samples() / UPDATE_INTERVAL_SAMPLES;
+        let from = self.tick.wrapping_sub(wave.first_tick) as i64 * i64::from(per_tick);
+        let count = block.wave.len().min(block.samples as usize);
+        if wave.fill(from, &mut block.wave[..count]) {
+            block.push(Stage::Wave);
         }
     }
 

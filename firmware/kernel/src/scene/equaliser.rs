@@ -18,7 +18,7 @@
 use heapless::Vec;
 use model_format::OutputSample;
 use model_format::scene::Biquad;
-use model_format::scene::limits::MAX_SECTIONS;
+use model_format::scene::limits::{MAX_RESPONSE_SECTIONS, MAX_SECTIONS};
 
 use crate::fixed::{high_word_toward_zero, saturate, shift_toward_zero};
 
@@ -28,6 +28,9 @@ const HEADROOM_BITS: u32 = 5;
 /// Digits after the point of a tap, which lies between -32 and 32. A section's taps are an orthonormal expansion of its
 /// impulse response: the sum of their squares is that of the response, so that no tap is above its largest gain, 16.
 const TAP_FRACTION_BITS: u32 = 26;
+
+/// Most sections of a cascade: those of a scene, and those of the device's response.
+const ROOM: usize = MAX_SECTIONS + MAX_RESPONSE_SECTIONS;
 
 /// A section as it is played.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -41,14 +44,14 @@ struct Section {
 /// A cascade of sections.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Equaliser {
-    sections: Vec<Section, MAX_SECTIONS>,
+    sections: Vec<Section, ROOM>,
 }
 
 /// State of an equaliser: the backward signals of all sections.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct EqualiserState {
     /// g0 and g1 of each section.
-    backward: [[i32; 2]; MAX_SECTIONS],
+    backward: [[i32; 2]; ROOM],
 }
 
 impl Section {
@@ -120,11 +123,14 @@ impl Equaliser {
     /// The cascade of `biquads`, whose poles must be within the limit.
     pub fn new(biquads: &[Biquad]) -> Self {
         Self {
-            sections: biquads
-                .iter()
-                .take(MAX_SECTIONS)
-                .map(Section::new)
-                .collect(),
+            sections: biquads.iter().take(ROOM).map(Section::new).collect(),
+        }
+    }
+
+    /// Adds the sections of `biquads` after the others, as far as there is room.
+    pub(super) fn append(&mut self, biquads: &[Biquad]) {
+        for biquad in biquads {
+            let _ = self.sections.push(Section::new(biquad));
         }
     }
 
@@ -143,7 +149,7 @@ impl EqualiserState {
     /// The state at rest.
     pub const fn new() -> Self {
         Self {
-            backward: [[0; 2]; MAX_SECTIONS],
+            backward: [[0; 2]; ROOM],
         }
     }
 

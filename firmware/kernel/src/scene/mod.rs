@@ -16,6 +16,9 @@
 //! Gains and the weights of a transition are part of the voices' levels, which ramp across each block. They cost no
 //! instruction in the tick, and no change of region, gain or contact is faster than a block.
 //!
+//! The equaliser's sections are those of the scene, and after them those of the device's response, if it has one. A
+//! [`Wave`] is played in the place of voices: a probe's, which measures that response.
+//!
 //! [`ScenePlayer`] joins both halves, for programs that compute block and samples in one thread. A scene of one surface
 //! without effects plays, bit for bit, what [`crate::Synthesis`] plays of its texture.
 
@@ -31,6 +34,7 @@ mod player;
 mod slots;
 mod stick_slip;
 mod tap;
+mod wave;
 
 pub use block::{Block, MAX_STAGES, SLOTS, Stage, VoiceStage};
 pub use director::Director;
@@ -43,3 +47,4 @@ pub use player::ScenePlayer;
 pub use slots::Voices;
 pub use stick_slip::{StickSlipFrame, StickSlipState, StickSlipWindow};
 pub use tap::{Resonance, Strike, TapState};
+pub use wave::Wave;

@@ -2,7 +2,7 @@
 
 use heapless::Vec;
 use model_format::scene::limits::MAX_SURFACES;
-use model_format::scene::{MotionOfScene, Scene, SceneError, Surface, Tap};
+use model_format::scene::{Biquad, MotionOfScene, Scene, SceneError, Surface, Tap};
 use model_format::{Library, MillimetresPerSecond, Newton, Texture};
 
 use super::cost::{self, Cost, Item, OverBudget, Term};
@@ -10,6 +10,7 @@ use super::equaliser::Equaliser;
 use super::path::{Located, Path};
 use super::stick_slip::StickSlipWindow;
 use super::tap::Resonance;
+use super::wave::Wave;
 use crate::grid::{Motion, ONE};
 use crate::synthesis::update_interval_samples;
 
@@ -23,6 +24,8 @@ pub struct Plan<'a> {
     pub(super) sample_rate_hz: u32,
     /// True if any texture has lines that are locked to place.
     pub(super) has_lines: bool,
+    /// A probe's waveform.
+    pub(super) wave: Option<Wave<'a>>,
 }
 
 /// A surface with its texture looked up and its constants computed.
@@ -69,6 +72,7 @@ impl<'a> Plan<'a> {
             equaliser: Equaliser::new(&scene.equaliser),
             sample_rate_hz: rate,
             has_lines,
+            wave: None,
         })
     }
 
@@ -84,12 +88,36 @@ impl<'a> Plan<'a> {
         });
         Self {
             surfaces,
+            has_lines: texture.lines().is_some(),
+            ..Self::nothing(texture.sample_rate_hz())
+        }
+    }
+
+    /// The plan of a probe's `wave` at `sample_rate_hz`, whatever the tool does.
+    pub fn of_wave(wave: Wave<'a>, sample_rate_hz: u32) -> Self {
+        Self {
+            wave: Some(wave),
+            ..Self::nothing(sample_rate_hz)
+        }
+    }
+
+    const fn nothing(sample_rate_hz: u32) -> Self {
+        Self {
+            surfaces: Vec::new(),
             path: Path::everywhere(),
             constant_motion: None,
             equaliser: Equaliser::NONE,
-            sample_rate_hz: texture.sample_rate_hz(),
-            has_lines: texture.lines().is_some(),
+            sample_rate_hz,
+            has_lines: false,
+            wave: None,
         }
+    }
+
+    /// The plan with `sections` after its own equaliser: those of the device's response.
+    #[must_use]
+    pub fn with_response(mut self, sections: &[Biquad]) -> Self {
+        self.equaliser.append(sections);
+        self
     }
 
     /// The plan with each texture changed to what `change` makes of it: for comparisons with parts left out, see
@@ -175,6 +203,9 @@ impl<'a> Plan<'a> {
             .flatten()
             .flatten()
             .for_each(|term| cost.add(term));
+        if self.wave.is_some() {
+            cost.add(Term::once(Item::Wave, cost::WAVE));
+        }
         let taps = self.path.surfaces().any(|surface| {
             let planned = self.surfaces.get(usize::from(surface));
             planned.is_some_and(|planned| planned.tap.is_some())

@@ -78,6 +78,7 @@ impl ScenePlayback {
                 }
                 Stage::Lines(slot) => mix += block.lines_of(*slot, self.left),
                 Stage::Tap(resonance) => mix += i64::from(self.tap.next_sample(*resonance).0),
+                Stage::Wave => mix += block.wave_of(self.left),
                 Stage::Equaliser => {
                     let (input, over) = saturate(mix);
                     let input = OutputSample(input);

@@ -85,6 +85,11 @@ impl<'a, A: Arithmetic> ScenePlayer<'a, A> {
         });
     }
 
+    /// Tells the tick at which the next block begins; see [`Director::at_tick`].
+    pub fn at_tick(&mut self, tick: u64) {
+        self.director.at_tick(tick);
+    }
+
     /// The next sample.
     #[inline]
     pub fn next_sample(&mut self) -> OutputSample {

@@ -7,13 +7,13 @@
 //!   clearing that flag. The update interrupts tasks, but they never interrupt it, so it has taken all of the plan or
 //!   nothing.
 //!
-//! Each is some kilobytes, which the tick does not touch. Both lie in SRAM 4.
+//! Each is some kilobytes, which the tick does not touch. Both lie in SRAM 4, and so does the waveform of a probe.
 #![expect(unsafe_code, reason = "values that change owners; see above")]
 
 use core::mem::MaybeUninit;
-use core::sync::atomic::{AtomicBool, Ordering, compiler_fence};
+use core::sync::atomic::{AtomicBool, AtomicI16, Ordering, compiler_fence};
 
-use stylus_app::control::NotPrepared;
+use stylus_app::control::{NotPrepared, Waveform};
 use stylus_app::inputs::Follower;
 use stylus_kernel::scene::{Director, Plan};
 
@@ -40,6 +40,10 @@ static DIRECTION: Handed<MaybeUninit<Direction>> = Handed::new(MaybeUninit::unin
 #[unsafe(link_section = ".sram4.next")]
 static NEXT: Handed<MaybeUninit<Next>> = Handed::new(MaybeUninit::uninit());
 
+/// Written by tasks before the plan that plays it, and read by the update.
+#[unsafe(link_section = ".sram4.waveform")]
+static WAVEFORM: Waveform = [const { AtomicI16::new(0) }; _];
+
 /// True while there is a director.
 static DIRECTS: AtomicBool = AtomicBool::new(false);
 
@@ -48,6 +52,11 @@ static WAITS: AtomicBool = AtomicBool::new(false);
 
 /// True while the next plan is there for [`start`]. Only tasks use this flag.
 static PREPARED: AtomicBool = AtomicBool::new(false);
+
+/// Memory of a probe's waveform.
+pub fn waveform() -> &'static Waveform {
+    &WAVEFORM
+}
 
 /// Keeps `next` for [`start`]. For tasks.
 pub fn prepare(next: Next) {

@@ -105,7 +105,7 @@ extern "C" fn SWPMI1() {
                 let interaction =
                     follower.follow(chosen, &noted.sensors, &update.config, noted.tick);
                 // SAFETY: as above; this is the director of the block that is played.
-                unsafe { voice::direct(&mut direction.director, interaction, played) };
+                unsafe { voice::direct(&mut direction.director, interaction, noted.tick, played) };
             }
         }
         let cycles = DWT::cycle_count().wrapping_sub(begin);

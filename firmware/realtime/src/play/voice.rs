@@ -14,6 +14,7 @@
 use core::sync::atomic::{AtomicBool, Ordering};
 
 use model_format::OutputSample;
+use stylus_app::UPDATE_INTERVAL_TICKS;
 use stylus_app::inputs::Sensors;
 use stylus_kernel::scene::{
     Block, Director, Interaction, Ringing, SLOTS, ScenePlayback, VoiceStage, Voices,
@@ -199,16 +200,22 @@ pub unsafe fn noted() -> Noted {
     *unsafe { NOTED.look() }
 }
 
-/// Lets `director` decide the block that follows `played`.
+/// Lets `director` decide the block that follows `played`, which has begun at `tick`.
 ///
 /// # Safety
 /// Called by the update, before [`ready`], with the director of what is played.
-pub unsafe fn direct(director: &mut Director<'_>, interaction: Interaction, played: Played) {
+pub unsafe fn direct(
+    director: &mut Director<'_>,
+    interaction: Interaction,
+    tick: u64,
+    played: Played,
+) {
     // SAFETY: before `ready` the other block is the update's.
     let block = unsafe { BLOCKS[played.block.other() as usize].get() };
     let ringing = played.ringing;
     // A plan that waits has the same rate, because another rate begins from silence.
     let samples = director.plan().block_samples();
+    director.at_tick(tick + u64::from(UPDATE_INTERVAL_TICKS));
     // Every block is played to its end, so the next one begins with no samples left over.
     director.next_block(interaction, samples, 0, ringing, &mut SharedVoices, block);
 }

@@ -41,10 +41,10 @@ fn step() -> impl Strategy<Value = Step> {
     let limits = Setting::ALL.len();
     prop_oneof![
         4 => (0..limits, any::<u16>()).prop_map(|(setting, share)| Step::Set { setting, share }),
-        4 => (0..limits, any::<u16>(), 0..9usize, 0..5usize)
+        4 => (0..limits, any::<u16>(), 0..34usize, 0..5usize)
             .prop_map(|(setting, share, at, how)| Step::CutSet { setting, share, at, how }),
-        2 => (0..9usize, 0..5usize).prop_map(|(at, how)| Step::CutStart { at, how }),
-        3 => (0..2usize, 0..12usize, 0..3usize)
+        2 => (0..34usize, 0..5usize).prop_map(|(at, how)| Step::CutStart { at, how }),
+        3 => (0..2usize, 0..40usize, 0..3usize)
             .prop_map(|(copy, word, how)| Step::Damage { copy, word, how }),
         2 => Just(Step::Restart),
         1 => Just(Step::Reset),

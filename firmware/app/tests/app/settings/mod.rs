@@ -14,11 +14,12 @@ use fake_stylus::device::{COIL, change};
 use fake_stylus::flash::{Memory, Mishap, Operation, SECTOR_BYTES, SimulatedFlash};
 
 mod histories;
+mod response;
 
 const RANGE: core::ops::Range<u32> = 0..2 * SECTOR_BYTES as u32;
 
 /// Flash words of a record.
-const RECORD_WORDS: usize = 4;
+const RECORD_WORDS: usize = 16;
 
 /// Changes that fill a copy.
 const CHANGES_PER_COPY: u32 = (SECTOR_BYTES / WORD_BYTES / RECORD_WORDS) as u32;

@@ -1,0 +1,137 @@
+//! Requests of probes: see [`ProbeStart`].
+
+use core::sync::atomic::Ordering;
+
+use model_format::PlayRate;
+use model_format::link::{
+    LIBRARY_CRC, LinkId, PlayError, ProbeError, ProbeLoad, ProbeStart, ProbeStarted, ProbeThrough,
+    Setting, SettingChange,
+};
+use stylus_kernel::scene::Wave;
+
+use super::{Control, Device};
+use crate::TICKS_PER_MS;
+use crate::lease::HeldBy;
+use crate::player::{Busy, Piece, Probe};
+use crate::safety::Config;
+
+/// Ticks from a request to the probe's first sample: 20 ms. The next poll starts the tick, which plays silence for up
+/// to two blocks; all that takes 5 ms.
+pub const LEAD_TICKS: u64 = 20 * TICKS_PER_MS as u64;
+
+impl<D: Device> Control<D> {
+    /// Serves `ProbeLoadEndpoint`.
+    ///
+    /// # Errors
+    /// A probe is played, or the other link plays; or the samples end beyond the memory.
+    pub fn load_probe(&mut self, from: LinkId, load: &ProbeLoad) -> Result<(), ProbeError> {
+        self.check_lease(from)?;
+        if self.player.probing().is_some() {
+            return Err(ProbeError::Playing);
+        }
+        let offset = load.offset;
+        let rest = self.device.waveform().get(offset.into()..);
+        let places = rest.and_then(|rest| rest.get(..load.samples.len()));
+        let places = places.ok_or(ProbeError::Offset { offset })?;
+        for (place, &sample) in places.iter().zip(&load.samples) {
+            place.store(sample, Ordering::Relaxed);
+        }
+        Ok(())
+    }
+
+    /// Serves `ProbeStartEndpoint`, and gives the lease to `from`. The probe ends by itself, and when `from` lets the
+    /// lease lapse.
+    ///
+    /// # Errors
+    /// A value out of its range; another waveform; no response to play through; something is played, or may not be.
+    pub fn start_probe(
+        &mut self,
+        from: LinkId,
+        request: &ProbeStart,
+    ) -> Result<ProbeStarted, ProbeError> {
+        self.check_lease(from)?;
+        let (rate, samples) = request.check()?;
+        self.check_playable().map_err(ProbeError::Refused)?;
+        let period = &self.device.waveform()[..request.length.into()];
+        let mut digest = LIBRARY_CRC.digest();
+        for sample in period {
+            digest.update(&sample.load(Ordering::Relaxed).to_le_bytes());
+        }
+        let loaded = digest.finalize();
+        if loaded != request.crc32 {
+            return Err(ProbeError::Waveform { loaded });
+        }
+        let response = match request.through {
+            ProbeThrough::Nothing => None,
+            ProbeThrough::Stored => Some(self.response.as_ref()),
+            ProbeThrough::Proposed => Some(self.proposed_by(from)),
+        };
+        let response = response
+            .map(|response| response.ok_or(ProbeError::NoResponse))
+            .transpose()?;
+        let proposed = response.filter(|_| request.through == ProbeThrough::Proposed);
+        let in_force = self.settings.get(Setting::OutputGain);
+        let output_gain = proposed.map_or(in_force, |response| response.output_gain);
+        let sections = response.map(|response| response.sections(rate).biquads());
+
+        let now = self.device.now();
+        let first_tick = now + LEAD_TICKS;
+        let end_tick = first_tick + u64::from(samples.div_ceil(rate.samples_per_tick()));
+        let probe = Probe {
+            end_tick,
+            output_gain,
+        };
+        let begun = self.player.probe(probe, rate);
+        begun.map_err(|Busy| ProbeError::Playing)?;
+        self.lease.give(from, now);
+        self.proposals.end();
+        let wave = Wave {
+            samples: period,
+            total: samples,
+            peak_m_s2: request.peak_m_s2,
+            first_tick,
+        };
+        // Six sections and a waveform are within any budget.
+        let plan = (self.device).plan_wave(wave, rate, sections.as_deref().unwrap_or_default());
+        self.device.prepare(plan);
+        self.tell_mute();
+        let soft_start_ms = self.settings.get(Setting::SoftStart) as u32 + 1;
+        Ok(ProbeStarted {
+            first_tick,
+            whole_tick: first_tick + u64::from(soft_start_ms * TICKS_PER_MS),
+            end_tick,
+        })
+    }
+
+    /// Ends the probe after its last sample, and when its host is not heard any more.
+    pub(super) fn end_probe(&mut self, link_lost: bool) {
+        let now = self.device.now();
+        let probe = self.player.probing();
+        if probe.is_some_and(|probe| link_lost || now >= probe.end_tick) {
+            // It is played, so it can be stopped.
+            let _ = self.player.stop();
+            self.lease.end();
+        }
+    }
+
+    /// Configuration of the safety stages for `piece`.
+    pub(super) fn config(&self, piece: &Piece, rate: PlayRate) -> Config {
+        match piece {
+            Piece::Selected(request) => Config::at_rate(&self.settings, request.gain, rate),
+            Piece::Probe(probe) => {
+                let change = SettingChange {
+                    setting: Setting::OutputGain,
+                    value: probe.output_gain,
+                };
+                // A proposed gain was found in its range.
+                let settings = self.settings.with(change).unwrap_or(self.settings);
+                Config::at_rate(&settings, 1.0, rate)
+            }
+        }
+    }
+
+    fn check_lease(&mut self, from: LinkId) -> Result<(), ProbeError> {
+        let held = self.lease.check_play(from, self.device.now());
+        held.map_err(|HeldBy(by)| ProbeError::Refused(PlayError::Held { by }))
+    }
+}

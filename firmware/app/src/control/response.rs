@@ -1,0 +1,73 @@
+//! Requests of the actuator's response: see [`Response`].
+
+use model_format::link::{
+    LinkId, Response, ResponseChange, ResponseError, ResponseState, SettingsError, StoredResponse,
+};
+
+use super::{Control, Device};
+
+impl<D: Device> Control<D> {
+    /// Serves `ResponseGetEndpoint`.
+    pub fn response(&self) -> ResponseState {
+        let stored = self.response.map(|response| StoredResponse {
+            id: response.id(),
+            stale: response.stale(&self.settings),
+            response,
+        });
+        ResponseState {
+            stored,
+            proposed: self.proposed.as_ref().map(|(_, response)| response.id()),
+        }
+    }
+
+    /// Serves `ResponseProposeEndpoint`: keeps `response` in place of one that was proposed before, until the settings
+    /// change or the device restarts. Returns its hash.
+    ///
+    /// # Errors
+    /// Something is played, or the response is not one that could be stored.
+    pub fn propose_response(
+        &mut self,
+        from: LinkId,
+        response: Response,
+    ) -> Result<u32, ResponseError> {
+        if !self.player.is_idle() {
+            return Err(SettingsError::Playing.into());
+        }
+        response.check(&self.settings)?;
+        self.proposed = Some((from, response));
+        Ok(response.id())
+    }
+
+    /// The response that `from` has proposed.
+    pub(super) fn proposed_by(&self, from: LinkId) -> Option<&Response> {
+        let of_link = self.proposed.as_ref().filter(|(link, _)| *link == from);
+        of_link.map(|(_, response)| response)
+    }
+
+    /// Keeps everything from being played until [`Control::end_configuration`], and returns the response that is to be
+    /// stored; none if the stored one is to be removed.
+    ///
+    /// # Errors
+    /// No such response, or something is played.
+    pub fn begin_response(
+        &mut self,
+        from: LinkId,
+        change: ResponseChange,
+    ) -> Result<Option<Response>, ResponseError> {
+        let (id, found) = match change {
+            ResponseChange::Store { id } => (id, self.proposed.as_ref().map(|(_, one)| one)),
+            ResponseChange::Clear { id } => (id, self.response.as_ref()),
+        };
+        let found = found.copied().filter(|response| response.id() == id);
+        let response = found.ok_or(ResponseError::NoSuchResponse { id })?;
+        let stores = matches!(change, ResponseChange::Store { .. });
+        if let Some((by, _)) = self.proposed
+            && stores
+            && by != from
+        {
+            return Err(ResponseError::OtherLink { from: by });
+        }
+        self.begin_configuration()?;
+        Ok(stores.then_some(response))
+    }
+}
