@@ -8,11 +8,11 @@
 
 mod measured;
 mod multisine;
-mod poles;
+mod resonance;
 
 pub use measured::{Band, Bandwidths, Line, Measured, Spectra};
 pub use multisine::Multisine;
-pub use poles::{Fit, Resonance};
+pub use resonance::{Fit, Resonance};
 
 /// Sample rate of waveforms and recordings, Hz.
 pub const RATE_HZ: f64 = 5000.0;

@@ -106,10 +106,6 @@ fn record(
 ) -> Result<Response> {
     let (settings, fit) = (bench.settings(), &identified.fit);
     let bands = identified.measured.bands();
-    let Some(resonance) = fit.resonance else {
-        let volts = identified.levels[2].volts;
-        return Err(Fault::Noisy { share: 0.0, volts }.into());
-    };
     let sections = |of: usize| Sections::new(&design.sections[of]).unwrap_or(Sections::NONE);
     let trusted = bands.iter().enumerate().filter(|(_, band)| band.trusted);
     let curve = response(&identified.measured)?;
@@ -119,8 +115,8 @@ fn record(
         measured_at,
         worst_db: 0.0,
         rms_db: 0.0,
-        resonance_hz: resonance.hz as f32,
-        damping_ratio: resonance.damping_ratio as f32,
+        resonance_hz: fit.resonance.hz as f32,
+        damping_ratio: fit.resonance.damping_ratio as f32,
         delay_us: (1e6 * fit.delay_s) as f32,
         axis: identified.measured.axis.map(|part| part as f32),
         level_m_s2_per_volt: ratio(Flatness::of(BAND_HZ, |hz| curve.level_db(hz)).level_db) as f32,

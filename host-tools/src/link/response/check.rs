@@ -84,9 +84,7 @@ pub fn check(
     let off = bands.iter().map(|&(band, change)| (band, change - gain_db));
     let worst = off.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
     let fit = Fit::of(&measured.lines);
-    let resonance_hz = fit
-        .and_then(|fit| fit.resonance)
-        .map(|resonance| resonance.hz);
+    let resonance_hz = fit.map(|fit| fit.resonance.hz);
     let cosine: f64 = measured
         .axis
         .iter()

@@ -41,6 +41,9 @@ const HUM_HZ: [f64; 2] = [40.0, 420.0];
 /// Least power of the lines over that of the noise in them if anything moves.
 const MOVES: f64 = 4.0;
 
+/// Power of the lines over that of the noise from which distortion is known.
+const CLEAR: f64 = 300.0;
+
 /// Least share of the lines in the band that the noise lets be trusted.
 const TRUSTED: f64 = 0.9;
 
@@ -50,6 +53,10 @@ const TOO_BENT: f64 = 0.2;
 /// Distortion, change of the gain in dB and relative move of the resonance from the lowest to the highest level that
 /// a linear actuator stays below.
 const BENT: (f64, f64, f64) = (0.03, 0.4, 0.025);
+
+/// Relative deviation of the resonance at the highest level from which what moves is no resonance that stiffens, which
+/// the model still explains, but knocking.
+const ROUGH: f64 = 0.02;
 
 /// Choices of a calibration.
 #[derive(Clone, Copy, Debug)]
@@ -194,14 +201,15 @@ pub fn identify(
     let mut top = most * FIRST;
     loop {
         let (played, measured) = play(top, UPWARDS)?;
-        let bent = measured
-            .as_ref()
-            .is_some_and(|measured| measured.even.max(measured.odd) > TOO_BENT);
+        let bent = measured.as_ref().is_some_and(|measured| {
+            measured.over_noise > CLEAR && measured.even.max(measured.odd) > TOO_BENT
+        });
         let peak = played
             .axes
             .iter()
             .map(|axis| swing(axis))
             .fold(0.0, f64::max);
+        if std::env::var_os("EXPLORE").is_some() { println!("  top {top} peak {peak} bent {bent} over {:?}", measured.as_ref().map(|m| (m.over_noise, m.even, m.odd))); }
         let next = (2.0 * top).min(top * bounds.range_m_s2 / peak).min(most);
         if bent || next < 1.05 * top {
             break;
@@ -226,6 +234,7 @@ pub fn identify(
         return Err(Fault::NothingMoves { volts: top }.into());
     };
     let levels: Vec<Level> = found.iter().flatten().map(|(level, ..)| *level).collect();
+    if std::env::var_os("EXPLORE").is_some() { for l in &levels { println!("   v {:.4} gain {:.3} res {:?} even {:.4} odd {:.4} restless {:.4}", l.volts, l.gain_db, l.resonance.map(|r| (r.hz, r.hz_deviation, r.damping_ratio)), l.even, l.odd, l.restless); } }
     if let Some(fault) = bent(&levels) {
         return Err(fault.into());
     }
@@ -265,24 +274,16 @@ fn rest(bench: &mut impl Bench, bounds: &Bounds) -> Result<[f64; 3]> {
         through: ProbeThrough::Nothing,
     };
     let played = usable(bench.play(&probe)?, 0.0)?;
-    let deviations = [0, 1, 2].map(|axis| {
-        let values = &played.axes[axis];
-        let count = values.len() as f64;
-        let mean = values.iter().sum::<f64>() / count;
-        (values
-            .iter()
-            .map(|value| (value - mean).powi(2))
-            .sum::<f64>()
-            / count)
-            .sqrt()
-    });
+    // What differs between periods, so that a hum, which all axes may show, is no sign of life.
+    let spectra = Spectra::of(&played.axes);
+    let deviations =
+        [0, 1, 2].map(|axis| (0.5 * spectra.variance[axis][1..].iter().sum::<f64>()).sqrt());
     let largest = deviations.into_iter().fold(0.0, f64::max);
     for (axis, deviation) in ['X', 'Y', 'Z'].into_iter().zip(deviations) {
         if deviation <= LEAST_NOISE * largest {
             return Err(Fault::DeadAxis { axis }.into());
         }
     }
-    let spectra = Spectra::of(&played.axes);
     let bins = HUM_HZ.map(|hz| (hz / STEP_HZ) as usize);
     let mut amplitudes: Vec<f64> = (bins[0]..=bins[1])
         .map(|bin| {
@@ -319,7 +320,7 @@ fn level(volts: f64, measured: &Measured, fit: Option<&Fit>, periods: usize) -> 
     Level {
         volts,
         gain_db: levels.iter().sum::<f64>() / levels.len() as f64,
-        resonance: fit.and_then(|fit| fit.resonance),
+        resonance: fit.map(|fit| fit.resonance),
         even: measured.even,
         odd: measured.odd,
         restless: (periods as f64 / measured.over_noise).sqrt(),
@@ -354,11 +355,12 @@ fn bent(levels: &[Level]) -> Option<Fault> {
         return None;
     }
     let volts = last.volts;
+    let is_rough = last.resonance.is_none_or(|resonance| resonance.hz_deviation > ROUGH * resonance.hz);
     match resonances {
-        Some([low_hz, high_hz]) if moves > moved => {
+        _ if loss_db > changed_db => Some(Fault::Clipped { loss_db, volts }),
+        Some([low_hz, high_hz]) if moves > moved && !is_rough => {
             Some(Fault::MovingResonance { low_hz, high_hz })
         }
-        _ if loss_db > changed_db => Some(Fault::Clipped { loss_db, volts }),
         _ => Some(Fault::Loose {
             share: 100.0 * distortion,
             volts,
