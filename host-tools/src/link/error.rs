@@ -3,8 +3,8 @@
 use std::time::Duration;
 
 use model_format::link::{
-    ActivateError, ListError, MotionRefused, PlayError, RecordError, SelfTestError, SettingsError,
-    StopError, USB_PRODUCT_ID, USB_VENDOR_ID, UploadError,
+    ActivateError, ListError, MotionRefused, PlayError, ProbeError, RecordError, ResponseError,
+    SelfTestError, SettingsError, StopError, USB_PRODUCT_ID, USB_VENDOR_ID, UploadError,
 };
 use postcard_rpc::standard_icd::WireError;
 
@@ -190,6 +190,12 @@ pub enum LinkError {
         /// The names that are there, in the device's order.
         there: Vec<String>,
     },
+    /// The device refuses a probe.
+    #[error("the device refuses the probe: {0}")]
+    Probe(Box<ProbeError>),
+    /// The device refuses a response.
+    #[error("the device refuses the response: {0}")]
+    Response(#[from] ResponseError),
     /// The device refuses to stop.
     #[error("the device refuses to stop: {0}")]
     Stop(#[from] StopError),
@@ -243,6 +249,7 @@ boxed! {
     List(ListError),
     Activate(ActivateError),
     Play(PlayError),
+    Probe(ProbeError),
     SelfTest(SelfTestError),
 }
 

@@ -10,6 +10,7 @@ mod hosts;
 mod inputs;
 mod interleavings;
 mod lines;
+mod probe;
 mod recorder;
 mod requests;
 mod rest;

@@ -4,6 +4,7 @@
 
 mod connection;
 mod requests;
+mod response;
 mod upload;
 
 pub use connection::{Device, Timeouts};

@@ -2,16 +2,18 @@
 
 use std::sync::LazyLock;
 
-use fake_stylus::device::{MOTION, change, play_request};
+use fake_stylus::device::{MOTION, change, play_request, response_for};
 use fake_stylus::library::{announcement, small_texture};
 use model_format::link::{
-    ActivateEndpoint, CyclesEndpoint, InfoEndpoint, KeepAliveTopic, ListEndpoint, ListRequest,
-    ListSceneEndpoint, MotionEndpoint, MotionSource, MotionTopic, PlayEndpoint, PlayRequest,
-    ProposalToken, RecordStartEndpoint, RecordStopEndpoint, Selection, SelfTestEndpoint,
-    SelfTestRequest, Setting, SettingChange, SettingsApplyEndpoint, SettingsChange,
-    SettingsGetEndpoint, SettingsProposeEndpoint, SlotId, SlotsEndpoint, StatusEndpoint,
-    StopEndpoint, UploadAbortEndpoint, UploadBegin, UploadBeginEndpoint, UploadChunk,
-    UploadChunkEndpoint, UploadCommitEndpoint, UploadProgressEndpoint,
+    ActivateEndpoint, CyclesEndpoint, InfoEndpoint, KeepAliveTopic, LIBRARY_CRC, ListEndpoint,
+    ListRequest, ListSceneEndpoint, MotionEndpoint, MotionSource, MotionTopic, PlayEndpoint,
+    PlayRequest, ProbeLoad, ProbeLoadEndpoint, ProbeStart, ProbeStartEndpoint, ProbeThrough,
+    ProposalToken, RecordStartEndpoint, RecordStopEndpoint, ResponseChange, ResponseGetEndpoint,
+    ResponseProposeEndpoint, ResponseSetEndpoint, Selection, SelfTestEndpoint, SelfTestRequest,
+    Setting, SettingChange, Settings, SettingsApplyEndpoint, SettingsChange, SettingsGetEndpoint,
+    SettingsProposeEndpoint, SlotId, SlotsEndpoint, StatusEndpoint, StopEndpoint,
+    UploadAbortEndpoint, UploadBegin, UploadBeginEndpoint, UploadChunk, UploadChunkEndpoint,
+    UploadCommitEndpoint, UploadProgressEndpoint,
 };
 use model_format::scene::{Scene, Surface};
 use model_format::{PlayRate, encode_with_scenes};
@@ -117,6 +119,28 @@ pub static REQUESTS: LazyLock<Vec<Request>> = LazyLock::new(|| {
         replaces_last: true,
         ..announcement(&LIBRARIES[1])
     };
+    let samples = [PROBE; 16];
+    let bytes: Vec<u8> = samples.iter().flat_map(|it| it.to_le_bytes()).collect();
+    let probe = ProbeStart {
+        rate_hz: 5_000,
+        length: samples.len() as u16,
+        periods: 100,
+        crc32: LIBRARY_CRC.checksum(&bytes),
+        peak_m_s2: 20.0,
+        through: ProbeThrough::Nothing,
+    };
+    let through = ProbeThrough::Proposed;
+    let proposed_probe = ProbeStart {
+        through,
+        rate_hz: 10_000,
+        ..probe
+    };
+    let load = ProbeLoad {
+        offset: 0,
+        samples: samples.into_iter().collect(),
+    };
+    let response = response_for(&Settings::default());
+    let id = response.id();
     let [whole, first, second] = [(0, usize::MAX), (0, HALF), (HALF, usize::MAX)].map(chunk);
     vec![
         renews::<PlayEndpoint>("play", &slow),
@@ -135,6 +159,13 @@ pub static REQUESTS: LazyLock<Vec<Request>> = LazyLock::new(|| {
             "self test of the output",
             &SelfTestRequest::Output { disconnected: true },
         ),
+        asked::<ProbeLoadEndpoint>("load a probe", &load),
+        renews::<ProbeStartEndpoint>("probe", &probe),
+        renews::<ProbeStartEndpoint>("probe through the proposed response", &proposed_probe),
+        asked::<ResponseProposeEndpoint>("propose a response", &response),
+        asked::<ResponseSetEndpoint>("store the response", &ResponseChange::Store { id }),
+        asked::<ResponseSetEndpoint>("remove the response", &ResponseChange::Clear { id }),
+        asked::<ResponseGetEndpoint>("response", &()),
         asked::<UploadBeginEndpoint>("begin another upload", &replacing),
         asked::<UploadChunkEndpoint>("the only chunk", &whole),
         asked::<UploadChunkEndpoint>("first chunk", &first),
@@ -174,7 +205,10 @@ pub static REQUESTS: LazyLock<Vec<Request>> = LazyLock::new(|| {
 const HALF: usize = 64;
 
 /// Number of the requests that come first.
-pub const FIRST: usize = 13;
+pub const FIRST: usize = 19;
+
+/// Sample of the probe, of which the DC blocker leaves some.
+const PROBE: i16 = 30_000;
 
 /// Name of the texture and of the scene for 10 kHz; all others are for 5 kHz.
 const FAST: &str = "fast";

@@ -236,11 +236,11 @@ impl World {
         }
     }
 
-    /// Number of the host that plays, or else the first.
+    /// Number of the host that plays, or else of the one that was heard last: what it has played may fade.
     fn holder(&self) -> usize {
         let holder = self.control.borrow().status().lease.holder;
         let number = LINKS.iter().position(|&link| Some(link) == holder);
-        number.unwrap_or(0)
+        number.unwrap_or(usize::from(self.renewed_at[1] > self.renewed_at[0]))
     }
 
     /// The host that plays moves the tool.

@@ -1,5 +1,6 @@
 //! `stylus status`
 
+mod response;
 mod watch;
 
 use host_tools::support::error::Result;
@@ -10,6 +11,7 @@ use model_format::link::{
 };
 use serde::Serialize;
 
+use self::response::Summary;
 use super::connection::Link;
 use crate::cli::input::positive;
 use crate::cli::output::{print, print_json};
@@ -39,6 +41,8 @@ struct StatusReport<'a> {
     /// Reasons for muting, in words.
     muted: Vec<String>,
     status: &'a Status,
+    /// The response that is stored, if any.
+    response: Option<Summary>,
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
@@ -47,15 +51,21 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         return watch::run(&device, arguments);
     }
     let status = device.status()?;
+    let response = Summary::of(&device.response()?);
     if arguments.json {
         return print_json(&StatusReport {
             link: device.address().to_string(),
             device: device.info(),
             muted: status.output.mute.iter().map(|r| r.to_string()).collect(),
             status: &status,
+            response,
         });
     }
-    print(&text(device.info(), &status))
+    let mut text = text(device.info(), &status);
+    if let Some(response) = response {
+        text += &format!("\nresponse {}", response.line());
+    }
+    print(&text)
 }
 
 /// The status with one line per subject.
