@@ -13,8 +13,8 @@ use realfft::num_complex::Complex;
 
 use super::measured::Line;
 
-/// Band whose phase gives a first delay, and the sign, Hz: above most resonances, below the roll-off of most coils.
-const PHASE_HZ: [f64; 2] = [200.0, 900.0];
+/// Delay at the start, ms: that of the device's interpolator and converters.
+const START_MS: f64 = 0.45;
 
 /// Resonances at the start, Hz.
 const STARTS_HZ: [f64; 4] = [45.0, 80.0, 150.0, 300.0];
@@ -56,32 +56,30 @@ impl Fit {
     /// Fits trusted lines; none if they are too few.
     pub fn of(lines: &[Line]) -> Option<Self> {
         let lines: Vec<&Line> = lines.iter().filter(|line| line.is_trusted()).collect();
-        let (delay_s, is_positive) = delay_and_sign(&lines)?;
         if lines.len() < 40 {
             return None;
         }
         let top = lines[lines.len() - 1].value.norm().ln();
-        let fits = STARTS_HZ.map(|hz| {
-            let start = [
-                top,
-                (TAU * 14.0).ln(),
-                0.3f64.ln(),
-                (TAU * hz).ln(),
-                0.3f64.ln(),
-                (TAU * 4.0).ln(),
-                1e3 * delay_s,
-            ];
-            let (error, mut unknowns, mut jacobian) = refined(&lines, is_positive, Unknowns::from(start));
-            if unknowns[1] > unknowns[3] {
-                // The resonance is the upper pair.
-                for at in [1, 2] {
-                    unknowns.swap_rows(at, at + 2);
-                    jacobian.swap_columns(at, at + 2);
-                }
-            }
-            (error, unknowns, jacobian)
+        let starts = STARTS_HZ
+            .into_iter()
+            .flat_map(|hz| [(hz, true), (hz, false)]);
+        let fits = starts.map(|(hz, is_positive)| {
+            let [hand, own, passed] = [14.0, hz, 4.0].map(|hz| (TAU * hz).ln());
+            let start = [top, hand, 0.3f64.ln(), own, 0.3f64.ln(), passed, START_MS];
+            (
+                is_positive,
+                refined(&lines, is_positive, Unknowns::from(start)),
+            )
         });
-        let (error, unknowns, jacobian) = fits.into_iter().min_by(|a, b| a.0.total_cmp(&b.0))?;
+        let (is_positive, (error, mut unknowns, mut jacobian)) =
+            fits.min_by(|a, b| a.1.0.total_cmp(&b.1.0))?;
+        if unknowns[1] > unknowns[3] {
+            // The resonance is the upper pair.
+            for at in [1, 2] {
+                unknowns.swap_rows(at, at + 2);
+                jacobian.swap_columns(at, at + 2);
+            }
+        }
         let mut square = jacobian.tr_mul(&jacobian);
         // What nothing depends on, such as a hand that is not there, has no inverse.
         (0..square.nrows())
@@ -103,29 +101,6 @@ impl Fit {
             is_positive,
         })
     }
-}
-
-/// Delay, and sign of the response above its resonance, by the phase there: a constant, a delay, and what a resonance
-/// leaves, which falls with the frequency.
-fn delay_and_sign(lines: &[&Line]) -> Option<(f64, bool)> {
-    let [low, high] = PHASE_HZ;
-    let within: Vec<&&Line> = lines
-        .iter()
-        .filter(|line| (low..=high).contains(&line.hz))
-        .collect();
-    let mut phases = vec![within.first()?.value.arg()];
-    for pair in within.windows(2) {
-        phases.push(phases[phases.len() - 1] + (pair[1].value / pair[0].value).arg());
-    }
-    let matrix = DMatrix::from_fn(within.len(), 3, |row, column| {
-        let hz = within[row].hz;
-        [1.0, -TAU * hz, low / hz][column]
-    });
-    let solved = matrix
-        .svd(true, true)
-        .solve(&DVector::from_vec(phases), 1e-12)
-        .ok()?;
-    Some((solved[1].clamp(0.0, 2e-3), solved[0].cos() > 0.0))
 }
 
 /// Logarithm of the model's response at `hz`.

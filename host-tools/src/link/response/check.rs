@@ -5,8 +5,8 @@ use serde::Serialize;
 
 use super::Result;
 use super::bench::{Bench, Probe, usable};
-use super::identify::Bounds;
-use crate::dsp::response::{Bandwidths, Fit, Measured, Multisine, Spectra};
+use super::identify::{Bounds, excitation};
+use crate::dsp::response::{Bandwidths, Fit, Measured, Spectra};
 
 /// Periods of the probe; with the soft start it takes two seconds.
 const PERIODS: usize = 3;
@@ -50,7 +50,7 @@ pub fn check(
     bandwidths: &Bandwidths,
 ) -> Result<Checked> {
     let bounds = Bounds::of(bench.settings());
-    let wave = Multisine::new(1, |_| 1.0);
+    let wave = excitation();
     let volts = SHARE * bounds.volts(&wave.samples);
     let probe = Probe {
         codes: &wave.codes(),

@@ -2,9 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use model_format::link::{
-    KEEP_ALIVE_MS, LIBRARY_CRC, ProbeStart, RecordSample, Response, Setting, Settings,
-};
+use model_format::link::{KEEP_ALIVE_MS, ProbeStart, RecordSample, Response, Setting, Settings};
 
 use super::bench::{Bench, Played, Probe};
 use super::{Failure, Result};
@@ -21,7 +19,8 @@ pub struct DeviceBench<'a> {
     device: &'a Device,
     settings: Settings,
     goes_on: &'a dyn Fn() -> bool,
-    loaded: Vec<i16>,
+    /// The waveform in the device, with its checksum.
+    loaded: Option<(Vec<i16>, u32)>,
     seconds: f64,
 }
 
@@ -35,7 +34,7 @@ impl<'a> DeviceBench<'a> {
             device,
             settings: device.settings()?,
             goes_on,
-            loaded: Vec::new(),
+            loaded: None,
             seconds: 0.0,
         })
     }
@@ -88,38 +87,45 @@ impl Bench for DeviceBench<'_> {
     }
 
     fn play(&mut self, probe: &Probe<'_>) -> Result<Played> {
-        if self.loaded != probe.codes {
-            self.device.load_probe(probe.codes)?;
-            self.loaded = probe.codes.to_vec();
+        if self
+            .loaded
+            .as_ref()
+            .is_none_or(|(codes, _)| codes != probe.codes)
+        {
+            let crc32 = self.device.load_probe(probe.codes)?;
+            self.loaded = Some((probe.codes.to_vec(), crc32));
         }
-        let soft_start_s = f64::from(self.settings.get(Setting::SoftStart)) / 1e3;
-        let settle = SETTLE + (soft_start_s * RATE_HZ / PERIOD as f64).ceil() as u64;
+        let crc32 = self.loaded.as_ref().map_or(0, |(_, crc32)| *crc32);
+        let ramp = f64::from(self.settings.get(Setting::SoftStart)) / 1e3 * RATE_HZ / PERIOD as f64;
+        let settle = SETTLE + ramp.ceil() as u64;
         let periods = settle + probe.periods as u64;
-        let bytes: Vec<u8> = probe.codes.iter().flat_map(|code| code.to_le_bytes()).collect();
         let start = ProbeStart {
             rate_hz: RATE_HZ as u32,
             length: probe.codes.len() as u16,
             periods: periods as u16,
-            crc32: LIBRARY_CRC.checksum(&bytes),
+            crc32,
             peak_m_s2: probe.peak_m_s2 as f32,
             through: probe.through,
         };
         let before = self.limited()?;
         let mut stream = Stream::start(self.device)?;
         let started = self.device.start_probe(&start)?;
-        let first = started.first_tick + settle * PERIOD as u64;
-        let samples = self.record(&mut stream, first, started.first_tick + periods * PERIOD as u64);
+        let begin = started.first_tick + settle * PERIOD as u64;
+        let samples = self.record(&mut stream, begin, started.end_tick);
         // Whatever came of it, the device is left at rest.
         let stopped = self.device.stop();
         let samples = samples?;
-        stream.stop()?;
         stopped?;
+        stream.stop()?;
         self.seconds += periods as f64 * PERIOD as f64 / RATE_HZ;
-        Ok(Played::of(&samples, &self.settings, self.limited()? != before))
+        Ok(Played::of(
+            &samples,
+            &self.settings,
+            self.limited()? != before,
+        ))
     }
 
     fn seconds(&self) -> f64 {
         self.seconds
     }
 }
-

@@ -47,6 +47,9 @@ const CLEAR: f64 = 300.0;
 /// Least share of the lines in the band that the noise lets be trusted.
 const TRUSTED: f64 = 0.9;
 
+/// Noise at rest, as a share of the largest peak, that can hide all motion.
+const NOISY: f64 = 0.1;
+
 /// Distortion on the way up at which the level rises no further.
 const TOO_BENT: f64 = 0.2;
 
@@ -176,7 +179,7 @@ pub fn identify(
     let bounds = Bounds::of(bench.settings());
     heard("at rest");
     let rest_m_s2 = rest(bench, &bounds)?;
-    let wave = Multisine::new(1, |_| 1.0);
+    let wave = excitation();
     let (codes, most) = (wave.codes(), bounds.volts(&wave.samples));
     let mut play = |volts: f64, periods: usize| -> Result<(Played, Option<Measured>)> {
         heard(&format!("{:.1} mV of peak", 1e3 * volts));
@@ -209,7 +212,6 @@ pub fn identify(
             .iter()
             .map(|axis| swing(axis))
             .fold(0.0, f64::max);
-        if std::env::var_os("EXPLORE").is_some() { println!("  top {top} peak {peak} bent {bent} over {:?}", measured.as_ref().map(|m| (m.over_noise, m.even, m.odd))); }
         let next = (2.0 * top).min(top * bounds.range_m_s2 / peak).min(most);
         if bent || next < 1.05 * top {
             break;
@@ -231,10 +233,18 @@ pub fn identify(
         )));
     }
     let Some((_, measured, fit)) = found[2].clone() else {
-        return Err(Fault::NothingMoves { volts: top }.into());
+        let loudest = rest_m_s2.into_iter().fold(0.0, f64::max);
+        return Err(if loudest > NOISY * bounds.range_m_s2 {
+            Fault::Noisy {
+                share: 0.0,
+                volts: top,
+            }
+            .into()
+        } else {
+            Fault::NothingMoves { volts: top }.into()
+        });
     };
     let levels: Vec<Level> = found.iter().flatten().map(|(level, ..)| *level).collect();
-    if std::env::var_os("EXPLORE").is_some() { for l in &levels { println!("   v {:.4} gain {:.3} res {:?} even {:.4} odd {:.4} restless {:.4}", l.volts, l.gain_db, l.resonance.map(|r| (r.hz, r.hz_deviation, r.damping_ratio)), l.even, l.odd, l.restless); } }
     if let Some(fault) = bent(&levels) {
         return Err(fault.into());
     }
@@ -256,6 +266,11 @@ pub fn identify(
         measured,
         fit,
     })
+}
+
+/// The excitation: less at high frequencies, so that the slew limit lets it reach the hard limit.
+pub(super) fn excitation() -> Multisine {
+    Multisine::new(1, |hz| 1.0 / (hz / 250.0).hypot(1.0))
 }
 
 /// Largest distance from the mean.
@@ -355,7 +370,9 @@ fn bent(levels: &[Level]) -> Option<Fault> {
         return None;
     }
     let volts = last.volts;
-    let is_rough = last.resonance.is_none_or(|resonance| resonance.hz_deviation > ROUGH * resonance.hz);
+    let is_rough = last
+        .resonance
+        .is_none_or(|resonance| resonance.hz_deviation > ROUGH * resonance.hz);
     match resonances {
         _ if loss_db > changed_db => Some(Fault::Clipped { loss_db, volts }),
         Some([low_hz, high_hz]) if moves > moved && !is_rough => {

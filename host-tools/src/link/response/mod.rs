@@ -17,6 +17,7 @@ mod bench;
 mod calibrate;
 mod check;
 mod design;
+mod device;
 mod headroom;
 mod identify;
 #[cfg(test)]
@@ -25,6 +26,7 @@ mod tests;
 pub use bench::{Bench, Played, Probe};
 pub use calibrate::{Calibrated, Flatness, calibrate};
 pub use check::{Checked, check};
+pub use device::DeviceBench;
 pub use headroom::{BandHeadroom, Headroom, headroom};
 pub use identify::{Identified, Level, Options};
 
@@ -49,16 +51,27 @@ pub type Result<T> = std::result::Result<T, Failure>;
 
 /// What is wrong with an actuator, its amplifier, its mounting or the accelerometer.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error, serde::Serialize)]
-#[serde(rename_all = "kebab-case", rename_all_fields = "snake_case")]
+#[serde(rename_all = "kebab-case")]
 pub enum Fault {
     /// Nothing moves.
     #[error(
-        "nothing moves at {volts:.3} V of peak: measure the resistance at the amplifier's output; without any the wire \
-         is open, with the coil's own the coil is dead, blocked or its amplifier off"
+        "nothing moves at {volts:.3} V of peak: measure the resistance at the amplifier's output; if it is none the wire \
+         is open, if it is the coil's own the coil is dead or blocked, or the amplifier off"
     )]
     NothingMoves {
         /// Peak at the pin, V.
         volts: f64,
+    },
+    /// Nothing moves, and someone has measured that no current flows.
+    #[error("nothing moves, and no current flows: mend the wire between amplifier and coil")]
+    OpenWire,
+    /// Nothing moves, and someone has measured that the coil is connected.
+    #[error(
+        "nothing moves, and the coil has {ohm} Ω: it is dead or blocked, or the amplifier is off"
+    )]
+    DeadCoil {
+        /// Resistance at the amplifier's output, Ω.
+        ohm: f64,
     },
     /// A positive voltage moves the tip against the accelerometer's positive axis.
     #[error(
@@ -181,6 +194,8 @@ impl Fault {
     pub fn name(&self) -> &'static str {
         match self {
             Self::NothingMoves { .. } => "nothing-moves",
+            Self::OpenWire => "open-wire",
+            Self::DeadCoil { .. } => "dead-coil",
             Self::Reversed => "reversed",
             Self::Clipped { .. } => "clipped",
             Self::DeadAxis { .. } => "dead-axis",
