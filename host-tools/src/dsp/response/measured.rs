@@ -308,13 +308,13 @@ mod tests {
         let (even, odd) = (of([0.1, 0.0]).unwrap(), of([0.0, 0.1]).unwrap());
         // The few even lines that are played spread a little of either order into the other.
         assert!(
-            even.even > 0.03 && even.even > 3.0 * even.odd,
+            even.even > 0.03 && even.even > 2.0 * even.odd,
             "{} {}",
             even.even,
             even.odd
         );
         assert!(
-            odd.odd > 0.03 && odd.odd > 3.0 * odd.even,
+            odd.odd > 0.03 && odd.odd > 2.0 * odd.even,
             "{} {}",
             odd.even,
             odd.odd

@@ -274,7 +274,7 @@ fn each_fault_ends_in_its_own_verdict() {
     );
     let mut weak = plant(1, Vec::new());
     weak.coil.force_n_per_a = 0.02;
-    weak.accelerometer.noise_m_s2_per_root_hz = [1e-6; 3];
+    weak.accelerometer.noise_m_s2_per_root_hz = [1e-4; 3];
     let (_, outcome) = calibrated(&weak, 1);
     assert!(
         matches!(outcome, Err(Failure::Fault(Fault::BeyondLimits { .. }))),
