@@ -256,7 +256,7 @@ impl Parameters {
             accelerometer,
             faults,
         } = self;
-        within("coil.resistance_ohm", coil.resistance_ohm, [0.1, 1e4])?;
+        within("coil.resistance_ohm", coil.resistance_ohm, [0.1, 1e3])?;
         within("coil.inductance_h", coil.inductance_h, [1e-6, 1.0])?;
         within("coil.force_n_per_a", coil.force_n_per_a, [0.0, 100.0])?;
         within("coil.moving_mass_kg", coil.moving_mass_kg, [1e-5, 1.0])?;

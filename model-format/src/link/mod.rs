@@ -53,7 +53,7 @@ pub use record::{
     RecordStopped,
 };
 pub use response::{
-    MAX_RESPONSE_BYTES, RESPONSE_BANDS, Response, ResponseChange, ResponseError, ResponseState,
+    RESPONSE_BANDS, RESPONSE_BYTES, Response, ResponseChange, ResponseError, ResponseState,
     Sections, StoredResponse,
 };
 pub use selftest::{

@@ -6,7 +6,9 @@
 
 use heapless::Vec;
 use postcard_schema::Schema;
-use serde::{Deserialize, Serialize};
+use postcard_schema::schema::{DataModelType, NamedType};
+use serde::de::Error;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::{LIBRARY_CRC, LinkId, Setting, SettingChange, SettingSet, Settings, SettingsError};
 use crate::PlayRate;
@@ -15,11 +17,11 @@ use crate::scene::{Biquad, SceneProblem, check_equaliser, limits::MAX_RESPONSE_S
 /// Third octaves of [`Response::bands_centi_db`]: the exact bands of base ten whose nominal centres are 10 to 1000 Hz.
 pub const RESPONSE_BANDS: usize = 21;
 
-/// Most bytes of a response in postcard.
-pub const MAX_RESPONSE_BYTES: usize = 372;
+/// Bytes of a response, on the wire and in flash.
+pub const RESPONSE_BYTES: usize = 348;
 
 /// A cascade of up to [`MAX_RESPONSE_SECTIONS`] sections, of one length whatever is in it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sections {
     count: u8,
     /// b0, b1, b2, a1, a2 of each, little-endian, as in [`Biquad`].
@@ -63,7 +65,10 @@ impl Sections {
 }
 
 /// The actuator's response as it was measured, and its correction.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
+///
+/// In a message it is its [`Response::bytes`], because code for each of its fields would take some kilobytes of the
+/// device's flash. Two are equal if their bytes are.
+#[derive(Clone, Copy, Debug)]
 pub struct Response {
     /// Equaliser of what is played at 5 kHz.
     pub sections_5khz: Sections,
@@ -108,11 +113,101 @@ impl Response {
         }
     }
 
-    /// A hash of the whole record: CRC-32 of its postcard.
+    /// A hash of the whole response: CRC-32 of its bytes.
     pub fn id(&self) -> u32 {
-        let mut bytes = [0; MAX_RESPONSE_BYTES];
-        let written = postcard::to_slice(self, &mut bytes);
-        written.map_or(0, |bytes| LIBRARY_CRC.checksum(bytes))
+        LIBRARY_CRC.checksum(&self.bytes())
+    }
+
+    /// The response in bytes: all fields in their order, little-endian.
+    pub fn bytes(&self) -> [u8; RESPONSE_BYTES] {
+        let mut bytes = Vec::<u8, RESPONSE_BYTES>::new();
+        // There is room for all; a test writes and reads them.
+        let mut put = |value: &[u8]| drop(bytes.extend_from_slice(value));
+        for sections in [&self.sections_5khz, &self.sections_10khz] {
+            put(&[sections.count]);
+            put(sections.coefficients.as_flattened());
+        }
+        put(&self.measured_at.to_le_bytes());
+        for figure in self.figures() {
+            put(&figure.to_le_bytes());
+        }
+        for band in self.bands_centi_db {
+            put(&band.to_le_bytes());
+        }
+        put(&self.trusted_bands.to_le_bytes());
+        bytes.into_array().unwrap_or([0; RESPONSE_BYTES])
+    }
+
+    /// The response of its bytes.
+    pub fn from_bytes(bytes: &[u8; RESPONSE_BYTES]) -> Self {
+        let mut rest = &bytes[..];
+        let sections_5khz = sections(&mut rest);
+        let sections_10khz = sections(&mut rest);
+        let measured_at = u64::from_le_bytes(take(&mut rest));
+        let mut figures = [0.0; FIGURES];
+        for figure in &mut figures {
+            *figure = f32::from_le_bytes(take(&mut rest));
+        }
+        let mut bands_centi_db = [0; RESPONSE_BANDS];
+        for band in &mut bands_centi_db {
+            *band = i16::from_le_bytes(take(&mut rest));
+        }
+        let [
+            worst_db,
+            rms_db,
+            resonance_hz,
+            damping_ratio,
+            delay_us,
+            x,
+            y,
+            z,
+            ..,
+        ] = figures;
+        let [
+            ..,
+            level,
+            output_gain,
+            amplifier_gain,
+            coil_resistance,
+            hard_limit,
+        ] = figures;
+        Self {
+            sections_5khz,
+            sections_10khz,
+            measured_at,
+            worst_db,
+            rms_db,
+            resonance_hz,
+            damping_ratio,
+            delay_us,
+            axis: [x, y, z],
+            level_m_s2_per_volt: level,
+            bands_centi_db,
+            trusted_bands: u32::from_le_bytes(take(&mut rest)),
+            output_gain,
+            amplifier_gain,
+            coil_resistance,
+            hard_limit,
+        }
+    }
+
+    const fn figures(&self) -> [f32; FIGURES] {
+        let [x, y, z] = self.axis;
+        [
+            self.worst_db,
+            self.rms_db,
+            self.resonance_hz,
+            self.damping_ratio,
+            self.delay_us,
+            x,
+            y,
+            z,
+            self.level_m_s2_per_volt,
+            self.output_gain,
+            self.amplifier_gain,
+            self.coil_resistance,
+            self.hard_limit,
+        ]
     }
 
     /// The setting that is stored with the response.
@@ -152,20 +247,7 @@ impl Response {
                 }
             })?;
         }
-        let figures = [
-            self.worst_db,
-            self.rms_db,
-            self.resonance_hz,
-            self.damping_ratio,
-            self.delay_us,
-            self.level_m_s2_per_volt,
-            self.hard_limit,
-        ];
-        if !figures
-            .iter()
-            .chain(&self.axis)
-            .all(|figure| figure.is_finite())
-        {
+        if !self.figures().iter().all(|figure| figure.is_finite()) {
             return Err(ResponseError::NotFinite);
         }
         let settings = settings.with(self.change())?;
@@ -176,6 +258,58 @@ impl Response {
             Err(ResponseError::Stale { differing })
         }
     }
+}
+
+/// Number of a response's figures that are `f32`.
+const FIGURES: usize = 13;
+
+/// Takes sections from the beginning of `rest`.
+fn sections(rest: &mut &[u8]) -> Sections {
+    let [count] = take(rest);
+    let mut coefficients = [[0; 20]; MAX_RESPONSE_SECTIONS];
+    for place in &mut coefficients {
+        *place = take(rest);
+    }
+    Sections {
+        count,
+        coefficients,
+    }
+}
+
+/// Takes the value at the beginning of `rest`.
+fn take<const N: usize>(rest: &mut &[u8]) -> [u8; N] {
+    let Some((value, behind)) = rest.split_first_chunk() else {
+        return [0; N];
+    };
+    *rest = behind;
+    *value
+}
+
+impl PartialEq for Response {
+    fn eq(&self, other: &Self) -> bool {
+        self.bytes() == other.bytes()
+    }
+}
+
+impl Serialize for Response {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_bytes(&self.bytes())
+    }
+}
+
+impl<'de> Deserialize<'de> for Response {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let bytes = <&[u8]>::deserialize(deserializer)?;
+        let bytes = bytes.try_into().map_err(D::Error::custom)?;
+        Ok(Self::from_bytes(bytes))
+    }
+}
+
+impl Schema for Response {
+    const SCHEMA: &'static NamedType = &NamedType {
+        name: "Response",
+        ty: &DataModelType::ByteArray,
+    };
 }
 
 /// The response that is stored.

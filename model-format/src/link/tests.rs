@@ -41,6 +41,8 @@ fn longest(of: &NamedType, [text, items]: [usize; 2]) -> usize {
         Type::I64 | Type::U64 => 10,
         Type::F32 => 4,
         Type::String => 2 + text,
+        // The only bytes to the host.
+        Type::ByteArray => 2 + RESPONSE_BYTES,
         Type::Seq(of) => 2 + items * one(of),
         Type::Option(of) => 1 + one(of),
         Type::NewtypeStruct(of) => one(of),
@@ -103,11 +105,27 @@ fn every_message_fits_a_frame() {
     fits::<MotionSample>(0, MAX_HOST_FRAME_BYTES);
     fits::<SettingsChange>(0, MAX_HOST_FRAME_BYTES);
     fits::<SelfTestRequest>(0, MAX_HOST_FRAME_BYTES);
-    fits::<Response>(0, MAX_RESPONSE_BYTES + HEADER_BYTES);
+    fits::<Response>(0, MAX_HOST_FRAME_BYTES);
     // Offset, length and samples of a part of a probe.
     const { assert!(3 + 2 + 3 * PROBE_CHUNK_SAMPLES + HEADER_BYTES <= MAX_HOST_FRAME_BYTES) };
     // Offset, length and bytes of a chunk.
     const { assert!(5 + 2 + MAX_CHUNK_BYTES + HEADER_BYTES <= MAX_HOST_FRAME_BYTES) };
+}
+
+proptest! {
+    #[test]
+    fn a_response_is_its_bytes_on_every_way(mut bytes: [u8; 32], seed: u8) {
+        let mut all = [0; RESPONSE_BYTES];
+        for (at, byte) in all.iter_mut().enumerate() {
+            bytes[at % 32] = bytes[at % 32].wrapping_mul(167).wrapping_add(seed | 1);
+            *byte = bytes[at % 32];
+        }
+        let response = Response::from_bytes(&all);
+        prop_assert_eq!(response.bytes(), all);
+        let sent = postcard::to_slice(&response, &mut [0; 400]).expect("it fits").to_vec();
+        prop_assert_eq!(postcard::from_bytes::<Response>(&sent), Ok(response));
+        prop_assert!(postcard::from_bytes::<Response>(&sent[..sent.len() - 1]).is_err());
+    }
 }
 
 #[test]

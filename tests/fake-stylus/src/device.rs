@@ -10,10 +10,10 @@ use std::task::{Context, Poll, Waker};
 use embassy_futures::yield_now;
 use model_format::link::{
     ActivateError, Activated, ChipValues, ClockValues, EncoderValues, ErrorCorrectionValues,
-    LinkId, MAX_CHUNK_BYTES, MotionSample, MotionSource, OptionByteValues, OutputValues, PlayError,
-    PlayRequest, Playing, RESPONSE_BANDS, RecordBlock, Response, RestValues, Sections, Selection,
-    SelfTestError, Setting, SettingChange, Settings, SettingsChange, SettingsError, SlotId, Status,
-    UploadChunk, UploadCommitted, UploadError,
+    LinkId, MAX_CHUNK_BYTES, MAX_COIL_POWER_WATT, MotionSample, MotionSource, OptionByteValues,
+    OutputValues, PlayError, PlayRequest, Playing, RESPONSE_BANDS, RecordBlock, Response,
+    RestValues, Sections, Selection, SelfTestError, Setting, SettingChange, Settings,
+    SettingsChange, SettingsError, SlotId, Status, UploadChunk, UploadCommitted, UploadError,
 };
 use model_format::scene::Biquad;
 use model_format::{MillimetresPerSecond, Newton};
@@ -24,6 +24,7 @@ use stylus_app::slots::SlotStore;
 use stylus_app::storage::{Stage, Storage};
 use stylus_app::{SAMPLE_RATE_HZ, TICKS_PER_MS};
 
+use crate::actuator::Actuator;
 use crate::board::Board;
 use crate::flash::{Memory, SECTOR_BYTES, SimulatedFlash};
 use crate::hardware::Hardware;
@@ -310,6 +311,22 @@ impl SteppedStylus {
         let [one, two, three] = COIL;
         self.change_settings(&[one, two, three, change(Setting::EnableWired, 1.0)])
             .expect("they are in range, and nothing is played");
+    }
+
+    /// Puts `actuator` at the output, and sets what its owner knows of its coil and amplifier.
+    pub fn set_actuator(&mut self, actuator: Actuator) {
+        let (coil, amplifier) = (actuator.parameters.coil, actuator.parameters.amplifier);
+        self.hardware().actuator = Some(actuator);
+        self.change_settings(&[
+            change(Setting::CoilResistance, coil.resistance_ohm as f32),
+            change(Setting::AmplifierGain, amplifier.gain as f32),
+            change(
+                Setting::PowerLimit,
+                (coil.rated_watts as f32).min(MAX_COIL_POWER_WATT),
+            ),
+            change(Setting::EnableWired, 1.0),
+        ])
+        .expect("they are in range, and nothing is played");
     }
 
     /// Proposes new values of settings, and applies them, as a host does.

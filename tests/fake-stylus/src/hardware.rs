@@ -4,8 +4,8 @@
 //! the difference: a mute counts from the next tick on, the motion is judged once per block, new settings replace the
 //! configuration of the safety stages, and a library's RAM is empty while it is exchanged. It is stricter than the
 //! hardware in one respect: it panics where the application breaks the contract of [`Device`], for example by
-//! exchanging a texture while the output sounds. A probe's samples are the kernel's. For textures and scenes it leaves
-//! the kernel out: while one is played, the samples are those of a sine.
+//! exchanging a texture while the output sounds. A probe's samples are the kernel's, and so are all if there is an
+//! [`Actuator`]. Otherwise it leaves the kernel out: while something is played, the samples are those of a sine.
 
 use std::sync::atomic::AtomicI16;
 
@@ -21,7 +21,7 @@ use model_format::{DacCode, FORMAT_VERSION, Library, OutputSample, PlayRate};
 use stylus_app::control::{
     Device, LoadFault, NotPrepared, ResetReport, TickReport, Waveform, plan_of,
 };
-use stylus_app::inputs::{InputConfig, Sensors, Timed, choose};
+use stylus_app::inputs::{Follower, InputConfig, Sensors, Timed, choose};
 use stylus_app::levels::Sums;
 use stylus_app::player::Piece;
 use stylus_app::recorder::{Recorder, SampleQueue, Tap};
@@ -29,8 +29,9 @@ use stylus_app::safety::{Config, Heat, OVERSAMPLING, State};
 use stylus_app::status::Histogram;
 use stylus_kernel::UPDATE_INTERVAL_SAMPLES;
 use stylus_kernel::scene::cost::BUDGET;
-use stylus_kernel::scene::{Interaction, Plan, ScenePlayer, Wave};
+use stylus_kernel::scene::{Plan, Wave};
 
+use crate::actuator::{Actuator, Performance, planned};
 use crate::board::Board;
 use crate::hand::Hand;
 
@@ -54,10 +55,10 @@ const HEALTHY_START: StartReport = StartReport {
 /// A plan of the fake hardware.
 #[derive(Clone, Debug)]
 pub enum Prepared {
-    /// The selection that was found playable, and its rate.
-    Selected(Selection, PlayRate),
+    /// The selection that was found playable, its rate, and the response that equalises it.
+    Selected(Selection, PlayRate, Option<Box<Response>>),
     /// A probe.
-    Probe(Plan<'static>),
+    Probe(Box<Plan<'static>>),
 }
 
 /// The hardware's state, which tests may inspect.
@@ -76,8 +77,6 @@ pub struct Hardware {
     pub config: Config,
     /// The texture or scene that is played.
     pub playing: Option<PlayRequest>,
-    /// The probe that is played.
-    probe: Option<ScenePlayer<'static>>,
     waveform: &'static Waveform,
     /// Codes of the last tick.
     pub codes: [DacCode; OVERSAMPLING],
@@ -112,6 +111,10 @@ pub struct Hardware {
     encoder: u16,
     /// The hand that holds the stylus.
     pub hand: Hand,
+    /// The plant at the output, if there is one.
+    pub actuator: Option<Actuator>,
+    /// The kernel, while something is played to a plant.
+    performance: Option<Performance>,
     /// Number of samples to come that are lost before they reach the recorder.
     pub lose_samples: u32,
     /// Number of samples to come whose conversions are not all of their tick.
@@ -162,7 +165,6 @@ impl Hardware {
             safety: State::new(&config),
             config,
             playing: None,
-            probe: None,
             // As the queue, it is never freed.
             waveform: Box::leak(Box::new([const { AtomicI16::new(0) }; _])),
             codes: [DacCode::MID_SCALE; OVERSAMPLING],
@@ -185,6 +187,8 @@ impl Hardware {
             board: Board::default(),
             encoder: 0,
             hand: Hand::default(),
+            actuator: None,
+            performance: None,
             lose_samples: 0,
             tear_samples: 0,
             disguise: None,
@@ -206,7 +210,10 @@ impl Hardware {
     /// recording.
     pub fn tick(&mut self) {
         self.now += 1;
-        let sample = self.hand.sample(self.now);
+        let mut sample = self.hand.sample(self.now);
+        if let Some(actuator) = &self.actuator {
+            sample.acceleration = actuator.acceleration();
+        }
         let whole = self.tear_samples == 0;
         self.tear_samples = self.tear_samples.saturating_sub(1);
         self.encoder = self.encoder.wrapping_add_signed(sample.encoder_delta);
@@ -215,7 +222,12 @@ impl Hardware {
         if self.now.is_multiple_of(UPDATE_INTERVAL_SAMPLES.into()) {
             self.sensors.end_block();
             let sensors = self.sensors.motion(&self.inputs);
-            self.is_stale = choose(self.source, sensors, self.host).is_stale(self.now);
+            let chosen = choose(self.source, sensors, self.host);
+            self.is_stale = chosen.is_stale(self.now);
+            if let Some(performance) = &mut self.performance {
+                let rate = self.config.rate();
+                performance.begin_block(chosen, &self.sensors, &self.inputs, self.now, rate);
+            }
             let cycles = 60_000;
             self.updates = self.updates.merged(CycleRange {
                 runs: 1,
@@ -225,11 +237,19 @@ impl Hardware {
             let by_rail = self.source == MotionSource::Sensors && self.sensors.is_railed();
             self.is_railed = self.is_stale && by_rail;
         }
-        let samples = self.samples();
+        let mut samples = [self.next_sample(); 2];
         self.codes = match self.config.rate() {
             PlayRate::Hz5000 => (self.safety).process(&self.config, samples[0], self.muted),
-            PlayRate::Hz10000 => self.safety.process_pair(&self.config, samples, self.muted),
+            PlayRate::Hz10000 => {
+                if let Some(performance) = &mut self.performance {
+                    samples[1] = performance.next_sample();
+                }
+                self.safety.process_pair(&self.config, samples, self.muted)
+            }
         };
+        if let Some(actuator) = &mut self.actuator {
+            actuator.put_out(self.codes, self.amplifier);
+        }
         if self.lose_samples > 0 {
             self.lose_samples -= 1;
         } else {
@@ -239,21 +259,14 @@ impl Hardware {
             .count(20_000 + (self.now % 7) as u32 * 3_000 + self.slower_by);
     }
 
-    /// Samples of this tick: the first one, or both at 10 kHz.
-    fn samples(&mut self) -> [OutputSample; 2] {
-        if let Some(player) = &mut self.probe {
-            let per_tick = self.config.rate().samples_per_tick();
-            if self.now.is_multiple_of(UPDATE_INTERVAL_SAMPLES.into()) {
-                player.at_tick(self.now);
-                player.follow(Interaction::NONE, UPDATE_INTERVAL_SAMPLES * per_tick);
-            }
-            let mut samples = [OutputSample::SILENCE; 2];
-            player.next_block(&mut samples[..per_tick as usize]);
-            return samples;
+    /// The next sample of the kernel, or of the sine in its place.
+    fn next_sample(&mut self) -> OutputSample {
+        if let Some(performance) = &mut self.performance {
+            return performance.next_sample();
         }
         let phase = self.now as f32 * 0.3;
         let level = if self.playing.is_some() { 2e7 } else { 0.0 };
-        [OutputSample((phase.sin() * level) as i32); 2]
+        OutputSample((phase.sin() * level) as i32)
     }
 
     /// The library in RAM; empty if there is none.
@@ -391,7 +404,8 @@ impl Device for Hardware {
         }
         let library = Library::decode(&self.ram).map_err(|_| PlayError::NoLibrary)?;
         let (_, rate) = plan_of(selection, &library, self.budget, response)?;
-        Ok((Prepared::Selected(selection.clone(), rate), rate))
+        let response = response.copied().map(Box::new);
+        Ok((Prepared::Selected(selection.clone(), rate, response), rate))
     }
 
     fn waveform(&self) -> &'static Waveform {
@@ -399,7 +413,8 @@ impl Device for Hardware {
     }
 
     fn plan_wave(&self, wave: Wave<'static>, rate: PlayRate, sections: &[Biquad]) -> Prepared {
-        Prepared::Probe(Plan::of_wave(wave, rate.hz()).with_response(sections))
+        let plan = Plan::of_wave(wave, rate.hz()).with_response(sections);
+        Prepared::Probe(Box::new(plan))
     }
 
     fn prepare(&mut self, plan: Prepared) {
@@ -411,34 +426,42 @@ impl Device for Hardware {
             self.safety.is_at_rest(),
             "a texture is exchanged while the output sounds"
         );
-        (self.playing, self.probe) = (None, None);
-        match (self.prepared.take().ok_or(NotPrepared)?, piece) {
-            (Prepared::Selected(selection, rate), Piece::Selected(request)) => {
+        self.playing = None;
+        self.performance = match (self.prepared.take().ok_or(NotPrepared)?, piece) {
+            (Prepared::Selected(selection, rate, response), Piece::Selected(request)) => {
                 assert_eq!(
-                    (selection, rate),
-                    (request.selection.clone(), config.rate()),
+                    (&selection, rate),
+                    (&request.selection, config.rate()),
                     "another plan was prepared than is started"
                 );
                 self.playing = Some(request.clone());
+                self.actuator.as_ref().map(|_| {
+                    let plan = planned(&self.ram, &selection, response.as_deref());
+                    Performance::new(plan, request.seed)
+                })
             }
             (Prepared::Probe(plan), Piece::Probe(_)) => {
                 assert_eq!(plan.sample_rate_hz(), config.rate().hz(), "another rate");
-                self.probe = Some(ScenePlayer::new(plan, 0));
+                Some(Performance::new((*plan, Follower::new(false)), 0))
             }
             (prepared, piece) => panic!("{prepared:?} was prepared, and {piece:?} is started"),
-        }
+        };
         self.config = config;
         self.starts += 1;
         Ok(())
     }
 
     fn switch(&mut self, request: &PlayRequest, prepared: Prepared) {
+        let Prepared::Selected(selection, rate, response) = prepared else {
+            panic!("a probe is started from silence");
+        };
         assert!(
-            self.playing.is_some()
-                && matches!(prepared, Prepared::Selected(selection, rate)
-                    if selection == request.selection && rate == self.config.rate()),
+            self.playing.is_some() && selection == request.selection && rate == self.config.rate(),
             "there is nothing to fade, or another plan to fade to"
         );
+        if let Some(performance) = &mut self.performance {
+            performance.switch(planned(&self.ram, &selection, response.as_deref()));
+        }
         self.playing = Some(request.clone());
         self.switches += 1;
     }
@@ -448,7 +471,8 @@ impl Device for Hardware {
             self.safety.is_at_rest(),
             "a texture is exchanged while the output sounds"
         );
-        (self.playing, self.probe) = (None, None);
+        self.playing = None;
+        self.performance = None;
         self.prepared = None;
     }
 

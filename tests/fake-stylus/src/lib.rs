@@ -13,6 +13,7 @@
     reason = "the device's errors carry their reason as text, because it has no heap"
 )]
 
+pub mod actuator;
 mod board;
 mod connection;
 pub mod device;

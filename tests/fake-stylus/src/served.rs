@@ -13,6 +13,7 @@ use postcard_rpc::header::{VarHeader, VarKey};
 use stylus_app::SAMPLE_RATE_HZ;
 use stylus_app::control::Device;
 
+use crate::actuator::Actuator;
 use crate::board::Board;
 use crate::connection::{Connection, Faults};
 use crate::device::{SharedControl, SteppedStylus};
@@ -77,8 +78,14 @@ impl FakeStylus {
         Self::start_with(|_| ())
     }
 
+    /// Boots a stylus on blank flash with `actuator` at its output, whose coil's settings are the true ones, and lets
+    /// hosts connect.
+    pub fn start_on(actuator: Actuator) -> Self {
+        Self::start_with(|stylus| stylus.set_actuator(actuator))
+    }
+
     /// Boots a stylus on blank flash, prepares it, and lets hosts connect.
-    fn start_with(prepare: fn(&mut SteppedStylus)) -> Self {
+    fn start_with(prepare: impl FnOnce(&mut SteppedStylus) + Send + 'static) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").expect("a port is free");
         listener.set_nonblocking(true).expect("it can be polled");
         let port = listener.local_addr().expect("it is bound").port();
@@ -169,7 +176,7 @@ fn lock(inner: &Mutex<Inner>) -> MutexGuard<'_, Inner> {
     inner.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-fn serve(listener: &TcpListener, shared: &Mutex<Inner>, prepare: fn(&mut SteppedStylus)) {
+fn serve(listener: &TcpListener, shared: &Mutex<Inner>, prepare: impl FnOnce(&mut SteppedStylus)) {
     let slots = SimulatedFlash::two_slots();
     let fate = slots.fate.clone();
     let mut stylus = SteppedStylus::boot_from(slots);

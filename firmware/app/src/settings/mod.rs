@@ -140,7 +140,7 @@ impl<F: NorFlash> SettingsStore<F> {
         }
         let before = self.record.snapshot;
         let changed = (changes.iter()).fold(before, |snapshot, &change| snapshot.with(change));
-        self.draft = self.next(changed);
+        self.draft = self.next(&changed);
         self.write().await?;
         for change in changes {
             self.differing = self.differing.with(change.setting, false);
@@ -153,8 +153,8 @@ impl<F: NorFlash> SettingsStore<F> {
     /// # Errors
     /// The flash fails. What is in force stays.
     pub async fn set_response(&mut self, response: Option<&Response>) -> Result<(), SettingsError> {
-        let changed = self.record.snapshot.with_response(response.copied());
-        self.draft = self.next(changed);
+        let changed = self.record.snapshot.with_response(response);
+        self.draft = self.next(&changed);
         self.write().await?;
         if let Some(response) = response {
             self.differing = self.differing.with(response.change().setting, false);
@@ -167,7 +167,7 @@ impl<F: NorFlash> SettingsStore<F> {
     /// # Errors
     /// The flash fails. Every setting then has its default, and none is set, until a restart.
     pub async fn reset(&mut self) -> Result<Settings, SettingsError> {
-        self.draft = self.next(Snapshot::NEVER_SET);
+        self.draft = self.next(&Snapshot::NEVER_SET);
         self.record = self.draft;
         self.differing = SettingSet::NONE;
         self.mended = false;
@@ -200,7 +200,7 @@ impl<F: NorFlash> SettingsStore<F> {
                 self.differing = differing;
                 self.mended = true;
                 self.spare = spare;
-                self.draft = self.next(record.snapshot);
+                self.draft = self.next(&record.snapshot);
             }
         }
         self.mended
@@ -230,7 +230,7 @@ impl<F: NorFlash> SettingsStore<F> {
         let Record { sequence, snapshot } = self.draft;
         self.record.sequence = sequence;
         if snapshot != self.record.snapshot {
-            self.draft = self.next(self.record.snapshot);
+            self.draft = self.next(&self.record.snapshot);
             self.record = self.draft;
             self.append(first).await;
         }
@@ -252,10 +252,10 @@ impl<F: NorFlash> SettingsStore<F> {
             .await
     }
 
-    fn next(&self, snapshot: Snapshot) -> Record {
+    fn next(&self, snapshot: &Snapshot) -> Record {
         Record {
             sequence: self.record.sequence.wrapping_add(1),
-            snapshot,
+            snapshot: *snapshot,
         }
     }
 }

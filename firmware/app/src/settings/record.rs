@@ -6,7 +6,7 @@
 
 use crc::{CRC_32_ISO_HDLC, Crc};
 use model_format::link::{
-    MAX_RESPONSE_BYTES, Response, Setting, SettingChange, SettingSet, Settings, Tighter,
+    RESPONSE_BYTES, Response, Setting, SettingChange, SettingSet, Settings, Tighter,
 };
 
 use crate::flash::WORD_BYTES;
@@ -25,10 +25,11 @@ static CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 const VALUES: usize = 20;
 /// Offset of the checksum, at the record's end.
 const CHECKSUM: usize = RECORD_BYTES - 4;
-/// Offset of the response, in postcard, behind room for more settings.
-const RESPONSE: usize = CHECKSUM - (1 + MAX_RESPONSE_BYTES);
+/// Offset of the response, behind room for more settings, and behind a word that is 1 if there is one.
+const RESPONSE: usize = CHECKSUM - RESPONSE_BYTES;
+const HAS_RESPONSE: usize = RESPONSE - 4;
 /// Most settings that a record has room for.
-const ROOM: usize = (RESPONSE - VALUES) / 4;
+const ROOM: usize = (HAS_RESPONSE - VALUES) / 4;
 
 const _: () = assert!(Setting::ALL.len() <= ROOM);
 
@@ -86,9 +87,12 @@ impl Snapshot {
     }
 
     /// This snapshot with another response, and the setting that is stored with it; or without a response.
-    pub fn with_response(self, response: Option<Response>) -> Self {
+    pub fn with_response(self, response: Option<&Response>) -> Self {
         let set = response.map_or(self, |response| self.with(response.change()));
-        Self { response, ..set }
+        Self {
+            response: response.copied(),
+            ..set
+        }
     }
 
     /// This snapshot, of which a later one with other limits was lost: every limit is lost.
@@ -159,8 +163,10 @@ impl Record {
         for (word, change) in bytes[VALUES..].chunks_exact_mut(4).zip(settings.iter()) {
             word.copy_from_slice(&change.value.to_le_bytes());
         }
-        // There is room for the longest response.
-        let _ = postcard::to_slice(response, &mut bytes[RESPONSE..CHECKSUM]);
+        if let Some(response) = response {
+            bytes[HAS_RESPONSE] = 1;
+            bytes[RESPONSE..CHECKSUM].copy_from_slice(&response.bytes());
+        }
         let crc = CRC.checksum(&bytes[..CHECKSUM]);
         bytes[CHECKSUM..].copy_from_slice(&crc.to_le_bytes());
         bytes
@@ -169,7 +175,7 @@ impl Record {
     /// The record of `bytes`, none unless magic and checksum are right.
     ///
     /// A setting that the firmware of the record did not have has its default. A value out of its range, as of a
-    /// firmware with other ranges, is lost. A response of another form is none.
+    /// firmware with other ranges, is lost.
     fn read(bytes: &[u8], magic: [u8; 4]) -> Option<Self> {
         let word = |at: usize| bytes[at..].first_chunk().copied().unwrap_or_default();
         let number = |at: usize| u32::from_le_bytes(word(at));
@@ -177,13 +183,13 @@ impl Record {
         if bytes[..4] != magic || number(checksum) != CRC.checksum(&bytes[..checksum]) {
             return None;
         }
-        let response = bytes.get(RESPONSE..CHECKSUM);
-        let response = response.and_then(|bytes| postcard::from_bytes(bytes).ok());
+        let has_response = bytes.get(HAS_RESPONSE) == Some(&1);
+        let response = bytes.get(RESPONSE..).and_then(<[u8]>::first_chunk);
         let mut snapshot = Snapshot {
             settings: Settings::default(),
             set: SettingSet::from_bits(number(8)),
             lost: SettingSet::from_bits(number(12)),
-            response: response.flatten(),
+            response: response.filter(|_| has_response).map(Response::from_bytes),
         };
         let count = number(16) as usize;
         for (index, setting) in Setting::ALL.into_iter().enumerate().take(count) {

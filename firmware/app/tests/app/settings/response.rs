@@ -25,7 +25,7 @@ fn found(memory: &Memory) -> (Settings, Option<Response>) {
 }
 
 /// The flash before each operation of `work` on the store in `memory`, cut in every manner, and after the last one.
-fn cuts(memory: &Memory, work: impl AsyncFn(&mut Store<'_, '_>)) -> Vec<Memory> {
+fn cuts(memory: &Memory, work: &impl AsyncFn(&mut Store<'_, '_>)) -> Vec<Memory> {
     let mut left = Vec::new();
     let mut observe = |memory: &Memory, operation: Operation| {
         for how in Cut::WITH_UNSTABLE {
@@ -65,7 +65,7 @@ fn a_cut_while_a_response_is_stored_leaves_all_of_the_old_or_all_of_the_new() {
                 .await
                 .expect("the flash works");
         };
-        let left = cuts(&memory, store);
+        let left = cuts(&memory, &store);
         let new = found(&left[left.len() - 1]);
         assert_eq!(new.1, Some(response));
         assert_eq!(new.0.get(Setting::OutputGain), response.output_gain);
@@ -75,7 +75,7 @@ fn a_cut_while_a_response_is_stored_leaves_all_of_the_old_or_all_of_the_new() {
             assert!(now == old || now == new, "cut {number}: {now:?}");
             (olds, news) = (olds + u32::from(now == old), news + u32::from(now == new));
             if number % 7 == 0 {
-                for mended in cuts(cut, async |_| ()) {
+                for mended in cuts(cut, &async |_: &mut _| ()) {
                     let then = found(&mended);
                     assert!(
                         then == old || then == new,
@@ -158,7 +158,7 @@ fn records_of_older_firmware_stay_in_force_and_their_first_change_survives_every
                 .expect("the flash works");
         };
         let old = (settings, None);
-        let left = cuts(&memory, store);
+        let left = cuts(&memory, &store);
         let new = found(&left[left.len() - 1]);
         assert_eq!(new.1, Some(response));
         for cut in &left {

@@ -1,0 +1,203 @@
+//! A plant at the output's pin in the place of an actuator, and the device's own kernel to drive it.
+
+use std::io::Write;
+
+use model_format::link::{Response, Selection};
+use model_format::{AdcCode, DacCode, Library, OutputSample, PlayRate};
+use stylus_app::control::plan_of;
+use stylus_app::inputs::{Follower, InputConfig, Sensors, Timed};
+use stylus_app::safety::OVERSAMPLING;
+use stylus_kernel::UPDATE_INTERVAL_SAMPLES;
+use stylus_kernel::scene::{Interaction, Plan, ScenePlayer};
+use stylus_plant::{Parameters, Plant};
+
+/// A plant at the pin.
+pub struct Actuator {
+    /// What an owner knows of it.
+    pub parameters: Parameters,
+    /// The plant.
+    pub plant: Plant,
+    log: Option<Box<dyn Write + Send>>,
+    /// Codes of the last tick, which are put out from 12.5 µs after the next one on: see `stylus_app::ring`.
+    waiting: [DacCode; OVERSAMPLING],
+}
+
+impl Actuator {
+    /// A plant at rest. For each code, `log` takes the volts at its pin and the m/s² at its tip, each an f32 in little
+    /// endian.
+    pub fn new(parameters: Parameters, seed: u64, log: Option<Box<dyn Write + Send>>) -> Self {
+        Self {
+            plant: Plant::new(&parameters, seed),
+            parameters,
+            log,
+            waiting: [DacCode::MID_SCALE; OVERSAMPLING],
+        }
+    }
+
+    /// Codes of the accelerometer's axes now.
+    pub fn acceleration(&self) -> [AdcCode; 3] {
+        self.plant.accelerometer_volts().map(|volts| {
+            let code = 32_768.0 + volts / f64::from(AdcCode::STEP.0);
+            AdcCode(code.round().clamp(0.0, 65_535.0) as u16)
+        })
+    }
+
+    /// Puts out the codes of the tick before, and keeps `codes` for the next.
+    ///
+    /// # Panics
+    /// If the log cannot be written.
+    pub fn put_out(&mut self, codes: [DacCode; OVERSAMPLING], enabled: bool) {
+        for code in std::mem::replace(&mut self.waiting, codes) {
+            let steps = f64::from(code.get()) - f64::from(DacCode::MID_SCALE.get());
+            let volts = steps * f64::from(DacCode::STEP.0);
+            self.plant.step(volts, enabled);
+            if let Some(log) = &mut self.log {
+                let tip = self.plant.tip_m_s2();
+                for value in [volts, tip] {
+                    let written = log.write_all(&(value as f32).to_le_bytes());
+                    written.expect("the log can be written");
+                }
+            }
+        }
+    }
+}
+
+/// The kernel, as update and tick of the image run it.
+pub struct Performance {
+    player: ScenePlayer<'static>,
+    follower: Follower,
+    /// The interaction of the last update, which the next block plays.
+    decided: Interaction,
+}
+
+impl Performance {
+    /// Plays a plan from silence, with noise from `seed`.
+    pub fn new((plan, follower): (Plan<'static>, Follower), seed: u64) -> Self {
+        Self {
+            player: ScenePlayer::new(plan, seed),
+            follower,
+            decided: Interaction::NONE,
+        }
+    }
+
+    /// Goes over to another plan.
+    pub fn switch(&mut self, (plan, follower): (Plan<'static>, Follower)) {
+        self.player.switch(plan);
+        self.follower = follower;
+    }
+
+    /// Begins the block that was decided during the last one, and decides the next one by the `chosen` motion.
+    pub fn begin_block(
+        &mut self,
+        chosen: Timed,
+        sensors: &Sensors,
+        inputs: &InputConfig,
+        now: u64,
+        rate: PlayRate,
+    ) {
+        let samples = UPDATE_INTERVAL_SAMPLES * rate.samples_per_tick();
+        self.player.at_tick(now);
+        self.player.follow(self.decided, samples);
+        self.decided = self.follower.follow(chosen, sensors, inputs, now);
+    }
+
+    /// The next sample.
+    pub fn next_sample(&mut self) -> OutputSample {
+        self.player.next_sample()
+    }
+}
+
+/// The plan of `selection` through the equaliser of `response`, and a follower through it.
+///
+/// # Panics
+/// If it cannot be played.
+pub fn planned(
+    library: &[u8],
+    selection: &Selection,
+    response: Option<&Response>,
+) -> (Plan<'static>, Follower) {
+    // Never freed: a plan borrows its library, and a test begins to play a few times.
+    let library: &'static [u8] = Box::leak(library.into());
+    let library = Library::decode(library).expect("it was loaded");
+    let plan = plan_of(selection, &library, u32::MAX, response);
+    let (plan, _) = plan.expect("it was found playable");
+    let follower = Follower::new(matches!(selection, Selection::Scene(_)));
+    let follower = follower.tracking(plan.has_lines());
+    (plan, follower)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io;
+    use std::sync::{Arc, Mutex};
+
+    use super::*;
+    use crate::device::{SteppedStylus, play_request};
+    use crate::library::library;
+
+    #[derive(Clone, Default)]
+    struct Log(Arc<Mutex<Vec<u8>>>);
+
+    impl Write for Log {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            self.0.lock().unwrap().write(bytes)
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    /// Roots of the mean squares at pin and tip in the log so far, which is emptied.
+    fn taken(log: &Log) -> [f64; 2] {
+        let bytes = std::mem::take(&mut *log.0.lock().unwrap());
+        let values = bytes
+            .as_chunks::<4>()
+            .0
+            .iter()
+            .copied()
+            .map(f32::from_le_bytes);
+        let squares: Vec<f64> = values.map(|value| f64::from(value).powi(2)).collect();
+        let pairs = squares.as_chunks::<2>().0;
+        [0, 1]
+            .map(|of| (pairs.iter().map(|pair| pair[of]).sum::<f64>() / pairs.len() as f64).sqrt())
+    }
+
+    #[test]
+    fn what_is_played_moves_the_tip_and_the_accelerometer_shows_it() {
+        let log = Log::default();
+        let parameters = Parameters::preset("haptuator").unwrap();
+        let mut stylus = SteppedStylus::boot();
+        stylus.set_actuator(Actuator::new(parameters, 1, Some(Box::new(log.clone()))));
+        let slot = stylus.upload(&library(1, 4, 1)).unwrap().slot;
+        stylus.activate(slot).unwrap();
+        assert_eq!(taken(&log), [0.0; 2]);
+        stylus.play(play_request("texture 0")).unwrap();
+        stylus.run(400);
+        taken(&log);
+        let mut square = 0.0;
+        for _ in 0..200 {
+            stylus.run(1);
+            let [AdcCode(x), ..] = stylus.hardware().actuator.as_ref().unwrap().acceleration();
+            let volts = (f64::from(x) - 32_768.0) * f64::from(AdcCode::STEP.0);
+            square += (volts / 0.033_65).powi(2) / 200.0;
+        }
+        let [pin, tip] = taken(&log);
+        // Wide noise: the texture's own gain, and about 15 m/s² per V from the resonance up.
+        assert!(
+            (0.01..0.03).contains(&pin) && (5.0..25.0).contains(&(tip / pin)),
+            "{pin} {tip}"
+        );
+        // The accelerometer's low-pass takes some of it.
+        assert!(
+            (0.5..1.05).contains(&(square.sqrt() / tip)),
+            "{square} {tip}"
+        );
+        stylus.control.borrow_mut().stop().unwrap();
+        stylus.run(500);
+        taken(&log);
+        stylus.run(10);
+        let [pin, tip] = taken(&log);
+        assert!(pin == 0.0 && tip < 0.01, "{pin} {tip}");
+    }
+}
