@@ -59,7 +59,10 @@ fn set(stylus: &mut SteppedStylus, change: ResponseChange) -> Result<ResponseSta
 }
 
 fn propose(stylus: &SteppedStylus, response: &Response) -> Result<u32, ResponseError> {
-    stylus.control.borrow_mut().propose_response(LINK, *response)
+    stylus
+        .control
+        .borrow_mut()
+        .propose_response(LINK, *response)
 }
 
 /// One tick, with its codes; and the poll that follows every millisecond, of a host that is heard.

@@ -90,8 +90,8 @@ impl Default for Options {
 pub struct Level {
     /// Peak at the pin, V.
     pub volts: f64,
-    /// Mean level from 100 to 800 Hz, dB re 1 m/s² per V.
-    pub gain_db: f64,
+    /// Mean level from 100 to 800 Hz, dB re 1 m/s² per V; none if the noise hides it.
+    pub gain_db: Option<f64>,
     /// Resonance.
     pub resonance: Option<Resonance>,
     /// Distortion of even order, relative to what was asked.
@@ -327,14 +327,14 @@ fn rest(bench: &mut impl Bench, bounds: &Bounds) -> Result<[f64; 3]> {
 }
 
 fn level(volts: f64, measured: &Measured, fit: Option<&Fit>, periods: usize) -> Level {
-    let within = measured
-        .lines
-        .iter()
-        .filter(|line| (100.0..BAND_HZ[1]).contains(&line.hz) && line.is_trusted());
-    let levels: Vec<f64> = within.map(|line| line.level_db).collect();
+    let within = |line: &&Line| (100.0..BAND_HZ[1]).contains(&line.hz);
+    let lines: Vec<&Line> = measured.lines.iter().filter(within).collect();
+    let is_clear =
+        lines.iter().filter(|line| line.is_trusted()).count() as f64 > TRUSTED * lines.len() as f64;
+    let mean = lines.iter().map(|line| line.level_db).sum::<f64>() / lines.len() as f64;
     Level {
         volts,
-        gain_db: levels.iter().sum::<f64>() / levels.len() as f64,
+        gain_db: is_clear.then_some(mean),
         resonance: fit.map(|fit| fit.resonance),
         even: measured.even,
         odd: measured.odd,
@@ -359,7 +359,10 @@ pub(super) fn trusted(measured: &Measured) -> f64 {
 fn bent(levels: &[Level]) -> Option<Fault> {
     let (first, last) = (levels.first()?, levels.last()?);
     let distortion = last.even.max(last.odd).max(last.restless - first.restless);
-    let loss_db = first.gain_db - last.gain_db;
+    let loss_db = first
+        .gain_db
+        .zip(last.gain_db)
+        .map_or(0.0, |(first, last)| first - last);
     let (distorted, changed_db, moved) = BENT;
     let resonances = first
         .resonance

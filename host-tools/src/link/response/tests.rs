@@ -406,7 +406,7 @@ fn figures_of_many_plants() {
         let mut file =
             std::io::BufWriter::new(std::fs::File::create(path.with_extension("f32")).unwrap());
         for asked in [&hiss, &texture] {
-            let quiet: Vec<f64> = asked.iter().map(|sample| 0.5 * sample).collect();
+            let quiet: Vec<f64> = asked.iter().map(|sample| 2.0 * sample).collect();
             let runs = [None, Some(&response)].map(|response| bench.texture(&quiet, response));
             let asked = quiet.iter().map(|sample| *sample as f32);
             for value in asked.chain(runs.into_iter().flatten().flatten()) {
