@@ -167,3 +167,60 @@ pub fn headroom(
     };
     library.textures().map(of_texture).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use model_format::link::SettingChange;
+
+    use super::*;
+    use crate::playing::pin::Pin;
+    use crate::playing::render::{Rendering, test_library};
+
+    fn with(changes: &[(Setting, f32)]) -> Settings {
+        changes
+            .iter()
+            .fold(Settings::default(), |settings, &(setting, value)| {
+                settings.with(SettingChange { setting, value }).unwrap()
+            })
+    }
+
+    #[test]
+    fn at_the_gain_that_is_told_the_loudest_node_just_fits_and_no_limit_acts() {
+        let bytes = test_library::library(5000);
+        let library = Library::decode(&bytes).unwrap();
+        for (changes, limit) in [
+            (
+                [(Setting::OutputGain, 0.2), (Setting::HardLimit, 0.5)],
+                "voltage",
+            ),
+            (
+                [(Setting::OutputGain, 0.1), (Setting::SlewLimit, 0.5)],
+                "slew",
+            ),
+            (
+                [(Setting::OutputGain, 0.05), (Setting::PowerLimit, 0.001)],
+                "power",
+            ),
+        ] {
+            let found = &headroom(&library, &with(&changes), None).unwrap()[0];
+            let (tightest, over_db) = found.tightest();
+            assert!(tightest == limit && over_db > 0.0, "{found:?}");
+            assert!(found.warning().unwrap().contains(limit));
+            assert_eq!(found.at, [100.0, 1.0], "the loudest node");
+            let fitting = changes[0].1 * found.fitting_gain as f32;
+            let settings = with(&[(Setting::OutputGain, fitting), changes[1]]);
+            let fits = &headroom(&library, &settings, None).unwrap()[0];
+            assert!(
+                fits.tightest().1.abs() < 1e-3 && fits.bands.iter().all(|band| band.over_db < 1e-3)
+            );
+            // Between samples the interpolator overshoots them by up to a decibel or so.
+            let settings = with(&[(Setting::OutputGain, 0.8 * fitting), changes[1]]);
+            let motion = test_library::constant(100.0, 1.0);
+            let rendering = Rendering::new(test_library::texture(&bytes), &motion, 2.0, 1).unwrap();
+            let mut pin = Pin::new(rendering, PlayRate::Hz5000, &settings);
+            pin.by_ref().for_each(drop);
+            let limited = pin.limited();
+            assert!(limited.hard + limited.slew <= 5, "{limited:?}");
+        }
+    }
+}
