@@ -304,6 +304,39 @@ test("a scene plays the surface under the tool, as stylus scene render does alon
   });
 });
 
+test("the tip is the pin through the plant's response, as stylus render computes it code by code", async () => {
+  await opened({}, async (page) => {
+    const choose = (end) => page.value((end) => document.querySelectorAll("[name=end]")[end].click(), end);
+    await page.press("Space");
+    await choose(1);
+    await page.wait(() => rubPage.ends?.gains.tip.gain.value > 0.99 && rubPage.ends.gains.pin.gain.value < 0.01);
+    await choose(0);
+    await page.wait(() => rubPage.ends.gains.pin.gain.value > 0.99 && rubPage.ends.gains.tip.gain.value < 0.01);
+    await page.press("Space");
+    const [rate, name] = [16_000, await page.value(() => rubPage.textures[0].name)];
+    const impulse = await page.value((rate) => Array.from(impulseOf(rubPage.data.plant, rate)), rate);
+    const [pin, tip] = [["--pin"], ["--plant", "haptuator"]].map((of) => {
+      const wav = path.join(folder, "end.wav");
+      const stroke = ["--speed", "120", "--force", "0.8", "--seconds", "2"];
+      const run = spawnSync(stylus, ["render", library, "--texture", name, ...stroke, ...of, "--out", wav, "--overwrite"]);
+      assert.equal(run.status, 0, String(run.stderr));
+      return thirdOctaves(samplesOf(fs.readFileSync(wav)), 40_000);
+    });
+    // What the convolution does to a tone in the middle of each band.
+    const gains = pin.map((_, band) => {
+      const angle = (2 * Math.PI * 1000 * 2 ** ((band - 16) / 3)) / rate;
+      const [re, im] = [Math.cos, Math.sin].map((of) => impulse.reduce((sum, x, n) => sum + x * of(angle * n), 0));
+      return 10 * Math.log10(re ** 2 + im ** 2);
+    });
+    const apart = tip.map((level, band) => level - pin[band] - gains[band]);
+    const mean = apart.reduce((sum, x) => sum + x, 0) / apart.length;
+    assert.ok(apart.every((x) => Math.abs(x - mean) < 1.5), `${apart.map((x) => x.toFixed(1))}`);
+    // At the pin's mean level.
+    const middle = gains.slice(1, 16);
+    assert.ok(Math.abs(middle.reduce((sum, x) => sum + x, 0) / middle.length) < 0.3);
+  });
+});
+
 test("values at the pointer, and a click on a node strokes there", async () => {
   await opened({}, async (page) => {
     const map = await page.box("#map-picture svg");

@@ -17,7 +17,7 @@ pub struct Sensor {
     before: [f64; 3],
     /// Output of each low-pass now, and the one before, which is the delay.
     filtered: [[f64; 3]; 2],
-    seconds: f64,
+    steps: u64,
 }
 
 impl Sensor {
@@ -31,7 +31,7 @@ impl Sensor {
             chance: Chance(seed),
             before: [0.0; 3],
             filtered: [[0.0; 3]; 2],
-            seconds: 0.0,
+            steps: 0,
         }
     }
 
@@ -53,12 +53,12 @@ impl Sensor {
             self.filtered[0][axis] = input - slope / pole + start * kept;
             self.before[axis] = input;
         }
-        self.seconds += STEP_S;
+        self.steps += 1;
     }
 
     /// Voltages of the axes from mid-scale.
     pub fn volts(&self) -> [f64; 3] {
-        let hums = self.faults.iter().map(|fault| fault.hum(self.seconds)[1]);
+        let hums = self.faults.iter().map(|fault| fault.hum(self.steps)[1]);
         let hum: f64 = hums.sum();
         std::array::from_fn(|axis| {
             let dead = |fault: &Fault| matches!(fault, Fault::DeadAxis { axis: dead } if *dead as usize == axis);

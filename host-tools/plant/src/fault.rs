@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::linear::STEP_S;
+
 /// An axis of the accelerometer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -59,15 +61,15 @@ pub enum Fault {
 }
 
 impl Fault {
-    /// Voltages of a hum at coil and accelerometer, V; 0 of any other fault.
-    pub(crate) fn hum(&self, seconds: f64) -> [f64; 2] {
+    /// Voltages of a hum at coil and accelerometer after so many `steps`, V; 0 of any other fault.
+    pub(crate) fn hum(&self, steps: u64) -> [f64; 2] {
         match *self {
             Self::Hum {
                 hz,
                 coil_volts,
                 accelerometer_volts,
             } => {
-                let phase = (std::f64::consts::TAU * hz * seconds).sin();
+                let phase = (std::f64::consts::TAU * hz * steps as f64 * STEP_S).sin();
                 [coil_volts * phase, accelerometer_volts * phase]
             }
             _ => [0.0; 2],

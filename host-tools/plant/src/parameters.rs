@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
+use toml::Value;
 
 use crate::chance::Chance;
 use crate::fault::{Axis, Fault};
@@ -248,95 +249,68 @@ impl Parameters {
     /// # Errors
     /// A value out of its range.
     pub fn check(&self) -> Result<()> {
-        let Self {
-            coil,
-            amplifier,
-            body,
-            hand,
-            accelerometer,
-            faults,
-        } = self;
-        within("coil.resistance_ohm", coil.resistance_ohm, [0.1, 1e3])?;
-        within("coil.inductance_h", coil.inductance_h, [1e-6, 1.0])?;
-        within("coil.force_n_per_a", coil.force_n_per_a, [0.0, 100.0])?;
-        within("coil.moving_mass_kg", coil.moving_mass_kg, [1e-5, 1.0])?;
-        within("coil.stiffness_n_per_m", coil.stiffness_n_per_m, [0.0, 1e6])?;
-        within("coil.damping_n_s_per_m", coil.damping_n_s_per_m, [0.0, 1e3])?;
-        within("coil.rated_watts", coil.rated_watts, [1e-3, 100.0])?;
-        within("amplifier.gain", amplifier.gain, [0.01, 100.0])?;
-        within(
-            "amplifier.offset_volts",
-            amplifier.offset_volts,
-            [-1.0, 1.0],
-        )?;
-        within("amplifier.low_hz", amplifier.low_hz, [0.0, 1e3])?;
-        within("amplifier.high_hz", amplifier.high_hz, [100.0, 1e6])?;
-        within("amplifier.clip_volts", amplifier.clip_volts, [0.01, 100.0])?;
-        within("amplifier.wake_s", amplifier.wake_s, [0.0, 10.0])?;
-        within("body.mass_kg", body.mass_kg, [1e-3, 10.0])?;
-        within("hand.stiffness_n_per_m", hand.stiffness_n_per_m, [0.0, 1e6])?;
-        within("hand.damping_n_s_per_m", hand.damping_n_s_per_m, [0.0, 1e3])?;
-        accelerometer.check()?;
-        faults.iter().try_for_each(check_fault)
+        let table = toml::Table::try_from(self).map_err(|error| Error::Form(error.to_string()))?;
+        check_in("", &table)
     }
 }
 
-impl Accelerometer {
-    fn check(&self) -> Result<()> {
-        let of = |name: &str| format!("accelerometer.{name}");
-        within(&of("tilt_deg"), self.tilt_deg, [-180.0, 180.0])?;
-        within(&of("azimuth_deg"), self.azimuth_deg, [-360.0, 360.0])?;
-        within(&of("volts_per_m_s2"), self.volts_per_m_s2, [1e-5, 10.0])?;
-        within(&of("saturation_m_s2"), self.saturation_m_s2, [0.1, 1e5])?;
-        for axis in 0..3 {
-            within(&of("rest_volts"), self.rest_volts[axis], [-1.65, 1.65])?;
-            let noise = self.noise_m_s2_per_root_hz[axis];
-            within(&of("noise_m_s2_per_root_hz"), noise, [0.0, 10.0])?;
-            within(&of("bandwidth_hz"), self.bandwidth_hz[axis], [1.0, 1e5])?;
-        }
-        Ok(())
-    }
+/// Keys of all numbers, the least and the largest value of each.
+const RANGES: [(&str, f64, f64); 27] = [
+    ("resistance_ohm", 0.1, 1e3),
+    ("inductance_h", 1e-6, 1.0),
+    ("force_n_per_a", 0.0, 100.0),
+    ("moving_mass_kg", 1e-5, 1.0),
+    ("stiffness_n_per_m", 0.0, 1e6),
+    ("damping_n_s_per_m", 0.0, 1e3),
+    ("rated_watts", 1e-3, 100.0),
+    ("gain", 0.01, 100.0),
+    ("offset_volts", -1.0, 1.0),
+    ("low_hz", 0.0, 1e3),
+    ("high_hz", 100.0, 1e6),
+    ("clip_volts", 0.01, 100.0),
+    ("wake_s", 0.0, 10.0),
+    ("mass_kg", 1e-3, 10.0),
+    ("tilt_deg", -180.0, 180.0),
+    ("azimuth_deg", -360.0, 360.0),
+    ("volts_per_m_s2", 1e-5, 10.0),
+    ("rest_volts", -1.65, 1.65),
+    ("noise_m_s2_per_root_hz", 0.0, 10.0),
+    ("bandwidth_hz", 1.0, 1e5),
+    ("saturation_m_s2", 0.1, 1e5),
+    ("volts", 1e-3, 100.0),
+    ("gap_m", 0.0, 0.1),
+    ("doubles_at_m", 1e-5, 1.0),
+    ("hz", 1.0, 1e4),
+    ("coil_volts", 0.0, 100.0),
+    ("accelerometer_volts", 0.0, 3.3),
+];
+
+fn check_in(path: &str, table: &toml::Table) -> Result<()> {
+    table
+        .iter()
+        .try_for_each(|(key, value)| check_value(&format!("{path}{key}"), key, value))
 }
 
-fn check_fault(fault: &Fault) -> Result<()> {
-    match *fault {
-        Fault::Clipped { volts } => within("faults.volts", volts, [1e-3, 100.0]),
-        Fault::LooseMount {
-            gap_m,
-            stiffness_n_per_m,
-        } => {
-            within("faults.gap_m", gap_m, [0.0, 0.1])?;
-            within("faults.stiffness_n_per_m", stiffness_n_per_m, [0.0, 1e6])
+fn check_value(path: &str, key: &str, value: &Value) -> Result<()> {
+    match value {
+        Value::Table(table) => check_in(&format!("{path}."), table),
+        Value::Array(values) => values
+            .iter()
+            .try_for_each(|value| check_value(path, key, value)),
+        Value::Float(number) => {
+            let range = RANGES.iter().find(|(of, ..)| *of == key);
+            let &(_, least, most) = range.expect("every number has a range");
+            // A comparison with NaN is false.
+            if (least..=most).contains(number) {
+                return Ok(());
+            }
+            Err(Error::OutOfRange {
+                name: path.to_owned(),
+                value: number.to_string(),
+                least: least.to_string(),
+                most: most.to_string(),
+            })
         }
-        Fault::MovingResonance { doubles_at_m } => {
-            within("faults.doubles_at_m", doubles_at_m, [1e-5, 1.0])
-        }
-        Fault::Hum {
-            hz,
-            coil_volts,
-            accelerometer_volts,
-        } => {
-            within("faults.hz", hz, [1.0, 1e4])?;
-            within("faults.coil_volts", coil_volts, [0.0, 100.0])?;
-            within(
-                "faults.accelerometer_volts",
-                accelerometer_volts,
-                [0.0, 3.3],
-            )
-        }
-        Fault::DeadCoil | Fault::OpenWire | Fault::Reversed | Fault::DeadAxis { .. } => Ok(()),
+        _ => Ok(()),
     }
-}
-
-fn within(name: &str, value: f64, [least, most]: [f64; 2]) -> Result<()> {
-    // A comparison with NaN is false.
-    if (least..=most).contains(&value) {
-        return Ok(());
-    }
-    Err(Error::OutOfRange {
-        name: name.to_owned(),
-        value: value.to_string(),
-        least: least.to_string(),
-        most: most.to_string(),
-    })
 }

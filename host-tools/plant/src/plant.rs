@@ -40,9 +40,10 @@ pub struct Plant {
     delayed: f64,
     /// Charge of the high-pass, V.
     high_pass: f64,
-    seconds: f64,
-    /// Instant at which the amplifier has awoken, while its enable is on.
-    awake_at: Option<f64>,
+    /// Number of steps so far.
+    steps: u64,
+    /// The step at which the amplifier has awoken, while its enable is on.
+    awake_at: Option<u64>,
     sensor: Sensor,
 }
 
@@ -75,7 +76,7 @@ impl Plant {
             force: 0.0,
             delayed: 0.0,
             high_pass: 0.0,
-            seconds: 0.0,
+            steps: 0,
             awake_at: None,
             sensor: Sensor::new(parameters, seed),
         }
@@ -92,7 +93,7 @@ impl Plant {
             self.states = advance(&self.rows, &self.states, [stage, force]);
         }
         self.force = self.bent_force(self.states[AT]);
-        self.seconds += STEP_S;
+        self.steps += 1;
         self.sensor.step(self.tip_m_s2());
     }
 
@@ -107,8 +108,9 @@ impl Plant {
             self.awake_at = None;
             return 0.0;
         }
-        let awake_at = self.awake_at.get_or_insert(self.seconds + amplifier.wake_s);
-        if self.seconds < *awake_at {
+        let wake_steps = (amplifier.wake_s / STEP_S).round() as u64;
+        let awake_at = self.awake_at.get_or_insert(self.steps + wake_steps);
+        if self.steps < *awake_at {
             return 0.0;
         }
         let mut volts = passed * amplifier.gain + amplifier.offset_volts;
@@ -118,7 +120,7 @@ impl Plant {
             match *fault {
                 Fault::Reversed => sign = -sign,
                 Fault::Clipped { volts } => clip = clip.min(volts),
-                _ => volts += fault.hum(self.seconds)[0],
+                _ => volts += fault.hum(self.steps)[0],
             }
         }
         sign * volts.clamp(-clip, clip)

@@ -210,6 +210,7 @@ pub fn page<'py>(
             bytes: &bytes,
             recordings,
             seed: seed.into(),
+            plant: None,
         };
         rub_page::write(&inputs, &out, || steps.between())
     })?;

@@ -39,7 +39,7 @@ def test_a_calibrated_tip_does_what_the_library_asks(command, fitted, plant):
 
     before = tip()
     report = command.json("calibrate", *COIL, "--response", *BANDWIDTH, "--yes", "--json", *link)["response"]
-    assert report["verdict"] == "pass" and report["device_seconds"] <= 60
+    assert report["verdict"] == "pass" and report["found"]["seconds"] <= 60
     # All of it, the upwards steps and the proof: no sample at the pin beyond the limits of voltage and slew.
     pin = np.fromfile(log, "<f4")[::2]
     assert np.abs(pin).max() <= 0.7 and np.abs(np.diff(pin)).max() <= 4 / 40 + 1e-3

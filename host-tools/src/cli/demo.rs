@@ -160,6 +160,7 @@ fn all(arguments: &Arguments, folder: &OutputFolder, begin: Instant) -> Result<P
             clips: Clips::Budget,
         }),
         seed: arguments.seed,
+        plant: None,
     };
     let rubbed = out.join(PAGE);
     super::page::write(&inputs, &rubbed)?;

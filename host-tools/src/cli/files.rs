@@ -6,13 +6,16 @@ use std::path::{Path, PathBuf};
 
 use host_tools::fit::record::FitRecord;
 #[cfg(feature = "device")]
-use host_tools::playing::pin::{PinSummary, RATE_HZ, render_pin_wav, settings};
+use host_tools::playing::pin::{PinSummary, RATE_HZ, render_pin_wav, render_tip_wav, settings};
 #[cfg(feature = "device")]
 use host_tools::playing::render::Rendering;
 use host_tools::playing::render::{RenderSummary, WavFormat};
 use host_tools::recording::{RecordingSet, TRIALS_FILE};
-use host_tools::support::error::Result;
+use host_tools::support::error::{Error, Result};
 use host_tools::support::output;
+use stylus_plant::Parameters;
+#[cfg(feature = "device")]
+use stylus_plant::Plant;
 
 use super::input::positive;
 use super::output::{print, warn};
@@ -142,34 +145,62 @@ pub struct PinArguments {
     /// Write what the stylus puts out at its pin instead: volts above mid-scale, 32-bit float, at 40 kHz
     #[arg(long, conflicts_with = "pcm16")]
     pin: bool,
-    /// Setting of the stylus for --pin, such as output-gain=0.02 [default: the defaults]
-    #[arg(long = "set", value_name = "NAME=VALUE", value_parser = setting, requires = "pin")]
+    /// Write what the pin makes of the tip of a plant instead: m/s², 32-bit float, at 40 kHz; a TOML file, or haptuator
+    /// or mark-ii-d
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["pin", "pcm16"])]
+    plant: Option<PathBuf>,
+    /// Setting of the stylus for --pin or --plant, such as output-gain=0.02 [default: the defaults]
+    #[arg(long = "set", value_name = "NAME=VALUE", value_parser = setting)]
     settings: Vec<(String, f32)>,
 }
 
 #[cfg(feature = "device")]
 impl PinArguments {
-    /// Returns true if the pin is to be rendered.
-    pub fn is_asked(&self) -> bool {
-        self.pin
-    }
-
-    /// Renders the pin into `wav`, and prints what is in the file and what the safety stages changed.
+    /// Returns true if the pin, or the tip behind it, is to be rendered.
     ///
     /// # Errors
-    /// A setting that is refused, and those of [`render_pin_wav`].
+    /// Settings without either.
+    pub fn is_asked(&self) -> Result<bool> {
+        let asked = self.pin || self.plant.is_some();
+        if !asked && !self.settings.is_empty() {
+            return Err(Error::Request(
+                "--set changes what leaves the pin: give --pin or --plant too".into(),
+            ));
+        }
+        Ok(asked)
+    }
+
+    /// Renders the pin, or the tip behind it, into `wav`, and prints what is in the file and what the safety stages
+    /// changed.
+    ///
+    /// # Errors
+    /// A setting or a plant that is refused, and those of [`render_pin_wav`].
     pub fn render(&self, rendering: &mut Rendering<'_>, wav: &WavFile, source: &str) -> Result<()> {
         let changes = self.settings.iter();
         let settings = settings(changes.map(|(name, value)| (name.as_str(), *value)))?;
-        let summary = render_pin_wav(rendering, &settings, wav.path())?;
-        report(wav, source, summary)
+        let Some(plant) = &self.plant else {
+            let summary = render_pin_wav(rendering, &settings, wav.path())?;
+            let shown = "as volts above mid-scale at the pin of a stylus";
+            return report(wav, source, summary, shown);
+        };
+        let mut plant = Plant::new(&read_plant(plant)?, 0);
+        let summary = render_tip_wav(rendering, &settings, &mut plant, wav.path())?;
+        report(wav, source, summary, "as m/s² at the tip of a plant")
     }
 }
 
+/// Reads a plant's file, or the preset of this name.
+///
+/// # Errors
+/// There is neither, or a file that is no plant's.
+pub fn read_plant(source: &Path) -> Result<Parameters> {
+    Parameters::read(source).map_err(|error| Error::Request(error.to_string()))
+}
+
 #[cfg(feature = "device")]
-fn report(wav: &WavFile, source: &str, summary: PinSummary) -> Result<()> {
+fn report(wav: &WavFile, source: &str, summary: PinSummary, shown: &str) -> Result<()> {
     print(&format!(
-        "{}: {} codes of {source} at {RATE_HZ} Hz, as volts above mid-scale at the pin of a stylus",
+        "{}: {} codes of {source} at {RATE_HZ} Hz, {shown}",
         wav.path().display(),
         summary.codes,
     ))?;

@@ -12,11 +12,12 @@ use host_tools::report::rub_page::{Clips, Inputs, Recordings, Written};
 use host_tools::support::error::{Error, Result};
 use host_tools::support::progress;
 
-use super::files::Overwrite;
+use super::files::{Overwrite, read_plant};
 use super::input::positive;
 use crate::cli::evaluate::{as_fitted, choose};
 use crate::cli::output::print;
 use host_tools::texture::library::{decode_library, read_library};
+use stylus_plant::Plant;
 
 #[derive(clap::Args)]
 pub struct Arguments {
@@ -40,6 +41,9 @@ pub struct Arguments {
     clips: Option<f64>,
     #[command(flatten)]
     conditioning: Conditioning,
+    /// Let the page switch from the pin to the tip of this plant: a TOML file, or haptuator or mark-ii-d
+    #[arg(long, value_name = "FILE")]
+    plant: Option<PathBuf>,
     /// Seed that the page begins with
     #[arg(long, default_value_t = 1)]
     seed: u32,
@@ -78,6 +82,16 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         }
     };
     let library = decode_library(&given[0], &bytes)?;
+    let plant = arguments.plant.as_deref().map(read_plant).transpose()?;
+    let plant = plant.map(|parameters| Plant::new(&parameters, 0));
+    let named = arguments.plant.as_deref().unwrap_or(Path::new(""));
+    // A file by its name alone, and a preset with its hand.
+    let named = named
+        .file_stem()
+        .filter(|_| named.extension().is_some())
+        .unwrap_or(named.as_os_str());
+    let named = named.to_string_lossy();
+    let plant = plant.as_ref().map(|plant| (&*named, plant));
     let out = &arguments.out;
     let Some(set) = set else {
         let inputs = Inputs {
@@ -85,6 +99,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             bytes: &bytes,
             recordings: None,
             seed: u64::from(arguments.seed),
+            plant,
         };
         return print(&summary(out, &write(&inputs, out)?));
     };
@@ -108,6 +123,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         bytes: &bytes,
         recordings: Some(recordings),
         seed: u64::from(arguments.seed),
+        plant,
     };
     print(&summary(out, &write(&inputs, out)?))
 }

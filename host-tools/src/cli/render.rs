@@ -42,7 +42,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     warn_beyond(&motion, &texture);
     let source = format!("'{}' ({})", texture.name(), texture.provenance());
     #[cfg(feature = "device")]
-    if arguments.pin.is_asked() {
+    if arguments.pin.is_asked()? {
         let mut rendering = Rendering::new(texture, &motion, seconds, arguments.along.seed)?;
         return arguments
             .pin

@@ -1,12 +1,14 @@
-//! Output at the stylus's pin: a rendering through the device's own safety stages, code by code.
+//! Output at the stylus's pin, and at the tip of a plant behind it: a rendering through the device's own safety stages,
+//! code by code.
 
 use std::path::Path;
 
 use model_format::link::{Setting, SettingChange, Settings};
 use model_format::{DacCode, OutputSample, PlayRate, Volt};
 use stylus_app::safety::{Config, OVERSAMPLING, PIN_RATE_HZ, State};
+use stylus_plant::Plant;
 
-use super::render::{Rendering, write_volts_wav};
+use super::render::{Rendering, write_floats_wav};
 use crate::support::error::{Error, Result};
 
 /// Codes per second at the pin.
@@ -132,6 +134,33 @@ pub fn render_pin_wav(
     settings: &Settings,
     path: &Path,
 ) -> Result<PinSummary> {
+    render_codes(rendering, settings, path, |Volt(volt)| volt)
+}
+
+/// Writes what the tip of `plant` does for the codes of [`render_pin_wav`], with its amplifier on, in m/s² after each
+/// code.
+///
+/// # Errors
+/// As [`render_pin_wav`].
+pub fn render_tip_wav(
+    rendering: &mut Rendering<'_>,
+    settings: &Settings,
+    plant: &mut Plant,
+    path: &Path,
+) -> Result<PinSummary> {
+    render_codes(rendering, settings, path, |Volt(volt)| {
+        plant.step(volt.into(), true);
+        plant.tip_m_s2() as f32
+    })
+}
+
+/// Writes what `shown` makes of the voltage of each code.
+fn render_codes(
+    rendering: &mut Rendering<'_>,
+    settings: &Settings,
+    path: &Path,
+    mut shown: impl FnMut(Volt) -> f32,
+) -> Result<PinSummary> {
     let rate_hz = rendering.sample_rate_hz();
     let rate = PlayRate::of(rate_hz).ok_or_else(|| {
         let [one, two] = PlayRate::ALL.map(PlayRate::hz);
@@ -140,7 +169,11 @@ pub fn render_pin_wav(
         ))
     })?;
     let mut pin = Pin::new(rendering.by_ref(), rate, settings);
-    let codes = write_volts_wav(path, RATE_HZ, pin.by_ref().map(above_mid_scale))?;
+    let codes = write_floats_wav(
+        path,
+        RATE_HZ,
+        pin.by_ref().map(|code| shown(above_mid_scale(code))),
+    )?;
     let limited = pin.limited();
     Ok(PinSummary {
         codes,

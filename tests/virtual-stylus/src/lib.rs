@@ -9,6 +9,7 @@
 //! [`PESSIMISTIC_INSTRUCTIONS_PER_SECOND`](board::PESSIMISTIC_INSTRUCTIONS_PER_SECOND), so a deadline that is met here
 //! is met on the part with a margin.
 
+pub mod actuator;
 pub mod board;
 pub mod chance;
 pub mod core;

@@ -8,7 +8,9 @@ use std::time::{Duration, Instant};
 
 use anyhow::Result;
 use clap::Parser;
+use stylus_plant::{Parameters, Plant};
 use virtual_link::announcement::Announcement;
+use virtual_stylus::actuator::ActuatedPins;
 use virtual_stylus::chance::Chance;
 use virtual_stylus::flash_file::FlashFile;
 use virtual_stylus::model::adc::Pins;
@@ -55,6 +57,12 @@ struct Arguments {
     /// Move the tool as this file says: time_s,speed_mm_s,force_n
     #[arg(long)]
     motion: Option<PathBuf>,
+    /// Put the plant in this TOML file, or the one of this name, at the output: its accelerometer is on the pins
+    #[arg(long)]
+    plant: Option<PathBuf>,
+    /// Vary the plant by this seed
+    #[arg(long, requires = "plant")]
+    plant_seed: Option<u64>,
     /// Run as fast as this computer can, instead of in real time
     #[arg(long)]
     fast: bool,
@@ -147,7 +155,15 @@ fn announce(links: &[String]) -> Option<Announcement> {
 
 fn options(arguments: &Arguments, flash: Contents) -> Result<Options> {
     let lines = arguments.motion.as_deref().map(read_csv).transpose()?;
-    let pins = force_pins(lines.unwrap_or_default());
+    let mut pins = force_pins(lines.unwrap_or_default());
+    if let Some(source) = &arguments.plant {
+        let mut parameters = Parameters::read(source)?;
+        let seed = arguments.plant_seed.unwrap_or_default();
+        if arguments.plant_seed.is_some() {
+            parameters = parameters.varied(seed);
+        }
+        pins = Box::new(ActuatedPins::new(Plant::new(&parameters, seed), pins));
+    }
     Ok(Options {
         flash,
         pins,

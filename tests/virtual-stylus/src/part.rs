@@ -27,7 +27,7 @@ use crate::model::encoder::Quadrature;
 use crate::model::flash::{Busy, Journal, Unreadable};
 use crate::model::low_speed::LowSpeedInput;
 use crate::model::oscillators::Oscillators;
-use crate::model::pin::PinRecord;
+use crate::model::pin::{Drive, PinRecord};
 use crate::model::read_back::ReadBack;
 use crate::model::trigger::TriggerOutput;
 use crate::model::usb::host::Host;
@@ -373,6 +373,8 @@ impl Mcu for Part {
             self.usb.host.set_clock_deviation(self.usb_clock_ppm());
         }
         self.read_back.around.follow(self.dac.latest());
+        let enabled = self.amplifier.around.drive() == Drive::High;
+        self.adc.around.follow(self.dac.latest(), enabled);
         self.rest.bus_mut()
     }
 

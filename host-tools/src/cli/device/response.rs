@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 use std::time::SystemTime;
 
-use host_tools::dsp::response::{Bandwidths, Line};
+use host_tools::dsp::response::Bandwidths;
 use host_tools::link::Device;
 use host_tools::link::response::{
-    Calibrated, DeviceBench, Failure, Fault, Flatness, Level, Options, calibrate, check,
+    Calibrated, DeviceBench, Failure, Fault, Flatness, Options, Verdict, calibrate, check,
 };
 use host_tools::report::plot::{Caption, Curve, responses};
 use host_tools::support::error::{Error, Result};
@@ -43,59 +43,11 @@ pub struct ResponseArguments {
 /// The result of a calibration as JSON.
 #[derive(Serialize)]
 pub struct ResponseReport {
-    verdict: &'static str,
+    verdict: String,
     /// What is wrong; none if it passed.
     #[serde(skip_serializing_if = "Option::is_none")]
     fault: Option<Fault>,
-    #[serde(flatten)]
-    found: Option<Found>,
-}
-
-#[derive(Serialize)]
-struct Found {
-    id: String,
-    device_seconds: f64,
-    resonance_hz: f32,
-    damping_ratio: f32,
-    delay_us: f32,
-    axis: [f32; 3],
-    is_positive: bool,
-    output_gain: f64,
-    band_hz: [f64; 2],
-    max_gain_db: f64,
-    sections: [usize; 2],
-    noise_m_s2: [f64; 3],
-    levels: [Level; 3],
-    before: Flatness,
-    after: Flatness,
-    /// Frequency, Hz, and level, dB re what was asked.
-    curves: [Vec<(f64, f64)>; 2],
-    lines: Vec<Line>,
-}
-
-impl From<&Calibrated> for Found {
-    fn from(done: &Calibrated) -> Self {
-        let (response, identified) = (&done.response, &done.identified);
-        Self {
-            id: format!("{:08x}", response.id()),
-            device_seconds: done.seconds,
-            resonance_hz: response.resonance_hz,
-            damping_ratio: response.damping_ratio,
-            delay_us: response.delay_us,
-            axis: response.axis,
-            is_positive: identified.fit.is_positive,
-            output_gain: done.design.output_gain,
-            band_hz: done.design.band_hz,
-            max_gain_db: done.design.max_gain_db,
-            sections: [0, 1].map(|at: usize| done.design.sections[at].len()),
-            noise_m_s2: identified.rest_m_s2,
-            levels: identified.levels,
-            before: done.before.1,
-            after: done.after.1,
-            curves: [done.before.0.clone(), done.after.0.clone()],
-            lines: identified.measured.lines.clone(),
-        }
-    }
+    found: Option<Calibrated>,
 }
 
 impl ResponseArguments {
@@ -136,8 +88,8 @@ impl ResponseArguments {
             Err(Failure::Fault(fault)) => {
                 let fault = with_resistance(fault, answer)?;
                 let report = ResponseReport {
-                    verdict: fault.name(),
-                    fault: Some(fault),
+                    verdict: fault.verdict.name(),
+                    fault: Some(fault.clone()),
                     found: None,
                 };
                 let failure = Failure::Fault(fault);
@@ -163,9 +115,9 @@ impl ResponseArguments {
         let id = done.response.id();
         device.set_response(ResponseChange::Store { id })?;
         let report = ResponseReport {
-            verdict: "pass",
+            verdict: "pass".to_owned(),
             fault: None,
-            found: Some(Found::from(&done)),
+            found: Some(done),
         };
         Ok((report, Ok(())))
     }
@@ -173,15 +125,15 @@ impl ResponseArguments {
 
 /// The fault, by what the operator measures where nothing moves.
 fn with_resistance(fault: Fault, answer: Option<&dyn Fn(&str) -> Result<String>>) -> Result<Fault> {
-    let (Fault::NothingMoves { .. }, Some(answer)) = (fault, answer) else {
+    let (Verdict::NothingMoves, Some(answer)) = (fault.verdict, answer) else {
         return Ok(fault);
     };
     let line = answer(
         "nothing moves: resistance at the amplifier's output with the coil plugged in, in ohms, or 'open':",
     )?;
     Ok(match line.trim().parse::<f64>() {
-        _ if line.trim() == "open" => Fault::OpenWire,
-        Ok(ohm) => Fault::DeadCoil { ohm },
+        _ if line.trim() == "open" => Verdict::OpenWire.seen("nothing moves, and no current flows"),
+        Ok(ohm) => Verdict::DeadCoil.seen(format!("nothing moves, and the coil has {ohm} Ω")),
         Err(_) => fault,
     })
 }

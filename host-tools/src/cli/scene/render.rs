@@ -50,7 +50,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         compiled.provenance(&library)
     );
     #[cfg(feature = "device")]
-    if arguments.pin.is_asked() {
+    if arguments.pin.is_asked()? {
         return arguments
             .pin
             .render(&mut rendering, &arguments.wav, &source);

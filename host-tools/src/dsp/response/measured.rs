@@ -134,7 +134,7 @@ pub struct Band {
 }
 
 /// A measured response.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Measured {
     /// Its lines, ascending.
     pub lines: Vec<Line>,

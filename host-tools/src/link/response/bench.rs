@@ -2,7 +2,7 @@
 
 use model_format::link::{ProbeThrough, RAIL_CODES, RecordSample, Response, Settings};
 
-use super::{Fault, Result};
+use super::{Result, Verdict};
 use crate::link::capture::Calibration;
 
 /// A waveform to be played.
@@ -78,10 +78,11 @@ pub trait Bench {
 /// The fault of a recording at `volts` of peak that cannot be used.
 pub(super) fn usable(played: Played, volts: f64) -> Result<Played> {
     if played.limited {
-        return Err(Fault::Limited.into());
+        return Err(Verdict::Limited.failure("a limit of the output acted on the probe"));
     }
     if played.saturated {
-        return Err(Fault::Saturated { volts }.into());
+        let seen = format!("the accelerometer left its range at {volts:.3} V of peak");
+        return Err(Verdict::Saturated.failure(seen));
     }
     Ok(played)
 }

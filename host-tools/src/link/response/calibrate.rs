@@ -7,7 +7,7 @@ use super::bench::{Bench, Probe, usable};
 pub use super::design::Flatness;
 use super::design::{Design, design, response};
 use super::identify::{BAND_HZ, Bounds, Identified, Options, identify};
-use super::{Fault, Result};
+use super::{Result, Verdict};
 use crate::dsp::equaliser::{cascade_db, filtered};
 use crate::dsp::response::{Measured, Multisine, PERIOD, Spectra, db, ratio};
 
@@ -18,7 +18,7 @@ const PROOF: usize = 6;
 const PASSES: [f64; 3] = [1.0, 2.0, 0.5];
 
 /// A calibration whose proof has passed.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, serde::Serialize)]
 pub struct Calibrated {
     /// The actuator.
     pub identified: Identified,
@@ -78,12 +78,10 @@ pub fn calibrate(
     } = after.1;
     // A NaN does not pass.
     if !(rms_db <= rms && worst_db <= worst && level_db.abs() <= level) {
-        return Err(Fault::NotFlat {
-            rms_db,
-            worst_db,
-            level_db,
-        }
-        .into());
+        return Err(Verdict::NotFlat.failure(format!(
+            "through its equaliser the tip is off by {rms_db:.2} dB RMS and {worst_db:.2} dB at worst, its level by \
+             {level_db:+.2} dB"
+        )));
     }
     (response.rms_db, response.worst_db) = (rms_db as f32, worst_db as f32);
     bench.propose(&response)?;
@@ -158,7 +156,9 @@ fn prove(
         peak_m_s2,
         &options.bandwidths,
     );
-    let measured = measured.ok_or(Fault::NothingMoves { volts })?;
+    let measured = measured.ok_or_else(|| {
+        Verdict::NothingMoves.failure(format!("nothing moves at {volts:.3} V of peak"))
+    })?;
     let curve = response(&measured)?;
     let at_ten = |hz: f64| {
         let of = |at: usize, rate: PlayRate| cascade_db(&design.sections[at], rate.hz().into(), hz);

@@ -6,7 +6,7 @@ use model_format::scene::Biquad;
 use model_format::scene::limits::MAX_RESPONSE_SECTIONS;
 
 use super::identify::{BAND_HZ, Bounds, Options};
-use super::{Fault, Result};
+use super::{Failure, Result, Verdict};
 use crate::dsp::equaliser::{self, Request, Response, cascade_db};
 use crate::dsp::response::{Measured, db, ratio};
 
@@ -20,7 +20,7 @@ const NEEDED_HZ: [f64; 2] = [60.0, 500.0];
 const POINTS: u32 = 200;
 
 /// Equalisers, and the level that goes with them.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, serde::Serialize)]
 pub struct Design {
     /// Sections at 5 and at 10 kHz.
     pub sections: [Vec<Biquad>; 2],
@@ -63,10 +63,7 @@ impl Flatness {
 /// Level over frequency of what was measured.
 pub(super) fn response(measured: &Measured) -> Result<Response> {
     let points = Response::new(measured.points());
-    Ok(points.map_err(|_| Fault::Noisy {
-        share: 0.0,
-        volts: 0.0,
-    })?)
+    points.map_err(|fault| Verdict::Noisy.failure(fault.to_string()))
 }
 
 /// Designs equalisers and level for `measured`.
@@ -85,7 +82,7 @@ pub(super) fn design(
     let band_hz = allowed(&measured, floor_db);
     if band_hz[0] > NEEDED_HZ[0] || band_hz[1] < NEEDED_HZ[1] {
         let [low_hz, high_hz] = band_hz;
-        return Err(Fault::BeyondLimits { low_hz, high_hz }.into());
+        return Err(beyond(low_hz, high_hz));
     }
     let known = measured.points();
     let (first, last) = (known[0].0, known[known.len() - 1].0);
@@ -100,19 +97,17 @@ pub(super) fn design(
         lowest_hz: Some(FITTED_HZ[0].max(first)),
         highest_hz: Some(FITTED_HZ[1].min(last)),
     };
-    let beyond = |_| Fault::BeyondLimits {
-        low_hz: first,
-        high_hz: last,
+    let of_rate = |rate: PlayRate| {
+        equaliser::design(&floored, rate.hz().into(), &request).map_err(|_| beyond(first, last))
     };
-    let of_rate =
-        |rate: PlayRate| equaliser::design(&floored, rate.hz().into(), &request).map_err(beyond);
     let [five, ten] = [of_rate(PlayRate::Hz5000)?, of_rate(PlayRate::Hz10000)?];
     let after = Flatness::of(band_hz, |hz| {
         measured.level_db(hz) + cascade_db(&five.biquads, PlayRate::Hz5000.hz().into(), hz)
     });
     let output_gain = ratio(-after.level_db);
     if Setting::OutputGain.check(output_gain as f32).is_err() {
-        return Err(Fault::OutputGain { gain: output_gain }.into());
+        let seen = format!("output-gain would be {output_gain:.2e} V/(m/s²)");
+        return Err(Verdict::OutputGain.failure(seen));
     }
     let max_gain_db = five.max_gain_db.max(ten.max_gain_db);
     let mut sections = [five.biquads, ten.biquads];
@@ -125,6 +120,12 @@ pub(super) fn design(
         band_hz,
         max_gain_db,
     })
+}
+
+fn beyond(low_hz: f64, high_hz: f64) -> Failure {
+    Verdict::BeyondLimits.failure(format!(
+        "only {low_hz:.0} to {high_hz:.0} Hz can be corrected"
+    ))
 }
 
 /// The band around its middle in which the response is at least `floor_db`, Hz.

@@ -59,7 +59,7 @@ impl<'a> DeviceBench<'a> {
             }
             let arrival = stream.wait()?;
             for (sample, tick) in arrival.samples.into_iter().zip(arrival.first_tick..) {
-                if tick == first + samples.len() as u64 {
+                if tick < end && tick == first + samples.len() as u64 {
                     samples.push(sample);
                 }
             }

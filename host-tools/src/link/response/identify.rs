@@ -5,7 +5,7 @@ use serde::Serialize;
 use stylus_app::safety::Config;
 
 use super::bench::{Bench, Played, Probe, usable};
-use super::{Fault, Result};
+use super::{Fault, Result, Verdict};
 use crate::dsp::response::{
     Bandwidths, Fit, Line, Measured, Multisine, PERIOD, Resonance, STEP_HZ, Spectra,
 };
@@ -103,7 +103,7 @@ pub struct Level {
 }
 
 /// An actuator without a fault.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, serde::Serialize)]
 pub struct Identified {
     /// Noise of each axis at rest, m/s² RMS.
     pub rest_m_s2: [f64; 3],
@@ -234,15 +234,13 @@ pub fn identify(
     }
     let Some((_, measured, fit)) = found[2].clone() else {
         let loudest = rest_m_s2.into_iter().fold(0.0, f64::max);
-        return Err(if loudest > NOISY * bounds.range_m_s2 {
-            Fault::Noisy {
-                share: 0.0,
-                volts: top,
-            }
-            .into()
+        let seen = format!("nothing moves at {top:.3} V of peak");
+        let verdict = if loudest > NOISY * bounds.range_m_s2 {
+            Verdict::Noisy
         } else {
-            Fault::NothingMoves { volts: top }.into()
-        });
+            Verdict::NothingMoves
+        };
+        return Err(verdict.failure(seen));
     };
     let levels: Vec<Level> = found.iter().flatten().map(|(level, ..)| *level).collect();
     if let Some(fault) = bent(&levels) {
@@ -251,14 +249,15 @@ pub fn identify(
     let share = trusted(&measured);
     let (Ok(levels), Some(fit), true) = (<[Level; 3]>::try_from(levels), fit, share > TRUSTED)
     else {
-        return Err(Fault::Noisy {
-            share: 100.0 * share,
-            volts: top,
-        }
-        .into());
+        let share = 100.0 * share;
+        let seen = format!(
+            "only {share:.0} % of the response from 30 to 800 Hz can be trusted at {top:.3} V of peak"
+        );
+        return Err(Verdict::Noisy.failure(seen));
     };
     if !fit.is_positive && !options.invert {
-        return Err(Fault::Reversed.into());
+        let seen = "a positive voltage moves the tip against the accelerometer's positive axis";
+        return Err(Verdict::Reversed.failure(seen));
     }
     Ok(Identified {
         rest_m_s2,
@@ -296,7 +295,9 @@ fn rest(bench: &mut impl Bench, bounds: &Bounds) -> Result<[f64; 3]> {
     let largest = deviations.into_iter().fold(0.0, f64::max);
     for (axis, deviation) in ['X', 'Y', 'Z'].into_iter().zip(deviations) {
         if deviation <= LEAST_NOISE * largest {
-            return Err(Fault::DeadAxis { axis }.into());
+            return Err(
+                Verdict::DeadAxis.failure(format!("axis {axis} shows nothing, not even noise"))
+            );
         }
     }
     let bins = HUM_HZ.map(|hz| (hz / STEP_HZ) as usize);
@@ -321,7 +322,8 @@ fn rest(bench: &mut impl Bench, bounds: &Bounds) -> Result<[f64; 3]> {
     amplitudes.sort_by(f64::total_cmp);
     if m_s2 > HUM.0 && m_s2 > HUM.1 * amplitudes[amplitudes.len() / 2] {
         let hz = (bins[0] + loudest) as f64 * STEP_HZ;
-        return Err(Fault::Hum { hz, m_s2 }.into());
+        let seen = format!("{m_s2:.2} m/s² at {hz:.1} Hz while nothing is played");
+        return Err(Verdict::Hum.failure(seen));
     }
     Ok(deviations)
 }
@@ -376,14 +378,16 @@ fn bent(levels: &[Level]) -> Option<Fault> {
     let is_rough = last
         .resonance
         .is_none_or(|resonance| resonance.hz_deviation > ROUGH * resonance.hz);
-    match resonances {
-        _ if loss_db > changed_db => Some(Fault::Clipped { loss_db, volts }),
-        Some([low_hz, high_hz]) if moves > moved && !is_rough => {
-            Some(Fault::MovingResonance { low_hz, high_hz })
-        }
-        _ => Some(Fault::Loose {
-            share: 100.0 * distortion,
-            volts,
-        }),
-    }
+    Some(match resonances {
+        _ if loss_db > changed_db => Verdict::Clipped.seen(format!(
+            "the gain falls by {loss_db:.1} dB towards {volts:.3} V of peak, at all frequencies alike"
+        )),
+        Some([low_hz, high_hz]) if moves > moved && !is_rough => Verdict::MovingResonance.seen(format!(
+            "the resonance moves from {low_hz:.1} to {high_hz:.1} Hz with the level"
+        )),
+        _ => Verdict::Loose.seen(format!(
+            "{:.0} % of what moves at {volts:.3} V of peak was not asked for, and came with the level",
+            100.0 * distortion
+        )),
+    })
 }

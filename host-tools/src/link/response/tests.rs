@@ -263,13 +263,19 @@ fn each_fault_ends_in_its_own_verdict() {
         let Err(Failure::Fault(found)) = outcome else {
             panic!("{fault:?} passed");
         };
-        assert_eq!(found.name(), verdict, "{fault:?}: {found}");
+        assert_eq!(found.verdict.name(), verdict, "{fault:?}: {found}");
     }
     let mut quiet = plant(1, Vec::new());
     quiet.accelerometer.noise_m_s2_per_root_hz = [0.1; 3];
     let (_, outcome) = calibrated(&quiet, 1);
     assert!(
-        matches!(outcome, Err(Failure::Fault(Fault::Noisy { .. }))),
+        matches!(
+            outcome,
+            Err(Failure::Fault(Fault {
+                verdict: Verdict::Noisy,
+                ..
+            }))
+        ),
         "{outcome:?}"
     );
     let mut weak = plant(1, Vec::new());
@@ -277,7 +283,13 @@ fn each_fault_ends_in_its_own_verdict() {
     weak.accelerometer.noise_m_s2_per_root_hz = [1e-4; 3];
     let (_, outcome) = calibrated(&weak, 1);
     assert!(
-        matches!(outcome, Err(Failure::Fault(Fault::BeyondLimits { .. }))),
+        matches!(
+            outcome,
+            Err(Failure::Fault(Fault {
+                verdict: Verdict::BeyondLimits,
+                ..
+            }))
+        ),
         "{outcome:?}"
     );
 }
@@ -392,8 +404,8 @@ fn figures_of_many_plants() {
         let (mut bench, outcome) = calibrated(&parameters, number);
         let path = Path::new(&folder).join(format!("{kind}-{number:03}"));
         let (verdict, response) = match &outcome {
-            Ok(done) => ("pass", Some(done.response)),
-            Err(Failure::Fault(fault)) => (fault.name(), None),
+            Ok(done) => ("pass".to_owned(), Some(done.response)),
+            Err(Failure::Fault(fault)) => (fault.verdict.name(), None),
             Err(failure) => panic!("{failure}"),
         };
         let report = serde_json::json!({

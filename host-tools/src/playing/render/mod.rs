@@ -8,4 +8,4 @@ mod wav;
 
 pub use samples::{MAX_SECONDS, SampleClock};
 pub use samples::{Rendered, Rendering, render};
-pub use wav::{RenderSummary, WavFormat, WavSummary, render_wav, write_volts_wav, write_wav};
+pub use wav::{RenderSummary, WavFormat, WavSummary, render_wav, write_floats_wav, write_wav};

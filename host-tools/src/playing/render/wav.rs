@@ -5,7 +5,7 @@ use std::io::BufWriter;
 use std::path::Path;
 
 use hound::{SampleFormat, WavSpec, WavWriter};
-use model_format::{OutputSample, Texture, Volt};
+use model_format::{OutputSample, Texture};
 
 use super::samples::{Rendering, exact_m_s2};
 use crate::playing::motion::MotionPath;
@@ -99,21 +99,21 @@ pub fn write_wav(
     Ok(WavSummary { samples, clipped })
 }
 
-/// Writes voltages as a mono WAV file of 32-bit floats in volts, whole or not at all, and returns their number.
+/// Writes values as a mono WAV file of 32-bit floats, whole or not at all, and returns their number.
 ///
 /// # Errors
 /// More samples than the file's length fields can count, or a file that cannot be written.
-pub fn write_volts_wav(
+pub fn write_floats_wav(
     path: &Path,
     sample_rate_hz: u32,
-    samples: impl ExactSizeIterator<Item = Volt>,
+    samples: impl ExactSizeIterator<Item = f32>,
 ) -> Result<u64> {
     write_each(
         path,
         sample_rate_hz,
         WavFormat::Float32,
         samples,
-        |writer, Volt(volt)| writer.write_sample(volt),
+        |writer, value| writer.write_sample(value),
     )
 }
 

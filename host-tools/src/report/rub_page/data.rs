@@ -12,6 +12,7 @@ use stylus_kernel::scene::Plan;
 
 use super::clips::{Clip, Thinning};
 use super::spectra::{STEPS_PER_DB, Spectrum, band_centres_hz, model_spectrum, recorded_spectrum};
+use super::tip::TipData;
 use super::{Inputs, KERNEL, KERNEL_BUILT_BY, Recordings};
 use crate::fit;
 use crate::playing::wavefront::Wavefront;
@@ -49,6 +50,7 @@ pub struct Data {
     scenes: Vec<Value>,
     pub clips: Vec<Clip>,
     clip_note: String,
+    plant: Option<TipData>,
 }
 
 #[derive(Serialize)]
@@ -145,6 +147,7 @@ impl Data {
             ),
             textures,
             clips,
+            plant: (inputs.plant).map(|(name, plant)| TipData::of(name, plant)),
         })
     }
 

@@ -10,12 +10,14 @@ mod pictures;
 mod spectra;
 #[cfg(test)]
 mod tests;
+mod tip;
 
 use std::path::Path;
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use model_format::Library;
+use stylus_plant::Plant;
 
 use super::family;
 use super::html::escaped;
@@ -65,6 +67,8 @@ pub struct Inputs<'a> {
     pub recordings: Option<Recordings<'a>>,
     /// Seed that the page begins with.
     pub seed: u64,
+    /// A plant with its name, whose tip is heard by a switch.
+    pub plant: Option<(&'a str, &'a Plant)>,
 }
 
 /// The page's policy: nothing is fetched, from anywhere. A script may compile the kernel, and the sound's own thread
@@ -84,7 +88,7 @@ const WORKLET: [&str; 4] = [
 ];
 
 /// Scripts of the page, in their order.
-const SCRIPTS: [&str; 15] = [
+const SCRIPTS: [&str; 16] = [
     include_str!("kernel.js"),
     include_str!("resampler.js"),
     include_str!("voices.js"),
@@ -99,6 +103,7 @@ const SCRIPTS: [&str; 15] = [
     include_str!("patch.js"),
     include_str!("files.js"),
     include_str!("silence.js"),
+    include_str!("tip.js"),
     include_str!("page.js"),
 ];
 

@@ -85,6 +85,7 @@ class RubPage {
     this.node = node;
     this.node.port.onmessage = ({ data }) => this.hear(data);
     this.node.onprocessorerror = () => this.fail("the browser's audio worklet stopped: reload the page");
+    if (this.end) this.chooseEnd(this.end);
     this.tellVolume();
     this.tellHand();
     this.play();
@@ -312,6 +313,16 @@ class RubPage {
     this.say(this.kinds().find((kind) => kind.id === id).name);
   }
 
+  // Hears the pin, or the tip of the plant that the page has; its convolution begins with the first choice of the tip.
+  chooseEnd(end) {
+    this.end = end;
+    if (this.node && (this.ends || end !== "pin")) {
+      this.ends ??= new Ends(this.node, this.data.plant);
+      this.ends.choose(end);
+    }
+    this.say(`at the ${end}`);
+  }
+
   compare() {
     const kinds = this.kinds();
     const index = kinds.findIndex(({ id }) => id === this.kind);
@@ -439,6 +450,7 @@ class RubPage {
       byId("search").addEventListener("keydown", ({ key }) => key === "Enter" && this.chooseShown(0));
       this.search("");
     }
+    if (this.data.plant) this.setUpEnds(this.data.plant);
     for (const id of ["force", "speed", "volume", "scale"]) {
       byId(id).addEventListener("input", () => this.showRanges());
     }
@@ -448,6 +460,14 @@ class RubPage {
     byId("zoom").addEventListener("click", () => this.zoom());
     byId("clip-note").textContent = this.data.clip_note ?? "";
     byId("title").textContent = this.data.title;
+  }
+
+  setUpEnds({ name }) {
+    const ends = { pin: "Pin", tip: `Tip of ${name}` };
+    const chips = Object.entries(ends).map(([id, text]) => this.chip("end", text, () => this.chooseEnd(id)));
+    chips[0].firstChild.checked = true;
+    byId("ends").append(...chips);
+    byId("ends-row").hidden = false;
   }
 
   chip(group, text, action) {

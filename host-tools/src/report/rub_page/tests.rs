@@ -37,6 +37,7 @@ fn page_of(specs: &[TextureSpec]) -> (String, Written) {
         bytes: &bytes,
         recordings: None,
         seed: 7,
+        plant: None,
     };
     page(&inputs, || ()).unwrap()
 }

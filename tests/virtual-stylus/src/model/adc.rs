@@ -29,6 +29,7 @@ use rigless::soc::stm32h743::peripherals::adc::Adc;
 use rigless::time::{EventId, NANOS_PER_SECOND, VirtualNanos};
 
 use super::around::{Around, Call};
+use super::dac::Output;
 use crate::electrical::OldConverter;
 
 /// Section 25.4.19, table of injected triggers: TIM6's trigger output.
@@ -64,6 +65,9 @@ const OF_TRANSCEIVER: [u64; 6] = [11, 17, 14, 7, 4, 8];
 pub trait Pins: Send + Debug {
     /// The code of `channel` at `at_ns` of virtual time: 16 bits, a fraction of the reference voltage.
     fn code(&mut self, channel: u8, at_ns: u64) -> u16;
+
+    /// Called with each new `output` of the digital-to-analogue converter, and whether the amplifier is enabled.
+    fn follow(&mut self, _output: Output, _enabled: bool) {}
 }
 
 /// One sampled pin.
@@ -102,6 +106,7 @@ pub struct Injected {
     lost_triggers: u64,
     samples: Option<Vec<Sample>>,
     silicon: OldConverter,
+    followed: Option<Output>,
 }
 
 impl Injected {
@@ -117,6 +122,15 @@ impl Injected {
             lost_triggers: 0,
             samples: None,
             silicon: OldConverter::default(),
+            followed: None,
+        }
+    }
+
+    /// Tells the pins of a new output.
+    pub fn follow(&mut self, output: Option<Output>, enabled: bool) {
+        if let Some(output) = output.filter(|_| output != self.followed) {
+            self.pins.follow(output, enabled);
+            self.followed = Some(output);
         }
     }
 

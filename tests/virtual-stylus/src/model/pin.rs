@@ -49,6 +49,11 @@ impl PinRecord {
         }
     }
 
+    /// The drive now.
+    pub fn drive(&self) -> Drive {
+        self.drive
+    }
+
     /// Takes the changes since the run began, or since the last call.
     pub fn take_record(&mut self) -> Vec<Driven> {
         std::mem::take(&mut self.record)

@@ -3,9 +3,12 @@
 use hil::injection::Injected;
 use model_format::link::{MotionSource, MuteReasons, Setting};
 use stylus_app::safety;
+use stylus_plant::{Parameters, Plant};
 use virtual_stylus::Options;
+use virtual_stylus::actuator::ActuatedPins;
 use virtual_stylus::model::dac::Output;
 use virtual_stylus::model::pin::{Drive, Driven};
+use virtual_stylus::sensors::{ConstantPins, MID_SCALE as MID_SCALE_WORD};
 
 use crate::device::{
     CODE_NS, CODES, Device, MID_SCALE, MS, PERIOD_NS, inject, product, with_faults,
@@ -280,4 +283,46 @@ fn the_clocks_of_the_output_run_and_go_on_while_the_core_sleeps() {
             assert_eq!(enabled & bits, bits, "{register:#x}");
         }
     }
+}
+
+/// The accelerometer of a plant at the pin shows what another plant does, that is given the record of the run.
+#[test]
+fn a_plant_at_the_pin_moves_the_accelerometer_as_the_codes_and_the_enable_say() {
+    let mut parameters = Parameters::preset("haptuator").expect("it is one");
+    parameters.accelerometer.noise_m_s2_per_root_hz = [0.0; 3];
+    let (mut device, _) = playing_loudly();
+    device.amplifier();
+    let from_ns = device.stylus.now_ns();
+    let others = Box::new(ConstantPins::default());
+    let plant = Plant::new(&parameters, 0);
+    (device.stylus).set_pins(ActuatedPins::new(plant, others));
+    device.stylus.record_samples();
+    device.run_for(100 * MS);
+    let samples = device.stylus.take_samples();
+    let outputs: Vec<Output> = device.dac().to_vec();
+    let mut expected = Plant::new(&parameters, 0);
+    let mut outputs = outputs
+        .iter()
+        .filter(|output| output.at_ns > from_ns)
+        .peekable();
+    // Until the first code the plant rests, and its amplifier is not enabled.
+    let mut volts = None;
+    let mut largest = 0;
+    for sample in samples.iter().filter(|sample| sample.channel == 15) {
+        while let Some(output) = outputs.next_if(|output| output.at_ns <= sample.at_ns) {
+            if let Some(volts) = volts {
+                expected.step(volts, true);
+            }
+            let code = f64::from(output.code.expect("it is driven"));
+            volts = Some((code - 2048.0) / 4096.0 * 3.3);
+        }
+        let shown = expected.accelerometer_volts()[0] / 3.3 * 65_535.0 + 32_768.0;
+        assert!(
+            (f64::from(sample.word) - shown).abs() <= 1.0,
+            "{} {shown}",
+            sample.word
+        );
+        largest = largest.max(sample.word.abs_diff(MID_SCALE_WORD));
+    }
+    assert!(largest > 1_000, "{largest} words");
 }
