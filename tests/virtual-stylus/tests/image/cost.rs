@@ -1,11 +1,13 @@
 //! Instructions per tick: of each effect of a scene, against the kernel's model of its cost.
 
 use model_format::link::MotionSource;
+use model_format::scene::limits::MAX_RESPONSE_SECTIONS;
 use stylus_kernel::scene::cost::{self, StageCost};
 use virtual_stylus::tick::Tick;
 
 use crate::device::{Device, MS, PERIOD_NS};
 use crate::library;
+use crate::probe;
 use crate::scenes::{ORDERS, bytes, press};
 
 /// Most instructions by which a tick of a fed lattice may exceed that of a plain one.
@@ -169,5 +171,21 @@ fn an_effect_costs_a_tick_what_the_model_says_and_one_that_is_not_called_for_not
     let fading = fading.expect("there are ticks");
     println!("instructions a tick, four sections, fading: {fading}");
     covers(cost::FADE_OUT, 0, fading - four);
+
+    // A probe is its samples, and the sections of a response are those of a scene, after these.
+    device.stop();
+    device.run_for(100 * MS);
+    let wave = probe::load(&mut device, &probe::WAVE);
+    probe::start(&mut device, wave);
+    device.run_for(50 * MS);
+    let probing = count(&mut device, "probe", 30).within;
+    covers(cost::WAVE, 0, probing - idle - mix);
+    device.stop();
+    device.run_for(100 * MS);
+    probe::store(&mut device, MAX_RESPONSE_SECTIONS);
+    device.run_for(20 * MS);
+    let equalised = count_scene(&mut device, "eight sections").within;
+    let sections = 8 + MAX_RESPONSE_SECTIONS as u32;
+    covers(cost::EQUALISER, sections, equalised - lattice);
     device.assert_undisturbed();
 }

@@ -105,6 +105,7 @@ fn samples(heard: &Heard<'_>, recorded: &Recorded, play: u64) -> Vec<model_forma
             follower = next;
         }
         let interaction = follower.follow(sensors.motion(&config), &sensors, &config, tick);
+        player.at_tick(tick + u64::from(UPDATE_INTERVAL_SAMPLES));
         player.follow(interaction, block);
         samples.extend((0..block).map(|_| player.next_sample()));
     }

@@ -17,6 +17,7 @@ mod output;
 #[path = "../../../../host-tools/tasks/src/tables/page.rs"]
 mod page;
 mod play;
+mod probe;
 mod registers;
 mod requests;
 mod scenes;

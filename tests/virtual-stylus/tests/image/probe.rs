@@ -1,0 +1,167 @@
+//! Probes and equalised textures at the pin, as the host computes them from their samples and sections.
+
+use std::sync::atomic::AtomicI16;
+
+use fake_stylus::device::response_for;
+use model_format::link::{
+    LIBRARY_CRC, MotionSource, PROBE_CHUNK_SAMPLES, ProbeLoad, ProbeLoadEndpoint, ProbeStart,
+    ProbeStartEndpoint, ProbeStarted, ProbeThrough, Response, ResponseChange, ResponseGetEndpoint,
+    ResponseProposeEndpoint, ResponseSetEndpoint, Sections, Setting,
+};
+use model_format::scene::Biquad;
+use model_format::{Library, PlayRate};
+use stylus_app::inputs::Follower;
+use stylus_kernel::scene::{Plan, Wave};
+
+use crate::device::{Device, MS};
+use crate::expected::{Heard, plays_as_the_host_does, recorded};
+use crate::library;
+use crate::scenes::{fast, press};
+
+/// A period of a waveform without symmetry, of more than one part.
+pub const WAVE: [i16; 317] = {
+    let mut wave = [0; 317];
+    let mut at = 0;
+    while at < wave.len() {
+        wave[at] = (at * at * 211 + at * 7_919) as i16;
+        at += 1;
+    }
+    wave
+};
+
+/// Loads `period`; the request that plays it.
+pub fn load(device: &mut Device, period: &[i16]) -> ProbeStart {
+    for (number, samples) in period.chunks(PROBE_CHUNK_SAMPLES).enumerate() {
+        let load = ProbeLoad {
+            offset: (number * PROBE_CHUNK_SAMPLES) as u16,
+            samples: samples.iter().copied().collect(),
+        };
+        device
+            .request::<ProbeLoadEndpoint>(&load)
+            .expect("nothing is played");
+    }
+    let bytes: Vec<u8> = period
+        .iter()
+        .flat_map(|sample| sample.to_le_bytes())
+        .collect();
+    ProbeStart {
+        rate_hz: 5_000,
+        length: period.len() as u16,
+        periods: 40,
+        crc32: LIBRARY_CRC.checksum(&bytes),
+        peak_m_s2: 12.5,
+        through: ProbeThrough::Nothing,
+    }
+}
+
+pub fn start(device: &mut Device, request: ProbeStart) -> ProbeStarted {
+    device.keep_alive(true);
+    device
+        .request::<ProbeStartEndpoint>(&request)
+        .expect("it is playable")
+}
+
+/// Proposes a response of so many sections, made for the settings in force.
+fn propose(device: &mut Device, count: usize) -> Response {
+    let section = |number: usize| {
+        let pole = 0.1 * number as f64;
+        Biquad::from_f64([0.9, -0.2, 0.1], [-pole, 0.3]).expect("in range")
+    };
+    let all: Vec<Biquad> = (0..count).map(section).collect();
+    let sections = Sections::new(&all).expect("there is room");
+    let settings = device.settings();
+    let response = Response {
+        sections_5khz: sections,
+        sections_10khz: sections,
+        output_gain: settings.get(Setting::OutputGain),
+        ..response_for(&settings)
+    };
+    let id = device.request::<ResponseProposeEndpoint>(&response);
+    assert_eq!(id, Ok(response.id()));
+    response
+}
+
+/// Proposes such a response and stores it.
+pub fn store(device: &mut Device, count: usize) -> Response {
+    let response = propose(device, count);
+    // While the settings' bank is written, the serial line would lose what is sent.
+    device.keep_alive(false);
+    let id = response.id();
+    let stored = device.request::<ResponseSetEndpoint>(&ResponseChange::Store { id });
+    let stored = stored.expect("it was proposed").stored;
+    assert_eq!(stored.map(|stored| stored.response), Some(response));
+    response
+}
+
+fn is_put_out_as_the_host_computes_it(rate: PlayRate, through: ProbeThrough) {
+    let mut device = Device::started(library::options());
+    let response = propose(&mut device, 3);
+    let request = ProbeStart {
+        rate_hz: rate.hz(),
+        through,
+        ..load(&mut device, &WAVE)
+    };
+    let mut started = None;
+    let compared = recorded(&mut device, |device| {
+        started = Some(start(device, request));
+        // To its own end, and the end of its mute.
+        device.run_for(2_700 * MS);
+        device.keep_alive(false);
+    });
+    let samples: [AtomicI16; WAVE.len()] = WAVE.map(AtomicI16::new);
+    let wave = Wave {
+        samples: &samples,
+        total: u32::from(request.length) * u32::from(request.periods),
+        peak_m_s2: request.peak_m_s2,
+        first_tick: started.expect("it was started").first_tick,
+    };
+    let plan = Plan::of_wave(wave, rate.hz());
+    let plan = match through {
+        ProbeThrough::Nothing => plan,
+        _ => plan.with_response(&response.sections(rate).biquads()),
+    };
+    let heard = Heard {
+        plan,
+        follower: Follower::new(false),
+        seed: 0,
+        switch: None,
+    };
+    let (began, same_until) = compared.explained(&heard);
+    // The mute at its end is not that of the reference, which goes on.
+    let end = started.expect("it was started").end_tick;
+    assert!(
+        same_until >= end,
+        "codes differ from {same_until} on, with {began:?}"
+    );
+    compared.assert_heard(began);
+    let state = device.request::<ResponseGetEndpoint>(&());
+    assert_eq!((state.stored, state.proposed), (None, Some(response.id())));
+}
+
+#[test]
+fn a_probe_is_put_out_from_its_tick_to_its_end_as_the_host_computes_it() {
+    is_put_out_as_the_host_computes_it(PlayRate::Hz5000, ProbeThrough::Nothing);
+}
+
+#[test]
+fn a_probe_at_ten_kilohertz_passes_the_proposed_equaliser_and_stores_nothing() {
+    is_put_out_as_the_host_computes_it(PlayRate::Hz10000, ProbeThrough::Proposed);
+}
+
+#[test]
+fn a_texture_is_equalised_by_the_stored_response_after_a_restart_too() {
+    let bytes = fast();
+    let mut device = Device::started(library::with(&bytes));
+    let response = store(&mut device, 3);
+    let flash = device.stylus.flash();
+    let mut device = Device::started(library::of(flash));
+    press(&mut device, 1.0);
+    device.move_at(60.0);
+    let library = Library::decode(&bytes).expect("a valid library");
+    let texture = library.texture("fast").expect("it is there");
+    let mut heard = Heard::of_texture(texture, 77);
+    heard.plan = heard.plan.with_response(&response.sections_10khz.biquads());
+    plays_as_the_host_does(&mut device, &heard, 500, |device| {
+        device.play("fast", MotionSource::Sensors, 77);
+    });
+}
