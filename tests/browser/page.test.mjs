@@ -313,7 +313,7 @@ test("the tip is the pin through the plant's response, as stylus render computes
     await choose(0);
     await page.wait(() => rubPage.ends.gains.pin.gain.value > 0.99 && rubPage.ends.gains.tip.gain.value < 0.01);
     await page.press("Space");
-    const [rate, name] = [8000, await page.value(() => rubPage.textures[0].name)];
+    const [rate, name] = [16_000, await page.value(() => rubPage.textures[0].name)];
     const impulse = await page.value((rate) => Array.from(impulseOf(rubPage.data.plant, rate)), rate);
     const [pin, tip] = [["--pin"], ["--plant", "haptuator"]].map((of) => {
       const wav = path.join(folder, "end.wav");

@@ -13,7 +13,7 @@ use stylus_plant::{Parameters, Plant};
 
 /// A plant at the pin.
 pub struct Actuator {
-    /// What an owner knows of it.
+    /// Its parameters, which its owner knows.
     pub parameters: Parameters,
     /// The plant.
     pub plant: Plant,

@@ -3,6 +3,9 @@
 // Share of the response's frequencies from which on it fades, because its end would ring.
 const FADES_FROM = 0.8;
 
+// Delay of the impulse response, s: its fade rings before its beginning, too.
+const IMPULSE_DELAY_S = 0.002;
+
 // Time constant of the change from pin to tip and back, s.
 const END_CHANGE_S = 0.01;
 
@@ -25,7 +28,8 @@ function impulseOf({ step_hz: step, response_base64: text }, rate) {
       re = turned;
     }
   }
-  return Float32Array.from(impulse);
+  const delay = Math.round(rate * IMPULSE_DELAY_S);
+  return Float32Array.from(impulse, (_, n) => impulse.at(n - delay));
 }
 
 // The ways from the sound to the output: as it is at the pin, and through the plant to the tip.
