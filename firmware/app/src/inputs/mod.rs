@@ -316,7 +316,7 @@ impl Follower {
         Self { tracker, ..self }
     }
 
-    /// Interaction of the hand, from the chosen motion and the encoder's, both at tick `now`. The origin is the count at
+    /// Interaction of the hand, from the chosen motion and the encoder, both at tick `now`. The origin is the count at
     /// the first call.
     pub fn follow(
         &mut self,
