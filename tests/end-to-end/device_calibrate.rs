@@ -161,22 +161,28 @@ fn what_cannot_be_is_refused_with_its_remedy_and_nothing_is_stored() {
     assert_eq!(value(&bench, "path-per-count"), 0.01);
 }
 
-/// A way that is another one when it is measured again.
+/// A force and a way that are others when they are measured again.
 #[test]
-fn a_scale_that_is_not_verified_is_told_with_what_is_stored() {
-    let (stylus, bench) = attached(FakeStylus::start());
+fn what_is_not_verified_is_told_with_what_is_stored() {
+    let (stylus, bench) = attached(FakeStylus::start_unset());
+    let coil = "calibrate --resistance 8 --amplifier-gain 10 --power-limit 0.5 --seconds 0.3";
+    let mut operator = Operator::new(&stylus, &bench, coil);
+    operator.answer("press Enter", "");
+    operator.hand.force_n = 1.0;
+    operator.answer("store these?", "y");
+    let told = operator.until("not verified");
+    let stored = "stored and read back: coil-resistance 8, ";
+    holds(&told, &[stored, ", force-zero 4096", "codes from the zero"]);
+    assert_eq!(operator.end().1, Some(2));
+    assert_eq!(value(&bench, "coil-resistance"), 8.0);
+
     let mut operator = Operator::new(&stylus, &bench, "calibrate --distance 50 --keep-force");
     operator.travel(2_500);
     operator.travel(0);
     operator.answer("store these?", "y");
     operator.travel(2_000);
     let told = operator.until("not verified");
-    holds(
-        &told,
-        &[
-            "stored and read back: path-per-count 0.02",
-            "50 mm show as 40.00 mm",
-        ],
-    );
+    let stored = "stored and read back: path-per-count 0.02";
+    holds(&told, &[stored, "50 mm show as 40.00 mm"]);
     assert_eq!(operator.end().1, Some(2));
 }

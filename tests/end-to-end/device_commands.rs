@@ -1,7 +1,5 @@
 //! Commands to a stylus without faults: each is carried out, and its effect read back.
 
-use std::io::{BufRead, BufReader, Write};
-
 use crate::support::{Bench, attached, holds, interrupt, json, near, text, wait_for};
 use fake_stylus::library::{announcement, library};
 use fake_stylus::{FakeStylus, Hand};
@@ -333,37 +331,6 @@ fn a_calibration_sets_the_coil_and_the_forces_zero_and_measures_again() {
     let unanswered = bench.run(&calibrate.replace("--yes ", ""));
     assert!(!unanswered.status.success());
     holds(&text(&unanswered.stderr), &["nobody answered"]);
-}
-
-#[test]
-fn a_calibration_that_is_not_verified_says_what_it_stored() {
-    let (stylus, bench) = attached(FakeStylus::start_unset());
-    let asked = "calibrate --resistance 8 --amplifier-gain 10 --power-limit 0.5 --seconds 0.3";
-    let mut child = bench.spawn(asked.split(' '));
-    let mut keyboard = child.stdin.take().unwrap();
-    let mut said = BufReader::new(child.stderr.take().unwrap()).lines();
-    let mut until = |words: &str| {
-        let line = said.find(|line| line.as_ref().unwrap().contains(words));
-        line.expect("it is asked").unwrap()
-    };
-    until("press Enter");
-    keyboard.write_all(b"\n").unwrap();
-    until("store these?");
-    stylus.set_hand(Hand {
-        force_n: 1.0,
-        ..Hand::default()
-    });
-    keyboard.write_all(b"y\n").unwrap();
-    let error = until("not verified");
-    assert_eq!(child.wait().unwrap().code(), Some(2));
-    let words = [
-        "stored and read back: coil-resistance 8, ",
-        ", force-zero 4096",
-        "codes from the zero",
-    ];
-    holds(&error, &words);
-    let stored = json(&bench.succeed("settings get coil-resistance --json"));
-    assert_eq!(stored[0]["value"], 8.0, "{stored}");
 }
 
 #[test]

@@ -4,6 +4,7 @@
 
 pub mod autocorrelation;
 pub mod binomial;
+pub mod equaliser;
 pub mod high_pass;
 pub mod line_spectral_frequencies;
 pub mod linear_prediction;
@@ -13,6 +14,7 @@ pub mod model;
 pub mod model_error;
 pub mod motion_law;
 pub mod reduction;
+pub mod response;
 pub mod spectrum;
 pub mod sums;
 #[cfg(test)]

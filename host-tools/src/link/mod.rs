@@ -19,6 +19,7 @@
 //! | [`play`] | motions at a fixed rate, keep-alives, and why a play counts as failed |
 //! | [`capture`] | the record stream and its losses |
 //! | [`calibrate`] | values of the coil, and zeros of the sensors, measured and verified |
+//! | [`response`] | the actuator's response: measured, equalised, proved, checked, and what is left of the limits |
 //! | [`strokes`] | recordings of a free hand, with its motion |
 //! | [`settings`] | settings as a user writes and reads them, and what follows from a change |
 //! | [`self_test`] | measurements of the device, compared with limits |
@@ -39,6 +40,7 @@ mod error;
 mod health;
 mod open;
 pub mod play;
+pub mod response;
 mod route;
 pub mod self_test;
 pub mod set;

@@ -11,7 +11,8 @@ use model_format::{Library, Provenance};
 use stylus_kernel::scene::Plan;
 
 use super::description::{ConstantMotion, SceneFile, SurfaceDescription};
-use super::equaliser::{self, Design, Response, Section};
+use super::response::read_response;
+use crate::dsp::equaliser::{self, Design, Section};
 use crate::support::error::{Error, Result};
 use crate::support::hand::{force_fault, speed_fault};
 use crate::support::toml_field::{Field, line_of};
@@ -249,7 +250,7 @@ impl SceneFile {
                 return Err(self.error(&place.key("section"), problem));
             }
             let beside = self.path.parent().unwrap_or(Path::new(""));
-            let response = Response::read(&beside.join(response))
+            let response = read_response(&beside.join(response))
                 .map_err(|failure| self.error(&place.key("response"), failure))?;
             let request = equaliser::Request {
                 max_gain_db: described

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use model_format::SAMPLE_RATE_HZ;
 use serde::Deserialize;
 
-use super::equaliser::SectionKind;
+use crate::dsp::equaliser::SectionKind;
 use crate::support::error::{Error, Result};
 use crate::support::toml_field::{Field, TEXT, from_toml};
 

@@ -57,8 +57,8 @@
 mod compile;
 mod cost;
 mod description;
-pub mod equaliser;
 mod library;
+mod response;
 pub mod tap;
 
 pub use compile::CompiledScene;
@@ -70,3 +70,4 @@ pub use description::{
     SurfaceDescription,
 };
 pub use library::{parts, scene_named, surface_names, texture_spec, with_scenes};
+pub use response::read_response;

@@ -13,30 +13,7 @@
 //! the tool is at rest, exactly. **Its price** is that of every filter that looks ahead: a change by some mm/s that
 //! takes less than its memory is shown larger for a moment, as is a tremor.
 //!
-//! With counts of 0.01 mm, beside the mean of the last 20 ms (`cargo test -p stylus-app --test app -- --nocapture
-//! table_of_the_speed` prints this table):
-//!
-//! | | mean of 20 ms | this |
-//! |---|---|---|
-//! | noise at 1 mm/s, RMS | 0.07 mm/s | 0.05 mm/s |
-//! | noise at 2 mm/s, RMS | 0.10 mm/s | 0.03 mm/s |
-//! | noise at 5 mm/s, RMS | 0.15 mm/s | 0.01 mm/s |
-//! | noise at 20 mm/s, RMS | 0.22 mm/s | 0.02 mm/s |
-//! | noise at 50 mm/s, RMS | 0.20 mm/s | 0.20 mm/s |
-//! | noise at 100 mm/s, RMS | 0.21 mm/s | 0.15 mm/s |
-//! | noise at 200 mm/s, RMS | 0.20 mm/s | 0.11 mm/s |
-//! | noise at 400 mm/s, RMS | 0.20 mm/s | 0.08 mm/s |
-//! | delay while it accelerates, a slow stroke, 20 mm/s² | 10.00 ms | -0.14 ms |
-//! | delay while it accelerates, 1 m/s² | 10.00 ms | 0.47 ms |
-//! | delay of a tremor of 3 Hz at 5 mm/s | 9.54 ms | 5.43 ms |
-//! | its gain | 1.01 | 1.16 |
-//! | delay of a tremor of 10 Hz at 60 mm/s | 9.88 ms | 2.55 ms |
-//! | its gain | 0.92 | 1.17 |
-//! | from 5 to 50 mm/s at once, within a tenth | 20.00 ms | 5.80 ms |
-//! | from 50 to 0 mm/s at once, within a tenth | 19.60 ms | 5.60 ms |
-//! | most during a start to 5 mm/s within 50 ms | 5.00 mm/s | 6.04 mm/s |
-//! | error of strokes at 10 mm/s, 1 Hz, RMS | 0.48 mm/s | 0.20 mm/s |
-//! | error of strokes at 100 mm/s, 2 Hz, RMS | 8.64 mm/s | 1.40 mm/s |
+//! Its noise and delay beside a mean of 20 ms: `host-tools/COSTS.md`, "Speed of the hand".
 //!
 //! The position felt is off by at most 5 µm RMS and by a count at 20 to 300 mm/s, so that the phase noise of a line of
 //! 0.6 mm is at most 3° RMS. `firmware/app/tests/app/speed.rs` and `lines.rs` hold these figures.

@@ -316,8 +316,8 @@ impl Follower {
         Self { tracker, ..self }
     }
 
-    /// Interaction of the hand, from the chosen motion and the encoder's, both at tick `now`. The origin is the encoder's
-    /// count at the first call.
+    /// Interaction of the hand, from the chosen motion and the encoder, both at tick `now`. The origin is the count at
+    /// the first call.
     pub fn follow(
         &mut self,
         chosen: Timed,

@@ -1,9 +1,9 @@
 //! Position of the tool when a block's last sample is felt, for lines that are locked to place.
 //!
-//! **From the encoder.** The [`Estimator`]'s course, extrapolated by [`LEAD_TICKS`]. It has no lag at constant speed and
-//! acceleration. A turn at 100 mm/s is off by a count if it takes 0.9 s, and by 2 counts for a moment if it takes 0.3 s,
-//! because nobody knows the jerk ahead. Counts that flicker, because the tool is at the edge of a count whenever it is
-//! read, leave up to twice that. `firmware/app/tests/app/lines.rs` holds these figures.
+//! **From the encoder.** The [`Estimator`]'s course, extrapolated by [`LEAD_TICKS`]. It has no lag at constant speed
+//! and acceleration. A turn at 100 mm/s is off by a count if it takes 0.9 s, and by two counts for a moment if it takes
+//! 0.3 s, because nobody knows the jerk ahead. Counts that flicker, because the tool is at the edge of a count whenever
+//! it is read, leave up to twice that. `firmware/app/tests/app/lines.rs` holds these figures.
 //!
 //! **From the host.** Its positions come at up to 1 kHz, and up to a millisecond late or early. The position goes on at
 //! the speed that the host told last, and takes up a fifth of the difference per update. Without positions it is the
@@ -17,7 +17,7 @@ use crate::{SAMPLE_RATE_HZ, UPDATE_INTERVAL_TICKS, UPDATE_LEAD_TICKS};
 /// Ticks from the reading of the inputs until the last sample of the block that they decide is felt.
 ///
 /// The block begins [`UPDATE_LEAD_TICKS`] later, and has its last sample 9 ticks after that. Its codes begin 1.1 ticks
-/// after that, and the interpolation filter delays them by 1.7. At 10 kHz the last sample comes half a tick later in its
+/// after it, and the interpolation filter delays them by 1.7. At 10 kHz the last sample comes half a tick later in its
 /// tick, and is delayed by 0.8, so it is felt 0.4 ticks earlier: 8 µm at 100 mm/s.
 pub const LEAD_TICKS: u32 = UPDATE_LEAD_TICKS + UPDATE_INTERVAL_TICKS - 1 + 3;
 

@@ -11,7 +11,7 @@ use model_format::{PlayRate, Texture};
 use super::block::{MAX_STAGES, SLOTS};
 
 /// Instructions of every sample: the list of stages, the sum of voices, its saturation. An empty list takes 22 of them.
-pub const MIX: StageCost = StageCost { base: 68, each: 0 };
+pub const MIX: StageCost = StageCost { base: 70, each: 0 };
 
 /// A voice of a normalised lattice, with `each` per stage of the lattice.
 pub const LATTICE: StageCost = StageCost {

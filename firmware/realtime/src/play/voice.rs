@@ -14,7 +14,7 @@
 use core::sync::atomic::{AtomicBool, Ordering};
 
 use model_format::OutputSample;
-use stylus_app::UPDATE_INTERVAL_TICKS;
+use stylus_app::UPDATE_LEAD_TICKS;
 use stylus_app::inputs::Sensors;
 use stylus_kernel::scene::{
     Block, Director, Interaction, Ringing, SLOTS, ScenePlayback, VoiceStage, Voices,
@@ -215,7 +215,7 @@ pub unsafe fn direct(
     let ringing = played.ringing;
     // A plan that waits has the same rate, because another rate begins from silence.
     let samples = director.plan().block_samples();
-    director.at_tick(tick + u64::from(UPDATE_INTERVAL_TICKS));
+    director.at_tick(tick + u64::from(UPDATE_LEAD_TICKS));
     // Every block is played to its end, so the next one begins with no samples left over.
     director.next_block(interaction, samples, 0, ringing, &mut SharedVoices, block);
 }

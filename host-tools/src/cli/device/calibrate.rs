@@ -12,6 +12,7 @@ use scales::{Scales, ScalesReport};
 use serde::Serialize;
 
 use super::connection::Link;
+use super::response::{ResponseArguments, ResponseReport};
 use crate::cli::input::positive;
 use crate::cli::interrupt::Interrupt;
 use crate::cli::output::{print, print_json, tell};
@@ -46,11 +47,13 @@ pub struct Arguments {
     #[arg(long, value_name = "S", value_parser = positive, default_value_t = 1.0)]
     seconds: f64,
     /// Ask nothing: the coil's values are on the command line, and the stylus is still, in the air
-    #[arg(long, requires_all = ["resistance", "amplifier_gain", "power_limit"])]
+    #[arg(long)]
     yes: bool,
     /// Print the report as JSON
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    response: ResponseArguments,
     #[command(flatten)]
     link: Link,
 }
@@ -69,6 +72,15 @@ struct CalibrationReport {
     set: Vec<Set>,
 }
 
+/// The coil and the response, each if it was asked for.
+#[derive(Serialize)]
+struct Report {
+    #[serde(flatten)]
+    calibration: Option<CalibrationReport>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    response: Option<ResponseReport>,
+}
+
 #[derive(Serialize)]
 struct Set {
     name: &'static str,
@@ -78,10 +90,62 @@ struct Set {
 pub fn run(arguments: &Arguments) -> Result<()> {
     let device = arguments.link.connect()?;
     let interrupt = Interrupt::listen()?;
+    let values = [
+        arguments.resistance,
+        arguments.amplifier_gain,
+        arguments.power_limit,
+    ];
+    let mut report = Report {
+        calibration: None,
+        response: None,
+    };
+    let is_set = values.iter().any(Option::is_some) || arguments.scales.are_wanted();
+    if !arguments.response.response || is_set {
+        report.calibration = Some(calibrate(arguments, &device, interrupt)?);
+    }
+    let mut outcome = Ok(());
+    if arguments.response.response {
+        let asked: Option<&dyn Fn(&str) -> Result<String>> = (!arguments.yes).then_some(&answer);
+        let (response, passed) = arguments.response.run(&device, interrupt, asked)?;
+        (report.response, outcome) = (Some(response), passed);
+    }
+    if arguments.json {
+        print_json(&report)?;
+        return outcome;
+    }
+    outcome?;
+    if let Some(calibration) = &report.calibration {
+        let noise = calibration.at_rest.map_or_else(String::new, |at_rest| {
+            let zero = device
+                .settings()
+                .map_or(f64::NAN, |settings| settings.force_zero().0.into());
+            format!(
+                "; measured again, the force is {:.1} codes from its zero, with a noise of {:.1}",
+                at_rest.mean[3] - zero,
+                at_rest.deviation[3]
+            )
+        });
+        print(&format!(
+            "{} settings stored and read back{noise}",
+            calibration.set.len()
+        ))?;
+    }
+    match report.response {
+        Some(_) => print("the response and its output-gain are stored and read back"),
+        None => Ok(()),
+    }
+}
+
+/// Sets the coil's values, the sensors' zeros, and the scales that are wanted.
+fn calibrate(
+    arguments: &Arguments,
+    device: &Device,
+    interrupt: Interrupt,
+) -> Result<CalibrationReport> {
     let settings = device.settings()?;
     let bench = Bench {
         arguments,
-        device: &device,
+        device,
         interrupt,
     };
     let (coil, mut changes) = bench.coil(&settings)?;
@@ -102,7 +166,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let stored = device.set_all(&changes)?;
     let verified = bench.verify(&scales, &stored);
     let at_rest = verified.map_err(|failure| unverified(&changes, &failure))?;
-    let report = CalibrationReport {
+    Ok(CalibrationReport {
         coil,
         peak_volts: coil.peak_volts(),
         peak_amperes: coil.peak_amperes(),
@@ -116,21 +180,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
                 value: stored.get(change.setting),
             })
             .collect(),
-    };
-    if arguments.json {
-        return print_json(&report);
-    }
-    let noise = report.at_rest.map_or_else(String::new, |at_rest| {
-        format!(
-            "; measured again, the force is {:.1} codes from its zero, with a noise of {:.1}",
-            at_rest.mean[3] - f64::from(stored.force_zero().0),
-            at_rest.deviation[3]
-        )
-    });
-    print(&format!(
-        "{} settings stored and read back{noise}",
-        report.set.len()
-    ))
+    })
 }
 
 /// An error for settings that are stored although the measurement after them failed.
@@ -144,6 +194,10 @@ fn unverified(changes: &[SettingChange], failure: &Error) -> Error {
         stored.join(", ")
     ))
 }
+
+/// Words for an answer that lacks.
+const UNANSWERED: &str =
+    "nobody answered: give --resistance, --amplifier-gain, --power-limit and --yes";
 
 /// Checks `changes` before anything is asked or stored.
 fn check(changes: &[SettingChange]) -> Result<()> {
@@ -186,6 +240,7 @@ impl Bench<'_> {
         }
         let value = |given: Option<f64>, question: &str| match given {
             Some(value) => Ok(value as f32),
+            None if arguments.yes => Err(Error::Request(UNANSWERED.to_owned())),
             None => number(question),
         };
         coil.resistance = value(
@@ -269,10 +324,7 @@ fn answer(question: &str) -> Result<String> {
     let read = std::io::stdin().lock().read_line(&mut line);
     match read {
         Ok(bytes) if bytes > 0 => Ok(line),
-        _ => Err(Error::Request(
-            "nobody answered: give --resistance, --amplifier-gain, --power-limit and --yes"
-                .to_owned(),
-        )),
+        _ => Err(Error::Request(UNANSWERED.to_owned())),
     }
 }
 

@@ -2,8 +2,10 @@
 
 pub mod calibrate;
 mod connection;
+pub mod headroom;
 pub mod play;
 pub mod record;
+pub mod response;
 pub mod selftest;
 pub mod settings;
 pub mod slots;
@@ -40,8 +42,13 @@ pub enum Command {
     Selftest(selftest::Arguments),
     /// Show or change the stylus's settings
     Settings(settings::Arguments),
-    /// Set the coil's measured values and the sensors' zeros, with checks; nothing plays before
+    /// Set the coil's measured values and the sensors' zeros, with checks, and measure and equalise the actuator's
+    /// response; nothing plays before
     Calibrate(calibrate::Arguments),
+    /// Compare the actuator with its stored response, by a probe of two seconds
+    Check(response::CheckArguments),
+    /// Compare a library, through the stored equaliser, with what coil and limits give
+    Headroom(headroom::Arguments),
     /// Share a link among commands
     #[cfg(unix)]
     #[command(name = BROKER_COMMAND, hide = true)]
@@ -62,6 +69,8 @@ pub fn run(command: &Command) -> Result<()> {
         Command::Selftest(arguments) => selftest::run(arguments),
         Command::Settings(arguments) => settings::run(arguments),
         Command::Calibrate(arguments) => calibrate::run(arguments),
+        Command::Check(arguments) => response::run_check(arguments),
+        Command::Headroom(arguments) => headroom::run(arguments),
         #[cfg(unix)]
         Command::ShareLink(arguments) => {
             connection::share_link(arguments);

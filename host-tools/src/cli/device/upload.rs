@@ -108,6 +108,9 @@ fn upload(arguments: &Arguments, path: &Path) -> Result<()> {
     if arguments.activate {
         device.activate(uploaded.slot)?;
     }
+    if !arguments.unchecked {
+        super::headroom::warn_of(&device, &decode_library(path, &bytes)?)?;
+    }
     if arguments.json {
         return print_json(&UploadReport {
             library: path.display().to_string(),

@@ -1,6 +1,7 @@
 //! `stylus scene check`
 
-use host_tools::scene::{CompiledScene, CostReport, Situation, equaliser};
+use host_tools::dsp::equaliser;
+use host_tools::scene::{CompiledScene, CostReport, Situation};
 use host_tools::support::error::{Error, Result};
 use model_format::scene::MotionOfScene;
 use serde::Serialize;

@@ -50,52 +50,30 @@ pub struct ForceScale {
 /// Reason for which weights give no scale.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum ForceFault {
-    /// The force hardly changes.
+    /// The largest weight, g, changes the force by so few codes.
     #[error(
-        "{grams} g change the force by {codes:.0} codes, fewer than {LEAST_CODES}: lay the weight on the tip itself, use \
-         a heavier one, and check the sensor's wiring and gain"
+        "{0} g change the force by {1:.0} codes, fewer than {LEAST_CODES}: lay the weight on the tip itself, use a \
+         heavier one, and check the sensor's wiring and gain"
     )]
-    Insensitive {
-        /// The largest weight, g.
-        grams: f64,
-        /// Change of the mean code.
-        codes: f64,
-    },
-    /// The way down is not that up.
+    Insensitive(f64, f64),
+    /// The way down differs from that up by so many N, and per cent of the largest weight.
     #[error(
-        "on the way down the force differs by {newtons:.3} N, {percent:.0} % of the largest weight: see that the tip \
-         moves freely and nothing slips, and lay each weight at the same place"
+        "on the way down the force differs by {0:.3} N, {1:.0} % of the largest weight: see that the tip moves freely \
+         and nothing slips, and lay each weight at the same place"
     )]
-    Hysteresis {
-        /// The difference, N.
-        newtons: f64,
-        /// Its share of the largest weight.
-        percent: f64,
-    },
-    /// The measurements do not lie on a line.
+    Hysteresis(f64, f64),
+    /// The measurements differ from a line by so many N, and per cent of the largest weight.
     #[error(
-        "the force differs from a line by {newtons:.3} N, {percent:.0} % of the largest weight: check the values of the \
-         weights and their order, and that the sensor is not at the end of its range"
+        "the force differs from a line by {0:.3} N, {1:.0} % of the largest weight: check the values of the weights \
+         and their order, and that the sensor is not at the end of its range"
     )]
-    NotLinear {
-        /// The difference, N.
-        newtons: f64,
-        /// Its share of the largest weight.
-        percent: f64,
-    },
-    /// The settings that were stored show another force.
+    NotLinear(f64, f64),
+    /// By the settings that were stored a weight, g, shows as the first force, N, instead of the second.
     #[error(
-        "{grams} g show as {newtons:.3} N instead of {expected:.3} N by the scale that was just set: lay the same weight \
-         on the tip as before, and calibrate again"
+        "{0} g show as {1:.3} N instead of {2:.3} N by the scale that was just set: lay the same weight on the tip as \
+         before, and calibrate again"
     )]
-    NotVerified {
-        /// The weight, g.
-        grams: f64,
-        /// The force by the settings, N.
-        newtons: f64,
-        /// The weight's force, N.
-        expected: f64,
-    },
+    NotVerified(f64, f64, f64),
 }
 
 fn newtons(grams: f64) -> f64 {
@@ -120,8 +98,7 @@ impl ForceScale {
         let (most_n, change) = (newtons(grams), codes_per_n * newtons(grams));
         // Without two different weights it is no number.
         if change.is_nan() || change.abs() < LEAST_CODES {
-            let codes = change.abs();
-            return Err(ForceFault::Insensitive { grams, codes });
+            return Err(ForceFault::Insensitive(grams, change.abs()));
         }
         let most = |codes: f64, one: f64| f64::max(codes, (one / codes_per_n).abs());
         let back = measured.iter().zip(measured.iter().rev());
@@ -133,12 +110,10 @@ impl ForceScale {
         let residual_n = residuals.fold(0.0, most);
         let percent = |newtons: f64| 100.0 * newtons / most_n;
         if hysteresis_n > MOST_SHARE * most_n {
-            let (newtons, percent) = (hysteresis_n, percent(hysteresis_n));
-            return Err(ForceFault::Hysteresis { newtons, percent });
+            return Err(ForceFault::Hysteresis(hysteresis_n, percent(hysteresis_n)));
         }
         if residual_n > MOST_SHARE * most_n {
-            let (newtons, percent) = (residual_n, percent(residual_n));
-            return Err(ForceFault::NotLinear { newtons, percent });
+            return Err(ForceFault::NotLinear(residual_n, percent(residual_n)));
         }
         let unloaded = measured.iter().filter(|one| one.grams == 0.0);
         let noise_n = unloaded.map(|one| one.at_rest.deviation[3]).fold(0.0, most);
@@ -181,11 +156,7 @@ impl ForceScale {
         if (shown - expected).abs() <= MOST_SHARE * expected {
             return Ok(());
         }
-        Err(ForceFault::NotVerified {
-            grams,
-            newtons: shown,
-            expected,
-        })
+        Err(ForceFault::NotVerified(grams, shown, expected))
     }
 }
 
@@ -229,16 +200,13 @@ mod tests {
         let kept = of(100.0, 0.0).expect("1 % is within what is allowed");
         assert!((kept.hysteresis_n - 0.02).abs() < 0.001, "{kept:?}");
         assert!(kept.contact_threshold_n > 2.0 * kept.hysteresis_n);
-        assert!(matches!(of(700.0, 0.0), Err(ForceFault::Hysteresis { .. })));
-        assert!(matches!(
-            of(0.0, -1_500.0),
-            Err(ForceFault::NotLinear { .. })
-        ));
+        assert!(matches!(of(700.0, 0.0), Err(ForceFault::Hysteresis(..))));
+        assert!(matches!(of(0.0, -1_500.0), Err(ForceFault::NotLinear(..))));
         let numb = ForceScale::of(&measured(&[100.0], 200.0, 0.0, 0.0));
-        assert!(matches!(numb, Err(ForceFault::Insensitive { .. })));
+        assert!(matches!(numb, Err(ForceFault::Insensitive(..))));
         assert!(matches!(
             ForceScale::of(&[]),
-            Err(ForceFault::Insensitive { .. })
+            Err(ForceFault::Insensitive(..))
         ));
     }
 }

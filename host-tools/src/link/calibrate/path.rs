@@ -77,55 +77,35 @@ pub struct PathScale {
 /// Reason for which two ways give no path per count.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum PathFault {
-    /// Hardly anything was counted.
+    /// So few counts were counted.
     #[error(
-        "the encoder moved by {counts} counts, fewer than {LEAST_COUNTS}: move it over a longer distance, see that its \
+        "the encoder moved by {0} counts, fewer than {LEAST_COUNTS}: move it over a longer distance, see that its \
          wheel turns, and check both of its wires"
     )]
-    TooFew {
-        /// Counts of the way.
-        counts: i64,
-    },
+    TooFew(i64),
     /// Both ways were counted in one direction.
     #[error(
         "there and back were counted in the same direction: move back to the beginning the second time"
     )]
     SameDirection,
-    /// The tip or the counts went back and forth.
+    /// For a way of the first number of counts the second number was counted, back and forth.
     #[error(
-        "the encoder counted {walked} counts for a way of {counts}: move straight to the end and stop there; if you \
-         did, one of its wires is broken or picks up noise"
+        "the encoder counted {1} counts for a way of {0}: move straight to the end and stop there; if you did, one of \
+         its wires is broken or picks up noise"
     )]
-    Astray {
-        /// Counts from the beginning to the end.
-        counts: i64,
-        /// Counts in both directions.
-        walked: i64,
-    },
-    /// The ways differ.
+    Astray(i64, i64),
+    /// The counts there and back differ by so many per cent.
     #[error(
-        "{there} counts there and {back} back differ by {percent:.1} %: begin and end at the same marks, and press so \
-         that the wheel does not slip"
+        "{0} counts there and {1} back differ by {2:.1} %: begin and end at the same marks, and press so that the \
+         wheel does not slip"
     )]
-    Unequal {
-        /// Counts there.
-        there: i64,
-        /// Counts back.
-        back: i64,
-        /// Their difference.
-        percent: f64,
-    },
-    /// The setting that was stored shows another distance.
+    Unequal(i64, i64, f64),
+    /// By the setting that was stored the distance, mm, shows as the second one.
     #[error(
-        "{mm} mm show as {shown:.2} mm by the path per count that was just set: go from the same mark to the other as \
+        "{0} mm show as {1:.2} mm by the path per count that was just set: go from the same mark to the other as \
          before, and calibrate again"
     )]
-    NotVerified {
-        /// The distance, mm.
-        mm: f64,
-        /// The way by the setting, mm.
-        shown: f64,
-    },
+    NotVerified(f64, f64),
 }
 
 impl PathScale {
@@ -139,11 +119,10 @@ impl PathScale {
             let astray = (way.walked - counts) as f64 > MOST_ASTRAY * way.walked as f64;
             // An encoder with one wire shakes between two counts, which are few from one end to the other.
             if astray && way.walked >= LEAST_COUNTS {
-                let walked = way.walked;
-                return Err(PathFault::Astray { counts, walked });
+                return Err(PathFault::Astray(counts, way.walked));
             }
             if counts < LEAST_COUNTS {
-                return Err(PathFault::TooFew { counts });
+                return Err(PathFault::TooFew(counts));
             }
         }
         if there.counts.signum() == back.counts.signum() {
@@ -152,11 +131,8 @@ impl PathScale {
         let mean = (there.counts - back.counts) as f64 / 2.0;
         let share = ((there.counts + back.counts) as f64 / mean).abs();
         if share > MOST_SHARE {
-            return Err(PathFault::Unequal {
-                there: there.counts.abs(),
-                back: back.counts.abs(),
-                percent: 100.0 * share,
-            });
+            let [there, back] = [there, back].map(|way| way.counts.abs());
+            return Err(PathFault::Unequal(there, back, 100.0 * share));
         }
         Ok(Self {
             mm_per_count: mm / mean,
@@ -174,7 +150,7 @@ impl PathScale {
         if (shown - mm).abs() <= MOST_SHARE * mm {
             return Ok(());
         }
-        Err(PathFault::NotVerified { mm, shown })
+        Err(PathFault::NotVerified(mm, shown))
     }
 
     /// The setting of the path per count, to five digits, which is more than is known.
@@ -216,22 +192,19 @@ mod tests {
         let of = |there, back| PathScale::of(100.0, [there, back]);
         assert!(of(straight(10_000), straight(-9_900)).is_ok());
         let slipped = of(straight(10_000), straight(-9_500));
-        assert!(matches!(slipped, Err(PathFault::Unequal { .. })));
+        assert!(matches!(slipped, Err(PathFault::Unequal(..))));
         assert_eq!(
             of(straight(900), straight(900)),
             Err(PathFault::SameDirection)
         );
         assert!(matches!(
             of(straight(0), straight(0)),
-            Err(PathFault::TooFew { .. })
+            Err(PathFault::TooFew(..))
         ));
         let one_wire = Travel {
             counts: 1,
             walked: 9_001,
         };
-        assert!(matches!(
-            of(one_wire, one_wire),
-            Err(PathFault::Astray { .. })
-        ));
+        assert!(matches!(of(one_wire, one_wire), Err(PathFault::Astray(..))));
     }
 }

@@ -233,10 +233,10 @@ pub const NARROW: u32 = 388;
 const HEIGHT: u32 = 280;
 
 /// Octaves that are written along a spectrum, Hz.
-const OCTAVES_HZ: [&str; 6] = ["31.5", "63", "125", "250", "500", "1000"];
+pub(super) const OCTAVES_HZ: [&str; 6] = ["31.5", "63", "125", "250", "500", "1000"];
 
 /// The first of them, exactly.
-const FIRST_OCTAVE_HZ: f64 = 1000.0 / 32.0;
+pub(super) const FIRST_OCTAVE_HZ: f64 = 1000.0 / 32.0;
 
 /// Empty axes for the last 100 ms of an acceleration within `peak_m_s2`.
 ///

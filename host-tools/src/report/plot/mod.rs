@@ -11,6 +11,7 @@ pub mod figure;
 mod grid;
 #[cfg(test)]
 pub(super) mod properties;
+mod responses;
 mod spectrogram;
 mod waveforms;
 
@@ -24,6 +25,7 @@ pub use curves::{
 };
 pub use figure::{COST, Figure, Quantity};
 pub use grid::{GridCell, GridMap, Scale, WIDE, grid_map, map_axes};
+pub use responses::{Curve, responses};
 pub use spectrogram::spectrograms;
 pub use waveforms::waveforms;
 

@@ -6,7 +6,7 @@ use host_tools::evaluation::listening::{Answers, score};
 use host_tools::link::set::PlannedTrial;
 use host_tools::playing::motion::MotionPath;
 use host_tools::recording::{RATES_HZ, freehand};
-use host_tools::scene::equaliser::Response;
+use host_tools::scene::read_response;
 use host_tools::support::hand::{MAX_FORCE_N, MAX_SPEED_MM_S};
 
 use super::place;
@@ -20,7 +20,7 @@ pub fn judge(input: &[u8]) {
     let judged = match kind % 5 {
         0 => motion(&path, table),
         1 => freehand::read(&path, None, 1.0).map(|hand| check_hand(&hand)),
-        2 => Response::read(&path).map(|response| {
+        2 => read_response(&path).map(|response| {
             let points = response.points();
             assert!(points.windows(2).all(|pair| pair[0].0 < pair[1].0));
             assert!(response.level_db(100.0).is_finite());

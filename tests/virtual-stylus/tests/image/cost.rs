@@ -62,7 +62,10 @@ fn hands_over(ticks: &[Tick], tick: &Tick) -> bool {
     let least = fewest.iter().min().expect("there are ten");
     let more: Vec<usize> = (0..10).filter(|&place| fewest[place] > *least).collect();
     let lead = UPDATE_LEAD_TICKS as usize;
-    let apart = more.last().zip(more.first()).map(|(last, first)| last - first);
+    let apart = more
+        .last()
+        .zip(more.first())
+        .map(|(last, first)| last - first);
     assert!(
         more.len() == 2 && apart.is_some_and(|apart| [lead, 10 - lead].contains(&apart)),
         "{fewest:?}"

@@ -107,7 +107,7 @@ fn samples(heard: &Heard<'_>, recorded: &Recorded, play: u64) -> Vec<model_forma
             follower = next;
         }
         let interaction = follower.follow(motion, &estimator, &config, tick);
-        player.at_tick(tick + u64::from(UPDATE_INTERVAL_SAMPLES));
+        player.at_tick(tick + u64::from(UPDATE_LEAD_TICKS));
         player.follow(interaction, block);
         samples.extend((0..block).map(|_| player.next_sample()));
     }
@@ -253,7 +253,8 @@ impl Compared {
     }
 }
 
-/// Records, first the tool at rest, and then while `play` is played for as long as it takes; no tick may be late, saturated or touch flash.
+/// Records, first the tool at rest, and then while `play` is played for as long as it takes; no tick may be late,
+/// saturated or touch flash.
 pub fn recorded(device: &mut Device, play: impl FnOnce(&mut Device)) -> Compared {
     device.record();
     // Until the estimate of the speed is exactly at rest.

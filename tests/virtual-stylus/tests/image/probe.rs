@@ -140,12 +140,12 @@ fn a_texture_is_equalised_by_the_stored_response_after_a_restart_too() {
     let flash = device.stylus.flash();
     let mut device = Device::started(library::of(flash));
     press(&mut device, 1.0);
-    device.move_at(60.0);
     let library = Library::decode(&bytes).expect("a valid library");
     let texture = library.texture("fast").expect("it is there");
     let mut heard = Heard::of_texture(texture, 77);
     heard.plan = heard.plan.with_response(&response.sections_10khz.biquads());
     plays_as_the_host_does(&mut device, &heard, 500, |device| {
+        device.move_at(60.0);
         device.play("fast", MotionSource::Sensors, 77);
     });
 }

@@ -33,7 +33,7 @@ impl Scales {
     }
 }
 
-/// What the weights and the distance gave.
+/// Results of the weights and the distance.
 #[derive(Serialize)]
 pub struct ScalesReport {
     force: Option<ForceScale>,

@@ -11,7 +11,9 @@ use host_tools::link::Device;
 use host_tools::link::play::{Drive, Driven, Heard, MAX_MOTION_RATE_HZ, MIN_MOTION_RATE_HZ, drive};
 use host_tools::playing::motion::MotionPath;
 use host_tools::support::error::{Error, Result};
-use model_format::link::{Activity, MotionSource, PlayRequest, Selection, TextureName};
+use model_format::link::{
+    Activity, MotionSource, OutputStatus, PlayRequest, Selection, TextureName,
+};
 use model_format::scene::SceneName;
 use model_format::{MillimetresPerSecond, Newton};
 use serde::Serialize;
@@ -100,7 +102,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let request = request(arguments, &plan)?;
     let device = arguments.link.connect()?;
     let interrupt = Interrupt::listen()?;
-    let mut heard = Heard::since(&device.status()?);
+    let before = device.status()?;
+    let mut heard = Heard::since(&before);
     device.play(&request)?;
     let played = keep_playing(&device, &plan, interrupt, &mut heard);
     // A stop would end what yet another program may play by now.
@@ -117,6 +120,16 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         return Err(Error::Request(format!("{}: {problem}", device.address())));
     }
     let failure = heard.failure(&driven);
+    let limited = |output: &OutputStatus| {
+        output.hard_limited + output.slew_limited + output.thermally_limited
+    };
+    let limited = limited(&status).saturating_sub(limited(&before.output));
+    if limited > 0 {
+        warn(&format!(
+            "limits of the output acted at {limited} ticks: `stylus headroom LIB` says in which bands, and at which gain \
+             the library fits"
+        ));
+    }
     if arguments.json {
         print_json(&PlayReport {
             texture: arguments.texture.as_deref(),

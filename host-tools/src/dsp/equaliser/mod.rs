@@ -19,7 +19,7 @@ use std::f64::consts::TAU;
 use biquad::{Coefficients, Hertz, Type};
 pub use design::{DEFAULT_MAX_GAIN_DB, Design, Deviation, Request, design};
 use model_format::scene::Biquad;
-pub use response::Response;
+pub use response::{Response, ResponseFault};
 use serde::{Deserialize, Serialize};
 
 /// A value out of its range, with its key in a scene's text.
@@ -120,6 +120,31 @@ impl Section {
         let frequency = Hertz::<f64>::from_hz(self.frequency_hz).ok()?;
         Coefficients::from_params(kind, rate, frequency, self.q).ok()
     }
+}
+
+/// Level of stored sections in a row at `frequency_hz`, dB.
+pub fn cascade_db(sections: &[Biquad], rate_hz: f64, frequency_hz: f64) -> f64 {
+    let share = frequency_hz / rate_hz;
+    sections
+        .iter()
+        .map(|section| stored_level_db(section, share))
+        .sum()
+}
+
+/// `samples` through stored sections in a row, from rest.
+pub fn filtered(sections: &[Biquad], samples: &[f64]) -> Vec<f64> {
+    let mut samples = samples.to_vec();
+    for section in sections {
+        let ([b0, b1, b2], [a1, a2]) = (section.numerator(), section.denominator());
+        let (mut first, mut second) = (0.0, 0.0);
+        for sample in &mut samples {
+            let output = b0 * *sample + first;
+            first = b1 * *sample - a1 * output + second;
+            second = b2 * *sample - a2 * output;
+            *sample = output;
+        }
+    }
+    samples
 }
 
 /// Level of a stored section at `share` of the sample rate, dB.

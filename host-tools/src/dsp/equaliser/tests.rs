@@ -1,19 +1,12 @@
-use std::path::Path;
-
 use model_format::scene::limits::MAX_SECTIONS;
 use proptest::prelude::*;
 
 use super::*;
-use crate::support::holds;
 
 const RATE_HZ: f64 = 5000.0;
 
 fn response(points: &[(f64, f64)]) -> Response {
-    let mut text = String::from("# made up\nfrequency_hz,magnitude_db\n");
-    for (frequency_hz, level_db) in points {
-        text.push_str(&format!("{frequency_hz},{level_db}\n"));
-    }
-    Response::from_csv(Path::new("coil.csv"), text).unwrap()
+    Response::new(points.to_vec()).unwrap()
 }
 
 /// A voice coil as a mass on a spring: a resonance, and the roll-off of mass and inductance above it.
@@ -144,34 +137,6 @@ proptest! {
                 prop_assert!(found.after.rms_db.is_finite());
             }
         }
-    }
-}
-
-#[test]
-fn what_is_wrong_with_a_response_is_said_with_its_line() {
-    let read = |text: &str| {
-        Response::from_csv(Path::new("coil.csv"), text.to_owned())
-            .unwrap_err()
-            .to_string()
-    };
-    let head = "frequency_hz,magnitude_db\n10,0\n20,0\n";
-    for (text, expected) in [
-        ("hz,db\n", "no column 'frequency_hz'"),
-        ("frequency_hz,magnitude_db\n", "at 0 frequencies"),
-        (
-            &format!("{head}20,1\n"),
-            "coil.csv, line 4: frequency_hz is 20 after 20",
-        ),
-        (
-            &format!("{head}30,loud\n"),
-            "coil.csv, line 4: magnitude_db is 'loud'",
-        ),
-        (
-            &format!("{head}NaN,1\n"),
-            "coil.csv, line 4: frequency_hz is 'NaN'",
-        ),
-    ] {
-        holds(&read(text), &[expected]);
     }
 }
 

@@ -1,0 +1,106 @@
+//! `stylus headroom`
+
+use std::path::PathBuf;
+
+use host_tools::link::Device;
+use host_tools::link::response::{Headroom, headroom};
+use host_tools::support::error::Result;
+use host_tools::texture::library::{decode_library, read_library};
+use model_format::Library;
+use serde::Serialize;
+
+use super::connection::Link;
+use crate::cli::output::{print, print_json, warn};
+use crate::cli::table::table;
+
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// Library whose textures are compared with what the stylus can give
+    library: PathBuf,
+    /// Print all figures as JSON
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    link: Link,
+}
+
+#[derive(Serialize)]
+struct Report {
+    /// True if a response is stored, so that levels at the tip are known.
+    calibrated: bool,
+    textures: Vec<Headroom>,
+}
+
+pub fn run(arguments: &Arguments) -> Result<()> {
+    let bytes = read_library(&arguments.library)?;
+    let library = decode_library(&arguments.library, &bytes)?;
+    let device = arguments.link.connect()?;
+    let (calibrated, textures) = of(&device, &library)?;
+    if !calibrated {
+        warn(
+            "no response is stored, so levels at the tip are not known: run `stylus calibrate --response`",
+        );
+    }
+    if arguments.json {
+        return print_json(&Report {
+            calibrated,
+            textures,
+        });
+    }
+    for texture in &textures {
+        let (limit, over_db) = texture.tightest();
+        let [speed, force] = texture.at;
+        print(&format!(
+            "{}: {} at {speed} mm/s and {force} N, {:.1} dB {} the limit of {limit}; fits at a gain of {:.2}",
+            texture.texture,
+            if over_db > 0.0 { "EXCEEDS" } else { "fits" },
+            over_db.abs(),
+            if over_db > 0.0 { "above" } else { "below" },
+            texture.fitting_gain
+        ))?;
+        let rows: Vec<Vec<String>> = texture
+            .bands
+            .iter()
+            .map(|band| {
+                vec![
+                    format!("{:.0}", band.hz),
+                    format!("{:.3}", band.asked_m_s2),
+                    band.tip_m_s2
+                        .map_or("?".to_owned(), |tip| format!("{tip:.3}")),
+                    format!("{:.1}", 1e3 * band.pin_volts),
+                    format!("{:+.1}", band.over_db),
+                ]
+            })
+            .collect();
+        print(&table(
+            &["Hz", "asked m/s²", "at the tip", "pin mV", "over dB"],
+            &rows,
+        ))?;
+    }
+    Ok(())
+}
+
+/// Whether a response is stored, and what each texture asks.
+fn of(device: &Device, library: &Library<'_>) -> Result<(bool, Vec<Headroom>)> {
+    let response = device.response()?.stored.map(|stored| stored.response);
+    Ok((
+        response.is_some(),
+        headroom(library, &device.settings()?, response.as_ref())?,
+    ))
+}
+
+/// Warns of textures that exceed what the stylus gives, if a response is stored.
+///
+/// # Errors
+/// A lost link, or a texture of a rate that no stylus plays.
+pub fn warn_of(device: &Device, library: &Library<'_>) -> Result<()> {
+    if device.response()?.stored.is_none() {
+        return Ok(());
+    }
+    let (_, textures) = of(device, library)?;
+    textures
+        .iter()
+        .filter_map(Headroom::warning)
+        .for_each(|warning| warn(&warning));
+    Ok(())
+}

@@ -1,0 +1,234 @@
+//! The response's part of `stylus calibrate`, and `stylus check`.
+
+use std::path::PathBuf;
+use std::time::SystemTime;
+
+use host_tools::dsp::response::Bandwidths;
+use host_tools::link::Device;
+use host_tools::link::response::{
+    Calibrated, DeviceBench, Failure, Fault, Flatness, Options, Verdict, calibrate, check,
+};
+use host_tools::report::plot::{Caption, Curve, responses};
+use host_tools::support::error::{Error, Result};
+use model_format::link::ResponseChange;
+use serde::Serialize;
+
+use super::connection::Link;
+use crate::cli::input::positive;
+use crate::cli::interrupt::Interrupt;
+use crate::cli::output::{note, print, print_json, tell};
+
+#[derive(clap::Args)]
+pub struct ResponseArguments {
+    /// Measure what the tip does for a voltage, and equalise it; without the coil's values, those that are set stay
+    #[arg(long)]
+    pub response: bool,
+    /// Bandwidth of the accelerometer in hertz: one for all axes, or X,Y,Z; its roll-off is then made up for
+    #[arg(long, value_name = "HZ", value_delimiter = ',', value_parser = positive, requires = "response")]
+    accelerometer_bandwidth: Vec<f64>,
+    /// Sine that coil and limits bear at every frequency that is corrected, in m/s² RMS
+    #[arg(long, value_name = "M_S2", value_parser = positive, default_value_t = 1.0)]
+    level: f64,
+    /// Largest gain of the equaliser over the mean of the response, in decibels
+    #[arg(long, value_name = "DB", value_parser = positive, default_value_t = 20.0)]
+    max_gain: f64,
+    /// Invert the output if a positive voltage moves the tip against the accelerometer's positive axis
+    #[arg(long, requires = "response")]
+    invert: bool,
+    /// Write the response before and after as a picture
+    #[arg(long, value_name = "SVG", requires = "response")]
+    svg: Option<PathBuf>,
+}
+
+/// The result of a calibration as JSON.
+#[derive(Serialize)]
+pub struct ResponseReport {
+    verdict: String,
+    /// What is wrong; none if it passed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    fault: Option<Fault>,
+    found: Option<Calibrated>,
+}
+
+impl ResponseArguments {
+    /// Measures, proves and stores the response. `answer` asks the operator; none if nobody is asked.
+    ///
+    /// # Errors
+    /// A fault of the actuator, after which nothing has changed, or a link that is lost.
+    pub fn run(
+        &self,
+        device: &Device,
+        interrupt: Interrupt,
+        answer: Option<&dyn Fn(&str) -> Result<String>>,
+    ) -> Result<(ResponseReport, Result<()>)> {
+        if let Some(answer) = answer {
+            answer(
+                "hold the stylus as in use, with the tip in the air, and stay so for half a minute; then press Enter",
+            )?;
+        }
+        if self.accelerometer_bandwidth.is_empty() {
+            note(
+                "the accelerometer's own roll-off is not known and counts as the actuator's: see --accelerometer-bandwidth",
+            );
+        }
+        let options = Options {
+            bandwidths: bandwidths(&self.accelerometer_bandwidth)?,
+            max_gain_db: self.max_gain,
+            level_m_s2: self.level,
+            invert: self.invert,
+        };
+        let goes_on = || !interrupt.is_raised();
+        let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
+        let now = now.map_or(0, |since| since.as_secs());
+        let mut heard = |step: &str| note(&format!("  {step}"));
+        let outcome = DeviceBench::new(device, &goes_on)
+            .and_then(|mut bench| calibrate(&mut bench, &options, now, &mut heard));
+        let done = match outcome {
+            Ok(done) => done,
+            Err(Failure::Fault(fault)) => {
+                let fault = with_resistance(fault, answer)?;
+                let report = ResponseReport {
+                    verdict: fault.verdict.name(),
+                    fault: Some(fault.clone()),
+                    found: None,
+                };
+                let failure = Failure::Fault(fault);
+                return Ok((
+                    report,
+                    Err(Error::Request(format!("nothing was stored: {failure}"))),
+                ));
+            }
+            Err(Failure::Link(failure)) => return Err(failure.into()),
+            Err(Failure::Interrupted) => {
+                return Err(Error::Request("interrupted; nothing was stored".to_owned()));
+            }
+        };
+        if let Some(path) = &self.svg {
+            picture(&done, device.address().is_of_an_emulator())?.write(path)?;
+        }
+        tell(&summary(&done));
+        if let Some(answer) = answer
+            && answer("store this? [y/N]")?.trim() != "y"
+        {
+            return Err(Error::Request("nothing was stored".to_owned()));
+        }
+        let id = done.response.id();
+        device.set_response(ResponseChange::Store { id })?;
+        let report = ResponseReport {
+            verdict: "pass".to_owned(),
+            fault: None,
+            found: Some(done),
+        };
+        Ok((report, Ok(())))
+    }
+}
+
+/// The fault, by what the operator measures where nothing moves.
+fn with_resistance(fault: Fault, answer: Option<&dyn Fn(&str) -> Result<String>>) -> Result<Fault> {
+    let (Verdict::NothingMoves, Some(answer)) = (fault.verdict, answer) else {
+        return Ok(fault);
+    };
+    let line = answer(
+        "nothing moves: resistance at the amplifier's output with the coil plugged in, in ohms, or 'open':",
+    )?;
+    Ok(match line.trim().parse::<f64>() {
+        _ if line.trim() == "open" => Verdict::OpenWire.seen("nothing moves, and no current flows"),
+        Ok(ohm) => Verdict::DeadCoil.seen(format!("nothing moves, and the coil has {ohm} Ω")),
+        Err(_) => fault,
+    })
+}
+
+fn bandwidths(given: &[f64]) -> Result<Bandwidths> {
+    match *given {
+        [] => Ok(Bandwidths::default()),
+        [all] => Ok(Bandwidths([Some(all); 3])),
+        [x, y, z] => Ok(Bandwidths([x, y, z].map(Some))),
+        _ => Err(Error::Request(
+            "--accelerometer-bandwidth takes one value, or three".to_owned(),
+        )),
+    }
+}
+
+fn summary(done: &Calibrated) -> String {
+    let (response, [low, high]) = (&done.response, done.design.band_hz);
+    let flat = |flat: &Flatness| {
+        format!(
+            "{:+.1} dB, {:.2} dB RMS and {:.2} dB at worst from flat",
+            flat.level_db, flat.rms_db, flat.worst_db
+        )
+    };
+    format!(
+        "resonance {:.1} Hz with a damping ratio of {:.2}, delay {:.0} µs\n{low:.0} to {high:.0} Hz before: {}\n\
+         through the equaliser ({} sections, gain up to {:.1} dB): {}\noutput-gain {:.5} V/(m/s²); passed in {:.0} s",
+        response.resonance_hz,
+        response.damping_ratio,
+        response.delay_us,
+        flat(&done.before.1),
+        done.design.sections[0].len(),
+        done.design.max_gain_db,
+        flat(&done.after.1),
+        done.design.output_gain,
+        done.seconds
+    )
+}
+
+fn picture(done: &Calibrated, simulated: bool) -> Result<host_tools::report::plot::Svg> {
+    let caption = Caption {
+        title: "acceleration of the tip over what is asked for",
+        simulated,
+    };
+    let curves = [
+        Curve {
+            name: "before",
+            points: &done.before.0,
+        },
+        Curve {
+            name: "through the equaliser",
+            points: &done.after.0,
+        },
+    ];
+    responses(&caption, &curves, done.design.band_hz, 2.0)
+}
+
+#[derive(clap::Args)]
+pub struct CheckArguments {
+    /// Bandwidth of the accelerometer in hertz, as it was given to `calibrate`
+    #[arg(long, value_name = "HZ", value_delimiter = ',', value_parser = positive)]
+    accelerometer_bandwidth: Vec<f64>,
+    /// Print the result as JSON
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    link: Link,
+}
+
+pub fn run_check(arguments: &CheckArguments) -> Result<()> {
+    let device = arguments.link.connect()?;
+    let interrupt = Interrupt::listen()?;
+    let stored = device.response()?.stored.ok_or_else(|| {
+        Error::Request("no response is stored: run `stylus calibrate --response` first".to_owned())
+    })?;
+    let goes_on = || !interrupt.is_raised();
+    let bandwidths = bandwidths(&arguments.accelerometer_bandwidth)?;
+    let checked = DeviceBench::new(&device, &goes_on)
+        .and_then(|mut bench| check(&mut bench, &stored.response, &bandwidths))
+        .map_err(|failure| Error::Request(failure.to_string()))?;
+    if arguments.json {
+        print_json(&checked)?;
+    }
+    if !checked.ok {
+        let moved = checked.moved.join("; ");
+        return Err(Error::Request(format!(
+            "{moved}: find out why, or run `stylus calibrate --response`"
+        )));
+    }
+    if arguments.json {
+        return Ok(());
+    }
+    print(&format!(
+        "as calibrated: gain {:+.1} dB, resonance {:.1} Hz, direction within {:.0} degrees",
+        checked.gain_db,
+        checked.resonance_hz.unwrap_or(f64::NAN),
+        checked.axis_deg
+    ))
+}

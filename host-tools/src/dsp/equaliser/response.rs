@@ -1,0 +1,73 @@
+//! The measured response of an actuator.
+
+/// Least number of points of a response.
+const FEWEST_POINTS: usize = 4;
+
+/// Level of an actuator over frequency.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Response {
+    /// Frequency, Hz, ascending, and level, dB.
+    points: Vec<(f64, f64)>,
+}
+
+impl Response {
+    /// The response through these points: frequency, Hz, ascending, and level, dB.
+    ///
+    /// # Errors
+    /// Too few points, or the index of the first one whose frequency does not ascend or that is not finite.
+    pub fn new(points: Vec<(f64, f64)>) -> Result<Self, ResponseFault> {
+        let mut before_hz = 0.0;
+        for (index, &(hz, level_db)) in points.iter().enumerate() {
+            // A NaN is not above.
+            if !(hz > before_hz && hz.is_finite() && level_db.is_finite()) {
+                return Err(ResponseFault::Point {
+                    index,
+                    hz,
+                    before_hz,
+                });
+            }
+            before_hz = hz;
+        }
+        if points.len() < FEWEST_POINTS {
+            return Err(ResponseFault::TooFew(points.len()));
+        }
+        Ok(Self { points })
+    }
+
+    /// Frequency, Hz, ascending, and level, dB.
+    pub fn points(&self) -> &[(f64, f64)] {
+        &self.points
+    }
+
+    /// Level at `frequency_hz`, dB: linear over the logarithm of the frequency, constant beyond both ends.
+    pub fn level_db(&self, frequency_hz: f64) -> f64 {
+        let after = self.points.partition_point(|point| point.0 <= frequency_hz);
+        match (after.checked_sub(1), self.points.get(after)) {
+            (Some(before), Some(next)) => {
+                let before = self.points[before];
+                let share = (frequency_hz / before.0).ln() / (next.0 / before.0).ln();
+                before.1 + (next.1 - before.1) * share
+            }
+            (None, Some(first)) => first.1,
+            (_, None) => self.points[self.points.len() - 1].1,
+        }
+    }
+}
+
+/// Reason for which points are no response.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum ResponseFault {
+    /// A frequency that does not ascend, or a value that is not finite.
+    #[error("frequency_hz is {hz} after {before_hz}; frequencies must be above 0 and ascend")]
+    Point {
+        /// Index of the point.
+        index: usize,
+        /// Its frequency.
+        hz: f64,
+        /// Frequency before it.
+        before_hz: f64,
+    },
+    /// So many points.
+    #[error("has the response at {0} frequencies; at least {FEWEST_POINTS} are needed")]
+    TooFew(usize),
+}

@@ -1,0 +1,47 @@
+//! Identification of an actuator: a waveform that excites it, its response with the confidence of each line, and the
+//! resonance that explains the response.
+//!
+//! All waveforms are periodic, at 5 kHz, with [`PERIOD`] samples; so a line of the spectrum is exactly one bin, there
+//! is no leakage, and whatever differs between two periods is noise. Lines that the waveform leaves out show what the
+//! actuator makes of it by itself: even lines what is not symmetric, odd ones what is (Pintelon and Schoukens, *System
+//! Identification: A Frequency Domain Approach*, 2nd ed., 2012, chapters 2 and 4).
+
+mod measured;
+mod multisine;
+mod resonance;
+
+pub use measured::{Band, Bandwidths, Line, Measured, Spectra};
+pub use multisine::Multisine;
+pub use resonance::{Fit, Resonance};
+
+/// Sample rate of waveforms and recordings, Hz.
+pub const RATE_HZ: f64 = 5000.0;
+
+/// Samples of a period: 0.4 s.
+pub const PERIOD: usize = 2000;
+
+/// Distance of two lines, Hz.
+pub const STEP_HZ: f64 = RATE_HZ / PERIOD as f64;
+
+/// Number of third-octave bands from 10 Hz to 1 kHz.
+pub const BANDS: usize = 21;
+
+/// Centre frequency of a third-octave band, Hz: 10 · 10^(band/10), as IEC 61260-1 has them.
+pub fn band_centre_hz(band: usize) -> f64 {
+    10f64.powf(1.0 + band as f64 / 10.0)
+}
+
+/// Edges of a third-octave band, Hz.
+pub fn band_edges_hz(band: usize) -> [f64; 2] {
+    [-0.05, 0.05].map(|half| band_centre_hz(band) * 10f64.powf(half))
+}
+
+/// Converts a ratio of amplitudes to dB.
+pub fn db(ratio: f64) -> f64 {
+    20.0 * ratio.log10()
+}
+
+/// Converts dB to a ratio of amplitudes.
+pub fn ratio(db: f64) -> f64 {
+    10f64.powf(db / 20.0)
+}

@@ -1,0 +1,88 @@
+//! What plays waveforms and records them.
+
+use model_format::link::{ProbeThrough, RAIL_CODES, RecordSample, Response, Settings};
+
+use super::{Result, Verdict};
+use crate::link::capture::Calibration;
+
+/// A waveform to be played.
+#[derive(Clone, Copy, Debug)]
+pub struct Probe<'a> {
+    /// One period, in steps of 1/32767 of the peak.
+    pub codes: &'a [i16],
+    /// Peak, m/s².
+    pub peak_m_s2: f64,
+    /// Periods to be recorded.
+    pub periods: usize,
+    /// The equaliser that it passes.
+    pub through: ProbeThrough,
+}
+
+/// What was recorded of a waveform.
+#[derive(Clone, Debug)]
+pub struct Played {
+    /// Acceleration of the three axes over whole periods, m/s².
+    pub axes: [Vec<f64>; 3],
+    /// True if a code of the accelerometer was at a rail of the converter.
+    pub saturated: bool,
+    /// True if a limit of the output or the thermal limiter acted.
+    pub limited: bool,
+}
+
+impl Played {
+    /// The recording in physical units.
+    pub fn of(samples: &[RecordSample], settings: &Settings, limited: bool) -> Self {
+        let calibration = Calibration::new(settings, None);
+        let rail = RAIL_CODES;
+        let at_rail = |sample: &RecordSample| {
+            sample
+                .acceleration
+                .iter()
+                .any(|code| !(rail..=u16::MAX - rail).contains(&code.0))
+        };
+        let axis = |axis: usize| {
+            samples
+                .iter()
+                .map(|sample| calibration.acceleration(sample)[axis])
+                .collect()
+        };
+        Self {
+            axes: [axis(0), axis(1), axis(2)],
+            saturated: samples.iter().any(at_rail),
+            limited,
+        }
+    }
+}
+
+/// What plays waveforms and records them.
+pub trait Bench {
+    /// The settings in force.
+    fn settings(&self) -> &Settings;
+
+    /// Makes `response` the one that [`ProbeThrough::Proposed`] names.
+    ///
+    /// # Errors
+    /// A response that is refused, or a lost link.
+    fn propose(&mut self, response: &Response) -> Result<()>;
+
+    /// Plays a waveform and records it.
+    ///
+    /// # Errors
+    /// A refusal, a lost link, a recording with holes, or an interrupt.
+    fn play(&mut self, probe: &Probe<'_>) -> Result<Played>;
+
+    /// Time for which the device has played, s.
+    fn seconds(&self) -> f64;
+}
+
+/// The fault of a recording at `volts` of peak that cannot be used.
+pub(super) fn usable(played: Played, volts: f64) -> Result<Played> {
+    if played.limited {
+        return Err(Verdict::Limited.failure("a limit of the output acted on the probe"));
+    }
+    if played.saturated {
+        let seen = format!("the accelerometer left its range at {volts:.3} V of peak");
+        return Err(Verdict::Saturated.failure(seen));
+    }
+    Ok(played)
+}

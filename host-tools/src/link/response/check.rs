@@ -1,0 +1,128 @@
+//! Two seconds against the stored response.
+
+use model_format::link::{ProbeThrough, Response};
+use serde::Serialize;
+
+use super::Result;
+use super::bench::{Bench, Probe, usable};
+use super::identify::{Bounds, excitation};
+use crate::dsp::response::{Bandwidths, Fit, Measured, Spectra};
+
+/// Periods of the probe; with the soft start it takes two seconds.
+const PERIODS: usize = 3;
+
+/// Peak, as a share of the largest one.
+const SHARE: f64 = 0.25;
+
+/// Changes that count: gain, dB; resonance, relative; axis, degrees; a third octave beside the gain, dB.
+const GAIN_DB: f64 = 1.0;
+const RESONANCE: f64 = 0.06;
+const AXIS_DEG: f64 = 10.0;
+const BAND_DB: f64 = 3.0;
+
+/// Least power of the lines over that of the noise in them if anything moves.
+const MOVES: f64 = 4.0;
+
+/// What has become of a response.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Checked {
+    /// True if nothing has moved.
+    pub ok: bool,
+    /// What has moved, in words; empty if nothing has.
+    pub moved: Vec<String>,
+    /// Change of the gain, dB.
+    pub gain_db: f64,
+    /// Resonance now, Hz.
+    pub resonance_hz: Option<f64>,
+    /// Angle between the directions of motion, degrees.
+    pub axis_deg: f64,
+    /// Time for which the device has played, s.
+    pub seconds: f64,
+}
+
+/// Compares an actuator with its `stored` response.
+///
+/// # Errors
+/// A lost link, an interrupt, or a recording that cannot be used.
+pub fn check(
+    bench: &mut impl Bench,
+    stored: &Response,
+    bandwidths: &Bandwidths,
+) -> Result<Checked> {
+    let bounds = Bounds::of(bench.settings());
+    let wave = excitation();
+    let volts = SHARE * bounds.volts(&wave.samples);
+    let probe = Probe {
+        codes: &wave.codes(),
+        peak_m_s2: volts / bounds.output_gain,
+        periods: PERIODS,
+        through: ProbeThrough::Nothing,
+    };
+    let played = usable(bench.play(&probe)?, volts)?;
+    let measured = Measured::of(&Spectra::of(&played.axes), &wave, volts, bandwidths);
+    let Some(measured) = measured.filter(|measured| measured.over_noise > MOVES) else {
+        return Ok(Checked {
+            ok: false,
+            moved: vec!["nothing moves: check coil, wire, amplifier and accelerometer".to_owned()],
+            gain_db: f64::NEG_INFINITY,
+            resonance_hz: None,
+            axis_deg: 0.0,
+            seconds: bench.seconds(),
+        });
+    };
+    let bands: Vec<(usize, f64)> = (measured
+        .bands()
+        .iter()
+        .zip(stored.bands_centi_db)
+        .enumerate())
+    .filter(|&(band, (now, _))| now.trusted && stored.trusted_bands >> band & 1 == 1)
+    .map(|(band, (now, then))| (band, now.level_db - f64::from(then) / 100.0))
+    .collect();
+    let mut changes: Vec<f64> = bands.iter().map(|&(_, change)| change).collect();
+    changes.sort_by(f64::total_cmp);
+    let gain_db = changes.get(changes.len() / 2).copied().unwrap_or(f64::NAN);
+    let off = bands.iter().map(|&(band, change)| (band, change - gain_db));
+    let worst = off.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
+    let fit = Fit::of(&measured.lines);
+    let resonance_hz = fit.map(|fit| fit.resonance.hz);
+    let cosine: f64 = measured
+        .axis
+        .iter()
+        .zip(stored.axis)
+        .map(|(now, then)| now * f64::from(then))
+        .sum();
+    let axis_deg = cosine.clamp(-1.0, 1.0).acos().to_degrees();
+    let mut moved = Vec::new();
+    // A NaN has moved.
+    if !(gain_db.abs() < GAIN_DB) {
+        moved.push(format!("the gain has changed by {gain_db:+.1} dB"));
+    }
+    let then_hz = f64::from(stored.resonance_hz);
+    match resonance_hz {
+        Some(hz) if (hz / then_hz - 1.0).abs() < RESONANCE => {}
+        Some(hz) => moved.push(format!(
+            "the resonance has moved from {then_hz:.1} to {hz:.1} Hz"
+        )),
+        None => moved.push(format!("the resonance of {then_hz:.1} Hz is not found")),
+    }
+    if axis_deg > AXIS_DEG {
+        moved.push(format!(
+            "the direction of motion has turned by {axis_deg:.0} degrees"
+        ));
+    }
+    if let Some((band, off_db)) = worst.filter(|worst| worst.1.abs() > BAND_DB && moved.is_empty())
+    {
+        let hz = crate::dsp::response::band_centre_hz(band);
+        moved.push(format!(
+            "the level around {hz:.0} Hz has changed by {off_db:+.1} dB beside the others"
+        ));
+    }
+    Ok(Checked {
+        ok: moved.is_empty(),
+        moved,
+        gain_db,
+        resonance_hz,
+        axis_deg,
+        seconds: bench.seconds(),
+    })
+}

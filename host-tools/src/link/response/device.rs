@@ -1,0 +1,131 @@
+//! A stylus behind a link, as what plays waveforms and records them.
+
+use std::time::{Duration, Instant};
+
+use model_format::link::{KEEP_ALIVE_MS, ProbeStart, RecordSample, Response, Setting, Settings};
+
+use super::bench::{Bench, Played, Probe};
+use super::{Failure, Result};
+use crate::dsp::response::{PERIOD, RATE_HZ};
+use crate::link::capture::Stream;
+use crate::link::device::Device;
+use crate::link::error::LinkError;
+
+/// Periods that are left out before a measurement, besides the ramp of the soft start.
+const SETTLE: u64 = 1;
+
+/// A stylus behind a link.
+pub struct DeviceBench<'a> {
+    device: &'a Device,
+    settings: Settings,
+    goes_on: &'a dyn Fn() -> bool,
+    /// The waveform in the device, with its checksum.
+    loaded: Option<(Vec<i16>, u32)>,
+    seconds: f64,
+}
+
+impl<'a> DeviceBench<'a> {
+    /// The stylus behind `device`, until `goes_on` returns false.
+    ///
+    /// # Errors
+    /// A lost link.
+    pub fn new(device: &'a Device, goes_on: &'a dyn Fn() -> bool) -> Result<Self> {
+        Ok(Self {
+            device,
+            settings: device.settings()?,
+            goes_on,
+            loaded: None,
+            seconds: 0.0,
+        })
+    }
+
+    /// Number of ticks that a limit has changed.
+    fn limited(&self) -> Result<u32> {
+        let output = self.device.status()?.output;
+        Ok(output.hard_limited + output.slew_limited + output.thermally_limited)
+    }
+
+    /// Records the samples of these ticks, and keeps the device playing meanwhile.
+    fn record(&self, stream: &mut Stream<'_>, first: u64, end: u64) -> Result<Vec<RecordSample>> {
+        let mut samples = Vec::new();
+        let mut spoken = Instant::now();
+        loop {
+            if !(self.goes_on)() {
+                return Err(Failure::Interrupted);
+            }
+            if spoken.elapsed() >= Duration::from_millis(KEEP_ALIVE_MS.into()) {
+                self.device.keep_alive()?;
+                spoken = Instant::now();
+            }
+            let arrival = stream.wait()?;
+            for (sample, tick) in arrival.samples.into_iter().zip(arrival.first_tick..) {
+                if tick < end && tick == first + samples.len() as u64 {
+                    samples.push(sample);
+                }
+            }
+            let last = arrival.first_tick + arrival.samples.len() as u64;
+            if samples.len() as u64 == end - first {
+                return Ok(samples);
+            }
+            if last >= end {
+                let link = self.device.address().to_string();
+                let what = "the recording of the probe has a hole: close other programs that use the link, or use USB";
+                let what = what.to_owned();
+                return Err(LinkError::Lossy { link, what }.into());
+            }
+        }
+    }
+}
+
+impl Bench for DeviceBench<'_> {
+    fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    fn propose(&mut self, response: &Response) -> Result<()> {
+        Ok(self.device.propose_response(response).map(drop)?)
+    }
+
+    fn play(&mut self, probe: &Probe<'_>) -> Result<Played> {
+        if self
+            .loaded
+            .as_ref()
+            .is_none_or(|(codes, _)| codes != probe.codes)
+        {
+            let crc32 = self.device.load_probe(probe.codes)?;
+            self.loaded = Some((probe.codes.to_vec(), crc32));
+        }
+        let crc32 = self.loaded.as_ref().map_or(0, |(_, crc32)| *crc32);
+        let ramp = f64::from(self.settings.get(Setting::SoftStart)) / 1e3 * RATE_HZ / PERIOD as f64;
+        let settle = SETTLE + ramp.ceil() as u64;
+        let periods = settle + probe.periods as u64;
+        let start = ProbeStart {
+            rate_hz: RATE_HZ as u32,
+            length: probe.codes.len() as u16,
+            periods: periods as u16,
+            crc32,
+            peak_m_s2: probe.peak_m_s2 as f32,
+            through: probe.through,
+        };
+        let before = self.limited()?;
+        let mut stream = Stream::start(self.device)?;
+        let started = self.device.start_probe(&start)?;
+        let begin = started.first_tick + settle * PERIOD as u64;
+        let samples = self.record(&mut stream, begin, started.end_tick);
+        // Whatever came of it, the device is left at rest.
+        let stopped = self.device.stop();
+        let samples = samples?;
+        stopped?;
+        stream.stop()?;
+        self.seconds += periods as f64 * PERIOD as f64 / RATE_HZ;
+        Ok(Played::of(
+            &samples,
+            &self.settings,
+            self.limited()? != before,
+        ))
+    }
+
+    fn seconds(&self) -> f64 {
+        self.seconds
+    }
+}

@@ -1,0 +1,226 @@
+//! A library times the equaliser against what coil, converter and limits give.
+
+use model_format::link::{Response, Setting, Settings};
+use model_format::{Library, PlayRate};
+use serde::Serialize;
+use stylus_app::safety::Config;
+
+use crate::dsp::equaliser::{cascade_db, filtered};
+use crate::dsp::response::{BANDS, band_centre_hz, band_edges_hz, db, ratio};
+use crate::dsp::spectrum::PowerSpectrum;
+use crate::playing::motion::MotionPath;
+use crate::playing::render::render;
+use crate::support::error::{Error, Result};
+
+/// Duration of each node's rendering, s, and what is left out of it until textures and sections are steady.
+const SECONDS: f64 = 0.7;
+const SETTLE_S: f64 = 0.2;
+
+/// A third octave of the loudest node there.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct BandHeadroom {
+    /// Centre frequency, Hz.
+    pub hz: f64,
+    /// Level that is asked for, m/s² RMS.
+    pub asked_m_s2: f64,
+    /// Level at the tip, m/s² RMS, without any limit; none where the response is not known.
+    pub tip_m_s2: Option<f64>,
+    /// Level at the pin, V RMS.
+    pub pin_volts: f64,
+    /// Amount by which this band alone, at the texture's crest, exceeds the tightest limit, dB; negative is room.
+    pub over_db: f64,
+}
+
+/// What a texture asks of the output.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Headroom {
+    /// Name of the texture.
+    pub texture: String,
+    /// Speed and force of the node that asks most, mm/s and N.
+    pub at: [f32; 2],
+    /// Amounts by which that node exceeds the limits of voltage, slew and power, dB; negative is room.
+    pub over_db: [f64; 3],
+    /// Gain at which the texture fits, 1 if it does as it is.
+    pub fitting_gain: f64,
+    /// Third octaves from 10 Hz to 1 kHz.
+    pub bands: Vec<BandHeadroom>,
+}
+
+/// Names of the limits in [`Headroom::over_db`].
+pub const LIMITS: [&str; 3] = ["voltage", "slew", "power"];
+
+impl Headroom {
+    /// The tightest limit, and by how much it is exceeded, dB.
+    pub fn tightest(&self) -> (&'static str, f64) {
+        let limits = LIMITS.into_iter().zip(self.over_db);
+        limits.fold(("none", f64::NEG_INFINITY), |worst, now| {
+            if now.1 > worst.1 { now } else { worst }
+        })
+    }
+
+    /// What exceeds, in one line; none if all fits.
+    pub fn warning(&self) -> Option<String> {
+        let (limit, over_db) = self.tightest();
+        let band = self
+            .bands
+            .iter()
+            .max_by(|a, b| a.pin_volts.total_cmp(&b.pin_volts))?;
+        (over_db > 0.0).then(|| {
+            format!(
+                "texture '{}' exceeds the limit of {limit} by {over_db:.1} dB, mostly around {:.0} Hz: play it at a \
+                 gain of {:.2}, or see `stylus headroom`",
+                self.texture, band.hz, self.fitting_gain
+            )
+        })
+    }
+}
+
+/// What each texture of `library` asks of the output with `settings` and the stored `response`.
+///
+/// # Errors
+/// A texture of a rate that no stylus plays.
+pub fn headroom(
+    library: &Library<'_>,
+    settings: &Settings,
+    response: Option<&Response>,
+) -> Result<Vec<Headroom>> {
+    let limits = Config::new(settings, 1.0).output_limits(settings);
+    let gain = f64::from(settings.get(Setting::OutputGain));
+    let slew_per_s = 1e3 * f64::from(settings.get(Setting::SlewLimit));
+    let of_texture = |texture: model_format::Texture<'_>| -> Result<Headroom> {
+        let rate_hz = texture.sample_rate_hz();
+        let rate = PlayRate::of(rate_hz)
+            .ok_or_else(|| Error::Request(format!("no stylus plays {rate_hz} Hz")))?;
+        let sections = response.map_or_else(Default::default, |response| {
+            response.sections(rate).biquads()
+        });
+        let rate_hz = f64::from(rate_hz);
+        let mut worst = Headroom {
+            texture: texture.name().to_owned(),
+            at: [0.0; 2],
+            over_db: [f64::NEG_INFINITY; 3],
+            fitting_gain: 1.0,
+            bands: Vec::new(),
+        };
+        let mut bands = [[0.0f64; 3]; BANDS];
+        for speed in 0..texture.speed_axis().len() {
+            for force in 0..texture.force_axis().len() {
+                let motion = MotionPath::constant(texture.speed(speed), texture.force(force))?;
+                let asked = render(texture, &motion, SECONDS, 1)?.accelerations_m_s2();
+                let pin: Vec<f64> = filtered(&sections, &asked)
+                    .iter()
+                    .map(|sample| sample * gain)
+                    .collect();
+                let skipped = (SETTLE_S * rate_hz) as usize;
+                let (asked, pin) = (&asked[skipped..], &pin[skipped..]);
+                let peak = pin.iter().fold(0.0f64, |most, volts| most.max(volts.abs()));
+                let square = pin.iter().map(|volts| volts * volts).sum::<f64>() / pin.len() as f64;
+                let slope = pin
+                    .windows(2)
+                    .fold(0.0f64, |most, pair| most.max((pair[1] - pair[0]).abs()))
+                    * rate_hz;
+                let over_db = [
+                    db(peak / f64::from(limits.peak_volt)),
+                    db(slope / slew_per_s),
+                    db((square / f64::from(limits.mean_square)).sqrt()),
+                ];
+                let most =
+                    |over_db: [f64; 3]| over_db.into_iter().fold(f64::NEG_INFINITY, f64::max);
+                if most(over_db) > most(worst.over_db)
+                    || worst.bands.is_empty() && worst.at == [0.0; 2]
+                {
+                    worst.at = [texture.speed(speed).0, texture.force(force).0];
+                    worst.over_db = over_db;
+                }
+                let spectra = [asked, pin].map(|signal| PowerSpectrum::welch(signal, rate_hz));
+                let crest = peak / square.sqrt().max(f64::MIN_POSITIVE);
+                for (band, most) in bands.iter_mut().enumerate() {
+                    let [low, high] = band_edges_hz(band);
+                    let [asked, volts] =
+                        [0, 1].map(|of: usize| spectra[of].power_between(low, high).sqrt());
+                    let slope =
+                        std::f64::consts::TAU * band_centre_hz(band) * crest * volts / slew_per_s;
+                    let over = (crest * volts / f64::from(limits.peak_volt)).max(slope);
+                    let over = over.max(volts / f64::from(limits.mean_square).sqrt());
+                    *most = [most[0].max(asked), most[1].max(volts), most[2].max(over)];
+                }
+            }
+        }
+        worst.fitting_gain = ratio(-worst.tightest().1).min(1.0);
+        let of_band = |(band, [asked_m_s2, pin_volts, over]): (usize, [f64; 3])| {
+            let hz = band_centre_hz(band);
+            let known = response.filter(|response| response.trusted_bands >> band & 1 == 1);
+            let tip_m_s2 = known.map(|response| {
+                let level_db = f64::from(response.bands_centi_db[band]) / 100.0;
+                asked_m_s2 * gain * ratio(level_db + cascade_db(&sections, rate_hz, hz))
+            });
+            BandHeadroom {
+                hz,
+                asked_m_s2,
+                tip_m_s2,
+                pin_volts,
+                over_db: db(over),
+            }
+        };
+        worst.bands = bands.into_iter().enumerate().map(of_band).collect();
+        Ok(worst)
+    };
+    library.textures().map(of_texture).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use model_format::link::SettingChange;
+
+    use super::*;
+    use crate::playing::pin::Pin;
+    use crate::playing::render::{Rendering, test_library};
+
+    fn with(changes: &[(Setting, f32)]) -> Settings {
+        changes
+            .iter()
+            .fold(Settings::default(), |settings, &(setting, value)| {
+                settings.with(SettingChange { setting, value }).unwrap()
+            })
+    }
+
+    #[test]
+    fn at_the_gain_that_is_told_the_loudest_node_just_fits_and_no_limit_acts() {
+        let bytes = test_library::library(5000);
+        let library = Library::decode(&bytes).unwrap();
+        for (changes, limit) in [
+            (
+                [(Setting::OutputGain, 0.2), (Setting::HardLimit, 0.5)],
+                "voltage",
+            ),
+            (
+                [(Setting::OutputGain, 0.1), (Setting::SlewLimit, 0.5)],
+                "slew",
+            ),
+            (
+                [(Setting::OutputGain, 0.05), (Setting::PowerLimit, 0.001)],
+                "power",
+            ),
+        ] {
+            let found = &headroom(&library, &with(&changes), None).unwrap()[0];
+            let (tightest, over_db) = found.tightest();
+            assert!(tightest == limit && over_db > 0.0, "{found:?}");
+            assert!(found.warning().unwrap().contains(limit));
+            assert_eq!(found.at, [100.0, 1.0], "the loudest node");
+            let fitting = changes[0].1 * found.fitting_gain as f32;
+            let settings = with(&[(Setting::OutputGain, fitting), changes[1]]);
+            let fits = &headroom(&library, &settings, None).unwrap()[0];
+            assert!(
+                fits.tightest().1.abs() < 1e-3 && fits.bands.iter().all(|band| band.over_db < 1e-3)
+            );
+            // Between samples the interpolator overshoots them by up to a decibel or so.
+            let settings = with(&[(Setting::OutputGain, 0.8 * fitting), changes[1]]);
+            let motion = test_library::constant(100.0, 1.0);
+            let rendering = Rendering::new(test_library::texture(&bytes), &motion, 2.0, 1).unwrap();
+            let mut pin = Pin::new(rendering, PlayRate::Hz5000, &settings);
+            pin.by_ref().for_each(drop);
+            let limited = pin.limited();
+            assert!(limited.hard + limited.slew <= 5, "{limited:?}");
+        }
+    }
+}

@@ -1,0 +1,393 @@
+//! The response at three levels, reached from a very small one upwards, and what is wrong with it.
+
+use model_format::link::{MAX_PROBE_M_S2, ProbeThrough, Setting, Settings};
+use serde::Serialize;
+use stylus_app::safety::Config;
+
+use super::bench::{Bench, Played, Probe, usable};
+use super::{Fault, Result, Verdict};
+use crate::dsp::response::{
+    Bandwidths, Fit, Line, Measured, Multisine, PERIOD, Resonance, STEP_HZ, Spectra,
+};
+use crate::link::capture::Calibration;
+
+/// Band that has to be flat, Hz.
+pub const BAND_HZ: [f64; 2] = [30.0, 800.0];
+
+/// Share of the output's limits that a probe uses: of the voltage, and of the RMS that gives the power limit, so that
+/// the thermal limiter, which begins at three quarters of that power, leaves it as it is.
+const SHARES: [f64; 2] = [0.9, 0.6];
+
+/// Largest peak at the tip, as a share of the converter's range.
+const SHARE_OF_RANGE: f64 = 0.45;
+
+/// First peak as a share of the largest one.
+const FIRST: f64 = 1.0 / 64.0;
+
+/// Periods of a measurement at rest, on the way up, and of each of the three levels from the lowest one.
+const REST: usize = 4;
+const UPWARDS: usize = 2;
+const LEVELS: [(f64, usize); 3] = [(0.25, 8), (0.5, 6), (1.0, 6)];
+
+/// Least noise of an axis that is alive, as a share of the largest one.
+const LEAST_NOISE: f64 = 0.1;
+
+/// Hum: amplitude at rest, m/s², and that over its neighbours in the spectrum.
+const HUM: (f64, f64) = (0.04, 8.0);
+
+/// Frequencies of hum, Hz.
+const HUM_HZ: [f64; 2] = [40.0, 420.0];
+
+/// Least power of the lines over that of the noise in them if anything moves.
+const MOVES: f64 = 4.0;
+
+/// Power of the lines over that of the noise from which distortion is known.
+const CLEAR: f64 = 300.0;
+
+/// Least share of the lines in the band that the noise lets be trusted.
+const TRUSTED: f64 = 0.9;
+
+/// Noise at rest, as a share of the largest peak, that can hide all motion.
+const NOISY: f64 = 0.1;
+
+/// Distortion on the way up at which the level rises no further.
+const TOO_BENT: f64 = 0.2;
+
+/// Distortion, change of the gain in dB and relative move of the resonance from the lowest to the highest level that
+/// a linear actuator stays below.
+const BENT: (f64, f64, f64) = (0.03, 0.4, 0.025);
+
+/// Relative deviation of the resonance at the highest level from which what moves is no resonance that stiffens, which
+/// the model still explains, but knocking.
+const ROUGH: f64 = 0.02;
+
+/// Choices of a calibration.
+#[derive(Clone, Copy, Debug)]
+pub struct Options {
+    /// Bandwidth of the accelerometer's axes.
+    pub bandwidths: Bandwidths,
+    /// Largest gain of the equaliser over the response's mean, dB.
+    pub max_gain_db: f64,
+    /// Sine at the tip that coil and limits have to bear at every frequency that is corrected, m/s² RMS.
+    pub level_m_s2: f64,
+    /// True if the equaliser inverts a response of the other sign.
+    pub invert: bool,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            bandwidths: Bandwidths::default(),
+            max_gain_db: 20.0,
+            level_m_s2: 1.0,
+            invert: false,
+        }
+    }
+}
+
+/// What a level has shown.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Level {
+    /// Peak at the pin, V.
+    pub volts: f64,
+    /// Mean level from 100 to 800 Hz, dB re 1 m/s² per V; none if the noise hides it.
+    pub gain_db: Option<f64>,
+    /// Resonance.
+    pub resonance: Option<Resonance>,
+    /// Distortion of even order, relative to what was asked.
+    pub even: f64,
+    /// Distortion of odd order.
+    pub odd: f64,
+    /// Noise that comes with the level, relative to what was asked.
+    pub restless: f64,
+}
+
+/// An actuator without a fault.
+#[derive(Clone, Debug, serde::Serialize)]
+pub struct Identified {
+    /// Noise of each axis at rest, m/s² RMS.
+    pub rest_m_s2: [f64; 3],
+    /// The levels.
+    pub levels: [Level; 3],
+    /// Response at the highest level.
+    pub measured: Measured,
+    /// What explains it.
+    pub fit: Fit,
+}
+
+/// Bounds of a probe.
+pub(super) struct Bounds {
+    peak_volts: f64,
+    rms_volts: f64,
+    volts_per_sample: f64,
+    pub(super) output_gain: f64,
+    pub(super) range_m_s2: f64,
+}
+
+impl Bounds {
+    pub(super) fn of(settings: &Settings) -> Self {
+        let limits = Config::new(settings, 1.0).output_limits(settings);
+        let gain = f64::from(settings.get(Setting::OutputGain));
+        let scales = Calibration::new(settings, None).m_s2_per_code;
+        let narrowest = scales
+            .iter()
+            .map(|scale| scale.abs())
+            .fold(f64::INFINITY, f64::min);
+        Self {
+            peak_volts: (SHARES[0] * f64::from(limits.peak_volt))
+                .min(f64::from(MAX_PROBE_M_S2) * gain),
+            rms_volts: SHARES[1] * f64::from(limits.mean_square).sqrt(),
+            // Between two samples an interpolated slope is up to half as much steeper than theirs.
+            volts_per_sample: f64::from(settings.get(Setting::SlewLimit)) * 0.2 / 1.5,
+            output_gain: gain,
+            range_m_s2: SHARE_OF_RANGE * narrowest * 32_768.0,
+        }
+    }
+
+    /// Largest RMS voltage of a sine at the pin, V.
+    pub(super) fn sine_volts(&self) -> f64 {
+        (self.peak_volts / std::f64::consts::SQRT_2).min(self.rms_volts)
+    }
+
+    /// Largest peak of a waveform at the pin, V, if its samples there are `samples` times that.
+    pub(super) fn volts(&self, samples: &[f64]) -> f64 {
+        let peak = samples
+            .iter()
+            .fold(0.0f64, |peak, sample| peak.max(sample.abs()));
+        let square: f64 = samples.iter().map(|sample| sample * sample).sum();
+        let rms = (square / samples.len() as f64).sqrt();
+        let around = samples.iter().cycle().skip(1);
+        let slope = samples
+            .iter()
+            .zip(around)
+            .fold(0.0f64, |most, (a, b)| most.max((a - b).abs()));
+        (self.peak_volts / peak)
+            .min(self.rms_volts / rms)
+            .min(self.volts_per_sample / slope)
+    }
+}
+
+/// Identifies an actuator, telling each step to `heard`.
+///
+/// # Errors
+/// What is wrong with it, a lost link or an interrupt.
+pub fn identify(
+    bench: &mut impl Bench,
+    options: &Options,
+    heard: &mut dyn FnMut(&str),
+) -> Result<Identified> {
+    let bounds = Bounds::of(bench.settings());
+    heard("at rest");
+    let rest_m_s2 = rest(bench, &bounds)?;
+    let wave = excitation();
+    let (codes, most) = (wave.codes(), bounds.volts(&wave.samples));
+    let mut play = |volts: f64, periods: usize| -> Result<(Played, Option<Measured>)> {
+        heard(&format!("{:.1} mV of peak", 1e3 * volts));
+        let probe = Probe {
+            codes: &codes,
+            peak_m_s2: volts / bounds.output_gain,
+            periods,
+            through: ProbeThrough::Nothing,
+        };
+        let played = usable(bench.play(&probe)?, volts)?;
+        let measured = Measured::of(
+            &Spectra::of(&played.axes),
+            &wave,
+            volts,
+            &options.bandwidths,
+        );
+        Ok((
+            played,
+            measured.filter(|measured| measured.over_noise > MOVES),
+        ))
+    };
+    let mut top = most * FIRST;
+    loop {
+        let (played, measured) = play(top, UPWARDS)?;
+        let bent = measured.as_ref().is_some_and(|measured| {
+            measured.over_noise > CLEAR && measured.even.max(measured.odd) > TOO_BENT
+        });
+        let peak = played
+            .axes
+            .iter()
+            .map(|axis| swing(axis))
+            .fold(0.0, f64::max);
+        let next = (2.0 * top).min(top * bounds.range_m_s2 / peak).min(most);
+        if bent || next < 1.05 * top {
+            break;
+        }
+        top = next;
+    }
+    let mut found = Vec::new();
+    for (share, periods) in LEVELS {
+        let volts = share * top;
+        let Some(measured) = play(volts, periods)?.1 else {
+            found.push(None);
+            continue;
+        };
+        let fit = Fit::of(&measured.lines);
+        found.push(Some((
+            level(volts, &measured, fit.as_ref(), periods),
+            measured,
+            fit,
+        )));
+    }
+    let Some((_, measured, fit)) = found[2].clone() else {
+        let loudest = rest_m_s2.into_iter().fold(0.0, f64::max);
+        let seen = format!("nothing moves at {top:.3} V of peak");
+        let verdict = if loudest > NOISY * bounds.range_m_s2 {
+            Verdict::Noisy
+        } else {
+            Verdict::NothingMoves
+        };
+        return Err(verdict.failure(seen));
+    };
+    let levels: Vec<Level> = found.iter().flatten().map(|(level, ..)| *level).collect();
+    if let Some(fault) = bent(&levels) {
+        return Err(fault.into());
+    }
+    let share = trusted(&measured);
+    let (Ok(levels), Some(fit), true) = (<[Level; 3]>::try_from(levels), fit, share > TRUSTED)
+    else {
+        let share = 100.0 * share;
+        let seen = format!(
+            "only {share:.0} % of the response from 30 to 800 Hz can be trusted at {top:.3} V of peak"
+        );
+        return Err(Verdict::Noisy.failure(seen));
+    };
+    if !fit.is_positive && !options.invert {
+        let seen = "a positive voltage moves the tip against the accelerometer's positive axis";
+        return Err(Verdict::Reversed.failure(seen));
+    }
+    Ok(Identified {
+        rest_m_s2,
+        levels,
+        measured,
+        fit,
+    })
+}
+
+/// The excitation: less at high frequencies, so that the slew limit lets it reach the hard limit.
+pub(super) fn excitation() -> Multisine {
+    Multisine::new(1, |hz| 1.0 / (hz / 250.0).hypot(1.0))
+}
+
+/// Largest distance from the mean.
+fn swing(axis: &[f64]) -> f64 {
+    let mean = axis.iter().sum::<f64>() / axis.len().max(1) as f64;
+    axis.iter()
+        .fold(0.0, |most, value| most.max((value - mean).abs()))
+}
+
+/// Noise of each axis while the output is driven and silent, m/s² RMS.
+fn rest(bench: &mut impl Bench, bounds: &Bounds) -> Result<[f64; 3]> {
+    let probe = Probe {
+        codes: &[0; PERIOD],
+        peak_m_s2: 1e-3 / bounds.output_gain.max(1e-3),
+        periods: REST,
+        through: ProbeThrough::Nothing,
+    };
+    let played = usable(bench.play(&probe)?, 0.0)?;
+    // What differs between periods, so that a hum, which all axes may show, is no sign of life.
+    let spectra = Spectra::of(&played.axes);
+    let deviations =
+        [0, 1, 2].map(|axis| (0.5 * spectra.variance[axis][1..].iter().sum::<f64>()).sqrt());
+    let largest = deviations.into_iter().fold(0.0, f64::max);
+    for (axis, deviation) in ['X', 'Y', 'Z'].into_iter().zip(deviations) {
+        if deviation <= LEAST_NOISE * largest {
+            return Err(
+                Verdict::DeadAxis.failure(format!("axis {axis} shows nothing, not even noise"))
+            );
+        }
+    }
+    let bins = HUM_HZ.map(|hz| (hz / STEP_HZ) as usize);
+    let mut amplitudes: Vec<f64> = (bins[0]..=bins[1])
+        .map(|bin| {
+            spectra
+                .mean
+                .iter()
+                .map(|axis| axis[bin].norm_sqr())
+                .sum::<f64>()
+                .sqrt()
+        })
+        .collect();
+    let (loudest, m_s2) = amplitudes
+        .iter()
+        .copied()
+        .enumerate()
+        .fold(
+            (0, 0.0),
+            |best, now| if now.1 > best.1 { now } else { best },
+        );
+    amplitudes.sort_by(f64::total_cmp);
+    if m_s2 > HUM.0 && m_s2 > HUM.1 * amplitudes[amplitudes.len() / 2] {
+        let hz = (bins[0] + loudest) as f64 * STEP_HZ;
+        let seen = format!("{m_s2:.2} m/s² at {hz:.1} Hz while nothing is played");
+        return Err(Verdict::Hum.failure(seen));
+    }
+    Ok(deviations)
+}
+
+fn level(volts: f64, measured: &Measured, fit: Option<&Fit>, periods: usize) -> Level {
+    let within = |line: &&Line| (100.0..BAND_HZ[1]).contains(&line.hz);
+    let lines: Vec<&Line> = measured.lines.iter().filter(within).collect();
+    let is_clear =
+        lines.iter().filter(|line| line.is_trusted()).count() as f64 > TRUSTED * lines.len() as f64;
+    let mean = lines.iter().map(|line| line.level_db).sum::<f64>() / lines.len() as f64;
+    Level {
+        volts,
+        gain_db: is_clear.then_some(mean),
+        resonance: fit.map(|fit| fit.resonance),
+        even: measured.even,
+        odd: measured.odd,
+        restless: (periods as f64 / measured.over_noise).sqrt(),
+    }
+}
+
+/// Share of the lines in the band that can be trusted.
+pub(super) fn trusted(measured: &Measured) -> f64 {
+    let within = |line: &&Line| (BAND_HZ[0]..=BAND_HZ[1]).contains(&line.hz);
+    let (all, trusted) = measured
+        .lines
+        .iter()
+        .filter(within)
+        .fold((0, 0), |(all, trusted), line| {
+            (all + 1, trusted + u32::from(line.is_trusted()))
+        });
+    f64::from(trusted) / f64::from(all.max(1))
+}
+
+/// What the levels tell of an actuator that is not linear.
+fn bent(levels: &[Level]) -> Option<Fault> {
+    let (first, last) = (levels.first()?, levels.last()?);
+    let distortion = last.even.max(last.odd).max(last.restless - first.restless);
+    let loss_db = first
+        .gain_db
+        .zip(last.gain_db)
+        .map_or(0.0, |(first, last)| first - last);
+    let (distorted, changed_db, moved) = BENT;
+    let resonances = first
+        .resonance
+        .zip(last.resonance)
+        .map(|(first, last)| [first.hz, last.hz]);
+    let moves = resonances.map_or(0.0, |[low, high]| (high / low - 1.0).abs());
+    if distortion < distorted && loss_db.abs() < changed_db && moves < moved {
+        return None;
+    }
+    let volts = last.volts;
+    let is_rough = last
+        .resonance
+        .is_none_or(|resonance| resonance.hz_deviation > ROUGH * resonance.hz);
+    Some(match resonances {
+        _ if loss_db > changed_db => Verdict::Clipped.seen(format!(
+            "the gain falls by {loss_db:.1} dB towards {volts:.3} V of peak, at all frequencies alike"
+        )),
+        Some([low_hz, high_hz]) if moves > moved && !is_rough => Verdict::MovingResonance.seen(format!(
+            "the resonance moves from {low_hz:.1} to {high_hz:.1} Hz with the level"
+        )),
+        _ => Verdict::Loose.seen(format!(
+            "{:.0} % of what moves at {volts:.3} V of peak was not asked for, and came with the level",
+            100.0 * distortion
+        )),
+    })
+}

@@ -1,0 +1,140 @@
+//! Calibration of the response: what the tip does for a voltage, the equaliser that makes it what was asked, and the
+//! proof that it does.
+//!
+//! | module | subject |
+//! |---|---|
+//! | `bench`, `device` | what plays waveforms and records them: a device, or in tests a model |
+//! | `identify` | rest, levels upwards, the response at three levels, and what is wrong with it |
+//! | `design` | equalisers and absolute level |
+//! | `calibrate` | all of it, proved by a second measurement through the proposed equaliser |
+//! | `check` | two seconds against the stored response |
+//! | `headroom` | a library times the equaliser against what coil and limits give |
+//!
+//! Invariant: nothing is stored here, and every way in which a proof does not pass has a [`Verdict`] of its own.
+
+mod bench;
+mod calibrate;
+mod check;
+mod design;
+mod device;
+mod headroom;
+mod identify;
+#[cfg(test)]
+mod tests;
+
+pub use bench::{Bench, Played, Probe};
+pub use calibrate::{Calibrated, Flatness, calibrate};
+pub use check::{Checked, check};
+pub use device::DeviceBench;
+pub use headroom::{BandHeadroom, Headroom, headroom};
+pub use identify::{Identified, Level, Options};
+
+use super::error::LinkError;
+
+/// Reason for which a calibration did not pass. Nothing was changed.
+#[derive(Debug, thiserror::Error)]
+pub enum Failure {
+    /// The link.
+    #[error("{0}")]
+    Link(#[from] LinkError),
+    /// Ctrl-C.
+    #[error("interrupted")]
+    Interrupted,
+    /// What is wrong with actuator, accelerometer or mounting.
+    #[error("{0}")]
+    Fault(#[from] Fault),
+}
+
+/// A result with a [`Failure`].
+pub type Result<T> = std::result::Result<T, Failure>;
+
+/// What was seen of a fault, and what it is.
+#[derive(Clone, Debug, PartialEq, thiserror::Error, serde::Serialize)]
+#[error("{}: {seen}; {verdict}", .verdict.name())]
+pub struct Fault {
+    /// The fault.
+    pub verdict: Verdict,
+    /// What was seen, with its figures.
+    pub seen: String,
+}
+
+/// A fault of an actuator, its amplifier, its mounting, the accelerometer or the limits, with its remedy in words.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Verdict {
+    /// Nothing moves, and nobody has measured why.
+    #[error(
+        "measure the resistance at the amplifier's output: if it is none the wire is open, if it is the coil's own the \
+         coil is dead or blocked, or the amplifier off"
+    )]
+    NothingMoves,
+    /// Nothing moves, and no current flows.
+    #[error("mend the wire between amplifier and coil")]
+    OpenWire,
+    /// Nothing moves, and the coil is connected.
+    #[error("the coil is dead or blocked, or the amplifier is off")]
+    DeadCoil,
+    /// A positive voltage moves the tip against the accelerometer's positive axis.
+    #[error(
+        "exchange the coil's wires, or calibrate with --invert if accelerometer or coil are mounted the other way \
+         around"
+    )]
+    Reversed,
+    /// The gain falls with the level, at all frequencies alike.
+    #[error(
+        "the amplifier or the accelerometer clips: lower hard-limit, or raise the amplifier's supply"
+    )]
+    Clipped,
+    /// An axis of the accelerometer shows nothing, not even noise.
+    #[error("check the accelerometer's wiring and supply")]
+    DeadAxis,
+    /// What moves was not asked for, and no resonance explains it.
+    #[error("something knocks or is loose: tighten the actuator's mount, or lower hard-limit")]
+    Loose,
+    /// The resonance depends on the level, so that no equaliser holds at all levels.
+    #[error("lower hard-limit, or use an actuator with more travel")]
+    MovingResonance,
+    /// A line at rest.
+    #[error("check grounds, shields and the supply of amplifier and accelerometer")]
+    Hum,
+    /// Noise hides the response.
+    #[error("hold the stylus still, check the accelerometer's wiring, or raise hard-limit")]
+    Noisy,
+    /// Limits of gain, power and voltage leave too little of the band.
+    #[error("raise hard-limit or power-limit if the coil bears it, or ask for less with --level")]
+    BeyondLimits,
+    /// The output gain would be out of its range.
+    #[error("check amplifier and coil")]
+    OutputGain,
+    /// The proof.
+    #[error("hold the stylus as in use, unchanged all the time, and calibrate again")]
+    NotFlat,
+    /// A limit of the output changed the probe.
+    #[error("wait until the coil is cool, then calibrate again")]
+    Limited,
+    /// A code of the accelerometer was at a rail.
+    #[error("check the accelerometer's zero and supply")]
+    Saturated,
+}
+
+impl Verdict {
+    /// Its name, as JSON has it.
+    pub fn name(self) -> String {
+        let name = serde_json::to_value(self).ok();
+        name.and_then(|name| name.as_str().map(str::to_owned))
+            .unwrap_or_default()
+    }
+
+    /// The fault by what was seen.
+    pub fn seen(self, seen: impl Into<String>) -> Fault {
+        let seen = seen.into();
+        Fault {
+            verdict: self,
+            seen,
+        }
+    }
+
+    fn failure(self, seen: impl Into<String>) -> Failure {
+        Failure::Fault(self.seen(seen))
+    }
+}

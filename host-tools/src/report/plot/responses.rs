@@ -1,0 +1,61 @@
+//! Levels over frequency, as measured.
+
+use super::canvas::{Axis, INK, SERIES, Stroke, Swatch, axes, legend, picture};
+use super::curves::{FIRST_OCTAVE_HZ, OCTAVES_HZ};
+use super::figure::FREQUENCY;
+use super::{Caption, Quantity, Svg};
+use crate::support::error::Result;
+
+/// A level over frequency.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Curve<'a> {
+    /// Name of the curve.
+    pub name: &'a str,
+    /// Frequency, Hz, and level, dB.
+    pub points: &'a [(f64, f64)],
+}
+
+/// Levels from 10 Hz to 1 kHz over octaves, with dashed lines `within_db` around zero over `band_hz`.
+///
+/// # Errors
+/// A picture that cannot be laid out.
+pub fn responses(
+    caption: &Caption<'_>,
+    curves: &[Curve<'_>],
+    band_hz: [f64; 2],
+    within_db: f64,
+) -> Result<Svg> {
+    let lowest = FIRST_OCTAVE_HZ.log2();
+    let octave = |hz: f64| hz.log2() - lowest;
+    let levels = || {
+        curves
+            .iter()
+            .flat_map(|curve| curve.points)
+            .map(|point| point.1)
+    };
+    let low = levels().fold(-2.0 * within_db, f64::min).floor() - 1.0;
+    let high = levels().fold(2.0 * within_db, f64::max).ceil() + 1.0;
+    let x = Axis::of_octaves(FREQUENCY, -1.7..5.05, lowest, &OCTAVES_HZ);
+    let y = Axis::new(Quantity::new("level", "dB re asked"), low..high, 9);
+    let entries: Vec<(Swatch, &str)> = curves
+        .iter()
+        .zip(SERIES)
+        .map(|(curve, colour)| (Swatch::line(colour), curve.name))
+        .collect();
+    picture(caption, (720, 400), |area, panels| {
+        let mut plot = axes(&legend(area, &entries)?, "", &x, &y)?;
+        for level in [-within_db, within_db] {
+            let stroke = Stroke {
+                dashed: true,
+                ..Stroke::solid(INK, 1)
+            };
+            plot.path(band_hz.map(|hz| (octave(hz), level)).to_vec(), stroke)?;
+        }
+        for (curve, colour) in curves.iter().zip(SERIES) {
+            let points = curve.points.iter().map(|&(hz, level)| (octave(hz), level));
+            plot.curve(curve.name, points, Stroke::solid(colour, 3))?;
+        }
+        panels.push(plot.panel);
+        Ok(())
+    })
+}
