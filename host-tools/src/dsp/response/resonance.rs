@@ -28,8 +28,9 @@ const LEAST_DEVIATION: f64 = 0.003;
 /// Iterations of Levenberg-Marquardt from each start.
 const ROUNDS: usize = 60;
 
-/// Gain in nepers, logarithms of ω₁, ζ₁, ω₂, ζ₂ and ω₀, and the delay in ms.
-type Unknowns = SVector<f64, 7>;
+/// Gain in nepers, logarithms of ω₁, ζ₁, ω₂, ζ₂ and ω₀, the delay in ms, and the phase
+/// at 1 kHz by which the device's interpolator, of minimum phase, differs from a delay, rad.
+type Unknowns = SVector<f64, 8>;
 
 /// A resonance.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
@@ -68,7 +69,16 @@ impl Fit {
             .flat_map(|hz| [(hz, true), (hz, false)]);
         let fits = starts.map(|(hz, is_positive)| {
             let [hand, own, passed] = [14.0, hz, 4.0].map(|hz| (TAU * hz).ln());
-            let start = [top, hand, 0.3f64.ln(), own, 0.3f64.ln(), passed, START_MS];
+            let start = [
+                top,
+                hand,
+                0.3f64.ln(),
+                own,
+                0.3f64.ln(),
+                passed,
+                START_MS,
+                0.0,
+            ];
             (
                 is_positive,
                 refined(&lines, is_positive, Unknowns::from(start)),
@@ -114,7 +124,9 @@ fn model(unknowns: &Unknowns, hz: f64) -> Complex<f64> {
         s * s / (s * s + 2.0 * damping * omega * s + omega * omega)
     };
     let passed = s / (s + unknowns[5].exp()) * s / (s + TAU * DC_BLOCKER_HZ);
-    (pair(1) * pair(3) * passed).ln() + Complex::new(unknowns[0], -TAU * hz * 1e-3 * unknowns[6])
+    let share = hz / 1e3;
+    let phase = -TAU * share * unknowns[6] + unknowns[7] * share.powi(3);
+    (pair(1) * pair(3) * passed).ln() + Complex::new(unknowns[0], phase)
 }
 
 /// What the model leaves of each line, in its deviations: level, then phase.
