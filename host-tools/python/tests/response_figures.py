@@ -20,14 +20,14 @@ BAND_HZ = (30, 800)
 MOST = {"rms_db": 1.0, "worst_db": 2.0, "level_db": 0.5, "resonance": 0.02, "octaves_db": 1.5, "seconds": 60}
 
 
-def flatness(asked: np.ndarray, tip: np.ndarray) -> dict[str, float]:
-    """Deviation of tip (40 kHz) from asked (5 kHz), both m/s², over `BAND_HZ`: each octave with the same weight."""
+def flatness(asked: np.ndarray, tip: np.ndarray, band_hz: tuple[float, float]) -> dict[str, float]:
+    """Deviation of tip (40 kHz) from asked (5 kHz), both m/s², over a band: each octave with the same weight."""
     tip = signal.resample_poly(tip, 1, 8)[: len(asked)]
     words = {"fs": RATE_HZ, "nperseg": 5000, "noverlap": 3750}
     hz, cross = signal.csd(asked, tip, **words)
     _, power = signal.welch(asked, **words)
     level = 20 * np.log10(np.abs(cross / power))
-    at = np.geomspace(*BAND_HZ, 300)
+    at = np.geomspace(*band_hz, 300)
     # Mean over a twelfth of an octave, because the scatter of single bins is the estimate's.
     level = np.array([level[abs(np.log2(np.maximum(hz, 0.1) / f)) <= 1 / 24 + 0.5 / f].mean() for f in at])
     off = level - level.mean()
@@ -35,9 +35,9 @@ def flatness(asked: np.ndarray, tip: np.ndarray) -> dict[str, float]:
 
 
 def third_octaves(samples: np.ndarray, rate_hz: float) -> np.ndarray:
-    """Power in the third octaves of 31.5 to 800 Hz, after half a second."""
+    """Power in the third octaves of 40 to 800 Hz, after half a second."""
     powers = []
-    for band in range(15, 30):
+    for band in range(16, 30):
         edges = 10 ** (band / 10 + np.array([-0.05, 0.05]))
         sections = signal.butter(4, edges, "bandpass", fs=rate_hz, output="sos")
         powers.append(np.mean(signal.sosfilt(sections, samples)[int(rate_hz / 2) :] ** 2))
@@ -70,7 +70,8 @@ def judged(path: pathlib.Path) -> tuple[dict, dict]:
         return report, {}
     values = np.fromfile(path.with_suffix(".f32"), "<f4").astype(float).reshape(2, -1)
     (asked, _, after), (texture, texture_before, texture_after) = map(split, values)
-    figures = flatness(asked, after)
+    figures = flatness(asked, after, report["band_hz"])
+    figures["band_hz"] = report["band_hz"][0] - BAND_HZ[0] + BAND_HZ[1] - report["band_hz"][1]
     figures["resonance"] = report["resonance_hz"] / resonance_hz(report["parameters"]) - 1
     before, after_db = octaves_db(texture, texture_before), octaves_db(texture, texture_after)
     figures["before_db"] = np.abs(before - np.mean(before)).max()

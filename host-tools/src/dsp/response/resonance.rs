@@ -1,7 +1,7 @@
 //! The resonance and the delay that explain a response.
 //!
 //! The model is that of a coil whose mass moves against a body in a hand, behind an amplifier that passes no steady
-//! voltage: K s⁴ / ((s² + 2 ζ₁ ω₁ s + ω₁²) (s² + 2 ζ₂ ω₂ s + ω₂²)) · s / (s + ω₀) · exp(-s τ). The second pair of poles
+//! voltage, and the device's own high-pass: K s⁴ / ((s² + 2 ζ₁ ω₁ s + ω₁²) (s² + 2 ζ₂ ω₂ s + ω₂²)) · s² / ((s + ω₀) (s + ω₃)) · exp(-s τ). The second pair of poles
 //! is the resonance, the first one the stylus in its hand. What lies above the band, as the coil's inductance, is part
 //! of the delay. Levenberg-Marquardt fits it to the logarithm of the response, so that level and phase have the same
 //! weight at all levels.
@@ -12,6 +12,9 @@ use nalgebra::{DMatrix, DVector, SVector};
 use realfft::num_complex::Complex;
 
 use super::measured::Line;
+
+/// Corner of the high-pass in the device's safety stages, Hz, which every probe passes too.
+const DC_BLOCKER_HZ: f64 = 2.0;
 
 /// Delay at the start, ms: that of the device's interpolator and converters.
 const START_MS: f64 = 0.45;
@@ -25,8 +28,9 @@ const LEAST_DEVIATION: f64 = 0.003;
 /// Iterations of Levenberg-Marquardt from each start.
 const ROUNDS: usize = 60;
 
-/// Gain in nepers, logarithms of ω₁, ζ₁, ω₂, ζ₂ and ω₀, and the delay in ms.
-type Unknowns = SVector<f64, 7>;
+/// Gain in nepers, logarithms of ω₁, ζ₁, ω₂, ζ₂ and ω₀, the delay in ms, and the phase
+/// at 1 kHz by which the device's interpolator, of minimum phase, differs from a delay, rad.
+type Unknowns = SVector<f64, 8>;
 
 /// A resonance.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
@@ -65,7 +69,16 @@ impl Fit {
             .flat_map(|hz| [(hz, true), (hz, false)]);
         let fits = starts.map(|(hz, is_positive)| {
             let [hand, own, passed] = [14.0, hz, 4.0].map(|hz| (TAU * hz).ln());
-            let start = [top, hand, 0.3f64.ln(), own, 0.3f64.ln(), passed, START_MS];
+            let start = [
+                top,
+                hand,
+                0.3f64.ln(),
+                own,
+                0.3f64.ln(),
+                passed,
+                START_MS,
+                0.0,
+            ];
             (
                 is_positive,
                 refined(&lines, is_positive, Unknowns::from(start)),
@@ -110,8 +123,10 @@ fn model(unknowns: &Unknowns, hz: f64) -> Complex<f64> {
         let (omega, damping) = (unknowns[at].exp(), unknowns[at + 1].exp());
         s * s / (s * s + 2.0 * damping * omega * s + omega * omega)
     };
-    let passed = s / (s + unknowns[5].exp());
-    (pair(1) * pair(3) * passed).ln() + Complex::new(unknowns[0], -TAU * hz * 1e-3 * unknowns[6])
+    let passed = s / (s + unknowns[5].exp()) * s / (s + TAU * DC_BLOCKER_HZ);
+    let share = hz / 1e3;
+    let phase = -TAU * share * unknowns[6] + unknowns[7] * share.powi(3);
+    (pair(1) * pair(3) * passed).ln() + Complex::new(unknowns[0], phase)
 }
 
 /// What the model leaves of each line, in its deviations: level, then phase.
@@ -188,7 +203,7 @@ mod tests {
                 let s = Complex::new(0.0, at);
                 let own = s * s / (s * s + 2.0 * damping * hz * s + hz * hz);
                 let hand = s * s / (s * s + 2.0 * 0.5 * 14.0 * s + 14.0 * 14.0);
-                let coil = 1.0 / (1.0 + s / 7000.0) * s / (s + 5.0);
+                let coil = 1.0 / (1.0 + s / 7000.0) * s / (s + 5.0) * s / (s + 2.0);
                 let noise =
                     1.0 + scatter * Complex::new(hiss[2 * n as usize], hiss[2 * n as usize + 1]);
                 let value = 40.0

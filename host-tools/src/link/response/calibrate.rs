@@ -6,7 +6,7 @@ use model_format::link::{ProbeThrough, Response, Sections, Setting};
 use super::bench::{Bench, Probe, usable};
 pub use super::design::Flatness;
 use super::design::{Design, design, response};
-use super::identify::{BAND_HZ, Bounds, Identified, Options, identify};
+use super::identify::{BAND_HZ, Bounds, Identified, Options, SHARE_OF_RMS, identify};
 use super::{Result, Verdict};
 use crate::dsp::equaliser::{cascade_db, filtered};
 use crate::dsp::response::{Measured, Multisine, PERIOD, Spectra, db, ratio};
@@ -141,7 +141,7 @@ fn prove(
         .iter()
         .map(|sample| sample * design.output_gain)
         .collect();
-    let peak_m_s2 = bounds.volts(&pin).min(bounds.range_m_s2);
+    let peak_m_s2 = bounds.volts(&pin, SHARE_OF_RMS).min(bounds.range_m_s2);
     let probe = Probe {
         codes: &wave.codes(),
         peak_m_s2,

@@ -5,7 +5,7 @@ use serde::Serialize;
 
 use super::Result;
 use super::bench::{Bench, Probe, usable};
-use super::identify::{Bounds, excitation};
+use super::identify::{Bounds, SHARE_OF_RMS, excitation};
 use crate::dsp::response::{Bandwidths, Fit, Measured, Spectra};
 
 /// Periods of the probe; with the soft start it takes two seconds.
@@ -51,7 +51,7 @@ pub fn check(
 ) -> Result<Checked> {
     let bounds = Bounds::of(bench.settings());
     let wave = excitation();
-    let volts = SHARE * bounds.volts(&wave.samples);
+    let volts = SHARE * bounds.volts(&wave.samples, SHARE_OF_RMS);
     let probe = Probe {
         codes: &wave.codes(),
         peak_m_s2: volts / bounds.output_gain,

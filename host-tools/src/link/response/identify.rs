@@ -14,9 +14,15 @@ use crate::link::capture::Calibration;
 /// Band that has to be flat, Hz.
 pub const BAND_HZ: [f64; 2] = [30.0, 800.0];
 
-/// Share of the output's limits that a probe uses: of the voltage, and of the RMS that gives the power limit, so that
-/// the thermal limiter, which begins at three quarters of that power, leaves it as it is.
-const SHARES: [f64; 2] = [0.9, 0.6];
+/// Share of the largest voltage that a probe uses.
+const SHARE_OF_PEAK: f64 = 0.9;
+
+/// Largest RMS of a probe, as a share of that which gives the power limit. The thermal limiter, which begins at three
+/// quarters of that power as a mean over the coil's time constant, leaves it as it is.
+pub(super) const SHARE_OF_RMS: f64 = 0.6;
+
+/// The same of the highest level, which lasts for two seconds and shows what clips and knocks.
+const SHARE_OF_RMS_AT_TOP: f64 = 1.2;
 
 /// Largest peak at the tip, as a share of the converter's range.
 const SHARE_OF_RANGE: f64 = 0.45;
@@ -27,7 +33,10 @@ const FIRST: f64 = 1.0 / 64.0;
 /// Periods of a measurement at rest, on the way up, and of each of the three levels from the lowest one.
 const REST: usize = 4;
 const UPWARDS: usize = 2;
-const LEVELS: [(f64, usize); 3] = [(0.25, 8), (0.5, 6), (1.0, 6)];
+const LEVELS: [(f64, usize); 3] = [(0.25, 8), (0.5, 16), (1.0, 2)];
+
+/// Index of the level whose response counts: the loudest one of those that can last.
+const MEASURED: usize = 1;
 
 /// Least noise of an axis that is alive, as a share of the largest one.
 const LEAST_NOISE: f64 = 0.1;
@@ -109,7 +118,7 @@ pub struct Identified {
     pub rest_m_s2: [f64; 3],
     /// The levels.
     pub levels: [Level; 3],
-    /// Response at the highest level.
+    /// Response at the middle level.
     pub measured: Measured,
     /// What explains it.
     pub fit: Fit,
@@ -134,9 +143,9 @@ impl Bounds {
             .map(|scale| scale.abs())
             .fold(f64::INFINITY, f64::min);
         Self {
-            peak_volts: (SHARES[0] * f64::from(limits.peak_volt))
+            peak_volts: (SHARE_OF_PEAK * f64::from(limits.peak_volt))
                 .min(f64::from(MAX_PROBE_M_S2) * gain),
-            rms_volts: SHARES[1] * f64::from(limits.mean_square).sqrt(),
+            rms_volts: f64::from(limits.mean_square).sqrt(),
             // Between two samples an interpolated slope is up to half as much steeper than theirs.
             volts_per_sample: f64::from(settings.get(Setting::SlewLimit)) * 0.2 / 1.5,
             output_gain: gain,
@@ -146,11 +155,11 @@ impl Bounds {
 
     /// Largest RMS voltage of a sine at the pin, V.
     pub(super) fn sine_volts(&self) -> f64 {
-        (self.peak_volts / std::f64::consts::SQRT_2).min(self.rms_volts)
+        (self.peak_volts / SHARE_OF_PEAK / std::f64::consts::SQRT_2).min(self.rms_volts)
     }
 
     /// Largest peak of a waveform at the pin, V, if its samples there are `samples` times that.
-    pub(super) fn volts(&self, samples: &[f64]) -> f64 {
+    pub(super) fn volts(&self, samples: &[f64], share_of_rms: f64) -> f64 {
         let peak = samples
             .iter()
             .fold(0.0f64, |peak, sample| peak.max(sample.abs()));
@@ -162,7 +171,7 @@ impl Bounds {
             .zip(around)
             .fold(0.0f64, |most, (a, b)| most.max((a - b).abs()));
         (self.peak_volts / peak)
-            .min(self.rms_volts / rms)
+            .min(share_of_rms * self.rms_volts / rms)
             .min(self.volts_per_sample / slope)
     }
 }
@@ -180,7 +189,10 @@ pub fn identify(
     heard("at rest");
     let rest_m_s2 = rest(bench, &bounds)?;
     let wave = excitation();
-    let (codes, most) = (wave.codes(), bounds.volts(&wave.samples));
+    let (codes, most) = (
+        wave.codes(),
+        bounds.volts(&wave.samples, SHARE_OF_RMS_AT_TOP),
+    );
     let mut play = |volts: f64, periods: usize| -> Result<(Played, Option<Measured>)> {
         heard(&format!("{:.1} mV of peak", 1e3 * volts));
         let probe = Probe {
@@ -232,7 +244,7 @@ pub fn identify(
             fit,
         )));
     }
-    let Some((_, measured, fit)) = found[2].clone() else {
+    let Some((_, measured, fit)) = found[MEASURED].clone() else {
         let loudest = rest_m_s2.into_iter().fold(0.0, f64::max);
         let seen = format!("nothing moves at {top:.3} V of peak");
         let verdict = if loudest > NOISY * bounds.range_m_s2 {

@@ -5,7 +5,7 @@ use model_format::link::{ProbeThrough, RecordSample, Response, Setting, SettingC
 use model_format::scene::Biquad;
 use model_format::{AdcCode, DacCode, OutputSample, PlayRate};
 use nalgebra::Matrix5;
-use stylus_app::safety::{Config, State};
+use stylus_app::safety::{Config, Heat, State};
 use stylus_plant::{Axis, Fault as Broken, Parameters, Plant};
 
 use super::*;
@@ -30,6 +30,8 @@ struct PlantBench {
     plant: Plant,
     settings: Settings,
     proposed: Option<Response>,
+    /// The coil's heat in the device's model.
+    kept: Option<Heat>,
     seconds: f64,
     /// Largest voltage at the pin, largest change of it per code, V, and largest heat of the coil, J in a second.
     most: [f64; 3],
@@ -54,6 +56,7 @@ impl PlantBench {
             plant: Plant::new(parameters, seed),
             settings: settings.into_iter().fold(Settings::default(), set),
             proposed: None,
+            kept: None,
             seconds: 0.0,
             most: [0.0; 3],
             heat: 0.0,
@@ -71,7 +74,9 @@ impl PlantBench {
             value: output_gain,
         };
         let config = Config::at_rate(&self.settings.with(gain).unwrap(), 1.0, PlayRate::Hz5000);
-        let mut state = State::new(&config);
+        let mut state = self
+            .kept
+            .map_or_else(|| State::new(&config), State::with_heat);
         let (mut recorded, mut codes, mut before) = (Vec::new(), Vec::new(), 0.0);
         for sample in samples {
             let volts = self.plant.accelerometer_volts();
@@ -95,6 +100,7 @@ impl PlantBench {
                 }
             }
         }
+        self.kept = Some(state.heat());
         let counters = state.counters();
         let limited =
             counters.hard_limited + counters.slew_limited + counters.thermally_limited > 0;
@@ -411,6 +417,7 @@ fn figures_of_many_plants() {
         let report = serde_json::json!({
             "parameters": parameters, "verdict": verdict, "seconds": bench.seconds, "most": bench.most,
             "resonance_hz": response.map(|response| response.resonance_hz),
+            "band_hz": outcome.as_ref().ok().map(|done| done.design.band_hz),
             "output_gain": response.map(|response| response.output_gain),
         });
         std::fs::write(path.with_extension("json"), report.to_string()).unwrap();
