@@ -93,8 +93,7 @@ pub fn check(
         .sum();
     let axis_deg = cosine.clamp(-1.0, 1.0).acos().to_degrees();
     let mut moved = Vec::new();
-    // A NaN has moved.
-    if !(gain_db.abs() < GAIN_DB) {
+    if gain_db.is_nan() || gain_db.abs() >= GAIN_DB {
         moved.push(format!("the gain has changed by {gain_db:+.1} dB"));
     }
     let then_hz = f64::from(stored.resonance_hz);
