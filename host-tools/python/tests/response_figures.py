@@ -108,7 +108,8 @@ def main(folder: str) -> int:
     print(f"{len(sound)} sound plants that passed: median, 90 %, worst")
     for name in sound[0] if sound else []:
         values = np.abs([figures[name] for figures in sound])
-        print(f"  {name:11}", *(f"{value:8.3f}" for value in (np.median(values), np.quantile(values, 0.9), values.max())))
+        figures = np.median(values), np.quantile(values, 0.9), values.max()
+        print(f"  {name:11}", *(f"{value:8.3f}" for value in figures))
     for fault, counts in sorted(verdicts.items()):
         print(f"  {fault:18}", dict(counts))
     print(f"{failures} missed")

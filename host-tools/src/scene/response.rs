@@ -13,7 +13,8 @@ const RESPONSE: Limit = Limit {
     bytes: 16 * MIB,
 };
 
-/// Reads a response: a CSV file with the columns `frequency_hz`, ascending, and `magnitude_db`; comments begin with `#`.
+/// Reads a response: a CSV file with the columns `frequency_hz`, ascending, and `magnitude_db`; comments begin with
+/// `#`.
 ///
 /// # Errors
 /// A file that cannot be read, a missing column, a value that is no finite number, frequencies that do not ascend, or

@@ -80,7 +80,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     Ok(())
 }
 
-/// Whether a response is stored, and what each texture asks.
+/// True if a response is stored, and the headroom of each texture.
 fn of(device: &Device, library: &Library<'_>) -> Result<(bool, Vec<Headroom>)> {
     let response = device.response()?.stored.map(|stored| stored.response);
     Ok((

@@ -44,7 +44,7 @@ pub struct ResponseArguments {
 #[derive(Serialize)]
 pub struct ResponseReport {
     verdict: String,
-    /// What is wrong; none if it passed.
+    /// Fault that was found; none if it passed.
     #[serde(skip_serializing_if = "Option::is_none")]
     fault: Option<Fault>,
     found: Option<Calibrated>,
@@ -68,7 +68,8 @@ impl ResponseArguments {
         }
         if self.accelerometer_bandwidth.is_empty() {
             note(
-                "the accelerometer's own roll-off is not known and counts as the actuator's: see --accelerometer-bandwidth",
+                "the accelerometer's own roll-off is not known and counts as the actuator's: see \
+                 --accelerometer-bandwidth",
             );
         }
         let options = Options {

@@ -1,9 +1,13 @@
 //! The resonance and the delay that explain a response.
 //!
 //! The model is that of a coil whose mass moves against a body in a hand, behind an amplifier that passes no steady
-//! voltage, and the device's own high-pass: K s⁴ / ((s² + 2 ζ₁ ω₁ s + ω₁²) (s² + 2 ζ₂ ω₂ s + ω₂²)) · s² / ((s + ω₀) (s + ω₃)) · exp(-s τ). The second pair of poles
-//! is the resonance, the first one the stylus in its hand. What lies above the band, as the coil's inductance, is part
-//! of the delay. Levenberg-Marquardt fits it to the logarithm of the response, so that level and phase have the same
+//! voltage, and the device's own high-pass:
+//!
+//! ```text
+//! K s⁴ / ((s² + 2 ζ₁ ω₁ s + ω₁²) (s² + 2 ζ₂ ω₂ s + ω₂²)) · s² / ((s + ω₀) (s + ω₃)) · exp(-s τ)
+//! ```
+//! The second pair of poles is the resonance, the first one the stylus in its hand. What lies above the band, as the
+//! coil's inductance, is part of the delay. Levenberg-Marquardt fits it to the logarithm of the response, so that level and phase have the same
 //! weight at all levels.
 
 use std::f64::consts::{PI, TAU};
@@ -43,7 +47,7 @@ pub struct Resonance {
     pub damping_ratio: f64,
 }
 
-/// What explains a response.
+/// The model that explains a response.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Fit {
     /// The resonance.
@@ -129,7 +133,7 @@ fn model(unknowns: &Unknowns, hz: f64) -> Complex<f64> {
     (pair(1) * pair(3) * passed).ln() + Complex::new(unknowns[0], phase)
 }
 
-/// What the model leaves of each line, in its deviations: level, then phase.
+/// The rest that the model leaves of each line, in its deviations: level, then phase.
 fn residual(lines: &[&Line], is_positive: bool, unknowns: &Unknowns) -> DVector<f64> {
     let sign = if is_positive { 1.0 } else { -1.0 };
     let mut residual = DVector::zeros(2 * lines.len());

@@ -1,4 +1,4 @@
-//! What plays waveforms and records them.
+//! A bench that plays waveforms and records them.
 
 use model_format::link::{ProbeThrough, RAIL_CODES, RecordSample, Response, Settings};
 
@@ -18,7 +18,7 @@ pub struct Probe<'a> {
     pub through: ProbeThrough,
 }
 
-/// What was recorded of a waveform.
+/// The recording of a waveform.
 #[derive(Clone, Debug)]
 pub struct Played {
     /// Acceleration of the three axes over whole periods, m/s².
@@ -54,7 +54,7 @@ impl Played {
     }
 }
 
-/// What plays waveforms and records them.
+/// A stylus that plays waveforms and records them.
 pub trait Bench {
     /// The settings in force.
     fn settings(&self) -> &Settings;

@@ -22,7 +22,7 @@ const PASSES: [f64; 3] = [1.0, 2.0, 0.5];
 pub struct Calibrated {
     /// The actuator.
     pub identified: Identified,
-    /// What is to be stored, and is proposed.
+    /// The response that is proposed, and is to be stored.
     pub response: Response,
     /// Equaliser and level.
     pub design: Design,

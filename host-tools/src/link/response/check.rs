@@ -23,12 +23,12 @@ const BAND_DB: f64 = 3.0;
 /// Least power of the lines over that of the noise in them if anything moves.
 const MOVES: f64 = 4.0;
 
-/// What has become of a response.
+/// A response as it is now, against the stored one.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Checked {
     /// True if nothing has moved.
     pub ok: bool,
-    /// What has moved, in words; empty if nothing has.
+    /// Changes, in words; empty if nothing has moved.
     pub moved: Vec<String>,
     /// Change of the gain, dB.
     pub gain_db: f64,

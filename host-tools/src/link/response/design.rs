@@ -34,7 +34,6 @@ pub struct Design {
 
 /// Deviation of a response from flat over a band.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
-#[expect(clippy::struct_field_names, reason = "the unit is part of a name")]
 pub struct Flatness {
     /// Mean level, dB.
     pub level_db: f64,

@@ -31,7 +31,7 @@ pub struct BandHeadroom {
     pub over_db: f64,
 }
 
-/// What a texture asks of the output.
+/// The demand of a texture on the output.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Headroom {
     /// Name of the texture.
@@ -58,7 +58,7 @@ impl Headroom {
         })
     }
 
-    /// What exceeds, in one line; none if all fits.
+    /// The limit that is exceeded, in one line; none if all fits.
     pub fn warning(&self) -> Option<String> {
         let (limit, over_db) = self.tightest();
         let band = self
@@ -75,7 +75,7 @@ impl Headroom {
     }
 }
 
-/// What each texture of `library` asks of the output with `settings` and the stored `response`.
+/// The demand of each texture of `library` on the output with `settings` and the stored `response`.
 ///
 /// # Errors
 /// A texture of a rate that no stylus plays.

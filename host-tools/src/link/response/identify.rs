@@ -94,7 +94,7 @@ impl Default for Options {
     }
 }
 
-/// What a level has shown.
+/// The findings at one level.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Level {
     /// Peak at the pin, V.
@@ -120,7 +120,7 @@ pub struct Identified {
     pub levels: [Level; 3],
     /// Response at the middle level.
     pub measured: Measured,
-    /// What explains it.
+    /// The model that explains it.
     pub fit: Fit,
 }
 
@@ -179,7 +179,7 @@ impl Bounds {
 /// Identifies an actuator, telling each step to `heard`.
 ///
 /// # Errors
-/// What is wrong with it, a lost link or an interrupt.
+/// A fault of the stylus, a lost link or an interrupt.
 pub fn identify(
     bench: &mut impl Bench,
     options: &Options,
@@ -369,7 +369,7 @@ pub(super) fn trusted(measured: &Measured) -> f64 {
     f64::from(trusted) / f64::from(all.max(1))
 }
 
-/// What the levels tell of an actuator that is not linear.
+/// The fault that the levels tell of an actuator that is not linear.
 fn bent(levels: &[Level]) -> Option<Fault> {
     let (first, last) = (levels.first()?, levels.last()?);
     let distortion = last.even.max(last.odd).max(last.restless - first.restless);

@@ -40,7 +40,7 @@ pub enum Failure {
     /// Ctrl-C.
     #[error("interrupted")]
     Interrupted,
-    /// What is wrong with actuator, accelerometer or mounting.
+    /// A fault of actuator, accelerometer or mounting.
     #[error("{0}")]
     Fault(#[from] Fault),
 }
@@ -48,13 +48,13 @@ pub enum Failure {
 /// A result with a [`Failure`].
 pub type Result<T> = std::result::Result<T, Failure>;
 
-/// What was seen of a fault, and what it is.
+/// A fault, and the figures that show it.
 #[derive(Clone, Debug, PartialEq, thiserror::Error, serde::Serialize)]
 #[error("{}: {seen}; {verdict}", .verdict.name())]
 pub struct Fault {
     /// The fault.
     pub verdict: Verdict,
-    /// What was seen, with its figures.
+    /// The observation, with its figures.
     pub seen: String,
 }
 
@@ -88,7 +88,7 @@ pub enum Verdict {
     /// An axis of the accelerometer shows nothing, not even noise.
     #[error("check the accelerometer's wiring and supply")]
     DeadAxis,
-    /// What moves was not asked for, and no resonance explains it.
+    /// A motion that was not asked for, and that no resonance explains.
     #[error("something knocks or is loose: tighten the actuator's mount, or lower hard-limit")]
     Loose,
     /// The resonance depends on the level, so that no equaliser holds at all levels.

@@ -107,7 +107,7 @@ impl PlantBench {
         (recorded, codes, limited)
     }
 
-    /// What a texture of `asked` comes to at pin and tip: as it is, and through the equaliser.
+    /// A texture of `asked` at pin and tip: as it is, and through the equaliser.
     fn texture(&mut self, asked: &[f64], response: Option<&Response>) -> Vec<[f32; 2]> {
         let sections = response.map_or_else(Default::default, |response| {
             response.sections_5khz.biquads()

@@ -126,8 +126,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let limited = limited(&status).saturating_sub(limited(&before.output));
     if limited > 0 {
         warn(&format!(
-            "limits of the output acted at {limited} ticks: `stylus headroom LIB` says in which bands, and at which gain \
-             the library fits"
+            "limits of the output acted at {limited} ticks: `stylus headroom LIB` says in which bands, and at which \
+             gain the library fits"
         ));
     }
     if arguments.json {
