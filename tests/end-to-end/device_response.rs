@@ -33,7 +33,7 @@ fn a_response_is_proved_by_a_probe_stored_shown_and_removed() {
     };
     match device.start_probe(&other) {
         Err(LinkError::Probe(refused)) => {
-            assert_eq!(*refused, ProbeError::Waveform { loaded: crc32 })
+            assert_eq!(*refused, ProbeError::Waveform { loaded: crc32 });
         }
         other => panic!("{other:?}"),
     }

@@ -12,7 +12,7 @@ use scales::{Scales, ScalesReport};
 use serde::Serialize;
 
 use super::connection::Link;
-use super::response::{ResponseArguments, ResponseReport};
+use super::response::{Answer, ResponseArguments, ResponseReport};
 use crate::cli::input::positive;
 use crate::cli::interrupt::Interrupt;
 use crate::cli::output::{print, print_json, tell};
@@ -105,7 +105,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
     let mut outcome = Ok(());
     if arguments.response.response {
-        let asked: Option<&dyn Fn(&str) -> Result<String>> = (!arguments.yes).then_some(&answer);
+        let asked: Option<Answer<'_>> = (!arguments.yes).then_some(&answer);
         let (response, passed) = arguments.response.run(&device, interrupt, asked)?;
         (report.response, outcome) = (Some(response), passed);
     }

@@ -18,6 +18,9 @@ use crate::cli::input::positive;
 use crate::cli::interrupt::Interrupt;
 use crate::cli::output::{note, print, print_json, tell};
 
+/// The operator's answer to a question.
+pub type Answer<'a> = &'a dyn Fn(&str) -> Result<String>;
+
 #[derive(clap::Args)]
 pub struct ResponseArguments {
     /// Measure what the tip does for a voltage, and equalise it; without the coil's values, those that are set stay
@@ -59,7 +62,7 @@ impl ResponseArguments {
         &self,
         device: &Device,
         interrupt: Interrupt,
-        answer: Option<&dyn Fn(&str) -> Result<String>>,
+        answer: Option<Answer<'_>>,
     ) -> Result<(ResponseReport, Result<()>)> {
         if let Some(answer) = answer {
             answer(
@@ -125,7 +128,7 @@ impl ResponseArguments {
 }
 
 /// The fault, by what the operator measures where nothing moves.
-fn with_resistance(fault: Fault, answer: Option<&dyn Fn(&str) -> Result<String>>) -> Result<Fault> {
+fn with_resistance(fault: Fault, answer: Option<Answer<'_>>) -> Result<Fault> {
     let (Verdict::NothingMoves, Some(answer)) = (fault.verdict, answer) else {
         return Ok(fault);
     };

@@ -7,8 +7,8 @@
 //! K s⁴ / ((s² + 2 ζ₁ ω₁ s + ω₁²) (s² + 2 ζ₂ ω₂ s + ω₂²)) · s² / ((s + ω₀) (s + ω₃)) · exp(-s τ)
 //! ```
 //! The second pair of poles is the resonance, the first one the stylus in its hand. What lies above the band, as the
-//! coil's inductance, is part of the delay. Levenberg-Marquardt fits it to the logarithm of the response, so that level and phase have the same
-//! weight at all levels.
+//! coil's inductance, is part of the delay. Levenberg-Marquardt fits it to the logarithm of the response, so that level
+//! and phase have the same weight at all levels.
 
 use std::f64::consts::{PI, TAU};
 
