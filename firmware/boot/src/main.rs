@@ -146,6 +146,9 @@ fn panic(_: &PanicInfo<'_>) -> ! {
     SCB::sys_reset()
 }
 
+/// Cycles between two looks at a bank, some microseconds at 64 MHz. An erasure takes seconds, a word 100 µs.
+const POLL_CYCLES: u32 = 256;
+
 /// Both banks. Offsets count from the start of the flash.
 struct Banks;
 
@@ -173,7 +176,9 @@ impl Banks {
         feed();
         bank.unlock();
         begin();
-        while bank.is_busy() {}
+        while bank.is_busy() {
+            cortex_m::asm::delay(POLL_CYCLES);
+        }
         bank.end().map(drop).map_err(|_| Failed)
     }
 }

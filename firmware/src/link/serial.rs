@@ -61,6 +61,9 @@ pub fn open(
     rx: Peri<'static, PD9>,
 ) -> Result<(Sender, Receiver), ConfigError> {
     static TX: ConstStaticCell<[u8; SENT_BYTES]> = ConstStaticCell::new([0; SENT_BYTES]);
+    // The largest buffer, which the DTCM has no room for; zeros, as SRAM 4 has them after the start.
+    #[expect(unsafe_code, reason = "a place in a memory that the start clears")]
+    #[unsafe(link_section = ".sram4.received")]
     static RX: ConstStaticCell<[u8; RECEIVED_BYTES]> = ConstStaticCell::new([0; RECEIVED_BYTES]);
     let mut config = Config::default();
     config.baudrate = SERIAL_BAUD;

@@ -2,6 +2,7 @@
 
 use model_format::link::{MotionSource, MuteReason};
 use model_format::{Library, PlayRate};
+use stylus_app::UPDATE_LEAD_TICKS;
 use stylus_app::safety::Config;
 use stylus_kernel::scene::cost::BUDGET;
 use virtual_stylus::Options;
@@ -131,13 +132,13 @@ fn a_change_of_rate_and_back_is_within_the_limits_and_at_mid_scale_in_between() 
     assert!(offsets.iter().all(|offset| offset.abs() <= limits.0));
     let steps = offsets.windows(2).map(|pair| (pair[1] - pair[0]).abs());
     assert!(steps.max().is_some_and(|most| most <= limits.1));
-    // After each change there is silence of a millisecond at least, and then sound for most of the time.
+    // After each change there is silence for the lead of the first block at least, and then sound for most of the time.
     for (index, &change) in changes.iter().enumerate() {
         let end = changes.get(index + 1).copied().unwrap_or(codes.len());
         let stretch = &codes[change..end];
         let silent = |codes: &[u16; CODES]| *codes == [MID_SCALE; CODES];
         let rest = stretch
-            .windows(5)
+            .windows(UPDATE_LEAD_TICKS as usize)
             .position(|ticks| ticks.iter().all(silent))
             .expect("the output rests");
         assert!(rest < 500, "rest after {rest} ticks");
