@@ -216,32 +216,28 @@ mod tests {
     }
 
     #[test]
-    fn at_the_gain_that_is_told_the_node_that_asks_most_just_fits_and_no_limit_acts() {
+    fn at_the_gain_that_is_told_the_loudest_node_just_fits_and_no_limit_acts() {
         let bytes = test_library::library(5000);
         let library = Library::decode(&bytes).unwrap();
-        // The loudest node is the one at 1 N. White noise, at 0.5 N, is steeper.
-        for (changes, limit, force_n) in [
+        for (changes, limit) in [
             (
                 [(Setting::OutputGain, 0.2), (Setting::HardLimit, 0.5)],
                 "voltage",
-                1.0,
             ),
             (
                 [(Setting::OutputGain, 0.1), (Setting::SlewLimit, 0.5)],
                 "slew",
-                0.5,
             ),
             (
                 [(Setting::OutputGain, 0.05), (Setting::PowerLimit, 0.001)],
                 "power",
-                1.0,
             ),
         ] {
             let found = &headroom(&library, &with(&changes), None).unwrap()[0];
             let (tightest, over_db) = found.tightest();
             assert!(tightest == limit && over_db > 0.0, "{found:?}");
             assert!(found.warning().unwrap().contains(limit));
-            assert_eq!(found.at, [100.0, force_n], "the node that asks most");
+            assert_eq!(found.at, [100.0, 1.0], "the loudest node");
             let fitting = changes[0].1 * found.fitting_gain as f32;
             let settings = with(&[(Setting::OutputGain, fitting), changes[1]]);
             let fits = &headroom(&library, &settings, None).unwrap()[0];
@@ -250,7 +246,7 @@ mod tests {
             );
             // Two seconds have higher peaks than the half that is looked at.
             let settings = with(&[(Setting::OutputGain, 0.8 * fitting), changes[1]]);
-            let motion = test_library::constant(100.0, force_n);
+            let motion = test_library::constant(100.0, 1.0);
             let rendering = Rendering::new(test_library::texture(&bytes), &motion, 2.0, 1).unwrap();
             let mut pin = Pin::new(rendering, PlayRate::Hz5000, &settings);
             pin.by_ref().for_each(drop);
