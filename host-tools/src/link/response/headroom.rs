@@ -175,8 +175,10 @@ pub fn headroom(
 /// Steps of [`between`] per sample.
 const STEPS: usize = 8;
 
-/// The signal between its samples, as the output interpolates it, in [`STEPS`] per sample, by a sinc in a Hann window of
-/// eight samples to either side. Between samples a signal is higher than they are, and steeper.
+/// The signal between its samples, as the output interpolates it, in [`STEPS`] per sample.
+///
+/// By a sinc in a Hann window of eight samples to either side. Between samples a signal is higher than they are, and
+/// steeper.
 fn between(samples: &[f64]) -> Vec<f64> {
     const REACH: usize = 8;
     let kernel = |t: f64| {
