@@ -310,11 +310,19 @@ test("the tip is the pin through the plant's response, as stylus render computes
     await page.press("Space");
     await choose(1);
     await page.wait(() => rubPage.ends?.gains.tip.gain.value > 0.99 && rubPage.ends.gains.pin.gain.value < 0.01);
+    await choose(2);
+    await page.wait(() => rubPage.ends.gains.calibrated?.gain.value > 0.99 && rubPage.ends.gains.tip.gain.value < 0.01);
     await choose(0);
-    await page.wait(() => rubPage.ends.gains.pin.gain.value > 0.99 && rubPage.ends.gains.tip.gain.value < 0.01);
+    await page.wait(() => {
+      const { pin, tip, calibrated } = rubPage.ends.gains;
+      return pin.gain.value > 0.99 && tip.gain.value < 0.01 && calibrated.gain.value < 0.01;
+    });
     await page.press("Space");
     const [rate, name] = [16_000, await page.value(() => rubPage.textures[0].name)];
-    const impulse = await page.value((rate) => Array.from(impulseOf(rubPage.data.plant, rate)), rate);
+    const [impulse, calibrated] = await page.value(
+      (rate) => ["tip", "calibrated"].map((end) => Array.from(impulseOf(rubPage.data.plant, end, rate))),
+      rate,
+    );
     const [pin, tip] = [["--pin"], ["--plant", "haptuator"]].map((of) => {
       const wav = path.join(folder, "end.wav");
       const stroke = ["--speed", "120", "--force", "0.8", "--seconds", "2"];
@@ -322,18 +330,22 @@ test("the tip is the pin through the plant's response, as stylus render computes
       assert.equal(run.status, 0, String(run.stderr));
       return thirdOctaves(samplesOf(fs.readFileSync(wav)), 40_000);
     });
-    // What the convolution does to a tone in the middle of each band.
-    const gains = pin.map((_, band) => {
+    // What a convolution does to a tone in the middle of each band.
+    const gainsOf = (impulse) => pin.map((_, band) => {
       const angle = (2 * Math.PI * 1000 * 2 ** ((band - 16) / 3)) / rate;
       const [re, im] = [Math.cos, Math.sin].map((of) => impulse.reduce((sum, x, n) => sum + x * of(angle * n), 0));
       return 10 * Math.log10(re ** 2 + im ** 2);
     });
+    const gains = gainsOf(impulse);
     const apart = tip.map((level, band) => level - pin[band] - gains[band]);
     const mean = apart.reduce((sum, x) => sum + x, 0) / apart.length;
     assert.ok(apart.every((x) => Math.abs(x - mean) < 1.5), `${apart.map((x) => x.toFixed(1))}`);
     // At the pin's mean level.
     const middle = gains.slice(1, 16);
     assert.ok(Math.abs(middle.reduce((sum, x) => sum + x, 0) / middle.length) < 0.3);
+    // A calibration makes it flat from 30 to 800 Hz, which it is not before.
+    const off = (gains) => Math.max(...gains.slice(1, 16).map(Math.abs));
+    assert.ok(off(gainsOf(calibrated)) < 1 && off(gains) > 2, `${gainsOf(calibrated)} ${gains}`);
   });
 });
 

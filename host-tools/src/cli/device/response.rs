@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::time::SystemTime;
 
+use host_tools::dsp::equaliser::CALIBRATION_GAIN_DB;
 use host_tools::dsp::response::Bandwidths;
 use host_tools::link::Device;
 use host_tools::link::response::{
@@ -33,7 +34,7 @@ pub struct ResponseArguments {
     #[arg(long, value_name = "M_S2", value_parser = positive, default_value_t = 1.0)]
     level: f64,
     /// Largest gain of the equaliser over the mean of the response, in decibels
-    #[arg(long, value_name = "DB", value_parser = positive, default_value_t = 20.0)]
+    #[arg(long, value_name = "DB", value_parser = positive, default_value_t = CALIBRATION_GAIN_DB)]
     max_gain: f64,
     /// Invert the output if a positive voltage moves the tip against the accelerometer's positive axis
     #[arg(long, requires = "response")]

@@ -1,7 +1,7 @@
 //! Fit of sections to the inverse of a response.
 
 use model_format::scene::Biquad;
-use model_format::scene::limits::{MAX_EQUALISER_GAIN, MAX_SECTIONS};
+use model_format::scene::limits::{MAX_EQUALISER_GAIN, MAX_RESPONSE_SECTIONS, MAX_SECTIONS};
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
@@ -41,6 +41,22 @@ pub struct Request {
     /// none.
     pub highest_hz: Option<f64>,
 }
+
+impl Request {
+    /// The request of a calibration that corrects an actuator: a little more than the band from 30 to 800 Hz that has to
+    /// be flat.
+    pub const fn of_actuator(max_gain_db: f64) -> Self {
+        Self {
+            max_gain_db,
+            max_sections: MAX_RESPONSE_SECTIONS,
+            lowest_hz: Some(22.0),
+            highest_hz: Some(950.0),
+        }
+    }
+}
+
+/// Largest gain of a calibration's equaliser where nobody asks for another, dB.
+pub const CALIBRATION_GAIN_DB: f64 = 20.0;
 
 /// A fitted equaliser.
 #[derive(Clone, Debug, PartialEq, Serialize)]

@@ -17,7 +17,7 @@ mod tests;
 use std::f64::consts::TAU;
 
 use biquad::{Coefficients, Hertz, Type};
-pub use design::{DEFAULT_MAX_GAIN_DB, Design, Deviation, Request, design};
+pub use design::{CALIBRATION_GAIN_DB, DEFAULT_MAX_GAIN_DB, Design, Deviation, Request, design};
 use model_format::scene::Biquad;
 pub use response::{Response, ResponseFault};
 use serde::{Deserialize, Serialize};

@@ -3,15 +3,11 @@
 use model_format::PlayRate;
 use model_format::link::Setting;
 use model_format::scene::Biquad;
-use model_format::scene::limits::MAX_RESPONSE_SECTIONS;
 
 use super::identify::{BAND_HZ, Bounds, Options};
 use super::{Failure, Result, Verdict};
 use crate::dsp::equaliser::{self, Request, Response, cascade_db};
 use crate::dsp::response::{Measured, db, ratio};
-
-/// Band for which sections are fitted, Hz: a little more than what has to be flat.
-const FITTED_HZ: [f64; 2] = [22.0, 950.0];
 
 /// Band that must be within the limits, Hz. Below and above it, what limits leave uncorrected is told.
 const NEEDED_HZ: [f64; 2] = [60.0, 500.0];
@@ -91,11 +87,11 @@ pub(super) fn design(
         .map(|&(hz, level_db)| (hz, level_db.max(floor_db)))
         .collect();
     let floored = Response::new(floored).unwrap_or(measured.clone());
+    let asked = Request::of_actuator(options.max_gain_db);
     let request = Request {
-        max_gain_db: options.max_gain_db,
-        max_sections: MAX_RESPONSE_SECTIONS,
-        lowest_hz: Some(FITTED_HZ[0].max(first)),
-        highest_hz: Some(FITTED_HZ[1].min(last)),
+        lowest_hz: asked.lowest_hz.map(|hz| hz.max(first)),
+        highest_hz: asked.highest_hz.map(|hz| hz.min(last)),
+        ..asked
     };
     let of_rate = |rate: PlayRate| {
         equaliser::design(&floored, rate.hz().into(), &request).map_err(|_| beyond(first, last))

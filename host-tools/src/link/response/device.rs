@@ -39,10 +39,14 @@ impl<'a> DeviceBench<'a> {
         })
     }
 
-    /// Number of ticks that a limit has changed.
-    fn limited(&self) -> Result<u32> {
+    /// Numbers of ticks that each limit has changed.
+    fn limited(&self) -> Result<[u32; 3]> {
         let output = self.device.status()?.output;
-        Ok(output.hard_limited + output.slew_limited + output.thermally_limited)
+        Ok([
+            output.hard_limited,
+            output.slew_limited,
+            output.thermally_limited,
+        ])
     }
 
     /// Records the samples of these ticks, and keeps the device playing meanwhile.

@@ -6,6 +6,7 @@ use stylus_app::safety::Config;
 
 use super::bench::{Bench, Played, Probe, usable};
 use super::{Fault, Result, Verdict};
+use crate::dsp::equaliser::CALIBRATION_GAIN_DB;
 use crate::dsp::response::{
     Bandwidths, Fit, Line, Measured, Multisine, PERIOD, Resonance, STEP_HZ, Spectra,
 };
@@ -87,7 +88,7 @@ impl Default for Options {
     fn default() -> Self {
         Self {
             bandwidths: Bandwidths::default(),
-            max_gain_db: 20.0,
+            max_gain_db: CALIBRATION_GAIN_DB,
             level_m_s2: 1.0,
             invert: false,
         }

@@ -320,7 +320,7 @@ class RubPage {
       this.ends ??= new Ends(this.node, this.data.plant);
       this.ends.choose(end);
     }
-    this.say(`at the ${end}`);
+    this.say(end === "calibrated" ? "at the tip, calibrated" : `at the ${end}`);
   }
 
   compare() {
@@ -463,7 +463,7 @@ class RubPage {
   }
 
   setUpEnds({ name }) {
-    const ends = { pin: "Pin", tip: `Tip of ${name}` };
+    const ends = { pin: "Pin", tip: `Tip of ${name}`, calibrated: "Tip, calibrated" };
     const chips = Object.entries(ends).map(([id, text]) => this.chip("end", text, () => this.chooseEnd(id)));
     chips[0].firstChild.checked = true;
     byId("ends").append(...chips);

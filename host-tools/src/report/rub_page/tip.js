@@ -9,9 +9,9 @@ const IMPULSE_DELAY_S = 0.002;
 // Time constant of the change from pin to tip and back, s.
 const END_CHANGE_S = 0.01;
 
-// The impulse response at a rate, by the inverse transform of the frequency response.
-function impulseOf({ step_hz: step, response_base64: text }, rate) {
-  const response = new Float32Array(bytesOf(text).buffer);
+// The impulse response of an end at a rate, by the inverse transform of the frequency response.
+function impulseOf({ step_hz: step, ...ends }, end, rate) {
+  const response = new Float32Array(bytesOf(ends[end]).buffer);
   const bins = response.length / 2;
   const impulse = new Float64Array(Math.round(rate / step));
   for (let bin = 1; bin < Math.min(bins, impulse.length / 2); bin += 1) {
@@ -32,21 +32,30 @@ function impulseOf({ step_hz: step, response_base64: text }, rate) {
   return Float32Array.from(impulse, (_, n) => impulse.at(n - delay));
 }
 
-// The ways from the sound to the output: as it is at the pin, and through the plant to the tip.
+// The ways from the sound to the output: as it is at the pin, and through the plant to the tip, with and without the
+// equaliser of a calibration.
 class Ends {
   constructor(sound, plant) {
-    const { context } = sound;
-    const impulse = impulseOf(plant, context.sampleRate);
+    [this.sound, this.plant] = [sound, plant];
+    this.gains = { pin: new GainNode(sound.context) };
+    sound.disconnect();
+    sound.connect(this.gains.pin).connect(sound.context.destination);
+  }
+
+  // Computed when it is first chosen, because an impulse response takes a moment.
+  through(end) {
+    const { context } = this.sound;
+    const impulse = impulseOf(this.plant, end, context.sampleRate);
     const buffer = new AudioBuffer({ length: impulse.length, sampleRate: context.sampleRate });
     buffer.copyToChannel(impulse, 0);
+    const gain = new GainNode(context, { gain: 0 });
     const convolver = new ConvolverNode(context, { buffer, disableNormalization: true });
-    this.gains = { pin: new GainNode(context), tip: new GainNode(context, { gain: 0 }) };
-    sound.disconnect();
-    sound.connect(this.gains.pin).connect(context.destination);
-    sound.connect(convolver).connect(this.gains.tip).connect(context.destination);
+    this.sound.connect(convolver).connect(gain).connect(context.destination);
+    return gain;
   }
 
   choose(end) {
+    this.gains[end] ??= this.through(end);
     for (const [id, { gain, context }] of Object.entries(this.gains)) {
       gain.setTargetAtTime(id === end ? 1 : 0, context.currentTime, END_CHANGE_S);
     }

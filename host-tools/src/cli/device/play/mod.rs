@@ -121,7 +121,12 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
     let failure = heard.failure(&driven);
     let limited = |output: &OutputStatus| {
-        output.hard_limited + output.slew_limited + output.thermally_limited
+        let limits = [
+            output.hard_limited,
+            output.slew_limited,
+            output.thermally_limited,
+        ];
+        limits.map(u64::from).iter().sum::<u64>()
     };
     let limited = limited(&status).saturating_sub(limited(&before.output));
     if limited > 0 {
