@@ -43,8 +43,8 @@ pub struct Request {
 }
 
 impl Request {
-    /// The request of a calibration that corrects an actuator: a little more than the band from 30 to 800 Hz that has to
-    /// be flat.
+    /// The request of a calibration that corrects an actuator: a little more than the band from 30 to 800 Hz that has
+    /// to be flat.
     pub const fn of_actuator(max_gain_db: f64) -> Self {
         Self {
             max_gain_db,
