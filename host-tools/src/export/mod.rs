@@ -89,8 +89,7 @@ impl Export {
             ));
         }
         if format == Format::Hjif {
-            let resampled = resample(&[samples], rendered.sample_rate_hz, hjif::RATE_HZ);
-            samples = resampled.map_err(Error::Request)?.remove(0);
+            samples = resample(&[samples], rendered.sample_rate_hz, hjif::RATE_HZ).remove(0);
         }
         let largest = match format {
             Format::Haptic | Format::Ahap => largest(envelope.amplitudes_m_s2()),

@@ -141,8 +141,7 @@ fn at_model_rate(
         let problem = format!("at {model_rate_hz} Hz it has {fault}");
         return Err(Error::file(path, problem));
     }
-    resample::resample(axes, whole as u32, model_rate_hz)
-        .map_err(|problem| Error::file(path, problem))
+    Ok(resample::resample(axes, whole as u32, model_rate_hz))
 }
 
 #[cfg(test)]

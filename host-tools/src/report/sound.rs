@@ -41,8 +41,7 @@ pub(super) fn sound(signal: &[f64], full_scale: f64) -> Result<Vec<u8>> {
 
 /// A signal as the bytes of a WAV file, 16 bits, at a rate that every browser plays.
 pub(super) fn whole_sound(signal: &[f64], full_scale: f64) -> Result<Vec<u8>> {
-    let there =
-        resample(&[signal.to_vec()], SAMPLE_RATE_HZ, SOUND_RATE_HZ).map_err(Error::Request)?;
+    let there = resample(&[signal.to_vec()], SAMPLE_RATE_HZ, SOUND_RATE_HZ);
     let spec = hound::WavSpec {
         channels: 1,
         sample_rate: SOUND_RATE_HZ,

@@ -144,8 +144,8 @@ fn recordings_of_low_rates_get_what_those_of_high_ones_do() {
     for rate_hz in [1000, 2000, 3200] {
         for seed in 0..4 {
             let of = |signal: Vec<f64>| {
-                let low = resample(&[signal], 5000, rate_hz).unwrap();
-                let samples = resample(&low, rate_hz, 5000).unwrap().remove(0);
+                let low = resample(&[signal], 5000, rate_hz);
+                let samples = resample(&low, rate_hz, 5000).remove(0);
                 let trace = trace_of_rate(&samples, 40, f64::from(rate_hz));
                 let parts = chosen(trace, &Options::default());
                 (parts.excitation.is_some(), parts.modulation.is_some())
