@@ -40,17 +40,32 @@ pub fn run(command: &mut Command) -> Result<()> {
     let status = command.status();
     let status = status.with_context(|| format!("cannot run {}", name(command)))?;
     if !status.success() {
-        let arguments: Vec<_> = command
-            .get_args()
-            .map(|word| word.to_string_lossy())
-            .collect();
-        bail!(
-            "{} {} failed ({status}); see above",
-            name(command),
-            arguments.join(" ")
-        );
+        bail!("{} failed ({status}); see above", whole(command));
     }
     Ok(())
+}
+
+/// Runs `command` to its end, and returns what it prints, without blanks around it.
+///
+/// # Errors
+/// The program cannot be started, or ends with a failure, whose message is given.
+pub fn output(command: &mut Command) -> Result<String> {
+    let output = command.output();
+    let output = output.with_context(|| format!("cannot run {}", name(command)))?;
+    if !output.status.success() {
+        let told = String::from_utf8_lossy(&output.stderr);
+        bail!("{} failed: {}", whole(command), told.trim());
+    }
+    Ok(String::from_utf8_lossy(&output.stdout).trim().to_owned())
+}
+
+fn whole(command: &Command) -> String {
+    let arguments = command.get_args().map(|word| word.to_string_lossy());
+    let words: Vec<_> = [name(command).into()]
+        .into_iter()
+        .chain(arguments)
+        .collect();
+    words.join(" ")
 }
 
 /// The program of `command`, as the caller gave it.
@@ -63,8 +78,7 @@ pub fn name(command: &Command) -> String {
 /// # Errors
 /// It cannot be run, or prints none.
 pub fn version(program: &PathBuf) -> Result<String> {
-    let output = Command::new(program).arg("--version").output()?;
-    let text = String::from_utf8_lossy(&output.stdout);
+    let text = output(Command::new(program).arg("--version"))?;
     let mut words = text
         .split_whitespace()
         .skip_while(|&word| word != "version");

@@ -7,7 +7,7 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, bail};
 
 use crate::workspace::TARGET;
 use crate::{process, workspace};
@@ -123,12 +123,7 @@ pub fn version_in_use() -> Result<String> {
 fn version_of(rustc: &Path) -> Result<String> {
     let mut rustc = Command::new(rustc);
     // The folder decides which `rust-toolchain.toml` counts.
-    let output = rustc
-        .arg("--version")
-        .current_dir(workspace::root())
-        .output();
-    let output = output.with_context(|| format!("cannot run {}", process::name(&rustc)))?;
-    Ok(String::from_utf8_lossy(&output.stdout).trim().to_owned())
+    process::output(rustc.arg("--version").current_dir(workspace::root()))
 }
 
 /// Returns whether the toolchain in use has the library of `target`.
@@ -138,13 +133,11 @@ pub fn has_target(target: &str) -> bool {
 }
 
 fn sysroot(rustc: &Path) -> Option<PathBuf> {
-    let output = Command::new(rustc)
+    let mut rustc = Command::new(rustc);
+    rustc
         .args(["--print", "sysroot"])
-        .current_dir(workspace::root())
-        .output()
-        .ok()?;
-    let text = String::from_utf8(output.stdout).ok()?;
-    (output.status.success()).then(|| PathBuf::from(text.trim()))
+        .current_dir(workspace::root());
+    process::output(&mut rustc).ok().map(PathBuf::from)
 }
 
 /// Takes from `command` what cargo sets for the programs that it runs, such as this task or a test: it would change

@@ -6,10 +6,10 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::process::Command;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, bail};
 use serde_json::{Value, json};
 
-use crate::workspace;
+use crate::{process, workspace};
 
 /// Packages of which files of a release are built.
 const ROOTS: [&str; 4] = [
@@ -32,14 +32,8 @@ pub fn list() -> Result<String> {
         "--locked",
         "--all-features",
     ]);
-    let output = cargo
-        .current_dir(workspace::root())
-        .output()
-        .context("cannot run cargo")?;
-    if !output.status.success() {
-        bail!("{}", String::from_utf8_lossy(&output.stderr).trim());
-    }
-    let listed = of_metadata(&serde_json::from_slice(&output.stdout)?)?;
+    let metadata = process::output(cargo.current_dir(workspace::root()))?;
+    let listed = of_metadata(&serde_json::from_str(&metadata)?)?;
     Ok(format!("{listed:#}\n"))
 }
 

@@ -240,19 +240,8 @@ fn check_tools(parts: &[Part]) -> Result<()> {
 }
 
 fn git(arguments: &[&str]) -> Result<String> {
-    let output = Command::new("git")
-        .args(arguments)
-        .current_dir(workspace::root())
-        .output();
-    let output = output.context("cannot run git")?;
-    if !output.status.success() {
-        bail!(
-            "git {}: {}",
-            arguments.join(" "),
-            String::from_utf8_lossy(&output.stderr).trim()
-        );
-    }
-    Ok(String::from_utf8_lossy(&output.stdout).trim().to_owned())
+    let mut git = Command::new("git");
+    process::output(git.args(arguments).current_dir(workspace::root()))
 }
 
 /// Makes `folder` an empty one. Only files of an earlier release are removed.
@@ -307,11 +296,7 @@ fn checksums(folder: &Path) -> Result<String> {
     let mut names = names.collect::<Result<Vec<_>>>()?;
     names.sort();
     let mut program = Command::new(process::find("sha256sum", "it comes with GNU coreutils")?);
-    let output = program.current_dir(folder).arg("--").args(names).output()?;
-    if !output.status.success() {
-        bail!("{}", String::from_utf8_lossy(&output.stderr).trim());
-    }
-    let sums = String::from_utf8_lossy(&output.stdout).into_owned();
+    let sums = process::output(program.current_dir(folder).arg("--").args(names))? + "\n";
     write(folder, SUMS, &sums)?;
     print!("{sums}");
     Ok(sums)
