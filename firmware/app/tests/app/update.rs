@@ -14,9 +14,9 @@ use fake_stylus::flash::{
 };
 use fake_stylus::library;
 use model_format::link::{
-    DEVELOPMENT_SEED, ImageVersion, LIBRARY_CRC, MAX_CHUNK_BYTES, MAX_IMAGE_BYTES, ResetReason,
-    SIGNED_BYTES, SlotId, TRIAL_MS, UNSIGNED, UpdateBegin, UpdateError, UpdatePhase, UpdateReport,
-    UploadChunk, UploadError,
+    DEVELOPMENT_SEED, ImageVersion, MAX_CHUNK_BYTES, MAX_IMAGE_BYTES, ResetReason, SlotId,
+    TRIAL_MS, UNSIGNED, UpdateBegin, UpdateError, UpdatePhase, UpdateReport, UploadChunk,
+    UploadError,
 };
 use proptest::prelude::*;
 use stylus_app::update::{DEVELOPMENT_KEY, Running, Updates, sign};
@@ -94,18 +94,6 @@ fn pattern(seed: u32, length: usize) -> Vec<u8> {
     (0..length).map(|at| byte(at) as u8).collect()
 }
 
-fn program(memory: &mut Memory, offset: u32, bytes: &[u8]) {
-    for (index, data) in bytes.chunks(WORD_BYTES).enumerate() {
-        let mut word = [0xFF; WORD_BYTES];
-        word[..data.len()].copy_from_slice(data);
-        let word = Operation::Write {
-            word: offset as usize / WORD_BYTES + index,
-            data: word,
-        };
-        memory.perform(word, Cut::After);
-    }
-}
-
 /// A device with an image, a library in the first slot, settings, and a committed update in the second slot.
 struct Committed {
     memory: Memory,
@@ -116,10 +104,10 @@ struct Committed {
 fn committed() -> Committed {
     let mut memory = Memory::blank(FLASH_BYTES);
     let (old, new) = (pattern(1, ACTIVE.len()), pattern(2, 290_000));
-    program(&mut memory, ACTIVE.start, &old);
-    program(&mut memory, RECORDS.end, &pattern(3, 2 * SECTOR_BYTES));
-    program(&mut memory, SLOTS[0].start, &pattern(4, SLOTS[0].len()));
-    program(&mut memory, SLOTS[1].start, &new);
+    memory.program(ACTIVE.start as usize, &old);
+    memory.program(RECORDS.end as usize, &pattern(3, 2 * SECTOR_BYTES));
+    memory.program(SLOTS[0].start as usize, &pattern(4, SLOTS[0].len()));
+    memory.program(SLOTS[1].start as usize, &new);
     let mut new = new;
     new.resize(ACTIVE.len(), 0xFF);
     let memory = recorded(memory, Record::marked(mark::SWAP, 1, [2, 3, 5]));
@@ -300,7 +288,7 @@ proptest! {
 
 const RUNNING: Running = Running {
     image: VERSION,
-    bootloader: Some(VERSION),
+    bootloader: VERSION,
     key: DEVELOPMENT_KEY,
     takes_unsigned: false,
 };
@@ -312,14 +300,6 @@ fn stylus(running: Running, record: Record) -> SteppedStylus {
     let store = block_on(Store::open(SimulatedFlash::new(memory), RECORDS));
     stylus.storage.set_updates(Updates::new(store, running));
     stylus
-}
-
-fn announced(image: &[u8], signed: [u8; SIGNED_BYTES]) -> UpdateBegin {
-    UpdateBegin {
-        signed: signed.iter().copied().collect(),
-        crc32: LIBRARY_CRC.checksum(image),
-        allow_downgrade: false,
-    }
 }
 
 fn update(
@@ -347,7 +327,7 @@ fn state(stylus: &mut SteppedStylus) -> UpdateReport {
 }
 
 #[test]
-fn an_image_that_the_device_does_not_take_is_refused_before_anything_is_erased() {
+fn an_image_is_refused_before_anything_is_erased_unless_it_is_signed_and_newer_or_allowed() {
     let image = pattern(5, 3_000);
     let good = sign(&image, VERSION, &DEVELOPMENT_SEED);
     let older = ImageVersion::new([2, 3, 3]);
@@ -388,21 +368,32 @@ fn an_image_that_the_device_does_not_take_is_refused_before_anything_is_erased()
     let mut stylus = stylus(RUNNING, Record::NONE);
     let slots = stylus.storage.slots();
     for (signed, expected) in refused {
-        let refused = update(&mut stylus, &image, &announced(&image, signed));
+        let refused = update(&mut stylus, &image, &UpdateBegin::new(&image, &signed));
         assert_eq!(refused, Err(expected));
         assert_eq!(stylus.storage.slots(), slots);
     }
-    let mut short = announced(&image, good);
+    let mut short = UpdateBegin::new(&image, &good);
     short.signed.pop();
     assert_eq!(
         update(&mut stylus, &image, &short),
         Err(UpdateError::NotAnImage)
     );
     stylus.play(play_request("texture 0")).expect("it is there");
-    let played = update(&mut stylus, &image, &announced(&image, good));
+    let played = update(&mut stylus, &image, &UpdateBegin::new(&image, &good));
     assert_eq!(played, Err(UpdateError::Playing));
     assert_eq!(stylus.storage.slots(), slots);
     assert_eq!(state(&mut stylus).phase, UpdatePhase::Confirmed);
+    let mut downgrade = UpdateBegin::new(&image, &sign(&image, older, &DEVELOPMENT_SEED));
+    downgrade.allow_downgrade = true;
+    let held = Running {
+        takes_unsigned: true,
+        ..RUNNING
+    };
+    let unsigned = UpdateBegin::new(&image, &unsigned);
+    for (running, begin) in [(RUNNING, downgrade), (held, unsigned)] {
+        let mut stylus = self::stylus(running, Record::NONE);
+        update(&mut stylus, &image, &begin).expect("it is allowed");
+    }
 }
 
 #[test]
@@ -410,7 +401,7 @@ fn an_update_asks_for_the_exchange_and_a_restart_and_leaves_the_active_library()
     let image = pattern(5, 140_001);
     let mut stylus = stylus(RUNNING, Record::NONE);
     let active = stylus.storage.slots().active.expect("it is ready");
-    let begin = announced(&image, sign(&image, VERSION, &DEVELOPMENT_SEED));
+    let begin = UpdateBegin::new(&image, &sign(&image, VERSION, &DEVELOPMENT_SEED));
     let report = update(&mut stylus, &image, &begin).expect("it is signed");
     assert_eq!(report.phase, UpdatePhase::Committed { version: VERSION });
     assert!(stylus.storage.wants_restart());
@@ -424,31 +415,12 @@ fn an_update_asks_for_the_exchange_and_a_restart_and_leaves_the_active_library()
 fn bytes_other_than_the_signed_ones_are_not_committed() {
     let image = pattern(5, 3_000);
     let mut stylus = stylus(RUNNING, Record::NONE);
-    let begin = announced(&image, sign(&image, VERSION, &DEVELOPMENT_SEED));
+    let begin = UpdateBegin::new(&image, &sign(&image, VERSION, &DEVELOPMENT_SEED));
     let refused = update(&mut stylus, &pattern(6, 3_000), &begin);
     assert_eq!(refused, Err(UpdateError::Digest));
     assert!(!stylus.storage.wants_restart());
     assert_eq!(state(&mut stylus).phase, UpdatePhase::Confirmed);
     stylus.play(play_request("texture 0")).expect("it plays on");
-}
-
-#[test]
-fn an_older_image_is_taken_when_asked_for_and_an_unsigned_one_with_the_button_held() {
-    let image = pattern(5, 3_000);
-    let mut begin = announced(
-        &image,
-        sign(&image, ImageVersion::default(), &DEVELOPMENT_SEED),
-    );
-    begin.allow_downgrade = true;
-    update(&mut stylus(RUNNING, Record::NONE), &image, &begin).expect("it was asked for");
-    let mut unsigned = sign(&image, VERSION, &DEVELOPMENT_SEED);
-    unsigned[100..].copy_from_slice(&UNSIGNED);
-    let running = Running {
-        takes_unsigned: true,
-        ..RUNNING
-    };
-    let begin = announced(&image, unsigned);
-    update(&mut stylus(running, Record::NONE), &image, &begin).expect("the button was held");
 }
 
 #[test]
