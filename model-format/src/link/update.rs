@@ -241,7 +241,9 @@ pub enum UpdateError {
     #[error("{0}")]
     Upload(#[from] UploadError),
     /// An image in flash that is not the one that was signed.
-    #[error("the image in flash is not the signed one: update again")]
+    #[error(
+        "the image in flash is not the signed one: update again; if that fails too, get the file anew"
+    )]
     Digest,
     /// A record of the update that the flash does not keep.
     #[error(

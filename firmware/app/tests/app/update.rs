@@ -187,58 +187,47 @@ fn survives(before: &Memory, cuts: &[(usize, Cut)], images: &Committed) -> (Memo
     (after, is_new)
 }
 
-/// A cut at the end of an exchange is a reset on the trial, which puts the old image back.
-fn check_exchange(images: &Committed, numbers: &[usize], last: usize, cuts: usize) {
-    let mut counts = [0; 2];
-    for (case, &number) in numbers.iter().enumerate() {
-        for cut in kinds(case, cuts) {
-            let (after, is_new) = survives(&images.memory, &[(number, cut)], images);
-            assert!(is_new || number == last, "{cut:?} at {number}");
-            counts[usize::from(is_new)] += 1;
-            if is_new && case.is_multiple_of(8) {
-                let (after, _) = boot(after, None);
-                assert!(part(&after, ACTIVE) == images.old, "{cut:?} at {number}");
-                assert_eq!(record(&after).marks[0], mark::REVERT);
+/// Cuts each of these operations of an exchange, and of the way back, in so many manners, which differ from case to case.
+fn check_cuts(manners: usize, numbers: fn(&[Operation]) -> Vec<usize>) {
+    let images = committed();
+    let (trial, _) = boot(images.memory.clone(), None);
+    for (before, goes_back) in [(&images.memory, false), (&trial, true)] {
+        let operations = operations(before);
+        let mut counts = [0; 2];
+        for (case, number) in numbers(&operations).into_iter().enumerate() {
+            for cut in (case..case + manners).map(|kind| Cut::WITH_UNSTABLE[kind % 5]) {
+                let (after, is_new) = survives(before, &[(number, cut)], &images);
+                counts[usize::from(is_new)] += 1;
+                if goes_back {
+                    let Record { cause, version, .. } = record(&after);
+                    assert_eq!((is_new, cause, version), (false, 1 << 2, [2, 3, 5]));
+                    continue;
+                }
+                // A cut at the end is a reset on the trial, which puts the old image back.
+                assert!(
+                    is_new || number + 1 == operations.len(),
+                    "{cut:?} at {number}"
+                );
+                if is_new && case.is_multiple_of(8) {
+                    let (after, _) = boot(after, None);
+                    assert!(part(&after, ACTIVE) == images.old, "{cut:?} at {number}");
+                    assert_eq!(record(&after).marks[0], mark::REVERT);
+                }
             }
         }
+        println!("{counts:?} times the old and the new image");
     }
-    println!("{counts:?} times the old and the new image");
-}
-
-/// So many kinds of cuts, from one on that differs from case to case.
-fn kinds(case: usize, count: usize) -> impl Iterator<Item = Cut> {
-    (case..case + count).map(|kind| Cut::WITH_UNSTABLE[kind % 5])
-}
-
-fn check_way_back(images: &Committed, cuts: usize, numbers: impl Fn(&[Operation]) -> Vec<usize>) {
-    let (trial, _) = boot(images.memory.clone(), None);
-    let numbers = numbers(&operations(&trial));
-    for (case, &number) in numbers.iter().enumerate() {
-        for cut in kinds(case, cuts) {
-            let (after, is_new) = survives(&trial, &[(number, cut)], images);
-            let Record { cause, version, .. } = record(&after);
-            assert_eq!((is_new, cause, version), (false, 1 << 2, [2, 3, 5]));
-        }
-    }
-    println!("{} times the old image", cuts * numbers.len());
 }
 
 #[test]
 fn a_cut_at_any_operation_of_an_exchange_or_of_the_way_back_ends_with_a_whole_image() {
-    let images = committed();
-    let operations = operations(&images.memory);
-    check_exchange(&images, &edges(&operations), operations.len() - 1, 5);
-    check_way_back(&images, 5, edges);
+    check_cuts(5, edges);
 }
 
 #[test]
 #[ignore = "minutes: every third operation"]
 fn a_cut_at_every_third_operation_ends_with_a_whole_image() {
-    let images = committed();
-    let count = operations(&images.memory).len();
-    let thirds = |count| (0..count).step_by(3).collect::<Vec<_>>();
-    check_exchange(&images, &thirds(count), count - 1, 1);
-    check_way_back(&images, 1, |operations| thirds(operations.len()));
+    check_cuts(1, |operations| (0..operations.len()).step_by(3).collect());
 }
 
 proptest! {

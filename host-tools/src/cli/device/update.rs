@@ -27,8 +27,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let file = UpdateFile::read(&arguments.image)?;
     let mut device = arguments.link.connect_to_any()?;
     note(
-        "note: the library in the slot that is not active is given up; settings and the active library stay. Keep the \
-         device on its supply",
+        "note: an update gives up the library in the slot that is not active; settings and the active library stay. \
+         Keep the device on its supply",
     );
     let bytes = file.header.length;
     let bar = progress::bar(u64::from(bytes), "sending");

@@ -8,7 +8,6 @@ use model_format::link::{
     UNSIGNED, UPLOAD_WINDOW, UpdateBegin, UpdateBeginEndpoint, UpdateCommitEndpoint,
     UpdateConfirmEndpoint, UpdateError, UpdatePhase, UpdateReport, UpdateStateEndpoint,
 };
-use postcard_rpc::Endpoint;
 use stylus_app::update::sign;
 use stylus_boot::map::{ACTIVE, BOOTLOADER_VERSION};
 use virtual_stylus::model::flash::{Contents, Moment};
@@ -22,65 +21,22 @@ use crate::upload::state_of;
 /// Time in which the bootloader exchanges two images, with a margin.
 const EXCHANGE_NS: u64 = 30 * SECOND;
 
-/// Stages of an update that is put back once, and is done again and confirmed.
-const STAGES: [&str; 6] = [
-    "receiving, commit",
-    "exchange",
-    "way back",
-    "receiving again",
-    "exchange again",
-    "confirmation",
-];
-
-/// Makes these stages, and returns the number of the last flash operation of each.
-fn make_stages(device: &mut Device, new: &[u8]) -> [u64; STAGES.len()] {
-    let mut ends = Vec::new();
-    let mut end = |device: &mut Device| ends.push(device.stylus.flash_operations().len() as u64);
-    for is_last in [false, true] {
-        device.update(new);
-        end(device);
-        device.wait_for_exchange();
-        end(device);
-        if !is_last {
-            device.stylus.reset_by_pin();
-            device.wait_for_exchange();
-            end(device);
-        }
-    }
-    device.confirm();
-    end(device);
-    ends.try_into().expect("one of each stage")
-}
-
-/// Content of the flash after cuts in these stages, each with the number of its stage, and true for a cut of the
-/// stage's last operation.
-fn cuts(flash: &Contents, new: &[u8]) -> Vec<(usize, bool, PowerCut)> {
-    const PER_STAGE: u64 = 6;
-    let mut counted = Device::started(library::of(flash.clone()));
-    let ends = make_stages(&mut counted, new);
-    println!("the stages end with operations {ends:?}");
+/// Cuts of `work`, which begins with this content of the flash: some spread over its operations, then the three of the
+/// last operation.
+fn cuts(flash: &Contents, work: &dyn Fn(&mut Device)) -> Vec<PowerCut> {
+    const SPREAD: u64 = 8;
+    let device = || Device::new(&product(), library::after(flash.clone()));
+    let mut counted = device();
+    work(&mut counted);
+    let last = counted.stylus.flash_operations().len() as u64;
     let moments = [Moment::Before, Moment::During { seed: 5 }, Moment::After];
-    let mut wanted = Vec::new();
-    // What is done again differs in nothing.
-    for stage in [0, 1, 2, 5] {
-        let (last, end) = (ends[stage], |stage: usize| ends[stage]);
-        let first = 1 + stage.checked_sub(1).map_or(0, end);
-        let spread = (0..PER_STAGE).map(|n| first + n * (last - first) / PER_STAGE);
-        wanted.extend(
-            spread
-                .filter(|&number| number != last)
-                .zip(moments.into_iter().cycle()),
-        );
-        wanted.extend(moments.map(|moment| (last, moment)));
-    }
-    let mut device = Device::started(library::of(flash.clone()));
-    device.stylus.capture_power_cuts(wanted);
-    make_stages(&mut device, new);
-    let staged = device.stylus.take_power_cuts().into_iter().map(|cut| {
-        let stage = ends.partition_point(|&end| end < cut.operation.number);
-        (stage, ends[stage] == cut.operation.number, cut)
-    });
-    staged.collect()
+    let spread = (0..SPREAD).map(|n| 1 + n * (last - 1) / SPREAD);
+    let spread = spread.zip(moments.into_iter().cycle());
+    let wanted = spread.chain(moments.map(|moment| (last, moment)));
+    let mut device = device();
+    device.stylus.capture_power_cuts(wanted.collect());
+    work(&mut device);
+    device.stylus.take_power_cuts()
 }
 
 #[test]
@@ -91,37 +47,48 @@ fn after_a_power_cut_of_an_update_the_old_or_the_new_image_answers_with_settings
     let [old, new] = [product(), with_faults()].map(|path| image(&path));
     let mut before = Device::started(library::options());
     let settings = before.set(Setting::HardLimit, 0.25);
-    let (flash, library) = (before.stylus.flash(), state_of(&mut before));
-    let mut counts = [[0; 2]; STAGES.len()];
-    for (stage, is_last, cut) in cuts(&flash, &new) {
-        let mut device = Device::new(
-            &product(),
-            Options {
-                keep_flash: true,
-                watch_ticks: false,
-                ..library::of(cut.contents)
-            },
-        );
-        let told = (STAGES[stage], cut.operation.number, cut.moment);
-        assert!(device.answers_within(EXCHANGE_NS), "{told:?}");
-        let active = active(&device.stylus.flash().bytes);
-        assert!(active == old || active == new, "{told:?}");
-        let is_new = active == new;
-        // The last word of an exchange begins the trial, which a cut after it ends.
-        let expected = match (stage, is_last, cut.moment) {
-            (0 | 5, true, Moment::During { .. }) | (1, true, _) => is_new,
-            (0 | 5, true, Moment::After) | (1, ..) => true,
-            _ => false,
+    let (mut flash, library) = (before.stylus.flash(), state_of(&mut before));
+    let start = |device: &mut Device| assert!(device.answers_within(EXCHANGE_NS));
+    let stages: [(&str, &dyn Fn(&mut Device)); 3] = [
+        ("receiving and commit", &|device| {
+            start(device);
+            device.update(&new);
+        }),
+        ("exchange and confirmation", &|device| {
+            start(device);
+            device.confirm();
+        }),
+        ("way back", &start),
+    ];
+    for (stage, (name, work)) in stages.into_iter().enumerate() {
+        let cuts = cuts(&flash, work);
+        let [.., on_trial, _, done] = &cuts[..] else {
+            panic!("there are more");
         };
-        assert_eq!(is_new, expected, "{told:?}");
-        counts[stage][usize::from(is_new)] += 1;
-        let kept = (device.settings(), state_of(&mut device));
-        assert_eq!(kept, (settings, library), "{told:?}");
-        let playable = device.status().settings.check_playable();
-        assert_eq!((playable, device.sounds_from(0)), (Ok(()), 0), "{told:?}");
-    }
-    for (stage, counts) in STAGES.iter().zip(counts) {
-        println!("{stage}: {counts:?} times the old and the new image");
+        let last = done.operation.number;
+        flash = [done, on_trial, done][stage].contents.clone();
+        let mut counts = [0; 2];
+        for cut in cuts {
+            let mut device = Device::new(&product(), library::after(cut.contents));
+            let told = (name, cut.operation.number, cut.moment);
+            assert!(device.answers_within(EXCHANGE_NS), "{told:?}");
+            let is_new = device.runs(&new);
+            assert!(is_new || device.runs(&old), "{told:?}");
+            // The last word of the exchange begins the trial, which a cut after it ends.
+            let expected = match (stage, last - cut.operation.number, cut.moment) {
+                (0 | 1, 0, Moment::During { .. }) | (1, 1, _) => is_new,
+                (_, 0, Moment::Before) | (2, ..) => false,
+                (_, 0, _) | (1, ..) => true,
+                _ => false,
+            };
+            assert_eq!(is_new, expected, "{told:?}");
+            counts[usize::from(is_new)] += 1;
+            let kept = (device.settings(), state_of(&mut device));
+            assert_eq!(kept, (settings, library), "{told:?}");
+            let playable = device.status().settings.check_playable();
+            assert_eq!((playable, device.sounds_from(0)), (Ok(()), 0), "{told:?}");
+        }
+        println!("{name}, {last} operations: {counts:?} times the old and the new image");
     }
 }
 
@@ -156,6 +123,14 @@ impl Device {
         self.send_ahead(image, UPLOAD_WINDOW);
         let committed = self.request::<UpdateCommitEndpoint>(&());
         committed.expect("all of it has arrived")
+    }
+
+    fn is_on_trial(&mut self) -> bool {
+        matches!(self.update_state().phase, UpdatePhase::Trial { .. })
+    }
+
+    fn runs(&mut self, image: &[u8]) -> bool {
+        active(&self.stylus.flash().bytes) == image
     }
 
     fn confirm(&mut self) {
@@ -194,46 +169,31 @@ impl Device {
 
 #[test]
 fn an_update_keeps_settings_and_active_library_and_survives_resets_once_it_is_confirmed() {
-    let old = product();
     let new = image(&with_faults());
     let mut device = Device::started(library::options());
     let settings = device.set(Setting::HardLimit, 0.25);
     let before = state_of(&mut device);
     let begin = device.stylus.now_ns();
-    let committed = device.update(&new);
-    assert!(
-        matches!(committed.phase, UpdatePhase::Committed { .. }),
-        "{committed:?}"
-    );
-    let sent = device.stylus.now_ns();
-    let exchanged = device.wait_for_exchange();
+    let committed = device.update(&new).phase;
+    let version = version();
+    assert_eq!(committed, UpdatePhase::Committed { version });
+    let sent_ms = (device.stylus.now_ns() - begin) / MS;
+    let started_ms = device.wait_for_exchange() / MS;
+    println!("sent in {sent_ms} ms, started after {started_ms} ms");
+    assert!(device.is_on_trial() && device.runs(&new));
     let state = device.update_state();
-    assert!(
-        matches!(state.phase, UpdatePhase::Trial { .. }),
-        "{state:?}"
+    let told = (state.bootloader, state.trusts_development_key);
+    assert_eq!(told, (Some(version), true));
+    assert_eq!(
+        (device.settings(), state_of(&mut device)),
+        (settings, before)
     );
-    assert!(
-        state.bootloader == Some(version()) && state.trusts_development_key,
-        "{state:?}"
-    );
-    println!(
-        "sent in {} ms, started after {} ms",
-        (sent - begin) / MS,
-        exchanged / MS
-    );
-    assert!(
-        active(&device.stylus.flash().bytes) == new,
-        "the new image runs"
-    );
-    assert_eq!(device.settings(), settings);
-    assert_eq!(state_of(&mut device), before);
     device.confirm();
     device.reset();
     assert_eq!(device.update_state().phase, UpdatePhase::Confirmed);
     device.move_at(120.0);
     device.play_until_heard("lattice", MotionSource::Sensors, 7);
-    assert!(active(&device.stylus.flash().bytes) == new);
-    assert!(image(&old) != new);
+    assert!(device.runs(&new) && image(&product()) != new);
 }
 
 #[test]
@@ -254,33 +214,21 @@ fn a_new_image_that_faults_on_its_trial_is_put_back_and_one_that_lasts_a_minute_
     let state = device.update_state();
     let (version, cause) = (version(), ResetReason::Software);
     assert_eq!(state.phase, UpdatePhase::RolledBack { version, cause });
-    assert!(
-        active(&device.stylus.flash().bytes) == old,
-        "the old image runs"
-    );
+    assert!(device.runs(&old) && device.status().fault.is_some());
     assert_eq!(state_of(&mut device), before);
-    assert!(
-        device.status().fault.is_some(),
-        "the fault of the new image is told"
-    );
     device.update(&new);
     device.wait_for_exchange();
     device.run_for(TRIAL_MS * MS - 5 * SECOND);
-    let state = device.update_state();
-    assert!(
-        matches!(state.phase, UpdatePhase::Trial { .. }),
-        "{state:?}"
-    );
+    assert!(device.is_on_trial());
     device.run_for(7 * SECOND);
     device.reset();
     assert_eq!(device.update_state().phase, UpdatePhase::Confirmed);
-    assert!(active(&device.stylus.flash().bytes) == new);
+    assert!(device.runs(&new));
     assert_eq!(state_of(&mut device), before);
 }
 
 #[test]
-fn an_image_that_is_not_signed_is_refused_before_anything_is_erased_unless_power_came_with_the_button_held()
- {
+fn an_unsigned_image_is_refused_before_anything_is_erased_unless_power_came_with_the_button_held() {
     let image = vec![1; 1000];
     let mut unsigned = sign(&image, version(), &DEVELOPMENT_SEED);
     unsigned[HEADER_BYTES..].copy_from_slice(&UNSIGNED);
@@ -292,14 +240,9 @@ fn an_image_that_is_not_signed_is_refused_before_anything_is_erased_unless_power
         let by_another = sign(&image, version(), &[9; 32]);
         for (signed, is_taken) in [(by_another, false), (unsigned, is_held)] {
             let begun = device.request::<UpdateBeginEndpoint>(&UpdateBegin::new(&image, &signed));
-            let expected = if is_taken {
-                Ok(())
-            } else {
-                Err(UpdateError::Signature)
-            };
-            assert_eq!(begun.map(drop), expected);
             let is_same = device.stylus.flash_operations().len() == operations;
-            assert!(is_same != is_taken);
+            assert_eq!((begun.is_ok(), is_same), (is_taken, !is_taken));
+            assert!(is_taken || begun == Err(UpdateError::Signature));
         }
         device.assert_undisturbed();
         assert_eq!(device.update_state().takes_unsigned, is_held);
@@ -308,14 +251,6 @@ fn an_image_that_is_not_signed_is_refused_before_anything_is_erased_unless_power
     }
     let mut flash = Device::new(&product(), library::options()).stylus.flash();
     flash.bytes[BOOTLOADER_VERSION as usize] = 0;
-    let mut device = Device::new(
-        &product(),
-        Options {
-            keep_flash: true,
-            flash,
-            ..library::options()
-        },
-    );
-    device.wait_for_start();
+    let mut device = Device::started(library::after(flash));
     assert_eq!(device.request::<UpdateStateEndpoint>(&()), None);
 }
