@@ -13,7 +13,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     let key = match env::var_os("STYLUS_UPDATE_KEY") {
         Some(path) => {
             println!("cargo::rerun-if-changed={}", Path::new(&path).display());
-            key(&fs::read_to_string(path)?).ok_or("STYLUS_UPDATE_KEY: the file has no key")?
+            let told = format!("STYLUS_UPDATE_KEY, {}", Path::new(&path).display());
+            let text = fs::read_to_string(path).map_err(|error| format!("{told}: {error}"))?;
+            key(&text).ok_or_else(|| format!("{told}: no public key of `cargo tasks keys`"))?
         }
         None => "stylus_app::update::DEVELOPMENT_KEY".to_owned(),
     };

@@ -15,8 +15,6 @@ mod protection;
 
 use protection::{Access, Memory, REGIONS, Region};
 
-/// Smallest part of the flash that can be erased, bytes.
-const SECTOR_BYTES: u64 = stylus_app::flash::SECTOR_BYTES as u64;
 const BANK_1: Range<u64> = 0x0800_0000..0x0810_0000;
 const BANK_2: Range<u64> = 0x0810_0000..0x0820_0000;
 
@@ -84,46 +82,13 @@ fn each_region_is_memory_that_the_stm32h743zi_has() {
 }
 
 #[test]
-fn a_slot_is_what_the_format_calls_one() {
-    let regions = regions();
-    for slot in ["SLOT_A", "SLOT_B"] {
-        let slot = &regions[slot];
-        assert_eq!(slot.end - slot.start, SLOT_BYTES as u64);
-        assert!(slot.start.is_multiple_of(SECTOR_BYTES) && slot.end.is_multiple_of(SECTOR_BYTES));
-    }
-}
-
-#[test]
-fn slots_lie_in_the_bank_that_holds_no_code() {
-    let regions = regions();
-    for slot in ["SLOT_A", "SLOT_B"] {
-        assert!(contains(&BANK_2, &regions[slot]));
-    }
-    assert!(contains(&BANK_1, &regions["FLASH"]));
-}
-
-#[test]
-fn settings_lie_where_the_store_looks_for_them_in_whole_sectors_behind_the_code() {
-    let regions = regions();
-    let (settings, code) = (&regions["SETTINGS"], &regions["FLASH"]);
-    let offsets = settings.start - BANK_1.start..settings.end - BANK_1.start;
-    assert_eq!(
-        offsets,
-        u64::from(SETTINGS_RANGE.start)..u64::from(SETTINGS_RANGE.end)
-    );
-    assert!(contains(&BANK_1, settings) && code.end <= settings.start);
-    assert!(settings.start.is_multiple_of(SECTOR_BYTES));
-    // A map in flash needs another sector to move to.
-    assert!((settings.end - settings.start) / SECTOR_BYTES >= 2);
-}
-
-#[test]
-fn bootloader_image_and_records_lie_where_the_bootloader_looks_for_them() {
+fn what_the_flash_holds_lies_where_image_and_bootloader_look_for_it() {
     let regions = regions();
     let expected = [
         ("BOOTLOADER", map::BOOTLOADER),
         ("FLASH", map::ACTIVE),
         ("RECORDS", map::RECORDS),
+        ("SETTINGS", SETTINGS_RANGE),
         ("SLOT_A", map::SLOTS[0].clone()),
         ("SLOT_B", map::SLOTS[1].clone()),
     ];
@@ -134,7 +99,7 @@ fn bootloader_image_and_records_lie_where_the_bootloader_looks_for_them() {
     }
     // The exchange of images takes a sector more than an image.
     let lengths = [map::ACTIVE, map::SLOTS[0].clone()].map(|range| range.len());
-    assert!(lengths[0] + map::SECTOR_BYTES <= lengths[1]);
+    assert!(lengths[0] + map::SECTOR_BYTES <= lengths[1] && lengths[1] == SLOT_BYTES);
 }
 
 #[test]

@@ -24,8 +24,8 @@ pub const DEVELOPMENT_KEY: [u8; 32] = [
 pub struct Running {
     /// Its version.
     pub image: ImageVersion,
-    /// The bootloader's version; none if there is none.
-    pub bootloader: Option<ImageVersion>,
+    /// The bootloader's version.
+    pub bootloader: ImageVersion,
     /// Ed25519 key that an update must be signed with.
     pub key: [u8; 32],
     /// True if an update need not be signed, because the button was held at power-on.
@@ -151,7 +151,7 @@ impl<R: NorFlash> Updates<R> {
         };
         UpdateReport {
             image,
-            bootloader,
+            bootloader: Some(bootloader),
             phase,
             trusts_development_key: key == DEVELOPMENT_KEY,
             takes_unsigned,

@@ -84,9 +84,10 @@ pub async fn start(spawner: Spawner, hardware: Hardware, takes_unsigned: bool) {
     let mut records = record::Store::open(records, RECORDS).await;
     // One that cannot be kept now is tried again at the next start.
     let _ = records.settle().await;
-    let updates = Updates::new(records, running(takes_unsigned));
     let stores = STORES.init(Storage::new(SlotStore::unread(slots), settings));
-    stores.set_updates(updates);
+    if let Some(running) = running(takes_unsigned) {
+        stores.set_updates(Updates::new(records, running));
+    }
     let settings = stores.read_settings().await;
     let safe_mode = hardware.start_report().safe_mode;
     let (values, state) = (settings.settings(), settings.state());
@@ -141,22 +142,20 @@ async fn serve(stores: &'static mut Stores, safe_mode: bool) -> ! {
     }
 }
 
-/// The running image, and what it trusts.
-fn running(takes_unsigned: bool) -> Running {
-    let numbers = || {
-        let word = word::read(map::FLASH + map::BOOTLOADER_VERSION)?;
-        let [magic, numbers @ ..] = word.first_chunk::<16>()?.as_chunks::<4>().0 else {
-            return None;
-        };
-        (u32::from_le_bytes(*magic) == map::VERSION_MAGIC)
-            .then(|| core::array::from_fn(|index| u32::from_le_bytes(numbers[index]) as u16))
+/// The running image, and what it trusts; none without a bootloader, as where a probe has started the image alone.
+fn running(takes_unsigned: bool) -> Option<Running> {
+    let word = word::read(map::FLASH + map::BOOTLOADER_VERSION)?;
+    let [magic, numbers @ ..] = word.first_chunk::<16>()?.as_chunks::<4>().0 else {
+        return None;
     };
-    Running {
+    (u32::from_le_bytes(*magic) == map::VERSION_MAGIC).then_some(Running {
         image: ImageVersion::read(env!("CARGO_PKG_VERSION")).unwrap_or_default(),
-        bootloader: numbers().map(ImageVersion::new),
+        bootloader: ImageVersion::new(core::array::from_fn(|index| {
+            u32::from_le_bytes(numbers[index]) as u16
+        })),
         key: KEY,
         takes_unsigned,
-    }
+    })
 }
 
 /// Restarts with the amplifier off, once the answer has left.

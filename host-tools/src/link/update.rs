@@ -5,9 +5,11 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use model_format::link::{
-    EXCHANGE_MS, ImageHeader, LIBRARY_CRC, MAX_IMAGE_BYTES, SIGNED_BYTES, UpdateBegin, UpdateError,
-    UpdatePhase, UpdateReport,
+    EXCHANGE_MS, ImageHeader, MAX_IMAGE_BYTES, SIGNED_BYTES, UpdateBegin, UpdateError, UpdatePhase,
+    UpdateReport,
 };
+
+use serde::Serialize;
 
 use super::Device;
 use super::error::{LinkError, Result};
@@ -53,16 +55,18 @@ impl UpdateFile {
 }
 
 /// An update that was done.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize)]
 pub struct Updated {
     /// The device before it.
     pub before: UpdateReport,
     /// The device after it.
     pub after: UpdateReport,
-    /// Time to send the image.
-    pub sent: Duration,
-    /// Time from the commit until the new image answered.
-    pub exchanged: Duration,
+    /// Length of the image, bytes.
+    pub bytes: u32,
+    /// Time to send the image, s.
+    pub sent_s: f64,
+    /// Time from the commit until the new image answered, s.
+    pub exchanged_s: f64,
     /// Number of times that the transfer was resumed after a failure.
     pub retries: u32,
 }
@@ -91,9 +95,8 @@ pub fn update(
     let before = device.update_state()?.ok_or(UpdateError::NoBootloader)?;
     let image = file.image();
     let begin = UpdateBegin {
-        signed: file.bytes[..SIGNED_BYTES].iter().copied().collect(),
-        crc32: LIBRARY_CRC.checksum(image),
         allow_downgrade,
+        ..UpdateBegin::new(image, &file.bytes[..SIGNED_BYTES])
     };
     let start = Instant::now();
     let mut next_offset = 0;
@@ -104,12 +107,12 @@ pub fn update(
         });
         (outcome, next_offset)
     })?;
-    let sent = start.elapsed();
+    let sent_s = start.elapsed().as_secs_f64();
     device.update_commit()?;
     step(Step::Exchanging);
     let start = Instant::now();
     let trial = wait_for_exchange(device)?;
-    let exchanged = start.elapsed();
+    let exchanged_s = start.elapsed().as_secs_f64();
     let after = match trial.phase {
         UpdatePhase::Trial { .. } => {
             check_health(device)?;
@@ -126,8 +129,9 @@ pub fn update(
     Ok(Updated {
         before,
         after,
-        sent,
-        exchanged,
+        bytes: file.header.length,
+        sent_s,
+        exchanged_s,
         retries,
     })
 }

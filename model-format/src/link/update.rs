@@ -7,7 +7,7 @@ use heapless::Vec;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-use super::{ResetReason, SlotId, UploadError};
+use super::{LIBRARY_CRC, ResetReason, SlotId, UploadError};
 
 /// First bytes of a header: its name and version.
 const MAGIC: [u8; 8] = *b"STYLIMG\x01";
@@ -137,6 +137,17 @@ pub struct UpdateBegin {
     pub allow_downgrade: bool,
 }
 
+impl UpdateBegin {
+    /// Announces `image` with header and signature `signed`; of what is longer than [`SIGNED_BYTES`], the rest is cut.
+    pub fn new(image: &[u8], signed: &[u8]) -> Self {
+        Self {
+            signed: signed.iter().copied().take(SIGNED_BYTES).collect(),
+            crc32: LIBRARY_CRC.checksum(image),
+            allow_downgrade: false,
+        }
+    }
+}
+
 /// Phase of the update.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum UpdatePhase {
@@ -228,21 +239,17 @@ pub enum UpdateError {
     NotBegun,
     /// A failure of the transfer or the flash.
     #[error("{0}")]
-    Upload(UploadError),
+    Upload(#[from] UploadError),
     /// An image in flash that is not the one that was signed.
-    #[error("the image in flash is not the signed one: update again")]
+    #[error(
+        "the image in flash is not the signed one: update again; if that fails too, get the file anew"
+    )]
     Digest,
     /// A record of the update that the flash does not keep.
     #[error(
         "the flash does not keep the record of the update: try again; if it stays, the flash is worn"
     )]
     NotKept,
-}
-
-impl From<UploadError> for UpdateError {
-    fn from(error: UploadError) -> Self {
-        Self::Upload(error)
-    }
 }
 
 #[cfg(test)]

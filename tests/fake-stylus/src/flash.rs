@@ -118,6 +118,15 @@ impl Memory {
         }
     }
 
+    /// Programs `bytes` at `offset`, both of whole words but the end.
+    pub fn program(&mut self, offset: usize, bytes: &[u8]) {
+        for (word, piece) in (offset / WORD_BYTES..).zip(bytes.chunks(WORD_BYTES)) {
+            let mut data = [0xff; WORD_BYTES];
+            data[..piece.len()].copy_from_slice(piece);
+            self.change(word, data, Cut::After, true);
+        }
+    }
+
     fn change(&mut self, word: usize, data: [u8; WORD_BYTES], cut: Cut, programmed: bool) {
         if cut == Cut::Before {
             return;

@@ -10,7 +10,7 @@ use stylus_app::flash::WORD_BYTES;
 use stylus_app::slots::{HEADER_VERSION, MappedFlash, SlotStore};
 use stylus_app::upload::Uploader;
 
-use crate::flash::{Cut, Memory, Operation};
+use crate::flash::Memory;
 
 /// A library of `textures` textures as [`texture`] makes them, named "texture 0", "texture 1", ..., for 5000 Hz.
 pub fn library(textures: usize, order: usize, seed: i16) -> Vec<u8> {
@@ -82,16 +82,9 @@ pub fn put(memory: &mut Memory, slot: SlotId, bytes: &[u8], sequence: u32) {
     }
     header.extend(LIBRARY_CRC.checksum(&header).to_le_bytes());
     header.resize(WORD_BYTES, 0);
-    let mut program = |offset: usize, bytes: &[u8]| {
-        for (index, piece) in bytes.chunks(WORD_BYTES).enumerate() {
-            let mut data = [0xff; WORD_BYTES];
-            data[..piece.len()].copy_from_slice(piece);
-            let word = (slot.index() * SLOT_BYTES + offset) / WORD_BYTES + index;
-            memory.perform(Operation::Write { word, data }, Cut::After);
-        }
-    };
-    program(0, bytes);
-    program(MAX_LIBRARY_BYTES, &header);
+    let start = slot.index() * SLOT_BYTES;
+    memory.program(start, bytes);
+    memory.program(start + MAX_LIBRARY_BYTES, &header);
 }
 
 /// Uploads `bytes` straight into `store`, in chunks of `chunk` bytes.

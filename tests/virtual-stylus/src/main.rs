@@ -63,6 +63,9 @@ struct Arguments {
     /// Vary the plant by this seed
     #[arg(long, requires = "plant")]
     plant_seed: Option<u64>,
+    /// Hold the button B1 while power comes on, and during the run
+    #[arg(long)]
+    button: bool,
     /// Run as fast as this computer can, instead of in real time
     #[arg(long)]
     fast: bool,
@@ -111,6 +114,7 @@ fn start(arguments: &Arguments) -> Result<(VirtualStylus, Around)> {
         None => (None, Contents::default()),
     };
     let mut stylus = VirtualStylus::new(&arguments.image, options(arguments, contents)?)?;
+    stylus.press_button(arguments.button);
     if let Some(path) = &arguments.motion {
         let lines = read_csv(path)?;
         let speeds: Vec<(u64, f64)> = lines

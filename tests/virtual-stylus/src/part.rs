@@ -3,7 +3,7 @@
 //! A reset of the part leaves RAM, the backup SRAM, the flash and the reset flags of `RCC_RSR` as they were, as in
 //! section 8.4.4 and table 56; only a power cut, which ends the run, loses RAM.
 
-use rigless::device::{Device, DeviceContext, ErasedDevice, RegisterFile, ResetCause};
+use rigless::device::{Device, DeviceContext, ErasedDevice, Level, RegisterFile, ResetCause};
 use rigless::mcu::{Mcu, Operate};
 use rigless::soc::stm32h743::Stm32h743;
 use rigless::soc::stm32h743::generated::{
@@ -11,7 +11,7 @@ use rigless::soc::stm32h743::generated::{
 };
 use rigless::soc::stm32h743::peripherals::adc::{Adc, Converter};
 use rigless::soc::stm32h743::peripherals::flash::{Flash, OptionBytes};
-use rigless::soc::stm32h743::peripherals::gpio::Gpio;
+use rigless::soc::stm32h743::peripherals::gpio::{Gpio, Pin};
 use rigless::soc::stm32h743::peripherals::rcc::{Kernel, Rcc};
 use rigless::soc::stm32h743::peripherals::tim::{
     BASIC_TIMERS, Basic, General, TIMER_16, TIMERS, Tim, Tim16,
@@ -40,6 +40,9 @@ const TIM7: usize = 1;
 const TIM3: usize = 1;
 /// The amplifier's enable in port E.
 const AMPLIFIER_PIN: u32 = 9;
+/// The button B1: its port, C, and its pin.
+const PORT_C: usize = 2;
+const B1: Pin = Pin::new(13).expect("a port has 16 pins");
 
 #[derive(Clone, Copy, Debug)]
 struct Slots {
@@ -271,6 +274,15 @@ impl Part {
     pub fn set_revision(&mut self, revision: u16) {
         self.electrical.revision = revision;
         self.show_revision();
+    }
+
+    /// Presses the button B1, which pulls PC13 up, or releases it.
+    pub fn press_button(&mut self, at: VirtualNanos, pressed: bool) {
+        let level = pressed.then_some(Level::High);
+        self.rest
+            .drive_port(at, PORT_C, |gpio, registers, context| {
+                gpio.drive(B1, level, registers, context);
+            });
     }
 
     /// Sets the supply. Where it falls below the detector's level, EXTI's line 16 rises (sections 6.5.3 and 20.3).

@@ -234,6 +234,12 @@ impl VirtualStylus {
         self.board(move |board| board.part.set_supply(millivolts));
     }
 
+    /// Presses the button B1, or releases it.
+    pub fn press_button(&mut self, pressed: bool) {
+        let now = VirtualNanos(self.now_ns);
+        self.board(move |board| board.part.press_button(now, pressed));
+    }
+
     /// Resets the part by its pin.
     pub fn reset_by_pin(&mut self) {
         let at = VirtualNanos(self.now_ns);

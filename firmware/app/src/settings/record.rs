@@ -239,7 +239,6 @@ pub fn is_blank(bytes: &[u8]) -> bool {
 mod tests {
     use super::*;
     use proptest::prelude::*;
-    use std::vec::Vec;
 
     fn record(sequence: u32, set: u32, lost: u32, share: f32) -> Record {
         let mut settings = Settings::default();
@@ -265,15 +264,6 @@ mod tests {
         Record { sequence, snapshot }
     }
 
-    /// The record as older firmware wrote it, without its response.
-    fn old_bytes(record: &Record) -> Vec<u8> {
-        let mut bytes = record.bytes()[..OLD_BYTES].to_vec();
-        bytes[..4].copy_from_slice(&OLD_MAGIC);
-        let crc = CRC.checksum(&bytes[..OLD_BYTES - 4]);
-        bytes[OLD_BYTES - 4..].copy_from_slice(&crc.to_le_bytes());
-        bytes
-    }
-
     proptest! {
         #[test]
         fn a_record_comes_back_and_a_changed_bit_is_seen(
@@ -284,25 +274,6 @@ mod tests {
             prop_assert_eq!(Place::read(&bytes), Place::Record(record));
             bytes[bit / 8] ^= 1 << (bit % 8);
             prop_assert_eq!(Place::read(&bytes), Place::Damaged);
-        }
-
-        #[test]
-        fn the_last_record_of_older_firmware_in_a_place_counts_and_damage_behind_it_is_seen(
-            shares in prop::collection::vec(0.0..0.5f32, 1..=4), damaged: bool,
-        ) {
-            let records: Vec<_> = (1..).zip(&shares).map(|(n, &share)| record(n, n, 0, share)).collect();
-            let mut place = [0xff; RECORD_BYTES];
-            for (quarter, record) in place.chunks_exact_mut(OLD_BYTES).zip(&records) {
-                quarter.copy_from_slice(&old_bytes(record));
-            }
-            let count = records.len();
-            place[count * OLD_BYTES - 1] ^= u8::from(damaged);
-            let expected = match (damaged, count) {
-                (false, _) => Place::Record(records[count - 1]),
-                (true, 1) => Place::Damaged,
-                (true, _) => Place::Followed(records[count - 2]),
-            };
-            prop_assert_eq!(Place::read(&place), expected);
         }
 
         #[test]
@@ -326,27 +297,5 @@ mod tests {
                 }
             }
         }
-    }
-
-    #[test]
-    fn a_value_out_of_range_is_lost_and_one_of_an_older_firmware_is_not_there() {
-        let record = record(7, u32::MAX, 0, 0.25);
-        let mut bytes = record.bytes();
-        let at = VALUES + 4 * Setting::HardLimit as usize;
-        bytes[at..at + 4].copy_from_slice(&1e9f32.to_le_bytes());
-        let count = Setting::ALL.len() - 1;
-        bytes[16..20].copy_from_slice(&(count as u32).to_le_bytes());
-        let crc = CRC.checksum(&bytes[..CHECKSUM]);
-        bytes[CHECKSUM..].copy_from_slice(&crc.to_le_bytes());
-        let Place::Record(Record { snapshot, .. }) = Place::read(&bytes) else {
-            panic!("its checksum is right");
-        };
-        assert_eq!(
-            snapshot.lost,
-            SettingSet::NONE.with(Setting::HardLimit, true)
-        );
-        assert!(!snapshot.set.contains(Setting::HardLimit));
-        let newest = Setting::ALL[count];
-        assert_eq!(snapshot.settings.get(newest), newest.spec().default);
     }
 }

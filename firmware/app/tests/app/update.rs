@@ -14,9 +14,9 @@ use fake_stylus::flash::{
 };
 use fake_stylus::library;
 use model_format::link::{
-    DEVELOPMENT_SEED, ImageVersion, LIBRARY_CRC, MAX_CHUNK_BYTES, MAX_IMAGE_BYTES, ResetReason,
-    SIGNED_BYTES, SlotId, TRIAL_MS, UNSIGNED, UpdateBegin, UpdateError, UpdatePhase, UpdateReport,
-    UploadChunk, UploadError,
+    DEVELOPMENT_SEED, ImageVersion, MAX_CHUNK_BYTES, MAX_IMAGE_BYTES, ResetReason, SlotId,
+    TRIAL_MS, UNSIGNED, UpdateBegin, UpdateError, UpdatePhase, UpdateReport, UploadChunk,
+    UploadError,
 };
 use proptest::prelude::*;
 use stylus_app::update::{DEVELOPMENT_KEY, Running, Updates, sign};
@@ -94,18 +94,6 @@ fn pattern(seed: u32, length: usize) -> Vec<u8> {
     (0..length).map(|at| byte(at) as u8).collect()
 }
 
-fn program(memory: &mut Memory, offset: u32, bytes: &[u8]) {
-    for (index, data) in bytes.chunks(WORD_BYTES).enumerate() {
-        let mut word = [0xFF; WORD_BYTES];
-        word[..data.len()].copy_from_slice(data);
-        let word = Operation::Write {
-            word: offset as usize / WORD_BYTES + index,
-            data: word,
-        };
-        memory.perform(word, Cut::After);
-    }
-}
-
 /// A device with an image, a library in the first slot, settings, and a committed update in the second slot.
 struct Committed {
     memory: Memory,
@@ -116,10 +104,10 @@ struct Committed {
 fn committed() -> Committed {
     let mut memory = Memory::blank(FLASH_BYTES);
     let (old, new) = (pattern(1, ACTIVE.len()), pattern(2, 290_000));
-    program(&mut memory, ACTIVE.start, &old);
-    program(&mut memory, RECORDS.end, &pattern(3, 2 * SECTOR_BYTES));
-    program(&mut memory, SLOTS[0].start, &pattern(4, SLOTS[0].len()));
-    program(&mut memory, SLOTS[1].start, &new);
+    memory.program(ACTIVE.start as usize, &old);
+    memory.program(RECORDS.end as usize, &pattern(3, 2 * SECTOR_BYTES));
+    memory.program(SLOTS[0].start as usize, &pattern(4, SLOTS[0].len()));
+    memory.program(SLOTS[1].start as usize, &new);
     let mut new = new;
     new.resize(ACTIVE.len(), 0xFF);
     let memory = recorded(memory, Record::marked(mark::SWAP, 1, [2, 3, 5]));
@@ -199,58 +187,47 @@ fn survives(before: &Memory, cuts: &[(usize, Cut)], images: &Committed) -> (Memo
     (after, is_new)
 }
 
-/// A cut at the end of an exchange is a reset on the trial, which puts the old image back.
-fn check_exchange(images: &Committed, numbers: &[usize], last: usize, cuts: usize) {
-    let mut counts = [0; 2];
-    for (case, &number) in numbers.iter().enumerate() {
-        for cut in kinds(case, cuts) {
-            let (after, is_new) = survives(&images.memory, &[(number, cut)], images);
-            assert!(is_new || number == last, "{cut:?} at {number}");
-            counts[usize::from(is_new)] += 1;
-            if is_new && case.is_multiple_of(8) {
-                let (after, _) = boot(after, None);
-                assert!(part(&after, ACTIVE) == images.old, "{cut:?} at {number}");
-                assert_eq!(record(&after).marks[0], mark::REVERT);
+/// Cuts each of these operations of an exchange, and of the way back, in so many manners, which differ from case to case.
+fn check_cuts(manners: usize, numbers: fn(&[Operation]) -> Vec<usize>) {
+    let images = committed();
+    let (trial, _) = boot(images.memory.clone(), None);
+    for (before, goes_back) in [(&images.memory, false), (&trial, true)] {
+        let operations = operations(before);
+        let mut counts = [0; 2];
+        for (case, number) in numbers(&operations).into_iter().enumerate() {
+            for cut in (case..case + manners).map(|kind| Cut::WITH_UNSTABLE[kind % 5]) {
+                let (after, is_new) = survives(before, &[(number, cut)], &images);
+                counts[usize::from(is_new)] += 1;
+                if goes_back {
+                    let Record { cause, version, .. } = record(&after);
+                    assert_eq!((is_new, cause, version), (false, 1 << 2, [2, 3, 5]));
+                    continue;
+                }
+                // A cut at the end is a reset on the trial, which puts the old image back.
+                assert!(
+                    is_new || number + 1 == operations.len(),
+                    "{cut:?} at {number}"
+                );
+                if is_new && case.is_multiple_of(8) {
+                    let (after, _) = boot(after, None);
+                    assert!(part(&after, ACTIVE) == images.old, "{cut:?} at {number}");
+                    assert_eq!(record(&after).marks[0], mark::REVERT);
+                }
             }
         }
+        println!("{counts:?} times the old and the new image");
     }
-    println!("{counts:?} times the old and the new image");
-}
-
-/// So many kinds of cuts, from one on that differs from case to case.
-fn kinds(case: usize, count: usize) -> impl Iterator<Item = Cut> {
-    (case..case + count).map(|kind| Cut::WITH_UNSTABLE[kind % 5])
-}
-
-fn check_way_back(images: &Committed, cuts: usize, numbers: impl Fn(&[Operation]) -> Vec<usize>) {
-    let (trial, _) = boot(images.memory.clone(), None);
-    let numbers = numbers(&operations(&trial));
-    for (case, &number) in numbers.iter().enumerate() {
-        for cut in kinds(case, cuts) {
-            let (after, is_new) = survives(&trial, &[(number, cut)], images);
-            let Record { cause, version, .. } = record(&after);
-            assert_eq!((is_new, cause, version), (false, 1 << 2, [2, 3, 5]));
-        }
-    }
-    println!("{} times the old image", cuts * numbers.len());
 }
 
 #[test]
 fn a_cut_at_any_operation_of_an_exchange_or_of_the_way_back_ends_with_a_whole_image() {
-    let images = committed();
-    let operations = operations(&images.memory);
-    check_exchange(&images, &edges(&operations), operations.len() - 1, 5);
-    check_way_back(&images, 5, edges);
+    check_cuts(5, edges);
 }
 
 #[test]
 #[ignore = "minutes: every third operation"]
 fn a_cut_at_every_third_operation_ends_with_a_whole_image() {
-    let images = committed();
-    let count = operations(&images.memory).len();
-    let thirds = |count| (0..count).step_by(3).collect::<Vec<_>>();
-    check_exchange(&images, &thirds(count), count - 1, 1);
-    check_way_back(&images, 1, |operations| thirds(operations.len()));
+    check_cuts(1, |operations| (0..operations.len()).step_by(3).collect());
 }
 
 proptest! {
@@ -300,7 +277,7 @@ proptest! {
 
 const RUNNING: Running = Running {
     image: VERSION,
-    bootloader: Some(VERSION),
+    bootloader: VERSION,
     key: DEVELOPMENT_KEY,
     takes_unsigned: false,
 };
@@ -312,14 +289,6 @@ fn stylus(running: Running, record: Record) -> SteppedStylus {
     let store = block_on(Store::open(SimulatedFlash::new(memory), RECORDS));
     stylus.storage.set_updates(Updates::new(store, running));
     stylus
-}
-
-fn announced(image: &[u8], signed: [u8; SIGNED_BYTES]) -> UpdateBegin {
-    UpdateBegin {
-        signed: signed.iter().copied().collect(),
-        crc32: LIBRARY_CRC.checksum(image),
-        allow_downgrade: false,
-    }
 }
 
 fn update(
@@ -347,7 +316,7 @@ fn state(stylus: &mut SteppedStylus) -> UpdateReport {
 }
 
 #[test]
-fn an_image_that_the_device_does_not_take_is_refused_before_anything_is_erased() {
+fn an_image_is_refused_before_anything_is_erased_unless_it_is_signed_and_newer_or_allowed() {
     let image = pattern(5, 3_000);
     let good = sign(&image, VERSION, &DEVELOPMENT_SEED);
     let older = ImageVersion::new([2, 3, 3]);
@@ -388,21 +357,32 @@ fn an_image_that_the_device_does_not_take_is_refused_before_anything_is_erased()
     let mut stylus = stylus(RUNNING, Record::NONE);
     let slots = stylus.storage.slots();
     for (signed, expected) in refused {
-        let refused = update(&mut stylus, &image, &announced(&image, signed));
+        let refused = update(&mut stylus, &image, &UpdateBegin::new(&image, &signed));
         assert_eq!(refused, Err(expected));
         assert_eq!(stylus.storage.slots(), slots);
     }
-    let mut short = announced(&image, good);
+    let mut short = UpdateBegin::new(&image, &good);
     short.signed.pop();
     assert_eq!(
         update(&mut stylus, &image, &short),
         Err(UpdateError::NotAnImage)
     );
     stylus.play(play_request("texture 0")).expect("it is there");
-    let played = update(&mut stylus, &image, &announced(&image, good));
+    let played = update(&mut stylus, &image, &UpdateBegin::new(&image, &good));
     assert_eq!(played, Err(UpdateError::Playing));
     assert_eq!(stylus.storage.slots(), slots);
     assert_eq!(state(&mut stylus).phase, UpdatePhase::Confirmed);
+    let mut downgrade = UpdateBegin::new(&image, &sign(&image, older, &DEVELOPMENT_SEED));
+    downgrade.allow_downgrade = true;
+    let held = Running {
+        takes_unsigned: true,
+        ..RUNNING
+    };
+    let unsigned = UpdateBegin::new(&image, &unsigned);
+    for (running, begin) in [(RUNNING, downgrade), (held, unsigned)] {
+        let mut stylus = self::stylus(running, Record::NONE);
+        update(&mut stylus, &image, &begin).expect("it is allowed");
+    }
 }
 
 #[test]
@@ -410,7 +390,7 @@ fn an_update_asks_for_the_exchange_and_a_restart_and_leaves_the_active_library()
     let image = pattern(5, 140_001);
     let mut stylus = stylus(RUNNING, Record::NONE);
     let active = stylus.storage.slots().active.expect("it is ready");
-    let begin = announced(&image, sign(&image, VERSION, &DEVELOPMENT_SEED));
+    let begin = UpdateBegin::new(&image, &sign(&image, VERSION, &DEVELOPMENT_SEED));
     let report = update(&mut stylus, &image, &begin).expect("it is signed");
     assert_eq!(report.phase, UpdatePhase::Committed { version: VERSION });
     assert!(stylus.storage.wants_restart());
@@ -424,31 +404,12 @@ fn an_update_asks_for_the_exchange_and_a_restart_and_leaves_the_active_library()
 fn bytes_other_than_the_signed_ones_are_not_committed() {
     let image = pattern(5, 3_000);
     let mut stylus = stylus(RUNNING, Record::NONE);
-    let begin = announced(&image, sign(&image, VERSION, &DEVELOPMENT_SEED));
+    let begin = UpdateBegin::new(&image, &sign(&image, VERSION, &DEVELOPMENT_SEED));
     let refused = update(&mut stylus, &pattern(6, 3_000), &begin);
     assert_eq!(refused, Err(UpdateError::Digest));
     assert!(!stylus.storage.wants_restart());
     assert_eq!(state(&mut stylus).phase, UpdatePhase::Confirmed);
     stylus.play(play_request("texture 0")).expect("it plays on");
-}
-
-#[test]
-fn an_older_image_is_taken_when_asked_for_and_an_unsigned_one_with_the_button_held() {
-    let image = pattern(5, 3_000);
-    let mut begin = announced(
-        &image,
-        sign(&image, ImageVersion::default(), &DEVELOPMENT_SEED),
-    );
-    begin.allow_downgrade = true;
-    update(&mut stylus(RUNNING, Record::NONE), &image, &begin).expect("it was asked for");
-    let mut unsigned = sign(&image, VERSION, &DEVELOPMENT_SEED);
-    unsigned[100..].copy_from_slice(&UNSIGNED);
-    let running = Running {
-        takes_unsigned: true,
-        ..RUNNING
-    };
-    let begin = announced(&image, unsigned);
-    update(&mut stylus(running, Record::NONE), &image, &begin).expect("the button was held");
 }
 
 #[test]

@@ -5,8 +5,6 @@ use std::path::PathBuf;
 use host_tools::link::update::{Step, UpdateFile, update};
 use host_tools::support::error::Result;
 use host_tools::support::progress;
-use model_format::link::UpdateReport;
-use serde::Serialize;
 
 use super::connection::Link;
 use crate::cli::output::{note, print, print_json, warn};
@@ -25,22 +23,12 @@ pub struct Arguments {
     link: Link,
 }
 
-#[derive(Serialize)]
-struct Report {
-    before: UpdateReport,
-    after: UpdateReport,
-    bytes: u32,
-    sent_s: f64,
-    exchanged_s: f64,
-    retries: u32,
-}
-
 pub fn run(arguments: &Arguments) -> Result<()> {
     let file = UpdateFile::read(&arguments.image)?;
     let mut device = arguments.link.connect_to_any()?;
     note(
-        "note: the library in the slot that is not active is given up; settings and the active library stay. Keep the \
-         device on its supply",
+        "note: an update gives up the library in the slot that is not active; settings and the active library stay. \
+         Keep the device on its supply",
     );
     let bytes = file.header.length;
     let bar = progress::bar(u64::from(bytes), "sending");
@@ -61,19 +49,11 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             "the image trusts the development key, so it takes anybody's updates: `cargo tasks keys` makes a key",
         );
     }
-    let (sent_s, exchanged_s) = (updated.sent.as_secs_f64(), updated.exchanged.as_secs_f64());
     if arguments.json {
-        return print_json(&Report {
-            before: updated.before,
-            after: updated.after,
-            bytes,
-            sent_s,
-            exchanged_s,
-            retries: updated.retries,
-        });
+        return print_json(&updated);
     }
     print(&format!(
-        "{} -> {} ({bytes} bytes): sent in {sent_s:.1} s, answered after {exchanged_s:.1} s, confirmed",
-        updated.before.image, updated.after.image
+        "{} -> {} ({bytes} bytes): sent in {:.1} s, answered after {:.1} s, confirmed",
+        updated.before.image, updated.after.image, updated.sent_s, updated.exchanged_s
     ))
 }

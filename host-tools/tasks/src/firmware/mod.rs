@@ -17,7 +17,7 @@ use crate::workspace::{Folders, TARGET};
 pub use memory::{Memory, Use};
 pub use placement::check as check_placement;
 pub use reproducible::check as check_reproducible;
-pub use update_file::{Arguments as UpdateArguments, make_keys, signed, write as write_update};
+pub use update_file::{Arguments as UpdateArguments, make_keys, write as write_update};
 
 /// The part's name for probe-rs.
 const CHIP: &str = "STM32H743ZITx";

@@ -1,10 +1,10 @@
 //! Files of updates, and the keys that sign them.
 
-use std::fs;
 use std::path::{Path, PathBuf};
+use std::{env, fs};
 
 use anyhow::{Context, Result, bail};
-use model_format::link::{DEVELOPMENT_SEED, ImageVersion, SIGNED_BYTES};
+use model_format::link::{DEVELOPMENT_SEED, HEADER_BYTES, ImageVersion, UNSIGNED};
 use stylus_app::update::{public_key, sign};
 
 use super::memory::{flashed, region};
@@ -16,6 +16,9 @@ pub struct Arguments {
     /// The secret key that `cargo tasks keys` wrote; without it, the development key, which everybody has
     #[arg(long)]
     pub key: Option<PathBuf>,
+    /// Sign with zeros: a stylus takes the file whose button was held when power came on
+    #[arg(long, conflicts_with = "key")]
+    pub unsigned: bool,
     /// The file to write [default: beside the image's ELF file, with the extension image]
     #[arg(long)]
     pub out: Option<PathBuf>,
@@ -24,31 +27,28 @@ pub struct Arguments {
 /// Writes the update with the image of the ELF file `image`, signed as `arguments` say, and returns the file.
 ///
 /// # Errors
-/// The image or the key cannot be read, or the update cannot be written.
+/// The image or the key cannot be read, the image trusts the development key and is to be signed by another, or the
+/// update cannot be written.
 pub fn write(image: &Path, arguments: &Arguments) -> Result<PathBuf> {
     let seed = match &arguments.key {
+        Some(_) if env::var_os("STYLUS_UPDATE_KEY").is_none() => bail!(
+            "this image trusts the development key, so it would take anybody's updates: set STYLUS_UPDATE_KEY to the \
+             file of the public key"
+        ),
         Some(path) => read_key(path)?,
         None => DEVELOPMENT_SEED,
     };
     let version = ImageVersion::read(env!("CARGO_PKG_VERSION")).context("a version has numbers")?;
-    let bytes = signed(&read(image)?, version, &seed)?;
+    let (start, length) = region("FLASH").context("memory.x has no flash")?;
+    let body = flashed(&read(image)?, start, start + length)?;
+    let mut signed = sign(&body, version, &seed);
+    if arguments.unsigned {
+        signed[HEADER_BYTES..].copy_from_slice(&UNSIGNED);
+    }
     let out = arguments.out.clone();
     let out = out.unwrap_or_else(|| image.with_extension("image"));
-    fs::write(&out, bytes).with_context(|| out.display().to_string())?;
+    fs::write(&out, [&signed[..], &body].concat()).with_context(|| out.display().to_string())?;
     Ok(out)
-}
-
-/// The bytes of an update with the image of the ELF file `image`.
-///
-/// # Errors
-/// The bytes are no image.
-pub fn signed(image: &[u8], version: ImageVersion, seed: &[u8; 32]) -> Result<Vec<u8>> {
-    let (start, length) = region("FLASH").context("memory.x has no flash")?;
-    let body = flashed(image, start, start + length)?;
-    let mut bytes = Vec::with_capacity(SIGNED_BYTES + body.len());
-    bytes.extend_from_slice(&sign(&body, version, seed));
-    bytes.extend_from_slice(&body);
-    Ok(bytes)
 }
 
 /// Makes a pair of keys: the secret one in the new file `path`, and the public one beside it, with the extension pub.

@@ -159,6 +159,7 @@ fn part_of(part: Part, build: &Build) -> Result<()> {
             keep(&image, &build.out, Some(&name))?;
             let signed = UpdateArguments {
                 key: build.key.clone(),
+                unsigned: false,
                 out: Some(build.out.join(format!("stylus-update-{version}.image"))),
             };
             firmware::write_update(&image, &signed).map(drop)

@@ -252,18 +252,24 @@ impl Device {
 
     /// Runs until the image answers.
     pub fn wait_for_start(&mut self) {
-        let end = self.stylus.now_ns() + START_NS;
+        assert!(
+            self.answers_within(START_NS),
+            "no answer: {:?}",
+            self.stylus.report()
+        );
+    }
+
+    /// Runs until an image answers; false if none does in time.
+    pub fn answers_within(&mut self, nanos: u64) -> bool {
+        let end = self.stylus.now_ns() + nanos;
         while self.stylus.now_ns() < end {
-            self.send_frame(InfoEndpoint::REQ_KEY, &());
+            let sequence = self.send_frame(InfoEndpoint::REQ_KEY, &());
             self.run_for(20 * MS);
-            if self
-                .take_answer(InfoEndpoint::RESP_KEY, self.side.sequence)
-                .is_some()
-            {
-                return;
+            if self.take_answer(InfoEndpoint::RESP_KEY, sequence).is_some() {
+                return true;
             }
         }
-        panic!("the image does not answer: {:?}", self.stylus.report());
+        false
     }
 
     /// Sends a request, and runs until the answer is there.

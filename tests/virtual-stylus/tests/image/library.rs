@@ -74,6 +74,15 @@ pub fn with(library: &[u8]) -> Options {
     of(flash_with(&[library]))
 }
 
+/// Options of a run that goes on with this flash, as after a power cut.
+pub fn after(flash: Contents) -> Options {
+    Options {
+        keep_flash: true,
+        watch_ticks: false,
+        ..of(flash)
+    }
+}
+
 /// Options of a run with this flash.
 pub fn of(flash: Contents) -> Options {
     Options {

@@ -98,10 +98,7 @@ fn a_power_cut_at_any_operation_of_a_change_leaves_the_setting_before_or_the_new
     assert_eq!(cuts.len(), count);
     let mut found = [0; 2];
     for cut in cuts {
-        let mut device = Device::started(Options {
-            keep_flash: true,
-            ..options(cut.contents.clone())
-        });
+        let mut device = Device::started(library::after(cut.contents));
         let now = device.settings();
         assert!(now == before || now == after, "{now:?}");
         found[usize::from(now == after)] += 1;

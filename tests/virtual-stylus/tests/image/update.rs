@@ -4,13 +4,12 @@ use std::path::Path;
 
 use hil::injection::Injected;
 use model_format::link::{
-    DEVELOPMENT_SEED, ImageVersion, InfoEndpoint, LIBRARY_CRC, MotionSource, ResetReason,
-    SIGNED_BYTES, Setting, UPLOAD_WINDOW, UpdateBegin, UpdateBeginEndpoint, UpdateCommitEndpoint,
+    DEVELOPMENT_SEED, HEADER_BYTES, ImageVersion, MotionSource, ResetReason, Setting, TRIAL_MS,
+    UNSIGNED, UPLOAD_WINDOW, UpdateBegin, UpdateBeginEndpoint, UpdateCommitEndpoint,
     UpdateConfirmEndpoint, UpdateError, UpdatePhase, UpdateReport, UpdateStateEndpoint,
 };
-use postcard_rpc::Endpoint;
 use stylus_app::update::sign;
-use stylus_boot::map::ACTIVE;
+use stylus_boot::map::{ACTIVE, BOOTLOADER_VERSION};
 use virtual_stylus::model::flash::{Contents, Moment};
 use virtual_stylus::model::pin::{Drive, Driven};
 use virtual_stylus::{Options, PowerCut};
@@ -22,46 +21,21 @@ use crate::upload::state_of;
 /// Time in which the bootloader exchanges two images, with a margin.
 const EXCHANGE_NS: u64 = 30 * SECOND;
 
-/// The content of the flash after cuts of an update to `new` and its exchange: at both ends of each of them, and spread
-/// between.
-fn cuts(flash: &Contents, new: &[u8]) -> Vec<PowerCut> {
-    const BETWEEN: u64 = 8;
-    let options = || library::of(flash.clone());
-    let mut counted = Device::started(options());
-    let count = |device: &mut Device| device.stylus.flash_operations().len() as u64;
-    counted.update(new);
-    let sent = count(&mut counted);
-    counted.wait_for_exchange();
-    let all = count(&mut counted);
-    let spread = |n: u64| n * all / BETWEEN;
-    let ends = [
-        1,
-        2,
-        sent - 1,
-        sent,
-        sent + 1,
-        sent + 2,
-        sent + 3,
-        all - 1,
-        all,
-    ];
-    let numbers = (1..BETWEEN).map(spread).chain(ends);
+/// Cuts of `work`, which begins with this content of the flash: some spread over its operations, then the three of the
+/// last operation.
+fn cuts(flash: &Contents, work: &dyn Fn(&mut Device)) -> Vec<PowerCut> {
+    const SPREAD: u64 = 8;
+    let device = || Device::new(&product(), library::after(flash.clone()));
+    let mut counted = device();
+    work(&mut counted);
+    let last = counted.stylus.flash_operations().len() as u64;
     let moments = [Moment::Before, Moment::During { seed: 5 }, Moment::After];
-    let wanted = numbers
-        .zip(0..)
-        .map(|(number, case)| (number, moments[case % 3]));
-    let torn = [
-        (sent, moments[1]),
-        (sent + 2, moments[1]),
-        (all, moments[1]),
-    ];
-    let mut device = Device::started(options());
-    device
-        .stylus
-        .capture_power_cuts(wanted.chain(torn).collect());
-    device.update(new);
-    device.wait_for_exchange();
-    println!("{sent} operations until the commit, {all} until the new image starts");
+    let spread = (0..SPREAD).map(|n| 1 + n * (last - 1) / SPREAD);
+    let spread = spread.zip(moments.into_iter().cycle());
+    let wanted = spread.chain(moments.map(|moment| (last, moment)));
+    let mut device = device();
+    device.stylus.capture_power_cuts(wanted.collect());
+    work(&mut device);
     device.stylus.take_power_cuts()
 }
 
@@ -73,33 +47,49 @@ fn after_a_power_cut_of_an_update_the_old_or_the_new_image_answers_with_settings
     let [old, new] = [product(), with_faults()].map(|path| image(&path));
     let mut before = Device::started(library::options());
     let settings = before.set(Setting::HardLimit, 0.25);
-    let (flash, library) = (before.stylus.flash(), state_of(&mut before));
-    let mut counts = [0; 2];
-    for cut in cuts(&flash, &new) {
-        let mut device = Device::new(
-            &product(),
-            Options {
-                keep_flash: true,
-                watch_ticks: false,
-                ..library::of(cut.contents)
-            },
-        );
-        let told = (cut.operation.number, cut.moment);
-        assert!(device.answers_within(EXCHANGE_NS), "{told:?}");
-        let active = active(&device.stylus.flash().bytes);
-        assert!(active == old || active == new, "{told:?}");
-        counts[usize::from(active == new)] += 1;
-        assert_eq!(device.settings(), settings, "{told:?}");
-        assert_eq!(
-            device.status().settings.check_playable(),
-            Ok(()),
-            "{told:?}"
-        );
-        assert_eq!(state_of(&mut device), library, "{told:?}");
-        assert_eq!(device.sounds_from(0), 0, "{told:?}");
+    let (mut flash, library) = (before.stylus.flash(), state_of(&mut before));
+    let start = |device: &mut Device| assert!(device.answers_within(EXCHANGE_NS));
+    let stages: [(&str, &dyn Fn(&mut Device)); 3] = [
+        ("receiving and commit", &|device| {
+            start(device);
+            device.update(&new);
+        }),
+        ("exchange and confirmation", &|device| {
+            start(device);
+            device.confirm();
+        }),
+        ("way back", &start),
+    ];
+    for (stage, (name, work)) in stages.into_iter().enumerate() {
+        let cuts = cuts(&flash, work);
+        let [.., on_trial, _, done] = &cuts[..] else {
+            panic!("there are more");
+        };
+        let last = done.operation.number;
+        flash = [done, on_trial, done][stage].contents.clone();
+        let mut counts = [0; 2];
+        for cut in cuts {
+            let mut device = Device::new(&product(), library::after(cut.contents));
+            let told = (name, cut.operation.number, cut.moment);
+            assert!(device.answers_within(EXCHANGE_NS), "{told:?}");
+            let is_new = device.runs(&new);
+            assert!(is_new || device.runs(&old), "{told:?}");
+            // The last word of the exchange begins the trial, which a cut after it ends.
+            let expected = match (stage, last - cut.operation.number, cut.moment) {
+                (0 | 1, 0, Moment::During { .. }) | (1, 1, _) => is_new,
+                (_, 0, Moment::Before) | (2, ..) => false,
+                (_, 0, _) | (1, ..) => true,
+                _ => false,
+            };
+            assert_eq!(is_new, expected, "{told:?}");
+            counts[usize::from(is_new)] += 1;
+            let kept = (device.settings(), state_of(&mut device));
+            assert_eq!(kept, (settings, library), "{told:?}");
+            let playable = device.status().settings.check_playable();
+            assert_eq!((playable, device.sounds_from(0)), (Ok(()), 0), "{told:?}");
+        }
+        println!("{name}, {last} operations: {counts:?} times the old and the new image");
     }
-    println!("{counts:?} times the old and the new image");
-    assert!(counts[0] > 0 && counts[1] > 0);
 }
 
 /// The image in the file at `path`, as it is flashed.
@@ -119,14 +109,6 @@ fn version() -> ImageVersion {
     ImageVersion::read(env!("CARGO_PKG_VERSION")).expect("it has numbers")
 }
 
-fn announced(image: &[u8], signed: [u8; SIGNED_BYTES]) -> UpdateBegin {
-    UpdateBegin {
-        signed: signed.iter().copied().collect(),
-        crc32: LIBRARY_CRC.checksum(image),
-        allow_downgrade: false,
-    }
-}
-
 impl Device {
     fn update_state(&mut self) -> UpdateReport {
         let state = self.request::<UpdateStateEndpoint>(&());
@@ -135,7 +117,7 @@ impl Device {
 
     /// Sends `image` and commits it.
     fn update(&mut self, image: &[u8]) -> UpdateReport {
-        let begin = announced(image, sign(image, version(), &DEVELOPMENT_SEED));
+        let begin = UpdateBegin::new(image, &sign(image, version(), &DEVELOPMENT_SEED));
         let begun = self.request::<UpdateBeginEndpoint>(&begin);
         begun.expect("it is signed, and nothing is played");
         self.send_ahead(image, UPLOAD_WINDOW);
@@ -143,131 +125,132 @@ impl Device {
         committed.expect("all of it has arrived")
     }
 
-    /// Runs until an image answers; false if none does in time.
-    fn answers_within(&mut self, nanos: u64) -> bool {
-        let end = self.stylus.now_ns() + nanos;
-        while self.stylus.now_ns() < end {
-            let sequence = self.send_frame(InfoEndpoint::REQ_KEY, &());
-            self.run_for(100 * MS);
-            if self.take_answer(InfoEndpoint::RESP_KEY, sequence).is_some() {
-                return true;
-            }
-        }
-        false
+    fn is_on_trial(&mut self) -> bool {
+        matches!(self.update_state().phase, UpdatePhase::Trial { .. })
     }
 
-    /// Instant at which an image started after a reset at `begin` or later: its first instructions drive the
-    /// amplifier's enable low. Until then the pin floats, by which the board holds the amplifier off.
-    fn started_after(&mut self, begin: u64) -> Option<u64> {
-        let record = self.amplifier();
-        let is_reset = |driven: &Driven| driven.drive == Drive::Floating && driven.at_ns >= begin;
-        let reset = record.iter().position(is_reset)?;
-        let started = record[reset..]
-            .iter()
-            .find(|driven| driven.drive != Drive::Floating)?;
-        assert_eq!(started.drive, Drive::Low);
-        Some(started.at_ns)
+    fn runs(&mut self, image: &[u8]) -> bool {
+        active(&self.stylus.flash().bytes) == image
+    }
+
+    fn confirm(&mut self) {
+        let confirmed = self.request::<UpdateConfirmEndpoint>(&());
+        let confirmed = confirmed.expect("it is on trial");
+        assert_eq!(confirmed.phase, UpdatePhase::Confirmed);
+    }
+
+    fn reset(&mut self) {
+        self.stylus.reset_by_pin();
+        self.run_for(200 * MS);
+        self.wait_for_start();
     }
 
     /// Runs until an image answers after an exchange, and returns the time until it started. Nothing but mid-scale goes
-    /// out meanwhile.
+    /// out meanwhile, and the amplifier's enable floats, by which the board holds the amplifier off.
     fn wait_for_exchange(&mut self) -> u64 {
         let begin = self.stylus.now_ns();
-        let end = begin + EXCHANGE_NS;
-        let started = loop {
-            self.run_for(100 * MS);
-            if let Some(started) = self.started_after(begin) {
-                break started;
-            }
-            assert!(self.stylus.now_ns() < end, "{:?}", self.stylus.report());
-        };
-        self.wait_for_start();
+        // By then the image before answers no more.
+        self.run_for(SECOND);
+        assert!(
+            self.answers_within(EXCHANGE_NS),
+            "{:?}",
+            self.stylus.report()
+        );
         assert_eq!(self.sounds_from(begin), 0, "codes other than mid-scale");
-        started - begin
+        let is_floating = |driven: &Driven| driven.drive == Drive::Floating;
+        let record = self.amplifier().into_iter();
+        let mut record = record.skip_while(|driven| driven.at_ns < begin || !is_floating(driven));
+        let started = record.find(|driven| !is_floating(driven));
+        let started = started.expect("an image drives it at its start");
+        assert_eq!(started.drive, Drive::Low);
+        started.at_ns - begin
     }
 }
 
 #[test]
 fn an_update_keeps_settings_and_active_library_and_survives_resets_once_it_is_confirmed() {
-    let old = product();
     let new = image(&with_faults());
     let mut device = Device::started(library::options());
     let settings = device.set(Setting::HardLimit, 0.25);
     let before = state_of(&mut device);
     let begin = device.stylus.now_ns();
-    let committed = device.update(&new);
-    assert!(
-        matches!(committed.phase, UpdatePhase::Committed { .. }),
-        "{committed:?}"
-    );
-    let sent = device.stylus.now_ns();
-    let exchanged = device.wait_for_exchange();
+    let committed = device.update(&new).phase;
+    let version = version();
+    assert_eq!(committed, UpdatePhase::Committed { version });
+    let sent_ms = (device.stylus.now_ns() - begin) / MS;
+    let started_ms = device.wait_for_exchange() / MS;
+    println!("sent in {sent_ms} ms, started after {started_ms} ms");
+    assert!(device.is_on_trial() && device.runs(&new));
     let state = device.update_state();
-    assert!(
-        matches!(state.phase, UpdatePhase::Trial { .. }),
-        "{state:?}"
-    );
-    assert!(
-        state.bootloader == Some(version()) && state.trusts_development_key,
-        "{state:?}"
-    );
-    println!(
-        "sent in {} ms, started after {} ms",
-        (sent - begin) / MS,
-        exchanged / MS
-    );
-    assert!(
-        active(&device.stylus.flash().bytes) == new,
-        "the new image runs"
-    );
-    assert_eq!(device.settings(), settings);
-    assert_eq!(state_of(&mut device), before);
-    let confirmed = device.request::<UpdateConfirmEndpoint>(&());
+    let told = (state.bootloader, state.trusts_development_key);
+    assert_eq!(told, (Some(version), true));
     assert_eq!(
-        confirmed.expect("it is on trial").phase,
-        UpdatePhase::Confirmed
+        (device.settings(), state_of(&mut device)),
+        (settings, before)
     );
-    device.stylus.reset_by_pin();
-    device.run_for(200 * MS);
-    device.wait_for_start();
+    device.confirm();
+    device.reset();
     assert_eq!(device.update_state().phase, UpdatePhase::Confirmed);
     device.move_at(120.0);
     device.play_until_heard("lattice", MotionSource::Sensors, 7);
-    assert!(active(&device.stylus.flash().bytes) == new);
-    assert!(image(&old) != new);
+    assert!(device.runs(&new) && image(&product()) != new);
 }
 
 #[test]
-fn a_new_image_that_faults_on_its_trial_is_put_back_and_the_cause_is_told() {
-    let old = image(&product());
-    let mut device = Device::started(library::options());
+fn a_new_image_that_faults_on_its_trial_is_put_back_and_one_that_lasts_a_minute_confirms_itself() {
+    if !long() {
+        return;
+    }
+    let [old, new] = [product(), with_faults()].map(|path| image(&path));
+    let mut device = Device::started(Options {
+        watch_ticks: false,
+        ..library::options()
+    });
     let before = state_of(&mut device);
-    device.update(&image(&with_faults()));
+    device.update(&new);
     device.wait_for_exchange();
     inject(&mut device, Injected::Panic);
     device.wait_for_exchange();
     let state = device.update_state();
     let (version, cause) = (version(), ResetReason::Software);
     assert_eq!(state.phase, UpdatePhase::RolledBack { version, cause });
-    assert!(
-        active(&device.stylus.flash().bytes) == old,
-        "the old image runs"
-    );
+    assert!(device.runs(&old) && device.status().fault.is_some());
     assert_eq!(state_of(&mut device), before);
-    assert!(
-        device.status().fault.is_some(),
-        "the fault of the new image is told"
-    );
+    device.update(&new);
+    device.wait_for_exchange();
+    device.run_for(TRIAL_MS * MS - 5 * SECOND);
+    assert!(device.is_on_trial());
+    device.run_for(7 * SECOND);
+    device.reset();
+    assert_eq!(device.update_state().phase, UpdatePhase::Confirmed);
+    assert!(device.runs(&new));
+    assert_eq!(state_of(&mut device), before);
 }
 
 #[test]
-fn an_image_by_another_key_is_refused_before_anything_is_erased() {
-    let mut device = Device::started(library::options());
-    let operations = device.stylus.flash_operations().len();
+fn an_unsigned_image_is_refused_before_anything_is_erased_unless_power_came_with_the_button_held() {
     let image = vec![1; 1000];
-    let begin = announced(&image, sign(&image, version(), &[9; 32]));
-    let refused = device.request::<UpdateBeginEndpoint>(&begin);
-    assert_eq!(refused, Err(UpdateError::Signature));
-    assert_eq!(device.stylus.flash_operations().len(), operations);
-    device.assert_undisturbed();
+    let mut unsigned = sign(&image, version(), &DEVELOPMENT_SEED);
+    unsigned[HEADER_BYTES..].copy_from_slice(&UNSIGNED);
+    for is_held in [false, true] {
+        let mut device = Device::new(&product(), library::options());
+        device.stylus.press_button(is_held);
+        device.wait_for_start();
+        let operations = device.stylus.flash_operations().len();
+        let by_another = sign(&image, version(), &[9; 32]);
+        for (signed, is_taken) in [(by_another, false), (unsigned, is_held)] {
+            let begun = device.request::<UpdateBeginEndpoint>(&UpdateBegin::new(&image, &signed));
+            let is_same = device.stylus.flash_operations().len() == operations;
+            assert_eq!((begun.is_ok(), is_same), (is_taken, !is_taken));
+            assert!(is_taken || begun == Err(UpdateError::Signature));
+        }
+        device.assert_undisturbed();
+        assert_eq!(device.update_state().takes_unsigned, is_held);
+        device.reset();
+        assert!(!device.update_state().takes_unsigned);
+    }
+    let mut flash = Device::new(&product(), library::options()).stylus.flash();
+    flash.bytes[BOOTLOADER_VERSION as usize] = 0;
+    let mut device = Device::started(library::after(flash));
+    assert_eq!(device.request::<UpdateStateEndpoint>(&()), None);
 }

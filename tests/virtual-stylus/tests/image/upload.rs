@@ -125,11 +125,7 @@ fn after_a_power_cut_at_any_flash_operation_the_old_or_the_new_library_is_active
     let (mut old_ones, mut new_ones, mut torn) = (0, 0, 0);
     for cut in cuts {
         torn += usize::from(!cut.contents.unreadable.is_empty());
-        let mut device = Device::started(Options {
-            keep_flash: true,
-            watch_ticks: false,
-            ..library::of(cut.contents)
-        });
+        let mut device = Device::started(library::after(cut.contents));
         match state_of(&mut device) {
             Some((_, crc32)) if crc32 == old_crc => old_ones += 1,
             Some((_, crc32)) if crc32 == new_crc => new_ones += 1,

@@ -2,13 +2,13 @@
 
 use embassy_futures::block_on;
 use fake_stylus::device::COIL;
-use fake_stylus::flash::{Cut, Memory, Operation, SECTOR_BYTES, SimulatedFlash};
+use fake_stylus::flash::{Memory, SECTOR_BYTES, SimulatedFlash};
 use model_format::link::{Setting, SettingChange, Settings, Tighter};
 use proptest::prelude::*;
 use stylus_app::flash::WORD_BYTES;
 use stylus_app::settings::SettingsStore;
 
-use super::{NEARLY_FULL, RANGE, blank, change, open, opened};
+use super::{NEARLY_FULL, RANGE, Store, blank, change, cuts, open, opened};
 use crate::budget;
 
 /// One step of a stylus's life.
@@ -67,30 +67,9 @@ fn is_weaker(setting: Setting, value: f32, than: f32) -> bool {
 
 /// Runs `work` on the store in `memory`, and loses power at operation `at` in the manner `how`; the flash is then as
 /// the cut left it. Without a cut, as the work left it.
-fn cut(
-    memory: &mut Memory,
-    at: usize,
-    how: Cut,
-    work: impl AsyncFnOnce(&mut SettingsStore<&mut SimulatedFlash<'_>>),
-) {
-    let mut left = None;
-    let mut number = 0;
-    let mut observe = |memory: &Memory, operation: Operation| {
-        if number == at {
-            let mut memory = memory.clone();
-            memory.perform(operation, how);
-            left = Some(memory);
-        }
-        number += 1;
-    };
-    let mut flash = SimulatedFlash::observed(memory.clone(), &mut observe);
-    block_on(async {
-        let mut store = SettingsStore::open(&mut flash, RANGE).await;
-        work(&mut store).await;
-    });
-    let done = flash.memory.clone();
-    drop(flash);
-    *memory = left.unwrap_or(done);
+fn cut(memory: &mut Memory, at: usize, how: usize, work: impl AsyncFnOnce(&mut Store<'_, '_>)) {
+    let kinds = |number| how..how + usize::from(number == at);
+    *memory = cuts(memory, kinds, work).swap_remove(0);
 }
 
 /// A stylus, and what it has acknowledged.
@@ -139,17 +118,12 @@ impl Life {
             } => {
                 let change = value(setting, share);
                 self.known[change.setting as usize].push(change.value);
-                cut(
-                    &mut self.memory,
-                    at,
-                    Cut::WITH_UNSTABLE[how],
-                    async |store| {
-                        let _ = store.set(change).await;
-                    },
-                );
+                cut(&mut self.memory, at, how, async |store| {
+                    let _ = store.set(change).await;
+                });
             }
             Step::CutStart { at, how } => {
-                cut(&mut self.memory, at, Cut::WITH_UNSTABLE[how], async |_| ());
+                cut(&mut self.memory, at, how, async |_| ());
             }
             Step::Damage { copy, word, how } => {
                 let sector = copy * SECTOR_BYTES..(copy + 1) * SECTOR_BYTES;

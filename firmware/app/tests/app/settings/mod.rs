@@ -1,6 +1,7 @@
 //! Settings in flash, with power lost at any operation, and with words that are lost afterwards.
 
 use std::iter;
+use std::ops::Range;
 use std::sync::LazyLock;
 
 use embassy_futures::block_on;
@@ -11,12 +12,13 @@ use stylus_app::flash::WORD_BYTES;
 use stylus_app::settings::SettingsStore;
 
 use fake_stylus::device::{COIL, change};
-use fake_stylus::flash::{Memory, Mishap, Operation, SECTOR_BYTES, SimulatedFlash};
+use fake_stylus::flash::{Cut, Memory, Mishap, Operation, SECTOR_BYTES, SimulatedFlash};
 
+mod formats;
 mod histories;
 mod response;
 
-const RANGE: core::ops::Range<u32> = 0..2 * SECTOR_BYTES as u32;
+const RANGE: Range<u32> = 0..2 * SECTOR_BYTES as u32;
 
 /// Flash words of a record.
 const RECORD_WORDS: usize = 16;
@@ -49,6 +51,35 @@ fn set(memory: Memory, changes: &[SettingChange]) -> Memory {
         block_on(store.set(change)).expect("it is in range");
     }
     flash.memory
+}
+
+type Store<'a, 'b> = SettingsStore<&'a mut SimulatedFlash<'b>>;
+
+/// The flash after cuts of `work` on the store in `memory`, which `kinds` of each of its operations tells, and as the
+/// work leaves it.
+fn cuts(
+    memory: &Memory,
+    kinds: impl Fn(usize) -> Range<usize>,
+    work: impl AsyncFnOnce(&mut Store<'_, '_>),
+) -> Vec<Memory> {
+    let (mut left, mut number) = (Vec::new(), 0);
+    let mut observe = |memory: &Memory, operation: Operation| {
+        for &how in &Cut::WITH_UNSTABLE[kinds(number)] {
+            let mut memory = memory.clone();
+            memory.perform(operation, how);
+            left.push(memory);
+        }
+        number += 1;
+    };
+    let mut flash = SimulatedFlash::observed(memory.clone(), &mut observe);
+    block_on(async {
+        let mut store = SettingsStore::open(&mut flash, RANGE).await;
+        work(&mut store).await;
+    });
+    let done = flash.memory.clone();
+    drop(flash);
+    left.push(done);
+    left
 }
 
 /// Changes from the first to the last of the flashes that [`NEARLY_FULL`] holds for each number of lost places.
@@ -90,16 +121,6 @@ fn last_record(memory: &Memory, copy: usize) -> impl Iterator<Item = usize> + us
         .last_programmed(sector)
         .expect("something was written");
     (last + 1 - RECORD_WORDS..=last).map(|word| word * WORD_BYTES)
-}
-
-#[test]
-fn a_device_that_was_never_set_has_the_defaults_and_does_not_play_with_them() {
-    let store = open(blank());
-    assert_eq!(
-        (store.settings(), store.state()),
-        (Settings::default(), SettingsState::default())
-    );
-    assert!(store.state().check_playable().is_err());
 }
 
 #[test]
@@ -229,20 +250,13 @@ fn copies_that_differ_give_the_tighter_limit_and_say_so() {
     ] {
         for (before, after) in [(loose, tight), (tight, loose)] {
             let memory = set(set(blank(), &COIL), &[change(setting, before)]);
-            let mut between = None;
-            let mut writes = 0;
-            let mut observe = |memory: &Memory, _: Operation| {
-                // Power goes between the first copy and the second.
-                if writes == RECORD_WORDS {
-                    between = Some(memory.clone());
-                }
-                writes += 1;
-            };
-            let mut flash = SimulatedFlash::observed(memory, &mut observe);
-            let mut store = block_on(SettingsStore::open(&mut flash, RANGE));
-            block_on(store.set(change(setting, after))).expect("in range");
-            drop(flash);
-            let mut memory = between.expect("it writes two copies");
+            // Power goes between the first copy and the second.
+            let kinds = |number| 0..usize::from(number == RECORD_WORDS);
+            let mut memory = cuts(&memory, kinds, async |store| {
+                let set = store.set(change(setting, after)).await;
+                set.expect("in range");
+            })
+            .swap_remove(0);
             let (settings, state) = opened(&mut memory);
             assert_eq!(
                 settings.get(setting),

@@ -87,7 +87,8 @@ fn text(info: &DeviceInfo, status: &Status, update: Option<UpdateReport>) -> Str
         ),
         format!("up       {}", uptime(status)),
     ];
-    lines.extend(update.map(|update| format!("update   {}", self::update(update))));
+    let update = update.map_or("no bootloader".to_owned(), self::update);
+    lines.push(format!("update   {update}"));
     if let Some(fault) = &status.fault {
         lines.push(self::fault(fault));
     }
