@@ -20,7 +20,7 @@ use crate::library;
 use crate::upload::state_of;
 
 /// Time in which the bootloader exchanges two images, with a margin.
-const EXCHANGE_NS: u64 = 30 * SECOND;
+pub const EXCHANGE_NS: u64 = 30 * SECOND;
 
 /// The content of the flash after cuts of an update to `new` and its exchange: at both ends of each of them, and spread
 /// between.
@@ -103,23 +103,23 @@ fn after_a_power_cut_of_an_update_the_old_or_the_new_image_answers_with_settings
 }
 
 /// The image in the file at `path`, as it is flashed.
-fn image(path: &Path) -> Vec<u8> {
+pub fn image(path: &Path) -> Vec<u8> {
     let bytes = Device::new(path, Options::default()).stylus.flash().bytes;
     active(&bytes)
 }
 
 /// The image in the active part of a flash with these `bytes`, without the ones after it.
-fn active(bytes: &[u8]) -> Vec<u8> {
+pub fn active(bytes: &[u8]) -> Vec<u8> {
     let part = &bytes[ACTIVE.start as usize..ACTIVE.end as usize];
     let length = part.iter().rposition(|byte| *byte != 0xFF);
     part[..length.map_or(0, |last| last + 1)].to_vec()
 }
 
-fn version() -> ImageVersion {
+pub fn version() -> ImageVersion {
     ImageVersion::read(env!("CARGO_PKG_VERSION")).expect("it has numbers")
 }
 
-fn announced(image: &[u8], signed: [u8; SIGNED_BYTES]) -> UpdateBegin {
+pub fn announced(image: &[u8], signed: [u8; SIGNED_BYTES]) -> UpdateBegin {
     UpdateBegin {
         signed: signed.iter().copied().collect(),
         crc32: LIBRARY_CRC.checksum(image),
@@ -128,13 +128,13 @@ fn announced(image: &[u8], signed: [u8; SIGNED_BYTES]) -> UpdateBegin {
 }
 
 impl Device {
-    fn update_state(&mut self) -> UpdateReport {
+    pub fn update_state(&mut self) -> UpdateReport {
         let state = self.request::<UpdateStateEndpoint>(&());
         state.expect("there is a bootloader")
     }
 
     /// Sends `image` and commits it.
-    fn update(&mut self, image: &[u8]) -> UpdateReport {
+    pub fn update(&mut self, image: &[u8]) -> UpdateReport {
         let begin = announced(image, sign(image, version(), &DEVELOPMENT_SEED));
         let begun = self.request::<UpdateBeginEndpoint>(&begin);
         begun.expect("it is signed, and nothing is played");
@@ -144,7 +144,7 @@ impl Device {
     }
 
     /// Runs until an image answers; false if none does in time.
-    fn answers_within(&mut self, nanos: u64) -> bool {
+    pub fn answers_within(&mut self, nanos: u64) -> bool {
         let end = self.stylus.now_ns() + nanos;
         while self.stylus.now_ns() < end {
             let sequence = self.send_frame(InfoEndpoint::REQ_KEY, &());
