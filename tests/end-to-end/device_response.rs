@@ -1,14 +1,18 @@
 //! Probes and responses by the host's library, and what `stylus status` says of them.
 
+use std::cell::Cell;
 use std::thread;
+use std::time::Duration;
 
 use crate::support::{attached, holds, json};
 use fake_stylus::FakeStylus;
 use fake_stylus::device::response_for;
+use host_tools::dsp::response::PERIOD;
+use host_tools::link::response::{Bench, DeviceBench, Failure, Probe};
 use host_tools::link::{Device, LinkError, Timeouts};
 use model_format::link::{
-    Activity, MAX_PROBE_SAMPLES, ProbeError, ProbeStart, ProbeThrough, ResponseChange,
-    ResponseError,
+    Activity, LINK_LOST_AFTER_MS, MAX_PROBE_SAMPLES, ProbeError, ProbeStart, ProbeThrough,
+    ResponseChange, ResponseError,
 };
 use serde_json::Value;
 
@@ -47,7 +51,7 @@ fn a_response_is_proved_by_a_probe_stored_shown_and_removed() {
             assert!(status.tick.ticks >= started.end_tick);
             break;
         }
-        thread::sleep(std::time::Duration::from_millis(10));
+        thread::sleep(Duration::from_millis(10));
     }
     assert!(probed);
     let unknown = device.set_response(ResponseChange::Store { id: !id });
@@ -70,5 +74,41 @@ fn a_response_is_proved_by_a_probe_stored_shown_and_removed() {
     assert_eq!(
         json(&bench.succeed("status --json"))["response"],
         Value::Null
+    );
+}
+
+#[test]
+fn a_probe_that_is_muted_because_the_host_was_late_is_played_again_and_never_taken_for_silence() {
+    let stylus = FakeStylus::start();
+    let device = Device::connect(&stylus.link().parse().unwrap(), Timeouts::default()).unwrap();
+    let codes = [0, 8_000, 0, -8_000].repeat(PERIOD / 4);
+    let probe = Probe {
+        codes: &codes,
+        peak_m_s2: 5.0,
+        periods: 2,
+        through: ProbeThrough::Nothing,
+    };
+    // Number of times that the host is still late, by more than the lease, and of arrivals so far.
+    let (late, arrivals) = (Cell::new(0_u32), Cell::new(0_u32));
+    let goes_on = || {
+        arrivals.set(arrivals.get() + 1);
+        if late.get() > 0 && arrivals.get().is_multiple_of(20) {
+            late.set(late.get() - 1);
+            thread::sleep(Duration::from_millis(4 * u64::from(LINK_LOST_AFTER_MS)));
+        }
+        true
+    };
+    let mut bench = DeviceBench::new(&device, &goes_on).unwrap();
+    bench.play(&probe).unwrap();
+    let undisturbed = bench.seconds();
+    late.set(1);
+    let played = bench.play(&probe).unwrap();
+    assert_eq!(played.axes[0].len(), 2 * PERIOD);
+    assert!(bench.seconds() >= 3.0 * undisturbed);
+    late.set(u32::MAX);
+    let told = bench.play(&probe);
+    assert!(
+        matches!(&told, Err(Failure::Link(LinkError::Lossy { what, .. })) if what.contains("late")),
+        "{told:?}"
     );
 }

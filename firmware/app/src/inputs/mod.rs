@@ -209,6 +209,13 @@ impl Sensors {
         }
     }
 
+    /// Puts the counts of blocks and of the encoder shortly before the ends of their 32 bits, for tests of what happens
+    /// there.
+    pub const fn age(&mut self) {
+        self.ended = u32::MAX - SAMPLE_RATE_HZ / UPDATE_INTERVAL_TICKS;
+        self.counts = i32::MAX - 100;
+    }
+
     /// Returns true if the force is at a rail of its converter, so that it is not known.
     pub fn is_railed(&self) -> bool {
         self.railed

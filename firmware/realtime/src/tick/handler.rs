@@ -139,13 +139,14 @@ pub fn now() -> u64 {
     TICK.with(|_, tick| tick.as_ref().map_or(0, |tick| tick.counters.ticks))
 }
 
-/// Sets the counts of ticks to a second before the ends of their 32 bits, which they reach after ten days.
+/// Sets the counts of ticks, blocks and encoder to shortly before the ends of their 32 bits: ten days of ticks.
 #[cfg(feature = "fault-injection")]
 pub fn age() {
     const TICKS: u32 = u32::MAX - SAMPLE_RATE_HZ;
     TICK.with(|_, tick| {
         if let Some(tick) = tick {
             tick.counters.ticks = TICKS.into();
+            tick.sensors.age();
         }
     });
     alive::set_ended(TICKS);

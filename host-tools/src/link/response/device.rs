@@ -2,7 +2,9 @@
 
 use std::time::{Duration, Instant};
 
-use model_format::link::{KEEP_ALIVE_MS, ProbeStart, RecordSample, Response, Setting, Settings};
+use model_format::link::{
+    KEEP_ALIVE_MS, MuteReason, ProbeStart, RecordSample, Response, Setting, Settings,
+};
 
 use super::bench::{Bench, Played, Probe};
 use super::{Failure, Result};
@@ -10,6 +12,9 @@ use crate::dsp::response::{PERIOD, RATE_HZ};
 use crate::link::capture::Stream;
 use crate::link::device::Device;
 use crate::link::error::LinkError;
+
+/// Times that a waveform is played, if the device mutes it because this computer was late.
+const TRIES: usize = 4;
 
 /// Periods that are left out before a measurement, besides the ramp of the soft start.
 const SETTLE: u64 = 1;
@@ -39,14 +44,17 @@ impl<'a> DeviceBench<'a> {
         })
     }
 
-    /// Numbers of ticks that each limit has changed.
-    fn limited(&self) -> Result<[u32; 3]> {
+    /// Numbers of ticks that each limit has changed, and of times that the output was mute while it played.
+    fn limits_and_mutes(&self) -> Result<([u32; 3], u32)> {
         let output = self.device.status()?.output;
-        Ok([
+        let limits = [
             output.hard_limited,
             output.slew_limited,
             output.thermally_limited,
-        ])
+        ];
+        let mutes = MuteReason::ALL.into_iter().zip(output.mute_counts);
+        let mutes = mutes.filter(|(reason, _)| *reason != MuteReason::NotPlaying);
+        Ok((limits, mutes.map(|(_, count)| count).sum()))
     }
 
     /// Records the samples of these ticks, and keeps the device playing meanwhile.
@@ -111,22 +119,29 @@ impl Bench for DeviceBench<'_> {
             peak_m_s2: probe.peak_m_s2 as f32,
             through: probe.through,
         };
-        let before = self.limited()?;
-        let mut stream = Stream::start(self.device)?;
-        let started = self.device.start_probe(&start)?;
-        let begin = started.first_tick + settle * PERIOD as u64;
-        let samples = self.record(&mut stream, begin, started.end_tick);
-        // Whatever came of it, the device is left at rest.
-        let stopped = self.device.stop();
-        let samples = samples?;
-        stopped?;
-        stream.stop()?;
-        self.seconds += periods as f64 * PERIOD as f64 / RATE_HZ;
-        Ok(Played::of(
-            &samples,
-            &self.settings,
-            self.limited()? != before,
-        ))
+        for _ in 0..TRIES {
+            let (limits, mutes) = self.limits_and_mutes()?;
+            let mut stream = Stream::start(self.device)?;
+            let started = self.device.start_probe(&start)?;
+            let begin = started.first_tick + settle * PERIOD as u64;
+            let samples = self.record(&mut stream, begin, started.end_tick);
+            // Whatever came of it, the device is left at rest.
+            let stopped = self.device.stop();
+            let samples = samples?;
+            stopped?;
+            stream.stop()?;
+            self.seconds += periods as f64 * PERIOD as f64 / RATE_HZ;
+            let (limits_after, mutes_after) = self.limits_and_mutes()?;
+            if mutes_after == mutes {
+                let limited = limits_after != limits;
+                return Ok(Played::of(&samples, &self.settings, limited));
+            }
+        }
+        let link = self.device.address().to_string();
+        let what =
+            "the device has muted the probe, because this computer was late: end other programs"
+                .to_owned();
+        Err(LinkError::Lossy { link, what }.into())
     }
 
     fn seconds(&self) -> f64 {

@@ -19,7 +19,7 @@ use crate::library;
 use crate::upload::state_of;
 
 /// Time in which the bootloader exchanges two images, with a margin.
-const EXCHANGE_NS: u64 = 30 * SECOND;
+pub const EXCHANGE_NS: u64 = 30 * SECOND;
 
 /// Cuts of `work`, which begins with this content of the flash: some spread over its operations, then the three of the
 /// last operation.
@@ -93,30 +93,30 @@ fn after_a_power_cut_of_an_update_the_old_or_the_new_image_answers_with_settings
 }
 
 /// The image in the file at `path`, as it is flashed.
-fn image(path: &Path) -> Vec<u8> {
+pub fn image(path: &Path) -> Vec<u8> {
     let bytes = Device::new(path, Options::default()).stylus.flash().bytes;
     active(&bytes)
 }
 
 /// The image in the active part of a flash with these `bytes`, without the ones after it.
-fn active(bytes: &[u8]) -> Vec<u8> {
+pub fn active(bytes: &[u8]) -> Vec<u8> {
     let part = &bytes[ACTIVE.start as usize..ACTIVE.end as usize];
     let length = part.iter().rposition(|byte| *byte != 0xFF);
     part[..length.map_or(0, |last| last + 1)].to_vec()
 }
 
-fn version() -> ImageVersion {
+pub fn version() -> ImageVersion {
     ImageVersion::read(env!("CARGO_PKG_VERSION")).expect("it has numbers")
 }
 
 impl Device {
-    fn update_state(&mut self) -> UpdateReport {
+    pub fn update_state(&mut self) -> UpdateReport {
         let state = self.request::<UpdateStateEndpoint>(&());
         state.expect("there is a bootloader")
     }
 
     /// Sends `image` and commits it.
-    fn update(&mut self, image: &[u8]) -> UpdateReport {
+    pub fn update(&mut self, image: &[u8]) -> UpdateReport {
         let begin = UpdateBegin::new(image, &sign(image, version(), &DEVELOPMENT_SEED));
         let begun = self.request::<UpdateBeginEndpoint>(&begin);
         begun.expect("it is signed, and nothing is played");
@@ -125,7 +125,7 @@ impl Device {
         committed.expect("all of it has arrived")
     }
 
-    fn is_on_trial(&mut self) -> bool {
+    pub fn is_on_trial(&mut self) -> bool {
         matches!(self.update_state().phase, UpdatePhase::Trial { .. })
     }
 
@@ -133,7 +133,7 @@ impl Device {
         active(&self.stylus.flash().bytes) == image
     }
 
-    fn confirm(&mut self) {
+    pub fn confirm(&mut self) {
         let confirmed = self.request::<UpdateConfirmEndpoint>(&());
         let confirmed = confirmed.expect("it is on trial");
         assert_eq!(confirmed.phase, UpdatePhase::Confirmed);

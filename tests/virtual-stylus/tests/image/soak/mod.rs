@@ -10,7 +10,7 @@ mod world;
 use std::collections::VecDeque;
 use std::time::Instant;
 
-use operations::{CUT_AT_OPERATION, LINKS_BROKEN, OPERATIONS, Operation};
+use operations::{CUT_AT_OPERATION, LINKS_BROKEN, OPERATIONS, Operation, ROLLED_BACK};
 use world::{RESETS, World};
 
 use crate::device::SECOND;
@@ -113,7 +113,7 @@ fn two_hosts_and_all_mishaps_leave_every_invariant_whole() {
         begun.elapsed().as_secs()
     );
     let of_all = OPERATIONS.iter().map(|(name, ..)| *name);
-    for name in of_all.chain([LINKS_BROKEN, CUT_AT_OPERATION, RESETS]) {
+    for name in of_all.chain([LINKS_BROKEN, CUT_AT_OPERATION, ROLLED_BACK, RESETS]) {
         println!("{:>11} {name}", world.done.get(name).unwrap_or(&0));
     }
     world.tell_marks(seconds >= LONG_S);

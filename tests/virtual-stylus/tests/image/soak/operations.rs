@@ -6,10 +6,12 @@ use hil::injection::Injected;
 use host_tools::link::calibrate::AtRest;
 use model_format::link::{
     Activity, FaultKind, InfoEndpoint, MotionSample, MotionSource, MotionTopic, ResetReason,
-    Setting, SettingChange, Settings, SettingsChange, SettingsError, SlotId, UploadAbortEndpoint,
-    UploadBeginEndpoint, UploadError,
+    Setting, SettingChange, Settings, SettingsChange, SettingsError, SlotId, UpdateBegin,
+    UpdateBeginEndpoint, UpdateError, UpdatePhase, UploadAbortEndpoint, UploadBeginEndpoint,
+    UploadError,
 };
 use model_format::{MillimetresPerSecond, Newton};
+use stylus_app::update::sign;
 use virtual_stylus::model::flash::Moment;
 use virtual_stylus::model::usb::host::{Host, Mishap};
 
@@ -19,6 +21,7 @@ use crate::link::wrong;
 use crate::requests::announced;
 use crate::scenes::force_code;
 use crate::self_test::quiet;
+use crate::update::version;
 use crate::usb_mishaps::{arm, go_on, has_happened};
 
 /// Time from a fault to the reset by the watchdog, and by a handler.
@@ -33,7 +36,10 @@ pub const LINKS_BROKEN: &str = "links broken in uploads";
 /// Of the power cuts, those at an operation of the flash.
 pub const CUT_AT_OPERATION: &str = "power cuts at an operation of the flash";
 
-pub const OPERATIONS: [Operation; 21] = [
+/// Of the updates, those that a reset took back.
+pub const ROLLED_BACK: &str = "updates rolled back";
+
+pub const OPERATIONS: [Operation; 22] = [
     ("plays from the sensors", 16, play_from_sensors),
     ("plays from the host's motion", 8, play_from_host),
     ("switches while it plays", 8, switch),
@@ -54,6 +60,7 @@ pub const OPERATIONS: [Operation; 21] = [
     ("resets by the pin", 2, reset_pin),
     ("faults", 2, fault),
     ("power cuts", 3, cut),
+    ("updates", 1, update),
     ("counts of ticks past 32 bits", 4, wrap),
 ];
 
@@ -430,6 +437,47 @@ fn cut_at(
         None => world.device.stylus.flash(),
     };
     world.cut_power(contents, active, allowed, settings);
+}
+
+/// The other image, signed, and confirmed or taken back; or the power cut at some operation of the flash on its way.
+fn update(world: &mut World) {
+    world.stop();
+    let (active, _) = world.slots();
+    let image = world.other_image();
+    if world.once_in(2) {
+        let before = world.device.stylus.flash_operations().len();
+        let forged = UpdateBegin::new(&image, &sign(&image, version(), &[9; 32]));
+        let refused = world.device.request::<UpdateBeginEndpoint>(&forged);
+        assert_eq!(refused, Err(UpdateError::Signature));
+        assert_eq!(world.device.stylus.flash_operations().len(), before);
+    }
+    if world.once_in(3) {
+        let allowed: Vec<u32> = active.into_iter().collect();
+        // Two words are programmed for each one of the image and of the image before it.
+        let number = (world.device.stylus.flash_operations().len() as u64)
+            + 1
+            + world.below(image.len() as u64 / 32 * 5 / 2);
+        let settings = [world.settings; 2];
+        return cut_at(world, number, (active, &allowed), settings, |world| {
+            world.device.update(&image);
+            world.wait_for_exchange();
+        });
+    }
+    world.device.update(&image);
+    world.is_exchanged();
+    if world.once_in(3) {
+        world.device.stylus.reset_by_pin();
+        world.is_exchanged();
+        world.count(ROLLED_BACK);
+        let state = world.device.update_state();
+        assert!(
+            matches!(state.phase, UpdatePhase::RolledBack { .. }),
+            "{state:?}"
+        );
+    } else {
+        world.device.confirm();
+    }
+    assert_eq!(world.slots().0, active);
 }
 
 /// Counts of ticks that pass the ends of their 32 bits while something plays and is recorded.

@@ -1,6 +1,7 @@
 //! The virtual stylus with its two hosts, what its flash must hold, and what holds after every step.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 
 use model_format::Library;
 use model_format::link::{
@@ -19,6 +20,7 @@ use crate::marks;
 use crate::requests::announced;
 use crate::scenes;
 use crate::self_test::quiet;
+use crate::update::{EXCHANGE_NS, active as active_image, image};
 
 /// Ticks per millisecond.
 const TICKS_PER_MS: u64 = 5;
@@ -63,6 +65,8 @@ struct Run {
     /// True once the counts of ticks were put near the ends of their 32 bits.
     is_aged: bool,
     faults: u32,
+    /// Accesses that waited for the flash in exchanges by the bootloader, which runs from the bank that it erases.
+    stalls: Stalls,
     pin: Pin,
     last: Option<Status>,
 }
@@ -84,6 +88,8 @@ pub struct World {
     pub settings: Settings,
     /// True while the host on USB, or else the one on the serial port, keeps alive what it has begun to play.
     pub player: Option<bool>,
+    /// The images: the product's, and the one that takes faults.
+    images: [Vec<u8>; 2],
     run: Run,
     /// Virtual time of the runs before.
     earlier_ns: u64,
@@ -108,13 +114,16 @@ impl World {
         ];
         let mut chance = Chance(seed);
         let flash = library::flash_with(&[&libraries[0]]);
-        let (device, has_faults) = switched_on(flash, &mut chance);
+        let has_faults = chance.below(2) == 0;
+        let file = if has_faults { with_faults() } else { product() };
+        let device = switched_on(&file, flash, false, &mut chance);
         let mut world = Self {
             device,
             chance,
             libraries: libraries.map(Known::new).into(),
             settings: Settings::default(),
             player: None,
+            images: [product(), with_faults()].map(|path| image(&path)),
             run: Run::new(has_faults),
             earlier_ns: 0,
             done: BTreeMap::new(),
@@ -184,6 +193,26 @@ impl World {
         self.run.is_exact[usize::from(self.device.is_usb())] = false;
     }
 
+    /// The image that does not run.
+    pub fn other_image(&self) -> Vec<u8> {
+        self.images[usize::from(!self.run.has_faults)].clone()
+    }
+
+    /// Waits until an image answers after an exchange that a reset begins now or soon.
+    pub fn wait_for_exchange(&mut self) {
+        self.turn_to(false);
+        self.device.run_for(300 * MS);
+        assert!(self.device.answers_within(EXCHANGE_NS), "neither image");
+        self.run.stalls = self.device.stylus.flash_stalls();
+    }
+
+    /// Handles an exchange that a reset begins now or soon.
+    pub fn is_exchanged(&mut self) {
+        self.wait_for_exchange();
+        self.run.has_faults ^= true;
+        self.was_reset(false);
+    }
+
     /// Handles a reset that was caused.
     pub fn was_reset(&mut self, is_fault: bool) {
         self.count(RESETS);
@@ -248,11 +277,17 @@ impl World {
             "RAM that nobody had written was read"
         );
         self.earlier_ns += self.device.stylus.now_ns();
-        let (device, has_faults) = switched_on(contents, &mut self.chance);
-        self.device = device;
-        self.run = Run::new(has_faults);
-        self.device.enumerate().expect("it enumerates");
-        self.device.wait_for_start();
+        self.device = switched_on(&product(), contents, true, &mut self.chance);
+        self.wait_for_exchange();
+        let running = active_image(&self.device.stylus.flash().bytes);
+        let found = self.images.iter().position(|image| *image == running);
+        self.run = Run {
+            stalls: self.run.stalls,
+            ..Run::new(found.expect("one of the images, whole") == 1)
+        };
+        if self.device.is_on_trial() {
+            self.device.confirm();
+        }
         let found = self.device.settings();
         assert!(
             settings.contains(&found),
@@ -401,7 +436,7 @@ impl World {
             self.run.resets as usize,
             "{status:?}"
         );
-        assert_eq!(self.device.stylus.flash_stalls(), Stalls::default());
+        assert_eq!(self.device.stylus.flash_stalls(), self.run.stalls);
         assert_eq!(self.device.broken, 0, "frames from the device");
         let faulted = status.output.mute_counts[MuteReason::Fault as usize];
         assert_eq!(faulted, 0, "mutes by faults");
@@ -505,25 +540,25 @@ impl Run {
             is_exact: [false; 2],
             is_aged: false,
             faults: 0,
+            stalls: Stalls::default(),
             pin: Pin::default(),
             last: None,
         }
     }
 }
 
-/// The stylus with `contents` and one of the images in its flash, and two hosts; and true if it takes faults.
-fn switched_on(contents: Contents, chance: &mut Chance) -> (Device, bool) {
-    let has_faults = chance.below(2) == 0;
-    let image = if has_faults { with_faults() } else { product() };
+/// The stylus with `contents` in its flash, and the file at `image` unless it is to `keep` the image there, and two
+/// hosts.
+fn switched_on(image: &Path, contents: Contents, keep: bool, chance: &mut Chance) -> Device {
     let options = Options {
         ram_noise: Some(chance.draw()),
-        watch_ticks: false,
-        ..library::of(contents)
+        keep_flash: keep,
+        ..library::after(contents)
     };
-    let mut device = Device::new(&image, options);
+    let mut device = Device::new(image, options);
     device.set_pins(quiet);
     device.move_at(120.0);
     device.add_usb();
     device.run_for(300 * MS);
-    (device, has_faults)
+    device
 }
