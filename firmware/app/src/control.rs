@@ -76,9 +76,7 @@ pub trait Device {
     fn set_mute(&mut self, muted: bool);
 
     /// The plan of `selection`, by [`plan_of`] from the library in RAM, and its rate.
-    ///
-    /// # Errors
-    /// There is no library, or the texture or scene cannot be played.
+    /// Errors: there is no library, or the texture or scene cannot be played.
     fn plan(
         &self,
         selection: &Selection,
@@ -95,9 +93,7 @@ pub trait Device {
     fn prepare(&mut self, plan: Self::Plan);
 
     /// At rest: plays the prepared plan, that of `piece`, from silence, with `config`, which has the plan's rate.
-    ///
-    /// # Errors
-    /// No plan was prepared; nothing is played then.
+    /// Errors: no plan was prepared; nothing is played then.
     fn start(&mut self, piece: &Piece, config: Config) -> Result<(), NotPrepared>;
 
     /// While something of the same library and rate is played: plays `plan`, that of `request`, as soon as the director
@@ -133,21 +129,13 @@ pub trait Device {
 
     /// Takes one bounded step of copying `library`, which is valid, to the RAM that is played from, and of decoding it
     /// there. Returns true after the last one; before it the RAM holds no library.
-    ///
-    /// # Errors
-    /// The copy is not valid. The RAM holds no library then.
+    /// Errors: the copy is not valid. The RAM holds no library then.
     fn load(&mut self, library: &[u8]) -> Result<bool, LoadFault>;
 
     /// Begins a recording.
-    ///
-    /// # Errors
-    /// As `Recorder::start`.
     fn start_recording(&mut self) -> Result<RecordStarted, RecordError>;
 
     /// Ends the recording.
-    ///
-    /// # Errors
-    /// As `Recorder::stop`.
     fn stop_recording(&mut self) -> Result<RecordStopped, RecordError>;
 
     /// The next whole block of samples, if there is one; it is taken from the queue also while nothing is recorded.
@@ -372,9 +360,7 @@ impl<D: Device> Control<D> {
     }
 
     /// Serves `PlayEndpoint`, and gives the lease to `from`.
-    ///
-    /// # Errors
-    /// The texture or scene cannot be played, for the reason in the error. Playing goes on as before.
+    /// Errors: the texture or scene cannot be played, for the reason in the error. Playing goes on as before.
     pub fn play(&mut self, from: LinkId, request: PlayRequest) -> Result<Playing, PlayError> {
         let now = self.device.now();
         self.lease
@@ -429,9 +415,6 @@ impl<D: Device> Control<D> {
     }
 
     /// Serves `StopEndpoint`, of any link, and ends the lease.
-    ///
-    /// # Errors
-    /// Nothing is played.
     pub fn stop(&mut self) -> Result<OutputStatus, StopError> {
         self.player.stop()?;
         self.lease.end();
@@ -441,9 +424,7 @@ impl<D: Device> Control<D> {
 
     /// Serves `MotionEndpoint` and `MotionTopic`, and renews the lease of `from`, if it plays; returns the source of
     /// the motion that is followed.
-    ///
-    /// # Errors
-    /// The motion is not finite, or the other link plays. The motion before holds.
+    /// Errors: the motion is not finite, or the other link plays. The motion before holds.
     pub fn motion(
         &mut self,
         from: LinkId,
@@ -460,9 +441,6 @@ impl<D: Device> Control<D> {
     }
 
     /// Serves `RecordStartEndpoint`. The blocks go to `from`.
-    ///
-    /// # Errors
-    /// One is under way.
     pub fn record_start(&mut self, from: LinkId) -> Result<RecordStarted, RecordError> {
         let started = self.device.start_recording()?;
         self.listener = from;
@@ -475,9 +453,6 @@ impl<D: Device> Control<D> {
     }
 
     /// Serves `RecordStopEndpoint`.
-    ///
-    /// # Errors
-    /// None is under way.
     pub fn record_stop(&mut self) -> Result<RecordStopped, RecordError> {
         self.device.stop_recording()
     }
@@ -493,9 +468,7 @@ impl<D: Device> Control<D> {
     }
 
     /// Serves `SettingsProposeEndpoint`: keeps `change` in place of one that was proposed before, until it is applied.
-    ///
-    /// # Errors
-    /// A value out of its range, a setting that occurs twice, or something is played.
+    /// Errors: a value out of its range, a setting that occurs twice, or something is played.
     pub fn propose(
         &mut self,
         from: LinkId,
@@ -511,9 +484,7 @@ impl<D: Device> Control<D> {
     }
 
     /// Takes the change that `from` has proposed and was given `token` for.
-    ///
-    /// # Errors
-    /// No proposal of this link has this token.
+    /// Errors: no proposal of this link has this token.
     pub fn take_proposal(
         &mut self,
         from: LinkId,
@@ -523,9 +494,7 @@ impl<D: Device> Control<D> {
     }
 
     /// Keeps everything from being played until [`Control::end_configuration`], while settings are stored.
-    ///
-    /// # Errors
-    /// Something is played, or a library is being activated.
+    /// Errors: something is played, or a library is being activated.
     pub fn begin_configuration(&mut self) -> Result<(), SettingsError> {
         let begun = self.player.begin_configuration();
         begun.map_err(|Busy| SettingsError::Playing)
@@ -550,9 +519,7 @@ impl<D: Device> Control<D> {
     }
 
     /// Keeps everything from being played until [`Control::end_self_test`].
-    ///
-    /// # Errors
-    /// Something is played, a library is being activated, or settings are being stored.
+    /// Errors: something is played, a library is being activated, or settings are being stored.
     pub fn begin_self_test(&mut self) -> Result<(), Busy> {
         self.player.begin_configuration()
     }
@@ -568,9 +535,6 @@ impl<D: Device> Control<D> {
     }
 
     /// Fades out and stops, so that the library can be exchanged once [`Control::may_exchange`] is true.
-    ///
-    /// # Errors
-    /// Another activation is under way.
     pub fn begin_activation(&mut self) -> Result<(), ActivateError> {
         self.player.begin_activation()?;
         self.lease.end();
@@ -598,9 +562,8 @@ impl<D: Device> Control<D> {
 
 /// The plan of `selection` from `library` through the equaliser of `response`, which takes at most `budget`
 /// instructions per tick, and its rate.
-///
-/// # Errors
-/// The library lacks the texture or scene; no stylus plays its sample rate; the scene is invalid or over the budget.
+/// Errors: the library lacks the texture or scene; no stylus plays its sample rate; the scene is invalid or over the
+/// budget.
 pub fn plan_of<'l>(
     selection: &Selection,
     library: &Library<'l>,

@@ -58,9 +58,7 @@ impl Lease {
     }
 
     /// Lets `link` begin to play.
-    ///
-    /// # Errors
-    /// The other link holds a lease that has not lapsed.
+    /// Errors: the other link holds a lease that has not lapsed.
     pub fn check_play(&mut self, link: LinkId, now: u64) -> Result<(), HeldBy> {
         match self.held {
             Some((holder, _)) if holder != link && self.is_alive(now) => Err(self.refuse(holder)),
@@ -69,9 +67,7 @@ impl Lease {
     }
 
     /// Lets `link` move what is played. Unlike a play, it is refused after a lapse too: it is not its texture.
-    ///
-    /// # Errors
-    /// The other link holds the lease.
+    /// Errors: the other link holds the lease.
     pub fn check_motion(&mut self, link: LinkId) -> Result<(), HeldBy> {
         match self.held {
             Some((holder, _)) if holder != link => Err(self.refuse(holder)),

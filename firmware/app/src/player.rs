@@ -121,9 +121,7 @@ impl Player {
 
     /// Plays `request`, whose texture or scene exists and has `rate`: at once if something is played with the same gain
     /// at the same rate, otherwise at the next [`Player::poll`] at rest, after the fade-out.
-    ///
-    /// # Errors
-    /// A library is being activated or about to be, or settings are being stored.
+    /// Errors: a library is being activated or about to be, or settings are being stored.
     pub fn play(&mut self, request: PlayRequest, rate: PlayRate) -> Result<Begin, Busy> {
         if self.is_busy() {
             return Err(Busy);
@@ -140,9 +138,7 @@ impl Player {
     }
 
     /// Plays `probe` at `rate` at the next [`Player::poll`].
-    ///
-    /// # Errors
-    /// Something is played, a library is being activated, or settings are being stored.
+    /// Errors: something is played, a library is being activated, or settings are being stored.
     pub fn probe(&mut self, probe: Probe, rate: PlayRate) -> Result<(), Busy> {
         if !self.is_idle() {
             return Err(Busy);
@@ -167,9 +163,6 @@ impl Player {
     }
 
     /// Fades out and stops.
-    ///
-    /// # Errors
-    /// Nothing is played.
     pub fn stop(&mut self) -> Result<(), StopError> {
         match self.phase {
             Phase::Playing(..) | Phase::FadingOut(Then::Play(..)) => {
@@ -187,9 +180,7 @@ impl Player {
     }
 
     /// Fades out and stops, so that the library can be exchanged once [`Player::may_exchange`] is true.
-    ///
-    /// # Errors
-    /// Another activation is under way, or settings are being stored.
+    /// Errors: another activation is under way, or settings are being stored.
     pub fn begin_activation(&mut self) -> Result<(), ActivateError> {
         if self.is_busy() {
             return Err(ActivateError::Busy);
@@ -214,9 +205,7 @@ impl Player {
     }
 
     /// Keeps everything from being played until [`Player::end_configuration`], so that settings can be exchanged.
-    ///
-    /// # Errors
-    /// Something is played, a library is being activated, or settings are being stored already.
+    /// Errors: something is played, a library is being activated, or settings are being stored already.
     pub fn begin_configuration(&mut self) -> Result<(), Busy> {
         if self.phase != Phase::Idle {
             return Err(Busy);

@@ -65,9 +65,7 @@ impl Proposals {
     }
 
     /// Takes the change that `from` has proposed with `token`.
-    ///
-    /// # Errors
-    /// None waits with this token, or the other link has proposed it. What waits goes on waiting.
+    /// Errors: none waits with this token, or the other link has proposed it. What waits goes on waiting.
     pub fn take(
         &mut self,
         from: LinkId,

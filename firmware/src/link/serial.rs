@@ -52,9 +52,7 @@ impl Handler<typelevel::USART3> for LineErrors {
 }
 
 /// Sets the port up: sender and receiver.
-///
-/// # Errors
-/// The clock cannot give the baud rate.
+/// Errors: the clock cannot give the baud rate.
 pub fn open(
     usart: Peri<'static, peripherals::USART3>,
     tx: Peri<'static, PD8>,

@@ -155,9 +155,7 @@ pub struct Along {
 
 impl Asked<'_> {
     /// The motion that is asked for; none if nothing is said of one.
-    ///
-    /// # Errors
-    /// A motion that cannot be used, or two of them.
+    /// Errors: a motion that cannot be used, or two of them.
     pub fn along(self) -> PyResult<Option<Along>> {
         if let Some(seconds) = self.seconds {
             crate::convert::positive("seconds", seconds)?;

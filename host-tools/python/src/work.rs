@@ -59,9 +59,7 @@ impl Steps {
 }
 
 /// Runs `work` of `total` steps, telling `progress` of those done: `progress(done, total)`.
-///
-/// # Errors
-/// Those of `work`; what a signal's handler or `progress` raises.
+/// Errors: those of `work`; what a signal's handler or `progress` raises.
 pub fn run<T: Send + 'static>(
     py: Python<'_>,
     total: u64,
@@ -82,9 +80,6 @@ pub enum AfterEnd {
 }
 
 /// As [`run`], with a choice of what comes after the end.
-///
-/// # Errors
-/// As [`run`].
 pub fn run_until<T: Send + 'static>(
     py: Python<'_>,
     total: u64,

@@ -52,9 +52,6 @@ impl Judge {
 /// `record` names the recording; else the recording itself. Without a record nothing is known to be held out.
 ///
 /// `takes` is empty, or has an entry per trial.
-///
-/// # Errors
-/// A recording that cannot be read.
 pub fn judges(
     set: &RecordingSet,
     takes: Vec<Take>,
@@ -186,9 +183,6 @@ pub enum Take {
 ///
 /// A take is told by content from what was fitted: by the bytes of its file, and by the correlation of its signal with
 /// that of the trial, so that a copy under another name, scaled or inverted, is known.
-///
-/// # Errors
-/// A recording that cannot be used.
 pub fn takes(
     set: &RecordingSet,
     others: &RecordingSet,

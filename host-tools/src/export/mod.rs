@@ -128,9 +128,6 @@ impl Export {
     }
 
     /// Writes the file, whole or not at all.
-    ///
-    /// # Errors
-    /// A file that cannot be written.
     pub fn write(&self, path: &Path) -> Result<()> {
         atomic_file::write(path, &self.bytes)
     }

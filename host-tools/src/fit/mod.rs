@@ -55,9 +55,6 @@ pub fn fit(set: &RecordingSet, options: &Options, progress: impl Fn() + Sync) ->
 }
 
 /// As [`fit`], calling `between` between the later steps, which have no count: for programs that may end the work.
-///
-/// # Errors
-/// As [`fit`].
 pub fn fit_between(
     set: &RecordingSet,
     options: &Options,
@@ -119,9 +116,6 @@ fn add_excitation(
 }
 
 /// As [`fit_analysed`], of `analysed` trials, with what excites the models: codebooks and tracks of fitted blocks.
-///
-/// # Errors
-/// As [`fit_analysed`].
 pub fn fit_blocks(
     set: &RecordingSet,
     analysed: Vec<part::PartlyAnalysed>,

@@ -200,9 +200,6 @@ impl Folder {
 
     /// Checks that no two textures of `planned` and of the folder differ in the case of letters only, because some
     /// systems would give both one folder.
-    ///
-    /// # Errors
-    /// The first two names that do.
     pub fn check_names(&self, planned: &[PlannedTrial]) -> Result<()> {
         let there = self.done.iter().map(|(texture, ..)| texture.as_str());
         let all = there.chain(planned.iter().map(|trial| trial.texture.as_str()));
@@ -229,9 +226,6 @@ impl Folder {
     }
 
     /// Writes a trial's file and its line in the list; both replace those of an earlier recording of the same trial.
-    ///
-    /// # Errors
-    /// A file or a list that cannot be written.
     pub fn add(
         &mut self,
         planned: &PlannedTrial,

@@ -93,9 +93,6 @@ pub fn changes(pairs: &[String]) -> Result<Vec<SettingChange>> {
 }
 
 /// Finds the setting `name`.
-///
-/// # Errors
-/// A name of no setting, with those that there are.
 pub fn named(name: &str) -> Result<Setting> {
     Setting::named(name).ok_or_else(|| {
         let names: Vec<&str> = Setting::ALL.iter().map(|s| s.spec().name).collect();

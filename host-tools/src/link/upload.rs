@@ -48,9 +48,6 @@ pub fn upload(
 
 /// Uploads as [`upload`] does. If `replaces_last`, the upload may erase the last library that can be read; until it is
 /// done, the device would have none after a restart.
-///
-/// # Errors
-/// As [`upload`].
 pub fn upload_over(
     device: &mut Device,
     library: &[u8],

@@ -139,9 +139,6 @@ pub fn render_pin_wav(
 
 /// Writes what the tip of `plant` does for the codes of [`render_pin_wav`], with its amplifier on, in m/s² after each
 /// code.
-///
-/// # Errors
-/// As [`render_pin_wav`].
 pub fn render_tip_wav(
     rendering: &mut Rendering<'_>,
     settings: &Settings,

@@ -23,9 +23,6 @@ pub fn read(trial: &Trial) -> Result<Samples> {
 }
 
 /// As [`read`], at `model_rate_hz`.
-///
-/// # Errors
-/// As [`read`].
 pub fn read_at(trial: &Trial, model_rate_hz: u32) -> Result<Samples> {
     let path = trial.file.as_path();
     let cut = Cut {

@@ -130,9 +130,6 @@ impl RecordingSet {
     }
 
     /// Reads a list of trials, whose files are relative to its folder.
-    ///
-    /// # Errors
-    /// A list that is missing or empty, or a line that cannot be used, with its number.
     pub fn from_list(list: &Path) -> Result<Self> {
         Ok(Self {
             trials: read_list(list)?,
@@ -193,9 +190,6 @@ fn is_list(path: &Path) -> bool {
 }
 
 /// Reads a list of trials; its files are relative to its folder.
-///
-/// # Errors
-/// A list that is missing or empty, or a line that cannot be used, with its number.
 fn read_list(list: &Path) -> Result<Vec<Trial>> {
     // Regular files alone, because a list is read again for its kind.
     TABLE.open(list)?;

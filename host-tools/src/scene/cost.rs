@@ -55,9 +55,6 @@ pub struct StageCost {
 
 impl CostReport {
     /// The cost of `scene` with the surfaces `names` against `budget` instructions per tick.
-    ///
-    /// # Errors
-    /// See [`Scene::validate`].
     pub fn new(
         scene: &Scene,
         names: &[String],

@@ -9,9 +9,6 @@ use super::compile::CompiledScene;
 use crate::support::error::{Error, Result};
 
 /// Encodes `library` with `scenes`. Scenes of the same name are replaced; all others stay the same.
-///
-/// # Errors
-/// A scene that the library cannot hold.
 pub fn with_scenes(library: &Library<'_>, scenes: &[Scene]) -> Result<Vec<u8>> {
     let textures: Vec<TextureSpec> = library
         .textures()

@@ -28,9 +28,6 @@ pub fn write_with<T>(
 }
 
 /// Writes `bytes` to `path`, whole or not at all.
-///
-/// # Errors
-/// A file that cannot be created, written or replaced.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     write_together(&[(path, bytes)])
 }

@@ -50,9 +50,6 @@ impl Limit {
     }
 
     /// Reads the file at `path`.
-    ///
-    /// # Errors
-    /// A file that cannot be read, or is larger than the limit.
     pub fn read(&self, path: &Path) -> Result<Vec<u8>> {
         let file = File::open(path).map_err(Error::io("read", path))?;
         let mut bytes = Vec::new();

@@ -76,9 +76,6 @@ impl CsvTable {
     }
 
     /// The first line that is no comment, as names of columns. A table without one has no names.
-    ///
-    /// # Errors
-    /// A line that cannot be read.
     pub fn header(&self) -> Result<Header<'_>> {
         let mut rows = self.rows();
         let (names, line) = match rows.next_row()? {
@@ -108,9 +105,6 @@ impl CsvTable {
     }
 
     /// The lines below the header.
-    ///
-    /// # Errors
-    /// A header that cannot be read.
     pub fn rows_below_header(&self) -> Result<Rows<'_>> {
         let mut rows = self.rows();
         rows.next_row()?;
@@ -385,9 +379,6 @@ impl<'r> Row<'r, '_> {
     }
 
     /// Parses a field as a number, which may be infinite or not a number where it says so.
-    ///
-    /// # Errors
-    /// A field that is none, with its line and column.
     pub fn number(&self, index: usize) -> Result<f64> {
         let field = self.text(index);
         self.table.number(field).ok_or_else(|| {
@@ -401,9 +392,6 @@ impl<'r> Row<'r, '_> {
     }
 
     /// Parses a field of the column `name` as a finite number.
-    ///
-    /// # Errors
-    /// A field that is none, with its line and column.
     pub fn finite(&self, index: usize, name: &str) -> Result<f64> {
         let field = self.text(index);
         let value = self.table.number(field).filter(|value| value.is_finite());

@@ -162,9 +162,6 @@ pub struct OutputFolder {
 
 impl OutputFolder {
     /// Begins the folder `path`, in place of an earlier result with `overwrite`.
-    ///
-    /// # Errors
-    /// As [`check_folder`].
     pub fn begin(path: &Path, overwrite: bool) -> Result<Self> {
         check_folder(path, overwrite, &[])?;
         let place = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());

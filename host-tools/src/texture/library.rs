@@ -28,9 +28,6 @@ pub fn texture_spec(name: &str, provenance: Provenance, grid: &Grid) -> Result<T
 }
 
 /// As [`texture_spec`], at `sample_rate_hz`, with θ in the fewest bytes that keep every node's spectrum.
-///
-/// # Errors
-/// Those of [`texture_spec`].
 pub fn stored_texture(
     name: &str,
     provenance: Provenance,
@@ -60,17 +57,11 @@ const LIBRARY: Limit = Limit {
 };
 
 /// Reads a library's bytes.
-///
-/// # Errors
-/// A file that cannot be read, or is larger than any library.
 pub fn read_library(path: &Path) -> Result<Vec<u8>> {
     LIBRARY.read(path)
 }
 
 /// Decodes a library; `path` is only named in errors.
-///
-/// # Errors
-/// Bytes that are not a valid library, with the place.
 pub fn decode_library<'a>(path: &Path, bytes: &'a [u8]) -> Result<Library<'a>> {
     Library::decode(bytes).map_err(|source| Error::Library {
         path: path.to_owned(),

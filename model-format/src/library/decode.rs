@@ -134,9 +134,6 @@ impl<'a, W> Decoder<'a, W> {
 
 impl<'a, W: BorrowMut<Workspace>> Decoder<'a, W> {
     /// Takes one step; returns the library after the last one. A further call begins anew, as one after an error does.
-    ///
-    /// # Errors
-    /// The first fault found, with its place.
     pub fn step(&mut self) -> Result<Option<Library<'a>>, DecodeError> {
         let stepped = self.step_in_place();
         if !matches!(stepped, Ok(None)) {

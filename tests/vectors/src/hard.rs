@@ -47,9 +47,6 @@ enum Drive {
 
 impl<'a> HardCase<'a> {
     /// The first of the cases in `bytes` and the bytes after it; none at their end.
-    ///
-    /// # Errors
-    /// Bytes that are no case.
     pub fn take(bytes: &'a [u8]) -> Result<Option<(Self, &'a [u8])>, postcard::Error> {
         if bytes.is_empty() {
             return Ok(None);
@@ -82,9 +79,6 @@ impl<'a> HardCase<'a> {
     }
 
     /// Plays the case, each call that makes a sample through `measure`; returns a digest of all samples.
-    ///
-    /// # Errors
-    /// Bytes that are no library.
     pub fn play<A: Arithmetic>(
         &self,
         measure: &mut dyn FnMut(Way, &mut dyn FnMut() -> OutputSample) -> OutputSample,

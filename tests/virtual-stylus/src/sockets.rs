@@ -64,9 +64,6 @@ pub struct SerialSocket {
 
 impl SerialSocket {
     /// Listens on `port` of the loopback interface (0 for any).
-    ///
-    /// # Errors
-    /// The port cannot be listened on.
     pub fn listen(port: u16) -> Result<Self> {
         Ok(Self {
             listener: Loopback::listen(port)?,
@@ -75,9 +72,6 @@ impl SerialSocket {
     }
 
     /// The port.
-    ///
-    /// # Errors
-    /// The system does not give it.
     pub fn port(&self) -> Result<u16> {
         self.listener.port()
     }
@@ -162,9 +156,6 @@ struct Program {
 
 impl UsbSocket {
     /// Listens on `port` of the loopback interface (0 for any).
-    ///
-    /// # Errors
-    /// The port cannot be listened on.
     pub fn listen(port: u16) -> Result<Self> {
         Ok(Self {
             listener: Loopback::listen(port)?,
@@ -175,9 +166,6 @@ impl UsbSocket {
     }
 
     /// The port.
-    ///
-    /// # Errors
-    /// The system does not give it.
     pub fn port(&self) -> Result<u16> {
         self.listener.port()
     }

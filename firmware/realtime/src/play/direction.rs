@@ -65,10 +65,7 @@ pub fn prepare(next: Next) {
 }
 
 /// Plays the prepared plan from silence, with noise from `seed`. For tasks, while nothing is played.
-///
-/// # Errors
-/// No plan was prepared; there is no director then.
-///
+/// Errors: no plan was prepared; there is no director then.
 /// # Safety
 /// The tick does not play.
 pub unsafe fn start(seed: u64) -> Result<(), NotPrepared> {

@@ -87,9 +87,6 @@ impl<'s> Merged<'s> {
 
     /// Fits the texture with these trials alone, as a library of its own holds it. Returns its set, the hashes of its
     /// recordings, and the fit.
-    ///
-    /// # Errors
-    /// Those of [`Merged::fit`].
     pub fn fit_texture(&self, members: &[usize]) -> Result<(RecordingSet, Vec<u64>, Fit)> {
         let set = self.set.part(members);
         let fit = self.fit_part(&set, members, || ())?;

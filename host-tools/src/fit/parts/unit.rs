@@ -77,9 +77,6 @@ pub(super) struct Content {
 impl Unit {
     /// The file of the unit's result in `folder`, named by all that it comes from: the program's version, the options
     /// that matter to the map, the lines of the list, and the files' sizes and times.
-    ///
-    /// # Errors
-    /// A recording that is not there.
     pub fn path(&self, set: &RecordingSet, options: &Options, folder: &Path) -> Result<PathBuf> {
         let mut hash = Fnv::default()
             .then(&MAGIC)

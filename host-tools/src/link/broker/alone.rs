@@ -34,9 +34,6 @@ pub(in crate::link) async fn open<E: Ends>(
 }
 
 /// Opens no link, because none is shared.
-///
-/// # Errors
-/// Another command has the device.
 pub(in crate::link) async fn join<E: Ends>(
     address: &LinkAddress,
     _command: &str,
@@ -47,9 +44,6 @@ pub(in crate::link) async fn join<E: Ends>(
 }
 
 /// Checks that no other command has the device.
-///
-/// # Errors
-/// One has; the error names it.
 pub(in crate::link) async fn free(address: &LinkAddress) -> Result<()> {
     match Place::of(address).await {
         Ok(place) => taken(&place).map(drop),

@@ -52,9 +52,6 @@ pub(in crate::link) async fn open<E: Ends>(
 }
 
 /// Opens a link that another program shares, and gives its ends to `ends`; none if nobody shares it.
-///
-/// # Errors
-/// A program of another version that shares it.
 pub(in crate::link) async fn join<E: Ends>(
     address: &LinkAddress,
     command: &str,

@@ -79,9 +79,6 @@ impl Place {
 
     /// Takes the lock, or returns `None` if another broker has it. A crash frees it, so that it tells of a broker that
     /// lives, which the socket does not.
-    ///
-    /// # Errors
-    /// A file that cannot be made or locked.
     pub(super) fn lock(&self) -> Result<Option<File>> {
         let failed = |failure: io::Error| unusable(&self.address, &failure);
         let mut options = OpenOptions::new();

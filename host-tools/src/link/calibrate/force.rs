@@ -145,9 +145,6 @@ impl ForceScale {
     }
 
     /// Verifies that the second of two measurements shows the weight that it has beyond the first, by `stored`.
-    ///
-    /// # Errors
-    /// A force that is off by more than [`ForceScale::of`] allows.
     pub fn verify([before, after]: [Weighed; 2], stored: &Settings) -> Result<(), ForceFault> {
         let change = after.at_rest.mean[3] - before.at_rest.mean[3];
         let shown = change * Calibration::new(stored, None).n_per_code;

@@ -142,9 +142,6 @@ impl PathScale {
     }
 
     /// Verifies that a `way` of `mm` in the first direction shows as that by the `stored` settings.
-    ///
-    /// # Errors
-    /// A way that differs by more than [`PathScale::of`] allows.
     pub fn verify(mm: f64, way: Travel, stored: &Settings) -> Result<(), PathFault> {
         let shown = way.counts as f64 * f64::from(stored.get(Setting::PathPerCount));
         if (shown - mm).abs() <= MOST_SHARE * mm {

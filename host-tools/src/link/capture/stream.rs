@@ -90,9 +90,6 @@ impl<'a> Stream<'a> {
     }
 
     /// Returns the next block, or `None` if none arrives within `within`.
-    ///
-    /// # Errors
-    /// A lost link.
     pub fn next(&mut self, within: Duration) -> Result<Option<Arrival>> {
         let Some(block) = self.blocks.next(self.device, within)? else {
             return match self.device.stopped_by() {
@@ -120,9 +117,6 @@ impl<'a> Stream<'a> {
     }
 
     /// Returns the next block.
-    ///
-    /// # Errors
-    /// A lost link, or no block within the timeout of an answer.
     pub fn wait(&mut self) -> Result<Arrival> {
         let timeout = self.device.timeouts().answer;
         self.next(timeout)?.ok_or_else(|| LinkError::Lossy {

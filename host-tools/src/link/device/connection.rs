@@ -73,9 +73,6 @@ impl Device {
 
     /// Opens the link by this route also to a device that speaks another protocol, as long as both know the request
     /// that is made: those of an update do not change.
-    ///
-    /// # Errors
-    /// As [`Device::connect_by`].
     pub fn connect_to_any(address: &LinkAddress, timeouts: Timeouts, route: Route) -> Result<Self> {
         Self::connect_as(address, timeouts, route, true)
     }
@@ -182,9 +179,6 @@ impl Device {
     }
 
     /// Sends a message that is not answered, such as one that only the tests' image knows.
-    ///
-    /// # Errors
-    /// A lost link, or one that accepts no more frames.
     pub fn publish<T>(&self, message: &T::Message) -> Result<()>
     where
         T: Topic,
@@ -280,9 +274,6 @@ impl Device {
     }
 
     /// Reads the status, with all of the device's counters.
-    ///
-    /// # Errors
-    /// A lost link or a missing answer.
     pub fn status(&self) -> Result<Status> {
         self.runtime().block_on(self.requester.status())
     }

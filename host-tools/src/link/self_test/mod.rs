@@ -129,9 +129,6 @@ pub fn run(device: &Device, options: &Options, mut told: impl FnMut(Step)) -> Re
 }
 
 /// Traffic on another link to the same device, for the lines of [`run`].
-///
-/// # Errors
-/// As [`run`].
 pub fn other_link(device: &Device, seconds: f64) -> Result<Vec<Line>> {
     traffic(device, seconds)
 }

@@ -38,9 +38,6 @@ pub struct MotionPath {
 
 impl MotionPath {
     /// A motion of constant speed, mm/s, and force, N, without end.
-    ///
-    /// # Errors
-    /// A speed or force that is not finite.
     pub fn constant(speed: MillimetresPerSecond, force: Newton) -> Result<Self> {
         Motion::new(speed, force).map_err(|error| {
             Error::Request(format!(

@@ -41,9 +41,6 @@ impl<'a> Rendering<'a> {
     }
 
     /// A rendering of `seconds` of `plan`, from rest without contact.
-    ///
-    /// # Errors
-    /// As [`Rendering::new`].
     pub fn of_plan(
         plan: Plan<'a>,
         motion: &'a MotionPath,
@@ -56,9 +53,6 @@ impl<'a> Rendering<'a> {
 
 impl<'a, A: Arithmetic> Rendering<'a, A> {
     /// As [`Rendering::of_plan`], by the arithmetic `A`: for comparisons of their costs.
-    ///
-    /// # Errors
-    /// As [`Rendering::new`].
     pub fn by_arithmetic(
         plan: Plan<'a>,
         motion: &'a MotionPath,
@@ -138,9 +132,6 @@ pub(super) fn exact_m_s2(sample: OutputSample) -> f64 {
 
 /// Renders `seconds` of `texture` along `motion` into memory; [`render_wav`](super::render_wav) suits more than
 /// minutes.
-///
-/// # Errors
-/// A duration that [`Rendering::new`] refuses.
 pub fn render(
     texture: Texture<'_>,
     motion: &MotionPath,

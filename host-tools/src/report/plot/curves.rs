@@ -41,9 +41,6 @@ pub struct FrontSeries {
 /// stands to the left below its place, where no choice beats it.
 ///
 /// Series and fronts without a point that can be drawn have no entry in the legend.
-///
-/// # Errors
-/// A picture that cannot be laid out.
 pub fn front_chart(
     caption: &Caption<'_>,
     (x, y): (Quantity<'_>, Quantity<'_>),
@@ -175,9 +172,6 @@ const HIGHEST_HZ: f64 = 1000.0;
 ///
 /// Amplitudes are scaled by √(2 / (N · rate)), so that those of noise do not depend on the length N: m/s²/√Hz. The
 /// longer signal is cut as for C.
-///
-/// # Errors
-/// A picture that cannot be laid out.
 pub fn spectra(
     caption: &Caption<'_>,
     (recorded, synthesised): (&[f64], &[f64]),

@@ -107,9 +107,6 @@ pub fn grid_map(caption: &Caption<'_>, map: &GridMap<'_>, width: u32) -> Result<
 
 /// Axes without names, and the colours of `scale`, for a map whose cells a page draws. The data has one cell, whose
 /// value is the scale's end.
-///
-/// # Errors
-/// A picture that cannot be laid out.
 pub fn map_axes(caption: &Caption<'_>, quantity: Quantity<'_>, scale: Scale) -> Result<Svg> {
     picture(caption, (NARROW, 340), |area, panels| {
         let (chart, bar) = area.split_horizontally(at(NARROW - BAR));

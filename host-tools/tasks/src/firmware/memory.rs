@@ -21,9 +21,7 @@ pub struct Use {
 }
 
 /// The bytes that the ELF file `image` has for the flash from the address `start` on, below `end`; gaps are ones.
-///
-/// # Errors
-/// The bytes are no image, or it has nothing there.
+/// Errors: the bytes are no image, or it has nothing there.
 pub fn flashed(image: &[u8], start: u64, end: u64) -> Result<Vec<u8>> {
     let file = ElfFile32::<Endianness>::parse(image)?;
     let endian = file.endian();
@@ -84,9 +82,6 @@ pub(super) fn region(name: &str) -> Option<(u64, u64)> {
 
 impl Memory {
     /// Reads the use of memories from the bytes of an image.
-    ///
-    /// # Errors
-    /// The bytes are no image.
     pub fn of(image: &[u8]) -> Result<Self> {
         let file = ElfFile32::<Endianness>::parse(image)?;
         let mut uses = Vec::new();
@@ -132,9 +127,7 @@ impl Memory {
     }
 
     /// Checks that the image leaves the room that it must.
-    ///
-    /// # Errors
-    /// A memory of which it takes too much.
+    /// Errors: a memory of which it takes too much.
     pub fn check_limits(&self) -> Result<()> {
         for Use { name, used, .. } in &self.0 {
             let limit = LIMITS.iter().find(|(limited, _)| limited == name);

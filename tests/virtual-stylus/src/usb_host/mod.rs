@@ -74,9 +74,6 @@ pub struct UsbHost {
 impl UsbHost {
     /// Waits for the device, resets the bus, gives the device an address, reads all of its descriptors, and configures
     /// it.
-    ///
-    /// # Errors
-    /// A transfer that failed.
     pub fn enumerate(&mut self, stylus: &mut VirtualStylus) -> Result<Descriptors, TransferError> {
         stylus.usb(Host::plug);
         let begin_ns = stylus.now_ns();
@@ -152,9 +149,7 @@ impl UsbHost {
     }
 
     /// One control request, with `data` for the device.
-    ///
-    /// # Errors
-    /// A transfer that failed or took longer than 5 s.
+    /// Errors: a transfer that failed or took longer than 5 s.
     pub fn control(
         &mut self,
         stylus: &mut VirtualStylus,
@@ -165,9 +160,7 @@ impl UsbHost {
     }
 
     /// As [`UsbHost::control`], with another timeout.
-    ///
-    /// # Errors
-    /// A transfer that failed or took longer.
+    /// Errors: a transfer that failed or took longer.
     pub fn control_within(
         &mut self,
         stylus: &mut VirtualStylus,
@@ -195,9 +188,6 @@ impl UsbHost {
     }
 
     /// Ends an endpoint's halt, at both ends.
-    ///
-    /// # Errors
-    /// As [`UsbHost::control`].
     pub fn clear_halt(
         &mut self,
         stylus: &mut VirtualStylus,
@@ -361,9 +351,7 @@ impl BulkFrames {
     }
 
     /// Takes the frames that have come, each with the instant of its last packet.
-    ///
-    /// # Errors
-    /// A transfer that failed. The link is over then.
+    /// Errors: a transfer that failed. The link is over then.
     pub fn receive(
         &mut self,
         usb: &mut UsbHost,
