@@ -604,30 +604,6 @@ fn noise_beside_codebooks_is_that_of_the_seed_without_them() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
-    /// With a motion that stays, and after the first level's ramp.
-    #[test]
-    fn samples_do_not_depend_on_where_blocks_are_cut(
-        seed: u64, which in 0usize..3,
-        cuts in prop::collection::vec(1u32..=MAX_FED_SAMPLES as u32, 1..40),
-    ) {
-        let bytes = encoded(fed_h3(all_parts()[which].clone()));
-        let begin = || {
-            let mut synthesis: Synthesis<'_> = Synthesis::new(texture(&bytes), seed);
-            synthesis.follow(motion(75.0, 0.75), 1);
-            synthesis.next_sample();
-            synthesis
-        };
-        let (mut one, mut other) = (begin(), begin());
-        for samples in cuts {
-            other.follow(motion(75.0, 0.75), samples);
-            for _ in 0..samples {
-                one.follow(motion(75.0, 0.75), 1);
-                let expected = one.next_sample();
-                prop_assert_eq!(other.next_sample(), expected);
-            }
-        }
-    }
-
     /// A late update: the filter has no more excitation, so that its energy falls, and with no filter there is silence.
     #[test]
     fn without_an_update_the_excitation_ends(seed: u64, which in 0usize..3, samples in 1u32..=MAX_FED_SAMPLES as u32) {
