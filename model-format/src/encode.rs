@@ -181,9 +181,7 @@ impl CodeSpec {
 /// Encodes a library of `textures`.
 ///
 /// The bytes returned have passed [`Library::decode`].
-///
-/// # Errors
-/// The first fault that makes the library invalid, as decoding it would report it.
+/// Errors: the first fault that makes the library invalid, as decoding it would report it.
 pub fn encode(textures: &[TextureSpec]) -> Result<Vec<u8>, DecodeError> {
     encode_with_scenes(textures, &[])
 }

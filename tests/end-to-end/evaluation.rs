@@ -408,43 +408,6 @@ fn along_strokes_that_it_never_saw_a_library_is_nearer_than_a_constant_level_and
     holds(&refused, &["s0.csv", "cannot judge"]);
 }
 
-/// A stroke: speeds and forces held for a second each, with an outlier of 10⁵ N and rest between.
-fn stroke() -> String {
-    let signal = all_pole(&[-0.6, 0.4], &noise(9, 5 * RATE_HZ as usize));
-    let mut csv = String::from("# SIMULATED\ntime_s,a,speed_mm_s,force_n\n");
-    for (n, a) in signal.iter().enumerate() {
-        let (speed, force) = match n / RATE_HZ as usize {
-            0 | 3 => (103.0, 0.63),
-            1 => (0.0, 0.0),
-            2 => (158.0, 0.37),
-            _ => (40.0 + 0.04 * (n as f64 - 20_000.0), 0.6),
-        };
-        let force = if n == 2_500 { 1e5 } else { force };
-        csv.push_str(&format!(
-            "{:.4},{a:.6},{speed},{force}\n",
-            n as f64 / f64::from(RATE_HZ)
-        ));
-    }
-    csv
-}
-
-#[test]
-fn a_free_hand_is_cut_where_it_is_steady_and_fitted() {
-    let bench = Bench::new();
-    bench.write("stroke.csv", stroke());
-    let output =
-        bench.run("segment stroke.csv --texture felt --out pieces --least 0.2 --enough 0.9");
-    let (said, warned) = (text(&output.stdout), text(&output.stderr));
-    assert!(output.status.success(), "{warned}");
-    holds(&warned, &["line 2503: force_n is 100000"]);
-    holds(&warned, &["s of data; left out"]);
-    holds(&said, &["at 2 nodes", "SIMULATED"]);
-    let message = std::fs::read_to_string(bench.path("pieces/trials.csv")).unwrap();
-    holds(&message, &[",felt,100,0.6,", ",felt,160,0.4,"]);
-    let said = bench.succeed("fit pieces --out felt.lib");
-    holds(&said, &["felt", "SIMULATED"]);
-}
-
 #[test]
 fn a_free_hands_file_that_cannot_be_used_is_named() {
     let bench = Bench::new();

@@ -245,10 +245,8 @@ fn read(trial: &Trial, judge: &Judge, conditioning: Conditioning) -> Result<Comp
 }
 
 /// Fits what blocks judge, and evaluates nothing yet: for [`Evaluation::compare`].
-///
-/// # Errors
-/// A texture that the library does not have or that plays at another rate, a recording that cannot be used, or blocks
-/// to judge without a record.
+/// Errors: a texture that the library does not have or that plays at another rate, a recording that cannot be used, or
+/// blocks to judge without a record.
 pub fn prepare(
     set: &RecordingSet,
     library: &Library<'_>,

@@ -83,9 +83,7 @@ pub struct Chosen {
 }
 
 /// Chooses the judges of `set` among the takes `others`, if given.
-///
-/// # Errors
-/// Those of [`takes`] and [`judges`], or `others` of which none is another take of any trial.
+/// Errors: those of [`takes`] and [`judges`], or `others` of which none is another take of any trial.
 pub fn chosen(
     set: &RecordingSet,
     others: Option<&RecordingSet>,

@@ -84,9 +84,7 @@ pub fn in_words(parts: &PartsSpec) -> String {
 }
 
 /// Calls `work` with `texture` as `played` chooses.
-///
-/// # Errors
-/// Those of `work`; parts that make no library.
+/// Errors: those of `work`; parts that make no library.
 pub fn with<T>(
     texture: &Texture<'_>,
     played: Played,

@@ -119,9 +119,6 @@ pub fn rows(route: &Route) -> Result<Vec<Row>> {
 }
 
 /// Lists what is attached, without asking.
-///
-/// # Errors
-/// A computer that does not list its USB devices.
 fn attached() -> Result<Vec<Attached>> {
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()

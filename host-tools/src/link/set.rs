@@ -46,10 +46,8 @@ impl PlannedTrial {
 
     /// Reads a CSV list with the columns `speed_mm_s`, in mm/s, and `force_n`, in N. A column `texture` is optional;
     /// `texture` stands in for an empty or missing one.
-    ///
-    /// # Errors
-    /// A file that cannot be read, a missing or unknown column, or a line without a texture or with a speed or force
-    /// that is not a number of at least zero.
+    /// Errors: a file that cannot be read, a missing or unknown column, or a line without a texture or with a speed or
+    /// force that is not a number of at least zero.
     pub fn from_csv(path: &Path, texture: Option<&str>) -> Result<Vec<Self>> {
         let table = CsvTable::read(path, TABLE)?;
         let header = table.header()?;
@@ -98,9 +96,7 @@ impl PlannedTrial {
     }
 
     /// Checks that the texture's name can be a folder's name, too.
-    ///
-    /// # Errors
-    /// A name that is empty, too long, starts with a dot, or cannot name a folder on every system.
+    /// Errors: a name that is empty, too long, starts with a dot, or cannot name a folder on every system.
     pub fn check(&self) -> Result<()> {
         let name = &self.texture;
         let fault = if name.len() > MAX_NAME_BYTES {
@@ -161,9 +157,7 @@ pub struct Folder {
 
 impl Folder {
     /// Opens a folder, and creates it if it does not exist.
-    ///
-    /// # Errors
-    /// A folder that cannot be created, or whose list has other columns or cannot be read.
+    /// Errors: a folder that cannot be created, or whose list has other columns or cannot be read.
     pub fn open(path: &Path) -> Result<Self> {
         fs::create_dir_all(path).map_err(Error::io("create", path))?;
         let list = path.join(TRIALS_FILE);

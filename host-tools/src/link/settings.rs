@@ -70,9 +70,7 @@ impl SettingRow {
 
 /// Parses `pairs`: a setting's name, its value in the setting's unit, and so on. The device judges the values, because
 /// it may have other ranges.
-///
-/// # Errors
-/// A name without a value, a name of no setting, or a value that is no number.
+/// Errors: a name without a value, a name of no setting, or a value that is no number.
 pub fn changes(pairs: &[String]) -> Result<Vec<SettingChange>> {
     let (pairs, rest) = pairs.as_chunks::<2>();
     if let [name] = rest {

@@ -34,10 +34,8 @@ pub struct Uploaded {
 ///
 /// Resumes an interrupted upload of the same bytes, also one of another program. The active library stays active and
 /// goes on playing. The last library that can be read is never erased for it.
-///
-/// # Errors
-/// A refusal of the device, a lost link that does not come back, five failures in a row without progress, or a device
-/// that then lists other textures.
+/// Errors: a refusal of the device, a lost link that does not come back, five failures in a row without progress, or a
+/// device that then lists other textures.
 pub fn upload(
     device: &mut Device,
     library: &[u8],

@@ -60,9 +60,7 @@ pub struct RecordingSet {
 impl RecordingSet {
     /// Opens the inputs of a command: one folder with a `trials.csv`, one list of any name, or recordings. Each
     /// recording is then a texture of its own, named like the file, at the nominal speed and force.
-    ///
-    /// # Errors
-    /// A missing input, a list without trials, or a line that cannot be used, with its number.
+    /// Errors: a missing input, a list without trials, or a line that cannot be used, with its number.
     pub fn open(inputs: &[PathBuf]) -> Result<Self> {
         let set = match inputs {
             [] => {
@@ -87,9 +85,7 @@ impl RecordingSet {
     }
 
     /// Opens inputs as [`RecordingSet::open`] does, with values for what they lack.
-    ///
-    /// # Errors
-    /// An input that cannot be opened, and those of [`RecordingSet::open`].
+    /// Errors: an input that cannot be opened, and those of [`RecordingSet::open`].
     pub fn open_with(inputs: &[PathBuf], assumed: &Assumed) -> Result<Self> {
         for input in inputs {
             if let Err(source) = std::fs::metadata(input) {

@@ -221,9 +221,7 @@ pub struct SceneSummary {
 
 impl SceneSummary {
     /// Summary of `scene`, which is one of `library`.
-    ///
-    /// # Errors
-    /// A scene that the library does not bear out.
+    /// Errors: a scene that the library does not bear out.
     pub fn of(scene: &Scene, library: &Library<'_>) -> Result<Self> {
         let names = surface_names(scene, library);
         let report = CostReport::new(scene, &names, library, cost::BUDGET)?;

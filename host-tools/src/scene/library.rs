@@ -69,9 +69,7 @@ pub fn surface_names(scene: &Scene, library: &Library<'_>) -> Vec<String> {
 }
 
 /// The scene `name` of `library`, or its only one; `path` is only named in errors.
-///
-/// # Errors
-/// A library without such a scene, with those that it has; one with several, if none is named.
+/// Errors: a library without such a scene, with those that it has; one with several, if none is named.
 pub fn scene_named(
     library: &Library<'_>,
     name: Option<&str>,

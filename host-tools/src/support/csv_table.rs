@@ -38,9 +38,7 @@ pub struct CsvTable {
 
 impl CsvTable {
     /// Reads the file at `path`, up to `limit`.
-    ///
-    /// # Errors
-    /// A file that cannot be read, is not UTF-8, or is larger than the limit.
+    /// Errors: a file that cannot be read, is not UTF-8, or is larger than the limit.
     pub fn read(path: &Path, limit: Limit) -> Result<Self> {
         Ok(Self::of(path, limit.read_text(path)?))
     }
@@ -231,9 +229,7 @@ impl Header<'_> {
     }
 
     /// Returns the index of the column `name`, if there is one.
-    ///
-    /// # Errors
-    /// Two columns of this name.
+    /// Errors: two columns of this name.
     pub fn column(&self, name: &str) -> Result<Option<usize>> {
         let mut found = (0..self.names.len()).filter(|&index| &self.names[index] == name);
         match (found.next(), found.next()) {
@@ -243,9 +239,7 @@ impl Header<'_> {
     }
 
     /// Returns the index of the column `name`; `expected` tells in words which columns such a table has.
-    ///
-    /// # Errors
-    /// No column of this name, or two; a first line of numbers, which is no header.
+    /// Errors: no column of this name, or two; a first line of numbers, which is no header.
     pub fn needed(&self, name: &str, expected: &str) -> Result<usize> {
         if let Some(index) = self.column(name)? {
             return Ok(index);
@@ -288,9 +282,7 @@ pub struct Rows<'a> {
 
 impl<'a> Rows<'a> {
     /// Returns the next row; `None` at the end.
-    ///
-    /// # Errors
-    /// A row with another number of fields than the first.
+    /// Errors: a row with another number of fields than the first.
     pub fn next_row(&mut self) -> Result<Option<Row<'_, 'a>>> {
         let table = self.table;
         let line = loop {

@@ -112,9 +112,7 @@ impl Temporary {
 
     /// Gives it its name. A file replaces another; what is at `path` otherwise goes by `make_way` first, without an
     /// interrupt in between.
-    ///
-    /// # Errors
-    /// The operating system's reason; the temporary is removed then.
+    /// Errors: the operating system's reason; the temporary is removed then.
     pub fn persist(self, path: &Path, make_way: impl FnOnce() -> io::Result<()>) -> io::Result<()> {
         let mut list = lock();
         let named = make_way().and_then(|()| fs::rename(&self.path, path));

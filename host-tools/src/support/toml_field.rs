@@ -17,9 +17,7 @@ pub const TEXT: Limit = Limit {
 };
 
 /// Parses TOML `text`; errors name `path`.
-///
-/// # Errors
-/// Text that is not TOML, or a field that is unknown, missing or of the wrong type, with the line.
+/// Errors: text that is not TOML, or a field that is unknown, missing or of the wrong type, with the line.
 pub(crate) fn from_toml<T: DeserializeOwned>(path: &Path, text: &str) -> Result<T> {
     toml::from_str(text).map_err(|failure| parse_failure(path, text, &failure))
 }

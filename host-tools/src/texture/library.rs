@@ -11,9 +11,7 @@ use crate::support::bounded_file::{Limit, MIB};
 use crate::support::error::{Error, Result};
 
 /// Returns texture `name` with the parts of `grid` and its nodes quantised.
-///
-/// # Errors
-/// A node that is too loud, with its speed and force.
+/// Errors: a node that is too loud, with its speed and force.
 pub fn texture_spec(name: &str, provenance: Provenance, grid: &Grid) -> Result<TextureSpec> {
     Ok(TextureSpec {
         name: name.to_owned(),
@@ -41,9 +39,7 @@ pub fn stored_texture(
 }
 
 /// Returns the bytes of a library of one texture: for judging a model, never for a file.
-///
-/// # Errors
-/// A node that is too loud; a grid that makes no library.
+/// Errors: a node that is too loud; a grid that makes no library.
 pub fn library_of(name: &str, grid: &Grid) -> Result<Vec<u8>> {
     // The bytes leave no trace, so that their provenance says the least.
     let spec = texture_spec(name, Provenance::Simulated, grid)?;

@@ -304,9 +304,7 @@ impl<'a> Library<'a> {
     /// Checks `bytes` from the first to the last and returns a view of them, by a [`Decoder`].
     ///
     /// The work is bounded by a constant per byte. Nothing is copied but one scene at a time.
-    ///
-    /// # Errors
-    /// The first fault found, with its place.
+    /// Errors: the first fault found, with its place.
     pub fn decode(bytes: &'a [u8]) -> Result<Self, DecodeError> {
         let mut decoder = Decoder::new(bytes);
         loop {

@@ -44,9 +44,7 @@ pub const LOCKED: SettingSet = {
 
 impl SettingsChange {
     /// The change to `values`, which [`Self::check`] judges.
-    ///
-    /// # Errors
-    /// More values than there are settings, so that one occurs twice.
+    /// Errors: more values than there are settings, so that one occurs twice.
     pub fn of(values: &[SettingChange]) -> Result<Self, SettingsError> {
         let too_many =
             values
@@ -58,9 +56,7 @@ impl SettingsChange {
     }
 
     /// Checks that every value is in its setting's range, and that no setting has two.
-    ///
-    /// # Errors
-    /// A value out of range, a setting that occurs twice, or no value at all.
+    /// Errors: a value out of range, a setting that occurs twice, or no value at all.
     pub fn check(&self) -> Result<(), SettingsError> {
         let Self::Set(values) = self else {
             return Ok(());

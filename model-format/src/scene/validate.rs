@@ -29,9 +29,7 @@ impl TextureBounds {
 
 impl Scene {
     /// Checks the whole scene, and that `library` has its textures.
-    ///
-    /// # Errors
-    /// The first fault found, with its place.
+    /// Errors: the first fault found, with its place.
     pub fn validate(&self, library: &Library<'_>) -> Result<(), SceneError> {
         let textures = self.textures(library);
         let bounds = textures.map(|texture| texture.as_ref().map(TextureBounds::of));

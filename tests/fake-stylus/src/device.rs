@@ -61,9 +61,6 @@ pub fn settings_with(values: &[(Setting, f32)]) -> Settings {
 }
 
 /// A response that a device with `settings` takes, whose equaliser turns the sign and takes half of what plays.
-///
-/// # Panics
-/// Never.
 pub fn response_for(settings: &Settings) -> Response {
     let half = Biquad::from_f64([-0.5, 0.0, 0.0], [0.0, 0.0]).expect("in range");
     let sections = Sections::new(&[half]).expect("one is not too many");

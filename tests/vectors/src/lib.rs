@@ -11,7 +11,6 @@
 extern crate alloc;
 
 mod edges;
-mod hard;
 pub mod job;
 #[cfg(feature = "library")]
 mod library;
@@ -21,7 +20,6 @@ pub mod report;
 mod textures;
 
 pub use edges::edges;
-pub use hard::{HardCase, Way};
 pub use job::Libraries;
 #[cfg(feature = "library")]
 pub use library::{

@@ -44,9 +44,6 @@ const WANDERS: [Wander; 2] = [
 ];
 
 /// The bytes of a library that holds every texture of [`crate::VECTORS`].
-///
-/// # Panics
-/// Never, unless this crate is wrong: the textures that it encodes are valid.
 pub fn library() -> Vec<u8> {
     encode(&specs()).expect("the test textures are valid")
 }
@@ -112,9 +109,6 @@ pub fn specs() -> [TextureSpec; 15] {
 pub const DIGESTED: u32 = 0x104b_59ee;
 
 /// The bytes of a library of one texture with every part that a texture may have, and an order that is played fast.
-///
-/// # Panics
-/// Never, unless this crate is wrong: the texture that it encodes is valid.
 pub fn digest_library() -> Vec<u8> {
     let spec = Grid::new(|index| {
         Model::resonant(SHORT_ORDER, 120 + index as u64).with_fractions(index as u64)

@@ -262,7 +262,6 @@ fn a_fed_texture_has_the_level_of_its_node() {
         let bytes = encoded(fed_h3(parts));
         let (samples, saturations) = played(texture(&bytes), 3, 60_000);
         let level_db = decibels(mean_square(&samples[5000..]) / plain);
-        println!("{level_db:+.2} dB");
         assert!(level_db.abs() < 0.6, "{level_db} dB");
         assert_eq!(saturations, 0);
     }
@@ -427,10 +426,6 @@ fn an_excitation_has_a_variance_of_one_and_no_mean() {
             .modulation
             .as_ref()
             .map_or(1.0, |track| f64::from(track.mean_square()));
-        println!(
-            "variance {power:.4} with {error:.4}, of parts {:.4}",
-            source * level
-        );
         // Joins of a track's pieces go between entries that are no neighbours, which takes up to 0.5 %.
         assert!(
             (power - source * level).abs() < 4.5 * error + 0.005,

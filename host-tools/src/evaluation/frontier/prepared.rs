@@ -43,9 +43,7 @@ pub struct Prepared {
 
 impl Prepared {
     /// Fits the one half of `material` and reads the other; `progress` is told of each trial analysed.
-    ///
-    /// # Errors
-    /// A recording that cannot be used; material without a node that sounds.
+    /// Errors: a recording that cannot be used; material without a node that sounds.
     pub fn new(material: &Material, options: &Options, progress: impl Fn() + Sync) -> Result<Self> {
         let at = |order| fit::Options {
             order,
@@ -226,9 +224,7 @@ impl Material {
     }
 
     /// `set` to fit, and another take of the same nodes to judge by.
-    ///
-    /// # Errors
-    /// Takes that have no node of `set`.
+    /// Errors: takes that have no node of `set`.
     pub fn takes(set: RecordingSet, takes: RecordingSet) -> Result<Self> {
         let material = Self {
             description: "one take of each recording fitted, another held out".to_owned(),

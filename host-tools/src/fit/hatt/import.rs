@@ -58,9 +58,7 @@ impl Default for Options {
 }
 
 /// Lists the files of `paths`: folders stand for all XML files in them, by name.
-///
-/// # Errors
-/// A folder without XML files; the same file twice; more files than a library can hold textures.
+/// Errors: a folder without XML files; the same file twice; more files than a library can hold textures.
 pub fn files(paths: &[PathBuf]) -> Result<Vec<PathBuf>> {
     let mut files = Vec::new();
     for path in paths {
@@ -108,10 +106,8 @@ pub fn files(paths: &[PathBuf]) -> Result<Vec<PathBuf>> {
 }
 
 /// Reads all `files`, to be played at the rate of the `options`.
-///
-/// # Errors
-/// A rate that no stylus plays; the first file that cannot be used, with the number of them; two files whose textures
-/// would have one name.
+/// Errors: a rate that no stylus plays; the first file that cannot be used, with the number of them; two files whose
+/// textures would have one name.
 pub fn read_all(files: &[PathBuf], options: &Options) -> Result<Vec<Source>> {
     let rate = play_rate(options.sample_rate_hz)?;
     let read = files.par_iter().map(|path| source(path, rate));
@@ -180,9 +176,6 @@ fn source(path: &Path, rate: PlayRate) -> Result<Source> {
 
 /// Decides what the grid of every texture may take: the slot is shared in proportion to the files' numbers of different
 /// speeds and forces.
-///
-/// # Errors
-/// Sizes that no grid can have.
 pub fn plan(sources: &[Source], options: &Options) -> Result<Vec<Bounds>> {
     for (what, count) in [("speeds", options.speeds), ("forces", options.forces)] {
         if count.is_some_and(|count| !(1..=limits::MAX_AXIS_LEN).contains(&count)) {
@@ -247,9 +240,7 @@ impl ImportReport {
 }
 
 /// Converts all `sources` within their `bounds`, and calls `progress` after each file.
-///
-/// # Errors
-/// A model that the library cannot hold, with its file; a library that does not fit in a slot.
+/// Errors: a model that the library cannot hold, with its file; a library that does not fit in a slot.
 pub fn import(
     sources: &[Source],
     bounds: &[Bounds],

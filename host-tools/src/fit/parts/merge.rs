@@ -31,9 +31,8 @@ pub struct Merged<'s> {
 impl<'s> Merged<'s> {
     /// Joins the partial files in `folder` of all units of a fit of `set` with `options`, telling `progress` of the
     /// number of trials whenever some are read.
-    ///
-    /// # Errors
-    /// A unit without a file, or with one that is damaged; with [`Options::strict`] the first trial with a verdict.
+    /// Errors: a unit without a file, or with one that is damaged; with [`Options::strict`] the first trial with a
+    /// verdict.
     pub fn of_folder(
         set: &'s RecordingSet,
         options: &Options,
@@ -77,9 +76,7 @@ impl<'s> Merged<'s> {
     }
 
     /// Fits all textures, as one library holds them, telling `progress` of each trial done.
-    ///
-    /// # Errors
-    /// Those of [`fit`](crate::fit::fit()); a partial file that changed.
+    /// Errors: those of [`fit`](crate::fit::fit()); a partial file that changed.
     pub fn fit(&self, progress: impl Fn() + Sync) -> Result<Fit> {
         let all: Vec<usize> = (0..self.set.trials.len()).collect();
         self.fit_part(self.set, &all, progress)

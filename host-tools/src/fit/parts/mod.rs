@@ -95,9 +95,7 @@ pub struct Mapped {
 
 /// Computes `shard` of a fit of `set` with `options`, and writes what is not there yet to `folder`, telling `progress`
 /// of the number of trials whenever some are done.
-///
-/// # Errors
-/// The first trial that cannot be used; a folder or file that cannot be written.
+/// Errors: the first trial that cannot be used; a folder or file that cannot be written.
 pub fn map(
     set: &RecordingSet,
     options: &Options,

@@ -101,9 +101,7 @@ impl Unit {
     }
 
     /// Reads the unit's result from `path`.
-    ///
-    /// # Errors
-    /// A file that is not there, or is damaged.
+    /// Errors: a file that is not there, or is damaged.
     pub fn read(&self, path: &Path) -> Result<Content> {
         let bytes = PARTIAL.read(path)?;
         let damaged = || Error::file(path, "is damaged: remove it, and run its shard again");
@@ -123,9 +121,7 @@ impl Unit {
     }
 
     /// Computes the unit's result, and writes it to `path`.
-    ///
-    /// # Errors
-    /// The first trial that cannot be used; a file that cannot be written.
+    /// Errors: the first trial that cannot be used; a file that cannot be written.
     pub fn compute(&self, set: &RecordingSet, options: &Options, path: &Path) -> Result<()> {
         let trials: Vec<&Trial> = self
             .trials

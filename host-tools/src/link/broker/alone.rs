@@ -14,9 +14,7 @@ use crate::link::open::{self, Ends};
 use crate::link::route::Sharing;
 
 /// Opens a link of this program's own, which holds the device's lock as long as it is open.
-///
-/// # Errors
-/// A device that cannot be opened, or that another command has; the error names it.
+/// Errors: a device that cannot be opened, or that another command has; the error names it.
 pub(in crate::link) async fn open<E: Ends>(
     address: &LinkAddress,
     sharing: &Sharing,

@@ -86,9 +86,7 @@ impl<R: AsyncRead + Unpin> Messages<R> {
     }
 
     /// Waits for the next message. What was read of it stays where this is cancelled.
-    ///
-    /// # Errors
-    /// The end of the connection, or bytes that are no message.
+    /// Errors: the end of the connection, or bytes that are no message.
     pub(super) async fn next<T: for<'a> Deserialize<'a>>(&mut self) -> io::Result<T> {
         loop {
             if let Some(message) = take(&mut self.bytes)? {

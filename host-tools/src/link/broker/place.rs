@@ -32,9 +32,7 @@ pub(super) struct Place {
 
 impl Place {
     /// The place of the broker of `address`.
-    ///
-    /// # Errors
-    /// No such device on USB, or a runtime folder that others might write to.
+    /// Errors: no such device on USB, or a runtime folder that others might write to.
     pub(super) async fn of(address: &LinkAddress) -> Result<Self> {
         let address = canonical(address).await?;
         let folder = runtime_folder::own().map_err(|failure| unusable(&address, &failure))?;

@@ -82,9 +82,7 @@ fn newtons(grams: f64) -> f64 {
 
 impl ForceScale {
     /// The scale by measurements in the [`order`] of their weights.
-    ///
-    /// # Errors
-    /// A sensor that hardly reacts, that does not come back, or whose force is not linear in the weight.
+    /// Errors: a sensor that hardly reacts, that does not come back, or whose force is not linear in the weight.
     pub fn of(measured: &[Weighed]) -> Result<Self, ForceFault> {
         let codes = |weighed: &Weighed| weighed.at_rest.mean[3];
         let count = measured.len() as f64;

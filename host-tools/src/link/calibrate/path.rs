@@ -29,9 +29,6 @@ pub struct Travel {
 impl Travel {
     /// Records the way, from before it has `begun` until some time after it has `ended`, because counts take a while to
     /// arrive.
-    ///
-    /// # Errors
-    /// A lost link, something that is played, or a recording with holes.
     pub fn record(
         device: &Device,
         begun: impl FnOnce(),
@@ -110,9 +107,7 @@ pub enum PathFault {
 
 impl PathScale {
     /// The scale by a way of `mm`, there and back.
-    ///
-    /// # Errors
-    /// Ways that are too short, not straight, or not equal.
+    /// Errors: ways that are too short, not straight, or not equal.
     pub fn of(mm: f64, [there, back]: [Travel; 2]) -> Result<Self, PathFault> {
         for way in [there, back] {
             let counts = way.counts.abs();

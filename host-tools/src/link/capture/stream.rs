@@ -40,9 +40,7 @@ pub struct Arrival {
 
 impl<'a> Stream<'a> {
     /// Starts a recording.
-    ///
-    /// # Errors
-    /// A recording that is already in progress, a lost link, or a device with another block length.
+    /// Errors: a recording that is already in progress, a lost link, or a device with another block length.
     pub fn start(device: &'a Device) -> Result<Self> {
         let broken_before = device.broken_frames();
         let (started, blocks) = device.record_start()?;
@@ -75,9 +73,7 @@ impl<'a> Stream<'a> {
     }
 
     /// Number of samples in `seconds`, which must be those of a recording that can be read again.
-    ///
-    /// # Errors
-    /// More than [`MAX_FRAMES`].
+    /// Errors: more than [`MAX_FRAMES`].
     pub fn samples_in(&self, seconds: f64) -> Result<usize> {
         let samples = (seconds * f64::from(self.rate_hz)).round();
         if samples > MAX_FRAMES as f64 {
@@ -130,9 +126,7 @@ impl<'a> Stream<'a> {
     }
 
     /// Stops the recording and returns its losses.
-    ///
-    /// # Errors
-    /// A lost link, or a recording that another program has stopped.
+    /// Errors: a lost link, or a recording that another program has stopped.
     pub fn stop(mut self) -> Result<Loss> {
         self.is_running = false;
         // A request to stop would end what yet another program may record by now.

@@ -56,17 +56,13 @@ pub struct Device {
 
 impl Device {
     /// Opens the link and reads the device's identity.
-    ///
-    /// # Errors
-    /// A link that cannot be opened, a device that does not answer, or one that speaks another protocol.
+    /// Errors: a link that cannot be opened, a device that does not answer, or one that speaks another protocol.
     pub fn connect(address: &LinkAddress, timeouts: Timeouts) -> Result<Self> {
         Self::connect_by(address, timeouts, Route::Direct)
     }
 
     /// Opens the link by this route and reads the device's identity.
-    ///
-    /// # Errors
-    /// As [`Device::connect`], and a route that cannot be had.
+    /// Errors: as [`Device::connect`], and a route that cannot be had.
     pub fn connect_by(address: &LinkAddress, timeouts: Timeouts, route: Route) -> Result<Self> {
         Self::connect_as(address, timeouts, route, false)
     }
@@ -131,9 +127,7 @@ impl Device {
     }
 
     /// Opens the link anew, in repeated attempts until [`Timeouts::reconnect`] has passed.
-    ///
-    /// # Errors
-    /// The failure of the last attempt, another protocol, or another device that answers.
+    /// Errors: the failure of the last attempt, another protocol, or another device that answers.
     pub fn reconnect(&mut self) -> Result<()> {
         self.requester.close();
         let timeouts = self.requester.timeouts;
@@ -260,9 +254,7 @@ impl Device {
     }
 
     /// Checks that the device plays the library format that this program writes.
-    ///
-    /// # Errors
-    /// Different formats; the error names the older side.
+    /// Errors: different formats; the error names the older side.
     pub fn check_library_format(&self) -> Result<()> {
         match Mismatch::of_library_format(&self.info) {
             None => Ok(()),

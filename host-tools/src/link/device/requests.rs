@@ -70,9 +70,7 @@ impl Device {
     }
 
     /// Makes the library in `slot` the active one, and confirms it by the status.
-    ///
-    /// # Errors
-    /// A refusal, or a status that names another library as active.
+    /// Errors: a refusal, or a status that names another library as active.
     pub fn activate(&self, slot: SlotId) -> Result<Activated> {
         let activated = self.request_flash::<ActivateEndpoint>("activation", &slot)??;
         let begin = Instant::now();
@@ -97,10 +95,8 @@ impl Device {
 
 impl Device {
     /// Plays a texture or scene of the active library.
-    ///
-    /// # Errors
-    /// A refusal, after which the device goes on with what it played before; one of a name that is not there lists
-    /// those that are. An answer that names another request.
+    /// Errors: a refusal, after which the device goes on with what it played before; one of a name that is not there
+    /// lists those that are. An answer that names another request.
     pub fn play(&self, request: &PlayRequest) -> Result<Playing> {
         self.requester.health.begin();
         let answer = self.request::<PlayEndpoint>("play", request)?;
@@ -144,9 +140,7 @@ impl Device {
     /// Stops the output, and waits until the status reports it at rest.
     ///
     /// Returns true if anything was played, and the output's status at rest.
-    ///
-    /// # Errors
-    /// A lost link, or an output that does not come to rest.
+    /// Errors: a lost link, or an output that does not come to rest.
     pub fn stop(&self) -> Result<(bool, OutputStatus)> {
         let was_playing = match self.request::<StopEndpoint>("stop", &())? {
             Ok(_) => true,
@@ -259,9 +253,7 @@ impl Device {
     }
 
     /// Proposes a change of settings, which [`Device::apply`] applies. Nothing changes yet.
-    ///
-    /// # Errors
-    /// Values that the device refuses, or something that is played; an answer about another change.
+    /// Errors: values that the device refuses, or something that is played; an answer about another change.
     pub fn propose(&self, change: &SettingsChange) -> Result<SettingsProposal> {
         let proposal = self.request::<SettingsProposeEndpoint>("settings proposal", change)??;
         if proposal.change == *change {
@@ -275,9 +267,7 @@ impl Device {
     }
 
     /// Applies a change that was proposed over this link, and reads it back.
-    ///
-    /// # Errors
-    /// A proposal that has ended, a refusal, or other values read back.
+    /// Errors: a proposal that has ended, a refusal, or other values read back.
     pub fn apply(&self, proposal: &SettingsProposal) -> Result<Settings> {
         self.request_flash::<SettingsApplyEndpoint>("settings change", &proposal.token)??;
         let settings = self.settings()?;

@@ -30,9 +30,7 @@ impl Device {
     }
 
     /// Proposes a response, which a probe may then play through. Nothing that is stored changes. Returns its hash.
-    ///
-    /// # Errors
-    /// A refusal, a lost link or a missing answer; an answer about another response.
+    /// Errors: a refusal, a lost link or a missing answer; an answer about another response.
     pub fn propose_response(&self, response: &Response) -> Result<u32> {
         let id = self.request::<ResponseProposeEndpoint>("response proposal", response)??;
         if id == response.id() {

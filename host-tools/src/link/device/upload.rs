@@ -60,10 +60,8 @@ impl Device {
     /// Sends the chunks of `library` from byte `from` on, up to [`UPLOAD_WINDOW`] of them before the answer to the
     /// first, so that the next ones cross the link while one is programmed. `progress` gets the device's next offset
     /// after each answer.
-    ///
-    /// # Errors
-    /// A refusal, a lost link or a missing answer. Chunks may be on their way then; the device works them off before it
-    /// answers another request about the upload.
+    /// Errors: a refusal, a lost link or a missing answer. Chunks may be on their way then; the device works them off
+    /// before it answers another request about the upload.
     pub fn upload_chunks(
         &self,
         library: &[u8],

@@ -77,9 +77,7 @@ pub enum Step {
 }
 
 /// Runs the whole self test. `told` hears of each step before it begins.
-///
-/// # Errors
-/// A lost link, something that is played or recorded, or a device that does not answer.
+/// Errors: a lost link, something that is played or recorded, or a device that does not answer.
 pub fn run(device: &Device, options: &Options, mut told: impl FnMut(Step)) -> Result<Vec<Line>> {
     let mut lines = Vec::new();
     for (name, request) in [

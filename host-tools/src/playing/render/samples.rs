@@ -27,9 +27,7 @@ pub struct Rendering<'a, A: Arithmetic = Wavefront> {
 
 impl<'a> Rendering<'a> {
     /// A rendering of `seconds` of `texture`, from rest without contact, by the plan that a stylus makes of it.
-    ///
-    /// # Errors
-    /// A duration that is not a number, is shorter than a sample, or is longer than
+    /// Errors: a duration that is not a number, is shorter than a sample, or is longer than
     /// [`MAX_SECONDS`](super::MAX_SECONDS).
     pub fn new(
         texture: Texture<'a>,
@@ -163,9 +161,7 @@ pub struct SampleClock {
 
 impl SampleClock {
     /// A clock over `seconds`, from the first sample.
-    ///
-    /// # Errors
-    /// A duration that is not a number, is shorter than a sample, or is longer than [`MAX_SECONDS`].
+    /// Errors: a duration that is not a number, is shorter than a sample, or is longer than [`MAX_SECONDS`].
     pub fn new(seconds: f64, sample_rate_hz: u32) -> Result<Self> {
         let samples = (seconds * f64::from(sample_rate_hz)).round();
         if !(seconds <= MAX_SECONDS && samples >= 1.0) {
@@ -251,14 +247,6 @@ mod tests {
                 (rate_hz, 0)
             );
         }
-    }
-
-    #[test]
-    fn a_seed_gives_its_own_samples_and_the_same_each_time() {
-        let library = library(5000);
-        let render = |seed| render(texture(&library), &sweep(), 0.3, seed).unwrap();
-        assert_eq!(render(1), render(1));
-        assert_ne!(render(1), render(2));
     }
 
     #[test]

@@ -233,9 +233,7 @@ pub(super) const OCTAVES_HZ: [&str; 6] = ["31.5", "63", "125", "250", "500", "10
 pub(super) const FIRST_OCTAVE_HZ: f64 = 1000.0 / 32.0;
 
 /// Empty axes for the last 100 ms of an acceleration within `peak_m_s2`.
-///
-/// # Errors
-/// A peak that is not positive and finite makes axes that cannot be laid out.
+/// Errors: a peak that is not positive and finite makes axes that cannot be laid out.
 pub fn waveform_axes(caption: &Caption<'_>, peak_m_s2: f64) -> Result<Svg> {
     let x = Axis::new(TIME_MS, -100.0..0.0, 6);
     empty(
@@ -246,9 +244,7 @@ pub fn waveform_axes(caption: &Caption<'_>, peak_m_s2: f64) -> Result<Svg> {
 }
 
 /// Empty axes for the density of power from 20 Hz to 1 kHz, over octaves, between two levels in dB re 1 (m/s²)²/Hz.
-///
-/// # Errors
-/// Levels that are not finite and ascending make axes that cannot be laid out.
+/// Errors: levels that are not finite and ascending make axes that cannot be laid out.
 pub fn spectrum_axes(caption: &Caption<'_>, levels_db: Range<f64>) -> Result<Svg> {
     let lowest = FIRST_OCTAVE_HZ.log2();
     // From 20 Hz to 1 kHz and a little room.

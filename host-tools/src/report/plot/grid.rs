@@ -64,9 +64,7 @@ const MARKS: [(NodeFlags, Mark, &str); 3] = [
 /// A heat map `width` shown pixels wide, with the values in its cells, where they fit, and marks at nodes that are not
 /// fitted to good recordings: silent, interpolated, extrapolated or doubtful. Values go from pale at zero to dark at
 /// the largest.
-///
-/// # Errors
-/// Cells that are not as many as the grid has nodes, and that the picture cannot be laid out.
+/// Errors: cells that are not as many as the grid has nodes, and that the picture cannot be laid out.
 pub fn grid_map(caption: &Caption<'_>, map: &GridMap<'_>, width: u32) -> Result<Svg> {
     let (columns, rows) = (map.speeds_mm_s.len(), map.forces_n.len());
     if map.cells.len() != columns * rows || map.cells.is_empty() {

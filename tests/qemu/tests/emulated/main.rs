@@ -2,7 +2,6 @@
 
 mod bounds;
 mod costs;
-mod hard_cases;
 mod kernel;
 
 use std::path::PathBuf;
