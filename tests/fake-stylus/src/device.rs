@@ -49,9 +49,7 @@ pub const fn change(setting: Setting, value: f32) -> SettingChange {
 }
 
 /// The defaults with other values of some settings.
-///
-/// # Panics
-/// If a setting may not have its value.
+/// Panics if a setting may not have its value.
 pub fn settings_with(values: &[(Setting, f32)]) -> Settings {
     values
         .iter()

@@ -54,9 +54,7 @@ impl<'a> Iterator for Libraries<'a> {
 #[cfg(feature = "library")]
 impl Libraries<'_> {
     /// Appends `library` to `bytes`.
-    ///
-    /// # Panics
-    /// The library is longer than 4 GB.
+    /// Panics if the library is longer than 4 GB.
     pub fn append(library: &[u8], bytes: &mut alloc::vec::Vec<u8>) {
         let length = u32::try_from(library.len()).expect("no library is so long");
         bytes.extend(length.to_le_bytes());

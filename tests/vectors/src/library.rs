@@ -127,9 +127,7 @@ pub const COUNTED_ORDERS: [usize; 6] = [10, 20, 50, 100, 200, MAX_ORDER];
 
 /// A library of textures for the count of costs: each of `orders` on one node, then each on the whole
 /// grid.
-///
-/// # Panics
-/// Orders above the limit, or more than sixteen of them.
+/// Panics on orders above the limit, or more than sixteen of them.
 pub fn counted_library(orders: &[usize]) -> Vec<u8> {
     let one = |&order: &usize| {
         Grid::one(&Model::gentle(order, order as u64), 9.0)
@@ -146,9 +144,7 @@ pub fn counted_library(orders: &[usize]) -> Vec<u8> {
 }
 
 /// A texture of `order` on the whole grid, called `name`.
-///
-/// # Panics
-/// An order above the limit.
+/// Panics on an order above the limit.
 pub fn counted_texture(order: usize, name: &str) -> TextureSpec {
     Grid::new(|index| Model::gentle(order, (order + index) as u64)).texture(name)
 }

@@ -31,8 +31,6 @@ pub fn run(cases: &[Case], progress: impl Fn() + Sync) -> Result<Vec<Outcome>> {
 }
 
 /// Plays one case.
-/// # Panics
-/// Never: a lattice holds every texture.
 pub fn play(case: &Case) -> Result<Outcome> {
     let outcome = play_with(case, |texture| Some(player(texture)))?;
     Ok(outcome.expect("a lattice holds every texture"))

@@ -1,10 +1,10 @@
-//! Settings on the image: nothing plays with guessed ones, and none is lost with a word of the flash or by a power cut.
+//! Settings on the image: nothing plays with guessed ones, and none is lost with a word of the flash.
 
 use model_format::link::{MotionSource, PlayEndpoint, PlayError, Setting};
 use virtual_stylus::Options;
-use virtual_stylus::model::flash::{Contents, Moment};
+use virtual_stylus::model::flash::Contents;
 
-use crate::device::{Device, is_drawn};
+use crate::device::Device;
 use crate::library;
 use crate::requests::play_request;
 

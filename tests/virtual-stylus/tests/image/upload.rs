@@ -1,10 +1,10 @@
-//! Uploads: the playing that they leave undisturbed, and power cuts, after which there is the old library or the new.
+//! Uploads: the playing that they leave undisturbed, and an erasure that the flash refuses.
 
 use model_format::link::{MotionSource, SlotId, SlotState, UPLOAD_WINDOW, UploadBeginEndpoint};
-use virtual_stylus::model::flash::{Contents, Moment, Stalls};
-use virtual_stylus::{Options, PowerCut};
+use virtual_stylus::Options;
+use virtual_stylus::model::flash::Stalls;
 
-use crate::device::{Device, is_drawn, long};
+use crate::device::{Device, long};
 use crate::library;
 use crate::requests::announced;
 

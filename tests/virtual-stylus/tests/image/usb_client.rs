@@ -8,21 +8,18 @@ use std::time::{Duration, Instant};
 
 use host_tools::link::capture::capture;
 use host_tools::link::play::{Drive, drive};
-use host_tools::link::self_test::{self, Verdict};
 use host_tools::link::upload::upload;
 use host_tools::link::{Device, LinkAddress, Timeouts};
 use model_format::link::{MotionSource, MuteReasons};
 use virtual_stylus::model::dac::{Cause, Output};
 use virtual_stylus::model::usb::host::Mishap;
 use virtual_stylus::motion::Motion;
-use virtual_stylus::sensors::FunctionPins;
 use virtual_stylus::sockets::UsbSocket;
 use virtual_stylus::{Reset, VirtualStylus};
 
 use crate::device::{MS, product, recording_s};
 use crate::library;
 use crate::requests::{assert_even, play_request};
-use crate::self_test::quiet;
 
 /// Virtual time between two looks at the socket.
 const STEP_NS: u64 = MS / 8;
