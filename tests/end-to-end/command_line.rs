@@ -105,7 +105,7 @@ fn a_simulated_set_is_simulated_wherever_it_goes() {
     let judged = bench.succeed("evaluate rig --library rig.lib --report out --synthesis 2");
     holds(&judged, &["SIMULATED"]);
     bench.succeed("page rig.lib --out rub.html");
-    bench.succeed("compare rig --library rig.lib --out listen.html --trials 1 --segment 0.3");
+    bench.succeed("compare rig --library rig.lib --out listen.html --trials 9 --segment 0.3");
     for page in ["out/index.html", "rub.html", "listen.html"] {
         let page = std::fs::read_to_string(bench.path(page)).unwrap();
         assert!(page.contains("<p class=\"notice\">SIMULATED"));
