@@ -14,6 +14,9 @@ const BLOCK: usize = 2048;
 ///
 /// The mean of a channel is taken off before and put back afterwards. The filter takes everything beyond the ends for
 /// zero, so that an offset would be a step there, whose ringing reaches into the recording.
+///
+/// # Errors
+/// The resampler's message, for rates that it cannot convert.
 pub fn resample(channels: &[Vec<f64>], from_hz: u32, to_hz: u32) -> Result<Vec<Vec<f64>>, String> {
     let frames = channels.first().map_or(0, Vec::len);
     if frames == 0 || from_hz == to_hz {

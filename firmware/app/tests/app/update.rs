@@ -201,10 +201,12 @@ fn survives(before: &Memory, cuts: &[(usize, Cut)], images: &Committed) -> (Memo
 
 /// A cut at the end of an exchange is a reset on the trial, which puts the old image back.
 fn check_exchange(images: &Committed, numbers: &[usize], last: usize, cuts: usize) {
+    let mut counts = [0; 2];
     for (case, &number) in numbers.iter().enumerate() {
         for cut in kinds(case, cuts) {
             let (after, is_new) = survives(&images.memory, &[(number, cut)], images);
             assert!(is_new || number == last, "{cut:?} at {number}");
+            counts[usize::from(is_new)] += 1;
             if is_new && case.is_multiple_of(8) {
                 let (after, _) = boot(after, None);
                 assert!(part(&after, ACTIVE) == images.old, "{cut:?} at {number}");
@@ -212,6 +214,7 @@ fn check_exchange(images: &Committed, numbers: &[usize], last: usize, cuts: usiz
             }
         }
     }
+    println!("{counts:?} times the old and the new image");
 }
 
 /// So many kinds of cuts, from one on that differs from case to case.
@@ -229,6 +232,7 @@ fn check_way_back(images: &Committed, cuts: usize, numbers: impl Fn(&[Operation]
             assert_eq!((is_new, cause, version), (false, 1 << 2, [2, 3, 5]));
         }
     }
+    println!("{} times the old image", cuts * numbers.len());
 }
 
 #[test]

@@ -22,7 +22,9 @@ pub struct Arguments {
 }
 
 /// Writes the update with the image of the ELF file `image`, signed as `arguments` say, and returns the file.
-/// Errors: the image or the key cannot be read, or the update cannot be written.
+///
+/// # Errors
+/// The image or the key cannot be read, or the update cannot be written.
 pub fn write(image: &Path, arguments: &Arguments) -> Result<PathBuf> {
     let seed = match &arguments.key {
         Some(path) => read_key(path)?,
@@ -37,6 +39,9 @@ pub fn write(image: &Path, arguments: &Arguments) -> Result<PathBuf> {
 }
 
 /// The bytes of an update with the image of the ELF file `image`.
+///
+/// # Errors
+/// The bytes are no image.
 pub fn signed(image: &[u8], version: ImageVersion, seed: &[u8; 32]) -> Result<Vec<u8>> {
     let (start, length) = region("FLASH").context("memory.x has no flash")?;
     let body = flashed(image, start, start + length)?;
@@ -48,7 +53,9 @@ pub fn signed(image: &[u8], version: ImageVersion, seed: &[u8; 32]) -> Result<Ve
 
 /// Makes a pair of keys: the secret one in the new file `path`, and the public one beside it, with the extension pub.
 /// Returns the public one's file.
-/// Errors: the file is there already or cannot be written, or the system has no random numbers.
+///
+/// # Errors
+/// The file is there already or cannot be written, or the system has no random numbers.
 pub fn make_keys(path: &Path) -> Result<PathBuf> {
     if path.exists() {
         bail!("{} is there already: name another file", path.display());
