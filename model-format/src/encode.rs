@@ -181,7 +181,9 @@ impl CodeSpec {
 /// Encodes a library of `textures`.
 ///
 /// The bytes returned have passed [`Library::decode`].
-/// Errors: the first fault that makes the library invalid, as decoding it would report it.
+///
+/// # Errors
+/// The first fault that makes the library invalid, as decoding it would report it.
 pub fn encode(textures: &[TextureSpec]) -> Result<Vec<u8>, DecodeError> {
     encode_with_scenes(textures, &[])
 }
@@ -211,6 +213,9 @@ pub fn encode(textures: &[TextureSpec]) -> Result<Vec<u8>, DecodeError> {
 /// assert_eq!(error.to_string(), "scene 0: surface 0: texture 1 is not there: the library has 1");
 /// # Ok::<(), model_format::DecodeError>(())
 /// ```
+///
+/// # Errors
+/// The first fault that makes the library invalid, as decoding it would report it.
 pub fn encode_with_scenes(
     textures: &[TextureSpec],
     scenes: &[Scene],

@@ -76,7 +76,9 @@ pub trait Device {
     fn set_mute(&mut self, muted: bool);
 
     /// The plan of `selection`, by [`plan_of`] from the library in RAM, and its rate.
-    /// Errors: there is no library, or the texture or scene cannot be played.
+    ///
+    /// # Errors
+    /// There is no library, or the texture or scene cannot be played.
     fn plan(
         &self,
         selection: &Selection,
@@ -93,7 +95,9 @@ pub trait Device {
     fn prepare(&mut self, plan: Self::Plan);
 
     /// At rest: plays the prepared plan, that of `piece`, from silence, with `config`, which has the plan's rate.
-    /// Errors: no plan was prepared; nothing is played then.
+    ///
+    /// # Errors
+    /// No plan was prepared; nothing is played then.
     fn start(&mut self, piece: &Piece, config: Config) -> Result<(), NotPrepared>;
 
     /// While something of the same library and rate is played: plays `plan`, that of `request`, as soon as the director
@@ -129,13 +133,21 @@ pub trait Device {
 
     /// Takes one bounded step of copying `library`, which is valid, to the RAM that is played from, and of decoding it
     /// there. Returns true after the last one; before it the RAM holds no library.
-    /// Errors: the copy is not valid. The RAM holds no library then.
+    ///
+    /// # Errors
+    /// The copy is not valid. The RAM holds no library then.
     fn load(&mut self, library: &[u8]) -> Result<bool, LoadFault>;
 
     /// Begins a recording.
+    ///
+    /// # Errors
+    /// As `Recorder::start`.
     fn start_recording(&mut self) -> Result<RecordStarted, RecordError>;
 
     /// Ends the recording.
+    ///
+    /// # Errors
+    /// As `Recorder::stop`.
     fn stop_recording(&mut self) -> Result<RecordStopped, RecordError>;
 
     /// The next whole block of samples, if there is one; it is taken from the queue also while nothing is recorded.
@@ -360,7 +372,9 @@ impl<D: Device> Control<D> {
     }
 
     /// Serves `PlayEndpoint`, and gives the lease to `from`.
-    /// Errors: the texture or scene cannot be played, for the reason in the error. Playing goes on as before.
+    ///
+    /// # Errors
+    /// The texture or scene cannot be played, for the reason in the error. Playing goes on as before.
     pub fn play(&mut self, from: LinkId, request: PlayRequest) -> Result<Playing, PlayError> {
         let now = self.device.now();
         self.lease
@@ -415,6 +429,9 @@ impl<D: Device> Control<D> {
     }
 
     /// Serves `StopEndpoint`, of any link, and ends the lease.
+    ///
+    /// # Errors
+    /// Nothing is played.
     pub fn stop(&mut self) -> Result<OutputStatus, StopError> {
         self.player.stop()?;
         self.lease.end();
@@ -424,7 +441,9 @@ impl<D: Device> Control<D> {
 
     /// Serves `MotionEndpoint` and `MotionTopic`, and renews the lease of `from`, if it plays; returns the source of
     /// the motion that is followed.
-    /// Errors: the motion is not finite, or the other link plays. The motion before holds.
+    ///
+    /// # Errors
+    /// The motion is not finite, or the other link plays. The motion before holds.
     pub fn motion(
         &mut self,
         from: LinkId,
@@ -441,6 +460,9 @@ impl<D: Device> Control<D> {
     }
 
     /// Serves `RecordStartEndpoint`. The blocks go to `from`.
+    ///
+    /// # Errors
+    /// One is under way.
     pub fn record_start(&mut self, from: LinkId) -> Result<RecordStarted, RecordError> {
         let started = self.device.start_recording()?;
         self.listener = from;
@@ -453,6 +475,9 @@ impl<D: Device> Control<D> {
     }
 
     /// Serves `RecordStopEndpoint`.
+    ///
+    /// # Errors
+    /// None is under way.
     pub fn record_stop(&mut self) -> Result<RecordStopped, RecordError> {
         self.device.stop_recording()
     }
@@ -468,7 +493,9 @@ impl<D: Device> Control<D> {
     }
 
     /// Serves `SettingsProposeEndpoint`: keeps `change` in place of one that was proposed before, until it is applied.
-    /// Errors: a value out of its range, a setting that occurs twice, or something is played.
+    ///
+    /// # Errors
+    /// A value out of its range, a setting that occurs twice, or something is played.
     pub fn propose(
         &mut self,
         from: LinkId,
@@ -484,7 +511,9 @@ impl<D: Device> Control<D> {
     }
 
     /// Takes the change that `from` has proposed and was given `token` for.
-    /// Errors: no proposal of this link has this token.
+    ///
+    /// # Errors
+    /// No proposal of this link has this token.
     pub fn take_proposal(
         &mut self,
         from: LinkId,
@@ -494,7 +523,9 @@ impl<D: Device> Control<D> {
     }
 
     /// Keeps everything from being played until [`Control::end_configuration`], while settings are stored.
-    /// Errors: something is played, or a library is being activated.
+    ///
+    /// # Errors
+    /// Something is played, or a library is being activated.
     pub fn begin_configuration(&mut self) -> Result<(), SettingsError> {
         let begun = self.player.begin_configuration();
         begun.map_err(|Busy| SettingsError::Playing)
@@ -519,7 +550,9 @@ impl<D: Device> Control<D> {
     }
 
     /// Keeps everything from being played until [`Control::end_self_test`].
-    /// Errors: something is played, a library is being activated, or settings are being stored.
+    ///
+    /// # Errors
+    /// Something is played, a library is being activated, or settings are being stored.
     pub fn begin_self_test(&mut self) -> Result<(), Busy> {
         self.player.begin_configuration()
     }
@@ -535,6 +568,9 @@ impl<D: Device> Control<D> {
     }
 
     /// Fades out and stops, so that the library can be exchanged once [`Control::may_exchange`] is true.
+    ///
+    /// # Errors
+    /// Another activation is under way.
     pub fn begin_activation(&mut self) -> Result<(), ActivateError> {
         self.player.begin_activation()?;
         self.lease.end();
@@ -562,8 +598,9 @@ impl<D: Device> Control<D> {
 
 /// The plan of `selection` from `library` through the equaliser of `response`, which takes at most `budget`
 /// instructions per tick, and its rate.
-/// Errors: the library lacks the texture or scene; no stylus plays its sample rate; the scene is invalid or over the
-/// budget.
+///
+/// # Errors
+/// The library lacks the texture or scene; no stylus plays its sample rate; the scene is invalid or over the budget.
 pub fn plan_of<'l>(
     selection: &Selection,
     library: &Library<'l>,

@@ -58,7 +58,9 @@ impl Lease {
     }
 
     /// Lets `link` begin to play.
-    /// Errors: the other link holds a lease that has not lapsed.
+    ///
+    /// # Errors
+    /// The other link holds a lease that has not lapsed.
     pub fn check_play(&mut self, link: LinkId, now: u64) -> Result<(), HeldBy> {
         match self.held {
             Some((holder, _)) if holder != link && self.is_alive(now) => Err(self.refuse(holder)),
@@ -67,7 +69,9 @@ impl Lease {
     }
 
     /// Lets `link` move what is played. Unlike a play, it is refused after a lapse too: it is not its texture.
-    /// Errors: the other link holds the lease.
+    ///
+    /// # Errors
+    /// The other link holds the lease.
     pub fn check_motion(&mut self, link: LinkId) -> Result<(), HeldBy> {
         match self.held {
             Some((holder, _)) if holder != link => Err(self.refuse(holder)),

@@ -121,7 +121,9 @@ impl Player {
 
     /// Plays `request`, whose texture or scene exists and has `rate`: at once if something is played with the same gain
     /// at the same rate, otherwise at the next [`Player::poll`] at rest, after the fade-out.
-    /// Errors: a library is being activated or about to be, or settings are being stored.
+    ///
+    /// # Errors
+    /// A library is being activated or about to be, or settings are being stored.
     pub fn play(&mut self, request: PlayRequest, rate: PlayRate) -> Result<Begin, Busy> {
         if self.is_busy() {
             return Err(Busy);
@@ -138,7 +140,9 @@ impl Player {
     }
 
     /// Plays `probe` at `rate` at the next [`Player::poll`].
-    /// Errors: something is played, a library is being activated, or settings are being stored.
+    ///
+    /// # Errors
+    /// Something is played, a library is being activated, or settings are being stored.
     pub fn probe(&mut self, probe: Probe, rate: PlayRate) -> Result<(), Busy> {
         if !self.is_idle() {
             return Err(Busy);
@@ -163,6 +167,9 @@ impl Player {
     }
 
     /// Fades out and stops.
+    ///
+    /// # Errors
+    /// Nothing is played.
     pub fn stop(&mut self) -> Result<(), StopError> {
         match self.phase {
             Phase::Playing(..) | Phase::FadingOut(Then::Play(..)) => {
@@ -180,7 +187,9 @@ impl Player {
     }
 
     /// Fades out and stops, so that the library can be exchanged once [`Player::may_exchange`] is true.
-    /// Errors: another activation is under way, or settings are being stored.
+    ///
+    /// # Errors
+    /// Another activation is under way, or settings are being stored.
     pub fn begin_activation(&mut self) -> Result<(), ActivateError> {
         if self.is_busy() {
             return Err(ActivateError::Busy);
@@ -205,7 +214,9 @@ impl Player {
     }
 
     /// Keeps everything from being played until [`Player::end_configuration`], so that settings can be exchanged.
-    /// Errors: something is played, a library is being activated, or settings are being stored already.
+    ///
+    /// # Errors
+    /// Something is played, a library is being activated, or settings are being stored already.
     pub fn begin_configuration(&mut self) -> Result<(), Busy> {
         if self.phase != Phase::Idle {
             return Err(Busy);

@@ -65,7 +65,9 @@ impl Proposals {
     }
 
     /// Takes the change that `from` has proposed with `token`.
-    /// Errors: none waits with this token, or the other link has proposed it. What waits goes on waiting.
+    ///
+    /// # Errors
+    /// None waits with this token, or the other link has proposed it. What waits goes on waiting.
     pub fn take(
         &mut self,
         from: LinkId,

@@ -90,6 +90,9 @@ impl<'q> Recorder<'q> {
     }
 
     /// Begins a recording with the next sample after those in the queue.
+    ///
+    /// # Errors
+    /// One is under way.
     pub fn start(&mut self) -> Result<RecordStarted, RecordError> {
         if self.recording {
             return Err(RecordError::Recording);
@@ -111,6 +114,9 @@ impl<'q> Recorder<'q> {
     }
 
     /// Ends the recording; a block that is not full is dropped.
+    ///
+    /// # Errors
+    /// None is under way.
     pub fn stop(&mut self) -> Result<RecordStopped, RecordError> {
         if !self.recording {
             return Err(RecordError::NotRecording);

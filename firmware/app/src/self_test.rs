@@ -34,10 +34,15 @@ pub trait Bench {
     fn clocks(&mut self) -> impl Future<Output = ClockValues>;
 
     /// Disables the amplifier, moves the output and reads its pin, and leaves everything as it was, within two seconds.
-    /// Errors: the converter does not answer. Everything is left as it was then, too.
+    ///
+    /// # Errors
+    /// The converter does not answer. Everything is left as it was then, too.
     fn output(&mut self) -> impl Future<Output = Result<OutputValues, SelfTestError>>;
 
     /// Reads the output's pin and moves nothing.
+    ///
+    /// # Errors
+    /// The converter does not answer.
     fn rest(&mut self) -> impl Future<Output = Result<RestValues, SelfTestError>>;
 
     /// Time since the start, µs, which wraps after 71 minutes.
@@ -51,8 +56,10 @@ fn pattern(offset: u32) -> u8 {
 
 impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
     /// Serves `SelfTestEndpoint`.
-    /// Errors: something is played or received; the slot holds what may not be erased, or the last library; the
-    /// hardware does not answer.
+    ///
+    /// # Errors
+    /// Something is played or received; the slot holds what may not be erased, or the last library; the hardware does
+    /// not answer.
     pub async fn self_test(
         &mut self,
         stage: &mut impl Stage,

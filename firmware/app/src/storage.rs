@@ -106,22 +106,28 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
     }
 
     /// Serves `ListEndpoint`.
-    /// Errors: the slot has no library, or has a fault, or the library has fewer textures.
+    ///
+    /// # Errors
+    /// The slot has no library, or has a fault, or the library has fewer textures.
     pub async fn list(&mut self, request: ListRequest) -> Result<TextureInfo, ListError> {
         self.slots.scan_once().await;
         self.slots.texture(request.slot, request.index).await
     }
 
     /// Serves `ListSceneEndpoint`.
-    /// Errors: the slot has no library, or has a fault, or the library has fewer scenes.
+    ///
+    /// # Errors
+    /// The slot has no library, or has a fault, or the library has fewer scenes.
     pub async fn list_scene(&mut self, request: ListRequest) -> Result<SceneInfo, ListError> {
         self.slots.scan_once().await;
         self.slots.scene(request.slot, request.index).await
     }
 
     /// Serves `ActivateEndpoint`: fades out, copies the library to RAM, and makes its slot the active one.
-    /// Errors: the library cannot be activated, for the reason in the error. The library in RAM stays unless the copy
-    /// itself failed.
+    ///
+    /// # Errors
+    /// The library cannot be activated, for the reason in the error. The library in RAM stays unless the copy itself
+    /// failed.
     pub async fn activate(
         &mut self,
         stage: &mut impl Stage,
@@ -177,7 +183,9 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
     }
 
     /// Serves `UploadBeginEndpoint`.
-    /// Errors: as [`Uploader::begin`], the supply is too low, or the slot keeps an image.
+    ///
+    /// # Errors
+    /// As [`Uploader::begin`], the supply is too low, or the slot keeps an image.
     pub async fn upload_begin(
         &mut self,
         stage: &mut impl Stage,
@@ -194,7 +202,9 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
     }
 
     /// Serves `UploadChunkEndpoint`.
-    /// Errors: as [`Uploader::chunk`], or the supply is too low. The upload can be continued.
+    ///
+    /// # Errors
+    /// As [`Uploader::chunk`], or the supply is too low. The upload can be continued.
     pub async fn upload_chunk(
         &mut self,
         stage: &mut impl Stage,
@@ -207,7 +217,9 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
     }
 
     /// Serves `UploadCommitEndpoint`.
-    /// Errors: as [`Uploader::commit`], or the supply is too low. The upload can be continued.
+    ///
+    /// # Errors
+    /// As [`Uploader::commit`], or the supply is too low. The upload can be continued.
     pub async fn upload_commit(
         &mut self,
         stage: &mut impl Stage,
@@ -219,7 +231,9 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
     }
 
     /// Serves `UploadAbortEndpoint`.
-    /// Errors: none; the endpoint's type leaves room for one.
+    ///
+    /// # Errors
+    /// None; the endpoint's type leaves room for one.
     pub fn upload_abort(&mut self, stage: &mut impl Stage) -> Result<UploadState, UploadError> {
         self.uploader.abort(&mut self.slots);
         stage.with_control(|control| control.set_upload(self.uploader.state()));
@@ -227,7 +241,9 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
     }
 
     /// Serves `SettingsApplyEndpoint`: applies what `from` has proposed and was given `token` for.
-    /// Errors: no such proposal waits; something is played; the supply is too low; the flash fails.
+    ///
+    /// # Errors
+    /// No such proposal waits; something is played; the supply is too low; the flash fails.
     pub async fn settings_apply(
         &mut self,
         stage: &mut impl Stage,
@@ -251,7 +267,9 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
 
     /// Serves `ResponseSetEndpoint`: stores what `from` has proposed, with the setting that belongs to it, or removes
     /// the stored response.
-    /// Errors: no such response; something is played; the supply is too low; the flash fails.
+    ///
+    /// # Errors
+    /// No such response; something is played; the supply is too low; the flash fails.
     pub async fn response_set(
         &mut self,
         stage: &mut impl Stage,

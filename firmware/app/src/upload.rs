@@ -55,8 +55,10 @@ impl Uploader {
     }
 
     /// Begins an upload, or continues the one of the same length and checksum. Any other upload under way ends.
-    /// Errors: no library has this length; the slot holds the last library that can be read, and `begin` does not ask
-    /// for its end; the flash fails.
+    ///
+    /// # Errors
+    /// No library has this length; the slot holds the last library that can be read, and `begin` does not ask for its
+    /// end; the flash fails.
     pub async fn begin<F: MappedFlash>(
         &mut self,
         store: &mut SlotStore<F>,
@@ -90,8 +92,10 @@ impl Uploader {
     }
 
     /// Writes the next chunk.
-    /// Errors: no upload is under way; the chunk is out of order, of a wrong length or past the end; the flash fails,
-    /// which ends the upload.
+    ///
+    /// # Errors
+    /// No upload is under way; the chunk is out of order, of a wrong length or past the end; the flash fails, which
+    /// ends the upload.
     pub async fn chunk<F: MappedFlash>(
         &mut self,
         store: &mut SlotStore<F>,
@@ -114,7 +118,9 @@ impl Uploader {
     }
 
     /// Validates the received bytes and makes them the library of their slot, which does not become the active one.
-    /// Errors: no upload is under way, or it is not complete. Any other error ends the upload: the bytes are not those
+    ///
+    /// # Errors
+    /// No upload is under way, or it is not complete. Any other error ends the upload: the bytes are not those
     /// announced, or not a library, or the flash fails.
     pub async fn commit<F: MappedFlash>(
         &mut self,
@@ -137,7 +143,9 @@ impl Uploader {
     }
 
     /// Slot and length of the upload under way, of which all bytes have arrived.
-    /// Errors: no upload is under way, or it is not complete.
+    ///
+    /// # Errors
+    /// No upload is under way, or it is not complete.
     pub fn received(&self) -> Result<(SlotId, u32), UploadError> {
         let Upload {
             begin,

@@ -8,6 +8,9 @@ use stylus_kernel::{Motion, MotionError, Synthesis, UPDATE_INTERVAL_SAMPLES};
 
 /// Plays the first texture of `library` into `output`, 5000 or 10 000 samples per second as the texture says, in steps
 /// of 2⁻²⁰ m/s². `motion` gives the tool's motion at a sample; it is asked once per update interval of ten.
+///
+/// # Errors
+/// Bytes that are no library that a stylus plays.
 pub fn play(
     library: &[u8],
     motion: impl Fn(usize) -> Motion,

@@ -52,7 +52,9 @@ impl Handler<typelevel::USART3> for LineErrors {
 }
 
 /// Sets the port up: sender and receiver.
-/// Errors: the clock cannot give the baud rate.
+///
+/// # Errors
+/// The clock cannot give the baud rate.
 pub fn open(
     usart: Peri<'static, peripherals::USART3>,
     tx: Peri<'static, PD8>,

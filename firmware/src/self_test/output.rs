@@ -90,7 +90,9 @@ async fn set(by_hand: &ByHand, code: DacCode) -> Result<(), SelfTestError> {
 }
 
 /// Measures everything. However it ends, the output belongs to the tick again and the amplifier is as before.
-/// Errors: the converter does not answer, or the output takes no code.
+///
+/// # Errors
+/// The converter does not answer, or the output takes no code.
 pub async fn measure() -> Result<OutputValues, SelfTestError> {
     let read_back = ReadBack::start().await?;
     let by_hand = ByHand::take();
@@ -117,6 +119,9 @@ pub async fn measure() -> Result<OutputValues, SelfTestError> {
 }
 
 /// Reads the pin as the tick drives it, and leaves the output and the amplifier alone.
+///
+/// # Errors
+/// The converter does not answer.
 pub async fn rest() -> Result<RestValues, SelfTestError> {
     let read_back = ReadBack::start().await?;
     let mut sum = 0;

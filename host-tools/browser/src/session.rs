@@ -242,6 +242,9 @@ impl<'a> Session<'a> {
     }
 
     /// Texture number `index` of the library.
+    ///
+    /// # Errors
+    /// Fewer textures.
     pub fn texture(&self, index: usize) -> Result<Texture<'a>, Fault> {
         let count = self.library.len();
         let texture = self.library.texture_at(index);
@@ -249,6 +252,9 @@ impl<'a> Session<'a> {
     }
 
     /// Scene number `index` of the library.
+    ///
+    /// # Errors
+    /// Fewer scenes.
     pub fn scene(&self, index: usize) -> Result<Scene, Fault> {
         let count = self.library.scene_count();
         let scene = self.library.scene_at(index);
@@ -256,7 +262,9 @@ impl<'a> Session<'a> {
     }
 
     /// Plays `selection` from the next block on, or as soon as what sounds has faded, with the noise of `seed`.
-    /// Errors: a texture or scene that is not there, or a scene that cannot be played. What played before goes on.
+    ///
+    /// # Errors
+    /// A texture or scene that is not there, or a scene that cannot be played. What played before goes on.
     pub fn choose(
         &mut self,
         selection: Selection,
@@ -297,7 +305,9 @@ impl<'a> Session<'a> {
     }
 
     /// Plays a block for each of `motions` into `outputs`, which has room for all their samples.
-    /// Errors: no choice, more than [`MOST_BLOCKS`], or a motion that cannot be played. Nothing is played then.
+    ///
+    /// # Errors
+    /// No choice, more than [`MOST_BLOCKS`], or a motion that cannot be played. Nothing is played then.
     pub fn play(
         &mut self,
         motions: &[BlockMotion],

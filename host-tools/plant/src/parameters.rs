@@ -156,7 +156,9 @@ pub struct Parameters {
 impl Parameters {
     /// The parameters in a TOML text: the tables `coil`, `amplifier`, `body`, `hand` and `accelerometer`, and any
     /// number of `[[faults]]`.
-    /// Errors: a text of another form, or a value out of its range.
+    ///
+    /// # Errors
+    /// A text of another form, or a value out of its range.
     pub fn from_toml(text: &str) -> Result<Self> {
         let parameters: Self =
             toml::from_str(text).map_err(|error| Error::Form(error.to_string()))?;
@@ -165,6 +167,9 @@ impl Parameters {
     }
 
     /// A preset by its name, one of [`PRESETS`], with `/light`, `/firm` or `/free` after it for another hand.
+    ///
+    /// # Errors
+    /// A name that no preset has.
     pub fn preset(name: &str) -> Result<Self> {
         let unknown = || Error::NoPreset(name.to_owned());
         let (actuator, hand) = name.split_once('/').unwrap_or((name, "light"));
@@ -184,7 +189,9 @@ impl Parameters {
     }
 
     /// The parameters in the TOML file `source`, or those of the preset of that name if there is no such file.
-    /// Errors: a file that cannot be read or used, or a name of neither.
+    ///
+    /// # Errors
+    /// A file that cannot be read or used, or a name of neither.
     pub fn read(source: &Path) -> Result<Self> {
         let name = source.display().to_string();
         let file = |reason: String| Error::File {
@@ -228,6 +235,9 @@ impl Parameters {
     }
 
     /// Checks that every value is one that a plant may have, so that its steps stay finite.
+    ///
+    /// # Errors
+    /// A value out of its range.
     pub fn check(&self) -> Result<()> {
         let table = toml::Table::try_from(self).map_err(|error| Error::Form(error.to_string()))?;
         check_in("", &table)

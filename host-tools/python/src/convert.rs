@@ -16,7 +16,9 @@ use serde::Serialize;
 use crate::error::refused;
 
 /// The choice that the command calls `text`, of the argument `name`.
-/// Errors: a text that is no choice, with those that are.
+///
+/// # Errors
+/// A text that is no choice, with those that are.
 pub fn choice<T: ValueEnum>(name: &str, text: &str) -> PyResult<T> {
     T::from_str(text, false).map_err(|_| {
         let all: Vec<String> = T::value_variants()
@@ -29,6 +31,9 @@ pub fn choice<T: ValueEnum>(name: &str, text: &str) -> PyResult<T> {
 }
 
 /// The conditioning of recordings, by the names of the command's options.
+///
+/// # Errors
+/// A choice that there is not.
 pub fn conditioning(reduce: &str, high_pass: &str) -> PyResult<Conditioning> {
     let problem = |problem: String| refused(format!("high_pass is '{high_pass}': it {problem}"));
     Ok(Conditioning {
@@ -38,6 +43,9 @@ pub fn conditioning(reduce: &str, high_pass: &str) -> PyResult<Conditioning> {
 }
 
 /// Checks a number by the rule of an option of the command.
+///
+/// # Errors
+/// A number that the rule refuses.
 pub fn checked(
     name: &str,
     value: f64,
@@ -47,24 +55,34 @@ pub fn checked(
 }
 
 /// Checks a number that must be finite and above zero.
+///
+/// # Errors
+/// Another number.
 pub fn positive(name: &str, value: f64) -> PyResult<f64> {
     checked(name, value, number::positive)
 }
 
 /// Checks a number that must be finite and at least zero.
+///
+/// # Errors
+/// Another number.
 pub fn not_negative(name: &str, value: f64) -> PyResult<f64> {
     checked(name, value, number::not_negative)
 }
 
 /// `value` as plain Python objects: what `json.loads` makes of the command's JSON.
-/// Errors: none for results.
+///
+/// # Errors
+/// None for results.
 pub fn plain<'py>(py: Python<'py>, value: &impl Serialize) -> PyResult<Bound<'py, PyAny>> {
     let text = serde_json::to_string(value).map_err(|failure| refused(failure.to_string()))?;
     py.import("json")?.call_method1("loads", (text,))
 }
 
 /// An object of a class of results, which are plain Python: `_results.py`.
-/// Errors: none for the arguments of the class.
+///
+/// # Errors
+/// None for the arguments of the class.
 pub fn made<'py>(
     py: Python<'py>,
     class: &str,
@@ -80,6 +98,9 @@ pub fn array<T: Element>(py: Python<'_>, values: Vec<T>) -> Py<PyArray1<T>> {
 }
 
 /// `values`, row by row, as an array of `rows` rows.
+///
+/// # Errors
+/// Values that make no such array.
 pub fn table<T: Element>(py: Python<'_>, values: Vec<T>, rows: usize) -> PyResult<Py<PyArray2<T>>> {
     let columns = values.len() / rows.max(1);
     let flat = PyArray1::from_vec(py, values);
@@ -90,7 +111,9 @@ pub fn table<T: Element>(py: Python<'_>, values: Vec<T>, rows: usize) -> PyResul
 const MOST_NUMBERS: usize = 1 << 27;
 
 /// The numbers of an array-like of one dimension, the argument `name`.
-/// Errors: something else, masked numbers, or more than a result is made of.
+///
+/// # Errors
+/// Something else, masked numbers, or more than a result is made of.
 pub fn numbers(name: &str, values: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {
     check_mask(name, values)?;
     let array: PyArrayLike1<'_, f64, AllowTypeChange> = values
@@ -130,6 +153,9 @@ pub struct Channels {
 }
 
 /// The channels of an array-like.
+///
+/// # Errors
+/// An array of another kind or shape.
 pub fn channels(samples: &Bound<'_, PyAny>) -> PyResult<Channels> {
     let py = samples.py();
     check_mask("samples", samples)?;

@@ -77,7 +77,9 @@ fn exception(text: &str, kind: &str, path: Option<PathBuf>, line: Option<u64>) -
 }
 
 /// Warns of something, by Python's own way.
-/// Errors: a filter that makes errors of warnings.
+///
+/// # Errors
+/// A filter that makes errors of warnings.
 pub fn warn(py: Python<'_>, text: &str) -> PyResult<()> {
     let text = CString::new(message(text))?;
     let category = py.get_type::<StylusWarning>();

@@ -155,7 +155,9 @@ pub struct Along {
 
 impl Asked<'_> {
     /// The motion that is asked for; none if nothing is said of one.
-    /// Errors: a motion that cannot be used, or two of them.
+    ///
+    /// # Errors
+    /// A motion that cannot be used, or two of them.
     pub fn along(self) -> PyResult<Option<Along>> {
         if let Some(seconds) = self.seconds {
             crate::convert::positive("seconds", seconds)?;

@@ -51,7 +51,9 @@ pub enum Played {
 }
 
 /// Renders what is `played` from the library of `bytes`.
-/// Errors: a texture that is not there, a duration that no rendering has; an interrupt.
+///
+/// # Errors
+/// A texture that is not there, a duration that no rendering has; an interrupt.
 pub fn rendered<'py>(
     py: Python<'py>,
     bytes: Arc<[u8]>,

@@ -17,7 +17,9 @@ const FLAGS: [(NodeFlags, &str); 4] = [
 ];
 
 /// The texture as an object of Python.
-/// Errors: none for textures of a library.
+///
+/// # Errors
+/// None for textures of a library.
 pub fn described<'py>(py: Python<'py>, texture: &Texture<'_>) -> PyResult<Bound<'py, PyAny>> {
     let (speeds, forces) = (texture.speed_axis(), texture.force_axis());
     let speeds: Vec<f64> = speeds.values().map(as_written).collect();

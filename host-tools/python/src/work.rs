@@ -59,7 +59,9 @@ impl Steps {
 }
 
 /// Runs `work` of `total` steps, telling `progress` of those done: `progress(done, total)`.
-/// Errors: those of `work`; what a signal's handler or `progress` raises.
+///
+/// # Errors
+/// Those of `work`; what a signal's handler or `progress` raises.
 pub fn run<T: Send + 'static>(
     py: Python<'_>,
     total: u64,
@@ -80,6 +82,9 @@ pub enum AfterEnd {
 }
 
 /// As [`run`], with a choice of what comes after the end.
+///
+/// # Errors
+/// As [`run`].
 pub fn run_until<T: Send + 'static>(
     py: Python<'_>,
     total: u64,

@@ -329,7 +329,9 @@ fn removed_node_test(
 }
 
 /// `set` with the speeds and forces that the fit of this `record` took for its own.
-/// Errors: values that its tolerance does not tell apart.
+///
+/// # Errors
+/// Values that its tolerance does not tell apart.
 pub fn as_fitted(record: Option<&FitRecord>, set: RecordingSet) -> Result<RecordingSet> {
     match record {
         Some(record) => record.as_fitted(set),

@@ -42,11 +42,17 @@ impl Overwrite {
     }
 
     /// Checks a file to write, by a command with these inputs.
+    ///
+    /// # Errors
+    /// As [`output::check_file`].
     pub fn file(&self, path: &Path, inputs: &[PathBuf]) -> Result<()> {
         output::check_file(path, self.is_asked(), &with_those_named(path, inputs))
     }
 
     /// Checks a folder to write, by a command with these inputs.
+    ///
+    /// # Errors
+    /// As [`output::check_folder`].
     pub fn folder(&self, path: &Path, inputs: &[PathBuf]) -> Result<()> {
         output::check_folder(path, self.is_asked(), &with_those_named(path, inputs))
     }
@@ -89,6 +95,9 @@ pub struct WavFile {
 
 impl WavFile {
     /// Checks that the file can be written, by a command with these inputs.
+    ///
+    /// # Errors
+    /// As [`Overwrite::file`].
     pub fn check(&self, inputs: &[PathBuf]) -> Result<()> {
         self.overwrite.file(&self.out, inputs)
     }
@@ -148,7 +157,9 @@ pub struct PinArguments {
 #[cfg(feature = "device")]
 impl PinArguments {
     /// Returns true if the pin, or the tip behind it, is to be rendered.
-    /// Errors: settings without either.
+    ///
+    /// # Errors
+    /// Settings without either.
     pub fn is_asked(&self) -> Result<bool> {
         let asked = self.pin || self.plant.is_some();
         if !asked && !self.settings.is_empty() {
@@ -161,7 +172,9 @@ impl PinArguments {
 
     /// Renders the pin, or the tip behind it, into `wav`, and prints what is in the file and what the safety stages
     /// changed.
-    /// Errors: a setting or a plant that is refused, and those of [`render_pin_wav`].
+    ///
+    /// # Errors
+    /// A setting or a plant that is refused, and those of [`render_pin_wav`].
     pub fn render(&self, rendering: &mut Rendering<'_>, wav: &WavFile, source: &str) -> Result<()> {
         let changes = self.settings.iter();
         let settings = settings(changes.map(|(name, value)| (name.as_str(), *value)))?;
@@ -177,7 +190,9 @@ impl PinArguments {
 }
 
 /// Reads a plant's file, or the preset of this name.
-/// Errors: there is neither, or a file that is no plant's.
+///
+/// # Errors
+/// There is neither, or a file that is no plant's.
 pub fn read_plant(source: &Path) -> Result<Parameters> {
     Parameters::read(source).map_err(|error| Error::Request(error.to_string()))
 }

@@ -32,6 +32,9 @@ impl Recordings {
     }
 
     /// Opens the set.
+    ///
+    /// # Errors
+    /// See [`RecordingSet::open_with`].
     pub fn open(&self) -> Result<RecordingSet> {
         RecordingSet::open_with(&self.inputs, &self.assumed)
     }
@@ -108,7 +111,9 @@ impl Along {
 
     /// The motion and its duration, s, for something of this name. A scene of constant speed, mm/s, and force, N, needs
     /// no other.
-    /// Errors: a motion that cannot be read or is not given, or a constant one without a duration.
+    ///
+    /// # Errors
+    /// A motion that cannot be read or is not given, or a constant one without a duration.
     pub fn motion(&self, name: &str, own: Option<(f32, f32)>) -> Result<(MotionPath, f64)> {
         let asked = self.speed.zip(self.force);
         let asked = asked.map(|(speed, force)| (speed as f32, force as f32));

@@ -90,7 +90,9 @@ pub struct Interrupt(());
 #[cfg(feature = "device")]
 impl Interrupt {
     /// Listens from now on. The first signal only raises a flag; the second one ends the process.
-    /// Errors: a system that refuses a thread or a signal handler.
+    ///
+    /// # Errors
+    /// A system that refuses a thread or a signal handler.
     pub fn listen() -> Result<Self> {
         IS_HEARD.store(true, Ordering::SeqCst);
         #[cfg(unix)]

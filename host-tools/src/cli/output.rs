@@ -30,11 +30,17 @@ pub fn is_full() -> bool {
 }
 
 /// Prints to standard output.
+///
+/// # Errors
+/// An output that does not take all of it.
 pub fn print(text: &str) -> Result<()> {
     print_to(&mut io::stdout().lock(), &visible(text))
 }
 
 /// Prints a value as JSON.
+///
+/// # Errors
+/// As [`print()`].
 pub fn print_json(value: &impl serde::Serialize) -> Result<()> {
     print(&to_json(value))
 }
@@ -46,6 +52,9 @@ pub fn to_json(value: &impl serde::Serialize) -> String {
 }
 
 /// Prints bytes of this program's own making to standard output as they are, such as a script for a shell.
+///
+/// # Errors
+/// As [`print()`].
 pub fn print_exactly(bytes: &[u8]) -> Result<()> {
     let mut output = io::stdout().lock();
     (output.write_all(bytes).and_then(|()| output.flush()))
@@ -95,6 +104,9 @@ pub fn failed(failure: &Error) {
 }
 
 /// Prints a text that clap has made: the help on standard output, or the fault of a command line on standard error.
+///
+/// # Errors
+/// As [`print()`], for help.
 pub fn answer(answer: &clap::Error) -> Result<()> {
     let styled = answer.render();
     let plain = styled.to_string();

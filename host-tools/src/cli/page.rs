@@ -152,6 +152,9 @@ fn fitted(set: &RecordingSet, conditioning: Conditioning) -> Result<(Vec<u8>, Op
 }
 
 /// Writes the page with a progress bar.
+///
+/// # Errors
+/// As [`rub_page::write`].
 pub fn write(inputs: &Inputs<'_>, path: &Path) -> Result<Written> {
     let bar = progress::bar(inputs.library.len() as u64, "page");
     let written = rub_page::write(inputs, path, || bar.inc(1))?;

@@ -48,6 +48,9 @@ pub struct NoSuchAxis {
 }
 
 /// Reduces `axes`, one to three of equal length in m/s², to one. Removes the mean of each of them in place.
+///
+/// # Errors
+/// An axis that does not exist.
 pub fn reduce(axes: &mut [Vec<f64>], by: Reduction) -> Result<Reduced, NoSuchAxis> {
     for axis in axes.iter_mut() {
         remove_mean(axis);

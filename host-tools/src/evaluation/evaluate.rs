@@ -174,6 +174,9 @@ impl Comparison {
 }
 
 /// The texture of `library` that a trial names.
+///
+/// # Errors
+/// A texture that is not there, with those that are.
 pub fn texture_named<'a>(library: &Library<'a>, name: &str) -> Result<Texture<'a>> {
     library.texture(name).ok_or_else(|| {
         let names: Vec<&str> = library.textures().map(|texture| texture.name()).collect();
@@ -245,8 +248,10 @@ fn read(trial: &Trial, judge: &Judge, conditioning: Conditioning) -> Result<Comp
 }
 
 /// Fits what blocks judge, and evaluates nothing yet: for [`Evaluation::compare`].
-/// Errors: a texture that the library does not have or that plays at another rate, a recording that cannot be used, or
-/// blocks to judge without a record.
+///
+/// # Errors
+/// A texture that the library does not have or that plays at another rate, a recording that cannot be used, or blocks
+/// to judge without a record.
 pub fn prepare(
     set: &RecordingSet,
     library: &Library<'_>,
@@ -284,6 +289,9 @@ pub fn prepare(
 ///
 /// What is judged by blocks is fitted again to the blocks between, with the options of `record`; what is judged by
 /// other recordings is `library` as it is. The result does not depend on the number of threads.
+///
+/// # Errors
+/// See [`prepare`].
 pub fn evaluate(
     set: &RecordingSet,
     library: &Library<'_>,
@@ -355,6 +363,9 @@ impl Evaluation {
     }
 
     /// Reads the judge of trial `index` of the evaluated set, and plays what it judges.
+    ///
+    /// # Errors
+    /// A recording that cannot be used any more.
     pub fn compare(
         &self,
         set: &RecordingSet,

@@ -52,6 +52,9 @@ impl Judge {
 /// `record` names the recording; else the recording itself. Without a record nothing is known to be held out.
 ///
 /// `takes` is empty, or has an entry per trial.
+///
+/// # Errors
+/// A recording that cannot be read.
 pub fn judges(
     set: &RecordingSet,
     takes: Vec<Take>,
@@ -83,7 +86,9 @@ pub struct Chosen {
 }
 
 /// Chooses the judges of `set` among the takes `others`, if given.
-/// Errors: those of [`takes`] and [`judges`], or `others` of which none is another take of any trial.
+///
+/// # Errors
+/// Those of [`takes`] and [`judges`], or `others` of which none is another take of any trial.
 pub fn chosen(
     set: &RecordingSet,
     others: Option<&RecordingSet>,
@@ -181,6 +186,9 @@ pub enum Take {
 ///
 /// A take is told by content from what was fitted: by the bytes of its file, and by the correlation of its signal with
 /// that of the trial, so that a copy under another name, scaled or inverted, is known.
+///
+/// # Errors
+/// A recording that cannot be used.
 pub fn takes(
     set: &RecordingSet,
     others: &RecordingSet,

@@ -84,7 +84,9 @@ pub fn in_words(parts: &PartsSpec) -> String {
 }
 
 /// Calls `work` with `texture` as `played` chooses.
-/// Errors: those of `work`; parts that make no library.
+///
+/// # Errors
+/// Those of `work`; parts that make no library.
 pub fn with<T>(
     texture: &Texture<'_>,
     played: Played,

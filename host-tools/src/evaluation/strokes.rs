@@ -57,7 +57,9 @@ pub struct Stroke {
 
 impl Stroke {
     /// The stroke `recording`, which `file` holds.
-    /// Errors: a recording that is shorter than a window or that cannot be reduced to one axis.
+    ///
+    /// # Errors
+    /// A recording that is shorter than a window or that cannot be reduced to one axis.
     pub fn of(file: &Path, recording: Freehand, conditioning: Conditioning) -> Result<Self> {
         let motion = motion_of(&recording)?;
         let Freehand {
@@ -208,7 +210,9 @@ pub struct AlongStrokes {
 /// Plays `texture` along each of the `judges`, and compares in time, with predictions from the `fitted` strokes beside:
 /// their mean level, a straight line over the logarithms of speed and force, and the stroke of the nearest motion, one
 /// window after the other.
-/// Errors: a texture of another rate than 5 kHz, or strokes without motion in contact.
+///
+/// # Errors
+/// A texture of another rate than 5 kHz, or strokes without motion in contact.
 pub fn along_strokes(
     texture: Texture<'_>,
     fitted: &[Stroke],

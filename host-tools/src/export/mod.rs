@@ -53,8 +53,9 @@ pub struct Export {
 impl Export {
     /// Renders `seconds` of `texture` along `motion`, with a progress bar, and makes a file of it. The number 1 in the
     /// file is `full_scale_m_s2`, or else the largest acceleration in it, or 1 m/s² in WAV.
-    /// Errors: more than [`MAX_SECONDS`], a silent stroke, a full scale that is too small, and those of
-    /// [`Rendering::new`].
+    ///
+    /// # Errors
+    /// More than [`MAX_SECONDS`], a silent stroke, a full scale that is too small, and those of [`Rendering::new`].
     pub fn new(
         texture: Texture<'_>,
         motion: &MotionPath,
@@ -127,6 +128,9 @@ impl Export {
     }
 
     /// Writes the file, whole or not at all.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
     pub fn write(&self, path: &Path) -> Result<()> {
         atomic_file::write(path, &self.bytes)
     }

@@ -60,6 +60,9 @@ pub struct Densified {
 /// `progress` of every line looked at.
 ///
 /// The recordings are a set and the reduced signals of its trials, those of dropped trials empty.
+///
+/// # Errors
+/// A texture that a library cannot hold.
 pub fn densify(
     textures: &[FittedTexture],
     (set, signals): (&RecordingSet, &[Vec<f64>]),

@@ -42,12 +42,18 @@ pub struct Fit {
 
 impl Fit {
     /// Encodes its textures as a library.
+    ///
+    /// # Errors
+    /// Textures that no library holds.
     pub fn library(&self) -> Result<Vec<u8>> {
         encoded(&self.specs)
     }
 }
 
 /// Encodes a library of `specs`.
+///
+/// # Errors
+/// Textures that no library holds.
 pub fn encoded(specs: &[TextureSpec]) -> Result<Vec<u8>> {
     model_format::encode(specs)
         .map_err(|failure| Error::Model(format!("the textures do not make a library: {failure}")))

@@ -46,13 +46,18 @@ const KEPT_SIGNALS: usize = 128 << 20;
 /// Fits `set` with the excitation that its recordings have, telling `progress` of each trial done.
 ///
 /// The result does not depend on the number of threads.
-/// Errors: the first trial that cannot be used; with [`Options::strict`] the first with a verdict; a texture that the
-/// chosen library cannot hold; options that [`Options::check_rate`] refuses.
+///
+/// # Errors
+/// The first trial that cannot be used; with [`Options::strict`] the first with a verdict; a texture that the chosen
+/// library cannot hold; options that [`Options::check_rate`] refuses.
 pub fn fit(set: &RecordingSet, options: &Options, progress: impl Fn() + Sync) -> Result<Fit> {
     fit_between(set, options, progress, || ())
 }
 
 /// As [`fit`], calling `between` between the later steps, which have no count: for programs that may end the work.
+///
+/// # Errors
+/// As [`fit`].
 pub fn fit_between(
     set: &RecordingSet,
     options: &Options,
@@ -114,6 +119,9 @@ fn add_excitation(
 }
 
 /// As [`fit_analysed`], of `analysed` trials, with what excites the models: codebooks and tracks of fitted blocks.
+///
+/// # Errors
+/// As [`fit_analysed`].
 pub fn fit_blocks(
     set: &RecordingSet,
     analysed: Vec<part::PartlyAnalysed>,
@@ -144,6 +152,9 @@ fn without_lines(set: &RecordingSet, members: &[usize], options: &Options) -> Re
 
 /// Reads and analyses every trial of `set` for models of the highest order of `options`, telling `progress` of each
 /// trial done.
+///
+/// # Errors
+/// The first trial that cannot be used.
 pub fn analyse_set(
     set: &RecordingSet,
     options: &Options,
@@ -213,7 +224,10 @@ fn analyse_texture(
 
 /// Fits `set` to the analyses of its trials, in the order of the set, with Gaussian excitation of steady level. They
 /// were made with `options`, or with an order at least as high.
-/// Errors: with [`Options::strict`] the first trial with a verdict; a texture that the library cannot hold.
+///
+/// # Errors
+/// With [`Options::strict`] the first trial with a verdict; a texture that the library cannot
+/// hold.
 pub fn fit_analysed(set: &RecordingSet, analyses: &[Analysis], options: &Options) -> Result<Fit> {
     let trials = reports(set, analyses, options)?;
     let of_members = |members: &[usize]| {

@@ -130,7 +130,9 @@ pub struct Options {
 }
 
 /// The rate of `rate_hz` samples per second.
-/// Errors: a rate that no stylus plays.
+///
+/// # Errors
+/// A rate that no stylus plays.
 pub(super) fn play_rate(rate_hz: u32) -> Result<PlayRate> {
     PlayRate::of(rate_hz).ok_or_else(|| {
         let rates = PlayRate::ALL.map(|rate| rate.hz().to_string()).join(" or ");
@@ -142,8 +144,9 @@ pub(super) fn play_rate(rate_hz: u32) -> Result<PlayRate> {
 
 impl Options {
     /// Checks that what they ask for is fitted at their rate.
-    /// Errors: a rate that no stylus plays; at another rate than 5 kHz, a choice that is made at 5 kHz alone, by its
-    /// name.
+    ///
+    /// # Errors
+    /// A rate that no stylus plays; at another rate than 5 kHz, a choice that is made at 5 kHz alone, by its name.
     pub fn check_rate(&self) -> Result<()> {
         let rate_hz = self.sample_rate_hz;
         if rate_hz == SAMPLE_RATE_HZ {

@@ -87,6 +87,9 @@ pub struct PartlyAnalysed {
 }
 
 /// Reads `trial` and analyses its fitted blocks for models of up to `max_order`.
+///
+/// # Errors
+/// A file that cannot be used, or without the axis that was asked for.
 pub fn analyse_blocks(
     trial: &Trial,
     options: &Options,
@@ -108,6 +111,9 @@ pub fn analyse_blocks(
 }
 
 /// As [`analyse_blocks`], of every trial of `set` for models of the highest order of `options`.
+///
+/// # Errors
+/// The first trial that cannot be used.
 pub fn analyse_blocks_of_set(
     set: &RecordingSet,
     options: &Options,

@@ -83,6 +83,9 @@ pub struct FittedTrial {
 impl FitRecord {
     /// The record of a fit of `set` with `options` that gave the library `bytes`, without an account of
     /// excitations and lines.
+    ///
+    /// # Errors
+    /// A recording that cannot be read any more.
     pub fn of(set: &RecordingSet, options: &Options, bytes: &[u8]) -> Result<Self> {
         let contents = in_order(&set.trials, content_of)?;
         Ok(Self::with_contents(set, options, bytes, &contents))
@@ -126,6 +129,9 @@ impl FitRecord {
 
     /// Reads the record beside the library at `path`, whose content is `bytes`. `None` if there is none, or one of
     /// another library.
+    ///
+    /// # Errors
+    /// A record that cannot be read or understood.
     pub fn beside(path: &Path, bytes: &[u8]) -> Result<Option<Self>> {
         let path = Self::path_for(path);
         let text = match RECORD.read(&path) {
@@ -145,6 +151,9 @@ impl FitRecord {
     }
 
     /// Reads a record from `text`; `path` is only named in errors.
+    ///
+    /// # Errors
+    /// Text that is no record.
     pub fn from_text(path: &Path, text: &[u8]) -> Result<Self> {
         serde_json::from_slice(text).map_err(|failure| {
             let problem = format!("is no record of a fit ({failure}): remove it, or fit again");
@@ -153,6 +162,9 @@ impl FitRecord {
     }
 
     /// Returns `set` with the speeds and forces that the fit took for its own.
+    ///
+    /// # Errors
+    /// See [`RecordingSet::snapped`].
     pub fn as_fitted(&self, set: RecordingSet) -> Result<RecordingSet> {
         match self.options.snap {
             Some(snap) => Ok(set.snapped(snap)?.0),
@@ -161,6 +173,9 @@ impl FitRecord {
     }
 
     /// The record as text.
+    ///
+    /// # Errors
+    /// None for records that [`Self::of`] makes.
     pub fn to_text(&self) -> Result<String> {
         serde_json::to_string_pretty(self).map_err(|failure| Error::Request(failure.to_string()))
     }
@@ -168,6 +183,9 @@ impl FitRecord {
     /// Writes the record beside its library, of these `bytes`, which is written to `library`: both or neither.
     ///
     /// The library gets its name first: a record that is missing, or of an earlier library, is not believed.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
     pub fn write_with(&self, library: &Path, bytes: &[u8]) -> Result<()> {
         let text = self.to_text()?;
         let record = Self::path_for(library);
@@ -175,6 +193,9 @@ impl FitRecord {
     }
 
     /// Returns whether the fit used a part of `trial`, under whatever name its file was.
+    ///
+    /// # Errors
+    /// A recording that cannot be read.
     pub fn used(&self, trial: &Trial) -> Result<bool> {
         let asked = FittedTrial::of(trial)?;
         Ok(self
@@ -216,6 +237,9 @@ fn digits(hash: u64) -> String {
 }
 
 /// Hash of the bytes of a trial's recording, or of its samples in memory.
+///
+/// # Errors
+/// A recording that cannot be read.
 pub(super) fn content_of(trial: &Trial) -> Result<u64> {
     if let Some(held) = &trial.held {
         return Ok(held.content());

@@ -70,6 +70,9 @@ pub(super) fn can_have_lines(trial: &Trial, analysis: &Analysis, options: &Optio
 }
 
 /// Reads the trials of `set` that are `used`, and returns their signals without lines, m/s²; empty ones for the others.
+///
+/// # Errors
+/// A recording that cannot be used.
 pub fn signals_without_lines(
     set: &RecordingSet,
     used: &[bool],

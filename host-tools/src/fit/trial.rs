@@ -195,12 +195,18 @@ pub struct Signal {
 }
 
 /// Reads `trial` as a fit does. What judges a fit is read by this too, so that both mean the same samples.
+///
+/// # Errors
+/// A file that cannot be used, or without the axis that was asked for.
 pub fn signal(trial: &Trial, conditioning: Conditioning) -> Result<Signal> {
     reduced(trial, triaged(trial, conditioning)?, conditioning.reduction)
 }
 
 /// As [`signal`], without triage: `verdicts` are what triage found on this trial. Without verdicts nothing is cut, and
 /// every moment stays in its place.
+///
+/// # Errors
+/// Those of [`signal`].
 pub fn signal_of_judged(
     trial: &Trial,
     verdicts: &[Verdict],
@@ -228,11 +234,17 @@ fn reduced(trial: &Trial, triaged: Triaged, reduction: Reduction) -> Result<Sign
 }
 
 /// Reads and analyses `trial` for models of up to `max_order`, at the rate of `options`. Triage is at 5 kHz.
+///
+/// # Errors
+/// A file that cannot be used, or without the axis that was asked for.
 pub fn analyse(trial: &Trial, options: &Options, max_order: usize) -> Result<Analysis> {
     Ok(analyse_with_signal(trial, options, max_order)?.0)
 }
 
 /// As [`analyse`], with the reduced signal.
+///
+/// # Errors
+/// Those of [`analyse`].
 pub fn analyse_with_signal(
     trial: &Trial,
     options: &Options,

@@ -112,6 +112,9 @@ impl From<&Attached> for Row {
 }
 
 /// Lists what is attached, asked for its identity over `route`.
+///
+/// # Errors
+/// A computer that does not list its USB devices.
 pub fn rows(route: &Route) -> Result<Vec<Row>> {
     let mut found = attached()?;
     found.iter_mut().for_each(|attached| ask(attached, route));
@@ -119,6 +122,9 @@ pub fn rows(route: &Route) -> Result<Vec<Row>> {
 }
 
 /// Lists what is attached, without asking.
+///
+/// # Errors
+/// A computer that does not list its USB devices.
 fn attached() -> Result<Vec<Attached>> {
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
@@ -171,6 +177,9 @@ fn ask(attached: &mut Attached, route: &Route) {
 /// The device that is meant where the user names none, with a note where it is not a stylus's own USB port.
 ///
 /// The ports of probes are asked only where no stylus is on USB, because a board may be attached by both.
+///
+/// # Errors
+/// No device, or several.
 pub fn only(route: &Route) -> Result<(LinkAddress, Option<String>)> {
     let mut found = attached()?;
     if !found.iter().any(|attached| attached.kind == Kind::Usb) {

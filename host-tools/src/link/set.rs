@@ -46,8 +46,10 @@ impl PlannedTrial {
 
     /// Reads a CSV list with the columns `speed_mm_s`, in mm/s, and `force_n`, in N. A column `texture` is optional;
     /// `texture` stands in for an empty or missing one.
-    /// Errors: a file that cannot be read, a missing or unknown column, or a line without a texture or with a speed or
-    /// force that is not a number of at least zero.
+    ///
+    /// # Errors
+    /// A file that cannot be read, a missing or unknown column, or a line without a texture or with a speed or force
+    /// that is not a number of at least zero.
     pub fn from_csv(path: &Path, texture: Option<&str>) -> Result<Vec<Self>> {
         let table = CsvTable::read(path, TABLE)?;
         let header = table.header()?;
@@ -96,7 +98,9 @@ impl PlannedTrial {
     }
 
     /// Checks that the texture's name can be a folder's name, too.
-    /// Errors: a name that is empty, too long, starts with a dot, or cannot name a folder on every system.
+    ///
+    /// # Errors
+    /// A name that is empty, too long, starts with a dot, or cannot name a folder on every system.
     pub fn check(&self) -> Result<()> {
         let name = &self.texture;
         let fault = if name.len() > MAX_NAME_BYTES {
@@ -157,7 +161,9 @@ pub struct Folder {
 
 impl Folder {
     /// Opens a folder, and creates it if it does not exist.
-    /// Errors: a folder that cannot be created, or whose list has other columns or cannot be read.
+    ///
+    /// # Errors
+    /// A folder that cannot be created, or whose list has other columns or cannot be read.
     pub fn open(path: &Path) -> Result<Self> {
         fs::create_dir_all(path).map_err(Error::io("create", path))?;
         let list = path.join(TRIALS_FILE);
@@ -194,6 +200,9 @@ impl Folder {
 
     /// Checks that no two textures of `planned` and of the folder differ in the case of letters only, because some
     /// systems would give both one folder.
+    ///
+    /// # Errors
+    /// The first two names that do.
     pub fn check_names(&self, planned: &[PlannedTrial]) -> Result<()> {
         let there = self.done.iter().map(|(texture, ..)| texture.as_str());
         let all = there.chain(planned.iter().map(|trial| trial.texture.as_str()));
@@ -215,6 +224,9 @@ impl Folder {
     }
 
     /// Writes a trial's file and its line in the list; both replace those of an earlier recording of the same trial.
+    ///
+    /// # Errors
+    /// A file or a list that cannot be written.
     pub fn add(
         &mut self,
         planned: &PlannedTrial,

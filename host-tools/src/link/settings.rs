@@ -70,7 +70,9 @@ impl SettingRow {
 
 /// Parses `pairs`: a setting's name, its value in the setting's unit, and so on. The device judges the values, because
 /// it may have other ranges.
-/// Errors: a name without a value, a name of no setting, or a value that is no number.
+///
+/// # Errors
+/// A name without a value, a name of no setting, or a value that is no number.
 pub fn changes(pairs: &[String]) -> Result<Vec<SettingChange>> {
     let (pairs, rest) = pairs.as_chunks::<2>();
     if let [name] = rest {
@@ -91,6 +93,9 @@ pub fn changes(pairs: &[String]) -> Result<Vec<SettingChange>> {
 }
 
 /// Finds the setting `name`.
+///
+/// # Errors
+/// A name of no setting, with those that there are.
 pub fn named(name: &str) -> Result<Setting> {
     Setting::named(name).ok_or_else(|| {
         let names: Vec<&str> = Setting::ALL.iter().map(|s| s.spec().name).collect();

@@ -30,7 +30,9 @@ pub struct Strokes {
 /// Records for `seconds`, or until `goes_on` returns false. Lost and torn samples leave a hole of their length.
 ///
 /// After each block `heard` gets all samples so far, their number at the end, and the sample rate in Hz.
-/// Errors: a lost link, more samples than a recording can have, or no block within the timeout of an answer.
+///
+/// # Errors
+/// A lost link, more samples than a recording can have, or no block within the timeout of an answer.
 pub fn record(
     device: &Device,
     seconds: f64,
@@ -87,6 +89,9 @@ impl Strokes {
 
     /// Writes a CSV file for [`crate::recording::freehand::read`]: `time_s`, three axes in m/s², `speed_mm_s`,
     /// `force_n`. A lost sample is written as not a number, so that no segment includes it.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
     pub fn write(
         &self,
         path: &Path,

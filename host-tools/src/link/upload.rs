@@ -34,8 +34,10 @@ pub struct Uploaded {
 ///
 /// Resumes an interrupted upload of the same bytes, also one of another program. The active library stays active and
 /// goes on playing. The last library that can be read is never erased for it.
-/// Errors: a refusal of the device, a lost link that does not come back, five failures in a row without progress, or a
-/// device that then lists other textures.
+///
+/// # Errors
+/// A refusal of the device, a lost link that does not come back, five failures in a row without progress, or a device
+/// that then lists other textures.
 pub fn upload(
     device: &mut Device,
     library: &[u8],
@@ -46,6 +48,9 @@ pub fn upload(
 
 /// Uploads as [`upload`] does. If `replaces_last`, the upload may erase the last library that can be read; until it is
 /// done, the device would have none after a restart.
+///
+/// # Errors
+/// As [`upload`].
 pub fn upload_over(
     device: &mut Device,
     library: &[u8],

@@ -110,7 +110,9 @@ pub struct BrokenFrame;
 
 impl FrameDecoder {
     /// Takes one byte, and returns the frame that it ends, if it ends one.
-    /// Errors: bytes before this zero that are no frame, or one that is too long.
+    ///
+    /// # Errors
+    /// Bytes before this zero that are no frame, or one that is too long.
     pub fn push(&mut self, byte: u8) -> Option<Result<Vec<u8>, BrokenFrame>> {
         if byte != 0 {
             if self.encoded.len() < cobs::max_encoding_length(MAX_DEVICE_FRAME_BYTES) {

@@ -15,7 +15,9 @@ use crate::support::error::{Error, Result};
 pub const RATE_HZ: u32 = PIN_RATE_HZ;
 
 /// Returns the default settings with `changes`, each a setting's name and its value.
-/// Errors: a name that no setting has, or a value that the setting may not have.
+///
+/// # Errors
+/// A name that no setting has, or a value that the setting may not have.
 pub fn settings<'a>(changes: impl IntoIterator<Item = (&'a str, f32)>) -> Result<Settings> {
     let change = |settings: Settings, (name, value)| {
         let setting = Setting::named(name)
@@ -123,7 +125,9 @@ pub struct PinSummary {
 
 /// Writes what a stylus with `settings` puts out for `rendering` as a WAV file: 32-bit floating point, in volts above
 /// mid-scale, [`RATE_HZ`] codes per second.
-/// Errors: a rendering at a rate that no stylus plays, more codes than a WAV file can count, or a file that cannot be
+///
+/// # Errors
+/// A rendering at a rate that no stylus plays, more codes than a WAV file can count, or a file that cannot be
 /// written.
 pub fn render_pin_wav(
     rendering: &mut Rendering<'_>,
@@ -135,6 +139,9 @@ pub fn render_pin_wav(
 
 /// Writes what the tip of `plant` does for the codes of [`render_pin_wav`], with its amplifier on, in m/s² after each
 /// code.
+///
+/// # Errors
+/// As [`render_pin_wav`].
 pub fn render_tip_wav(
     rendering: &mut Rendering<'_>,
     settings: &Settings,

@@ -52,7 +52,9 @@ pub fn pattern() -> Pattern {
 }
 
 /// Gives the stroke its measured speed and force, where files of `folder` have them and they are near to its name's.
-/// Errors: a file of positions or forces that cannot be read.
+///
+/// # Errors
+/// A file of positions or forces that cannot be read.
 pub fn measure(folder: &Path, stroke: &mut Named, measures: &mut Measures) -> Result<()> {
     let beside = |sensor: &str| {
         let below = stroke.file.strip_prefix(ACCELERATIONS).ok()?;

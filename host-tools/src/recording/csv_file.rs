@@ -187,7 +187,9 @@ fn refuse_times_without_a_name(path: &Path, columns: &[Vec<f64>]) -> Result<()> 
 }
 
 /// Returns the sample rate of the times in `column` of `table`, one per row below its header, in Hz.
-/// Errors: fewer than two times; a time that does not rise, or a gap, with its line.
+///
+/// # Errors
+/// Fewer than two times; a time that does not rise, or a gap, with its line.
 pub(super) fn rate_of(
     table: &CsvTable,
     column: &str,

@@ -17,8 +17,10 @@ pub struct HeldSamples {
 impl HeldSamples {
     /// Samples of one to three axes of equal length, at `rate_hz`, Hz; a sample of 1 is the trial's scale, m/s². They
     /// `are_integers` if they were, before they were divided by their full scale.
-    /// Errors: another number of axes, axes of different lengths or without samples, more samples than a recording may
-    /// have, or a rate that no recording has.
+    ///
+    /// # Errors
+    /// Another number of axes, axes of different lengths or without samples, more samples than a recording may have, or
+    /// a rate that no recording has.
     pub fn new(rate_hz: f64, channels: Vec<Vec<f64>>, are_integers: bool) -> Result<Self> {
         let refused = |problem: String| Err(Error::Request(format!("samples: {problem}")));
         if let Some(fault) = rate_fault(rate_hz, "give the recording's own rate") {

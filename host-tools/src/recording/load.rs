@@ -14,13 +14,18 @@ use crate::dsp::sums::sum;
 use crate::support::error::{Error, Result};
 
 /// Reads the samples of `trial`: one to three axes at [`SAMPLE_RATE_HZ`], in m/s².
-/// Errors: a file that cannot be read, that holds no samples in the trial's part of it, or that holds a sample that is
-/// not finite; the error names the first such sample.
+///
+/// # Errors
+/// A file that cannot be read, that holds no samples in the trial's part of it, or that holds a sample that is not
+/// finite; the error names the first such sample.
 pub fn read(trial: &Trial) -> Result<Samples> {
     read_at(trial, SAMPLE_RATE_HZ)
 }
 
 /// As [`read`], at `model_rate_hz`.
+///
+/// # Errors
+/// As [`read`].
 pub fn read_at(trial: &Trial, model_rate_hz: u32) -> Result<Samples> {
     let path = trial.file.as_path();
     let cut = Cut {

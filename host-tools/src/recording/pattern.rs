@@ -135,7 +135,9 @@ impl Pattern {
 
     /// Reads the names of all recordings in `folder` and below, in their order: what those tell that match, and the
     /// paths of the others.
-    /// Errors: a folder that cannot be read, or in which no recording matches.
+    ///
+    /// # Errors
+    /// A folder that cannot be read, or in which no recording matches.
     pub fn read(&self, folder: &Path) -> Result<(Vec<Named>, Vec<String>)> {
         let mut paths = Vec::new();
         collect(folder, "", &mut paths)?;

@@ -29,7 +29,9 @@ pub(super) type Samples = Chain<Cursor<Vec<u8>>, BufReader<File>>;
 /// Opens the WAV file at `path`, and checks what its header says of itself.
 ///
 /// A file whose samples are fewer than declared passes; that is for the reader of the samples to judge.
-/// Errors: a file that cannot be read, a chunk that is longer than the file, and a format that no recording has.
+///
+/// # Errors
+/// A file that cannot be read, a chunk that is longer than the file, and a format that no recording has.
 pub(super) fn open(path: &Path) -> Result<Samples> {
     let failed = |failure| Error::io("read", path)(failure);
     let file = RECORDING.open(path)?;

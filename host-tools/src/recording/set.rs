@@ -60,7 +60,9 @@ pub struct RecordingSet {
 impl RecordingSet {
     /// Opens the inputs of a command: one folder with a `trials.csv`, one list of any name, or recordings. Each
     /// recording is then a texture of its own, named like the file, at the nominal speed and force.
-    /// Errors: a missing input, a list without trials, or a line that cannot be used, with its number.
+    ///
+    /// # Errors
+    /// A missing input, a list without trials, or a line that cannot be used, with its number.
     pub fn open(inputs: &[PathBuf]) -> Result<Self> {
         let set = match inputs {
             [] => {
@@ -85,7 +87,9 @@ impl RecordingSet {
     }
 
     /// Opens inputs as [`RecordingSet::open`] does, with values for what they lack.
-    /// Errors: an input that cannot be opened, and those of [`RecordingSet::open`].
+    ///
+    /// # Errors
+    /// An input that cannot be opened, and those of [`RecordingSet::open`].
     pub fn open_with(inputs: &[PathBuf], assumed: &Assumed) -> Result<Self> {
         for input in inputs {
             if let Err(source) = std::fs::metadata(input) {
@@ -126,6 +130,9 @@ impl RecordingSet {
     }
 
     /// Reads a list of trials, whose files are relative to its folder.
+    ///
+    /// # Errors
+    /// A list that is missing or empty, or a line that cannot be used, with its number.
     pub fn from_list(list: &Path) -> Result<Self> {
         Ok(Self {
             trials: read_list(list)?,
@@ -186,6 +193,9 @@ fn is_list(path: &Path) -> bool {
 }
 
 /// Reads a list of trials; its files are relative to its folder.
+///
+/// # Errors
+/// A list that is missing or empty, or a line that cannot be used, with its number.
 fn read_list(list: &Path) -> Result<Vec<Trial>> {
     // Regular files alone, because a list is read again for its kind.
     TABLE.open(list)?;

@@ -87,7 +87,9 @@ pub struct Spread {
 }
 
 /// Finds the nominal values of `values`, none of which is negative, to within `tolerance`, a share of each.
-/// Errors: values without a gap of the tolerance between them that extend over more than twice the tolerance.
+///
+/// # Errors
+/// Values without a gap of the tolerance between them that extend over more than twice the tolerance.
 pub fn nominal(values: &[f64], tolerance: f64) -> std::result::Result<Nominal, Spread> {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
@@ -226,7 +228,9 @@ impl Nominal {
 impl RecordingSet {
     /// Returns the set with the speeds and forces of each texture moved to nominal values, and a line for each texture
     /// of which something was moved. By gaps, a texture whose values fall into no grid stays as it is.
-    /// Errors: values that a tolerance does not tell apart.
+    ///
+    /// # Errors
+    /// Values that a tolerance does not tell apart.
     pub fn snapped(mut self, snap: Snap) -> Result<(Self, Vec<String>)> {
         let groups = self.by_texture().into_iter();
         let groups: Vec<(String, Vec<usize>)> = groups

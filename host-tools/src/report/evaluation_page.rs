@@ -53,7 +53,9 @@ pub struct Inputs<'a> {
 
 /// Writes the page and its pictures into `folder`, which is there, telling `progress` of each texture done.
 /// Returns the page's path.
-/// Errors: a folder that cannot be written to, or a recording that cannot be used any more.
+///
+/// # Errors
+/// A folder that cannot be written to, or a recording that cannot be used any more.
 pub fn write(inputs: &Inputs<'_>, folder: &Path, progress: impl Fn()) -> Result<PathBuf> {
     let mut report = Report::new(inputs, folder);
     report.overview();

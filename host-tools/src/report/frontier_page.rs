@@ -25,6 +25,9 @@ const CYCLES: Quantity<'static> = Quantity::new("cycles per sample, Cortex-M7, m
 const ERROR: Quantity<'static> = Quantity::new("RMS error", "dB");
 
 /// Writes the page.
+///
+/// # Errors
+/// A picture that cannot be laid out, or a file that cannot be written.
 pub fn write(frontier: &Frontier, path: &Path) -> Result<()> {
     let mut page = Page::new("What accuracy costs in time");
     if frontier.simulated {

@@ -207,6 +207,9 @@ impl Page {
     }
 
     /// Writes the page into a file, whole or not at all.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
     pub fn write(&self, path: &Path) -> Result<()> {
         atomic_file::write(path, self.finish().as_bytes())
     }

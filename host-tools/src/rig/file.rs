@@ -22,8 +22,10 @@ pub struct RigFile {
 
 impl RigFile {
     /// Reads a rig from TOML `text`; `path` is only named in errors.
-    /// Errors: [`Error::Line`](crate::support::error::Error::Line): text that is not TOML, a field that is unknown,
-    /// missing, or of the wrong type, or a value out of its range, with the line and the field.
+    ///
+    /// # Errors
+    /// [`Error::Line`](crate::support::error::Error::Line): text that is not TOML, a field that is unknown, missing, or
+    /// of the wrong type, or a value out of its range, with the line and the field.
     pub fn from_toml(path: &Path, text: &str) -> Result<Self> {
         let description: RigDescription = from_toml(path, text)?;
         check(&description).map_err(|fault| fault.field.error(path, text, fault.problem))?;
@@ -77,6 +79,9 @@ fn each(field: &Field, key: &'static str, values: &[f64], [low, high]: [f64; 2])
 }
 
 /// Checks every value of `rig`, and that they go together.
+///
+/// # Errors
+/// The first fault, with its field.
 fn check(rig: &RigDescription) -> Checked {
     let root = Field::default();
     root.key("name").name(&rig.name)?;

@@ -81,7 +81,9 @@ impl fmt::Display for Summary {
 ///
 /// The folder is written whole or not at all. An earlier simulated set in `out` is replaced at the end, with
 /// `overwrite`.
-/// Errors: a folder that holds other files, or cannot be written.
+///
+/// # Errors
+/// A folder that holds other files, or cannot be written.
 pub fn simulate_to_folder(
     rig: &RigFile,
     seed: u64,

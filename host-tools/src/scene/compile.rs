@@ -30,6 +30,9 @@ pub struct CompiledScene {
 
 impl CompiledScene {
     /// The stages that the kernel runs.
+    ///
+    /// # Errors
+    /// A scene that no kernel plays.
     pub fn plan<'a>(&self, library: &Library<'a>) -> Result<Plan<'a>> {
         Plan::new(&self.scene, library)
             .map_err(|error| Error::Request(format!("scene '{}': {error}", self.scene.name)))
@@ -51,8 +54,10 @@ impl CompiledScene {
 
 impl SceneFile {
     /// Looks up the textures in `library`, designs the equaliser if a response is given, and checks the whole scene.
-    /// Errors: [`Error::Line`] at the line of a value that [`Scene::validate`] refuses, of a name that the library or
-    /// the scene does not have, or of an item beyond the largest number; a file of a response that cannot be used.
+    ///
+    /// # Errors
+    /// [`Error::Line`] at the line of a value that [`Scene::validate`] refuses, of a name that the library or the scene
+    /// does not have, or of an item beyond the largest number; a file of a response that cannot be used.
     pub fn compile(&self, library: &Library<'_>) -> Result<CompiledScene> {
         let root = Field::default();
         let surface_names = self.surface_names()?;

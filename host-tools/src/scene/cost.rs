@@ -55,6 +55,9 @@ pub struct StageCost {
 
 impl CostReport {
     /// The cost of `scene` with the surfaces `names` against `budget` instructions per tick.
+    ///
+    /// # Errors
+    /// See [`Scene::validate`].
     pub fn new(
         scene: &Scene,
         names: &[String],
@@ -221,7 +224,9 @@ pub struct SceneSummary {
 
 impl SceneSummary {
     /// Summary of `scene`, which is one of `library`.
-    /// Errors: a scene that the library does not bear out.
+    ///
+    /// # Errors
+    /// A scene that the library does not bear out.
     pub fn of(scene: &Scene, library: &Library<'_>) -> Result<Self> {
         let names = surface_names(scene, library);
         let report = CostReport::new(scene, &names, library, cost::BUDGET)?;

@@ -162,14 +162,18 @@ pub struct SceneFile {
 
 impl SceneFile {
     /// Reads the file at `path`.
-    /// Errors: a file that cannot be read, and what [`SceneFile::from_toml`] refuses.
+    ///
+    /// # Errors
+    /// A file that cannot be read, and what [`SceneFile::from_toml`] refuses.
     pub fn read(path: &Path) -> Result<Self> {
         let text = TEXT.read_text(path)?;
         Self::from_toml(path, &text)
     }
 
     /// Reads a scene from TOML `text`. Files that it names are relative to the folder of `path`.
-    /// Errors: [`Error::Line`]: text that is not TOML, a key that is unknown, missing, or of the wrong type.
+    ///
+    /// # Errors
+    /// [`Error::Line`]: text that is not TOML, a key that is unknown, missing, or of the wrong type.
     pub fn from_toml(path: &Path, text: &str) -> Result<Self> {
         Ok(Self {
             path: path.to_owned(),

@@ -9,6 +9,9 @@ use super::compile::CompiledScene;
 use crate::support::error::{Error, Result};
 
 /// Encodes `library` with `scenes`. Scenes of the same name are replaced; all others stay the same.
+///
+/// # Errors
+/// A scene that the library cannot hold.
 pub fn with_scenes(library: &Library<'_>, scenes: &[Scene]) -> Result<Vec<u8>> {
     let textures: Vec<TextureSpec> = library
         .textures()
@@ -69,7 +72,9 @@ pub fn surface_names(scene: &Scene, library: &Library<'_>) -> Vec<String> {
 }
 
 /// The scene `name` of `library`, or its only one; `path` is only named in errors.
-/// Errors: a library without such a scene, with those that it has; one with several, if none is named.
+///
+/// # Errors
+/// A library without such a scene, with those that it has; one with several, if none is named.
 pub fn scene_named(
     library: &Library<'_>,
     name: Option<&str>,

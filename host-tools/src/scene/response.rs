@@ -15,8 +15,10 @@ const RESPONSE: Limit = Limit {
 
 /// Reads a response: a CSV file with the columns `frequency_hz`, ascending, and `magnitude_db`; comments begin with
 /// `#`.
-/// Errors: a file that cannot be read, a missing column, a value that is no finite number, frequencies that do not
-/// ascend, or too few of them.
+///
+/// # Errors
+/// A file that cannot be read, a missing column, a value that is no finite number, frequencies that do not ascend, or
+/// too few of them.
 pub fn read_response(path: &Path) -> Result<Response> {
     from_csv(path, RESPONSE.read_text(path)?)
 }

@@ -14,8 +14,10 @@ use crate::support::temporaries::Temporary;
 ///
 /// An earlier file stays until then, and stays after any failure; one that is replaced hands its permissions on. A link
 /// is followed: the file at its end is replaced, and the link stays. Returns the value of `write`.
-/// Errors: the error of `write`, something at `path` that is no regular file, or a file that cannot be created, brought
-/// to the disk, or replaced.
+///
+/// # Errors
+/// The error of `write`, something at `path` that is no regular file, or a file that cannot be created, brought to the
+/// disk, or replaced.
 pub fn write_with<T>(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<&mut File>) -> Result<T>,
@@ -26,12 +28,17 @@ pub fn write_with<T>(
 }
 
 /// Writes `bytes` to `path`, whole or not at all.
+///
+/// # Errors
+/// A file that cannot be created, written or replaced.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     write_together(&[(path, bytes)])
 }
 
 /// Writes several files: none has its name before all are on the disk.
-/// Errors: as [`write()`]. Files that have their names already stay where a later one cannot get its own.
+///
+/// # Errors
+/// As [`write()`]. Files that have their names already stay where a later one cannot get its own.
 pub fn write_together(files: &[(&Path, &[u8])]) -> Result<()> {
     let written = files.iter().map(|(path, bytes)| {
         let written = Unnamed::write(path, |file| {
@@ -44,8 +51,10 @@ pub fn write_together(files: &[(&Path, &[u8])]) -> Result<()> {
 }
 
 /// Returns the path of the file that is written under the name `path`: that at the end of a link, or `path` itself.
-/// Errors: a folder, device, pipe or socket, which a file must not replace; a link to nothing, because it may be meant
-/// for another place than the one where a file would appear.
+///
+/// # Errors
+/// A folder, device, pipe or socket, which a file must not replace; a link to nothing, because it may be meant for
+/// another place than the one where a file would appear.
 pub fn target(path: &Path) -> Result<PathBuf> {
     if !path.is_symlink() && !path.exists() {
         // A folder that is missing is an error of its own, when the file is created.

@@ -23,7 +23,9 @@ pub struct Limit {
 impl Limit {
     /// Opens the file at `path`, which must be a regular one of at most so many bytes, because it is read more than
     /// once or in leaps. Devices and pipes are refused before they are opened.
-    /// Errors: a file that cannot be opened, is no regular file, or is larger than the limit.
+    ///
+    /// # Errors
+    /// A file that cannot be opened, is no regular file, or is larger than the limit.
     pub fn open(&self, path: &Path) -> Result<File> {
         let found = std::fs::metadata(path).map_err(Error::io("open", path))?;
         if let Some(other) = other_than_a_file(&found) {
@@ -48,6 +50,9 @@ impl Limit {
     }
 
     /// Reads the file at `path`.
+    ///
+    /// # Errors
+    /// A file that cannot be read, or is larger than the limit.
     pub fn read(&self, path: &Path) -> Result<Vec<u8>> {
         let file = File::open(path).map_err(Error::io("read", path))?;
         let mut bytes = Vec::new();
@@ -62,7 +67,9 @@ impl Limit {
     }
 
     /// Reads the text file at `path`.
-    /// Errors: as [`Limit::read`], or text that is not UTF-8, with the line.
+    ///
+    /// # Errors
+    /// As [`Limit::read`], or text that is not UTF-8, with the line.
     pub fn read_text(&self, path: &Path) -> Result<String> {
         String::from_utf8(self.read(path)?).map_err(|failure| {
             let before = &failure.as_bytes()[..failure.utf8_error().valid_up_to()];

@@ -38,7 +38,9 @@ pub struct CsvTable {
 
 impl CsvTable {
     /// Reads the file at `path`, up to `limit`.
-    /// Errors: a file that cannot be read, is not UTF-8, or is larger than the limit.
+    ///
+    /// # Errors
+    /// A file that cannot be read, is not UTF-8, or is larger than the limit.
     pub fn read(path: &Path, limit: Limit) -> Result<Self> {
         Ok(Self::of(path, limit.read_text(path)?))
     }
@@ -74,6 +76,9 @@ impl CsvTable {
     }
 
     /// The first line that is no comment, as names of columns. A table without one has no names.
+    ///
+    /// # Errors
+    /// A line that cannot be read.
     pub fn header(&self) -> Result<Header<'_>> {
         let mut rows = self.rows();
         let (names, line) = match rows.next_row()? {
@@ -103,6 +108,9 @@ impl CsvTable {
     }
 
     /// The lines below the header.
+    ///
+    /// # Errors
+    /// A header that cannot be read.
     pub fn rows_below_header(&self) -> Result<Rows<'_>> {
         let mut rows = self.rows();
         rows.next_row()?;
@@ -229,7 +237,9 @@ impl Header<'_> {
     }
 
     /// Returns the index of the column `name`, if there is one.
-    /// Errors: two columns of this name.
+    ///
+    /// # Errors
+    /// Two columns of this name.
     pub fn column(&self, name: &str) -> Result<Option<usize>> {
         let mut found = (0..self.names.len()).filter(|&index| &self.names[index] == name);
         match (found.next(), found.next()) {
@@ -239,7 +249,9 @@ impl Header<'_> {
     }
 
     /// Returns the index of the column `name`; `expected` tells in words which columns such a table has.
-    /// Errors: no column of this name, or two; a first line of numbers, which is no header.
+    ///
+    /// # Errors
+    /// No column of this name, or two; a first line of numbers, which is no header.
     pub fn needed(&self, name: &str, expected: &str) -> Result<usize> {
         if let Some(index) = self.column(name)? {
             return Ok(index);
@@ -282,7 +294,9 @@ pub struct Rows<'a> {
 
 impl<'a> Rows<'a> {
     /// Returns the next row; `None` at the end.
-    /// Errors: a row with another number of fields than the first.
+    ///
+    /// # Errors
+    /// A row with another number of fields than the first.
     pub fn next_row(&mut self) -> Result<Option<Row<'_, 'a>>> {
         let table = self.table;
         let line = loop {
@@ -371,6 +385,9 @@ impl<'r> Row<'r, '_> {
     }
 
     /// Parses a field as a number, which may be infinite or not a number where it says so.
+    ///
+    /// # Errors
+    /// A field that is none, with its line and column.
     pub fn number(&self, index: usize) -> Result<f64> {
         let field = self.text(index);
         self.table.number(field).ok_or_else(|| {
@@ -384,6 +401,9 @@ impl<'r> Row<'r, '_> {
     }
 
     /// Parses a field of the column `name` as a finite number.
+    ///
+    /// # Errors
+    /// A field that is none, with its line and column.
     pub fn finite(&self, index: usize, name: &str) -> Result<f64> {
         let field = self.text(index);
         let value = self.table.number(field).filter(|value| value.is_finite());

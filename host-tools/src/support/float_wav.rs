@@ -5,7 +5,9 @@ use std::io::Cursor;
 use hound::{SampleFormat, WavSpec, WavWriter};
 
 /// The bytes of a file with so many channels, of samples that go from channel to channel.
-/// Errors: more samples than a WAV file holds, or not as many of each channel.
+///
+/// # Errors
+/// More samples than a WAV file holds, or not as many of each channel.
 pub fn float_wav(
     channels: usize,
     sample_rate: u32,

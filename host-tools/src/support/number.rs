@@ -3,6 +3,9 @@
 use super::hand::{force_fault, speed_fault};
 
 /// Parses a finite number above zero.
+///
+/// # Errors
+/// What the text must be, in words.
 pub fn positive(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
@@ -11,6 +14,9 @@ pub fn positive(text: &str) -> Result<f64, String> {
 }
 
 /// Parses a finite number that is not negative.
+///
+/// # Errors
+/// As [`positive`].
 pub fn not_negative(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if value.is_finite() && value >= 0.0 => Ok(value),
@@ -19,21 +25,33 @@ pub fn not_negative(text: &str) -> Result<f64, String> {
 }
 
 /// Parses the speed of a motion, in mm/s; its sign is the direction.
+///
+/// # Errors
+/// As [`positive`].
 pub fn speed(text: &str) -> Result<f64, String> {
     within(text, speed_fault)
 }
 
 /// Parses the force of a motion, in N; at or below zero there is no contact.
+///
+/// # Errors
+/// As [`positive`].
 pub fn force(text: &str) -> Result<f64, String> {
     within(text, force_fault)
 }
 
 /// Parses the speed of a recording, in mm/s, above zero.
+///
+/// # Errors
+/// As [`positive`].
 pub fn recorded_speed(text: &str) -> Result<f64, String> {
     positive(text).and_then(|_| speed(text))
 }
 
 /// Parses the force of a recording, in N, above zero.
+///
+/// # Errors
+/// As [`positive`].
 pub fn recorded_force(text: &str) -> Result<f64, String> {
     positive(text).and_then(|_| force(text))
 }
@@ -44,6 +62,9 @@ fn within(text: &str, fault: fn(f64) -> Option<String>) -> Result<f64, String> {
 }
 
 /// Parses a tolerance, as a share.
+///
+/// # Errors
+/// As [`positive`].
 pub fn tolerance(text: &str) -> Result<f64, String> {
     /// Tolerances above would take neighbours of an ordinary grid for one.
     const MOST: f64 = 0.25;

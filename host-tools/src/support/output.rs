@@ -24,6 +24,9 @@ const REMEDY: &str = "name another, or replace it with --overwrite (overwrite=Tr
 
 /// Checks that a file can be written as `path`: nothing but an empty file is there, or with `overwrite` a regular file
 /// that is none of `inputs`, and its folder takes files.
+///
+/// # Errors
+/// The first of these that does not hold, with the remedy.
 pub fn check_file(path: &Path, overwrite: bool, inputs: &[PathBuf]) -> Result<()> {
     let last = path.as_os_str().as_encoded_bytes().last();
     if last.is_none_or(|&last| std::path::is_separator(last as char)) {
@@ -75,6 +78,9 @@ fn check_place(path: &Path, folder: &Path) -> Result<()> {
 
 /// Checks that a folder can be written as `path`: nothing or an empty folder is there, or with `overwrite` an earlier
 /// result and nothing else, with none of `inputs` in it.
+///
+/// # Errors
+/// The first of these that does not hold, with the remedy.
 pub fn check_folder(path: &Path, overwrite: bool, inputs: &[PathBuf]) -> Result<()> {
     if path.is_symlink() && !path.exists() {
         let problem =
@@ -156,6 +162,9 @@ pub struct OutputFolder {
 
 impl OutputFolder {
     /// Begins the folder `path`, in place of an earlier result with `overwrite`.
+    ///
+    /// # Errors
+    /// As [`check_folder`].
     pub fn begin(path: &Path, overwrite: bool) -> Result<Self> {
         check_folder(path, overwrite, &[])?;
         let place = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
@@ -181,8 +190,10 @@ impl OutputFolder {
     }
 
     /// Writes the folder by `work`, and then gives it its name, in place of an earlier result.
-    /// Errors: those of `work`, with paths as they would be after the end, and a folder that has got other files
-    /// meanwhile or cannot be renamed. Nothing is left then, and the earlier result stays.
+    ///
+    /// # Errors
+    /// Those of `work`, with paths as they would be after the end, and a folder that has got other files meanwhile or
+    /// cannot be renamed. Nothing is left then, and the earlier result stays.
     pub fn fill<T>(self, work: impl FnOnce(&Self) -> Result<T>) -> Result<T> {
         let value = work(&self).map_err(|failure| failure.with_path(|path| self.named(path)))?;
         self.finish()?;

@@ -59,6 +59,9 @@ fn without_its_path(failure: io::Error) -> io::Error {
 }
 
 /// Checks that a file can be made in `folder`, by one without a name.
+///
+/// # Errors
+/// The operating system's reason.
 pub fn try_in(folder: &Path) -> io::Result<()> {
     let made = tempfile::tempfile_in(folder);
     made.map(drop).map_err(without_its_path)
@@ -72,6 +75,9 @@ pub struct Temporary {
 impl Temporary {
     /// Makes a file in `folder` that nobody may open who may not open the file with these permissions, or an ordinary
     /// one: the process's umask takes its share.
+    ///
+    /// # Errors
+    /// The operating system's reason.
     #[cfg_attr(
         not(unix),
         expect(unused_variables, reason = "permissions are those of the folder")
@@ -94,6 +100,9 @@ impl Temporary {
     }
 
     /// Makes a folder in `folder` with the permissions of an ordinary one.
+    ///
+    /// # Errors
+    /// The operating system's reason.
     pub fn folder_in(folder: &Path) -> io::Result<Self> {
         let builder = &mut tempfile::Builder::new();
         #[cfg(unix)]
@@ -112,7 +121,9 @@ impl Temporary {
 
     /// Gives it its name. A file replaces another; what is at `path` otherwise goes by `make_way` first, without an
     /// interrupt in between.
-    /// Errors: the operating system's reason; the temporary is removed then.
+    ///
+    /// # Errors
+    /// The operating system's reason; the temporary is removed then.
     pub fn persist(self, path: &Path, make_way: impl FnOnce() -> io::Result<()>) -> io::Result<()> {
         let mut list = lock();
         let named = make_way().and_then(|()| fs::rename(&self.path, path));

@@ -17,7 +17,9 @@ pub const TEXT: Limit = Limit {
 };
 
 /// Parses TOML `text`; errors name `path`.
-/// Errors: text that is not TOML, or a field that is unknown, missing or of the wrong type, with the line.
+///
+/// # Errors
+/// Text that is not TOML, or a field that is unknown, missing or of the wrong type, with the line.
 pub(crate) fn from_toml<T: DeserializeOwned>(path: &Path, text: &str) -> Result<T> {
     toml::from_str(text).map_err(|failure| parse_failure(path, text, &failure))
 }

@@ -11,7 +11,9 @@ use crate::support::bounded_file::{Limit, MIB};
 use crate::support::error::{Error, Result};
 
 /// Returns texture `name` with the parts of `grid` and its nodes quantised.
-/// Errors: a node that is too loud, with its speed and force.
+///
+/// # Errors
+/// A node that is too loud, with its speed and force.
 pub fn texture_spec(name: &str, provenance: Provenance, grid: &Grid) -> Result<TextureSpec> {
     Ok(TextureSpec {
         name: name.to_owned(),
@@ -26,6 +28,9 @@ pub fn texture_spec(name: &str, provenance: Provenance, grid: &Grid) -> Result<T
 }
 
 /// As [`texture_spec`], at `sample_rate_hz`, with θ in the fewest bytes that keep every node's spectrum.
+///
+/// # Errors
+/// Those of [`texture_spec`].
 pub fn stored_texture(
     name: &str,
     provenance: Provenance,
@@ -39,7 +44,9 @@ pub fn stored_texture(
 }
 
 /// Returns the bytes of a library of one texture: for judging a model, never for a file.
-/// Errors: a node that is too loud; a grid that makes no library.
+///
+/// # Errors
+/// A node that is too loud; a grid that makes no library.
 pub fn library_of(name: &str, grid: &Grid) -> Result<Vec<u8>> {
     // The bytes leave no trace, so that their provenance says the least.
     let spec = texture_spec(name, Provenance::Simulated, grid)?;
@@ -53,11 +60,17 @@ const LIBRARY: Limit = Limit {
 };
 
 /// Reads a library's bytes.
+///
+/// # Errors
+/// A file that cannot be read, or is larger than any library.
 pub fn read_library(path: &Path) -> Result<Vec<u8>> {
     LIBRARY.read(path)
 }
 
 /// Decodes a library; `path` is only named in errors.
+///
+/// # Errors
+/// Bytes that are not a valid library, with the place.
 pub fn decode_library<'a>(path: &Path, bytes: &'a [u8]) -> Result<Library<'a>> {
     Library::decode(bytes).map_err(|source| Error::Library {
         path: path.to_owned(),

@@ -63,7 +63,9 @@ pub struct Arguments {
 }
 
 /// A number with its unit: s, m or h.
-/// Errors: anything else.
+///
+/// # Errors
+/// Anything else.
 pub fn duration(text: &str) -> std::result::Result<Duration, String> {
     let units = [('s', 1), ('m', 60), ('h', 3600)];
     let mut parsed = units.iter().filter_map(|&(unit, seconds)| {
@@ -98,7 +100,9 @@ fn round(name: &str, tests: &str, seed: u64, limit: Option<Duration>) -> Command
 }
 
 /// Attacks the targets in turn until the time is over, or once with the given seed.
-/// Errors: the first failure, with its seed.
+///
+/// # Errors
+/// The first failure, with its seed.
 pub fn run(arguments: &Arguments) -> Result<()> {
     let is_asked = |name| {
         arguments.targets.is_empty() || arguments.targets.iter().any(|target| target == name)

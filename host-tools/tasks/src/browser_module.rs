@@ -36,7 +36,9 @@ struct Built {
 }
 
 /// Builds the module and keeps it; says so.
-/// Errors: there is no toolchain, the build fails, or a file cannot be written.
+///
+/// # Errors
+/// There is no toolchain, the build fails, or a file cannot be written.
 pub fn write() -> Result<String> {
     let Built {
         bytes, compiler, ..
@@ -50,7 +52,9 @@ pub fn write() -> Result<String> {
 }
 
 /// Builds the module and compares it with the kept one; says how.
-/// Errors: there is no toolchain, the build fails, or the modules differ.
+///
+/// # Errors
+/// There is no toolchain, the build fails, or the modules differ.
 pub fn check() -> Result<String> {
     let built = build()?;
     let kept = std::fs::read(workspace::root().join(KEPT)).context(KEPT)?;

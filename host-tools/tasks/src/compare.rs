@@ -38,7 +38,9 @@ pub struct Cost {
 
 impl EmulatorReport {
     /// Reads a whole report. A line that is no cost is one of what was played.
-    /// Errors: the last line is missing or not the last, or a cost is none.
+    ///
+    /// # Errors
+    /// The last line is missing or not the last, or a cost is none.
     pub fn parse(text: &str) -> Result<Self> {
         let mut report = Self::default();
         let lines: Vec<&str> = text.lines().map(str::trim_end).collect();
@@ -75,7 +77,9 @@ fn cost(line: &str) -> Option<Cost> {
 }
 
 /// Builds the image for `processor`, runs it, and reads its report.
-/// Errors: the toolchain or QEMU is missing, the build or the image fails, or the image prints something else.
+///
+/// # Errors
+/// The toolchain or QEMU is missing, the build or the image fails, or the image prints something else.
 pub fn play(processor: Processor) -> Result<EmulatorReport> {
     let toolchain = Toolchain::find()?;
     let image = guest::build(&toolchain, processor)?;
@@ -118,7 +122,9 @@ pub fn on_host() -> Vec<String> {
 }
 
 /// Checks that `processor` played the host's words, bit for bit, and all of them.
-/// Errors: the first difference, with the texture that it is of.
+///
+/// # Errors
+/// The first difference, with the texture that it is of.
 pub fn same_bits(processor: Processor, played: &[String], host: &[String]) -> Result<()> {
     let longest = played.len().max(host.len());
     let Some(first) = (0..longest).find(|&at| played.get(at) != host.get(at)) else {
@@ -137,6 +143,9 @@ pub fn same_bits(processor: Processor, played: &[String], host: &[String]) -> Re
 
 /// Checks that all samples of each measured texture took the same number of instructions, and that samples and updates
 /// stay within their budgets.
+///
+/// # Errors
+/// The first texture that does not, or that was not measured often enough.
 pub fn costs_hold(processor: Processor, report: &EmulatorReport) -> Result<()> {
     for measured in &MEASURED {
         let texture = measured.texture;

@@ -43,7 +43,9 @@ pub struct Arguments {
 }
 
 /// Runs the suite.
-/// Errors: a build fails, probe-rs is missing where it is needed, or a test fails.
+///
+/// # Errors
+/// A build fails, probe-rs is missing where it is needed, or a test fails.
 pub fn run(arguments: &Arguments) -> Result<()> {
     // An example has the features of all tests, by which the library of the host's tools is built already.
     let mut build = Command::new("cargo");

@@ -19,7 +19,9 @@ const PACKAGES: [&str; 7] = [
 ];
 
 /// Lints everything that runs on the target; every warning is a failure.
-/// Errors: there is no toolchain, or there is a warning.
+///
+/// # Errors
+/// There is no toolchain, or there is a warning.
 pub fn check_target(toolchain: &Toolchain) -> Result<()> {
     const PROCESSOR: Processor = Processor::CortexM7;
     check_clippy(toolchain)?;

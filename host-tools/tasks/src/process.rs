@@ -22,6 +22,9 @@ impl Progress {
 }
 
 /// Runs `command` to its end, as if it were this program, and returns its exit code; 1 if a signal ended it.
+///
+/// # Errors
+/// The program cannot be started.
 pub fn become_like(command: &mut Command) -> Result<u8> {
     let status = command.status();
     let status = status.with_context(|| format!("cannot run {}", name(command)))?;
@@ -30,7 +33,9 @@ pub fn become_like(command: &mut Command) -> Result<u8> {
 }
 
 /// Runs `command` to its end; it prints to the screen.
-/// Errors: the program cannot be started, or ends with a failure.
+///
+/// # Errors
+/// The program cannot be started, or ends with a failure.
 pub fn run(command: &mut Command) -> Result<()> {
     let status = command.status();
     let status = status.with_context(|| format!("cannot run {}", name(command)))?;
@@ -54,6 +59,9 @@ pub fn name(command: &Command) -> String {
 }
 
 /// The version that `program` prints after the word "version".
+///
+/// # Errors
+/// It cannot be run, or prints none.
 pub fn version(program: &PathBuf) -> Result<String> {
     let output = Command::new(program).arg("--version").output()?;
     let text = String::from_utf8_lossy(&output.stdout);
@@ -67,7 +75,9 @@ pub fn version(program: &PathBuf) -> Result<String> {
 }
 
 /// The file of `program` on the search path.
-/// Errors: it is not installed; `remedy` says how to.
+///
+/// # Errors
+/// It is not installed; `remedy` says how to.
 pub fn find(program: &str, remedy: &str) -> Result<PathBuf> {
     let path = std::env::var_os("PATH").unwrap_or_default();
     std::env::split_paths(&path)
@@ -77,6 +87,9 @@ pub fn find(program: &str, remedy: &str) -> Result<PathBuf> {
 }
 
 /// `file`, which a build has left.
+///
+/// # Errors
+/// It is not there.
 pub fn built(file: PathBuf) -> Result<PathBuf> {
     if !file.is_file() {
         bail!(

@@ -23,11 +23,17 @@ const TIME_LIMIT: Duration = Duration::from_mins(3);
 const TAIL_LINES: usize = 20;
 
 /// The emulator's file.
+///
+/// # Errors
+/// QEMU is missing.
 pub fn find() -> Result<PathBuf> {
     process::find(QEMU, "on Debian as root, `apt-get install qemu-system-arm`")
 }
 
 /// QEMU's version as it prints it: numbers with points.
+///
+/// # Errors
+/// QEMU is missing or prints no version.
 pub fn version() -> Result<String> {
     process::version(&find()?)
 }
@@ -35,7 +41,9 @@ pub fn version() -> Result<String> {
 /// Runs `image` to its end, with `job` in its memory if there is one, and returns its output.
 ///
 /// Virtual time advances by 256 ns per instruction, whatever the host does, so that the image's counts repeat exactly.
-/// Errors: QEMU is missing, the image fails, or it does not end in time.
+///
+/// # Errors
+/// QEMU is missing, the image fails, or it does not end in time.
 pub fn run(processor: Processor, image: &Path, job: Option<&Job<'_>>) -> Result<String> {
     let job = job.map(JobFile::write).transpose()?;
     let mut child = command(processor, image, job.as_ref())?

@@ -33,6 +33,9 @@ pub enum Toolchain {
 
 impl Toolchain {
     /// The first toolchain found that builds for the target.
+    ///
+    /// # Errors
+    /// None is installed.
     pub fn find() -> Result<Self> {
         if let Some(sysroot) = sysroot(Path::new("rustc"))
             && sysroot
@@ -57,6 +60,9 @@ impl Toolchain {
     }
 
     /// The compiler's own name and version, such as `rustc 1.95.0 (59807616e 2026-04-14)`.
+    ///
+    /// # Errors
+    /// It cannot be run.
     pub fn compiler_version(&self) -> Result<String> {
         match self {
             Self::Installed { .. } => version_of(Path::new("rustc")),
@@ -65,6 +71,9 @@ impl Toolchain {
     }
 
     /// The version of the compiler, without its name.
+    ///
+    /// # Errors
+    /// It cannot be run.
     pub fn compiler(&self) -> Result<String> {
         let version = self.compiler_version()?;
         Ok(version
@@ -104,6 +113,9 @@ impl std::fmt::Display for Toolchain {
 }
 
 /// The name and version of the compiler in use.
+///
+/// # Errors
+/// It cannot be run.
 pub fn version_in_use() -> Result<String> {
     version_of(Path::new("rustc"))
 }
@@ -161,6 +173,9 @@ fn debian_first() -> OsString {
 }
 
 /// Checks that `toolchain` can lint.
+///
+/// # Errors
+/// Clippy is missing.
 pub fn check_clippy(toolchain: &Toolchain) -> Result<()> {
     match toolchain {
         Toolchain::Debian if Path::new(DEBIAN_FOLDER).join("cargo-clippy").is_file() => Ok(()),

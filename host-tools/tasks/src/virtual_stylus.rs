@@ -32,6 +32,9 @@ fn cargo(subcommand: &str, progress: Progress) -> Command {
 
 /// Runs the product's image by hand, with the virtual stylus's own `arguments`, and returns its exit code. What is
 /// built before is shown, because a first build takes minutes.
+///
+/// # Errors
+/// A build fails, or the run cannot be started.
 pub fn run(toolchain: &Toolchain, arguments: &[OsString]) -> Result<u8> {
     eprintln!("[1/2] building the image for the STM32H743");
     let image = firmware::build_saying(toolchain, Image::Product, Progress::Shown)?;
@@ -43,7 +46,9 @@ pub fn run(toolchain: &Toolchain, arguments: &[OsString]) -> Result<u8> {
 
 /// Builds the images and runs all tests on the virtual stylus, with `long` the long ones too. `arguments` go to the
 /// tests. Then compares the page's table of memory with the image.
-/// Errors: a build or a test fails, or the page's table is not of this image.
+///
+/// # Errors
+/// A build or a test fails, or the page's table is not of this image.
 pub fn test(toolchain: &Toolchain, long: bool, arguments: &[OsString]) -> Result<()> {
     let product = firmware::build(toolchain, Image::Product)?;
     let memory = firmware::memory(&product)?;
@@ -62,12 +67,18 @@ pub fn test(toolchain: &Toolchain, long: bool, arguments: &[OsString]) -> Result
 }
 
 /// Builds the virtual stylus's program, saying as much as `progress`, and returns it.
+///
+/// # Errors
+/// The build fails.
 pub fn build(progress: Progress) -> Result<PathBuf> {
     built(cargo("build", progress).args(["--bin", "virtual-stylus"]))
 }
 
 /// As [`build`], but with the features that its tests give to common dependencies, so that after a run of the tests
 /// nothing is built again.
+///
+/// # Errors
+/// The build fails.
 pub fn build_as_tested() -> Result<PathBuf> {
     built(cargo("test", Progress::Quiet).args(["--no-run", "--test", "models"]))
 }
@@ -78,6 +89,9 @@ fn built(cargo: &mut Command) -> Result<PathBuf> {
 }
 
 /// Runs the tests that count ticks so that they write the page's table.
+///
+/// # Errors
+/// A build or a test fails.
 pub fn write_ticks(toolchain: &Toolchain) -> Result<()> {
     let product = firmware::build(toolchain, Image::Product)?;
     let mut test = tests(toolchain, product)?;
@@ -86,6 +100,9 @@ pub fn write_ticks(toolchain: &Toolchain) -> Result<()> {
 }
 
 /// Runs the test of endurance alone, with these variables.
+///
+/// # Errors
+/// A build or the test fails.
 pub fn soak(toolchain: &Toolchain, variables: [(&str, u64); 2]) -> Result<()> {
     let product = firmware::build(toolchain, Image::Product)?;
     let mut test = tests(toolchain, product)?;
@@ -114,6 +131,9 @@ fn tests(toolchain: &Toolchain, product: PathBuf) -> Result<Command> {
 }
 
 /// Lints the virtual stylus; every warning is a failure.
+///
+/// # Errors
+/// There is a warning, or the build fails.
 pub fn lint() -> Result<()> {
     let mut clippy = cargo("clippy", Progress::Quiet);
     process::run(clippy.args(["--all-targets", "--", "--deny", "warnings"]))

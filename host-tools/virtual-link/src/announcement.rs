@@ -28,7 +28,9 @@ pub struct Announcement {
 
 impl Announcement {
     /// Announces a virtual stylus of this process with these links, as `stylus --link` takes them.
-    /// Errors: a runtime folder that cannot be used, or a file that cannot be written.
+    ///
+    /// # Errors
+    /// A runtime folder that cannot be used, or a file that cannot be written.
     pub fn new(links: &[String]) -> io::Result<Self> {
         Self::within(&runtime_folder::own()?, links)
     }

@@ -14,7 +14,9 @@ const OTHERS: u32 = 0o077;
 /// The folder, made if need be: in `XDG_RUNTIME_DIR`; or else in the user's home as `.stylus`; or else in the temporary
 /// folder under a name with the user's number. It is a folder of this user's that nobody else may enter, or there is
 /// none.
-/// Errors: a folder that cannot be made, or one of another user's, or one that others may enter.
+///
+/// # Errors
+/// A folder that cannot be made, or one of another user's, or one that others may enter.
 pub fn own() -> io::Result<PathBuf> {
     let runtime = env::var_os("XDG_RUNTIME_DIR").map(PathBuf::from);
     let temporary = env::temp_dir().join(temporary_name()?);

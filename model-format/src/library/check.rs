@@ -12,6 +12,9 @@ use crate::limits::{self, MAX_LINE_AMPLITUDE, STEP_BYTES};
 use crate::wire::{NodeRecord, Summary};
 
 /// Checks all of texture number `index` of a library except its nodes.
+///
+/// # Errors
+/// The first fault found, with its place.
 pub(super) fn check_header(texture: &Texture<'_>, index: usize) -> Result<(), DecodeError> {
     let here = |problem: Problem| problem.at(Place::Texture(index));
     let lengths = [1, limits::MAX_NAME_BYTES];

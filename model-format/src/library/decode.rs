@@ -134,6 +134,9 @@ impl<'a, W> Decoder<'a, W> {
 
 impl<'a, W: BorrowMut<Workspace>> Decoder<'a, W> {
     /// Takes one step; returns the library after the last one. A further call begins anew, as one after an error does.
+    ///
+    /// # Errors
+    /// The first fault found, with its place.
     pub fn step(&mut self) -> Result<Option<Library<'a>>, DecodeError> {
         let stepped = self.step_in_place();
         if !matches!(stepped, Ok(None)) {
@@ -304,7 +307,9 @@ impl<'a> Library<'a> {
     /// Checks `bytes` from the first to the last and returns a view of them, by a [`Decoder`].
     ///
     /// The work is bounded by a constant per byte. Nothing is copied but one scene at a time.
-    /// Errors: the first fault found, with its place.
+    ///
+    /// # Errors
+    /// The first fault found, with its place.
     pub fn decode(bytes: &'a [u8]) -> Result<Self, DecodeError> {
         let mut decoder = Decoder::new(bytes);
         loop {

@@ -29,7 +29,9 @@ impl<const N: usize> Names<N> {
     }
 
     /// Adds the name at `offset` of `bytes`, which gets the next index. There is room for `N`; more are left out.
-    /// Errors: the index of the same name.
+    ///
+    /// # Errors
+    /// The index of the same name.
     pub fn insert(&mut self, bytes: &[u8], offset: u32) -> Result<(), usize> {
         let name_at = |offset: u32| {
             let rest = bytes.get(offset as usize..).unwrap_or_default();

@@ -158,7 +158,9 @@ pub enum PlayError {
 
 impl SettingsState {
     /// Checks that the coil's settings are known, so that something may be played.
-    /// Errors: settings were lost, or required ones were never set; the error names them.
+    ///
+    /// # Errors
+    /// Settings were lost, or required ones were never set; the error names them.
     #[expect(
         clippy::result_large_err,
         reason = "without allocation the error is as large as its longest text"

@@ -97,6 +97,9 @@ impl ProbeStart {
     }
 
     /// Rate and number of samples of the whole probe.
+    ///
+    /// # Errors
+    /// A value out of its range.
     #[expect(
         clippy::result_large_err,
         reason = "without allocation the error is as large as its longest text"

@@ -44,7 +44,9 @@ pub const LOCKED: SettingSet = {
 
 impl SettingsChange {
     /// The change to `values`, which [`Self::check`] judges.
-    /// Errors: more values than there are settings, so that one occurs twice.
+    ///
+    /// # Errors
+    /// More values than there are settings, so that one occurs twice.
     pub fn of(values: &[SettingChange]) -> Result<Self, SettingsError> {
         let too_many =
             values
@@ -56,7 +58,9 @@ impl SettingsChange {
     }
 
     /// Checks that every value is in its setting's range, and that no setting has two.
-    /// Errors: a value out of range, a setting that occurs twice, or no value at all.
+    ///
+    /// # Errors
+    /// A value out of range, a setting that occurs twice, or no value at all.
     pub fn check(&self) -> Result<(), SettingsError> {
         let Self::Set(values) = self else {
             return Ok(());
@@ -76,6 +80,9 @@ impl SettingsChange {
     }
 
     /// Returns the settings after this change of `settings`.
+    ///
+    /// # Errors
+    /// A value that the setting may not have.
     pub fn applied_to(&self, settings: Settings) -> Result<Settings, SettingsError> {
         match self {
             Self::Set(values) => values

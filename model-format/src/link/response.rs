@@ -234,6 +234,9 @@ impl Response {
 
     /// Checks that the equalisers are stable and within the limit of gain, that every figure is finite, and that
     /// `settings` are those of the measurement.
+    ///
+    /// # Errors
+    /// What the check finds first.
     pub fn check(&self, settings: &Settings) -> Result<(), ResponseError> {
         for rate in PlayRate::ALL {
             check_equaliser(&self.sections(rate).biquads()).map_err(|(section, problem)| {

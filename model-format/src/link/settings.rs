@@ -193,7 +193,9 @@ impl Setting {
     }
 
     /// Returns `value` if this setting may have it.
-    /// Errors: a value that is not finite, out of range, or not whole where it must be.
+    ///
+    /// # Errors
+    /// A value that is not finite, out of range, or not whole where it must be.
     pub fn check(self, value: f32) -> Result<f32, SettingsError> {
         let SettingSpec {
             lowest,
@@ -330,6 +332,9 @@ impl Settings {
     }
 
     /// Returns these settings with one changed.
+    ///
+    /// # Errors
+    /// A value that the setting may not have.
     pub fn with(mut self, change: SettingChange) -> Result<Self, SettingsError> {
         self.0[change.setting as usize] = change.setting.check(change.value)?;
         Ok(self)

@@ -146,7 +146,9 @@ const DISTANCES: [f32; SPREAD] = {
 /// frequencies between. These are spread evenly, but denser at the ends. That is a sample and no proof; a narrow peak
 /// lies at a resonance. The arithmetic is that of `f32`, which a stylus has in hardware; every processor has the same
 /// results. Its round-off is below a ten-thousandth, which the limit is widened by.
-/// Errors: the index of the first section with a fault, and the fault.
+///
+/// # Errors
+/// The index of the first section with a fault, and the fault.
 pub fn check(sections: &[Biquad]) -> Result<(), (usize, SceneProblem)> {
     const HIGHEST: f32 = (MAX_EQUALISER_GAIN * MAX_EQUALISER_GAIN * 1.0001) as f32;
     if let Some(at) = sections.iter().position(|s| !s.poles_are_within_limit()) {

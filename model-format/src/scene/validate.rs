@@ -29,7 +29,9 @@ impl TextureBounds {
 
 impl Scene {
     /// Checks the whole scene, and that `library` has its textures.
-    /// Errors: the first fault found, with its place.
+    ///
+    /// # Errors
+    /// The first fault found, with its place.
     pub fn validate(&self, library: &Library<'_>) -> Result<(), SceneError> {
         let textures = self.textures(library);
         let bounds = textures.map(|texture| texture.as_ref().map(TextureBounds::of));

@@ -257,6 +257,9 @@ impl SteppedStylus {
     }
 
     /// Uploads a library, or the rest of one whose upload has begun, as a host does.
+    ///
+    /// # Errors
+    /// A refusal of any of its requests.
     pub fn upload(&mut self, bytes: &[u8]) -> Result<UploadCommitted, UploadError> {
         self.request(async |storage, stage| {
             let begun = storage.upload_begin(stage, announcement(bytes)).await?;
@@ -273,11 +276,17 @@ impl SteppedStylus {
     }
 
     /// Activates the library in `slot`.
+    ///
+    /// # Errors
+    /// As `Storage::activate`.
     pub fn activate(&mut self, slot: SlotId) -> Result<Activated, ActivateError> {
         self.request(async |storage, stage| storage.activate(stage, slot).await)
     }
 
     /// Plays what `request` says for the host on the serial port.
+    ///
+    /// # Errors
+    /// As `Control::play`.
     pub fn play(&self, request: PlayRequest) -> Result<Playing, PlayError> {
         self.control.borrow_mut().play(LinkId::Serial, request)
     }
@@ -316,11 +325,17 @@ impl SteppedStylus {
     }
 
     /// Proposes new values of settings, and applies them, as a host does.
+    ///
+    /// # Errors
+    /// A refusal of either step.
     pub fn change_settings(&mut self, values: &[SettingChange]) -> Result<Settings, SettingsError> {
         self.propose_and_apply(SettingsChange::of(values)?)
     }
 
     /// Proposes to reset the settings, and resets them, as a host does.
+    ///
+    /// # Errors
+    /// A refusal of either step.
     pub fn reset_settings(&mut self) -> Result<Settings, SettingsError> {
         self.propose_and_apply(SettingsChange::Reset)
     }

@@ -95,6 +95,9 @@ pub fn put(memory: &mut Memory, slot: SlotId, bytes: &[u8], sequence: u32) {
 }
 
 /// Uploads `bytes` straight into `store`, in chunks of `chunk` bytes.
+///
+/// # Errors
+/// As [`Uploader`]'s methods.
 pub async fn upload<F: MappedFlash>(
     uploader: &mut Uploader,
     store: &mut SlotStore<F>,

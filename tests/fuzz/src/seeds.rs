@@ -13,6 +13,9 @@ use model_format::{
 };
 
 /// Writes the seeds of every target into its folder below `root`.
+///
+/// # Errors
+/// A folder or file that cannot be written.
 pub fn write(root: &Path) -> Result<(), Box<dyn Error>> {
     #[cfg(feature = "parsers")]
     crate::parsers::seeds::write(root)?;

@@ -136,6 +136,9 @@ impl Bench {
     }
 
     /// Reads the status.
+    ///
+    /// # Errors
+    /// A lost link, a missing answer, or an interrupt.
     pub fn status(&self) -> Result<Status> {
         if self.is_interrupted() {
             return Err(Error::Interrupted);
@@ -144,7 +147,9 @@ impl Bench {
     }
 
     /// Reads the status until `reached` is true for it.
-    /// Errors: as [`Bench::status`]; or `ms` of the device's clock have passed.
+    ///
+    /// # Errors
+    /// As [`Bench::status`]; or `ms` of the device's clock have passed.
     pub fn wait_until(
         &self,
         what: &str,
@@ -169,6 +174,9 @@ impl Bench {
     }
 
     /// Waits for `ms` of the device's clock.
+    ///
+    /// # Errors
+    /// As [`Bench::status`].
     pub fn wait(&self, ms: u64) -> Result<Status> {
         let end = self.status()?.uptime_ms + ms;
         self.wait_until("the device's clock did not go on", ms + 1_000, |status| {
@@ -177,6 +185,9 @@ impl Bench {
     }
 
     /// Waits until the device answers after a reset, as its clock that has begun anew shows.
+    ///
+    /// # Errors
+    /// It does not come back, or its clock goes on.
     pub fn wait_for_restart(&mut self, before: &Status) -> Result<Status> {
         /// Attempts; each takes as long as the link takes to come back.
         const ATTEMPTS: u32 = 5;
@@ -203,7 +214,9 @@ impl Bench {
     }
 
     /// Plays `selection` along the host's motion while `work` is done, and stops it at its end.
-    /// Errors: the device refuses to play, `work` fails, the link fails, or the output does not come to rest.
+    ///
+    /// # Errors
+    /// The device refuses to play, `work` fails, the link fails, or the output does not come to rest.
     pub fn while_playing<T>(
         &self,
         selection: &Selection,
@@ -238,6 +251,9 @@ impl Bench {
     }
 
     /// Waits until something is heard: playing, and not muted.
+    ///
+    /// # Errors
+    /// It stays muted.
     pub fn wait_until_heard(&self) -> Result<Status> {
         self.wait_until("the output was not unmuted", 2_000, |status| {
             is_playing(status) && status.output.mute.is_empty()
@@ -246,6 +262,9 @@ impl Bench {
 
     /// Sends motions until what was asked for is heard, and leaves it playing with nobody that keeps it. Returns the
     /// last status, whose request was the last frame.
+    ///
+    /// # Errors
+    /// It stays muted.
     pub fn heard_with_motions(&self) -> Result<Status> {
         /// Motions that the output may need.
         const MOTIONS: u32 = 2_000;

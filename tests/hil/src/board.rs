@@ -65,6 +65,9 @@ impl Board {
     }
 
     /// Resets the processor by its reset pin.
+    ///
+    /// # Errors
+    /// There is no control of the board, or it fails.
     pub fn reset(&mut self) -> Result<()> {
         match self {
             Self::ByHand => Err(by_hand()),
@@ -79,6 +82,9 @@ impl Board {
     }
 
     /// Writes `image` into the flash and starts it. The libraries and settings in flash stay.
+    ///
+    /// # Errors
+    /// There is no control of the board, or it fails.
     pub fn flash(&mut self, image: Image) -> Result<()> {
         match self {
             Self::ByHand => Err(by_hand()),
@@ -147,6 +153,9 @@ const MOTION: &str = "time_s,speed_mm_s,force_n\n0,0,0\n1,120,1\n100000,120,1\n"
 
 impl VirtualBoard {
     /// Starts `program` with the product's image on blank flash.
+    ///
+    /// # Errors
+    /// It cannot be started.
     pub fn start(program: PathBuf, images: Images) -> Result<Self> {
         let folder = tempfile::tempdir()?;
         let motion = folder.path().join("motion.csv");

@@ -14,7 +14,9 @@ use crate::error::{Error, Result};
 use crate::library::{Played, played};
 
 /// Runs all tests, and uploads `library` at the end. The report is in the bench.
-/// Errors: the device could not be left as it was; everything else is in the report.
+///
+/// # Errors
+/// The device could not be left as it was; everything else is in the report.
 pub fn run(bench: &mut Bench, library: Option<PathBuf>) -> Result<()> {
     let kept = Kept::save(bench, library)?;
     let played = played();
@@ -93,6 +95,9 @@ pub struct Kept {
 
 impl Kept {
     /// Saves the settings; `library` is the file to upload at the end.
+    ///
+    /// # Errors
+    /// The link fails.
     pub fn save(bench: &Bench, library: Option<PathBuf>) -> Result<Self> {
         Ok(Self {
             settings: bench.device.settings()?,
@@ -103,6 +108,9 @@ impl Kept {
 
     /// Sets the coil's settings, so that the device plays even if nobody has set them: as they are, with a power of at
     /// most `MOST_POWER_W`. [`Kept::restore`] takes that back.
+    ///
+    /// # Errors
+    /// The link fails, or the device refuses a value.
     pub fn make_playable(&self, bench: &Bench) -> Result<()> {
         for setting in SettingSet::REQUIRED.iter() {
             let value = match setting {
@@ -115,6 +123,9 @@ impl Kept {
     }
 
     /// Silences the device, and puts back what was saved. Does all that is still possible after a failure.
+    ///
+    /// # Errors
+    /// The first failure.
     pub fn restore(&self, bench: &mut Bench) -> Result<()> {
         if bench.device.status().is_err() {
             bench.device.reconnect()?;
@@ -160,6 +171,9 @@ fn silence(bench: &Bench) -> Result<()> {
 }
 
 /// The libraries that the run will overwrite, as text; empty if there are none.
+///
+/// # Errors
+/// The link fails.
 pub fn overwrites(bench: &Bench) -> Result<Vec<String>> {
     let slots = bench.device.slots()?;
     let names = ["A", "B"].into_iter().zip(&slots.slots);

@@ -24,6 +24,11 @@ pub enum Job<'a> {
         /// A library.
         library: &'a [u8],
     },
+    /// Playback of hard cases, with a count of each sample's instructions.
+    Hard {
+        /// [`HardCase`](crate::HardCase)s, one after the other.
+        cases: &'a [u8],
+    },
     /// Decoding and planning, with a count of the instructions.
     Bounds {
         /// [`Libraries`], one after the other.
@@ -54,7 +59,9 @@ impl<'a> Iterator for Libraries<'a> {
 #[cfg(feature = "library")]
 impl Libraries<'_> {
     /// Appends `library` to `bytes`.
-    /// Panics if the library is longer than 4 GB.
+    ///
+    /// # Panics
+    /// The library is longer than 4 GB.
     pub fn append(library: &[u8], bytes: &mut alloc::vec::Vec<u8>) {
         let length = u32::try_from(library.len()).expect("no library is so long");
         bytes.extend(length.to_le_bytes());
@@ -82,8 +89,8 @@ pub fn write(job: &Job<'_>) -> Option<alloc::vec::Vec<u8>> {
     (bytes.len() <= CAPACITY).then_some(bytes)
 }
 
-/// Largest number of bytes of a job beside the library of a [`Job::Count`] or [`Job::Digest`], or the libraries of a
-/// [`Job::Bounds`].
+/// Largest number of bytes of a job beside the library of a [`Job::Count`] or [`Job::Digest`], the cases of a
+/// [`Job::Hard`], or the libraries of a [`Job::Bounds`].
 pub const OVERHEAD_BYTES: usize = HEADER_BYTES + 16;
 
 #[cfg(all(test, feature = "library"))]
@@ -107,10 +114,13 @@ mod tests {
 
     #[test]
     fn what_has_no_room_is_no_job() {
-        let room = |bytes| {
-            let library = alloc::vec![0; bytes];
-            write(&Job::Digest { library: &library }).is_some()
-        };
-        assert!(room(CAPACITY - OVERHEAD_BYTES) && !room(CAPACITY));
+        let cases = alloc::vec![0; CAPACITY - OVERHEAD_BYTES + 1];
+        assert!(write(&Job::Hard { cases: &cases[1..] }).is_some());
+        assert!(
+            write(&Job::Hard {
+                cases: &alloc::vec![0; CAPACITY]
+            })
+            .is_none()
+        );
     }
 }

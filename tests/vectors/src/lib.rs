@@ -11,6 +11,7 @@
 extern crate alloc;
 
 mod edges;
+mod hard;
 pub mod job;
 #[cfg(feature = "library")]
 mod library;
@@ -20,6 +21,7 @@ pub mod report;
 mod textures;
 
 pub use edges::edges;
+pub use hard::{HardCase, Way};
 pub use job::Libraries;
 #[cfg(feature = "library")]
 pub use library::{

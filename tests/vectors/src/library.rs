@@ -44,6 +44,9 @@ const WANDERS: [Wander; 2] = [
 ];
 
 /// The bytes of a library that holds every texture of [`crate::VECTORS`].
+///
+/// # Panics
+/// Never, unless this crate is wrong: the textures that it encodes are valid.
 pub fn library() -> Vec<u8> {
     encode(&specs()).expect("the test textures are valid")
 }
@@ -109,6 +112,9 @@ pub fn specs() -> [TextureSpec; 15] {
 pub const DIGESTED: u32 = 0x104b_59ee;
 
 /// The bytes of a library of one texture with every part that a texture may have, and an order that is played fast.
+///
+/// # Panics
+/// Never, unless this crate is wrong: the texture that it encodes is valid.
 pub fn digest_library() -> Vec<u8> {
     let spec = Grid::new(|index| {
         Model::resonant(SHORT_ORDER, 120 + index as u64).with_fractions(index as u64)
@@ -127,7 +133,9 @@ pub const COUNTED_ORDERS: [usize; 6] = [10, 20, 50, 100, 200, MAX_ORDER];
 
 /// A library of textures for the count of costs: each of `orders` on one node, then each on the whole
 /// grid.
-/// Panics on orders above the limit, or more than sixteen of them.
+///
+/// # Panics
+/// Orders above the limit, or more than sixteen of them.
 pub fn counted_library(orders: &[usize]) -> Vec<u8> {
     let one = |&order: &usize| {
         Grid::one(&Model::gentle(order, order as u64), 9.0)
@@ -144,7 +152,9 @@ pub fn counted_library(orders: &[usize]) -> Vec<u8> {
 }
 
 /// A texture of `order` on the whole grid, called `name`.
-/// Panics on an order above the limit.
+///
+/// # Panics
+/// An order above the limit.
 pub fn counted_texture(order: usize, name: &str) -> TextureSpec {
     Grid::new(|index| Model::gentle(order, (order + index) as u64)).texture(name)
 }

@@ -21,6 +21,9 @@ pub enum PlayError {
 }
 
 /// Plays `vector` of `library` into `sink` along [`motion`]; returns the number of samples at full scale.
+///
+/// # Errors
+/// Bytes that are no library, or one without the texture.
 pub fn run<M: Arithmetic>(
     library: &[u8],
     vector: &Vector,

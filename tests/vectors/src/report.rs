@@ -50,3 +50,9 @@ pub const CORTEX_M: &str = "cortex-m";
 
 /// Every arithmetic, in the order of a report.
 pub const ARITHMETICS: [&str; 2] = [PORTABLE, CORTEX_M];
+
+/// Prefix of the name of a hard case whose samples the product's synthesis made.
+pub const SYNTHESIS: &str = "synthesis";
+
+/// Prefix of the name of a hard case whose samples its filter made.
+pub const FILTER: &str = "filter";

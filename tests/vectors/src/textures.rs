@@ -78,14 +78,9 @@ pub struct Measured {
 
 /// One texture for each path through the kernel, with the costs that a sample and an update may have on a Cortex-M4 or
 /// M7.
-pub const MEASURED: [Measured; 9] = [
+pub const MEASURED: [Measured; 8] = [
     Measured {
         texture: "lattice",
-        budget_instructions: 4800,
-        update_budget_instructions: 10_000,
-    },
-    Measured {
-        texture: "lattice of largest angles",
         budget_instructions: 4800,
         update_budget_instructions: 10_000,
     },

@@ -20,8 +20,9 @@ pub struct FlashFile {
 impl FlashFile {
     /// Opens the file at `path`, or creates it, and locks it. Returns it with what it holds; a new or empty one holds
     /// an erased flash.
-    /// Errors: it is not a regular file, cannot be opened, has another length than a flash, or is in use by another
-    /// run.
+    ///
+    /// # Errors
+    /// It is not a regular file, cannot be opened, has another length than a flash, or is in use by another run.
     pub fn open(path: &Path) -> Result<(Self, Contents)> {
         let told = |reason: String| Error::FlashFile {
             path: path.to_owned(),
@@ -54,6 +55,9 @@ impl FlashFile {
     }
 
     /// Writes `contents` over what the file holds.
+    ///
+    /// # Errors
+    /// The file cannot be written.
     pub fn write(&mut self, contents: &Contents) -> Result<()> {
         let bytes = contents.to_bytes();
         let mut write = || {

@@ -48,7 +48,9 @@ impl Motion {
     }
 
     /// `speeds` in mm/s at instants in nanoseconds, with `mm_per_count`.
-    /// Errors: there are no speeds, an instant is not after the one before it, or a number is not finite.
+    ///
+    /// # Errors
+    /// There are no speeds, an instant is not after the one before it, or a number is not finite.
     pub fn linear(speeds: &[(u64, f64)], mm_per_count: f64) -> Result<Self> {
         let ordered = speeds.windows(2).all(|pair| pair[0].0 < pair[1].0);
         let finite = speeds
@@ -159,7 +161,9 @@ pub struct MotionLine {
 }
 
 /// Reads a motion file: `time_s,speed_mm_s,force_n`, lines from `#` on left out.
-/// Errors: the file cannot be read, or a line has another form.
+///
+/// # Errors
+/// The file cannot be read, or a line has another form.
 pub fn read_csv(path: &std::path::Path) -> Result<Vec<MotionLine>> {
     let told = |error: csv::Error| Error::Motion(format!("{}: {error}", path.display()));
     let mut reader = csv::ReaderBuilder::new()

@@ -149,7 +149,9 @@ pub struct Part {
 
 impl Part {
     /// The part as the power comes on, with `pins` at its converter; `defects` are told to the core.
-    /// Errors: the emulator's description of the part does not fit the models.
+    ///
+    /// # Errors
+    /// The emulator's description of the part does not fit the models.
     pub fn new(
         pins: Box<dyn Pins>,
         electrical: Electrical,
@@ -315,6 +317,9 @@ impl Part {
 
     /// Has AXI SRAM's monitor find an error: bit 0 of `flags` one that was corrected, bit 1 one that was not (section
     /// 3.4, RAMECC_M1SR).
+    ///
+    /// # Errors
+    /// The emulator's part has no such monitor.
     pub fn find_ram_error(&mut self, flags: u64) -> Result<(), Error> {
         let slot = self.rest.bus().slot("RAMECC1")?;
         let registers = registers(&mut self.rest, slot);

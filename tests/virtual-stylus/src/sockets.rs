@@ -64,6 +64,9 @@ pub struct SerialSocket {
 
 impl SerialSocket {
     /// Listens on `port` of the loopback interface (0 for any).
+    ///
+    /// # Errors
+    /// The port cannot be listened on.
     pub fn listen(port: u16) -> Result<Self> {
         Ok(Self {
             listener: Loopback::listen(port)?,
@@ -72,6 +75,9 @@ impl SerialSocket {
     }
 
     /// The port.
+    ///
+    /// # Errors
+    /// The system does not give it.
     pub fn port(&self) -> Result<u16> {
         self.listener.port()
     }
@@ -156,6 +162,9 @@ struct Program {
 
 impl UsbSocket {
     /// Listens on `port` of the loopback interface (0 for any).
+    ///
+    /// # Errors
+    /// The port cannot be listened on.
     pub fn listen(port: u16) -> Result<Self> {
         Ok(Self {
             listener: Loopback::listen(port)?,
@@ -166,6 +175,9 @@ impl UsbSocket {
     }
 
     /// The port.
+    ///
+    /// # Errors
+    /// The system does not give it.
     pub fn port(&self) -> Result<u16> {
         self.listener.port()
     }

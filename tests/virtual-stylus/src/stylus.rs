@@ -38,6 +38,9 @@ pub struct VirtualStylus {
 
 impl VirtualStylus {
     /// Puts the ELF file at `image` into the flash and switches the power on; nothing has run yet.
+    ///
+    /// # Errors
+    /// The image cannot be read or does not fit the flash.
     pub fn new(image: &Path, options: Options) -> Result<Self> {
         let ram_noise = options.ram_noise;
         let (commands, stops, thread) = start(image, options)?;

@@ -21,7 +21,9 @@ pub const LEAD_TICKS: u64 = 20 * TICKS_PER_MS as u64;
 
 impl<D: Device> Control<D> {
     /// Serves `ProbeLoadEndpoint`.
-    /// Errors: a probe is played, or the other link plays; or the samples end beyond the memory.
+    ///
+    /// # Errors
+    /// A probe is played, or the other link plays; or the samples end beyond the memory.
     pub fn load_probe(&mut self, from: LinkId, load: &ProbeLoad) -> Result<(), ProbeError> {
         self.check_lease(from)?;
         if self.player.probing().is_some() {
@@ -39,8 +41,9 @@ impl<D: Device> Control<D> {
 
     /// Serves `ProbeStartEndpoint`, and gives the lease to `from`. The probe ends by itself, and when `from` lets the
     /// lease lapse.
-    /// Errors: a value out of its range; another waveform; no response to play through; something is played, or may not
-    /// be.
+    ///
+    /// # Errors
+    /// A value out of its range; another waveform; no response to play through; something is played, or may not be.
     pub fn start_probe(
         &mut self,
         from: LinkId,

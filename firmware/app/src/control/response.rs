@@ -22,7 +22,9 @@ impl<D: Device> Control<D> {
 
     /// Serves `ResponseProposeEndpoint`: keeps `response` in place of one that was proposed before, until the settings
     /// change or the device restarts. Returns its hash.
-    /// Errors: something is played, or the response is not one that could be stored.
+    ///
+    /// # Errors
+    /// Something is played, or the response is not one that could be stored.
     pub fn propose_response(
         &mut self,
         from: LinkId,
@@ -44,7 +46,9 @@ impl<D: Device> Control<D> {
 
     /// Keeps everything from being played until [`Control::end_configuration`], and returns the response that is to be
     /// stored; none if the stored one is to be removed.
-    /// Errors: no such response, or something is played.
+    ///
+    /// # Errors
+    /// No such response, or something is played.
     pub fn begin_response(
         &mut self,
         from: LinkId,

@@ -123,13 +123,17 @@ impl<F: NorFlash> SettingsStore<F> {
     }
 
     /// Changes one setting, in flash first.
-    /// Errors: the value is out of the setting's range, or the flash fails. The settings in force stay.
+    ///
+    /// # Errors
+    /// The value is out of the setting's range, or the flash fails. The settings in force stay.
     pub async fn set(&mut self, change: SettingChange) -> Result<Settings, SettingsError> {
         self.set_all(&[change]).await
     }
 
     /// Changes settings, in flash first, by one record: all of them or none.
-    /// Errors: a value is out of its setting's range, or the flash fails. The settings in force stay.
+    ///
+    /// # Errors
+    /// A value is out of its setting's range, or the flash fails. The settings in force stay.
     pub async fn set_all(&mut self, changes: &[SettingChange]) -> Result<Settings, SettingsError> {
         for change in changes {
             change.setting.check(change.value)?;
@@ -145,7 +149,9 @@ impl<F: NorFlash> SettingsStore<F> {
     }
 
     /// Stores `response` and the setting that belongs to it, by one record, or removes the response.
-    /// Errors: the flash fails. What is in force stays.
+    ///
+    /// # Errors
+    /// The flash fails. What is in force stays.
     pub async fn set_response(&mut self, response: Option<&Response>) -> Result<(), SettingsError> {
         let changed = self.record.snapshot.with_response(response);
         self.draft = self.next(&changed);
@@ -157,7 +163,9 @@ impl<F: NorFlash> SettingsStore<F> {
     }
 
     /// Erases both copies and begins anew: every setting has its default and none is set.
-    /// Errors: the flash fails. Every setting then has its default, and none is set, until a restart.
+    ///
+    /// # Errors
+    /// The flash fails. Every setting then has its default, and none is set, until a restart.
     pub async fn reset(&mut self) -> Result<Settings, SettingsError> {
         self.draft = self.next(&Snapshot::NEVER_SET);
         self.record = self.draft;

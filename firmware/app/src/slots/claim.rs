@@ -21,8 +21,9 @@ const SECOND_CHANCES: usize = 4;
 
 impl<F: MappedFlash> SlotStore<F> {
     /// Gives `slot` away to be erased; it holds no library from then on.
-    /// Errors: the slot holds a library, the other slot does not, and `replaces_last` is false. Nothing has changed
-    /// then.
+    ///
+    /// # Errors
+    /// The slot holds a library, the other slot does not, and `replaces_last` is false. Nothing has changed then.
     pub(crate) async fn claim(
         &mut self,
         slot: SlotId,
@@ -41,6 +42,9 @@ impl<F: MappedFlash> SlotStore<F> {
 
     /// Gives the slot away that an upload goes to: the one that is not active. While none is active, it is the one that
     /// is worth less.
+    ///
+    /// # Errors
+    /// As [`SlotStore::claim`].
     pub(crate) async fn claim_spare(&mut self, replaces_last: bool) -> Result<Claim, LastLibrary> {
         for slot in SlotId::ALL {
             self.give_second_chances(slot).await;

@@ -45,7 +45,9 @@ const STRIDE_BYTES: usize = 4096;
 /// and not as a bus fault.
 pub trait MappedFlash: NorFlash {
     /// The bytes of `range`, each word of which has been read without error since it was last written.
-    /// Errors: the range lies outside the flash.
+    ///
+    /// # Errors
+    /// The range lies outside the flash.
     fn bytes(&self, range: Range<u32>) -> Result<&[u8], Self::Error>;
 }
 
@@ -208,7 +210,9 @@ impl<F: MappedFlash> SlotStore<F> {
     }
 
     /// Texture `index` of `slot`, after reading each word of the library again.
-    /// Errors: the slot has no library, or has a fault, or the library has fewer textures.
+    ///
+    /// # Errors
+    /// The slot has no library, or has a fault, or the library has fewer textures.
     pub async fn texture(&mut self, slot: SlotId, index: u8) -> Result<TextureInfo, ListError> {
         let library = self.listed(slot).await?;
         let found = library.texture_at(usize::from(index));
@@ -222,7 +226,9 @@ impl<F: MappedFlash> SlotStore<F> {
     }
 
     /// Scene `index` of `slot`, after reading each word of the library again.
-    /// Errors: the slot has no library, or has a fault, or the library has fewer scenes.
+    ///
+    /// # Errors
+    /// The slot has no library, or has a fault, or the library has fewer scenes.
     pub async fn scene(&mut self, slot: SlotId, index: u8) -> Result<SceneInfo, ListError> {
         let library = self.listed(slot).await?;
         let found = library.scene_at(usize::from(index));
@@ -254,7 +260,9 @@ impl<F: MappedFlash> SlotStore<F> {
     }
 
     /// The bytes of the library in `slot`, after reading each word again and comparing the checksum.
-    /// Errors: the slot has a fault, and counts as faulty from then on.
+    ///
+    /// # Errors
+    /// The slot has a fault, and counts as faulty from then on.
     pub async fn library_bytes(&mut self, slot: SlotId) -> Result<&[u8], SlotFault> {
         let Some(info) = self.library(slot) else {
             return Err(SlotFault::Unfinished);

@@ -40,6 +40,9 @@ impl Interaction {
 
     /// An interaction with `motion` at a position on the path, mm from its origin, which lines that are locked to
     /// place follow too, unless [`Interaction::reaching`] tells a better one.
+    ///
+    /// # Errors
+    /// A position that is not finite.
     pub fn new(motion: Motion, position_mm: f32, contact: bool) -> Result<Self, InteractionError> {
         if !position_mm.is_finite() {
             return Err(InteractionError);

@@ -47,6 +47,9 @@ pub(super) struct PlannedTap {
 
 impl<'a> Plan<'a> {
     /// Compiles `scene` with the textures of `library`, after a check of the whole scene.
+    ///
+    /// # Errors
+    /// The fault that [`Scene::validate`] finds.
     pub fn new(scene: &Scene, library: &Library<'a>) -> Result<Self, SceneError> {
         scene.validate(library)?;
         let rate = scene.sample_rate_hz;
@@ -224,7 +227,9 @@ impl<'a> Plan<'a> {
     }
 
     /// Returns [`Plan::worst_case`] if all samples of a tick are within `budget` instructions per tick.
-    /// Errors: a worst case above the budget of a sample; the error holds its terms.
+    ///
+    /// # Errors
+    /// A worst case above the budget of a sample; the error holds its terms.
     pub fn within(&self, budget: u32) -> Result<Cost, OverBudget> {
         let budget = cost::budget_per_sample(budget, self.sample_rate_hz);
         self.worst_case().within(budget)

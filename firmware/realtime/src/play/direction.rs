@@ -65,7 +65,10 @@ pub fn prepare(next: Next) {
 }
 
 /// Plays the prepared plan from silence, with noise from `seed`. For tasks, while nothing is played.
-/// Errors: no plan was prepared; there is no director then.
+///
+/// # Errors
+/// No plan was prepared; there is no director then.
+///
 /// # Safety
 /// The tick does not play.
 pub unsafe fn start(seed: u64) -> Result<(), NotPrepared> {

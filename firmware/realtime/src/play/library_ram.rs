@@ -63,8 +63,9 @@ impl LibraryRam {
 
     /// Takes one step of copying `bytes`, the same at each step, and of decoding the copy; returns true after the last
     /// one. The library can be seen only then.
-    /// Errors: there are too many bytes, or they are not a library, or nothing was begun; the memory has no library
-    /// then.
+    ///
+    /// # Errors
+    /// There are too many bytes, or they are not a library, or nothing was begun; the memory has no library then.
     pub fn load(&mut self, bytes: &[u8]) -> Result<bool, LoadFault> {
         let stepped = match self.content {
             Content::Copied(at) => copy(bytes, *at).map(Some),

@@ -49,6 +49,9 @@ pub struct Link {
 
 impl Link {
     /// Connects to the stylus.
+    ///
+    /// # Errors
+    /// See [`Device::connect_by`].
     pub fn connect(&self) -> Result<Device> {
         let timeouts = self.timeouts();
         if let Some(link) = &self.link {
@@ -63,7 +66,9 @@ impl Link {
 
     /// Connects as [`Link::connect`] does, also to a stylus that speaks another protocol, by a link of this command
     /// alone.
-    /// Errors: no stylus is attached, or several are and none is named, or the link cannot be opened.
+    ///
+    /// # Errors
+    /// No stylus is attached, or several are and none is named, or the link cannot be opened.
     pub fn connect_to_any(&self) -> Result<Device> {
         let link = match &self.link {
             Some(link) => link.clone(),
@@ -78,7 +83,9 @@ impl Link {
 
     /// Connects to the stylus by a link of this command alone, where it cannot be shared: for what must always find a
     /// way.
-    /// Errors: that of [`Link::connect`], where neither way leads to the stylus.
+    ///
+    /// # Errors
+    /// That of [`Link::connect`], where neither way leads to the stylus.
     fn connect_somehow(&self) -> Result<Device> {
         let link = || match &self.link {
             Some(link) => Ok(link.clone()),
@@ -103,6 +110,9 @@ impl Link {
     }
 
     /// Connects to a second link of the stylus.
+    ///
+    /// # Errors
+    /// See [`Device::connect_by`].
     pub fn connect_to(&self, link: &LinkAddress) -> Result<Device> {
         self.open(link, Timeouts::default())
     }
@@ -118,7 +128,9 @@ impl Link {
 }
 
 /// This program, as one that shares the links that it opens.
-/// Errors: a system that does not tell the file of this program.
+///
+/// # Errors
+/// A system that does not tell the file of this program.
 pub fn sharing() -> Result<Sharing> {
     // The first word is the command, because options follow it.
     let command = std::env::args().nth(1).unwrap_or_default();

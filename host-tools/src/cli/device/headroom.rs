@@ -90,6 +90,9 @@ fn of(device: &Device, library: &Library<'_>) -> Result<(bool, Vec<Headroom>)> {
 }
 
 /// Warns of textures that exceed what the stylus gives, if a response is stored.
+///
+/// # Errors
+/// A lost link, or a texture of a rate that no stylus plays.
 pub fn warn_of(device: &Device, library: &Library<'_>) -> Result<()> {
     if device.response()?.stored.is_none() {
         return Ok(());

@@ -56,7 +56,9 @@ pub struct ResponseReport {
 
 impl ResponseArguments {
     /// Measures, proves and stores the response. `answer` asks the operator; none if nobody is asked.
-    /// Errors: a fault of the actuator, after which nothing has changed, or a link that is lost.
+    ///
+    /// # Errors
+    /// A fault of the actuator, after which nothing has changed, or a link that is lost.
     pub fn run(
         &self,
         device: &Device,

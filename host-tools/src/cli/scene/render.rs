@@ -92,7 +92,9 @@ impl Source {
     }
 
     /// Path of the library.
-    /// Errors: a scene file without a library, or a library with another.
+    ///
+    /// # Errors
+    /// A scene file without a library, or a library with another.
     pub fn library_path(&self) -> Result<&Path> {
         match (&self.library, self.is_text()) {
             (Some(library), true) => Ok(library),
@@ -109,7 +111,9 @@ impl Source {
     }
 
     /// Compiles the scene against `library`, which is the file at [`Source::library_path`].
-    /// Errors: a text that does not compile, or a library without such a scene.
+    ///
+    /// # Errors
+    /// A text that does not compile, or a library without such a scene.
     pub fn compile(&self, library: &Library<'_>) -> Result<CompiledScene> {
         if self.is_text() {
             let compiled = SceneFile::read(&self.file)?.compile(library)?;

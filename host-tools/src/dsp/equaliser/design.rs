@@ -106,7 +106,9 @@ fn mean(values: &[f64]) -> f64 {
 }
 
 /// Fits the equaliser that inverts `response` at the sample rate `rate_hz`.
-/// Errors: a limit, a count or a band out of its range.
+///
+/// # Errors
+/// A limit, a count or a band out of its range.
 pub fn design(response: &Response, rate_hz: f64, request: &Request) -> Result<Design, Fault> {
     let band_hz = check(response, rate_hz, request)?;
     let [low, high] = band_hz.map(f64::ln);

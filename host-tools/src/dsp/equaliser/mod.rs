@@ -87,7 +87,9 @@ pub struct Section {
 
 impl Section {
     /// The stored form of the section at the sample rate `rate_hz`.
-    /// Errors: a frequency, quality factor or gain out of its range.
+    ///
+    /// # Errors
+    /// A frequency, quality factor or gain out of its range.
     pub fn biquad(&self, rate_hz: f64) -> Result<Biquad, Fault> {
         let frequencies = FREQUENCY_SHARES.map(|share| share * rate_hz);
         within("frequency_hz", self.frequency_hz, frequencies, "Hz")?;

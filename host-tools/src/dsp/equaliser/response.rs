@@ -12,7 +12,9 @@ pub struct Response {
 
 impl Response {
     /// The response through these points: frequency, Hz, ascending, and level, dB.
-    /// Errors: too few points, or the index of the first one whose frequency does not ascend or that is not finite.
+    ///
+    /// # Errors
+    /// Too few points, or the index of the first one whose frequency does not ascend or that is not finite.
     pub fn new(points: Vec<(f64, f64)>) -> Result<Self, ResponseFault> {
         let mut before_hz = 0.0;
         for (index, &(hz, level_db)) in points.iter().enumerate() {

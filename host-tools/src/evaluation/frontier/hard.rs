@@ -74,6 +74,9 @@ pub fn of_order(case: &Case, order: usize) -> Case {
 }
 
 /// Plays `case` by `structure`.
+///
+/// # Errors
+/// A lattice that makes no library, which none does.
 pub fn play(case: &Case, structure: Structure) -> Result<Verdict> {
     let mut case = case.clone();
     // Its signals have other scales than a normalised lattice's: of the two-multiplier lattice, scales that change with

@@ -164,6 +164,9 @@ pub fn reference(texture: &Texture<'_>, seed: u64) -> Frames {
 
 /// Plays `texture` by `structure` along its rubbing, with an update every `interval` samples, and compares with
 /// `reference`.
+///
+/// # Errors
+/// A direct form cannot hold the texture.
 pub fn play(
     structure: Structure,
     texture: Texture<'_>,

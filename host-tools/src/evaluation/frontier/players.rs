@@ -25,6 +25,9 @@ use crate::texture::quantise::reflection;
 pub struct NotHeld;
 
 /// The predictors that `structure` plays `texture` by; none of a lattice.
+///
+/// # Errors
+/// A direct form cannot hold the texture.
 pub(super) fn predictors(
     structure: Structure,
     texture: &Texture<'_>,
@@ -38,6 +41,9 @@ pub(super) fn predictors(
 }
 
 /// A player of `structure` for `texture`.
+///
+/// # Errors
+/// A direct form cannot hold the texture.
 pub fn player_of(structure: Structure, texture: &Texture<'_>) -> Result<Box<dyn Player>, NotHeld> {
     let stages = texture.max_order();
     if let Some(predictors) = predictors(structure, texture)? {

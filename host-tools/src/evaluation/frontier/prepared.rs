@@ -43,7 +43,9 @@ pub struct Prepared {
 
 impl Prepared {
     /// Fits the one half of `material` and reads the other; `progress` is told of each trial analysed.
-    /// Errors: a recording that cannot be used; material without a node that sounds.
+    ///
+    /// # Errors
+    /// A recording that cannot be used; material without a node that sounds.
     pub fn new(material: &Material, options: &Options, progress: impl Fn() + Sync) -> Result<Self> {
         let at = |order| fit::Options {
             order,
@@ -181,6 +183,9 @@ pub struct Material {
 
 impl Material {
     /// Two takes of the paper's protocol by the rig simulator, written below `folder`.
+    ///
+    /// # Errors
+    /// A folder that cannot be written.
     pub fn simulated(folder: &Path) -> Result<Self> {
         let paper = RigFile::paper();
         let [fit, held_out] = SEEDS.map(|seed| {
@@ -201,6 +206,9 @@ impl Material {
     }
 
     /// The first half of each recording of `set` to fit, its second half to judge by.
+    ///
+    /// # Errors
+    /// A recording that cannot be read.
     pub fn halves(set: &RecordingSet) -> Result<Self> {
         let mut material = Self {
             fit: set.clone(),
@@ -224,7 +232,9 @@ impl Material {
     }
 
     /// `set` to fit, and another take of the same nodes to judge by.
-    /// Errors: takes that have no node of `set`.
+    ///
+    /// # Errors
+    /// Takes that have no node of `set`.
     pub fn takes(set: RecordingSet, takes: RecordingSet) -> Result<Self> {
         let material = Self {
             description: "one take of each recording fitted, another held out".to_owned(),

@@ -29,7 +29,9 @@ impl Prepared {
 
     /// Plays everything, telling `progress` of each piece of work done. The result does not depend on the number of
     /// threads.
-    /// Errors: a lattice that makes no library, or an order that no cost is known for.
+    ///
+    /// # Errors
+    /// A lattice that makes no library, or an order that no cost is known for.
     pub fn run(&self, options: &Options, progress: impl Fn() + Sync) -> Result<Frontier> {
         let references = self.references(options.seed, &progress)?;
         let choices: Vec<(Structure, usize)> = STRUCTURES

@@ -71,6 +71,9 @@ pub struct Playing {
 
 /// Plays the only node of the library `bytes` and compares it with `recording`, m/s². `None` if the structure cannot
 /// hold it.
+///
+/// # Errors
+/// Bytes that are no library, which `encode` does not make.
 pub fn play(
     structure: Structure,
     bytes: &[u8],

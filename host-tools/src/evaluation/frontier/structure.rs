@@ -65,6 +65,9 @@ pub struct Voice<'a> {
 
 impl<'a> Voice<'a> {
     /// `texture` by `structure`, at rest.
+    ///
+    /// # Errors
+    /// A direct form cannot hold the texture.
     pub fn new(structure: Structure, texture: Texture<'a>, seed: u64) -> Result<Self, NotHeld> {
         Ok(Self {
             texture,

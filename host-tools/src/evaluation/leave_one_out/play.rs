@@ -63,6 +63,9 @@ pub struct Voice {
 
 impl Voice {
     /// Plays `model` by the device's kernel. `None` if it is too loud.
+    ///
+    /// # Errors
+    /// A duration that the renderer refuses.
     pub fn of(model: Model, options: &Options, seed: u64) -> Result<Option<Self>> {
         let synthesised = synthesis(&model, options.synthesis_s, seed)?;
         Ok(synthesised.map(|synthesised| Self { model, synthesised }))
@@ -77,6 +80,9 @@ impl Voice {
 }
 
 /// `seconds` of `model` as the device plays it, m/s², after a warm-up; `None` if it is too loud.
+///
+/// # Errors
+/// A duration that the renderer refuses.
 pub fn synthesis(model: &Model, seconds: f64, seed: u64) -> Result<Option<Vec<f64>>> {
     const NAME: &str = "removed node";
     let grid = Grid::new(vec![PLACE.0], vec![PLACE.1], vec![model.clone()]);

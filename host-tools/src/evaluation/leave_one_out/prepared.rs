@@ -49,7 +49,9 @@ pub(super) struct Target {
 
 impl<'a> Prepared<'a> {
     /// Reads and fits `set`.
-    /// Errors: those of [`fit::fit`], and a set without any inner node.
+    ///
+    /// # Errors
+    /// Those of [`fit::fit`], and a set without any inner node.
     pub fn new(set: &'a RecordingSet, options: &Options) -> Result<Self> {
         let fit_options = fit::Options {
             order: options.order,

@@ -45,7 +45,9 @@ pub struct Given {
 
 impl Given {
     /// The sound that stands for `trial`, reduced as recordings are, m/s² at the models' rate.
-    /// Errors: a file that is not there or cannot be read.
+    ///
+    /// # Errors
+    /// A file that is not there or cannot be read.
     pub(super) fn samples(&self, trial: &Trial, conditioning: Conditioning) -> Result<Vec<f64>> {
         let name = trial.file.with_extension("wav");
         // A list names files from its own folder, so that as much of the path counts as the folder here has.

@@ -18,6 +18,9 @@ impl Prepared<'_> {
     /// Removes and predicts every inner node in every one of `rows`, telling `progress` of each node done.
     ///
     /// The result does not depend on the number of threads.
+    ///
+    /// # Errors
+    /// A request that the kernel's renderer refuses.
     pub fn run(
         &self,
         rows: &[Row],

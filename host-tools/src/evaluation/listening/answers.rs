@@ -71,7 +71,9 @@ pub struct Score {
 
 impl Answers {
     /// Reads a file that a page has saved.
-    /// Errors: a file that cannot be read, a row that is none or contradicts itself, or a trial that is there twice.
+    ///
+    /// # Errors
+    /// A file that cannot be read, a row that is none or contradicts itself, or a trial that is there twice.
     pub fn read(path: &Path) -> Result<Self> {
         let table = CsvTable::read(path, LIMIT).map_err(|failure| not_saved(path, failure))?;
         let header = table.header()?;
@@ -209,7 +211,9 @@ fn not_saved(path: &Path, failure: Error) -> Error {
 
 /// Scores the answers of all files together: each pair, in the order of its first answer, and all of them if there are
 /// several.
-/// Errors: two files with the same answers.
+///
+/// # Errors
+/// Two files with the same answers.
 pub fn score(files: &[Answers]) -> Result<Vec<Score>> {
     for (index, file) in files.iter().enumerate() {
         // Times tell two listeners apart who gave the same answers.

@@ -152,6 +152,9 @@ pub struct Compared<'a> {
 }
 
 /// Plans a test as [`plan`] does, of a library and, if there is one, of that of before, which the same `judges` judge.
+///
+/// # Errors
+/// As [`plan`] and [`evaluate::prepare`].
 pub fn plan_of(
     set: &RecordingSet,
     judges: &[Judge],
@@ -170,8 +173,9 @@ pub fn plan_of(
 
 /// Plans a test of the trials of `set`, which `evaluation` has prepared, and with `before` of those of another library
 /// too, with its own evaluation. Speeds and forces of a texture take turns, and so do textures.
-/// Errors: no trial, speed or pair to compare; recordings that are not held out; a recording that cannot be used any
-/// more.
+///
+/// # Errors
+/// No trial, speed or pair to compare; recordings that are not held out; a recording that cannot be used any more.
 pub fn plan(
     set: &RecordingSet,
     library: &Library<'_>,

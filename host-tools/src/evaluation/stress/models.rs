@@ -112,7 +112,9 @@ pub const SPEEDS_MM_S: [f32; 2] = [100.0, 200.0];
 pub const FORCES_N: [f32; 2] = [0.5, 1.0];
 
 /// A library of one texture: of one node, or of four, speed-major, with their output powers, (m/s²)².
-/// Errors: a model that a library cannot hold, in the words of `fit`.
+///
+/// # Errors
+/// A model that a library cannot hold, in the words of `fit`.
 pub fn library(nodes: &[(&NamedModel, f64)]) -> Result<Vec<u8>> {
     let side = if nodes.len() == 1 { 1 } else { 2 };
     let model = |(model, power): &(&NamedModel, f64)| Model::new(model.reflection.clone(), *power);

@@ -21,6 +21,9 @@ const OVERDRIVE: f64 = 8.0 / 3.0;
 const DEVIATION: f64 = (1u64 << excitation::FRACTION_BITS) as f64;
 
 /// Runs all of `cases`; `progress` is told of each that is done.
+///
+/// # Errors
+/// A case that makes no library, which none does.
 pub fn run(cases: &[Case], progress: impl Fn() + Sync) -> Result<Vec<Outcome>> {
     let outcomes = cases.par_iter().map(|case| {
         let outcome = play(case);
@@ -31,12 +34,21 @@ pub fn run(cases: &[Case], progress: impl Fn() + Sync) -> Result<Vec<Outcome>> {
 }
 
 /// Plays one case.
+///
+/// # Errors
+/// A case that makes no library.
+///
+/// # Panics
+/// Never: a lattice holds every texture.
 pub fn play(case: &Case) -> Result<Outcome> {
     let outcome = play_with(case, |texture| Some(player(texture)))?;
     Ok(outcome.expect("a lattice holds every texture"))
 }
 
 /// Plays one case by what `new_player` makes for its texture, at rest each time; nothing if it makes none.
+///
+/// # Errors
+/// A case that makes no library.
 pub fn play_with(
     case: &Case,
     new_player: impl Fn(&Texture<'_>) -> Option<Box<dyn Player>>,

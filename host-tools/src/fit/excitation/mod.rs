@@ -59,6 +59,9 @@ pub(super) fn is_wanted(options: &Options) -> bool {
 /// bytes, telling `progress` of each trial that is done. `members` are the indices of the texture's trials in the set,
 /// and `read` gives the signal of one of them: what is left of the recording if something else plays a part of it. If
 /// `are_blocks_fitted`, what is made is of the trials' fitted blocks alone, see [`super::part`].
+///
+/// # Errors
+/// Those of `read`.
 pub(super) fn add_to(
     (set, members): (&RecordingSet, &[usize]),
     (fit, index): (&mut Fit, usize),

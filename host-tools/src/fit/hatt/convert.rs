@@ -103,7 +103,9 @@ pub fn far_nodes(nodes: &[ConvertedNode]) -> Option<String> {
 
 /// Makes the models of `toolkit` a texture named `name`, whose grid keeps `bounds`. Errors are of the bytes that
 /// the texture becomes.
-/// Errors: no speed or no force above zero, or a level that the library cannot hold.
+///
+/// # Errors
+/// No speed or no force above zero, or a level that the library cannot hold.
 pub fn convert(name: &str, toolkit: &Toolkit, bounds: Bounds) -> Result<Converted> {
     let candidates = Candidates::of(toolkit);
     let axes = [&candidates.speeds_mm_s, &candidates.forces_n];

@@ -23,8 +23,9 @@ const MOST_DEPTH: usize = 32;
 const MOST_NODES: u32 = 1_000_000;
 
 /// Parses `text`; `path` is only named in errors.
-/// Errors: text that is not XML, or of a shape that no model file has and that takes more time than its length, with
-/// the line.
+///
+/// # Errors
+/// Text that is not XML, or of a shape that no model file has and that takes more time than its length, with the line.
 pub fn document<'a>(path: &Path, text: &'a str) -> Result<Document<'a>> {
     if let Some(line) = costly_line(text) {
         let problem = format!(
@@ -142,7 +143,9 @@ impl<'a> File<'a> {
     }
 
     /// Triangles as indices from 0, where the file counts from 1.
-    /// Errors: corners that are not three per triangle, or that name no model.
+    ///
+    /// # Errors
+    /// Corners that are not three per triangle, or that name no model.
     pub fn triangles(&self, models: usize) -> Result<Vec<[usize; 3]>> {
         let mut triangles = Vec::new();
         let all = self.document.descendants();
@@ -174,6 +177,9 @@ impl<'a> File<'a> {
     }
 
     /// Compares a count that the file states with what it has.
+    ///
+    /// # Errors
+    /// Another number than stated.
     pub fn check_count(&self, name: &str, count: usize, what: &str) -> Result<()> {
         match self.element(name) {
             Some(node) if self.one(name)? != Some(count as f64) => {
@@ -187,7 +193,9 @@ impl<'a> File<'a> {
         }
     }
 
-    /// Errors: units that are not HaTT's.
+    ///
+    /// # Errors
+    /// Units that are not HaTT's.
     pub fn check_units(&self) -> Result<()> {
         for (name, unit) in [
             ("AccelUnits", "m/s^2"),

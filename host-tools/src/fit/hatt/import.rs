@@ -58,7 +58,9 @@ impl Default for Options {
 }
 
 /// Lists the files of `paths`: folders stand for all XML files in them, by name.
-/// Errors: a folder without XML files; the same file twice; more files than a library can hold textures.
+///
+/// # Errors
+/// A folder without XML files; the same file twice; more files than a library can hold textures.
 pub fn files(paths: &[PathBuf]) -> Result<Vec<PathBuf>> {
     let mut files = Vec::new();
     for path in paths {
@@ -106,8 +108,10 @@ pub fn files(paths: &[PathBuf]) -> Result<Vec<PathBuf>> {
 }
 
 /// Reads all `files`, to be played at the rate of the `options`.
-/// Errors: a rate that no stylus plays; the first file that cannot be used, with the number of them; two files whose
-/// textures would have one name.
+///
+/// # Errors
+/// A rate that no stylus plays; the first file that cannot be used, with the number of them; two files whose textures
+/// would have one name.
 pub fn read_all(files: &[PathBuf], options: &Options) -> Result<Vec<Source>> {
     let rate = play_rate(options.sample_rate_hz)?;
     let read = files.par_iter().map(|path| source(path, rate));
@@ -176,6 +180,9 @@ fn source(path: &Path, rate: PlayRate) -> Result<Source> {
 
 /// Decides what the grid of every texture may take: the slot is shared in proportion to the files' numbers of different
 /// speeds and forces.
+///
+/// # Errors
+/// Sizes that no grid can have.
 pub fn plan(sources: &[Source], options: &Options) -> Result<Vec<Bounds>> {
     for (what, count) in [("speeds", options.speeds), ("forces", options.forces)] {
         if count.is_some_and(|count| !(1..=limits::MAX_AXIS_LEN).contains(&count)) {
@@ -240,7 +247,9 @@ impl ImportReport {
 }
 
 /// Converts all `sources` within their `bounds`, and calls `progress` after each file.
-/// Errors: a model that the library cannot hold, with its file; a library that does not fit in a slot.
+///
+/// # Errors
+/// A model that the library cannot hold, with its file; a library that does not fit in a slot.
 pub fn import(
     sources: &[Source],
     bounds: &[Bounds],

@@ -21,7 +21,9 @@ const TRIANGLES_PER_MODEL: usize = 2;
 /// Elements are found by their names wherever they stand, in any case of letters. Lists are numbers in an element's
 /// text, or in that of its children, separated by blanks or commas. An element with a child `ARcoeff` or `ARlsf` is a
 /// model. Every `tri` counts, each with one triangle or more.
-/// Errors: a fault that makes the file unusable, with its line.
+///
+/// # Errors
+/// A fault that makes the file unusable, with its line.
 pub fn read(path: &Path, text: &str) -> Result<Toolkit> {
     let document = elements::document(path, text)?;
     let file = File::new(path, &document);

@@ -109,7 +109,9 @@ impl Toolkit {
     }
 
     /// Removes the shape of silent models whose order is not that of the models that sound.
-    /// Errors: models that sound with different orders.
+    ///
+    /// # Errors
+    /// Models that sound with different orders.
     pub(super) fn check_orders(&mut self, path: &Path) -> Result<()> {
         let orders = |timbre: &Timbre| (timbre.poles.len(), timbre.zeros.len());
         let of_model = |model: &ArmaModel| model.timbre.as_ref().map(orders);
@@ -146,6 +148,9 @@ const MOST_COEFFICIENTS: usize = 100;
 type Read<T> = std::result::Result<T, String>;
 
 /// Reads the model at `node`. `place` is the speed and force that the file's lists have for it.
+///
+/// # Errors
+/// Text that is not a number.
 pub(super) fn found(
     file: &File<'_>,
     node: Node<'_, '_>,

@@ -31,8 +31,9 @@ pub struct Merged<'s> {
 impl<'s> Merged<'s> {
     /// Joins the partial files in `folder` of all units of a fit of `set` with `options`, telling `progress` of the
     /// number of trials whenever some are read.
-    /// Errors: a unit without a file, or with one that is damaged; with [`Options::strict`] the first trial with a
-    /// verdict.
+    ///
+    /// # Errors
+    /// A unit without a file, or with one that is damaged; with [`Options::strict`] the first trial with a verdict.
     pub fn of_folder(
         set: &'s RecordingSet,
         options: &Options,
@@ -76,7 +77,9 @@ impl<'s> Merged<'s> {
     }
 
     /// Fits all textures, as one library holds them, telling `progress` of each trial done.
-    /// Errors: those of [`fit`](crate::fit::fit()); a partial file that changed.
+    ///
+    /// # Errors
+    /// Those of [`fit`](crate::fit::fit()); a partial file that changed.
     pub fn fit(&self, progress: impl Fn() + Sync) -> Result<Fit> {
         let all: Vec<usize> = (0..self.set.trials.len()).collect();
         self.fit_part(self.set, &all, progress)
@@ -84,6 +87,9 @@ impl<'s> Merged<'s> {
 
     /// Fits the texture with these trials alone, as a library of its own holds it. Returns its set, the hashes of its
     /// recordings, and the fit.
+    ///
+    /// # Errors
+    /// Those of [`Merged::fit`].
     pub fn fit_texture(&self, members: &[usize]) -> Result<(RecordingSet, Vec<u64>, Fit)> {
         let set = self.set.part(members);
         let fit = self.fit_part(&set, members, || ())?;

@@ -95,7 +95,9 @@ pub struct Mapped {
 
 /// Computes `shard` of a fit of `set` with `options`, and writes what is not there yet to `folder`, telling `progress`
 /// of the number of trials whenever some are done.
-/// Errors: the first trial that cannot be used; a folder or file that cannot be written.
+///
+/// # Errors
+/// The first trial that cannot be used; a folder or file that cannot be written.
 pub fn map(
     set: &RecordingSet,
     options: &Options,

@@ -77,6 +77,9 @@ pub(super) struct Content {
 impl Unit {
     /// The file of the unit's result in `folder`, named by all that it comes from: the program's version, the options
     /// that matter to the map, the lines of the list, and the files' sizes and times.
+    ///
+    /// # Errors
+    /// A recording that is not there.
     pub fn path(&self, set: &RecordingSet, options: &Options, folder: &Path) -> Result<PathBuf> {
         let mut hash = Fnv::default()
             .then(&MAGIC)
@@ -101,7 +104,9 @@ impl Unit {
     }
 
     /// Reads the unit's result from `path`.
-    /// Errors: a file that is not there, or is damaged.
+    ///
+    /// # Errors
+    /// A file that is not there, or is damaged.
     pub fn read(&self, path: &Path) -> Result<Content> {
         let bytes = PARTIAL.read(path)?;
         let damaged = || Error::file(path, "is damaged: remove it, and run its shard again");
@@ -121,7 +126,9 @@ impl Unit {
     }
 
     /// Computes the unit's result, and writes it to `path`.
-    /// Errors: the first trial that cannot be used; a file that cannot be written.
+    ///
+    /// # Errors
+    /// The first trial that cannot be used; a file that cannot be written.
     pub fn compute(&self, set: &RecordingSet, options: &Options, path: &Path) -> Result<()> {
         let trials: Vec<&Trial> = self
             .trials

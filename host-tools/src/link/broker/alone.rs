@@ -14,7 +14,9 @@ use crate::link::open::{self, Ends};
 use crate::link::route::Sharing;
 
 /// Opens a link of this program's own, which holds the device's lock as long as it is open.
-/// Errors: a device that cannot be opened, or that another command has; the error names it.
+///
+/// # Errors
+/// A device that cannot be opened, or that another command has; the error names it.
 pub(in crate::link) async fn open<E: Ends>(
     address: &LinkAddress,
     sharing: &Sharing,
@@ -32,6 +34,9 @@ pub(in crate::link) async fn open<E: Ends>(
 }
 
 /// Opens no link, because none is shared.
+///
+/// # Errors
+/// Another command has the device.
 pub(in crate::link) async fn join<E: Ends>(
     address: &LinkAddress,
     _command: &str,
@@ -42,6 +47,9 @@ pub(in crate::link) async fn join<E: Ends>(
 }
 
 /// Checks that no other command has the device.
+///
+/// # Errors
+/// One has; the error names it.
 pub(in crate::link) async fn free(address: &LinkAddress) -> Result<()> {
     match Place::of(address).await {
         Ok(place) => taken(&place).map(drop),

@@ -31,7 +31,9 @@ const WELCOME_TIMEOUT: Duration = Duration::from_secs(2);
 const RETRY: Duration = Duration::from_millis(10);
 
 /// Opens a shared link, and gives its ends to `ends`. Starts a broker where there is none.
-/// Errors: a device that cannot be opened, or that a program of another version shares.
+///
+/// # Errors
+/// A device that cannot be opened, or that a program of another version shares.
 pub(in crate::link) async fn open<E: Ends>(
     address: &LinkAddress,
     sharing: &Sharing,
@@ -50,6 +52,9 @@ pub(in crate::link) async fn open<E: Ends>(
 }
 
 /// Opens a link that another program shares, and gives its ends to `ends`; none if nobody shares it.
+///
+/// # Errors
+/// A program of another version that shares it.
 pub(in crate::link) async fn join<E: Ends>(
     address: &LinkAddress,
     command: &str,
@@ -74,7 +79,9 @@ pub(in crate::link) async fn join<E: Ends>(
 }
 
 /// Waits until a broker without clients has ended, so that its device can be opened by this program alone.
-/// Errors: a broker that has clients; the error names them.
+///
+/// # Errors
+/// A broker that has clients; the error names them.
 pub(in crate::link) async fn free(address: &LinkAddress) -> Result<()> {
     let Ok(place) = Place::of(address).await else {
         return Ok(());

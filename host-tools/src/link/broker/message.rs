@@ -86,7 +86,9 @@ impl<R: AsyncRead + Unpin> Messages<R> {
     }
 
     /// Waits for the next message. What was read of it stays where this is cancelled.
-    /// Errors: the end of the connection, or bytes that are no message.
+    ///
+    /// # Errors
+    /// The end of the connection, or bytes that are no message.
     pub(super) async fn next<T: for<'a> Deserialize<'a>>(&mut self) -> io::Result<T> {
         loop {
             if let Some(message) = take(&mut self.bytes)? {

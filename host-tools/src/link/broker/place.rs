@@ -32,7 +32,9 @@ pub(super) struct Place {
 
 impl Place {
     /// The place of the broker of `address`.
-    /// Errors: no such device on USB, or a runtime folder that others might write to.
+    ///
+    /// # Errors
+    /// No such device on USB, or a runtime folder that others might write to.
     pub(super) async fn of(address: &LinkAddress) -> Result<Self> {
         let address = canonical(address).await?;
         let folder = runtime_folder::own().map_err(|failure| unusable(&address, &failure))?;
@@ -77,6 +79,9 @@ impl Place {
 
     /// Takes the lock, or returns `None` if another broker has it. A crash frees it, so that it tells of a broker that
     /// lives, which the socket does not.
+    ///
+    /// # Errors
+    /// A file that cannot be made or locked.
     pub(super) fn lock(&self) -> Result<Option<File>> {
         let failed = |failure: io::Error| unusable(&self.address, &failure);
         let mut options = OpenOptions::new();

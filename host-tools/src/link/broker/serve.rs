@@ -51,6 +51,9 @@ pub enum Served {
 }
 
 /// Owns the link to a device and shares it, until the last client has left. `ready` is called once clients may come.
+///
+/// # Errors
+/// A link that cannot be opened, or a socket that cannot be made.
 pub fn serve(address: &LinkAddress, ready: impl FnOnce()) -> Result<Served> {
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()

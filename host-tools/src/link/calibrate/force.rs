@@ -82,7 +82,9 @@ fn newtons(grams: f64) -> f64 {
 
 impl ForceScale {
     /// The scale by measurements in the [`order`] of their weights.
-    /// Errors: a sensor that hardly reacts, that does not come back, or whose force is not linear in the weight.
+    ///
+    /// # Errors
+    /// A sensor that hardly reacts, that does not come back, or whose force is not linear in the weight.
     pub fn of(measured: &[Weighed]) -> Result<Self, ForceFault> {
         let codes = |weighed: &Weighed| weighed.at_rest.mean[3];
         let count = measured.len() as f64;
@@ -143,6 +145,9 @@ impl ForceScale {
     }
 
     /// Verifies that the second of two measurements shows the weight that it has beyond the first, by `stored`.
+    ///
+    /// # Errors
+    /// A force that is off by more than [`ForceScale::of`] allows.
     pub fn verify([before, after]: [Weighed; 2], stored: &Settings) -> Result<(), ForceFault> {
         let change = after.at_rest.mean[3] - before.at_rest.mean[3];
         let shown = change * Calibration::new(stored, None).n_per_code;

@@ -29,6 +29,9 @@ pub struct Travel {
 impl Travel {
     /// Records the way, from before it has `begun` until some time after it has `ended`, because counts take a while to
     /// arrive.
+    ///
+    /// # Errors
+    /// A lost link, something that is played, or a recording with holes.
     pub fn record(
         device: &Device,
         begun: impl FnOnce(),
@@ -107,7 +110,9 @@ pub enum PathFault {
 
 impl PathScale {
     /// The scale by a way of `mm`, there and back.
-    /// Errors: ways that are too short, not straight, or not equal.
+    ///
+    /// # Errors
+    /// Ways that are too short, not straight, or not equal.
     pub fn of(mm: f64, [there, back]: [Travel; 2]) -> Result<Self, PathFault> {
         for way in [there, back] {
             let counts = way.counts.abs();
@@ -137,6 +142,9 @@ impl PathScale {
     }
 
     /// Verifies that a `way` of `mm` in the first direction shows as that by the `stored` settings.
+    ///
+    /// # Errors
+    /// A way that differs by more than [`PathScale::of`] allows.
     pub fn verify(mm: f64, way: Travel, stored: &Settings) -> Result<(), PathFault> {
         let shown = way.counts as f64 * f64::from(stored.get(Setting::PathPerCount));
         if (shown - mm).abs() <= MOST_SHARE * mm {

@@ -40,6 +40,9 @@ const SENSORS: [&str; 4] = [
 
 impl AtRest {
     /// Measures a stylus at rest for `seconds`; none if `goes_on` returned false before.
+    ///
+    /// # Errors
+    /// A lost link, something that is played, or a recording with holes.
     pub fn measure(
         device: &Device,
         seconds: f64,
@@ -129,8 +132,9 @@ pub(super) fn refuse_if_playing(device: &Device) -> Result<()> {
 
 /// The settings of the accelerometer's zeros by measurements in a pose and in the opposite one, so that gravity
 /// cancels.
-/// Errors: half the difference of the two is not gravity, so that the poses are not opposite or the scales are wrong;
-/// in words.
+///
+/// # Errors
+/// Half the difference of the two is not gravity, so that the poses are not opposite or the scales are wrong; in words.
 pub fn acceleration_zeros(
     pose: &AtRest,
     opposite: &AtRest,
@@ -162,8 +166,9 @@ fn zero(setting: Setting, mean: f64) -> SettingChange {
 }
 
 /// Measures the force again, and verifies that it is zero.
-/// Errors: a lost link, or a force whose mean is further from the zero than its noise and the drift of a measurement
-/// allow.
+///
+/// # Errors
+/// A lost link, or a force whose mean is further from the zero than its noise and the drift of a measurement allow.
 pub fn verify(device: &Device, seconds: f64) -> Result<AtRest> {
     let settings = device.settings()?;
     let Some(again) = AtRest::measure(device, seconds, || true)? else {

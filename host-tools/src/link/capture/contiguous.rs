@@ -35,7 +35,9 @@ const MOST_TORN: f64 = 0.01;
 /// false.
 ///
 /// After each block `heard` gets all samples of the stretch so far, their number at its end, and the sample rate in Hz.
-/// Errors: a lost link, more samples than a recording can have, or no stretch without a hole in four times its length.
+///
+/// # Errors
+/// A lost link, more samples than a recording can have, or no stretch without a hole in four times its length.
 pub fn capture(
     device: &Device,
     seconds: f64,

@@ -40,7 +40,9 @@ pub struct Arrival {
 
 impl<'a> Stream<'a> {
     /// Starts a recording.
-    /// Errors: a recording that is already in progress, a lost link, or a device with another block length.
+    ///
+    /// # Errors
+    /// A recording that is already in progress, a lost link, or a device with another block length.
     pub fn start(device: &'a Device) -> Result<Self> {
         let broken_before = device.broken_frames();
         let (started, blocks) = device.record_start()?;
@@ -73,7 +75,9 @@ impl<'a> Stream<'a> {
     }
 
     /// Number of samples in `seconds`, which must be those of a recording that can be read again.
-    /// Errors: more than [`MAX_FRAMES`].
+    ///
+    /// # Errors
+    /// More than [`MAX_FRAMES`].
     pub fn samples_in(&self, seconds: f64) -> Result<usize> {
         let samples = (seconds * f64::from(self.rate_hz)).round();
         if samples > MAX_FRAMES as f64 {
@@ -86,6 +90,9 @@ impl<'a> Stream<'a> {
     }
 
     /// Returns the next block, or `None` if none arrives within `within`.
+    ///
+    /// # Errors
+    /// A lost link.
     pub fn next(&mut self, within: Duration) -> Result<Option<Arrival>> {
         let Some(block) = self.blocks.next(self.device, within)? else {
             return match self.device.stopped_by() {
@@ -113,6 +120,9 @@ impl<'a> Stream<'a> {
     }
 
     /// Returns the next block.
+    ///
+    /// # Errors
+    /// A lost link, or no block within the timeout of an answer.
     pub fn wait(&mut self) -> Result<Arrival> {
         let timeout = self.device.timeouts().answer;
         self.next(timeout)?.ok_or_else(|| LinkError::Lossy {
@@ -126,7 +136,9 @@ impl<'a> Stream<'a> {
     }
 
     /// Stops the recording and returns its losses.
-    /// Errors: a lost link, or a recording that another program has stopped.
+    ///
+    /// # Errors
+    /// A lost link, or a recording that another program has stopped.
     pub fn stop(mut self) -> Result<Loss> {
         self.is_running = false;
         // A request to stop would end what yet another program may record by now.

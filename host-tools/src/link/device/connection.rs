@@ -56,19 +56,26 @@ pub struct Device {
 
 impl Device {
     /// Opens the link and reads the device's identity.
-    /// Errors: a link that cannot be opened, a device that does not answer, or one that speaks another protocol.
+    ///
+    /// # Errors
+    /// A link that cannot be opened, a device that does not answer, or one that speaks another protocol.
     pub fn connect(address: &LinkAddress, timeouts: Timeouts) -> Result<Self> {
         Self::connect_by(address, timeouts, Route::Direct)
     }
 
     /// Opens the link by this route and reads the device's identity.
-    /// Errors: as [`Device::connect`], and a route that cannot be had.
+    ///
+    /// # Errors
+    /// As [`Device::connect`], and a route that cannot be had.
     pub fn connect_by(address: &LinkAddress, timeouts: Timeouts, route: Route) -> Result<Self> {
         Self::connect_as(address, timeouts, route, false)
     }
 
     /// Opens the link by this route also to a device that speaks another protocol, as long as both know the request
     /// that is made: those of an update do not change.
+    ///
+    /// # Errors
+    /// As [`Device::connect_by`].
     pub fn connect_to_any(address: &LinkAddress, timeouts: Timeouts, route: Route) -> Result<Self> {
         Self::connect_as(address, timeouts, route, true)
     }
@@ -127,7 +134,9 @@ impl Device {
     }
 
     /// Opens the link anew, in repeated attempts until [`Timeouts::reconnect`] has passed.
-    /// Errors: the failure of the last attempt, another protocol, or another device that answers.
+    ///
+    /// # Errors
+    /// The failure of the last attempt, another protocol, or another device that answers.
     pub fn reconnect(&mut self) -> Result<()> {
         self.requester.close();
         let timeouts = self.requester.timeouts;
@@ -173,6 +182,9 @@ impl Device {
     }
 
     /// Sends a message that is not answered, such as one that only the tests' image knows.
+    ///
+    /// # Errors
+    /// A lost link, or one that accepts no more frames.
     pub fn publish<T>(&self, message: &T::Message) -> Result<()>
     where
         T: Topic,
@@ -254,7 +266,9 @@ impl Device {
     }
 
     /// Checks that the device plays the library format that this program writes.
-    /// Errors: different formats; the error names the older side.
+    ///
+    /// # Errors
+    /// Different formats; the error names the older side.
     pub fn check_library_format(&self) -> Result<()> {
         match Mismatch::of_library_format(&self.info) {
             None => Ok(()),
@@ -266,6 +280,9 @@ impl Device {
     }
 
     /// Reads the status, with all of the device's counters.
+    ///
+    /// # Errors
+    /// A lost link or a missing answer.
     pub fn status(&self) -> Result<Status> {
         self.runtime().block_on(self.requester.status())
     }

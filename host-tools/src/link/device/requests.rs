@@ -21,12 +21,18 @@ use crate::link::error::{LinkError, Result};
 
 impl Device {
     /// Reads the content of both slots.
+    ///
+    /// # Errors
+    /// A lost link or a missing answer.
     pub fn slots(&self) -> Result<Slots> {
         // The device may have to read and check a whole slot.
         self.request_flash::<SlotsEndpoint>("slot list", &())
     }
 
     /// Slot of the library that was uploaded last; none if no slot holds a library.
+    ///
+    /// # Errors
+    /// Those of [`Self::slots`].
     pub fn newest_slot(&self) -> Result<Option<SlotId>> {
         let slots = self.slots()?.slots;
         let sequences = SlotId::ALL
@@ -41,6 +47,9 @@ impl Device {
     }
 
     /// Reads the list of textures in `slot`; an empty one if the slot holds no library.
+    ///
+    /// # Errors
+    /// A lost link, a missing answer, or a texture that the device cannot list.
     pub fn textures(&self, slot: SlotId) -> Result<Vec<TextureInfo>> {
         let count = match &self.slots()?.slots[slot.index()] {
             SlotState::Valid(library) => library.textures,
@@ -56,6 +65,9 @@ impl Device {
     }
 
     /// Reads the list of scenes in `slot`; an empty one if the slot holds no library.
+    ///
+    /// # Errors
+    /// A lost link, a missing answer, or a scene that the device cannot list.
     pub fn scenes(&self, slot: SlotId) -> Result<Vec<SceneInfo>> {
         let count = match &self.slots()?.slots[slot.index()] {
             SlotState::Valid(library) => library.scenes,
@@ -70,7 +82,9 @@ impl Device {
     }
 
     /// Makes the library in `slot` the active one, and confirms it by the status.
-    /// Errors: a refusal, or a status that names another library as active.
+    ///
+    /// # Errors
+    /// A refusal, or a status that names another library as active.
     pub fn activate(&self, slot: SlotId) -> Result<Activated> {
         let activated = self.request_flash::<ActivateEndpoint>("activation", &slot)??;
         let begin = Instant::now();
@@ -95,8 +109,10 @@ impl Device {
 
 impl Device {
     /// Plays a texture or scene of the active library.
-    /// Errors: a refusal, after which the device goes on with what it played before; one of a name that is not there
-    /// lists those that are. An answer that names another request.
+    ///
+    /// # Errors
+    /// A refusal, after which the device goes on with what it played before; one of a name that is not there lists
+    /// those that are. An answer that names another request.
     pub fn play(&self, request: &PlayRequest) -> Result<Playing> {
         self.requester.health.begin();
         let answer = self.request::<PlayEndpoint>("play", request)?;
@@ -140,7 +156,9 @@ impl Device {
     /// Stops the output, and waits until the status reports it at rest.
     ///
     /// Returns true if anything was played, and the output's status at rest.
-    /// Errors: a lost link, or an output that does not come to rest.
+    ///
+    /// # Errors
+    /// A lost link, or an output that does not come to rest.
     pub fn stop(&self) -> Result<(bool, OutputStatus)> {
         let was_playing = match self.request::<StopEndpoint>("stop", &())? {
             Ok(_) => true,
@@ -163,17 +181,26 @@ impl Device {
     }
 
     /// Reads the durations of tick and update since the call before, and begins them anew.
+    ///
+    /// # Errors
+    /// A lost link or a missing answer.
     pub fn take_cycles(&self) -> Result<CycleReport> {
         self.request::<CyclesEndpoint>("cycles", &())
     }
 
     /// Sends a motion without waiting for an acknowledgement.
+    ///
+    /// # Errors
+    /// A lost link, or one that accepts no more frames.
     pub fn publish_motion(&self, sample: MotionSample) -> Result<()> {
         self.runtime()
             .block_on(self.requester.publish::<MotionTopic>(&sample))
     }
 
     /// Sends a keep-alive, which shows the device that the host still runs.
+    ///
+    /// # Errors
+    /// A lost link, or one that accepts no more frames.
     pub fn keep_alive(&self) -> Result<()> {
         self.runtime()
             .block_on(self.requester.publish::<KeepAliveTopic>(&()))
@@ -185,6 +212,9 @@ const WAITING_BLOCKS: usize = 4096;
 
 impl Device {
     /// Starts a recording, whose blocks are then queued in [`Blocks`].
+    ///
+    /// # Errors
+    /// A refusal, a lost link or a missing answer.
     pub(in crate::link) fn record_start(&self) -> Result<(RecordStarted, Blocks)> {
         self.requester.health.begin();
         let client = &self.requester.client;
@@ -200,6 +230,9 @@ impl Device {
     }
 
     /// Stops a recording.
+    ///
+    /// # Errors
+    /// No recording under way, a lost link or a missing answer.
     pub fn record_stop(&self) -> Result<RecordStopped> {
         Ok(self.request::<RecordStopEndpoint>("record stop", &())??)
     }
@@ -234,11 +267,17 @@ impl Blocks {
 
 impl Device {
     /// Has the device make one measurement, which takes up to some seconds.
+    ///
+    /// # Errors
+    /// A refusal, a lost link or a missing answer.
     pub fn self_test(&self, request: SelfTestRequest) -> Result<SelfTestValues> {
         Ok(self.request_flash::<SelfTestEndpoint>("self test", &request)??)
     }
 
     /// Duration of a request and its answer.
+    ///
+    /// # Errors
+    /// A lost link or a missing answer.
     pub fn round_trip(&self) -> Result<Duration> {
         let begin = Instant::now();
         self.status()?;
@@ -248,12 +287,17 @@ impl Device {
 
 impl Device {
     /// Reads the settings.
+    ///
+    /// # Errors
+    /// A lost link or a missing answer.
     pub fn settings(&self) -> Result<Settings> {
         Ok(self.request_flash::<SettingsGetEndpoint>("settings", &())??)
     }
 
     /// Proposes a change of settings, which [`Device::apply`] applies. Nothing changes yet.
-    /// Errors: values that the device refuses, or something that is played; an answer about another change.
+    ///
+    /// # Errors
+    /// Values that the device refuses, or something that is played; an answer about another change.
     pub fn propose(&self, change: &SettingsChange) -> Result<SettingsProposal> {
         let proposal = self.request::<SettingsProposeEndpoint>("settings proposal", change)??;
         if proposal.change == *change {
@@ -267,7 +311,9 @@ impl Device {
     }
 
     /// Applies a change that was proposed over this link, and reads it back.
-    /// Errors: a proposal that has ended, a refusal, or other values read back.
+    ///
+    /// # Errors
+    /// A proposal that has ended, a refusal, or other values read back.
     pub fn apply(&self, proposal: &SettingsProposal) -> Result<Settings> {
         self.request_flash::<SettingsApplyEndpoint>("settings change", &proposal.token)??;
         let settings = self.settings()?;
@@ -291,16 +337,25 @@ impl Device {
     }
 
     /// Changes a setting by both steps, and reads it back.
+    ///
+    /// # Errors
+    /// A value that the device refuses, or another value read back.
     pub fn set(&self, change: SettingChange) -> Result<Settings> {
         self.set_all(&[change])
     }
 
     /// Changes settings by both steps, all or none, and reads them back.
+    ///
+    /// # Errors
+    /// A value that the device refuses, or another value read back.
     pub fn set_all(&self, changes: &[SettingChange]) -> Result<Settings> {
         self.apply(&self.propose(&SettingsChange::of(changes)?)?)
     }
 
     /// Resets every setting to its default by both steps, and reads them back.
+    ///
+    /// # Errors
+    /// A refusal, or other values read back.
     pub fn reset_settings(&self) -> Result<Settings> {
         self.apply(&self.propose(&SettingsChange::Reset)?)
     }
@@ -369,6 +424,9 @@ impl From<TextureInfo> for TextureEntry {
 
 impl Device {
     /// Lists both slots with their textures and scenes.
+    ///
+    /// # Errors
+    /// A lost link, a missing answer, or a slot that cannot be listed.
     pub fn contents(&self) -> Result<Vec<SlotContent>> {
         let both = self.slots()?;
         let of_slot = |(id, state): (SlotId, SlotState)| {

@@ -11,6 +11,9 @@ use crate::link::error::Result;
 
 impl Device {
     /// Loads one period of a probe's waveform. Returns its checksum, for [`ProbeStart::crc32`].
+    ///
+    /// # Errors
+    /// A refusal, a lost link or a missing answer.
     pub fn load_probe(&self, period: &[i16]) -> Result<u32> {
         for load in ProbeLoad::parts(period) {
             self.request::<ProbeLoadEndpoint>("probe load", &load)??;
@@ -20,17 +23,25 @@ impl Device {
 
     /// Plays the waveform that was loaded. While it plays, the host sends [`Device::keep_alive`] every
     /// [`model_format::link::KEEP_ALIVE_MS`].
+    ///
+    /// # Errors
+    /// A refusal, a lost link or a missing answer.
     pub fn start_probe(&self, start: &ProbeStart) -> Result<ProbeStarted> {
         Ok(self.request::<ProbeStartEndpoint>("probe", start)??)
     }
 
     /// Reads which response is stored, and which is proposed.
+    ///
+    /// # Errors
+    /// A lost link or a missing answer.
     pub fn response(&self) -> Result<ResponseState> {
         self.request::<ResponseGetEndpoint>("response", &())
     }
 
     /// Proposes a response, which a probe may then play through. Nothing that is stored changes. Returns its hash.
-    /// Errors: a refusal, a lost link or a missing answer; an answer about another response.
+    ///
+    /// # Errors
+    /// A refusal, a lost link or a missing answer; an answer about another response.
     pub fn propose_response(&self, response: &Response) -> Result<u32> {
         let id = self.request::<ResponseProposeEndpoint>("response proposal", response)??;
         if id == response.id() {
@@ -43,6 +54,9 @@ impl Device {
     }
 
     /// Stores the response that was proposed over this link, or removes the stored one, and reads it back.
+    ///
+    /// # Errors
+    /// A refusal, a lost link or a missing answer, or another response read back.
     pub fn set_response(&self, change: ResponseChange) -> Result<ResponseState> {
         self.request_flash::<ResponseSetEndpoint>("response change", &change)??;
         let state = self.response()?;

@@ -53,6 +53,9 @@ async fn first_answer(chunks: &mut VecDeque<OnItsWay<'_>>) -> Option<Result<Uplo
 
 impl Device {
     /// Announces a library. The answer has the offset of the first byte that the device lacks.
+    ///
+    /// # Errors
+    /// A refusal, a lost link or a missing answer.
     pub fn upload_begin(&self, upload: UploadBegin) -> Result<UploadProgress> {
         Ok(self.request_flash::<UploadBeginEndpoint>("upload begin", &upload)??)
     }
@@ -60,8 +63,10 @@ impl Device {
     /// Sends the chunks of `library` from byte `from` on, up to [`UPLOAD_WINDOW`] of them before the answer to the
     /// first, so that the next ones cross the link while one is programmed. `progress` gets the device's next offset
     /// after each answer.
-    /// Errors: a refusal, a lost link or a missing answer. Chunks may be on their way then; the device works them off
-    /// before it answers another request about the upload.
+    ///
+    /// # Errors
+    /// A refusal, a lost link or a missing answer. Chunks may be on their way then; the device works them off before it
+    /// answers another request about the upload.
     pub fn upload_chunks(
         &self,
         library: &[u8],
@@ -134,21 +139,33 @@ impl Device {
     }
 
     /// Sends a chunk.
+    ///
+    /// # Errors
+    /// A refusal, a lost link or a missing answer.
     pub fn upload_chunk(&self, chunk: &UploadChunk<'_>) -> Result<UploadProgress> {
         Ok(self.request_flash::<UploadChunkEndpoint<'_>>("upload chunk", chunk)??)
     }
 
     /// Commits an upload, which makes the library valid.
+    ///
+    /// # Errors
+    /// A refusal, a lost link or a missing answer.
     pub fn upload_commit(&self) -> Result<UploadCommitted> {
         Ok(self.request_flash::<UploadCommitEndpoint>("upload commit", &())??)
     }
 
     /// Aborts an upload.
+    ///
+    /// # Errors
+    /// A refusal, a lost link or a missing answer.
     pub fn upload_abort(&self) -> Result<UploadState> {
         Ok(self.request_flash::<UploadAbortEndpoint>("upload abort", &())??)
     }
 
     /// Reads the progress of an upload.
+    ///
+    /// # Errors
+    /// A lost link or a missing answer.
     pub fn upload_progress(&self) -> Result<UploadState> {
         self.request_flash::<UploadProgressEndpoint>("upload progress", &())
     }

@@ -60,10 +60,15 @@ pub trait Bench {
     fn settings(&self) -> &Settings;
 
     /// Makes `response` the one that [`ProbeThrough::Proposed`] names.
+    ///
+    /// # Errors
+    /// A response that is refused, or a lost link.
     fn propose(&mut self, response: &Response) -> Result<()>;
 
     /// Plays a waveform and records it.
-    /// Errors: a refusal, a lost link, a recording with holes, or an interrupt.
+    ///
+    /// # Errors
+    /// A refusal, a lost link, a recording with holes, or an interrupt.
     fn play(&mut self, probe: &Probe<'_>) -> Result<Played>;
 
     /// Time for which the device has played, s.

@@ -36,7 +36,9 @@ pub struct Calibrated {
 
 /// Calibrates: identifies, designs, proposes, proves, and proposes again with the proof's figures. `measured_at` is the
 /// time, s since 1970.
-/// Errors: a fault of the actuator or of the proof, a lost link or an interrupt. Nothing is stored in any case.
+///
+/// # Errors
+/// A fault of the actuator or of the proof, a lost link or an interrupt. Nothing is stored in any case.
 pub fn calibrate(
     bench: &mut impl Bench,
     options: &Options,

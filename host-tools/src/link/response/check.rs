@@ -41,6 +41,9 @@ pub struct Checked {
 }
 
 /// Compares an actuator with its `stored` response.
+///
+/// # Errors
+/// A lost link, an interrupt, or a recording that cannot be used.
 pub fn check(
     bench: &mut impl Bench,
     stored: &Response,

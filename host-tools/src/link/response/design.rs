@@ -63,7 +63,9 @@ pub(super) fn response(measured: &Measured) -> Result<Response> {
 }
 
 /// Designs equalisers and level for `measured`.
-/// Errors: limits that leave too little of the band, or an output gain out of its range.
+///
+/// # Errors
+/// Limits that leave too little of the band, or an output gain out of its range.
 pub(super) fn design(
     measured: &Measured,
     bounds: &Bounds,

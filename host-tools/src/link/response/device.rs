@@ -26,6 +26,9 @@ pub struct DeviceBench<'a> {
 
 impl<'a> DeviceBench<'a> {
     /// The stylus behind `device`, until `goes_on` returns false.
+    ///
+    /// # Errors
+    /// A lost link.
     pub fn new(device: &'a Device, goes_on: &'a dyn Fn() -> bool) -> Result<Self> {
         Ok(Self {
             device,

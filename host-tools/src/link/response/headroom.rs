@@ -76,6 +76,9 @@ impl Headroom {
 }
 
 /// The demand of each texture of `library` on the output with `settings` and the stored `response`.
+///
+/// # Errors
+/// A texture of a rate that no stylus plays.
 pub fn headroom(
     library: &Library<'_>,
     settings: &Settings,

@@ -178,6 +178,9 @@ impl Bounds {
 }
 
 /// Identifies an actuator, telling each step to `heard`.
+///
+/// # Errors
+/// A fault of the stylus, a lost link or an interrupt.
 pub fn identify(
     bench: &mut impl Bench,
     options: &Options,

@@ -77,7 +77,9 @@ pub enum Step {
 }
 
 /// Runs the whole self test. `told` hears of each step before it begins.
-/// Errors: a lost link, something that is played or recorded, or a device that does not answer.
+///
+/// # Errors
+/// A lost link, something that is played or recorded, or a device that does not answer.
 pub fn run(device: &Device, options: &Options, mut told: impl FnMut(Step)) -> Result<Vec<Line>> {
     let mut lines = Vec::new();
     for (name, request) in [
@@ -127,6 +129,9 @@ pub fn run(device: &Device, options: &Options, mut told: impl FnMut(Step)) -> Re
 }
 
 /// Traffic on another link to the same device, for the lines of [`run`].
+///
+/// # Errors
+/// As [`run`].
 pub fn other_link(device: &Device, seconds: f64) -> Result<Vec<Line>> {
     traffic(device, seconds)
 }

@@ -45,6 +45,9 @@ impl Record {
     }
 
     /// Writes it to `path`, or into the folder at `path` under a name with serial number and date. Returns its path.
+    ///
+    /// # Errors
+    /// The file cannot be written.
     pub fn write(&self, path: &Path) -> Result<PathBuf> {
         let path = if path.is_dir() {
             path.join(self.file_name())

@@ -38,6 +38,9 @@ pub struct MotionPath {
 
 impl MotionPath {
     /// A motion of constant speed, mm/s, and force, N, without end.
+    ///
+    /// # Errors
+    /// A speed or force that is not finite.
     pub fn constant(speed: MillimetresPerSecond, force: Newton) -> Result<Self> {
         Motion::new(speed, force).map_err(|error| {
             Error::Request(format!(
@@ -59,8 +62,10 @@ impl MotionPath {
     }
 
     /// A motion of `rows`, as a table has them.
-    /// Errors: no rows, or, with its number from 1, a row with a value that no hand has or that is not a finite number,
-    /// with a time that does not rise, or without a position or contact that the first row has.
+    ///
+    /// # Errors
+    /// No rows, or, with its number from 1, a row with a value that no hand has or that is not a finite number, with a
+    /// time that does not rise, or without a position or contact that the first row has.
     pub fn from_rows(rows: impl IntoIterator<Item = MotionRow>) -> Result<Self> {
         let mut found: Option<Points> = None;
         for (index, row) in rows.into_iter().enumerate() {
@@ -150,7 +155,9 @@ impl MotionPath {
     }
 
     /// Returns the time of the last row of the motion that was read from `file`, in s.
-    /// Errors: a motion of one row at 0 s, which has no end.
+    ///
+    /// # Errors
+    /// A motion of one row at 0 s, which has no end.
     pub fn end_s(&self, file: &Path) -> Result<f64> {
         let end_s = self.duration_s();
         if end_s > 0.0 {
@@ -185,6 +192,9 @@ impl MotionPath {
 }
 
 /// The point of `row`.
+///
+/// # Errors
+/// The problem of a value, in words.
 fn checked(row: &MotionRow) -> std::result::Result<Point, String> {
     let position_mm = row.position_mm.unwrap_or(0.0);
     let faults = [
@@ -228,7 +238,9 @@ impl Points {
     }
 
     /// Adds a row, with the integral of the speed as its position if rows give none.
-    /// Errors: a time that is negative, not a number, or not above the last one, in words.
+    ///
+    /// # Errors
+    /// A time that is negative, not a number, or not above the last one, in words.
     pub fn push(&mut self, mut point: Point) -> std::result::Result<(), String> {
         let time_s = point.time_s;
         if !time_s.is_finite() || time_s < 0.0 {

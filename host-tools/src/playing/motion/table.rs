@@ -19,8 +19,10 @@ impl MotionPath {
     /// `contact`; see [the module](super).
     ///
     /// Times start at zero or later and rise from row to row.
-    /// Errors: a file that cannot be read or has no rows, a missing column, or, with its line, a row of another length
-    /// than the header, a value that is not a finite number, or a time that does not rise.
+    ///
+    /// # Errors
+    /// A file that cannot be read or has no rows, a missing column, or, with its line, a row of another length than the
+    /// header, a value that is not a finite number, or a time that does not rise.
     pub fn from_csv(path: &Path) -> Result<Self> {
         read(path).map(Self::of)
     }

@@ -27,7 +27,9 @@ pub struct Rendering<'a, A: Arithmetic = Wavefront> {
 
 impl<'a> Rendering<'a> {
     /// A rendering of `seconds` of `texture`, from rest without contact, by the plan that a stylus makes of it.
-    /// Errors: a duration that is not a number, is shorter than a sample, or is longer than
+    ///
+    /// # Errors
+    /// A duration that is not a number, is shorter than a sample, or is longer than
     /// [`MAX_SECONDS`](super::MAX_SECONDS).
     pub fn new(
         texture: Texture<'a>,
@@ -39,6 +41,9 @@ impl<'a> Rendering<'a> {
     }
 
     /// A rendering of `seconds` of `plan`, from rest without contact.
+    ///
+    /// # Errors
+    /// As [`Rendering::new`].
     pub fn of_plan(
         plan: Plan<'a>,
         motion: &'a MotionPath,
@@ -51,6 +56,9 @@ impl<'a> Rendering<'a> {
 
 impl<'a, A: Arithmetic> Rendering<'a, A> {
     /// As [`Rendering::of_plan`], by the arithmetic `A`: for comparisons of their costs.
+    ///
+    /// # Errors
+    /// As [`Rendering::new`].
     pub fn by_arithmetic(
         plan: Plan<'a>,
         motion: &'a MotionPath,
@@ -130,6 +138,9 @@ pub(super) fn exact_m_s2(sample: OutputSample) -> f64 {
 
 /// Renders `seconds` of `texture` along `motion` into memory; [`render_wav`](super::render_wav) suits more than
 /// minutes.
+///
+/// # Errors
+/// A duration that [`Rendering::new`] refuses.
 pub fn render(
     texture: Texture<'_>,
     motion: &MotionPath,
@@ -161,7 +172,9 @@ pub struct SampleClock {
 
 impl SampleClock {
     /// A clock over `seconds`, from the first sample.
-    /// Errors: a duration that is not a number, is shorter than a sample, or is longer than [`MAX_SECONDS`].
+    ///
+    /// # Errors
+    /// A duration that is not a number, is shorter than a sample, or is longer than [`MAX_SECONDS`].
     pub fn new(seconds: f64, sample_rate_hz: u32) -> Result<Self> {
         let samples = (seconds * f64::from(sample_rate_hz)).round();
         if !(seconds <= MAX_SECONDS && samples >= 1.0) {

@@ -71,8 +71,10 @@ pub struct WavSummary {
 
 /// Writes samples as a mono WAV file, whole or not at all, without keeping them in memory. Equal arguments give equal
 /// bytes.
-/// Errors: a full scale that is not positive, more samples than the file's length fields can count, or a file that
-/// cannot be written.
+///
+/// # Errors
+/// A full scale that is not positive, more samples than the file's length fields can count, or a file that cannot be
+/// written.
 pub fn write_wav(
     path: &Path,
     sample_rate_hz: u32,
@@ -98,7 +100,9 @@ pub fn write_wav(
 }
 
 /// Writes values as a mono WAV file of 32-bit floats, whole or not at all, and returns their number.
-/// Errors: more samples than the file's length fields can count, or a file that cannot be written.
+///
+/// # Errors
+/// More samples than the file's length fields can count, or a file that cannot be written.
 #[expect(
     clippy::redundant_closure_for_method_calls,
     reason = "the method itself is of one lifetime, and any is asked for"
@@ -159,7 +163,9 @@ pub struct RenderSummary {
 }
 
 /// Renders `seconds` of `texture` along `motion` into a WAV file of any length, with a progress bar.
-/// Errors: those of [`Rendering::new`] and of [`write_wav`]. A file from before then stays, and no other one is left.
+///
+/// # Errors
+/// Those of [`Rendering::new`] and of [`write_wav`]. A file from before then stays, and no other one is left.
 pub fn render_wav(
     texture: Texture<'_>,
     motion: &MotionPath,

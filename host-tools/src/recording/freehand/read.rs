@@ -89,8 +89,9 @@ pub fn says_simulated(text: &str) -> bool {
 /// Reads a CSV file with the columns `speed_mm_s` and `force_n`, and one to three columns of accelerations, in units of
 /// `scale_m_s2`. A column `time_s` is necessary unless `rate_hz` is given. Comments begin with `#`; a comment at the
 /// top that begins with SIMULATED marks the file as simulated.
-/// Errors: a file that cannot be read or lacks one of these columns, a field that is not a number, or too many
-/// outliers.
+///
+/// # Errors
+/// A file that cannot be read or lacks one of these columns, a field that is not a number, or too many outliers.
 pub fn read(path: &Path, rate_hz: Option<f64>, scale_m_s2: f64) -> Result<Freehand> {
     // Regular files alone, because a recording is read again for its kind.
     TABLE.open(path)?;

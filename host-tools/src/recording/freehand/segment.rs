@@ -103,7 +103,9 @@ const LITTLE: f64 = 0.5;
 
 impl Options {
     /// Options for these recordings: the grid's axes that are given, or proposed, and the tolerance as a share.
-    /// Errors: no motion in contact, so that no grid can be proposed.
+    ///
+    /// # Errors
+    /// No motion in contact, so that no grid can be proposed.
     pub fn of(
         recordings: &[Freehand],
         (speeds, forces): (Option<GridAxis>, Option<GridAxis>),
@@ -141,6 +143,9 @@ impl Options {
 
 impl Segmentation {
     /// Checks that there is a piece.
+    ///
+    /// # Errors
+    /// There is none.
     pub fn check(&self) -> Result<()> {
         if self.placed.is_empty() {
             return Err(Error::Request(

@@ -12,7 +12,9 @@ use crate::support::output::OutputFolder;
 
 /// Writes every segment as a WAV file (32-bit float, m/s²) into `folder`, and then the list of the trials of `texture`:
 /// all of it or nothing. An earlier result in `folder` is replaced with `overwrite`.
-/// Errors: a folder with other files, or that cannot be written to.
+///
+/// # Errors
+/// A folder with other files, or that cannot be written to.
 pub fn write(
     folder: &Path,
     texture: &str,

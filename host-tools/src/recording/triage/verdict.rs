@@ -233,6 +233,9 @@ impl fmt::Display for Verdict {
 }
 
 /// Serialises verdicts as lines for a reader.
+///
+/// # Errors
+/// Those of the serialiser.
 pub fn in_words<S: Serializer>(verdicts: &[Verdict], serializer: S) -> Result<S::Ok, S::Error> {
     serializer.collect_seq(verdicts.iter().map(ToString::to_string))
 }

@@ -42,7 +42,9 @@ struct PagePlan<'a> {
 }
 
 /// Writes the page for `plan`. Returns its size in bytes.
-/// Errors: a sound that cannot be resampled, or a file that cannot be written.
+///
+/// # Errors
+/// A sound that cannot be resampled, or a file that cannot be written.
 pub fn write(plan: &Plan, path: &Path) -> Result<usize> {
     let text = page(plan)?;
     atomic_file::write(path, text.as_bytes())?;

@@ -78,6 +78,9 @@ pub fn text_width(text: &str, shown: u32) -> i32 {
 }
 
 /// Makes a picture: its heading, and below it what `draw` draws, with the data of the panels that it gives.
+///
+/// # Errors
+/// A picture that plotters cannot lay out.
 pub fn picture(
     caption: &Caption<'_>,
     (width, height): (u32, u32),

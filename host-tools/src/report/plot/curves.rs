@@ -41,6 +41,9 @@ pub struct FrontSeries {
 /// stands to the left below its place, where no choice beats it.
 ///
 /// Series and fronts without a point that can be drawn have no entry in the legend.
+///
+/// # Errors
+/// A picture that cannot be laid out.
 pub fn front_chart(
     caption: &Caption<'_>,
     (x, y): (Quantity<'_>, Quantity<'_>),
@@ -172,6 +175,9 @@ const HIGHEST_HZ: f64 = 1000.0;
 ///
 /// Amplitudes are scaled by √(2 / (N · rate)), so that those of noise do not depend on the length N: m/s²/√Hz. The
 /// longer signal is cut as for C.
+///
+/// # Errors
+/// A picture that cannot be laid out.
 pub fn spectra(
     caption: &Caption<'_>,
     (recorded, synthesised): (&[f64], &[f64]),
@@ -233,7 +239,9 @@ pub(super) const OCTAVES_HZ: [&str; 6] = ["31.5", "63", "125", "250", "500", "10
 pub(super) const FIRST_OCTAVE_HZ: f64 = 1000.0 / 32.0;
 
 /// Empty axes for the last 100 ms of an acceleration within `peak_m_s2`.
-/// Errors: a peak that is not positive and finite makes axes that cannot be laid out.
+///
+/// # Errors
+/// A peak that is not positive and finite makes axes that cannot be laid out.
 pub fn waveform_axes(caption: &Caption<'_>, peak_m_s2: f64) -> Result<Svg> {
     let x = Axis::new(TIME_MS, -100.0..0.0, 6);
     empty(
@@ -244,7 +252,9 @@ pub fn waveform_axes(caption: &Caption<'_>, peak_m_s2: f64) -> Result<Svg> {
 }
 
 /// Empty axes for the density of power from 20 Hz to 1 kHz, over octaves, between two levels in dB re 1 (m/s²)²/Hz.
-/// Errors: levels that are not finite and ascending make axes that cannot be laid out.
+///
+/// # Errors
+/// Levels that are not finite and ascending make axes that cannot be laid out.
 pub fn spectrum_axes(caption: &Caption<'_>, levels_db: Range<f64>) -> Result<Svg> {
     let lowest = FIRST_OCTAVE_HZ.log2();
     // From 20 Hz to 1 kHz and a little room.

@@ -64,7 +64,9 @@ const MARKS: [(NodeFlags, Mark, &str); 3] = [
 /// A heat map `width` shown pixels wide, with the values in its cells, where they fit, and marks at nodes that are not
 /// fitted to good recordings: silent, interpolated, extrapolated or doubtful. Values go from pale at zero to dark at
 /// the largest.
-/// Errors: cells that are not as many as the grid has nodes, and that the picture cannot be laid out.
+///
+/// # Errors
+/// Cells that are not as many as the grid has nodes, and that the picture cannot be laid out.
 pub fn grid_map(caption: &Caption<'_>, map: &GridMap<'_>, width: u32) -> Result<Svg> {
     let (columns, rows) = (map.speeds_mm_s.len(), map.forces_n.len());
     if map.cells.len() != columns * rows || map.cells.is_empty() {
@@ -105,6 +107,9 @@ pub fn grid_map(caption: &Caption<'_>, map: &GridMap<'_>, width: u32) -> Result<
 
 /// Axes without names, and the colours of `scale`, for a map whose cells a page draws. The data has one cell, whose
 /// value is the scale's end.
+///
+/// # Errors
+/// A picture that cannot be laid out.
 pub fn map_axes(caption: &Caption<'_>, quantity: Quantity<'_>, scale: Scale) -> Result<Svg> {
     picture(caption, (NARROW, 340), |area, panels| {
         let (chart, bar) = area.split_horizontally(at(NARROW - BAR));

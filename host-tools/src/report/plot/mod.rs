@@ -57,6 +57,9 @@ impl Svg {
     }
 
     /// Writes the picture into a file, whole or not at all.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
     pub fn write(&self, path: &Path) -> Result<()> {
         atomic_file::write(path, self.text.as_bytes())
     }

@@ -16,6 +16,9 @@ pub struct Curve<'a> {
 }
 
 /// Levels from 10 Hz to 1 kHz over octaves, with dashed lines `within_db` around zero over `band_hz`.
+///
+/// # Errors
+/// A picture that cannot be laid out.
 pub fn responses(
     caption: &Caption<'_>,
     curves: &[Curve<'_>],

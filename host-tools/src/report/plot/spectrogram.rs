@@ -30,7 +30,9 @@ fn top_of(levels: impl Iterator<Item = f64>) -> Option<f64> {
 }
 
 /// Spectrograms of a recording and of its synthesis, m/s², from 0 Hz to `highest_hz`, to one scale.
-/// Errors: signals without power, and that the picture cannot be laid out.
+///
+/// # Errors
+/// Signals without power, and that the picture cannot be laid out.
 pub fn spectrograms(
     caption: &Caption<'_>,
     (recorded, synthesised): (&[f64], &[f64]),

@@ -22,6 +22,9 @@ const BESIDE: u32 = 64;
 
 /// Signals, m/s², each with its name, one below the other: 100 ms of the middle on the left, 2 s on the right, with
 /// the envelope, ± the RMS over windows of 10 ms. All have one scale.
+///
+/// # Errors
+/// A picture that cannot be laid out.
 pub fn waveforms(caption: &Caption<'_>, signals: &[(&str, &[f64])], rate_hz: f64) -> Result<Svg> {
     let middle = |signal: &'_ [f64], seconds: f64| {
         let len = ((seconds * rate_hz).round() as usize).min(signal.len());

@@ -100,6 +100,9 @@ pub struct NodesData {
 
 impl Data {
     /// The data of `inputs`, telling `progress` of each texture done.
+    ///
+    /// # Errors
+    /// A recording that cannot be used any more.
     pub fn of(inputs: &Inputs<'_>, progress: impl Fn()) -> Result<Self> {
         let library = inputs.library;
         let thinning = inputs

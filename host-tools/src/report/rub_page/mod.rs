@@ -121,6 +121,9 @@ pub struct Written {
 }
 
 /// Writes the page, telling `progress` of each texture done; there are as many as the library has.
+///
+/// # Errors
+/// A recording that cannot be used any more, or a file that cannot be written.
 pub fn write(inputs: &Inputs<'_>, path: &Path, progress: impl Fn()) -> Result<Written> {
     let (text, written) = page(inputs, progress)?;
     atomic_file::write(path, text.as_bytes())?;

@@ -16,6 +16,9 @@ const STEP_DB: f64 = 10.0;
 const RMS: Quantity<'static> = Quantity::new("RMS level", "m/s²");
 
 /// The pictures as templates, by the names that the scripts know. All textures share their scales.
+///
+/// # Errors
+/// A picture that cannot be laid out.
 pub fn templates(data: &Data) -> Result<String> {
     let peak = if data.full_scale_m_s2 > 0.0 {
         data.full_scale_m_s2

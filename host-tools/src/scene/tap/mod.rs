@@ -120,7 +120,9 @@ impl Taps {
     /// Reads a recording. A CSV file with a column `force_n` is a free-hand recording of `record-strokes`, with
     /// `time_s` and `speed_mm_s`; any other file is read as by `fit`. `scale_m_s2` is the acceleration of a sample of
     /// 1.
-    /// Errors: a file that cannot be read, or has no samples.
+    ///
+    /// # Errors
+    /// A file that cannot be read, or has no samples.
     pub fn read(path: &Path, scale_m_s2: f64, reduction: Reduction) -> Result<Self> {
         let name = path.display().to_string();
         let extension = path.extension().unwrap_or_default().to_string_lossy();
@@ -232,7 +234,9 @@ fn why_left_out(ringing: &Ringing) -> Option<String> {
 
 impl TapFit {
     /// Fits one tap to all impacts of `recordings`.
-    /// Errors: recordings without an impact, or without one that is a decaying sine.
+    ///
+    /// # Errors
+    /// Recordings without an impact, or without one that is a decaying sine.
     pub fn new(recordings: &[Taps]) -> Result<Self> {
         let impacts: Vec<Impact> = recordings.iter().flat_map(Taps::impacts).collect();
         let counted = || impacts.iter().filter(|impact| impact.left_out.is_none());

@@ -21,7 +21,9 @@ pub struct Use {
 }
 
 /// The bytes that the ELF file `image` has for the flash from the address `start` on, below `end`; gaps are ones.
-/// Errors: the bytes are no image, or it has nothing there.
+///
+/// # Errors
+/// The bytes are no image, or it has nothing there.
 pub fn flashed(image: &[u8], start: u64, end: u64) -> Result<Vec<u8>> {
     let file = ElfFile32::<Endianness>::parse(image)?;
     let endian = file.endian();
@@ -82,6 +84,9 @@ pub(super) fn region(name: &str) -> Option<(u64, u64)> {
 
 impl Memory {
     /// Reads the use of memories from the bytes of an image.
+    ///
+    /// # Errors
+    /// The bytes are no image.
     pub fn of(image: &[u8]) -> Result<Self> {
         let file = ElfFile32::<Endianness>::parse(image)?;
         let mut uses = Vec::new();
@@ -127,7 +132,9 @@ impl Memory {
     }
 
     /// Checks that the image leaves the room that it must.
-    /// Errors: a memory of which it takes too much.
+    ///
+    /// # Errors
+    /// A memory of which it takes too much.
     pub fn check_limits(&self) -> Result<()> {
         for Use { name, used, .. } in &self.0 {
             let limit = LIMITS.iter().find(|(limited, _)| limited == name);

@@ -60,12 +60,17 @@ impl Image {
 
 /// Builds `image`, checks that the tick's code reads no flash and that the product leaves room in flash and ITCM, and
 /// returns the file.
-/// Errors: there is no toolchain, the build fails, the tick leads to flash, or the product is too large.
+///
+/// # Errors
+/// There is no toolchain, the build fails, the tick leads to flash, or the product is too large.
 pub fn build(toolchain: &Toolchain, image: Image) -> Result<PathBuf> {
     build_saying(toolchain, image, Progress::Quiet)
 }
 
 /// Builds as [`build`] does; `progress` says how much of it is shown.
+///
+/// # Errors
+/// As [`build`].
 pub fn build_saying(toolchain: &Toolchain, image: Image, progress: Progress) -> Result<PathBuf> {
     let kept = build_in(toolchain, image, &Folders::here(FOLDER), progress)?;
     let bytes = read(&kept)?;
@@ -134,6 +139,9 @@ fn build_in(
 }
 
 /// The use of each memory by the image in `file`.
+///
+/// # Errors
+/// The file is no image.
 pub fn memory(file: &Path) -> Result<Memory> {
     Memory::of(&read(file)?)
 }
@@ -153,6 +161,9 @@ const PROBE_RS: [&str; 5] = [
 ];
 
 /// The flashing program.
+///
+/// # Errors
+/// It is not installed.
 pub fn probe_rs() -> Result<PathBuf> {
     process::find(
         "probe-rs",
@@ -161,6 +172,9 @@ pub fn probe_rs() -> Result<PathBuf> {
 }
 
 /// Flashes the image in `file` to the board on the probe and starts it, without staying attached.
+///
+/// # Errors
+/// probe-rs is missing or fails.
 pub fn download(file: &Path) -> Result<()> {
     let program = probe_rs()?;
     let probe = |subcommand: &str| {
@@ -173,6 +187,9 @@ pub fn download(file: &Path) -> Result<()> {
 }
 
 /// Flashes the image in `file` to the board on the probe, and shows its log until Ctrl-C.
+///
+/// # Errors
+/// probe-rs is missing or fails.
 pub fn flash(file: &Path) -> Result<()> {
     let mut command = Command::new(probe_rs()?);
     command.args(PROBE_RS).arg(file);

@@ -61,7 +61,9 @@ struct Function {
 }
 
 /// Checks the image with these bytes.
-/// Errors: the bytes are no image, a root or the relocations are missing, or a root reaches flash.
+///
+/// # Errors
+/// The bytes are no image, a root or the relocations are missing, or a root reaches flash.
 pub fn check(image: &[u8]) -> Result<()> {
     let file = ElfFile32::<Endianness>::parse(image)?;
     check_roots(&functions(&file), &references(&file)?)

@@ -64,6 +64,9 @@ impl Outcome {
 }
 
 /// Checks the repository below `root`.
+///
+/// # Errors
+/// A file cannot be read.
 pub fn check(root: &Path) -> Result<Outcome> {
     Ok(check_tree(&Tree::read(root)?))
 }

@@ -14,7 +14,9 @@ pub struct Tree(BTreeMap<String, Option<String>>);
 
 impl Tree {
     /// Reads the files below `root`.
-    /// Errors: Git is missing or lists nothing, or a file cannot be read.
+    ///
+    /// # Errors
+    /// Git is missing or lists nothing, or a file cannot be read.
     pub fn read(root: &Path) -> io::Result<Self> {
         let mut git = Command::new("git");
         git.args([

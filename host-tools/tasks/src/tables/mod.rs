@@ -65,7 +65,9 @@ fn page(name: &str) -> Result<Page> {
 }
 
 /// Checks the tables that are made within a second, and that the pages have every table and no other.
-/// Errors: the first row that differs from its command's, with its page and table.
+///
+/// # Errors
+/// The first row that differs from its command's, with its page and table.
 pub fn check_instant() -> Result<()> {
     for (name, make) in INSTANT {
         page(name)?.check(name, &make())?;
@@ -85,7 +87,9 @@ pub fn check_instant() -> Result<()> {
 
 /// Writes the tables called `asked`; without names, those that are made within a second. Calls `told` with the name of
 /// each changed table. The tests on the virtual stylus write [`TICKS`], not this function.
-/// Errors: a name is that of no table, a page lacks the block, or the source of a table is missing.
+///
+/// # Errors
+/// A name is that of no table, a page lacks the block, or the source of a table is missing.
 pub fn write(asked: &[String], mut told: impl FnMut(&str)) -> Result<()> {
     let instant = INSTANT.iter().map(|(name, _)| (*name).to_owned());
     let asked = if asked.is_empty() {
@@ -119,7 +123,9 @@ fn made(name: &str) -> Result<String> {
 
 /// Compares a table that depends on the compiler with `made`, if the page names the same compiler. Returns true if it
 /// does.
-/// Errors: the first row that differs.
+///
+/// # Errors
+/// The first row that differs.
 pub fn check_made(name: &str, made: &str, compiler: &str) -> Result<bool> {
     let page = page(name)?;
     let is_same = page.block(name)?.contains(&format!("rustc {compiler}"));

@@ -22,6 +22,9 @@ pub struct Page {
 
 impl Page {
     /// Reads the page at `path`.
+    ///
+    /// # Errors
+    /// It cannot be read.
     pub fn read(path: &Path) -> Result<Self> {
         let text = std::fs::read_to_string(path);
         let text = text.with_context(|| path.display().to_string())?;
@@ -30,14 +33,18 @@ impl Page {
     }
 
     /// The content of block `name`: whole lines.
-    /// Errors: the page has no such block, or the block does not end.
+    ///
+    /// # Errors
+    /// The page has no such block, or the block does not end.
     pub fn block(&self, name: &str) -> Result<&str> {
         let (begin, end) = self.range(name)?;
         Ok(&self.text[begin..end])
     }
 
     /// Compares block `name` with `expected`, the lines that its command writes.
-    /// Errors: there is no such block, or a line differs.
+    ///
+    /// # Errors
+    /// There is no such block, or a line differs.
     pub fn check(&self, name: &str, expected: &str) -> Result<()> {
         let found = self.block(name)?;
         if found == expected {
@@ -58,7 +65,9 @@ impl Page {
     }
 
     /// Writes `content` into block `name`, and the page to its file if that changes it. Returns true if it does.
-    /// Errors: there is no such block, or the page cannot be written.
+    ///
+    /// # Errors
+    /// There is no such block, or the page cannot be written.
     pub fn write(&mut self, name: &str, content: &str) -> Result<bool> {
         let (begin, end) = self.range(name)?;
         if self.text[begin..end] == *content {

@@ -291,7 +291,9 @@ pub(in crate::library) struct ExcitationCheck {
 impl ExcitationCheck {
     /// Looks at some more of `excitation`, at most `room` bytes. Returns the number of bytes; none are left if that is
     /// below `room`.
-    /// Errors: a fault, with the index of the node if it is a node's.
+    ///
+    /// # Errors
+    /// A fault, with the index of the node if it is a node's.
     pub fn step(
         &mut self,
         excitation: &Excitation<'_>,

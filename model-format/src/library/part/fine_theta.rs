@@ -57,7 +57,9 @@ impl<'a> FineTheta<'a> {
 }
 
 /// The part of a lattice whose nodes have these bytes, if any of them is not 0.
-/// Errors: bytes for more than [`MAX_FINE_STAGES`] stages, with the index of the node.
+///
+/// # Errors
+/// Bytes for more than [`MAX_FINE_STAGES`] stages, with the index of the node.
 #[cfg(feature = "alloc")]
 pub(crate) fn part(nodes: &[&[i8]]) -> Result<Option<PartSpec>, (usize, Problem)> {
     let used = |bytes: &&[i8]| {

@@ -222,7 +222,9 @@ impl From<Lines<'_>> for LinesSpec {
 }
 
 /// The content of the part of a texture of `nodes` nodes with these lines.
-/// Errors: more lines than [`MAX_LINES`], and a line of more or fewer amplitudes than nodes.
+///
+/// # Errors
+/// More lines than [`MAX_LINES`], and a line of more or fewer amplitudes than nodes.
 #[cfg(feature = "alloc")]
 pub(crate) fn content(lines: &LinesSpec, nodes: usize) -> Result<alloc::vec::Vec<u8>, Problem> {
     Problem::count("the number of lines", lines.lines.len(), [1, MAX_LINES])?;

@@ -174,7 +174,9 @@ pub(in crate::library) struct ModulationCheck {
 
 impl ModulationCheck {
     /// Looks at some more entries of `modulation`, at most `room`. Returns true if none are left.
-    /// Errors: a fault of all entries.
+    ///
+    /// # Errors
+    /// A fault of all entries.
     pub fn step(&mut self, modulation: &Modulation<'_>, room: usize) -> Result<bool, Problem> {
         let entries = modulation.entries;
         let end = entries.len().min(self.at + room);

@@ -128,7 +128,9 @@ pub(in crate::library) fn check(tail: Tail<'_>) -> Result<(), Problem> {
 }
 
 /// The part of a lattice whose nodes have these tails after so many stages, if any has one.
-/// Errors: a tail elsewhere than after the stages of 16 bits, with the index of its node.
+///
+/// # Errors
+/// A tail elsewhere than after the stages of 16 bits, with the index of its node.
 #[cfg(feature = "alloc")]
 pub(crate) fn part<'t>(
     nodes: impl Iterator<Item = (usize, &'t TailSpec)> + Clone,

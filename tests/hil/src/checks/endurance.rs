@@ -23,6 +23,9 @@ struct Outcome {
 
 /// Plays the dearest texture along the host's motion, streams a recording and uploads `library` again and again, for
 /// the bench's length.
+///
+/// # Errors
+/// The link fails, or the device refuses what it should take.
 pub fn check(bench: &mut Bench, bytes: &[u8]) -> Result<()> {
     let before = bench.status()?;
     let (outcome, driven) =

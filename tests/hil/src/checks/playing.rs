@@ -16,6 +16,9 @@ use crate::library;
 const SILENT_WITHIN_MS: u64 = 100;
 
 /// Checks what a person feels, and that it ends.
+///
+/// # Errors
+/// The link fails, or the device refuses to play.
 pub fn check(bench: &mut Bench, scene: &Selection) -> Result<()> {
     from_the_host(bench, scene)?;
     stop(bench)?;

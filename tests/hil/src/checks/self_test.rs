@@ -7,6 +7,9 @@ use crate::bench::Bench;
 use crate::error::Result;
 
 /// Runs what `stylus selftest --bare` runs, with the bench's length of traffic, and adds its lines.
+///
+/// # Errors
+/// The link fails, or the device refuses to measure.
 pub fn check(bench: &mut Bench) -> Result<()> {
     let options = Options {
         traffic_s: bench.lengths.record_ms as f64 / 1e3,
@@ -33,6 +36,9 @@ pub fn check(bench: &mut Bench) -> Result<()> {
 }
 
 /// Reads the pin back, which the converter and not the image's own state must show at rest, and adds a line `name`.
+///
+/// # Errors
+/// The link fails, or the device refuses to measure.
 pub fn at_mid_scale(bench: &mut Bench, name: &str) -> Result<()> {
     let values = bench.device.self_test(SelfTestRequest::Rest)?;
     let lines = match &values {

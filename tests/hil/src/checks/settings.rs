@@ -13,6 +13,9 @@ const CHANGED: [(Setting, [f32; 2]); 2] = [
 ];
 
 /// Checks the settings.
+///
+/// # Errors
+/// The link fails, or the device refuses a setting that it should take.
 pub fn check(bench: &mut Bench) -> Result<()> {
     let before = bench.device.settings()?;
     let mut expected = before;

@@ -10,6 +10,9 @@ use crate::bench::Bench;
 use crate::error::{Error, Result};
 
 /// Uploads `library`, damaged and whole, and activates it.
+///
+/// # Errors
+/// The link fails, or the device refuses what it should take.
 pub fn check(bench: &mut Bench, library: &[u8]) -> Result<()> {
     let active = bench.status()?.library_crc32;
     damaged(bench, library)?;
@@ -96,6 +99,9 @@ fn damaged(bench: &mut Bench, library: &[u8]) -> Result<()> {
 }
 
 /// Uploads `bytes` once, chunk by chunk, announced as `announced`.
+///
+/// # Errors
+/// The link fails or the device refuses.
 pub fn send(bench: &Bench, bytes: &[u8], announced: UploadBegin) -> Result<UploadCommitted> {
     let mut at = bench.device.upload_begin(announced)?.next_offset as usize;
     while at < bytes.len() {

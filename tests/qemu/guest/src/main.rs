@@ -9,6 +9,7 @@
 mod bounds;
 mod counter;
 mod failure;
+mod hard;
 mod job;
 mod output;
 
@@ -49,6 +50,7 @@ fn main() -> ! {
                 &mut output,
             );
         }
+        Some(Job::Hard { cases }) => hard::play(cases, &counter, &mut output),
         Some(Job::Bounds { libraries }) => bounds::measure(libraries, &counter, &mut output),
         Some(Job::Digest { library }) => digest(library, &mut output),
         None => {

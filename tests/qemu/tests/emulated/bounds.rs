@@ -383,6 +383,7 @@ fn no_valid_library_takes_more_work_than_its_bound() {
     let mut whole = worst.expect("the first recipes are large").0;
     (whole.0[0], whole.0[1]) = (MAX_TEXTURES as u32, MAX_TEXTURES as u32);
     let costs = measured(&image, &[whole], MAX_LIBRARY_BYTES);
+    println!("a full slot: {:?}", costs[0]);
     tried.push((whole, costs[0]));
     for (recipe, cost) in tried {
         let decode = allowed(cost, recipe);

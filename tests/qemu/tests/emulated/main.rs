@@ -2,6 +2,7 @@
 
 mod bounds;
 mod costs;
+mod hard_cases;
 mod kernel;
 
 use std::path::PathBuf;

@@ -106,7 +106,9 @@ impl Default for Contents {
 
 impl Contents {
     /// Reads a file of [`Contents::write`]: both banks, then the address of each unreadable word.
-    /// Errors: there is no such file, or it has another length.
+    ///
+    /// # Errors
+    /// There is no such file, or it has another length.
     pub fn read(path: &Path) -> Result<Self> {
         let told = |reason: String| Error::FlashFile {
             path: path.to_owned(),
@@ -144,6 +146,9 @@ impl Contents {
     }
 
     /// Writes it to a file.
+    ///
+    /// # Errors
+    /// The file cannot be written.
     pub fn write(&self, path: &Path) -> Result<()> {
         std::fs::write(path, self.to_bytes()).map_err(|error| Error::FlashFile {
             path: path.to_owned(),
@@ -152,7 +157,9 @@ impl Contents {
     }
 
     /// Puts `bytes` at `address`, as a probe that flashes an image does.
-    /// Errors: they do not lie in the flash.
+    ///
+    /// # Errors
+    /// They do not lie in the flash.
     pub fn place(&mut self, address: u64, bytes: &[u8]) -> std::result::Result<(), String> {
         let start = address
             .checked_sub(u64::from(BASE))

@@ -74,6 +74,9 @@ pub struct UsbHost {
 impl UsbHost {
     /// Waits for the device, resets the bus, gives the device an address, reads all of its descriptors, and configures
     /// it.
+    ///
+    /// # Errors
+    /// A transfer that failed.
     pub fn enumerate(&mut self, stylus: &mut VirtualStylus) -> Result<Descriptors, TransferError> {
         stylus.usb(Host::plug);
         let begin_ns = stylus.now_ns();
@@ -149,7 +152,9 @@ impl UsbHost {
     }
 
     /// One control request, with `data` for the device.
-    /// Errors: a transfer that failed or took longer than 5 s.
+    ///
+    /// # Errors
+    /// A transfer that failed or took longer than 5 s.
     pub fn control(
         &mut self,
         stylus: &mut VirtualStylus,
@@ -160,7 +165,9 @@ impl UsbHost {
     }
 
     /// As [`UsbHost::control`], with another timeout.
-    /// Errors: a transfer that failed or took longer.
+    ///
+    /// # Errors
+    /// A transfer that failed or took longer.
     pub fn control_within(
         &mut self,
         stylus: &mut VirtualStylus,
@@ -188,6 +195,9 @@ impl UsbHost {
     }
 
     /// Ends an endpoint's halt, at both ends.
+    ///
+    /// # Errors
+    /// As [`UsbHost::control`].
     pub fn clear_halt(
         &mut self,
         stylus: &mut VirtualStylus,
@@ -351,7 +361,9 @@ impl BulkFrames {
     }
 
     /// Takes the frames that have come, each with the instant of its last packet.
-    /// Errors: a transfer that failed. The link is over then.
+    ///
+    /// # Errors
+    /// A transfer that failed. The link is over then.
     pub fn receive(
         &mut self,
         usb: &mut UsbHost,

@@ -149,7 +149,9 @@ pub struct Sensing {
 
 impl Sensing {
     /// The calibration by the device's settings, with the given scales in place of theirs.
-    /// Errors: a link that broke, a number of scales other than one or three, or scales that are all zero.
+    ///
+    /// # Errors
+    /// A link that broke, a number of scales other than one or three, or scales that are all zero.
     pub fn calibration(&self, device: &Device) -> Result<Calibration> {
         let calibration = Calibration::new(&device.settings()?, self.scale()?);
         let mut scales = calibration.m_s2_per_code.iter();

@@ -1,0 +1,174 @@
+//! The cases of `stylus stress` on emulated processors: no input changes the cost of a sample, and every processor
+//! plays the host's bits.
+
+use std::collections::BTreeMap;
+
+use host_tools::evaluation::stress::cases::{Case, Length, suite};
+use host_tools::evaluation::stress::models::library;
+use kernel_vectors::job::{CAPACITY, Job, OVERHEAD_BYTES};
+use kernel_vectors::{HardCase, report};
+use model_format::Library;
+use stylus_kernel::arithmetic::Portable;
+use tasks::compare::{Cost, EmulatorReport, lines, same_bits};
+use tasks::guest::Processor;
+use tasks::qemu;
+
+use crate::{held, image};
+
+/// The number of motions of a case that are played. Each lasts as long as in the case; a case at rest has one.
+const MOTIONS: usize = 48;
+
+/// Samples per phase, with seven phases per case: enough for all motions, and for a state of full scale to have its
+/// effects.
+const SAMPLES: u32 = 60;
+
+/// A case ready for the image.
+struct Prepared {
+    name: String,
+    library: Vec<u8>,
+    motions: Vec<u8>,
+    every: u32,
+    /// The properties that a sample's cost may depend on.
+    plan: String,
+}
+
+impl Prepared {
+    fn new(case: &Case) -> Self {
+        let library = library(&case.nodes()).unwrap();
+        let changes: Vec<usize> = (0..case.samples)
+            .filter(|&sample| case.path.changes_at(sample))
+            .take(MOTIONS)
+            .collect();
+        let every = changes
+            .get(1)
+            .map_or(SAMPLES, |&second| (second - changes[0]) as u32);
+        let motions = changes.iter().flat_map(|&sample| {
+            let (speed, force) = case.path.place(sample);
+            [speed.to_le_bytes(), force.to_le_bytes()].concat()
+        });
+        let plan = plan(&library);
+        Self {
+            name: case.name.clone(),
+            motions: motions.collect(),
+            every,
+            plan,
+            library,
+        }
+    }
+
+    fn case(&self) -> HardCase<'_> {
+        HardCase {
+            name: &self.name,
+            library: &self.library,
+            motions: &self.motions,
+            every: self.every,
+            samples: SAMPLES,
+        }
+    }
+}
+
+fn plan(library: &[u8]) -> String {
+    let library = Library::decode(library).unwrap();
+    let texture = library.textures().next().unwrap();
+    let single = texture.speed_axis().len() * texture.force_axis().len() == 1;
+    format!("order {}, single {single}", texture.max_order())
+}
+
+fn prepared() -> Vec<Prepared> {
+    suite(Length::Full).iter().map(Prepared::new).collect()
+}
+
+/// The cases, in as many jobs as they need.
+fn jobs(cases: &[Prepared]) -> Vec<Vec<u8>> {
+    let mut jobs: Vec<Vec<u8>> = vec![Vec::new()];
+    for case in cases {
+        let bytes = case.case().to_bytes();
+        if jobs
+            .last()
+            .is_some_and(|job| job.len() + bytes.len() + OVERHEAD_BYTES > CAPACITY)
+        {
+            jobs.push(Vec::new());
+        }
+        jobs.last_mut().expect("there is one").extend(bytes);
+    }
+    jobs
+}
+
+/// The report of the image on `processor` on all cases.
+fn play(processor: Processor, cases: &[Prepared]) -> EmulatorReport {
+    let image = image(processor);
+    let mut whole = EmulatorReport::default();
+    for cases in jobs(cases) {
+        let job = Job::Hard { cases: &cases };
+        let text = held(qemu::run(processor, &image, Some(&job)));
+        let report = held(EmulatorReport::parse(&text));
+        whole.played.extend(report.played);
+        whole.samples.extend(report.samples);
+    }
+    whole
+}
+
+/// The fewest and the most instructions of a sample, by the properties that they may depend on.
+fn extremes(cases: &[Prepared], samples: &[Cost]) -> BTreeMap<String, (u32, u32, Vec<String>)> {
+    let mut extremes = BTreeMap::new();
+    for case in cases {
+        for way in [report::SYNTHESIS, report::FILTER] {
+            let name = format!("{way} {}", case.name);
+            let cost = samples.iter().find(|cost| cost.texture == name);
+            let cost = cost.unwrap_or_else(|| panic!("{name} was not measured"));
+            // Playing has one phase, and the filter alone has six.
+            let phases = if way == report::SYNTHESIS { 1 } else { 6 };
+            assert_eq!(cost.calls, phases * SAMPLES, "{name}");
+            let found = extremes.entry(format!("{way}, {}", case.plan)).or_insert((
+                u32::MAX,
+                0,
+                Vec::new(),
+            ));
+            found.0 = cost.fewest.min(found.0);
+            found.1 = cost.most.max(found.1);
+            found
+                .2
+                .push(format!("{name}: {} to {}", cost.fewest, cost.most));
+        }
+    }
+    extremes
+}
+
+fn every_hard_case(processor: Processor) {
+    let cases = prepared();
+    assert!(cases.len() > 20, "{} cases", cases.len());
+    let found = play(processor, &cases);
+    let extremes = extremes(&cases, &found.samples);
+    for (plan, (fewest, most, cases)) in &extremes {
+        println!(
+            "{}: {plan}: {fewest} to {most} instructions per sample, {} cases",
+            processor.name(),
+            cases.len()
+        );
+    }
+    for (plan, (fewest, most, cases)) in &extremes {
+        assert_eq!(fewest, most, "{plan} on {}: {cases:#?}", processor.name());
+    }
+    let mut host = Vec::new();
+    for case in &cases {
+        let played = case.case().play::<Portable>(&mut |_, sample| sample());
+        host.push(format!(
+            "{} {} {}",
+            report::VECTOR,
+            report::CORTEX_M,
+            case.name
+        ));
+        host.extend(lines(&[played.unwrap()]));
+    }
+    held(same_bits(processor, &found.played, &host));
+}
+
+#[test]
+fn no_hard_case_changes_what_a_sample_costs_an_m4_or_what_it_plays() {
+    every_hard_case(Processor::CortexM4);
+}
+
+#[test]
+fn no_hard_case_changes_what_a_sample_costs_an_m7_or_what_it_plays() {
+    every_hard_case(Processor::CortexM7);
+}
