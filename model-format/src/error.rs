@@ -64,11 +64,10 @@ impl fmt::Display for Place {
 /// A fault of a library. Nobody acts by its kind; it is made to be shown with its place.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "each message says it")]
 pub enum Problem {
-    /// The first bytes are not those of a library.
     #[error("not a texture library (its first bytes are not \"HTXL\")")]
     NotALibrary,
-    /// A format version that this program does not read.
     #[error(
         "format version {found}, and this program reads version {FORMAT_VERSION}: {}",
         if *found > FORMAT_VERSION { "the program is older than the file, update the program" }
@@ -78,7 +77,6 @@ pub enum Problem {
         /// The version in the file.
         found: u16,
     },
-    /// Fewer or more bytes than the prefix declares.
     #[error(
         "{found} bytes where the library declares {declared}: truncated, or followed by something else"
     )]
@@ -88,7 +86,6 @@ pub enum Problem {
         /// Length of the bytes.
         found: usize,
     },
-    /// A stored checksum that is not the bytes' own.
     #[error("checksum {computed:08x} where {stored:08x} is stored: the bytes were damaged")]
     Checksum {
         /// CRC-32 in the prefix.
@@ -96,13 +93,10 @@ pub enum Problem {
         /// CRC-32 of the bytes.
         computed: u32,
     },
-    /// Bytes that are not what they should be; what that is.
     #[error("{0} does not parse")]
     Malformed(&'static str),
-    /// Bytes after the end; their number.
     #[error("{0} bytes are left over")]
     LeftOver(usize),
-    /// A number out of its range, or not finite. A negative zero is out of every range.
     #[error(
         "{what} is {value}; it must be {lowest} to {highest}",
         value = Decimal(*.value),
@@ -112,30 +106,24 @@ pub enum Problem {
     Range {
         /// Name of the number, and its unit.
         what: &'static str,
-        /// The number.
         value: f32,
         /// Its lowest and its highest value.
         range: [f32; 2],
     },
-    /// A number that does not agree with others.
     #[error("{what}: {found} where {expected} is due")]
     Mismatch {
         /// Name of the number.
         what: &'static str,
-        /// The number.
         found: usize,
         /// The number that agrees.
         expected: usize,
     },
-    /// A code of a later version.
     #[error("{what} of {code:#x}, which this program does not know: update the program")]
     Unknown {
         /// Thing that has the code.
         what: &'static str,
-        /// The code.
         code: u32,
     },
-    /// Something that must be unique and is not.
     #[error("the same {what} as number {other}")]
     Taken {
         /// The property that is shared.
@@ -143,7 +131,6 @@ pub enum Problem {
         /// Index of the earlier owner.
         other: usize,
     },
-    /// A part that says what holds without it, which would give a library a second form.
     #[error("{0} says nothing: leave it out")]
     Needless(&'static str),
     /// A fault of one stage of a lattice.
@@ -151,7 +138,6 @@ pub enum Problem {
     Stage {
         /// Number of the stage, from 1.
         stage: usize,
-        /// The fault.
         what: &'static str,
     },
     /// Another rule that is broken.

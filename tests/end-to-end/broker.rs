@@ -10,10 +10,7 @@ use std::thread;
 use std::time::Duration;
 
 use fake_stylus::library::library;
-use fake_stylus::{FakeStylus, Faults, Hand};
-use host_tools::link::{Device, LinkAddress, Route, Sharing, Timeouts};
-use model_format::link::SlotId;
-use rand::{RngExt, SeedableRng};
+use fake_stylus::{FakeStylus, Hand};
 use serde_json::Value;
 
 use crate::device_links::port;
@@ -69,6 +66,11 @@ impl Desk {
         let player = self.bench.spawn(PLAY.into_iter().chain(["--json"]));
         wait_for("motions", || self.stylus.count("stylus/motion/live") >= 20);
         player
+    }
+
+    fn wait_for_recording(&self) {
+        let begun = || self.stylus.count("stylus/record/start") > 0;
+        wait_for("a recording", begun);
     }
 
     fn is_playing(&self) -> bool {
@@ -146,12 +148,7 @@ fn output_of(child: Child) -> (Option<i32>, String, String) {
 
 /// Everything at once: a play, two monitors, a recording, and short commands, none of which ends another.
 fn all_at_once(desk: &Desk) {
-    let hand = Hand {
-        speed_mm_s: 100.0,
-        force_n: 1.0,
-        ..Hand::default()
-    };
-    desk.stylus.set_hand(hand);
+    desk.stylus.set_hand(Hand::moving(100.0, 1.0));
     let player = desk.play();
     let monitors = [
         desk.spawn("status --watch --json --seconds 1.5"),
@@ -227,9 +224,7 @@ fn a_second_play_is_refused_with_who_plays_and_a_stop_of_any_terminal_says_who_s
     // An upload alone does not disturb, and neither does a command that is killed.
     desk.succeed("upload a.lib");
     let mut monitor = desk.spawn("status --watch");
-    wait_for("a recording", || {
-        desk.stylus.count("stylus/record/start") > 0
-    });
+    desk.wait_for_recording();
     monitor.kill().unwrap();
     monitor.wait().unwrap();
     wait_for("the play that goes on", || desk.is_playing());
@@ -244,43 +239,15 @@ fn a_second_play_is_refused_with_who_plays_and_a_stop_of_any_terminal_says_who_s
 }
 
 #[test]
-fn a_player_that_is_killed_is_silent_as_without_a_broker_and_another_may_play() {
-    let desk = Desk::new();
-    let mut player = desk.play();
-    let mut monitor = desk.spawn("status --watch --seconds 60");
-    player.kill().unwrap();
-    player.wait().unwrap();
-    thread::sleep(Duration::from_millis(150));
-    let status = json(&desk.succeed("status --json"));
-    assert!(
-        status["muted"].to_string().contains("link lost"),
-        "{status}"
-    );
-    desk.stylus.take_heard();
-    let next = desk.play();
-    wait_for("the play", || desk.is_playing());
-    interrupt(&next);
-    let (code, _, err) = output_of(next);
-    assert_eq!(code, Some(0), "{err}");
-    monitor.kill().unwrap();
-    monitor.wait().unwrap();
-}
-
-#[test]
 fn a_broker_that_is_killed_leaves_a_stale_socket_that_stops_nobody() {
     let desk = Desk::new();
-    let late = Faults {
-        late: Duration::from_millis(4),
-        ..Faults::default()
-    };
-    desk.stylus.fail(late);
+    desk.stylus
+        .fail(|faults| faults.late = Duration::from_millis(4));
     desk.bench.write("b.lib", library(1, 400, 3));
     let upload = desk.spawn("upload b.lib --json");
     let monitor = desk.spawn("status --watch --seconds 60");
     wait_for("chunks", || desk.stylus.count("stylus/upload/chunk") >= 30);
-    wait_for("a recording", || {
-        desk.stylus.count("stylus/record/start") > 0
-    });
+    desk.wait_for_recording();
     let broker = desk.brokers();
     assert_eq!(broker.len(), 1);
     signal("KILL", broker[0]);
@@ -326,9 +293,7 @@ fn of_many_starters_one_broker_remains_and_it_goes_when_nobody_is_left() {
 fn a_device_that_is_unplugged_ends_its_commands_and_its_broker() {
     let mut desk = Desk::new();
     let monitor = desk.spawn("status --watch --seconds 60");
-    wait_for("a recording", || {
-        desk.stylus.count("stylus/record/start") > 0
-    });
+    desk.wait_for_recording();
     desk.stylus = FakeStylus::start();
     let (code, _, err) = output_of(monitor);
     assert_eq!(code, Some(2));
@@ -383,9 +348,7 @@ fn a_monitor_that_reads_too_slowly_loses_its_own_blocks_alone() {
     let desk = Desk::new();
     let slow = desk.spawn("status --watch --seconds 4.5");
     let quick = desk.spawn("record strokes.csv --strokes --seconds 5.5 --json");
-    wait_for("a recording", || {
-        desk.stylus.count("stylus/record/start") > 0
-    });
+    desk.wait_for_recording();
     thread::sleep(Duration::from_millis(500));
     signal("STOP", slow.id());
     thread::sleep(Duration::from_secs(5));
@@ -403,67 +366,6 @@ fn a_monitor_that_reads_too_slowly_loses_its_own_blocks_alone() {
         lost.is_some_and(|lost| lost.parse::<u32>().unwrap() > 0),
         "{last}"
     );
-}
-
-#[test]
-fn every_answer_goes_to_who_asked_in_any_interleaving() {
-    let desk = Desk::new();
-    let address: LinkAddress = desk.link.parse().unwrap();
-    let program = PathBuf::from(env!("CARGO_BIN_EXE_stylus"));
-    desk.stylus.fail(Faults {
-        late: Duration::from_millis(1),
-        ..Faults::default()
-    });
-    let clients = 5;
-    thread::scope(|scope| {
-        for client in 0..clients {
-            let (address, program) = (&address, &program);
-            scope.spawn(move || {
-                let mut random = rand_pcg::Pcg64::seed_from_u64(client);
-                let sharing = Sharing {
-                    program: program.clone(),
-                    command: format!("client {client}"),
-                };
-                let connect = || {
-                    let route = Route::Shared(sharing.clone());
-                    Device::connect_by(address, Timeouts::default(), route).unwrap()
-                };
-                let mut device = connect();
-                let mut uptime = 0;
-                for _ in 0..60 {
-                    match random.random_range(0..6) {
-                        0 => {
-                            let now = device.status().unwrap().uptime_ms;
-                            assert!(now >= uptime);
-                            uptime = now;
-                        }
-                        1 => assert_eq!(device.textures(SlotId::A).unwrap().len(), 1),
-                        2 => {
-                            device.settings().unwrap();
-                        }
-                        3 => {
-                            assert!(device.slots().unwrap().active.is_some());
-                        }
-                        4 => {
-                            assert!(device.textures(SlotId::B).unwrap().is_empty());
-                        }
-                        _ => device = connect(),
-                    }
-                }
-            });
-        }
-    });
-    // These clients have this process's runtime folder, and their broker left the first one's connection to it.
-    let broker = |number: &u32| {
-        let command = fs::read(format!("/proc/{number}/cmdline")).unwrap_or_default();
-        text(&command).contains(&desk.link)
-    };
-    let all = fs::read_dir("/proc").unwrap().flatten();
-    let numbers = all.filter_map(|entry| entry.file_name().to_str()?.parse::<u32>().ok());
-    let mut brokers: Vec<u32> = numbers.filter(broker).collect();
-    brokers.retain(|number| !desk.brokers().contains(number));
-    assert!(brokers.len() <= 1, "{brokers:?}");
-    brokers.iter().for_each(|&number| signal("TERM", number));
 }
 
 /// Announces a virtual stylus in the desk's folder, as one does that runs, until the file is dropped.
@@ -539,10 +441,8 @@ fn a_play_whose_motions_do_not_arrive_or_that_is_muted_throughout_fails_with_the
         desk.bench
             .command(PLAY.into_iter().chain(["--seconds", "3", "--timeout", "5"]));
     command.arg("--json");
-    desk.stylus.fail(Faults {
-        late: Duration::from_millis(900),
-        ..Faults::default()
-    });
+    desk.stylus
+        .fail(|faults| faults.late = Duration::from_millis(900));
     let output = command.output().unwrap();
     assert_eq!(output.status.code(), Some(2));
     let (report, err) = (json(&text(&output.stdout)), text(&output.stderr));
@@ -554,7 +454,7 @@ fn a_play_whose_motions_do_not_arrive_or_that_is_muted_throughout_fails_with_the
         "{report}"
     );
 
-    desk.stylus.fail(Faults::default());
+    desk.stylus.fail(|_| ());
     desk.stylus.set_hand(Hand {
         is_open: true,
         ..Hand::default()
@@ -582,10 +482,8 @@ fn a_play_whose_motions_do_not_arrive_or_that_is_muted_throughout_fails_with_the
 fn a_play_shows_speed_force_level_mutes_and_missed_ticks_while_it_lasts() {
     let desk = Desk::new();
     desk.stylus.set_hand(Hand {
-        speed_mm_s: 80.0,
-        force_n: 0.7,
         acceleration: vec![[32_768; 3], [34_000; 3]],
-        ..Hand::default()
+        ..Hand::moving(80.0, 0.7)
     });
     for (arguments, speed, force) in [
         (

@@ -104,8 +104,12 @@ fn a_simulated_set_is_simulated_wherever_it_goes() {
     holds(&bench.succeed("fit rig --out rig.lib"), &["SIMULATED"]);
     let judged = bench.succeed("evaluate rig --library rig.lib --report out --synthesis 2");
     holds(&judged, &["SIMULATED"]);
-    let page = std::fs::read_to_string(bench.path("out/index.html")).unwrap();
-    assert!(page.contains("SIMULATED"));
+    bench.succeed("page rig.lib --out rub.html");
+    bench.succeed("compare rig --library rig.lib --out listen.html --trials 9 --segment 0.3");
+    for page in ["out/index.html", "rub.html", "listen.html"] {
+        let page = std::fs::read_to_string(bench.path(page)).unwrap();
+        assert!(page.contains("<p class=\"notice\">SIMULATED"));
+    }
     let rendered = bench
         .succeed("render rig.lib --texture denim --speed 60 --force 1 --seconds 1 --out d.wav");
     holds(&rendered, &["SIMULATED"]);

@@ -161,11 +161,7 @@ fn a_motion_from_a_file_is_followed_in_time_to_its_end() {
 #[test]
 fn along_the_sensors_keep_alives_are_sent_and_ctrl_c_stops() {
     let (stylus, bench) = ready();
-    stylus.set_hand(Hand {
-        speed_mm_s: 100.0,
-        force_n: 1.0,
-        ..Hand::default()
-    });
+    stylus.set_hand(Hand::moving(100.0, 1.0));
     let child = bench.spawn(["play", "--texture", "texture 0", "--json"]);
     wait_for("a hundred keep-alives", || {
         stylus.count("stylus/keep-alive") >= 100
@@ -302,18 +298,12 @@ fn a_calibration_sets_the_coil_and_the_forces_zero_and_measures_again() {
     let refused = bench.refuse(&calibrate);
     holds(&refused, &["nothing was stored: force is at a rail"]);
     // Nor has one that moves.
-    stylus.set_hand(Hand {
-        speed_mm_s: 30.0,
-        ..Hand::default()
-    });
+    stylus.set_hand(Hand::moving(30.0, 0.0));
     holds(&bench.refuse(&calibrate), &["the encoder moved"]);
     holds(&bench.refuse("play --texture silk"), &["not set"]);
 
     // A sensor whose zero is another than the default.
-    stylus.set_hand(Hand {
-        force_n: 0.5,
-        ..Hand::default()
-    });
+    stylus.set_hand(Hand::moving(0.0, 0.5));
     let report = json(&bench.succeed(&calibrate));
     near(report["peak_watts"].as_f64().unwrap(), 0.5, 1e-6);
     let zero = report["set"][4]["value"].as_f64().unwrap();
@@ -442,10 +432,8 @@ fn what_is_wrong_before_the_device_is_asked_is_told_without_it() {
 fn a_monitor_shows_what_the_sensors_see_and_leaves_no_recording_behind() {
     let (stylus, bench) = attached(FakeStylus::start());
     stylus.set_hand(Hand {
-        speed_mm_s: 80.0,
-        force_n: 1.5,
         acceleration: vec![[32_000, 32_768, 32_768], [33_536, 32_768, 32_768]],
-        ..Hand::default()
+        ..Hand::moving(80.0, 1.5)
     });
     let seen = bench.succeed("status --watch --seconds 1 --interval 0.25 --json");
     let sights: Vec<Value> = seen.lines().map(json).collect();

@@ -3,9 +3,9 @@
 use std::time::{Duration, Instant};
 
 use crate::support::{Bench, PLAY, attached, holds, json, text, wait_for};
+use fake_stylus::FakeStylus;
 use fake_stylus::flash::Damage;
 use fake_stylus::library::library;
-use fake_stylus::{FakeStylus, Faults};
 use model_format::link::{DeviceInfo, MAX_CHUNK_BYTES};
 use serde_json::Value;
 
@@ -24,10 +24,7 @@ fn upload(bench: &Bench) -> Value {
 #[test]
 fn an_upload_goes_on_where_the_link_broke() {
     let (stylus, bench, bytes) = bench();
-    stylus.fail(Faults {
-        close_every: Some(50),
-        ..Faults::default()
-    });
+    stylus.fail(|faults| faults.close_every = Some(50));
     let report = upload(&bench);
     assert_eq!(report["bytes"], bytes.len());
     let retries = report["retries"].as_u64().unwrap() as usize;
@@ -42,15 +39,12 @@ fn an_upload_goes_on_where_the_link_broke() {
 #[test]
 fn an_upload_that_was_killed_is_resumed_by_the_next() {
     let (stylus, bench, bytes) = bench();
-    stylus.fail(Faults {
-        late: Duration::from_millis(5),
-        ..Faults::default()
-    });
+    stylus.fail(|faults| faults.late = Duration::from_millis(5));
     let mut first = bench.spawn(["upload", "a.lib"]);
     wait_for("chunks", || stylus.count("stylus/upload/chunk") >= 30);
     first.kill().unwrap();
     first.wait().unwrap();
-    stylus.fail(Faults::default());
+    stylus.fail(|_| ());
     holds(&bench.succeed("status"), &["receiving into slot"]);
     stylus.take_heard();
     let report = upload(&bench);
@@ -65,10 +59,7 @@ fn an_upload_whose_last_answer_was_lost_is_not_begun_again() {
     let (stylus, bench, bytes) = bench();
     let chunks = bytes.len().div_ceil(MAX_CHUNK_BYTES);
     // The device's description, the begin, the chunks and the commit.
-    stylus.fail(Faults {
-        close_every: Some(chunks + 3),
-        ..Faults::default()
-    });
+    stylus.fail(|faults| faults.close_every = Some(chunks + 3));
     let report = upload(&bench);
     assert_eq!(
         (&report["sequence"], &report["retries"]),
@@ -81,10 +72,9 @@ fn an_upload_whose_last_answer_was_lost_is_not_begun_again() {
 #[test]
 fn answers_that_break_on_the_way_and_noise_between_them_do_no_harm() {
     let (stylus, bench, bytes) = bench();
-    stylus.fail(Faults {
-        corrupt_every: Some(90),
-        noise: true,
-        ..Faults::default()
+    stylus.fail(|faults| {
+        faults.corrupt_every = Some(90);
+        faults.noise = true;
     });
     let said = bench.succeed("upload a.lib --json --timeout 0.2");
     let report = json(&said);
@@ -95,23 +85,17 @@ fn answers_that_break_on_the_way_and_noise_between_them_do_no_harm() {
 #[test]
 fn a_device_whose_flash_is_busy_is_asked_until_it_is_free() {
     let (stylus, bench, _) = bench();
-    stylus.fail(Faults {
-        busy: true,
-        ..Faults::default()
-    });
+    stylus.fail(|faults| faults.busy = true);
     let report = std::thread::scope(|scope| {
         scope.spawn(|| {
             std::thread::sleep(Duration::from_millis(700));
-            stylus.fail(Faults::default());
+            stylus.fail(|_| ());
         });
         upload(&bench)
     });
     assert_eq!(report["retries"], 0);
     assert!(stylus.count("stylus/upload/begin") > 2);
-    stylus.fail(Faults {
-        busy: true,
-        ..Faults::default()
-    });
+    stylus.fail(|faults| faults.busy = true);
     // The timeout is sixteen times that of other answers.
     holds(
         &bench.refuse("slots --timeout 0.2"),
@@ -122,10 +106,7 @@ fn a_device_whose_flash_is_busy_is_asked_until_it_is_free() {
 #[test]
 fn an_upload_that_gets_nowhere_ends_with_the_reason() {
     let (stylus, bench, _) = bench();
-    stylus.fail(Faults {
-        close_every: Some(2),
-        ..Faults::default()
-    });
+    stylus.fail(|faults| faults.close_every = Some(2));
     let refused = bench.refuse("upload a.lib");
     holds(&refused, &["the link was lost: the other side closed it"]);
     assert_eq!(stylus.connections(), 5);
@@ -134,10 +115,7 @@ fn an_upload_that_gets_nowhere_ends_with_the_reason() {
 #[test]
 fn a_device_that_says_nothing_is_given_up_in_time() {
     let (stylus, bench, _) = bench();
-    stylus.fail(Faults {
-        silent: true,
-        ..Faults::default()
-    });
+    stylus.fail(|faults| faults.silent = true);
     let begin = Instant::now();
     let message = bench.refuse("status --timeout 0.3");
     holds(
@@ -156,10 +134,7 @@ fn an_answer_that_comes_too_late_is_no_answer_to_what_is_asked_next() {
     let address = stylus.link().parse().unwrap();
     let timeouts = Timeouts::scaled_to(Duration::from_millis(400));
     let device = Device::connect(&address, timeouts).unwrap();
-    stylus.fail(Faults {
-        late: Duration::from_millis(600),
-        ..Faults::default()
-    });
+    stylus.fail(|faults| faults.late = Duration::from_millis(600));
     let failure = device.status().unwrap_err();
     assert!(
         matches!(
@@ -171,7 +146,7 @@ fn an_answer_that_comes_too_late_is_no_answer_to_what_is_asked_next() {
         ),
         "{failure}"
     );
-    stylus.fail(Faults::default());
+    stylus.fail(|_| ());
     let first = device.status().unwrap().uptime_ms;
     // The late answer has come by now; it is older than this one, and must not be taken for it.
     std::thread::sleep(Duration::from_millis(700));
@@ -186,10 +161,7 @@ type Disguise = fn(&mut DeviceInfo);
 fn said_to(disguise: Disguise, arguments: &str) -> String {
     let (stylus, bench) = attached(FakeStylus::start());
     bench.write("a.lib", library(1, 4, 3));
-    stylus.fail(Faults {
-        disguise: Some(disguise),
-        ..Faults::default()
-    });
+    stylus.fail(|faults| faults.disguise = Some(disguise));
     let message = bench.refuse(arguments);
     // Nothing but its description was asked for.
     let heard = stylus.take_heard();
@@ -242,10 +214,7 @@ fn of_two_versions_the_older_is_named_before_anything_is_asked() {
 fn playing_over_a_slow_link_leaves_motions_out_instead_of_carrying_them_later_and_later() {
     let (stylus, bench, _) = bench();
     upload(&bench);
-    stylus.fail(Faults {
-        late: Duration::from_millis(100),
-        ..Faults::default()
-    });
+    stylus.fail(|faults| faults.late = Duration::from_millis(100));
     let play = PLAY.into_iter().chain(["--seconds", "2", "--json"]);
     let output = bench.command(play).output().unwrap();
     assert!(output.status.success(), "{}", text(&output.stderr));

@@ -55,19 +55,6 @@ pub mod port {
 }
 
 #[test]
-fn a_serial_port_carries_what_tcp_carries() {
-    let (stylus, bench) = (FakeStylus::start(), Bench::new());
-    let mut port = port::before(stylus.port());
-    port.held = None;
-    let name = &port.name;
-    bench.write("a.lib", fake_stylus::library::library(1, 50, 1));
-    let uploaded = bench.succeed(&format!("upload a.lib --activate --link serial:{name}"));
-    holds(&uploaded, &["read back"]);
-    let said = bench.succeed(&format!("status --link serial:{name}"));
-    holds(&said, &["slot A, checksum"]);
-}
-
-#[test]
 fn a_port_that_another_program_uses_is_said_to_be_in_use() {
     let stylus = FakeStylus::start();
     let mut port = port::before(stylus.port());

@@ -7,7 +7,7 @@ use std::time::Duration;
 use crate::support::{
     Bench, all_pole, attached, holds, interrupt, json, near, noise, text, wait_for,
 };
-use fake_stylus::{FakeStylus, Faults, Hand};
+use fake_stylus::{FakeStylus, Hand};
 use model_format::AdcCode;
 use serde_json::Value;
 
@@ -127,10 +127,7 @@ fn a_hole_makes_a_trial_begin_anew_and_the_loss_is_told() {
     let (stylus, bench) = attached(FakeStylus::start());
     stylus.set_hand(hand(100.0, 1.0));
     // A stretch of 63 blocks; the 40th does not arrive.
-    stylus.fail(Faults {
-        lose_block_every: Some(40),
-        ..Faults::default()
-    });
+    stylus.fail(|faults| faults.lose_block_every = Some(40));
     let arguments = "--texture silk --speeds 100 --forces 1 --settle 0 --yes";
     let failed = record(&bench, &format!("{arguments} --seconds 0.4"));
     assert_eq!(failed.status.code(), Some(2));
@@ -351,10 +348,7 @@ fn a_free_hands_strokes_are_recorded_cut_and_fitted() {
 fn ctrl_c_ends_strokes_and_keeps_them_and_what_the_link_loses_is_a_hole() {
     let (stylus, bench) = attached(FakeStylus::start());
     stylus.set_hand(hand(100.0, 1.0));
-    stylus.fail(Faults {
-        lose_block_every: Some(10),
-        ..Faults::default()
-    });
+    stylus.fail(|faults| faults.lose_block_every = Some(10));
     let child = bench.spawn(["record", "a.csv", "--strokes", "--json"]);
     wait_for("the recording", || stylus.count("stylus/record/start") > 0);
     std::thread::sleep(Duration::from_millis(700));

@@ -2,10 +2,9 @@
 
 use crate::support::{Bench, attached, holds, json, text};
 use fake_stylus::library::library;
-use fake_stylus::{Board, FakeStylus, Faults, Hand};
+use fake_stylus::{Board, FakeStylus, Hand};
 use host_tools::link::self_test::{self, Options, Verdict};
 use host_tools::link::{Device, Timeouts};
-use model_format::link::SelfTestError;
 use serde_json::Value;
 
 /// A hand that lets the tool lie: noise of the converters, and a force within its range.
@@ -108,30 +107,6 @@ fn traffic_is_tested_while_a_texture_is_played_silently() {
 }
 
 #[test]
-fn each_fault_is_a_line_with_its_remedy_and_the_exit_code_tells_of_them() {
-    let mut board = Board {
-        output: Err(SelfTestError::Hardware {
-            what: "ADC2 does not convert".try_into().expect("it is short"),
-        }),
-        flash_us: 5_000_000,
-        ..Board::default()
-    };
-    board.chip.revision = 0x1003;
-    board.clocks.low_speed = None;
-    let (_stylus, bench) = on(board);
-    let (record, code) = test(&bench, "--bare");
-    let expected = [
-        "silicon revision",
-        "LSI",
-        "output",
-        "slot A sector erase",
-        "slot A word write, mean",
-    ];
-    assert_eq!(with(&record, "fail"), expected, "{record:#}");
-    assert_eq!(code, 2);
-}
-
-#[test]
 fn a_line_of_the_encoder_that_is_stuck_is_named() {
     let board = Board {
         stuck_line: Some(true),
@@ -177,10 +152,7 @@ fn a_line_of_the_encoder_that_is_stuck_is_named() {
 #[test]
 fn a_link_that_loses_blocks_is_named() {
     let (stylus, bench) = on(Board::default());
-    stylus.fail(Faults {
-        lose_block_every: Some(9),
-        ..Faults::default()
-    });
+    stylus.fail(|faults| faults.lose_block_every = Some(9));
     let (record, code) = test(&bench, "--bare");
     assert_eq!(code, 2);
     let link = stylus.link();

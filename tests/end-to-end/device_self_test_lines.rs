@@ -375,11 +375,7 @@ fn no_line_that_is_printed_is_without_a_change_that_makes_it_fail() {
     assert_eq!(judged, known);
     // A self test has no other line, but for the load's, which has no limit.
     let stylus = FakeStylus::start();
-    stylus.set_hand(Hand {
-        force_n: 2.0,
-        speed_mm_s: 30.7,
-        ..Hand::default()
-    });
+    stylus.set_hand(Hand::moving(30.7, 2.0));
     let link = stylus.link();
     let address = link.parse().expect("it is an address");
     let mut device = Device::connect(&address, Timeouts::default()).expect("it listens");

@@ -98,9 +98,6 @@ fn holds_the_texture(rate_hz: u32, drift: f64, method: &str) {
         1.0
     };
     let (band_db, level_db) = errors(&played(&bench, "a.lib"), rate_hz, factor, share);
-    println!(
-        "{rate_hz} Hz, drift {drift}, {method}: bands {band_db:.2} dB, level {level_db:+.2} dB"
-    );
     assert!(
         band_db < 1.5,
         "{rate_hz} Hz, drift {drift}, {method}: {band_db} dB"

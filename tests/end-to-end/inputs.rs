@@ -160,20 +160,6 @@ fn a_duration_beyond_the_file_is_told_with_both() {
 }
 
 #[test]
-fn a_wav_of_one_hertz_or_one_sample_is_told_in_one_line() {
-    let bench = Bench::new();
-    bench.write("hertz.wav", wav(&[&noise(1, 5000)], 1));
-    let refused = bench.refuse("fit hertz.wav --out a.lib");
-    holds(&refused, &["hertz.wav", "1 Hz, where 100 to 768000 Hz"]);
-    bench.write("one.wav", wav(&[&[0.5]], RATE_HZ));
-    let one = bench.run("fit one.wav --out a.lib");
-    holds(&text(&one.stderr), &["one.wav", "1 sample"]);
-    bench.write("one.csv", "time_s,x\n0,0.5\n");
-    let refused = bench.refuse("fit one.csv --out a.lib");
-    holds(&refused, &["one.csv", "one sample"]);
-}
-
-#[test]
 fn measured_speeds_make_a_sparse_grid_which_is_told_and_snapped_on_request() {
     let bench = Bench::new();
     // Four nominal speeds by five nominal forces, each measured to within 2 %.
@@ -330,54 +316,6 @@ fn a_motion_of_one_line_has_no_end_and_says_so() {
         holds(&bench.refuse(command), &["one.csv", "one row", "--seconds"]);
         bench.succeed(&format!("{command} --seconds 0.5"));
     }
-}
-
-/// A table as a program writes it, and as a spreadsheet does: with a byte order mark, semicolons, also at the end of a
-/// line, and decimal commas.
-fn dialects(table: &str) -> [String; 2] {
-    let field = |field: &str| {
-        // Names of files keep their points.
-        let is_number = field.parse::<f64>().is_ok();
-        let decimal = if is_number { "," } else { "." };
-        field.replace('.', decimal) + ";"
-    };
-    let lines = table.lines();
-    let lines = lines.map(|line| line.split(',').map(field).collect::<String>() + "\r\n");
-    [
-        table.to_owned(),
-        format!("\u{feff}{}", lines.collect::<String>()),
-    ]
-}
-
-#[test]
-fn every_table_is_read_in_every_dialect() {
-    let bench = fitted();
-    let motion = "time_s,speed_mm_s,force_n\n0,100,0.5\n0.25,150.5,1\n0.5,80,0.75\n";
-    let mut sounds = Vec::new();
-    for (number, motion) in dialects(motion).iter().enumerate() {
-        bench.write("m.csv", motion);
-        bench.succeed(&format!(
-            "render good.lib --texture silk --motion m.csv --out m{number}.wav"
-        ));
-        sounds.push(std::fs::read(bench.path(&format!("m{number}.wav"))).expect("rendered"));
-    }
-    assert!(sounds.windows(2).all(|pair| pair[0] == pair[1]));
-
-    let samples = noise(3, 5000);
-    let row = |(n, x): (usize, &f64)| format!("{:.4},{x:.6}\n", n as f64 / 5000.0);
-    let table: String = samples.iter().enumerate().map(row).collect();
-    let list = format!("{HEADER},scale_m_s2\na.csv,silk,100.5,0.5,2.5\n");
-    let mut libraries = Vec::new();
-    for (table, list) in dialects(&format!("time_s,x\n{table}"))
-        .iter()
-        .zip(dialects(&list))
-    {
-        bench.write("tables/a.csv", table);
-        bench.write("tables/trials.csv", list);
-        bench.succeed(&format!("fit tables --out t.lib {QUICK}"));
-        libraries.push(std::fs::read(bench.path("t.lib")).expect("fitted"));
-    }
-    assert!(libraries.windows(2).all(|pair| pair[0] == pair[1]));
 }
 
 #[test]

@@ -1,11 +1,11 @@
-//! Sets of many trials: a fit's memory and time go with their number, and no faster.
+//! Sets of many trials: a fit's memory goes with their number, and no faster.
 //!
 //! The trials are short, so that thousands are made and fitted in seconds.
 
 use std::fs::File;
 use std::path::Path;
 use std::process::Command;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use crate::support::{Bench, RATE_HZ, all_pole, noise, wav};
 
@@ -46,20 +46,11 @@ fn generate(bench: &Bench, trials: usize) {
     bench.write("set/few.csv", few);
 }
 
-/// A run of the command.
-#[derive(Clone, Copy)]
-struct Run {
-    /// Largest resident memory, bytes.
-    peak_bytes: f64,
-    elapsed_s: f64,
-}
-
-/// Runs `stylus` in the folder, and watches its memory.
+/// Runs `stylus` in the folder; gives its largest resident memory, bytes.
 ///
 /// The kernel's own record of the peak is read every few milliseconds, because it goes with the process.
-fn watched(bench: &Bench, arguments: &str) -> Run {
+fn watched(bench: &Bench, arguments: &str) -> f64 {
     let told = bench.path("told");
-    let begin = Instant::now();
     let mut child = Command::new(env!("CARGO_BIN_EXE_stylus"))
         .args(arguments.split_whitespace())
         .current_dir(bench.path(""))
@@ -79,14 +70,10 @@ fn watched(bench: &Bench, arguments: &str) -> Run {
         }
         std::thread::sleep(Duration::from_millis(2));
     };
-    let elapsed_s = begin.elapsed().as_secs_f64();
     let told = std::fs::read_to_string(told).unwrap();
     assert!(ended.success(), "stylus {arguments}: {ended}\n{told}");
     assert!(peak_bytes > 0.0, "nobody told its memory");
-    Run {
-        peak_bytes,
-        elapsed_s,
-    }
+    peak_bytes
 }
 
 /// Largest resident memory of the process with this status, bytes; none after its end.
@@ -101,7 +88,7 @@ fn high_water_mark(status: &Path) -> Option<f64> {
 const WAYS: [&str; 3] = ["one library", "a library per texture", "these again"];
 
 /// Fits a set of `trials` trials at order 400 in each of the [`WAYS`].
-fn measured(trials: usize) -> [Run; 3] {
+fn measured(trials: usize) -> [f64; 3] {
     let bench = Bench::new();
     generate(&bench, trials);
     let fit = "fit --order 400";
@@ -120,25 +107,12 @@ fn measured(trials: usize) -> [Run; 3] {
     [one, each, again]
 }
 
-/// Bytes of memory for each trial that `large` has more than `small`.
-fn trial_bytes(small: (usize, Run), large: (usize, Run)) -> f64 {
-    (large.1.peak_bytes - small.1.peak_bytes) / (large.0 - small.0) as f64
-}
-
 #[test]
 fn a_fit_s_memory_grows_by_a_few_kilobytes_per_trial_at_most() {
     let [few, many] = [400, 3200];
     let (small, large) = (measured(few), measured(many));
     for (index, way) in WAYS.iter().enumerate() {
-        let (small, large) = (small[index], large[index]);
-        let slope = trial_bytes((few, small), (many, large));
-        println!(
-            "{way}: {slope:.0} bytes per trial, {:.0} and {:.0} MB, {:.1} and {:.1} s",
-            small.peak_bytes / 1e6,
-            large.peak_bytes / 1e6,
-            small.elapsed_s,
-            large.elapsed_s
-        );
+        let slope = (large[index] - small[index]) / (many - few) as f64;
         assert!(
             slope < MOST_TRIAL_BYTES[index],
             "{way}: {slope:.0} bytes per trial"

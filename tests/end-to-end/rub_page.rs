@@ -59,6 +59,8 @@ fn a_library_alone_makes_a_page_with_its_digests_and_its_size_is_said() {
     let again = std::fs::read(bench.path("page.html")).unwrap();
     bench.succeed("page textures.lib --out page.html");
     assert_eq!(std::fs::read(bench.path("page.html")).unwrap(), again);
+    let notice = "<p class=\"notice\">SIMULATED";
+    assert!(!String::from_utf8_lossy(&again).contains(notice));
 }
 
 #[test]

@@ -614,38 +614,3 @@ fn tables_that_hold_no_accelerations_are_named_with_the_remedy() {
         assert_eq!(message.lines().count(), 1, "{message}");
     }
 }
-
-#[test]
-fn a_recording_with_another_filter_than_its_neighbours_in_speed_is_doubted_with_its_band() {
-    let bench = Bench::new();
-    let mut list = String::from("file,texture,speed_mm_s,force_n\n");
-    for (seed, speed) in [(1, 20), (2, 40), (3, 60)] {
-        let mut signal = scaled(&noise(seed, 5 * RATE_HZ as usize), 0.01 * f64::from(speed));
-        if speed == 40 {
-            // Two means of three samples: 19 dB down at 1250 Hz.
-            for _ in 0..2 {
-                signal = signal
-                    .windows(3)
-                    .map(|w| w.iter().sum::<f64>() / 3.0)
-                    .collect();
-            }
-        }
-        bench.write(&format!("{speed}.wav"), wav(&[&signal], RATE_HZ));
-        list += &format!("{speed}.wav,felt,{speed},1\n");
-    }
-    bench.write("trials.csv", &list);
-    let set = RecordingSet::open(&[bench.path("trials.csv")]).unwrap();
-    let fit = fit::fit(&set, &Options::default(), || ()).unwrap();
-    let words = |trial: usize| {
-        let verdicts = fit.trials[trial].verdicts.iter();
-        verdicts
-            .map(ToString::to_string)
-            .collect::<Vec<_>>()
-            .join("; ")
-    };
-    assert_eq!((words(0), words(2)), (String::new(), String::new()));
-    holds(
-        &words(1),
-        &["spectrum", "off both neighbours in speed", "to 1995 Hz"],
-    );
-}

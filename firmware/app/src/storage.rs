@@ -71,11 +71,6 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
         &self.settings
     }
 
-    /// Gives the updates back.
-    pub fn take_updates(&mut self) -> Option<Updates<S>> {
-        self.updates.take()
-    }
-
     /// The slots.
     pub(crate) fn slot_store(&mut self) -> &mut SlotStore<F> {
         &mut self.slots

@@ -59,9 +59,7 @@ pub struct LatticeState {
 
 impl LatticeFrame {
     /// A silent frame of `stages` stages.
-    ///
-    /// # Panics
-    /// If there are more than [`MAX_ORDER`] stages.
+    /// Panics if there are more than [`MAX_ORDER`] stages.
     pub const fn silent(stages: usize) -> Self {
         assert!(stages <= MAX_ORDER);
         Self {

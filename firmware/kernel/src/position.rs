@@ -17,11 +17,6 @@ impl Position {
     /// The path's origin.
     pub const ORIGIN: Self = Self(0);
 
-    /// The position `steps` steps of 2⁻³² mm from the origin.
-    pub const fn from_steps(steps: i64) -> Self {
-        Self(steps)
-    }
-
     /// The position `mm` from the origin. Beyond 2147 km it is the last that there is; NaN is the origin.
     pub fn from_mm(mm: f32) -> Self {
         // A power of two scales a float exactly.

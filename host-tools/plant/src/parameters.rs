@@ -13,31 +13,21 @@ pub const PRESETS: [&str; 2] = ["haptuator", "mark-ii-d"];
 
 /// Parameters that cannot be used.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[expect(missing_docs, reason = "each message says it")]
 pub enum Error {
-    /// A text of another form.
     #[error("not the parameters of a plant: {0}")]
     Form(String),
     /// A file that cannot be used.
     #[error("{path}: {reason}")]
-    File {
-        /// The file.
-        path: String,
-        /// The reason.
-        reason: String,
-    },
-    /// A value that no plant has.
+    File { path: String, reason: String },
     #[error("{name} of {value}: it must be {least} to {most}")]
     OutOfRange {
         /// Its table and key.
         name: String,
-        /// The value.
         value: String,
-        /// The least one.
         least: String,
-        /// The largest one.
         most: String,
     },
-    /// A name that no preset has.
     #[error(
         "there is no plant '{0}': name one of {names}, with /light, /firm or /free for the hand",
         names = PRESETS.join(", ")

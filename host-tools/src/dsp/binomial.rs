@@ -9,9 +9,7 @@ const HALVINGS: u32 = 60;
 
 /// Returns the Clopper-Pearson interval of a proportion, of which `successes` of `trials` were counted, at
 /// `confidence`, such as 0.95. Without trials it is 0 to 1.
-///
-/// # Panics
-/// With more successes than trials.
+/// Panics with more successes than trials.
 pub fn clopper_pearson(successes: u32, trials: u32, confidence: f64) -> (f64, f64) {
     assert!(
         successes <= trials,

@@ -85,8 +85,6 @@ fn section(signal: &mut [f64], rate_hz: f64, cut_hz: f64, quality: f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dsp::reduction::angle_deg;
-    use crate::dsp::test_signals::noise;
 
     const RATE_HZ: f64 = 5000.0;
 
@@ -120,34 +118,6 @@ mod tests {
         }
         for count in 0..3 {
             high_pass(&mut drift[..count].to_vec(), RATE_HZ, 20.0);
-        }
-    }
-
-    /// The texture is along one direction, the drift 53° off; the plain axis follows the stronger one.
-    #[test]
-    fn the_axis_of_what_is_left_is_the_textures_within_two_degrees() {
-        let texture = noise(3, 20_000);
-        let along = |direction: [f64; 3], signal: &[f64]| {
-            direction.map(|weight| signal.iter().map(|x| weight * x).collect::<Vec<f64>>())
-        };
-        let clean = along([0.6, 0.0, 0.8], &texture);
-        for drift in [0.0, 0.5, 1.0, 3.0, 20.0] {
-            let slow: Vec<f64> = sine(1.7, 20_000)
-                .iter()
-                .zip(sine(7.9, 20_000))
-                .map(|(a, b)| a + b)
-                .collect();
-            let mut axes = along([drift, 0.0, 0.0], &slow);
-            for (axis, texture) in axes.iter_mut().zip(&clean) {
-                axis.iter_mut().zip(texture).for_each(|(x, t)| *x += t);
-            }
-            let plain_deg = angle_deg(&axes, &clean);
-            axes.iter_mut()
-                .for_each(|axis| high_pass(axis, RATE_HZ, 20.0));
-            let left_deg = angle_deg(&axes, &clean);
-            println!("drift {drift}: {plain_deg:.1}° as it is, {left_deg:.2}° of what is left");
-            assert!(left_deg < 2.0, "{drift}: {left_deg}");
-            assert!(drift < 3.0 || plain_deg > 30.0, "{drift}: {plain_deg}");
         }
     }
 }

@@ -77,16 +77,6 @@ impl ModelError {
         }
     }
 
-    /// Returns the larger of each.
-    #[must_use]
-    pub fn max(self, other: Self) -> Self {
-        Self {
-            rms_db: self.rms_db.max(other.rms_db),
-            third_octave_db: self.third_octave_db.max(other.third_octave_db),
-            line_db: self.line_db.max(other.line_db),
-        }
-    }
-
     /// Returns the largest of the three as a share of its own in `bounds`: at most 1 within them.
     pub fn share_of(self, bounds: Self) -> f64 {
         let shares = [

@@ -15,14 +15,13 @@ use crate::support::nearest::listed;
 /// A failure of the link, or a refusal of the device. Each message is one line with the remedy.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "each message says it")]
 pub enum LinkError {
-    /// No stylus is on USB.
     #[error(
         "no stylus on USB (looked for {USB_VENDOR_ID:04x}:{USB_PRODUCT_ID:04x}): plug it in by its own USB port, or \
          name another link with --link"
     )]
     NoUsbDevice,
-    /// Styluses are on USB, but none with this serial number.
     #[error(
         "no stylus with serial number {wanted} is on USB: name one that is, {}",
         links(found)
@@ -33,13 +32,11 @@ pub enum LinkError {
         /// The serial numbers on USB.
         found: Vec<String>,
     },
-    /// Several styluses are on USB, and none was named.
     #[error("{} styluses are on USB: name one with --link, {}", found.len(), links(found))]
     SeveralUsbDevices {
         /// Their serial numbers.
         found: Vec<String>,
     },
-    /// No device is attached.
     #[error(
         "{}plug one in by its own USB port or by the debug port of its board, or start a virtual one with `cargo \
          virtual-stylus`; `stylus devices` lists what is attached, and --link names one that is not listed",
@@ -49,41 +46,27 @@ pub enum LinkError {
         /// Ports of probes behind which none has answered.
         silent: Vec<String>,
     },
-    /// Several devices are attached, and none was named.
     #[error("{} styluses are attached: name one, --link {}", found.len(), found.join(" or --link "))]
-    SeveralDevices {
-        /// Their links.
-        found: Vec<String>,
-    },
-    /// The operating system denies this user access.
+    SeveralDevices { found: Vec<String> },
     #[error("{link}: no permission: {remedy}")]
     Permission {
-        /// The link.
         link: String,
         /// The remedy.
         remedy: &'static str,
     },
-    /// Another program uses the link.
     #[error("{link}: in use by another program: close that program, then try again")]
-    Busy {
-        /// The link.
-        link: String,
-    },
-    /// The link cannot be opened for another reason.
+    Busy { link: String },
     #[error("{link}: cannot be opened: {reason}")]
     Open {
-        /// The link.
         link: String,
         /// The reason and the remedy.
         reason: String,
     },
-    /// The device did not answer in time.
     #[error(
         "{link}: no answer to the {request} request within {:.1} s: check that it is a stylus, that its firmware runs, \
          and that no other program uses it{}", after.as_secs_f64(), longer(*timeout)
     )]
     NoAnswer {
-        /// The link.
         link: String,
         /// Name of the request.
         request: &'static str,
@@ -92,13 +75,11 @@ pub enum LinkError {
         /// The timeout that the user may give: that of an answer which takes no flash.
         timeout: Duration,
     },
-    /// The link accepted no more frames.
     #[error(
         "{link}: nothing could be sent for {:.1} s: check the cable, then try again{}", after.as_secs_f64(),
         longer(*after)
     )]
     Stalled {
-        /// The link.
         link: String,
         /// Time that the host waited.
         after: Duration,
@@ -109,35 +90,24 @@ pub enum LinkError {
     /// Another program has the motion, or the upload.
     #[error("{link}: {what}")]
     Held {
-        /// The link.
         link: String,
         /// The program, its process, and the remedy.
         what: String,
     },
-    /// The link broke.
     #[error("{link}: the link was lost: {reason}")]
-    Lost {
-        /// The link.
-        link: String,
-        /// The reason.
-        reason: String,
-    },
-    /// The device did not accept a frame.
+    Lost { link: String, reason: String },
     #[error("{link}: the device did not accept the {request} request: {error}")]
     Frame {
-        /// The link.
         link: String,
         /// Name of the request.
         request: &'static str,
         /// The device's error.
         error: WireError,
     },
-    /// The device's answer cannot be decoded.
     #[error(
         "{link}: the answer to the {request} request cannot be decoded: restart the device, then try again"
     )]
     Answer {
-        /// The link.
         link: String,
         /// Name of the request.
         request: &'static str,
@@ -145,7 +115,6 @@ pub enum LinkError {
     /// The device speaks another protocol or plays another library format.
     #[error("{link}: {mismatch}")]
     Version {
-        /// The link.
         link: String,
         /// The difference, with the older side.
         mismatch: Mismatch,
@@ -153,7 +122,6 @@ pub enum LinkError {
     /// The device reports another state than the requested one.
     #[error("{link}: {what}")]
     NotVerified {
-        /// The link.
         link: String,
         /// The difference and the remedy.
         what: String,
@@ -161,27 +129,20 @@ pub enum LinkError {
     /// Too much of a recording was lost.
     #[error("{link}: {what}")]
     Lossy {
-        /// The link.
         link: String,
         /// The loss and the remedy.
         what: String,
     },
-    /// The device refuses an upload.
     #[error("the device refuses the upload: {0}")]
     Upload(Box<UploadError>),
-    /// The device refuses an update.
     #[error("the device refuses the update: {0}")]
     Update(Box<UpdateError>),
-    /// The device cannot list a texture or scene.
     #[error("the device cannot list its content: {0}")]
     List(Box<ListError>),
-    /// The device refuses to activate a library.
     #[error("the device refuses the activation: {0}")]
     Activate(Box<ActivateError>),
-    /// The device refuses to play.
     #[error("the device refuses to play: {0}")]
     Play(Box<PlayError>),
-    /// The active library has no texture or scene of this name.
     #[error(
         "the device refuses to play: the active library has no {what} \"{name}\"; it has {}",
         listed(name, there)
@@ -194,28 +155,20 @@ pub enum LinkError {
         /// The names that are there, in the device's order.
         there: Vec<String>,
     },
-    /// The device refuses a probe.
     #[error("the device refuses the probe: {0}")]
     Probe(Box<ProbeError>),
-    /// The device refuses a response.
     #[error("the device refuses the response: {0}")]
     Response(#[from] ResponseError),
-    /// The device refuses to stop.
     #[error("the device refuses to stop: {0}")]
     Stop(#[from] StopError),
-    /// The device refuses a motion.
     #[error("the device refuses the motion: {0}")]
     Motion(#[from] MotionRefused),
-    /// The device refuses to record.
     #[error("the device refuses to record: {0}")]
     Record(#[from] RecordError),
-    /// The device refuses a setting.
     #[error("the device refuses the setting: {0}")]
     Settings(#[from] SettingsError),
-    /// The device refuses a measurement of the self test.
     #[error("the device refuses the self test: {0}")]
     SelfTest(Box<SelfTestError>),
-    /// The host cannot start what a link needs.
     #[error("this computer cannot open a link: {0}")]
     Host(std::io::Error),
 }

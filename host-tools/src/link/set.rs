@@ -223,11 +223,6 @@ impl Folder {
         self.done.contains(&trial.key())
     }
 
-    /// Number of recorded trials.
-    pub fn trials(&self) -> usize {
-        self.done.len()
-    }
-
     /// Writes a trial's file and its line in the list; both replace those of an earlier recording of the same trial.
     ///
     /// # Errors

@@ -78,9 +78,7 @@ struct TermResponse {
 
 impl<'a> Strip<'a> {
     /// Computes the profile of the texture at position `texture` of [`RigDescription::textures`], and its passes.
-    ///
-    /// # Panics
-    /// If the rig has no such texture.
+    /// Panics if the rig has no such texture.
     pub fn new(rig: &'a RigFile, texture: usize, seed: u64) -> Self {
         let description = rig.description();
         let texture = &description.textures[texture];
@@ -115,9 +113,7 @@ impl<'a> Strip<'a> {
 
     /// Runs the trial at positions `speed` and `force` of the rig's [`Recording`](super::Recording). The same rig and
     /// seed give the same trial in any order.
-    ///
-    /// # Panics
-    /// If the rig has no such speed or force.
+    /// Panics if the rig has no such speed or force.
     pub fn trial(&self, speed: usize, force: usize) -> Trial {
         let recording = &self.description.recording;
         let speed_mm_s = recording.speeds_mm_s[speed];

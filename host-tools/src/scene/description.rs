@@ -182,11 +182,6 @@ impl SceneFile {
         })
     }
 
-    /// The content of the file.
-    pub fn description(&self) -> &SceneDescription {
-        &self.description
-    }
-
     /// An error at `place` of the text.
     pub(super) fn error(&self, place: &Field, problem: impl std::fmt::Display) -> Error {
         place.error(&self.path, &self.text, problem)

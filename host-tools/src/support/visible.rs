@@ -99,9 +99,7 @@ fn replaced(
 
 /// Returns the JSON of `value` for a page, where nothing in it ends an element of script, turns text around or is a
 /// line's end to JavaScript. In an attribute it stands [`escaped`].
-///
-/// # Panics
-/// A value with keys that are no text.
+/// Panics on a value with keys that are no text.
 pub fn page_json(value: &impl Serialize) -> String {
     let text = serde_json::to_string(value).expect("the data of pages have text keys only");
     visible_json(&text).replace('<', "\\u003c")

@@ -36,9 +36,6 @@ pub enum FromBus {
 }
 
 /// Encodes a message for the connection.
-///
-/// # Panics
-/// Never for [`ToBus`] and [`FromBus`], because postcard can encode every value of theirs.
 pub fn encode(message: &impl Serialize) -> Vec<u8> {
     let body = postcard::to_allocvec(message).expect("plain data");
     let mut bytes = (body.len() as u32).to_le_bytes().to_vec();

@@ -67,27 +67,20 @@ pub struct SceneInfo {
 
 /// Reason for which a texture or scene cannot be listed.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, Schema, thiserror::Error)]
+#[expect(missing_docs, reason = "each message says it")]
 pub enum ListError {
-    /// A slot without a valid library.
     #[error("slot {slot} holds no library: upload one")]
-    NoLibrary {
-        /// The slot.
-        slot: SlotId,
-    },
-    /// An index beyond the last texture.
+    NoLibrary { slot: SlotId },
     #[error("texture {index} of slot {slot}, which has {textures}: list again")]
     Index {
-        /// The slot.
         slot: SlotId,
         /// The requested index.
         index: u8,
         /// Number of the slot's textures.
         textures: u16,
     },
-    /// An index beyond the last scene.
     #[error("scene {index} of slot {slot}, which has {scenes}: list again")]
     SceneIndex {
-        /// The slot.
         slot: SlotId,
         /// The requested index.
         index: u8,
@@ -97,7 +90,6 @@ pub enum ListError {
     /// A slot that cannot be read.
     #[error("slot {slot}: {fault}")]
     Faulty {
-        /// The slot.
         slot: SlotId,
         /// Fault of the slot.
         fault: SlotFault,
@@ -115,35 +107,25 @@ pub struct Activated {
 
 /// Reason for which a library does not become active. The one that was active stays so, unless stated otherwise.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, Schema, thiserror::Error)]
+#[expect(missing_docs, reason = "each message says it")]
 pub enum ActivateError {
-    /// A slot that is empty or being written.
     #[error("slot {slot} holds no library: upload one")]
-    NoLibrary {
-        /// The slot.
-        slot: SlotId,
-    },
+    NoLibrary { slot: SlotId },
     /// A slot that cannot be read or is not valid.
     #[error("slot {slot}: {fault}")]
     Faulty {
-        /// The slot.
         slot: SlotId,
         /// Fault of the slot.
         fault: SlotFault,
     },
-    /// A copy in RAM that differs from the slot. No library is active now.
     #[error(
         "the copy of slot {slot} in RAM differs from it, and no library is active now: activate again"
     )]
-    NotCopied {
-        /// The slot.
-        slot: SlotId,
-    },
-    /// Another activation is under way, or settings are being stored.
+    NotCopied { slot: SlotId },
     #[error(
         "another library is being activated or settings are being stored: try again in a moment"
     )]
     Busy,
-    /// The output did not fade out in time.
     #[error("the output did not come to rest: stop it, then activate again")]
     NotAtRest,
 }
@@ -187,29 +169,25 @@ impl core::fmt::Display for SlotId {
 
 /// Reason for which a slot that is not empty holds no library.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, Schema, thiserror::Error)]
+#[expect(missing_docs, reason = "each message says it")]
 pub enum SlotFault {
-    /// A flash word that faults when read, as after a power cut while it was written.
     #[error("byte {offset} cannot be read, as after a power cut: upload again")]
     Unreadable {
         /// Byte of the slot.
         offset: u32,
     },
-    /// No valid header, because an upload was broken off.
     #[error("an upload that was not finished: upload again")]
     Unfinished,
-    /// A header of another firmware's store.
     #[error("the slot was written by another firmware (header version {found}): upload again")]
     HeaderVersion {
         /// Version in the header.
         found: u16,
     },
-    /// A length that no library has.
     #[error("the header declares {length} bytes, of at most {MAX_LIBRARY_BYTES}: upload again")]
     Length {
         /// Length in the header, bytes.
         length: u32,
     },
-    /// A checksum that is not that of the bytes.
     #[error("checksum {found:08x} where {expected:08x} is stored: upload again")]
     Checksum {
         /// CRC-32 in the header.
@@ -217,7 +195,6 @@ pub enum SlotFault {
         /// CRC-32 of the bytes.
         found: u32,
     },
-    /// Bytes that are not a library that this device can play.
     #[error("not a library of format {FORMAT_VERSION} that can be played: {reason}")]
     Invalid {
         /// Message of the device's validator.

@@ -72,17 +72,12 @@ pub struct Playing {
     clippy::large_enum_variant,
     reason = "without allocation the longest text is part of the whole"
 )]
+#[expect(missing_docs, reason = "each message says it")]
 pub enum PlayError {
-    /// No library is active.
     #[error("no library is active: upload one and activate it")]
     NoLibrary,
-    /// A name that no texture of the active library has.
     #[error("the active library has no texture \"{name}\": list what it has")]
-    NoSuchTexture {
-        /// The requested value.
-        name: TextureName,
-    },
-    /// A texture or scene that was made for a sample rate that no stylus plays.
+    NoSuchTexture { name: TextureName },
     #[error(
         "it was made for {texture_hz} Hz, and a stylus plays {} and {} Hz: fit the textures again at one of these",
         PlayRate::Hz5000.hz(),
@@ -92,19 +87,13 @@ pub enum PlayError {
         /// Sample rate of the texture or scene, Hz.
         texture_hz: u32,
     },
-    /// A name that no scene of the active library has.
     #[error("the active library has no scene \"{name}\": list what it has")]
-    NoSuchScene {
-        /// The requested value.
-        name: SceneName,
-    },
-    /// A scene that cannot be played with the library's textures.
+    NoSuchScene { name: SceneName },
     #[error("the scene cannot be played: {reason}")]
     InvalidScene {
         /// Place and fault, as text.
         reason: Reason,
     },
-    /// A scene whose worst case takes more instructions than the budget.
     #[error(
         "the scene takes {instructions} instructions per sample, of {budget} available ({arithmetic}): \
          use fewer effects or lower orders"
@@ -117,7 +106,6 @@ pub enum PlayError {
         /// Terms of the cost.
         arithmetic: Arithmetic,
     },
-    /// A texture or scene that fits the budget, but not with the equaliser of the stored response.
     #[error(
         "with the {sections} sections of the stored response it takes {instructions} instructions per sample, of \
          {budget} available: use fewer effects or lower orders, or calibrate with fewer sections"
@@ -130,25 +118,17 @@ pub enum PlayError {
         /// Sections of the response's equaliser at this rate.
         sections: u8,
     },
-    /// A gain that is not finite or out of range.
     #[error("a gain of {gain}; it must be 0 to {MAX_PLAY_GAIN}")]
-    Gain {
-        /// The requested value.
-        gain: f32,
-    },
-    /// A library is being activated, or settings are being stored.
+    Gain { gain: f32 },
     #[error("a library is being activated or settings are being stored: try again in a moment")]
     Busy,
-    /// The other link plays, and keeps it alive.
     #[error("{by} plays: stop it first, by `stylus stop` on any link")]
     Held {
         /// The link that plays.
         by: LinkId,
     },
-    /// The output is off after a fault.
     #[error("the output is off after a fault: read the status, then restart the device")]
     Fault,
-    /// Settings of the coil that nobody has set.
     #[error(
         "{missing} not set, and nothing plays with guessed values: measure the coil and its amplifier, then run \
          `stylus calibrate`, or `stylus settings set coil-resistance OHM amplifier-gain V/V power-limit W`"
@@ -157,7 +137,6 @@ pub enum PlayError {
         /// The settings that are missing.
         missing: SettingSet,
     },
-    /// Settings that were lost from flash.
     #[error(
         "settings were lost from flash ({lost}): set each again with `stylus settings set`, or begin anew with \
          `stylus settings reset`, then `stylus calibrate`"
@@ -166,7 +145,6 @@ pub enum PlayError {
         /// The settings that were lost.
         lost: SettingSet,
     },
-    /// The device is in safe mode.
     #[error(
         "the device is in safe mode after {quick_faults} faults, each within {} s of a start: read the status, \
          remove the cause, then switch the power off and on, or press the reset button",

@@ -145,14 +145,10 @@ pub struct ProbeStarted {
     clippy::large_enum_variant,
     reason = "without allocation the longest text is part of the whole"
 )]
+#[expect(missing_docs, reason = "each message says it")]
 pub enum ProbeError {
-    /// A rate that no stylus plays.
     #[error("a probe at {rate_hz} Hz: it must be {} or {} Hz", PlayRate::Hz5000.hz(), PlayRate::Hz10000.hz())]
-    Rate {
-        /// The requested value.
-        rate_hz: u32,
-    },
-    /// No sample, or too many.
+    Rate { rate_hz: u32 },
     #[error(
         "a probe of {periods} periods of {length} samples: a period has 1 to {MAX_PROBE_SAMPLES}, and all together \
          last {MAX_PROBE_S} s at most"
@@ -163,19 +159,13 @@ pub enum ProbeError {
         /// Number of periods.
         periods: u16,
     },
-    /// A peak out of range.
     #[error("a probe's peak of {peak_m_s2} m/s²: it must be above 0, up to {MAX_PROBE_M_S2}")]
-    Peak {
-        /// The requested value.
-        peak_m_s2: f32,
-    },
-    /// A part beyond the longest waveform.
+    Peak { peak_m_s2: f32 },
     #[error("samples from {offset} on end beyond {MAX_PROBE_SAMPLES}: load a shorter waveform")]
     Offset {
         /// Index of the first sample.
         offset: u16,
     },
-    /// Another waveform than the request names.
     #[error(
         "the waveform in the device is another one (CRC-32 {loaded:08x}): load all of it again"
     )]
@@ -183,12 +173,10 @@ pub enum ProbeError {
         /// CRC-32 of the samples in the device.
         loaded: u32,
     },
-    /// No response with an equaliser to pass.
     #[error(
         "no response is there to play through: propose one on this link, or calibrate with `stylus calibrate`"
     )]
     NoResponse,
-    /// Something is played.
     #[error("something is played: stop it first")]
     Playing,
     /// A reason for which nothing may be played.

@@ -350,8 +350,8 @@ pub enum ResponseChange {
 
 /// Reason for which a response is not taken or stored. What was stored stays.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema, thiserror::Error)]
+#[expect(missing_docs, reason = "each message says it")]
 pub enum ResponseError {
-    /// Poles beyond the limit of their radius.
     #[error(
         "section {section} of the equaliser at {rate_hz} Hz has poles beyond the limit: design it anew"
     )]
@@ -361,7 +361,6 @@ pub enum ResponseError {
         /// Index of the section.
         section: u8,
     },
-    /// Too much gain.
     #[error(
         "the equaliser at {rate_hz} Hz is above the limit of gain from section {section} on: design it anew"
     )]
@@ -371,24 +370,17 @@ pub enum ResponseError {
         /// Index of the section.
         section: u8,
     },
-    /// A figure that is NaN or infinite.
     #[error("a figure of the response is not finite: measure it again")]
     NotFinite,
-    /// Settings of another hardware than the measured one.
     #[error("{differing} has changed since the response was measured: measure it again")]
     Stale {
         /// The settings that differ.
         differing: SettingSet,
     },
-    /// No such response.
     #[error(
         "no response with the hash {id:08x} waits or is stored: it was replaced, or the device has restarted"
     )]
-    NoSuchResponse {
-        /// The requested value.
-        id: u32,
-    },
-    /// A proposal of the other link.
+    NoSuchResponse { id: u32 },
     #[error("{from} has proposed this response, and it alone stores it")]
     OtherLink {
         /// The link that proposed it.

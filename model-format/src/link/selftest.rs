@@ -214,40 +214,25 @@ pub struct FlashValues {
 
 /// Reason for which a measurement is not made.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, Schema, thiserror::Error)]
+#[expect(missing_docs, reason = "each message says it")]
 pub enum SelfTestError {
-    /// Something is played, or a library is being taken over.
     #[error("something is being played or a library is being activated: stop it first")]
     Playing,
-    /// An upload is under way.
     #[error("an upload is under way: end or abort it first")]
     Uploading,
-    /// The slot of the active library.
     #[error("slot {slot} holds the active library, which is never erased: test the other slot")]
-    ActiveSlot {
-        /// The slot.
-        slot: SlotId,
-    },
-    /// A slot that is not empty.
+    ActiveSlot { slot: SlotId },
     #[error("slot {slot} is not empty: upload its library again later, and allow to erase it")]
-    NotEmpty {
-        /// The slot.
-        slot: SlotId,
-    },
-    /// A slot with the last library that can be read.
+    NotEmpty { slot: SlotId },
     #[error(
         "slot {slot} holds the only library that can be read, which no test erases: upload one to the other slot first"
     )]
-    LastLibrary {
-        /// The slot.
-        slot: SlotId,
-    },
-    /// The output would be moved with an amplifier that may be on.
+    LastLibrary { slot: SlotId },
     #[error(
         "the amplifier may be on, and the coil would take what the test puts out: set enable-wired to 1 once it is off \
          while PE9 is low, or disconnect it and test with --bare"
     )]
     AmplifierMayBeOn,
-    /// A part that did not answer.
     #[error("{what}: restart the device; if it stays, the part is damaged")]
     Hardware {
         /// The part, and what it did not do.

@@ -386,54 +386,42 @@ pub struct SettingChange {
 
 /// Reason for which settings were not changed. Those before hold, unless stated otherwise.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema, thiserror::Error)]
+#[expect(missing_docs, reason = "each message says it")]
 pub enum SettingsError {
-    /// A value that the setting may not have.
     #[error(
         "{setting} of {value}; it must be {lowest} to {highest} {}{}",
         setting.spec().unit, Besides(setting.spec())
     )]
     OutOfRange {
-        /// The setting.
         setting: Setting,
-        /// The value.
         value: f32,
         /// The lowest value of the setting.
         lowest: f32,
         /// The highest value of the setting.
         highest: f32,
     },
-    /// A texture or scene is played.
     #[error("settings do not change while a texture is played: stop it first")]
     Playing,
-    /// A fault that the flash reported.
     #[error("a fault while {operation} the settings: try again; if it stays, reset them")]
     Flash {
         /// The operation that failed.
         operation: FlashOperation,
     },
-    /// A setting that has two values in one change.
     #[error("{setting} is given twice: give each setting one value")]
-    Repeated {
-        /// The setting.
-        setting: Setting,
-    },
-    /// A change without a value.
+    Repeated { setting: Setting },
     #[error("nothing is to be changed: give a setting and its value")]
     Nothing,
-    /// A token of no proposal that waits.
     #[error(
         "no change with this token waits: it was applied, another one was proposed, something was played, or {} s have \
          passed; propose it again",
         PROPOSAL_VALID_MS / 1_000
     )]
     NoProposal,
-    /// A proposal of the other link.
     #[error("{from} has proposed this change, and it alone applies it: propose it on this link")]
     OtherLink {
         /// The link that proposed it.
         from: LinkId,
     },
-    /// A supply too low to write flash.
     #[error(
         "the supply is below {FLASH_SUPPLY_MV} mV, too low to write flash: see to the supply, then try again"
     )]

@@ -94,8 +94,8 @@ impl core::fmt::Display for FlashOperation {
 
 /// Reason for which an upload does not go on. The active library is never touched by it.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, Schema, thiserror::Error)]
+#[expect(missing_docs, reason = "each message says it")]
 pub enum UploadError {
-    /// A library that is empty or does not fit a slot.
     #[error(
         "a library of {length} bytes; a slot holds 1 to {MAX_LIBRARY_BYTES}: fit fewer textures or lower orders"
     )]
@@ -103,10 +103,8 @@ pub enum UploadError {
         /// Announced length, bytes.
         length: u32,
     },
-    /// A chunk or a commit without a begin.
     #[error("no upload is under way: begin one")]
     NotBegun,
-    /// A chunk out of turn.
     #[error("a chunk at byte {found} where byte {expected} is due: go on from there")]
     Offset {
         /// Byte at which the next chunk must begin.
@@ -114,7 +112,6 @@ pub enum UploadError {
         /// Byte at which this one begins.
         found: u32,
     },
-    /// A chunk that is empty, too long, or of an odd length before the end.
     #[error(
         "a chunk of {length} bytes; send 1 to {MAX_CHUNK_BYTES}, multiples of {CHUNK_ALIGN} before the end"
     )]
@@ -122,7 +119,6 @@ pub enum UploadError {
         /// Its length, bytes.
         length: u32,
     },
-    /// A chunk that ends beyond the announced length.
     #[error(
         "a chunk up to byte {end} of a library of {length} bytes: begin again with the right length"
     )]
@@ -132,7 +128,6 @@ pub enum UploadError {
         /// Announced length, bytes.
         length: u32,
     },
-    /// A commit before the last chunk.
     #[error("{next_offset} of {length} bytes have arrived: send the rest first")]
     Incomplete {
         /// Number of bytes that have arrived.
@@ -140,7 +135,6 @@ pub enum UploadError {
         /// Announced length, bytes.
         length: u32,
     },
-    /// Bytes in flash with another checksum than the announced one.
     #[error("checksum {found:08x} where {expected:08x} was announced: upload again")]
     Checksum {
         /// Announced CRC-32.
@@ -148,47 +142,36 @@ pub enum UploadError {
         /// CRC-32 of the bytes in flash.
         found: u32,
     },
-    /// Bytes that are not a library that this device can play.
     #[error("not a library that this device can play: {reason}")]
     Invalid {
         /// Message of the device's validator.
         reason: Reason,
     },
-    /// Flash that did not keep the bytes written.
     #[error(
         "byte {offset} of slot {slot} reads back wrong: upload again; if it stays, the flash is worn"
     )]
     ReadBack {
-        /// The slot.
         slot: SlotId,
         /// Byte of the slot.
         offset: u32,
     },
-    /// A fault that the flash reported.
     #[error(
         "a fault while {operation} slot {slot} at byte {offset}: upload again; if it stays, the flash is worn"
     )]
     Flash {
-        /// The slot.
         slot: SlotId,
         /// The operation that failed.
         operation: FlashOperation,
         /// Byte of the slot.
         offset: u32,
     },
-    /// A slot with the last library that can be read.
     #[error(
         "slot {slot} holds the only library that can be read, and an upload would erase it: activate slot {slot}, \
          which leaves the other one to the upload, or upload with --replace-last"
     )]
-    LastLibrary {
-        /// The slot.
-        slot: SlotId,
-    },
-    /// The other slot's library is being activated, or an update is not confirmed.
+    LastLibrary { slot: SlotId },
     #[error("a library is being activated, or an update is not confirmed: try again in a minute")]
     Busy,
-    /// A supply too low to write flash.
     #[error(
         "the supply is below {FLASH_SUPPLY_MV} mV, too low to write flash: see to the supply, then upload again"
     )]

@@ -52,20 +52,16 @@ impl fmt::Display for ScenePlace {
 /// A fault of a scene.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "each message says it")]
 pub enum SceneProblem {
-    /// A name that is empty.
     #[error("the name is empty; there must be 1 to {MAX_NAME_BYTES} bytes")]
     NameLength,
-    /// A name with characters that cannot be typed or shown.
     #[error("a name with a control character")]
     NameCharacter,
-    /// A sample rate of zero, or too high, Hz.
     #[error("a sample rate of {0} Hz; there must be 1 to {MAX_SAMPLE_RATE_HZ}")]
     SampleRate(u32),
-    /// No surface.
     #[error("no surface; there must be 1 to {}", limits::MAX_SURFACES)]
     NoSurface,
-    /// A number that is not finite or out of its range.
     #[error(
         "{field} is {value} {unit}; it must be finite and {lowest} to {highest}",
         value = Decimal(*.value),
@@ -75,7 +71,6 @@ pub enum SceneProblem {
     Range {
         /// Name of the field in [`super::Scene`], without its unit.
         field: &'static str,
-        /// The value.
         value: f32,
         /// The lowest value of the field.
         lowest: f32,
@@ -84,7 +79,6 @@ pub enum SceneProblem {
         /// Unit of the field; empty for a number without one.
         unit: &'static str,
     },
-    /// A region that does not end beyond its beginning.
     #[error(
         "it ends at {end_mm} mm, which is not beyond its beginning at {start_mm} mm",
         end_mm = Decimal(*.end_mm),
@@ -96,7 +90,6 @@ pub enum SceneProblem {
         /// End of the region, mm.
         end_mm: f32,
     },
-    /// A region that begins before the end of the region before it.
     #[error(
         "it begins at {start_mm} mm, before region {before} ends at {end_mm} mm",
         start_mm = Decimal(*.start_mm),
@@ -110,7 +103,6 @@ pub enum SceneProblem {
         /// End of the region before, mm.
         end_mm: f32,
     },
-    /// A surface that the scene does not have.
     #[error("surface {surface} is not there: the scene has {count}")]
     UnknownSurface {
         /// Index of the surface.
@@ -118,7 +110,6 @@ pub enum SceneProblem {
         /// Number of surfaces.
         count: usize,
     },
-    /// A texture that the library does not have.
     #[error("texture {texture} is not there: the library has {count}")]
     UnknownTexture {
         /// Index of the texture.
@@ -126,7 +117,6 @@ pub enum SceneProblem {
         /// Number of textures.
         count: usize,
     },
-    /// A texture of another sample rate.
     #[error("its texture is for {texture_hz} Hz and the scene for {scene_hz} Hz")]
     TextureRate {
         /// Sample rate of the texture, Hz.
@@ -134,28 +124,23 @@ pub enum SceneProblem {
         /// Sample rate of the scene, Hz.
         scene_hz: u32,
     },
-    /// A gain above 1 that leaves its texture too little room.
     #[error(
         "a gain of {gain} makes its texture too loud; the highest for this texture is {highest}",
         gain = Decimal(*.gain),
         highest = Decimal(*.highest)
     )]
     TooLoud {
-        /// The gain.
         gain: f32,
         /// The highest gain for this texture.
         highest: f32,
     },
-    /// Stick-slip on a surface without a texture.
     #[error("stick-slip modulates a texture, and the surface has none")]
     NothingToModulate,
-    /// A pole beyond the limit.
     #[error(
         "a pole lies beyond a radius of {}/1024",
         limits::MAX_POLE_RADIUS_1024THS
     )]
     PoleRadius,
-    /// A section with too much gain, by itself or together with the sections before it.
     #[error(
         "this section, or all up to it, have a gain above {}",
         Decimal(limits::MAX_EQUALISER_GAIN as f32)

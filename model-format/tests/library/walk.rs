@@ -10,9 +10,7 @@ use model_format::{
 };
 
 /// The content of `library`, through its public interface.
-///
-/// # Panics
-/// If the library breaks a promise to the kernel.
+/// Panics if the library breaks a promise to the kernel.
 pub fn content(library: &Library<'_>) -> Vec<TextureSpec> {
     let mut textures = Vec::new();
     for texture in library.textures() {
@@ -199,9 +197,7 @@ pub fn mean_square_as_played(track: &ModulationSpec) -> f64 {
 }
 
 /// The scenes of `library`, through its public interface.
-///
-/// # Panics
-/// If a scene breaks a promise to the kernel.
+/// Panics if a scene breaks a promise to the kernel.
 pub fn scenes(library: &Library<'_>) -> Vec<Scene> {
     let scenes: Vec<Scene> = library.scenes().collect();
     assert_eq!(scenes.len(), library.scene_count());

@@ -16,11 +16,7 @@ use stylus_plant::Parameters;
 fn main() -> Result<(), Box<dyn Error>> {
     let stylus = start()?;
     // In motion and contact, so that what is played by the sensors is heard.
-    stylus.set_hand(Hand {
-        speed_mm_s: 120.0,
-        force_n: 1.0,
-        ..Hand::default()
-    });
+    stylus.set_hand(Hand::moving(120.0, 1.0));
     let mut output = std::io::stdout();
     writeln!(output, "{}", stylus.link())?;
     output.flush()?;

@@ -43,9 +43,7 @@ impl Actuator {
     }
 
     /// Puts out the codes of the tick before, and keeps `codes` for the next.
-    ///
-    /// # Panics
-    /// If the log cannot be written.
+    /// Panics if the log cannot be written.
     pub fn put_out(&mut self, codes: [DacCode; OVERSAMPLING], enabled: bool) {
         for code in std::mem::replace(&mut self.waiting, codes) {
             let steps = f64::from(code.get()) - f64::from(DacCode::MID_SCALE.get());
@@ -108,9 +106,7 @@ impl Performance {
 }
 
 /// The plan of `selection` through the equaliser of `response`, and a follower through it.
-///
-/// # Panics
-/// If it cannot be played.
+/// Panics if it cannot be played.
 pub fn planned(
     library: &[u8],
     selection: &Selection,

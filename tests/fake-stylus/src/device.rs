@@ -49,9 +49,7 @@ pub const fn change(setting: Setting, value: f32) -> SettingChange {
 }
 
 /// The defaults with other values of some settings.
-///
-/// # Panics
-/// If a setting may not have its value.
+/// Panics if a setting may not have its value.
 pub fn settings_with(values: &[(Setting, f32)]) -> Settings {
     values
         .iter()
@@ -61,9 +59,6 @@ pub fn settings_with(values: &[(Setting, f32)]) -> Settings {
 }
 
 /// A response that a device with `settings` takes, whose equaliser turns the sign and takes half of what plays.
-///
-/// # Panics
-/// Never.
 pub fn response_for(settings: &Settings) -> Response {
     let half = Biquad::from_f64([-0.5, 0.0, 0.0], [0.0, 0.0]).expect("in range");
     let sections = Sections::new(&[half]).expect("one is not too many");

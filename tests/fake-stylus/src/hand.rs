@@ -39,6 +39,15 @@ impl Default for Hand {
 }
 
 impl Hand {
+    /// At this speed and force.
+    pub fn moving(speed_mm_s: f64, force_n: f64) -> Self {
+        Self {
+            speed_mm_s,
+            force_n,
+            ..Self::default()
+        }
+    }
+
     /// Noise of the force's converter at `tick`, codes.
     fn disturbance(&self, tick: u64) -> u16 {
         let hashed = tick.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 40;

@@ -110,8 +110,10 @@ impl FakeStylus {
         self.port
     }
 
-    /// Injects `faults` in place of those before.
-    pub fn fail(&self, faults: Faults) {
+    /// Injects the faults that `set` makes of none, in place of those before.
+    pub fn fail(&self, set: impl FnOnce(&mut Faults)) {
+        let mut faults = Faults::default();
+        set(&mut faults);
         lock(&self.inner).faults = faults;
     }
 

@@ -6,11 +6,11 @@ use host_tools::link::LinkError;
 
 /// A failure of the bench, as opposed to a value outside its limits.
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "each message says it")]
 pub enum Error {
     /// The link failed, or the device refused a request.
     #[error(transparent)]
     Link(#[from] LinkError),
-    /// The device did not reach a state in its own time.
     #[error("{what} within {ms} ms of the device's clock")]
     NotReached {
         /// The state, as a sentence without its end.
@@ -21,7 +21,6 @@ pub enum Error {
     /// A program cannot be run, or failed.
     #[error("{program}: {problem}")]
     Program {
-        /// The program.
         program: String,
         /// The problem and the remedy.
         problem: String,
@@ -29,7 +28,6 @@ pub enum Error {
     /// A file cannot be read or written.
     #[error("{path}: {source}", path = path.display())]
     File {
-        /// The file.
         path: PathBuf,
         /// The system's reason.
         source: std::io::Error,

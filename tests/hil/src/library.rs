@@ -20,9 +20,6 @@ pub struct Played {
 }
 
 /// The suite's library.
-///
-/// # Panics
-/// Never: its textures and scenes are constants, and a test encodes them.
 pub fn played() -> Played {
     let textures =
         COUNTED_ORDERS.map(|order| counted_texture(order, &format!("lattice, order {order}")));

@@ -40,11 +40,7 @@ fn of(device: Device) -> Bench {
 }
 
 fn bench(stylus: &FakeStylus) -> Bench {
-    stylus.set_hand(Hand {
-        speed_mm_s: 120.0,
-        force_n: 1.0,
-        ..Hand::default()
-    });
+    stylus.set_hand(Hand::moving(120.0, 1.0));
     of(connected(stylus))
 }
 
@@ -107,7 +103,7 @@ fn without_a_probe_resets_and_faults_are_left_out_with_the_reason() {
 
 /// Checks that `check`, on a device with the suite's library and then `faults`, fails in this test alone.
 fn finds(
-    faults: Faults,
+    faults: impl FnOnce(&mut Faults),
     check: impl FnOnce(&mut Bench, &Played) -> hil::error::Result<()>,
     name: &str,
 ) {
@@ -120,30 +116,23 @@ fn finds(
 
 #[test]
 fn an_output_that_goes_on_after_a_lost_link_is_found() {
-    let faults = Faults {
-        ignores_lost_link: true,
-        ..Faults::default()
-    };
     let check = |bench: &mut Bench, played: &Played| {
         let (_, scene) = played.selections.last().expect("there are some");
         playing::check(bench, scene)
     };
     // A motion that grows old mutes too, but not for this reason.
-    finds(faults, check, "a lost link is silent within 100 ms");
+    let name = "a lost link is silent within 100 ms";
+    finds(|faults| faults.ignores_lost_link = true, check, name);
 }
 
 #[test]
 fn ticks_that_are_missed_late_or_too_long_are_found() {
-    let mut faults = [(); 3].map(|()| Faults::default());
-    faults[0].misses_ticks = true;
-    faults[1].puts_out_late = true;
-    faults[2].slower_by = 80_000;
-    let [missed, late, long] = faults;
     let endures = |bench: &mut Bench, played: &Played| endurance::check(bench, &played.bytes);
-    finds(missed, endures, "missed ticks");
-    finds(late, endures, "late outputs");
+    finds(|f| f.misses_ticks = true, endures, "missed ticks");
+    finds(|f| f.puts_out_late = true, endures, "late outputs");
     // What came before is in the first range, which is not shown.
-    finds(long, |bench, _| cycles::check(bench, &[]), "idle");
+    let idle = |bench: &mut Bench, _: &Played| cycles::check(bench, &[]);
+    finds(|f| f.slower_by = 80_000, idle, "idle");
 }
 
 #[test]
@@ -170,10 +159,7 @@ fn a_device_that_refuses_is_a_failure_of_each_subject_and_not_the_end_of_the_run
     std::thread::scope(|scope| {
         scope.spawn(|| {
             wait_for(&stylus, "stylus/upload/begin", 1);
-            stylus.fail(Faults {
-                busy: true,
-                ..Faults::default()
-            });
+            stylus.fail(|faults| faults.busy = true);
         });
         assert!(run(&mut bench, None).is_err());
     });

@@ -262,7 +262,6 @@ fn a_fed_texture_has_the_level_of_its_node() {
         let bytes = encoded(fed_h3(parts));
         let (samples, saturations) = played(texture(&bytes), 3, 60_000);
         let level_db = decibels(mean_square(&samples[5000..]) / plain);
-        println!("{level_db:+.2} dB");
         assert!(level_db.abs() < 0.6, "{level_db} dB");
         assert_eq!(saturations, 0);
     }
@@ -427,10 +426,6 @@ fn an_excitation_has_a_variance_of_one_and_no_mean() {
             .modulation
             .as_ref()
             .map_or(1.0, |track| f64::from(track.mean_square()));
-        println!(
-            "variance {power:.4} with {error:.4}, of parts {:.4}",
-            source * level
-        );
         // Joins of a track's pieces go between entries that are no neighbours, which takes up to 0.5 %.
         assert!(
             (power - source * level).abs() < 4.5 * error + 0.005,
@@ -603,30 +598,6 @@ fn noise_beside_codebooks_is_that_of_the_seed_without_them() {
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
-
-    /// With a motion that stays, and after the first level's ramp.
-    #[test]
-    fn samples_do_not_depend_on_where_blocks_are_cut(
-        seed: u64, which in 0usize..3,
-        cuts in prop::collection::vec(1u32..=MAX_FED_SAMPLES as u32, 1..40),
-    ) {
-        let bytes = encoded(fed_h3(all_parts()[which].clone()));
-        let begin = || {
-            let mut synthesis: Synthesis<'_> = Synthesis::new(texture(&bytes), seed);
-            synthesis.follow(motion(75.0, 0.75), 1);
-            synthesis.next_sample();
-            synthesis
-        };
-        let (mut one, mut other) = (begin(), begin());
-        for samples in cuts {
-            other.follow(motion(75.0, 0.75), samples);
-            for _ in 0..samples {
-                one.follow(motion(75.0, 0.75), 1);
-                let expected = one.next_sample();
-                prop_assert_eq!(other.next_sample(), expected);
-            }
-        }
-    }
 
     /// A late update: the filter has no more excitation, so that its energy falls, and with no filter there is silence.
     #[test]

@@ -35,7 +35,6 @@ fn noise_of_the_arithmetic_is_90_db_below_the_signal_with_a_fed_excitation() {
             deviation.add(reference.filter(f64::from(excitation)), f64::from(output));
         }
         let snr_db = deviation.snr_db();
-        println!("{}: SNR {snr_db:.1} dB", model.name);
         assert!(snr_db > 90.0, "{}: SNR {snr_db} dB", model.name);
     }
 }
@@ -66,7 +65,6 @@ fn impulses_of_40_standard_deviations_do_not_saturate_the_fixtures() {
                 _ => 0.0,
             });
             let largest = largest_signal(&model, impulses);
-            println!("{}: {largest:.1} with an impulse in {every}", model.name);
             assert!(largest < 48.0, "{}: {largest}", model.name);
         }
         // Two impulses in a row, one after the other.
@@ -129,10 +127,6 @@ fn a_tone_of_moments_on_a_resonance_saturates_and_dies_away_after_it() {
         power += output * output / samples as f64;
         largest = largest.max(output.abs());
     }
-    println!(
-        "{:.1} standard deviations, at most {largest:.1}",
-        power.sqrt()
-    );
     assert!((20.0..64.0).contains(&power.sqrt()), "{power}");
     assert!(largest <= 64.0, "{largest}");
     let silence = (0..300_000).map(|_| state.filter::<Portable>(&[pole], 0));
@@ -157,7 +151,6 @@ fn a_tone_on_a_resonance_is_at_most_17_standard_deviations_and_dies_away_after_i
             power += (f64::from(output) / SIGMA).powi(2) / samples as f64;
         }
         let rms = power.sqrt();
-        println!("{rms:.1} standard deviations");
         assert!((8.0..17.5).contains(&rms), "{rms}");
         let silence = (0..100_000).map(|_| state.filter::<Portable>(&[pole], 0));
         assert_eq!(silence.last(), Some(0));

@@ -74,7 +74,6 @@ fn two_fed_voices_sound_on_a_transition_each_at_its_share() {
             }
             *power = decibels(mean_square(&samples) / 4.0);
         }
-        println!("{one} and {other}: {power:.2?} dB");
         // The middle of the transition has half of each power, and they add up if they are independent.
         assert!(power[0].abs() < 1.2 && power[2].abs() < 1.2, "{power:?}");
         assert!(power[1].abs() < 1.0, "{power:?}");
@@ -161,7 +160,6 @@ fn a_feed_suits_every_sample_rate() {
             .map(|_| f64::from(feed.next_sample(&material, &point)) / crate::fed::SIGMA)
             .collect();
         let level_db = decibels(mean_square(&samples));
-        println!("{rate} Hz: {level_db:+.2} dB");
         assert!(level_db.abs() < 1.0, "{rate} Hz: {level_db} dB");
     }
 }

@@ -79,7 +79,6 @@ fn output_and_backward_signals_have_the_power_of_the_excitation() {
             }
         }
         let level_db = 10.0 * (output_power / f64::from(SAMPLES)).log10();
-        println!("{}: level {level_db:+.3} dB", model.name);
         assert!(level_db.abs() < 0.2, "{}: level {level_db} dB", model.name);
         for (stage, power) in powers.iter().enumerate() {
             let level_db = 10.0 * (power / f64::from(SAMPLES / 10)).log10();
@@ -111,7 +110,6 @@ fn noise_of_the_arithmetic_is_108_db_below_the_signal_and_nothing_saturates() {
                 model.name
             );
         }
-        println!("{}: SNR {:.1} dB", model.name, deviation.snr_db());
         assert!(
             deviation.snr_db() >= 108.0,
             "{}: SNR {} dB",

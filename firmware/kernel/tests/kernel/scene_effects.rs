@@ -210,7 +210,6 @@ fn the_equaliser_is_its_biquads_within_2_mm_s2_rms() {
             error += (f64::from(output.0) / UNIT - exact).powi(2);
         }
         let rms = (error / input.len() as f64).sqrt();
-        println!("cascade {index}: {:.2} mm/s²", 1e3 * rms);
         assert!(rms < 0.002, "cascade {index}: {rms} m/s²");
     }
 }

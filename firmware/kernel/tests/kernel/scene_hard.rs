@@ -198,20 +198,6 @@ proptest! {
             prop_assert_eq!(peak(&block(&mut player, lifted())), 0.0);
         }
     }
-
-    #[test]
-    fn the_same_seed_and_interactions_give_the_same_samples(
-        scene in any_scene(), interactions in any_interactions(), seed: u64,
-    ) {
-        let bytes = library(&[]);
-        let (mut one, mut other) = (player(&bytes, &scene, seed), player(&bytes, &scene, seed));
-        for (n, interaction) in interactions.into_iter().enumerate() {
-            prop_assert_eq!(block(&mut one, interaction), block(&mut other, interaction));
-            if n % 8 == 0 {
-                other = one.clone();
-            }
-        }
-    }
 }
 
 /// A jump to a third surface waits for a slot, no longer than two blocks, and never takes a third voice.

@@ -73,7 +73,6 @@ fn deviation_db(case: &Case, first: impl Fn(u64) -> Vec<f64>) -> f64 {
 }
 
 fn assert_within(name: &str, deviation_db: f64) {
-    println!("{name}: {deviation_db:+.2} dB");
     assert!(deviation_db.abs() < WITHIN_DB, "{name}: {deviation_db} dB");
 }
 

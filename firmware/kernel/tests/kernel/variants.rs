@@ -69,10 +69,6 @@ fn the_two_multiplier_lattice_has_the_noise_of_its_models_prediction_gain() {
     for model in fixtures() {
         let (snr_db, level_db) = two_multiplier(&model);
         let gain_db = -10.0 * model.error.log10();
-        println!(
-            "{}: SNR {snr_db:.1} dB, level {level_db:+.4} dB, gain {gain_db:.1} dB",
-            model.name
-        );
         assert!(snr_db + gain_db > 138.0, "{}: SNR {snr_db} dB", model.name);
         assert!(level_db.abs() < 0.01, "{}: level {level_db} dB", model.name);
     }
@@ -82,10 +78,6 @@ fn the_two_multiplier_lattice_has_the_noise_of_its_models_prediction_gain() {
 fn the_16_bit_lattice_has_45_db_over_its_noise_at_order_400() {
     for model in fixtures() {
         let (snr_db, level_db) = normalised16(&model);
-        println!(
-            "{}: SNR {snr_db:.1} dB, level {level_db:+.4} dB",
-            model.name
-        );
         assert!(
             (45.0..60.0).contains(&snr_db),
             "{}: SNR {snr_db} dB",
@@ -119,7 +111,6 @@ fn switching_coefficients_can_make_the_two_multiplier_lattice_louder_without_inp
         let phase = usize::from(n >= 30_000);
         largest[phase] = largest[phase].max(newest.abs());
     }
-    println!("largest share of full scale: {largest:?}");
     assert!(largest[1] > 0.5, "it has died away, {largest:?}: say so");
 }
 

@@ -33,9 +33,7 @@ pub struct LogSpectrum(Vec<f64>);
 
 impl LogSpectrum {
     /// A spectrum from its values, evenly spaced from 0 Hz to half the sample rate.
-    ///
-    /// # Panics
-    /// For fewer than two values.
+    /// Panics for fewer than two values.
     pub fn from_values(values: Vec<f64>) -> Self {
         assert!(values.len() > 1, "a spectrum has two ends");
         Self(values)

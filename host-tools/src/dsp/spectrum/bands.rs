@@ -93,28 +93,14 @@ const WINDOWS_PER_THIRD_OCTAVE: f64 = 10.0;
 /// Log-spectral distance, dB: the RMS difference, over the logarithm of frequency from `low_hz` to `high_hz`, of two
 /// power spectra in dB, each smoothed by a sliding third-octave window.
 ///
-/// The spectra are [`PowerSpectrum::welch`], so that signals of different lengths can be compared. Windows lie wholly
-/// within the range, at steps of a tenth of a third octave; a range narrower than a third octave is one window. A third
-/// octave is about the just noticeable difference of frequency on skin (Weber fraction 0.18 to 0.25, Israr 2006). It
-/// also averages the scatter of single bins, which would otherwise dominate the distance between two takes of one
-/// surface. Differences of level count; to compare shapes only, scale both signals to the same power first.
+/// The spectra are of one length of segments ([`PowerSpectrum::welch`]), so that signals of different lengths can be
+/// compared. Windows lie wholly within the range, at steps of a tenth of a third octave; a range narrower than a third
+/// octave is one window. A third octave is about the just noticeable difference of frequency on skin (Weber fraction
+/// 0.18 to 0.25, Israr 2006). It also averages the scatter of single bins, which would otherwise dominate the distance
+/// between two takes of one surface. Differences of level count; to compare shapes only, scale both signals to the same
+/// power first.
 ///
 /// Returns `None` if the range is empty, or if one of the signals has no power in some window.
-pub fn log_spectral_distance_db(
-    a: &[f64],
-    b: &[f64],
-    rate_hz: f64,
-    low_hz: f64,
-    high_hz: f64,
-) -> Option<f64> {
-    let (a, b) = (
-        PowerSpectrum::welch(a, rate_hz),
-        PowerSpectrum::welch(b, rate_hz),
-    );
-    distance_of_spectra_db(&a, &b, low_hz, high_hz)
-}
-
-/// [`log_spectral_distance_db`] of two spectra that were estimated with one length of segments.
 pub fn distance_of_spectra_db(
     a: &PowerSpectrum,
     b: &PowerSpectrum,
@@ -227,11 +213,15 @@ mod tests {
         );
     }
 
+    fn distance_db(a: &[f64], b: &[f64], low_hz: f64, high_hz: f64) -> Option<f64> {
+        let [a, b] = [a, b].map(|signal| PowerSpectrum::welch(signal, RATE_HZ));
+        distance_of_spectra_db(&a, &b, low_hz, high_hz)
+    }
+
     #[test]
     fn log_spectral_distance_is_a_distance_of_levels() {
         let (a, b) = (noise(25_000, 7), noise(25_000, 8));
-        let distance =
-            |a: &[f64], b: &[f64]| log_spectral_distance_db(a, b, RATE_HZ, 30.0, 1000.0).unwrap();
+        let distance = |a: &[f64], b: &[f64]| distance_db(a, b, 30.0, 1000.0).unwrap();
         assert_eq!(distance(&a, &a).to_bits(), 0.0f64.to_bits());
         assert!(close(distance(&a, &b), distance(&b, &a), 1e-12));
         assert!(close(distance(&a, &scaled(&a, 10.0)), 20.0, 1e-9));
@@ -245,8 +235,8 @@ mod tests {
         let a = noise(25_000, 9);
         let tone = sine(25_000, 1500.0, 30.0);
         let with_tone: Vec<f64> = a.iter().zip(&tone).map(|(a, tone)| a + tone).collect();
-        let within = log_spectral_distance_db(&a, &with_tone, RATE_HZ, 30.0, 1000.0).unwrap();
-        let across = log_spectral_distance_db(&a, &with_tone, RATE_HZ, 30.0, 2000.0).unwrap();
+        let within = distance_db(&a, &with_tone, 30.0, 1000.0).unwrap();
+        let across = distance_db(&a, &with_tone, 30.0, 2000.0).unwrap();
         assert!(within < 0.1 && across > 5.0, "{within}, {across}");
     }
 
@@ -260,18 +250,9 @@ mod tests {
             (f64::NAN, 100.0),
             (30.0, 4000.0),
         ] {
-            assert_eq!(
-                log_spectral_distance_db(&a, &a, RATE_HZ, low_hz, high_hz),
-                None
-            );
+            assert_eq!(distance_db(&a, &a, low_hz, high_hz), None);
         }
-        assert_eq!(
-            log_spectral_distance_db(&a, &vec![0.0; 5000], RATE_HZ, 30.0, 1000.0),
-            None
-        );
-        assert_eq!(
-            log_spectral_distance_db(&a, &a, RATE_HZ, 100.0, 105.0),
-            Some(0.0)
-        );
+        assert_eq!(distance_db(&a, &vec![0.0; 5000], 30.0, 1000.0), None);
+        assert_eq!(distance_db(&a, &a, 100.0, 105.0), Some(0.0));
     }
 }

@@ -12,7 +12,7 @@ mod power;
 pub use agreement::{Agreement, agreement};
 pub use bands::{
     AMPLITUDE_JND_DB, BAND_COUNT, BAND_LABELS_HZ, band_centre_hz, band_edges_hz, band_errors_db,
-    band_errors_within_db, band_powers, distance_of_spectra_db, log_spectral_distance_db,
+    band_errors_within_db, band_powers, distance_of_spectra_db,
 };
 pub use cost::{
     DEFAULT_SMOOTHING_WIDTH_HZ, cost_of_blocks, dft_amplitude, expected_cost_of_blocks,

@@ -193,6 +193,7 @@ impl<'a> File<'a> {
         }
     }
 
+    ///
     /// # Errors
     /// Units that are not HaTT's.
     pub fn check_units(&self) -> Result<()> {

@@ -263,14 +263,6 @@ mod tests {
     }
 
     #[test]
-    fn a_seed_gives_its_own_samples_and_the_same_each_time() {
-        let library = library(5000);
-        let render = |seed| render(texture(&library), &sweep(), 0.3, seed).unwrap();
-        assert_eq!(render(1), render(1));
-        assert_ne!(render(1), render(2));
-    }
-
-    #[test]
     fn a_node_is_rendered_at_its_own_power() {
         let library = library(5000);
         for (speed_mm_s, force_n, power) in [

@@ -61,17 +61,6 @@ impl Level {
     }
 }
 
-impl Wavefront {
-    /// The name of the instructions that this processor runs.
-    pub fn instructions() -> &'static str {
-        match Level::best() {
-            Level::Scalar => "scalar",
-            #[cfg(target_arch = "x86_64")]
-            Level::Avx2(_) => "AVX2",
-        }
-    }
-}
-
 impl Arithmetic for Wavefront {
     fn rotate(rotations: &[Rotation], backward: &mut [i32], forward: i32) -> i32 {
         Portable::rotate(rotations, backward, forward)

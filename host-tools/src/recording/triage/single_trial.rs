@@ -233,38 +233,3 @@ fn scale(moments: &[Moments]) -> Option<Verdict> {
         moments.len() == 3 && (mean - 1.0).abs() < GRAVITY_TOLERANCE && rms < GRAVITY_RMS;
     is_gravity.then(|| Verdict::new(Kind::Scale, "scale: gravity is 1.00, as in units of g"))
 }
-
-#[cfg(test)]
-mod tests {
-    use super::super::set::mains_line;
-    use super::super::test_signals::{RATE_HZ, noise, plus, tone};
-    use super::*;
-    use crate::dsp::autocorrelation::Autocorrelation;
-    use crate::recording::defects::Defects;
-
-    fn axes(axes: &[Vec<f64>], source_rate_hz: f64) -> Vec<Verdict> {
-        samples(&Samples {
-            axes: axes.to_vec(),
-            source_rate_hz,
-            defects: Defects::of(axes, source_rate_hz),
-        })
-    }
-
-    #[test]
-    fn ordinary_recordings_pass() {
-        let signal = noise(1);
-        assert_eq!(
-            axes(
-                &[
-                    signal.clone(),
-                    noise(2),
-                    plus(&noise(11), std::iter::repeat(9.81))
-                ],
-                RATE_HZ
-            ),
-            []
-        );
-        assert_eq!(mains_line(&Autocorrelation::of(&signal, 400)), None);
-        assert_eq!(axes(&[tone(100.0, 1.0).collect()], RATE_HZ), []);
-    }
-}

@@ -168,18 +168,6 @@ mod tests {
     }
 
     #[test]
-    fn simulated_pages_say_so_and_others_do_not() {
-        assert!(
-            page(&plan("felt", true))
-                .unwrap()
-                .contains("<p class=\"notice\">SIMULATED")
-        );
-        let text = page(&plan("felt", false)).unwrap();
-        assert!(!text.contains("<p class=\"notice\">SIMULATED"));
-        assert!(text.contains("\"simulated\":false"));
-    }
-
-    #[test]
     fn pages_with_other_sounds_keep_answers_apart() {
         let identity = |plan: &Plan| {
             let text = page(plan).unwrap();

@@ -65,27 +65,6 @@ fn a_page_needs_nothing_but_itself_and_no_name_ends_its_elements() {
     assert_fetches_nothing(&text);
 }
 
-#[test]
-fn the_kernel_and_the_library_are_in_the_page_byte_by_byte() {
-    let specs = [texture("felt", Provenance::Recorded)];
-    let (text, written) = page_of(&specs);
-    let decoded = |id| STANDARD.decode(element(&text, id)).unwrap();
-    assert_eq!(decoded("kernel"), KERNEL);
-    assert_eq!(decoded("library"), encode(&specs).unwrap());
-    assert_eq!(written.bytes, text.len());
-}
-
-#[test]
-fn simulated_pages_say_so_and_others_do_not() {
-    let notice = "SIMULATED";
-    let (text, written) = page_of(&[texture("felt", Provenance::Simulated)]);
-    assert!(text.contains(notice) && written.simulated);
-    assert_eq!(data_of(&text)["simulated"], true);
-    let (text, written) = page_of(&[texture("felt", Provenance::Recorded)]);
-    assert!(!element(&text, "title").contains(notice) && !written.simulated);
-    assert!(!text.contains("<p class=\"notice\">SIMULATED"));
-}
-
 /// A script that is in no list would be dead, and a test of the page would not say so.
 #[test]
 fn every_script_of_the_folder_is_in_the_page() {

@@ -71,9 +71,7 @@ pub type NodeIndex = (usize, usize);
 impl RecordedSpectra {
     /// The field of `spectra`, speed-major, none where nothing was recorded or silence, at ascending speeds, mm/s, and
     /// forces, N.
-    ///
-    /// # Panics
-    /// If there is not one spectrum, or none, for each node.
+    /// Panics if there is not one spectrum, or none, for each node.
     pub fn new(
         speeds_mm_s: Vec<f64>,
         forces_n: Vec<f64>,

@@ -78,9 +78,7 @@ pub struct SurfaceAndTool {
 
 impl SurfaceAndTool {
     /// Takes spectra at ascending speeds, mm/s, apart.
-    ///
-    /// # Panics
-    /// If there are fewer than [`FEWEST_SPEEDS`].
+    /// Panics if there are fewer than [`FEWEST_SPEEDS`].
     pub fn of(members: &[(f64, &LogSpectrum)]) -> Self {
         assert!(members.len() >= FEWEST_SPEEDS);
         let log_speeds: Vec<f64> = members.iter().map(|(speed, _)| speed.ln()).collect();

@@ -178,7 +178,6 @@ fn two_samples_of_the_highest_order_fit_in_a_tick_and_its_period_stays() {
     let voice = slow.within - idle.within;
     // Two samples, and the stages of safety for the second one.
     let more = fast.within - idle.within - 2 * voice;
-    println!("instructions of the second sample's safety stages: {more}");
     assert!(more < 400, "{more}");
     for count in [fast, both] {
         assert!(count.beginning <= BUDGET + BESIDES, "{count:?}");

@@ -261,14 +261,12 @@ fn every_register_and_bit_that_the_image_writes_is_in_both_descriptions() {
     let first = stm32_data();
     let (touched, second) = touched();
     let mut differences = Vec::new();
-    let mut starts = [0, 0];
-    let (mut compared, mut bits) = (0, 0);
+    let mut compared = 0;
     for (&address, &ones) in touched.range(PERIPHERALS) {
         let (data, svd) = (first.get(&address), second.get(&address));
         let name = data.or(svd).map_or("none", |register| &register.name);
         let reset = svd.map_or(0, |register| register.reset);
         compared += 1;
-        bits += (ones & !reset).count_ones();
         for (source, register) in [("stm32-data", data), ("SVD", svd)] {
             let Some(register) = register else {
                 differences.push(format!("{name}: not in {source}"));
@@ -281,7 +279,6 @@ fn every_register_and_bit_that_the_image_writes_is_in_both_descriptions() {
         }
         if let Some(svd) = svd {
             let differs = svd.emulated != svd.reset;
-            starts[usize::from(differs)] += 1;
             let (emulated, reset) = (svd.emulated, svd.reset);
             assert!(
                 !differs || is_known_start(name),
@@ -289,8 +286,6 @@ fn every_register_and_bit_that_the_image_writes_is_in_both_descriptions() {
             );
         }
     }
-    let [alike, unlike] = starts;
-    println!("{compared} registers, {bits} bits written; {alike} start alike, {unlike} do not");
     for (known, why) in KNOWN {
         let before = differences.len();
         differences.retain(|difference| !difference.starts_with(known));

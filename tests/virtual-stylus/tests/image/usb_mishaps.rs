@@ -9,7 +9,7 @@ use virtual_stylus::Options;
 use virtual_stylus::model::usb::host::Mishap;
 use virtual_stylus::usb_host::Timing;
 
-use crate::device::{Device, MS, is_drawn, long};
+use crate::device::{Device, MS, is_drawn};
 use crate::library;
 use crate::requests::announced;
 use crate::upload::state_of;
@@ -96,40 +96,6 @@ pub fn go_on(device: &mut Device, library: &[u8]) -> Option<()> {
     let committed = device.try_ask::<UploadCommitEndpoint, _>(&())?;
     committed.expect("a valid library");
     Some(())
-}
-
-#[test]
-fn a_mishap_anywhere_in_an_upload_leaves_the_active_library_and_the_upload_goes_on() {
-    // The larger library takes most of them.
-    const POINTS: u64 = 150;
-    let mut device = Device::on_usb(library::options());
-    let was = state_of(&mut device);
-    let libraries = [library::other(), library::small()];
-    let (mut committed, mut cut) = (0, 0);
-    for (point, mishap, timing) in points(POINTS) {
-        device.usb().1.timing = timing;
-        // Far enough apart for progress, and close enough to hit the middle of a chunk as often as the gap between two.
-        arm(&mut device, mishap, 1 + point * 37 % 97);
-        if go_on(&mut device, &libraries[committed % 2]).is_some() {
-            committed += 1;
-        }
-        if !has_happened(&mut device) {
-            // Between two uploads.
-            device.run_for(MS);
-            continue;
-        }
-        cut += 1;
-        comes_back(&mut device, &format!("{mishap:?} at point {point}"));
-        assert_eq!(state_of(&mut device), was, "{mishap:?} at point {point}");
-    }
-    println!("{cut} times cut, {committed} uploads came to their end");
-    assert!(cut > POINTS / 30 && (!long() || committed > 1));
-    device
-        .stylus
-        .usb(|host, _| host.have(Mishap::Reset, u64::MAX / 2));
-    let large = library::other();
-    let begun = device.upload(&large);
-    device.activate(begun.slot);
 }
 
 #[test]

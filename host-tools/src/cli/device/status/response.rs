@@ -1,5 +1,8 @@
 //! The stored response in the status.
 
+use std::time::{Duration, UNIX_EPOCH};
+
+use host_tools::support::date::utc;
 use model_format::link::{ResponseState, StoredResponse};
 use serde::Serialize;
 
@@ -27,7 +30,8 @@ impl Summary {
         } = state.stored.as_ref()?;
         Some(Self {
             id: format!("{id:08x}"),
-            measured_on: day(response.measured_at),
+            measured_on: utc(UNIX_EPOCH + Duration::from_secs(response.measured_at))[..10]
+                .to_owned(),
             worst_db: response.worst_db,
             rms_db: response.rms_db,
             changed_since: stale.to_string(),
@@ -50,43 +54,5 @@ impl Summary {
         format!(
             "{id}, measured on {measured_on}, flat within {worst_db:.1} dB ({rms_db:.1} dB RMS){stale}"
         )
-    }
-}
-
-/// The day of a time in s since 1970-01-01, in the calendar of Howard Hinnant's `civil_from_days`.
-fn day(seconds: u64) -> String {
-    let days = seconds / 86_400 + 719_468;
-    let (era, of_era) = (days / 146_097, days % 146_097);
-    let year = (of_era - of_era / 1_460 + of_era / 36_524 - of_era / 146_096) / 365;
-    let of_year = of_era - (365 * year + year / 4 - year / 100);
-    let month = (5 * of_year + 2) / 153;
-    let day = of_year - (153 * month + 2) / 5 + 1;
-    let (month, next) = if month < 10 {
-        (month + 3, 0)
-    } else {
-        (month - 9, 1)
-    };
-    format!("{:04}-{month:02}-{day:02}", year + era * 400 + next)
-}
-
-#[cfg(test)]
-mod tests {
-    use std::collections::BTreeSet;
-
-    use super::*;
-
-    #[test]
-    fn days_are_those_of_the_gregorian_calendar() {
-        for (seconds, expected) in [
-            (0, "1970-01-01"),
-            (951_782_400 + 86_399, "2000-02-29"),
-            (1_735_689_599, "2024-12-31"),
-            (4_107_542_400, "2100-03-01"),
-        ] {
-            assert_eq!(day(seconds), expected);
-        }
-        // No day is named twice, for 200 years.
-        let names: BTreeSet<String> = (0..73_050).map(|number| day(number * 86_400)).collect();
-        assert_eq!(names.len(), 73_050);
     }
 }
