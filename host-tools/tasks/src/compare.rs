@@ -87,7 +87,7 @@ pub fn play(processor: Processor) -> Result<EmulatorReport> {
 }
 
 /// The lines of `words`, as the image prints them.
-fn lines(words: &[u32]) -> impl Iterator<Item = String> {
+pub fn lines(words: &[u32]) -> impl Iterator<Item = String> {
     words.chunks(keyword::WORDS_PER_LINE).map(|words| {
         let words: Vec<String> = words.iter().map(|word| format!("{word:08x}")).collect();
         format!("{} {}", keyword::WORDS, words.join(" "))
