@@ -213,8 +213,10 @@ impl Device for Hardware {
     }
 
     fn plan_wave(&self, wave: Wave<'static>, rate: PlayRate, sections: &[Biquad]) -> Next {
+        let mut plan = Plan::of_wave(wave, rate.hz());
+        plan.append(sections);
         Next {
-            plan: Plan::of_wave(wave, rate.hz()).with_response(sections),
+            plan,
             follower: Follower::new(false),
         }
     }

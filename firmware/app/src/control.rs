@@ -13,11 +13,11 @@ use model_format::link::{
     Marks, MotionRefused, MotionSample, MotionSource, OutputStatus, PlayError, PlayRequest,
     Playing, ProposalToken, RecordBlock, RecordCounters, RecordError, RecordStarted, RecordStopped,
     ResetReason, Response, Selection, Settings, SettingsChange, SettingsError, SettingsProposal,
-    SettingsState, SlotId, SlotInfo, StartReport, Status, StopError, TickCounters, TickHistogram,
-    UploadState,
+    SettingsState, SlotId, SlotInfo, StartReport, Status, StopError, TextureName, TickCounters,
+    TickHistogram, UploadState,
 };
 use model_format::link::{Fault, MuteReason};
-use model_format::scene::Biquad;
+use model_format::scene::{Biquad, SceneName};
 use model_format::{Library, PlayRate};
 
 use crate::TICKS_PER_MS;
@@ -607,45 +607,67 @@ pub fn plan_of<'l>(
     budget: u32,
     response: Option<&Response>,
 ) -> Result<(Plan<'l>, PlayRate), PlayError> {
-    let rate_of =
-        |texture_hz: u32| PlayRate::of(texture_hz).ok_or(PlayError::SampleRate { texture_hz });
-    let (plan, rate) = match selection {
-        Selection::Texture(name) => {
-            let missing = || PlayError::NoSuchTexture { name: name.clone() };
-            let texture = library.texture(name).ok_or_else(missing)?;
-            let rate = rate_of(texture.sample_rate_hz())?;
-            (within(Plan::of_texture(texture), budget)?, rate)
-        }
-        Selection::Scene(name) => {
-            let missing = || PlayError::NoSuchScene { name: name.clone() };
-            let scene = library.scene(name).ok_or_else(missing)?;
-            let rate = rate_of(scene.sample_rate_hz)?;
-            let plan = Plan::new(&scene, library).map_err(|error| PlayError::InvalidScene {
-                reason: in_words(&error),
-            })?;
-            (within(plan, budget)?, rate)
-        }
-    };
-    let Some(response) = response else {
-        return Ok((plan, rate));
-    };
-    let sections = response.sections(rate).biquads();
-    let plan = plan.with_response(&sections);
-    let refused = |OverBudget { cost, budget }| PlayError::EqualiserOverBudget {
-        instructions: cost.instructions(),
-        budget,
-        sections: sections.len() as u8,
-    };
-    plan.within(budget).map_err(refused)?;
+    match selection {
+        Selection::Texture(name) => plan_of_texture(name, library, budget, response),
+        Selection::Scene(name) => plan_of_scene(name, library, budget, response),
+    }
+}
+
+// The two are out of line, because plans and scenes take kilobytes, which in line stay on the stack while the answer is
+// written.
+#[inline(never)]
+fn plan_of_texture<'l>(
+    name: &TextureName,
+    library: &Library<'l>,
+    budget: u32,
+    response: Option<&Response>,
+) -> Result<(Plan<'l>, PlayRate), PlayError> {
+    let missing = || PlayError::NoSuchTexture { name: name.clone() };
+    let mut plan = Plan::of_texture(library.texture(name).ok_or_else(missing)?);
+    let rate = equalise(&mut plan, budget, response)?;
     Ok((plan, rate))
 }
 
-fn within(plan: Plan<'_>, budget: u32) -> Result<Plan<'_>, PlayError> {
+#[inline(never)]
+fn plan_of_scene<'l>(
+    name: &SceneName,
+    library: &Library<'l>,
+    budget: u32,
+    response: Option<&Response>,
+) -> Result<(Plan<'l>, PlayRate), PlayError> {
+    let missing = || PlayError::NoSuchScene { name: name.clone() };
+    let scene = library.scene(name).ok_or_else(missing)?;
+    let invalid = |error| PlayError::InvalidScene {
+        reason: in_words(&error),
+    };
+    let mut plan = Plan::new(&scene, library).map_err(invalid)?;
+    let rate = equalise(&mut plan, budget, response)?;
+    Ok((plan, rate))
+}
+
+/// Adds the equaliser of `response` to `plan`, checks the budget before and after, and returns the rate.
+fn equalise(
+    plan: &mut Plan<'_>,
+    budget: u32,
+    response: Option<&Response>,
+) -> Result<PlayRate, PlayError> {
+    let texture_hz = plan.sample_rate_hz();
+    let rate = PlayRate::of(texture_hz).ok_or(PlayError::SampleRate { texture_hz })?;
     let refused = |OverBudget { cost, budget }| PlayError::OverBudget {
         instructions: cost.instructions(),
         budget,
         arithmetic: in_words(&cost),
     };
     plan.within(budget).map_err(refused)?;
-    Ok(plan)
+    if let Some(response) = response {
+        let sections = response.sections(rate).biquads();
+        plan.append(&sections);
+        let refused = |OverBudget { cost, budget }| PlayError::EqualiserOverBudget {
+            instructions: cost.instructions(),
+            budget,
+            sections: sections.len() as u8,
+        };
+        plan.within(budget).map_err(refused)?;
+    }
+    Ok(rate)
 }

@@ -419,7 +419,8 @@ impl Device for Hardware {
     }
 
     fn plan_wave(&self, wave: Wave<'static>, rate: PlayRate, sections: &[Biquad]) -> Prepared {
-        let plan = Plan::of_wave(wave, rate.hz()).with_response(sections);
+        let mut plan = Plan::of_wave(wave, rate.hz());
+        plan.append(sections);
         Prepared::Probe(Box::new(plan))
     }
 

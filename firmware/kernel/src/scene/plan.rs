@@ -113,11 +113,9 @@ impl<'a> Plan<'a> {
         }
     }
 
-    /// The plan with `sections` after its own equaliser: those of the device's response.
-    #[must_use]
-    pub fn with_response(mut self, sections: &[Biquad]) -> Self {
+    /// Adds `sections` after its own equaliser: those of the device's response.
+    pub fn append(&mut self, sections: &[Biquad]) {
         self.equaliser.append(sections);
-        self
     }
 
     /// The plan with each texture changed to what `change` makes of it: for comparisons with parts left out, see

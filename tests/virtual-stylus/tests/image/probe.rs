@@ -99,11 +99,10 @@ fn is_put_out_as_the_host_computes_it(rate: PlayRate, through: ProbeThrough) {
         peak_m_s2: request.peak_m_s2,
         first_tick: started.expect("it was started").first_tick,
     };
-    let plan = Plan::of_wave(wave, rate.hz());
-    let plan = match through {
-        ProbeThrough::Nothing => plan,
-        _ => plan.with_response(&response.sections(rate).biquads()),
-    };
+    let mut plan = Plan::of_wave(wave, rate.hz());
+    if through != ProbeThrough::Nothing {
+        plan.append(&response.sections(rate).biquads());
+    }
     let heard = Heard {
         plan,
         follower: Follower::new(false),
@@ -143,7 +142,7 @@ fn a_texture_is_equalised_by_the_stored_response_after_a_restart_too() {
     let library = Library::decode(&bytes).expect("a valid library");
     let texture = library.texture("fast").expect("it is there");
     let mut heard = Heard::of_texture(texture, 77);
-    heard.plan = heard.plan.with_response(&response.sections_10khz.biquads());
+    heard.plan.append(&response.sections_10khz.biquads());
     plays_as_the_host_does(&mut device, &heard, 500, |device| {
         device.move_at(60.0);
         device.play("fast", MotionSource::Sensors, 77);
