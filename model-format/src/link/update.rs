@@ -229,7 +229,7 @@ pub enum UpdateError {
         offered: ImageVersion,
     },
     /// A new image that is not confirmed, or one that waits for the restart.
-    #[error("the running image is not confirmed yet: confirm it, or wait a minute")]
+    #[error("the running image is on trial: wait a minute, after which it confirms itself")]
     Unconfirmed,
     /// A confirmation of an image that is not on trial.
     #[error("the running image is not on trial: there is nothing to confirm")]

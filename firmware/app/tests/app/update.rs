@@ -187,7 +187,7 @@ fn survives(before: &Memory, cuts: &[(usize, Cut)], images: &Committed) -> (Memo
     (after, is_new)
 }
 
-/// Cuts each of these operations of an exchange, and of the way back, in so many manners, which differ from case to case.
+/// Cuts these operations of an exchange, and of the way back, in so many manners, which differ from case to case.
 fn check_cuts(manners: usize, numbers: fn(&[Operation]) -> Vec<usize>) {
     let images = committed();
     let (trial, _) = boot(images.memory.clone(), None);

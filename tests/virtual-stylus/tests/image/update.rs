@@ -21,9 +21,12 @@ use crate::upload::state_of;
 /// Time in which the bootloader exchanges two images, with a margin.
 pub const EXCHANGE_NS: u64 = 30 * SECOND;
 
+/// Work with a device.
+type Work<'a> = &'a dyn Fn(&mut Device);
+
 /// Cuts of `work`, which begins with this content of the flash: some spread over its operations, then the three of the
 /// last operation.
-fn cuts(flash: &Contents, work: &dyn Fn(&mut Device)) -> Vec<PowerCut> {
+fn cuts(flash: &Contents, work: Work<'_>) -> Vec<PowerCut> {
     const SPREAD: u64 = 8;
     let device = || Device::new(&product(), library::after(flash.clone()));
     let mut counted = device();
@@ -49,7 +52,7 @@ fn after_a_power_cut_of_an_update_the_old_or_the_new_image_answers_with_settings
     let settings = before.set(Setting::HardLimit, 0.25);
     let (mut flash, library) = (before.stylus.flash(), state_of(&mut before));
     let start = |device: &mut Device| assert!(device.answers_within(EXCHANGE_NS));
-    let stages: [(&str, &dyn Fn(&mut Device)); 3] = [
+    let stages: [(&str, Work<'_>); 3] = [
         ("receiving and commit", &|device| {
             start(device);
             device.update(&new);
