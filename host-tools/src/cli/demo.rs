@@ -22,6 +22,7 @@ use host_tools::support::output::OutputFolder;
 use model_format::Library;
 
 use super::output::{print, warn_of};
+use host_tools::support::file_name::portable;
 use host_tools::texture::library::decode_library;
 
 /// Motion that every texture is rendered along: a stroke that speeds up, presses harder, and comes to rest.
@@ -99,7 +100,7 @@ fn all(arguments: &Arguments, folder: &OutputFolder, begin: Instant) -> Result<P
     let path = out.join("textures.lib");
     let mut record = FitRecord::of(&set, &fit_options, &bytes)?.with_account_of(&fit);
     for trial in &mut record.trials {
-        trial.file = folder.named(Path::new(&trial.file)).display().to_string();
+        trial.file = portable(&folder.named(Path::new(&trial.file)));
     }
     record.write_with(&path, &bytes)?;
     let library = decode_library(&path, &bytes)?;

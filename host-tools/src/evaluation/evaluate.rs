@@ -28,6 +28,7 @@ use crate::playing::motion::MotionPath;
 use crate::playing::render::{Rendered, render};
 use crate::recording::{RecordingSet, Trial};
 use crate::support::error::{Error, Result};
+use crate::support::file_name::portable;
 use crate::support::in_order::in_order;
 use crate::texture::library::library_of;
 
@@ -308,7 +309,7 @@ pub fn evaluate(
         let judge = &evaluation.judges[index];
         let mut judged = judged(trial, judge.kind(), &comparison, options);
         if let Judge::OtherTake(take) = judge {
-            judged.other_take = Some(take.file.display().to_string());
+            judged.other_take = Some(portable(&take.file));
         }
         let excerpt = options.excerpt_s.map(|s| Excerpt::of(&comparison, s));
         progress();
@@ -493,7 +494,7 @@ fn judged(
     let others = usable.map(|range| scores_of(&beside, &other, &range, options));
     let block = comparison.longest_block().len();
     TrialEvaluation {
-        file: trial.file.display().to_string(),
+        file: portable(&trial.file),
         texture: trial.texture.clone(),
         speed_mm_s: trial.speed_mm_s,
         force_n: trial.force_n,

@@ -10,6 +10,7 @@ use model_format::{Provenance, SAMPLE_RATE_HZ};
 use crate::recording::triage::{Compared, Verdict};
 use crate::recording::{RecordingSet, Trial, triage};
 use crate::support::error::{Error, Result};
+use crate::support::file_name::portable;
 use crate::support::in_order::in_order;
 use crate::support::warning::Warning;
 use crate::texture::library::stored_texture;
@@ -285,7 +286,7 @@ fn reports(
         .zip(analyses)
         .zip(verdicts)
         .map(|((trial, found), verdicts)| TrialReport {
-            file: trial.file.display().to_string(),
+            file: portable(&trial.file),
             texture: trial.texture.clone(),
             speed_mm_s: trial.speed_mm_s,
             force_n: trial.force_n,

@@ -12,6 +12,7 @@ use crate::dsp::high_pass::{SLOW_HZ, lowest_hz};
 use crate::fit::conditioning::HighPass;
 use crate::recording::pattern::one_number;
 use crate::recording::{RecordingSet, Trial, grid_by_gaps, holds_integers};
+use crate::support::file_name::portable;
 use crate::support::warning::Warning;
 use crate::texture::grid::Grid;
 
@@ -42,7 +43,7 @@ impl Short {
     pub(super) fn of(trial: &Trial, held_s: f64) -> Option<Self> {
         let asked_s = trial.duration_s?;
         (asked_s - held_s > LACK_S.max(LACK_SHARE * asked_s)).then(|| Self {
-            file: trial.file.display().to_string(),
+            file: portable(&trial.file),
             asked_s,
             held_s,
         })

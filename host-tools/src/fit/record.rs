@@ -18,6 +18,7 @@ use crate::recording::{RECORDING, RecordingSet, Trial};
 use crate::support::atomic_file;
 use crate::support::bounded_file::{Limit, MIB};
 use crate::support::error::{Error, Result};
+use crate::support::file_name::portable;
 use crate::support::fnv::Fnv;
 use crate::support::in_order::in_order;
 
@@ -213,7 +214,7 @@ impl FittedTrial {
     /// The trial whose recording's bytes have the hash `content`.
     fn with_content(trial: &Trial, content: u64) -> Self {
         Self {
-            file: trial.file.display().to_string(),
+            file: portable(&trial.file),
             content: digits(content),
             start_s: trial.start_s,
             duration_s: trial.duration_s,

@@ -5,12 +5,18 @@
 //! dot.
 
 use std::collections::{HashMap, HashSet};
+use std::path::{MAIN_SEPARATOR, Path};
 
 /// Most characters of a stem that [`Stems`] gives, without a number at its end.
 const MOST_CHARACTERS: usize = 64;
 
 /// Names of devices on Windows, with any ending and in any case; COM and LPT also stand before a digit.
 const DEVICES: [&str; 4] = ["con", "prn", "aux", "nul"];
+
+/// `path` with `/` between folders on every system, so that what keeps it is the same everywhere.
+pub fn portable(path: &Path) -> String {
+    path.display().to_string().replace(MAIN_SEPARATOR, "/")
+}
 
 /// Stems of files for things with any names: safe on every system, and different for different things.
 #[derive(Debug, Default)]

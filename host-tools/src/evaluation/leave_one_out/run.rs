@@ -7,6 +7,7 @@ use crate::dsp::model::Model;
 use crate::evaluation::classifier;
 use crate::fit::Order;
 use crate::support::error::Result;
+use crate::support::file_name::portable;
 use crate::texture::domain::{Domain, Level, Method, Neighbour};
 
 use super::Options;
@@ -62,7 +63,7 @@ impl Prepared<'_> {
         let outcomes = rows.iter().map(|row| removal.outcome(row));
         Ok(Removed {
             outcomes: outcomes.collect::<Result<Vec<_>>>()?,
-            file: trial.file.display().to_string(),
+            file: portable(&trial.file),
             texture: trial.texture.clone(),
             speed_mm_s: trial.speed_mm_s,
             force_n: trial.force_n,
