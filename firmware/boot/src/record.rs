@@ -162,12 +162,33 @@ impl<F: NorFlash> Store<F> {
                 (store.start, store.next) = (sector, end);
             }
         }
-        if let Some((sequence, record, at)) = newest {
-            let later = (store.next - at) / WORD_BYTES as u32 - 1;
-            (store.sequence, store.record) = (sequence.wrapping_add(later), record);
-            store.is_steady = store.reads_steadily(at).await;
+        // A word in which a change was cut may have read as erased just now.
+        while !store
+            .reads_steadily(store.due()..store.due() + WORD_BYTES as u32)
+            .await
+        {
+            store.is_steady = false;
+            if store.due() != store.next {
+                break;
+            }
+            store.next += WORD_BYTES as u32;
         }
+        let (sequence, record, at) = newest.unwrap_or((1, Record::NONE, store.start));
+        let used = (store.next - at) / WORD_BYTES as u32;
+        (store.sequence, store.record) = (sequence.wrapping_add(used).wrapping_sub(1), record);
+        store.is_steady &= store.reads_steadily(at..store.next).await;
         store
+    }
+
+    /// Offset of the word that the next change programs; what is in the other sector is erased before.
+    const fn due(&self) -> u32 {
+        if self.next < self.start + WORDS * WORD_BYTES as u32 {
+            self.next
+        } else if self.start == self.range.start {
+            self.start + SECTOR_BYTES as u32
+        } else {
+            self.range.start
+        }
     }
 
     /// The word at `at` unless it is erased; its content is none if it cannot be read.
@@ -177,9 +198,9 @@ impl<F: NorFlash> Store<F> {
         (read != Some([mark::ERASED; WORD_BYTES])).then_some(read)
     }
 
-    /// Returns true if every used word from `at` on reads the same each time.
-    async fn reads_steadily(&mut self, at: u32) -> bool {
-        for at in (at..self.next).step_by(WORD_BYTES) {
+    /// Returns true if every word of `range` reads the same each time.
+    async fn reads_steadily(&mut self, range: Range<u32>) -> bool {
+        for at in range.step_by(WORD_BYTES) {
             let first = self.used_word(at).await;
             for _ in 0..STEADY_READS {
                 if self.used_word(at).await != first {
@@ -228,17 +249,12 @@ impl<F: NorFlash> Store<F> {
 
     /// Offset of a word that is erased, which is given away.
     async fn free_word(&mut self) -> Result<u32, NotKept> {
-        if self.next >= self.start + WORDS * WORD_BYTES as u32 {
-            let other = if self.start == self.range.start {
-                self.start + SECTOR_BYTES as u32
-            } else {
-                self.range.start
-            };
-            let end = other + SECTOR_BYTES as u32;
-            self.flash.erase(other, end).await.map_err(|_| NotKept)?;
-            (self.start, self.next) = (other, other);
+        let at = self.due();
+        if at != self.next {
+            let end = at + SECTOR_BYTES as u32;
+            self.flash.erase(at, end).await.map_err(|_| NotKept)?;
+            (self.start, self.next) = (at, at);
         }
-        let at = self.next;
         self.next += WORD_BYTES as u32;
         Ok(at)
     }
