@@ -141,10 +141,12 @@ impl<'a> Director<'a> {
         if (self.slots.sound(left) || rings) && !faded {
             return false;
         }
-        let Some(plan) = self.next_plan.take() else {
+        let Some(next) = &mut self.next_plan else {
             return false;
         };
-        self.plan = plan;
+        // In place, because a plan takes kilobytes, and the update has the stack of whatever it interrupts.
+        core::mem::swap(&mut self.plan, next);
+        self.next_plan = None;
         self.plans = self.plans.wrapping_add(1);
         self.slots.release();
         (self.tap, self.touched, self.fading) = (None, None, None);
