@@ -44,7 +44,7 @@ impl<'a> DeviceBench<'a> {
         })
     }
 
-    /// Numbers of ticks that each limit has changed, and of times that the output was mute while it played.
+    /// Numbers of ticks that each limit has changed, and of mutes because this computer was late.
     fn limits_and_mutes(&self) -> Result<([u32; 3], u32)> {
         let output = self.device.status()?.output;
         let limits = [
@@ -52,9 +52,8 @@ impl<'a> DeviceBench<'a> {
             output.slew_limited,
             output.thermally_limited,
         ];
-        let mutes = MuteReason::ALL.into_iter().zip(output.mute_counts);
-        let mutes = mutes.filter(|(reason, _)| *reason != MuteReason::NotPlaying);
-        Ok((limits, mutes.map(|(_, count)| count).sum()))
+        let lost = output.mute_counts[MuteReason::LinkLost as usize];
+        Ok((limits, lost))
     }
 
     /// Records the samples of these ticks, and keeps the device playing meanwhile.
