@@ -17,7 +17,7 @@ use model_format::link::{
     TickHistogram, UploadState,
 };
 use model_format::link::{Fault, MuteReason};
-use model_format::scene::{Biquad, SceneName};
+use model_format::scene::{Biquad, SceneError, SceneName};
 use model_format::{Library, PlayRate};
 
 use crate::TICKS_PER_MS;
@@ -636,13 +636,17 @@ fn plan_of_scene<'l>(
     response: Option<&Response>,
 ) -> Result<(Plan<'l>, PlayRate), PlayError> {
     let missing = || PlayError::NoSuchScene { name: name.clone() };
-    let scene = library.scene(name).ok_or_else(missing)?;
-    let invalid = |error| PlayError::InvalidScene {
-        reason: in_words(&error),
+    let invalid = |error: &SceneError| PlayError::InvalidScene {
+        reason: in_words(error),
     };
-    let mut plan = Plan::new(&scene, library).map_err(invalid)?;
-    let rate = equalise(&mut plan, budget, response)?;
-    Ok((plan, rate))
+    // Scene and plan are used where they are, because each move is a copy on the stack.
+    let found = library.scene(name);
+    let scene = found.as_ref().ok_or_else(missing)?;
+    let mut made = Plan::new(scene, library);
+    let plan = made.as_mut().map_err(|error| invalid(error))?;
+    let rate = equalise(plan, budget, response)?;
+    made.map(|plan| (plan, rate))
+        .map_err(|error| invalid(&error))
 }
 
 /// Adds the equaliser of `response` to `plan`, checks the budget before and after, and returns the rate.

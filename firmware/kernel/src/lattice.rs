@@ -69,6 +69,14 @@ impl LatticeFrame {
         }
     }
 
+    /// Makes this a silent frame of `stages` stages.
+    /// Panics if there are more than [`MAX_ORDER`] stages.
+    pub fn silence(&mut self, stages: usize) {
+        assert!(stages <= MAX_ORDER);
+        self.rotations.fill(Rotation::NONE);
+        (self.stages, self.gain) = (stages, Ramp::new());
+    }
+
     /// Makes this the frame of `point` on the grid of `texture`, a lattice of at most as many stages. The level goes
     /// from `from`, that of the frame before, to its new value in `samples` samples.
     pub fn update<A: Arithmetic>(

@@ -85,16 +85,30 @@ impl Feeding {
 }
 
 impl Frame {
-    /// A silent frame for `texture`.
-    pub fn silent(texture: &Texture<'_>) -> Self {
+    /// A silent frame of no texture.
+    pub const fn empty() -> Self {
         Self {
-            lattice: LatticeFrame::silent(texture.max_order()),
+            lattice: LatticeFrame::silent(0),
             excitation: Words {
                 steps: [0; MAX_FED_SAMPLES + 1],
                 samples: 0,
                 number: 0,
             },
         }
+    }
+
+    /// A silent frame for `texture`.
+    pub fn silent(texture: &Texture<'_>) -> Self {
+        let mut frame = Self::empty();
+        frame.silence(texture);
+        frame
+    }
+
+    /// Makes this a silent frame for `texture`. In place, because a frame takes kilobytes of the stack.
+    pub fn silence(&mut self, texture: &Texture<'_>) {
+        self.lattice.silence(texture.max_order());
+        self.excitation.steps.fill(0);
+        (self.excitation.samples, self.excitation.number) = (0, 0);
     }
 
     /// Makes this the frame of `motion` on `texture`, the one that it was made for. Levels go from `from`, those of the

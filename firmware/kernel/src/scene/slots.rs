@@ -237,12 +237,14 @@ impl<'a> Slots<'a> {
                 Levels::SILENT
             };
             slot.buffer = 1 - slot.buffer;
-            let frame = voices.frame(index, slot.buffer);
-            if !slot.made[slot.buffer] {
-                slot.made[slot.buffer] = true;
-                *frame = None;
+            let place = voices.frame(index, slot.buffer);
+            if place.is_none() {
+                make(place);
             }
-            let frame = frame.get_or_insert_with(|| Frame::silent(&texture));
+            let frame = place.as_mut()?;
+            if !core::mem::replace(&mut slot.made[slot.buffer], true) {
+                frame.silence(&texture);
+            }
             if slot.updated[slot.buffer].replace((motion, gain)) == Some((motion, gain)) {
                 frame.hold(from, samples);
             } else {
@@ -272,6 +274,13 @@ impl<'a> Slots<'a> {
             None => Stage::Voice(voice),
         })
     }
+}
+
+/// Makes a frame. Out of line, because it takes kilobytes of the stack; the image makes its frames before it plays.
+#[cold]
+#[inline(never)]
+fn make(place: &mut Option<Frame>) {
+    *place = Some(Frame::empty());
 }
 
 impl Slot<'_> {

@@ -81,13 +81,16 @@ static NOTED: Handed<Noted> = Handed::new(Noted {
 /// True while the update owns its part.
 static REQUESTED: AtomicBool = AtomicBool::new(false);
 
-/// Gives the voices their first value: none. Called once, before all else here.
+/// Gives frames and voices their first value: silence, and none. Called once, before all else here.
+///
+/// Out of line, because a frame takes kilobytes of the stack.
+#[inline(never)]
 pub fn begin() {
     critical_section::with(|_| {
         // SAFETY: interrupts are masked, and no reference lives beyond a call in a task.
         unsafe {
             for frame in FRAMES.iter().flatten() {
-                frame.set(None);
+                frame.set(Some(Frame::empty()));
             }
             for playback in &PLAYBACKS {
                 playback.set(None);

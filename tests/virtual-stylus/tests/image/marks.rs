@@ -12,8 +12,8 @@ use crate::scenes;
 /// Cycles of the processor per microsecond.
 const CYCLES_PER_US: u32 = 400;
 
-/// Most of the stack that may be used, bytes: nine tenths of it, as the self test has it.
-const MOST_STACK_BYTES: u32 = (53 << 10) / 10 * 9;
+/// Most of the stack that may be used, bytes: three quarters of it, as the self test has it.
+const MOST_STACK_BYTES: u32 = (53 << 10) / 4 * 3;
 /// Longest delay of the tick.
 const MOST_TICK_DELAY_CYCLES: u32 = 5 * CYCLES_PER_US;
 /// Longest critical section.

@@ -11,8 +11,8 @@ use crate::link::self_test::line::Line;
 /// Longest tick, per cent of its period.
 const TICK_PERCENT: f64 = 80.0;
 
-/// Share of the stack that was ever used, per cent. A scene's plan while the update changes to another is 86.
-const STACK_PERCENT: f64 = 90.0;
+/// Share of the stack that was ever used, per cent.
+const STACK_PERCENT: f64 = 75.0;
 
 /// Longest delay from the timer's trigger to the tick, µs: the tick has 29 µs to read its row, less its own reading.
 const TICK_DELAY_US: f64 = 20.0;
