@@ -18,11 +18,11 @@ use host_tools::report::sound::node_seconds;
 use host_tools::rig::{self, RigFile};
 use host_tools::support::atomic_file;
 use host_tools::support::error::{Error, Result};
+use host_tools::support::file_name::portable;
 use host_tools::support::output::OutputFolder;
 use model_format::Library;
 
 use super::output::{print, warn_of};
-use host_tools::support::file_name::portable;
 use host_tools::texture::library::decode_library;
 
 /// Motion that every texture is rendered along: a stroke that speeds up, presses harder, and comes to rest.

@@ -8,7 +8,6 @@ use model_format::link::{
     EXCHANGE_MS, ImageHeader, MAX_IMAGE_BYTES, SIGNED_BYTES, UpdateBegin, UpdateError, UpdatePhase,
     UpdateReport,
 };
-
 use serde::Serialize;
 
 use super::Device;

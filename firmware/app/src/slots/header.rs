@@ -94,6 +94,20 @@ impl Header {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn a_header_comes_back_and_a_changed_bit_is_seen(
+            sequence: u32, length: u32, crc32: u32, bit in 0..(FIELD_BYTES + 4) * 8,
+        ) {
+            let header = Header { sequence, length, crc32 };
+            let mut word = header.word();
+            prop_assert_eq!(Header::read(&word), HeaderWord::Header(header));
+            word[bit / 8] ^= 1 << (bit % 8);
+            prop_assert_eq!(Header::read(&word), HeaderWord::Damaged);
+        }
+    }
 
     #[test]
     fn a_header_of_another_version_is_told_from_damage() {

@@ -5,10 +5,10 @@ use fake_stylus::hardware::Hardware;
 use fake_stylus::library::library;
 use fake_stylus::requests::Requests;
 use model_format::link::{
-    KeepAliveTopic, LINK_LOST_AFTER_MS, LOCKED, LinkId, MotionEndpoint, MotionRefused,
-    MotionSource, PROPOSAL_VALID_MS, PlayEndpoint, PlayError, PlayRequest, ProposalToken, Setting,
-    SettingSet, Settings, SettingsChange, SettingsError, SettingsProposal, SettingsProposeEndpoint,
-    Status, StatusEndpoint, StopEndpoint,
+    KEEP_ALIVE_MS, KeepAliveTopic, LINK_LOST_AFTER_MS, LOCKED, LinkId, MotionEndpoint,
+    MotionRefused, MotionSource, MotionTopic, MuteReason, PROPOSAL_VALID_MS, PlayEndpoint,
+    PlayError, PlayRequest, ProposalToken, Setting, SettingSet, Settings, SettingsChange,
+    SettingsError, SettingsProposal, SettingsProposeEndpoint, Status, StatusEndpoint, StopEndpoint,
 };
 use proptest::prelude::*;
 use stylus_app::TICKS_PER_MS;
@@ -60,6 +60,16 @@ impl Stylus {
         self.requests.publish::<KeepAliveTopic>(link, &());
     }
 
+    /// Runs for `ms` milliseconds; `link` keeps its lease alive meanwhile.
+    fn run_kept(&self, link: LinkId, ms: u32) {
+        for now in 0..ms {
+            if now % KEEP_ALIVE_MS == 0 {
+                self.keep_alive(link);
+            }
+            self.stylus.control.millisecond();
+        }
+    }
+
     fn propose(
         &self,
         link: LinkId,
@@ -106,6 +116,40 @@ fn all_told_away() -> SettingsChange {
         (Setting::OutputGain, 1.0),
         (Setting::SlewLimit, 16.0),
     ])
+}
+
+#[test]
+fn a_play_whose_program_died_is_silent_in_time_whatever_else_is_asked_on_either_link() {
+    for [player, other] in [LINKS, [LINKS[1], LINKS[0]]] {
+        // The other host polls, drives and keeps alive; a next program on the player's own link polls.
+        for (link, drives) in [(other, false), (other, true), (player, false)] {
+            let stylus = Stylus::new();
+            stylus.play(player).expect("it is there");
+            stylus.run_kept(player, 300);
+            assert!(stylus.stylus.sounds());
+            let mut silent_after = 0;
+            while stylus.stylus.sounds() {
+                if silent_after % 10 == 0 {
+                    stylus.status(link);
+                    if drives {
+                        stylus.keep_alive(link);
+                        stylus.requests.publish::<MotionTopic>(link, &MOTION);
+                    }
+                }
+                stylus.stylus.control.millisecond();
+                silent_after += 1;
+                assert!(silent_after <= SILENT_WITHIN_MS, "it sounds on");
+            }
+            assert!(silent_after > LINK_LOST_AFTER_MS - KEEP_ALIVE_MS);
+            let status = stylus.status(link);
+            assert!(status.output.mute.contains(MuteReason::LinkLost));
+            let lease = (status.lease.holder, status.lease.is_alive);
+            assert_eq!(lease, (Some(player), false));
+            // It comes back with whoever plays.
+            stylus.run_kept(player, 300);
+            assert!(stylus.stylus.sounds());
+        }
+    }
 }
 
 #[test]

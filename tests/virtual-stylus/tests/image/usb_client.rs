@@ -8,18 +8,21 @@ use std::time::{Duration, Instant};
 
 use host_tools::link::capture::capture;
 use host_tools::link::play::{Drive, drive};
+use host_tools::link::self_test::{self, Verdict};
 use host_tools::link::upload::upload;
 use host_tools::link::{Device, LinkAddress, Timeouts};
 use model_format::link::{MotionSource, MuteReasons};
 use virtual_stylus::model::dac::{Cause, Output};
 use virtual_stylus::model::usb::host::Mishap;
 use virtual_stylus::motion::Motion;
+use virtual_stylus::sensors::FunctionPins;
 use virtual_stylus::sockets::UsbSocket;
 use virtual_stylus::{Reset, VirtualStylus};
 
 use crate::device::{MS, product, recording_s};
 use crate::library;
 use crate::requests::{assert_even, play_request};
+use crate::self_test::quiet;
 
 /// Virtual time between two looks at the socket.
 const STEP_NS: u64 = MS / 8;
@@ -207,6 +210,37 @@ fn the_clients_upload_goes_on_after_the_cable_was_pulled_and_the_bus_reset() {
         Some(uploaded.slot),
         "the old library is still active"
     );
+    drop(device);
+    running.finish();
+}
+
+#[test]
+fn the_products_self_test_passes_on_a_healthy_board() {
+    let running = Running::start();
+    let device = running.connect();
+    running.have(|stylus| {
+        stylus.set_pins(FunctionPins(quiet));
+    });
+    let options = self_test::Options {
+        traffic_s: 1.0,
+        rest_s: 1.0,
+        moves: false,
+        ..self_test::Options::default()
+    };
+    let lines = self_test::run(&device, &options, |_| ()).expect("the link holds");
+    for line in &lines {
+        println!(
+            "{:52} {:24} {:28} {:12} {}",
+            line.name, line.value, line.limits, line.verdict, line.remedy
+        );
+    }
+    // How long an answer takes is a matter of the computer that emulates.
+    let bad: Vec<&str> = (lines.iter())
+        .filter(|line| line.verdict == Verdict::Fail && !line.name.contains("round trip"))
+        .map(|line| line.name.as_str())
+        .collect();
+    assert_eq!(bad, [""; 0]);
+    assert!(lines.len() > 60, "{}", lines.len());
     drop(device);
     running.finish();
 }
