@@ -10,6 +10,7 @@ the word says which lines of it. Longer lines are folded. Pictures are those fil
 command leaves under the same name.
 """
 
+import difflib
 import os
 import re
 import shlex
@@ -95,6 +96,9 @@ def main() -> None:
                 stale.append(path.relative_to(ROOT))
                 if write:
                     path.write_bytes(content)
+                elif path == PAGE:
+                    there, now = text.splitlines(), content.decode().splitlines()
+                    print(*difflib.unified_diff(there, now, "TUTORIAL.md", "as it is made now", lineterm=""), sep="\n")
         unnamed = {path.name for path in FOLDER.glob("*.svg")} - named
         if unnamed:
             raise SystemExit(f"host-tools/tutorial: no picture of TUTORIAL.md: {', '.join(sorted(unnamed))}")

@@ -118,10 +118,7 @@ fn check_filter(frontier: &Frontier, index: usize, filter: &Filter) {
         let cycles = points.iter().map(|point| point.cycles);
         assert!(cycles.is_sorted_by(|a, b| a >= b), "{name}");
     }
-    let is_in_32_bits = !matches!(
-        filter.structure,
-        Structure::NormalisedLattice16 | Structure::DirectForm16
-    );
+    let is_in_32_bits = filter.structure != Structure::DirectForm16;
     assert_eq!(filter.still.mean_snr_db > 70.0, is_in_32_bits, "{name}");
     if filter.structure == Structure::NormalisedLattice32 {
         assert_eq!(filter.hard.held, filter.hard.cases, "{name}");

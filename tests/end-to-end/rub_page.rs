@@ -43,7 +43,7 @@ fn a_library_alone_makes_a_page_with_its_digests_and_its_size_is_said() {
     holds(
         &said,
         &[
-            &format!("{:.2} MB", size as f64 / 1e6),
+            &format!("{:.1} MB", size as f64 / 1e6),
             "no clips of recordings",
         ],
     );

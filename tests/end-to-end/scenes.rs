@@ -224,17 +224,12 @@ fn what_a_scene_lacks_or_has_too_many_of_is_said_where_it_should_be() {
         (
             "name = \"x\"\n[[surface]]\ntexture = \"silk\"\n\n[equaliser]\n",
             5,
-            "needs a response",
+            "needs sections",
         ),
         (
-            "name = \"x\"\n[[surface]]\ntexture = \"silk\"\n[equaliser]\nresponse = \"none.csv\"\n",
-            0,
-            "none.csv: cannot read",
-        ),
-        (
-            "name = \"x\"\n[[surface]]\ntexture = \"silk\"\n[equaliser]\nmax_gain_db = 3\n",
+            "name = \"x\"\n[[surface]]\ntexture = \"silk\"\n[equaliser]\nresponse = \"coil.csv\"\n",
             5,
-            "goes with a response",
+            "calibrate --response",
         ),
         ("name = \"x\"\n[[surface]\n", 2, ""),
         (
@@ -306,41 +301,6 @@ fn a_scene_above_the_budget_is_refused_with_its_arithmetic() {
 }
 
 #[test]
-fn an_equaliser_halves_the_unevenness_of_the_response_that_its_scene_names() {
-    let bench = bench();
-    // A resonance 14 dB high at 160 Hz.
-    let response: Vec<(f64, f64)> = (0..60)
-        .map(|n| {
-            let hz = 30.0 * 50f64.powf(f64::from(n) / 59.0);
-            let share = hz / 160.0;
-            let level_db = -10.0 * ((1.0 - share * share).powi(2) + (share / 5.0).powi(2)).log10();
-            (hz, level_db)
-        })
-        .collect();
-    let rows = response.iter().map(|(hz, db)| format!("{hz},{db}"));
-    let rows: Vec<String> = rows.collect();
-    bench.write(
-        "coil.csv",
-        format!("frequency_hz,magnitude_db\n{}\n", rows.join("\n")),
-    );
-    let plain = "name = \"plain\"\n[[surface]]\ntexture = \"silk\"\n";
-    bench.write("plain.toml", plain);
-    bench.write(
-        "equal.toml",
-        format!("{plain}[equaliser]\nresponse = \"coil.csv\"\nmax_gain_db = 9\nhighest_hz = 600\n"),
-    );
-    let report = json(&bench.succeed("scene check equal.toml --library cloths.lib --json"));
-    let design = &report["equaliser"];
-    let number = |value: &serde_json::Value| value.as_f64().unwrap();
-    assert!(number(&design["max_gain_db"]) <= 9.01, "{design}");
-    let (before, after) = (
-        number(&design["before"]["rms_db"]),
-        number(&design["after"]["rms_db"]),
-    );
-    assert!(after < 0.5 * before, "{before} dB -> {after} dB");
-}
-
-#[test]
 fn a_tap_that_was_rendered_is_found_again() {
     let bench = bench();
     bench.write(
@@ -393,7 +353,6 @@ fn the_scenes_that_come_with_the_program_play_over_a_simulated_library() {
         "steady-denim.toml",
         "four-cloths.toml",
         "equalised-taps.toml",
-        "voice-coil.csv",
         "across.csv",
         "tapping.csv",
     ] {

@@ -3,6 +3,8 @@
 
 pub mod arithmetic;
 pub mod digest;
+#[cfg(feature = "direct-form")]
+pub mod direct_form;
 pub mod excitation;
 pub mod feed;
 mod fixed;
@@ -17,8 +19,6 @@ pub mod rotation;
 pub mod scene;
 mod synthesis;
 pub mod theta;
-#[cfg(feature = "variants")]
-pub mod variants;
 
 pub use grid::{Motion, MotionError};
 pub use level::Levels;

@@ -12,12 +12,6 @@ pub enum Structure {
     /// The product's normalised lattice.
     #[serde(rename = "normalised_lattice_32")]
     NormalisedLattice32,
-    /// The same in 16 bits; not shipped.
-    #[serde(rename = "normalised_lattice_16")]
-    NormalisedLattice16,
-    /// Two multiplications per stage, in 32 bits; not shipped.
-    #[serde(rename = "two_multiplier_lattice_32")]
-    TwoMultiplierLattice32,
     /// The direct form in 32 bits; not shipped.
     #[serde(rename = "direct_form_32")]
     DirectForm32,
@@ -28,10 +22,8 @@ pub enum Structure {
 
 impl Structure {
     /// All of them, in the order of the table.
-    pub const ALL: [Self; 5] = [
+    pub const ALL: [Self; 3] = [
         Self::NormalisedLattice32,
-        Self::NormalisedLattice16,
-        Self::TwoMultiplierLattice32,
         Self::DirectForm32,
         Self::DirectForm16,
     ];
@@ -40,21 +32,14 @@ impl Structure {
     pub const fn name(self) -> &'static str {
         match self {
             Self::NormalisedLattice32 => "normalised lattice, 32 bits",
-            Self::NormalisedLattice16 => "normalised lattice, 16 bits",
-            Self::TwoMultiplierLattice32 => "two-multiplier lattice, 32 bits",
             Self::DirectForm32 => "direct form, 32 bits",
             Self::DirectForm16 => "direct form, 16 bits",
         }
     }
 
-    /// Returns whether it sums over past outputs.
+    /// Returns whether it sums over past outputs; the stylus plays the other one.
     pub fn is_direct(self) -> bool {
         matches!(self, Self::DirectForm16 | Self::DirectForm32)
-    }
-
-    /// Returns whether the stylus plays it.
-    pub fn is_shipped(self) -> bool {
-        self == Self::NormalisedLattice32
     }
 }
 

@@ -186,7 +186,7 @@ pub fn summary(path: &Path, written: &Written) -> String {
         more => format!(" and {more} more, which the page shows"),
     };
     format!(
-        "{}: {:.2} MB, {clips}{origin}\ndigest of the first 50 000 words: {}{more}",
+        "{}: {:.1} MB, {clips}{origin}\ndigest of the first 50 000 words: {}{more}",
         path.display(),
         written.bytes as f64 / 1e6,
         shown.join(", ")

@@ -6,12 +6,11 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use host_tools::recording::TRIALS_FILE;
-use host_tools::recording::cluster;
 use host_tools::recording::freehand::says_simulated;
 use host_tools::recording::pattern::{Named, Pattern};
+use host_tools::support::atomic_file;
 use host_tools::support::error::{Error, Result};
 use host_tools::support::number::{recorded_force, recorded_speed};
-use host_tools::support::{atomic_file, progress};
 
 use super::files::Overwrite;
 use super::input::positive;
@@ -30,12 +29,8 @@ pub struct Arguments {
     folder: PathBuf,
     /// Names of the files, by {texture}, {speed} in mm/s, {force} in newtons, {take}, and {*} for anything, such as
     /// '{texture}_{speed}mms_{force}N_{take}.wav'; {force*0.001} takes millinewtons
-    #[arg(long, required_unless_present = "preset")]
-    pattern: Option<Pattern>,
-    /// Layout of a public data set, in place of a pattern, with the speeds and forces that were measured, where files
-    /// beside the accelerations have them
-    #[arg(long, conflicts_with_all = ["pattern", "texture", "speed", "force", "scale"])]
-    preset: Option<Preset>,
+    #[arg(long)]
+    pattern: Pattern,
     /// Texture of all files, if their names tell none
     #[arg(long, value_name = "NAME")]
     texture: Option<String>,
@@ -58,22 +53,8 @@ pub struct Arguments {
     overwrite: Overwrite,
 }
 
-/// Public data sets.
-#[derive(Clone, Copy, Debug, PartialEq, clap::ValueEnum)]
-enum Preset {
-    /// Cluster Haptic Texture Dataset: the folder that holds accel, force and position, or the one above
-    Cluster,
-}
-
 pub fn run(arguments: &Arguments) -> Result<()> {
-    let (folder, pattern, scale) = match (&arguments.preset, &arguments.pattern) {
-        (None, Some(pattern)) => (arguments.folder.clone(), pattern.clone(), arguments.scale),
-        _ => (
-            cluster::sensors(&arguments.folder),
-            cluster::pattern(),
-            Some(cluster::SCALE_M_S2),
-        ),
-    };
+    let (folder, scale) = (arguments.folder.as_path(), arguments.scale);
     if arguments.out.contains(['/', '\\']) {
         let problem =
             "--out is the name of a list in the folder, because its files are named from there";
@@ -81,20 +62,12 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
     let list = folder.join(&arguments.out);
     arguments.overwrite.file(&list, &[])?;
-    let (mut named, mut others) = pattern.read(&folder)?;
+    let (mut named, others) = arguments.pattern.read(folder)?;
     if let Some(take) = &arguments.take {
         named.retain(|file| file.take.as_ref() == Some(take));
     }
     if named.is_empty() {
         return Err(Error::Request("no file is of that take".into()));
-    }
-    let mut measures = cluster::Measures::default();
-    if arguments.preset == Some(Preset::Cluster) {
-        others.retain(|path| path.starts_with(cluster::ACCELERATIONS));
-        let bar = progress::bar(named.len() as u64, "reading speeds and forces");
-        for stroke in bar.wrap_iter(named.iter_mut()) {
-            cluster::measure(&folder, stroke, &mut measures)?;
-        }
     }
     let missing = |what: &str| {
         Error::Request(format!(
@@ -152,14 +125,6 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         ));
     }
     print(&format!("{}\n", understood(&named)))?;
-    if arguments.preset.is_some() {
-        let ((speeds, forces), off) = (measures.measured, measures.disbelieved);
-        print(&format!(
-            "measured: speeds of {speeds} strokes, forces of {forces}; those in the names of {} and {}, whose measured \
-             ones are far off, and of all without a measurement. 'stylus fit --snap auto' makes a grid of them.\n",
-            off.0, off.1
-        ))?;
-    }
     let mark = if has_simulated { ", SIMULATED" } else { "" };
     print(&format!(
         "{} trials{mark} -> {}",

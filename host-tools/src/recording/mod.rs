@@ -3,7 +3,6 @@
 //!
 //! Invariant: files, or samples that a program holds, in; samples and verdicts out. Nothing here fits a model.
 
-pub mod cluster;
 mod csv_file;
 mod defects;
 pub mod freehand;

@@ -143,7 +143,7 @@ fn series(points: impl Fn(Structure) -> Vec<FrontPoint>) -> Vec<FrontSeries> {
         .map(|structure| FrontSeries {
             name: structure.to_string(),
             points: points(structure),
-            dashed: !structure.is_shipped(),
+            dashed: structure.is_direct(),
         })
         .collect()
 }
@@ -271,7 +271,7 @@ fn notes(frontier: &Frontier) -> Vec<String> {
         "Flash is a node's coefficients in a library. RAM is the coefficients of two frames and the state, at that \
          order."
             .to_owned(),
-        "The variants that are not shipped are plain Rust as compiled; what is shipped has its inner loops laid out \
+        "The direct forms are plain Rust as compiled; the lattice of the stylus has its inner loops laid out \
          by hand."
             .to_owned(),
     ]

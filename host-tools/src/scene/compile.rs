@@ -1,7 +1,5 @@
 //! Compilation of a scene's description to the wire form that a library holds.
 
-use std::path::Path;
-
 use model_format::scene::limits::{MAX_REGIONS, MAX_SECTIONS, MAX_SURFACES};
 use model_format::scene::{
     Biquad, MotionOfScene, Region, Scene, SceneError, SceneName, ScenePlace, SceneProblem,
@@ -11,8 +9,7 @@ use model_format::{Library, Provenance};
 use stylus_kernel::scene::Plan;
 
 use super::description::{ConstantMotion, SceneFile, SurfaceDescription};
-use super::response::read_response;
-use crate::dsp::equaliser::{self, Design, Section};
+use crate::dsp::equaliser::Section;
 use crate::support::error::{Error, Result};
 use crate::support::hand::{force_fault, speed_fault};
 use crate::support::toml_field::{Field, line_of};
@@ -24,8 +21,6 @@ pub struct CompiledScene {
     pub scene: Scene,
     /// Names of the surfaces, in their order.
     pub surface_names: Vec<String>,
-    /// Design of the equaliser; none if no response is given.
-    pub design: Option<Design>,
 }
 
 impl CompiledScene {
@@ -53,18 +48,18 @@ impl CompiledScene {
 }
 
 impl SceneFile {
-    /// Looks up the textures in `library`, designs the equaliser if a response is given, and checks the whole scene.
+    /// Looks up the textures in `library`, and checks the whole scene.
     ///
     /// # Errors
     /// [`Error::Line`] at the line of a value that [`Scene::validate`] refuses, of a name that the library or the scene
-    /// does not have, or of an item beyond the largest number; a file of a response that cannot be used.
+    /// does not have, or of an item beyond the largest number.
     pub fn compile(&self, library: &Library<'_>) -> Result<CompiledScene> {
         let root = Field::default();
         let surface_names = self.surface_names()?;
         let name = self.name(&root.key("name"))?;
         let surfaces = self.surfaces(&root.key("surface"), library)?;
         let (regions, order) = self.regions(&root.key("region"), &surface_names)?;
-        let (equaliser, design) = self.equaliser(&root.key("equaliser"))?;
+        let equaliser = self.equaliser(&root.key("equaliser"))?;
         let scene = Scene {
             name,
             sample_rate_hz: self.description.sample_rate_hz,
@@ -83,7 +78,6 @@ impl SceneFile {
         Ok(CompiledScene {
             scene,
             surface_names,
-            design,
         })
     }
 
@@ -235,51 +229,16 @@ impl SceneFile {
         Ok((regions, order))
     }
 
-    fn equaliser(
-        &self,
-        place: &Field,
-    ) -> Result<(heapless::Vec<Biquad, MAX_SECTIONS>, Option<Design>)> {
+    fn equaliser(&self, place: &Field) -> Result<heapless::Vec<Biquad, MAX_SECTIONS>> {
+        let mut stored = heapless::Vec::new();
         let Some(described) = &self.description.equaliser else {
-            return Ok((heapless_vec(), None));
+            return Ok(stored);
         };
-        let rate_hz = f64::from(self.description.sample_rate_hz);
-        let mut stored = heapless_vec();
-        if let Some(response) = &described.response {
-            if !described.sections.is_empty() {
-                let problem = "cannot be given beside a response; give one or the other";
-                return Err(self.error(&place.key("section"), problem));
-            }
-            let beside = self.path.parent().unwrap_or(Path::new(""));
-            let response = read_response(&beside.join(response))
-                .map_err(|failure| self.error(&place.key("response"), failure))?;
-            let request = equaliser::Request {
-                max_gain_db: described
-                    .max_gain_db
-                    .unwrap_or(equaliser::DEFAULT_MAX_GAIN_DB),
-                max_sections: described.max_sections.unwrap_or(MAX_SECTIONS),
-                lowest_hz: described.lowest_hz,
-                highest_hz: described.highest_hz,
-            };
-            let design = equaliser::design(&response, rate_hz, &request)
-                .map_err(|fault| self.error(&place.key(fault.key), fault.problem))?;
-            stored.extend(design.biquads.iter().copied());
-            return Ok((stored, Some(design)));
-        }
-        for (key, given) in [
-            ("max_gain_db", described.max_gain_db.is_some()),
-            ("max_sections", described.max_sections.is_some()),
-            ("lowest_hz", described.lowest_hz.is_some()),
-            ("highest_hz", described.highest_hz.is_some()),
-        ] {
-            if given {
-                let problem = "goes with a response, and none is given";
-                return Err(self.error(&place.key(key), problem));
-            }
-        }
         if described.sections.is_empty() {
-            let problem = "needs a response, or sections as [[equaliser.section]]";
+            let problem = "needs sections, as [[equaliser.section]]";
             return Err(self.error(place, problem));
         }
+        let rate_hz = f64::from(self.description.sample_rate_hz);
         for (index, section) in described.sections.iter().enumerate() {
             let place = place.key("section").item(index);
             let section = Section {
@@ -296,7 +255,7 @@ impl SceneFile {
                 self.error(&place, problem)
             })?;
         }
-        Ok((stored, None))
+        Ok(stored)
     }
 
     /// The error of [`Scene::validate`] at its line. `order` holds the position in the text of each region of the

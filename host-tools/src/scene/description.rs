@@ -1,10 +1,11 @@
 //! The content of a scene's text, with names in place of positions. The ranges of the values are those of
 //! [`model_format::scene`].
 
+use std::convert::Infallible;
 use std::path::{Path, PathBuf};
 
 use model_format::SAMPLE_RATE_HZ;
-use serde::Deserialize;
+use serde::{Deserialize, Deserializer};
 
 use crate::dsp::equaliser::SectionKind;
 use crate::support::error::{Error, Result};
@@ -30,7 +31,7 @@ pub struct SceneDescription {
     /// Regions of the path in any order; without any, the first surface is everywhere.
     #[serde(default, rename = "region")]
     pub regions: Vec<RegionDescription>,
-    /// Equaliser of the actuator's own response; none if not given.
+    /// Equaliser of all that the scene plays; none if not given.
     pub equaliser: Option<EqualiserDescription>,
 }
 
@@ -118,24 +119,23 @@ pub struct RegionDescription {
     pub end_mm: f32,
 }
 
-/// The equaliser: a response to invert, or sections as they are.
+/// The equaliser: sections as they are.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct EqualiserDescription {
-    /// File of the actuator's response, relative to the scene's.
-    pub response: Option<PathBuf>,
-    /// Largest gain at any frequency, dB.
-    pub max_gain_db: Option<f64>,
-    /// Largest number of sections for the response.
-    pub max_sections: Option<usize>,
-    /// Lower edge of the equalised band, Hz; the response's lowest frequency if not given.
-    pub lowest_hz: Option<f64>,
-    /// Upper edge of the equalised band, Hz; the response's highest frequency, or the highest that the sample rate
-    /// allows, if not given.
-    pub highest_hz: Option<f64>,
+    /// No key any more: it is refused with the remedy.
+    #[serde(default, deserialize_with = "superseded")]
+    pub response: Option<Infallible>,
     /// Sections of the cascade, in order.
     #[serde(default, rename = "section")]
     pub sections: Vec<SectionDescription>,
+}
+
+fn superseded<'de, D: Deserializer<'de>, T>(_: D) -> std::result::Result<T, D::Error> {
+    Err(serde::de::Error::custom(
+        "a scene undoes no response any more: `stylus calibrate --response` measures the actuator, and corrects all \
+         that is played; remove it",
+    ))
 }
 
 /// A section of the equaliser.

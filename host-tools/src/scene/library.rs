@@ -103,6 +103,5 @@ pub fn scene_named(
     Ok(CompiledScene {
         surface_names: surface_names(&scene, library),
         scene,
-        design: None,
     })
 }

@@ -47,9 +47,11 @@
 //! start_mm = 40
 //! end_mm = 80
 //!
-//! [equaliser]                          # the inverse of a measured response, or [[equaliser.section]]s
-//! response = "coil.csv"                # beside this file: frequency_hz,magnitude_db
-//! max_gain_db = 12
+//! [[equaliser.section]]                # of all that the scene plays
+//! kind = "low-shelf"                   # or "peaking", "high-shelf"
+//! frequency_hz = 80
+//! q = 0.7
+//! gain_db = 3
 //! ```
 //! `[constant_motion]` with `speed_mm_s` and `force_n` plays the textures at that motion while there is contact. The
 //! default of `sample_rate_hz` is 5000.
@@ -58,7 +60,6 @@ mod compile;
 mod cost;
 mod description;
 mod library;
-mod response;
 pub mod tap;
 
 pub use compile::CompiledScene;
@@ -70,4 +71,3 @@ pub use description::{
     SurfaceDescription,
 };
 pub use library::{parts, scene_named, surface_names, texture_spec, with_scenes};
-pub use response::read_response;

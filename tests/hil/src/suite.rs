@@ -47,7 +47,6 @@ fn subjects(bench: &mut Bench, played: &Played) -> Result<()> {
     let Played { bytes, selections } = played;
     let (_, scene) = selections.last().expect("there are scenes");
     subject(bench, "self test", self_test::check)?;
-    subject(bench, "settings", checks::settings::check)?;
     subject(bench, "upload", |bench| checks::upload::check(bench, bytes))?;
     subject(bench, "play", |bench| playing::check(bench, scene))?;
     subject(bench, "endurance", |bench| endurance::check(bench, bytes))?;

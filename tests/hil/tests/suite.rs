@@ -7,7 +7,7 @@ use std::time::Duration;
 use fake_stylus::{FakeStylus, Faults, Hand};
 use hil::bench::{Bench, Lengths};
 use hil::board::Board;
-use hil::checks::{cycles, endurance, playing, self_test, settings, upload};
+use hil::checks::{cycles, endurance, faults, playing, self_test, upload};
 use hil::library::{Played, played};
 use hil::report::Verdict;
 use hil::suite::{Kept, run};
@@ -89,16 +89,16 @@ fn a_healthy_device_passes_and_is_left_silent_with_its_own_settings() {
 fn without_a_probe_resets_and_faults_are_left_out_with_the_reason() {
     let stylus = FakeStylus::start();
     let mut bench = bench(&stylus);
-    settings::check(&mut bench).expect("the device answers");
-    let left_out = bench
-        .report
-        .lines
-        .iter()
-        .filter(|line| line.verdict == Verdict::LeftOut);
-    let left_out: Vec<_> = left_out.collect();
-    assert_eq!(left_out.len(), 1);
-    assert_eq!(left_out[0].name, "settings survive a reset");
-    assert!(left_out[0].value.contains("--flash"), "{}", left_out[0]);
+    faults::check(&mut bench).expect("the device answers");
+    let [left_out] = bench.report.lines.as_slice() else {
+        panic!("{:?}", bench.report.lines);
+    };
+    assert_eq!(left_out.verdict, Verdict::LeftOut);
+    assert_eq!(
+        left_out.name,
+        "every fault ends in silence, a reset and its reason"
+    );
+    assert!(left_out.value.contains("--flash"), "{left_out}");
 }
 
 /// Checks that `check`, on a device with the suite's library and then `faults`, fails in this test alone.

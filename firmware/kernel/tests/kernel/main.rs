@@ -1,6 +1,8 @@
 //! Promises of the kernel for every texture and motion, tested through its public interface only.
 
 mod blocks;
+#[cfg(feature = "direct-form")]
+mod direct_form;
 mod fed;
 mod fed_lattice;
 mod fed_scene;
@@ -19,5 +21,3 @@ mod silence;
 mod start;
 mod synthesis;
 mod theta;
-#[cfg(feature = "variants")]
-mod variants;

@@ -1,10 +1,8 @@
 //! `stylus scene check`
 
-use host_tools::dsp::equaliser;
 use host_tools::scene::{CompiledScene, CostReport, Situation};
 use host_tools::support::error::{Error, Result};
 use model_format::scene::MotionOfScene;
-use serde::Serialize;
 use stylus_kernel::scene::cost;
 
 use super::render::Source;
@@ -24,15 +22,6 @@ pub struct Arguments {
     json: bool,
 }
 
-/// The result of a check as JSON.
-#[derive(Serialize)]
-struct Checked<'a> {
-    #[serde(flatten)]
-    cost: &'a CostReport,
-    /// Design of the equaliser; none without a response.
-    equaliser: Option<&'a equaliser::Design>,
-}
-
 pub fn run(arguments: &Arguments) -> Result<()> {
     let path = arguments.source.library_path()?;
     let bytes = read_library(path)?;
@@ -45,10 +34,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         arguments.budget,
     )?;
     if arguments.json {
-        print_json(&Checked {
-            cost: &report,
-            equaliser: compiled.design.as_ref(),
-        })?;
+        print_json(&report)?;
     } else {
         print(&text(&compiled, &report))?;
     }
@@ -102,27 +88,6 @@ fn counted(count: usize, what: &str) -> String {
     format!("{count} {what}{plural}")
 }
 
-/// Lines about an equaliser: its band, and the deviations from flat before and after.
-pub fn equaliser_text(design: &equaliser::Design) -> String {
-    let [low_hz, high_hz] = design.band_hz;
-    let deviation = |deviation: &equaliser::Deviation| {
-        format!(
-            "{:.2} dB RMS, {:.1} dB at most",
-            deviation.rms_db, deviation.largest_db
-        )
-    };
-    format!(
-        "equaliser from {low_hz:.0} to {high_hz:.0} Hz, highest gain {:.1} dB\n  \
-         deviation before    {}\n  \
-         deviation after     {}\n  \
-         due to the limit    {}",
-        design.max_gain_db,
-        deviation(&design.before),
-        deviation(&design.after),
-        deviation(&design.limit_leaves)
-    )
-}
-
 fn text(compiled: &CompiledScene, report: &CostReport) -> String {
     let row = |situation: &Situation| {
         vec![
@@ -134,23 +99,6 @@ fn text(compiled: &CompiledScene, report: &CostReport) -> String {
     let mut rows: Vec<Vec<String>> = report.typical.iter().map(row).collect();
     rows.push(row(&report.worst_case));
     let mut lines = vec![headline(compiled)];
-    if let Some(design) = &compiled.design {
-        lines.push(equaliser_text(design));
-        lines.push(String::new());
-        let sections: Vec<Vec<String>> = design
-            .sections
-            .iter()
-            .map(|section| {
-                vec![
-                    section.kind.to_string(),
-                    format!("{:.1}", section.frequency_hz),
-                    format!("{:.2}", section.q),
-                    format!("{:+.2}", section.gain_db),
-                ]
-            })
-            .collect();
-        lines.push(table(&["section", "Hz", "Q", "dB"], &sections));
-    }
     lines.push(String::new());
     let header = ["situation", "instructions", "arithmetic"];
     lines.push(table(&header, &rows));

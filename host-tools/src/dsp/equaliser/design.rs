@@ -1,20 +1,24 @@
 //! Fit of sections to the inverse of a response.
 
 use model_format::scene::Biquad;
-use model_format::scene::limits::{MAX_EQUALISER_GAIN, MAX_RESPONSE_SECTIONS, MAX_SECTIONS};
+use model_format::scene::limits::{MAX_EQUALISER_GAIN, MAX_RESPONSE_SECTIONS};
 use nalgebra::{DMatrix, DVector};
-use serde::Serialize;
 
-use super::{Fault, MAX_SECTION_GAIN_DB, Response, Section, SectionKind, stored_level_db};
+use super::{
+    MAX_SECTION_GAIN_DB, Response, ResponseFault, Section, SectionKind, cascade_db, stored_level_db,
+};
 
-/// Default of the limit on the gain, dB.
-pub const DEFAULT_MAX_GAIN_DB: f64 = 12.0;
+/// Largest gain of a calibration's equaliser where nobody asks for another, dB.
+pub const CALIBRATION_GAIN_DB: f64 = 20.0;
+
+/// Band that is corrected, Hz: a little more than that from 30 to 800 Hz which has to be flat.
+const BAND_HZ: [f64; 2] = [22.0, 950.0];
+
+/// Least ratio of the band's edges.
+const LEAST_RATIO: f64 = 1.5;
 
 /// Number of frequencies at which the level is fitted.
 const POINTS: usize = 200;
-
-/// Highest frequency of a section, as a share of the sample rate.
-const HIGHEST_SHARE: f64 = 0.45;
 
 /// Least reduction of the RMS deviation by one more section, dB, because each section costs instructions in every tick.
 const LEAST_REDUCTION_PER_SECTION_DB: f64 = 0.05;
@@ -28,90 +32,41 @@ const PEAKING_QS: [f64; 2] = [0.3, 12.0];
 /// Quality factors of fitted shelves. Above 1, a shelf overshoots.
 const SHELF_QS: [f64; 2] = [0.3, 1.0];
 
-/// Requirements on an equaliser.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Request {
-    /// Largest gain at any frequency, dB.
-    pub max_gain_db: f64,
-    /// Largest number of sections.
-    pub max_sections: usize,
-    /// Lower edge of the band, Hz; the response's lowest frequency if none.
-    pub lowest_hz: Option<f64>,
-    /// Upper edge of the band, Hz; the response's highest frequency, or the highest that the sample rate allows, if
-    /// none.
-    pub highest_hz: Option<f64>,
-}
-
-impl Request {
-    /// The request of a calibration that corrects an actuator: a little more than the band from 30 to 800 Hz that has
-    /// to be flat.
-    pub const fn of_actuator(max_gain_db: f64) -> Self {
-        Self {
-            max_gain_db,
-            max_sections: MAX_RESPONSE_SECTIONS,
-            lowest_hz: Some(22.0),
-            highest_hz: Some(950.0),
-        }
-    }
-}
-
-/// Largest gain of a calibration's equaliser where nobody asks for another, dB.
-pub const CALIBRATION_GAIN_DB: f64 = 20.0;
-
 /// A fitted equaliser.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Design {
     /// The sections in ascending order of gain, so that no level between them saturates.
     pub sections: Vec<Section>,
     /// The stored forms of the sections.
-    #[serde(skip)]
     pub biquads: Vec<Biquad>,
-    /// Edges of the equalised band, Hz.
-    pub band_hz: [f64; 2],
-    /// Mean level of the response over the band, dB.
-    pub mean_level_db: f64,
     /// Largest gain at any frequency, dB.
     pub max_gain_db: f64,
-    /// Deviation of the response from flat.
-    pub before: Deviation,
-    /// Deviation of response and stored equaliser together from flat.
-    pub after: Deviation,
-    /// Deviation that the limit on the gain alone would leave.
-    pub limit_leaves: Deviation,
 }
 
-/// Deviation of a level from its mean over the band, with even weight over the logarithm of the frequency.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Deviation {
-    /// Root mean square, dB.
-    pub rms_db: f64,
-    /// Largest magnitude, dB.
-    pub largest_db: f64,
-}
-
-impl Deviation {
-    fn of(levels_db: &[f64]) -> Self {
-        let mean = mean(levels_db);
-        let off = levels_db.iter().map(|level| level - mean);
-        let square: f64 = off.clone().map(|off| off * off).sum();
-        Self {
-            rms_db: (square / levels_db.len() as f64).sqrt(),
-            largest_db: off.fold(0.0, |largest, off| largest.max(off.abs())),
-        }
-    }
-}
-
-fn mean(values: &[f64]) -> f64 {
-    values.iter().sum::<f64>() / values.len() as f64
-}
-
-/// Fits the equaliser that inverts `response` at the sample rate `rate_hz`.
+/// Fits the equaliser that inverts `response` at the sample rate `rate_hz`, over the part of 22 to 950 Hz that the
+/// response has, with a gain of at most `max_gain_db` at any frequency.
 ///
 /// # Errors
-/// A limit, a count or a band out of its range.
-pub fn design(response: &Response, rate_hz: f64, request: &Request) -> Result<Design, Fault> {
-    let band_hz = check(response, rate_hz, request)?;
-    let [low, high] = band_hz.map(f64::ln);
+/// A limit on the gain that the format has not, or a response of too little of the band.
+pub fn design(
+    response: &Response,
+    rate_hz: f64,
+    max_gain_db: f64,
+) -> Result<Design, ResponseFault> {
+    let most_db = 20.0 * MAX_EQUALISER_GAIN.log10();
+    if !(0.0..=most_db).contains(&max_gain_db) {
+        return Err(ResponseFault::Gain {
+            max_gain_db,
+            most_db,
+        });
+    }
+    let points = response.points();
+    let low_hz = BAND_HZ[0].max(points[0].0);
+    let high_hz = BAND_HZ[1].min(points[points.len() - 1].0);
+    if high_hz < LEAST_RATIO * low_hz {
+        return Err(ResponseFault::Band { low_hz, high_hz });
+    }
+    let [low, high] = [low_hz, high_hz].map(f64::ln);
     let frequencies: Vec<f64> = (0..POINTS)
         .map(|n| (low + (high - low) * n as f64 / (POINTS - 1) as f64).exp())
         .collect();
@@ -119,101 +74,27 @@ pub fn design(response: &Response, rate_hz: f64, request: &Request) -> Result<De
         .iter()
         .map(|&hz| response.level_db(hz))
         .collect();
-    let mean_level_db = mean(&levels);
-    let off: Vec<f64> = levels.iter().map(|level| level - mean_level_db).collect();
-    let target: Vec<f64> = off
+    let mean_db = levels.iter().sum::<f64>() / POINTS as f64;
+    let target: Vec<f64> = levels
         .iter()
-        .map(|off| (-off).clamp(-MAX_SECTION_GAIN_DB, request.max_gain_db))
+        .map(|level_db| (mean_db - level_db).clamp(-MAX_SECTION_GAIN_DB, max_gain_db))
         .collect();
     let fit = Fit {
         rate_hz,
-        band_hz,
+        band_hz: [low_hz, high_hz],
         frequencies: &frequencies,
         target: &target,
     };
-    let mut sections = fit.sections(request.max_sections);
+    let mut sections = fit.sections(MAX_RESPONSE_SECTIONS);
     // Ascending gains, so that the partial products of the cascade stay low.
     sections.sort_by(|a, b| a.gain_db.total_cmp(&b.gain_db));
-    let (sections, biquads) = within_limits(&sections, rate_hz, request.max_gain_db);
-    let of_all = |frequency_hz: f64| -> f64 {
-        let share = frequency_hz / rate_hz;
-        biquads
-            .iter()
-            .map(|section| stored_level_db(section, share))
-            .sum()
-    };
-    let together: Vec<f64> = (frequencies.iter().zip(&off))
-        .map(|(&frequency_hz, off)| off + of_all(frequency_hz))
-        .collect();
-    let limited: Vec<f64> = off
-        .iter()
-        .zip(&target)
-        .map(|(off, gain)| off + gain)
-        .collect();
+    let (sections, biquads) = within_limits(&sections, rate_hz, max_gain_db);
+    let gains_db = everywhere(rate_hz).map(|hz| cascade_db(&biquads, rate_hz, hz));
     Ok(Design {
-        band_hz,
-        mean_level_db,
-        max_gain_db: everywhere(rate_hz)
-            .map(&of_all)
-            .fold(f64::NEG_INFINITY, f64::max),
-        before: Deviation::of(&off),
-        after: Deviation::of(&together),
-        limit_leaves: Deviation::of(&limited),
+        max_gain_db: gains_db.fold(f64::NEG_INFINITY, f64::max),
         sections,
         biquads,
     })
-}
-
-fn check(response: &Response, rate_hz: f64, request: &Request) -> Result<[f64; 2], Fault> {
-    let highest_gain_db = 20.0 * MAX_EQUALISER_GAIN.log10();
-    if !(0.0..=highest_gain_db).contains(&request.max_gain_db) {
-        let problem = format!(
-            "is {}; it must be 0 to {highest_gain_db:.1}",
-            request.max_gain_db
-        );
-        return Err(Fault::new("max_gain_db", problem));
-    }
-    if !(1..=MAX_SECTIONS).contains(&request.max_sections) {
-        let problem = format!(
-            "is {}; it must be 1 to {MAX_SECTIONS}",
-            request.max_sections
-        );
-        return Err(Fault::new("max_sections", problem));
-    }
-    let points = response.points();
-    let (first, last) = (points[0].0, points[points.len() - 1].0);
-    let most = HIGHEST_SHARE * rate_hz;
-    let low = request.lowest_hz.unwrap_or(first.max(0.001 * rate_hz));
-    let high = request.highest_hz.unwrap_or(last.min(most));
-    let known = first..=last;
-    if request.lowest_hz.is_some() && !(known.contains(&low) && low >= 0.0002 * rate_hz) {
-        let problem = format!(
-            "is {low}; it must be within the response, {first} to {last} Hz, and at a sample rate of {rate_hz} Hz at \
-             least {} Hz",
-            0.0002 * rate_hz
-        );
-        return Err(Fault::new("lowest_hz", problem));
-    }
-    if request.highest_hz.is_some() && !(known.contains(&high) && high <= most) {
-        let problem = format!(
-            "is {high}; it must be within the response, {first} to {last} Hz, and at a sample rate of {rate_hz} Hz at \
-             most {most} Hz"
-        );
-        return Err(Fault::new("highest_hz", problem));
-    }
-    if high < 1.5 * low {
-        let key = if request.highest_hz.is_some() {
-            "highest_hz"
-        } else if request.lowest_hz.is_some() {
-            "lowest_hz"
-        } else {
-            "response"
-        };
-        let problem =
-            format!("leaves a band from {low} to {high} Hz; it must span a factor of 1.5");
-        return Err(Fault::new(key, problem));
-    }
-    Ok([low, high])
 }
 
 /// The sections with all gains scaled down until the limits hold, and their stored forms.

@@ -7,7 +7,7 @@
 //!
 //! **Level.** The equaliser inverts the deviation from the response's mean level in dB over the band, so that the whole
 //! is neither louder nor softer than necessary. No frequency is boosted by more than the limit. If the response is
-//! further below its mean than the limit, some deviation remains; it is reported separately from the error of the fit.
+//! further below its mean than the limit, some deviation remains.
 
 mod design;
 mod response;
@@ -17,10 +17,10 @@ mod tests;
 use std::f64::consts::TAU;
 
 use biquad::{Coefficients, Hertz, Type};
-pub use design::{CALIBRATION_GAIN_DB, DEFAULT_MAX_GAIN_DB, Design, Deviation, Request, design};
+pub use design::{CALIBRATION_GAIN_DB, Design, design};
 use model_format::scene::Biquad;
 pub use response::{Response, ResponseFault};
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 
 /// A value out of its range, with its key in a scene's text.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -51,7 +51,7 @@ const QS: [f64; 2] = [0.1, 50.0];
 const MAX_SECTION_GAIN_DB: f64 = 24.0;
 
 /// Effect of a section around its frequency.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum SectionKind {
     /// Raises or lowers the level near it.
@@ -62,18 +62,8 @@ pub enum SectionKind {
     HighShelf,
 }
 
-impl std::fmt::Display for SectionKind {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
-            Self::Peaking => "peaking",
-            Self::LowShelf => "low-shelf",
-            Self::HighShelf => "high-shelf",
-        })
-    }
-}
-
 /// A section of the equaliser.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Section {
     /// Effect around its frequency.
     pub kind: SectionKind,

@@ -54,7 +54,7 @@ impl Response {
     }
 }
 
-/// Reason for which points are no response.
+/// Reason for which points are no response, or a response that no equaliser is designed for.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum ResponseFault {
     /// A frequency that does not ascend, or a value that is not finite.
@@ -66,6 +66,22 @@ pub enum ResponseFault {
         hz: f64,
         /// Frequency before it.
         before_hz: f64,
+    },
+    /// A limit on the gain that the format has not.
+    #[error("the limit on the gain is {max_gain_db} dB; it must be 0 to {most_db:.1}")]
+    Gain {
+        /// The limit, dB.
+        max_gain_db: f64,
+        /// Largest one, dB.
+        most_db: f64,
+    },
+    /// Too little of the band.
+    #[error("has {low_hz} to {high_hz} Hz of the band; at least a factor of 1.5 is needed")]
+    Band {
+        /// Lower edge of what it has, Hz.
+        low_hz: f64,
+        /// Upper edge, Hz.
+        high_hz: f64,
     },
     /// So many points.
     #[error("has the response at {0} frequencies; at least {FEWEST_POINTS} are needed")]

@@ -79,16 +79,13 @@ pub fn of_order(case: &Case, order: usize) -> Case {
 /// A lattice that makes no library, which none does.
 pub fn play(case: &Case, structure: Structure) -> Result<Verdict> {
     let mut case = case.clone();
-    // Its signals have other scales than a normalised lattice's: of the two-multiplier lattice, scales that change with
-    // the coefficients.
-    if structure.is_direct() || structure == Structure::TwoMultiplierLattice32 && !case.is_still() {
-        case.with_reference = false;
-    }
+    // The reference is a lattice: a direct form's signals have other scales.
+    case.with_reference &= !structure.is_direct();
     let played = stress::play_with(&case, |texture| player_of(structure, texture).ok())?;
     let Some(mut outcome) = played else {
         return Ok(Verdict::Refused);
     };
-    if !structure.is_shipped() {
+    if structure.is_direct() {
         // A state that grows by a little is not worth a word.
         for rest in [
             &mut outcome.stopped,

@@ -1,8 +1,8 @@
 //! Accuracy against time: every structure, order and update interval, with its error and its cycles, and the Pareto
 //! front of both.
 //!
-//! **At rest** ([`still`]): the nodes of textures, played by the kernel and its variants, against recordings that the
-//! fit has not seen. **In motion** ([`moving`]): a hand that rubs over the grid, against float64 at every sample.
+//! **At rest** ([`still`]): the nodes of textures, played by the kernel and by direct forms, against recordings that
+//! the fit has not seen. **In motion** ([`moving`]): a hand that rubs over the grid, against float64 at every sample.
 //! **Hard cases** ([`hard`]): those of `stylus stress`, with models cut to the order. **Time** ([`costs`]):
 //! instructions counted on QEMU, and cycles of llvm-mca's model of the device's Cortex-M7, of the kept table.
 //!

@@ -1,23 +1,18 @@
-//! The variants with their state laid open, for the hard cases.
+//! The compared structures with their state laid open, for the hard cases.
 
 use model_format::limits::MAX_ORDER;
 use model_format::{OutputSample, Texture};
 use stylus_kernel::Motion;
-use stylus_kernel::excitation::Excitation;
-use stylus_kernel::grid::GridPoint;
-use stylus_kernel::lattice::LatticeFrame;
-use stylus_kernel::rotation::Rotation;
-use stylus_kernel::variants::direct::{
+use stylus_kernel::direct_form::{
     CODE_SUM_LIMIT, COEFFICIENT_FRACTION_BITS, DirectFrame, DirectState, MAX_EXPONENT,
 };
-use stylus_kernel::variants::normalised16::{Lattice16Frame, Lattice16State};
-use stylus_kernel::variants::two_multiplier::{self, TwoMultiplierFrame, TwoMultiplierState};
+use stylus_kernel::excitation::Excitation;
+use stylus_kernel::grid::GridPoint;
 
 use stylus_costs::Structure;
 
 use crate::dsp::linear_prediction::{step_down, step_up};
-use crate::evaluation::stress::player::{ENDS, Player, any_at, energy, full_scale, player};
-use crate::playing::wavefront::Wavefront;
+use crate::evaluation::stress::player::{Player, any_at_end, energy, full_scale, player};
 use crate::texture::quantise::reflection;
 
 /// A texture that a direct form cannot hold.
@@ -35,7 +30,7 @@ pub(super) fn predictors(
     let bits = match structure {
         Structure::DirectForm16 => 16,
         Structure::DirectForm32 => 32,
-        _ => return Ok(None),
+        Structure::NormalisedLattice32 => return Ok(None),
     };
     Predictors::of(texture, bits).map(Some).ok_or(NotHeld)
 }
@@ -45,128 +40,20 @@ pub(super) fn predictors(
 /// # Errors
 /// A direct form cannot hold the texture.
 pub fn player_of(structure: Structure, texture: &Texture<'_>) -> Result<Box<dyn Player>, NotHeld> {
-    let stages = texture.max_order();
-    if let Some(predictors) = predictors(structure, texture)? {
-        return Ok(Box::new(Direct {
+    Ok(match predictors(structure, texture)? {
+        Some(predictors) => Box::new(Direct {
             frame: DirectFrame::silent(texture, predictors.exponent()),
             state: DirectState::new(),
             predictors,
-        }));
-    }
-    Ok(match structure {
-        Structure::TwoMultiplierLattice32 => Box::new(TwoMultiplier {
-            exact: LatticeFrame::silent(stages),
-            frame: TwoMultiplierFrame::silent(stages),
-            state: TwoMultiplierState::new(),
-            stages,
         }),
-        Structure::NormalisedLattice16 => Box::new(Lattice16 {
-            exact: LatticeFrame::silent(stages),
-            frame: Lattice16Frame::silent(stages),
-            state: Lattice16State::new(),
-            stages,
-        }),
-        _ => player(texture),
+        None => player(texture),
     })
-}
-
-struct TwoMultiplier {
-    /// Frame of the float64 filter: θ as it is stored.
-    exact: LatticeFrame,
-    frame: TwoMultiplierFrame,
-    state: TwoMultiplierState,
-    stages: usize,
 }
 
 struct Direct {
     frame: DirectFrame,
     state: DirectState,
     predictors: Predictors,
-}
-
-struct Lattice16 {
-    /// Frame of the float64 filter: θ as it is stored.
-    exact: LatticeFrame,
-    frame: Lattice16Frame,
-    state: Lattice16State,
-    stages: usize,
-}
-
-impl Player for TwoMultiplier {
-    fn follow(&mut self, texture: &Texture<'_>, motion: Motion, left: u32, samples: u32) {
-        let point = GridPoint::locate(texture, motion);
-        self.frame
-            .update(texture, &point, self.frame.levels(left), samples);
-    }
-
-    fn sample(&mut self, excitation: i32, left: u32) -> (OutputSample, bool) {
-        self.state.next_sample(&self.frame, excitation, left)
-    }
-
-    /// Its full scale is 2²⁹, and it is kept doubled.
-    fn newest(&self) -> i32 {
-        self.state.doubled(1)[0].saturating_mul(1 << (31 - two_multiplier::FULL_SCALE_BITS - 1))
-    }
-
-    fn energy(&self) -> u128 {
-        energy(self.state.doubled(self.stages).iter().copied())
-    }
-
-    fn is_at_full_scale(&self) -> bool {
-        const FULL_SCALE: i32 = 2 << two_multiplier::FULL_SCALE_BITS;
-        let signals = self.state.doubled(self.stages).iter().copied();
-        any_at(signals, (-FULL_SCALE, FULL_SCALE - 2))
-    }
-
-    fn glitch(&mut self, noise: &mut Excitation) {
-        let state = std::array::from_fn::<_, MAX_ORDER, _>(|_| full_scale(noise, ENDS));
-        self.state = TwoMultiplierState::from_backward(state);
-    }
-
-    fn rotations(&mut self, texture: &Texture<'_>, point: &GridPoint) -> &[Rotation] {
-        let from = self.exact.levels(0);
-        self.exact.update::<Wavefront>(texture, point, from, 1);
-        self.exact.rotations()
-    }
-}
-
-impl Player for Lattice16 {
-    fn follow(&mut self, texture: &Texture<'_>, motion: Motion, left: u32, samples: u32) {
-        let point = GridPoint::locate(texture, motion);
-        self.frame
-            .update(texture, &point, self.frame.levels(left), samples);
-    }
-
-    fn sample(&mut self, excitation: i32, left: u32) -> (OutputSample, bool) {
-        self.state.next_sample(&self.frame, excitation, left)
-    }
-
-    fn newest(&self) -> i32 {
-        i32::from(self.state.backward(1)[0]) << 16
-    }
-
-    fn energy(&self) -> u128 {
-        let signals = self.state.backward(self.stages).iter();
-        energy(signals.map(|&signal| i32::from(signal)))
-    }
-
-    fn is_at_full_scale(&self) -> bool {
-        let signals = self.state.backward(self.stages).iter();
-        let ends = (i32::from(i16::MIN), i32::from(i16::MAX));
-        any_at(signals.map(|&signal| i32::from(signal)), ends)
-    }
-
-    fn glitch(&mut self, noise: &mut Excitation) {
-        let ends = (i16::MIN, i16::MAX);
-        let state = std::array::from_fn::<_, MAX_ORDER, _>(|_| full_scale(noise, ends));
-        self.state = Lattice16State::from_backward(state);
-    }
-
-    fn rotations(&mut self, texture: &Texture<'_>, point: &GridPoint) -> &[Rotation] {
-        let from = self.exact.levels(0);
-        self.exact.update::<Wavefront>(texture, point, from, 1);
-        self.exact.rotations()
-    }
 }
 
 impl Player for Direct {
@@ -189,11 +76,11 @@ impl Player for Direct {
     }
 
     fn is_at_full_scale(&self) -> bool {
-        any_at(self.state.history().iter().copied(), ENDS)
+        any_at_end(self.state.history().iter().copied())
     }
 
     fn glitch(&mut self, noise: &mut Excitation) {
-        let history = std::array::from_fn::<_, MAX_ORDER, _>(|_| full_scale(noise, ENDS));
+        let history = std::array::from_fn::<_, MAX_ORDER, _>(|_| full_scale(noise));
         self.state = DirectState::from_history(&history);
     }
 

@@ -7,33 +7,26 @@ use stylus_costs::Structure;
 use stylus_kernel::Motion;
 use stylus_kernel::excitation::Excitation;
 use stylus_kernel::rotation::Rotation;
-use stylus_kernel::variants::normalised16::Rotation16;
 
 use super::players::{NotHeld, player_of};
 use crate::evaluation::stress::player::Player;
 use crate::texture::theta::{StoredTheta, bytes_per_node};
 
 /// The structures in the order of reports.
-pub const STRUCTURES: [Structure; 5] = [
+pub const STRUCTURES: [Structure; 3] = [
     Structure::DirectForm16,
     Structure::DirectForm32,
-    Structure::TwoMultiplierLattice32,
-    Structure::NormalisedLattice16,
     Structure::NormalisedLattice32,
 ];
 
 /// Bytes of flash that a node's coefficients take: of a lattice in the smallest form that `fit` stores, of a direct
 /// form in its own words.
 pub(super) fn library_bytes_per_node(structure: Structure, order: usize) -> usize {
-    match structure {
+    let theta = match structure {
         Structure::DirectForm16 => return order * size_of::<i16>(),
         Structure::DirectForm32 => return order * size_of::<i32>(),
-        _ => {}
-    }
-    let theta = if order > limits::MAX_FINE_STAGES {
-        StoredTheta::Compact
-    } else {
-        StoredTheta::Fine
+        Structure::NormalisedLattice32 if order > limits::MAX_FINE_STAGES => StoredTheta::Compact,
+        Structure::NormalisedLattice32 => StoredTheta::Fine,
     };
     bytes_per_node(theta, order, order)
 }
@@ -41,16 +34,11 @@ pub(super) fn library_bytes_per_node(structure: Structure, order: usize) -> usiz
 /// Bytes of RAM for the coefficients of two frames, one played and one in the making, and for the state.
 pub(super) fn ram_bytes(structure: Structure, order: usize) -> usize {
     const FRAMES: usize = 2;
-    let lattice = |stage: usize, signal: usize| FRAMES * order * stage + (order + 1) * signal;
-    match structure {
+    if structure.is_direct() {
         // The history is written twice so that it never wraps.
-        Structure::DirectForm16 | Structure::DirectForm32 => {
-            (FRAMES + 2) * order * size_of::<i32>()
-        }
-        Structure::TwoMultiplierLattice32 => lattice(size_of::<i32>(), size_of::<i32>()),
-        Structure::NormalisedLattice16 => lattice(size_of::<Rotation16>(), size_of::<i16>()),
-        Structure::NormalisedLattice32 => lattice(size_of::<Rotation>(), size_of::<i32>()),
+        return (FRAMES + 2) * order * size_of::<i32>();
     }
+    FRAMES * order * size_of::<Rotation>() + (order + 1) * size_of::<i32>()
 }
 
 /// A texture being played by a structure, from rest; a seed gives the same noise in all of them.
@@ -100,44 +88,5 @@ impl<'a> Voice<'a> {
     /// Returns the number of samples at full scale.
     pub fn saturations(&self) -> u32 {
         self.saturations
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::evaluation::stress::models::{fixtures, library};
-    use model_format::{Library, MillimetresPerSecond, Newton};
-
-    /// The same models and the same noise.
-    #[test]
-    fn all_structures_play_the_same_to_within_their_words() {
-        let models = fixtures();
-        let nodes: Vec<_> = [0, 1, 3, 0].map(|index| (&models[index], 4.0)).to_vec();
-        let bytes = library(&nodes).unwrap();
-        let library = Library::decode(&bytes).unwrap();
-        let texture = library.textures().next().unwrap();
-        let play = |structure| {
-            let mut voice = Voice::new(structure, texture, 7).unwrap();
-            let mut signal = Vec::new();
-            for n in (0..5000u16).step_by(10) {
-                let speed = MillimetresPerSecond(150.0 + f32::from(n) / 100.0);
-                voice.follow(Motion::new(speed, Newton(0.7)).unwrap(), 10);
-                voice.play(10, &mut signal);
-            }
-            signal
-        };
-        let exact = play(Structure::NormalisedLattice32);
-        let power: f64 = exact.iter().map(|x| x * x).sum();
-        for (structure, least_db) in [
-            (Structure::TwoMultiplierLattice32, 40.0),
-            (Structure::NormalisedLattice16, 40.0),
-        ] {
-            let other = play(structure);
-            let error: f64 = exact.iter().zip(other).map(|(a, b)| (a - b).powi(2)).sum();
-            let snr_db = 10.0 * (power / error).log10();
-            println!("{structure}: {snr_db:.1} dB");
-            assert!(snr_db > least_db, "{structure}: {snr_db} dB");
-        }
     }
 }

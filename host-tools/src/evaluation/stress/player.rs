@@ -30,9 +30,8 @@ pub trait Player {
     fn settles(&self) -> bool {
         true
     }
-    /// The rotations of a lattice at `point`, the motion that it took over last. A variant computes them here, because
-    /// it plays others itself.
-    fn rotations(&mut self, _texture: &Texture<'_>, _point: &GridPoint) -> &[Rotation] {
+    /// The rotations of a lattice at the motion that it took over last.
+    fn rotations(&self) -> &[Rotation] {
         &[]
     }
 }
@@ -63,15 +62,12 @@ pub fn energy(signals: impl Iterator<Item = i32>) -> u128 {
     u128::from(low) + (u128::from(high) << 32)
 }
 
-/// Returns whether any of `signals` is one of the two ends of its range. It looks at all of them, which is quicker than
-/// to stop at the first.
-pub fn any_at(signals: impl Iterator<Item = i32>, (low, high): (i32, i32)) -> bool {
-    let ends = signals.map(|signal| u32::from(signal <= low) + u32::from(signal >= high));
+/// Returns whether any of `signals` is at full scale. It looks at all of them, which is quicker than to stop at the
+/// first.
+pub fn any_at_end(signals: impl Iterator<Item = i32>) -> bool {
+    let ends = signals.map(|signal| u32::from(signal == i32::MIN || signal == i32::MAX));
     ends.sum::<u32>() > 0
 }
-
-/// Full scale, either sign.
-pub const ENDS: (i32, i32) = (i32::MIN, i32::MAX);
 
 impl Player for Lattice {
     fn follow(&mut self, texture: &Texture<'_>, motion: Motion, left: u32, samples: u32) {
@@ -95,21 +91,25 @@ impl Player for Lattice {
     }
 
     fn is_at_full_scale(&self) -> bool {
-        any_at(self.state.backward(self.stages).iter().copied(), ENDS)
+        any_at_end(self.state.backward(self.stages).iter().copied())
     }
 
     fn glitch(&mut self, noise: &mut Excitation) {
-        self.state = LatticeState::from_backward(std::array::from_fn(|_| full_scale(noise, ENDS)));
+        self.state = LatticeState::from_backward(std::array::from_fn(|_| full_scale(noise)));
     }
 
-    fn rotations(&mut self, _texture: &Texture<'_>, _point: &GridPoint) -> &[Rotation] {
+    fn rotations(&self) -> &[Rotation] {
         self.frame.rotations()
     }
 }
 
-/// One of two ends, by chance.
-pub fn full_scale<T>(noise: &mut Excitation, (low, high): (T, T)) -> T {
-    if noise.next_sample() < 0 { low } else { high }
+/// Full scale of either sign, by chance.
+pub fn full_scale(noise: &mut Excitation) -> i32 {
+    if noise.next_sample() < 0 {
+        i32::MIN
+    } else {
+        i32::MAX
+    }
 }
 
 #[cfg(test)]
@@ -154,7 +154,7 @@ mod tests {
             let exact: u128 = signals.iter().map(|&signal| u128::from(signal.unsigned_abs()).pow(2)).sum();
             prop_assert_eq!(energy(signals.iter().copied()), exact);
             let at_end = signals.iter().any(|&signal| signal == i32::MIN || signal == i32::MAX);
-            prop_assert_eq!(any_at(signals.iter().copied(), ENDS), at_end);
+            prop_assert_eq!(any_at_end(signals.iter().copied()), at_end);
         }
     }
 }

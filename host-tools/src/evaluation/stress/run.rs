@@ -132,7 +132,7 @@ impl<'a> Bench<'a> {
             if self.move_on() {
                 let motion = self.case.path.motion(self.sample - 1);
                 let point = GridPoint::locate(&self.texture, motion);
-                reference.rotate_by(self.player.rotations(&self.texture, &point));
+                reference.rotate_by(self.player.rotations());
                 gain = rms_m_s2(&self.texture, &point);
             }
             let excitation = (f64::from(self.noise.next_sample()) * drive) as i32;

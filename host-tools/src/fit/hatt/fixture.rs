@@ -1,4 +1,4 @@
-//! Made-up model files of HaTT's shape, and their spectra in closed form.
+//! Made-up model files of `HaTT`'s shape, and their spectra in closed form.
 //!
 //! The models are chosen by their line spectral frequencies; coefficients follow by multiplying out. Nothing here uses
 //! the code under test.

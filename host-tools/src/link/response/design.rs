@@ -6,7 +6,7 @@ use model_format::scene::Biquad;
 
 use super::identify::{BAND_HZ, Bounds, Options};
 use super::{Failure, Result, Verdict};
-use crate::dsp::equaliser::{self, Request, Response, cascade_db};
+use crate::dsp::equaliser::{self, Response, cascade_db};
 use crate::dsp::response::{Measured, db, ratio};
 
 /// Band that must be within the limits, Hz. Below and above it, what limits leave uncorrected is told.
@@ -87,14 +87,9 @@ pub(super) fn design(
         .map(|&(hz, level_db)| (hz, level_db.max(floor_db)))
         .collect();
     let floored = Response::new(floored).unwrap_or(measured.clone());
-    let asked = Request::of_actuator(options.max_gain_db);
-    let request = Request {
-        lowest_hz: asked.lowest_hz.map(|hz| hz.max(first)),
-        highest_hz: asked.highest_hz.map(|hz| hz.min(last)),
-        ..asked
-    };
     let of_rate = |rate: PlayRate| {
-        equaliser::design(&floored, rate.hz().into(), &request).map_err(|_| beyond(first, last))
+        let designed = equaliser::design(&floored, rate.hz().into(), options.max_gain_db);
+        designed.map_err(|_| beyond(first, last))
     };
     let [five, ten] = [of_rate(PlayRate::Hz5000)?, of_rate(PlayRate::Hz10000)?];
     let after = Flatness::of(band_hz, |hz| {

@@ -6,7 +6,7 @@ use model_format::scene::Biquad;
 use serde::Serialize;
 use stylus_plant::{Complex, Plant};
 
-use crate::dsp::equaliser::{CALIBRATION_GAIN_DB, Request, Response, design};
+use crate::dsp::equaliser::{CALIBRATION_GAIN_DB, Response, design};
 
 /// Distance of the response's frequencies, Hz: an impulse response of half a second.
 const STEP_HZ: f64 = 2.0;
@@ -41,11 +41,10 @@ impl TipData {
     pub fn of(name: &str, plant: &Plant) -> Self {
         let level_db = |hz: f64| (hz, 20.0 * plant.response(hz).norm().log10());
         let points = MEASURED_HZ.step_by(5).map(|hz| level_db(f64::from(hz)));
-        let request = Request::of_actuator(CALIBRATION_GAIN_DB);
         // A plant without a finite response is left as it is.
         let designed = Response::new(points.collect())
             .ok()
-            .and_then(|response| design(&response, RATE_HZ, &request).ok());
+            .and_then(|response| design(&response, RATE_HZ, CALIBRATION_GAIN_DB).ok());
         let sections = designed.map_or_else(Vec::new, |design| design.biquads);
         Self {
             name: name.to_owned(),

@@ -1,9 +1,9 @@
-//! Files that a fit takes: lists of trials, recordings as WAV and as CSV, and HaTT's model files.
+//! Files that a fit takes: lists of trials, recordings as WAV and as CSV, and `HaTT`'s model files.
 
 use std::fmt::Write;
 
 use host_tools::fit::hatt::import::{Options, plan, read_all};
-use host_tools::recording::{self, MAX_CHANNELS, MAX_FRAMES, RecordingSet, Samples, Trial};
+use host_tools::recording::{self, MAX_CHANNELS, MAX_FRAMES, RecordingSet, Samples, Snap, Trial};
 use host_tools::support::error::Error;
 use host_tools::support::hand::{MAX_FORCE_N, MAX_SPEED_MM_S};
 use model_format::{Provenance, SAMPLE_RATE_HZ};
@@ -40,7 +40,7 @@ pub fn list(input: &[u8]) {
         let again = RecordingSet::from_list(&list).expect("it was written from a list");
         assert_eq!(again, set);
     }
-    if let Ok((snapped, _)) = set.clone().snapped(0.05) {
+    if let Ok((snapped, _)) = set.clone().snapped(Snap::Within(0.05)) {
         for (before, after) in set.trials.iter().zip(&snapped.trials) {
             let moved = (before.speed_mm_s - after.speed_mm_s).abs();
             assert!(moved <= 0.05 * before.speed_mm_s.max(after.speed_mm_s) * (1.0 + 1e-9));
@@ -152,7 +152,12 @@ fn wav(axes: &[Vec<f64>]) -> Vec<u8> {
 /// Judges `input` as a model file.
 pub fn hatt(input: &[u8]) {
     let path = place::written("Models_fuzz.xml", input);
-    let sources = match read_all(std::slice::from_ref(&path)) {
+    let options = Options {
+        speeds: Some(2),
+        forces: Some(2),
+        ..Options::default()
+    };
+    let sources = match read_all(std::slice::from_ref(&path), &options) {
         Ok(sources) => sources,
         Err(error) => return place::check(&error, &path, input),
     };
@@ -167,11 +172,6 @@ pub fn hatt(input: &[u8]) {
     for model in &toolkit.models {
         assert!(model.speed_mm_s.is_finite() && model.force_n.is_finite());
     }
-    let options = Options {
-        speeds: Some(2),
-        forces: Some(2),
-        ..Options::default()
-    };
     // A grid that no slot holds is refused for all files together.
     match plan(&sources, &options) {
         Ok(_) | Err(Error::Request(_)) => {}

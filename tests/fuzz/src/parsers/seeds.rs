@@ -4,7 +4,7 @@ use std::error::Error;
 use std::path::Path;
 
 #[path = "../../../../host-tools/src/fit/hatt/fixture.rs"]
-#[allow(dead_code, missing_docs)]
+#[allow(missing_docs)]
 mod hatt;
 
 /// Seeds of a target: its name, and its inputs.

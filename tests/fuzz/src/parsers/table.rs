@@ -1,4 +1,4 @@
-//! Tables of motions, of a free hand, of responses, of answers and of planned trials.
+//! Tables of motions, of a free hand, of answers and of planned trials.
 
 use std::path::Path;
 
@@ -6,7 +6,6 @@ use host_tools::evaluation::listening::{Answers, score};
 use host_tools::link::set::PlannedTrial;
 use host_tools::playing::motion::MotionPath;
 use host_tools::recording::{RATES_HZ, freehand};
-use host_tools::scene::read_response;
 use host_tools::support::hand::{MAX_FORCE_N, MAX_SPEED_MM_S};
 
 use super::place;
@@ -17,15 +16,10 @@ pub fn judge(input: &[u8]) {
         return;
     };
     let path = place::written("table.csv", table);
-    let judged = match kind % 5 {
+    let judged = match kind % 4 {
         0 => motion(&path, table),
         1 => freehand::read(&path, None, 1.0).map(|hand| check_hand(&hand)),
-        2 => read_response(&path).map(|response| {
-            let points = response.points();
-            assert!(points.windows(2).all(|pair| pair[0].0 < pair[1].0));
-            assert!(response.level_db(100.0).is_finite());
-        }),
-        3 => Answers::read(&path).map(|answers| {
+        2 => Answers::read(&path).map(|answers| {
             for score in score(&[answers]).expect("one file has no copy") {
                 assert!((0.0..=1.0).contains(&score.proportion) && score.correct <= score.trials);
             }

@@ -6,5 +6,4 @@ pub mod endurance;
 pub mod faults;
 pub mod playing;
 pub mod self_test;
-pub mod settings;
 pub mod upload;

@@ -1,21 +1,17 @@
-//! Uploads: a damaged one refused, a whole one listed and activated.
+//! An upload: listed, and activated.
 
-use host_tools::link::LinkError;
 use host_tools::link::upload::upload;
-use model_format::link::{
-    LIBRARY_CRC, MAX_CHUNK_BYTES, SlotState, UploadBegin, UploadChunk, UploadCommitted, UploadError,
-};
+use model_format::link::{LIBRARY_CRC, MAX_CHUNK_BYTES, UploadBegin, UploadChunk, UploadCommitted};
 
 use crate::bench::Bench;
 use crate::error::{Error, Result};
 
-/// Uploads `library`, damaged and whole, and activates it.
+/// Uploads `library` and activates it.
 ///
 /// # Errors
 /// The link fails, or the device refuses what it should take.
 pub fn check(bench: &mut Bench, library: &[u8]) -> Result<()> {
     let active = bench.status()?.library_crc32;
-    damaged(bench, library)?;
     let crc32 = LIBRARY_CRC.checksum(library);
     let begin = bench.status()?;
     let uploaded = upload(&mut bench.device, library, |_| ())?;
@@ -52,48 +48,6 @@ pub fn check(bench: &mut Bench, library: &[u8]) -> Result<()> {
         format!("slot {}, {:08x}", activated.slot, status.library_crc32),
         &format!("slot {}, {crc32:08x}", uploaded.slot),
         activated.slot == uploaded.slot && status.library_crc32 == crc32,
-    );
-    Ok(())
-}
-
-/// Sends the library with one bit of its last chunk flipped: the commit must refuse it.
-fn damaged(bench: &mut Bench, library: &[u8]) -> Result<()> {
-    let mut bytes = library.to_vec();
-    if let Some(last) = bytes.last_mut() {
-        *last ^= 1;
-    }
-    let announced = UploadBegin {
-        length: library.len() as u32,
-        crc32: LIBRARY_CRC.checksum(library),
-        replaces_last: false,
-    };
-    let (text, is_refused) = match send(bench, &bytes, announced) {
-        Err(Error::Link(LinkError::Upload(refusal))) => (
-            refusal.to_string(),
-            matches!(
-                *refusal,
-                UploadError::Checksum { .. } | UploadError::Invalid { .. }
-            ),
-        ),
-        Err(error) => return Err(error),
-        Ok(_) => ("accepted".to_owned(), false),
-    };
-    bench.judge(
-        "a damaged chunk is refused",
-        text,
-        "refused for its checksum",
-        is_refused,
-    );
-    let slots = bench.device.slots()?;
-    let is_valid = slots
-        .slots
-        .iter()
-        .any(|slot| matches!(slot, SlotState::Valid(info) if info.crc32 == announced.crc32));
-    bench.judge(
-        "no slot holds the damaged library",
-        if is_valid { "one does" } else { "none does" },
-        "none does",
-        !is_valid,
     );
     Ok(())
 }

@@ -67,6 +67,22 @@ fn drawn(world: &mut World) -> &'static Operation {
     drawn.expect("the shares are all")
 }
 
+/// Prints what was done until now, and the marks.
+fn tell(world: &World, told: &Told, begun: Instant) {
+    println!(
+        "seed {}: {} steps in {} s of the device's time, {} s of this computer's",
+        told.seed,
+        told.step,
+        told.now_s,
+        begun.elapsed().as_secs()
+    );
+    let of_all = OPERATIONS.iter().map(|(name, ..)| *name);
+    for name in of_all.chain([LINKS_BROKEN, CUT_AT_OPERATION, ROLLED_BACK, RESETS]) {
+        println!("{:>11} {name}", world.done.get(name).unwrap_or(&0));
+    }
+    world.tell_marks();
+}
+
 #[test]
 #[ignore = "as long as asked: cargo tasks soak"]
 fn two_hosts_and_all_mishaps_leave_every_invariant_whole() {
@@ -96,7 +112,7 @@ fn two_hosts_and_all_mishaps_leave_every_invariant_whole() {
         }
         world.check(before);
         told.now_s = world.now_ns() / SECOND;
-        world.quarter = (4 * told.now_s / seconds).min(3) as usize;
+        let quarter = (4 * told.now_s / seconds).min(3) as usize;
         if told.step.is_multiple_of(100) {
             println!(
                 "{} s, {} steps, {} s of this computer",
@@ -105,16 +121,11 @@ fn two_hosts_and_all_mishaps_leave_every_invariant_whole() {
                 begun.elapsed().as_secs()
             );
         }
+        if quarter > world.quarter {
+            tell(&world, &told, begun);
+        }
+        world.quarter = quarter;
     }
-    println!(
-        "seed {seed}: {} steps in {} s of the device's time, {} s of this computer's",
-        told.step,
-        told.now_s,
-        begun.elapsed().as_secs()
-    );
-    let of_all = OPERATIONS.iter().map(|(name, ..)| *name);
-    for name in of_all.chain([LINKS_BROKEN, CUT_AT_OPERATION, ROLLED_BACK, RESETS]) {
-        println!("{:>11} {name}", world.done.get(name).unwrap_or(&0));
-    }
-    world.tell_marks(seconds >= LONG_S);
+    tell(&world, &told, begun);
+    world.check_marks(seconds >= LONG_S);
 }

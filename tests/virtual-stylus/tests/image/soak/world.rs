@@ -387,8 +387,8 @@ impl World {
         self.run.last = None;
     }
 
-    /// Prints the largest marks of each quarter of the time; if it was `long`, those of the stack no longer grow.
-    pub fn tell_marks(&self, long: bool) {
+    /// Prints the largest marks of each quarter of the time.
+    pub fn tell_marks(&self) {
         let [codes, heard] = [
             self.codes[0] + self.run.pin.codes,
             self.codes[1] + self.run.pin.heard,
@@ -411,6 +411,10 @@ impl World {
                 most.offset
             );
         }
+    }
+
+    /// Checks that the stack no longer grew in the last quarter, after a `long` time.
+    pub fn check_marks(&self, long: bool) {
         let stacks = self.most.map(|most| most.marks.stack_used_bytes);
         let before = stacks[..3].iter().max().copied().unwrap_or_default();
         assert!(
@@ -496,7 +500,8 @@ impl World {
         // A step that has sent noise is over.
         self.count_frames_from(status);
         let (ticks, uptime) = (status.tick.ticks, status.uptime_ms);
-        assert_eq!(ticks / TICKS_PER_MS, uptime);
+        // A tick may come between the readings of the two.
+        assert!((ticks / TICKS_PER_MS).abs_diff(uptime) <= 1, "{status:?}");
         if !self.run.is_aged {
             let binned: u64 = status
                 .tick_histogram

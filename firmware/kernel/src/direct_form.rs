@@ -1,5 +1,7 @@
 //! The direct form, the paper's own structure: `a[n] = σ e[n] + Σ h[i] a[n-i]`.
 //!
+//! `stylus frontier` compares it with the lattice. It needs the feature `direct-form`, which no image has.
+//!
 //! The predictors h of the four nodes around the motion are averaged, as the paper does, and so is the power σ² of the
 //! prediction error. It is cheaper than a lattice, but its stability depends on its coefficients: between two stable
 //! nodes it may be unstable, and then it saturates.
