@@ -70,8 +70,8 @@ fn a_comparison_is_the_same_on_any_number_of_threads_and_says_what_the_structure
     assert_eq!(on(3), on(1));
     let frontier = run(&material, &options(), 3);
     assert_eq!(frontier.nodes, 4);
-    assert_eq!(frontier.filters.len(), 5 * 4);
-    assert_eq!(frontier.points.len(), 5 * 4 * INTERVALS.len());
+    assert_eq!(frontier.filters.len(), 3 * 4);
+    assert_eq!(frontier.points.len(), 3 * 4 * INTERVALS.len());
     for (index, filter) in frontier.filters.iter().enumerate() {
         check_filter(&frontier, index, filter);
     }

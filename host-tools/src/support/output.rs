@@ -11,6 +11,7 @@ use std::path::{Path, PathBuf};
 
 use super::atomic_file::{folder_of, target};
 use super::error::{Error, Result};
+use super::file_name::portable;
 use super::temporaries::{self, Temporary};
 
 /// Name of the list of the files that a command wrote into its folder.
@@ -209,7 +210,7 @@ impl OutputFolder {
         let files = files_in(hidden.path())?;
         let mut list = String::new();
         for file in &files {
-            list.push_str(&format!("{}\n", file.display()));
+            list.push_str(&format!("{}\n", portable(file)));
         }
         fs::write(hidden.path().join(LIST), list).map_err(Error::io("write", &named))?;
         check_folder(&named, overwrite, &[])?;
