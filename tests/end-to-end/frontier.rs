@@ -3,7 +3,7 @@
 use crate::support::{Bench, denim_rig_of, holds, json, text};
 use host_tools::evaluation::frontier::costs::Costs;
 use host_tools::evaluation::frontier::{
-    Filter, Frontier, INTERVALS, Material, Options, Prepared, STRUCTURES, Structure,
+    Filter, Frontier, INTERVALS, Material, Options, Prepared, Structure,
 };
 use host_tools::evaluation::stress::cases::{Length, suite};
 use host_tools::fit::Order;
@@ -156,7 +156,7 @@ fn page_holds_all(bench: &Bench, frontier: &Frontier) {
     for (name, _) in frontier.choices() {
         assert!(labels.contains(&name), "{name}: {labels:?}");
     }
-    for structure in STRUCTURES {
+    for structure in Structure::ALL {
         assert!(
             page.matches(&structure.to_string()).count() > 8,
             "{structure}"

@@ -21,11 +21,11 @@ pub enum Structure {
 }
 
 impl Structure {
-    /// All of them, in the order of the table.
+    /// All of them, in the order of reports.
     pub const ALL: [Self; 3] = [
-        Self::NormalisedLattice32,
-        Self::DirectForm32,
         Self::DirectForm16,
+        Self::DirectForm32,
+        Self::NormalisedLattice32,
     ];
 
     /// The name for printed tables.

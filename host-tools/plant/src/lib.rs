@@ -1,7 +1,7 @@
 #![doc = include_str!("../README.md")]
 
 mod accelerometer;
-mod chance;
+pub mod chance;
 mod fault;
 mod linear;
 mod parameters;

@@ -32,8 +32,7 @@ use crate::support::file_name::portable;
 use crate::support::in_order::in_order;
 use crate::texture::library::library_of;
 
-/// Beginning of a synthesis that no comparison uses, s: a direct form is silent while it is run up, and the frontier's
-/// filters begin at rest.
+/// Beginning of a synthesis that no comparison uses, s: the frontier's filters begin at rest.
 pub(super) const WARM_UP_S: f64 = 0.5;
 
 /// Options of an evaluation.

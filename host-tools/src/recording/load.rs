@@ -81,7 +81,9 @@ fn from_file(trial: &Trial, cut: &Cut) -> Result<Source> {
         other => {
             // A mistyped name is reported as a missing file, not as a file of an unknown kind.
             std::fs::metadata(path).map_err(Error::io("read", path))?;
-            let problem = format!("'{other}' files cannot be read: give .wav or .csv");
+            let problem = format!(
+                "'{other}' files cannot be read: give .wav or .csv; `ffmpeg -i FILE.{other} FILE.wav` converts sound"
+            );
             Err(Error::file(path, problem))
         }
     }

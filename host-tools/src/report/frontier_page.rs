@@ -6,8 +6,8 @@ use stylus_costs::Origin;
 
 use crate::dsp::spectrum::AMPLITUDE_JND_DB;
 use crate::evaluation::frontier::{
-    CHOICES_NOTE, CLOCKS_HZ, Filter, Frontier, Point, STRUCTURES, Structure, clock_headings,
-    interval_ms, moving, share,
+    CHOICES_NOTE, CLOCKS_HZ, Filter, Frontier, Point, Structure, clock_headings, interval_ms,
+    moving, share,
 };
 use crate::evaluation::tables::{Table, percent};
 use crate::fit::Order;
@@ -138,7 +138,7 @@ fn pictures(frontier: &Frontier) -> Result<[(Svg, String); 2]> {
 }
 
 fn series(points: impl Fn(Structure) -> Vec<FrontPoint>) -> Vec<FrontSeries> {
-    let structures = STRUCTURES.into_iter();
+    let structures = Structure::ALL.into_iter();
     structures
         .map(|structure| FrontSeries {
             name: structure.to_string(),

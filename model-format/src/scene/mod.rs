@@ -43,7 +43,7 @@ pub struct Scene {
     pub transition_mm: f32,
     /// Speed and force that the textures follow.
     pub motion: MotionOfScene,
-    /// Inverse of the actuator's response, as a cascade of sections; none leaves the output as it is.
+    /// Equaliser of all that is played, as a cascade of sections; none leaves the output as it is.
     pub equaliser: Vec<Biquad, { limits::MAX_SECTIONS }>,
 }
 

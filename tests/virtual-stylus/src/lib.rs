@@ -11,7 +11,6 @@
 
 pub mod actuator;
 pub mod board;
-pub mod chance;
 pub mod core;
 pub mod electrical;
 pub mod emulation;
@@ -31,3 +30,4 @@ pub use electrical::Electrical;
 pub use emulation::{Options, PowerCut};
 pub use error::{Error, Result};
 pub use stylus::{Reset, ResetCause, RunReport, VirtualStylus};
+pub use stylus_plant::chance;

@@ -238,9 +238,7 @@ pub fn stop() {
 /// longest critical section. If it ends after the next trigger, the tick is counted as missed, and the next one begins
 /// at once. `status` shows the count and the duration of ticks.
 ///
-/// A sample's codes are put out 212.5 µs after the trigger, however early they are computed. So the part of a direct
-/// form's sum that is for coming samples ([`stylus_kernel::direct`]) may run before them: a scene within its budget has
-/// its codes ready in time, and what counts is the whole tick.
+/// A sample's codes are put out 212.5 µs after the trigger, however early they are computed.
 ///
 /// Codes that come more than 137.5 µs after the trigger go into the next slot. The output holds the last code until
 /// then, and the codes continue from it within the slew limit.

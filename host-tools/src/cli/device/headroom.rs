@@ -15,7 +15,7 @@ use crate::cli::table::table;
 
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// Library whose textures are compared with what the stylus can give
+    /// Library whose textures, by themselves and in its scenes, are compared with what the stylus can give
     library: PathBuf,
     /// Print all figures as JSON
     #[arg(long)]
@@ -52,7 +52,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         let [speed, force] = texture.at;
         print(&format!(
             "{}: {} at {speed} mm/s and {force} N, {:.1} dB {} the limit of {limit}; fits at a gain of {:.2}",
-            texture.texture,
+            texture.name(),
             if over_db > 0.0 { "EXCEEDS" } else { "fits" },
             over_db.abs(),
             if over_db > 0.0 { "above" } else { "below" },
@@ -80,7 +80,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     Ok(())
 }
 
-/// True if a response is stored, and the headroom of each texture.
+/// True if a response is stored, and the headroom of each texture and of each surface of a scene.
 fn of(device: &Device, library: &Library<'_>) -> Result<(bool, Vec<Headroom>)> {
     let response = device.response()?.stored.map(|stored| stored.response);
     Ok((

@@ -84,11 +84,10 @@ impl Costs {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::evaluation::frontier::STRUCTURES;
 
     #[test]
     fn the_table_has_every_structure_at_every_order_on_both_cores() {
-        for structure in STRUCTURES {
+        for structure in Structure::ALL {
             for core in [Core::M4, Core::M7] {
                 for nodes in [1, 4] {
                     for order in super::super::ORDERS {
@@ -109,7 +108,7 @@ mod tests {
 
     #[test]
     fn what_a_sample_costs_rises_with_the_order() {
-        for structure in STRUCTURES {
+        for structure in Structure::ALL {
             let worst = |order| {
                 let cost = Costs::measured().at(structure, 4, Core::M4, order).unwrap();
                 cost.sample.cycles

@@ -26,7 +26,7 @@ use crate::fit::conditioning::Conditioning;
 
 pub use prepared::{Material, Prepared};
 pub use results::{CHOICES_NOTE, Filter, Frontier, Point, clock_headings, interval_ms, share};
-pub use structure::{STRUCTURES, Voice};
+pub use structure::Voice;
 pub use stylus_costs::Structure;
 
 /// Orders that are the same for all nodes.

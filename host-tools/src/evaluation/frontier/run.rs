@@ -14,14 +14,14 @@ use super::players::predictors;
 use super::prepared::{Fitted, Prepared};
 use super::results::{Filter, Frontier, Point, mark_fronts};
 use super::still::{self, Node, Playing, Still};
-use super::structure::{STRUCTURES, library_bytes_per_node, ram_bytes};
+use super::structure::{library_bytes_per_node, ram_bytes};
 use super::{INTERVALS, Options};
 use stylus_costs::Structure;
 
 impl Prepared {
     /// Pieces of work that [`Prepared::run`] does.
     pub fn work(&self) -> usize {
-        let filters = STRUCTURES.len() * self.fitted.len();
+        let filters = Structure::ALL.len() * self.fitted.len();
         let references = self.fitted.len() * self.names.len();
         let moving = self.names.len() * INTERVALS.len();
         references + filters * (self.held_out.len() + moving + self.cases.len())
@@ -34,7 +34,7 @@ impl Prepared {
     /// A lattice that makes no library, or an order that no cost is known for.
     pub fn run(&self, options: &Options, progress: impl Fn() + Sync) -> Result<Frontier> {
         let references = self.references(options.seed, &progress)?;
-        let choices: Vec<(Structure, usize)> = STRUCTURES
+        let choices: Vec<(Structure, usize)> = Structure::ALL
             .into_iter()
             .flat_map(|structure| (0..self.fitted.len()).map(move |order| (structure, order)))
             .collect();

@@ -12,13 +12,6 @@ use super::players::{NotHeld, player_of};
 use crate::evaluation::stress::player::Player;
 use crate::texture::theta::{StoredTheta, bytes_per_node};
 
-/// The structures in the order of reports.
-pub const STRUCTURES: [Structure; 3] = [
-    Structure::DirectForm16,
-    Structure::DirectForm32,
-    Structure::NormalisedLattice32,
-];
-
 /// Bytes of flash that a node's coefficients take: of a lattice in the smallest form that `fit` stores, of a direct
 /// form in its own words.
 pub(super) fn library_bytes_per_node(structure: Structure, order: usize) -> usize {

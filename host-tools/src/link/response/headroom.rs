@@ -1,7 +1,8 @@
 //! A library times the equaliser against what coil, converter and limits give.
 
-use model_format::link::{Response, Setting, Settings};
-use model_format::{Library, PlayRate};
+use model_format::link::{OutputLimits, Response, Setting, Settings};
+use model_format::scene::Scene;
+use model_format::{Library, PlayRate, Texture};
 use serde::Serialize;
 use stylus_app::safety::Config;
 
@@ -31,11 +32,13 @@ pub struct BandHeadroom {
     pub over_db: f64,
 }
 
-/// The demand of a texture on the output.
+/// The demand of a texture on the output, by itself or on a scene's surface.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Headroom {
     /// Name of the texture.
     pub texture: String,
+    /// Name of the scene whose gain and equaliser it has; none by itself.
+    pub scene: Option<String>,
     /// Speed and force of the node that asks most, mm/s and N.
     pub at: [f32; 2],
     /// Amounts by which that node exceeds the limits of voltage, slew and power, dB; negative is room.
@@ -58,6 +61,14 @@ impl Headroom {
         })
     }
 
+    /// The texture or scene, in words.
+    pub fn name(&self) -> String {
+        match &self.scene {
+            Some(scene) => format!("scene '{scene}' on '{}'", self.texture),
+            None => format!("texture '{}'", self.texture),
+        }
+    }
+
     /// The limit that is exceeded, in one line; none if all fits.
     pub fn warning(&self) -> Option<String> {
         let (limit, over_db) = self.tightest();
@@ -67,15 +78,18 @@ impl Headroom {
             .max_by(|a, b| a.pin_volts.total_cmp(&b.pin_volts))?;
         (over_db > 0.0).then(|| {
             format!(
-                "texture '{}' exceeds the limit of {limit} by {over_db:.1} dB, mostly around {:.0} Hz: play it at a \
-                 gain of {:.2}, or see `stylus headroom`",
-                self.texture, band.hz, self.fitting_gain
+                "{} exceeds the limit of {limit} by {over_db:.1} dB, mostly around {:.0} Hz: play it at a gain of \
+                 {:.2}, or see `stylus headroom`",
+                self.name(),
+                band.hz,
+                self.fitting_gain
             )
         })
     }
 }
 
-/// The demand of each texture of `library` on the output with `settings` and the stored `response`.
+/// The demand of each texture of `library`, by itself and on every surface of its scenes, on the output with `settings`
+/// and the stored `response`. Taps and what a scene does to the motion are left out.
 ///
 /// # Errors
 /// A texture of a rate that no stylus plays.
@@ -84,19 +98,53 @@ pub fn headroom(
     settings: &Settings,
     response: Option<&Response>,
 ) -> Result<Vec<Headroom>> {
-    let limits = Config::new(settings, 1.0).output_limits(settings);
-    let gain = f64::from(settings.get(Setting::OutputGain));
-    let slew_per_s = 1e3 * f64::from(settings.get(Setting::SlewLimit));
-    let of_texture = |texture: model_format::Texture<'_>| -> Result<Headroom> {
+    let output = Output {
+        limits: Config::new(settings, 1.0).output_limits(settings),
+        gain: f64::from(settings.get(Setting::OutputGain)),
+        slew_per_s: 1e3 * f64::from(settings.get(Setting::SlewLimit)),
+        response,
+    };
+    let alone = library
+        .textures()
+        .map(|texture| output.asked_for(texture, None));
+    let mut all = alone.collect::<Result<Vec<_>>>()?;
+    for scene in library.scenes() {
+        for surface in &scene.surfaces {
+            let texture = surface.texture.map(usize::from);
+            if let Some(texture) = texture.and_then(|index| library.textures().nth(index)) {
+                all.push(output.asked_for(texture, Some((&scene, surface.gain.into())))?);
+            }
+        }
+    }
+    Ok(all)
+}
+
+/// Limits of an output, and the response behind it.
+struct Output<'a> {
+    limits: OutputLimits,
+    /// Voltage at the pin per acceleration, V per m/s².
+    gain: f64,
+    /// Limit of slew, V/s.
+    slew_per_s: f64,
+    response: Option<&'a Response>,
+}
+
+impl Output<'_> {
+    /// The demand of a texture, by itself or on a surface of a scene, with that surface's gain.
+    fn asked_for(&self, texture: Texture<'_>, on: Option<(&Scene, f64)>) -> Result<Headroom> {
         let rate_hz = texture.sample_rate_hz();
         let rate = PlayRate::of(rate_hz)
             .ok_or_else(|| Error::Request(format!("no stylus plays {rate_hz} Hz")))?;
-        let sections = response.map_or_else(Default::default, |response| {
+        let sections = self.response.map_or_else(Default::default, |response| {
             response.sections(rate).biquads()
+        });
+        let (scene_gain, of_scene) = on.map_or((1.0, &[][..]), |(scene, gain)| {
+            (gain, scene.equaliser.as_slice())
         });
         let rate_hz = f64::from(rate_hz);
         let mut worst = Headroom {
             texture: texture.name().to_owned(),
+            scene: on.map(|(scene, _)| scene.name.to_string()),
             at: [0.0; 2],
             over_db: [f64::NEG_INFINITY; 3],
             fitting_gain: 1.0,
@@ -106,10 +154,12 @@ pub fn headroom(
         for speed in 0..texture.speed_axis().len() {
             for force in 0..texture.force_axis().len() {
                 let motion = MotionPath::constant(texture.speed(speed), texture.force(force))?;
-                let asked = render(texture, &motion, SECONDS, 1)?.accelerations_m_s2();
+                let mut asked = render(texture, &motion, SECONDS, 1)?.accelerations_m_s2();
+                asked.iter_mut().for_each(|sample| *sample *= scene_gain);
+                let asked = filtered(of_scene, &asked);
                 let pin: Vec<f64> = filtered(&sections, &asked)
                     .iter()
-                    .map(|sample| sample * gain)
+                    .map(|sample| sample * self.gain)
                     .collect();
                 let skipped = (SETTLE_S * rate_hz) as usize;
                 let (asked, pin) = (&asked[skipped..], &pin[skipped..]);
@@ -124,9 +174,9 @@ pub fn headroom(
                     * rate_hz
                     * STEPS as f64;
                 let over_db = [
-                    db(peak / f64::from(limits.peak_volt)),
-                    db(slope / slew_per_s),
-                    db((square / f64::from(limits.mean_square)).sqrt()),
+                    db(peak / f64::from(self.limits.peak_volt)),
+                    db(slope / self.slew_per_s),
+                    db((square / f64::from(self.limits.mean_square)).sqrt()),
                 ];
                 let most =
                     |over_db: [f64; 3]| over_db.into_iter().fold(f64::NEG_INFINITY, f64::max);
@@ -142,10 +192,10 @@ pub fn headroom(
                     let [low, high] = band_edges_hz(band);
                     let [asked, volts] =
                         [0, 1].map(|of: usize| spectra[of].power_between(low, high).sqrt());
-                    let slope =
-                        std::f64::consts::TAU * band_centre_hz(band) * crest * volts / slew_per_s;
-                    let over = (crest * volts / f64::from(limits.peak_volt)).max(slope);
-                    let over = over.max(volts / f64::from(limits.mean_square).sqrt());
+                    let slope = std::f64::consts::TAU * band_centre_hz(band) * crest * volts
+                        / self.slew_per_s;
+                    let over = (crest * volts / f64::from(self.limits.peak_volt)).max(slope);
+                    let over = over.max(volts / f64::from(self.limits.mean_square).sqrt());
                     *most = [most[0].max(asked), most[1].max(volts), most[2].max(over)];
                 }
             }
@@ -153,10 +203,12 @@ pub fn headroom(
         worst.fitting_gain = ratio(-worst.tightest().1).min(1.0);
         let of_band = |(band, [asked_m_s2, pin_volts, over]): (usize, [f64; 3])| {
             let hz = band_centre_hz(band);
-            let known = response.filter(|response| response.trusted_bands >> band & 1 == 1);
+            let known = self
+                .response
+                .filter(|response| response.trusted_bands >> band & 1 == 1);
             let tip_m_s2 = known.map(|response| {
                 let level_db = f64::from(response.bands_centi_db[band]) / 100.0;
-                asked_m_s2 * gain * ratio(level_db + cascade_db(&sections, rate_hz, hz))
+                asked_m_s2 * self.gain * ratio(level_db + cascade_db(&sections, rate_hz, hz))
             });
             BandHeadroom {
                 hz,
@@ -168,8 +220,7 @@ pub fn headroom(
         };
         worst.bands = bands.into_iter().enumerate().map(of_band).collect();
         Ok(worst)
-    };
-    library.textures().map(of_texture).collect()
+    }
 }
 
 /// Steps of [`between`] per sample.
@@ -204,6 +255,7 @@ fn between(samples: &[f64]) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use model_format::link::SettingChange;
+    use model_format::scene::{Biquad, Surface};
 
     use super::*;
     use crate::playing::pin::Pin;
@@ -255,6 +307,36 @@ mod tests {
             pin.by_ref().for_each(drop);
             let limited = pin.limited();
             assert!(limited.hard + limited.slew <= 5, "{limited:?}");
+        }
+    }
+
+    #[test]
+    fn a_scene_asks_for_its_gain_and_its_equaliser_times_its_texture() {
+        let bytes = test_library::library(5000);
+        let library = Library::decode(&bytes).unwrap();
+        let halved = Biquad::from_f64([0.5, 0.0, 0.0], [0.0, 0.0]).unwrap();
+        let scene = |name: &str, gain, sections: &[Biquad]| {
+            let surface = Surface {
+                gain,
+                ..Surface::of_texture(0)
+            };
+            let mut scene = Scene::of_surface(name.try_into().unwrap(), 5000, surface);
+            scene.equaliser.extend(sections.iter().copied());
+            scene
+        };
+        let scenes = [scene("double", 2.0, &[]), scene("as it is", 2.0, &[halved])];
+        let bytes = crate::scene::with_scenes(&library, &scenes).unwrap();
+        let library = Library::decode(&bytes).unwrap();
+        let all = headroom(&library, &with(&[(Setting::OutputGain, 0.2)]), None).unwrap();
+        let [.., alone, double, same] = all.as_slice() else {
+            panic!("{all:?}");
+        };
+        for (scene, name, times) in [(double, "double", 2.0), (same, "as it is", 1.0)] {
+            assert_eq!(scene.scene.as_deref(), Some(name));
+            assert_eq!((&scene.texture, scene.at), (&alone.texture, alone.at));
+            for (over_db, alone_db) in scene.over_db.iter().zip(alone.over_db) {
+                assert!((over_db - alone_db - db(times)).abs() < 1e-6);
+            }
         }
     }
 }

@@ -11,9 +11,8 @@ use crate::support::error::{Error, Result};
 
 /// Iterator over the samples of a texture or scene along a motion; it keeps those of one update interval.
 ///
-/// The same library, motion and seed give the same samples on every computer. They begin as a stylus begins: a lattice
-/// at its level, a direct form after the silence in which it is run up, and both with contact. All arithmetics `A` give
-/// the same samples.
+/// The same library, motion and seed give the same samples on every computer. They begin as a stylus begins: at their
+/// level, and with contact. All arithmetics `A` give the same samples.
 #[derive(Clone, Debug)]
 pub struct Rendering<'a, A: Arithmetic = Wavefront> {
     player: ScenePlayer<'a, A>,

@@ -359,6 +359,8 @@ fn fault(world: &mut World) {
     };
     world.silence();
     world.device.run_for(within_ns + 300 * MS);
+    let causes = world.device.stylus.resets();
+    assert!(!causes.is_empty(), "no reset: {name}");
     world.was_reset(true);
     let status = world.device.status();
     assert_eq!(status.reset, reason, "{name}");

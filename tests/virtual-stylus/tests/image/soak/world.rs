@@ -243,7 +243,12 @@ impl World {
         }
         assert_eq!(self.device.settings(), self.settings, "after a start");
         let status = self.device.status();
-        assert_eq!(status.resets, self.run.resets, "since power-on");
+        assert_eq!(
+            status.resets,
+            self.run.resets,
+            "since power-on: {:?}, {status:?}",
+            self.device.stylus.resets()
+        );
         assert!(!status.start.safe_mode, "{status:?}");
         self.count_frames_from(&status);
     }
