@@ -15,13 +15,6 @@ fn page_of(text: &str) -> (tempfile::TempDir, Page) {
 }
 
 #[test]
-fn a_block_is_its_lines_and_an_empty_one_has_none() {
-    let (_folder, page) = page_of(TEXT);
-    assert_eq!(page.block("a").unwrap(), "| x |\n|---|\n| 1 |\n");
-    assert_eq!(page.block("b").unwrap(), "");
-}
-
-#[test]
 fn a_changed_figure_is_refused_with_page_table_row_and_command() {
     let (_folder, page) = page_of(TEXT);
     assert!(page.check("a", "| x |\n|---|\n| 1 |\n").is_ok());

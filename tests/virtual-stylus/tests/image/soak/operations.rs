@@ -344,6 +344,10 @@ fn fault(world: &mut World) {
     }
     let (name, kind, reason, within_ns) = if world.takes_faults() {
         let ending = &ENDING[world.below(ENDING.len() as u64) as usize];
+        // Among codes of mid-scale nobody misses the eraser, and nothing comes to the coil.
+        if ending.fault == Injected::NoEraser && !world.is_heard(20) {
+            return world.skip();
+        }
         inject(&mut world.device, ending.fault);
         let is_bite = ending.reason == ResetReason::Watchdog;
         let within_ns = if is_bite { BITTEN_NS } else { CAUGHT_NS };
@@ -359,8 +363,7 @@ fn fault(world: &mut World) {
     };
     world.silence();
     world.device.run_for(within_ns + 300 * MS);
-    let causes = world.device.stylus.resets();
-    assert!(!causes.is_empty(), "no reset: {name}");
+    assert!(!world.device.stylus.resets().is_empty(), "no reset: {name}");
     world.was_reset(true);
     let status = world.device.status();
     assert_eq!(status.reset, reason, "{name}");

@@ -243,12 +243,7 @@ impl World {
         }
         assert_eq!(self.device.settings(), self.settings, "after a start");
         let status = self.device.status();
-        assert_eq!(
-            status.resets,
-            self.run.resets,
-            "since power-on: {:?}, {status:?}",
-            self.device.stylus.resets()
-        );
+        assert_eq!(status.resets, self.run.resets, "since power-on");
         assert!(!status.start.safe_mode, "{status:?}");
         self.count_frames_from(&status);
     }
@@ -479,6 +474,15 @@ impl World {
         let outputs = self.device.stylus.take_dac_record();
         let amplifier = self.device.stylus.take_amplifier_record();
         self.run.pin.follow(&outputs, &amplifier, limits);
+    }
+
+    /// True if the pin has other codes than mid-scale within a time of at most `most_ms`, which passes.
+    pub fn is_heard(&mut self, most_ms: u64) -> bool {
+        self.follow_pin();
+        let before = self.run.pin.heard;
+        self.pass(most_ms);
+        self.follow_pin();
+        self.run.pin.heard > before
     }
 
     fn follow_pin(&mut self) {
