@@ -57,6 +57,10 @@ impl System {
         if !toolchain::has_target(self.target) {
             bail!("the target is missing: `rustup target add {}`", self.target);
         }
+        let folder = workspace::host_target_folder().display().to_string();
+        if linker.contains("mingw") && folder.contains(' ') {
+            bail!("{folder}: MinGW takes no folder with a space in its path: build in another one");
+        }
         Ok(())
     }
 }
