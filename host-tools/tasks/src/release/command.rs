@@ -42,8 +42,8 @@ pub const WINDOWS: System = System {
     target: "x86_64-pc-windows-gnu",
     program: "stylus.exe",
     linker: ["x86_64-w64-mingw32-gcc", "gcc-mingw-w64-x86-64"],
-    // The linker would write the time of the build into the program.
-    flags: &["-Clink-arg=-Wl,--no-insert-timestamp"],
+    // The time of the build would be in the program, and names that are drawn among its symbols.
+    flags: &["-Clink-arg=-Wl,--no-insert-timestamp", "-Cstrip=symbols"],
 };
 
 impl System {
