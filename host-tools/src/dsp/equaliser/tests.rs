@@ -72,7 +72,7 @@ fn the_inverse_of_sections_is_those_sections() {
 
 #[test]
 fn a_voice_coil_is_flattened_as_far_as_the_limit_lets() {
-    for max_gain_db in [6.0, 12.0, 20.0] {
+    for (max_gain_db, most_left_db) in [(6.0, 0.6), (12.0, 0.6), (20.0, 0.85)] {
         let found = design(&coil(), RATE_HZ, max_gain_db).unwrap();
         assert!(
             found.max_gain_db <= max_gain_db + 2e-3,
@@ -80,9 +80,9 @@ fn a_voice_coil_is_flattened_as_far_as_the_limit_lets() {
             found.max_gain_db
         );
         assert!(deviation_db(&coil(), &[], 60.0) > 8.0);
-        // Beyond what the limit leaves, less than the decibel that a calibration may leave.
+        // Beyond what the limit leaves: with six sections, less than the decibel that a calibration may leave.
         let left_db = deviation_db(&coil(), &found.biquads, max_gain_db);
-        assert!(left_db < 1.0, "{max_gain_db}: {left_db} dB");
+        assert!(left_db < most_left_db, "{max_gain_db}: {left_db} dB");
     }
 }
 
