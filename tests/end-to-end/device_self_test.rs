@@ -44,15 +44,29 @@ fn with<'a>(record: &'a Value, verdict: &str) -> Vec<&'a str> {
 }
 
 #[test]
-fn an_output_with_an_amplifier_that_may_be_on_is_not_moved_and_the_line_says_what_to_do() {
-    let (_stylus, bench) = on(Board::default());
-    bench.succeed("settings set enable-wired 0");
-    let (record, code) = test(&bench, "");
-    assert_eq!((with(&record, "fail"), code), (vec![], 0));
-    assert!(with(&record, "not_measured").contains(&"output"));
-    assert!(record.to_string().contains("set enable-wired to 1"));
-    let (record, _) = test(&bench, "--bare");
-    assert!(!with(&record, "not_measured").contains(&"output"));
+fn no_test_code_is_put_out_unless_the_enable_is_wired_or_a_person_says_that_no_amplifier_is_connected()
+ {
+    let (stylus, bench) = on(Board::default());
+    for (wired, flags, moves) in [
+        (0, "", false),
+        (0, "--bare", false),
+        (0, "--bare --no-amplifier", true),
+        // What was said held for that run.
+        (0, "--bare --use-slot B", false),
+        (1, "--bare", true),
+        (1, "--bare --no-amplifier", true),
+    ] {
+        bench.succeed(&format!("settings set enable-wired {wired} --yes"));
+        let before = stylus.test_codes();
+        let (record, code) = test(&bench, flags);
+        assert_eq!((with(&record, "fail"), code), (vec![], 0));
+        let codes = stylus.test_codes() - before;
+        assert_eq!(codes > 0, moves, "{codes} codes: {wired}, {flags}");
+        let is_left_out = with(&record, "not_measured").contains(&"output");
+        assert_eq!(is_left_out, !moves);
+        let says_what_to_do = record.to_string().contains("test with --no-amplifier");
+        assert_eq!(says_what_to_do, !moves);
+    }
 }
 
 #[test]

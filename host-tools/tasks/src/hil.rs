@@ -40,6 +40,9 @@ pub struct Arguments {
     /// Overwrite the libraries without a question
     #[arg(long)]
     yes: bool,
+    /// Move the output although no enable is wired, because no amplifier is connected; holds for this run alone
+    #[arg(long)]
+    no_amplifier: bool,
 }
 
 /// Runs the suite.
@@ -94,5 +97,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         }
     }
     suite.args(arguments.yes.then_some("--yes"));
+    // Nothing is connected to the virtual stylus.
+    let no_amplifier = arguments.no_amplifier || arguments.virtual_stylus;
+    suite.args(no_amplifier.then_some("--no-amplifier"));
     process::run(&mut suite)
 }

@@ -56,7 +56,7 @@ pub enum SelfTestRequest {
     ErrorCorrection,
     /// The output's pin, moved and read back, with the amplifier disabled. Takes about a second.
     Output {
-        /// True if the host's user says that no amplifier is connected. Otherwise the device must know that it is off.
+        /// True if the host's user says that no amplifier is connected. Otherwise its enable must be wired.
         disconnected: bool,
     },
     /// The output's pin at rest, read back without moving it.
@@ -229,8 +229,8 @@ pub enum SelfTestError {
     )]
     LastLibrary { slot: SlotId },
     #[error(
-        "the amplifier may be on, and the coil would take what the test puts out: set enable-wired to 1 once it is off \
-         while PE9 is low, or disconnect it and test with --bare"
+        "the amplifier may be on, and the coil would take what the test puts out: set enable-wired to 1 if its enable \
+         is wired to PE9, or take it off PA4 and test with --no-amplifier"
     )]
     AmplifierMayBeOn,
     #[error("{what}: restart the device; if it stays, the part is damaged")]

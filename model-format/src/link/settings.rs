@@ -50,8 +50,8 @@ pub enum Setting {
     MuteRamp,
     /// Force above which contact begins, N; 0 derives it from the converter's noise.
     ContactThreshold,
-    /// 1 if the amplifier is off while the image's enable is low, 0 if that is not known. The self test moves the
-    /// output only with 1.
+    /// 1 if the amplifier's enable is wired to PE9, so that it is off while that is low; 0 if not, or if that is not
+    /// known. The self test moves the output only with 1, or where a person says that no amplifier is connected.
     EnableWired,
 }
 

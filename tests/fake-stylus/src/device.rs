@@ -10,13 +10,14 @@ use std::task::{Context, Poll, Waker};
 use embassy_futures::yield_now;
 use model_format::link::{
     ActivateError, Activated, ChipValues, ClockValues, EncoderValues, ErrorCorrectionValues,
-    LinkId, MAX_CHUNK_BYTES, MAX_COIL_POWER_WATT, MotionSample, MotionSource, OptionByteValues,
-    OutputValues, PlayError, PlayRequest, Playing, RESPONSE_BANDS, RecordBlock, Response,
-    RestValues, Sections, Selection, SelfTestError, Setting, SettingChange, Settings,
+    LinkId, MAX_CHUNK_BYTES, MAX_COIL_POWER_WATT, MotionSample, MotionSource, OUTPUT_CODES,
+    OptionByteValues, OutputValues, PlayError, PlayRequest, Playing, RESPONSE_BANDS, RecordBlock,
+    Response, RestValues, Sections, Selection, SelfTestError, Setting, SettingChange, Settings,
     SettingsChange, SettingsError, SlotId, Status, UploadChunk, UploadCommitted, UploadError,
+    output_code,
 };
 use model_format::scene::Biquad;
-use model_format::{MillimetresPerSecond, Newton};
+use model_format::{DacCode, MillimetresPerSecond, Newton};
 use stylus_app::control::{Control, Device};
 use stylus_app::self_test::Bench;
 use stylus_app::settings::SettingsStore;
@@ -431,6 +432,9 @@ impl Bench for BoardOf {
     }
 
     async fn output(&mut self) -> Result<OutputValues, SelfTestError> {
+        let codes = (0..OUTPUT_CODES).map(output_code);
+        let codes = codes.filter(|&code| code != DacCode::MID_SCALE.get());
+        self.control.borrow_mut().device().test_codes += codes.count();
         self.board().output
     }
 

@@ -108,6 +108,8 @@ pub struct Hardware {
     amplifier: bool,
     /// The board, as the self test measures it.
     pub board: Board,
+    /// Number of codes other than mid-scale that the self test has put out.
+    pub test_codes: usize,
     /// The encoder's counter.
     encoder: u16,
     /// Counts of the encoder since the start.
@@ -189,6 +191,7 @@ impl Hardware {
             link: LinkCounters::default(),
             amplifier: false,
             board: Board::default(),
+            test_codes: 0,
             encoder: 0,
             place: 0,
             hand: Hand::default(),

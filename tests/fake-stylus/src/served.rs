@@ -43,6 +43,7 @@ struct Inner {
     hand: Hand,
     place: i64,
     board: Board,
+    test_codes: usize,
     /// Offsets of words of the slots that are to be damaged.
     damage: Vec<(usize, Damage)>,
     lose_samples: u32,
@@ -130,6 +131,11 @@ impl FakeStylus {
     /// Puts it on another board, for the self test.
     pub fn set_board(&self, board: Board) {
         lock(&self.inner).board = board;
+    }
+
+    /// Number of codes other than mid-scale that its self test has put out.
+    pub fn test_codes(&self) -> usize {
+        lock(&self.inner).test_codes
     }
 
     /// Damages the word of the slots' flash at `offset`.
@@ -258,6 +264,7 @@ fn set_scene(control: &SharedControl, shared: &Mutex<Inner>) -> bool {
     let device = control.device();
     device.hand = inner.hand.clone();
     inner.place = device.place;
+    inner.test_codes = device.test_codes;
     device.board = inner.board.clone();
     device.lose_samples += std::mem::take(&mut inner.lose_samples);
     device.tear_samples += std::mem::take(&mut inner.tear_samples);

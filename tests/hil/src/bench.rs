@@ -51,6 +51,8 @@ pub struct Bench {
     pub board: Board,
     /// The run's lengths.
     pub lengths: Lengths,
+    /// True if a person says that no amplifier is connected, so that the self test may move the output.
+    pub no_amplifier: bool,
     /// Raised when the run is to end.
     pub interrupt: Arc<AtomicBool>,
     /// The report so far.
@@ -72,6 +74,7 @@ impl Bench {
             device,
             board,
             lengths,
+            no_amplifier: false,
             interrupt,
             report: Report::default(),
             subject: "",

@@ -45,6 +45,9 @@ struct Arguments {
     /// Overwrite the libraries without a question
     #[arg(long)]
     yes: bool,
+    /// Move the output although no enable is wired, because no amplifier is connected; holds for this run alone
+    #[arg(long)]
+    no_amplifier: bool,
     /// The program probe-rs, which resets the board and exchanges its image
     #[arg(long, hide = true, requires_all = ["product_image", "fault_image"])]
     probe_rs: Option<PathBuf>,
@@ -95,6 +98,7 @@ fn tested(arguments: &Arguments) -> Result<bool> {
             println!("{line}");
         },
     );
+    bench.no_amplifier = arguments.no_amplifier;
     println!(
         "{} {} over {address}{}",
         bench.device.info().product,

@@ -86,6 +86,34 @@ fn a_healthy_device_passes_and_is_left_silent_with_its_own_settings() {
 }
 
 #[test]
+fn the_output_is_left_out_unless_the_enable_is_wired_or_a_person_says_that_no_amplifier_is_connected()
+ {
+    let stylus = FakeStylus::start();
+    for (wired, no_amplifier) in [(0.0, false), (0.0, true), (1.0, false), (1.0, true)] {
+        let mut bench = bench(&stylus);
+        bench.no_amplifier = no_amplifier;
+        let change = SettingChange {
+            setting: Setting::EnableWired,
+            value: wired,
+        };
+        bench.device.set(change).expect("it is in range");
+        let before = stylus.test_codes();
+        run(&mut bench, None).expect("the device is as it was");
+        assert_eq!(failed(&bench), Vec::<&str>::new());
+        let moves = wired == 1.0 || no_amplifier;
+        assert_eq!(
+            stylus.test_codes() > before,
+            moves,
+            "{wired} {no_amplifier}"
+        );
+        let mut lines = bench.report.lines.iter();
+        let left_out = lines.find(|line| line.subject == "self test" && line.name == "output");
+        assert_eq!(left_out.is_some(), !moves);
+        assert!(left_out.is_none_or(|line| line.value.contains("--no-amplifier")));
+    }
+}
+
+#[test]
 fn without_a_probe_resets_and_faults_are_left_out_with_the_reason() {
     let stylus = FakeStylus::start();
     let mut bench = bench(&stylus);

@@ -82,7 +82,11 @@ fn the_output_is_moved_only_where_the_amplifier_is_known_to_be_off() {
     assert!(stylus.change_settings(&[unknown]).is_ok());
     let refused = measure(&mut stylus, output(false));
     assert_eq!(refused, Err(SelfTestError::AmplifierMayBeOn));
+    assert_eq!(stylus.hardware().test_codes, 0);
     assert!(measure(&mut stylus, output(true)).is_ok());
+    // It is said for one measurement.
+    let refused = measure(&mut stylus, output(false));
+    assert_eq!(refused, Err(SelfTestError::AmplifierMayBeOn));
     let known = change(Setting::EnableWired, 1.0);
     assert!(stylus.change_settings(&[known]).is_ok());
     assert!(measure(&mut stylus, output(false)).is_ok());

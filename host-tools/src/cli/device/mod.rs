@@ -38,7 +38,7 @@ pub enum Command {
     Stop(StopArguments),
     /// Show the stylus's state and all its counters, once or continuously with the sensors
     Status(status::Arguments),
-    /// Test the board, the wiring and the link, and keep a record; the amplifier must be off
+    /// Test the board, the wiring and the link, and keep a record
     Selftest(selftest::Arguments),
     /// Show or change the stylus's settings
     Settings(settings::Arguments),

@@ -1,7 +1,8 @@
 //! The self test: measurements of the device, compared with limits.
 //!
 //! The device measures and knows no limit; [`judge`] compares, without a device. [`run`] does one after the other. The
-//! amplifier is to be off. A library is erased only on request.
+//! output is moved only where the device knows that the amplifier is off, or a person says that none is connected. A
+//! library is erased only on request.
 
 pub mod judge;
 mod line;
@@ -43,6 +44,9 @@ pub struct Options {
     pub move_s: f64,
     /// True if sensors are connected.
     pub sensors: bool,
+    /// True if a person says, of this run alone, that no amplifier is connected. Otherwise the device moves its output
+    /// only with an enable that is wired.
+    pub no_amplifier: bool,
     /// True if the user moves the tool when asked.
     pub moves: bool,
     /// A slot whose library may be erased for the test of the flash.
@@ -57,6 +61,7 @@ impl Default for Options {
             rest_s: 4.0,
             move_s: 5.0,
             sensors: true,
+            no_amplifier: false,
             moves: false,
             erasable: None,
         }
@@ -91,7 +96,7 @@ pub fn run(device: &Device, options: &Options, mut told: impl FnMut(Step)) -> Re
         (
             "output",
             SelfTestRequest::Output {
-                disconnected: !options.sensors,
+                disconnected: options.no_amplifier,
             },
         ),
     ] {

@@ -6,7 +6,8 @@ use model_format::link::{SelfTestRequest, SelfTestValues};
 use crate::bench::Bench;
 use crate::error::Result;
 
-/// Runs what `stylus selftest --bare` runs, with the bench's length of traffic, and adds its lines.
+/// Runs what `stylus selftest --bare` runs, with the bench's length of traffic, and adds its lines. The output's are
+/// left out with an amplifier whose enable is not wired.
 ///
 /// # Errors
 /// The link fails, or the device refuses to measure.
@@ -14,11 +15,12 @@ pub fn check(bench: &mut Bench) -> Result<()> {
     let options = Options {
         traffic_s: bench.lengths.record_ms as f64 / 1e3,
         sensors: false,
+        no_amplifier: bench.no_amplifier,
         ..Options::default()
     };
     for line in self_test::run(&bench.device, &options, |_| ())? {
         if line.verdict == Verdict::NotMeasured {
-            bench.leave_out(&line.name, &line.value);
+            bench.leave_out(&line.name, &line.remedy);
         } else if bench.is_emulated() && line.name.contains("round trip") {
             bench.leave_out(&line.name, "it is a matter of the computer that emulates");
         } else {

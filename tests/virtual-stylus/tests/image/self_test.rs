@@ -5,6 +5,7 @@ use host_tools::link::capture::{Calibration, Capture, Loss};
 use host_tools::link::self_test::{Line, Verdict, judge};
 use model_format::link::{
     InfoEndpoint, MotionSource, SelfTestEndpoint, SelfTestError, SelfTestRequest, SelfTestValues,
+    Setting, SlotId,
 };
 use virtual_stylus::Options;
 use virtual_stylus::board::StylusBoard;
@@ -229,6 +230,44 @@ fn faults_of_the_output_are_named() {
     fails(Rest, |pin| pin.offset = 40.0, &["output at rest"]);
     fails(Rest, |pin| pin.disconnected = true, &["output at rest"]);
     fails(Rest, |pin| pin.noise = 120.0, &["output still at rest"]);
+}
+
+#[test]
+fn no_code_but_mid_scale_is_put_out_with_an_amplifier_that_may_be_on() {
+    let mut device = Device::started(Options::default());
+    let others = [
+        SelfTestRequest::Chip,
+        SelfTestRequest::OptionBytes,
+        SelfTestRequest::Clocks,
+        SelfTestRequest::ErrorCorrection,
+        SelfTestRequest::Rest,
+        SelfTestRequest::Encoder,
+        SelfTestRequest::Flash {
+            slot: SlotId::B,
+            erases_library: true,
+        },
+    ];
+    for wired in [false, true] {
+        device.set(Setting::EnableWired, f32::from(u8::from(wired)));
+        let outputs = [false, true].map(|disconnected| SelfTestRequest::Output { disconnected });
+        for request in others.into_iter().chain(outputs) {
+            let before = device.dac().len();
+            let answer = ask(&mut device, request);
+            device.run_for(MS);
+            let codes = &device.dac()[before..];
+            let away = codes
+                .iter()
+                .filter(|output| output.code != Some(MID_SCALE))
+                .count();
+            let is_said = request == SelfTestRequest::Output { disconnected: true };
+            let is_output = matches!(request, SelfTestRequest::Output { .. });
+            let may_move = is_said || is_output && wired;
+            assert_eq!(away > 1_000, may_move, "{away} codes: {request:?}, {wired}");
+            assert!(may_move || away == 0, "{away} codes: {request:?}, {wired}");
+            let is_refused = answer == Err(SelfTestError::AmplifierMayBeOn);
+            assert_eq!(is_refused, is_output && !may_move, "{request:?}");
+        }
+    }
 }
 
 #[test]
