@@ -7,7 +7,7 @@ use model_format::scene::limits::{
 };
 use model_format::scene::{
     Biquad, MotionOfScene, Region, Scene, SceneError, SceneName, ScenePlace, SceneProblem,
-    StickSlip, Surface, Tap,
+    StickSlip, Surface, Tap, check_equaliser, check_peak,
 };
 use model_format::{DecodeError, Library, Place, Problem, SAMPLE_RATE_HZ, encode_with_scenes};
 use proptest::collection::vec;
@@ -269,6 +269,69 @@ fn jurys_triangle_is_the_radius_of_the_poles() {
                 );
             }
         }
+    }
+}
+
+/// Gain of a section at the cosine of a frequency, by its transfer function.
+fn gain_at(section: &Biquad, cosine: f64) -> f64 {
+    let square = |[c0, c1, c2]: [f64; 3]| {
+        let real = (c0 + c2) * cosine + c1;
+        real * real + (c0 - c2) * (c0 - c2) * (1.0 - cosine * cosine)
+    };
+    let [a1, a2] = section.denominator();
+    (square(section.numerator()) / square([1.0, a1, a2])).sqrt()
+}
+
+/// A notch at the sampled resonance hides what five sections amplify beside it.
+#[test]
+fn a_peak_that_no_sample_of_a_check_meets_is_found_by_its_bound() {
+    let (radius, cosine) = (1022.9 / 1024.0, 0.974_66);
+    let a2 = radius * radius;
+    let denominator = [-4.0 * a2 * cosine / (1.0 + a2), a2];
+    let resonant = |gain: f64| {
+        let one = Biquad::from_f64([1.0, 0.0, 0.0], denominator).expect("in range");
+        let peak = gain / gain_at(&one, cosine);
+        Biquad::from_f64([peak, 0.0, 0.0], denominator).expect("in range")
+    };
+    let notch = Biquad::from_f64([1.0, -2.0 * cosine, 1.0], denominator).expect("in range");
+    let hidden = [
+        notch,
+        notch,
+        resonant(15.9),
+        resonant(15.9),
+        resonant(15.9),
+        resonant(15.9),
+    ];
+    let beside: f64 = hidden
+        .iter()
+        .map(|s| gain_at(s, cosine + 0.000_2))
+        .product();
+    assert!(beside > 1000.0, "{beside}");
+    assert_eq!(check_equaliser(&hidden), Ok(()));
+    let found = check_peak(&hidden);
+    assert!(
+        matches!(found, Err((_, SceneProblem::EqualiserGain))),
+        "{found:?}"
+    );
+    #[cfg(feature = "link")]
+    {
+        use model_format::link::{RESPONSE_BYTES, Response, ResponseError, Sections, Settings};
+        let mut response = Response::from_bytes(&[0; RESPONSE_BYTES]);
+        response.sections_5khz = Sections::new(&hidden).expect("room");
+        let checked = response.check(&Settings::default());
+        let is_refused = matches!(checked, Err(ResponseError::Gain { rate_hz: 5000, .. }));
+        assert!(is_refused, "{checked:?}");
+    }
+    // Up to the limit nothing is refused, however narrow a peak or a notch is.
+    for sections in [
+        &[resonant(15.99)][..],
+        &[notch],
+        &[notch, notch, resonant(15.99), notch, notch],
+        &[Biquad::from_f64([4.0, 0.0, 0.0], [0.0; 2]).expect("in range"); 2],
+        &[Biquad::IDENTITY; 6],
+    ] {
+        assert_eq!(check_equaliser(sections), Ok(()));
+        assert_eq!(check_peak(sections), Ok(()), "{sections:?}");
     }
 }
 
