@@ -5,12 +5,15 @@ use host_tools::fit::conditioning::Conditioning;
 use host_tools::recording::{MAX_CHANNELS, MAX_FRAMES};
 use host_tools::support::number;
 use numpy::{
-    AllowTypeChange, Element, PyArray1, PyArray2, PyArrayLike1, PyArrayMethods, PyReadonlyArray1,
-    PyReadonlyArray2, PyUntypedArray, PyUntypedArrayMethods,
+    Element, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
+    PyUntypedArray, PyUntypedArrayMethods,
 };
+use pyo3::Borrowed;
 use pyo3::call::PyCallArgs;
+use pyo3::conversion::FromPyObjectOwned;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
+use pyo3::types::{PyList, PyMapping, PyMemoryView, PySequence, PyString};
 use serde::Serialize;
 
 use crate::error::refused;
@@ -110,27 +113,141 @@ pub fn table<T: Element>(py: Python<'_>, values: Vec<T>, rows: usize) -> PyResul
 /// Most numbers of an array that are copied: 1 GiB.
 const MOST_NUMBERS: usize = 1 << 27;
 
+/// Most values of a list of names, files or scenes.
+const MOST_LISTED: usize = 1 << 20;
+
 /// The numbers of an array-like of one dimension, the argument `name`.
 ///
 /// # Errors
 /// Something else, masked numbers, or more than a result is made of.
 pub fn numbers(name: &str, values: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {
-    check_mask(name, values)?;
-    let array: PyArrayLike1<'_, f64, AllowTypeChange> = values
-        .extract()
-        .map_err(|failure: PyErr| PyTypeError::new_err(format!("argument '{name}': {failure}")))?;
-    check_length(name, array.len(), MOST_NUMBERS)?;
+    let bounded = bounded(name, values, 1, &mut Left::of(MOST_NUMBERS))?;
+    let of_kind = |failure: PyErr| PyTypeError::new_err(format!("argument '{name}': {failure}"));
+    let numpy = values.py().import("numpy")?;
+    let array = numpy.call_method1("asarray", (bounded, "float64"));
+    let array: PyReadonlyArray1<'_, f64> = array
+        .and_then(|array| array.extract().map_err(PyErr::from))
+        .map_err(of_kind)?;
     Ok(array.as_array().iter().copied().collect())
 }
 
-/// Checks a length before its copy is made.
-fn check_length(name: &str, count: usize, most: usize) -> PyResult<()> {
-    if count > most {
+/// Numbers that an argument may still have.
+struct Left {
+    most: usize,
+    left: usize,
+}
+
+impl Left {
+    fn of(most: usize) -> Self {
+        Self { most, left: most }
+    }
+
+    /// Takes `count` numbers of the argument `name`, before their copy is made.
+    fn take(&mut self, name: &str, count: usize) -> PyResult<()> {
+        self.left = self.left.checked_sub(count).ok_or_else(|| {
+            let most = self.most;
+            refused(format!("{name} has {count} values: give at most {most}"))
+        })?;
+        Ok(())
+    }
+}
+
+/// The argument `name` as NumPy may take it: an array, or a list that is as long as it says and nested at most `depth`
+/// times. NumPy would otherwise believe a length, and take memory for it. What is neither is left as it is, because
+/// NumPy refuses it, or makes one value of it.
+fn bounded<'py>(
+    name: &str,
+    values: &Bound<'py, PyAny>,
+    depth: u32,
+    left: &mut Left,
+) -> PyResult<Bound<'py, PyAny>> {
+    let py = values.py();
+    if !values.hasattr("__len__")? && values.extract::<f64>().is_ok() {
+        left.take(name, 1)?;
+        return Ok(values.clone());
+    }
+    let array = if is_array(values)? {
+        let array = py.import("numpy")?.call_method1("asanyarray", (values,))?;
+        Some(array.cast_into::<PyUntypedArray>()?)
+    } else {
+        None
+    };
+    if let Some(array) = array {
+        left.take(name, array.len())?;
+        check_mask(name, &array)?;
+        return Ok(array.into_any());
+    }
+    let is_text = values.is_instance_of::<PyString>();
+    let is_sequence = values.hasattr("__getitem__")? && values.cast::<PyMapping>().is_err();
+    let (true, false, Ok(count)) = (is_sequence, is_text, values.len()) else {
+        left.take(name, 1)?;
+        return Ok(values.clone());
+    };
+    if depth == 0 {
+        let problem = format!("argument '{name}' is nested: a number is to stand there");
+        return Err(PyTypeError::new_err(problem));
+    }
+    // Each value takes its own place; those of a length alone are refused before one is read.
+    if count > left.left {
+        left.take(name, count)?;
+    }
+    let items = PyList::empty(py);
+    for item in values.try_iter()?.take(count.saturating_add(1)) {
+        items.append(bounded(name, &item?, depth - 1, left)?)?;
+    }
+    if items.len() != count {
         return Err(refused(format!(
-            "{name} has {count} values: give at most {most}"
+            "{name} says that it has {count} values, and gives others: make it a list"
         )));
     }
-    Ok(())
+    Ok(items.into_any())
+}
+
+/// Returns true for an array, and for an object that is one to NumPy.
+fn is_array(values: &Bound<'_, PyAny>) -> PyResult<bool> {
+    if values.is_instance_of::<PyUntypedArray>() {
+        return Ok(true);
+    }
+    for name in ["__array__", "__array_interface__", "__array_struct__"] {
+        if values.hasattr(name)? {
+            return Ok(true);
+        }
+    }
+    Ok(PyMemoryView::from(values).is_ok())
+}
+
+/// The values of a list of any length: no length that an object states is believed.
+pub struct Several<T>(pub Vec<T>);
+
+impl<'py, T: FromPyObjectOwned<'py>> FromPyObject<'_, 'py> for Several<T> {
+    type Error = PyErr;
+
+    fn extract(values: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
+        if values.is_instance_of::<PyString>() || values.cast::<PySequence>().is_err() {
+            let kind = values.get_type();
+            return Err(PyTypeError::new_err(format!(
+                "'{}' is no list",
+                kind.name()?
+            )));
+        }
+        let mut all = Vec::new();
+        for value in values.try_iter()? {
+            if all.len() == MOST_LISTED {
+                return Err(refused(format!("a list has at most {MOST_LISTED} values")));
+            }
+            all.push(value?.extract().map_err(Into::into)?);
+        }
+        Ok(Self(all))
+    }
+}
+
+/// Checks that an array of 32-bit words can be copied, and copies it.
+///
+/// # Errors
+/// More words than a result has.
+pub fn words(name: &str, words: &PyReadonlyArray1<'_, i32>) -> PyResult<Vec<i32>> {
+    Left::of(MOST_NUMBERS).take(name, words.len())?;
+    Ok(words.as_array().to_vec())
 }
 
 /// Refuses an array with masked values, which other arrays would be made of without their mask.
@@ -158,7 +275,12 @@ pub struct Channels {
 /// An array of another kind or shape.
 pub fn channels(samples: &Bound<'_, PyAny>) -> PyResult<Channels> {
     let py = samples.py();
-    check_mask("samples", samples)?;
+    let samples = bounded(
+        "samples",
+        samples,
+        2,
+        &mut Left::of(MAX_CHANNELS * MAX_FRAMES),
+    )?;
     let numpy = py.import("numpy")?;
     let array = numpy.call_method1("asarray", (samples,))?;
     let array = array.cast_into::<PyUntypedArray>()?;
@@ -179,7 +301,6 @@ pub fn channels(samples: &Bound<'_, PyAny>) -> PyResult<Channels> {
         }
     };
     let shape = array.shape().to_vec();
-    check_length("samples", array.len(), MAX_CHANNELS * MAX_FRAMES)?;
     let as_float = array.call_method1("astype", ("float64",))?;
     let mut channels: Vec<Vec<f64>> = match shape.as_slice() {
         [_] => {

@@ -1,23 +1,26 @@
 //! Evaluations: what the stylus plays against recordings that were not fitted; and the pages that show them.
 
-use std::path::PathBuf;
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use host_tools::dsp::spectrum::DEFAULT_SMOOTHING_WIDTH_HZ;
 use host_tools::evaluation::evaluate::{self as evaluation, Evaluation};
 use host_tools::evaluation::held_out::{Chosen, chosen};
 use host_tools::evaluation::listening::{self, Answers, Compared, Design, Pair, plan_of};
+use host_tools::fit::inputs::{Input, files_behind};
 use host_tools::fit::record::FitRecord;
 use host_tools::recording::RecordingSet;
 use host_tools::report::sound::node_seconds;
 use host_tools::report::{evaluation_page, listening_page, rub_page};
+use host_tools::support::atomic_file::folder_of;
 use host_tools::support::error::Result;
 use host_tools::support::output::{OutputFolder, check_file, check_folder};
 use host_tools::texture::library::decode_library;
 use pyo3::prelude::*;
 use pyo3::types::{IntoPyDict, PyDict};
 
-use crate::convert::{choice, conditioning, made, not_negative, plain, positive};
+use crate::convert::{Several, choice, conditioning, made, not_negative, plain, positive};
 use crate::error::{raised, refused, warn};
 use crate::library::Library;
 use crate::playing::LibraryLike;
@@ -60,6 +63,26 @@ impl Judged {
             record,
             options,
         })
+    }
+
+    /// The files behind it, which no `output` may be.
+    fn inputs(&self, output: &Path) -> Vec<PathBuf> {
+        let sets = [Some(&self.set), self.takes.as_ref()];
+        let files = sets.into_iter().flatten().flat_map(|set| &set.trials);
+        let files: Vec<PathBuf> = files.map(|trial| trial.file.clone()).collect();
+        let folders: BTreeSet<PathBuf> = files
+            .iter()
+            .map(|file| folder_of(file).to_owned())
+            .collect();
+        let given = folders
+            .into_iter()
+            .chain([self.path.clone()])
+            .map(Input::from);
+        let mut all = files_behind(&given.collect::<Vec<_>>(), output);
+        // Their folders hold them, and are no inputs themselves.
+        all.retain(|input| !input.is_dir());
+        all.extend(files);
+        all
     }
 
     /// The judge of each recording, and takes that judge nothing.
@@ -127,7 +150,7 @@ pub fn evaluate<'py>(
     let mut judged = Judged::new(recordings, library.get(), takes, options)?;
     let total = judged.set.trials.len();
     if let Some(folder) = &report {
-        check_folder(folder, overwrite, &[]).map_err(raised)?;
+        check_folder(folder, overwrite, &judged.inputs(folder)).map_err(raised)?;
         judged.options.excerpt_s = node_seconds(total);
     }
     let (found, unused) = work::run(py, total as u64, progress, move |steps| {
@@ -181,7 +204,6 @@ pub fn page<'py>(
         Some(seconds) if (0.1..=10.0).contains(&seconds) => rub_page::Clips::Seconds(seconds),
         Some(other) => return Err(refused(format!("clips_s is {other}: it must be 0.1 to 10"))),
     };
-    check_file(&out, overwrite, &[]).map_err(raised)?;
     let library = library.library(py)?;
     let library = library.get();
     let options = evaluation::Options {
@@ -192,6 +214,11 @@ pub fn page<'py>(
     let judged = recordings.map(|recordings| Judged::new(recordings, library, None, options));
     let judged = judged.transpose()?;
     let (bytes, path) = (library.bytes().clone(), library.named());
+    let inputs = match &judged {
+        Some(judged) => judged.inputs(&out),
+        None => files_behind(&[Input::from(path.clone())], &out),
+    };
+    check_file(&out, overwrite, &inputs).map_err(raised)?;
     let total = judged.as_ref().map_or(0, |judged| judged.set.trials.len());
     let written = work::run(py, total as u64, progress, move |steps| {
         let evaluation = match &judged {
@@ -227,7 +254,7 @@ pub fn page<'py>(
 /// of pairs that are left out. See `score`.
 #[pyfunction]
 #[pyo3(signature = (
-    recordings, library, out, *, takes = None, before = None, design = "abx", pairs = Vec::new(), trials = None,
+    recordings, library, out, *, takes = None, before = None, design = "abx", pairs = Several(Vec::new()), trials = None,
     segment_s = 1.5, reduce = "pca", high_pass = "auto", seed = 1, overwrite = false
 ), text_signature = "(recordings, library, out, *, takes=None, before=None, design='abx', pairs=(), trials=None, \
     segment_s=1.5, reduce='pca', high_pass='auto', seed=1, overwrite=False)")]
@@ -240,7 +267,7 @@ pub fn compare<'py>(
     takes: Option<&Bound<'py, PyAny>>,
     before: Option<LibraryLike<'py>>,
     design: &str,
-    pairs: Vec<String>,
+    pairs: Several<String>,
     trials: Option<usize>,
     segment_s: f64,
     reduce: &str,
@@ -256,14 +283,13 @@ pub fn compare<'py>(
             "trials is {trials} and segment_s {segment_s}: give 1 to 200 trials of {least} to 10 s"
         )));
     }
-    if design == Design::Staircase && !(pairs.is_empty() && before.is_none()) {
+    if design == Design::Staircase && !(pairs.0.is_empty() && before.is_none()) {
         return Err(refused(
             "a staircase varies parts of one library: leave pairs and before out",
         ));
     }
-    let pairs = pairs.iter().map(|pair| choice::<Pair>("pairs", pair));
+    let pairs = pairs.0.iter().map(|pair| choice::<Pair>("pairs", pair));
     let pairs = pairs.collect::<PyResult<Vec<_>>>()?;
-    check_file(&out, overwrite, &[]).map_err(raised)?;
     let evaluate = evaluation::Options {
         conditioning: conditioning(reduce, high_pass)?,
         seed,
@@ -272,6 +298,11 @@ pub fn compare<'py>(
     let library = library.library(py)?;
     let judged = Judged::new(recordings, library.get(), takes, evaluate)?;
     let before = before.map(|before| before.library(py)).transpose()?;
+    let mut inputs = judged.inputs(&out);
+    if let Some(before) = &before {
+        inputs.extend(files_behind(&[Input::from(before.get().named())], &out));
+    }
+    check_file(&out, overwrite, &inputs).map_err(raised)?;
     if before.is_some() && judged.takes.is_none() {
         return Err(refused("before is compared on other takes: give takes"));
     }
@@ -328,8 +359,8 @@ pub fn compare<'py>(
 /// Returns a dictionary per pair, and one for all: `pair`, `files`, `trials`, `correct`, `proportion`, `interval`
 /// (exact, 95 %), `chance`, `is_told_apart`, `simulated`.
 #[pyfunction]
-pub fn score(py: Python<'_>, answers: Vec<PathBuf>) -> PyResult<Bound<'_, PyAny>> {
-    let read = answers.iter().map(|path| Answers::read(path));
+pub fn score(py: Python<'_>, answers: Several<PathBuf>) -> PyResult<Bound<'_, PyAny>> {
+    let read = answers.0.iter().map(|path| Answers::read(path));
     let scores = read.collect::<Result<Vec<_>>>();
     let scores = scores.and_then(|answers| listening::score(&answers));
     plain(py, &scores.map_err(raised)?)

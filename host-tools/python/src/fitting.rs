@@ -11,7 +11,7 @@ use host_tools::support::number::tolerance;
 use model_format::SAMPLE_RATE_HZ;
 use pyo3::prelude::*;
 
-use crate::convert::{checked, choice, conditioning, made, not_negative};
+use crate::convert::{Several, checked, choice, conditioning, made, not_negative};
 use crate::error::{raised, refused, warn};
 use crate::library::Library;
 use crate::work;
@@ -61,7 +61,7 @@ fn snap_of(snap: SnapLike) -> PyResult<Snap> {
 #[pyo3(signature = (
     recordings, *, order = OrderLike::Named("auto".into()), reduce = "pca", high_pass = "auto",
     silence_floor_m_s2 = SILENCE_FLOOR_M_S2, excitation = "auto", modulation = "auto",
-    drop = Vec::new(), lines = "auto", model_rate_hz = SAMPLE_RATE_HZ, snap = None, strict = false,
+    drop = Several(Vec::new()), lines = "auto", model_rate_hz = SAMPLE_RATE_HZ, snap = None, strict = false,
     progress = None
 ), text_signature = "(recordings, *, order='auto', reduce='pca', high_pass='auto', \
     silence_floor_m_s2=0.001, excitation='auto', modulation='auto', drop=(), lines='auto', model_rate_hz=5000, \
@@ -76,7 +76,7 @@ pub fn fit<'py>(
     silence_floor_m_s2: f64,
     excitation: &str,
     modulation: &str,
-    drop: Vec<String>,
+    drop: Several<String>,
     lines: &str,
     model_rate_hz: u32,
     snap: Option<SnapLike>,
@@ -89,7 +89,7 @@ pub fn fit<'py>(
         silence_floor_m_s2: not_negative("silence_floor_m_s2", silence_floor_m_s2)?,
         excitation: choice("excitation", excitation)?,
         modulation: choice("modulation", modulation)?,
-        drop: verdicts(drop)?,
+        drop: verdicts(drop.0)?,
         lines: choice("lines", lines)?,
         strict,
         snap: snap.map(snap_of).transpose()?,

@@ -7,7 +7,7 @@ use host_tools::fit::hatt::import::{ImportReport, Options, files, import, plan, 
 use model_format::SAMPLE_RATE_HZ;
 use pyo3::prelude::*;
 
-use crate::convert::{made, plain};
+use crate::convert::{Several, made, plain};
 use crate::error::{raised, warn};
 use crate::library::Library;
 use crate::work;
@@ -18,7 +18,7 @@ pub enum Paths {
     /// One.
     One(PathBuf),
     /// Several.
-    Several(Vec<PathBuf>),
+    Several(Several<PathBuf>),
 }
 
 impl Paths {
@@ -26,7 +26,7 @@ impl Paths {
     pub fn all(self) -> Vec<PathBuf> {
         match self {
             Self::One(path) => vec![path],
-            Self::Several(paths) => paths,
+            Self::Several(paths) => paths.0,
         }
     }
 }

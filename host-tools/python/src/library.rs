@@ -14,7 +14,7 @@ use pyo3::exceptions::PyKeyError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyType};
 
-use crate::convert::plain;
+use crate::convert::{Several, plain};
 use crate::error::{raised, refused};
 use crate::scene::Scene;
 use crate::texture::described;
@@ -173,11 +173,11 @@ impl Library {
 
     /// The library with these scenes; those of the same name are replaced, all others stay. The record of the fit
     /// does not go with it, because it is of other bytes.
-    fn with_scenes(&self, scenes: Vec<PyRef<'_, Scene>>) -> PyResult<Self> {
+    fn with_scenes(&self, scenes: Several<Py<Scene>>) -> PyResult<Self> {
         let library = self.decoded().map_err(raised)?;
         let mut wired: Vec<model_format::scene::Scene> = Vec::new();
-        for scene in &scenes {
-            let scene = scene.wired();
+        for scene in &scenes.0 {
+            let scene = scene.get().wired();
             if wired.iter().any(|other| other.name == scene.name) {
                 return Err(refused(format!(
                     "two scenes are called '{}': rename one",

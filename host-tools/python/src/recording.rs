@@ -6,6 +6,7 @@ use std::sync::Arc;
 use host_tools::recording::freehand::{self, GridAxis, Options};
 use host_tools::recording::{
     self, Assumed, HeldSamples, NOMINAL_FORCE_N, NOMINAL_SPEED_MM_S, RecordingSet, Trial,
+    texture_fault,
 };
 use host_tools::rig::{RigFile, simulate_to_folder};
 use host_tools::support::error::{Error, Result};
@@ -15,9 +16,9 @@ use host_tools::support::toml_field::TEXT;
 use model_format::{Provenance, SAMPLE_RATE_HZ};
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
-use pyo3::types::{PyList, PySequence};
+use pyo3::types::PySequence;
 
-use crate::convert::{array, channels, conditioning, not_negative, positive, table};
+use crate::convert::{Several, array, channels, conditioning, not_negative, positive, table};
 use crate::error::{raised, refused, warn};
 use crate::hatt::Paths;
 
@@ -325,9 +326,9 @@ fn set_of(source: &Bound<'_, PyAny>, assumed: &Assumed) -> PyResult<RecordingSet
             source.get_type().name()?
         )));
     };
-    let items: Bound<'_, PyList> = items.to_list()?;
+    let items: Several<Bound<'_, PyAny>> = items.extract()?;
     let (mut trials, mut paths) = (Vec::new(), Vec::new());
-    for item in items.iter() {
+    for item in items.0 {
         if let Ok(recording) = item.cast::<Recording>() {
             trials.push(recording.get().0.clone());
         } else if let Ok(path) = item.extract::<PathBuf>() {
@@ -392,6 +393,9 @@ pub fn segment(
         ("scale_m_s2", Some(scale_m_s2)),
     ] {
         value.map(|value| positive(name, value)).transpose()?;
+    }
+    if let Some(fault) = texture_fault(texture) {
+        return Err(refused(format!("texture is {texture:?}: it {fault}")));
     }
     let axis = |name, given: Option<(f64, f64, f64)>| {
         let parsed =

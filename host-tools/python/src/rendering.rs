@@ -33,7 +33,7 @@ pub fn write_words(
     let format = pcm16_m_s2.map_or(WavFormat::Float32, |full_scale_m_s2| WavFormat::Pcm16 {
         full_scale_m_s2,
     });
-    let words = words.as_array().to_vec();
+    let words = crate::convert::words("words", &words)?;
     let written = py.detach(|| {
         check_file(&path, overwrite, &[])?;
         let samples = words.into_iter().map(OutputSample);

@@ -1,5 +1,8 @@
 """Failures are exceptions with the command's one line, and doubts are warnings."""
 
+import array
+import resource
+
 import numpy as np
 import pytest
 import stylus_haptics as sh
@@ -74,6 +77,8 @@ def test_other_failures_are_the_commands_line(command, folder, call, words):
         (lambda s: sh.Motion([0, 1], 1e9, 1), "mm/s"),
         (lambda s: sh.Motion([], 1, 1), "at least one row"),
         (lambda s: sh.Motion([0, 1], np.ma.masked_less(s[:2], 2), 1), "speed_mm_s has masked"),
+        (lambda s: sh.segment("a.csv", "x" * 49, "out"), "49 bytes"),
+        (lambda s: sh.segment("a.csv", "", "out"), "empty"),
         (lambda s: sh.Library(b"no library"), "library"),
         (lambda s: sh.Device("carrier pigeon"), "link"),
         (lambda s: sh.Device("tcp:127.0.0.1:1"), "nothing listens"),
@@ -81,6 +86,103 @@ def test_other_failures_are_the_commands_line(command, folder, call, words):
 )
 def test_what_cannot_be_used_is_named_with_the_remedy(call, word):
     assert word in str(raised(call, np.ones(5000)))
+
+
+class Liar:
+    """A sequence of other values than its length says."""
+
+    def __init__(self, says: int, holds: int):
+        self.says, self.holds = says, holds
+
+    def __len__(self):
+        return self.says
+
+    def __getitem__(self, index):
+        if index >= self.holds:
+            raise IndexError
+        return float(index)
+
+
+class LyingList(list):
+    def __len__(self):
+        return 10**18
+
+
+HUGE = 10**10
+NESTED = [
+    np.broadcast_to(np.int8(1), (HUGE,)),
+    np.broadcast_to(np.float32(1), (HUGE,)),
+    np.ma.masked_array(np.broadcast_to(np.float32(1), (HUGE,)), False),
+    range(10**11),
+    Liar(10**18, 3),
+    Liar(10**6, 3),
+    Liar(3, 10**18),
+    LyingList([0.0, 1.0]),
+    [0.0, range(10**11)],
+    [Liar(10**18, 1)] * 3,
+]
+
+
+@pytest.mark.parametrize("values", NESTED, ids=range(len(NESTED)))
+@pytest.mark.parametrize(
+    "door",
+    [
+        lambda v: sh.Motion(v, 1.0, 1.0),
+        lambda v: sh.Motion([0.0, 1.0], v, 1.0),
+        lambda v: sh.Motion([0.0, 1.0], 1.0, v),
+        lambda v: sh.Motion([0.0, 1.0], 1.0, 1.0, position_mm=v),
+        lambda v: sh.Motion([0.0, 1.0], 1.0, 1.0, contact=v),
+        lambda v: sh.Recording(v, 5000, texture="felt"),
+    ],
+)
+def test_no_length_of_an_array_is_believed_at_any_door(door, values):
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    with pytest.raises((sh.StylusError, TypeError)):
+        door(values)
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 100_000
+
+
+@pytest.mark.parametrize(
+    "door",
+    [
+        lambda v: sh.fit(v),
+        lambda v: sh.fit("x", drop=v),
+        lambda v: sh.compare("x", "a.lib", "out.html", pairs=v),
+        lambda v: sh.score(v),
+        lambda v: sh.segment(v, "felt", "out"),
+    ],
+)
+@pytest.mark.parametrize("values", [LyingList([1.0]), range(10**11)], ids=["a list", "a range"])
+def test_no_length_of_a_list_is_believed_at_any_door(door, values):
+    with pytest.raises((sh.StylusError, TypeError)):
+        door(values)
+
+
+def test_arrays_of_every_kind_that_numpy_takes_are_taken():
+    times, ones = [0.0, 0.5, 2.0], [1.0, 1.0, 1.0]
+    of_numpy = [np.float32(time) for time in times]
+    for values in (times, tuple(times), np.array(times, "f4"), array.array("d", times), of_numpy, Liar(3, 3)):
+        assert sh.Motion(values, ones, 1).duration_s == 2.0
+    rows = np.random.default_rng(1).standard_normal((900, 2))
+    for values in (rows, rows.tolist(), list(rows), memoryview(rows)):
+        taken = sh.Recording(values, 5000, texture="felt").samples()
+        assert np.allclose(taken, rows)
+
+
+def test_an_input_is_never_the_output(fitted, folder, tmp_path):
+    fitted.save(tmp_path / "a.lib")
+    for library in (tmp_path / "a.lib", sh.Library.open(tmp_path / "a.lib")):
+        for call in (
+            lambda out: sh.page(library, out, overwrite=True),
+            lambda out: sh.page(library, out, recordings=folder, overwrite=True),
+            lambda out: sh.compare(folder, library, out, overwrite=True),
+        ):
+            for out in (tmp_path / "a.lib", tmp_path / "a.lib.fit.json"):
+                assert "is an input" in str(raised(call, out))
+    for out in (folder / "trials.csv", next(folder.glob("*.wav"))):
+        assert "is an input" in str(raised(sh.compare, folder, tmp_path / "a.lib", out, overwrite=True))
+    error = raised(sh.evaluate, folder, tmp_path / "a.lib", report=tmp_path, overwrite=True)
+    assert "holds an input" in str(error)
 
 
 def test_samples_that_are_no_numbers_are_named(arrays):

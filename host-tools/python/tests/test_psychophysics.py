@@ -78,6 +78,14 @@ def test_rows_that_no_staircase_has_asked_for_are_refused():
         psychophysics.thresholds(rows)
 
 
+@pytest.mark.parametrize("step", [10**9, 0, -(10**12)])
+def test_a_step_that_no_grid_has_is_named_and_no_grid_is_made_for_it(step):
+    rows = psychophysics.simulated_staircase(lambda strength: strength, LEVELS_DB, np.random.default_rng(4))
+    rows[0]["step"] = step
+    with pytest.raises(ValueError, match=f"at step {step}.*1 to 1000"):
+        psychophysics.thresholds(rows)
+
+
 def test_a_mixed_model_recovers_what_ratings_were_made_with():
     pytest.importorskip("statsmodels")
     generator = np.random.default_rng(5)

@@ -23,6 +23,7 @@ mod fitted;
 mod grid;
 #[cfg(feature = "hatt")]
 pub mod hatt;
+pub mod inputs;
 pub mod lines;
 mod notes;
 mod options;

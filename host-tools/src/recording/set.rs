@@ -173,7 +173,7 @@ impl RecordingSet {
 }
 
 /// Returns whether the file at `path` is a list of trials, by the names in its first line.
-fn is_list(path: &Path) -> bool {
+pub fn is_list(path: &Path) -> bool {
     let is_text = path.extension().is_some_and(|extension| {
         let extension = extension.to_string_lossy().to_lowercase();
         extension == "csv" || extension == "txt"

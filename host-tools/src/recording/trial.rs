@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use model_format::Provenance;
+use model_format::limits::MAX_NAME_BYTES;
 
 use super::held::HeldSamples;
 
@@ -15,6 +16,22 @@ pub const NOMINAL_SPEED_MM_S: f64 = 100.0;
 
 /// Force that stands for a recording whose force is not known, N.
 pub const NOMINAL_FORCE_N: f64 = 1.0;
+
+/// Returns what is wrong with the name of a texture that is to be listed, as a list and a library would find.
+pub fn texture_fault(name: &str) -> Option<String> {
+    if name.trim().is_empty() {
+        Some("must not be empty".into())
+    } else if name.contains(char::is_control) {
+        Some("must not have a control character, such as the end of a line".into())
+    } else if name.len() > MAX_NAME_BYTES {
+        Some(format!(
+            "has {} bytes, and must have at most {MAX_NAME_BYTES}",
+            name.len()
+        ))
+    } else {
+        None
+    }
+}
 
 /// One recording of one texture at one speed and force.
 #[derive(Clone, Debug, PartialEq)]

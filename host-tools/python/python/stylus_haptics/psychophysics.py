@@ -34,6 +34,9 @@ MODELS = {"differencing": (math.sqrt(2), math.sqrt(6)), "independent": (math.sqr
 #: Proportion of right answers at which two of them in a row are as likely as not.
 TWO_DOWN_ONE_UP = math.sqrt(0.5)
 
+#: Most strengths of a staircase's grid: many times those of a page.
+MOST_STEPS = 1000
+
 _NUMBERS = {
     "listener": int, "trial": int, "block": int, "position": int, "same": int, "rating": float, "step": int,
     "strength": float, "correct": int, "reversal": int, "replays": int, "seconds": float,
@@ -198,6 +201,12 @@ def thresholds(rows: Iterable[Row]) -> list[Threshold]:
     found = []
     for (_, listener, part), own in tracks.items():
         own.sort(key=lambda row: row["trial"])
+        for row in own:
+            if not 1 <= row["step"] <= MOST_STEPS:
+                raise ValueError(
+                    f"trial {row['trial']} of listener {listener} is at step {row['step']}, and steps are 1 to "
+                    f"{MOST_STEPS}; give the file as the page saved it"
+                )
         strength_of = {row["step"] - 1: row["strength"] for row in own}
         # The first trial is at the greatest strength; strengths that were not asked for do not matter.
         stairs = Staircase([strength_of.get(step, math.nan) for step in range(own[0]["step"])])
