@@ -1,8 +1,8 @@
 //! The rule for outputs, checked before the work for them begins, and folders that are written whole or not at all.
 //!
 //! What is there is replaced where the user asks for that (`overwrite`), and an input, pipe, device or folder never is.
-//! A folder that a command wrote holds [`LIST`], the list of its files. A folder with any other file is refused, so
-//! that nothing is removed that no command wrote.
+//! A folder that a command wrote holds [`LIST`], the list of its files. A folder with anything else is refused, so that
+//! nothing is removed that no command wrote; what file managers leave there is kept.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -10,6 +10,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use super::atomic_file::{folder_of, target};
+use super::bounded_file::{Limit, MIB};
 use super::error::{Error, Result};
 use super::file_name::portable;
 use super::temporaries::{self, Temporary};
@@ -17,7 +18,13 @@ use super::temporaries::{self, Temporary};
 /// Name of the list of the files that a command wrote into its folder.
 pub const LIST: &str = ".made-by-stylus";
 
-/// Entries that file managers leave in any folder.
+/// A list of some 100 000 files.
+const LIST_TEXT: Limit = Limit {
+    of: "a list of a result's files",
+    bytes: 16 * MIB,
+};
+
+/// Files that file managers leave in any folder.
 const LITTER: [&str; 3] = [".DS_Store", "Thumbs.db", "desktop.ini"];
 
 /// The way to replace what is there, for the command line and for Python.
@@ -96,8 +103,8 @@ pub fn check_folder(path: &Path, overwrite: bool, inputs: &[PathBuf]) -> Result<
         return Err(Error::file(path, problem));
     }
     check_place(path, &folder)?;
-    let files = files_in(&folder)?;
-    if files.is_empty() {
+    let content = Content::of(&folder)?;
+    if content.files.is_empty() && content.empty.is_empty() {
         return Ok(());
     }
     let is_within =
@@ -109,9 +116,20 @@ pub fn check_folder(path: &Path, overwrite: bool, inputs: &[PathBuf]) -> Result<
         );
         return Err(Error::file(path, problem));
     }
-    let list = fs::read_to_string(folder.join(LIST)).unwrap_or_default();
+    let list = match LIST_TEXT.open(&folder.join(LIST)) {
+        Ok(_) => LIST_TEXT.read_text(&folder.join(LIST))?,
+        Err(Error::Io { source, .. }) if source.kind() == io::ErrorKind::NotFound => String::new(),
+        Err(failure) => return Err(failure),
+    };
     let listed: BTreeSet<&Path> = list.lines().map(Path::new).collect();
-    if let Some(file) = files.iter().find(|file| !listed.contains(file.as_path())) {
+    // A folder whose files are gone is the earlier run's own.
+    let is_own = |inner: &&PathBuf| {
+        let next = listed.range(inner.as_path()..).next();
+        next.is_some_and(|listed| listed.starts_with(inner))
+    };
+    let mut files = content.files.iter();
+    let foreign = files.find(|file| !listed.contains(file.as_path()));
+    if let Some(file) = foreign.or(content.empty.iter().find(|inner| !is_own(inner))) {
         let problem = format!(
             "the folder holds `{}`, which no earlier run wrote, and results are not mixed with other files: name a new \
              or empty folder",
@@ -128,30 +146,46 @@ pub fn check_folder(path: &Path, overwrite: bool, inputs: &[PathBuf]) -> Result<
     Ok(())
 }
 
-/// Files in `folder` and below, relative to it, without the list, temporaries and litter. Links are not followed.
-fn files_in(folder: &Path) -> Result<Vec<PathBuf>> {
-    let mut files = Vec::new();
-    let mut folders = vec![PathBuf::new()];
-    while let Some(inner) = folders.pop() {
-        let path = folder.join(&inner);
-        let failed = |failure| Error::io("list", &path)(failure);
-        for entry in fs::read_dir(&path).map_err(failed)? {
-            let entry = entry.map_err(failed)?;
-            let name = entry.file_name();
-            let text = name.to_string_lossy();
-            if text.starts_with(temporaries::PREFIX) || text == LIST || LITTER.contains(&&*text) {
-                continue;
+/// What lies in a folder and below, relative to it. Links are not followed.
+#[derive(Default)]
+struct Content {
+    /// Files and links, except the list and litter.
+    files: Vec<PathBuf>,
+    /// Folders without any.
+    empty: Vec<PathBuf>,
+    litter: Vec<PathBuf>,
+}
+
+impl Content {
+    fn of(folder: &Path) -> Result<Self> {
+        let mut content = Self::default();
+        let mut folders = vec![PathBuf::new()];
+        while let Some(inner) = folders.pop() {
+            let path = folder.join(&inner);
+            let failed = |failure| Error::io("list", &path)(failure);
+            let mut is_empty = true;
+            for entry in fs::read_dir(&path).map_err(failed)? {
+                let entry = entry.map_err(failed)?;
+                let (name, kind) = (entry.file_name(), entry.file_type().map_err(failed)?);
+                let relative = inner.join(&name);
+                if kind.is_file() && LITTER.iter().any(|litter| name == *litter) {
+                    content.litter.push(relative);
+                    continue;
+                }
+                is_empty = false;
+                if kind.is_dir() {
+                    folders.push(relative);
+                } else if !(kind.is_file() && name == LIST) {
+                    content.files.push(relative);
+                }
             }
-            let relative = inner.join(&name);
-            if entry.file_type().map_err(failed)?.is_dir() {
-                folders.push(relative);
-            } else {
-                files.push(relative);
+            if is_empty && !inner.as_os_str().is_empty() {
+                content.empty.push(inner);
             }
         }
+        content.files.sort();
+        Ok(content)
     }
-    files.sort();
-    Ok(files)
 }
 
 /// A folder that is written beside its place, and renamed at the end.
@@ -207,9 +241,9 @@ impl OutputFolder {
             overwrite,
             hidden,
         } = self;
-        let files = files_in(hidden.path())?;
+        let Content { files, empty, .. } = Content::of(hidden.path())?;
         let mut list = String::new();
-        for file in &files {
+        for file in files.iter().chain(&empty) {
             list.push_str(&format!("{}\n", portable(file)));
         }
         fs::write(hidden.path().join(LIST), list).map_err(Error::io("write", &named))?;
@@ -219,6 +253,11 @@ impl OutputFolder {
             return hidden.persist(&named, || Ok(())).map_err(failed);
         }
         let place = fs::canonicalize(&named).map_err(failed)?;
+        for litter in Content::of(&place)?.litter {
+            let kept = hidden.path().join(&litter);
+            fs::create_dir_all(folder_of(&kept)).map_err(failed)?;
+            fs::copy(place.join(&litter), kept).map_err(failed)?;
+        }
         let aside = Temporary::folder_in(folder_of(&place)).map_err(failed)?;
         let earlier = aside.path().join("earlier");
         hidden
@@ -265,8 +304,65 @@ mod tests {
             Err::<(), _>(Error::file(&folder.path().join("half"), "stopped"))
         });
         assert!(refusal(outcome).contains("out/half"));
-        assert_eq!(files_in(&path).unwrap(), [Path::new("x")]);
+        assert_eq!(Content::of(&path).unwrap().files, [Path::new("x")]);
         assert_eq!(fs::read_dir(home.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn nothing_that_no_run_wrote_is_lost_by_a_replacement() {
+        for mine in [
+            ".stylus-mine/a",
+            ".stylus-notes.txt",
+            "Thumbs.db/a",
+            ".made-by-stylus-too",
+            "y/.made-by-stylus/a",
+            "y/.stylus-a",
+            "mine/",
+            "y/mine/",
+        ] {
+            let home = tempfile::tempdir().unwrap();
+            let path = home.path().join("out");
+            result(&path, false, &["x", "y/z"]).unwrap();
+            if let Some(folder) = mine.strip_suffix('/') {
+                fs::create_dir(path.join(folder)).unwrap();
+            } else {
+                fs::create_dir_all(folder_of(&path.join(mine))).unwrap();
+                fs::write(path.join(mine), "mine").unwrap();
+            }
+            assert!(refusal(result(&path, true, &["x"])).contains(mine.trim_end_matches('/')));
+            assert!(path.join(mine).exists() && path.join("y/z").exists());
+        }
+    }
+
+    #[test]
+    fn what_file_managers_left_is_kept_and_a_folder_whose_files_are_gone_is_no_reason_to_refuse() {
+        let home = tempfile::tempdir().unwrap();
+        let path = home.path().join("out");
+        result(&path, false, &["x", "y/z"]).unwrap();
+        fs::write(path.join("Thumbs.db"), "views").unwrap();
+        fs::write(path.join("y/.DS_Store"), "places").unwrap();
+        fs::remove_file(path.join("y/z")).unwrap();
+        result(&path, true, &["x"]).unwrap();
+        fs::write(path.join("z"), "mine").unwrap();
+        fs::write(path.join(LIST), "x\nz/deep\n").unwrap();
+        assert!(refusal(result(&path, true, &["x"])).contains("`z`"));
+        assert_eq!(fs::read(path.join("Thumbs.db")).unwrap(), b"views");
+        assert_eq!(fs::read(path.join("y/.DS_Store")).unwrap(), b"places");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_list_without_an_end_is_refused_and_not_read() {
+        let home = tempfile::tempdir().unwrap();
+        let path = home.path().join("out");
+        result(&path, false, &["x"]).unwrap();
+        fs::remove_file(path.join(LIST)).unwrap();
+        std::os::unix::fs::symlink("/dev/zero", path.join(LIST)).unwrap();
+        holds(&refusal(result(&path, true, &["x"])), &[LIST]);
+        fs::remove_file(path.join(LIST)).unwrap();
+        let long = fs::File::create(path.join(LIST)).unwrap();
+        long.set_len(LIST_TEXT.bytes + 1).unwrap();
+        holds(&refusal(result(&path, true, &["x"])), &["16777216 bytes"]);
     }
 
     #[test]
