@@ -22,6 +22,12 @@ const LIMIT: Limit = Limit {
     bytes: 16 * MIB,
 };
 
+/// Longest text of a field, bytes: many times what a page saves.
+const LONGEST_TEXT: usize = 256;
+
+/// Most pairs of kinds: many times those that there are.
+const MOST_PAIRS: usize = 64;
+
 /// A row of a file of answers.
 #[derive(Clone, Debug, PartialEq)]
 struct Answered {
@@ -145,7 +151,15 @@ impl Columns {
     }
 
     fn answer(&self, line: &Row<'_, '_>) -> Result<Answered> {
-        let text = |field: usize| line.text(self.0[field]).to_owned();
+        let bounded = |column: usize, name: &str| match line.text(column) {
+            text if text.len() <= LONGEST_TEXT => Ok(text.to_owned()),
+            text => Err(line.error(format!(
+                "{name} has {} bytes, and a page saves at most {LONGEST_TEXT}; {FROM_A_PAGE}",
+                text.len()
+            ))),
+        };
+        let text = |field: usize| bounded(self.0[field], NAMES[field]);
+        let listener = self.1.map(|column| bounded(column, "listener"));
         let count = |field: usize| {
             let (text, name) = (line.text(self.0[field]), NAMES[field]);
             text.parse().map_err(|_| {
@@ -155,18 +169,18 @@ impl Columns {
             })
         };
         Ok(Answered {
-            listener: self.1.map_or("", |column| line.text(column)).to_owned(),
+            listener: listener.transpose()?.unwrap_or_default(),
             trial: count(0)?,
-            pair: text(1),
-            a: text(2),
-            b: text(3),
-            x: text(4),
-            answer: text(5),
+            pair: text(1)?,
+            a: text(2)?,
+            b: text(3)?,
+            x: text(4)?,
+            answer: text(5)?,
             correct: count(6)?,
             replays: count(7)?,
             seconds: line.finite(self.0[8], NAMES[8])?,
-            page: text(9),
-            origin: text(10),
+            page: text(9)?,
+            origin: text(10)?,
         })
     }
 }
@@ -213,7 +227,7 @@ fn not_saved(path: &Path, failure: Error) -> Error {
 /// several.
 ///
 /// # Errors
-/// Two files with the same answers.
+/// Two files with the same answers, or more pairs than there are.
 pub fn score(files: &[Answers]) -> Result<Vec<Score>> {
     for (index, file) in files.iter().enumerate() {
         // Times tell two listeners apart who gave the same answers.
@@ -229,10 +243,16 @@ pub fn score(files: &[Answers]) -> Result<Vec<Score>> {
         }
     }
     let mut pairs: Vec<&str> = Vec::new();
-    for row in files.iter().flat_map(|file| &file.rows) {
-        if !pairs.contains(&row.pair.as_str()) {
-            pairs.push(&row.pair);
+    for (file, row) in (files.iter()).flat_map(|file| file.rows.iter().map(move |row| (file, row)))
+    {
+        if pairs.contains(&row.pair.as_str()) {
+            continue;
         }
+        if pairs.len() == MOST_PAIRS {
+            let problem = format!("has more than {MOST_PAIRS} pairs of kinds; {FROM_A_PAGE}");
+            return Err(Error::file(&file.path, problem));
+        }
+        pairs.push(&row.pair);
     }
     let mut scores: Vec<Score> = pairs
         .iter()
@@ -314,6 +334,32 @@ mod tests {
         );
         assert_eq!(scores[0].interval, clopper_pearson(10, 20, CONFIDENCE));
         assert!(!scores[0].is_told_apart && !scores[0].simulated);
+    }
+
+    #[test]
+    fn names_and_pairs_that_no_page_saves_are_refused_in_a_line_of_bounded_length() {
+        let folder = tempfile::tempdir().unwrap();
+        let long = "p".repeat(3_000_000);
+        let path = file(
+            folder.path(),
+            "long.csv",
+            &[row(1, &long, "recording", "A", 1)],
+        );
+        let refused = Answers::read(&path).unwrap_err().to_string();
+        holds(
+            &refused,
+            &["line 2", "pair has 3000000 bytes", "at most 256"],
+        );
+        assert!(refused.len() < 1000, "{}", refused.len());
+        let rows = |count: usize| -> Vec<String> {
+            let row = |n: usize| row(n as u32, &format!("pair {n}"), "recording", "A", 1);
+            (0..count).map(row).collect()
+        };
+        for (count, is_scored) in [(MOST_PAIRS, true), (MOST_PAIRS + 1, false)] {
+            let path = file(folder.path(), "many.csv", &rows(count));
+            let scored = score(&[Answers::read(&path).unwrap()]);
+            assert_eq!(scored.is_ok(), is_scored);
+        }
     }
 
     #[test]
