@@ -432,6 +432,64 @@ fn a_folder_of_named_recordings_becomes_a_list_by_their_names() {
     holds(&text(&output.stderr), &["no {speed}", "--speed"]);
 }
 
+#[test]
+fn what_lies_below_a_folder_is_named_and_left_out_or_refused_and_never_waited_for() {
+    use std::os::unix::ffi::OsStrExt;
+    let bench = Bench::new();
+    bench.write("set/a_50.wav", wav(&[&noise(3, 4_000)], 5_000));
+    let odd = bench
+        .path("set")
+        .join(std::ffi::OsStr::from_bytes(b"b\xff_60.wav"));
+    std::fs::write(odd, "").expect("any name is taken");
+    let trials = "trials set --pattern {texture}_{speed}.wav --force 1";
+    let output = bench.run(trials);
+    holds(&text(&output.stdout), &["1 trials -> set/trials.csv"]);
+    holds(
+        &text(&output.stderr),
+        &["1 file(s) do not match", "b\u{fffd}_60.wav"],
+    );
+    crate::outputs::make_pipe(&bench.path("set/c_70.wav"));
+    let refused = bench.refuse(&format!("{trials} --overwrite"));
+    holds(&refused, &["c_70.wav", "is a pipe", "copy it to one"]);
+}
+
+#[test]
+fn the_name_of_a_texture_that_no_fit_takes_is_refused_where_it_is_given() {
+    let bench = Bench::new();
+    let long = "x".repeat(49);
+    for (name, word) in [
+        ("", "empty"),
+        (" ", "empty"),
+        ("a\nb", "control"),
+        (&long, "49 bytes"),
+    ] {
+        for command in [
+            ["segment", "a.csv", "--out", "cut", "--texture", name].as_slice(),
+            &[
+                "trials",
+                ".",
+                "--pattern",
+                "{speed}.wav",
+                "--force",
+                "1",
+                "--texture",
+                name,
+            ],
+        ] {
+            let output = bench
+                .command(command.iter().copied())
+                .output()
+                .expect("it runs");
+            assert_eq!(output.status.code(), Some(2), "{name:?}");
+            holds(&text(&output.stderr), &["--texture", word]);
+        }
+    }
+    bench.write(&format!("{long}_50.wav"), wav(&[&noise(3, 4_000)], 5_000));
+    let refused = bench.refuse("trials . --pattern {texture}_{speed}.wav --force 1");
+    holds(&refused, &[&long, "at most 48"]);
+    assert!(!bench.path("trials.csv").exists());
+}
+
 /// As the Cluster Haptic Texture Dataset is described: gravity, accelerations in g at uneven times of 8.6 kHz, and
 /// forces in millinewtons.
 #[test]

@@ -58,7 +58,7 @@ fn inputs() -> Bench {
     bench.careful()
 }
 
-fn make_pipe(path: &Path) {
+pub fn make_pipe(path: &Path) {
     let made = Command::new("mkfifo").arg(path).status();
     assert!(made.expect("mkfifo is there").success());
 }
@@ -172,6 +172,126 @@ fn an_output_that_is_an_input_is_refused_under_every_name_of_it() {
     // A library gets its scenes in place: that is what the command is for.
     let compile = FILES[2].replace("{}", "good.lib");
     bench.succeed(&format!("{compile} --overwrite"));
+}
+
+/// Commands with a file to write, `{}`, each with all options that read something.
+const READERS: [&str; 13] = [
+    "fit set --parts parts --out {}",
+    "render good.lib --texture silk --motion stroke.csv --plant plant.toml --out {}",
+    "export good.lib --texture silk --motion stroke.csv --format wav --out {}",
+    "scene compile scene.toml --library good.lib --out {}",
+    "scene render scene.toml --library good.lib --motion stroke.csv --plant plant.toml --out {}",
+    "import-hatt models cork.xml --out {}",
+    "page good.lib --recordings set --plant plant.toml --out {}",
+    "compare set --library good.lib --takes other --before cork.lib --out {}",
+    "evaluate set --library good.lib --takes other --json {}",
+    "evaluate stroke.csv --library good.lib --strokes hand.csv --json {}",
+    "evaluate set --leave-out speed --method mine=method --json {}",
+    "trials set --pattern {texture}-{speed}-{force}.wav --out {}",
+    "trials set --pattern {texture}-{speed}-0.5.wav --force 0.5 --out {}",
+];
+
+/// Those with a folder to write.
+const FOLDER_READERS: [&str; 4] = [
+    "simulate-rig --rig rig.toml --out {}",
+    "segment stroke.csv hand.csv --texture felt --out {}",
+    "frontier --data set --takes other --out {}",
+    "evaluate set --library good.lib --takes other --report {}",
+];
+
+#[test]
+fn no_input_of_any_command_is_replaced_by_its_output() {
+    let bench = inputs();
+    for name in ["plant.toml", "parts/a.part", "models/b.xml", "cork.lib"] {
+        bench.write(name, "mine\n");
+    }
+    for name in ["other/a.wav", "method/a.wav", "hand.csv"] {
+        bench.write(name, "mine\n");
+    }
+    bench.write(
+        "other/trials.csv",
+        "file,texture,speed_mm_s,force_n\na.wav,silk,50,1\n",
+    );
+    for command in READERS {
+        let words = command
+            .split(' ')
+            .map(|word| word.rsplit('=').next().unwrap_or(word));
+        let mut tried = 0;
+        for word in words.filter(|word| bench.path(word).exists()) {
+            let is_changed_in_place = command.starts_with("scene compile") && word == "good.lib";
+            let is_list_made = |name: &str| command.starts_with("trials") && name == "trials.csv";
+            let names: Vec<String> = match fs::read_dir(bench.path(word)) {
+                Ok(entries) => (entries
+                    .map(|entry| entry.unwrap().file_name().into_string().unwrap()))
+                .filter(|name| !is_list_made(name))
+                .map(|name| format!("{word}/{name}"))
+                .collect(),
+                Err(_) if is_changed_in_place => Vec::new(),
+                Err(_) => vec![word.to_owned()],
+            };
+            for name in names {
+                let command = format!("{command} --overwrite");
+                let out = if command.starts_with("trials") {
+                    name.trim_start_matches("set/")
+                } else {
+                    &name
+                };
+                refuse(&bench, &command, out, "is an input");
+                tried += 1;
+            }
+        }
+        assert!(tried > 0, "{command}");
+    }
+    for command in FOLDER_READERS {
+        refuse(
+            &bench,
+            &format!("{command} --overwrite"),
+            ".",
+            "holds an input",
+        );
+    }
+    // With --each the libraries are in a folder that grows.
+    bench.write(
+        "each.csv",
+        "file,texture,speed_mm_s,force_n\nlibs/silk.lib,silk,50,1\n",
+    );
+    bench.write(
+        "libs/silk.lib",
+        fs::read(bench.path("set/silk-50-0.5.wav")).unwrap(),
+    );
+    refuse(
+        &bench,
+        "fit each.csv --each --out libs",
+        "libs/silk.lib",
+        "is an input",
+    );
+    // A list is made again over the earlier one, whatever its name.
+    let list = "trials set --pattern {texture}-{speed}-{force}.wav --overwrite --out";
+    for name in ["trials.csv", "takes.csv", "takes.csv"] {
+        bench.succeed(&format!("{list} {name}"));
+    }
+}
+
+#[test]
+fn every_command_that_writes_is_among_those_whose_inputs_are_tried() {
+    let bench = Bench::new();
+    let mut commands = vec![String::new()];
+    let mut writing = 0;
+    while let Some(command) = commands.pop() {
+        let help = bench.succeed(&format!("{command} --help"));
+        let inner = help.split("Commands:\n").nth(1).unwrap_or_default();
+        let inner = inner.lines().take_while(|line| !line.is_empty());
+        let names = inner.filter_map(|line| line.split_whitespace().next());
+        let names = names.filter(|&name| name != "help");
+        commands.extend(names.map(|name| format!("{command} {name}").trim().to_owned()));
+        if help.contains("--out <") && command != "demo" {
+            let is_of = |known: &&&str| known.starts_with(&command);
+            let mut known = READERS.iter().chain(&FOLDER_READERS);
+            assert!(known.find(is_of).is_some(), "{command}");
+            writing += 1;
+        }
+    }
+    assert!(writing >= 12, "{writing}");
 }
 
 #[test]

@@ -96,10 +96,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             "a page needs --library and --out, and scores need --score".into(),
         ));
     };
-    let inputs = (arguments.recordings.inputs().iter()).chain([path]);
-    let inputs = inputs.chain(&arguments.takes).chain(&arguments.before);
-    let inputs: Vec<PathBuf> = inputs.cloned().collect();
-    arguments.overwrite.file(out, &inputs)?;
+    arguments.overwrite.file(out)?;
     let set = arguments.recordings.open()?;
     let bytes = read_library(path)?;
     let library = decode_library(path, &bytes)?;

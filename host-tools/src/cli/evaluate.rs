@@ -115,14 +115,11 @@ struct Numbers<'a> {
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
-    let inputs = (arguments.recordings.inputs().iter()).chain(&arguments.library);
-    let judges = arguments.takes.iter().chain(&arguments.strokes);
-    let inputs: Vec<PathBuf> = inputs.chain(judges).cloned().collect();
     if let Some(json) = &arguments.json {
-        arguments.overwrite.file(json, &inputs)?;
+        arguments.overwrite.file(json)?;
     }
     if let Some(report) = &arguments.report {
-        arguments.overwrite.folder(report, &inputs)?;
+        arguments.overwrite.folder(report)?;
     }
     if let (Some(path), false) = (&arguments.library, arguments.strokes.is_empty()) {
         return evaluate_along_strokes(arguments, path);

@@ -34,9 +34,7 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
-    let inputs = std::iter::once(&arguments.library).chain(arguments.along.file());
-    let inputs: Vec<PathBuf> = inputs.cloned().collect();
-    arguments.overwrite.file(&arguments.out, &inputs)?;
+    arguments.overwrite.file(&arguments.out)?;
     let bytes = read_library(&arguments.library)?;
     let library = decode_library(&arguments.library, &bytes)?;
     let texture = texture_named(&library, &arguments.texture)?;

@@ -1,16 +1,19 @@
 //! Files that commands write: the rule for what is there already, checked before the work, WAV files with their lines
 //! on standard output, and renderings at the stylus's pin.
 
+use std::any::TypeId;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
-use host_tools::fit::record::FitRecord;
+use clap::{ArgMatches, Command};
+use host_tools::evaluation::leave_one_out::Given;
+use host_tools::fit::inputs::{Input, files_behind};
 #[cfg(feature = "device")]
 use host_tools::playing::pin::{PinSummary, RATE_HZ, render_pin_wav, render_tip_wav, settings};
 #[cfg(feature = "device")]
 use host_tools::playing::render::Rendering;
 use host_tools::playing::render::{RenderSummary, WavFormat};
-use host_tools::recording::{RecordingSet, TRIALS_FILE};
 use host_tools::support::error::{Error, Result};
 use host_tools::support::output;
 use stylus_plant::Parameters;
@@ -41,43 +44,81 @@ impl Overwrite {
         self.overwrite || of_environment.is_some_and(|value| !is_no(&value))
     }
 
-    /// Checks a file to write, by a command with these inputs.
+    /// Checks a file to write.
     ///
     /// # Errors
     /// As [`output::check_file`].
-    pub fn file(&self, path: &Path, inputs: &[PathBuf]) -> Result<()> {
-        output::check_file(path, self.is_asked(), &with_those_named(path, inputs))
+    pub fn file(&self, path: &Path) -> Result<()> {
+        output::check_file(path, self.is_asked(), &inputs(path))
     }
 
-    /// Checks a folder to write, by a command with these inputs.
+    /// Checks a file to write that may be the input `own`, which gets more content in its place.
+    ///
+    /// # Errors
+    /// As [`output::check_file`].
+    pub fn file_in_place(&self, path: &Path, own: &Path) -> Result<()> {
+        let mut others = inputs(path);
+        others.retain(|input| input != own);
+        output::check_file(path, self.is_asked(), &others)
+    }
+
+    /// Checks a folder to write.
     ///
     /// # Errors
     /// As [`output::check_folder`].
-    pub fn folder(&self, path: &Path, inputs: &[PathBuf]) -> Result<()> {
-        output::check_folder(path, self.is_asked(), &with_those_named(path, inputs))
+    pub fn folder(&self, path: &Path) -> Result<()> {
+        output::check_folder(path, self.is_asked(), &inputs(path))
     }
 }
 
-/// `inputs` with the files that lists of recordings among them name, and the record beside a library. Nothing is read
-/// if there is no `output` yet that could be one of them.
-fn with_those_named(output: &Path, inputs: &[PathBuf]) -> Vec<PathBuf> {
-    let mut all = inputs.to_vec();
-    if !output.exists() {
-        return all;
+/// Checks a file in a folder that grows, where an earlier one is replaced unasked.
+///
+/// # Errors
+/// As [`output::check_file`].
+pub fn check_in_growing_folder(path: &Path) -> Result<()> {
+    output::check_file(path, true, &inputs(path))
+}
+
+/// Arguments with the path of something that a command writes. Every other path is an input, so that the inputs of a
+/// new command are known without a word here.
+const OUTPUTS: [&str; 5] = ["out", "json", "report", "record", "svg"];
+
+/// The folder of `trials`, which makes its list.
+const UNLISTED: &str = "folder";
+
+/// The inputs that are given to the command of this process.
+static INPUTS: OnceLock<Vec<Input>> = OnceLock::new();
+
+/// Keeps the inputs among the arguments of `command`, for the checks of its outputs.
+pub fn remember_inputs(command: &Command, matches: &ArgMatches) {
+    let (mut command, mut matches) = (command, matches);
+    while let Some((name, inner)) = matches.subcommand() {
+        let Some(found) = command.find_subcommand(name) else {
+            break;
+        };
+        (command, matches) = (found, inner);
     }
-    for input in inputs {
-        all.push(FitRecord::path_for(input));
-        all.push(input.join(TRIALS_FILE));
-        if input.is_dir() || input.is_file() {
-            let set = RecordingSet::open(std::slice::from_ref(input));
-            all.extend(
-                set.into_iter()
-                    .flat_map(|set| set.trials)
-                    .map(|trial| trial.file),
-            );
+    let mut all = Vec::new();
+    for argument in command.get_arguments() {
+        let (id, kind) = (argument.get_id().as_str(), argument.get_value_parser());
+        if kind.type_id() == TypeId::of::<PathBuf>() && !OUTPUTS.contains(&id) {
+            let given = matches.get_many::<PathBuf>(id).into_iter().flatten();
+            all.extend(given.map(|path| Input {
+                path: path.clone(),
+                is_unlisted: id == UNLISTED,
+            }));
+        } else if kind.type_id() == TypeId::of::<Given>() {
+            let given = matches.get_many::<Given>(id).into_iter().flatten();
+            all.extend(given.map(|given| Input::from(given.folder.clone())));
         }
     }
-    all
+    // Each process runs one command.
+    let _ = INPUTS.set(all);
+}
+
+/// The inputs of the command that `output` must not be one of.
+fn inputs(output: &Path) -> Vec<PathBuf> {
+    files_behind(INPUTS.get().map_or(&[], Vec::as_slice), output)
 }
 
 /// The WAV file and its format.
@@ -94,12 +135,12 @@ pub struct WavFile {
 }
 
 impl WavFile {
-    /// Checks that the file can be written, by a command with these inputs.
+    /// Checks that the file can be written.
     ///
     /// # Errors
     /// As [`Overwrite::file`].
-    pub fn check(&self, inputs: &[PathBuf]) -> Result<()> {
-        self.overwrite.file(&self.out, inputs)
+    pub fn check(&self) -> Result<()> {
+        self.overwrite.file(&self.out)
     }
 
     /// Path of the file.

@@ -46,11 +46,7 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
-    let inputs: Vec<PathBuf> = (arguments.data.iter())
-        .chain(&arguments.takes)
-        .cloned()
-        .collect();
-    arguments.overwrite.folder(&arguments.out, &inputs)?;
+    arguments.overwrite.folder(&arguments.out)?;
     let frontier = compute(arguments)?;
     let folder = OutputFolder::begin(&arguments.out, arguments.overwrite.is_asked())?;
     let page = folder.fill(|folder| {

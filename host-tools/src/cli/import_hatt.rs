@@ -32,7 +32,7 @@ pub struct Arguments {
 
 pub fn run(arguments: &Arguments) -> Result<()> {
     let paths = files(&arguments.paths)?;
-    arguments.overwrite.file(&arguments.out, &paths)?;
+    arguments.overwrite.file(&arguments.out)?;
     let sources = read_all(&paths, &arguments.options)?;
     let plan = plan(&sources, &arguments.options)?;
     let of_file = |kind, path: &Path, text: &str| {

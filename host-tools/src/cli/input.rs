@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use host_tools::playing::motion::MotionPath;
-use host_tools::recording::{Assumed, RecordingSet};
+use host_tools::recording::{Assumed, RecordingSet, texture_fault};
 use host_tools::support::error::{Error, Result};
 pub use host_tools::support::number::{force, not_negative, positive, speed};
 use model_format::{MillimetresPerSecond, Newton, Texture};
@@ -38,6 +38,11 @@ impl Recordings {
     pub fn open(&self) -> Result<RecordingSet> {
         RecordingSet::open_with(&self.inputs, &self.assumed)
     }
+}
+
+/// Parses the name of a texture to be listed.
+pub fn texture_name(text: &str) -> std::result::Result<String, String> {
+    texture_fault(text).map_or_else(|| Ok(text.to_owned()), Err)
 }
 
 /// Parses the speed of a trial to be recorded, in mm/s.
@@ -104,11 +109,6 @@ pub struct Along {
 }
 
 impl Along {
-    /// The table of the motion, if it is one.
-    pub fn file(&self) -> Option<&PathBuf> {
-        self.motion.as_ref()
-    }
-
     /// The motion and its duration, s, for something of this name. A scene of constant speed, mm/s, and force, N, needs
     /// no other.
     ///

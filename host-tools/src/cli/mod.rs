@@ -116,8 +116,12 @@ enum Command {
 
 /// Runs the command on the process's command line.
 pub fn run() -> ExitCode {
-    let parsed = with_examples(Arguments::command(), "stylus").try_get_matches();
-    let arguments = match parsed.and_then(|matches| Arguments::from_arg_matches(&matches)) {
+    let mut command = with_examples(Arguments::command(), "stylus");
+    let parsed = command.try_get_matches_from_mut(std::env::args_os());
+    let arguments = match parsed.and_then(|matches| {
+        files::remember_inputs(&command, &matches);
+        Arguments::from_arg_matches(&matches)
+    }) {
         Ok(arguments) => arguments,
         Err(answer) => return answer_without_a_command(&answer),
     };

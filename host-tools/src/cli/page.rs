@@ -51,8 +51,7 @@ pub struct Arguments {
 
 pub fn run(arguments: &Arguments) -> Result<()> {
     let given = &arguments.inputs;
-    let read: Vec<PathBuf> = given.iter().chain(&arguments.recordings).cloned().collect();
-    arguments.overwrite.file(&arguments.out, &read)?;
+    arguments.overwrite.file(&arguments.out)?;
     let is_recordings = given.len() > 1 || is_recordings(&given[0]);
     if is_recordings && arguments.recordings.is_some() {
         return Err(Error::Request(format!(

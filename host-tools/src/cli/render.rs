@@ -31,8 +31,7 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
-    let inputs = std::iter::once(&arguments.library).chain(arguments.along.file());
-    arguments.wav.check(&inputs.cloned().collect::<Vec<_>>())?;
+    arguments.wav.check()?;
     let bytes = read_library(&arguments.library)?;
     let library = decode_library(&arguments.library, &bytes)?;
     let texture = texture_named(&library, &arguments.texture)?;

@@ -7,7 +7,7 @@ use host_tools::recording::freehand::{GridAxis, Options};
 use host_tools::support::error::Result;
 
 use super::files::Overwrite;
-use super::input::positive;
+use super::input::{positive, texture_name};
 use crate::cli::output::{note, print, warn};
 
 #[derive(clap::Args)]
@@ -16,7 +16,7 @@ pub struct Arguments {
     #[arg(required = true, value_name = "CSV")]
     files: Vec<PathBuf>,
     /// Name of the texture
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", value_parser = texture_name)]
     texture: String,
     /// Folder for the pieces and their list, as fit reads it
     #[arg(long, value_name = "DIR")]
@@ -47,7 +47,7 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
-    (arguments.overwrite).folder(&arguments.out, &arguments.files)?;
+    arguments.overwrite.folder(&arguments.out)?;
     let recordings = arguments
         .files
         .iter()

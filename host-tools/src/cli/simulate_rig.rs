@@ -30,7 +30,7 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> Result<()> {
     let overwrite = &arguments.overwrite;
     if let Some(out) = &arguments.out {
-        overwrite.folder(out, arguments.rig.as_slice())?;
+        overwrite.folder(out)?;
     }
     let rig = match &arguments.rig {
         None => RigFile::paper(),

@@ -1,27 +1,23 @@
 //! `stylus trials`
 
 use std::collections::BTreeSet;
-use std::fs::File;
-use std::io::Read;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use host_tools::recording::TRIALS_FILE;
-use host_tools::recording::freehand::says_simulated;
+use host_tools::recording::freehand::is_simulated;
 use host_tools::recording::pattern::{Named, Pattern};
+use host_tools::recording::texture_fault;
 use host_tools::support::atomic_file;
 use host_tools::support::error::{Error, Result};
 use host_tools::support::number::{recorded_force, recorded_speed};
 
 use super::files::Overwrite;
-use super::input::positive;
+use super::input::{positive, texture_name};
 use super::table::table;
 use crate::cli::output::{print, warn};
 
 /// Number of values, and of files that do not match, that are shown.
 const SHOWN: usize = 8;
-
-/// Length of a file's top, where a comment may say that it is SIMULATED.
-const TOP_BYTES: u64 = 4096;
 
 #[derive(clap::Args)]
 pub struct Arguments {
@@ -32,7 +28,7 @@ pub struct Arguments {
     #[arg(long)]
     pattern: Pattern,
     /// Texture of all files, if their names tell none
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", value_parser = texture_name)]
     texture: Option<String>,
     /// Speed of all files, in mm/s, if their names tell none
     #[arg(long, value_name = "MM_S", value_parser = recorded_speed)]
@@ -61,7 +57,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         return Err(Error::Request(problem.into()));
     }
     let list = folder.join(&arguments.out);
-    arguments.overwrite.file(&list, &[])?;
+    arguments.overwrite.file(&list)?;
     let (mut named, others) = arguments.pattern.read(folder)?;
     if let Some(take) = &arguments.take {
         named.retain(|file| file.take.as_ref() == Some(take));
@@ -89,6 +85,10 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             .get_or_insert_with(|| arguments.texture.clone().unwrap_or_default());
         if texture.is_empty() {
             return Err(missing("texture"));
+        }
+        if let Some(fault) = texture_fault(texture) {
+            let problem = format!("tells the texture {texture:?}, whose name {fault}");
+            return Err(Error::file(&folder.join(&file.file), problem));
         }
         let speed = *file
             .speed_mm_s
@@ -131,15 +131,6 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         named.len(),
         list.display()
     ))
-}
-
-/// Returns true if the file at `path` is text that says at its top that it is SIMULATED.
-fn is_simulated(path: &Path) -> Result<bool> {
-    let mut top = Vec::new();
-    let file = File::open(path).map_err(Error::io("open", path))?;
-    let read = file.take(TOP_BYTES).read_to_end(&mut top);
-    read.map_err(Error::io("read", path))?;
-    Ok(says_simulated(&String::from_utf8_lossy(&top)))
 }
 
 /// A row per texture: its trials, speeds, forces and takes.

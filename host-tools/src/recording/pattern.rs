@@ -7,12 +7,17 @@ use regex_lite::{Regex, escape};
 
 use super::set::TRIALS_FILE;
 use crate::support::error::{Error, Result};
+use crate::support::file_name::portable;
 
 /// Endings of recordings, in lower case.
 const ENDINGS: [&str; 2] = ["wav", "csv"];
 
 /// A number in a name, such as 50 or 0.35.
 const NUMBER: &str = r"([0-9]+(?:\.[0-9]+)?)";
+
+/// Most placeholders of a pattern, and the longest pattern, bytes: the time of a match grows with both.
+const MOST_PLACEHOLDERS: usize = 32;
+const LONGEST: usize = 4096;
 
 /// A text in a name, as short as possible.
 const TEXT: &str = "([^/]+?)";
@@ -57,6 +62,13 @@ impl FromStr for Pattern {
     type Err = String;
 
     fn from_str(text: &str) -> std::result::Result<Self, String> {
+        let placeholders = text.matches('{').count();
+        if placeholders > MOST_PLACEHOLDERS || text.len() > LONGEST {
+            return Err(format!(
+                "has {placeholders} placeholders in {} bytes: give at most {MOST_PLACEHOLDERS} in {LONGEST} bytes",
+                text.len()
+            ));
+        }
         let (mut expression, mut fields) = (String::from("^"), Vec::new());
         let mut rest = text;
         while let Some((literal, after)) = rest.split_once('{') {
@@ -134,19 +146,19 @@ impl Pattern {
     }
 
     /// Reads the names of all recordings in `folder` and below, in their order: what those tell that match, and the
-    /// paths of the others.
+    /// paths of the others, to show. A name that is not UTF-8 does not match, because no list can hold it.
     ///
     /// # Errors
     /// A folder that cannot be read, or in which no recording matches.
     pub fn read(&self, folder: &Path) -> Result<(Vec<Named>, Vec<String>)> {
         let mut paths = Vec::new();
-        collect(folder, "", &mut paths)?;
-        paths.sort();
+        collect(folder, Path::new(""), &mut paths)?;
+        paths.sort_by(|one, other| one.as_os_str().cmp(other.as_os_str()));
         let (mut named, mut others) = (Vec::new(), Vec::new());
         for path in paths {
-            match self.told(&path) {
+            match path.to_str().and_then(|_| self.told(&portable(&path))) {
                 Some(told) => named.push(told),
-                None => others.push(path),
+                None => others.push(path.to_string_lossy().into_owned()),
             }
         }
         if named.is_empty() {
@@ -162,22 +174,19 @@ impl Pattern {
 }
 
 /// Adds the recordings in `folder`, whose own path is `above`, and below.
-fn collect(folder: &Path, above: &str, paths: &mut Vec<String>) -> Result<()> {
+fn collect(folder: &Path, above: &Path, paths: &mut Vec<PathBuf>) -> Result<()> {
     for entry in std::fs::read_dir(folder).map_err(Error::io("read", folder))? {
         let entry = entry.map_err(Error::io("read", folder))?;
-        let name = entry.file_name().to_string_lossy().into_owned();
+        let path = above.join(entry.file_name());
         let kind = entry.file_type().map_err(Error::io("read", folder))?;
         if kind.is_dir() {
-            collect(&entry.path(), &format!("{above}{name}/"), paths)?;
+            collect(&entry.path(), &path, paths)?;
             continue;
         }
-        let ending = Path::new(&name).extension();
-        let is_recording = ending.is_some_and(|ending| {
-            let ending = ending.to_string_lossy().to_lowercase();
-            ENDINGS.contains(&ending.as_str())
-        });
-        if is_recording && name != TRIALS_FILE {
-            paths.push(format!("{above}{name}"));
+        let ending = path.extension().unwrap_or_default();
+        let is_recording = ENDINGS.iter().any(|own| ending.eq_ignore_ascii_case(own));
+        if is_recording && entry.file_name() != TRIALS_FILE {
+            paths.push(path);
         }
     }
     Ok(())
@@ -281,6 +290,25 @@ mod tests {
             let problem = text.parse::<Pattern>().unwrap_err();
             assert!(problem.contains('{'), "{text}: {problem}");
         }
+    }
+
+    /// A match takes time that grows with the pattern times the path.
+    #[test]
+    fn a_pattern_is_bounded_and_its_longest_is_matched_at_once() {
+        for text in [
+            "{*}".repeat(MOST_PLACEHOLDERS + 1),
+            "{*}".repeat(30_000),
+            "a".repeat(LONGEST + 1),
+        ] {
+            let problem = text.parse::<Pattern>().unwrap_err();
+            assert!(problem.contains("at most 32 in 4096 bytes"), "{problem}");
+        }
+        let begin = std::time::Instant::now();
+        let most = pattern(&format!("{}x.wav", "{*}".repeat(MOST_PLACEHOLDERS)));
+        for _ in 0..20 {
+            assert_eq!(most.told(&"a".repeat(255)), None);
+        }
+        assert!(begin.elapsed().as_secs() < 10);
     }
 
     #[test]

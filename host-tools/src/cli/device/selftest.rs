@@ -49,7 +49,7 @@ pub struct Arguments {
 
 pub fn run(arguments: &Arguments) -> Result<()> {
     if !arguments.record.is_dir() {
-        arguments.overwrite.file(&arguments.record, &[])?;
+        arguments.overwrite.file(&arguments.record)?;
     }
     let device = arguments.link.connect()?;
     let also = (arguments.also.as_ref())

@@ -123,9 +123,8 @@ fn check_outputs(arguments: &Arguments) -> Result<()> {
     let Some(out) = arguments.out.as_ref().filter(|_| !arguments.large.each) else {
         return Ok(());
     };
-    let inputs = arguments.recordings.inputs();
-    arguments.overwrite.file(out, inputs)?;
-    arguments.overwrite.file(&FitRecord::path_for(out), inputs)
+    arguments.overwrite.file(out)?;
+    arguments.overwrite.file(&FitRecord::path_for(out))
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {

@@ -13,6 +13,7 @@ use host_tools::support::file_name::Stems;
 use host_tools::support::progress;
 use host_tools::support::warning::Warning;
 
+use crate::cli::files::check_in_growing_folder;
 use crate::cli::output::{print, print_json, warn_of};
 use crate::cli::table::table;
 
@@ -132,7 +133,6 @@ pub fn write_each(
     (large, is_json): (&LargeSet, bool),
 ) -> Result<()> {
     std::fs::create_dir_all(out).map_err(Error::io("create", out))?;
-    let merged = merged(set, options, Some(out.join(PARTS)), large)?;
     let share = large.shard.unwrap_or(Shard::WHOLE);
     let mut stems = Stems::default();
     let textures: Vec<(usize, &str, String, Vec<usize>)> = set
@@ -142,11 +142,16 @@ pub fn write_each(
         .map(|(index, (name, members))| (index, name, stems.of(name), members))
         .collect();
     let own = || textures.iter().filter(|(index, ..)| share.has(*index));
+    let path = |stem: &str| out.join(format!("{stem}.lib"));
+    for (_, _, stem, _) in own() {
+        check_in_growing_folder(&path(stem))?;
+        check_in_growing_folder(&FitRecord::path_for(&path(stem)))?;
+    }
+    let merged = merged(set, options, Some(out.join(PARTS)), large)?;
     let bar = progress::bar(own().count() as u64, "fitting textures");
     let mut libraries = Vec::new();
     for (_, name, stem, members) in own() {
-        let path = out.join(format!("{stem}.lib"));
-        libraries.push(library(&merged, members, name, &path, options)?);
+        libraries.push(library(&merged, members, name, &path(stem), options)?);
         bar.inc(1);
     }
     bar.finish_and_clear();

@@ -32,7 +32,7 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> Result<()> {
     let out = &arguments.out;
     // The library may get its scenes in place, and is replaced as any other file then.
-    arguments.overwrite.file(out, &arguments.scenes)?;
+    (arguments.overwrite).file_in_place(out, &arguments.library)?;
     let bytes = read_library(&arguments.library)?;
     let library = decode_library(&arguments.library, &bytes)?;
     let mut scenes: Vec<Scene> = Vec::new();

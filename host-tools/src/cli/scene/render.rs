@@ -28,7 +28,7 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
-    (arguments.wav).check(&arguments.source.inputs(&arguments.along))?;
+    arguments.wav.check()?;
     let path = arguments.source.library_path()?;
     let bytes = read_library(path)?;
     let library = decode_library(path, &bytes)?;
@@ -80,12 +80,6 @@ pub struct Source {
 }
 
 impl Source {
-    /// The files that are read for it and for the motion along it.
-    pub fn inputs(&self, along: &Along) -> Vec<PathBuf> {
-        let given = std::iter::once(&self.file).chain(&self.library);
-        given.chain(along.file()).cloned().collect()
-    }
-
     /// Returns true for a scene file.
     fn is_text(&self) -> bool {
         is_text(&self.file)

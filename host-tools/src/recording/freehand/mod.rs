@@ -19,6 +19,6 @@ mod segment;
 mod write;
 
 pub use grid::{GridAxis, LEAST_FORCE_N, LEAST_SPEED_MM_S, proposed_grid};
-pub use read::{Freehand, Outlier, read, says_simulated};
+pub use read::{Freehand, Outlier, is_simulated, read};
 pub use segment::{Options, Placed, Segment, Segmentation, Tolerance, segment};
 pub use write::write;

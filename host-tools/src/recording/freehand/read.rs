@@ -1,13 +1,14 @@
 //! CSV files of a free hand's recording, with its motion.
 
+use std::io::Read;
 use std::path::Path;
 
 use serde::Serialize;
 
-use crate::recording::MAX_CHANNELS;
 use crate::recording::csv_file;
 use crate::recording::rate_fault;
 use crate::recording::uneven::Steps;
+use crate::recording::{MAX_CHANNELS, RECORDING};
 use crate::support::csv_table::{CsvTable, Header, TABLE};
 use crate::support::error::{Error, Result};
 use crate::support::hand::{MAX_FORCE_N, MAX_SPEED_MM_S};
@@ -79,11 +80,27 @@ pub struct Outlier {
 }
 
 /// Returns true if a comment at the top of a CSV file's `text` begins with SIMULATED.
-pub fn says_simulated(text: &str) -> bool {
+fn says_simulated(text: &str) -> bool {
     let comments = text.lines().take_while(|line| line.starts_with('#'));
     comments
         .map(|line| line.trim_start_matches('#').trim_start())
         .any(|comment| comment.starts_with("SIMULATED"))
+}
+
+/// Length of a file's top, where a comment may say that it is SIMULATED.
+const TOP_BYTES: u64 = 4096;
+
+/// Returns true if the recording at `path` is text that says at its top that it is SIMULATED.
+///
+/// # Errors
+/// What is no regular file, or cannot be read.
+pub fn is_simulated(path: &Path) -> Result<bool> {
+    let mut top = Vec::new();
+    let read = (RECORDING.open(path)?)
+        .take(TOP_BYTES)
+        .read_to_end(&mut top);
+    read.map_err(Error::io("read", path))?;
+    Ok(says_simulated(&String::from_utf8_lossy(&top)))
 }
 
 /// Reads a CSV file with the columns `speed_mm_s` and `force_n`, and one to three columns of accelerations, in units of

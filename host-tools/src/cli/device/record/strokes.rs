@@ -28,7 +28,7 @@ struct StrokesReport {
 /// Records until Ctrl-C or the end, and keeps what was recorded.
 pub fn run(arguments: &Arguments) -> Result<()> {
     let file = &arguments.out;
-    arguments.overwrite.file(file, &[])?;
+    arguments.overwrite.file(file)?;
     let device = arguments.link.connect()?;
     let calibration = arguments.sensing.calibration(&device)?;
     let interrupt = Interrupt::listen()?;
