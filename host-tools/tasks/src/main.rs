@@ -7,6 +7,7 @@ use std::process::ExitCode;
 use anyhow::{Result, bail};
 use clap::{Parser, Subcommand};
 use tasks::firmware::Image;
+use tasks::process::Progress;
 use tasks::toolchain::{Toolchain, check_clippy};
 use tasks::{
     attack, browser_module, firmware, hil, house, lint, qemu, release, soak, tables,
@@ -87,9 +88,9 @@ enum Task {
     },
     /// Build all that a person downloads: image, command for three systems, wheel, module, contents and checksums
     Release(release::Arguments),
-    /// Lint all code for the target; every warning fails
+    /// Lint all code for the target; with the compiler that rust-version names, every warning fails
     CheckTarget,
-    /// Lint the virtual stylus; every warning fails
+    /// Lint the virtual stylus; with the compiler that rust-version names, every warning fails
     CheckVirtualStylus,
 }
 
@@ -186,9 +187,9 @@ fn setup() -> Result<()> {
     }
 }
 
-/// Builds the image, and shows the use of each memory and the file.
+/// Builds the image, whose first build takes minutes and is shown, and prints the use of each memory and the file.
 fn build_firmware(image: Image) -> Result<PathBuf> {
-    let file = firmware::build(&Toolchain::find()?, image)?;
+    let file = firmware::build_saying(&Toolchain::find()?, image, Progress::Shown)?;
     print!("{}", firmware::memory(&file)?);
     println!("{}", file.display());
     Ok(file)
