@@ -12,7 +12,7 @@ use kernel_vectors::report::WORDS;
 use wait_timeout::ChildExt;
 
 use crate::guest::Processor;
-use crate::process;
+use crate::{process, workspace};
 
 const QEMU: &str = "qemu-system-arm";
 
@@ -22,12 +22,23 @@ const TIME_LIMIT: Duration = Duration::from_mins(3);
 /// The lines of output that a message quotes.
 const TAIL_LINES: usize = 20;
 
-/// The emulator's file.
+/// The emulator's file: that on the search path, or the one that `tests/run` has unpacked.
 ///
 /// # Errors
 /// QEMU is missing.
 pub fn find() -> Result<PathBuf> {
-    process::find(QEMU, "on Debian as root, `apt-get install qemu-system-arm`")
+    let unpacked = workspace::tools_folder().join("debian/programs").join(QEMU);
+    process::find(
+        QEMU,
+        "`tests/run` unpacks it on Debian without root; as root, `apt-get install qemu-system-arm`",
+    )
+    .or_else(|missing| {
+        if unpacked.is_file() {
+            Ok(unpacked)
+        } else {
+            Err(missing)
+        }
+    })
 }
 
 /// QEMU's version as it prints it: numbers with points.

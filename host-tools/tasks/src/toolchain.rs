@@ -1,7 +1,8 @@
 //! A Rust toolchain that builds for the microcontroller's core.
 //!
 //! On most machines it is rustup's, with the target that `rust-toolchain.toml` names. Where rustup cannot install the
-//! target, Debian's own toolchain serves. It has no such target either, and builds `core` from the library's source.
+//! target, Debian's own toolchain serves: installed, or unpacked by `tests/run` into the folder of builds. It has no
+//! such target either, and builds `core` from the library's source.
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -16,8 +17,15 @@ use crate::{process, workspace};
 const DEBIAN_PACKAGES: &str =
     "rustc-web cargo-web rust-web-src rust-web-llvm rust-web-clippy lld-22";
 
-/// The folder of Debian's programs.
-const DEBIAN_FOLDER: &str = "/usr/bin";
+/// The folder of the programs of Debian's toolchain: the unpacked one's, or that of an installed one.
+fn debian_folder() -> PathBuf {
+    let unpacked = workspace::tools_folder().join("debian-rust/programs");
+    if unpacked.is_dir() {
+        unpacked
+    } else {
+        PathBuf::from("/usr/bin")
+    }
+}
 
 /// A toolchain that builds for [`TARGET`].
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -46,7 +54,7 @@ impl Toolchain {
         {
             return Ok(Self::Installed { sysroot });
         }
-        let debian = |program: &str| Path::new(DEBIAN_FOLDER).join(program);
+        let debian = |program: &str| debian_folder().join(program);
         let source = sysroot(&debian("rustc"))
             .is_some_and(|sysroot| sysroot.join("lib/rustlib/src/rust/library/core").is_dir());
         if source && debian("cargo").is_file() && debian("rust-lld").is_file() {
@@ -54,7 +62,8 @@ impl Toolchain {
         } else {
             bail!(
                 "no Rust toolchain here builds for {TARGET}; install it: `rustup target add {TARGET}`, or, where \
-                 rustup has no such target, on Debian 12 as root: `apt-get install {DEBIAN_PACKAGES}`"
+                 rustup has no such target, on Debian 12 `tests/run` (without root), or as root `apt-get install \
+                 {DEBIAN_PACKAGES}`"
             )
         }
     }
@@ -66,7 +75,7 @@ impl Toolchain {
     pub fn compiler_version(&self) -> Result<String> {
         match self {
             Self::Installed { .. } => version_of(Path::new("rustc")),
-            Self::Debian => version_of(&Path::new(DEBIAN_FOLDER).join("rustc")),
+            Self::Debian => version_of(&debian_folder().join("rustc")),
         }
     }
 
@@ -86,7 +95,7 @@ impl Toolchain {
     pub fn cargo(&self, subcommand: &str, folder: &Path, target_folder: &Path) -> Command {
         let mut command = match self {
             Self::Installed { .. } => Command::new("cargo"),
-            Self::Debian => Command::new(Path::new(DEBIAN_FOLDER).join("cargo")),
+            Self::Debian => Command::new(debian_folder().join("cargo")),
         };
         command.current_dir(folder);
         without_inherited(&mut command);
@@ -107,7 +116,14 @@ impl std::fmt::Display for Toolchain {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::Installed { sysroot } => write!(f, "{}", sysroot.display()),
-            Self::Debian => write!(f, "Debian's, in {DEBIAN_FOLDER}, with core from its source"),
+            Self::Debian => {
+                let folder = debian_folder();
+                write!(
+                    f,
+                    "Debian's, in {}, with core from its source",
+                    folder.display()
+                )
+            }
         }
     }
 }
@@ -157,7 +173,7 @@ pub(crate) fn without_inherited(command: &mut Command) {
 
 /// The search path with Debian's programs before all others.
 fn debian_first() -> OsString {
-    let mut path = OsString::from(DEBIAN_FOLDER);
+    let mut path = debian_folder().into_os_string();
     if let Some(rest) = std::env::var_os("PATH") {
         path.push(":");
         path.push(rest);
@@ -171,7 +187,7 @@ fn debian_first() -> OsString {
 /// Clippy is missing.
 pub fn check_clippy(toolchain: &Toolchain) -> Result<()> {
     match toolchain {
-        Toolchain::Debian if Path::new(DEBIAN_FOLDER).join("cargo-clippy").is_file() => Ok(()),
+        Toolchain::Debian if debian_folder().join("cargo-clippy").is_file() => Ok(()),
         Toolchain::Debian => bail!("clippy is not installed: `apt-get install rust-web-clippy`"),
         Toolchain::Installed { .. } => {
             process::find("cargo-clippy", "`rustup component add clippy`").map(drop)

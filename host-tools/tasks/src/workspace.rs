@@ -20,6 +20,11 @@ pub fn host_target_folder() -> PathBuf {
     root().join(host)
 }
 
+/// The folder of the tools that `tests/run` has unpacked or installed for itself.
+pub fn tools_folder() -> PathBuf {
+    host_target_folder().join("tools")
+}
+
 /// The folder for the outputs of a build of `name`. It lies inside the host's and is never the same, because cargo
 /// locks its folder, and because other flags would make it build everything again.
 pub fn target_folder(name: &str) -> PathBuf {
