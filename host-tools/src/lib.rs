@@ -4,7 +4,6 @@ pub mod dsp;
 pub mod evaluation;
 pub mod export;
 pub mod fit;
-#[cfg(feature = "device")]
 pub mod link;
 pub mod playing;
 pub mod recording;

@@ -18,7 +18,6 @@ fn run_with(bench: &Bench, variables: &[(&str, &str)], arguments: &str) -> Outpu
         .expect("the command runs")
 }
 
-#[cfg(feature = "device")]
 #[test]
 fn of_links_the_command_line_wins_over_the_environment() {
     let stylus = fake_stylus::FakeStylus::start();

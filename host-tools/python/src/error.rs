@@ -56,7 +56,6 @@ pub fn refused(problem: impl Into<String>) -> PyErr {
 }
 
 /// The exception of a failure of a link, or of a refusal of the device.
-#[cfg(feature = "device")]
 pub fn link_raised(failure: &host_tools::link::LinkError) -> PyErr {
     exception(&failure.to_string(), "link", None, None)
 }

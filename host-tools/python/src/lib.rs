@@ -26,7 +26,6 @@
 )]
 
 mod convert;
-#[cfg(feature = "device")]
 mod device;
 mod error;
 mod evaluating;
@@ -48,7 +47,6 @@ use pyo3::prelude::*;
 #[pyo3(name = "_native")]
 mod native {
     #[pymodule_export]
-    #[cfg(feature = "device")]
     #[pymodule_export]
     use crate::device::{Device, devices};
     #[pymodule_export]

@@ -46,13 +46,11 @@ impl Steps {
     }
 
     /// Returns true if nobody waits for the work: for work that must bring something in order first.
-    #[cfg(feature = "device")]
     pub fn is_ended(&self) -> bool {
         self.is_ended.load(Ordering::Relaxed)
     }
 
     /// Sets the number of steps that are done.
-    #[cfg(feature = "device")]
     pub fn set_done(&self, done: u64) {
         self.done.store(done, Ordering::Relaxed);
     }
@@ -77,7 +75,6 @@ pub enum AfterEnd {
     /// It returns at once.
     Returns,
     /// It waits until the work has brought a device in order.
-    #[cfg(feature = "device")]
     Waits,
 }
 

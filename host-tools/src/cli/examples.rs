@@ -62,7 +62,6 @@ mod tests {
     }
 
     #[test]
-    #[cfg(all(feature = "device", feature = "hatt"))]
     fn every_example_is_a_command_line() {
         for line in EXAMPLES.lines() {
             let line = line.split(" #").next().unwrap_or(line);

@@ -9,15 +9,12 @@ use std::sync::OnceLock;
 use clap::{ArgMatches, Command};
 use host_tools::evaluation::leave_one_out::Given;
 use host_tools::fit::inputs::{Input, files_behind};
-#[cfg(feature = "device")]
 use host_tools::playing::pin::{PinSummary, RATE_HZ, render_pin_wav, render_tip_wav, settings};
-#[cfg(feature = "device")]
 use host_tools::playing::render::Rendering;
 use host_tools::playing::render::{RenderSummary, WavFormat};
 use host_tools::support::error::{Error, Result};
 use host_tools::support::output;
 use stylus_plant::Parameters;
-#[cfg(feature = "device")]
 use stylus_plant::Plant;
 
 use super::input::positive;
@@ -180,7 +177,6 @@ impl WavFile {
 }
 
 /// The choice of the pin, and the settings of its stylus.
-#[cfg(feature = "device")]
 #[derive(clap::Args)]
 pub struct PinArguments {
     /// Write what the stylus puts out at its pin instead: volts above mid-scale, 32-bit float, at 40 kHz
@@ -195,7 +191,6 @@ pub struct PinArguments {
     settings: Vec<(String, f32)>,
 }
 
-#[cfg(feature = "device")]
 impl PinArguments {
     /// Returns true if the pin, or the tip behind it, is to be rendered.
     ///
@@ -238,7 +233,6 @@ pub fn read_plant(source: &Path) -> Result<Parameters> {
     Parameters::read(source).map_err(|error| Error::Request(error.to_string()))
 }
 
-#[cfg(feature = "device")]
 fn report(wav: &WavFile, source: &str, summary: PinSummary, shown: &str) -> Result<()> {
     print(&format!(
         "{}: {} codes of {source} at {RATE_HZ} Hz, {shown}",
@@ -260,7 +254,6 @@ fn report(wav: &WavFile, source: &str, summary: PinSummary, shown: &str) -> Resu
 }
 
 /// Parses a setting's name and value.
-#[cfg(feature = "device")]
 fn setting(text: &str) -> std::result::Result<(String, f32), String> {
     let (name, value) = text.split_once('=').ok_or("must be NAME=VALUE")?;
     let value = value

@@ -46,13 +46,11 @@ pub fn texture_name(text: &str) -> std::result::Result<String, String> {
 }
 
 /// Parses the speed of a trial to be recorded, in mm/s.
-#[cfg(feature = "device")]
 pub fn trial_speed(text: &str) -> std::result::Result<f64, String> {
     not_negative(text).and_then(|_| speed(text))
 }
 
 /// Parses the force of a trial to be recorded, in N.
-#[cfg(feature = "device")]
 pub fn trial_force(text: &str) -> std::result::Result<f64, String> {
     not_negative(text).and_then(|_| force(text))
 }

@@ -1,12 +1,9 @@
 //! Ctrl-C and SIGTERM: no command leaves a temporary behind, and those that drive a stylus bring it in order first.
 
-#[cfg(feature = "device")]
 use std::io;
-#[cfg(feature = "device")]
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-#[cfg(feature = "device")]
 use host_tools::support::error::{Error, Result};
 
 /// True once a command listens: the first signal then only raises the flag.
@@ -83,11 +80,9 @@ fn is_ignored(signal: i32) -> bool {
 }
 
 /// Proof that a command listens to interrupts.
-#[cfg(feature = "device")]
 #[derive(Clone, Copy)]
 pub struct Interrupt(());
 
-#[cfg(feature = "device")]
 impl Interrupt {
     /// Listens from now on. The first signal only raises a flag; the second one ends the process.
     ///
@@ -113,7 +108,7 @@ impl Interrupt {
 }
 
 /// Listens for Ctrl-C by the link's runtime, where no other handler is.
-#[cfg(all(feature = "device", not(unix)))]
+#[cfg(not(unix))]
 fn listen_by_the_runtime() -> io::Result<()> {
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()

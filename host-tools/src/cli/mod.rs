@@ -6,7 +6,6 @@
 
 mod compare;
 mod demo;
-#[cfg(feature = "device")]
 mod device;
 mod evaluate;
 mod examples;
@@ -14,7 +13,6 @@ mod export;
 mod files;
 mod fit;
 mod frontier;
-#[cfg(feature = "hatt")]
 mod import_hatt;
 mod input;
 mod inspect;
@@ -44,19 +42,10 @@ const EXIT_UNUSABLE: u8 = 2;
 /// Exit code of a command whose reader closed the output before the end.
 const EXIT_CLOSED: u8 = 1;
 
-/// The last line of the help of a build that leaves commands out.
-#[cfg(not(all(feature = "device", feature = "hatt")))]
-const COMMANDS_LEFT_OUT: &str = "This build leaves commands out: those for a stylus need the feature `device`, \
-     import-hatt `hatt`. `cargo stylus` has all.";
-
 /// Data-driven haptic textures: fit models to recordings of a tool on a surface, evaluate them, and render exactly what
 /// the stylus plays.
 #[derive(Parser)]
 #[command(name = "stylus", version, arg_required_else_help = true)]
-#[cfg_attr(
-    not(all(feature = "device", feature = "hatt")),
-    command(after_help = COMMANDS_LEFT_OUT)
-)]
 struct Arguments {
     /// Print results, warnings and errors only: no progress and no notes
     #[arg(
@@ -98,7 +87,6 @@ enum Command {
     Trials(trials::Arguments),
     /// Cut the steady pieces out of free-hand recordings, for fit
     Segment(segment::Arguments),
-    #[cfg(feature = "hatt")]
     /// Convert HaTT's model files to a library
     ImportHatt(import_hatt::Arguments),
     /// Check, compile and render scenes: surfaces along a path, with effects
@@ -109,7 +97,6 @@ enum Command {
     Frontier(frontier::Arguments),
     /// Run every step on simulated recordings, with a report
     Demo(demo::Arguments),
-    #[cfg(feature = "device")]
     #[command(flatten)]
     Device(device::Command),
 }
@@ -159,13 +146,11 @@ fn run_command(command: Command) -> Result<()> {
         Command::Inspect(arguments) => inspect::run(&arguments),
         Command::Trials(arguments) => trials::run(&arguments),
         Command::Segment(arguments) => segment::run(&arguments),
-        #[cfg(feature = "hatt")]
         Command::ImportHatt(arguments) => import_hatt::run(&arguments),
         Command::Scene(arguments) => scene::run(&arguments),
         Command::Stress(arguments) => stress::run(&arguments),
         Command::Frontier(arguments) => frontier::run(&arguments),
         Command::Demo(arguments) => demo::run(&arguments),
-        #[cfg(feature = "device")]
         Command::Device(command) => device::run(&command),
     }
 }

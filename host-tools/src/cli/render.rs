@@ -3,12 +3,10 @@
 use std::path::PathBuf;
 
 use host_tools::evaluation::evaluate::texture_named;
-#[cfg(feature = "device")]
 use host_tools::playing::render::Rendering;
 use host_tools::playing::render::render_wav;
 use host_tools::support::error::Result;
 
-#[cfg(feature = "device")]
 use super::files::PinArguments;
 use super::input::{Along, warn_beyond, warn_if_silent};
 use crate::cli::files::WavFile;
@@ -25,7 +23,6 @@ pub struct Arguments {
     along: Along,
     #[command(flatten)]
     wav: WavFile,
-    #[cfg(feature = "device")]
     #[command(flatten)]
     pin: PinArguments,
 }
@@ -40,7 +37,6 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     warn_if_silent(&motion);
     warn_beyond(&motion, &texture);
     let source = format!("'{}' ({})", texture.name(), texture.provenance());
-    #[cfg(feature = "device")]
     if arguments.pin.is_asked()? {
         let mut rendering = Rendering::new(texture, &motion, seconds, arguments.along.seed)?;
         return arguments

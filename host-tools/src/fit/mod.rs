@@ -21,7 +21,6 @@ mod estimate;
 pub mod excitation;
 mod fitted;
 mod grid;
-#[cfg(feature = "hatt")]
 pub mod hatt;
 pub mod inputs;
 pub mod lines;

@@ -3,7 +3,6 @@
 //! Invariant: the samples come from the device's own kernel and are bit-equal to the device's.
 
 pub mod motion;
-#[cfg(feature = "device")]
 pub mod pin;
 pub mod render;
 pub mod wavefront;

@@ -125,7 +125,6 @@ impl Default for Bench {
 }
 
 /// A fake stylus, and a folder whose commands are for it.
-#[cfg(feature = "device")]
 pub fn attached(stylus: fake_stylus::FakeStylus) -> (fake_stylus::FakeStylus, Bench) {
     let bench = Bench::new().with("STYLUS_LINK", stylus.link());
     (stylus, bench)

@@ -9,7 +9,6 @@ use host_tools::texture::library::{decode_library, read_library};
 use model_format::Library;
 use model_format::scene::MotionOfScene;
 
-#[cfg(feature = "device")]
 use crate::cli::files::PinArguments;
 use crate::cli::files::WavFile;
 use crate::cli::input::Along;
@@ -22,7 +21,6 @@ pub struct Arguments {
     along: Along,
     #[command(flatten)]
     wav: WavFile,
-    #[cfg(feature = "device")]
     #[command(flatten)]
     pin: PinArguments,
 }
@@ -49,7 +47,6 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         compiled.scene.name,
         compiled.provenance(&library)
     );
-    #[cfg(feature = "device")]
     if arguments.pin.is_asked()? {
         return arguments
             .pin
