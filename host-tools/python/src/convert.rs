@@ -125,9 +125,8 @@ pub fn numbers(name: &str, values: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {
     let of_kind = |failure: PyErr| PyTypeError::new_err(format!("argument '{name}': {failure}"));
     let numpy = values.py().import("numpy")?;
     let array = numpy.call_method1("asarray", (bounded, "float64"));
-    let array: PyReadonlyArray1<'_, f64> = array
-        .and_then(|array| array.extract().map_err(PyErr::from))
-        .map_err(of_kind)?;
+    let array: PyReadonlyArray1<'_, f64> =
+        array.and_then(|array| array.extract()).map_err(of_kind)?;
     Ok(array.as_array().iter().copied().collect())
 }
 

@@ -254,8 +254,8 @@ pub fn page<'py>(
 /// of pairs that are left out. See `score`.
 #[pyfunction]
 #[pyo3(signature = (
-    recordings, library, out, *, takes = None, before = None, design = "abx", pairs = Several(Vec::new()), trials = None,
-    segment_s = 1.5, reduce = "pca", high_pass = "auto", seed = 1, overwrite = false
+    recordings, library, out, *, takes = None, before = None, design = "abx", pairs = Several(Vec::new()),
+    trials = None, segment_s = 1.5, reduce = "pca", high_pass = "auto", seed = 1, overwrite = false
 ), text_signature = "(recordings, library, out, *, takes=None, before=None, design='abx', pairs=(), trials=None, \
     segment_s=1.5, reduce='pca', high_pass='auto', seed=1, overwrite=False)")]
 #[expect(clippy::too_many_arguments, reason = "they are keywords")]

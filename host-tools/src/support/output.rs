@@ -146,7 +146,7 @@ pub fn check_folder(path: &Path, overwrite: bool, inputs: &[PathBuf]) -> Result<
     Ok(())
 }
 
-/// What lies in a folder and below, relative to it. Links are not followed.
+/// Content of a folder and of those below, relative to it. Links are not followed.
 #[derive(Default)]
 struct Content {
     /// Files and links, except the list and litter.

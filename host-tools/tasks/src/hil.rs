@@ -18,6 +18,10 @@ const BOARD_MINUTES: f64 = 10.0;
 
 /// Options of `cargo tasks hil`.
 #[derive(clap::Args)]
+#[expect(
+    clippy::struct_excessive_bools,
+    reason = "each is a switch of the command line"
+)]
 pub struct Arguments {
     /// The stylus: usb[:SERIAL], serial:PATH, tcp:HOST:PORT or usb-virtual:HOST:PORT
     #[arg(long, env = "STYLUS_LINK", required_unless_present = "virtual_stylus")]

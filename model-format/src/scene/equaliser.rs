@@ -223,8 +223,9 @@ const DISTANCES: [f32; SPREAD] = {
 ///
 /// Gains are taken at the resonances of all sections, at their mirror images, at both ends of the band and at 127
 /// frequencies between. These are spread evenly, but denser at the ends. That is a sample and no proof, see
-/// [`check_peak`]; a narrow peak of one section lies at a resonance. The arithmetic is that of `f32`, which a stylus has in hardware; every processor has the same
-/// results. Its round-off is below a ten-thousandth, which the limit is widened by.
+/// [`check_peak`]; a narrow peak of one section lies at a resonance. The arithmetic is that of `f32`, which a stylus
+/// has in hardware; every processor has the same results. Its round-off is below a ten-thousandth, which the limit is
+/// widened by.
 ///
 /// # Errors
 /// The index of the first section with a fault, and the fault.

@@ -16,6 +16,10 @@ use crate::cli::output::{print, print_json, tell};
 use crate::cli::table::{headed, table};
 
 #[derive(clap::Args)]
+#[expect(
+    clippy::struct_excessive_bools,
+    reason = "each is a switch of the command line"
+)]
 pub struct Arguments {
     /// Duration of the traffic on the link, in seconds
     #[arg(long, value_name = "S", value_parser = positive, default_value_t = 30.0)]
