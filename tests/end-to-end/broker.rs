@@ -5,7 +5,7 @@ use std::io::Write;
 use std::os::unix::fs::PermissionsExt;
 use std::os::unix::net::UnixListener;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::Child;
 use std::thread;
 use std::time::Duration;
 
@@ -14,7 +14,7 @@ use fake_stylus::{FakeStylus, Hand};
 use serde_json::Value;
 
 use crate::device_links::port;
-use crate::support::{Bench, PLAY, holds, interrupt, json, refusal, text, wait_for};
+use crate::support::{Bench, PLAY, holds, interrupt, json, refusal, signal, text, wait_for};
 
 /// A desk with a stylus on it that has a library, and a runtime folder of its own, so that its brokers are its own.
 struct Desk {
@@ -127,14 +127,6 @@ fn processes(run: &Path) -> Vec<u32> {
             (is_broker && text(&environment).contains(&wanted)).then_some(number)
         })
         .collect()
-}
-
-fn signal(name: &str, process: u32) {
-    let sent = Command::new("kill")
-        .args([&format!("-{name}"), &process.to_string()])
-        .stderr(Stdio::null())
-        .status();
-    sent.expect("kill is there");
 }
 
 fn output_of(child: Child) -> (Option<i32>, String, String) {

@@ -9,7 +9,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use crate::hatt;
-use crate::support::{Bench, RATE_HZ, holds, noise, rig_of, text, two_textures};
+use crate::support::{Bench, RATE_HZ, holds, noise, rig_of, signal as send, text, two_textures};
 
 /// Commands with a file to write, `{}`.
 const FILES: [&str; 10] = [
@@ -368,8 +368,7 @@ fn signalled(
         );
         thread::sleep(Duration::from_micros(200));
     }
-    let pid = child.id().to_string();
-    let _ = Command::new("kill").args([signal, &pid]).status();
+    send(signal.trim_start_matches('-'), child.id());
     std::os::unix::process::ExitStatusExt::signal(&child.wait().unwrap())
 }
 

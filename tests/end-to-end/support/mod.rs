@@ -315,9 +315,19 @@ pub fn wait_for(what: &str, mut is_there: impl FnMut() -> bool) {
 /// Sends Ctrl-C to `child`.
 #[cfg(unix)]
 pub fn interrupt(child: &Child) {
-    let pid = child.id().to_string();
-    let killed = Command::new("kill").args(["-INT", &pid]).status();
-    assert!(killed.expect("kill is there").success());
+    assert!(signal("INT", child.id()));
+}
+
+/// Sends the signal called `name` to `process`, and returns true if it was there. By the shell's own `kill`, because a
+/// small system has no other.
+#[cfg(unix)]
+pub fn signal(name: &str, process: u32) -> bool {
+    let sent = Command::new("sh")
+        .arg("-c")
+        .arg(format!("kill -{name} {process}"))
+        .stderr(Stdio::null())
+        .status();
+    sent.expect("a shell is there").success()
 }
 
 /// The one line on standard error of `output`, which must be a refusal with code 2.
