@@ -109,6 +109,11 @@ impl<R: NorFlash> Updates<R> {
         }
     }
 
+    /// Gives the record's flash back.
+    pub fn into_flash(self) -> R {
+        self.store.into_flash()
+    }
+
     /// Returns true while the slot of the update holds the image before, or the one that is to come.
     pub(crate) fn is_pending(&self) -> bool {
         self.store.record().marks[0] == mark::SWAP

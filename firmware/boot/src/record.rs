@@ -9,22 +9,10 @@ use core::ops::Range;
 use crc::{CRC_32_ISO_HDLC, Crc, NoTable};
 use embedded_storage_async::nor_flash::NorFlash;
 
-use crate::map::{ACTIVE, SECTOR_BYTES, WORD_BYTES};
+use crate::map::{SECTOR_BYTES, WORD_BYTES};
 
-/// Bytes of `embassy-boot`'s state: mark, validity of its progress, and its progress; then the check of the image that
-/// an exchange puts aside, which `embassy-boot` does not use.
+/// Bytes of `embassy-boot`'s state: mark, validity of its progress, and its progress.
 pub const MARKS: usize = 16;
-
-/// Place of the progress in the marks.
-const PROGRESS: usize = 2;
-
-/// Place of the check in the marks.
-const CHECK: usize = PROGRESS + 2 * EXCHANGED;
-
-/// Number of steps of an exchange: two for each sector of the image. The way back has as many.
-pub const EXCHANGED: usize = 2 * (ACTIVE.end - ACTIVE.start) as usize / SECTOR_BYTES;
-
-const _: () = assert!(CHECK + 2 == MARKS);
 
 /// Marks of `embassy-boot`, whose constants are its own; `loader` tests that it reads them so.
 pub mod mark {
@@ -48,7 +36,7 @@ const TRIES: usize = 8;
 /// times.
 const STEADY_READS: usize = 20;
 
-pub(crate) const CRC: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
+const CRC: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
 
 /// Content of the record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -77,30 +65,6 @@ impl Record {
             cause: 0,
             version,
         }
-    }
-
-    /// Number of steps that were done of an exchange and of the way back.
-    pub fn steps(&self) -> usize {
-        let mut progress = self.marks[PROGRESS..CHECK].iter();
-        let done = progress.position(|&step| step == mark::ERASED);
-        match self.marks[PROGRESS - 1] {
-            mark::ERASED => done.unwrap_or(2 * EXCHANGED),
-            // It was made invalid: the way back has been gone.
-            _ => 2 * EXCHANGED,
-        }
-    }
-
-    /// Check of the image that an exchange puts aside; none before an exchange, or of a bootloader that made none.
-    pub fn check(&self) -> Option<u16> {
-        let check = u16::from_le_bytes([self.marks[CHECK], self.marks[CHECK + 1]]);
-        (check != u16::MAX).then_some(check)
-    }
-
-    /// The same record with this check of an image, below `u16::MAX`.
-    #[must_use]
-    pub fn with_check(mut self, check: u16) -> Self {
-        self.marks[CHECK..].copy_from_slice(&check.to_le_bytes());
-        self
     }
 
     fn word(&self, sequence: u32) -> [u8; WORD_BYTES] {
@@ -156,8 +120,7 @@ pub struct Store<F> {
     start: u32,
     /// Offset of the next word to be programmed.
     next: u32,
-    /// True if no word of the record can be misread so that an exchange is asked for.
-    is_settled: bool,
+    is_steady: bool,
 }
 
 /// Failure to keep a record: no word of it read back.
@@ -177,7 +140,7 @@ impl<F: NorFlash> Store<F> {
             range,
             record: Record::NONE,
             sequence: 0,
-            is_settled: true,
+            is_steady: true,
         };
         let mut newest: Option<(u32, Record, u32)> = None;
         for sector in store.range.clone().step_by(SECTOR_BYTES) {
@@ -188,7 +151,6 @@ impl<F: NorFlash> Store<F> {
                 };
                 end = at + WORD_BYTES as u32;
                 let read = used.as_ref().and_then(Record::read);
-                store.is_settled &= read.is_some_and(|(_, record)| record.marks[0] != mark::SWAP);
                 if let Some((sequence, record)) = read
                     && newest.is_none_or(|(newest, ..)| is_newer(sequence, newest))
                 {
@@ -205,7 +167,7 @@ impl<F: NorFlash> Store<F> {
             .reads_steadily(store.due()..store.due() + WORD_BYTES as u32)
             .await
         {
-            store.is_settled = false;
+            store.is_steady = false;
             if store.due() != store.next {
                 break;
             }
@@ -214,7 +176,7 @@ impl<F: NorFlash> Store<F> {
         let (sequence, record, at) = newest.unwrap_or((1, Record::NONE, store.start));
         let used = (store.next - at) / WORD_BYTES as u32;
         (store.sequence, store.record) = (sequence.wrapping_add(used).wrapping_sub(1), record);
-        store.is_settled &= store.reads_steadily(at..store.next).await;
+        store.is_steady &= store.reads_steadily(at..store.next).await;
         store
     }
 
@@ -254,15 +216,13 @@ impl<F: NorFlash> Store<F> {
         self.record
     }
 
-    /// Writes the record anew, once in a run, if another one may be in force later: if a word reads differently from
-    /// read to read, as after a power cut, or if an exchange was ever asked for. For its newest word may have been cut
-    /// at its very end; that reads right many times and wrong once, and then the one before it counts. Done before
-    /// anything else is erased or programmed that depends on the record.
+    /// Writes the record anew if it, or one after it, reads differently from read to read, as after a power cut. Done
+    /// before anything else is erased or programmed that depends on the record.
     ///
     /// # Errors
     /// The flash does not keep it.
     pub async fn settle(&mut self) -> Result<(), NotKept> {
-        if self.is_settled {
+        if self.is_steady {
             return Ok(());
         }
         self.replace(self.record).await
@@ -279,11 +239,11 @@ impl<F: NorFlash> Store<F> {
             let at = self.free_word().await?;
             let written = self.flash.write(at, &word).await.is_ok();
             if written && self.used_word(at).await == Some(Some(word)) {
-                (self.sequence, self.record, self.is_settled) = (sequence, record, true);
+                (self.sequence, self.record, self.is_steady) = (sequence, record, true);
                 return Ok(());
             }
         }
-        (self.sequence, self.is_settled) = (sequence, false);
+        (self.sequence, self.is_steady) = (sequence, false);
         Err(NotKept)
     }
 

@@ -27,8 +27,6 @@ pub struct Memory {
     faulty: Vec<bool>,
     /// Words that read differently from read to read, with the content before the cut and the one after it.
     unstable: BTreeMap<usize, [[u8; WORD_BYTES]; 2]>,
-    /// Words that fault in so many of a thousand reads, as those do whose programming was cut at its very end.
-    marginal: BTreeMap<usize, u64>,
     /// State of the chance by which they read.
     chance: u64,
 }
@@ -87,7 +85,6 @@ impl Memory {
             programmed: vec![false; bytes / WORD_BYTES],
             faulty: vec![false; bytes / WORD_BYTES],
             unstable: BTreeMap::new(),
-            marginal: BTreeMap::new(),
             chance: 1,
         }
     }
@@ -135,7 +132,6 @@ impl Memory {
             return;
         }
         self.unstable.remove(&word);
-        self.marginal.remove(&word);
         let bytes = &mut self.bytes[word * WORD_BYTES..][..WORD_BYTES];
         match cut {
             Cut::Before => {}
@@ -174,12 +170,7 @@ impl Memory {
             .insert(word, [content, content.map(|byte| byte ^ 0x10)]);
     }
 
-    /// Makes the word with this number fault in so many of a thousand reads.
-    pub fn set_marginal(&mut self, word: usize, per_mille: u64) {
-        self.marginal.insert(word, per_mille);
-    }
-
-    /// Seeds the chance by which unstable and marginal words read.
+    /// Seeds the chance by which unstable words read.
     pub fn seed(&mut self, seed: u64) {
         self.chance = seed | 1;
     }
@@ -195,8 +186,7 @@ impl Memory {
 
     /// The content of `word` as this read finds it; none if it faults.
     fn read_word(&mut self, word: usize) -> Option<[u8; WORD_BYTES]> {
-        let share = self.marginal.get(&word).copied();
-        if self.faulty[word] || share.is_some_and(|share| self.below(1000) < share) {
+        if self.faulty[word] {
             return None;
         }
         let stable = *self.bytes[word * WORD_BYTES..].first_chunk()?;
