@@ -14,7 +14,7 @@ use postcard_rpc::Key;
 use postcard_rpc::header::{VarHeader, VarKey};
 
 use crate::boot::clock::{CORE_HZ, TIMER_HZ};
-use crate::tick::{self, output::amplifier};
+use crate::tick::output::amplifier;
 
 /// The topic's path.
 pub const PATH: &str = "stylus/fault-injection";
@@ -85,18 +85,19 @@ static IN_UPDATE: AtomicBool = AtomicBool::new(false);
 /// The instruction `bx lr`, in data.
 static CODE: AtomicU32 = AtomicU32::new(0x4770_4770);
 
-/// Causes the fault that `frame` asks for, now or in the next tick. Returns false if the frame asks for none.
-pub fn take(frame: &[u8]) -> bool {
+/// Causes the fault that `frame` asks for, now or in the next tick. Returns false if the frame asks for none. `age`
+/// sets the counts of ticks, which belong to the tick.
+pub fn take(frame: &[u8], age: fn()) -> bool {
     let asked = VarHeader::take_from_slice(frame)
         .filter(|(header, _)| header.key == VarKey::Key8(KEY))
         .and_then(|(_, body)| body.first());
     if let Some(&fault) = asked {
-        inject(fault);
+        inject(fault, age);
     }
     asked.is_some()
 }
 
-fn inject(fault: u8) {
+fn inject(fault: u8, age: fn()) {
     match fault {
         LONG_TICK | ENDLESS_TICK | PANIC_IN_TICK | LATE_TICK | VERY_LONG_TICK => {
             IN_TICK.store(fault, Ordering::Relaxed);
@@ -133,7 +134,7 @@ fn inject(fault: u8) {
             unsafe { asm!("blx {}", in(reg) code, out("lr") _) }
         }
         NO_TICK => TIM6.cr1().modify(|w| w.set_cen(false)),
-        AGE => tick::age(),
+        AGE => age(),
         SHORT_SECTION => delay_tick(25),
         LONG_SECTION => delay_tick(45),
         _ => {}

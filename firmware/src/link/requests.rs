@@ -47,7 +47,7 @@ pub async fn serve<R: ReceiveFrame>(
 #[inline(never)]
 fn serve_frame(wire: Wire, frame: &[u8], answer: &mut Frame) -> Option<usize> {
     #[cfg(feature = "fault-injection")]
-    if stylus_realtime::injection::take(frame) {
+    if stylus_realtime::injection::take(frame, stylus_realtime::tick::age) {
         wire.counters().count(|counters| &mut counters.frames);
         return None;
     }

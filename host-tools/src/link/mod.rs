@@ -8,7 +8,7 @@
 //! |---|---|
 //! | `address` | addresses of devices, as a user writes them |
 //! | `open` | opening of an address; `wire` and `bulk` carry frames, `health` is the state of a link |
-//! | `broker` | one link for several programs |
+//! | `broker` | one link for several programs, or for one alone |
 //! | `route` | ways to a device, direct or shared |
 //! | [`discovery`] | the devices that are attached |
 //! | `usb`, [`virtual_usb`] | the bulk endpoints of a stylus, and of a virtual one |
@@ -54,10 +54,11 @@ pub mod virtual_usb;
 mod wire;
 
 pub use address::LinkAddress;
+pub use broker::{BROKER_COMMAND, BROKER_READY, BROKER_TAKEN, Sharing};
 #[cfg(unix)]
 pub use broker::{Served, serve};
 pub use device::{Device, SlotContent, TextureEntry, Timeouts};
 pub use error::{LinkError, Result};
-pub use route::{BROKER_COMMAND, BROKER_READY, BROKER_TAKEN, Route, Sharing};
+pub use route::Route;
 pub use version::Mismatch;
 pub use wire::{BrokenFrame, FrameDecoder};

@@ -199,7 +199,7 @@ fn connect(address: &LinkAddress, timeouts: Timeouts) -> Result<Device> {
     let mut attempt = 1;
     loop {
         // A command before this one may have left its broker at the link.
-        match Device::connect_by(address, timeouts, Route::Alone) {
+        match Device::connect_by(address, timeouts, Route::Alone("hil".to_owned())) {
             Ok(device) => return Ok(device),
             Err(error) if attempt == ATTEMPTS || !error.is_passing() => return Err(error.into()),
             Err(_) => std::thread::sleep(Duration::from_millis(500)),

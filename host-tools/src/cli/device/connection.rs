@@ -77,7 +77,7 @@ impl Link {
         Ok(Device::connect_to_any(
             &link,
             self.timeouts(),
-            Route::Alone,
+            Route::Alone(command()),
         )?)
     }
 
@@ -119,7 +119,7 @@ impl Link {
 
     fn open(&self, link: &LinkAddress, timeouts: Timeouts) -> Result<Device> {
         let route = if self.no_broker {
-            Route::Alone
+            Route::Alone(command())
         } else {
             Route::Shared(sharing()?)
         };
@@ -132,12 +132,15 @@ impl Link {
 /// # Errors
 /// A system that does not tell the file of this program.
 pub fn sharing() -> Result<Sharing> {
-    // The first word is the command, because options follow it.
-    let command = std::env::args().nth(1).unwrap_or_default();
     Ok(Sharing {
         program: std::env::current_exe().map_err(LinkError::Host)?,
-        command,
+        command: command(),
     })
+}
+
+/// The first word, which is the command, because options follow it.
+fn command() -> String {
+    std::env::args().nth(1).unwrap_or_default()
 }
 
 /// Arguments of `stylus devices`.

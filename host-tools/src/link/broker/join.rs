@@ -11,14 +11,14 @@ use tokio::io::AsyncWriteExt;
 use tokio::net::UnixStream;
 use tokio::net::unix::{OwnedReadHalf, OwnedWriteHalf};
 
+use super::RETRY;
 use super::message::{FromBroker, Messages, ToBroker};
 use super::place::{Place, unusable};
-use super::serve::IDLE;
+use super::sharing::{BROKER_READY, BROKER_TAKEN, Sharing};
 use crate::link::LinkAddress;
 use crate::link::error::{LinkError, Result};
 use crate::link::health::Health;
 use crate::link::open::Ends;
-use crate::link::route::{BROKER_READY, BROKER_TAKEN, Sharing};
 use crate::link::virtual_usb::encode;
 
 /// Time in which a broker has to be found or started. A TCP connection alone may take three seconds.
@@ -27,13 +27,10 @@ const TIMEOUT: Duration = Duration::from_secs(8);
 /// Time in which a broker has to welcome a client.
 const WELCOME_TIMEOUT: Duration = Duration::from_secs(2);
 
-/// Interval between attempts while another program starts or ends a broker.
-const RETRY: Duration = Duration::from_millis(10);
-
 /// Opens a shared link, and gives its ends to `ends`. Starts a broker where there is none.
 ///
 /// # Errors
-/// A device that cannot be opened, or that a program of another version shares.
+/// A device that cannot be opened, that another program has alone, or that one of another version shares.
 pub(in crate::link) async fn open<E: Ends>(
     address: &LinkAddress,
     sharing: &Sharing,
@@ -46,6 +43,10 @@ pub(in crate::link) async fn open<E: Ends>(
         if let Some(socket) = connect(&place, &sharing.command, health).await? {
             return Ok(give(socket, health, ends));
         }
+        if place.is_held_alone(begin)? {
+            tokio::time::sleep(RETRY).await;
+            continue;
+        }
         continue_within(&place, begin)?;
         start(&place, sharing).await?;
     }
@@ -54,7 +55,7 @@ pub(in crate::link) async fn open<E: Ends>(
 /// Opens a link that another program shares, and gives its ends to `ends`; none if nobody shares it.
 ///
 /// # Errors
-/// A program of another version that shares it.
+/// A program of another version that shares it, or one that has the device alone.
 pub(in crate::link) async fn join<E: Ends>(
     address: &LinkAddress,
     command: &str,
@@ -73,33 +74,11 @@ pub(in crate::link) async fn join<E: Ends>(
         if place.lock()?.is_some() {
             return Ok(None);
         }
-        continue_within(&place, begin)?;
-        tokio::time::sleep(RETRY).await;
-    }
-}
-
-/// Waits until a broker without clients has ended, so that its device can be opened by this program alone.
-///
-/// # Errors
-/// A broker that has clients; the error names them.
-pub(in crate::link) async fn free(address: &LinkAddress) -> Result<()> {
-    let Ok(place) = Place::of(address).await else {
-        return Ok(());
-    };
-    let begin = Instant::now();
-    while place.lock()?.is_none() {
-        if begin.elapsed() > IDLE + Duration::from_secs(1) {
-            return Err(LinkError::Open {
-                link: place.address.to_string(),
-                reason: format!(
-                    "it is in use by {}: end that program, or omit --no-broker",
-                    place.clients()
-                ),
-            });
+        if !place.is_held_alone(begin)? {
+            continue_within(&place, begin)?;
         }
         tokio::time::sleep(RETRY).await;
     }
-    Ok(())
 }
 
 fn continue_within(place: &Place, begin: Instant) -> Result<()> {

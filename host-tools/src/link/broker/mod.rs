@@ -6,21 +6,21 @@
 //!
 //! | module | subject |
 //! |---|---|
-//! | `alone` | without sockets of files: one command at a time has a device |
 //! | `place` | the socket and the lock of a device, in the user's runtime folder |
+//! | `sharing` | the command that is a broker, and the program that starts it |
+//! | `hold` | a device that one program has alone |
 //! | `message` | messages between a client and the broker |
 //! | `join` | a client's side: finds a broker, starts one where there is none, and is its client |
 //! | `serve` | the process: its sockets and its end |
 //! | `switchboard` | the rules, without input and output: answers go to who asked, and motion has one holder |
 //!
-//! Invariants: an answer reaches the client that asked, under its own sequence number, or nobody. One client gives the
-//! motion; plays, motions and keep-alives of the others do not reach the device, because each would keep its lease
-//! alive. Frames go to the device in the order of their arrival, and few of each client wait, so that a stop or a
-//! motion is not held up by another client's upload. Blocks of a recording go to all clients; one that reads too
-//! slowly loses some, which it counts, and nobody else does.
+//! Invariants: an answer reaches the client that asked, under its own sequence number, or nobody. Of the activities
+//! that would disturb each other one client has one at a time; what the others send for theirs does not reach the
+//! device, because a play's motions and keep-alives would keep the lease alive. Frames go to the device in the order of
+//! their arrival, and few of each client wait, so that a stop or a motion is not held up by another client's upload.
+//! Blocks of a recording go to all clients; one that reads too slowly loses some, which it counts; nobody else does.
 
-#[cfg(any(not(unix), test))]
-mod alone;
+mod hold;
 #[cfg(unix)]
 mod join;
 #[cfg(unix)]
@@ -28,12 +28,21 @@ mod message;
 mod place;
 #[cfg(unix)]
 mod serve;
+mod sharing;
 #[cfg(unix)]
 mod switchboard;
 
-#[cfg(not(unix))]
-pub(super) use alone::{free, join, open};
+use std::time::Duration;
+
+pub(super) use hold::{Hold, hold};
 #[cfg(unix)]
-pub(super) use join::{free, join, open};
+pub(super) use join::{join, open};
 #[cfg(unix)]
 pub use serve::{Served, serve};
+pub use sharing::{BROKER_COMMAND, BROKER_READY, BROKER_TAKEN, Sharing};
+
+/// Time without a client after which a broker ends.
+const IDLE: Duration = Duration::from_secs(3);
+
+/// Interval between attempts while another program starts or ends a broker.
+const RETRY: Duration = Duration::from_millis(10);

@@ -4,6 +4,7 @@ use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io;
 use std::net::ToSocketAddrs;
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
 use model_format::link::SCHEMA_HASH;
 use virtual_link::runtime_folder;
@@ -16,17 +17,24 @@ use crate::support::fnv::Fnv;
 /// the same for all versions.
 const VERSION: u16 = 2;
 
+/// Begin of the words in a lock whose holder does not share the device.
+const ALONE: &str = "alone: ";
+
+/// Time that a program waits for the end of another that has the device alone: that of a short command.
+const PATIENCE: Duration = Duration::from_millis(300);
+
 /// Remedy where no broker can be had.
 const REMEDY: &str = "--no-broker opens the device without sharing it";
 
-/// The place of a device's broker.
+/// The place of a device's broker, or of the program that has the device alone.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Place {
     /// The device's address, the same whichever way the user has written it.
     pub(super) address: LinkAddress,
     /// The socket.
     pub(super) socket: PathBuf,
-    /// The lock, which the broker holds as long as it lives, and which names its clients.
+    /// The lock, which the broker, or a program that has the device alone, holds as long as it lives, and which names
+    /// the programs.
     lock: PathBuf,
 }
 
@@ -68,6 +76,34 @@ impl Place {
         let _ = fs::write(self.names(), clients);
     }
 
+    /// Names in the lock the program that has the device alone.
+    pub(super) fn name_alone(&self, command: &str) {
+        let process = std::process::id();
+        self.name_clients(&format!("{ALONE}`stylus {command}` (process {process})"));
+    }
+
+    /// Returns true while another program has the device alone.
+    ///
+    /// # Errors
+    /// It still has the device some time after `begin`; the error names it.
+    pub(super) fn is_held_alone(&self, begin: Instant) -> Result<bool> {
+        let names = fs::read_to_string(self.names()).unwrap_or_default();
+        let Some(program) = names.strip_prefix(ALONE) else {
+            return Ok(false);
+        };
+        // A program that has ended leaves its name, and no lock.
+        if self.lock()?.is_some() {
+            return Ok(false);
+        }
+        if begin.elapsed() < PATIENCE {
+            return Ok(true);
+        }
+        Err(LinkError::Held {
+            link: self.address.to_string(),
+            what: format!("{program} has it alone: wait for its end, or end it with Ctrl-C"),
+        })
+    }
+
     /// The file that names the clients: the lock, where a lock does not keep others from reading it.
     fn names(&self) -> PathBuf {
         if cfg!(unix) {
@@ -77,8 +113,8 @@ impl Place {
         }
     }
 
-    /// Takes the lock, or returns `None` if another broker has it. A crash frees it, so that it tells of a broker that
-    /// lives, which the socket does not.
+    /// Takes the lock, or returns `None` if another program has it. A crash frees it, so that it tells of a program
+    /// that lives, which the socket does not.
     ///
     /// # Errors
     /// A file that cannot be made or locked.

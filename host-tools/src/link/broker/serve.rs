@@ -16,6 +16,7 @@ use tokio::sync::mpsc::{self, UnboundedReceiver, UnboundedSender};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::time::Instant;
 
+use super::IDLE;
 use super::message::{ClientId, FromBroker, Messages, Program, ToBroker};
 use super::place::{Place, unusable};
 use super::switchboard::{Action, Switchboard};
@@ -24,9 +25,6 @@ use crate::link::error::{LinkError, Result};
 use crate::link::health::Health;
 use crate::link::open::{self, Ends};
 use crate::link::virtual_usb::encode;
-
-/// Time without a client after which a broker ends.
-pub(super) const IDLE: Duration = Duration::from_secs(3);
 
 /// Time that clients have to take the last messages of a broker that ends.
 const LAST_MESSAGES: Duration = Duration::from_millis(200);
@@ -78,6 +76,7 @@ async fn run(
     if lock.is_none() {
         return Ok(Served::Taken);
     }
+    place.name_clients("");
     let failed = |failure: io::Error| unusable(address, &failure);
     let mut terminated = signal(SignalKind::terminate()).map_err(failed)?;
     // The terminal of the first client may close; the others go on.
@@ -117,7 +116,6 @@ async fn run(
         broken: 0,
         idle_since: Instant::now(),
     };
-    place.name_clients("");
     loop {
         let is_idle = broker.clients.is_empty();
         tokio::select! {

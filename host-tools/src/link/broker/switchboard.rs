@@ -5,8 +5,10 @@ use std::time::{Duration, Instant};
 
 use model_format::link::{
     ActivateEndpoint, KeepAliveTopic, MAX_HOST_FRAME_BYTES, MotionEndpoint, MotionTopic,
-    PlayEndpoint, RecordBlock, RecordBlockTopic, RecordStartEndpoint, RecordStopEndpoint,
-    RecordStopped, SelfTestEndpoint, SettingsApplyEndpoint, SettingsProposeEndpoint, StopEndpoint,
+    PlayEndpoint, ProbeLoadEndpoint, ProbeStartEndpoint, RecordBlock, RecordBlockTopic,
+    RecordStartEndpoint, RecordStopEndpoint, RecordStopped, ResponseProposeEndpoint,
+    ResponseSetEndpoint, SelfTestEndpoint, SettingsApplyEndpoint, SettingsProposeEndpoint,
+    StopEndpoint, UpdateBeginEndpoint, UpdateCommitEndpoint, UpdateConfirmEndpoint,
     UploadAbortEndpoint, UploadBeginEndpoint, UploadChunkEndpoint, UploadCommitEndpoint,
 };
 use postcard_rpc::header::{VarHeader, VarKey, VarSeq};
@@ -27,10 +29,84 @@ pub(super) enum Action {
     Block(Vec<u8>),
 }
 
-/// A client that has something alone.
+/// An activity that others would disturb.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Activity {
+    /// Until the stop.
+    Play,
+    /// Until the commit or the abort.
+    Upload,
+    /// Measurement of the actuator, until a response is stored or its client leaves: between two probes there is a
+    /// pause, in which the coil must stay as cool as it is.
+    Measurement,
+    /// Until its client leaves.
+    SelfTest,
+    /// Until its client leaves.
+    Update,
+    /// A change of settings, one request long.
+    Settings,
+    /// One request long.
+    Activation,
+}
+
+impl Activity {
+    /// The activity that a request or message of this key is part of.
+    fn of(key: Key) -> Option<Self> {
+        Some(match key {
+            MotionTopic::TOPIC_KEY
+            | KeepAliveTopic::TOPIC_KEY
+            | MotionEndpoint::REQ_KEY
+            | PlayEndpoint::REQ_KEY => Self::Play,
+            UploadBeginEndpoint::REQ_KEY
+            | UploadChunkEndpoint::REQ_KEY
+            | UploadCommitEndpoint::REQ_KEY
+            | UploadAbortEndpoint::REQ_KEY => Self::Upload,
+            ProbeLoadEndpoint::REQ_KEY
+            | ProbeStartEndpoint::REQ_KEY
+            | ResponseProposeEndpoint::REQ_KEY
+            | ResponseSetEndpoint::REQ_KEY => Self::Measurement,
+            SelfTestEndpoint::REQ_KEY => Self::SelfTest,
+            UpdateBeginEndpoint::REQ_KEY
+            | UpdateCommitEndpoint::REQ_KEY
+            | UpdateConfirmEndpoint::REQ_KEY => Self::Update,
+            SettingsProposeEndpoint::REQ_KEY | SettingsApplyEndpoint::REQ_KEY => Self::Settings,
+            ActivateEndpoint::REQ_KEY => Self::Activation,
+            _ => return None,
+        })
+    }
+
+    /// Returns true unless two clients may do this and the other one at once.
+    fn disturbs(self, other: Self) -> bool {
+        let beside_upload = |one| matches!(one, Self::Play | Self::Settings);
+        !(self == Self::Upload && beside_upload(other)
+            || other == Self::Upload && beside_upload(self))
+    }
+
+    /// The verb for its client.
+    fn verb(self) -> &'static str {
+        match self {
+            Self::Play => "plays",
+            Self::Upload => "uploads",
+            Self::Measurement => "measures the actuator",
+            Self::SelfTest => "tests the device",
+            Self::Update => "updates the device",
+            Self::Settings | Self::Activation => "changes the device",
+        }
+    }
+
+    fn remedy(self) -> &'static str {
+        match self {
+            Self::Play => "stop it with `stylus stop`, or wait for its end",
+            _ => "wait for its end, or end it with Ctrl-C",
+        }
+    }
+}
+
+/// A client in an activity.
 #[derive(Clone, Copy, Debug)]
 struct Holder {
     client: ClientId,
+    activity: Activity,
     since: Instant,
 }
 
@@ -46,11 +122,10 @@ struct Asked {
 /// Requests whose answers change what the broker knows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Request {
-    /// A play; true if its client holds the motion because of it.
-    Play(bool),
-    /// The begin of an upload; true if its client holds the upload because of it.
-    UploadBegin(bool),
-    UploadEnd,
+    /// The begin of an activity; true if its client was not in it before.
+    Begin(Activity, bool),
+    /// The end of one.
+    End(Activity),
     RecordStart,
     Other,
 }
@@ -71,8 +146,7 @@ pub(super) struct Switchboard {
     clients: BTreeMap<ClientId, Program>,
     asked: HashMap<u16, Asked>,
     last_number: u16,
-    motion: Option<Holder>,
-    upload: Option<Holder>,
+    held: Vec<Holder>,
     recording: Option<Recording>,
 }
 
@@ -98,8 +172,7 @@ impl Switchboard {
                 asked.client = None;
             }
         }
-        release(&mut self.motion, Some(client));
-        release(&mut self.upload, Some(client));
+        self.held.retain(|holder| holder.client != client);
         if let Some(recording) = &mut self.recording {
             recording.clients.remove(&client);
         }
@@ -121,24 +194,39 @@ impl Switchboard {
         let VarKey::Key8(key) = header.key else {
             return vec![self.ask(Some(client), header, Request::Other, body)];
         };
-        if let Some((holder, does)) = self.in_the_way(client, key) {
-            return self.refuse(client, header, key, holder, does);
+        let activity = Activity::of(key);
+        if let Some(holder) = activity.and_then(|activity| self.in_the_way(client, activity)) {
+            return self.refuse(client, header, key, holder);
         }
         let request = match key {
             // Topics are not answered, and keep their number.
             MotionTopic::TOPIC_KEY | KeepAliveTopic::TOPIC_KEY => {
                 return vec![Action::ToDevice(frame.to_vec())];
             }
-            PlayEndpoint::REQ_KEY => Request::Play(hold(&mut self.motion, client)),
-            UploadBeginEndpoint::REQ_KEY => Request::UploadBegin(hold(&mut self.upload, client)),
-            UploadCommitEndpoint::REQ_KEY | UploadAbortEndpoint::REQ_KEY => Request::UploadEnd,
+            UploadCommitEndpoint::REQ_KEY | UploadAbortEndpoint::REQ_KEY => {
+                Request::End(Activity::Upload)
+            }
+            ResponseSetEndpoint::REQ_KEY => Request::End(Activity::Measurement),
             // The device refuses the start of a recording that is under way, and its answer is changed.
             RecordStartEndpoint::REQ_KEY => Request::RecordStart,
             StopEndpoint::REQ_KEY => {
-                let player = self.motion.take().map(|holder| holder.client);
-                return self.stop(client, header, body, player);
+                let moves = [Activity::Play, Activity::Measurement];
+                let moving = self
+                    .held
+                    .iter()
+                    .filter(|held| moves.contains(&held.activity));
+                let clients: Vec<ClientId> = moving.map(|holder| holder.client).collect();
+                self.held.retain(|holder| holder.activity != Activity::Play);
+                return self.stop(client, header, body, clients);
             }
             RecordStopEndpoint::REQ_KEY => return self.stop_recording(client, header, body),
+            PlayEndpoint::REQ_KEY
+            | UploadBeginEndpoint::REQ_KEY
+            | ProbeLoadEndpoint::REQ_KEY
+            | ProbeStartEndpoint::REQ_KEY
+            | ResponseProposeEndpoint::REQ_KEY
+            | SelfTestEndpoint::REQ_KEY
+            | UpdateBeginEndpoint::REQ_KEY => self.begin(client, activity),
             _ => Request::Other,
         };
         vec![self.ask(Some(client), header, request, body)]
@@ -172,46 +260,45 @@ impl Switchboard {
         self.answer(&asked, header, body)
     }
 
-    /// The holder that keeps `client` from the request or topic of this key, with what it does.
-    fn in_the_way(&self, client: ClientId, key: Key) -> Option<(Holder, &'static str)> {
-        let of = |holder: Option<Holder>| holder.filter(|holder| holder.client != client);
-        let playing = || of(self.motion).map(|holder| (holder, "plays"));
-        let uploading = || of(self.upload).map(|holder| (holder, "uploads"));
-        match key {
-            MotionTopic::TOPIC_KEY
-            | KeepAliveTopic::TOPIC_KEY
-            | MotionEndpoint::REQ_KEY
-            | PlayEndpoint::REQ_KEY
-            | SettingsProposeEndpoint::REQ_KEY
-            | SettingsApplyEndpoint::REQ_KEY => playing(),
-            UploadBeginEndpoint::REQ_KEY
-            | UploadChunkEndpoint::REQ_KEY
-            | UploadCommitEndpoint::REQ_KEY
-            | UploadAbortEndpoint::REQ_KEY => uploading(),
-            ActivateEndpoint::REQ_KEY | SelfTestEndpoint::REQ_KEY => playing().or_else(uploading),
-            _ => None,
-        }
+    /// The client whose activity keeps `client` from this one.
+    fn in_the_way(&self, client: ClientId, activity: Activity) -> Option<Holder> {
+        let mut others = self.held.iter().filter(|holder| holder.client != client);
+        let holder = others.find(|holder| activity.disturbs(holder.activity))?;
+        Some(*holder)
     }
 
-    fn refuse(
-        &self,
-        client: ClientId,
-        header: VarHeader,
-        key: Key,
-        holder: Holder,
-        does: &str,
-    ) -> Vec<Action> {
+    /// A request of `client` that begins an activity.
+    fn begin(&mut self, client: ClientId, activity: Option<Activity>) -> Request {
+        let Some(activity) = activity else {
+            return Request::Other;
+        };
+        let mut held = self.held.iter();
+        let is_new = !held.any(|held| (held.client, held.activity) == (client, activity));
+        if is_new {
+            self.held.push(Holder {
+                client,
+                activity,
+                since: Instant::now(),
+            });
+        }
+        Request::Begin(activity, is_new)
+    }
+
+    fn end(&mut self, client: Option<ClientId>, activity: Activity) {
+        let held = |held: &Holder| (Some(held.client), held.activity) == (client, activity);
+        self.held.retain(|holder| !held(holder));
+    }
+
+    fn refuse(&self, client: ClientId, header: VarHeader, key: Key, holder: Holder) -> Vec<Action> {
         if [MotionTopic::TOPIC_KEY, KeepAliveTopic::TOPIC_KEY].contains(&key) {
             return Vec::new();
         }
-        let remedy = match does {
-            "plays" => "stop it with `stylus stop`, or wait for its end",
-            _ => "wait for its end, or end it with Ctrl-C",
-        };
         let words = format!(
-            "{} {does}, since {}: {remedy}",
+            "{} {}, since {}: {}",
             self.named(holder.client),
-            ago(holder.since.elapsed())
+            holder.activity.verb(),
+            ago(holder.since.elapsed()),
+            holder.activity.remedy()
         );
         let refusal = FromBroker::Refused {
             key: key.to_bytes(),
@@ -255,7 +342,7 @@ impl Switchboard {
         Action::ToDevice(frame(header, body))
     }
 
-    /// A stop, which any client may send. It tells the other `clients` whose play or recording it ends.
+    /// A stop, which any client may send. It tells the other `clients`, whose activity or recording it ends.
     fn stop(
         &mut self,
         client: ClientId,
@@ -314,9 +401,8 @@ impl Switchboard {
         let mut body = body.to_vec();
         let mut actions = Vec::new();
         match asked.request {
-            Request::Play(true) if !is_done => release(&mut self.motion, asked.client),
-            Request::UploadBegin(true) if !is_done => release(&mut self.upload, asked.client),
-            Request::UploadEnd if !is_error => release(&mut self.upload, asked.client),
+            Request::Begin(activity, true) if !is_done => self.end(asked.client, activity),
+            Request::End(activity) if !is_error => self.end(asked.client, activity),
             Request::RecordStart if is_done => {
                 self.recording = Some(Recording {
                     clients: asked.client.into_iter().collect(),
@@ -351,22 +437,6 @@ impl Switchboard {
             actions.push(Action::ToClient(client, answer));
         }
         actions
-    }
-}
-
-/// Makes `client` the holder if there is none; returns true if it was not before.
-fn hold(held: &mut Option<Holder>, client: ClientId) -> bool {
-    let is_new = held.is_none();
-    held.get_or_insert(Holder {
-        client,
-        since: Instant::now(),
-    });
-    is_new
-}
-
-fn release(held: &mut Option<Holder>, client: Option<ClientId>) {
-    if held.is_some_and(|holder| Some(holder.client) == client) {
-        *held = None;
     }
 }
 

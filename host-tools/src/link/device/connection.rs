@@ -17,6 +17,7 @@ use serde::de::DeserializeOwned;
 use tokio::runtime::{Handle, Runtime};
 
 use crate::link::address::LinkAddress;
+use crate::link::broker::Hold;
 use crate::link::error::{LinkError, Result};
 use crate::link::health::Health;
 use crate::link::open::Client;
@@ -52,6 +53,8 @@ pub struct Device {
     /// True if the device may speak another protocol.
     is_any: bool,
     runtime: Option<Runtime>,
+    /// Keeps other programs out, also while the link is opened anew.
+    _hold: Option<Hold>,
 }
 
 impl Device {
@@ -92,6 +95,7 @@ impl Device {
             .enable_all()
             .build()
             .map_err(LinkError::Host)?;
+        let hold = runtime.block_on(route.hold(address))?;
         let (requester, info) =
             runtime.block_on(Self::identify(address, timeouts, &route, is_any))?;
         Ok(Self {
@@ -101,6 +105,7 @@ impl Device {
             info,
             is_any,
             runtime: Some(runtime),
+            _hold: hold,
         })
     }
 

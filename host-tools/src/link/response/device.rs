@@ -56,6 +56,16 @@ impl<'a> DeviceBench<'a> {
         Ok((limits, lost))
     }
 
+    /// Checks that no other program has stopped a probe before.
+    fn check_not_stopped(&self) -> Result<()> {
+        let Some(by) = self.device.stopped_by() else {
+            return Ok(());
+        };
+        let link = self.device.address().to_string();
+        let what = format!("stopped by {by}");
+        Err(LinkError::Held { link, what }.into())
+    }
+
     /// Records the samples of these ticks, and keeps the device playing meanwhile.
     fn record(&self, stream: &mut Stream<'_>, first: u64, end: u64) -> Result<Vec<RecordSample>> {
         let mut samples = Vec::new();
@@ -119,6 +129,7 @@ impl Bench for DeviceBench<'_> {
             through: probe.through,
         };
         for _ in 0..TRIES {
+            self.check_not_stopped()?;
             let (limits, mutes) = self.limits_and_mutes()?;
             let mut stream = Stream::start(self.device)?;
             let started = self.device.start_probe(&start)?;

@@ -65,6 +65,8 @@ pub struct Source {
 struct Import {
     segments: Vec<String>,
     line: usize,
+    /// The name that it has in the module, of a path in a `use`.
+    name: Option<String>,
 }
 
 impl Source {
@@ -101,7 +103,13 @@ impl Source {
         while at < self.tokens.len() {
             let begin = at;
             if is_word(self.text(at)) && self.text(at + 1) == "::" {
+                let first = imports.len();
                 at = self.take(at, &[], &mut imports);
+                if begin == 0 || self.text(begin - 1) != "use" {
+                    imports[first..]
+                        .iter_mut()
+                        .for_each(|path| path.name = None);
+                }
             }
             at = at.max(begin + 1);
         }
@@ -134,7 +142,18 @@ impl Source {
                 return at + 1;
             }
         }
-        imports.push(Import { segments, line });
+        // Not the cast to a path.
+        let name = if self.text(at) == "as" && self.text(at + 2) != "::" {
+            at += 2;
+            Some(self.text(at - 1).to_owned())
+        } else {
+            segments.last().cloned()
+        };
+        imports.push(Import {
+            segments,
+            line,
+            name,
+        });
         at
     }
 }
@@ -224,6 +243,7 @@ pub fn check(sources: &[Source], outcome: &mut Outcome) {
     let mut wings = BTreeSet::new();
     let mut arrows = Arrows::new();
     for (module, (source, imports)) in &modules {
+        let used = used(module, imports);
         let is_host = module[0] == HOST;
         if let Some(wing) = module.get(1).filter(|_| is_host) {
             wings.insert(wing.as_str());
@@ -232,12 +252,12 @@ pub fn check(sources: &[Source], outcome: &mut Outcome) {
             if is_host {
                 check_place(source, import, outcome);
             }
-            let Some(mut target) = absolute(module, &import.segments) else {
+            let (first, rest) = import.segments.split_at(1);
+            let by_use = || Some([used.get(first[0].as_str())?, rest].concat());
+            let Some(target) = absolute(module, &import.segments).or_else(by_use) else {
                 continue;
             };
-            if let Some(renamed) = names.get(&target) {
-                target.clone_from(renamed);
-            }
+            let mut target = defined(target, &names);
             while !known(&target) && target.len() > 1 {
                 target.pop();
             }
@@ -304,6 +324,30 @@ fn absolute(module: &[String], segments: &[String]) -> Option<Module> {
         _ => return None,
     };
     Some([base, &segments[ups.max(1)..]].concat())
+}
+
+/// The names that `use` gives other parts of the crate in `module`.
+fn used<'a>(module: &[String], imports: &'a [Import]) -> BTreeMap<&'a str, Module> {
+    let named = imports.iter().filter_map(|import| {
+        let name = import.name.as_deref()?;
+        Some((name, absolute(module, &import.segments)?))
+    });
+    named.collect()
+}
+
+/// `target` with each part that a module re-exports under the path of its definition.
+fn defined(mut target: Module, names: &BTreeMap<Module, Module>) -> Module {
+    let mut length = 1;
+    while length <= target.len() {
+        if let Some(definition) = names.get(&target[..length]) {
+            target.splice(..length, definition.iter().cloned());
+            // A definition is below its re-export, so this ends.
+            length = definition.len();
+        } else {
+            length += 1;
+        }
+    }
+    target
 }
 
 fn check_place(source: &Source, import: &Import, outcome: &mut Outcome) {

@@ -189,6 +189,34 @@ mod tests {
     }
 
     #[test]
+    fn circles_are_found_through_a_folder_or_a_type_that_a_use_names() {
+        for (used, path) in [
+            ("super::broker", "broker::join()"),
+            ("super::broker as other", "other::join()"),
+            ("std::fs", "super::broker::Broker::join()"),
+        ] {
+            let route = format!("use {used};\npub struct Sharing; fn open() {{ {path} }}");
+            let files = [
+                ("a/src/lib.rs", "mod broker; mod route; mod top;"),
+                ("a/src/route.rs", &route),
+                (
+                    "a/src/broker/mod.rs",
+                    "mod join; pub use join::{Broker, join};",
+                ),
+                ("a/src/broker/join.rs", "use crate::route::Sharing;"),
+                (
+                    "a/src/top.rs",
+                    "use crate::broker; fn f() { broker::join() }",
+                ),
+            ];
+            let told = found(&files);
+            assert_eq!(told.len(), 2, "{used}: {told:?}");
+            assert!(told[0].starts_with("a/src/broker/join.rs:1: in a circle of imports"));
+            assert!(told[1].starts_with("a/src/route.rs:2: in a circle of imports"));
+        }
+    }
+
+    #[test]
     fn code_as_drawn_has_no_findings() {
         let pages = "`host-tools/src/fit/`, [`Fit`](host-tools/src/fit/mod.rs#L3), `tests/run quick`, `m/s`, [a](#b),\n\
                      [c](https://d.e/f), `target/release/stylus`, `Fit` in\n`host-tools/src/fit/mod.rs`\n\n\

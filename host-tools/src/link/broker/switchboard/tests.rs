@@ -365,6 +365,86 @@ fn one_client_uploads_until_the_end_of_it_or_its_own() {
     done(&mut board, 2, BEGIN, false);
 }
 
+/// Keys of a request that begins an activity and of its answer, and what its client then does.
+const BEGINNINGS: [(Key, Key, &str); 7] = [
+    (PLAY.0, PLAY.1, "plays"),
+    (BEGIN.0, BEGIN.1, "uploads"),
+    (
+        ProbeLoadEndpoint::REQ_KEY,
+        ProbeLoadEndpoint::RESP_KEY,
+        "measures the actuator",
+    ),
+    (
+        ProbeStartEndpoint::REQ_KEY,
+        ProbeStartEndpoint::RESP_KEY,
+        "measures the actuator",
+    ),
+    (
+        ResponseProposeEndpoint::REQ_KEY,
+        ResponseProposeEndpoint::RESP_KEY,
+        "measures the actuator",
+    ),
+    (
+        SelfTestEndpoint::REQ_KEY,
+        SelfTestEndpoint::RESP_KEY,
+        "tests the device",
+    ),
+    (
+        UpdateBeginEndpoint::REQ_KEY,
+        UpdateBeginEndpoint::RESP_KEY,
+        "updates the device",
+    ),
+];
+
+#[test]
+fn of_all_activities_one_goes_on_at_a_time_and_who_asks_for_another_is_told_which() {
+    for (first, answer, does) in BEGINNINGS {
+        for (second, ..) in BEGINNINGS {
+            let mut board = three();
+            done(&mut board, 1, (first, answer), true);
+            done(&mut board, 1, (first, answer), false);
+            let pair = [first, second];
+            if pair == [PLAY.0, BEGIN.0] || pair == [BEGIN.0, PLAY.0] {
+                done(&mut board, 2, (second, second), true);
+                continue;
+            }
+            let told = refusal(&mut board, 2, second);
+            holds(
+                &told,
+                &[&format!(
+                    "`stylus play` (process 7) {does}, since 0 s ago: "
+                )],
+            );
+            // Its own client goes on, and once that is gone another may.
+            assert_eq!(
+                for_device(&board.frame_of(1, &request(second, 6, &[]))).len(),
+                1
+            );
+            board.left(1);
+            done(&mut board, 2, (second, second), true);
+        }
+    }
+}
+
+#[test]
+fn a_measurement_goes_on_between_its_probes_until_a_response_is_stored() {
+    let mut board = three();
+    let load = (ProbeLoadEndpoint::REQ_KEY, ProbeLoadEndpoint::RESP_KEY);
+    let store = (ResponseSetEndpoint::REQ_KEY, ResponseSetEndpoint::RESP_KEY);
+    let stop = request(StopEndpoint::REQ_KEY, 1, &[]);
+    done(&mut board, 1, load, false);
+    // Its client stops each probe; a stop of another client tells it.
+    assert!(for_client(&board.frame_of(1, &stop), 1).is_empty());
+    let told = for_client(&board.frame_of(3, &stop), 1);
+    assert!(
+        matches!(&told[..], [FromBroker::Stopped { .. }]),
+        "{told:?}"
+    );
+    refusal(&mut board, 2, PLAY.0);
+    done(&mut board, 1, store, false);
+    done(&mut board, 2, PLAY, false);
+}
+
 #[test]
 fn a_number_that_comes_again_belongs_to_the_newest_request() {
     let mut board = three();
