@@ -12,6 +12,7 @@ mod device_record;
 mod device_response;
 mod device_self_test;
 mod device_self_test_lines;
+mod device_update;
 mod drift;
 mod evaluation;
 mod fit_to_sound;

@@ -125,6 +125,15 @@ pub fn update(
         }
         _ => trial,
     };
+    let wanted = file.header.version;
+    if after.image != wanted {
+        let what = format!(
+            "{} runs, and not the new image, {wanted}, which did not start or was put back: update again; \
+             `stylus status` shows a fault",
+            after.image
+        );
+        return Err(device.not_verified(what));
+    }
     Ok(Updated {
         before,
         after,

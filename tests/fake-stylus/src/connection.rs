@@ -81,6 +81,11 @@ impl Connection {
         self.is_open
     }
 
+    /// True if no answer waits to be sent.
+    pub fn has_sent_all(&self) -> bool {
+        self.waiting.is_empty()
+    }
+
     /// The frames that have arrived, decoded; waits for [`READ_TIMEOUT`] at most.
     pub fn receive(&mut self) -> Vec<Vec<u8>> {
         let mut buffer = [0; 4096];

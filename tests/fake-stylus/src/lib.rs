@@ -28,4 +28,4 @@ pub use board::Board;
 pub use connection::Faults;
 pub use device::BoardOf;
 pub use hand::Hand;
-pub use served::{FakeStylus, Heard};
+pub use served::{FakeStylus, Heard, StartedImage};

@@ -43,6 +43,7 @@ pub fn path_of(header: &VarHeader) -> Option<&'static str> {
 struct Desk {
     waiting: VecDeque<QueuedJob>,
     is_at_work: bool,
+    wants_restart: bool,
     answers: Vec<Vec<u8>>,
 }
 
@@ -99,7 +100,9 @@ impl Requests {
             if let Some(job) = job {
                 let length = work(storage, &mut stage, &mut board, job, &mut answer).await;
                 let length = length.expect("every job is answered");
-                self.desk.borrow_mut().answers.push(answer[..length].into());
+                let mut desk = self.desk.borrow_mut();
+                desk.answers.push(answer[..length].into());
+                desk.wants_restart = storage.wants_restart();
             }
             // The image's task waits here until the answer is sent.
             yield_now().await;
@@ -110,6 +113,11 @@ impl Requests {
     pub fn is_storage_busy(&self) -> bool {
         let desk = self.desk.borrow();
         desk.is_at_work || !desk.waiting.is_empty()
+    }
+
+    /// True once the device is to restart, after its answers have been sent.
+    pub fn wants_restart(&self) -> bool {
+        self.desk.borrow().wants_restart
     }
 
     /// The answers of jobs that are done.

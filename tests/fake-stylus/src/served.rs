@@ -7,17 +7,22 @@ use std::task::{Context, Waker};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
-use model_format::link::{LinkId, MotionSample, MotionTopic, RecordBlock, RecordBlockTopic};
+use model_format::link::{
+    ImageVersion, LinkId, MotionSample, MotionTopic, RecordBlock, RecordBlockTopic,
+};
 use postcard_rpc::Topic;
 use postcard_rpc::header::{VarHeader, VarKey};
 use stylus_app::SAMPLE_RATE_HZ;
 use stylus_app::control::Device;
+use stylus_app::update::{DEVELOPMENT_KEY, Running, Updates};
+use stylus_boot::map::RECORDS;
+use stylus_boot::record::{Record, Store, mark};
 
 use crate::actuator::Actuator;
 use crate::board::Board;
 use crate::connection::{Connection, Faults};
-use crate::device::{SharedControl, SteppedStylus};
-use crate::flash::{Damage, SimulatedFlash};
+use crate::device::{Flash, SharedControl, SteppedStylus};
+use crate::flash::{Damage, Memory, SimulatedFlash};
 use crate::hand::Hand;
 use crate::requests::{Requests, frame, path_of};
 
@@ -33,6 +38,15 @@ pub struct Heard {
     pub path: &'static str,
     /// The motion, of a motion that wants no answer.
     pub motion: Option<MotionSample>,
+}
+
+/// An image that a bootloader has started.
+#[derive(Clone, Copy, Debug)]
+pub struct StartedImage {
+    /// Its version.
+    pub version: ImageVersion,
+    /// True if a reset puts the image before back.
+    pub is_on_trial: bool,
 }
 
 /// State that the test's thread and the device's share.
@@ -86,14 +100,32 @@ impl FakeStylus {
         Self::start_with(|stylus| stylus.set_actuator(actuator))
     }
 
+    /// Boots a stylus with a bootloader, and lets hosts connect. After the restart for an update it is the next one of
+    /// `images`, on blank flash again.
+    pub fn start_updatable(images: Vec<StartedImage>) -> Self {
+        Self::start_as(move |listener, shared| {
+            for image in images {
+                let updates = updates(image);
+                serve(listener, shared, |stylus| {
+                    stylus.set_coil();
+                    stylus.storage.set_updates(updates);
+                });
+            }
+        })
+    }
+
     /// Boots a stylus on blank flash, prepares it, and lets hosts connect.
     fn start_with(prepare: impl FnOnce(&mut SteppedStylus) + Send + 'static) -> Self {
+        Self::start_as(move |listener, shared| serve(listener, shared, prepare))
+    }
+
+    fn start_as(run: impl FnOnce(&TcpListener, &Mutex<Inner>) + Send + 'static) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").expect("a port is free");
         listener.set_nonblocking(true).expect("it can be polled");
         let port = listener.local_addr().expect("it is bound").port();
         let inner = Arc::new(Mutex::new(Inner::default()));
         let shared = inner.clone();
-        let thread = thread::spawn(move || serve(&listener, &shared, prepare));
+        let thread = thread::spawn(move || run(&listener, &shared));
         Self {
             port,
             inner,
@@ -190,6 +222,29 @@ fn lock(inner: &Mutex<Inner>) -> MutexGuard<'_, Inner> {
     inner.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
+/// Updates of `image`, which trusts the development key.
+fn updates(image: StartedImage) -> Updates<Flash> {
+    let record = if image.is_on_trial {
+        Record::marked(mark::SWAP, 0, image.version.numbers())
+    } else {
+        Record::NONE
+    };
+    let flash = SimulatedFlash::new(Memory::blank(RECORDS.end as usize));
+    let store = embassy_futures::block_on(async {
+        let mut store = Store::open(flash, RECORDS).await;
+        store.replace(record).await.expect("the flash is new");
+        store
+    });
+    let running = Running {
+        image: image.version,
+        bootloader: image.version,
+        key: DEVELOPMENT_KEY,
+        takes_unsigned: false,
+    };
+    Updates::new(store, running)
+}
+
+/// Serves until the end of the test, or the restart for an update.
 fn serve(listener: &TcpListener, shared: &Mutex<Inner>, prepare: impl FnOnce(&mut SteppedStylus)) {
     let slots = SimulatedFlash::two_slots();
     let fate = slots.fate.clone();
@@ -251,6 +306,9 @@ fn serve(listener: &TcpListener, shared: &Mutex<Inner>, prepare: impl FnOnce(&mu
             .iter()
             .for_each(|answer| open.answer(answer, &faults));
         open.flush();
+        if requests.wants_restart() && open.has_sent_all() {
+            return;
+        }
         if !open.is_open() {
             connection = None;
         }

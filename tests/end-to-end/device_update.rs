@@ -1,0 +1,68 @@
+//! `stylus update` of a device with a bootloader, up to the image that runs afterwards.
+
+use fake_stylus::{FakeStylus, StartedImage};
+use model_format::link::{DEVELOPMENT_SEED, ImageVersion};
+use stylus_app::update::sign;
+
+use crate::support::{Bench, attached, holds, text, wait_for};
+
+const OLD: StartedImage = StartedImage {
+    version: ImageVersion::new([1, 0, 0]),
+    is_on_trial: false,
+};
+const NEW: StartedImage = StartedImage {
+    version: ImageVersion::new([1, 1, 0]),
+    is_on_trial: true,
+};
+
+/// A stylus that runs the old image, and `after` after an update; beside it the file of the new image.
+fn before_an_update(after: StartedImage) -> (FakeStylus, Bench) {
+    let (stylus, bench) = attached(FakeStylus::start_updatable(vec![OLD, after]));
+    let image = [7; 60_000];
+    let signed = sign(&image, NEW.version, &DEVELOPMENT_SEED);
+    bench.write("new.image", [&signed[..], &image].concat());
+    (stylus, bench)
+}
+
+#[test]
+fn an_update_is_done_once_the_new_image_runs_and_is_confirmed() {
+    let (_stylus, bench) = before_an_update(NEW);
+    let told = bench.succeed("update new.image");
+    holds(&told, &["1.0.0 -> 1.1.0 (60000 bytes)", "confirmed"]);
+}
+
+#[test]
+fn an_update_after_which_the_old_image_runs_fails_and_says_which_one_runs() {
+    let (_stylus, bench) = before_an_update(OLD);
+    let output = bench.run("update new.image");
+    assert_eq!(output.status.code(), Some(2));
+    let words = "1.0.0 runs, and not the new image, 1.1.0";
+    holds(&text(&output.stderr), &[words]);
+}
+
+#[cfg(unix)]
+#[test]
+fn an_upload_is_refused_with_the_name_of_the_update_that_has_the_link_and_the_update_goes_on() {
+    let (stylus, bench) = before_an_update(NEW);
+    let run = bench.path("run");
+    std::fs::create_dir(&run).unwrap();
+    let bench = bench.with("XDG_RUNTIME_DIR", run.display().to_string());
+    bench.write("a.lib", fake_stylus::library::library(1, 20, 1));
+    stylus.fail(|faults| faults.late = std::time::Duration::from_millis(10));
+    let update = bench.spawn(["update", "new.image"]);
+    wait_for("chunks", || stylus.count("stylus/upload/chunk") >= 3);
+    let who = format!("`stylus update` (process {}) has it alone", update.id());
+    // Also while the device restarts, when nobody has its link open.
+    let mut refusals = 0;
+    loop {
+        let upload = bench.run("upload a.lib");
+        if upload.status.success() {
+            break;
+        }
+        holds(&text(&upload.stderr), &[&who]);
+        refusals += 1;
+    }
+    let output = update.wait_with_output().unwrap();
+    assert!(output.status.success(), "{output:?}");
+    assert!(refusals > 1);
+}
