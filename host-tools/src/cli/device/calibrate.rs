@@ -88,6 +88,7 @@ struct Set {
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
+    arguments.response.check_output()?;
     let device = arguments.link.connect()?;
     let interrupt = Interrupt::listen()?;
     let values = [

@@ -15,6 +15,7 @@ use model_format::link::ResponseChange;
 use serde::Serialize;
 
 use super::connection::Link;
+use crate::cli::files::Overwrite;
 use crate::cli::input::positive;
 use crate::cli::interrupt::Interrupt;
 use crate::cli::output::{note, print, print_json, tell};
@@ -42,6 +43,8 @@ pub struct ResponseArguments {
     /// Write the response before and after as a picture
     #[arg(long, value_name = "SVG", requires = "response")]
     svg: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: Overwrite,
 }
 
 /// The result of a calibration as JSON.
@@ -55,6 +58,15 @@ pub struct ResponseReport {
 }
 
 impl ResponseArguments {
+    /// Checks the picture to write.
+    ///
+    /// # Errors
+    /// As [`Overwrite::file`].
+    pub fn check_output(&self) -> Result<()> {
+        let svg = self.svg.as_ref();
+        svg.map_or(Ok(()), |svg| self.overwrite.file(svg))
+    }
+
     /// Measures, proves and stores the response. `answer` asks the operator; none if nobody is asked.
     ///
     /// # Errors

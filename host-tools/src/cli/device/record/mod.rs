@@ -9,13 +9,14 @@ use std::path::PathBuf;
 use host_tools::link::Device;
 use host_tools::link::capture::{Calibration, Level};
 use host_tools::link::set::{Folder, PlannedTrial};
+use host_tools::recording::TRIALS_FILE;
 use host_tools::support::error::{Error, Result};
 use model_format::Provenance;
 use report::RecordReport;
 use session::{Outcome, Session, say};
 
 use crate::cli::device::connection::Link;
-use crate::cli::files::Overwrite;
+use crate::cli::files::{Overwrite, check_in_growing_folder};
 use crate::cli::input::{not_negative, positive, trial_force, trial_speed};
 use crate::cli::output::{print, print_json};
 
@@ -91,6 +92,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         return strokes::run(arguments);
     }
     let points = arguments.points()?;
+    if arguments.out.is_dir() {
+        check_in_growing_folder(&arguments.out.join(TRIALS_FILE))?;
+    }
     let mut folder = Folder::open(&arguments.out)?;
     folder.check_names(&points)?;
     let (there, todo): (Vec<PlannedTrial>, Vec<PlannedTrial>) = points
