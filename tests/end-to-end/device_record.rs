@@ -379,6 +379,6 @@ fn a_duration_that_no_recording_can_have_is_refused_before_memory_is_taken_for_i
         let output = bench.run(&arguments);
         let message = text(&output.stderr);
         assert_eq!(output.status.code(), Some(2), "{message}");
-        holds(&message, &["more than 33554432 samples"]);
+        holds(&message, &["more than 8388608 samples"]);
     }
 }

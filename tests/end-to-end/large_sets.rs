@@ -3,11 +3,12 @@
 //! The trials are short, so that thousands are made and fitted in seconds.
 
 use std::fs::File;
+use std::io::{BufWriter, Write};
 use std::path::Path;
 use std::process::Command;
 use std::time::Duration;
 
-use crate::support::{Bench, RATE_HZ, all_pole, noise, wav};
+use crate::support::{Bench, RATE_HZ, all_pole, holds, noise, wav};
 
 /// Samples of a trial.
 const SAMPLES: usize = 500;
@@ -46,10 +47,10 @@ fn generate(bench: &Bench, trials: usize) {
     bench.write("set/few.csv", few);
 }
 
-/// Runs `stylus` in the folder; gives its largest resident memory, bytes.
+/// Runs `stylus` in the folder; gives its largest resident memory, bytes, its exit code and what it told.
 ///
 /// The kernel's own record of the peak is read every few milliseconds, because it goes with the process.
-fn watched(bench: &Bench, arguments: &str) -> f64 {
+fn watched(bench: &Bench, arguments: &str) -> (f64, Option<i32>, String) {
     let told = bench.path("told");
     let mut child = Command::new(env!("CARGO_BIN_EXE_stylus"))
         .args(arguments.split_whitespace())
@@ -70,9 +71,15 @@ fn watched(bench: &Bench, arguments: &str) -> f64 {
         }
         std::thread::sleep(Duration::from_millis(2));
     };
-    let told = std::fs::read_to_string(told).unwrap();
-    assert!(ended.success(), "stylus {arguments}: {ended}\n{told}");
     assert!(peak_bytes > 0.0, "nobody told its memory");
+    let told = std::fs::read_to_string(told).unwrap();
+    (peak_bytes, ended.code(), told)
+}
+
+/// Runs `stylus` as [`watched`] does, which must succeed.
+fn succeeds(bench: &Bench, arguments: &str) -> f64 {
+    let (peak_bytes, code, told) = watched(bench, arguments);
+    assert_eq!(code, Some(0), "stylus {arguments}: {told}");
     peak_bytes
 }
 
@@ -93,11 +100,11 @@ fn measured(trials: usize) -> [f64; 3] {
     generate(&bench, trials);
     let fit = "fit --order 400";
     let one = format!("{fit} set/few.csv --excitation gaussian --out one.lib");
-    let one = watched(&bench, &one);
-    let each = watched(&bench, &format!("{fit} set --each --out each"));
+    let one = succeeds(&bench, &one);
+    let each = succeeds(&bench, &format!("{fit} set --each --out each"));
     // Another excitation, by which no trial is computed again.
     let again = format!("{fit} set --each --out again --parts each/parts --excitation gaussian");
-    let again = watched(&bench, &again);
+    let again = succeeds(&bench, &again);
     for folder in ["each", "again"] {
         let entries = std::fs::read_dir(bench.path(folder)).unwrap();
         let names = entries.map(|entry| entry.unwrap().file_name());
@@ -117,5 +124,48 @@ fn a_fit_s_memory_grows_by_a_few_kilobytes_per_trial_at_most() {
             slope < MOST_TRIAL_BYTES[index],
             "{way}: {slope:.0} bytes per trial"
         );
+    }
+}
+
+/// Writes `times` times `line` after `begin`.
+fn write_many(bench: &Bench, name: &str, begin: &str, line: &str, times: usize) {
+    let mut file = BufWriter::new(File::create(bench.path(name)).unwrap());
+    file.write_all(begin.as_bytes()).unwrap();
+    for _ in 0..times {
+        file.write_all(line.as_bytes()).unwrap();
+    }
+    file.flush().unwrap();
+}
+
+#[test]
+fn a_table_takes_the_memory_of_its_samples_however_long_or_wide_it_is() {
+    /// Memory beside that of a short table, bytes.
+    const MOST_BYTES: f64 = 24e6;
+    let bench = Bench::new();
+    let samples = all_pole(&[-0.9, 0.5], &noise(1, 10_000));
+    let rows: String = samples.iter().map(|sample| format!("{sample}\n")).collect();
+    let fit = |name: &str| format!("fit {name} --sample-rate 5000 --out a.lib --overwrite");
+    bench.write("short.csv", &rows);
+    let least = succeeds(&bench, &fit("short.csv"));
+    write_many(
+        &bench,
+        "long.csv",
+        &rows,
+        "# nothing is said in this line\n",
+        2_000_000,
+    );
+    let long = succeeds(&bench, &fit("long.csv"));
+    assert!(long < least + MOST_BYTES, "{long} after {least}");
+    let wide = "0,".repeat(500_000) + "\n";
+    write_many(&bench, "wide.csv", "", &wide, 40);
+    write_many(&bench, "line.csv", "x\n", "0,", 20_000_000);
+    for (name, words) in [
+        ("wide.csv", "500000 columns of samples"),
+        ("line.csv", "line 2: a row of more than 1048576 bytes"),
+    ] {
+        let (peak, code, told) = watched(&bench, &fit(name));
+        assert_eq!(code, Some(2), "{told}");
+        holds(&told, &[words]);
+        assert!(peak < least + MOST_BYTES, "{name}: {peak} after {least}");
     }
 }

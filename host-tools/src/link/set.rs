@@ -13,7 +13,7 @@ use model_format::Provenance;
 use model_format::limits::MAX_NAME_BYTES;
 
 use crate::link::capture::{Calibration, Capture};
-use crate::recording::{RecordingSet, TRIALS_FILE, Trial};
+use crate::recording::{MOST_TRIALS, RecordingSet, TRIALS_FILE, Trial};
 use crate::support::csv_table::{CsvTable, TABLE};
 use crate::support::error::{Error, Result};
 use crate::support::float_wav::float_wav;
@@ -66,6 +66,10 @@ impl PlannedTrial {
         let mut trials = Vec::new();
         let mut rows = table.rows_below_header()?;
         while let Some(row) = rows.next_row()? {
+            if trials.len() == MOST_TRIALS {
+                let problem = format!("lists more than {MOST_TRIALS} trials: make several lists");
+                return Err(row.error(problem));
+            }
             let own = name
                 .map(|index| row.text(index))
                 .filter(|name| !name.is_empty());

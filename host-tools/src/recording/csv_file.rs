@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::rate::{length_fault, rate_fault};
+use super::rate::{MAX_FRAMES, length_fault, rate_fault};
 use super::source::{Cut, MAX_CHANNELS, Source};
 use super::uneven::{LARGEST_DEVIATION, Steps, are_even};
 use crate::support::csv_table::{CsvTable, Header, Row, TABLE};
@@ -32,36 +32,37 @@ pub(super) fn read(path: &Path, cut: &Cut, sample_rate_hz: Option<f64>) -> Resul
     // Regular files alone, because a recording is read again: for its kind, and for the hash of its bytes.
     TABLE.open(path)?;
     let table = CsvTable::read(path, TABLE)?;
-    let mut rows = table.rows();
+    let mut rows = table.rows()?;
     let mut columns: Vec<Vec<f64>> = Vec::new();
     let mut names: Option<Header<'_>> = None;
+    let mut time_column = None;
     while let Some(row) = rows.next_row()? {
         if columns.is_empty() {
-            columns.resize(row.width(), Vec::new());
-            if row.fields().any(|field| table.number(field).is_none()) {
+            let is_header = row.fields().any(|field| table.number(field).is_none());
+            if is_header {
                 refuse_numbers_in_header(&row, &table)?;
-                names = Some(table.header()?);
+                let header = table.header()?;
+                time_column = self::time_column(&header)?;
+                names = Some(header);
+            }
+            refuse_other_widths(&table, row.width() - usize::from(time_column.is_some()))?;
+            columns.resize(row.width(), Vec::new());
+            if is_header {
                 continue;
             }
         }
         for (index, column) in columns.iter_mut().enumerate() {
             column.push(row.number(index)?);
         }
+        if columns[0].len() > MAX_FRAMES {
+            let problem = format!("more than {MAX_FRAMES} rows: cut the file");
+            return Err(row.error(problem));
+        }
     }
-    let time_column = match &names {
-        Some(names) => time_column(names)?,
-        None => None,
-    };
+    if columns.is_empty() {
+        refuse_other_widths(&table, 0)?;
+    }
     let time = time_column.map(|index| columns.remove(index));
-    if columns.is_empty() || columns.len() > MAX_CHANNELS {
-        let problem = format!(
-            "{} columns of samples ({}): give 1 to {MAX_CHANNELS}, one per axis, and name a column of times \
-             '{TIME_COLUMN}'",
-            columns.len(),
-            table.conventions()
-        );
-        return Err(Error::file(path, problem));
-    }
     if names.is_none() {
         refuse_times_without_a_name(path, &columns)?;
     }
@@ -96,6 +97,19 @@ pub(super) fn read(path: &Path, cut: &Cut, sample_rate_hz: Option<f64>) -> Resul
         times_s,
         truncation: None,
     })
+}
+
+/// Refuses a table of another number of columns of samples than a recording has.
+fn refuse_other_widths(table: &CsvTable, count: usize) -> Result<()> {
+    if (1..=MAX_CHANNELS).contains(&count) {
+        return Ok(());
+    }
+    let problem = format!(
+        "{count} columns of samples ({}): give 1 to {MAX_CHANNELS}, one per axis, and name a column of times \
+         '{TIME_COLUMN}'",
+        table.conventions()
+    );
+    Err(Error::file(table.path(), problem))
 }
 
 /// Returns the index of the column of times, after a check that every other column can be an axis.
@@ -256,7 +270,7 @@ mod tests {
         for time in times {
             text += &format!("{time},1\n");
         }
-        let table = CsvTable::of(Path::new("a.csv"), text);
+        let table = CsvTable::of(Path::new("a.csv"), text).unwrap();
         rate_of(&table, "time_s", times, Steps::hold)
     }
 

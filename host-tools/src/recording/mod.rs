@@ -26,7 +26,7 @@ pub use load::{read, read_at};
 pub use rate::{MAX_FRAMES, RATES_HZ, rate_fault};
 pub use resample::resample;
 pub use riff::holds_integers;
-pub use set::{Assumed, RecordingSet, TRIALS_FILE, is_list};
+pub use set::{Assumed, MOST_TRIALS, RecordingSet, TRIALS_FILE, is_list};
 pub use snap::{Nominal, Snap, Spread, grid_by_gaps, nominal};
 pub(crate) use source::RECORDING;
 pub use source::Samples;

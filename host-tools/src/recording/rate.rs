@@ -9,8 +9,9 @@ use std::ops::RangeInclusive;
 /// 50 samples of one, and works in blocks of at most two seconds.
 pub const RATES_HZ: RangeInclusive<f64> = 100.0..=768_000.0;
 
-/// Most frames of a recording, before and after conversion to the models' rate: 1.9 hours at 5 kHz.
-pub const MAX_FRAMES: usize = 1 << 25;
+/// Most frames of a recording, before and after conversion to the models' rate: 28 minutes at 5 kHz. Three axes of them
+/// take 200 MB.
+pub const MAX_FRAMES: usize = 1 << 23;
 
 /// Returns the problem of a rate that no recording has, in words; `remedy` tells how to mend it.
 pub fn rate_fault(rate_hz: f64, remedy: &str) -> Option<String> {

@@ -220,7 +220,7 @@ fn read_list(list: &Path) -> Result<Vec<Trial>> {
 struct Columns(HashMap<&'static str, usize>);
 
 /// Most trials of a list: a large laboratory's, at some 600 bytes of memory each.
-const MOST_TRIALS: usize = 1_000_000;
+pub const MOST_TRIALS: usize = 1_000_000;
 
 const REQUIRED: [&str; 4] = ["file", "texture", "speed_mm_s", "force_n"];
 

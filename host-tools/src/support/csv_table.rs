@@ -4,12 +4,15 @@
 //! its decimal sign a point, or a comma where that does not separate; it may begin with a byte order mark, and each
 //! line may end with a separator, as spreadsheets write it. Lines from `#` on are comments, empty lines do not count,
 //! and spaces around a field do not either. What cannot be read is named with line, column and separator.
+//!
+//! A file is read row by row, so that its size takes no memory.
 
 use std::borrow::Cow;
 use std::cell::Cell;
+use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 
-use csv::{ReaderBuilder, StringRecord, Trim};
+use csv_core::ReadRecordResult;
 
 use super::bounded_file::{Limit, MIB};
 use super::error::{Error, Result};
@@ -23,51 +26,85 @@ pub const TABLE: Limit = Limit {
 /// Separators, in the order of preference.
 const SEPARATORS: [char; 4] = [';', '\t', ',', ' '];
 
+/// Most bytes of a row.
+const MOST_ROW_BYTES: usize = 1 << 20;
+
 /// Most characters of a field that an error repeats.
 const SHOWN_CHARACTERS: usize = 40;
 
-/// Text of a table, with its separator and its decimal sign.
+/// A table, with its separator and its decimal sign.
 #[derive(Debug)]
 pub struct CsvTable {
     path: PathBuf,
-    text: String,
+    text: Text,
     separator: char,
     /// Decimal sign of the numbers read so far; none before the first that has one.
     decimal_sign: Cell<Option<char>>,
 }
 
+/// The text of a table.
+#[derive(Debug)]
+enum Text {
+    File(Limit),
+    Memory(String),
+}
+
 impl CsvTable {
-    /// Reads the file at `path`, up to `limit`.
+    /// Opens the file at `path`, which may be as large as `limit`. A pipe can be read once, so it is held in memory.
     ///
     /// # Errors
-    /// A file that cannot be read, is not UTF-8, or is larger than the limit.
+    /// A file that cannot be read, or is larger than the limit; first lines that are not UTF-8.
     pub fn read(path: &Path, limit: Limit) -> Result<Self> {
-        Ok(Self::of(path, limit.read_text(path)?))
+        let is_file = std::fs::metadata(path).is_ok_and(|found| found.is_file());
+        let text = if is_file {
+            Text::File(limit)
+        } else {
+            Text::Memory(limit.read_text(path)?)
+        };
+        Self::with(path, text)
     }
 
-    /// Finds the separator of `text` from its first two lines; `path` is only named in errors.
-    pub fn of(path: &Path, text: String) -> Self {
-        let text = match text.strip_prefix('\u{feff}') {
-            Some(rest) => rest.to_owned(),
-            None => text,
-        };
-        let separator = separator_of(&text);
-        let text = if separator == ' ' {
-            single_spaces(&text)
-        } else {
-            text
-        };
-        Self {
+    /// The table in `text`; `path` is only named in errors.
+    ///
+    /// # Errors
+    /// A line that is longer than a row may be.
+    pub fn of(path: &Path, text: String) -> Result<Self> {
+        Self::with(path, Text::Memory(text))
+    }
+
+    /// Finds the separator of `text` from its first two lines.
+    fn with(path: &Path, text: Text) -> Result<Self> {
+        let mut table = Self {
             path: path.to_owned(),
             text,
-            separator,
+            separator: ',',
             decimal_sign: Cell::new(None),
+        };
+        let mut first = Vec::new();
+        let mut lines = table.lines()?;
+        while first.len() < 2 && lines.skip_to_content()? {
+            first.push(lines.line.clone());
         }
+        drop(lines);
+        let header = first.first().map_or("", String::as_str);
+        // A line of numbers tells more than a header, whose names may hold spaces.
+        table.separator = separator_of([header, first.last().map_or("", String::as_str)]);
+        Ok(table)
     }
 
-    /// The text, without a byte order mark.
-    pub fn text(&self) -> &str {
-        &self.text
+    fn lines(&self) -> Result<Lines<'_>> {
+        let reader: Box<dyn BufRead> = match &self.text {
+            Text::File(limit) => Box::new(BufReader::new(limit.open(&self.path)?)),
+            Text::Memory(text) => Box::new(text.as_bytes()),
+        };
+        Ok(Lines {
+            path: &self.path,
+            reader,
+            separator: self.separator,
+            bytes: Vec::new(),
+            line: String::new(),
+            number: 0,
+        })
     }
 
     /// The file, as errors name it.
@@ -80,10 +117,10 @@ impl CsvTable {
     /// # Errors
     /// A line that cannot be read.
     pub fn header(&self) -> Result<Header<'_>> {
-        let mut rows = self.rows();
+        let mut rows = self.rows()?;
         let (names, line) = match rows.next_row()? {
             Some(row) => (row.fields.clone(), row.line),
-            None => (StringRecord::new(), 1),
+            None => (Fields::default(), 1),
         };
         Ok(Header {
             table: self,
@@ -93,18 +130,19 @@ impl CsvTable {
     }
 
     /// All lines with fields, the header among them.
-    pub fn rows(&self) -> Rows<'_> {
-        let mut builder = ReaderBuilder::new();
-        builder.comment(Some(b'#')).trim(Trim::All);
-        builder.has_headers(false).flexible(true);
-        Rows {
+    ///
+    /// # Errors
+    /// A file that cannot be opened.
+    pub fn rows(&self) -> Result<Rows<'_>> {
+        let mut parser = csv_core::ReaderBuilder::new();
+        parser.delimiter(self.separator as u8);
+        Ok(Rows {
             table: self,
-            reader: builder
-                .delimiter(self.separator as u8)
-                .from_reader(self.text.as_bytes()),
-            record: StringRecord::new(),
+            lines: self.lines()?,
+            parser: parser.build(),
+            fields: Fields::default(),
             width: None,
-        }
+        })
     }
 
     /// The lines below the header.
@@ -112,20 +150,20 @@ impl CsvTable {
     /// # Errors
     /// A header that cannot be read.
     pub fn rows_below_header(&self) -> Result<Rows<'_>> {
-        let mut rows = self.rows();
+        let mut rows = self.rows()?;
         rows.next_row()?;
         Ok(rows)
     }
 
     /// Line, from 1, of the row with this index, from 0 at the first row that is no comment. 0 if there is none.
     pub fn line_of_row(&self, index: usize) -> u64 {
-        let mut rows = self.rows();
-        for _ in 0..index {
-            if !matches!(rows.next_row(), Ok(Some(_))) {
-                return 0;
+        let line = |mut rows: Rows<'_>| {
+            for _ in 0..index {
+                rows.next_row().ok()??;
             }
-        }
-        rows.next_row().ok().flatten().map_or(0, |row| row.line)
+            Some(rows.next_row().ok()??.line)
+        };
+        self.rows().ok().and_then(line).unwrap_or(0)
     }
 
     /// Separator and decimal sign, in words.
@@ -167,14 +205,8 @@ impl CsvTable {
     }
 }
 
-/// Returns the separator of a table's text.
-fn separator_of(text: &str) -> char {
-    let mut lines = text
-        .lines()
-        .filter(|line| !line.trim().is_empty() && !line.starts_with('#'));
-    // A line of numbers tells more than a header, whose names may hold spaces.
-    let header = lines.next().unwrap_or_default();
-    let sample = lines.next().unwrap_or(header);
+/// Returns the separator of a table by its header and the row below, or two rows.
+fn separator_of([header, sample]: [&str; 2]) -> char {
     let [of_header, of_sample] = [header, sample].map(|line| SEPARATORS.map(|s| fields(line, s)));
     let first = |holds: &dyn Fn(usize) -> bool| (0..SEPARATORS.len()).find(|&index| holds(index));
     // Both lines with as many fields, then both with some, then one.
@@ -200,12 +232,99 @@ fn fields(line: &str, separator: char) -> usize {
     1 + outside.count()
 }
 
-/// Text with one space between the words of a line.
-fn single_spaces(text: &str) -> String {
-    let lines = text
-        .lines()
-        .map(|line| line.split_whitespace().collect::<Vec<_>>().join(" "));
-    lines.collect::<Vec<_>>().join("\n")
+/// The lines of a text, one after the other.
+struct Lines<'a> {
+    path: &'a Path,
+    reader: Box<dyn BufRead + 'a>,
+    separator: char,
+    bytes: Vec<u8>,
+    /// The line, ended by a line feed. If spaces separate, one is between two words.
+    line: String,
+    /// Its number, from 1.
+    number: u64,
+}
+
+impl Lines<'_> {
+    /// Goes to the next line; false at the end.
+    fn advance(&mut self) -> Result<bool> {
+        self.bytes.clear();
+        let most = MOST_ROW_BYTES as u64 + 1;
+        let read = (&mut self.reader)
+            .take(most)
+            .read_until(b'\n', &mut self.bytes);
+        if read.map_err(Error::io("read", self.path))? == 0 {
+            return Ok(false);
+        }
+        self.number += 1;
+        if self.bytes.len() > MOST_ROW_BYTES {
+            return Err(self.too_long());
+        }
+        let text = std::str::from_utf8(&self.bytes);
+        let text = text.map_err(|_| self.error("is not UTF-8 text: save the file as UTF-8"))?;
+        let text = match text.strip_prefix('\u{feff}') {
+            Some(rest) if self.number == 1 => rest,
+            _ => text,
+        };
+        self.line.clear();
+        if self.separator == ' ' {
+            for word in text.split_whitespace() {
+                let space = if self.line.is_empty() { "" } else { " " };
+                self.line.extend([space, word]);
+            }
+        } else {
+            self.line.push_str(text.trim_end_matches(['\r', '\n']));
+        }
+        self.line.push('\n');
+        Ok(true)
+    }
+
+    /// Goes to the next line that is neither empty nor a comment; false at the end.
+    fn skip_to_content(&mut self) -> Result<bool> {
+        while self.advance()? {
+            if !self.line.starts_with('#') && !self.line.trim().is_empty() {
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    }
+
+    fn too_long(&self) -> Error {
+        self.error(&format!(
+            "a row of more than {MOST_ROW_BYTES} bytes: is it a table?"
+        ))
+    }
+
+    fn error(&self, problem: &str) -> Error {
+        Error::line(self.path, self.number, problem)
+    }
+}
+
+/// Fields of a row, without the spaces around them.
+#[derive(Clone, Debug, Default)]
+struct Fields {
+    text: String,
+    /// End of each field in the text.
+    ends: Vec<usize>,
+}
+
+impl Fields {
+    fn len(&self) -> usize {
+        self.ends.len()
+    }
+
+    fn get(&self, index: usize) -> Option<&str> {
+        let end = *self.ends.get(index)?;
+        let begin = index.checked_sub(1).map_or(0, |before| self.ends[before]);
+        Some(self.text[begin..end].trim())
+    }
+
+    fn iter(&self) -> impl Iterator<Item = &str> {
+        (0..self.len()).filter_map(|index| self.get(index))
+    }
+
+    fn is_empty_at(&self, index: usize) -> bool {
+        self.get(index).is_none_or(str::is_empty)
+    }
 }
 
 /// A field as an error shows it.
@@ -220,7 +339,7 @@ fn shown(field: &str) -> Cow<'_, str> {
 #[derive(Clone, Debug)]
 pub struct Header<'a> {
     table: &'a CsvTable,
-    names: StringRecord,
+    names: Fields,
     /// Line of the names, from 1.
     pub line: u64,
 }
@@ -241,7 +360,7 @@ impl Header<'_> {
     /// # Errors
     /// Two columns of this name.
     pub fn column(&self, name: &str) -> Result<Option<usize>> {
-        let mut found = (0..self.names.len()).filter(|&index| &self.names[index] == name);
+        let mut found = (0..self.names.len()).filter(|&index| self.names.get(index) == Some(name));
         match (found.next(), found.next()) {
             (index, None) => Ok(index),
             (_, Some(_)) => Err(self.error(format!("more than one column '{name}'"))),
@@ -286,8 +405,9 @@ impl Header<'_> {
 /// Rows of a table, one after the other.
 pub struct Rows<'a> {
     table: &'a CsvTable,
-    reader: csv::Reader<&'a [u8]>,
-    record: StringRecord,
+    lines: Lines<'a>,
+    parser: csv_core::Reader,
+    fields: Fields,
     /// Fields of the first row, which every row has.
     width: Option<usize>,
 }
@@ -296,24 +416,20 @@ impl<'a> Rows<'a> {
     /// Returns the next row; `None` at the end.
     ///
     /// # Errors
-    /// A row with another number of fields than the first.
+    /// A row with another number of fields than the first, or that cannot be read.
     pub fn next_row(&mut self) -> Result<Option<Row<'_, 'a>>> {
-        let table = self.table;
         let line = loop {
-            let begin = self.reader.position().clone();
-            let line = line_of_record(&table.text, &begin);
-            match self.reader.read_record(&mut self.record) {
-                Ok(true) => {}
-                Ok(false) => return Ok(None),
-                Err(failure) => return Err(Error::line(&table.path, line, failure.to_string())),
+            if !self.lines.skip_to_content()? {
+                return Ok(None);
             }
-            // A line of spaces is an empty one.
-            if self.record.len() != 1 || !self.record[0].is_empty() {
+            let line = self.lines.number;
+            self.parse()?;
+            if self.fields.len() != 1 || !self.fields.is_empty_at(0) {
                 break line;
             }
         };
-        let count = self.record.len();
-        let ends_empty = count > 1 && self.record[count - 1].is_empty();
+        let count = self.fields.len();
+        let ends_empty = count > 1 && self.fields.is_empty_at(count - 1);
         let width = match self.width {
             None if ends_empty => count - 1,
             None => count,
@@ -322,21 +438,58 @@ impl<'a> Rows<'a> {
         self.width = Some(width);
         // A separator at the end of the line, as spreadsheets write it.
         if count == width + 1 && ends_empty {
-            self.record.truncate(width);
+            self.fields.ends.truncate(width);
         } else if count != width {
             return Err(self.unequal(line, width));
         }
         Ok(Some(Row {
-            table,
+            table: self.table,
             line,
-            fields: &self.record,
+            fields: &self.fields,
         }))
+    }
+
+    /// Parses the row that begins in the line, with the lines after it if a quoted field holds them.
+    fn parse(&mut self) -> Result<()> {
+        let mut text = std::mem::take(&mut self.fields.text).into_bytes();
+        let ends = &mut self.fields.ends;
+        text.resize(self.lines.line.len(), 0);
+        ends.resize(self.width.map_or(8, |width| width + 2), 0);
+        let (mut input, mut written, mut ended) = (self.lines.line.as_bytes(), 0, 0);
+        loop {
+            let (result, read, bytes, fields) =
+                self.parser
+                    .read_record(input, &mut text[written..], &mut ends[ended..]);
+            input = &input[read..];
+            written += bytes;
+            ended += fields;
+            match result {
+                ReadRecordResult::InputEmpty => {
+                    input = if self.lines.advance()? {
+                        self.lines.line.as_bytes()
+                    } else {
+                        &[]
+                    };
+                }
+                ReadRecordResult::OutputFull if written > MOST_ROW_BYTES => {
+                    return Err(self.lines.too_long());
+                }
+                ReadRecordResult::OutputFull => text.resize(2 * text.len(), 0),
+                ReadRecordResult::OutputEndsFull => ends.resize(2 * ends.len(), 0),
+                ReadRecordResult::Record | ReadRecordResult::End => break,
+            }
+        }
+        text.truncate(written);
+        ends.truncate(ended);
+        let text = String::from_utf8(text);
+        self.fields.text = text.map_err(|_| self.lines.error("is not UTF-8 text"))?;
+        Ok(())
     }
 
     /// The error of a row with another number of fields than the first.
     fn unequal(&self, line: u64, width: usize) -> Error {
-        let (table, count) = (self.table, self.record.len());
-        let remedy = match self.record.get(width) {
+        let (table, count) = (self.table, self.fields.len());
+        let remedy = match self.fields.get(width) {
             Some(first) => {
                 let commas = if table.separator == ',' {
                     ", and decimal commas need another separator"
@@ -365,7 +518,7 @@ pub struct Row<'r, 'a> {
     table: &'a CsvTable,
     /// Its line in the file, from 1.
     pub line: u64,
-    fields: &'r StringRecord,
+    fields: &'r Fields,
 }
 
 impl<'r> Row<'r, '_> {
@@ -423,16 +576,6 @@ impl<'r> Row<'r, '_> {
     }
 }
 
-/// Returns the line, from 1, of the record that a reader finds at `position`. The reader's own line is that of the end
-/// of the record before, because it skips comments and empty lines.
-fn line_of_record(text: &str, position: &csv::Position) -> u64 {
-    let rest = text.get(position.byte() as usize..).unwrap_or_default();
-    let skipped = rest
-        .split('\n')
-        .take_while(|line| line.trim_end_matches('\r').is_empty() || line.starts_with('#'));
-    position.line() + skipped.count() as u64
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -440,7 +583,7 @@ mod tests {
     use proptest::prelude::*;
 
     fn table(text: &str) -> CsvTable {
-        CsvTable::of(Path::new("a.csv"), text.to_owned())
+        CsvTable::of(Path::new("a.csv"), text.to_owned()).unwrap()
     }
 
     /// All rows as numbers.
@@ -508,6 +651,21 @@ mod tests {
                 "decimals by a point",
             ],
         );
+    }
+
+    #[test]
+    fn a_row_that_has_no_end_is_refused_and_quoted_lines_are_one_field() {
+        let quoted = table("a,b\n\"x\ny\",\"1,\"\"2\"\n3,4\n");
+        let mut rows = quoted.rows_below_header().unwrap();
+        let row = rows.next_row().unwrap().unwrap();
+        assert_eq!((row.text(0), row.text(1), row.line), ("x\ny", "1,\"2", 2));
+        assert_eq!(rows.next_row().unwrap().unwrap().line, 4);
+        for row in ["1,", ",\"\n\""] {
+            let row = row.repeat(2 * MOST_ROW_BYTES);
+            let text = format!("a,b\n1,2\n{row}");
+            let told = CsvTable::of(Path::new("a.csv"), text).and_then(|table| numbers(&table));
+            holds(&told.unwrap_err(), &["a row of more than"]);
+        }
     }
 
     /// Separators with decimal signs.

@@ -10,6 +10,9 @@ use stylus_kernel::scene::{ContactDetector, ContactThreshold, Interaction};
 use crate::support::error::{Error, Result};
 use crate::support::hand::{force_fault, position_fault, speed_fault};
 
+/// Most rows of a motion: a day at 100 per second, in some 300 MB.
+const MOST_ROWS: usize = 10_000_000;
+
 /// One moment of a motion that a program gives.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MotionRow {
@@ -254,6 +257,11 @@ impl Points {
             return Err(format!(
                 "time_s is {time_s} after {}: times must rise from row to row",
                 before.time_s
+            ));
+        }
+        if self.rows.len() == MOST_ROWS {
+            return Err(format!(
+                "more than {MOST_ROWS} rows: give fewer per second, or a shorter motion"
             ));
         }
         if !self.tells_position {

@@ -6,9 +6,9 @@ use std::path::Path;
 use serde::Serialize;
 
 use crate::recording::csv_file;
-use crate::recording::rate_fault;
 use crate::recording::uneven::Steps;
 use crate::recording::{MAX_CHANNELS, RECORDING};
+use crate::recording::{MAX_FRAMES, rate_fault};
 use crate::support::csv_table::{CsvTable, Header, TABLE};
 use crate::support::error::{Error, Result};
 use crate::support::hand::{MAX_FORCE_N, MAX_SPEED_MM_S};
@@ -129,7 +129,7 @@ pub fn read(path: &Path, rate_hz: Option<f64>, scale_m_s2: f64) -> Result<Freeha
         is_outlier: Vec::new(),
         outliers: Vec::new(),
         is_backward: Vec::new(),
-        is_simulated: says_simulated(table.text()),
+        is_simulated: is_simulated(path)?,
     };
     let mut times = Vec::new();
     let mut rows = table.rows_below_header()?;
@@ -167,6 +167,10 @@ pub fn read(path: &Path, rate_hz: Option<f64>, scale_m_s2: f64) -> Result<Freeha
         recording.is_backward.push(speed < 0.0);
         recording.force_n.push(force);
         recording.is_outlier.push(bad);
+        if recording.is_outlier.len() > MAX_FRAMES {
+            let problem = format!("more than {MAX_FRAMES} rows: cut the file");
+            return Err(row.error(problem));
+        }
     }
     recording.rate_hz = rate_of(&table, &times, rate_hz)?;
     refuse_too_many_outliers(path, &recording)?;

@@ -298,7 +298,7 @@ fn has_force(path: &Path) -> Result<bool> {
     file.take(MOST_HEADER_BYTES)
         .read_to_end(&mut bytes)
         .map_err(Error::io("read", path))?;
-    let table = CsvTable::of(path, String::from_utf8_lossy(&bytes).into_owned());
+    let table = CsvTable::of(path, String::from_utf8_lossy(&bytes).into_owned())?;
     let header = table.header()?;
     Ok(header.names().any(|name| name == "force_n"))
 }
