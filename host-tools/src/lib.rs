@@ -6,6 +6,7 @@ pub mod export;
 pub mod fit;
 pub mod link;
 pub mod playing;
+pub mod procedures;
 pub mod recording;
 pub mod report;
 pub mod rig;

@@ -8,8 +8,8 @@ use crate::support::{attached, holds, json};
 use fake_stylus::FakeStylus;
 use fake_stylus::device::response_for;
 use host_tools::dsp::response::PERIOD;
-use host_tools::link::response::{Bench, DeviceBench, Failure, Probe};
 use host_tools::link::{Device, LinkError, Timeouts};
+use host_tools::procedures::response::{Bench, DeviceBench, Failure, Probe};
 use model_format::link::{
     Activity, LINK_LOST_AFTER_MS, MAX_PROBE_SAMPLES, ProbeError, ProbeStart, ProbeThrough,
     ResponseChange, ResponseError,

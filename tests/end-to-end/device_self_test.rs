@@ -3,8 +3,8 @@
 use crate::support::{Bench, attached, holds, json, text};
 use fake_stylus::library::library;
 use fake_stylus::{Board, FakeStylus, Hand};
-use host_tools::link::self_test::{self, Options, Verdict};
 use host_tools::link::{Device, Timeouts};
+use host_tools::procedures::self_test::{self, Options, Verdict};
 use serde_json::Value;
 
 /// A hand that lets the tool lie: noise of the converters, and a force within its range.

@@ -8,10 +8,10 @@ use std::time::Duration;
 use fake_stylus::library::library;
 use fake_stylus::{Board, FakeStylus, Hand};
 use host_tools::link::capture::{Calibration, Capture, Loss};
-use host_tools::link::self_test::judge::Traffic;
-use host_tools::link::self_test::{self, Line, Options, Verdict, judge};
 use host_tools::link::upload::upload;
 use host_tools::link::{Device, Timeouts};
+use host_tools::procedures::self_test::judge::Traffic;
+use host_tools::procedures::self_test::{self, Line, Options, Verdict, judge};
 use model_format::AdcCode;
 use model_format::link::{
     ChipValues, ClockCount, ClockSource, ClockValues, DeviceInfo, ErrorCorrectionValues, Fault,

@@ -12,7 +12,7 @@ use crate::hatt;
 use crate::support::{Bench, RATE_HZ, holds, noise, rig_of, signal as send, text, two_textures};
 
 /// Commands with a file to write, `{}`.
-const FILES: [&str; 10] = [
+const FILES: [&str; 11] = [
     "fit set --order 4 --out {}",
     "render good.lib --texture silk --speed 100 --force 1 --seconds 1 --out {}",
     "scene compile scene.toml --library good.lib --out {}",
@@ -23,6 +23,7 @@ const FILES: [&str; 10] = [
     "evaluate set --library good.lib --synthesis 2 --json {}",
     "record {} --strokes --link tcp:127.0.0.1:9",
     "selftest --link tcp:127.0.0.1:9 --record {}",
+    "calibrate --response --yes --link tcp:127.0.0.1:9 --svg {}",
 ];
 
 /// Those of them whose work takes no time and no device.
@@ -263,6 +264,14 @@ fn no_input_of_any_command_is_replaced_by_its_output() {
         &bench,
         "fit each.csv --each --out libs",
         "libs/silk.lib",
+        "is an input",
+    );
+    // So are recordings, with their list.
+    bench.write("libs/trials.csv", "speed_mm_s,force_n\n50,1\n");
+    refuse(
+        &bench,
+        "record libs --texture felt --yes --trials libs/trials.csv --link tcp:127.0.0.1:9",
+        "libs/trials.csv",
         "is an input",
     );
     // A list is made again over the earlier one, whatever its name.

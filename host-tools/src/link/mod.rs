@@ -18,12 +18,7 @@
 //! | [`update`] | update of the image, up to its confirmation |
 //! | [`play`] | motions at a fixed rate, keep-alives, and why a play counts as failed |
 //! | [`capture`] | the record stream and its losses |
-//! | [`calibrate`] | values of the coil, and zeros of the sensors, measured and verified |
-//! | [`response`] | the actuator's response: measured, equalised, proved, checked, and what is left of the limits |
-//! | [`strokes`] | recordings of a free hand, with its motion |
 //! | [`settings`] | settings as a user writes and reads them, and what follows from a change |
-//! | [`self_test`] | measurements of the device, compared with limits |
-//! | [`set`] | a recording set that grows trial by trial |
 //!
 //! Over TCP and the serial port a frame is COBS-encoded and ends with a zero byte; over USB it is a bulk transfer.
 //!
@@ -32,7 +27,6 @@
 mod address;
 mod broker;
 mod bulk;
-pub mod calibrate;
 pub mod capture;
 mod device;
 pub mod discovery;
@@ -40,12 +34,8 @@ mod error;
 mod health;
 mod open;
 pub mod play;
-pub mod response;
 mod route;
-pub mod self_test;
-pub mod set;
 pub mod settings;
-pub mod strokes;
 pub mod update;
 pub mod upload;
 mod usb;

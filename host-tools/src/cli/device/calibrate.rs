@@ -5,7 +5,7 @@ mod scales;
 use std::io::BufRead;
 
 use host_tools::link::Device;
-use host_tools::link::calibrate::{AtRest, Coil, acceleration_zeros, verify};
+use host_tools::procedures::calibrate::{AtRest, Coil, acceleration_zeros, verify};
 use host_tools::support::error::{Error, Result};
 use model_format::link::{Setting, SettingChange, SettingSet, Settings};
 use scales::{Scales, ScalesReport};

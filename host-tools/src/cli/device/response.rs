@@ -6,7 +6,7 @@ use std::time::SystemTime;
 use host_tools::dsp::equaliser::CALIBRATION_GAIN_DB;
 use host_tools::dsp::response::Bandwidths;
 use host_tools::link::Device;
-use host_tools::link::response::{
+use host_tools::procedures::response::{
     Calibrated, DeviceBench, Failure, Fault, Flatness, Options, Verdict, calibrate, check,
 };
 use host_tools::report::plot::{Caption, Curve, responses};

@@ -228,7 +228,7 @@ impl Device {
     }
 
     /// An error for a device that reports another state than the requested one.
-    pub(in crate::link) fn not_verified(&self, what: String) -> LinkError {
+    pub(crate) fn not_verified(&self, what: String) -> LinkError {
         LinkError::NotVerified {
             link: self.address.to_string(),
             what,

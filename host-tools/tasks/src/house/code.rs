@@ -15,7 +15,7 @@ const FLOORS: [&[&str]; 7] = [
     &["cli"],
     &["report"],
     &["evaluation"],
-    &["fit"],
+    &["fit", "procedures"],
     &["texture", "scene", "link", "export"],
     &["recording", "playing", "rig"],
     &["dsp", "support"],

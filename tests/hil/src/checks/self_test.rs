@@ -1,6 +1,6 @@
 //! The product's own self test, and what takes an instrument.
 
-use host_tools::link::self_test::{self, Options, Verdict, judge};
+use host_tools::procedures::self_test::{self, Options, Verdict, judge};
 use model_format::link::{SelfTestRequest, SelfTestValues};
 
 use crate::bench::Bench;

@@ -2,7 +2,7 @@
 
 use hil::injection::Injected;
 use host_tools::link::capture::{Calibration, Capture, Loss};
-use host_tools::link::self_test::{Line, Verdict, judge};
+use host_tools::procedures::self_test::{Line, Verdict, judge};
 use model_format::link::{
     InfoEndpoint, MotionSource, SelfTestEndpoint, SelfTestError, SelfTestRequest, SelfTestValues,
     Setting, SlotId,

@@ -8,9 +8,9 @@ use std::time::{Duration, Instant};
 
 use host_tools::link::capture::capture;
 use host_tools::link::play::{Drive, drive};
-use host_tools::link::self_test::{self, Verdict};
 use host_tools::link::upload::upload;
 use host_tools::link::{Device, LinkAddress, Timeouts};
+use host_tools::procedures::self_test::{self, Verdict};
 use model_format::link::{MotionSource, MuteReasons};
 use virtual_stylus::model::dac::{Cause, Output};
 use virtual_stylus::model::usb::host::Mishap;

@@ -2,7 +2,7 @@
 
 use std::sync::mpsc;
 
-use host_tools::link::calibrate::{ForceScale, PathScale, Travel, Weighed, order};
+use host_tools::procedures::calibrate::{ForceScale, PathScale, Travel, Weighed, order};
 use host_tools::support::error::{Error, Result};
 use model_format::link::{SettingChange, Settings};
 use serde::Serialize;

@@ -8,7 +8,7 @@ use std::path::PathBuf;
 
 use host_tools::link::Device;
 use host_tools::link::capture::{Calibration, Level};
-use host_tools::link::set::{Folder, PlannedTrial};
+use host_tools::procedures::set::{Folder, PlannedTrial};
 use host_tools::recording::TRIALS_FILE;
 use host_tools::support::error::{Error, Result};
 use model_format::Provenance;

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use host_tools::fit::Analysis;
 use host_tools::link::capture::{Calibration, Capture, Level, Loss};
-use host_tools::link::set::PlannedTrial;
+use host_tools::procedures::set::PlannedTrial;
 use serde::Serialize;
 
 use crate::cli::table::{headed, table};

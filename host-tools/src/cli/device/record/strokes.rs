@@ -1,7 +1,7 @@
 //! `stylus record --strokes`: a free hand, for segment.
 
 use host_tools::link::capture::{Level, Loss};
-use host_tools::link::strokes;
+use host_tools::procedures::strokes;
 use host_tools::support::error::{Error, Result};
 use host_tools::support::progress;
 use model_format::link::RecordSample;

@@ -3,7 +3,7 @@
 use fake_stylus::device::{MOTION, change};
 use hil::checks::faults::ENDING;
 use hil::injection::Injected;
-use host_tools::link::calibrate::AtRest;
+use host_tools::procedures::calibrate::AtRest;
 use model_format::link::{
     Activity, FaultKind, InfoEndpoint, MotionSample, MotionSource, MotionTopic, ResetReason,
     Setting, SettingChange, Settings, SettingsChange, SettingsError, SlotId, UpdateBegin,

@@ -2,9 +2,9 @@
 
 use model_format::link::{Activity, RAIL_CODES, RecordSample, Setting, SettingChange, Settings};
 
+use crate::link::Device;
+use crate::link::Result;
 use crate::link::capture::{Calibration, Capture, capture};
-use crate::link::device::Device;
-use crate::link::error::Result;
 
 /// Standard gravity, m/s².
 pub(super) const GRAVITY: f64 = 9.806_65;

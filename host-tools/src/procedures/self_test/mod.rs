@@ -17,9 +17,9 @@ use model_format::link::{
 };
 
 use self::judge::Traffic;
-use super::capture::{Calibration, Capture, Stream, capture};
-use super::device::Device;
-use super::error::{LinkError, Result};
+use crate::link::Device;
+use crate::link::capture::{Calibration, Capture, Stream, capture};
+use crate::link::{LinkError, Result};
 
 pub use self::line::{Line, Verdict};
 

@@ -3,9 +3,9 @@
 use model_format::link::{BLOCK_SAMPLES, Setting, SettingChange, Settings};
 
 use super::rest::refuse_if_playing;
+use crate::link::Device;
+use crate::link::Result as LinkResult;
 use crate::link::capture::Stream;
-use crate::link::device::Device;
-use crate::link::error::Result as LinkResult;
 
 /// Fewest counts of the distance: a resolution of half a per cent.
 const LEAST_COUNTS: i64 = 200;

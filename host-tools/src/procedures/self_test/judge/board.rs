@@ -6,7 +6,7 @@ use model_format::link::{
     LEAST_BROWN_OUT_LEVEL, OptionByteValues, RAM_MONITORS, SiliconRevision,
 };
 
-use crate::link::self_test::line::Line;
+use crate::procedures::self_test::line::Line;
 
 /// `DEV_ID` of the STM32H742, H743, H753 and H750 (RM0433 section 60.5.8).
 const DEVICE: u16 = 0x450;

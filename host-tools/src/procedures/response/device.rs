@@ -9,9 +9,9 @@ use model_format::link::{
 use super::bench::{Bench, Played, Probe};
 use super::{Failure, Result};
 use crate::dsp::response::{PERIOD, RATE_HZ};
+use crate::link::Device;
+use crate::link::LinkError;
 use crate::link::capture::Stream;
-use crate::link::device::Device;
-use crate::link::error::LinkError;
 
 /// Times that a waveform is played, if the device mutes it because this computer was late.
 const TRIES: usize = 4;

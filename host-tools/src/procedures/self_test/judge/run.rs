@@ -6,7 +6,7 @@ use model_format::SAMPLE_RATE_HZ;
 use model_format::link::{BLOCK_SAMPLES, ClockSource, LinkCounters, Marks, StartReport, Status};
 
 use crate::link::capture::Loss;
-use crate::link::self_test::line::Line;
+use crate::procedures::self_test::line::Line;
 
 /// Longest tick, per cent of its period.
 const TICK_PERCENT: f64 = 80.0;

@@ -5,7 +5,7 @@ use model_format::link::{
     RestValues, STEP_CODES, STEP_INSTANT_CYCLES, STEP_INSTANTS, output_code,
 };
 
-use crate::link::self_test::line::Line;
+use crate::procedures::self_test::line::Line;
 
 /// Words of the converter's 16 bits per code of the output's 12.
 const WORDS_PER_CODE: f64 = 16.0;

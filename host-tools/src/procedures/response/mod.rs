@@ -29,7 +29,7 @@ pub use device::DeviceBench;
 pub use headroom::{BandHeadroom, Headroom, headroom};
 pub use identify::{Identified, Level, Options};
 
-use super::error::LinkError;
+use crate::link::LinkError;
 
 /// Reason for which a calibration did not pass. Nothing was changed.
 #[derive(Debug, thiserror::Error)]

@@ -7,9 +7,9 @@ use std::path::Path;
 use model_format::Provenance;
 use model_format::link::RecordSample;
 
-use super::Device;
-use super::capture::{Calibration, Loss, Stream};
-use super::error::Result;
+use crate::link::Device;
+use crate::link::Result;
+use crate::link::capture::{Calibration, Loss, Stream};
 use crate::support::atomic_file;
 
 /// Window over which the encoder's counts are averaged, s. A slow hand moves the encoder by less than one count per

@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use model_format::link::{RAIL_CODES, RecordSample};
 
 use crate::link::capture::{Calibration, Capture};
-use crate::link::self_test::line::Line;
+use crate::procedures::self_test::line::Line;
 
 /// Codes that lie this near to an end of the range count as the end: 1 % of it for an axis, which rests in the middle,
 /// and the device's own limit for the force, whose zero may lie low.
