@@ -69,6 +69,38 @@ pub(crate) fn dot_inlined<T: Copy + Into<f64>>(a: &[T], b: &[T]) -> f64 {
     sums.iter().sum::<f64>() + rest
 }
 
+/// Places whose sums [`sliding`] makes together: eight vectors of AVX2.
+const PLACES: usize = 32;
+
+/// Returns the sum of the products of `weights` with as many `values`, at each place where they all are.
+///
+/// Each sum is in the order of the weights, and many of them are made at once.
+pub fn sliding(values: &[f64], weights: &[f64]) -> Vec<f64> {
+    let places = (values.len() + 1).saturating_sub(weights.len());
+    let mut sums = vec![0.0; places];
+    wide(
+        #[inline(always)]
+        || {
+            let (whole, rest) = sums.as_chunks_mut::<PLACES>();
+            for (block, sums) in whole.iter_mut().enumerate() {
+                let mut own = [0.0; PLACES];
+                for (values, weight) in values[PLACES * block..].windows(PLACES).zip(weights) {
+                    for (sum, value) in own.iter_mut().zip(values) {
+                        *sum += value * weight;
+                    }
+                }
+                *sums = own;
+            }
+            let first = places - rest.len();
+            for (place, sum) in rest.iter_mut().enumerate() {
+                let terms = values[first + place..].iter().zip(weights);
+                *sum = terms.map(|(value, weight)| value * weight).sum();
+            }
+        },
+    );
+    sums
+}
+
 /// Returns the mean of `values`, computed about the first one, so that a large offset costs no digits; 0 of none.
 pub fn mean(values: &[f64]) -> f64 {
     wide(
@@ -205,6 +237,14 @@ mod tests {
                 prop_assert!((variance(&lifted) - variance(&values)).abs() <= 1e-6 * variance(&values) + 1e-6);
                 prop_assert!((mean(&lifted) - 1e6 - mean(&values)).abs() <= 1e-6);
             }
+        }
+
+        #[test]
+        fn sums_at_many_places_are_those_of_each_by_itself(
+            values in prop::collection::vec(-1e3f64..1e3, 0..150), weights in prop::collection::vec(-1f64..1.0, 1..100),
+        ) {
+            let one = |values: &[f64]| values.iter().zip(&weights).map(|(x, w)| x * w).sum::<f64>();
+            prop_assert_eq!(sliding(&values, &weights), values.windows(weights.len()).map(one).collect::<Vec<_>>());
         }
     }
 }

@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::dsp::autocorrelation::Autocorrelation;
 use crate::dsp::linear_prediction::{Prediction, corrected, step_up};
+use crate::dsp::sums::sliding;
 use crate::fit::part::{Blocks, lags_of_blocks};
 
 /// Chance of a false alarm of each test, at most.
@@ -244,18 +245,11 @@ fn correlation(parts: &[Vec<f64>]) -> f64 {
 /// Residual of `signal`, from the first sample that all of the predictor's samples stand before. Empty for a signal
 /// that is not longer than the predictor.
 pub(super) fn residual(signal: &[f64], predictor: &[f64]) -> Vec<f64> {
-    let order = predictor.len();
-    // The window's oldest sample comes first, and a(M) belongs to it.
+    let predicted_from = signal.get(..signal.len().max(1) - 1).unwrap_or_default();
     let newest_last: Vec<f64> = predictor.iter().rev().copied().collect();
-    let error = |window: &[f64]| -> f64 {
-        let (before, now) = (&window[..order], window[order]);
-        now + before
-            .iter()
-            .zip(&newest_last)
-            .map(|(x, a)| x * a)
-            .sum::<f64>()
-    };
-    signal.windows(order + 1).map(error).collect()
+    let predicted = sliding(predicted_from, &newest_last);
+    let present = signal.iter().skip(predictor.len());
+    present.zip(predicted).map(|(now, sum)| now + sum).collect()
 }
 
 /// Mean square of a signal; 0 of an empty one.

@@ -86,10 +86,15 @@ impl LineSpectrum {
         })
     }
 
-    /// The same with a background of at least that of `first`, which is the spectrum before lines were removed.
-    pub(super) fn with_floor_of(self, first: &Self) -> Self {
+    /// Least background, as a power of its bins.
+    pub(super) fn floor(&self) -> f64 {
+        self.floor
+    }
+
+    /// The same with a background of at least `floor`, which is that of the spectrum before lines were removed.
+    pub(super) fn with_floor(self, floor: f64) -> Self {
         Self {
-            floor: self.floor.max(first.floor),
+            floor: self.floor.max(floor),
             ..self
         }
     }
@@ -107,6 +112,7 @@ impl LineSpectrum {
             .filter(|&bin| {
                 self.power[bin] > self.power[bin - 1] && self.power[bin] >= self.power[bin + 1]
             })
+            .filter(|&bin| self.may_stand_out(bin))
             .filter_map(|bin| {
                 let ratio = self.power[bin] / self.background(bin);
                 (ratio > LEAST_RATIO).then(|| Peak {
@@ -124,25 +130,33 @@ impl LineSpectrum {
         4.0 * self.background(bin) / (self.window_energy * samples as f64)
     }
 
+    /// Returns false for most bins that [`LEAST_RATIO`] leaves out: by counting, which is quicker than a median.
+    fn may_stand_out(&self, bin: usize) -> bool {
+        let least = self.power[bin] * LN_2 / LEAST_RATIO * (1.0 + 1e-9);
+        let is_above = |powers: &[f64]| {
+            let below = powers.iter().filter(|&&power| power < least).count();
+            powers.is_empty() || below > powers.len() / 2
+        };
+        self.beside(bin, BACKGROUND_CELLS).into_iter().all(is_above)
+    }
+
+    /// Cells to the left and to the right of a bin, so many on each side.
+    fn beside(&self, bin: usize, cells: f64) -> [&[f64]; 2] {
+        let per_cell = self.cell_hz / self.step_hz;
+        let bins = |cells: f64| (cells * per_cell).round() as usize;
+        let (near, far) = (bins(GUARD_CELLS), bins(GUARD_CELLS + cells));
+        let end = self.power.len();
+        let left = bin.saturating_sub(far).max(1).min(bin)..bin.saturating_sub(near).max(1);
+        let right = (bin + near + 1).min(end)..(bin + far + 1).min(end);
+        [&self.power[left], &self.power[right]]
+    }
+
     /// Mean power of noise around a bin: the largest of the cells to the left, to the right and close by.
     fn background(&self, bin: usize) -> f64 {
-        let per_cell = self.cell_hz / self.step_hz;
-        let at = |cells: f64| (cells * per_cell).round() as usize;
-        let (guard, far, close) = (
-            at(GUARD_CELLS),
-            at(GUARD_CELLS + BACKGROUND_CELLS),
-            at(GUARD_CELLS + CLOSE_CELLS),
-        );
-        let left = |reach: usize| {
-            &self.power[bin.saturating_sub(reach).max(1).min(bin)..bin.saturating_sub(guard).max(1)]
-        };
-        let right = |reach: usize| {
-            let end = self.power.len();
-            &self.power[(bin + guard + 1).min(end)..(bin + reach + 1).min(end)]
-        };
-        let both: Vec<f64> = left(close).iter().chain(right(close)).copied().collect();
+        let [left, right] = self.beside(bin, BACKGROUND_CELLS);
+        let close = self.beside(bin, CLOSE_CELLS).concat();
         let mean = |powers: &[f64]| median(powers).map_or(0.0, |median| median / LN_2);
-        let background = mean(left(far)).max(mean(right(far))).max(mean(&both));
+        let background = mean(left).max(mean(right)).max(mean(&close));
         background.max(self.floor).max(f64::MIN_POSITIVE)
     }
 

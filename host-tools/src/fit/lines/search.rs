@@ -15,6 +15,7 @@
 //! over one surface, whose irregularities return. With M wavelengths that can be told apart, b = level / 2M holds the
 //! level for a search, and half of it that of a texture, which is searched twice.
 
+use std::borrow::Cow;
 use std::ops::ControlFlow;
 
 use model_format::SAMPLE_RATE_HZ;
@@ -49,39 +50,38 @@ const MOST_REMOVED: usize = 40;
 pub(super) const HARMONICS: u32 = 8;
 
 /// One trial as the search hears it.
-pub(super) struct Heard {
+#[derive(Clone)]
+pub(super) struct Heard<'s> {
     /// Its speed as listed, mm/s.
     pub speed_mm_s: f64,
     /// Its actual speed over the listed one, as far as lines have told it.
     pub speed_ratio: Option<f64>,
     /// Its samples without the lines that were removed.
-    signal: Vec<f64>,
+    signal: Cow<'s, [f64]>,
     peaks: Vec<Peak>,
     cell_hz: f64,
-    /// Spectrum before anything was removed.
-    first: LineSpectrum,
+    /// Least background, by the spectrum before anything was removed.
+    floor: f64,
 }
 
-impl Heard {
+impl<'s> Heard<'s> {
     /// Hears `signal`; `None` if it is too short or silent.
-    pub(super) fn of(speed_mm_s: f64, signal: &[f64]) -> Option<Self> {
-        let first = LineSpectrum::of(signal)?;
-        let mut heard = Self {
+    pub(super) fn of(speed_mm_s: f64, signal: &'s [f64]) -> Option<Self> {
+        let spectrum = LineSpectrum::of(signal)?;
+        Some(Self {
             speed_mm_s,
             speed_ratio: None,
-            signal: signal.to_vec(),
-            peaks: Vec::new(),
-            cell_hz: first.cell_hz(),
-            first,
-        };
-        heard.hear_again();
-        Some(heard)
+            signal: Cow::Borrowed(signal),
+            peaks: spectrum.peaks(LOWEST_HZ, HIGHEST_HZ),
+            cell_hz: spectrum.cell_hz(),
+            floor: spectrum.floor(),
+        })
     }
 
     fn hear_again(&mut self) {
         let spectrum = LineSpectrum::of(&self.signal);
-        self.peaks = spectrum.map_or_else(Vec::new, |s| {
-            s.with_floor_of(&self.first).peaks(LOWEST_HZ, HIGHEST_HZ)
+        self.peaks = spectrum.map_or_else(Vec::new, |spectrum| {
+            spectrum.with_floor(self.floor).peaks(LOWEST_HZ, HIGHEST_HZ)
         });
     }
 
@@ -108,7 +108,7 @@ impl Heard {
             std::slice::from_ref(&(0..self.signal.len())),
             std::slice::from_ref(&turns),
         )[0];
-        subtract(&mut self.signal, amplitude, &turns);
+        subtract(self.signal.to_mut(), amplitude, &turns);
         self.hear_again();
         exact_hz
     }
@@ -122,7 +122,7 @@ impl Heard {
         if followed(&self.signal, &mut places, 1.0).is_some() {
             let last = places.len() - 1;
             let step = (places[last] - places[0]) / last as f64;
-            self.signal = at_even_places(&self.signal, &places, step);
+            self.signal = at_even_places(&self.signal, &places, step).into();
         }
     }
 
@@ -182,8 +182,8 @@ impl Support {
 }
 
 /// The search over the trials of one texture.
-pub(super) struct Search<'h> {
-    pub trials: &'h mut [Heard],
+pub(super) struct Search<'s> {
+    pub trials: Vec<Heard<'s>>,
     /// Relative error of a listed speed.
     pub speed_tolerance: f64,
     /// Most lines that are wanted.
@@ -280,7 +280,7 @@ impl Search<'_> {
     /// The hypotheses that single peaks suggest, each about once.
     fn hypotheses(&self) -> Vec<Hypothesis> {
         let mut all: Vec<Hypothesis> = Vec::new();
-        for trial in self.trials.iter() {
+        for trial in &self.trials {
             for peak in &trial.peaks {
                 if peak.ln_chance < LN_HYPOTHESIS_CHANCE {
                     all.push(Hypothesis::Place(

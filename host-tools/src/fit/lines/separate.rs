@@ -85,9 +85,10 @@ pub fn separate(
     }
     // Wider windows for a line's place are taken if more speeds show it there.
     let speeds = |known: &[Known]| known.iter().map(|line| line.found.speeds.0).max();
+    let heard = heard(speeds_mm_s, signals);
     let (exact, rough) = rayon::join(
-        || search(speeds_mm_s, signals, EXACT_LIST),
-        || search(speeds_mm_s, signals, ROUGH_LIST),
+        || search(heard.clone(), EXACT_LIST),
+        || search(heard.clone(), ROUGH_LIST),
     );
     let (known, time_locked_hz) = if speeds(&rough.0) > speeds(&exact.0) {
         rough
@@ -216,21 +217,21 @@ fn without(signal: &mut [f64], course: Option<&Course>, weave: &Weave) -> Vec<Op
     amplitudes.collect()
 }
 
-/// Lines found in the signals, and the frequencies that stay.
-fn search(
-    speeds_mm_s: &[f64],
-    signals: &[Vec<f64>],
-    speed_tolerance: f64,
-) -> (Vec<Known>, Vec<f64>) {
+/// The trials that lines are sought in, with their indices.
+fn heard<'s>(speeds_mm_s: &[f64], signals: &'s [Vec<f64>]) -> Vec<(usize, Heard<'s>)> {
     let pairs: Vec<_> = speeds_mm_s.iter().zip(signals).enumerate().collect();
-    let heard: Vec<(usize, Heard)> = pairs
+    pairs
         .into_par_iter()
         .filter(|(_, (speed, _))| **speed > 0.0)
         .filter_map(|(index, (speed, signal))| Some((index, Heard::of(*speed, signal)?)))
-        .collect();
-    let (indices, mut trials): (Vec<usize>, Vec<Heard>) = heard.into_iter().unzip();
+        .collect()
+}
+
+/// Lines found in the trials, and the frequencies that stay.
+fn search(heard: Vec<(usize, Heard<'_>)>, speed_tolerance: f64) -> (Vec<Known>, Vec<f64>) {
+    let (indices, trials): (Vec<usize>, Vec<Heard>) = heard.into_iter().unzip();
     let search = Search {
-        trials: &mut trials,
+        trials,
         speed_tolerance,
         most_lines: limits::MAX_LINES,
     };
