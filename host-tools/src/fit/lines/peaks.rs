@@ -5,7 +5,9 @@
 //! the medians of the cells to the left and to the right, the larger of which counts, so that the flank of a resonance
 //! or of a band of noise is no line; a median is not raised by another line among the cells.
 
+use std::cell::RefCell;
 use std::f64::consts::{LN_2, TAU};
+use std::rc::Rc;
 
 use model_format::SAMPLE_RATE_HZ;
 use realfft::num_complex::Complex;
@@ -32,7 +34,7 @@ const FLOOR_SHARE: f64 = 1e-7;
 const LEAST_RATIO: f64 = 6.0;
 
 /// Least number of samples that is looked at: four backgrounds between 0 Hz and half the sample rate.
-pub(super) const LEAST_SAMPLES: usize = 1000;
+const LEAST_SAMPLES: usize = 1000;
 
 /// A peak of a spectrum.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -41,6 +43,11 @@ pub(super) struct Peak {
     pub frequency_hz: f64,
     /// Natural logarithm of the probability that a cell of noise is at least as far above its background.
     pub ln_chance: f64,
+}
+
+/// Returns whether lines can be sought in `signal`: it is neither too short nor silent.
+pub(super) fn tells_lines(signal: &[f64]) -> bool {
+    signal.len() >= LEAST_SAMPLES && signal.iter().any(|x| *x != 0.0)
 }
 
 /// Spectrum of a recording on a grid of frequencies finer than its resolution.
@@ -58,15 +65,15 @@ pub(super) struct LineSpectrum {
 impl LineSpectrum {
     /// Spectrum of `signal`; `None` if it is too short, or silent.
     pub(super) fn of(signal: &[f64]) -> Option<Self> {
-        if signal.len() < LEAST_SAMPLES || signal.iter().all(|x| *x == 0.0) {
+        if !tells_lines(signal) {
             return None;
         }
         let length = (2 * signal.len()).next_power_of_two();
         let forward = with_planner(|planner| planner.plan_fft_forward(length));
         let mut padded = forward.make_input_vec();
         let mut window_energy = 0.0;
-        for (n, (out, x)) in padded.iter_mut().zip(signal).enumerate() {
-            let weight = hann(n, signal.len());
+        let window = hann_window(signal.len());
+        for ((out, x), weight) in padded.iter_mut().zip(signal).zip(&*window) {
             window_energy += weight * weight;
             *out = weight * x;
         }
@@ -176,6 +183,21 @@ impl LineSpectrum {
 /// Weight of sample `n` of a Hann window of `length` samples.
 pub(super) fn hann(n: usize, length: usize) -> f64 {
     0.5 - 0.5 * (TAU * (n as f64 + 0.5) / length as f64).cos()
+}
+
+thread_local! {
+    /// The last window, because the recordings of a set are mostly of one length.
+    static WINDOW: RefCell<Rc<[f64]>> = RefCell::new(Rc::new([]));
+}
+
+/// Weights of a Hann window of `length` samples.
+pub(super) fn hann_window(length: usize) -> Rc<[f64]> {
+    WINDOW.with_borrow_mut(|last| {
+        if last.len() != length {
+            *last = (0..length).map(|n| hann(n, length)).collect();
+        }
+        Rc::clone(last)
+    })
 }
 
 fn median(powers: &[f64]) -> Option<f64> {

@@ -162,6 +162,7 @@ pub(super) struct Outcome {
 
 /// Support of a hypothesis.
 struct Support {
+    hypothesis: Hypothesis,
     /// Mean evidence of a speed, none of which counts beyond [`MOST_EVIDENCE`].
     score: f64,
     /// Sum of all evidence.
@@ -171,13 +172,12 @@ struct Support {
 }
 
 impl Support {
-    /// Returns whether this support of the first hypothesis is better than `other` of the second: by its score; of
-    /// equal ones, that of time, and then the one with more evidence.
-    fn is_better(&self, (own, held): (Hypothesis, Hypothesis), other: &Self) -> bool {
-        let is_of_time = |hypothesis| matches!(hypothesis, Hypothesis::Time(_));
-        let key =
-            |support: &Self, hypothesis| (support.score, is_of_time(hypothesis), support.evidence);
-        key(self, own) > key(other, held)
+    /// Returns whether it is better than `other`: by its score; of equal ones, that of time, and then the one with more
+    /// evidence.
+    fn is_better(&self, other: &Self) -> bool {
+        let is_of_time = |own: &Self| matches!(own.hypothesis, Hypothesis::Time(_));
+        let key = |own: &Self| (own.score, is_of_time(own), own.evidence);
+        key(self) > key(other)
     }
 }
 
@@ -208,10 +208,10 @@ impl Search<'_> {
             .iter()
             .map(|line| line.wavelength_mm)
             .collect();
-        let Some((hypothesis, support)) = self.best(&known) else {
+        let Some(support) = self.best(&known) else {
             return ControlFlow::Break(());
         };
-        match hypothesis {
+        match support.hypothesis {
             Hypothesis::Place(wavelength_mm) => {
                 let shown_by = self.remove_line(wavelength_mm, &support);
                 let mut wavelengths: Vec<f64> = shown_by
@@ -250,8 +250,8 @@ impl Search<'_> {
         shown_by
     }
 
-    /// The acceptable hypothesis with the highest score; of equal ones that of time.
-    fn best(&self, known_mm: &[f64]) -> Option<(Hypothesis, Support)> {
+    /// The support of the best acceptable hypothesis.
+    fn best(&self, known_mm: &[f64]) -> Option<Support> {
         let longest = self.trials.iter().map(|trial| trial.signal.len()).max()?;
         let longest_s = longest as f64 / f64::from(SAMPLE_RATE_HZ);
         let ln_bound = (LEVEL / SEARCHES / (2.0 * 2.0 * HIGHEST_HZ * longest_s)).ln();
@@ -262,19 +262,10 @@ impl Search<'_> {
             let of = move |n| Hypothesis::Place(wavelength / f64::from(n));
             (2..=HARMONICS).map(of).map(|h| (h, ln_harmonic_bound))
         });
-        let mut best: Option<(Hypothesis, Support)> = None;
-        for (hypothesis, ln_bound) in unknown.chain(harmonics) {
-            let Some(support) = self.support(hypothesis, ln_bound, known_mm) else {
-                continue;
-            };
-            let is_better = best
-                .as_ref()
-                .is_none_or(|(held, other)| support.is_better((hypothesis, *held), other));
-            if is_better {
-                best = Some((hypothesis, support));
-            }
-        }
-        best
+        let supported = unknown
+            .chain(harmonics)
+            .filter_map(|(hypothesis, ln_bound)| self.support(hypothesis, ln_bound, known_mm));
+        supported.reduce(|best, next| if next.is_better(&best) { next } else { best })
     }
 
     /// The hypotheses that single peaks suggest, each about once.
@@ -341,6 +332,7 @@ impl Search<'_> {
         // A trial shows a line that others have established by less than it takes to establish one.
         let shown_by = shown().flat_map(|speed| speed.shown_by(LN_SHOWN_CHANCE));
         Some(Support {
+            hypothesis,
             score,
             evidence: evidence().sum(),
             shown_by: shown_by.collect(),

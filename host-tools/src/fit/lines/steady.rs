@@ -19,7 +19,7 @@ use model_format::SAMPLE_RATE_HZ;
 use realfft::num_complex::Complex;
 use rustfft::FftPlanner;
 
-use super::peaks::LEAST_SAMPLES;
+use super::peaks::tells_lines;
 use super::search::{HIGHEST_HZ, LOWEST_HZ};
 use crate::dsp::with_planner;
 
@@ -83,7 +83,7 @@ pub(super) struct Envelope {
 impl WholeSpectrum {
     /// Spectrum of `signal`; `None` if it is too short or silent.
     pub(super) fn of(signal: &[f64]) -> Option<Self> {
-        if signal.len() < LEAST_SAMPLES || signal.iter().all(|x| *x == 0.0) {
+        if !tells_lines(signal) {
             return None;
         }
         let forward = with_planner(|planner| planner.plan_fft_forward(signal.len()));

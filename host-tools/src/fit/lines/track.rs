@@ -11,7 +11,7 @@ use model_format::SAMPLE_RATE_HZ;
 use nalgebra::{DMatrix, DVector};
 use realfft::num_complex::Complex;
 
-use super::peaks::hann;
+use super::peaks::{hann, hann_window};
 
 /// Duration over which a line's phase is averaged, s. Speeds that change faster are not followed.
 const AVERAGE_S: f64 = 0.2;
@@ -44,79 +44,114 @@ pub(super) fn turns(place_mm: &[f64], wavelength_mm: f64) -> Vec<f64> {
 /// RMS wander of the speed over its mean, if it was corrected.
 pub(super) fn followed(signal: &[f64], place_mm: &mut [f64], wavelength_mm: f64) -> Option<f64> {
     let samples = signal.len();
-    let rate_hz = f64::from(SAMPLE_RATE_HZ);
-    let window = ((AVERAGE_S * rate_hz) as usize).min(samples / 4);
+    let window = ((AVERAGE_S * f64::from(SAMPLE_RATE_HZ)) as usize).min(samples / 4);
     if window < 8 {
         return None;
     }
-    let hop = window / 8;
-    let down: Vec<Complex<f64>> = signal
+    let turns = place_mm.iter().map(|place| (place / wavelength_mm).fract());
+    let down = signal
         .iter()
-        .zip(place_mm.iter())
-        .map(|(x, place)| x * Complex::cis(-TAU * (place / wavelength_mm).fract()))
-        .collect();
-    let weights: Vec<f64> = (0..window).map(|n| hann(n, window)).collect();
-    let sum = weights.iter().sum::<f64>();
-    let centres: Vec<usize> = (0..=(samples - window) / hop).map(|k| k * hop).collect();
-    let phasors: Vec<Complex<f64>> = centres
-        .iter()
-        .map(|&start| {
-            let terms = down[start..start + window].iter().zip(&weights);
-            2.0 / sum * terms.map(|(z, w)| z * *w).sum::<Complex<f64>>()
-        })
-        .collect();
-    let power = phasors.iter().map(Complex::norm_sqr).sum::<f64>() / phasors.len() as f64;
-    // Beside the line, as far off as the window separates: the noise in the same average.
-    let beside = |offset_hz: f64| -> f64 {
-        let terms = centres.iter().map(|&start| {
-            let turned = (start..start + window).zip(&weights).map(|(n, w)| {
-                down[n] * *w * Complex::cis(-TAU * (offset_hz * n as f64 / rate_hz).fract())
-            });
-            (2.0 / sum * turned.sum::<Complex<f64>>()).norm_sqr()
-        });
-        terms.sum::<f64>() / centres.len() as f64
-    };
-    let offset_hz = 6.0 * rate_hz / window as f64;
-    let noise = beside(offset_hz)
-        .max(beside(-offset_hz))
-        .max(f64::MIN_POSITIVE);
-    if power < LEAST_RATIO * noise {
-        return None;
-    }
-    let phases = unwrapped(&phasors);
-    let times: Vec<f64> = centres
-        .iter()
-        .map(|&start| (start + window / 2) as f64)
-        .collect();
-    let wander = rms(&without_straight_line(&times, &phases));
-    // A phase in noise wanders by the noise alone.
-    let by_noise = (0.5 * noise / power).sqrt();
-    if wander < LEAST_WANDER_RAD.max(LEAST_WANDER_OVER_NOISE * by_noise) {
-        return None;
-    }
-    // Two lines close together beat: their phase wanders, and their amplitude as much. A wandering speed leaves the
-    // amplitude alone.
-    let lengths: Vec<f64> = phasors.iter().map(|phasor| phasor.norm()).collect();
-    let mean = lengths.iter().sum::<f64>() / lengths.len() as f64;
-    let deviations: Vec<f64> = lengths.iter().map(|length| length / mean - 1.0).collect();
-    if rms(&deviations) > MOST_BEAT * wander.min(1.0) + 2.0 * by_noise {
-        return None;
-    }
+        .zip(turns)
+        .map(|(x, turns)| x * Complex::cis(-TAU * turns));
+    let averages = Averages::of(down.collect(), window);
+    let phases = averages.wandering_phases()?;
+    let times = averages.centres();
     let corrections: Vec<f64> = phases
         .iter()
         .map(|phase| phase / TAU * wavelength_mm)
         .collect();
     let path_mm = place_mm[samples - 1] - place_mm[0];
-    let mut speeds = Vec::with_capacity(corrections.len());
-    for pair in corrections.windows(2) {
-        speeds.push((pair[1] - pair[0]) / hop as f64 / (path_mm / (samples - 1) as f64));
-    }
+    let mean_step_mm = path_mm / (samples - 1) as f64;
+    let hop = averages.hop as f64;
+    let speeds = corrections
+        .windows(2)
+        .map(|pair| (pair[1] - pair[0]) / hop / mean_step_mm);
+    let speeds: Vec<f64> = speeds.collect();
     for (n, place) in place_mm.iter_mut().enumerate() {
         *place += interpolated(&times, &corrections, n as f64);
     }
     let mean = speeds.iter().sum::<f64>() / speeds.len() as f64;
     let deviations: Vec<f64> = speeds.iter().map(|s| s - mean).collect();
     Some(rms(&deviations))
+}
+
+/// A line that was brought to 0 Hz, averaged by windows that overlap.
+struct Averages {
+    down: Vec<Complex<f64>>,
+    weights: Vec<f64>,
+    /// First sample of each window, and the distance of two of them.
+    starts: Vec<usize>,
+    hop: usize,
+}
+
+impl Averages {
+    fn of(down: Vec<Complex<f64>>, window: usize) -> Self {
+        let hop = window / 8;
+        Self {
+            starts: (0..=(down.len() - window) / hop).map(|k| k * hop).collect(),
+            weights: (0..window).map(|n| hann(n, window)).collect(),
+            hop,
+            down,
+        }
+    }
+
+    /// The sample in the middle of each window.
+    fn centres(&self) -> Vec<f64> {
+        let half = self.weights.len() / 2;
+        self.starts
+            .iter()
+            .map(|&start| (start + half) as f64)
+            .collect()
+    }
+
+    /// The averages of `turned`.
+    fn of_turned(&self, turned: &[Complex<f64>]) -> Vec<Complex<f64>> {
+        let sum = self.weights.iter().sum::<f64>();
+        let of_window = |&start: &usize| {
+            let terms = turned[start..].iter().zip(&self.weights);
+            2.0 / sum * terms.map(|(z, w)| z * *w).sum::<Complex<f64>>()
+        };
+        self.starts.iter().map(of_window).collect()
+    }
+
+    /// Mean power of the averages at a distance of `offset_hz` from the line.
+    fn power_at(&self, offset_hz: f64) -> f64 {
+        let turns = |n: usize| (offset_hz * n as f64 / f64::from(SAMPLE_RATE_HZ)).fract();
+        let turned = self.down.iter().enumerate();
+        let turned = turned.map(|(n, z)| z * Complex::cis(-TAU * turns(n)));
+        mean_power(&self.of_turned(&turned.collect::<Vec<_>>()))
+    }
+
+    /// Phase of each average, rad, continuous; `None` if it is not clear, or wanders no more than noise makes it, or is
+    /// that of two lines that beat.
+    fn wandering_phases(&self) -> Option<Vec<f64>> {
+        let phasors = self.of_turned(&self.down);
+        let power = mean_power(&phasors);
+        // Beside the line, as far off as the window separates: the noise in the same average.
+        let offset_hz = 6.0 * f64::from(SAMPLE_RATE_HZ) / self.weights.len() as f64;
+        let noise = self.power_at(offset_hz).max(self.power_at(-offset_hz));
+        let noise = noise.max(f64::MIN_POSITIVE);
+        if power < LEAST_RATIO * noise {
+            return None;
+        }
+        let phases = unwrapped(&phasors);
+        let wander = rms(&without_straight_line(&self.centres(), &phases));
+        // A phase in noise wanders by the noise alone.
+        let by_noise = (0.5 * noise / power).sqrt();
+        if wander < LEAST_WANDER_RAD.max(LEAST_WANDER_OVER_NOISE * by_noise) {
+            return None;
+        }
+        // Two lines close together beat: their phase wanders, and their amplitude as much. A wandering speed leaves the
+        // amplitude alone.
+        let lengths: Vec<f64> = phasors.iter().map(|phasor| phasor.norm()).collect();
+        let mean = lengths.iter().sum::<f64>() / lengths.len() as f64;
+        let deviations: Vec<f64> = lengths.iter().map(|length| length / mean - 1.0).collect();
+        (rms(&deviations) <= MOST_BEAT * wander.min(1.0) + 2.0 * by_noise).then_some(phases)
+    }
+}
+
+fn mean_power(phasors: &[Complex<f64>]) -> f64 {
+    phasors.iter().map(Complex::norm_sqr).sum::<f64>() / phasors.len() as f64
 }
 
 fn unwrapped(phasors: &[Complex<f64>]) -> Vec<f64> {
@@ -198,11 +233,8 @@ const REFINEMENTS: usize = 4;
 /// Frequency of the sine in `signal` near `frequency_hz`, known to `within_hz`, about the width of a cell: the maximum
 /// of the windowed spectrum.
 pub(super) fn refined(signal: &[f64], frequency_hz: f64, within_hz: f64) -> f64 {
-    let windowed: Vec<f64> = signal
-        .iter()
-        .enumerate()
-        .map(|(n, x)| hann(n, signal.len()) * x)
-        .collect();
+    let window = hann_window(signal.len());
+    let windowed: Vec<f64> = signal.iter().zip(&*window).map(|(x, w)| w * x).collect();
     let (mut best_hz, mut step_hz) = (frequency_hz, 0.5 * within_hz);
     for _ in 0..REFINEMENTS {
         let level = |hz: f64| {
@@ -260,17 +292,19 @@ pub(super) fn amplitudes(
             let (sine, cosine) = (TAU * turns[n].fract()).sin_cos();
             (row[2 * component], row[2 * component + 1]) = (cosine, -sine);
         }
-        for i in 0..count {
-            right[i] += row[i] * x;
-            for j in 0..=i {
-                normal[(i, j)] += row[i] * row[j];
+        // The upper triangle, whose columns are in one piece.
+        let columns = normal.as_mut_slice().chunks_exact_mut(count.max(1));
+        for (i, (column, right)) in columns.zip(right.iter_mut()).enumerate() {
+            *right += row[i] * x;
+            for (sum, value) in column[..=i].iter_mut().zip(&row) {
+                *sum += row[i] * value;
             }
         }
     }
     for i in 0..count {
         normal[(i, i)] += 1e-9 * signal.len() as f64;
         for j in 0..i {
-            normal[(j, i)] = normal[(i, j)];
+            normal[(i, j)] = normal[(j, i)];
         }
     }
     let Some(solution) = normal.cholesky().map(|factor| factor.solve(&right)) else {

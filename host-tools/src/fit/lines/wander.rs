@@ -250,42 +250,8 @@ pub(super) fn find(
         Carrier::Time(hz) if !is_one_speed => return Err(Some(hz)),
         Carrier::Time(_) => search.heard[0].speed_mm_s,
     };
-    let mut courses: Vec<Option<Course>> = signals.iter().map(|_| None).collect();
-    let followed: Vec<(usize, Course, f64)> = search
-        .heard
-        .par_iter()
-        .filter_map(|heard| {
-            let course = (&signals[heard.index], &ranges[heard.index][..]);
-            let (course, wavelength_mm) = course_of(heard, carrier, course.0, course.1)?;
-            Some((heard.index, course, wavelength_mm))
-        })
-        .collect();
-    let mut wavelengths: Vec<f64> = followed.iter().map(|(.., mm)| *mm).collect();
-    wavelengths.sort_by(f64::total_cmp);
-    let wavelength_mm = *wavelengths.get(wavelengths.len() / 2).ok_or(None)?;
-    for (index, mut course, own_mm) in followed {
-        // Each course was told in its own wavelengths.
-        let scale = wavelength_mm / own_mm;
-        course.place_mm.iter_mut().for_each(|place| *place *= scale);
-        courses[index] = Some(course);
-    }
-    let least = if is_one_speed { 1 } else { 2 };
-    let loudest = |harmonic: u32| {
-        let told = courses.iter().flatten();
-        told.filter_map(|course| Some(course.amplitude(harmonic)?.1))
-            .fold(0.0, f64::max)
-    };
-    let least_amplitude = LEAST_AMPLITUDE * (1..=HARMONICS).map(loudest).fold(0.0, f64::max);
-    let harmonics: Vec<(u32, (usize, usize))> = (1..=HARMONICS)
-        .filter(|&harmonic| loudest(harmonic) >= least_amplitude)
-        .filter_map(|harmonic| {
-            let told = courses.iter().zip(speeds_mm_s);
-            let chances = told.filter_map(|(course, speed)| {
-                Some((*speed, course.as_ref()?.ln_chance(harmonic)?))
-            });
-            Some((harmonic, shown(&by_speed(chances), least)?))
-        })
-        .collect();
+    let (courses, wavelength_mm) = courses(&search.heard, carrier, signals, ranges).ok_or(None)?;
+    let harmonics = harmonics(&courses, speeds_mm_s, if is_one_speed { 1 } else { 2 });
     let paths = courses.iter().flatten().map(|course| &course.place_mm[..]);
     let paths: Vec<&[f64]> = paths.collect();
     let (rms_mm, correlation_mm) = wander_of(&paths, wavelength_mm).ok_or(None)?;
@@ -302,6 +268,58 @@ pub(super) fn find(
         harmonics,
         courses,
     })
+}
+
+/// The course of each trial that follows `carrier`, and the wavelength of its fundamental, mm: the median of what they
+/// tell. `None` if no trial follows it.
+fn courses(
+    heard: &[Heard],
+    carrier: Carrier,
+    signals: &[Vec<f64>],
+    ranges: &[Vec<Range<usize>>],
+) -> Option<(Vec<Option<Course>>, f64)> {
+    let course = |heard: &Heard| {
+        let (signal, ranges) = (&signals[heard.index], &ranges[heard.index]);
+        let (course, wavelength_mm) = course_of(heard, carrier, signal, ranges)?;
+        Some((heard.index, course, wavelength_mm))
+    };
+    let followed: Vec<(usize, Course, f64)> = heard.par_iter().filter_map(course).collect();
+    let mut wavelengths: Vec<f64> = followed.iter().map(|(.., mm)| *mm).collect();
+    wavelengths.sort_by(f64::total_cmp);
+    let wavelength_mm = *wavelengths.get(wavelengths.len() / 2)?;
+    let mut courses: Vec<Option<Course>> = signals.iter().map(|_| None).collect();
+    for (index, mut course, own_mm) in followed {
+        // Each course was told in its own wavelengths.
+        let scale = wavelength_mm / own_mm;
+        course.place_mm.iter_mut().for_each(|place| *place *= scale);
+        courses[index] = Some(course);
+    }
+    Some((courses, wavelength_mm))
+}
+
+/// The harmonics that at least `least` speeds show, ascending, each with the speeds that show it and those at which it
+/// could be seen.
+fn harmonics(
+    courses: &[Option<Course>],
+    speeds_mm_s: &[f64],
+    least: usize,
+) -> Vec<(u32, (usize, usize))> {
+    let loudest = |harmonic: u32| {
+        let told = courses.iter().flatten();
+        told.filter_map(|course| Some(course.amplitude(harmonic)?.1))
+            .fold(0.0, f64::max)
+    };
+    let least_amplitude = LEAST_AMPLITUDE * (1..=HARMONICS).map(loudest).fold(0.0, f64::max);
+    (1..=HARMONICS)
+        .filter(|&harmonic| loudest(harmonic) >= least_amplitude)
+        .filter_map(|harmonic| {
+            let told = courses.iter().zip(speeds_mm_s);
+            let chances = told.filter_map(|(course, speed)| {
+                Some((*speed, course.as_ref()?.ln_chance(harmonic)?))
+            });
+            Some((harmonic, shown(&by_speed(chances), least)?))
+        })
+        .collect()
 }
 
 /// The course of a trial, and the wavelength of the fundamental by it, mm: by the steadiest band at that of the first
