@@ -38,8 +38,8 @@ fn bands_come_back_within_one_decibel_and_the_level_within_a_fifth() {
                 order,
                 ..fit::Options::default()
             };
-            let fit = fit::fit(&set, &options, || ()).unwrap();
-            let bytes = model_format::encode(&fit.specs).unwrap();
+            let fit = fit::fit(&set, &options, |_| ()).unwrap();
+            let bytes = fit.library().unwrap();
             let library = Library::decode(&bytes).unwrap();
             let texture = library.textures().next().unwrap();
             let motion = MotionPath::constant(MillimetresPerSecond(100.0), Newton(1.0)).unwrap();
@@ -184,7 +184,7 @@ fn hard_spectra_come_back_within_three_decibels() {
         // Some of them have their power below 10 Hz, and nobody's hand was in it.
         let mut options = fit::Options::default();
         options.conditioning.high_pass = HighPass::None;
-        let fit = fit::fit(&set, &options, || ()).unwrap();
+        let fit = fit::fit(&set, &options, |_| ()).unwrap();
         let model = &fit.textures[0].grid.models[0];
         let worst = worst_band_db(density, &model.reflection);
         assert!(worst.abs() < 3.0, "{name}: {worst} dB");
@@ -259,13 +259,13 @@ fn a_weave_is_a_steady_tone_at_speed_over_wavelength_between_the_nodes_too() {
             lines,
             ..fit::Options::default()
         };
-        fit::fit(&set, &options, || ()).unwrap()
+        fit::fit(&set, &options, |_| ()).unwrap()
     };
     let with = fitted(fit::lines::Lines::Auto);
     let found = &with.textures[0].lines.lines;
     assert_eq!(found.len(), 2, "{}", with.textures[0].lines);
     assert!((found[0].wavelength_mm - 1.0).abs() < 1e-3);
-    let bytes = model_format::encode(&with.specs).unwrap();
+    let bytes = with.library().unwrap();
     let library = Library::decode(&bytes).unwrap();
     let texture = library.textures().next().unwrap();
     assert_eq!(texture.lines().unwrap().len(), 2);
@@ -285,5 +285,5 @@ fn a_weave_is_a_steady_tone_at_speed_over_wavelength_between_the_nodes_too() {
         }
     }
     let without = fitted(fit::lines::Lines::None);
-    assert_eq!(without.specs[0].parts.lines, None);
+    assert_eq!(without.textures[0].grid.parts.lines, None);
 }

@@ -439,7 +439,7 @@ fn fitted(files: &Files) -> Result<Fit, String> {
         ..Options::default()
     };
     let set = RecordingSet::open(&[bench.path("trials.csv")]).map_err(|e| e.to_string())?;
-    fit::fit(&set, &options, || ()).map_err(|e| e.to_string())
+    fit::fit(&set, &options, |_| ()).map_err(|e| e.to_string())
 }
 
 /// Levels of third octaves from 31.5 to 1000 Hz, dB, of an autoregressive model.

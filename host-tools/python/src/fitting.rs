@@ -110,12 +110,12 @@ pub fn fit<'py>(
     }
     let total = set.trials.len() as u64;
     let (found, bytes, record) = work::run(py, total, progress, move |steps| {
-        let found = fitted::fit_between(&set, &options, || steps.done(), || steps.between())?;
+        let found = fitted::fit(&set, &options, |trials| steps.add(trials as u64))?;
         let bytes = found.library()?;
         let record = FitRecord::of(&set, &options, &bytes)?.with_account_of(&found);
         Ok((found, bytes, record))
     })?;
-    let warnings: Vec<String> = found.warnings.iter().map(ToString::to_string).collect();
+    let warnings: Vec<String> = found.warnings().iter().map(ToString::to_string).collect();
     for warning in &warnings {
         warn(py, warning)?;
     }

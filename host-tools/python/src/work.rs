@@ -33,7 +33,12 @@ pub struct Steps {
 impl Steps {
     /// Counts a step.
     pub fn done(&self) {
-        self.done.fetch_add(1, Ordering::Relaxed);
+        self.add(1);
+    }
+
+    /// Counts so many steps, of which there may be none.
+    pub fn add(&self, steps: u64) {
+        self.done.fetch_add(steps, Ordering::Relaxed);
         self.between();
     }
 

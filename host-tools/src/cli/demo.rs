@@ -114,7 +114,7 @@ fn all(arguments: &Arguments, folder: &OutputFolder, begin: Instant) -> Result<P
         .map(|(parts, names)| format!("{}: {parts}", names.join(", ")))
         .collect();
     print(&format!("  {}", plays.join("; ")))?;
-    warn_of(&fit.warnings);
+    warn_of(&fit.warnings());
 
     step(
         3,

@@ -21,8 +21,8 @@ use crate::dsp::spectrum;
 use crate::dsp::spectrum::{BAND_COUNT, BAND_LABELS_HZ};
 use crate::fit;
 use crate::fit::Signal;
+use crate::fit::blocks::{Blocks, Part};
 use crate::fit::conditioning::Conditioning;
-use crate::fit::part::Blocks;
 use crate::fit::record::FitRecord;
 use crate::playing::motion::MotionPath;
 use crate::playing::render::{Rendered, render};
@@ -438,13 +438,13 @@ fn refit(
         sample_rate_hz: SAMPLE_RATE_HZ,
         ..record.options.clone()
     };
-    let analysed = fit::part::analyse_blocks_of_set(&part, &fit_options, || ())?;
-    let blocks_s = analysed.iter().map(|trial| trial.blocks.block_s());
-    let range_s = (
-        blocks_s.clone().fold(f64::INFINITY, f64::min),
-        blocks_s.fold(0.0, f64::max),
-    );
-    let fit = fit::fit_blocks(&part, analysed, &fit_options)?;
+    let recordings = fit::read(&part, &fit_options, Part::Blocks, usize::MAX, &|_| ())?;
+    let lengths = recordings.iter().flat_map(|own| &own.trials);
+    let blocks_s = lengths.map(|own| Blocks::of(own.samples().len()).block_s());
+    let range_s = blocks_s.fold((f64::INFINITY, 0.0f64), |(low, high), s| {
+        (low.min(s), high.max(s))
+    });
+    let fit = fit::fit_recordings(&part, recordings, &fit_options, Part::Blocks, &|_| ())?;
     let libraries = fit.textures.into_iter().map(|texture| {
         let bytes = library_of(&texture.name, &texture.grid)?;
         Ok((texture.name, bytes))
@@ -560,7 +560,6 @@ pub fn rms(signal: &[f64]) -> f64 {
 mod tests {
     use super::*;
     use crate::dsp::test_signals::noise;
-    use crate::fit::part::analyse_blocks;
     use crate::support::float_wav::float_wav;
 
     /// A trial of 6 s of noise, with a silence in its third second that triage cuts.
@@ -578,11 +577,15 @@ mod tests {
     fn the_blocks_that_judge_are_those_that_the_fit_left_also_where_triage_cuts() {
         let folder = tempfile::tempdir().unwrap();
         let trial = trial_with_a_silent_part(folder.path());
-        let fitted = analyse_blocks(&trial, &fit::Options::default(), 50).unwrap();
-        assert!(fitted.analysis.cut_s > 0.5, "{}", fitted.analysis.cut_s);
-        let of_signal = |block: std::ops::Range<usize>| fitted.signal.samples[block].to_vec();
-        let left: Vec<Vec<f64>> = fitted.blocks.judged().map(of_signal).collect();
-        let used: Vec<Vec<f64>> = fitted.blocks.fitted().map(of_signal).collect();
+        let (analysis, signal) =
+            fit::analyse(&trial, &fit::Options::default(), Part::Blocks).unwrap();
+        assert!(analysis.cut_s > 0.5, "{}", analysis.cut_s);
+        let of_signal = |block: std::ops::Range<usize>| signal.samples[block].to_vec();
+        let blocks = Blocks::of(signal.samples.len());
+        let left: Vec<Vec<f64>> = blocks.judged().map(of_signal).collect();
+        let used: Vec<Vec<f64>> = blocks.fitted().map(of_signal).collect();
+        let fitted: usize = used.iter().map(Vec::len).sum();
+        assert_eq!(analysis.samples, fitted);
         let comparison = read(&trial, &Judge::Blocks, Conditioning::default()).unwrap();
         assert_eq!(comparison.judged, left);
         assert_eq!(comparison.other, used);

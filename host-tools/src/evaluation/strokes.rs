@@ -75,7 +75,7 @@ impl Stroke {
             held: Some(HeldSamples::new(rate_hz, axes, false)?.into()),
             ..Trial::of(file, "", 0.0, 0.0)
         };
-        let signal = fit::signal_of_judged(&trial, &[], conditioning)?;
+        let signal = fit::whole_signal(&trial, conditioning)?;
         let per_window = rate_hz * WINDOW_S;
         let count =
             (signal.samples.len() / WINDOW).min((speed_mm_s.len() as f64 / per_window) as usize);

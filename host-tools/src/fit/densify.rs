@@ -13,19 +13,21 @@
 use std::collections::HashMap;
 use std::sync::{Mutex, PoisonError};
 
-use model_format::{NodeFlags, TextureSpec, limits};
+use model_format::{NodeFlags, SAMPLE_RATE_HZ, TextureSpec, limits};
 use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::dsp::log_spectrum::LogSpectrum;
 use crate::dsp::model::Model;
 use crate::dsp::spectrum::DEFAULT_SMOOTHING_WIDTH_HZ;
-use crate::fit::{FittedTexture, Options};
+use crate::fit::blocks::Part;
+use crate::fit::fitted::{Fit, FittedTexture, Source};
+use crate::fit::options::Options;
 use crate::recording::RecordingSet;
 use crate::support::error::{Error, Result};
 use crate::texture::domain::{Method, Neighbour};
 use crate::texture::grid::{Grid, as_written};
-use crate::texture::library::stored_texture;
+use crate::texture::library::{spec_of, stored_nodes};
 use crate::texture::parts::{Between, bytes as bytes_of_parts, on_grid};
 use crate::texture::recorded_spectra::recorded_spectra;
 use crate::texture::recorded_spectra::{NodeIndex, RecordedSpectra, TwoWays};
@@ -56,76 +58,112 @@ pub struct Densified {
     pub lines: Vec<AddedLine>,
 }
 
-/// Fills `textures`, fitted with `options` to the recordings, as densely as a slot of the device allows, telling
-/// `progress` of every line looked at.
-///
-/// The recordings are a set and the reduced signals of its trials, those of dropped trials empty.
+/// A texture whose grid grows.
+struct Growing<'f> {
+    texture: &'f FittedTexture,
+    grid: Grid,
+    told: Told,
+    /// Form of θ of all nodes.
+    stored: StoredTheta,
+}
+
+/// Fills the grids of `fit`, of `set` at 5 kHz with `options`, as densely as a slot of the device allows, telling
+/// `progress` of every texture read and of every line looked at. The recordings are read again, a texture at a time.
 ///
 /// # Errors
-/// A texture that a library cannot hold.
+/// A recording that cannot be used any more; a texture that a library cannot hold.
 pub fn densify(
-    textures: &[FittedTexture],
-    (set, signals): (&RecordingSet, &[Vec<f64>]),
+    fit: &Fit,
+    set: &RecordingSet,
     options: &Options,
     progress: impl Fn(),
 ) -> Result<Densified> {
-    let mut grids: Vec<Grid> = Vec::new();
-    let mut candidates = Vec::new();
-    let mut all_told = Vec::new();
-    for (index, texture) in textures.iter().enumerate() {
-        let field = recorded_spectra(&texture.name, &texture.grid, set, signals);
-        let told = Told::of(index, &texture.grid, field);
-        grids.push(with_holes_filled(&texture.grid, &told));
-        candidates.extend_from_slice(&told.candidates);
-        all_told.push(told);
-    }
+    let source = Source {
+        set,
+        reports: &fit.trials,
+        options,
+        part: Part::Whole,
+    };
+    let growing = |(index, texture)| {
+        progress();
+        Growing::of(index, texture, &source)
+    };
+    let textures = fit.textures.iter().enumerate().map(growing);
+    let mut textures = textures.collect::<Result<Vec<_>>>()?;
+    let candidates = textures
+        .iter_mut()
+        .flat_map(|own| std::mem::take(&mut own.told.candidates));
+    let mut candidates: Vec<Candidate> = candidates.collect();
     candidates.sort_by(|a, b| b.gain.total_cmp(&a.gain));
-    let mut stored: Vec<StoredTheta> = grids
+    let taken: usize = textures
         .iter()
-        .map(|grid| allowed(&grid.models.iter().collect::<Vec<_>>()))
-        .collect();
-    let taken = grids.iter().zip(&stored);
-    let taken = taken.map(|(grid, &theta)| bytes(grid, theta));
-    let mut left = limits::MAX_LIBRARY_BYTES.saturating_sub(taken.sum::<usize>());
+        .map(|own| bytes(&own.grid, own.stored))
+        .sum();
+    let mut left = limits::MAX_LIBRARY_BYTES.saturating_sub(taken);
     let mut lines = Vec::new();
     for candidate in candidates {
         progress();
-        let (grid, told) = (&grids[candidate.texture], &all_told[candidate.texture]);
-        let (direction, value) = (candidate.direction, candidate.value);
-        if !fills_any(grid, told, direction, value) {
-            continue;
-        }
-        let Some(denser) = with_line(grid, told, direction, value) else {
+        let growing = &mut textures[candidate.texture];
+        let Some(more) = growing.grow(&candidate, left) else {
             continue;
         };
-        // One new node that must be fine makes the whole texture fine.
-        let before = stored[candidate.texture];
-        let after = match before {
-            StoredTheta::Fine => StoredTheta::Fine,
-            StoredTheta::Compact => allowed(&new_models(grid, &denser)),
-        };
-        let more = bytes(&denser, after) - bytes(grid, before);
-        if more > left {
-            continue;
-        }
         left -= more;
-        stored[candidate.texture] = after;
-        grids[candidate.texture] = denser;
         lines.push(AddedLine {
-            texture: textures[candidate.texture].name.clone(),
+            texture: growing.texture.name.clone(),
             direction: candidate.direction,
             value: candidate.value,
             promised_gain: candidate.gain,
         });
     }
-    let mut specs = Vec::new();
-    for (texture, grid) in textures.iter().zip(&grids) {
-        let (name, rate_hz) = (&texture.name, options.sample_rate_hz);
-        specs.push(stored_texture(name, texture.provenance, grid, rate_hz)?);
-    }
+    let specs = textures.iter().map(|Growing { texture, grid, .. }| {
+        let nodes = stored_nodes(&texture.name, grid, SAMPLE_RATE_HZ)?;
+        Ok(spec_of(&texture.name, texture.provenance, grid, nodes))
+    });
+    let specs = specs.collect::<Result<Vec<TextureSpec>>>()?;
     model_format::encode(&specs)
         .map_err(|failure| Error::Model(format!("the denser grid does not fit: {failure}")))?;
     Ok(Densified { specs, lines })
+}
+
+impl<'f> Growing<'f> {
+    /// The texture with the index `index`, whose holes are filled by the spectra of its recordings.
+    fn of(index: usize, texture: &'f FittedTexture, source: &Source<'_>) -> Result<Self> {
+        let mut takes = source.takes(texture)?;
+        takes.retain(|take| source.reports[take.number].used);
+        let signals = takes
+            .iter()
+            .map(|take| (take.trial, &take.signal.samples[..]));
+        let field = recorded_spectra(&texture.grid, &signals.collect::<Vec<_>>());
+        let told = Told::of(index, &texture.grid, field);
+        let grid = with_holes_filled(&texture.grid, &told);
+        Ok(Self {
+            stored: allowed(&grid.models.iter().collect::<Vec<_>>()),
+            texture,
+            grid,
+            told,
+        })
+    }
+
+    /// Adds a line of nodes if it takes at most `left` bytes. Returns how many it took; `None` if it was not added.
+    fn grow(&mut self, line: &Candidate, left: usize) -> Option<usize> {
+        let Self { grid, told, .. } = self;
+        let (direction, value) = (line.direction, line.value);
+        if !fills_any(grid, told, direction, value) {
+            return None;
+        }
+        let denser = with_line(grid, told, direction, value)?;
+        // One new node that must be fine makes the whole texture fine.
+        let after = match self.stored {
+            StoredTheta::Fine => StoredTheta::Fine,
+            StoredTheta::Compact => allowed(&new_models(grid, &denser)),
+        };
+        let more = bytes(&denser, after) - bytes(grid, self.stored);
+        if more > left {
+            return None;
+        }
+        (self.grid, self.stored) = (denser, after);
+        Some(more)
+    }
 }
 
 /// The form of θ of a lattice of `models`.
@@ -175,15 +213,9 @@ fn with_holes_filled(grid: &Grid, told: &Told) -> Grid {
 
 /// True if a line at `value` has a node that is filled in: one that the field tells.
 fn fills_any(grid: &Grid, told: &Told, direction: Direction, value: f32) -> bool {
-    let across = match direction {
-        Direction::Speed => &grid.forces_n,
-        Direction::Force => &grid.speeds_mm_s,
-    };
+    let [_, across] = direction.axes(grid);
     across.iter().any(|&other| {
-        let (speed, force) = match direction {
-            Direction::Speed => (as_written(value), as_written(other)),
-            Direction::Force => (as_written(other), as_written(value)),
-        };
+        let [speed, force] = direction.of([as_written(value), as_written(other)]);
         told.model_at(speed, force).is_some()
     })
 }
@@ -199,36 +231,19 @@ fn with_line(grid: &Grid, told: &Told, direction: Direction, value: f32) -> Opti
     if axis.len() >= limits::MAX_AXIS_LEN || axis.get(at) == Some(&value) {
         return None;
     }
-    let places = places_with(grid, direction, at, value);
     axis.insert(at, value);
+    let places = places_with(grid, direction, at, value);
     denser.parts = on_grid(&grid.parts, &places);
     let forces = denser.forces_n.len();
-    let places = 0..denser.speeds_mm_s.len() * forces;
-    denser.models = places
-        .into_par_iter()
-        .map(|index| {
-            let (speed, force) = (index / forces, index % forces);
-            let old = |at_line: usize, before: usize| before - usize::from(before > at_line);
-            match direction {
-                Direction::Speed if speed == at => new_node(
-                    grid,
-                    told,
-                    value,
-                    denser.forces_n[force],
-                    [(at - 1, force), (at, force)],
-                ),
-                Direction::Force if force == at => new_node(
-                    grid,
-                    told,
-                    denser.speeds_mm_s[speed],
-                    value,
-                    [(speed, at - 1), (speed, at)],
-                ),
-                Direction::Speed => grid.models[grid.index(old(at, speed), force)].clone(),
-                Direction::Force => grid.models[grid.index(speed, old(at, force))].clone(),
-            }
-        })
-        .collect();
+    let model = |(index, place): (usize, &Between)| match place.nodes {
+        [node, other] if node == other => grid.models[node].clone(),
+        _ => {
+            let speed_mm_s = denser.speeds_mm_s[index / forces];
+            let force_n = denser.forces_n[index % forces];
+            new_node(grid, told, [speed_mm_s, force_n], place)
+        }
+    };
+    denser.models = places.par_iter().enumerate().map(model).collect();
     Some(denser)
 }
 
@@ -257,29 +272,19 @@ fn places_with(grid: &Grid, direction: Direction, at: usize, value: f32) -> Vec<
     speeds.iter().flat_map(of_speed).collect()
 }
 
-/// A node between two of the grid's: by the spectrum there, or, where the field has none, as the device would play it.
-fn new_node(
-    grid: &Grid,
-    told: &Told,
-    speed_mm_s: f32,
-    force_n: f32,
-    around: [NodeIndex; 2],
-) -> Model {
-    let ends = around.map(|(speed, force)| &grid.models[grid.index(speed, force)]);
+/// A node at a speed, mm/s, and a force, N, between two of the grid's: by the spectrum there, or, where the field has
+/// none, as the device would play it.
+fn new_node(grid: &Grid, told: &Told, at: [f32; 2], place: &Between) -> Model {
+    let ends = place.nodes.map(|node| &grid.models[node]);
     let is_silent = |model: &&Model| model.flags.contains(NodeFlags::SILENT);
-    let (speed, force) = (as_written(speed_mm_s), as_written(force_n));
+    let [speed, force] = at.map(as_written);
     if !ends.iter().any(is_silent)
         && let Some(model) = told.model_at(speed, force)
     {
         return model;
     }
-    let [a, b] = around.map(|(speed, force)| (grid.speeds_mm_s[speed], grid.forces_n[force]));
-    let share = if a.0 == b.0 {
-        (force_n - a.1) / (b.1 - a.1)
-    } else {
-        (speed_mm_s - a.0) / (b.0 - a.0)
-    };
-    let neighbours = [(1.0 - share, ends[0]), (share, ends[1])].map(|(weight, model)| Neighbour {
+    let neighbours = [(1.0 - place.share, ends[0]), (place.share, ends[1])];
+    let neighbours = neighbours.map(|(weight, model)| Neighbour {
         weight: f64::from(weight),
         model,
     });
@@ -313,6 +318,26 @@ pub enum Direction {
     Force,
 }
 
+impl Direction {
+    /// The values of lines on `grid`, and those of the nodes of a line.
+    fn axes(self, grid: &Grid) -> [&[f32]; 2] {
+        self.of([&grid.speeds_mm_s, &grid.forces_n])
+    }
+
+    /// What belongs to speed and to force, from what belongs to a line and to a node of it; and the other way round.
+    fn of<T>(self, [line, node]: [T; 2]) -> [T; 2] {
+        match self {
+            Self::Speed => [line, node],
+            Self::Force => [node, line],
+        }
+    }
+
+    /// The node at these indices of the line and on it.
+    fn node(self, line: usize, node: usize) -> NodeIndex {
+        self.of([line, node]).into()
+    }
+}
+
 /// A line that could be added.
 #[derive(Clone, Debug)]
 struct Candidate {
@@ -335,20 +360,15 @@ fn candidates(
     let most = highest_order(grid);
     let mut candidates = Vec::new();
     for direction in [Direction::Speed, Direction::Force] {
-        let (along, across) = match direction {
-            Direction::Speed => (&grid.speeds_mm_s, grid.forces_n.len()),
-            Direction::Force => (&grid.forces_n, grid.speeds_mm_s.len()),
-        };
-        let place = |index: usize, other: usize| match direction {
-            Direction::Speed => (index, other),
-            Direction::Force => (other, index),
-        };
+        let [along, across] = direction.axes(grid);
+        let across = across.len();
+        let place = |index: usize, other: usize| direction.node(index, other);
         // The mean gain at every value of the axis.
         let gains: Vec<Option<f64>> = (0..along.len())
             .map(|index| {
                 let nodes = (0..across).map(|other| place(index, other));
                 let gains: Vec<f64> = nodes
-                    .filter_map(|node| gain(grid, field, (ways, most), direction, node))
+                    .filter_map(|node| gain(grid, field, ways, most, direction, node))
                     .collect();
                 let mean = gains.iter().sum::<f64>() / gains.len().max(1) as f64;
                 (!gains.is_empty()).then_some(mean)
@@ -408,28 +428,25 @@ fn rounded(value: f32) -> f32 {
 fn gain(
     grid: &Grid,
     field: &RecordedSpectra,
-    (ways, most): (&TwoWays, usize),
+    ways: &TwoWays,
+    most: usize,
     direction: Direction,
     node: NodeIndex,
 ) -> Option<f64> {
     let recorded = field.spectrum(node)?;
-    let (before, after) = match direction {
-        Direction::Speed => ((node.0.checked_sub(1)?, node.1), (node.0 + 1, node.1)),
-        Direction::Force => ((node.0, node.1.checked_sub(1)?), (node.0, node.1 + 1)),
-    };
-    if after.0 >= grid.speeds_mm_s.len() || after.1 >= grid.forces_n.len() {
+    let [line, across] = direction.of(node.into());
+    let [along, _] = direction.axes(grid);
+    let [low, high] = [line.checked_sub(1)?, line + 1];
+    if high >= along.len() {
         return None;
     }
+    let [before, after] = [low, high].map(|line| direction.node(line, across));
     let filled = match direction {
         Direction::Speed => ways.along_speed(field, node)?,
         Direction::Force => ways.along_force(field, node)?,
     };
     field.spectrum(before).and(field.spectrum(after))?;
-    let value = |place: NodeIndex| match direction {
-        Direction::Speed => grid.speeds_mm_s[place.0],
-        Direction::Force => grid.forces_n[place.1],
-    };
-    let share = f64::from((value(node) - value(before)) / (value(after) - value(before)));
+    let share = f64::from((along[line] - along[low]) / (along[high] - along[low]));
     let neighbours = [(before, 1.0 - share), (after, share)].map(|(place, weight)| Neighbour {
         weight,
         model: &grid.models[grid.index(place.0, place.1)],

@@ -26,19 +26,15 @@ pub(super) struct Estimate {
     pub bands: Bands,
 }
 
-/// Estimates the autocorrelation of `signal` at 5 kHz, whose plain autocorrelation is `plain` and which was filtered at
-/// `cut_hz`, if at all.
-pub(super) fn estimate(signal: &[f64], plain: Autocorrelation, cut_hz: Option<f64>) -> Estimate {
-    estimate_at(f64::from(SAMPLE_RATE_HZ), signal, plain, cut_hz)
-}
-
-/// As [`estimate`], of a signal at `rate_hz`.
-pub(super) fn estimate_at(
-    rate_hz: f64,
+/// Estimates the autocorrelation of `signal` at `rate_hz`, whose plain autocorrelation is `plain` and which was filtered
+/// at `cut_hz`, if at all.
+pub(super) fn estimate(
+    rate_hz: u32,
     signal: &[f64],
     plain: Autocorrelation,
     cut_hz: Option<f64>,
 ) -> Estimate {
+    let rate_hz = f64::from(rate_hz);
     let tapered = Tapered::of(signal, plain.lags.len() - 1);
     if let Some(cut_hz) = cut_hz {
         // The filter has taken what leaks.
@@ -58,6 +54,50 @@ pub(super) fn estimate_at(
         plain.lags
     };
     Estimate { lags, bands }
+}
+
+/// Estimates the autocorrelation of the `parts` of a signal at 5 kHz, up to `max_lag`: the mean of theirs, each weighed
+/// by its length.
+pub(super) fn estimate_of(parts: &[&[f64]], max_lag: usize, cut_hz: Option<f64>) -> Estimate {
+    let samples: usize = parts.iter().map(|part| part.len()).sum();
+    let of_part = |part: &&[f64]| {
+        let weight = part.len() as f64 / samples.max(1) as f64;
+        (
+            weight,
+            estimate(
+                SAMPLE_RATE_HZ,
+                part,
+                Autocorrelation::of(part, max_lag),
+                cut_hz,
+            ),
+        )
+    };
+    let estimates: Vec<(f64, Estimate)> = parts.iter().map(of_part).collect();
+    let lags = estimates
+        .iter()
+        .map(|(weight, estimate)| (*weight, &estimate.lags[..]));
+    Estimate {
+        lags: pooled_lags(lags),
+        bands: Bands::mean(
+            estimates
+                .iter()
+                .map(|(weight, estimate)| (*weight, &estimate.bands)),
+        ),
+    }
+}
+
+/// The weighted mean of autocorrelations, as far as the longest goes; the weights add up to one.
+pub(super) fn pooled_lags<'a>(terms: impl Iterator<Item = (f64, &'a [f64])>) -> Vec<f64> {
+    let mut pooled = Vec::new();
+    for (weight, lags) in terms {
+        if pooled.len() < lags.len() {
+            pooled.resize(lags.len(), 0.0);
+        }
+        for (sum, lag) in pooled.iter_mut().zip(lags) {
+            *sum += weight * lag;
+        }
+    }
+    pooled
 }
 
 /// Number of bands, from 4 Hz to 2 kHz: those of the hand's motion that the tool's lowest mode leaks into, and up to
@@ -239,7 +279,7 @@ mod tests {
         let tapered = Tapered::of(signal, 400).into_autocorrelation();
         let rectangular = plain.lags.clone();
         [
-            estimate(signal, plain, None).lags,
+            estimate(SAMPLE_RATE_HZ, signal, plain, None).lags,
             rectangular,
             tapered.lags,
         ]

@@ -1,28 +1,209 @@
 //! The outcome of a fit.
 
-use std::sync::Arc;
+use model_format::{NodeSpec, Provenance, TextureSpec, limits};
 
-use model_format::{Provenance, TextureSpec};
-
+use super::blocks::Part;
+use super::excitation::{self, Axes, Choice, Chosen, ExcitationReport};
+use super::grid::{Member, assemble};
+use super::lines::Findings;
+use super::notes;
+use super::options::Options;
+use super::recordings::{Recordings, Take};
+use super::reports::TrialReport;
+use super::trial::signal_of_judged;
+use crate::recording::RecordingSet;
 use crate::support::error::{Error, Result};
+use crate::support::in_order::in_order;
 use crate::support::warning::Warning;
 use crate::texture::grid::Grid;
-
-use super::excitation::ExcitationReport;
-use super::lines::Findings;
-use super::trial::TrialReport;
+use crate::texture::library::{spec_of, stored_nodes};
 
 /// A fitted texture.
 #[derive(Clone, Debug)]
 pub struct FittedTexture {
     /// Name.
     pub name: String,
+    /// Indices of its trials in the set.
+    pub members: Vec<usize>,
     /// Origin of its recordings.
     pub provenance: Provenance,
-    /// Its models.
+    /// Its models, and its optional parts.
     pub grid: Grid,
+    /// The models as they are stored.
+    pub nodes: Vec<NodeSpec>,
+    /// Sample rate of the models, Hz.
+    pub sample_rate_hz: u32,
     /// Lines that are locked to place, or the reason for none.
-    pub lines: Arc<Findings>,
+    pub lines: Findings,
+    /// Its excitation; none if the fit was of the models alone.
+    pub excitation: Option<ExcitationReport>,
+    /// Notes for the user.
+    pub notes: Vec<Warning>,
+}
+
+impl FittedTexture {
+    /// Fits the models of one texture to its recordings, of which `reports` tells which are used, with Gaussian
+    /// excitation of steady level.
+    ///
+    /// # Errors
+    /// A texture without a trial that is used, or that a library cannot hold.
+    pub(super) fn of(
+        recordings: &Recordings<'_>,
+        reports: &[TrialReport],
+        options: &Options,
+    ) -> Result<Self> {
+        let all = &recordings.trials;
+        let name = all
+            .first()
+            .map_or_else(String::new, |own| own.trial.texture.clone());
+        // Where the stylus is silent whatever was recorded.
+        let idle = all
+            .iter()
+            .filter(|own| !own.trial.is_in_motion_and_contact())
+            .count();
+        let members = all.iter().map(|own| Member {
+            trial: own.trial,
+            analysis: &own.analysis,
+            report: &reports[own.number],
+        });
+        let members: Vec<Member<'_>> = members.filter(|member| member.report.used).collect();
+        if members.is_empty() {
+            return Err(nothing_to_fit(&name, idle, all.len()));
+        }
+        let is_simulated = |member: &Member<'_>| member.trial.provenance == Provenance::Simulated;
+        let (grid, misses) = assemble(&name, &members, &recordings.findings, options)?;
+        Ok(Self {
+            notes: notes::of(&name, &grid, &misses, &members, idle, options),
+            members: all.iter().map(|own| own.number).collect(),
+            provenance: if members.iter().any(is_simulated) {
+                Provenance::Simulated
+            } else {
+                Provenance::Recorded
+            },
+            nodes: stored_nodes(&name, &grid, options.sample_rate_hz)?,
+            grid,
+            name,
+            sample_rate_hz: options.sample_rate_hz,
+            lines: recordings.findings.clone(),
+            excitation: None,
+        })
+    }
+
+    /// Adds what excites the models, in at most `room` bytes, telling `progress` of each of the `takes` that is done.
+    fn excite(
+        &mut self,
+        takes: Vec<Take<'_>>,
+        room: usize,
+        source: &Source<'_>,
+        progress: &(impl Fn() + Sync),
+    ) {
+        let choice = Choice {
+            name: &self.name,
+            axes: Axes {
+                speeds_mm_s: &self.grid.speeds_mm_s,
+                forces_n: &self.grid.forces_n,
+            },
+            options: source.options,
+            room,
+        };
+        let Chosen { parts, report } = excitation::of(
+            choice,
+            &self.nodes,
+            takes,
+            source.reports,
+            source.part,
+            progress,
+        );
+        self.grid.parts.excitation = parts.excitation;
+        self.grid.parts.modulation = parts.modulation;
+        self.excitation = Some(report);
+    }
+
+    /// The texture, ready to be encoded.
+    pub fn spec(&self) -> TextureSpec {
+        TextureSpec {
+            sample_rate_hz: self.sample_rate_hz,
+            ..spec_of(&self.name, self.provenance, &self.grid, self.nodes.clone())
+        }
+    }
+}
+
+/// The recordings behind a fit.
+#[derive(Clone, Copy)]
+pub(super) struct Source<'s> {
+    pub set: &'s RecordingSet,
+    /// The account of every trial, in the order of the set.
+    pub reports: &'s [TrialReport],
+    pub options: &'s Options,
+    /// What of each trial is fitted.
+    pub part: Part,
+}
+
+impl<'s> Source<'s> {
+    /// Adds to each of `textures` what excites its models, by the signals that are held of it, in the same order, or else
+    /// are read again. `progress` is told of each trial that is done.
+    ///
+    /// # Errors
+    /// A recording that cannot be read again; textures that make no library.
+    pub fn excite(
+        &self,
+        textures: &mut [FittedTexture],
+        held: impl IntoIterator<Item = Option<Vec<Take<'s>>>>,
+        progress: &(impl Fn() + Sync),
+    ) -> Result<()> {
+        if !excitation::is_wanted(self.options) {
+            return Ok(());
+        }
+        // The models come first, and what they leave of a library is shared alike.
+        let models = encoded(&specs(textures))?.len();
+        let room = limits::MAX_LIBRARY_BYTES.saturating_sub(models) / textures.len().max(1);
+        for (texture, held) in textures.iter_mut().zip(held) {
+            let takes = held.map_or_else(|| self.takes(texture), Ok)?;
+            texture.excite(takes, room, self, progress);
+        }
+        Ok(())
+    }
+
+    /// Reads the signals of a texture's trials again, as far as the fit used them, or all if it has lines, which show in
+    /// all of them.
+    ///
+    /// # Errors
+    /// A recording that cannot be used any more.
+    pub fn takes(&self, texture: &FittedTexture) -> Result<Vec<Take<'s>>> {
+        if !texture.lines.lines.is_empty() {
+            let recordings =
+                Recordings::read(self.set, &texture.members, self.options, self.part, &|_| ())?;
+            return Ok(recordings.into_takes().unwrap_or_default());
+        }
+        let used = |number: &usize| self.reports[*number].used;
+        let used: Vec<usize> = texture.members.iter().copied().filter(used).collect();
+        in_order(&used, |&number| {
+            let (trial, verdicts) = (&self.set.trials[number], &self.reports[number].verdicts);
+            let signal = signal_of_judged(trial, verdicts, self.options.conditioning)?;
+            Ok(Take {
+                number,
+                trial,
+                signal,
+            })
+        })
+    }
+}
+
+/// `textures`, ready to be encoded.
+fn specs(textures: &[FittedTexture]) -> Vec<TextureSpec> {
+    textures.iter().map(FittedTexture::spec).collect()
+}
+
+/// The error of a texture of which no trial can be used; `idle` of all its trials are at speed 0 or force 0.
+fn nothing_to_fit(name: &str, idle: usize, all: usize) -> Error {
+    Error::Model(if idle == all {
+        format!(
+            "texture '{name}': every trial is at speed 0 or force 0, where the stylus is silent: record it in motion \
+             and contact, or give light contact its force, such as 0.05 N"
+        )
+    } else {
+        format!("texture '{name}': every trial was dropped; nothing is left to fit")
+    })
 }
 
 /// The outcome of a fit.
@@ -30,23 +211,33 @@ pub struct FittedTexture {
 pub struct Fit {
     /// Every trial, in the order of the set.
     pub trials: Vec<TrialReport>,
-    /// The textures, ready to be encoded.
-    pub specs: Vec<TextureSpec>,
-    /// The textures before quantisation, in the same order.
+    /// The textures, in the order of their first trials.
     pub textures: Vec<FittedTexture>,
-    /// Their excitations, in the same order; none if the fit was of the models alone.
-    pub excitations: Vec<ExcitationReport>,
-    /// Notes for the user.
-    pub warnings: Vec<Warning>,
+    /// Notes for the user on the set as a whole.
+    pub notes: Vec<Warning>,
 }
 
 impl Fit {
+    /// All notes for the user: on the set, and on each texture.
+    pub fn warnings(&self) -> Vec<Warning> {
+        let of_textures = self.textures.iter().flat_map(|texture| &texture.notes);
+        self.notes.iter().chain(of_textures).cloned().collect()
+    }
+
+    /// The excitations of all textures that have one.
+    pub fn excitations(&self) -> Vec<ExcitationReport> {
+        self.textures
+            .iter()
+            .filter_map(|texture| texture.excitation.clone())
+            .collect()
+    }
+
     /// Encodes its textures as a library.
     ///
     /// # Errors
     /// Textures that no library holds.
     pub fn library(&self) -> Result<Vec<u8>> {
-        encoded(&self.specs)
+        encoded(&specs(&self.textures))
     }
 }
 

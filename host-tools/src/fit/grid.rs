@@ -3,10 +3,11 @@
 use model_format::{FadeLaw, Laws, LevelLaw, NodeFlags, PartsSpec, limits};
 use rayon::prelude::*;
 
-use super::estimate::{BandLevel, Bands};
-use super::lines::{LineMember, lines_on};
+use super::estimate::{BandLevel, Bands, pooled_lags};
+use super::lines::{Findings, LineMember, lines_on};
 use super::options::{Options, Order};
-use super::trial::{Analysis, TrialReport};
+use super::reports::TrialReport;
+use super::trial::Analysis;
 use crate::dsp::linear_prediction::{Prediction, corrected};
 use crate::dsp::model::Model;
 use crate::recording::Trial;
@@ -19,7 +20,13 @@ const NOTABLE_MISS_DB: f64 = 3.0;
 /// An order needs this many samples of data for each of its coefficients.
 const SAMPLES_PER_COEFFICIENT: usize = 4;
 
-type Member<'a> = (&'a Trial, &'a Analysis, &'a TrialReport);
+/// A trial that a texture is fitted to.
+#[derive(Clone, Copy)]
+pub(super) struct Member<'a> {
+    pub trial: &'a Trial,
+    pub analysis: &'a Analysis,
+    pub report: &'a TrialReport,
+}
 
 /// A model of the trials of one node.
 struct Measured {
@@ -38,20 +45,20 @@ pub(super) struct Miss {
     pub band: BandLevel,
 }
 
-/// Builds the grid of texture `name` from its trials, at least one, and tells which nodes miss a band of their
-/// recording.
+/// Builds the grid of texture `name` from its trials, at least one, and its lines, and tells which nodes miss a band of
+/// their recording.
 pub(super) fn assemble(
     name: &str,
     members: &[Member<'_>],
+    findings: &Findings,
     options: &Options,
 ) -> Result<(Grid, Vec<Miss>)> {
-    let speeds_mm_s = axis(name, "speeds", members.iter().map(|m| m.0.speed_mm_s))?;
-    let forces_n = axis(name, "forces", members.iter().map(|m| m.0.force_n))?;
+    let speeds_mm_s = axis(name, "speeds", members.iter().map(|m| m.trial.speed_mm_s))?;
+    let forces_n = axis(name, "forces", members.iter().map(|m| m.trial.force_n))?;
     let mut cells: Vec<Vec<Member<'_>>> = vec![Vec::new(); speeds_mm_s.len() * forces_n.len()];
-    let place = |axis: &[f32], value: f64| axis.partition_point(|&v| v < value as f32);
     for &member in members {
-        let speed = place(&speeds_mm_s, member.0.speed_mm_s);
-        let force = place(&forces_n, member.0.force_n);
+        let speed = place(&speeds_mm_s, member.trial.speed_mm_s);
+        let force = place(&forces_n, member.trial.force_n);
         cells[speed * forces_n.len() + force].push(member);
     }
     let measured: Vec<Option<Measured>> = cells
@@ -82,13 +89,13 @@ pub(super) fn assemble(
         parts: PartsSpec::default(),
         models,
     };
-    let lines = members.iter().map(|(trial, analysis, _)| LineMember {
-        speed_mm_s: trial.speed_mm_s,
-        force_n: trial.force_n,
-        is_silent: analysis.is_silent(),
-        lines: &analysis.lines,
+    let lines = members.iter().map(|member| LineMember {
+        speed_mm_s: member.trial.speed_mm_s,
+        force_n: member.trial.force_n,
+        is_silent: member.analysis.is_silent(),
+        lines: &member.analysis.lines,
     });
-    grid.parts.lines = lines_on(&grid, &lines.collect::<Vec<_>>());
+    grid.parts.lines = lines_on(&grid, findings, &lines.collect::<Vec<_>>());
     Ok((grid, misses))
 }
 
@@ -125,17 +132,22 @@ fn axis(name: &str, what: &str, values: impl Iterator<Item = f64>) -> Result<Vec
     Ok(axis)
 }
 
+/// Index of the first of the ascending values of an axis that is not below `value`.
+pub(super) fn place(axis: &[f32], value: f64) -> usize {
+    axis.partition_point(|&v| v < value as f32)
+}
+
 /// The model of a node's trials taken together; `None` where there is no trial.
 fn measured_model(cell: &[Member<'_>], options: &Options) -> Option<Measured> {
     let doubtful =
-        |(_, analysis, report): &Member<'_>| !analysis.is_silent() && !report.verdicts.is_empty();
+        |member: &Member<'_>| !member.analysis.is_silent() && !member.report.verdicts.is_empty();
     let mut flags = NodeFlags::NONE;
     if cell.iter().any(doubtful) {
         flags = flags.with(NodeFlags::DOUBTFUL);
     }
     let loud: Vec<&Analysis> = cell
         .iter()
-        .map(|&(_, analysis, _)| analysis)
+        .map(|member| member.analysis)
         .filter(|analysis| !analysis.is_silent())
         .collect();
     if cell.is_empty() {
@@ -148,7 +160,8 @@ fn measured_model(cell: &[Member<'_>], options: &Options) -> Option<Measured> {
         });
     }
     let samples: usize = loud.iter().map(|analysis| analysis.samples).sum();
-    let lags = pooled_lags(&loud, samples);
+    let weight = |trial: &Analysis| trial.samples as f64 / samples as f64;
+    let lags = pooled_lags(loud.iter().map(|trial| (weight(trial), &trial.lags[..])));
     let output_power = lags[0];
     let order_cap = samples / SAMPLES_PER_COEFFICIENT;
     let max_order = options.order.highest().min(order_cap);
@@ -163,26 +176,9 @@ fn measured_model(cell: &[Member<'_>], options: &Options) -> Option<Measured> {
         output_power,
         flags,
     };
-    let weight = |trial: &Analysis| trial.samples as f64 / samples as f64;
     let recorded = Bands::mean(loud.iter().map(|trial| (weight(trial), &trial.bands)));
     let miss = recorded.missed_by(&model, samples, NOTABLE_MISS_DB);
     Some(Measured { model, miss })
-}
-
-/// The autocorrelation of several trials of one node: the mean of theirs, each weighed by its length.
-fn pooled_lags(trials: &[&Analysis], samples: usize) -> Vec<f64> {
-    if let [only] = trials {
-        return only.lags.clone();
-    }
-    let longest = trials.iter().map(|trial| trial.lags.len()).max();
-    let mut pooled = vec![0.0; longest.unwrap_or(0)];
-    for trial in trials {
-        let weight = trial.samples as f64 / samples as f64;
-        for (sum, lag) in pooled.iter_mut().zip(&trial.lags) {
-            *sum += weight * lag;
-        }
-    }
-    pooled
 }
 
 /// Fills holes from the nodes that were measured, and from those only, so that the order of filling does not matter.

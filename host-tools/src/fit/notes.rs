@@ -2,17 +2,16 @@
 
 use std::collections::HashSet;
 
-use model_format::NodeFlags;
+use model_format::{NodeFlags, SAMPLE_RATE_HZ};
 use rayon::prelude::*;
 
-use super::grid::Miss;
+use super::grid::{Member, Miss};
 use super::options::{Options, Order};
-use super::trial::TrialReport;
+use super::reports::TrialReport;
 use crate::dsp::high_pass::{SLOW_HZ, lowest_hz};
 use crate::fit::conditioning::HighPass;
 use crate::recording::pattern::one_number;
 use crate::recording::{RecordingSet, Trial, grid_by_gaps, holds_integers};
-use crate::support::file_name::portable;
 use crate::support::warning::Warning;
 use crate::texture::grid::Grid;
 
@@ -30,37 +29,17 @@ const SPARSE_NODES: usize = 12;
 const LACK_S: f64 = 0.005;
 const LACK_SHARE: f64 = 0.001;
 
-/// A trial whose file ends before the duration that its list gives.
-#[derive(Clone, Debug)]
-pub(super) struct Short {
-    file: String,
-    asked_s: f64,
-    held_s: f64,
-}
-
-impl Short {
-    /// The finding on `trial`, of which `held_s` were read.
-    pub(super) fn of(trial: &Trial, held_s: f64) -> Option<Self> {
-        let asked_s = trial.duration_s?;
-        (asked_s - held_s > LACK_S.max(LACK_SHARE * asked_s)).then(|| Self {
-            file: portable(&trial.file),
-            asked_s,
-            held_s,
-        })
-    }
-}
-
-/// Returns the notes on texture `name`: on its `grid`, on the bands that nodes miss, on the `trials`
-/// that were used and those that end too early, and on the number of `idle` ones, which were not used, because they are
-/// at rest or without contact.
+/// Returns the notes on texture `name`: on its `grid`, on the bands that nodes miss, on the `members` that were used,
+/// and on the number of `idle` trials, which were not used, because they are at rest or without contact.
 pub(super) fn of(
     name: &str,
     grid: &Grid,
     misses: &[Miss],
-    (trials, short): (&[&TrialReport], &[Short]),
+    members: &[Member<'_>],
     idle: usize,
     options: &Options,
 ) -> Vec<Warning> {
+    let trials: Vec<&TrialReport> = members.iter().map(|member| member.report).collect();
     let note = |kind, size: f64, text| Warning::of_texture(kind, name, size, text);
     let left_out = (idle > 0).then(|| {
         let text = format!(
@@ -97,12 +76,12 @@ pub(super) fn of(
     let noted = |(kind, size, text): Noted| note(kind, size, text);
     let notes = left_out
         .into_iter()
-        .chain(too_short(short).map(noted))
-        .chain(mostly_filled(grid, trials).map(noted))
+        .chain(too_short(members, options).map(noted))
+        .chain(mostly_filled(grid, &trials).map(noted))
         .chain(close.map(noted));
     let notes = notes.chain(lowered).chain(removed);
     notes
-        .chain(slow_motion(trials).map(noted))
+        .chain(slow_motion(&trials).map(noted))
         .chain(missed_bands(misses, options).map(noted))
         .collect()
 }
@@ -151,19 +130,24 @@ fn slow_motion(trials: &[&TrialReport]) -> Option<Noted> {
     Some(("slow motion", share, text))
 }
 
-/// Returns a note on trials whose files end early.
-fn too_short(short: &[Short]) -> Option<Noted> {
-    let lack = |short: &&Short| short.asked_s - short.held_s;
-    let worst = short.iter().max_by(|a, b| lack(a).total_cmp(&lack(b)))?;
+/// Returns a note on trials whose files end before the duration that their list gives.
+fn too_short(members: &[Member<'_>], options: &Options) -> Option<Noted> {
+    let short = members.iter().filter_map(|member| {
+        let held_s = member.analysis.samples as f64 / f64::from(options.sample_rate_hz)
+            + member.report.cut_s;
+        let asked_s = member.trial.duration_s?;
+        let lack_s = asked_s - held_s;
+        (lack_s > LACK_S.max(LACK_SHARE * asked_s)).then_some((lack_s, held_s, asked_s, member))
+    });
+    let short: Vec<_> = short.collect();
+    let (lack_s, held_s, asked_s, worst) = short.iter().max_by(|a, b| a.0.total_cmp(&b.0))?;
     let text = format!(
-        "{} trial(s) are shorter than the duration that was asked for, such as {} with {:.3} s of {} s: mend \
-         duration_s in the list, or record for longer",
+        "{} trial(s) are shorter than the duration that was asked for, such as {} with {held_s:.3} s of {asked_s} s: \
+         mend duration_s in the list, or record for longer",
         short.len(),
-        worst.file,
-        worst.held_s,
-        worst.asked_s
+        worst.report.file,
     );
-    Some(("short", lack(&worst), text))
+    Some(("short", *lack_s, text))
 }
 
 /// Returns a note on a grid of which most nodes have no recording, with the tolerance that makes a dense one of it.
@@ -260,8 +244,20 @@ const LARGE_SPEED_MM_S: f64 = 2000.0;
 const SMALL_SPEED_MM_S: f64 = 1.0;
 
 /// Returns the notes on `set`, whose trials have these `reports`.
-pub(super) fn of_set(set: &RecordingSet, reports: &[TrialReport]) -> Vec<Warning> {
+pub(super) fn of_set(
+    set: &RecordingSet,
+    reports: &[TrialReport],
+    options: &Options,
+) -> Vec<Warning> {
     let mut notes = Vec::new();
+    if options.sample_rate_hz != SAMPLE_RATE_HZ {
+        let text = format!(
+            "at {} Hz nothing but noise of steady level is fitted: residual, level and lines are sought at \
+             {SAMPLE_RATE_HZ} Hz alone",
+            options.sample_rate_hz
+        );
+        notes.push(Warning::of_set("rate", text));
+    }
     notes.extend(missing_scale(set, reports).map(|text| Warning::of_set("scale", text)));
     notes.extend(unlisted_speeds(set).map(|text| Warning::of_set("unlisted", text)));
     let motions = doubtful_motions(&set.trials);

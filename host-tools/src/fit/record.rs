@@ -62,7 +62,7 @@ impl FoundLines {
         textures
             .map(|texture| Self {
                 texture: texture.name.clone(),
-                findings: texture.lines.as_ref().clone(),
+                findings: texture.lines.clone(),
             })
             .collect()
     }
@@ -115,7 +115,7 @@ impl FitRecord {
     #[must_use]
     pub fn with_account_of(self, fit: &Fit) -> Self {
         Self {
-            excitations: fit.excitations.clone(),
+            excitations: fit.excitations(),
             lines: FoundLines::of(fit),
             ..self
         }

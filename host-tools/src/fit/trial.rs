@@ -1,21 +1,20 @@
 //! One trial: from its file to the statistics that a model is fitted to.
 
 use std::ops::Range;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 use model_format::SAMPLE_RATE_HZ;
 use serde::{Deserialize, Serialize};
 
-use super::estimate::Bands;
-use super::estimate::estimate_at;
+use super::blocks::Part;
+use super::estimate::{Bands, Estimate, estimate, estimate_of};
 use super::lines::TrialLines;
 use super::options::Options;
 use crate::dsp::autocorrelation::Autocorrelation;
 use crate::dsp::high_pass::{high_pass, slow_share};
-use crate::dsp::reduction::{Reduction, angle_deg, reduce, remove_mean};
+use crate::dsp::reduction::{Reduced, Reduction, angle_deg, reduce, remove_mean};
 use crate::dsp::sums::mean;
 use crate::fit::conditioning::{Conditioning, HighPass};
-use crate::recording::triage::{Kind, Sketch, Verdict, in_words};
+use crate::recording::triage::{Kind, Sketch, Verdict};
 use crate::recording::{self, Samples, Trial, triage};
 use crate::support::error::{Error, Result};
 
@@ -199,209 +198,106 @@ pub struct Signal {
 /// # Errors
 /// A file that cannot be used, or without the axis that was asked for.
 pub fn signal(trial: &Trial, conditioning: Conditioning) -> Result<Signal> {
-    reduced(trial, triaged(trial, conditioning)?, conditioning.reduction)
+    triaged(trial, conditioning)?.into_signal(trial, conditioning.reduction)
 }
 
-/// As [`signal`], without triage: `verdicts` are what triage found on this trial. Without verdicts nothing is cut, and
-/// every moment stays in its place.
+/// As [`signal`], of which nothing is cut: every moment stays in its place.
 ///
 /// # Errors
 /// Those of [`signal`].
-pub fn signal_of_judged(
+pub fn whole_signal(trial: &Trial, conditioning: Conditioning) -> Result<Signal> {
+    signal_of_judged(trial, &[], conditioning)
+}
+
+/// As [`signal`], without triage: `verdicts` are what triage found on this trial.
+///
+/// # Errors
+/// Those of [`signal`].
+pub(super) fn signal_of_judged(
     trial: &Trial,
     verdicts: &[Verdict],
     conditioning: Conditioning,
 ) -> Result<Signal> {
     let triaged = without_cuts(recording::read(trial)?, verdicts.to_vec(), conditioning);
-    reduced(trial, triaged, conditioning.reduction)
+    triaged.into_signal(trial, conditioning.reduction)
 }
 
-fn reduced(trial: &Trial, triaged: Triaged, reduction: Reduction) -> Result<Signal> {
-    let Triaged {
-        mut samples,
-        flaws,
-        slow,
-        ..
-    } = triaged;
-    let reduced = reduce(&mut samples.axes, reduction)
-        .map_err(|missing| Error::file(&trial.file, missing.to_string()))?;
-    Ok(Signal {
-        samples: reduced.signal,
-        source_rate_hz: samples.source_rate_hz,
-        cut_hz: slow.cut_hz,
-        flaws,
-    })
+/// Reduces the axes of `trial` to one.
+fn reduced(trial: &Trial, axes: &mut [Vec<f64>], reduction: Reduction) -> Result<Reduced> {
+    reduce(axes, reduction).map_err(|missing| Error::file(&trial.file, missing.to_string()))
 }
 
-/// Reads and analyses `trial` for models of up to `max_order`, at the rate of `options`. Triage is at 5 kHz.
+impl Triaged {
+    fn into_signal(mut self, trial: &Trial, reduction: Reduction) -> Result<Signal> {
+        let reduced = reduced(trial, &mut self.samples.axes, reduction)?;
+        Ok(self.with_samples(reduced.signal))
+    }
+
+    /// Its signal, which has these `samples`.
+    fn with_samples(self, samples: Vec<f64>) -> Signal {
+        Signal {
+            samples,
+            source_rate_hz: self.samples.source_rate_hz,
+            cut_hz: self.slow.cut_hz,
+            flaws: self.flaws,
+        }
+    }
+}
+
+/// Reads and analyses the `part` of `trial` that is fitted, for models of the highest order of `options` at their rate.
+/// Triage is of the whole trial, at 5 kHz. Returns the whole signal, too.
 ///
 /// # Errors
 /// A file that cannot be used, or without the axis that was asked for.
-pub fn analyse(trial: &Trial, options: &Options, max_order: usize) -> Result<Analysis> {
-    Ok(analyse_with_signal(trial, options, max_order)?.0)
-}
-
-/// As [`analyse`], with the reduced signal.
-///
-/// # Errors
-/// Those of [`analyse`].
-pub fn analyse_with_signal(
-    trial: &Trial,
-    options: &Options,
-    max_order: usize,
-) -> Result<(Analysis, Signal)> {
-    let Triaged {
-        mut samples,
-        mean_m_s2,
-        slow,
-        mut verdicts,
-        cut_s,
-        flaws,
-        parts,
-    } = triaged(trial, options.conditioning)?;
-    let reduction = options.conditioning.reduction;
-    let reduced = reduce(&mut samples.axes, reduction)
-        .map_err(|missing| Error::file(&trial.file, missing.to_string()))?;
-    let sketch = Sketch::of(&reduced.signal);
-    let mut autocorrelation = Autocorrelation::of(&reduced.signal, max_order);
-    let mut power = autocorrelation.lags[0];
+pub fn analyse(trial: &Trial, options: &Options, part: Part) -> Result<(Analysis, Signal)> {
+    let (reduction, max_lag) = (options.conditioning.reduction, options.order.highest());
+    let mut triaged = triaged(trial, options.conditioning)?;
+    let Reduced {
+        signal: mut samples,
+        energy_share,
+    } = reduced(trial, &mut triaged.samples.axes, reduction)?;
+    let sketch = Sketch::of(&samples);
+    let mut plain = Autocorrelation::of(&samples, max_lag);
+    let power = plain.lags[0];
     if !power.is_finite() {
         let problem = "its samples are too large to be squared; check scale_m_s2";
         return Err(Error::file(&trial.file, problem));
     }
-    let silent = power.sqrt() < options.silence_floor_m_s2 || power <= 0.0;
-    if silent {
-        verdicts.insert(0, Verdict::silent());
+    let is_silent = power.sqrt() < options.silence_floor_m_s2 || power <= 0.0;
+    if is_silent {
+        triaged.verdicts.insert(0, Verdict::silent());
     }
-    let mains_line_hz = if silent {
-        None
-    } else {
-        triage::mains_line(&autocorrelation)
-    };
-    let signal = if options.sample_rate_hz == SAMPLE_RATE_HZ {
-        reduced.signal
-    } else {
-        let mut axes = kept_at(trial, options.sample_rate_hz, &parts, slow.cut_hz)?;
-        let reduced = reduce(&mut axes, reduction)
-            .map_err(|missing| Error::file(&trial.file, missing.to_string()))?;
-        autocorrelation = Autocorrelation::of(&reduced.signal, max_order);
-        power = autocorrelation.lags[0];
-        reduced.signal
-    };
-    let rate_hz = f64::from(options.sample_rate_hz);
-    let estimate = estimate_at(rate_hz, &signal, autocorrelation, slow.cut_hz);
-    if slow.cut_hz.is_some() {
-        power = estimate.lags[0];
+    let mains_line_hz = (!is_silent).then(|| triage::mains_line(&plain)).flatten();
+    let (rate_hz, cut_hz) = (options.sample_rate_hz, triaged.slow.cut_hz);
+    if rate_hz != SAMPLE_RATE_HZ {
+        let mut axes = kept_at(trial, rate_hz, &triaged.parts, cut_hz)?;
+        samples = reduced(trial, &mut axes, reduction)?.signal;
+        plain = Autocorrelation::of(&samples, max_lag);
     }
+    let fitted: Vec<&[f64]> = part
+        .of(samples.len())
+        .into_iter()
+        .map(|range| &samples[range])
+        .collect();
+    let whole_power = plain.lags[0];
+    let Estimate { lags, bands } = match part {
+        Part::Whole => estimate(rate_hz, &samples, plain, cut_hz),
+        Part::Blocks => estimate_of(&fitted, max_lag, cut_hz),
+    };
+    let is_whole = part == Part::Whole && cut_hz.is_none();
     let analysis = Analysis {
-        samples: signal.len(),
-        power,
-        mean_m_s2,
-        energy_share: reduced.energy_share,
-        slow,
-        cut_s,
-        verdicts,
+        samples: fitted.iter().map(|part| part.len()).sum(),
+        power: if is_whole { whole_power } else { lags[0] },
+        mean_m_s2: triaged.mean_m_s2,
+        energy_share,
+        slow: triaged.slow,
+        cut_s: triaged.cut_s,
+        verdicts: std::mem::take(&mut triaged.verdicts),
         mains_line_hz,
         sketch,
         lines: TrialLines::default(),
-        lags: estimate.lags,
-        bands: estimate.bands,
+        lags,
+        bands,
     };
-    let signal = Signal {
-        samples: signal,
-        source_rate_hz: samples.source_rate_hz,
-        cut_hz: slow.cut_hz,
-        flaws,
-    };
-    Ok((analysis, signal))
-}
-
-/// The account of a trial.
-#[derive(Clone, Debug, Serialize)]
-pub struct TrialReport {
-    /// The file.
-    pub file: String,
-    /// Its texture.
-    pub texture: String,
-    /// Tangential speed, mm/s.
-    pub speed_mm_s: f64,
-    /// Normal force, N.
-    pub force_n: f64,
-    /// RMS of the reduced signal, m/s².
-    pub rms_m_s2: f64,
-    /// Largest magnitude of an axis's mean, which was removed, m/s².
-    pub mean_m_s2: f64,
-    /// Share of the axes' energy that the reduced signal keeps.
-    pub energy_share: f64,
-    /// Share of the axes' power below 10 Hz.
-    pub slow_share: f64,
-    /// Cut-off frequency at which the axes were filtered, Hz; none if they were not.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub high_pass_hz: Option<f64>,
-    /// Angle by which slow motion turns the principal axis, degrees.
-    pub axis_turn_deg: f64,
-    /// Duration that triage cut out of it, s.
-    pub cut_s: f64,
-    /// Findings of triage; none for a sound recording.
-    #[serde(serialize_with = "in_words")]
-    pub verdicts: Vec<Verdict>,
-    /// True if the fit used it.
-    pub used: bool,
-}
-
-/// Memory of which parts are taken until there is none left.
-pub(super) struct Budget(AtomicUsize);
-
-impl Budget {
-    pub fn of(bytes: usize) -> Self {
-        Self(AtomicUsize::new(bytes))
-    }
-
-    /// Returns whether there were `bytes` left, which are taken then.
-    pub fn takes(&self, bytes: usize) -> bool {
-        let less = |left: usize| left.checked_sub(bytes);
-        self.0
-            .fetch_update(Ordering::Relaxed, Ordering::Relaxed, less)
-            .is_ok()
-    }
-}
-
-/// Signals of the trials of a set, as far as they are kept.
-#[derive(Default)]
-pub(super) struct KeptSignals(Vec<Option<Signal>>);
-
-impl KeptSignals {
-    /// The signals of all trials, in the order of the set.
-    pub fn of(signals: Vec<Option<Signal>>) -> Self {
-        Self(signals)
-    }
-
-    /// Returns the signal of a trial, if it is kept.
-    pub fn get(&self, trial: usize) -> Option<&Signal> {
-        self.0.get(trial)?.as_ref()
-    }
-
-    /// Returns whether the signals of all `trials` are kept.
-    pub fn has_all(&self, trials: &[usize]) -> bool {
-        trials.iter().all(|&trial| self.get(trial).is_some())
-    }
-
-    /// Keeps the signals of `trials`.
-    pub fn extend(&mut self, trials: &[usize], signals: Vec<Signal>) {
-        for (&trial, signal) in trials.iter().zip(signals) {
-            if self.0.len() <= trial {
-                self.0.resize_with(trial + 1, || None);
-            }
-            self.0[trial] = Some(signal);
-        }
-    }
-
-    /// Lets go of the signals of `trials`.
-    pub fn forget(&mut self, trials: &[usize]) {
-        for &trial in trials {
-            if let Some(signal) = self.0.get_mut(trial) {
-                *signal = None;
-            }
-        }
-    }
+    Ok((analysis, triaged.with_samples(samples)))
 }

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use model_format::{Library, Provenance, SAMPLE_RATE_HZ, TextureSpec, encode};
+use model_format::{Library, NodeSpec, Provenance, SAMPLE_RATE_HZ, TextureSpec, encode};
 
 use super::grid::Grid;
 use super::quantise;
@@ -10,12 +10,14 @@ use super::theta;
 use crate::support::bounded_file::{Limit, MIB};
 use crate::support::error::{Error, Result};
 
-/// Returns texture `name` with the parts of `grid` and its nodes quantised.
-///
-/// # Errors
-/// A node that is too loud, with its speed and force.
-pub fn texture_spec(name: &str, provenance: Provenance, grid: &Grid) -> Result<TextureSpec> {
-    Ok(TextureSpec {
+/// Returns texture `name` with the parts of `grid`, whose nodes as they are stored are `nodes`.
+pub fn spec_of(
+    name: &str,
+    provenance: Provenance,
+    grid: &Grid,
+    nodes: Vec<NodeSpec>,
+) -> TextureSpec {
+    TextureSpec {
         name: name.to_owned(),
         sample_rate_hz: SAMPLE_RATE_HZ,
         provenance,
@@ -23,24 +25,34 @@ pub fn texture_spec(name: &str, provenance: Provenance, grid: &Grid) -> Result<T
         parts: grid.parts.clone(),
         speed_axis_mm_s: grid.speeds_mm_s.clone(),
         force_axis_n: grid.forces_n.clone(),
-        nodes: quantise::nodes(name, grid)?,
-    })
+        nodes,
+    }
 }
 
-/// As [`texture_spec`], at `sample_rate_hz`, with θ in the fewest bytes that keep every node's spectrum.
+/// Returns texture `name` with the parts of `grid` and its nodes quantised.
 ///
 /// # Errors
-/// Those of [`texture_spec`].
-pub fn stored_texture(
-    name: &str,
-    provenance: Provenance,
-    grid: &Grid,
-    sample_rate_hz: u32,
-) -> Result<TextureSpec> {
-    let mut spec = texture_spec(name, provenance, grid)?;
-    spec.sample_rate_hz = sample_rate_hz;
-    spec.nodes = theta::store(grid, spec.nodes, sample_rate_hz);
-    Ok(spec)
+/// A node that is too loud, with its speed and force.
+pub fn texture_spec(name: &str, provenance: Provenance, grid: &Grid) -> Result<TextureSpec> {
+    Ok(spec_of(
+        name,
+        provenance,
+        grid,
+        quantise::nodes(name, grid)?,
+    ))
+}
+
+/// Returns the nodes of `grid`, of models at `sample_rate_hz`, with θ in the fewest bytes that keep every node's
+/// spectrum.
+///
+/// # Errors
+/// A node that is too loud, with its speed and force.
+pub fn stored_nodes(name: &str, grid: &Grid, sample_rate_hz: u32) -> Result<Vec<NodeSpec>> {
+    Ok(theta::store(
+        grid,
+        quantise::nodes(name, grid)?,
+        sample_rate_hz,
+    ))
 }
 
 /// Returns the bytes of a library of one texture: for judging a model, never for a file.

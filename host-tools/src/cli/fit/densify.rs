@@ -8,16 +8,10 @@ use host_tools::support::progress;
 
 use crate::cli::table::table;
 
-/// Densifies the grids of `fit` with progress bars.
+/// Densifies the grids of `fit` with a progress bar.
 pub fn densify(set: &RecordingSet, fit: &Fit, options: &fit::Options) -> Result<Densified> {
-    let bar = progress::bar(set.trials.len() as u64, "reading again");
-    let used: Vec<bool> = fit.trials.iter().map(|report| report.used).collect();
-    let signals = fit::signals_without_lines(set, &used, options, || bar.inc(1))?;
-    bar.finish_and_clear();
     let bar = progress::bar(0, "densifying");
-    let densified = fill(&fit.textures, (set, &signals), options, || {
-        bar.inc_length(1);
-    })?;
+    let densified = fill(fit, set, options, || bar.inc_length(1))?;
     bar.finish_and_clear();
     Ok(densified)
 }

@@ -61,7 +61,7 @@ fn checked_rate(options: &fit::Options, densify: bool) -> Result<fit::Options> {
 /// Fits `set` with a progress bar, and encodes the library.
 pub fn fit_library(set: &RecordingSet, options: &fit::Options) -> Result<(Fit, Vec<u8>)> {
     let bar = progress::bar(set.trials.len() as u64, "fitting");
-    let fit = fit::fit(set, options, || bar.inc(1))?;
+    let fit = fit::fit(set, options, |trials| bar.inc(trials as u64))?;
     bar.finish_and_clear();
     let bytes = fit.library()?;
     Ok((fit, bytes))
@@ -132,14 +132,14 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let set = snapped(arguments.recordings.open()?, arguments.options.snap)?;
     let options = checked_rate(&arguments.options, arguments.densify)?;
     if let Some(shard) = arguments.large.shard_to_map() {
-        return parts::map_shard(&set, &options, shard, (&arguments.large, arguments.json));
+        return parts::map_shard(&set, &options, shard, &arguments.large, arguments.json);
     }
     // clap asks for it in every other case.
     let Some(out) = arguments.out.as_deref() else {
         return Err(Error::Request("give --out, the library to write".into()));
     };
     if arguments.large.each {
-        return parts::write_each(&set, &options, out, (&arguments.large, arguments.json));
+        return parts::write_each(&set, &options, out, &arguments.large, arguments.json);
     }
     let Fitted {
         fit,
@@ -165,10 +165,10 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         return print_json(&FitReport {
             library: out.display().to_string(),
             bytes: bytes.len(),
-            warnings: &fit.warnings,
+            warnings: fit.warnings(),
             textures,
             trials: &fit.trials,
-            excitations: &fit.excitations,
+            excitations: fit.excitations(),
             lines: FoundLines::of(&fit),
             added_lines: denser.as_ref().map(|d| d.lines.as_slice()),
         });
@@ -179,8 +179,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     if let Some(denser) = &denser {
         print(&format!("\n{}", densify::lines_added(&denser.lines)))?;
     }
-    if !fit.excitations.is_empty() {
-        print(&format!("\n{}", excitations(&fit.excitations)))?;
+    let reports = fit.excitations();
+    if !reports.is_empty() {
+        print(&format!("\n{}", excitations(&reports)))?;
     }
     print(&format!(
         "\n{} trials -> {} ({} bytes); the axes' energy kept: {}",

@@ -51,7 +51,8 @@ pub fn map_shard(
     set: &RecordingSet,
     options: &fit::Options,
     shard: Shard,
-    (large, is_json): (&LargeSet, bool),
+    large: &LargeSet,
+    is_json: bool,
 ) -> Result<()> {
     let folder = large.folder().unwrap_or_default();
     let Mapped { trials, reused } = mapped(set, options, shard, &folder)?;
@@ -130,28 +131,29 @@ pub fn write_each(
     set: &RecordingSet,
     options: &fit::Options,
     out: &Path,
-    (large, is_json): (&LargeSet, bool),
+    large: &LargeSet,
+    is_json: bool,
 ) -> Result<()> {
     std::fs::create_dir_all(out).map_err(Error::io("create", out))?;
     let share = large.shard.unwrap_or(Shard::WHOLE);
     let mut stems = Stems::default();
-    let textures: Vec<(usize, &str, String, Vec<usize>)> = set
-        .by_texture()
+    let textures: Vec<(usize, &str, String)> = set
+        .textures()
         .into_iter()
         .enumerate()
-        .map(|(index, (name, members))| (index, name, stems.of(name), members))
+        .map(|(index, name)| (index, name, stems.of(name)))
         .collect();
     let own = || textures.iter().filter(|(index, ..)| share.has(*index));
     let path = |stem: &str| out.join(format!("{stem}.lib"));
-    for (_, _, stem, _) in own() {
+    for (_, _, stem) in own() {
         check_in_growing_folder(&path(stem))?;
         check_in_growing_folder(&FitRecord::path_for(&path(stem)))?;
     }
     let merged = merged(set, options, Some(out.join(PARTS)), large)?;
     let bar = progress::bar(own().count() as u64, "fitting textures");
     let mut libraries = Vec::new();
-    for (_, name, stem, members) in own() {
-        libraries.push(library(&merged, members, name, &path(stem), options)?);
+    for (index, name, stem) in own() {
+        libraries.push(library(&merged, *index, name, &path(stem), options)?);
         bar.inc(1);
     }
     bar.finish_and_clear();
@@ -183,15 +185,15 @@ fn row(written: &Written) -> Vec<String> {
     ]
 }
 
-/// Writes the library of the texture with the trials `members`.
+/// Writes the library of the texture `index`.
 fn library(
     merged: &Merged<'_>,
-    members: &[usize],
+    index: usize,
     name: &str,
     path: &Path,
     options: &fit::Options,
 ) -> Result<Written> {
-    let (set, contents, fit) = merged.fit_texture(members)?;
+    let (set, contents, fit) = merged.fit_texture(index)?;
     let bytes = fit.library()?;
     let record = FitRecord::with_contents(&set, options, &bytes, &contents);
     record.with_account_of(&fit).write_with(path, &bytes)?;
@@ -200,8 +202,8 @@ fn library(
         texture: name.to_owned(),
         library: path.display().to_string(),
         bytes: bytes.len(),
-        trials: members.len(),
+        trials: fit.trials.len(),
         doubtful: fit.trials.iter().filter(doubtful).count(),
-        warnings: fit.warnings,
+        warnings: fit.warnings(),
     })
 }

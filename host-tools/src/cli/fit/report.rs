@@ -14,10 +14,10 @@ use crate::cli::output::warn_of;
 pub struct FitReport<'a> {
     pub library: String,
     pub bytes: usize,
-    pub warnings: &'a [Warning],
+    pub warnings: Vec<Warning>,
     pub textures: Vec<TextureSummary>,
     pub trials: &'a [TrialReport],
-    pub excitations: &'a [ExcitationReport],
+    pub excitations: Vec<ExcitationReport>,
     pub lines: Vec<FoundLines>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub added_lines: Option<&'a [AddedLine]>,
@@ -123,5 +123,5 @@ pub fn show_verdicts(fit: &Fit) {
         })
     };
     let verdicts: Vec<Warning> = fit.trials.iter().flat_map(of_trial).collect();
-    warn_of(&[verdicts.as_slice(), &fit.warnings].concat());
+    warn_of(&[verdicts, fit.warnings()].concat());
 }

@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use super::Options;
 use crate::dsp::spectrum;
 use crate::evaluation::stress::cases::Case;
+use crate::fit::blocks::Part;
 use crate::fit::lines::Lines;
 use crate::fit::{FittedTexture, Order};
 use crate::recording::{RecordingSet, Trial};
@@ -55,8 +56,9 @@ impl Prepared {
             ..fit::Options::default()
         };
         let highest_order = at(Order::Fixed(model_format::limits::MAX_ORDER));
-        let analyses = fit::analyse_set(&material.fit, &highest_order, &progress)?;
-        let fit_at = |order| fit::fit_analysed(&material.fit, &analyses, &at(order));
+        let progress = |_| progress();
+        let recordings = fit::read(&material.fit, &highest_order, Part::Whole, 0, &progress)?;
+        let fit_at = |order| fit::models(&material.fit, &recordings, &at(order));
         let highest = fit_at(Order::Fixed(model_format::limits::MAX_ORDER))?;
         let names = highest.textures.iter().map(|texture| texture.name.clone());
         let names: Vec<String> = names.collect();

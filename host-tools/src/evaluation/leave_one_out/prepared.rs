@@ -6,14 +6,14 @@ use crate::dsp::high_pass::lowest_hz;
 use crate::dsp::model::Model;
 use crate::evaluation::perception::ScoringRange;
 use crate::fit;
+use crate::fit::blocks::Part;
 use crate::fit::densify::Direction;
 use crate::fit::densify::{ECONOMY_DB, highest_order};
 use crate::fit::lines::Lines;
-use crate::fit::{Analysis, Fit};
+use crate::fit::{FittedTexture, Recorded, Recordings};
 use crate::recording::triage::{Kind, Verdict};
 use crate::recording::{RecordingSet, Trial};
 use crate::support::error::{Error, Result};
-use crate::support::in_order::in_order;
 use crate::texture::domain::Neighbour;
 use crate::texture::grid::Grid;
 use crate::texture::recorded_spectra::recorded_spectra;
@@ -60,37 +60,39 @@ impl<'a> Prepared<'a> {
             lines: Lines::None,
             ..fit::Options::default()
         };
-        let read = in_order(&set.trials, |trial| -> Result<_> {
-            let highest = fit_options.order.highest();
-            let (analysis, signal) = fit::analyse_with_signal(trial, &fit_options, highest)?;
-            Ok((analysis, signal.samples))
-        })?;
-        let (analyses, signals): (Vec<_>, Vec<_>) = read.into_iter().unzip();
-        let ranges =
-            analyses
-                .iter()
-                .zip(&signals)
-                .map(|(analysis, signal): (&Analysis, &Vec<f64>)| {
-                    let rate_hz = source_rate_hz(&analysis.verdicts);
-                    let range = ScoringRange::of(rate_hz, signal.len())?;
-                    match analysis.slow.cut_hz {
-                        Some(cut_hz) => range.above(lowest_hz(cut_hz)),
-                        None => Some(range),
-                    }
-                });
-        let ranges = ranges.collect();
-        let Fit { textures, .. } = fit::fit_analysed(set, &analyses, &fit_options)?;
-        let textures = textures
+        let recordings = fit::read(set, &fit_options, Part::Whole, usize::MAX, &|_| ())?;
+        let fit = fit::models(set, &recordings, &fit_options)?;
+        let prepared = |(texture, own): (FittedTexture, &Recordings<'_>)| {
+            let trials = own.trials.iter().map(|own| (own.trial, own.samples()));
+            let field = recorded_spectra(&texture.grid, &trials.collect::<Vec<_>>());
+            PreparedTexture {
+                ways: TwoWays::of(&field),
+                name: texture.name,
+                grid: texture.grid,
+                field,
+            }
+        };
+        let textures = fit
+            .textures
             .into_iter()
-            .map(|texture| {
-                let field = recorded_spectra(&texture.name, &texture.grid, set, &signals);
-                PreparedTexture {
-                    ways: TwoWays::of(&field),
-                    name: texture.name,
-                    grid: texture.grid,
-                    field,
-                }
-            })
+            .zip(&recordings)
+            .map(prepared)
+            .collect();
+        let mut trials: Vec<Recorded<'_>> =
+            recordings.into_iter().flat_map(|own| own.trials).collect();
+        trials.sort_by_key(|own| own.number);
+        let range = |own: &Recorded<'_>| {
+            let rate_hz = source_rate_hz(&own.analysis.verdicts);
+            let range = ScoringRange::of(rate_hz, own.samples().len())?;
+            match own.analysis.slow.cut_hz {
+                Some(cut_hz) => range.above(lowest_hz(cut_hz)),
+                None => Some(range),
+            }
+        };
+        let ranges = trials.iter().map(range).collect();
+        let signals = trials
+            .into_iter()
+            .filter_map(|own| Some(own.signal?.samples))
             .collect();
         let prepared = Self {
             set,

@@ -14,7 +14,7 @@ use crate::dsp::spectrum::AMPLITUDE_JND_DB;
 use crate::evaluation::tables::Table;
 use crate::fit::conditioning::Conditioning;
 use crate::fit::densify::Direction;
-use crate::fit::signal_of_judged;
+use crate::fit::whole_signal;
 use crate::recording::Trial;
 use crate::support::error::Result;
 
@@ -60,7 +60,7 @@ impl Given {
         let file = below.iter().find(|file| file.is_file()).or(below.last());
         let file = file.unwrap_or(&self.folder);
         let played = Trial::of(file, &trial.texture, trial.speed_mm_s, trial.force_n);
-        Ok(signal_of_judged(&played, &[], conditioning)?.samples)
+        Ok(whole_signal(&played, conditioning)?.samples)
     }
 }
 

@@ -9,8 +9,8 @@
 use std::f64::consts::SQRT_2;
 
 use model_format::{
-    CodeSpec, ExcitationSpec, Library, MillimetresPerSecond, ModulationSpec, Newton, NodeSpec,
-    PartsSpec, TextureSpec, encode,
+    CodeSpec, ExcitationSpec, Library, MillimetresPerSecond, Newton, NodeSpec, PartsSpec,
+    TextureSpec, encode,
 };
 use serde::{Deserialize, Serialize};
 use stylus_kernel::Motion;
@@ -53,9 +53,6 @@ impl Distances {
     }
 }
 
-/// Excitation and level of a texture.
-pub(super) type Pair<'a> = (Option<&'a ExcitationSpec>, Option<&'a ModulationSpec>);
-
 /// The traces of the fitted blocks of `traces`, with what was found of the whole. Those without power are left out.
 pub(super) fn fitted(traces: &[Trace]) -> Vec<Trace> {
     let half = |trace: &Trace| {
@@ -79,16 +76,15 @@ pub(super) fn fitted(traces: &[Trace]) -> Vec<Trace> {
     traces.iter().filter_map(half).collect()
 }
 
-/// Distance of an excitation from the other blocks of `traces`, dB; `forces` is the number of forces of the grid.
-/// `None` if nothing is left to judge.
-pub(super) fn distance_db(
-    traces: &[Trace],
-    forces: usize,
-    (excitation, modulation): Pair<'_>,
-) -> Option<f64> {
+/// Distance of the excitation of `parts` from the other blocks of `traces`, dB; `forces` is the number of forces of the
+/// grid. `None` if nothing is left to judge.
+pub(super) fn distance_db(traces: &[Trace], forces: usize, parts: &PartsSpec) -> Option<f64> {
     let source = |trace: &Trace| {
         let node = trace.at.0 * forces + trace.at.1;
-        excitation.map_or(0, |spec| spec.of_nodes[node])
+        parts
+            .excitation
+            .as_ref()
+            .map_or(0, |spec| spec.of_nodes[node])
     };
     let mut sources: Vec<u8> = traces.iter().map(source).collect();
     sources.sort_unstable();
@@ -104,7 +100,7 @@ pub(super) fn distance_db(
         let judged = Levels::of(judged);
         let windows = judged.0[0].len() as f64;
         if windows > 0.0 {
-            let played = played(number, (excitation, modulation))?;
+            let played = played(number, parts)?;
             sum += windows * judged.distance_db(&Levels::of(std::iter::once(&played[..])));
             count += windows;
         }
@@ -112,16 +108,19 @@ pub(super) fn distance_db(
     (count > 0.0).then(|| sum / count)
 }
 
-/// Play by the device's feed of the source `number` at the level of `modulation`, standard deviations.
-fn played(number: u8, (excitation, modulation): Pair<'_>) -> Option<Vec<f64>> {
-    let codebook = excitation.zip(usize::from(number).checked_sub(1));
+/// Play by the device's feed of the source `number` of `parts` at their level, standard deviations.
+fn played(number: u8, parts: &PartsSpec) -> Option<Vec<f64>> {
+    let codebook = parts
+        .excitation
+        .as_ref()
+        .zip(usize::from(number).checked_sub(1));
     let parts = PartsSpec {
         excitation: codebook.map(|(spec, index)| ExcitationSpec {
             codebooks: vec![spec.codebooks[index].clone()],
             of_nodes: vec![1],
             moment_samples: spec.moment_samples,
         }),
-        modulation: modulation.cloned(),
+        modulation: parts.modulation.clone(),
         ..PartsSpec::default()
     };
     let node = NodeSpec::new(1.0, CodeSpec::lattice(Vec::new()));
@@ -215,7 +214,7 @@ mod tests {
     /// Noise whose spectrum tilts as its level swells, against white noise of the same levels.
     #[test]
     fn white_noise_is_near_to_white_noise_and_far_from_what_changes_its_colour() {
-        let white = distance_db(&[trace(&noise(1, 60_000))], 1, (None, None)).unwrap();
+        let white = distance_db(&[trace(&noise(1, 60_000))], 1, &PartsSpec::default()).unwrap();
         let mut last = 0.0;
         let coloured = noise(2, 60_000).into_iter().enumerate().map(|(n, x)| {
             let tilt = (n as f64 / 1500.0).sin();
@@ -224,9 +223,9 @@ mod tests {
             y / (1.0 + 0.81 * tilt * tilt).sqrt()
         });
         let coloured: Vec<f64> = coloured.collect();
-        let far = distance_db(&[trace(&coloured)], 1, (None, None)).unwrap();
+        let far = distance_db(&[trace(&coloured)], 1, &PartsSpec::default()).unwrap();
         println!("{white:.2} dB, {far:.2} dB");
         assert!(white < 0.2 && far > 1.0, "{white} {far}");
-        assert_eq!(distance_db(&[], 1, (None, None)), None);
+        assert_eq!(distance_db(&[], 1, &PartsSpec::default()), None);
     }
 }

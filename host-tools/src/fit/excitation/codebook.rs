@@ -48,7 +48,7 @@ pub(super) fn coded(material: &[f64], highest: f64) -> Option<Coded> {
     };
     let codes: Vec<i8> = samples.iter().map(code).collect();
     let decoded: Vec<f64> = codes.iter().map(|&code| peak * share(code)).collect();
-    with_unit_power((codes, peak), (&samples, &decoded), cut)
+    with_unit_power(codes, peak, &samples, &decoded, cut)
 }
 
 /// Codes `material` in blocks, cut at `highest` standard deviations, without the last samples that fill no block.
@@ -67,7 +67,7 @@ pub(super) fn coded_in_blocks(material: &[f64], highest: f64) -> Option<Coded> {
         .flat_map(|(bytes, _)| bytes.map(u8::cast_signed))
         .collect();
     let decoded: Vec<f64> = coded.iter().flat_map(|(_, samples)| *samples).collect();
-    with_unit_power((codes, peak), (&samples, &decoded), cut)
+    with_unit_power(codes, peak, &samples, &decoded, cut)
 }
 
 /// Bytes of a block of samples, of a codebook with this `peak`, and the samples that they stand for: at the level whose
@@ -116,10 +116,13 @@ fn peak_of(samples: &[f64]) -> f64 {
     samples.iter().fold(0.0, |peak: f64, x| peak.max(x.abs()))
 }
 
-/// The codebook with these codes of this peak, scaled to a mean square of 1.
+/// The codebook with these codes of this peak, scaled to a mean square of 1. They stand for `decoded` in place of
+/// `samples`.
 fn with_unit_power(
-    (codes, peak): (Vec<i8>, f64),
-    (samples, decoded): (&[f64], &[f64]),
+    codes: Vec<i8>,
+    peak: f64,
+    samples: &[f64],
+    decoded: &[f64],
     cut: usize,
 ) -> Option<Coded> {
     let errors: Vec<f64> = decoded.iter().zip(samples).map(|(a, b)| a - b).collect();

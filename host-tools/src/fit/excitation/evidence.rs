@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use crate::dsp::autocorrelation::Autocorrelation;
 use crate::dsp::linear_prediction::{Prediction, corrected, step_up};
 use crate::dsp::sums::sliding;
-use crate::fit::part::{Blocks, lags_of_blocks};
+use crate::fit::blocks::{Blocks, lags_of_blocks};
 
 /// Chance of a false alarm of each test, at most.
 pub(super) const LEVEL: f64 = 0.01;

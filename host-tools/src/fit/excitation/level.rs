@@ -42,60 +42,26 @@ const SHORTEST_S: f64 = 1.0;
 /// Largest error of a track's mean square. The format allows 2 %.
 const LARGEST_ERROR: f64 = 0.01;
 
-/// RMS of a residual around its samples, weighed by a Hann window, of which the part within the residual counts.
-struct LocalRms {
-    squares: Vec<f64>,
-    weights: Vec<f64>,
-    /// Least power.
-    least: f64,
-}
-
-impl LocalRms {
-    /// That of `residual` with a window of `smoothing` samples.
-    fn of(residual: &[f64], smoothing: usize) -> Self {
-        let reach = smoothing / 2;
-        let weight = |offset: usize| {
-            let angle = std::f64::consts::PI * offset as f64 / (reach + 1) as f64;
-            0.5 * (1.0 + angle.cos())
-        };
-        Self {
-            squares: residual.iter().map(|x| x * x).collect(),
-            weights: (0..=2 * reach).map(|n| weight(n.abs_diff(reach))).collect(),
-            least: (LEAST_POWER * mean_square(residual)).max(f64::MIN_POSITIVE),
-        }
-    }
-
-    /// The RMS around sample `n`.
-    fn at(&self, n: usize) -> f64 {
-        let reach = self.weights.len() / 2;
-        let (first, end) = (
-            n.saturating_sub(reach),
-            (n + reach + 1).min(self.squares.len()),
-        );
-        let weights = &self.weights[first + reach - n..end + reach - n];
-        let terms = self.squares[first..end].iter().zip(weights);
-        self.level(terms.map(|(x, w)| x * w).sum(), weights.iter().sum())
-    }
-
-    /// The RMS where the weighed squares have the sum `sum`, and the weights the sum `weight`.
-    fn level(&self, sum: f64, weight: f64) -> f64 {
-        (sum / weight).max(self.least).sqrt()
-    }
-}
-
 /// RMS of `residual` around each of its samples, weighed by a Hann window of `smoothing` samples, of which the part
 /// within the residual counts.
 pub(super) fn local_rms(residual: &[f64], smoothing: usize) -> Vec<f64> {
-    let local = LocalRms::of(residual, smoothing);
-    let (whole, weight) = (
-        sliding(&local.squares, &local.weights),
-        local.weights.iter().sum(),
-    );
-    let level = |n: usize| match whole.get(n.wrapping_sub(smoothing / 2)) {
-        Some(&sum) => local.level(sum, weight),
-        None => local.at(n),
+    let reach = smoothing / 2;
+    let weight = |offset: usize| {
+        let angle = std::f64::consts::PI * offset as f64 / (reach + 1) as f64;
+        0.5 * (1.0 + angle.cos())
     };
-    (0..residual.len()).map(level).collect()
+    let weights: Vec<f64> = (0..=2 * reach).map(|n| weight(n.abs_diff(reach))).collect();
+    let least = (LEAST_POWER * mean_square(residual)).max(f64::MIN_POSITIVE);
+    let weighed = |of: fn(&f64) -> f64| {
+        let mut padded = vec![0.0; residual.len() + 2 * reach];
+        for (out, x) in padded[reach..].iter_mut().zip(residual) {
+            *out = of(x);
+        }
+        sliding(&padded, &weights)
+    };
+    let sums = weighed(|x| x * x).into_iter().zip(weighed(|_| 1.0));
+    let level = |(sum, weight): (f64, f64)| (sum / weight).max(least).sqrt();
+    sums.take(residual.len()).map(level).collect()
 }
 
 /// The level track of `traces`, joined in their order, each with its own RMS as unit; with the number of trials in it.
@@ -139,10 +105,10 @@ pub(super) fn track(traces: &[&Trace], resolution: Resolution) -> Option<(Modula
 /// Amplitudes of a trial's track, in units of its own RMS, without its flaws.
 fn own_track(trace: &Trace, resolution: Resolution) -> Vec<f64> {
     let step = usize::from(resolution.step);
-    let local = LocalRms::of(&trace.residual, resolution.smoothing);
-    let places = (step / 2..trace.residual.len()).step_by(step);
+    let levels = local_rms(&trace.residual, resolution.smoothing);
+    let places = (step / 2..levels.len()).step_by(step);
     let clean = places.filter(|&n| trace.is_clean(&(n..n + 1)));
-    let track: Vec<f64> = clean.map(|n| local.at(n)).collect();
+    let track: Vec<f64> = clean.map(|n| levels[n]).collect();
     let unit = mean_square(&track).sqrt();
     track.into_iter().map(|level| level / unit).collect()
 }

@@ -34,19 +34,18 @@ mod tests;
 mod texture;
 mod trace;
 
-use model_format::limits;
+use model_format::NodeSpec;
 use rayon::prelude::*;
 
-use crate::recording::RecordingSet;
-use crate::support::error::{Error, Result};
-
-use super::Fit;
+use super::blocks::Part;
+use super::grid::place;
 use super::options::{ExcitationChoice, ModulationChoice, Options};
-use super::trial::Signal;
+use super::recordings::Take;
+use super::reports::TrialReport;
 
 pub use choice::Distances;
 pub use evidence::Evidence;
-use texture::{Axes, Parts};
+pub(super) use texture::{Axes, Choice, Chosen};
 pub use texture::{CodebookReport, ExcitationReport, TrackReport};
 use trace::Trace;
 
@@ -55,84 +54,35 @@ pub(super) fn is_wanted(options: &Options) -> bool {
     options.excitation != ExcitationChoice::Gaussian || options.modulation != ModulationChoice::None
 }
 
-/// Adds the excitation of the texture `index` of `fit`, which was fitted to `set` with `options`, in at most `room`
-/// bytes, telling `progress` of each trial that is done. `members` are the indices of the texture's trials in the set,
-/// and `read` gives the signal of one of them: what is left of the recording if something else plays a part of it. If
-/// `are_blocks_fitted`, what is made is of the trials' fitted blocks alone, see [`super::part`].
-///
-/// # Errors
-/// Those of `read`.
-pub(super) fn add_to(
-    (set, members): (&RecordingSet, &[usize]),
-    (fit, index): (&mut Fit, usize),
-    options: &Options,
-    (room, are_blocks_fitted): (usize, bool),
-    read: impl Fn(usize) -> Result<Signal> + Sync,
-    progress: impl Fn() + Sync,
-) -> Result<()> {
-    let texture = &fit.textures[index];
-    let mut traces = traces((set, members), (fit, index), &read, &progress)?;
-    if are_blocks_fitted {
-        traces = choice::fitted(&traces);
-    }
-    let axes = Axes {
-        speeds_mm_s: &texture.grid.speeds_mm_s,
-        forces_n: &texture.grid.forces_n,
-    };
-    let Parts {
-        excitation,
-        modulation,
-        report,
-    } = texture::parts(&texture.name, &traces, axes, options, room);
-    for parts in [
-        &mut fit.textures[index].grid.parts,
-        &mut fit.specs[index].parts,
-    ] {
-        parts.excitation.clone_from(&excitation);
-        parts.modulation.clone_from(&modulation);
-    }
-    fit.excitations.push(report);
-    Ok(())
-}
-
-/// Bytes that each texture may take for its excitation beside the models, so that they all have room in a library.
-pub(super) fn bytes_per_texture(fit: &Fit) -> Result<usize> {
-    let encoded = model_format::encode(&fit.specs).map_err(|failure| {
-        Error::Model(format!("the textures do not make a library: {failure}"))
-    })?;
-    let left = limits::MAX_LIBRARY_BYTES.saturating_sub(encoded.len());
-    Ok(left / fit.specs.len().max(1))
-}
-
-/// Traces of those `members` of the texture `index` that the fit used, as far as they have a residual.
-fn traces(
-    (set, members): (&RecordingSet, &[usize]),
-    (fit, index): (&Fit, usize),
-    read: &(impl Fn(usize) -> Result<Signal> + Sync),
+/// Makes the excitation of a texture whose stored nodes are `nodes`, by those of its `takes` that the fit used, telling
+/// `progress` of each that is done. `reports` are of all trials of the set.
+pub(super) fn of(
+    choice: Choice<'_>,
+    nodes: &[NodeSpec],
+    takes: Vec<Take<'_>>,
+    reports: &[TrialReport],
+    part: Part,
     progress: &(impl Fn() + Sync),
-) -> Result<Vec<Trace>> {
-    let nodes = &fit.specs[index].nodes;
-    let grid = &fit.textures[index].grid;
-    let traces: Vec<Option<Trace>> = members
-        .par_iter()
-        .filter(|&&member| fit.trials[member].used)
-        .map(|&member| {
-            let (trial, report) = (&set.trials[member], &fit.trials[member]);
-            let place = |axis: &[f32], value: f64| axis.partition_point(|&v| v < value as f32);
-            let at = (
-                place(&grid.speeds_mm_s, trial.speed_mm_s),
-                place(&grid.forces_n, trial.force_n),
-            );
-            let trace = match nodes.get(grid.index(at.0, at.1)) {
-                Some(node) if node.output_power > 0.0 => {
-                    let signal = read(member)?;
-                    Trace::of(&signal, at, &node.codes, &report.verdicts)
-                }
-                _ => None,
-            };
-            progress();
-            Ok(trace)
-        })
-        .collect::<Result<_>>()?;
-    Ok(traces.into_iter().flatten().collect())
+) -> Chosen {
+    let Axes {
+        speeds_mm_s,
+        forces_n,
+    } = choice.axes;
+    let trace = |take: Take<'_>| {
+        let report = &reports[take.number];
+        let (speed, force) = (take.trial.speed_mm_s, take.trial.force_n);
+        let at = (place(speeds_mm_s, speed), place(forces_n, force));
+        let node = report.used.then(|| nodes.get(at.0 * forces_n.len() + at.1));
+        let node = node.flatten().filter(|node| node.output_power > 0.0);
+        let trace =
+            node.and_then(|node| Trace::of(&take.signal, at, &node.codes, &report.verdicts));
+        progress();
+        trace
+    };
+    let traces: Vec<Option<Trace>> = takes.into_par_iter().map(trace).collect();
+    let traces: Vec<Trace> = traces.into_iter().flatten().collect();
+    match part {
+        Part::Whole => choice.made(&traces),
+        Part::Blocks => choice.made(&choice::fitted(&traces)),
+    }
 }

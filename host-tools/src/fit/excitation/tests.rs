@@ -6,7 +6,7 @@ use model_format::{Library, MillimetresPerSecond, Newton, SAMPLE_RATE_HZ, limits
 use proptest::prelude::*;
 
 use super::evidence::mean_square;
-use super::texture::{Axes, parts};
+use super::texture::{Axes, Choice, Chosen};
 use super::trace::Trace;
 use crate::dsp::autocorrelation::Autocorrelation;
 use crate::dsp::linear_prediction::{Prediction, corrected};
@@ -80,17 +80,26 @@ fn trace_of_rate(samples: &[f64], order: usize, source_rate_hz: f64) -> Trace {
     Trace::of(&signal, (0, 0), &node.codes, &[]).unwrap()
 }
 
-fn chosen(trace: Trace, options: &Options) -> super::texture::Parts {
-    let axes = Axes {
-        speeds_mm_s: &[100.0],
-        forces_n: &[1.0],
-    };
-    parts("test", &[trace], axes, options, limits::MAX_LIBRARY_BYTES)
+/// The choice for a grid of these speeds and forces.
+fn choice<'a>(speeds_mm_s: &'a [f32], forces_n: &'a [f32], options: &'a Options) -> Choice<'a> {
+    Choice {
+        name: "test",
+        axes: Axes {
+            speeds_mm_s,
+            forces_n,
+        },
+        options,
+        room: limits::MAX_LIBRARY_BYTES,
+    }
+}
+
+fn chosen(trace: Trace, options: &Options) -> Chosen {
+    choice(&[100.0], &[1.0], options).made(&[trace])
 }
 
 /// Returns whether automatic choice takes a codebook, and a track.
 fn automatic(samples: &[f64]) -> (bool, bool) {
-    let parts = chosen(trace(samples, 40), &Options::default());
+    let Chosen { parts, .. } = chosen(trace(samples, 40), &Options::default());
     (parts.excitation.is_some(), parts.modulation.is_some())
 }
 
@@ -113,8 +122,8 @@ proptest! {
     #[test]
     fn gaussian_textures_of_changing_level_get_a_track_alone(seed: u64, hz in 40.0f64..600.0) {
         let signal = filtered(&swelling(seed, 20_000, 6.0), hz);
-        let parts = chosen(trace(&signal, 40), &Options::default());
-        let judged = parts.report.moments.expect("both can be made");
+        let Chosen { parts, report } = chosen(trace(&signal, 40), &Options::default());
+        let judged = report.moments.expect("both can be made");
         prop_assert!(!judged.is_for_moments(false), "{:?}", judged);
         prop_assert_eq!((parts.excitation.is_some(), parts.modulation.is_some()), (false, true));
     }
@@ -129,8 +138,8 @@ proptest! {
             _ => calm[n],
         });
         let signal: Vec<f64> = mixed.collect();
-        let parts = chosen(trace(&signal, 40), &Options::default());
-        let judged = parts.report.moments.expect("both can be made");
+        let Chosen { parts, report } = chosen(trace(&signal, 40), &Options::default());
+        let judged = report.moments.expect("both can be made");
         prop_assert!(judged.is_for_moments(false), "{:?}", judged);
         prop_assert!(parts.modulation.is_none());
         let moments = parts.excitation.and_then(|spec| spec.moment_samples);
@@ -147,7 +156,7 @@ fn recordings_of_low_rates_get_what_those_of_high_ones_do() {
                 let low = resample(&[signal], 5000, rate_hz);
                 let samples = resample(&low, rate_hz, 5000).remove(0);
                 let trace = trace_of_rate(&samples, 40, f64::from(rate_hz));
-                let parts = chosen(trace, &Options::default());
+                let Chosen { parts, .. } = chosen(trace, &Options::default());
                 (parts.excitation.is_some(), parts.modulation.is_some())
             };
             let found = [
@@ -182,7 +191,7 @@ fn what_is_asked_for_needs_no_test_and_what_is_not_stays_out() {
                     modulation,
                     ..Options::default()
                 };
-                let parts = chosen(trace(&signal, 40), &options);
+                let Chosen { parts, report } = chosen(trace(&signal, 40), &options);
                 assert_eq!(
                     parts.excitation.is_some(),
                     excitation == ExcitationChoice::Residual
@@ -191,9 +200,9 @@ fn what_is_asked_for_needs_no_test_and_what_is_not_stays_out() {
                     parts.modulation.is_some(),
                     modulation == ModulationChoice::Track
                 );
-                let asked = parts.report.source.contains("as asked for")
-                    && parts.report.level.contains("as asked for");
-                assert!(asked, "{:?}", parts.report);
+                let asked =
+                    report.source.contains("as asked for") && report.level.contains("as asked for");
+                assert!(asked, "{report:?}");
             }
         }
     }
@@ -207,7 +216,8 @@ fn the_highest_peak_at_the_highest_level_stays_within_the_excitations_range() {
     for (n, x) in lively.iter_mut().enumerate() {
         *x *= if n % 331 == 0 { 60.0 } else { 1.0 };
     }
-    let parts = chosen(trace(&filtered(&lively, 100.0), 40), &Options::default());
+    let trace = trace(&filtered(&lively, 100.0), 40);
+    let Chosen { parts, report } = chosen(trace, &Options::default());
     let (excitation, modulation) = (parts.excitation.unwrap(), parts.modulation.unwrap());
     let peak = excitation
         .codebooks
@@ -217,7 +227,7 @@ fn the_highest_peak_at_the_highest_level_stays_within_the_excitations_range() {
     let level = f64::from(*modulation.entries.iter().max().unwrap()) / 80.0;
     let highest = peak * 10f64.powf(level) * std::f64::consts::SQRT_2;
     assert!(highest < 64.0, "{highest}");
-    assert!(parts.report.codebooks[0].cut_samples > 0);
+    assert!(report.codebooks[0].cut_samples > 0);
 }
 
 #[test]
@@ -243,19 +253,10 @@ fn regions_that_differ_have_codebooks_of_their_own_and_all_have_room() {
         })
         .collect();
     let axis: Vec<f32> = (1..=12).map(|n| 10.0 * n as f32).collect();
-    let axes = Axes {
-        speeds_mm_s: &axis,
-        forces_n: &axis[..6],
-    };
-    let parts = parts(
-        "test",
-        &traces,
-        axes,
-        &Options::default(),
-        limits::MAX_LIBRARY_BYTES,
-    );
+    let options = Options::default();
+    let Chosen { parts, report } = choice(&axis, &axis[..6], &options).made(&traces);
     let excitation = parts.excitation.unwrap();
-    assert_eq!(excitation.codebooks.len(), 2, "{:?}", parts.report);
+    assert_eq!(excitation.codebooks.len(), 2, "{report:?}");
     for (node, &source) in excitation.of_nodes.iter().enumerate() {
         assert_eq!(usize::from(source), node / 6 / 4, "node {node}");
     }
@@ -268,7 +269,7 @@ fn regions_that_differ_have_codebooks_of_their_own_and_all_have_room() {
         + 72;
     assert!(bytes <= limits::MAX_EXCITATION_BYTES, "{bytes}");
     assert!(excitation.codebooks.iter().all(|c| c.codes.len() == 8000));
-    assert_eq!(parts.report.codebooks[0].speeds_mm_s, [50.0, 80.0]);
+    assert_eq!(report.codebooks[0].speeds_mm_s, [50.0, 80.0]);
 }
 
 fn written(folder: &Path, name: &str, samples: &[f64]) -> Trial {
@@ -284,8 +285,8 @@ fn fitted(name: &str, samples: &[f64], options: &Options) -> (Fit, Vec<u8>) {
         trials: vec![written(folder.path(), name, samples)],
         is_listed: true,
     };
-    let fit = fit(&set, options, || ()).unwrap();
-    let bytes = model_format::encode(&fit.specs).unwrap();
+    let fit = fit(&set, options, |_| ()).unwrap();
+    let bytes = fit.library().unwrap();
     (fit, bytes)
 }
 
@@ -316,7 +317,7 @@ fn forced(excitation: ExcitationChoice, modulation: ModulationChoice) -> Options
 }
 
 fn account(fit: &Fit) -> &ExcitationReport {
-    &fit.excitations[0]
+    fit.textures[0].excitation.as_ref().unwrap()
 }
 
 /// Bad input of all kinds, with nothing and with everything asked for: a library that decodes, at the level of its
@@ -353,9 +354,9 @@ fn bad_recordings_are_fitted_without_a_fault_and_at_their_level() {
         ] {
             let (fit, bytes) = fitted(excitation, modulation);
             let level_db = 20.0 * (relative_level(&bytes) / plain).log10();
-            let is_silent = fit.specs[0].nodes[0].output_power <= 0.0;
+            let is_silent = fit.textures[0].nodes[0].output_power <= 0.0;
             // A minute of bursts of a tenth of a second scatters by a decibel and more.
-            let lively = fit.excitations.first().is_some_and(|e| e.track.is_some());
+            let lively = fit.textures[0].grid.parts.modulation.is_some();
             let bound = if lively { 2.5 } else { 1.0 };
             assert!(
                 is_silent || level_db.abs() < bound,
@@ -370,7 +371,7 @@ fn a_recording_too_short_for_a_codebook_is_said_to_be_and_gets_gaussian_noise() 
     let options = forced(ExcitationChoice::Residual, ModulationChoice::Track);
     for samples in [900, 3000, 3900] {
         let (fit, _) = fitted("short", &filtered(&impulsive(8, samples), 90.0), &options);
-        assert_eq!(fit.specs[0].parts.excitation, None);
+        assert_eq!(fit.textures[0].grid.parts.excitation, None);
         assert!(
             account(&fit).source.contains("too short for a codebook"),
             "{:?}",
@@ -379,7 +380,7 @@ fn a_recording_too_short_for_a_codebook_is_said_to_be_and_gets_gaussian_noise() 
     }
     let (fit, _) = fitted("enough", &filtered(&impulsive(8, 6000), 90.0), &options);
     assert!(
-        fit.specs[0].parts.excitation.is_some(),
+        fit.textures[0].grid.parts.excitation.is_some(),
         "{:?}",
         account(&fit)
     );
@@ -410,7 +411,12 @@ fn clipped_peaks_and_repeated_values_are_not_taken() {
     assert!(runs > 5, "{runs}");
     let held: Vec<f64> = sound.iter().flat_map(|&x| [x; 2]).collect();
     let (fit, _) = fitted("held", &held, &options);
-    assert_eq!(fit.specs[0].parts.excitation, None, "{:?}", account(&fit));
+    assert_eq!(
+        fit.textures[0].grid.parts.excitation,
+        None,
+        "{:?}",
+        account(&fit)
+    );
 }
 
 /// The library of a texture that needs nothing is that of a plain fit, bit for bit; one that needs all keeps it.
@@ -429,13 +435,12 @@ fn parts_cost_nothing_where_they_are_not_needed_and_go_with_the_texture_where_th
         .map(|(a, b)| a * b)
         .collect();
     let (fit, bytes) = fitted("lively", &filtered(&lively, 90.0), &automatic);
-    let parts = &fit.specs[0].parts;
+    let parts = &fit.textures[0].grid.parts;
     assert!(
         parts.excitation.is_some() && parts.modulation.is_some(),
         "{:?}",
         account(&fit)
     );
-    assert_eq!(&fit.textures[0].grid.parts, parts);
     let library = Library::decode(&bytes).unwrap();
     assert_eq!(with_scenes(&library, &[]).unwrap(), bytes);
     assert!(

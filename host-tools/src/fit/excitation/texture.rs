@@ -1,7 +1,7 @@
 //! The choice of a texture's excitation, from the traces of its trials.
 
 use model_format::{
-    BLOCK_BYTES, BLOCK_SAMPLES, ExcitationSpec, ModulationSpec, SAMPLE_RATE_HZ, limits,
+    BLOCK_BYTES, BLOCK_SAMPLES, ExcitationSpec, ModulationSpec, PartsSpec, SAMPLE_RATE_HZ, limits,
 };
 use serde::{Deserialize, Serialize};
 
@@ -28,17 +28,28 @@ const HEADER_BYTES: usize = 16;
 
 /// Excitation and level of a texture, with the account of them.
 #[derive(Clone, Debug)]
-pub(super) struct Parts {
-    pub excitation: Option<ExcitationSpec>,
-    pub modulation: Option<ModulationSpec>,
+pub(in crate::fit) struct Chosen {
+    /// Excitation and modulation alone.
+    pub parts: PartsSpec,
     pub report: ExcitationReport,
 }
 
 /// Grid of a texture.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Axes<'a> {
+pub(in crate::fit) struct Axes<'a> {
     pub speeds_mm_s: &'a [f32],
     pub forces_n: &'a [f32],
+}
+
+/// What an excitation is chosen for.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::fit) struct Choice<'a> {
+    /// Name of the texture.
+    pub name: &'a str,
+    pub axes: Axes<'a>,
+    pub options: &'a Options,
+    /// Bytes of the library that it may take.
+    pub room: usize,
 }
 
 /// A codebook for a region.
@@ -50,117 +61,172 @@ struct OfRegion {
     seconds: f64,
 }
 
-/// Chooses the excitation of texture `name`, which may take `room` bytes of the library: of moments where these are
-/// nearer to blocks that were left out, with its level apart elsewhere.
-pub(super) fn parts(
-    name: &str,
-    traces: &[Trace],
-    axes: Axes<'_>,
-    options: &Options,
-    room: usize,
-) -> Parts {
-    let with_level_apart = apart(name, traces, axes, options, room);
-    let is_free = options.modulation == ModulationChoice::Auto
-        && options.excitation == ExcitationChoice::Auto;
-    if !is_free || !with_level_apart.report.spread_db.is_significant() {
-        return with_level_apart;
+impl Choice<'_> {
+    /// Chooses the excitation by `traces`: of moments where these are nearer to blocks that were left out, with its
+    /// level apart elsewhere.
+    pub(super) fn made(&self, traces: &[Trace]) -> Chosen {
+        let with_level_apart = self.apart(traces);
+        let is_free = self.options.modulation == ModulationChoice::Auto
+            && self.options.excitation == ExcitationChoice::Auto;
+        if !is_free || !with_level_apart.report.spread_db.is_significant() {
+            return with_level_apart;
+        }
+        let half = choice::fitted(traces);
+        let distance_db =
+            |chosen: &Chosen| choice::distance_db(traces, self.axes.forces_n.len(), &chosen.parts);
+        let moments_db = self
+            .moments(&half)
+            .and_then(|moments| distance_db(&moments));
+        let apart_db = distance_db(&self.apart(&half));
+        let judged = moments_db
+            .zip(apart_db)
+            .map(|(moments_db, apart_db)| Distances {
+                moments_db,
+                apart_db,
+            });
+        let chosen = judged
+            .filter(|judged| judged.is_for_moments(with_level_apart.parts.excitation.is_some()))
+            .and_then(|_| self.moments(traces));
+        let mut chosen = chosen.unwrap_or(with_level_apart);
+        chosen.report.moments = judged;
+        chosen
     }
-    let half = choice::fitted(traces);
-    let distance_db = |parts: &Parts| {
-        let pair = (parts.excitation.as_ref(), parts.modulation.as_ref());
-        choice::distance_db(traces, axes.forces_n.len(), pair)
-    };
-    let moments_db = moments(name, &half, axes, room).and_then(|parts| distance_db(&parts));
-    let apart_db = distance_db(&apart(name, &half, axes, options, room));
-    let judged = moments_db
-        .zip(apart_db)
-        .map(|(moments_db, apart_db)| Distances {
-            moments_db,
-            apart_db,
-        });
-    let chosen = judged
-        .filter(|judged| judged.is_for_moments(with_level_apart.excitation.is_some()))
-        .and_then(|_| moments(name, traces, axes, room));
-    let mut chosen = chosen.unwrap_or(with_level_apart);
-    chosen.report.moments = judged;
-    chosen
+
+    /// The excitation whose level is a track, if it is not steady.
+    fn apart(&self, traces: &[Trace]) -> Chosen {
+        let all: Vec<&Trace> = traces.iter().collect();
+        let (kurtosis, spread_db) = (kurtosis_of(traces), spread_of(traces));
+        let is_level_wanted = match self.options.modulation {
+            ModulationChoice::None => false,
+            ModulationChoice::Track => true,
+            ModulationChoice::Auto => spread_db.is_significant(),
+        };
+        let track = |resolution| {
+            let found = is_level_wanted.then(|| track(&all, resolution)).flatten();
+            found.filter(|(spec, _)| bytes_of(spec) <= self.room)
+        };
+        // A codebook has its level taken out only if a track puts it back.
+        let beside = track(BESIDE_CODEBOOK);
+        let (codebooks, source) =
+            self.codebooks_beside(beside.as_ref().map(|(spec, _)| spec), traces, kurtosis);
+        let chosen = if codebooks.is_empty() {
+            track(BESIDE_NOISE)
+        } else {
+            beside
+        };
+        let level = reason_of_level(
+            chosen.is_some(),
+            is_level_wanted,
+            spread_db,
+            self.options.modulation,
+        );
+        self.chosen(traces, codebooks, chosen, None, source, level)
+    }
+
+    /// The codebooks that are played at the level of a `track`, or at a steady one, and the reason for them; `kurtosis`
+    /// is that of all `traces`.
+    fn codebooks_beside(
+        &self,
+        track: Option<&ModulationSpec>,
+        traces: &[Trace],
+        kurtosis: Evidence,
+    ) -> (Vec<OfRegion>, String) {
+        if self.options.excitation == ExcitationChoice::Gaussian {
+            return (Vec::new(), "Gaussian noise, as asked for".to_owned());
+        }
+        let budget = self.budget(self.room.saturating_sub(track.map_or(0, bytes_of)));
+        let wanted = Wanted {
+            is_forced: self.options.excitation == ExcitationChoice::Residual,
+            level: if track.is_some() {
+                Level::Apart
+            } else {
+                Level::Steady
+            },
+            highest_peak: HIGHEST_PEAK / track.map_or(1.0, highest),
+        };
+        let found = codebooks(traces, self.axes, wanted, budget);
+        let reason = reason_of_source(&found, kurtosis, wanted, budget);
+        (found, reason)
+    }
+
+    /// The excitation whose residual keeps its level, if there is material enough.
+    fn moments(&self, traces: &[Trace]) -> Option<Chosen> {
+        let wanted = Wanted {
+            // A region without impulses has its level in its codebook.
+            is_forced: true,
+            level: Level::OfMoments,
+            highest_peak: HIGHEST_PEAK_OF_MOMENTS,
+        };
+        let found = codebooks(traces, self.axes, wanted, self.budget(self.room));
+        let shortest = found.iter().map(|own| own.seconds).reduce(f64::min)?;
+        let samples = (shortest * f64::from(SAMPLE_RATE_HZ)) as usize;
+        let moment_samples = moment_samples(samples, found.len());
+        let source = format!(
+            "{} codebook(s) of moments of the residual: local kurtosis {}",
+            found.len(),
+            said(kurtosis_of(traces), "")
+        );
+        let level = format!(
+            "that of the moments: spread of 50 ms levels {}",
+            said(spread_of(traces), " dB")
+        );
+        Some(self.chosen(traces, found, None, Some(moment_samples), source, level))
+    }
+
+    /// The excitation of these codebooks and of this track of so many trials, with the account of it.
+    fn chosen(
+        &self,
+        traces: &[Trace],
+        codebooks: Vec<OfRegion>,
+        track: Option<(ModulationSpec, usize)>,
+        moment_samples: Option<u16>,
+        source: String,
+        level: String,
+    ) -> Chosen {
+        let reports = codebooks.iter().map(|own| codebook_report(own, self.axes));
+        let report = ExcitationReport {
+            texture: self.name.to_owned(),
+            kurtosis: kurtosis_of(traces),
+            spread_db: spread_of(traces),
+            codebooks: reports.collect(),
+            moment_s: moment_samples.map(|n| f64::from(n) / f64::from(SAMPLE_RATE_HZ)),
+            moments: None,
+            track: track
+                .as_ref()
+                .map(|(spec, trials)| track_report(spec, *trials)),
+            source,
+            level,
+        };
+        let parts = PartsSpec {
+            excitation: excitation(codebooks, self.axes, moment_samples),
+            modulation: track.map(|(spec, _)| spec),
+            ..PartsSpec::default()
+        };
+        Chosen { parts, report }
+    }
+
+    /// Room for codebooks in so many bytes.
+    fn budget(&self, bytes: usize) -> Budget {
+        Budget {
+            bytes: bytes.min(limits::MAX_EXCITATION_BYTES),
+            nodes: self.axes.speeds_mm_s.len() * self.axes.forces_n.len(),
+        }
+    }
 }
 
-/// The excitation of a texture whose level is a track, if it is not steady.
-fn apart(name: &str, traces: &[Trace], axes: Axes<'_>, options: &Options, room: usize) -> Parts {
-    let all: Vec<&Trace> = traces.iter().collect();
-    let kurtosis = kurtosis_of(&all);
-    let levels: Vec<_> = traces.iter().map(|trace| trace.judged.levels).collect();
-    let spread_db = spread(&levels);
-    let is_level_wanted = match options.modulation {
-        ModulationChoice::None => false,
-        ModulationChoice::Track => true,
-        ModulationChoice::Auto => spread_db.is_significant(),
-    };
-    // A codebook has its level taken out only if a track puts it back.
-    let beside = is_level_wanted
-        .then(|| track(&all, BESIDE_CODEBOOK))
-        .flatten();
-    let beside = beside.filter(|(spec, _)| HEADER_BYTES + spec.entries.len() <= room);
-    let taken = beside
-        .as_ref()
-        .map_or(0, |(spec, _)| HEADER_BYTES + spec.entries.len());
-    let highest_level = beside.as_ref().map_or(1.0, |(spec, _)| highest(spec));
-    let budget = Budget {
-        bytes: room.saturating_sub(taken).min(limits::MAX_EXCITATION_BYTES),
-        nodes: axes.speeds_mm_s.len() * axes.forces_n.len(),
-    };
-    let (codebooks, source) = match options.excitation {
-        ExcitationChoice::Gaussian => (Vec::new(), "Gaussian noise, as asked for".to_owned()),
-        choice => {
-            let highest_peak = HIGHEST_PEAK / highest_level;
-            let wanted = Wanted {
-                is_forced: choice == ExcitationChoice::Residual,
-                level: if beside.is_some() {
-                    Level::Apart
-                } else {
-                    Level::Steady
-                },
-                highest_peak,
-            };
-            let found = codebooks(traces, axes, wanted, budget);
-            let source = reason_of_source(&found, kurtosis, wanted, budget);
-            (found, source)
-        }
-    };
-    let chosen = if codebooks.is_empty() && is_level_wanted {
-        let alone = track(&all, BESIDE_NOISE);
-        alone.filter(|(spec, _)| HEADER_BYTES + spec.entries.len() <= room)
-    } else {
-        beside
-    };
-    let level = reason_of_level(
-        chosen.is_some(),
-        is_level_wanted,
-        spread_db,
-        options.modulation,
-    );
-    let report = ExcitationReport {
-        texture: name.to_owned(),
-        kurtosis,
-        spread_db,
-        codebooks: codebooks
+/// Bytes of a track in a library, at most.
+fn bytes_of(track: &ModulationSpec) -> usize {
+    HEADER_BYTES + track.entries.len()
+}
+
+/// Spread of the levels of all trials.
+fn spread_of(traces: &[Trace]) -> Evidence {
+    spread(
+        &traces
             .iter()
-            .map(|own| codebook_report(own, axes))
-            .collect(),
-        moment_s: None,
-        moments: None,
-        track: chosen
-            .as_ref()
-            .map(|(spec, trials)| track_report(spec, *trials)),
-        source,
-        level,
-    };
-    Parts {
-        excitation: excitation(codebooks, axes, None),
-        modulation: chosen.map(|(spec, _)| spec),
-        report,
-    }
+            .map(|trace| trace.judged.levels)
+            .collect::<Vec<_>>(),
+    )
 }
 
 /// Mean length of moments of codebooks whose shortest has so many samples: as many as a second has, if at least five of
@@ -175,50 +241,6 @@ fn moment_samples(shortest: usize, codebooks: usize) -> u16 {
     };
     let fifth = u16::try_from(shortest / 5).unwrap_or(longest);
     fifth.clamp(limits::MIN_MOMENT_SAMPLES, longest)
-}
-
-/// The excitation of a texture whose residual keeps its level, if there is material enough.
-fn moments(name: &str, traces: &[Trace], axes: Axes<'_>, room: usize) -> Option<Parts> {
-    let all: Vec<&Trace> = traces.iter().collect();
-    let levels: Vec<_> = traces.iter().map(|trace| trace.judged.levels).collect();
-    let (kurtosis, spread_db) = (kurtosis_of(&all), spread(&levels));
-    let budget = Budget {
-        bytes: room.min(limits::MAX_EXCITATION_BYTES),
-        nodes: axes.speeds_mm_s.len() * axes.forces_n.len(),
-    };
-    let wanted = Wanted {
-        // A region without impulses has its level in its codebook.
-        is_forced: true,
-        level: Level::OfMoments,
-        highest_peak: HIGHEST_PEAK_OF_MOMENTS,
-    };
-    let found = codebooks(traces, axes, wanted, budget);
-    let shortest = found.iter().map(|own| own.seconds).reduce(f64::min)?;
-    let samples = (shortest * f64::from(SAMPLE_RATE_HZ)) as usize;
-    let moment_samples = moment_samples(samples, found.len());
-    let report = ExcitationReport {
-        texture: name.to_owned(),
-        kurtosis,
-        spread_db,
-        codebooks: found.iter().map(|own| codebook_report(own, axes)).collect(),
-        moment_s: Some(f64::from(moment_samples) / f64::from(SAMPLE_RATE_HZ)),
-        moments: None,
-        track: None,
-        source: format!(
-            "{} codebook(s) of moments of the residual: local kurtosis {}",
-            found.len(),
-            said(kurtosis, "")
-        ),
-        level: format!(
-            "that of the moments: spread of 50 ms levels {}",
-            said(spread_db, " dB")
-        ),
-    };
-    Some(Parts {
-        excitation: excitation(found, axes, Some(moment_samples)),
-        modulation: None,
-        report,
-    })
 }
 
 /// Bytes for codebooks, of a grid of so many nodes.
@@ -276,7 +298,7 @@ fn codebooks(traces: &[Trace], axes: Axes<'_>, wanted: Wanted, budget: Budget) -
         .into_iter()
         .map(|region| {
             let own = members(&region);
-            let kurtosis = kurtosis_of(&own);
+            let kurtosis = kurtosis_of(own.iter().copied());
             (region, own, kurtosis)
         })
         .filter(|(.., kurtosis)| wanted.is_forced || kurtosis.is_significant())
@@ -299,8 +321,8 @@ fn codebooks(traces: &[Trace], axes: Axes<'_>, wanted: Wanted, budget: Budget) -
     made.collect()
 }
 
-fn kurtosis_of(traces: &[&Trace]) -> Evidence {
-    let windows = traces.iter().map(|trace| trace.judged.kurtosis);
+fn kurtosis_of<'t>(traces: impl IntoIterator<Item = &'t Trace>) -> Evidence {
+    let windows = traces.into_iter().map(|trace| trace.judged.kurtosis);
     kurtosis(windows.fold(Sums::default(), Sums::plus), KURTOSIS_SAMPLES)
 }
 

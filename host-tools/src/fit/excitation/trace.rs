@@ -2,14 +2,15 @@
 
 use std::ops::Range;
 
-use model_format::{CodeSpec, FINE_THETA_STEP_RAD, SAMPLE_RATE_HZ};
+use model_format::{CodeSpec, SAMPLE_RATE_HZ};
 
 use super::evidence::{self, Judged, mean_square, residual};
 use super::low_rate::{ENDS, carried_hz, filled};
 use crate::dsp::linear_prediction::step_up;
-use crate::fit::part::Blocks;
+use crate::fit::blocks::Blocks;
 use crate::fit::trial::Signal;
 use crate::recording::triage::{Kind, Verdict};
+use crate::texture::quantise::stored_reflection;
 
 /// Longest part of a trial that is looked at, samples: a minute, thirty times what a codebook holds.
 const LONGEST: usize = 60 * SAMPLE_RATE_HZ as usize;
@@ -50,7 +51,7 @@ impl Trace {
             return None;
         }
         let samples = &signal.samples[..signal.samples.len().min(LONGEST)];
-        let predictor = predictor(codes);
+        let predictor = step_up(&stored_reflection(codes));
         let order = predictor.len();
         let mut residual = residual(samples, &predictor);
         let moved = |flaw: &Range<usize>| {
@@ -116,12 +117,6 @@ fn leaves_the_residual(verdict: &Verdict) -> bool {
     )
 }
 
-/// a(1), a(2) ... of A(z), exactly as the codes have them.
-pub(super) fn predictor(codes: &CodeSpec) -> Vec<f64> {
-    let k = |theta: i32| (f64::from(theta) * FINE_THETA_STEP_RAD).sin();
-    step_up(&codes.thetas().map(k).collect::<Vec<_>>())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -134,7 +129,7 @@ mod tests {
         let model = crate::dsp::model::Model::new(vec![-0.7, 0.5, -0.3], 1.0);
         let grid = Grid::new(vec![100.0], vec![1.0], vec![model]);
         let node = nodes("test", &grid).unwrap().remove(0);
-        let a = predictor(&node.codes);
+        let a = step_up(&stored_reflection(&node.codes));
         let excitation: Vec<f64> = (0..200u32).map(|n| f64::from(n * n % 31) - 15.0).collect();
         let mut signal: Vec<f64> = Vec::new();
         for (n, e) in excitation.iter().enumerate() {

@@ -1,7 +1,6 @@
 //! Lines of a texture and of its trials, and the reasons for having none.
 
 use std::fmt;
-use std::sync::Arc;
 
 use model_format::limits::{MAX_LINE_AMPLITUDE, MAX_WAVELENGTH_MM, MIN_WAVELENGTH_MM};
 use model_format::{LineSpec, LinesSpec, Wander};
@@ -51,8 +50,6 @@ pub struct Line {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum NoLines {
-    /// They were not asked for.
-    NotAskedFor,
     /// Recordings at one speed cannot tell place from time.
     OneSpeed,
     /// Nothing stands out at one wavelength.
@@ -62,7 +59,6 @@ pub enum NoLines {
 impl fmt::Display for NoLines {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Self::NotAskedFor => "not asked for",
             Self::OneSpeed => "recordings at one speed cannot tell place from time",
             Self::NothingStandsOut => {
                 "nothing stands out at one wavelength over half of the speeds"
@@ -73,62 +69,10 @@ impl fmt::Display for NoLines {
 
 impl fmt::Display for Findings {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        if self.lines.is_empty() {
-            match &self.none_because {
-                Some(reason) => write!(f, "no lines locked to place: {reason}")?,
-                None => write!(f, "no lines locked to place")?,
-            }
-        } else {
-            write!(f, "{} line(s) locked to place:", self.lines.len())?;
-            for line in &self.lines {
-                let (low, high) = line.amplitude_range_m_s2;
-                let (shown, all) = line.shown_at_speeds;
-                write!(
-                    f,
-                    " {:.4} mm ({low:.3} to {high:.3} m/s², at {shown} of {all} speeds",
-                    line.wavelength_mm
-                )?;
-                match line.harmonic_of {
-                    Some((of, n)) => write!(f, ", harmonic {n} of line {})", of + 1)?,
-                    None => write!(f, ")")?,
-                }
-            }
-            for (index, wander) in self.wanders.iter().enumerate() {
-                let own = |line: &&Line| line.wander == Some(index);
-                let longest = self
-                    .lines
-                    .iter()
-                    .find(own)
-                    .map_or(1.0, |line| line.wavelength_mm);
-                let rad = std::f64::consts::TAU * f64::from(wander.rms_mm) / longest;
-                let what = if wander.clock_mm_s > 0.0 {
-                    let hz = f64::from(wander.clock_mm_s) / longest;
-                    format!(
-                        "that of {longest:.4} mm and its harmonics hold {hz:.1} Hz at any speed, and wander"
-                    )
-                } else {
-                    format!("that of {longest:.4} mm and its harmonics wander")
-                };
-                let (rms, length) = (wander.rms_mm, wander.correlation_mm);
-                write!(
-                    f,
-                    "; {what} by {rms:.3} mm RMS ({rad:.2} rad) over {length:.2} mm"
-                )?;
-            }
-            if let Some(scatter) = self.speed_scatter {
-                write!(
-                    f,
-                    "; the speeds are within {:.2} % of those listed",
-                    100.0 * scatter
-                )?;
-            }
-            if self.followed_trials > 0 {
-                write!(
-                    f,
-                    "; changes of speed were followed in {} trial(s)",
-                    self.followed_trials
-                )?;
-            }
+        match &self.none_because {
+            _ if !self.lines.is_empty() => self.fmt_lines(f)?,
+            Some(reason) => write!(f, "no lines locked to place: {reason}")?,
+            None => write!(f, "no lines locked to place")?,
         }
         if !self.time_locked_hz.is_empty() {
             let hz: Vec<String> = self
@@ -146,12 +90,61 @@ impl fmt::Display for Findings {
     }
 }
 
+impl Findings {
+    fn fmt_lines(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} line(s) locked to place:", self.lines.len())?;
+        for line in &self.lines {
+            let (low, high) = line.amplitude_range_m_s2;
+            let (shown, all) = line.shown_at_speeds;
+            write!(
+                f,
+                " {:.4} mm ({low:.3} to {high:.3} m/s², at {shown} of {all} speeds",
+                line.wavelength_mm
+            )?;
+            match line.harmonic_of {
+                Some((of, n)) => write!(f, ", harmonic {n} of line {})", of + 1)?,
+                None => write!(f, ")")?,
+            }
+        }
+        for (index, wander) in self.wanders.iter().enumerate() {
+            let own = |line: &&Line| line.wander == Some(index);
+            let longest = self.lines.iter().find(own);
+            fmt_wander(wander, longest.map_or(1.0, |line| line.wavelength_mm), f)?;
+        }
+        if let Some(scatter) = self.speed_scatter {
+            let per_cent = 100.0 * scatter;
+            write!(f, "; the speeds are within {per_cent:.2} % of those listed")?;
+        }
+        if self.followed_trials > 0 {
+            write!(
+                f,
+                "; changes of speed were followed in {} trial(s)",
+                self.followed_trials
+            )?;
+        }
+        Ok(())
+    }
+}
+
+/// Writes what is said of a `wander`, by the wavelength of the longest of its lines, mm.
+fn fmt_wander(wander: &Wander, longest: f64, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+    let rad = std::f64::consts::TAU * f64::from(wander.rms_mm) / longest;
+    let held = if wander.clock_mm_s > 0.0 {
+        let hz = f64::from(wander.clock_mm_s) / longest;
+        format!("hold {hz:.1} Hz at any speed, and ")
+    } else {
+        String::new()
+    };
+    let (rms, length) = (wander.rms_mm, wander.correlation_mm);
+    write!(
+        f,
+        "; that of {longest:.4} mm and its harmonics {held}wander by {rms:.3} mm RMS ({rad:.2} rad) over {length:.2} mm"
+    )
+}
+
 /// A trial's share of its texture's lines.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct TrialLines {
-    /// The texture's lines. They are stored once for all of its trials, and not with each.
-    #[serde(skip)]
-    pub findings: Arc<Findings>,
     /// Amplitude of each line in the trial, m/s², without what noise adds to it; none where the trial cannot hold the
     /// line or was not looked at.
     pub amplitudes_m_s2: Vec<Option<f64>>,
@@ -171,13 +164,12 @@ pub struct LineMember<'a> {
     pub lines: &'a TrialLines,
 }
 
-/// Lines with an amplitude per node of `grid`, from the trials that made it; `None` if there are no lines.
+/// The lines of `findings` with an amplitude per node of `grid`, from the trials that made it; `None` if there are none.
 ///
 /// A node that no trial tells of, because none was recorded or because the line is above the frequencies that can be
 /// recorded there, has what lies between its neighbours of the same force, or the nearest of them, or that of the
 /// nearest force. Above those frequencies the device fades a line out by itself.
-pub fn lines_on(grid: &Grid, members: &[LineMember<'_>]) -> Option<LinesSpec> {
-    let findings = &members.first()?.lines.findings;
+pub fn lines_on(grid: &Grid, findings: &Findings, members: &[LineMember<'_>]) -> Option<LinesSpec> {
     let lines: Vec<LineSpec> = findings
         .lines
         .iter()

@@ -22,4 +22,4 @@ mod wander;
 pub use super::options::Lines;
 pub use findings::{Findings, Line, NoLines, TrialLines};
 pub use findings::{LineMember, lines_on};
-pub use separate::separate;
+pub use separate::{Separated, separate};

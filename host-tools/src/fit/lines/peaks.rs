@@ -54,12 +54,12 @@ pub(super) fn tells_lines(signal: &[f64]) -> bool {
 pub(super) struct LineSpectrum {
     power: Vec<f64>,
     step_hz: f64,
-    /// 1/T, Hz.
-    cell_hz: f64,
+    /// Width of a cell, 1/T, Hz.
+    pub cell_hz: f64,
     /// Sum of the window's squares.
     window_energy: f64,
     /// Least background, below which the skirts of the strongest line would be lines.
-    floor: f64,
+    pub floor: f64,
 }
 
 impl LineSpectrum {
@@ -91,24 +91,6 @@ impl LineSpectrum {
             cell_hz: rate_hz / signal.len() as f64,
             window_energy,
         })
-    }
-
-    /// Least background, as a power of its bins.
-    pub(super) fn floor(&self) -> f64 {
-        self.floor
-    }
-
-    /// The same with a background of at least `floor`, which is that of the spectrum before lines were removed.
-    pub(super) fn with_floor(self, floor: f64) -> Self {
-        Self {
-            floor: self.floor.max(floor),
-            ..self
-        }
-    }
-
-    /// Width of a cell, Hz.
-    pub(super) fn cell_hz(&self) -> f64 {
-        self.cell_hz
     }
 
     /// Peaks from `lowest_hz` to `highest_hz` that stand out.

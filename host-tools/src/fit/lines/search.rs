@@ -73,15 +73,16 @@ impl<'s> Heard<'s> {
             speed_ratio: None,
             signal: Cow::Borrowed(signal),
             peaks: spectrum.peaks(LOWEST_HZ, HIGHEST_HZ),
-            cell_hz: spectrum.cell_hz(),
-            floor: spectrum.floor(),
+            cell_hz: spectrum.cell_hz,
+            floor: spectrum.floor,
         })
     }
 
     fn hear_again(&mut self) {
         let spectrum = LineSpectrum::of(&self.signal);
-        self.peaks = spectrum.map_or_else(Vec::new, |spectrum| {
-            spectrum.with_floor(self.floor).peaks(LOWEST_HZ, HIGHEST_HZ)
+        self.peaks = spectrum.map_or_else(Vec::new, |mut spectrum| {
+            spectrum.floor = spectrum.floor.max(self.floor);
+            spectrum.peaks(LOWEST_HZ, HIGHEST_HZ)
         });
     }
 
@@ -286,18 +287,15 @@ impl Search<'_> {
 
     /// Support of the trials for `hypothesis`; `None` if it is not acceptable.
     fn support(&self, hypothesis: Hypothesis, ln_bound: f64, known_mm: &[f64]) -> Option<Support> {
-        let mut speeds: Vec<SpeedSupport> = Vec::new();
-        for (index, trial) in self.trials.iter().enumerate() {
+        let seen = self.trials.iter().enumerate().filter_map(|(index, trial)| {
             let (frequency_hz, tolerance) = match hypothesis {
+                Hypothesis::Time(frequency_hz) => (frequency_hz, 0.0),
                 Hypothesis::Place(wavelength_mm) => (
                     trial.actual_speed_mm_s() / wavelength_mm,
-                    if trial.speed_ratio.is_some() {
-                        EXACT_SPEED
-                    } else {
-                        self.speed_tolerance
-                    },
+                    trial
+                        .speed_ratio
+                        .map_or(self.speed_tolerance, |_| EXACT_SPEED),
                 ),
-                Hypothesis::Time(frequency_hz) => (frequency_hz, 0.0),
             };
             // What is left of a known line close to its place tells of no other one.
             let near_hz = RESIDUE_CELLS * trial.cell_hz + SAME_LINE * frequency_hz;
@@ -305,18 +303,13 @@ impl Search<'_> {
                 .iter()
                 .any(|known| (trial.actual_speed_mm_s() / known - frequency_hz).abs() < near_hz);
             if is_residue || !(LOWEST_HZ..=HIGHEST_HZ).contains(&frequency_hz) {
-                continue;
+                return None;
             }
-            let at = speeds
-                .iter()
-                .position(|s| (trial.speed_mm_s / s.speed_mm_s).ln().abs() < SAME_SPEED);
-            let at = at.unwrap_or_else(|| {
-                speeds.push(SpeedSupport::new(trial.speed_mm_s));
-                speeds.len() - 1
-            });
             let within_hz = PLACE_CELLS * trial.cell_hz + tolerance * frequency_hz;
-            speeds[at].add(index, trial.peak_near(frequency_hz, within_hz));
-        }
+            let peak = trial.peak_near(frequency_hz, within_hz);
+            Some((trial.speed_mm_s, peak.map(|(peak, ln)| ((index, peak), ln))))
+        });
+        let speeds = by_speed(seen);
         let shown = || speeds.iter().filter(|speed| speed.ln_chance() < ln_bound);
         let count = shown().count();
         if count < 2 || 2 * count < speeds.len() {
@@ -330,12 +323,13 @@ impl Search<'_> {
         let evidence = || shown().map(|speed| -speed.ln_chance());
         let score = evidence().map(|e| e.min(MOST_EVIDENCE)).sum::<f64>() / speeds.len() as f64;
         // A trial shows a line that others have established by less than it takes to establish one.
-        let shown_by = shown().flat_map(|speed| speed.shown_by(LN_SHOWN_CHANCE));
+        let shown_by = shown().flat_map(|speed| &speed.shown);
+        let shown_by = shown_by.filter(|(_, ln)| *ln < LN_SHOWN_CHANCE);
         Some(Support {
             hypothesis,
             score,
             evidence: evidence().sum(),
-            shown_by: shown_by.collect(),
+            shown_by: shown_by.map(|(peak, _)| *peak).collect(),
             speeds: (count, speeds.len()),
         })
     }
@@ -355,38 +349,41 @@ pub(super) const LEAST_SPEED_RATIO: f64 = 1.05;
 const LN_SHOWN_CHANCE: f64 = -7.0;
 
 /// Difference of the logarithms of two speeds that count as one: repeats that were measured do not agree to the digit.
-pub(super) const SAME_SPEED: f64 = 0.02;
+const SAME_SPEED: f64 = 0.02;
 
-/// Support of the trials at one speed.
-struct SpeedSupport {
-    speed_mm_s: f64,
+/// What the trials at one speed show, each with the logarithm of its chance.
+pub(super) struct AtSpeed<T> {
+    /// The speed of the first of them, mm/s.
+    pub speed_mm_s: f64,
     trials: usize,
-    peaks: Vec<(usize, Peak, f64)>,
+    shown: Vec<(T, f64)>,
 }
 
-impl SpeedSupport {
-    fn new(speed_mm_s: f64) -> Self {
-        Self {
-            speed_mm_s,
-            trials: 0,
-            peaks: Vec::new(),
-        }
-    }
-
-    fn add(&mut self, trial: usize, peak: Option<(Peak, f64)>) {
-        self.trials += 1;
-        self.peaks
-            .extend(peak.map(|(peak, ln_chance)| (trial, peak, ln_chance)));
-    }
-
-    /// Logarithm of the Bonferroni-corrected p-value of the strongest peak among the trials of this speed.
-    fn ln_chance(&self) -> f64 {
-        let least = self.peaks.iter().map(|(.., ln)| *ln).fold(0.0, f64::min);
+impl<T> AtSpeed<T> {
+    /// Logarithm of the Bonferroni-corrected p-value of the least chance among the trials.
+    pub(super) fn ln_chance(&self) -> f64 {
+        let least = self.shown.iter().map(|(_, ln)| *ln).fold(0.0, f64::min);
         (least + (self.trials as f64).ln()).min(0.0)
     }
+}
 
-    fn shown_by(&self, ln_chance: f64) -> impl Iterator<Item = (usize, Peak)> {
-        let shown = self.peaks.iter().filter(move |(.., ln)| *ln < ln_chance);
-        shown.map(|&(trial, peak, _)| (trial, peak))
+/// Trials, each with its speed and what it shows, by their speed.
+pub(super) fn by_speed<T>(
+    trials: impl Iterator<Item = (f64, Option<(T, f64)>)>,
+) -> Vec<AtSpeed<T>> {
+    let mut speeds: Vec<AtSpeed<T>> = Vec::new();
+    for (speed_mm_s, shown) in trials {
+        let is_same = |at: &AtSpeed<T>| (speed_mm_s / at.speed_mm_s).ln().abs() < SAME_SPEED;
+        let at = speeds.iter().position(is_same).unwrap_or_else(|| {
+            speeds.push(AtSpeed {
+                speed_mm_s,
+                trials: 0,
+                shown: Vec::new(),
+            });
+            speeds.len() - 1
+        });
+        speeds[at].trials += 1;
+        speeds[at].shown.extend(shown);
     }
+    speeds
 }

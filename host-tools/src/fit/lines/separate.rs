@@ -1,16 +1,15 @@
 //! Separation of a texture's trials into lines and the rest.
 
+use std::borrow::Cow;
 use std::f64::consts::TAU;
 use std::ops::Range;
-use std::sync::Arc;
 
 use model_format::{SAMPLE_RATE_HZ, Wander, limits};
 use rayon::prelude::*;
 use realfft::num_complex::Complex;
 
-use super::Lines;
 use super::findings::{Findings, Line, NoLines, TrialLines};
-use super::peaks::LineSpectrum;
+use super::peaks::{LineSpectrum, tells_lines};
 use super::search::{Found, HIGHEST_HZ, Heard, LEAST_SPEED_RATIO, Search};
 use super::track::{amplitudes, followed, steady_mm, subtract, turns};
 use super::wander::{Course, Weave, find};
@@ -39,108 +38,106 @@ struct Known {
     harmonic_of: Option<(usize, u32)>,
 }
 
-/// Finds the lines of one texture and removes them from its trials.
+/// The trials of a texture, separated into its lines and the rest.
+#[derive(Debug)]
+pub struct Separated {
+    /// The lines.
+    pub findings: Findings,
+    /// Each trial's share of them.
+    pub shares: Vec<TrialLines>,
+    /// The signals without them, m/s².
+    pub rest: Vec<Vec<f64>>,
+}
+
+impl Separated {
+    /// `signals` that have no lines.
+    fn nothing(signals: Vec<Vec<f64>>, time_locked_hz: Vec<f64>, reason: NoLines) -> Self {
+        Self {
+            findings: Findings {
+                time_locked_hz,
+                none_because: Some(reason),
+                ..Findings::default()
+            },
+            shares: vec![TrialLines::default(); signals.len()],
+            rest: signals,
+        }
+    }
+
+    /// Power of all lines in all trials, as of amplitudes, (m/s²)².
+    fn power(&self) -> f64 {
+        let amplitudes = self.shares.iter().flat_map(|share| &share.amplitudes_m_s2);
+        amplitudes
+            .flatten()
+            .map(|amplitude| amplitude * amplitude)
+            .sum()
+    }
+}
+
+/// Finds the lines of one texture and takes them out of its trials.
 ///
 /// `signals` are m/s² at the models' rate, `speeds_mm_s` their listed speeds. What has no listed speed, or gaps, is to
-/// be left out by an empty signal. If `fitted` names ranges of each trial's samples, amplitudes and phases are those of
-/// these samples alone, as for a fit to a part of each recording. Returns each trial's share; `signals` are then
-/// without lines.
+/// be left out by an empty signal. Amplitudes and phases are those of the samples in the `ranges` of each trial.
 pub fn separate(
     speeds_mm_s: &[f64],
-    signals: &mut [Vec<f64>],
-    fitted: Option<&[Vec<Range<usize>>]>,
-    lines: Lines,
-) -> Vec<TrialLines> {
-    let count = signals.len();
-    let nothing = |time_locked_hz, reason| {
-        let findings = Arc::new(Findings {
-            time_locked_hz,
-            none_because: Some(reason),
-            ..Findings::default()
-        });
-        let share = TrialLines {
-            findings,
-            ..TrialLines::default()
-        };
-        vec![share; count]
-    };
-    if lines == Lines::None {
-        return nothing(Vec::new(), NoLines::NotAskedFor);
-    }
+    signals: Vec<Vec<f64>>,
+    ranges: &[Vec<Range<usize>>],
+) -> Separated {
     let used = speeds_mm_s
         .iter()
-        .zip(signals.iter())
+        .zip(&signals)
         .filter(|(v, s)| **v > 0.0 && !s.is_empty());
     let (slowest, fastest) = used.fold((f64::INFINITY, 0.0f64), |(low, high), (v, _)| {
         (low.min(*v), high.max(*v))
     });
-    let whole: Vec<Vec<Range<usize>>> = signals
-        .iter()
-        .map(|signal| std::iter::once(0..signal.len()).collect())
-        .collect();
-    let ranges = fitted.unwrap_or(&whole);
     if fastest < LEAST_SPEED_RATIO * slowest {
-        return wandering(speeds_mm_s, signals, ranges, true, Vec::new())
-            .unwrap_or_else(|_| nothing(Vec::new(), NoLines::OneSpeed));
+        return wandering(speeds_mm_s, &signals, ranges, true, Vec::new())
+            .unwrap_or_else(|_| Separated::nothing(signals, Vec::new(), NoLines::OneSpeed));
     }
+    let (known, time_locked_hz) = narrow(speeds_mm_s, &signals);
+    let wandering = wandering(speeds_mm_s, &signals, ranges, false, time_locked_hz.clone());
+    if known.is_empty() {
+        return wandering.unwrap_or_else(|time_locked_hz| {
+            Separated::nothing(signals, time_locked_hz, NoLines::NothingStandsOut)
+        });
+    }
+    let narrow = removed(speeds_mm_s, signals, ranges, &known, time_locked_hz);
+    // A narrow line holds but a part of one that wanders.
+    let least = WANDERING_OVER_NARROW * narrow.power();
+    wandering
+        .ok()
+        .filter(|own| own.power() > least)
+        .unwrap_or(narrow)
+}
+
+/// Narrow lines, and the frequencies that stay while the speed changes.
+fn narrow(speeds_mm_s: &[f64], signals: &[Vec<f64>]) -> (Vec<Known>, Vec<f64>) {
+    let heard = heard(speeds_mm_s, signals);
+    let again = heard.clone();
+    let (exact, rough) = rayon::join(|| search(heard, EXACT_LIST), || search(again, ROUGH_LIST));
     // Wider windows for a line's place are taken if more speeds show it there.
     let speeds = |known: &[Known]| known.iter().map(|line| line.found.speeds.0).max();
-    let heard = heard(speeds_mm_s, signals);
-    let (exact, rough) = rayon::join(
-        || search(heard.clone(), EXACT_LIST),
-        || search(heard.clone(), ROUGH_LIST),
-    );
-    let (known, time_locked_hz) = if speeds(&rough.0) > speeds(&exact.0) {
+    if speeds(&rough.0) > speeds(&exact.0) {
         rough
     } else {
         exact
-    };
-    let mut rest = signals.to_vec();
-    let held_hz = time_locked_hz.clone();
-    let wandering = wandering(speeds_mm_s, &mut rest, ranges, false, held_hz);
-    let (narrow, least) = if known.is_empty() {
-        (None, 0.0)
-    } else {
-        let mut rest = signals.to_vec();
-        let shares = removed(speeds_mm_s, &mut rest, ranges, &known, time_locked_hz);
-        // A narrow line holds but a part of one that wanders.
-        let least = WANDERING_OVER_NARROW * power(&shares);
-        (Some((shares, rest)), least)
-    };
-    let wandering = wandering.map(|shares| (shares, rest));
-    let chosen = match (wandering, narrow) {
-        (Ok(wandering), _) if power(&wandering.0) > least => wandering,
-        (_, Some(narrow)) => narrow,
-        (Ok(wandering), None) => wandering,
-        (Err(time_locked_hz), None) => return nothing(time_locked_hz, NoLines::NothingStandsOut),
-    };
-    signals.clone_from_slice(&chosen.1);
-    chosen.0
+    }
 }
 
-/// Power of all lines in all trials, as of amplitudes, (m/s²)².
-fn power(shares: &[TrialLines]) -> f64 {
-    let amplitudes = shares.iter().flat_map(|share| &share.amplitudes_m_s2);
-    amplitudes
-        .flatten()
-        .map(|amplitude| amplitude * amplitude)
-        .sum()
-}
-
-/// Finds lines whose place wanders and removes them from `signals`. Returns each trial's share, or, if there are none,
-/// the frequencies that stay while the speed changes.
+/// Finds lines whose place wanders and takes them out of `signals`. Returns the frequencies that stay while the speed
+/// changes if there are none.
 fn wandering(
     speeds_mm_s: &[f64],
-    signals: &mut [Vec<f64>],
+    signals: &[Vec<f64>],
     ranges: &[Vec<Range<usize>>],
     is_one_speed: bool,
     mut time_locked_hz: Vec<f64>,
-) -> Result<Vec<TrialLines>, Vec<f64>> {
+) -> Result<Separated, Vec<f64>> {
     let (mut lines, mut wanders) = (Vec::<Line>::new(), Vec::<Wander>::new());
     let mut amplitudes: Vec<Vec<Option<f64>>> = vec![Vec::new(); signals.len()];
+    let mut rest = Cow::Borrowed(signals);
     while wanders.len() < limits::MAX_WANDERS && lines.len() < limits::MAX_LINES {
         let known_mm: Vec<f64> = lines.iter().map(|line| line.wavelength_mm).collect();
-        let mut weave = match find(speeds_mm_s, signals, ranges, is_one_speed, &known_mm) {
+        let mut weave = match find(speeds_mm_s, &rest, ranges, is_one_speed, &known_mm) {
             Ok(weave) => weave,
             Err(held_hz) => {
                 time_locked_hz.extend(held_hz);
@@ -148,57 +145,71 @@ fn wandering(
             }
         };
         weave.harmonics.truncate(limits::MAX_LINES - lines.len());
-        for (signal, (course, amplitudes)) in signals
-            .iter_mut()
-            .zip(weave.courses.iter().zip(&mut amplitudes))
-        {
+        let trials = rest.to_mut().iter_mut().zip(&weave.courses);
+        for ((signal, course), amplitudes) in trials.zip(&mut amplitudes) {
             amplitudes.extend(without(signal, course.as_ref(), &weave));
         }
-        let first = lines.len();
-        for (at, &(number, shown_at_speeds)) in weave.harmonics.iter().enumerate() {
-            let is_harmonic = number > 1 && weave.harmonics[0].0 == 1;
-            let complex = |course: &Course, harmonic| course.amplitude(harmonic).map(|a| a.0);
-            let pairs = weave.courses.iter().flatten();
-            let pairs = pairs.filter_map(|c| Some((complex(c, 1)?, complex(c, number)?)));
-            let (phase_turns, phase_agreement) = if is_harmonic {
-                relative_phase(pairs, number)
-            } else {
-                (0.0, 1.0)
-            };
-            let own = amplitudes
-                .iter()
-                .filter_map(|amplitudes| amplitudes[first + at]);
-            let own = own.filter(|&amplitude| amplitude > 0.0);
-            let range = own.fold((f64::INFINITY, 0.0f64), |(low, high), a| {
-                (low.min(a), high.max(a))
-            });
-            lines.push(Line {
-                wavelength_mm: weave.wavelength_mm / f64::from(number),
-                phase_turns,
-                harmonic_of: is_harmonic.then_some((first, number)),
-                phase_agreement,
-                shown_at_speeds,
-                amplitude_range_m_s2: (range.0.min(range.1), range.1),
-                wander: Some(wanders.len()),
-            });
-        }
+        add_lines_of(&weave, wanders.len(), &amplitudes, &mut lines);
         wanders.push(weave.wander);
     }
     if lines.is_empty() {
         return Err(time_locked_hz);
     }
-    let findings = Arc::new(Findings {
-        lines,
-        time_locked_hz,
-        wanders,
-        ..Findings::default()
-    });
     let share = |amplitudes_m_s2| TrialLines {
-        findings: Arc::clone(&findings),
         amplitudes_m_s2,
         speed_ratio: None,
     };
-    Ok(amplitudes.into_iter().map(share).collect())
+    Ok(Separated {
+        findings: Findings {
+            lines,
+            time_locked_hz,
+            wanders,
+            ..Findings::default()
+        },
+        shares: amplitudes.into_iter().map(share).collect(),
+        rest: rest.into_owned(),
+    })
+}
+
+/// Adds the harmonics of `weave`, whose wander has the index `wander`, to `lines`; `amplitudes` are those of all lines
+/// in each trial.
+fn add_lines_of(
+    weave: &Weave,
+    wander: usize,
+    amplitudes: &[Vec<Option<f64>>],
+    lines: &mut Vec<Line>,
+) {
+    let first = lines.len();
+    for &(number, shown_at_speeds) in &weave.harmonics {
+        let is_harmonic = number > 1 && weave.harmonics[0].0 == 1;
+        let (phase_turns, phase_agreement) = if is_harmonic {
+            let complex = |course: &Course, harmonic| course.amplitude(harmonic).map(|a| a.0);
+            let pairs = weave.courses.iter().flatten();
+            let pairs = pairs.filter_map(|c| Some((complex(c, 1)?, complex(c, number)?)));
+            relative_phase(pairs, number)
+        } else {
+            (0.0, 1.0)
+        };
+        let at = lines.len();
+        let own = amplitudes.iter().filter_map(|amplitudes| amplitudes[at]);
+        lines.push(Line {
+            wavelength_mm: weave.wavelength_mm / f64::from(number),
+            phase_turns,
+            harmonic_of: is_harmonic.then_some((first, number)),
+            phase_agreement,
+            shown_at_speeds,
+            amplitude_range_m_s2: range_of(own.filter(|&amplitude| amplitude > 0.0)),
+            wander: Some(wander),
+        });
+    }
+}
+
+/// The lowest and the highest of `amplitudes`; 0 of none.
+fn range_of(amplitudes: impl Iterator<Item = f64>) -> (f64, f64) {
+    let (low, high) = amplitudes.fold((f64::INFINITY, 0.0f64), |(low, high), a| {
+        (low.min(a), high.max(a))
+    });
+    (low.min(high), high)
 }
 
 /// Takes the harmonics of `weave` out of `signal`, whose `course` it is. Returns the amplitude of each: 0 where the
@@ -356,14 +367,15 @@ struct Fitted {
     was_followed: bool,
 }
 
+/// Takes the `known` lines out of `signals`.
 fn removed(
     speeds_mm_s: &[f64],
-    signals: &mut [Vec<f64>],
+    mut signals: Vec<Vec<f64>>,
     ranges: &[Vec<Range<usize>>],
     known: &[Known],
     time_locked_hz: Vec<f64>,
-) -> Vec<TrialLines> {
-    let measures = measures(speeds_mm_s, signals, known);
+) -> Separated {
+    let measures = measures(speeds_mm_s, &signals, known);
     let fits: Vec<Fitted> = signals
         .par_iter_mut()
         .zip(speeds_mm_s)
@@ -384,40 +396,37 @@ fn removed(
             }
             None => (0.0, 1.0),
         };
-        let shown = line
-            .found
-            .shown_by
-            .iter()
-            .filter_map(|&(trial, _)| fits[trial].clean[index]);
-        let range = shown.fold((f64::INFINITY, 0.0f64), |(low, high), a| {
-            (low.min(a), high.max(a))
-        });
+        let shown = line.found.shown_by.iter();
         Line {
             wavelength_mm: measures.wavelengths_mm[index],
             phase_turns,
             harmonic_of: line.harmonic_of,
             phase_agreement,
             shown_at_speeds: line.found.speeds,
-            amplitude_range_m_s2: (range.0.min(range.1), range.1),
+            amplitude_range_m_s2: range_of(
+                shown.filter_map(|&(trial, _)| fits[trial].clean[index]),
+            ),
             wander: None,
         }
     });
-    let findings = Arc::new(Findings {
+    let findings = Findings {
         lines: lines.collect(),
         time_locked_hz,
         speed_scatter: measures.speed_scatter,
         followed_trials: fits.iter().filter(|fit| fit.was_followed).count(),
         none_because: None,
         wanders: Vec::new(),
-    });
-    fits.into_iter()
-        .zip(measures.speed_ratios)
-        .map(|(fit, speed_ratio)| TrialLines {
-            findings: Arc::clone(&findings),
-            amplitudes_m_s2: fit.clean,
-            speed_ratio,
-        })
-        .collect()
+    };
+    let shares = fits.into_iter().zip(measures.speed_ratios);
+    let share = |(fit, speed_ratio): (Fitted, Option<f64>)| TrialLines {
+        amplitudes_m_s2: fit.clean,
+        speed_ratio,
+    };
+    Separated {
+        findings,
+        shares: shares.map(share).collect(),
+        rest: signals,
+    }
 }
 
 /// Phase of harmonic `number` at the place where its fundamental's sine begins, turns, and how far the trials agree on
@@ -455,29 +464,12 @@ fn removed_from(
         was_followed: false,
     };
     let held = told_apart(speed_mm_s, signal.len(), wavelengths_mm);
-    if held.is_empty() || LineSpectrum::of(signal).is_none() {
+    if held.is_empty() || !tells_lines(signal) {
         return fitted;
     }
-    let mut place_mm = steady_mm(speed_mm_s, signal.len());
-    let at = |place_mm: &[f64]| -> Vec<Vec<f64>> {
-        held.iter()
-            .map(|&line| turns(place_mm, wavelengths_mm[line]))
-            .collect()
-    };
-    // What was followed once, with its harmonics blurred, is followed more closely from there.
-    for _ in 0..FOLLOWED_TIMES {
-        let fit = amplitudes(signal, ranges, &at(&place_mm));
-        // The line whose phase tells most about place: the strongest for its wavelength.
-        let tells = |i: usize| fit[i].norm() / wavelengths_mm[held[i]];
-        let best = (0..held.len()).max_by(|&a, &b| tells(a).total_cmp(&tells(b)));
-        let wander =
-            best.and_then(|best| followed(signal, &mut place_mm, wavelengths_mm[held[best]]));
-        if wander.is_none() {
-            break;
-        }
-        fitted.was_followed = true;
-    }
-    let turns = at(&place_mm);
+    let held_mm: Vec<f64> = held.iter().map(|&line| wavelengths_mm[line]).collect();
+    let turns;
+    (turns, fitted.was_followed) = turns_of(signal, ranges, speed_mm_s, &held_mm);
     let fit = amplitudes(signal, ranges, &turns);
     let mut rest = signal.to_vec();
     for (amplitude, turns) in fit.iter().zip(&turns) {
@@ -503,6 +495,37 @@ fn removed_from(
         fitted.clean[line] = Some(clean);
     }
     fitted
+}
+
+/// Phase of each line at each sample, turns, and whether the signal tells that its speed changed, which they follow.
+fn turns_of(
+    signal: &[f64],
+    ranges: &[Range<usize>],
+    speed_mm_s: f64,
+    wavelengths_mm: &[f64],
+) -> (Vec<Vec<f64>>, bool) {
+    let mut place_mm = steady_mm(speed_mm_s, signal.len());
+    let at = |place_mm: &[f64]| {
+        wavelengths_mm
+            .iter()
+            .map(|mm| turns(place_mm, *mm))
+            .collect()
+    };
+    let mut all: Vec<Vec<f64>> = at(&place_mm);
+    // What was followed once, with its harmonics blurred, is followed more closely from there.
+    for time in 0..FOLLOWED_TIMES {
+        let fit = amplitudes(signal, ranges, &all);
+        // The line whose phase tells most about place: the strongest for its wavelength.
+        let tells = fit.iter().zip(wavelengths_mm);
+        let tells = tells.map(|(amplitude, mm)| (amplitude.norm() / mm, mm));
+        let best = tells.max_by(|a, b| a.0.total_cmp(&b.0));
+        let wander = best.and_then(|(_, mm)| followed(signal, &mut place_mm, *mm));
+        if wander.is_none() {
+            return (all, time > 0);
+        }
+        all = at(&place_mm);
+    }
+    (all, true)
 }
 
 /// Lines that a recording of so many samples at `speed_mm_s` can hold and tell from longer ones, which come first.

@@ -8,8 +8,9 @@ use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 
 use super::findings::NoLines;
-use super::{Findings, Lines, TrialLines, separate};
+use super::{Findings, TrialLines, separate};
 use crate::dsp::test_signals::near;
+use crate::fit::blocks::Part;
 
 const RATE_HZ: f64 = SAMPLE_RATE_HZ as f64;
 const SAMPLES: usize = 10_000;
@@ -63,8 +64,13 @@ fn surfaces(seed: u64, speeds: &[f64], band_mm: Option<f64>) -> (Pcg64, Vec<Vec<
 }
 
 fn found(speeds: &[f64], signals: &mut [Vec<f64>]) -> (Findings, Vec<TrialLines>) {
-    let shares = separate(speeds, signals, None, Lines::Auto);
-    (shares[0].findings.as_ref().clone(), shares)
+    let ranges: Vec<_> = signals
+        .iter()
+        .map(|own| Part::Whole.of(own.len()))
+        .collect();
+    let separated = separate(speeds, signals.to_vec(), &ranges);
+    signals.clone_from_slice(&separated.rest);
+    (separated.findings, separated.shares)
 }
 
 /// Of 1000 surfaces of each kind, 0, 0 and 2 had a line; the level is 1e-3.
@@ -397,7 +403,7 @@ fn silence_constants_and_trials_too_short_have_no_lines() {
             );
         }
     }
-    assert!(separate(&[], &mut [], None, Lines::Auto).is_empty());
+    assert!(separate(&[], Vec::new(), &[]).shares.is_empty());
 }
 
 #[test]

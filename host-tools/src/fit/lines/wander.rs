@@ -8,7 +8,7 @@ use model_format::{SAMPLE_RATE_HZ, Wander, limits};
 use rayon::prelude::*;
 use realfft::num_complex::Complex;
 
-use super::search::{HARMONICS, HIGHEST_HZ, LEVEL, LOWEST_HZ, SAME_SPEED};
+use super::search::{AtSpeed, HARMONICS, HIGHEST_HZ, LEVEL, LOWEST_HZ, by_speed};
 use super::steady::{Band, WholeSpectrum};
 use super::track::{amplitudes, without_straight_line};
 
@@ -108,45 +108,13 @@ impl Heard {
     }
 }
 
-/// Chances at one speed.
-struct AtSpeed {
-    speed_mm_s: f64,
-    trials: usize,
-    least: f64,
-}
-
-impl AtSpeed {
-    fn ln_chance(&self) -> f64 {
-        (self.least + (self.trials as f64).ln()).min(0.0)
-    }
-}
-
-/// Chances by speed, from those of trials.
-fn by_speed(chances: impl Iterator<Item = (f64, f64)>) -> Vec<AtSpeed> {
-    let mut speeds: Vec<AtSpeed> = Vec::new();
-    for (speed_mm_s, ln_chance) in chances {
-        let same = |at: &AtSpeed| (speed_mm_s / at.speed_mm_s).ln().abs() < SAME_SPEED;
-        let at = speeds.iter().position(same).unwrap_or_else(|| {
-            speeds.push(AtSpeed {
-                speed_mm_s,
-                trials: 0,
-                least: 0.0,
-            });
-            speeds.len() - 1
-        });
-        speeds[at].trials += 1;
-        speeds[at].least = speeds[at].least.min(ln_chance);
-    }
-    speeds
-}
-
 /// The speeds that show a line and all at which it could be seen, if they are at least `least` and half of all.
-fn shown(speeds: &[AtSpeed], least: usize) -> Option<(usize, usize)> {
+fn shown(speeds: &[AtSpeed<()>], least: usize) -> Option<(usize, usize)> {
     let count = shows(speeds).count();
     (count >= least && 2 * count >= speeds.len()).then_some((count, speeds.len()))
 }
 
-fn shows(speeds: &[AtSpeed]) -> impl Iterator<Item = &AtSpeed> {
+fn shows(speeds: &[AtSpeed<()>]) -> impl Iterator<Item = &AtSpeed<()>> {
     speeds.iter().filter(|at| at.ln_chance() < LN_SHOWN_CHANCE)
 }
 
@@ -165,7 +133,7 @@ impl Search {
             let hz = heard.frequency_hz(carrier);
             let ln_chance = || heard.band_at(hz).map_or(0.0, |(_, ln_chance)| ln_chance);
             let is_seen = (LOWEST_HZ..=HIGHEST_HZ).contains(&hz);
-            is_seen.then(|| (heard.speed_mm_s, ln_chance()))
+            is_seen.then(|| (heard.speed_mm_s, Some(((), ln_chance()))))
         });
         let speeds = by_speed(chances);
         shown(&speeds, if self.is_one_speed { 1 } else { 2 })?;
@@ -315,7 +283,7 @@ fn harmonics(
         .filter_map(|harmonic| {
             let told = courses.iter().zip(speeds_mm_s);
             let chances = told.filter_map(|(course, speed)| {
-                Some((*speed, course.as_ref()?.ln_chance(harmonic)?))
+                Some((*speed, Some(((), course.as_ref()?.ln_chance(harmonic)?))))
             });
             Some((harmonic, shown(&by_speed(chances), least)?))
         })

@@ -1,17 +1,16 @@
 //! The reduce: the files of all units, and the fit of their textures one after the other.
 
-use std::borrow::Cow;
-use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
 use super::unit::{Unit, units};
+use crate::fit::blocks::Part;
+use crate::fit::fitted::{Fit, FittedTexture, Source};
+use crate::fit::notes;
 use crate::fit::options::Options;
-use crate::fit::trial::Analysis;
-use crate::fit::trial::KeptSignals;
-use crate::fit::trial::TrialReport;
-use crate::fit::{Fit, add_excitation, fit_reported, reports};
+use crate::fit::recordings::{Recorded, Recordings};
+use crate::fit::reports::{TrialReport, reports};
 use crate::recording::RecordingSet;
 use crate::support::error::{Error, Result};
 
@@ -23,9 +22,13 @@ pub struct Merged<'s> {
     pub trials: Vec<TrialReport>,
     /// Hash of each recording's bytes, in the order of the set.
     contents: Vec<u64>,
-    units: Vec<(Unit, PathBuf)>,
-    /// Unit of each trial.
-    unit_of: Vec<usize>,
+    textures: Vec<Vec<Partial>>,
+}
+
+/// A unit of a texture, with its file.
+struct Partial {
+    unit: Unit,
+    path: PathBuf,
 }
 
 impl<'s> Merged<'s> {
@@ -40,39 +43,37 @@ impl<'s> Merged<'s> {
         folder: &Path,
         progress: impl Fn(usize) + Sync,
     ) -> Result<Self> {
-        let units = units(set, options);
-        let with_path = |unit: Unit| Ok((unit.path(set, options, folder)?, unit));
-        let units = units.into_par_iter().map(with_path);
-        let units: Vec<(Unit, PathBuf)> = units
-            .map(|found| found.map(|(path, unit)| (unit, path)))
-            .collect::<Result<_>>()?;
-        refuse_missing(set, &units, folder)?;
-        let read = units.par_iter().map(|(unit, path)| {
-            let mut trials = unit.read(path)?.trials;
+        let partial = |unit: Unit| {
+            Ok(Partial {
+                path: unit.path(set, options, folder)?,
+                unit,
+            })
+        };
+        let textures = units(set, options).into_par_iter();
+        let textures = textures.map(|units| units.into_par_iter().map(partial).collect());
+        let textures = textures.collect::<Result<Vec<Vec<Partial>>>>()?;
+        refuse_missing(set, &textures, folder)?;
+        let read = textures.par_iter().map(|units| {
+            let (mut recordings, contents) = read(set, units)?;
             // They are read again, texture by texture, because those of all trials are large.
-            (trials.iter_mut()).for_each(|(_, analysis)| analysis.lags = Vec::new());
-            progress(trials.len());
-            Ok(trials)
+            (recordings.trials.iter_mut()).for_each(|own| own.analysis.lags = Vec::new());
+            progress(contents.len());
+            Ok((recordings, contents))
         });
-        let read = read.collect::<Result<Vec<_>>>()?;
-        let mut unit_of = vec![0; set.trials.len()];
-        let mut analyses: Vec<Option<(u64, Analysis)>> = vec![None; set.trials.len()];
-        for (number, ((unit, _), trials)) in units.iter().zip(read).enumerate() {
-            for (&index, trial) in unit.trials.iter().zip(trials) {
-                unit_of[index] = number;
-                analyses[index] = Some(trial);
+        let (recordings, of_textures): (Vec<_>, Vec<_>) =
+            read.collect::<Result<Vec<_>>>()?.into_iter().unzip();
+        let mut contents = vec![0; set.trials.len()];
+        for (own, hashes) in recordings.iter().zip(of_textures) {
+            for (own, hash) in own.trials.iter().zip(hashes) {
+                contents[own.number] = hash;
             }
         }
-        // Every trial is in a unit.
-        let (contents, analyses): (Vec<u64>, Vec<Analysis>) =
-            analyses.into_iter().flatten().unzip();
         Ok(Self {
             set,
             options: options.clone(),
-            trials: reports(set, &analyses, options)?,
+            trials: reports(&recordings, options)?,
             contents,
-            units,
-            unit_of,
+            textures,
         })
     }
 
@@ -81,72 +82,92 @@ impl<'s> Merged<'s> {
     /// # Errors
     /// Those of [`fit`](crate::fit::fit()); a partial file that changed.
     pub fn fit(&self, progress: impl Fn() + Sync) -> Result<Fit> {
-        let all: Vec<usize> = (0..self.set.trials.len()).collect();
-        self.fit_part(self.set, &all, progress)
+        Ok(Fit {
+            textures: self.fitted(&self.textures, progress)?,
+            notes: notes::of_set(self.set, &self.trials, &self.options),
+            trials: self.trials.clone(),
+        })
     }
 
-    /// Fits the texture with these trials alone, as a library of its own holds it. Returns its set, the hashes of its
+    /// Fits the texture with this index alone, as a library of its own holds it. Returns its set, the hashes of its
     /// recordings, and the fit.
     ///
     /// # Errors
     /// Those of [`Merged::fit`].
-    pub fn fit_texture(&self, members: &[usize]) -> Result<(RecordingSet, Vec<u64>, Fit)> {
-        let set = self.set.part(members);
-        let fit = self.fit_part(&set, members, || ())?;
-        let contents = members.iter().map(|&member| self.contents[member]);
-        Ok((set, contents.collect(), fit))
+    pub fn fit_texture(&self, index: usize) -> Result<(RecordingSet, Vec<u64>, Fit)> {
+        let textures = self.fitted(&self.textures[index..=index], || ())?;
+        let members = &textures[0].members;
+        let (set, contents) = (
+            self.set.part(members),
+            members
+                .iter()
+                .map(|&member| self.contents[member])
+                .collect(),
+        );
+        let trials: Vec<TrialReport> = members
+            .iter()
+            .map(|&member| self.trials[member].clone())
+            .collect();
+        let notes = notes::of_set(&set, &trials, &self.options);
+        let fit = Fit {
+            trials,
+            textures,
+            notes,
+        };
+        Ok((set, contents, fit))
     }
 
-    /// Fits `set`, which has the trials `members` of the whole.
-    fn fit_part(
+    /// Fits `textures` as one library holds them.
+    fn fitted(
         &self,
-        set: &RecordingSet,
-        members: &[usize],
+        textures: &[Vec<Partial>],
         progress: impl Fn() + Sync,
-    ) -> Result<Fit> {
-        let trials = members.iter().map(|&member| self.trials[member].clone());
-        let analyses_of = |own: &[usize]| {
-            let members: Vec<usize> = own.iter().map(|&index| members[index]).collect();
-            self.analyses(&members)
+    ) -> Result<Vec<FittedTexture>> {
+        let fitted = textures.iter().map(|units| {
+            let (recordings, _) = read(self.set, units)?;
+            FittedTexture::of(&recordings, &self.trials, &self.options)
+        });
+        let mut fitted = fitted.collect::<Result<Vec<_>>>()?;
+        let source = Source {
+            set: self.set,
+            reports: &self.trials,
+            options: &self.options,
+            part: Part::Whole,
         };
-        let mut fit = fit_reported(set, trials.collect(), &self.options, analyses_of)?;
-        let kept = KeptSignals::default();
-        add_excitation(set, &mut fit, &self.options, kept, progress)?;
-        Ok(fit)
+        source.excite(&mut fitted, std::iter::repeat_with(|| None), &progress)?;
+        Ok(fitted)
     }
 
     /// Hash of each recording's bytes, in the order of the set.
     pub fn contents(&self) -> &[u64] {
         &self.contents
     }
+}
 
-    /// The analyses of these trials, from their files.
-    fn analyses<'a>(&self, members: &[usize]) -> Result<Vec<Cow<'a, Analysis>>> {
-        let mut read: HashMap<usize, Analysis> = HashMap::new();
-        for &member in members {
-            if !read.contains_key(&member) {
-                let (unit, path) = &self.units[self.unit_of[member]];
-                let trials = unit.read(path)?.trials.into_iter();
-                read.extend(
-                    unit.trials
-                        .iter()
-                        .copied()
-                        .zip(trials.map(|(_, analysis)| analysis)),
-                );
-            }
+/// Reads the `units` of a texture: its recordings, whose signals are not held, with the hash of the bytes of each.
+fn read<'s>(set: &'s RecordingSet, units: &[Partial]) -> Result<(Recordings<'s>, Vec<u64>)> {
+    let mut recordings = Recordings::default();
+    let mut contents = Vec::new();
+    for Partial { unit, path } in units {
+        let content = unit.read(path)?;
+        recordings.findings = content.findings;
+        for (&number, (hash, analysis)) in unit.trials.iter().zip(content.trials) {
+            contents.push(hash);
+            recordings.trials.push(Recorded {
+                number,
+                trial: &set.trials[number],
+                analysis,
+                signal: None,
+            });
         }
-        let taken = members.iter().filter_map(|member| read.remove(member));
-        Ok(taken.map(Cow::Owned).collect())
     }
+    Ok((recordings, contents))
 }
 
 /// Refuses a folder without the files of all units.
-fn refuse_missing(set: &RecordingSet, units: &[(Unit, PathBuf)], folder: &Path) -> Result<()> {
-    let missing: Vec<&Unit> = units
-        .iter()
-        .filter(|(_, path)| !path.exists())
-        .map(|(unit, _)| unit)
-        .collect();
+fn refuse_missing(set: &RecordingSet, textures: &[Vec<Partial>], folder: &Path) -> Result<()> {
+    let missing = textures.iter().flatten().filter(|own| !own.path.exists());
+    let missing: Vec<&Unit> = missing.map(|own| &own.unit).collect();
     let Some(first) = missing.first() else {
         return Ok(());
     };

@@ -106,14 +106,11 @@ pub fn map(
     progress: impl Fn(usize) + Sync,
 ) -> Result<Mapped> {
     std::fs::create_dir_all(folder).map_err(Error::io("create", folder))?;
-    let units = units(set, options);
-    let own = units.iter().enumerate();
-    let own: Vec<&Unit> = own
-        .filter(|(number, _)| shard.has(*number))
-        .map(|(_, unit)| unit)
-        .collect();
+    let units = units(set, options).into_iter().flatten().enumerate();
+    let own = units.filter(|(number, _)| shard.has(*number));
+    let own: Vec<Unit> = own.map(|(_, unit)| unit).collect();
     // Returns the number of trials that were there.
-    let map_unit = |unit: &&Unit| {
+    let map_unit = |unit: &Unit| {
         let path = unit.path(set, options, folder)?;
         let is_there = unit.read(&path).is_ok();
         if !is_there {

@@ -70,7 +70,7 @@ fn left_by(
     fit: &Fit,
     contents: Option<&[u64]>,
 ) -> Vec<String> {
-    let bytes = model_format::encode(&fit.specs).unwrap();
+    let bytes = fit.library().unwrap();
     let record = match contents {
         None => FitRecord::of(set, options, &bytes).unwrap(),
         Some(contents) => FitRecord::with_contents(set, options, &bytes, contents),
@@ -79,7 +79,7 @@ fn left_by(
         format!("{bytes:?}"),
         record.with_account_of(fit).to_text().unwrap(),
         serde_json::to_string(&fit.trials).unwrap(),
-        format!("{:?}", fit.warnings),
+        format!("{:?}", fit.warnings()),
     ]
 }
 
@@ -107,7 +107,7 @@ fn shards_of_any_number_made_in_any_order_leave_what_one_process_leaves() {
     let set = set(folder.path());
     for (lines, of) in [(Lines::Auto, 2), (Lines::None, 7)] {
         let options = options(lines);
-        let whole = fit(&set, &options, || ()).unwrap();
+        let whole = fit(&set, &options, |_| ()).unwrap();
         assert_eq!(copies(&whole.trials), 1);
         let parts = folder.path().join(format!("parts-{of}"));
         let shards = (1..=of).rev().map(|number| Shard { number, of });
@@ -119,13 +119,13 @@ fn shards_of_any_number_made_in_any_order_leave_what_one_process_leaves() {
         assert_eq!(merged(&set, &options, &parts).unwrap(), expected);
 
         let merged = Merged::of_folder(&set, &options, &parts, |_| ()).unwrap();
-        for (number, (name, members)) in set.by_texture().into_iter().enumerate() {
-            let (part, contents, alone) = merged.fit_texture(&members).unwrap();
+        for (number, name) in set.textures().into_iter().enumerate() {
+            let (part, contents, alone) = merged.fit_texture(number).unwrap();
             assert_eq!(
-                (part.trials.len(), contents.len(), alone.specs.len()),
+                (part.trials.len(), contents.len(), alone.textures.len()),
                 (4, 4, 1)
             );
-            assert_eq!(alone.specs[0].nodes, whole.specs[number].nodes);
+            assert_eq!(alone.textures[0].nodes, whole.textures[number].nodes);
             // The copy is known also where its original is in another library.
             assert_eq!(copies(&alone.trials), usize::from(name == "tile"));
         }
@@ -179,7 +179,7 @@ fn a_merge_refuses_what_is_missing_damaged_or_of_other_inputs_and_a_map_computes
     assert_eq!(reused(&set, &own), 8);
 
     // So is one with a file that is damaged anywhere, cut or too long.
-    let path = super::unit::units(&set, &own)[2]
+    let path = super::unit::units(&set, &own)[2][0]
         .path(&set, &own, &parts)
         .unwrap();
     let bytes = std::fs::read(&path).unwrap();
@@ -192,7 +192,7 @@ fn a_merge_refuses_what_is_missing_damaged_or_of_other_inputs_and_a_map_computes
             &[bytes.as_slice(), b"x"].concat(),
         ] {
             std::fs::write(&path, damaged).unwrap();
-            let unit = &super::unit::units(&set, &own)[2];
+            let unit = &super::unit::units(&set, &own)[2][0];
             assert!(unit.read(&path).is_err(), "{at}");
         }
     }

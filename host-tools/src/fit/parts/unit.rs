@@ -10,10 +10,11 @@ use model_format::Provenance;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::fit::analyse_texture;
+use crate::fit::blocks::Part;
 use crate::fit::lines::{Findings, Lines};
 use crate::fit::options::Options;
 use crate::fit::record::content_of;
+use crate::fit::recordings::Recordings;
 use crate::fit::trial::Analysis;
 use crate::recording::{RecordingSet, Trial};
 use crate::support::atomic_file;
@@ -23,7 +24,7 @@ use crate::support::fnv::Fnv;
 
 /// First bytes of a file, with the version of the format. It changes with anything that a file holds, and with whatever
 /// the map computes.
-const MAGIC: [u8; 8] = *b"stylusP3";
+const MAGIC: [u8; 8] = *b"stylusP4";
 
 /// Most trials of a unit where no lines are sought.
 const MOST_TRIALS: usize = 64;
@@ -40,21 +41,20 @@ pub(super) struct Unit {
     pub trials: Vec<usize>,
 }
 
-/// The units of a fit of `set` with `options`: the same in every process.
-pub(super) fn units(set: &RecordingSet, options: &Options) -> Vec<Unit> {
+/// The units of each texture of a fit of `set` with `options`: the same in every process.
+pub(super) fn units(set: &RecordingSet, options: &Options) -> Vec<Vec<Unit>> {
     let most = match options.lines {
         Lines::None => MOST_TRIALS,
         Lines::Auto => usize::MAX,
     };
-    let of_texture = |(_, members): (&str, Vec<usize>)| -> Vec<Unit> {
+    let of_texture = |(_, members): (&str, Vec<usize>)| {
         let units = members.chunks(most.min(members.len()));
-        units
-            .map(|unit| Unit {
-                trials: unit.to_vec(),
-            })
-            .collect()
+        let unit = |trials: &[usize]| Unit {
+            trials: trials.to_vec(),
+        };
+        units.map(unit).collect()
     };
-    set.by_texture().into_iter().flat_map(of_texture).collect()
+    set.by_texture().into_iter().map(of_texture).collect()
 }
 
 /// The beginning of a file.
@@ -68,8 +68,8 @@ struct Header {
 /// The result of a unit.
 #[derive(Serialize, Deserialize)]
 pub(super) struct Content {
-    /// Lines of the texture, which are not stored with each of its trials.
-    findings: Findings,
+    /// Lines of the texture.
+    pub findings: Findings,
     /// The hash of each recording's bytes, for the record of the fit, with the trial's analysis.
     pub trials: Vec<(u64, Analysis)>,
 }
@@ -114,13 +114,9 @@ impl Unit {
         if header.magic != MAGIC || header.hash != Fnv::of(rest) {
             return Err(damaged());
         }
-        let mut content: Content = postcard::from_bytes(rest).map_err(|_| damaged())?;
+        let content: Content = postcard::from_bytes(rest).map_err(|_| damaged())?;
         if content.trials.len() != self.trials.len() {
             return Err(damaged());
-        }
-        let findings = std::sync::Arc::new(std::mem::take(&mut content.findings));
-        for (_, analysis) in &mut content.trials {
-            analysis.lines.findings = std::sync::Arc::clone(&findings);
         }
         Ok(content)
     }
@@ -130,20 +126,12 @@ impl Unit {
     /// # Errors
     /// The first trial that cannot be used; a file that cannot be written.
     pub fn compute(&self, set: &RecordingSet, options: &Options, path: &Path) -> Result<()> {
-        let trials: Vec<&Trial> = self
-            .trials
-            .iter()
-            .map(|&index| &set.trials[index])
-            .collect();
-        let analysed = analyse_texture(&trials, options, options.order.highest(), &|| ())?;
-        let stored = trials.par_iter().zip(analysed);
-        let stored = stored
-            .map(|(trial, (analysis, _))| Ok((content_of(trial)?, analysis)))
-            .collect::<Result<Vec<_>>>()?;
-        let findings = stored.first().map(|(_, analysis)| &analysis.lines.findings);
+        let recordings = Recordings::read(set, &self.trials, options, Part::Whole, &|_| ())?;
+        let trials = recordings.trials.into_par_iter();
+        let trials = trials.map(|own| Ok((content_of(own.trial)?, own.analysis)));
         let content = encoded(&Content {
-            findings: findings.map_or_else(Findings::default, |findings| findings.as_ref().clone()),
-            trials: stored,
+            findings: recordings.findings,
+            trials: trials.collect::<Result<_>>()?,
         })?;
         let header = encoded(&Header {
             magic: MAGIC,

@@ -5,21 +5,16 @@ use std::sync::{Arc, OnceLock};
 use model_format::NodeFlags;
 
 use crate::dsp::log_spectrum::LogSpectrum;
-use crate::recording::RecordingSet;
+use crate::recording::Trial;
 use crate::texture::grid::{Grid, as_written};
 
 mod surface_and_tool;
 
 use surface_and_tool::{FEWEST_SPEEDS, SurfaceAndTool};
 
-/// The spectra of a texture's recorded nodes: all trials of a node together, from `signals`, which belong to the trials
-/// of `set`. Silent nodes have none.
-pub fn recorded_spectra(
-    texture: &str,
-    grid: &Grid,
-    set: &RecordingSet,
-    signals: &[Vec<f64>],
-) -> RecordedSpectra {
+/// The spectra of a texture's recorded nodes: all trials of a node together, from the `signals` of the texture's trials.
+/// Silent nodes have none.
+pub fn recorded_spectra(grid: &Grid, signals: &[(&Trial, &[f64])]) -> RecordedSpectra {
     let nodes: Vec<_> = grid.nodes().collect();
     let spectra = nodes.iter().map(|(speed, force, model)| {
         let without = [
@@ -30,17 +25,10 @@ pub fn recorded_spectra(
         if without.iter().any(|&flag| model.flags.contains(flag)) {
             return None;
         }
-        let of_node: Vec<&[f64]> = set
-            .trials
-            .iter()
-            .zip(signals)
-            .filter(|(trial, _)| {
-                trial.texture == texture
-                    && trial.speed_mm_s as f32 == *speed
-                    && trial.force_n as f32 == *force
-            })
-            .map(|(_, signal)| signal.as_slice())
-            .collect();
+        let is_of_node =
+            |trial: &Trial| trial.speed_mm_s as f32 == *speed && trial.force_n as f32 == *force;
+        let of_node = signals.iter().filter(|(trial, _)| is_of_node(trial));
+        let of_node: Vec<&[f64]> = of_node.map(|(_, signal)| *signal).collect();
         LogSpectrum::estimate(&of_node)
     });
     let as_written = |axis: &[f32]| axis.iter().map(|&value| as_written(value)).collect();

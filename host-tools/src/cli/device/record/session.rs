@@ -7,13 +7,13 @@ use std::thread;
 use std::time::Duration;
 
 use host_tools::fit;
+use host_tools::fit::blocks::Part;
 use host_tools::link::Device;
 use host_tools::link::capture::{Calibration, Capture, Level, capture};
 use host_tools::procedures::set::{Folder, PlannedTrial};
 use host_tools::recording::TRIAL_DURATION_S;
 use host_tools::support::error::Result;
 use host_tools::support::progress;
-use model_format::limits::MAX_ORDER;
 use model_format::link::RecordSample;
 
 use super::Arguments;
@@ -107,7 +107,7 @@ impl<'a> Session<'a> {
     fn keep(&self, folder: &mut Folder, point: &PlannedTrial, capture: &Capture) -> Result<Row> {
         let provenance = self.arguments.sensing.provenance(&self.device);
         let trial = folder.add(point, capture, &self.calibration, provenance)?;
-        let analysis = fit::analyse(&trial, &fit::Options::default(), MAX_ORDER)?;
+        let (analysis, _) = fit::analyse(&trial, &fit::Options::default(), Part::Whole)?;
         Ok(Row::new(point, capture, &self.calibration, &analysis))
     }
 }

@@ -9,16 +9,7 @@ use std::ops::Range;
 
 use model_format::SAMPLE_RATE_HZ;
 
-use super::estimate::Bands;
-use super::estimate::{Estimate, estimate};
-use super::lines::{Lines, separate};
-use super::options::Options;
-use super::separated::{can_have_lines, of_texture};
-use super::trial::{Analysis, Signal, analyse_with_signal};
-use crate::dsp::autocorrelation::Autocorrelation;
-use crate::recording::{RecordingSet, Trial};
-use crate::support::error::Result;
-use crate::support::in_order::in_order;
+use super::estimate::estimate_of;
 
 /// Longest block, s. Blocks of 1 s resolve the lowest third octave; shorter ones alternate more often.
 const LONGEST_BLOCK_S: f64 = 1.0;
@@ -75,139 +66,36 @@ impl Blocks {
     }
 }
 
-/// A trial of which a part was analysed.
-#[derive(Clone, Debug)]
-pub struct PartlyAnalysed {
-    /// Statistics of the fitted blocks; verdicts and mean of the whole recording.
-    pub analysis: Analysis,
-    /// The whole reduced signal, without the lines that were taken out of the statistics.
-    pub signal: Signal,
-    /// Its division.
-    pub blocks: Blocks,
+/// The part of a recording that is fitted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// All of it.
+    Whole,
+    /// Every other block, see [`Blocks`].
+    Blocks,
 }
 
-/// Reads `trial` and analyses its fitted blocks for models of up to `max_order`.
-///
-/// # Errors
-/// A file that cannot be used, or without the axis that was asked for.
-pub fn analyse_blocks(
-    trial: &Trial,
-    options: &Options,
-    max_order: usize,
-) -> Result<PartlyAnalysed> {
-    let (mut analysis, signal) = analyse_with_signal(trial, options, max_order)?;
-    let blocks = Blocks::of(signal.samples.len());
-    let fitted = blocks.fitted().map(|block| &signal.samples[block]);
-    let fitted: Vec<&[f64]> = fitted.collect();
-    let estimate = estimate_of_blocks(&fitted, max_order, analysis.slow.cut_hz);
-    (analysis.lags, analysis.bands) = (estimate.lags, estimate.bands);
-    analysis.samples = fitted.iter().map(|block| block.len()).sum();
-    analysis.power = analysis.lags[0];
-    Ok(PartlyAnalysed {
-        analysis,
-        signal,
-        blocks,
-    })
-}
-
-/// As [`analyse_blocks`], of every trial of `set` for models of the highest order of `options`.
-///
-/// # Errors
-/// The first trial that cannot be used.
-pub fn analyse_blocks_of_set(
-    set: &RecordingSet,
-    options: &Options,
-    progress: impl Fn() + Sync,
-) -> Result<Vec<PartlyAnalysed>> {
-    let max_order = options.order.highest();
-    let mut analysed = in_order(&set.trials, |trial| {
-        let analysed = analyse_blocks(trial, options, max_order);
-        progress();
-        analysed
-    })?;
-    if options.lines != Lines::None {
-        for name in set.textures() {
-            separate_lines(set, name, &mut analysed, options);
+impl Part {
+    /// The samples that are fitted, of so many.
+    pub(super) fn of(self, samples: usize) -> Vec<Range<usize>> {
+        match self {
+            Self::Whole => std::iter::once(0..samples).collect(),
+            Self::Blocks => Blocks::of(samples).fitted().collect(),
         }
-    }
-    Ok(analysed)
-}
-
-/// Takes the lines of texture `name` out of its trials' statistics and signals.
-fn separate_lines(
-    set: &RecordingSet,
-    name: &str,
-    analysed: &mut [PartlyAnalysed],
-    options: &Options,
-) {
-    let (indices, trials) = of_texture(set, name);
-    let speeds_mm_s: Vec<f64> = trials.iter().map(|trial| trial.line_speed_mm_s()).collect();
-    let mut signals: Vec<Vec<f64>> = indices
-        .iter()
-        .zip(&trials)
-        .map(|(&index, trial)| {
-            let PartlyAnalysed {
-                analysis, signal, ..
-            } = &analysed[index];
-            let is_sought = can_have_lines(trial, analysis, options);
-            if is_sought {
-                signal.samples.clone()
-            } else {
-                Vec::new()
-            }
-        })
-        .collect();
-    let fitted: Vec<Vec<Range<usize>>> = indices
-        .iter()
-        .map(|&index| analysed[index].blocks.fitted().collect())
-        .collect();
-    let shares = separate(&speeds_mm_s, &mut signals, Some(&fitted), options.lines);
-    for (((index, rest), share), fitted) in indices.into_iter().zip(signals).zip(shares).zip(fitted)
-    {
-        let PartlyAnalysed {
-            analysis, signal, ..
-        } = &mut analysed[index];
-        if share.amplitudes_m_s2.iter().flatten().any(|&a| a > 0.0) {
-            let fitted: Vec<&[f64]> = fitted.into_iter().map(|block| &rest[block]).collect();
-            let max_order = analysis.lags.len() - 1;
-            let estimate = estimate_of_blocks(&fitted, max_order, analysis.slow.cut_hz);
-            (analysis.lags, analysis.bands) = (estimate.lags, estimate.bands);
-            signal.samples = rest;
-        }
-        analysis.lines = share;
     }
 }
 
 /// Estimates the autocorrelation of a signal from lag 0 to `max_lag`, (m/s²)², as the mean over its blocks, each
 /// weighed by its length.
 pub fn lags_of_blocks(blocks: &[&[f64]], max_lag: usize) -> Vec<f64> {
-    estimate_of_blocks(blocks, max_lag, None).lags
-}
-
-fn estimate_of_blocks(blocks: &[&[f64]], max_lag: usize, cut_hz: Option<f64>) -> Estimate {
-    let samples: usize = blocks.iter().map(|block| block.len()).sum();
-    let estimates: Vec<(f64, Estimate)> = blocks
-        .iter()
-        .map(|block| {
-            let weight = block.len() as f64 / samples.max(1) as f64;
-            let plain = Autocorrelation::of(block, max_lag);
-            (weight, estimate(block, plain, cut_hz))
-        })
-        .collect();
-    let mut lags = vec![0.0; max_lag + 1];
-    for (weight, estimate) in &estimates {
-        for (sum, lag) in lags.iter_mut().zip(&estimate.lags) {
-            *sum += weight * lag;
-        }
-    }
-    let bands = Bands::mean(estimates.iter().map(|(weight, e)| (*weight, &e.bands)));
-    Estimate { lags, bands }
+    estimate_of(blocks, max_lag, None).lags
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dsp::autocorrelation::Tapered;
+    use crate::dsp::autocorrelation::{Autocorrelation, Tapered};
+    use crate::fit::estimate::estimate;
     use proptest::prelude::*;
 
     proptest! {
@@ -259,7 +147,8 @@ mod tests {
                 place
             })
             .collect();
-        let whole = estimate(&signal, Autocorrelation::of(&signal, 50), None).lags;
+        let plain = Autocorrelation::of(&signal, 50);
+        let whole = estimate(SAMPLE_RATE_HZ, &signal, plain, None).lags;
         assert_eq!(lags_of_blocks(&[&signal], 50), whole);
         assert_eq!(whole, Tapered::of(&signal, 50).into_autocorrelation().lags);
         assert_ne!(whole, Autocorrelation::of(&signal, 50).lags);

@@ -1,0 +1,171 @@
+//! The recordings of one texture: read, analysed, and without the lines that the texture has.
+
+use std::ops::Range;
+
+use model_format::SAMPLE_RATE_HZ;
+use rayon::prelude::*;
+
+use super::blocks::Part;
+use super::estimate::estimate_of;
+use super::lines::{Findings, Lines, Separated, separate};
+use super::options::Options;
+use super::trial::{Analysis, Signal, analyse};
+use crate::recording::triage::Verdict;
+use crate::recording::{RecordingSet, Trial};
+use crate::support::error::Result;
+use crate::support::in_order::in_order;
+
+/// The recordings of one texture.
+#[derive(Default)]
+pub struct Recordings<'s> {
+    /// Its trials, in the order of the set.
+    pub trials: Vec<Recorded<'s>>,
+    /// Lines that are locked to place, or the reason for none.
+    pub findings: Findings,
+}
+
+/// A trial that was read.
+pub struct Recorded<'s> {
+    /// Its index in the set.
+    pub number: usize,
+    /// The trial.
+    pub trial: &'s Trial,
+    /// Its statistics, without the texture's lines.
+    pub analysis: Analysis,
+    /// The whole signal without lines, while it is held.
+    pub signal: Option<Signal>,
+}
+
+impl<'s> Recordings<'s> {
+    /// Reads the trials `members` of `set`, which are of one texture, and analyses the `part` of them that is fitted,
+    /// telling `progress` of each trial done. All of their signals are held.
+    ///
+    /// # Errors
+    /// The first trial that cannot be used.
+    pub fn read(
+        set: &'s RecordingSet,
+        members: &[usize],
+        options: &Options,
+        part: Part,
+        progress: &(impl Fn(usize) + Sync),
+    ) -> Result<Self> {
+        let trials = in_order(members, |&number| -> Result<Recorded<'s>> {
+            let trial = &set.trials[number];
+            let (analysis, signal) = analyse(trial, options, part)?;
+            progress(1);
+            Ok(Recorded {
+                number,
+                trial,
+                analysis,
+                signal: Some(signal),
+            })
+        })?;
+        let mut own = Self {
+            trials,
+            findings: Findings::default(),
+        };
+        if options.lines != Lines::None {
+            own.separate_lines(options, part);
+        }
+        Ok(own)
+    }
+
+    /// Takes the texture's lines out of the signals and of their statistics: lags and bands. The power stays that of
+    /// the signal with its lines.
+    fn separate_lines(&mut self, options: &Options, part: Part) {
+        let speeds_mm_s: Vec<f64> = self
+            .trials
+            .iter()
+            .map(|own| own.trial.line_speed_mm_s())
+            .collect();
+        let ranges: Vec<Vec<Range<usize>>> = self
+            .trials
+            .iter()
+            .map(|own| part.of(own.samples().len()))
+            .collect();
+        let sought = |own: &mut Recorded<'_>| match &mut own.signal {
+            Some(signal) if can_have_lines(own.trial, &own.analysis, options) => {
+                std::mem::take(&mut signal.samples)
+            }
+            _ => Vec::new(),
+        };
+        let signals: Vec<Vec<f64>> = self.trials.iter_mut().map(sought).collect();
+        let Separated {
+            findings,
+            shares,
+            rest,
+        } = separate(&speeds_mm_s, signals, &ranges);
+        self.findings = findings;
+        let work = self.trials.par_iter_mut().zip(rest).zip(shares).zip(ranges);
+        work.for_each(|(((own, rest), share), ranges)| {
+            let (analysis, Some(signal)) = (&mut own.analysis, &mut own.signal) else {
+                return;
+            };
+            if !rest.is_empty() {
+                signal.samples = rest;
+            }
+            if share.amplitudes_m_s2.iter().flatten().any(|&a| a > 0.0) {
+                let parts: Vec<&[f64]> = ranges
+                    .into_iter()
+                    .map(|range| &signal.samples[range])
+                    .collect();
+                let estimate = estimate_of(&parts, options.order.highest(), analysis.slow.cut_hz);
+                (analysis.lags, analysis.bands) = (estimate.lags, estimate.bands);
+            }
+            analysis.lines = share;
+        });
+    }
+
+    /// Bytes of the samples that are held.
+    pub(super) fn held_bytes(&self) -> usize {
+        self.trials
+            .iter()
+            .map(|own| size_of_val(own.samples()))
+            .sum()
+    }
+
+    /// Lets go of the signals.
+    pub(super) fn let_go(&mut self) {
+        self.trials.iter_mut().for_each(|own| own.signal = None);
+    }
+
+    /// The signals alone; `None` if they are not held.
+    pub(super) fn into_takes(self) -> Option<Vec<Take<'s>>> {
+        let take = |own: Recorded<'s>| {
+            Some(Take {
+                number: own.number,
+                trial: own.trial,
+                signal: own.signal?,
+            })
+        };
+        self.trials.into_iter().map(take).collect()
+    }
+}
+
+/// A trial with its signal.
+pub(super) struct Take<'s> {
+    /// Its index in the set.
+    pub number: usize,
+    /// The trial.
+    pub trial: &'s Trial,
+    /// Its signal without the texture's lines.
+    pub signal: Signal,
+}
+
+impl Recorded<'_> {
+    /// Its samples, as far as they are held.
+    pub fn samples(&self) -> &[f64] {
+        self.signal.as_ref().map_or(&[], |signal| &signal.samples)
+    }
+}
+
+/// Returns whether lines are sought in a trial: it sounds, is kept, and has no gap that a phase would break at.
+fn can_have_lines(trial: &Trial, analysis: &Analysis, options: &Options) -> bool {
+    let is_dropped =
+        |verdict: &Verdict| options.drop.iter().any(|dropped| dropped == verdict.name());
+    let half_a_sample_s = 0.5 / f64::from(SAMPLE_RATE_HZ);
+    trial.is_in_motion_and_contact()
+        && !analysis.is_silent()
+        && analysis.cut_s < half_a_sample_s
+        && !analysis.verdicts.iter().any(is_dropped)
+}

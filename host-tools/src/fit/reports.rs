@@ -1,0 +1,115 @@
+//! The account of every trial of a set: what was found on it by itself, and what only a comparison of all trials tells.
+
+use serde::Serialize;
+
+use super::options::Options;
+use super::recordings::{Recorded, Recordings};
+use crate::recording::triage::{self, Compared, Verdict, in_words};
+use crate::support::error::{Error, Result};
+use crate::support::file_name::portable;
+
+/// The account of a trial.
+#[derive(Clone, Debug, Serialize)]
+pub struct TrialReport {
+    /// The file.
+    pub file: String,
+    /// Its texture.
+    pub texture: String,
+    /// Tangential speed, mm/s.
+    pub speed_mm_s: f64,
+    /// Normal force, N.
+    pub force_n: f64,
+    /// RMS of the reduced signal, m/s².
+    pub rms_m_s2: f64,
+    /// Largest magnitude of an axis's mean, which was removed, m/s².
+    pub mean_m_s2: f64,
+    /// Share of the axes' energy that the reduced signal keeps.
+    pub energy_share: f64,
+    /// Share of the axes' power below 10 Hz.
+    pub slow_share: f64,
+    /// Cut-off frequency at which the axes were filtered, Hz; none if they were not.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub high_pass_hz: Option<f64>,
+    /// Angle by which slow motion turns the principal axis, degrees.
+    pub axis_turn_deg: f64,
+    /// Duration that triage cut out of it, s.
+    pub cut_s: f64,
+    /// Findings of triage; none for a sound recording.
+    #[serde(serialize_with = "in_words")]
+    pub verdicts: Vec<Verdict>,
+    /// True if the fit used it.
+    pub used: bool,
+}
+
+/// The account of every trial, with the verdicts that only a comparison of trials tells.
+///
+/// # Errors
+/// With [`Options::strict`] the first trial with a verdict.
+pub(super) fn reports(
+    recordings: &[Recordings<'_>],
+    options: &Options,
+) -> Result<Vec<TrialReport>> {
+    let mut recorded: Vec<&Recorded> = recordings.iter().flat_map(|own| &own.trials).collect();
+    recorded.sort_by_key(|own| own.number);
+    let is_dropped = |verdict: &Verdict| options.drop.iter().any(|d| d == verdict.name());
+    let reports = recorded.iter().zip(all_verdicts(&recorded));
+    let reports = reports.map(
+        |(
+            Recorded {
+                trial, analysis, ..
+            },
+            verdicts,
+        )| TrialReport {
+            file: portable(&trial.file),
+            texture: trial.texture.clone(),
+            speed_mm_s: trial.speed_mm_s,
+            force_n: trial.force_n,
+            rms_m_s2: analysis.power.sqrt(),
+            mean_m_s2: analysis.mean_m_s2,
+            energy_share: analysis.energy_share,
+            slow_share: analysis.slow.share,
+            high_pass_hz: analysis.slow.cut_hz,
+            axis_turn_deg: analysis.slow.turn_deg,
+            cut_s: analysis.cut_s,
+            used: !verdicts.iter().any(is_dropped) && trial.is_in_motion_and_contact(),
+            verdicts,
+        },
+    );
+    let reports: Vec<TrialReport> = reports.collect();
+    let mut doubtful = recorded
+        .iter()
+        .zip(&reports)
+        .filter_map(|(own, report)| Some((own, report.verdicts.first()?)));
+    match doubtful.next() {
+        Some((own, verdict)) if options.strict => {
+            let problem = format!("{verdict}; refused because of --strict");
+            Err(Error::file(&own.trial.file, problem))
+        }
+        _ => Ok(reports),
+    }
+}
+
+/// The findings of every trial, those included that only a comparison of trials tells.
+fn all_verdicts(recorded: &[&Recorded<'_>]) -> Vec<Vec<Verdict>> {
+    let bands_of = |own: &&Recorded<'_>| own.analysis.bands.known_db(own.analysis.samples);
+    let bands: Vec<_> = recorded.iter().map(bands_of).collect();
+    let compared = recorded.iter().zip(&bands).map(
+        |(
+            Recorded {
+                trial, analysis, ..
+            },
+            bands_db,
+        )| Compared {
+            texture: &trial.texture,
+            speed_mm_s: trial.speed_mm_s,
+            force_n: trial.force_n,
+            bands_db,
+            is_idle: !trial.is_in_motion_and_contact(),
+            rms_m_s2: analysis.power.sqrt(),
+            mains_line_hz: analysis.mains_line_hz,
+            sketch: &analysis.sketch,
+            verdicts: &analysis.verdicts,
+        },
+    );
+    triage::all_verdicts(&compared.collect::<Vec<_>>())
+}
