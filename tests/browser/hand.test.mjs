@@ -180,6 +180,6 @@ test("what is compared with a sound is averaged over the same windows, however i
 test("a speed or force above the recorded ones is said", () => {
   const nodes = [{ speed_mm_s: 50, force_n: 0.5 }, { speed_mm_s: 200, force_n: 1 }];
   assert.equal(beyondGrid(nodes, 200, 1), "");
-  assert.match(beyondGrid(nodes, 300, 1), /ends at 200 mm\/s: it sounds as there/);
-  assert.match(beyondGrid(nodes, 300, 2), /200 mm\/s and 1 N/);
+  assert.match(beyondGrid(nodes, 300, 1, false), /ends at 200 mm\/s: as there\./);
+  assert.match(beyondGrid(nodes, 300, 2, true), /200 mm\/s and 1 N: as there, but a tone follows the speed/);
 });

@@ -482,6 +482,32 @@ for (const [name, stub] of [
   });
 }
 
+test("on a phone no key is shown, force and volume are near the patch, and patches do not look alike", async () => {
+  await opened({ viewport: { width: 400, height: 800 }, hasTouch: true, isMobile: true }, async (page) => {
+    const seen = await page.value(() => {
+      const keys = [...document.querySelectorAll("kbd")].filter((key) => key.checkVisibility());
+      const below = document.getElementById("patch").getBoundingClientRect().bottom;
+      const far = (id) => document.getElementById(id).getBoundingClientRect().top - below;
+      return { keys: keys.length, far: ["force", "volume"].map(far) };
+    });
+    assert.equal(seen.keys, 0);
+    assert.ok(seen.far.every((px) => px < 400), seen.far.join());
+    const looks = new Set();
+    const count = await page.value(() => rubPage.textures.length);
+    for (let texture = 0; texture < count; texture += 1) {
+      await page.value((index) => rubPage.chooseSurface(index), texture);
+      await page.wait((index) => rubPage.reliefs.has(index) && rubPage.patch.relief !== null, texture);
+      // What a glance tells: its colour as a whole.
+      looks.add(await page.value(() => {
+        const context = new OffscreenCanvas(1, 1).getContext("2d", { willReadFrequently: true });
+        context.drawImage(rubPage.patch.canvas, 0, 0, 1, 1);
+        return context.getImageData(0, 0, 1, 1).data.map((value) => value / 4).join();
+      }));
+    }
+    assert.equal(looks.size, Math.min(count, 6), [...looks].join(" "));
+  });
+});
+
 test("off the grid the patch says so, and within it does not; a map's values stand above its frames", async () => {
   await opened({}, async (page) => {
     const label = () => page.value(() => !document.getElementById("patch-beyond").hidden);

@@ -179,17 +179,6 @@ test("a click in a spectrogram plays its sound from there, and every sound of th
     await page.wait(() =>
       [...document.querySelectorAll("audio[data-panel=recorded]")]
         .some((a) => a.played.length > 0 && a.played.start(0) > 0.4 && a.currentTime > 0.5));
-    const short = await page.value(async () => {
-      const found = [];
-      for (const audio of document.querySelectorAll("audio")) {
-        audio.pause();
-        audio.preload = "auto";
-        const loaded = new Promise((done, failed) => { audio.onloadedmetadata = done; audio.onerror = failed; });
-        audio.load();
-        await loaded;
-        if (!(audio.duration > 0.4)) found.push(audio.duration);
-      }
-      return found;
-    });
-    assert.deepEqual(short, []);
+    // Every player shows how long its sound is before it is played.
+    await page.wait(() => [...document.querySelectorAll("audio")].every((audio) => audio.duration > 0.4));
   }));

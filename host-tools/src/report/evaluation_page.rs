@@ -106,6 +106,18 @@ impl Example<'_> {
         }
     }
 
+    /// Returns in words what the C in the picture is to the trial's own, which map and tables have.
+    fn cost(&self) -> String {
+        let own = self.judged.scores.cost;
+        own.map_or_else(String::new, |cost| {
+            format!(
+                " The C in its title is of what is drawn; over all that judges this trial it is {:.1} %, which the map \
+                 has.",
+                100.0 * cost
+            )
+        })
+    }
+
     /// The recording, the synthesis and other versions, with their names: as sounds, and in the picture of waveforms.
     fn signals(&self) -> Vec<(String, &[f64])> {
         let comparison = &self.comparison;
@@ -256,9 +268,9 @@ impl<'a> Report<'a> {
             &spectra(&title, block, RATE_HZ, width_hz)?,
             &format!("{stem}-spectra"),
             &format!(
-                "The example trial and its synthesis in frequency (the paper's figure 7): {}. C is of what is drawn \
-                 here.",
-                example.part()
+                "The example trial and its synthesis in frequency (the paper's figure 7): {}.{}",
+                example.part(),
+                example.cost()
             ),
             &[],
         )?;

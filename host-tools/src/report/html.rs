@@ -270,7 +270,7 @@ fn players(sounds: &[Sound]) -> String {
         let (label, panel) = (escaped(&sound.label), escaped(&sound.panel));
         let data = STANDARD.encode(&sound.wav);
         format!(
-            "<p class=\"sound\">{label}<audio controls preload=\"none\" aria-label=\"{label}\" \
+            "<p class=\"sound\">{label}<audio controls preload=\"metadata\" aria-label=\"{label}\" \
              data-panel=\"{panel}\" src=\"data:audio/wav;base64,{data}\"></audio></p>\n"
         )
     };

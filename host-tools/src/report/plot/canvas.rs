@@ -13,7 +13,7 @@ use plotters::element::DashedPathElement;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-use super::colours::dark_style;
+use super::colours::{dark_scale_style, dark_style};
 use super::figure::{
     AxisData, AxisScale, Figure, Frame, Kind, Panel, Quantity, Series, overlay, thinned,
 };
@@ -110,7 +110,14 @@ pub fn picture(
         simulated: caption.simulated,
         panels,
     };
-    let mut shown = shown_at_size(&drawn, caption, width, height);
+    let is_of_cells = |panel: &Panel| panel.series.iter().any(|own| own.kind == Kind::Cells);
+    let scale_style = if figure.panels.iter().any(is_of_cells) {
+        dark_scale_style()
+    } else {
+        ""
+    };
+    let style = [dark_style(), scale_style].concat();
+    let mut shown = shown_at_size(&drawn, caption, (width, height), &style);
     let end = shown.rfind("</svg>").unwrap_or(shown.len());
     shown.insert_str(end, &overlay(&figure));
     // Only texts hold characters that are not visible, and a picture that holds them is not XML.
@@ -127,7 +134,12 @@ fn bold(shown: u32, colour: RGBColor) -> TextStyle<'static> {
 
 /// Replaces the opening tag of a drawing by one that shows it at the size asked for, names it for those who do not see
 /// it, and is followed by its colours on a dark screen.
-fn shown_at_size(drawn: &str, caption: &Caption<'_>, width: u32, height: u32) -> String {
+fn shown_at_size(
+    drawn: &str,
+    caption: &Caption<'_>,
+    (width, height): (u32, u32),
+    style: &str,
+) -> String {
     let content = drawn
         .split_once(">\n")
         .map_or(drawn, |(_, content)| content);
@@ -141,10 +153,9 @@ fn shown_at_size(drawn: &str, caption: &Caption<'_>, width: u32, height: u32) ->
     format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"plot\" font-family=\"sans-serif\" \
          role=\"img\" aria-label=\"{name}\" width=\"{width}\" \
-         height=\"{height}\" viewBox=\"0 0 {} {}\">\n<style>{}</style>\n{content}",
+         height=\"{height}\" viewBox=\"0 0 {} {}\">\n<style>{style}</style>\n{content}",
         px(width),
-        px(height),
-        dark_style()
+        px(height)
     )
 }
 
@@ -301,6 +312,12 @@ pub struct Axis<'a> {
     is_blank: bool,
 }
 
+/// Fewest numbers along an axis: fewer do not tell its scale.
+const FEWEST_TICKS: usize = 3;
+
+/// Most numbers that are asked for.
+const MOST_TICKS: usize = 16;
+
 /// The ticks along an axis, with their numbers or names.
 enum Ticks<'a> {
     /// About so many numbers, at round values.
@@ -341,10 +358,15 @@ impl<'a> Axis<'a> {
         }
     }
 
-    /// About how many ticks there are to be; plotters takes the roundest step that does not give more.
+    /// About how many ticks there are to be; plotters takes the roundest step that does not give more, so that more are
+    /// asked for until there are [`FEWEST_TICKS`].
     fn count(&self) -> usize {
         match self.ticks {
-            Ticks::Numbers(count) => count,
+            Ticks::Numbers(count) => {
+                let along = RangedCoordf64::from(self.range.clone());
+                let has_enough = |count: &usize| along.key_points(*count).len() >= FEWEST_TICKS;
+                (count..MOST_TICKS).find(has_enough).unwrap_or(count)
+            }
             Ticks::Octaves { names, .. } => names.len() + 1,
         }
     }

@@ -28,6 +28,8 @@ pub const ALERT: RGBColor = RGBColor(179, 71, 0);
 pub const INK: RGBColor = RGBColor(40, 40, 40);
 /// Text and marks on a colour that is pale in both schemes.
 pub const ON_PALE: RGBColor = RGBColor(41, 41, 41);
+/// Paper, and text on a dark cell.
+const WHITE: RGBColor = RGBColor(255, 255, 255);
 /// Lines of a mesh and what is not there.
 pub const PALE: RGBColor = RGBColor(225, 225, 225);
 /// Values beside the point.
@@ -70,6 +72,27 @@ fn dim(RGBColor(r, g, b): RGBColor) -> RGBColor {
     )
 }
 
+/// Number of colours of a map's scale.
+pub const SHADES: usize = 49;
+
+/// A colour of a map's scale, from pale at zero to dark at the largest value. By way of the palette's blue the scale is
+/// even to the eye.
+pub fn shade(step: usize) -> RGBColor {
+    const STOPS: [RGBColor; 3] = [
+        RGBColor(247, 247, 247),
+        RGBColor(91, 163, 207),
+        RGBColor(8, 48, 107),
+    ];
+    let place = 2.0 * step as f64 / (SHADES - 1) as f64;
+    let below = usize::from(place >= 1.0);
+    let (RGBColor(r, g, b), RGBColor(to_r, to_g, to_b)) = (STOPS[below], STOPS[below + 1]);
+    let mix = |from: u8, to: u8| {
+        let part = place - below as f64;
+        (f64::from(from) + (f64::from(to) - f64::from(from)) * part).round() as u8
+    };
+    RGBColor(mix(r, to_r), mix(g, to_g), mix(b, to_b))
+}
+
 /// A colour as SVG and CSS write it.
 pub fn hex(RGBColor(r, g, b): RGBColor) -> String {
     format!("#{r:02X}{g:02X}{b:02X}")
@@ -79,24 +102,46 @@ pub fn hex(RGBColor(r, g, b): RGBColor) -> String {
 pub fn dark_style() -> &'static str {
     static STYLE: LazyLock<String> = LazyLock::new(|| {
         let pales = SERIES.map(|series| (pale(series), dim(in_the_dark(series))));
-        let mut style = String::from("@media screen and (prefers-color-scheme:dark){");
-        // Writing into a string does not fail. Single quotes, because double ones are those of attributes.
-        let _ = write!(
-            style,
-            ".plot rect[fill='#FFFFFF']{{fill:{}}}",
+        let ground = format!(
+            ".plot rect[fill='{}']{{fill:{}}}",
+            hex(WHITE),
             hex(DARK_GROUND)
         );
-        for (light, dark) in DARK.into_iter().chain(pales) {
-            let (light, dark) = (hex(light), hex(dark));
-            let _ = write!(
-                style,
-                ".plot [fill='{light}']{{fill:{dark}}}.plot [stroke='{light}']{{stroke:{dark}}}"
-            );
-        }
-        style.push('}');
-        style
+        style_of(DARK.into_iter().chain(pales), &ground)
     });
     &STYLE
+}
+
+/// The rules that show a map in its dark colours, beside those of every picture: a scale begins near the ground, so that
+/// what is least, and so the best of a cost, is as quiet there as on paper. What stands on a cell changes with it.
+pub fn dark_scale_style() -> &'static str {
+    static STYLE: LazyLock<String> = LazyLock::new(|| {
+        let shades = (0..SHADES).map(|step| (shade(step), shade(SHADES - 1 - step)));
+        let mut on_cells = String::new();
+        for (light, dark) in [(ON_PALE, WHITE), (WHITE, ON_PALE)].map(|(a, b)| (hex(a), hex(b))) {
+            // Writing into a string does not fail.
+            let _ = write!(
+                on_cells,
+                ".plot text[fill='{light}'],.plot polygon[fill='{light}']{{fill:{dark}}}\
+                 .plot path[stroke='{light}']{{stroke:{dark}}}"
+            );
+        }
+        style_of(shades, &on_cells)
+    });
+    &STYLE
+}
+
+/// Rules that replace light colours by dark ones on a dark screen, and `others`. Single quotes, because double ones are
+/// those of attributes.
+fn style_of(pairs: impl Iterator<Item = (RGBColor, RGBColor)>, others: &str) -> String {
+    let rules = pairs.map(|(light, dark)| {
+        let (light, dark) = (hex(light), hex(dark));
+        format!(".plot [fill='{light}']{{fill:{dark}}}.plot [stroke='{light}']{{stroke:{dark}}}")
+    });
+    format!(
+        "@media screen and (prefers-color-scheme:dark){{{others}{}}}",
+        rules.collect::<String>()
+    )
 }
 
 /// The colour that takes the place of one of [`DARK`].
@@ -128,7 +173,7 @@ mod tests {
 
     #[test]
     fn lines_and_text_have_contrast_on_light_and_on_dark_ground() {
-        let white = RGBColor(255, 255, 255);
+        let white = WHITE;
         for series in SERIES.into_iter().chain([FADED]) {
             assert!(contrast(series, white) >= 3.0, "{series:?}");
             assert!(
@@ -146,6 +191,21 @@ mod tests {
         let grounds = [DARK_GROUND, in_the_dark(PALE)];
         for ground in dims.into_iter().chain(grounds) {
             assert!(contrast(in_the_dark(INK), ground) >= 4.5, "{ground:?}");
+        }
+    }
+
+    #[test]
+    fn a_scale_begins_near_the_ground_in_light_and_in_dark() {
+        for (ground, step) in [(WHITE, 0), (DARK_GROUND, SHADES - 1)] {
+            assert!(contrast(shade(step), ground) < 1.7, "{ground:?}");
+            assert!(
+                contrast(shade(SHADES - 1 - step), ground) > 10.0,
+                "{ground:?}"
+            );
+        }
+        for step in 0..SHADES {
+            let (light, dark) = (hex(shade(step)), hex(shade(SHADES - 1 - step)));
+            assert!(dark_scale_style().contains(&format!("[fill='{light}']{{fill:{dark}}}")));
         }
     }
 

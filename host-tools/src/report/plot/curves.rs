@@ -82,13 +82,14 @@ pub fn front_chart(
     let lowest = places().reduce(f64::min).unwrap_or(0.0);
     let highest = places().reduce(f64::max).unwrap_or(0.0);
     let first = lowest.floor();
-    let octaves =
-        (0..=(highest.ceil() - first).min(64.0) as i32).map(|n| (first + f64::from(n)).exp2());
+    // Three octaves at least, because fewer numbers do not tell the scale.
+    let start = lowest - first - 0.5;
+    let end = (highest - first + 0.3).max(start.ceil() + 2.0);
+    let octaves = (0..=end.min(64.0) as i32).map(|n| (first + f64::from(n)).exp2());
     let octaves: Vec<String> = octaves.map(|value| value.to_string()).collect();
     let octaves: Vec<&str> = octaves.iter().map(String::as_str).collect();
     let (x, origin) = if in_octaves {
-        let range = lowest - first - 0.5..highest - first + 0.3;
-        (Axis::of_octaves(x, range, first, &octaves), first)
+        (Axis::of_octaves(x, start..end, first, &octaves), first)
     } else {
         (Axis::new(x, range_with_zero(places()), 8), 0.0)
     };
@@ -186,7 +187,7 @@ pub fn spectra(
 ) -> Result<Svg> {
     let cost = spectral_cost(recorded, synthesised, rate_hz, smoothing_width_hz);
     let cost = cost.map_or("C is undefined".to_owned(), |cost| {
-        format!("C = {:.1} %", 100.0 * cost)
+        format!("C of what is drawn {:.1} %", 100.0 * cost)
     });
     let title = format!("{}: {cost}", caption.title);
     let caption = Caption {

@@ -8,6 +8,7 @@ use super::canvas::{
     Area, BAR, Drawn, INK, Mark, ON_PALE, PALE, Swatch, TEXT, at, centred, colour_bar,
     draw_upwards, grid_value, legend, picture, text_width,
 };
+use super::colours::{SHADES, shade};
 use super::curves::NARROW;
 use super::figure::{AxisData, FORCE, Frame, Panel, Quantity, SPEED, Series};
 use super::{Caption, Svg};
@@ -280,21 +281,10 @@ impl Scale {
         colour_bar(bar, ends, colour, &values, quantity)
     }
 
-    /// By way of the palette's blue the scale is even to the eye.
+    /// The colour of a value, in one of [`SHADES`].
     fn colour(self, value: f64) -> RGBColor {
-        const STOPS: [RGBColor; 3] = [
-            RGBColor(247, 247, 247),
-            RGBColor(91, 163, 207),
-            RGBColor(8, 48, 107),
-        ];
-        let place = 2.0 * (value / self.end).clamp(0.0, 1.0);
-        let below = usize::from(place >= 1.0);
-        let (RGBColor(r, g, b), RGBColor(to_r, to_g, to_b)) = (STOPS[below], STOPS[below + 1]);
-        let mix = |from: u8, to: u8| {
-            let part = place - below as f64;
-            (f64::from(from) + (f64::from(to) - f64::from(from)) * part).round() as u8
-        };
-        RGBColor(mix(r, to_r), mix(g, to_g), mix(b, to_b))
+        let share = (value / self.end).clamp(0.0, 1.0);
+        shade((share * (SHADES - 1) as f64).round() as usize)
     }
 }
 

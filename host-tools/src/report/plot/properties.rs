@@ -205,6 +205,65 @@ fn every_axis_and_every_bar_has_a_quantity_with_its_unit() {
 }
 
 #[test]
+fn every_axis_of_values_has_three_numbers_at_least() {
+    let scale = |index: i32| 1.17f64.powi(index);
+    let wave = |amplitude: f64| -> Vec<f64> {
+        let wave = signal(0.0).into_iter();
+        wave.map(|value| amplitude * value).collect()
+    };
+    let of_levels = (-60..60).map(|index| {
+        let wave = wave(scale(index));
+        (
+            "waves of a level",
+            waveforms(&CAPTION, &[("one", &wave)], 5000.0).unwrap(),
+        )
+    });
+    let fronts = (-20..20).map(|index| ("front", front(true, |n| scale(index + n))));
+    let axes = (1..40).map(|index| ("live wave", waveform_axes(&CAPTION, scale(index)).unwrap()));
+    for (name, svg) in pictures()
+        .into_iter()
+        .chain(of_levels)
+        .chain(fronts)
+        .chain(axes)
+    {
+        let numbers = |is_at: &dyn Fn(i32, i32) -> bool| {
+            let texts = texts(&svg).into_iter();
+            let numbers = texts.filter(|text| text.words.parse::<f64>().is_ok() && !text.runs_up);
+            let middle = |frame: figure::Frame| {
+                (
+                    i32::midpoint(frame.left, frame.right),
+                    i32::midpoint(frame.top, frame.bottom),
+                )
+            };
+            numbers
+                .filter(|text| is_at(middle(text.frame).0, middle(text.frame).1))
+                .count()
+        };
+        let panels = &svg.figure().panels;
+        let is_of_values = |axis: &figure::AxisData| axis.scale != figure::AxisScale::Names;
+        for panel in panels.iter().filter(|panel| is_of_values(&panel.x)) {
+            let figure::Frame {
+                left,
+                top,
+                right,
+                bottom,
+            } = panel.frame;
+            // Of panels one below the other the lowest has the numbers.
+            let lowest = panels.iter().filter(|other| other.frame.left == left);
+            let lowest = lowest.map(|other| other.frame.bottom).max().unwrap();
+            let along = numbers(&|x, y| (left - 9..=right + 9).contains(&x) && y > lowest);
+            let before = numbers(&|x, y| {
+                (top - 9..=bottom + 9).contains(&y) && (left - 2 * 76..left).contains(&x)
+            });
+            assert!(
+                along >= 3 && before >= 3,
+                "{name}: {along} along, {before} beside"
+            );
+        }
+    }
+}
+
+#[test]
 fn the_legend_has_an_entry_for_each_curve_that_is_drawn_and_for_no_other() {
     let has = |svg: &Svg, name: &str| texts(svg).iter().any(|text| text.words == name);
     let half = front(true, |n| if n > 12 { 1.0 } else { f64::NAN });

@@ -120,13 +120,16 @@ class PageTexture {
   }
 }
 
-// Words on a speed, mm/s, and a force, N, above the highest of the grid: the texture sounds there as at its edge.
-function beyondGrid(nodes, speed, force) {
+// Words on a speed, mm/s, and a force, N, above the highest of the grid: a texture is played there as at its edge, but
+// for lines, which are locked to place.
+function beyondGrid(nodes, speed, force, hasLines) {
   const highest = (key) => nodes.at(-1)[key];
   const words = [];
   if (speed > 1.02 * highest("speed_mm_s")) words.push(`${short(highest("speed_mm_s"))} mm/s`);
   if (force > 1.02 * highest("force_n")) words.push(`${short(highest("force_n"))} N`);
-  return words.length > 0 ? `Off the grid, which ends at ${words.join(" and ")}: it sounds as there.` : "";
+  if (words.length === 0) return "";
+  const tone = hasLines ? ", but a tone follows the speed" : "";
+  return `Off the grid, which ends at ${words.join(" and ")}: as there${tone}.`;
 }
 
 // Nodes of a voice, each once, with the sum of its weights. On a grid of one speed or force, and beyond the grid's edge,

@@ -161,7 +161,7 @@ class RubPage {
     // Full scale of the output, m/s².
     this.fullScale = this.data.full_scale_m_s2 * 10 ** (-decibels / 20);
     this.node?.port.postMessage({ type: "gain", gain: this.isMute ? 0 : 1 / this.fullScale });
-    byId("volume-text").textContent = `0 dBFS is ${shown(this.fullScale, "m/s²")}`;
+    byId("volume-text").textContent = `${decibels > 0 ? "+" : ""}${decibels} dB`;
   }
 
   // ---- The hand ----
@@ -450,6 +450,9 @@ class RubPage {
       byId("search").addEventListener("keydown", ({ key }) => key === "Enter" && this.chooseShown(0));
       this.search("");
     }
+    const keys = Math.min(9, this.surfaces.length);
+    byId("surface-keys").hidden = keys < 2;
+    for (const last of document.querySelectorAll(".last-surface")) last.textContent = keys;
     if (this.data.plant) this.setUpEnds(this.data.plant);
     for (const id of ["force", "speed", "volume", "scale"]) {
       byId(id).addEventListener("input", () => this.showRanges());
@@ -567,7 +570,14 @@ class RubPage {
       to: (end - path.start) / (path.end - path.start),
       surface,
     }));
-    this.patch.show(null, bands);
+    const { texture } = this.surface;
+    if (texture === undefined) {
+      this.patch.show(null, bands, false);
+    } else {
+      const { lines, codebooks } = this.textures[texture].data.can_leave_out;
+      const whole = { from: 0, to: 1, surface: texture };
+      this.patch.show(this.reliefs.get(texture) ?? null, [whole], codebooks || lines.length > 0);
+    }
     const list = byId("regions");
     list.hidden = !path;
     list.replaceChildren(
@@ -642,7 +652,8 @@ class RubPage {
 
   drawPlace(voice) {
     if (this.surface.scene !== undefined && this.under !== null && this.under !== undefined) this.showMap();
-    const beyond = voice ? beyondGrid(this.texture.nodes, Math.abs(voice.speed), voice.force) : "";
+    const hasLines = this.texture.data.can_leave_out.lines.length > 0;
+    const beyond = voice ? beyondGrid(this.texture.nodes, Math.abs(voice.speed), voice.force, hasLines) : "";
     const label = byId("patch-beyond");
     if (label.textContent !== beyond) {
       label.textContent = beyond;
@@ -718,7 +729,7 @@ class RubPage {
     ]);
     const { browser, gaps } = this.dropouts();
     list("level", [
-      ["0 dBFS", shown(this.fullScale, "m/s²"), true],
+      ["loudest without distortion", shown(this.fullScale, "m/s²"), true],
       ["samples beyond full scale, cut", String(this.clipped)],
       ["rate of the kernel", `${this.rate} Hz`],
       ["rate of the output", this.context ? `${this.context.sampleRate} Hz` : "not yet"],
@@ -748,7 +759,7 @@ class RubPage {
     this.computing = (this.computing ?? Promise.resolve()).then(async () => {
       const { digests, reliefs } = this;
       if (!reliefs.has(texture)) reliefs.set(texture, await reliefOf(this.newKernel(), this.textures[texture]));
-      if (this.surface.texture === texture) this.patch.show(reliefs.get(texture), []);
+      if (this.surface.texture === texture) this.showPatch();
       if (!digests.has(texture)) digests.set(texture, await digestOf(this.newKernel(), texture));
       this.showFacts();
     });

@@ -31,10 +31,12 @@ class Patch {
     this.draw();
   }
 
-  // Shows `relief`, grey levels from -1 to 1 along the path, or none yet.
-  show(relief, bands) {
+  // Shows `relief`, grey levels from -1 to 1 along the path, or none yet, over bands of colours. What is fixed to the
+  // surface, as threads and scratches are, runs across it; noise does not.
+  show(relief, bands, runsAcross) {
     this.relief = relief;
     this.bands = bands;
+    this.runsAcross = runsAcross;
     this.trail = [];
     this.draw();
   }
@@ -87,19 +89,19 @@ class Patch {
   drawBands(context, colour) {
     const { width, height } = this.canvas;
     for (const { from, to, surface } of this.bands) {
-      context.globalAlpha = 0.28;
+      context.globalAlpha = 0.22;
       context.fillStyle = colour(SURFACE_COLOURS[surface % SURFACE_COLOURS.length]);
       context.fillRect(from * width, 0, (to - from) * width, height);
     }
     context.globalAlpha = 1;
   }
 
-  // Columns as dark as the texture's own acceleration along the path; strips of it stand one below the other, each
-  // shifted, as threads and fibres do.
+  // Columns as dark as the texture's own acceleration along the path. Of noise, strips of it stand one below the other,
+  // each shifted, as a grain.
   drawRelief(context, ink) {
     if (!this.relief) return;
     const { width, height } = this.canvas;
-    const strips = 24;
+    const strips = this.runsAcross ? 1 : 24;
     context.fillStyle = ink;
     const step = Math.max(1, Math.round(width / 700));
     for (let strip = 0; strip < strips; strip++) {

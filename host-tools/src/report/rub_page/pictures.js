@@ -136,10 +136,11 @@ function colourOf(look) {
 // Letters of a picture are so high and, on average, so wide, in its pixels.
 const [LETTER_HIGH, LETTER_WIDE] = [26, 15];
 
-// Colours of a map's values at shares of its scale, as the program has them.
+// Colours of a map's values at shares of its scale, as the program has them: in 49 shades, for which the picture's own
+// style has those of a dark screen.
 function cellColour(share) {
   const stops = [[247, 247, 247], [91, 163, 207], [8, 48, 107]];
-  const place = 2 * Math.max(0, Math.min(1, share));
+  const place = Math.round(48 * Math.max(0, Math.min(1, share))) / 24;
   const below = place >= 1 ? 1 : 0;
   return stops[below].map((from, n) => Math.round(from + (stops[below + 1][n] - from) * (place - below)));
 }
@@ -207,7 +208,8 @@ class MapPicture {
     const cell = this.cell(node);
     const { flags, silent } = this.texture.nodes[node];
     const colour = value === null ? null : cellColour(value / this.end);
-    const fill = colour ? `rgb(${colour})` : "#E1E1E1";
+    const hex = (part) => part.toString(16).toUpperCase().padStart(2, "0");
+    const fill = colour ? `#${colour.map(hex).join("")}` : "#E1E1E1";
     const element = axes.add("rect", "", below);
     place(element, cell);
     element.setAttribute("fill", fill);
