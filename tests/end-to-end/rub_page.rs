@@ -187,6 +187,9 @@ fn what_makes_no_page_is_refused_with_the_remedy() {
 fn the_demo_says_in_forty_lines_what_it_holds_and_its_page_has_one_and_a_half_megabytes() {
     let bench = Bench::new();
     let output = bench.run("demo --out demo");
+    // Of data that it makes itself there is nothing to warn of.
+    let warned = text(&output.stderr);
+    assert!(!warned.contains("warning"), "{warned}");
     let said = text(&output.stdout) + &text(&output.stderr);
     assert!(said.lines().count() <= 40, "{said}");
     assert!(
