@@ -201,7 +201,7 @@ fn a_second_play_is_refused_with_who_plays_and_a_stop_of_any_terminal_says_who_s
     let desk = Desk::new();
     let player = desk.play();
     let refused = desk.refuse("play --scene none");
-    let who = format!("`stylus play` (process {}) plays, since ", player.id());
+    let who = format!("`stylus play` (process {}) plays, begun ", player.id());
     holds(&refused, &[&who, "stop it with `stylus stop`"]);
     for arguments in [
         "slots --activate",

@@ -154,7 +154,7 @@ fn what_cannot_be_used_is_refused_in_one_line_and_nothing_is_written() {
         ("fit cut.wav --out o.lib", &["cut.wav", "truncated"]),
         (
             "fit noise.wav --reduce z --out o.lib",
-            &["axis 3", "1 channel"],
+            &["axis 3", "has 1 in all"],
         ),
         ("fit noise.wav --out nowhere/o.lib", &["nowhere"]),
         ("evaluate set --library nowhere.lib", &["nowhere.lib"]),

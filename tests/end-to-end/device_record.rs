@@ -228,13 +228,28 @@ fn triage_judges_each_trial_when_it_is_there() {
         [top, codes[1], codes[2]]
     };
     let good = hand(100.0, 1.0);
-    let loud = good
+    let loud: Vec<[u16; 3]> = good
         .acceleration
         .iter()
         .copied()
         .enumerate()
         .map(clipped)
         .collect();
+    // In the air the samples are whatever they are: the one finding is that nothing moved.
+    stylus.set_hand(Hand {
+        acceleration: Vec::clone(&loud),
+        ..hand(0.0, 0.0)
+    });
+    let said = report(&record(
+        &bench,
+        "--texture air --speeds 100 --forces 1 --yes",
+    ));
+    let verdicts = said["recorded"][0]["verdicts"].as_array().unwrap();
+    assert_eq!(verdicts.len(), 1, "{said}");
+    holds(
+        &verdicts[0].to_string(),
+        &["nothing moved: the sensors say 0.0 mm/s and 0.00 N"],
+    );
     for (texture, acceleration, word) in [
         ("still", vec![[32_768; 3]], "silent"),
         ("loud", loud, "clipped"),

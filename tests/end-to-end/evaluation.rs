@@ -404,6 +404,14 @@ fn along_strokes_that_it_never_saw_a_library_is_nearer_than_a_constant_level_and
         "{json}"
     );
     assert!(of("library", "band_error_db") < 1.5, "{json}");
+    let refused = bench.refuse("evaluate . --library felt.lib --strokes s0.csv");
+    holds(
+        &refused,
+        &[
+            ".: is a folder",
+            "give the CSVs of strokes that were fitted",
+        ],
+    );
     let refused = bench.refuse("evaluate s0.csv --library felt.lib --strokes s0.csv");
     holds(&refused, &["s0.csv", "cannot judge"]);
 }

@@ -160,7 +160,7 @@ fn trials_at_rest_or_without_contact_are_left_out_with_a_note() {
     assert!(output.status.success());
     let report: Value = serde_json::from_slice(&output.stdout).unwrap();
     let message = report["warnings"][0].as_str().unwrap();
-    holds(&message, &["'felt': 2 trial(s) at speed 0 or force 0"]);
+    holds(&message, &["'felt': 2 trials at speed 0 or force 0"]);
     let library = std::fs::read(bench.path("felt.lib")).unwrap();
     let library = model_format::Library::decode(&library).unwrap();
     let texture = library.textures().next().unwrap();

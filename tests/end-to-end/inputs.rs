@@ -51,6 +51,64 @@ fn set(bench: &Bench, trials: &[(&str, f64, f64)]) {
 }
 
 #[test]
+fn a_motion_off_the_grid_is_told_on_either_side_of_it() {
+    let bench = Bench::new();
+    set(&bench, &[("silk", 100.0, 1.0), ("silk", 200.0, 1.0)]);
+    bench.succeed(&format!("fit set --out a.lib {QUICK}"));
+    for (speed, words) in [
+        (
+            "0.1",
+            Some("was recorded from 100 mm/s on: below, the noise is that of 100 mm/s"),
+        ),
+        ("150", None),
+        (
+            "600",
+            Some("was recorded up to 200 mm/s: beyond, noise and level are those of 200 mm/s"),
+        ),
+    ] {
+        let render = format!("render a.lib --texture silk --speed {speed} --force 1 --seconds 0.1");
+        let said = said(&bench, &format!("{render} --out {speed}.wav")).replace("\n  ", " ");
+        match words {
+            Some(words) => holds(&said, &[words]),
+            None => assert!(!said.contains("warning"), "{said}"),
+        }
+    }
+}
+
+#[test]
+fn a_logger_of_3200_hz_is_a_note_and_one_below_skins_band_a_verdict() {
+    let bench = Bench::new();
+    for (rate_hz, word) in [(3200, None), (2000, Some("wrong rate: 2000 Hz"))] {
+        let signal = all_pole(&[-0.6, 0.7], &noise(3, 8000));
+        bench.write("silk.wav", wav(&[&signal], rate_hz));
+        let fit = format!("fit silk.wav --speed 100 --force 1 --out a.lib --overwrite {QUICK}");
+        let said = said(&bench, &fit).replace("\n  ", " ");
+        holds(&said, &["sample rates below 5000 Hz in 1 of 1 recording"]);
+        match word {
+            Some(word) => holds(&said, &[word]),
+            None => assert!(!said.contains("warning"), "{said}"),
+        }
+    }
+}
+
+#[test]
+fn what_is_not_read_is_refused_with_the_way_to_what_is() {
+    let bench = Bench::new();
+    for (file, content, words) in [
+        ("a.xlsx", "PK", "save the sheet as .csv"),
+        ("a.mp3", "ID3", "`ffmpeg -i FILE.mp3 FILE.wav`"),
+        ("a.mat", "MATLAB", "export the samples as .csv"),
+        ("a.csv", "", "is empty: give a row for each sample"),
+        ("b.csv", "time_s\n0\n1\n", "has times alone"),
+    ] {
+        bench.write(file, content);
+        let refused = bench.refuse(&format!("fit {file} --speed 100 --force 1 --out a.lib"));
+        holds(&refused, &[words]);
+        assert!(file == "a.mp3" || !refused.contains("ffmpeg"), "{refused}");
+    }
+}
+
+#[test]
 fn integers_without_a_scale_are_told_with_the_level_that_comes_out() {
     let bench = Bench::new();
     let quiet: Vec<f64> = noise(1, 10_000).iter().map(|x| 0.1 * x).collect();
@@ -401,8 +459,8 @@ fn a_folder_of_named_recordings_becomes_a_list_by_their_names() {
         ],
     );
     holds(
-        &text(&output.stderr),
-        &["1 file(s) do not match", "rest.wav"],
+        &text(&output.stderr).replace("\n  ", " "),
+        &["the pattern does not match: 1 file", "rest.wav"],
     );
     let list = std::fs::read_to_string(bench.path("set/trials.csv")).expect("it was written");
     assert!(
@@ -416,7 +474,7 @@ fn a_folder_of_named_recordings_becomes_a_list_by_their_names() {
         pattern,
         "--take",
         "2",
-        "--out",
+        "--list",
         "takes.csv",
         "--scale",
         "9.81",
@@ -428,7 +486,7 @@ fn a_folder_of_named_recordings_becomes_a_list_by_their_names() {
         2,
         "{takes}"
     );
-    let output = command(&["{texture}_{*}.wav", "--out", "b.csv"]);
+    let output = command(&["{texture}_{*}.wav", "--list", "b.csv"]);
     holds(&text(&output.stderr), &["no {speed}", "--speed"]);
 }
 
@@ -443,10 +501,10 @@ fn what_lies_below_a_folder_is_named_and_left_out_or_refused_and_never_waited_fo
     std::fs::write(odd, "").expect("any name is taken");
     let trials = "trials set --pattern {texture}_{speed}.wav --force 1";
     let output = bench.run(trials);
-    holds(&text(&output.stdout), &["1 trials -> set/trials.csv"]);
+    holds(&text(&output.stdout), &["1 trial -> set/trials.csv"]);
     holds(
-        &text(&output.stderr),
-        &["1 file(s) do not match", "b\u{fffd}_60.wav"],
+        &text(&output.stderr).replace("\n  ", " "),
+        &["the pattern does not match: 1 file", "b\u{fffd}_60.wav"],
     );
     crate::outputs::make_pipe(&bench.path("set/c_70.wav"));
     let refused = bench.refuse(&format!("{trials} --overwrite"));

@@ -162,7 +162,7 @@ fn a_texture_with_parts_has_the_recordings_kurtosis_modulation_and_levels_and_wi
         ],
     );
     // The texture without its parts plays what a texture that never had any plays.
-    let (_, stripped) = evaluated(&bench, "fed.lib", "--excitation gaussian");
+    let (_, stripped) = evaluated(&bench, "fed.lib", "--played gaussian");
     let (_, plain) = evaluated(&bench, "plain.lib", "");
     let synthesis = |of_all: &Value| of(of_all, "synthesis")["median"].clone();
     assert_eq!(synthesis(&stripped), synthesis(&plain));

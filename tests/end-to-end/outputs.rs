@@ -188,8 +188,8 @@ const READERS: [&str; 13] = [
     "evaluate set --library good.lib --takes other --json {}",
     "evaluate stroke.csv --library good.lib --strokes hand.csv --json {}",
     "evaluate set --leave-out speed --method mine=method --json {}",
-    "trials set --pattern {texture}-{speed}-{force}.wav --out {}",
-    "trials set --pattern {texture}-{speed}-0.5.wav --force 0.5 --out {}",
+    "trials set --pattern {texture}-{speed}-{force}.wav --list {}",
+    "trials set --pattern {texture}-{speed}-0.5.wav --force 0.5 --list {}",
 ];
 
 /// Those with a folder to write.
@@ -275,7 +275,7 @@ fn no_input_of_any_command_is_replaced_by_its_output() {
         "is an input",
     );
     // A list is made again over the earlier one, whatever its name.
-    let list = "trials set --pattern {texture}-{speed}-{force}.wav --overwrite --out";
+    let list = "trials set --pattern {texture}-{speed}-{force}.wav --overwrite --list";
     for name in ["trials.csv", "takes.csv", "takes.csv"] {
         bench.succeed(&format!("{list} {name}"));
     }
@@ -293,7 +293,7 @@ fn every_command_that_writes_is_among_those_whose_inputs_are_tried() {
         let names = inner.filter_map(|line| line.split_whitespace().next());
         let names = names.filter(|&name| name != "help");
         commands.extend(names.map(|name| format!("{command} {name}").trim().to_owned()));
-        if help.contains("--out <") && command != "demo" {
+        if (help.contains("--out <") || help.contains("--list <")) && command != "demo" {
             let is_of = |known: &&&str| known.starts_with(&command);
             let mut known = READERS.iter().chain(&FOLDER_READERS);
             assert!(known.find(is_of).is_some(), "{command}");

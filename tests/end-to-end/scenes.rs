@@ -76,7 +76,7 @@ fn a_scene_goes_into_a_library_and_plays_from_there_as_from_its_text() {
     let said = bench.succeed("scene check two.toml --library cloths.lib");
     holds(&said, &["on sticky, sticking"]);
     let compiled = bench.succeed("scene compile two.toml --library cloths.lib --out scenes.lib");
-    holds(&compiled, &["2 texture(s), 1 scene(s)"]);
+    holds(&compiled, &["2 textures, 1 scene"]);
     holds(
         &bench.succeed("inspect scenes.lib"),
         &[
@@ -361,7 +361,7 @@ fn the_scenes_that_come_with_the_program_play_over_a_simulated_library() {
     let compiled = bench.succeed(
         "scene compile steady-denim.toml four-cloths.toml equalised-taps.toml --library rig.lib --out scenes.lib",
     );
-    holds(&compiled, &["3 scene(s)"]);
+    holds(&compiled, &["3 scenes"]);
     let render = |scene: &str, arguments: &str| {
         let text =
             format!("scene render {scene}.toml --library rig.lib {arguments} --out {scene}.wav");

@@ -386,7 +386,7 @@ const KINDS: [(&str, Damage, [Expected; STRENGTHS]); 39] = [
         one(t.clean.chunks_exact(times).flat_map(|part| vec![part[0]; times]).collect())
     }, [Caught("repeated"); 3]),
     ("low rate", |t, s| {
-        let low_hz = [4000, 2800, 1000][s];
+        let low_hz = [2000, 1600, 1000][s];
         files(&resample(&[t.fast()], FAST_HZ, low_hz), low_hz)
     }, [Caught("wrong-rate"); 3]),
     ("uneven times", |t, s| match s {
@@ -487,7 +487,9 @@ fn signals_shaped_like_real_takes_have_no_verdict() {
         for seed in 0..2 {
             let take = surface.take(20 + seed, RATE_HZ, SECONDS);
             kurtoses.push(kurtosis(&take));
+            let of_logger = resample(std::slice::from_ref(&take), RATE_HZ, 3200).remove(0);
             for (signal, rate_hz) in [
+                (of_logger, 3200),
                 (take, RATE_HZ),
                 (surface.take(40 + seed, FAST_HZ, 2.0), FAST_HZ),
             ] {

@@ -8,14 +8,14 @@ use std::time::{Duration, Instant};
 use host_tools::link::capture::{Calibration, Stream};
 use host_tools::link::discovery;
 use host_tools::link::play::{Drive, Heard, MAX_MOTION_RATE_HZ, MIN_MOTION_RATE_HZ, drive};
-use host_tools::link::settings::{self as described, SettingRow, consequences};
+use host_tools::link::settings::{self as described, Known, SettingRow, consequences};
 use host_tools::link::upload::upload_over;
 use host_tools::link::{Device as Linked, LinkAddress, LinkError, Route, Timeouts};
 use host_tools::support::error::{Error, Result};
 use host_tools::texture::library::decode_library;
 use model_format::link::{
-    Activity, DeviceInfo, MotionSource, PlayRequest, Selection, SettingChange, SettingSet,
-    SettingsChange, SlotId, Status, TextureName,
+    Activity, DeviceInfo, MotionSource, PlayRequest, Selection, SettingChange, SettingsChange,
+    SlotId, Status, TextureName,
 };
 use model_format::scene::SceneName;
 use pyo3::prelude::*;
@@ -364,13 +364,9 @@ impl Device {
             let proposal = device.propose(&change)?;
             if !proposal.loosens.is_empty() && !accept {
                 let after = change.applied_to(before)?;
-                let unknown = state.lost.or(SettingSet::REQUIRED.without(state.set));
-                return Ok(Some(consequences(
-                    &before,
-                    &after,
-                    proposal.loosens,
-                    unknown,
-                )));
+                let known = Known::of(&before, &state);
+                let after = known.after(&change, &after);
+                return Ok(Some(consequences(known, after, proposal.loosens)));
             }
             device.apply(&proposal).map(|_| None)
         })?;

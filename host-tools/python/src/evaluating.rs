@@ -114,13 +114,13 @@ fn warn_of_unused(py: Python<'_>, reasons: &[String]) -> PyResult<()> {
 /// `recordings` are as in `fit`, and `library` is a `Library`, a `Fit`, or a path. `takes` are other recordings of the
 /// same trials, which judge the library instead. `reduce` and `high_pass` are those of the fit; `smoothing_hz` the full
 /// width of the Hann kernel that smooths amplitudes for C; `synthesis_s` the least duration of each synthesis, s;
-/// `excitation` 'fitted', 'gaussian' or 'residual', the parts of each texture that are played. With `report`, a folder,
+/// `played` 'fitted', 'gaussian' or 'residual', the parts of each texture that are played. With `report`, a folder,
 /// a page on it with pictures and sounds is written there, as with the command's --report; an earlier one is replaced
 /// with `overwrite` alone. `progress(done, total)` counts recordings.
 #[pyfunction]
 #[pyo3(signature = (
     recordings, library, *, takes = None, reduce = "pca", high_pass = "auto", smoothing_hz = 20.0,
-    synthesis_s = 10.0, excitation = "fitted", seed = 1, report = None, overwrite = false, progress = None
+    synthesis_s = 10.0, played = "fitted", seed = 1, report = None, overwrite = false, progress = None
 ))]
 #[expect(clippy::too_many_arguments, reason = "they are keywords")]
 pub fn evaluate<'py>(
@@ -132,7 +132,7 @@ pub fn evaluate<'py>(
     high_pass: &str,
     smoothing_hz: f64,
     synthesis_s: f64,
-    excitation: &str,
+    played: &str,
     seed: u64,
     report: Option<PathBuf>,
     overwrite: bool,
@@ -143,7 +143,7 @@ pub fn evaluate<'py>(
         smoothing_hz: not_negative("smoothing_hz", smoothing_hz)?,
         synthesis_s: positive("synthesis_s", synthesis_s)?,
         seed,
-        played: choice("excitation", excitation)?,
+        played: choice("played", played)?,
         ..evaluation::Options::default()
     };
     let library = library.library(py)?;

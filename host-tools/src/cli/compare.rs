@@ -11,6 +11,7 @@ use host_tools::fit::conditioning::Conditioning;
 use host_tools::fit::record::FitRecord;
 use host_tools::report::listening_page;
 use host_tools::support::error::{Error, Result};
+use host_tools::support::number::counted;
 
 use super::files::Overwrite;
 use super::input::{Recordings, positive};
@@ -20,6 +21,10 @@ use crate::cli::output::{note, print};
 use host_tools::texture::library::{decode_library, read_library};
 
 #[derive(clap::Args)]
+#[command(
+    override_usage = "stylus compare [OPTIONS] --library <LIB> --out <HTML> <INPUTS>...\n       \
+                            stylus compare --score <CSV>..."
+)]
 pub struct Arguments {
     #[command(flatten)]
     recordings: Recordings,
@@ -143,15 +148,15 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         ""
     };
     print(&format!(
-        "{}: {}{} trials, {} sounds, {:.1} MB{origin}",
+        "{}: {}{}, {}, {:.1} MB{origin}",
         out.display(),
         if arguments.design == Design::Staircase {
             "up to "
         } else {
             ""
         },
-        plan.task.trials(),
-        plan.sounds.len(),
+        counted(plan.task.trials(), "trial"),
+        counted(plan.sounds.len(), "sound"),
         size as f64 / 1e6
     ))
 }

@@ -22,6 +22,7 @@ use host_tools::report::evaluation_page;
 use host_tools::report::evaluation_page::Inputs;
 use host_tools::report::sound::node_seconds;
 use host_tools::support::error::{Error, Result};
+use host_tools::support::number::counted;
 use host_tools::support::output::OutputFolder;
 use host_tools::support::warning::Warning;
 use host_tools::support::{atomic_file, progress};
@@ -30,8 +31,9 @@ use serde::Serialize;
 
 use super::files::Overwrite;
 use super::input::{Recordings, not_negative, positive};
+use super::lines::{LINE_CHARS, folded_text, wrapped};
 use super::output::{is_full, print, to_json, warn, warn_of};
-use super::table::{LINE_CHARS, folded_text, shown, wrapped};
+use super::table::shown;
 use host_tools::texture::library::{decode_library, read_library};
 
 #[derive(clap::Args)]
@@ -62,7 +64,7 @@ pub struct Arguments {
         value_name = "CSV",
         num_args = 1..,
         requires = "library",
-        conflicts_with_all = ["takes", "leave_one_out", "leave_out", "report", "excitation", "smoothing", "synthesis"]
+        conflicts_with_all = ["takes", "leave_one_out", "leave_out", "report", "played", "smoothing", "synthesis"]
     )]
     strokes: Vec<PathBuf>,
     /// With --strokes: texture of the library that was stroked, if it has several
@@ -90,7 +92,7 @@ pub struct Arguments {
     /// Parts of each texture that are played: all as fitted, none (Gaussian noise), or the residual and its level
     /// without lines that are locked to place
     #[arg(long, value_enum, default_value = "fitted", requires = "library")]
-    excitation: Played,
+    played: Played,
     /// Seed of the noise
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -147,15 +149,18 @@ fn benchmark(
     if let Some(json) = &arguments.json {
         atomic_file::write(json, to_json(&test).as_bytes())?;
     }
+    let table = shown(&test.benchmark_table());
     print(&folded_text(&format!(
-        "{} trials, each predicted from those of the next lower and higher value; models of order {}\n\n{}\n\n\
-         log-power MAE: mean |difference of log10 of the power densities|; GFC: correlation of the amplitude spectra; \
+        "{}, each predicted from those of the next lower and higher value; models of order {}\n",
+        counted(test.removed.len(), "trial"),
+        test.order
+    )))?;
+    print(&format!("{table}\n"))?;
+    print(&folded_text(&format!(
+        "log-power MAE: mean |difference of log10 of the power densities|; GFC: correlation of the amplitude spectra; \
          both in segments of 0.2 s, 20 to 1000 Hz; |band|: mean error of third octaves; LSD: 30 to 1000 Hz; C: \
          equation (6); area: of a classifier of windows of 250 ms, 0.5 if it does not tell them apart; not playable: \
          unstable or too loud, C = 100 %, and left out of the other means{}",
-        test.removed.len(),
-        test.order,
-        shown(&test.benchmark_table(), 1),
         origin(test.simulated)
     )))
 }
@@ -178,6 +183,10 @@ fn evaluate_along_strokes(arguments: &Arguments, path: &Path) -> Result<()> {
         paths.iter().map(read).collect::<Result<Vec<_>>>()
     };
     let (fitted, judges) = (arguments.recordings.inputs(), &arguments.strokes);
+    if let Some(folder) = fitted.iter().find(|path| path.is_dir()) {
+        let problem = "is a folder: with --strokes give the CSVs of strokes that were fitted, such as stroke-1.csv";
+        return Err(Error::file(folder, problem));
+    }
     let (of_fit, of_judges) = (read(fitted)?, read(judges)?);
     for (path, judge) in judges.iter().zip(&of_judges) {
         if of_fit.contains(judge) {
@@ -199,14 +208,13 @@ fn evaluate_along_strokes(arguments: &Arguments, path: &Path) -> Result<()> {
     if let Some(json) = &arguments.json {
         atomic_file::write(json, to_json(&found).as_bytes())?;
     }
+    let verdict = folded_text(&format!("{}: {}", found.texture, found.verdict));
+    print(&format!("{verdict}\n\n{}\n", shown(&found.table())))?;
     print(&folded_text(&format!(
-        "{}: {}\n\n{}\n\nHeld out: the library as it is, along {} strokes that its fit did not use; {} of its fit \
+        "Held out: the library as it is, along {} that its fit did not use; {} of its fit \
          beside. Levels are of 100 ms in motion and contact, {} of them, whose own spread is {:.2} dB. Bias: mean of \
          the levels over those recorded. |band|: mean error of third octaves.{}",
-        found.texture,
-        found.verdict,
-        shown(&found.table(), 1),
-        found.strokes,
+        counted(found.strokes, "stroke"),
         found.fitted,
         found.windows,
         found.recorded_spread_db,
@@ -238,7 +246,7 @@ fn evaluate_library(arguments: &Arguments, path: &Path, set: RecordingSet) -> Re
         smoothing_hz: arguments.smoothing,
         synthesis_s: arguments.synthesis.unwrap_or(default.synthesis_s),
         seed: arguments.seed,
-        played: arguments.excitation,
+        played: arguments.played,
         excerpt_s: (arguments.report.as_ref()).and_then(|_| node_seconds(set.trials.len())),
     };
     let record = FitRecord::beside(path, &bytes)?;
@@ -377,7 +385,7 @@ pub fn answer(evaluation: &Evaluation) -> String {
     format!(
         "{}\n\n{}\n{}",
         verdicts.join("\n"),
-        shown(&evaluation.table(), 1),
+        shown(&evaluation.table()),
         folded_text(&explanation())
     )
 }
@@ -394,9 +402,7 @@ fn summary(evaluation: &Evaluation) -> String {
     if !is_full() {
         return brief;
     }
-    // The second column of what the spectrum does not show names a row, too.
-    let keys = |title: &str| 1 + usize::from(title.contains("does not show"));
-    let tables = evaluation.tables().map(|t| shown(&t, keys(&t.title)));
+    let tables = evaluation.tables().map(|table| shown(&table));
     let notes = folded_text(&format!(
         "{}\nAmplitudes of C are smoothed by a {}. |band|: mean error of third octaves. Balance: power below 100 Hz \
          over that above. {LIVELINESS_EXPLANATION}",
@@ -416,17 +422,18 @@ fn origin(simulated: bool) -> &'static str {
 
 /// The table of the removed-node test, and an explanation of their columns.
 fn removed_nodes(test: &LeaveOneOut) -> String {
-    folded_text(&format!(
-        "{} nodes removed, each predicted from its neighbours; models of order {}; C with amplitudes smoothed by a \
-         {}\n\n{}\n\n\
-         C: equation (6), mean ± standard deviation; not playable: means that are unstable or too loud, which count as \
+    let test_of = folded_text(&format!(
+        "{} removed, each predicted from its neighbours; models of order {}; C with amplitudes smoothed by a {}",
+        counted(test.removed.len(), "node"),
+        test.order,
+        test.smoothing
+    ));
+    let columns = folded_text(&format!(
+        "C: equation (6), mean ± standard deviation; not playable: means that are unstable or too loud, which count as \
          C = 100 %; in-sample: fitted to what it is compared with, not a measure of fidelity\n\
          σ² error: mean magnitude, (m/s²)² (the paper names no unit); |band|: mean error of third-octave \
          bands, 20 to 1000 Hz; LSD: 30 to 1000 Hz{}",
-        test.removed.len(),
-        test.order,
-        test.smoothing,
-        shown(&test.table(), 1),
         origin(test.simulated)
-    ))
+    ));
+    format!("{test_of}\n\n{}\n\n{columns}", shown(&test.table()))
 }

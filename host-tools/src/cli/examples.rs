@@ -29,7 +29,10 @@ pub fn with_examples(command: Command, path: &str) -> Command {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeMap;
+
     use clap::CommandFactory;
+    use clap::builder::PossibleValue;
 
     use super::*;
     use crate::cli::Arguments;
@@ -59,6 +62,77 @@ mod tests {
                 "{command}: {count} in examples.txt"
             );
         }
+    }
+
+    /// The command at `path`, built.
+    fn command_at(path: &str) -> Command {
+        let mut all = Arguments::command();
+        all.build();
+        let names = path.split(' ').skip(1);
+        let found = names.fold(&mut all, |outer, name| {
+            outer.find_subcommand_mut(name).expect("it is a leaf")
+        });
+        found.clone()
+    }
+
+    /// Options that a line of usage shows without brackets, neither its own nor those of a choice.
+    fn required(usage: &str) -> Vec<&str> {
+        let mut depth = 0;
+        let words = usage.split_whitespace().filter(|word| {
+            let begins_outside = depth == 0;
+            let count = |signs: [char; 2]| word.matches(signs).count() as i32;
+            depth += count(['[', '<']) - count([']', '>']);
+            begins_outside && word.starts_with("--")
+        });
+        words.collect()
+    }
+
+    #[test]
+    fn every_example_has_what_its_usage_shows_as_required() {
+        for path in leaves(&Arguments::command(), "stylus") {
+            let usage = command_at(&path).render_usage().to_string();
+            for example in examples(&path) {
+                let words: Vec<&str> = example.split_whitespace().collect();
+                let mut ways = usage.lines().map(required);
+                let is_told = ways.any(|way| way.iter().all(|option| words.contains(option)));
+                assert!(is_told, "{example}\n{usage}");
+            }
+        }
+    }
+
+    /// Options whose values are of several kinds. `play` takes the sensors for a motion, too; an upload knows which slot
+    /// it activates; `evaluate` has a report beside its JSON, and reads strokes where `record` makes them; listeners have
+    /// a number of trials where `record` has a list; parts are results in a folder, or what textures are made of;
+    /// `import-hatt` counts speeds and forces.
+    const OF_SEVERAL_KINDS: [&str; 8] = [
+        "motion", "activate", "json", "strokes", "trials", "parts", "speeds", "forces",
+    ];
+
+    #[test]
+    fn an_option_has_the_same_kind_of_value_and_the_same_choices_in_every_command() {
+        let mut known: BTreeMap<String, (String, String)> = BTreeMap::new();
+        let mut departures = Vec::new();
+        for path in leaves(&Arguments::command(), "stylus") {
+            for option in command_at(&path).get_arguments() {
+                let is_exempt = |long: &&str| OF_SEVERAL_KINDS.contains(long);
+                let Some(long) = option.get_long().filter(|long| !is_exempt(long)) else {
+                    continue;
+                };
+                let values = option.get_possible_values();
+                let choices: Vec<&str> = values.iter().map(PossibleValue::get_name).collect();
+                let of_value = format!("{:?}", option.get_value_parser().type_id());
+                // Numbers of any width are numbers.
+                let of_value = of_value.trim_end_matches(|c: char| c.is_ascii_digit());
+                let kind = format!("{} of {choices:?}", of_value.replace('u', "f"));
+                let (of, before) = known
+                    .entry(long.to_owned())
+                    .or_insert_with(|| (path.clone(), kind.clone()));
+                if *before != kind {
+                    departures.push(format!("--{long}: {before} of {of}, {kind} of {path}"));
+                }
+            }
+        }
+        assert!(departures.is_empty(), "{departures:#?}");
     }
 
     #[test]

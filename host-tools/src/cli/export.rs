@@ -8,7 +8,7 @@ use host_tools::support::error::Result;
 use host_tools::texture::library::{decode_library, read_library};
 
 use super::files::Overwrite;
-use super::input::{Along, positive, warn_beyond, warn_if_silent};
+use super::input::{Along, positive, warn_if_silent, warn_off_grid};
 use super::output::{print, warn};
 
 #[derive(clap::Args)]
@@ -41,7 +41,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let name = format!("texture '{}'", texture.name());
     let (motion, seconds) = arguments.along.motion(&name, None)?;
     warn_if_silent(&motion);
-    warn_beyond(&motion, &texture);
+    warn_off_grid(&motion, &texture);
     let rendering = (seconds, arguments.along.seed);
     let (format, full_scale) = (arguments.format, arguments.full_scale);
     let export = Export::new(texture, &motion, rendering, format, full_scale)?;

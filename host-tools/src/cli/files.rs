@@ -13,6 +13,7 @@ use host_tools::playing::pin::{PinSummary, RATE_HZ, render_pin_wav, render_tip_w
 use host_tools::playing::render::Rendering;
 use host_tools::playing::render::{RenderSummary, WavFormat};
 use host_tools::support::error::{Error, Result};
+use host_tools::support::number::counted;
 use host_tools::support::output;
 use stylus_plant::Parameters;
 use stylus_plant::Plant;
@@ -162,14 +163,14 @@ impl WavFile {
         ))?;
         if summary.wav.clipped > 0 {
             warn(&format!(
-                "{} samples were clipped; give --pcm16 a larger full scale",
-                summary.wav.clipped
+                "clipped: {}; give --pcm16 a larger full scale",
+                counted(summary.wav.clipped, "sample")
             ));
         }
         if summary.saturations > 0 {
             warn(&format!(
-                "the synthesis was at full scale in {} samples",
-                summary.saturations
+                "the synthesis was at full scale in {}",
+                counted(summary.saturations, "sample")
             ));
         }
         Ok(())
@@ -247,7 +248,10 @@ fn report(wav: &WavFile, source: &str, summary: PinSummary, shown: &str) -> Resu
         ("the thermal limiter attenuated the output", limited.thermal),
     ] {
         if samples > 0 {
-            warn(&format!("{what} in {samples} samples of the kernel"));
+            warn(&format!(
+                "{what} in {} of the kernel",
+                counted(samples, "sample")
+            ));
         }
     }
     Ok(())

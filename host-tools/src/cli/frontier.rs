@@ -15,7 +15,8 @@ use host_tools::support::{atomic_file, progress};
 
 use super::files::Overwrite;
 use super::input::not_negative;
-use super::table::{folded_text, shown};
+use super::lines::folded_text;
+use super::table::shown;
 use crate::cli::output::print;
 
 #[derive(clap::Args)]
@@ -105,11 +106,10 @@ fn summary(frontier: &Frontier) -> String {
     } else {
         ""
     };
-    let table = shown(&frontier.choice_table(), 1);
-    let text = format!(
-        "{}{origin}\n\n{table}\n\n{}",
-        frontier.answer(),
-        frontier::CHOICES_NOTE
-    );
-    folded_text(&text)
+    format!(
+        "{}\n\n{}\n\n{}",
+        folded_text(&format!("{}{origin}", frontier.answer())),
+        shown(&frontier.choice_table()),
+        folded_text(frontier::CHOICES_NOTE)
+    )
 }

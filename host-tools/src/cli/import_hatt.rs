@@ -6,11 +6,12 @@ use host_tools::fit::hatt::convert::{Converted, ROLL_OFF_DB_PER_OCTAVE, Summary,
 use host_tools::fit::hatt::import::{ImportReport, Options, files, import, plan, read_all};
 use host_tools::support::atomic_file;
 use host_tools::support::error::Result;
+use host_tools::support::number::counted;
 use host_tools::support::progress;
 use host_tools::support::warning::Warning;
 
 use super::files::Overwrite;
-use super::table::folded_table;
+use super::table::table;
 use crate::cli::output::{print, print_json, warn_of};
 
 #[derive(clap::Args)]
@@ -65,11 +66,11 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
     print(&format!("{}\n", textures(&converted)))?;
     print(&format!(
-        "{} textures -> {} ({} bytes); errors are of what the library plays against the file's own definition, within \
+        "{} -> {} ({}); errors are of what the library plays against the file's own definition, within \
          the models' own band; above it the level falls by {ROLL_OFF_DB_PER_OCTAVE} dB per octave",
-        converted.len(),
+        counted(converted.len(), "texture"),
         arguments.out.display(),
-        bytes.len()
+        counted(bytes.len(), "byte")
     ))
 }
 
@@ -116,5 +117,5 @@ fn textures(converted: &[Converted]) -> String {
         "95 %",
         "bands %",
     ];
-    folded_table(&header, &rows, 1)
+    table(&header, &rows)
 }

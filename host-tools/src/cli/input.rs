@@ -6,6 +6,7 @@ use host_tools::playing::motion::MotionPath;
 use host_tools::recording::{Assumed, RecordingSet, texture_fault};
 use host_tools::support::error::{Error, Result};
 pub use host_tools::support::number::{force, not_negative, positive, speed};
+use host_tools::texture::grid::as_written;
 use model_format::{MillimetresPerSecond, Newton, Texture};
 
 use crate::cli::output::warn;
@@ -65,22 +66,34 @@ pub fn warn_if_silent(motion: &MotionPath) {
     }
 }
 
-/// Share by which a motion may exceed the grid before it is worth a word.
-const BEYOND_GRID: f64 = 0.05;
+/// Share by which a motion may leave the grid before it is worth a word.
+const OFF_GRID: f64 = 0.05;
 
-/// Warns of a motion beyond the recorded speeds and forces of a texture, where its edge is played.
-pub fn warn_beyond(motion: &MotionPath, texture: &Texture<'_>) {
+/// Warns of a motion that exceeds the recorded speeds or forces of a texture, or never reaches them.
+pub fn warn_off_grid(motion: &MotionPath, texture: &Texture<'_>) {
     let (speed, force) = motion.largest();
-    for (what, value, axis, unit) in [
-        ("speed", speed, texture.speed_axis(), "mm/s"),
-        ("force", force, texture.force_axis(), "N"),
+    let of_speed =
+        (texture.lines().is_some()).then_some("; a tone that is locked to place follows the speed");
+    for (what, value, axis, unit, tone) in [
+        ("speed", speed, texture.speed_axis(), "mm/s", of_speed),
+        ("force", force, texture.force_axis(), "N", None),
     ] {
-        let highest = f64::from(axis.value(axis.len() - 1));
-        if value > highest * (1.0 + BEYOND_GRID) {
+        let name = texture.name();
+        let (lowest, highest) = (
+            as_written(axis.value(0)),
+            as_written(axis.value(axis.len() - 1)),
+        );
+        let tone = tone.unwrap_or_default();
+        if value > highest * (1.0 + OFF_GRID) {
             warn(&format!(
-                "the {what} reaches {value:.3} {unit}, and texture '{}' was recorded up to {highest} {unit}: beyond, \
-                 it sounds as there",
-                texture.name()
+                "the {what} reaches {value:.3} {unit}, and texture '{name}' was recorded up to {highest} {unit}: \
+                 beyond, noise and level are those of {highest} {unit}{tone}"
+            ));
+        }
+        if value > 0.0 && value < lowest * (1.0 - OFF_GRID) {
+            warn(&format!(
+                "the {what} stays at or below {value:.3} {unit}, and texture '{name}' was recorded from {lowest} \
+                 {unit} on: below, the noise is that of {lowest} {unit}, and its level falls with the {what}{tone}"
             ));
         }
     }

@@ -3,15 +3,16 @@
 use std::path::PathBuf;
 
 use host_tools::scene::SceneSummary;
-use host_tools::support::decimal::significant;
+use host_tools::support::decimal::{fixed, significant};
 use host_tools::support::error::Result;
+use host_tools::support::number::counted;
 use host_tools::texture::library::{decode_library, read_library};
 use host_tools::texture::summary::{CodebookSummary, LineSummary, TextureSummary, TrackSummary};
 use model_format::Wander;
 use serde::Serialize;
 
 use crate::cli::output::{print, print_json};
-use crate::cli::table::{folded_table, headed, table};
+use crate::cli::table::{headed, table};
 
 #[derive(clap::Args)]
 pub struct Arguments {
@@ -44,16 +45,15 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         return print_json(&Content { textures, scenes });
     }
     print(&format!(
-        "{}: {} texture(s), {} bytes, format version {}, checked\n",
+        "{}: {}, {}, format version {}, checked\n",
         arguments.library.display(),
-        library.len(),
-        bytes.len(),
+        counted(library.len(), "texture"),
+        counted(bytes.len(), "byte"),
         model_format::FORMAT_VERSION
     ))?;
     print(&texture_table(&textures))?;
     print(
-        "\norder: lowest / middle / highest of the nodes\n\
-         Each is a normalised lattice: every stage only rotates, whatever the motion, so that none can become \
+        "\nEach model is a normalised lattice: every stage only rotates, whatever the motion, so that none can become \
          unstable.\n",
     )?;
     print(&storage_table(&textures))?;
@@ -101,6 +101,12 @@ fn line_table(textures: &[TextureSummary]) -> Option<String> {
     (!rows.is_empty()).then(|| table(&header, &rows))
 }
 
+/// A level with three digits.
+fn rounded(level: f64) -> String {
+    let decimals = (2.0 - level.max(0.01).log10().floor()).clamp(0.0, 3.0) as usize;
+    fixed(level, decimals)
+}
+
 /// A number with four digits.
 fn figure(value: f32) -> String {
     significant(f64::from(value)).to_string()
@@ -123,14 +129,17 @@ pub fn texture_table(textures: &[TextureSummary]) -> String {
             ("grid", format!("{} x {}", speeds.len(), forces.len())),
             ("mm/s", range(speeds)),
             ("N", range(forces)),
-            ("order", format!("{low} / {middle} / {high}")),
-            ("RMS m/s²", format!("{least:.3} to {most:.3}")),
+            ("order min, median, max", format!("{low}/{middle}/{high}")),
+            (
+                "noise RMS m/s²",
+                format!("{} to {}", rounded(least.into()), rounded(most.into())),
+            ),
             ("silent", texture.silent_nodes.to_string()),
             ("filled", texture.filled_nodes.to_string()),
             ("doubtful", texture.doubtful_nodes.to_string()),
         ]
     }));
-    folded_table(&header, &rows, 1)
+    table(&header, &rows)
 }
 
 /// `values` with commas between, or the word for none.
@@ -164,7 +173,7 @@ fn storage_table(textures: &[TextureSummary]) -> String {
             ("bytes of parts", joined(&parts.collect::<Vec<_>>())),
         ]
     }));
-    folded_table(&header, &rows, 1)
+    table(&header, &rows)
 }
 
 /// Table of what excites the textures that have more than steady Gaussian noise; `None` if none has.
@@ -206,7 +215,7 @@ fn excitation_table(textures: &[TextureSummary]) -> Option<String> {
     let fed =
         |texture: &&TextureSummary| !texture.codebooks.is_empty() || texture.level_track.is_some();
     let (header, rows) = headed(textures.iter().filter(fed).map(row));
-    (!rows.is_empty()).then(|| folded_table(&header, &rows, 1))
+    (!rows.is_empty()).then(|| table(&header, &rows))
 }
 
 /// Table with one line per scene.
@@ -229,5 +238,5 @@ fn scene_table(scenes: &[SceneSummary]) -> String {
             ),
         ]
     }));
-    folded_table(&header, &rows, 1)
+    table(&header, &rows)
 }

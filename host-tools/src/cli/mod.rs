@@ -2,7 +2,7 @@
 //!
 //! **Invariant: thin.** A command parses its arguments, calls the library and prints. Signal processing, formats and
 //! the link belong to the library, where other programs can use them. Of the shared modules, `input`
-//! reads, `output` and `table` print, `files` writes, `interrupt` ends, `examples` shows how; they import no command.
+//! reads, `output`, `table` and `lines` print, `files` writes, `interrupt` ends, `examples` shows how; they import no command.
 
 mod compare;
 mod demo;
@@ -17,6 +17,7 @@ mod import_hatt;
 mod input;
 mod inspect;
 mod interrupt;
+mod lines;
 mod output;
 mod page;
 mod render;
@@ -58,7 +59,7 @@ struct Arguments {
         help_heading = "General options"
     )]
     quiet: bool,
-    /// Print every warning by itself, and every table of evaluate
+    /// Print every warning by itself, every column of tables, and every table of evaluate
     #[arg(long, global = true, help_heading = "General options")]
     full: bool,
     #[command(subcommand)]

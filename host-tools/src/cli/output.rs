@@ -14,7 +14,7 @@ use host_tools::support::progress;
 use host_tools::support::visible::{message, visible, visible_json};
 use host_tools::support::warning::{Warning, by_kind};
 
-use super::table::{LINE_CHARS, wrapped};
+use super::lines::{LINE_CHARS, wrapped};
 
 /// True if the user has asked for everything there is to say.
 static IS_FULL: AtomicBool = AtomicBool::new(false);

@@ -8,7 +8,7 @@ use host_tools::playing::render::render_wav;
 use host_tools::support::error::Result;
 
 use super::files::PinArguments;
-use super::input::{Along, warn_beyond, warn_if_silent};
+use super::input::{Along, warn_if_silent, warn_off_grid};
 use crate::cli::files::WavFile;
 use host_tools::texture::library::{decode_library, read_library};
 
@@ -35,7 +35,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let name = format!("texture '{}'", texture.name());
     let (motion, seconds) = arguments.along.motion(&name, None)?;
     warn_if_silent(&motion);
-    warn_beyond(&motion, &texture);
+    warn_off_grid(&motion, &texture);
     let source = format!("'{}' ({})", texture.name(), texture.provenance());
     if arguments.pin.is_asked()? {
         let mut rendering = Rendering::new(texture, &motion, seconds, arguments.along.seed)?;

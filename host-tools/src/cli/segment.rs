@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use host_tools::recording::freehand;
 use host_tools::recording::freehand::{GridAxis, Options};
 use host_tools::support::error::Result;
+use host_tools::support::number::counted;
 
 use super::files::Overwrite;
 use super::input::{positive, texture_name};
@@ -89,10 +90,10 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         ""
     };
     print(&format!(
-        "{:.0} % of the motion in contact is steady: {} pieces at {} nodes -> {}{origin}",
+        "{:.0} % of the motion in contact is steady: {} at {} -> {}{origin}",
         100.0 * cut.steady_share,
-        cut.placed.len(),
-        nodes.len(),
+        counted(cut.placed.len(), "piece"),
+        counted(nodes.len(), "node"),
         arguments.out.display()
     ))
 }

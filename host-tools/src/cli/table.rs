@@ -1,46 +1,200 @@
-//! Plain text tables.
+//! Plain text tables, by one rule for all: a table that is wider than a line wraps its headings; then it leaves out
+//! columns that have one value, and says it below; then it wraps its cells; at last it leaves out its last columns, by
+//! name. None becomes several tables.
 
 use host_tools::evaluation::tables::Table;
 use host_tools::support::visible::visible_line;
 
-/// `rows` under `header`, columns aligned: text to the left, numbers to the right. A cell is one line, whatever a name
-/// in it holds. Without a header there is nothing.
+use super::lines::{LINE_CHARS, folded_text, wrapped};
+use super::output::is_full;
+
+/// Characters between two columns.
+const GAP: usize = 2;
+
+/// Characters of a word that is not broken, such as a texture's name.
+const WORD_CHARS: usize = 24;
+
+/// Cells of nothing.
+const NOTHING: [&str; 5] = ["", "0", "-", "–", "none"];
+
+/// `rows` under `header`, columns aligned: text to the left, numbers to the right. Lines have at most [`LINE_CHARS`]
+/// characters, unless `--full` asks for every column. A row that ends early is empty from there on. Without a header
+/// there is nothing.
 pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {
-    if header.is_empty() {
+    fitted(header, rows, is_full())
+}
+
+/// [`table`], with every column if it `is_full`.
+fn fitted(header: &[&str], rows: &[Vec<String>], is_full: bool) -> String {
+    let mut columns: Vec<Column> = (header.iter().enumerate())
+        .map(|(index, heading)| Column::new(heading, rows.iter().map(|row| row.get(index))))
+        .collect();
+    if columns.is_empty() {
         return String::new();
     }
-    let shown = |row: &Vec<String>| -> Vec<String> {
-        let cells = row.iter().map(|cell| visible_line(cell).into_owned());
-        cells.collect()
+    let (mut same, mut left_out) = (Vec::new(), Vec::new());
+    if width(&columns) > LINE_CHARS {
+        columns.iter_mut().for_each(Column::wrap_heading);
+    }
+    while width(&columns) > LINE_CHARS && !is_full {
+        let Some(idle) = columns.iter().skip(1).rposition(Column::has_one_value) else {
+            break;
+        };
+        let Column { heading, cells, .. } = columns.remove(1 + idle);
+        let value = cells
+            .into_iter()
+            .find(|cell| !["", "-", "–"].contains(&cell.as_str()));
+        same.push(format!("{heading} {}", value.as_deref().unwrap_or("none")));
+    }
+    narrow(&mut columns);
+    while width(&columns) > LINE_CHARS && columns.len() > 2 && !is_full {
+        left_out.extend(columns.pop().map(|column| column.heading));
+        columns.iter_mut().for_each(Column::widen);
+        narrow(&mut columns);
+    }
+    let note = |before: &str, mut names: Vec<String>| {
+        names.reverse();
+        let line = folded_text(&format!("{before}: {}", names.join(", ")));
+        (!names.is_empty()).then(|| format!("\n{line}"))
     };
-    let rows: Vec<Vec<String>> = rows.iter().map(shown).collect();
-    let width = |column: usize| {
-        let cells = rows.iter().filter_map(|row| row.get(column));
-        let widest = cells.map(|cell| cell.chars().count()).max().unwrap_or(0);
-        widest.max(header[column].chars().count())
-    };
-    let widths: Vec<usize> = (0..header.len()).map(width).collect();
-    let is_number = |cell: &str| cell.starts_with(|c: char| c.is_ascii_digit() || "+-".contains(c));
-    let line = |cells: &mut dyn Iterator<Item = &str>| {
+    let notes = [
+        note("in every row", same),
+        note("left out, shown by --full", left_out),
+    ];
+    let rule = "-".repeat(width(&columns));
+    let headings = columns.iter().map(Column::heading_lines).collect();
+    let mut lines = lines_of(headings, &columns, true);
+    lines.push(rule);
+    for row in 0..rows.len() {
+        let cells = columns.iter().map(|column| column.lines(row)).collect();
+        lines.extend(lines_of(cells, &columns, false));
+    }
+    lines.join("\n") + &notes.into_iter().flatten().collect::<String>()
+}
+
+/// A column as it is laid out.
+struct Column {
+    heading: String,
+    cells: Vec<String>,
+    /// Characters of its lines.
+    width: usize,
+}
+
+impl Column {
+    fn new<'a>(heading: &str, cells: impl Iterator<Item = Option<&'a String>>) -> Self {
+        let shown = |cell: &String| visible_line(cell).into_owned();
+        let mut column = Self {
+            heading: heading.to_owned(),
+            cells: cells
+                .map(|cell| cell.map_or_else(String::new, shown))
+                .collect(),
+            width: 0,
+        };
+        column.widen();
+        column
+    }
+
+    /// All its texts.
+    fn texts(&self) -> impl Iterator<Item = &str> {
+        let cells = self.cells.iter().map(String::as_str);
+        std::iter::once(self.heading.as_str()).chain(cells)
+    }
+
+    /// Makes it so wide that nothing is wrapped.
+    fn widen(&mut self) {
+        let widths = self.texts().map(|text| text.chars().count());
+        self.width = widths.max().unwrap_or(0);
+    }
+
+    /// Makes it as wide as its cells, whatever its heading is.
+    fn wrap_heading(&mut self) {
+        let cells = self.cells.iter().map(|cell| cell.chars().count());
+        let words = self.heading.split(' ').map(|word| word.chars().count());
+        self.width = cells.chain(words).max().unwrap_or(0);
+    }
+
+    /// Characters that it needs at least: those of its longest word.
+    fn least(&self) -> usize {
+        let words = self.texts().flat_map(|text| text.split(' '));
+        let widest = words.map(|word| word.chars().count()).max();
+        widest.unwrap_or(0).min(WORD_CHARS)
+    }
+
+    /// Returns whether all rows have the same; of one row, whether it has nothing.
+    fn has_one_value(&self) -> bool {
+        let is_nothing = |cell: &String| NOTHING.contains(&cell.as_str());
+        let is_same = self.cells.windows(2).all(|pair| pair[0] == pair[1]);
+        self.cells.iter().all(is_nothing) || (is_same && self.cells.len() > 1)
+    }
+
+    fn heading_lines(&self) -> Vec<String> {
+        broken(&self.heading, self.width)
+    }
+
+    fn lines(&self, row: usize) -> Vec<String> {
+        let cell = &self.cells[row];
+        let is_number = cell.starts_with(|c: char| c.is_ascii_digit() || "+-".contains(c));
+        let mut lines = broken(cell, self.width);
+        if is_number {
+            for line in &mut lines {
+                *line = " ".repeat(self.width - line.chars().count()) + line;
+            }
+        }
+        lines
+    }
+}
+
+/// Characters of a line of these columns.
+fn width(columns: &[Column]) -> usize {
+    let widths: usize = columns.iter().map(|column| column.width).sum();
+    widths + GAP * columns.len().saturating_sub(1)
+}
+
+/// Takes from the widest columns, as far as their words allow, until a line holds all.
+fn narrow(columns: &mut [Column]) {
+    let mut least: Vec<usize> = columns.iter().map(Column::least).collect();
+    while width(columns) > LINE_CHARS {
+        let wider = columns.iter_mut().zip(&mut least);
+        let wider = wider.filter(|(column, least)| column.width > **least);
+        let Some((widest, _)) = wider.max_by_key(|(column, _)| column.width) else {
+            break;
+        };
+        widest.width -= 1;
+    }
+    // What is wrapped at words may need less.
+    for column in columns {
+        let lines = column.texts().flat_map(|text| broken(text, column.width));
+        column.width = lines.map(|line| line.chars().count()).max().unwrap_or(0);
+    }
+}
+
+/// `text` in lines of at most `width` characters: at spaces, and in words that are longer.
+fn broken(text: &str, width: usize) -> Vec<String> {
+    let wrapped = wrapped(text, width, "");
+    let lines = wrapped.lines().flat_map(|line| {
+        let letters: Vec<char> = line.chars().collect();
+        let pieces = letters.chunks(width.max(1)).map(String::from_iter);
+        pieces.collect::<Vec<String>>()
+    });
+    lines.collect()
+}
+
+/// The lines of a row whose cells have these; a header's stand at the bottom.
+fn lines_of(cells: Vec<Vec<String>>, columns: &[Column], is_header: bool) -> Vec<String> {
+    let height = cells.iter().map(Vec::len).max().unwrap_or(0).max(1);
+    let line = |index: usize| {
         let mut text = String::new();
-        for (cell, &width) in cells.zip(&widths) {
-            let padding = " ".repeat(width - cell.chars().count());
-            let (before, after) = if is_number(cell) {
-                (padding.as_str(), "")
-            } else {
-                ("", padding.as_str())
-            };
-            text.push_str(&format!("{before}{cell}{after}  "));
+        for (lines, column) in cells.iter().zip(columns) {
+            let above = if is_header { height - lines.len() } else { 0 };
+            let piece = index.checked_sub(above).and_then(|index| lines.get(index));
+            let piece = piece.map_or("", String::as_str);
+            let padding = column.width + GAP - piece.chars().count();
+            text.push_str(piece);
+            text.push_str(&" ".repeat(padding));
         }
         text.trim_end().to_owned()
     };
-    let mut lines = vec![line(&mut header.iter().copied())];
-    lines.push("-".repeat(widths.iter().sum::<usize>() + 2 * (widths.len() - 1)));
-    lines.extend(
-        rows.iter()
-            .map(|row| line(&mut row.iter().map(String::as_str))),
-    );
-    lines.join("\n")
+    (0..height).map(line).collect()
 }
 
 /// The header and the rows of a table, of rows whose cells stand beside their headings; nothing of no rows.
@@ -56,76 +210,10 @@ pub fn headed<const N: usize>(
     (header, rows)
 }
 
-/// Characters of a line of a terminal that tables keep to.
-pub const LINE_CHARS: usize = 80;
-
-/// [`table`] in lines of at most [`LINE_CHARS`] characters: as several tables, one below the other, where one is too
-/// wide. Each begins with the first `keys` columns, which name the row. Only a column of its own may be wider. A row
-/// that ends early is empty from there on.
-pub fn folded_table(header: &[&str], rows: &[Vec<String>], keys: usize) -> String {
-    let width = |columns: &[usize]| {
-        let text = table_of(header, rows, columns);
-        text.lines()
-            .map(|line| line.chars().count())
-            .max()
-            .unwrap_or(0)
-    };
-    let named: Vec<usize> = (0..keys).collect();
-    let mut tables: Vec<Vec<usize>> = vec![named.clone()];
-    for column in keys..header.len() {
-        let last = tables.last_mut().expect("there is one");
-        last.push(column);
-        if width(last) > LINE_CHARS && last.len() > keys + 1 {
-            last.pop();
-            tables.push([named.as_slice(), &[column]].concat());
-        }
-    }
-    let tables: Vec<String> = (tables.iter())
-        .map(|columns| table_of(header, rows, columns))
-        .collect();
-    tables.join("\n\n")
-}
-
-fn table_of(header: &[&str], rows: &[Vec<String>], columns: &[usize]) -> String {
-    let header: Vec<&str> = columns.iter().map(|&column| header[column]).collect();
-    let cells = |row: &Vec<String>| {
-        let cell = |&column: &usize| row.get(column).cloned().unwrap_or_default();
-        columns.iter().map(cell).collect()
-    };
-    let rows: Vec<Vec<String>> = rows.iter().map(cells).collect();
-    table(&header, &rows)
-}
-
-/// `text` in lines of at most [`LINE_CHARS`] characters, broken at spaces.
-pub fn folded_text(text: &str) -> String {
-    wrapped(text, LINE_CHARS, "")
-}
-
-/// `text` in lines of at most so many characters, broken at spaces; those after a break begin with `indent`.
-pub fn wrapped(text: &str, width: usize, indent: &str) -> String {
-    let mut lines: Vec<String> = Vec::new();
-    for paragraph in text.lines() {
-        let mut line = String::new();
-        for (index, word) in paragraph.split(' ').enumerate() {
-            if index > 0 && line.chars().count() + 1 + word.chars().count() > width {
-                lines.push(std::mem::replace(&mut line, format!("{indent}{word}")));
-                continue;
-            }
-            if index > 0 {
-                line.push(' ');
-            }
-            line.push_str(word);
-        }
-        lines.push(line);
-    }
-    lines.join("\n")
-}
-
-/// A table of results under its title, in [`folded_table`]'s lines.
-pub fn shown(table: &Table, keys: usize) -> String {
-    let headings: Vec<&str> = table.headings.iter().map(String::as_str).collect();
-    let rows = folded_table(&headings, &table.rows, keys);
-    format!("{}\n{rows}", table.title)
+/// A table of results under its title.
+pub fn shown(results: &Table) -> String {
+    let headings: Vec<&str> = results.headings.iter().map(String::as_str).collect();
+    format!("{}\n{}", results.title, table(&headings, &results.rows))
 }
 
 #[cfg(test)]
@@ -136,56 +224,90 @@ mod tests {
         text.lines().map(|line| line.chars().count()).max().unwrap()
     }
 
-    #[test]
-    fn a_wide_table_becomes_several_that_fit_and_each_names_its_rows() {
-        let header: Vec<String> = (0..30).map(|column| format!("column {column}")).collect();
-        let header: Vec<&str> = header.iter().map(String::as_str).collect();
-        let row = |row: usize| (0..30).map(|column| format!("{row}.{column}")).collect();
-        let rows: Vec<Vec<String>> = (0..3).map(row).collect();
-        assert!(widest(&table(&header, &rows)) > LINE_CHARS);
-        let folded = folded_table(&header, &rows, 2);
-        assert!(widest(&folded) <= LINE_CHARS, "{folded}");
-        for table in folded.split("\n\n") {
-            let lines: Vec<&str> = table.lines().collect();
-            assert!(lines[0].starts_with("column 0  column 1  "), "{table}");
-            let names = ["0.0", "1.0", "2.0"];
-            assert!(
-                lines[2..]
-                    .iter()
-                    .zip(names)
-                    .all(|(line, name)| line.trim().starts_with(name))
-            );
-        }
-        // Every other cell is there once.
-        for cell in rows.iter().flat_map(|row| &row[2..]) {
-            assert_eq!(
-                folded
-                    .split_whitespace()
-                    .filter(|word| word == cell)
-                    .count(),
-                1,
-                "{cell}"
-            );
-        }
-        assert_eq!(folded_table(&header[..4], &[rows[0][..4].to_vec()], 1), {
-            table(&header[..4], &[rows[0][..4].to_vec()])
-        });
+    fn row(cells: &[&str]) -> Vec<String> {
+        cells.iter().map(ToString::to_string).collect()
     }
 
     #[test]
-    fn folded_text_keeps_its_words() {
-        let text = "a few words ".repeat(40);
-        let folded = folded_text(&text);
-        assert!(widest(&folded) <= LINE_CHARS);
-        assert!(folded.split_whitespace().eq(text.split_whitespace()));
+    fn a_wide_table_stays_one_and_says_the_columns_of_one_value_below_before_it_wraps() {
+        let remark = "words of a remark ".repeat(6);
+        let header = [
+            "texture",
+            "from",
+            "an idle column of many words",
+            "doubtful",
+            "remark",
+        ];
+        let rows = [
+            row(&["paper", "simulated", "-", "12", remark.trim()]),
+            row(&["organza", "simulated", "", "0", "short"]),
+        ];
+        let text = table(&header, &rows);
+        assert!(widest(&text) <= LINE_CHARS, "{text}");
+        assert_eq!(
+            text.lines().filter(|line| line.starts_with("---")).count(),
+            1
+        );
+        let (table, note) = text.rsplit_once('\n').unwrap();
+        let same = "in every row: from simulated, an idle column of many words none";
+        assert_eq!(note, same);
+        assert!(
+            !table.contains("from") && table.contains("doubtful"),
+            "{table}"
+        );
+        assert_eq!(
+            table
+                .split_whitespace()
+                .filter(|word| *word == "remark")
+                .count(),
+            7
+        );
+        // One row has a value of its own, and a table that is narrow enough has every column.
+        assert!(super::table(&header, &rows[..1]).contains("from"));
+        let narrow = super::table(
+            &header[..2],
+            &[rows[0][..2].to_vec(), rows[1][..2].to_vec()],
+        );
+        assert!(
+            narrow.contains("from") && !narrow.contains("every"),
+            "{narrow}"
+        );
+    }
+
+    #[test]
+    fn columns_for_which_no_line_has_room_are_named_and_full_has_them_all() {
+        let header: Vec<String> = (0..30).map(|column| format!("column{column}")).collect();
+        let header: Vec<&str> = header.iter().map(String::as_str).collect();
+        let cells = |row: usize| (0..30).map(|column| format!("{row}.{column}")).collect();
+        let rows: Vec<Vec<String>> = (1..4).map(cells).collect();
+        let text = fitted(&header, &rows, false);
+        assert!(widest(&text) <= LINE_CHARS, "{text}");
+        let (table, left_out) = text.split_once("\nleft out, shown by --full: ").unwrap();
+        assert!(table.starts_with("column0  column1  ") && left_out.ends_with("column29"));
+        let full = fitted(&header, &rows, true);
+        for heading in header {
+            let count = |text: &str| text.matches(&format!("{heading} ")).count();
+            assert!(text.contains(heading), "{heading}");
+            assert_eq!(count(&format!("{} ", full.lines().next().unwrap())), 1);
+        }
+    }
+
+    #[test]
+    fn a_word_that_is_longer_than_a_line_is_broken() {
+        let path = "folder/".repeat(30);
+        let text = table(&["texture", "library"], &[row(&["paper", &path])]);
+        assert!(widest(&text) <= LINE_CHARS, "{text}");
+        let whole: String = text
+            .lines()
+            .skip(2)
+            .flat_map(str::split_whitespace)
+            .collect();
+        assert_eq!(whole, format!("paper{path}"));
     }
 
     #[test]
     fn columns_are_aligned_by_their_kind() {
-        let rows = vec![
-            vec!["paper".into(), "9.5".into()],
-            vec!["organza".into(), "12.25".into()],
-        ];
+        let rows = vec![row(&["paper", "9.5"]), row(&["organza", "12.25"])];
         let expected = "texture  C\n--------------\npaper      9.5\norganza  12.25";
         assert_eq!(table(&["texture", "C"], &rows), expected);
     }

@@ -9,6 +9,7 @@ use host_tools::recording::pattern::{Named, Pattern};
 use host_tools::recording::texture_fault;
 use host_tools::support::atomic_file;
 use host_tools::support::error::{Error, Result};
+use host_tools::support::number::counted;
 use host_tools::support::number::{recorded_force, recorded_speed};
 
 use super::files::Overwrite;
@@ -42,21 +43,21 @@ pub struct Arguments {
     /// Take to list alone; the others can have a list of their own, for evaluate --takes
     #[arg(long)]
     take: Option<String>,
-    /// Name of the list, in the folder
+    /// Name of the list to write, in the folder, because its files are named from there
     #[arg(long, value_name = "NAME", default_value = TRIALS_FILE)]
-    out: String,
+    list: String,
     #[command(flatten)]
     overwrite: Overwrite,
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
     let (folder, scale) = (arguments.folder.as_path(), arguments.scale);
-    if arguments.out.contains(['/', '\\']) {
+    if arguments.list.contains(['/', '\\']) {
         let problem =
-            "--out is the name of a list in the folder, because its files are named from there";
+            "--list is the name of a file in the folder, because its files are named from there";
         return Err(Error::Request(problem.into()));
     }
-    let list = folder.join(&arguments.out);
+    let list = folder.join(&arguments.list);
     arguments.overwrite.file(&list)?;
     let (mut named, others) = arguments.pattern.read(folder)?;
     if let Some(take) = &arguments.take {
@@ -119,16 +120,16 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         let shown: Vec<&str> = others.iter().take(SHOWN).map(String::as_str).collect();
         let more = if others.len() > SHOWN { ", ..." } else { "" };
         warn(&format!(
-            "{} file(s) do not match and are left out: {}{more}",
-            others.len(),
+            "left out, because the pattern does not match: {}, {}{more}",
+            counted(others.len(), "file"),
             shown.join(", ")
         ));
     }
     print(&format!("{}\n", understood(&named)))?;
     let mark = if has_simulated { ", SIMULATED" } else { "" };
     print(&format!(
-        "{} trials{mark} -> {}",
-        named.len(),
+        "{}{mark} -> {}",
+        counted(named.len(), "trial"),
         list.display()
     ))
 }

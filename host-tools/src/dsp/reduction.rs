@@ -38,7 +38,7 @@ pub struct Reduced {
 /// The requested axis does not exist.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "axis {wanted} does not exist: the recording has {channels} channel(s); reduce it by pca or dft321"
+    "axis {wanted} does not exist: the recording has {channels} in all; reduce it by pca or dft321"
 )]
 pub struct NoSuchAxis {
     /// Number of the requested axis, from 1.

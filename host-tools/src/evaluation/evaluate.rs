@@ -30,6 +30,7 @@ use crate::recording::{RecordingSet, Trial};
 use crate::support::error::{Error, Result};
 use crate::support::file_name::portable;
 use crate::support::in_order::in_order;
+use crate::support::nearest::{listed, nearly};
 use crate::texture::library::library_of;
 
 /// Beginning of a synthesis that no comparison uses, s: the frontier's filters begin at rest.
@@ -180,9 +181,13 @@ impl Comparison {
 pub fn texture_named<'a>(library: &Library<'a>, name: &str) -> Result<Texture<'a>> {
     library.texture(name).ok_or_else(|| {
         let names: Vec<&str> = library.textures().map(|texture| texture.name()).collect();
+        let scenes: Vec<_> = library.scenes().map(|scene| scene.name).collect();
+        let scenes: Vec<&str> = scenes.iter().map(|name| name.as_str()).collect();
+        let scene = nearly(name, &scenes).map(|scene| format!("; '{scene}' is a scene of it"));
         Error::Request(format!(
-            "the library has no texture '{name}'; it has {}",
-            names.join(", ")
+            "the library has no texture '{name}'; it has {}{}",
+            listed(name, &names),
+            scene.unwrap_or_default()
         ))
     })
 }

@@ -21,6 +21,7 @@ use crate::playing::render::render;
 use crate::recording::freehand::{Freehand, LEAST_FORCE_N, LEAST_SPEED_MM_S};
 use crate::recording::{HeldSamples, Trial};
 use crate::support::error::{Error, Result};
+use crate::support::number::counted;
 
 /// Duration over which a level is taken, s.
 const WINDOW_S: f64 = 0.1;
@@ -418,7 +419,11 @@ impl AlongStrokes {
             "spread dB",
             "|band| dB",
         ];
-        let title = format!("'{}' along {} strokes", self.texture, self.strokes);
+        let title = format!(
+            "'{}' along {}",
+            self.texture,
+            counted(self.strokes, "stroke")
+        );
         Table::new(&title, headings, self.nearness.iter().map(row))
     }
 }

@@ -12,6 +12,7 @@ use crate::dsp::high_pass::{SLOW_HZ, lowest_hz};
 use crate::fit::conditioning::HighPass;
 use crate::recording::pattern::one_number;
 use crate::recording::{RecordingSet, Trial, grid_by_gaps, holds_integers};
+use crate::support::number::counted;
 use crate::support::warning::Warning;
 use crate::texture::grid::Grid;
 
@@ -43,7 +44,8 @@ pub(super) fn of(
     let note = |kind, size: f64, text| Warning::of_texture(kind, name, size, text);
     let left_out = (idle > 0).then(|| {
         let text = format!(
-            "{idle} trial(s) at speed 0 or force 0 are left out: the stylus is silent there. Label light contact 0.05 N"
+            "{} at speed 0 or force 0 left out: the stylus is silent there. Label light contact 0.05 N",
+            counted(idle, "trial")
         );
         note("idle", idle as f64, text)
     });
@@ -54,8 +56,9 @@ pub(super) fn of(
     let close = close.into_iter().flatten();
     let lowered = lowered_orders(grid, options).map(|(nodes, order, speed, force)| {
         let text = format!(
-            "{nodes} node(s) have a lower order than was asked for, the lowest {order} at {speed} mm/s, {force} N: too \
-             few samples, or a signal of a few lines, which higher orders only make ill-conditioned"
+            "{} of a lower order than was asked for, the lowest {order} at {speed} mm/s, {force} N: too few samples, \
+             or a signal of a few lines, which higher orders only make ill-conditioned",
+            counted(nodes, "node")
         );
         note("lower order", nodes as f64, text)
     });
@@ -68,8 +71,8 @@ pub(super) fn of(
         .fold(0.0, f64::max);
     let removed = (largest > 0.0).then(|| {
         let text = format!(
-            "a mean above the RMS, up to {largest:.3} m/s², was removed from {} trial(s)",
-            with_mean.count()
+            "a mean above the RMS, up to {largest:.3} m/s², was removed from {}",
+            counted(with_mean.count(), "trial")
         );
         note("mean", largest, text)
     });
@@ -114,17 +117,20 @@ fn slow_motion(trials: &[&TrialReport]) -> Option<Noted> {
         Some(cut_hz) => {
             let low = lowest_hz(cut_hz);
             format!(
-                "{} trial(s) are high-passed at {cut_hz} Hz: {what}. Below {low:.0} Hz nothing is judged; --high-pass \
+                "{} high-passed at {cut_hz} Hz: {what}. Below {low:.0} Hz nothing is judged; --high-pass \
                  none keeps that motion",
-                moved
-                    .iter()
-                    .filter(|trial| trial.high_pass_hz.is_some())
-                    .count()
+                counted(
+                    moved
+                        .iter()
+                        .filter(|trial| trial.high_pass_hz.is_some())
+                        .count(),
+                    "trial"
+                )
             )
         }
         None => format!(
-            "{} trial(s) are fitted with their slow motion, as asked for: {what}",
-            moved.len()
+            "{} fitted with slow motion, as asked for: {what}",
+            counted(moved.len(), "trial")
         ),
     };
     Some(("slow motion", share, text))
@@ -142,9 +148,9 @@ fn too_short(members: &[Member<'_>], options: &Options) -> Option<Noted> {
     let short: Vec<_> = short.collect();
     let (lack_s, held_s, asked_s, worst) = short.iter().max_by(|a, b| a.0.total_cmp(&b.0))?;
     let text = format!(
-        "{} trial(s) are shorter than the duration that was asked for, such as {} with {held_s:.3} s of {asked_s} s: \
-         mend duration_s in the list, or record for longer",
-        short.len(),
+        "{} shorter than the duration that was asked for, such as {} with {held_s:.3} s of {asked_s} s: mend \
+         duration_s in the list, or record for longer",
+        counted(short.len(), "trial"),
         worst.report.file,
     );
     Some(("short", *lack_s, text))
@@ -190,9 +196,11 @@ fn close_values(what: &'static str, values: &[f32], unit: &str) -> Option<Noted>
     let closest = close.clone().min_by(|a, b| share(a).total_cmp(&share(b)))?;
     let pairs = close.count();
     let text = format!(
-        "{pairs} pair(s) of {what} are less than 1 % apart, such as {} and {} {unit}, and make a line of nodes each: \
-         give nominal values in the list, or --snap 0.01, if they are meant to be one",
-        closest[0], closest[1]
+        "{} of {what} less than 1 % apart, such as {} and {} {unit}, with a line of nodes each: give nominal values in \
+         the list, or --snap 0.01, if they are meant to be one",
+        counted(pairs, "pair"),
+        closest[0],
+        closest[1]
     );
     Some((what, pairs as f64, text))
 }
@@ -206,8 +214,8 @@ fn missed_bands(misses: &[Miss], options: &Options) -> Option<Noted> {
         _ => "fit with --order 400, or record for longer",
     };
     let text = format!(
-        "{} node(s) miss a third octave of their recording, one by {:+.1} dB at {:.0} Hz, {} mm/s, {} N: {remedy}",
-        misses.len(),
+        "third octaves off their recording at {}, one by {:+.1} dB at {:.0} Hz, {} mm/s, {} N: {remedy}",
+        counted(misses.len(), "node"),
         worst.band.level_db,
         worst.band.centre_hz,
         worst.speed_mm_s,

@@ -19,6 +19,8 @@ pub struct TrialReport {
     pub speed_mm_s: f64,
     /// Normal force, N.
     pub force_n: f64,
+    /// The file's own sample rate, Hz.
+    pub source_rate_hz: f64,
     /// RMS of the reduced signal, m/s².
     pub rms_m_s2: f64,
     /// Largest magnitude of an axis's mean, which was removed, m/s².
@@ -64,6 +66,7 @@ pub(super) fn reports(
             texture: trial.texture.clone(),
             speed_mm_s: trial.speed_mm_s,
             force_n: trial.force_n,
+            source_rate_hz: analysis.source_rate_hz,
             rms_m_s2: analysis.power.sqrt(),
             mean_m_s2: analysis.mean_m_s2,
             energy_share: analysis.energy_share,

@@ -38,6 +38,8 @@ pub struct Analysis {
     pub bands: Bands,
     /// Number of samples that it comes from.
     pub samples: usize,
+    /// The file's own sample rate, Hz.
+    pub source_rate_hz: f64,
     /// Variance of the reduced signal, (m/s²)².
     pub power: f64,
     /// Largest magnitude of an axis's mean, which was removed, m/s².
@@ -286,6 +288,7 @@ pub fn analyse(trial: &Trial, options: &Options, part: Part) -> Result<(Analysis
     };
     let is_whole = part == Part::Whole && cut_hz.is_none();
     let analysis = Analysis {
+        source_rate_hz: triaged.samples.source_rate_hz,
         samples: fitted.iter().map(|part| part.len()).sum(),
         power: if is_whole { whole_power } else { lags[0] },
         mean_m_s2: triaged.mean_m_s2,

@@ -1,10 +1,14 @@
 //! Settings with their values, ranges and origins, as a program shows them.
 
-use model_format::link::{Setting, SettingChange, SettingSet, Settings, SettingsState};
+use model_format::link::{
+    BUILT_FOR_GAIN, BUILT_FOR_OHM, MAX_PIN_MEAN_SQUARE, Setting, SettingChange, SettingSet,
+    Settings, SettingsChange, SettingsState,
+};
 use serde::Serialize;
 use stylus_app::safety::Config;
 
 use crate::support::error::{Error, Result};
+use crate::support::nearest::listed;
 
 /// Origin of a setting's value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -101,39 +105,92 @@ pub fn named(name: &str) -> Result<Setting> {
         let names: Vec<&str> = Setting::ALL.iter().map(|s| s.spec().name).collect();
         Error::Request(format!(
             "no setting '{name}'; there are {}",
-            names.join(", ")
+            listed(name, &names)
         ))
     })
 }
 
-/// Returns a line for each of the `settings` with its value `before` and `after`, then what follows at pin and coil.
-/// `unknown` are those that have no value before.
-pub fn consequences(
-    before: &Settings,
-    after: &Settings,
-    settings: SettingSet,
-    unknown: SettingSet,
-) -> Vec<String> {
-    let mut lines: Vec<String> = settings
-        .iter()
-        .map(|setting| {
-            let old = if unknown.contains(setting) {
-                "not set".to_owned()
-            } else {
-                before.get(setting).to_string()
-            };
-            format!(
-                "  {setting}: {old} -> {} {}",
-                after.get(setting),
-                setting.spec().unit
-            )
-        })
-        .collect();
-    if !unknown.contains(Setting::AmplifierGain) && !unknown.contains(Setting::CoilResistance) {
-        lines.push(format!("  before: {}", in_force(before)));
+/// Settings of which some have no value.
+#[derive(Clone, Copy, Debug)]
+pub struct Known<'a> {
+    /// The values; those of `unset` stand in for none.
+    pub settings: &'a Settings,
+    /// Settings without a value.
+    pub unset: SettingSet,
+}
+
+impl<'a> Known<'a> {
+    /// The settings of a device in this `state`.
+    pub fn of(settings: &'a Settings, state: &SettingsState) -> Self {
+        let unset = state.lost.or(SettingSet::REQUIRED.without(state.set));
+        Self { settings, unset }
     }
-    lines.push(format!("  after:  {}", in_force(after)));
+
+    /// The `settings` that [`Known::of`] a device are after `change`.
+    pub fn after(self, change: &SettingsChange, settings: &'a Settings) -> Self {
+        let unset = match change {
+            SettingsChange::Reset => SettingSet::REQUIRED,
+            SettingsChange::Set(changes) => {
+                let set = changes.iter().fold(SettingSet::NONE, |set, change| {
+                    set.with(change.setting, true)
+                });
+                self.unset.without(set)
+            }
+        };
+        Self { settings, unset }
+    }
+
+    /// The value of `setting` in words.
+    fn value(self, setting: Setting) -> String {
+        if self.unset.contains(setting) {
+            return "not set".to_owned();
+        }
+        self.settings.get(setting).to_string()
+    }
+
+    /// What follows at pin and coil, which nobody knows without the hardware's own values.
+    fn in_force(self) -> Option<String> {
+        let unset = self.unset;
+        let is_known =
+            !unset.contains(Setting::AmplifierGain) && !unset.contains(Setting::CoilResistance);
+        is_known.then(|| in_force(self.settings))
+    }
+}
+
+/// Returns a line for each of the `changed` settings with its value `before` and `after`, then what follows at pin and
+/// coil.
+pub fn consequences(before: Known<'_>, after: Known<'_>, changed: SettingSet) -> Vec<String> {
+    let line = |setting: Setting| {
+        let unit = match setting.spec().unit {
+            _ if after.unset.contains(setting) => String::new(),
+            // A switch has a range in the place of a unit.
+            unit if unit.contains(" or ") => String::new(),
+            unit => format!(" {unit}"),
+        };
+        format!(
+            "  {setting}: {} -> {}{unit}",
+            before.value(setting),
+            after.value(setting)
+        )
+    };
+    let mut lines: Vec<String> = changed.iter().map(line).collect();
+    lines.extend(
+        before
+            .in_force()
+            .map(|limits| format!("  before: {limits}")),
+    );
+    let limits = after.in_force();
+    let limits = limits.unwrap_or_else(|| "nothing plays until what is not set is set".to_owned());
+    lines.push(format!("  after:  {limits}"));
     lines
+}
+
+/// The reason for a limit that no setting has set, in words.
+pub fn cap() -> String {
+    format!(
+        "this firmware holds {:.3} V RMS at the pin at most, as for {BUILT_FOR_OHM} Ω behind a gain of {BUILT_FOR_GAIN}",
+        MAX_PIN_MEAN_SQUARE.sqrt()
+    )
 }
 
 /// Limits that `settings` put in force, at the pin and at the coil that they describe.
@@ -152,9 +209,10 @@ fn in_force(settings: &Settings) -> String {
         peak_volt * peak_volt / ohm,
         limits.coil_watt,
         if limits.is_capped {
-            ", by the cap of the image"
+            let allowed = settings.get(Setting::PowerLimit);
+            format!(": you allowed {allowed} W, and {}", cap())
         } else {
-            ""
+            String::new()
         }
     )
 }
@@ -182,7 +240,11 @@ mod tests {
         let before = with(&coil);
         let after = with(&[&coil[..], &[(Setting::HardLimit, 0.8)]].concat());
         let changed = SettingSet::NONE.with(Setting::HardLimit, true);
-        let lines = consequences(&before, &after, changed, SettingSet::NONE);
+        let known = |settings| Known {
+            settings,
+            unset: SettingSet::NONE,
+        };
+        let lines = consequences(known(&before), known(&after), changed);
         assert_eq!(lines[0], "  hard-limit: 0.5 -> 0.8 V");
         // 0.2 V RMS at a gain of 10 are 2 V, 0.5 W in 8 Ω; 0.5 V are 5 V, 3.1 W.
         assert!(
@@ -193,13 +255,38 @@ mod tests {
             lines[1].contains("3.119 W peak") && lines[1].contains("0.500 W held at 8 Ω"),
             "{lines:?}"
         );
-        let unknown = SettingSet::REQUIRED;
-        let lines = consequences(&Settings::default(), &before, unknown, unknown);
+        let unset = SettingSet::REQUIRED;
+        let none = Settings::default();
+        let none = Known {
+            settings: &none,
+            unset,
+        };
+        let lines = consequences(none, known(&before), unset);
         assert!(lines[0].contains("not set -> "), "{lines:?}");
         assert!(!lines.iter().any(|line| line.contains("before")));
-        // Whatever is told of the hardware, the image has a cap.
-        let told_away = with(&[(Setting::AmplifierGain, 0.01)]);
-        let lines = consequences(&before, &told_away, changed, SettingSet::NONE);
-        assert!(lines[2].contains("by the cap of the image"), "{lines:?}");
+        // A reset leaves no value, whatever stands in for one.
+        let lines = consequences(
+            known(&before),
+            known(&before).after(&SettingsChange::Reset, none.settings),
+            unset,
+        );
+        let values = &lines[..lines.len() - 2];
+        assert!(
+            values.iter().all(|line| line.ends_with(" -> not set")),
+            "{lines:?}"
+        );
+        assert!(
+            lines.last().unwrap().contains("nothing plays until"),
+            "{lines:?}"
+        );
+        // A switch has no unit.
+        let switch = SettingSet::NONE.with(Setting::EnableWired, true);
+        let lines = consequences(known(&before), known(&before), switch);
+        assert_eq!(lines[0], "  enable-wired: 0 -> 0");
+        // Whatever is told of the hardware, the image has a cap, and says what was allowed and why it holds less.
+        let told_away = with(&[(Setting::AmplifierGain, 0.01), (Setting::PowerLimit, 0.1)]);
+        let lines = consequences(known(&before), known(&told_away), changed);
+        let told = "you allowed 0.1 W, and this firmware holds 0.283 V RMS at the pin at most";
+        assert!(lines[2].contains(told), "{lines:?}");
     }
 }

@@ -45,7 +45,7 @@ pub(super) fn read(path: &Path, cut: &Cut, sample_rate_hz: Option<f64>) -> Resul
                 time_column = self::time_column(&header)?;
                 names = Some(header);
             }
-            refuse_other_widths(&table, row.width() - usize::from(time_column.is_some()))?;
+            refuse_other_widths(&table, row.width(), time_column.is_some())?;
             columns.resize(row.width(), Vec::new());
             if is_header {
                 continue;
@@ -60,7 +60,7 @@ pub(super) fn read(path: &Path, cut: &Cut, sample_rate_hz: Option<f64>) -> Resul
         }
     }
     if columns.is_empty() {
-        refuse_other_widths(&table, 0)?;
+        refuse_other_widths(&table, 0, false)?;
     }
     let time = time_column.map(|index| columns.remove(index));
     if names.is_none() {
@@ -100,15 +100,17 @@ pub(super) fn read(path: &Path, cut: &Cut, sample_rate_hz: Option<f64>) -> Resul
 }
 
 /// Refuses a table of another number of columns of samples than a recording has.
-fn refuse_other_widths(table: &CsvTable, count: usize) -> Result<()> {
-    if (1..=MAX_CHANNELS).contains(&count) {
-        return Ok(());
-    }
-    let problem = format!(
-        "{count} columns of samples ({}): give 1 to {MAX_CHANNELS}, one per axis, and name a column of times \
-         '{TIME_COLUMN}'",
-        table.conventions()
-    );
+fn refuse_other_widths(table: &CsvTable, width: usize, has_times: bool) -> Result<()> {
+    let problem = match width - usize::from(has_times) {
+        0 if has_times => "has times alone: add a column of samples for each axis".to_owned(),
+        0 => "is empty: give a row for each sample".to_owned(),
+        1..=MAX_CHANNELS => return Ok(()),
+        count => format!(
+            "{count} columns of samples ({}): give 1 to {MAX_CHANNELS}, one per axis, and name a column of times \
+             '{TIME_COLUMN}'",
+            table.conventions()
+        ),
+    };
     Err(Error::file(table.path(), problem))
 }
 

@@ -81,11 +81,20 @@ fn from_file(trial: &Trial, cut: &Cut) -> Result<Source> {
         other => {
             // A mistyped name is reported as a missing file, not as a file of an unknown kind.
             std::fs::metadata(path).map_err(Error::io("read", path))?;
-            let problem = format!(
-                "'{other}' files cannot be read: give .wav or .csv; `ffmpeg -i FILE.{other} FILE.wav` converts sound"
-            );
+            let problem = format!("'{other}' files cannot be read: {}", conversion(other));
             Err(Error::file(path, problem))
         }
+    }
+}
+
+/// The way from a file with this extension to one that can be read.
+fn conversion(extension: &str) -> String {
+    match extension {
+        "xlsx" | "xls" | "ods" => "save the sheet as .csv".to_owned(),
+        "aac" | "aif" | "aiff" | "flac" | "m4a" | "mp3" | "mp4" | "ogg" | "opus" | "wma" => {
+            format!("give .wav or .csv; `ffmpeg -i FILE.{extension} FILE.wav` converts sound")
+        }
+        _ => "export the samples as .csv, or as .wav".to_owned(),
     }
 }
 

@@ -10,6 +10,7 @@ use std::path::Path;
 use super::rate::rate_fault;
 use super::source::{MAX_CHANNELS, RECORDING};
 use crate::support::error::{Error, Result};
+use crate::support::number::counted;
 
 /// Longest format chunk, bytes; the extensible format takes 40.
 const MOST_FORMAT_BYTES: u32 = 128;
@@ -132,7 +133,8 @@ fn check_format(path: &Path, format: &[u8]) -> Result<()> {
     }
     if frame_bytes > channels * MOST_SAMPLE_BYTES {
         let problem = format!(
-            "its header declares {frame_bytes} bytes for one sample of {channels} channel(s): convert it again"
+            "its header declares {frame_bytes} bytes for one sample of {}: convert it again",
+            counted(channels, "channel")
         );
         return Err(Error::file(path, problem));
     }

@@ -12,6 +12,7 @@ use super::file::{RIG, RigFile};
 use super::trial::{Strip, Trial};
 use crate::support::error::{Error, Result};
 use crate::support::float_wav::float_wav;
+use crate::support::number::counted;
 use crate::support::output::OutputFolder;
 use crate::support::{atomic_file, progress};
 
@@ -53,8 +54,8 @@ impl fmt::Display for Summary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(
             f,
-            "SIMULATED, not measured: {} trials of {} samples on 3 axes, {:.1} MB",
-            self.trials,
+            "SIMULATED, not measured: {} of {} samples on 3 axes, {:.1} MB",
+            counted(self.trials, "trial"),
             self.samples_per_trial,
             self.bytes as f64 * 1e-6
         )?;
@@ -66,7 +67,7 @@ impl fmt::Display for Summary {
             }
             match texture.clipped_samples {
                 0 => writeln!(f)?,
-                count => writeln!(f, ", {count} samples clipped")?,
+                count => writeln!(f, ", {} clipped", counted(count, "sample"))?,
             }
         }
         Ok(())

@@ -12,6 +12,7 @@ use super::description::{ConstantMotion, SceneFile, SurfaceDescription};
 use crate::dsp::equaliser::Section;
 use crate::support::error::{Error, Result};
 use crate::support::hand::{force_fault, speed_fault};
+use crate::support::nearest::listed;
 use crate::support::toml_field::{Field, line_of};
 
 /// A scene in its wire form, checked against the library that plays it.
@@ -168,7 +169,7 @@ impl SceneFile {
                 let known: Vec<&str> = library.textures().map(|texture| texture.name()).collect();
                 let problem = format!(
                     "the library has no texture '{name}'; it has {}",
-                    known.join(", ")
+                    listed(name, &known)
                 );
                 self.error(&place.key("texture"), problem)
             })

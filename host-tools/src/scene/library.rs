@@ -7,6 +7,7 @@ use model_format::{Library, NodeSpec, PartsSpec, Texture, TextureSpec, encode_wi
 
 use super::compile::CompiledScene;
 use crate::support::error::{Error, Result};
+use crate::support::nearest::{listed, nearly};
 
 /// Encodes `library` with `scenes`. Scenes of the same name are replaced; all others stay the same.
 ///
@@ -90,9 +91,18 @@ pub fn scene_named(
         None => None,
     };
     let Some(scene) = found else {
+        let textures: Vec<&str> = library.textures().map(|texture| texture.name()).collect();
         let problem = match (name, names.is_empty()) {
             (_, true) => "has no scenes; add some with 'stylus scene compile'".to_owned(),
-            (Some(name), _) => format!("has no scene '{name}'; it has {}", names.join(", ")),
+            (Some(name), _) => {
+                let texture = nearly(name, &textures);
+                let texture = texture.map(|texture| format!("; '{texture}' is a texture of it"));
+                format!(
+                    "has no scene '{name}'; it has {}{}",
+                    listed(name, &names),
+                    texture.unwrap_or_default()
+                )
+            }
             (None, _) => format!(
                 "has several scenes; name one with --scene: {}",
                 names.join(", ")

@@ -3,26 +3,43 @@
 /// Most names that a message lists.
 const MOST_LISTED: usize = 12;
 
-/// The names of `there` in words, those first that are most like `wanted`; names equally like it keep their order.
+/// Letters of a name for each edit that may lie between it and a name that is nearly it.
+const ALIKE_LETTERS: usize = 3;
+
+/// The names of `there` in words, those first that are most like `wanted`, with a question if one is nearly it; names
+/// equally like it keep their order.
 ///
 /// ```
 /// use host_tools::support::nearest::listed;
-/// assert_eq!(listed("papr", &["organza".to_owned(), "paper".to_owned()]), "paper, organza");
+/// let there = ["organza", "paper"].map(str::to_owned);
+/// assert_eq!(listed("papr", &there), "paper, organza; did you mean 'paper'?");
+/// assert_eq!(listed("silk", &there), "paper, organza");
 /// assert_eq!(listed("papr", &[]), "none");
 /// ```
-pub fn listed(wanted: &str, there: &[String]) -> String {
+pub fn listed<T: AsRef<str>>(wanted: &str, there: &[T]) -> String {
     if there.is_empty() {
         return "none".to_owned();
     }
-    let mut names: Vec<&str> = there.iter().map(String::as_str).collect();
+    let mut names: Vec<&str> = there.iter().map(AsRef::as_ref).collect();
     names.sort_by_cached_key(|name| distance(wanted, name));
     let more = names.len().saturating_sub(MOST_LISTED);
     names.truncate(MOST_LISTED);
-    let names = names.join(", ");
-    match more {
-        0 => names,
-        more => format!("{names} and {more} more"),
+    let mut text = names.join(", ");
+    if more > 0 {
+        text += &format!(" and {more} more");
     }
+    match nearly(wanted, there) {
+        Some(name) => format!("{text}; did you mean '{name}'?"),
+        None => text,
+    }
+}
+
+/// The name of `there` that `wanted` nearly is, or is but for capitals.
+pub fn nearly<'a, T: AsRef<str>>(wanted: &str, there: &'a [T]) -> Option<&'a str> {
+    let names = there.iter().map(AsRef::as_ref);
+    let nearest = names.min_by_key(|name| distance(wanted, name))?;
+    let letters = wanted.chars().count().max(nearest.chars().count());
+    (distance(wanted, nearest) <= letters / ALIKE_LETTERS).then_some(nearest)
 }
 
 /// Edits that make one name of the other, whatever their case.
@@ -38,6 +55,24 @@ mod tests {
         let there: Vec<String> = (0..30).map(|n| format!("texture {n}")).collect();
         let told = listed("Texture 17", &there);
         assert!(told.starts_with("texture 17, "), "{told}");
-        assert!(told.ends_with(" and 18 more"), "{told}");
+        assert!(
+            told.contains(" and 18 more; did you mean 'texture 17'?"),
+            "{told}"
+        );
+    }
+
+    #[test]
+    fn a_slip_is_nearly_the_name_and_another_word_is_not() {
+        let there = ["denim", "scratched", "a"];
+        for (wanted, name) in [
+            ("denin", Some("denim")),
+            ("DENIM", Some("denim")),
+            ("scrathced", Some("scratched")),
+            ("linen", None),
+            ("b", None),
+            ("", None),
+        ] {
+            assert_eq!(nearly(wanted, &there), name, "{wanted}");
+        }
     }
 }

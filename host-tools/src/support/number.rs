@@ -1,6 +1,26 @@
 //! Numbers with a range, from the text of an option.
 
+use std::fmt::Display;
+
 use super::hand::{force_fault, speed_fault};
+
+/// Returns a count with its noun, in the plural where it is not one.
+///
+/// ```
+/// use host_tools::support::number::counted;
+/// assert_eq!(counted(1, "missed tick"), "1 missed tick");
+/// assert_eq!([counted(0, "mute"), counted(2, "library")], ["0 mutes", "2 libraries"]);
+/// assert_eq!(counted(2, "stretch"), "2 stretches");
+/// ```
+pub fn counted(count: impl Display, noun: &str) -> String {
+    let count = count.to_string();
+    match noun.strip_suffix('y') {
+        _ if count == "1" => format!("{count} {noun}"),
+        Some(stem) if !stem.ends_with(['a', 'e', 'o']) => format!("{count} {stem}ies"),
+        _ if noun.ends_with("ch") => format!("{count} {noun}es"),
+        _ => format!("{count} {noun}s"),
+    }
+}
 
 /// Parses a finite number above zero.
 ///

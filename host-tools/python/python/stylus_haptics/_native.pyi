@@ -204,7 +204,7 @@ def evaluate(
     high_pass: str = "auto",
     smoothing_hz: float = 20.0,
     synthesis_s: float = 10.0,
-    excitation: Literal["fitted", "gaussian", "residual"] = "fitted",
+    played: Literal["fitted", "gaussian", "residual"] = "fitted",
     seed: int = 1,
     report: _Path | None = None,
     overwrite: bool = False,

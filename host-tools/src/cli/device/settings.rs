@@ -4,7 +4,9 @@ use std::io::{BufRead, IsTerminal, Write};
 
 use clap::Subcommand;
 use host_tools::link::Device;
-use host_tools::link::settings::{self as described, SettingOrigin, SettingRow, consequences};
+use host_tools::link::settings::{
+    self as described, Known, SettingOrigin, SettingRow, consequences,
+};
 use host_tools::support::error::{Error, Result};
 use model_format::link::{SettingSet, Settings, SettingsChange, SettingsError, SettingsState};
 
@@ -40,7 +42,7 @@ enum Action {
         #[arg(long)]
         yes: bool,
     },
-    /// Erase all settings: each has its default, none is set, and nothing plays
+    /// Erase all settings: those with a default have it again, and nothing plays until the others are set
     Reset {
         /// Do not ask first
         #[arg(long)]
@@ -97,8 +99,8 @@ fn change(device: &Device, change: &SettingsChange, yes: bool) -> Result<Setting
     let proposal = device.propose(change)?;
     if !proposal.loosens.is_empty() {
         let after = change.applied_to(before).map_err(refused)?;
-        let unknown = state.lost.or(SettingSet::REQUIRED.without(state.set));
-        let lines = consequences(&before, &after, proposal.loosens, unknown);
+        let known = Known::of(&before, &state);
+        let lines = consequences(known, known.after(change, &after), proposal.loosens);
         consent(&lines, yes)?;
     }
     Ok(device.apply(&proposal)?)

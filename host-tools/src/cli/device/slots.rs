@@ -3,6 +3,7 @@
 use host_tools::link::Device;
 use host_tools::link::{SlotContent, TextureEntry};
 use host_tools::support::error::{Error, Result};
+use host_tools::support::number::counted;
 use model_format::link::{SceneInfo, SlotId, SlotState};
 use serde::Serialize;
 
@@ -89,8 +90,10 @@ fn activate(device: &Device, slot: Slot, is_json: bool) -> Result<()> {
         });
     }
     print(&format!(
-        "slot {} is active: {} texture(s), checksum {:08x}",
-        activated.slot, library.textures, library.crc32
+        "slot {} is active: {}, checksum {:08x}",
+        activated.slot,
+        counted(library.textures, "texture"),
+        library.crc32
     ))
 }
 
@@ -101,10 +104,10 @@ fn text(slot: &SlotContent) -> String {
         SlotState::Receiving => "an upload is under way".to_owned(),
         SlotState::Faulty(fault) => fault.to_string(),
         SlotState::Valid(library) => format!(
-            "{} texture(s), {} scene(s), {} bytes, checksum {:08x}, upload {}\n\n{}{}",
-            library.textures,
-            library.scenes,
-            library.length,
+            "{}, {}, {}, checksum {:08x}, upload {}\n\n{}{}",
+            counted(library.textures, "texture"),
+            counted(library.scenes, "scene"),
+            counted(library.length, "byte"),
             library.crc32,
             library.sequence,
             textures(&slot.textures),

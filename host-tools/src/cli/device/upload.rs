@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use host_tools::link::upload::upload_over;
 use host_tools::support::error::Result;
+use host_tools::support::number::counted;
 use host_tools::support::progress;
 use model_format::link::UploadState;
 use serde::Serialize;
@@ -132,8 +133,8 @@ fn upload(arguments: &Arguments, path: &Path) -> Result<()> {
     }
     if uploaded.retries > 0 {
         warn(&format!(
-            "the upload was resumed {} time(s), because the link failed",
-            uploaded.retries
+            "the upload was resumed {}, because the link failed",
+            counted(uploaded.retries, "time")
         ));
     }
     print(&format!(

@@ -9,6 +9,7 @@ use host_tools::fit::Fit;
 use host_tools::fit::record::{FitRecord, FoundLines};
 use host_tools::recording::{RecordingSet, Snap};
 use host_tools::support::error::{Error, Result};
+use host_tools::support::number::counted;
 use host_tools::support::progress;
 use host_tools::texture::summary::TextureSummary;
 use model_format::SAMPLE_RATE_HZ;
@@ -17,7 +18,7 @@ use std::path::PathBuf;
 use model_format::limits::MAX_TEXTURES;
 use parts::LargeSet;
 pub use report::show_verdicts;
-use report::{FitReport, energy_kept, excitations, lines_found};
+use report::{FitReport, energy_kept, excitations, lines_found, low_rates, trials_used};
 
 use crate::cli::files::Overwrite;
 use crate::cli::input::Recordings;
@@ -174,6 +175,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         });
     }
     show_verdicts(&fit);
+    low_rates(&fit.trials).iter().for_each(|text| note(text));
     print(&texture_table(&textures))?;
     print(&format!("\n{}", lines_found(&fit)))?;
     if let Some(denser) = &denser {
@@ -184,10 +186,10 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         print(&format!("\n{}", excitations(&reports)))?;
     }
     print(&format!(
-        "\n{} trials -> {} ({} bytes); the axes' energy kept: {}",
-        fit.trials.len(),
+        "\n{} -> {} ({}); the axes' energy kept: {}",
+        trials_used(&fit.trials),
         out.display(),
-        bytes.len(),
+        counted(bytes.len(), "byte"),
         energy_kept(&fit.trials)
     ))
 }

@@ -10,6 +10,7 @@ use host_tools::fit::{Fit, TrialReport};
 use host_tools::recording::RecordingSet;
 use host_tools::support::error::{Error, Result};
 use host_tools::support::file_name::Stems;
+use host_tools::support::number::counted;
 use host_tools::support::progress;
 use host_tools::support::warning::Warning;
 
@@ -65,8 +66,8 @@ pub fn map_shard(
         }));
     }
     print(&format!(
-        "shard {shard}: {trials} of {} trials -> {} ({reused} were there)",
-        set.trials.len(),
+        "shard {shard}: {trials} of {} -> {} ({reused} already there)",
+        counted(set.trials.len(), "trial"),
         folder.display()
     ))
 }
@@ -170,7 +171,9 @@ pub fn write_each(
     let trials: usize = libraries.iter().map(|written| written.trials).sum();
     let count = libraries.len();
     print(&format!(
-        "\n{trials} trials -> {count} libraries in {}",
+        "\n{} -> {} in {}",
+        counted(trials, "trial"),
+        counted(count, "library"),
         out.display()
     ))
 }

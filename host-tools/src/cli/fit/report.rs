@@ -4,8 +4,10 @@ use host_tools::fit::densify::AddedLine;
 use host_tools::fit::excitation::{CodebookReport, ExcitationReport};
 use host_tools::fit::record::FoundLines;
 use host_tools::fit::{Fit, TrialReport};
+use host_tools::support::number::counted;
 use host_tools::support::warning::Warning;
 use host_tools::texture::summary::TextureSummary;
+use model_format::SAMPLE_RATE_HZ;
 
 use crate::cli::output::warn_of;
 
@@ -45,10 +47,10 @@ fn excitation(report: &ExcitationReport) -> String {
     lines.extend(report.track.as_ref().map(|track| {
         let [low, high] = track.range_db;
         format!(
-            "    track of {:.1} s in steps of {:.0} ms, {low:+.1} to {high:+.1} dB, of {} trial(s)",
+            "    track of {:.1} s in steps of {:.0} ms, {low:+.1} to {high:+.1} dB, of {}",
             track.entries as f64 * track.step_s,
             1000.0 * track.step_s,
-            track.trials
+            counted(track.trials, "trial")
         )
     }));
     lines.join("\n")
@@ -63,14 +65,13 @@ fn codebook(codebook: &CodebookReport) -> String {
         }
     };
     format!(
-        "    codebook for {} mm/s, {} N: {:.1} s of {} trial(s), peak {:.1} standard deviations, {} peak(s) cut, \
-         SNR {:.0} dB",
+        "    codebook for {} mm/s, {} N: {:.1} s of {}, peak {:.1} standard deviations, {} cut, SNR {:.0} dB",
         range(codebook.speeds_mm_s),
         range(codebook.forces_n),
         codebook.seconds,
-        codebook.trials,
+        counted(codebook.trials, "trial"),
         codebook.peak,
-        codebook.cut_samples,
+        counted(codebook.cut_samples, "peak"),
         codebook.snr_db
     )
 }
@@ -91,6 +92,15 @@ pub fn lines_found(fit: &Fit) -> String {
     lines.collect::<Vec<_>>().join("\n")
 }
 
+/// The number of trials that were used, and of all where some were left out.
+pub fn trials_used(trials: &[TrialReport]) -> String {
+    let used = trials.iter().filter(|trial| trial.used).count();
+    if used == trials.len() {
+        return counted(used, "trial");
+    }
+    format!("{used} of {}", counted(trials.len(), "trial"))
+}
+
 /// Mean and standard deviation of the share of energy that the reduction kept, over trials that are not silent.
 pub fn energy_kept(trials: &[TrialReport]) -> String {
     let shares: Vec<f64> = trials
@@ -105,6 +115,23 @@ pub fn energy_kept(trials: &[TrialReport]) -> String {
     let square: f64 = shares.iter().map(|share| (share - mean).powi(2)).sum();
     let deviation = (square / shares.len().max(1) as f64).sqrt();
     format!("{mean:.0} % ± {deviation:.0} %")
+}
+
+/// Says up to which frequency the recordings of loggers slower than the models tell of their surfaces; none if all are
+/// as fast. Those too slow for skin have a verdict.
+pub fn low_rates(trials: &[TrialReport]) -> Option<String> {
+    let is_low = |rate_hz: &f64| *rate_hz < f64::from(SAMPLE_RATE_HZ);
+    let low: Vec<f64> = (trials.iter().map(|trial| trial.source_rate_hz))
+        .filter(is_low)
+        .collect();
+    let least_hz = low.iter().copied().reduce(f64::min)?;
+    Some(format!(
+        "sample rates below {SAMPLE_RATE_HZ} Hz in {} of {}, the lowest {least_hz} Hz: above {:.0} Hz nothing is known \
+         of the surface",
+        low.len(),
+        counted(trials.len(), "recording"),
+        least_hz / 2.0
+    ))
 }
 
 /// Prints triage's verdicts and the fit's warnings to standard error.

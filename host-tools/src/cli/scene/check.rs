@@ -2,6 +2,7 @@
 
 use host_tools::scene::{CompiledScene, CostReport, Situation};
 use host_tools::support::error::{Error, Result};
+use host_tools::support::number::counted;
 use model_format::scene::MotionOfScene;
 use stylus_kernel::scene::cost;
 
@@ -81,11 +82,6 @@ pub fn headline(compiled: &CompiledScene) -> String {
             sections => format!("equaliser of {}", counted(sections, "section")),
         }
     )
-}
-
-fn counted(count: usize, what: &str) -> String {
-    let plural = if count == 1 { "" } else { "s" };
-    format!("{count} {what}{plural}")
 }
 
 fn text(compiled: &CompiledScene, report: &CostReport) -> String {

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use host_tools::scene::{CostReport, SceneFile, with_scenes};
 use host_tools::support::atomic_file;
 use host_tools::support::error::{Error, Result};
+use host_tools::support::number::counted;
 use model_format::Library;
 use model_format::scene::Scene;
 use stylus_kernel::scene::cost;
@@ -71,9 +72,10 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         print(&line)?;
     }
     print(&format!(
-        "-> {}: {} texture(s), {checked} scene(s), {} bytes",
+        "-> {}: {}, {}, {}",
         out.display(),
-        library.len(),
-        written.len()
+        counted(library.len(), "texture"),
+        counted(checked, "scene"),
+        counted(written.len(), "byte")
     ))
 }

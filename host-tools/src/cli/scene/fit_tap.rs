@@ -15,7 +15,7 @@ const ASSUMED_FORCE_RATE_N_S: f64 = 100.0;
 
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// Recordings of taps: files of record-strokes (with the force), or WAV or CSV recordings
+    /// Recordings of taps: files of `stylus record --strokes` (with the force), or WAV or CSV recordings
     #[arg(required = true, value_name = "RECORDING")]
     recordings: Vec<PathBuf>,
     /// Rates of force at contact in N/s, one per recording, if no force was recorded

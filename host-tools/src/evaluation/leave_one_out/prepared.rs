@@ -11,7 +11,6 @@ use crate::fit::densify::Direction;
 use crate::fit::densify::{ECONOMY_DB, highest_order};
 use crate::fit::lines::Lines;
 use crate::fit::{FittedTexture, Recorded, Recordings};
-use crate::recording::triage::{Kind, Verdict};
 use crate::recording::{RecordingSet, Trial};
 use crate::support::error::{Error, Result};
 use crate::texture::domain::Neighbour;
@@ -82,7 +81,8 @@ impl<'a> Prepared<'a> {
             recordings.into_iter().flat_map(|own| own.trials).collect();
         trials.sort_by_key(|own| own.number);
         let range = |own: &Recorded<'_>| {
-            let rate_hz = source_rate_hz(&own.analysis.verdicts);
+            // A file of a higher rate is judged in the models' band alone.
+            let rate_hz = own.analysis.source_rate_hz.min(f64::from(SAMPLE_RATE_HZ));
             let range = ScoringRange::of(rate_hz, own.samples().len())?;
             match own.analysis.slow.cut_hz {
                 Some(cut_hz) => range.above(lowest_hz(cut_hz)),
@@ -137,15 +137,6 @@ impl<'a> Prepared<'a> {
             })
             .collect()
     }
-}
-
-/// The sample rate of a recording's file as far as it bounds what can be judged, Hz.
-fn source_rate_hz(verdicts: &[Verdict]) -> f64 {
-    let slow = verdicts.iter().map(|verdict| match verdict.kind() {
-        Kind::WrongRate { rate_hz } => rate_hz,
-        _ => f64::INFINITY,
-    });
-    slow.fold(f64::from(SAMPLE_RATE_HZ), f64::min)
 }
 
 impl Prepared<'_> {

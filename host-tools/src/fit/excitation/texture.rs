@@ -1,5 +1,6 @@
 //! The choice of a texture's excitation, from the traces of its trials.
 
+use crate::support::number::counted;
 use model_format::{
     BLOCK_BYTES, BLOCK_SAMPLES, ExcitationSpec, ModulationSpec, PartsSpec, SAMPLE_RATE_HZ, limits,
 };
@@ -162,8 +163,8 @@ impl Choice<'_> {
         let samples = (shortest * f64::from(SAMPLE_RATE_HZ)) as usize;
         let moment_samples = moment_samples(samples, found.len());
         let source = format!(
-            "{} codebook(s) of moments of the residual: local kurtosis {}",
-            found.len(),
+            "{} of moments of the residual: local kurtosis {}",
+            counted(found.len(), "codebook"),
             said(kurtosis_of(traces), "")
         );
         let level = format!(

@@ -1,5 +1,6 @@
 //! Lines of a texture and of its trials, and the reasons for having none.
 
+use crate::support::number::counted;
 use std::fmt;
 
 use model_format::limits::{MAX_LINE_AMPLITUDE, MAX_WAVELENGTH_MM, MIN_WAVELENGTH_MM};
@@ -92,7 +93,7 @@ impl fmt::Display for Findings {
 
 impl Findings {
     fn fmt_lines(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} line(s) locked to place:", self.lines.len())?;
+        write!(f, "{} locked to place:", counted(self.lines.len(), "line"))?;
         for line in &self.lines {
             let (low, high) = line.amplitude_range_m_s2;
             let (shown, all) = line.shown_at_speeds;
@@ -118,8 +119,8 @@ impl Findings {
         if self.followed_trials > 0 {
             write!(
                 f,
-                "; changes of speed were followed in {} trial(s)",
-                self.followed_trials
+                "; changes of speed were followed in {}",
+                counted(self.followed_trials, "trial")
             )?;
         }
         Ok(())

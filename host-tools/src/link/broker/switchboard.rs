@@ -294,7 +294,7 @@ impl Switchboard {
             return Vec::new();
         }
         let words = format!(
-            "{} {}, since {}: {}",
+            "{} {}, begun {}: {}",
             self.named(holder.client),
             holder.activity.verb(),
             ago(holder.since.elapsed()),

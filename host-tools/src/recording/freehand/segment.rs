@@ -7,6 +7,7 @@ use serde::Serialize;
 use super::grid::{GridAxis, proposed_grid};
 use super::read::Freehand;
 use crate::support::error::{Error, Result};
+use crate::support::number::counted;
 
 /// Length of a block, s.
 const BLOCK_S: f64 = 0.02;
@@ -162,15 +163,15 @@ impl Segmentation {
         let mut notes = Vec::new();
         if self.reversals > 0 {
             notes.push(format!(
-                "the speed changes its sign {} times; pieces end there, and both directions count alike",
-                self.reversals
+                "the speed changes its sign {}; pieces end there, and both directions count alike",
+                counted(self.reversals, "time")
             ));
         }
         if let Some((recording, time_s)) = self.jumps.first() {
             notes.push(format!(
-                "the speed jumps in {} block(s) of 20 ms, first at {time_s:.2} s of recording {}; cut out (check the \
+                "the speed jumps in {} of 20 ms, first at {time_s:.2} s of recording {}; cut out (check the \
                  encoder)",
-                self.jumps.len(),
+                counted(self.jumps.len(), "block"),
                 recording + 1
             ));
         }

@@ -20,7 +20,7 @@
 //! | dead-axis | an axis is 60 dB below the strongest, or constant | |
 //! | duplicate | a copy of an earlier trial, equal or scaled | |
 //! | unlike | from some frequency on [`UNLIKE_NEIGHBOURS_DB`] off both neighbours in speed, and more than these are | |
-//! | wrong-rate | the file's sample rate is below the models' | |
+//! | wrong-rate | the file's sample rate is below [`LEAST_RATE_HZ`] | |
 //!
 //! A texture of one or two speeds cannot tell hum from a line of its own, so there every such line counts as hum. A
 //! sample that is not finite has no verdict: [`read`](super::read) fails on it, and the whole fit with it; so does a
@@ -53,8 +53,8 @@ pub use copies::Sketch;
 pub use cut::{LEAST_KEPT, kept, kept_spans, usable};
 pub use set::{HUM_RATIO_DB, all_verdicts, confirmed_hum, mains_line};
 pub use single_trial::{
-    CLIPPED_SHARE, COARSE_SNR_DB, DRIFT_SHARE, LARGE_RMS_M_S2, SHORT_SAMPLES, SILENCE_FLOOR_M_S2,
-    flaws, samples,
+    CLIPPED_SHARE, COARSE_SNR_DB, DRIFT_SHARE, LARGE_RMS_M_S2, LEAST_RATE_HZ, SHORT_SAMPLES,
+    SILENCE_FLOOR_M_S2, flaws, samples,
 };
 pub use unlike::UNLIKE_NEIGHBOURS_DB;
 pub use verdict::{Kind, Span, Verdict, in_words};

@@ -6,6 +6,8 @@ use std::ops::Range;
 use model_format::SAMPLE_RATE_HZ;
 use serde::{Deserialize, Serialize, Serializer};
 
+use crate::support::number::counted;
+
 /// Samples from the first to before the last, at 5 kHz, from the start of the trial.
 pub type Span = Range<usize>;
 
@@ -50,11 +52,8 @@ pub enum Kind {
     Duplicate,
     /// A spectrum that departs from those of both neighbours in speed.
     Unlike,
-    /// A lower sample rate than that of the models.
-    WrongRate {
-        /// Sample rate of the file, Hz.
-        rate_hz: f64,
-    },
+    /// A sample rate too low for what skin feels.
+    WrongRate,
 }
 
 impl Kind {
@@ -139,7 +138,7 @@ impl Kind {
                 "unlike",
                 "check filter, sensor and gain of this recording, and record it again",
             ),
-            Self::WrongRate { .. } => ("wrong-rate", "record at 5 kHz or more"),
+            Self::WrongRate => ("wrong-rate", "record at 5 kHz or more"),
         }
     }
 }
@@ -167,13 +166,8 @@ impl Verdict {
         let seconds = |samples: usize| samples as f64 / f64::from(SAMPLE_RATE_HZ);
         let total: usize = spans.iter().map(ExactSizeIterator::len).sum();
         let finding = format!(
-            "{name}: {} {}, {:.3} s in all, from {:.3} s",
-            spans.len(),
-            if spans.len() == 1 {
-                "stretch"
-            } else {
-                "stretches"
-            },
+            "{name}: {}, {:.3} s in all, from {:.3} s",
+            counted(spans.len(), "stretch"),
             seconds(total),
             seconds(spans.first().map_or(0, |span| span.start))
         );
@@ -214,7 +208,7 @@ impl Verdict {
             _ if !self.spans.is_empty() => {
                 self.spans.iter().map(ExactSizeIterator::len).sum::<usize>() as f64
             }
-            Kind::TooShort | Kind::Truncated | Kind::WrongRate { .. } => -first,
+            Kind::TooShort | Kind::Truncated | Kind::WrongRate => -first,
             Kind::Duplicate => 0.0,
             _ => first,
         }

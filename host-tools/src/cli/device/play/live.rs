@@ -6,6 +6,7 @@ use host_tools::link::Device;
 use host_tools::link::capture::{Calibration, Level, Stream};
 use host_tools::link::play::{Driven, Heard};
 use host_tools::playing::motion::MotionPath;
+use host_tools::support::number::counted;
 use host_tools::support::progress;
 use host_tools::support::visible::visible_line;
 use indicatif::ProgressBar;
@@ -33,6 +34,8 @@ struct Sensors<'a> {
     stream: Stream<'a>,
     calibration: Calibration,
     recent: Vec<RecordSample>,
+    /// Largest speed so far, mm/s; none before the first samples.
+    fastest_mm_s: Option<f64>,
 }
 
 impl<'a> Live<'a> {
@@ -45,6 +48,7 @@ impl<'a> Live<'a> {
                 stream: Stream::start(device).ok()?,
                 calibration: Calibration::new(&settings, None),
                 recent: Vec::new(),
+                fastest_mm_s: None,
             })
         };
         Self {
@@ -62,7 +66,12 @@ impl<'a> Live<'a> {
         };
         for _ in 0..BLOCKS_AT_A_TIME {
             match sensors.stream.next(Duration::ZERO) {
-                Ok(Some(arrival)) => sensors.recent.extend(arrival.samples),
+                Ok(Some(arrival)) => {
+                    let level = sensors.level(&arrival.samples);
+                    let fastest_mm_s = sensors.fastest_mm_s.unwrap_or(0.0).max(level.speed_mm_s);
+                    sensors.fastest_mm_s = Some(fastest_mm_s);
+                    sensors.recent.extend(arrival.samples);
+                }
                 Ok(None) => break,
                 // The next request tells why.
                 Err(_) => return,
@@ -75,13 +84,13 @@ impl<'a> Live<'a> {
     /// Shows the state.
     pub fn show(&mut self, driven: &Driven, status: &Status, heard: &Heard) {
         let text = format!(
-            "{:.1} s: {}{}; {}; {} mutes, {} missed ticks",
+            "{:.1} s: {}{}; {}; {}, {}",
             driven.seconds,
             self.motion_at(driven.seconds, status),
             level(status),
             state(status),
-            heard.mutes,
-            heard.missed_ticks
+            counted(heard.mutes, "mute"),
+            counted(heard.missed_ticks, "missed tick")
         );
         if !self.line.is_hidden() {
             self.line.set_message(visible_line(&text).into_owned());
@@ -99,17 +108,23 @@ impl<'a> Live<'a> {
         }
         match &self.sensors {
             Some(sensors) if !sensors.recent.is_empty() => {
-                let rate_hz = f64::from(sensors.stream.rate_hz());
-                let level = Level::of(&sensors.recent, &sensors.calibration, rate_hz);
+                let level = sensors.level(&sensors.recent);
                 format!("{:.1} mm/s, {:.2} N", level.speed_mm_s, level.force_n)
             }
             _ => format!("{:.2} N", status.levels.force_newton),
         }
     }
 
-    /// Ends the line, and the listening.
-    pub fn end(self) {
+    /// Ends the line, and the listening. Returns the largest speed that the sensors told, mm/s.
+    pub fn end(self) -> Option<f64> {
         self.line.finish_and_clear();
+        self.sensors?.fastest_mm_s
+    }
+}
+
+impl Sensors<'_> {
+    fn level(&self, samples: &[RecordSample]) -> Level {
+        Level::of(samples, &self.calibration, f64::from(self.stream.rate_hz()))
     }
 }
 

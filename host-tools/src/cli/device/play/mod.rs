@@ -11,8 +11,9 @@ use host_tools::link::Device;
 use host_tools::link::play::{Drive, Driven, Heard, MAX_MOTION_RATE_HZ, MIN_MOTION_RATE_HZ, drive};
 use host_tools::playing::motion::MotionPath;
 use host_tools::support::error::{Error, Result};
+use host_tools::support::number::counted;
 use model_format::link::{
-    Activity, MotionSource, OutputStatus, PlayRequest, Selection, TextureName,
+    Activity, MAX_PLAY_GAIN, MotionSource, OutputStatus, PlayRequest, Selection, TextureName,
 };
 use model_format::scene::SceneName;
 use model_format::{MillimetresPerSecond, Newton};
@@ -23,6 +24,14 @@ use crate::cli::input::{force, positive, speed, warn_if_silent};
 use crate::cli::interrupt::Interrupt;
 use crate::cli::output::{print, print_json, warn};
 use live::Live;
+
+/// Parses a factor on the amplitude.
+fn gain(text: &str) -> std::result::Result<f32, String> {
+    match text.parse() {
+        Ok(gain) if (0.0..=MAX_PLAY_GAIN).contains(&gain) => Ok(gain),
+        _ => Err(format!("must be 0 to {MAX_PLAY_GAIN}")),
+    }
+}
 
 /// Value of `--motion` for the stylus's own sensors.
 const SENSORS: &str = "sensors";
@@ -40,8 +49,8 @@ pub struct Arguments {
     /// Name of a scene in the active library
     #[arg(long, value_name = "NAME")]
     scene: Option<String>,
-    /// Factor on the amplitude; 1 is as recorded
-    #[arg(long, default_value_t = 1.0, allow_negative_numbers = true)]
+    /// Factor on the amplitude, 0 to 4; 1 is as recorded
+    #[arg(long, default_value_t = 1.0, allow_negative_numbers = true, value_parser = gain)]
     gain: f32,
     /// Motion: 'sensors', or a CSV with time_s, speed_mm_s, force_n, and position_mm and contact if a scene needs them,
     /// played once [default: sensors]
@@ -83,6 +92,8 @@ struct PlayReport<'a> {
     scene: Option<&'a str>,
     #[serde(flatten)]
     driven: Driven,
+    /// Largest speed that the sensors told, mm/s; none with another motion, or where they could not be listened to.
+    fastest_mm_s: Option<f64>,
     saturations: u32,
     hard_limited: u32,
     slew_limited: u32,
@@ -105,7 +116,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let before = device.status()?;
     let mut heard = Heard::since(&before);
     device.play(&request)?;
-    let played = keep_playing(&device, &plan, interrupt, &mut heard);
+    let (played, fastest_mm_s) = keep_playing(&device, &plan, interrupt, &mut heard);
     // A stop would end what yet another program may play by now.
     if let Some(by) = device.stopped_by() {
         let problem = format!("stopped by {by}");
@@ -131,15 +142,26 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let limited = limited(&status).saturating_sub(limited(&before.output));
     if limited > 0 {
         warn(&format!(
-            "limits of the output acted at {limited} ticks: `stylus headroom LIB` says in which bands, and at which \
-             gain the library fits"
+            "limits of the output acted at {}: `stylus headroom LIB` says in which bands, and at which gain the \
+             library fits",
+            counted(limited, "tick")
         ));
+    }
+    let has_moved = fastest_mm_s.is_none_or(|speed| speed > 0.0);
+    if !has_moved && arguments.texture.is_some() {
+        warn(if device.address().is_of_an_emulator() {
+            "nothing moved, so that nothing was heard: the virtual stylus needs --speed and --force, or --motion"
+        } else {
+            "nothing moved, so that nothing was heard: the sensors say 0 mm/s; move the tool, or give --speed and \
+             --force; `stylus selftest --move` tests the sensors"
+        });
     }
     if arguments.json {
         print_json(&PlayReport {
             texture: arguments.texture.as_deref(),
             scene: arguments.scene.as_deref(),
             driven,
+            fastest_mm_s,
             saturations: status.saturations,
             hard_limited: status.hard_limited,
             slew_limited: status.slew_limited,
@@ -172,14 +194,13 @@ fn summary(request: &PlayRequest, driven: &Driven, heard: &Heard) -> String {
         _ => String::new(),
     };
     format!(
-        "played {} for {:.1} s ({} motions, {} keep-alives): {} mutes{muted}, {} missed ticks; stopped, the output is \
-         at rest",
+        "played {} for {:.1} s ({}, {}): {}{muted}, {}; stopped, the output is at rest",
         request.selection,
         driven.seconds,
-        driven.motions,
-        driven.keep_alives,
-        heard.mutes,
-        heard.missed_ticks
+        counted(driven.motions, "motion"),
+        counted(driven.keep_alives, "keep-alive"),
+        counted(heard.mutes, "mute"),
+        counted(heard.missed_ticks, "missed tick")
     )
 }
 
@@ -242,12 +263,13 @@ fn selection(arguments: &Arguments) -> Result<Selection> {
     Ok(Selection::Texture(texture))
 }
 
+/// Plays until the end. Returns what was sent, and the largest speed that the sensors told, mm/s.
 fn keep_playing(
     device: &Device,
     plan: &Drive,
     interrupt: Interrupt,
     heard: &mut Heard,
-) -> Result<Driven> {
+) -> (Result<Driven>, Option<f64>) {
     let live = RefCell::new(Live::begin(device, plan.motion.as_ref()));
     let ended = Cell::new(false);
     let driven = drive(
@@ -264,11 +286,11 @@ fn keep_playing(
             ended.set(status.output.activity == Activity::Idle);
         },
     );
-    live.into_inner().end();
-    let driven = driven?;
-    if ended.get() {
+    let fastest_mm_s = live.into_inner().end();
+    let driven = driven.map_err(Error::from).and_then(|driven| {
         let problem = "the device stopped by itself: `stylus status` says why";
-        return Err(Error::Request(format!("{}: {problem}", device.address())));
-    }
-    Ok(driven)
+        let stopped = || Error::Request(format!("{}: {problem}", device.address()));
+        (!ended.get()).then_some(driven).ok_or_else(stopped)
+    });
+    (driven, fastest_mm_s)
 }

@@ -11,6 +11,7 @@ use host_tools::link::capture::{Calibration, Level};
 use host_tools::procedures::set::{Folder, PlannedTrial};
 use host_tools::recording::TRIALS_FILE;
 use host_tools::support::error::{Error, Result};
+use host_tools::support::number::counted;
 use model_format::Provenance;
 use report::RecordReport;
 use session::{Outcome, Session, say};
@@ -102,8 +103,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         .partition(|point| !arguments.again && folder.has(point));
     let session = Session::open(arguments)?;
     say(&format!(
-        "{} trial(s) to record, {} already in {}",
-        todo.len(),
+        "{} to record, {} already in {}",
+        counted(todo.len(), "trial"),
         there.len(),
         arguments.out.display()
     ));

@@ -1,5 +1,6 @@
 //! Report of `stylus record`: one row per trial.
 
+use host_tools::support::number::counted;
 use std::path::Path;
 
 use host_tools::fit::Analysis;
@@ -12,8 +13,8 @@ use crate::cli::table::{headed, table};
 /// Share by which the measured speed or force may differ from the wanted one.
 const TOLERANCE: f64 = 0.1;
 
-/// Share of a wanted speed or force below which there was none.
-const UNTOUCHED: f64 = 0.02;
+/// Share of a wanted speed below which nothing moved.
+const STILL: f64 = 0.02;
 
 /// A recorded trial.
 #[derive(Serialize)]
@@ -23,6 +24,9 @@ pub struct Row {
     force_n: f64,
     /// Mean over the whole trial.
     level: Level,
+    /// True if nothing moved where it should have.
+    #[serde(skip)]
+    is_still: bool,
     pub verdicts: Vec<String>,
     loss: Loss,
     /// Number of holes, each of which restarted the capture.
@@ -44,6 +48,7 @@ impl Row {
             texture: point.texture.clone(),
             speed_mm_s: point.speed_mm_s,
             force_n: point.force_n,
+            is_still: is_still(point, &level),
             verdicts: verdicts(analysis, point, &level),
             level,
             loss: capture.loss,
@@ -57,12 +62,15 @@ impl Row {
         let holes = if self.holes == 0 {
             String::new()
         } else {
-            format!(" (restarted {} time(s))", self.holes)
+            format!(" (restarted {})", counted(self.holes, "time"))
         };
         let torn = if self.interpolated == 0 {
             String::new()
         } else {
-            format!(" ({} torn samples interpolated)", self.interpolated)
+            format!(
+                " ({} interpolated)",
+                counted(self.interpolated, "torn sample")
+            )
         };
         format!(
             "{}: {:.3} m/s² RMS, {:.1} mm/s, {:.2} N; {}{holes}{torn}",
@@ -72,12 +80,6 @@ impl Row {
             self.level.force_n,
             self.loss
         )
-    }
-
-    /// Returns whether neither speed nor force was measured where both were wanted.
-    fn is_untouched(&self) -> bool {
-        let lacks = |wanted: f64, found: f64| wanted > 0.0 && found < UNTOUCHED * wanted;
-        lacks(self.speed_mm_s, self.level.speed_mm_s) && lacks(self.force_n, self.level.force_n)
     }
 
     fn verdict_text(&self) -> String {
@@ -128,20 +130,17 @@ impl RecordReport {
             ]
         }));
         let summary = format!(
-            "{} trial(s) recorded into {}, {} already there, {} left out; {} block(s) lost",
-            self.recorded.len(),
+            "{} recorded into {}, {} already there, {} left out; {} lost",
+            counted(self.recorded.len(), "trial"),
             self.folder,
             self.already_there,
             self.left_out,
-            self.lost_blocks
+            counted(self.lost_blocks, "block")
         );
-        let untouched = self.recorded.iter().filter(|row| row.is_untouched());
-        let summary = match untouched.count() {
+        let still = self.recorded.iter().filter(|row| row.is_still);
+        let summary = match still.count() {
             0 => summary,
-            count => format!(
-                "{summary}; {count} of them have neither speed nor force: was the tool moved, and are sensors \
-                 connected? --again records all trials again"
-            ),
+            count => format!("{summary}; {count} without motion: --again records all trials again"),
         };
         if rows.is_empty() {
             return summary;
@@ -150,8 +149,25 @@ impl RecordReport {
     }
 }
 
-/// Verdicts of triage on the samples, and of the operator's speed and force against the wanted ones.
+/// Returns whether nothing moved where it should have.
+fn is_still(point: &PlannedTrial, level: &Level) -> bool {
+    point.speed_mm_s > 0.0 && level.speed_mm_s < STILL * point.speed_mm_s
+}
+
+/// Verdicts of triage on the samples, and of the operator's speed and force against the wanted ones. Of a trial without
+/// motion there is one: whatever its samples are, they are not of the surface.
 fn verdicts(analysis: &Analysis, point: &PlannedTrial, level: &Level) -> Vec<String> {
+    if is_still(point, level) {
+        let Level {
+            speed_mm_s,
+            force_n,
+            ..
+        } = level;
+        return vec![format!(
+            "nothing moved: the sensors say {speed_mm_s:.1} mm/s and {force_n:.2} N; rub the surface, or connect the \
+             sensors, and record again"
+        )];
+    }
     let is_rest = point.speed_mm_s <= 0.0 || point.force_n <= 0.0;
     let triage = analysis.verdicts.iter();
     let mut verdicts: Vec<String> = triage

@@ -3,6 +3,7 @@
 mod response;
 mod watch;
 
+use host_tools::link::settings::cap;
 use host_tools::support::error::Result;
 use model_format::link::{
     Activity, ClockSource, DeviceInfo, FLASH_SUPPLY_MV, Fault, LEAST_BROWN_OUT_LEVEL, LeaseStatus,
@@ -232,14 +233,14 @@ fn marks(marks: &Marks, core_hz: u32) -> String {
 /// The limits of the output.
 fn limits(limits: &OutputLimits) -> String {
     format!(
-        "{:.3} V peak and {:.3} V RMS at the pin, {:.3} W held in the coil, by {}",
+        "{:.3} V peak and {:.3} V RMS at the pin, {:.3} W held in the coil: {}",
         limits.peak_volt,
         limits.mean_square.sqrt(),
         limits.coil_watt,
         if limits.is_capped {
-            "the cap of the image"
+            cap()
         } else {
-            "the settings"
+            "by the settings".to_owned()
         }
     )
 }
@@ -409,12 +410,12 @@ mod tests {
             coil_watt: 0.25,
             is_capped: false,
         };
-        let told = "0.500 V peak and 0.200 V RMS at the pin, 0.250 W held in the coil, by ";
-        assert_eq!(limits(&by_settings), format!("{told}the settings"));
+        let told = "0.500 V peak and 0.200 V RMS at the pin, 0.250 W held in the coil: ";
+        assert_eq!(limits(&by_settings), format!("{told}by the settings"));
         let capped = OutputLimits {
             is_capped: true,
             ..by_settings
         };
-        assert_eq!(limits(&capped), format!("{told}the cap of the image"));
+        assert_eq!(limits(&capped), format!("{told}{}", cap()));
     }
 }

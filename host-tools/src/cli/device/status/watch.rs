@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 use host_tools::link::capture::{Calibration, Level, Loss, Stream};
 use host_tools::link::{Device, LinkError};
 use host_tools::support::error::{Error, Result};
+use host_tools::support::number::counted;
 use host_tools::support::progress;
 use host_tools::support::visible::{visible_json, visible_line};
 use model_format::link::{RecordError, Status};
@@ -121,8 +122,10 @@ impl Reading {
             )
         });
         format!(
-            "{:8.1} s{level}; {}; {} missed ticks",
-            self.seconds, self.activity, self.missed
+            "{:8.1} s{level}; {}; {}",
+            self.seconds,
+            self.activity,
+            counted(self.missed, "missed tick")
         )
     }
 }

@@ -292,7 +292,7 @@ fn what_would_disturb_a_play_does_not_reach_the_device_and_the_rest_goes_on() {
     ] {
         assert_eq!(
             refusal(&mut board, 2, key),
-            "`stylus play` (process 7) plays, since 0 s ago: stop it with `stylus stop`, or wait for its end"
+            "`stylus play` (process 7) plays, begun 0 s ago: stop it with `stylus stop`, or wait for its end"
         );
     }
     for key in [

@@ -1,0 +1,46 @@
+//! Lines of a terminal, in which texts are wrapped.
+
+/// Characters of a line of a terminal that texts and tables keep to.
+pub const LINE_CHARS: usize = 80;
+
+/// `text` in lines of at most [`LINE_CHARS`] characters, broken at spaces.
+pub fn folded_text(text: &str) -> String {
+    wrapped(text, LINE_CHARS, "")
+}
+
+/// `text` in lines of at most so many characters, broken at spaces; those after a break begin with `indent`.
+pub fn wrapped(text: &str, width: usize, indent: &str) -> String {
+    let mut lines: Vec<String> = Vec::new();
+    for paragraph in text.lines() {
+        let mut line = String::new();
+        for (index, word) in paragraph.split(' ').enumerate() {
+            if index > 0 && line.chars().count() + 1 + word.chars().count() > width {
+                lines.push(std::mem::replace(&mut line, format!("{indent}{word}")));
+                continue;
+            }
+            if index > 0 {
+                line.push(' ');
+            }
+            line.push_str(word);
+        }
+        lines.push(line);
+    }
+    lines.join("\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn folded_text_keeps_its_words() {
+        let text = "a few words ".repeat(40);
+        let folded = folded_text(&text);
+        assert!(
+            folded
+                .lines()
+                .all(|line| line.chars().count() <= LINE_CHARS)
+        );
+        assert!(folded.split_whitespace().eq(text.split_whitespace()));
+    }
+}
