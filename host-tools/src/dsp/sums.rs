@@ -69,32 +69,21 @@ pub(crate) fn dot_inlined<T: Copy + Into<f64>>(a: &[T], b: &[T]) -> f64 {
     sums.iter().sum::<f64>() + rest
 }
 
-/// Places whose sums [`sliding`] makes together: eight vectors of AVX2.
-const PLACES: usize = 32;
-
 /// Returns the sum of the products of `weights` with as many `values`, at each place where they all are.
 ///
-/// Each sum is in the order of the weights, and many of them are made at once.
+/// Each sum is in the order of the weights. Many places have theirs made at once, so that none waits for another.
 pub fn sliding(values: &[f64], weights: &[f64]) -> Vec<f64> {
-    let places = (values.len() + 1).saturating_sub(weights.len());
-    let mut sums = vec![0.0; places];
+    const AT_ONCE: usize = 64;
+    let mut sums = vec![0.0; (values.len() + 1).saturating_sub(weights.len())];
     wide(
         #[inline(always)]
         || {
-            let (whole, rest) = sums.as_chunks_mut::<PLACES>();
-            for (block, sums) in whole.iter_mut().enumerate() {
-                let mut own = [0.0; PLACES];
-                for (values, weight) in values[PLACES * block..].windows(PLACES).zip(weights) {
-                    for (sum, value) in own.iter_mut().zip(values) {
+            for (block, sums) in sums.chunks_mut(AT_ONCE).enumerate() {
+                for (place, weight) in (AT_ONCE * block..).zip(weights) {
+                    for (sum, value) in sums.iter_mut().zip(&values[place..]) {
                         *sum += value * weight;
                     }
                 }
-                *sums = own;
-            }
-            let first = places - rest.len();
-            for (place, sum) in rest.iter_mut().enumerate() {
-                let terms = values[first + place..].iter().zip(weights);
-                *sum = terms.map(|(value, weight)| value * weight).sum();
             }
         },
     );

@@ -1,4 +1,4 @@
-//! The outcome of a fit.
+//! Fitted textures, first with their models, then with what excites them; and the fit that they make up.
 
 use model_format::{NodeSpec, Provenance, TextureSpec, limits};
 

@@ -256,21 +256,16 @@ impl Filler {
             let (s, f) = (index / self.forces, index % self.forces);
             s.abs_diff(speed).pow(2) + f.abs_diff(force).pow(2)
         };
-        let candidates: Vec<(usize, &Model)> = self
-            .known
-            .iter()
-            .enumerate()
-            .filter_map(|(index, model)| Some((distance(index), model.as_ref()?)))
-            .filter(|(_, model)| wanted(model))
-            .collect();
-        let Some(least) = candidates.iter().map(|(distance, _)| *distance).min() else {
+        let candidates = || {
+            let known = self.known.iter().enumerate();
+            let known = known.filter_map(|(index, model)| Some((distance(index), model.as_ref()?)));
+            known.filter(|(_, model)| wanted(model))
+        };
+        let Some(least) = candidates().map(|(distance, _)| distance).min() else {
             return Model::silent();
         };
-        let nearest: Vec<&Model> = candidates
-            .into_iter()
-            .filter(|&(distance, _)| distance == least)
-            .map(|(_, model)| model)
-            .collect();
+        let nearest = candidates().filter(|&(distance, _)| distance == least);
+        let nearest: Vec<&Model> = nearest.map(|(_, model)| model).collect();
         let weight = 1.0 / nearest.len() as f64;
         let terms: Vec<_> = nearest.into_iter().map(|model| (weight, model)).collect();
         Model::mean(&terms, LevelLaw::Logarithm)

@@ -1,9 +1,9 @@
 //! From a recording set to the textures of a library, in five steps:
 //!
-//! 1. **Recordings** ([`recordings`]), a texture at a time: each trial is read, cut by triage, reduced to one axis and
+//! 1. **Recordings** (`recordings`), a texture at a time: each trial is read, cut by triage, reduced to one axis and
 //!    correlated; the lines of the texture are taken out of all of them.
-//! 2. **Reports** ([`reports`]): all trials of the set are compared, which tells copies, hum and wrong scales.
-//! 3. **Models** ([`fitted`]), a texture at a time: each node of its grid gets a linear predictor from its trials, and
+//! 2. **Reports** (`reports`): all trials of the set are compared, which tells copies, hum and wrong scales.
+//! 3. **Models** (`fitted`), a texture at a time: each node of its grid gets a linear predictor from its trials, and
 //!    holes of the grid are filled.
 //! 4. The room that all models leave in a library is shared among the textures.
 //! 5. **Excitation** ([`excitation`]), a texture at a time: what excites its models, by the residuals of its trials.
@@ -58,10 +58,11 @@ const HELD_SIGNALS: usize = 128 << 20;
 pub fn fit(set: &RecordingSet, options: &Options, progress: impl Fn(usize) + Sync) -> Result<Fit> {
     options.check_rate()?;
     let options = &options.at_their_rate();
-    let most_held = if excitation::is_wanted(options) {
-        HELD_SIGNALS
-    } else {
-        0
+    let most_held = match set.textures().len() {
+        _ if !excitation::is_wanted(options) => 0,
+        // Those of one texture are held while its lines are sought, and nothing else needs the room after that.
+        0..=1 => usize::MAX,
+        _ => HELD_SIGNALS,
     };
     let recordings = read(set, options, Part::Whole, most_held, &progress)?;
     fit_recordings(set, recordings, options, Part::Whole, &progress)

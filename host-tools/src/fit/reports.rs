@@ -55,13 +55,9 @@ pub(super) fn reports(
     recorded.sort_by_key(|own| own.number);
     let is_dropped = |verdict: &Verdict| options.drop.iter().any(|d| d == verdict.name());
     let reports = recorded.iter().zip(all_verdicts(&recorded));
-    let reports = reports.map(
-        |(
-            Recorded {
-                trial, analysis, ..
-            },
-            verdicts,
-        )| TrialReport {
+    let reports = reports.map(|(own, verdicts)| {
+        let (trial, analysis) = (own.trial, &own.analysis);
+        TrialReport {
             file: portable(&trial.file),
             texture: trial.texture.clone(),
             speed_mm_s: trial.speed_mm_s,
@@ -76,8 +72,8 @@ pub(super) fn reports(
             cut_s: analysis.cut_s,
             used: !verdicts.iter().any(is_dropped) && trial.is_in_motion_and_contact(),
             verdicts,
-        },
-    );
+        }
+    });
     let reports: Vec<TrialReport> = reports.collect();
     let mut doubtful = recorded
         .iter()
@@ -96,23 +92,16 @@ pub(super) fn reports(
 fn all_verdicts(recorded: &[&Recorded<'_>]) -> Vec<Vec<Verdict>> {
     let bands_of = |own: &&Recorded<'_>| own.analysis.bands.known_db(own.analysis.samples);
     let bands: Vec<_> = recorded.iter().map(bands_of).collect();
-    let compared = recorded.iter().zip(&bands).map(
-        |(
-            Recorded {
-                trial, analysis, ..
-            },
-            bands_db,
-        )| Compared {
-            texture: &trial.texture,
-            speed_mm_s: trial.speed_mm_s,
-            force_n: trial.force_n,
-            bands_db,
-            is_idle: !trial.is_in_motion_and_contact(),
-            rms_m_s2: analysis.power.sqrt(),
-            mains_line_hz: analysis.mains_line_hz,
-            sketch: &analysis.sketch,
-            verdicts: &analysis.verdicts,
-        },
-    );
+    let compared = recorded.iter().zip(&bands).map(|(own, bands_db)| Compared {
+        texture: &own.trial.texture,
+        speed_mm_s: own.trial.speed_mm_s,
+        force_n: own.trial.force_n,
+        bands_db,
+        is_idle: !own.trial.is_in_motion_and_contact(),
+        rms_m_s2: own.analysis.power.sqrt(),
+        mains_line_hz: own.analysis.mains_line_hz,
+        sketch: &own.analysis.sketch,
+        verdicts: &own.analysis.verdicts,
+    });
     triage::all_verdicts(&compared.collect::<Vec<_>>())
 }

@@ -21,7 +21,7 @@ use std::ops::ControlFlow;
 use model_format::SAMPLE_RATE_HZ;
 
 use super::peaks::{LineSpectrum, Peak};
-use super::track::{amplitudes, at_even_places, followed, refined, steady_turns, subtract};
+use super::track::{amplitudes, at_even_places, followed, refined, steady_turns, subtract, wave};
 
 /// Chance of any line in a texture that has none.
 pub(super) const LEVEL: f64 = 1e-3;
@@ -103,13 +103,13 @@ impl<'s> Heard<'s> {
     /// Removes the sine at `frequency_hz`, and returns its exact frequency.
     fn remove(&mut self, frequency_hz: f64) -> f64 {
         let exact_hz = refined(&self.signal, frequency_hz, self.cell_hz);
-        let turns = steady_turns(exact_hz, self.signal.len());
+        let wave = wave(steady_turns(exact_hz, self.signal.len()).into_iter());
         let amplitude = amplitudes(
             &self.signal,
             std::slice::from_ref(&(0..self.signal.len())),
-            std::slice::from_ref(&turns),
+            std::slice::from_ref(&wave),
         )[0];
-        subtract(self.signal.to_mut(), amplitude, &turns);
+        subtract(self.signal.to_mut(), amplitude, &wave);
         self.hear_again();
         exact_hz
     }
@@ -120,7 +120,7 @@ impl<'s> Heard<'s> {
         let exact_hz = refined(&self.signal, frequency_hz, self.cell_hz);
         // Places in wavelengths.
         let mut places = steady_turns(exact_hz, self.signal.len());
-        if followed(&self.signal, &mut places, 1.0).is_some() {
+        if followed(&self.signal, &mut places, 1.0) {
             let last = places.len() - 1;
             let step = (places[last] - places[0]) / last as f64;
             self.signal = at_even_places(&self.signal, &places, step).into();

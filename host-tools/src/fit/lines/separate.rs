@@ -11,7 +11,7 @@ use realfft::num_complex::Complex;
 use super::findings::{Findings, Line, NoLines, TrialLines};
 use super::peaks::{LineSpectrum, tells_lines};
 use super::search::{Found, HIGHEST_HZ, Heard, LEAST_SPEED_RATIO, Search};
-use super::track::{amplitudes, followed, steady_mm, subtract, turns};
+use super::track::{amplitudes, followed, steady_mm, subtract, wave_at};
 use super::wander::{Course, Weave, find};
 
 /// Relative error of the speeds in a rig's list.
@@ -221,8 +221,8 @@ fn without(signal: &mut [f64], course: Option<&Course>, weave: &Weave) -> Vec<Op
         let Some((course, (amplitude, clean, stays))) = told else {
             return Some(0.0);
         };
-        let turns = turns(&course.place_mm, weave.wavelength_mm / f64::from(number));
-        subtract(signal, amplitude * (1.0 - stays), &turns);
+        let wave = wave_at(&course.place_mm, weave.wavelength_mm / f64::from(number));
+        subtract(signal, amplitude * (1.0 - stays), &wave);
         Some(clean)
     });
     amplitudes.collect()
@@ -468,12 +468,15 @@ fn removed_from(
         return fitted;
     }
     let held_mm: Vec<f64> = held.iter().map(|&line| wavelengths_mm[line]).collect();
-    let turns;
-    (turns, fitted.was_followed) = turns_of(signal, ranges, speed_mm_s, &held_mm);
-    let fit = amplitudes(signal, ranges, &turns);
+    let Followed {
+        waves,
+        amplitudes: fit,
+        is_corrected,
+    } = Followed::of(signal, ranges, speed_mm_s, &held_mm);
+    fitted.was_followed = is_corrected;
     let mut rest = signal.to_vec();
-    for (amplitude, turns) in fit.iter().zip(&turns) {
-        subtract(&mut rest, *amplitude, turns);
+    for (amplitude, wave) in fit.iter().zip(&waves) {
+        subtract(&mut rest, *amplitude, wave);
     }
     let Some(spectrum) = LineSpectrum::of(&rest) else {
         // Nothing but lines.
@@ -485,47 +488,56 @@ fn removed_from(
         return fitted;
     };
     let samples: usize = ranges.iter().map(ExactSizeIterator::len).sum();
-    for ((&line, amplitude), turns) in held.iter().zip(&fit).zip(&turns) {
+    for ((&line, amplitude), wave) in held.iter().zip(&fit).zip(&waves) {
         let noise = spectrum.noise_amplitude_squared(speed_mm_s / wavelengths_mm[line], samples);
         let clean = (amplitude.norm_sqr() - noise).max(0.0).sqrt();
         // What noise has there stays, so that the rest has no hole.
         let stays = (noise.sqrt() / amplitude.norm().max(f64::MIN_POSITIVE)).min(1.0);
-        subtract(signal, *amplitude * (1.0 - stays), turns);
+        subtract(signal, *amplitude * (1.0 - stays), wave);
         fitted.amplitudes[line] = Some(*amplitude);
         fitted.clean[line] = Some(clean);
     }
     fitted
 }
 
-/// Phase of each line at each sample, turns, and whether the signal tells that its speed changed, which they follow.
-fn turns_of(
-    signal: &[f64],
-    ranges: &[Range<usize>],
-    speed_mm_s: f64,
-    wavelengths_mm: &[f64],
-) -> (Vec<Vec<f64>>, bool) {
-    let mut place_mm = steady_mm(speed_mm_s, signal.len());
-    let at = |place_mm: &[f64]| {
-        wavelengths_mm
-            .iter()
-            .map(|mm| turns(place_mm, *mm))
-            .collect()
-    };
-    let mut all: Vec<Vec<f64>> = at(&place_mm);
-    // What was followed once, with its harmonics blurred, is followed more closely from there.
-    for time in 0..FOLLOWED_TIMES {
-        let fit = amplitudes(signal, ranges, &all);
-        // The line whose phase tells most about place: the strongest for its wavelength.
-        let tells = fit.iter().zip(wavelengths_mm);
-        let tells = tells.map(|(amplitude, mm)| (amplitude.norm() / mm, mm));
-        let best = tells.max_by(|a, b| a.0.total_cmp(&b.0));
-        let wander = best.and_then(|(_, mm)| followed(signal, &mut place_mm, *mm));
-        if wander.is_none() {
-            return (all, time > 0);
+/// The lines of a signal.
+struct Followed {
+    waves: Vec<Vec<Complex<f64>>>,
+    amplitudes: Vec<Complex<f64>>,
+    /// True if the signal tells that its speed changed, which the waves follow.
+    is_corrected: bool,
+}
+
+impl Followed {
+    /// The lines of these wavelengths in `signal`, recorded at `speed_mm_s`, as the samples of `ranges` have them.
+    fn of(
+        signal: &[f64],
+        ranges: &[Range<usize>],
+        speed_mm_s: f64,
+        wavelengths_mm: &[f64],
+    ) -> Self {
+        let mut place_mm = steady_mm(speed_mm_s, signal.len());
+        let mut times = 0;
+        loop {
+            let waves = wavelengths_mm.iter().map(|mm| wave_at(&place_mm, *mm));
+            let waves: Vec<Vec<Complex<f64>>> = waves.collect();
+            let amplitudes = amplitudes(signal, ranges, &waves);
+            // The line whose phase tells most about place: the strongest for its wavelength.
+            let tells = amplitudes.iter().zip(wavelengths_mm);
+            let tells = tells.map(|(amplitude, mm)| (amplitude.norm() / mm, mm));
+            let best = tells.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, mm)| *mm);
+            // What was followed once, with its harmonics blurred, is followed more closely from there.
+            let best = best.filter(|_| times < FOLLOWED_TIMES);
+            if !best.is_some_and(|mm| followed(signal, &mut place_mm, mm)) {
+                return Self {
+                    waves,
+                    amplitudes,
+                    is_corrected: times > 0,
+                };
+            }
+            times += 1;
         }
-        all = at(&place_mm);
     }
-    (all, true)
 }
 
 /// Lines that a recording of so many samples at `speed_mm_s` can hold and tell from longer ones, which come first.

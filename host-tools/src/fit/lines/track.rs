@@ -35,53 +35,46 @@ pub(super) fn steady_mm(speed_mm_s: f64, samples: usize) -> Vec<f64> {
     (0..samples).map(|n| step * n as f64).collect()
 }
 
-/// Phase of a line at each sample, turns.
-pub(super) fn turns(place_mm: &[f64], wavelength_mm: f64) -> Vec<f64> {
-    place_mm.iter().map(|x| x / wavelength_mm).collect()
+/// e^{2πi turns(n)} of a sine of these `turns`.
+pub(super) fn wave(turns: impl Iterator<Item = f64>) -> Vec<Complex<f64>> {
+    turns
+        .map(|turns| Complex::cis(TAU * turns.fract()))
+        .collect()
 }
 
-/// Corrects `place_mm` by the phase of the line of `wavelength_mm`, if that wanders and is clear enough. Returns the
-/// RMS wander of the speed over its mean, if it was corrected.
-pub(super) fn followed(signal: &[f64], place_mm: &mut [f64], wavelength_mm: f64) -> Option<f64> {
-    let samples = signal.len();
-    let window = ((AVERAGE_S * f64::from(SAMPLE_RATE_HZ)) as usize).min(samples / 4);
+/// The wave of a line at each of these places.
+pub(super) fn wave_at(place_mm: &[f64], wavelength_mm: f64) -> Vec<Complex<f64>> {
+    wave(place_mm.iter().map(|x| x / wavelength_mm))
+}
+
+/// Corrects `place_mm` by the phase of the line of `wavelength_mm`, if that wanders and is clear enough. Returns whether
+/// it was corrected.
+pub(super) fn followed(signal: &[f64], place_mm: &mut [f64], wavelength_mm: f64) -> bool {
+    let window = ((AVERAGE_S * f64::from(SAMPLE_RATE_HZ)) as usize).min(signal.len() / 4);
     if window < 8 {
-        return None;
+        return false;
     }
     let turns = place_mm.iter().map(|place| (place / wavelength_mm).fract());
-    let down = signal
-        .iter()
-        .zip(turns)
-        .map(|(x, turns)| x * Complex::cis(-TAU * turns));
+    let down = signal.iter().zip(turns);
+    let down = down.map(|(x, turns)| x * Complex::cis(-TAU * turns));
     let averages = Averages::of(down.collect(), window);
-    let phases = averages.wandering_phases()?;
-    let times = averages.centres();
-    let corrections: Vec<f64> = phases
-        .iter()
-        .map(|phase| phase / TAU * wavelength_mm)
-        .collect();
-    let path_mm = place_mm[samples - 1] - place_mm[0];
-    let mean_step_mm = path_mm / (samples - 1) as f64;
-    let hop = averages.hop as f64;
-    let speeds = corrections
-        .windows(2)
-        .map(|pair| (pair[1] - pair[0]) / hop / mean_step_mm);
-    let speeds: Vec<f64> = speeds.collect();
+    let Some(phases) = averages.wandering_phases() else {
+        return false;
+    };
+    let corrections = phases.iter().map(|phase| phase / TAU * wavelength_mm);
+    let (times, corrections) = (averages.centres(), corrections.collect::<Vec<_>>());
     for (n, place) in place_mm.iter_mut().enumerate() {
         *place += interpolated(&times, &corrections, n as f64);
     }
-    let mean = speeds.iter().sum::<f64>() / speeds.len() as f64;
-    let deviations: Vec<f64> = speeds.iter().map(|s| s - mean).collect();
-    Some(rms(&deviations))
+    true
 }
 
 /// A line that was brought to 0 Hz, averaged by windows that overlap.
 struct Averages {
     down: Vec<Complex<f64>>,
     weights: Vec<f64>,
-    /// First sample of each window, and the distance of two of them.
+    /// First sample of each window.
     starts: Vec<usize>,
-    hop: usize,
 }
 
 impl Averages {
@@ -90,7 +83,6 @@ impl Averages {
         Self {
             starts: (0..=(down.len() - window) / hop).map(|k| k * hop).collect(),
             weights: (0..window).map(|n| hann(n, window)).collect(),
-            hop,
             down,
         }
     }
@@ -270,17 +262,16 @@ fn spectrum_at(signal: &[f64], frequency_hz: f64) -> Complex<f64> {
         .fold(Complex::default(), |sum, x| sum * step + x)
 }
 
-/// Complex amplitudes c of the components Re c e^{2πi turns(n)} that leave the least squares in `ranges` of
-/// `signal`, m/s².
+/// Complex amplitudes c of the components Re c w(n) that leave the least squares in `ranges` of `signal`, m/s².
 ///
-/// `turns` has the phase of each component at each sample. Components that cannot be told apart share their amplitude
-/// by a ridge of 1e-9 of their power.
+/// `waves` has the w of each component. Components that cannot be told apart share their amplitude by a ridge of 1e-9 of
+/// their power.
 pub(super) fn amplitudes(
     signal: &[f64],
     ranges: &[Range<usize>],
-    turns: &[Vec<f64>],
+    waves: &[Vec<Complex<f64>>],
 ) -> Vec<Complex<f64>> {
-    let count = 2 * turns.len();
+    let count = 2 * waves.len();
     let (mut normal, mut right) = (
         DMatrix::<f64>::zeros(count, count),
         DVector::<f64>::zeros(count),
@@ -288,9 +279,8 @@ pub(super) fn amplitudes(
     let mut row = vec![0.0; count];
     for n in ranges.iter().cloned().flatten() {
         let x = signal[n];
-        for (component, turns) in turns.iter().enumerate() {
-            let (sine, cosine) = (TAU * turns[n].fract()).sin_cos();
-            (row[2 * component], row[2 * component + 1]) = (cosine, -sine);
+        for (component, wave) in waves.iter().enumerate() {
+            (row[2 * component], row[2 * component + 1]) = (wave[n].re, -wave[n].im);
         }
         // The upper triangle, whose columns are in one piece.
         let columns = normal.as_mut_slice().chunks_exact_mut(count.max(1));
@@ -308,17 +298,17 @@ pub(super) fn amplitudes(
         }
     }
     let Some(solution) = normal.cholesky().map(|factor| factor.solve(&right)) else {
-        return vec![Complex::default(); turns.len()];
+        return vec![Complex::default(); waves.len()];
     };
-    (0..turns.len())
+    (0..waves.len())
         .map(|i| Complex::new(solution[2 * i], solution[2 * i + 1]))
         .collect()
 }
 
-/// Subtracts Re c e^{2πi turns(n)} from `signal`.
-pub(super) fn subtract(signal: &mut [f64], amplitude: Complex<f64>, turns: &[f64]) {
-    for (x, turns) in signal.iter_mut().zip(turns) {
-        *x -= (amplitude * Complex::cis(TAU * turns.fract())).re;
+/// Subtracts Re c w(n) from `signal`.
+pub(super) fn subtract(signal: &mut [f64], amplitude: Complex<f64>, wave: &[Complex<f64>]) {
+    for (x, wave) in signal.iter_mut().zip(wave) {
+        *x -= (amplitude * wave).re;
     }
 }
 
@@ -347,10 +337,10 @@ mod tests {
             let mut signal: Vec<f64> = turns.iter().map(|t| 3.0 * (TAU * (t + phase)).cos()).collect();
             let found = refined(&signal, frequency_hz + off_cells * cell_hz, cell_hz);
             prop_assert!((found - frequency_hz).abs() < 1e-3 * cell_hz, "{} for {}", found, frequency_hz);
-            let turns = steady_turns(found, samples);
-            let amplitude = amplitudes(&signal, std::slice::from_ref(&(0..samples)), std::slice::from_ref(&turns))[0];
+            let wave = wave(steady_turns(found, samples).into_iter());
+            let amplitude = amplitudes(&signal, std::slice::from_ref(&(0..samples)), std::slice::from_ref(&wave))[0];
             prop_assert!((amplitude.norm() - 3.0).abs() < 1e-4);
-            subtract(&mut signal, amplitude, &turns);
+            subtract(&mut signal, amplitude, &wave);
             let left = signal.iter().map(|x| x * x).sum::<f64>() / samples as f64;
             prop_assert!(left < 4.5e-5, "{}", left);
         }
@@ -360,10 +350,11 @@ mod tests {
     fn components_that_are_the_same_share_their_amplitude() {
         let turns = steady_turns(100.0, 2000);
         let signal: Vec<f64> = turns.iter().map(|t| (TAU * t).cos()).collect();
+        let wave = wave(turns.into_iter());
         let found = amplitudes(
             &signal,
             std::slice::from_ref(&(0..2000)),
-            &[turns.clone(), turns],
+            &[wave.clone(), wave],
         );
         assert!(
             (found[0] + found[1] - Complex::new(1.0, 0.0)).norm() < 1e-3,

@@ -10,7 +10,7 @@ use realfft::num_complex::Complex;
 
 use super::search::{AtSpeed, HARMONICS, HIGHEST_HZ, LEVEL, LOWEST_HZ, by_speed};
 use super::steady::{Band, WholeSpectrum};
-use super::track::{amplitudes, without_straight_line};
+use super::track::{amplitudes, wave, without_straight_line};
 
 /// Logarithm of the chance below which a band makes a hypothesis.
 const LN_HYPOTHESIS_CHANCE: f64 = -9.0;
@@ -366,8 +366,8 @@ fn course_by(
     let wavelength_mm = speed / per_sample;
     let hz = per_sample * f64::from(SAMPLE_RATE_HZ);
     let count = ((HIGHEST_HZ / hz) as u32).min(HARMONICS);
-    let of_harmonics: Vec<Vec<f64>> = (1..=count)
-        .map(|n| turns.iter().map(|turns| turns * f64::from(n)).collect())
+    let of_harmonics: Vec<Vec<Complex<f64>>> = (1..=count)
+        .map(|n| wave(turns.iter().map(|turns| turns * f64::from(n))))
         .collect();
     let amplitudes = amplitudes(signal, ranges, &of_harmonics);
     let seconds = signal.len() as f64 / f64::from(SAMPLE_RATE_HZ);

@@ -7,6 +7,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::dsp::wide;
+
 /// Number of sums of a sketch: bits of a hash, one per sum.
 const SUMS: usize = 64;
 
@@ -28,14 +30,19 @@ impl Sketch {
     pub fn of(signal: &[f64]) -> Self {
         let mut sums = [0.0; SUMS];
         let mut energy = 0.0;
-        for (place, window) in (0u64..).zip(signal.windows(3)) {
-            let x = window[0] - 2.0 * window[1] + window[2];
-            energy += x * x;
-            let signs = mixed(place);
-            for (bit, sum) in sums.iter_mut().enumerate() {
-                *sum += if (signs >> bit) & 1 == 0 { x } else { -x };
-            }
-        }
+        wide(
+            #[inline(always)]
+            || {
+                for (place, window) in (0u64..).zip(signal.windows(3)) {
+                    let x = window[0] - 2.0 * window[1] + window[2];
+                    energy += x * x;
+                    let signs = mixed(place);
+                    for (bit, sum) in sums.iter_mut().enumerate() {
+                        *sum += if (signs >> bit) & 1 == 0 { x } else { -x };
+                    }
+                }
+            },
+        );
         let scale = 1.0 / energy.sqrt();
         let scaled = sums.iter().map(|sum| (sum * scale) as f32);
         Self {
