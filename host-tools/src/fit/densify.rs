@@ -324,7 +324,7 @@ impl Direction {
         self.of([&grid.speeds_mm_s, &grid.forces_n])
     }
 
-    /// What belongs to speed and to force, from what belongs to a line and to a node of it; and the other way round.
+    /// Returns what belongs to speed and to force, from what belongs to a line and to its nodes; or the reverse.
     fn of<T>(self, [line, node]: [T; 2]) -> [T; 2] {
         match self {
             Self::Speed => [line, node],

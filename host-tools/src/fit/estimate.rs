@@ -26,8 +26,8 @@ pub(super) struct Estimate {
     pub bands: Bands,
 }
 
-/// Estimates the autocorrelation of `signal` at `rate_hz`, whose plain autocorrelation is `plain` and which was filtered
-/// at `cut_hz`, if at all.
+/// Estimates the autocorrelation of `signal` at `rate_hz`, which was filtered at `cut_hz`, if at all; `plain` is its
+/// plain autocorrelation.
 pub(super) fn estimate(
     rate_hz: u32,
     signal: &[f64],

@@ -135,13 +135,13 @@ pub(super) struct Source<'s> {
     /// The account of every trial, in the order of the set.
     pub reports: &'s [TrialReport],
     pub options: &'s Options,
-    /// What of each trial is fitted.
+    /// The part of each trial that is fitted.
     pub part: Part,
 }
 
 impl<'s> Source<'s> {
-    /// Adds to each of `textures` what excites its models, by the signals that are held of it, in the same order, or else
-    /// are read again. `progress` is told of each trial that is done.
+    /// Adds to each of `textures` what excites its models, by the signals that are `held`, in the same order, or that are
+    /// read again. `progress` is told of each trial that is done.
     ///
     /// # Errors
     /// A recording that cannot be read again; textures that make no library.
@@ -164,8 +164,8 @@ impl<'s> Source<'s> {
         Ok(())
     }
 
-    /// Reads the signals of a texture's trials again, as far as the fit used them, or all if it has lines, which show in
-    /// all of them.
+    /// Reads the signals of a texture's trials again: those that the fit used, or all if the texture has lines, because
+    /// these show in all of them.
     ///
     /// # Errors
     /// A recording that cannot be used any more.

@@ -47,8 +47,8 @@ use fitted::Source;
 /// Memory for signals that wait for the last step in place of being read again, bytes.
 const HELD_SIGNALS: usize = 128 << 20;
 
-/// Fits `set` with the excitation that its recordings have, telling `progress` of the number of trials whenever some are
-/// done, and of none between the later steps.
+/// Fits `set` with the excitation that its recordings have, telling `progress` of the number of trials whenever some
+/// are done, and of none between the later steps.
 ///
 /// The result does not depend on the number of threads.
 ///

@@ -42,7 +42,7 @@ pub(in crate::fit) struct Axes<'a> {
     pub forces_n: &'a [f32],
 }
 
-/// What an excitation is chosen for.
+/// The texture and the room that an excitation is chosen for.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::fit) struct Choice<'a> {
     /// Name of the texture.

@@ -165,7 +165,7 @@ pub struct LineMember<'a> {
     pub lines: &'a TrialLines,
 }
 
-/// The lines of `findings` with an amplitude per node of `grid`, from the trials that made it; `None` if there are none.
+/// The lines of `findings` with an amplitude per node of `grid`, from the trials that made it; `None` without lines.
 ///
 /// A node that no trial tells of, because none was recorded or because the line is above the frequencies that can be
 /// recorded there, has what lies between its neighbours of the same force, or the nearest of them, or that of the

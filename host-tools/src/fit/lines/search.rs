@@ -351,7 +351,7 @@ const LN_SHOWN_CHANCE: f64 = -7.0;
 /// Difference of the logarithms of two speeds that count as one: repeats that were measured do not agree to the digit.
 const SAME_SPEED: f64 = 0.02;
 
-/// What the trials at one speed show, each with the logarithm of its chance.
+/// The trials at one speed, with what they show, each with the logarithm of its chance.
 pub(super) struct AtSpeed<T> {
     /// The speed of the first of them, mm/s.
     pub speed_mm_s: f64,

@@ -47,8 +47,8 @@ pub(super) fn wave_at(place_mm: &[f64], wavelength_mm: f64) -> Vec<Complex<f64>>
     wave(place_mm.iter().map(|x| x / wavelength_mm))
 }
 
-/// Corrects `place_mm` by the phase of the line of `wavelength_mm`, if that wanders and is clear enough. Returns whether
-/// it was corrected.
+/// Corrects `place_mm` by the phase of the line of `wavelength_mm`, if that wanders and is clear enough. Returns true
+/// if it was corrected.
 pub(super) fn followed(signal: &[f64], place_mm: &mut [f64], wavelength_mm: f64) -> bool {
     let window = ((AVERAGE_S * f64::from(SAMPLE_RATE_HZ)) as usize).min(signal.len() / 4);
     if window < 8 {
@@ -264,8 +264,8 @@ fn spectrum_at(signal: &[f64], frequency_hz: f64) -> Complex<f64> {
 
 /// Complex amplitudes c of the components Re c w(n) that leave the least squares in `ranges` of `signal`, m/s².
 ///
-/// `waves` has the w of each component. Components that cannot be told apart share their amplitude by a ridge of 1e-9 of
-/// their power.
+/// `waves` has the w of each component. Components that cannot be told apart share their amplitude by a ridge of 1e-9
+/// of their power.
 pub(super) fn amplitudes(
     signal: &[f64],
     ranges: &[Range<usize>],

@@ -12,8 +12,8 @@ mod surface_and_tool;
 
 use surface_and_tool::{FEWEST_SPEEDS, SurfaceAndTool};
 
-/// The spectra of a texture's recorded nodes: all trials of a node together, from the `signals` of the texture's trials.
-/// Silent nodes have none.
+/// The spectra of a texture's recorded nodes: all trials of a node together, from the `signals` of the texture's
+/// trials. Silent nodes have none.
 pub fn recorded_spectra(grid: &Grid, signals: &[(&Trial, &[f64])]) -> RecordedSpectra {
     let nodes: Vec<_> = grid.nodes().collect();
     let spectra = nodes.iter().map(|(speed, force, model)| {
