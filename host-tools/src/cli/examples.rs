@@ -100,10 +100,10 @@ mod tests {
         }
     }
 
-    /// Options whose values are of several kinds. `play` takes the sensors for a motion, too; an upload knows which slot
-    /// it activates; `evaluate` has a report beside its JSON, and reads strokes where `record` makes them; listeners have
-    /// a number of trials where `record` has a list; parts are results in a folder, or what textures are made of;
-    /// `import-hatt` counts speeds and forces.
+    /// Options whose values are of several kinds. `play` takes the sensors for a motion, too; an upload knows which
+    /// slot it activates; `evaluate` has a report beside its JSON, and reads strokes where `record` makes them; a
+    /// listening test has a number of trials where `record` has a list; parts are results in a folder, or what textures
+    /// are made of; `import-hatt` counts speeds and forces.
     const OF_SEVERAL_KINDS: [&str; 8] = [
         "motion", "activate", "json", "strokes", "trials", "parts", "speeds", "forces",
     ];

@@ -2,7 +2,8 @@
 //!
 //! **Invariant: thin.** A command parses its arguments, calls the library and prints. Signal processing, formats and
 //! the link belong to the library, where other programs can use them. Of the shared modules, `input`
-//! reads, `output`, `table` and `lines` print, `files` writes, `interrupt` ends, `examples` shows how; they import no command.
+//! reads, `output`, `table` and `lines` print, `files` writes, `interrupt` ends, `examples` shows how; they import no
+//! command.
 
 mod compare;
 mod demo;

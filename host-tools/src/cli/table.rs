@@ -62,12 +62,12 @@ fn fitted(header: &[&str], rows: &[Vec<String>], is_full: bool) -> String {
         note("left out, shown by --full", left_out),
     ];
     let rule = "-".repeat(width(&columns));
-    let headings = columns.iter().map(Column::heading_lines).collect();
-    let mut lines = lines_of(headings, &columns, true);
+    let headings: Vec<_> = columns.iter().map(Column::heading_lines).collect();
+    let mut lines = lines_of(&headings, &columns, true);
     lines.push(rule);
     for row in 0..rows.len() {
-        let cells = columns.iter().map(|column| column.lines(row)).collect();
-        lines.extend(lines_of(cells, &columns, false));
+        let cells: Vec<_> = columns.iter().map(|column| column.lines(row)).collect();
+        lines.extend(lines_of(&cells, &columns, false));
     }
     lines.join("\n") + &notes.into_iter().flatten().collect::<String>()
 }
@@ -180,7 +180,7 @@ fn broken(text: &str, width: usize) -> Vec<String> {
 }
 
 /// The lines of a row whose cells have these; a header's stand at the bottom.
-fn lines_of(cells: Vec<Vec<String>>, columns: &[Column], is_header: bool) -> Vec<String> {
+fn lines_of(cells: &[Vec<String>], columns: &[Column], is_header: bool) -> Vec<String> {
     let height = cells.iter().map(Vec::len).max().unwrap_or(0).max(1);
     let line = |index: usize| {
         let mut text = String::new();

@@ -181,8 +181,8 @@ impl Comparison {
 pub fn texture_named<'a>(library: &Library<'a>, name: &str) -> Result<Texture<'a>> {
     library.texture(name).ok_or_else(|| {
         let names: Vec<&str> = library.textures().map(|texture| texture.name()).collect();
-        let scenes: Vec<_> = library.scenes().map(|scene| scene.name).collect();
-        let scenes: Vec<&str> = scenes.iter().map(|name| name.as_str()).collect();
+        let scenes = library.scenes().map(|scene| scene.name.to_string());
+        let scenes: Vec<String> = scenes.collect();
         let scene = nearly(name, &scenes).map(|scene| format!("; '{scene}' is a scene of it"));
         Error::Request(format!(
             "the library has no texture '{name}'; it has {}{}",

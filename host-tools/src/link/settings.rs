@@ -127,6 +127,7 @@ impl<'a> Known<'a> {
     }
 
     /// The `settings` that [`Known::of`] a device are after `change`.
+    #[must_use]
     pub fn after(self, change: &SettingsChange, settings: &'a Settings) -> Self {
         let unset = match change {
             SettingsChange::Reset => SettingSet::REQUIRED,
@@ -148,7 +149,7 @@ impl<'a> Known<'a> {
         self.settings.get(setting).to_string()
     }
 
-    /// What follows at pin and coil, which nobody knows without the hardware's own values.
+    /// Limits that follow at pin and coil, which nobody knows without the hardware's own values.
     fn in_force(self) -> Option<String> {
         let unset = self.unset;
         let is_known =
@@ -188,7 +189,7 @@ pub fn consequences(before: Known<'_>, after: Known<'_>, changed: SettingSet) ->
 /// The reason for a limit that no setting has set, in words.
 pub fn cap() -> String {
     format!(
-        "this firmware holds {:.3} V RMS at the pin at most, as for {BUILT_FOR_OHM} Ω behind a gain of {BUILT_FOR_GAIN}",
+        "this firmware holds {:.3} V RMS at the pin at most, as for {BUILT_FOR_OHM} Ω at a gain of {BUILT_FOR_GAIN}",
         MAX_PIN_MEAN_SQUARE.sqrt()
     )
 }

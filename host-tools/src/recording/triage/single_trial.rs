@@ -13,8 +13,8 @@ use crate::recording::source::Samples;
 /// Number of samples below which a trial is too short: 0.4 s at 5 kHz.
 pub const SHORT_SAMPLES: usize = 2000;
 
-/// Lowest sample rate of a file that carries what skin feels, up to 1 kHz (Verrillo 1963), with a tenth for the logger's
-/// filter, Hz.
+/// Lowest sample rate of a file that carries what skin feels, up to 1 kHz (Verrillo 1963), with a tenth for the filter
+/// of the logger, Hz.
 pub const LEAST_RATE_HZ: f64 = 2200.0;
 
 /// Share of samples at the extremes at which a recording counts as clipped.

@@ -112,8 +112,8 @@ pub fn dark_style() -> &'static str {
     &STYLE
 }
 
-/// The rules that show a map in its dark colours, beside those of every picture: a scale begins near the ground, so that
-/// what is least, and so the best of a cost, is as quiet there as on paper. What stands on a cell changes with it.
+/// The rules that show a map in its dark colours, beside those of every picture: a scale begins near the ground, so
+/// that what is least, and so the best of a cost, is as quiet there as on paper. What stands on a cell changes with it.
 pub fn dark_scale_style() -> &'static str {
     static STYLE: LazyLock<String> = LazyLock::new(|| {
         let shades = (0..SHADES).map(|step| (shade(step), shade(SHADES - 1 - step)));
