@@ -25,24 +25,25 @@ use crate::CortexM;
 use crate::boot::priority;
 use crate::play::shared::Handed;
 
-/// Index of one of the two blocks.
+/// Index of one of the two blocks: false is the first. Not an enumeration, because its match was a branch, by which the
+/// tick took an instruction more at every other block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum BlockIndex {
-    /// The first.
-    First,
-    /// The second.
-    Second,
-}
+pub struct BlockIndex(bool);
 
 impl BlockIndex {
+    /// The index of the first block.
+    pub const FIRST: Self = Self(false);
+
     /// The index of the other block.
     #[must_use]
     #[inline(always)]
     pub const fn other(self) -> Self {
-        match self {
-            Self::First => Self::Second,
-            Self::Second => Self::First,
-        }
+        Self(!self.0)
+    }
+
+    #[inline(always)]
+    fn get(self) -> usize {
+        usize::from(self.0)
     }
 }
 
@@ -135,7 +136,7 @@ pub fn saturations() -> u32 {
 #[inline(always)]
 pub unsafe fn next_sample(index: BlockIndex) -> OutputSample {
     // SAFETY: by the caller's contract both are the tick's.
-    let (scene, block) = unsafe { (SCENE.get(), BLOCKS[index as usize].look()) };
+    let (scene, block) = unsafe { (SCENE.get(), BLOCKS[index.get()].look()) };
     scene.next_sample(block, |voice| {
         let (slot, buffer) = indices(voice);
         // SAFETY: the block that is played names them.
@@ -156,7 +157,7 @@ pub unsafe fn next_sample(index: BlockIndex) -> OutputSample {
 #[inline(never)]
 pub unsafe fn begin_block(index: BlockIndex) -> Ringing {
     // SAFETY: by the caller's contract both are the tick's.
-    let (scene, block) = unsafe { (SCENE.get(), BLOCKS[index as usize].look()) };
+    let (scene, block) = unsafe { (SCENE.get(), BLOCKS[index.get()].look()) };
     scene.begin_block(block, |voice| {
         let (slot, _) = indices(voice);
         // SAFETY: the block that is played names it.
@@ -214,7 +215,7 @@ pub unsafe fn direct(
     played: Played,
 ) {
     // SAFETY: before `ready` the other block is the update's.
-    let block = unsafe { BLOCKS[played.block.other() as usize].get() };
+    let block = unsafe { BLOCKS[played.block.other().get()].get() };
     let ringing = played.ringing;
     // A plan that waits has the same rate, because another rate begins from silence.
     let samples = director.plan().block_samples();

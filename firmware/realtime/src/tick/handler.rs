@@ -370,7 +370,7 @@ impl Tick {
     #[inline(always)]
     fn begin_block(&mut self) {
         if core::mem::take(&mut self.begins) {
-            self.playing = Some(BlockIndex::First);
+            self.playing = Some(BlockIndex::FIRST);
             (self.ringing, self.requested) = (Ringing::default(), false);
         }
         if !voice::is_ready() {
