@@ -60,9 +60,10 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
         }
     }
 
-    /// Gives both flashes back: that of the slots, and that of the settings.
-    pub fn into_flash(self) -> (F, S) {
-        (self.slots.into_flash(), self.settings.into_flash())
+    /// Gives the flashes back: those of slots and settings, and that of the record of updates if there is one.
+    pub fn into_flash(self) -> (F, S, Option<S>) {
+        let records = self.updates.map(|updates| updates.store.into_flash());
+        (self.slots.into_flash(), self.settings.into_flash(), records)
     }
 
     /// Reads the settings, which were [`SettingsStore::unread`].

@@ -92,8 +92,6 @@ pub struct Updates<R> {
     pub(crate) running: Running,
     /// Header of the update that is received.
     pub(crate) begun: Option<ImageHeader>,
-    /// True once this run has committed an update.
-    pub(crate) is_committed: bool,
     pub(crate) wants_restart: bool,
 }
 
@@ -104,23 +102,18 @@ impl<R: NorFlash> Updates<R> {
             store,
             running,
             begun: None,
-            is_committed: false,
             wants_restart: false,
         }
     }
 
-    /// Gives the record's flash back.
-    pub fn into_flash(self) -> R {
-        self.store.into_flash()
-    }
-
     /// Returns true while the slot of the update holds the image before, or the one that is to come.
     pub(crate) fn is_pending(&self) -> bool {
-        self.store.record().marks[0] == mark::SWAP
+        self.store.record().asks()
     }
 
+    /// Returns true if the running image is the one of the update: an update whose commit was cut is still to come.
     pub(crate) fn is_on_trial(&self) -> bool {
-        self.is_pending() && !self.is_committed
+        self.is_pending() && self.store.record().steps() > 0
     }
 
     fn slot(&self) -> SlotId {
@@ -137,7 +130,7 @@ impl<R: NorFlash> Updates<R> {
         let record = self.store.record();
         let version = ImageVersion::new(record.version);
         let phase = match record.marks[0] {
-            _ if self.is_committed => UpdatePhase::Committed { version },
+            mark::SWAP if !self.is_on_trial() => UpdatePhase::Committed { version },
             mark::SWAP => UpdatePhase::Trial {
                 slot: self.slot(),
                 left_ms: TRIAL_MS.saturating_sub(now_us / 1000) as u32,

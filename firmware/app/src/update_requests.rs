@@ -28,7 +28,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
         let Some(updates) = self.updates.as_mut() else {
             return false;
         };
-        updates.is_pending() || updates.store.settle().await.is_err()
+        updates.is_pending() || updates.store.renew().await.is_err()
     }
 
     /// Returns true once the device is to restart, after its answer has been sent.
@@ -107,7 +107,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
             return Err(error);
         }
         // Until the restart nothing can be played.
-        (updates.is_committed, updates.wants_restart) = (true, true);
+        updates.wants_restart = true;
         Ok(updates.report(stage.now_us()))
     }
 

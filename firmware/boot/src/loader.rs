@@ -1,4 +1,9 @@
 //! The exchange of images, by `embassy-boot`, on any flash: that of the part, and one in memory that tests cut.
+//!
+//! What is no image is never moved. Before the first step of an exchange, the slot must begin with an image; before the
+//! first step back, it must hold the image that was put aside, by its check. Otherwise the record reads as it was not
+//! written, and the slot was given to a library since: then the active image stays. Once a step has been done, the only
+//! way is on.
 
 use core::cell::RefCell;
 use core::ops::Range;
@@ -10,8 +15,8 @@ use embedded_storage::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
 };
 
-use crate::map::{ACTIVE, RECORDS, SECTOR_BYTES, SLOTS, WORD_BYTES};
-use crate::record::{MARKS, NotKept, Record, Store, mark};
+use crate::map::{ACTIVE, FLASH, RECORDS, SECTOR_BYTES, SLOTS, WORD_BYTES};
+use crate::record::{CRC, EXCHANGED, MARKS, NotKept, Record, Store, mark};
 
 /// Bytes that are copied at once.
 const COPIED_BYTES: usize = 4096;
@@ -35,22 +40,73 @@ pub fn prepare<F: NorFlash>(flash: F, cause: u8, begin: impl FnOnce()) -> Result
     let Some(slot) = SLOTS.get(usize::from(record.slot)) else {
         return Ok(());
     };
-    if record.marks[0] != mark::SWAP {
+    if !record.asks() {
         return Ok(());
     }
     begin();
+    let (mut active, mut dfu) = (part(ACTIVE, true), part(slot.clone(), true));
+    let judged = judged(record, &mut active, &mut dfu).map_err(|error| other(&error))?;
     // Its word may have been cut just before its end, and read right this time only. Now it is programmed whole.
-    block_on(store.replace(Record { cause, ..record })).map_err(other)?;
-    let mut loader = BootLoader::new(BootLoaderConfig {
-        active: part(ACTIVE, true),
-        dfu: part(slot.clone(), true),
-        state: Marks(store),
-    });
+    let kept = block_on(store.replace(Record { cause, ..judged }));
+    kept.map_err(|error| other(&error))?;
+    if !judged.asks() {
+        return Ok(());
+    }
+    let state = Marks(store);
+    let mut loader = BootLoader::new(BootLoaderConfig { active, dfu, state });
     loader.prepare_boot(&mut [0; COPIED_BYTES]).map(drop)
 }
 
-fn other(NotKept: NotKept) -> BootError {
-    BootError::Flash(NorFlashErrorKind::Other)
+fn other(error: &impl NorFlashError) -> BootError {
+    BootError::Flash(error.kind())
+}
+
+/// The record to go on with: `record`, or one that asks for nothing, because what is in the slot is no image.
+fn judged<F: NorFlash>(
+    record: Record,
+    active: &mut Part<'_, F>,
+    slot: &mut Part<'_, F>,
+) -> Result<Record, F::Error> {
+    // An exchange leaves the image before it one sector further on.
+    let aside = SECTOR_BYTES as u32;
+    let without = |mark| Record::marked(mark, record.slot, record.version);
+    Ok(match (record.steps(), record.check()) {
+        (0, None) if is_image(slot, 0)? => record.with_check(check(active, 0)?),
+        (0, None) => without(mark::REVERT),
+        (EXCHANGED, Some(kept)) if check(slot, aside)? != kept => without(mark::BOOT),
+        (EXCHANGED, None) if !is_image(slot, aside)? => without(mark::BOOT),
+        // Their first steps are done again after a cut, and change nothing that was looked at.
+        _ => record,
+    })
+}
+
+/// Returns true if an image is at `offset`: a table of vectors with a stack in RAM and a reset handler in the image.
+fn is_image<F: NorFlash>(part: &mut Part<'_, F>, offset: u32) -> Result<bool, F::Error> {
+    let mut word = [0; WORD_BYTES];
+    part.read(offset, &mut word)?;
+    let [stack, reset, ..] = *word.as_chunks::<4>().0 else {
+        return Ok(false);
+    };
+    let handler = u32::from_le_bytes(reset).wrapping_sub(FLASH);
+    Ok(
+        (0x2000_0000..0x4000_0000).contains(&u32::from_le_bytes(stack))
+            && handler % 2 == 1
+            && ACTIVE.contains(&handler),
+    )
+}
+
+/// Check of as many bytes as an image may have, from `offset` on.
+fn check<F: NorFlash>(part: &mut Part<'_, F>, offset: u32) -> Result<u16, F::Error> {
+    let mut digest = CRC.digest();
+    let mut word = [0; WORD_BYTES];
+    for at in (offset..)
+        .step_by(WORD_BYTES)
+        .take(ACTIVE.len() / WORD_BYTES)
+    {
+        part.read(at, &mut word)?;
+        digest.update(&word);
+    }
+    Ok((digest.finalize() as u16).min(u16::MAX - 1))
 }
 
 /// A part of the flash.

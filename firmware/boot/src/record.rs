@@ -9,10 +9,22 @@ use core::ops::Range;
 use crc::{CRC_32_ISO_HDLC, Crc, NoTable};
 use embedded_storage_async::nor_flash::NorFlash;
 
-use crate::map::{SECTOR_BYTES, WORD_BYTES};
+use crate::map::{ACTIVE, SECTOR_BYTES, WORD_BYTES};
 
-/// Bytes of `embassy-boot`'s state: mark, validity of its progress, and its progress.
+/// Bytes of `embassy-boot`'s state: mark, validity of its progress, and its progress; then the check of the image that
+/// an exchange puts aside, which `embassy-boot` does not use.
 pub const MARKS: usize = 16;
+
+/// Place of the progress in the marks.
+const PROGRESS: usize = 2;
+
+/// Place of the check in the marks.
+const CHECK: usize = PROGRESS + 2 * EXCHANGED;
+
+/// Number of steps of an exchange: two for each sector of the image. The way back has as many.
+pub const EXCHANGED: usize = 2 * (ACTIVE.end - ACTIVE.start) as usize / SECTOR_BYTES;
+
+const _: () = assert!(CHECK + 2 == MARKS);
 
 /// Marks of `embassy-boot`, whose constants are its own; `loader` tests that it reads them so.
 pub mod mark {
@@ -36,7 +48,7 @@ const TRIES: usize = 8;
 /// times.
 const STEADY_READS: usize = 20;
 
-const CRC: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
+pub(crate) const CRC: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
 
 /// Content of the record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -65,6 +77,35 @@ impl Record {
             cause: 0,
             version,
         }
+    }
+
+    /// Returns true if an exchange is asked for or under way, or the new image is on trial.
+    pub fn asks(&self) -> bool {
+        self.marks[0] == mark::SWAP
+    }
+
+    /// Number of steps that were done of an exchange and of the way back.
+    pub fn steps(&self) -> usize {
+        let mut progress = self.marks[PROGRESS..CHECK].iter();
+        let done = progress.position(|&step| step == mark::ERASED);
+        match self.marks[PROGRESS - 1] {
+            mark::ERASED => done.unwrap_or(2 * EXCHANGED),
+            // It was made invalid: the way back has been gone.
+            _ => 2 * EXCHANGED,
+        }
+    }
+
+    /// Check of the image that an exchange puts aside; none before an exchange, or of a bootloader that made none.
+    pub fn check(&self) -> Option<u16> {
+        let check = u16::from_le_bytes([self.marks[CHECK], self.marks[CHECK + 1]]);
+        (check != u16::MAX).then_some(check)
+    }
+
+    /// The same record with this check of an image, below `u16::MAX`.
+    #[must_use]
+    pub fn with_check(mut self, check: u16) -> Self {
+        self.marks[CHECK..].copy_from_slice(&check.to_le_bytes());
+        self
     }
 
     fn word(&self, sequence: u32) -> [u8; WORD_BYTES] {
@@ -120,7 +161,11 @@ pub struct Store<F> {
     start: u32,
     /// Offset of the next word to be programmed.
     next: u32,
-    is_steady: bool,
+    /// True if each start will find the same, even if the newest word was cut at its very end, reads right many times
+    /// and wrong once, so that the one before it counts then.
+    is_settled: bool,
+    /// True once this run has written a record, whose word no cut has left.
+    is_renewed: bool,
 }
 
 /// Failure to keep a record: no word of it read back.
@@ -140,9 +185,11 @@ impl<F: NorFlash> Store<F> {
             range,
             record: Record::NONE,
             sequence: 0,
-            is_steady: true,
+            is_settled: true,
+            is_renewed: false,
         };
         let mut newest: Option<(u32, Record, u32)> = None;
+        let mut before: Option<(u32, Record)> = None;
         for sector in store.range.clone().step_by(SECTOR_BYTES) {
             let mut end = sector;
             for at in (sector..).step_by(WORD_BYTES).take(WORDS as usize) {
@@ -151,10 +198,14 @@ impl<F: NorFlash> Store<F> {
                 };
                 end = at + WORD_BYTES as u32;
                 let read = used.as_ref().and_then(Record::read);
-                if let Some((sequence, record)) = read
-                    && newest.is_none_or(|(newest, ..)| is_newer(sequence, newest))
-                {
-                    newest = Some((sequence, record, at));
+                let Some((sequence, record)) = read else {
+                    continue;
+                };
+                if newest.is_none_or(|(newest, ..)| is_newer(sequence, newest)) {
+                    let newest = newest.replace((sequence, record, at));
+                    before = newest.map(|(sequence, record, _)| (sequence, record));
+                } else if before.is_none_or(|(before, _)| is_newer(sequence, before)) {
+                    before = Some((sequence, record));
                 }
             }
             let is_newest = newest.is_some_and(|(_, _, at)| at >= sector);
@@ -167,7 +218,7 @@ impl<F: NorFlash> Store<F> {
             .reads_steadily(store.due()..store.due() + WORD_BYTES as u32)
             .await
         {
-            store.is_steady = false;
+            store.is_settled = false;
             if store.due() != store.next {
                 break;
             }
@@ -176,7 +227,9 @@ impl<F: NorFlash> Store<F> {
         let (sequence, record, at) = newest.unwrap_or((1, Record::NONE, store.start));
         let used = (store.next - at) / WORD_BYTES as u32;
         (store.sequence, store.record) = (sequence.wrapping_add(used).wrapping_sub(1), record);
-        store.is_steady &= store.reads_steadily(at..store.next).await;
+        let asked_before = before.is_some_and(|(_, record)| record.asks());
+        store.is_settled &= asked_before == record.asks();
+        store.is_settled &= store.reads_steadily(at..store.next).await;
         store
     }
 
@@ -216,13 +269,25 @@ impl<F: NorFlash> Store<F> {
         self.record
     }
 
-    /// Writes the record anew if it, or one after it, reads differently from read to read, as after a power cut. Done
-    /// before anything else is erased or programmed that depends on the record.
+    /// Writes the record anew if a later start may find another one: if a word reads differently from read to read, or
+    /// if the record before asks for an exchange and this one does not, or the other way round.
     ///
     /// # Errors
     /// The flash does not keep it.
     pub async fn settle(&mut self) -> Result<(), NotKept> {
-        if self.is_steady {
+        if self.is_settled {
+            return Ok(());
+        }
+        self.replace(self.record).await
+    }
+
+    /// Writes the record anew unless this run has written one. Done before anything is given up that an older record
+    /// would need: no number of reads shows that a word is whole.
+    ///
+    /// # Errors
+    /// The flash does not keep it.
+    pub async fn renew(&mut self) -> Result<(), NotKept> {
+        if self.is_renewed {
             return Ok(());
         }
         self.replace(self.record).await
@@ -239,11 +304,13 @@ impl<F: NorFlash> Store<F> {
             let at = self.free_word().await?;
             let written = self.flash.write(at, &word).await.is_ok();
             if written && self.used_word(at).await == Some(Some(word)) {
-                (self.sequence, self.record, self.is_steady) = (sequence, record, true);
+                (self.sequence, self.record) = (sequence, record);
+                (self.is_settled, self.is_renewed) = (true, true);
                 return Ok(());
             }
         }
-        (self.sequence, self.is_steady) = (sequence, false);
+        self.sequence = sequence;
+        (self.is_settled, self.is_renewed) = (false, false);
         Err(NotKept)
     }
 

@@ -27,6 +27,8 @@ pub struct Memory {
     faulty: Vec<bool>,
     /// Words that read differently from read to read, with the content before the cut and the one after it.
     unstable: BTreeMap<usize, [[u8; WORD_BYTES]; 2]>,
+    /// Words that fault in so many of a thousand reads, as those do whose programming was cut at its very end.
+    marginal: BTreeMap<usize, u64>,
     /// State of the chance by which they read.
     chance: u64,
 }
@@ -61,19 +63,32 @@ pub enum Cut {
     Unstable,
     /// All of it has happened.
     After,
+    /// Runs of words, of any length, are each left in one of the other manners, by chance: silicon need not erase a
+    /// sector's words alike.
+    Mixed,
 }
 
 impl Cut {
     /// All whose words read the same at each read.
     pub const ALL: [Self; 4] = [Self::Before, Self::Faulting, Self::Readable, Self::After];
 
-    /// All.
+    /// All but the mixture.
     pub const WITH_UNSTABLE: [Self; 5] = [
         Self::Before,
         Self::Faulting,
         Self::Readable,
         Self::Unstable,
         Self::After,
+    ];
+
+    /// All.
+    pub const EVERY: [Self; 6] = [
+        Self::Before,
+        Self::Faulting,
+        Self::Readable,
+        Self::Unstable,
+        Self::After,
+        Self::Mixed,
     ];
 }
 
@@ -85,6 +100,7 @@ impl Memory {
             programmed: vec![false; bytes / WORD_BYTES],
             faulty: vec![false; bytes / WORD_BYTES],
             unstable: BTreeMap::new(),
+            marginal: BTreeMap::new(),
             chance: 1,
         }
     }
@@ -110,11 +126,27 @@ impl Memory {
             Operation::Erase { sector } => {
                 let words =
                     sector * SECTOR_BYTES / WORD_BYTES..(sector + 1) * SECTOR_BYTES / WORD_BYTES;
+                let (mut manner, mut run) = (cut, 0);
                 for word in words {
-                    self.change(word, [0xff; WORD_BYTES], cut, false);
+                    if run == 0 {
+                        (manner, run) = (self.drawn(cut), 1 << self.below(13));
+                    }
+                    run -= 1;
+                    self.change(word, [0xff; WORD_BYTES], manner, false);
                 }
             }
-            Operation::Write { word, data } => self.change(word, data, cut, true),
+            Operation::Write { word, data } => {
+                let manner = self.drawn(cut);
+                self.change(word, data, manner, true);
+            }
+        }
+    }
+
+    /// The manner in which `cut` leaves a word, or a run of them.
+    fn drawn(&mut self, cut: Cut) -> Cut {
+        match cut {
+            Cut::Mixed => Cut::WITH_UNSTABLE[self.below(5) as usize],
+            _ => cut,
         }
     }
 
@@ -128,13 +160,15 @@ impl Memory {
     }
 
     fn change(&mut self, word: usize, data: [u8; WORD_BYTES], cut: Cut, programmed: bool) {
-        if cut == Cut::Before {
+        // A mixture was drawn before.
+        if matches!(cut, Cut::Before | Cut::Mixed) {
             return;
         }
         self.unstable.remove(&word);
+        self.marginal.remove(&word);
         let bytes = &mut self.bytes[word * WORD_BYTES..][..WORD_BYTES];
         match cut {
-            Cut::Before => {}
+            Cut::Before | Cut::Mixed => {}
             Cut::After => bytes.copy_from_slice(&data),
             Cut::Faulting | Cut::Readable | Cut::Unstable => {
                 if cut == Cut::Unstable {
@@ -170,7 +204,12 @@ impl Memory {
             .insert(word, [content, content.map(|byte| byte ^ 0x10)]);
     }
 
-    /// Seeds the chance by which unstable words read.
+    /// Makes the word with this number fault in so many of a thousand reads.
+    pub fn set_marginal(&mut self, word: usize, per_mille: u64) {
+        self.marginal.insert(word, per_mille);
+    }
+
+    /// Seeds the chance by which unstable and marginal words read.
     pub fn seed(&mut self, seed: u64) {
         self.chance = seed | 1;
     }
@@ -186,7 +225,8 @@ impl Memory {
 
     /// The content of `word` as this read finds it; none if it faults.
     fn read_word(&mut self, word: usize) -> Option<[u8; WORD_BYTES]> {
-        if self.faulty[word] {
+        let share = self.marginal.get(&word).copied();
+        if self.faulty[word] || share.is_some_and(|share| self.below(1000) < share) {
             return None;
         }
         let stable = *self.bytes[word * WORD_BYTES..].first_chunk()?;

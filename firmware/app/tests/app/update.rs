@@ -21,10 +21,10 @@ use model_format::link::{
 use proptest::prelude::*;
 use stylus_app::update::{DEVELOPMENT_KEY, Running, Updates, sign};
 use stylus_boot::loader;
-use stylus_boot::map::{ACTIVE, RECORDS, SLOTS, WORD_BYTES};
-use stylus_boot::record::{Record, Store, mark};
+use stylus_boot::map::{ACTIVE, BANK_BYTES, FLASH, RECORDS, SLOTS, WORD_BYTES};
+use stylus_boot::record::{EXCHANGED, Record, Store, mark};
 
-const FLASH_BYTES: usize = 2 * stylus_boot::map::BANK_BYTES;
+const FLASH_BYTES: usize = 2 * BANK_BYTES;
 const VERSION: ImageVersion = ImageVersion::new([2, 3, 4]);
 
 /// A driver of the simulated flash that blocks, until power is lost.
@@ -94,6 +94,14 @@ fn pattern(seed: u32, length: usize) -> Vec<u8> {
     (0..length).map(|at| byte(at) as u8).collect()
 }
 
+/// The same behind a table of vectors.
+fn image(seed: u32, length: usize) -> Vec<u8> {
+    let mut bytes = pattern(seed, length);
+    bytes[..4].copy_from_slice(&0x2000_D400_u32.to_le_bytes());
+    bytes[4..8].copy_from_slice(&(FLASH + ACTIVE.start + 0x401).to_le_bytes());
+    bytes
+}
+
 /// A device with an image, a library in the first slot, settings, and a committed update in the second slot.
 struct Committed {
     memory: Memory,
@@ -102,15 +110,24 @@ struct Committed {
 }
 
 fn committed() -> Committed {
+    let images = received();
+    let memory = recorded(images.memory, COMMIT);
+    Committed { memory, ..images }
+}
+
+/// Record of the commit.
+const COMMIT: Record = Record::marked(mark::SWAP, 1, [2, 3, 5]);
+
+/// The same before the word of the commit.
+fn received() -> Committed {
     let mut memory = Memory::blank(FLASH_BYTES);
-    let (old, new) = (pattern(1, ACTIVE.len()), pattern(2, 290_000));
+    let (old, new) = (image(1, ACTIVE.len()), image(2, 290_000));
     memory.program(ACTIVE.start as usize, &old);
     memory.program(RECORDS.end as usize, &pattern(3, 2 * SECTOR_BYTES));
     memory.program(SLOTS[0].start as usize, &pattern(4, SLOTS[0].len()));
     memory.program(SLOTS[1].start as usize, &new);
     let mut new = new;
     new.resize(ACTIVE.len(), 0xFF);
-    let memory = recorded(memory, Record::marked(mark::SWAP, 1, [2, 3, 5]));
     Committed { memory, old, new }
 }
 
@@ -191,6 +208,7 @@ fn survives(before: &Memory, cuts: &[(usize, Cut)], images: &Committed) -> (Memo
 fn check_cuts(manners: usize, numbers: fn(&[Operation]) -> Vec<usize>) {
     let images = committed();
     let (trial, _) = boot(images.memory.clone(), None);
+    assert!(part(&trial, ACTIVE) == images.new);
     for (before, goes_back) in [(&images.memory, false), (&trial, true)] {
         let operations = operations(before);
         let mut counts = [0; 2];
@@ -272,6 +290,153 @@ proptest! {
         block_on(store.replace(numbered(9999))).expect("the flash works");
         let store = block_on(Store::open(store.into_flash(), RECORDS));
         prop_assert_eq!(store.record(), numbered(9999));
+    }
+}
+
+#[test]
+fn a_slot_without_the_image_that_a_record_asks_for_is_left_alone_until_a_step_has_been_done() {
+    let images = committed();
+    let (trial, _) = boot(images.memory.clone(), None);
+    let slot = |sector: usize| SLOTS[1].start as usize + sector * SECTOR_BYTES;
+    let erase = |memory: &mut Memory, sector: usize| {
+        let sector = slot(sector) / SECTOR_BYTES;
+        memory.perform(Operation::Erase { sector }, Cut::After);
+    };
+    let library = library::library(1, 20, 1);
+    // The first upload into a slot erases its header's sector, then that of its first byte.
+    for (before, erased, after) in [
+        (&images.memory, 0, (&images.old, mark::REVERT)),
+        (&trial, 3, (&images.new, mark::BOOT)),
+        (&trial, 1, (&images.new, mark::BOOT)),
+        // The way back does not read it.
+        (&trial, 0, (&images.old, mark::REVERT)),
+    ] {
+        let mut memory = before.clone();
+        erase(&mut memory, erased);
+        memory.program(slot(erased), &library);
+        for _ in 0..2 {
+            memory = boot(memory, None).0;
+            let (active, mark) = after;
+            assert!(part(&memory, ACTIVE) == *active, "{erased}");
+            assert_eq!(record(&memory).marks[0], mark);
+        }
+    }
+}
+
+/// Both banks, each a flash of its own.
+struct Banks<'a>([Blocking<'a>; 2]);
+
+impl<'a> Banks<'a> {
+    fn at(&mut self, offset: u32) -> (&mut Blocking<'a>, u32) {
+        let bank = BANK_BYTES as u32;
+        (&mut self.0[(offset / bank) as usize], offset % bank)
+    }
+}
+
+impl ErrorType for Banks<'_> {
+    type Error = NorFlashErrorKind;
+}
+
+impl ReadNorFlash for Banks<'_> {
+    const READ_SIZE: usize = 1;
+
+    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), NorFlashErrorKind> {
+        let (bank, at) = self.at(offset);
+        bank.read(at, bytes)
+    }
+
+    fn capacity(&self) -> usize {
+        FLASH_BYTES
+    }
+}
+
+impl NorFlash for Banks<'_> {
+    const WRITE_SIZE: usize = WORD_BYTES;
+    const ERASE_SIZE: usize = SECTOR_BYTES;
+
+    fn erase(&mut self, from: u32, to: u32) -> Result<(), NorFlashErrorKind> {
+        let (bank, at) = self.at(from);
+        bank.erase(at, at + (to - from))
+    }
+
+    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), NorFlashErrorKind> {
+        let (bank, at) = self.at(offset);
+        bank.write(at, bytes)
+    }
+}
+
+/// A device on trial of its second image, in two banks, whose first slot holds the active library.
+fn on_trial(images: &Committed) -> [Memory; 2] {
+    let (trial, _) = boot(images.memory.clone(), None);
+    let mut code = Memory::blank(BANK_BYTES);
+    let mut slots = SteppedStylus::ready(&library::library(1, 4, 1));
+    slots.activate(SlotId::A).expect("it was uploaded there");
+    let mut slots = slots.storage.into_flash().0.memory;
+    let words = trial.bytes().chunks(WORD_BYTES);
+    for (at, word) in (0_usize..).step_by(WORD_BYTES).zip(words) {
+        if word == [0xFF; WORD_BYTES] || SLOTS[0].contains(&(at as u32)) {
+            continue;
+        }
+        match at.checked_sub(BANK_BYTES) {
+            Some(at) => slots.program(at, word),
+            None => code.program(at, word),
+        }
+    }
+    [code, slots]
+}
+
+/// Confirms the image, whose word then fails in so many of a thousand reads; gives the other slot to a library where
+/// the device allows it; and starts many times. Returns false if the active image is none.
+fn lives(banks: [Memory; 2], per_mille: u64, seed: u64, images: &Committed) -> bool {
+    let [mut code, mut slots] = banks;
+    let library = library::library(1, 20, 1);
+    let mut confirmation = 0;
+    for start in 0..40 {
+        code.seed(seed * 1000 + start);
+        let flashes = [code, slots].map(|memory| Blocking(SimulatedFlash::new(memory)));
+        let mut banks = Banks(flashes);
+        // It has just started on trial.
+        if start > 0 {
+            loader::prepare(&mut banks, 1 << 2, || {}).expect("the flash works");
+        }
+        let [code_after, slots_after] = banks.0.map(|bank| bank.0.memory);
+        let active = part(&code_after, ACTIVE);
+        if active != images.new && active != images.old {
+            return false;
+        }
+        let store = block_on(Store::open(SimulatedFlash::new(code_after), RECORDS));
+        let mut stylus = SteppedStylus::boot_from(SimulatedFlash::new(slots_after));
+        stylus.storage.set_updates(Updates::new(store, RUNNING));
+        if start == 0 {
+            let confirm =
+                stylus.request(async |storage, stage| storage.update_confirm(stage).await);
+            confirm.expect("it is on trial");
+        }
+        // A record that reads as if it were on trial keeps the slot.
+        let is_given_up = start == 1 && stylus.upload(&library).is_ok();
+        let (slots_flash, _, records) = stylus.storage.into_flash();
+        (code, slots) = (records.expect("they are set").memory, slots_flash.memory);
+        if start == 0 {
+            let last = code.last_programmed(RECORDS.start as usize..RECORDS.end as usize);
+            confirmation = last.expect("there is a record");
+            code.set_marginal(confirmation, per_mille);
+        }
+        if is_given_up {
+            let mut without = code.clone();
+            without.set_faulty(confirmation * WORD_BYTES);
+            assert_ne!(record(&without).marks[0], mark::SWAP, "it needs that word");
+        }
+    }
+    true
+}
+
+#[test]
+fn a_confirmation_that_was_cut_at_its_very_end_costs_no_image() {
+    let images = committed();
+    let trial = on_trial(&images);
+    for per_mille in [5, 10, 30, 100] {
+        let dead = (1..=55).filter(|&seed| !lives(trial.clone(), per_mille, seed, &images));
+        assert_eq!(dead.count(), 0, "of 55, at {per_mille} per mille");
     }
 }
 
@@ -414,7 +579,8 @@ fn bytes_other_than_the_signed_ones_are_not_committed() {
 
 #[test]
 fn a_trial_ends_by_the_host_or_after_a_minute_of_health_and_an_unhealthy_one_restarts() {
-    let trial = Record::marked(mark::SWAP, 1, VERSION.numbers());
+    let mut trial = Record::marked(mark::SWAP, 1, VERSION.numbers());
+    trial.marks[2..2 + EXCHANGED].fill(0);
     let end = async |storage: &mut fake_stylus::device::Stores, stage: &mut _| {
         storage.end_trial(stage).await;
     };
@@ -460,6 +626,53 @@ fn a_trial_ends_by_the_host_or_after_a_minute_of_health_and_an_unhealthy_one_res
         state(&mut stylus).phase,
         UpdatePhase::Trial { .. }
     ));
+}
+
+#[test]
+fn after_a_cut_in_the_word_of_a_commit_the_phase_is_that_of_the_running_image_and_stays() {
+    let images = received();
+    let mut told = [0; 3];
+    for (seed, cut) in (0..60).zip(Cut::WITH_UNSTABLE.into_iter().cycle()) {
+        let mut memory = images.memory.clone();
+        memory.seed(seed * 1000);
+        let flash = SimulatedFlash::new(memory);
+        flash.fate.strike(0, Mishap::Cut(cut));
+        let mut store = block_on(Store::open(flash, RECORDS));
+        let _ = polled(store.replace(COMMIT));
+        let mut memory = store.into_flash().memory;
+        let mut is_asked = None;
+        for _ in 0..3 {
+            memory = boot(memory, None).0;
+            let mut store = block_on(Store::open(SimulatedFlash::new(memory), RECORDS));
+            block_on(store.settle()).expect("the flash works");
+            memory = store.into_flash().memory;
+            let store = block_on(Store::open(SimulatedFlash::new(memory.clone()), RECORDS));
+            let mut stylus = SteppedStylus::ready(&library::library(1, 4, 1));
+            stylus.storage.set_updates(Updates::new(store, RUNNING));
+            let is_new = part(&memory, ACTIVE) == images.new;
+            // A start does what the one before has told.
+            assert!(
+                is_asked.is_none_or(|is_asked| is_asked == is_new),
+                "{cut:?}"
+            );
+            match state(&mut stylus).phase {
+                UpdatePhase::Trial { .. } => {
+                    assert!(is_new, "{cut:?}, seed {seed}: the old image runs");
+                    told[0] += 1;
+                    break;
+                }
+                UpdatePhase::Committed { .. } => {
+                    (told[1], is_asked) = (told[1] + 1, Some(true));
+                    assert!(!is_new, "{cut:?}, seed {seed}");
+                }
+                phase => {
+                    assert_eq!((phase, is_new), (UpdatePhase::Confirmed, false), "{cut:?}");
+                    (told[2], is_asked) = (told[2] + 1, Some(false));
+                }
+            }
+        }
+    }
+    assert!(!told.contains(&0), "{told:?}");
 }
 
 #[test]
