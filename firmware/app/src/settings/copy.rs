@@ -11,7 +11,8 @@ use crate::flash::WORD_BYTES;
 /// it that reads as blank and cannot be programmed.
 const TRIES: usize = 4;
 
-/// Reads of a place that must agree.
+/// Reads of a place. A record that one of them finds was written, because its checksum is right; a word that a power
+/// cut left uncertain may hide it from the others.
 const READS: usize = 16;
 
 /// Bytes of a place as they are read, twice, for comparison. They belong to the store, because a task's memory is dear.
@@ -26,6 +27,8 @@ pub struct Copy {
     pub newest: Option<Record>,
     /// Number of places after it, or at all, that hold something else.
     pub damaged: usize,
+    /// True if it read differently from read to read.
+    pub is_uncertain: bool,
 }
 
 impl Copy {
@@ -36,6 +39,7 @@ impl Copy {
             range,
             newest: None,
             damaged: 0,
+            is_uncertain: false,
         }
     }
 
@@ -49,46 +53,41 @@ impl Copy {
         self.newest.is_some() && self.damaged == 0
     }
 
-    /// Reads the copy, from its end back to the last record that can be read.
-    ///
-    /// The places around the end are read often, because a word after a power cut may differ from read to read.
+    /// Reads the copy, from its end back to the last record that can be read, the places around its end often.
     pub async fn read<F: NorFlash>(&mut self, flash: &mut F, buffers: &mut Buffers) {
         let places = self.range.clone().step_by(RECORD_BYTES);
         let mut end = self.range.start;
         for at in places.rev() {
             let [bytes, _] = buffers;
-            if !bytes_at(flash, at, bytes).await || !is_blank(bytes) {
+            read_once(flash, at, bytes).await;
+            if !is_blank(bytes) {
                 end = at + RECORD_BYTES as u32;
                 break;
             }
         }
         self.next = end;
         for at in (end..self.range.end).step_by(RECORD_BYTES).take(TRIES) {
-            if !steady(flash, at, buffers).await || !is_blank(&buffers[0]) {
+            if !reads_steadily(flash, at, buffers).await || !is_blank(&buffers[0]) {
                 self.damaged += 1;
                 self.next = at + RECORD_BYTES as u32;
             }
         }
         for at in (self.range.start..end).step_by(RECORD_BYTES).rev() {
-            let is_steady = steady(flash, at, buffers).await;
-            if self.found(is_steady, &buffers[0]) {
+            let is_steady = reads_steadily(flash, at, buffers).await;
+            match Place::read(&buffers[0]) {
+                Place::Blank if is_steady => {}
+                Place::Record(record) => self.newest = Some(record),
+                Place::Followed(record) => {
+                    self.newest = Some(record);
+                    self.damaged += 1;
+                }
+                Place::Blank | Place::Damaged => self.damaged += 1,
+            }
+            if self.newest.is_some() {
+                self.is_uncertain = !is_steady;
                 break;
             }
         }
-    }
-
-    /// Takes note of a place; true if it has the last record that can be read.
-    fn found(&mut self, is_steady: bool, bytes: &[u8; RECORD_BYTES]) -> bool {
-        match Place::read(bytes) {
-            Place::Blank if is_steady => return false,
-            Place::Record(record) if is_steady => self.newest = Some(record),
-            Place::Followed(record) if is_steady => {
-                self.newest = Some(record);
-                self.damaged += 1;
-            }
-            _ => self.damaged += 1,
-        }
-        is_steady && self.newest.is_some()
     }
 
     /// Writes `record` after the others and reads it back; false if the flash does not take it or the copy is full.
@@ -107,7 +106,7 @@ impl Copy {
             buffers[0] = record.bytes();
             // A word that fails leaves a place that counts as damaged; the next one is tried.
             if flash.write(at, &buffers[0]).await.is_ok()
-                && steady(flash, at, buffers).await
+                && reads_steadily(flash, at, buffers).await
                 && buffers[0] == record.bytes()
             {
                 return true;
@@ -130,27 +129,32 @@ impl Copy {
     }
 }
 
-/// Reads the place at `at` into the first buffer; false unless every one of [`READS`] finds the same.
-async fn steady<F: NorFlash>(flash: &mut F, at: u32, buffers: &mut Buffers) -> bool {
-    let [first, other] = buffers;
-    if !bytes_at(flash, at, first).await {
-        return false;
-    }
+/// Reads the place at `at` often; false unless every read finds the same. The first buffer then has a read with a
+/// record, if there was one.
+async fn reads_steadily<F: NorFlash>(flash: &mut F, at: u32, buffers: &mut Buffers) -> bool {
+    let [found, other] = buffers;
+    read_once(flash, at, found).await;
+    let mut is_steady = true;
     for _ in 1..READS {
-        if !bytes_at(flash, at, other).await || first != other {
-            return false;
+        read_once(flash, at, other).await;
+        if other != found {
+            is_steady = false;
+            if matches!(Place::read(other), Place::Record(_)) {
+                found.copy_from_slice(other);
+            }
         }
     }
-    true
+    is_steady
 }
 
-/// Reads the place at `at`; false if a word of it faults.
-async fn bytes_at<F: NorFlash>(flash: &mut F, at: u32, bytes: &mut [u8; RECORD_BYTES]) -> bool {
-    let words = bytes.chunks_exact_mut(WORD_BYTES);
-    for (word, offset) in words.zip((at..).step_by(WORD_BYTES)) {
+/// Reads the place at `at`; zeros, which are no record, if a word of it faults.
+async fn read_once<F: NorFlash>(flash: &mut F, at: u32, bytes: &mut [u8; RECORD_BYTES]) {
+    let mut offset = at;
+    for word in bytes.chunks_exact_mut(WORD_BYTES) {
         if flash.read(offset, word).await.is_err() {
-            return false;
+            bytes.fill(0);
+            return;
         }
+        offset += WORD_BYTES as u32;
     }
-    true
 }

@@ -2,9 +2,10 @@
 //! erased only once in some hundred changes. The actuator's response is part of the record, so that it and the settings
 //! that belong to it change together.
 //!
-//! A change is written to one copy, read back, then to the other one; it counts when both hold it. So one copy always
-//! holds the last change that was acknowledged, whatever the power does and whichever word of a copy is lost. For the
-//! same reason a copy that is full is erased only while the other one keeps what is in force.
+//! A change is written to the first copy, read back, then to the second one; it counts when both hold it. So one copy
+//! always holds the last change that was acknowledged, whatever the power does and whichever word of a copy is lost.
+//! For the same reason a copy that is full is erased only while the other one keeps what is in force. An erasure that
+//! is cut may leave any of a copy's older records as its last one. Its number tells it from the change before.
 //! A record holds all settings under one checksum, because a map of single values would answer a damaged value with an
 //! older one, which may be a weaker limit.
 //!
@@ -13,9 +14,9 @@
 //! | found | in force |
 //! |---|---|
 //! | both copies end with the same record | that record |
-//! | one ends with a record, and the other one is damaged there | the record |
-//! | both end with records, and these differ | the newer one, with the tighter value of each limit |
-//! | the same, and the newer one has another response | the older one: a calibration that was cut off changes nothing |
+//! | the first one is one change ahead | its record, with the tighter value of each limit |
+//! | the same, and with another response | the second one's: a calibration that was cut off changes nothing |
+//! | one ends with a record, and the other one is damaged there, or otherwise behind | the record |
 //! | both are damaged behind their last record | nothing plays: every limit is lost |
 //! | nothing that can be read, and yet not blank | nothing plays: everything is lost |
 //!
@@ -49,7 +50,8 @@ const MOST_FIRST_CUTS: usize = 8;
 pub struct SettingsStore<F: NorFlash> {
     flash: F,
     copies: [Copy; 2],
-    /// Number of the copy that is written and erased first. The other one keeps what is in force meanwhile.
+    /// Number of the copy that is written and erased first: the first one, unless the other has to be mended. The
+    /// other one keeps what is in force meanwhile.
     spare: usize,
     /// The record in force.
     record: Record,
@@ -182,6 +184,7 @@ impl<F: NorFlash> SettingsStore<F> {
         if self.unwritable {
             return Err(NOT_WRITTEN);
         }
+        self.spare = 0;
         Ok(self.settings())
     }
 
@@ -200,7 +203,8 @@ impl<F: NorFlash> SettingsStore<F> {
                 self.differing = differing;
                 self.mended = true;
                 self.spare = spare;
-                self.draft = self.next(&record.snapshot);
+                // With its number, so that the other copy is no further behind after another cut.
+                self.draft = record;
             }
         }
         self.mended
@@ -222,16 +226,17 @@ impl<F: NorFlash> SettingsStore<F> {
         }
         self.record = self.draft;
         self.unwritable = false;
+        self.spare = 0;
         Ok(())
     }
 
-    /// Writes what is in force again to the copy at `first`, which has the draft, so that a restart finds it.
+    /// Writes what is in force again to the copy at `first`, which has the draft, so that a restart finds it. It keeps
+    /// the draft's number, because a copy's last record counts, and the other copy must stay one change behind.
     async fn go_back(&mut self, first: usize) {
-        let Record { sequence, snapshot } = self.draft;
-        self.record.sequence = sequence;
-        if snapshot != self.record.snapshot {
-            self.draft = self.next(&self.record.snapshot);
-            self.record = self.draft;
+        let is_same = self.draft.snapshot == self.record.snapshot;
+        self.draft.snapshot = self.record.snapshot;
+        self.record = self.draft;
+        if !is_same {
             self.append(first).await;
         }
     }
@@ -312,7 +317,7 @@ fn judge(contents: &[Copy; 2]) -> Found {
         (Some(one), Some(other)) => {
             // The number may wrap.
             let ahead = one.sequence.wrapping_sub(other.sequence) as i32;
-            if ahead > 0 || (ahead == 0 && first.is_clean()) {
+            if ahead > 0 || (ahead == 0 && !second.is_clean()) {
                 (0, one)
             } else {
                 (1, other)
@@ -322,21 +327,27 @@ fn judge(contents: &[Copy; 2]) -> Found {
     let is_clean = contents[newest].is_clean();
     let older = &contents[1 - newest];
     match older.newest.filter(|_| older.is_clean()) {
-        Some(other) if is_clean && other == record => Found::Same(record),
-        // The copy that ends with the older record shows that no change counted after it. It stays whole until the
-        // other one is: a cut may have left a word of the newer record that reads right now and wrongly at the next
-        // start.
-        Some(other) if is_interrupted(&record.snapshot, &other.snapshot) => {
-            let snapshot = other.snapshot;
-            mendable(Record { snapshot, ..record }, SettingSet::NONE, newest)
+        Some(other) if is_clean && other == record => {
+            match contents.iter().position(|copy| copy.is_uncertain) {
+                Some(uncertain) => mendable(record, SettingSet::NONE, uncertain),
+                None => Found::Same(record),
+            }
         }
-        Some(other) => {
-            let (snapshot, differing) = record.snapshot.tightened(&other.snapshot);
-            mendable(Record { snapshot, ..record }, differing, newest)
+        // A change was cut. The second copy shows that none counted after it. It stays whole until the first one is: a
+        // cut may have left a word of the newer record that reads right now and wrongly at the next start. An erasure
+        // that was cut may have left such words of the second one, which is then the first to be written anew.
+        Some(other) if newest == 0 && record.sequence == other.sequence.wrapping_add(1) => {
+            let (snapshot, differing) = if is_interrupted(&record.snapshot, &other.snapshot) {
+                (other.snapshot, SettingSet::NONE)
+            } else {
+                record.snapshot.tightened(&other.snapshot)
+            };
+            let spare = usize::from(older.is_uncertain && is_clean);
+            mendable(Record { snapshot, ..record }, differing, spare)
         }
-        None if is_clean => mendable(record, SettingSet::NONE, 1 - newest),
+        _ if is_clean => mendable(record, SettingSet::NONE, 1 - newest),
         // Both copies may have held a later change.
-        None => {
+        _ => {
             let snapshot = record.snapshot.without_limits();
             mendable(Record { snapshot, ..record }, SettingSet::NONE, 1 - newest)
         }

@@ -1,15 +1,15 @@
 //! Random histories of changes, power cuts and lost words.
 
 use embassy_futures::block_on;
-use fake_stylus::device::COIL;
-use fake_stylus::flash::{Memory, SECTOR_BYTES, SimulatedFlash};
-use model_format::link::{Setting, SettingChange, Settings, Tighter};
+use fake_stylus::device::{COIL, response_for};
+use fake_stylus::flash::{Cut, Memory, Operation, SECTOR_BYTES, SimulatedFlash};
+use model_format::link::{Response, Setting, SettingChange, Settings, Tighter};
 use proptest::prelude::*;
 use stylus_app::flash::WORD_BYTES;
 use stylus_app::settings::SettingsStore;
 
-use super::{NEARLY_FULL, RANGE, Store, blank, change, cuts, open, opened};
-use crate::budget;
+use super::{NEARLY_FULL, RANGE, RECORD_WORDS, Store, blank, change, cuts, open, opened};
+use crate::budget::{self, Chance};
 
 /// One step of a stylus's life.
 #[derive(Clone, Copy, Debug)]
@@ -23,6 +23,10 @@ enum Step {
         at: usize,
         how: usize,
     },
+    /// A response with a share of the gain's range is stored.
+    Respond { share: u16 },
+    /// The same, and power is lost at an operation of it.
+    CutRespond { share: u16, at: usize, how: usize },
     /// Power is lost at an operation of the mending at a start.
     CutStart { at: usize, how: usize },
     /// A word of a copy's last record, or one a few words before, faults, flips a bit, or becomes unstable.
@@ -39,11 +43,15 @@ enum Step {
 
 fn step() -> impl Strategy<Value = Step> {
     let limits = Setting::ALL.len();
+    let (at, how) = (0..34_usize, 0..Cut::EVERY.len());
     prop_oneof![
         4 => (0..limits, any::<u16>()).prop_map(|(setting, share)| Step::Set { setting, share }),
-        4 => (0..limits, any::<u16>(), 0..34usize, 0..5usize)
+        4 => (0..limits, any::<u16>(), at.clone(), how.clone())
             .prop_map(|(setting, share, at, how)| Step::CutSet { setting, share, at, how }),
-        2 => (0..34usize, 0..5usize).prop_map(|(at, how)| Step::CutStart { at, how }),
+        2 => any::<u16>().prop_map(|share| Step::Respond { share }),
+        2 => (any::<u16>(), at.clone(), how.clone())
+            .prop_map(|(share, at, how)| Step::CutRespond { share, at, how }),
+        2 => (at, how).prop_map(|(at, how)| Step::CutStart { at, how }),
         3 => (0..2usize, 0..40usize, 0..3usize)
             .prop_map(|(copy, word, how)| Step::Damage { copy, word, how }),
         2 => Just(Step::Restart),
@@ -73,10 +81,13 @@ fn cut(memory: &mut Memory, at: usize, how: usize, work: impl AsyncFnOnce(&mut S
 }
 
 /// A stylus, and what it has acknowledged.
+#[derive(Clone)]
 struct Life {
     memory: Memory,
     /// For each setting the values that a restart may find: the last one acknowledged, and those whose storing was cut.
     known: Vec<Vec<f32>>,
+    /// Responses that a restart may find.
+    responses: Vec<Option<Response>>,
 }
 
 impl Life {
@@ -87,7 +98,11 @@ impl Life {
         let known = Setting::ALL
             .map(|setting| vec![defaults.get(setting)])
             .to_vec();
-        let mut life = Self { memory, known };
+        let mut life = Self {
+            memory,
+            known,
+            responses: vec![None],
+        };
         for change in COIL {
             life.set(change);
         }
@@ -110,6 +125,23 @@ impl Life {
     fn step(&mut self, step: Step) {
         match step {
             Step::Set { setting, share } => self.set(value(setting, share)),
+            Step::Respond { share } => {
+                let response = response(share);
+                let mut flash = SimulatedFlash::new(self.memory.clone());
+                let mut store = block_on(SettingsStore::open(&mut flash, RANGE));
+                assert_eq!(block_on(store.set_response(Some(&response))), Ok(()));
+                self.memory = flash.memory;
+                self.acknowledge(response.change());
+                self.responses = vec![Some(response)];
+            }
+            Step::CutRespond { share, at, how } => {
+                let response = response(share);
+                self.known[Setting::OutputGain as usize].push(response.output_gain);
+                self.responses.push(Some(response));
+                cut(&mut self.memory, at, how, async |store| {
+                    let _ = store.set_response(Some(&response)).await;
+                });
+            }
             Step::CutSet {
                 setting,
                 share,
@@ -147,6 +179,7 @@ impl Life {
                 for change in Settings::default().iter() {
                     self.acknowledge(change);
                 }
+                self.responses = vec![None];
                 for change in COIL {
                     self.set(change);
                 }
@@ -169,7 +202,16 @@ impl Life {
                 store.state()
             );
         }
+        assert!(self.responses.contains(&store.response()), "after {step:?}");
         true
+    }
+}
+
+fn response(share: u16) -> Response {
+    let gain = value(Setting::OutputGain as usize, share);
+    Response {
+        output_gain: gain.value,
+        ..response_for(&Settings::default())
     }
 }
 
@@ -179,6 +221,21 @@ fn value(setting: usize, share: u16) -> SettingChange {
     let value = spec.lowest + (spec.highest - spec.lowest) * (f32::from(share) / 65_535.0);
     let value = if spec.whole { value.trunc() } else { value };
     change(setting, value)
+}
+
+/// Numbers of the operations of the next change that erase.
+fn erasures(memory: &Memory) -> Vec<usize> {
+    let (mut erasures, mut number) = (Vec::new(), 0);
+    let mut flash = SimulatedFlash::observed(memory.clone(), |_, operation| {
+        if matches!(operation, Operation::Erase { .. }) {
+            erasures.push(number);
+        }
+        number += 1;
+    });
+    let mut store = block_on(SettingsStore::open(&mut flash, RANGE));
+    block_on(store.set(value(0, 0))).expect("it is in range");
+    drop(flash);
+    erasures
 }
 
 proptest! {
@@ -202,5 +259,50 @@ proptest! {
         }
         life.step(Step::Reset);
         prop_assert!(life.check(Step::Reset), "a reset and the coil's settings mend everything");
+    }
+}
+
+/// The same where an erasure is cut that leaves any mixture of whole, erased and unreadable words, so that a copy may
+/// end with any of its older records.
+#[test]
+fn no_limit_becomes_weaker_by_what_a_cut_erasure_leaves() {
+    let mut chance = Chance::new(budget::seed(), 0);
+    let mut lives = Vec::new();
+    for number in 0..8 {
+        let mut life = Life::new(Some(5 * (number % 5)), 1);
+        while erasures(&life.memory).is_empty() {
+            let (setting, share) = (chance.below(Setting::ALL.len()), chance.below(2_000) as u16);
+            life.step(Step::Set { setting, share });
+            let share = chance.below(2_000) as u16;
+            if erasures(&life.memory).is_empty() {
+                life.step(Step::Respond { share });
+            }
+        }
+        lives.push(life);
+    }
+    for seed in 0..budget::cases(10_000) {
+        let mut life = lives[seed as usize % lives.len()].clone();
+        life.memory.seed(chance.below(usize::MAX) as u64);
+        let how = Cut::EVERY.len() - 1;
+        let at = erasures(&life.memory)[0];
+        let (setting, share) = (
+            chance.below(Setting::ALL.len()),
+            chance.below(65_536) as u16,
+        );
+        let mut step = match seed / 8 % 2 {
+            0 => Step::CutSet {
+                setting,
+                share,
+                at,
+                how,
+            },
+            _ => Step::CutRespond { share, at, how },
+        };
+        for _ in 0..3 {
+            life.step(step);
+            assert!(life.check(step), "seed {seed}: cuts alone never silence");
+            let at = [0, 1, RECORD_WORDS, RECORD_WORDS + 1][chance.below(4)];
+            step = Step::CutStart { at, how };
+        }
     }
 }

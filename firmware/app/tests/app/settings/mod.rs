@@ -64,7 +64,7 @@ fn cuts(
 ) -> Vec<Memory> {
     let (mut left, mut number) = (Vec::new(), 0);
     let mut observe = |memory: &Memory, operation: Operation| {
-        for &how in &Cut::WITH_UNSTABLE[kinds(number)] {
+        for &how in &Cut::EVERY[kinds(number)] {
             let mut memory = memory.clone();
             memory.perform(operation, how);
             left.push(memory);
