@@ -48,7 +48,9 @@ fn main() -> Result<(), Box<dyn Error>> {
 }
 
 /// A linker script for what is flashed besides the image: the bootloader, and a word of ones in each sector of the
-/// record of updates, by which whatever flashes erases them: the bootloader has nothing to do at the first start.
+/// record of updates, by which whatever flashes erases them: the bootloader has nothing to do at the first start. The
+/// word is the sector's last, far from the first places for records, because a probe fills up its page with
+/// programmed ones, and the manual does not say that such a word takes another programming (RM0433 section 4.3.9).
 fn both(bootloader: &[u8]) -> String {
     let words = bootloader.chunks(4).map(|part| {
         let mut word = [0xFF; 4];
@@ -56,10 +58,12 @@ fn both(bootloader: &[u8]) -> String {
         format!("LONG({:#x})\n", u32::from_le_bytes(word))
     });
     let erased = "LONG(0xffffffff) ".repeat(8);
+    let [end_1, end_2] = ["RECORDS_1", "RECORDS_2"]
+        .map(|region| format!("ORIGIN({region}) + LENGTH({region}) - 32"));
     format!(
         "SECTIONS {{\n.bootloader : {{\n{}}} > BOOTLOADER\n\
-         .records_1 ORIGIN(RECORDS) : {{ {erased} }} > RECORDS\n\
-         .records_2 ORIGIN(RECORDS) + 128K : {{ {erased} }} > RECORDS\n}}\nINSERT BEFORE .text;\n",
+         .records_1 {end_1} : {{ {erased} }} > RECORDS_1\n\
+         .records_2 {end_2} : {{ {erased} }} > RECORDS_2\n}}\nINSERT BEFORE .text;\n",
         words.collect::<String>()
     )
 }

@@ -84,10 +84,12 @@ fn each_region_is_memory_that_the_stm32h743zi_has() {
 #[test]
 fn what_the_flash_holds_lies_where_image_and_bootloader_look_for_it() {
     let regions = regions();
+    let first_end = map::RECORDS.start + map::SECTOR_BYTES as u32;
     let expected = [
         ("BOOTLOADER", map::BOOTLOADER),
         ("FLASH", map::ACTIVE),
-        ("RECORDS", map::RECORDS),
+        ("RECORDS_1", map::RECORDS.start..first_end),
+        ("RECORDS_2", first_end..map::RECORDS.end),
         ("SETTINGS", SETTINGS_RANGE),
         ("SLOT_A", map::SLOTS[0].clone()),
         ("SLOT_B", map::SLOTS[1].clone()),
@@ -220,7 +222,8 @@ fn each_memory_is_protected_as_its_use_wants() {
     let expected = [
         ("FLASH", (Read, true, WriteBack)),
         ("BOOTLOADER", (Read, true, WriteBack)),
-        ("RECORDS", (ReadWrite, false, NotCached)),
+        ("RECORDS_1", (ReadWrite, false, NotCached)),
+        ("RECORDS_2", (ReadWrite, false, NotCached)),
         ("SETTINGS", (ReadWrite, false, NotCached)),
         ("SLOT_A", (ReadWrite, false, NotCached)),
         ("SLOT_B", (ReadWrite, false, NotCached)),

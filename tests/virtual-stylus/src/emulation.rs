@@ -100,6 +100,7 @@ impl Hands {
         Contents {
             bytes,
             unreadable: self.unreadable.words(),
+            filled: self.unreadable.filled(),
         }
     }
 
@@ -117,10 +118,9 @@ impl Hands {
                 contents,
             });
         }
-        if let Kind::Program { address, .. } = operation.kind
-            && !erased(address, host)
-        {
-            self.unreadable.mark(address);
+        if let Kind::Program { address, word } = &operation.kind {
+            self.unreadable
+                .program(*address, word, erased(*address, host));
         }
     }
 }
@@ -188,7 +188,7 @@ pub(crate) fn start(image: &Path, options: Options) -> Result<Ends> {
     let (contents, handler) = load(image, options.flash, options.keep_flash)?;
     let handler = handler.filter(|_| options.watch_ticks);
     let unreadable = Unreadable::default();
-    unreadable.replace(contents.unreadable);
+    unreadable.replace(contents.unreadable, contents.filled);
     let auditor = Auditor::default();
     let ticks = TickWatch::new(handler, auditor.clone());
     let busy = Busy::default();
@@ -230,9 +230,8 @@ fn load(path: &Path, mut contents: Contents, keep: bool) -> Result<(Contents, Op
     };
     let image = Image::read(path, None).map_err(|error| told(error.to_string()))?;
     if !keep {
-        for (address, bytes) in image.segments() {
-            contents.place(address, bytes).map_err(told)?;
-        }
+        let segments: Vec<_> = image.segments().collect();
+        contents.flash(&segments).map_err(told)?;
     }
     let symbols = Symbols::read(image.bytes(), |value| value & !1)
         .map_err(|error| told(error.to_string()))?;

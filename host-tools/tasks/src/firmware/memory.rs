@@ -20,31 +20,6 @@ pub struct Use {
     pub size: u64,
 }
 
-/// The bytes that the ELF file `image` has for the flash from the address `start` on, below `end`; gaps are ones.
-///
-/// # Errors
-/// The bytes are no image, or it has nothing there.
-pub fn flashed(image: &[u8], start: u64, end: u64) -> Result<Vec<u8>> {
-    let file = ElfFile32::<Endianness>::parse(image)?;
-    let endian = file.endian();
-    let mut bytes = Vec::new();
-    for segment in file.elf_header().program_headers(endian, file.data())? {
-        let at = u64::from(segment.p_paddr(endian));
-        let data = segment.data(endian, file.data()).unwrap_or_default();
-        if segment.p_type(endian) != elf::PT_LOAD || data.is_empty() || !(start..end).contains(&at)
-        {
-            continue;
-        }
-        let (from, to) = ((at - start) as usize, (at - start) as usize + data.len());
-        bytes.resize(bytes.len().max(to), 0xFF);
-        bytes[from..to].copy_from_slice(data);
-    }
-    if bytes.is_empty() {
-        bail!("the image has nothing from {start:#x} on");
-    }
-    Ok(bytes)
-}
-
 /// All memories of an image.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Memory(Vec<Use>);

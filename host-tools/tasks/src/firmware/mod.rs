@@ -1,10 +1,13 @@
 //! The image for the STM32H743: its build, its use of memory, the place of the tick's code, and flashing.
 
+mod dfu;
 mod memory;
 mod placement;
 mod reproducible;
+mod segments;
 mod update_file;
 
+use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -58,11 +61,13 @@ impl Image {
     }
 }
 
-/// Builds `image`, checks that the tick's code reads no flash and that the product leaves room in flash and ITCM, and
-/// returns the file.
+/// Builds `image`, checks that the tick's code reads no flash, that flashing writes nothing but bootloader, image and
+/// marks, and that the product leaves room in flash and ITCM, and returns the file. Beside it lies the one for the
+/// part's own loader, with the extension dfu.
 ///
 /// # Errors
-/// There is no toolchain, the build fails, the tick leads to flash, or the product is too large.
+/// There is no toolchain, the build fails, the tick leads to flash, a segment lies elsewhere, or the product is too
+/// large.
 pub fn build(toolchain: &Toolchain, image: Image) -> Result<PathBuf> {
     build_saying(toolchain, image, Progress::Quiet)
 }
@@ -75,6 +80,9 @@ pub fn build_saying(toolchain: &Toolchain, image: Image, progress: Progress) -> 
     let kept = build_in(toolchain, image, &Folders::here(FOLDER), progress)?;
     let bytes = read(&kept)?;
     check_placement(&bytes)?;
+    let dfu = kept.with_extension("dfu");
+    fs::write(&dfu, dfu::file(&segments::all_pieces(&bytes)?))
+        .with_context(|| dfu.display().to_string())?;
     if image == Image::Product {
         Memory::of(&bytes)?.check_limits()?;
     }
@@ -110,8 +118,7 @@ fn build_bootloader(
     let built = folders.target.join(TARGET).join("firmware/stylus-boot");
     let bytes = read(&process::built(built)?)?;
     let kept = folders.target.join("stylus-boot.bin");
-    let (start, end) = memory::region("BOOTLOADER").context("memory.x has no bootloader")?;
-    std::fs::write(&kept, memory::flashed(&bytes, start, start + end)?)?;
+    fs::write(&kept, segments::flashed(&bytes, "BOOTLOADER")?)?;
     Ok(kept)
 }
 
@@ -134,7 +141,7 @@ fn build_in(
     let built = folders.target.join(TARGET).join("firmware/stylus-firmware");
     // All variants are built under one name, so that each gets a copy under its own.
     let kept = folders.target.join(image.file_name());
-    std::fs::copy(process::built(built)?, &kept)?;
+    fs::copy(process::built(built)?, &kept)?;
     Ok(kept)
 }
 
@@ -147,7 +154,7 @@ pub fn memory(file: &Path) -> Result<Memory> {
 }
 
 fn read(file: &Path) -> Result<Vec<u8>> {
-    std::fs::read(file).with_context(|| file.display().to_string())
+    fs::read(file).with_context(|| file.display().to_string())
 }
 
 /// Arguments of probe-rs. By default it halts the core at a HardFault and at a reset, before the image's handlers can
@@ -204,7 +211,7 @@ mod tests {
     #[test]
     fn cargo_run_flashes_as_the_task_does() {
         let path = workspace::root().join(".cargo/config.toml");
-        let config = std::fs::read_to_string(path).expect("it is there");
+        let config = fs::read_to_string(path).expect("it is there");
         let runner = format!("runner = \"probe-rs {}\"", PROBE_RS.join(" "));
         assert!(config.contains(&runner), "{runner}");
     }

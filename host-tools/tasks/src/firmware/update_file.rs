@@ -7,8 +7,8 @@ use anyhow::{Context, Result, bail};
 use model_format::link::{DEVELOPMENT_SEED, HEADER_BYTES, ImageVersion, UNSIGNED};
 use stylus_app::update::{public_key, sign};
 
-use super::memory::{flashed, region};
 use super::read;
+use super::segments::flashed;
 
 /// Arguments of `cargo tasks image`.
 #[derive(clap::Args)]
@@ -39,8 +39,7 @@ pub fn write(image: &Path, arguments: &Arguments) -> Result<PathBuf> {
         None => DEVELOPMENT_SEED,
     };
     let version = ImageVersion::read(env!("CARGO_PKG_VERSION")).context("a version has numbers")?;
-    let (start, length) = region("FLASH").context("memory.x has no flash")?;
-    let body = flashed(&read(image)?, start, start + length)?;
+    let body = flashed(&read(image)?, "FLASH")?;
     let mut signed = sign(&body, version, &seed);
     if arguments.unsigned {
         signed[HEADER_BYTES..].copy_from_slice(&UNSIGNED);

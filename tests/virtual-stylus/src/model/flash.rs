@@ -7,6 +7,7 @@
 //! | An operation is counted when it starts | |
 //! | A word that was not erased and is programmed over gets an error correction that does not fit | 4.3.9, 4.3.12 |
 //! | So does a word torn by a power cut. Reading it is a bus error, `DBECCERRx` and `ECC_FAxR` | 4.3.12, 4.7.8, 4.9.5 |
+//! | So does a word that was programmed with ones: the manual does not say that it may be programmed again | 4.3.9 |
 //! | An erase mends the words of its sector | 4.3.10 |
 //!
 //! A torn word always faults here. On the part it may also read as a word with one corrected error, or by chance as a
@@ -44,6 +45,8 @@ pub const BYTES: usize = 2 << 20;
 pub const WORD_BYTES: u32 = 32;
 /// A sector, in bytes: the unit of erasing.
 pub const SECTOR_BYTES: u32 = 128 << 10;
+/// Bytes that probe-rs programs at once, the `page_size` in its description of the part.
+const PAGE_BYTES: u32 = 0x400;
 const BANK_BYTES: u32 = 1 << 20;
 const ERASED: u8 = 0xFF;
 
@@ -93,6 +96,8 @@ pub struct Contents {
     pub bytes: Vec<u8>,
     /// Addresses of unreadable words.
     pub unreadable: BTreeSet<u32>,
+    /// Addresses of words that were programmed with ones.
+    pub filled: BTreeSet<u32>,
 }
 
 impl Default for Contents {
@@ -100,12 +105,19 @@ impl Default for Contents {
         Self {
             bytes: vec![ERASED; BYTES],
             unreadable: BTreeSet::new(),
+            filled: BTreeSet::new(),
         }
     }
 }
 
+/// Mark of a word that was programmed with ones, in the lowest bit of its address in a file.
+const FILLED: u32 = 1;
+
+/// A word of ones.
+pub const ONES: [u8; WORD_BYTES as usize] = [ERASED; WORD_BYTES as usize];
+
 impl Contents {
-    /// Reads a file of [`Contents::write`]: both banks, then the address of each unreadable word.
+    /// Reads a file of [`Contents::write`].
     ///
     /// # Errors
     /// There is no such file, or it has another length.
@@ -114,8 +126,8 @@ impl Contents {
             path: path.to_owned(),
             reason,
         };
-        // Every word may be marked, with four bytes each.
-        let most = BYTES + BYTES / WORD_BYTES as usize * 4;
+        // Every word may have both marks, of four bytes each.
+        let most = BYTES + BYTES / WORD_BYTES as usize * 8;
         let mut bytes = Vec::new();
         let file = std::fs::File::open(path).map_err(|error| told(error.to_string()))?;
         let mut file = file.take(most as u64 + 1);
@@ -131,17 +143,22 @@ impl Contents {
             )));
         }
         let (words, _) = bytes[BYTES..].as_chunks::<4>();
-        let unreadable = words.iter().map(|word| u32::from_le_bytes(*word)).collect();
+        let marks = words.iter().map(|word| u32::from_le_bytes(*word));
+        let (filled, unreadable) = marks.partition::<BTreeSet<_>, _>(|mark| mark & FILLED != 0);
+        let filled = filled.into_iter().map(|mark| mark & !FILLED).collect();
         bytes.truncate(BYTES);
-        Ok(Self { bytes, unreadable })
+        Ok(Self {
+            bytes,
+            unreadable,
+            filled,
+        })
     }
 
-    /// The bytes of a file of it: both banks, then the address of each unreadable word.
+    /// The bytes of a file of it: both banks, then the addresses of unreadable and of filled words.
     pub fn to_bytes(&self) -> Vec<u8> {
-        let marks = self
-            .unreadable
-            .iter()
-            .flat_map(|address| address.to_le_bytes());
+        let filled = self.filled.iter().map(|address| address | FILLED);
+        let marks = self.unreadable.iter().copied().chain(filled);
+        let marks = marks.flat_map(u32::to_le_bytes);
         self.bytes.iter().copied().chain(marks).collect()
     }
 
@@ -156,26 +173,58 @@ impl Contents {
         })
     }
 
-    /// Puts `bytes` at `address`, as a probe that flashes an image does.
+    /// Puts `bytes` at `address`, whatever was there.
     ///
     /// # Errors
     /// They do not lie in the flash.
     pub fn place(&mut self, address: u64, bytes: &[u8]) -> std::result::Result<(), String> {
-        let start = address
-            .checked_sub(u64::from(BASE))
-            .map(|start| start as usize);
-        let place = start.and_then(|start| self.bytes.get_mut(start..start + bytes.len()));
-        let Some(place) = place else {
-            return Err(format!(
-                "{} bytes at {address:#010x} do not lie in the flash",
-                bytes.len()
-            ));
-        };
-        place.copy_from_slice(bytes);
-        let end = address as u32 + bytes.len() as u32;
-        let mended = word_of(address as u32)..end;
-        self.unreadable.retain(|word| !mended.contains(word));
+        let place = in_flash(address, bytes)?;
+        self.bytes[offsets(&place)].copy_from_slice(bytes);
+        self.mend(&(word_of(place.start)..place.end));
         Ok(())
+    }
+
+    /// Flashes `segments`, each with its address, as probe-rs does: erases every sector in which one lies, then
+    /// programs every page in which one lies, filled up with ones.
+    ///
+    /// # Errors
+    /// A segment does not lie in the flash.
+    pub fn flash(&mut self, segments: &[(u64, &[u8])]) -> std::result::Result<(), String> {
+        let units = |unit: u32| -> std::result::Result<BTreeSet<u32>, String> {
+            let mut units = BTreeSet::new();
+            for (address, bytes) in segments {
+                let place = in_flash(*address, bytes)?;
+                units.extend((place.start / unit * unit..place.end).step_by(unit as usize));
+            }
+            Ok(units)
+        };
+        let pages = units(PAGE_BYTES)?;
+        for sector in units(SECTOR_BYTES)? {
+            self.erase(&(sector..sector + SECTOR_BYTES));
+        }
+        for (address, bytes) in segments {
+            self.place(*address, bytes)?;
+        }
+        for page in pages {
+            for address in (page..page + PAGE_BYTES).step_by(WORD_BYTES as usize) {
+                let word = address..address + WORD_BYTES;
+                if self.bytes[offsets(&word)] == ONES {
+                    self.filled.insert(address);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn erase(&mut self, range: &Range<u32>) {
+        self.bytes[offsets(range)].fill(ERASED);
+        self.mend(range);
+    }
+
+    fn mend(&mut self, range: &Range<u32>) {
+        for marks in [&mut self.unreadable, &mut self.filled] {
+            marks.retain(|word| !range.contains(word));
+        }
     }
 
     /// Applies a power cut of `operation` at `moment`.
@@ -186,19 +235,13 @@ impl Contents {
             (Kind::Program { address, word }, Moment::During { seed }) => {
                 self.tear(*address, word, &mut Chance(seed));
             }
-            (Kind::Erase(range), Moment::After) => {
-                self.bytes[offsets(range)].fill(ERASED);
-                self.unreadable.retain(|word| !range.contains(word));
-            }
+            (Kind::Erase(range), Moment::After) => self.erase(range),
             (Kind::Erase(range), Moment::During { seed }) => {
                 let mut chance = Chance(seed);
                 for address in range.clone().step_by(WORD_BYTES as usize) {
                     match chance.draw() % 3 {
                         0 => {}
-                        1 => {
-                            self.bytes[offsets(&(address..address + WORD_BYTES))].fill(ERASED);
-                            self.unreadable.remove(&address);
-                        }
+                        1 => self.erase(&(address..address + WORD_BYTES)),
                         _ => self.half_erase(address, &mut chance),
                     }
                 }
@@ -208,8 +251,10 @@ impl Contents {
 
     fn program(&mut self, address: u32, word: &[u8; WORD_BYTES as usize]) {
         let cells = &mut self.bytes[offsets(&(address..address + WORD_BYTES))];
-        if cells.iter().any(|cell| *cell != ERASED) {
+        if cells.iter().any(|cell| *cell != ERASED) || self.filled.contains(&address) {
             self.unreadable.insert(address);
+        } else if *word == ONES {
+            self.filled.insert(address);
         }
         for (cell, bits) in cells.iter_mut().zip(word) {
             *cell &= bits;
@@ -232,6 +277,19 @@ impl Contents {
     }
 }
 
+/// The addresses of `bytes` at `address`, or why they do not lie in the flash.
+fn in_flash(address: u64, bytes: &[u8]) -> std::result::Result<Range<u32>, String> {
+    let flash = u64::from(BASE)..=u64::from(BASE) + BYTES as u64;
+    let end = address.saturating_add(bytes.len() as u64);
+    if flash.contains(&address) && flash.contains(&end) {
+        return Ok(address as u32..end as u32);
+    }
+    Err(format!(
+        "{} bytes at {address:#010x} do not lie in the flash",
+        bytes.len()
+    ))
+}
+
 fn offsets(range: &Range<u32>) -> Range<usize> {
     (range.start - BASE) as usize..(range.end - BASE) as usize
 }
@@ -240,13 +298,14 @@ const fn word_of(address: u32) -> u32 {
     address & !(WORD_BYTES - 1)
 }
 
-/// The unreadable words, shared by the flash's registers and the core.
+/// The unreadable words, and those that were programmed with ones, shared by the flash's registers and the core.
 #[derive(Clone, Debug, Default)]
 pub struct Unreadable(Arc<Mutex<Marks>>);
 
 #[derive(Debug, Default)]
 struct Marks {
     words: BTreeSet<u32>,
+    filled: BTreeSet<u32>,
     changes: u64,
     /// Addresses of failed reads that the registers do not show yet.
     failed: Vec<u32>,
@@ -258,11 +317,17 @@ impl Unreadable {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Replaces all of them by `words`.
-    pub fn replace(&self, words: BTreeSet<u32>) {
+    /// Replaces all of them by `words`, and those that were programmed with ones by `filled`.
+    pub fn replace(&self, words: BTreeSet<u32>, filled: BTreeSet<u32>) {
         let mut marks = self.marks();
         marks.words = words;
+        marks.filled = filled;
         marks.changes += 1;
+    }
+
+    /// All words that were programmed with ones.
+    pub fn filled(&self) -> BTreeSet<u32> {
+        self.marks().filled.clone()
     }
 
     /// All of them.
@@ -280,10 +345,15 @@ impl Unreadable {
         self.marks().failures
     }
 
-    /// Marks the word at `address`.
-    pub fn mark(&self, address: u32) {
+    /// Marks the word at `address`, which is programmed with `word` now, and `is_erased` before. A word that may not be
+    /// programmed any more becomes unreadable.
+    pub fn program(&self, address: u32, word: &[u8], is_erased: bool) {
         let mut marks = self.marks();
-        marks.changes += u64::from(marks.words.insert(word_of(address)));
+        if !is_erased || marks.filled.contains(&address) {
+            marks.changes += u64::from(marks.words.insert(address));
+        } else if word == ONES {
+            marks.filled.insert(address);
+        }
     }
 
     /// Accesses `bytes` at `address`; true if the access fails.
@@ -302,6 +372,7 @@ impl Unreadable {
         let mut marks = self.marks();
         let before = marks.words.len();
         marks.words.retain(|word| !range.contains(word));
+        marks.filled.retain(|word| !range.contains(word));
         marks.changes += u64::from(marks.words.len() != before);
     }
 

@@ -9,8 +9,8 @@ use model_format::link::{
     UpdateConfirmEndpoint, UpdateError, UpdatePhase, UpdateReport, UpdateStateEndpoint,
 };
 use stylus_app::update::sign;
-use stylus_boot::map::{ACTIVE, BOOTLOADER_VERSION};
-use virtual_stylus::model::flash::{Contents, Moment};
+use stylus_boot::map::{ACTIVE, BOOTLOADER_VERSION, RECORDS};
+use virtual_stylus::model::flash::{BASE, Contents, Kind, Moment};
 use virtual_stylus::model::pin::{Drive, Driven};
 use virtual_stylus::{Options, PowerCut};
 
@@ -132,7 +132,7 @@ impl Device {
         matches!(self.update_state().phase, UpdatePhase::Trial { .. })
     }
 
-    fn runs(&mut self, image: &[u8]) -> bool {
+    pub fn runs(&mut self, image: &[u8]) -> bool {
         active(&self.stylus.flash().bytes) == image
     }
 
@@ -180,6 +180,14 @@ fn an_update_keeps_settings_and_active_library_and_survives_resets_once_it_is_co
     let committed = device.update(&new).phase;
     let version = version();
     assert_eq!(committed, UpdatePhase::Committed { version });
+    // What was flashed has left the record's sectors erased: the first change of it is the first word of them.
+    let operations = device.stylus.flash_operations();
+    let places = operations.iter().map(|done| match &done.kind {
+        Kind::Program { address, .. } => (address - BASE, false),
+        Kind::Erase(range) => (range.start - BASE, true),
+    });
+    let in_record: Vec<_> = places.filter(|(at, _)| RECORDS.contains(at)).collect();
+    assert_eq!(in_record, [(RECORDS.start, false)]);
     let sent_ms = (device.stylus.now_ns() - begin) / MS;
     let started_ms = device.wait_for_exchange() / MS;
     println!("sent in {sent_ms} ms, started after {started_ms} ms");
