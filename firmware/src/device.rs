@@ -27,11 +27,12 @@ use stylus_app::player::Piece;
 use stylus_app::recorder::Recorder;
 use stylus_app::safety::{self, Heat};
 use stylus_app::status::Histogram;
+use stylus_boot::supply;
 use stylus_kernel::scene::cost::BUDGET;
 use stylus_kernel::scene::{Plan, Wave};
 
 use crate::boot::clock::CORE_HZ;
-use crate::boot::{critical, silicon};
+use crate::boot::critical;
 use crate::play::direction::{self, Next};
 use crate::play::library_ram::LibraryRam;
 use crate::play::{update, voice};
@@ -169,7 +170,7 @@ impl Device for Hardware {
 
     fn start_report(&self) -> StartReport {
         StartReport {
-            supply_low: silicon::is_supply_low(),
+            supply_low: supply::is_low(),
             ..self.start
         }
     }

@@ -37,6 +37,7 @@ use stylus_app::inputs::InputConfig;
 use stylus_app::recorder::{Recorder, SampleQueue, Tap};
 use stylus_app::requests::Frame;
 use stylus_app::safety;
+use stylus_boot::supply;
 use stylus_realtime::{boot, play, tick};
 
 use crate::boot::silicon::ResetFlags;
@@ -69,14 +70,14 @@ async fn main(spawner: Spawner) {
     watchdog::feed_at_start();
     let p = clock::begin_time(|| embassy_stm32::init(clock::config(clock, revision)));
     clock::guard(clock);
-    silicon::watch_supply();
+    supply::watch();
     watchdog::feed_at_start();
     priority::assign();
     let start = StartReport {
         clock,
         revision,
         brown_out_level: silicon::brown_out_level(),
-        supply_low: silicon::is_supply_low(),
+        supply_low: supply::is_low(),
         quick_faults: before.starts.quick_faults,
         safe_mode: before.starts.safe_mode,
         hung_stage: before.starts.hung_stage,

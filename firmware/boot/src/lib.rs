@@ -23,4 +23,6 @@ pub mod record;
 #[cfg(all(target_arch = "arm", feature = "hardware"))]
 pub mod registers;
 #[cfg(all(target_arch = "arm", feature = "hardware"))]
+pub mod supply;
+#[cfg(all(target_arch = "arm", feature = "hardware"))]
 pub mod word;

@@ -16,11 +16,12 @@ use cortex_m::peripheral::SCB;
 use embedded_storage::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
 };
+use stm32_metapac::gpio::vals::{Moder, Odr};
 use stm32_metapac::iwdg::vals::{Key, Pr};
-use stm32_metapac::{IWDG1, RCC};
+use stm32_metapac::{GPIOB, IWDG1, RCC};
 use stylus_boot::map::{ACTIVE, BANK_BYTES, FLASH, SECTOR_BYTES, VERSION_MAGIC, WORD_BYTES};
 use stylus_boot::registers::{BANK_1, BANK_2, Bank, words};
-use stylus_boot::{loader, word};
+use stylus_boot::{loader, supply, word};
 
 // The table of vectors: the stack, and the exceptions that can occur. All but a bus fault wait for the watchdog.
 //
@@ -89,6 +90,12 @@ const fn number(text: &str) -> u32 {
     }
 }
 
+/// Number of times that an exchange is tried in a start.
+const TRIES: usize = 3;
+
+/// Number of LD3's pin in port B.
+const LD3: usize = 14;
+
 extern "C" fn main() -> ! {
     // SAFETY: this runs once, and nothing else has taken them.
     let mut core = unsafe { cortex_m::Peripherals::steal() };
@@ -97,18 +104,50 @@ extern "C" fn main() -> ! {
     word::enable_bus_fault(&mut core.SCB);
     let cause = (RCC.rsr().read().0 >> 21) as u8;
     let mut has_exchanged = false;
-    let prepared = loader::prepare(Banks, cause, || {
+    let mut begin = || {
         has_exchanged = true;
+        supply::watch();
         set_watchdog(Pr::DIVIDE_BY256);
-    });
-    if prepared.is_err() {
-        // The exchange goes on at the next start.
-        SCB::sys_reset();
+    };
+    // Each try goes on where the one before failed.
+    if (0..TRIES).all(|_| loader::prepare(Banks, cause, &mut begin).is_err()) {
+        stay();
     }
     if has_exchanged {
         set_watchdog(Pr::DIVIDE_BY4);
     }
     jump(&mut core.SCB)
+}
+
+/// Lights LD3, or puts it out, on PB14.
+fn show_fault(is_fault: bool) {
+    RCC.ahb4enr().modify(|w| w.set_gpioben(true));
+    // The read waits until the write has arrived.
+    let _ = RCC.ahb4enr().read();
+    let level = if is_fault { Odr::HIGH } else { Odr::LOW };
+    GPIOB.odr().modify(|w| w.set_odr(LD3, level));
+    GPIOB.moder().modify(|w| w.set_moder(LD3, Moder::OUTPUT));
+}
+
+/// Ends the start, with LD3 lit, because the flash does not take what the exchange needs: a sector is write-protected
+/// or worn. Power-on and the reset button try again.
+fn stay() -> ! {
+    show_fault(true);
+    loop {
+        pause();
+    }
+}
+
+/// Waits, with LD3 lit, while the supply is too low for the flash. No image can be started before the exchange ends, so
+/// nothing else bounds this.
+fn wait_for_supply() {
+    if supply::is_low() {
+        show_fault(true);
+        while supply::is_low() {
+            pause();
+        }
+        show_fault(false);
+    }
 }
 
 /// Gives the watchdog its longest count at the clock divided by `divider`, which is 512 ms at 4, as after a reset, and
@@ -123,6 +162,12 @@ fn set_watchdog(divider: Pr) {
 
 fn feed() {
     IWDG1.kr().write(|w| w.set_key(Key::RESET));
+}
+
+/// Waits for as long as between two looks at a bank, while the watchdog waits, too.
+fn pause() {
+    feed();
+    cortex_m::asm::delay(POLL_CYCLES);
 }
 
 /// Goes on at the image's reset handler, with its stack and vectors.
@@ -173,6 +218,7 @@ impl Banks {
 
     /// Does `begin` with a bank that is ready, and waits for its end, which the watchdog bounds.
     fn operate(bank: Bank, begin: impl FnOnce()) -> Result<(), Failed> {
+        wait_for_supply();
         feed();
         bank.unlock();
         begin();

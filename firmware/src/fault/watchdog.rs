@@ -33,14 +33,19 @@ static LONGEST_GAP: AtomicU32 = AtomicU32::new(0);
 
 /// Begins to measure the gaps between two feeds. The watchdog runs already.
 pub fn start() {
-    go_on_while_halted();
+    undo_debugger();
     FED.store(DWT::cycle_count(), Ordering::Relaxed);
 }
 
-/// Lets watchdog and timers of the output go on while a debugger halts the processor; with the feature `debug-halt`
-/// the watchdog waits. Some debuggers set these bits when they connect, as OpenOCD does for the watchdogs, and only
-/// power-on resets them (RM0433 section 60.5.8), so they are written again at each feed.
-fn go_on_while_halted() {
+/// Lets watchdog and timers of the output go on while a debugger halts the processor, and the cycle counter in WFE;
+/// with the feature `debug-halt` the watchdog waits in a halt. Some debuggers set the first when they connect, as
+/// OpenOCD does for the watchdogs, and clear the others when they detach, as probe-rs does. Only power-on resets them
+/// (RM0433 section 60.5.8), so they are written again at each feed.
+fn undo_debugger() {
+    DBGMCU.cr().modify(|w| {
+        w.set_d1dbgcken(true);
+        w.set_dbgsleep_d1(true);
+    });
     DBGMCU.apb1lfzr1().write_value(Apb1lfzr1(0));
     DBGMCU.apb2fzr1().write_value(Apb2fzr1(0));
     DBGMCU
@@ -74,7 +79,7 @@ pub async fn feed() -> ! {
     LONGEST_GAP.store(0, Ordering::Relaxed);
     loop {
         ticker.next().await;
-        go_on_while_halted();
+        undo_debugger();
         stack::search();
         let now = alive::ended();
         if now == before && !WITHOUT_TICK.load(Ordering::Relaxed) {

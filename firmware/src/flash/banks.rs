@@ -32,9 +32,10 @@ use model_format::limits::SLOT_BYTES;
 use stylus_app::flash::{BANK_BYTES, SECTOR_BYTES, WORD_BYTES};
 use stylus_app::slots::MappedFlash;
 use stylus_boot::registers::{BANK_1, BANK_2, Bank, words};
+use stylus_boot::supply;
 
 use crate::boot::clock::CORE_HZ;
-use crate::boot::{priority, silicon};
+use crate::boot::priority;
 use crate::fault::watchdog;
 use crate::flash::{errors, word};
 
@@ -148,7 +149,7 @@ fn read(bank: Bank, offset: u32, bytes: &mut [u8]) -> Result<(), FlashError> {
 
 /// Prepares an erasure or a word: checks that the supply holds and the bank is idle, clears old faults, unlocks.
 fn prepare(bank: Bank) -> Result<(), FlashError> {
-    if silicon::is_supply_low() {
+    if supply::is_low() {
         return Err(FlashError::SupplyLow);
     }
     if bank.is_busy() {

@@ -52,7 +52,8 @@ pub fn open(
     dm: Peri<'static, PA11>,
 ) -> (Device, Sender, Receiver) {
     let mut config = usb::Config::default();
-    // The socket does not power the board, and PA9, its VBUS, may have another use.
+    // The socket does not power the board, and PA9, its VBUS, may have another use. So D+ is pulled up while the socket
+    // has no power, too, which USB 2.0, section 7.1.5.1, forbids: a host that is off gets a current through 1.5 kΩ.
     config.vbus_detection = false;
     let driver = usb::Driver::new_fs(peripheral, Interrupts, dp, dm, OUT.take(), config);
     describe(Driver(driver))
@@ -103,6 +104,9 @@ fn describe(driver: Driver) -> (Device, Sender, Receiver) {
     config.device_sub_class = 0;
     config.device_protocol = 0;
     config.composite_with_iads = false;
+    // The probe's socket powers the board.
+    config.self_powered = true;
+    config.max_power = 0;
     let mut builder = Builder::new(
         driver,
         config,

@@ -318,6 +318,21 @@ impl Part {
         );
     }
 
+    /// Turns off the core's clocks for debugging, as probe-rs does when it detaches: `DBGMCU_CR` (section 60.5.8).
+    pub fn detach_debugger(&mut self) {
+        let registers = registers(&mut self.rest, self.slots.debug);
+        registers.set(dbgmcu::Register::Cr, 0);
+    }
+
+    /// Protects these sectors of bank 1 from writing, a bit each, and no others (section 4.5.2).
+    pub fn protect_sectors(&mut self, sectors: u8) {
+        let options = self.flash.inner.committed_options();
+        let wpsn = [u64::from(!sectors), options.wpsn[1]];
+        let registers = registers(&mut self.rest, self.slots.flash);
+        let options = OptionBytes { wpsn, ..options };
+        self.flash.inner.keep_options(options, registers);
+    }
+
     /// True if anything waits while the core is halted.
     pub fn is_frozen_in_halt(&self) -> bool {
         use dbgmcu::Register::{Apb1lfz1, Apb2fz1, Apb4fz1};

@@ -3,6 +3,7 @@
 //! `STYLUS_IMAGE` and `STYLUS_FAULT_IMAGE` name the files that `cargo firmware` and `cargo firmware --fault-injection`
 //! built; `cargo tasks test-virtual-stylus` builds both and sets them.
 
+mod bootloader;
 mod bounds;
 mod cost;
 mod device;

@@ -19,9 +19,10 @@ const REVISION_Y: u16 = 0x1003;
 const RCC_CR: u64 = 0;
 const HSEON: u32 = 1 << 16;
 const HSECSSON: u32 = 1 << 19;
-/// DBGMCU_CR, and its bit DBGSLEEP_D1 (section 60.5.8).
+/// DBGMCU_CR, and its bits DBGSLEEP_D1 and D1DBGCKEN (section 60.5.8).
 const DBGMCU_CR: u64 = 4;
 const DBGSLEEP_D1: u32 = 1;
+const D1DBGCKEN: u32 = 1 << 21;
 /// ODR of a port, and the pins of LD1 and LD3 on port B.
 const ODR: u64 = 0x14;
 const LD1: u32 = 1;
@@ -264,6 +265,16 @@ fn what_a_debugger_makes_wait_while_the_core_is_halted_goes_on_again() {
     assert!(device.stylus.board(|board| board.part.is_frozen_in_halt()));
     device.run_for(50 * MS);
     assert!(!device.stylus.board(|board| board.part.is_frozen_in_halt()));
+}
+
+#[test]
+fn the_cycle_counter_goes_on_in_sleep_after_a_debugger_has_detached() {
+    let mut device = Device::started(Options::default());
+    let before = register(&mut device, "DBGMCU", DBGMCU_CR) & (DBGSLEEP_D1 | D1DBGCKEN);
+    device.stylus.board(|board| board.part.detach_debugger());
+    device.run_for(50 * MS);
+    let after = register(&mut device, "DBGMCU", DBGMCU_CR);
+    assert_eq!((before, after), (DBGSLEEP_D1 | D1DBGCKEN, before));
 }
 
 /// The memory of the library that is played (RM0433 section 2.4); none was played here.

@@ -49,8 +49,11 @@ fn the_descriptors_keep_the_rules_of_usb_2() {
     assert_eq!(usize::from(word(configuration, 2)), configuration.len());
     assert_eq!(configuration[4], 1, "interfaces");
     assert_ne!(configuration[5], 0, "a configuration's value");
-    assert_eq!(configuration[7] & 0x9F, 0x80, "reserved bits");
-    assert!(configuration[8] <= 250, "at most 500 mA");
+    assert_eq!(
+        configuration[7..9],
+        [0xC0, 0],
+        "powered by itself, and no current from the bus"
+    );
     let parts: Vec<&[u8]> = parts(configuration).collect();
     assert_eq!(
         parts.iter().map(|part| part.len()).sum::<usize>(),

@@ -7,8 +7,7 @@
 use core::sync::atomic::{AtomicBool, Ordering};
 
 use embassy_stm32::pac::{GPIOE, RCC};
-
-use crate::boot::silicon;
+use stylus_boot::supply;
 
 /// The pin's number in port E.
 const PIN: usize = 9;
@@ -51,7 +50,7 @@ pub fn is_to_be_raised() -> bool {
 /// Sets the amplifier on if it is still to be on and the supply holds. The output must be driven at mid-scale.
 pub fn raise() {
     critical_section::with(|_| {
-        if !silicon::is_supply_low() && WANTED.load(Ordering::Relaxed) {
+        if !supply::is_low() && WANTED.load(Ordering::Relaxed) {
             ON.store(true, Ordering::Relaxed);
             GPIOE.bsrr().write(|w| w.set_bs(PIN, true));
         }
