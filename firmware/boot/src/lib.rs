@@ -10,12 +10,15 @@
 //! there, and half of an exchange is done twice, which destroys both images. Here its state is 16 bytes of a record,
 //! and every change of it is a new record in a new word of the flash ([`record::Store`]).
 //!
-//! Invariant: nothing here drives a pin or the converter of the output, so the coil is silent.
+//! Invariant: from its first instructions on, the amplifier is off and the output at mid-scale ([`first`]), also while
+//! images are exchanged.
 #![no_std]
 
 #[cfg(test)]
 extern crate std;
 
+#[cfg(target_arch = "arm")]
+pub mod first;
 #[cfg(feature = "loader")]
 pub mod loader;
 pub mod map;

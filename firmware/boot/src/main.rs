@@ -21,15 +21,15 @@ use stm32_metapac::iwdg::vals::{Key, Pr};
 use stm32_metapac::{GPIOB, IWDG1, RCC};
 use stylus_boot::map::{ACTIVE, BANK_BYTES, FLASH, SECTOR_BYTES, VERSION_MAGIC, WORD_BYTES};
 use stylus_boot::registers::{BANK_1, BANK_2, Bank, words};
-use stylus_boot::{loader, supply, word};
+use stylus_boot::{first, loader, supply, word};
 
 // The table of vectors: the stack, and the exceptions that can occur. All but a bus fault wait for the watchdog.
 //
-// The reset starts the watchdog, with the timeout of its reset values: half a second. Then the RAM that the bootloader
-// uses is written in units of 64 bits, because at power-on it holds noise whose error-correcting code is wrong. It is
-// the image's stack later, and nothing of what outlives a reset.
+// After the first instructions the RAM that the bootloader uses is written in units of 64 bits, because at power-on it
+// holds noise whose error-correcting code is wrong. It is the image's stack later, and nothing of what outlives a
+// reset.
 //
-// SAFETY: the reset writes a register of the watchdog and memory that has no values yet, and does not return.
+// SAFETY: the reset writes registers that have no owner and memory that has no values yet, and does not return.
 global_asm!(
     ".section .vectors, \"a\", %progbits",
     ".word _stack_start, Reset, HardFault, HardFault, HardFault, BusFault, HardFault",
@@ -41,9 +41,7 @@ global_asm!(
     ".type Reset, %function",
     ".thumb_func",
     "Reset:",
-    "    ldr r0, =0x58004800",
-    "    movw r1, #0xCCCC",
-    "    str r1, [r0]",
+    "    bl {make_safe}",
     // CPACR: the compiler may use the floating-point unit's registers (ARM DDI 0403E, B3.2.20).
     "    ldr r0, =0xE000ED88",
     "    ldr r1, [r0]",
@@ -70,6 +68,7 @@ global_asm!(
     "HardFault:",
     "    b HardFault",
     ".size HardFault, . - HardFault",
+    make_safe = sym first::make_safe,
     main = sym main,
 );
 

@@ -6,9 +6,10 @@
 //! array itself, because neither the slots nor the settings are cached (`boot/protection.rs`).
 //!
 //! - **Bank 2** is erased and written while everything else runs: code runs from bank 1, the tick from ITCM.
-//! - **Bank 1** holds the code, whose fetches stall while the bank is busy. The wait for it runs from ITCM and masks
-//!   the interrupts of tasks, whose handlers lie in flash; tick and update go on. Settings must therefore be written
-//!   only while nothing else matters: a change takes a tenth of a millisecond, and one in a few thousand an erasure.
+//! - **Bank 1** holds the code, whose fetches stall while the bank is busy. The wait for it runs from ITCM, hides the
+//!   code from the processor, which would fetch ahead, and masks the interrupts of tasks, whose handlers lie in flash;
+//!   tick and update go on. Settings must therefore be written only while nothing else matters: a change takes a tenth
+//!   of a millisecond, and one in a few thousand an erasure.
 //!   embassy's clock counts half turns of 32.8 ms by an interrupt that is masked then, so an erasure makes it late by
 //!   whole turns, and every running timeout longer. It never steps back. The device's time is the tick's count, which
 //!   goes on.
@@ -35,7 +36,7 @@ use stylus_boot::registers::{BANK_1, BANK_2, Bank, words};
 use stylus_boot::supply;
 
 use crate::boot::clock::CORE_HZ;
-use crate::boot::priority;
+use crate::boot::{priority, protection};
 use crate::fault::watchdog;
 use crate::flash::{errors, word};
 
@@ -350,9 +351,10 @@ fn in_time(done: bool) -> Result<(), FlashError> {
 #[unsafe(link_section = ".itcm.flash_erase")]
 extern "C" fn erase_without_code(offset: u32) -> bool {
     let mask = mask_tasks();
+    protection::hide_code();
     BANK_1.begin_erase(offset);
     let done = wait_without_code(8_000);
-    keep_fetches_here();
+    protection::show_code();
     unmask(mask);
     done
 }
@@ -364,9 +366,10 @@ extern "C" fn erase_without_code(offset: u32) -> bool {
 #[unsafe(link_section = ".itcm.flash_program")]
 extern "C" fn program_without_code(offset: u32, word: &[u32; WORD_BYTES / 4]) -> bool {
     let mask = mask_tasks();
+    protection::hide_code();
     BANK_1.begin_program(offset, word);
     let done = wait_without_code(10);
-    keep_fetches_here();
+    protection::show_code();
     unmask(mask);
     done
 }
@@ -385,15 +388,6 @@ fn wait_without_code(limit_ms: u32) -> bool {
         watchdog::feed_while_ticking();
     }
     false
-}
-
-/// Keeps the processor's fetches ahead of a wait in ITCM. It fetches along the path that it predicts, which ends in
-/// flash: a fetch from a busy bank would stall until the bank is idle, past the watchdog's end. 256 bytes lie between,
-/// eight times its queue of four double words (Cortex-M7 TRM, prefetch unit); the barrier discards what was fetched.
-#[inline(always)]
-fn keep_fetches_here() {
-    // SAFETY: these instructions change nothing.
-    unsafe { core::arch::asm!(".rept 128", "nop", ".endr", "isb", options(nomem, nostack)) };
 }
 
 /// Masks as they were before.

@@ -18,7 +18,7 @@ use crate::electrical::{Defects, Electrical};
 use crate::error::{Error, Result};
 use crate::model::adc::Pins;
 use crate::model::flash::{Busy, Unreadable};
-use crate::model::ram_code::RamCode;
+use crate::model::ram::Ram;
 use crate::part::Part;
 use crate::serial::Line;
 
@@ -44,8 +44,8 @@ pub struct StylusBoard {
     pub part: Part,
     serial: usize,
     unreadable: Unreadable,
-    /// Codes of the RAM.
-    pub ram: RamCode,
+    /// The RAM.
+    pub ram: Ram,
     busy: Busy,
     defects: Defects,
     auditor: Auditor,
@@ -86,7 +86,7 @@ impl StylusBoard {
             part,
             serial,
             unreadable,
-            ram: RamCode::default(),
+            ram: Ram::default(),
             busy,
             defects,
             auditor,

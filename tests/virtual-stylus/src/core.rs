@@ -5,8 +5,9 @@
 //!
 //! A bank that is programmed or erased goes over the bus too. A load from it does not happen, and the core stands
 //! still, until the bank is idle; then the instruction begins again. So does an instruction that is to be fetched from
-//! it. No interrupt is taken meanwhile, which is the worst that the part may do: it may take one during a fetch. The
-//! instructions that the core would have executed meanwhile are counted as if it had, so virtual time and the cycle
+//! it. No interrupt is taken meanwhile, which is the worst that the part may do: it may take one during a fetch. Code
+//! that runs elsewhere stands still, too, if the MPU lets the processor fetch ahead from the busy bank with the code.
+//! The instructions that the core would have executed meanwhile are counted as if it had, so virtual time and the cycle
 //! counter go on. Fetches are looked at before every instruction in the first [`CLOSELY`] of them after the bank became
 //! busy, and before every 32nd after that, because an erasure takes longer than a test can wait for single steps.
 
@@ -22,7 +23,7 @@ use rigless::time::VirtualNanos;
 
 use crate::electrical::{Defects, Interrupt};
 use crate::model::flash::{BASE, BYTES, Busy, Unreadable};
-use crate::model::ram_code::RamCode;
+use crate::model::ram::Ram;
 use crate::model::usb;
 
 const FLASH: std::ops::Range<u64> = BASE as u64..BASE as u64 + BYTES as u64;
@@ -31,6 +32,8 @@ const AXI_SRAM: std::ops::Range<u64> = 0x2400_0000..0x2408_0000;
 /// AXI_TARG7_FN_MOD, and its bit READ_ISS_OVERRIDE (section 2.2, AXI interconnect registers).
 const AXI_SRAM_ISSUING: u64 = 0x5100_8108;
 const ONE_READ: u64 = 1;
+/// PWR_CSR1 (section 6.8.2).
+const POWER_STATUS: u64 = 0x5802_4804;
 /// Distance of the reads that old silicon corrupts here; on the part it depends on what else is read.
 const MISREAD_BYTES: u64 = 64;
 /// Registers and bits that make interrupts pending: ICSR.NMIPENDSET, and that of interrupt 1 in NVIC_ISPR0 (ARM DDI
@@ -39,6 +42,10 @@ const PENDING: [(Interrupt, u64, u64); 2] = [
     (Interrupt::NonMaskable, 0xE000_ED04, 1 << 31),
     (Interrupt::Supply, 0xE000_E200, 1 << 1),
 ];
+/// Registers of the MPU: MPU_CTRL, MPU_RNR, MPU_RBAR, MPU_RASR (ARM DDI 0403E, B3.5.4).
+const MPU: [u64; 4] = [0xE000_ED94, 0xE000_ED98, 0xE000_ED9C, 0xE000_EDA0];
+/// Number of the MPU's regions.
+const REGIONS: u64 = 16;
 /// GDB's number of the program status register, whose low nine bits are the exception under way.
 const STATUS_REGISTER: usize = 16;
 const EXCEPTION: u32 = 0x1FF;
@@ -54,7 +61,7 @@ const OTHER_BANK: u8 = 2;
 /// Number of instructions after a bank with code became busy whose fetches are looked at one by one: 5 ms, with ticks
 /// and updates.
 const CLOSELY: u64 = 1_000_000;
-/// Instructions at a time after that.
+/// Instructions at a time after that, and between two looks at the MPU.
 const COARSE: u32 = 32;
 /// Time for which the other bank's reads stay on the bus after it was busy, so that an upload routes it once.
 const LINGER: VirtualNanos = VirtualNanos(20_000_000);
@@ -153,7 +160,7 @@ impl Touched {
 pub fn wrap(
     spec: &mut CoreSpec,
     unreadable: Unreadable,
-    ram: RamCode,
+    ram: Ram,
     busy: Busy,
     defects: Defects,
     auditor: Auditor,
@@ -169,6 +176,7 @@ pub fn wrap(
             stalled: 0,
             stall: None,
             busy_since: 0,
+            next_look: 0,
             other_bank_until: VirtualNanos(0),
             on_bus: 0,
             defects: defects.clone(),
@@ -186,7 +194,7 @@ pub fn wrap(
 struct Core {
     inner: Box<dyn Processor>,
     unreadable: Unreadable,
-    ram: RamCode,
+    ram: Ram,
     busy: Busy,
     /// Instructions that count as executed because the core stood still.
     stalled: u64,
@@ -194,6 +202,8 @@ struct Core {
     stall: Option<u64>,
     /// Number of instructions retired when the bank with the code became busy.
     busy_since: u64,
+    /// Number of instructions retired at which the MPU is looked at next.
+    next_look: u64,
     /// Instant until which the other bank's reads go over the bus.
     other_bank_until: VirtualNanos,
     /// The banks whose reads go over the bus, a bit per bank.
@@ -246,6 +256,7 @@ impl Core {
         }
         if busy & CODE_BANK != 0 && self.on_bus & CODE_BANK == 0 {
             self.busy_since = self.inner.retired();
+            self.next_look = self.busy_since;
         }
         let other = if now < self.other_bank_until {
             OTHER_BANK
@@ -267,13 +278,53 @@ impl Core {
             }
             self.stall = None;
         }
+        if self.inner.waiting() {
+            return false;
+        }
         let at = self.inner.pc();
-        let waits = !self.inner.waiting() && self.busy.holds(at);
-        if waits {
+        if self.busy.holds(at) {
             self.busy.count_fetch();
             self.stall = Some(at);
+        } else if self.busy.banks() & CODE_BANK != 0 && self.may_fetch_ahead() {
+            self.busy.count_ahead();
+            self.stall = Some(FLASH.start);
         }
-        waits
+        self.stall.is_some()
+    }
+
+    /// True if the MPU is looked at now and lets the processor fetch from the bank with the code: by the last region
+    /// around its first address, whose subregions are left out.
+    fn may_fetch_ahead(&mut self) -> bool {
+        const ENABLE: u64 = 1;
+        const BACKGROUND: u64 = 1 << 2;
+        const NEVER: u64 = 1 << 28;
+        const ACCESS: u64 = 0b111 << 24;
+        if self.inner.retired() < self.next_look {
+            return false;
+        }
+        self.next_look = self.inner.retired() + u64::from(COARSE);
+        let [control, number, base, attributes] = MPU;
+        let mut mpu = |write, register| {
+            let now = VirtualNanos(0);
+            let read = (self.inner).debugger_access(write, register, Width::W32, now);
+            read.unwrap_or_default()
+        };
+        let control = mpu(None, control);
+        if control & ENABLE == 0 {
+            return true;
+        }
+        let selected = mpu(None, number);
+        let of_code = (0..REGIONS).rev().find_map(|region| {
+            mpu(Some(region), number);
+            let (base, attributes) = (mpu(None, base), mpu(None, attributes));
+            let length_log2 = (attributes >> 1 & 0x1F) + 1;
+            let is_around = FLASH.start >> length_log2 == base >> length_log2;
+            (attributes & ENABLE != 0 && is_around).then_some(attributes)
+        });
+        mpu(Some(selected), number);
+        of_code.map_or(control & BACKGROUND != 0, |attributes| {
+            attributes & NEVER == 0 && attributes & ACCESS != 0
+        })
     }
 
     /// Runs while the bank with the code is busy, so that the next fetch can be looked at soon.
@@ -362,7 +413,7 @@ impl Core {
 struct Seen<'a> {
     bus: &'a mut dyn CoreBus,
     unreadable: &'a Unreadable,
-    ram: &'a RamCode,
+    ram: &'a Ram,
     busy: &'a Busy,
     /// Instructions that count as executed besides those of the inner core.
     stalled: u64,
@@ -378,7 +429,9 @@ struct Seen<'a> {
 
 impl CoreBus for Seen<'_> {
     fn access(&mut self, mut access: Access, from_code: bool) -> Option<u64> {
-        self.ram.follow(&access);
+        if !self.ram.takes(&access) {
+            return Some(0);
+        }
         self.touched.note(&access);
         access.instruction_count += self.stalled;
         if access.kind == AccessKind::Read && FLASH.contains(&access.address) {
@@ -405,7 +458,11 @@ impl CoreBus for Seen<'_> {
             redirected.address = access.address - usb::BASE + usb::WINDOW_BASE;
             return self.bus.access(redirected, from_code);
         }
-        self.bus.access(access, from_code)
+        let value = self.bus.access(access, from_code);
+        if access.address == POWER_STATUS && access.kind == AccessKind::Read {
+            self.ram.power_status(value.unwrap_or(0));
+        }
+        value
     }
 
     fn time(&self, instructions: u64) -> VirtualNanos {
@@ -530,6 +587,7 @@ impl Processor for Core {
         }
         self.seen_changes = None;
         self.stall = None;
+        self.ram.reset();
         self.defects.issue_one_read(false);
     }
 

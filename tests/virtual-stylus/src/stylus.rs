@@ -213,6 +213,11 @@ impl VirtualStylus {
         self.board(|board| board.ram.errors())
     }
 
+    /// Addresses of the stores to RAM that came before the supply was known to be valid.
+    pub fn refused_stores(&mut self) -> Vec<u64> {
+        self.board(|board| board.ram.refused())
+    }
+
     /// Accesses that waited for a busy bank of the flash.
     pub fn flash_stalls(&mut self) -> Stalls {
         self.ask(|_, hands, _| hands.busy.stalls())

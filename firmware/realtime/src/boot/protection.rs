@@ -9,7 +9,7 @@
 //! | all addresses | none | strongly ordered | 1 |
 //! | ITCM | read, execute | normal | code of the tick, copied before |
 //! | null: the first KB | none | strongly ordered | left free in `tick.x`, so that a null pointer faults |
-//! | flash, bank 1 | read, execute | write-back | code; 2 |
+//! | flash, bank 1 | read, execute; none while it is busy | write-back | code; 2, 5 |
 //! | record of updates, and settings, in bank 1 | read, write | not cached | 3 |
 //! | flash, bank 2 | read, write | not cached | slots of libraries; 3 |
 //! | identity | read | not cached | serial number and factory calibration (RM0433 chapter 61) |
@@ -30,6 +30,8 @@
 //!    unaligned, which device memory refuses (ARM DDI 0403E, A3.2.1). The bank's lock, which is off only while a word
 //!    is programmed, refuses stray stores.
 //! 4. Below it is no region, so the first store of a stack that overflows is refused. TCMs are never cached.
+//! 5. A fetch from a busy bank stalls until the bank is idle, past the watchdog's end. The processor also fetches ahead
+//!    along the path that it predicts, from wherever that may be executed (ARM DDI 0489F, 5.2.1): see [`hide_code`].
 //!
 //! SRAM 2 and 3, the backup SRAM and the rest of the system memory have no use, so they have no region. The processor's
 //! own registers, from 0xE0000000 on, are not subject to the MPU.
@@ -150,6 +152,45 @@ pub const REGIONS: [Region; 13] = [
     Region::new(0x3800_0000, 16, Access::ReadWrite, Memory::WriteBack),
     Region::new(0x4000_0000, 29, Access::ReadWrite, Memory::Device),
 ];
+
+/// Place of the code's region in [`REGIONS`].
+#[cfg(target_arch = "arm")]
+const CODE: usize = 3;
+
+/// Hides bank 1 but for its records from the processor: strongly ordered, no access and no execution, with which it
+/// fetches and reads nothing ahead from there (ARM DDI 0489F, 5.2.1). To be inlined into code outside of bank 1.
+#[cfg(target_arch = "arm")]
+#[inline(always)]
+pub fn hide_code() {
+    const HIDDEN: Region = Region::new(
+        REGIONS[CODE].start,
+        REGIONS[CODE].length_log2,
+        Access::Nothing,
+        Memory::StronglyOrdered,
+    );
+    set_code(HIDDEN.attributes());
+}
+
+/// Ends [`hide_code`].
+#[cfg(target_arch = "arm")]
+#[inline(always)]
+pub fn show_code() {
+    set_code(const { REGIONS[CODE].attributes() });
+}
+
+/// Sets the attributes of the code's region, and has everything after it fetched by them.
+#[cfg(target_arch = "arm")]
+#[inline(always)]
+#[expect(unsafe_code, reason = "the processor's own registers")]
+fn set_code(attributes: u32) {
+    // SAFETY: the registers exist, and after the start nothing else writes them. The caller runs outside of the region.
+    unsafe {
+        (*MPU::PTR).rnr.write(CODE as u32);
+        (*MPU::PTR).rasr.write(attributes);
+    }
+    cortex_m::asm::dsb();
+    cortex_m::asm::isb();
+}
 
 /// Turns the MPU on. Code has been copied to ITCM before, and the caches are turned on after, so that no line of memory
 /// that is not to be cached is in them.

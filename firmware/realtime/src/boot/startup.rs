@@ -48,7 +48,8 @@ unsafe impl Sync for VectorTable {}
 
 static VECTOR_TABLE: VectorTable = VectorTable(UnsafeCell::new([0; VECTORS]));
 
-// cortex-m-rt's reset handler calls this first, when no variable has its value yet, so it must not be Rust.
+// cortex-m-rt's reset handler calls this first, when no variable has its value yet, so it must not be Rust. It begins
+// as the bootloader does, because a probe can start the image alone.
 //
 // At power-on RAM holds noise whose error-correcting code is wrong: one code per 64 bits in ITCM and AXI SRAM, per 32
 // bits elsewhere (DS12110, error code correction; AN5342). A narrower store reads the rest first, the processor reads
@@ -59,49 +60,22 @@ static VECTOR_TABLE: VectorTable = VectorTable(UnsafeCell::new([0; VECTORS]));
 // SRAM 1 gets its values in words (`tick/output/ring.rs`). SRAM 2, SRAM 3 and the backup SRAM are never read.
 //
 // SAFETY: besides the registers named here it writes ITCM, AXI SRAM, SRAM 4 and DTCM in pairs of words, before any
-// variable has its value and before anything is on the stack. It calls nothing. cortex-m-rt's reset handler keeps
-// nothing in registers across this call.
+// variable has its value and before anything is on the stack. What it calls changes two registers alone. cortex-m-rt's
+// reset handler keeps nothing in registers across this call.
 global_asm!(
     ".section .text.before_main, \"ax\", %progbits",
     ".global __pre_init",
     ".type __pre_init, %function",
     ".thumb_func",
     "__pre_init:",
-    // IWDG1_KR: 0xCCCC starts the watchdog, and with it its clock; 0x5555 opens IWDG1_RLR (RM0433 section 45.3.1). From
-    // here on, whatever hangs ends in a reset.
+    "    mov r6, lr",
+    "    bl {make_safe}",
+    // IWDG1_KR: 0x5555 opens IWDG1_RLR (RM0433 section 45.3.1).
     "    ldr r0, =0x58004800",
-    "    movw r1, #0xCCCC",
-    "    str r1, [r0]",
     "    movw r1, #0x5555",
     "    str r1, [r0]",
     "    movw r1, #{reload}",
     "    str r1, [r0, #8]",
-    // Clock of port E: RCC_AHB4ENR, bit 4 (RM0433 section 8.7.43). Then PE9, the amplifier's enable, becomes an output
-    // that drives low, the reset value of GPIOE_ODR: GPIOE_MODER, bits 19:18 from 11 to 01 (section 11.4.1).
-    "    ldr r0, =0x580244E0",
-    "    ldr r1, [r0]",
-    "    orr r1, r1, #0x10",
-    "    str r1, [r0]",
-    "    ldr r1, [r0]",
-    "    ldr r0, =0x58021000",
-    "    ldr r1, [r0]",
-    "    bic r1, r1, #0x80000",
-    "    str r1, [r0]",
-    // Clock of DAC1: RCC_APB1LENR, bit 29 (RM0433 section 8.7.45). The read waits until the write has arrived.
-    "    ldr r0, =0x580244E8",
-    "    ldr r1, [r0]",
-    "    orr r1, r1, #0x20000000",
-    "    str r1, [r0]",
-    "    ldr r1, [r0]",
-    // DAC_DHR12R1 at mid-scale, DAC_CR.TSEL1 at 6, which is TIM7_TRGO (table 213) and may not change once the channel
-    // is on (section 26.4.7), then DAC_CR.EN1 (section 26.7): the output begins at mid-scale.
-    "    ldr r0, =0x40007400",
-    "    mov r1, #2048",
-    "    str r1, [r0, #8]",
-    "    mov r1, #24",
-    "    str r1, [r0]",
-    "    orr r1, r1, #1",
-    "    str r1, [r0]",
     "    mov r4, #0",
     "    mov r5, #0",
     "    ldr r0, =0x580244D0",
@@ -152,9 +126,10 @@ global_asm!(
     "    blo 5b",
     "    dsb",
     "    isb",
-    "    bx lr",
+    "    bx r6",
     "    .ltorg",
     ".size __pre_init, . - __pre_init",
+    make_safe = sym stylus_boot::first::make_safe,
     reload = const WATCHDOG_RELOAD,
 );
 

@@ -10,6 +10,8 @@
 //! | `P` | programs the first word of bank 2 again | `P` |
 //! | `b` | begins to program the next word of bank 2, and reads it at once | 4 bytes |
 //! | `E` | begins to erase a sector of bank 1, where the code is | `E` |
+//! | `R` | erases it by code in RAM | `R` |
+//! | `M` | erases it by code in RAM, with bank 1 hidden by the MPU | `M` |
 //! | `r` | reads the first words of bank 2, four bytes each | 4 x 4 bytes |
 //! | `c` | | the number of ticks, 2 bytes |
 #![no_std]
@@ -17,7 +19,7 @@
 
 use core::sync::atomic::{AtomicU16, AtomicU32, Ordering};
 
-use cortex_m::peripheral::NVIC;
+use cortex_m::peripheral::{MPU, NVIC};
 use cortex_m_rt::entry;
 use panic_halt as _;
 use stm32_metapac::{FLASH, RCC, TIM6, USART3, interrupt};
@@ -31,6 +33,30 @@ const WORDS_OF_A_FLASH_WORD: usize = 8;
 /// A sector of bank 1 behind the code.
 const SECTOR_WITHOUT_CODE: u8 = 7;
 const WORDS_READ: usize = 4;
+
+/// Handles a reset, before anything is in RAM.
+mod start {
+    #![expect(unsafe_code, reason = "registers, before any Rust code")]
+
+    // Writes PWR_CR3, and waits for ACTVOSRDY of PWR_CSR1 (RM0433 section 6.4.1).
+    //
+    // SAFETY: called by cortex-m-rt's reset handler, which keeps nothing in registers.
+    core::arch::global_asm!(
+        ".section .text.before_main, \"ax\", %progbits",
+        ".global __pre_init",
+        ".type __pre_init, %function",
+        ".thumb_func",
+        "__pre_init:",
+        "    ldr r0, =0x58024800",
+        "    ldr r1, [r0, #0xC]",
+        "    str r1, [r0, #0xC]",
+        "2:  ldr r1, [r0, #4]",
+        "    tst r1, #0x2000",
+        "    beq 2b",
+        "    bx lr",
+        "    .ltorg",
+    );
+}
 
 static TICKS: AtomicU16 = AtomicU16::new(0);
 
@@ -124,6 +150,8 @@ fn obey(command: u8) {
             return send(&word.to_le_bytes());
         }
         b'E' => begin_erase_beside_code(),
+        b'R' => cortex_m::interrupt::free(|_| erase_from_ram(false)),
+        b'M' => cortex_m::interrupt::free(|_| erase_from_ram(true)),
         b'r' => return (0..WORDS_READ).for_each(|word| send(&read(word).to_le_bytes())),
         b'c' => return send(&TICKS.load(Ordering::Relaxed).to_le_bytes()),
         _ => return send(b"?"),
@@ -156,6 +184,7 @@ fn erase() {
     PROGRAMMED.store(0, Ordering::Relaxed);
 }
 
+#[inline(always)]
 fn begin_erase_beside_code() {
     FLASH.bank(0).keyr().write_value(0x4567_0123);
     FLASH.bank(0).keyr().write_value(0xCDEF_89AB);
@@ -164,6 +193,38 @@ fn begin_erase_beside_code() {
         w.set_snb(SECTOR_WITHOUT_CODE);
     });
     FLASH.bank(0).cr().modify(|w| w.set_start(true));
+}
+
+/// Erases the sector of bank 1 from RAM, and waits there. If `hides`, the MPU lets the processor fetch and read nothing
+/// of the bank meanwhile.
+#[expect(unsafe_code, reason = "the MPU's registers, and a section of RAM")]
+#[unsafe(link_section = ".data.erase_from_ram")]
+#[inline(never)]
+fn erase_from_ram(hides: bool) {
+    /// Region 0 at the start of bank 1 (ARM DDI 0403E, B3.5.8).
+    const AT_BANK_1: u32 = 0x0800_0000 | 1 << 4;
+    /// A megabyte without access and execution (B3.5.9).
+    const HIDDEN: u32 = 1 << 28 | 19 << 1 | 1;
+    /// All else as without the MPU (B3.5.6).
+    const ON: u32 = 0b101;
+    // SAFETY: nothing else uses the MPU, interrupts are masked, and what runs is in RAM.
+    let mpu = unsafe { &*MPU::PTR };
+    let control = if hides { ON } else { 0 };
+    // SAFETY: as above.
+    unsafe {
+        mpu.rbar.write(AT_BANK_1);
+        mpu.rasr.write(HIDDEN);
+        mpu.ctrl.write(control);
+    }
+    cortex_m::asm::dsb();
+    cortex_m::asm::isb();
+    begin_erase_beside_code();
+    while FLASH.bank(0).sr().read().qw() {}
+    FLASH.bank(0).cr().modify(|w| w.set_lock(true));
+    // SAFETY: as above.
+    unsafe { mpu.ctrl.write(0) };
+    cortex_m::asm::dsb();
+    cortex_m::asm::isb();
 }
 
 fn place(flash_word: usize) -> usize {

@@ -16,7 +16,8 @@
 //! | A read or fetch from a bank that is busy waits until it is idle; the other bank goes on | 4.3.7, 4.3.11 |
 //!
 //! The core makes the wait (`src/core.rs`), because [`Busy`] tells it which bank is busy. There are no caches here, so
-//! every fetch from a busy bank waits, where the part's instruction cache may hide one.
+//! every fetch from a busy bank waits, where the part's instruction cache may hide one. And a core that may fetch from
+//! the busy bank with the code does so ahead, from wherever it runs.
 //!
 //! Left out: the stall of a write to a bank whose queue is full, corrected single errors (`SNECCERRx`), fetches of
 //! instructions from torn words, and mass erase by `OPTCR`.
@@ -393,6 +394,8 @@ pub fn bank_of(address: u64) -> Option<usize> {
 pub struct Stalls {
     /// Fetches of instructions.
     pub fetches: u64,
+    /// Fetches ahead, by code outside of the bank.
+    pub ahead: u64,
     /// Loads.
     pub reads: u64,
 }
@@ -407,6 +410,7 @@ struct BusyState {
     /// A bit per bank.
     banks: AtomicU8,
     fetches: AtomicU64,
+    ahead: AtomicU64,
     reads: AtomicU64,
 }
 
@@ -435,6 +439,11 @@ impl Busy {
         self.0.fetches.fetch_add(1, Ordering::Relaxed);
     }
 
+    /// Counts a fetch ahead that waits.
+    pub fn count_ahead(&self) {
+        self.0.ahead.fetch_add(1, Ordering::Relaxed);
+    }
+
     /// Counts a load that waits.
     pub fn count_read(&self) {
         self.0.reads.fetch_add(1, Ordering::Relaxed);
@@ -444,6 +453,7 @@ impl Busy {
     pub fn stalls(&self) -> Stalls {
         Stalls {
             fetches: self.0.fetches.load(Ordering::Relaxed),
+            ahead: self.0.ahead.load(Ordering::Relaxed),
             reads: self.0.reads.load(Ordering::Relaxed),
         }
     }

@@ -11,7 +11,7 @@ pub mod flash;
 pub mod low_speed;
 pub mod oscillators;
 pub mod pin;
-pub mod ram_code;
+pub mod ram;
 pub mod read_back;
 pub mod trigger;
 pub mod usb;

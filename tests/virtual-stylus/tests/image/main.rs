@@ -22,6 +22,7 @@ mod play;
 mod probe;
 mod registers;
 mod requests;
+mod reset;
 mod scenes;
 mod self_test;
 mod settings;

@@ -10,6 +10,7 @@ use model_format::link::{
 };
 use stylus_app::update::sign;
 use stylus_boot::map::{ACTIVE, BOOTLOADER_VERSION, RECORDS};
+use virtual_stylus::model::dac::{Cause, Output};
 use virtual_stylus::model::flash::{BASE, Contents, Kind, Moment};
 use virtual_stylus::model::pin::{Drive, Driven};
 use virtual_stylus::{Options, PowerCut};
@@ -148,8 +149,8 @@ impl Device {
         self.wait_for_start();
     }
 
-    /// Runs until an image answers after an exchange, and returns the time until it started. Nothing but mid-scale goes
-    /// out meanwhile, and the amplifier's enable floats, by which the board holds the amplifier off.
+    /// Runs until an image answers after an exchange, and returns the time until it started. From the reset on nothing
+    /// but mid-scale goes out, and the amplifier is held off.
     fn wait_for_exchange(&mut self) -> u64 {
         let begin = self.stylus.now_ns();
         // By then the image before answers no more.
@@ -160,13 +161,12 @@ impl Device {
             self.stylus.report()
         );
         assert_eq!(self.sounds_from(begin), 0, "codes other than mid-scale");
-        let is_floating = |driven: &Driven| driven.drive == Drive::Floating;
-        let record = self.amplifier().into_iter();
-        let mut record = record.skip_while(|driven| driven.at_ns < begin || !is_floating(driven));
-        let started = record.find(|driven| !is_floating(driven));
-        let started = started.expect("an image drives it at its start");
-        assert_eq!(started.drive, Drive::Low);
-        started.at_ns - begin
+        let reset_ns = self.assert_held_since_reset();
+        // The image writes mid-scale over the bootloader's.
+        let is_of_image =
+            |output: &&Output| output.at_ns > reset_ns && output.cause == Cause::Write;
+        let started = self.dac().iter().find(is_of_image);
+        started.expect("the image starts").at_ns - begin
     }
 }
 

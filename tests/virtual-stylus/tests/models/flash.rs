@@ -89,6 +89,19 @@ fn code_in_a_bank_that_is_busy_stands_still_and_so_do_its_interrupts() {
 }
 
 #[test]
+fn code_outside_of_a_busy_bank_stands_still_too_if_it_may_fetch_ahead_from_it() {
+    let mut stylus = ready(Options::default());
+    ask(&mut stylus, b'M', 1);
+    assert_eq!(stylus.flash_stalls(), Stalls::default());
+    ask(&mut stylus, b'R', 1);
+    let expected = Stalls {
+        ahead: 1,
+        ..Stalls::default()
+    };
+    assert_eq!(stylus.flash_stalls(), expected);
+}
+
+#[test]
 fn every_program_and_erase_is_one_operation() {
     let mut stylus = ready(Options::default());
     for command in *b"epp" {

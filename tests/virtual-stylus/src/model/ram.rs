@@ -1,7 +1,11 @@
-//! Error-correcting codes of the RAM, which do not fit its noise after power-on (RM0433 chapter 3).
+//! RAM that may not be written yet, and its error-correcting codes, which do not fit its noise after power-on.
+//!
+//! Until `ACTVOSRDY` of `PWR_CSR1` is set after a reset, RAM may not be written (RM0433 section 6.4.1). Here a store of
+//! the core changes nothing until it has read that bit as set. The emulator's model of PWR sets it some time after the
+//! first write of `PWR_CR3` since power-on.
 //!
 //! A code covers 64 bits in ITCM and AXI SRAM, and 32 bits elsewhere. A read of bits that were never written is an
-//! error, which RAMECC notes, and so is a store to a part of them, because it reads the rest.
+//! error, which RAMECC notes, and so is a store to a part of them, because it reads the rest (RM0433 chapter 3).
 //!
 //! Left out: errors that noise happens to hide, fetches of instructions, reads ahead, fills of cache lines, DMA.
 
@@ -10,6 +14,7 @@ use std::ops::Range;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use rigless::emulator::{Access, AccessKind};
+use rigless::soc::stm32h743::generated::pwr::csr1;
 
 /// Memories with codes, and the bytes of a code's word (RM0433 sections 2.4 and 3.2).
 const MEMORIES: [(Range<u64>, u64); 5] = [
@@ -20,9 +25,9 @@ const MEMORIES: [(Range<u64>, u64); 5] = [
     (0x3800_0000..0x3801_0000, 4),
 ];
 
-/// The codes, shared by the core and those who ask. Without [`RamCode::power_on`] all of them fit.
+/// The RAM, shared by the core and those who ask. Without [`Ram::power_on`] all codes fit.
 #[derive(Clone, Debug, Default)]
-pub struct RamCode(Arc<Mutex<State>>);
+pub struct Ram(Arc<Mutex<State>>);
 
 #[derive(Debug, Default)]
 struct State {
@@ -32,6 +37,9 @@ struct State {
     /// A word of which one instruction has written a part so far.
     part: Option<Part>,
     errors: BTreeSet<u64>,
+    is_writable: bool,
+    /// Addresses of stores that came too early.
+    refused: BTreeSet<u64>,
     changes: u64,
 }
 
@@ -43,7 +51,7 @@ struct Part {
     bytes: u8,
 }
 
-impl RamCode {
+impl Ram {
     fn state(&self) -> MutexGuard<'_, State> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -53,9 +61,34 @@ impl RamCode {
         self.state().page_bytes = u64::MAX;
     }
 
-    /// Pages, of `page_bytes` bytes, whose accesses must be shown to [`RamCode::follow`].
+    /// Handles a reset, after which RAM may not be written.
+    pub fn reset(&self) {
+        self.state().is_writable = false;
+    }
+
+    /// Follows the core's reading of this value from `PWR_CSR1`.
+    pub fn power_status(&self, value: u64) {
+        let mut state = self.state();
+        if csr1::ACTVOSRDY.is_set(value) && !state.is_writable {
+            state.is_writable = true;
+            state.changes += 1;
+        }
+    }
+
+    /// Addresses of stores that were refused.
+    pub fn refused(&self) -> Vec<u64> {
+        self.state().refused.iter().copied().collect()
+    }
+
+    /// Pages, of `page_bytes` bytes, whose accesses must be shown to [`Ram::takes`].
     pub fn pages(&self, page_bytes: u64) -> Vec<u64> {
         let mut state = self.state();
+        if !state.is_writable {
+            let memories = MEMORIES.into_iter().map(|(memory, _)| memory);
+            return memories
+                .flat_map(|memory| memory.step_by(page_bytes as usize))
+                .collect();
+        }
         if state.page_bytes == u64::MAX {
             state.page_bytes = page_bytes;
             for (memory, word_bytes) in MEMORIES {
@@ -78,17 +111,23 @@ impl RamCode {
         self.state().errors.iter().copied().collect()
     }
 
-    /// Follows an access of an instruction.
-    pub fn follow(&self, access: &Access) {
+    /// Follows an access of an instruction; false if it is a store that is refused.
+    pub fn takes(&self, access: &Access) -> bool {
         let within = |(memory, _): &(Range<u64>, u64)| memory.contains(&access.address);
         let Some(word_bytes) = MEMORIES
             .iter()
             .find(|memory| within(memory))
             .map(|found| found.1)
         else {
-            return;
+            return true;
         };
-        self.state().follow(access, word_bytes);
+        let mut state = self.state();
+        if access.kind == AccessKind::Write && !state.is_writable {
+            state.refused.insert(access.address);
+            return false;
+        }
+        state.follow(access, word_bytes);
+        true
     }
 }
 
