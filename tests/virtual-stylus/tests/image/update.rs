@@ -12,7 +12,6 @@ use stylus_app::update::sign;
 use stylus_boot::map::{ACTIVE, BOOTLOADER_VERSION, RECORDS};
 use virtual_stylus::model::dac::{Cause, Output};
 use virtual_stylus::model::flash::{BASE, Contents, Kind, Moment};
-use virtual_stylus::model::pin::{Drive, Driven};
 use virtual_stylus::{Options, PowerCut};
 
 use crate::device::{Device, MS, SECOND, inject, long, product, with_faults};
