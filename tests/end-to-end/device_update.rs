@@ -18,7 +18,7 @@ const NEW: StartedImage = StartedImage {
 /// A stylus that runs the old image, and `after` after an update; beside it the file of the new image.
 fn before_an_update(after: StartedImage) -> (FakeStylus, Bench) {
     let (stylus, bench) = attached(FakeStylus::start_updatable(vec![OLD, after]));
-    let image = [7; 60_000];
+    let image = vec![7; 60_000];
     let signed = sign(&image, NEW.version, &DEVELOPMENT_SEED);
     bench.write("new.image", [&signed[..], &image].concat());
     (stylus, bench)

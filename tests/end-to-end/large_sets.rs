@@ -143,7 +143,8 @@ fn a_table_takes_the_memory_of_its_samples_however_long_or_wide_it_is() {
     const MOST_BYTES: f64 = 24e6;
     let bench = Bench::new();
     let samples = all_pole(&[-0.9, 0.5], &noise(1, 10_000));
-    let rows: String = samples.iter().map(|sample| format!("{sample}\n")).collect();
+    let rows: Vec<String> = samples.iter().map(f64::to_string).collect();
+    let rows = rows.join("\n") + "\n";
     let fit = |name: &str| format!("fit {name} --sample-rate 5000 --out a.lib --overwrite");
     bench.write("short.csv", &rows);
     let least = succeeds(&bench, &fit("short.csv"));

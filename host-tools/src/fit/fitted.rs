@@ -140,7 +140,7 @@ pub(super) struct Source<'s> {
 }
 
 impl<'s> Source<'s> {
-    /// Adds to each of `textures` what excites its models, by the signals that are `held`, in the same order, or that are
+    /// Adds to each of `textures` what excites its models, by the signals that are `held`, in the same order, or are
     /// read again. `progress` is told of each trial that is done.
     ///
     /// # Errors

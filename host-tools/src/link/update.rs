@@ -107,33 +107,36 @@ pub fn update(
         (outcome, next_offset)
     })?;
     let sent_s = start.elapsed().as_secs_f64();
-    device.update_commit()?;
+    // A device that restarts may close the link before its answer has arrived.
+    let committed = match device.update_commit() {
+        Err(failure) if !failure.is_passing() => return Err(failure),
+        outcome => outcome,
+    };
     step(Step::Exchanging);
     let start = Instant::now();
     let trial = wait_for_exchange(device)?;
     let exchanged_s = start.elapsed().as_secs_f64();
-    let after = match trial.phase {
-        UpdatePhase::Trial { .. } => {
-            check_health(device)?;
-            device.update_confirm()?
-        }
-        UpdatePhase::RolledBack { version, cause } => {
-            return Err(device.not_verified(format!(
-                "the new image, {version}, did not last and the one before is back; the reset was by: {cause}; \
-                 `stylus status` shows a fault"
-            )));
-        }
-        _ => trial,
-    };
-    let wanted = file.header.version;
-    if after.image != wanted {
-        let what = format!(
-            "{} runs, and not the new image, {wanted}, which did not start or was put back: update again; \
-             `stylus status` shows a fault",
-            after.image
-        );
-        return Err(device.not_verified(what));
+    if let UpdatePhase::RolledBack { version, cause } = trial.phase {
+        return Err(device.not_verified(format!(
+            "the new image, {version}, did not last and the one before is back; the reset was by: {cause}; \
+             `stylus status` shows a fault"
+        )));
     }
+    let (runs, wanted) = (trial.image, file.header.version);
+    if runs != wanted {
+        return Err(device.not_verified(format!(
+            "{runs} runs, and not the new image, {wanted}, which did not start or was put back: update again; \
+             `stylus status` shows a fault"
+        )));
+    }
+    let after = if matches!(trial.phase, UpdatePhase::Trial { .. }) {
+        check_health(device)?;
+        device.update_confirm()?
+    } else {
+        // Only the answer tells a new image from an old one of the same version.
+        committed?;
+        trial
+    };
     Ok(Updated {
         before,
         after,
