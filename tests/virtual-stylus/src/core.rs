@@ -42,9 +42,11 @@ const PENDING: [(Interrupt, u64, u64); 2] = [
     (Interrupt::NonMaskable, 0xE000_ED04, 1 << 31),
     (Interrupt::Supply, 0xE000_E200, 1 << 1),
 ];
-/// Registers of the MPU: MPU_CTRL, MPU_RNR, MPU_RBAR, MPU_RASR (ARM DDI 0403E, B3.5.4).
-const MPU: [u64; 4] = [0xE000_ED94, 0xE000_ED98, 0xE000_ED9C, 0xE000_EDA0];
-/// Number of the MPU's regions.
+/// Registers of the MPU, and the number of its regions (ARM DDI 0403E, B3.5.4).
+const MPU_CTRL: u64 = 0xE000_ED94;
+const MPU_RNR: u64 = 0xE000_ED98;
+const MPU_RBAR: u64 = 0xE000_ED9C;
+const MPU_RASR: u64 = 0xE000_EDA0;
 const REGIONS: u64 = 16;
 /// GDB's number of the program status register, whose low nine bits are the exception under way.
 const STATUS_REGISTER: usize = 16;
@@ -177,6 +179,7 @@ pub fn wrap(
             stall: None,
             busy_since: 0,
             next_look: 0,
+            code_region: None,
             other_bank_until: VirtualNanos(0),
             on_bus: 0,
             defects: defects.clone(),
@@ -204,6 +207,8 @@ struct Core {
     busy_since: u64,
     /// Number of instructions retired at which the MPU is looked at next.
     next_look: u64,
+    /// The MPU's region of the code in the bank that is busy.
+    code_region: Option<u64>,
     /// Instant until which the other bank's reads go over the bus.
     other_bank_until: VirtualNanos,
     /// The banks whose reads go over the bus, a bit per bank.
@@ -293,7 +298,7 @@ impl Core {
     }
 
     /// True if the MPU is looked at now and lets the processor fetch from the bank with the code: by the last region
-    /// around its first address, whose subregions are left out.
+    /// around its first address when it became busy. Subregions are left out.
     fn may_fetch_ahead(&mut self) -> bool {
         const ENABLE: u64 = 1;
         const BACKGROUND: u64 = 1 << 2;
@@ -302,29 +307,37 @@ impl Core {
         if self.inner.retired() < self.next_look {
             return false;
         }
+        let is_first = self.next_look == self.busy_since;
         self.next_look = self.inner.retired() + u64::from(COARSE);
-        let [control, number, base, attributes] = MPU;
-        let mut mpu = |write, register| {
-            let now = VirtualNanos(0);
-            let read = (self.inner).debugger_access(write, register, Width::W32, now);
-            read.unwrap_or_default()
-        };
-        let control = mpu(None, control);
+        let control = self.mpu(None, MPU_CTRL);
         if control & ENABLE == 0 {
             return true;
         }
-        let selected = mpu(None, number);
-        let of_code = (0..REGIONS).rev().find_map(|region| {
-            mpu(Some(region), number);
-            let (base, attributes) = (mpu(None, base), mpu(None, attributes));
-            let length_log2 = (attributes >> 1 & 0x1F) + 1;
-            let is_around = FLASH.start >> length_log2 == base >> length_log2;
-            (attributes & ENABLE != 0 && is_around).then_some(attributes)
+        let selected = self.mpu(None, MPU_RNR);
+        if is_first {
+            self.code_region = (0..REGIONS).rev().find(|&region| {
+                self.mpu(Some(region), MPU_RNR);
+                let attributes = self.mpu(None, MPU_RASR);
+                let length_log2 = (attributes >> 1 & 0x1F) + 1;
+                let base = self.mpu(None, MPU_RBAR);
+                attributes & ENABLE != 0 && FLASH.start >> length_log2 == base >> length_log2
+            });
+        }
+        let attributes = self.code_region.map(|region| {
+            self.mpu(Some(region), MPU_RNR);
+            self.mpu(None, MPU_RASR)
         });
-        mpu(Some(selected), number);
-        of_code.map_or(control & BACKGROUND != 0, |attributes| {
+        self.mpu(Some(selected), MPU_RNR);
+        attributes.map_or(control & BACKGROUND != 0, |attributes| {
             attributes & NEVER == 0 && attributes & ACCESS != 0
         })
+    }
+
+    /// Reads a register of the MPU, or writes it.
+    fn mpu(&mut self, write: Option<u64>, register: u64) -> u64 {
+        let now = VirtualNanos(0);
+        let read = (self.inner).debugger_access(write, register, Width::W32, now);
+        read.unwrap_or_default()
     }
 
     /// Runs while the bank with the code is busy, so that the next fetch can be looked at soon.
