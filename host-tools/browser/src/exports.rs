@@ -7,11 +7,10 @@ use std::cell::RefCell;
 
 use model_format::{Library, OutputSample};
 use stylus_kernel::digest::{DIGEST_SEED, DIGEST_WORDS};
+use stylus_player::{BLOCK_NUMBERS, BlockMotion, Selection, Without};
 
 use crate::fault::{Fault, MOST_BLOCKS};
-use crate::session::{
-    BLOCK_NUMBERS, BlockMotion, MOST_SAMPLES, STATE_NUMBERS, Selection, Session, Without,
-};
+use crate::session::{MOST_SAMPLES, STATE_NUMBERS, Session, motion_of_digest};
 
 /// Room for texts, bytes.
 const TEXT_BYTES: usize = 1024;
@@ -230,7 +229,7 @@ exports! {
             }
             let written = module.motion.get_mut(..blocks).ok_or(Fault::TooManyBlocks(blocks))?;
             for (block, written) in (first..).zip(written) {
-                *written = BlockMotion::of_digest(block, rate).numbers();
+                *written = motion_of_digest(block, rate).numbers();
             }
             Ok(())
         }))

@@ -3,7 +3,7 @@
 use core::fmt;
 
 use model_format::DecodeError;
-use model_format::scene::SceneError;
+use stylus_player::ChoiceError;
 
 /// Blocks that one call plays at most: half a second.
 pub const MOST_BLOCKS: usize = 256;
@@ -17,22 +17,8 @@ pub enum Fault {
     Library(DecodeError),
     /// A library is loaded already.
     Loaded,
-    /// An index that no texture has.
-    NoTexture {
-        /// The index.
-        index: usize,
-        /// Number of textures.
-        count: usize,
-    },
-    /// An index that no scene has.
-    NoScene {
-        /// The index.
-        index: usize,
-        /// Number of scenes.
-        count: usize,
-    },
-    /// A scene that cannot be played with the library's textures.
-    Scene(SceneError),
+    /// A texture or scene that is not there, or cannot be played.
+    Choice(ChoiceError),
     /// Nothing is chosen.
     NothingChosen,
     /// More blocks than one call plays.
@@ -53,8 +39,8 @@ impl Fault {
             Self::NoLibrary => 1,
             Self::Library(_) => 2,
             Self::Loaded => 3,
-            Self::NoTexture { .. } => 4,
-            Self::NoScene { .. } | Self::Scene(_) => 5,
+            Self::Choice(ChoiceError::NoTexture { .. }) => 4,
+            Self::Choice(_) => 5,
             Self::NothingChosen => 6,
             Self::TooManyBlocks(_) => 7,
             Self::Motion { .. } => 8,
@@ -72,19 +58,7 @@ impl fmt::Display for Fault {
             Self::Loaded => {
                 f.write_str("a library is loaded already: make another instance of the module")
             }
-            Self::NoTexture { index, count } => {
-                write!(
-                    f,
-                    "there is no texture {index}: the library has {count}, counted from 0"
-                )
-            }
-            Self::NoScene { index, count } => {
-                write!(
-                    f,
-                    "there is no scene {index}: the library has {count}, counted from 0"
-                )
-            }
-            Self::Scene(error) => write!(f, "the scene cannot be played: {error}"),
+            Self::Choice(error) => error.fmt(f),
             Self::NothingChosen => {
                 f.write_str("nothing is chosen: call choose_texture or choose_scene")
             }
@@ -100,3 +74,9 @@ impl fmt::Display for Fault {
 }
 
 impl core::error::Error for Fault {}
+
+impl From<ChoiceError> for Fault {
+    fn from(error: ChoiceError) -> Self {
+        Self::Choice(error)
+    }
+}

@@ -7,7 +7,5 @@ mod session;
 mod exports;
 
 pub use fault::{Fault, MOST_BLOCKS};
-pub use session::{
-    BLOCK_NUMBERS, BlockMotion, MOST_SAMPLES, STATE_NUMBERS, Selection, Session, VOICE_NUMBERS,
-    Without,
-};
+pub use session::{MOST_SAMPLES, STATE_NUMBERS, Session, VOICE_NUMBERS, motion_of_digest};
+pub use stylus_player::{BLOCK_NUMBERS, BlockMotion, Selection, Without};

@@ -1,0 +1,113 @@
+//! Choice of what is played of a library.
+
+use core::fmt;
+
+use model_format::scene::SceneError;
+use model_format::{Library, Texture};
+use stylus_kernel::scene::Plan;
+
+/// A texture or scene, by its place in the library.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Selection {
+    /// A texture, everywhere and without effects.
+    Texture(usize),
+    /// A scene.
+    Scene(usize),
+}
+
+/// Parts of textures that are left out, for comparisons.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Without(u32);
+
+impl Without {
+    /// Codebooks: Gaussian noise excites the filter instead.
+    pub const CODEBOOKS: Self = Self(1);
+    /// The track of the level.
+    pub const TRACK: Self = Self(2);
+    /// Lines that are locked to place.
+    pub const LINES: Self = Self(4);
+
+    /// Parts by their bits; others are ignored.
+    pub const fn of_bits(bits: u32) -> Self {
+        Self(bits & 7)
+    }
+
+    const fn has(self, part: Self) -> bool {
+        self.0 & part.0 != 0
+    }
+
+    fn of(self, mut texture: Texture<'_>) -> Texture<'_> {
+        if self.has(Self::CODEBOOKS) {
+            texture = texture.without_codebooks();
+        }
+        if self.has(Self::TRACK) {
+            texture = texture.without_track();
+        }
+        if self.has(Self::LINES) {
+            texture = texture.without_lines();
+        }
+        texture
+    }
+}
+
+/// The plan of `selection` of `library`.
+///
+/// # Errors
+/// A texture or scene that is not there, or a scene that cannot be played.
+pub fn plan_of<'a>(
+    library: &Library<'a>,
+    selection: Selection,
+    without: Without,
+) -> Result<Plan<'a>, ChoiceError> {
+    let plan = match selection {
+        Selection::Texture(index) => {
+            let count = library.len();
+            let texture = library.texture_at(index);
+            Plan::of_texture(texture.ok_or(ChoiceError::NoTexture { index, count })?)
+        }
+        Selection::Scene(index) => {
+            let count = library.scene_count();
+            let scene = library.scene_at(index);
+            let scene = scene.ok_or(ChoiceError::NoScene { index, count })?;
+            Plan::new(&scene, library).map_err(ChoiceError::Scene)?
+        }
+    };
+    Ok(plan.with_textures(|texture| without.of(texture)))
+}
+
+/// A choice that the library does not have.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ChoiceError {
+    /// An index that no texture has.
+    NoTexture {
+        /// The index.
+        index: usize,
+        /// Number of textures.
+        count: usize,
+    },
+    /// An index that no scene has.
+    NoScene {
+        /// The index.
+        index: usize,
+        /// Number of scenes.
+        count: usize,
+    },
+    /// A scene that cannot be played with the library's textures.
+    Scene(SceneError),
+}
+
+impl fmt::Display for ChoiceError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (kind, index, count) = match self {
+            Self::NoTexture { index, count } => ("texture", index, count),
+            Self::NoScene { index, count } => ("scene", index, count),
+            Self::Scene(error) => return write!(f, "the scene cannot be played: {error}"),
+        };
+        write!(
+            f,
+            "there is no {kind} {index}: the library has {count}, counted from 0"
+        )
+    }
+}
+
+impl core::error::Error for ChoiceError {}

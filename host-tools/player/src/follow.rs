@@ -1,0 +1,206 @@
+//! The motion of each block, from what was told last.
+
+use crate::mailbox::{Mailbox, Words};
+use crate::motion::{BLOCK_NUMBERS, BlockMotion};
+
+/// Blocks, of 2 ms each, for which a motion is held.
+pub const HELD_BLOCKS: u32 = 25;
+
+/// Longest time between two places from which a speed is computed, s.
+const LONGEST_STEP_S: f64 = 0.1;
+
+/// Message of the side that moves.
+#[derive(Clone, Copy, Debug)]
+pub enum Told {
+    /// The motion of the next block.
+    Block(BlockMotion),
+    /// A place at a time of the caller's clock, s; the speed follows from the place before.
+    Place {
+        time_s: f64,
+        position_mm: f64,
+        force_n: f64,
+    },
+}
+
+impl Told {
+    /// The words of the mailbox. A place has no speed, and its time instead of a block's end.
+    pub fn words(self) -> Words<BLOCK_NUMBERS> {
+        let motion = match self {
+            Self::Block(motion) => motion,
+            Self::Place {
+                time_s,
+                position_mm,
+                force_n,
+            } => BlockMotion {
+                begin_mm: position_mm,
+                end_mm: time_s,
+                ..BlockMotion::new(f64::NAN, force_n)
+            },
+        };
+        motion.numbers().map(f64::to_bits)
+    }
+
+    fn of_words(words: Words<BLOCK_NUMBERS>) -> Self {
+        let motion = BlockMotion::of_numbers(words.map(f64::from_bits));
+        if motion.speed_mm_s.is_nan() {
+            return Self::Place {
+                time_s: motion.end_mm,
+                position_mm: motion.begin_mm,
+                force_n: motion.force_n,
+            };
+        }
+        Self::Block(motion)
+    }
+}
+
+/// A mailbox of what is told.
+pub type Moves = Mailbox<BLOCK_NUMBERS>;
+
+/// The motion of each block.
+pub struct Follower {
+    /// Ticket of the motion that is held.
+    taken: u64,
+    held: BlockMotion,
+    /// Blocks that the motion is held for yet.
+    left: u32,
+    /// The last place and its time, s.
+    place: Option<(f64, f64)>,
+}
+
+impl Follower {
+    pub const fn new() -> Self {
+        Self {
+            taken: 0,
+            held: BlockMotion::new(0.0, 0.0),
+            left: 0,
+            place: None,
+        }
+    }
+
+    /// The motion of the next block, whose last sample is `last_s` after its first.
+    ///
+    /// A motion is told for one block. In the blocks after it the speed goes on from there, and once the motion is too
+    /// old, the tool is at rest and without contact. The force stays, so that no impact is struck when it comes back.
+    pub fn next_block(&mut self, moves: &Moves, last_s: f64) -> BlockMotion {
+        if let Some((ticket, words)) = moves.newer_than(self.taken) {
+            let motion = self.motion_of(Told::of_words(words), last_s);
+            let (begin_mm, end_mm) = (f64::NAN, f64::NAN);
+            self.held = BlockMotion {
+                begin_mm,
+                end_mm,
+                ..motion
+            };
+            (self.taken, self.left) = (ticket, HELD_BLOCKS - 1);
+            return motion;
+        }
+        if self.left == 0 {
+            let contact = 0.0;
+            return BlockMotion {
+                contact,
+                ..BlockMotion::new(0.0, self.held.force_n)
+            };
+        }
+        self.left -= 1;
+        self.held
+    }
+
+    fn motion_of(&mut self, told: Told, last_s: f64) -> BlockMotion {
+        let (time_s, position_mm, force_n) = match told {
+            Told::Block(motion) => {
+                self.place = None;
+                return motion;
+            }
+            Told::Place {
+                time_s,
+                position_mm,
+                force_n,
+            } => (time_s, position_mm, force_n),
+        };
+        let before = self.place.replace((time_s, position_mm));
+        let speed_mm_s = match before.map(|(at_s, at_mm)| (time_s - at_s, position_mm - at_mm)) {
+            Some((0.0, _)) => self.held.speed_mm_s,
+            Some((step_s, way_mm)) if step_s > 0.0 && step_s <= LONGEST_STEP_S => way_mm / step_s,
+            _ => 0.0,
+        };
+        BlockMotion {
+            begin_mm: position_mm,
+            end_mm: position_mm + speed_mm_s * last_s,
+            ..BlockMotion::new(speed_mm_s, force_n)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LAST_S: f64 = 0.0018;
+
+    #[test]
+    fn a_motion_is_held_for_50_ms_and_then_the_tool_leaves_the_surface_with_its_force() {
+        let (moves, mut follower) = (Moves::new(), Follower::new());
+        let untold = follower.next_block(&moves, LAST_S);
+        assert_eq!((untold.speed_mm_s, untold.contact), (0.0, 0.0));
+        let told = BlockMotion {
+            begin_mm: 3.0,
+            end_mm: 3.1,
+            ..BlockMotion::new(80.0, 0.7)
+        };
+        moves.put(Told::Block(told).words());
+        let first = follower.next_block(&moves, LAST_S);
+        assert_eq!((first.begin_mm, first.end_mm), (3.0, 3.1));
+        for block in 1..25 {
+            let held = follower.next_block(&moves, LAST_S);
+            assert_eq!((held.speed_mm_s, held.force_n), (80.0, 0.7), "{block}");
+            assert!(held.begin_mm.is_nan() && held.contact.is_nan(), "{block}");
+        }
+        let left = follower.next_block(&moves, LAST_S);
+        assert_eq!(
+            (left.speed_mm_s, left.force_n, left.contact),
+            (0.0, 0.7, 0.0)
+        );
+    }
+
+    #[test]
+    fn the_speed_of_places_is_their_way_over_their_time_whatever_the_rate() {
+        for step_s in [0.0001, 0.001, 0.01, 0.05] {
+            let (moves, mut follower) = (Moves::new(), Follower::new());
+            let mut motion = BlockMotion::new(0.0, 0.0);
+            for step in 0..10 {
+                let time_s = 1e3 + f64::from(step) * step_s;
+                let place = Told::Place {
+                    time_s,
+                    position_mm: -120.0 * time_s,
+                    force_n: 0.5,
+                };
+                moves.put(place.words());
+                motion = follower.next_block(&moves, LAST_S);
+            }
+            assert!((motion.speed_mm_s + 120.0).abs() < 1e-3, "{motion:?}");
+            let way_mm = motion.end_mm - motion.begin_mm;
+            assert!((way_mm + 120.0 * LAST_S).abs() < 1e-6, "{motion:?}");
+        }
+    }
+
+    #[test]
+    fn places_after_a_pause_or_with_a_time_that_goes_back_begin_at_rest() {
+        let (moves, mut follower) = (Moves::new(), Follower::new());
+        let mut speed_at = |time_s: f64, position_mm| {
+            let force_n = 0.5;
+            moves.put(
+                Told::Place {
+                    time_s,
+                    position_mm,
+                    force_n,
+                }
+                .words(),
+            );
+            follower.next_block(&moves, LAST_S).speed_mm_s
+        };
+        assert_eq!(speed_at(1.0, 5.0), 0.0);
+        assert_eq!(speed_at(1.0625, 10.0), 80.0);
+        assert_eq!(speed_at(1.0625, 10.0), 80.0, "the same moment again");
+        assert_eq!(speed_at(1.5, 90.0), 0.0, "a pause");
+        assert_eq!(speed_at(0.5, 90.0), 0.0, "another clock");
+    }
+}

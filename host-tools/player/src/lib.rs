@@ -1,0 +1,17 @@
+#![doc = include_str!("../README.md")]
+
+mod choice;
+mod follow;
+mod handover;
+mod library;
+mod mailbox;
+mod motion;
+mod player;
+mod playing;
+mod resampler;
+
+pub use choice::{ChoiceError, Selection, Without, plan_of};
+pub use library::SharedLibrary;
+pub use motion::{BLOCK_NUMBERS, BlockMotion};
+pub use player::{Fault, Filler, HELD_S, Mover, latency_s, player};
+pub use playing::Playing;

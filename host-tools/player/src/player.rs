@@ -1,0 +1,429 @@
+//! The two sides of a player.
+
+use core::fmt;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use model_format::{OutputSample, PlayRate};
+use stylus_kernel::update_interval_samples;
+
+use crate::choice::{ChoiceError, Selection, Without, plan_of};
+use crate::follow::{Follower, HELD_BLOCKS, Moves, Told};
+use crate::handover::{Given, Handover};
+use crate::library::SharedLibrary;
+use crate::motion::BlockMotion;
+use crate::playing::Playing;
+use crate::resampler::{Resampler, delay_s};
+
+/// Duration of a block, s.
+const BLOCK_S: f64 = 0.002;
+
+/// Time for which a motion is held, s.
+pub const HELD_S: f64 = HELD_BLOCKS as f64 * BLOCK_S;
+
+/// Samples of the longest block.
+const MOST_SAMPLES: usize = 20;
+
+/// Output rates beside those of textures, Hz. The last number divides them all, and so bounds the phases.
+const OUTPUT_RATES_HZ: (u32, u32, u32) = (8000, 192_000, 25);
+
+/// A call that was refused. What plays goes on.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Fault {
+    /// An output rate, Hz, that is not played.
+    OutputRate(u32),
+    /// A texture or scene that is not there, or cannot be played.
+    Choice(ChoiceError),
+    /// A sample rate of a texture or scene, Hz, that is not played.
+    SampleRate(u32),
+    /// A motion that cannot be played, with its remedy.
+    Motion(&'static str),
+    /// A gain or limit that is not a number, an infinite gain, or a negative limit.
+    Gain,
+}
+
+impl fmt::Display for Fault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (least, most, step) = OUTPUT_RATES_HZ;
+        match self {
+            Self::OutputRate(rate) => write!(
+                f,
+                "an output rate of {rate} Hz is not played: give 5000, 10000, or a multiple of {step} Hz from {least} \
+                 to {most} Hz"
+            ),
+            Self::Choice(error) => error.fmt(f),
+            Self::SampleRate(rate) => write!(
+                f,
+                "a sample rate of {rate} Hz is not played: fit the texture at 5000 or 10000 Hz"
+            ),
+            Self::Motion(problem) => f.write_str(problem),
+            Self::Gain => f.write_str("give a finite gain and a limit that is not negative"),
+        }
+    }
+}
+
+impl core::error::Error for Fault {}
+
+self_cell::self_cell!(
+    /// Player of a choice, beside the library that it plays from.
+    struct Voice {
+        owner: SharedLibrary,
+        #[covariant]
+        dependent: Playing,
+    }
+);
+
+/// A choice; none is silence.
+type Choice = Option<Voice>;
+
+struct Shared {
+    moves: Moves,
+    choices: Handover<Choice>,
+    /// Gain and limit, both `f32`.
+    scale: AtomicU64,
+}
+
+/// The two sides of a player of `output_rate_hz`, which plays nothing yet.
+///
+/// # Errors
+/// An output rate that is not played.
+pub fn player(output_rate_hz: u32) -> Result<(Mover, Filler), Fault> {
+    let (least, most, step) = OUTPUT_RATES_HZ;
+    let is_played = (least..=most).contains(&output_rate_hz) && output_rate_hz.is_multiple_of(step);
+    if !is_played && PlayRate::of(output_rate_hz).is_none() {
+        return Err(Fault::OutputRate(output_rate_hz));
+    }
+    let shared = Arc::new(Shared {
+        moves: Moves::new(),
+        choices: Handover::new(),
+        scale: AtomicU64::new(packed(1.0, f32::INFINITY)),
+    });
+    let mover = Mover {
+        shared: Arc::clone(&shared),
+    };
+    Ok((mover, Filler::new(shared, output_rate_hz)))
+}
+
+/// Time from a move to its sample at most, s, of a texture at `sample_rate_hz`: the block that plays, and the delay of
+/// the interpolator, 0 between equal rates.
+pub fn latency_s(sample_rate_hz: u32, output_rate_hz: u32) -> f64 {
+    let delay_s = if sample_rate_hz == output_rate_hz {
+        0.0
+    } else {
+        delay_s(sample_rate_hz, output_rate_hz)
+    };
+    BLOCK_S + delay_s
+}
+
+/// The side that moves and chooses, from any thread. Moving waits for nothing and allocates nothing.
+#[derive(Clone)]
+pub struct Mover {
+    shared: Arc<Shared>,
+}
+
+impl Mover {
+    /// Moves at a speed, mm/s, signed by the direction, with a force, N. The position is the integral of the speed.
+    ///
+    /// # Errors
+    /// A number that is not finite.
+    pub fn rub(&self, speed_mm_s: f64, force_n: f64) -> Result<(), Fault> {
+        self.follow(BlockMotion::new(speed_mm_s, force_n))
+    }
+
+    /// Moves as `motion` says in the next block, and on at its speed in the blocks after it.
+    ///
+    /// # Errors
+    /// A motion that [`BlockMotion::check`] refuses.
+    pub fn follow(&self, motion: BlockMotion) -> Result<(), Fault> {
+        motion.check().map_err(Fault::Motion)?;
+        self.shared.moves.put(Told::Block(motion).words());
+        Ok(())
+    }
+
+    /// Moves to a position, mm, with a force, N, at `time_s` of the caller's clock. The speed is that from the position
+    /// before, and the place of what is played is this one.
+    ///
+    /// # Errors
+    /// A number that is not finite.
+    pub fn reach(&self, time_s: f64, position_mm: f64, force_n: f64) -> Result<(), Fault> {
+        let motion = BlockMotion {
+            begin_mm: position_mm,
+            end_mm: position_mm,
+            ..BlockMotion::new(0.0, force_n)
+        };
+        motion.check().map_err(Fault::Motion)?;
+        if !time_s.is_finite() || position_mm.is_nan() {
+            let problem = "the time or the position is not finite: give them in s and mm";
+            return Err(Fault::Motion(problem));
+        }
+        let told = Told::Place {
+            time_s,
+            position_mm,
+            force_n,
+        };
+        self.shared.moves.put(told.words());
+        Ok(())
+    }
+
+    /// Plays `selection` of `library` with the noise of `seed`, as soon as what sounds has faded: within two blocks,
+    /// or, at another sample rate, when the interpolator is empty too. Allocates, and frees what was played before.
+    ///
+    /// # Errors
+    /// A texture or scene that is not there, or cannot be played.
+    pub fn choose(
+        &self,
+        library: &SharedLibrary,
+        selection: Selection,
+        without: Without,
+        seed: u64,
+    ) -> Result<(), Fault> {
+        let voice = Voice::try_new(library.clone(), |shared| {
+            let plan = plan_of(&shared.library(), selection, without).map_err(Fault::Choice)?;
+            let rate_hz = plan.sample_rate_hz();
+            PlayRate::of(rate_hz).ok_or(Fault::SampleRate(rate_hz))?;
+            Ok(Playing::new(plan, seed))
+        });
+        self.shared.choices.give(Some(voice?));
+        Ok(())
+    }
+
+    /// Lets what sounds fade, and plays nothing until the next choice.
+    pub fn stop(&self) {
+        self.shared.choices.give(None);
+    }
+
+    /// Multiplies what is played, m/s², by `gain`, and clamps it to `limit` on either side: volts, if the gain is in
+    /// V per m/s². The gain changes over a block, the limit at once.
+    ///
+    /// # Errors
+    /// [`Fault::Gain`].
+    pub fn set_gain(&self, gain: f32, limit: f32) -> Result<(), Fault> {
+        if !gain.is_finite() || limit.is_nan() || limit < 0.0 {
+            return Err(Fault::Gain);
+        }
+        self.shared
+            .scale
+            .store(packed(gain, limit), Ordering::Relaxed);
+        Ok(())
+    }
+}
+
+const fn packed(gain: f32, limit: f32) -> u64 {
+    (gain.to_bits() as u64) << 32 | limit.to_bits() as u64
+}
+
+/// The side that takes samples, one thread at a time. It allocates nothing, takes no lock, calls no system, and needs a
+/// bounded time per sample.
+pub struct Filler {
+    source: Source,
+    /// Interpolators of [`PlayRate::ALL`]; none where the output has that rate.
+    resamplers: [Option<Resampler>; PlayRate::ALL.len()],
+    output_rate_hz: u32,
+    gain: Option<Gain>,
+}
+
+/// A gain on its way to the one that was set.
+#[derive(Clone, Copy)]
+struct Gain {
+    target: f32,
+    step: f32,
+    left: u32,
+}
+
+impl Filler {
+    fn new(shared: Arc<Shared>, output_rate_hz: u32) -> Self {
+        let resampler = |rate: PlayRate| {
+            let differs = rate.hz() != output_rate_hz;
+            differs.then(|| Resampler::new(rate.hz(), output_rate_hz))
+        };
+        Self {
+            resamplers: PlayRate::ALL.map(resampler),
+            output_rate_hz,
+            source: Source::new(shared),
+            gain: None,
+        }
+    }
+
+    /// Output rate, Hz.
+    pub fn output_rate_hz(&self) -> u32 {
+        self.output_rate_hz
+    }
+
+    /// Plays the next samples into `samples`: m/s², or what [`Mover::set_gain`] makes of it.
+    pub fn fill(&mut self, samples: &mut [f32]) {
+        let scale = self.source.shared.scale.load(Ordering::Relaxed);
+        let (target, limit) = (
+            f32::from_bits((scale >> 32) as u32),
+            f32::from_bits(scale as u32),
+        );
+        self.aim(target);
+        for sample in samples {
+            let gain = self.gain.as_mut().map_or(target, Gain::next);
+            *sample = (self.next() * gain).clamp(-limit, limit);
+        }
+    }
+
+    /// Changes the gain to `target` over a block, at first at once.
+    fn aim(&mut self, target: f32) {
+        let ramp = self.output_rate_hz / 500;
+        let gain = self.gain.get_or_insert(Gain {
+            target,
+            step: 0.0,
+            left: 0,
+        });
+        if gain.target != target {
+            let step = (target - gain.now()) / ramp as f32;
+            *gain = Gain {
+                target,
+                step,
+                left: ramp,
+            };
+        }
+    }
+
+    /// The next sample. Where the source goes over to another rate, the interpolator of the old one has only silence
+    /// left, and that of the new one begins.
+    fn next(&mut self) -> f32 {
+        loop {
+            let rate = self.source.rate;
+            let resampler = &mut self.resamplers[rate as usize];
+            let tail = resampler.as_ref().map_or(0, Resampler::memory);
+            let source = &mut self.source;
+            let mut taken = || source.next(rate, tail);
+            let sample = match resampler {
+                Some(resampler) => resampler.next(taken),
+                None => taken(),
+            };
+            if self.source.rate == rate {
+                return sample;
+            }
+            if let Some(resampler) = &mut self.resamplers[self.source.rate as usize] {
+                resampler.reset();
+            }
+        }
+    }
+}
+
+impl Gain {
+    fn now(&self) -> f32 {
+        self.target - self.step * self.left as f32
+    }
+
+    fn next(&mut self) -> f32 {
+        self.left = self.left.saturating_sub(1);
+        self.now()
+    }
+}
+
+/// Samples at the rate of what is played.
+struct Source {
+    shared: Arc<Shared>,
+    follower: Follower,
+    playing: Option<Box<Given<Choice>>>,
+    /// The choice that waits for what sounds to fade.
+    next: Option<Box<Given<Choice>>>,
+    rate: PlayRate,
+    block: [OutputSample; MOST_SAMPLES],
+    /// Samples of the block that are left.
+    left: usize,
+    /// Samples since the end of what was played.
+    silent: u32,
+}
+
+impl Source {
+    fn new(shared: Arc<Shared>) -> Self {
+        Self {
+            shared,
+            follower: Follower::new(),
+            playing: None,
+            next: None,
+            rate: PlayRate::default(),
+            block: [OutputSample::SILENCE; MOST_SAMPLES],
+            left: 0,
+            silent: u32::MAX,
+        }
+    }
+
+    /// The next sample at `rate`, m/s²; silence if another rate has begun. The interpolator has `tail` samples in it.
+    fn next(&mut self, rate: PlayRate, tail: u32) -> f32 {
+        if self.left == 0 {
+            self.begin_block(tail);
+        }
+        if self.rate != rate {
+            return 0.0;
+        }
+        let sample = self.block[self.block_samples() - self.left];
+        self.left -= 1;
+        sample.metres_per_second_squared().0
+    }
+
+    fn block_samples(&self) -> usize {
+        update_interval_samples(self.rate.hz()) as usize
+    }
+
+    fn playing(&mut self) -> Option<&mut Voice> {
+        self.playing.as_mut()?.it.as_mut()
+    }
+
+    fn begin_block(&mut self, tail: u32) {
+        self.take_choice();
+        let last_s = (self.block_samples() - 1) as f64 / f64::from(self.rate.hz());
+        let motion = self.follower.next_block(&self.shared.moves, last_s);
+        let is_leaving = self.playing().is_some_and(|voice| {
+            voice.with_dependent_mut(|_, playing| {
+                playing.follow(&motion);
+                playing.is_leaving()
+            })
+        });
+        if self.next.is_some() && !is_leaving {
+            self.begin_choice(&motion, tail);
+        }
+        self.left = self.block_samples();
+        self.block.fill(OutputSample::SILENCE);
+        let Self { playing, block, .. } = self;
+        match playing.as_mut().and_then(|given| given.it.as_mut()) {
+            Some(voice) => {
+                let block = &mut block[..self.left];
+                voice.with_dependent_mut(|_, playing| playing.play(block));
+                self.silent = 0;
+            }
+            None => self.silent = self.silent.saturating_add(self.left as u32),
+        }
+    }
+
+    /// Takes the choice that was made last, and lets what plays fade.
+    fn take_choice(&mut self) {
+        let Some(given) = self.shared.choices.take() else {
+            return;
+        };
+        match self.next.replace(given) {
+            // It fades already, for a choice that never played.
+            Some(unplayed) => self.shared.choices.give_back(unplayed),
+            None => {
+                if let Some(voice) = self.playing() {
+                    voice.with_dependent_mut(|_, playing| playing.leave());
+                }
+            }
+        }
+    }
+
+    /// Begins the choice that waits, because nothing sounds any more; at another rate only after the `tail`.
+    fn begin_choice(&mut self, motion: &BlockMotion, tail: u32) {
+        if let Some(faded) = self.playing.take() {
+            self.shared.choices.give_back(faded);
+        }
+        let next = self.next.as_ref().and_then(|given| given.it.as_ref());
+        let rate = next.map_or(self.rate, |voice| {
+            let rate_hz = voice.borrow_dependent().plan().sample_rate_hz();
+            PlayRate::of(rate_hz).unwrap_or(self.rate)
+        });
+        if rate != self.rate && self.silent < tail {
+            return;
+        }
+        self.rate = rate;
+        self.playing = self.next.take();
+        if let Some(voice) = self.playing() {
+            voice.with_dependent_mut(|_, playing| playing.follow(motion));
+        }
+    }
+}

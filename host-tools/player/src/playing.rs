@@ -1,0 +1,102 @@
+//! A choice being played, block by block, as the device plays it.
+
+use model_format::OutputSample;
+use stylus_kernel::Motion;
+use stylus_kernel::position::Position;
+use stylus_kernel::scene::{ContactDetector, ContactThreshold, Interaction, Plan, ScenePlayer};
+
+use crate::motion::BlockMotion;
+
+/// A plan and its state. Playing it allocates nothing.
+pub struct Playing<'a> {
+    plan: Plan<'a>,
+    player: ScenePlayer<'a>,
+    detector: ContactDetector,
+    at_mm: f64,
+    contact: bool,
+    motion: Motion,
+}
+
+impl<'a> Playing<'a> {
+    /// Plays `plan` with the noise of `seed`, from rest at the path's origin.
+    pub fn new(plan: Plan<'a>, seed: u64) -> Self {
+        Self {
+            player: ScenePlayer::new(plan.clone(), seed),
+            plan,
+            detector: ContactDetector::new(),
+            at_mm: 0.0,
+            contact: false,
+            motion: Motion::REST,
+        }
+    }
+
+    /// The plan.
+    pub fn plan(&self) -> &Plan<'a> {
+        &self.plan
+    }
+
+    /// Position at the end of the last block, mm.
+    pub fn at_mm(&self) -> f64 {
+        self.at_mm
+    }
+
+    /// Contact in the last block.
+    pub fn contact(&self) -> bool {
+        self.contact
+    }
+
+    /// Speed and force of the last block.
+    pub fn motion(&self) -> Motion {
+        self.motion
+    }
+
+    /// Number of samples at full scale since the beginning.
+    pub fn saturations(&self) -> u32 {
+        self.player.saturations()
+    }
+
+    /// Lets what sounds fade, from the next block on.
+    pub fn leave(&mut self) {
+        self.player.switch(self.plan.clone());
+    }
+
+    /// Returns whether something fades still, after [`Playing::leave`] and [`Playing::follow`].
+    pub fn is_leaving(&self) -> bool {
+        self.player.director().is_switching()
+    }
+
+    /// Follows `motion` for the next block. A speed or force that is not finite counts as rest.
+    pub fn follow(&mut self, motion: &BlockMotion) {
+        let samples = self.plan.block_samples();
+        let rate_hz = f64::from(self.plan.sample_rate_hz());
+        let (begin_mm, end_mm) = if motion.begin_mm.is_nan() {
+            let last_s = f64::from(samples - 1) / rate_hz;
+            (self.at_mm, self.at_mm + motion.speed_mm_s * last_s)
+        } else {
+            (motion.begin_mm, motion.end_mm)
+        };
+        self.at_mm = if motion.begin_mm.is_nan() {
+            begin_mm + motion.speed_mm_s * f64::from(samples) / rate_hz
+        } else {
+            end_mm
+        };
+        self.motion = motion.motion().unwrap_or(Motion::REST);
+        let touches = self.detector.touches(self.motion, ContactThreshold::LEAST);
+        self.contact = if motion.contact.is_nan() {
+            touches
+        } else {
+            motion.contact != 0.0
+        };
+        let farthest = f64::from(f32::MAX);
+        let begin_mm = begin_mm.clamp(-farthest, farthest) as f32;
+        let interaction = Interaction::new(self.motion, begin_mm, self.contact);
+        let interaction = interaction.unwrap_or(Interaction::NONE);
+        let end = Position::from_exact_mm(end_mm);
+        self.player.follow(interaction.reaching(Some(end)), samples);
+    }
+
+    /// Plays the block into `outputs`, which has room for its samples.
+    pub fn play(&mut self, outputs: &mut [OutputSample]) {
+        self.player.next_block(outputs);
+    }
+}

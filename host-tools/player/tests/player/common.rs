@@ -1,0 +1,86 @@
+//! Libraries and players of the tests.
+
+use std::sync::LazyLock;
+
+use kernel_vectors::specs;
+use model_format::scene::{Region, Scene, SceneName, StickSlip, Surface, Tap};
+use model_format::{TextureSpec, encode_with_scenes};
+use stylus_player::{Filler, Mover, Selection, SharedLibrary, Without, player};
+
+/// The textures that every processor must play to the same bits, and a scene with all effects, at each rate.
+pub static LIBRARIES: LazyLock<[SharedLibrary; 2]> =
+    LazyLock::new(|| [5000, 10_000].map(|rate_hz| library(&specs(), rate_hz)));
+
+/// A library of `specs`, as textures of `rate_hz`, with a scene of its first two.
+pub fn library(specs: &[TextureSpec], rate_hz: u32) -> SharedLibrary {
+    let textures: Vec<TextureSpec> = specs.to_vec();
+    let textures = textures.into_iter().map(|spec| TextureSpec {
+        sample_rate_hz: rate_hz,
+        ..spec
+    });
+    let textures: Vec<TextureSpec> = textures.collect();
+    let bytes = encode_with_scenes(&textures, &[scene(rate_hz)]).expect("within the limits");
+    SharedLibrary::decode(bytes).expect("it is valid")
+}
+
+fn scene(rate_hz: u32) -> Scene {
+    let with_effects = Surface {
+        tap: Some(Tap {
+            frequency_hz: 120.0,
+            decay_s: 0.03,
+            gain_m_s2_per_n_s: 0.5,
+            limit_m_s2: 20.0,
+        }),
+        stick_slip: Some(StickSlip {
+            period_mm: 2.0,
+            duty: 0.3,
+            depth: 0.9,
+            below_mm_s: 80.0,
+            above_n: 0.8,
+        }),
+        ..Surface::of_texture(1)
+    };
+    let name = SceneName::try_from("two").expect("it is short");
+    let mut scene = Scene::of_surface(name, rate_hz, with_effects);
+    let other = scene.surfaces.push(Surface::of_texture(0));
+    other.expect("there is room");
+    scene.transition_mm = 6.0;
+    for (start_mm, end_mm, surface) in [(-40.0, 0.0, 0), (0.0, 40.0, 1)] {
+        let region = Region {
+            start_mm,
+            end_mm,
+            surface,
+        };
+        scene.regions.push(region).expect("there is room");
+    }
+    scene
+}
+
+/// A player at `output_rate_hz` of the texture `index` of a library.
+pub fn playing(library: &SharedLibrary, index: usize, output_rate_hz: u32) -> (Mover, Filler) {
+    let (mover, filler) = player(output_rate_hz).expect("the rate is played");
+    choose(&mover, library, index);
+    (mover, filler)
+}
+
+pub fn choose(mover: &Mover, library: &SharedLibrary, index: usize) {
+    let selection = Selection::Texture(index);
+    let chosen = mover.choose(library, selection, Without::default(), 5);
+    chosen.expect("it is there");
+}
+
+/// The samples of `blocks` blocks of 2 ms, in each of which the motion is told.
+pub fn rubbed(mover: &Mover, filler: &mut Filler, blocks: usize, motion: (f64, f64)) -> Vec<f32> {
+    let mut samples = vec![0.0; blocks * filler.output_rate_hz() as usize / 500];
+    for block in samples.chunks_mut(filler.output_rate_hz() as usize / 500) {
+        mover.rub(motion.0, motion.1).expect("it is finite");
+        filler.fill(block);
+    }
+    samples
+}
+
+/// The largest difference of neighbouring samples.
+pub fn largest_step(samples: &[f32]) -> f32 {
+    let steps = samples.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+    steps.fold(0.0, f32::max)
+}

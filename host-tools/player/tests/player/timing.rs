@@ -1,0 +1,121 @@
+//! Time at which a motion is heard, and for how long.
+
+use stylus_player::{HELD_S, latency_s};
+
+use crate::common::{LIBRARIES, playing, rubbed};
+
+const RATES_HZ: [u32; 7] = [5000, 8000, 10_000, 11_025, 44_100, 48_000, 192_000];
+
+/// The first sample that changes has come when the block that plays is over; what is stated is the centre of the
+/// change, which the interpolator's delay is later.
+#[test]
+fn a_move_changes_a_sample_within_the_latency_that_is_stated() {
+    for (library, sample_rate_hz) in LIBRARIES.iter().zip([5000, 10_000]) {
+        for rate_hz in RATES_HZ {
+            let latency = (latency_s(sample_rate_hz, rate_hz) * f64::from(rate_hz)).ceil() as usize;
+            // Anywhere in a block.
+            for offset in (0..rate_hz as usize / 500).step_by(3) {
+                let [before, after] = [(100.0, 1.0), (250.0, 2.5)].map(|motion| {
+                    let (mover, mut filler) = playing(library, 1, rate_hz);
+                    rubbed(&mover, &mut filler, 20, (100.0, 1.0));
+                    let mut samples = vec![0.0; offset];
+                    filler.fill(&mut samples);
+                    mover.rub(motion.0, motion.1).expect("it is finite");
+                    let mut samples = vec![0.0f32; rate_hz as usize / 20];
+                    filler.fill(&mut samples);
+                    samples
+                });
+                let peak = before
+                    .iter()
+                    .fold(0.0f32, |peak, sample| peak.max(sample.abs()));
+                let changed = |by: f32| {
+                    let pairs = before.iter().zip(&after);
+                    pairs
+                        .map(|(one, other)| (one - other).abs())
+                        .position(|difference| difference > by)
+                };
+                let first = changed(0.0).expect("it changes");
+                assert!(
+                    first <= rate_hz as usize / 500 + 1,
+                    "{rate_hz} {offset}: {first}"
+                );
+                let felt = changed(0.1 * peak).expect("it changes");
+                assert!(
+                    felt <= latency + rate_hz as usize / 500,
+                    "{rate_hz} {offset}: {felt} {latency}"
+                );
+            }
+        }
+    }
+}
+
+/// The samples of the texture are found in what comes of them, as late as the interpolator's delay.
+#[test]
+fn samples_at_another_rate_are_those_of_the_texture_later_by_the_delay() {
+    for (rate_hz, every) in [(10_000, 2), (40_000, 8), (50_000, 10)] {
+        let (mover, mut filler) = playing(&LIBRARIES[0], 1, 5000);
+        let exact = rubbed(&mover, &mut filler, 200, (100.0, 1.0));
+        let (mover, mut filler) = playing(&LIBRARIES[0], 1, rate_hz);
+        let samples = rubbed(&mover, &mut filler, 200, (100.0, 1.0));
+        let delay_s = latency_s(5000, rate_hz) - latency_s(5000, 5000);
+        let delay = (delay_s * 5000.0).round() as usize;
+        let later = samples.iter().step_by(every).skip(delay);
+        // A texture has content up to half of its rate, of which the filter takes the uppermost fifth.
+        let (mut error, mut power) = (0.0, 0.0);
+        for (one, other) in exact.iter().zip(later) {
+            error += f64::from(one - other).powi(2);
+            power += f64::from(*one).powi(2);
+        }
+        assert!(error < 0.3 * power, "{rate_hz}: {}", error / power);
+    }
+}
+
+#[test]
+fn a_motion_that_is_not_told_again_is_held_for_50_ms_and_fades() {
+    assert_eq!(HELD_S, 0.05);
+    for rate_hz in [5000, 10_000] {
+        let library = &LIBRARIES[usize::from(rate_hz == 10_000)];
+        let (mover, mut filler) = playing(library, 1, rate_hz);
+        rubbed(&mover, &mut filler, 20, (100.0, 1.0));
+        let mut samples = vec![0.0f32; rate_hz as usize / 5];
+        filler.fill(&mut samples);
+        let last = samples
+            .iter()
+            .rposition(|sample| *sample != 0.0)
+            .expect("it is held");
+        // The block of the last move, 24 more, and one that fades.
+        let played_s = (last + 1) as f64 / f64::from(rate_hz) + 0.002;
+        assert!(
+            played_s > 0.05 && played_s < 0.0521,
+            "{rate_hz}: {played_s}"
+        );
+        let again = rubbed(&mover, &mut filler, 20, (100.0, 1.0));
+        assert!(again.iter().any(|sample| *sample != 0.0), "{rate_hz}");
+    }
+}
+
+#[test]
+fn samples_do_not_depend_on_how_many_are_taken_at_once() {
+    for rate_hz in RATES_HZ {
+        let count = rate_hz as usize / 25;
+        let run = |sizes: &[usize]| {
+            let (mover, mut filler) = playing(&LIBRARIES[0], 1, rate_hz);
+            mover.rub(120.0, 0.8).expect("it is finite");
+            let mut samples = vec![0.0f32; count];
+            let mut rest = &mut samples[..];
+            for size in sizes.iter().cycle() {
+                let (now, later) = rest.split_at_mut((*size).min(rest.len()));
+                filler.fill(now);
+                rest = later;
+                if rest.is_empty() {
+                    break;
+                }
+            }
+            samples
+        };
+        let whole = run(&[count]);
+        assert!(whole.iter().any(|sample| *sample != 0.0));
+        assert_eq!(run(&[1]), whole, "{rate_hz}");
+        assert_eq!(run(&[7, 64, 1, 0, 500]), whole, "{rate_hz}");
+    }
+}
