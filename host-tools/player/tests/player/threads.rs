@@ -31,7 +31,7 @@ fn what_is_taken_while_threads_move_and_choose_is_a_texture_and_then_the_last_ch
         is_over.store(true, Ordering::Relaxed);
     });
     choose(&mover, &LIBRARIES[0], 2);
-    let mut samples = [0.0f32; 4800];
+    let mut samples = vec![0.0f32; 4800];
     mover.rub(100.0, 1.0).expect("it is finite");
     filler.fill(&mut samples);
     assert!(samples.iter().any(|sample| *sample != 0.0));

@@ -71,11 +71,12 @@ pub fn check_doc_comments(tree: &Tree, outcome: &mut Outcome) {
 }
 
 /// Packages with lints of their own: those that have unsafe code, and those of other workspaces.
-const OWN_LINTS: [&str; 8] = [
+const OWN_LINTS: [&str; 9] = [
     "stylus-boot",
     "stylus-realtime",
     "stylus-firmware",
     "stylus-browser",
+    "stylus-player-c",
     "kernel-guest",
     "fuzz",
     "virtual-stylus",

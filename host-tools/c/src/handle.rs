@@ -1,0 +1,197 @@
+//! Handles, and the checks of what comes from another language.
+#![expect(
+    unsafe_code,
+    reason = "addresses are another language's, and the side that fills is checked while it runs"
+)]
+
+use std::cell::UnsafeCell;
+use std::ffi::{CStr, c_char};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+
+use stylus_player::{Filler, Mover, SharedLibrary};
+
+use crate::status::{Failure, Status};
+
+/// A library, opened or decoded.
+pub type LibraryHandle = Handle<SharedLibrary>;
+
+/// A player.
+pub type PlayerHandle = Handle<Player>;
+
+/// Both sides of a player.
+pub struct Player {
+    pub mover: Mover,
+    /// One thread's at a time, while `is_filling`.
+    filler: UnsafeCell<Filler>,
+    is_filling: AtomicBool,
+}
+
+// SAFETY: the one part that is not `Sync` is `filler`, which only `fill` reaches by a shared reference, and only the
+// thread that has set `is_filling`. The filler may be used by one thread after another, as below.
+unsafe impl Sync for Player {}
+
+const fn is_send<T: Send>() {}
+const _: () = is_send::<Filler>();
+
+impl Player {
+    pub fn new(mover: Mover, filler: Filler) -> Self {
+        Self {
+            mover,
+            filler: UnsafeCell::new(filler),
+            is_filling: AtomicBool::new(false),
+        }
+    }
+
+    /// Fills `samples`, unless another thread does. A fault leaves the player busy for ever, because its state is that
+    /// of a half-made sample.
+    pub fn fill(&self, samples: &mut [f32]) -> Result<(), Failure> {
+        if self.is_filling.swap(true, Ordering::Acquire) {
+            return Err(Status::STYLUS_BUSY.into());
+        }
+        // SAFETY: this thread alone has found `is_filling` false, and no other reaches the filler until it is again.
+        let filler = unsafe { &mut *self.filler.get() };
+        filler.fill(samples);
+        self.is_filling.store(false, Ordering::Release);
+        Ok(())
+    }
+}
+
+/// Thing of which another language holds the address.
+pub struct Handle<T> {
+    /// Mark of an open handle of this kind. A closed one loses it, so that most mistakes are told.
+    mark: AtomicU64,
+    it: T,
+}
+
+/// Kinds of handles.
+pub trait Marked {
+    /// A number that memory is unlikely to hold by accident.
+    const MARK: u64;
+}
+
+impl Marked for SharedLibrary {
+    const MARK: u64 = u64::from_le_bytes(*b"stylusL1");
+}
+
+impl Marked for Player {
+    const MARK: u64 = u64::from_le_bytes(*b"stylusP1");
+}
+
+impl<T: Marked> Handle<T> {
+    /// The address of a new handle, which [`Handle::close`] frees.
+    pub fn open(it: T) -> *mut Self {
+        Box::into_raw(Box::new(Self {
+            mark: AtomicU64::new(T::MARK),
+            it,
+        }))
+    }
+
+    /// Content of the handle at `address`.
+    ///
+    /// # Safety
+    /// `address` is NULL, or memory that can be read as a handle, which nobody closes while the result is used.
+    pub unsafe fn of<'a>(address: *const Self) -> Result<&'a T, Failure> {
+        check(address)?;
+        // SAFETY: it is neither NULL nor out of line, and the caller says that it can be read.
+        let handle = unsafe { &*address };
+        if handle.mark.load(Ordering::Acquire) != T::MARK {
+            return Err(Status::STYLUS_HANDLE.into());
+        }
+        Ok(&handle.it)
+    }
+
+    /// Closes the handle at `address`; NULL is none.
+    ///
+    /// # Safety
+    /// As [`Handle::of`], and nobody uses the handle now or later.
+    pub unsafe fn close(address: *mut Self) -> Result<(), Failure> {
+        if address.is_null() {
+            return Ok(());
+        }
+        check(address)?;
+        // SAFETY: it is neither NULL nor out of line, and the caller says that it can be read.
+        let mark = unsafe { &(*address).mark };
+        let closed = mark.compare_exchange(T::MARK, 0, Ordering::AcqRel, Ordering::Acquire);
+        closed.map_err(|_| Status::STYLUS_HANDLE)?;
+        // SAFETY: its mark says that `open` made it, and only the first call that closes it finds the mark.
+        drop(unsafe { Box::from_raw(address) });
+        Ok(())
+    }
+}
+
+/// Checks that `address` is neither NULL nor out of line.
+pub fn check<T>(address: *const T) -> Result<(), Failure> {
+    if address.is_null() {
+        return Err(Status::STYLUS_NULL.into());
+    }
+    if !address.is_aligned() {
+        return Err(Status::STYLUS_ALIGNMENT.into());
+    }
+    Ok(())
+}
+
+fn check_length<T>(address: *const T, length: usize) -> Result<(), Failure> {
+    check(address)?;
+    if length > isize::MAX.unsigned_abs() / size_of::<T>() {
+        return Err(Status::STYLUS_LENGTH.into());
+    }
+    Ok(())
+}
+
+/// The `length` numbers at `address`; none at any address.
+///
+/// # Safety
+/// `address` is NULL, or so many can be read there and nobody writes them meanwhile.
+pub unsafe fn slice<'a, T: Copy>(address: *const T, length: usize) -> Result<&'a [T], Failure> {
+    if length == 0 {
+        return Ok(&[]);
+    }
+    check_length(address, length)?;
+    // SAFETY: address and length are in order, and the caller says what can be read there.
+    Ok(unsafe { std::slice::from_raw_parts(address, length) })
+}
+
+/// Room for `length` numbers at `address`; none at any address. Their old values are numbers, whatever they are.
+///
+/// # Safety
+/// `address` is NULL, or so many can be written there and nobody else uses them meanwhile.
+pub unsafe fn room<'a, T: Copy>(address: *mut T, length: usize) -> Result<&'a mut [T], Failure> {
+    if length == 0 {
+        return Ok(&mut []);
+    }
+    check_length(address, length)?;
+    // SAFETY: address and length are in order, and the caller says what can be written there.
+    Ok(unsafe { std::slice::from_raw_parts_mut(address, length) })
+}
+
+/// Writes `value` to `address`.
+///
+/// # Safety
+/// `address` is NULL, or a `T` can be written there.
+pub unsafe fn put<T>(address: *mut T, value: T) -> Result<(), Failure> {
+    check(address)?;
+    // SAFETY: it is neither NULL nor out of line, and the caller says that it can be written.
+    unsafe { address.write(value) };
+    Ok(())
+}
+
+/// The text at `address`, which ends with a 0.
+///
+/// # Safety
+/// `address` is NULL, or a text that ends with a 0.
+pub unsafe fn text<'a>(address: *const c_char) -> Result<&'a str, Failure> {
+    check(address)?;
+    // SAFETY: it is not NULL, and the caller says that a 0 ends it.
+    let text = unsafe { CStr::from_ptr(address) };
+    Ok(text.to_str().map_err(|_| Status::STYLUS_TEXT)?)
+}
+
+/// The status of `call`. A panic ends here.
+pub fn guarded(call: impl FnOnce() -> Result<(), Failure>) -> Status {
+    match catch_unwind(AssertUnwindSafe(call)) {
+        Ok(Ok(())) => Status::STYLUS_OK,
+        Ok(Err(failure)) => failure.tell(),
+        Err(_) => Status::STYLUS_FAULT,
+    }
+}
