@@ -72,7 +72,7 @@ mod tests {
         assert_eq!(&file[suffix + 8..suffix + 12], b"UFD\x10");
         let sum = file[..suffix + 12].iter().fold(u32::MAX, |sum, byte| {
             (0..8).fold(sum ^ u32::from(*byte), |sum, _| {
-                sum >> 1 ^ (sum & 1) * 0xEDB8_8320
+                (sum >> 1) ^ ((sum & 1) * 0xEDB8_8320)
             })
         });
         assert_eq!(word(suffix + 12), sum);
