@@ -156,7 +156,8 @@ fn a_texture_with_parts_has_the_recordings_kurtosis_modulation_and_levels_and_wi
         &said,
         &[
             "recording",
-            "synthesis: residual + modulation",
+            "synthesis:",
+            "residual +",
             "Gaussian",
             "other recording",
         ],

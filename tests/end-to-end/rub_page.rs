@@ -217,7 +217,7 @@ fn the_demo_says_in_forty_lines_what_it_holds_and_its_page_has_one_and_a_half_me
     assert_eq!(textures.len(), 4);
     for texture in textures {
         let costs = texture["nodes"]["costs"].as_array().unwrap();
-        assert_eq!(costs.len(), 105);
+        assert_eq!(costs.len(), 120);
         assert!(costs.iter().all(Value::is_f64));
     }
     let of_texture = |clip: &Value| clip["texture"].as_u64().unwrap();

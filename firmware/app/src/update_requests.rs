@@ -53,14 +53,16 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
         begin: &UpdateBegin,
     ) -> Result<UploadProgress, UpdateError> {
         supplied(stage)?;
+        let updates = self.updates.as_ref().ok_or(UpdateError::NoBootloader)?;
+        let header = updates.running.check(begin)?;
+        at_rest(stage)?;
+        // Last, because it may write the record anew.
         let is_kept = self.keeps_image().await;
         let updates = self.updates.as_mut().ok_or(UpdateError::NoBootloader)?;
         if is_kept {
             return Err(UpdateError::Unconfirmed);
         }
-        let header = updates.running.check(begin)?;
         updates.begun = Some(header);
-        at_rest(stage)?;
         self.slots.scan_once().await;
         let upload = UploadBegin {
             length: header.length,

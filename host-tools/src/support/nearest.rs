@@ -14,7 +14,7 @@ const ALIKE_LETTERS: usize = 3;
 /// let there = ["organza", "paper"].map(str::to_owned);
 /// assert_eq!(listed("papr", &there), "paper, organza; did you mean 'paper'?");
 /// assert_eq!(listed("silk", &there), "paper, organza");
-/// assert_eq!(listed("papr", &[]), "none");
+/// assert_eq!(listed("papr", &[""; 0]), "none");
 /// ```
 pub fn listed<T: AsRef<str>>(wanted: &str, there: &[T]) -> String {
     if there.is_empty() {

@@ -16,7 +16,7 @@ use stylus_app::SAMPLE_RATE_HZ;
 use stylus_app::control::Device;
 use stylus_app::update::{DEVELOPMENT_KEY, Running, Updates};
 use stylus_boot::map::RECORDS;
-use stylus_boot::record::{Record, Store, mark};
+use stylus_boot::record::{EXCHANGED, Record, Store, mark};
 
 use crate::actuator::Actuator;
 use crate::board::Board;
@@ -225,7 +225,10 @@ fn lock(inner: &Mutex<Inner>) -> MutexGuard<'_, Inner> {
 /// Updates of `image`, which trusts the development key.
 fn updates(image: StartedImage) -> Updates<Flash> {
     let record = if image.is_on_trial {
-        Record::marked(mark::SWAP, 0, image.version.numbers())
+        let mut record = Record::marked(mark::SWAP, 0, image.version.numbers());
+        // The exchange has been done.
+        record.marks[2..2 + EXCHANGED].fill(0);
+        record
     } else {
         Record::NONE
     };

@@ -9,7 +9,7 @@ use model_format::link::{
     UpdateConfirmEndpoint, UpdateError, UpdatePhase, UpdateReport, UpdateStateEndpoint,
 };
 use stylus_app::update::sign;
-use stylus_boot::map::{ACTIVE, BOOTLOADER_VERSION, RECORDS};
+use stylus_boot::map::{ACTIVE, BOOTLOADER_VERSION, RECORDS, WORD_BYTES};
 use virtual_stylus::model::dac::{Cause, Output};
 use virtual_stylus::model::flash::{BASE, Contents, Kind, Moment};
 use virtual_stylus::{Options, PowerCut};
@@ -179,14 +179,16 @@ fn an_update_keeps_settings_and_active_library_and_survives_resets_once_it_is_co
     let committed = device.update(&new).phase;
     let version = version();
     assert_eq!(committed, UpdatePhase::Committed { version });
-    // What was flashed has left the record's sectors erased: the first change of it is the first word of them.
+    // What was flashed has left the record's sectors erased: the first word is the record written anew before the slot
+    // is given up, the second the commit.
     let operations = device.stylus.flash_operations();
     let places = operations.iter().map(|done| match &done.kind {
         Kind::Program { address, .. } => (address - BASE, false),
         Kind::Erase(range) => (range.start - BASE, true),
     });
     let in_record: Vec<_> = places.filter(|(at, _)| RECORDS.contains(at)).collect();
-    assert_eq!(in_record, [(RECORDS.start, false)]);
+    let second = RECORDS.start + WORD_BYTES as u32;
+    assert_eq!(in_record, [(RECORDS.start, false), (second, false)]);
     let sent_ms = (device.stylus.now_ns() - begin) / MS;
     let started_ms = device.wait_for_exchange() / MS;
     println!("sent in {sent_ms} ms, started after {started_ms} ms");

@@ -412,7 +412,7 @@ fn of_all_activities_one_goes_on_at_a_time_and_who_asks_for_another_is_told_whic
             holds(
                 &told,
                 &[&format!(
-                    "`stylus play` (process 7) {does}, since 0 s ago: "
+                    "`stylus play` (process 7) {does}, begun 0 s ago: "
                 )],
             );
             // Its own client goes on, and once that is gone another may.
