@@ -351,6 +351,8 @@ test("the tip is the pin through the plant's response, as stylus render computes
 
 test("values at the pointer, and a click on a node strokes there", async () => {
   await opened({}, async (page) => {
+    // The pictures are below the controls.
+    await page.value(() => document.querySelector("#spectrum-picture").scrollIntoView({ block: "center" }));
     const map = await page.box("#map-picture svg");
     const target = [map.x + map.width * 0.4, map.y + map.height * 0.45];
     await page.move(...target);

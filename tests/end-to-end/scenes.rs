@@ -79,12 +79,7 @@ fn a_scene_goes_into_a_library_and_plays_from_there_as_from_its_text() {
     holds(&compiled, &["2 textures, 1 scene"]);
     holds(
         &bench.succeed("inspect scenes.lib"),
-        &[
-            "two",
-            "silk, felt",
-            "transitions",
-            "equaliser",
-        ],
+        &["two", "silk, felt", "transitions", "equaliser"],
     );
     bench.succeed("scene render scenes.lib --scene two --motion stroke.csv --out a.wav");
     bench.succeed("scene render two.toml --library cloths.lib --motion stroke.csv --out b.wav");
