@@ -77,10 +77,6 @@ impl Copy {
             match Place::read(&buffers[0]) {
                 Place::Blank if is_steady => {}
                 Place::Record(record) => self.newest = Some(record),
-                Place::Followed(record) => {
-                    self.newest = Some(record);
-                    self.damaged += 1;
-                }
                 Place::Blank | Place::Damaged => self.damaged += 1,
             }
             if self.newest.is_some() {
@@ -118,6 +114,11 @@ impl Copy {
     /// Returns true if there is room for a record.
     pub fn has_room(&self) -> bool {
         self.next + (TRIES * RECORD_BYTES) as u32 <= self.range.end
+    }
+
+    /// Has the copy erased before its next record, as one that is full.
+    pub fn count_as_full(&mut self) {
+        self.next = self.range.end;
     }
 
     /// Erases the copy; false if the flash fails. It then counts as full, so that the next change erases it again.

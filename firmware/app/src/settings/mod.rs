@@ -21,8 +21,7 @@
 //! | nothing that can be read, and yet not blank | nothing plays: everything is lost |
 //!
 //! Except in the last case both copies are then written anew. What is lost stays lost, over restarts, until it is set
-//! again or all settings are reset. A store of a firmware that kept a map of single values counts as the last case,
-//! because nothing in it tells a value from the one before it; one of fewer than 64 changes counts as never set.
+//! again or all settings are reset.
 
 mod copy;
 mod record;
@@ -203,11 +202,25 @@ impl<F: NorFlash> SettingsStore<F> {
                 self.differing = differing;
                 self.mended = true;
                 self.spare = spare;
+                self.erase_remnants();
                 // With its number, so that the other copy is no further behind after another cut.
                 self.draft = record;
             }
         }
         self.mended
+    }
+
+    /// Has each copy erased before it is written that has not kept the last two changes. The cut of its erasure may have
+    /// left words that read as blank now; behind a record they would later count as a damaged one.
+    fn erase_remnants(&mut self) {
+        let last = self.record.sequence;
+        for copy in &mut self.copies {
+            // Of a copy that was never written, the first change is behind by one.
+            let own = copy.newest.map_or(0, |record| record.sequence);
+            if last.wrapping_sub(own) > 1 {
+                copy.count_as_full();
+            }
+        }
     }
 
     /// Writes the draft to both copies, beginning with the spare one; it is in force then.

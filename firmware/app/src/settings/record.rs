@@ -1,8 +1,5 @@
 //! Record of all settings in flash, and of the actuator's response: sixteen flash words with one checksum over all of
 //! them, so that a response and the settings that belong to it are stored together or not at all.
-//!
-//! Firmware before the response wrote four flash words, without it. Their records count as before, one to each quarter
-//! of a place; the next change writes a new one after them.
 
 use crc::{CRC_32_ISO_HDLC, Crc};
 use model_format::link::{
@@ -14,11 +11,7 @@ use crate::flash::WORD_BYTES;
 /// Length of a record, in whole flash words.
 pub const RECORD_BYTES: usize = 16 * WORD_BYTES;
 
-/// Length of a record without a response.
-const OLD_BYTES: usize = 4 * WORD_BYTES;
-
 const MAGIC: [u8; 4] = *b"HTXD";
-const OLD_MAGIC: [u8; 4] = *b"HTXC";
 static CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 
 /// Offset of the values: behind magic, sequence, set, lost and the number of settings, each of four bytes.
@@ -54,8 +47,6 @@ pub struct Record {
 pub enum Place {
     Blank,
     Record(Record),
-    /// A record of older firmware, with something damaged behind it.
-    Followed(Record),
     Damaged,
 }
 
@@ -176,15 +167,14 @@ impl Record {
     ///
     /// A setting that the firmware of the record did not have has its default. A value out of its range, as of a
     /// firmware with other ranges, is lost.
-    fn read(bytes: &[u8], magic: [u8; 4]) -> Option<Self> {
+    fn read(bytes: &[u8; RECORD_BYTES]) -> Option<Self> {
         let word = |at: usize| bytes[at..].first_chunk().copied().unwrap_or_default();
         let number = |at: usize| u32::from_le_bytes(word(at));
-        let checksum = bytes.len() - 4;
-        if bytes[..4] != magic || number(checksum) != CRC.checksum(&bytes[..checksum]) {
+        if bytes[..4] != MAGIC || number(CHECKSUM) != CRC.checksum(&bytes[..CHECKSUM]) {
             return None;
         }
-        let has_response = bytes.get(HAS_RESPONSE) == Some(&1);
-        let response = bytes.get(RESPONSE..).and_then(<[u8]>::first_chunk);
+        let has_response = bytes[HAS_RESPONSE] == 1;
+        let response = bytes[RESPONSE..].first_chunk();
         let mut snapshot = Snapshot {
             settings: Settings::default(),
             set: SettingSet::from_bits(number(8)),
@@ -214,19 +204,7 @@ impl Place {
         if is_blank(bytes) {
             return Self::Blank;
         }
-        if let Some(record) = Record::read(bytes, MAGIC) {
-            return Self::Record(record);
-        }
-        let quarters = bytes.chunks_exact(OLD_BYTES).rev();
-        let mut followed = false;
-        for quarter in quarters.filter(|quarter| !is_blank(quarter)) {
-            match Record::read(quarter, OLD_MAGIC) {
-                Some(record) if followed => return Self::Followed(record),
-                Some(record) => return Self::Record(record),
-                None => followed = true,
-            }
-        }
-        Self::Damaged
+        Record::read(bytes).map_or(Self::Damaged, Self::Record)
     }
 }
 
