@@ -14,6 +14,7 @@
 //! | `library`, `texture` | libraries, their textures and nodes |
 //! | `motion`, `rendering` | motions, and what the stylus plays along them |
 //! | `scene` | scenes: costed and rendered |
+//! | `player` | textures and scenes in real time |
 //! | `playing` | arguments that stand for a library; textures rendered, scenes compiled |
 //! | `hatt` | HaTT's models |
 //! | `device` | a stylus on a link |
@@ -33,6 +34,7 @@ mod fitting;
 mod hatt;
 mod library;
 mod motion;
+mod player;
 mod playing;
 mod recording;
 mod rendering;
@@ -47,7 +49,6 @@ use pyo3::prelude::*;
 #[pyo3(name = "_native")]
 mod native {
     #[pymodule_export]
-    #[pymodule_export]
     use crate::device::{Device, devices};
     #[pymodule_export]
     use crate::evaluating::{compare, evaluate, page, score};
@@ -59,6 +60,8 @@ mod native {
     use crate::library::Library;
     #[pymodule_export]
     use crate::motion::Motion;
+    #[pymodule_export]
+    use crate::player::Player;
     #[pymodule_export]
     use crate::playing::{compile_scene, inspect, render};
     #[pymodule_export]

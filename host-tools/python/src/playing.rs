@@ -70,7 +70,8 @@ pub fn inspect<'py>(py: Python<'py>, library: LibraryLike<'py>) -> PyResult<Boun
 ///
 /// `library` is a `Library`, a `Fit`, or a path. The motion is a constant `speed_mm_s` and `force_n` for `seconds`, or
 /// `motion`, a `Motion` or the path of a table, whose end counts if `seconds` is not given. The same seed gives the
-/// same samples. `progress(done, total)` counts seconds.
+/// same samples. `progress(done, total)` counts seconds. This needs the whole motion beforehand: called per block it
+/// begins anew each time. For a motion of the moment take a `Player`.
 #[pyfunction]
 #[pyo3(signature = (
     library, texture, *, speed_mm_s = None, force_n = None, motion = None, seconds = None, seed = 1, progress = None

@@ -6,6 +6,7 @@
     >>> played.samples                                        # m/s², float32, at played.sample_rate_hz
     >>> sh.report("recordings", fit, "report")                # a folder with a page: figures, pictures, sounds
     >>> sh.page(fit, "page.html", recordings="recordings")    # to rub in a browser
+    >>> player = sh.Player(fit, "denim", output_rate_hz=48000)  # in real time: player.move(130, 0.8), player.fill(out)
 
 The same input gives the same bits as the command. Units are in the names: speeds in mm/s, forces in N, accelerations in
 m/s², times in s, frequencies in Hz. A failure is a ``StylusError`` with the command's one line; something doubtful is a
@@ -25,6 +26,7 @@ __all__ = [
     "Library",
     "Motion",
     "Node",
+    "Player",
     "Recording",
     "Recordings",
     "Rendering",

@@ -23,6 +23,7 @@ __all__ = [
     "Device",
     "Library",
     "Motion",
+    "Player",
     "Recording",
     "Recordings",
     "Scene",
@@ -194,6 +195,47 @@ def render(
     seed: int = 1,
     progress: _Progress | None = None,
 ) -> Rendering: ...
+
+@final
+class Player:
+    def __new__(
+        cls,
+        library: _LibraryLike,
+        texture: str | None = None,
+        *,
+        scene: str | None = None,
+        output_rate_hz: int = 48000,
+        seed: int = 1,
+    ) -> Player: ...
+    def move(self, speed_mm_s: float, force_n: float) -> None: ...
+    def move_to(self, time_s: float, position_mm: float, force_n: float) -> None: ...
+    def follow(
+        self,
+        speed_mm_s: float,
+        force_n: float,
+        *,
+        begin_mm: float | None = None,
+        end_mm: float | None = None,
+        contact: bool | None = None,
+    ) -> None: ...
+    def choose(
+        self,
+        texture: str | None = None,
+        *,
+        scene: str | None = None,
+        library: _LibraryLike | None = None,
+        seed: int = 1,
+    ) -> None: ...
+    def stop(self) -> None: ...
+    def set_gain(self, gain: float, limit: float = ...) -> None: ...
+    def fill(self, out: npt.NDArray[np.float32]) -> None: ...
+    def blocks(self, samples: int) -> Iterator[npt.NDArray[np.float32]]: ...
+    @property
+    def output_rate_hz(self) -> int: ...
+    @property
+    def latency_s(self) -> float: ...
+    def __enter__(self) -> Player: ...
+    def __exit__(self, *_exception: object) -> None: ...
 
 def evaluate(
     recordings: _Recordings,
