@@ -7,7 +7,7 @@ use std::sync::{Mutex, MutexGuard, TryLockError};
 
 use host_tools::evaluation::evaluate::texture_named;
 use host_tools::scene::scene_named;
-use numpy::{PyArray1, PyArrayMethods, PyReadwriteArrayDyn, PyUntypedArrayMethods};
+use numpy::{PyArray1, PyReadwriteArrayDyn, PyUntypedArrayMethods};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use stylus_player::{BlockMotion, Filler, Mover, Selection, SharedLibrary, Without, latency_s};
@@ -178,16 +178,13 @@ impl Player {
         library: Option<LibraryLike<'_>>,
         seed: u64,
     ) -> PyResult<()> {
-        let (library, decoded) = match library {
-            Some(library) => {
-                let library = library.library(py)?;
-                let decoded = shared(library.get())?;
-                (library, decoded)
-            }
-            None => {
-                let chosen = locked(&self.chosen);
-                (chosen.0.clone_ref(py), chosen.1.clone())
-            }
+        let (library, decoded) = if let Some(library) = library {
+            let library = library.library(py)?;
+            let decoded = shared(library.get())?;
+            (library, decoded)
+        } else {
+            let chosen = locked(&self.chosen);
+            (chosen.0.clone_ref(py), chosen.1.clone())
         };
         let missing = || refused("name a texture or a scene, or stop the player");
         let (selection, rate_hz) = found(library.get(), texture, scene)?.ok_or_else(missing)?;

@@ -44,6 +44,10 @@ pub struct Record {
 
 /// Content of the place of a record.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "there is no allocator, and a place lives for one judgement"
+)]
 pub enum Place {
     Blank,
     Record(Record),
