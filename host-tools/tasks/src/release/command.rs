@@ -19,7 +19,12 @@ pub struct System {
     linker: [&'static str; 2],
     /// Further flags for the compiler.
     flags: &'static [&'static str],
+    /// Files of the player's library, as cargo names them, and their folders in its archive.
+    pub libraries: &'static [(&'static str, &'static str)],
 }
+
+const LINUX_LIBRARIES: &[(&str, &str)] =
+    &[("libstylusplayer.so", "lib"), ("libstylusplayer.a", "lib")];
 
 pub const LINUX_X86: System = System {
     name: "linux-x86_64",
@@ -27,6 +32,7 @@ pub const LINUX_X86: System = System {
     program: "stylus",
     linker: ["cc", "gcc"],
     flags: &[],
+    libraries: LINUX_LIBRARIES,
 };
 
 pub const LINUX_ARM: System = System {
@@ -35,6 +41,7 @@ pub const LINUX_ARM: System = System {
     program: "stylus",
     linker: ["aarch64-linux-gnu-gcc", "gcc-aarch64-linux-gnu"],
     flags: &[],
+    libraries: LINUX_LIBRARIES,
 };
 
 pub const WINDOWS: System = System {
@@ -44,6 +51,11 @@ pub const WINDOWS: System = System {
     linker: ["x86_64-w64-mingw32-gcc", "gcc-mingw-w64-x86-64"],
     // The time of the build would be in the program, and names that are drawn among its symbols.
     flags: &["-Clink-arg=-Wl,--no-insert-timestamp", "-Cstrip=symbols"],
+    libraries: &[
+        ("stylusplayer.dll", "bin"),
+        ("libstylusplayer.dll.a", "lib"),
+        ("libstylusplayer.a", "lib"),
+    ],
 };
 
 impl System {
@@ -70,6 +82,19 @@ impl System {
 /// # Errors
 /// The build fails.
 pub fn build(system: &System, build: &Build) -> Result<PathBuf> {
+    let folder = built_by_cargo(
+        system,
+        build,
+        &["--package", "host-tools", "--bin", "stylus"],
+    )?;
+    process::built(folder.join(system.program))
+}
+
+/// Builds what the arguments of cargo name for `system`, and returns the folder of its files.
+///
+/// # Errors
+/// The build fails.
+pub fn built_by_cargo(system: &System, build: &Build, named: &[&str]) -> Result<PathBuf> {
     let profile = if build.is_dev { "dev" } else { "release" };
     let mut cargo = Command::new("cargo");
     toolchain::without_inherited(&mut cargo);
@@ -79,15 +104,8 @@ pub fn build(system: &System, build: &Build) -> Result<PathBuf> {
     );
     cargo
         .current_dir(workspace::root())
-        .args([
-            "build",
-            "--quiet",
-            "--locked",
-            "--package",
-            "host-tools",
-            "--bin",
-            "stylus",
-        ])
+        .args(["build", "--quiet", "--locked"])
+        .args(named)
         .args(["--profile", profile, "--target", system.target])
         .env(linker, system.linker[0])
         .env("SOURCE_DATE_EPOCH", &build.epoch)
@@ -97,10 +115,6 @@ pub fn build(system: &System, build: &Build) -> Result<PathBuf> {
             build.folders.compiler_flags(system.flags),
         );
     process::run(&mut cargo)?;
-    let folder = build
-        .folders
-        .target
-        .join(system.target)
-        .join(if build.is_dev { "debug" } else { "release" });
-    process::built(folder.join(system.program))
+    let profile = if build.is_dev { "debug" } else { "release" };
+    Ok(build.folders.target.join(system.target).join(profile))
 }

@@ -12,10 +12,11 @@ use serde_json::{Value, json};
 use crate::{process, workspace};
 
 /// Packages of which files of a release are built.
-const ROOTS: [&str; 4] = [
+const ROOTS: [&str; 5] = [
     "host-tools",
     "stylus-browser",
     "stylus-image",
+    "stylus-player-c",
     "stylus-python",
 ];
 

@@ -1,10 +1,11 @@
-//! Files for people to download: the image, the command for each system, the Python wheel, the pages' module, the list
+//! Files for people to download: the image, the command and the player for each system, the Python wheel, the pages' module, the list
 //! of all that they contain, and their checksums. The same commit gives the same bytes. RELEASING.md says how they are
 //! published, which this does not do.
 
 mod changelog;
 mod command;
 mod contents;
+mod player;
 mod wheel;
 
 use std::fs;
@@ -25,11 +26,11 @@ use command::System;
 pub enum Part {
     /// The image for the stylus
     Image,
-    /// The command for Linux on x86-64
+    /// The command and the player for Linux on x86-64
     LinuxX86,
-    /// The command for Linux on ARM64
+    /// The command and the player for Linux on ARM64
     LinuxArm,
-    /// The command for Windows on x86-64
+    /// The command and the player for Windows on x86-64
     Windows,
     /// The Python wheel for this system
     Wheel,
@@ -149,6 +150,7 @@ fn part_of(part: Part, build: &Build) -> Result<()> {
     let version = env!("CARGO_PKG_VERSION");
     let root = workspace::root();
     if let Some(system) = part.system() {
+        player::build(system, build)?;
         let name = format!("stylus-{version}-{}", system.name);
         return keep(&command::build(system, build)?, &build.out, Some(&name));
     }
