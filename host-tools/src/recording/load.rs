@@ -5,9 +5,10 @@ use std::path::Path;
 use model_format::SAMPLE_RATE_HZ;
 
 use super::defects::Defects;
+use super::kind::{Kind, conversion, ending};
+use super::lvm::{self, LabView};
 use super::rate::length_fault;
-use super::source::Samples;
-use super::source::{Cut, Source};
+use super::source::{Account, Cut, Samples, Source};
 use super::trial::Trial;
 use super::{csv_file, resample, uneven, wav};
 use crate::dsp::sums::sum;
@@ -55,16 +56,25 @@ pub fn read_at(trial: &Trial, model_rate_hz: u32) -> Result<Samples> {
     if (rate_hz - f64::from(model_rate_hz)).abs() > 0.0 {
         axes = at_model_rate(path, &axes, rate_hz, model_rate_hz)?;
     }
-    let scale = trial.scale();
-    if scale.to_bits() != 1.0f64.to_bits() {
-        for sample in axes.iter_mut().flatten() {
-            *sample *= scale;
+    let scales_m_s2 = source.stated.scales_for(trial.scale_m_s2, axes.len());
+    for (axis, scale) in axes.iter_mut().zip(&scales_m_s2) {
+        if scale.to_bits() != 1.0f64.to_bits() {
+            axis.iter_mut().for_each(|sample| *sample *= scale);
         }
     }
+    let has_scale = trial.scale_m_s2.is_some() || source.stated.scales_m_s2.is_some();
+    let mut remarks = source.remarks;
+    remarks.extend(source.stated.conversion(trial.scale_m_s2));
     Ok(Samples {
         axes,
         source_rate_hz: rate_hz,
         defects,
+        account: Account {
+            remarks,
+            doubts: source.stated.doubt(trial.scale_m_s2).into_iter().collect(),
+            integers: source.integers.filter(|_| !has_scale),
+            has_scale,
+        },
     })
 }
 
@@ -75,26 +85,30 @@ fn from_file(trial: &Trial, cut: &Cut) -> Result<Source> {
         let problem = format!("is not there, and '{other}' is: mend the letters' case in the list");
         return Err(Error::file(path, problem));
     }
-    match extension(path).as_str() {
-        "wav" | "wave" => wav::read(path, cut),
-        "csv" | "txt" => csv_file::read(path, cut, trial.sample_rate_hz),
-        other => {
+    match Kind::of(path) {
+        Some(Kind::Wave) => wav::read(path, cut),
+        Some(Kind::Table) if lvm::is_lvm(path)? => {
+            let LabView {
+                table,
+                rate_hz,
+                truncation,
+                remarks,
+            } = lvm::read(path)?;
+            let source = csv_file::read_table(&table, cut, trial.sample_rate_hz.or(rate_hz))?;
+            Ok(Source {
+                truncation,
+                remarks,
+                ..source
+            })
+        }
+        Some(Kind::Table) => csv_file::read(path, cut, trial.sample_rate_hz),
+        None => {
             // A mistyped name is reported as a missing file, not as a file of an unknown kind.
             std::fs::metadata(path).map_err(Error::io("read", path))?;
-            let problem = format!("'{other}' files cannot be read: {}", conversion(other));
+            let ending = ending(path);
+            let problem = format!("'{ending}' files cannot be read: {}", conversion(&ending));
             Err(Error::file(path, problem))
         }
-    }
-}
-
-/// The way from a file with this extension to one that can be read.
-fn conversion(extension: &str) -> String {
-    match extension {
-        "xlsx" | "xls" | "ods" => "save the sheet as .csv".to_owned(),
-        "aac" | "aif" | "aiff" | "flac" | "m4a" | "mp3" | "mp4" | "ogg" | "opus" | "wma" => {
-            format!("give .wav or .csv; `ffmpeg -i FILE.{extension} FILE.wav` converts sound")
-        }
-        _ => "export the samples as .csv, or as .wav".to_owned(),
     }
 }
 
@@ -109,11 +123,6 @@ fn named_alike(path: &Path) -> Option<String> {
     let names =
         beside.filter_map(|entry| Some(entry.ok()?.file_name().to_string_lossy().into_owned()));
     names.into_iter().find(|name| name.to_lowercase() == wanted)
-}
-
-fn extension(path: &Path) -> String {
-    let extension = path.extension().unwrap_or_default();
-    extension.to_string_lossy().to_lowercase()
 }
 
 fn check_finite(path: &Path, channels: &[Vec<f64>], first_frame: usize) -> Result<()> {

@@ -12,16 +12,25 @@ use symphonia::default::formats::WavReader;
 
 use super::defects::Truncation;
 use super::rate::length_fault;
-use super::riff;
-use super::source::{Cut, MAX_CHANNELS, Source};
+use super::riff::{self, Wave};
+use super::source::{Cut, Integers, MAX_CHANNELS, Source};
+use super::unit::Stated;
 use crate::support::error::{Error, Result};
+
+/// Said of a file that is read to its end.
+const UNFINISHED: &str = "the lengths in its header do not fit the file, as those of a recorder that was stopped, or of \
+                          a program that wrote to a pipe: the samples that are there are read";
 
 /// Reads the part of a WAV file within `cut`. Every sample is exact: float samples as they are, integer ones divided by
 /// their full scale.
 pub(super) fn read(path: &Path, cut: &Cut) -> Result<Source> {
     let unusable =
         |failure: &WavError| Error::file(path, format!("is not a readable WAV file: {failure}"));
-    let samples = riff::open(path)?;
+    let Wave {
+        samples,
+        are_integers,
+        is_unfinished,
+    } = riff::open(path)?;
     let file_bytes = samples.get_ref().1.get_ref().metadata();
     let file_bytes = file_bytes.map_err(Error::io("open", path))?.len();
     let samples = Box::new(ReadOnlySource::new(samples));
@@ -94,6 +103,12 @@ pub(super) fn read(path: &Path, cut: &Cut) -> Result<Source> {
         times_s: None,
         truncation: declared_frames
             .and_then(|declared| truncation(declared, frame_bits, file_bytes)),
+        stated: Stated::default(),
+        integers: are_integers.then_some(Integers::OfFullScale),
+        remarks: is_unfinished
+            .then(|| UNFINISHED.to_owned())
+            .into_iter()
+            .collect(),
     })
 }
 

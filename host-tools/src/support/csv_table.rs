@@ -129,6 +129,18 @@ impl CsvTable {
         })
     }
 
+    /// The comments above the first line that is none.
+    ///
+    /// # Errors
+    /// A line that cannot be read.
+    pub fn comments(&self) -> Result<String> {
+        let (mut lines, mut comments) = (self.lines()?, String::new());
+        while lines.advance()? && (lines.line.starts_with('#') || lines.line.trim().is_empty()) {
+            comments.push_str(&lines.line);
+        }
+        Ok(comments)
+    }
+
     /// All lines with fields, the header among them.
     ///
     /// # Errors
