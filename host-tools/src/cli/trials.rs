@@ -22,7 +22,7 @@ const SHOWN: usize = 8;
 
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// Folder of recordings, WAV or CSV, in it or below
+    /// Folder of recordings, WAV, tables or LabVIEW files, in it or below
     folder: PathBuf,
     /// Names of the files, by {texture}, {speed} in mm/s, {force} in newtons, {take}, and {*} for anything, such as
     /// '{texture}_{speed}mms_{force}N_{take}.wav'; {force*0.001} takes millinewtons

@@ -5,7 +5,7 @@ use std::path::Path;
 use super::rate::{MAX_FRAMES, length_fault, rate_fault};
 use super::source::{Cut, Integers, MAX_CHANNELS, Source};
 use super::uneven::{LARGEST_DEVIATION, Steps, are_even};
-use super::unit::{self, Stated};
+use super::unit;
 use crate::support::csv_table::{CsvTable, Header, Row, TABLE};
 use crate::support::error::{Error, Result};
 
@@ -86,22 +86,11 @@ pub(super) fn read_table(
     if names.is_none() {
         refuse_times_without_a_name(path, &columns)?;
     }
-    let stated = stated(table, names.as_ref(), &units, time_column)?;
-    let integers = counts(&columns).or(stated.are_counts.then_some(Integers::Counts));
-    let rate_hz = match (&time, sample_rate_hz) {
-        (Some(time), _) => near_whole(rate_of(table, TIME_COLUMN, time, Steps::hold)?),
-        (None, Some(rate_hz)) => rate_hz,
-        (None, None) => {
-            let problem = "has no sample rate: add a column 'time_s' to it, or a column 'sample_rate_hz' to \
-                           trials.csv, or give --sample-rate";
-            return Err(Error::file(path, problem));
-        }
-    };
-    let remedy =
-        "mend sample_rate_hz, or give --sample-rate; a column 'time_s' or 'time' holds seconds";
-    if let Some(fault) = rate_fault(rate_hz, remedy) {
-        return Err(Error::file(path, fault));
-    }
+    let mut with_units = names_with_units(names.as_ref(), &units, time_column);
+    with_units.resize(columns.len(), String::new());
+    let stated = unit::stated(&with_units, &table.comments()?);
+    let integers = counts(&columns).or(stated.counts());
+    let rate_hz = rate_hz(table, time.as_deref(), sample_rate_hz)?;
     let (first, end) = cut.frames(rate_hz);
     let mut times_s = time.filter(|times| rate_hz.fract() != 0.0 || !are_even(times));
     for column in columns.iter_mut().chain(&mut times_s) {
@@ -124,31 +113,45 @@ pub(super) fn read_table(
     })
 }
 
-/// What the `header` of a `table` says of its columns of samples, with a second line of `units`, if it has one.
-fn stated(
-    table: &CsvTable,
-    header: Option<&Header<'_>>,
+/// The sample rate of a `table` with these times, or as it is given, Hz.
+fn rate_hz(table: &CsvTable, time: Option<&[f64]>, given: Option<f64>) -> Result<f64> {
+    let path = table.path();
+    let rate_hz = match (time, given) {
+        (Some(time), _) => near_whole(rate_of(table, TIME_COLUMN, time, Steps::hold)?),
+        (None, Some(rate_hz)) => rate_hz,
+        (None, None) => {
+            let problem = "has no sample rate: add a column 'time_s' to it, or a column 'sample_rate_hz' to \
+                           trials.csv, or give --sample-rate";
+            return Err(Error::file(path, problem));
+        }
+    };
+    let remedy =
+        "mend sample_rate_hz, or give --sample-rate; a column 'time_s' or 'time' holds seconds";
+    if let Some(fault) = rate_fault(rate_hz, remedy) {
+        return Err(Error::file(path, fault));
+    }
+    Ok(rate_hz)
+}
+
+/// Names of the columns of samples, with the `units` of a second line below them, if there is one.
+fn names_with_units(
+    names: Option<&Header<'_>>,
     units: &[String],
     time: Option<usize>,
-) -> Result<Stated> {
-    let names = header.map_or_else(Vec::new, |header| {
-        let units = units
-            .iter()
-            .map(String::as_str)
-            .chain(std::iter::repeat(""));
-        let pairs = header.names().zip(units).enumerate();
-        let samples = pairs.filter(|(index, _)| Some(*index) != time);
-        samples
-            .map(|(_, (name, unit))| {
-                if unit.is_empty() {
-                    name.to_owned()
-                } else {
-                    format!("{name} [{unit}]")
-                }
-            })
-            .collect()
-    });
-    Ok(unit::stated(&names, &table.comments()?))
+) -> Vec<String> {
+    let units = units
+        .iter()
+        .map(String::as_str)
+        .chain(std::iter::repeat(""));
+    let names = names
+        .into_iter()
+        .flat_map(Header::names)
+        .zip(units)
+        .enumerate();
+    let samples = names.filter(|(index, _)| Some(*index) != time);
+    samples
+        .map(|(_, (name, unit))| format!("{name} [{}]", unit::bare(unit)))
+        .collect()
 }
 
 /// Steps of a converter, which are whole numbers.

@@ -38,35 +38,33 @@ pub(super) fn ending(path: &Path) -> String {
 /// The way from a file with this ending, which cannot be read, to one that can.
 pub(super) fn conversion(ending: &str) -> String {
     let python = |lines: &str| {
-        format!("Python makes a .csv of it: `{lines}`; with --sample-rate if it has no times")
+        format!("Python makes a .csv of it, for which --sample-rate gives the rate: `{lines}`")
+    };
+    // The lines tell the names in the file first. Rows are samples, and few rows are axes.
+    let array = |opened: &str, names: &str, array: &str| {
+        let lines = python(&format!(
+            "import numpy; {opened}; print({names}); x = {array}.squeeze(); \
+             numpy.savetxt('FILE.csv', x if len(x) > 3 else x.T, delimiter=',')"
+        ));
+        format!("{lines}, where NAME is one of the names that it prints")
     };
     match ending {
         "mat" => {
-            python(
-                "import numpy, scipy.io; m = scipy.io.loadmat('FILE.mat'); \
-             print({k: numpy.shape(v) for k, v in m.items()}); \
-             numpy.savetxt('FILE.csv', m['NAME'].squeeze(), delimiter=',')",
-            ) + ", and NAME one of the printed names; of MATLAB 7.3 as an .h5 file"
+            array(
+                "import scipy.io; m = scipy.io.loadmat('FILE.mat')",
+                "[k for k in m]",
+                "m['NAME']",
+            ) + "; a file of MATLAB 7.3 is read as an .h5 file"
         }
-        "tdms" => python(
-            "from nptdms import TdmsFile; d = TdmsFile.read('FILE.tdms').as_dataframe(); print(list(d)); \
-             d.to_csv('FILE.csv', index=False)",
+        "h5" | "hdf5" | "hdf" => array(
+            &format!("import h5py; f = h5py.File('FILE.{ending}')"),
+            "f.visit(print)",
+            "f['NAME'][()]",
         ),
-        "h5" | "hdf5" | "hdf" => {
-            python(
-                "import h5py, numpy; f = h5py.File('FILE.h5'); f.visititems(lambda k, v: print(k, v)); \
-             numpy.savetxt('FILE.csv', f['NAME'][()].squeeze(), delimiter=',')",
-            ) + ", and NAME one of the printed names"
-        }
-        "npz" => {
-            python(
-                "import numpy; z = numpy.load('FILE.npz'); print({k: z[k].shape for k in z}); \
-             numpy.savetxt('FILE.csv', z['NAME'].squeeze(), delimiter=',')",
-            ) + ", and NAME one of the printed names"
-        }
-        "npy" => {
-            python("import numpy; numpy.savetxt('FILE.csv', numpy.load('FILE.npy'), delimiter=',')")
-        }
+        "npz" => array("z = numpy.load('FILE.npz')", "z.files", "z['NAME']"),
+        "tdms" => python(
+            "from nptdms import TdmsFile; TdmsFile.read('FILE.tdms').as_dataframe().to_csv('FILE.csv', index=False)",
+        ),
         "xlsx" | "xls" | "ods" => {
             let lines = format!(
                 "import pandas; pandas.read_excel('FILE.{ending}').to_csv('FILE.csv', index=False)"

@@ -2,6 +2,7 @@
 
 use regex_lite::Regex;
 
+use super::source::Integers;
 use crate::support::number::positive;
 
 /// Standard acceleration of gravity, m/s².
@@ -107,9 +108,17 @@ pub fn scale(text: &str) -> Result<f64, String> {
 pub(super) fn is_row<'f>(mut fields: impl Iterator<Item = &'f str>) -> bool {
     const TIMES: [&str; 8] = ["s", "sec", "seconds", "ms", "us", "ns", "hh:mm:ss", ""];
     fields.all(|field| {
-        let field = field.trim_matches(['(', ')', '[', ']', ' ']);
+        let field = bare(field);
         Unit::parse(field).is_some() || TIMES.contains(&plain(field).as_str())
     })
+}
+
+/// A unit without the brackets around it.
+pub(super) fn bare(field: &str) -> &str {
+    let inside = ["()", "[]"]
+        .iter()
+        .find_map(|pair| field.strip_prefix(&pair[..1])?.strip_suffix(&pair[1..]));
+    inside.unwrap_or(field).trim()
 }
 
 /// What the header of a file says of its columns of samples.
@@ -119,8 +128,8 @@ pub(super) struct Stated {
     pub scales_m_s2: Option<Vec<f64>>,
     /// The units, as the header writes them; empty if it names none.
     pub units: String,
-    /// True for steps of a converter.
-    pub are_counts: bool,
+    /// The first unit of which the header tells no acceleration.
+    pub unscaled: Option<Unit>,
 }
 
 /// Largest deviation of a scale that was given from that of the header, as a share, at which both are one: 9.81 is g.
@@ -134,6 +143,11 @@ impl Stated {
             (None, Some(scales)) => scales.clone(),
             (None, None) => vec![1.0; axes],
         }
+    }
+
+    /// Counts, if the header says so, and not what they are.
+    pub fn counts(&self) -> Option<Integers> {
+        (self.unscaled == Some(Unit::Count)).then_some(Integers::Counts)
     }
 
     /// What the header's units changed, in words.
@@ -153,13 +167,19 @@ impl Stated {
                 let differs = |scale: &&f64| (given.abs() / *scale - 1.0).abs() > SAME_SCALE;
                 let scale = scales.iter().find(differs)?;
                 Some(format!(
-                    "the header says {units}, {scale:.6} m/s² per sample of 1, and the scale that was given, {given}, \
-                     counts"
+                    "the header says {units}, {scale:.5} m/s² per sample of 1, and the scale that was given, {given}, \
+                     counts: remove the wrong one"
                 ))
             }
-            (None, None) if !units.is_empty() && !self.are_counts => Some(format!(
-                "the header says {units}, which tells no acceleration: a volt of a sensor of 100 mV/g is 98.0665 m/s²"
-            )),
+            (None, None) => match self.unscaled? {
+                Unit::Voltage(_) => Some(format!(
+                    "the header says {units}, and the sensor's sensitivity is missing: at 100 mV/g a volt is 98.0665 \
+                     m/s²"
+                )),
+                Unit::Other => Some(format!("the header says {units}, which is no acceleration")),
+                // Integers without a scale have a note of their own.
+                Unit::Acceleration(_) | Unit::Count => None,
+            },
             _ => None,
         }
     }
@@ -191,7 +211,7 @@ pub(super) fn stated(names: &[String], comments: &str) -> Stated {
     let m_s2 = |(unit, _): &(Unit, String)| m_s2_of(*unit, sensitivity.as_ref());
     Stated {
         scales_m_s2: all.iter().map(m_s2).collect(),
-        are_counts: all.iter().any(|(unit, _)| *unit == Unit::Count),
+        unscaled: all.iter().find(|own| m_s2(own).is_none()).map(|own| own.0),
         units: units.join(", "),
     }
 }
@@ -421,20 +441,21 @@ mod tests {
 
     #[test]
     fn units_without_an_acceleration_are_kept_by_name() {
-        for (names, units, are_counts) in [
-            (&["x [LSB]", "y [LSB]"][..], "LSB", true),
-            (&["x_raw", "y_raw"], "raw", true),
-            (&["x (V)"], "V", false),
-            (&["x_mV"], "mV", false),
-            (&["x_v", "y_v"], "v", false),
-            (&["x (mm/s)"], "mm/s", false),
-            (&["x (deg/s)"], "deg/s", false),
-            (&["x 100 mV/g"], "100 mV/g", false),
+        let (volts, milli) = (Unit::Voltage(1.0), Unit::Voltage(1e-3));
+        for (names, units, unscaled) in [
+            (&["x [LSB]", "y [LSB]"][..], "LSB", Unit::Count),
+            (&["x_raw", "y_raw"], "raw", Unit::Count),
+            (&["x (V)"], "V", volts),
+            (&["x_mV"], "mV", milli),
+            (&["x_v", "y_v"], "v", volts),
+            (&["x (mm/s)"], "mm/s", Unit::Other),
+            (&["x (deg/s)"], "deg/s", Unit::Other),
+            (&["x 100 mV/g"], "100 mV/g", Unit::Other),
         ] {
             let expected = Stated {
                 scales_m_s2: None,
                 units: units.to_owned(),
-                are_counts,
+                unscaled: Some(unscaled),
             };
             assert_eq!(of(names), expected);
         }

@@ -45,7 +45,7 @@ mod scale;
 mod set;
 mod single_trial;
 #[cfg(test)]
-mod test_signals;
+pub(super) mod test_signals;
 mod unlike;
 mod verdict;
 
