@@ -95,9 +95,13 @@ fn a_logger_of_3200_hz_is_a_note_and_one_below_skins_band_a_verdict() {
 fn what_is_not_read_is_refused_with_the_way_to_what_is() {
     let bench = Bench::new();
     for (file, content, words) in [
-        ("a.xlsx", "PK", "save the sheet as .csv"),
+        ("a.xlsx", "PK", "save the sheet as .csv; or Python"),
         ("a.mp3", "ID3", "`ffmpeg -i FILE.mp3 FILE.wav`"),
-        ("a.mat", "MATLAB", "export the samples as .csv"),
+        ("a.mat", "MATLAB", "scipy.io.loadmat('FILE.mat')"),
+        ("a.tdms", "TDSm", "from nptdms import TdmsFile"),
+        ("a.h5", "HDF", "h5py.File('FILE.h5')"),
+        ("a.npz", "PK", "numpy.load('FILE.npz')"),
+        ("a.bin", "?", "export the samples as .csv"),
         ("a.csv", "", "is empty: give a row for each sample"),
         ("b.csv", "time_s\n0\n1\n", "has times alone"),
     ] {
@@ -142,6 +146,99 @@ fn integers_without_a_scale_are_told_with_the_level_that_comes_out() {
         let report = json(&bench.succeed(&format!("{fit} --json {option}")));
         let found = report["trials"][0]["rms_m_s2"].as_f64().expect("a level");
         assert!((found / rms - 1.0).abs() < 0.02, "{found} for {rms}");
+    }
+}
+
+/// A table of noise on three axes about these means, in samples of `unit_m_s2`, with this header.
+fn table_of(header: &str, means: [f64; 3], unit_m_s2: f64, is_whole: bool) -> String {
+    let axes: Vec<Vec<f64>> = (1..4).map(|seed| noise(seed, 10_000)).collect();
+    let mut table = format!("{header}\n");
+    for n in 0..10_000 {
+        let time = f64::from(n) / f64::from(RATE_HZ);
+        let value = |axis: usize| {
+            let value = (means[axis] + axes[axis][n as usize]) / unit_m_s2;
+            if is_whole { value.round() } else { value }
+        };
+        table += &format!("{time:.4}\t{}\t{}\t{}\n", value(0), value(1), value(2));
+    }
+    table
+}
+
+#[test]
+fn a_unit_that_is_wrong_is_told_and_refused_by_strict_and_its_remedy_works() {
+    const G: f64 = 9.80665;
+    let bench = Bench::new();
+    let gravity = [0.3, -0.5, 1.04 * G];
+    bench.write("g.tsv", table_of("time_s\tx\ty\tz", gravity, G, false));
+    bench.write(
+        "counts.dat",
+        table_of("time_s\tx\ty\tz", [0.0; 3], G / 256.0, true),
+    );
+    for (file, words, unit) in [
+        ("g.tsv", "the mean is 1.04, as gravity is in g", "g"),
+        ("counts.dat", "1 of 1 recordings hold integers", "g/256"),
+    ] {
+        let fit = format!("fit {file} --speed 100 --force 1 --out a.lib --overwrite {QUICK}");
+        holds(
+            &said(&bench, &fit).replace("\n  ", " "),
+            &[words, "--scale"],
+        );
+        let refused = bench.refuse(&format!("{fit} --strict"));
+        holds(&refused, &[file, "refused because of --strict"]);
+        for option in ["--scale", "--unit"] {
+            let mended = said(&bench, &format!("{fit} --strict {option} {unit}"));
+            assert!(!mended.contains("scale"), "{mended}");
+        }
+    }
+}
+
+#[test]
+fn units_of_headers_are_converted_and_a_set_says_so_once() {
+    let bench = Bench::new();
+    let mut list = format!("{HEADER}\n");
+    for speed in [100, 200, 300] {
+        let header = "time_s\tx [mg]\ty [mg]\tz [mg]";
+        let table = table_of(header, [f64::from(speed), 0.0, 0.0], 9.80665e-3, false);
+        bench.write(&format!("set/{speed}.txt"), table);
+        list += &format!("{speed}.txt,silk,{speed},1\n");
+    }
+    bench.write("set/trials.csv", list);
+    let fit = format!("fit set --out a.lib {QUICK}");
+    let message = said(&bench, &fit).replace("\n  ", " ");
+    let words = "3 recordings, such as set/100.txt: converted from mg to m/s², by the header";
+    assert_eq!(message.matches("converted").count(), 1, "{message}");
+    holds(&message, &[words]);
+    let report = json(&bench.succeed(&format!("{fit} --json --overwrite")));
+    holds(
+        &report["trials"][1]["remarks"].to_string(),
+        &["converted from mg"],
+    );
+}
+
+#[test]
+fn recordings_of_a_stopped_recorder_and_of_labview_are_read_and_told() {
+    let bench = Bench::new();
+    let mut stopped = recording(1);
+    let data = stopped
+        .windows(4)
+        .position(|four| four == b"data")
+        .expect("it has samples");
+    stopped[4..8].fill(0);
+    stopped[data + 4..data + 8].fill(0);
+    bench.write("stopped.wav", stopped);
+    let mut lvm = "LabVIEW Measurement\t\nSeparator\tTab\nX_Columns\tOne\n***End_of_Header***\t\n\nChannels\t1\n\
+                   Y_Unit_Label\tg\nDelta_X\t0.0002\n***End_of_Header***\t\nX_Value\tax\tComment\n"
+        .to_owned();
+    for (n, x) in noise(2, 10_000).iter().enumerate() {
+        lvm += &format!("{:.4}\t{x}\n", n as f64 / f64::from(RATE_HZ));
+    }
+    bench.write("labview.lvm", lvm);
+    for (file, words) in [
+        ("stopped.wav", "the samples that are there are read"),
+        ("labview.lvm", "converted from g to m/s²"),
+    ] {
+        let fit = format!("fit {file} --speed 100 --force 1 --out a.lib --overwrite {QUICK}");
+        holds(&said(&bench, &fit).replace("\n  ", " "), &[file, words]);
     }
 }
 

@@ -370,7 +370,8 @@ const KINDS: [(&str, Damage, [Expected; STRENGTHS]); 39] = [
         let gain = 0.7 * [0.1, 1.2, 3.0][s];
         one(plus(&t.clean, |time| tone(2.3, gain)(time) + tone(4.1, gain)(time), RATE_HZ))
     }, [Weak(0.5), Caught("wandering"), Caught("wandering")]),
-    ("offset", |t, s| one(plus(&t.clean, |_| [0.1, 9.81, 100.0][s], RATE_HZ)), [Weak(0.01); 3]),
+    ("offset", |t, s| one(plus(&t.clean, |_| [0.1, 9.81, 100.0][s], RATE_HZ)),
+        [Weak(0.01), Weak(0.01), Caught("scale")]),
     ("hum at 50 Hz", |t, s| hum(t, s, &[(50.0, 1.0)]), [Weak(0.5), Either("hum", 1.5), Caught("hum")]),
     ("hum at 100 Hz", |t, s| hum(t, s, &[(100.0, 1.0)]), [Weak(0.5), Either("hum", 1.5), Caught("hum")]),
     ("hum at 120 Hz", |t, s| hum(t, s, &[(120.0, 1.0)]), [Weak(0.5), Either("hum", 1.5), Caught("hum")]),

@@ -363,12 +363,13 @@ fn held(trials: Vec<Trial>) -> RecordingSet {
 /// `files` are CSV with speed_mm_s, force_n, one to three accelerations, and time_s; without that column at
 /// `sample_rate_hz`. `speeds_mm_s` and `forces_n` are the grid's lowest and highest value and step, proposed from the
 /// recordings if None; `tolerance` is the largest deviation of speed and force within a piece, a share; `least_s` the
-/// shortest piece, s, and `enough_s` the least of all pieces of a node; `scale_m_s2` the acceleration of a sample of 1.
+/// shortest piece, s, and `enough_s` the least of all pieces of a node; `scale_m_s2` the acceleration of a sample of 1, by
+/// default that of the header, or 1.
 /// An earlier result in `out` is replaced with `overwrite` alone. Warns of what is left out.
 #[pyfunction]
 #[pyo3(signature = (
     files, texture, out, *, speeds_mm_s = None, forces_n = None, tolerance = 0.25, least_s = 0.4, enough_s = 0.5,
-    sample_rate_hz = None, scale_m_s2 = 1.0, overwrite = false
+    sample_rate_hz = None, scale_m_s2 = None, overwrite = false
 ))]
 #[expect(clippy::too_many_arguments, reason = "they are keywords")]
 pub fn segment(
@@ -382,7 +383,7 @@ pub fn segment(
     least_s: f64,
     enough_s: f64,
     sample_rate_hz: Option<f64>,
-    scale_m_s2: f64,
+    scale_m_s2: Option<f64>,
     overwrite: bool,
 ) -> PyResult<Recordings> {
     for (name, value) in [
@@ -390,7 +391,7 @@ pub fn segment(
         ("least_s", Some(least_s)),
         ("enough_s", Some(enough_s)),
         ("sample_rate_hz", sample_rate_hz),
-        ("scale_m_s2", Some(scale_m_s2)),
+        ("scale_m_s2", scale_m_s2),
     ] {
         value.map(|value| positive(name, value)).transpose()?;
     }

@@ -177,9 +177,9 @@ fn evaluate_along_strokes(arguments: &Arguments, path: &Path) -> Result<()> {
         }
     };
     let assumed = arguments.recordings.assumed();
-    let scale_m_s2 = assumed.scale_m_s2.unwrap_or(1.0);
     let read = |paths: &[PathBuf]| {
-        let read = |path: &PathBuf| freehand::read(path, assumed.sample_rate_hz, scale_m_s2);
+        let read =
+            |path: &PathBuf| freehand::read(path, assumed.sample_rate_hz, assumed.scale_m_s2);
         paths.iter().map(read).collect::<Result<Vec<_>>>()
     };
     let (fitted, judges) = (arguments.recordings.inputs(), &arguments.strokes);

@@ -6,7 +6,7 @@ use host_tools::evaluation::evaluate;
 use host_tools::fit;
 use host_tools::fit::conditioning::Conditioning;
 use host_tools::fit::record::FitRecord;
-use host_tools::recording::{Assumed, RecordingSet};
+use host_tools::recording::{Assumed, Kind, RecordingSet};
 use host_tools::report::rub_page;
 use host_tools::report::rub_page::{Clips, Inputs, Recordings, Written};
 use host_tools::support::error::{Error, Result};
@@ -130,12 +130,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 /// Returns whether `path` is recordings: a folder, a list or a file of samples. Anything else is read as a library,
 /// which says what it is if it is none.
 fn is_recordings(path: &Path) -> bool {
-    let extension = path.extension().unwrap_or_default();
-    let of_recordings = ["csv", "txt", "wav"];
-    path.is_dir()
-        || of_recordings
-            .iter()
-            .any(|known| extension.eq_ignore_ascii_case(known))
+    path.is_dir() || Kind::of(path).is_some()
 }
 
 /// Fits a library to `set` with the defaults of `stylus fit`; its bytes and its record.

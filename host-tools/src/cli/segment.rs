@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use host_tools::recording::freehand;
 use host_tools::recording::freehand::{GridAxis, Options};
+use host_tools::recording::scale;
 use host_tools::support::error::Result;
 use host_tools::support::number::counted;
 
@@ -42,9 +43,9 @@ pub struct Arguments {
     /// Sample rate of files without a column time_s, in hertz
     #[arg(long, value_name = "HZ", value_parser = positive)]
     sample_rate: Option<f64>,
-    /// Acceleration of a sample of 1, in m/s²
-    #[arg(long, value_name = "M_S2", value_parser = positive, default_value_t = 1.0)]
-    scale: f64,
+    /// Acceleration of a sample of 1, in m/s², or as a unit such as g or g/256 [default: by the header, or 1]
+    #[arg(long, visible_alias = "unit", value_name = "M_S2", value_parser = scale)]
+    scale: Option<f64>,
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {

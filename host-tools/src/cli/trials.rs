@@ -6,14 +6,14 @@ use std::path::PathBuf;
 use host_tools::recording::TRIALS_FILE;
 use host_tools::recording::freehand::is_simulated;
 use host_tools::recording::pattern::{Named, Pattern};
-use host_tools::recording::texture_fault;
+use host_tools::recording::{scale, texture_fault};
 use host_tools::support::atomic_file;
 use host_tools::support::error::{Error, Result};
 use host_tools::support::number::counted;
 use host_tools::support::number::{recorded_force, recorded_speed};
 
 use super::files::Overwrite;
-use super::input::{positive, texture_name};
+use super::input::texture_name;
 use super::table::table;
 use crate::cli::output::{print, warn};
 
@@ -22,7 +22,7 @@ const SHOWN: usize = 8;
 
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// Folder of recordings, WAV or CSV, in it or below
+    /// Folder of recordings, WAV, tables or LabVIEW files, in it or below
     folder: PathBuf,
     /// Names of the files, by {texture}, {speed} in mm/s, {force} in newtons, {take}, and {*} for anything, such as
     /// '{texture}_{speed}mms_{force}N_{take}.wav'; {force*0.001} takes millinewtons
@@ -37,8 +37,8 @@ pub struct Arguments {
     /// Force of all files, in newtons, if their names tell none
     #[arg(long, value_name = "N", value_parser = recorded_force)]
     force: Option<f64>,
-    /// Acceleration of a sample of 1 in all files, in m/s²
-    #[arg(long, value_name = "M_S2", value_parser = positive)]
+    /// Acceleration of a sample of 1 in all files, in m/s², or as a unit such as g or g/256
+    #[arg(long, visible_alias = "unit", value_name = "M_S2", value_parser = scale)]
     scale: Option<f64>,
     /// Take to list alone; the others can have a list of their own, for evaluate --takes
     #[arg(long)]

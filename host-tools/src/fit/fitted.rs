@@ -12,6 +12,7 @@ use super::recordings::{Recordings, Take};
 use super::reports::TrialReport;
 use super::trial::signal_of_judged;
 use crate::recording::RecordingSet;
+use crate::recording::triage::Kind;
 use crate::support::error::{Error, Result};
 use crate::support::in_order::in_order;
 use crate::support::warning::Warning;
@@ -80,7 +81,8 @@ impl FittedTexture {
             } else {
                 Provenance::Recorded
             },
-            nodes: stored_nodes(&name, &grid, options.sample_rate_hz)?,
+            nodes: stored_nodes(&name, &grid, options.sample_rate_hz)
+                .map_err(|failure| with_unit(failure, &members))?,
             grid,
             name,
             sample_rate_hz: options.sample_rate_hz,
@@ -192,6 +194,15 @@ impl<'s> Source<'s> {
 /// `textures`, ready to be encoded.
 fn specs(textures: &[FittedTexture]) -> Vec<TextureSpec> {
     textures.iter().map(FittedTexture::spec).collect()
+}
+
+/// The `failure` of a texture that is too loud, with what triage found on the unit of its `members`.
+fn with_unit(failure: Error, members: &[Member<'_>]) -> Error {
+    let mut verdicts = members.iter().flat_map(|member| &member.report.verdicts);
+    match verdicts.find(|verdict| verdict.kind() == Kind::Scale) {
+        Some(verdict) => Error::Model(format!("{failure}: {verdict}")),
+        None => failure,
+    }
 }
 
 /// The error of a texture of which no trial can be used; `idle` of all its trials are at speed 0 or force 0.

@@ -4,10 +4,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::record::FitRecord;
-use crate::recording::{RecordingSet, TRIALS_FILE, is_list};
+use crate::recording::{Kind, RecordingSet, TRIALS_FILE, is_list};
 
-/// Endings of the files that a folder is given for: recordings, HaTT's models, partial results.
-const ENDINGS: [&str; 4] = ["wav", "csv", "xml", "part"];
+/// Endings of the files that a folder is given for beside recordings: HaTT's models, partial results.
+const ENDINGS: [&str; 2] = ["xml", "part"];
 
 /// A path that is given to a command as an input.
 #[derive(Clone, Debug, PartialEq)]
@@ -72,5 +72,5 @@ fn add_below(folder: &Path, all: &mut Vec<PathBuf>) {
 
 fn has_ending(path: &Path) -> bool {
     let ending = path.extension().unwrap_or_default();
-    ENDINGS.iter().any(|own| ending.eq_ignore_ascii_case(own))
+    Kind::of(path).is_some() || ENDINGS.iter().any(|own| ending.eq_ignore_ascii_case(own))
 }

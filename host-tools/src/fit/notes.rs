@@ -1,9 +1,8 @@
 //! Notes on a fit of recordings that are not as they should be.
 
-use std::collections::HashSet;
+use std::collections::{BTreeMap, HashSet};
 
 use model_format::{NodeFlags, SAMPLE_RATE_HZ};
-use rayon::prelude::*;
 
 use super::grid::{Member, Miss};
 use super::options::{Options, Order};
@@ -11,7 +10,7 @@ use super::reports::TrialReport;
 use crate::dsp::high_pass::{SLOW_HZ, lowest_hz};
 use crate::fit::conditioning::HighPass;
 use crate::recording::pattern::one_number;
-use crate::recording::{RecordingSet, Trial, grid_by_gaps, holds_integers};
+use crate::recording::{Integers, RecordingSet, Trial, grid_by_gaps};
 use crate::support::number::counted;
 use crate::support::warning::Warning;
 use crate::texture::grid::Grid;
@@ -266,7 +265,8 @@ pub(super) fn of_set(
         );
         notes.push(Warning::of_set("rate", text));
     }
-    notes.extend(missing_scale(set, reports).map(|text| Warning::of_set("scale", text)));
+    notes.extend(remarks(reports));
+    notes.extend(missing_scales(reports));
     notes.extend(unlisted_speeds(set).map(|text| Warning::of_set("unlisted", text)));
     let motions = doubtful_motions(&set.trials);
     notes.extend(
@@ -297,40 +297,60 @@ fn unlisted_speeds(set: &RecordingSet) -> Option<String> {
     ))
 }
 
-/// Returns true for a trial whose samples were integers.
-fn are_integers(trial: &Trial) -> bool {
-    match &trial.held {
-        Some(held) => held.are_integers(),
-        None => holds_integers(&trial.file),
+/// Returns notes on what reading did to recordings: a line for all to which it did the same.
+fn remarks(reports: &[TrialReport]) -> Vec<Warning> {
+    let mut files: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
+    for report in reports {
+        for remark in &report.remarks {
+            files.entry(remark).or_default().push(&report.file);
+        }
     }
+    let of_remark = |(remark, files): (&str, Vec<&str>)| {
+        let text = match files[..] {
+            [file] => format!("{file}: {remark}"),
+            _ => format!("{} recordings, such as {}: {remark}", files.len(), files[0]),
+        };
+        Warning::of_set(remark.to_owned(), text)
+    };
+    files.into_iter().map(of_remark).collect()
 }
 
-/// Returns a note on recordings of integers whose list does not tell what their full scale is.
-fn missing_scale(set: &RecordingSet, reports: &[TrialReport]) -> Option<String> {
-    let trials: Vec<(&Trial, &TrialReport)> = set.trials.iter().zip(reports).collect();
-    let levels: Vec<f64> = trials
-        .par_iter()
-        .filter(|(trial, _)| trial.scale_m_s2.is_none() && are_integers(trial))
-        .map(|(_, report)| report.rms_m_s2)
-        .collect();
-    if levels.is_empty() {
-        return None;
-    }
-    let least = levels.iter().copied().fold(f64::INFINITY, f64::min);
-    let largest = levels.iter().copied().fold(0.0, f64::max);
-    let [least, largest] = [least, largest].map(|level| format!("{level:.3}"));
-    let level = if least == largest {
-        format!("a level of {least}")
-    } else {
-        format!("levels of {least} to {largest}")
+/// Returns notes on recordings of integers of which nothing tells the acceleration.
+fn missing_scales(reports: &[TrialReport]) -> Vec<Warning> {
+    let kinds = [
+        (
+            Integers::OfFullScale,
+            "the acceleration of their full scale",
+            "98.1 for an accelerometer of ±10 g",
+        ),
+        (
+            Integers::Counts,
+            "the acceleration of a count",
+            "g/256, g/4096, g/8192 or g/16384 for so many counts per g of the sensor's data sheet",
+        ),
+    ];
+    let of_kind = |(kind, what, example)| {
+        let own = reports
+            .iter()
+            .filter(|report| report.integers == Some(kind));
+        let levels: Vec<f64> = own.map(|report| report.rms_m_s2).collect();
+        let least = levels.iter().copied().reduce(f64::min)?;
+        let largest = levels.iter().copied().fold(0.0, f64::max);
+        let [least, largest] = [least, largest].map(|level| format!("{level:.3}"));
+        let level = if least == largest {
+            format!("a level of {least}")
+        } else {
+            format!("levels of {least} to {largest}")
+        };
+        let text = format!(
+            "{} of {} recordings hold integers, and no scale tells {what}: 1 m/s² is taken, which makes {level} m/s² \
+             RMS; give scale_m_s2 in the list or --scale, such as {example}",
+            levels.len(),
+            reports.len()
+        );
+        Some(Warning::of_set(what, text))
     };
-    Some(format!(
-        "{} of {} recordings hold integers, and no scale tells the acceleration of their full scale: 1 m/s² is taken, \
-         which makes {level} m/s² RMS; give scale_m_s2 in the list or --scale, such as 98.1 \
-         for an accelerometer of ±10 g",
-        levels.len(),
-        set.trials.len()
-    ))
+    kinds.into_iter().filter_map(of_kind).collect()
 }
 
 /// Returns notes on speeds and forces that are likely to be in another unit.

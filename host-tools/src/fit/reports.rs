@@ -4,6 +4,7 @@ use serde::Serialize;
 
 use super::options::Options;
 use super::recordings::{Recorded, Recordings};
+use crate::recording::Integers;
 use crate::recording::triage::{self, Compared, Verdict, in_words};
 use crate::support::error::{Error, Result};
 use crate::support::file_name::portable;
@@ -36,6 +37,12 @@ pub struct TrialReport {
     pub axis_turn_deg: f64,
     /// Duration that triage cut out of it, s.
     pub cut_s: f64,
+    /// What reading did to its samples, such as a conversion of units.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub remarks: Vec<String>,
+    /// Integers, if nothing tells their acceleration.
+    #[serde(skip)]
+    pub integers: Option<Integers>,
     /// Findings of triage; none for a sound recording.
     #[serde(serialize_with = "in_words")]
     pub verdicts: Vec<Verdict>,
@@ -46,7 +53,7 @@ pub struct TrialReport {
 /// The account of every trial, with the verdicts that only a comparison of trials tells.
 ///
 /// # Errors
-/// With [`Options::strict`] the first trial with a verdict.
+/// With [`Options::strict`] the first trial with a verdict, or of integers without a scale.
 pub(super) fn reports(
     recordings: &[Recordings<'_>],
     options: &Options,
@@ -70,18 +77,26 @@ pub(super) fn reports(
             high_pass_hz: analysis.slow.cut_hz,
             axis_turn_deg: analysis.slow.turn_deg,
             cut_s: analysis.cut_s,
+            remarks: analysis.account.remarks.clone(),
+            integers: analysis.account.integers,
             used: !verdicts.iter().any(is_dropped) && trial.is_in_motion_and_contact(),
             verdicts,
         }
     });
     let reports: Vec<TrialReport> = reports.collect();
-    let mut doubtful = recorded
-        .iter()
-        .zip(&reports)
-        .filter_map(|(own, report)| Some((own, report.verdicts.first()?)));
+    let pairs = recorded.iter().zip(&reports);
+    let mut doubtful = pairs.filter_map(|(own, report)| {
+        let unscaled = || {
+            report
+                .integers
+                .map(|_| "integers without a scale: give --scale".into())
+        };
+        let first = report.verdicts.first().map(ToString::to_string);
+        Some((own, first.or_else(unscaled)?))
+    });
     match doubtful.next() {
-        Some((own, verdict)) if options.strict => {
-            let problem = format!("{verdict}; refused because of --strict");
+        Some((own, problem)) if options.strict => {
+            let problem = format!("{problem}; refused because of --strict");
             Err(Error::file(&own.trial.file, problem))
         }
         _ => Ok(reports),

@@ -15,7 +15,7 @@ use crate::dsp::reduction::{Reduced, Reduction, angle_deg, reduce, remove_mean};
 use crate::dsp::sums::mean;
 use crate::fit::conditioning::{Conditioning, HighPass};
 use crate::recording::triage::{Kind, Sketch, Verdict};
-use crate::recording::{self, Samples, Trial, triage};
+use crate::recording::{self, Account, Samples, Trial, triage};
 use crate::support::error::{Error, Result};
 
 /// A trial's slow motion, and its remedy.
@@ -40,6 +40,8 @@ pub struct Analysis {
     pub samples: usize,
     /// The file's own sample rate, Hz.
     pub source_rate_hz: f64,
+    /// What the file says of its samples.
+    pub account: Account,
     /// Variance of the reduced signal, (m/s²)².
     pub power: f64,
     /// Largest magnitude of an axis's mean, which was removed, m/s².
@@ -289,6 +291,7 @@ pub fn analyse(trial: &Trial, options: &Options, part: Part) -> Result<(Analysis
     let is_whole = part == Part::Whole && cut_hz.is_none();
     let analysis = Analysis {
         source_rate_hz: triaged.samples.source_rate_hz,
+        account: std::mem::take(&mut triaged.samples.account),
         samples: fitted.iter().map(|part| part.len()).sum(),
         power: if is_whole { whole_power } else { lags[0] },
         mean_m_s2: triaged.mean_m_s2,

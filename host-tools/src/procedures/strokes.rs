@@ -163,7 +163,7 @@ mod tests {
         strokes(400..450)
             .write(&path, &CALIBRATION, Provenance::Simulated)
             .unwrap();
-        let read = crate::recording::freehand::read(&path, None, 1.0).unwrap();
+        let read = crate::recording::freehand::read(&path, None, None).unwrap();
         assert!(read.is_simulated);
         assert_eq!((read.rate_hz, read.axes.len()), (5000.0, 3));
         for n in 0..1000 {

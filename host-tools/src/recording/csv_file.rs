@@ -3,8 +3,9 @@
 use std::path::Path;
 
 use super::rate::{MAX_FRAMES, length_fault, rate_fault};
-use super::source::{Cut, MAX_CHANNELS, Source};
+use super::source::{Cut, Integers, MAX_CHANNELS, Source};
 use super::uneven::{LARGEST_DEVIATION, Steps, are_even};
+use super::unit;
 use crate::support::csv_table::{CsvTable, Header, Row, TABLE};
 use crate::support::error::{Error, Result};
 
@@ -31,25 +32,44 @@ const LEAST_TIMES: usize = 8;
 pub(super) fn read(path: &Path, cut: &Cut, sample_rate_hz: Option<f64>) -> Result<Source> {
     // Regular files alone, because a recording is read again: for its kind, and for the hash of its bytes.
     TABLE.open(path)?;
-    let table = CsvTable::read(path, TABLE)?;
+    read_table(&CsvTable::read(path, TABLE)?, cut, sample_rate_hz)
+}
+
+/// Reads the part of a `table` within `cut`, as [`read`] does that of a file.
+pub(super) fn read_table(
+    table: &CsvTable,
+    cut: &Cut,
+    sample_rate_hz: Option<f64>,
+) -> Result<Source> {
+    let path = table.path();
     let mut rows = table.rows()?;
     let mut columns: Vec<Vec<f64>> = Vec::new();
     let mut names: Option<Header<'_>> = None;
     let mut time_column = None;
+    // A second line of the header, as oscilloscopes write it.
+    let mut units: Vec<String> = Vec::new();
     while let Some(row) = rows.next_row()? {
         if columns.is_empty() {
             let is_header = row.fields().any(|field| table.number(field).is_none());
             if is_header {
-                refuse_numbers_in_header(&row, &table)?;
+                refuse_numbers_in_header(&row, table)?;
                 let header = table.header()?;
                 time_column = self::time_column(&header)?;
                 names = Some(header);
             }
-            refuse_other_widths(&table, row.width(), time_column.is_some())?;
+            refuse_other_widths(table, row.width(), time_column.is_some())?;
             columns.resize(row.width(), Vec::new());
             if is_header {
                 continue;
             }
+        }
+        if names.is_some()
+            && units.is_empty()
+            && columns[0].is_empty()
+            && unit::is_row(row.fields())
+        {
+            units.extend(row.fields().map(str::to_owned));
+            continue;
         }
         for (index, column) in columns.iter_mut().enumerate() {
             column.push(row.number(index)?);
@@ -60,26 +80,17 @@ pub(super) fn read(path: &Path, cut: &Cut, sample_rate_hz: Option<f64>) -> Resul
         }
     }
     if columns.is_empty() {
-        refuse_other_widths(&table, 0, false)?;
+        refuse_other_widths(table, 0, false)?;
     }
     let time = time_column.map(|index| columns.remove(index));
     if names.is_none() {
         refuse_times_without_a_name(path, &columns)?;
     }
-    let rate_hz = match (&time, sample_rate_hz) {
-        (Some(time), _) => near_whole(rate_of(&table, TIME_COLUMN, time, Steps::hold)?),
-        (None, Some(rate_hz)) => rate_hz,
-        (None, None) => {
-            let problem = "has no sample rate: add a column 'time_s' to it, or a column 'sample_rate_hz' to \
-                           trials.csv, or give --sample-rate";
-            return Err(Error::file(path, problem));
-        }
-    };
-    let remedy =
-        "mend sample_rate_hz, or give --sample-rate; a column 'time_s' or 'time' holds seconds";
-    if let Some(fault) = rate_fault(rate_hz, remedy) {
-        return Err(Error::file(path, fault));
-    }
+    let mut with_units = names_with_units(names.as_ref(), &units, time_column);
+    with_units.resize(columns.len(), String::new());
+    let stated = unit::stated(&with_units, &table.comments()?);
+    let integers = counts(&columns).or(stated.counts());
+    let rate_hz = rate_hz(table, time.as_deref(), sample_rate_hz)?;
     let (first, end) = cut.frames(rate_hz);
     let mut times_s = time.filter(|times| rate_hz.fract() != 0.0 || !are_even(times));
     for column in columns.iter_mut().chain(&mut times_s) {
@@ -96,7 +107,58 @@ pub(super) fn read(path: &Path, cut: &Cut, sample_rate_hz: Option<f64>) -> Resul
         channels: columns,
         times_s,
         truncation: None,
+        stated,
+        integers,
+        remarks: Vec::new(),
     })
+}
+
+/// The sample rate of a `table` with these times, or as it is given, Hz.
+fn rate_hz(table: &CsvTable, time: Option<&[f64]>, given: Option<f64>) -> Result<f64> {
+    let path = table.path();
+    let rate_hz = match (time, given) {
+        (Some(time), _) => near_whole(rate_of(table, TIME_COLUMN, time, Steps::hold)?),
+        (None, Some(rate_hz)) => rate_hz,
+        (None, None) => {
+            let problem = "has no sample rate: add a column 'time_s' to it, or a column 'sample_rate_hz' to \
+                           trials.csv, or give --sample-rate";
+            return Err(Error::file(path, problem));
+        }
+    };
+    let remedy =
+        "mend sample_rate_hz, or give --sample-rate; a column 'time_s' or 'time' holds seconds";
+    if let Some(fault) = rate_fault(rate_hz, remedy) {
+        return Err(Error::file(path, fault));
+    }
+    Ok(rate_hz)
+}
+
+/// Names of the columns of samples, with the `units` of a second line below them, if there is one.
+fn names_with_units(
+    names: Option<&Header<'_>>,
+    units: &[String],
+    time: Option<usize>,
+) -> Vec<String> {
+    let units = units
+        .iter()
+        .map(String::as_str)
+        .chain(std::iter::repeat(""));
+    let names = names
+        .into_iter()
+        .flat_map(Header::names)
+        .zip(units)
+        .enumerate();
+    let samples = names.filter(|(index, _)| Some(*index) != time);
+    samples
+        .map(|(_, (name, unit))| format!("{name} [{}]", unit::bare(unit)))
+        .collect()
+}
+
+/// Steps of a converter, which are whole numbers.
+fn counts(columns: &[Vec<f64>]) -> Option<Integers> {
+    let mut samples = columns.iter().flatten();
+    let are_whole = samples.clone().all(|sample| sample.fract() == 0.0);
+    (are_whole && samples.any(|sample| sample.abs() > 1.0)).then_some(Integers::Counts)
 }
 
 /// Refuses a table of another number of columns of samples than a recording has.

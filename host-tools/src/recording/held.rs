@@ -1,7 +1,8 @@
 //! Samples of a recording that a program holds in memory, in place of a file.
 
 use super::rate::{length_fault, rate_fault};
-use super::source::{Cut, MAX_CHANNELS, Source};
+use super::source::{Cut, Integers, MAX_CHANNELS, Source};
+use super::unit::Stated;
 use crate::support::error::{Error, Result};
 use crate::support::fnv::Fnv;
 
@@ -59,11 +60,6 @@ impl HeldSamples {
         &self.channels
     }
 
-    /// Returns true for samples that were integers.
-    pub fn are_integers(&self) -> bool {
-        self.are_integers
-    }
-
     /// Hash of rate and samples, by which a fit's record knows them.
     pub(crate) fn content(&self) -> u64 {
         let rate = Fnv::default().then(&self.rate_hz.to_le_bytes());
@@ -90,6 +86,9 @@ impl HeldSamples {
             channels: self.channels.iter().map(part).collect(),
             times_s: None,
             truncation: None,
+            stated: Stated::default(),
+            integers: self.are_integers.then_some(Integers::OfFullScale),
+            remarks: Vec::new(),
         }
     }
 }

@@ -5,9 +5,10 @@ use std::path::Path;
 use model_format::SAMPLE_RATE_HZ;
 
 use super::defects::Defects;
+use super::kind::{Kind, conversion, ending};
+use super::lvm::{self, LabView};
 use super::rate::length_fault;
-use super::source::Samples;
-use super::source::{Cut, Source};
+use super::source::{Account, Cut, Samples, Source};
 use super::trial::Trial;
 use super::{csv_file, resample, uneven, wav};
 use crate::dsp::sums::sum;
@@ -55,16 +56,25 @@ pub fn read_at(trial: &Trial, model_rate_hz: u32) -> Result<Samples> {
     if (rate_hz - f64::from(model_rate_hz)).abs() > 0.0 {
         axes = at_model_rate(path, &axes, rate_hz, model_rate_hz)?;
     }
-    let scale = trial.scale();
-    if scale.to_bits() != 1.0f64.to_bits() {
-        for sample in axes.iter_mut().flatten() {
-            *sample *= scale;
+    let scales_m_s2 = source.stated.scales_for(trial.scale_m_s2, axes.len());
+    for (axis, scale) in axes.iter_mut().zip(&scales_m_s2) {
+        if scale.to_bits() != 1.0f64.to_bits() {
+            axis.iter_mut().for_each(|sample| *sample *= scale);
         }
     }
+    let has_scale = trial.scale_m_s2.is_some() || source.stated.scales_m_s2.is_some();
+    let mut remarks = source.remarks;
+    remarks.extend(source.stated.conversion(trial.scale_m_s2));
     Ok(Samples {
         axes,
         source_rate_hz: rate_hz,
         defects,
+        account: Account {
+            remarks,
+            doubts: source.stated.doubt(trial.scale_m_s2).into_iter().collect(),
+            integers: source.integers.filter(|_| !has_scale),
+            has_scale,
+        },
     })
 }
 
@@ -75,26 +85,30 @@ fn from_file(trial: &Trial, cut: &Cut) -> Result<Source> {
         let problem = format!("is not there, and '{other}' is: mend the letters' case in the list");
         return Err(Error::file(path, problem));
     }
-    match extension(path).as_str() {
-        "wav" | "wave" => wav::read(path, cut),
-        "csv" | "txt" => csv_file::read(path, cut, trial.sample_rate_hz),
-        other => {
+    match Kind::of(path) {
+        Some(Kind::Wave) => wav::read(path, cut),
+        Some(Kind::Table) if lvm::is_lvm(path)? => {
+            let LabView {
+                table,
+                rate_hz,
+                truncation,
+                remarks,
+            } = lvm::read(path)?;
+            let source = csv_file::read_table(&table, cut, trial.sample_rate_hz.or(rate_hz))?;
+            Ok(Source {
+                truncation,
+                remarks,
+                ..source
+            })
+        }
+        Some(Kind::Table) => csv_file::read(path, cut, trial.sample_rate_hz),
+        None => {
             // A mistyped name is reported as a missing file, not as a file of an unknown kind.
             std::fs::metadata(path).map_err(Error::io("read", path))?;
-            let problem = format!("'{other}' files cannot be read: {}", conversion(other));
+            let ending = ending(path);
+            let problem = format!("'{ending}' files cannot be read: {}", conversion(&ending));
             Err(Error::file(path, problem))
         }
-    }
-}
-
-/// The way from a file with this extension to one that can be read.
-fn conversion(extension: &str) -> String {
-    match extension {
-        "xlsx" | "xls" | "ods" => "save the sheet as .csv".to_owned(),
-        "aac" | "aif" | "aiff" | "flac" | "m4a" | "mp3" | "mp4" | "ogg" | "opus" | "wma" => {
-            format!("give .wav or .csv; `ffmpeg -i FILE.{extension} FILE.wav` converts sound")
-        }
-        _ => "export the samples as .csv, or as .wav".to_owned(),
     }
 }
 
@@ -109,11 +123,6 @@ fn named_alike(path: &Path) -> Option<String> {
     let names =
         beside.filter_map(|entry| Some(entry.ok()?.file_name().to_string_lossy().into_owned()));
     names.into_iter().find(|name| name.to_lowercase() == wanted)
-}
-
-fn extension(path: &Path) -> String {
-    let extension = path.extension().unwrap_or_default();
-    extension.to_string_lossy().to_lowercase()
 }
 
 fn check_finite(path: &Path, channels: &[Vec<f64>], first_frame: usize) -> Result<()> {
@@ -158,7 +167,7 @@ fn at_model_rate(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::recording::HeldSamples;
+    use crate::recording::{HeldSamples, triage, unit};
     use crate::support::float_wav::float_wav;
 
     /// Samples of 2 s at 8 kHz in single precision, on two axes, with a clipped peak.
@@ -194,5 +203,132 @@ mod tests {
         assert_eq!(of_file.axes, in_memory.axes);
         assert_eq!(of_file.defects, in_memory.defects);
         assert_eq!(in_memory.axes[0].len(), 7500);
+    }
+
+    /// A sensor: offset of each axis and step, g; gain.
+    type Sensor = ([f64; 3], f64, f64);
+
+    const SENSORS: [Sensor; 4] = [
+        ([-0.035, 0.04, 0.03], 0.0039, 1.0),
+        ([0.05, -0.05, -0.06], 1.0 / 16_384.0, 1.02),
+        ([0.02, 0.01, 0.04], 0.001, 0.97),
+        ([0.0; 3], 1e-7, 1.0),
+    ];
+
+    /// Units with the form of their names, m/s², and the option that names them.
+    const UNITS: [(&str, f64, &str); 5] = [
+        ("accel_{}_g", G, "g"),
+        ("{} [mg]", 1e-3 * G, "mg"),
+        ("a{} (m/s²)", 1.0, "1"),
+        ("{} (mm/s^2)", 1e-3, "mm/s^2"),
+        ("{}_raw 256 LSB/g", G / 256.0, "g/256"),
+    ];
+
+    const G: f64 = 9.80665;
+
+    /// What is read of a table of samples with this header.
+    fn of_table(header: Option<String>, axes: &[Vec<f64>], scale: Option<&str>) -> Samples {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("a.tsv");
+        let mut text = header.map_or(String::new(), |header| header + "\n");
+        for n in 0..axes[0].len() {
+            let row: Vec<String> = axes.iter().map(|axis| axis[n].to_string()).collect();
+            text += &format!("{}\n", row.join("\t"));
+        }
+        std::fs::write(&file, text).unwrap();
+        let trial = Trial {
+            sample_rate_hz: Some(5000.0),
+            scale_m_s2: scale.map(|scale| unit::scale(scale).unwrap()),
+            ..Trial::of(file, "felt", 100.0, 1.0)
+        };
+        read(&trial).unwrap()
+    }
+
+    /// Each unit, sensor, and number of axes, with gravity or without: named by a header it is converted, named by an
+    /// option, too, and named by nothing it is told where the samples tell it.
+    #[test]
+    fn a_unit_is_converted_where_it_is_named_and_told_where_it_is_not() {
+        let told = |samples: &Samples| {
+            let verdicts = triage::samples(samples);
+            verdicts.iter().any(|own| own.kind() == triage::Kind::Scale)
+                || samples.account.integers.is_some()
+        };
+        for (name, unit_m_s2, option) in UNITS {
+            for (offsets_g, step_g, gain) in SENSORS {
+                for (gravity, count) in [(1.0, 3), (1.0, 1), (0.0, 3), (0.0, 1)] {
+                    let step = if option == "g/256" {
+                        1.0
+                    } else {
+                        step_g * G / unit_m_s2
+                    };
+                    let axis = |axis: usize| -> Vec<f64> {
+                        let offset = (offsets_g[axis] + if axis == 0 { gravity } else { 0.0 }) * G;
+                        let noise = triage::test_signals::noise(1 + axis as u64);
+                        let value =
+                            |x: f64| (gain * (x + offset) / unit_m_s2 / step).round() * step;
+                        noise.into_iter().map(|x| value(x)).collect()
+                    };
+                    let axes: Vec<Vec<f64>> = (0..count).map(axis).collect();
+                    let names = ["x", "y", "z"][..count]
+                        .iter()
+                        .map(|own| name.replace("{}", own));
+                    let named = of_table(Some(names.collect::<Vec<_>>().join("\t")), &axes, None);
+                    let case = format!("{option}, step {step_g}, gravity {gravity}, {count} axes");
+                    let by_option = of_table(None, &axes, Some(option));
+                    let converted = axes[0].iter().map(|x| x * unit_m_s2);
+                    for (found, expected) in named.axes[0].iter().zip(converted) {
+                        assert!((found - expected).abs() < 1e-9, "{case}");
+                    }
+                    assert_eq!(named.axes, by_option.axes, "{case}");
+                    assert!(!told(&named) && !told(&by_option), "{case}");
+                    let is_converted = !named.account.remarks.is_empty();
+                    assert_eq!(is_converted, option != "1", "{case}");
+                    let unnamed = of_table(None, &axes, None);
+                    // Quiet samples in g are like loud ones in m/s².
+                    let is_told = option != "1" && (gravity > 0.0 || option != "g");
+                    assert_eq!(told(&unnamed), is_told, "{case}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_given_scale_counts_before_that_of_the_header_and_the_contradiction_is_told() {
+        let axes = [vec![0.5, -0.5, 0.25]];
+        let header = || Some("a (mm/s²)".to_owned());
+        let read = of_table(header(), &axes, Some("g"));
+        assert_eq!(read.axes[0][0], 0.5 * G);
+        assert!(read.account.remarks.is_empty());
+        crate::support::holds(&read.account.doubts.concat(), &["mm/s²", "9.80665"]);
+        assert!(
+            of_table(header(), &axes, Some("0.001"))
+                .account
+                .doubts
+                .is_empty()
+        );
+        let volts = of_table(Some("a (V)".to_owned()), &axes, None);
+        crate::support::holds(&volts.account.doubts.concat(), &["says V", "sensitivity"]);
+    }
+
+    #[test]
+    fn a_comment_names_the_unit_of_columns_without_names() {
+        let read = of_table(
+            Some("# unit: g".to_owned()),
+            &[vec![1.0, 2.0], vec![3.0, 4.0]],
+            None,
+        );
+        assert_eq!(read.axes[1], [3.0 * G, 4.0 * G]);
+    }
+
+    #[test]
+    fn units_in_a_line_below_the_names_count() {
+        for units in ["mg\tmg", "(mg)\t[mg]"] {
+            let read = of_table(
+                Some(format!("x\ty\n{units}")),
+                &[vec![1.0, 2.0], vec![3.0, 4.0]],
+                None,
+            );
+            assert_eq!(read.axes[1], [3e-3 * G, 4e-3 * G]);
+        }
     }
 }

@@ -5,12 +5,10 @@ use std::str::FromStr;
 
 use regex_lite::{Regex, escape};
 
+use super::kind::Kind;
 use super::set::TRIALS_FILE;
 use crate::support::error::{Error, Result};
 use crate::support::file_name::portable;
-
-/// Endings of recordings, in lower case.
-const ENDINGS: [&str; 2] = ["wav", "csv"];
 
 /// A number in a name, such as 50 or 0.35.
 const NUMBER: &str = r"([0-9]+(?:\.[0-9]+)?)";
@@ -163,7 +161,7 @@ impl Pattern {
         }
         if named.is_empty() {
             let found = others.first().map_or_else(
-                || "it has no WAV or CSV file".to_owned(),
+                || "it has no WAV file and no table".to_owned(),
                 |first| format!("the first of {} is '{first}'", others.len()),
             );
             let problem = format!("has no recording that matches '{}': {found}", self.text);
@@ -183,9 +181,7 @@ fn collect(folder: &Path, above: &Path, paths: &mut Vec<PathBuf>) -> Result<()> 
             collect(&entry.path(), &path, paths)?;
             continue;
         }
-        let ending = path.extension().unwrap_or_default();
-        let is_recording = ENDINGS.iter().any(|own| ending.eq_ignore_ascii_case(own));
-        if is_recording && entry.file_name() != TRIALS_FILE {
+        if Kind::of(&path).is_some() && entry.file_name() != TRIALS_FILE {
             paths.push(path);
         }
     }

@@ -24,51 +24,189 @@ const MOST_CHUNKS: usize = 1000;
 /// Widest sample, bytes: a float of double precision.
 const MOST_SAMPLE_BYTES: usize = 8;
 
-/// The file's format and samples, as a WAV file of their own.
-pub(super) type Samples = Chain<Cursor<Vec<u8>>, BufReader<File>>;
+/// Least length of samples that a program writes which does not know it yet: 2³¹ less the header, or above. Samples of
+/// this length exceed the most that a recording has.
+const LEAST_UNKNOWN: u64 = 0x7fff_0000;
+
+/// Largest length of samples that a header takes, bytes; the largest number stands for none.
+const MOST_BYTES: u64 = u32::MAX as u64 - 1;
+
+/// Least length of a rest behind the samples that can be samples, too, bytes: no tag of a title is as long.
+const LEAST_REST: u64 = 512;
+
+/// Tag of the extensible format, which holds the format's own tag further on.
+const EXTENSIBLE: u16 = 0xfffe;
+
+/// Tag of integer samples.
+const PCM: u16 = 1;
+
+/// Offset of the tag within an extensible format chunk.
+const EXTENDED_FORMAT: usize = 24;
+
+/// The format and the samples of a WAV file.
+pub(super) struct Wave {
+    /// Both, as a WAV file of their own.
+    pub samples: Chain<Cursor<Vec<u8>>, BufReader<File>>,
+    /// True for integer samples, whose full scale no file tells.
+    pub are_integers: bool,
+    /// True if the lengths in the header do not fit the file, which is read to its end.
+    pub is_unfinished: bool,
+}
+
+/// The chunks before the samples.
+#[derive(Default)]
+struct Head {
+    /// Those that the reader of samples needs.
+    chunks: Vec<u8>,
+    /// Bytes of one sample on all channels.
+    frame_bytes: u64,
+    are_integers: bool,
+    /// Length of the samples in a file of more than 4 GiB, where their chunk has none.
+    long_bytes: Option<u64>,
+}
 
 /// Opens the WAV file at `path`, and checks what its header says of itself.
 ///
-/// A file whose samples are fewer than declared passes; that is for the reader of the samples to judge.
+/// A file whose samples are fewer than declared passes; that is for the reader of the samples to judge. A file whose
+/// lengths were never written, or are those that a program writes to a pipe, is read to its end.
 ///
 /// # Errors
 /// A file that cannot be read, a chunk that is longer than the file, and a format that no recording has.
-pub(super) fn open(path: &Path) -> Result<Samples> {
+pub(super) fn open(path: &Path) -> Result<Wave> {
     let failed = |failure| Error::io("read", path)(failure);
     let file = RECORDING.open(path)?;
-    let mut left = file.metadata().map_err(failed)?.len();
+    let file_bytes = file.metadata().map_err(failed)?.len();
+    let mut left = file_bytes.saturating_sub(12);
     let mut file = BufReader::new(file);
     let mut header = take(&mut file, 12).map_err(failed)?;
-    left = left.saturating_sub(12);
-    let is_wav = header.starts_with(b"RIFF") && header.get(8..) == Some(b"WAVE");
+    let kinds = [b"RIFF", b"RF64", b"BW64"];
+    let is_wav = kinds.iter().any(|kind| header.starts_with(*kind)) && header.ends_with(b"WAVE");
+    let riff_bytes = header.get(4..).and_then(<[u8]>::first_chunk::<4>);
+    let riff_end = riff_bytes.map_or(0, |bytes| 8 + u64::from(u32::from_le_bytes(*bytes)));
+    if is_wav {
+        // The samples' own length counts alone.
+        header.splice(..8, [*b"RIFF", [u8::MAX; 4]].concat());
+    }
+    let mut head = Head::default();
     for _ in 0..if is_wav { MOST_CHUNKS } else { 0 } {
         let chunk = take(&mut file, 8).map_err(failed)?;
         left = left.saturating_sub(8);
-        let Some((id, length)) = head(&chunk) else {
+        match self::head(&chunk) {
             // The reader of samples says what is missing.
-            header.extend(chunk);
-            return Ok(Cursor::new(header).chain(file));
+            None => return Ok(head.wave(header, &chunk, file, false)),
+            Some((id, declared)) if id == *b"data" => {
+                let declared = head.length_of_samples(declared);
+                let held = held(&mut file, declared, left).map_err(failed)?;
+                let held = held.map(|bytes| bytes - bytes % head.frame_bytes.max(1));
+                let length = held.unwrap_or(declared).min(MOST_BYTES) as u32;
+                let end = file_bytes - left + u64::from(length);
+                let is_told = end..=file_bytes.max(end) + 1;
+                let is_unfinished = held.is_some()
+                    || (head.long_bytes.is_none()
+                        && declared <= left
+                        && !is_told.contains(&riff_end));
+                let chunk = [*b"data", length.to_le_bytes()].concat();
+                return Ok(head.wave(header, &chunk, file, is_unfinished));
+            }
+            Some((id, length)) if u64::from(length) > left => {
+                let problem = format!(
+                    "its header declares a part '{}' of {length} bytes, and {left} bytes follow: copy or convert it \
+                     again",
+                    id.escape_ascii()
+                );
+                return Err(Error::file(path, problem));
+            }
+            Some((_, length)) => {
+                let padded = u64::from(length) + u64::from(length % 2);
+                left = left.saturating_sub(padded);
+                head.read(path, &mut file, &chunk, padded)?;
+            }
+        }
+    }
+    if is_wav {
+        let problem =
+            format!("has more than {MOST_CHUNKS} parts before its samples: convert it again");
+        return Err(Error::file(path, problem));
+    }
+    Ok(head.wave(header, &[], file, false))
+}
+
+/// Returns the length of samples that go to the end of `file`, of which `left` bytes follow: where the header's length
+/// is none, and where what follows it is no chunk. The file stays where it is.
+fn held(file: &mut BufReader<File>, declared: u64, left: u64) -> std::io::Result<Option<u64>> {
+    if declared > left {
+        return Ok((declared >= LEAST_UNKNOWN).then_some(left));
+    }
+    let padded = declared + declared % 2;
+    let rest = left.saturating_sub(padded);
+    if rest == 0 || (declared > 0 && rest < LEAST_REST) {
+        return Ok(None);
+    }
+    let begin = file.stream_position()?;
+    skip(file, padded)?;
+    let beginning = take(file, LEAST_REST)?;
+    file.seek(SeekFrom::Start(begin))?;
+    let is_text = beginning
+        .iter()
+        .take(3)
+        .all(|byte| (0x20..0x7f).contains(byte));
+    let ends = head(beginning.get(..8).unwrap_or_default())
+        .is_some_and(|(_, length)| u64::from(length) <= rest);
+    let is_other = if declared == 0 {
+        is_text && ends
+    } else {
+        // Chunks and appended tags begin with text, and padding is zero.
+        is_text || beginning.iter().all(|byte| *byte == 0)
+    };
+    Ok((!is_other).then_some(left))
+}
+
+impl Head {
+    /// The length of the samples, of which their own chunk says `declared`, bytes.
+    fn length_of_samples(&self, declared: u32) -> u64 {
+        let long = self.long_bytes.filter(|_| declared == u32::MAX);
+        long.unwrap_or(declared.into())
+    }
+
+    /// The file with these chunks, of which `last` is the beginning of one.
+    fn wave(
+        self,
+        mut header: Vec<u8>,
+        last: &[u8],
+        file: BufReader<File>,
+        is_unfinished: bool,
+    ) -> Wave {
+        header.extend(self.chunks);
+        header.extend(last);
+        Wave {
+            samples: Cursor::new(header).chain(file),
+            are_integers: self.are_integers,
+            is_unfinished,
+        }
+    }
+
+    /// Reads the content of a `chunk` before the samples, `padded` bytes, or skips it.
+    fn read(
+        &mut self,
+        path: &Path,
+        file: &mut BufReader<File>,
+        chunk: &[u8],
+        padded: u64,
+    ) -> Result<()> {
+        let failed = |failure| Error::io("read", path)(failure);
+        let Some((id, length)) = head(chunk) else {
+            return Ok(());
         };
-        if id == *b"data" {
-            header.extend(chunk);
-            return Ok(Cursor::new(header).chain(file));
-        }
-        if u64::from(length) > left {
-            let problem = format!(
-                "its header declares a part '{}' of {length} bytes, and {left} bytes follow: copy or convert it again",
-                id.escape_ascii()
-            );
-            return Err(Error::file(path, problem));
-        }
-        let padded = u64::from(length) + u64::from(length % 2);
-        left = left.saturating_sub(padded);
         let most = match &id {
             b"fmt " => MOST_FORMAT_BYTES,
             b"fact" => MOST_FACT_BYTES,
-            _ => {
-                skip(&mut file, padded).map_err(failed)?;
-                continue;
+            b"ds64" => {
+                let content = take(file, padded).map_err(failed)?;
+                let bytes = content.get(8..).and_then(<[u8]>::first_chunk::<8>);
+                self.long_bytes = bytes.map(|bytes| u64::from_le_bytes(*bytes));
+                return Ok(());
             }
+            _ => return skip(file, padded).map_err(failed),
         };
         if length > most {
             let problem = format!(
@@ -77,45 +215,23 @@ pub(super) fn open(path: &Path) -> Result<Samples> {
             );
             return Err(Error::file(path, problem));
         }
-        let content = take(&mut file, padded).map_err(failed)?;
+        let content = take(file, padded).map_err(failed)?;
         if id == *b"fmt " {
             check_format(path, &content)?;
+            let word = |at: usize| {
+                let bytes = content.get(at..)?.first_chunk::<2>()?;
+                Some(u16::from_le_bytes(*bytes))
+            };
+            let tag = match word(0) {
+                Some(EXTENSIBLE) => word(EXTENDED_FORMAT),
+                tag => tag,
+            };
+            self.are_integers = tag == Some(PCM);
+            self.frame_bytes = word(12).map_or(0, u64::from);
         }
-        header.extend(chunk);
-        header.extend(content);
-    }
-    if is_wav {
-        let problem =
-            format!("has more than {MOST_CHUNKS} parts before its samples: convert it again");
-        return Err(Error::file(path, problem));
-    }
-    Ok(Cursor::new(header).chain(file))
-}
-
-/// Formats of samples in a WAV file's header: integers, and those that an extension names.
-const PCM: u16 = 1;
-const EXTENSIBLE: u16 = 0xfffe;
-
-/// First byte of the extension's own format, in a format chunk.
-const EXTENDED_FORMAT: usize = 24;
-
-/// Returns whether the file at `path` is a WAV file of integer samples, whose full scale no file tells.
-pub fn holds_integers(path: &Path) -> bool {
-    let Ok(samples) = open(path) else {
-        return false;
-    };
-    let (header, _) = samples.into_inner();
-    let header = header.into_inner();
-    let Some(format) = header.windows(4).position(|id| id == b"fmt ") else {
-        return false;
-    };
-    let word = |at: usize| {
-        let bytes = header.get(format + 8 + at..)?.first_chunk::<2>()?;
-        Some(u16::from_le_bytes(*bytes))
-    };
-    match word(0) {
-        Some(EXTENSIBLE) => word(EXTENDED_FORMAT) == Some(PCM),
-        tag => tag == Some(PCM),
+        self.chunks.extend(chunk);
+        self.chunks.extend(content);
+        Ok(())
     }
 }
 

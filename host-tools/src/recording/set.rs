@@ -5,8 +5,10 @@ use std::path::{Path, PathBuf};
 
 use model_format::Provenance;
 
+use super::kind::Kind;
 use super::rate::rate_fault;
 use super::trial::{NOMINAL_FORCE_N, NOMINAL_SPEED_MM_S, Trial};
+use super::unit::scale;
 use crate::support::csv_table::{CsvTable, Header, Row, TABLE};
 use crate::support::error::{Error, Result};
 use crate::support::hand::{force_fault, speed_fault};
@@ -24,9 +26,9 @@ pub struct Assumed {
     /// Sample rate of CSV recordings without a time column, in hertz
     #[arg(long = "sample-rate", value_name = "HZ", value_parser = positive)]
     pub sample_rate_hz: Option<f64>,
-    /// Acceleration of a sample of 1 (the full scale of integers) of trials whose list gives no scale_m_s2, in m/s²
-    /// [default: 1]
-    #[arg(long = "scale", value_name = "M_S2", value_parser = positive)]
+    /// Acceleration of a sample of 1 (the full scale of a WAV's integers) of trials whose list gives no scale_m_s2: in
+    /// m/s², or as a unit, such as g, mg, mm/s^2, or g/256 for 256 counts per g [default: by the header, or 1]
+    #[arg(long = "scale", visible_alias = "unit", value_name = "M_S2", value_parser = scale)]
     pub scale_m_s2: Option<f64>,
     /// Tangential speed of recordings given without a list, in mm/s
     #[arg(long = "speed", value_name = "MM_S", value_parser = recorded_speed, default_value_t = NOMINAL_SPEED_MM_S)]
@@ -174,11 +176,7 @@ impl RecordingSet {
 
 /// Returns whether the file at `path` is a list of trials, by the names in its first line.
 pub fn is_list(path: &Path) -> bool {
-    let is_text = path.extension().is_some_and(|extension| {
-        let extension = extension.to_string_lossy().to_lowercase();
-        extension == "csv" || extension == "txt"
-    });
-    if !is_text {
+    if Kind::of(path) != Some(Kind::Table) {
         return false;
     }
     let Ok(table) = CsvTable::read(path, TABLE) else {

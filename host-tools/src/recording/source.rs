@@ -1,6 +1,9 @@
 //! Part of a recording's file, at the file's own sample rate.
 
+use serde::{Deserialize, Serialize};
+
 use super::defects::{Defects, Truncation};
+use super::unit::Stated;
 use crate::support::bounded_file::{Limit, MIB};
 
 /// A recording's file: a WAV file states its length in 32 bits, and a table is shorter.
@@ -43,6 +46,34 @@ pub struct Source {
     pub times_s: Option<Vec<f64>>,
     /// Lengths, if the file ends before its header says.
     pub truncation: Option<Truncation>,
+    /// Units that the header names.
+    pub(super) stated: Stated,
+    /// Integers, if the samples were.
+    pub integers: Option<Integers>,
+    /// What reading did beyond what the file says, a line each.
+    pub remarks: Vec<String>,
+}
+
+/// Integers, whose acceleration no sample tells.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Integers {
+    /// Shares of a full scale, as in a WAV file.
+    OfFullScale,
+    /// Steps of a converter, as in a table.
+    Counts,
+}
+
+/// What a file says of its samples beside them.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Account {
+    /// What reading did to the samples, such as a conversion of units, a line each.
+    pub remarks: Vec<String>,
+    /// Contradictions and gaps of what is said about the unit, a line each.
+    pub doubts: Vec<String>,
+    /// Integers, if nothing tells their acceleration.
+    pub integers: Option<Integers>,
+    /// True if a header, a list or an option tells the acceleration of a sample of 1.
+    pub has_scale: bool,
 }
 
 /// The samples of a trial.
@@ -55,4 +86,6 @@ pub struct Samples {
     pub source_rate_hz: f64,
     /// Findings on the samples at the file's own rate.
     pub defects: Defects,
+    /// What the file says of them.
+    pub account: Account,
 }

@@ -36,7 +36,7 @@ pub fn texture_fault(name: &str) -> Option<String> {
 /// One recording of one texture at one speed and force.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Trial {
-    /// The WAV or CSV file, or the name of samples in memory.
+    /// The file, or the name of samples in memory.
     pub file: PathBuf,
     /// Name of the texture.
     pub texture: String,
@@ -46,7 +46,8 @@ pub struct Trial {
     pub measured_speed_mm_s: Option<f64>,
     /// Normal force, N.
     pub force_n: f64,
-    /// Acceleration of a sample of 1, the full scale of integer samples, m/s²; 1 if not given.
+    /// Acceleration of a sample of 1, the full scale of a WAV file's integers, m/s². If not given, that of the file's
+    /// header, or 1.
     pub scale_m_s2: Option<f64>,
     /// Start of the used part, s.
     pub start_s: f64,
@@ -81,11 +82,6 @@ impl Trial {
             provenance: Provenance::Recorded,
             held: None,
         }
-    }
-
-    /// Acceleration of a sample of 1, m/s².
-    pub fn scale(&self) -> f64 {
-        self.scale_m_s2.unwrap_or(1.0)
     }
 
     /// Speed at which lines pass, mm/s: the measured one, if the trial has one.

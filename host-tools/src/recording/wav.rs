@@ -12,16 +12,25 @@ use symphonia::default::formats::WavReader;
 
 use super::defects::Truncation;
 use super::rate::length_fault;
-use super::riff;
-use super::source::{Cut, MAX_CHANNELS, Source};
+use super::riff::{self, Wave};
+use super::source::{Cut, Integers, MAX_CHANNELS, Source};
+use super::unit::Stated;
 use crate::support::error::{Error, Result};
+
+/// Said of a file that is read to its end.
+const UNFINISHED: &str = "the lengths in its header do not fit the file, as those of a recorder that was stopped, or of \
+                          a program that wrote to a pipe: the samples that are there are read";
 
 /// Reads the part of a WAV file within `cut`. Every sample is exact: float samples as they are, integer ones divided by
 /// their full scale.
 pub(super) fn read(path: &Path, cut: &Cut) -> Result<Source> {
     let unusable =
         |failure: &WavError| Error::file(path, format!("is not a readable WAV file: {failure}"));
-    let samples = riff::open(path)?;
+    let Wave {
+        samples,
+        are_integers,
+        is_unfinished,
+    } = riff::open(path)?;
     let file_bytes = samples.get_ref().1.get_ref().metadata();
     let file_bytes = file_bytes.map_err(Error::io("open", path))?.len();
     let samples = Box::new(ReadOnlySource::new(samples));
@@ -94,6 +103,12 @@ pub(super) fn read(path: &Path, cut: &Cut) -> Result<Source> {
         times_s: None,
         truncation: declared_frames
             .and_then(|declared| truncation(declared, frame_bits, file_bytes)),
+        stated: Stated::default(),
+        integers: are_integers.then_some(Integers::OfFullScale),
+        remarks: is_unfinished
+            .then(|| UNFINISHED.to_owned())
+            .into_iter()
+            .collect(),
     })
 }
 
@@ -105,4 +120,125 @@ fn truncation(declared: u64, frame_bits: u64, file_bytes: u64) -> Option<Truncat
     let frame_bytes = (frame_bits / 8).max(1);
     let held = file_bytes.saturating_sub(LEAST_HEADER) / frame_bytes;
     (held < declared).then_some(Truncation { declared, held })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::support::float_wav::float_wav;
+    use crate::support::holds;
+
+    const WHOLE: Cut = Cut {
+        start_s: 0.0,
+        duration_s: f64::INFINITY,
+    };
+
+    /// A file of two channels.
+    fn right() -> Vec<u8> {
+        let samples = (0..4000).map(|n| (f64::from(n) * 0.37).sin());
+        float_wav(2, 5000, samples).unwrap()
+    }
+
+    fn data_of(file: &[u8]) -> usize {
+        file.windows(4).position(|id| id == b"data").unwrap()
+    }
+
+    /// The file with these lengths in its header.
+    fn with_lengths(riff: u32, data: u32) -> Vec<u8> {
+        let mut file = right();
+        let at = data_of(&file) + 4;
+        file[4..8].copy_from_slice(&riff.to_le_bytes());
+        file[at..at + 4].copy_from_slice(&data.to_le_bytes());
+        file
+    }
+
+    fn read_bytes(file: &[u8]) -> Result<Source> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.wav");
+        std::fs::write(&path, file).unwrap();
+        read(&path, &WHOLE)
+    }
+
+    #[test]
+    fn lengths_that_were_never_written_do_not_count_and_are_told() {
+        let expected = read_bytes(&right()).unwrap();
+        assert!(expected.remarks.is_empty());
+        let (data, riff) = (16_000, right().len() as u32 - 8);
+        let header = data_of(&right()) as u32;
+        for (riff, data) in [
+            (header, 0),
+            (0, 0),
+            (riff, 0),
+            (u32::MAX, u32::MAX),
+            (u32::MAX, u32::MAX - header),
+            (0x8000_0024, 0x8000_0000),
+            (0x7fff_ffff, 0x7fff_ffff - header),
+            (0x7fff_f024, 0x7fff_f000),
+            (riff, u32::MAX),
+            (0, data),
+            (header, data),
+            (u32::MAX, data),
+            (data / 2 + header, data / 2),
+        ] {
+            let found = read_bytes(&with_lengths(riff, data)).unwrap();
+            assert_eq!(found.channels, expected.channels, "{riff:x} {data:x}");
+            assert_eq!(found.truncation, None, "{riff:x} {data:x}");
+            holds(&found.remarks.concat(), &["lengths"]);
+        }
+    }
+
+    #[test]
+    fn a_frame_that_was_cut_is_left_out() {
+        let mut file = with_lengths(0, 0);
+        file.truncate(file.len() - 3);
+        let found = read_bytes(&file).unwrap();
+        assert_eq!(found.channels[1].len(), 1999);
+    }
+
+    #[test]
+    fn what_stands_behind_the_samples_is_no_sample() {
+        let expected = read_bytes(&right()).unwrap();
+        let list = [&b"LIST\x58\x02\0\0"[..], &[7; 600]].concat();
+        let tags = [
+            list.clone(),
+            [&b"ID3\x03"[..], &[9; 600]].concat(),
+            vec![0; 600],
+        ];
+        for tag in tags {
+            let found = read_bytes(&[right(), tag].concat()).unwrap();
+            assert_eq!(found.channels, expected.channels);
+            assert!(found.remarks.is_empty());
+        }
+        // An empty recording stays one, whatever follows it.
+        let file = right();
+        let data = data_of(&file);
+        let empty = [&file[..data], b"data\0\0\0\0", &list].concat();
+        let found = read_bytes(&empty).unwrap();
+        assert!(found.channels.iter().all(Vec::is_empty));
+    }
+
+    #[test]
+    fn a_long_file_states_its_length_elsewhere() {
+        let (file, expected) = (right(), read_bytes(&right()).unwrap());
+        let data = data_of(&file);
+        let lengths = [16_100u64, 16_000, 2000].map(u64::to_le_bytes).concat();
+        let ones = u32::MAX.to_le_bytes();
+        let long = [
+            b"RF64",
+            &ones[..],
+            b"WAVEds64\x1c\0\0\0",
+            &lengths,
+            &[0; 4],
+            &file[12..data],
+            b"data",
+            &ones,
+            &file[data + 8..],
+            b"LIST\x58\x02\0\0",
+            &[7; 600],
+        ]
+        .concat();
+        let found = read_bytes(&long).unwrap();
+        assert_eq!(found.channels, expected.channels);
+        assert!(found.remarks.is_empty());
+    }
 }

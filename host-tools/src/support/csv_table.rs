@@ -26,6 +26,9 @@ pub const TABLE: Limit = Limit {
 /// Separators, in the order of preference.
 const SEPARATORS: [char; 4] = [';', '\t', ',', ' '];
 
+/// Signs of units, ², µ, ° and ·, in the code page of Western Europe.
+const SIGNS: [u8; 4] = [0xb2, 0xb5, 0xb0, 0xb7];
+
 /// Most bytes of a row.
 const MOST_ROW_BYTES: usize = 1 << 20;
 
@@ -129,6 +132,18 @@ impl CsvTable {
         })
     }
 
+    /// The comments above the first line that is none.
+    ///
+    /// # Errors
+    /// A line that cannot be read.
+    pub fn comments(&self) -> Result<String> {
+        let (mut lines, mut comments) = (self.lines()?, String::new());
+        while lines.advance()? && (lines.line.starts_with('#') || lines.line.trim().is_empty()) {
+            comments.push_str(&lines.line);
+        }
+        Ok(comments)
+    }
+
     /// All lines with fields, the header among them.
     ///
     /// # Errors
@@ -155,13 +170,19 @@ impl CsvTable {
         Ok(rows)
     }
 
-    /// Line, from 1, of the row with this index, from 0 at the first row that is no comment. 0 if there is none.
+    /// Line, from 1, of the row with this index, from 0 at the first row that is no comment. 0 if there is none. Below
+    /// that, rows without a number, such as units, do not count.
     pub fn line_of_row(&self, index: usize) -> u64 {
         let line = |mut rows: Rows<'_>| {
-            for _ in 0..index {
-                rows.next_row().ok()??;
+            let mut before = 0;
+            loop {
+                let row = rows.next_row().ok()??;
+                let counts = before == 0 || row.fields().any(|field| self.number(field).is_some());
+                if counts && before == index {
+                    return Some(row.line);
+                }
+                before += usize::from(counts);
             }
-            Some(rows.next_row().ok()??.line)
         };
         self.rows().ok().and_then(line).unwrap_or(0)
     }
@@ -259,11 +280,21 @@ impl Lines<'_> {
         if self.bytes.len() > MOST_ROW_BYTES {
             return Err(self.too_long());
         }
-        let text = std::str::from_utf8(&self.bytes);
-        let text = text.map_err(|_| self.error("is not UTF-8 text: save the file as UTF-8"))?;
+        let text = match std::str::from_utf8(&self.bytes) {
+            Ok(text) => Cow::Borrowed(text),
+            Err(_)
+                if self
+                    .bytes
+                    .iter()
+                    .all(|byte| byte.is_ascii() || SIGNS.contains(byte)) =>
+            {
+                self.bytes.iter().map(|&byte| char::from(byte)).collect()
+            }
+            Err(_) => return Err(self.error("is not UTF-8 text: save the file as UTF-8")),
+        };
         let text = match text.strip_prefix('\u{feff}') {
             Some(rest) if self.number == 1 => rest,
-            _ => text,
+            _ => text.as_ref(),
         };
         self.line.clear();
         if self.separator == ' ' {
@@ -633,6 +664,18 @@ mod tests {
     }
 
     #[test]
+    fn signs_of_units_are_read_in_an_older_code_page() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.csv");
+        std::fs::write(&path, b"t,a [m/s\xb2]\n0,1\n").unwrap();
+        let found = CsvTable::read(&path, TABLE).unwrap();
+        let header = found.header().unwrap();
+        assert_eq!(header.names().last(), Some("a [m/s²]"));
+        std::fs::write(&path, b"t,a\xe4\n0,1\n").unwrap();
+        holds(&CsvTable::read(&path, TABLE).unwrap_err(), &["not UTF-8"]);
+    }
+
+    #[test]
     fn a_table_has_one_decimal_sign() {
         let semicolons = table("x;y\n1,5;2\n");
         assert_eq!(semicolons.number("-1,25e-3"), Some(-1.25e-3));
@@ -685,6 +728,8 @@ mod tests {
             let line = rows.next_row().unwrap().unwrap().line;
             prop_assert_eq!(line, above.len() as u64 + 2);
             prop_assert_eq!(table.line_of_row(1), line);
+            let with_units = super::tests::table(&text.replacen("x;y", "x;y\ns;g", 1));
+            prop_assert_eq!(with_units.line_of_row(1), line + 1);
         }
 
         /// Numbers come back from a table that was written with any separator and decimal sign.

@@ -1,5 +1,6 @@
 //! Warnings of recordings and textures, said once per kind.
 
+use std::borrow::Cow;
 use std::fmt;
 
 use serde::{Serialize, Serializer};
@@ -8,7 +9,7 @@ use serde::{Serialize, Serializer};
 #[derive(Clone, Debug, PartialEq)]
 pub struct Warning {
     /// Its kind: warnings of one kind are shown as one.
-    kind: &'static str,
+    kind: Cow<'static, str>,
     /// Noun and name of its subject; none of a whole set.
     subject: Option<(&'static str, String)>,
     /// Its size; the largest of a kind is the worst.
@@ -19,9 +20,9 @@ pub struct Warning {
 
 impl Warning {
     /// A warning of a whole set.
-    pub fn of_set(kind: &'static str, text: impl Into<String>) -> Self {
+    pub fn of_set(kind: impl Into<Cow<'static, str>>, text: impl Into<String>) -> Self {
         Self {
-            kind,
+            kind: kind.into(),
             subject: None,
             magnitude: 0.0,
             text: text.into(),

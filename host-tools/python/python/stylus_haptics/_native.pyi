@@ -379,7 +379,7 @@ def segment(
     least_s: float = 0.4,
     enough_s: float = 0.5,
     sample_rate_hz: float | None = None,
-    scale_m_s2: float = 1.0,
+    scale_m_s2: float | None = None,
     overwrite: bool = False,
 ) -> Recordings: ...
 

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use host_tools::dsp::reduction::Reduction;
+use host_tools::recording::scale;
 use host_tools::scene::tap::{TapFit, Taps};
 use host_tools::support::error::{Error, Result};
 
@@ -21,9 +22,9 @@ pub struct Arguments {
     /// Rates of force at contact in N/s, one per recording, if no force was recorded
     #[arg(long, value_name = "N_S,N_S...", value_delimiter = ',', value_parser = positive)]
     force_rates: Vec<f64>,
-    /// Acceleration of a sample of 1, in m/s²
-    #[arg(long, value_name = "M_S2", value_parser = positive, default_value_t = 1.0)]
-    scale: f64,
+    /// Acceleration of a sample of 1, in m/s², or as a unit such as g or g/256 [default: by the header, or 1]
+    #[arg(long, visible_alias = "unit", value_name = "M_S2", value_parser = scale)]
+    scale: Option<f64>,
     /// Reduction from three axes to one
     #[arg(long, value_enum, default_value = "pca")]
     reduce: Reduction,
@@ -44,6 +45,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let mut recordings = Vec::new();
     for (index, path) in arguments.recordings.iter().enumerate() {
         let mut taps = Taps::read(path, arguments.scale, arguments.reduce)?;
+        taps.notes.iter().for_each(|note| warn(note));
         taps.force_rate_n_s = rates.get(index).copied();
         recordings.push(taps);
     }

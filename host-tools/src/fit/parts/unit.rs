@@ -24,7 +24,7 @@ use crate::support::fnv::Fnv;
 
 /// First bytes of a file, with the version of the format. It changes with anything that a file holds, and with whatever
 /// the map computes.
-const MAGIC: [u8; 8] = *b"stylusP4";
+const MAGIC: [u8; 8] = *b"stylusP5";
 
 /// Most trials of a unit where no lines are sought.
 const MOST_TRIALS: usize = 64;

@@ -133,6 +133,7 @@ mod tests {
             speed_mm_s,
             outliers: Vec::new(),
             is_simulated: false,
+            remarks: Vec::new(),
         }
     }
 

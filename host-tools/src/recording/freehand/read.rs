@@ -7,6 +7,7 @@ use serde::Serialize;
 
 use crate::recording::csv_file;
 use crate::recording::uneven::Steps;
+use crate::recording::unit;
 use crate::recording::{MAX_CHANNELS, RECORDING};
 use crate::recording::{MAX_FRAMES, rate_fault};
 use crate::support::csv_table::{CsvTable, Header, TABLE};
@@ -47,19 +48,25 @@ pub struct Freehand {
     pub outliers: Vec<Outlier>,
     /// True if the file declares itself as simulated.
     pub is_simulated: bool,
+    /// Conversions of units, and doubts about them, a line each.
+    pub remarks: Vec<String>,
 }
 
 impl Freehand {
-    /// Notes on the outliers of the recording in the file at `path`, one line each.
+    /// Notes on units and outliers of the recording in the file at `path`, one line each.
     pub fn notes(&self, path: &Path) -> Vec<String> {
         let path = path.display();
+        let remarks = self
+            .remarks
+            .iter()
+            .map(|remark| format!("{path}: {remark}"));
         let named = self.outliers.iter().map(|outlier| {
             format!(
                 "{path}, line {}: {} is {}, which is out of range; cut out",
                 outlier.line, outlier.column, outlier.value
             )
         });
-        let mut notes: Vec<String> = named.collect();
+        let mut notes: Vec<String> = remarks.chain(named).collect();
         let all = self.is_outlier.iter().filter(|bad| **bad).count();
         if all > self.outliers.len() {
             notes.push(format!("{path}: {all} samples in total are out of range"));
@@ -104,12 +111,12 @@ pub fn is_simulated(path: &Path) -> Result<bool> {
 }
 
 /// Reads a CSV file with the columns `speed_mm_s` and `force_n`, and one to three columns of accelerations, in units of
-/// `scale_m_s2`. A column `time_s` is necessary unless `rate_hz` is given. Comments begin with `#`; a comment at the
+/// `scale_m_s2`, or else of the header, or m/s². A column `time_s` is necessary unless `rate_hz` is given. Comments begin with `#`; a comment at the
 /// top that begins with SIMULATED marks the file as simulated.
 ///
 /// # Errors
 /// A file that cannot be read or lacks one of these columns, a field that is not a number, or too many outliers.
-pub fn read(path: &Path, rate_hz: Option<f64>, scale_m_s2: f64) -> Result<Freehand> {
+pub fn read(path: &Path, rate_hz: Option<f64>, scale_m_s2: Option<f64>) -> Result<Freehand> {
     // Regular files alone, because a recording is read again for its kind.
     TABLE.open(path)?;
     let table = CsvTable::read(path, TABLE)?;
@@ -121,6 +128,10 @@ pub fn read(path: &Path, rate_hz: Option<f64>, scale_m_s2: f64) -> Result<Freeha
         force,
         axes,
     } = Columns::of(&header)?;
+    let of_axes: Vec<String> = axes.iter().map(|&index| names[index].to_owned()).collect();
+    let stated = unit::stated(&of_axes, &table.comments()?);
+    let scales_m_s2 = stated.scales_for(scale_m_s2, axes.len());
+    let remarks = stated.conversion(scale_m_s2).into_iter();
     let mut recording = Freehand {
         rate_hz: 0.0,
         axes: vec![Vec::new(); axes.len()],
@@ -130,6 +141,7 @@ pub fn read(path: &Path, rate_hz: Option<f64>, scale_m_s2: f64) -> Result<Freeha
         outliers: Vec::new(),
         is_backward: Vec::new(),
         is_simulated: is_simulated(path)?,
+        remarks: remarks.chain(stated.doubt(scale_m_s2)).collect(),
     };
     let mut times = Vec::new();
     let mut rows = table.rows_below_header()?;
@@ -156,12 +168,8 @@ pub fn read(path: &Path, rate_hz: Option<f64>, scale_m_s2: f64) -> Result<Freeha
         };
         let speed = keep(speed, number(speed)?, MAX_SPEED_MM_S);
         let force = keep(force, number(force)?, MAX_FORCE_N);
-        for (axis, &index) in recording.axes.iter_mut().zip(&axes) {
-            axis.push(keep(
-                index,
-                scale_m_s2 * number(index)?,
-                MAX_ACCELERATION_M_S2,
-            ));
+        for ((axis, &index), scale) in recording.axes.iter_mut().zip(&axes).zip(&scales_m_s2) {
+            axis.push(keep(index, scale * number(index)?, MAX_ACCELERATION_M_S2));
         }
         recording.speed_mm_s.push(speed.abs());
         recording.is_backward.push(speed < 0.0);

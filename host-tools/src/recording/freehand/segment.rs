@@ -461,6 +461,7 @@ mod tests {
             force_n,
             outliers: Vec::new(),
             is_simulated: false,
+            remarks: Vec::new(),
         }
     }
 

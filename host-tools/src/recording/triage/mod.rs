@@ -16,7 +16,7 @@
 //! | drifting | a straight line explains at least [`DRIFT_SHARE`] of an axis's energy | |
 //! | wandering | 25 % of the energy is below [`SLOW_HZ`](crate::dsp::high_pass::SLOW_HZ) | |
 //! | hum | a line of the mains, or of its harmonics, is [`HUM_RATIO_DB`] above its surroundings at half the speeds | |
-//! | scale | an RMS above [`LARGE_RMS_M_S2`], gravity of 1.00, or a level 45 dB off the texture's median | |
+//! | scale | RMS above [`LARGE_RMS_M_S2`], mean above 2 g or of 0.9 to 1.1, unit of the header, 45 dB off the median | |
 //! | dead-axis | an axis is 60 dB below the strongest, or constant | |
 //! | duplicate | a copy of an earlier trial, equal or scaled | |
 //! | unlike | from some frequency on [`UNLIKE_NEIGHBOURS_DB`] off both neighbours in speed, and more than these are | |
@@ -41,20 +41,22 @@ mod compared;
 mod copies;
 mod cut;
 mod level;
+mod scale;
 mod set;
 mod single_trial;
 #[cfg(test)]
-mod test_signals;
+pub(super) mod test_signals;
 mod unlike;
 mod verdict;
 
 pub use compared::Compared;
 pub use copies::Sketch;
 pub use cut::{LEAST_KEPT, kept, kept_spans, usable};
+pub use scale::LARGE_RMS_M_S2;
 pub use set::{HUM_RATIO_DB, all_verdicts, confirmed_hum, mains_line};
 pub use single_trial::{
-    CLIPPED_SHARE, COARSE_SNR_DB, DRIFT_SHARE, LARGE_RMS_M_S2, LEAST_RATE_HZ, SHORT_SAMPLES,
-    SILENCE_FLOOR_M_S2, flaws, samples,
+    CLIPPED_SHARE, COARSE_SNR_DB, DRIFT_SHARE, LEAST_RATE_HZ, SHORT_SAMPLES, SILENCE_FLOOR_M_S2,
+    flaws, samples,
 };
 pub use unlike::UNLIKE_NEIGHBOURS_DB;
 pub use verdict::{Kind, Span, Verdict, in_words};

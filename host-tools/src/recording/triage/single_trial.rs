@@ -3,6 +3,7 @@
 use model_format::SAMPLE_RATE_HZ;
 
 use super::level;
+use super::scale::scale;
 use super::verdict::{Kind, Span, Verdict};
 use crate::dsp::high_pass::{SLOW_HZ, slow_share};
 use crate::dsp::sums::{Moments, moments, sum_of};
@@ -41,11 +42,12 @@ pub fn samples(samples: &Samples) -> Vec<Verdict> {
     let axes = samples.axes.as_slice();
     let mut verdicts = of_file(samples);
     let moments: Vec<Moments> = axes.iter().map(|axis| moments(axis)).collect();
+    verdicts.extend(scale(&moments, &samples.account));
     let power: f64 = moments.iter().map(|axis| axis.variance).sum();
     // What is silent has nothing else that could be judged.
     if power.sqrt() >= SILENCE_FLOOR_M_S2 {
         verdicts.extend(of_defects(samples));
-        verdicts.extend(of_moments(&moments));
+        verdicts.extend(dead_axes(&moments));
         verdicts.extend(level::verdicts(axes));
         verdicts.extend(wandering(axes));
     }
@@ -196,21 +198,11 @@ fn drift_share(axis: &[f64]) -> f64 {
 /// cent, so that an axis 60 dB below another measures not even that.
 const DEAD_RATIO: f64 = 1e-3;
 
-/// RMS beyond which a scale is doubted, m/s²: ten times the acceleration of gravity. Tools on rough surfaces reach some
-/// 30 m/s².
-pub const LARGE_RMS_M_S2: f64 = 100.0;
-
-/// Deviation from one at which the mean of three axes is gravity in units of itself.
-const GRAVITY_TOLERANCE: f64 = 0.02;
-
-/// Largest RMS, in units of the mean, beside which a mean of one is gravity.
-const GRAVITY_RMS: f64 = 0.3;
-
-/// Returns the verdicts on scale and dead axes of a trial whose axes have these `moments`.
-fn of_moments(moments: &[Moments]) -> Vec<Verdict> {
+/// Returns the verdicts on dead axes of a trial whose axes have these `moments`.
+fn dead_axes(moments: &[Moments]) -> Vec<Verdict> {
     let rms = |axis: &Moments| axis.variance.sqrt();
     let strongest = moments.iter().map(rms).fold(0.0, f64::max);
-    let mut verdicts: Vec<Verdict> = scale(moments).into_iter().collect();
+    let mut verdicts = Vec::new();
     for (number, axis) in (1..).zip(moments) {
         if rms(axis) < DEAD_RATIO * strongest {
             let below_db = 20.0 * (strongest / rms(axis)).log10();
@@ -223,17 +215,4 @@ fn of_moments(moments: &[Moments]) -> Vec<Verdict> {
         }
     }
     verdicts
-}
-
-fn scale(moments: &[Moments]) -> Option<Verdict> {
-    let rms = moments.iter().map(|axis| axis.variance).sum::<f64>().sqrt();
-    let mean = moments.iter().map(|axis| axis.mean.powi(2)).sum::<f64>();
-    let mean = mean.sqrt();
-    if rms > LARGE_RMS_M_S2 {
-        let words = format!("scale: an RMS of {rms:.0} m/s²");
-        return Some(Verdict::new(Kind::Scale, words));
-    }
-    let is_gravity =
-        moments.len() == 3 && (mean - 1.0).abs() < GRAVITY_TOLERANCE && rms < GRAVITY_RMS;
-    is_gravity.then(|| Verdict::new(Kind::Scale, "scale: gravity is 1.00, as in units of g"))
 }

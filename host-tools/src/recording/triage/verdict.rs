@@ -127,7 +127,8 @@ impl Kind {
             Self::Hum => ("hum", "check ground and shield, and record again"),
             Self::Scale => (
                 "scale",
-                "check scale_m_s2: units of mm/s² or of g? One g is 9.80665 m/s²",
+                "name the unit with --scale, such as g, mm/s^2 or g/256, or give scale_m_s2 in the list; a g is \
+                 9.80665 m/s²",
             ),
             Self::DeadAxis => (
                 "dead-axis",

@@ -74,6 +74,8 @@ pub struct Taps {
     pub force_rate_n_s: Option<f64>,
     /// True if the file says that it is simulated.
     pub is_simulated: bool,
+    /// What is to be said of the file, a line each.
+    pub notes: Vec<String>,
 }
 
 /// One impact.
@@ -119,17 +121,17 @@ pub struct TapFit {
 impl Taps {
     /// Reads a recording. A CSV file with a column `force_n` is a free-hand recording of `record-strokes`, with
     /// `time_s` and `speed_mm_s`; any other file is read as by `fit`. `scale_m_s2` is the acceleration of a sample of
-    /// 1.
+    /// 1; if not given, that of the header, or 1.
     ///
     /// # Errors
     /// A file that cannot be read, or has no samples.
-    pub fn read(path: &Path, scale_m_s2: f64, reduction: Reduction) -> Result<Self> {
+    pub fn read(path: &Path, scale_m_s2: Option<f64>, reduction: Reduction) -> Result<Self> {
         let name = path.display().to_string();
-        let extension = path.extension().unwrap_or_default().to_string_lossy();
         let unusable =
             |error: crate::dsp::reduction::NoSuchAxis| Error::file(path, error.to_string());
-        if extension.eq_ignore_ascii_case("csv") && has_force(path)? {
+        if recording::Kind::of(path) == Some(recording::Kind::Table) && has_force(path)? {
             let mut recording = freehand::read(path, None, scale_m_s2)?;
+            let notes = recording.notes(path);
             let reduced = reduce(&mut recording.axes, reduction).map_err(unusable)?;
             return Ok(Self {
                 name,
@@ -138,15 +140,21 @@ impl Taps {
                 force_n: Some(recording.force_n),
                 force_rate_n_s: None,
                 is_simulated: recording.is_simulated,
+                notes,
             });
         }
         let trial = Trial {
-            scale_m_s2: Some(scale_m_s2),
+            scale_m_s2,
             duration_s: Some(LONGEST_S),
             ..Trial::of(path.to_owned(), String::new(), 0.0, 0.0)
         };
         let mut samples = recording::read(&trial)?;
         let reduced = reduce(&mut samples.axes, reduction).map_err(unusable)?;
+        let notes = samples
+            .account
+            .remarks
+            .iter()
+            .chain(&samples.account.doubts);
         Ok(Self {
             name,
             samples_m_s2: reduced.signal,
@@ -154,6 +162,9 @@ impl Taps {
             force_n: None,
             force_rate_n_s: None,
             is_simulated: false,
+            notes: notes
+                .map(|note| format!("{}: {note}", path.display()))
+                .collect(),
         })
     }
 

@@ -45,6 +45,7 @@ fn recording(samples_m_s2: Vec<f64>) -> Taps {
         force_n: None,
         force_rate_n_s: None,
         is_simulated: true,
+        notes: Vec::new(),
     }
 }
 

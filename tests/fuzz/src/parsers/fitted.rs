@@ -20,7 +20,8 @@ pub fn list(input: &[u8]) {
     for trial in &set.trials {
         assert!((0.0..=MAX_SPEED_MM_S).contains(&trial.speed_mm_s));
         assert!((0.0..=MAX_FORCE_N).contains(&trial.force_n));
-        assert!(trial.scale().is_finite() && trial.scale() != 0.0);
+        let scale = trial.scale_m_s2.unwrap_or(1.0);
+        assert!(scale.is_finite() && scale != 0.0);
         assert!(!trial.texture.is_empty() && !trial.texture.contains(char::is_control));
     }
     let groups = set.by_texture();
@@ -100,7 +101,6 @@ fn read_as(name: &str, content: &[u8], sample_rate_hz: Option<f64>) {
         sample_rate_hz,
         ..Trial::of(file, "fuzz".to_owned(), 100.0, 1.0)
     };
-    recording::holds_integers(&path);
     let samples = match recording::read(&trial(path.clone())) {
         Ok(samples) => samples,
         // The conversion of rates names a failure of its own.

@@ -18,7 +18,7 @@ pub fn judge(input: &[u8]) {
     let path = place::written("table.csv", table);
     let judged = match kind % 4 {
         0 => motion(&path, table),
-        1 => freehand::read(&path, None, 1.0).map(|hand| check_hand(&hand)),
+        1 => freehand::read(&path, None, None).map(|hand| check_hand(&hand)),
         2 => Answers::read(&path).map(|answers| {
             for score in score(&[answers]).expect("one file has no copy") {
                 assert!((0.0..=1.0).contains(&score.proportion) && score.correct <= score.trials);
