@@ -1,5 +1,6 @@
 //! Samples of a recording that a program holds in memory, in place of a file.
 
+use super::defects::Timing;
 use super::rate::{length_fault, rate_fault};
 use super::source::{Cut, MAX_CHANNELS, Source};
 use crate::support::error::{Error, Result};
@@ -90,6 +91,7 @@ impl HeldSamples {
             channels: self.channels.iter().map(part).collect(),
             times_s: None,
             truncation: None,
+            timing: Timing::default(),
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Part of a recording's file, at the file's own sample rate.
 
-use super::defects::{Defects, Truncation};
+use super::defects::{Defects, Timing, Truncation};
 use crate::support::bounded_file::{Limit, MIB};
 
 /// A recording's file: a WAV file states its length in 32 bits, and a table is shorter.
@@ -43,6 +43,8 @@ pub struct Source {
     pub times_s: Option<Vec<f64>>,
     /// Lengths, if the file ends before its header says.
     pub truncation: Option<Truncation>,
+    /// What was wrong with the times.
+    pub timing: Timing,
 }
 
 /// The samples of a trial.

@@ -10,7 +10,7 @@ use symphonia::core::io::{MediaSourceStream, MediaSourceStreamOptions, ReadOnlyS
 use symphonia::default::codecs::PcmDecoder;
 use symphonia::default::formats::WavReader;
 
-use super::defects::Truncation;
+use super::defects::{Timing, Truncation};
 use super::rate::length_fault;
 use super::riff;
 use super::source::{Cut, MAX_CHANNELS, Source};
@@ -94,6 +94,7 @@ pub(super) fn read(path: &Path, cut: &Cut) -> Result<Source> {
         times_s: None,
         truncation: declared_frames
             .and_then(|declared| truncation(declared, frame_bits, file_bytes)),
+        timing: Timing::default(),
     })
 }
 

@@ -5,8 +5,7 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use crate::recording::csv_file;
-use crate::recording::uneven::Steps;
+use crate::recording::stamps::even_rate;
 use crate::recording::{MAX_CHANNELS, RECORDING};
 use crate::recording::{MAX_FRAMES, rate_fault};
 use crate::support::csv_table::{CsvTable, Header, TABLE};
@@ -244,7 +243,5 @@ fn rate_of(table: &CsvTable, times: &[f64], given: Option<f64>) -> Result<f64> {
         let problem = format!("has no sample rate: add a column '{TIME}', or give --sample-rate");
         return Err(Error::file(table.path(), problem));
     }
-    Ok(csv_file::rate_of(table, TIME, times, Steps::hold_even)?
-        .round()
-        .max(1.0))
+    Ok(even_rate(table, TIME, times)?.round().max(1.0))
 }
