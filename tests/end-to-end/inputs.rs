@@ -253,7 +253,7 @@ fn every_remedy_for_times_that_are_refused_works() {
         "bunches of 20",
         even_times,
     );
-    let without = noise(7, 4000).iter().map(|x| format!("{x}\n"));
+    let without = noise(7, 4000).into_iter().map(|x| format!("{x}\n"));
     named("--sample-rate", without.collect(), "no sample rate", rate);
     // Remedies in the file: a name, more digits, a part without the gap.
     let part = "start_s and duration_s";
