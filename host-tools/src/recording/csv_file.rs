@@ -5,7 +5,7 @@ use std::path::Path;
 use super::rate::{MAX_FRAMES, length_fault, rate_fault};
 use super::source::{Cut, MAX_CHANNELS, Source};
 use super::stamps::{self, Clock};
-use super::time_unit::{TimeUnit, named};
+use super::time_unit::TimeColumn;
 use super::trial::Trial;
 use super::uneven::LARGEST_DEVIATION;
 use crate::support::csv_table::{CsvTable, Header, Row, TABLE};
@@ -72,7 +72,7 @@ pub(super) fn read(trial: &Trial, cut: &Cut) -> Result<Source> {
     if !is_named {
         refuse_times_without_a_name(path, &columns)?;
     }
-    let source = match best(&times) {
+    let source = match TimeColumn::best(&times) {
         Some(time) => by_times(&table, trial, cut, columns, &times, time)?,
         None => without_times(trial, columns, cut)?,
     };
@@ -131,29 +131,14 @@ fn refuse_other_widths(table: &CsvTable, width: usize, times: usize) -> Result<(
     Err(Error::file(table.path(), problem))
 }
 
-/// A column of times.
-struct TimeColumn {
-    index: usize,
-    name: String,
-    /// The unit in its name.
-    unit: Option<TimeUnit>,
-}
-
-/// The one of `columns` that gives the rate: the first with a unit, or else the first.
-fn best(columns: &[TimeColumn]) -> Option<&TimeColumn> {
-    let with_unit = columns.iter().find(|column| column.unit.is_some());
-    with_unit.or(columns.first())
-}
-
 /// Returns the columns of times, after a check that every other column can be an axis.
 fn time_columns(names: &Header<'_>) -> Result<Vec<TimeColumn>> {
     // It has one column of this name.
     names.column(TIME_COLUMN)?;
     let mut times = Vec::new();
     for (index, name) in names.names().enumerate() {
-        if let Some(unit) = named(name) {
-            let name = name.to_owned();
-            times.push(TimeColumn { index, name, unit });
+        if let Some(time) = TimeColumn::named(index, name) {
+            times.push(time);
             continue;
         }
         let lower = name.to_lowercase();

@@ -6,6 +6,7 @@
 
 use core::f64::consts::PI;
 
+use super::rate::RATES_HZ;
 use crate::dsp::with_planner;
 
 /// Rows of which a spectrum of changes is made. Clocks that differ by 100 ppm move by less than a row in them.
@@ -20,6 +21,11 @@ const LEAST_CHANGING: f64 = 0.75;
 /// Power of a held sensor's line over the one of an even pattern, from and to. At a ratio of two the line has 2.5 times
 /// that power, because it meets its image; of other patterns than those of a clock at most a quarter was seen.
 const LINE: (f64, f64) = (0.4, 3.0);
+
+/// Least ratio of the line's power to the mean of the bins around it, and the range of these. Equal neighbours that come
+/// in groups, as where peaks are clipped, have a broad spectrum.
+const OVER_AROUND: f64 = 20.0;
+const AROUND: std::ops::RangeInclusive<usize> = 4..=40;
 
 /// Least difference of the samples before and after a repetition, over the mean step. Coarse samples of a tone repeat in
 /// even steps too, around its peaks, on both sides of which the samples are alike.
@@ -50,9 +56,10 @@ pub(super) fn polled(channels: &[Vec<f64>], rate_hz: f64) -> Option<Polled> {
         return None;
     }
     let (taken, interval) = numbered(&changes, 1.0 / rate);
+    let own_hz = rate_hz / interval;
     let channels = channels.iter();
-    Some(Polled {
-        rate_hz: rate_hz / interval,
+    RATES_HZ.contains(&own_hz).then(|| Polled {
+        rate_hz: own_hz,
         channels: channels
             .map(|axis| taken.iter().map(|&row| axis[row]).collect())
             .collect(),
@@ -77,10 +84,17 @@ fn line(changes: &[usize], rows: usize, block: usize) -> Option<f64> {
         let in_range = |rate: &f64| (least - bin..=most).contains(rate);
         let rate = both.into_iter().find(in_range)?;
         let even = (block as f64 * (PI * rate).sin() / PI).powi(2);
-        Some(((here + next) / even, rate))
+        Some(((here + next) / even, rate, index))
     });
-    let (strength, rate) = candidates.max_by(|a, b| a.0.total_cmp(&b.0))?;
-    (LINE.0..=LINE.1).contains(&strength).then_some(rate)
+    let (strength, rate, index) = candidates.max_by(|a, b| a.0.total_cmp(&b.0))?;
+    let around = AROUND.flat_map(|off| [index.checked_sub(off), Some(index + off)]);
+    let around: Vec<f64> = around
+        .flatten()
+        .filter_map(|index| power.get(index).copied())
+        .collect();
+    let mean = around.iter().sum::<f64>() / around.len().max(1) as f64;
+    let stands_out = at(index) + at(index + 1) >= OVER_AROUND * mean;
+    (stands_out && (LINE.0..=LINE.1).contains(&strength)).then_some(rate)
 }
 
 /// Mean power of the pattern of `changes` in whole blocks of `rows`, per bin of the transform.
@@ -207,6 +221,16 @@ mod tests {
             };
             let tone: Vec<f64> = noise(8, 20_000).iter().enumerate().map(tone).collect();
             prop_assert_eq!(polled(&[tone], 5000.0), None);
+            let mut before = (0.0, 0.0);
+            let ringing = noise(9, 20_000).into_iter().map(|x| {
+                let now = x * x.abs() + 1.96 * (2.0 * PI * hz / 5000.0).cos() * before.0 - 0.96 * before.1;
+                before = (now, before.0);
+                now
+            });
+            let ringing: Vec<f64> = ringing.collect();
+            let peak = ringing.iter().fold(0.0, |peak: f64, x| peak.max(x.abs()));
+            let clipped = ringing.iter().map(|x| x.clamp(-0.5 * peak, 0.5 * peak)).collect();
+            prop_assert_eq!(polled(&[clipped], 5000.0), None);
         }
     }
 

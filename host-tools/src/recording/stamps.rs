@@ -700,11 +700,15 @@ mod tests {
         ] {
             // Values that differ, so that no row is there twice.
             let channels = || vec![(0..times.len()).map(|n| n as f64).collect()];
-            let fault = source(&table(times), &clock(), times, channels(), &ALL).unwrap_err();
+            let seconds = Clock {
+                unit: Some(TimeUnit::S),
+                ..clock()
+            };
+            let fault = source(&table(times), &seconds, times, channels(), &ALL).unwrap_err();
             holds(&fault, &[word]);
             let given = Clock {
                 rate_hz: Some(800.0),
-                ..clock()
+                ..seconds
             };
             let found = source(&table(times), &given, times, channels(), &ALL).unwrap();
             assert_eq!((found.rate_hz, found.channels), (800.0, channels()));

@@ -84,10 +84,35 @@ impl TimeUnit {
     }
 }
 
+/// A column of times.
+pub(super) struct TimeColumn {
+    /// Its index in the table.
+    pub index: usize,
+    /// Its name.
+    pub name: String,
+    /// The unit in its name.
+    pub unit: Option<TimeUnit>,
+}
+
+impl TimeColumn {
+    /// The column of this `index` and `name`, if it is one of times.
+    pub fn named(index: usize, name: &str) -> Option<Self> {
+        let unit = named(name)?;
+        let name = name.to_owned();
+        Some(Self { index, name, unit })
+    }
+
+    /// The one of `columns` that gives the rate: the first with a unit, or else the first.
+    pub fn best(columns: &[Self]) -> Option<&Self> {
+        let with_unit = columns.iter().find(|column| column.unit.is_some());
+        with_unit.or(columns.first())
+    }
+}
+
 /// Returns the unit in the name of a column of times, in it `None` without one; `None` for another column.
 ///
 /// All words of such a name stand for a time or its unit, as in `Time [ms]`, `timestamp_us` or `timeMs`.
-pub(super) fn named(name: &str) -> Option<Option<TimeUnit>> {
+fn named(name: &str) -> Option<Option<TimeUnit>> {
     let lower = name.to_lowercase();
     let words = lower.split(|c: char| !c.is_alphanumeric());
     let words: Vec<&str> = words.filter(|word| !word.is_empty()).collect();
