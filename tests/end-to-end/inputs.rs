@@ -296,6 +296,121 @@ fn speeds_and_forces_of_no_hand_are_refused_with_their_line_and_doubtful_ones_to
     holds(&message, &["--speed", "no hand or drum exceeds"]);
 }
 
+/// A table of noise at 1 kHz, whose times, s, are those of `stamp` times `factor`.
+fn stamped(header: &str, factor: f64, stamp: impl Fn(usize) -> f64) -> String {
+    let rows = noise(7, 4000).into_iter().enumerate();
+    let rows = rows.map(|(n, x)| format!("{:.7},{x}\n", factor * stamp(n)));
+    format!("{header},x\n{}", rows.collect::<String>())
+}
+
+#[test]
+fn every_remedy_for_times_that_are_refused_works() {
+    let bench = Bench::new();
+    let even = |n: usize| n as f64 / 1000.0;
+    let coarse = |n: usize| (n as f64 / 8.0).floor() * 0.008;
+    let back = |n: usize| even(n) - if n < 3000 { 0.0 } else { 2.0 };
+    let paused = |n: usize| even(n) + if n < 3000 { 0.0 } else { 9.0 };
+    let bunches = |n: usize| (n as f64 / 20.0).floor() * 0.02 + (n % 20) as f64 * 1e-5;
+    let milliseconds = stamped("time_s", 1e3, even);
+    let cut = |header: &str, text: &str| text.replacen("time_s", header, 1);
+    let named = |remedy: &str, text: String, words: &str, option: &str| {
+        bench.write("a.csv", &text);
+        let fit = format!("fit a.csv --out a.lib --overwrite {QUICK}");
+        holds(&bench.refuse(&fit), &[remedy, words]);
+        bench.succeed(&format!("{fit} {option}"));
+    };
+    let (unit, rate, even_times) = ("--time-unit ms", "--sample-rate 1000", "--even-times");
+    named(
+        "--time-unit",
+        milliseconds.clone(),
+        "holds times in s",
+        unit,
+    );
+    named(
+        "--sample-rate",
+        milliseconds.clone(),
+        "holds times in s",
+        rate,
+    );
+    named(
+        "--even-times",
+        stamped("t", 1.0, coarse),
+        "as in the line before",
+        even_times,
+    );
+    named(
+        "--even-times",
+        stamped("t", 1.0, back),
+        "must rise",
+        even_times,
+    );
+    named(
+        "--even-times",
+        stamped("t", 1.0, bunches),
+        "bunches of 20",
+        even_times,
+    );
+    let without = noise(7, 4000).into_iter().map(|x| format!("{x}\n"));
+    named("--sample-rate", without.collect(), "no sample rate", rate);
+    // Remedies in the file: a name, more digits, a part without the gap.
+    let part = "start_s and duration_s";
+    named(
+        part,
+        stamped("time_s", 1.0, paused),
+        "a gap of 9.001",
+        "--duration 2.5",
+    );
+    for header in ["time_ms", "Time (ms)", "t [ms]"] {
+        bench.write("a.csv", cut(header, &milliseconds));
+        bench.succeed(&format!("fit a.csv --out a.lib --overwrite {QUICK}"));
+    }
+    bench.write("a.csv", stamped("time since start", 1.0, even));
+    let refused = bench.refuse("fit a.csv --out b.lib");
+    holds(&refused, &["'time since start'", "name it 'time'"]);
+    bench.write("a.csv", stamped("time", 1.0, even));
+    bench.succeed(&format!("fit a.csv --out b.lib {QUICK}"));
+}
+
+#[test]
+fn what_is_mended_in_the_times_is_said() {
+    let bench = Bench::new();
+    let even = |n: usize| n as f64 / 1000.0;
+    let lost = |n: usize| even(n + n / 400);
+    let paused = |n: usize| even(n) + 0.02 * (n / 1500) as f64;
+    let bunches = |n: usize| (n / 3) as f64 * 0.003 + (n % 3) as f64 * 0.0006;
+    let own = stamped("t", 1.0, even);
+    let row = |(n, line): (usize, &str)| match line.split_once(',') {
+        Some((_, x)) if n % 7 == 5 => format!("{line}\n{},{x}\n", even(n - 1) + 0.0003),
+        _ => format!("{line}\n"),
+    };
+    let joined: String = own.lines().enumerate().map(row).collect();
+    let sensor = noise(8, 4000);
+    let held: String = (0..4000)
+        .map(|n| format!("{},{}\n", even(n), sensor[(n as f64 * 0.73) as usize]))
+        .collect();
+    for (text, words) in [
+        (stamped("t", 1e3, even), "taken for ms"),
+        (
+            stamped("t", 1.0, lost),
+            "9 samples of 4009 missing one by one",
+        ),
+        (stamped("t", 1.0, paused), "gaps in the times: 2 stretches"),
+        (stamped("t", 1.0, bunches), "bunches of 3"),
+        (joined, "571 rows that repeat another taken out"),
+        (
+            format!("t,x\n{held}"),
+            "values of 730 Hz held at 1000 Hz, nothing above 365 Hz",
+        ),
+    ] {
+        bench.write("a.csv", text);
+        let said = said(
+            &bench,
+            &format!("fit a.csv --out a.lib --overwrite {QUICK}"),
+        );
+        holds(&said.replace("\n  ", " "), &[words]);
+    }
+}
+
 #[test]
 fn a_duration_beyond_the_file_is_told_with_both() {
     let bench = Bench::new();
@@ -315,7 +430,7 @@ fn a_duration_beyond_the_file_is_told_with_both() {
 }
 
 #[test]
-fn measured_speeds_make_a_sparse_grid_which_is_told_and_snapped_on_request() {
+fn measured_speeds_are_snapped_where_their_gaps_are_clear_and_make_a_sparse_grid_otherwise() {
     let bench = Bench::new();
     // Four nominal speeds by five nominal forces, each measured to within 2 %.
     let trials: Vec<(&str, f64, f64)> = (0..20)
@@ -331,7 +446,7 @@ fn measured_speeds_make_a_sparse_grid_which_is_told_and_snapped_on_request() {
         })
         .collect();
     set(&bench, &trials);
-    let told = said(&bench, &format!("fit set --out a.lib {QUICK}"));
+    let told = said(&bench, &format!("fit set --snap none --out a.lib {QUICK}"));
     holds(
         &told,
         &[
@@ -342,9 +457,12 @@ fn measured_speeds_make_a_sparse_grid_which_is_told_and_snapped_on_request() {
         ],
     );
     bench.succeed(&format!("fit set --snap auto --out auto.lib {QUICK}"));
-    let told = said(&bench, &format!("fit set --snap 0.03 --out b.lib {QUICK}"));
+    bench.succeed(&format!("fit set --snap 0.03 --out share.lib {QUICK}"));
+    let told = said(&bench, &format!("fit set --out b.lib {QUICK}"));
     let library = |name: &str| std::fs::read(bench.path(name)).expect("written");
-    assert_eq!(library("auto.lib"), library("b.lib"));
+    for other in ["auto.lib", "share.lib"] {
+        assert_eq!(library(other), library("b.lib"));
+    }
     holds(
         &told,
         &[
@@ -498,7 +616,7 @@ fn what_a_table_holds_besides_is_named_with_line_column_and_separator() {
         (
             recording,
             "time_s,x\n0,1\n0.0002,2\n0.1,3\n0.1002,1\n",
-            &["line 4", "a gap of 0.0998"],
+            &["line 4", "a gap of 0.0998", "start_s"],
         ),
         (
             hand,

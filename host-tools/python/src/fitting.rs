@@ -28,12 +28,12 @@ pub enum OrderLike {
     Named(String),
 }
 
-/// The way in which measured values move: a share, or 'auto'.
+/// The way in which measured values move: a share, or a word.
 #[derive(FromPyObject)]
 pub enum SnapLike {
     /// A share.
     Within(f64),
-    /// The word 'auto'.
+    /// 'clear', 'auto' or 'none'.
     Named(String),
 }
 
@@ -53,19 +53,21 @@ fn snap_of(snap: SnapLike) -> PyResult<Snap> {
 /// frequency in Hz as text; `excitation` 'auto', 'residual' or 'gaussian';
 /// `modulation` 'auto', 'track' or 'none'; `lines` 'auto' or 'none'. `silence_floor_m_s2` is
 /// the RMS below which a recording is silent; `drop` names verdicts to leave out; `model_rate_hz` is 5000 or 10000;
-/// `snap` moves measured speeds and forces to nominal ones: by at most this share, or 'auto'; `strict` refuses a set in
-/// which triage finds anything. `progress(done, total)` counts recordings.
+/// `snap` moves measured speeds and forces to nominal ones: by at most this share, by 'clear' gaps, to the likeliest
+/// grid ('auto') or not ('none'); `strict` refuses a set in which triage finds anything. What moves is a warning.
+/// `progress(done, total)` counts recordings.
 ///
 /// Raises `StylusError` for the first recording that cannot be used, or a texture that no library holds.
 #[pyfunction]
 #[pyo3(signature = (
     recordings, *, order = OrderLike::Named("auto".into()), reduce = "pca", high_pass = "auto",
     silence_floor_m_s2 = SILENCE_FLOOR_M_S2, excitation = "auto", modulation = "auto",
-    drop = Several(Vec::new()), lines = "auto", model_rate_hz = SAMPLE_RATE_HZ, snap = None, strict = false,
+    drop = Several(Vec::new()), lines = "auto", model_rate_hz = SAMPLE_RATE_HZ, snap = SnapLike::Named("clear".into()),
+    strict = false,
     progress = None
 ), text_signature = "(recordings, *, order='auto', reduce='pca', high_pass='auto', \
     silence_floor_m_s2=0.001, excitation='auto', modulation='auto', drop=(), lines='auto', model_rate_hz=5000, \
-    snap=None, strict=False, progress=None)")]
+    snap='clear', strict=False, progress=None)")]
 #[expect(clippy::too_many_arguments, reason = "they are keywords")]
 pub fn fit<'py>(
     py: Python<'py>,
@@ -79,7 +81,7 @@ pub fn fit<'py>(
     drop: Several<String>,
     lines: &str,
     model_rate_hz: u32,
-    snap: Option<SnapLike>,
+    snap: SnapLike,
     strict: bool,
     progress: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyAny>> {
@@ -92,15 +94,13 @@ pub fn fit<'py>(
         drop: verdicts(drop.0)?,
         lines: choice("lines", lines)?,
         strict,
-        snap: snap.map(snap_of).transpose()?,
+        snap: snap_of(snap)?,
         sample_rate_hz: model_rate_hz,
     };
     options.check_rate().map_err(raised)?;
     let options = options.at_their_rate();
-    let mut set = crate::recording::recordings(recordings)?;
-    if let Some(snap) = options.snap {
-        set = set.snapped(snap).map_err(raised)?.0;
-    }
+    let set = crate::recording::recordings(recordings)?;
+    let (set, mut warnings) = set.snapped(options.snap).map_err(raised)?;
     let textures = set.by_texture().len();
     if textures > model_format::limits::MAX_TEXTURES {
         return Err(refused(format!(
@@ -115,7 +115,7 @@ pub fn fit<'py>(
         let record = FitRecord::of(&set, &options, &bytes)?.with_account_of(&found);
         Ok((found, bytes, record))
     })?;
-    let warnings: Vec<String> = found.warnings().iter().map(ToString::to_string).collect();
+    warnings.extend(found.warnings().iter().map(ToString::to_string));
     for warning in &warnings {
         warn(py, warning)?;
     }

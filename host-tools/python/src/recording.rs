@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use host_tools::recording::freehand::{self, GridAxis, Options};
 use host_tools::recording::{
-    self, Assumed, HeldSamples, NOMINAL_FORCE_N, NOMINAL_SPEED_MM_S, RecordingSet, Trial,
+    self, Assumed, HeldSamples, NOMINAL_FORCE_N, NOMINAL_SPEED_MM_S, RecordingSet, TimeUnit, Trial,
     texture_fault,
 };
 use host_tools::rig::{RigFile, simulate_to_folder};
@@ -18,7 +18,9 @@ use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PySequence;
 
-use crate::convert::{Several, array, channels, conditioning, not_negative, positive, table};
+use crate::convert::{
+    Several, array, channels, choice, conditioning, not_negative, positive, table,
+};
 use crate::error::{raised, refused, warn};
 use crate::hatt::Paths;
 
@@ -67,16 +69,21 @@ impl Recording {
             start_s,
             duration_s,
             sample_rate_hz: None,
+            time_unit: None,
+            has_even_times: false,
             provenance: provenance(simulated),
             held: Some(Arc::new(held)),
         })
     }
 
-    /// A recording in a WAV or CSV file. `sample_rate_hz` is that of a CSV file without a time column.
+    /// A recording in a WAV or CSV file. `sample_rate_hz` is that of a CSV file without times that can be used;
+    /// `time_unit` is 's', 'ms', 'us' or 'ns', by default as the column's name or its steps say; `even_times` takes
+    /// samples as even, whatever their times say.
     #[staticmethod]
     #[pyo3(signature = (
         path, *, texture = None, speed_mm_s = 100.0, force_n = 1.0, scale_m_s2 = None,
-        start_s = 0.0, duration_s = None, sample_rate_hz = None, simulated = false
+        start_s = 0.0, duration_s = None, sample_rate_hz = None, time_unit = None, even_times = false,
+        simulated = false
     ))]
     #[expect(clippy::too_many_arguments, reason = "they are keywords")]
     fn from_file(
@@ -88,6 +95,8 @@ impl Recording {
         start_s: f64,
         duration_s: Option<f64>,
         sample_rate_hz: Option<f64>,
+        time_unit: Option<&str>,
+        even_times: bool,
         simulated: bool,
     ) -> PyResult<Self> {
         if let Err(source) = std::fs::metadata(&path) {
@@ -104,6 +113,8 @@ impl Recording {
             start_s,
             duration_s,
             sample_rate_hz,
+            time_unit: unit_of(time_unit)?,
+            has_even_times: even_times,
             provenance: provenance(simulated),
             held: None,
         })
@@ -234,7 +245,8 @@ fn checked(trial: Trial) -> PyResult<Recording> {
 /// A set of recordings: a folder with `trials.csv`, a list of any name, WAV or CSV files, or `Recording`s.
 ///
 /// The keywords say what files do not: `duration_s` and `scale_m_s2` where a list gives none, `sample_rate_hz` (Hz) of
-/// CSV files without a time column, `speed_mm_s` and `force_n` of files without a list.
+/// CSV files without times that can be used, `time_unit` ('s', 'ms', 'us' or 'ns') and `even_times` of CSV files with
+/// times, `speed_mm_s` and `force_n` of files without a list.
 #[pyclass(frozen, sequence, module = "stylus_haptics")]
 pub struct Recordings(pub RecordingSet);
 
@@ -242,13 +254,16 @@ pub struct Recordings(pub RecordingSet);
 impl Recordings {
     #[new]
     #[pyo3(signature = (
-        source, *, duration_s = None, sample_rate_hz = None, scale_m_s2 = None, speed_mm_s = 100.0,
-        force_n = 1.0
+        source, *, duration_s = None, sample_rate_hz = None, time_unit = None, even_times = false,
+        scale_m_s2 = None, speed_mm_s = 100.0, force_n = 1.0
     ))]
+    #[expect(clippy::too_many_arguments, reason = "they are keywords")]
     fn new(
         source: &Bound<'_, PyAny>,
         duration_s: Option<f64>,
         sample_rate_hz: Option<f64>,
+        time_unit: Option<&str>,
+        even_times: bool,
         scale_m_s2: Option<f64>,
         speed_mm_s: f64,
         force_n: f64,
@@ -265,6 +280,8 @@ impl Recordings {
         let assumed = Assumed {
             duration_s,
             sample_rate_hz,
+            time_unit: unit_of(time_unit)?,
+            even_times,
             scale_m_s2,
             speed_mm_s,
             force_n,
@@ -299,6 +316,11 @@ impl Recordings {
             self.0.textures().join(", ")
         )
     }
+}
+
+/// The unit of times by its name.
+fn unit_of(name: Option<&str>) -> PyResult<Option<TimeUnit>> {
+    name.map(|name| choice("time_unit", name)).transpose()
 }
 
 /// The set that an argument stands for.

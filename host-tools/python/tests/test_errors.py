@@ -71,6 +71,8 @@ def test_other_failures_are_the_commands_line(command, folder, call, words):
         (lambda s: sh.fit("x", order=401), "400"),
         (lambda s: sh.fit("x", drop=["loud"]), "clipped"),
         (lambda s: sh.fit("x", snap=0.5), "0.25"),
+        (lambda s: sh.fit("x", snap="clearly"), "clear, auto or none"),
+        (lambda s: sh.Recordings("x", time_unit="min"), "'ms'"),
         (lambda s: sh.fit("x", model_rate_hz=8000), "8000"),
         (lambda s: sh.Motion([0, 1, 1], 1, 1), "row 3"),
         (lambda s: sh.Motion([0, 1], [1, 2, 3], 1), "speed_mm_s"),

@@ -118,15 +118,21 @@ pub struct Options {
     /// Refuse a set if triage finds anything
     #[arg(long)]
     pub strict: bool,
-    /// Move measured speeds and forces to nominal ones: by at most this share, such as 0.05, or auto, to the grid that
-    /// each texture's values fall into [default: none moves]
+    /// Move measured speeds and forces to nominal ones: by at most this share, such as 0.05; clear, to the grid that
+    /// each texture's values fall into if gaps beside each value are three times its width; auto, to the likeliest
+    /// grid; or none
     // They move before the fit, which takes the set as it is given.
-    #[arg(long, value_name = "SHARE|auto")]
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub snap: Option<Snap>,
+    #[arg(long, value_name = "SHARE|clear|auto|none", default_value_t)]
+    #[serde(default = "kept")]
+    pub snap: Snap,
     /// Sample rate of the models, Hz: 5000, or 10000 from recordings of that rate or above
     #[arg(id = "model_rate", long = "model-rate", value_name = "HZ", default_value_t = SAMPLE_RATE_HZ)]
     pub sample_rate_hz: u32,
+}
+
+/// What a record without a choice stands for: every value stays.
+fn kept() -> Snap {
+    Snap::NONE
 }
 
 /// The rate of `rate_hz` samples per second.
@@ -197,7 +203,7 @@ impl Default for Options {
             drop: Vec::new(),
             lines: Lines::Auto,
             strict: false,
-            snap: None,
+            snap: Snap::default(),
             sample_rate_hz: SAMPLE_RATE_HZ,
         }
     }

@@ -167,10 +167,7 @@ impl FitRecord {
     /// # Errors
     /// See [`RecordingSet::snapped`].
     pub fn as_fitted(&self, set: RecordingSet) -> Result<RecordingSet> {
-        match self.options.snap {
-            Some(snap) => Ok(set.snapped(snap)?.0),
-            None => Ok(set),
-        }
+        Ok(set.snapped(self.options.snap)?.0)
     }
 
     /// The record as text.

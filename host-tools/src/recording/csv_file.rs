@@ -1,10 +1,13 @@
-//! Recordings as CSV: one to three columns of samples, and optionally `time_s`, which gives the sample rate.
+//! Recordings as CSV: one to three columns of samples, and optionally one of times, which gives the sample rate.
 
 use std::path::Path;
 
 use super::rate::{MAX_FRAMES, length_fault, rate_fault};
 use super::source::{Cut, Integers, MAX_CHANNELS, Source};
-use super::uneven::{LARGEST_DEVIATION, Steps, are_even};
+use super::stamps::{self, Clock};
+use super::time_unit::TimeColumn;
+use super::trial::Trial;
+use super::uneven::LARGEST_DEVIATION;
 use super::unit;
 use crate::support::csv_table::{CsvTable, Header, Row, TABLE};
 use crate::support::error::{Error, Result};
@@ -12,9 +15,8 @@ use crate::support::error::{Error, Result};
 /// Column of the time of each sample, s.
 const TIME_COLUMN: &str = "time_s";
 
-/// Names of columns that hold a time, in lower case, without a unit: in seconds, as the bounds of rates tell, because
-/// milliseconds would be a rate a thousand times too low.
-const TIME_NAMES: [&str; 4] = ["time", "t", "timestamp", "zeit"];
+/// First words of names that may be those of a time.
+const TIME_WORDS: [&str; 4] = ["time", "t", "timestamp", "zeit"];
 
 /// Columns of a free hand's recording.
 const MOTION_COLUMNS: [&str; 2] = ["speed_mm_s", "force_n"];
@@ -25,27 +27,29 @@ const COUNTER_NAMES: [&str; 3] = ["index", "sample", "frame"];
 /// Fewest values from which a column without a name is taken for times.
 const LEAST_TIMES: usize = 8;
 
-/// Reads the part of a CSV file within `cut`.
+/// Reads the part of the CSV file of `trial` within `cut`.
 ///
-/// A first line with a field that is not a number is a header. Without a column `time_s`, `sample_rate_hz` must be
-/// given.
-pub(super) fn read(path: &Path, cut: &Cut, sample_rate_hz: Option<f64>) -> Result<Source> {
+/// A first line with a field that is not a number is a header. Without a column of times, the trial must have a sample
+/// rate.
+pub(super) fn read(trial: &Trial, cut: &Cut) -> Result<Source> {
+    let path = trial.file.as_path();
+    let given = trial.sample_rate_hz;
+    let fault = given.and_then(|hz| rate_fault(hz, "mend sample_rate_hz, or give --sample-rate"));
+    if let Some(fault) = fault {
+        return Err(Error::file(path, fault));
+    }
     // Regular files alone, because a recording is read again: for its kind, and for the hash of its bytes.
     TABLE.open(path)?;
-    read_table(&CsvTable::read(path, TABLE)?, cut, sample_rate_hz)
+    read_table(&CsvTable::read(path, TABLE)?, trial, cut)
 }
 
-/// Reads the part of a `table` within `cut`, as [`read`] does that of a file.
-pub(super) fn read_table(
-    table: &CsvTable,
-    cut: &Cut,
-    sample_rate_hz: Option<f64>,
-) -> Result<Source> {
+/// Reads the part of a `table` of `trial` within `cut`, as [`read`] does that of a file.
+pub(super) fn read_table(table: &CsvTable, trial: &Trial, cut: &Cut) -> Result<Source> {
     let path = table.path();
     let mut rows = table.rows()?;
     let mut columns: Vec<Vec<f64>> = Vec::new();
     let mut names: Option<Header<'_>> = None;
-    let mut time_column = None;
+    let mut times = Vec::new();
     // A second line of the header, as oscilloscopes write it.
     let mut units: Vec<String> = Vec::new();
     while let Some(row) = rows.next_row()? {
@@ -54,10 +58,10 @@ pub(super) fn read_table(
             if is_header {
                 refuse_numbers_in_header(&row, table)?;
                 let header = table.header()?;
-                time_column = self::time_column(&header)?;
+                times = time_columns(&header)?;
                 names = Some(header);
             }
-            refuse_other_widths(table, row.width(), time_column.is_some())?;
+            refuse_other_widths(table, row.width(), times.len())?;
             columns.resize(row.width(), Vec::new());
             if is_header {
                 continue;
@@ -80,64 +84,67 @@ pub(super) fn read_table(
         }
     }
     if columns.is_empty() {
-        refuse_other_widths(table, 0, false)?;
+        refuse_other_widths(table, 0, 0)?;
     }
-    let time = time_column.map(|index| columns.remove(index));
     if names.is_none() {
         refuse_times_without_a_name(path, &columns)?;
     }
-    let mut with_units = names_with_units(names.as_ref(), &units, time_column);
-    with_units.resize(columns.len(), String::new());
+    let mut with_units = names_with_units(names.as_ref(), &units, &times);
+    with_units.resize(columns.len() - times.len(), String::new());
     let stated = unit::stated(&with_units, &table.comments()?);
-    let integers = counts(&columns).or(stated.counts());
-    let rate_hz = rate_hz(table, time.as_deref(), sample_rate_hz)?;
-    let (first, end) = cut.frames(rate_hz);
-    let mut times_s = time.filter(|times| rate_hz.fract() != 0.0 || !are_even(times));
-    for column in columns.iter_mut().chain(&mut times_s) {
-        column.truncate(end);
-        column.drain(..first.min(column.len()));
-    }
-    let kept = columns.first().map_or(0, Vec::len);
+    let source = match TimeColumn::best(&times) {
+        Some(time) => by_times(table, trial, cut, columns, &times, time)?,
+        None => without_times(trial, columns, cut)?,
+    };
+    let kept = source.channels.first().map_or(0, Vec::len);
     if let Some(fault) = length_fault(kept as f64) {
         return Err(Error::file(path, fault));
     }
     Ok(Source {
-        rate_hz,
-        first_frame: first,
-        channels: columns,
-        times_s,
-        truncation: None,
+        integers: counts(&source.channels).or(stated.counts()),
         stated,
-        integers,
-        remarks: Vec::new(),
+        ..source
     })
 }
 
-/// The sample rate of a `table` with these times, or as it is given, Hz.
-fn rate_hz(table: &CsvTable, time: Option<&[f64]>, given: Option<f64>) -> Result<f64> {
-    let path = table.path();
-    let rate_hz = match (time, given) {
-        (Some(time), _) => near_whole(rate_of(table, TIME_COLUMN, time, Steps::hold)?),
-        (None, Some(rate_hz)) => rate_hz,
-        (None, None) => {
-            let problem = "has no sample rate: add a column 'time_s' to it, or a column 'sample_rate_hz' to \
-                           trials.csv, or give --sample-rate";
-            return Err(Error::file(path, problem));
-        }
+/// The part of `columns` within `cut` at the times of the column `time`, without any of the columns of `times`.
+fn by_times(
+    table: &CsvTable,
+    trial: &Trial,
+    cut: &Cut,
+    mut columns: Vec<Vec<f64>>,
+    times: &[TimeColumn],
+    time: &TimeColumn,
+) -> Result<Source> {
+    let clock = Clock {
+        column: &time.name,
+        unit: trial.time_unit.or(time.unit),
+        is_even: trial.has_even_times,
+        rate_hz: trial.sample_rate_hz,
     };
-    let remedy =
-        "mend sample_rate_hz, or give --sample-rate; a column 'time_s' or 'time' holds seconds";
-    if let Some(fault) = rate_fault(rate_hz, remedy) {
-        return Err(Error::file(path, fault));
+    let own = std::mem::take(&mut columns[time.index]);
+    // From the last on, so that the others keep their places.
+    for time in times.iter().rev() {
+        columns.remove(time.index);
     }
-    Ok(rate_hz)
+    stamps::source(table, &clock, &own, columns, cut)
+}
+
+/// The part of `columns` within `cut`, at the sample rate of `trial`.
+fn without_times(trial: &Trial, columns: Vec<Vec<f64>>, cut: &Cut) -> Result<Source> {
+    let Some(rate_hz) = trial.sample_rate_hz else {
+        let problem = "has no sample rate: add a column 'time_s' to it, or a column 'sample_rate_hz' to trials.csv, or \
+                       give --sample-rate";
+        return Err(Error::file(&trial.file, problem));
+    };
+    Ok(stamps::even(rate_hz, columns, cut))
 }
 
 /// Names of the columns of samples, with the `units` of a second line below them, if there is one.
 fn names_with_units(
     names: Option<&Header<'_>>,
     units: &[String],
-    time: Option<usize>,
+    times: &[TimeColumn],
 ) -> Vec<String> {
     let units = units
         .iter()
@@ -148,7 +155,7 @@ fn names_with_units(
         .flat_map(Header::names)
         .zip(units)
         .enumerate();
-    let samples = names.filter(|(index, _)| Some(*index) != time);
+    let samples = names.filter(|(index, _)| times.iter().all(|time| time.index != *index));
     samples
         .map(|(_, (name, unit))| format!("{name} [{}]", unit::bare(unit)))
         .collect()
@@ -162,9 +169,9 @@ fn counts(columns: &[Vec<f64>]) -> Option<Integers> {
 }
 
 /// Refuses a table of another number of columns of samples than a recording has.
-fn refuse_other_widths(table: &CsvTable, width: usize, has_times: bool) -> Result<()> {
-    let problem = match width - usize::from(has_times) {
-        0 if has_times => "has times alone: add a column of samples for each axis".to_owned(),
+fn refuse_other_widths(table: &CsvTable, width: usize, times: usize) -> Result<()> {
+    let problem = match width - times {
+        0 if times > 0 => "has times alone: add a column of samples for each axis".to_owned(),
         0 => "is empty: give a row for each sample".to_owned(),
         1..=MAX_CHANNELS => return Ok(()),
         count => format!(
@@ -176,22 +183,26 @@ fn refuse_other_widths(table: &CsvTable, width: usize, has_times: bool) -> Resul
     Err(Error::file(table.path(), problem))
 }
 
-/// Returns the index of the column of times, after a check that every other column can be an axis.
-fn time_column(names: &Header<'_>) -> Result<Option<usize>> {
+/// Returns the columns of times, after a check that every other column can be an axis.
+fn time_columns(names: &Header<'_>) -> Result<Vec<TimeColumn>> {
+    // It has one column of this name.
+    names.column(TIME_COLUMN)?;
+    let mut times = Vec::new();
     for (index, name) in names.names().enumerate() {
+        if let Some(time) = TimeColumn::named(index, name) {
+            times.push(time);
+            continue;
+        }
         let lower = name.to_lowercase();
         let stem = lower.split(['_', ' ', '[', '(']).next().unwrap_or_default();
         let problem = if MOTION_COLUMNS.contains(&name) {
             format!(
                 "has a column '{name}': cut a free hand's recording with 'stylus segment' first"
             )
-        } else if name != TIME_COLUMN && TIME_NAMES.contains(&stem) && lower.contains("ms") {
+        } else if TIME_WORDS.contains(&stem) && lower != stem {
             format!(
-                "has a column '{name}': divide it by 1000 and name it '{TIME_COLUMN}', or remove it"
-            )
-        } else if name != TIME_COLUMN && TIME_NAMES.contains(&stem) && lower != stem {
-            format!(
-                "has a column '{name}': name it '{TIME_COLUMN}' if it is the time in seconds, or remove it"
+                "has a column '{name}': name it 'time' or, with its unit, such as '{TIME_COLUMN}' or 'time_ms' if it \
+                 is the time, or remove it"
             )
         } else if COUNTER_NAMES.contains(&stem) && names.width() > 1 {
             format!(
@@ -207,19 +218,7 @@ fn time_column(names: &Header<'_>) -> Result<Option<usize>> {
         };
         return Err(names.error(problem));
     }
-    let is_time = |name: &str| TIME_NAMES.contains(&name.to_lowercase().as_str());
-    let bare = names.names().position(is_time);
-    Ok(names.column(TIME_COLUMN)?.or(bare))
-}
-
-/// The whole rate next to `rate_hz`, if it is close: times are often printed with few digits.
-fn near_whole(rate_hz: f64) -> f64 {
-    let whole = rate_hz.round();
-    if (rate_hz / whole - 1.0).abs() < 1e-3 {
-        whole
-    } else {
-        rate_hz
-    }
+    Ok(times)
 }
 
 /// Refuses a header that is a line of numbers with one that cannot be read.
@@ -262,115 +261,4 @@ fn refuse_times_without_a_name(path: &Path, columns: &[Vec<f64>]) -> Result<()> 
         return Err(Error::file(path, problem));
     }
     Ok(())
-}
-
-/// Returns the sample rate of the times in `column` of `table`, one per row below its header, in Hz.
-///
-/// # Errors
-/// Fewer than two times; a time that does not rise, or a gap, with its line.
-pub(super) fn rate_of(
-    table: &CsvTable,
-    column: &str,
-    times: &[f64],
-    hold: impl Fn(&Steps, f64) -> bool,
-) -> Result<f64> {
-    let path = table.path();
-    let (Some(first), Some(last)) = (times.first(), times.last()) else {
-        return Err(Error::file(path, "holds no samples"));
-    };
-    if times.len() == 1 {
-        let problem = "holds one sample, whose time tells no sample rate: record for longer";
-        return Err(Error::file(path, problem));
-    }
-    let steps = Steps::of(times);
-    let bad = |pair: &[f64]| !hold(&steps, pair[1] - pair[0]);
-    if let Some(index) = times.windows(2).position(bad) {
-        let problem = step_fault(column, times[index], times[index + 1], steps.usual_s);
-        return Err(Error::line(path, table.line_of_row(index + 2), problem));
-    }
-    let step = (last - first) / (times.len() - 1) as f64;
-    if !step.is_finite() {
-        let problem = format!("its column '{column}' does not hold seconds");
-        return Err(Error::file(path, problem));
-    }
-    Ok(1.0 / step)
-}
-
-/// The problem of a step from `before` to `time`, s, where steps are `usual`, in words.
-fn step_fault(column: &str, before: f64, time: f64, usual: f64) -> String {
-    let step = time - before;
-    if step > 0.0 && step.is_finite() && usual > 0.0 {
-        let (kind, remedy) = if step > usual {
-            (
-                "a gap",
-                "times must rise in even steps; cut the file there, or record it again",
-            )
-        } else {
-            ("a short step", "resample it to even steps first")
-        };
-        format!(
-            "{column} is {time} after {before}: {kind} of {step:.6} s where lines are {usual:.6} s apart; {remedy}"
-        )
-    } else if step == 0.0 {
-        format!(
-            "{column} is {time} as in the line before: write times with more digits, or remove the line"
-        )
-    } else {
-        format!(
-            "{column} is {time} after {before}: times must rise in even steps; cut the file there"
-        )
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::support::holds;
-    use proptest::prelude::*;
-    use std::path::Path;
-
-    fn rate(times: &[f64]) -> Result<f64> {
-        let mut text = String::from("# x\ntime_s,x\n");
-        for time in times {
-            text += &format!("{time},1\n");
-        }
-        let table = CsvTable::of(Path::new("a.csv"), text).unwrap();
-        rate_of(&table, "time_s", times, Steps::hold)
-    }
-
-    proptest! {
-        #[test]
-        fn a_gap_and_a_step_back_are_named_with_their_line(
-            at in 1usize..999, step_s in 1e-5..0.1f64, share in prop::sample::select(vec![-40.0, -1.0, 0.6, 30.0, 0.0]),
-        ) {
-            let mut times: Vec<f64> = (0..1000).map(|n| step_s * f64::from(n)).collect();
-            prop_assert!((rate(&times).unwrap() * step_s - 1.0).abs() < 1e-6);
-            // A step of zero is a line that repeats its time.
-            let off = if share == 0.0 { -step_s } else { share * step_s };
-            times[at..].iter_mut().for_each(|time| *time += off);
-            if share == 0.0 {
-                times[at] = times[at - 1];
-            }
-            let message = rate(&times).unwrap_err().to_string();
-            let words = [(-40.0, "must rise"), (-1.0, ""), (0.6, "a gap"), (30.0, "a gap"), (0.0, "")];
-            let word = words.iter().find(|(of, _)| *of == share).map_or("", |(_, word)| word);
-            prop_assert!(message.contains(&format!("line {}:", at + 3)), "{}", message);
-            prop_assert!(message.contains(word), "{}", message);
-        }
-    }
-
-    #[test]
-    fn times_that_tell_no_rate_are_refused() {
-        for times in [
-            &[][..],
-            &[1.0],
-            &[0.0, 0.0, 0.0],
-            &[0.0, f64::NAN],
-            &[0.0, f64::INFINITY],
-        ] {
-            assert!(rate(times).is_err(), "{times:?}");
-        }
-        let message = rate(&[0.0, 0.001, 0.001, 0.002]).unwrap_err();
-        holds(&message, &["line 5", "more digits"]);
-    }
 }

@@ -1,5 +1,6 @@
 //! Samples of a recording that a program holds in memory, in place of a file.
 
+use super::defects::Timing;
 use super::rate::{length_fault, rate_fault};
 use super::source::{Cut, Integers, MAX_CHANNELS, Source};
 use super::unit::Stated;
@@ -89,6 +90,7 @@ impl HeldSamples {
             stated: Stated::default(),
             integers: self.are_integers.then_some(Integers::OfFullScale),
             remarks: Vec::new(),
+            timing: Timing::default(),
         }
     }
 }

@@ -7,12 +7,16 @@ use model_format::SAMPLE_RATE_HZ;
 use super::defects::Defects;
 use super::kind::{Kind, conversion, ending};
 use super::lvm::{self, LabView};
+use super::polled::polled;
 use super::rate::length_fault;
 use super::source::{Account, Cut, Samples, Source};
 use super::trial::Trial;
 use super::{csv_file, resample, uneven, wav};
 use crate::dsp::sums::sum;
 use crate::support::error::{Error, Result};
+
+/// Largest share by which a rate is taken for the whole number next to it.
+const NEAR_WHOLE: f64 = 5e-4;
 
 /// Reads the samples of `trial`: one to three axes at [`SAMPLE_RATE_HZ`], in m/s².
 ///
@@ -37,7 +41,7 @@ pub fn read_at(trial: &Trial, model_rate_hz: u32) -> Result<Samples> {
         Some(held) => held.source(&cut),
         None => from_file(trial, &cut)?,
     };
-    let mut axes = source.channels;
+    let (mut axes, mut times_s) = (source.channels, source.times_s);
     if axes.first().is_none_or(Vec::is_empty) {
         let problem = format!(
             "holds no samples after {} s: give an earlier start_s",
@@ -47,10 +51,24 @@ pub fn read_at(trial: &Trial, model_rate_hz: u32) -> Result<Samples> {
     }
     check_finite(path, &axes, source.first_frame)?;
     let mut rate_hz = source.rate_hz;
-    let mut defects = Defects::of(&axes, rate_hz);
-    defects.truncation = source.truncation;
-    if let Some(times) = &source.times_s {
-        rate_hz = rate_hz.round();
+    let polled = polled(&axes, rate_hz);
+    let read_at_hz = polled.is_some().then_some(rate_hz);
+    if let Some(sensor) = polled {
+        (axes, rate_hz, times_s) = (sensor.channels, sensor.rate_hz, None);
+    }
+    let defects = Defects {
+        truncation: source.truncation,
+        timing: source.timing,
+        read_at_hz,
+        ..Defects::of(&axes, rate_hz)
+    };
+    let whole_hz = rate_hz.round();
+    if times_s.is_none() && (rate_hz / whole_hz - 1.0).abs() > NEAR_WHOLE {
+        let frames = 0..axes[0].len();
+        times_s = Some(frames.map(|n| n as f64 / rate_hz).collect());
+    }
+    rate_hz = whole_hz;
+    if let Some(times) = &times_s {
         axes = uneven::evened(&axes, times, rate_hz);
     }
     if (rate_hz - f64::from(model_rate_hz)).abs() > 0.0 {
@@ -94,14 +112,18 @@ fn from_file(trial: &Trial, cut: &Cut) -> Result<Source> {
                 truncation,
                 remarks,
             } = lvm::read(path)?;
-            let source = csv_file::read_table(&table, cut, trial.sample_rate_hz.or(rate_hz))?;
+            let trial = Trial {
+                sample_rate_hz: trial.sample_rate_hz.or(rate_hz),
+                ..trial.clone()
+            };
+            let source = csv_file::read_table(&table, &trial, cut)?;
             Ok(Source {
                 truncation,
                 remarks,
                 ..source
             })
         }
-        Some(Kind::Table) => csv_file::read(path, cut, trial.sample_rate_hz),
+        Some(Kind::Table) => csv_file::read(trial, cut),
         None => {
             // A mistyped name is reported as a missing file, not as a file of an unknown kind.
             std::fs::metadata(path).map_err(Error::io("read", path))?;
@@ -149,19 +171,12 @@ fn at_model_rate(
     rate_hz: f64,
     model_rate_hz: u32,
 ) -> Result<Vec<Vec<f64>>> {
-    let whole = rate_hz.round();
-    if (rate_hz - whole).abs() > 1e-9 * rate_hz || whole < 1.0 || whole > f64::from(u32::MAX) {
-        let problem = format!(
-            "a sample rate of {rate_hz} Hz is not a whole number of hertz: resample it first"
-        );
-        return Err(Error::file(path, problem));
-    }
     let frames = axes.first().map_or(0, Vec::len);
-    if let Some(fault) = length_fault(frames as f64 * f64::from(model_rate_hz) / whole) {
+    if let Some(fault) = length_fault(frames as f64 * f64::from(model_rate_hz) / rate_hz) {
         let problem = format!("at {model_rate_hz} Hz it has {fault}");
         return Err(Error::file(path, problem));
     }
-    Ok(resample::resample(axes, whole as u32, model_rate_hz))
+    Ok(resample::resample(axes, rate_hz as u32, model_rate_hz))
 }
 
 #[cfg(test)]

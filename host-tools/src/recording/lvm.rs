@@ -332,6 +332,7 @@ fn number(field: &str) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::recording::Trial;
     use crate::recording::csv_file::read_table;
     use crate::recording::source::{Cut, Source};
     use crate::support::holds;
@@ -376,7 +377,11 @@ mod tests {
             start_s: 0.0,
             duration_s: f64::INFINITY,
         };
-        Ok((read_table(&own.table, &cut, own.rate_hz)?, own))
+        let trial = Trial {
+            sample_rate_hz: own.rate_hz,
+            ..Trial::of(path, "felt", 100.0, 1.0)
+        };
+        Ok((read_table(&own.table, &trial, &cut)?, own))
     }
 
     #[test]

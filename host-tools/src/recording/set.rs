@@ -7,6 +7,7 @@ use model_format::Provenance;
 
 use super::kind::Kind;
 use super::rate::rate_fault;
+use super::time_unit::TimeUnit;
 use super::trial::{NOMINAL_FORCE_N, NOMINAL_SPEED_MM_S, Trial};
 use super::unit::scale;
 use crate::support::csv_table::{CsvTable, Header, Row, TABLE};
@@ -23,9 +24,15 @@ pub struct Assumed {
     /// Duration of a trial whose list gives no duration_s, in seconds [default: to its end]
     #[arg(long = "duration", value_name = "S", value_parser = positive)]
     pub duration_s: Option<f64>,
-    /// Sample rate of CSV recordings without a time column, in hertz
+    /// Sample rate of CSV recordings without a column of times, or with times that cannot be used, in hertz
     #[arg(long = "sample-rate", value_name = "HZ", value_parser = positive)]
     pub sample_rate_hz: Option<f64>,
+    /// Unit of the times of CSV recordings [default: as in the column's name, or by their steps]
+    #[arg(long, value_enum, value_name = "UNIT")]
+    pub time_unit: Option<TimeUnit>,
+    /// Take the samples of CSV recordings as even, at the mean rate of their times or at --sample-rate
+    #[arg(long)]
+    pub even_times: bool,
     /// Acceleration of a sample of 1 (the full scale of a WAV's integers) of trials whose list gives no scale_m_s2: in
     /// m/s², or as a unit, such as g, mg, mm/s^2, or g/256 for 256 counts per g [default: by the header, or 1]
     #[arg(long = "scale", visible_alias = "unit", value_name = "M_S2", value_parser = scale)]
@@ -43,6 +50,8 @@ impl Default for Assumed {
         Self {
             duration_s: None,
             sample_rate_hz: None,
+            time_unit: None,
+            even_times: false,
             scale_m_s2: None,
             speed_mm_s: NOMINAL_SPEED_MM_S,
             force_n: NOMINAL_FORCE_N,
@@ -103,6 +112,8 @@ impl RecordingSet {
             trial.duration_s = trial.duration_s.or(assumed.duration_s);
             trial.scale_m_s2 = trial.scale_m_s2.or(assumed.scale_m_s2);
             trial.sample_rate_hz = trial.sample_rate_hz.or(assumed.sample_rate_hz);
+            trial.time_unit = trial.time_unit.or(assumed.time_unit);
+            trial.has_even_times |= assumed.even_times;
             if !set.is_listed {
                 trial.speed_mm_s = assumed.speed_mm_s;
                 trial.force_n = assumed.force_n;

@@ -9,6 +9,7 @@ use std::collections::HashSet;
 use std::fmt;
 use std::str::FromStr;
 
+use model_format::limits::MAX_AXIS_LEN;
 use serde::{Deserialize, Serialize};
 
 use super::set::RecordingSet;
@@ -21,16 +22,31 @@ use crate::support::number::tolerance;
 pub enum Snap {
     /// By at most this share of each.
     Within(f64),
-    /// To the grid that each texture's values fall into by their gaps.
-    ByGaps(ByGaps),
+    /// By the gaps between each texture's values.
+    By(Rule),
 }
 
-/// The word for [`Snap::ByGaps`].
+/// A rule by which gaps tell nominal values.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum ByGaps {
-    /// The grid that each texture's values fall into.
+pub enum Rule {
+    /// The grid that [`clear_grid`] finds, where the gaps leave no doubt.
+    Clear,
+    /// The grid that [`grid_by_gaps`] finds.
     Auto,
+    /// None: every value stays.
+    None,
+}
+
+impl Snap {
+    /// Every value stays.
+    pub const NONE: Self = Self::By(Rule::None);
+}
+
+impl Default for Snap {
+    fn default() -> Self {
+        Self::By(Rule::Clear)
+    }
 }
 
 impl FromStr for Snap {
@@ -38,10 +54,12 @@ impl FromStr for Snap {
 
     fn from_str(text: &str) -> std::result::Result<Self, String> {
         match text {
-            "auto" => Ok(Self::ByGaps(ByGaps::Auto)),
+            "clear" => Ok(Self::By(Rule::Clear)),
+            "auto" => Ok(Self::By(Rule::Auto)),
+            "none" => Ok(Self::NONE),
             _ => tolerance(text)
                 .map(Self::Within)
-                .map_err(|fault| format!("{fault}, or auto")),
+                .map_err(|fault| format!("{fault}, or clear, auto or none")),
         }
     }
 }
@@ -50,7 +68,9 @@ impl fmt::Display for Snap {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Within(share) => share.fmt(f),
-            Self::ByGaps(ByGaps::Auto) => f.write_str("auto"),
+            Self::By(Rule::Clear) => f.write_str("clear"),
+            Self::By(Rule::Auto) => f.write_str("auto"),
+            Self::By(Rule::None) => f.write_str("none"),
         }
     }
 }
@@ -66,6 +86,12 @@ const LEAST_RATIO: f64 = 1.5;
 
 /// Largest share by which a value moves to the middle of those that are near to it.
 const MOST: f64 = 0.25;
+
+/// The same where gaps leave no doubt.
+const MOST_CLEAR: f64 = 0.1;
+
+/// Least ratio of the gap beside values that are clearly one to their width.
+const CLEAR_GAP: f64 = 3.0;
 
 /// Digits of a number of double precision, at most.
 const MOST_DIGITS: usize = 17;
@@ -132,21 +158,109 @@ fn centre(cluster: &[f64], tolerance: f64) -> std::result::Result<f64, Spread> {
 pub fn grid_by_gaps(places: &[(f64, f64)]) -> Option<(Nominal, Nominal)> {
     let (speeds, forces): (Vec<f64>, Vec<f64>) = places.iter().copied().unzip();
     let (speeds, forces) = (cuts(&speeds), cuts(&forces));
-    let pairs = speeds
-        .iter()
-        .flat_map(|speed| forces.iter().map(move |force| (speed, force)));
-    let is_dense = |((_, speed), (_, force)): &(&(f64, Nominal), &(f64, Nominal))| {
-        let moved = places
-            .iter()
-            .map(|&(v, f)| (speed.of(v).to_bits(), force.of(f).to_bits()));
-        let measured = moved.collect::<HashSet<_>>().len();
-        2 * measured >= speed.values().len() * force.values().len()
-    };
-    let clearest = pairs.filter(is_dense).max_by(|a, b| {
-        let clear = |pair: &(&(f64, Nominal), &(f64, Nominal))| pair.0.0 * pair.1.0;
-        clear(a).total_cmp(&clear(b))
-    });
+    let dense = pairs(&speeds, &forces)
+        .filter(|((_, speed), (_, force))| density(places, speed, force) >= DENSE);
+    let clearest = dense.max_by(|a, b| (a.0.0 * a.1.0).total_cmp(&(b.0.0 * b.1.0)));
     clearest.map(|(speed, force)| (speed.1.clone(), force.1.clone()))
+}
+
+/// Least share of a grid's nodes that were measured.
+const DENSE: f64 = 0.5;
+
+/// Every one of `a` with every one of `b`.
+fn pairs<'a, T>(a: &'a [T], b: &'a [T]) -> impl Iterator<Item = (&'a T, &'a T)> {
+    a.iter().flat_map(move |a| b.iter().map(move |b| (a, b)))
+}
+
+/// Share of the nodes of the grid of these nominal values that were measured, at `places`.
+fn density(places: &[(f64, f64)], speeds: &Nominal, forces: &Nominal) -> f64 {
+    let moved = (places.iter()).map(|&(v, f)| (speeds.of(v).to_bits(), forces.of(f).to_bits()));
+    let measured = moved.collect::<HashSet<_>>().len();
+    measured as f64 / (speeds.values().len() * forces.values().len()) as f64
+}
+
+/// Finds the grid that measured speeds and forces, in pairs, clearly fall into: values that become one are narrower
+/// than a third of the gap beside them, and closer than a fifth. `None` if there is none, or if at least half of the
+/// nodes of the values as they are were measured: nothing is to be mended then.
+///
+/// An axis on which values occur twice on average is one of nominal values, and stays. Of several grids, the one with
+/// the largest share of measured nodes counts, then the finest.
+pub fn clear_grid(places: &[(f64, f64)]) -> Option<(Nominal, Nominal)> {
+    let (speeds, forces): (Vec<f64>, Vec<f64>) = places.iter().copied().unzip();
+    let (speeds, forces) = (clear_cuts(&speeds), clear_cuts(&forces));
+    // The first is that of all values as they are.
+    if density(places, &speeds[0], &forces[0]) >= DENSE {
+        return None;
+    }
+    let found = pairs(&speeds, &forces).map(|(speed, force)| {
+        let nodes = speed.values().len() * force.values().len();
+        (density(places, speed, force), nodes, (speed, force))
+    });
+    let best = found.max_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    let (_, _, (speed, force)) = best.filter(|(density, ..)| *density >= DENSE)?;
+    Some((speed.clone(), force.clone()))
+}
+
+/// The ways to take neighbouring `values` for one that their gaps make clear, from all as they are on.
+fn clear_cuts(values: &[f64]) -> Vec<Nominal> {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    sorted.dedup();
+    let as_they_are = Nominal {
+        moves: sorted.iter().map(|&value| (value, value)).collect(),
+    };
+    if 2 * sorted.len() <= values.len() {
+        return vec![as_they_are];
+    }
+    let gaps = log_gaps(&sorted);
+    let cut = |count: usize| {
+        let clusters = clusters(&sorted, &gaps, count);
+        let width = |cluster: &[f64]| cluster[cluster.len() - 1] - cluster[0];
+        let mut before = 0.0;
+        for (index, cluster) in clusters.iter().enumerate() {
+            let next = clusters
+                .get(index + 1)
+                .map_or(f64::INFINITY, |next| next[0]);
+            let last = cluster[cluster.len() - 1];
+            let gap = (cluster[0] - before).min(next - last);
+            // The product, because a single value may be zero.
+            let is_clear = CLEAR_GAP * width(cluster) < gap || cluster.len() == 1;
+            if !is_clear || width(cluster) > MOST_CLEAR * (cluster[0] + last) {
+                return None;
+            }
+            before = last;
+        }
+        Nominal::of_clusters(&clusters)
+    };
+    // No grid has more values.
+    let merged = (0..gaps.len().min(MAX_AXIS_LEN)).rev().filter_map(cut);
+    std::iter::once(as_they_are).chain(merged).collect()
+}
+
+/// Difference of two neighbouring values, as that of natural logarithms. Zero is rest or no contact, and near to
+/// nothing.
+fn log_gap(before: f64, after: f64) -> f64 {
+    if before > 0.0 {
+        (after / before).ln()
+    } else {
+        f64::MAX
+    }
+}
+
+/// The gaps between `sorted` values, the largest first.
+fn log_gaps(sorted: &[f64]) -> Vec<f64> {
+    let gaps = sorted.windows(2).map(|pair| log_gap(pair[0], pair[1]));
+    let mut gaps: Vec<f64> = gaps.collect();
+    gaps.sort_by(|a, b| b.total_cmp(a));
+    gaps
+}
+
+/// `sorted` values, cut at the `count` largest of their `gaps`.
+fn clusters<'a>(sorted: &'a [f64], gaps: &[f64], count: usize) -> Vec<&'a [f64]> {
+    let least = count
+        .checked_sub(1)
+        .map_or(f64::INFINITY, |last| gaps[last]);
+    sorted.chunk_by(|a, b| log_gap(*a, *b) < least).collect()
 }
 
 /// The ways to take neighbouring `values` for one, by cuts at the largest gaps, each with how clear it is.
@@ -154,36 +268,38 @@ fn cuts(values: &[f64]) -> Vec<(f64, Nominal)> {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
     sorted.dedup();
-    // Zero is rest or no contact, and near to nothing.
-    let gap = |pair: &[f64]| {
-        if pair[0] > 0.0 {
-            (pair[1] / pair[0]).ln()
-        } else {
-            f64::MAX
-        }
-    };
-    let mut gaps: Vec<f64> = sorted.windows(2).map(gap).collect();
-    gaps.sort_by(|a, b| b.total_cmp(a));
+    let gaps = log_gaps(&sorted);
     let cut = |count: usize| {
         let between = count.checked_sub(1).map_or(APART, |last| gaps[last]);
         let within = gaps.get(count).copied().unwrap_or(0.0);
         let clear = between / within.max(SCATTER);
-        let mut moves = Vec::with_capacity(sorted.len());
-        for cluster in sorted.chunk_by(|a, b| gap(&[*a, *b]) < between || *a >= *b) {
-            let (least, largest) = (cluster[0], cluster[cluster.len() - 1]);
-            let half = (largest - least) / (largest + least).max(f64::MIN_POSITIVE);
-            let to = centre(cluster, (1.5 * half).max(0.02)).ok()?;
-            if half > MOST {
-                return None;
-            }
-            moves.extend(cluster.iter().map(|&from| (from, to)));
+        if clear < LEAST_RATIO {
+            return None;
         }
-        (clear >= LEAST_RATIO).then_some((clear, Nominal { moves }))
+        Some((
+            clear,
+            Nominal::of_clusters(&clusters(&sorted, &gaps, count))?,
+        ))
     };
     (0..=gaps.len()).filter_map(cut).collect()
 }
 
 impl Nominal {
+    /// Each of `clusters`, ascending values, as one value; `None` if one of them is too wide.
+    fn of_clusters(clusters: &[&[f64]]) -> Option<Self> {
+        let mut moves = Vec::new();
+        for cluster in clusters {
+            let (least, largest) = (cluster[0], cluster[cluster.len() - 1]);
+            let half = (largest - least) / (largest + least).max(f64::MIN_POSITIVE);
+            if half > MOST {
+                return None;
+            }
+            let to = centre(cluster, (1.5 * half).max(0.02)).ok()?;
+            moves.extend(cluster.iter().map(|&from| (from, to)));
+        }
+        Some(Self { moves })
+    }
+
     /// The nominal value of `value`.
     pub fn of(&self, value: f64) -> f64 {
         let index = self.moves.partition_point(|&(from, _)| from < value);
@@ -243,7 +359,9 @@ impl RecordingSet {
                 .collect();
             let found = match snap {
                 Snap::Within(tolerance) => Some(within(&name, &places, tolerance)?),
-                Snap::ByGaps(ByGaps::Auto) => grid_by_gaps(&places),
+                Snap::By(Rule::Clear) => clear_grid(&places),
+                Snap::By(Rule::Auto) => grid_by_gaps(&places),
+                Snap::By(Rule::None) => None,
             };
             let Some((speeds, forces)) = found else {
                 continue;
@@ -352,7 +470,55 @@ mod tests {
         assert!(grid_by_gaps(&anywhere).is_none());
     }
 
+    /// Sizes of the grid that is clearly meant by `places`.
+    fn clear_size(places: &[(f64, f64)]) -> Option<(usize, usize)> {
+        clear_grid(places).map(|(speeds, forces)| (speeds.values().len(), forces.values().len()))
+    }
+
+    #[test]
+    fn only_a_sparse_grid_of_measured_values_with_clear_gaps_is_mended_unasked() {
+        let speeds = [25.0, 50.0, 100.0, 200.0];
+        let places = measured(&speeds, &[0.5, 1.0, 2.0], 0.05);
+        assert_eq!(clear_size(&places), Some((4, 3)));
+        // Values that were typed stay, however near to each other.
+        let typed = measured(&[50.0, 100.0, 105.0, 150.0], &[0.5, 1.0, 2.0], 0.0);
+        assert_eq!(clear_size(&typed), None);
+        let forces = measured(&[50.0, 100.0, 105.0, 150.0], &[0.5, 1.0, 2.0], 0.03);
+        let of_typed = typed.iter().zip(&forces);
+        let of_typed: Vec<_> = of_typed.map(|(typed, off)| (typed.0, off.1)).collect();
+        assert_eq!(clear_size(&of_typed), Some((4, 3)));
+        let near = measured(&[50.0, 100.0, 105.0, 150.0], &[0.5, 1.0, 2.0], 0.002);
+        assert_eq!(clear_size(&near), Some((4, 3)));
+        // Gaps of less than three widths, a line of places, and places in no grid.
+        assert_eq!(
+            clear_size(&measured(&[80.0, 100.0, 125.0], &[0.5, 1.0, 2.0], 0.09)),
+            None
+        );
+        assert_eq!(clear_size(&measured(&speeds, &[1.0], 0.0)), None);
+        let anywhere: Vec<_> = (1..30)
+            .map(|n| (f64::from(n), f64::from(n * 7 % 30)))
+            .collect();
+        assert_eq!(clear_size(&anywhere), None);
+    }
+
     proptest! {
+        #[test]
+        fn what_is_clearly_one_value_is_narrower_than_a_third_of_the_gap_beside_it(
+            places in prop::collection::vec((1.0..100.0f64, 0.1..2.0f64), 1..24),
+        ) {
+            let Some((speeds, forces)) = clear_grid(&places) else { return Ok(()) };
+            for found in [speeds, forces] {
+                let ends: Vec<(f64, f64)> = (found.moves.chunk_by(|a, b| a.1 == b.1))
+                    .map(|one| (one[0].0, one[one.len() - 1].0))
+                    .collect();
+                for pair in ends.windows(2) {
+                    let gap = pair[1].0 - pair[0].1;
+                    let widest = (pair[0].1 - pair[0].0).max(pair[1].1 - pair[1].0);
+                    prop_assert!(3.0 * widest < gap, "{:?}", pair);
+                }
+            }
+        }
+
         #[test]
         fn nothing_moves_farther_than_the_tolerance_and_the_order_stays(
             values in prop::collection::vec(prop_oneof![Just(0.0), 0.01..1e4f64, 99.0..101.0f64], 1..40),

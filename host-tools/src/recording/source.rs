@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::defects::{Defects, Truncation};
+use super::defects::{Defects, Timing, Truncation};
 use super::unit::Stated;
 use crate::support::bounded_file::{Limit, MIB};
 
@@ -52,6 +52,8 @@ pub struct Source {
     pub integers: Option<Integers>,
     /// What reading did beyond what the file says, a line each.
     pub remarks: Vec<String>,
+    /// What was wrong with the times.
+    pub timing: Timing,
 }
 
 /// Integers, whose acceleration no sample tells.

@@ -7,6 +7,7 @@ use model_format::Provenance;
 use model_format::limits::MAX_NAME_BYTES;
 
 use super::held::HeldSamples;
+use super::time_unit::TimeUnit;
 
 /// Length of a trial of the paper's protocol, s.
 pub const TRIAL_DURATION_S: f64 = 2.0;
@@ -53,8 +54,12 @@ pub struct Trial {
     pub start_s: f64,
     /// Longest duration of the used part, s; to the end of the file if not given.
     pub duration_s: Option<f64>,
-    /// Sample rate of a CSV file that has no time column, Hz.
+    /// Sample rate of a CSV file without times that can be used, Hz.
     pub sample_rate_hz: Option<f64>,
+    /// Unit of a CSV file's times; by their name or by their steps if not given.
+    pub time_unit: Option<TimeUnit>,
+    /// True if a CSV file's samples are even, whatever their times say.
+    pub has_even_times: bool,
     /// Origin of the samples: recorded or simulated.
     pub provenance: Provenance,
     /// Samples in memory, which are read in place of the file.
@@ -79,6 +84,8 @@ impl Trial {
             start_s: 0.0,
             duration_s: None,
             sample_rate_hz: None,
+            time_unit: None,
+            has_even_times: false,
             provenance: Provenance::Recorded,
             held: None,
         }

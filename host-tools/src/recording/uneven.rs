@@ -9,7 +9,7 @@ const POINTS: usize = 6;
 const MOST_STEPS: usize = 4096;
 
 /// Largest unevenness of steps that are meant to be even, as a share of the usual one.
-const EVEN: f64 = 0.05;
+pub(super) const EVEN: f64 = 0.05;
 
 /// Largest deviation of a single step from the usual one, as a share of it, where steps are meant to be even.
 pub(super) const LARGEST_DEVIATION: f64 = 0.5;

@@ -10,7 +10,7 @@ use symphonia::core::io::{MediaSourceStream, MediaSourceStreamOptions, ReadOnlyS
 use symphonia::default::codecs::PcmDecoder;
 use symphonia::default::formats::WavReader;
 
-use super::defects::Truncation;
+use super::defects::{Timing, Truncation};
 use super::rate::length_fault;
 use super::riff::{self, Wave};
 use super::source::{Cut, Integers, MAX_CHANNELS, Source};
@@ -109,6 +109,7 @@ pub(super) fn read(path: &Path, cut: &Cut) -> Result<Source> {
             .then(|| UNFINISHED.to_owned())
             .into_iter()
             .collect(),
+        timing: Timing::default(),
     })
 }
 

@@ -16,6 +16,7 @@ _Progress = Callable[[int, int], object]
 _Recordings = Union[_Path, Recording, Recordings, Sequence[Union[_Path, Recording]]]
 _LibraryLike = Union[_Path, Library, Fit, HattImport]
 _Design = Literal["abx", "similarity", "staircase"]
+_TimeUnit = Literal["s", "ms", "us", "ns"]
 _Reduction = Literal["pca", "dft321", "x", "y", "z"]
 
 __all__ = [
@@ -83,6 +84,8 @@ class Recording:
         start_s: float = 0.0,
         duration_s: float | None = None,
         sample_rate_hz: float | None = None,
+        time_unit: _TimeUnit | None = None,
+        even_times: bool = False,
         simulated: bool = False,
     ) -> Recording: ...
     @property
@@ -114,6 +117,8 @@ class Recordings:
         *,
         duration_s: float | None = None,
         sample_rate_hz: float | None = None,
+        time_unit: _TimeUnit | None = None,
+        even_times: bool = False,
         scale_m_s2: float | None = None,
         speed_mm_s: float = 100.0,
         force_n: float = 1.0,
@@ -135,7 +140,7 @@ def fit(
     drop: Sequence[str] = (),
     lines: Literal["auto", "none"] = "auto",
     model_rate_hz: int = 5000,
-    snap: float | Literal["auto"] | None = None,
+    snap: float | Literal["clear", "auto", "none"] = "clear",
     strict: bool = False,
     progress: _Progress | None = None,
 ) -> Fit: ...

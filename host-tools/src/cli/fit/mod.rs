@@ -107,12 +107,9 @@ fn fitted(set: &RecordingSet, options: &fit::Options, large: &LargeSet) -> Resul
 }
 
 /// The set with its speeds and forces moved to nominal ones, which is said.
-fn snapped(set: RecordingSet, snap: Option<Snap>) -> Result<RecordingSet> {
-    let Some(snap) = snap else {
-        return Ok(set);
-    };
+fn snapped(set: RecordingSet, snap: Snap) -> Result<RecordingSet> {
     let (set, moves) = set.snapped(snap)?;
-    if moves.is_empty() {
+    if moves.is_empty() && ![Snap::default(), Snap::NONE].contains(&snap) {
         note(&format!("no speed or force is moved by --snap {snap}"));
     }
     moves.iter().for_each(|moved| note(moved));

@@ -156,6 +156,7 @@ fn inputs(trial: &Trial) -> Result<impl Serialize + use<'_>> {
         trial.texture.as_str(),
         [trial.speed_mm_s, trial.force_n, trial.start_s],
         [trial.scale_m_s2, trial.duration_s, trial.sample_rate_hz],
+        (trial.time_unit, trial.has_even_times),
         trial.provenance == Provenance::Simulated,
     );
     Ok((

@@ -17,12 +17,6 @@ const SURROUNDINGS: usize = 64;
 /// Largest expected number of natural runs of a hold's length in a whole recording.
 const LARGEST_CHANCE: f64 = 1e-3;
 
-/// Most samples that a repetition of every value is looked for; 44.1 kHz from 1 kHz repeats 44 times.
-const MOST_REPEATS: usize = 64;
-
-/// Least share of the changes of value that come at the multiples of a repetition.
-const REPEATED_SHARE: f64 = 0.98;
-
 /// A stretch in which the value does not change.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hold {
@@ -93,30 +87,6 @@ fn is_unnatural(axis: &[f64], first: usize, end: usize) -> bool {
     axis.len() as f64 * p.powi((end - first) as i32 - 1) < LARGEST_CHANCE
 }
 
-/// Returns the number of times that every value of `axis` is repeated; 1 if it is not.
-pub(super) fn repeats(axis: &Axis<'_>) -> usize {
-    let (count, axis) = (axis.changes, axis.samples);
-    let densest = axis.len() / count.max(1);
-    if count < MOST_REPEATS || densest < 2 {
-        return 1;
-    }
-    let changes: Vec<usize> = (1..axis.len())
-        .filter(|&n| axis[n] != axis[n - 1])
-        .collect();
-    let aligned = |times: &usize| {
-        let mut phases = vec![0usize; *times];
-        changes
-            .iter()
-            .for_each(|change| phases[change % times] += 1);
-        let most = phases.into_iter().max().unwrap_or(0);
-        most as f64 >= REPEATED_SHARE * changes.len() as f64
-    };
-    (2..=MOST_REPEATS.min(densest))
-        .rev()
-        .find(aligned)
-        .unwrap_or(1)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -147,15 +117,5 @@ mod tests {
         assert!(!found[0].is_zero);
         stuck[4000..4020].fill(0.0);
         assert!(holds(&Axis::of(&stuck), 5000.0)[0].is_zero);
-    }
-
-    #[test]
-    fn repeated_values_are_counted() {
-        let clean = noise(2000, 1e6);
-        assert_eq!(repeats(&Axis::of(&clean)), 1);
-        for times in [2, 5, 44] {
-            let held: Vec<f64> = clean.iter().flat_map(|&x| vec![x; times]).collect();
-            assert_eq!(repeats(&Axis::of(&held)), times);
-        }
     }
 }

@@ -7,6 +7,7 @@ mod clipping;
 mod holds;
 mod spikes;
 
+use super::time_unit::TimeUnit;
 use axis::Axis;
 pub use clipping::Clip;
 pub use holds::Hold;
@@ -21,6 +22,32 @@ pub struct Truncation {
     pub held: u64,
 }
 
+/// Samples that are missing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Gap {
+    /// Start, s.
+    pub start_s: f64,
+    /// Duration, s.
+    pub seconds: f64,
+}
+
+/// What was wrong with the times of a file's samples.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Timing {
+    /// The unit that was taken for theirs, because it makes a rate that a recording can have.
+    pub guessed_unit: Option<TimeUnit>,
+    /// Number of rows that were taken out, because they repeat others.
+    pub joined_rows: usize,
+    /// Number of single samples that were missing and are interpolated.
+    pub lost: usize,
+    /// Number of samples, with those that were missing.
+    pub samples: usize,
+    /// Gaps, in the order of time.
+    pub gaps: Vec<Gap>,
+    /// Usual number of samples of a bunch, if they come in bunches.
+    pub bunch: Option<usize>,
+}
+
 /// Findings at the file's own rate.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Defects {
@@ -32,13 +59,15 @@ pub struct Defects {
     pub holds: Vec<Hold>,
     /// Single samples far off their neighbours, of all axes, in the order of time.
     pub spikes: Vec<Spike>,
-    /// Number of successive samples that are equal, on all axes: 1 unless every value is repeated.
-    pub repeats: usize,
+    /// The rate at which a sensor's values were read, Hz, if that was above its own, so that they are held.
+    pub read_at_hz: Option<f64>,
     /// Ratio of the signal's power to that of the round-off of its steps, on the best axis, dB; infinite for a
     /// constant.
     pub quantisation_snr_db: f64,
     /// Lengths, if the file ends before its header says.
     pub truncation: Option<Truncation>,
+    /// What was wrong with the times.
+    pub timing: Timing,
 }
 
 impl Defects {
@@ -66,12 +95,13 @@ impl Defects {
                 .collect(),
             holds,
             spikes,
-            repeats: axes.iter().map(holds::repeats).min().unwrap_or(1),
+            read_at_hz: None,
             quantisation_snr_db: axes
                 .iter()
                 .map(axis::snr_db)
                 .fold(f64::NEG_INFINITY, f64::max),
             truncation: None,
+            timing: Timing::default(),
         }
     }
 }

@@ -5,8 +5,8 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use crate::recording::csv_file;
-use crate::recording::uneven::Steps;
+use crate::recording::stamps::even_rate;
+use crate::recording::time_unit::{TimeColumn, TimeUnit};
 use crate::recording::unit;
 use crate::recording::{MAX_CHANNELS, RECORDING};
 use crate::recording::{MAX_FRAMES, rate_fault};
@@ -111,8 +111,9 @@ pub fn is_simulated(path: &Path) -> Result<bool> {
 }
 
 /// Reads a CSV file with the columns `speed_mm_s` and `force_n`, and one to three columns of accelerations, in units of
-/// `scale_m_s2`, or else of the header, or m/s². A column `time_s` is necessary unless `rate_hz` is given. Comments begin with `#`; a comment at the
-/// top that begins with SIMULATED marks the file as simulated.
+/// `scale_m_s2`, or else of the header, or m/s². A column of times, such as `time_s` or `time_ms`, is necessary unless
+/// `rate_hz` is given. Comments begin with `#`; a comment at the top that begins with SIMULATED marks the file as
+/// simulated.
 ///
 /// # Errors
 /// A file that cannot be read or lacks one of these columns, a field that is not a number, or too many outliers.
@@ -148,8 +149,8 @@ pub fn read(path: &Path, rate_hz: Option<f64>, scale_m_s2: Option<f64>) -> Resul
     while let Some(row) = rows.next_row()? {
         let line = row.line;
         let number = |index: usize| row.number(index);
-        if let Some(time) = time {
-            times.push(number(time)?);
+        if let Some((time, unit)) = time {
+            times.push(number(time)? / unit.per_second());
         }
         let mut bad = false;
         let mut keep = |index: usize, value: f64, limit: f64| {
@@ -211,7 +212,7 @@ fn refuse_too_many_outliers(path: &Path, recording: &Freehand) -> Result<()> {
 
 /// Indices of a file's columns.
 struct Columns {
-    time: Option<usize>,
+    time: Option<(usize, TimeUnit)>,
     speed: usize,
     force: usize,
     axes: Vec<usize>,
@@ -224,10 +225,17 @@ impl Columns {
             header.needed(SPEED, &expected)?,
             header.needed(FORCE, &expected)?,
         );
-        let time = header.column(TIME)?;
+        // It has one column of this name.
+        header.column(TIME)?;
+        let names = header.names().enumerate();
+        let times: Vec<TimeColumn> =
+            (names.filter_map(|(index, name)| TimeColumn::named(index, name))).collect();
+        let is_time = |index: &usize| times.iter().any(|time| time.index == *index);
         let axes: Vec<usize> = (0..header.width())
-            .filter(|index| ![Some(speed), Some(force), time].contains(&Some(*index)))
+            .filter(|index| ![speed, force].contains(index) && !is_time(index))
             .collect();
+        let time = TimeColumn::best(&times);
+        let time = time.map(|time| (time.index, time.unit.unwrap_or(TimeUnit::S)));
         if axes.is_empty() || axes.len() > MAX_CHANNELS {
             return Err(header.error(format!(
                 "{} columns of accelerations beside {SPEED}, {FORCE} and {TIME}: give 1 to {MAX_CHANNELS}",
@@ -252,7 +260,30 @@ fn rate_of(table: &CsvTable, times: &[f64], given: Option<f64>) -> Result<f64> {
         let problem = format!("has no sample rate: add a column '{TIME}', or give --sample-rate");
         return Err(Error::file(table.path(), problem));
     }
-    Ok(csv_file::rate_of(table, TIME, times, Steps::hold_even)?
-        .round()
-        .max(1.0))
+    Ok(even_rate(table, TIME, times)?.round().max(1.0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_in_any_unit_give_the_same_recording() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.csv");
+        let read_as = |header: &str, factor: u32| {
+            let rows = (0..500).map(|n| format!("{},{},100,1\n", factor * n, n % 7));
+            let text = format!(
+                "{header},x,speed_mm_s,force_n\n{}",
+                rows.collect::<String>()
+            );
+            std::fs::write(&path, text).unwrap();
+            read(&path, None, None).unwrap()
+        };
+        let in_ms = read_as("time_ms", 1);
+        assert_eq!((in_ms.rate_hz, in_ms.axes.len()), (1000.0, 1));
+        for (header, factor) in [("t [us]", 1000), ("timestamp_ns", 1_000_000)] {
+            assert_eq!(read_as(header, factor), in_ms);
+        }
+    }
 }

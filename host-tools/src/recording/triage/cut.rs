@@ -1,9 +1,12 @@
 //! Parts that triage leaves out of a fit: dropouts, spikes, taps and silent parts, where enough is left without them.
 
-use super::verdict::{Span, Verdict};
+use super::verdict::{Kind, Span, Verdict};
 
 /// Shortest part that is kept, in samples: 0.4 s, so that the longest lag of a model, 80 ms, is a fifth of it at most.
 pub const LEAST_KEPT: usize = 2000;
+
+/// The same where samples are missing, which nothing can stand for, and no longer parts are left: 0.1 s.
+const LEAST_BETWEEN_GAPS: usize = 500;
 
 /// Least share of a trial that must be left for anything to be cut.
 const LEAST_SHARE: f64 = 0.5;
@@ -13,29 +16,39 @@ const JOINT: usize = 50;
 
 /// Returns the parts of a trial of `samples` samples that a fit uses: the whole of it, or what its verdicts leave.
 ///
-/// Nothing is cut if the parts of [`LEAST_KEPT`] or more samples hold less than half of the trial; the verdict then
-/// stands for the whole of it.
+/// If the parts of [`LEAST_KEPT`] or more samples hold less than half of the trial, only dropouts are cut, from between
+/// shorter parts. Nothing is cut if that leaves less than half, too; the verdict then stands for the whole of it.
 pub fn usable(verdicts: &[Verdict], samples: usize) -> Vec<Span> {
-    let mut cuts: Vec<Span> = verdicts
+    let gaps = verdicts
         .iter()
-        .flat_map(|verdict| verdict.spans().iter().cloned())
-        .collect();
+        .filter(|verdict| verdict.kind() == Kind::Dropouts);
+    between(verdicts.iter(), samples, LEAST_KEPT)
+        .or_else(|| between(gaps, samples, LEAST_BETWEEN_GAPS))
+        .unwrap_or_else(|| std::iter::once(0..samples).collect())
+}
+
+/// Parts of `samples` samples, of `least` or more each, between those that `verdicts` would cut; `None` if they hold
+/// less than half.
+fn between<'a>(
+    verdicts: impl Iterator<Item = &'a Verdict>,
+    samples: usize,
+    least: usize,
+) -> Option<Vec<Span>> {
+    let cuts = verdicts.flat_map(|verdict| verdict.spans().iter().cloned());
+    let mut cuts: Vec<Span> = cuts.collect();
     cuts.sort_by_key(|cut| cut.start);
     let mut parts = Vec::new();
     let mut from = 0;
     for cut in cuts.into_iter().chain(std::iter::once(samples..samples)) {
         // A verdict of another file may lie beyond the end.
         let end = cut.start.min(samples);
-        if end >= from + LEAST_KEPT {
+        if end >= from + least {
             parts.push(from..end);
         }
         from = from.max(cut.end);
     }
     let left: usize = parts.iter().map(ExactSizeIterator::len).sum();
-    if (left as f64) < LEAST_SHARE * samples as f64 || left == 0 {
-        parts = std::iter::once(0..samples).collect();
-    }
-    parts
+    (left > 0 && left as f64 >= LEAST_SHARE * samples as f64).then_some(parts)
 }
 
 /// Returns the `parts` of `axes`, at least one and in order, joined to one recording.
@@ -100,7 +113,6 @@ fn kept_of(axis: &[f64], parts: &[Span]) -> Vec<f64> {
 #[allow(clippy::single_range_in_vec_init, reason = "the spans are ranges")]
 mod tests {
     use super::super::test_signals::noise;
-    use super::super::verdict::Kind;
     use super::*;
 
     fn silent(spans: Vec<Span>) -> Vec<Verdict> {
@@ -130,6 +142,23 @@ mod tests {
             usable(&silent(vec![11_000..12_000, 20_000..20_010]), 10_000),
             [0..10_000]
         );
+    }
+
+    #[test]
+    fn gaps_are_cut_from_between_shorter_parts_where_no_longer_ones_are_left() {
+        let of = |kind, step: usize| {
+            let spans = (1..10_000 / step)
+                .map(|n| step * n..step * n + 40)
+                .collect();
+            Verdict::on(kind, "gaps", spans)
+        };
+        let parts = usable(&[of(Kind::Dropouts, 1000)], 10_000);
+        assert_eq!((parts.len(), parts[1].clone()), (10, 1040..2000));
+        assert_eq!(usable(&[of(Kind::Spikes, 1000)], 10_000), [0..10_000]);
+        assert_eq!(usable(&[of(Kind::Dropouts, 400)], 10_000), [0..10_000]);
+        // Longer parts without all that is found go before.
+        let both = [of(Kind::Dropouts, 3000), of(Kind::Spikes, 3000)];
+        assert_eq!(usable(&both, 10_000)[1], 3040..6000);
     }
 
     #[test]

@@ -6,8 +6,9 @@
 //! | too-short | fewer than [`SHORT_SAMPLES`] samples | a lower order |
 //! | clipped | at least [`CLIPPED_SHARE`] of an axis's samples are at its extreme, in runs | |
 //! | dropouts, stuck | one value for 2 to 100 ms, longer than a natural run of equal values; zero, or another | cut |
+//! | dropouts | gaps in the times; single samples that are missing | cut; interpolated up to 1 % |
 //! | spikes | a sample's fourth difference is 20 times that of the 48 samples on either side | cut |
-//! | repeated | every value is there twice or more | |
+//! | repeated | values are held, in even steps | each is taken once |
 //! | coarse | the steps' round-off is less than [`COARSE_SNR_DB`] below the signal | |
 //! | truncated | the file is shorter than its header says, beyond the part that is used | |
 //! | partly-silent | 0.1 s or more at 50 dB below the loud parts, or 0.4 s of steady noise at 30 dB below | cut |
@@ -21,15 +22,18 @@
 //! | duplicate | a copy of an earlier trial, equal or scaled | |
 //! | unlike | from some frequency on [`UNLIKE_NEIGHBOURS_DB`] off both neighbours in speed, and more than these are | |
 //! | wrong-rate | the file's sample rate is below [`LEAST_RATE_HZ`] | |
+//! | time-unit | only their steps tell that times are not in seconds | |
+//! | joined | rows repeat the row before out of step, as other sensors' do | taken out |
+//! | bunches | short steps of the times, and a long one every so many | |
 //!
 //! A texture of one or two speeds cannot tell hum from a line of its own, so there every such line counts as hum. A
 //! sample that is not finite has no verdict: [`read`](super::read) fails on it, and the whole fit with it; so does a
-//! file that ends within the part that is used, and a time column with uneven steps.
+//! file that ends within the part that is used, and times that do not rise.
 //!
 //! A trial that is used in spite of a verdict other than silent marks its node as doubtful. What a verdict can cut is
-//! cut if parts of 0.4 s or more are left that make half of the trial ([`usable`]). Silent trials are not compared for
-//! copies. At rest or without contact, slow motion is no finding. The option `--drop` leaves trials
-//! out, and `--strict` refuses the set.
+//! cut if parts of 0.4 s or more are left that make half of the trial; dropouts if parts of 0.1 s do ([`usable`]).
+//! Silent trials are not compared for copies. At rest or without contact, slow motion is no finding. The option `--drop`
+//! leaves trials out, and `--strict` refuses the set.
 //!
 //! Bounds come from 24 real takes of a tool on 12 surfaces, whole and in parts of 2 s, none of which is in the
 //! repository; the constants say what these reach. All measures are relative to the take itself and robust, because

@@ -10,6 +10,7 @@ use crate::dsp::sums::{Moments, moments, sum_of};
 use crate::dsp::wide;
 use crate::recording::defects::Truncation;
 use crate::recording::source::Samples;
+use crate::support::number::counted;
 
 /// Number of samples below which a trial is too short: 0.4 s at 5 kHz.
 pub const SHORT_SAMPLES: usize = 2000;
@@ -88,9 +89,59 @@ fn of_file(samples: &Samples) -> Vec<Verdict> {
         );
         verdicts.push(Verdict::new(Kind::WrongRate, words));
     }
+    verdicts.extend(of_times(samples));
     if let Some(Truncation { declared, held }) = samples.defects.truncation {
         let words = format!("truncated: the file holds {held} of {declared} samples");
         verdicts.push(Verdict::new(Kind::Truncated, words));
+    }
+    verdicts
+}
+
+/// Verdicts on the times of a file's samples.
+fn of_times(samples: &Samples) -> Vec<Verdict> {
+    let (timing, length) = (
+        &samples.defects.timing,
+        samples.axes.first().map_or(0, Vec::len),
+    );
+    let mut verdicts = Vec::new();
+    let mut found = |kind, words: String| verdicts.push(Verdict::new(kind, words));
+    if let Some(unit) = timing.guessed_unit {
+        let words = format!("times: taken for {}, because of their steps", unit.name());
+        found(Kind::TimeUnit, words);
+    }
+    if timing.joined_rows > 0 {
+        let rows = counted(timing.joined_rows, "row");
+        found(
+            Kind::Joined,
+            format!("joined: {rows} that repeat another taken out"),
+        );
+    }
+    if let Some(size) = timing.bunch {
+        let words = format!(
+            "bunches: times come in bunches of {size}, and were taken for the samples' own"
+        );
+        found(Kind::Bunches, words);
+    }
+    let (lost, all) = (counted(timing.lost, "sample"), timing.samples);
+    let lost = format!("{lost} of {all} missing one by one, interpolated");
+    let gaps = timing.gaps.iter();
+    let gaps = gaps.map(|gap| span(gap.start_s, gap.seconds, SPIKE_REACH, length));
+    let mut gaps: Vec<Span> = gaps.collect();
+    gaps.dedup_by(|next, last| {
+        let meets = next.start <= last.end;
+        last.end = if meets { next.end } else { last.end };
+        meets
+    });
+    if gaps.is_empty() && timing.lost > 0 {
+        verdicts.push(Verdict::new(Kind::Dropouts, format!("dropouts: {lost}")));
+    } else if !gaps.is_empty() {
+        let verdict = Verdict::on(Kind::Dropouts, "gaps in the times", gaps);
+        let lost = if timing.lost > 0 {
+            format!(", and {lost}")
+        } else {
+            String::new()
+        };
+        verdicts.push(verdict.with(&lost));
     }
     verdicts
 }
@@ -131,19 +182,20 @@ fn of_defects(samples: &Samples) -> Vec<Verdict> {
         let words = format!("clipped: {:.2} % of samples", 100.0 * defects.clipped_share);
         verdicts.push(Verdict::new(Kind::Clipped, words));
     }
-    if defects.repeats > 1 {
-        let times = defects.repeats;
-        let band_hz = samples.source_rate_hz / (2 * times) as f64;
-        let words = format!("repeated: every value {times} times, nothing above {band_hz:.0} Hz");
+    if let Some(read_hz) = defects.read_at_hz {
+        let own_hz = samples.source_rate_hz;
+        let words = format!(
+            "repeated: values of {own_hz} Hz held at {read_hz:.0} Hz, nothing above {:.0} Hz",
+            own_hz / 2.0
+        );
         verdicts.push(Verdict::new(Kind::Repeated, words));
-    } else {
-        for (kind, name, spans) in [
-            (Kind::Dropouts, "dropouts", holds(true)),
-            (Kind::Stuck, "stuck", holds(false)),
-        ] {
-            if !spans.is_empty() {
-                verdicts.push(Verdict::on(kind, name, spans));
-            }
+    }
+    for (kind, name, spans) in [
+        (Kind::Dropouts, "dropouts", holds(true)),
+        (Kind::Stuck, "stuck", holds(false)),
+    ] {
+        if !spans.is_empty() {
+            verdicts.push(Verdict::on(kind, name, spans));
         }
     }
     if !defects.spikes.is_empty() {

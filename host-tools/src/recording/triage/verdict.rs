@@ -26,7 +26,7 @@ pub enum Kind {
     Stuck,
     /// Single samples far off their neighbours.
     Spikes,
-    /// Every value repeated: a lower sample rate than the file says.
+    /// Values held: a lower sample rate than the file says.
     Repeated,
     /// Steps of the converter that are too coarse for the level.
     Coarse,
@@ -54,11 +54,17 @@ pub enum Kind {
     Unlike,
     /// A sample rate too low for what skin feels.
     WrongRate,
+    /// Times in a unit that only their steps tell.
+    TimeUnit,
+    /// Rows of other sensors, which repeat the last sample.
+    Joined,
+    /// Times in bunches, as a queue is read.
+    Bunches,
 }
 
 impl Kind {
     /// Names of all kinds, as users give them on the command line.
-    pub const NAMES: [&str; 20] = [
+    pub const NAMES: [&str; 23] = [
         "silent",
         "too-short",
         "clipped",
@@ -79,6 +85,9 @@ impl Kind {
         "duplicate",
         "unlike",
         "wrong-rate",
+        "time-unit",
+        "joined",
+        "bunches",
     ];
 
     /// Name and remedy, the latter in the imperative.
@@ -103,7 +112,7 @@ impl Kind {
             ),
             Self::Repeated => (
                 "repeated",
-                "find the original file, and give its rate as sample_rate_hz",
+                "record at the sensor's own rate, or find the original file",
             ),
             Self::Coarse => (
                 "coarse",
@@ -140,6 +149,15 @@ impl Kind {
                 "check filter, sensor and gain of this recording, and record it again",
             ),
             Self::WrongRate => ("wrong-rate", "record at 5 kHz or more"),
+            Self::TimeUnit => (
+                "time-unit",
+                "give --time-unit, or the unit in the column's name, such as time_ms",
+            ),
+            Self::Joined => ("joined", "export the accelerometer's rows alone"),
+            Self::Bunches => (
+                "bunches",
+                "give --even-times if samples are even, and the times are those of reading a queue",
+            ),
         }
     }
 }

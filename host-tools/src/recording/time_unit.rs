@@ -1,0 +1,198 @@
+//! Units of a column of times: by its name, by an option, or by the rates that a recording can have.
+
+use serde::{Deserialize, Serialize};
+
+use super::rate::RATES_HZ;
+
+/// A unit of times.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, clap::ValueEnum)]
+pub enum TimeUnit {
+    /// Seconds.
+    S,
+    /// Milliseconds.
+    Ms,
+    /// Microseconds.
+    Us,
+    /// Nanoseconds.
+    Ns,
+}
+
+/// Words for a time in a column's name.
+const TIMES: [&str; 9] = [
+    "time",
+    "times",
+    "t",
+    "ts",
+    "timestamp",
+    "timestamps",
+    "stamp",
+    "elapsed",
+    "zeit",
+];
+
+/// Share by which a rate that is given may be off the times' own, to tell their unit.
+const NEAR_RATE: f64 = 0.2;
+
+impl TimeUnit {
+    const ALL: [Self; 4] = [Self::S, Self::Ms, Self::Us, Self::Ns];
+
+    /// Name of the unit, as users give it on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::S => "s",
+            Self::Ms => "ms",
+            Self::Us => "us",
+            Self::Ns => "ns",
+        }
+    }
+
+    /// Number of these in a second.
+    pub fn per_second(self) -> f64 {
+        match self {
+            Self::S => 1.0,
+            Self::Ms => 1e3,
+            Self::Us => 1e6,
+            Self::Ns => 1e9,
+        }
+    }
+
+    /// The unit that a word stands for.
+    fn of_word(word: &str) -> Option<Self> {
+        match word {
+            "s" | "sec" | "secs" | "second" | "seconds" => Some(Self::S),
+            "ms" | "msec" | "millis" | "millisecond" | "milliseconds" => Some(Self::Ms),
+            "us" | "µs" | "μs" | "usec" | "micros" | "microsecond" | "microseconds" => {
+                Some(Self::Us)
+            }
+            "ns" | "nsec" | "nanos" | "nanosecond" | "nanoseconds" => Some(Self::Ns),
+            _ => None,
+        }
+    }
+
+    /// Unit of times with these `mean` and `usual` steps, in the unit: the one that makes `rate_hz` of one, or the
+    /// largest that makes rates that a recording can have of both, or of one.
+    pub(super) fn of_steps(mean: f64, usual: f64, rate_hz: Option<f64>) -> Option<Self> {
+        let is_right = |rate: f64| match rate_hz {
+            Some(asked) => (rate / asked - 1.0).abs() < NEAR_RATE,
+            None => RATES_HZ.contains(&rate),
+        };
+        let makes = |step: f64, unit: Self| is_right(unit.per_second() / step);
+        let find = |of: &dyn Fn(Self) -> bool| Self::ALL.into_iter().find(|unit| of(*unit));
+        find(&|unit| makes(mean, unit) && makes(usual, unit))
+            .or_else(|| find(&|unit| makes(mean, unit)))
+            .or_else(|| find(&|unit| makes(usual, unit)))
+    }
+}
+
+/// A column of times.
+pub(super) struct TimeColumn {
+    /// Its index in the table.
+    pub index: usize,
+    /// Its name.
+    pub name: String,
+    /// The unit in its name.
+    pub unit: Option<TimeUnit>,
+}
+
+impl TimeColumn {
+    /// The column of this `index` and `name`, if it is one of times.
+    pub fn named(index: usize, name: &str) -> Option<Self> {
+        let unit = named(name)?;
+        let name = name.to_owned();
+        Some(Self { index, name, unit })
+    }
+
+    /// The one of `columns` that gives the rate: the first with a unit, or else the first.
+    pub fn best(columns: &[Self]) -> Option<&Self> {
+        let with_unit = columns.iter().find(|column| column.unit.is_some());
+        with_unit.or(columns.first())
+    }
+}
+
+/// Returns the unit in the name of a column of times, in it `None` without one; `None` for another column.
+///
+/// All words of such a name stand for a time or its unit, as in `Time [ms]`, `timestamp_us` or `timeMs`.
+fn named(name: &str) -> Option<Option<TimeUnit>> {
+    let lower = name.to_lowercase();
+    let words = lower.split(|c: char| !c.is_alphanumeric());
+    let words: Vec<&str> = words.filter(|word| !word.is_empty()).collect();
+    let (mut unit, mut is_time) = (None, false);
+    for word in words {
+        let joined = || {
+            let rests = TIMES.iter().filter_map(|time| word.strip_prefix(time));
+            rests.filter_map(TimeUnit::of_word).next()
+        };
+        if TIMES.contains(&word) {
+            is_time = true;
+        } else if let Some(own) = TimeUnit::of_word(word) {
+            // A letter alone may be anything.
+            is_time |= own != TimeUnit::S || word.len() > 1;
+            unit = Some(own);
+        } else {
+            unit = Some(joined()?);
+            is_time = true;
+        }
+    }
+    is_time.then_some(unit)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_columns_name_tells_that_it_is_a_time_and_its_unit() {
+        let (s, ms, us, ns) = (TimeUnit::S, TimeUnit::Ms, TimeUnit::Us, TimeUnit::Ns);
+        for (name, expected) in [
+            ("time_s", Some(Some(s))),
+            ("Time (s)", Some(Some(s))),
+            ("seconds_elapsed", Some(Some(s))),
+            ("t_ms", Some(Some(ms))),
+            ("Time [ms]", Some(Some(ms))),
+            ("timeMs", Some(Some(ms))),
+            ("millis", Some(Some(ms))),
+            ("timestamp_us", Some(Some(us))),
+            ("Time(µs)", Some(Some(us))),
+            ("timestamp (ns)", Some(Some(ns))),
+            ("t", Some(None)),
+            ("%time", Some(None)),
+            ("Zeit", Some(None)),
+            ("time_stamp", Some(None)),
+            ("x", None),
+            ("s", None),
+            ("speed", None),
+            ("x_ms2", None),
+            ("time since start", None),
+            ("tilt", None),
+            ("", None),
+        ] {
+            assert_eq!(named(name), expected, "{name}");
+        }
+    }
+
+    #[test]
+    fn steps_tell_the_unit_by_the_rate_that_they_make() {
+        for (step, rate_hz, expected) in [
+            (2e-4, None, Some(TimeUnit::S)),
+            (0.2, None, Some(TimeUnit::Ms)),
+            (1.0, None, Some(TimeUnit::Ms)),
+            (200.0, None, Some(TimeUnit::Us)),
+            (2e5, None, Some(TimeUnit::Ns)),
+            (2.0, Some(480_000.0), Some(TimeUnit::Us)),
+            (2.0, Some(500.0), Some(TimeUnit::Ms)),
+            (2.0, Some(5000.0), None),
+            (1e9, None, None),
+            (0.0, None, None),
+            (f64::NAN, None, None),
+        ] {
+            assert_eq!(
+                TimeUnit::of_steps(step, step, rate_hz),
+                expected,
+                "{step} {rate_hz:?}"
+            );
+        }
+        // A queue that is read at once has a short usual step, or none.
+        assert_eq!(TimeUnit::of_steps(0.5, 0.005, None), Some(TimeUnit::Ms));
+        assert_eq!(TimeUnit::of_steps(0.2, 0.0, None), Some(TimeUnit::Ms));
+    }
+}
