@@ -281,7 +281,7 @@ mod tests {
                         let noise = triage::test_signals::noise(1 + axis as u64);
                         let value =
                             |x: f64| (gain * (x + offset) / unit_m_s2 / step).round() * step;
-                        noise.into_iter().map(|x| value(x)).collect()
+                        noise.into_iter().map(value).collect()
                     };
                     let axes: Vec<Vec<f64>> = (0..count).map(axis).collect();
                     let names = ["x", "y", "z"][..count]

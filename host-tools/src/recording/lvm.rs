@@ -167,7 +167,7 @@ impl<'a> Reader<'a> {
             State::FirstRow | State::Rows if fields[0] == "***Start_Special***" => {
                 self.state = State::Special;
             }
-            State::FirstRow | State::Rows if self.is_key(fields[0]) => {
+            State::FirstRow | State::Rows if is_key(fields[0]) => {
                 self.state = State::Head;
                 self.keys.push((fields[0], fields[1..].to_vec()));
             }
@@ -175,11 +175,6 @@ impl<'a> Reader<'a> {
             _ => {}
         }
         Ok(None)
-    }
-
-    /// Returns whether the first field below data is the key of another head.
-    fn is_key(&self, field: &str) -> bool {
-        field.starts_with(|first: char| first.is_ascii_alphabetic()) && number(field).is_none()
     }
 
     /// The fields of a key of the newest head with it.
@@ -318,6 +313,11 @@ impl<'a> Reader<'a> {
             remarks: joined.into_iter().collect(),
         })
     }
+}
+
+/// Returns whether the first field of a line below data is the key of another head.
+fn is_key(field: &str) -> bool {
+    field.starts_with(|first: char| first.is_ascii_alphabetic()) && number(field).is_none()
 }
 
 /// Parses a number with a decimal point or comma.

@@ -190,8 +190,8 @@ impl Stated {
 /// A column without a unit has that of the others. Comments count where no name has a unit.
 pub(super) fn stated(names: &[String], comments: &str) -> Stated {
     let in_names: Vec<Option<(Unit, String)>> = names.iter().map(|name| in_name(name)).collect();
-    let texts = names.iter().map(String::as_str).chain([comments]);
-    let sensitivity = texts.filter_map(Sensitivity::found_in).next();
+    let mut texts = names.iter().map(String::as_str).chain([comments]);
+    let sensitivity = texts.find_map(Sensitivity::found_in);
     // A lone v is rather a direction than volts.
     let is_direction = |text: &str| names.len() == 1 && names[0].ends_with("_v") && text == "v";
     let first = in_names.iter().flatten().next().cloned();
