@@ -9,6 +9,7 @@ use serde::Serialize;
 
 use super::held_out::{Judge, JudgeKind, in_words};
 use super::liveliness::{self, Signals, TrialLiveliness};
+use super::loudness::{self, TrialLoudness};
 use super::perception::Perceived;
 use super::perception::ScoringRange;
 use super::played::{self, Played, Version};
@@ -327,6 +328,8 @@ pub fn evaluate(
         .textures()
         .into_iter()
         .map(|name| {
+            let own = evaluation.trials.iter_mut().filter(|t| t.texture == name);
+            loudness::set_around(&mut own.filter_map(TrialEvaluation::placed).collect::<Vec<_>>());
             let mut texture = summarise(name, &evaluation.trials);
             let own = evaluation.trials.iter().filter(|t| t.texture == name);
             texture.verdict = verdict::of_texture(&texture, &own.collect::<Vec<_>>());
@@ -495,6 +498,7 @@ fn judged(
     let scores = usable.map(|range| scores_of(&judged_blocks, &played, &range, options));
     let scores = scores.unwrap_or(Scores::NONE);
     let is_held_out = judge != JudgeKind::Nothing;
+    let is_judged = is_held_out && !is_silent;
     let others = usable.map(|range| scores_of(&beside, &other, &range, options));
     let block = comparison.longest_block().len();
     TrialEvaluation {
@@ -508,7 +512,7 @@ fn judged(
         is_silent,
         recorded_rms_m_s2: recorded_rms,
         synthesised_rms_m_s2: synthesised_rms,
-        liveliness: (is_held_out && !is_silent).then(|| {
+        liveliness: is_judged.then(|| {
             TrialLiveliness::of(&Signals {
                 judged: &comparison.judged,
                 synthesised: &comparison.synthesised,
@@ -516,6 +520,13 @@ fn judged(
                 versions: &comparison.versions,
                 other: &comparison.other,
             })
+        }),
+        loudest_5_ms: is_judged.then(|| {
+            TrialLoudness::of(
+                &comparison.judged,
+                &comparison.synthesised,
+                &comparison.other,
+            )
         }),
         scores: if is_held_out { scores } else { Scores::NONE },
         cost_floor: spectrum::expected_cost_of_blocks(

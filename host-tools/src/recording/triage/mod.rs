@@ -7,6 +7,7 @@
 //! | clipped | at least [`CLIPPED_SHARE`] of an axis's samples are at its extreme, in runs | |
 //! | dropouts, stuck | one value for 2 to 100 ms, longer than a natural run of equal values; zero, or another | cut |
 //! | spikes | a sample's fourth difference is 20 times that of the 48 samples on either side | cut |
+//! | bursts | 4 to 25 white samples on one axis, far off prediction, with all around them calm | cut |
 //! | repeated | every value is there twice or more | |
 //! | coarse | the steps' round-off is less than [`COARSE_SNR_DB`] below the signal | |
 //! | truncated | the file is shorter than its header says, beyond the part that is used | |
