@@ -208,9 +208,8 @@ impl<'a> Errors<'a> {
             let largest = (0..blocks.len()).max_by(|&a, &b| blocks[a].1.total_cmp(&blocks[b].1));
             let Some(largest) = largest else { break };
             strongest.push(blocks[largest]);
-            for near in largest.saturating_sub(1)..=(largest + 1).min(last) {
-                blocks[near].1 = 0.0;
-            }
+            let near = largest.saturating_sub(1)..=(largest + 1).min(last);
+            blocks[near].iter_mut().for_each(|block| block.1 = 0.0);
         }
         // Where an axis is rarely alone, its few events show nothing.
         let rest = |count: usize| strongest[count].1.max(EVENT * self.median);
@@ -396,9 +395,10 @@ mod tests {
             );
             let click = |axis: &[f64]| {
                 let mut axis = axis.to_vec();
-                (0..25).for_each(|n| {
-                    axis[5000 + n] += strength * (-0.2 * n as f64).exp() * (1.9 * n as f64).sin()
-                });
+                for n in 0..25 {
+                    let ring = (-0.2 * n as f64).exp() * (1.9 * n as f64).sin();
+                    axis[5000 + n] += strength * ring;
+                }
                 axis
             };
             assert_eq!(found(&[click(&x), click(&y)]), [], "{strength}");
