@@ -102,7 +102,7 @@ impl AtSpeed {
     }
 }
 
-/// The speeds, mm/s, of `all` that `is_named` names, in words: "up to 80 mm/s", "from 100 to 160 mm/s".
+/// The speeds, mm/s, of `all` that `is_named` names, in words after a space: " up to 80 mm/s".
 pub(super) fn speeds_in_words(all: &[AtSpeed], is_named: impl Fn(&AtSpeed) -> bool) -> String {
     let runs = all.chunk_by(|a, b| is_named(a) == is_named(b));
     let mut begin = 0;
@@ -121,5 +121,5 @@ pub(super) fn speeds_in_words(all: &[AtSpeed], is_named: impl Fn(&AtSpeed) -> bo
             });
         }
     }
-    named.join(", ")
+    format!(" {}", named.join(", "))
 }

@@ -27,10 +27,9 @@ pub fn explanation() -> String {
          ({AMPLITUDE_JND_DB} dB, one JND, just noticeable difference); of impulses, a kurtosis at most {NEAR_OCTAVES} \
          octaves further; speeds are named if their median is more than {OFF_OCTAVES} octave off. Kurtosis is of what \
          no filter predicts, about 3 without impulses. Clicks are too strong if the loudest 5 ms of a synthesis are \
-         more than {TOO_STRONG} times those of the recordings up to one step of speed and force away, and by more \
-         than other recordings are. A third octave is named if \
-         its mean level is off by a JND more than the target's; a line is a steady tone, as of threads, uneven if it \
-         swells and fades."
+         more than {TOO_STRONG} times those of the recordings up to one step of speed and force away, and what other \
+         recordings reach. A third octave is named if its mean level is off by a JND more than the target's; a line is \
+         a steady tone, as of threads, uneven if it swells and fades."
     )
 }
 
@@ -132,9 +131,12 @@ fn impulses(summaries: &[Summary], of: &Impulses) -> Option<String> {
             kurtosis(|at| at.kurtosis),
             kurtosis(|at| at.recorded_kurtosis),
         ) {
-            let speeds = speeds_in_words(&of.by_speed, |at| is_off(at, is_weak));
+            let speeds = match of.by_speed.len() {
+                1 => String::new(),
+                _ => speeds_in_words(&of.by_speed, |at| is_off(at, is_weak)),
+            };
             clauses.push(format!(
-                "impulses too {way} {speeds} (kurtosis {own:.1}, recorded {recorded:.1})"
+                "impulses too {way}{speeds} (kurtosis {own:.1}, recorded {recorded:.1})"
             ));
         }
     }
