@@ -404,6 +404,7 @@ fn along_strokes_that_it_never_saw_a_library_is_nearer_than_a_constant_level_and
         "{json}"
     );
     assert!(of("library", "band_error_db") < 1.5, "{json}");
+    holds(&said, &["the best baseline, the line over log speed,"]);
     let refused = bench.refuse("evaluate . --library felt.lib --strokes s0.csv");
     holds(
         &refused,

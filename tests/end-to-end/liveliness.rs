@@ -1,7 +1,7 @@
 //! Liveliness from the command line: textures with an excitation and a level of their own, which are written by hand,
 //! against recordings made by the same rule.
 
-use crate::support::{Bench, RATE_HZ, all_pole, denim_rig_of, holds, json, noise, wav};
+use crate::support::{Bench, RATE_HZ, all_pole, denim_rig_of, holds, json, noise, scaled, wav};
 use model_format::{
     CodebookSpec, ExcitationSpec, Library, ModulationSpec, PartsSpec, TextureSpec, encode,
 };
@@ -97,7 +97,23 @@ fn bench() -> Bench {
         }),
         lines: None,
     };
-    for (name, parts) in [("plain.lib", PartsSpec::default()), ("fed.lib", parts)] {
+    // Nearly all of its energy is in 5 ms.
+    let mut click = noise(79, 8000);
+    click[4000..4025].iter_mut().for_each(|x| *x *= 60.0);
+    let rms = (click.iter().map(|x| x * x).sum::<f64>() / 8000.0).sqrt();
+    let clicking = PartsSpec {
+        excitation: Some(ExcitationSpec {
+            codebooks: vec![codebook(&scaled(&click, 1.0 / rms))],
+            of_nodes: vec![1; spec.nodes.len()],
+            moment_samples: None,
+        }),
+        ..PartsSpec::default()
+    };
+    for (name, parts) in [
+        ("plain.lib", PartsSpec::default()),
+        ("fed.lib", parts),
+        ("clicking.lib", clicking),
+    ] {
         let bytes = encode(&[TextureSpec {
             parts,
             ..spec.clone()
@@ -123,6 +139,24 @@ fn evaluated(bench: &Bench, library: &str, more: &str) -> (String, Value) {
     ));
     let text = std::fs::read_to_string(bench.path("e.json")).unwrap();
     (said, json(&text))
+}
+
+#[test]
+fn clicks_that_no_recording_has_are_named_with_their_factor() {
+    let bench = bench();
+    let loudest = |library: &str| {
+        let (said, evaluation) = evaluated(&bench, library, "");
+        (said, evaluation["textures"][0]["loudest_5_ms"].clone())
+    };
+    let (said, loudness) = loudest("clicking.lib");
+    assert!(loudness["times"].as_f64().unwrap() > 2.0, "{loudness}");
+    assert_eq!(loudness["trials_too_strong"], 1);
+    holds(&said, &["clicks up to", "times too strong (loudest 5"]);
+    for library in ["plain.lib", "fed.lib"] {
+        let (said, loudness) = loudest(library);
+        assert_eq!(loudness["trials_too_strong"], 0, "{loudness}");
+        assert!(!said.contains("too strong (loudest"), "{said}");
+    }
 }
 
 #[test]

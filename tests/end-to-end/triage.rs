@@ -1,4 +1,4 @@
-//! Damage of 39 kinds at three strengths, done to signals that are shaped like real takes, and what triage says of it.
+//! Damage of 40 kinds at three strengths, done to signals that are shaped like real takes, and what triage says of it.
 //!
 //! The signals are made from numbers alone: a heavy-tailed residual, a level that varies by 5 dB within the take, most
 //! power at low frequencies; their kurtosis is that of real takes. A damage that passes without a verdict must change
@@ -279,7 +279,7 @@ fn three_axes(take: &Take<'_>) -> [Vec<f64>; 3] {
 }
 
 #[rustfmt::skip]
-const KINDS: [(&str, Damage, [Expected; STRENGTHS]); 39] = [
+const KINDS: [(&str, Damage, [Expected; STRENGTHS]); 40] = [
     ("NaN", |t, s| t.edited(|x| x[sample(1.0)..][..[1, 10, 100][s]].fill(f64::NAN)), [Refused("finite"); 3]),
     ("infinity", |t, s| t.edited(|x| x[sample(1.0)..][..[1, 10, 100][s]].fill(f64::INFINITY)), [Refused("finite"); 3]),
     ("hard clipping", |t, s| one(clipped(&t.clean, [4e-4, 0.01, 0.1][s])),
@@ -331,6 +331,12 @@ const KINDS: [(&str, Damage, [Expected; STRENGTHS]); 39] = [
         let height = [1.5, 30.0, 300.0][s];
         (1..=5).for_each(|place| x[place * 3301] += height);
     }), [Weak(0.7), Caught("spikes"), Caught("spikes")]),
+    ("wild samples on one axis", |t, s| {
+        let [x, mut y, z] = three_axes(t);
+        let height = [0.2, 10.0, 30.0][s];
+        y[9000..9012].iter_mut().zip(noise(t.seed, 12)).for_each(|(y, n)| *y = height * n);
+        files(&[x, y, z], RATE_HZ)
+    }, [Weak(2.0), Caught("bursts"), Caught("bursts")]),
     ("tap", |t, s| t.edited(|x| taps(x, &[1.5], [1.0, 25.0, 80.0][s])), [Weak(0.5), Caught("tap"), Caught("tap")]),
     ("two taps", |t, s| t.edited(|x| taps(x, &[1.2, 3.0], [1.0, 25.0, 80.0][s])),
         [Weak(0.5), Caught("tap"), Caught("tap")]),
@@ -517,7 +523,7 @@ fn signals_shaped_like_real_takes_have_no_verdict() {
 
 /// One surface of three for each kind.
 #[test]
-fn damage_of_39_kinds_is_found_at_the_strengths_that_matter() {
+fn damage_of_40_kinds_is_found_at_the_strengths_that_matter() {
     judge_damage(false);
 }
 

@@ -9,6 +9,7 @@ use serde::Serialize;
 
 use super::held_out::{Judge, JudgeKind, in_words};
 use super::liveliness::{self, Signals, TrialLiveliness};
+use super::loudness::{self, TrialLoudness};
 use super::perception::Perceived;
 use super::perception::ScoringRange;
 use super::played::{self, Played, Version};
@@ -136,6 +137,8 @@ pub struct Comparison {
     beside: Vec<Vec<f64>>,
     /// The synthesis after warming up; at least as long.
     pub synthesised: Vec<f64>,
+    /// What the library plays, if the synthesis is of models that were fitted to blocks: for the loudest events.
+    of_library: Option<Vec<f64>>,
     /// Samples of the synthesis at full scale.
     pub saturations: u32,
     /// The parts that the synthesis plays, in words.
@@ -244,6 +247,7 @@ fn read(trial: &Trial, judge: &Judge, conditioning: Conditioning) -> Result<Comp
         other,
         beside,
         synthesised: Vec::new(),
+        of_library: None,
         saturations: 0,
         parts: String::new(),
         versions: Vec::new(),
@@ -327,6 +331,8 @@ pub fn evaluate(
         .textures()
         .into_iter()
         .map(|name| {
+            let own = evaluation.trials.iter_mut().filter(|t| t.texture == name);
+            loudness::set_around(&mut own.filter_map(TrialEvaluation::placed).collect::<Vec<_>>());
             let mut texture = summarise(name, &evaluation.trials);
             let own = evaluation.trials.iter().filter(|t| t.texture == name);
             texture.verdict = verdict::of_texture(&texture, &own.collect::<Vec<_>>());
@@ -393,23 +399,34 @@ impl Evaluation {
         let texture = texture_named(refitted.as_ref().unwrap_or(library), &trial.texture)?;
         let stored = played::parts(&texture);
         comparison.parts = played::in_words(&options.played.of(&stored));
-        let (mut played, saturations) = played::with(&texture, options.played, |texture| {
-            play(texture, trial, samples, options, seed)
-        })?;
-        comparison.condition(&mut played);
-        for version in options.played.beside(&stored) {
-            let (mut synthesised, _) = played::with(&texture, version, |texture| {
+        let play = |texture: &Texture<'_>, played| -> Result<_> {
+            let (mut synthesised, saturations) = played::with(texture, played, |texture| {
                 play(texture, trial, samples, options, seed)
             })?;
             comparison.condition(&mut synthesised);
-            comparison.versions.push(Version {
+            Ok((synthesised, saturations))
+        };
+        let (played, saturations) = play(&texture, options.played)?;
+        let of_library = match refitted {
+            Some(_) => Some(play(&texture_named(library, &trial.texture)?, options.played)?.0),
+            None => None,
+        };
+        let mut versions = Vec::new();
+        for version in options.played.beside(&stored) {
+            let (synthesised, _) = play(&texture, version)?;
+            versions.push(Version {
                 played: version,
                 parts: played::in_words(&version.of(&stored)),
                 synthesised,
             });
         }
-        (comparison.synthesised, comparison.saturations) = (played, saturations);
-        Ok(comparison)
+        Ok(Comparison {
+            synthesised: played,
+            of_library,
+            saturations,
+            versions,
+            ..comparison
+        })
     }
 }
 
@@ -463,6 +480,12 @@ fn slices(blocks: &[Vec<f64>]) -> Vec<&[f64]> {
 }
 
 impl Comparison {
+    /// The part of the judge that the other recording is compared with.
+    fn beside(&self) -> Vec<&[f64]> {
+        let is_all = self.beside.is_empty();
+        slices(if is_all { &self.judged } else { &self.beside })
+    }
+
     /// The synthesis, or another one, in blocks as long as those of the judge.
     fn in_blocks<'s>(&self, synthesised: &'s [f64]) -> Vec<&'s [f64]> {
         let len = self.longest_block().len().max(1);
@@ -479,11 +502,6 @@ fn judged(
 ) -> TrialEvaluation {
     let judged_blocks = slices(&comparison.judged);
     let other = slices(&comparison.other);
-    let beside = if comparison.beside.is_empty() {
-        judged_blocks.clone()
-    } else {
-        slices(&comparison.beside)
-    };
     let played = comparison.in_blocks(&comparison.synthesised);
     let (recorded_rms, synthesised_rms) = (
         rms(&comparison.judged.concat()),
@@ -495,7 +513,8 @@ fn judged(
     let scores = usable.map(|range| scores_of(&judged_blocks, &played, &range, options));
     let scores = scores.unwrap_or(Scores::NONE);
     let is_held_out = judge != JudgeKind::Nothing;
-    let others = usable.map(|range| scores_of(&beside, &other, &range, options));
+    let is_judged = is_held_out && !is_silent;
+    let others = usable.map(|range| scores_of(&comparison.beside(), &other, &range, options));
     let block = comparison.longest_block().len();
     TrialEvaluation {
         file: portable(&trial.file),
@@ -508,7 +527,7 @@ fn judged(
         is_silent,
         recorded_rms_m_s2: recorded_rms,
         synthesised_rms_m_s2: synthesised_rms,
-        liveliness: (is_held_out && !is_silent).then(|| {
+        liveliness: is_judged.then(|| {
             TrialLiveliness::of(&Signals {
                 judged: &comparison.judged,
                 synthesised: &comparison.synthesised,
@@ -517,6 +536,13 @@ fn judged(
                 other: &comparison.other,
             })
         }),
+        loudest_5_ms: TrialLoudness::of(
+            &comparison.judged,
+            &comparison.synthesised,
+            &comparison.other,
+            comparison.of_library.as_deref(),
+        )
+        .filter(|_| is_judged),
         scores: if is_held_out { scores } else { Scores::NONE },
         cost_floor: spectrum::expected_cost_of_blocks(
             judged_blocks.len(),

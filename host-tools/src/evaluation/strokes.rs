@@ -9,10 +9,10 @@ use serde::Serialize;
 
 use super::perception::ScoringRange;
 use super::tables::{Table, number};
-use super::verdict;
+use super::verdict::{NEAR_DB, further};
 use crate::dsp::high_pass::{high_pass, lowest_hz};
 use crate::dsp::motion_law::{LevelAt, MotionLaw};
-use crate::dsp::spectrum::{PowerSpectrum, band_errors_within_db};
+use crate::dsp::spectrum::{AMPLITUDE_JND_DB, PowerSpectrum, band_errors_within_db};
 use crate::dsp::sums::{energy, mean, variance};
 use crate::fit;
 use crate::fit::conditioning::Conditioning;
@@ -175,6 +175,8 @@ fn level_db(signal: &[f64], index: usize) -> f64 {
 pub struct Nearness {
     /// The prediction, in words.
     pub by: &'static str,
+    /// True if its levels are those of a recording, which has noise of its own.
+    pub is_recording: bool,
     /// Correlation of its levels with the recorded ones; none of a constant.
     pub correlation: Option<f64>,
     /// RMS difference of levels, dB.
@@ -288,17 +290,21 @@ pub fn along_strokes(
     );
     let by_law = of_windows(&|(_, at)| law.level_db(at.speed_mm_s, at.force_n));
     let near = |by, levels: &[f64], bands| Nearness::of(by, &recorded, levels, bands);
-    let nearness = vec![
+    let library = [
         near("library", &synthesised, of_synthesis),
         near("library, mean over seeds", &averaged, None),
+    ];
+    let baselines = [
         near("constant level", &vec![constant_db; recorded.len()], None),
         near("line over log speed, log force", &by_law, None),
-        near("nearest stroke", &replayed, of_nearest),
+        Nearness {
+            is_recording: true,
+            ..near("nearest stroke", &replayed, of_nearest)
+        },
     ];
-    let errors_db = [0, 1, 3, 4].map(|of: usize| nearness[of].error_db);
     Ok(AlongStrokes {
         texture: texture.name().to_owned(),
-        verdict: verdict::along_strokes(errors_db, nearness[0].bias_db),
+        verdict: verdict(library.each_ref(), &baselines),
         strokes: judges.len(),
         fitted: fitted.len(),
         windows: recorded.len(),
@@ -308,8 +314,39 @@ pub fn along_strokes(
                 .iter()
                 .chain(judges)
                 .any(|stroke| stroke.is_simulated),
-        nearness,
+        nearness: library.into_iter().chain(baselines).collect(),
     })
+}
+
+/// The verdict along strokes on the `library`, played once and as a mean over seeds, beside the nearest of the
+/// `baselines`, at least one.
+///
+/// What is predicted has no noise, so that the mean is compared with it; another stroke is compared with one playing.
+fn verdict(library: [&Nearness; 2], baselines: &[Nearness]) -> String {
+    let [played, averaged] = library;
+    let nearest = baselines
+        .iter()
+        .min_by(|a, b| a.error_db.total_cmp(&b.error_db));
+    let best = nearest.expect("there is at least one");
+    let own = if best.is_recording { played } else { averaged };
+    let (own_db, best_db) = (own.error_db, best.error_db);
+    let mut clauses = vec![if further(own_db, best_db) <= NEAR_DB {
+        format!(
+            "levels as near as the best baseline, the {} ({best_db:.1} dB)",
+            best.by
+        )
+    } else {
+        format!(
+            "levels {own_db:.1} dB off, the best baseline, the {}, {best_db:.1} dB",
+            best.by
+        )
+    }];
+    let bias_db = played.bias_db;
+    if bias_db.abs() > AMPLITUDE_JND_DB {
+        let way = if bias_db > 0.0 { "loud" } else { "quiet" };
+        clauses.push(format!("{:.0} dB too {way}", bias_db.abs()));
+    }
+    clauses.join("; ")
 }
 
 /// Returns an error if `texture` cannot be played along strokes, or if one of them has nothing to compare.
@@ -389,6 +426,7 @@ impl Nearness {
         let correlation = product / (variance(recorded) * variance(levels)).sqrt();
         Self {
             by,
+            is_recording: false,
             correlation: Some(correlation).filter(|value| value.is_finite()),
             error_db: (energy(&off) / off.len() as f64).sqrt(),
             bias_db,
@@ -425,5 +463,48 @@ impl AlongStrokes {
             counted(self.strokes, "stroke")
         );
         Table::new(&title, headings, self.nearness.iter().map(row))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn along_strokes_the_nearest_baseline_is_named_with_its_figure() {
+        let near = |by, error_db, is_recording| Nearness {
+            by,
+            is_recording,
+            correlation: None,
+            error_db,
+            bias_db: -3.0,
+            spread_db: 0.0,
+            band_error_db: None,
+        };
+        let library = |played_db, averaged_db| {
+            [
+                near("library", played_db, false),
+                near("mean", averaged_db, false),
+            ]
+        };
+        let said = |library: &[Nearness; 2], line_db, stroke_db| {
+            let constant = near("constant level", 8.0, false);
+            let line = near("line", line_db, false);
+            let stroke = near("nearest stroke", stroke_db, true);
+            let [played, averaged] = library;
+            verdict([played, averaged], &[constant, line, stroke])
+        };
+        let far = said(&library(6.2, 6.0), 1.1, 6.1);
+        assert_eq!(
+            far,
+            "levels 6.0 dB off, the best baseline, the line, 1.1 dB; 3 dB too quiet"
+        );
+        let by_stroke = said(&library(2.0, 1.0), 4.0, 2.5);
+        assert!(
+            by_stroke
+                .starts_with("levels as near as the best baseline, the nearest stroke (2.5 dB)"),
+            "{by_stroke}"
+        );
+        assert!(said(&library(4.0, 1.0), 1.2, 2.5).starts_with("levels as near as"));
     }
 }

@@ -3,8 +3,10 @@
 use serde::Serialize;
 
 use super::held_out::JudgeKind;
+use super::impulses::Impulses;
 use super::liveliness;
 use super::liveliness::{Summary, TrialLiveliness};
+use super::loudness::{Loudness, Placed, TrialLoudness};
 use super::perception::Perceived;
 use super::perception::ScoringRange;
 use super::tables::{Table, number, percent};
@@ -40,6 +42,10 @@ pub struct TextureEvaluation {
     pub mean_cost_other: Option<f64>,
     /// Properties that a spectrum does not show: of the judges, of what was played, and of the other recordings.
     pub liveliness: Vec<Summary>,
+    /// Impulses, by speed.
+    pub impulses: Impulses,
+    /// The loudest events; none if nothing is held out or heard.
+    pub loudest_5_ms: Option<Loudness>,
 }
 
 /// Means over trials; none where no trial has a value.
@@ -200,9 +206,9 @@ pub const LIVELINESS_EXPLANATION: &str = "\
      recording has, too.";
 
 /// The trials of texture `name` in a few numbers.
-pub(super) fn summarise(name: &str, trials: &[TrialEvaluation]) -> TextureEvaluation {
-    let members: Vec<&TrialEvaluation> = trials.iter().filter(|t| t.texture == name).collect();
-    let heard: Vec<&TrialEvaluation> = members
+pub(super) fn summarise<'t>(name: &str, trials: &'t [TrialEvaluation]) -> TextureEvaluation {
+    let members: Vec<&'t TrialEvaluation> = trials.iter().filter(|t| t.texture == name).collect();
+    let heard: Vec<&'t TrialEvaluation> = members
         .iter()
         .copied()
         .filter(|trial| !trial.is_silent)
@@ -217,6 +223,10 @@ pub(super) fn summarise(name: &str, trials: &[TrialEvaluation]) -> TextureEvalua
         ranges.reduce(|a, b| (a.0.max(b.0), a.1.min(b.1)))
     };
     let ranges = || heard.iter().filter_map(|trial| trial.range);
+    let lively = || {
+        let of = |trial: &&'t TrialEvaluation| Some((trial.speed_mm_s, trial.liveliness.as_ref()?));
+        heard.iter().filter_map(of)
+    };
     TextureEvaluation {
         texture: name.to_owned(),
         verdict: String::new(),
@@ -230,7 +240,9 @@ pub(super) fn summarise(name: &str, trials: &[TrialEvaluation]) -> TextureEvalua
         synthesis: Means::of(&scores),
         other: Means::of(&others),
         mean_cost_other: mean(others.iter().filter_map(|scores| scores.cost)),
-        liveliness: liveliness::summaries(heard.iter().filter_map(|t| t.liveliness.as_ref())),
+        liveliness: liveliness::summaries(lively().map(|(_, own)| own)),
+        impulses: Impulses::of(lively()),
+        loudest_5_ms: Loudness::of(heard.iter().filter_map(|trial| trial.loudest_5_ms)),
     }
 }
 
@@ -324,6 +336,8 @@ pub struct TrialEvaluation {
     /// Properties that a spectrum does not show, of the judge and of what was played; none if nothing is held out or
     /// heard.
     pub liveliness: Option<TrialLiveliness>,
+    /// The loudest 5 ms; none if nothing is held out or heard.
+    pub loudest_5_ms: Option<TrialLoudness>,
     /// The synthesis against the judge.
     #[serde(flatten)]
     pub scores: Scores,
@@ -333,4 +347,15 @@ pub struct TrialEvaluation {
     pub other: Scores,
     /// Samples of the synthesis at full scale.
     pub saturations: u32,
+}
+
+impl TrialEvaluation {
+    /// The trial's loudness, if it has one, with its place.
+    pub(super) fn placed(&mut self) -> Option<Placed<'_>> {
+        Some(Placed {
+            speed_mm_s: self.speed_mm_s,
+            force_n: self.force_n,
+            loudness: self.loudest_5_ms.as_mut()?,
+        })
+    }
 }

@@ -5,8 +5,11 @@
 //! [`NEAR_OCTAVES`].
 
 use super::held_out::JudgeKind;
+use super::impulses::{AtSpeed, Impulses, OFF_OCTAVES, speeds_in_words};
 use super::liveliness::{Differences, Role, Summary};
+use super::loudness::{Loudness, TOO_STRONG};
 use super::summary::{Means, Scores, TextureEvaluation, TrialEvaluation, mean};
+use crate::dsp::liveliness::median;
 use crate::dsp::spectrum::{AMPLITUDE_JND_DB, BAND_COUNT, BAND_LABELS_HZ};
 
 /// Distance beyond that of the other recording up to which a spectrum or a level is as near, dB: half of what is felt.
@@ -22,9 +25,11 @@ pub fn explanation() -> String {
         "Verdicts set what the stylus plays beside another recording of the same surface, the target. As near: at \
          most {NEAR_DB} dB further than the target, half of the least change of level that is felt \
          ({AMPLITUDE_JND_DB} dB, one JND, just noticeable difference); of impulses, a kurtosis at most {NEAR_OCTAVES} \
-         octaves further. Kurtosis is of what no filter predicts, about 3 without impulses. A third octave is named if \
-         its mean level is off by a JND more than the target's; a line is a steady tone, as of threads, uneven if it \
-         swells and fades."
+         octaves further; speeds are named if their median is more than {OFF_OCTAVES} octave off. Kurtosis is of what \
+         no filter predicts, about 3 without impulses. Clicks are too strong if the loudest 5 ms of a synthesis are \
+         more than {TOO_STRONG} times those of the recordings up to one step of speed and force away, and what other \
+         recordings reach. A third octave is named if its mean level is off by a JND more than the target's; a line is \
+         a steady tone, as of threads, uneven if it swells and fades."
     )
 }
 
@@ -51,7 +56,8 @@ pub(super) fn of_texture(texture: &TextureEvaluation, trials: &[&TrialEvaluation
     let clauses = [
         spectrum(&texture.synthesis, &texture.other, other),
         worst_band(&heard),
-        impulses(&texture.liveliness),
+        impulses(&texture.liveliness, &texture.impulses),
+        (texture.loudest_5_ms.as_ref()).and_then(|own| loudest(own, heard.len())),
         evenness(&texture.liveliness, &heard),
         (judged < heard.len()).then(|| format!("judged in {judged} of {} trials", heard.len())),
     ];
@@ -60,7 +66,7 @@ pub(super) fn of_texture(texture: &TextureEvaluation, trials: &[&TrialEvaluation
 
 /// The distance that a difference of `own` from a judge has beyond that of another recording: errors of one cause add
 /// by their squares.
-fn further(own: f64, target: f64) -> f64 {
+pub(super) fn further(own: f64, target: f64) -> f64 {
     (own.powi(2) - target.powi(2)).max(0.0).sqrt()
 }
 
@@ -109,16 +115,64 @@ fn beyond(summaries: &[Summary], pick: fn(&Differences) -> Option<f64>) -> Optio
     Some(own - other.unwrap_or(0.0))
 }
 
-fn impulses(summaries: &[Summary]) -> Option<String> {
-    if beyond(summaries, |d| d.residual_kurtosis_octaves)? <= NEAR_OCTAVES {
-        return Some("impulses as near".into());
+/// Impulses over all trials, and the speeds at which they are off by more than an octave.
+fn impulses(summaries: &[Summary], of: &Impulses) -> Option<String> {
+    let beyond_octaves = beyond(summaries, |d| d.residual_kurtosis_octaves)?;
+    let is_off = |at: &AtSpeed, is_weak: bool| {
+        let target = at.octaves_other.map_or(0.0, f64::abs);
+        let is_beyond = at.octaves.abs() > OFF_OCTAVES.max(target + NEAR_OCTAVES);
+        is_beyond && (at.octaves < 0.0) == is_weak
+    };
+    let mut clauses = Vec::new();
+    for (is_weak, way) in [(true, "weak"), (false, "strong")] {
+        let off = || of.by_speed.iter().filter(|at| is_off(at, is_weak));
+        let kurtosis = |pick: fn(&AtSpeed) -> f64| median(off().map(pick));
+        if let (Some(own), Some(recorded)) = (
+            kurtosis(|at| at.kurtosis),
+            kurtosis(|at| at.recorded_kurtosis),
+        ) {
+            let speeds = match of.by_speed.len() {
+                1 => String::new(),
+                _ => speeds_in_words(&of.by_speed, |at| is_off(at, is_weak)),
+            };
+            clauses.push(format!(
+                "impulses too {way}{speeds} (kurtosis {own:.1}, recorded {recorded:.1})"
+            ));
+        }
     }
-    let kurtosis = |role| of(summaries, role)?.median.residual_kurtosis;
-    let (own, recorded) = (kurtosis(Role::Synthesis)?, kurtosis(Role::Recording)?);
-    let way = if own < recorded { "weak" } else { "strong" };
-    Some(format!(
-        "impulses too {way} (kurtosis {own:.1}, recorded {recorded:.1})"
-    ))
+    if clauses.is_empty() {
+        clauses.push(if beyond_octaves <= NEAR_OCTAVES {
+            "impulses as near".into()
+        } else {
+            let kurtosis = |role| self::of(summaries, role)?.median.residual_kurtosis;
+            let (own, recorded) = (kurtosis(Role::Synthesis)?, kurtosis(Role::Recording)?);
+            let way = if own < recorded { "weak" } else { "strong" };
+            format!("impulses too {way} (kurtosis {own:.1}, recorded {recorded:.1})")
+        });
+    }
+    let (own, target) = (of.trials_octave_off, of.trials_octave_off_other);
+    if own > target && of.trials > 1 {
+        clauses.push(format!(
+            "{own} of {} trials more than an octave off (target {target})",
+            of.trials
+        ));
+    }
+    Some(clauses.join(", "))
+}
+
+/// The loudest events, if they are stronger than those of the recordings around them by more than other recordings are.
+fn loudest(loudness: &Loudness, trials: usize) -> Option<String> {
+    (loudness.trials_too_strong > 0).then(|| {
+        let whose = if trials > 1 {
+            format!(" in {} of {trials} trials", loudness.trials_too_strong)
+        } else {
+            String::new()
+        };
+        format!(
+            "clicks up to {:.1} times too strong{whose} (loudest 5 ms, target {:.1})",
+            loudness.times, loudness.times_other
+        )
+    })
 }
 
 fn evenness(summaries: &[Summary], heard: &[&TrialEvaluation]) -> Option<String> {
@@ -156,27 +210,6 @@ fn median_line(heard: &[&TrialEvaluation]) -> Option<(f64, f64)> {
     lines.get(lines.len() / 2).copied()
 }
 
-/// The verdict along strokes: RMS differences of levels, dB, of the library, of its mean over seeds, of a line over
-/// speed and force and of the nearest stroke of the fit, and the library's mean level over the recorded one, dB.
-pub(super) fn along_strokes(errors_db: [f64; 4], bias_db: f64) -> String {
-    let [own_db, averaged_db, line_db, target_db] = errors_db;
-    let mut clauses = vec![if further(own_db, target_db) <= NEAR_DB {
-        format!("levels as near as the nearest stroke of the fit ({target_db:.1} dB)")
-    } else {
-        format!("levels {own_db:.1} dB off, the nearest stroke of the fit {target_db:.1} dB")
-    }];
-    if bias_db.abs() > AMPLITUDE_JND_DB {
-        let way = if bias_db > 0.0 { "loud" } else { "quiet" };
-        clauses.push(format!("{:.0} dB too {way}", bias_db.abs()));
-    }
-    if averaged_db > line_db + NEAR_DB {
-        clauses.push(format!(
-            "a line over speed and force is nearer ({line_db:.1} dB)"
-        ));
-    }
-    clauses.join("; ")
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -207,7 +240,8 @@ mod tests {
      {
         let of = |octaves, spread_db| {
             let of = lively(octaves, spread_db);
-            [impulses(&of).unwrap(), evenness(&of, &[]).unwrap()]
+            let impulses = impulses(&of, &Impulses::default()).unwrap();
+            [impulses, evenness(&of, &[]).unwrap()]
         };
         assert_eq!(of(-0.39, -1.19), ["impulses as near", "evenness as near"]);
         let weak = [
@@ -217,11 +251,60 @@ mod tests {
         assert_eq!(of(-1.0, -2.0), weak);
         let strong = of(0.41, 1.3);
         assert!(strong[0].contains("too strong") && strong[1].contains("too uneven"));
-        assert!(along_strokes([2.0, 1.0, 2.0, 2.5], 0.0).starts_with("levels as near"));
-        let far = along_strokes([4.0, 3.5, 2.0, 2.5], -3.0);
-        assert!(
-            far.contains("4.0 dB off") && far.contains("3 dB too quiet; a line over"),
-            "{far}"
+    }
+
+    #[test]
+    fn speeds_that_are_off_are_named_also_if_the_median_over_the_grid_is_near() {
+        let at = |speed_mm_s, octaves: f64, octaves_other| AtSpeed {
+            speed_mm_s,
+            trials: 8,
+            recorded_kurtosis: 24.0,
+            kurtosis: 24.0 * octaves.exp2(),
+            octaves,
+            octaves_other: Some(octaves_other),
+        };
+        let said = |by_speed: Vec<AtSpeed>, trials_octave_off| {
+            let impulses = Impulses {
+                trials: 40,
+                trials_octave_off,
+                trials_octave_off_other: 1,
+                by_speed,
+            };
+            super::impulses(&lively(0.0, 0.0), &impulses).unwrap()
+        };
+        let near = [at(40.0, 0.9, 0.0), at(60.0, 0.1, 0.0), at(80.0, -0.9, 0.1)];
+        assert_eq!(said(near.to_vec(), 1), "impulses as near");
+        // Recordings of this speed are as far from each other.
+        let mut speeds = near.to_vec();
+        speeds.push(at(100.0, -1.2, 1.1));
+        let count = "12 of 40 trials more than an octave off (target 1)";
+        assert_eq!(
+            said(speeds.clone(), 12),
+            format!("impulses as near, {count}")
         );
+        speeds.extend([at(120.0, -2.0, 0.1), at(140.0, -3.0, 0.1)]);
+        let weak = "impulses too weak at 120 mm/s and above (kurtosis 4.5, recorded 24.0)";
+        assert_eq!(said(speeds.clone(), 12), format!("{weak}, {count}"));
+        speeds[0].octaves = 1.5;
+        let strong = said(speeds, 12);
+        assert!(
+            strong.contains("too strong at 40 mm/s (kurtosis"),
+            "{strong}"
+        );
+    }
+
+    #[test]
+    fn clicks_are_too_strong_only_beyond_what_recordings_are_to_each_other() {
+        let said = |times, times_other, trials_too_strong| {
+            let own = Loudness {
+                times,
+                times_other,
+                trials_too_strong,
+            };
+            loudest(&own, 9)
+        };
+        assert_eq!(said(1.4, 1.1, 0), None);
+        let words = "clicks up to 8.0 times too strong in 2 of 9 trials (loudest 5 ms, target 1.1)";
+        assert_eq!(said(8.0, 1.1, 2).unwrap(), words);
     }
 }

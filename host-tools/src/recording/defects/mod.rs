@@ -3,12 +3,14 @@
 //! Invariant: samples in, findings out; times are in seconds from the first sample. Nothing here judges: triage does.
 
 mod axis;
+mod bursts;
 mod clipping;
 mod holds;
 mod spikes;
 
 use super::time_unit::TimeUnit;
 use axis::Axis;
+pub use bursts::Burst;
 pub use clipping::Clip;
 pub use holds::Hold;
 pub use spikes::Spike;
@@ -59,6 +61,8 @@ pub struct Defects {
     pub holds: Vec<Hold>,
     /// Single samples far off their neighbours, of all axes, in the order of time.
     pub spikes: Vec<Spike>,
+    /// Wild samples on one axis that are none of the above, in the order of the axes.
+    pub bursts: Vec<Burst>,
     /// The rate at which a sensor's values were read, Hz, if that was above its own, so that they are held.
     pub read_at_hz: Option<f64>,
     /// Ratio of the signal's power to that of the round-off of its steps, on the best axis, dB; infinite for a
@@ -87,14 +91,31 @@ impl Defects {
             .collect();
         spikes.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
         spikes.dedup_by(|next, first| next.time_s - first.time_s < spikes::REACH as f64 / rate_hz);
+        let clips: Vec<Clip> = axes
+            .iter()
+            .flat_map(|axis| clipping::clips(axis, rate_hz))
+            .collect();
+        let mut bursts = bursts::bursts(&axes, rate_hz);
+        bursts.retain(|burst| {
+            let reach_s = spikes::REACH as f64 / rate_hz;
+            let overlaps = |start_s: f64, seconds: f64| {
+                start_s < burst.start_s + burst.seconds + reach_s
+                    && burst.start_s < start_s + seconds + reach_s
+            };
+            !clips
+                .iter()
+                .any(|clip| overlaps(clip.start_s, clip.seconds))
+                && !holds
+                    .iter()
+                    .any(|hold| overlaps(hold.start_s, hold.seconds))
+                && !spikes.iter().any(|spike| overlaps(spike.time_s, 0.0))
+        });
         Self {
             clipped_share: clipping::clipped_share(&axes),
-            clips: axes
-                .iter()
-                .flat_map(|axis| clipping::clips(axis, rate_hz))
-                .collect(),
+            clips,
             holds,
             spikes,
+            bursts,
             read_at_hz: None,
             quantisation_snr_db: axes
                 .iter()

@@ -8,6 +8,7 @@
 //! | dropouts, stuck | one value for 2 to 100 ms, longer than a natural run of equal values; zero, or another | cut |
 //! | dropouts | gaps in the times; single samples that are missing | cut; interpolated up to 1 % |
 //! | spikes | a sample's fourth difference is 20 times that of the 48 samples on either side | cut |
+//! | bursts | 4 to 25 white samples on one axis, far off prediction, with all around them calm | cut |
 //! | repeated | values are held, in even steps | each is taken once |
 //! | coarse | the steps' round-off is less than [`COARSE_SNR_DB`] below the signal | |
 //! | truncated | the file is shorter than its header says, beyond the part that is used | |

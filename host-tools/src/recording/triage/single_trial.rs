@@ -8,7 +8,7 @@ use super::verdict::{Kind, Span, Verdict};
 use crate::dsp::high_pass::{SLOW_HZ, slow_share};
 use crate::dsp::sums::{Moments, moments, sum_of};
 use crate::dsp::wide;
-use crate::recording::defects::Truncation;
+use crate::recording::defects::{Defects, Truncation};
 use crate::recording::source::Samples;
 use crate::support::number::counted;
 
@@ -198,17 +198,41 @@ fn of_defects(samples: &Samples) -> Vec<Verdict> {
             verdicts.push(Verdict::on(kind, name, spans));
         }
     }
-    if !defects.spikes.is_empty() {
-        let spikes = defects.spikes.iter();
-        let ratio = spikes.clone().map(|spike| spike.ratio).fold(0.0, f64::max);
-        let spans = spikes.map(|spike| span(spike.time_s, 0.0, SPIKE_REACH));
-        let words = format!(", up to {ratio:.0} times what is around");
-        verdicts.push(Verdict::on(Kind::Spikes, "spikes", spans.collect()).with(&words));
-    }
+    verdicts.extend(of_wild_samples(defects, span));
     if defects.quantisation_snr_db < COARSE_SNR_DB {
         let snr_db = defects.quantisation_snr_db;
         let words = format!("coarse: its steps are {snr_db:.0} dB below it");
         verdicts.push(Verdict::new(Kind::Coarse, words));
+    }
+    verdicts
+}
+
+/// Verdicts on spikes and bursts; `span` makes samples of a time, a duration and a margin.
+fn of_wild_samples(defects: &Defects, span: impl Fn(f64, f64, usize) -> Span) -> Vec<Verdict> {
+    let mut verdicts = Vec::new();
+    let (spikes, bursts) = (&defects.spikes, &defects.bursts);
+    if !spikes.is_empty() {
+        let ratio = spikes.iter().map(|spike| spike.ratio).fold(0.0, f64::max);
+        let spans = spikes
+            .iter()
+            .map(|spike| span(spike.time_s, 0.0, SPIKE_REACH));
+        let words = format!(", up to {ratio:.0} times what is around");
+        verdicts.push(Verdict::on(Kind::Spikes, "spikes", spans.collect()).with(&words));
+    }
+    if let Some(first) = bursts.first() {
+        let ratio = bursts.iter().map(|burst| burst.ratio).fold(0.0, f64::max);
+        let mut spans: Vec<Span> = bursts
+            .iter()
+            .map(|burst| span(burst.start_s, burst.seconds, SPIKE_REACH))
+            .collect();
+        spans.sort_by_key(|span| span.start);
+        let axis = if bursts.iter().all(|burst| burst.axis == first.axis) {
+            format!("axis {}", first.axis)
+        } else {
+            "one axis at a time".to_owned()
+        };
+        let words = format!(", on {axis}, up to {ratio:.0} times as unpredictable as all else");
+        verdicts.push(Verdict::on(Kind::Bursts, "bursts", spans).with(&words));
     }
     verdicts
 }

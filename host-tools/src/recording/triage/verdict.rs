@@ -26,6 +26,8 @@ pub enum Kind {
     Stuck,
     /// Single samples far off their neighbours.
     Spikes,
+    /// Wild samples on one axis alone.
+    Bursts,
     /// Values held: a lower sample rate than the file says.
     Repeated,
     /// Steps of the converter that are too coarse for the level.
@@ -64,13 +66,14 @@ pub enum Kind {
 
 impl Kind {
     /// Names of all kinds, as users give them on the command line.
-    pub const NAMES: [&str; 23] = [
+    pub const NAMES: [&str; 24] = [
         "silent",
         "too-short",
         "clipped",
         "dropouts",
         "stuck",
         "spikes",
+        "bursts",
         "repeated",
         "coarse",
         "truncated",
@@ -109,6 +112,10 @@ impl Kind {
             Self::Spikes => (
                 "spikes",
                 "check cable and connectors, or cut it out with start_s and duration_s",
+            ),
+            Self::Bursts => (
+                "bursts",
+                "check cable, connectors and the sensor's driver: a queue that slips gives such samples",
             ),
             Self::Repeated => (
                 "repeated",
