@@ -1,11 +1,14 @@
 //! Choices of a fit.
 
+use std::path::PathBuf;
+
 use clap::builder::PossibleValuesParser;
 use serde::{Deserialize, Serialize};
 
 use model_format::{PlayRate, SAMPLE_RATE_HZ};
 
 use crate::fit::conditioning::Conditioning;
+use crate::fit::floor::FloorChoice;
 use crate::recording::Snap;
 use crate::recording::triage::{Kind, SILENCE_FLOOR_M_S2};
 use crate::support::error::{Error, Result};
@@ -115,6 +118,14 @@ pub struct Options {
     /// Lines that are locked to place, such as those of a weave: sought, or left in the noise
     #[arg(long, value_enum, default_value = "auto")]
     pub lines: Lines,
+    /// The rig's own noise, as trials in motion at 0 N have it: taken off the recordings, or its share told
+    #[arg(long, value_enum, default_value = "note")]
+    #[serde(default)]
+    pub floor: FloorChoice,
+    /// Recording, or list of them by speed, that has the rig's noise in place of trials at 0 N
+    #[arg(long, value_name = "FILE|DIR")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub floor_recording: Option<PathBuf>,
     /// Refuse a set if triage finds anything
     #[arg(long)]
     pub strict: bool,
@@ -196,6 +207,8 @@ impl Default for Options {
             modulation: ModulationChoice::Auto,
             drop: Vec::new(),
             lines: Lines::Auto,
+            floor: FloorChoice::Note,
+            floor_recording: None,
             strict: false,
             snap: None,
             sample_rate_hz: SAMPLE_RATE_HZ,

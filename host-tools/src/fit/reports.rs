@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use super::floor::FloorShares;
 use super::options::Options;
 use super::recordings::{Recorded, Recordings};
 use crate::recording::triage::{self, Compared, Verdict, in_words};
@@ -39,6 +40,10 @@ pub struct TrialReport {
     /// Findings of triage; none for a sound recording.
     #[serde(serialize_with = "in_words")]
     pub verdicts: Vec<Verdict>,
+    /// Share of the rig's noise in its power, 0 to 1, for each third octave from 20 Hz to 2 kHz; none if the noise is not
+    /// known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub floor_shares: Option<FloorShares>,
     /// True if the fit used it.
     pub used: bool,
 }
@@ -70,6 +75,7 @@ pub(super) fn reports(
             high_pass_hz: analysis.slow.cut_hz,
             axis_turn_deg: analysis.slow.turn_deg,
             cut_s: analysis.cut_s,
+            floor_shares: analysis.floor,
             used: !verdicts.iter().any(is_dropped) && trial.is_in_motion_and_contact(),
             verdicts,
         }

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::blocks::Part;
 use super::estimate::{Bands, Estimate, estimate, estimate_of};
+use super::floor::FloorShares;
 use super::lines::TrialLines;
 use super::options::Options;
 use crate::dsp::autocorrelation::Autocorrelation;
@@ -56,6 +57,8 @@ pub struct Analysis {
     pub mains_line_hz: Option<f64>,
     /// Sketch of the reduced signal, by which copies are found.
     pub sketch: Sketch,
+    /// Share of the rig's noise in each band of the recording; none if the noise is not known.
+    pub floor: Option<FloorShares>,
     /// Its share of the texture's lines, which `lags` and `bands` are without; none before they are sought.
     pub lines: TrialLines,
 }
@@ -66,6 +69,13 @@ impl Analysis {
         self.verdicts
             .iter()
             .any(|verdict| verdict.kind() == Kind::Silent)
+    }
+
+    /// Returns whether it has a verdict that `options` drop.
+    pub(super) fn is_dropped(&self, options: &Options) -> bool {
+        let is_dropped =
+            |verdict: &Verdict| options.drop.iter().any(|dropped| dropped == verdict.name());
+        self.verdicts.iter().any(is_dropped)
     }
 }
 
@@ -252,12 +262,29 @@ impl Triaged {
 /// # Errors
 /// A file that cannot be used, or without the axis that was asked for.
 pub fn analyse(trial: &Trial, options: &Options, part: Part) -> Result<(Analysis, Signal)> {
+    let (analysis, signal, _) = analyse_axes(trial, options, part)?;
+    Ok((analysis, signal))
+}
+
+/// Reads the axes of `trial` as [`analyse`] does, about their means, m/s².
+pub(super) fn read_axes(trial: &Trial, options: &Options) -> Result<Vec<Vec<f64>>> {
+    let (_, _, axes) = analyse_axes(trial, options, Part::Whole)?;
+    Ok(axes)
+}
+
+/// As [`analyse`], with the axes about their means, m/s².
+pub(super) fn analyse_axes(
+    trial: &Trial,
+    options: &Options,
+    part: Part,
+) -> Result<(Analysis, Signal, Vec<Vec<f64>>)> {
     let (reduction, max_lag) = (options.conditioning.reduction, options.order.highest());
     let mut triaged = triaged(trial, options.conditioning)?;
     let Reduced {
         signal: mut samples,
         energy_share,
     } = reduced(trial, &mut triaged.samples.axes, reduction)?;
+    let mut axes = std::mem::take(&mut triaged.samples.axes);
     let sketch = Sketch::of(&samples);
     let mut plain = Autocorrelation::of(&samples, max_lag);
     let power = plain.lags[0];
@@ -272,7 +299,7 @@ pub fn analyse(trial: &Trial, options: &Options, part: Part) -> Result<(Analysis
     let mains_line_hz = (!is_silent).then(|| triage::mains_line(&plain)).flatten();
     let (rate_hz, cut_hz) = (options.sample_rate_hz, triaged.slow.cut_hz);
     if rate_hz != SAMPLE_RATE_HZ {
-        let mut axes = kept_at(trial, rate_hz, &triaged.parts, cut_hz)?;
+        axes = kept_at(trial, rate_hz, &triaged.parts, cut_hz)?;
         samples = reduced(trial, &mut axes, reduction)?.signal;
         plain = Autocorrelation::of(&samples, max_lag);
     }
@@ -284,7 +311,7 @@ pub fn analyse(trial: &Trial, options: &Options, part: Part) -> Result<(Analysis
     let whole_power = plain.lags[0];
     let Estimate { lags, bands } = match part {
         Part::Whole => estimate(rate_hz, &samples, plain, cut_hz),
-        Part::Blocks => estimate_of(&fitted, max_lag, cut_hz),
+        Part::Blocks => estimate_of(rate_hz, &fitted, max_lag, cut_hz),
     };
     let is_whole = part == Part::Whole && cut_hz.is_none();
     let analysis = Analysis {
@@ -298,9 +325,10 @@ pub fn analyse(trial: &Trial, options: &Options, part: Part) -> Result<(Analysis
         verdicts: std::mem::take(&mut triaged.verdicts),
         mains_line_hz,
         sketch,
+        floor: None,
         lines: TrialLines::default(),
         lags,
         bands,
     };
-    Ok((analysis, triaged.with_samples(samples)))
+    Ok((analysis, triaged.with_samples(samples), axes))
 }

@@ -1,0 +1,244 @@
+//! The rig's own noise: motor and sensor without a surface. Trials in motion at 0 N have it, or recordings that the
+//! user names.
+//!
+//! The noise is reduced as each recording was, because motor and texture vibrate in different directions. Between
+//! speeds its level in dB is linear in the logarithm of the speed; beyond them the nearest counts. Only the noise at a
+//! recording's own speed has its tones in their place.
+
+use std::path::Path;
+
+use clap::ValueEnum;
+use serde::{Deserialize, Serialize};
+
+use super::options::Options;
+use super::recordings::Recorded;
+use super::trial::read_axes;
+use crate::dsp::reduction::View;
+use crate::dsp::spectrum::{PowerSpectrum, band_edges_hz, longest_segment, without_noise};
+use crate::fit::blocks::Part;
+use crate::recording::{RecordingSet, Trial};
+use crate::support::error::{Error, Result};
+use crate::support::in_order::in_order;
+
+/// The choice of what is done with the rig's noise.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ValueEnum)]
+#[serde(rename_all = "snake_case")]
+pub enum FloorChoice {
+    /// Its spectrum is taken off each recording before anything is fitted.
+    Subtract,
+    /// Its share of the recordings' power is told.
+    #[default]
+    Note,
+    /// Nothing.
+    None,
+}
+
+/// Number of third octaves in which the noise's share is told: those of [`band_edges_hz`] from 20 Hz to 2 kHz.
+pub const FLOOR_BANDS: usize = 21;
+
+/// Share of the rig's noise in a recording's power, 0 to 1, for each third octave.
+pub type FloorShares = [f64; FLOOR_BANDS];
+
+/// Segments of both spectra are at most this share of the shorter recording, so that each is a mean over twenty.
+const SEGMENT_SHARE: usize = 10;
+
+/// Shortest recording of the noise that is used, s.
+const LEAST_S: f64 = 0.5;
+
+/// Axes of a recording as far as the floor needs them.
+pub(super) enum Axes {
+    /// Those of the noise, about their means, m/s².
+    Noise(Vec<Vec<f64>>),
+    /// The way in which those of a texture were reduced.
+    Texture(View),
+}
+
+/// A recording of the noise.
+struct Take {
+    speed_mm_s: f64,
+    /// Its axes about their means, m/s².
+    axes: Vec<Vec<f64>>,
+}
+
+/// The noise of a rig.
+pub(super) struct Floor {
+    /// In the order of their speeds.
+    takes: Vec<Take>,
+    rate_hz: f64,
+}
+
+/// Returns whether `trial` has the noise of the rig in motion alone.
+pub(super) fn is_of_the_rig(trial: &Trial) -> bool {
+    trial.speed_mm_s > 0.0 && trial.force_n <= 0.0
+}
+
+impl Floor {
+    /// The noise that the user's recordings have, or else those of `trials` that have no surface, whose axes are among
+    /// `axes`. `None` if there is none.
+    ///
+    /// # Errors
+    /// A recording that was named and cannot be used.
+    pub fn of(
+        trials: &[Recorded<'_>],
+        axes: &mut [Axes],
+        options: &Options,
+    ) -> Result<Option<Self>> {
+        let mut takes = match (&options.floor_recording, trials.first()) {
+            (Some(path), Some(first)) => named(path, first.trial, axes, options)?,
+            _ => own(trials, axes, options),
+        };
+        let rate_hz = f64::from(options.sample_rate_hz);
+        takes.retain(|take| take.samples() as f64 >= LEAST_S * rate_hz);
+        takes.sort_by(|a, b| a.speed_mm_s.total_cmp(&b.speed_mm_s));
+        Ok((!takes.is_empty()).then_some(Self { takes, rate_hz }))
+    }
+
+    /// Tells `recording`, which was reduced as `view` says, the noise's share of it, and takes the noise off if
+    /// `options` say so.
+    pub fn apply(&self, recording: &mut Recorded<'_>, view: &View, options: &Options, part: Part) {
+        let Some(signal) = &mut recording.signal else {
+            return;
+        };
+        let shortest = self.takes.iter().map(Take::samples).min().unwrap_or(0);
+        let segment = shortest.min(signal.samples.len()) / SEGMENT_SHARE;
+        let segment = segment.min(longest_segment(self.rate_hz));
+        let whole = PowerSpectrum::of_blocks(&[&signal.samples], segment, self.rate_hz);
+        let noise = self.at(recording.trial.speed_mm_s, view, segment);
+        recording.analysis.floor = Some(shares(&noise, &whole));
+        if options.floor != FloorChoice::Subtract {
+            return;
+        }
+        signal.samples = without_noise(&signal.samples, &whole, &noise, self.rate_hz);
+        recording.estimate_again(options, part);
+    }
+
+    /// The noise at a speed, reduced as `view` says.
+    fn at(&self, speed_mm_s: f64, view: &View, segment: usize) -> PowerSpectrum {
+        let slower = self
+            .takes
+            .partition_point(|take| take.speed_mm_s < speed_mm_s);
+        let last = self.takes.len() - 1;
+        let [below, above] = [slower.saturating_sub(1), slower.min(last)];
+        let [low, high] = [below, above].map(|index| self.takes[index].speed_mm_s);
+        let share = if low < speed_mm_s && speed_mm_s < high && low > 0.0 {
+            (speed_mm_s / low).ln() / (high / low).ln()
+        } else {
+            // At a speed of the noise, or beyond all.
+            1.0
+        };
+        let upper = self.spectrum(high, view, segment);
+        if share < 1.0 {
+            return self.spectrum(low, view, segment).towards(&upper, share);
+        }
+        upper
+    }
+
+    /// The mean over all takes of the noise at one of its speeds.
+    fn spectrum(&self, speed_mm_s: f64, view: &View, segment: usize) -> PowerSpectrum {
+        let at_speed = self
+            .takes
+            .iter()
+            .filter(|take| take.speed_mm_s.total_cmp(&speed_mm_s).is_eq());
+        // Axes were counted, so that none lacks.
+        let reduced = at_speed.filter_map(|take| view.reduce(&take.axes).ok());
+        let reduced: Vec<Vec<f64>> = reduced.collect();
+        let blocks: Vec<&[f64]> = reduced.iter().map(Vec::as_slice).collect();
+        PowerSpectrum::of_blocks(&blocks, segment, self.rate_hz)
+    }
+}
+
+impl Take {
+    fn samples(&self) -> usize {
+        self.axes.first().map_or(0, Vec::len)
+    }
+}
+
+/// The share of `noise` in the power of `whole` in each band.
+fn shares(noise: &PowerSpectrum, whole: &PowerSpectrum) -> FloorShares {
+    std::array::from_fn(|band| {
+        let (low_hz, high_hz) = band_edges_hz(band);
+        let [noise, whole] = [noise, whole].map(|spectrum| spectrum.power_between(low_hz, high_hz));
+        if whole > 0.0 {
+            (noise / whole).min(1.0)
+        } else {
+            0.0
+        }
+    })
+}
+
+/// The noise in the texture's own trials without a surface, but for those that the user drops.
+fn own(trials: &[Recorded<'_>], axes: &mut [Axes], options: &Options) -> Vec<Take> {
+    let takes = trials
+        .iter()
+        .zip(axes)
+        .filter_map(|(own, axes)| match axes {
+            Axes::Noise(axes) if !own.analysis.is_dropped(options) => Some(Take {
+                speed_mm_s: own.trial.speed_mm_s,
+                axes: std::mem::take(axes),
+            }),
+            _ => None,
+        });
+    takes.collect()
+}
+
+/// The noise in the recordings at `path`. They are of the same sensor as the texture, and what they lack is as in its
+/// trial `like`.
+fn named(path: &Path, like: &Trial, axes: &[Axes], options: &Options) -> Result<Vec<Take>> {
+    let mut set = RecordingSet::open(&[path.to_owned()])?;
+    for trial in &mut set.trials {
+        trial.scale_m_s2 = trial.scale_m_s2.or(like.scale_m_s2);
+        trial.sample_rate_hz = trial.sample_rate_hz.or(like.sample_rate_hz);
+    }
+    let channels = axes.iter().find_map(|axes| match axes {
+        Axes::Texture(view) => Some(view.channels()),
+        Axes::Noise(_) => None,
+    });
+    in_order(&set.trials, |trial| {
+        let axes = read_axes(trial, options)?;
+        match channels {
+            Some(channels) if channels != axes.len() => {
+                let problem = format!(
+                    "has {} axes, and the recordings of '{}' have {channels}: record the rig's noise by the same sensor",
+                    axes.len(),
+                    like.texture
+                );
+                Err(Error::file(&trial.file, problem))
+            }
+            _ => Ok(Take {
+                speed_mm_s: trial.speed_mm_s,
+                axes,
+            }),
+        }
+    })
+}
+
+/// The mean share of the rig's noise over the recordings at one speed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FloorAtSpeed {
+    /// Tangential speed, mm/s.
+    pub speed_mm_s: f64,
+    /// Shares of each third octave.
+    pub shares: FloorShares,
+}
+
+/// The shares at each speed of the recordings of a texture, from their speeds, mm/s, and shares.
+pub fn by_speed(recordings: impl IntoIterator<Item = (f64, FloorShares)>) -> Vec<FloorAtSpeed> {
+    let mut all: Vec<(f64, FloorShares)> = recordings.into_iter().collect();
+    all.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let at_speed = all.chunk_by(|a, b| a.0.total_cmp(&b.0).is_eq());
+    let mean = |own: &[(f64, FloorShares)]| FloorAtSpeed {
+        speed_mm_s: own[0].0,
+        shares: std::array::from_fn(|band| {
+            own.iter().map(|(_, shares)| shares[band]).sum::<f64>() / own.len() as f64
+        }),
+    };
+    at_speed.map(mean).collect()
+}
+
+/// The error of a texture whose noise is to be taken off, and is not known.
+pub(super) fn unknown(texture: &str) -> Error {
+    Error::Model(format!(
+        "texture '{texture}' has no trial in motion at 0 N of half a second, so that its rig's noise is not known: \
+         record one at each speed, or give --floor-recording, or leave out --floor subtract"
+    ))
+}
