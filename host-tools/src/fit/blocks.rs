@@ -2,8 +2,9 @@
 //!
 //! Blocks alternate, because a recording changes over time: halves would compare its beginning with its end. Lags are
 //! estimated within blocks and averaged, never across the join of two blocks. Nothing but the direction of the first
-//! principal component, the mean, the verdicts of triage, the share of the rig's noise, the wavelengths of lines with the
-//! course of the speed, and whether a residual has impulses and a level of its own comes from the whole recording.
+//! principal component, the mean, the verdicts of triage, the rig's noise and what is left without it, the wavelengths
+//! of lines with the course of the speed, and whether a residual has impulses and a level of its own comes from the
+//! whole recording.
 
 use std::ops::Range;
 

@@ -19,6 +19,7 @@ use crate::fit::blocks::Part;
 use crate::recording::{RecordingSet, Trial};
 use crate::support::error::{Error, Result};
 use crate::support::in_order::in_order;
+use crate::support::number::counted;
 
 /// The choice of what is done with the rig's noise.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ValueEnum)]
@@ -198,8 +199,8 @@ fn named(path: &Path, like: &Trial, axes: &[Axes], options: &Options) -> Result<
         match channels {
             Some(channels) if channels != axes.len() => {
                 let problem = format!(
-                    "has {} axes, and the recordings of '{}' have {channels}: record the rig's noise by the same sensor",
-                    axes.len(),
+                    "has {}, and the recordings of '{}' have {channels}: record the rig's noise by the same sensor",
+                    counted(axes.len(), "channel"),
                     like.texture
                 );
                 Err(Error::file(&trial.file, problem))
@@ -241,4 +242,74 @@ pub(super) fn unknown(texture: &str) -> Error {
         "texture '{texture}' has no trial in motion at 0 N of half a second, so that its rig's noise is not known: \
          record one at each speed, or give --floor-recording, or leave out --floor subtract"
     ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dsp::reduction::Reduction;
+    use crate::dsp::test_signals::{near, noise};
+    use proptest::prelude::*;
+
+    const SEGMENT: usize = 500;
+
+    /// A rig whose noise has these RMS values, m/s², at speeds in mm/s.
+    fn floor(levels: &[(f64, f64)]) -> Floor {
+        let take = |&(speed_mm_s, rms): &(f64, f64)| Take {
+            speed_mm_s,
+            axes: vec![noise(1, 20_000).iter().map(|x| rms * x).collect()],
+        };
+        Floor {
+            takes: levels.iter().map(take).collect(),
+            rate_hz: 5000.0,
+        }
+    }
+
+    fn rms(floor: &Floor, speed_mm_s: f64) -> f64 {
+        let view = View::of(&[vec![1.0, -1.0]], Reduction::Pca);
+        let spectrum = floor.at(speed_mm_s, &view, SEGMENT);
+        spectrum.power_between(0.0, 2500.0).sqrt()
+    }
+
+    #[test]
+    fn between_two_speeds_the_level_is_linear_in_the_logarithm_of_the_speed_and_beyond_the_nearest()
+    {
+        let rig = floor(&[(50.0, 0.1), (200.0, 0.4)]);
+        let unit = rms(&floor(&[(50.0, 1.0)]), 50.0);
+        for (speed, expected) in [
+            (10.0, 0.1),
+            (50.0, 0.1),
+            (100.0, 0.2),
+            (200.0, 0.4),
+            (900.0, 0.4),
+        ] {
+            near(rms(&rig, speed) / unit, expected, 1e-9);
+        }
+    }
+
+    #[test]
+    fn recordings_of_one_speed_count_by_the_mean_of_their_power() {
+        let unit = rms(&floor(&[(50.0, 1.0)]), 50.0);
+        near(
+            rms(&floor(&[(50.0, 0.6), (50.0, 0.8)]), 50.0) / unit,
+            0.5f64.sqrt(),
+            1e-9,
+        );
+    }
+
+    proptest! {
+        #[test]
+        fn the_noise_at_any_speed_is_between_that_of_its_neighbours(
+            speeds in prop::collection::vec(0.0..1000.0f64, 1..6), speed in 0.0..1200.0f64,
+        ) {
+            let mut levels: Vec<(f64, f64)> = speeds.iter().map(|&speed| (speed, 0.01 + speed)).collect();
+            levels.sort_by(|a, b| a.0.total_cmp(&b.0));
+            let found = rms(&floor(&levels), speed);
+            let unit = rms(&floor(&[(50.0, 1.0)]), 50.0);
+            let known = |&(_, level): &(f64, f64)| level * unit;
+            let below = levels.iter().rev().find(|own| own.0 <= speed).unwrap_or(&levels[0]);
+            let above = levels.iter().find(|own| own.0 >= speed).unwrap_or(&levels[levels.len() - 1]);
+            prop_assert!(found >= known(below) * (1.0 - 1e-9) && found <= known(above) * (1.0 + 1e-9));
+        }
+    }
 }

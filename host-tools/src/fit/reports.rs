@@ -40,7 +40,7 @@ pub struct TrialReport {
     /// Findings of triage; none for a sound recording.
     #[serde(serialize_with = "in_words")]
     pub verdicts: Vec<Verdict>,
-    /// Share of the rig's noise in its power, 0 to 1, for each third octave from 20 Hz to 2 kHz; none if the noise is not
+    /// Share of the rig's noise in its power, 0 to 1, for each third octave from 20 Hz to 2 kHz; none if it is not
     /// known.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub floor_shares: Option<FloorShares>,

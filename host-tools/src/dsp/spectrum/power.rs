@@ -190,13 +190,17 @@ impl PowerSpectrum {
         low + share * (high - low)
     }
 
-    /// Returns the spectrum a `share` of the way from this one to `other` of the same resolution, in dB.
+    /// Returns this spectrum with other values at its frequencies.
+    pub(super) fn with_density(&self, density: Vec<f64>) -> Self {
+        Self { density, ..*self }
+    }
+
+    /// Returns the spectrum a `share` of the way from this one to `other` of the same segments, in dB.
     #[must_use]
-    pub fn towards(mut self, other: &Self, share: f64) -> Self {
-        for (own, other) in self.density.iter_mut().zip(&other.density) {
-            *own = own.powf(1.0 - share) * other.powf(share);
-        }
-        self
+    pub fn towards(&self, other: &Self, share: f64) -> Self {
+        let pairs = self.density.iter().zip(&other.density);
+        let mean = |(own, other): (&f64, &f64)| own.powf(1.0 - share) * other.powf(share);
+        self.with_density(pairs.map(mean).collect())
     }
 
     /// Returns the power between two frequencies, in (signal's unit)²: the integral of the density, with fractional

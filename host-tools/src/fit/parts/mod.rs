@@ -1,12 +1,11 @@
 //! A fit as a map over trials and a reduce over nodes, with files in between.
 //!
-//! The map reads a trial and computes what no other trial tells: autocorrelation, third-octave
-//! bands, level, verdicts of triage, the sketch by which copies are found, the rig's noise, and its share of its texture's
-//! lines. A *unit* of it is what is computed together: all trials of a texture where lines are sought, because they show
-//! in all of them, or where some have the rig's noise, and up to 64 trials of a texture otherwise.
+//! The map reads a trial and computes what no other trial tells: autocorrelation, third-octave bands, level, verdicts
+//! of triage, the sketch by which copies are found, the rig's share, and its share of its texture's lines. A *unit* of
+//! it is what is computed together: all trials of a texture where lines are sought, because they show in all of them,
+//! or where some have the rig's noise, and up to 64 trials of a texture otherwise.
 //!
-//! Each unit has a file of its own, named by a hash of everything that its content comes from (`unit`). So a file
-//! that
+//! Each unit has a file of its own, named by a hash of everything that its content comes from (`unit`). So a file that
 //! is there is not computed again, whoever made it: an interrupted fit goes on where it was, and shard I of N is the
 //! computation of every N-th unit.
 //!
