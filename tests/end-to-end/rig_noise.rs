@@ -62,7 +62,7 @@ fn motor_noise(speed: f64, motor: f64, seed: u64) -> Vec<f64> {
 /// The set `set` of one texture at 1 N, and of the motor alone at 0 N, of one axis or of three.
 fn recorded(motor: f64, axes: usize) -> Bench {
     let bench = Bench::new();
-    let (mut list, mut of_motor) = (header(), header());
+    let [mut list, mut of_motor, mut of_contact] = [header(), header(), header()];
     for (speed, seed) in SPEEDS_MM_S.into_iter().zip((10..).step_by(10)) {
         let texture = through(&surface(), levels(speed, motor).0, seed);
         for (force, seed) in [(0, seed + 1), (1, seed + 2)] {
@@ -80,30 +80,23 @@ fn recorded(motor: f64, axes: usize) -> Bench {
             let signals: Vec<Vec<f64>> = (0..axes).map(axis).collect();
             let signals: Vec<&[f64]> = signals.iter().map(Vec::as_slice).collect();
             bench.write(&format!("set/{speed}-{force}.wav"), wav(&signals, RATE_HZ));
-            list.push_str(&format!("{speed}-{force}.wav,felt,{speed},{force}\n"));
+            let line = format!("{speed}-{force}.wav,felt,{speed},{force}\n");
+            list.push_str(&line);
             if force == 0 {
                 of_motor.push_str(&format!("{speed}-0.wav,motor,{speed},0\n"));
+            } else {
+                of_contact.push_str(&line);
             }
         }
     }
-    bench.write("set/trials.csv", &list);
+    bench.write("set/trials.csv", list);
     bench.write("set/motor.csv", of_motor);
-    bench.write(
-        "set/contact.csv",
-        without(&list, |line| line.contains("-0.wav")),
-    );
+    bench.write("set/contact.csv", of_contact);
     bench
 }
 
 fn header() -> String {
     "file,texture,speed_mm_s,force_n\n".to_owned()
-}
-
-fn without(list: &str, is_out: impl Fn(&str) -> bool) -> String {
-    list.lines()
-        .filter(|line| !is_out(line))
-        .map(|line| format!("{line}\n"))
-        .collect()
 }
 
 /// Power of texture and motor at `speed` in a third octave, (m/s²)².

@@ -4,11 +4,10 @@ use model_format::{NodeSpec, Provenance, TextureSpec, limits};
 
 use super::blocks::Part;
 use super::excitation::{self, Axes, Choice, Chosen, ExcitationReport};
-use super::floor::FloorChoice;
 use super::grid::{Member, assemble};
 use super::lines::Findings;
 use super::notes;
-use super::options::Options;
+use super::options::{FloorChoice, Options};
 use super::recordings::{Recordings, Take};
 use super::reports::TrialReport;
 use super::trial::signal_of_judged;

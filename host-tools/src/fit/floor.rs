@@ -7,38 +7,14 @@
 
 use std::path::Path;
 
-use clap::ValueEnum;
-use serde::{Deserialize, Serialize};
-
 use super::options::Options;
-use super::recordings::Recorded;
-use super::trial::read_axes;
+use super::trial::{FloorShares, read_axes};
 use crate::dsp::reduction::View;
 use crate::dsp::spectrum::{PowerSpectrum, band_edges_hz, longest_segment, without_noise};
-use crate::fit::blocks::Part;
 use crate::recording::{RecordingSet, Trial};
 use crate::support::error::{Error, Result};
 use crate::support::in_order::in_order;
 use crate::support::number::counted;
-
-/// The choice of what is done with the rig's noise.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ValueEnum)]
-#[serde(rename_all = "snake_case")]
-pub enum FloorChoice {
-    /// Its spectrum is taken off each recording before anything is fitted.
-    Subtract,
-    /// Its share of the recordings' power is told.
-    #[default]
-    Note,
-    /// Nothing.
-    None,
-}
-
-/// Number of third octaves in which the noise's share is told: those of [`band_edges_hz`] from 20 Hz to 2 kHz.
-pub const FLOOR_BANDS: usize = 21;
-
-/// Share of the rig's noise in a recording's power, 0 to 1, for each third octave.
-pub type FloorShares = [f64; FLOOR_BANDS];
 
 /// Segments of both spectra are at most this share of the shorter recording, so that each is a mean over twenty.
 const SEGMENT_SHARE: usize = 10;
@@ -46,71 +22,48 @@ const SEGMENT_SHARE: usize = 10;
 /// Shortest recording of the noise that is used, s.
 const LEAST_S: f64 = 0.5;
 
-/// Axes of a recording as far as the floor needs them.
-pub(super) enum Axes {
-    /// Those of the noise, about their means, m/s².
-    Noise(Vec<Vec<f64>>),
-    /// The way in which those of a texture were reduced.
-    Texture(View),
-}
-
 /// A recording of the noise.
-struct Take {
-    speed_mm_s: f64,
+pub(super) struct NoiseTake {
+    /// Tangential speed, mm/s.
+    pub speed_mm_s: f64,
     /// Its axes about their means, m/s².
-    axes: Vec<Vec<f64>>,
+    pub axes: Vec<Vec<f64>>,
 }
 
 /// The noise of a rig.
 pub(super) struct Floor {
     /// In the order of their speeds.
-    takes: Vec<Take>,
+    takes: Vec<NoiseTake>,
     rate_hz: f64,
 }
 
-/// Returns whether `trial` has the noise of the rig in motion alone.
-pub(super) fn is_of_the_rig(trial: &Trial) -> bool {
-    trial.speed_mm_s > 0.0 && trial.force_n <= 0.0
-}
-
 impl Floor {
-    /// The noise that the user's recordings have, or else those of `trials` that have no surface, whose axes are among
-    /// `axes`. `None` if there is none.
-    ///
-    /// # Errors
-    /// A recording that was named and cannot be used.
-    pub fn of(
-        trials: &[Recorded<'_>],
-        axes: &mut [Axes],
-        options: &Options,
-    ) -> Result<Option<Self>> {
-        let mut takes = match (&options.floor_recording, trials.first()) {
-            (Some(path), Some(first)) => named(path, first.trial, axes, options)?,
-            _ => own(trials, axes, options),
-        };
-        let rate_hz = f64::from(options.sample_rate_hz);
+    /// The noise that `takes` have; `None` if they are too short, or none.
+    pub fn of(mut takes: Vec<NoiseTake>, rate_hz: u32) -> Option<Self> {
+        let rate_hz = f64::from(rate_hz);
         takes.retain(|take| take.samples() as f64 >= LEAST_S * rate_hz);
         takes.sort_by(|a, b| a.speed_mm_s.total_cmp(&b.speed_mm_s));
-        Ok((!takes.is_empty()).then_some(Self { takes, rate_hz }))
+        (!takes.is_empty()).then_some(Self { takes, rate_hz })
     }
 
-    /// Tells `recording`, which was reduced as `view` says, the noise's share of it, and takes the noise off if
-    /// `options` say so.
-    pub fn apply(&self, recording: &mut Recorded<'_>, view: &View, options: &Options, part: Part) {
-        let Some(signal) = &mut recording.signal else {
-            return;
-        };
-        let shortest = self.takes.iter().map(Take::samples).min().unwrap_or(0);
-        let segment = shortest.min(signal.samples.len()) / SEGMENT_SHARE;
+    /// Returns the noise's share of the `samples` of a recording at a speed, which was reduced as `view` says. Takes
+    /// the noise off the samples if that `is_taken_off`.
+    pub fn apply(
+        &self,
+        samples: &mut Vec<f64>,
+        speed_mm_s: f64,
+        view: &View,
+        is_taken_off: bool,
+    ) -> FloorShares {
+        let shortest = self.takes.iter().map(NoiseTake::samples).min().unwrap_or(0);
+        let segment = shortest.min(samples.len()) / SEGMENT_SHARE;
         let segment = segment.min(longest_segment(self.rate_hz));
-        let whole = PowerSpectrum::of_blocks(&[&signal.samples], segment, self.rate_hz);
-        let noise = self.at(recording.trial.speed_mm_s, view, segment);
-        recording.analysis.floor = Some(shares(&noise, &whole));
-        if options.floor != FloorChoice::Subtract {
-            return;
+        let whole = PowerSpectrum::of_blocks(&[samples], segment, self.rate_hz);
+        let noise = self.at(speed_mm_s, view, segment);
+        if is_taken_off {
+            *samples = without_noise(samples, &whole, &noise, self.rate_hz);
         }
-        signal.samples = without_noise(&signal.samples, &whole, &noise, self.rate_hz);
-        recording.estimate_again(options, part);
+        shares(&noise, &whole)
     }
 
     /// The noise at a speed, reduced as `view` says.
@@ -148,7 +101,7 @@ impl Floor {
     }
 }
 
-impl Take {
+impl NoiseTake {
     fn samples(&self) -> usize {
         self.axes.first().map_or(0, Vec::len)
     }
@@ -167,33 +120,22 @@ fn shares(noise: &PowerSpectrum, whole: &PowerSpectrum) -> FloorShares {
     })
 }
 
-/// The noise in the texture's own trials without a surface, but for those that the user drops.
-fn own(trials: &[Recorded<'_>], axes: &mut [Axes], options: &Options) -> Vec<Take> {
-    let takes = trials
-        .iter()
-        .zip(axes)
-        .filter_map(|(own, axes)| match axes {
-            Axes::Noise(axes) if !own.analysis.is_dropped(options) => Some(Take {
-                speed_mm_s: own.trial.speed_mm_s,
-                axes: std::mem::take(axes),
-            }),
-            _ => None,
-        });
-    takes.collect()
-}
-
 /// The noise in the recordings at `path`. They are of the same sensor as the texture, and what they lack is as in its
-/// trial `like`.
-fn named(path: &Path, like: &Trial, axes: &[Axes], options: &Options) -> Result<Vec<Take>> {
+/// trial `like`, which has so many `channels`.
+///
+/// # Errors
+/// A recording that cannot be used, or that has another number of channels.
+pub(super) fn named(
+    path: &Path,
+    like: &Trial,
+    channels: Option<usize>,
+    options: &Options,
+) -> Result<Vec<NoiseTake>> {
     let mut set = RecordingSet::open(&[path.to_owned()])?;
     for trial in &mut set.trials {
         trial.scale_m_s2 = trial.scale_m_s2.or(like.scale_m_s2);
         trial.sample_rate_hz = trial.sample_rate_hz.or(like.sample_rate_hz);
     }
-    let channels = axes.iter().find_map(|axes| match axes {
-        Axes::Texture(view) => Some(view.channels()),
-        Axes::Noise(_) => None,
-    });
     in_order(&set.trials, |trial| {
         let axes = read_axes(trial, options)?;
         match channels {
@@ -205,7 +147,7 @@ fn named(path: &Path, like: &Trial, axes: &[Axes], options: &Options) -> Result<
                 );
                 Err(Error::file(&trial.file, problem))
             }
-            _ => Ok(Take {
+            _ => Ok(NoiseTake {
                 speed_mm_s: trial.speed_mm_s,
                 axes,
             }),
@@ -255,7 +197,7 @@ mod tests {
 
     /// A rig whose noise has these RMS values, m/s², at speeds in mm/s.
     fn floor(levels: &[(f64, f64)]) -> Floor {
-        let take = |&(speed_mm_s, rms): &(f64, f64)| Take {
+        let take = |&(speed_mm_s, rms): &(f64, f64)| NoiseTake {
             speed_mm_s,
             axes: vec![noise(1, 20_000).iter().map(|x| rms * x).collect()],
         };

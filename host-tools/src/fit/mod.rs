@@ -37,11 +37,11 @@ mod reports;
 mod trial;
 
 pub use fitted::{Fit, FittedTexture, encoded};
-pub use floor::{FLOOR_BANDS, FloorAtSpeed, FloorChoice, FloorShares, by_speed};
-pub use options::{ExcitationChoice, ModulationChoice, Options, Order};
+pub use floor::{FloorAtSpeed, by_speed};
+pub use options::{ExcitationChoice, FloorChoice, ModulationChoice, Options, Order};
 pub use recordings::{Recorded, Recordings};
 pub use reports::TrialReport;
-pub use trial::{Analysis, Signal, analyse, signal, whole_signal};
+pub use trial::{Analysis, FLOOR_BANDS, FloorShares, Signal, analyse, signal, whole_signal};
 
 use blocks::Part;
 use fitted::Source;

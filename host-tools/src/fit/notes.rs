@@ -5,9 +5,9 @@ use std::collections::HashSet;
 use model_format::{NodeFlags, SAMPLE_RATE_HZ};
 use rayon::prelude::*;
 
-use super::floor::{FloorChoice, by_speed};
+use super::floor::by_speed;
 use super::grid::{Member, Miss};
-use super::options::{Options, Order};
+use super::options::{FloorChoice, Options, Order};
 use super::reports::TrialReport;
 use crate::dsp::high_pass::{SLOW_HZ, lowest_hz};
 use crate::dsp::spectrum::band_centre_hz;

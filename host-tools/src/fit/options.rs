@@ -8,7 +8,6 @@ use serde::{Deserialize, Serialize};
 use model_format::{PlayRate, SAMPLE_RATE_HZ};
 
 use crate::fit::conditioning::Conditioning;
-use crate::fit::floor::FloorChoice;
 use crate::recording::Snap;
 use crate::recording::triage::{Kind, SILENCE_FLOOR_M_S2};
 use crate::support::error::{Error, Result};
@@ -85,6 +84,19 @@ pub enum Lines {
     Auto,
     /// None: whatever has a period is fitted as noise.
     #[default]
+    None,
+}
+
+/// The choice of what is done with the rig's own noise.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "snake_case")]
+pub enum FloorChoice {
+    /// Its spectrum is taken off each recording before anything is fitted.
+    Subtract,
+    /// Its share of the recordings' power is told.
+    #[default]
+    Note,
+    /// Nothing.
     None,
 }
 

@@ -7,9 +7,9 @@ use rayon::prelude::*;
 
 use super::blocks::Part;
 use super::estimate::estimate_of;
-use super::floor::{Axes, Floor, FloorChoice, is_of_the_rig, unknown};
+use super::floor::{Floor, NoiseTake, named, unknown};
 use super::lines::{Findings, Lines, Separated, separate};
-use super::options::Options;
+use super::options::{FloorChoice, Options};
 use super::trial::{Analysis, Signal, analyse_axes};
 use crate::dsp::reduction::View;
 use crate::recording::{RecordingSet, Trial};
@@ -54,7 +54,7 @@ impl<'s> Recordings<'s> {
             let trial = &set.trials[number];
             let (analysis, signal, axes) = analyse_axes(trial, options, part)?;
             progress(1);
-            let axes = if is_of_the_rig(trial) {
+            let axes = if trial.is_of_the_rig() {
                 Axes::Noise(axes)
             } else {
                 Axes::Texture(View::of(&axes, options.conditioning.reduction))
@@ -84,23 +84,54 @@ impl<'s> Recordings<'s> {
     /// Tells each recording of the surface, whose `axes` are given, the share of the rig's noise, and takes the noise
     /// off if `options` say so. It comes before the lines, because a motor's tone is none of the texture.
     fn tell_floor(&mut self, mut axes: Vec<Axes>, options: &Options, part: Part) -> Result<()> {
-        let Some(floor) = Floor::of(&self.trials, &mut axes, options)? else {
+        let is_taken_off = options.floor == FloorChoice::Subtract;
+        let Some(floor) = self.floor(&mut axes, options)? else {
             let has_surface = |own: &&Recorded<'_>| own.trial.is_in_motion_and_contact();
             return match self.trials.iter().find(has_surface) {
-                Some(own) if options.floor == FloorChoice::Subtract => {
-                    Err(unknown(&own.trial.texture))
-                }
+                Some(own) if is_taken_off => Err(unknown(&own.trial.texture)),
                 _ => Ok(()),
             };
         };
         let work = self.trials.par_iter_mut().zip(axes);
-        work.for_each(|(own, axes)| match axes {
-            Axes::Texture(view) if own.trial.is_in_motion_and_contact() => {
-                floor.apply(own, &view, options, part);
+        work.for_each(|(own, axes)| {
+            let (Axes::Texture(view), Some(signal)) = (axes, &mut own.signal) else {
+                return;
+            };
+            if !own.trial.is_in_motion_and_contact() {
+                return;
             }
-            _ => {}
+            let speed_mm_s = own.trial.speed_mm_s;
+            let shares = floor.apply(&mut signal.samples, speed_mm_s, &view, is_taken_off);
+            own.analysis.floor = Some(shares);
+            if is_taken_off {
+                own.estimate_again(options, part);
+            }
         });
         Ok(())
+    }
+
+    /// The noise that the user's recordings have, or else the trials without a surface, but for those that the user
+    /// drops; their axes are taken out of `axes`.
+    fn floor(&self, axes: &mut [Axes], options: &Options) -> Result<Option<Floor>> {
+        let takes =
+            if let (Some(path), Some(first)) = (&options.floor_recording, self.trials.first()) {
+                let channels = axes.iter().find_map(|axes| match axes {
+                    Axes::Texture(view) => Some(view.channels()),
+                    Axes::Noise(_) => None,
+                });
+                named(path, first.trial, channels, options)?
+            } else {
+                let own = self.trials.iter().zip(axes);
+                let take = |(own, axes): (&Recorded<'_>, &mut Axes)| match axes {
+                    Axes::Noise(axes) if !own.analysis.is_dropped(options) => Some(NoiseTake {
+                        speed_mm_s: own.trial.speed_mm_s,
+                        axes: std::mem::take(axes),
+                    }),
+                    _ => None,
+                };
+                own.filter_map(take).collect()
+            };
+        Ok(Floor::of(takes, options.sample_rate_hz))
     }
 
     /// Takes the texture's lines out of the signals and of their statistics: lags and bands. The power stays that of
@@ -168,6 +199,14 @@ impl<'s> Recordings<'s> {
         };
         self.trials.into_iter().map(take).collect()
     }
+}
+
+/// Axes of a recording as far as the rig's noise needs them.
+enum Axes {
+    /// Those of the noise, about their means, m/s².
+    Noise(Vec<Vec<f64>>),
+    /// The way in which those of a texture were reduced.
+    Texture(View),
 }
 
 /// A trial with its signal.

@@ -2,9 +2,9 @@
 
 use serde::Serialize;
 
-use super::floor::FloorShares;
 use super::options::Options;
 use super::recordings::{Recorded, Recordings};
+use super::trial::FloorShares;
 use crate::recording::triage::{self, Compared, Verdict, in_words};
 use crate::support::error::{Error, Result};
 use crate::support::file_name::portable;

@@ -7,7 +7,6 @@ use serde::{Deserialize, Serialize};
 
 use super::blocks::Part;
 use super::estimate::{Bands, Estimate, estimate, estimate_of};
-use super::floor::FloorShares;
 use super::lines::TrialLines;
 use super::options::Options;
 use crate::dsp::autocorrelation::Autocorrelation;
@@ -18,6 +17,13 @@ use crate::fit::conditioning::{Conditioning, HighPass};
 use crate::recording::triage::{Kind, Sketch, Verdict};
 use crate::recording::{self, Samples, Trial, triage};
 use crate::support::error::{Error, Result};
+
+/// Number of third octaves in which the share of the rig's noise is told: those of
+/// [`band_edges_hz`](crate::dsp::spectrum::band_edges_hz) from 20 Hz to 2 kHz.
+pub const FLOOR_BANDS: usize = 21;
+
+/// Share of the rig's noise in a recording's power, 0 to 1, for each third octave.
+pub type FloorShares = [f64; FLOOR_BANDS];
 
 /// A trial's slow motion, and its remedy.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]

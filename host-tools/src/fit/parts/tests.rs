@@ -112,7 +112,9 @@ fn shards_of_any_number_made_in_any_order_leave_what_one_process_leaves() {
         (Lines::None, FloorChoice::Subtract, 3),
     ] {
         if floor == FloorChoice::Subtract {
-            set.trials[..TEXTURES.len()].iter_mut().for_each(|trial| trial.force_n = 0.0);
+            set.trials[..TEXTURES.len()]
+                .iter_mut()
+                .for_each(|trial| trial.force_n = 0.0);
         }
         let options = Options {
             floor,

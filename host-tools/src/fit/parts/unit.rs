@@ -11,9 +11,8 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::fit::blocks::Part;
-use crate::fit::floor::{FloorChoice, is_of_the_rig};
 use crate::fit::lines::{Findings, Lines};
-use crate::fit::options::Options;
+use crate::fit::options::{FloorChoice, Options};
 use crate::fit::record::content_of;
 use crate::fit::recordings::Recordings;
 use crate::fit::trial::Analysis;
@@ -44,7 +43,7 @@ pub(super) struct Unit {
 
 /// The units of each texture of a fit of `set` with `options`: the same in every process.
 pub(super) fn units(set: &RecordingSet, options: &Options) -> Vec<Vec<Unit>> {
-    let has_floor = |&member: &usize| is_of_the_rig(&set.trials[member]);
+    let has_floor = |&member: &usize| set.trials[member].is_of_the_rig();
     let of_texture = |(_, members): (&str, Vec<usize>)| {
         let is_whole = options.lines != Lines::None
             || options.floor != FloorChoice::None && members.iter().any(has_floor);
