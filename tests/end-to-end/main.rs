@@ -31,6 +31,7 @@ mod outputs;
 mod pages;
 mod pin;
 mod report_pages;
+mod rig_noise;
 mod rub_page;
 mod scenes;
 #[cfg(target_os = "linux")]

@@ -1,5 +1,6 @@
 //! Fits: from recordings to a library.
 
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use host_tools::fit as fitted;
@@ -51,23 +52,23 @@ fn snap_of(snap: SnapLike) -> PyResult<Snap> {
 /// `recordings` are a folder with `trials.csv`, a list, files, `Recording`s, or `Recordings`. `order` is 'auto' (AIC),
 /// 'bic' or 0 to 400; `reduce` 'pca', 'dft321', 'x', 'y' or 'z'; `high_pass` 'auto', 'none' or a
 /// frequency in Hz as text; `excitation` 'auto', 'residual' or 'gaussian';
-/// `modulation` 'auto', 'track' or 'none'; `lines` 'auto' or 'none'. `silence_floor_m_s2` is
-/// the RMS below which a recording is silent; `drop` names verdicts to leave out; `model_rate_hz` is 5000 or 10000;
-/// `snap` moves measured speeds and forces to nominal ones: by at most this share, by 'clear' gaps, to the likeliest
-/// grid ('auto') or not ('none'); `strict` refuses a set in which triage finds anything. What moves is a warning.
-/// `progress(done, total)` counts recordings.
+/// `modulation` 'auto', 'track' or 'none'; `lines` 'auto' or 'none'. `floor` tells ('note') or takes off ('subtract')
+/// the rig's own noise, which trials in motion at 0 N have, or `floor_recording`, a file or list; or 'none'.
+/// `silence_floor_m_s2` is the RMS below which a recording is silent; `drop` names verdicts to leave out;
+/// `model_rate_hz` is 5000 or 10000; `snap` moves measured speeds and forces to nominal ones: by at most this share, by
+/// 'clear' gaps, to the likeliest grid ('auto') or not ('none'); `strict` refuses a set in which triage finds anything.
+/// What moves is a warning. `progress(done, total)` counts recordings.
 ///
 /// Raises `StylusError` for the first recording that cannot be used, or a texture that no library holds.
 #[pyfunction]
 #[pyo3(signature = (
     recordings, *, order = OrderLike::Named("auto".into()), reduce = "pca", high_pass = "auto",
     silence_floor_m_s2 = SILENCE_FLOOR_M_S2, excitation = "auto", modulation = "auto",
-    drop = Several(Vec::new()), lines = "auto", model_rate_hz = SAMPLE_RATE_HZ, snap = SnapLike::Named("clear".into()),
-    strict = false,
-    progress = None
+    drop = Several(Vec::new()), lines = "auto", floor = "note", floor_recording = None,
+    model_rate_hz = SAMPLE_RATE_HZ, snap = SnapLike::Named("clear".into()), strict = false, progress = None
 ), text_signature = "(recordings, *, order='auto', reduce='pca', high_pass='auto', \
-    silence_floor_m_s2=0.001, excitation='auto', modulation='auto', drop=(), lines='auto', model_rate_hz=5000, \
-    snap='clear', strict=False, progress=None)")]
+    silence_floor_m_s2=0.001, excitation='auto', modulation='auto', drop=(), lines='auto', floor='note', \
+    floor_recording=None, model_rate_hz=5000, snap='clear', strict=False, progress=None)")]
 #[expect(clippy::too_many_arguments, reason = "they are keywords")]
 pub fn fit<'py>(
     py: Python<'py>,
@@ -80,6 +81,8 @@ pub fn fit<'py>(
     modulation: &str,
     drop: Several<String>,
     lines: &str,
+    floor: &str,
+    floor_recording: Option<PathBuf>,
     model_rate_hz: u32,
     snap: SnapLike,
     strict: bool,
@@ -93,6 +96,8 @@ pub fn fit<'py>(
         modulation: choice("modulation", modulation)?,
         drop: verdicts(drop.0)?,
         lines: choice("lines", lines)?,
+        floor: choice("floor", floor)?,
+        floor_recording,
         strict,
         snap: snap_of(snap)?,
         sample_rate_hz: model_rate_hz,
@@ -137,6 +142,7 @@ fn account(py: Python<'_>, report: fitted::TrialReport) -> PyResult<Bound<'_, Py
         report.mean_m_s2,
         report.energy_share,
         report.cut_s,
+        report.floor_shares.map(Vec::from),
         verdicts.collect::<Vec<String>>(),
         report.used,
     );

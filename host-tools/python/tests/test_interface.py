@@ -52,6 +52,7 @@ def test_the_defaults_are_the_commands(command):
         ("--excitation", "excitation"),
         ("--modulation", "modulation"),
         ("--lines", "lines"),
+        ("--floor", "floor"),
         ("--model-rate", "model_rate_hz"),
     ]:
         of_option = told.split(f"\n      {option} ", 1)[1].split("[default: ", 1)[1].split("]", 1)[0]

@@ -75,6 +75,47 @@ pub fn reduce(axes: &mut [Vec<f64>], by: Reduction) -> Result<Reduced, NoSuchAxi
     })
 }
 
+/// The way in which a recording was reduced, for others of the same sensor.
+#[derive(Clone, Debug)]
+pub struct View {
+    by: Reduction,
+    /// Number of its axes.
+    channels: usize,
+    /// The recording's principal direction; only for projections on it.
+    direction: Vec<f64>,
+}
+
+impl View {
+    /// That of `axes` about their means, which are reduced `by` a method.
+    pub fn of(axes: &[Vec<f64>], by: Reduction) -> Self {
+        let direction = match by {
+            Reduction::Pca => weights(axes),
+            _ => Vec::new(),
+        };
+        Self {
+            by,
+            channels: axes.len(),
+            direction,
+        }
+    }
+
+    /// Number of the recording's axes.
+    pub fn channels(&self) -> usize {
+        self.channels
+    }
+
+    /// Reduces `axes` about their means, as many as the recording has, in the same way.
+    ///
+    /// # Errors
+    /// An axis that does not exist.
+    pub fn reduce(&self, axes: &[Vec<f64>]) -> Result<Vec<f64>, NoSuchAxis> {
+        match self.by {
+            Reduction::Pca => Ok(projected(axes, &self.direction)),
+            by => Ok(reduce(&mut axes.to_vec(), by)?.signal),
+        }
+    }
+}
+
 fn single(axes: &[Vec<f64>], index: usize) -> Result<Vec<f64>, NoSuchAxis> {
     let missing = NoSuchAxis {
         wanted: index + 1,
@@ -92,17 +133,26 @@ pub(crate) fn remove_mean(signal: &mut [f64]) {
 }
 
 fn principal_component(axes: &[Vec<f64>]) -> Vec<f64> {
-    let [axis] = axes else {
-        let direction = principal_direction(axes);
-        let mut signal = vec![0.0; axes.first().map_or(0, Vec::len)];
-        for (axis, weight) in axes.iter().zip(&direction) {
-            for (sum, sample) in signal.iter_mut().zip(axis) {
-                *sum += weight * sample;
-            }
+    match axes {
+        [axis] => axis.clone(),
+        _ => projected(axes, &weights(axes)),
+    }
+}
+
+/// Components of the principal direction, one per axis.
+fn weights(axes: &[Vec<f64>]) -> Vec<f64> {
+    let direction = principal_direction(axes);
+    direction.iter().copied().take(axes.len()).collect()
+}
+
+fn projected(axes: &[Vec<f64>], weights: &[f64]) -> Vec<f64> {
+    let mut signal = vec![0.0; axes.first().map_or(0, Vec::len)];
+    for (axis, weight) in axes.iter().zip(weights) {
+        for (sum, sample) in signal.iter_mut().zip(axis) {
+            *sum += weight * sample;
         }
-        return signal;
-    };
-    axis.clone()
+    }
+    signal
 }
 
 /// Angle between the principal axes of two recordings of the same axes about their means, degrees: 0 to 90.

@@ -2,8 +2,9 @@
 //!
 //! Blocks alternate, because a recording changes over time: halves would compare its beginning with its end. Lags are
 //! estimated within blocks and averaged, never across the join of two blocks. Nothing but the direction of the first
-//! principal component, the mean, the verdicts of triage, the wavelengths of lines with the course of the speed, and
-//! whether a residual has impulses and a level of its own comes from the whole recording.
+//! principal component, the mean, the verdicts of triage, the rig's noise and what is left without it, the wavelengths
+//! of lines with the course of the speed, and whether a residual has impulses and a level of its own comes from the
+//! whole recording.
 
 use std::ops::Range;
 
@@ -88,7 +89,7 @@ impl Part {
 /// Estimates the autocorrelation of a signal from lag 0 to `max_lag`, (m/s²)², as the mean over its blocks, each
 /// weighed by its length.
 pub fn lags_of_blocks(blocks: &[&[f64]], max_lag: usize) -> Vec<f64> {
-    estimate_of(blocks, max_lag, None).lags
+    estimate_of(SAMPLE_RATE_HZ, blocks, max_lag, None).lags
 }
 
 #[cfg(test)]

@@ -56,20 +56,20 @@ pub(super) fn estimate(
     Estimate { lags, bands }
 }
 
-/// Estimates the autocorrelation of the `parts` of a signal at 5 kHz, up to `max_lag`: the mean of theirs, each weighed
-/// by its length.
-pub(super) fn estimate_of(parts: &[&[f64]], max_lag: usize, cut_hz: Option<f64>) -> Estimate {
+/// Estimates the autocorrelation of the `parts` of a signal at `rate_hz`, up to `max_lag`: the mean of theirs, each
+/// weighed by its length.
+pub(super) fn estimate_of(
+    rate_hz: u32,
+    parts: &[&[f64]],
+    max_lag: usize,
+    cut_hz: Option<f64>,
+) -> Estimate {
     let samples: usize = parts.iter().map(|part| part.len()).sum();
     let of_part = |part: &&[f64]| {
         let weight = part.len() as f64 / samples.max(1) as f64;
         (
             weight,
-            estimate(
-                SAMPLE_RATE_HZ,
-                part,
-                Autocorrelation::of(part, max_lag),
-                cut_hz,
-            ),
+            estimate(rate_hz, part, Autocorrelation::of(part, max_lag), cut_hz),
         )
     };
     let estimates: Vec<(f64, Estimate)> = parts.iter().map(of_part).collect();

@@ -7,7 +7,7 @@ use super::excitation::{self, Axes, Choice, Chosen, ExcitationReport};
 use super::grid::{Member, assemble};
 use super::lines::Findings;
 use super::notes;
-use super::options::Options;
+use super::options::{FloorChoice, Options};
 use super::recordings::{Recordings, Take};
 use super::reports::TrialReport;
 use super::trial::signal_of_judged;
@@ -166,13 +166,14 @@ impl<'s> Source<'s> {
         Ok(())
     }
 
-    /// Reads the signals of a texture's trials again: those that the fit used, or all if the texture has lines, because
-    /// these show in all of them.
+    /// Reads the signals of a texture's trials again: those that the fit used, or all if the texture has lines, or the
+    /// rig's noise is taken off, because these show in all of them.
     ///
     /// # Errors
     /// A recording that cannot be used any more.
     pub fn takes(&self, texture: &FittedTexture) -> Result<Vec<Take<'s>>> {
-        if !texture.lines.lines.is_empty() {
+        let is_cleaned = self.options.floor == FloorChoice::Subtract;
+        if is_cleaned || !texture.lines.lines.is_empty() {
             let recordings =
                 Recordings::read(self.set, &texture.members, self.options, self.part, &|_| ())?;
             return Ok(recordings.into_takes().unwrap_or_default());

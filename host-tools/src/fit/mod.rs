@@ -1,7 +1,7 @@
 //! From a recording set to the textures of a library, in five steps:
 //!
 //! 1. **Recordings** (`recordings`), a texture at a time: each trial is read, cut by triage, reduced to one axis and
-//!    correlated; the lines of the texture are taken out of all of them.
+//!    correlated; the rig's own noise (`floor`) and the lines of the texture are taken out of all of them.
 //! 2. **Reports** (`reports`): all trials of the set are compared, which tells copies, hum and wrong scales.
 //! 3. **Models** (`fitted`), a texture at a time: each node of its grid gets a linear predictor from its trials, and
 //!    holes of the grid are filled.
@@ -23,6 +23,7 @@ pub mod densify;
 mod estimate;
 pub mod excitation;
 mod fitted;
+mod floor;
 mod grid;
 pub mod hatt;
 pub mod inputs;
@@ -36,10 +37,11 @@ mod reports;
 mod trial;
 
 pub use fitted::{Fit, FittedTexture, encoded};
-pub use options::{ExcitationChoice, ModulationChoice, Options, Order};
+pub use floor::{FloorAtSpeed, by_speed};
+pub use options::{ExcitationChoice, FloorChoice, ModulationChoice, Options, Order};
 pub use recordings::{Recorded, Recordings};
 pub use reports::TrialReport;
-pub use trial::{Analysis, Signal, analyse, signal, whole_signal};
+pub use trial::{Analysis, FLOOR_BANDS, FloorShares, Signal, analyse, signal, whole_signal};
 
 use blocks::Part;
 use fitted::Source;

@@ -4,10 +4,12 @@ use std::collections::{BTreeMap, HashSet};
 
 use model_format::{NodeFlags, SAMPLE_RATE_HZ};
 
+use super::floor::by_speed;
 use super::grid::{Member, Miss};
-use super::options::{Options, Order};
+use super::options::{FloorChoice, Options, Order};
 use super::reports::TrialReport;
 use crate::dsp::high_pass::{SLOW_HZ, lowest_hz};
+use crate::dsp::spectrum::band_centre_hz;
 use crate::fit::conditioning::HighPass;
 use crate::recording::pattern::one_number;
 use crate::recording::{Integers, RecordingSet, Trial, grid_by_gaps};
@@ -18,6 +20,9 @@ use crate::texture::grid::Grid;
 /// A mean this many times the RMS is more than an offset of an amplifier: gravity, or a sensor that is not what it is
 /// taken for.
 const LARGE_MEAN: f64 = 1.0;
+
+/// Share of the rig's noise in a third octave that is worth a word: the texture is no stronger.
+const LARGE_FLOOR: f64 = 0.5;
 
 /// Values of an axis that differ by less than this share of themselves may be one nominal value, measured twice.
 const CLOSE_SHARE: f32 = 0.01;
@@ -84,6 +89,7 @@ pub(super) fn of(
     let notes = notes.chain(lowered).chain(removed);
     notes
         .chain(slow_motion(&trials).map(noted))
+        .chain(rigs_noise(&trials, options).map(noted))
         .chain(missed_bands(misses, options).map(noted))
         .collect()
 }
@@ -133,6 +139,30 @@ fn slow_motion(trials: &[&TrialReport]) -> Option<Noted> {
         ),
     };
     Some(("slow motion", share, text))
+}
+
+/// Returns a note on third octaves in which the rig's noise is as strong as the texture.
+fn rigs_noise(trials: &[&TrialReport], options: &Options) -> Option<Noted> {
+    let known = trials
+        .iter()
+        .filter_map(|t| Some((t.speed_mm_s, t.floor_shares?)));
+    let bands = by_speed(known).into_iter().flat_map(|at| {
+        let bands = at.shares.into_iter().enumerate();
+        bands.map(move |(band, share)| (share, band_centre_hz(band), at.speed_mm_s))
+    });
+    let loud: Vec<(f64, f64, f64)> = bands.filter(|(share, ..)| *share >= LARGE_FLOOR).collect();
+    let (share, hz, speed_mm_s) = loud.iter().copied().max_by(|a, b| a.0.total_cmp(&b.0))?;
+    let fate = if options.floor == FloorChoice::Subtract {
+        "it was taken off, and what is left there is uncertain"
+    } else {
+        "it is fitted as if it were the surface's; --floor subtract takes it off"
+    };
+    let text = format!(
+        "the rig's own noise is half or more of {}, such as {:.0} % at {hz:.0} Hz and {speed_mm_s} mm/s: {fate}",
+        counted(loud.len(), "third octave"),
+        100.0 * share
+    );
+    Some(("rig", share, text))
 }
 
 /// Returns a note on trials whose files end before the duration that their list gives.

@@ -1,5 +1,7 @@
 //! Choices of a fit.
 
+use std::path::PathBuf;
+
 use clap::builder::PossibleValuesParser;
 use serde::{Deserialize, Serialize};
 
@@ -85,6 +87,19 @@ pub enum Lines {
     None,
 }
 
+/// The choice of what is done with the rig's own noise.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "snake_case")]
+pub enum FloorChoice {
+    /// Its spectrum is taken off each recording before anything is fitted.
+    Subtract,
+    /// Its share of the recordings' power is told.
+    #[default]
+    Note,
+    /// Nothing.
+    None,
+}
+
 /// Options of a fit.
 #[derive(Clone, Debug, Serialize, Deserialize, clap::Args)]
 pub struct Options {
@@ -115,6 +130,14 @@ pub struct Options {
     /// Lines that are locked to place, such as those of a weave: sought, or left in the noise
     #[arg(long, value_enum, default_value = "auto")]
     pub lines: Lines,
+    /// The rig's own noise, as trials in motion at 0 N have it: taken off the recordings, or its share told
+    #[arg(long, value_enum, default_value = "note")]
+    #[serde(default)]
+    pub floor: FloorChoice,
+    /// Recording, or list of them by speed, that has the rig's noise in place of trials at 0 N
+    #[arg(long, value_name = "FILE|DIR")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub floor_recording: Option<PathBuf>,
     /// Refuse a set if triage finds anything
     #[arg(long)]
     pub strict: bool,
@@ -202,6 +225,8 @@ impl Default for Options {
             modulation: ModulationChoice::Auto,
             drop: Vec::new(),
             lines: Lines::Auto,
+            floor: FloorChoice::Note,
+            floor_recording: None,
             strict: false,
             snap: Snap::default(),
             sample_rate_hz: SAMPLE_RATE_HZ,

@@ -7,10 +7,11 @@ use rayon::prelude::*;
 
 use super::blocks::Part;
 use super::estimate::estimate_of;
+use super::floor::{Floor, NoiseTake, named, unknown};
 use super::lines::{Findings, Lines, Separated, separate};
-use super::options::Options;
-use super::trial::{Analysis, Signal, analyse};
-use crate::recording::triage::Verdict;
+use super::options::{FloorChoice, Options};
+use super::trial::{Analysis, Signal, analyse_axes};
+use crate::dsp::reduction::View;
 use crate::recording::{RecordingSet, Trial};
 use crate::support::error::Result;
 use crate::support::in_order::in_order;
@@ -49,25 +50,88 @@ impl<'s> Recordings<'s> {
         part: Part,
         progress: &(impl Fn(usize) + Sync),
     ) -> Result<Self> {
-        let trials = in_order(members, |&number| -> Result<Recorded<'s>> {
+        let read = in_order(members, |&number| -> Result<(Recorded<'s>, Axes)> {
             let trial = &set.trials[number];
-            let (analysis, signal) = analyse(trial, options, part)?;
+            let (analysis, signal, axes) = analyse_axes(trial, options, part)?;
             progress(1);
-            Ok(Recorded {
+            let axes = if trial.is_of_the_rig() {
+                Axes::Noise(axes)
+            } else {
+                Axes::Texture(View::of(&axes, options.conditioning.reduction))
+            };
+            let recorded = Recorded {
                 number,
                 trial,
                 analysis,
                 signal: Some(signal),
-            })
+            };
+            Ok((recorded, axes))
         })?;
+        let (trials, axes): (Vec<_>, Vec<_>) = read.into_iter().unzip();
         let mut own = Self {
             trials,
             findings: Findings::default(),
         };
+        if options.floor != FloorChoice::None {
+            own.tell_floor(axes, options, part)?;
+        }
         if options.lines != Lines::None {
             own.separate_lines(options, part);
         }
         Ok(own)
+    }
+
+    /// Tells each recording of the surface, whose `axes` are given, the share of the rig's noise, and takes the noise
+    /// off if `options` say so. It comes before the lines, because a motor's tone is none of the texture.
+    fn tell_floor(&mut self, mut axes: Vec<Axes>, options: &Options, part: Part) -> Result<()> {
+        let is_taken_off = options.floor == FloorChoice::Subtract;
+        let Some(floor) = self.floor(&mut axes, options)? else {
+            let has_surface = |own: &&Recorded<'_>| own.trial.is_in_motion_and_contact();
+            return match self.trials.iter().find(has_surface) {
+                Some(own) if is_taken_off => Err(unknown(&own.trial.texture)),
+                _ => Ok(()),
+            };
+        };
+        let work = self.trials.par_iter_mut().zip(axes);
+        work.for_each(|(own, axes)| {
+            let (Axes::Texture(view), Some(signal)) = (axes, &mut own.signal) else {
+                return;
+            };
+            if !own.trial.is_in_motion_and_contact() {
+                return;
+            }
+            let speed_mm_s = own.trial.speed_mm_s;
+            let shares = floor.apply(&mut signal.samples, speed_mm_s, &view, is_taken_off);
+            own.analysis.floor = Some(shares);
+            if is_taken_off {
+                own.estimate_again(options, part);
+            }
+        });
+        Ok(())
+    }
+
+    /// The noise that the user's recordings have, or else the trials without a surface, but for those that the user
+    /// drops; their axes are taken out of `axes`.
+    fn floor(&self, axes: &mut [Axes], options: &Options) -> Result<Option<Floor>> {
+        let takes =
+            if let (Some(path), Some(first)) = (&options.floor_recording, self.trials.first()) {
+                let channels = axes.iter().find_map(|axes| match axes {
+                    Axes::Texture(view) => Some(view.channels()),
+                    Axes::Noise(_) => None,
+                });
+                named(path, first.trial, channels, options)?
+            } else {
+                let own = self.trials.iter().zip(axes);
+                let take = |(own, axes): (&Recorded<'_>, &mut Axes)| match axes {
+                    Axes::Noise(axes) if !own.analysis.is_dropped(options) => Some(NoiseTake {
+                        speed_mm_s: own.trial.speed_mm_s,
+                        axes: std::mem::take(axes),
+                    }),
+                    _ => None,
+                };
+                own.filter_map(take).collect()
+            };
+        Ok(Floor::of(takes, options.sample_rate_hz))
     }
 
     /// Takes the texture's lines out of the signals and of their statistics: lags and bands. The power stays that of
@@ -96,23 +160,18 @@ impl<'s> Recordings<'s> {
             rest,
         } = separate(&speeds_mm_s, signals, &ranges);
         self.findings = findings;
-        let work = self.trials.par_iter_mut().zip(rest).zip(shares).zip(ranges);
-        work.for_each(|(((own, rest), share), ranges)| {
-            let (analysis, Some(signal)) = (&mut own.analysis, &mut own.signal) else {
+        let work = self.trials.par_iter_mut().zip(rest).zip(shares);
+        work.for_each(|((own, rest), share)| {
+            let Some(signal) = &mut own.signal else {
                 return;
             };
             if !rest.is_empty() {
                 signal.samples = rest;
             }
             if share.amplitudes_m_s2.iter().flatten().any(|&a| a > 0.0) {
-                let parts: Vec<&[f64]> = ranges
-                    .into_iter()
-                    .map(|range| &signal.samples[range])
-                    .collect();
-                let estimate = estimate_of(&parts, options.order.highest(), analysis.slow.cut_hz);
-                (analysis.lags, analysis.bands) = (estimate.lags, estimate.bands);
+                own.estimate_again(options, part);
             }
-            analysis.lines = share;
+            own.analysis.lines = share;
         });
     }
 
@@ -142,6 +201,14 @@ impl<'s> Recordings<'s> {
     }
 }
 
+/// Axes of a recording as far as the rig's noise needs them.
+enum Axes {
+    /// Those of the noise, about their means, m/s².
+    Noise(Vec<Vec<f64>>),
+    /// The way in which those of a texture were reduced.
+    Texture(View),
+}
+
 /// A trial with its signal.
 pub(super) struct Take<'s> {
     /// Its index in the set.
@@ -157,15 +224,23 @@ impl Recorded<'_> {
     pub fn samples(&self) -> &[f64] {
         self.signal.as_ref().map_or(&[], |signal| &signal.samples)
     }
+
+    /// Estimates lags and bands of the fitted `part` of its signal again, after the signal has changed.
+    pub(super) fn estimate_again(&mut self, options: &Options, part: Part) {
+        let samples = self.samples();
+        let ranges = part.of(samples.len()).into_iter();
+        let parts: Vec<&[f64]> = ranges.map(|range| &samples[range]).collect();
+        let (rate_hz, cut_hz) = (options.sample_rate_hz, self.analysis.slow.cut_hz);
+        let estimate = estimate_of(rate_hz, &parts, options.order.highest(), cut_hz);
+        (self.analysis.lags, self.analysis.bands) = (estimate.lags, estimate.bands);
+    }
 }
 
 /// Returns whether lines are sought in a trial: it sounds, is kept, and has no gap that a phase would break at.
 fn can_have_lines(trial: &Trial, analysis: &Analysis, options: &Options) -> bool {
-    let is_dropped =
-        |verdict: &Verdict| options.drop.iter().any(|dropped| dropped == verdict.name());
     let half_a_sample_s = 0.5 / f64::from(SAMPLE_RATE_HZ);
     trial.is_in_motion_and_contact()
         && !analysis.is_silent()
         && analysis.cut_s < half_a_sample_s
-        && !analysis.verdicts.iter().any(is_dropped)
+        && !analysis.is_dropped(options)
 }

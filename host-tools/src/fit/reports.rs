@@ -4,6 +4,7 @@ use serde::Serialize;
 
 use super::options::Options;
 use super::recordings::{Recorded, Recordings};
+use super::trial::FloorShares;
 use crate::recording::Integers;
 use crate::recording::triage::{self, Compared, Verdict, in_words};
 use crate::support::error::{Error, Result};
@@ -46,6 +47,10 @@ pub struct TrialReport {
     /// Findings of triage; none for a sound recording.
     #[serde(serialize_with = "in_words")]
     pub verdicts: Vec<Verdict>,
+    /// Share of the rig's noise in its power, 0 to 1, for each third octave from 20 Hz to 2 kHz; none if it is not
+    /// known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub floor_shares: Option<FloorShares>,
     /// True if the fit used it.
     pub used: bool,
 }
@@ -79,6 +84,7 @@ pub(super) fn reports(
             cut_s: analysis.cut_s,
             remarks: analysis.account.remarks.clone(),
             integers: analysis.account.integers,
+            floor_shares: analysis.floor,
             used: !verdicts.iter().any(is_dropped) && trial.is_in_motion_and_contact(),
             verdicts,
         }

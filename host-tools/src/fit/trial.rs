@@ -18,6 +18,13 @@ use crate::recording::triage::{Kind, Sketch, Verdict};
 use crate::recording::{self, Account, Samples, Trial, triage};
 use crate::support::error::{Error, Result};
 
+/// Number of third octaves in which the share of the rig's noise is told: those of
+/// [`band_edges_hz`](crate::dsp::spectrum::band_edges_hz) from 20 Hz to 2 kHz.
+pub const FLOOR_BANDS: usize = 21;
+
+/// Share of the rig's noise in a recording's power, 0 to 1, for each third octave.
+pub type FloorShares = [f64; FLOOR_BANDS];
+
 /// A trial's slow motion, and its remedy.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SlowMotion {
@@ -58,6 +65,8 @@ pub struct Analysis {
     pub mains_line_hz: Option<f64>,
     /// Sketch of the reduced signal, by which copies are found.
     pub sketch: Sketch,
+    /// Share of the rig's noise in each band of the recording; none if the noise is not known.
+    pub floor: Option<FloorShares>,
     /// Its share of the texture's lines, which `lags` and `bands` are without; none before they are sought.
     pub lines: TrialLines,
 }
@@ -68,6 +77,13 @@ impl Analysis {
         self.verdicts
             .iter()
             .any(|verdict| verdict.kind() == Kind::Silent)
+    }
+
+    /// Returns whether it has a verdict that `options` drop.
+    pub(super) fn is_dropped(&self, options: &Options) -> bool {
+        let is_dropped =
+            |verdict: &Verdict| options.drop.iter().any(|dropped| dropped == verdict.name());
+        self.verdicts.iter().any(is_dropped)
     }
 }
 
@@ -254,12 +270,29 @@ impl Triaged {
 /// # Errors
 /// A file that cannot be used, or without the axis that was asked for.
 pub fn analyse(trial: &Trial, options: &Options, part: Part) -> Result<(Analysis, Signal)> {
+    let (analysis, signal, _) = analyse_axes(trial, options, part)?;
+    Ok((analysis, signal))
+}
+
+/// Reads the axes of `trial` as [`analyse`] does, about their means, m/s².
+pub(super) fn read_axes(trial: &Trial, options: &Options) -> Result<Vec<Vec<f64>>> {
+    let (_, _, axes) = analyse_axes(trial, options, Part::Whole)?;
+    Ok(axes)
+}
+
+/// As [`analyse`], with the axes about their means, m/s².
+pub(super) fn analyse_axes(
+    trial: &Trial,
+    options: &Options,
+    part: Part,
+) -> Result<(Analysis, Signal, Vec<Vec<f64>>)> {
     let (reduction, max_lag) = (options.conditioning.reduction, options.order.highest());
     let mut triaged = triaged(trial, options.conditioning)?;
     let Reduced {
         signal: mut samples,
         energy_share,
     } = reduced(trial, &mut triaged.samples.axes, reduction)?;
+    let mut axes = std::mem::take(&mut triaged.samples.axes);
     let sketch = Sketch::of(&samples);
     let mut plain = Autocorrelation::of(&samples, max_lag);
     let power = plain.lags[0];
@@ -274,7 +307,7 @@ pub fn analyse(trial: &Trial, options: &Options, part: Part) -> Result<(Analysis
     let mains_line_hz = (!is_silent).then(|| triage::mains_line(&plain)).flatten();
     let (rate_hz, cut_hz) = (options.sample_rate_hz, triaged.slow.cut_hz);
     if rate_hz != SAMPLE_RATE_HZ {
-        let mut axes = kept_at(trial, rate_hz, &triaged.parts, cut_hz)?;
+        axes = kept_at(trial, rate_hz, &triaged.parts, cut_hz)?;
         samples = reduced(trial, &mut axes, reduction)?.signal;
         plain = Autocorrelation::of(&samples, max_lag);
     }
@@ -286,7 +319,7 @@ pub fn analyse(trial: &Trial, options: &Options, part: Part) -> Result<(Analysis
     let whole_power = plain.lags[0];
     let Estimate { lags, bands } = match part {
         Part::Whole => estimate(rate_hz, &samples, plain, cut_hz),
-        Part::Blocks => estimate_of(&fitted, max_lag, cut_hz),
+        Part::Blocks => estimate_of(rate_hz, &fitted, max_lag, cut_hz),
     };
     let is_whole = part == Part::Whole && cut_hz.is_none();
     let analysis = Analysis {
@@ -301,9 +334,10 @@ pub fn analyse(trial: &Trial, options: &Options, part: Part) -> Result<(Analysis
         verdicts: std::mem::take(&mut triaged.verdicts),
         mains_line_hz,
         sketch,
+        floor: None,
         lines: TrialLines::default(),
         lags,
         bands,
     };
-    Ok((analysis, triaged.with_samples(samples)))
+    Ok((analysis, triaged.with_samples(samples), axes))
 }

@@ -100,4 +100,9 @@ impl Trial {
     pub fn is_in_motion_and_contact(&self) -> bool {
         self.speed_mm_s > 0.0 && self.force_n > 0.0
     }
+
+    /// Returns whether it has the noise of the rig in motion alone, without a surface.
+    pub fn is_of_the_rig(&self) -> bool {
+        self.speed_mm_s > 0.0 && self.force_n <= 0.0
+    }
 }

@@ -139,6 +139,8 @@ def fit(
     modulation: Literal["none", "track", "auto"] = "auto",
     drop: Sequence[str] = (),
     lines: Literal["auto", "none"] = "auto",
+    floor: Literal["subtract", "note", "none"] = "note",
+    floor_recording: _Path | None = None,
     model_rate_hz: int = 5000,
     snap: float | Literal["clear", "auto", "none"] = "clear",
     strict: bool = False,

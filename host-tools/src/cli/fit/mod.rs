@@ -18,7 +18,9 @@ use std::path::PathBuf;
 use model_format::limits::MAX_TEXTURES;
 use parts::LargeSet;
 pub use report::show_verdicts;
-use report::{FitReport, energy_kept, excitations, lines_found, low_rates, trials_used};
+use report::{
+    FitReport, energy_kept, excitations, lines_found, low_rates, rigs_share, trials_used,
+};
 
 use crate::cli::files::Overwrite;
 use crate::cli::input::Recordings;
@@ -175,6 +177,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     low_rates(&fit.trials).iter().for_each(|text| note(text));
     print(&texture_table(&textures))?;
     print(&format!("\n{}", lines_found(&fit)))?;
+    if let Some(shares) = rigs_share(&fit) {
+        print(&format!("\n{shares}"))?;
+    }
     if let Some(denser) = &denser {
         print(&format!("\n{}", densify::lines_added(&denser.lines)))?;
     }

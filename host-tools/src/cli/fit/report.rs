@@ -1,15 +1,17 @@
 //! Report of `stylus fit`: as JSON, and as text.
 
+use host_tools::dsp::spectrum::band_centre_hz;
 use host_tools::fit::densify::AddedLine;
 use host_tools::fit::excitation::{CodebookReport, ExcitationReport};
 use host_tools::fit::record::FoundLines;
-use host_tools::fit::{Fit, TrialReport};
+use host_tools::fit::{Fit, TrialReport, by_speed};
 use host_tools::support::number::counted;
 use host_tools::support::warning::Warning;
 use host_tools::texture::summary::TextureSummary;
 use model_format::SAMPLE_RATE_HZ;
 
-use crate::cli::output::warn_of;
+use crate::cli::output::{is_full, warn_of};
+use crate::cli::table::table;
 
 /// The report as JSON.
 #[derive(serde::Serialize)]
@@ -90,6 +92,43 @@ pub fn lines_found(fit: &Fit) -> String {
         .iter()
         .map(|(words, names)| format!("{}: {words}", names.join(", ")));
     lines.collect::<Vec<_>>().join("\n")
+}
+
+/// Share of the rig's noise from which on it is shown, without --full.
+const SHOWN_FLOOR: f64 = 0.1;
+
+/// Table of the rig's share of the recordings' power, by texture and speed; `None` where it is not known.
+pub fn rigs_share(fit: &Fit) -> Option<String> {
+    let least = if is_full() { 0.0 } else { SHOWN_FLOOR };
+    let band = |(band, share): (usize, f64)| {
+        let of_band = || format!("{:.0} Hz {:.0}", band_centre_hz(band), 100.0 * share);
+        (share >= least).then(of_band)
+    };
+    let (mut rows, mut is_known) = (Vec::new(), false);
+    for texture in &fit.textures {
+        let trials = fit
+            .trials
+            .iter()
+            .filter(|trial| trial.texture == texture.name && trial.used);
+        let known = trials.filter_map(|trial| Some((trial.speed_mm_s, trial.floor_shares?)));
+        for at in by_speed(known) {
+            is_known = true;
+            let bands: Vec<String> = at.shares.into_iter().enumerate().filter_map(band).collect();
+            if !bands.is_empty() {
+                rows.push(vec![
+                    texture.name.clone(),
+                    at.speed_mm_s.to_string(),
+                    bands.join(", "),
+                ]);
+            }
+        }
+    }
+    if rows.is_empty() {
+        let none = "the rig's own noise is below 10 % of the power of every third octave";
+        return is_known.then(|| none.to_owned());
+    }
+    let heading = "the rig's share of each third octave's power, %";
+    Some(table(&["texture", "speed (mm/s)", heading], &rows))
 }
 
 /// The number of trials that were used, and of all where some were left out.

@@ -8,6 +8,7 @@ mod agreement;
 mod bands;
 mod cost;
 mod power;
+mod subtraction;
 
 pub use agreement::{Agreement, agreement};
 pub use bands::{
@@ -19,6 +20,7 @@ pub use cost::{
     smoothed_amplitude, spectral_cost,
 };
 pub use power::{PowerSpectrum, longest_segment};
+pub use subtraction::without_noise;
 
 /// Signals that the tests of this folder share.
 #[cfg(test)]

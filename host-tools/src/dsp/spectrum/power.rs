@@ -181,6 +181,28 @@ impl PowerSpectrum {
         }
     }
 
+    /// Returns the density at `hz`, linear between bins, in (signal's unit)²/Hz; that of the last bin beyond.
+    pub(super) fn density_at(&self, hz: f64) -> f64 {
+        let place = hz / self.step_hz;
+        let (before, share) = (place.floor() as usize, place.fract());
+        let last = self.density.len() - 1;
+        let [low, high] = [before, before + 1].map(|bin| self.density[bin.min(last)]);
+        low + share * (high - low)
+    }
+
+    /// Returns this spectrum with other values at its frequencies.
+    pub(super) fn with_density(&self, density: Vec<f64>) -> Self {
+        Self { density, ..*self }
+    }
+
+    /// Returns the spectrum a `share` of the way from this one to `other` of the same segments, in dB.
+    #[must_use]
+    pub fn towards(&self, other: &Self, share: f64) -> Self {
+        let pairs = self.density.iter().zip(&other.density);
+        let mean = |(own, other): (&f64, &f64)| own.powf(1.0 - share) * other.powf(share);
+        self.with_density(pairs.map(mean).collect())
+    }
+
     /// Returns the power between two frequencies, in (signal's unit)²: the integral of the density, with fractional
     /// bins at both ends.
     ///

@@ -1,12 +1,11 @@
 //! A fit as a map over trials and a reduce over nodes, with files in between.
 //!
-//! The map reads a trial and computes what no other trial tells: autocorrelation, third-octave
-//! bands, level, verdicts of triage, the sketch by which copies are found, and its share of its texture's lines. A
-//! *unit* of it is what is computed together: all trials of a texture where lines are sought, because they show in all
-//! of them, and up to 64 trials of a texture otherwise.
+//! The map reads a trial and computes what no other trial tells: autocorrelation, third-octave bands, level, verdicts
+//! of triage, the sketch by which copies are found, the rig's share, and its share of its texture's lines. A *unit* of
+//! it is what is computed together: all trials of a texture where lines are sought, because they show in all of them,
+//! or where some have the rig's noise, and up to 64 trials of a texture otherwise.
 //!
-//! Each unit has a file of its own, named by a hash of everything that its content comes from (`unit`). So a file
-//! that
+//! Each unit has a file of its own, named by a hash of everything that its content comes from (`unit`). So a file that
 //! is there is not computed again, whoever made it: an interrupted fit goes on where it was, and shard I of N is the
 //! computation of every N-th unit.
 //!
@@ -34,7 +33,7 @@ use crate::recording::RecordingSet;
 use crate::support::error::{Error, Result};
 
 pub use merge::Merged;
-use unit::{Unit, units};
+use unit::{MOST_TRIALS, Unit, units};
 
 /// Most shards of a fit.
 const MOST_SHARDS: u32 = 100_000;
@@ -119,10 +118,11 @@ pub fn map(
         progress(unit.trials.len());
         Ok(if is_there { unit.trials.len() } else { 0 })
     };
+    let are_small = own.iter().all(|unit| unit.trials.len() <= MOST_TRIALS);
     let reused: Vec<usize> = match options.lines {
-        Lines::None => own.par_iter().map(map_unit).collect::<Result<_>>()?,
+        Lines::None if are_small => own.par_iter().map(map_unit).collect::<Result<_>>()?,
         // The samples of one texture are held at a time.
-        Lines::Auto => own.iter().map(map_unit).collect::<Result<_>>()?,
+        _ => own.iter().map(map_unit).collect::<Result<_>>()?,
     };
     Ok(Mapped {
         trials: own.iter().map(|unit| unit.trials.len()).sum(),

@@ -5,7 +5,7 @@ use crate::dsp::test_signals::noise;
 use crate::fit::lines::Lines;
 use crate::fit::options::Order;
 use crate::fit::record::FitRecord;
-use crate::fit::{ExcitationChoice, Fit, Options, fit};
+use crate::fit::{ExcitationChoice, Fit, FloorChoice, Options, fit};
 use crate::recording::{RecordingSet, Trial};
 use crate::support::error::Result;
 use crate::support::float_wav::float_wav;
@@ -100,13 +100,26 @@ fn copies(trials: &[crate::fit::TrialReport]) -> usize {
         .count()
 }
 
-/// Also with more shards than units, some of which are then empty; and each texture by itself.
+/// Also with more shards than units, some of which are then empty; each texture by itself; and without the noise of
+/// the first trial of each, which is at 0 N then.
 #[test]
 fn shards_of_any_number_made_in_any_order_leave_what_one_process_leaves() {
     let folder = tempfile::tempdir().unwrap();
-    let set = set(folder.path());
-    for (lines, of) in [(Lines::Auto, 2), (Lines::None, 7)] {
-        let options = options(lines);
+    let mut set = set(folder.path());
+    for (lines, floor, of) in [
+        (Lines::Auto, FloorChoice::Note, 2),
+        (Lines::None, FloorChoice::Note, 7),
+        (Lines::None, FloorChoice::Subtract, 3),
+    ] {
+        if floor == FloorChoice::Subtract {
+            set.trials[..TEXTURES.len()]
+                .iter_mut()
+                .for_each(|trial| trial.force_n = 0.0);
+        }
+        let options = Options {
+            floor,
+            ..options(lines)
+        };
         let whole = fit(&set, &options, |_| ()).unwrap();
         assert_eq!(copies(&whole.trials), 1);
         let parts = folder.path().join(format!("parts-{of}"));
@@ -158,6 +171,7 @@ fn a_merge_refuses_what_is_missing_damaged_or_of_other_inputs_and_a_map_computes
     for other in [
         changed(&|options| options.order = Order::Fixed(20)),
         changed(&|options| options.lines = Lines::None),
+        changed(&|options| options.floor = FloorChoice::Subtract),
         changed(&|options| options.silence_floor_m_s2 = 0.5),
         changed(&|options| options.drop = vec!["clipped".into()]),
     ] {

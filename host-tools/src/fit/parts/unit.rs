@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::fit::blocks::Part;
 use crate::fit::lines::{Findings, Lines};
-use crate::fit::options::Options;
+use crate::fit::options::{FloorChoice, Options};
 use crate::fit::record::content_of;
 use crate::fit::recordings::Recordings;
 use crate::fit::trial::Analysis;
@@ -26,8 +26,8 @@ use crate::support::fnv::Fnv;
 /// the map computes.
 const MAGIC: [u8; 8] = *b"stylusP5";
 
-/// Most trials of a unit where no lines are sought.
-const MOST_TRIALS: usize = 64;
+/// Most trials of a unit where neither lines are sought nor trials have the rig's noise.
+pub(super) const MOST_TRIALS: usize = 64;
 
 /// A partial file: some 4 KB for each trial of a unit.
 const PARTIAL: Limit = Limit {
@@ -43,11 +43,11 @@ pub(super) struct Unit {
 
 /// The units of each texture of a fit of `set` with `options`: the same in every process.
 pub(super) fn units(set: &RecordingSet, options: &Options) -> Vec<Vec<Unit>> {
-    let most = match options.lines {
-        Lines::None => MOST_TRIALS,
-        Lines::Auto => usize::MAX,
-    };
+    let has_floor = |&member: &usize| set.trials[member].is_of_the_rig();
     let of_texture = |(_, members): (&str, Vec<usize>)| {
+        let is_whole = options.lines != Lines::None
+            || options.floor != FloorChoice::None && members.iter().any(has_floor);
+        let most = if is_whole { usize::MAX } else { MOST_TRIALS };
         let units = members.chunks(most.min(members.len()));
         let unit = |trials: &[usize]| Unit {
             trials: trials.to_vec(),
@@ -90,15 +90,23 @@ impl Unit {
             options.silence_floor_m_s2,
             options.sample_rate_hz,
             options.lines,
+            options.floor,
         ))?);
-        // Dropped trials have no say on lines.
-        if options.lines != Lines::None {
+        // Dropped trials have no say on lines and on the rig's noise.
+        if options.lines != Lines::None || options.floor != FloorChoice::None {
             let mut dropped = options.drop.clone();
             dropped.sort();
             hash = hash.then(&encoded(&dropped)?);
         }
-        for &index in &self.trials {
-            hash = hash.then(&encoded(&inputs(&set.trials[index])?)?);
+        let floor = match &options.floor_recording {
+            Some(path) if options.floor != FloorChoice::None => {
+                RecordingSet::open(std::slice::from_ref(path))?.trials
+            }
+            _ => Vec::new(),
+        };
+        let own = self.trials.iter().map(|&index| &set.trials[index]);
+        for trial in own.chain(&floor) {
+            hash = hash.then(&encoded(&inputs(trial)?)?);
         }
         Ok(folder.join(format!("{:016x}.part", hash.value())))
     }
