@@ -2,7 +2,11 @@
 
 use model_format::{LEVEL_FRACTION_BITS, ModulationSpec, SAMPLE_RATE_HZ, level_amplitude, limits};
 
+use rayon::prelude::*;
+
+use super::bound::limited;
 use super::evidence::mean_square;
+use super::loudness::Loudest;
 use super::trace::Trace;
 use crate::dsp::sums::sliding;
 
@@ -64,18 +68,23 @@ pub(super) fn local_rms(residual: &[f64], smoothing: usize) -> Vec<f64> {
     sums.take(residual.len()).map(level).collect()
 }
 
-/// The level track of `traces`, joined in their order, each with its own RMS as unit; with the number of trials in it.
+/// The level track of `traces`, joined in their order, each limited to the `loudest` windows and with its own RMS as
+/// unit; with the number of trials in it.
 ///
 /// If not all have room, each gives an equal part from its middle; if these would be shorter than a second, fewer
 /// trials, evenly spread, give a second each. `None` if all of them together are too short, or if their levels cannot
 /// be stored with a mean square of 1.
-pub(super) fn track(traces: &[&Trace], resolution: Resolution) -> Option<(ModulationSpec, usize)> {
+pub(super) fn track(
+    traces: &[&Trace],
+    resolution: Resolution,
+    loudest: Loudest,
+) -> Option<(ModulationSpec, usize)> {
     let step = usize::from(resolution.step);
     let shortest = (SHORTEST_S * f64::from(SAMPLE_RATE_HZ)) as usize / step;
     let most = limits::MAX_MODULATION_ENTRIES;
     let amplitudes: Vec<Vec<f64>> = traces
-        .iter()
-        .map(|trace| own_track(trace, resolution))
+        .par_iter()
+        .map(|trace| own_track(trace, resolution, loudest))
         .collect();
     let total: usize = amplitudes.iter().map(Vec::len).sum();
     let parts: Vec<&[f64]> = if total <= most {
@@ -103,9 +112,10 @@ pub(super) fn track(traces: &[&Trace], resolution: Resolution) -> Option<(Modula
 }
 
 /// Amplitudes of a trial's track, in units of its own RMS, without its flaws.
-fn own_track(trace: &Trace, resolution: Resolution) -> Vec<f64> {
+fn own_track(trace: &Trace, resolution: Resolution, loudest: Loudest) -> Vec<f64> {
     let step = usize::from(resolution.step);
-    let levels = local_rms(&trace.residual, resolution.smoothing);
+    let residual = limited(trace, trace.residual.as_slice().into(), loudest);
+    let levels = local_rms(&residual, resolution.smoothing);
     let places = (step / 2..levels.len()).step_by(step);
     let clean = places.filter(|&n| trace.is_clean(&(n..n + 1)));
     let track: Vec<f64> = clean.map(|n| levels[n]).collect();
@@ -166,6 +176,8 @@ fn played_power(amplitudes: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    const ANY: Loudest = Loudest([f64::INFINITY; 3]);
     use proptest::prelude::*;
 
     fn trace(residual: Vec<f64>) -> Trace {
@@ -196,7 +208,7 @@ mod tests {
     fn a_tone_that_beats_has_its_envelope_as_track() {
         let signal = beating(20_000);
         for resolution in [BESIDE_CODEBOOK, BESIDE_NOISE] {
-            let (spec, trials) = track(&[&trace(signal.clone())], resolution).unwrap();
+            let (spec, trials) = track(&[&trace(signal.clone())], resolution, ANY).unwrap();
             assert_eq!(trials, 1);
             let step = usize::from(resolution.step);
             assert_eq!(spec.entries.len(), 20_000 / step);
@@ -216,12 +228,12 @@ mod tests {
     fn trials_without_room_give_equal_parts_of_themselves_or_give_way() {
         let residual = |seconds: usize| beating(5000 * seconds);
         let long = trace(residual(30));
-        let (spec, trials) = track(&[&long, &long, &long], BESIDE_CODEBOOK).unwrap();
+        let (spec, trials) = track(&[&long, &long, &long], BESIDE_CODEBOOK, ANY).unwrap();
         assert_eq!((spec.entries.len(), trials), (4095, 3));
         let many: Vec<Trace> = (0..100).map(|_| trace(residual(2))).collect();
-        let (spec, trials) = track(&many.iter().collect::<Vec<_>>(), BESIDE_CODEBOOK).unwrap();
+        let (spec, trials) = track(&many.iter().collect::<Vec<_>>(), BESIDE_CODEBOOK, ANY).unwrap();
         assert_eq!((spec.entries.len(), trials), (81 * 50, 81));
-        assert!(track(&[&trace(residual(1)[..4000].to_vec())], BESIDE_NOISE).is_none());
+        assert!(track(&[&trace(residual(1)[..4000].to_vec())], BESIDE_NOISE, ANY).is_none());
     }
 
     #[test]
@@ -229,7 +241,7 @@ mod tests {
         let mut one = trace(beating(20_000));
         one.residual[9000..9500].fill(0.0);
         one.flaws.push(8000..10_500);
-        let (spec, _) = track(&[&one], BESIDE_NOISE).unwrap();
+        let (spec, _) = track(&[&one], BESIDE_NOISE, ANY).unwrap();
         assert_eq!(spec.entries.len(), 700);
         // The dips of the beat are 19 dB below its peaks, and silence 50 dB.
         assert!(spec.entries.iter().all(|&entry| entry > -80));

@@ -22,10 +22,12 @@
 //!
 //! These choices come from twelve pairs of recorded takes, one fitted and the other judged; none is in the repository.
 
+mod bound;
 mod choice;
 mod codebook;
 mod evidence;
 mod level;
+mod loudness;
 mod low_rate;
 mod material;
 mod regions;
@@ -45,9 +47,13 @@ use super::reports::TrialReport;
 
 pub use choice::Distances;
 pub use evidence::Evidence;
+use loudness::Loudest;
 pub(super) use texture::{Axes, Choice, Chosen};
 pub use texture::{CodebookReport, ExcitationReport, TrackReport};
 use trace::Trace;
+
+/// Loudness of a trial's residual, in units of the loudness that most trials of its texture stay within.
+const BEYOND_OTHERS: f64 = 1.25;
 
 /// Returns whether `options` leave anything to add: Gaussian noise of steady level needs nothing.
 pub(super) fn is_wanted(options: &Options) -> bool {
@@ -68,16 +74,26 @@ pub(super) fn of(
         speeds_mm_s,
         forces_n,
     } = choice.axes;
+    let is_used = |take: &Take<'_>| reports[take.number].used;
+    let loudness: Vec<Loudest> = takes
+        .par_iter()
+        .filter(|take| is_used(take))
+        .map(|take| trace::loudest(&take.signal))
+        .collect();
+    let others = Loudest::of_most(&loudness).map(|others| others.times(BEYOND_OTHERS));
     let trace = |take: Take<'_>| {
         let report = &reports[take.number];
         let (speed, force) = (take.trial.speed_mm_s, take.trial.force_n);
         let at = (place(speeds_mm_s, speed), place(forces_n, force));
-        let node = report.used.then(|| nodes.get(at.0 * forces_n.len() + at.1));
+        let node = is_used(&take).then(|| nodes.get(at.0 * forces_n.len() + at.1));
         let node = node.flatten().filter(|node| node.output_power > 0.0);
-        let trace =
-            node.and_then(|node| Trace::of(&take.signal, at, &node.codes, &report.verdicts));
+        let trace = node
+            .and_then(|node| Trace::of(&take.signal, at, &node.codes, &report.verdicts, others));
         progress();
-        trace
+        trace.map(|trace| Trace {
+            number: take.number,
+            ..trace
+        })
     };
     let traces: Vec<Option<Trace>> = takes.into_par_iter().map(trace).collect();
     let traces: Vec<Trace> = traces.into_iter().flatten().collect();

@@ -77,7 +77,7 @@ fn trace_of_rate(samples: &[f64], order: usize, source_rate_hz: f64) -> Trace {
         cut_hz: None,
         flaws: Vec::new(),
     };
-    Trace::of(&signal, (0, 0), &node.codes, &[]).unwrap()
+    Trace::of(&signal, (0, 0), &node.codes, &[], None).unwrap()
 }
 
 /// The choice for a grid of these speeds and forces.

@@ -6,6 +6,7 @@ use model_format::{
 };
 use serde::{Deserialize, Serialize};
 
+use super::bound;
 use super::choice::{self, Distances};
 use super::codebook::{Coded, coded, coded_in_blocks};
 use super::evidence::{Evidence, KURTOSIS_SAMPLES, LEAST_WINDOWS, LEVEL, Sums, kurtosis, spread};
@@ -20,6 +21,9 @@ use crate::fit::options::{ExcitationChoice, ModulationChoice, Options};
 /// Highest product of a codebook's peak and a track's level, standard deviations. Two pieces that both peak where they
 /// are joined reach 1.41 times this, which is still below the excitation's full scale of 64.
 const HIGHEST_PEAK: f64 = 45.0;
+
+/// Expected loudness, in units of the recordings' loudest, that an excitation is first made with.
+const REACH: f64 = 1.5;
 
 /// Highest peak of moments, standard deviations: what coding takes of their power raises it, to 40 at most.
 const HIGHEST_PEAK_OF_MOMENTS: f64 = 36.0;
@@ -66,36 +70,66 @@ impl Choice<'_> {
     /// Chooses the excitation by `traces`: of moments where these are nearer to blocks that were left out, with its
     /// level apart elsewhere.
     pub(super) fn made(&self, traces: &[Trace]) -> Chosen {
-        let with_level_apart = self.apart(traces);
+        let with_level_apart = self.apart(traces, REACH);
         let is_free = self.options.modulation == ModulationChoice::Auto
             && self.options.excitation == ExcitationChoice::Auto;
         if !is_free || !with_level_apart.report.spread_db.is_significant() {
-            return with_level_apart;
+            return self.bounded(traces, with_level_apart, |reach| {
+                Some(self.apart(traces, reach))
+            });
         }
         let half = choice::fitted(traces);
         let distance_db =
             |chosen: &Chosen| choice::distance_db(traces, self.axes.forces_n.len(), &chosen.parts);
         let moments_db = self
-            .moments(&half)
+            .moments(&half, REACH)
             .and_then(|moments| distance_db(&moments));
-        let apart_db = distance_db(&self.apart(&half));
+        let apart_db = distance_db(&self.apart(&half, REACH));
         let judged = moments_db
             .zip(apart_db)
             .map(|(moments_db, apart_db)| Distances {
                 moments_db,
                 apart_db,
             });
-        let chosen = judged
+        let moments = judged
             .filter(|judged| judged.is_for_moments(with_level_apart.parts.excitation.is_some()))
-            .and_then(|_| self.moments(traces));
-        let mut chosen = chosen.unwrap_or(with_level_apart);
+            .and_then(|_| self.moments(traces, REACH));
+        let mut chosen = match moments {
+            Some(moments) => self.bounded(traces, moments, |reach| self.moments(traces, reach)),
+            None => self.bounded(traces, with_level_apart, |reach| {
+                Some(self.apart(traces, reach))
+            }),
+        };
         chosen.report.moments = judged;
         chosen
     }
 
+    /// `chosen`, or what `made` makes of `traces` with less reach, until its loudness is within the recordings'.
+    fn bounded(
+        &self,
+        traces: &[Trace],
+        mut chosen: Chosen,
+        made: impl Fn(f64) -> Option<Chosen>,
+    ) -> Chosen {
+        /// Most times that the reach is made less.
+        const ROUNDS: usize = 4;
+        let mut reach = REACH;
+        for _ in 0..ROUNDS {
+            let excess = bound::excess(traces, self.axes.forces_n.len(), &chosen.parts);
+            if excess <= 1.0 {
+                break;
+            }
+            reach /= excess;
+            chosen = made(reach).unwrap_or(chosen);
+            chosen.report.lowered_db = Some(20.0 * (reach / REACH).log10());
+        }
+        chosen
+    }
+
     /// The excitation whose level is a track, if it is not steady.
-    fn apart(&self, traces: &[Trace]) -> Chosen {
+    fn apart(&self, traces: &[Trace], reach: f64) -> Chosen {
         let all: Vec<&Trace> = traces.iter().collect();
+        let loudest = bound::most(traces, reach);
         let (kurtosis, spread_db) = (kurtosis_of(traces), spread_of(traces));
         let is_level_wanted = match self.options.modulation {
             ModulationChoice::None => false,
@@ -103,13 +137,19 @@ impl Choice<'_> {
             ModulationChoice::Auto => spread_db.is_significant(),
         };
         let track = |resolution| {
-            let found = is_level_wanted.then(|| track(&all, resolution)).flatten();
+            let found = is_level_wanted
+                .then(|| track(&all, resolution, loudest))
+                .flatten();
             found.filter(|(spec, _)| bytes_of(spec) <= self.room)
         };
         // A codebook has its level taken out only if a track puts it back.
         let beside = track(BESIDE_CODEBOOK);
-        let (codebooks, source) =
-            self.codebooks_beside(beside.as_ref().map(|(spec, _)| spec), traces, kurtosis);
+        let (codebooks, source) = self.codebooks_beside(
+            beside.as_ref().map(|(spec, _)| spec),
+            traces,
+            kurtosis,
+            reach,
+        );
         let chosen = if codebooks.is_empty() {
             track(BESIDE_NOISE)
         } else {
@@ -131,6 +171,7 @@ impl Choice<'_> {
         track: Option<&ModulationSpec>,
         traces: &[Trace],
         kurtosis: Evidence,
+        reach: f64,
     ) -> (Vec<OfRegion>, String) {
         if self.options.excitation == ExcitationChoice::Gaussian {
             return (Vec::new(), "Gaussian noise, as asked for".to_owned());
@@ -144,6 +185,7 @@ impl Choice<'_> {
                 Level::Steady
             },
             highest_peak: HIGHEST_PEAK / track.map_or(1.0, highest),
+            reach,
         };
         let found = codebooks(traces, self.axes, wanted, budget);
         let reason = reason_of_source(&found, kurtosis, wanted, budget);
@@ -151,12 +193,13 @@ impl Choice<'_> {
     }
 
     /// The excitation whose residual keeps its level, if there is material enough.
-    fn moments(&self, traces: &[Trace]) -> Option<Chosen> {
+    fn moments(&self, traces: &[Trace], reach: f64) -> Option<Chosen> {
         let wanted = Wanted {
             // A region without impulses has its level in its codebook.
             is_forced: true,
             level: Level::OfMoments,
             highest_peak: HIGHEST_PEAK_OF_MOMENTS,
+            reach,
         };
         let found = codebooks(traces, self.axes, wanted, self.budget(self.room));
         let shortest = found.iter().map(|own| own.seconds).reduce(f64::min)?;
@@ -192,6 +235,7 @@ impl Choice<'_> {
             codebooks: reports.collect(),
             moment_s: moment_samples.map(|n| f64::from(n) / f64::from(SAMPLE_RATE_HZ)),
             moments: None,
+            lowered_db: None,
             track: track
                 .as_ref()
                 .map(|(spec, trials)| track_report(spec, *trials)),
@@ -283,6 +327,8 @@ struct Wanted {
     level: Level,
     /// Highest peak, standard deviations.
     highest_peak: f64,
+    /// Loudness, in units of the recordings'.
+    reach: f64,
 }
 
 /// Codebooks of the regions that want one, and have the material for it.
@@ -306,7 +352,8 @@ fn codebooks(traces: &[Trace], axes: Axes<'_>, wanted: Wanted, budget: Budget) -
         .collect();
     let most = budget.stretches(wanting.len(), wanted.level);
     let made = wanting.into_iter().filter_map(|(region, own, kurtosis)| {
-        let material = choose(&own, wanted.level, most)?;
+        let loudest = bound::most(own.iter().copied(), wanted.reach);
+        let material = choose(&own, wanted.level, most, loudest)?;
         let code = match wanted.level {
             Level::OfMoments => coded_in_blocks,
             Level::Apart | Level::Steady => coded,
@@ -490,6 +537,9 @@ pub struct ExcitationReport {
     /// Distances by which moments were chosen or not; none if there was no choice.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub moments: Option<Distances>,
+    /// Change of the loudness that it was limited to, because it played louder than its recordings, dB.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lowered_db: Option<f64>,
     /// The level track, none for a steady level.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub track: Option<TrackReport>,
