@@ -8,7 +8,7 @@
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 
-use model_format::PartsSpec;
+use model_format::{PartsSpec, limits};
 use rayon::prelude::*;
 
 use super::choice::played;
@@ -28,6 +28,42 @@ const AIM: f64 = 1.3;
 
 /// Calmest nodes of a source that are listened to.
 const CALMEST: usize = 2;
+
+/// Expected loudness that parts are made with, in units of the loudest of the calmest nodes' recordings.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Reach {
+    /// Of the track.
+    pub track: f64,
+    /// Of each region's codebook.
+    pub codebooks: [f64; limits::MAX_CODEBOOKS],
+}
+
+impl Reach {
+    /// What parts are first made with. More is not heard at any node; less may be needed.
+    pub const FIRST: Self = Self {
+        track: 1.5,
+        codebooks: [1.5; limits::MAX_CODEBOOKS],
+    };
+
+    /// Makes it less by the `excess` of each source, 0 for Gaussian noise: each codebook by its own, and the track by
+    /// what all have in common, or noise alone.
+    pub fn lower(&mut self, excess: &BTreeMap<u8, f64>) {
+        let common = excess.values().copied().fold(f64::INFINITY, f64::min);
+        let noise = excess.get(&0).copied().unwrap_or(0.0);
+        self.track /= common.max(noise).max(1.0);
+        for (reach, number) in self.codebooks.iter_mut().zip(1..) {
+            *reach /= excess.get(&number).copied().unwrap_or(0.0).max(1.0);
+        }
+    }
+
+    /// How much less than at first the least is, dB; none if it is not.
+    pub fn lowered_db(&self) -> Option<f64> {
+        let pairs = self.codebooks.into_iter().zip(Self::FIRST.codebooks);
+        let pairs = pairs.chain([(self.track, Self::FIRST.track)]);
+        let least = pairs.map(|(own, first)| own / first).fold(1.0, f64::min);
+        (least < 1.0).then(|| 20.0 * least.log10())
+    }
+}
 
 /// The loudest windows of each node's recordings, with one of its traces.
 fn nodes<'t>(traces: impl IntoIterator<Item = &'t Trace>) -> Vec<(Loudest, &'t Trace)> {
@@ -69,12 +105,10 @@ pub(super) fn limited<'t>(
     limited.into()
 }
 
-/// Loudness of what `parts` make of the models of a grid with so many `forces`, in units of what it may be: the largest
-/// of the nodes that are listened to, of each source those whose recordings are calmest and the one that rings longest.
-pub(super) fn excess(traces: &[Trace], forces: usize, parts: &PartsSpec) -> f64 {
-    if parts.excitation.is_none() && parts.modulation.is_none() {
-        return 0.0;
-    }
+/// Loudness of what each source of `parts`, 0 for Gaussian noise, makes of the models of a grid with so many `forces`,
+/// in units of what it may be: the largest of the nodes that are listened to, which are the two whose recordings are
+/// calmest and the one that rings longest. None where noise of steady level plays.
+pub(super) fn excess(traces: &[Trace], forces: usize, parts: &PartsSpec) -> BTreeMap<u8, f64> {
     let number = |trace: &Trace| {
         let node = trace.at.0 * forces + trace.at.1;
         parts
@@ -84,12 +118,13 @@ pub(super) fn excess(traces: &[Trace], forces: usize, parts: &PartsSpec) -> f64 
     };
     let mut sources: BTreeMap<u8, Vec<(Loudest, &Trace)>> = BTreeMap::new();
     for node in nodes(traces) {
-        sources.entry(number(node.1)).or_default().push(node);
+        let number = number(node.1);
+        if number > 0 || parts.modulation.is_some() {
+            sources.entry(number).or_default().push(node);
+        }
     }
     let of_source = |(number, mut own): (u8, Vec<(Loudest, &Trace)>)| {
-        let Some(played) = played(number, parts, PLAYED) else {
-            return 0.0;
-        };
+        let played = played(number, parts, PLAYED).expect("parts that were made can be played");
         let least = most(own.iter().map(|(_, trace)| *trace), 1.0);
         let over = |(own, trace): &(Loudest, &Trace)| {
             let heard = Loudest::behind(&played, &trace.reflection);
@@ -99,8 +134,7 @@ pub(super) fn excess(traces: &[Trace], forces: usize, parts: &PartsSpec) -> f64 
         let ringing = |(_, trace): &&(Loudest, &Trace)| error_share(&trace.reflection);
         let longest = own.iter().min_by(|a, b| ringing(a).total_cmp(&ringing(b)));
         let heard = own.iter().take(CALMEST).chain(longest);
-        heard.map(over).fold(0.0, f64::max)
+        (number, heard.map(over).fold(0.0, f64::max) / AIM)
     };
-    let all: Vec<f64> = sources.into_par_iter().map(of_source).collect();
-    all.into_iter().fold(0.0, f64::max) / AIM
+    sources.into_par_iter().map(of_source).collect()
 }

@@ -6,7 +6,7 @@ use model_format::{
 };
 use serde::{Deserialize, Serialize};
 
-use super::bound;
+use super::bound::{self, Reach};
 use super::choice::{self, Distances};
 use super::codebook::{Coded, coded, coded_in_blocks};
 use super::evidence::{Evidence, KURTOSIS_SAMPLES, LEAST_WINDOWS, LEVEL, Sums, kurtosis, spread};
@@ -21,9 +21,6 @@ use crate::fit::options::{ExcitationChoice, ModulationChoice, Options};
 /// Highest product of a codebook's peak and a track's level, standard deviations. Two pieces that both peak where they
 /// are joined reach 1.41 times this, which is still below the excitation's full scale of 64.
 const HIGHEST_PEAK: f64 = 45.0;
-
-/// Expected loudness, in units of the recordings' loudest, that an excitation is first made with.
-const REACH: f64 = 1.5;
 
 /// Highest peak of moments, standard deviations: what coding takes of their power raises it, to 40 at most.
 const HIGHEST_PEAK_OF_MOMENTS: f64 = 36.0;
@@ -70,66 +67,83 @@ impl Choice<'_> {
     /// Chooses the excitation by `traces`: of moments where these are nearer to blocks that were left out, with its
     /// level apart elsewhere.
     pub(super) fn made(&self, traces: &[Trace]) -> Chosen {
-        let with_level_apart = self.apart(traces, REACH);
+        let apart = |reach: &Reach| Some(self.apart(traces, reach));
         let is_free = self.options.modulation == ModulationChoice::Auto
             && self.options.excitation == ExcitationChoice::Auto;
-        if !is_free || !with_level_apart.report.spread_db.is_significant() {
-            return self.bounded(traces, with_level_apart, |reach| {
-                Some(self.apart(traces, reach))
-            });
-        }
-        let half = choice::fitted(traces);
-        let distance_db =
-            |chosen: &Chosen| choice::distance_db(traces, self.axes.forces_n.len(), &chosen.parts);
-        let moments_db = self
-            .moments(&half, REACH)
-            .and_then(|moments| distance_db(&moments));
-        let apart_db = distance_db(&self.apart(&half, REACH));
-        let judged = moments_db
-            .zip(apart_db)
-            .map(|(moments_db, apart_db)| Distances {
-                moments_db,
-                apart_db,
-            });
-        let moments = judged
-            .filter(|judged| judged.is_for_moments(with_level_apart.parts.excitation.is_some()))
-            .and_then(|_| self.moments(traces, REACH));
-        let mut chosen = match moments {
-            Some(moments) => self.bounded(traces, moments, |reach| self.moments(traces, reach)),
-            None => self.bounded(traces, with_level_apart, |reach| {
-                Some(self.apart(traces, reach))
-            }),
+        let chosen = if is_free && spread_of(traces).is_significant() {
+            self.nearer(traces)
+        } else {
+            self.bounded(traces, apart).map(|(chosen, _)| chosen)
         };
-        chosen.report.moments = judged;
-        chosen
+        chosen.unwrap_or_else(|| self.apart(traces, &Reach::FIRST))
     }
 
-    /// `chosen`, or what `made` makes of `traces` with less reach, until its loudness is within the recordings'.
+    /// The nearer one of moments and an excitation whose level is apart.
+    fn nearer(&self, traces: &[Trace]) -> Option<Chosen> {
+        let half = choice::fitted(traces);
+        let forces = self.axes.forces_n.len();
+        let distance_db = |chosen: &Chosen| choice::distance_db(traces, forces, &chosen.parts);
+        let moments_db = self
+            .moments(&half, &Reach::FIRST)
+            .and_then(|moments| distance_db(&moments));
+        let judged = |reach: &Reach| {
+            let apart_db = distance_db(&self.apart(&half, reach))?;
+            moments_db.map(|moments_db| Distances {
+                moments_db,
+                apart_db,
+            })
+        };
+        let apart = |reach: &Reach| Some(self.apart(traces, reach));
+        let has_codebook = apart(&Reach::FIRST)?.parts.excitation.is_some();
+        let is_for_moments = |judged: &Option<Distances>| {
+            judged.is_some_and(|judged| judged.is_for_moments(has_codebook))
+        };
+        let mut found = judged(&Reach::FIRST);
+        let mut chosen = None;
+        if !is_for_moments(&found) {
+            // What is near because it is louder than the recordings is judged again without that.
+            let (bounded, reach) = self.bounded(traces, apart)?;
+            if reach != Reach::FIRST {
+                found = judged(&reach);
+            }
+            chosen = Some(bounded);
+        }
+        if is_for_moments(&found) {
+            let moments = self.bounded(traces, |reach| self.moments(traces, reach));
+            chosen = moments.map(|(moments, _)| moments).or(chosen);
+        }
+        let mut chosen = chosen?;
+        chosen.report.moments = found;
+        Some(chosen)
+    }
+
+    /// What `made` makes of `traces` with the first reach, or with one that is less, until its nodes play no louder
+    /// than their recordings.
     fn bounded(
         &self,
         traces: &[Trace],
-        mut chosen: Chosen,
-        made: impl Fn(f64) -> Option<Chosen>,
-    ) -> Chosen {
+        made: impl Fn(&Reach) -> Option<Chosen>,
+    ) -> Option<(Chosen, Reach)> {
         /// Most times that the reach is made less.
         const ROUNDS: usize = 4;
-        let mut reach = REACH;
+        let mut reach = Reach::FIRST;
+        let mut chosen = made(&reach)?;
         for _ in 0..ROUNDS {
             let excess = bound::excess(traces, self.axes.forces_n.len(), &chosen.parts);
-            if excess <= 1.0 {
+            if excess.values().all(|&excess| excess <= 1.0) {
                 break;
             }
-            reach /= excess;
-            chosen = made(reach).unwrap_or(chosen);
-            chosen.report.lowered_db = Some(20.0 * (reach / REACH).log10());
+            reach.lower(&excess);
+            chosen = made(&reach)?;
         }
-        chosen
+        chosen.report.lowered_db = reach.lowered_db();
+        Some((chosen, reach))
     }
 
     /// The excitation whose level is a track, if it is not steady.
-    fn apart(&self, traces: &[Trace], reach: f64) -> Chosen {
+    fn apart(&self, traces: &[Trace], reach: &Reach) -> Chosen {
         let all: Vec<&Trace> = traces.iter().collect();
-        let loudest = bound::most(traces, reach);
+        let loudest = bound::most(traces, reach.track);
         let (kurtosis, spread_db) = (kurtosis_of(traces), spread_of(traces));
         let is_level_wanted = match self.options.modulation {
             ModulationChoice::None => false,
@@ -171,7 +185,7 @@ impl Choice<'_> {
         track: Option<&ModulationSpec>,
         traces: &[Trace],
         kurtosis: Evidence,
-        reach: f64,
+        reach: &Reach,
     ) -> (Vec<OfRegion>, String) {
         if self.options.excitation == ExcitationChoice::Gaussian {
             return (Vec::new(), "Gaussian noise, as asked for".to_owned());
@@ -185,7 +199,7 @@ impl Choice<'_> {
                 Level::Steady
             },
             highest_peak: HIGHEST_PEAK / track.map_or(1.0, highest),
-            reach,
+            reach: reach.codebooks,
         };
         let found = codebooks(traces, self.axes, wanted, budget);
         let reason = reason_of_source(&found, kurtosis, wanted, budget);
@@ -193,13 +207,13 @@ impl Choice<'_> {
     }
 
     /// The excitation whose residual keeps its level, if there is material enough.
-    fn moments(&self, traces: &[Trace], reach: f64) -> Option<Chosen> {
+    fn moments(&self, traces: &[Trace], reach: &Reach) -> Option<Chosen> {
         let wanted = Wanted {
             // A region without impulses has its level in its codebook.
             is_forced: true,
             level: Level::OfMoments,
             highest_peak: HIGHEST_PEAK_OF_MOMENTS,
-            reach,
+            reach: reach.codebooks,
         };
         let found = codebooks(traces, self.axes, wanted, self.budget(self.room));
         let shortest = found.iter().map(|own| own.seconds).reduce(f64::min)?;
@@ -327,8 +341,8 @@ struct Wanted {
     level: Level,
     /// Highest peak, standard deviations.
     highest_peak: f64,
-    /// Loudness, in units of the recordings'.
-    reach: f64,
+    /// Loudness of each codebook, in units of the recordings'.
+    reach: [f64; limits::MAX_CODEBOOKS],
 }
 
 /// Codebooks of the regions that want one, and have the material for it.
@@ -351,8 +365,9 @@ fn codebooks(traces: &[Trace], axes: Axes<'_>, wanted: Wanted, budget: Budget) -
         .filter(|(.., kurtosis)| wanted.is_forced || kurtosis.is_significant())
         .collect();
     let most = budget.stretches(wanting.len(), wanted.level);
-    let made = wanting.into_iter().filter_map(|(region, own, kurtosis)| {
-        let loudest = bound::most(own.iter().copied(), wanted.reach);
+    let made = wanting.into_iter().zip(wanted.reach);
+    let made = made.filter_map(|((region, own, kurtosis), reach)| {
+        let loudest = bound::most(own.iter().copied(), reach);
         let material = choose(&own, wanted.level, most, loudest)?;
         let code = match wanted.level {
             Level::OfMoments => coded_in_blocks,
