@@ -106,7 +106,11 @@ impl FittedTexture {
             options: source.options,
             room,
         };
-        let Chosen { parts, report } = excitation::of(
+        let Chosen {
+            parts,
+            report,
+            notes,
+        } = excitation::of(
             choice,
             &self.nodes,
             takes,
@@ -117,6 +121,7 @@ impl FittedTexture {
         self.grid.parts.excitation = parts.excitation;
         self.grid.parts.modulation = parts.modulation;
         self.excitation = Some(report);
+        self.notes.extend(notes);
     }
 
     /// The texture, ready to be encoded.

@@ -46,26 +46,55 @@ const SHORTEST_S: f64 = 1.0;
 /// Largest error of a track's mean square. The format allows 2 %.
 const LARGEST_ERROR: f64 = 0.01;
 
-/// RMS of `residual` around each of its samples, weighed by a Hann window of `smoothing` samples, of which the part
-/// within the residual counts.
-pub(super) fn local_rms(residual: &[f64], smoothing: usize) -> Vec<f64> {
+/// Weights of a Hann window of `smoothing` samples.
+fn hann(smoothing: usize) -> Vec<f64> {
     let reach = smoothing / 2;
     let weight = |offset: usize| {
         let angle = std::f64::consts::PI * offset as f64 / (reach + 1) as f64;
         0.5 * (1.0 + angle.cos())
     };
-    let weights: Vec<f64> = (0..=2 * reach).map(|n| weight(n.abs_diff(reach))).collect();
-    let least = (LEAST_POWER * mean_square(residual)).max(f64::MIN_POSITIVE);
-    let weighed = |of: fn(&f64) -> f64| {
-        let mut padded = vec![0.0; residual.len() + 2 * reach];
-        for (out, x) in padded[reach..].iter_mut().zip(residual) {
-            *out = of(x);
+    (0..=2 * reach).map(|n| weight(n.abs_diff(reach))).collect()
+}
+
+/// Least power of a level of `residual`.
+fn least_power(residual: &[f64]) -> f64 {
+    (LEAST_POWER * mean_square(residual)).max(f64::MIN_POSITIVE)
+}
+
+/// RMS of `residual` around each of its samples, weighed by a Hann window of `smoothing` samples, of which the part
+/// within the residual counts.
+pub(super) fn local_rms(residual: &[f64], smoothing: usize) -> Vec<f64> {
+    let weights = hann(smoothing);
+    let (reach, least) = (weights.len() / 2, least_power(residual));
+    let mut padded = vec![0.0; residual.len() + 2 * reach];
+    for (out, x) in padded[reach..].iter_mut().zip(residual) {
+        *out = x * x;
+    }
+    let whole: f64 = weights.iter().sum();
+    let weight = |n: usize| {
+        let (before, after) = (n.min(reach), (residual.len() - 1 - n).min(reach));
+        if before + after == 2 * reach {
+            whole
+        } else {
+            weights[reach - before..=reach + after].iter().sum()
         }
-        sliding(&padded, &weights)
     };
-    let sums = weighed(|x| x * x).into_iter().zip(weighed(|_| 1.0));
-    let level = |(sum, weight): (f64, f64)| (sum / weight).max(least).sqrt();
-    sums.take(residual.len()).map(level).collect()
+    let level = |(n, sum): (usize, f64)| (sum / weight(n)).max(least).sqrt();
+    let sums = sliding(&padded, &weights);
+    (sums.into_iter().enumerate().take(residual.len()))
+        .map(level)
+        .collect()
+}
+
+/// As [`local_rms`], around the sample `at` alone.
+fn local_rms_at(residual: &[f64], weights: &[f64], least: f64, at: usize) -> f64 {
+    let reach = weights.len() / 2;
+    let first = at.saturating_sub(reach);
+    let near = residual[first..].iter().zip(&weights[first + reach - at..]);
+    let (sum, weight) = near.fold((0.0, 0.0), |(sum, weight), (x, w)| {
+        (sum + x * x * w, weight + w)
+    });
+    (sum / weight).max(least).sqrt()
 }
 
 /// The level track of `traces`, joined in their order, each limited to the `loudest` windows and with its own RMS as
@@ -115,10 +144,11 @@ pub(super) fn track(
 fn own_track(trace: &Trace, resolution: Resolution, loudest: Loudest) -> Vec<f64> {
     let step = usize::from(resolution.step);
     let residual = limited(trace, trace.residual.as_slice().into(), loudest);
-    let levels = local_rms(&residual, resolution.smoothing);
-    let places = (step / 2..levels.len()).step_by(step);
+    let (weights, least) = (hann(resolution.smoothing), least_power(&residual));
+    let places = (step / 2..residual.len()).step_by(step);
     let clean = places.filter(|&n| trace.is_clean(&(n..n + 1)));
-    let track: Vec<f64> = clean.map(|n| levels[n]).collect();
+    let level = |n| local_rms_at(&residual, &weights, least, n);
+    let track: Vec<f64> = clean.map(level).collect();
     let unit = mean_square(&track).sqrt();
     track.into_iter().map(|level| level / unit).collect()
 }

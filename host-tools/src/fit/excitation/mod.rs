@@ -44,6 +44,7 @@ use super::grid::place;
 use super::options::{ExcitationChoice, ModulationChoice, Options};
 use super::recordings::Take;
 use super::reports::TrialReport;
+use crate::support::warning::Warning;
 
 pub use choice::Distances;
 pub use evidence::Evidence;
@@ -52,8 +53,8 @@ pub(super) use texture::{Axes, Choice, Chosen};
 pub use texture::{CodebookReport, ExcitationReport, TrackReport};
 use trace::Trace;
 
-/// Loudness of a trial's residual, in units of the loudness that most trials of its texture stay within.
-const BEYOND_OTHERS: f64 = 1.25;
+/// Loudness of a trial, in units of what most trials of its texture stay within, beyond which its moments are its own.
+const LOUDER: f64 = 1.5;
 
 /// Returns whether `options` leave anything to add: Gaussian noise of steady level needs nothing.
 pub(super) fn is_wanted(options: &Options) -> bool {
@@ -74,31 +75,46 @@ pub(super) fn of(
         speeds_mm_s,
         forces_n,
     } = choice.axes;
-    let is_used = |take: &Take<'_>| reports[take.number].used;
-    let loudness: Vec<Loudest> = takes
-        .par_iter()
-        .filter(|take| is_used(take))
-        .map(|take| trace::loudest(&take.signal))
-        .collect();
-    let others = Loudest::of_most(&loudness).map(|others| others.times(BEYOND_OTHERS));
     let trace = |take: Take<'_>| {
         let report = &reports[take.number];
         let (speed, force) = (take.trial.speed_mm_s, take.trial.force_n);
         let at = (place(speeds_mm_s, speed), place(forces_n, force));
-        let node = is_used(&take).then(|| nodes.get(at.0 * forces_n.len() + at.1));
+        let node = report.used.then(|| nodes.get(at.0 * forces_n.len() + at.1));
         let node = node.flatten().filter(|node| node.output_power > 0.0);
-        let trace = node
-            .and_then(|node| Trace::of(&take.signal, at, &node.codes, &report.verdicts, others));
+        let trace =
+            node.and_then(|node| Trace::of(&take.signal, at, &node.codes, &report.verdicts));
         progress();
-        trace.map(|trace| Trace {
-            number: take.number,
-            ..trace
-        })
+        trace.map(|trace| (take.number, trace))
     };
-    let traces: Vec<Option<Trace>> = takes.into_par_iter().map(trace).collect();
-    let traces: Vec<Trace> = traces.into_iter().flatten().collect();
-    match part {
-        Part::Whole => choice.made(&traces),
-        Part::Blocks => choice.made(&choice::fitted(&traces)),
+    let traces: Vec<Option<(usize, Trace)>> = takes.into_par_iter().map(trace).collect();
+    let (mut notes, mut alike) = (Vec::new(), Vec::new());
+    let traces: Vec<(usize, Trace)> = traces.into_iter().flatten().collect();
+    let loudness: Vec<Loudest> = traces.iter().map(|(_, trace)| trace.loudest).collect();
+    let others = Loudest::of_most(&loudness);
+    for (number, trace) in traces {
+        let note =
+            |kind, size, text| Warning::of(kind, ("recording", &reports[number].file), size, text);
+        let over = others.map_or(0.0, |others| trace.loudest.over(others));
+        if over > LOUDER {
+            notes.push(note("loud", over, loud(over)));
+            continue;
+        }
+        let limited = trace.event.as_ref();
+        notes.extend(limited.map(|event| note("event", event.limited_db(), event.to_string())));
+        alike.push(trace);
     }
+    let chosen = match part {
+        Part::Whole => choice.made(&alike),
+        Part::Blocks => choice.made(&choice::fitted(&alike)),
+    };
+    Chosen { notes, ..chosen }
+}
+
+/// Words on a trial whose loudest moments are so many times as loud as the others'.
+fn loud(over: f64) -> String {
+    format!(
+        "its loudest moments, in units of its RMS, are {over:.1} times as loud as those of the texture's other trials: \
+         its own node has its spectrum and level, and no other has its moments; listen to it, and record it again if \
+         they are none of the surface's"
+    )
 }

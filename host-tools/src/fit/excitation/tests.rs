@@ -77,7 +77,7 @@ fn trace_of_rate(samples: &[f64], order: usize, source_rate_hz: f64) -> Trace {
         cut_hz: None,
         flaws: Vec::new(),
     };
-    Trace::of(&signal, (0, 0), &node.codes, &[], None).unwrap()
+    Trace::of(&signal, (0, 0), &node.codes, &[]).unwrap()
 }
 
 /// The choice for a grid of these speeds and forces.
@@ -122,7 +122,7 @@ proptest! {
     #[test]
     fn gaussian_textures_of_changing_level_get_a_track_alone(seed: u64, hz in 40.0f64..600.0) {
         let signal = filtered(&swelling(seed, 20_000, 6.0), hz);
-        let Chosen { parts, report } = chosen(trace(&signal, 40), &Options::default());
+        let Chosen { parts, report, .. } = chosen(trace(&signal, 40), &Options::default());
         let judged = report.moments.expect("both can be made");
         prop_assert!(!judged.is_for_moments(false), "{:?}", judged);
         prop_assert_eq!((parts.excitation.is_some(), parts.modulation.is_some()), (false, true));
@@ -138,7 +138,7 @@ proptest! {
             _ => calm[n],
         });
         let signal: Vec<f64> = mixed.collect();
-        let Chosen { parts, report } = chosen(trace(&signal, 40), &Options::default());
+        let Chosen { parts, report, .. } = chosen(trace(&signal, 40), &Options::default());
         let judged = report.moments.expect("both can be made");
         prop_assert!(judged.is_for_moments(false), "{:?}", judged);
         prop_assert!(parts.modulation.is_none());
@@ -191,7 +191,7 @@ fn what_is_asked_for_needs_no_test_and_what_is_not_stays_out() {
                     modulation,
                     ..Options::default()
                 };
-                let Chosen { parts, report } = chosen(trace(&signal, 40), &options);
+                let Chosen { parts, report, .. } = chosen(trace(&signal, 40), &options);
                 assert_eq!(
                     parts.excitation.is_some(),
                     excitation == ExcitationChoice::Residual
@@ -217,7 +217,7 @@ fn the_highest_peak_at_the_highest_level_stays_within_the_excitations_range() {
         *x *= if n % 331 == 0 { 60.0 } else { 1.0 };
     }
     let trace = trace(&filtered(&lively, 100.0), 40);
-    let Chosen { parts, report } = chosen(trace, &Options::default());
+    let Chosen { parts, report, .. } = chosen(trace, &Options::default());
     let (excitation, modulation) = (parts.excitation.unwrap(), parts.modulation.unwrap());
     let peak = excitation
         .codebooks
@@ -254,7 +254,7 @@ fn regions_that_differ_have_codebooks_of_their_own_and_all_have_room() {
         .collect();
     let axis: Vec<f32> = (1..=12).map(|n| 10.0 * n as f32).collect();
     let options = Options::default();
-    let Chosen { parts, report } = choice(&axis, &axis[..6], &options).made(&traces);
+    let Chosen { parts, report, .. } = choice(&axis, &axis[..6], &options).made(&traces);
     let excitation = parts.excitation.unwrap();
     assert_eq!(excitation.codebooks.len(), 2, "{report:?}");
     for (node, &source) in excitation.of_nodes.iter().enumerate() {

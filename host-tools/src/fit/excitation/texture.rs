@@ -17,6 +17,7 @@ use super::material::{
 use super::regions::{Region, regions};
 use super::trace::Trace;
 use crate::fit::options::{ExcitationChoice, ModulationChoice, Options};
+use crate::support::warning::Warning;
 
 /// Highest product of a codebook's peak and a track's level, standard deviations. Two pieces that both peak where they
 /// are joined reach 1.41 times this, which is still below the excitation's full scale of 64.
@@ -34,6 +35,8 @@ pub(in crate::fit) struct Chosen {
     /// Excitation and modulation alone.
     pub parts: PartsSpec,
     pub report: ExcitationReport,
+    /// Notes for the user.
+    pub notes: Vec<Warning>,
 }
 
 /// Grid of a texture.
@@ -261,7 +264,11 @@ impl Choice<'_> {
             modulation: track.map(|(spec, _)| spec),
             ..PartsSpec::default()
         };
-        Chosen { parts, report }
+        Chosen {
+            parts,
+            report,
+            notes: Vec::new(),
+        }
     }
 
     /// Room for codebooks in so many bytes.

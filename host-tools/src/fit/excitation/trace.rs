@@ -1,5 +1,6 @@
 //! The residual of one trial: by the model of its node, and in data that was not fitted.
 
+use std::fmt;
 use std::ops::Range;
 
 use model_format::{CodeSpec, SAMPLE_RATE_HZ};
@@ -33,16 +34,34 @@ const EVENT: f64 = 0.5;
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Event {
     /// Sample of the signal.
-    pub at: usize,
+    at: usize,
     /// Gain there, the least of the trial.
-    pub gain: f64,
+    gain: f64,
+}
+
+impl Event {
+    /// Level that was taken off, dB.
+    pub fn limited_db(&self) -> f64 {
+        -20.0 * self.gain.log10()
+    }
+}
+
+impl fmt::Display for Event {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "{:.0} dB of its residual at {:.2} s of what is fitted are in no level or codebook: they would sound \
+             louder than the recording does there, as a click's or a slipped axis's would; look there, and record it \
+             again if they are none of the surface's",
+            self.limited_db(),
+            self.at as f64 / f64::from(SAMPLE_RATE_HZ),
+        )
+    }
 }
 
 /// A trial's residual, and what tests found in it.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Trace {
-    /// Index of the trial in the set.
-    pub number: usize,
     /// Indices of its speed and force on the grid.
     pub at: (usize, usize),
     /// Reflection coefficients of the node.
@@ -64,20 +83,19 @@ pub(super) struct Trace {
 }
 
 impl Trace {
-    /// The trace of a trial `at` a node with these `codes`, of which no moment is heard louder than its signal or than
-    /// `others` are. `None` if it has no residual that a surface made: by one of its `verdicts`, or because it is too
-    /// short, silent, or predicted to its round-off.
+    /// The trace of a trial `at` a node with these `codes`, of which no moment is heard louder than the signal is.
+    /// `None` if it has no residual that a surface made: by one of its `verdicts`, or because it is too short, silent,
+    /// or predicted to its round-off.
     pub fn of(
         signal: &Signal,
         at: (usize, usize),
         codes: &CodeSpec,
         verdicts: &[Verdict],
-        others: Option<Loudest>,
     ) -> Option<Self> {
         if !verdicts.iter().all(leaves_the_residual) {
             return None;
         }
-        let samples = looked_at(signal);
+        let samples = &signal.samples[..signal.samples.len().min(LONGEST)];
         let reflection = stored_reflection(codes);
         let predictor = step_up(&reflection);
         let order = predictor.len();
@@ -93,9 +111,8 @@ impl Trace {
             flaws.insert(0, 0..ENDS);
             flaws.push(length - ENDS..length);
         }
-        let loudest = loudest(signal);
-        let most = others.map_or(loudest, |others| loudest.with(others, f64::min));
-        let gains = Ringing::of(&reflection).limit(&residual, &flaws, most.times(MOST));
+        let loudest = Loudest::of(samples, &signal.flaws);
+        let gains = Ringing::of(&reflection).limit(&residual, &flaws, loudest.times(MOST));
         if let Some(gains) = &gains {
             residual = product(&residual, gains);
         }
@@ -116,7 +133,6 @@ impl Trace {
         let scale = 1.0 / power.sqrt();
         residual.iter_mut().for_each(|x| *x *= scale);
         Some(Self {
-            number: 0,
             at,
             reflection,
             loudest,
@@ -150,16 +166,6 @@ impl Trace {
         let apart = |flaw: &Range<usize>| flaw.end <= samples.start || samples.end <= flaw.start;
         self.flaws.iter().all(apart)
     }
-}
-
-/// The part of a trial that is looked at.
-fn looked_at(signal: &Signal) -> &[f64] {
-    &signal.samples[..signal.samples.len().min(LONGEST)]
-}
-
-/// Loudest windows of the part of a trial that is looked at.
-pub(super) fn loudest(signal: &Signal) -> Loudest {
-    Loudest::of(looked_at(signal), &signal.flaws)
 }
 
 /// The moment that `gains` of a residual of a predictor of this `order` limit most, outside `flaws`.
