@@ -82,7 +82,7 @@ impl Loudest {
 
     /// What all of `signals` reach but the calmest eighth.
     pub fn of_least(signals: &[Self]) -> Option<Self> {
-        Self::at_rank(signals, signals.len() / WRONG)
+        Self::at_rank(signals, signals.len().saturating_sub(1) / WRONG)
     }
 
     fn at_rank(signals: &[Self], rank: usize) -> Option<Self> {
@@ -257,4 +257,92 @@ fn filtered(excitation: &[f64], predictor: &[f64]) -> Vec<f64> {
         .process(&mut spectrum, &mut heard)
         .expect("lengths come from the plan");
     heard
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dsp::test_signals::{near, noise};
+
+    /// Poles at 200 Hz that ring for some milliseconds.
+    const REFLECTION: [f64; 2] = [-0.95, 0.9];
+
+    #[test]
+    fn the_loudest_windows_are_found_and_flaws_are_none() {
+        let mut signal = vec![0.0; 5000];
+        signal[1000..1250].fill(1.0);
+        signal[2000..2025].fill(2.0);
+        let rms = ((250.0 + 100.0) / 5000.0f64).sqrt();
+        let found = Loudest::of(&signal, &[]).0;
+        for (found, expected) in found.into_iter().zip([2.0, 2.0, 1.0]) {
+            near(found * rms, expected, 1e-9);
+        }
+        let found = Loudest::of(&signal, &[2000..2025]).0;
+        near(found[0], found[2], 1e-9);
+        assert_eq!(Loudest::of(&[0.0; 500], &[]), Loudest([0.0; 3]));
+    }
+
+    #[test]
+    fn one_loud_recording_of_eight_is_not_what_most_reach_and_a_calm_one_of_nine_not_what_all_do() {
+        let all: Vec<Loudest> = (1..=8).map(|n| Loudest([f64::from(n); 3])).collect();
+        assert_eq!(Loudest::of_most(&all), Some(Loudest([7.0; 3])));
+        assert_eq!(Loudest::of_most(&all[..2]), Some(Loudest([1.0; 3])));
+        assert_eq!(Loudest::of_most(&all[2..3]), Some(Loudest([3.0; 3])));
+        assert_eq!(Loudest::of_least(&all), Some(Loudest([1.0; 3])));
+        let nine = [&all[..], &all[7..]].concat();
+        assert_eq!(Loudest::of_least(&nine), Some(Loudest([2.0; 3])));
+        assert_eq!(
+            (Loudest::of_most(&[]), Loudest::of_least(&[])),
+            (None, None)
+        );
+    }
+
+    /// What is heard of noise behind a filter, by the filter's own recursion.
+    #[test]
+    fn noise_behind_a_filter_has_the_loudness_that_the_recursion_gives_it() {
+        let excitation = noise(1, 1 << 14);
+        let a = step_up(&REFLECTION);
+        let mut heard = vec![0.0; 2];
+        for (n, x) in excitation.iter().enumerate() {
+            heard.push(x - a[0] * heard[n + 1] - a[1] * heard[n]);
+        }
+        let expected = Loudest::of(&heard[2..], &[]);
+        let found = Loudest::behind(&excitation, &REFLECTION);
+        for (found, expected) in found.0.into_iter().zip(expected.0) {
+            assert!((found / expected - 1.0).abs() < 0.05, "{found} {expected}");
+        }
+    }
+
+    #[test]
+    fn a_filters_ringing_has_all_of_an_impulses_power() {
+        let ringing = Ringing::of(&REFLECTION);
+        let heard: f64 = ringing.shares.iter().sum();
+        assert!(
+            ringing.later < 1e-6 && (heard - 1.0).abs() < 1e-6,
+            "{heard}"
+        );
+        assert!(ringing.shares[RINGING_MS - 1] < 0.9, "it rings");
+        assert_eq!(Ringing::of(&[]).shares[RINGING_MS - 1], 1.0);
+    }
+
+    #[test]
+    fn a_burst_is_limited_to_the_loudness_allowed_and_nothing_else_is() {
+        let mut residual = noise(2, 20_000);
+        let ringing = Ringing::of(&REFLECTION);
+        let most = Loudest([3.0, 2.2, 1.4]);
+        assert_eq!(ringing.limit(&residual, &[], most), None);
+        residual[9000..9020].iter_mut().for_each(|x| *x *= 100.0);
+        let gains = ringing.limit(&residual, &[], most).unwrap();
+        let limited = product(&residual, &gains);
+        assert_eq!(ringing.limit(&limited, &[], most), None);
+        let touched = gains.iter().filter(|gain| **gain < 0.9).count();
+        assert!(
+            gains[9010] < 0.1 && touched < 400,
+            "{} {touched}",
+            gains[9010]
+        );
+        // In a flaw it is not heard.
+        let flaw: Vec<Range<usize>> = std::iter::once(8900..9100).collect();
+        assert_eq!(ringing.limit(&residual, &flaw, most), None);
+    }
 }

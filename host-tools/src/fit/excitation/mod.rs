@@ -28,6 +28,8 @@ mod codebook;
 mod evidence;
 mod level;
 mod loudness;
+#[cfg(test)]
+mod loudness_tests;
 mod low_rate;
 mod material;
 mod regions;

@@ -25,7 +25,7 @@ use crate::texture::grid::Grid;
 use crate::texture::quantise::nodes;
 
 /// Noise of an RMS of 1 with a power spectrum of a surface: two resonances, one of them narrow.
-fn filtered(excitation: &[f64], hz: f64) -> Vec<f64> {
+pub(super) fn filtered(excitation: &[f64], hz: f64) -> Vec<f64> {
     let resonator = |input: &[f64], hz: f64, radius: f64| -> Vec<f64> {
         let angle = std::f64::consts::TAU * hz / f64::from(SAMPLE_RATE_HZ);
         let (mut last, mut before) = (0.0, 0.0);
@@ -42,12 +42,12 @@ fn filtered(excitation: &[f64], hz: f64) -> Vec<f64> {
 }
 
 /// Noise with heavy tails and a steady level: the product of a Gaussian and its magnitude.
-fn impulsive(seed: u64, samples: usize) -> Vec<f64> {
+pub(super) fn impulsive(seed: u64, samples: usize) -> Vec<f64> {
     noise(seed, samples).iter().map(|x| x * x.abs()).collect()
 }
 
 /// Gaussian noise whose level goes up and down by `depth_db`, every 1.5 s.
-fn swelling(seed: u64, samples: usize, depth_db: f64) -> Vec<f64> {
+pub(super) fn swelling(seed: u64, samples: usize, depth_db: f64) -> Vec<f64> {
     let level = |n: usize| {
         let angle = std::f64::consts::TAU * n as f64 / 7500.0;
         10f64.powf(depth_db / 20.0 * angle.sin())
@@ -307,7 +307,7 @@ fn relative_level(bytes: &[u8]) -> f64 {
     }
 }
 
-fn forced(excitation: ExcitationChoice, modulation: ModulationChoice) -> Options {
+pub(super) fn forced(excitation: ExcitationChoice, modulation: ModulationChoice) -> Options {
     Options {
         excitation,
         modulation,
