@@ -108,7 +108,11 @@ impl FittedTexture {
             options: source.options,
             room,
         };
-        let Chosen { parts, report } = excitation::of(
+        let Chosen {
+            parts,
+            report,
+            notes,
+        } = excitation::of(
             choice,
             &self.nodes,
             takes,
@@ -119,6 +123,7 @@ impl FittedTexture {
         self.grid.parts.excitation = parts.excitation;
         self.grid.parts.modulation = parts.modulation;
         self.excitation = Some(report);
+        self.notes.extend(notes);
     }
 
     /// The texture, ready to be encoded.

@@ -46,6 +46,12 @@ fn excitation(report: &ExcitationReport) -> String {
             judged.moments_db, judged.apart_db
         )
     }));
+    lines.extend(report.lowered_db.map(|lowered_db| {
+        format!(
+            "    limited by {:.1} dB, because it played louder than the loudest of the recordings",
+            -lowered_db
+        )
+    }));
     lines.extend(report.track.as_ref().map(|track| {
         let [low, high] = track.range_db;
         format!(

@@ -100,7 +100,7 @@ pub(super) fn distance_db(traces: &[Trace], forces: usize, parts: &PartsSpec) ->
         let judged = Levels::of(judged);
         let windows = judged.0[0].len() as f64;
         if windows > 0.0 {
-            let played = played(number, parts)?;
+            let played = played(number, parts, PLAYED)?;
             sum += windows * judged.distance_db(&Levels::of(std::iter::once(&played[..])));
             count += windows;
         }
@@ -108,8 +108,9 @@ pub(super) fn distance_db(traces: &[Trace], forces: usize, parts: &PartsSpec) ->
     (count > 0.0).then(|| sum / count)
 }
 
-/// Play by the device's feed of the source `number` of `parts` at their level, standard deviations.
-fn played(number: u8, parts: &PartsSpec) -> Option<Vec<f64>> {
+/// So many `samples` of what the device's feed plays of the source `number` of `parts` at their level, standard
+/// deviations.
+pub(super) fn played(number: u8, parts: &PartsSpec, samples: usize) -> Option<Vec<f64>> {
     let codebook = parts
         .excitation
         .as_ref()
@@ -136,7 +137,7 @@ fn played(number: u8, parts: &PartsSpec) -> Option<Vec<f64>> {
     let mut feed = Feed::new(1);
     let unit = f64::from(1u32 << FED_FRACTION_BITS);
     let sample = || f64::from(feed.next_sample(&material, &point)) / unit;
-    Some(std::iter::repeat_with(sample).take(PLAYED).collect())
+    Some(std::iter::repeat_with(sample).take(samples).collect())
 }
 
 /// Levels of each octave in windows of 50 ms against those of the windows, dB, ascending.

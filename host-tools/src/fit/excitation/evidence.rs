@@ -159,8 +159,8 @@ pub(super) struct Judged {
 }
 
 /// Judges `signal`, with models of `order` at most. Nothing is found in a signal that is too short, or that is
-/// predicted to its round-off.
-pub(super) fn held_out(signal: &[f64], order: usize) -> Judged {
+/// predicted to its round-off. `gain` is that of the residual at a sample of the signal.
+pub(super) fn held_out(signal: &[f64], order: usize, gain: impl Fn(usize) -> f64) -> Judged {
     let blocks = Blocks::of(signal.len());
     let fitted: Vec<&[f64]> = blocks.fitted().map(|block| &signal[block]).collect();
     let samples: usize = fitted.iter().map(|block| block.len()).sum();
@@ -179,10 +179,12 @@ pub(super) fn held_out(signal: &[f64], order: usize) -> Judged {
     let parts: Vec<Vec<f64>> = blocks
         .judged()
         .map(|block| {
-            residual(
-                &signal[block.start.saturating_sub(order)..block.end],
-                &predictor,
-            )
+            let first = block.start.saturating_sub(order);
+            let mut part = residual(&signal[first..block.end], &predictor);
+            for (n, x) in part.iter_mut().enumerate() {
+                *x *= gain(first + order + n);
+            }
+            part
         })
         .collect();
     of_parts(&parts, mean_square(signal))

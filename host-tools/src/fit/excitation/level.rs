@@ -2,7 +2,11 @@
 
 use model_format::{LEVEL_FRACTION_BITS, ModulationSpec, SAMPLE_RATE_HZ, level_amplitude, limits};
 
+use rayon::prelude::*;
+
+use super::bound::limited;
 use super::evidence::mean_square;
+use super::loudness::Loudest;
 use super::trace::Trace;
 use crate::dsp::sums::sliding;
 
@@ -42,40 +46,74 @@ const SHORTEST_S: f64 = 1.0;
 /// Largest error of a track's mean square. The format allows 2 %.
 const LARGEST_ERROR: f64 = 0.01;
 
-/// RMS of `residual` around each of its samples, weighed by a Hann window of `smoothing` samples, of which the part
-/// within the residual counts.
-pub(super) fn local_rms(residual: &[f64], smoothing: usize) -> Vec<f64> {
+/// Weights of a Hann window of `smoothing` samples.
+fn hann(smoothing: usize) -> Vec<f64> {
     let reach = smoothing / 2;
     let weight = |offset: usize| {
         let angle = std::f64::consts::PI * offset as f64 / (reach + 1) as f64;
         0.5 * (1.0 + angle.cos())
     };
-    let weights: Vec<f64> = (0..=2 * reach).map(|n| weight(n.abs_diff(reach))).collect();
-    let least = (LEAST_POWER * mean_square(residual)).max(f64::MIN_POSITIVE);
-    let weighed = |of: fn(&f64) -> f64| {
-        let mut padded = vec![0.0; residual.len() + 2 * reach];
-        for (out, x) in padded[reach..].iter_mut().zip(residual) {
-            *out = of(x);
-        }
-        sliding(&padded, &weights)
-    };
-    let sums = weighed(|x| x * x).into_iter().zip(weighed(|_| 1.0));
-    let level = |(sum, weight): (f64, f64)| (sum / weight).max(least).sqrt();
-    sums.take(residual.len()).map(level).collect()
+    (0..=2 * reach).map(|n| weight(n.abs_diff(reach))).collect()
 }
 
-/// The level track of `traces`, joined in their order, each with its own RMS as unit; with the number of trials in it.
+/// Least power of a level of `residual`.
+fn least_power(residual: &[f64]) -> f64 {
+    (LEAST_POWER * mean_square(residual)).max(f64::MIN_POSITIVE)
+}
+
+/// RMS of `residual` around each of its samples, weighed by a Hann window of `smoothing` samples, of which the part
+/// within the residual counts.
+pub(super) fn local_rms(residual: &[f64], smoothing: usize) -> Vec<f64> {
+    let weights = hann(smoothing);
+    let (reach, least) = (weights.len() / 2, least_power(residual));
+    let mut padded = vec![0.0; residual.len() + 2 * reach];
+    for (out, x) in padded[reach..].iter_mut().zip(residual) {
+        *out = x * x;
+    }
+    let whole: f64 = weights.iter().sum();
+    let weight = |n: usize| {
+        let (before, after) = (n.min(reach), (residual.len() - 1 - n).min(reach));
+        if before + after == 2 * reach {
+            whole
+        } else {
+            weights[reach - before..=reach + after].iter().sum()
+        }
+    };
+    let level = |(n, sum): (usize, f64)| (sum / weight(n)).max(least).sqrt();
+    let sums = sliding(&padded, &weights);
+    (sums.into_iter().enumerate().take(residual.len()))
+        .map(level)
+        .collect()
+}
+
+/// As [`local_rms`], around the sample `at` alone.
+fn local_rms_at(residual: &[f64], weights: &[f64], least: f64, at: usize) -> f64 {
+    let reach = weights.len() / 2;
+    let first = at.saturating_sub(reach);
+    let near = residual[first..].iter().zip(&weights[first + reach - at..]);
+    let (sum, weight) = near.fold((0.0, 0.0), |(sum, weight), (x, w)| {
+        (sum + x * x * w, weight + w)
+    });
+    (sum / weight).max(least).sqrt()
+}
+
+/// The level track of `traces`, joined in their order, each limited to the `loudest` windows and with its own RMS as
+/// unit; with the number of trials in it.
 ///
 /// If not all have room, each gives an equal part from its middle; if these would be shorter than a second, fewer
 /// trials, evenly spread, give a second each. `None` if all of them together are too short, or if their levels cannot
 /// be stored with a mean square of 1.
-pub(super) fn track(traces: &[&Trace], resolution: Resolution) -> Option<(ModulationSpec, usize)> {
+pub(super) fn track(
+    traces: &[&Trace],
+    resolution: Resolution,
+    loudest: Loudest,
+) -> Option<(ModulationSpec, usize)> {
     let step = usize::from(resolution.step);
     let shortest = (SHORTEST_S * f64::from(SAMPLE_RATE_HZ)) as usize / step;
     let most = limits::MAX_MODULATION_ENTRIES;
     let amplitudes: Vec<Vec<f64>> = traces
-        .iter()
-        .map(|trace| own_track(trace, resolution))
+        .par_iter()
+        .map(|trace| own_track(trace, resolution, loudest))
         .collect();
     let total: usize = amplitudes.iter().map(Vec::len).sum();
     let parts: Vec<&[f64]> = if total <= most {
@@ -103,12 +141,14 @@ pub(super) fn track(traces: &[&Trace], resolution: Resolution) -> Option<(Modula
 }
 
 /// Amplitudes of a trial's track, in units of its own RMS, without its flaws.
-fn own_track(trace: &Trace, resolution: Resolution) -> Vec<f64> {
+fn own_track(trace: &Trace, resolution: Resolution, loudest: Loudest) -> Vec<f64> {
     let step = usize::from(resolution.step);
-    let levels = local_rms(&trace.residual, resolution.smoothing);
-    let places = (step / 2..levels.len()).step_by(step);
+    let residual = limited(trace, trace.residual.as_slice().into(), loudest);
+    let (weights, least) = (hann(resolution.smoothing), least_power(&residual));
+    let places = (step / 2..residual.len()).step_by(step);
     let clean = places.filter(|&n| trace.is_clean(&(n..n + 1)));
-    let track: Vec<f64> = clean.map(|n| levels[n]).collect();
+    let level = |n| local_rms_at(&residual, &weights, least, n);
+    let track: Vec<f64> = clean.map(level).collect();
     let unit = mean_square(&track).sqrt();
     track.into_iter().map(|level| level / unit).collect()
 }
@@ -166,6 +206,8 @@ fn played_power(amplitudes: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    const ANY: Loudest = Loudest([f64::INFINITY; 3]);
     use proptest::prelude::*;
 
     fn trace(residual: Vec<f64>) -> Trace {
@@ -196,7 +238,7 @@ mod tests {
     fn a_tone_that_beats_has_its_envelope_as_track() {
         let signal = beating(20_000);
         for resolution in [BESIDE_CODEBOOK, BESIDE_NOISE] {
-            let (spec, trials) = track(&[&trace(signal.clone())], resolution).unwrap();
+            let (spec, trials) = track(&[&trace(signal.clone())], resolution, ANY).unwrap();
             assert_eq!(trials, 1);
             let step = usize::from(resolution.step);
             assert_eq!(spec.entries.len(), 20_000 / step);
@@ -216,12 +258,12 @@ mod tests {
     fn trials_without_room_give_equal_parts_of_themselves_or_give_way() {
         let residual = |seconds: usize| beating(5000 * seconds);
         let long = trace(residual(30));
-        let (spec, trials) = track(&[&long, &long, &long], BESIDE_CODEBOOK).unwrap();
+        let (spec, trials) = track(&[&long, &long, &long], BESIDE_CODEBOOK, ANY).unwrap();
         assert_eq!((spec.entries.len(), trials), (4095, 3));
         let many: Vec<Trace> = (0..100).map(|_| trace(residual(2))).collect();
-        let (spec, trials) = track(&many.iter().collect::<Vec<_>>(), BESIDE_CODEBOOK).unwrap();
+        let (spec, trials) = track(&many.iter().collect::<Vec<_>>(), BESIDE_CODEBOOK, ANY).unwrap();
         assert_eq!((spec.entries.len(), trials), (81 * 50, 81));
-        assert!(track(&[&trace(residual(1)[..4000].to_vec())], BESIDE_NOISE).is_none());
+        assert!(track(&[&trace(residual(1)[..4000].to_vec())], BESIDE_NOISE, ANY).is_none());
     }
 
     #[test]
@@ -229,7 +271,7 @@ mod tests {
         let mut one = trace(beating(20_000));
         one.residual[9000..9500].fill(0.0);
         one.flaws.push(8000..10_500);
-        let (spec, _) = track(&[&one], BESIDE_NOISE).unwrap();
+        let (spec, _) = track(&[&one], BESIDE_NOISE, ANY).unwrap();
         assert_eq!(spec.entries.len(), 700);
         // The dips of the beat are 19 dB below its peaks, and silence 50 dB.
         assert!(spec.entries.iter().all(|&entry| entry > -80));

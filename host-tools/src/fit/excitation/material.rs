@@ -1,8 +1,13 @@
 //! The material of a codebook: which stretches of which trials.
 
-use super::evidence::mean_square;
-use super::evidence::{KURTOSIS_SAMPLES, kurtosis_of};
+use std::borrow::Cow;
+
+use rayon::prelude::*;
+
+use super::bound::limited;
+use super::evidence::{KURTOSIS_SAMPLES, kurtosis_of, mean_square};
 use super::level::{BESIDE_CODEBOOK, local_rms};
+use super::loudness::Loudest;
 use super::trace::Trace;
 
 /// Samples of a stretch: 0.2 s, of which pieces of 20 to 80 ms are taken.
@@ -52,22 +57,29 @@ pub(super) struct Material {
     pub trials: usize,
 }
 
-/// Takes at most `most` stretches of `traces`. `None` if there are fewer than [`LEAST_STRETCHES`] that are clean and,
+/// Takes at most `most` stretches of `traces`, limited to the `loudest` windows. `None` if there are fewer than [`LEAST_STRETCHES`] that are clean and,
 /// unless they are moments, not quiet.
 ///
 /// They are taken at equal ranks of their kurtosis, so that calm and lively stretches have the share that they have in
 /// the recordings; moments at equal ranks of their power.
-pub(super) fn choose(traces: &[&Trace], level: Level, most: usize) -> Option<Material> {
-    let prepared: Vec<Vec<f64>> = traces
-        .iter()
+pub(super) fn choose(
+    traces: &[&Trace],
+    level: Level,
+    most: usize,
+    loudest: Loudest,
+) -> Option<Material> {
+    let prepared: Vec<Cow<'_, [f64]>> = traces
+        .par_iter()
         .map(|trace| {
-            let residual = trace.residual.iter();
-            if level == Level::Apart {
-                let levels = local_rms(&trace.residual, BESIDE_CODEBOOK.smoothing);
-                residual.zip(levels).map(|(x, level)| x / level).collect()
+            let residual = &trace.residual;
+            let prepared: Cow<'_, [f64]> = if level == Level::Apart {
+                let levels = local_rms(residual, BESIDE_CODEBOOK.smoothing);
+                let even = residual.iter().zip(levels).map(|(x, level)| x / level);
+                even.collect()
             } else {
-                residual.copied().collect()
-            }
+                residual.as_slice().into()
+            };
+            limited(trace, prepared, loudest)
         })
         .collect();
     let of_length = |samples: usize| -> Vec<Stretch> {
@@ -147,6 +159,8 @@ fn mean_kurtosis(stretch: &[f64]) -> f64 {
 mod tests {
     use super::*;
 
+    const ANY: Loudest = Loudest([f64::INFINITY; 3]);
+
     fn trace(samples: usize) -> Trace {
         // Each sample tells its place.
         Trace {
@@ -160,7 +174,7 @@ mod tests {
         let mut one = trace(12_000);
         one.flaws = vec![2500..2600, 2550..2580];
         one.residual[5000..6500].iter_mut().for_each(|x| *x *= 0.1);
-        let material = choose(&[&one], Level::Steady, MOST_STRETCHES).unwrap();
+        let material = choose(&[&one], Level::Steady, MOST_STRETCHES, ANY).unwrap();
         assert_eq!((material.samples.len(), material.trials), (10_000, 1));
         for x in &material.samples {
             let place = ((x - 1.0) * 1e6).round();
@@ -170,13 +184,18 @@ mod tests {
         assert!(quiet <= 900, "half of a stretch at most: {quiet}");
         one.flaws = std::iter::once(0..8500).collect();
         assert_eq!(
-            choose(&[&one], Level::Steady, MOST_STRETCHES),
+            choose(&[&one], Level::Steady, MOST_STRETCHES, ANY),
             None,
             "0.7 s are too little"
         );
-        assert_eq!(choose(&[], Level::Apart, MOST_STRETCHES), None);
+        assert_eq!(choose(&[], Level::Apart, MOST_STRETCHES, ANY), None);
         assert_eq!(
-            choose(&[&trace(STRETCH_SAMPLES - 1)], Level::Apart, MOST_STRETCHES),
+            choose(
+                &[&trace(STRETCH_SAMPLES - 1)],
+                Level::Apart,
+                MOST_STRETCHES,
+                ANY
+            ),
             None
         );
     }
@@ -187,7 +206,7 @@ mod tests {
         for n in (0..10_000).step_by(KURTOSIS_SAMPLES) {
             one.residual[n] = 20.0;
         }
-        let material = choose(&[&one], Level::Steady, 8).unwrap();
+        let material = choose(&[&one], Level::Steady, 8, ANY).unwrap();
         let lively = material.samples.iter().filter(|&&x| x > 10.0).count();
         assert_eq!(lively, 2 * STRETCH_SAMPLES / KURTOSIS_SAMPLES);
     }
@@ -205,7 +224,7 @@ mod tests {
             levels.clone().fold(f64::MIN, f64::max) - levels.fold(f64::MAX, f64::min)
         };
         let [with, without] =
-            [Level::Apart, Level::Steady].map(|level| choose(&[&one], level, 10).unwrap());
+            [Level::Apart, Level::Steady].map(|level| choose(&[&one], level, 10, ANY).unwrap());
         assert!(level_db(&without.samples) > 8.0);
         assert!(level_db(&with.samples) < 1.5, "{}", level_db(&with.samples));
     }

@@ -22,10 +22,14 @@
 //!
 //! These choices come from twelve pairs of recorded takes, one fitted and the other judged; none is in the repository.
 
+mod bound;
 mod choice;
 mod codebook;
 mod evidence;
 mod level;
+mod loudness;
+#[cfg(test)]
+mod loudness_tests;
 mod low_rate;
 mod material;
 mod regions;
@@ -42,12 +46,17 @@ use super::grid::place;
 use super::options::{ExcitationChoice, ModulationChoice, Options};
 use super::recordings::Take;
 use super::reports::TrialReport;
+use crate::support::warning::Warning;
 
 pub use choice::Distances;
 pub use evidence::Evidence;
+use loudness::Loudest;
 pub(super) use texture::{Axes, Choice, Chosen};
 pub use texture::{CodebookReport, ExcitationReport, TrackReport};
 use trace::Trace;
+
+/// Loudness of a trial, in units of what most trials of its texture stay within, beyond which its moments are its own.
+const LOUDER: f64 = 1.5;
 
 /// Returns whether `options` leave anything to add: Gaussian noise of steady level needs nothing.
 pub(super) fn is_wanted(options: &Options) -> bool {
@@ -77,12 +86,37 @@ pub(super) fn of(
         let trace =
             node.and_then(|node| Trace::of(&take.signal, at, &node.codes, &report.verdicts));
         progress();
-        trace
+        trace.map(|trace| (take.number, trace))
     };
-    let traces: Vec<Option<Trace>> = takes.into_par_iter().map(trace).collect();
-    let traces: Vec<Trace> = traces.into_iter().flatten().collect();
-    match part {
-        Part::Whole => choice.made(&traces),
-        Part::Blocks => choice.made(&choice::fitted(&traces)),
+    let traces: Vec<Option<(usize, Trace)>> = takes.into_par_iter().map(trace).collect();
+    let (mut notes, mut alike) = (Vec::new(), Vec::new());
+    let traces: Vec<(usize, Trace)> = traces.into_iter().flatten().collect();
+    let loudness: Vec<Loudest> = traces.iter().map(|(_, trace)| trace.loudest).collect();
+    let others = Loudest::of_most(&loudness);
+    for (number, trace) in traces {
+        let note =
+            |kind, size, text| Warning::of(kind, ("recording", &reports[number].file), size, text);
+        let over = others.map_or(0.0, |others| trace.loudest.over(others));
+        if over > LOUDER {
+            notes.push(note("loud", over, loud(over)));
+            continue;
+        }
+        let limited = trace.event.as_ref();
+        notes.extend(limited.map(|event| note("event", event.limited_db(), event.to_string())));
+        alike.push(trace);
     }
+    let chosen = match part {
+        Part::Whole => choice.made(&alike),
+        Part::Blocks => choice.made(&choice::fitted(&alike)),
+    };
+    Chosen { notes, ..chosen }
+}
+
+/// Words on a trial whose loudest moments are so many times as loud as the others'.
+fn loud(over: f64) -> String {
+    format!(
+        "its loudest moments, in units of its RMS, are {over:.1} times as loud as those of the texture's other trials: \
+         its own node has its spectrum and level, and no other has its moments; listen to it, and record it again if \
+         they are none of the surface's"
+    )
 }

@@ -25,7 +25,7 @@ use crate::texture::grid::Grid;
 use crate::texture::quantise::nodes;
 
 /// Noise of an RMS of 1 with a power spectrum of a surface: two resonances, one of them narrow.
-fn filtered(excitation: &[f64], hz: f64) -> Vec<f64> {
+pub(super) fn filtered(excitation: &[f64], hz: f64) -> Vec<f64> {
     let resonator = |input: &[f64], hz: f64, radius: f64| -> Vec<f64> {
         let angle = std::f64::consts::TAU * hz / f64::from(SAMPLE_RATE_HZ);
         let (mut last, mut before) = (0.0, 0.0);
@@ -42,12 +42,12 @@ fn filtered(excitation: &[f64], hz: f64) -> Vec<f64> {
 }
 
 /// Noise with heavy tails and a steady level: the product of a Gaussian and its magnitude.
-fn impulsive(seed: u64, samples: usize) -> Vec<f64> {
+pub(super) fn impulsive(seed: u64, samples: usize) -> Vec<f64> {
     noise(seed, samples).iter().map(|x| x * x.abs()).collect()
 }
 
 /// Gaussian noise whose level goes up and down by `depth_db`, every 1.5 s.
-fn swelling(seed: u64, samples: usize, depth_db: f64) -> Vec<f64> {
+pub(super) fn swelling(seed: u64, samples: usize, depth_db: f64) -> Vec<f64> {
     let level = |n: usize| {
         let angle = std::f64::consts::TAU * n as f64 / 7500.0;
         10f64.powf(depth_db / 20.0 * angle.sin())
@@ -122,7 +122,7 @@ proptest! {
     #[test]
     fn gaussian_textures_of_changing_level_get_a_track_alone(seed: u64, hz in 40.0f64..600.0) {
         let signal = filtered(&swelling(seed, 20_000, 6.0), hz);
-        let Chosen { parts, report } = chosen(trace(&signal, 40), &Options::default());
+        let Chosen { parts, report, .. } = chosen(trace(&signal, 40), &Options::default());
         let judged = report.moments.expect("both can be made");
         prop_assert!(!judged.is_for_moments(false), "{:?}", judged);
         prop_assert_eq!((parts.excitation.is_some(), parts.modulation.is_some()), (false, true));
@@ -138,7 +138,7 @@ proptest! {
             _ => calm[n],
         });
         let signal: Vec<f64> = mixed.collect();
-        let Chosen { parts, report } = chosen(trace(&signal, 40), &Options::default());
+        let Chosen { parts, report, .. } = chosen(trace(&signal, 40), &Options::default());
         let judged = report.moments.expect("both can be made");
         prop_assert!(judged.is_for_moments(false), "{:?}", judged);
         prop_assert!(parts.modulation.is_none());
@@ -191,7 +191,7 @@ fn what_is_asked_for_needs_no_test_and_what_is_not_stays_out() {
                     modulation,
                     ..Options::default()
                 };
-                let Chosen { parts, report } = chosen(trace(&signal, 40), &options);
+                let Chosen { parts, report, .. } = chosen(trace(&signal, 40), &options);
                 assert_eq!(
                     parts.excitation.is_some(),
                     excitation == ExcitationChoice::Residual
@@ -217,7 +217,7 @@ fn the_highest_peak_at_the_highest_level_stays_within_the_excitations_range() {
         *x *= if n % 331 == 0 { 60.0 } else { 1.0 };
     }
     let trace = trace(&filtered(&lively, 100.0), 40);
-    let Chosen { parts, report } = chosen(trace, &Options::default());
+    let Chosen { parts, report, .. } = chosen(trace, &Options::default());
     let (excitation, modulation) = (parts.excitation.unwrap(), parts.modulation.unwrap());
     let peak = excitation
         .codebooks
@@ -254,7 +254,7 @@ fn regions_that_differ_have_codebooks_of_their_own_and_all_have_room() {
         .collect();
     let axis: Vec<f32> = (1..=12).map(|n| 10.0 * n as f32).collect();
     let options = Options::default();
-    let Chosen { parts, report } = choice(&axis, &axis[..6], &options).made(&traces);
+    let Chosen { parts, report, .. } = choice(&axis, &axis[..6], &options).made(&traces);
     let excitation = parts.excitation.unwrap();
     assert_eq!(excitation.codebooks.len(), 2, "{report:?}");
     for (node, &source) in excitation.of_nodes.iter().enumerate() {
@@ -307,7 +307,7 @@ fn relative_level(bytes: &[u8]) -> f64 {
     }
 }
 
-fn forced(excitation: ExcitationChoice, modulation: ModulationChoice) -> Options {
+pub(super) fn forced(excitation: ExcitationChoice, modulation: ModulationChoice) -> Options {
     Options {
         excitation,
         modulation,

@@ -6,6 +6,7 @@ use model_format::{
 };
 use serde::{Deserialize, Serialize};
 
+use super::bound::{self, Reach};
 use super::choice::{self, Distances};
 use super::codebook::{Coded, coded, coded_in_blocks};
 use super::evidence::{Evidence, KURTOSIS_SAMPLES, LEAST_WINDOWS, LEVEL, Sums, kurtosis, spread};
@@ -16,6 +17,7 @@ use super::material::{
 use super::regions::{Region, regions};
 use super::trace::Trace;
 use crate::fit::options::{ExcitationChoice, ModulationChoice, Options};
+use crate::support::warning::Warning;
 
 /// Highest product of a codebook's peak and a track's level, standard deviations. Two pieces that both peak where they
 /// are joined reach 1.41 times this, which is still below the excitation's full scale of 64.
@@ -33,6 +35,8 @@ pub(in crate::fit) struct Chosen {
     /// Excitation and modulation alone.
     pub parts: PartsSpec,
     pub report: ExcitationReport,
+    /// Notes for the user.
+    pub notes: Vec<Warning>,
 }
 
 /// Grid of a texture.
@@ -66,36 +70,83 @@ impl Choice<'_> {
     /// Chooses the excitation by `traces`: of moments where these are nearer to blocks that were left out, with its
     /// level apart elsewhere.
     pub(super) fn made(&self, traces: &[Trace]) -> Chosen {
-        let with_level_apart = self.apart(traces);
+        let apart = |reach: &Reach| Some(self.apart(traces, reach));
         let is_free = self.options.modulation == ModulationChoice::Auto
             && self.options.excitation == ExcitationChoice::Auto;
-        if !is_free || !with_level_apart.report.spread_db.is_significant() {
-            return with_level_apart;
-        }
+        let chosen = if is_free && spread_of(traces).is_significant() {
+            self.nearer(traces)
+        } else {
+            self.bounded(traces, apart).map(|(chosen, _)| chosen)
+        };
+        chosen.unwrap_or_else(|| self.apart(traces, &Reach::FIRST))
+    }
+
+    /// The nearer one of moments and an excitation whose level is apart.
+    fn nearer(&self, traces: &[Trace]) -> Option<Chosen> {
         let half = choice::fitted(traces);
-        let distance_db =
-            |chosen: &Chosen| choice::distance_db(traces, self.axes.forces_n.len(), &chosen.parts);
+        let forces = self.axes.forces_n.len();
+        let distance_db = |chosen: &Chosen| choice::distance_db(traces, forces, &chosen.parts);
         let moments_db = self
-            .moments(&half)
+            .moments(&half, &Reach::FIRST)
             .and_then(|moments| distance_db(&moments));
-        let apart_db = distance_db(&self.apart(&half));
-        let judged = moments_db
-            .zip(apart_db)
-            .map(|(moments_db, apart_db)| Distances {
+        let judged = |reach: &Reach| {
+            let apart_db = distance_db(&self.apart(&half, reach))?;
+            moments_db.map(|moments_db| Distances {
                 moments_db,
                 apart_db,
-            });
-        let chosen = judged
-            .filter(|judged| judged.is_for_moments(with_level_apart.parts.excitation.is_some()))
-            .and_then(|_| self.moments(traces));
-        let mut chosen = chosen.unwrap_or(with_level_apart);
-        chosen.report.moments = judged;
-        chosen
+            })
+        };
+        let apart = |reach: &Reach| Some(self.apart(traces, reach));
+        let has_codebook = apart(&Reach::FIRST)?.parts.excitation.is_some();
+        let is_for_moments = |judged: &Option<Distances>| {
+            judged.is_some_and(|judged| judged.is_for_moments(has_codebook))
+        };
+        let mut found = judged(&Reach::FIRST);
+        let mut chosen = None;
+        if !is_for_moments(&found) {
+            // What is near because it is louder than the recordings is judged again without that.
+            let (bounded, reach) = self.bounded(traces, apart)?;
+            if reach != Reach::FIRST {
+                found = judged(&reach);
+            }
+            chosen = Some(bounded);
+        }
+        if is_for_moments(&found) {
+            let moments = self.bounded(traces, |reach| self.moments(traces, reach));
+            chosen = moments.map(|(moments, _)| moments).or(chosen);
+        }
+        let mut chosen = chosen?;
+        chosen.report.moments = found;
+        Some(chosen)
+    }
+
+    /// What `made` makes of `traces` with the first reach, or with one that is less, until its nodes play no louder
+    /// than their recordings.
+    fn bounded(
+        &self,
+        traces: &[Trace],
+        made: impl Fn(&Reach) -> Option<Chosen>,
+    ) -> Option<(Chosen, Reach)> {
+        /// Most times that the reach is made less.
+        const ROUNDS: usize = 4;
+        let mut reach = Reach::FIRST;
+        let mut chosen = made(&reach)?;
+        for _ in 0..ROUNDS {
+            let excess = bound::excess(traces, self.axes.forces_n.len(), &chosen.parts);
+            if excess.values().all(|&excess| excess <= 1.0) {
+                break;
+            }
+            reach.lower(&excess);
+            chosen = made(&reach)?;
+        }
+        chosen.report.lowered_db = reach.lowered_db();
+        Some((chosen, reach))
     }
 
     /// The excitation whose level is a track, if it is not steady.
-    fn apart(&self, traces: &[Trace]) -> Chosen {
+    fn apart(&self, traces: &[Trace], reach: &Reach) -> Chosen {
         let all: Vec<&Trace> = traces.iter().collect();
+        let loudest = bound::most(traces, reach.track);
         let (kurtosis, spread_db) = (kurtosis_of(traces), spread_of(traces));
         let is_level_wanted = match self.options.modulation {
             ModulationChoice::None => false,
@@ -103,13 +154,19 @@ impl Choice<'_> {
             ModulationChoice::Auto => spread_db.is_significant(),
         };
         let track = |resolution| {
-            let found = is_level_wanted.then(|| track(&all, resolution)).flatten();
+            let found = is_level_wanted
+                .then(|| track(&all, resolution, loudest))
+                .flatten();
             found.filter(|(spec, _)| bytes_of(spec) <= self.room)
         };
         // A codebook has its level taken out only if a track puts it back.
         let beside = track(BESIDE_CODEBOOK);
-        let (codebooks, source) =
-            self.codebooks_beside(beside.as_ref().map(|(spec, _)| spec), traces, kurtosis);
+        let (codebooks, source) = self.codebooks_beside(
+            beside.as_ref().map(|(spec, _)| spec),
+            traces,
+            kurtosis,
+            reach,
+        );
         let chosen = if codebooks.is_empty() {
             track(BESIDE_NOISE)
         } else {
@@ -131,6 +188,7 @@ impl Choice<'_> {
         track: Option<&ModulationSpec>,
         traces: &[Trace],
         kurtosis: Evidence,
+        reach: &Reach,
     ) -> (Vec<OfRegion>, String) {
         if self.options.excitation == ExcitationChoice::Gaussian {
             return (Vec::new(), "Gaussian noise, as asked for".to_owned());
@@ -144,6 +202,7 @@ impl Choice<'_> {
                 Level::Steady
             },
             highest_peak: HIGHEST_PEAK / track.map_or(1.0, highest),
+            reach: reach.codebooks,
         };
         let found = codebooks(traces, self.axes, wanted, budget);
         let reason = reason_of_source(&found, kurtosis, wanted, budget);
@@ -151,12 +210,13 @@ impl Choice<'_> {
     }
 
     /// The excitation whose residual keeps its level, if there is material enough.
-    fn moments(&self, traces: &[Trace]) -> Option<Chosen> {
+    fn moments(&self, traces: &[Trace], reach: &Reach) -> Option<Chosen> {
         let wanted = Wanted {
             // A region without impulses has its level in its codebook.
             is_forced: true,
             level: Level::OfMoments,
             highest_peak: HIGHEST_PEAK_OF_MOMENTS,
+            reach: reach.codebooks,
         };
         let found = codebooks(traces, self.axes, wanted, self.budget(self.room));
         let shortest = found.iter().map(|own| own.seconds).reduce(f64::min)?;
@@ -192,6 +252,7 @@ impl Choice<'_> {
             codebooks: reports.collect(),
             moment_s: moment_samples.map(|n| f64::from(n) / f64::from(SAMPLE_RATE_HZ)),
             moments: None,
+            lowered_db: None,
             track: track
                 .as_ref()
                 .map(|(spec, trials)| track_report(spec, *trials)),
@@ -203,7 +264,11 @@ impl Choice<'_> {
             modulation: track.map(|(spec, _)| spec),
             ..PartsSpec::default()
         };
-        Chosen { parts, report }
+        Chosen {
+            parts,
+            report,
+            notes: Vec::new(),
+        }
     }
 
     /// Room for codebooks in so many bytes.
@@ -283,6 +348,8 @@ struct Wanted {
     level: Level,
     /// Highest peak, standard deviations.
     highest_peak: f64,
+    /// Loudness of each codebook, in units of the recordings'.
+    reach: [f64; limits::MAX_CODEBOOKS],
 }
 
 /// Codebooks of the regions that want one, and have the material for it.
@@ -305,8 +372,10 @@ fn codebooks(traces: &[Trace], axes: Axes<'_>, wanted: Wanted, budget: Budget) -
         .filter(|(.., kurtosis)| wanted.is_forced || kurtosis.is_significant())
         .collect();
     let most = budget.stretches(wanting.len(), wanted.level);
-    let made = wanting.into_iter().filter_map(|(region, own, kurtosis)| {
-        let material = choose(&own, wanted.level, most)?;
+    let made = wanting.into_iter().zip(wanted.reach);
+    let made = made.filter_map(|((region, own, kurtosis), reach)| {
+        let loudest = bound::most(own.iter().copied(), reach);
+        let material = choose(&own, wanted.level, most, loudest)?;
         let code = match wanted.level {
             Level::OfMoments => coded_in_blocks,
             Level::Apart | Level::Steady => coded,
@@ -490,6 +559,9 @@ pub struct ExcitationReport {
     /// Distances by which moments were chosen or not; none if there was no choice.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub moments: Option<Distances>,
+    /// Change of the loudness that it was limited to, because it played louder than its recordings, dB.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lowered_db: Option<f64>,
     /// The level track, none for a steady level.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub track: Option<TrackReport>,

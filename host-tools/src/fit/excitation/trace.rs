@@ -1,10 +1,12 @@
 //! The residual of one trial: by the model of its node, and in data that was not fitted.
 
+use std::fmt;
 use std::ops::Range;
 
 use model_format::{CodeSpec, SAMPLE_RATE_HZ};
 
 use super::evidence::{self, Judged, mean_square, residual};
+use super::loudness::{Loudest, Ringing, product};
 use super::low_rate::{ENDS, carried_hz, filled};
 use crate::dsp::linear_prediction::step_up;
 use crate::fit::blocks::Blocks;
@@ -21,12 +23,54 @@ const AFTER_FLAW: usize = 100;
 /// A residual whose share of the signal's power is below this is round-off.
 const ROUND_OFF: f64 = 1e-12;
 
+/// Loudness that a residual may be heard with, in units of its signal's. The expected power of impulses is theirs, and
+/// what is above it by less than this is chance.
+const MOST: f64 = 1.3;
+
+/// Ratio of a limited level to the level before, below which it is worth a word: 6 dB.
+const EVENT: f64 = 0.5;
+
+/// A moment of a trial whose residual was limited.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Event {
+    /// Sample of the signal.
+    at: usize,
+    /// Gain there, the least of the trial.
+    gain: f64,
+}
+
+impl Event {
+    /// Level that was taken off, dB.
+    pub fn limited_db(&self) -> f64 {
+        -20.0 * self.gain.log10()
+    }
+}
+
+impl fmt::Display for Event {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "{:.0} dB of its residual at {:.2} s of what is fitted are in no level or codebook: they would sound \
+             louder than the recording does there, as a click's or a slipped axis's would; look there, and record it \
+             again if they are none of the surface's",
+            self.limited_db(),
+            self.at as f64 / f64::from(SAMPLE_RATE_HZ),
+        )
+    }
+}
+
 /// A trial's residual, and what tests found in it.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Trace {
     /// Indices of its speed and force on the grid.
     pub at: (usize, usize),
-    /// Residual of the node's stored coefficients, with a mean square of 1.
+    /// Reflection coefficients of the node.
+    pub reflection: Vec<f64>,
+    /// Loudest windows of the signal.
+    pub loudest: Loudest,
+    /// What was limited most, if it is worth a word.
+    pub event: Option<Event>,
+    /// Residual of the node's stored coefficients, limited to the loudness of the signal, with a mean square of 1.
     pub residual: Vec<f64>,
     /// Stretches of the residual that are no surface's.
     pub flaws: Vec<Range<usize>>,
@@ -39,8 +83,9 @@ pub(super) struct Trace {
 }
 
 impl Trace {
-    /// The trace of a trial `at` a node with these `codes`. `None` if it has no residual that a surface made: by one of
-    /// its `verdicts`, or because it is too short, silent, or predicted to its round-off.
+    /// The trace of a trial `at` a node with these `codes`, of which no moment is heard louder than the signal is.
+    /// `None` if it has no residual that a surface made: by one of its `verdicts`, or because it is too short, silent,
+    /// or predicted to its round-off.
     pub fn of(
         signal: &Signal,
         at: (usize, usize),
@@ -51,7 +96,8 @@ impl Trace {
             return None;
         }
         let samples = &signal.samples[..signal.samples.len().min(LONGEST)];
-        let predictor = step_up(&stored_reflection(codes));
+        let reflection = stored_reflection(codes);
+        let predictor = step_up(&reflection);
         let order = predictor.len();
         let mut residual = residual(samples, &predictor);
         let moved = |flaw: &Range<usize>| {
@@ -60,14 +106,25 @@ impl Trace {
         let mut flaws: Vec<Range<usize>> = signal.flaws.iter().map(moved).collect();
         let length = residual.len();
         let carried_hz = carried_hz(signal.source_rate_hz).filter(|_| length > 2 * ENDS);
+        if let Some(carried_hz) = carried_hz {
+            residual = filled(&residual, carried_hz);
+            flaws.insert(0, 0..ENDS);
+            flaws.push(length - ENDS..length);
+        }
+        let loudest = Loudest::of(samples, &signal.flaws);
+        let gains = Ringing::of(&reflection).limit(&residual, &flaws, loudest.times(MOST));
+        if let Some(gains) = &gains {
+            residual = product(&residual, gains);
+        }
+        let gain = |sample: usize| {
+            let gains = gains.as_ref().zip(sample.checked_sub(order));
+            gains
+                .and_then(|(gains, at)| gains.get(at).copied())
+                .unwrap_or(1.0)
+        };
         let judged = match carried_hz {
-            Some(carried_hz) => {
-                residual = filled(&residual, carried_hz);
-                flaws.insert(0, 0..ENDS);
-                flaws.push(length - ENDS..length);
-                evidence::held_out(&residual[ENDS..length - ENDS], order)
-            }
-            None => evidence::held_out(samples, order),
+            Some(_) => evidence::held_out(&residual[ENDS..length - ENDS], order, |_| 1.0),
+            None => evidence::held_out(samples, order, gain),
         };
         let power = mean_square(&residual);
         if power.is_nan() || power <= ROUND_OFF * mean_square(samples) {
@@ -77,6 +134,9 @@ impl Trace {
         residual.iter_mut().for_each(|x| *x *= scale);
         Some(Self {
             at,
+            reflection,
+            loudest,
+            event: gains.and_then(|gains| event(&gains, order, &flaws)),
             residual,
             flaws,
             samples: signal.samples.len(),
@@ -106,6 +166,14 @@ impl Trace {
         let apart = |flaw: &Range<usize>| flaw.end <= samples.start || samples.end <= flaw.start;
         self.flaws.iter().all(apart)
     }
+}
+
+/// The moment that `gains` of a residual of a predictor of this `order` limit most, outside `flaws`.
+fn event(gains: &[f64], order: usize, flaws: &[Range<usize>]) -> Option<Event> {
+    let clean = (0..gains.len()).filter(|n| !flaws.iter().any(|flaw| flaw.contains(n)));
+    let least = clean.min_by(|a, b| gains[*a].total_cmp(&gains[*b]))?;
+    let (at, gain) = (least + order, gains[least]);
+    (gain < EVENT).then_some(Event { at, gain })
 }
 
 /// Returns whether the residual of a trial with this verdict is the surface's, apart from the verdict's spans and from

@@ -1,0 +1,146 @@
+//! Bound on what trials give to nodes that are not theirs: a track is of all of a texture, a codebook of a region. None
+//! makes a node's output louder, in its loudest windows of 1, 5 and 50 ms, than the recordings of the node are.
+//!
+//! First by construction: the residuals that a track or a codebook is made of are limited ([`Ringing::limit`]) to what
+//! the recordings of the calmest nodes reach. Then by listening: [`excess`] plays the parts by the device's own feed
+//! through the filters of a few nodes, because levels and pieces that are drawn apart may meet.
+
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+
+use model_format::{PartsSpec, limits};
+use rayon::prelude::*;
+
+use super::choice::played;
+use super::evidence::mean_square;
+use super::loudness::{Loudest, Ringing, product};
+use super::trace::Trace;
+use crate::dsp::linear_prediction::error_share;
+
+/// The loudest windows of a few seconds of steady white noise; nothing that has a noise is calmer.
+const STEADY: Loudest = Loudest([2.1, 1.5, 1.15]);
+
+/// Samples that are played for a check: 26 s.
+const PLAYED: usize = 1 << 17;
+
+/// Loudness over the recordings' that a check of this length may find. Where a track is played, noise or pieces meet
+/// higher levels in a longer time, and two minutes reach 1.5; pieces of a codebook alone repeat.
+const AIM: f64 = 1.3;
+const AIM_OF_PIECES: f64 = 1.4;
+
+/// Calmest nodes of a source that are listened to.
+const CALMEST: usize = 2;
+
+/// Expected loudness that parts are made with, in units of the loudest of the calmest nodes' recordings.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Reach {
+    /// Of the track.
+    pub track: f64,
+    /// Of each region's codebook.
+    pub codebooks: [f64; limits::MAX_CODEBOOKS],
+}
+
+impl Reach {
+    /// What parts are first made with. More is not heard at any node; less may be needed.
+    pub const FIRST: Self = Self {
+        track: 1.5,
+        codebooks: [1.5; limits::MAX_CODEBOOKS],
+    };
+
+    /// Makes it less by the `excess` of each source, 0 for Gaussian noise: each codebook by its own, and the track by
+    /// what all have in common, or noise alone.
+    pub fn lower(&mut self, excess: &BTreeMap<u8, f64>) {
+        let common = excess.values().copied().fold(f64::INFINITY, f64::min);
+        let noise = excess.get(&0).copied().unwrap_or(0.0);
+        self.track /= common.max(noise).max(1.0);
+        for (reach, number) in self.codebooks.iter_mut().zip(1..) {
+            *reach /= excess.get(&number).copied().unwrap_or(0.0).max(1.0);
+        }
+    }
+
+    /// How much less than at first the least is, dB; none if it is not.
+    pub fn lowered_db(&self) -> Option<f64> {
+        let pairs = self.codebooks.into_iter().zip(Self::FIRST.codebooks);
+        let pairs = pairs.chain([(self.track, Self::FIRST.track)]);
+        let least = pairs.map(|(own, first)| own / first).fold(1.0, f64::min);
+        (least < 1.0).then(|| 20.0 * least.log10())
+    }
+}
+
+/// The loudest windows of each node's recordings, with one of its traces.
+fn nodes<'t>(traces: impl IntoIterator<Item = &'t Trace>) -> Vec<(Loudest, &'t Trace)> {
+    let mut nodes: BTreeMap<(usize, usize), Vec<&Trace>> = BTreeMap::new();
+    for trace in traces {
+        nodes.entry(trace.at).or_default().push(trace);
+    }
+    let of_node = |own: Vec<&'t Trace>| {
+        let loudness: Vec<Loudest> = own.iter().map(|trace| trace.loudest).collect();
+        Loudest::of_most(&loudness).map(|loudest| (loudest, own[0]))
+    };
+    nodes.into_values().filter_map(of_node).collect()
+}
+
+/// The loudest windows that `traces` may give to all of their nodes: `reach` times what the recordings of most nodes
+/// reach.
+pub(super) fn most<'t>(traces: impl IntoIterator<Item = &'t Trace>, reach: f64) -> Loudest {
+    let of_nodes: Vec<Loudest> = nodes(traces)
+        .into_iter()
+        .map(|(loudest, _)| loudest)
+        .collect();
+    let least = Loudest::of_least(&of_nodes).unwrap_or_default();
+    least.times(reach).with(STEADY, f64::max)
+}
+
+/// The residual of `trace`, divided by `level` where there is one, with a mean square of 1, of which nothing is heard
+/// louder than `most` at the trace's node.
+pub(super) fn limited<'t>(
+    trace: &'t Trace,
+    samples: Cow<'t, [f64]>,
+    most: Loudest,
+) -> Cow<'t, [f64]> {
+    let Some(gains) = Ringing::of(&trace.reflection).limit(&samples, &trace.flaws, most) else {
+        return samples;
+    };
+    let mut limited = product(&samples, &gains);
+    let scale = 1.0 / mean_square(&limited).sqrt();
+    limited.iter_mut().for_each(|x| *x *= scale);
+    limited.into()
+}
+
+/// Loudness of what each source of `parts`, 0 for Gaussian noise, makes of the models of a grid with so many `forces`,
+/// in units of what it may be: the largest of the nodes that are listened to, which are the two whose recordings are
+/// calmest and the one that rings longest. None where noise of steady level plays.
+pub(super) fn excess(traces: &[Trace], forces: usize, parts: &PartsSpec) -> BTreeMap<u8, f64> {
+    let number = |trace: &Trace| {
+        let node = trace.at.0 * forces + trace.at.1;
+        parts
+            .excitation
+            .as_ref()
+            .map_or(0, |spec| spec.of_nodes[node])
+    };
+    let aim = match parts.modulation {
+        Some(_) => AIM,
+        None => AIM_OF_PIECES,
+    };
+    let mut sources: BTreeMap<u8, Vec<(Loudest, &Trace)>> = BTreeMap::new();
+    for node in nodes(traces) {
+        let number = number(node.1);
+        if number > 0 || parts.modulation.is_some() {
+            sources.entry(number).or_default().push(node);
+        }
+    }
+    let of_source = |(number, mut own): (u8, Vec<(Loudest, &Trace)>)| {
+        let played = played(number, parts, PLAYED).expect("parts that were made can be played");
+        let least = most(own.iter().map(|(_, trace)| *trace), 1.0);
+        let over = |(own, trace): &(Loudest, &Trace)| {
+            let heard = Loudest::behind(&played, &trace.reflection);
+            heard.over(own.with(least, f64::max))
+        };
+        own.sort_by(|a, b| a.0.over(STEADY).total_cmp(&b.0.over(STEADY)));
+        let ringing = |(_, trace): &&(Loudest, &Trace)| error_share(&trace.reflection);
+        let longest = own.iter().min_by(|a, b| ringing(a).total_cmp(&ringing(b)));
+        let heard = own.iter().take(CALMEST).chain(longest);
+        (number, heard.map(over).fold(0.0, f64::max) / aim)
+    };
+    sources.into_par_iter().map(of_source).collect()
+}
