@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::loudness::{Loudest, Ringing};
 use crate::dsp::autocorrelation::Autocorrelation;
 use crate::dsp::linear_prediction::{Prediction, corrected, step_up};
 use crate::dsp::sums::sliding;
@@ -159,8 +160,8 @@ pub(super) struct Judged {
 }
 
 /// Judges `signal`, with models of `order` at most. Nothing is found in a signal that is too short, or that is
-/// predicted to its round-off. `gain` is that of the residual at a sample of the signal.
-pub(super) fn held_out(signal: &[f64], order: usize, gain: impl Fn(usize) -> f64) -> Judged {
+/// predicted to its round-off. No moment of the residual counts for louder than it is heard if `most` is given.
+pub(super) fn held_out(signal: &[f64], order: usize, most: Option<Loudest>) -> Judged {
     let blocks = Blocks::of(signal.len());
     let fitted: Vec<&[f64]> = blocks.fitted().map(|block| &signal[block]).collect();
     let samples: usize = fitted.iter().map(|block| block.len()).sum();
@@ -176,17 +177,21 @@ pub(super) fn held_out(signal: &[f64], order: usize, gain: impl Fn(usize) -> f64
     let predictor = step_up(&prediction.reflection);
     let order = predictor.len();
     // The first judged block stands behind a fitted one, which is longer than the predictor.
-    let parts: Vec<Vec<f64>> = blocks
+    let mut parts: Vec<Vec<f64>> = blocks
         .judged()
         .map(|block| {
-            let first = block.start.saturating_sub(order);
-            let mut part = residual(&signal[first..block.end], &predictor);
-            for (n, x) in part.iter_mut().enumerate() {
-                *x *= gain(first + order + n);
-            }
-            part
+            residual(
+                &signal[block.start.saturating_sub(order)..block.end],
+                &predictor,
+            )
         })
         .collect();
+    let ringing = Ringing::of(&prediction.reflection);
+    let gains = most.and_then(|most| ringing.limit(&parts.concat(), &[], most));
+    let samples = parts.iter_mut().flatten();
+    samples
+        .zip(gains.into_iter().flatten())
+        .for_each(|(x, gain)| *x *= gain);
     of_parts(&parts, mean_square(signal))
 }
 

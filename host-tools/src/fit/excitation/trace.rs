@@ -112,19 +112,14 @@ impl Trace {
             flaws.push(length - ENDS..length);
         }
         let loudest = Loudest::of(samples, &signal.flaws);
-        let gains = Ringing::of(&reflection).limit(&residual, &flaws, loudest.times(MOST));
+        let most = loudest.times(MOST);
+        let gains = Ringing::of(&reflection).limit(&residual, &flaws, most);
         if let Some(gains) = &gains {
             residual = product(&residual, gains);
         }
-        let gain = |sample: usize| {
-            let gains = gains.as_ref().zip(sample.checked_sub(order));
-            gains
-                .and_then(|(gains, at)| gains.get(at).copied())
-                .unwrap_or(1.0)
-        };
         let judged = match carried_hz {
-            Some(_) => evidence::held_out(&residual[ENDS..length - ENDS], order, |_| 1.0),
-            None => evidence::held_out(samples, order, gain),
+            Some(_) => evidence::held_out(&residual[ENDS..length - ENDS], order, None),
+            None => evidence::held_out(samples, order, Some(most)),
         };
         let power = mean_square(&residual);
         if power.is_nan() || power <= ROUND_OFF * mean_square(samples) {
