@@ -289,7 +289,9 @@ fn what_is_mended_in_the_times_is_said() {
     let joined: String = own.lines().enumerate().map(row).collect();
     let sensor = noise(8, 4000);
     let held = (0..4000).map(|n| (even(n), sensor[(n as f64 * 0.73) as usize]));
-    let held = held.fold(String::from("t,x\n"), |text, (time, x)| text + &format!("{time},{x}\n"));
+    let held = held.fold(String::from("t,x\n"), |text, (time, x)| {
+        text + &format!("{time},{x}\n")
+    });
     for (text, words) in [
         (stamped("t", 1e3, even), "taken for ms"),
         (

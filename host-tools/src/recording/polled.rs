@@ -72,7 +72,10 @@ pub(super) fn polled(channels: &[Vec<f64>], rate_hz: f64) -> Option<Polled> {
 fn line(changes: &[usize], rows: usize, block: usize) -> Option<f64> {
     let power = mean_power(changes, rows, block);
     let share = changes.len() as f64 / rows as f64;
-    let (least, most) = (share, (share / LEAST_CHANGING).min(f64::midpoint(1.0, share)));
+    let (least, most) = (
+        share,
+        (share / LEAST_CHANGING).min(f64::midpoint(1.0, share)),
+    );
     let bin = 1.0 / block as f64;
     let at = |index: usize| power.get(index).copied().unwrap_or(0.0);
     let candidates = (1..power.len()).filter_map(|index| {
