@@ -385,9 +385,10 @@ fn what_is_mended_in_the_times_is_said() {
     };
     let joined: String = own.lines().enumerate().map(row).collect();
     let sensor = noise(8, 4000);
-    let held: String = (0..4000)
-        .map(|n| format!("{},{}\n", even(n), sensor[(n as f64 * 0.73) as usize]))
-        .collect();
+    let held = (0..4000).map(|n| (even(n), sensor[(n as f64 * 0.73) as usize]));
+    let held = held.fold(String::from("t,x\n"), |text, (time, x)| {
+        text + &format!("{time},{x}\n")
+    });
     for (text, words) in [
         (stamped("t", 1e3, even), "taken for ms"),
         (
@@ -398,7 +399,7 @@ fn what_is_mended_in_the_times_is_said() {
         (stamped("t", 1.0, bunches), "bunches of 3"),
         (joined, "571 rows that repeat another taken out"),
         (
-            format!("t,x\n{held}"),
+            held,
             "values of 730 Hz held at 1000 Hz, nothing above 365 Hz",
         ),
     ] {

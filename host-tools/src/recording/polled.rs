@@ -27,9 +27,11 @@ const LINE: (f64, f64) = (0.4, 3.0);
 const OVER_AROUND: f64 = 20.0;
 const AROUND: std::ops::RangeInclusive<usize> = 4..=40;
 
-/// Least difference of the samples before and after a repetition, over the mean step. Coarse samples of a tone repeat in
-/// even steps too, around its peaks, on both sides of which the samples are alike.
-const LEAST_STEP: f64 = 0.5;
+/// Least difference of the samples before and after a repetition, over the mean step; and least mean step, in those of
+/// the converter. Coarse samples of a tone repeat in even steps too, around its peaks, where two steps of the converter
+/// lie between the samples before and after, at most.
+const LEAST_STEP: f64 = 0.7;
+const LEAST_FINENESS: f64 = 4.0;
 
 /// A sensor's own samples.
 #[derive(Clone, Debug, PartialEq)]
@@ -72,7 +74,10 @@ pub(super) fn polled(channels: &[Vec<f64>], rate_hz: f64) -> Option<Polled> {
 fn line(changes: &[usize], rows: usize, block: usize) -> Option<f64> {
     let power = mean_power(changes, rows, block);
     let share = changes.len() as f64 / rows as f64;
-    let (least, most) = (share, (share / LEAST_CHANGING).min((1.0 + share) / 2.0));
+    let (least, most) = (
+        share,
+        (share / LEAST_CHANGING).min(f64::midpoint(1.0, share)),
+    );
     let bin = 1.0 / block as f64;
     let at = |index: usize| power.get(index).copied().unwrap_or(0.0);
     let candidates = (1..power.len()).filter_map(|index| {
@@ -132,8 +137,10 @@ fn steps_over_repetitions(channels: &[Vec<f64>], changes: &[usize]) -> bool {
     };
     let repeated = changes.windows(2).filter(|pair| pair[1] - pair[0] > 1);
     let around = mean(&mut repeated.map(|pair| apart(pair[1], pair[0] - 1)));
-    let step = mean(&mut changes.iter().map(|&row| apart(row, row - 1)));
-    around >= LEAST_STEP * step
+    let mut steps = changes.iter().map(|&row| apart(row, row - 1));
+    let least = steps.clone().fold(f64::INFINITY, f64::min);
+    let step = mean(&mut steps);
+    around >= LEAST_STEP * step && step >= LEAST_FINENESS * least
 }
 
 /// Returns the row of each of a sensor's samples, by the rows of its `changes`, which come every `interval` rows or so,
@@ -215,12 +222,12 @@ mod tests {
                     (state / step).round() * step
                 })
                 .collect();
-            prop_assert_eq!(polled(&[coarse], 5000.0), None);
+            prop_assert!(polled(&[coarse], 5000.0).is_none());
             let tone = |(n, x): (usize, &f64)| {
                 (level * (2.0 * PI * hz / 5000.0 * n as f64).sin() + 0.05 * x).round()
             };
             let tone: Vec<f64> = noise(8, 20_000).iter().enumerate().map(tone).collect();
-            prop_assert_eq!(polled(&[tone], 5000.0), None);
+            prop_assert!(polled(&[tone], 5000.0).is_none());
             let mut before = (0.0, 0.0);
             let ringing = noise(9, 20_000).into_iter().map(|x| {
                 let now = x * x.abs() + 1.96 * (2.0 * PI * hz / 5000.0).cos() * before.0 - 0.96 * before.1;
@@ -230,7 +237,7 @@ mod tests {
             let ringing: Vec<f64> = ringing.collect();
             let peak = ringing.iter().fold(0.0, |peak: f64, x| peak.max(x.abs()));
             let clipped = ringing.iter().map(|x| x.clamp(-0.5 * peak, 0.5 * peak)).collect();
-            prop_assert_eq!(polled(&[clipped], 5000.0), None);
+            prop_assert!(polled(&[clipped], 5000.0).is_none());
         }
     }
 

@@ -174,7 +174,8 @@ impl Stamps<'_> {
             let least = self.times[0] + seconds * self.unit.per_second() - half;
             let rows = self.times.iter().skip(first);
             // What is not a number is refused later.
-            first + rows.take_while(|&&time| !(time >= least)).count()
+            let is_before = |time: &&f64| time.is_nan() || **time < least;
+            first + rows.take_while(is_before).count()
         };
         let first = from(0, cut.start_s);
         first..from(first, cut.start_s + cut.duration_s)

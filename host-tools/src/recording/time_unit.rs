@@ -96,10 +96,31 @@ pub(super) struct TimeColumn {
 
 impl TimeColumn {
     /// The column of this `index` and `name`, if it is one of times.
+    ///
+    /// All words of such a name stand for a time or its unit, as in `Time [ms]`, `timestamp_us` or `timeMs`.
     pub fn named(index: usize, name: &str) -> Option<Self> {
-        let unit = named(name)?;
+        let lower = name.to_lowercase();
+        let words = lower.split(|c: char| !c.is_alphanumeric());
+        let words: Vec<&str> = words.filter(|word| !word.is_empty()).collect();
+        let (mut unit, mut is_time) = (None, false);
+        for word in words {
+            let joined = || {
+                let mut rests = TIMES.iter().filter_map(|time| word.strip_prefix(time));
+                rests.find_map(TimeUnit::of_word)
+            };
+            if TIMES.contains(&word) {
+                is_time = true;
+            } else if let Some(own) = TimeUnit::of_word(word) {
+                // A letter alone may be anything.
+                is_time |= own != TimeUnit::S || word.len() > 1;
+                unit = Some(own);
+            } else {
+                unit = Some(joined()?);
+                is_time = true;
+            }
+        }
         let name = name.to_owned();
-        Some(Self { index, name, unit })
+        is_time.then_some(Self { index, name, unit })
     }
 
     /// The one of `columns` that gives the rate: the first with a unit, or else the first.
@@ -107,33 +128,6 @@ impl TimeColumn {
         let with_unit = columns.iter().find(|column| column.unit.is_some());
         with_unit.or(columns.first())
     }
-}
-
-/// Returns the unit in the name of a column of times, in it `None` without one; `None` for another column.
-///
-/// All words of such a name stand for a time or its unit, as in `Time [ms]`, `timestamp_us` or `timeMs`.
-fn named(name: &str) -> Option<Option<TimeUnit>> {
-    let lower = name.to_lowercase();
-    let words = lower.split(|c: char| !c.is_alphanumeric());
-    let words: Vec<&str> = words.filter(|word| !word.is_empty()).collect();
-    let (mut unit, mut is_time) = (None, false);
-    for word in words {
-        let joined = || {
-            let rests = TIMES.iter().filter_map(|time| word.strip_prefix(time));
-            rests.filter_map(TimeUnit::of_word).next()
-        };
-        if TIMES.contains(&word) {
-            is_time = true;
-        } else if let Some(own) = TimeUnit::of_word(word) {
-            // A letter alone may be anything.
-            is_time |= own != TimeUnit::S || word.len() > 1;
-            unit = Some(own);
-        } else {
-            unit = Some(joined()?);
-            is_time = true;
-        }
-    }
-    is_time.then_some(unit)
 }
 
 #[cfg(test)]
@@ -166,7 +160,8 @@ mod tests {
             ("tilt", None),
             ("", None),
         ] {
-            assert_eq!(named(name), expected, "{name}");
+            let found = TimeColumn::named(0, name);
+            assert_eq!(found.map(|column| column.unit), expected, "{name}");
         }
     }
 
