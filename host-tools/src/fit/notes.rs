@@ -49,7 +49,7 @@ pub(super) fn of(
     let note = |kind, size: f64, text| Warning::of_texture(kind, name, size, text);
     let left_out = (idle > 0).then(|| {
         let text = format!(
-            "{} at speed 0 or force 0 left out: the stylus is silent there. Label light contact 0.05 N",
+            "{} at speed 0 or force 0 without a node: the stylus is silent there. Label light contact 0.05 N",
             counted(idle, "trial")
         );
         note("idle", idle as f64, text)
