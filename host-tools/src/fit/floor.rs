@@ -113,7 +113,7 @@ fn shares(noise: &PowerSpectrum, whole: &PowerSpectrum) -> FloorShares {
         let (low_hz, high_hz) = band_edges_hz(band);
         let [noise, whole] = [noise, whole].map(|spectrum| spectrum.power_between(low_hz, high_hz));
         if whole > 0.0 {
-            (noise / whole).min(1.0)
+            (noise / whole).min(1.0) as f32
         } else {
             0.0
         }
@@ -165,14 +165,16 @@ pub struct FloorAtSpeed {
 }
 
 /// The shares at each speed of the recordings of a texture, from their speeds, mm/s, and shares.
-pub fn by_speed(recordings: impl IntoIterator<Item = (f64, FloorShares)>) -> Vec<FloorAtSpeed> {
-    let mut all: Vec<(f64, FloorShares)> = recordings.into_iter().collect();
+pub fn by_speed<'a>(
+    recordings: impl IntoIterator<Item = (f64, &'a FloorShares)>,
+) -> Vec<FloorAtSpeed> {
+    let mut all: Vec<(f64, &FloorShares)> = recordings.into_iter().collect();
     all.sort_by(|a, b| a.0.total_cmp(&b.0));
     let at_speed = all.chunk_by(|a, b| a.0.total_cmp(&b.0).is_eq());
-    let mean = |own: &[(f64, FloorShares)]| FloorAtSpeed {
+    let mean = |own: &[(f64, &FloorShares)]| FloorAtSpeed {
         speed_mm_s: own[0].0,
         shares: std::array::from_fn(|band| {
-            own.iter().map(|(_, shares)| shares[band]).sum::<f64>() / own.len() as f64
+            own.iter().map(|(_, shares)| shares[band]).sum::<f32>() / own.len() as f32
         }),
     };
     at_speed.map(mean).collect()

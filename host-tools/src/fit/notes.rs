@@ -22,7 +22,7 @@ use crate::texture::grid::Grid;
 const LARGE_MEAN: f64 = 1.0;
 
 /// Share of the rig's noise in a third octave that is worth a word: the texture is no stronger.
-const LARGE_FLOOR: f64 = 0.5;
+const LARGE_FLOOR: f32 = 0.5;
 
 /// Values of an axis that differ by less than this share of themselves may be one nominal value, measured twice.
 const CLOSE_SHARE: f32 = 0.01;
@@ -48,7 +48,7 @@ pub(super) fn of(
     let note = |kind, size: f64, text| Warning::of_texture(kind, name, size, text);
     let left_out = (idle > 0).then(|| {
         let text = format!(
-            "{} at speed 0 or force 0 left out: the stylus is silent there. Label light contact 0.05 N",
+            "{} at speed 0 or force 0 without a node: the stylus is silent there. Label light contact 0.05 N",
             counted(idle, "trial")
         );
         note("idle", idle as f64, text)
@@ -145,12 +145,12 @@ fn slow_motion(trials: &[&TrialReport]) -> Option<Noted> {
 fn rigs_noise(trials: &[&TrialReport], options: &Options) -> Option<Noted> {
     let known = trials
         .iter()
-        .filter_map(|t| Some((t.speed_mm_s, t.floor_shares?)));
+        .filter_map(|t| Some((t.speed_mm_s, t.floor_shares.as_deref()?)));
     let bands = by_speed(known).into_iter().flat_map(|at| {
         let bands = at.shares.into_iter().enumerate();
         bands.map(move |(band, share)| (share, band_centre_hz(band), at.speed_mm_s))
     });
-    let loud: Vec<(f64, f64, f64)> = bands.filter(|(share, ..)| *share >= LARGE_FLOOR).collect();
+    let loud: Vec<(f32, f64, f64)> = bands.filter(|(share, ..)| *share >= LARGE_FLOOR).collect();
     let (share, hz, speed_mm_s) = loud.iter().copied().max_by(|a, b| a.0.total_cmp(&b.0))?;
     let fate = if options.floor == FloorChoice::Subtract {
         "it was taken off, and what is left there is uncertain"
@@ -162,7 +162,7 @@ fn rigs_noise(trials: &[&TrialReport], options: &Options) -> Option<Noted> {
         counted(loud.len(), "third octave"),
         100.0 * share
     );
-    Some(("rig", share, text))
+    Some(("rig", f64::from(share), text))
 }
 
 /// Returns a note on trials whose files end before the duration that their list gives.

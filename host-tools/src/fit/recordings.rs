@@ -102,7 +102,7 @@ impl<'s> Recordings<'s> {
             }
             let speed_mm_s = own.trial.speed_mm_s;
             let shares = floor.apply(&mut signal.samples, speed_mm_s, &view, is_taken_off);
-            own.analysis.floor = Some(shares);
+            own.analysis.floor = Some(Box::new(shares));
             if is_taken_off {
                 own.estimate_again(options, part);
             }

@@ -50,7 +50,7 @@ pub struct TrialReport {
     /// Share of the rig's noise in its power, 0 to 1, for each third octave from 20 Hz to 2 kHz; none if it is not
     /// known.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub floor_shares: Option<FloorShares>,
+    pub floor_shares: Option<Box<FloorShares>>,
     /// True if the fit used it.
     pub used: bool,
 }
@@ -84,7 +84,7 @@ pub(super) fn reports(
             cut_s: analysis.cut_s,
             remarks: analysis.account.remarks.clone(),
             integers: analysis.account.integers,
-            floor_shares: analysis.floor,
+            floor_shares: analysis.floor.clone(),
             used: !verdicts.iter().any(is_dropped) && trial.is_in_motion_and_contact(),
             verdicts,
         }

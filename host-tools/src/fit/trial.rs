@@ -23,7 +23,7 @@ use crate::support::error::{Error, Result};
 pub const FLOOR_BANDS: usize = 21;
 
 /// Share of the rig's noise in a recording's power, 0 to 1, for each third octave.
-pub type FloorShares = [f64; FLOOR_BANDS];
+pub type FloorShares = [f32; FLOOR_BANDS];
 
 /// A trial's slow motion, and its remedy.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -66,7 +66,7 @@ pub struct Analysis {
     /// Sketch of the reduced signal, by which copies are found.
     pub sketch: Sketch,
     /// Share of the rig's noise in each band of the recording; none if the noise is not known.
-    pub floor: Option<FloorShares>,
+    pub floor: Option<Box<FloorShares>>,
     /// Its share of the texture's lines, which `lags` and `bands` are without; none before they are sought.
     pub lines: TrialLines,
 }

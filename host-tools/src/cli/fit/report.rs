@@ -101,12 +101,12 @@ pub fn lines_found(fit: &Fit) -> String {
 }
 
 /// Share of the rig's noise from which on it is shown, without --full.
-const SHOWN_FLOOR: f64 = 0.1;
+const SHOWN_FLOOR: f32 = 0.1;
 
 /// Table of the rig's share of the recordings' power, by texture and speed; `None` where it is not known.
 pub fn rigs_share(fit: &Fit) -> Option<String> {
     let least = if is_full() { 0.0 } else { SHOWN_FLOOR };
-    let band = |(band, share): (usize, f64)| {
+    let band = |(band, share): (usize, f32)| {
         let of_band = || format!("{:.0} Hz {:.0}", band_centre_hz(band), 100.0 * share);
         (share >= least).then(of_band)
     };
@@ -116,7 +116,8 @@ pub fn rigs_share(fit: &Fit) -> Option<String> {
             .trials
             .iter()
             .filter(|trial| trial.texture == texture.name && trial.used);
-        let known = trials.filter_map(|trial| Some((trial.speed_mm_s, trial.floor_shares?)));
+        let known =
+            trials.filter_map(|trial| Some((trial.speed_mm_s, trial.floor_shares.as_deref()?)));
         for at in by_speed(known) {
             is_known = true;
             let bands: Vec<String> = at.shares.into_iter().enumerate().filter_map(band).collect();
