@@ -57,8 +57,8 @@ pub(super) struct Material {
     pub trials: usize,
 }
 
-/// Takes at most `most` stretches of `traces`, limited to the `loudest` windows. `None` if there are fewer than [`LEAST_STRETCHES`] that are clean and,
-/// unless they are moments, not quiet.
+/// Takes at most `most` stretches of `traces`, limited to the `loudest` windows. `None` if there are fewer than
+/// [`LEAST_STRETCHES`] that are clean and, unless they are moments, not quiet.
 ///
 /// They are taken at equal ranks of their kurtosis, so that calm and lively stretches have the share that they have in
 /// the recordings; moments at equal ranks of their power.

@@ -20,8 +20,9 @@
 //! 5 s of the residual with its level, whitened alike and coded in 3 bits, in pieces of up to 1 s. More material does
 //! more than longer pieces or finer codes: 2 s of it are no better than a codebook with a track.
 //!
-//! **The bound** (`loudness`, `bound`): no residual is heard louder than its signal, and no part of a texture louder than
-//! the recordings of the nodes that it is played at. A trial with far louder moments than the others gives them to none.
+//! **The bound** (`loudness`, `bound`): no residual is heard louder than its signal, and no part of a texture louder
+//! than the recordings of the nodes that it is played at. A trial with far louder moments than the others gives them to
+//! none.
 //!
 //! These choices come from twelve pairs of recorded takes, one fitted and the other judged; none is in the repository.
 
