@@ -53,8 +53,8 @@ pub(super) fn conversion(ending: &str) -> String {
             array(
                 "import scipy.io; m = scipy.io.loadmat('FILE.mat')",
                 "[k for k in m]",
-                "m['NAME']",
-            ) + "; a file of MATLAB 7.3 is read as an .h5 file"
+                "numpy.array(m['NAME'])",
+            ) + "; for MATLAB 7.3 with `import h5py; m = h5py.File('FILE.mat')` instead"
         }
         "h5" | "hdf5" | "hdf" => array(
             &format!("import h5py; f = h5py.File('FILE.{ending}')"),
