@@ -287,7 +287,8 @@ proptest! {
             prop_assert!(over(with, &[recorded[other]]) <= MOST, "{:?} {:?}", with, recorded[other]);
             for (with, without) in with.iter().zip(without) {
                 let ratio = with / without;
-                prop_assert!((0.75..1.3).contains(&ratio), "{:?}", ratio);
+                // A codebook may be made of other stretches, whose loudest impulse differs by as much.
+                prop_assert!((0.65..1.5).contains(&ratio), "{:?}", ratio);
             }
         }
         let between = of_syntheses(&hit_library, 80.0, 0.75, SECONDS);
