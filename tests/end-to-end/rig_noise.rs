@@ -46,7 +46,7 @@ fn through(a: &[f64], rms: f64, seed: u64) -> Vec<f64> {
     signal.into_iter().map(|x| factor * x).collect()
 }
 
-/// What a motor of this strength adds at `speed`.
+/// The part of a motor of this strength at `speed`.
 fn motor_noise(speed: f64, motor: f64, seed: u64) -> Vec<f64> {
     let mut sum = through(&hiss(), levels(speed, motor).1, seed);
     let phases = noise(seed + 7, TONES.len());

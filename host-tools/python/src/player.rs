@@ -31,7 +31,7 @@ pub struct Player {
     mover: Mover,
     filling: Mutex<Filling>,
     output_rate_hz: u32,
-    /// What `choose` plays from if it is given no other library, and the sample rate of what was chosen last, Hz.
+    /// The library that `choose` plays from if it is given no other, and the sample rate of what was chosen last, Hz.
     chosen: Mutex<(Py<Library>, SharedLibrary, u32)>,
 }
 
@@ -140,8 +140,8 @@ impl Player {
         self.mover.rub(speed_mm_s, force_n).map_err(fault)
     }
 
-    /// Moves to `position_mm` with `force_n` at `time_s` of the caller's clock, such as `time.monotonic()`. The speed is
-    /// that from the position before. Lines that are tied to position stand where they were recorded.
+    /// Moves to `position_mm` with `force_n` at `time_s` of the caller's clock, such as `time.monotonic()`. The speed
+    /// is that from the position before. Lines that are tied to position stand where they were recorded.
     fn move_to(&self, time_s: f64, position_mm: f64, force_n: f64) -> PyResult<()> {
         self.mover
             .reach(time_s, position_mm, force_n)

@@ -385,9 +385,9 @@ fn held(trials: Vec<Trial>) -> RecordingSet {
 /// `files` are CSV with speed_mm_s, force_n, one to three accelerations, and time_s; without that column at
 /// `sample_rate_hz`. `speeds_mm_s` and `forces_n` are the grid's lowest and highest value and step, proposed from the
 /// recordings if None; `tolerance` is the largest deviation of speed and force within a piece, a share; `least_s` the
-/// shortest piece, s, and `enough_s` the least of all pieces of a node; `scale_m_s2` the acceleration of a sample of 1, by
-/// default that of the header, or 1.
-/// An earlier result in `out` is replaced with `overwrite` alone. Warns of what is left out.
+/// shortest piece, s, and `enough_s` the least of all pieces of a node; `scale_m_s2` the acceleration of a sample of 1,
+/// by default that of the header, or 1. An earlier result in `out` is replaced with `overwrite` alone. Warns of what is
+/// left out.
 #[pyfunction]
 #[pyo3(signature = (
     files, texture, out, *, speeds_mm_s = None, forces_n = None, tolerance = 0.25, least_s = 0.4, enough_s = 0.5,

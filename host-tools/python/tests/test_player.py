@@ -214,8 +214,8 @@ def test_the_example_of_a_daq_writes_blocks_within_its_limit(fitted, tmp_path, m
     monkeypatch.setitem(sys.modules, "nidaqmx", mock)
     monkeypatch.setitem(sys.modules, "nidaqmx.constants", constants)
     fitted.save(tmp_path / "a.lib")
-    words = ["daq.py", str(tmp_path / "a.lib"), "felt", "--seconds", "0.5", "--volts-per-m-s2", "10", "--limit-v", "0.3"]
-    monkeypatch.setattr(sys, "argv", words)
+    options = ["--seconds", "0.5", "--volts-per-m-s2", "10", "--limit-v", "0.3"]
+    monkeypatch.setattr(sys, "argv", ["daq.py", str(tmp_path / "a.lib"), "felt", *options])
     runpy.run_path(str(EXAMPLES / "daq.py"), run_name="__main__")
     samples = np.concatenate(written)
     assert np.abs(samples).max() == np.float32(0.3) and not samples[-50:].any()

@@ -14,7 +14,7 @@ use crate::cli::output::warn;
 /// Recordings, with the values that their files may lack.
 #[derive(clap::Args)]
 pub struct Recordings {
-    /// Folder with trials.csv, such a list, or WAV, CSV or LabVIEW recordings (each becomes a texture named like the file)
+    /// Folder with trials.csv, such a list, or WAV, CSV or LabVIEW recordings (each a texture named like the file)
     #[arg(required = true)]
     inputs: Vec<PathBuf>,
     #[command(flatten)]

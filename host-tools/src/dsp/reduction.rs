@@ -86,7 +86,7 @@ pub struct View {
 }
 
 impl View {
-    /// That of `axes` about their means, which are reduced `by` a method.
+    /// The view of `axes` about their means, which are reduced `by` a method.
     pub fn of(axes: &[Vec<f64>], by: Reduction) -> Self {
         let direction = match by {
             Reduction::Pca => weights(axes),

@@ -137,7 +137,7 @@ pub struct Comparison {
     beside: Vec<Vec<f64>>,
     /// The synthesis after warming up; at least as long.
     pub synthesised: Vec<f64>,
-    /// What the library plays, if the synthesis is of models that were fitted to blocks: for the loudest events.
+    /// Play of the library, if the synthesis is of models that were fitted to blocks: for the loudest events.
     of_library: Option<Vec<f64>>,
     /// Samples of the synthesis at full scale.
     pub saturations: u32,

@@ -135,7 +135,7 @@ pub(super) struct Placed<'a> {
     pub speed_mm_s: f64,
     /// Normal force, N.
     pub force_n: f64,
-    /// What [`set_around`] changes.
+    /// Loudness, as [`set_around`] changes it.
     pub loudness: &'a mut TrialLoudness,
 }
 

@@ -153,7 +153,7 @@ pub struct Options {
     pub sample_rate_hz: u32,
 }
 
-/// What a record without a choice stands for: every value stays.
+/// The choice of a record without one: every value stays.
 fn kept() -> Snap {
     Snap::NONE
 }

@@ -38,7 +38,7 @@ pub struct TrialReport {
     pub axis_turn_deg: f64,
     /// Duration that triage cut out of it, s.
     pub cut_s: f64,
-    /// What reading did to its samples, such as a conversion of units.
+    /// Changes of its samples by reading, such as a conversion of units.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub remarks: Vec<String>,
     /// Integers, if nothing tells their acceleration.

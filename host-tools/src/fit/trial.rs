@@ -47,7 +47,7 @@ pub struct Analysis {
     pub samples: usize,
     /// The file's own sample rate, Hz.
     pub source_rate_hz: f64,
-    /// What the file says of its samples.
+    /// The file's own account of its samples.
     pub account: Account,
     /// Variance of the reduced signal, (m/s²)².
     pub power: f64,

@@ -3,12 +3,12 @@
 use std::path::Path;
 
 use super::rate::{MAX_FRAMES, length_fault, rate_fault};
-use super::source::{Cut, Integers, MAX_CHANNELS, Source};
+use super::source::{Cut, MAX_CHANNELS, Source};
 use super::stamps::{self, Clock};
 use super::time_unit::TimeColumn;
 use super::trial::Trial;
 use super::uneven::LARGEST_DEVIATION;
-use super::unit;
+use super::unit::{self, Integers};
 use crate::support::csv_table::{CsvTable, Header, Row, TABLE};
 use crate::support::error::{Error, Result};
 

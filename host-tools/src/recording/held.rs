@@ -2,8 +2,8 @@
 
 use super::defects::Timing;
 use super::rate::{length_fault, rate_fault};
-use super::source::{Cut, Integers, MAX_CHANNELS, Source};
-use super::unit::Stated;
+use super::source::{Cut, MAX_CHANNELS, Source};
+use super::unit::{Integers, Stated};
 use crate::support::error::{Error, Result};
 use crate::support::fnv::Fnv;
 

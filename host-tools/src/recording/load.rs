@@ -241,7 +241,7 @@ mod tests {
 
     const G: f64 = 9.80665;
 
-    /// What is read of a table of samples with this header.
+    /// The samples that are read of a table of samples with this header.
     fn of_table(header: Option<String>, axes: &[Vec<f64>], scale: Option<&str>) -> Samples {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("a.tsv");

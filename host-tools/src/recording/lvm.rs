@@ -35,7 +35,7 @@ pub(super) struct LabView {
     pub rate_hz: Option<f64>,
     /// Lengths, if there are fewer rows than the heads say.
     pub truncation: Option<Truncation>,
-    /// What was done to the times, in words.
+    /// Changes of the times, in words.
     pub remarks: Vec<String>,
 }
 

@@ -22,8 +22,8 @@ const LEAST_CHANGING: f64 = 0.75;
 /// that power, because it meets its image; of other patterns than those of a clock at most a quarter was seen.
 const LINE: (f64, f64) = (0.4, 3.0);
 
-/// Least ratio of the line's power to the mean of the bins around it, and the range of these. Equal neighbours that come
-/// in groups, as where peaks are clipped, have a broad spectrum.
+/// Least ratio of the line's power to the mean of the bins around it, and the range of these. Equal neighbours that
+/// come in groups, as where peaks are clipped, have a broad spectrum.
 const OVER_AROUND: f64 = 20.0;
 const AROUND: std::ops::RangeInclusive<usize> = 4..=40;
 

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::defects::{Defects, Timing, Truncation};
-use super::unit::Stated;
+use super::unit::{Integers, Stated};
 use crate::support::bounded_file::{Limit, MIB};
 
 /// A recording's file: a WAV file states its length in 32 bits, and a table is shorter.
@@ -50,25 +50,16 @@ pub struct Source {
     pub(super) stated: Stated,
     /// Integers, if the samples were.
     pub integers: Option<Integers>,
-    /// What reading did beyond what the file says, a line each.
+    /// Changes by reading beyond what the file says, a line each.
     pub remarks: Vec<String>,
-    /// What was wrong with the times.
+    /// Faults of the times.
     pub timing: Timing,
 }
 
-/// Integers, whose acceleration no sample tells.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub enum Integers {
-    /// Shares of a full scale, as in a WAV file.
-    OfFullScale,
-    /// Steps of a converter, as in a table.
-    Counts,
-}
-
-/// What a file says of its samples beside them.
+/// The account that a file gives of its samples.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Account {
-    /// What reading did to the samples, such as a conversion of units, a line each.
+    /// Changes of the samples by reading, such as a conversion of units, a line each.
     pub remarks: Vec<String>,
     /// Contradictions and gaps of what is said about the unit, a line each.
     pub doubts: Vec<String>,
@@ -88,6 +79,6 @@ pub struct Samples {
     pub source_rate_hz: f64,
     /// Findings on the samples at the file's own rate.
     pub defects: Defects,
-    /// What the file says of them.
+    /// The file's own account of them.
     pub account: Account,
 }

@@ -22,7 +22,7 @@ const LOOK_AHEAD: usize = 8;
 /// Largest share of single samples that may be missing before they count as gaps.
 const FEW_LOST: f64 = 0.01;
 
-/// What is known of a file's times besides them.
+/// Knowledge of a file's times besides them.
 pub(super) struct Clock<'a> {
     /// Name of their column.
     pub column: &'a str,
@@ -376,8 +376,8 @@ impl Layout {
 }
 
 /// `samples` with those that are missing: a single one by the polynomial through the six around it, more by what is
-/// before and behind them in reverse, faded over. Level and spectrum of a longer gap are those around it, so that nothing
-/// else is found there.
+/// before and behind them in reverse, faded over. Level and spectrum of a longer gap are those around it, so that
+/// nothing else is found there.
 fn filled(samples: &[f64], missing: &[Missing]) -> Vec<f64> {
     let mean = samples.iter().sum::<f64>() / samples.len().max(1) as f64;
     let at = |place: usize| samples[place.min(samples.len() - 1)] - mean;

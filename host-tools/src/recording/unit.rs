@@ -1,9 +1,18 @@
 //! Units of samples, as headers of files and people write them.
 
 use regex_lite::Regex;
+use serde::{Deserialize, Serialize};
 
-use super::source::Integers;
 use crate::support::number::positive;
+
+/// Integers, whose acceleration no sample tells.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Integers {
+    /// Shares of a full scale, as in a WAV file.
+    OfFullScale,
+    /// Steps of a converter, as in a table.
+    Counts,
+}
 
 /// Standard acceleration of gravity, m/s².
 pub(super) const GRAVITY_M_S2: f64 = 9.80665;
@@ -121,7 +130,7 @@ pub(super) fn bare(field: &str) -> &str {
     inside.unwrap_or(field).trim()
 }
 
-/// What the header of a file says of its columns of samples.
+/// Units of a file's columns of samples, by its header.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Stated {
     /// Acceleration of a sample of 1 in each column, m/s², if the header tells it.
@@ -150,7 +159,7 @@ impl Stated {
         (self.unscaled == Some(Unit::Count)).then_some(Integers::Counts)
     }
 
-    /// What the header's units changed, in words.
+    /// The conversion by the header's units, in words.
     pub fn conversion(&self, given: Option<f64>) -> Option<String> {
         let scales = self.scales_m_s2.as_ref().filter(|_| given.is_none())?;
         let is_other = scales
@@ -159,7 +168,7 @@ impl Stated {
         is_other.then(|| format!("converted from {} to m/s², by the header", self.units))
     }
 
-    /// What of the header's units contradicts a scale that was `given`, or leaves it open, in words.
+    /// The contradiction of the header's units to a scale that was `given`, or what they leave open, in words.
     pub fn doubt(&self, given: Option<f64>) -> Option<String> {
         let units = &self.units;
         match (given, &self.scales_m_s2) {
@@ -316,9 +325,10 @@ struct Sensitivity {
 impl Sensitivity {
     /// Number, unit and unit of a sensitivity.
     fn form() -> Option<Regex> {
-        Regex::new(
-            r"([0-9]+(?:\.[0-9]+)?(?:[eE][-+]?[0-9]+)?)[\s_]*([A-Za-zµμ]+)\s*(?:/|per)\s*(\(?[A-Za-zµμ][A-Za-z0-9/²^]*\)?)",
-        )
+        Regex::new(concat!(
+            r"([0-9]+(?:\.[0-9]+)?(?:[eE][-+]?[0-9]+)?)[\s_]*([A-Za-zµμ]+)",
+            r"\s*(?:/|per)\s*(\(?[A-Za-zµμ][A-Za-z0-9/²^]*\)?)"
+        ))
         .ok()
     }
 

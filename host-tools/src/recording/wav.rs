@@ -13,13 +13,13 @@ use symphonia::default::formats::WavReader;
 use super::defects::{Timing, Truncation};
 use super::rate::length_fault;
 use super::riff::{self, Wave};
-use super::source::{Cut, Integers, MAX_CHANNELS, Source};
-use super::unit::Stated;
+use super::source::{Cut, MAX_CHANNELS, Source};
+use super::unit::{Integers, Stated};
 use crate::support::error::{Error, Result};
 
 /// Said of a file that is read to its end.
-const UNFINISHED: &str = "the lengths in its header do not fit the file, as those of a recorder that was stopped, or of \
-                          a program that wrote to a pipe: the samples that are there are read";
+const UNFINISHED: &str = "the lengths in its header do not fit the file, as those of a recorder that was stopped, or \
+                          of a program that wrote to a pipe: the samples that are there are read";
 
 /// Reads the part of a WAV file within `cut`. Every sample is exact: float samples as they are, integer ones divided by
 /// their full scale.

@@ -210,8 +210,8 @@ impl<F: NorFlash> SettingsStore<F> {
         self.mended
     }
 
-    /// Has each copy erased before it is written that has not kept the last two changes. The cut of its erasure may have
-    /// left words that read as blank now; behind a record they would later count as a damaged one.
+    /// Has each copy erased before it is written that has not kept the last two changes. The cut of its erasure may
+    /// have left words that read as blank now; behind a record they would later count as a damaged one.
     fn erase_remnants(&mut self) {
         let last = self.record.sequence;
         for copy in &mut self.copies {

@@ -12,8 +12,8 @@ use model_format::{PartsSpec, limits};
 use rayon::prelude::*;
 
 use super::choice::played;
-use super::evidence::mean_square;
 use super::loudness::{Loudest, Ringing, product};
+use super::power::mean_square;
 use super::trace::Trace;
 use crate::dsp::linear_prediction::error_share;
 
@@ -41,7 +41,7 @@ pub(super) struct Reach {
 }
 
 impl Reach {
-    /// What parts are first made with. More is not heard at any node; less may be needed.
+    /// The reach that parts are first made with. More is not heard at any node; less may be needed.
     pub const FIRST: Self = Self {
         track: 1.5,
         codebooks: [1.5; limits::MAX_CODEBOOKS],
@@ -58,7 +58,7 @@ impl Reach {
         }
     }
 
-    /// How much less than at first the least is, dB; none if it is not.
+    /// Difference of the least from the first, dB; none if there is none.
     pub fn lowered_db(&self) -> Option<f64> {
         let pairs = self.codebooks.into_iter().zip(Self::FIRST.codebooks);
         let pairs = pairs.chain([(self.track, Self::FIRST.track)]);

@@ -17,7 +17,8 @@ use stylus_kernel::Motion;
 use stylus_kernel::feed::{FED_FRACTION_BITS, Feed, Material};
 use stylus_kernel::grid::GridPoint;
 
-use super::evidence::{LEVEL_SAMPLES, mean_square};
+use super::evidence::LEVEL_SAMPLES;
+use super::power::mean_square;
 use super::trace::Trace;
 
 /// Moments take more bytes than a track alone, and must be nearer by this to take its place, dB: noise whose level

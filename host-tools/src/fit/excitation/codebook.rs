@@ -9,7 +9,7 @@ use realfft::num_complex::Complex;
 
 use crate::dsp::with_planner;
 
-use super::evidence::mean_square;
+use super::power::mean_square;
 
 /// Shortest and longest piece that a player takes of a codebook, samples: 20 to 80 ms. Moments are longer, and are
 /// whitened with the same resolution, which is that of third octaves: a finer one would smear events.

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::loudness::{Loudest, Ringing};
+use super::power::mean_square;
 use crate::dsp::autocorrelation::Autocorrelation;
 use crate::dsp::linear_prediction::{Prediction, corrected, step_up};
 use crate::dsp::sums::sliding;
@@ -257,11 +258,6 @@ pub(super) fn residual(signal: &[f64], predictor: &[f64]) -> Vec<f64> {
     let predicted = sliding(predicted_from, &newest_last);
     let present = signal.iter().skip(predictor.len());
     present.zip(predicted).map(|(now, sum)| now + sum).collect()
-}
-
-/// Mean square of a signal; 0 of an empty one.
-pub(super) fn mean_square(signal: &[f64]) -> f64 {
-    signal.iter().map(|x| x * x).sum::<f64>() / signal.len().max(1) as f64
 }
 
 #[cfg(test)]

@@ -5,10 +5,9 @@ use model_format::{LEVEL_FRACTION_BITS, ModulationSpec, SAMPLE_RATE_HZ, level_am
 use rayon::prelude::*;
 
 use super::bound::limited;
-use super::evidence::mean_square;
 use super::loudness::Loudest;
+use super::power::{hann, least_power, local_rms_at, mean_square};
 use super::trace::Trace;
-use crate::dsp::sums::sliding;
 
 /// Resolution of a level track.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,9 +30,6 @@ pub(super) const BESIDE_NOISE: Resolution = Resolution {
     step: 25,
 };
 
-/// Least power of a residual's level, as a share of its mean power: 50 dB, so that nothing is divided by zero.
-const LEAST_POWER: f64 = 1e-5;
-
 /// Entries per factor of ten in amplitude: steps of 0.25 dB.
 const ENTRIES_PER_DECADE: f64 = 80.0;
 
@@ -45,57 +41,6 @@ const SHORTEST_S: f64 = 1.0;
 
 /// Largest error of a track's mean square. The format allows 2 %.
 const LARGEST_ERROR: f64 = 0.01;
-
-/// Weights of a Hann window of `smoothing` samples.
-fn hann(smoothing: usize) -> Vec<f64> {
-    let reach = smoothing / 2;
-    let weight = |offset: usize| {
-        let angle = std::f64::consts::PI * offset as f64 / (reach + 1) as f64;
-        0.5 * (1.0 + angle.cos())
-    };
-    (0..=2 * reach).map(|n| weight(n.abs_diff(reach))).collect()
-}
-
-/// Least power of a level of `residual`.
-fn least_power(residual: &[f64]) -> f64 {
-    (LEAST_POWER * mean_square(residual)).max(f64::MIN_POSITIVE)
-}
-
-/// RMS of `residual` around each of its samples, weighed by a Hann window of `smoothing` samples, of which the part
-/// within the residual counts.
-pub(super) fn local_rms(residual: &[f64], smoothing: usize) -> Vec<f64> {
-    let weights = hann(smoothing);
-    let (reach, least) = (weights.len() / 2, least_power(residual));
-    let mut padded = vec![0.0; residual.len() + 2 * reach];
-    for (out, x) in padded[reach..].iter_mut().zip(residual) {
-        *out = x * x;
-    }
-    let whole: f64 = weights.iter().sum();
-    let weight = |n: usize| {
-        let (before, after) = (n.min(reach), (residual.len() - 1 - n).min(reach));
-        if before + after == 2 * reach {
-            whole
-        } else {
-            weights[reach - before..=reach + after].iter().sum()
-        }
-    };
-    let level = |(n, sum): (usize, f64)| (sum / weight(n)).max(least).sqrt();
-    let sums = sliding(&padded, &weights);
-    (sums.into_iter().enumerate().take(residual.len()))
-        .map(level)
-        .collect()
-}
-
-/// As [`local_rms`], around the sample `at` alone.
-fn local_rms_at(residual: &[f64], weights: &[f64], least: f64, at: usize) -> f64 {
-    let reach = weights.len() / 2;
-    let first = at.saturating_sub(reach);
-    let near = residual[first..].iter().zip(&weights[first + reach - at..]);
-    let (sum, weight) = near.fold((0.0, 0.0), |(sum, weight), (x, w)| {
-        (sum + x * x * w, weight + w)
-    });
-    (sum / weight).max(least).sqrt()
-}
 
 /// The level track of `traces`, joined in their order, each limited to the `loudest` windows and with its own RMS as
 /// unit; with the number of trials in it.
@@ -205,6 +150,7 @@ fn played_power(amplitudes: &[f64]) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::power::local_rms;
     use super::*;
 
     const ANY: Loudest = Loudest([f64::INFINITY; 3]);

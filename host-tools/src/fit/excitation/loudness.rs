@@ -11,8 +11,7 @@ use std::ops::Range;
 
 use realfft::num_complex::Complex;
 
-use super::evidence::mean_square;
-use super::level::local_rms;
+use super::power::{local_rms, mean_square};
 use crate::dsp::linear_prediction::{error_share, step_up};
 use crate::dsp::sums::{dot, sliding};
 use crate::dsp::with_planner;
@@ -74,13 +73,14 @@ impl Loudest {
         Self::of_powers(&powers(&heard), 1.0 / error_share(reflection))
     }
 
-    /// What seven eighths of `signals` reach, and all but one of fewer: an event of one is not that of others.
+    /// The loudness that seven eighths of `signals` reach, and all but one of fewer, so that an event of one is not
+    /// that of others.
     pub fn of_most(signals: &[Self]) -> Option<Self> {
         let few = signals.len().div_ceil(WRONG).min(signals.len() / 2);
         Self::at_rank(signals, signals.len().checked_sub(1 + few)?)
     }
 
-    /// What all of `signals` reach but the calmest eighth.
+    /// The loudness that all of `signals` reach but the calmest eighth.
     pub fn of_least(signals: &[Self]) -> Option<Self> {
         Self::at_rank(signals, signals.len().saturating_sub(1) / WRONG)
     }
@@ -121,7 +121,7 @@ pub(super) struct Ringing {
 }
 
 impl Ringing {
-    /// That of a filter with these `reflection` coefficients.
+    /// The ringing of a filter with these `reflection` coefficients.
     pub fn of(reflection: &[f64]) -> Self {
         let newest_last: Vec<f64> = step_up(reflection).into_iter().rev().collect();
         let order = newest_last.len();
@@ -215,7 +215,7 @@ fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len().max(1) as f64
 }
 
-/// Whether each whole millisecond of so many samples is without `flaws`.
+/// For each whole millisecond of so many samples: true if it is without `flaws`.
 fn clean_milliseconds(samples: usize, flaws: &[Range<usize>]) -> Vec<bool> {
     let mut clean = vec![true; samples / MILLISECOND];
     for flaw in flaws {
@@ -277,7 +277,8 @@ mod tests {
         for (found, expected) in found.into_iter().zip([2.0, 2.0, 1.0]) {
             near(found * rms, expected, 1e-9);
         }
-        let found = Loudest::of(&signal, &[2000..2025]).0;
+        let flaw: Vec<Range<usize>> = std::iter::once(2000..2025).collect();
+        let found = Loudest::of(&signal, &flaw).0;
         near(found[0], found[2], 1e-9);
         assert_eq!(Loudest::of(&[0.0; 500], &[]), Loudest([0.0; 3]));
     }
@@ -297,7 +298,7 @@ mod tests {
         );
     }
 
-    /// What is heard of noise behind a filter, by the filter's own recursion.
+    /// Noise behind a filter, by the filter's own recursion.
     #[test]
     fn noise_behind_a_filter_has_the_loudness_that_the_recursion_gives_it() {
         let excitation = noise(1, 1 << 14);

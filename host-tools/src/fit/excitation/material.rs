@@ -5,9 +5,11 @@ use std::borrow::Cow;
 use rayon::prelude::*;
 
 use super::bound::limited;
-use super::evidence::{KURTOSIS_SAMPLES, kurtosis_of, mean_square};
-use super::level::{BESIDE_CODEBOOK, local_rms};
+use super::evidence::{KURTOSIS_SAMPLES, kurtosis_of};
+use super::level::BESIDE_CODEBOOK;
 use super::loudness::Loudest;
+use super::power::local_rms;
+use super::power::mean_square;
 use super::trace::Trace;
 
 /// Samples of a stretch: 0.2 s, of which pieces of 20 to 80 ms are taken.

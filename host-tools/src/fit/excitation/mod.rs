@@ -36,6 +36,7 @@ mod loudness;
 mod loudness_tests;
 mod low_rate;
 mod material;
+mod power;
 mod regions;
 #[cfg(test)]
 mod tests;

@@ -5,7 +5,7 @@ use std::path::Path;
 use model_format::{Library, MillimetresPerSecond, Newton, SAMPLE_RATE_HZ, limits};
 use proptest::prelude::*;
 
-use super::evidence::mean_square;
+use super::power::mean_square;
 use super::texture::{Axes, Choice, Chosen};
 use super::trace::Trace;
 use crate::dsp::autocorrelation::Autocorrelation;

@@ -120,8 +120,8 @@ impl Choice<'_> {
         Some(chosen)
     }
 
-    /// What `made` makes of `traces` with the first reach, or with one that is less, until its nodes play no louder
-    /// than their recordings.
+    /// The excitation that `made` makes of `traces` with the first reach, or with one that is less, until its nodes
+    /// play no louder than their recordings.
     fn bounded(
         &self,
         traces: &[Trace],

@@ -5,9 +5,10 @@ use std::ops::Range;
 
 use model_format::{CodeSpec, SAMPLE_RATE_HZ};
 
-use super::evidence::{self, Judged, mean_square, residual};
+use super::evidence::{self, Judged, residual};
 use super::loudness::{Loudest, Ringing, product};
 use super::low_rate::{ENDS, carried_hz, filled};
+use super::power::mean_square;
 use crate::dsp::linear_prediction::step_up;
 use crate::fit::blocks::Blocks;
 use crate::fit::trial::Signal;
@@ -68,7 +69,7 @@ pub(super) struct Trace {
     pub reflection: Vec<f64>,
     /// Loudest windows of the signal.
     pub loudest: Loudest,
-    /// What was limited most, if it is worth a word.
+    /// The moment that was limited most, if it is worth a word.
     pub event: Option<Event>,
     /// Residual of the node's stored coefficients, limited to the loudness of the signal, with a mean square of 1.
     pub residual: Vec<f64>,

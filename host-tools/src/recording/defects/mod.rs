@@ -33,7 +33,7 @@ pub struct Gap {
     pub seconds: f64,
 }
 
-/// What was wrong with the times of a file's samples.
+/// Faults of the times of a file's samples.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Timing {
     /// The unit that was taken for theirs, because it makes a rate that a recording can have.
@@ -70,7 +70,7 @@ pub struct Defects {
     pub quantisation_snr_db: f64,
     /// Lengths, if the file ends before its header says.
     pub truncation: Option<Truncation>,
-    /// What was wrong with the times.
+    /// Faults of the times.
     pub timing: Timing,
 }
 

@@ -18,7 +18,7 @@
 //! | drifting | a straight line explains at least [`DRIFT_SHARE`] of an axis's energy | |
 //! | wandering | 25 % of the energy is below [`SLOW_HZ`](crate::dsp::high_pass::SLOW_HZ) | |
 //! | hum | a line of the mains, or of its harmonics, is [`HUM_RATIO_DB`] above its surroundings at half the speeds | |
-//! | scale | RMS above [`LARGE_RMS_M_S2`], mean above 2 g or of 0.9 to 1.1, unit of the header, 45 dB off the median | |
+//! | scale | RMS above [`LARGE_RMS_M_S2`], mean above 2 g or of 0.9 to 1.1, header's unit, 45 dB off the median | |
 //! | dead-axis | an axis is 60 dB below the strongest, or constant | |
 //! | duplicate | a copy of an earlier trial, equal or scaled | |
 //! | unlike | from some frequency on [`UNLIKE_NEIGHBOURS_DB`] off both neighbours in speed, and more than these are | |
@@ -33,8 +33,8 @@
 //!
 //! A trial that is used in spite of a verdict other than silent marks its node as doubtful. What a verdict can cut is
 //! cut if parts of 0.4 s or more are left that make half of the trial; dropouts if parts of 0.1 s do ([`usable`]).
-//! Silent trials are not compared for copies. At rest or without contact, slow motion is no finding. The option `--drop`
-//! leaves trials out, and `--strict` refuses the set.
+//! Silent trials are not compared for copies. At rest or without contact, slow motion is no finding. The option
+//! `--drop` leaves trials out, and `--strict` refuses the set.
 //!
 //! Bounds come from 24 real takes of a tool on 12 surfaces, whole and in parts of 2 s, none of which is in the
 //! repository; the constants say what these reach. All measures are relative to the take itself and robust, because
@@ -57,11 +57,10 @@ mod verdict;
 pub use compared::Compared;
 pub use copies::Sketch;
 pub use cut::{LEAST_KEPT, kept, kept_spans, usable};
-pub use scale::LARGE_RMS_M_S2;
+pub use scale::{LARGE_RMS_M_S2, SILENCE_FLOOR_M_S2};
 pub use set::{HUM_RATIO_DB, all_verdicts, confirmed_hum, mains_line};
 pub use single_trial::{
-    CLIPPED_SHARE, COARSE_SNR_DB, DRIFT_SHARE, LEAST_RATE_HZ, SHORT_SAMPLES, SILENCE_FLOOR_M_S2,
-    flaws, samples,
+    CLIPPED_SHARE, COARSE_SNR_DB, DRIFT_SHARE, LEAST_RATE_HZ, SHORT_SAMPLES, flaws, samples,
 };
 pub use unlike::UNLIKE_NEIGHBOURS_DB;
 pub use verdict::{Kind, Span, Verdict, in_words};

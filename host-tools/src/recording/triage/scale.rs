@@ -1,10 +1,12 @@
 //! Verdicts on a unit that cannot be m/s²: by what the header says, by the level, and by gravity.
 
-use super::single_trial::SILENCE_FLOOR_M_S2;
 use super::verdict::{Kind, Verdict};
 use crate::dsp::sums::Moments;
 use crate::recording::source::Account;
 use crate::recording::unit::GRAVITY_M_S2;
+
+/// Default of the RMS below which a recording is silent, m/s²: less than the noise of any accelerometer.
+pub const SILENCE_FLOOR_M_S2: f64 = 1e-3;
 
 /// RMS beyond which a scale is doubted, m/s²: five times gravity. Tools on rough surfaces reach some 30 m/s².
 pub const LARGE_RMS_M_S2: f64 = 50.0;
@@ -41,7 +43,7 @@ pub(super) fn scale(moments: &[Moments], account: &Account) -> Vec<Verdict> {
         .collect()
 }
 
-/// What is wrong with the level or the mean, in words.
+/// The fault of the level or the mean, in words.
 fn level(moments: &[Moments], has_scale: bool) -> Option<String> {
     let rms = moments.iter().map(|axis| axis.variance).sum::<f64>().sqrt();
     let mean = moments.iter().map(|axis| axis.mean.powi(2)).sum::<f64>();

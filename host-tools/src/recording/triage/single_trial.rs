@@ -3,7 +3,7 @@
 use model_format::SAMPLE_RATE_HZ;
 
 use super::level;
-use super::scale::scale;
+use super::scale::{SILENCE_FLOOR_M_S2, scale};
 use super::verdict::{Kind, Span, Verdict};
 use crate::dsp::high_pass::{SLOW_HZ, slow_share};
 use crate::dsp::sums::{Moments, moments, sum_of};
@@ -27,9 +27,6 @@ pub const DRIFT_SHARE: f64 = 0.05;
 
 /// Least share of the energy below [`SLOW_HZ`] of a wandering trial. A fit spends its first coefficients on it then.
 const SLOW_SHARE: f64 = 0.25;
-
-/// Default of the RMS below which a recording is silent, m/s²: less than the noise of any accelerometer.
-pub const SILENCE_FLOOR_M_S2: f64 = 1e-3;
 
 /// Samples on either side of a spike that it takes with it when the file is resampled.
 const SPIKE_REACH: usize = 20;

@@ -74,7 +74,7 @@ pub struct Taps {
     pub force_rate_n_s: Option<f64>,
     /// True if the file says that it is simulated.
     pub is_simulated: bool,
-    /// What is to be said of the file, a line each.
+    /// Remarks on the file, a line each.
     pub notes: Vec<String>,
 }
 

@@ -1,6 +1,6 @@
-//! Files for people to download: the image, the command and the player for each system, the Python wheel, the pages' module, the list
-//! of all that they contain, and their checksums. The same commit gives the same bytes. RELEASING.md says how they are
-//! published, which this does not do.
+//! Files for people to download: the image, the command and the player for each system, the Python wheel, the pages'
+//! module, the list of all that they contain, and their checksums. The same commit gives the same bytes. RELEASING.md
+//! says how they are published, which this does not do.
 
 mod changelog;
 mod command;
