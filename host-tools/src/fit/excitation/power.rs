@@ -1,0 +1,62 @@
+//! Power of a residual: of all of it, and around each sample.
+
+use crate::dsp::sums::sliding;
+
+/// Least power of a residual's level, as a share of its mean power: 50 dB, so that nothing is divided by zero.
+const LEAST_POWER: f64 = 1e-5;
+
+/// Mean square of a signal; 0 of an empty one.
+pub(super) fn mean_square(signal: &[f64]) -> f64 {
+    signal.iter().map(|x| x * x).sum::<f64>() / signal.len().max(1) as f64
+}
+
+/// Weights of a Hann window of `smoothing` samples.
+pub(super) fn hann(smoothing: usize) -> Vec<f64> {
+    let reach = smoothing / 2;
+    let weight = |offset: usize| {
+        let angle = std::f64::consts::PI * offset as f64 / (reach + 1) as f64;
+        0.5 * (1.0 + angle.cos())
+    };
+    (0..=2 * reach).map(|n| weight(n.abs_diff(reach))).collect()
+}
+
+/// Least power of a level of `residual`.
+pub(super) fn least_power(residual: &[f64]) -> f64 {
+    (LEAST_POWER * mean_square(residual)).max(f64::MIN_POSITIVE)
+}
+
+/// As [`local_rms`], around the sample `at` alone.
+pub(super) fn local_rms_at(residual: &[f64], weights: &[f64], least: f64, at: usize) -> f64 {
+    let reach = weights.len() / 2;
+    let first = at.saturating_sub(reach);
+    let near = residual[first..].iter().zip(&weights[first + reach - at..]);
+    let (sum, weight) = near.fold((0.0, 0.0), |(sum, weight), (x, w)| {
+        (sum + x * x * w, weight + w)
+    });
+    (sum / weight).max(least).sqrt()
+}
+
+/// RMS of `residual` around each of its samples, weighed by a Hann window of `smoothing` samples, of which the part
+/// within the residual counts.
+pub(super) fn local_rms(residual: &[f64], smoothing: usize) -> Vec<f64> {
+    let weights = hann(smoothing);
+    let (reach, least) = (weights.len() / 2, least_power(residual));
+    let mut padded = vec![0.0; residual.len() + 2 * reach];
+    for (out, x) in padded[reach..].iter_mut().zip(residual) {
+        *out = x * x;
+    }
+    let whole: f64 = weights.iter().sum();
+    let weight = |n: usize| {
+        let (before, after) = (n.min(reach), (residual.len() - 1 - n).min(reach));
+        if before + after == 2 * reach {
+            whole
+        } else {
+            weights[reach - before..=reach + after].iter().sum()
+        }
+    };
+    let level = |(n, sum): (usize, f64)| (sum / weight(n)).max(least).sqrt();
+    let sums = sliding(&padded, &weights);
+    (sums.into_iter().enumerate().take(residual.len()))
+        .map(level)
+        .collect()
+}
