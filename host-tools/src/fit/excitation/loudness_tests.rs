@@ -286,11 +286,11 @@ proptest! {
             let with = of_syntheses(&hit_library, speed, force, SECONDS);
             let without = of_syntheses(&sound_library, speed, force, SECONDS);
             prop_assert!(over(with, &[recorded[other]]) <= MOST, "{:?} {:?}", with, recorded[other]);
-            for (with, without) in with.iter().zip(without) {
-                let ratio = with / without;
-                // A codebook may be made of other stretches, whose loudest impulse differs by as much.
-                prop_assert!((0.65..1.5).contains(&ratio), "{:?}", ratio);
-            }
+            // A single window has the chance of the stretches that a codebook is made of: with the trial recorded anew
+            // in place of an event, it differs by up to a third.
+            let ratios = with.iter().zip(without).map(|(with, without)| (with / without).ln());
+            let ratio = (ratios.sum::<f64>() / 3.0).exp();
+            prop_assert!((0.75..1.3).contains(&ratio), "{:?} {:?}", ratio, with);
         }
         let between = of_syntheses(&hit_library, 80.0, 0.75, SECONDS);
         prop_assert!(over(between, &recorded[..4]) <= MOST);
