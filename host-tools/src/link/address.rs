@@ -40,12 +40,26 @@ impl LinkAddress {
     pub fn is_of_an_emulator(&self) -> bool {
         match self {
             Self::UsbVirtual { .. } => true,
-            Self::Tcp { host, .. } => {
-                host == "localhost" || host.parse().is_ok_and(|ip: IpAddr| ip.is_loopback())
-            }
+            Self::Tcp { host, .. } => is_of_this_computer(host),
             Self::Usb { .. } | Self::Serial { .. } => false,
         }
     }
+
+    /// Returns whether both are the same kind of port of one computer, by whatever name.
+    pub(super) fn is_of_same_port(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::Tcp { host, port }, Self::Tcp { host: its, port: p })
+            | (Self::UsbVirtual { host, port }, Self::UsbVirtual { host: its, port: p }) => {
+                port == p
+                    && (host == its || (is_of_this_computer(host) && is_of_this_computer(its)))
+            }
+            _ => self == other,
+        }
+    }
+}
+
+fn is_of_this_computer(host: &str) -> bool {
+    host == "localhost" || host.parse().is_ok_and(|ip: IpAddr| ip.is_loopback())
 }
 
 impl FromStr for LinkAddress {

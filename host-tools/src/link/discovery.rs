@@ -150,8 +150,8 @@ fn attached() -> Result<Vec<Attached>> {
         let link = LinkAddress::Serial { path: path.into() };
         found.push(of(link, kind, Some(name(&info))));
     }
-    for links in announcement::announced() {
-        let links = links.iter().filter_map(|link| link.parse().ok());
+    for announced in announcement::announced() {
+        let links = announced.links.iter().filter_map(|link| link.parse().ok());
         for (index, link) in links.enumerate() {
             found.push(Attached {
                 is_further: index > 0,

@@ -13,7 +13,7 @@
 //! | [`discovery`] | the devices that are attached |
 //! | `usb`, [`virtual_usb`] | the bulk endpoints of a stylus, and of a virtual one |
 //! | `version` | differences of version between device and host, and the older side |
-//! | [`Device`] | every request as a function, with its timeout |
+//! | [`Device`] | every request as a function, with its timeout; `limit` counts it in the device's own time |
 //! | [`upload`] | upload of a library, resumed after broken links, and read back |
 //! | [`update`] | update of the image, up to its confirmation |
 //! | [`play`] | motions at a fixed rate, keep-alives, and why a play counts as failed |
@@ -32,6 +32,7 @@ mod device;
 pub mod discovery;
 mod error;
 mod health;
+mod limit;
 mod open;
 pub mod play;
 mod route;

@@ -161,7 +161,7 @@ fn send(
 /// Waits until an image answers that is not the one which has committed the update.
 fn wait_for_exchange(device: &mut Device) -> Result<UpdateReport> {
     let longest = Duration::from_millis(EXCHANGE_MS);
-    let start = Instant::now();
+    let mut limit = device.limit(longest);
     loop {
         thread::sleep(LOOK_INTERVAL);
         let report = device.reconnect().and_then(|()| device.update_state());
@@ -170,8 +170,8 @@ fn wait_for_exchange(device: &mut Device) -> Result<UpdateReport> {
                 return Ok(report);
             }
             Err(failure @ LinkError::Version { .. }) => return Err(failure),
-            Err(failure) if start.elapsed() > longest => return Err(failure),
-            Ok(_) if start.elapsed() > longest => {
+            Err(failure) if limit.has_passed() => return Err(failure),
+            Ok(_) if limit.has_passed() => {
                 let what = "the device does not restart: switch its power off and on".to_owned();
                 return Err(device.not_verified(what));
             }

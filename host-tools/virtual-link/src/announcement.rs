@@ -1,12 +1,13 @@
 //! Announcements of virtual styluses, in the user's runtime folder, so that others find them.
 //!
-//! A file names the links of one virtual stylus, one per line. Its lock is held as long as the virtual stylus lives, so
-//! that one that was killed is not found.
+//! A file has the virtual time of one virtual stylus in its first line, and one of its links in each further line. Its
+//! lock is held as long as the virtual stylus lives, so that one that was killed is not found.
 
 use std::fs::{self, File, TryLockError};
-use std::io::{self, Read, Write};
+use std::io::{self, Read, Seek, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
+use std::time::Duration;
 
 use crate::runtime_folder;
 
@@ -23,7 +24,7 @@ const MAX_BYTES: u64 = 4096;
 #[derive(Debug)]
 pub struct Announcement {
     path: PathBuf,
-    _locked: File,
+    locked: File,
 }
 
 impl Announcement {
@@ -43,15 +44,27 @@ impl Announcement {
         let path = folder.join(format!("{PREFIX}{name}"));
         let mut file = File::create(&unnamed)?;
         file.lock()?;
+        write_time(&mut file, Duration::ZERO)?;
         for link in links {
             writeln!(file, "{link}")?;
         }
         fs::rename(&unnamed, &path)?;
-        Ok(Self {
-            path,
-            _locked: file,
-        })
+        Ok(Self { path, locked: file })
     }
+
+    /// Tells the virtual time of the virtual stylus.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
+    pub fn tell_time(&mut self, time: Duration) -> io::Result<()> {
+        self.locked.rewind()?;
+        write_time(&mut self.locked, time)
+    }
+}
+
+/// Writes the first line, which always has the same length.
+fn write_time(file: &mut File, time: Duration) -> io::Result<()> {
+    file.write_all(format!("{:020}\n", time.as_micros()).as_bytes())
 }
 
 impl Drop for Announcement {
@@ -60,12 +73,21 @@ impl Drop for Announcement {
     }
 }
 
-/// The links of each virtual stylus that is announced and lives. A folder that cannot be used has none.
-pub fn announced() -> Vec<Vec<String>> {
+/// A virtual stylus that is announced and lives.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Announced {
+    /// Its links, as `stylus --link` takes them.
+    pub links: Vec<String>,
+    /// Its virtual time as it was told last.
+    pub time: Duration,
+}
+
+/// Every virtual stylus that is announced and lives. A folder that cannot be used has none.
+pub fn announced() -> Vec<Announced> {
     runtime_folder::own().map_or_else(|_| Vec::new(), |folder| announced_in(&folder))
 }
 
-fn announced_in(folder: &Path) -> Vec<Vec<String>> {
+fn announced_in(folder: &Path) -> Vec<Announced> {
     let entries = fs::read_dir(folder).into_iter().flatten().flatten();
     let mut paths: Vec<PathBuf> = entries
         .filter(|entry| entry.file_name().to_string_lossy().starts_with(PREFIX))
@@ -75,8 +97,8 @@ fn announced_in(folder: &Path) -> Vec<Vec<String>> {
     paths.iter().filter_map(|path| read(path)).collect()
 }
 
-/// The links in an announcement; none if its virtual stylus is gone, or still writes.
-fn read(path: &Path) -> Option<Vec<String>> {
+/// The content of an announcement; none if its virtual stylus is gone, or still writes.
+fn read(path: &Path) -> Option<Announced> {
     if !fs::symlink_metadata(path).ok()?.is_file() {
         return None;
     }
@@ -91,8 +113,10 @@ fn read(path: &Path) -> Option<Vec<String>> {
     }
     let mut text = String::new();
     file.take(MAX_BYTES).read_to_string(&mut text).ok()?;
-    let links: Vec<String> = text.lines().map(str::to_owned).collect();
-    (!links.is_empty()).then_some(links)
+    let mut lines = text.lines();
+    let time = Duration::from_micros(lines.next()?.parse().ok()?);
+    let links: Vec<String> = lines.map(str::to_owned).collect();
+    (!links.is_empty()).then_some(Announced { links, time })
 }
 
 #[cfg(test)]
@@ -104,17 +128,26 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let one = ["tcp:127.0.0.1:4000", "usb-virtual:127.0.0.1:4001"].map(str::to_owned);
         let other = ["tcp:127.0.0.1:5000".to_owned()];
-        let first = Announcement::within(folder.path(), &one).unwrap();
+        let mut first = Announcement::within(folder.path(), &one).unwrap();
         let second = Announcement::within(folder.path(), &other).unwrap();
         // A file without a lock is what a killed process leaves.
         let left = folder.path().join("virtual-1-0");
-        fs::write(&left, "tcp:127.0.0.1:6000\n").unwrap();
+        fs::write(&left, "0\ntcp:127.0.0.1:6000\n").unwrap();
         fs::write(folder.path().join("link-1.lock"), "tcp:127.0.0.1:7000\n").unwrap();
+        let of = |links: &[String], time| Announced {
+            links: links.to_vec(),
+            time,
+        };
+        let other = of(&other, Duration::ZERO);
         let found = announced_in(folder.path());
-        assert_eq!(found, [one.to_vec(), other.to_vec()]);
+        assert_eq!(found, [of(&one, Duration::ZERO), other.clone()]);
         assert!(!left.exists());
+        for time in [u64::MAX, 7].map(Duration::from_micros) {
+            first.tell_time(time).unwrap();
+            assert_eq!(announced_in(folder.path())[0], of(&one, time));
+        }
         drop(first);
-        assert_eq!(announced_in(folder.path()), [other.to_vec()]);
+        assert_eq!(announced_in(folder.path()), [other]);
         drop(second);
         assert!(announced_in(folder.path()).is_empty());
     }

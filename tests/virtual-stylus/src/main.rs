@@ -80,7 +80,7 @@ struct Around {
     usb: Option<UsbSocket>,
     flash: Option<FlashFile>,
     /// `stylus devices` finds the stylus by this, as long as it runs.
-    _announced: Option<Announcement>,
+    announced: Option<Announcement>,
 }
 
 fn main() -> ExitCode {
@@ -142,7 +142,7 @@ fn start(arguments: &Arguments) -> Result<(VirtualStylus, Around)> {
         serial,
         usb,
         flash,
-        _announced: announce(&links),
+        announced: announce(&links),
     };
     Ok((stylus, around))
 }
@@ -207,12 +207,17 @@ fn run(
 ) -> Result<()> {
     /// Real time between two writes of the flash to its file, in case the run is interrupted.
     const KEEP_EVERY: Duration = Duration::from_secs(5);
+    /// Real time between two announcements of the virtual time.
+    const TELL_EVERY: Duration = Duration::from_millis(100);
     let Around {
-        serial, usb, flash, ..
+        serial,
+        usb,
+        flash,
+        announced,
     } = around;
     let commands = arguments.commands.then(commands);
     let began = Instant::now();
-    let mut kept = Instant::now();
+    let (mut kept, mut told) = (began, began);
     let mut operations = 0;
     while stylus.now_ns() < end_ns {
         match commands.as_ref().map(Receiver::try_recv) {
@@ -232,8 +237,12 @@ fn run(
         if let Some(usb) = usb {
             usb.serve(stylus);
         }
-        let wall = Duration::from_nanos(stylus.now_ns());
-        if let Some(ahead) = wall
+        let virtual_time = Duration::from_nanos(stylus.now_ns());
+        if let Some(announced) = announced.as_mut().filter(|_| told.elapsed() > TELL_EVERY) {
+            announced.tell_time(virtual_time)?;
+            told = Instant::now();
+        }
+        if let Some(ahead) = virtual_time
             .checked_sub(began.elapsed())
             .filter(|_| !arguments.fast)
         {

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 use std::thread;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use model_format::link::{
     ANSWER_TIMEOUT_MS, DeviceInfo, FLASH_TIMEOUT_MS, InfoEndpoint, MotionEndpoint, MotionSample,
@@ -20,6 +20,7 @@ use crate::link::address::LinkAddress;
 use crate::link::broker::Hold;
 use crate::link::error::{LinkError, Result};
 use crate::link::health::Health;
+use crate::link::limit::Limit;
 use crate::link::open::Client;
 use crate::link::route::Route;
 use crate::link::version::Mismatch;
@@ -119,7 +120,7 @@ impl Device {
         let requester = Requester {
             client: route.open(address, &health).await?,
             health,
-            link: address.to_string().into(),
+            link: address.clone().into(),
             timeouts,
         };
         let info = requester
@@ -145,7 +146,7 @@ impl Device {
     pub fn reconnect(&mut self) -> Result<()> {
         self.requester.close();
         let timeouts = self.requester.timeouts;
-        let begin = Instant::now();
+        let mut limit = self.limit(timeouts.reconnect);
         loop {
             match self.runtime().block_on(Self::identify(
                 &self.address,
@@ -166,7 +167,7 @@ impl Device {
                     )));
                 }
                 Err(failure @ LinkError::Version { .. }) => return Err(failure),
-                Err(failure) if begin.elapsed() >= timeouts.reconnect => return Err(failure),
+                Err(failure) if limit.has_passed() => return Err(failure),
                 Err(_) => thread::sleep(RECONNECT_INTERVAL),
             }
         }
@@ -215,16 +216,21 @@ impl Device {
         request: &E::Request,
     ) -> Result<E::Response> {
         let timeout = self.requester.timeouts.flash;
-        let begin = Instant::now();
+        let mut limit = self.limit(timeout);
         loop {
             match self.request_within::<E>(name, timeout, request) {
                 Err(LinkError::Frame {
                     error: WireError::FailedToSpawn,
                     ..
-                }) if begin.elapsed() < timeout => thread::sleep(BUSY_INTERVAL),
+                }) if !limit.has_passed() => thread::sleep(BUSY_INTERVAL),
                 answer => return answer,
             }
         }
+    }
+
+    /// Begins a wait for the device of at most this duration.
+    pub(in crate::link) fn limit(&self, longest: Duration) -> Limit {
+        Limit::new(&self.address, longest)
     }
 
     /// An error for a device that reports another state than the requested one.
@@ -308,7 +314,7 @@ impl Drop for Device {
 pub(in crate::link) struct Requester {
     pub(super) client: Client,
     pub(super) health: Arc<Health>,
-    pub(super) link: Arc<str>,
+    pub(super) link: Arc<LinkAddress>,
     pub(super) timeouts: Timeouts,
 }
 
@@ -321,11 +327,11 @@ impl Requester {
         request: &E::Request,
     ) -> Result<E::Response> {
         let link = || self.link.to_string();
-        let answer = tokio::time::timeout(timeout, self.client.send_resp::<E>(request)).await;
-        match answer {
-            Ok(Ok(response)) => Ok(response),
-            Ok(Err(HostErr::Closed)) => Err(self.lost()),
-            Ok(Err(HostErr::Wire(error))) => Err(match self.health.take_refusal(E::REQ_KEY) {
+        let limit = Limit::new(&self.link, timeout);
+        match limit.wait(self.client.send_resp::<E>(request)).await {
+            Some(Ok(response)) => Ok(response),
+            Some(Err(HostErr::Closed)) => Err(self.lost()),
+            Some(Err(HostErr::Wire(error))) => Err(match self.health.take_refusal(E::REQ_KEY) {
                 Some(what) => LinkError::Held { link: link(), what },
                 None => LinkError::Frame {
                     link: link(),
@@ -333,11 +339,11 @@ impl Requester {
                     error,
                 },
             }),
-            Ok(Err(HostErr::BadResponse | HostErr::Postcard(_))) => Err(LinkError::Answer {
+            Some(Err(HostErr::BadResponse | HostErr::Postcard(_))) => Err(LinkError::Answer {
                 link: link(),
                 request: name,
             }),
-            Err(_) => Err(LinkError::NoAnswer {
+            None => Err(LinkError::NoAnswer {
                 link: link(),
                 request: name,
                 after: timeout,
@@ -354,10 +360,11 @@ impl Requester {
     {
         // A topic has no answer to match.
         let sent = self.client.publish::<T>(0u16.into(), message);
-        match tokio::time::timeout(self.timeouts.answer, sent).await {
-            Ok(Ok(())) => Ok(()),
-            Ok(Err(_)) => Err(self.lost()),
-            Err(_) => Err(LinkError::Stalled {
+        let limit = Limit::new(&self.link, self.timeouts.answer);
+        match limit.wait(sent).await {
+            Some(Ok(())) => Ok(()),
+            Some(Err(_)) => Err(self.lost()),
+            None => Err(LinkError::Stalled {
                 link: self.link.to_string(),
                 after: self.timeouts.answer,
             }),

@@ -87,14 +87,14 @@ impl Device {
     /// A refusal, or a status that names another library as active.
     pub fn activate(&self, slot: SlotId) -> Result<Activated> {
         let activated = self.request_flash::<ActivateEndpoint>("activation", &slot)??;
-        let begin = Instant::now();
+        let mut limit = self.limit(self.timeouts().answer);
         loop {
             let status = self.status()?;
             let crc32 = activated.library.crc32;
             if status.active == Some(slot) && status.library_crc32 == crc32 {
                 return Ok(activated);
             }
-            if begin.elapsed() >= self.timeouts().answer {
+            if limit.has_passed() {
                 return Err(self.not_verified(format!(
                     "slot {slot} was activated, but the status reports {} as active: activate it again",
                     status
@@ -164,13 +164,13 @@ impl Device {
             Ok(_) => true,
             Err(StopError::NotPlaying) => false,
         };
-        let begin = Instant::now();
+        let mut limit = self.limit(self.timeouts().answer);
         loop {
             let output = self.status()?.output;
             if output.activity == Activity::Idle {
                 return Ok((was_playing, output));
             }
-            if begin.elapsed() >= self.timeouts().answer {
+            if limit.has_passed() {
                 return Err(self.not_verified(
                     "the device was stopped, but its output is not at rest: stop it again, or disconnect its power"
                         .to_owned(),

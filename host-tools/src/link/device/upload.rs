@@ -5,7 +5,6 @@ use std::future::poll_fn;
 use std::pin::Pin;
 use std::task::{Context, Poll};
 use std::thread;
-use std::time::Instant;
 
 use model_format::link::{
     MAX_CHUNK_BYTES, UPLOAD_WINDOW, UploadAbortEndpoint, UploadBegin, UploadBeginEndpoint,
@@ -73,13 +72,13 @@ impl Device {
         from: u32,
         mut progress: impl FnMut(u32),
     ) -> Result<()> {
-        let mut begin = Instant::now();
+        let mut limit = self.limit(self.timeouts().flash);
         let mut at = from as usize;
         while at < library.len() {
             let sent = self
                 .runtime()
                 .block_on(self.send_window(library, at, |next| {
-                    (at, begin) = (next as usize, Instant::now());
+                    (at, limit) = (next as usize, self.limit(self.timeouts().flash));
                     progress(next);
                 }));
             match sent {
@@ -87,7 +86,7 @@ impl Device {
                 Err(LinkError::Frame {
                     error: WireError::FailedToSpawn,
                     ..
-                }) if begin.elapsed() < self.timeouts().flash => thread::sleep(BUSY_INTERVAL),
+                }) if !limit.has_passed() => thread::sleep(BUSY_INTERVAL),
                 sent => return sent,
             }
         }
