@@ -132,7 +132,8 @@ pub(super) fn spread(trials: &[Levels]) -> Evidence {
     }
 }
 
-/// Window of the local kurtosis, samples: 10 ms, in which levels hardly change.
+/// Window of the local kurtosis, samples: 10 ms, in which levels hardly change, unless the recording's rate is below the
+/// models'.
 pub(super) const KURTOSIS_SAMPLES: usize = 50;
 
 /// Window of a level, samples: 50 ms.
@@ -161,8 +162,14 @@ pub(super) struct Judged {
 }
 
 /// Judges `signal`, with models of `order` at most. Nothing is found in a signal that is too short, or that is
-/// predicted to its round-off. No moment of the residual counts for louder than it is heard if `most` is given.
-pub(super) fn held_out(signal: &[f64], order: usize, most: Option<Loudest>) -> Judged {
+/// predicted to its round-off. No moment of the residual counts for louder than it is heard if `most` is given. A level
+/// is that of `level_samples` samples, 50 ms.
+pub(super) fn held_out(
+    signal: &[f64],
+    order: usize,
+    most: Option<Loudest>,
+    level_samples: usize,
+) -> Judged {
     let blocks = Blocks::of(signal.len());
     let fitted: Vec<&[f64]> = blocks.fitted().map(|block| &signal[block]).collect();
     let samples: usize = fitted.iter().map(|block| block.len()).sum();
@@ -193,11 +200,11 @@ pub(super) fn held_out(signal: &[f64], order: usize, most: Option<Loudest>) -> J
     samples
         .zip(gains.into_iter().flatten())
         .for_each(|(x, gain)| *x *= gain);
-    of_parts(&parts, mean_square(signal))
+    of_parts(&parts, mean_square(signal), level_samples)
 }
 
 /// Statistics of the parts of a residual; `power` is that of the signal.
-fn of_parts(parts: &[Vec<f64>], power: f64) -> Judged {
+fn of_parts(parts: &[Vec<f64>], power: f64, level_samples: usize) -> Judged {
     let all: Vec<f64> = parts.iter().flatten().copied().collect();
     let mean = mean_square(&all);
     if mean.is_nan() || mean <= ROUND_OFF * power {
@@ -213,12 +220,12 @@ fn of_parts(parts: &[Vec<f64>], power: f64) -> Judged {
         loud.map(kurtosis_of).collect()
     };
     let level = |window: &[f64]| 10.0 * (mean_square(window) / mean).max(LEAST_POWER).log10();
-    let levels_db: Vec<f64> = windows(LEVEL_SAMPLES).map(level).collect();
+    let levels_db: Vec<f64> = windows(level_samples).map(level).collect();
     // The variance of a window's power, as a share of its square, is (kurtosis - 1) / n of white noise, and grows with
     // the squared autocorrelation.
-    let whole = Sums::of(&local(LEVEL_SAMPLES)).mean().max(3.0);
+    let whole = Sums::of(&local(level_samples)).mean().max(3.0);
     let coloured = 2.0 * correlation(parts);
-    let share = (whole - 1.0 + coloured) / LEVEL_SAMPLES as f64;
+    let share = (whole - 1.0 + coloured) / level_samples as f64;
     Judged {
         kurtosis: Sums::of(&local(KURTOSIS_SAMPLES)),
         levels: Levels {

@@ -11,6 +11,7 @@ use realfft::num_complex::Complex;
 
 use model_format::SAMPLE_RATE_HZ;
 
+use super::evidence::LEVEL_SAMPLES;
 use crate::dsp::with_planner;
 
 /// Share of half the recording's rate up to which it is the surface's: converters' filters take what is above.
@@ -22,6 +23,40 @@ pub(super) const ENDS: usize = 100;
 /// The frequency up to which a recording at `rate_hz` tells of the surface, Hz; none if it is all of the models' band.
 pub(super) fn carried_hz(rate_hz: f64) -> Option<f64> {
     (rate_hz < f64::from(SAMPLE_RATE_HZ)).then(|| CARRIED * rate_hz / 2.0)
+}
+
+/// The part of `residual` below `carried_hz`, sampled just often enough to hold it, without its ends; and the samples in
+/// which a level is taken, as long as at the models' rate. What stands above tells nothing of the surface, and would
+/// hide the impulses below from the tests.
+pub(super) fn known(residual: &[f64], carried_hz: f64) -> (Vec<f64>, usize) {
+    let length = residual.len();
+    let half = (carried_hz / f64::from(SAMPLE_RATE_HZ) * length as f64) as usize;
+    let half = half.clamp(1, length / 2);
+    let (forward, inverse) = with_planner(|planner| {
+        (
+            planner.plan_fft_forward(length),
+            planner.plan_fft_inverse(2 * half),
+        )
+    });
+    let mut spectrum = forward.make_output_vec();
+    forward
+        .process(&mut residual.to_vec(), &mut spectrum)
+        .expect("lengths are the plan's");
+    let mut below = spectrum[..=half].to_vec();
+    // The bins of 0 Hz and of half the rate are real.
+    (below[0].im, below[half].im) = (0.0, 0.0);
+    let mut signal = inverse.make_output_vec();
+    inverse
+        .process(&mut below, &mut signal)
+        .expect("lengths are the plan's");
+    let ratio = signal.len() as f64 / length as f64;
+    signal.iter_mut().for_each(|x| *x /= length as f64);
+    let ends = (ENDS as f64 * ratio).ceil() as usize;
+    let inner = signal.get(ends..signal.len() - ends).unwrap_or_default();
+    (
+        inner.to_vec(),
+        (LEVEL_SAMPLES as f64 * ratio).round() as usize,
+    )
 }
 
 /// `residual` with Gaussian noise, the same for each call, above `carried_hz`.

@@ -5,6 +5,7 @@ use std::path::Path;
 use model_format::{Library, MillimetresPerSecond, Newton, SAMPLE_RATE_HZ, limits};
 use proptest::prelude::*;
 
+use super::evidence::KURTOSIS_SAMPLES;
 use super::power::mean_square;
 use super::texture::{Axes, Choice, Chosen};
 use super::trace::Trace;
@@ -164,14 +165,11 @@ fn recordings_of_low_rates_get_what_those_of_high_ones_do() {
                 of(filtered(&impulsive(seed, 20_000), 150.0)),
                 of(filtered(&swelling(seed, 20_000, 6.0), 150.0)),
             ];
-            if rate_hz == 3200 {
-                assert_eq!(found[1], (true, false));
-                assert!(found[2].0 != found[2].1, "{seed}");
-            }
-            // What a narrower band shows may drown in the noise of the rest, but nothing is found that is not there.
-            // The level of the band swells in the steady noise that fills the rest, which moments may tell.
             assert_eq!(found[0], (false, false), "{rate_hz} {seed}");
-            assert!(!found[1].1 && found[2] != (true, true), "{rate_hz} {seed}");
+            // A band of 425 Hz makes nearly Gaussian noise of these impulses, which four seconds may not tell from it.
+            let is_told = found[1].0 || rate_hz == 1000;
+            assert!(is_told && !found[1].1, "{rate_hz} {seed}");
+            assert!(found[2].0 != found[2].1, "{rate_hz} {seed}");
         }
     }
 }
@@ -387,7 +385,7 @@ fn a_recording_too_short_for_a_codebook_is_said_to_be_and_gets_gaussian_noise() 
 }
 
 #[test]
-fn clipped_peaks_and_repeated_values_are_not_taken() {
+fn clipped_peaks_are_not_taken_and_of_repeated_values_each_once() {
     let options = forced(ExcitationChoice::Residual, ModulationChoice::None);
     let sound = filtered(&impulsive(9, 30_000), 90.0);
     let limit = 0.5 * sound[..15_000].iter().fold(0.0, |a: f64, x| a.max(x.abs()));
@@ -411,12 +409,11 @@ fn clipped_peaks_and_repeated_values_are_not_taken() {
     assert!(runs > 5, "{runs}");
     let held: Vec<f64> = sound.iter().flat_map(|&x| [x; 2]).collect();
     let (fit, _) = fitted("held", &held, &options);
-    assert_eq!(
-        fit.textures[0].grid.parts.excitation,
-        None,
-        "{:?}",
-        account(&fit)
-    );
+    assert!(fit.textures[0].grid.parts.excitation.is_some());
+    assert!(account(&fit).kurtosis.is_significant());
+    // No window counts twice.
+    let windows = account(&fit).kurtosis.windows;
+    assert!(windows < sound.len() / KURTOSIS_SAMPLES, "{windows}");
 }
 
 /// The library of a texture that needs nothing is that of a plain fit, bit for bit; one that needs all keeps it.

@@ -5,9 +5,9 @@ use std::ops::Range;
 
 use model_format::{CodeSpec, SAMPLE_RATE_HZ};
 
-use super::evidence::{self, Judged, residual};
+use super::evidence::{self, Judged, LEVEL_SAMPLES, residual};
 use super::loudness::{Loudest, Ringing, product};
-use super::low_rate::{ENDS, carried_hz, filled};
+use super::low_rate::{ENDS, carried_hz, filled, known};
 use super::power::mean_square;
 use crate::dsp::linear_prediction::step_up;
 use crate::fit::blocks::Blocks;
@@ -119,8 +119,11 @@ impl Trace {
             residual = product(&residual, gains);
         }
         let judged = match carried_hz {
-            Some(_) => evidence::held_out(&residual[ENDS..length - ENDS], order, None),
-            None => evidence::held_out(samples, order, Some(most)),
+            Some(carried_hz) => {
+                let (known, level_samples) = known(&residual, carried_hz);
+                evidence::held_out(&known, order, None, level_samples)
+            }
+            None => evidence::held_out(samples, order, Some(most), LEVEL_SAMPLES),
         };
         let power = mean_square(&residual);
         if power.is_nan() || power <= ROUND_OFF * mean_square(samples) {
@@ -173,11 +176,12 @@ fn event(gains: &[f64], order: usize, flaws: &[Range<usize>]) -> Option<Event> {
 }
 
 /// Returns whether the residual of a trial with this verdict is the surface's, apart from the verdict's spans and from
-/// clipped peaks: not that of a copy, or of a converter's steps.
+/// clipped peaks: not that of a copy, or of a converter's steps. Values that were repeated are read once each, at their
+/// own rate.
 fn leaves_the_residual(verdict: &Verdict) -> bool {
     !matches!(
         verdict.kind(),
-        Kind::Silent | Kind::Repeated | Kind::Coarse | Kind::Duplicate
+        Kind::Silent | Kind::Coarse | Kind::Duplicate
     )
 }
 
