@@ -222,7 +222,12 @@ impl PinArguments {
         };
         let mut plant = Plant::new(&read_plant(plant)?, 0);
         let summary = render_tip_wav(rendering, &settings, &mut plant, wav.path())?;
-        report(wav, source, summary, "as m/s² at the tip, by an actuator model")
+        report(
+            wav,
+            source,
+            summary,
+            "as m/s² at the tip, by an actuator model",
+        )
     }
 }
 
