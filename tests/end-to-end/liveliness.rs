@@ -214,7 +214,7 @@ fn a_weave_of_uneven_threads_holds_still_where_noise_of_its_spectrum_swells() {
     bench.write("rig.toml", denim_rig_of("60, 120, 180, 240", "0.6, 1.2"));
     bench.succeed("simulate-rig --rig rig.toml --out set");
     let said = bench.succeed("fit set --out weave.lib");
-    holds(&said, &["locked to place", "and its harmonics wander by"]);
+    holds(&said, &["tied to position", "and its harmonics wander by"]);
     bench.succeed("evaluate set --library weave.lib --json e.json");
     let evaluation = json(&std::fs::read_to_string(bench.path("e.json")).unwrap());
     let number = |role: &str, measure: &str| {

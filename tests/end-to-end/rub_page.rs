@@ -202,8 +202,8 @@ fn the_demo_says_in_forty_lines_what_it_holds_and_its_page_has_one_and_a_half_me
     );
     // A surface with impulses, one that holds still, a calm one.
     let plays = [
-        "scratched: moments",
-        "denim: Gaussian + place",
+        "scratched: recorded snippets",
+        "denim: Gaussian + lines",
         "paper: Gaussian;",
     ];
     holds(&said, &plays);

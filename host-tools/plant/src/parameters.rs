@@ -15,7 +15,7 @@ pub const PRESETS: [&str; 2] = ["haptuator", "mark-ii-d"];
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[expect(missing_docs, reason = "each message says it")]
 pub enum Error {
-    #[error("not the parameters of a plant: {0}")]
+    #[error("not the parameters of an actuator model: {0}")]
     Form(String),
     /// A file that cannot be used.
     #[error("{path}: {reason}")]
@@ -29,7 +29,7 @@ pub enum Error {
         most: String,
     },
     #[error(
-        "there is no plant '{0}': name one of {names}, with /light, /firm or /free for the hand",
+        "there is no actuator model '{0}': name one of {names}, with /light, /firm or /free for the hand",
         names = PRESETS.join(", ")
     )]
     NoPreset(String),

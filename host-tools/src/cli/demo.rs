@@ -64,8 +64,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let out = arguments.out.display();
     print(&format!(
         "Done in {:.1} s. Open in a browser, with sound:\n  \
-           {out}/{PAGE}: rub, and hear clicks on 'scratched' (moments), a tone\n    \
-             that follows your speed on denim (place), the hiss of paper, vinyl's hum.\n  \
+           {out}/{PAGE}: rub, and hear clicks on 'scratched' (recorded snippets),\n    \
+             a tone that follows your speed on denim (lines), paper's hiss, vinyl's hum.\n  \
            {}: recording and synthesis, to see and hear\n\
          {out}/{RENDERED} has each texture along one stroke, as WAV files.",
         begin.elapsed().as_secs_f64(),

@@ -90,7 +90,7 @@ pub struct Arguments {
     #[arg(long, value_name = "S", value_parser = positive)]
     synthesis: Option<f64>,
     /// Parts of each texture that are played: all as fitted, none (Gaussian noise), or the residual and its level
-    /// without lines that are locked to place
+    /// without lines that are tied to position
     #[arg(long, value_enum, default_value = "fitted", requires = "library")]
     played: Played,
     /// Seed of the noise

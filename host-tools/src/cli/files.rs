@@ -183,8 +183,8 @@ pub struct PinArguments {
     /// Write what the stylus puts out at its pin instead: volts above mid-scale, 32-bit float, at 40 kHz
     #[arg(long, conflicts_with = "pcm16")]
     pin: bool,
-    /// Write what the pin makes of the tip of a plant instead: m/s², 32-bit float, at 40 kHz; a TOML file, or haptuator
-    /// or mark-ii-d
+    /// Write what the pin makes of the tip instead, by an actuator model: m/s², 32-bit float, at 40 kHz; a TOML file,
+    /// or haptuator or mark-ii-d
     #[arg(long, value_name = "FILE", conflicts_with_all = ["pin", "pcm16"])]
     plant: Option<PathBuf>,
     /// Setting of the stylus for --pin or --plant, such as output-gain=0.02 [default: the defaults]
@@ -222,7 +222,12 @@ impl PinArguments {
         };
         let mut plant = Plant::new(&read_plant(plant)?, 0);
         let summary = render_tip_wav(rendering, &settings, &mut plant, wav.path())?;
-        report(wav, source, summary, "as m/s² at the tip of a plant")
+        report(
+            wav,
+            source,
+            summary,
+            "as m/s² at the tip, by an actuator model",
+        )
     }
 }
 

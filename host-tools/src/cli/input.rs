@@ -72,8 +72,8 @@ const OFF_GRID: f64 = 0.05;
 /// Warns of a motion that exceeds the recorded speeds or forces of a texture, or never reaches them.
 pub fn warn_off_grid(motion: &MotionPath, texture: &Texture<'_>) {
     let (speed, force) = motion.largest();
-    let of_speed =
-        (texture.lines().is_some()).then_some("; a tone that is locked to place follows the speed");
+    let of_speed = (texture.lines().is_some())
+        .then_some("; a tone that is tied to position follows the speed");
     for (what, value, axis, unit, tone) in [
         ("speed", speed, texture.speed_axis(), "mm/s", of_speed),
         ("force", force, texture.force_axis(), "N", None),

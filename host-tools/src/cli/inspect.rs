@@ -70,7 +70,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     print(&format!("\n{}", scene_table(&scenes)))
 }
 
-/// Table of the lines that are locked to place, one per row; none if no texture has any.
+/// Table of the lines that are tied to position, one per row; none if no texture has any.
 fn line_table(textures: &[TextureSummary]) -> Option<String> {
     let of_texture = |texture: &TextureSummary| -> Vec<_> {
         let wander = |line: &LineSummary, of: fn(Wander) -> f32| {
@@ -81,7 +81,7 @@ fn line_table(textures: &[TextureSummary]) -> Option<String> {
             let [low, high] = line.amplitude_m_s2;
             [
                 ("texture", texture.name.clone()),
-                ("locked to place, mm", format!("{:.4}", line.wavelength_mm)),
+                ("wavelength, mm", format!("{:.4}", line.wavelength_mm)),
                 (
                     "amplitude m/s²",
                     format!("{} to {}", figure(low), figure(high)),

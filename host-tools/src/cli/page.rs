@@ -41,7 +41,7 @@ pub struct Arguments {
     clips: Option<f64>,
     #[command(flatten)]
     conditioning: Conditioning,
-    /// Let the page switch from the pin to the tip of this plant: a TOML file, or haptuator or mark-ii-d
+    /// Let the page switch from the pin to the tip by this actuator model: a TOML file, or haptuator or mark-ii-d
     #[arg(long, value_name = "FILE")]
     plant: Option<PathBuf>,
     /// Seed that the page begins with

@@ -73,11 +73,11 @@ pub fn in_words(parts: &PartsSpec) -> String {
     let has_moments = |spec: &ExcitationSpec| spec.moment_samples.is_some();
     let moments = excitation.as_ref().is_some_and(has_moments);
     let names = [
-        ("moments", moments),
+        ("recorded snippets", moments),
         ("residual", excitation.is_some() && !moments),
         ("Gaussian", excitation.is_none()),
         ("modulation", modulation.is_some()),
-        ("place", lines.is_some()),
+        ("lines", lines.is_some()),
     ];
     let there = names.iter().filter(|(_, is_there)| *is_there);
     there.map(|(name, _)| *name).collect::<Vec<_>>().join(" + ")
@@ -155,7 +155,7 @@ mod tests {
     fn parts_are_named_as_they_are_played() {
         let stored = all();
         let words = |played: Played| in_words(&played.of(&stored));
-        assert_eq!(words(Played::Fitted), "residual + modulation + place");
+        assert_eq!(words(Played::Fitted), "residual + modulation + lines");
         assert_eq!(words(Played::Residual), "residual + modulation");
         assert_eq!(words(Played::Gaussian), "Gaussian");
     }

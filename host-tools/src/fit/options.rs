@@ -127,7 +127,7 @@ pub struct Options {
     /// Verdicts of trials to leave out; their nodes are filled from neighbours
     #[arg(long, value_delimiter = ',', value_parser = PossibleValuesParser::new(Kind::NAMES))]
     pub drop: Vec<String>,
-    /// Lines that are locked to place, such as those of a weave: sought, or left in the noise
+    /// Lines that are tied to position, such as those of a weave: sought, or left in the noise
     #[arg(long, value_enum, default_value = "auto")]
     pub lines: Lines,
     /// The rig's own noise, as trials in motion at 0 N have it: taken off the recordings, or its share told

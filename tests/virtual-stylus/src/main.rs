@@ -57,10 +57,10 @@ struct Arguments {
     /// Move the tool as this file says: time_s,speed_mm_s,force_n
     #[arg(long)]
     motion: Option<PathBuf>,
-    /// Put the plant in this TOML file, or the one of this name, at the output: its accelerometer is on the pins
+    /// Put the actuator model in this TOML file, or of this name, at the output: its accelerometer is on the pins
     #[arg(long)]
     plant: Option<PathBuf>,
-    /// Vary the plant by this seed
+    /// Vary the actuator model by this seed
     #[arg(long, requires = "plant")]
     plant_seed: Option<u64>,
     /// Hold the button B1 while power comes on, and during the run

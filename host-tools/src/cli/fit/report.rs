@@ -42,7 +42,7 @@ fn excitation(report: &ExcitationReport) -> String {
     lines.push(format!("  level: {}", report.level));
     lines.extend(report.moments.as_ref().map(|judged| {
         format!(
-            "    octaves' levels off the blocks that were left out: moments {:.2} dB, level apart {:.2} dB",
+            "    octaves' levels off the blocks that were left out: recorded snippets {:.2} dB, level apart {:.2} dB",
             judged.moments_db, judged.apart_db
         )
     }));
@@ -84,7 +84,7 @@ fn codebook(codebook: &CodebookReport) -> String {
     )
 }
 
-/// Lines that are locked to place, or the reason for none; textures with the same reason in one row.
+/// Lines that are tied to position, or the reason for none; textures with the same reason in one row.
 pub fn lines_found(fit: &Fit) -> String {
     let mut said: Vec<(String, Vec<&str>)> = Vec::new();
     for texture in &fit.textures {

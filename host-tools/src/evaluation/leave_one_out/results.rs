@@ -251,7 +251,7 @@ impl LeaveOneOut {
                 &within,
                 "LSD, dB",
                 "C, %",
-                "area",
+                "AUC",
                 "not playable",
             ],
             rows,

@@ -223,12 +223,12 @@ impl Choice<'_> {
         let samples = (shortest * f64::from(SAMPLE_RATE_HZ)) as usize;
         let moment_samples = moment_samples(samples, found.len());
         let source = format!(
-            "{} of moments of the residual: local kurtosis {}",
+            "{} of recorded snippets: local kurtosis {}",
             counted(found.len(), "codebook"),
             said(kurtosis_of(traces), "")
         );
         let level = format!(
-            "that of the moments: spread of 50 ms levels {}",
+            "that of the snippets: spread of 50 ms levels {}",
             said(spread_of(traces), " dB")
         );
         Some(self.chosen(traces, found, None, Some(moment_samples), source, level))

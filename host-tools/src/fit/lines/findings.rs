@@ -12,7 +12,7 @@ use crate::texture::grid::Grid;
 /// The lines of a texture, or the reason that there are none.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Findings {
-    /// Lines locked to place, the strongest first.
+    /// Lines tied to position, the strongest first.
     pub lines: Vec<Line>,
     /// Frequencies that stay while the speed changes, Hz: hum and motors, which are no part of a surface.
     pub time_locked_hz: Vec<f64>,
@@ -27,7 +27,7 @@ pub struct Findings {
     pub wanders: Vec<Wander>,
 }
 
-/// A line that is locked to place.
+/// A line that is tied to position.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Line {
     /// Wavelength, mm.
@@ -72,8 +72,8 @@ impl fmt::Display for Findings {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match &self.none_because {
             _ if !self.lines.is_empty() => self.fmt_lines(f)?,
-            Some(reason) => write!(f, "no lines locked to place: {reason}")?,
-            None => write!(f, "no lines locked to place")?,
+            Some(reason) => write!(f, "no lines tied to position: {reason}")?,
+            None => write!(f, "no lines tied to position")?,
         }
         if !self.time_locked_hz.is_empty() {
             let hz: Vec<String> = self
@@ -93,7 +93,7 @@ impl fmt::Display for Findings {
 
 impl Findings {
     fn fmt_lines(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} locked to place:", counted(self.lines.len(), "line"))?;
+        write!(f, "{} tied to position:", counted(self.lines.len(), "line"))?;
         for line in &self.lines {
             let (low, high) = line.amplitude_range_m_s2;
             let (shown, all) = line.shown_at_speeds;

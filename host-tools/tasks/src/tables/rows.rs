@@ -42,7 +42,7 @@ pub fn scene_stages() -> String {
             "stage",
         ),
         ("stick-slip", cost::STICK_SLIP, ""),
-        ("lines that are locked to place", cost::LINES, "line"),
+        ("lines tied to position", cost::LINES, "line"),
         ("tap, while it rings", cost::TAP, ""),
         ("equaliser", cost::EQUALISER, "section"),
         ("fade while scenes are exchanged", cost::FADE_OUT, ""),
