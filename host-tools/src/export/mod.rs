@@ -70,14 +70,7 @@ impl Export {
                 "a file holds at most {MAX_SECONDS} s, not {seconds}: give fewer --seconds, or use stylus render"
             ));
         }
-        let mut rendering = Rendering::new(texture, motion, seconds, seed)?;
-        let bar = progress::bar(rendering.len() as u64, "rendering");
-        let rendered = Rendered {
-            sample_rate_hz: texture.sample_rate_hz(),
-            samples: bar.wrap_iter(rendering.by_ref()).collect(),
-            saturations: rendering.saturations(),
-        };
-        bar.finish_and_clear();
+        let rendered = rendered(texture, motion, seconds, seed)?;
         let rate_hz = f64::from(rendered.sample_rate_hz);
         let mut samples = rendered.accelerations_m_s2();
         let envelope = Envelope::of(&samples, rate_hz);
@@ -133,6 +126,24 @@ impl Export {
     pub fn write(&self, path: &Path) -> Result<()> {
         atomic_file::write(path, &self.bytes)
     }
+}
+
+/// Renders `seconds` of `texture` along `motion`, with a progress bar.
+fn rendered(
+    texture: Texture<'_>,
+    motion: &MotionPath,
+    seconds: f64,
+    seed: u64,
+) -> Result<Rendered> {
+    let mut rendering = Rendering::new(texture, motion, seconds, seed)?;
+    let bar = progress::bar(rendering.len() as u64, "rendering");
+    let rendered = Rendered {
+        sample_rate_hz: texture.sample_rate_hz(),
+        samples: bar.wrap_iter(rendering.by_ref()).collect(),
+        saturations: rendering.saturations(),
+    };
+    bar.finish_and_clear();
+    Ok(rendered)
 }
 
 fn largest(values: impl Iterator<Item = f64>) -> f64 {
