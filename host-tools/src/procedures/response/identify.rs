@@ -177,6 +177,9 @@ impl Bounds {
     }
 }
 
+/// The findings at a level, with its response and the model that explains it.
+type Found = (Level, Measured, Option<Fit>);
+
 /// The excitation on a bench.
 struct Probing<'a, B> {
     bench: &'a mut B,
@@ -230,7 +233,7 @@ impl<B: Bench> Probing<'_, B> {
     }
 
     /// The findings at each of [`LEVELS`] below `top`; none where nothing moves.
-    fn levels(&mut self, top: f64) -> Result<Vec<Option<(Level, Measured, Option<Fit>)>>> {
+    fn levels(&mut self, top: f64) -> Result<Vec<Option<Found>>> {
         let at = |(share, periods)| {
             let volts = share * top;
             let measured = self.play(volts, periods)?.1;
