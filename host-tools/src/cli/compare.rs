@@ -1,11 +1,11 @@
 //! `stylus compare`
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use host_tools::evaluation::evaluate;
 use host_tools::evaluation::listening;
 use host_tools::evaluation::listening::{
-    Answers, CONFIDENCE, Compared, Design, Kind, Pair, Part, Score, once, plan_of, score,
+    Answers, CONFIDENCE, Compared, Design, Kind, Pair, Part, Plan, Score, once, plan_of, score,
 };
 use host_tools::fit::conditioning::Conditioning;
 use host_tools::fit::record::FitRecord;
@@ -81,20 +81,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         let files = arguments.score.iter().map(|path| Answers::read(path));
         return print(&scores(&score(&files.collect::<Result<Vec<_>>>()?)?));
     }
-    if arguments.design == Design::Staircase
-        && (!arguments.pairs.is_empty() || arguments.before.is_some())
-    {
-        return Err(Error::Request(
-            "a staircase varies parts of one library: give --parts in place of --pairs and --before".into(),
-        ));
-    }
-    let of_before = |pair: &&Pair| pair.kinds().contains(&Kind::Before);
-    if let (None, Some(pair)) = (&arguments.before, arguments.pairs.iter().find(of_before)) {
-        return Err(Error::Request(format!(
-            "--pairs {} needs the library of before: give --before LIB and --takes DIR",
-            pair.name()
-        )));
-    }
+    check(arguments)?;
     let out = arguments.out.as_deref();
     let (Some(path), Some(out)) = (&arguments.library, out) else {
         return Err(Error::Request(
@@ -142,15 +129,39 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         note(&text);
     }
     let size = listening_page::write(&plan, out)?;
+    print(&summary(&plan, arguments.design, out, size))
+}
+
+/// Returns an error if pairs are asked for that the design or a missing library does not allow.
+fn check(arguments: &Arguments) -> Result<()> {
+    if arguments.design == Design::Staircase
+        && (!arguments.pairs.is_empty() || arguments.before.is_some())
+    {
+        return Err(Error::Request(
+            "a staircase varies parts of one library: give --parts in place of --pairs and --before".into(),
+        ));
+    }
+    let of_before = |pair: &&Pair| pair.kinds().contains(&Kind::Before);
+    if let (None, Some(pair)) = (&arguments.before, arguments.pairs.iter().find(of_before)) {
+        return Err(Error::Request(format!(
+            "--pairs {} needs the library of before: give --before LIB and --takes DIR",
+            pair.name()
+        )));
+    }
+    Ok(())
+}
+
+/// The page of `plan` at `out`, of `size` bytes, in one line.
+fn summary(plan: &Plan, design: Design, out: &Path, size: usize) -> String {
     let origin = if plan.simulated {
         ", of SIMULATED recordings"
     } else {
         ""
     };
-    print(&format!(
+    format!(
         "{}: {}{}, {}, {:.1} MB{origin}",
         out.display(),
-        if arguments.design == Design::Staircase {
+        if design == Design::Staircase {
             "up to "
         } else {
             ""
@@ -158,7 +169,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         counted(plan.task.trials(), "trial"),
         counted(plan.sounds.len(), "sound"),
         size as f64 / 1e6
-    ))
+    )
 }
 
 /// Parses the duration of a sound, s.

@@ -4,11 +4,11 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use host_tools::evaluation::evaluate;
+use host_tools::evaluation::evaluate::{self, Evaluation};
 use host_tools::evaluation::held_out::judges;
 use host_tools::evaluation::played;
-use host_tools::fit;
 use host_tools::fit::record::FitRecord;
+use host_tools::fit::{self, Fit};
 use host_tools::playing::motion::MotionPath;
 use host_tools::playing::render::{WavFormat, render_wav};
 use host_tools::recording::RecordingSet;
@@ -95,25 +95,10 @@ fn all(arguments: &Arguments, folder: &OutputFolder, begin: Instant) -> Result<P
         "stylus fit: a model per speed and force, and what no filter holds",
     )?;
     let set = RecordingSet::open(&[recordings])?;
-    let fit_options = fit::Options::default();
-    let (fit, bytes) = super::fit::fit_library(&set, &fit_options)?;
     let path = out.join("textures.lib");
-    let mut record = FitRecord::of(&set, &fit_options, &bytes)?.with_account_of(&fit);
-    for trial in &mut record.trials {
-        trial.file = portable(&folder.named(Path::new(&trial.file)));
-    }
-    record.write_with(&path, &bytes)?;
+    let (fit, bytes, record) = fit_into(folder, &path, &set)?;
     let library = decode_library(&path, &bytes)?;
-    let mut by_parts: BTreeMap<String, Vec<&str>> = BTreeMap::new();
-    for texture in library.textures() {
-        let parts = played::in_words(&played::parts(&texture));
-        by_parts.entry(parts).or_default().push(texture.name());
-    }
-    let plays = by_parts.iter();
-    let plays: Vec<String> = plays
-        .map(|(parts, names)| format!("{}: {parts}", names.join(", ")))
-        .collect();
-    print(&format!("  {}", plays.join("; ")))?;
+    print(&format!("  {}", parts_in_words(&library)))?;
     warn_of(&fit.warnings());
 
     step(
@@ -125,31 +110,13 @@ fn all(arguments: &Arguments, folder: &OutputFolder, begin: Instant) -> Result<P
         excerpt_s: node_seconds(set.trials.len()),
         ..evaluate::Options::default()
     };
-    let judges = judges(&set, Vec::new(), Some(&record))?;
-    let evaluation =
-        super::evaluate::evaluate_set(&set, &library, judges, Some(&record), &options)?;
-    print(&super::evaluate::answer(&evaluation))?;
-    let reported = out.join("report");
-    std::fs::create_dir(&reported).map_err(Error::io("create", &reported))?;
-    let page = super::evaluate::write_report(
-        &evaluation_page::Inputs {
-            set: &set,
-            library: &library,
-            evaluation: &evaluation,
-            options: &options,
-            removed_nodes: None,
-            unused_takes: &[],
-        },
-        &reported,
-    )?;
+    let (evaluation, page) = evaluated(&set, &library, &record, &options, out)?;
 
     step(
         4,
         "stylus render and stylus page: sounds, and a page to rub",
     )?;
-    let rendered = out.join(RENDERED);
-    std::fs::create_dir(&rendered).map_err(Error::io("create", &rendered))?;
-    render_all(&library, arguments.seed, &rendered)?;
+    render_all(&library, arguments.seed, &created(out.join(RENDERED))?)?;
 
     let inputs = Inputs {
         library: &library,
@@ -166,6 +133,68 @@ fn all(arguments: &Arguments, folder: &OutputFolder, begin: Instant) -> Result<P
     let rubbed = out.join(PAGE);
     super::page::write(&inputs, &rubbed)?;
     Ok(folder.named(&page))
+}
+
+/// Fits `set`, and writes library and record to `path` in `folder`.
+fn fit_into(
+    folder: &OutputFolder,
+    path: &Path,
+    set: &RecordingSet,
+) -> Result<(Fit, Vec<u8>, FitRecord)> {
+    let options = fit::Options::default();
+    let (fit, bytes) = super::fit::fit_library(set, &options)?;
+    let mut record = FitRecord::of(set, &options, &bytes)?.with_account_of(&fit);
+    for trial in &mut record.trials {
+        trial.file = portable(&folder.named(Path::new(&trial.file)));
+    }
+    record.write_with(path, &bytes)?;
+    Ok((fit, bytes, record))
+}
+
+/// Evaluates `library`, gives the answer, and writes the report into `out`; gives its page, too.
+fn evaluated(
+    set: &RecordingSet,
+    library: &Library<'_>,
+    record: &FitRecord,
+    options: &evaluate::Options,
+    out: &Path,
+) -> Result<(Evaluation, PathBuf)> {
+    let judges = judges(set, Vec::new(), Some(record))?;
+    let evaluation = super::evaluate::evaluate_set(set, library, judges, Some(record), options)?;
+    print(&super::evaluate::answer(&evaluation))?;
+    let reported = created(out.join("report"))?;
+    let page = super::evaluate::write_report(
+        &evaluation_page::Inputs {
+            set,
+            library,
+            evaluation: &evaluation,
+            options,
+            removed_nodes: None,
+            unused_takes: &[],
+        },
+        &reported,
+    )?;
+    Ok((evaluation, page))
+}
+
+/// The parts that the textures play, with the names of those that play the same.
+fn parts_in_words(library: &Library<'_>) -> String {
+    let mut by_parts: BTreeMap<String, Vec<&str>> = BTreeMap::new();
+    for texture in library.textures() {
+        let parts = played::in_words(&played::parts(&texture));
+        by_parts.entry(parts).or_default().push(texture.name());
+    }
+    let plays = by_parts.iter();
+    let plays: Vec<String> = plays
+        .map(|(parts, names)| format!("{}: {parts}", names.join(", ")))
+        .collect();
+    plays.join("; ")
+}
+
+/// The `folder`, which is made.
+fn created(folder: PathBuf) -> Result<PathBuf> {
+    std::fs::create_dir(&folder).map_err(Error::io("create", &folder))?;
+    Ok(folder)
 }
 
 fn render_all(library: &Library<'_>, seed: u64, folder: &Path) -> Result<()> {

@@ -53,17 +53,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let given = &arguments.inputs;
     arguments.overwrite.file(&arguments.out)?;
     let is_recordings = given.len() > 1 || is_recordings(&given[0]);
-    if is_recordings && arguments.recordings.is_some() {
-        return Err(Error::Request(format!(
-            "{} is recordings already, to which a library is fitted: give --recordings beside a library only",
-            given[0].display()
-        )));
-    }
-    if arguments.clips.is_some() && !is_recordings && arguments.recordings.is_none() {
-        return Err(Error::Request(
-            "--clips are of recordings: give --recordings beside the library".into(),
-        ));
-    }
+    check(arguments, is_recordings)?;
     let recordings = if is_recordings {
         given.as_slice()
     } else {
@@ -81,25 +71,17 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         }
     };
     let library = decode_library(&given[0], &bytes)?;
-    let plant = arguments.plant.as_deref().map(read_plant).transpose()?;
-    let plant = plant.map(|parameters| Plant::new(&parameters, 0));
-    let named = arguments.plant.as_deref().unwrap_or(Path::new(""));
-    // A file by its name alone, and a preset with its hand.
-    let named = named
-        .file_stem()
-        .filter(|_| named.extension().is_some())
-        .unwrap_or(named.as_os_str());
-    let named = named.to_string_lossy();
-    let plant = plant.as_ref().map(|plant| (&*named, plant));
+    let plant = arguments.plant.as_deref().map(named_plant).transpose()?;
+    let plant = plant.as_ref().map(|(name, plant)| (name.as_str(), plant));
     let out = &arguments.out;
+    let inputs = Inputs {
+        library: &library,
+        bytes: &bytes,
+        recordings: None,
+        seed: u64::from(arguments.seed),
+        plant,
+    };
     let Some(set) = set else {
-        let inputs = Inputs {
-            library: &library,
-            bytes: &bytes,
-            recordings: None,
-            seed: u64::from(arguments.seed),
-            plant,
-        };
         return print(&summary(out, &write(&inputs, out)?));
     };
     let set = as_fitted(record.as_ref(), set)?;
@@ -118,13 +100,36 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         clips: arguments.clips.map_or(Clips::Budget, Clips::Seconds),
     };
     let inputs = Inputs {
-        library: &library,
-        bytes: &bytes,
         recordings: Some(recordings),
-        seed: u64::from(arguments.seed),
-        plant,
+        ..inputs
     };
     print(&summary(out, &write(&inputs, out)?))
+}
+
+/// Returns an error if options are of recordings where there are none, or of a library where it is fitted.
+fn check(arguments: &Arguments, is_recordings: bool) -> Result<()> {
+    if is_recordings && arguments.recordings.is_some() {
+        return Err(Error::Request(format!(
+            "{} is recordings already, to which a library is fitted: give --recordings beside a library only",
+            arguments.inputs[0].display()
+        )));
+    }
+    if arguments.clips.is_some() && !is_recordings && arguments.recordings.is_none() {
+        return Err(Error::Request(
+            "--clips are of recordings: give --recordings beside the library".into(),
+        ));
+    }
+    Ok(())
+}
+
+/// A plant with its name: that of a file by itself, and a preset with its hand.
+fn named_plant(path: &Path) -> Result<(String, Plant)> {
+    let plant = Plant::new(&read_plant(path)?, 0);
+    let name = path
+        .file_stem()
+        .filter(|_| path.extension().is_some())
+        .unwrap_or(path.as_os_str());
+    Ok((name.to_string_lossy().into_owned(), plant))
 }
 
 /// Returns whether `path` is recordings: a folder, a list or a file of samples. Anything else is read as a library,

@@ -66,11 +66,6 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     if named.is_empty() {
         return Err(Error::Request("no file is of that take".into()));
     }
-    let missing = |what: &str| {
-        Error::Request(format!(
-            "the pattern has no {{{what}}}: add it, or give --{what} for all files"
-        ))
-    };
     let mut writer = csv::Writer::from_writer(Vec::new());
     let mut header = vec!["file", "texture", "speed_mm_s", "force_n"];
     header.extend(scale.map(|_| "scale_m_s2"));
@@ -81,25 +76,10 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     header.extend(has_simulated.then_some("simulated"));
     let mut records = vec![header.into_iter().map(str::to_owned).collect::<Vec<_>>()];
     for (file, simulated) in named.iter_mut().zip(simulated) {
-        let texture = file
-            .texture
-            .get_or_insert_with(|| arguments.texture.clone().unwrap_or_default());
-        if texture.is_empty() {
-            return Err(missing("texture"));
-        }
-        if let Some(fault) = texture_fault(texture) {
-            let problem = format!("tells the texture {texture:?}, whose name {fault}");
-            return Err(Error::file(&folder.join(&file.file), problem));
-        }
-        let speed = *file
-            .speed_mm_s
-            .insert((file.speed_mm_s.or(arguments.speed)).ok_or_else(|| missing("speed"))?);
-        let force = *file
-            .force_n
-            .insert((file.force_n.or(arguments.force)).ok_or_else(|| missing("force"))?);
+        let (texture, speed, force) = completed(file, arguments)?;
         let mut record = vec![
             file.file.display().to_string(),
-            texture.clone(),
+            texture,
             speed.to_string(),
             force.to_string(),
         ];
@@ -116,6 +96,44 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
     let text = writer.into_inner().map_err(|fault| failed(&fault))?;
     atomic_file::write(&list, &text)?;
+    warn_of_others(&others);
+    print(&format!("{}\n", understood(&named)))?;
+    let mark = if has_simulated { ", SIMULATED" } else { "" };
+    print(&format!(
+        "{}{mark} -> {}",
+        counted(named.len(), "trial"),
+        list.display()
+    ))
+}
+
+/// Fills in what the name of `file` does not tell; gives its texture, speed and force.
+fn completed(file: &mut Named, arguments: &Arguments) -> Result<(String, f64, f64)> {
+    let missing = |what: &str| {
+        Error::Request(format!(
+            "the pattern has no {{{what}}}: add it, or give --{what} for all files"
+        ))
+    };
+    let texture = file
+        .texture
+        .get_or_insert_with(|| arguments.texture.clone().unwrap_or_default());
+    if texture.is_empty() {
+        return Err(missing("texture"));
+    }
+    if let Some(fault) = texture_fault(texture) {
+        let problem = format!("tells the texture {texture:?}, whose name {fault}");
+        return Err(Error::file(&arguments.folder.join(&file.file), problem));
+    }
+    let speed = file.speed_mm_s.or(arguments.speed);
+    let speed = *file
+        .speed_mm_s
+        .insert(speed.ok_or_else(|| missing("speed"))?);
+    let force = file.force_n.or(arguments.force);
+    let force = *file.force_n.insert(force.ok_or_else(|| missing("force"))?);
+    Ok((texture.clone(), speed, force))
+}
+
+/// Warns of the files that the pattern does not match.
+fn warn_of_others(others: &[String]) {
     if !others.is_empty() {
         let shown: Vec<&str> = others.iter().take(SHOWN).map(String::as_str).collect();
         let more = if others.len() > SHOWN { ", ..." } else { "" };
@@ -125,13 +143,6 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             shown.join(", ")
         ));
     }
-    print(&format!("{}\n", understood(&named)))?;
-    let mark = if has_simulated { ", SIMULATED" } else { "" };
-    print(&format!(
-        "{}{mark} -> {}",
-        counted(named.len(), "trial"),
-        list.display()
-    ))
 }
 
 /// A row per texture: its trials, speeds, forces and takes.

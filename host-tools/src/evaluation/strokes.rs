@@ -223,85 +223,11 @@ pub fn along_strokes(
     seed: u64,
 ) -> Result<AlongStrokes> {
     check(texture, fitted, judges)?;
-    let levels: Vec<LevelAt> = fitted
-        .iter()
-        .flat_map(|s| s.windows.iter().map(|w| w.1))
-        .collect();
     let no_strokes =
         || Error::Request("give at least one stroke of the fit and one that judges".into());
-    let law = MotionLaw::of(&levels)
-        .filter(|_| !judges.is_empty())
-        .ok_or_else(no_strokes)?;
-    let constant_db = mean(&levels.iter().map(|at| at.level_db).collect::<Vec<_>>());
-    let play = |index: usize| {
-        let of_seed = |playing: u64| {
-            let own = (index as u64).wrapping_mul(PLAYINGS).wrapping_add(playing);
-            judges[index].played(texture, seed.wrapping_add(own))
-        };
-        (0..PLAYINGS).map(of_seed).collect::<Result<Vec<_>>>()
-    };
-    let played = (0..judges.len()).into_par_iter().map(play);
-    let played = played.collect::<Result<Vec<_>>>()?;
-    let of_windows = |of: &dyn Fn(&(usize, LevelAt)) -> f64| -> Vec<f64> {
-        judges
-            .iter()
-            .flat_map(|stroke| stroke.windows.iter().map(of))
-            .collect()
-    };
-    let recorded = of_windows(&|(_, at)| at.level_db);
-    let of_playings = |of: &dyn Fn(&[Vec<f64>], usize) -> f64| -> Vec<f64> {
-        let strokes = judges.iter().zip(&played);
-        let levels = strokes.flat_map(|(stroke, played)| {
-            (stroke.windows.iter()).map(move |(window, _)| of(played, *window))
-        });
-        levels.collect()
-    };
-    let synthesised = of_playings(&|played, window| level_db(&played[0], window));
-    let averaged = of_playings(&|played, window| {
-        let levels: Vec<f64> = played
-            .iter()
-            .map(|signal| level_db(signal, window))
-            .collect();
-        mean(&levels)
-    });
-    let nearest: Vec<&Stroke> = judges
-        .iter()
-        .map(|stroke| nearest(stroke, fitted))
-        .collect();
-    let replayed: Vec<f64> = (judges.iter().zip(&nearest))
-        .flat_map(|(stroke, near)| {
-            near.levels_db()
-                .into_iter()
-                .cycle()
-                .take(stroke.windows.len())
-        })
-        .collect();
-    let bands_of = |others: Vec<Vec<&[f64]>>| band_error_db(judges, &others);
-    let parts = judges
-        .iter()
-        .zip(&played)
-        .map(|(stroke, played)| stroke.parts(&played[0]));
-    let of_synthesis = bands_of(parts.collect());
-    let of_nearest = bands_of(
-        nearest
-            .iter()
-            .map(|near| near.parts(&near.signal))
-            .collect(),
-    );
-    let by_law = of_windows(&|(_, at)| law.level_db(at.speed_mm_s, at.force_n));
-    let near = |by, levels: &[f64], bands| Nearness::of(by, &recorded, levels, bands);
-    let library = [
-        near("library", &synthesised, of_synthesis),
-        near("library, mean over seeds", &averaged, None),
-    ];
-    let baselines = [
-        near("constant level", &vec![constant_db; recorded.len()], None),
-        near("line over log speed, log force", &by_law, None),
-        Nearness {
-            is_recording: true,
-            ..near("nearest stroke", &replayed, of_nearest)
-        },
-    ];
+    let recorded: Vec<f64> = judges.iter().flat_map(Stroke::levels_db).collect();
+    let baselines = of_baselines(fitted, judges, &recorded).ok_or_else(no_strokes)?;
+    let library = of_library(texture, judges, seed, &recorded)?;
     Ok(AlongStrokes {
         texture: texture.name().to_owned(),
         verdict: verdict(library.each_ref(), &baselines),
@@ -316,6 +242,83 @@ pub fn along_strokes(
                 .any(|stroke| stroke.is_simulated),
         nearness: library.into_iter().chain(baselines).collect(),
     })
+}
+
+/// Nearness of the library along the `judges`, played once and as a mean over seeds, to the `recorded` levels.
+fn of_library(
+    texture: Texture<'_>,
+    judges: &[Stroke],
+    seed: u64,
+    recorded: &[f64],
+) -> Result<[Nearness; 2]> {
+    let play = |index: usize| {
+        let of_seed = |playing: u64| {
+            let own = (index as u64).wrapping_mul(PLAYINGS).wrapping_add(playing);
+            judges[index].played(texture, seed.wrapping_add(own))
+        };
+        (0..PLAYINGS).map(of_seed).collect::<Result<Vec<_>>>()
+    };
+    let played = (0..judges.len()).into_par_iter().map(play);
+    let played = played.collect::<Result<Vec<_>>>()?;
+    let strokes = || judges.iter().zip(&played);
+    let of_playings = |of: &dyn Fn(&[Vec<f64>], usize) -> f64| -> Vec<f64> {
+        let levels = strokes().flat_map(|(stroke, played)| {
+            (stroke.windows.iter()).map(move |(window, _)| of(played, *window))
+        });
+        levels.collect()
+    };
+    let once = of_playings(&|played, window| level_db(&played[0], window));
+    let averaged = of_playings(&|played, window| {
+        let levels: Vec<f64> = played
+            .iter()
+            .map(|signal| level_db(signal, window))
+            .collect();
+        mean(&levels)
+    });
+    let parts = strokes().map(|(stroke, played)| stroke.parts(&played[0]));
+    let bands = band_error_db(judges, &parts.collect::<Vec<_>>());
+    Ok([
+        Nearness::of("library", recorded, &once, bands),
+        Nearness::of("library, mean over seeds", recorded, &averaged, None),
+    ])
+}
+
+/// Nearness of predictions from the `fitted` strokes to the `recorded` levels of the `judges`; none without strokes of
+/// either kind.
+fn of_baselines(fitted: &[Stroke], judges: &[Stroke], recorded: &[f64]) -> Option<[Nearness; 3]> {
+    let levels: Vec<LevelAt> = fitted
+        .iter()
+        .flat_map(|s| s.windows.iter().map(|w| w.1))
+        .collect();
+    let law = MotionLaw::of(&levels).filter(|_| !judges.is_empty())?;
+    let constant_db = mean(&levels.iter().map(|at| at.level_db).collect::<Vec<_>>());
+    let windows = judges.iter().flat_map(|stroke| &stroke.windows);
+    let by_law: Vec<f64> = windows
+        .map(|(_, at)| law.level_db(at.speed_mm_s, at.force_n))
+        .collect();
+    let nearest: Vec<&Stroke> = judges
+        .iter()
+        .map(|stroke| nearest(stroke, fitted))
+        .collect();
+    let replayed: Vec<f64> = (judges.iter().zip(&nearest))
+        .flat_map(|(stroke, near)| {
+            near.levels_db()
+                .into_iter()
+                .cycle()
+                .take(stroke.windows.len())
+        })
+        .collect();
+    let parts = nearest.iter().map(|near| near.parts(&near.signal));
+    let bands = band_error_db(judges, &parts.collect::<Vec<_>>());
+    let near = |by, levels: &[f64], bands| Nearness::of(by, recorded, levels, bands);
+    Some([
+        near("constant level", &vec![constant_db; recorded.len()], None),
+        near("line over log speed, log force", &by_law, None),
+        Nearness {
+            is_recording: true,
+            ..near("nearest stroke", &replayed, bands)
+        },
+    ])
 }
 
 /// The verdict along strokes on the `library`, played once and as a mean over seeds, beside the nearest of the

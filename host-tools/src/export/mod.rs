@@ -14,6 +14,7 @@ mod wavelet;
 use std::path::Path;
 
 use model_format::Texture;
+use serde_json::Value;
 
 use crate::dsp::spectrum::PowerSpectrum;
 use crate::playing::motion::MotionPath;
@@ -70,20 +71,13 @@ impl Export {
                 "a file holds at most {MAX_SECONDS} s, not {seconds}: give fewer --seconds, or use stylus render"
             ));
         }
-        let mut rendering = Rendering::new(texture, motion, seconds, seed)?;
-        let bar = progress::bar(rendering.len() as u64, "rendering");
-        let rendered = Rendered {
-            sample_rate_hz: texture.sample_rate_hz(),
-            samples: bar.wrap_iter(rendering.by_ref()).collect(),
-            saturations: rendering.saturations(),
-        };
-        bar.finish_and_clear();
+        let rendered = rendered(texture, motion, seconds, seed)?;
         let rate_hz = f64::from(rendered.sample_rate_hz);
         let mut samples = rendered.accelerations_m_s2();
         let envelope = Envelope::of(&samples, rate_hz);
         let mut warnings = Vec::from_iter(loss(&samples, rate_hz, &envelope, format));
-        if rendered.saturations > 0 {
-            let count = rendered.saturations;
+        let count = rendered.saturations;
+        if count > 0 {
             warnings.push(format!(
                 "the synthesis was at full scale in {count} samples"
             ));
@@ -110,13 +104,11 @@ impl Export {
             "'{name}' ({origin}), a stroke of {seconds} s, seed {seed}, by stylus {version}. 1.0 is {scale:.6} m/s²."
         );
         samples.iter_mut().for_each(|sample| *sample /= scale);
+        let text = |json: Value| json.to_string().into_bytes();
         let bytes = match format {
-            Format::Hjif => hjif::file(&samples, &description).to_string().into_bytes(),
-            Format::Haptic => envelope
-                .haptic(scale, &description)
-                .to_string()
-                .into_bytes(),
-            Format::Ahap => envelope.ahap(scale, &description).to_string().into_bytes(),
+            Format::Hjif => text(hjif::file(&samples, &description)),
+            Format::Haptic => text(envelope.haptic(scale, &description)),
+            Format::Ahap => text(envelope.ahap(scale, &description)),
             Format::Wav => float_wav(1, rendered.sample_rate_hz, samples).expect("ten minutes fit"),
         };
         Ok(Self {
@@ -133,6 +125,24 @@ impl Export {
     pub fn write(&self, path: &Path) -> Result<()> {
         atomic_file::write(path, &self.bytes)
     }
+}
+
+/// Renders `seconds` of `texture` along `motion`, with a progress bar.
+fn rendered(
+    texture: Texture<'_>,
+    motion: &MotionPath,
+    seconds: f64,
+    seed: u64,
+) -> Result<Rendered> {
+    let mut rendering = Rendering::new(texture, motion, seconds, seed)?;
+    let bar = progress::bar(rendering.len() as u64, "rendering");
+    let rendered = Rendered {
+        sample_rate_hz: texture.sample_rate_hz(),
+        samples: bar.wrap_iter(rendering.by_ref()).collect(),
+        saturations: rendering.saturations(),
+    };
+    bar.finish_and_clear();
+    Ok(rendered)
 }
 
 fn largest(values: impl Iterator<Item = f64>) -> f64 {

@@ -116,19 +116,7 @@ pub fn update(
     let start = Instant::now();
     let trial = wait_for_exchange(device)?;
     let exchanged_s = start.elapsed().as_secs_f64();
-    if let UpdatePhase::RolledBack { version, cause } = trial.phase {
-        return Err(device.not_verified(format!(
-            "the new image, {version}, did not last and the one before is back; the reset was by: {cause}; \
-             `stylus status` shows a fault"
-        )));
-    }
-    let (runs, wanted) = (trial.image, file.header.version);
-    if runs != wanted {
-        return Err(device.not_verified(format!(
-            "{runs} runs, and not the new image, {wanted}, which did not start or was put back: update again; \
-             `stylus status` shows a fault"
-        )));
-    }
+    check_exchanged(device, &trial, &file.header)?;
     let after = if matches!(trial.phase, UpdatePhase::Trial { .. }) {
         check_health(device)?;
         device.update_confirm()?
@@ -145,6 +133,24 @@ pub fn update(
         exchanged_s,
         retries,
     })
+}
+
+/// Returns an error if it is not the image with the header `wanted` that runs on its `trial`.
+fn check_exchanged(device: &Device, trial: &UpdateReport, wanted: &ImageHeader) -> Result<()> {
+    if let UpdatePhase::RolledBack { version, cause } = trial.phase {
+        return Err(device.not_verified(format!(
+            "the new image, {version}, did not last and the one before is back; the reset was by: {cause}; \
+             `stylus status` shows a fault"
+        )));
+    }
+    let (runs, wanted) = (trial.image, wanted.version);
+    if runs != wanted {
+        return Err(device.not_verified(format!(
+            "{runs} runs, and not the new image, {wanted}, which did not start or was put back: update again; \
+             `stylus status` shows a fault"
+        )));
+    }
+    Ok(())
 }
 
 fn send(

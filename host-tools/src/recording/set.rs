@@ -244,6 +244,14 @@ const OPTIONAL: [&str; 5] = [
 /// Columns of a person's own, which are not read.
 const REMARKS: [&str; 4] = ["note", "notes", "comment", "take"];
 
+fn provenance_of(simulated: Option<&str>) -> std::result::Result<Provenance, String> {
+    match simulated {
+        None | Some("false") => Ok(Provenance::Recorded),
+        Some("true") => Ok(Provenance::Simulated),
+        Some(other) => Err(format!("simulated '{other}' is not true or false")),
+    }
+}
+
 impl Columns {
     fn of(header: &Header<'_>) -> Result<Self> {
         let expected = format!(
@@ -294,11 +302,7 @@ impl Columns {
                 Some(fault) => Err(bad(format!("{name} is {fault}"))),
             }
         };
-        let provenance = match field("simulated").map(|(_, text)| text) {
-            None | Some("false") => Provenance::Recorded,
-            Some("true") => Provenance::Simulated,
-            Some(other) => return Err(bad(format!("simulated '{other}' is not true or false"))),
-        };
+        let provenance = provenance_of(field("simulated").map(|(_, text)| text)).map_err(bad)?;
         let scale_m_s2 = number("scale_m_s2")?;
         if scale_m_s2.is_some_and(|scale| scale.abs() <= 0.0) {
             return Err(bad("scale_m_s2 is zero".into()));

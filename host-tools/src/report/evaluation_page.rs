@@ -274,9 +274,14 @@ impl<'a> Report<'a> {
             ),
             &[],
         )?;
+        self.waveforms(&example, &stem)
+    }
+
+    /// The waveforms of an example, and what the spectrum does not show of it, folded.
+    fn waveforms(&mut self, example: &Example<'_>, stem: &str) -> Result<()> {
         let signals = example.signals();
         let signals: Vec<(&str, &[f64])> = signals.iter().map(|(n, s)| (n.as_str(), *s)).collect();
-        let picture = waveforms(&title, &signals, RATE_HZ)?;
+        let picture = waveforms(&self.caption(&example.title), &signals, RATE_HZ)?;
         picture.write(&self.folder.join(format!("{stem}-waveforms.svg")))?;
         let liveliness = example.judged.liveliness.as_ref();
         let summaries = liveliness.map(|own| summaries(std::iter::once(own)));

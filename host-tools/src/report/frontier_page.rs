@@ -38,7 +38,8 @@ pub fn write(frontier: &Frontier, path: &Path) -> Result<()> {
     }
     page.paragraph(&frontier.answer())
         .table(&frontier.choice_table());
-    let [(answer, of_answer), (intervals, of_intervals)] = pictures(frontier)?;
+    let (answer, of_answer) = time_picture(frontier)?;
+    let (intervals, of_intervals) = interval_picture(frontier)?;
     page.paragraph(CHOICES_NOTE)
         .figure(&answer, &of_answer, &[]);
     page.folded("Error in motion by the interval of updates", |page| {
@@ -61,12 +62,8 @@ pub fn write(frontier: &Frontier, path: &Path) -> Result<()> {
     page.write(path)
 }
 
-/// The pictures with their captions.
-fn pictures(frontier: &Frontier) -> Result<[(Svg, String); 2]> {
-    let caption = |title| Caption {
-        title,
-        simulated: frontier.simulated,
-    };
+/// Error at rest and in motion against time, with its caption.
+fn time_picture(frontier: &Frontier) -> Result<(Svg, String)> {
     let is_fixed = |filter: &Filter| matches!(filter.order, Order::Fixed(_));
     let point = |point: &Point| FrontPoint {
         x: point.cycles,
@@ -77,23 +74,11 @@ fn pictures(frontier: &Frontier) -> Result<[(Svg, String); 2]> {
             point.interval_ms()
         ),
     };
-    let of = |structure, point: &Point| frontier.filters[point.filter].structure == structure;
     let total = series(|structure| {
-        let own = frontier.points.iter().filter(|point| of(structure, point));
-        let own = own.filter(|own| {
+        let own = points_of(frontier, structure).filter(|own| {
             own.interval == DEVICE_INTERVAL && is_fixed(&frontier.filters[own.filter])
         });
         own.map(&point).collect()
-    });
-    let intervals = series(|structure| {
-        let own = frontier.points.iter().filter(|point| of(structure, point));
-        let own = own.filter(|point| frontier.filters[point.filter].order == Order::Auto);
-        let own = own.map(|point| FrontPoint {
-            x: point.interval_ms(),
-            y: point.motion_error_db,
-            name: String::new(),
-        });
-        own.collect()
     });
     let names = ["front of all", "front of what holds every hard case"];
     let on_front = frontier.front().into_iter().map(point);
@@ -105,36 +90,55 @@ fn pictures(frontier: &Frontier) -> Result<[(Svg, String); 2]> {
     let choices = frontier.choices().into_iter();
     let choices = choices.map(|(name, choice)| (name, choice.cycles, choice.total_error_db));
     let choices: Vec<(&str, f64, f64)> = choices.collect();
+    let title = "Error in third-octave bands, at rest and in motion, against time";
+    let caption = caption(frontier, title);
+    let picture = front_chart(
+        &caption,
+        (CYCLES, ERROR),
+        true,
+        (&total, &[front]),
+        &choices,
+    )?;
+    let words = format!(
+        "Error at rest and in motion together against the time of a sample and its share of the updates. Coloured \
+         lines join orders at the stylus's own interval of {} ms; dashed structures are not shipped. The steps are \
+         the front over all orders and intervals; point at a choice to read it.",
+        interval_ms(DEVICE_INTERVAL)
+    );
+    Ok((picture, words))
+}
+
+/// Error in motion by the interval of updates, with its caption.
+fn interval_picture(frontier: &Frontier) -> Result<(Svg, String)> {
+    let intervals = series(|structure| {
+        let own = points_of(frontier, structure);
+        let own = own.filter(|point| frontier.filters[point.filter].order == Order::Auto);
+        let own = own.map(|point| FrontPoint {
+            x: point.interval_ms(),
+            y: point.motion_error_db,
+            name: String::new(),
+        });
+        own.collect()
+    });
     let ms = Quantity::new("from update to update", "ms");
-    Ok([
-        (
-            front_chart(
-                &caption("Error in third-octave bands, at rest and in motion, against time"),
-                (CYCLES, ERROR),
-                true,
-                (&total, &[front]),
-                &choices,
-            )?,
-            format!(
-                "Error at rest and in motion together against the time of a sample and its share of the updates. \
-                 Coloured lines join orders at the stylus's own interval of {} ms; dashed structures are not shipped. \
-                 The steps are the front over all orders and intervals; point at a choice to read it.",
-                interval_ms(DEVICE_INTERVAL)
-            ),
-        ),
-        (
-            front_chart(
-                &caption("Error in motion by the interval of updates, order per node by AIC"),
-                (ms, ERROR),
-                false,
-                (&intervals, &[]),
-                &[],
-            )?,
-            "What is lost by following the hand only every so often. A direct form interpolates its predictor \
-             coefficients, the reference θ: that difference remains at every interval."
-                .to_owned(),
-        ),
-    ])
+    let title = "Error in motion by the interval of updates, order per node by AIC";
+    let caption = caption(frontier, title);
+    let picture = front_chart(&caption, (ms, ERROR), false, (&intervals, &[]), &[])?;
+    let words = "What is lost by following the hand only every so often. A direct form interpolates its predictor \
+                 coefficients, the reference θ: that difference remains at every interval.";
+    Ok((picture, words.to_owned()))
+}
+
+fn points_of(frontier: &Frontier, structure: Structure) -> impl Iterator<Item = &Point> {
+    let points = frontier.points.iter();
+    points.filter(move |point| frontier.filters[point.filter].structure == structure)
+}
+
+fn caption<'a>(frontier: &Frontier, title: &'a str) -> Caption<'a> {
+    Caption {
+        title,
+        simulated: frontier.simulated,
+    }
 }
 
 fn series(points: impl Fn(Structure) -> Vec<FrontPoint>) -> Vec<FrontSeries> {

@@ -5,7 +5,7 @@ use std::path::Path;
 use model_format::limits::{MAX_AXIS_LEN, MAX_SAMPLE_RATE_HZ, MAX_TEXTURES};
 
 use super::contact::Contact;
-use super::description::{Measurement, Recording, RigDescription, Texture};
+use super::description::{Measurement, Recording, RigDescription, Roughness, Texture, Weave};
 use super::profile::{highest_roughness_term, highest_weave_term};
 use crate::support::error::Result;
 use crate::support::toml_field::{Checked, Field, from_toml};
@@ -163,58 +163,52 @@ fn check_texture(field: &Field, texture: &Texture, circumference_mm: f64) -> Che
     field.key("loss_factor").within(loss_factor, 0.0, 10.0)?;
     let weaves = field.key("weave");
     weaves.count(texture.weaves.len(), 0, MAX_PARTS)?;
-    let fine = |terms: f64, field: Field| {
-        let problem = || format!("is too fine for a drum of {circumference_mm} mm");
-        field.require(terms <= MAX_TERMS, problem)
-    };
     for (index, weave) in texture.weaves.iter().enumerate() {
-        let field = weaves.item(index);
+        check_weave(&weaves.item(index), weave, circumference_mm)?;
+    }
+    match &texture.roughness {
+        Some(roughness) => check_roughness(&field.key("roughness"), roughness, circumference_mm),
+        None => Ok(()),
+    }
+}
+
+fn check_weave(field: &Field, weave: &Weave, circumference_mm: f64) -> Checked {
+    let wavelength_mm = weave.wavelength_mm;
+    positive(field, "wavelength_mm", wavelength_mm, circumference_mm)?;
+    field
+        .key("amplitude_um")
+        .within(weave.amplitude_um, 0.0, 1e4)?;
+    field
+        .key("harmonics")
+        .count(weave.harmonics.len(), 0, MAX_PARTS)?;
+    each(field, "harmonics", &weave.harmonics, [-100.0, 100.0])?;
+    if let Some(jitter) = &weave.jitter {
+        let field = field.key("jitter");
+        field.key("rms_rad").within(jitter.rms_rad, 0.0, 10.0)?;
         positive(
             &field,
-            "wavelength_mm",
-            weave.wavelength_mm,
+            "correlation_mm",
+            jitter.correlation_mm,
             circumference_mm,
         )?;
-        field
-            .key("amplitude_um")
-            .within(weave.amplitude_um, 0.0, 1e4)?;
-        field
-            .key("harmonics")
-            .count(weave.harmonics.len(), 0, MAX_PARTS)?;
-        each(&field, "harmonics", &weave.harmonics, [-100.0, 100.0])?;
-        if let Some(jitter) = &weave.jitter {
-            let field = field.key("jitter");
-            field.key("rms_rad").within(jitter.rms_rad, 0.0, 10.0)?;
-            positive(
-                &field,
-                "correlation_mm",
-                jitter.correlation_mm,
-                circumference_mm,
-            )?;
-        }
-        let terms = highest_weave_term(weave, circumference_mm);
-        fine(terms, field.key("wavelength_mm"))?;
     }
-    if let Some(roughness) = &texture.roughness {
-        let field = field.key("roughness");
-        field.key("rms_um").within(roughness.rms_um, 0.0, 1e4)?;
-        positive(&field, "hurst", roughness.hurst, 1.0)?;
-        positive(
-            &field,
-            "roll_off_mm",
-            roughness.roll_off_mm,
-            circumference_mm,
-        )?;
-        positive(
-            &field,
-            "shortest_mm",
-            roughness.shortest_mm,
-            roughness.roll_off_mm,
-        )?;
-        let terms = highest_roughness_term(roughness, circumference_mm);
-        fine(terms, field.key("shortest_mm"))?;
-    }
-    Ok(())
+    let terms = highest_weave_term(weave, circumference_mm);
+    check_fineness(&field.key("wavelength_mm"), terms, circumference_mm)
+}
+
+fn check_roughness(field: &Field, roughness: &Roughness, circumference_mm: f64) -> Checked {
+    field.key("rms_um").within(roughness.rms_um, 0.0, 1e4)?;
+    positive(field, "hurst", roughness.hurst, 1.0)?;
+    let roll_off_mm = roughness.roll_off_mm;
+    positive(field, "roll_off_mm", roll_off_mm, circumference_mm)?;
+    positive(field, "shortest_mm", roughness.shortest_mm, roll_off_mm)?;
+    let terms = highest_roughness_term(roughness, circumference_mm);
+    check_fineness(&field.key("shortest_mm"), terms, circumference_mm)
+}
+
+fn check_fineness(field: &Field, terms: f64, circumference_mm: f64) -> Checked {
+    let problem = || format!("is too fine for a drum of {circumference_mm} mm");
+    field.require(terms <= MAX_TERMS, problem)
 }
 
 /// Checks that a profile has a tool to feel it, and that the Hertz contact stays smaller than the tip.

@@ -143,11 +143,7 @@ impl TextureSummary {
                 .map(|node| node.output_power.sqrt())
                 .filter(|rms| *rms > 0.0)
         };
-        let nodes = if with_nodes {
-            node_summaries(texture)
-        } else {
-            Vec::new()
-        };
+        let nodes = with_nodes.then(|| node_summaries(texture));
         Self {
             name: texture.name().to_owned(),
             provenance: texture.provenance().to_string(),
@@ -191,7 +187,7 @@ impl TextureSummary {
                 .map(|samples| f64::from(samples) / f64::from(texture.sample_rate_hz())),
             level_track: track_summary(texture),
             lines: line_summaries(texture),
-            nodes,
+            nodes: nodes.unwrap_or_default(),
         }
     }
 }

@@ -67,16 +67,8 @@ impl ResponseArguments {
         svg.map_or(Ok(()), |svg| self.overwrite.file(svg))
     }
 
-    /// Measures, proves and stores the response. `answer` asks the operator; none if nobody is asked.
-    ///
-    /// # Errors
-    /// A fault of the actuator, after which nothing has changed, or a link that is lost.
-    pub fn run(
-        &self,
-        device: &Device,
-        interrupt: Interrupt,
-        answer: Option<Answer<'_>>,
-    ) -> Result<(ResponseReport, Result<()>)> {
+    /// Has the operator hold the stylus, and notes what is not known of the accelerometer.
+    fn prepare(&self, answer: Option<Answer<'_>>) -> Result<()> {
         if let Some(answer) = answer {
             answer(
                 "hold the stylus as in use, with the tip in the air, and stay so for half a minute; then press Enter",
@@ -88,6 +80,20 @@ impl ResponseArguments {
                  --accelerometer-bandwidth",
             );
         }
+        Ok(())
+    }
+
+    /// Measures, proves and stores the response. `answer` asks the operator; none if nobody is asked.
+    ///
+    /// # Errors
+    /// A fault of the actuator, after which nothing has changed, or a link that is lost.
+    pub fn run(
+        &self,
+        device: &Device,
+        interrupt: Interrupt,
+        answer: Option<Answer<'_>>,
+    ) -> Result<(ResponseReport, Result<()>)> {
+        self.prepare(answer)?;
         let options = Options {
             bandwidths: bandwidths(&self.accelerometer_bandwidth)?,
             max_gain_db: self.max_gain,

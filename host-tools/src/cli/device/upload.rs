@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use host_tools::link::upload::upload_over;
+use host_tools::link::upload::{Uploaded, upload_over};
 use host_tools::support::error::Result;
 use host_tools::support::number::counted;
 use host_tools::support::progress;
@@ -125,6 +125,11 @@ fn upload(arguments: &Arguments, path: &Path) -> Result<()> {
             active: arguments.activate,
         });
     }
+    show(path, &uploaded, arguments.activate)
+}
+
+/// Shows what was uploaded from `path`, and how.
+fn show(path: &Path, uploaded: &Uploaded, is_active: bool) -> Result<()> {
     if uploaded.resumed_from > 0 {
         note(&format!(
             "resumed: {} bytes were uploaded before",
@@ -143,7 +148,7 @@ fn upload(arguments: &Arguments, path: &Path) -> Result<()> {
         uploaded.slot,
         uploaded.library.length,
         uploaded.textures.join(", "),
-        if arguments.activate {
+        if is_active {
             "; active".to_owned()
         } else {
             format!(

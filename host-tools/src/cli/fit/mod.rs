@@ -6,6 +6,7 @@ mod report;
 
 use host_tools::fit;
 use host_tools::fit::Fit;
+use host_tools::fit::densify::Densified;
 use host_tools::fit::record::{FitRecord, FoundLines};
 use host_tools::recording::{RecordingSet, Snap};
 use host_tools::support::error::{Error, Result};
@@ -173,20 +174,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             added_lines: denser.as_ref().map(|d| d.lines.as_slice()),
         });
     }
-    show_verdicts(&fit);
-    low_rates(&fit.trials).iter().for_each(|text| note(text));
-    print(&texture_table(&textures))?;
-    print(&format!("\n{}", lines_found(&fit)))?;
-    if let Some(shares) = rigs_share(&fit) {
-        print(&format!("\n{shares}"))?;
-    }
-    if let Some(denser) = &denser {
-        print(&format!("\n{}", densify::lines_added(&denser.lines)))?;
-    }
-    let reports = fit.excitations();
-    if !reports.is_empty() {
-        print(&format!("\n{}", excitations(&reports)))?;
-    }
+    show(&fit, &textures, denser.as_ref())?;
     print(&format!(
         "\n{} -> {} ({}); the axes' energy kept: {}",
         trials_used(&fit.trials),
@@ -194,4 +182,23 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         counted(bytes.len(), "byte"),
         energy_kept(&fit.trials)
     ))
+}
+
+/// Shows `fit`: its trials, its textures, and the parts that were found.
+fn show(fit: &Fit, textures: &[TextureSummary], denser: Option<&Densified>) -> Result<()> {
+    show_verdicts(fit);
+    low_rates(&fit.trials).iter().for_each(|text| note(text));
+    print(&texture_table(textures))?;
+    print(&format!("\n{}", lines_found(fit)))?;
+    if let Some(shares) = rigs_share(fit) {
+        print(&format!("\n{shares}"))?;
+    }
+    if let Some(denser) = denser {
+        print(&format!("\n{}", densify::lines_added(&denser.lines)))?;
+    }
+    let reports = fit.excitations();
+    if !reports.is_empty() {
+        print(&format!("\n{}", excitations(&reports)))?;
+    }
+    Ok(())
 }

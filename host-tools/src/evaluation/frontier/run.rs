@@ -18,6 +18,15 @@ use super::structure::{library_bytes_per_node, ram_bytes};
 use super::{INTERVALS, Options};
 use stylus_costs::Structure;
 
+fn known_cost(structure: Structure, order: usize, core: Core) -> Result<Cost> {
+    let known = Costs::measured().at(structure, 4, core, order);
+    known.ok_or_else(|| {
+        Error::Request(format!(
+            "no cost is known of a {structure} of order {order} on a {core}"
+        ))
+    })
+}
+
 impl Prepared {
     /// Pieces of work that [`Prepared::run`] does.
     pub fn work(&self) -> usize {
@@ -46,15 +55,7 @@ impl Prepared {
             let libraries = self.libraries(structure, fitted);
             let held = libraries.iter().zip(&self.names);
             let refused = held.filter(|(library, _)| library.is_none());
-            let cost = |core| {
-                let known = Costs::measured().at(structure, 4, core, fitted.highest_order);
-                known.ok_or_else(|| {
-                    let order = fitted.highest_order;
-                    Error::Request(format!(
-                        "no cost is known of a {structure} of order {order} on a {core}"
-                    ))
-                })
-            };
+            let cost = |core| known_cost(structure, fitted.highest_order, core);
             let filter = Filter {
                 structure,
                 order: fitted.order,

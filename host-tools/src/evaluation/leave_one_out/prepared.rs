@@ -46,6 +46,17 @@ pub(super) struct Target {
     pub(super) place: (usize, usize),
 }
 
+/// Frequencies at which the trial `own` can be judged, if any.
+fn scoring_range(own: &Recorded<'_>) -> Option<ScoringRange> {
+    // A file of a higher rate is judged in the models' band alone.
+    let rate_hz = own.analysis.source_rate_hz.min(f64::from(SAMPLE_RATE_HZ));
+    let range = ScoringRange::of(rate_hz, own.samples().len())?;
+    match own.analysis.slow.cut_hz {
+        Some(cut_hz) => range.above(lowest_hz(cut_hz)),
+        None => Some(range),
+    }
+}
+
 impl<'a> Prepared<'a> {
     /// Reads and fits `set`.
     ///
@@ -80,16 +91,7 @@ impl<'a> Prepared<'a> {
         let mut trials: Vec<Recorded<'_>> =
             recordings.into_iter().flat_map(|own| own.trials).collect();
         trials.sort_by_key(|own| own.number);
-        let range = |own: &Recorded<'_>| {
-            // A file of a higher rate is judged in the models' band alone.
-            let rate_hz = own.analysis.source_rate_hz.min(f64::from(SAMPLE_RATE_HZ));
-            let range = ScoringRange::of(rate_hz, own.samples().len())?;
-            match own.analysis.slow.cut_hz {
-                Some(cut_hz) => range.above(lowest_hz(cut_hz)),
-                None => Some(range),
-            }
-        };
-        let ranges = trials.iter().map(range).collect();
+        let ranges = trials.iter().map(scoring_range).collect();
         let signals = trials
             .into_iter()
             .filter_map(|own| Some(own.signal?.samples))

@@ -90,20 +90,7 @@ async fn run(
         health: health.clone(),
     };
     open::open(&place.address, &health, pumps).await?;
-    // Nobody listens at a socket whose lock was free: it is that of a broker that has crashed.
-    match fs::remove_file(&place.socket) {
-        Err(failure) if failure.kind() != io::ErrorKind::NotFound => {
-            let shown = place.socket.display();
-            return Err(unusable(
-                address,
-                &format!("{shown} cannot be replaced ({failure}): remove it"),
-            ));
-        }
-        _ => {}
-    }
-    let listener = UnixListener::bind(&place.socket).map_err(failed)?;
-    let _socket = Socket(&place);
-    fs::set_permissions(&place.socket, Permissions::from_mode(0o600)).map_err(failed)?;
+    let (_socket, listener) = Socket::bind(&place, address)?;
     ready();
     let mut broker = Broker {
         switchboard: Switchboard::default(),
@@ -142,6 +129,28 @@ async fn run(
 
 /// A socket that is removed with its broker, also where that fails.
 struct Socket<'a>(&'a Place);
+
+impl<'a> Socket<'a> {
+    /// Listens at the socket of `place`, for this user alone.
+    fn bind(place: &'a Place, address: &LinkAddress) -> Result<(Self, UnixListener)> {
+        let failed = |failure: io::Error| unusable(address, &failure);
+        // Nobody listens at a socket whose lock was free: it is that of a broker that has crashed.
+        match fs::remove_file(&place.socket) {
+            Err(failure) if failure.kind() != io::ErrorKind::NotFound => {
+                let shown = place.socket.display();
+                return Err(unusable(
+                    address,
+                    &format!("{shown} cannot be replaced ({failure}): remove it"),
+                ));
+            }
+            _ => {}
+        }
+        let listener = UnixListener::bind(&place.socket).map_err(failed)?;
+        let socket = Self(place);
+        fs::set_permissions(&place.socket, Permissions::from_mode(0o600)).map_err(failed)?;
+        Ok((socket, listener))
+    }
+}
 
 impl Drop for Socket<'_> {
     fn drop(&mut self) {

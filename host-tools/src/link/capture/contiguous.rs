@@ -87,17 +87,7 @@ pub fn capture(
     samples.drain(..settle);
     whole.truncate(settle + wanted);
     whole.drain(..settle);
-    let interpolated = whole.iter().filter(|&&whole| !whole).count() as u32;
-    if f64::from(interpolated) > MOST_TORN * wanted as f64 {
-        return Err(LinkError::Lossy {
-            link: device.address().to_string(),
-            what: format!(
-                "{interpolated} of {wanted} samples are torn, because the device read its converter late: look at \
-                 `stylus status`, restart the device, then record again"
-            ),
-        });
-    }
-    interpolate(&mut samples, &whole);
+    let interpolated = mend(device, &mut samples, &whole)?;
     Ok(Some(Capture {
         interpolated,
         samples,
@@ -106,6 +96,23 @@ pub fn capture(
         loss,
         holes,
     }))
+}
+
+/// Interpolates the samples that are not `whole`; gives their number, or an error if they are too many.
+fn mend(device: &Device, samples: &mut [RecordSample], whole: &[bool]) -> Result<u32> {
+    let interpolated = whole.iter().filter(|&&whole| !whole).count() as u32;
+    if f64::from(interpolated) > MOST_TORN * whole.len() as f64 {
+        return Err(LinkError::Lossy {
+            link: device.address().to_string(),
+            what: format!(
+                "{interpolated} of {} samples are torn, because the device read its converter late: look at \
+                 `stylus status`, restart the device, then record again",
+                whole.len()
+            ),
+        });
+    }
+    interpolate(samples, whole);
+    Ok(interpolated)
 }
 
 /// Replaces the codes of samples that are not `whole` by those on the line between their whole neighbours, or by the

@@ -40,6 +40,39 @@ pub struct Checked {
     pub seconds: f64,
 }
 
+impl Checked {
+    /// The changes that count, in words: from a resonance of `then_hz`, and in the third octave that has changed most
+    /// beside the gain, by an amount in dB.
+    fn changes(&self, then_hz: f64, worst_band: Option<(usize, f64)>) -> Vec<String> {
+        let (gain_db, axis_deg) = (self.gain_db, self.axis_deg);
+        let mut moved = Vec::new();
+        if gain_db.is_nan() || gain_db.abs() >= GAIN_DB {
+            moved.push(format!("the gain has changed by {gain_db:+.1} dB"));
+        }
+        match self.resonance_hz {
+            Some(hz) if (hz / then_hz - 1.0).abs() < RESONANCE => {}
+            Some(hz) => moved.push(format!(
+                "the resonance has moved from {then_hz:.1} to {hz:.1} Hz"
+            )),
+            None => moved.push(format!("the resonance of {then_hz:.1} Hz is not found")),
+        }
+        if axis_deg > AXIS_DEG {
+            moved.push(format!(
+                "the direction of motion has turned by {axis_deg:.0} degrees"
+            ));
+        }
+        if let Some((band, off_db)) =
+            worst_band.filter(|worst| worst.1.abs() > BAND_DB && moved.is_empty())
+        {
+            let hz = crate::dsp::response::band_centre_hz(band);
+            moved.push(format!(
+                "the level around {hz:.0} Hz has changed by {off_db:+.1} dB beside the others"
+            ));
+        }
+        moved
+    }
+}
+
 /// Compares an actuator with its `stored` response.
 ///
 /// # Errors
@@ -92,36 +125,15 @@ pub fn check(
         .map(|(now, then)| now * f64::from(then))
         .sum();
     let axis_deg = cosine.clamp(-1.0, 1.0).acos().to_degrees();
-    let mut moved = Vec::new();
-    if gain_db.is_nan() || gain_db.abs() >= GAIN_DB {
-        moved.push(format!("the gain has changed by {gain_db:+.1} dB"));
-    }
-    let then_hz = f64::from(stored.resonance_hz);
-    match resonance_hz {
-        Some(hz) if (hz / then_hz - 1.0).abs() < RESONANCE => {}
-        Some(hz) => moved.push(format!(
-            "the resonance has moved from {then_hz:.1} to {hz:.1} Hz"
-        )),
-        None => moved.push(format!("the resonance of {then_hz:.1} Hz is not found")),
-    }
-    if axis_deg > AXIS_DEG {
-        moved.push(format!(
-            "the direction of motion has turned by {axis_deg:.0} degrees"
-        ));
-    }
-    if let Some((band, off_db)) = worst.filter(|worst| worst.1.abs() > BAND_DB && moved.is_empty())
-    {
-        let hz = crate::dsp::response::band_centre_hz(band);
-        moved.push(format!(
-            "the level around {hz:.0} Hz has changed by {off_db:+.1} dB beside the others"
-        ));
-    }
-    Ok(Checked {
-        ok: moved.is_empty(),
-        moved,
+    let mut checked = Checked {
+        ok: true,
+        moved: Vec::new(),
         gain_db,
         resonance_hz,
         axis_deg,
         seconds: bench.seconds(),
-    })
+    };
+    checked.moved = checked.changes(f64::from(stored.resonance_hz), worst);
+    checked.ok = checked.moved.is_empty();
+    Ok(checked)
 }

@@ -129,6 +129,14 @@ struct Output<'a> {
     response: Option<&'a Response>,
 }
 
+/// The demand of one node on an output.
+struct Demand {
+    /// As [`Headroom::over_db`].
+    over_db: [f64; 3],
+    /// Of each third octave: m/s² RMS that are asked for, V RMS at the pin, and the share of the tightest limit.
+    bands: [[f64; 3]; BANDS],
+}
+
 impl Output<'_> {
     /// The demand of a texture, by itself or on a surface of a scene, with that surface's gain.
     fn asked_for(&self, texture: Texture<'_>, on: Option<(&Scene, f64)>) -> Result<Headroom> {
@@ -162,64 +170,86 @@ impl Output<'_> {
                     .map(|sample| sample * self.gain)
                     .collect();
                 let skipped = (SETTLE_S * rate_hz) as usize;
-                let (asked, pin) = (&asked[skipped..], &pin[skipped..]);
-                let dense = between(pin);
-                let peak = dense
-                    .iter()
-                    .fold(0.0f64, |most, volts| most.max(volts.abs()));
-                let square = pin.iter().map(|volts| volts * volts).sum::<f64>() / pin.len() as f64;
-                let slope = dense
-                    .windows(2)
-                    .fold(0.0f64, |most, pair| most.max((pair[1] - pair[0]).abs()))
-                    * rate_hz
-                    * STEPS as f64;
-                let over_db = [
-                    db(peak / f64::from(self.limits.peak_volt)),
-                    db(slope / self.slew_per_s),
-                    db((square / f64::from(self.limits.mean_square)).sqrt()),
-                ];
+                let demand = self.demand(&asked[skipped..], &pin[skipped..], rate_hz);
                 let most =
                     |over_db: [f64; 3]| over_db.into_iter().fold(f64::NEG_INFINITY, f64::max);
-                if most(over_db) > most(worst.over_db)
+                if most(demand.over_db) > most(worst.over_db)
                     || worst.bands.is_empty() && worst.at == [0.0; 2]
                 {
                     worst.at = [texture.speed(speed).0, texture.force(force).0];
-                    worst.over_db = over_db;
+                    worst.over_db = demand.over_db;
                 }
-                let spectra = [asked, pin].map(|signal| PowerSpectrum::welch(signal, rate_hz));
-                let crest = peak / square.sqrt().max(f64::MIN_POSITIVE);
-                for (band, most) in bands.iter_mut().enumerate() {
-                    let [low, high] = band_edges_hz(band);
-                    let [asked, volts] =
-                        [0, 1].map(|of: usize| spectra[of].power_between(low, high).sqrt());
-                    let slope = std::f64::consts::TAU * band_centre_hz(band) * crest * volts
-                        / self.slew_per_s;
-                    let over = (crest * volts / f64::from(self.limits.peak_volt)).max(slope);
-                    let over = over.max(volts / f64::from(self.limits.mean_square).sqrt());
-                    *most = [most[0].max(asked), most[1].max(volts), most[2].max(over)];
+                for (most, own) in bands.iter_mut().flatten().zip(demand.bands.as_flattened()) {
+                    *most = most.max(*own);
                 }
             }
         }
         worst.fitting_gain = ratio(-worst.tightest().1).min(1.0);
-        let of_band = |(band, [asked_m_s2, pin_volts, over]): (usize, [f64; 3])| {
-            let hz = band_centre_hz(band);
-            let known = self
-                .response
-                .filter(|response| response.trusted_bands >> band & 1 == 1);
-            let tip_m_s2 = known.map(|response| {
-                let level_db = f64::from(response.bands_centi_db[band]) / 100.0;
-                asked_m_s2 * self.gain * ratio(level_db + cascade_db(&sections, rate_hz, hz))
-            });
-            BandHeadroom {
-                hz,
-                asked_m_s2,
-                tip_m_s2,
-                pin_volts,
-                over_db: db(over),
-            }
-        };
+        let of_band = |(band, most)| self.band(band, most, |hz| cascade_db(&sections, rate_hz, hz));
         worst.bands = bands.into_iter().enumerate().map(of_band).collect();
         Ok(worst)
+    }
+
+    /// The demand of a node that asks for the acceleration `asked`, m/s², by the voltage `pin`, V.
+    fn demand(&self, asked: &[f64], pin: &[f64], rate_hz: f64) -> Demand {
+        let dense = between(pin);
+        let peak = dense
+            .iter()
+            .fold(0.0f64, |most, volts| most.max(volts.abs()));
+        let square = pin.iter().map(|volts| volts * volts).sum::<f64>() / pin.len() as f64;
+        let slope = dense
+            .windows(2)
+            .fold(0.0f64, |most, pair| most.max((pair[1] - pair[0]).abs()))
+            * rate_hz
+            * STEPS as f64;
+        let (peak_volts, rms_volts) = (
+            f64::from(self.limits.peak_volt),
+            f64::from(self.limits.mean_square).sqrt(),
+        );
+        let spectra = [asked, pin].map(|signal| PowerSpectrum::welch(signal, rate_hz));
+        let crest = peak / square.sqrt().max(f64::MIN_POSITIVE);
+        let of_band = |band: usize| {
+            let [low, high] = band_edges_hz(band);
+            let [asked, volts] =
+                [0, 1].map(|of: usize| spectra[of].power_between(low, high).sqrt());
+            let slope =
+                std::f64::consts::TAU * band_centre_hz(band) * crest * volts / self.slew_per_s;
+            let over = (crest * volts / peak_volts).max(slope);
+            [asked, volts, over.max(volts / rms_volts)]
+        };
+        Demand {
+            over_db: [
+                db(peak / peak_volts),
+                db(slope / self.slew_per_s),
+                db((square / f64::from(self.limits.mean_square)).sqrt()),
+            ],
+            bands: std::array::from_fn(of_band),
+        }
+    }
+
+    /// The room in a third octave, by the most that any node has there, as in [`Demand::bands`]. `sections_db` is the
+    /// gain of the response's sections at a frequency.
+    fn band(
+        &self,
+        band: usize,
+        [asked_m_s2, pin_volts, over]: [f64; 3],
+        sections_db: impl Fn(f64) -> f64,
+    ) -> BandHeadroom {
+        let hz = band_centre_hz(band);
+        let known = self
+            .response
+            .filter(|response| response.trusted_bands >> band & 1 == 1);
+        let tip_m_s2 = known.map(|response| {
+            let level_db = f64::from(response.bands_centi_db[band]) / 100.0;
+            asked_m_s2 * self.gain * ratio(level_db + sections_db(hz))
+        });
+        BandHeadroom {
+            hz,
+            asked_m_s2,
+            tip_m_s2,
+            pin_volts,
+            over_db: db(over),
+        }
     }
 }
 

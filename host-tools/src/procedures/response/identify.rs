@@ -177,6 +177,79 @@ impl Bounds {
     }
 }
 
+/// The findings at a level, with its response and the model that explains it.
+type Found = (Level, Measured, Option<Fit>);
+
+/// The excitation on a bench.
+struct Probing<'a, B> {
+    bench: &'a mut B,
+    bounds: &'a Bounds,
+    wave: Multisine,
+    bandwidths: &'a Bandwidths,
+    heard: &'a mut dyn FnMut(&str),
+}
+
+impl<B: Bench> Probing<'_, B> {
+    /// Plays `periods` with a peak of `volts`; nothing is measured if nothing moves.
+    fn play(&mut self, volts: f64, periods: usize) -> Result<(Played, Option<Measured>)> {
+        (self.heard)(&format!("{:.1} mV of peak", 1e3 * volts));
+        let probe = Probe {
+            codes: &self.wave.codes(),
+            peak_m_s2: volts / self.bounds.output_gain,
+            periods,
+            through: ProbeThrough::Nothing,
+        };
+        let played = usable(self.bench.play(&probe)?, volts)?;
+        let spectra = Spectra::of(&played.axes);
+        let measured = Measured::of(&spectra, &self.wave, volts, self.bandwidths);
+        Ok((
+            played,
+            measured.filter(|measured| measured.over_noise > MOVES),
+        ))
+    }
+
+    /// The peak of the highest level, V: raised until the response bends or a bound is reached.
+    fn top(&mut self) -> Result<f64> {
+        let most = self.bounds.volts(&self.wave.samples, SHARE_OF_RMS_AT_TOP);
+        let mut top = most * FIRST;
+        loop {
+            let (played, measured) = self.play(top, UPWARDS)?;
+            let bent = measured.as_ref().is_some_and(|measured| {
+                measured.over_noise > CLEAR && measured.even.max(measured.odd) > TOO_BENT
+            });
+            let peak = played
+                .axes
+                .iter()
+                .map(|axis| swing(axis))
+                .fold(0.0, f64::max);
+            let next = (2.0 * top)
+                .min(top * self.bounds.range_m_s2 / peak)
+                .min(most);
+            if bent || next < 1.05 * top {
+                return Ok(top);
+            }
+            top = next;
+        }
+    }
+
+    /// The findings at each of [`LEVELS`] below `top`; none where nothing moves.
+    fn levels(&mut self, top: f64) -> Result<Vec<Option<Found>>> {
+        let at = |(share, periods)| {
+            let volts = share * top;
+            let measured = self.play(volts, periods)?.1;
+            Ok(measured.map(|measured| {
+                let fit = Fit::of(&measured.lines);
+                (
+                    level(volts, &measured, fit.as_ref(), periods),
+                    measured,
+                    fit,
+                )
+            }))
+        };
+        LEVELS.into_iter().map(at).collect()
+    }
+}
+
 /// Identifies an actuator, telling each step to `heard`.
 ///
 /// # Errors
@@ -189,62 +262,15 @@ pub fn identify(
     let bounds = Bounds::of(bench.settings());
     heard("at rest");
     let rest_m_s2 = rest(bench, &bounds)?;
-    let wave = excitation();
-    let (codes, most) = (
-        wave.codes(),
-        bounds.volts(&wave.samples, SHARE_OF_RMS_AT_TOP),
-    );
-    let mut play = |volts: f64, periods: usize| -> Result<(Played, Option<Measured>)> {
-        heard(&format!("{:.1} mV of peak", 1e3 * volts));
-        let probe = Probe {
-            codes: &codes,
-            peak_m_s2: volts / bounds.output_gain,
-            periods,
-            through: ProbeThrough::Nothing,
-        };
-        let played = usable(bench.play(&probe)?, volts)?;
-        let measured = Measured::of(
-            &Spectra::of(&played.axes),
-            &wave,
-            volts,
-            &options.bandwidths,
-        );
-        Ok((
-            played,
-            measured.filter(|measured| measured.over_noise > MOVES),
-        ))
+    let mut probing = Probing {
+        bench,
+        bounds: &bounds,
+        wave: excitation(),
+        bandwidths: &options.bandwidths,
+        heard,
     };
-    let mut top = most * FIRST;
-    loop {
-        let (played, measured) = play(top, UPWARDS)?;
-        let bent = measured.as_ref().is_some_and(|measured| {
-            measured.over_noise > CLEAR && measured.even.max(measured.odd) > TOO_BENT
-        });
-        let peak = played
-            .axes
-            .iter()
-            .map(|axis| swing(axis))
-            .fold(0.0, f64::max);
-        let next = (2.0 * top).min(top * bounds.range_m_s2 / peak).min(most);
-        if bent || next < 1.05 * top {
-            break;
-        }
-        top = next;
-    }
-    let mut found = Vec::new();
-    for (share, periods) in LEVELS {
-        let volts = share * top;
-        let Some(measured) = play(volts, periods)?.1 else {
-            found.push(None);
-            continue;
-        };
-        let fit = Fit::of(&measured.lines);
-        found.push(Some((
-            level(volts, &measured, fit.as_ref(), periods),
-            measured,
-            fit,
-        )));
-    }
+    let top = probing.top()?;
+    let found = probing.levels(top)?;
     let Some((_, measured, fit)) = found[MEASURED].clone() else {
         let loudest = rest_m_s2.into_iter().fold(0.0, f64::max);
         let seen = format!("nothing moves at {top:.3} V of peak");

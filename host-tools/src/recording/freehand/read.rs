@@ -10,7 +10,7 @@ use crate::recording::time_unit::{TimeColumn, TimeUnit};
 use crate::recording::unit;
 use crate::recording::{MAX_CHANNELS, RECORDING};
 use crate::recording::{MAX_FRAMES, rate_fault};
-use crate::support::csv_table::{CsvTable, Header, TABLE};
+use crate::support::csv_table::{CsvTable, Header, Row, TABLE};
 use crate::support::error::{Error, Result};
 use crate::support::hand::{MAX_FORCE_N, MAX_SPEED_MM_S};
 
@@ -73,6 +73,45 @@ impl Freehand {
         }
         notes
     }
+
+    /// Appends a row, whose accelerations are in units of `scales_m_s2`; `names` are those of its columns.
+    fn push(
+        &mut self,
+        row: &Row<'_, '_>,
+        columns: &Columns,
+        names: &[&str],
+        scales_m_s2: &[f64],
+    ) -> Result<()> {
+        let mut bad = false;
+        let mut keep = |index: usize, value: f64, limit: f64| {
+            if value.is_finite() && value.abs() <= limit {
+                return value;
+            }
+            bad = true;
+            if self.outliers.len() < NAMED_OUTLIERS {
+                self.outliers.push(Outlier {
+                    line: row.line,
+                    column: names[index].to_owned(),
+                    value,
+                });
+            }
+            0.0
+        };
+        let speed = keep(columns.speed, row.number(columns.speed)?, MAX_SPEED_MM_S);
+        let force = keep(columns.force, row.number(columns.force)?, MAX_FORCE_N);
+        for ((axis, &index), scale) in self.axes.iter_mut().zip(&columns.axes).zip(scales_m_s2) {
+            axis.push(keep(
+                index,
+                scale * row.number(index)?,
+                MAX_ACCELERATION_M_S2,
+            ));
+        }
+        self.speed_mm_s.push(speed.abs());
+        self.is_backward.push(speed < 0.0);
+        self.force_n.push(force);
+        self.is_outlier.push(bad);
+        Ok(())
+    }
 }
 
 /// A value that no hand and no sensor can have.
@@ -123,12 +162,8 @@ pub fn read(path: &Path, rate_hz: Option<f64>, scale_m_s2: Option<f64>) -> Resul
     let table = CsvTable::read(path, TABLE)?;
     let header = table.header()?;
     let names: Vec<&str> = header.names().collect();
-    let Columns {
-        time,
-        speed,
-        force,
-        axes,
-    } = Columns::of(&header)?;
+    let columns = Columns::of(&header)?;
+    let axes = &columns.axes;
     let of_axes: Vec<String> = axes.iter().map(|&index| names[index].to_owned()).collect();
     let stated = unit::stated(&of_axes, &table.comments()?);
     let scales_m_s2 = stated.scales_for(scale_m_s2, axes.len());
@@ -147,35 +182,10 @@ pub fn read(path: &Path, rate_hz: Option<f64>, scale_m_s2: Option<f64>) -> Resul
     let mut times = Vec::new();
     let mut rows = table.rows_below_header()?;
     while let Some(row) = rows.next_row()? {
-        let line = row.line;
-        let number = |index: usize| row.number(index);
-        if let Some((time, unit)) = time {
-            times.push(number(time)? / unit.per_second());
+        if let Some((time, unit)) = columns.time {
+            times.push(row.number(time)? / unit.per_second());
         }
-        let mut bad = false;
-        let mut keep = |index: usize, value: f64, limit: f64| {
-            if value.is_finite() && value.abs() <= limit {
-                return value;
-            }
-            bad = true;
-            if recording.outliers.len() < NAMED_OUTLIERS {
-                recording.outliers.push(Outlier {
-                    line,
-                    column: names[index].to_owned(),
-                    value,
-                });
-            }
-            0.0
-        };
-        let speed = keep(speed, number(speed)?, MAX_SPEED_MM_S);
-        let force = keep(force, number(force)?, MAX_FORCE_N);
-        for ((axis, &index), scale) in recording.axes.iter_mut().zip(&axes).zip(&scales_m_s2) {
-            axis.push(keep(index, scale * number(index)?, MAX_ACCELERATION_M_S2));
-        }
-        recording.speed_mm_s.push(speed.abs());
-        recording.is_backward.push(speed < 0.0);
-        recording.force_n.push(force);
-        recording.is_outlier.push(bad);
+        recording.push(&row, &columns, &names, &scales_m_s2)?;
         if recording.is_outlier.len() > MAX_FRAMES {
             let problem = format!("more than {MAX_FRAMES} rows: cut the file");
             return Err(row.error(problem));

@@ -212,11 +212,7 @@ pub fn segment(recordings: &[Freehand], options: &Options) -> Segmentation {
         moving += moving_s(recording, options);
         let blocks = blocks(recording, options);
         reversals += count_reversals(&blocks, options);
-        let starts = blocks
-            .iter()
-            .enumerate()
-            .filter(|(_, block)| **block == Block::Jump);
-        jumps.extend(starts.map(|(block, _)| (index, block as f64 * BLOCK_S)));
+        jumps.extend(jump_times_s(&blocks).map(|time_s| (index, time_s)));
         for segment in segments_of(recording, &blocks, index, options) {
             let length_s = (segment.end - segment.first) as f64 / recording.rate_hz;
             if !is_moving(segment.median_speed_mm_s, segment.median_force_n, options) {
@@ -299,6 +295,15 @@ enum Block {
 
 fn block_length(recording: &Freehand) -> usize {
     ((BLOCK_S * recording.rate_hz).round() as usize).max(1)
+}
+
+/// Times at which blocks begin in which the speed jumps, s.
+fn jump_times_s(blocks: &[Block]) -> impl Iterator<Item = f64> {
+    let starts = blocks
+        .iter()
+        .enumerate()
+        .filter(|(_, block)| **block == Block::Jump);
+    starts.map(|(block, _)| block as f64 * BLOCK_S)
 }
 
 /// Returns the motion of each whole block.

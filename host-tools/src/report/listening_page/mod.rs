@@ -62,16 +62,6 @@ fn page(plan: &Plan) -> Result<String> {
         Ok(STANDARD.encode(wav))
     });
     let sounds = page_json(&encoded.collect::<Result<Vec<String>>>()?);
-    let (shortest, longest) = plan.excerpt_s;
-    let duration = if longest - shortest < 0.05 {
-        format!("{longest:.1}")
-    } else {
-        format!("{shortest:.1} to {longest:.1}")
-    };
-    let but = match plan.task {
-        Task::Staircase(_) => ", but for those that differ in level",
-        Task::Abx { .. } | Task::Similarity(_) => "",
-    };
     let script_plan = PagePlan {
         page: format!(
             "{:016x}",
@@ -85,11 +75,7 @@ fn page(plan: &Plan) -> Result<String> {
         chance: CHANCE,
         confidence: CONFIDENCE,
         break_every: BREAK_EVERY,
-        facts: format!(
-            "Each sound takes {duration} s. All have the same RMS level over their duration, before {:.0} ms of fade \
-             at each end{but}.",
-            1000.0 * FADE_S
-        ),
+        facts: facts(plan),
         held_out: &plan.held_out,
         task: &plan.task,
     };
@@ -120,6 +106,25 @@ fn page(plan: &Plan) -> Result<String> {
         plan = page_json(&script_plan),
         script = include_str!("script.js"),
     ))
+}
+
+/// Duration and level of the sounds, in words.
+fn facts(plan: &Plan) -> String {
+    let (shortest, longest) = plan.excerpt_s;
+    let duration = if longest - shortest < 0.05 {
+        format!("{longest:.1}")
+    } else {
+        format!("{shortest:.1} to {longest:.1}")
+    };
+    let but = match plan.task {
+        Task::Staircase(_) => ", but for those that differ in level",
+        Task::Abx { .. } | Task::Similarity(_) => "",
+    };
+    format!(
+        "Each sound takes {duration} s. All have the same RMS level over their duration, before {:.0} ms of fade \
+         at each end{but}.",
+        1000.0 * FADE_S
+    )
 }
 
 #[cfg(test)]

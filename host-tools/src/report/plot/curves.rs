@@ -6,8 +6,8 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::canvas::{
-    Axis, BLUE, INK, SERIES, Stroke, Swatch, TEXT, VERMILION, at, axes, legend, line, picture,
-    range_with_zero, text, text_width,
+    Axis, BLUE, Drawn, INK, Plot, SERIES, Stroke, Swatch, TEXT, VERMILION, at, axes, legend, line,
+    picture, range_with_zero, text, text_width,
 };
 use super::figure::{ACCELERATION, FREQUENCY, Kind, POWER_DENSITY, Quantity, Series, TIME_MS};
 use super::{Caption, Svg};
@@ -51,26 +51,13 @@ pub fn front_chart(
     (series, fronts): (&[FrontSeries], &[FrontSeries]),
     names: &[(&str, f64, f64)],
 ) -> Result<Svg> {
-    let is_drawn = |point: &&FrontPoint| {
-        point.x.is_finite() && point.y.is_finite() && (!in_octaves || point.x > 0.0)
-    };
-    let drawn = |series: &FrontSeries| -> Vec<FrontPoint> {
-        series.points.iter().filter(is_drawn).cloned().collect()
-    };
-    let kept = |all: &[FrontSeries]| -> Vec<FrontSeries> {
-        let kept = all.iter().map(|series| FrontSeries {
-            points: drawn(series),
-            ..series.clone()
-        });
-        kept.filter(|series| !series.points.is_empty()).collect()
-    };
     // Colours go by the place among all, so that a structure has one colour in several pictures.
     let colours = series.iter().zip(SERIES.into_iter().cycle());
     let colour = |name: &str| {
         let mut own = colours.clone().filter(|(series, _)| series.name == name);
         own.next().map_or(INK, |(_, colour)| colour)
     };
-    let (series, fronts) = (kept(series), kept(fronts));
+    let [series, fronts] = [series, fronts].map(|all| drawable(all, in_octaves));
     let all = || {
         series
             .iter()
@@ -105,38 +92,68 @@ pub fn front_chart(
         let mut plot = axes(&legend(area, &entries)?, "", &x, &y)?;
         for (is_front, of) in [(false, &series), (true, &fronts)] {
             for series in of {
-                let stroke = Stroke {
-                    colour: colour(&series.name),
-                    half_pixels: 3,
-                    dashed: series.dashed,
-                };
-                let joined: Vec<(f64, f64)> = series.points.iter().map(place).collect();
-                let path = if is_front { steps(&joined) } else { joined };
-                plot.path(path, stroke)?;
-                let (radius, style) = if is_front {
-                    (at(6), line(INK, 3))
-                } else {
-                    (at(3), stroke.colour.filled())
-                };
-                let dots = series.points.iter().map(place);
-                plot.chart
-                    .draw_series(dots.map(|place| Circle::new(place, radius, style)))?;
-                plot.panel.series.push(data(series, stroke.colour));
+                draw_front_series(&mut plot, series, colour(&series.name), is_front, place)?;
             }
         }
         for &(name, x, y) in names {
-            let (width, height) = (text_width(name, TEXT), at(TEXT));
-            let ground = [(-at(10) - width, at(6)), (-at(6), at(10) + height)];
-            let style = text(TEXT, INK).pos(Pos::new(HPos::Right, VPos::Top));
-            let element = EmptyElement::at((octave(x) - origin, y))
-                + Circle::new((0, 0), at(6), INK.filled())
-                + Rectangle::new(ground, WHITE.filled())
-                + Text::new(name.to_owned(), (-at(8), at(8)), style);
-            plot.chart.draw_series([element])?;
+            draw_name(&mut plot, name, (octave(x) - origin, y))?;
         }
         panels.push(plot.panel);
         Ok(())
     })
+}
+
+/// Those of `all` that have points that can be drawn, with these alone.
+fn drawable(all: &[FrontSeries], in_octaves: bool) -> Vec<FrontSeries> {
+    let is_drawn = |point: &&FrontPoint| {
+        point.x.is_finite() && point.y.is_finite() && (!in_octaves || point.x > 0.0)
+    };
+    let kept = all.iter().map(|series| FrontSeries {
+        points: series.points.iter().filter(is_drawn).cloned().collect(),
+        ..series.clone()
+    });
+    kept.filter(|series| !series.points.is_empty()).collect()
+}
+
+/// Draws choices at their `place`s, as a line and dots, that of a front in steps.
+fn draw_front_series(
+    plot: &mut Plot<'_>,
+    series: &FrontSeries,
+    colour: RGBColor,
+    is_front: bool,
+    place: impl Fn(&FrontPoint) -> (f64, f64),
+) -> Drawn {
+    let stroke = Stroke {
+        colour,
+        half_pixels: 3,
+        dashed: series.dashed,
+    };
+    let joined: Vec<(f64, f64)> = series.points.iter().map(&place).collect();
+    let path = if is_front { steps(&joined) } else { joined };
+    plot.path(path, stroke)?;
+    let (radius, style) = if is_front {
+        (at(6), line(INK, 3))
+    } else {
+        (at(3), colour.filled())
+    };
+    let dots = series.points.iter().map(&place);
+    plot.chart
+        .draw_series(dots.map(|dot| Circle::new(dot, radius, style)))?;
+    plot.panel.series.push(data(series, colour));
+    Ok(())
+}
+
+/// Writes `name` to the left below its `place`.
+fn draw_name(plot: &mut Plot<'_>, name: &str, place: (f64, f64)) -> Drawn {
+    let (width, height) = (text_width(name, TEXT), at(TEXT));
+    let ground = [(-at(10) - width, at(6)), (-at(6), at(10) + height)];
+    let style = text(TEXT, INK).pos(Pos::new(HPos::Right, VPos::Top));
+    let element = EmptyElement::at(place)
+        + Circle::new((0, 0), at(6), INK.filled())
+        + Rectangle::new(ground, WHITE.filled())
+        + Text::new(name.to_owned(), (-at(8), at(8)), style);
+    plot.chart.draw_series([element])?;
+    Ok(())
 }
 
 fn data(series: &FrontSeries, colour: RGBColor) -> Series {

@@ -87,6 +87,19 @@ struct PartsData {
     lines: Vec<Value>,
 }
 
+impl PartsData {
+    fn of(texture: &Texture<'_>) -> Self {
+        Self {
+            codebooks: texture.excitation().is_some(),
+            track: texture.modulation().is_some(),
+            lines: (texture.lines().iter())
+                .flat_map(|lines| lines.iter().map(|line| as_written(line.wavelength_mm())))
+                .map(|wavelength_mm| json!({ "wavelength_mm": wavelength_mm }))
+                .collect(),
+        }
+    }
+}
+
 /// Values of a texture's nodes, speed-major.
 #[derive(Serialize)]
 pub struct NodesData {
@@ -96,6 +109,26 @@ pub struct NodesData {
     flags: Vec<u8>,
     /// C as a share; nothing where no node has one.
     pub costs: Option<Vec<Option<f64>>>,
+}
+
+impl NodesData {
+    fn of(texture: &Texture<'_>, recorded: &[Recorded]) -> Self {
+        let levels = texture
+            .nodes()
+            .map(|node| significant(f64::from(node.output_power).sqrt()));
+        let costs: Vec<Option<f64>> = (recorded.iter())
+            .map(|node| node.cost.map(significant))
+            .collect();
+        Self {
+            orders: texture
+                .nodes()
+                .map(|node| node.coefficients.order())
+                .collect(),
+            rms_m_s2: levels.collect(),
+            flags: texture.nodes().map(|node| node.flags.bits()).collect(),
+            costs: costs.iter().any(Option::is_some).then_some(costs),
+        }
+    }
 }
 
 impl Data {
@@ -189,15 +222,13 @@ impl TextureData {
             .par_iter()
             .map(|&(speed, force)| model_spectrum(&texture.node(speed, force), rate_hz))
             .collect();
-        let recorded: Vec<Recorded> = places
-            .par_iter()
-            .map(|&place| match found {
-                Some((recordings, thinning)) => {
-                    recorded_at(index, texture, place, &recordings, thinning)
-                }
-                None => Ok(Recorded::default()),
-            })
-            .collect::<Result<_>>()?;
+        let recorded = places.par_iter().map(|&place| match found {
+            Some((recordings, thinning)) => {
+                recorded_at(index, texture, place, &recordings, thinning)
+            }
+            None => Ok(Recorded::default()),
+        });
+        let recorded = recorded.collect::<Result<Vec<_>>>()?;
         let any_recorded = recorded.iter().any(|node| node.spectrum.is_some());
         let all = recorded.iter().filter_map(|node| node.spectrum.as_ref());
         let highest_db = models.iter().chain(all).map(Spectrum::highest_db);
@@ -213,22 +244,8 @@ impl TextureData {
             .iter()
             .flat_map(|model| model.codes(top_db))
             .collect();
-        let costs: Vec<Option<f64>> = (recorded.iter())
-            .map(|node| node.cost.map(significant))
-            .collect();
+        let nodes = NodesData::of(texture, &recorded);
         clips.extend(recorded.into_iter().filter_map(|node| node.clip));
-        let levels = texture
-            .nodes()
-            .map(|node| significant(f64::from(node.output_power).sqrt()));
-        let nodes = NodesData {
-            orders: texture
-                .nodes()
-                .map(|node| node.coefficients.order())
-                .collect(),
-            rms_m_s2: levels.collect(),
-            flags: texture.nodes().map(|node| node.flags.bits()).collect(),
-            costs: costs.iter().any(Option::is_some).then_some(costs),
-        };
         let powers = texture.nodes().map(|node| f64::from(node.output_power));
         let mean_power = powers.sum::<f64>() / places.len() as f64;
         Ok(Self {
@@ -240,14 +257,7 @@ impl TextureData {
             forces_n: forces.iter().map(|&f| as_written(f)).collect(),
             rms_m_s2: significant(mean_power.sqrt()),
             highest_rms_m_s2: significant(f64::from(texture.max_output_power()).sqrt()),
-            can_leave_out: PartsData {
-                codebooks: texture.excitation().is_some(),
-                track: texture.modulation().is_some(),
-                lines: (texture.lines().iter())
-                    .flat_map(|lines| lines.iter().map(|line| as_written(line.wavelength_mm())))
-                    .map(|wavelength_mm| json!({ "wavelength_mm": wavelength_mm }))
-                    .collect(),
-            },
+            can_leave_out: PartsData::of(texture),
             level_law: texture.level_law().to_string(),
             nodes,
             top_db,

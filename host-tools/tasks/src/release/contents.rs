@@ -54,50 +54,21 @@ fn of_metadata(metadata: &Value) -> Result<Value> {
     let nodes: BTreeMap<&str, &Value> = items(&metadata["resolve"], "nodes")
         .map(|node| (text(node, "id"), node))
         .collect();
-    let mut found = BTreeSet::new();
-    let mut next: Vec<&str> = packages
+    let roots: Vec<&str> = packages
         .iter()
         .filter(|(_, package)| ROOTS.contains(&text(package, "name")))
         .map(|(id, _)| *id)
         .collect();
-    if next.len() != ROOTS.len() {
+    if roots.len() != ROOTS.len() {
         bail!("the workspace lacks one of the packages {ROOTS:?}");
     }
-    while let Some(id) = next.pop() {
-        if found.insert(id) {
-            next.extend(built_in(nodes[id]));
-        }
-    }
-    let reference = |id: &&str| {
-        format!(
-            "{}@{}",
-            text(packages[*id], "name"),
-            text(packages[*id], "version")
-        )
-    };
-    let mut components: Vec<Value> = found
-        .iter()
-        .map(|id| {
-            let package = packages[*id];
-            let mut component = json!({
-                "type": "library",
-                "bom-ref": reference(id),
-                "name": package["name"],
-                "version": package["version"],
-                "licenses": [{ "expression": package["license"] }],
-            });
-            // The workspace's own are in no registry.
-            if package["source"].is_string() {
-                component["purl"] = format!("pkg:cargo/{}", reference(id)).into();
-            }
-            component
-        })
-        .collect();
+    let found = reached(roots, &nodes);
+    let mut components: Vec<Value> = found.iter().map(|id| component(packages[*id])).collect();
     let mut dependencies: Vec<Value> = found
         .iter()
         .map(|id| {
-            let on: BTreeSet<String> = built_in(nodes[*id]).map(|on| reference(&on)).collect();
-            json!({ "ref": reference(id), "dependsOn": on })
+            let on = built_in(nodes[*id]).map(|on| reference(packages[on]));
+            json!({ "ref": reference(packages[*id]), "dependsOn": on.collect::<BTreeSet<_>>() })
         })
         .collect();
     components.sort_by_key(|component| text(component, "bom-ref").to_owned());
@@ -114,6 +85,37 @@ fn of_metadata(metadata: &Value) -> Result<Value> {
         "components": components,
         "dependencies": dependencies,
     }))
+}
+
+/// The packages in `next`, and all that are built into them.
+fn reached<'a>(mut next: Vec<&'a str>, nodes: &BTreeMap<&str, &'a Value>) -> BTreeSet<&'a str> {
+    let mut found = BTreeSet::new();
+    while let Some(id) = next.pop() {
+        if found.insert(id) {
+            next.extend(built_in(nodes[id]));
+        }
+    }
+    found
+}
+
+fn reference(package: &Value) -> String {
+    format!("{}@{}", text(package, "name"), text(package, "version"))
+}
+
+/// The entry of `package`.
+fn component(package: &Value) -> Value {
+    let mut component = json!({
+        "type": "library",
+        "bom-ref": reference(package),
+        "name": package["name"],
+        "version": package["version"],
+        "licenses": [{ "expression": package["license"] }],
+    });
+    // The workspace's own are in no registry.
+    if package["source"].is_string() {
+        component["purl"] = format!("pkg:cargo/{}", reference(package)).into();
+    }
+    component
 }
 
 /// The packages that are built into that of `node`: neither those of its tests nor those of its build alone.

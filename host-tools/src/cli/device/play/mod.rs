@@ -131,30 +131,10 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         return Err(Error::Request(format!("{}: {problem}", device.address())));
     }
     let failure = heard.failure(&driven);
-    let limited = |output: &OutputStatus| {
-        let limits = [
-            output.hard_limited,
-            output.slew_limited,
-            output.thermally_limited,
-        ];
-        limits.map(u64::from).iter().sum::<u64>()
-    };
-    let limited = limited(&status).saturating_sub(limited(&before.output));
-    if limited > 0 {
-        warn(&format!(
-            "limits of the output acted at {}: `stylus headroom LIB` says in which bands, and at which gain the \
-             library fits",
-            counted(limited, "tick")
-        ));
-    }
+    warn_of_limits(&before.output, &status);
     let has_moved = fastest_mm_s.is_none_or(|speed| speed > 0.0);
     if !has_moved && arguments.texture.is_some() {
-        warn(if device.address().is_of_an_emulator() {
-            "nothing moved, so that nothing was heard: the virtual stylus needs --speed and --force, or --motion"
-        } else {
-            "nothing moved, so that nothing was heard: the sensors say 0 mm/s; move the tool, or give --speed and \
-             --force; `stylus selftest --move` tests the sensors"
-        });
+        warn_of_stillness(&device);
     }
     if arguments.json {
         print_json(&PlayReport {
@@ -186,6 +166,36 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         None => Ok(()),
         Some(failure) => Err(Error::Request(format!("{}: {failure}", device.address()))),
     }
+}
+
+/// Warns if limits of the output acted between two of its states.
+fn warn_of_limits(before: &OutputStatus, after: &OutputStatus) {
+    let limited = |output: &OutputStatus| {
+        let limits = [
+            output.hard_limited,
+            output.slew_limited,
+            output.thermally_limited,
+        ];
+        limits.map(u64::from).iter().sum::<u64>()
+    };
+    let limited = limited(after).saturating_sub(limited(before));
+    if limited > 0 {
+        warn(&format!(
+            "limits of the output acted at {}: `stylus headroom LIB` says in which bands, and at which gain the \
+             library fits",
+            counted(limited, "tick")
+        ));
+    }
+}
+
+/// Warns that nothing moved.
+fn warn_of_stillness(device: &Device) {
+    warn(if device.address().is_of_an_emulator() {
+        "nothing moved, so that nothing was heard: the virtual stylus needs --speed and --force, or --motion"
+    } else {
+        "nothing moved, so that nothing was heard: the sensors say 0 mm/s; move the tool, or give --speed and \
+         --force; `stylus selftest --move` tests the sensors"
+    });
 }
 
 fn summary(request: &PlayRequest, driven: &Driven, heard: &Heard) -> String {

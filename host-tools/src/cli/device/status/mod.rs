@@ -95,11 +95,18 @@ fn text(info: &DeviceInfo, status: &Status, update: Option<UpdateReport>) -> Str
     }
     lines.extend(settings(&status.settings).map(|line| format!("SETTINGS {line}")));
     lines.extend(start(status.start));
+    lines.extend(output_lines(status));
+    lines.extend(counter_lines(status));
+    lines.join("\n")
+}
+
+/// Library, output, limits and lease.
+fn output_lines(status: &Status) -> Vec<String> {
     let library = match status.active {
         Some(slot) => format!("slot {slot}, checksum {:08x}", status.library_crc32),
         None => "none active".to_owned(),
     };
-    lines.push(format!("library  {library}{}", upload(&status.upload)));
+    let mut lines = vec![format!("library  {library}{}", upload(&status.upload))];
     let amplifier = if status.output.amplifier { "on" } else { "off" };
     lines.push(format!(
         "output   {}; amplifier {amplifier}",
@@ -126,39 +133,45 @@ fn text(info: &DeviceInfo, status: &Status, update: Option<UpdateReport>) -> Str
             change(&proposal.change)
         ));
     }
-    lines.push(format!(
-        "recorder {}, {} blocks, {} lost",
-        if status.record.recording {
-            "recording"
-        } else {
-            "idle"
-        },
-        status.record.blocks,
-        status.record.lost_blocks
-    ));
-    lines.push(format!("USB      {}", link(&status.usb)));
-    lines.push(format!("serial   {}", link(&status.serial)));
-    lines.push(format!(
-        "tick     {} ticks, {} missed, {} late frames, {} late conversions, {} late outputs",
-        status.tick.ticks,
-        status.tick.missed,
-        status.tick.late_frames,
-        status.tick.late_conversions,
-        status.tick.late_outputs
-    ));
-    lines.push(format!(
-        "marks    {}",
-        marks(&status.marks, status.tick_histogram.core_hz)
-    ));
-    lines.push(format!("sensors  {}", levels(&status.levels)));
+    lines
+}
+
+/// Counts, worst cases and levels.
+fn counter_lines(status: &Status) -> [String; 7] {
     let times = &status.tick_histogram;
     let micros = |cycles: u32| f64::from(cycles) * 1e6 / f64::from(times.core_hz.max(1));
-    lines.push(format!(
-        "tick time {:.1} to {:.1} µs",
-        micros(times.shortest),
-        micros(times.longest)
-    ));
-    lines.join("\n")
+    [
+        format!(
+            "recorder {}, {} blocks, {} lost",
+            if status.record.recording {
+                "recording"
+            } else {
+                "idle"
+            },
+            status.record.blocks,
+            status.record.lost_blocks
+        ),
+        format!("USB      {}", link(&status.usb)),
+        format!("serial   {}", link(&status.serial)),
+        format!(
+            "tick     {} ticks, {} missed, {} late frames, {} late conversions, {} late outputs",
+            status.tick.ticks,
+            status.tick.missed,
+            status.tick.late_frames,
+            status.tick.late_conversions,
+            status.tick.late_outputs
+        ),
+        format!(
+            "marks    {}",
+            marks(&status.marks, status.tick_histogram.core_hz)
+        ),
+        format!("sensors  {}", levels(&status.levels)),
+        format!(
+            "tick time {:.1} to {:.1} µs",
+            micros(times.shortest),
+            micros(times.longest)
+        ),
+    ]
 }
 
 /// The start: clock, silicon and supply, and a line for each thing to see to.

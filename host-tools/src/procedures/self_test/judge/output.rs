@@ -149,64 +149,42 @@ pub fn output(values: &OutputValues, core_hz: u32) -> Vec<Line> {
             "PA4 is shorted or the chip's output is dead: take everything off PA4 and test again",
         )];
     }
+    let offset = middle - MID_SCALE;
+    let offsets = (-OFFSET_CODES, OFFSET_CODES);
+    let noise = f64::from(values.noise) / WORDS_PER_CODE;
+    let [half, settled] = delays(values, core_hz, (slope, middle));
+    let follows = Line::exact("output at PA4", "follows its code", "follows", true, "");
+    let mut lines = vec![
+        follows,
+        Line::number("output gain", slope, GAIN, ("", 4), AMPLIFIER),
+        Line::number("output offset", offset, offsets, ("codes", 1), AMPLIFIER),
+    ];
+    lines.extend(evenness(&means, (slope, middle)));
+    lines.push(Line::number(
+        "output noise",
+        noise,
+        (f64::NEG_INFINITY, NOISE_CODES),
+        ("codes RMS", 2),
+        DISTURBED,
+    ));
+    lines.push(delay_line("output delay", half, DELAY_US));
+    lines.push(delay_line("output settled", settled, SETTLED_US));
+    lines
+}
+
+/// Judges the distance of `means` from the straight line through them, and their steps.
+fn evenness(means: &[f64; OUTPUT_CODES], (slope, middle): (f64, f64)) -> [Line; 3] {
     let bend = (0..OUTPUT_CODES)
         .map(|n| (means[n] - middle - slope * (f64::from(output_code(n)) - MID_SCALE)).abs())
         .fold(0.0, f64::max);
     let steps = means.windows(2).map(|pair| pair[1] - pair[0]);
     let smallest = steps.clone().fold(f64::INFINITY, f64::min);
     let largest = steps.fold(f64::NEG_INFINITY, f64::max);
-    let [half, settled] = delays(values, core_hz, (slope, middle));
-    let none = f64::NEG_INFINITY;
-    let noise = f64::from(values.noise) / WORDS_PER_CODE;
-    let offset = (-OFFSET_CODES, OFFSET_CODES);
-    let mut lines = vec![Line::exact(
-        "output at PA4",
-        "follows its code",
-        "follows",
-        true,
-        "",
-    )];
-    for (name, value, limits, unit, remedy) in [
-        ("output gain", slope, GAIN, ("", 4), AMPLIFIER),
-        (
-            "output offset",
-            middle - MID_SCALE,
-            offset,
-            ("codes", 1),
-            AMPLIFIER,
-        ),
-        (
-            "output bend",
-            bend,
-            (none, BEND_CODES),
-            ("codes", 1),
-            AMPLIFIER,
-        ),
-        (
-            "output smallest step",
-            smallest,
-            STEP_OF_CODES,
-            ("codes", 1),
-            UNEVEN,
-        ),
-        (
-            "output largest step",
-            largest,
-            STEP_OF_CODES,
-            ("codes", 1),
-            UNEVEN,
-        ),
-        (
-            "output noise",
-            noise,
-            (none, NOISE_CODES),
-            ("codes RMS", 2),
-            DISTURBED,
-        ),
-    ] {
-        lines.push(Line::number(name, value, limits, unit, remedy));
-    }
-    lines.push(delay_line("output delay", half, DELAY_US));
-    lines.push(delay_line("output settled", settled, SETTLED_US));
-    lines
+    let bends = (f64::NEG_INFINITY, BEND_CODES);
+    let step = |name, value| Line::number(name, value, STEP_OF_CODES, ("codes", 1), UNEVEN);
+    [
+        Line::number("output bend", bend, bends, ("codes", 1), AMPLIFIER),
+        step("output smallest step", smallest),
+        step("output largest step", largest),
+    ]
 }
