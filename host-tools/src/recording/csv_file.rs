@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::rate::{MAX_FRAMES, length_fault, rate_fault};
+use super::rate::{MAX_SAMPLES, length_fault, rate_fault};
 use super::source::{Cut, MAX_CHANNELS, Source};
 use super::stamps::{self, Clock};
 use super::time_unit::TimeColumn;
@@ -78,8 +78,8 @@ pub(super) fn read_table(table: &CsvTable, trial: &Trial, cut: &Cut) -> Result<S
         for (index, column) in columns.iter_mut().enumerate() {
             column.push(row.number(index)?);
         }
-        if columns[0].len() > MAX_FRAMES {
-            let problem = format!("more than {MAX_FRAMES} rows: cut the file");
+        if columns[0].len() * (columns.len() - times.len()) > MAX_SAMPLES {
+            let problem = format!("more than {MAX_SAMPLES} samples of all axes: cut the file");
             return Err(row.error(problem));
         }
     }
@@ -97,7 +97,7 @@ pub(super) fn read_table(table: &CsvTable, trial: &Trial, cut: &Cut) -> Result<S
         None => without_times(trial, columns, cut)?,
     };
     let kept = source.channels.first().map_or(0, Vec::len);
-    if let Some(fault) = length_fault(kept as f64) {
+    if let Some(fault) = length_fault(kept as f64, source.channels.len()) {
         return Err(Error::file(path, fault));
     }
     Ok(Source {

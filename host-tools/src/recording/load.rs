@@ -172,7 +172,8 @@ fn at_model_rate(
     model_rate_hz: u32,
 ) -> Result<Vec<Vec<f64>>> {
     let frames = axes.first().map_or(0, Vec::len);
-    if let Some(fault) = length_fault(frames as f64 * f64::from(model_rate_hz) / rate_hz) {
+    let converted = frames as f64 * f64::from(model_rate_hz) / rate_hz;
+    if let Some(fault) = length_fault(converted, axes.len()) {
         let problem = format!("at {model_rate_hz} Hz it has {fault}");
         return Err(Error::file(path, problem));
     }
