@@ -312,11 +312,8 @@ fn a_peak_beside_a_notch_is_found() {
         .map(|s| gain_at(s, cosine + 0.000_2))
         .product();
     assert!(beside > 1000.0, "{beside}");
-    let found = check_equaliser(&hidden);
-    assert!(
-        matches!(found, Err((_, SceneProblem::EqualiserGain))),
-        "{found:?}"
-    );
+    let found = fault(|scene| scene.equaliser = hidden.iter().copied().collect());
+    assert_eq!(found.problem, SceneProblem::EqualiserGain);
     #[cfg(feature = "link")]
     {
         use model_format::link::{RESPONSE_BYTES, Response, ResponseError, Sections, Settings};
