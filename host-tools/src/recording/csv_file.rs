@@ -1,8 +1,9 @@
-//! Recordings as CSV: one to three columns of samples, and optionally one of times, which gives the sample rate.
+//! Recordings as CSV: one to three columns of samples, and optionally one of times, which gives the sample rate. A fourth
+//! one of samples is left out if its name says that it is the magnitude of the others, as phones write it.
 
 use std::path::Path;
 
-use super::rate::{MAX_FRAMES, length_fault, rate_fault};
+use super::rate::{MAX_SAMPLES, length_fault, rate_fault};
 use super::source::{Cut, MAX_CHANNELS, Source};
 use super::stamps::{self, Clock};
 use super::time_unit::TimeColumn;
@@ -23,6 +24,9 @@ const MOTION_COLUMNS: [&str; 2] = ["speed_mm_s", "force_n"];
 
 /// Names of columns that count lines or samples, in lower case.
 const COUNTER_NAMES: [&str; 3] = ["index", "sample", "frame"];
+
+/// Words for the magnitude of all axes in a column's name, in lower case.
+const MAGNITUDE_WORDS: [&str; 5] = ["absolute", "abs", "magnitude", "norm", "total"];
 
 /// Fewest values from which a column without a name is taken for times.
 const LEAST_TIMES: usize = 8;
@@ -46,75 +50,146 @@ pub(super) fn read(trial: &Trial, cut: &Cut) -> Result<Source> {
 /// Reads the part of a `table` of `trial` within `cut`, as [`read`] does that of a file.
 pub(super) fn read_table(table: &CsvTable, trial: &Trial, cut: &Cut) -> Result<Source> {
     let path = table.path();
-    let mut rows = table.rows()?;
-    let mut columns: Vec<Vec<f64>> = Vec::new();
-    let mut names: Option<Header<'_>> = None;
-    let mut times = Vec::new();
-    // A second line of the header, as oscilloscopes write it.
-    let mut units: Vec<String> = Vec::new();
-    while let Some(row) = rows.next_row()? {
-        if columns.is_empty() {
-            let is_header = row.fields().any(|field| table.number(field).is_none());
-            if is_header {
-                refuse_numbers_in_header(&row, table)?;
-                let header = table.header()?;
-                times = time_columns(&header)?;
-                names = Some(header);
-            }
-            refuse_other_widths(table, row.width(), times.len())?;
-            columns.resize(row.width(), Vec::new());
-            if is_header {
-                continue;
-            }
-        }
-        if names.is_some()
-            && units.is_empty()
-            && columns[0].is_empty()
-            && unit::is_row(row.fields())
-        {
-            units.extend(row.fields().map(str::to_owned));
-            continue;
-        }
-        for (index, column) in columns.iter_mut().enumerate() {
-            column.push(row.number(index)?);
-        }
-        if columns[0].len() > MAX_FRAMES {
-            let problem = format!("more than {MAX_FRAMES} rows: cut the file");
-            return Err(row.error(problem));
-        }
-    }
-    if columns.is_empty() {
+    let mut columns = Columns::read(table)?;
+    if columns.values.is_empty() {
         refuse_other_widths(table, 0, 0)?;
     }
-    if names.is_none() {
-        refuse_times_without_a_name(path, &columns)?;
+    if columns.names.is_none() {
+        refuse_times_without_a_name(path, &columns.values)?;
     }
-    let mut with_units = names_with_units(names.as_ref(), &units, &times);
-    with_units.resize(columns.len() - times.len(), String::new());
-    let stated = unit::stated(&with_units, &table.comments()?);
-    let source = match TimeColumn::best(&times) {
-        Some(time) => by_times(table, trial, cut, columns, &times, time)?,
-        None => without_times(trial, columns, cut)?,
+    let time = TimeColumn::best(&columns.times);
+    let stamps = time.map(|time| std::mem::take(&mut columns.values[time.index]));
+    let names = columns.names_with_units();
+    let axes = (0..columns.values.len()).filter(|&index| columns.is_sample(index));
+    let axes: Vec<usize> = axes.collect();
+    let of_axes = |index: &usize| names.get(*index).cloned().unwrap_or_default();
+    let stated: Vec<String> = axes.iter().map(of_axes).collect();
+    let stated = unit::stated(&stated, &table.comments()?);
+    let channels = axes
+        .iter()
+        .map(|&index| std::mem::take(&mut columns.values[index]));
+    let channels = channels.collect();
+    let source = match (time, stamps) {
+        (Some(time), Some(stamps)) => by_times(table, trial, cut, channels, time, &stamps)?,
+        _ => without_times(trial, channels, cut)?,
     };
     let kept = source.channels.first().map_or(0, Vec::len);
-    if let Some(fault) = length_fault(kept as f64) {
+    if let Some(fault) = length_fault(kept as f64, source.channels.len()) {
         return Err(Error::file(path, fault));
     }
     Ok(Source {
         integers: counts(&source.channels).or(stated.counts()),
         stated,
+        remarks: columns.remark().into_iter().collect(),
         ..source
     })
 }
 
-/// The part of `columns` within `cut` at the times of the column `time`, without any of the columns of `times`.
+/// All columns of a table.
+struct Columns<'a> {
+    values: Vec<Vec<f64>>,
+    names: Option<Header<'a>>,
+    /// A second line of the header, as oscilloscopes write it.
+    units: Vec<String>,
+    times: Vec<TimeColumn>,
+    /// Index of the magnitude of the axes.
+    magnitude: Option<usize>,
+}
+
+impl<'a> Columns<'a> {
+    fn read(table: &'a CsvTable) -> Result<Self> {
+        let mut rows = table.rows()?;
+        let mut read = Self {
+            values: Vec::new(),
+            names: None,
+            units: Vec::new(),
+            times: Vec::new(),
+            magnitude: None,
+        };
+        while let Some(row) = rows.next_row()? {
+            if read.values.is_empty() {
+                let is_header = row.fields().any(|field| table.number(field).is_none());
+                if is_header {
+                    refuse_numbers_in_header(&row, table)?;
+                    read.name(table.header()?)?;
+                }
+                let others = read.times.len() + usize::from(read.magnitude.is_some());
+                refuse_other_widths(table, row.width(), others)?;
+                read.values.resize(row.width(), Vec::new());
+                if is_header {
+                    continue;
+                }
+            }
+            if read.names.is_some()
+                && read.units.is_empty()
+                && read.values[0].is_empty()
+                && unit::is_row(row.fields())
+            {
+                read.units.extend(row.fields().map(str::to_owned));
+                continue;
+            }
+            for (index, column) in read.values.iter_mut().enumerate() {
+                column.push(row.number(index)?);
+            }
+            let axes = read.values.len() - read.times.len();
+            if read.values[0].len() * axes.min(MAX_CHANNELS) > MAX_SAMPLES {
+                let problem = format!("more than {MAX_SAMPLES} samples of all axes: cut the file");
+                return Err(row.error(problem));
+            }
+        }
+        Ok(read)
+    }
+
+    /// Takes the names of the columns, and with them the meaning of each.
+    fn name(&mut self, header: Header<'a>) -> Result<()> {
+        self.times = time_columns(&header)?;
+        let is_magnitude = |name: &str| {
+            let lower = name.to_lowercase();
+            let mut words = lower.split(|c: char| !c.is_alphanumeric());
+            words.any(|word| MAGNITUDE_WORDS.contains(&word))
+        };
+        let samples = (header.names().enumerate()).filter(|(index, _)| self.is_sample(*index));
+        let samples: Vec<(usize, &str)> = samples.collect();
+        let mut named = samples.iter().filter(|(_, name)| is_magnitude(name));
+        self.magnitude = match (samples.len(), named.next(), named.next()) {
+            (count, Some((index, _)), None) if count == MAX_CHANNELS + 1 => Some(*index),
+            _ => None,
+        };
+        self.names = Some(header);
+        Ok(())
+    }
+
+    /// Returns true if the column of this index holds an axis.
+    fn is_sample(&self, index: usize) -> bool {
+        self.magnitude != Some(index) && self.times.iter().all(|time| time.index != index)
+    }
+
+    /// Names of all columns, with the units of a second line below them, if there is one.
+    fn names_with_units(&self) -> Vec<String> {
+        let units = self.units.iter().map(String::as_str);
+        let units = units.chain(std::iter::repeat(""));
+        let names = self.names.iter().flat_map(Header::names).zip(units);
+        let name = |(name, unit): (&str, &str)| format!("{name} [{}]", unit::bare(unit));
+        names.map(name).collect()
+    }
+
+    /// The column that is left out, in words.
+    fn remark(&self) -> Option<String> {
+        let name = self.names.as_ref()?.names().nth(self.magnitude?)?;
+        Some(format!(
+            "column '{name}' is left out, because it follows from the others"
+        ))
+    }
+}
+
+/// The part of `channels` within `cut` at `stamps`, those of the column `time`.
 fn by_times(
     table: &CsvTable,
     trial: &Trial,
     cut: &Cut,
-    mut columns: Vec<Vec<f64>>,
-    times: &[TimeColumn],
+    channels: Vec<Vec<f64>>,
     time: &TimeColumn,
+    stamps: &[f64],
 ) -> Result<Source> {
     let clock = Clock {
         column: &time.name,
@@ -122,12 +197,7 @@ fn by_times(
         is_even: trial.has_even_times,
         rate_hz: trial.sample_rate_hz,
     };
-    let own = std::mem::take(&mut columns[time.index]);
-    // From the last on, so that the others keep their places.
-    for time in times.iter().rev() {
-        columns.remove(time.index);
-    }
-    stamps::source(table, &clock, &own, columns, cut)
+    stamps::source(table, &clock, stamps, channels, cut)
 }
 
 /// The part of `columns` within `cut`, at the sample rate of `trial`.
@@ -140,27 +210,6 @@ fn without_times(trial: &Trial, columns: Vec<Vec<f64>>, cut: &Cut) -> Result<Sou
     Ok(stamps::even(rate_hz, columns, cut))
 }
 
-/// Names of the columns of samples, with the `units` of a second line below them, if there is one.
-fn names_with_units(
-    names: Option<&Header<'_>>,
-    units: &[String],
-    times: &[TimeColumn],
-) -> Vec<String> {
-    let units = units
-        .iter()
-        .map(String::as_str)
-        .chain(std::iter::repeat(""));
-    let names = names
-        .into_iter()
-        .flat_map(Header::names)
-        .zip(units)
-        .enumerate();
-    let samples = names.filter(|(index, _)| times.iter().all(|time| time.index != *index));
-    samples
-        .map(|(_, (name, unit))| format!("{name} [{}]", unit::bare(unit)))
-        .collect()
-}
-
 /// Steps of a converter, which are whole numbers.
 fn counts(columns: &[Vec<f64>]) -> Option<Integers> {
     let mut samples = columns.iter().flatten();
@@ -168,10 +217,10 @@ fn counts(columns: &[Vec<f64>]) -> Option<Integers> {
     (are_whole && samples.any(|sample| sample.abs() > 1.0)).then_some(Integers::Counts)
 }
 
-/// Refuses a table of another number of columns of samples than a recording has.
-fn refuse_other_widths(table: &CsvTable, width: usize, times: usize) -> Result<()> {
-    let problem = match width - times {
-        0 if times > 0 => "has times alone: add a column of samples for each axis".to_owned(),
+/// Refuses a table of another number of columns of samples, beside `others`, than a recording has.
+fn refuse_other_widths(table: &CsvTable, width: usize, others: usize) -> Result<()> {
+    let problem = match width - others {
+        0 if others > 0 => "has times alone: add a column of samples for each axis".to_owned(),
         0 => "is empty: give a row for each sample".to_owned(),
         1..=MAX_CHANNELS => return Ok(()),
         count => format!(

@@ -41,7 +41,7 @@ impl HeldSamples {
         if frames == 0 {
             return refused("there are none: give at least one".into());
         }
-        if let Some(fault) = length_fault(frames as f64) {
+        if let Some(fault) = length_fault(frames as f64, channels.len()) {
             return refused(fault);
         }
         Ok(Self {

@@ -172,7 +172,8 @@ fn at_model_rate(
     model_rate_hz: u32,
 ) -> Result<Vec<Vec<f64>>> {
     let frames = axes.first().map_or(0, Vec::len);
-    if let Some(fault) = length_fault(frames as f64 * f64::from(model_rate_hz) / rate_hz) {
+    let converted = frames as f64 * f64::from(model_rate_hz) / rate_hz;
+    if let Some(fault) = length_fault(converted, axes.len()) {
         let problem = format!("at {model_rate_hz} Hz it has {fault}");
         return Err(Error::file(path, problem));
     }
@@ -333,6 +334,51 @@ mod tests {
             None,
         );
         assert_eq!(read.axes[1], [3.0 * G, 4.0 * G]);
+    }
+
+    /// The samples of a phone's export at 400 Hz with these names of columns: time, three axes and their magnitude.
+    fn of_phone(names: &[&str], [separator, sign]: [&str; 2]) -> Result<Samples> {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("a.csv");
+        let mut text = names.join(separator) + "\n";
+        for n in 0..800 {
+            let time = f64::from(n) / 400.0;
+            let [x, y, z] = [0.31, 0.17, 0.043].map(|of: f64| (of * f64::from(n)).sin());
+            let row = [time, x, y, z, x.hypot(y).hypot(z)].map(|value| format!("{value:e}"));
+            text += &(row[..names.len()].join(separator).replace('.', sign) + "\n");
+        }
+        std::fs::write(&file, text).unwrap();
+        read(&Trial::of(file, "felt", 100.0, 1.0))
+    }
+
+    #[test]
+    fn a_magnitude_is_left_out_and_told_where_its_name_says_so() {
+        let axes = |of: &str| ["x", "y", "z"].map(|axis| format!("\"{of} {axis} (m/s^2)\""));
+        for of in ["Acceleration", "Linear Acceleration"] {
+            let axes = axes(of);
+            let [x, y, z] = axes.each_ref().map(String::as_str);
+            for signs in [[",", "."], [";", ","], [";", "."], ["\t", ","]] {
+                let three = of_phone(&["\"Time (s)\"", x, y, z], signs).unwrap();
+                for name in [
+                    "\"Absolute acceleration (m/s^2)\"",
+                    "acc_total",
+                    "|a| magnitude [m/s²]",
+                    "Norm",
+                ] {
+                    let four = of_phone(&["\"Time (s)\"", x, y, z, name], signs).unwrap();
+                    assert_eq!((&four.axes, four.axes.len()), (&three.axes, 3), "{name}");
+                    let told = four.account.remarks.concat();
+                    crate::support::holds(&told, &[name.trim_matches('"'), "left out"]);
+                    assert!(three.account.remarks.is_empty());
+                }
+                for (last, first) in [("a4 (m/s^2)", x), ("Norm", "total")] {
+                    let fault = of_phone(&["\"Time (s)\"", first, y, z, last], signs).unwrap_err();
+                    crate::support::holds(&fault, &["4 columns of samples"]);
+                }
+            }
+        }
+        let fault = of_phone(&["0", "0", "0", "0", "0"], [",", "."]).unwrap_err();
+        crate::support::holds(&fault, &["5 columns of samples"]);
     }
 
     #[test]

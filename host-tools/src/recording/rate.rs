@@ -1,4 +1,4 @@
-//! Sample rates of recordings.
+//! Sample rates and lengths of recordings.
 
 use std::ops::RangeInclusive;
 
@@ -9,9 +9,9 @@ use std::ops::RangeInclusive;
 /// 50 samples of one, and works in blocks of at most two seconds.
 pub const RATES_HZ: RangeInclusive<f64> = 100.0..=768_000.0;
 
-/// Most frames of a recording, before and after conversion to the models' rate: 28 minutes at 5 kHz. Three axes of them
-/// take 200 MB.
-pub const MAX_FRAMES: usize = 1 << 23;
+/// Most samples of a recording's channels together, before and after conversion to the models' rate: 28 minutes of three
+/// axes at 5 kHz. They take 200 MB.
+pub const MAX_SAMPLES: usize = 3 << 23;
 
 /// Returns the problem of a rate that no recording has, in words; `remedy` tells how to mend it.
 pub fn rate_fault(rate_hz: f64, remedy: &str) -> Option<String> {
@@ -25,10 +25,12 @@ pub fn rate_fault(rate_hz: f64, remedy: &str) -> Option<String> {
     ))
 }
 
-/// Returns the problem of a recording of more than [`MAX_FRAMES`] frames, in words.
-pub(super) fn length_fault(frames: f64) -> Option<String> {
-    (frames > MAX_FRAMES as f64).then(|| {
-        format!("more than {MAX_FRAMES} samples per channel: give start_s and duration_s, or cut the file")
+/// Returns the problem of `frames` of `channels` that are more than [`MAX_SAMPLES`], in words.
+pub(super) fn length_fault(frames: f64, channels: usize) -> Option<String> {
+    (frames * channels as f64 > MAX_SAMPLES as f64).then(|| {
+        format!(
+            "more than {MAX_SAMPLES} samples of all channels: give start_s and duration_s, or cut the file"
+        )
     })
 }
 

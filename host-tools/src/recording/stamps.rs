@@ -8,7 +8,7 @@ use std::ops::Range;
 
 use super::defects::{Gap, Timing};
 use super::joined::own_rows;
-use super::rate::{length_fault, rate_fault};
+use super::rate::rate_fault;
 use super::source::{Cut, Source};
 use super::time_unit::TimeUnit;
 use super::uneven::{EVEN, Steps, are_even};
@@ -279,10 +279,7 @@ impl Stamps<'_> {
             );
             return Err(self.error(row, problem));
         }
-        match length_fault((total + rows.len()) as f64) {
-            Some(fault) => Err(self.error(row, fault)),
-            None => Ok(()),
-        }
+        Ok(())
     }
 
     /// The problem of times that come in bunches of `size`, which are `apart`.

@@ -83,7 +83,7 @@ pub(super) fn read(path: &Path, cut: &Cut) -> Result<Source> {
             channel.extend_from_slice(&samples[from..to.max(from)]);
         }
         let kept = channels.first().map_or(0, Vec::len);
-        if let Some(fault) = length_fault(kept as f64) {
+        if let Some(fault) = length_fault(kept as f64, channels.len()) {
             return Err(Error::file(path, fault));
         }
         position += frames;
@@ -126,6 +126,7 @@ fn truncation(declared: u64, frame_bits: u64, file_bytes: u64) -> Option<Truncat
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::recording::MAX_SAMPLES;
     use crate::support::float_wav::float_wav;
     use crate::support::holds;
 
@@ -185,6 +186,34 @@ mod tests {
             assert_eq!(found.channels, expected.channels, "{riff:x} {data:x}");
             assert_eq!(found.truncation, None, "{riff:x} {data:x}");
             holds(&found.remarks.concat(), &["lengths"]);
+        }
+    }
+
+    #[test]
+    fn the_longest_recording_has_as_many_samples_whatever_its_channels() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.wav");
+        for channels in 1..=MAX_CHANNELS {
+            let longest = MAX_SAMPLES / channels;
+            for frames in [longest, longest + 1] {
+                let bytes = (4 * channels * frames) as u32;
+                let mut header = float_wav(channels, 48_000, []).unwrap();
+                let data = data_of(&header) + 4;
+                header[data..].copy_from_slice(&bytes.to_le_bytes());
+                header[4..8].copy_from_slice(&(data as u32 + bytes - 4).to_le_bytes());
+                std::fs::write(&path, &header).unwrap();
+                // Zeros that take no place on the disk.
+                let file = std::fs::OpenOptions::new().write(true).open(&path).unwrap();
+                file.set_len(header.len() as u64 + u64::from(bytes))
+                    .unwrap();
+                match read(&path, &WHOLE) {
+                    Ok(found) => assert_eq!((found.channels[0].len(), longest), (frames, frames)),
+                    Err(fault) => {
+                        assert!(frames > longest, "{fault}");
+                        holds(&fault, &["a.wav", "25165824 samples of all channels"]);
+                    }
+                }
+            }
         }
     }
 

@@ -12,7 +12,7 @@ use super::view::Library;
 use crate::error::{DecodeError, Place, Problem};
 use crate::limits::{MAX_LIBRARY_BYTES, MAX_TEXTURES, STEP_BYTES};
 use crate::scene::limits::MAX_SCENES;
-use crate::scene::{Scene, TextureBounds};
+use crate::scene::{GainCheck, Scene, SceneError, ScenePlace, TextureBounds};
 use crate::wire::{self, CRC_RANGE, Prefix, Reader};
 
 /// A decoding in steps, each of which takes a bounded time; [`crate::limits`] has the bound.
@@ -97,6 +97,8 @@ enum Stage<'a> {
     Fed(FedCheck<'a>),
     /// The next scene, or the end.
     Scene,
+    /// Gain of a scene's equaliser.
+    Equaliser(GainCheck),
 }
 
 impl<'a> Decoder<'a> {
@@ -182,7 +184,16 @@ impl<'a, W: BorrowMut<Workspace>> Decoder<'a, W> {
                 }
             }
             Stage::Scene if self.scenes == self.library.scene_count => return self.end().map(Some),
-            Stage::Scene => self.scene()?,
+            Stage::Scene => self.stage = self.scene()?,
+            Stage::Equaliser(gain) => {
+                let found = gain.step().map_err(|(section, problem)| {
+                    let error: SceneError = problem.at(ScenePlace::Section(section));
+                    Problem::from(error).at(Place::Scene(self.scenes - 1))
+                });
+                if found? {
+                    self.stage = Stage::Scene;
+                }
+            }
         }
         Ok(None)
     }
@@ -272,7 +283,7 @@ impl<'a, W: BorrowMut<Workspace>> Decoder<'a, W> {
         })
     }
 
-    fn scene(&mut self) -> Result<(), DecodeError> {
+    fn scene(&mut self) -> Result<Stage<'a>, DecodeError> {
         let here = |problem: Problem| problem.at(Place::Scene(self.scenes));
         let malformed = || here(Problem::Malformed("its record"));
         let record = self.rest.string().ok_or_else(malformed)?;
@@ -291,7 +302,11 @@ impl<'a, W: BorrowMut<Workspace>> Decoder<'a, W> {
             })
         })?;
         self.scenes += 1;
-        Ok(())
+        Ok(if scene.equaliser.is_empty() {
+            Stage::Scene
+        } else {
+            Stage::Equaliser(GainCheck::new(&scene.equaliser))
+        })
     }
 
     fn end(&self) -> Result<Library<'a>, DecodeError> {

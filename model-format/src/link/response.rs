@@ -12,9 +12,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::{LIBRARY_CRC, LinkId, Setting, SettingChange, SettingSet, Settings, SettingsError};
 use crate::PlayRate;
-use crate::scene::{
-    Biquad, SceneProblem, check_equaliser, check_peak, limits::MAX_RESPONSE_SECTIONS,
-};
+use crate::scene::{Biquad, SceneProblem, check_equaliser, limits::MAX_RESPONSE_SECTIONS};
 
 /// Third octaves of [`Response::bands_centi_db`]: the exact bands of base ten whose nominal centres are 10 to 1000 Hz.
 pub const RESPONSE_BANDS: usize = 21;
@@ -241,9 +239,7 @@ impl Response {
     /// What the check finds first.
     pub fn check(&self, settings: &Settings) -> Result<(), ResponseError> {
         for rate in PlayRate::ALL {
-            let biquads = self.sections(rate).biquads();
-            let checked = check_equaliser(&biquads).and_then(|()| check_peak(&biquads));
-            checked.map_err(|(section, problem)| {
+            check_equaliser(&self.sections(rate).biquads()).map_err(|(section, problem)| {
                 let (section, rate_hz) = (section as u8, rate.hz());
                 match problem {
                     SceneProblem::PoleRadius => ResponseError::Poles { rate_hz, section },

@@ -18,7 +18,8 @@ mod validate;
 use heapless::{String, Vec};
 use serde::{Deserialize, Serialize};
 
-pub use equaliser::{Biquad, check as check_equaliser, check_peak};
+pub(crate) use equaliser::GainCheck;
+pub use equaliser::{Biquad, check as check_equaliser};
 pub use error::{SceneError, ScenePlace, SceneProblem};
 
 use crate::limits::MAX_NAME_BYTES;

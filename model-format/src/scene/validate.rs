@@ -33,12 +33,22 @@ impl Scene {
     /// # Errors
     /// The first fault found, with its place.
     pub fn validate(&self, library: &Library<'_>) -> Result<(), SceneError> {
+        self.validate_decoded(library)?;
+        equaliser::check(&self.equaliser)
+            .map_err(|(section, problem)| problem.at(ScenePlace::Section(section)))
+    }
+
+    /// Checks all but the gain of the equaliser, which is most of the work: that of a decoded scene was checked.
+    ///
+    /// # Errors
+    /// The first fault found, with its place.
+    pub fn validate_decoded(&self, library: &Library<'_>) -> Result<(), SceneError> {
         let textures = self.textures(library);
         let bounds = textures.map(|texture| texture.as_ref().map(TextureBounds::of));
         self.validate_with(library.len(), |surface, _| bounds[surface])
     }
 
-    /// As [`Scene::validate`], for a library of `count` textures; `bounds` are those of the texture of a surface, by
+    /// As [`Scene::validate_decoded`], for a library of `count` textures; `bounds` are those of the texture of a surface, by
     /// the indices of both, and none if there is no such texture.
     pub(crate) fn validate_with(
         &self,
@@ -75,7 +85,7 @@ impl Scene {
             self.validate_surface(index, surface, found, count)?;
         }
         self.validate_regions()?;
-        equaliser::check(&self.equaliser)
+        equaliser::check_poles(&self.equaliser)
             .map_err(|(section, problem)| problem.at(ScenePlace::Section(section)))
     }
 

@@ -3,11 +3,12 @@
 use std::f64::consts::PI;
 
 use model_format::scene::limits::{
-    MAX_EQUALISER_GAIN, MAX_POLE_RADIUS_1024THS, MAX_REGIONS, MAX_SCENES, MAX_SURFACES,
+    MAX_EQUALISER_GAIN, MAX_POLE_RADIUS_1024THS, MAX_REGIONS, MAX_SCENES, MAX_SECTIONS,
+    MAX_SURFACES,
 };
 use model_format::scene::{
     Biquad, MotionOfScene, Region, Scene, SceneError, SceneName, ScenePlace, SceneProblem,
-    StickSlip, Surface, Tap, check_equaliser, check_peak,
+    StickSlip, Surface, Tap, check_equaliser,
 };
 use model_format::{DecodeError, Library, Place, Problem, SAMPLE_RATE_HZ, encode_with_scenes};
 use proptest::collection::vec;
@@ -274,17 +275,21 @@ fn jurys_triangle_is_the_radius_of_the_poles() {
 
 /// Gain of a section at the cosine of a frequency, by its transfer function.
 fn gain_at(section: &Biquad, cosine: f64) -> f64 {
+    let [a1, a2] = section.denominator();
+    gain_of(section.numerator(), [1.0, a1, a2], cosine)
+}
+
+fn gain_of(numerator: [f64; 3], denominator: [f64; 3], cosine: f64) -> f64 {
     let square = |[c0, c1, c2]: [f64; 3]| {
         let real = (c0 + c2) * cosine + c1;
         real * real + (c0 - c2) * (c0 - c2) * (1.0 - cosine * cosine)
     };
-    let [a1, a2] = section.denominator();
-    (square(section.numerator()) / square([1.0, a1, a2])).sqrt()
+    (square(numerator) / square(denominator)).sqrt()
 }
 
-/// A notch at the sampled resonance hides what five sections amplify beside it.
+/// Notches at a resonance hide what the sections after them amplify beside it.
 #[test]
-fn a_peak_that_no_sample_of_a_check_meets_is_found_by_its_bound() {
+fn a_peak_beside_a_notch_is_found() {
     let (radius, cosine) = (1022.9 / 1024.0, 0.974_66);
     let a2 = radius * radius;
     let denominator = [-4.0 * a2 * cosine / (1.0 + a2), a2];
@@ -307,12 +312,8 @@ fn a_peak_that_no_sample_of_a_check_meets_is_found_by_its_bound() {
         .map(|s| gain_at(s, cosine + 0.000_2))
         .product();
     assert!(beside > 1000.0, "{beside}");
-    assert_eq!(check_equaliser(&hidden), Ok(()));
-    let found = check_peak(&hidden);
-    assert!(
-        matches!(found, Err((_, SceneProblem::EqualiserGain))),
-        "{found:?}"
-    );
+    let found = fault(|scene| scene.equaliser = hidden.iter().copied().collect());
+    assert_eq!(found.problem, SceneProblem::EqualiserGain);
     #[cfg(feature = "link")]
     {
         use model_format::link::{RESPONSE_BYTES, Response, ResponseError, Sections, Settings};
@@ -330,8 +331,7 @@ fn a_peak_that_no_sample_of_a_check_meets_is_found_by_its_bound() {
         &[Biquad::from_f64([4.0, 0.0, 0.0], [0.0; 2]).expect("in range"); 2],
         &[Biquad::IDENTITY; 6],
     ] {
-        assert_eq!(check_equaliser(sections), Ok(()));
-        assert_eq!(check_peak(sections), Ok(()), "{sections:?}");
+        assert_eq!(check_equaliser(sections), Ok(()), "{sections:?}");
     }
 }
 
@@ -384,6 +384,42 @@ proptest! {
         let mut scene = Scene::of_surface(name("peak"), SAMPLE_RATE_HZ, Surface::of_texture(0));
         scene.equaliser.push(Biquad::from_f64([gain, 0.0, 0.0], denominator).expect("in range")).expect("room");
         prop_assert_eq!(scene.validate(&library).is_ok(), excess < 1.0);
+    }
+
+    /// Sections of poles and zeros near the unit circle, also close to each other, whose gain is a little below or above
+    /// the limit. The oracle takes it at frequencies that are dense around all poles and zeros.
+    #[test]
+    fn no_peak_of_a_cascade_is_missed_and_none_is_invented(
+        drawn in vec((0.9f64..0.999, 0.005f64..3.13, -0.05f64..0.05, 0.0f64..0.999, 0.3f64..3.0), 1..=MAX_SECTIONS),
+        near in prop::option::of(0.005f64..3.13),
+        excess in 0.9f64..1.1,
+    ) {
+        let place = |angle: f64| near.map_or(angle, |near| near + 0.02 * (angle - near));
+        let mut cosines: Vec<f64> = (0..1000).map(|n| (f64::from(n) / 999.0 * PI).cos()).collect();
+        for &(radius, angle, off, ..) in &drawn {
+            let around = (-200..=200).map(|n| place(angle) + f64::from(n) / 20.0 * (1.0 - radius));
+            cosines.extend(around.flat_map(|angle| [angle, angle + off]).map(f64::cos));
+        }
+        let pair = |radius: f64, angle: f64| [1.0, -2.0 * radius * angle.cos(), radius * radius];
+        let mut sections: Vec<[[f64; 3]; 2]> = drawn.iter().map(|&(radius, angle, off, zeros, gain)| {
+            let [above, below] = [pair(zeros, place(angle) + off), pair(radius, place(angle))];
+            let peak = cosines.iter().map(|c| gain_of(above, below, *c)).fold(0.0, f64::max);
+            [above.map(|b| b * gain / peak), below]
+        }).collect();
+        // The largest gain of a section, and of all sections up to one.
+        let highest = |sections: &[[[f64; 3]; 2]]| cosines.iter().map(|c| {
+            let gains = sections.iter().map(|[above, below]| gain_of(*above, *below, *c));
+            gains.fold((1.0, 0.0), |(all, highest): (f64, f64), own| (all * own, highest.max(own).max(all * own))).1
+        }).fold(0.0, f64::max);
+        let scale = excess * MAX_EQUALISER_GAIN / highest(&sections);
+        sections[0][0] = sections[0][0].map(|b| b * scale);
+        let found = highest(&sections) / MAX_EQUALISER_GAIN;
+        prop_assume!((found - 1.005).abs() > 0.007);
+        let stored = sections.iter().map(|&[above, [_, a1, a2]]| Biquad::from_f64(above, [a1, a2]));
+        let stored = stored.collect::<Option<Vec<Biquad>>>();
+        prop_assume!(stored.is_some());
+        let checked = check_equaliser(&stored.unwrap_or_default());
+        prop_assert_eq!(checked.is_ok(), found < 1.0, "{}", found);
     }
 
     #[test]

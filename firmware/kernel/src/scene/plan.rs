@@ -46,12 +46,12 @@ pub(super) struct PlannedTap {
 }
 
 impl<'a> Plan<'a> {
-    /// Compiles `scene` with the textures of `library`, after a check of the whole scene.
+    /// Compiles `scene` with the textures of `library`, after a check of all but the gain of its equaliser.
     ///
     /// # Errors
-    /// The fault that [`Scene::validate`] finds.
+    /// The fault that [`Scene::validate_decoded`] finds.
     pub fn new(scene: &Scene, library: &Library<'a>) -> Result<Self, SceneError> {
-        scene.validate(library)?;
+        scene.validate_decoded(library)?;
         let rate = scene.sample_rate_hz;
         let textures = scene.textures(library);
         let mut all = textures.iter().flatten();
