@@ -36,6 +36,8 @@ mod loudness;
 mod loudness_tests;
 mod low_rate;
 mod material;
+#[cfg(test)]
+mod picture_tests;
 mod power;
 mod regions;
 #[cfg(test)]

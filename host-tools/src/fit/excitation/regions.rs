@@ -73,6 +73,25 @@ pub(super) fn regions(traces: &[Trace], shape: (usize, usize), most: usize) -> V
     regions
 }
 
+/// Divides a grid of so many `forces` into `count` regions of speeds, each with the same ratio of its ends, less those
+/// that hold none of the `speeds_mm_s`.
+pub(super) fn by_speed(speeds_mm_s: &[f32], forces: usize, count: usize) -> Vec<Region> {
+    let octaves = |speed: f32| speed.max(f32::MIN_POSITIVE).log2();
+    let first = speeds_mm_s.iter().copied().find(|&speed| speed > 0.0);
+    let lowest = octaves(first.unwrap_or(0.0));
+    let widest = octaves(speeds_mm_s.last().copied().unwrap_or(0.0)) - lowest;
+    let end = |part: usize| {
+        let highest = lowest + widest * part as f32 / count as f32;
+        speeds_mm_s.partition_point(|&speed| part == count || octaves(speed) < highest)
+    };
+    let ends = (0..count).map(|part| if part == 0 { 0 } else { end(part) }..end(part + 1));
+    let regions = ends.map(|speeds| Region {
+        speeds,
+        forces: 0..forces,
+    });
+    regions.filter(|region| !region.speeds.is_empty()).collect()
+}
+
 /// Difference of the two sides' log kurtosis in standard deviations, by the scatter of trials or of windows, whichever
 /// is larger; 0 if it is too small to matter, or has too few trials to be judged.
 fn difference(traces: &[Trace], sides: &[Region; 2]) -> f64 {
