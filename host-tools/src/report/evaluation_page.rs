@@ -254,7 +254,10 @@ impl<'a> Report<'a> {
         self.figure(
             &picture,
             &format!("{stem}-spectrograms"),
-            &format!("Spectrograms of the recording and of the synthesis, to one scale.{heard}"),
+            &format!(
+                "Spectrograms of the recording and of the synthesis, to one scale, in shorter windows where the \
+                 recording is impulsive.{heard}"
+            ),
             &sounds,
         )?;
         self.page.verdict(verdict);

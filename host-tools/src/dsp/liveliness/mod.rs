@@ -80,7 +80,7 @@ impl Liveliness {
 }
 
 /// Mean x⁴ / (mean x²)²; `None` for silence and for what is not finite.
-fn kurtosis<'a>(signal: impl Iterator<Item = &'a f64>) -> Option<f64> {
+pub fn kurtosis<'a>(signal: impl Iterator<Item = &'a f64>) -> Option<f64> {
     let (mut count, mut square, mut fourth) = (0.0, 0.0, 0.0);
     for x in signal {
         let power = x * x;

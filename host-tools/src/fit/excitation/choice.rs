@@ -6,20 +6,24 @@
 //! changes with its level, and whitened pieces at a level of their own do not hold that. The distance of two
 //! distributions is the mean distance of their quantiles, dB, and that of all octaves their mean.
 
+use std::collections::BTreeMap;
 use std::f64::consts::SQRT_2;
 
 use model_format::{
     CodeSpec, ExcitationSpec, Library, MillimetresPerSecond, Newton, NodeSpec, PartsSpec,
     TextureSpec, encode,
 };
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use stylus_kernel::Motion;
 use stylus_kernel::feed::{FED_FRACTION_BITS, Feed, Material};
 use stylus_kernel::grid::GridPoint;
 
 use super::evidence::LEVEL_SAMPLES;
+use super::loudness::filtered;
 use super::power::mean_square;
 use super::trace::Trace;
+use crate::dsp::linear_prediction::{error_share, step_up};
 
 /// Moments take more bytes than a track alone, and must be nearer by this to take its place, dB: noise whose level
 /// swells is 0.2 dB from what is played of it, by chance. A codebook takes as many bytes.
@@ -27,6 +31,12 @@ const LEAST_GAIN_DB: f64 = 0.25;
 
 /// Samples that are played for a comparison: 40 s.
 const PLAYED: usize = 200_000;
+
+/// Samples of a window of what is heard: 20 ms.
+const HEARD_SAMPLES: usize = 100;
+
+/// Nodes that are listened to, at most.
+const HEARD: usize = 24;
 
 /// Quantiles that are compared.
 const QUANTILES: usize = 100;
@@ -80,13 +90,7 @@ pub(super) fn fitted(traces: &[Trace]) -> Vec<Trace> {
 /// Distance of the excitation of `parts` from the other blocks of `traces`, dB; `forces` is the number of forces of the
 /// grid. `None` if nothing is left to judge.
 pub(super) fn distance_db(traces: &[Trace], forces: usize, parts: &PartsSpec) -> Option<f64> {
-    let source = |trace: &Trace| {
-        let node = trace.at.0 * forces + trace.at.1;
-        parts
-            .excitation
-            .as_ref()
-            .map_or(0, |spec| spec.of_nodes[node])
-    };
+    let source = |trace: &Trace| source(trace, forces, parts);
     let mut sources: Vec<u8> = traces.iter().map(source).collect();
     sources.sort_unstable();
     sources.dedup();
@@ -107,6 +111,50 @@ pub(super) fn distance_db(traces: &[Trace], forces: usize, parts: &PartsSpec) ->
         }
     }
     (count > 0.0).then(|| sum / count)
+}
+
+/// Mean distance of what is heard of the excitation of `parts` at some nodes from what is heard of the other blocks of
+/// `traces`, dB: of the levels of octaves in windows of 20 ms. It sees where the residual of one node is no other's,
+/// which [`distance_db`] does not. `None` if nothing is left to judge.
+pub(super) fn heard_db(traces: &[Trace], forces: usize, parts: &PartsSpec) -> Option<f64> {
+    let mut sources: BTreeMap<u8, Vec<&Trace>> = BTreeMap::new();
+    for trace in traces.iter().step_by(traces.len().div_ceil(HEARD).max(1)) {
+        let source = source(trace, forces, parts);
+        sources.entry(source).or_default().push(trace);
+    }
+    let of_source = |(number, own): (u8, Vec<&Trace>)| {
+        let played = played(number, parts, PLAYED / 2)?;
+        Some(
+            own.into_iter()
+                .filter_map(|trace| of_node(trace, &played))
+                .collect::<Vec<f64>>(),
+        )
+    };
+    let of_sources: Option<Vec<Vec<f64>>> = sources.into_par_iter().map(of_source).collect();
+    let all = of_sources?.concat();
+    (!all.is_empty()).then(|| all.iter().sum::<f64>() / all.len() as f64)
+}
+
+/// Distance of what is heard of `played` at the node of `trace` from its other blocks, dB.
+fn of_node(trace: &Trace, played: &[f64]) -> Option<f64> {
+    let predictor = step_up(&trace.reflection);
+    let scale = error_share(&trace.reflection).sqrt();
+    let heard = |excitation: &[f64]| -> Vec<f64> {
+        let signal = filtered(&excitation[..excitation.len() / 2 * 2], &predictor);
+        signal.into_iter().map(|x| x * scale).collect()
+    };
+    let recorded = heard(&trace.residual);
+    let blocks = trace.inside(trace.blocks().judged());
+    let blocks = blocks.filter(|block| trace.is_clean(block) && block.end <= recorded.len());
+    let judged = Levels::heard(blocks.map(|block| &recorded[block]));
+    let of_played = Levels::heard(std::iter::once(&heard(played)[..]));
+    (!judged.0[0].is_empty()).then(|| judged.distance_db(&of_played))
+}
+
+/// Number of the source of `parts` at the node of `trace`, 0 for Gaussian noise.
+fn source(trace: &Trace, forces: usize, parts: &PartsSpec) -> u8 {
+    let node = trace.at.0 * forces + trace.at.1;
+    (parts.excitation.as_ref()).map_or(0, |spec| spec.of_nodes[node])
 }
 
 /// So many `samples` of what the device's feed plays of the source `number` of `parts` at their level, standard
@@ -141,15 +189,30 @@ pub(super) fn played(number: u8, parts: &PartsSpec, samples: usize) -> Option<Ve
     Some(std::iter::repeat_with(sample).take(samples).collect())
 }
 
-/// Levels of each octave in windows of 50 ms against those of the windows, dB, ascending.
+/// Levels of each octave in windows, dB, ascending.
 struct Levels([Vec<f64>; OCTAVES]);
 
 impl Levels {
+    /// In windows of 50 ms, against the levels of the windows.
     fn of<'a>(blocks: impl Iterator<Item = &'a [f64]>) -> Self {
+        Self::against(blocks, LEVEL_SAMPLES, |level| level)
+    }
+
+    /// In windows of 20 ms.
+    fn heard<'a>(blocks: impl Iterator<Item = &'a [f64]>) -> Self {
+        Self::against(blocks, HEARD_SAMPLES, |_| 0.0)
+    }
+
+    /// In windows of so many `samples`, against what `against` makes of the windows' levels.
+    fn against<'a>(
+        blocks: impl Iterator<Item = &'a [f64]>,
+        samples: usize,
+        against: impl Fn(f64) -> f64,
+    ) -> Self {
         let db = |samples: &[f64]| 10.0 * mean_square(samples).max(LEAST_POWER).log10();
         let mut octaves = [const { Vec::new() }; OCTAVES];
-        for window in blocks.flat_map(|block| block.chunks_exact(LEVEL_SAMPLES)) {
-            let level = db(window);
+        for window in blocks.flat_map(|block| block.chunks_exact(samples)) {
+            let level = against(db(window));
             let mut below = window.to_vec();
             for octave in &mut octaves {
                 // Haar's filters, which halve the rate.

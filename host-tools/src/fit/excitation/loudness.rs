@@ -226,7 +226,7 @@ fn clean_milliseconds(samples: usize, flaws: &[Range<usize>]) -> Vec<bool> {
 }
 
 /// `excitation`, as a circle, behind the all-pole filter of a predictor.
-fn filtered(excitation: &[f64], predictor: &[f64]) -> Vec<f64> {
+pub(super) fn filtered(excitation: &[f64], predictor: &[f64]) -> Vec<f64> {
     let count = excitation.len();
     let transforms = with_planner(|planner| {
         (

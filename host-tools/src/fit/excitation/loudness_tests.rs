@@ -32,8 +32,14 @@ fn loudest(samples: &[f64]) -> [f64; 3] {
     })
 }
 
-/// Loudest windows of a texture's syntheses with three seeds, the median of each.
-fn of_syntheses(library: &[u8], speed_mm_s: f64, force_n: f64, seconds: f64) -> [f64; 3] {
+/// So many seconds of the library's first texture, m/s².
+pub(super) fn synthesis(
+    library: &[u8],
+    speed_mm_s: f64,
+    force_n: f64,
+    seconds: f64,
+    seed: u64,
+) -> Vec<f64> {
     let library = Library::decode(library).unwrap();
     let texture = library.textures().next().unwrap();
     let (speed, force) = (
@@ -41,13 +47,14 @@ fn of_syntheses(library: &[u8], speed_mm_s: f64, force_n: f64, seconds: f64) -> 
         Newton(force_n as f32),
     );
     let motion = MotionPath::constant(speed, force).unwrap();
-    let played = [1, 2, 3].map(|seed| {
-        loudest(
-            &render(texture, &motion, seconds, seed)
-                .unwrap()
-                .accelerations_m_s2(),
-        )
-    });
+    let rendered = render(texture, &motion, seconds, seed).unwrap();
+    rendered.accelerations_m_s2()
+}
+
+/// Loudest windows of a texture's syntheses with three seeds, the median of each.
+fn of_syntheses(library: &[u8], speed_mm_s: f64, force_n: f64, seconds: f64) -> [f64; 3] {
+    let played =
+        [1, 2, 3].map(|seed| loudest(&synthesis(library, speed_mm_s, force_n, seconds, seed)));
     std::array::from_fn(|window| {
         let mut of_seeds = played.map(|own| own[window]);
         of_seeds.sort_by(f64::total_cmp);
@@ -143,7 +150,7 @@ fn written(folder: &Path, name: &str, axes: &[Vec<f64>], speed_mm_s: f64, force_
     Trial::of(file, "surface", speed_mm_s, force_n)
 }
 
-fn fitted(trials: Vec<Trial>, options: &Options) -> (Fit, Vec<u8>) {
+pub(super) fn fitted(trials: Vec<Trial>, options: &Options) -> (Fit, Vec<u8>) {
     let set = RecordingSet {
         trials,
         is_listed: true,

@@ -73,6 +73,22 @@ pub(super) fn regions(traces: &[Trace], shape: (usize, usize), most: usize) -> V
     regions
 }
 
+/// Divides a grid of so many `forces` into `count` regions of speeds, each with the same ratio of its ends, less those
+/// that hold none of the ascending `speeds_mm_s`.
+pub(super) fn by_speed(speeds_mm_s: &[f32], forces: usize, count: usize) -> Vec<Region> {
+    let lowest = speeds_mm_s.iter().copied().find(|&speed| speed > 0.0);
+    let octaves = |speed: f32| (speed / lowest.unwrap_or(1.0)).log2().max(0.0);
+    let widest = speeds_mm_s.last().copied().map_or(0.0, octaves);
+    // Of no octaves, none is a part: their ratio is not a number, which becomes zero.
+    let part = |speed| (count as f32 * octaves(speed) / widest) as usize;
+    let before = |number| speeds_mm_s.partition_point(|&speed| part(speed).min(count - 1) < number);
+    let regions = (0..count).map(|number| Region {
+        speeds: before(number)..before(number + 1),
+        forces: 0..forces,
+    });
+    regions.filter(|region| !region.speeds.is_empty()).collect()
+}
+
 /// Difference of the two sides' log kurtosis in standard deviations, by the scatter of trials or of windows, whichever
 /// is larger; 0 if it is too small to matter, or has too few trials to be judged.
 fn difference(traces: &[Trace], sides: &[Region; 2]) -> f64 {
@@ -112,6 +128,7 @@ fn logarithm(windows: &Sums) -> f64 {
 mod tests {
     use super::*;
     use crate::fit::excitation::evidence::Judged;
+    use proptest::prelude::*;
     use rand::SeedableRng;
     use rand_distr::{Distribution, StandardNormal};
 
@@ -158,6 +175,27 @@ mod tests {
         assert_eq!(regions(&traces, (10, 6), 4).len(), 3);
         assert_eq!(regions(&traces, (10, 6), 2).len(), 2);
         assert_eq!(regions(&traces, (10, 6), 1).len(), 1);
+    }
+
+    proptest! {
+        /// With standstill, and of a single speed.
+        #[test]
+        fn each_speed_is_in_one_region_and_the_ratio_of_its_ends_is_bounded(
+            mut speeds in prop::collection::vec(prop_oneof![Just(0.0f32), 1.0f32..1000.0], 1..16),
+            count in 1usize..5,
+        ) {
+            speeds.sort_by(f32::total_cmp);
+            let regions = by_speed(&speeds, 3, count);
+            prop_assert!(regions.len() <= count && regions.iter().all(|own| own.forces == (0..3)));
+            let joined: Vec<usize> = regions.iter().flat_map(|own| own.speeds.clone()).collect();
+            prop_assert_eq!(joined, (0..speeds.len()).collect::<Vec<_>>());
+            let ratio = |own: &[f32]| {
+                let lowest = own.iter().find(|&&speed| speed > 0.0);
+                lowest.map_or(1.0, |lowest| own[own.len() - 1] / lowest)
+            };
+            let most = ratio(&speeds).powf(1.0 / count as f32);
+            prop_assert!(regions.iter().all(|own| ratio(&speeds[own.speeds.clone()]) <= 1.001 * most));
+        }
     }
 
     #[test]

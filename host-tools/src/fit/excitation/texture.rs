@@ -14,7 +14,7 @@ use super::level::{BESIDE_CODEBOOK, BESIDE_NOISE, amplitude, track};
 use super::material::{
     LEAST_STRETCHES, Level, MOST_STRETCHES, MOST_STRETCHES_OF_MOMENTS, STRETCH_SAMPLES, choose,
 };
-use super::regions::{Region, regions};
+use super::regions::{Region, by_speed, regions};
 use super::trace::Trace;
 use crate::fit::options::{ExcitationChoice, ModulationChoice, Options};
 use crate::support::warning::Warning;
@@ -25,6 +25,9 @@ const HIGHEST_PEAK: f64 = 45.0;
 
 /// Highest peak of moments, standard deviations: what coding takes of their power raises it, to 40 at most.
 const HIGHEST_PEAK_OF_MOMENTS: f64 = 36.0;
+
+/// Least gain for which moments are divided by speed, dB: less is chance, and each region has less material.
+const LEAST_HEARD_GAIN_DB: f64 = 0.05;
 
 /// Bytes of a part beside its codes, entries and nodes; and of a codebook beside its codes. Not fewer than they are.
 const HEADER_BYTES: usize = 16;
@@ -84,10 +87,11 @@ impl Choice<'_> {
     /// The nearer one of moments and an excitation whose level is apart.
     fn nearer(&self, traces: &[Trace]) -> Option<Chosen> {
         let half = choice::fitted(traces);
+        let division = self.division(traces, &half);
         let forces = self.axes.forces_n.len();
         let distance_db = |chosen: &Chosen| choice::distance_db(traces, forces, &chosen.parts);
         let moments_db = self
-            .moments(&half, &Reach::FIRST)
+            .moments(&half, &Reach::FIRST, &division)
             .and_then(|moments| distance_db(&moments));
         let judged = |reach: &Reach| {
             let apart_db = distance_db(&self.apart(&half, reach))?;
@@ -112,7 +116,7 @@ impl Choice<'_> {
             chosen = Some(bounded);
         }
         if is_for_moments(&found) {
-            let moments = self.bounded(traces, |reach| self.moments(traces, reach));
+            let moments = self.bounded(traces, |reach| self.moments(traces, reach, &division));
             chosen = moments.map(|(moments, _)| moments).or(chosen);
         }
         let mut chosen = chosen?;
@@ -204,13 +208,41 @@ impl Choice<'_> {
             highest_peak: HIGHEST_PEAK / track.map_or(1.0, highest),
             reach: reach.codebooks,
         };
-        let found = codebooks(traces, self.axes, wanted, budget);
+        let shape = (self.axes.speeds_mm_s.len(), self.axes.forces_n.len());
+        let regions = regions(traces, shape, budget.codebooks(wanted.level));
+        let found = codebooks(traces, regions, wanted, budget);
         let reason = reason_of_source(&found, kurtosis, wanted, budget);
         (found, reason)
     }
 
-    /// The excitation whose residual keeps its level, if there is material enough.
-    fn moments(&self, traces: &[Trace], reach: &Reach) -> Option<Chosen> {
+    /// Regions for moments: those whose residuals differ; or more regions, of nearby speeds, if their moments of `half`
+    /// of the `traces` are heard nearer to the other blocks. A click lasts as long as the tip takes over a groove, so
+    /// that the moments of a slow trial are too long and too low at a fast node.
+    fn division(&self, traces: &[Trace], half: &[Trace]) -> Vec<Region> {
+        let shape = (self.axes.speeds_mm_s.len(), self.axes.forces_n.len());
+        let most = self.budget(self.room).codebooks(Level::OfMoments);
+        let tested = regions(traces, shape, most);
+        let by_speed = (2..=most).map(|count| by_speed(self.axes.speeds_mm_s, shape.1, count));
+        let by_speed: Vec<Vec<Region>> = by_speed.filter(|regions| regions.len() > 1).collect();
+        if by_speed.is_empty() {
+            return tested;
+        }
+        let heard_db = |division: &[Region]| {
+            let moments = self.moments(half, &Reach::FIRST, division)?;
+            let is_whole = moments.report.codebooks.len() == division.len();
+            choice::heard_db(traces, shape.1, &moments.parts).filter(|_| is_whole)
+        };
+        let tested_db = heard_db(&tested).unwrap_or(f64::INFINITY);
+        let others = by_speed.into_iter();
+        let others = others.filter_map(|division| Some((heard_db(&division)?, division)));
+        let nearest = others.min_by(|a, b| a.0.total_cmp(&b.0));
+        let nearer = nearest.filter(|(db, _)| db + LEAST_HEARD_GAIN_DB < tested_db);
+        nearer.map_or(tested, |(_, division)| division)
+    }
+
+    /// The excitation of a codebook for each region of `division`, whose residual keeps its level, if there is material
+    /// enough.
+    fn moments(&self, traces: &[Trace], reach: &Reach, division: &[Region]) -> Option<Chosen> {
         let wanted = Wanted {
             // A region without impulses has its level in its codebook.
             is_forced: true,
@@ -218,7 +250,7 @@ impl Choice<'_> {
             highest_peak: HIGHEST_PEAK_OF_MOMENTS,
             reach: reach.codebooks,
         };
-        let found = codebooks(traces, self.axes, wanted, self.budget(self.room));
+        let found = codebooks(traces, division.to_vec(), wanted, self.budget(self.room));
         let shortest = found.iter().map(|own| own.seconds).reduce(f64::min)?;
         let samples = (shortest * f64::from(SAMPLE_RATE_HZ)) as usize;
         let moment_samples = moment_samples(samples, found.len());
@@ -352,10 +384,13 @@ struct Wanted {
     reach: [f64; limits::MAX_CODEBOOKS],
 }
 
-/// Codebooks of the regions that want one, and have the material for it.
-fn codebooks(traces: &[Trace], axes: Axes<'_>, wanted: Wanted, budget: Budget) -> Vec<OfRegion> {
-    let shape = (axes.speeds_mm_s.len(), axes.forces_n.len());
-    let regions = regions(traces, shape, budget.codebooks(wanted.level));
+/// Codebooks of those of `regions` that want one, and have the material for it.
+fn codebooks(
+    traces: &[Trace],
+    regions: Vec<Region>,
+    wanted: Wanted,
+    budget: Budget,
+) -> Vec<OfRegion> {
     let members = |region: &Region| -> Vec<&Trace> {
         traces
             .iter()

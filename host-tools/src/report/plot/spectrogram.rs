@@ -10,12 +10,20 @@ use plotters::prelude::*;
 use super::canvas::{Area, Axis, BAR, Drawn, INK, TEXT, at, axes, centred, colour_bar, picture};
 use super::figure::{Bitmap, FREQUENCY, Frame, Kind, POWER_DENSITY, Panel, Series, TIME_S, Third};
 use super::{Caption, Svg};
+use crate::dsp::liveliness::kurtosis;
 use crate::dsp::spectrum::dft_amplitude;
 use crate::support::decimal::fixed;
 use crate::support::error::{Error, Result};
 
-/// Length of a window, s: lines 12 Hz apart are told apart.
-const WINDOW_S: f64 = 0.16;
+/// Length of a window on a steady signal, s: lines 12 Hz apart are told apart.
+const LONG_S: f64 = 0.16;
+
+/// Length of a window on an impulsive signal, s: lines 60 Hz apart are told apart, and clicks 16 ms apart.
+const SHORT_S: f64 = 0.032;
+
+/// Kurtosis above which a recording is impulsive: that of Gaussian noise is 3, and 5.8 if its level swings between none
+/// and twice its mean.
+const IMPULSIVE: f64 = 7.0;
 
 /// Windows in a picture at most.
 const COLUMNS: usize = 240;
@@ -29,7 +37,8 @@ fn top_of(levels: impl Iterator<Item = f64>) -> Option<f64> {
     highest.map(|highest| 10.0 * (highest / 10.0).ceil())
 }
 
-/// Spectrograms of a recording and of its synthesis, m/s², from 0 Hz to `highest_hz`, to one scale.
+/// Spectrograms of a recording and of its synthesis, m/s², from 0 Hz to `highest_hz`, to one scale. The recording's
+/// kurtosis decides the length of both signals' windows.
 ///
 /// # Errors
 /// Signals without power, and that the picture cannot be laid out.
@@ -42,7 +51,8 @@ pub fn spectrograms(
     let len = recorded.len().min(synthesised.len());
     let highest_hz = highest_hz.min(0.5 * rate_hz);
     let signals = [("recorded", recorded), ("synthesised", synthesised)];
-    let levels = signals.map(|(_, signal)| levels_db(&signal[..len], rate_hz, highest_hz));
+    let windows = Windows::of(len, rate_hz, window_s(&recorded[..len]));
+    let levels = signals.map(|(_, signal)| levels_db(&signal[..len], windows, highest_hz));
     let Some(top_db) = top_of(levels.iter().flatten().flatten().copied()) else {
         return Err(Error::Request(format!(
             "the spectrogram '{}' is of silence",
@@ -60,12 +70,20 @@ pub fn spectrograms(
             let x = Axis::new(TIME_S, 0.0..seconds.max(1e-3), 6);
             let y = Axis::new(FREQUENCY, 0.0..highest_hz, 8);
             let mut own = axes(&below, name, &x, &y)?.panel;
-            fill(&mut own, levels, top_db, Windows::of(len, rate_hz))?;
+            fill(&mut own, levels, top_db, windows)?;
             drawn.push(own);
         }
         let ends = (at(30), bar.dim_in_pixel().1 as i32 - at(52));
         draw_bar(&bar, ends, top_db)
     })
+}
+
+/// Length of the windows on a `recording` and on what stands beside it, s.
+fn window_s(recording: &[f64]) -> f64 {
+    match kurtosis(recording.iter()) {
+        Some(kurtosis) if kurtosis > IMPULSIVE => SHORT_S,
+        _ => LONG_S,
+    }
 }
 
 /// The windows of a spectrogram.
@@ -81,9 +99,9 @@ struct Windows {
 }
 
 impl Windows {
-    /// The windows over so many samples.
-    pub fn of(samples: usize, rate_hz: f64) -> Self {
-        let len = ((WINDOW_S * rate_hz) as usize).clamp(2, samples.max(2));
+    /// The windows of `window_s` over so many samples.
+    fn of(samples: usize, rate_hz: f64, window_s: f64) -> Self {
+        let len = ((window_s * rate_hz) as usize).clamp(2, samples.max(2));
         let spare = samples.saturating_sub(len);
         Self {
             len,
@@ -169,9 +187,12 @@ fn palette() -> Vec<u8> {
 
 /// One column per window, its power spectral densities from the lowest frequency up, one-sided, in dB
 /// re 1 (m/s²)²/Hz.
-fn levels_db(signal: &[f64], rate_hz: f64, highest_hz: f64) -> Vec<Vec<f64>> {
-    let windows = Windows::of(signal.len(), rate_hz);
-    let window = windows.len;
+fn levels_db(signal: &[f64], windows: Windows, highest_hz: f64) -> Vec<Vec<f64>> {
+    let Windows {
+        len: window,
+        rate_hz,
+        ..
+    } = windows;
     let weights: Vec<f64> = (0..window)
         .map(|n| 0.5 - 0.5 * (TAU * (n as f64 + 0.5) / window as f64).cos())
         .collect();
@@ -253,18 +274,20 @@ mod tests {
         let line: Vec<f64> = (0..10_000)
             .map(|n| (TAU * 300.0 * f64::from(n) / 5000.0).sin())
             .collect();
-        for column in levels_db(&line, 5000.0, 1000.0) {
+        let windows = Windows::of(line.len(), 5000.0, window_s(&line));
+        for column in levels_db(&line, windows, 1000.0) {
             let peak = (0..column.len())
                 .max_by(|a, b| column[*a].total_cmp(&column[*b]))
                 .unwrap();
-            assert!((peak as f64 / WINDOW_S - 300.0).abs() < 7.0, "{peak}");
+            assert!((peak as f64 / LONG_S - 300.0).abs() < 7.0, "{peak}");
         }
     }
 
     #[test]
     fn the_level_of_white_noise_is_its_power_over_the_band() {
         let noise: Vec<f64> = noise(7, 50_000).iter().map(|x| 3.0 * x).collect();
-        let levels = levels_db(&noise, 5000.0, 2000.0);
+        let windows = Windows::of(noise.len(), 5000.0, window_s(&noise));
+        let levels = levels_db(&noise, windows, 2000.0);
         let powers = || {
             let inner = levels.iter().flat_map(|column| &column[5..]);
             inner.map(|level| 10f64.powf(level / 10.0))
@@ -272,6 +295,34 @@ mod tests {
         let mean = powers().sum::<f64>() / powers().count() as f64;
         // Nine (m/s²)² over 2500 Hz.
         assert!((mean / (9.0 / 2500.0) - 1.0).abs() < 0.05, "{mean}");
+    }
+
+    /// Clicks of 2 ms, ten per second, in noise 40 dB below; and noise whose level swings four times per second.
+    #[test]
+    fn a_click_is_as_short_as_a_short_window_and_a_swell_keeps_the_long_one() {
+        let noise = noise(3, 10_000);
+        let swell = |n: usize| 1.0 + (TAU * 4.0 * n as f64 / 5000.0).sin();
+        let swelling: Vec<f64> = noise
+            .iter()
+            .enumerate()
+            .map(|(n, x)| swell(n) * x)
+            .collect();
+        assert!(
+            [&noise, &swelling]
+                .iter()
+                .all(|signal| window_s(signal) == LONG_S)
+        );
+        let gain = |n: usize| if n % 500 < 10 { 1.0 } else { 0.01 };
+        let clicks: Vec<f64> = noise.iter().enumerate().map(|(n, x)| gain(n) * x).collect();
+        let windows = Windows::of(clicks.len(), 5000.0, window_s(&clicks));
+        let levels = levels_db(&clicks, windows, 1000.0);
+        let middle: Vec<f64> = levels.iter().map(|column| column[10]).collect();
+        let highest = middle.iter().copied().fold(f64::MIN, f64::max);
+        let loud = middle
+            .iter()
+            .filter(|level| **level > highest - 25.0)
+            .count();
+        assert!(3 * loud < middle.len(), "{loud} of {}", middle.len());
     }
 
     #[test]
