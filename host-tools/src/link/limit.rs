@@ -1,7 +1,7 @@
 //! Longest waits for a device, in its own time.
 //!
-//! A virtual stylus on a busy computer may be many times slower than the clock on the wall. It tells its virtual time in
-//! its announcement, so a wait for it ends only when that time has passed for it, too.
+//! A virtual stylus on a busy computer may be many times slower than the clock on the wall. It tells its virtual time
+//! in its announcement, so a wait for it ends only when that time has passed for it, too.
 
 use std::pin::pin;
 use std::time::{Duration, Instant};
@@ -144,7 +144,7 @@ mod tests {
     fn nothing_is_read_while_the_real_time_runs() {
         let mut limit = Limit::new(
             &"tcp:127.0.0.1:4000".parse().unwrap(),
-            Duration::from_secs(3600),
+            Duration::from_hours(1),
         );
         assert!(!limit.has_passed_by(|| panic!("nobody asks")));
     }

@@ -1,5 +1,5 @@
-//! Recordings as CSV: one to three columns of samples, and optionally one of times, which gives the sample rate. A fourth
-//! one of samples is left out if its name says that it is the magnitude of the others, as phones write it.
+//! Recordings as CSV: one to three columns of samples, and optionally one of times, which gives the sample rate. A
+//! fourth one of samples is left out if its name says that it is the magnitude of the others, as phones write it.
 
 use std::path::Path;
 

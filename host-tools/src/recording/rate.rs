@@ -9,8 +9,8 @@ use std::ops::RangeInclusive;
 /// 50 samples of one, and works in blocks of at most two seconds.
 pub const RATES_HZ: RangeInclusive<f64> = 100.0..=768_000.0;
 
-/// Most samples of a recording's channels together, before and after conversion to the models' rate: 28 minutes of three
-/// axes at 5 kHz. They take 200 MB.
+/// Most samples of a recording's channels together, before and after conversion to the models' rate: 28 minutes of
+/// three axes at 5 kHz. They take 200 MB.
 pub const MAX_SAMPLES: usize = 3 << 23;
 
 /// Returns the problem of a rate that no recording has, in words; `remedy` tells how to mend it.

@@ -48,8 +48,8 @@ impl Scene {
         self.validate_with(library.len(), |surface, _| bounds[surface])
     }
 
-    /// As [`Scene::validate_decoded`], for a library of `count` textures; `bounds` are those of the texture of a surface, by
-    /// the indices of both, and none if there is no such texture.
+    /// As [`Scene::validate_decoded`], for a library of `count` textures; `bounds` are those of the texture of a
+    /// surface, by the indices of both, and none if there is no such texture.
     pub(crate) fn validate_with(
         &self,
         count: usize,

@@ -386,8 +386,8 @@ proptest! {
         prop_assert_eq!(scene.validate(&library).is_ok(), excess < 1.0);
     }
 
-    /// Sections of poles and zeros near the unit circle, also close to each other, whose gain is a little below or above
-    /// the limit. The oracle takes it at frequencies that are dense around all poles and zeros.
+    /// Sections of poles and zeros near the unit circle, also close to each other, whose gain is a little below or
+    /// above the limit. The oracle takes it at frequencies that are dense around all poles and zeros.
     #[test]
     fn no_peak_of_a_cascade_is_missed_and_none_is_invented(
         drawn in vec((0.9f64..0.999, 0.005f64..3.13, -0.05f64..0.05, 0.0f64..0.999, 0.3f64..3.0), 1..=MAX_SECTIONS),

@@ -132,8 +132,8 @@ pub(super) fn spread(trials: &[Levels]) -> Evidence {
     }
 }
 
-/// Window of the local kurtosis, samples: 10 ms, in which levels hardly change, unless the recording's rate is below the
-/// models'.
+/// Window of the local kurtosis, samples: 10 ms, in which levels hardly change, unless the recording's rate is below
+/// the models'.
 pub(super) const KURTOSIS_SAMPLES: usize = 50;
 
 /// Window of a level, samples: 50 ms.

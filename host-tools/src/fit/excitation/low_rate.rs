@@ -25,8 +25,8 @@ pub(super) fn carried_hz(rate_hz: f64) -> Option<f64> {
     (rate_hz < f64::from(SAMPLE_RATE_HZ)).then(|| CARRIED * rate_hz / 2.0)
 }
 
-/// The part of `residual` below `carried_hz`, sampled just often enough to hold it, without its ends; and the samples in
-/// which a level is taken, as long as at the models' rate. What stands above tells nothing of the surface, and would
+/// The part of `residual` below `carried_hz`, sampled just often enough to hold it, without its ends; and the samples
+/// in which a level is taken, as long as at the models' rate. What stands above tells nothing of the surface, and would
 /// hide the impulses below from the tests.
 pub(super) fn known(residual: &[f64], carried_hz: f64) -> (Vec<f64>, usize) {
     let length = residual.len();

@@ -18,8 +18,8 @@
 //!
 //! **Moments** (`choice`) take the place of both where levels vary and blocks that were left out are nearer to them:
 //! 5 s of the residual with its level, whitened alike and coded in 3 bits, in pieces of up to 1 s. More material does
-//! more than longer pieces or finer codes: 2 s of it are no better than a codebook with a track. Regions of nearby speeds
-//! have their own, where those are heard nearer.
+//! more than longer pieces or finer codes: 2 s of it are no better than a codebook with a track. Regions of nearby
+//! speeds have their own, where those are heard nearer.
 //!
 //! **The bound** (`loudness`, `bound`): no residual is heard louder than its signal, and no part of a texture louder
 //! than the recordings of the nodes that it is played at. A trial with far louder moments than the others gives them to

@@ -1,5 +1,5 @@
-//! What an eye sees in a spectrogram of a scratched plate: clicks as short as the recording's, and no patches between.
-//! The measure is the distribution of third octaves' levels in windows of 20 ms.
+//! Events in a spectrogram of a scratched plate: clicks as short as the recording's, and no patches between. The
+//! measure is the distribution of third octaves' levels in windows of 20 ms.
 
 use std::path::Path;
 
