@@ -65,7 +65,7 @@ pub const MIN_FED_POWER: f32 = 0.98;
 
 /// Highest mean square of a codebook and of a level track; see [`MIN_FED_POWER`].
 pub const MAX_FED_POWER: f32 = 1.02;
-/// Most lines of a texture that are locked to place.
+/// Most lines of a texture that are tied to position.
 pub const MAX_LINES: usize = 8;
 
 /// Shortest wavelength of a line, mm. A stroke of 44 mm/s takes it to 0.44 of a sample rate of 5 kHz.

@@ -393,13 +393,13 @@ impl<'a, A: Arithmetic> Synthesis<'a, A> {
     ///
     /// A fed texture is followed at least every [`MAX_FED_SAMPLES`] samples, see [`Frame::feed`].
     ///
-    /// Lines that are locked to place go on by the motion's speed.
+    /// Lines that are tied to position go on by the motion's speed.
     pub fn follow(&mut self, motion: Motion, samples: u32) {
         self.follow_to(motion, None, samples);
     }
 
     /// As [`Synthesis::follow`], with the position that the tool has at the last of `samples` samples, for lines that
-    /// are locked to place. Without one it is the integral of the speed.
+    /// are tied to position. Without one it is the integral of the speed.
     pub fn follow_to(&mut self, motion: Motion, position: Option<Position>, samples: u32) {
         let left = self.playback.left();
         if let Some(lines) = &mut self.lines {

@@ -24,7 +24,7 @@ impl Without {
     pub const CODEBOOKS: Self = Self(1);
     /// The track of the level.
     pub const TRACK: Self = Self(2);
-    /// Lines that are locked to place.
+    /// Lines that are tied to position.
     pub const LINES: Self = Self(4);
 
     /// Parts by their bits; others are ignored.

@@ -15,7 +15,7 @@ pub enum Played {
     Fitted,
     /// The filter alone, excited by Gaussian noise.
     Gaussian,
-    /// The recording's own excitation and its level, without the lines that are locked to place.
+    /// The recording's own excitation and its level, without the lines that are tied to position.
     Residual,
 }
 

@@ -34,7 +34,7 @@ pub struct FittedTexture {
     pub nodes: Vec<NodeSpec>,
     /// Sample rate of the models, Hz.
     pub sample_rate_hz: u32,
-    /// Lines that are locked to place, or the reason for none.
+    /// Lines that are tied to position, or the reason for none.
     pub lines: Findings,
     /// Its excitation; none if the fit was of the models alone.
     pub excitation: Option<ExcitationReport>,

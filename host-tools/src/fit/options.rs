@@ -76,7 +76,7 @@ pub enum ModulationChoice {
     Auto,
 }
 
-/// The choice of lines that are locked to place.
+/// The choice of lines that are tied to position.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "snake_case")]
 pub enum Lines {

@@ -42,7 +42,7 @@ pub struct FitRecord {
     pub excitations: Vec<ExcitationReport>,
     /// The recordings.
     pub trials: Vec<FittedTrial>,
-    /// Lines of each texture that are locked to place, or the reason for none.
+    /// Lines of each texture that are tied to position, or the reason for none.
     pub lines: Vec<FoundLines>,
 }
 

@@ -21,7 +21,7 @@ use crate::support::in_order::in_order;
 pub struct Recordings<'s> {
     /// Its trials, in the order of the set.
     pub trials: Vec<Recorded<'s>>,
-    /// Lines that are locked to place, or the reason for none.
+    /// Lines that are tied to position, or the reason for none.
     pub findings: Findings,
 }
 

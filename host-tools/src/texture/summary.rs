@@ -52,7 +52,7 @@ pub struct TextureSummary {
     /// The track of the level.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub level_track: Option<TrackSummary>,
-    /// Lines that are locked to place.
+    /// Lines that are tied to position.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub lines: Vec<LineSummary>,
     /// The nodes, speed-major; none if they were not asked for.
@@ -91,7 +91,7 @@ pub struct TrackSummary {
     pub range_db: [f64; 2],
 }
 
-/// A line that is locked to place.
+/// A line that is tied to position.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LineSummary {
     /// Wavelength, mm.

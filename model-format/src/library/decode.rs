@@ -89,7 +89,7 @@ enum Stage<'a> {
     },
     /// Header of the next texture, or the number of scenes.
     Texture,
-    /// Lines of a texture, which are locked to place.
+    /// Lines of a texture, which are tied to position.
     Lines(LinesCheck<'a>),
     /// Nodes of a texture.
     Nodes(NodesCheck<'a>),

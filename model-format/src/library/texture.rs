@@ -188,7 +188,7 @@ impl<'a> Texture<'a> {
         self.parts.tails.is_some()
     }
 
-    /// Lines that are locked to place, if the texture has any.
+    /// Lines that are tied to position, if the texture has any.
     pub fn lines(&self) -> Option<Lines<'a>> {
         let nodes = self.nodes.len() / NodeRecord::BYTES;
         let part = self.parts.lines?;

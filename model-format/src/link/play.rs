@@ -188,12 +188,12 @@ pub enum StopError {
 /// Motion of the tool at a moment, as the host knows it. It is sent at up to 1 kHz.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct MotionSample {
-    /// Tangential speed. Its sign matters to lines that are locked to place alone, and only without positions.
+    /// Tangential speed. Its sign matters to lines that are tied to position alone, and only without positions.
     pub speed: MillimetresPerSecond,
     /// Normal force; a negative one is no contact.
     pub force: Newton,
     /// Position on the path of a scene, mm from where playing began; none leaves it to the device's encoder. Lines that
-    /// are locked to place follow it too; none leaves them to the speed.
+    /// are tied to position follow it too; none leaves them to the speed.
     pub position_mm: Option<f32>,
     /// Contact of the tool; none leaves it to the force.
     pub contact: Option<bool>,

@@ -11,7 +11,7 @@
 //! noise of one conversion. Beyond 6 deviations lies one of 10⁹ Gaussian values: a contact out of nothing every 23
 //! days. Contact ends at 3 deviations.
 //!
-//! **Lines that are locked to place** need more digits than a count has, and follow the hand without a delay, see
+//! **Lines that are tied to position** need more digits than a count has, and follow the hand without a delay, see
 //! [`tracker`], by the same estimator.
 //!
 //! An input that is older than [`STALE_TICKS`] is stale and mutes the output. A force at a rail of the converter, see
@@ -300,7 +300,7 @@ pub struct Follower {
     locates: bool,
     /// Count of the encoder at the origin, once it is known.
     origin: Option<i32>,
-    /// The tracker of lines that are locked to place, if anything has such lines.
+    /// The tracker of lines that are tied to position, if anything has such lines.
     tracker: Option<Tracker>,
     contact: ContactDetector,
 }
@@ -316,7 +316,7 @@ impl Follower {
         }
     }
 
-    /// The same for a plan that has lines which are locked to place, if `has_lines`.
+    /// The same for a plan that has lines which are tied to position, if `has_lines`.
     #[must_use]
     pub fn tracking(self, has_lines: bool) -> Self {
         let tracker = has_lines.then(Tracker::new);

@@ -1,4 +1,4 @@
-//! Position of the tool when a block's last sample is felt, for lines that are locked to place.
+//! Position of the tool when a block's last sample is felt, for lines that are tied to position.
 //!
 //! **From the encoder.** The [`Estimator`]'s course, extrapolated by [`LEAD_TICKS`]. It has no lag at constant speed
 //! and acceleration. A turn at 100 mm/s is off by a count if it takes 0.9 s, and by two counts for a moment if it takes

@@ -1,4 +1,4 @@
-//! Lines that are locked to place, from the encoder's counts and the host's motions to the samples.
+//! Lines that are tied to position, from the encoder's counts and the host's motions to the samples.
 
 use std::f64::consts::TAU;
 

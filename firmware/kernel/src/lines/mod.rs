@@ -1,4 +1,4 @@
-//! Lines that are locked to place: sines over the position of the tool, in addition to the model's output.
+//! Lines that are tied to position: sines over the position of the tool, in addition to the model's output.
 //!
 //! ```text
 //! line = a(v, F) · sin(2π (x / λ + φ))        x the position, λ the wavelength, φ the phase at the origin

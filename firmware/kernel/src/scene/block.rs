@@ -33,7 +33,7 @@ pub enum Stage {
     Voice(VoiceStage),
     /// A voice whose tool sticks and slips.
     StickSlip(VoiceStage, StickSlipFrame),
-    /// The lines of the voice in this slot, which are locked to place.
+    /// The lines of the voice in this slot, which are tied to position.
     Lines(u8),
     /// A tap that rings.
     Tap(Resonance),

@@ -29,7 +29,7 @@ pub struct Director<'a> {
     fed: bool,
     /// The fade of the block that is played.
     fading: Option<Ramp>,
-    /// The way of the tool, for lines that are locked to place.
+    /// The way of the tool, for lines that are tied to position.
     track: Track,
     before: Option<Before>,
     /// Tick at which the next block begins.

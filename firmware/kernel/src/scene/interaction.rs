@@ -66,7 +66,7 @@ impl Interaction {
     }
 
     /// The interaction of a tool that will be at `position` at the last sample of the block that is decided. Lines that
-    /// are locked to place follow it; without one they go on by the speed.
+    /// are tied to position follow it; without one they go on by the speed.
     #[must_use]
     pub const fn reaching(self, position: Option<Position>) -> Self {
         Self { position, ..self }

@@ -22,7 +22,7 @@ pub struct Plan<'a> {
     pub(super) constant_motion: Option<Motion>,
     pub(super) equaliser: Equaliser,
     pub(super) sample_rate_hz: u32,
-    /// True if any texture has lines that are locked to place.
+    /// True if any texture has lines that are tied to position.
     pub(super) has_lines: bool,
     /// A probe's waveform.
     pub(super) wave: Option<Wave<'a>>,
@@ -162,7 +162,7 @@ impl<'a> Plan<'a> {
         update_interval_samples(self.sample_rate_hz)
     }
 
-    /// Returns whether any texture has lines that are locked to place, for which the position counts.
+    /// Returns whether any texture has lines that are tied to position, for which the position counts.
     pub fn has_lines(&self) -> bool {
         self.has_lines
     }

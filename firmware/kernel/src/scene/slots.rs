@@ -51,7 +51,7 @@ pub(super) struct Wanted {
 pub(super) struct Moment {
     pub motion: Motion,
     pub distance_mm: f32,
-    /// The way of the tool, for lines that are locked to place.
+    /// The way of the tool, for lines that are tied to position.
     pub passage: Passage,
     pub samples: u32,
     pub left: u32,

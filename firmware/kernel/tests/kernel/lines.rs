@@ -1,4 +1,4 @@
-//! Lines that are locked to place.
+//! Lines that are tied to position.
 
 use std::f64::consts::TAU;
 

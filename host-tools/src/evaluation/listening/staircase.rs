@@ -21,7 +21,8 @@ pub enum Part {
     /// The recording's own excitation with its level track: Gaussian noise through the filter against a mixture of both
     /// with that share of power. Lines are left out.
     Codebook,
-    /// The lines that are locked to place: the texture without them against the texture with that share of their power.
+    /// The lines that are tied to position: the texture without them against the texture with that share of their
+    /// power.
     Lines,
 }
 

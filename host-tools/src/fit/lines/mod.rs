@@ -1,4 +1,4 @@
-//! Lines that are locked to place: what a surface with a period, such as a weave or a grating, sounds at speed over
+//! Lines that are tied to position: what a surface with a period, such as a weave or a grating, sounds at speed over
 //! wavelength, apart from everything else that it sounds.
 //!
 //! A texture's lines are sought in all its trials together (`search`); each trial's share of them is then fitted by

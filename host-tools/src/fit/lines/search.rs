@@ -141,7 +141,7 @@ enum Hypothesis {
     Time(f64),
 }
 
-/// A line that is locked to place, as found.
+/// A line that is tied to position, as found.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Found {
     /// Wavelength, mm, as the trials' median.
@@ -155,7 +155,7 @@ pub(super) struct Found {
 /// The outcome of a search.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Outcome {
-    /// Lines locked to place, those first that explain most.
+    /// Lines tied to position, those first that explain most.
     pub lines: Vec<Found>,
     /// Frequencies that stay while the speed changes, Hz.
     pub time_locked_hz: Vec<f64>,

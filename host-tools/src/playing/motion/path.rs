@@ -340,7 +340,7 @@ impl<'a> Hand<'a> {
     }
 
     /// The interaction of [`Hand::at`] for the block that is decided at `time_s` and whose last sample is `block_s`
-    /// later. Lines that are locked to place are told the position at that sample, because the motion is known ahead.
+    /// later. Lines that are tied to position are told the position at that sample, because the motion is known ahead.
     pub fn for_block(&mut self, time_s: f64, block_s: f64) -> Interaction {
         let end_mm = self.motion.position_mm_at(time_s + block_s);
         let position = Position::from_exact_mm(end_mm);

@@ -121,7 +121,7 @@ class PageTexture {
 }
 
 // Words on a speed, mm/s, and a force, N, above the highest of the grid: a texture is played there as at its edge, but
-// for lines, which are locked to place.
+// for lines, which are tied to position.
 function beyondGrid(nodes, speed, force, hasLines) {
   const highest = (key) => nodes.at(-1)[key];
   const words = [];

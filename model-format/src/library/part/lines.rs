@@ -1,4 +1,4 @@
-//! Part of kind 5: lines that are locked to place.
+//! Part of kind 5: lines that are tied to position.
 //!
 //! A byte has the number of lines. Each line is its wavelength, mm, as `f32`; its phase at the origin of places, in
 //! steps of 2⁻¹⁶ of a turn, as `u16`; and per node, speed-major, its amplitude, m/s², as `f32`. All lines take the same
@@ -23,7 +23,7 @@ pub(in crate::library) const AMPLITUDE_BYTES: usize = 4;
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LinesPart<'a>(pub &'a [u8]);
 
-/// Lines of a texture, which are locked to place.
+/// Lines of a texture, which are tied to position.
 #[derive(Clone, Copy, Debug)]
 pub struct Lines<'a> {
     /// The lines' bytes, one line after the other.

@@ -6,7 +6,7 @@
 //! | 2 | [`fine_theta`] | 8 more binary digits of θ for the first stages of a lattice |
 //! | 3 | [`excitation`] | codebooks of the prediction residual |
 //! | 4 | [`modulation`] | a track of the excitation's level |
-//! | 5 | [`lines`] | lines that are locked to place |
+//! | 5 | [`lines`] | lines that are tied to position |
 //! | 6 | [`tails`] | θ in one byte for the last stages of a lattice, with a step per node |
 //! | 7 | [`wander`] | how the place of lines wanders |
 //! | 8 | [`moments`] | codebooks in blocks with their level, played in moments |
@@ -46,7 +46,7 @@ pub(crate) type PartSpec = (u32, alloc::vec::Vec<u8>);
 
 /// Optional parts of a texture to be written, beside those that follow from its laws and nodes.
 ///
-/// By default there are none: a Gaussian excitation of steady level, and nothing that is locked to place.
+/// By default there are none: a Gaussian excitation of steady level, and nothing that is tied to position.
 #[cfg(feature = "alloc")]
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PartsSpec {
@@ -54,7 +54,7 @@ pub struct PartsSpec {
     pub excitation: Option<excitation::ExcitationSpec>,
     /// Track of the level.
     pub modulation: Option<modulation::ModulationSpec>,
-    /// Lines that are locked to place.
+    /// Lines that are tied to position.
     pub lines: Option<lines::LinesSpec>,
 }
 
@@ -80,7 +80,7 @@ pub enum PartKind {
     Excitation,
     /// A track of the excitation's level.
     Modulation,
-    /// Lines that are locked to place.
+    /// Lines that are tied to position.
     Lines,
     /// θ of a lattice's last stages in one byte.
     Tails,

@@ -98,7 +98,7 @@ fn the_excitation_of_a_fed_voice_takes_an_update_what_the_model_says_and_a_sampl
     }
 }
 
-/// Four lines that are locked to place, on a lattice of the same order: 208 on a Cortex-M4, 187 on a Cortex-M7.
+/// Four lines that are tied to position, on a lattice of the same order: 208 on a Cortex-M4, 187 on a Cortex-M7.
 #[test]
 fn four_lines_take_at_most_210_instructions_more_than_none() {
     for processor in Processor::ALL {

@@ -62,7 +62,7 @@ fn texture(name: &str, order: u32) -> TextureSpec {
     }
 }
 
-/// The same with so many lines that are locked to place, the first of which wanders.
+/// The same with so many lines that are tied to position, the first of which wanders.
 fn lined(mut spec: TextureSpec, lines: usize) -> TextureSpec {
     let line = |at: usize| LineSpec {
         wavelength_mm: 0.3 + 0.7 * at as f32,
