@@ -57,6 +57,8 @@ pub struct Workspace {
     scene_names: Names<MAX_SCENES>,
     /// The facts of each texture that scenes are checked against.
     bounds: [TextureBounds; MAX_TEXTURES],
+    /// The gain of the equaliser that is being checked.
+    gain: Option<GainCheck>,
 }
 
 impl Workspace {
@@ -66,6 +68,7 @@ impl Workspace {
             texture_names: Names::new(),
             scene_names: Names::new(),
             bounds: [TextureBounds::NONE; MAX_TEXTURES],
+            gain: None,
         }
     }
 }
@@ -98,7 +101,7 @@ enum Stage<'a> {
     /// The next scene, or the end.
     Scene,
     /// Gain of a scene's equaliser.
-    Equaliser(GainCheck),
+    Equaliser,
 }
 
 impl<'a> Decoder<'a> {
@@ -185,12 +188,14 @@ impl<'a, W: BorrowMut<Workspace>> Decoder<'a, W> {
             }
             Stage::Scene if self.scenes == self.library.scene_count => return self.end().map(Some),
             Stage::Scene => self.stage = self.scene()?,
-            Stage::Equaliser(gain) => {
-                let found = gain.step().map_err(|(section, problem)| {
+            Stage::Equaliser => {
+                let gain = self.work.borrow_mut().gain.as_mut();
+                let is_checked = gain.map_or(Ok(true), GainCheck::step);
+                let is_checked = is_checked.map_err(|(section, problem)| {
                     let error: SceneError = problem.at(ScenePlace::Section(section));
                     Problem::from(error).at(Place::Scene(self.scenes - 1))
                 });
-                if found? {
+                if is_checked? {
                     self.stage = Stage::Scene;
                 }
             }
@@ -305,7 +310,8 @@ impl<'a, W: BorrowMut<Workspace>> Decoder<'a, W> {
         Ok(if scene.equaliser.is_empty() {
             Stage::Scene
         } else {
-            Stage::Equaliser(GainCheck::new(&scene.equaliser))
+            self.work.borrow_mut().gain = Some(GainCheck::new(&scene.equaliser));
+            Stage::Equaliser
         })
     }
 
