@@ -365,6 +365,8 @@ fn announce(desk: &Desk, name: &str, links: &[&str]) -> File {
     let path = desk.folder().join(format!("virtual-{name}"));
     let mut file = File::create(path).unwrap();
     file.lock().unwrap();
+    // Its virtual time.
+    writeln!(file, "0").unwrap();
     for link in links {
         writeln!(file, "{link}").unwrap();
     }
