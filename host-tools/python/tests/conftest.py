@@ -128,6 +128,7 @@ def attached(stylus: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(folder.parent))
     with open(folder / "virtual-1-0", "w") as file:
         fcntl.flock(file, fcntl.LOCK_EX)
-        file.write(f"{stylus}\n")
+        # Its virtual time, then its link.
+        file.write(f"0\n{stylus}\n")
         file.flush()
         yield stylus
