@@ -134,13 +134,9 @@ fn rendered(
     seconds: f64,
     seed: u64,
 ) -> Result<Rendered> {
-    let mut rendering = Rendering::new(texture, motion, seconds, seed)?;
+    let rendering = Rendering::new(texture, motion, seconds, seed)?;
     let bar = progress::bar(rendering.len() as u64, "rendering");
-    let rendered = Rendered {
-        sample_rate_hz: texture.sample_rate_hz(),
-        samples: bar.wrap_iter(rendering.by_ref()).collect(),
-        saturations: rendering.saturations(),
-    };
+    let rendered = rendering.rendered(|samples| bar.wrap_iter(samples).collect());
     bar.finish_and_clear();
     Ok(rendered)
 }

@@ -2,6 +2,8 @@
 
 use std::ops::RangeInclusive;
 
+use super::source::MAX_CHANNELS;
+
 /// Sample rates that a recording may have, Hz.
 ///
 /// Below, there is nothing of a texture: what is felt reaches up to some 1000 Hz. Above, no converter for accelerations
@@ -12,6 +14,9 @@ pub const RATES_HZ: RangeInclusive<f64> = 100.0..=768_000.0;
 /// Most samples of a recording's channels together, before and after conversion to the models' rate: 28 minutes of
 /// three axes at 5 kHz. They take 200 MB.
 pub const MAX_SAMPLES: usize = 3 << 23;
+
+/// Most frames of a recording with three axes, or with a speed and a force beside its axes.
+pub const MAX_FRAMES: usize = MAX_SAMPLES / MAX_CHANNELS;
 
 /// Returns the problem of a rate that no recording has, in words; `remedy` tells how to mend it.
 pub fn rate_fault(rate_hz: f64, remedy: &str) -> Option<String> {

@@ -7,7 +7,7 @@ use model_format::link::{BLOCK_SAMPLES, RecordBlock, RecordSample, RecordStopped
 use super::calibration::Loss;
 use crate::link::device::{Blocks, Device};
 use crate::link::error::{LinkError, Result, longer};
-use crate::recording::{MAX_CHANNELS, MAX_SAMPLES, RATES_HZ};
+use crate::recording::{MAX_FRAMES, RATES_HZ};
 
 /// Longest interval between the blocks that arrive after the answer that ends a recording.
 const LATE_BLOCKS: Duration = Duration::from_millis(100);
@@ -77,13 +77,12 @@ impl<'a> Stream<'a> {
     /// Number of samples in `seconds`, which must be those of a recording that can be read again.
     ///
     /// # Errors
-    /// More than [`MAX_SAMPLES`] of all axes.
+    /// More than [`MAX_FRAMES`].
     pub fn samples_in(&self, seconds: f64) -> Result<usize> {
-        const MOST: usize = MAX_SAMPLES / MAX_CHANNELS;
         let samples = (seconds * f64::from(self.rate_hz)).round();
-        if samples > MOST as f64 {
+        if samples > MAX_FRAMES as f64 {
             return Err(self.device.not_verified(format!(
-                "{seconds} s at {} Hz are more than {MOST} samples: record less at a time",
+                "{seconds} s at {} Hz are more than {MAX_FRAMES} samples: record less at a time",
                 self.rate_hz
             )));
         }

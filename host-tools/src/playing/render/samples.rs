@@ -109,6 +109,17 @@ impl<A: Arithmetic> Iterator for Rendering<'_, A> {
 
 impl<A: Arithmetic> ExactSizeIterator for Rendering<'_, A> {}
 
+impl<A: Arithmetic> Rendering<'_, A> {
+    /// The samples that `collect` takes, in memory.
+    pub fn rendered(mut self, collect: impl FnOnce(&mut Self) -> Vec<OutputSample>) -> Rendered {
+        Rendered {
+            samples: collect(&mut self),
+            sample_rate_hz: self.sample_rate_hz(),
+            saturations: self.saturations(),
+        }
+    }
+}
+
 /// A rendering in memory.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Rendered {
@@ -146,13 +157,7 @@ pub fn render(
     seconds: f64,
     seed: u64,
 ) -> Result<Rendered> {
-    let mut rendering = Rendering::new(texture, motion, seconds, seed)?;
-    let samples = rendering.by_ref().collect();
-    Ok(Rendered {
-        sample_rate_hz: rendering.sample_rate_hz(),
-        samples,
-        saturations: rendering.saturations(),
-    })
+    Ok(Rendering::new(texture, motion, seconds, seed)?.rendered(|samples| samples.collect()))
 }
 
 /// Longest rendering, s: one day.

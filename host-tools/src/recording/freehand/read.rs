@@ -8,7 +8,7 @@ use serde::Serialize;
 use crate::recording::stamps::even_rate;
 use crate::recording::time_unit::{TimeColumn, TimeUnit};
 use crate::recording::unit;
-use crate::recording::{MAX_CHANNELS, MAX_SAMPLES, RECORDING, rate_fault};
+use crate::recording::{MAX_CHANNELS, MAX_FRAMES, RECORDING, rate_fault};
 use crate::support::csv_table::{CsvTable, Header, Row, TABLE};
 use crate::support::error::{Error, Result};
 use crate::support::hand::{MAX_FORCE_N, MAX_SPEED_MM_S};
@@ -185,8 +185,8 @@ pub fn read(path: &Path, rate_hz: Option<f64>, scale_m_s2: Option<f64>) -> Resul
             times.push(row.number(time)? / unit.per_second());
         }
         recording.push(&row, &columns, &names, &scales_m_s2)?;
-        if recording.is_outlier.len() * recording.axes.len() > MAX_SAMPLES {
-            let problem = format!("more than {MAX_SAMPLES} samples of all axes: cut the file");
+        if recording.is_outlier.len() > MAX_FRAMES {
+            let problem = format!("more than {MAX_FRAMES} rows: cut the file");
             return Err(row.error(problem));
         }
     }
