@@ -2,7 +2,7 @@
 
 use clap::ValueEnum;
 use host_tools::fit::conditioning::Conditioning;
-use host_tools::recording::MAX_SAMPLES;
+use host_tools::recording::{MAX_CHANNELS, MAX_FRAMES};
 use host_tools::support::number;
 use numpy::{
     Element, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
@@ -274,7 +274,12 @@ pub struct Channels {
 /// An array of another kind or shape.
 pub fn channels(samples: &Bound<'_, PyAny>) -> PyResult<Channels> {
     let py = samples.py();
-    let samples = bounded("samples", samples, 2, &mut Left::of(MAX_SAMPLES))?;
+    let samples = bounded(
+        "samples",
+        samples,
+        2,
+        &mut Left::of(MAX_CHANNELS * MAX_FRAMES),
+    )?;
     let numpy = py.import("numpy")?;
     let array = numpy.call_method1("asarray", (samples,))?;
     let array = array.cast_into::<PyUntypedArray>()?;

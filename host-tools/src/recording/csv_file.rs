@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use super::rate::{MAX_SAMPLES, length_fault, rate_fault};
+use super::rate::{length_fault, most_frames, rate_fault};
 use super::source::{Cut, MAX_CHANNELS, Source};
 use super::stamps::{self, Clock};
 use super::time_unit::TimeColumn;
@@ -132,8 +132,9 @@ impl<'a> Columns<'a> {
                 column.push(row.number(index)?);
             }
             let axes = read.values.len() - read.times.len();
-            if read.values[0].len() * axes.min(MAX_CHANNELS) > MAX_SAMPLES {
-                let problem = format!("more than {MAX_SAMPLES} samples of all axes: cut the file");
+            let most = most_frames(axes.min(MAX_CHANNELS));
+            if read.values[0].len() > most {
+                let problem = format!("more than {most} rows: cut the file");
                 return Err(row.error(problem));
             }
         }

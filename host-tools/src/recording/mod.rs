@@ -31,7 +31,7 @@ pub use defects::{Defects, Gap, Hold, Spike, Timing, Truncation};
 pub use held::HeldSamples;
 pub use kind::Kind;
 pub use load::{read, read_at};
-pub use rate::{MAX_FRAMES, MAX_SAMPLES, RATES_HZ, rate_fault};
+pub use rate::{MAX_FRAMES, RATES_HZ, most_frames, rate_fault};
 pub use resample::resample;
 pub use set::{Assumed, MOST_TRIALS, RecordingSet, TRIALS_FILE, is_list};
 pub use snap::{Nominal, Rule, Snap, Spread, clear_grid, grid_by_gaps, nominal};

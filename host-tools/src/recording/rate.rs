@@ -11,12 +11,14 @@ use super::source::MAX_CHANNELS;
 /// 50 samples of one, and works in blocks of at most two seconds.
 pub const RATES_HZ: RangeInclusive<f64> = 100.0..=768_000.0;
 
-/// Most samples of a recording's channels together, before and after conversion to the models' rate: 28 minutes of
-/// three axes at 5 kHz. They take 200 MB.
-pub const MAX_SAMPLES: usize = 3 << 23;
+/// Most frames of a recording with three axes, or with a speed and a force beside its axes: 28 minutes at 5 kHz.
+pub const MAX_FRAMES: usize = 1 << 23;
 
-/// Most frames of a recording with three axes, or with a speed and a force beside its axes.
-pub const MAX_FRAMES: usize = MAX_SAMPLES / MAX_CHANNELS;
+/// Most frames of a recording of so many channels, before and after conversion to the models' rate. They take as much
+/// memory as [`MAX_FRAMES`] of three axes: 800 MB in a fit, because the axis that they become takes that of a channel.
+pub const fn most_frames(channels: usize) -> usize {
+    MAX_FRAMES * (MAX_CHANNELS + 1) / (channels + 1)
+}
 
 /// Returns the problem of a rate that no recording has, in words; `remedy` tells how to mend it.
 pub fn rate_fault(rate_hz: f64, remedy: &str) -> Option<String> {
@@ -30,11 +32,12 @@ pub fn rate_fault(rate_hz: f64, remedy: &str) -> Option<String> {
     ))
 }
 
-/// Returns the problem of `frames` of `channels` that are more than [`MAX_SAMPLES`], in words.
+/// Returns the problem of `frames` of `channels` that are more than [`most_frames`], in words.
 pub(super) fn length_fault(frames: f64, channels: usize) -> Option<String> {
-    (frames * channels as f64 > MAX_SAMPLES as f64).then(|| {
+    let most = most_frames(channels);
+    (frames > most as f64).then(|| {
         format!(
-            "more than {MAX_SAMPLES} samples of all channels: give start_s and duration_s, or cut the file"
+            "more than {most} samples per channel: give start_s and duration_s, or cut the file"
         )
     })
 }
