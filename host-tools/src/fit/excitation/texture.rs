@@ -488,7 +488,7 @@ fn track_report(spec: &ModulationSpec, trials: usize) -> TrackReport {
 /// Says a test's result: `8.91 where 3.4 is significant at 1 %`.
 fn said(evidence: Evidence, unit: &str) -> String {
     if evidence.windows == 0 {
-        return "not known: every recording is too short, or doubtful in a way that spoils its residual".to_owned();
+        return "not known, because no recording has a residual to judge".to_owned();
     }
     if evidence.windows < LEAST_WINDOWS {
         return format!("{} windows are too few to judge", evidence.windows);
