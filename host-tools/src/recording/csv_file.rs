@@ -3,8 +3,8 @@
 
 use std::path::Path;
 
-use super::rate::{length_fault, most_frames, rate_fault};
-use super::source::{Cut, MAX_CHANNELS, Source};
+use super::rate::{MAX_CHANNELS, length_fault, most_frames, rate_fault};
+use super::source::{Cut, Source};
 use super::stamps::{self, Clock};
 use super::time_unit::TimeColumn;
 use super::trial::Trial;

@@ -1,8 +1,8 @@
 //! Samples of a recording that a program holds in memory, in place of a file.
 
 use super::defects::Timing;
-use super::rate::{length_fault, rate_fault};
-use super::source::{Cut, MAX_CHANNELS, Source};
+use super::rate::{MAX_CHANNELS, length_fault, rate_fault};
+use super::source::{Cut, Source};
 use super::unit::{Integers, Stated};
 use crate::support::error::{Error, Result};
 use crate::support::fnv::Fnv;

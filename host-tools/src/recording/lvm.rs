@@ -10,7 +10,7 @@ use std::io::Read;
 use std::path::Path;
 
 use super::defects::Truncation;
-use super::source::MAX_CHANNELS;
+use super::rate::MAX_CHANNELS;
 use crate::support::csv_table::{CsvTable, TABLE};
 use crate::support::error::{Error, Result};
 

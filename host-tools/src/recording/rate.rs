@@ -1,8 +1,6 @@
-//! Sample rates and lengths of recordings.
+//! Sample rates, channels and lengths of recordings.
 
 use std::ops::RangeInclusive;
-
-use super::source::MAX_CHANNELS;
 
 /// Sample rates that a recording may have, Hz.
 ///
@@ -10,6 +8,9 @@ use super::source::MAX_CHANNELS;
 /// is known. The bounds keep a wrong number in a file from sizing memory: conversion to the models' rate makes at most
 /// 50 samples of one, and works in blocks of at most two seconds.
 pub const RATES_HZ: RangeInclusive<f64> = 100.0..=768_000.0;
+
+/// Largest number of channels of a recording: three axes.
+pub const MAX_CHANNELS: usize = 3;
 
 /// Most frames of a recording with three axes, or with a speed and a force beside its axes: 28 minutes at 5 kHz.
 pub const MAX_FRAMES: usize = 1 << 23;

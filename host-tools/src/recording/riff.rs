@@ -7,8 +7,9 @@ use std::fs::File;
 use std::io::{BufReader, Chain, Cursor, Read, Seek, SeekFrom};
 use std::path::Path;
 
+use super::rate::MAX_CHANNELS;
 use super::rate::rate_fault;
-use super::source::{MAX_CHANNELS, RECORDING};
+use super::source::RECORDING;
 use crate::support::error::{Error, Result};
 use crate::support::number::counted;
 

@@ -12,9 +12,6 @@ pub(crate) const RECORDING: Limit = Limit {
     bytes: (1 << 32) + MIB,
 };
 
-/// Largest number of channels of a recording: three axes.
-pub const MAX_CHANNELS: usize = 3;
-
 /// Part of a file that is used.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cut {

@@ -11,9 +11,9 @@ use symphonia::default::codecs::PcmDecoder;
 use symphonia::default::formats::WavReader;
 
 use super::defects::{Timing, Truncation};
-use super::rate::length_fault;
+use super::rate::{MAX_CHANNELS, length_fault};
 use super::riff::{self, Wave};
-use super::source::{Cut, MAX_CHANNELS, Source};
+use super::source::{Cut, Source};
 use super::unit::{Integers, Stated};
 use crate::support::error::{Error, Result};
 
