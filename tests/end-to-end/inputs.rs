@@ -649,7 +649,13 @@ fn a_folder_of_named_recordings_becomes_a_list_by_their_names() {
     }
     bench.write("set/rest.wav", wav(&[&signal], 5_000));
     let refused = bench.refuse("fit set --out a.lib");
-    holds(&refused, &["no trials.csv", "stylus trials DIR --pattern"]);
+    holds(
+        &refused,
+        &[
+            "no trials.csv",
+            "`stylus trials set --pattern '{texture}_{speed}mms_{force}N.wav'`",
+        ],
+    );
     let command = |rest: &[&str]| {
         let arguments = ["trials", "set", "--pattern"]
             .into_iter()

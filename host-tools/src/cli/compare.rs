@@ -40,7 +40,7 @@ pub struct Arguments {
     #[arg(long, value_name = "DIR")]
     takes: Option<PathBuf>,
     /// Another library, such as one of an earlier version, to compare with too, on other takes
-    #[arg(long, value_name = "LIB", requires = "takes")]
+    #[arg(long, value_name = "LIB")]
     before: Option<PathBuf>,
     /// Pairs of kinds; 'fitted' is a texture with all its parts, 'gaussian' its filter with Gaussian noise, 'before'
     /// that of --before. Without it recording-fitted,recording-gaussian,gaussian-fitted, and with --before
@@ -139,6 +139,13 @@ fn check(arguments: &Arguments) -> Result<()> {
     {
         return Err(Error::Request(
             "a staircase varies parts of one library: give --parts in place of --pairs and --before".into(),
+        ));
+    }
+    if arguments.before.is_some() && arguments.takes.is_none() {
+        return Err(Error::Request(
+            "--before needs --takes DIR, other recordings of the same trials: both libraries are judged on what neither \
+             was fitted to"
+                .into(),
         ));
     }
     let of_before = |pair: &&Pair| pair.kinds().contains(&Kind::Before);

@@ -8,7 +8,7 @@ use host_tools::support::error::Result;
 use host_tools::texture::library::{decode_library, read_library};
 
 use super::files::Overwrite;
-use super::input::{Along, positive, warn_if_silent, warn_off_grid};
+use super::input::{Along, positive, warn_of_motion, warn_off_grid};
 use super::output::{print, warn};
 
 #[derive(clap::Args)]
@@ -40,7 +40,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let texture = texture_named(&library, &arguments.texture)?;
     let name = format!("texture '{}'", texture.name());
     let (motion, seconds) = arguments.along.motion(&name, None)?;
-    warn_if_silent(&motion);
+    warn_of_motion(&motion);
     warn_off_grid(&motion, &texture);
     let rendering = (seconds, arguments.along.seed);
     let (format, full_scale) = (arguments.format, arguments.full_scale);

@@ -8,7 +8,7 @@ use host_tools::playing::render::render_wav;
 use host_tools::support::error::Result;
 
 use super::files::PinArguments;
-use super::input::{Along, warn_if_silent, warn_off_grid};
+use super::input::{Along, warn_of_motion, warn_off_grid};
 use crate::cli::files::WavFile;
 use host_tools::texture::library::{decode_library, read_library};
 
@@ -34,7 +34,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let texture = texture_named(&library, &arguments.texture)?;
     let name = format!("texture '{}'", texture.name());
     let (motion, seconds) = arguments.along.motion(&name, None)?;
-    warn_if_silent(&motion);
+    warn_of_motion(&motion);
     warn_off_grid(&motion, &texture);
     let source = format!("'{}' ({})", texture.name(), texture.provenance());
     if arguments.pin.is_asked()? {

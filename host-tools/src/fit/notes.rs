@@ -1,6 +1,7 @@
 //! Notes on a fit of recordings that are not as they should be.
 
 use std::collections::{BTreeMap, HashSet};
+use std::path::Path;
 
 use model_format::{NodeFlags, SAMPLE_RATE_HZ};
 
@@ -12,7 +13,7 @@ use crate::dsp::high_pass::{SLOW_HZ, lowest_hz};
 use crate::dsp::spectrum::band_centre_hz;
 use crate::fit::conditioning::HighPass;
 use crate::recording::pattern::one_number;
-use crate::recording::{Integers, RecordingSet, Trial, grid_by_gaps};
+use crate::recording::{Integers, RecordingSet, Trial, grid_by_gaps, list_command};
 use crate::support::number::counted;
 use crate::support::warning::Warning;
 use crate::texture::grid::Grid;
@@ -318,12 +319,15 @@ fn unlisted_speeds(set: &RecordingSet) -> Option<String> {
         .map(|trial| trial.texture.as_str())
         .collect();
     let pattern = one_number(&names)?;
+    let first = &set.trials[0];
+    let folder = first.file.parent().unwrap_or(Path::new(""));
+    let ending = first.file.extension().unwrap_or_default();
     Some(format!(
         "the names of {} recordings differ by one number alone, and each becomes a texture of its own, all at {} mm/s: \
-         if they are speeds of one surface, make a list by 'stylus trials DIR --pattern '{pattern}.wav'' and fit the \
-         folder",
+         if they are speeds of one surface, make a list by `{}` and fit the folder",
         names.len(),
-        set.trials[0].speed_mm_s
+        first.speed_mm_s,
+        list_command(folder, &pattern, &ending.to_string_lossy())
     ))
 }
 

@@ -255,6 +255,11 @@ impl Heard {
         (self.statuses > 0).then(|| f64::from(self.muted) / f64::from(self.statuses))
     }
 
+    /// The reasons of all mutes that a status showed; none if there was none.
+    pub fn reasons(&self) -> Option<MuteReasons> {
+        (!self.reasons.is_empty()).then_some(self.reasons)
+    }
+
     /// The reason for which a play that has sent `driven` counts as failed, in words with the remedy.
     ///
     /// It fails if every status shows it muted. It fails too if less than half of its motions could be sent and they
@@ -266,7 +271,8 @@ impl Heard {
         let motions = (driven.motions < due.div_ceil(2) && is_slow).then(|| {
             format!(
                 "only {} of {due} motions could be sent, {per_second:.0} per second, but at least \
-                 {MIN_MOTION_RATE_HZ} are needed: use a faster link, a less busy computer, or a lower --rate",
+                 {MIN_MOTION_RATE_HZ} are needed: use a faster link, a less busy computer, or a lower --rate, down to \
+                 {MIN_MOTION_RATE_HZ}",
                 driven.motions
             )
         });

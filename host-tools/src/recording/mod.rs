@@ -33,7 +33,7 @@ pub use kind::Kind;
 pub use load::{read, read_at};
 pub use rate::{MAX_CHANNELS, MAX_FRAMES, RATES_HZ, most_frames, rate_fault};
 pub use resample::resample;
-pub use set::{Assumed, MOST_TRIALS, RecordingSet, TRIALS_FILE, is_list};
+pub use set::{Assumed, MOST_TRIALS, RecordingSet, TRIALS_FILE, is_list, list_command};
 pub use snap::{Nominal, Rule, Snap, Spread, clear_grid, grid_by_gaps, nominal};
 pub(crate) use source::RECORDING;
 pub use source::{Account, Cut, Samples, Source};

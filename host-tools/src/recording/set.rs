@@ -10,6 +10,7 @@ use super::rate::rate_fault;
 use super::time_unit::TimeUnit;
 use super::trial::{NOMINAL_FORCE_N, NOMINAL_SPEED_MM_S, Trial};
 use super::unit::scale;
+use crate::support::bounded_file::unopened;
 use crate::support::csv_table::{CsvTable, Header, Row, TABLE};
 use crate::support::error::{Error, Result};
 use crate::support::hand::{force_fault, speed_fault};
@@ -83,8 +84,12 @@ impl RecordingSet {
             }
             [folder] if folder.is_dir() && !folder.join(TRIALS_FILE).exists() => {
                 let problem = format!(
-                    "has no {TRIALS_FILE}, the list of its recordings: 'stylus trials DIR --pattern \
-                     '{{texture}}_{{speed}}mms_{{force}}N.wav'' makes one of the files' names"
+                    "has no {TRIALS_FILE}, the list of its recordings: `{}` makes one of the files' names",
+                    list_command(
+                        folder,
+                        "{texture}_{speed}mms_{force}N",
+                        usual_ending(folder)
+                    )
                 );
                 return Err(Error::file(folder, problem));
             }
@@ -104,7 +109,7 @@ impl RecordingSet {
     pub fn open_with(inputs: &[PathBuf], assumed: &Assumed) -> Result<Self> {
         for input in inputs {
             if let Err(source) = std::fs::metadata(input) {
-                return Err(Error::io("open", input)(source));
+                return Err(unopened(input, source));
             }
         }
         let mut set = Self::open(inputs)?;
@@ -183,6 +188,32 @@ impl RecordingSet {
             is_listed: self.is_listed,
         }
     }
+}
+
+/// The command that makes the list of a folder whose files have names of this pattern and this ending.
+pub fn list_command(folder: &Path, pattern: &str, ending: &str) -> String {
+    let folder = match folder.to_str() {
+        // The folder of the shell.
+        Some("") => ".".into(),
+        Some(name) if name.contains(char::is_whitespace) => format!("'{name}'").into(),
+        _ => folder.to_string_lossy(),
+    };
+    format!("stylus trials {folder} --pattern '{pattern}.{ending}'")
+}
+
+/// The ending of the tables in `folder` if there are more of them than of sounds, which is that of sounds otherwise.
+fn usual_ending(folder: &Path) -> &'static str {
+    let files = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let has_ending = |name: &Path, ending: &str| {
+        name.extension()
+            .is_some_and(|own| own.eq_ignore_ascii_case(ending))
+    };
+    let (mut tables, mut sounds) = (0_usize, 0_usize);
+    for file in files {
+        tables += usize::from(has_ending(&file.path(), "csv"));
+        sounds += usize::from(has_ending(&file.path(), "wav"));
+    }
+    if tables > sounds { "csv" } else { "wav" }
 }
 
 /// Returns whether the file at `path` is a list of trials, by the names in its first line.

@@ -101,7 +101,10 @@ fn text(slot: &SlotContent) -> String {
     let active = if slot.active { " (active)" } else { "" };
     let state = match &slot.state {
         SlotState::Empty => "empty".to_owned(),
-        SlotState::Receiving => "an upload is under way".to_owned(),
+        SlotState::Receiving => {
+            "an upload has begun and is not complete: `stylus upload LIB` goes on with it"
+                .to_owned()
+        }
         SlotState::Faulty(fault) => fault.to_string(),
         SlotState::Valid(library) => format!(
             "{}, {}, {}, checksum {:08x}, upload {}\n\n{}{}",

@@ -48,7 +48,7 @@ fn excitation(report: &ExcitationReport) -> String {
     }));
     lines.extend(report.lowered_db.map(|lowered_db| {
         format!(
-            "    limited by {:.1} dB, because it played louder than the loudest of the recordings",
+            "    loudest moments limited by {:.1} dB, because they were louder than the recordings'; the RMS is kept",
             -lowered_db
         )
     }));

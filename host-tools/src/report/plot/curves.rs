@@ -204,7 +204,7 @@ pub fn spectra(
 ) -> Result<Svg> {
     let cost = spectral_cost(recorded, synthesised, rate_hz, smoothing_width_hz);
     let cost = cost.map_or("C is undefined".to_owned(), |cost| {
-        format!("C of what is drawn {:.1} %", 100.0 * cost)
+        format!("C of this block {:.1} %", 100.0 * cost)
     });
     let title = format!("{}: {cost}", caption.title);
     let caption = Caption {

@@ -20,7 +20,7 @@ use model_format::{MillimetresPerSecond, Newton};
 use serde::Serialize;
 
 use super::connection::Link;
-use crate::cli::input::{force, positive, speed, warn_if_silent};
+use crate::cli::input::{force, positive, speed, warn_of_motion};
 use crate::cli::interrupt::Interrupt;
 use crate::cli::output::{print, print_json, warn};
 use live::Live;
@@ -209,9 +209,18 @@ fn summary(request: &PlayRequest, driven: &Driven, heard: &Heard) -> String {
         driven.seconds,
         counted(driven.motions, "motion"),
         counted(driven.keep_alives, "keep-alive"),
-        counted(heard.mutes, "mute"),
+        mutes(heard),
         counted(heard.missed_ticks, "missed tick")
     )
+}
+
+/// The number of mutes, with their reasons as far as they were seen.
+fn mutes(heard: &Heard) -> String {
+    let count = counted(heard.mutes, "mute");
+    match heard.reasons() {
+        Some(reasons) if heard.mutes > 0 => format!("{count} ({reasons})"),
+        _ => count,
+    }
 }
 
 fn plan(arguments: &Arguments) -> Result<Drive> {
@@ -224,7 +233,7 @@ fn plan(arguments: &Arguments) -> Result<Drive> {
         _ => None,
     };
     if let (Some(motion), Some(_)) = (&motion, &arguments.texture) {
-        warn_if_silent(motion);
+        warn_of_motion(motion);
     }
     let file = arguments
         .motion
