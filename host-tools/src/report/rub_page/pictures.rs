@@ -25,10 +25,8 @@ pub fn templates(data: &Data) -> Result<String> {
     } else {
         1.0
     };
-    let waveform = waveform_axes(
-        &caption("What sounds, the last 100 ms", data.simulated),
-        peak,
-    )?;
+    // Short, because the mark of simulated data stands beside it.
+    let waveform = waveform_axes(&caption("What sounds", data.simulated), peak)?;
     let mut text = template("waveform", &waveform) + &template("spectrum", &spectrum(data)?);
     for (name, title, quantity, scale) in maps(data) {
         let axes = map_axes(&caption(title, data.simulated), quantity, scale)?;
