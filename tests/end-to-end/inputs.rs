@@ -844,3 +844,23 @@ fn recordings_without_a_list_whose_names_differ_by_one_number_are_pointed_at() {
     );
     assert!(!render(51).contains("reaches"));
 }
+
+#[test]
+fn gravity_on_three_axes_is_taken_off_without_a_word_and_another_mean_with_one() {
+    let bench = Bench::new();
+    let signal = noise(5, 12_000);
+    for (mean, is_told) in [(9.81, false), (5.0, true)] {
+        let mut table = "time_s,x,y,z\n".to_owned();
+        for (index, x) in signal.iter().enumerate() {
+            let time = index as f64 / 5000.0;
+            let (y, z) = (0.2 * x, mean + 0.1 * x);
+            table += &format!("{time:.4},{x:.5},{y:.5},{z:.5}\n");
+        }
+        bench.write("a.csv", table);
+        let output = bench.command(["fit", "a.csv", "--out", "a.lib", "--overwrite"]);
+        let output = { output }.output().expect("it runs");
+        let told = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.success(), "{told}");
+        assert_eq!(told.contains("mean above the RMS"), is_told, "{told}");
+    }
+}

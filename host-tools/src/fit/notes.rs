@@ -13,14 +13,17 @@ use crate::dsp::high_pass::{SLOW_HZ, lowest_hz};
 use crate::dsp::spectrum::band_centre_hz;
 use crate::fit::conditioning::HighPass;
 use crate::recording::pattern::one_number;
-use crate::recording::{Integers, RecordingSet, Trial, grid_by_gaps, list_command};
+use crate::recording::{GRAVITY_M_S2, Integers, RecordingSet, Trial, grid_by_gaps, list_command};
 use crate::support::number::counted;
 use crate::support::warning::Warning;
 use crate::texture::grid::Grid;
 
-/// A mean this many times the RMS is more than an offset of an amplifier: gravity, or a sensor that is not what it is
-/// taken for.
+/// A mean this many times the RMS is more than an offset of an amplifier: gravity, of which nothing needs saying, or a
+/// sensor that is not what it is taken for.
 const LARGE_MEAN: f64 = 1.0;
+
+/// Deviation of gravity, in units of itself, as cheap sensors read it.
+const GRAVITY_TOLERANCE: f64 = 0.1;
 
 /// Share of the rig's noise in a third octave that is worth a word: the texture is no stronger.
 const LARGE_FLOOR: f32 = 0.5;
@@ -67,9 +70,12 @@ pub(super) fn of(
         );
         note("lower order", nodes as f64, text)
     });
-    let with_mean = trials
-        .iter()
-        .filter(|trial| trial.mean_m_s2 > LARGE_MEAN * trial.rms_m_s2 && trial.mean_m_s2 > 0.0);
+    let is_gravity = |mean_m_s2: f64| (mean_m_s2 / GRAVITY_M_S2 - 1.0).abs() <= GRAVITY_TOLERANCE;
+    let with_mean = trials.iter().filter(|trial| {
+        trial.mean_m_s2 > LARGE_MEAN * trial.rms_m_s2
+            && trial.mean_m_s2 > 0.0
+            && !is_gravity(trial.mean_m_s2)
+    });
     let largest = with_mean
         .clone()
         .map(|trial| trial.mean_m_s2)

@@ -15,7 +15,7 @@ pub enum Integers {
 }
 
 /// Standard acceleration of gravity, m/s².
-pub(super) const GRAVITY_M_S2: f64 = 9.80665;
+pub const GRAVITY_M_S2: f64 = 9.80665;
 
 /// A unit that a header or an option can name.
 #[derive(Clone, Copy, Debug, PartialEq)]
