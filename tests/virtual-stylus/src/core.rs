@@ -11,9 +11,9 @@
 //! counter go on. Where the MPU hides the busy bank, it refuses what would be fetched from there, so the core runs on; the
 //! MPU and the program counter are looked at every [`LOOK`] instructions.
 //!
-//! A loop that polls the status of a busy bank stands still from its fourth poll to the next event of the part, and
-//! polls again, so that an erasure costs no millions of polls. Its waits by the clock are as long as before to some
-//! microseconds. A count of its polls would be smaller.
+//! A loop that polls the status of a busy bank, or a converter's calibration, stands still from its fourth poll to the
+//! next event of the part, and polls again, so that an erasure costs no millions of polls. Its waits by the clock are as
+//! long as before to some microseconds. A count of its polls would be smaller.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
@@ -68,9 +68,11 @@ const OTHER_BANK: u8 = 2;
 const LOOK: u32 = 256;
 /// The status of a bank of the flash: FLASH_SR1 and FLASH_SR2 (section 4.9.5).
 const FLASH_STATUS: [u64; 2] = [0x5200_2010, 0x5200_2110];
-/// Polls in a row after which a loop waits for its bank, and the most instructions between two of them.
+/// The control of ADC1 and of ADC2, which ends a calibration by an event (section 25.6.3).
+const CONVERTER_CONTROL: [u64; 2] = [0x4002_2008, 0x4002_2108];
+/// Polls in a row after which a loop waits for an event, and the most instructions between two of them.
 const POLLS: u32 = 4;
-const POLL_INSTRUCTIONS: u64 = 64;
+const POLL_INSTRUCTIONS: u64 = 1024;
 /// DWT_CYCCNT, by which a loop limits its wait (ARM DDI 0403E, C1.8.8).
 const CYCLE_COUNT: u64 = 0xE000_1004;
 /// Time for which the other bank's reads stay on the bus after it was busy, so that an upload routes it once.
@@ -202,8 +204,8 @@ pub fn wrap(
     });
 }
 
-/// Reads of a busy bank's status in a row, by one instruction, with nothing else on the bus in between but reads of the
-/// cycle counter.
+/// Reads in a row of a register that only an event changes, by one instruction, with nothing else on the bus in between
+/// but reads of the cycle counter.
 #[derive(Debug, Default)]
 struct Polls {
     count: u32,
@@ -212,14 +214,14 @@ struct Polls {
 }
 
 impl Polls {
-    /// Follows an access; `is_busy` for a read of the status of a bank that is busy.
-    fn follow(&mut self, access: &Access, is_busy: bool) {
+    /// Follows an access; `is_poll` for a read of such a register.
+    fn follow(&mut self, access: &Access, is_poll: bool) {
         if access.address == CYCLE_COUNT {
             return;
         }
         let goes_on = self.program_counter == access.program_counter
             && access.instruction_count - self.at <= POLL_INSTRUCTIONS;
-        self.count = match (is_busy, goes_on) {
+        self.count = match (is_poll, goes_on) {
             (false, _) => 0,
             (true, false) => 1,
             (true, true) => self.count + 1,
@@ -490,9 +492,13 @@ impl CoreBus for Seen<'_> {
         }
         self.touched.note(&access);
         access.instruction_count += self.stalled;
-        let status = FLASH_STATUS.iter().position(|&status| status == access.address);
-        let is_busy = status.is_some_and(|bank| self.busy.banks() & 1 << bank != 0);
-        self.polls.follow(&access, is_busy && access.kind == AccessKind::Read);
+        let status = FLASH_STATUS
+            .iter()
+            .position(|&status| status == access.address);
+        let is_status = status.is_some_and(|bank| self.busy.banks() & 1 << bank != 0);
+        let is_poll = is_status || CONVERTER_CONTROL.contains(&access.address);
+        self.polls
+            .follow(&access, is_poll && access.kind == AccessKind::Read);
         if access.kind == AccessKind::Read && FLASH.contains(&access.address) {
             self.flash_reads += 1;
             if self
@@ -539,8 +545,7 @@ impl CoreBus for Seen<'_> {
             self.ram.changes(),
             self.busy.banks(),
         );
-        if Some(changes) == self.changes && !self.polls.are_all()
-        {
+        if Some(changes) == self.changes && !self.polls.are_all() {
             self.bus.carry_on(instructions + self.stalled, event)
         } else {
             None
