@@ -94,12 +94,12 @@ fn a_fault_that_the_watchdog_ends_leaves_mid_scale_and_its_reason() {
 
 #[test]
 fn the_coil_is_as_warm_after_a_reset_as_before_and_nothing_is_known_after_power_on() {
-    let fast = library::set_to(&[(Setting::ThermalTimeConstant, 1.0)]);
-    let mut device = Device::new(&with_faults(), fast);
+    let mut device = Device::new(&with_faults(), library::options());
     device.wait_for_start();
     let load = |device: &mut Device| device.status().output.thermal_load_permille;
     let first = load(&mut device);
     assert!((700..=750).contains(&first), "{first} after power-on");
+    device.set(Setting::ThermalTimeConstant, 1.0);
     device.run_for(1_200 * MS);
     let before = load(&mut device);
     assert!((1..300).contains(&before), "{before} before the reset");
