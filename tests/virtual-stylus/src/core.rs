@@ -8,8 +8,12 @@
 //! it. No interrupt is taken meanwhile, which is the worst that the part may do: it may take one during a fetch. Code
 //! that runs elsewhere stands still, too, if the MPU lets the processor fetch ahead from the busy bank with the code.
 //! The instructions that the core would have executed meanwhile are counted as if it had, so virtual time and the cycle
-//! counter go on. Fetches are looked at before every instruction in the first [`CLOSELY`] of them after the bank became
-//! busy, and before every 32nd after that, because an erasure takes longer than a test can wait for single steps.
+//! counter go on. Where the MPU hides the busy bank, it refuses what would be fetched from there, so the core runs on; the
+//! MPU and the program counter are looked at every [`LOOK`] instructions.
+//!
+//! A loop that polls the status of a busy bank, or a converter's calibration, stands still from its fourth poll to the
+//! next event of the part, and polls again, so that an erasure costs no millions of polls. Its waits by the clock are as
+//! long as before to some microseconds. A count of its polls would be smaller.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
@@ -60,11 +64,17 @@ const BANK: u64 = BYTES as u64 / 2;
 const CODE_BANK: u8 = 1;
 /// The other bank.
 const OTHER_BANK: u8 = 2;
-/// Number of instructions after a bank with code became busy whose fetches are looked at one by one: 5 ms, with ticks
-/// and updates.
-const CLOSELY: u64 = 1_000_000;
-/// Instructions at a time after that, and between two looks at the MPU.
-const COARSE: u32 = 32;
+/// Instructions between two looks at the MPU while the bank with the code is busy: a microsecond.
+const LOOK: u32 = 256;
+/// The status of a bank of the flash: FLASH_SR1 and FLASH_SR2 (section 4.9.5).
+const FLASH_STATUS: [u64; 2] = [0x5200_2010, 0x5200_2110];
+/// The control of ADC1 and of ADC2, which ends a calibration by an event (section 25.6.3).
+const CONVERTER_CONTROL: [u64; 2] = [0x4002_2008, 0x4002_2108];
+/// Polls in a row after which a loop waits for an event, and the most instructions between two of them.
+const POLLS: u32 = 4;
+const POLL_INSTRUCTIONS: u64 = 1024;
+/// DWT_CYCCNT, by which a loop limits its wait (ARM DDI 0403E, C1.8.8).
+const CYCLE_COUNT: u64 = 0xE000_1004;
 /// Time for which the other bank's reads stay on the bus after it was busy, so that an upload routes it once.
 const LINGER: VirtualNanos = VirtualNanos(20_000_000);
 
@@ -177,6 +187,7 @@ pub fn wrap(
             busy: busy.clone(),
             stalled: 0,
             stall: None,
+            polls: Polls::default(),
             busy_since: 0,
             next_look: 0,
             code_region: None,
@@ -193,6 +204,38 @@ pub fn wrap(
     });
 }
 
+/// Reads in a row of a register that only an event changes, by one instruction, with nothing else on the bus in between
+/// but reads of the cycle counter.
+#[derive(Debug, Default)]
+struct Polls {
+    count: u32,
+    program_counter: Option<u64>,
+    at: u64,
+}
+
+impl Polls {
+    /// Follows an access; `is_poll` for a read of such a register.
+    fn follow(&mut self, access: &Access, is_poll: bool) {
+        if access.address == CYCLE_COUNT {
+            return;
+        }
+        let goes_on = self.program_counter == access.program_counter
+            && access.instruction_count - self.at <= POLL_INSTRUCTIONS;
+        self.count = match (is_poll, goes_on) {
+            (false, _) => 0,
+            (true, false) => 1,
+            (true, true) => self.count + 1,
+        };
+        self.program_counter = access.program_counter;
+        self.at = access.instruction_count;
+    }
+
+    /// True if the core does nothing but poll.
+    fn are_all(&self) -> bool {
+        self.count >= POLLS
+    }
+}
+
 #[derive(Debug)]
 struct Core {
     inner: Box<dyn Processor>,
@@ -203,6 +246,7 @@ struct Core {
     stalled: u64,
     /// Address for whose bank the core waits.
     stall: Option<u64>,
+    polls: Polls,
     /// Number of instructions retired when the bank with the code became busy.
     busy_since: u64,
     /// Number of instructions retired at which the MPU is looked at next.
@@ -308,7 +352,7 @@ impl Core {
             return false;
         }
         let is_first = self.next_look == self.busy_since;
-        self.next_look = self.inner.retired() + u64::from(COARSE);
+        self.next_look = self.inner.retired() + u64::from(LOOK);
         let control = self.mpu(None, MPU_CTRL);
         if control & ENABLE == 0 {
             return true;
@@ -342,8 +386,7 @@ impl Core {
 
     /// Runs while the bank with the code is busy, so that the next fetch can be looked at soon.
     fn run_beside_busy_code(&mut self, budget: u32, bus: &mut dyn CoreBus) -> (Exit, u64) {
-        let close = self.inner.retired() - self.busy_since < CLOSELY;
-        let step = budget.min(if close { 1 } else { COARSE });
+        let step = budget.min(LOOK);
         let (exit, retired, _) = self.run_inner(step, bus, true);
         match exit {
             Exit::Budget if step < budget => (Exit::Returned, retired),
@@ -364,6 +407,7 @@ impl Core {
             unreadable: &self.unreadable,
             ram: &self.ram,
             busy: &self.busy,
+            polls: &mut self.polls,
             stalled: self.stalled,
             put_off: None,
             defects: &self.defects,
@@ -428,6 +472,7 @@ struct Seen<'a> {
     unreadable: &'a Unreadable,
     ram: &'a Ram,
     busy: &'a Busy,
+    polls: &'a mut Polls,
     /// Instructions that count as executed besides those of the inner core.
     stalled: u64,
     /// Address of a load that has to wait for its bank.
@@ -447,6 +492,13 @@ impl CoreBus for Seen<'_> {
         }
         self.touched.note(&access);
         access.instruction_count += self.stalled;
+        let status = FLASH_STATUS
+            .iter()
+            .position(|&status| status == access.address);
+        let is_status = status.is_some_and(|bank| self.busy.banks() & 1 << bank != 0);
+        let is_poll = is_status || CONVERTER_CONTROL.contains(&access.address);
+        self.polls
+            .follow(&access, is_poll && access.kind == AccessKind::Read);
         if access.kind == AccessKind::Read && FLASH.contains(&access.address) {
             self.flash_reads += 1;
             if self
@@ -488,12 +540,12 @@ impl CoreBus for Seen<'_> {
 
     fn carry_on(&mut self, instructions: u64, event: Option<VirtualNanos>) -> Option<u32> {
         // A word that a model has just marked must be routed before the core goes on.
-        if Some((
+        let changes = (
             self.unreadable.changes(),
             self.ram.changes(),
             self.busy.banks(),
-        )) == self.changes
-        {
+        );
+        if Some(changes) == self.changes && !self.polls.are_all() {
             self.bus.carry_on(instructions + self.stalled, event)
         } else {
             None
@@ -554,6 +606,12 @@ impl Processor for Core {
         }
         if let Some(exception) = self.auditing {
             return self.step(exception, bus);
+        }
+        if self.polls.are_all() {
+            // An interrupt that has come meanwhile is taken before the next poll.
+            self.polls = Polls::default();
+            self.stalled += u64::from(budget);
+            return (Exit::Budget, u64::from(budget));
         }
         if self.busy.banks() & CODE_BANK != 0 {
             return self.run_beside_busy_code(budget, bus);

@@ -6,11 +6,12 @@ use embassy_futures::block_on;
 use fake_stylus::flash::{Memory, SimulatedFlash};
 use stylus_boot::map::{RECORDS, SECTOR_BYTES, SLOTS, WORD_BYTES};
 use stylus_boot::record::{Record, Store, mark};
+use virtual_stylus::ResetCause;
 use virtual_stylus::model::flash::{BASE, Contents};
 
 use crate::device::{Device, SECOND, product, with_faults};
 use crate::library;
-use crate::update::{EXCHANGE_NS, image};
+use crate::update::{EXCHANGE_NS, active, image};
 
 /// Supplies, mV: the board's, and one that is too low to write flash.
 const SUPPLY: u32 = 3_300;
@@ -57,7 +58,7 @@ impl Device {
 #[test]
 fn the_file_for_the_parts_own_loader_leaves_the_flash_as_a_probe_does() {
     let mut before = library::flash_with(&[&library::small()]);
-    place(&mut before, RECORDS.start, &[0; 2 * SECTOR_BYTES]);
+    place(&mut before, RECORDS.start, &vec![0; 2 * SECTOR_BYTES]);
     let mut by_probe = Device::new(&product(), library::of(before.clone()));
     let by_probe = by_probe.stylus.flash().bytes;
     let file = fs::read(product().with_extension("dfu")).expect("it lies beside the image");
@@ -99,13 +100,40 @@ fn while_the_supply_is_low_the_bootloader_waits_with_a_sign_and_writes_no_flash(
     assert_eq!(device.resets(), []);
 }
 
-#[test]
-fn a_record_that_cannot_be_written_ends_the_start_with_a_sign_and_no_resets() {
+/// A device whose start has ended, because the record of the update in its second slot is write-protected, and the
+/// update's image.
+fn stayed() -> (Device, Vec<u8>) {
     /// The sectors of the record, a bit each.
     const PROTECTED: u8 = 0b11_0000;
-    let flash = committed(&image(&with_faults()));
-    let mut device = Device::new(&product(), library::after(flash));
+    let new = image(&with_faults());
+    let mut device = Device::new(&product(), library::after(committed(&new)));
     (device.stylus).board(|board| board.part.protect_sectors(PROTECTED));
     device.run_for(4 * SECOND);
     assert_eq!((device.resets(), device.shows_fault()), (vec![], true));
+    (device, new)
+}
+
+#[test]
+fn a_record_that_cannot_be_written_ends_the_start_with_a_sign_and_no_resets() {
+    let (mut device, _) = stayed();
+    // Neither time nor the button B1 ends it.
+    device.stylus.press_button(true);
+    device.run_for(SECOND);
+    assert_eq!((device.resets(), device.shows_fault()), (vec![], true));
+}
+
+#[test]
+fn after_a_record_could_not_be_written_a_reset_tries_again_and_goes_on_once_it_can_be() {
+    let (mut device, new) = stayed();
+    let old = active(&device.stylus.flash().bytes);
+    device.stylus.reset_by_pin();
+    device.run_for(SECOND);
+    assert!(device.shows_fault() && device.runs(&old), "it fails again");
+    (device.stylus).board(|board| board.part.protect_sectors(0));
+    device.run_for(SECOND);
+    assert!(device.shows_fault(), "only a reset tries again");
+    device.stylus.reset_by_pin();
+    assert!(device.answers_within(EXCHANGE_NS));
+    assert!(device.runs(&new) && device.is_on_trial() && !device.shows_fault());
+    assert_eq!(device.resets(), [ResetCause::Other; 2]);
 }

@@ -1,11 +1,12 @@
 //! Libraries, and flash with them in it, which the application's own store has written on this computer.
 
 use embassy_futures::block_on;
+use fake_stylus::device::change;
 use fake_stylus::flash::{Memory, SimulatedFlash};
 use fake_stylus::library::{library, upload};
 use model_format::encode;
 use model_format::limits::MAX_ORDER;
-use model_format::link::{MAX_CHUNK_BYTES, SettingSet};
+use model_format::link::{MAX_CHUNK_BYTES, Setting, SettingSet};
 use stylus_app::settings::{SETTINGS_RANGE, SettingsStore};
 use stylus_app::slots::SlotStore;
 use stylus_app::upload::Uploader;
@@ -36,6 +37,11 @@ pub fn large() -> Vec<u8> {
 
 /// Flash with `libraries` in its slots, the last one the newest, and with the settings of the coil.
 pub fn flash_with(libraries: &[&[u8]]) -> Contents {
+    flash_set(libraries, &[])
+}
+
+/// As [`flash_with`], with these settings set as well. A change that the image makes costs as much as a start.
+fn flash_set(libraries: &[&[u8]], further: &[(Setting, f32)]) -> Contents {
     let slots = block_on(async {
         let mut flash = SimulatedFlash::two_slots();
         for library in libraries {
@@ -49,7 +55,11 @@ pub fn flash_with(libraries: &[&[u8]]) -> Contents {
     let settings = block_on(async {
         let flash = SimulatedFlash::new(Memory::blank(SETTINGS_RANGE.end as usize));
         let mut store = SettingsStore::open(flash, SETTINGS_RANGE).await;
-        let values: Vec<_> = SettingSet::REQUIRED.iter().map(default_of).collect();
+        let required = SettingSet::REQUIRED.iter().map(default_of);
+        let further = further
+            .iter()
+            .map(|&(setting, value)| change(setting, value));
+        let values: Vec<_> = required.chain(further).collect();
         store.set_all(&values).await.expect("within their ranges");
         store.into_flash().memory
     });
@@ -67,6 +77,11 @@ pub fn flash_with(libraries: &[&[u8]]) -> Contents {
 /// Options of a run with [`small`] in a slot.
 pub fn options() -> Options {
     with(&small())
+}
+
+/// Options of a run with [`small`] in a slot and with these settings.
+pub fn set_to(settings: &[(Setting, f32)]) -> Options {
+    of(flash_set(&[&small()], settings))
 }
 
 /// Options of a run with `library` in a slot.

@@ -30,11 +30,13 @@ const SLEW_LIMIT: f32 = 2.0;
 /// A device that plays a texture with hundreds of steps to either side of mid-scale, and the most steps that a code may
 /// change by.
 fn playing_loudly() -> (Device, u16) {
-    let mut device = Device::new(&with_faults(), library::options());
+    let loud = [
+        (Setting::SlewLimit, SLEW_LIMIT),
+        (Setting::OutputGain, 0.2),
+        (Setting::PowerLimit, 1.0),
+    ];
+    let mut device = Device::new(&with_faults(), library::set_to(&loud));
     device.wait_for_start();
-    device.set(Setting::SlewLimit, SLEW_LIMIT);
-    device.set(Setting::OutputGain, 0.2);
-    device.set(Setting::PowerLimit, 1.0);
     let settings = device.settings();
     let config = safety::Config::new(&settings, 1.0);
     device.move_at(120.0);

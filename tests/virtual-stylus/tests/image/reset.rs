@@ -10,6 +10,9 @@ use crate::device::{Device, MID_SCALE, MS, inject, with_faults};
 /// Longest time for which the pins of the output float after a reset, ns: a hundred instructions, before RAM is filled.
 const FLOATING_NS: u64 = 500;
 
+/// What causes a reset.
+type Reset<'a> = &'a dyn Fn(&mut Device);
+
 impl Device {
     /// Checks both pins of the output from the last reset until now, in which nothing was played: they float for a
     /// moment. Then the amplifier's enable is low until it is raised, and the output is at mid-scale. Returns the
@@ -44,7 +47,7 @@ impl Device {
 #[test]
 fn after_each_kind_of_reset_both_pins_of_the_output_are_driven_before_ram_is_written() {
     let mut device = Device::new(&with_faults(), Options::default());
-    let resets: [(&str, &dyn Fn(&mut Device)); 4] = [
+    let resets: [(&str, Reset<'_>); 4] = [
         ("power on", &|_| {}),
         ("software", &|device| inject(device, Injected::Panic)),
         ("watchdog", &|device| inject(device, Injected::EndlessTask)),

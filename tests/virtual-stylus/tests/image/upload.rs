@@ -2,7 +2,7 @@
 
 use model_format::link::{MotionSource, SlotId, SlotState, UPLOAD_WINDOW, UploadBeginEndpoint};
 use virtual_stylus::Options;
-use virtual_stylus::model::flash::Stalls;
+use virtual_stylus::model::flash::{BASE, BYTES, Kind, Operation, Stalls};
 
 use crate::device::{Device, long};
 use crate::library;
@@ -10,7 +10,9 @@ use crate::requests::announced;
 
 #[test]
 fn a_full_upload_while_playing_and_streaming_moves_nothing_and_is_active_afterwards() {
-    let mut device = Device::started(library::options());
+    // The older library is erased for it.
+    let both = library::flash_with(&[&library::other(), &library::small()]);
+    let mut device = Device::started(library::of(both));
     device.move_at(120.0);
     device.play_until_heard("lattice", MotionSource::Sensors, 5);
     device.record();
@@ -32,6 +34,12 @@ fn a_full_upload_while_playing_and_streaming_moves_nothing_and_is_active_afterwa
     assert_eq!(stopped.lost_blocks, 0);
     let stalls = device.stylus.flash_stalls();
     assert_eq!(stalls, Stalls::default(), "nothing waits for a bank");
+    let operations = device.stylus.flash_operations();
+    let is_erasure = |operation: &Operation| match &operation.kind {
+        Kind::Erase(sector) => sector.start >= BASE + BYTES as u32 / 2,
+        Kind::Program { .. } => false,
+    };
+    assert!(operations.iter().any(is_erasure), "{operations:?}");
     device.assert_undisturbed();
 
     let activated = device.activate(committed.slot);
