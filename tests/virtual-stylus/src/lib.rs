@@ -18,6 +18,7 @@ pub mod error;
 pub mod flash_file;
 pub mod model;
 pub mod motion;
+pub mod pace;
 pub mod part;
 pub mod sensors;
 pub mod serial;

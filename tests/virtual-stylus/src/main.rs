@@ -16,6 +16,7 @@ use virtual_stylus::flash_file::FlashFile;
 use virtual_stylus::model::adc::Pins;
 use virtual_stylus::model::flash::Contents;
 use virtual_stylus::motion::{Motion, MotionLine, read_csv};
+use virtual_stylus::pace::Pace;
 use virtual_stylus::sensors::{
     self, FULL_SCALE, FunctionPins, MID_SCALE, REFERENCE_VOLTS, force_at,
 };
@@ -219,6 +220,7 @@ fn run(
     let began = Instant::now();
     let (mut kept, mut told) = (began, began);
     let mut operations = 0;
+    let mut pace = Pace::default();
     while stylus.now_ns() < end_ns {
         match commands.as_ref().map(Receiver::try_recv) {
             Some(Ok(Command::Reset)) => stylus.reset_by_pin(),
@@ -243,11 +245,14 @@ fn run(
             let _ = announced.tell_time(virtual_time);
             told = Instant::now();
         }
-        if let Some(ahead) = virtual_time
-            .checked_sub(began.elapsed())
-            .filter(|_| !arguments.fast)
-        {
-            std::thread::sleep(ahead);
+        if !arguments.fast {
+            let real = began.elapsed();
+            if let Some(share) = pace.slow(real, virtual_time) {
+                eprintln!(
+                    "runs at {share:.2} of real time, because this computer is busy: commands take longer by as much"
+                );
+            }
+            std::thread::sleep(virtual_time.saturating_sub(real));
         }
         if let Some(flash) = flash.as_mut().filter(|_| kept.elapsed() > KEEP_EVERY) {
             let now = stylus.board(|board| board.part.flash.around.started());

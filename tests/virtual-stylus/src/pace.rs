@@ -1,0 +1,73 @@
+//! The virtual stylus's pace, beside the clock on the wall.
+
+use std::time::Duration;
+
+/// Real time over which the pace is measured.
+const INTERVAL: Duration = Duration::from_secs(10);
+
+/// Share of real time below which commands take noticeably longer.
+const SLOW: f64 = 0.5;
+
+/// Intervals of a slow run between two words about it.
+const QUIET_INTERVALS: u32 = 6;
+
+/// Watches how much virtual time passes per real time.
+#[derive(Debug, Default)]
+pub struct Pace {
+    /// Real and virtual time at the beginning of the interval.
+    since: (Duration, Duration),
+    /// Intervals left in which nothing is said.
+    quiet: u32,
+}
+
+impl Pace {
+    /// Takes the real and the virtual time since the beginning of the run. Returns the share of real time at which the
+    /// stylus ran over the last interval, if that is slow and was not said within the last minute.
+    pub fn slow(&mut self, real: Duration, of_stylus: Duration) -> Option<f64> {
+        let (since, before) = self.since;
+        let passed = real.saturating_sub(since);
+        if passed < INTERVAL {
+            return None;
+        }
+        self.since = (real, of_stylus);
+        let share = of_stylus.saturating_sub(before).as_secs_f64() / passed.as_secs_f64();
+        if share >= SLOW {
+            return None;
+        }
+        if self.quiet > 0 {
+            self.quiet -= 1;
+            return None;
+        }
+        self.quiet = QUIET_INTERVALS - 1;
+        Some(share)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Seconds of real time at which a run at this share of real time is said to be slow.
+    fn told(share: f64, seconds: u64) -> Vec<u64> {
+        let mut pace = Pace::default();
+        let is_told = |&at: &u64| {
+            let real = Duration::from_secs(at);
+            pace.slow(real, real.mul_f64(share)).is_some()
+        };
+        (0..=seconds).filter(is_told).collect()
+    }
+
+    #[test]
+    fn a_slow_run_is_told_once_a_minute_and_one_that_keeps_up_never() {
+        assert_eq!(told(0.03, 150), [10, 70, 130]);
+        assert_eq!(told(0.9, 150), []);
+    }
+
+    #[test]
+    fn the_share_is_that_of_the_last_interval_alone() {
+        let mut pace = Pace::default();
+        let second = Duration::from_secs;
+        assert_eq!(pace.slow(second(10), second(10)), None);
+        assert_eq!(pace.slow(second(20), second(12)), Some(0.2));
+    }
+}
