@@ -6,8 +6,8 @@ use std::rc::Rc;
 
 use realfft::num_complex::Complex;
 
-use crate::dsp::sums::energy;
-use crate::dsp::with_planner;
+use crate::sums::energy;
+use crate::with_planner;
 
 /// Longest taper of an end, samples: 0.1 s at the models' rate. Longer ones leak no less in the bands of a texture and
 /// lose more of a short recording.

@@ -5,8 +5,8 @@
 
 use std::f64::consts::TAU;
 
-use crate::dsp::spectrum::PowerSpectrum;
-use crate::dsp::sums::mean;
+use crate::spectrum::PowerSpectrum;
+use crate::sums::mean;
 
 /// Frequency below which power counts as the motion of a hand or rig, Hz.
 pub const SLOW_HZ: f64 = 10.0;

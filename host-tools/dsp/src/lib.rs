@@ -17,8 +17,6 @@ pub mod reduction;
 pub mod response;
 pub mod spectrum;
 pub mod sums;
-#[cfg(test)]
-pub mod test_signals;
 
 use std::cell::RefCell;
 
@@ -30,7 +28,7 @@ thread_local! {
 }
 
 /// Calls `work` with this thread's planner of transforms of real signals.
-pub(crate) fn with_planner<T>(work: impl FnOnce(&mut RealFftPlanner<f64>) -> T) -> T {
+pub fn with_planner<T>(work: impl FnOnce(&mut RealFftPlanner<f64>) -> T) -> T {
     PLANNER.with_borrow_mut(work)
 }
 
@@ -39,7 +37,7 @@ pub(crate) fn with_planner<T>(work: impl FnOnce(&mut RealFftPlanner<f64>) -> T) 
 /// The order of the sums is that of the code either way, and no product is fused with a sum, so that the bits are the
 /// same.
 #[inline(always)]
-pub(crate) fn wide<T>(work: impl FnOnce() -> T) -> T {
+pub fn wide<T>(work: impl FnOnce() -> T) -> T {
     #[cfg(target_arch = "x86_64")]
     if let Some(instructions) = pulp::x86::V3::try_new() {
         return instructions.vectorize(work);

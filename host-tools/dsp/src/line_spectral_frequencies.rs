@@ -7,7 +7,7 @@
 
 use std::f64::consts::PI;
 
-use crate::dsp::log_spectrum::LogSpectrum;
+use crate::log_spectrum::LogSpectrum;
 
 /// Number of steps of the coarse search.
 const COARSE: usize = 1024;
@@ -207,7 +207,7 @@ fn log_products(x: [f64; LANES], cosines: &[f64]) -> [f64; LANES] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dsp::linear_prediction::step_down;
+    use crate::linear_prediction::step_down;
     use proptest::prelude::*;
 
     /// The spectrum package's `poly2lsf`.
@@ -227,9 +227,9 @@ mod tests {
             prop_assert_eq!(lines.len(), reflection.len());
             prop_assert!(lines[0] > 0.0 && lines[lines.len() - 1] < PI);
             prop_assert!(lines.windows(2).all(|pair| pair[0] < pair[1]));
-            let back = log_spectrum(&lines, crate::dsp::log_spectrum::BINS);
-            let power = 1.0 / crate::dsp::linear_prediction::error_share(&reflection);
-            let direct = LogSpectrum::of_model(&crate::dsp::model::Model::new(reflection, power));
+            let back = log_spectrum(&lines, crate::log_spectrum::BINS);
+            let power = 1.0 / crate::linear_prediction::error_share(&reflection);
+            let direct = LogSpectrum::of_model(&crate::model::Model::new(reflection, power));
             for (a, b) in back.values().iter().zip(direct.values()) {
                 prop_assert!((a - b).abs() < 1e-5, "{} {}", a, b);
             }

@@ -3,8 +3,8 @@
 //! Conventions: A(z) = 1 + Σ a(i) z⁻ⁱ. The reflection coefficient is k(m) = -(r(m) + Σ a(i) r(m-i)) / E(m-1), so that
 //! k(1) = -r(1)/r(0). The model is y(n) = e(n) - Σ a(i) y(n-i). The paper's predictor coefficients are h(i) = -a(i).
 
-use crate::dsp::sums::dot_inlined;
-use crate::dsp::wide;
+use crate::sums::dot_inlined;
+use crate::wide;
 
 /// White-noise correction: the share by which r(0) is raised before the recursion, equal to noise 90 dB below the
 /// signal.
@@ -192,7 +192,7 @@ mod tests {
     #[test]
     fn a_small_published_case_comes_out_to_all_its_digits() {
         let x = [1.0, 2.0, -1.0, 3.0, 0.5, -2.0, 1.5, 0.25];
-        let lags = crate::dsp::autocorrelation::Autocorrelation::of(&x, 3).lags;
+        let lags = crate::autocorrelation::Autocorrelation::of(&x, 3).lags;
         let prediction = Prediction::levinson_durbin(&lags, 3);
         let a = step_up(&prediction.reflection);
         let expected = [0.207_990_120_250, -0.007_255_996_838, -0.482_420_838_654];
@@ -251,7 +251,7 @@ mod tests {
             signal in prop::collection::vec(prop_oneof![Just(0.0), -1e3f64..1e3], 1..200),
             order in 0usize..=200,
         ) {
-            let lags = crate::dsp::autocorrelation::Autocorrelation::of(&signal, order).lags;
+            let lags = crate::autocorrelation::Autocorrelation::of(&signal, order).lags;
             let prediction = Prediction::levinson_durbin(&corrected(lags), order);
             prop_assert!(prediction.reflection.iter().all(|k| k.abs() < 1.0));
             prop_assert!(prediction.error_power.iter().all(|e| e.is_finite() && *e >= 0.0));
@@ -273,7 +273,7 @@ mod tests {
         fn akaikes_order_is_never_below_the_bayesian_one(
             signal in prop::collection::vec(-1e3f64..1e3, 8..400),
         ) {
-            let lags = crate::dsp::autocorrelation::Autocorrelation::of(&signal, 100).lags;
+            let lags = crate::autocorrelation::Autocorrelation::of(&signal, 100).lags;
             let prediction = Prediction::levinson_durbin(&corrected(lags), 100);
             let (akaike, bayesian) = (prediction.akaike_order(signal.len()), prediction.bayesian_order(signal.len()));
             prop_assert!(bayesian <= akaike && akaike <= prediction.max_order());
@@ -292,7 +292,7 @@ mod tests {
             let past = a.iter().enumerate().filter(|(i, _)| *i < n);
             y.push(e - past.map(|(i, a)| a * y[n - 1 - i]).sum::<f64>());
         }
-        let lags = crate::dsp::autocorrelation::Autocorrelation::of(&y, 400).lags;
+        let lags = crate::autocorrelation::Autocorrelation::of(&y, 400).lags;
         let prediction = Prediction::levinson_durbin(&corrected(lags), 400);
         assert_eq!(prediction.bayesian_order(y.len()), 4);
     }

@@ -6,8 +6,8 @@ use nalgebra::{Matrix3, Vector3};
 use realfft::num_complex::Complex;
 use serde::{Deserialize, Serialize};
 
-use crate::dsp::sums::{dot, energy, mean};
-use crate::dsp::with_planner;
+use crate::sums::{dot, energy, mean};
+use crate::with_planner;
 
 /// A method of reduction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
@@ -125,7 +125,7 @@ fn single(axes: &[Vec<f64>], index: usize) -> Result<Vec<f64>, NoSuchAxis> {
 }
 
 /// Subtracts the mean; a constant becomes exactly zero.
-pub(crate) fn remove_mean(signal: &mut [f64]) {
+pub fn remove_mean(signal: &mut [f64]) {
     let mean = mean(signal);
     for sample in signal {
         *sample -= mean;
@@ -228,8 +228,8 @@ fn dft321(axes: &[Vec<f64>]) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dsp::test_signals::noise;
     use proptest::prelude::*;
+    use test_helpers::noise;
 
     fn centred_energy(axes: &[Vec<f64>]) -> f64 {
         let mut axes = axes.to_vec();

@@ -130,7 +130,7 @@ pub fn moments(values: &[f64]) -> Moments {
 
 /// As [`moments`], inlined.
 #[inline(always)]
-pub(crate) fn moments_inlined(values: &[f64]) -> Moments {
+pub fn moments_inlined(values: &[f64]) -> Moments {
     let mean = mean_inlined(values);
     let squares = sum_of(values, |x| (x - mean) * (x - mean));
     Moments {

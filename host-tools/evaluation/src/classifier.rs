@@ -246,7 +246,7 @@ fn dot(a: &[f64], b: impl Iterator<Item = f64>) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dsp::test_signals::{near, noise};
+    use test_helpers::{near, noise};
 
     const RATE_HZ: f64 = 5_000.0;
 

@@ -590,8 +590,8 @@ pub fn rms(signal: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dsp::test_signals::noise;
     use crate::support::float_wav::float_wav;
+    use test_helpers::noise;
 
     /// A trial of 6 s of noise, with a silence in its third second that triage cuts.
     fn trial_with_a_silent_part(folder: &std::path::Path) -> Trial {

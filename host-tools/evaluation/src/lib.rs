@@ -2,6 +2,11 @@
 //!
 //! Invariant: results are data. Nothing here draws, prints or writes a file.
 
+// The wings below, by the names that this crate has for them.
+use stylus_fit::{fit, scene, texture};
+use stylus_signals::{playing, recording, rig};
+use {stylus_dsp as dsp, stylus_support as support};
+
 pub mod classifier;
 pub mod evaluate;
 pub mod frontier;

@@ -198,7 +198,7 @@ impl Loudness {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dsp::test_signals::{near, noise};
+    use test_helpers::{near, noise};
 
     #[test]
     fn a_click_counts_beyond_the_level_and_beside_the_recordings_up_to_a_step_away() {

@@ -185,7 +185,7 @@ mod tests {
     use std::f64::consts::TAU;
 
     use super::*;
-    use crate::dsp::test_signals::noise;
+    use test_helpers::noise;
 
     const RATE_HZ: f64 = 5000.0;
 

@@ -11,8 +11,8 @@ use crate::evaluation::frontier::{
 };
 use crate::evaluation::tables::{Table, percent};
 use crate::fit::Order;
-use crate::report::html::Page;
-use crate::report::plot::{Caption, FrontPoint, FrontSeries, Quantity, Svg, front_chart};
+use crate::html::Page;
+use crate::plot::{Caption, FrontPoint, FrontSeries, Quantity, Svg, front_chart};
 use crate::support::error::Result;
 
 /// The interval that a device has, samples.

@@ -13,8 +13,8 @@ use base64::engine::general_purpose::STANDARD;
 use serde::Serialize;
 
 use crate::evaluation::tables::Table;
-use crate::report::family;
-use crate::report::plot::Svg;
+use crate::family;
+use crate::plot::Svg;
 use crate::support::atomic_file;
 use crate::support::error::Result;
 pub use crate::support::visible::escaped;
@@ -304,7 +304,7 @@ pub(super) fn assert_fetches_nothing(page: &str) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::report::plot::{Caption, waveforms};
+    use crate::plot::{Caption, waveforms};
     use proptest::prelude::*;
 
     fn picture() -> Svg {

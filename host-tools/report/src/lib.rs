@@ -2,6 +2,11 @@
 //!
 //! Invariant: a report draws and words the results of other wings; it judges nothing itself.
 
+// The wings below, by the names that this crate has for them.
+use stylus_fit::{fit, texture};
+use stylus_signals::{playing, recording};
+use {stylus_dsp as dsp, stylus_evaluation as evaluation, stylus_support as support};
+
 pub mod evaluation_page;
 pub mod family;
 pub mod frontier_page;

@@ -7,8 +7,8 @@ use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-use crate::support::error::{Error, Result};
-use crate::support::temporaries::Temporary;
+use crate::error::{Error, Result};
+use crate::temporaries::Temporary;
 
 /// Writes `path` by way of a temporary file in the same folder, which replaces it after `write` has succeeded.
 ///

@@ -82,7 +82,7 @@ impl Limit {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::support::holds;
+    use test_helpers::holds;
 
     const SMALL: Limit = Limit {
         of: "a note",

@@ -610,8 +610,8 @@ impl<'r> Row<'r, '_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::support::holds;
     use proptest::prelude::*;
+    use test_helpers::holds;
 
     fn table(text: &str) -> CsvTable {
         CsvTable::of(Path::new("a.csv"), text.to_owned()).unwrap()

@@ -25,13 +25,3 @@ pub mod temporaries;
 pub mod toml_field;
 pub mod visible;
 pub mod warning;
-
-/// Asserts that a text, such as an error's, has all these words.
-#[cfg(test)]
-#[track_caller]
-pub(crate) fn holds(text: &(impl std::fmt::Display + ?Sized), words: &[&str]) {
-    let text = text.to_string();
-    for word in words {
-        assert!(text.contains(word), "no '{word}' in: {text}");
-    }
-}

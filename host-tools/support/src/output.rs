@@ -269,7 +269,7 @@ impl OutputFolder {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::support::holds;
+    use test_helpers::holds;
 
     fn result(path: &Path, overwrite: bool, names: &[&str]) -> Result<()> {
         OutputFolder::begin(path, overwrite)?.fill(|folder| {

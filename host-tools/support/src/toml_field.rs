@@ -6,9 +6,9 @@ use model_format::limits::MAX_NAME_BYTES;
 use serde::de::DeserializeOwned;
 use toml::de::DeTable;
 
-use crate::support::bounded_file::{Limit, MIB};
-use crate::support::error::{Error, Result};
-use crate::support::file_name;
+use crate::bounded_file::{Limit, MIB};
+use crate::error::{Error, Result};
+use crate::file_name;
 
 /// A text of settings: a scene, or the description of a rig.
 pub const TEXT: Limit = Limit {
@@ -20,12 +20,12 @@ pub const TEXT: Limit = Limit {
 ///
 /// # Errors
 /// Text that is not TOML, or a field that is unknown, missing or of the wrong type, with the line.
-pub(crate) fn from_toml<T: DeserializeOwned>(path: &Path, text: &str) -> Result<T> {
+pub fn from_toml<T: DeserializeOwned>(path: &Path, text: &str) -> Result<T> {
     toml::from_str(text).map_err(|failure| parse_failure(path, text, &failure))
 }
 
 /// The failure to parse `text`, the content of `path`, with its line.
-pub(crate) fn parse_failure(path: &Path, text: &str, failure: &toml::de::Error) -> Error {
+fn parse_failure(path: &Path, text: &str, failure: &toml::de::Error) -> Error {
     let start = failure.span().map_or(0, |span| span.start);
     let problem = failure.message().trim_end().replace('\n', "; ");
     Error::line(path, line_at(text, start), problem)
@@ -33,7 +33,7 @@ pub(crate) fn parse_failure(path: &Path, text: &str, failure: &toml::de::Error) 
 
 /// A field of a TOML text, as the path of keys and indices that leads to it.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Field(Vec<Step>);
+pub struct Field(Vec<Step>);
 
 #[derive(Debug, Clone, Copy)]
 enum Step {
@@ -42,16 +42,18 @@ enum Step {
 }
 
 impl Field {
-    pub(crate) fn key(&self, key: &'static str) -> Self {
+    /// The field `key` of this table.
+    pub fn key(&self, key: &'static str) -> Self {
         self.with(Step::Key(key))
     }
 
-    pub(crate) fn item(&self, index: usize) -> Self {
+    /// The entry of this list at `index`, from 0.
+    pub fn item(&self, index: usize) -> Self {
         self.with(Step::Item(index))
     }
 
     /// An error about this field of `text`, the content of `path`.
-    pub(crate) fn error(&self, path: &Path, text: &str, problem: impl std::fmt::Display) -> Error {
+    pub fn error(&self, path: &Path, text: &str, problem: impl std::fmt::Display) -> Error {
         Error::line(path, line_of(text, self), format!("{self}: {problem}"))
     }
 
@@ -77,12 +79,15 @@ impl std::fmt::Display for Field {
 }
 
 /// A value outside its range.
-pub(crate) struct Fault {
-    pub(crate) field: Field,
-    pub(crate) problem: String,
+pub struct Fault {
+    /// The field that has it.
+    pub field: Field,
+    /// The range and the value, as the words after the field.
+    pub problem: String,
 }
 
-pub(crate) type Checked = std::result::Result<(), Fault>;
+/// The result of a check of a field.
+pub type Checked = std::result::Result<(), Fault>;
 
 impl Field {
     fn fault(&self, problem: impl Into<String>) -> Fault {
@@ -92,7 +97,11 @@ impl Field {
         }
     }
 
-    pub(crate) fn require(&self, holds: bool, problem: impl FnOnce() -> String) -> Checked {
+    /// Requires that a condition holds.
+    ///
+    /// # Errors
+    /// The condition does not hold.
+    pub fn require(&self, holds: bool, problem: impl FnOnce() -> String) -> Checked {
         if holds {
             Ok(())
         } else {
@@ -101,33 +110,51 @@ impl Field {
     }
 
     /// Requires a value above `low` and at most `high`, which NaN is not.
-    pub(crate) fn over(&self, value: f64, low: f64, high: f64) -> Checked {
+    ///
+    /// # Errors
+    /// The value is outside.
+    pub fn over(&self, value: f64, low: f64, high: f64) -> Checked {
         self.require(value > low && value <= high, || {
             format!("must be above {low} and at most {high}, but is {value}")
         })
     }
 
     /// Requires a value from `low` to `high`, which NaN is not.
-    pub(crate) fn within(&self, value: f64, low: f64, high: f64) -> Checked {
+    ///
+    /// # Errors
+    /// The value is outside.
+    pub fn within(&self, value: f64, low: f64, high: f64) -> Checked {
         self.require((low..=high).contains(&value), || {
             format!("must be from {low} to {high}, but is {value}")
         })
     }
 
-    pub(crate) fn each_within(&self, values: &[f64], low: f64, high: f64) -> Checked {
+    /// Requires values from `low` to `high`, which NaN is not.
+    ///
+    /// # Errors
+    /// The first value that is outside, by its place in the list.
+    pub fn each_within(&self, values: &[f64], low: f64, high: f64) -> Checked {
         values
             .iter()
             .enumerate()
             .try_for_each(|(index, value)| self.item(index).within(*value, low, high))
     }
 
-    pub(crate) fn count(&self, count: usize, least: usize, most: usize) -> Checked {
+    /// Requires a list of `least` to `most` entries.
+    ///
+    /// # Errors
+    /// The list is shorter or longer.
+    pub fn count(&self, count: usize, least: usize, most: usize) -> Checked {
         self.require((least..=most).contains(&count), || {
             format!("must have {least} to {most} entries, but has {count}")
         })
     }
 
-    pub(crate) fn ascending(&self, values: &[f64]) -> Checked {
+    /// Requires values in ascending order, each once.
+    ///
+    /// # Errors
+    /// The first value that is not above the one before.
+    pub fn ascending(&self, values: &[f64]) -> Checked {
         for (index, pair) in values.windows(2).enumerate() {
             self.item(index + 1).require(pair[0] < pair[1], || {
                 format!(
@@ -140,7 +167,10 @@ impl Field {
     }
 
     /// Requires a name that every system accepts as that of a folder, and that a table can hold as a field.
-    pub(crate) fn name(&self, name: &str) -> Checked {
+    ///
+    /// # Errors
+    /// The name is empty, too long, or one that some system refuses.
+    pub fn name(&self, name: &str) -> Checked {
         self.require(!name.is_empty(), || "must not be empty".into())?;
         self.require(name.len() <= MAX_NAME_BYTES, || {
             format!(
@@ -158,13 +188,13 @@ impl Field {
 }
 
 /// Returns the line, from 1, of a byte of `text`.
-pub(crate) fn line_at(text: &str, byte: usize) -> u64 {
+fn line_at(text: &str, byte: usize) -> u64 {
     let before = text.get(..byte).unwrap_or(text);
     1 + before.matches('\n').count() as u64
 }
 
 /// Returns the line, from 1, of a field, or of the nearest enclosing one that the text holds.
-pub(crate) fn line_of(text: &str, field: &Field) -> u64 {
+pub fn line_of(text: &str, field: &Field) -> u64 {
     let Ok(document) = DeTable::parse(text) else {
         return 1;
     };

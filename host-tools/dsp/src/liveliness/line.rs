@@ -1,7 +1,7 @@
 //! The strongest narrow line of a signal, and its level over time.
 
 use super::{centred, median};
-use crate::dsp::spectrum::PowerSpectrum;
+use crate::spectrum::PowerSpectrum;
 
 /// Lowest frequency of a line, Hz, and the highest, as a share of the sample rate.
 const LOWEST_HZ: f64 = 10.0;

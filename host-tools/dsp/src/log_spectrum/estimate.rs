@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use super::{BINS, LENGTH, LogSpectrum};
-use crate::dsp::with_planner;
+use crate::with_planner;
 
 /// Number of sine tapers of an estimate. The bandwidth for 2 s is 4 Hz, and the leakage falls with the fourth power of
 /// the distance (Riedel and Sidorenko, IEEE Trans. Signal Processing 43, 1995, 188).
@@ -75,7 +75,7 @@ fn digamma(n: usize) -> f64 {
 mod tests {
     use super::super::STEP_HZ;
     use super::*;
-    use crate::dsp::test_signals::noise;
+    use test_helpers::noise;
 
     #[test]
     fn the_mean_of_many_estimates_logarithms_is_the_logarithm_of_the_power() {

@@ -65,7 +65,7 @@ impl LogSpectrum {
     }
 
     /// Interpolates the value at a fractional bin; the values at both ends continue beyond them.
-    pub(crate) fn at(&self, bin: f64) -> f64 {
+    pub fn at(&self, bin: f64) -> f64 {
         let bin = bin.clamp(0.0, (self.0.len() - 1) as f64);
         let below = (bin as usize).min(self.0.len() - 2);
         let fraction = bin - below as f64;
@@ -95,7 +95,7 @@ impl LogSpectrum {
     }
 
     /// Returns what is proportional to the power between two fractional bins of [`BINS`].
-    pub(crate) fn power_between(&self, low: f64, high: f64) -> f64 {
+    pub fn power_between(&self, low: f64, high: f64) -> f64 {
         let first = low.round().max(0.0) as usize;
         let last = (high.round() as usize).min(BINS - 1);
         (first..=last)

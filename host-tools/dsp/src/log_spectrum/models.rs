@@ -4,9 +4,9 @@ use model_format::limits;
 use realfft::num_complex::Complex;
 
 use super::{BINS, LogSpectrum};
-use crate::dsp::linear_prediction::{Prediction, corrected, error_share, step_up};
-use crate::dsp::model::Model;
-use crate::dsp::with_planner;
+use crate::linear_prediction::{Prediction, corrected, error_share, step_up};
+use crate::model::Model;
+use crate::with_planner;
 
 impl LogSpectrum {
     /// Returns the spectrum of the output of `model`, which must not be silent, at [`BINS`] frequencies.

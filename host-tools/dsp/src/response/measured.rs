@@ -245,7 +245,7 @@ impl Measured {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dsp::test_signals::noise;
+    use test_helpers::noise;
 
     /// Periods of `wave` at 2 V through a gain of 3 along `axis`, with a square and a cube, and noise.
     fn recorded(wave: &Multisine, axis: [f64; 3], [square, cube]: [f64; 2], level: f64) -> Spectra {

@@ -5,7 +5,7 @@ use rand_pcg::Pcg32;
 use realfft::num_complex::Complex;
 
 use super::{PERIOD, STEP_HZ};
-use crate::dsp::with_planner;
+use crate::with_planner;
 
 /// First and last line, in bins: 10 Hz and 1 kHz.
 const BINS: [usize; 2] = [4, 400];

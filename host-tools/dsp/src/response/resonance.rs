@@ -195,8 +195,8 @@ fn refined(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dsp::response::db;
-    use crate::dsp::test_signals::noise;
+    use crate::response::db;
+    use test_helpers::noise;
 
     /// A mass on a spring that a coil of 1.3 kHz moves, held by a hand, after a delay.
     fn lines(hz: f64, damping: f64, sign: f64, scatter: f64) -> Vec<Line> {

@@ -4,7 +4,7 @@ use std::f64::consts::{PI, TAU};
 
 use realfft::num_complex::Complex;
 
-use crate::dsp::with_planner;
+use crate::with_planner;
 
 /// Default of the full width of the Hann kernel that smooths amplitudes, Hz. The paper does not give its own width.
 pub const DEFAULT_SMOOTHING_WIDTH_HZ: f64 = 20.0;

@@ -30,7 +30,7 @@ mod test_signals {
     pub const RATE_HZ: f64 = 5000.0;
 
     pub fn noise(len: usize, seed: u64) -> Vec<f64> {
-        crate::dsp::test_signals::noise(seed, len)
+        test_helpers::noise(seed, len)
     }
 
     pub fn scaled(signal: &[f64], factor: f64) -> Vec<f64> {

@@ -1,7 +1,7 @@
 //! Spectral subtraction: the power of a noise that is known by its spectrum, taken off a signal that has it.
 
 use super::power::PowerSpectrum;
-use crate::dsp::with_planner;
+use crate::with_planner;
 
 /// Least share of a bin's power that is kept. Below it, the scatter of both estimates is all that is left.
 const LEAST_SHARE: f64 = 0.01;

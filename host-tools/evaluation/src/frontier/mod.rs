@@ -21,8 +21,8 @@ pub mod still;
 mod structure;
 
 use crate::dsp::spectrum;
-use crate::evaluation::stress::cases::{Case, Length, suite};
 use crate::fit::conditioning::Conditioning;
+use crate::stress::cases::{Case, Length, suite};
 
 pub use prepared::{Material, Prepared};
 pub use results::{CHOICES_NOTE, Filter, Frontier, Point, clock_headings, interval_ms, share};

@@ -221,7 +221,7 @@ fn frames(signal: &[f64]) -> Frames {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::evaluation::stress::models::{library, resonance};
+    use crate::stress::models::{library, resonance};
     use model_format::Library;
 
     /// Four resonances, each at another frequency, so that the spectrum moves with the hand.

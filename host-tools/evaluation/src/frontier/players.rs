@@ -12,7 +12,7 @@ use stylus_kernel::grid::GridPoint;
 use stylus_costs::Structure;
 
 use crate::dsp::linear_prediction::{step_down, step_up};
-use crate::evaluation::stress::player::{Player, any_at_end, energy, full_scale, player};
+use crate::stress::player::{Player, any_at_end, energy, full_scale, player};
 use crate::texture::quantise::reflection;
 
 /// A texture that a direct form cannot hold.

@@ -7,12 +7,12 @@ use rayon::prelude::*;
 
 use super::Options;
 use crate::dsp::spectrum;
-use crate::evaluation::stress::cases::Case;
 use crate::fit::blocks::Part;
 use crate::fit::lines::Lines;
 use crate::fit::{FittedTexture, Order};
 use crate::recording::{RecordingSet, Trial};
 use crate::rig::RigFile;
+use crate::stress::cases::Case;
 use crate::support::error::{Error, Result};
 use crate::texture::grid::Grid;
 use crate::{fit, recording, rig};

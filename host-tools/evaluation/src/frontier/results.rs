@@ -9,8 +9,8 @@ use super::hard::HardCases;
 use super::still::Still;
 use super::{CLOCKS_HZ, DEVICE_CLOCK_HZ};
 use crate::dsp::spectrum::AMPLITUDE_JND_DB;
-use crate::evaluation::tables::{Table, percent};
 use crate::fit::Order;
+use crate::tables::{Table, percent};
 
 /// A structure at an order, with its costs and errors.
 #[derive(Clone, Debug, Serialize)]

@@ -9,7 +9,7 @@ use stylus_kernel::excitation::Excitation;
 use stylus_kernel::rotation::Rotation;
 
 use super::players::{NotHeld, player_of};
-use crate::evaluation::stress::player::Player;
+use crate::stress::player::Player;
 use crate::texture::theta::{StoredTheta, bytes_per_node};
 
 /// Bytes of flash that a node's coefficients take: of a lattice in the smallest form that `fit` stores, of a direct

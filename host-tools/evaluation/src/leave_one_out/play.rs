@@ -6,12 +6,12 @@ use serde::Serialize;
 use super::Options;
 use crate::support::error::{Error, Result};
 
+use crate::classifier::Windows;
 use crate::dsp::model::Model;
 use crate::dsp::spectrum;
 use crate::dsp::spectrum::{BAND_COUNT, agreement};
-use crate::evaluation::classifier::Windows;
-use crate::evaluation::evaluate::WARM_UP_S;
-use crate::evaluation::perception::ScoringRange;
+use crate::evaluate::WARM_UP_S;
+use crate::perception::ScoringRange;
 use crate::playing::motion::MotionPath;
 use crate::playing::render::render;
 use crate::texture::grid::Grid;

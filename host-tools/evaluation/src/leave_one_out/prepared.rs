@@ -4,13 +4,13 @@ use model_format::{NodeFlags, Provenance, SAMPLE_RATE_HZ};
 
 use crate::dsp::high_pass::lowest_hz;
 use crate::dsp::model::Model;
-use crate::evaluation::perception::ScoringRange;
 use crate::fit;
 use crate::fit::blocks::Part;
 use crate::fit::densify::Direction;
 use crate::fit::densify::{ECONOMY_DB, highest_order};
 use crate::fit::lines::Lines;
 use crate::fit::{FittedTexture, Recorded, Recordings};
+use crate::perception::ScoringRange;
 use crate::recording::{RecordingSet, Trial};
 use crate::support::error::{Error, Result};
 use crate::texture::domain::Neighbour;

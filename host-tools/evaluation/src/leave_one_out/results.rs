@@ -11,12 +11,12 @@ use crate::texture::domain::Method;
 
 use super::play::Judged;
 use crate::dsp::spectrum::AMPLITUDE_JND_DB;
-use crate::evaluation::tables::Table;
 use crate::fit::conditioning::Conditioning;
 use crate::fit::densify::Direction;
 use crate::fit::whole_signal;
 use crate::recording::Trial;
 use crate::support::error::Result;
+use crate::tables::Table;
 
 /// A row of the table: how the removed node was predicted.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -2,9 +2,9 @@
 
 use rayon::prelude::*;
 
+use crate::classifier;
 use crate::dsp::linear_prediction::error_share;
 use crate::dsp::model::Model;
-use crate::evaluation::classifier;
 use crate::fit::Order;
 use crate::support::error::Result;
 use crate::support::file_name::portable;

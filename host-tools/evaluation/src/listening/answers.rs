@@ -291,7 +291,7 @@ impl Score {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::support::holds;
+    use test_helpers::holds;
 
     const HEADER: &str = "trial,pair,a,b,x,answer,correct,replays,seconds,surface,page,origin\n";
 

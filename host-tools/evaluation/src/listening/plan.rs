@@ -11,11 +11,11 @@ use super::excerpts::{Heard, SHORTEST_EXCERPT_S, Sounds, excerpts, samples};
 use super::kinds::Pair;
 use super::similarity::{Ratings, ratings};
 use super::staircase::{Part, Staircases, Strands, Track, track};
-use crate::evaluation::evaluate;
-use crate::evaluation::evaluate::Evaluation;
-use crate::evaluation::held_out::{Judge, JudgeKind};
-use crate::evaluation::played::Played;
+use crate::evaluate;
+use crate::evaluate::Evaluation;
 use crate::fit::record::FitRecord;
+use crate::held_out::{Judge, JudgeKind};
+use crate::played::Played;
 use crate::recording::RecordingSet;
 use crate::support::error::{Error, Result};
 

@@ -115,7 +115,7 @@ pub fn full_scale(noise: &mut Excitation) -> i32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::evaluation::stress::models::{fixtures, library};
+    use crate::stress::models::{fixtures, library};
     use model_format::{Library, MillimetresPerSecond, Newton};
     use proptest::prelude::*;
     use stylus_kernel::Synthesis;

@@ -118,7 +118,7 @@ impl Mean {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dsp::test_signals::noise;
+    use test_helpers::noise;
 
     #[test]
     fn a_mean_that_is_not_zero_is_seen_and_one_that_is_is_not() {

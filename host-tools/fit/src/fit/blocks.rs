@@ -122,7 +122,7 @@ mod tests {
         /// Samples of the blocks that are judged have no influence on the lags.
         #[test]
         fn lags_do_not_depend_on_what_is_left_for_judging(seed in 0u64..1000) {
-            let signal = crate::dsp::test_signals::noise(seed, 10_000);
+            let signal = test_helpers::noise(seed, 10_000);
             let blocks = Blocks::of(signal.len());
             let mut other = signal.clone();
             for block in blocks.judged() {

@@ -272,7 +272,7 @@ fn edges_hz(band: usize) -> (f64, f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dsp::test_signals::noise;
+    use test_helpers::noise;
 
     fn chosen(signal: &[f64]) -> [Vec<f64>; 3] {
         let plain = Autocorrelation::of(signal, 400);

@@ -192,8 +192,8 @@ pub(super) fn unknown(texture: &str) -> Error {
 mod tests {
     use super::*;
     use crate::dsp::reduction::Reduction;
-    use crate::dsp::test_signals::{near, noise};
     use proptest::prelude::*;
+    use test_helpers::{near, noise};
 
     const SEGMENT: usize = 500;
 

@@ -8,7 +8,7 @@
 //! | the content of the TOML text | [`SceneDescription`], in a [`SceneFile`] |
 //! | the wire form, as a library holds it | [`model_format::scene::Scene`], in a [`CompiledScene`] |
 //! | the stages of a tick | [`stylus_kernel::scene::Plan`] |
-//! | the samples along a motion | [`Rendering`](crate::playing::render::Rendering) |
+//! | the samples along a motion | [`Rendering`](stylus_signals::playing::render::Rendering) |
 //!
 //! **Invariant: a scene plays what its text names and nothing else, and a rendering is bit for bit what the stylus
 //! plays.** Synthesis belongs to the kernel, and the wire form to the model format; neither belongs here.

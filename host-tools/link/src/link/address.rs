@@ -132,7 +132,7 @@ fn write_tcp(f: &mut fmt::Formatter<'_>, kind: &str, host: &str, port: u16) -> f
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::support::holds;
+    use test_helpers::holds;
 
     #[test]
     fn devices_of_this_computer_alone_are_an_emulators() {

@@ -275,7 +275,7 @@ fn name(info: &UsbPortInfo) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::support::holds;
+    use test_helpers::holds;
 
     fn one(link: &str, kind: Kind, identity: Identity) -> Attached {
         Attached {
@@ -334,7 +334,7 @@ mod tests {
 
     #[test]
     fn the_board_that_the_udev_rule_names_has_a_probe() {
-        let rules = include_str!("../../70-stylus.rules");
+        let rules = include_str!("../../../70-stylus.rules");
         assert!(rules.contains("ATTRS{idVendor}==\"0483\", ATTRS{idProduct}==\"374e\""));
         assert!(is_st_link(0x0483, 0x374e));
         assert!(!is_st_link(0x0403, 0x6001) && !is_st_link(0x0483, 0x5740));

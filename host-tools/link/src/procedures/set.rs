@@ -334,7 +334,7 @@ mod tests {
 
     use super::*;
     use crate::link::capture::Loss;
-    use crate::support::holds;
+    use test_helpers::holds;
 
     pub fn planned(texture: &str, speed_mm_s: f64) -> PlannedTrial {
         PlannedTrial {

@@ -131,7 +131,7 @@ fn facts(plan: &Plan) -> String {
 mod tests {
     use super::*;
     use crate::evaluation::listening::{Kind, Pair, Trial};
-    use crate::report::html::assert_fetches_nothing;
+    use crate::html::assert_fetches_nothing;
 
     fn plan(surface: &str, simulated: bool) -> Plan {
         let sound = |n: usize| {

@@ -267,7 +267,7 @@ fn png(panel: &[Vec<f64>], top_db: f64) -> Drawn<Vec<u8>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dsp::test_signals::noise;
+    use test_helpers::noise;
 
     #[test]
     fn a_line_is_brightest_where_it_sounds() {

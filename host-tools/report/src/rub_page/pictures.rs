@@ -1,9 +1,7 @@
 //! Pictures of the page: axes for what its scripts draw.
 
 use super::data::Data;
-use crate::report::plot::{
-    COST, Caption, Quantity, Scale, Svg, map_axes, spectrum_axes, waveform_axes,
-};
+use crate::plot::{COST, Caption, Quantity, Scale, Svg, map_axes, spectrum_axes, waveform_axes};
 use crate::support::error::Result;
 
 /// Span of the spectra's axis, dB.

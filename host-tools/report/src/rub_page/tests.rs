@@ -8,7 +8,7 @@ use stylus_kernel::scene::Plan;
 use super::spectra::{Spectrum, band_centres_hz, model_spectrum, recorded_spectrum};
 use super::*;
 use crate::dsp::spectrum::PowerSpectrum;
-use crate::report::html::assert_fetches_nothing;
+use crate::html::assert_fetches_nothing;
 
 /// A texture of two speeds by one force: white noise of 2 m/s², and a resonance of 3 m/s².
 fn texture(name: &str, provenance: Provenance) -> TextureSpec {
@@ -69,7 +69,7 @@ fn a_page_needs_nothing_but_itself_and_no_name_ends_its_elements() {
 #[test]
 fn every_script_of_the_folder_is_in_the_page() {
     let (text, _) = page_of(&[texture("felt", Provenance::Recorded)]);
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/report/rub_page");
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/rub_page");
     let mut count = 0;
     for entry in std::fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();

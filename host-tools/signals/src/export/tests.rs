@@ -8,9 +8,10 @@ use serde_json::Value;
 
 use super::*;
 use crate::dsp::spectrum::{BAND_LABELS_HZ, band_powers};
-use crate::dsp::test_signals::near;
 use crate::playing::render::render;
-use crate::playing::render::test_library::{constant, library, sweep, texture};
+use crate::playing::render::test_motions::{constant, sweep};
+use test_helpers::near;
+use test_helpers::{library, texture};
 
 /// Synthesis filters from their centres, of means and of details: the table of Antonini and others (IEEE Trans. Image
 /// Process. 1, 1992, 205), with a gain of √2.

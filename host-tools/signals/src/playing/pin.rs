@@ -185,8 +185,9 @@ fn render_codes(
 #[cfg(test)]
 mod tests {
     use super::super::motion::MotionPath;
-    use super::super::render::test_library::{constant, library, texture};
+    use super::super::render::test_motions::constant;
     use super::*;
+    use test_helpers::{library, texture};
 
     fn rendering<'a>(library: &'a [u8], motion: &'a MotionPath) -> Rendering<'a> {
         Rendering::new(texture(library), motion, 1.0, 3).unwrap()

@@ -62,7 +62,7 @@ impl HeldSamples {
     }
 
     /// Hash of rate and samples, by which a fit's record knows them.
-    pub(crate) fn content(&self) -> u64 {
+    pub fn content(&self) -> u64 {
         let rate = Fnv::default().then(&self.rate_hz.to_le_bytes());
         let all = self.channels.iter().fold(rate, |hash, channel| {
             let length = (channel.len() as u64).to_le_bytes();
@@ -98,7 +98,7 @@ impl HeldSamples {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::support::holds;
+    use test_helpers::holds;
 
     #[test]
     fn samples_that_are_no_recording_are_refused_with_the_remedy() {

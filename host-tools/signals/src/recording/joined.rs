@@ -54,8 +54,8 @@ fn off(times: &[f64]) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dsp::test_signals::noise;
     use proptest::prelude::*;
+    use test_helpers::noise;
 
     proptest! {
         /// A sensor at 1 kHz, whose samples may equal the one before, joined with others at their own times.

@@ -315,7 +315,7 @@ mod tests {
         let read = of_table(header(), &axes, Some("g"));
         assert_eq!(read.axes[0][0], 0.5 * G);
         assert!(read.account.remarks.is_empty());
-        crate::support::holds(&read.account.doubts.concat(), &["mm/s²", "9.80665"]);
+        test_helpers::holds(&read.account.doubts.concat(), &["mm/s²", "9.80665"]);
         assert!(
             of_table(header(), &axes, Some("0.001"))
                 .account
@@ -323,7 +323,7 @@ mod tests {
                 .is_empty()
         );
         let volts = of_table(Some("a (V)".to_owned()), &axes, None);
-        crate::support::holds(&volts.account.doubts.concat(), &["says V", "sensitivity"]);
+        test_helpers::holds(&volts.account.doubts.concat(), &["says V", "sensitivity"]);
     }
 
     #[test]
@@ -368,17 +368,17 @@ mod tests {
                     let four = of_phone(&["\"Time (s)\"", x, y, z, name], signs).unwrap();
                     assert_eq!((&four.axes, four.axes.len()), (&three.axes, 3), "{name}");
                     let told = four.account.remarks.concat();
-                    crate::support::holds(&told, &[name.trim_matches('"'), "left out"]);
+                    test_helpers::holds(&told, &[name.trim_matches('"'), "left out"]);
                     assert!(three.account.remarks.is_empty());
                 }
                 for (last, first) in [("a4 (m/s^2)", x), ("Norm", "total")] {
                     let fault = of_phone(&["\"Time (s)\"", first, y, z, last], signs).unwrap_err();
-                    crate::support::holds(&fault, &["4 columns of samples"]);
+                    test_helpers::holds(&fault, &["4 columns of samples"]);
                 }
             }
         }
         let fault = of_phone(&["0", "0", "0", "0", "0"], [",", "."]).unwrap_err();
-        crate::support::holds(&fault, &["5 columns of samples"]);
+        test_helpers::holds(&fault, &["5 columns of samples"]);
     }
 
     #[test]

@@ -335,7 +335,7 @@ mod tests {
     use crate::recording::Trial;
     use crate::recording::csv_file::read_table;
     use crate::recording::source::{Cut, Source};
-    use crate::support::holds;
+    use test_helpers::holds;
 
     const HEAD: &str = "LabVIEW Measurement\t\nWriter_Version\t2\nSeparator\tTab\nDecimal_Separator\t.\n\
                         Multi_Headings\tYes\n";

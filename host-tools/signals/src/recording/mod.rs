@@ -35,7 +35,7 @@ pub use rate::{MAX_CHANNELS, MAX_FRAMES, RATES_HZ, most_frames, rate_fault};
 pub use resample::resample;
 pub use set::{Assumed, MOST_TRIALS, RecordingSet, TRIALS_FILE, is_list};
 pub use snap::{Nominal, Rule, Snap, Spread, clear_grid, grid_by_gaps, nominal};
-pub(crate) use source::RECORDING;
+pub use source::RECORDING;
 pub use source::{Account, Cut, Samples, Source};
 pub use time_unit::TimeUnit;
 pub use trial::{NOMINAL_FORCE_N, NOMINAL_SPEED_MM_S, TRIAL_DURATION_S, Trial, texture_fault};

@@ -173,8 +173,8 @@ fn numbered(changes: &[usize], interval: f64) -> (Vec<usize>, f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dsp::test_signals::{near, noise};
     use proptest::prelude::*;
+    use test_helpers::{near, noise};
 
     /// Noise of an axis below half of its rate, with steps of `step` of its deviation.
     fn axis(seed: u64, samples: usize, step: f64) -> Vec<f64> {

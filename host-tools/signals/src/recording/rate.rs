@@ -46,7 +46,7 @@ pub(super) fn length_fault(frames: f64, channels: usize) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::support::holds;
+    use test_helpers::holds;
 
     #[test]
     fn rates_of_converters_pass_and_others_are_named_with_the_remedy() {

@@ -337,7 +337,7 @@ impl Columns {
 mod tests {
     use super::super::TRIALS_FILE;
     use super::*;
-    use crate::support::holds;
+    use test_helpers::holds;
 
     fn parse(text: &str) -> Result<Vec<Trial>> {
         let folder = tempfile::tempdir().unwrap();

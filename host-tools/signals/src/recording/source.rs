@@ -7,7 +7,7 @@ use super::unit::{Integers, Stated};
 use crate::support::bounded_file::{Limit, MIB};
 
 /// A recording's file: a WAV file states its length in 32 bits, and a table is shorter.
-pub(crate) const RECORDING: Limit = Limit {
+pub const RECORDING: Limit = Limit {
     of: "a recording",
     bytes: (1 << 32) + MIB,
 };

@@ -557,11 +557,11 @@ fn falling(column: &str, before: f64, time: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dsp::test_signals::near;
-    use crate::support::holds;
     use core::f64::consts::TAU;
     use proptest::prelude::*;
     use std::path::Path;
+    use test_helpers::holds;
+    use test_helpers::near;
 
     const ALL: Cut = Cut {
         start_s: 0.0,

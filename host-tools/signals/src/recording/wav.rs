@@ -128,7 +128,7 @@ mod tests {
     use super::*;
     use crate::recording::most_frames;
     use crate::support::float_wav::float_wav;
-    use crate::support::holds;
+    use test_helpers::holds;
 
     const WHOLE: Cut = Cut {
         start_s: 0.0,

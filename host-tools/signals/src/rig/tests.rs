@@ -15,7 +15,7 @@ use realfft::num_complex::Complex;
 
 use super::measurement::StreamKey;
 use super::*;
-use crate::dsp::test_signals::near;
+use test_helpers::near;
 
 /// Speeds, forces and drum that most rigs here have.
 const PROTOCOL: &str = r#"
@@ -309,7 +309,7 @@ fn a_drum_that_hardly_wanders_gives_the_samples_of_one_that_does_not() {
 
 #[test]
 fn the_rig_with_weaves_is_sound() {
-    let text = include_str!("../../rigs/weave-rig.toml");
+    let text = include_str!("../../../rigs/weave-rig.toml");
     let rig = RigFile::from_toml(Path::new("rigs/weave-rig.toml"), text).unwrap();
     assert!(
         rig.description()

@@ -245,7 +245,7 @@ impl Levels {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dsp::test_signals::noise;
+    use test_helpers::noise;
 
     fn trace(signal: &[f64]) -> Trace {
         Trace {

@@ -244,8 +244,8 @@ fn whitened(samples: &[f64]) -> Option<Vec<f64>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dsp::test_signals::noise;
     use rand::{RngExt, SeedableRng};
+    use test_helpers::noise;
 
     fn decoded(spec: &CodebookSpec) -> Vec<f64> {
         let value = |&code: &i8| f64::from(spec.peak) * share(code);

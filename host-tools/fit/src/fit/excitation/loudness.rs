@@ -262,7 +262,7 @@ pub(super) fn filtered(excitation: &[f64], predictor: &[f64]) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dsp::test_signals::{near, noise};
+    use test_helpers::{near, noise};
 
     /// Poles at 200 Hz that ring for some milliseconds.
     const REFLECTION: [f64; 2] = [-0.95, 0.9];

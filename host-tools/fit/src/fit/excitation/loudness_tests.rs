@@ -8,13 +8,13 @@ use proptest::prelude::*;
 use rand::{RngExt, SeedableRng};
 
 use super::tests::{filtered, forced, impulsive, swelling};
-use crate::dsp::test_signals::noise;
 use crate::fit::options::{ExcitationChoice, ModulationChoice, Options};
 use crate::fit::{Fit, fit};
 use crate::playing::motion::MotionPath;
 use crate::playing::render::render;
 use crate::recording::{RecordingSet, Trial};
 use crate::support::float_wav::float_wav;
+use test_helpers::noise;
 
 /// Highest ratio of a synthesis's loudest windows to the recordings'.
 const MOST: f64 = 1.5;

@@ -12,7 +12,6 @@ use super::trace::Trace;
 use crate::dsp::autocorrelation::Autocorrelation;
 use crate::dsp::linear_prediction::{Prediction, corrected};
 use crate::dsp::model::Model;
-use crate::dsp::test_signals::noise;
 use crate::fit::excitation::texture::ExcitationReport;
 use crate::fit::options::{ExcitationChoice, ModulationChoice, Options, Order};
 use crate::fit::trial::Signal;
@@ -24,6 +23,7 @@ use crate::scene::with_scenes;
 use crate::support::float_wav::float_wav;
 use crate::texture::grid::Grid;
 use crate::texture::quantise::nodes;
+use test_helpers::noise;
 
 /// Noise of an RMS of 1 with a power spectrum of a surface: two resonances, one of them narrow.
 pub(super) fn filtered(excitation: &[f64], hz: f64) -> Vec<f64> {

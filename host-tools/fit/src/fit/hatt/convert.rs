@@ -323,8 +323,8 @@ pub(super) fn played_density(texture: &Texture<'_>, (speed_mm_s, force_n): (f64,
 
 #[cfg(test)]
 mod tests {
-    use crate::dsp::test_signals::near;
     use std::path::Path;
+    use test_helpers::near;
 
     use super::super::fixture;
     use super::super::read::read;

@@ -142,8 +142,8 @@ fn warnings(remarks: &Remarks) -> Vec<String> {
 pub(super) mod tests {
     use super::super::fixture;
     use super::*;
-    use crate::support::holds;
     use proptest::prelude::*;
+    use test_helpers::holds;
 
     /// A file of one triangle and a silent model, without line spectral frequencies; `var` and `ar` are of its second
     /// model.

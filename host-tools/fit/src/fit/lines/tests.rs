@@ -9,8 +9,8 @@ use rand_pcg::Pcg64;
 
 use super::findings::NoLines;
 use super::{Findings, TrialLines, separate};
-use crate::dsp::test_signals::near;
 use crate::fit::blocks::Part;
+use test_helpers::near;
 
 const RATE_HZ: f64 = SAMPLE_RATE_HZ as f64;
 const SAMPLES: usize = 10_000;

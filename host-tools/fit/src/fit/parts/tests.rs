@@ -1,7 +1,6 @@
 use std::path::Path;
 
 use super::{Mapped, Merged, Shard, map};
-use crate::dsp::test_signals::noise;
 use crate::fit::lines::Lines;
 use crate::fit::options::Order;
 use crate::fit::record::FitRecord;
@@ -9,7 +8,8 @@ use crate::fit::{ExcitationChoice, Fit, FloorChoice, Options, fit};
 use crate::recording::{RecordingSet, Trial};
 use crate::support::error::Result;
 use crate::support::float_wav::float_wav;
-use crate::support::holds;
+use test_helpers::holds;
+use test_helpers::noise;
 
 const SAMPLES: usize = 2600;
 

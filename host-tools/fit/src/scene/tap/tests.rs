@@ -5,7 +5,7 @@ use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 
 use super::*;
-use crate::dsp::test_signals::near;
+use test_helpers::near;
 
 const RATE_HZ: f64 = 5000.0;
 

@@ -242,7 +242,7 @@ fn judged_bins() -> impl Iterator<Item = usize> {
 mod tests {
     use super::*;
     use crate::dsp::log_spectrum::BINS;
-    use crate::dsp::test_signals::near;
+    use test_helpers::near;
 
     /// Levels over a grid: level(speed index, force index), in nepers of power.
     fn field(level: impl Fn(usize, usize) -> Option<f64>) -> RecordedSpectra {

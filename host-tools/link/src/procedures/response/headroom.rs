@@ -286,10 +286,11 @@ fn between(samples: &[f64]) -> Vec<f64> {
 mod tests {
     use model_format::link::SettingChange;
     use model_format::scene::{Biquad, Surface};
+    use model_format::{MillimetresPerSecond, Newton};
 
     use super::*;
     use crate::playing::pin::Pin;
-    use crate::playing::render::{Rendering, test_library};
+    use crate::playing::render::Rendering;
 
     fn with(changes: &[(Setting, f32)]) -> Settings {
         changes
@@ -301,7 +302,7 @@ mod tests {
 
     #[test]
     fn at_the_gain_that_is_told_the_loudest_node_just_fits_and_no_limit_acts() {
-        let bytes = test_library::library(5000);
+        let bytes = test_helpers::library(5000);
         let library = Library::decode(&bytes).unwrap();
         for (changes, limit) in [
             (
@@ -331,8 +332,8 @@ mod tests {
             );
             // Two seconds have higher peaks than the half that is looked at.
             let settings = with(&[(Setting::OutputGain, 0.8 * fitting), changes[1]]);
-            let motion = test_library::constant(100.0, 1.0);
-            let rendering = Rendering::new(test_library::texture(&bytes), &motion, 2.0, 1).unwrap();
+            let motion = MotionPath::constant(MillimetresPerSecond(100.0), Newton(1.0)).unwrap();
+            let rendering = Rendering::new(test_helpers::texture(&bytes), &motion, 2.0, 1).unwrap();
             let mut pin = Pin::new(rendering, PlayRate::Hz5000, &settings);
             pin.by_ref().for_each(drop);
             let limited = pin.limited();
@@ -342,7 +343,7 @@ mod tests {
 
     #[test]
     fn a_scene_asks_for_its_gain_and_its_equaliser_times_its_texture() {
-        let bytes = test_library::library(5000);
+        let bytes = test_helpers::library(5000);
         let library = Library::decode(&bytes).unwrap();
         let halved = Biquad::from_f64([0.5, 0.0, 0.0], [0.0, 0.0]).unwrap();
         let scene = |name: &str, gain, sections: &[Biquad]| {

@@ -3,7 +3,7 @@ use std::path::Path;
 
 use model_format::link::{ProbeThrough, RecordSample, Response, Setting, SettingChange, Settings};
 use model_format::scene::Biquad;
-use model_format::{AdcCode, DacCode, OutputSample, PlayRate};
+use model_format::{AdcCode, DacCode, MillimetresPerSecond, Newton, OutputSample, PlayRate};
 use nalgebra::Matrix5;
 use stylus_app::safety::{Config, Heat, State};
 use stylus_plant::{Axis, Fault as Broken, Parameters, Plant};
@@ -11,7 +11,8 @@ use stylus_plant::{Axis, Fault as Broken, Parameters, Plant};
 use super::*;
 use crate::dsp::equaliser::{cascade_db, filtered};
 use crate::dsp::response::{Bandwidths, PERIOD, RATE_HZ, db};
-use crate::playing::render::{render, test_library};
+use crate::playing::motion::MotionPath;
+use crate::playing::render::render;
 
 /// Bandwidths of the presets' accelerometer.
 const BANDWIDTHS: Bandwidths = Bandwidths([Some(1600.0), Some(1600.0), Some(550.0)]);
@@ -394,12 +395,12 @@ fn figures_of_many_plants() {
     let Some(folder) = std::env::var_os("STYLUS_FIGURES") else {
         panic!("STYLUS_FIGURES names no folder");
     };
-    let library = test_library::library(5000);
-    let motion = test_library::constant(90.0, 0.8);
-    let texture = render(test_library::texture(&library), &motion, 5.0, 3)
+    let library = test_helpers::library(5000);
+    let motion = MotionPath::constant(MillimetresPerSecond(90.0), Newton(0.8)).unwrap();
+    let texture = render(test_helpers::texture(&library), &motion, 5.0, 3)
         .unwrap()
         .accelerations_m_s2();
-    let hiss = crate::dsp::test_signals::noise(5, texture.len());
+    let hiss = test_helpers::noise(5, texture.len());
     for number in 0..250 {
         let (kind, fault) = if number < 50 {
             ("sound", None)

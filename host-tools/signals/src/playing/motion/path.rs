@@ -352,9 +352,9 @@ impl<'a> Hand<'a> {
 mod tests {
     use super::super::table::tests::path_of as read;
     use super::*;
-    use crate::dsp::test_signals::near;
-    use crate::support::holds;
     use proptest::prelude::*;
+    use test_helpers::holds;
+    use test_helpers::near;
 
     fn motion(speed_mm_s: f32, force_n: f32) -> Motion {
         Motion::new(MillimetresPerSecond(speed_mm_s), Newton(force_n)).unwrap()

@@ -99,8 +99,8 @@ impl Columns {
 pub(super) mod tests {
     use super::super::MotionPath;
     use super::*;
-    use crate::support::holds;
     use proptest::prelude::*;
+    use test_helpers::holds;
 
     pub fn path_of(text: &str) -> Result<MotionPath> {
         let file = tempfile::NamedTempFile::new().unwrap();

@@ -3,7 +3,7 @@
 
 mod samples;
 #[cfg(test)]
-pub(crate) mod test_library;
+pub(crate) mod test_motions;
 mod wav;
 
 pub use samples::{MAX_SECONDS, SampleClock};

@@ -236,10 +236,11 @@ mod tests {
     use stylus_kernel::scene::{ContactDetector, ContactThreshold, Interaction};
 
     use super::super::MAX_SECONDS;
-    use super::super::test_library::{constant, library, sweep, texture};
+    use super::super::test_motions::{constant, sweep};
     use super::*;
-    use crate::dsp::test_signals::near;
     use crate::support::error::Error;
+    use test_helpers::near;
+    use test_helpers::{library, texture};
 
     #[test]
     fn a_rendering_is_what_the_kernel_plays_when_it_follows_the_motion_every_two_milliseconds() {

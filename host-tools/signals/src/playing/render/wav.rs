@@ -188,9 +188,10 @@ pub fn render_wav(
 #[cfg(test)]
 mod tests {
     use super::super::samples::render;
-    use super::super::test_library::{library, sweep, texture};
+    use super::super::test_motions::sweep;
     use super::*;
     use proptest::prelude::*;
+    use test_helpers::{library, texture};
 
     #[test]
     fn a_float_wav_holds_the_samples_in_metres_per_second_squared() {

@@ -302,9 +302,9 @@ impl<'a> Errors<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dsp::test_signals::noise;
     use crate::recording::defects::Defects;
     use rand::{RngExt, SeedableRng};
+    use test_helpers::noise;
 
     const RATE_HZ: f64 = 5000.0;
 

@@ -253,7 +253,7 @@ fn change(axes: &[Vec<f64>], silence: &[Span]) -> Option<Verdict> {
 mod tests {
     use super::super::test_signals::{noise, plus};
     use super::*;
-    use crate::support::holds;
+    use test_helpers::holds;
 
     fn scaled(range: Span, by: f64) -> Vec<f64> {
         let mut signal = noise(1);

@@ -103,8 +103,8 @@ mod tests {
     use super::*;
     use crate::dsp::sums::moments;
     use crate::recording::unit;
-    use crate::support::holds;
     use proptest::prelude::*;
+    use test_helpers::holds;
 
     /// The finding on noise of `rms` m/s² per axis about `means`, in samples of `unit` m/s².
     fn found(means: &[f64], rms: f64, unit_m_s2: f64, has_scale: bool) -> Option<String> {

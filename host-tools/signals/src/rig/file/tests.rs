@@ -1,7 +1,7 @@
 //! Checks of rig files: values in and out of range.
 
 use super::*;
-use crate::support::holds;
+use test_helpers::holds;
 
 /// A rig file with every section; the tests break one line each.
 const WHOLE: &str = r#"name = "test"

@@ -9,7 +9,7 @@ use model_format::link::{
 use proptest::prelude::*;
 
 use super::*;
-use crate::support::holds;
+use test_helpers::holds;
 
 fn request(key: Key, number: u16, body: &[u8]) -> Vec<u8> {
     let header = VarHeader {
