@@ -43,11 +43,13 @@ enum Step {
 
 impl Field {
     /// The field `key` of this table.
+    #[must_use]
     pub fn key(&self, key: &'static str) -> Self {
         self.with(Step::Key(key))
     }
 
     /// The entry of this list at `index`, from 0.
+    #[must_use]
     pub fn item(&self, index: usize) -> Self {
         self.with(Step::Item(index))
     }
