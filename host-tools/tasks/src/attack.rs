@@ -44,7 +44,8 @@ const TARGETS: [(&str, &str); 8] = [
     (
         "properties",
         "-p model-format -p stylus-kernel -p stylus-app -p stylus-support -p stylus-dsp -p stylus-signals \
-         -p stylus-fit -p stylus-link -p stylus-evaluation -p stylus-report --lib --test library --test kernel --test app",
+         -p stylus-fit -p stylus-link -p stylus-evaluation -p stylus-report --lib \
+         --test library --test kernel --test app",
     ),
     ("bounds", "-p qemu-tests --test emulated -- bounds::"),
 ];
