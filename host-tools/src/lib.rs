@@ -1,15 +1,9 @@
 #![doc = include_str!("../README.md")]
 
-pub mod dsp;
-pub mod evaluation;
-pub mod export;
-pub mod fit;
-pub mod link;
-pub mod playing;
-pub mod procedures;
-pub mod recording;
-pub mod report;
-pub mod rig;
-pub mod scene;
-pub mod support;
-pub mod texture;
+pub use stylus_fit::{fit, scene, texture};
+pub use stylus_link::{link, procedures};
+pub use stylus_signals::{export, playing, recording, rig};
+pub use {
+    stylus_dsp as dsp, stylus_evaluation as evaluation, stylus_report as report,
+    stylus_support as support,
+};

@@ -7,7 +7,7 @@ import path from "node:path";
 import { test } from "node:test";
 import vm from "node:vm";
 
-const scripts = path.join(import.meta.dirname, "../../host-tools/src/report/rub_page");
+const scripts = path.join(import.meta.dirname, "../../host-tools/report/src/rub_page");
 
 // What these scripts declare.
 function load(files, names) {

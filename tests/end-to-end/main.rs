@@ -19,7 +19,7 @@ mod fit_to_sound;
 mod frontier;
 mod hard_cases;
 mod hard_fits;
-#[path = "../../host-tools/src/fit/hatt/fixture.rs"]
+#[path = "../../host-tools/fit/src/fit/hatt/fixture.rs"]
 mod hatt;
 mod hostile_inputs;
 mod inputs;

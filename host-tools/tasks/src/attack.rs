@@ -43,7 +43,9 @@ const TARGETS: [(&str, &str); 8] = [
     ("safety", "-p stylus-app --test app -- safety::"),
     (
         "properties",
-        "-p model-format -p stylus-kernel -p stylus-app -p host-tools --lib --test library --test kernel --test app",
+        "-p model-format -p stylus-kernel -p stylus-app -p stylus-support -p stylus-dsp -p stylus-signals \
+         -p stylus-fit -p stylus-link -p stylus-evaluation -p stylus-report --lib \
+         --test library --test kernel --test app",
     ),
     ("bounds", "-p qemu-tests --test emulated -- bounds::"),
 ];

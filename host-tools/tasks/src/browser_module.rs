@@ -20,10 +20,10 @@ pub const TARGET: &str = "wasm32-unknown-unknown";
 const PROFILE: &str = "browser";
 
 /// The kept module, from the workspace's folder.
-pub const KEPT: &str = "host-tools/src/report/rub_page/kernel.wasm";
+pub const KEPT: &str = "host-tools/report/src/rub_page/kernel.wasm";
 
 /// The name and version of its compiler.
-const KEPT_COMPILER: &str = "host-tools/src/report/rub_page/kernel.txt";
+const KEPT_COMPILER: &str = "host-tools/report/src/rub_page/kernel.txt";
 
 /// The variable that names the module that the package's tests play.
 pub const MODULE_VARIABLE: &str = "STYLUS_BROWSER_MODULE";

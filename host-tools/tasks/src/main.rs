@@ -64,7 +64,7 @@ enum Task {
     },
     /// Run the image's tests against a real board, or the virtual stylus, over its link
     Hil(hil::Arguments),
-    /// Check that code and pages keep to the drawn layout: wings, import circles, line lengths, names in pages
+    /// Check that code and pages keep to the drawn layout: import circles, line lengths, names in pages
     House,
     /// Write tables of figures into the pages: the named ones, or all that need no build and no emulator
     Tables {
@@ -79,7 +79,7 @@ enum Task {
     Attack(attack::Arguments),
     /// Use the image on the virtual stylus as two hosts may, with all mishaps, and check it meanwhile
     Soak(soak::Arguments),
-    /// Build the kernel as a page's WebAssembly module, and keep it in host-tools/src/report/rub_page
+    /// Build the kernel as a page's WebAssembly module, and keep it in host-tools/report/src/rub_page
     BrowserModule {
         /// Keep nothing, and fail if the kept module is not what this builds: byte by byte where the compiler is that
         /// of the kept one, else by its samples

@@ -7,7 +7,7 @@ use stylus_browser::{BLOCK_NUMBERS, BlockMotion};
 use wasmi::{Engine, Instance, Linker, Memory, Module, Store, WasmParams};
 
 static MODULE: LazyLock<(Engine, Module)> = LazyLock::new(|| {
-    let kept = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../src/report/rub_page/kernel.wasm");
+    let kept = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../report/src/rub_page/kernel.wasm");
     let path = std::env::var_os("STYLUS_BROWSER_MODULE").map_or(kept, PathBuf::from);
     let bytes = std::fs::read(&path);
     let bytes = bytes.unwrap_or_else(|error| panic!("{}: {error}", path.display()));

@@ -1,4 +1,4 @@
-//! Rules on the imports of code outside tests: floors of wings, places of libraries, and circles between modules.
+//! The tokens of Rust files outside tests, and the rule on their imports: no circles between modules of a crate.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -6,54 +6,6 @@ use proc_macro2::{TokenStream, TokenTree};
 
 use super::Outcome;
 use super::tree::Tree;
-
-/// Folder of the code that has wings.
-const HOST: &str = "host-tools/src";
-
-/// Floors of the wings, from the top. A wing imports from lower floors only.
-const FLOORS: [&[&str]; 7] = [
-    &["cli"],
-    &["report"],
-    &["evaluation"],
-    &["fit", "procedures"],
-    &["texture", "scene", "link", "export"],
-    &["recording", "playing", "rig"],
-    &["dsp", "support"],
-];
-
-/// Libraries that have their place in [`HOST`]: who may name them, or else who may not, and the reason.
-const PLACES: [(&[&str], &[&str], &str); 4] = [
-    (
-        &["clap"],
-        // Options that the command shares with other programs are declared once.
-        &[
-            "cli/",
-            "main.rs",
-            "fit/conditioning.rs",
-            "fit/options.rs",
-            "fit/hatt/import.rs",
-            "recording/set.rs",
-        ],
-        "the command line is of cli alone",
-    ),
-    (
-        &["indicatif"],
-        &["cli/", "support/progress.rs"],
-        "progress bars are of support and cli",
-    ),
-    (
-        &["tokio", "tokio_serial", "nusb"],
-        &["cli/", "link/"],
-        "talking to a device is of link and cli",
-    ),
-    (&["plotters"], &["report/"], "pictures are of report"),
-];
-
-/// Libraries that the wing of plain computation may not name.
-const NOT_IN_DSP: [&str; 5] = ["std::fs", "std::io", "std::path", "csv", "hound"];
-
-/// A choice of the command line is declared where it is made.
-const ALLOWED: &str = "clap::ValueEnum";
 
 /// A Rust file: its tokens outside tests, groups opened and closed by tokens of their own.
 pub struct Source {
@@ -224,7 +176,7 @@ fn module_of(path: &str) -> Option<Module> {
     Some(root.chain(parts.map(str::to_owned)).collect())
 }
 
-/// Checks floors, places of libraries and circles.
+/// Checks that imports have no circles.
 pub fn check(sources: &[Source], outcome: &mut Outcome) {
     let modules = modules(sources);
     let known = |module: &[String]| modules.contains_key(module);
@@ -240,18 +192,10 @@ pub fn check(sources: &[Source], outcome: &mut Outcome) {
             }
         }
     }
-    let mut wings = BTreeSet::new();
     let mut arrows = Arrows::new();
     for (module, (source, imports)) in &modules {
         let used = used(module, imports);
-        let is_host = module[0] == HOST;
-        if let Some(wing) = module.get(1).filter(|_| is_host) {
-            wings.insert(wing.as_str());
-        }
         for import in imports {
-            if is_host {
-                check_place(source, import, outcome);
-            }
             let (first, rest) = import.segments.split_at(1);
             let by_use = || Some([used.get(first[0].as_str())?, rest].concat());
             let Some(target) = absolute(module, &import.segments).or_else(by_use) else {
@@ -261,13 +205,6 @@ pub fn check(sources: &[Source], outcome: &mut Outcome) {
             while !known(&target) && target.len() > 1 {
                 target.pop();
             }
-            if let (true, Some(own), Some(other)) = (is_host, module.get(1), target.get(1))
-                && own != other
-                && floor(other) <= floor(own)
-            {
-                let problem = format!("{own} imports {other}, which is not below it");
-                outcome.find(&source.path, import.line, problem);
-            }
             // What the root names may be of another crate.
             if target != *module && target.len() > 1 {
                 let arrow = (target, source.path.as_str(), import.line);
@@ -275,14 +212,8 @@ pub fn check(sources: &[Source], outcome: &mut Outcome) {
             }
         }
     }
+    outcome.count("modules", modules.len());
     check_circles(arrows, outcome);
-    for wing in &wings {
-        if floor(wing).is_none() {
-            let folder = format!("{HOST}/{wing}");
-            outcome.find(&folder, 0, "is no wing");
-        }
-    }
-    outcome.count("wings", wings.len());
 }
 
 /// All modules outside tests, with their imports: each is declared by the one around it, if that is there.
@@ -309,10 +240,6 @@ fn modules(sources: &[Source]) -> BTreeMap<Module, (&Source, Vec<Import>)> {
 
 /// Imports of each module: the imported one, the file and the line.
 type Arrows<'a> = BTreeMap<Module, Vec<(Module, &'a str, usize)>>;
-
-fn floor(wing: &str) -> Option<usize> {
-    FLOORS.iter().position(|floor| floor.contains(&wing))
-}
 
 /// The module or item that `segments` name within the crate of `module`; `None` for what is outside of it.
 fn absolute(module: &[String], segments: &[String]) -> Option<Module> {
@@ -348,22 +275,6 @@ fn defined(mut target: Module, names: &BTreeMap<Module, Module>) -> Module {
         }
     }
     target
-}
-
-fn check_place(source: &Source, import: &Import, outcome: &mut Outcome) {
-    let path = import.segments.join("::");
-    let file = source.path[HOST.len() + 1..].to_owned();
-    let names = |library: &str| path == library || path.starts_with(&format!("{library}::"));
-    for (libraries, places, reason) in PLACES {
-        let is_placed = places.iter().any(|place| file.starts_with(place)) || path == ALLOWED;
-        if !is_placed && libraries.iter().any(|library| names(library)) {
-            outcome.find(&source.path, import.line, format!("names {path}: {reason}"));
-        }
-    }
-    if file.starts_with("dsp/") && NOT_IN_DSP.iter().any(|library| names(library)) {
-        let problem = format!("names {path}: dsp computes, and knows no files");
-        outcome.find(&source.path, import.line, problem);
-    }
 }
 
 /// Takes away modules without imports or importers until none is left, or circles are.

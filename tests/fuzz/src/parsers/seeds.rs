@@ -3,7 +3,7 @@
 use std::error::Error;
 use std::path::Path;
 
-#[path = "../../../../host-tools/src/fit/hatt/fixture.rs"]
+#[path = "../../../../host-tools/fit/src/fit/hatt/fixture.rs"]
 #[allow(missing_docs)]
 mod hatt;
 

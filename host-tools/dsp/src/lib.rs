@@ -1,0 +1,46 @@
+//! Signal processing: spectra, linear prediction, and the conditioning and reduction of three axes to one.
+//!
+//! Invariant: slices in, numbers out. No files, no command line, no progress, no format of a library.
+
+pub mod autocorrelation;
+pub mod binomial;
+pub mod equaliser;
+pub mod high_pass;
+pub mod line_spectral_frequencies;
+pub mod linear_prediction;
+pub mod liveliness;
+pub mod log_spectrum;
+pub mod model;
+pub mod model_error;
+pub mod motion_law;
+pub mod reduction;
+pub mod response;
+pub mod spectrum;
+pub mod sums;
+
+use std::cell::RefCell;
+
+use realfft::RealFftPlanner;
+
+thread_local! {
+    /// Plans are made once per thread, because a grid has hundreds of recordings of equal length.
+    static PLANNER: RefCell<RealFftPlanner<f64>> = RefCell::new(RealFftPlanner::new());
+}
+
+/// Calls `work` with this thread's planner of transforms of real signals.
+pub fn with_planner<T>(work: impl FnOnce(&mut RealFftPlanner<f64>) -> T) -> T {
+    PLANNER.with_borrow_mut(work)
+}
+
+/// Runs `work` with AVX2 where this processor has it. Only what is inlined into `work` is compiled for it.
+///
+/// The order of the sums is that of the code either way, and no product is fused with a sum, so that the bits are the
+/// same.
+#[inline(always)]
+pub fn wide<T>(work: impl FnOnce() -> T) -> T {
+    #[cfg(target_arch = "x86_64")]
+    if let Some(instructions) = pulp::x86::V3::try_new() {
+        return instructions.vectorize(work);
+    }
+    work()
+}

@@ -1,0 +1,153 @@
+//! Spectra of models, and models of spectra.
+
+use model_format::limits;
+use realfft::num_complex::Complex;
+
+use super::{BINS, LogSpectrum};
+use crate::linear_prediction::{Prediction, corrected, error_share, step_up};
+use crate::model::Model;
+use crate::with_planner;
+
+impl LogSpectrum {
+    /// Returns the spectrum of the output of `model`, which must not be silent, at [`BINS`] frequencies.
+    pub fn of_model(model: &Model) -> Self {
+        Self::of_model_at(model, BINS)
+    }
+
+    /// Returns the spectrum of the output of `model`, which must not be silent, at `bins` frequencies, which must be
+    /// more than the model's order.
+    pub fn of_model_at(model: &Model, bins: usize) -> Self {
+        let error_power = error_power(model).ln();
+        let log = |bin: &Complex<f64>| error_power - bin.norm_sqr().max(f64::MIN_POSITIVE).ln();
+        Self::from_values(denominator(model, bins).iter().map(log).collect())
+    }
+
+    /// Returns the autocorrelation from lag 0 to `max_lag`.
+    pub fn autocorrelation(&self, max_lag: usize) -> Vec<f64> {
+        let length = 2 * (self.values().len() - 1);
+        let transform = with_planner(|planner| planner.plan_fft_inverse(length));
+        let mut spectrum: Vec<_> = self
+            .values()
+            .iter()
+            .map(|l| Complex::new(l.exp(), 0.0))
+            .collect();
+        let mut lags = transform.make_output_vec();
+        transform
+            .process(&mut spectrum, &mut lags)
+            .expect("lengths come from the plan");
+        lags.truncate(max_lag + 1);
+        lags.iter_mut().for_each(|lag| *lag /= length as f64);
+        lags
+    }
+
+    /// Returns the linear predictors of this spectrum, of every order up to `max_order`.
+    pub fn prediction(&self, max_order: usize) -> Prediction {
+        Prediction::levinson_durbin(&corrected(self.autocorrelation(max_order)), max_order)
+    }
+
+    /// Returns the model of order `order` of this spectrum, with its power.
+    pub fn model(&self, order: usize) -> Model {
+        Model::new(self.prediction(order).reflection, self.power())
+    }
+
+    /// Returns the model of the lowest order that cannot be told from this spectrum by touch: every third-octave band
+    /// from 20 to 1000 Hz is within `tolerance_db`, and the [cost](Self::cost) is at most 5 %. If there is none, it is
+    /// the model of order `most`, which no model exceeds.
+    pub fn economical_model(&self, tolerance_db: f64, most: usize) -> Model {
+        const ORDERS: [usize; 11] = [15, 25, 40, 60, 80, 110, 150, 200, 260, 330, 400];
+        const MAX_COST: f64 = 0.05;
+        let full = self.model(most.min(limits::MAX_ORDER));
+        for order in ORDERS.into_iter().filter(|&order| order < most) {
+            let model = Model {
+                reflection: full.reflection[..order.min(full.reflection.len())].to_vec(),
+                ..full.clone()
+            };
+            let spectrum = Self::of_model(&model);
+            let near = |error: &Option<f64>| error.is_none_or(|e| e.abs() <= tolerance_db);
+            if self.band_errors_db(&spectrum).iter().all(near)
+                && self.cost(&spectrum, 20.0) <= MAX_COST
+            {
+                return model;
+            }
+        }
+        full
+    }
+}
+
+/// Returns the density of the output of `model`, two-sided, times the sample rate, whose logarithms
+/// [`LogSpectrum::of_model_at`] has.
+pub fn density_of_model(model: &Model, bins: usize) -> Vec<f64> {
+    let error_power = error_power(model);
+    let density = |bin: &Complex<f64>| error_power / bin.norm_sqr().max(f64::MIN_POSITIVE);
+    denominator(model, bins).iter().map(density).collect()
+}
+
+/// Power of the prediction error.
+fn error_power(model: &Model) -> f64 {
+    model.output_power * error_share(&model.reflection)
+}
+
+/// A(z) of `model` at `bins` frequencies.
+fn denominator(model: &Model, bins: usize) -> Vec<Complex<f64>> {
+    let length = 2 * (bins - 1);
+    let mut response = vec![0.0; length];
+    response[0] = 1.0;
+    for (to, a) in response[1..].iter_mut().zip(step_up(&model.reflection)) {
+        *to = a;
+    }
+    let transform = with_planner(|planner| planner.plan_fft_forward(length));
+    let mut spectrum = transform.make_output_vec();
+    transform
+        .process(&mut response, &mut spectrum)
+        .expect("lengths come from the plan");
+    spectrum
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::FINE_BINS;
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        // No larger, since a resonance narrower than the spectrum's step is not held by it.
+        #[test]
+        fn a_models_spectrum_has_its_power_and_gives_it_back(
+            reflection in prop::collection::vec(-0.4f64..0.4, 1..8), power in 0.01f64..100.0,
+        ) {
+            let original = Model::new(reflection.clone(), power);
+            let spectrum = LogSpectrum::of_model_at(&original, FINE_BINS);
+            prop_assert!((spectrum.power() / power - 1.0).abs() < 1e-6);
+            let back = spectrum.model(reflection.len());
+            for (a, b) in reflection.iter().zip(&back.reflection) {
+                prop_assert!((a - b).abs() < 1e-4);
+            }
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn a_density_has_the_logarithms_of_the_spectrum(
+            reflection in prop::collection::vec(-0.9f64..0.9, 0..30), power in 0.01f64..100.0,
+        ) {
+            let model = Model::new(reflection, power);
+            let spectrum = LogSpectrum::of_model(&model);
+            let density = density_of_model(&model, BINS);
+            prop_assert_eq!(density.len(), spectrum.values().len());
+            for (density, log) in density.iter().zip(spectrum.values()) {
+                prop_assert!((density.ln() - log).abs() < 1e-12 * log.abs().max(1.0));
+            }
+        }
+    }
+
+    #[test]
+    fn an_economical_model_of_a_model_is_no_larger_than_it_need_be() {
+        let spectrum = LogSpectrum::of_model(&Model::new(vec![-0.9, 0.7, -0.2, 0.3], 2.0));
+        let order_of = |most: usize| spectrum.economical_model(0.5, most).reflection.len();
+        assert_eq!(order_of(limits::MAX_ORDER), 15);
+        assert_eq!([0, 3, 14, 15, 16].map(order_of), [0, 3, 14, 15, 15]);
+        let flat = spectrum.band_errors_db(&spectrum);
+        assert!(flat.iter().all(|error| error.unwrap().abs() < 1e-9));
+        assert!(spectrum.cost(&spectrum, 20.0) <= 0.0);
+    }
+}

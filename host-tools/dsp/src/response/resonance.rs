@@ -1,0 +1,269 @@
+//! The resonance and the delay that explain a response.
+//!
+//! The model is that of a coil whose mass moves against a body in a hand, behind an amplifier that passes no steady
+//! voltage, and the device's own high-pass:
+//!
+//! ```text
+//! K s⁴ / ((s² + 2 ζ₁ ω₁ s + ω₁²) (s² + 2 ζ₂ ω₂ s + ω₂²)) · s² / ((s + ω₀) (s + ω₃)) · exp(-s τ)
+//! ```
+//! The second pair of poles is the resonance, the first one the stylus in its hand. What lies above the band, as the
+//! coil's inductance, is part of the delay. Levenberg-Marquardt fits it to the logarithm of the response, so that level
+//! and phase have the same weight at all levels.
+
+use std::f64::consts::{PI, TAU};
+
+use nalgebra::{DMatrix, DVector, SVector};
+use realfft::num_complex::Complex;
+
+use super::measured::Line;
+
+/// Corner of the high-pass in the device's safety stages, Hz, which every probe passes too.
+const DC_BLOCKER_HZ: f64 = 2.0;
+
+/// Delay at the start, ms: that of the device's interpolator and converters.
+const START_MS: f64 = 0.45;
+
+/// Resonances at the start, Hz.
+const STARTS_HZ: [f64; 4] = [45.0, 80.0, 150.0, 300.0];
+
+/// Least deviation of a line that counts, nepers, because no actuator is exactly the model.
+const LEAST_DEVIATION: f64 = 0.003;
+
+/// Iterations of Levenberg-Marquardt from each start.
+const ROUNDS: usize = 60;
+
+/// Gain in nepers, logarithms of ω₁, ζ₁, ω₂, ζ₂ and ω₀, the delay in ms, and the phase
+/// at 1 kHz by which the device's interpolator, of minimum phase, differs from a delay, rad.
+type Unknowns = SVector<f64, 8>;
+
+/// A resonance.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Resonance {
+    /// Undamped natural frequency, Hz.
+    pub hz: f64,
+    /// Its standard deviation by the scatter about the model, Hz.
+    pub hz_deviation: f64,
+    /// Damping ratio.
+    pub damping_ratio: f64,
+}
+
+/// The model that explains a response.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Fit {
+    /// The resonance.
+    pub resonance: Resonance,
+    /// Delay, s.
+    pub delay_s: f64,
+    /// RMS of what is not explained, in deviations of the lines.
+    pub error: f64,
+    /// True if the tip moves along its direction with the voltage above the resonance.
+    pub is_positive: bool,
+}
+
+impl Fit {
+    /// Fits trusted lines; none if they are too few.
+    pub fn of(lines: &[Line]) -> Option<Self> {
+        let lines: Vec<&Line> = lines.iter().filter(|line| line.is_trusted()).collect();
+        if lines.len() < 40 {
+            return None;
+        }
+        let top = lines[lines.len() - 1].value.norm().ln();
+        let starts = STARTS_HZ
+            .into_iter()
+            .flat_map(|hz| [(hz, true), (hz, false)]);
+        let fits = starts.map(|(hz, is_positive)| {
+            let [hand, own, passed] = [14.0, hz, 4.0].map(|hz| (TAU * hz).ln());
+            let start = [
+                top,
+                hand,
+                0.3f64.ln(),
+                own,
+                0.3f64.ln(),
+                passed,
+                START_MS,
+                0.0,
+            ];
+            (
+                is_positive,
+                refined(&lines, is_positive, Unknowns::from(start)),
+            )
+        });
+        let (is_positive, (error, mut unknowns, mut jacobian)) =
+            fits.min_by(|a, b| a.1.0.total_cmp(&b.1.0))?;
+        if unknowns[1] > unknowns[3] {
+            // The resonance is the upper pair.
+            for at in [1, 2] {
+                unknowns.swap_rows(at, at + 2);
+                jacobian.swap_columns(at, at + 2);
+            }
+        }
+        let mut square = jacobian.tr_mul(&jacobian);
+        // What nothing depends on, such as a hand that is not there, has no inverse.
+        (0..square.nrows())
+            .for_each(|at| square[(at, at)] = square[(at, at)] * (1.0 + 1e-9) + 1e-9);
+        let variance = square
+            .try_inverse()
+            .map_or(f64::INFINITY, |inverse| inverse[(3, 3)]);
+        // The deviations of lines may be less than what the model leaves, so that its own scatter scales them.
+        let scatter = error * error;
+        let hz = unknowns[3].exp() / TAU;
+        Some(Self {
+            resonance: Resonance {
+                hz,
+                hz_deviation: hz * (variance * scatter.max(1.0)).sqrt(),
+                damping_ratio: unknowns[4].exp(),
+            },
+            delay_s: 1e-3 * unknowns[6],
+            error,
+            is_positive,
+        })
+    }
+}
+
+/// Logarithm of the model's response at `hz`.
+fn model(unknowns: &Unknowns, hz: f64) -> Complex<f64> {
+    let s = Complex::new(0.0, TAU * hz);
+    let pair = |at: usize| {
+        let (omega, damping) = (unknowns[at].exp(), unknowns[at + 1].exp());
+        s * s / (s * s + 2.0 * damping * omega * s + omega * omega)
+    };
+    let passed = s / (s + unknowns[5].exp()) * s / (s + TAU * DC_BLOCKER_HZ);
+    let share = hz / 1e3;
+    let phase = -TAU * share * unknowns[6] + unknowns[7] * share.powi(3);
+    (pair(1) * pair(3) * passed).ln() + Complex::new(unknowns[0], phase)
+}
+
+/// The rest that the model leaves of each line, in its deviations: level, then phase.
+fn residual(lines: &[&Line], is_positive: bool, unknowns: &Unknowns) -> DVector<f64> {
+    let sign = if is_positive { 1.0 } else { -1.0 };
+    let mut residual = DVector::zeros(2 * lines.len());
+    for (row, line) in lines.iter().enumerate() {
+        let off = (line.value * sign).ln() - model(unknowns, line.hz);
+        let phase = (off.im + PI).rem_euclid(TAU) - PI;
+        let deviation = (line.deviation_db / 8.686).max(LEAST_DEVIATION);
+        (residual[2 * row], residual[2 * row + 1]) = (off.re / deviation, phase / deviation);
+    }
+    residual
+}
+
+/// The nearest fit from `unknowns` on: its RMS, the unknowns and the Jacobian there.
+fn refined(
+    lines: &[&Line],
+    is_positive: bool,
+    mut unknowns: Unknowns,
+) -> (f64, Unknowns, DMatrix<f64>) {
+    const STEP: f64 = 1e-5;
+    let of = |unknowns: &Unknowns| residual(lines, is_positive, unknowns);
+    let mut left = of(&unknowns);
+    let mut damping = 1e-2;
+    let mut jacobian = DMatrix::zeros(left.len(), unknowns.len());
+    for _ in 0..ROUNDS {
+        for column in 0..unknowns.len() {
+            let mut aside = unknowns;
+            aside[column] += STEP;
+            jacobian.set_column(column, &((of(&aside) - &left) / STEP));
+        }
+        let square = jacobian.tr_mul(&jacobian);
+        let gradient = jacobian.tr_mul(&left);
+        let mut is_better = false;
+        while !is_better && damping < 1e9 {
+            let mut damped = square.clone();
+            for at in 0..unknowns.len() {
+                damped[(at, at)] += damping * square[(at, at)].max(1e-9);
+            }
+            let Some(step) = damped.cholesky().map(|matrix| matrix.solve(&gradient)) else {
+                break;
+            };
+            let tried = Unknowns::from_fn(|at, _| unknowns[at] - step[at].clamp(-0.7, 0.7));
+            let of_tried = of(&tried);
+            is_better = of_tried.norm() < left.norm();
+            if is_better {
+                let gained = 1.0 - of_tried.norm() / left.norm();
+                (unknowns, left) = (tried, of_tried);
+                damping = if gained < 1e-7 { 1e10 } else { damping / 5.0 };
+            } else {
+                damping *= 5.0;
+            }
+        }
+        if damping > 1e8 {
+            break;
+        }
+    }
+    (left.norm() / (left.len() as f64).sqrt(), unknowns, jacobian)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::response::db;
+    use test_helpers::noise;
+
+    /// A mass on a spring that a coil of 1.3 kHz moves, held by a hand, after a delay.
+    fn lines(hz: f64, damping: f64, sign: f64, scatter: f64) -> Vec<Line> {
+        let hiss = noise(7, 400);
+        (0..200)
+            .map(|n| {
+                let at = 10.0 + 5.0 * f64::from(n);
+                let s = Complex::new(0.0, at);
+                let own = s * s / (s * s + 2.0 * damping * hz * s + hz * hz);
+                let hand = s * s / (s * s + 2.0 * 0.5 * 14.0 * s + 14.0 * 14.0);
+                let coil = 1.0 / (1.0 + s / 7000.0) * s / (s + 5.0) * s / (s + 2.0);
+                let noise =
+                    1.0 + scatter * Complex::new(hiss[2 * n as usize], hiss[2 * n as usize + 1]);
+                let value = 40.0
+                    * sign
+                    * own
+                    * hand
+                    * coil
+                    * noise
+                    * Complex::from_polar(1.0, -TAU * at * 0.61e-3);
+                let (level_db, deviation_db) = (db(value.norm()), 8.686 * scatter);
+                Line {
+                    hz: at,
+                    value,
+                    level_db,
+                    deviation_db,
+                    coherence: 1.0,
+                }
+            })
+            .collect()
+    }
+
+    #[test]
+    fn resonance_damping_delay_and_sign_are_found_as_near_as_they_say() {
+        for (hz, damping, sign) in [
+            (47.0, 0.6, 1.0),
+            (62.0, 0.12, 1.0),
+            (125.0, 0.3, -1.0),
+            (250.0, 0.08, 1.0),
+        ] {
+            for scatter in [0.0, 0.01, 0.04] {
+                let found = Fit::of(&lines(hz, damping, sign, scatter)).unwrap();
+                let Resonance {
+                    hz: found_hz,
+                    hz_deviation,
+                    damping_ratio,
+                } = found.resonance;
+                assert!(
+                    (found_hz - hz).abs() < 4.0 * hz_deviation + 5e-3 * hz,
+                    "{hz} {scatter}: {found:?}"
+                );
+                assert!(
+                    hz_deviation < hz * (2e-3 + scatter),
+                    "{hz} {scatter}: {found:?}"
+                );
+                assert!(
+                    (damping_ratio / damping - 1.0).abs() < 0.03 + 3.0 * scatter,
+                    "{hz} {scatter}: {found:?}"
+                );
+                // The inductance is 23 µs of the delay.
+                assert!(
+                    (found.delay_s - 0.633e-3).abs() < 0.01e-3 + scatter * 1e-3,
+                    "{found:?}"
+                );
+                assert_eq!(found.is_positive, sign > 0.0);
+            }
+        }
+        assert!(Fit::of(&lines(100.0, 0.1, 1.0, 0.0)[..20]).is_none());
+    }
+}

@@ -1,0 +1,214 @@
+//! Spectral subtraction: the power of a noise that is known by its spectrum, taken off a signal that has it.
+
+use super::power::PowerSpectrum;
+use crate::with_planner;
+
+/// Least share of a bin's power that is kept. Below it, the scatter of both estimates is all that is left.
+const LEAST_SHARE: f64 = 0.01;
+
+/// Bandwidth, in octaves, over which the rest is smoothed where the noise has most of the power: half of the bands in
+/// which textures are told apart.
+const SMOOTHING_OCTAVES: f64 = 1.0 / 6.0;
+
+/// Returns `signal` at `rate_hz` without a noise of the spectrum `noise`; `whole` is the signal's own spectrum, of the
+/// same segments. Phases are the signal's (Boll, IEEE Trans. ASSP 27, 1979, 113, for powers).
+///
+/// With w = min(1, N / P), the noise's share of the power, a bin of density p becomes w R + (1 - w) max(1 - w, 0.01) p,
+/// which is P - N on average: R is the mean of max(P - N, 0.01 P) over a sixth of an octave, weighed by w. So details
+/// are the signal's where the noise is weak. Where it is strong they would be its tones and the scatter of two
+/// estimates, and the spectrum is smooth.
+pub fn without_noise(
+    signal: &[f64],
+    whole: &PowerSpectrum,
+    noise: &PowerSpectrum,
+    rate_hz: f64,
+) -> Vec<f64> {
+    if signal.len() < 2 || noise.power_between(0.0, rate_hz) <= 0.0 {
+        return signal.to_vec();
+    }
+    // Its mirror image goes on where it ends. Otherwise a jump from end to begin would have a part in all frequencies,
+    // which becomes a click where the noise is weaker.
+    let mut mirrored: Vec<f64> = signal.iter().chain(signal.iter().rev()).copied().collect();
+    let length = mirrored.len();
+    let (forward, inverse) = with_planner(|planner| {
+        (
+            planner.plan_fft_forward(length),
+            planner.plan_fft_inverse(length),
+        )
+    });
+    let mut spectrum = forward.make_output_vec();
+    forward
+        .process(&mut mirrored, &mut spectrum)
+        .expect("lengths come from the plan");
+    let [shares, rest] = shares_and_rest(whole, noise);
+    // The density of a bin of power 1.
+    let to_density = 2.0 / (rate_hz * length as f64);
+    // The first bin is the mean, which is no power of a spectrum.
+    for (bin, value) in spectrum.iter_mut().enumerate().skip(1) {
+        let hz = bin as f64 * rate_hz / length as f64;
+        let own = to_density * value.norm_sqr();
+        if own > 0.0 {
+            let share = shares.density_at(hz);
+            let kept = (1.0 - share) * (1.0 - share).max(LEAST_SHARE);
+            *value *= (kept + share * rest.density_at(hz) / own).sqrt();
+        }
+    }
+    inverse
+        .process(&mut spectrum, &mut mirrored)
+        .expect("lengths come from the plan");
+    mirrored.truncate(signal.len());
+    for sample in &mut mirrored {
+        *sample /= length as f64;
+    }
+    mirrored
+}
+
+/// The share of `noise` in `whole`, 0 to 1, and the smoothed density of the rest, at the frequencies of both.
+fn shares_and_rest(whole: &PowerSpectrum, noise: &PowerSpectrum) -> [PowerSpectrum; 2] {
+    let densities = || whole.density.iter().zip(&noise.density);
+    let share = |(all, taken): (&f64, &f64)| {
+        if *all > 0.0 {
+            (taken / all).min(1.0)
+        } else {
+            0.0
+        }
+    };
+    let shares: Vec<f64> = densities().map(share).collect();
+    let rest = whole.density.iter().zip(&shares);
+    let rest = rest.map(|(all, share)| all * (1.0 - share).max(LEAST_SHARE));
+    // Sums of the weights, and of what they weigh, up to each bin.
+    let mut sums = vec![(0.0, 0.0)];
+    for (rest, share) in rest.zip(&shares) {
+        let (weight, weighed) = sums[sums.len() - 1];
+        sums.push((weight + share, weighed + share * rest));
+    }
+    let ratio = (SMOOTHING_OCTAVES / 2.0).exp2();
+    let mean = |bin: usize| {
+        let first = (bin as f64 / ratio).ceil() as usize;
+        let end = ((bin as f64 * ratio) as usize + 1).min(shares.len());
+        let (weight, weighed) = (sums[end].0 - sums[first].0, sums[end].1 - sums[first].1);
+        // Round-off of the sums is all that there may be without noise.
+        if weight > 0.0 {
+            (weighed / weight).max(0.0)
+        } else {
+            0.0
+        }
+    };
+    let smooth = (0..shares.len()).map(mean).collect();
+    [shares, smooth].map(|density| whole.with_density(density))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::test_signals::{RATE_HZ, noise, scaled, sine};
+    use super::*;
+    use proptest::prelude::*;
+
+    const SEGMENT: usize = 1000;
+
+    fn spectrum(signal: &[f64]) -> PowerSpectrum {
+        PowerSpectrum::of_blocks(&[signal], SEGMENT, RATE_HZ)
+    }
+
+    fn sum(a: &[f64], b: &[f64]) -> Vec<f64> {
+        a.iter().zip(b).map(|(a, b)| a + b).collect()
+    }
+
+    fn decibels(ratio: f64) -> f64 {
+        10.0 * ratio.log10()
+    }
+
+    /// White noise through y(n) = x(n) + `pole` y(n - 1).
+    fn coloured(seed: u64, pole: f64) -> Vec<f64> {
+        let mut before = 0.0;
+        let step = |x: f64| {
+            before = x + pole * before;
+            before
+        };
+        noise(100_000, seed).into_iter().map(step).collect()
+    }
+
+    proptest! {
+        #[test]
+        fn noise_of_no_power_changes_nothing(len in 0usize..3000, seed: u64) {
+            let signal = noise(len, seed);
+            let silence = spectrum(&vec![0.0; SEGMENT]);
+            prop_assert_eq!(&without_noise(&signal, &spectrum(&signal), &silence, RATE_HZ), &signal);
+        }
+
+        #[test]
+        fn whatever_is_taken_off_the_rest_is_finite_and_no_stronger(
+            seed in 0u64..1000, level in -3.0..3.0f64, pole in -0.99..0.99f64,
+        ) {
+            let signal = coloured(seed, pole);
+            let other = scaled(&noise(20_000, seed + 1), 10f64.powf(level));
+            let rest = without_noise(&signal, &spectrum(&signal), &spectrum(&other), RATE_HZ);
+            let power = |signal: &[f64]| signal.iter().map(|x| x * x).sum::<f64>();
+            prop_assert!(rest.iter().all(|x| x.is_finite()));
+            prop_assert!(power(&rest) <= 1.01 * power(&signal));
+            // At the highest frequencies the smoothing has one side only.
+            prop_assert!(power(&rest) >= 0.5 * LEAST_SHARE * power(&signal));
+        }
+    }
+
+    #[test]
+    fn noise_as_strong_as_the_signal_or_three_times_leaves_the_signals_spectrum() {
+        for (level, tolerance_db) in [(1.0, 0.3), (1.7, 0.8)] {
+            let (own, taken) = (coloured(1, 0.5), coloured(2, 0.5));
+            let heard = sum(&own, &scaled(&taken, level));
+            let known = spectrum(&scaled(&coloured(3, 0.5), level));
+            let rest = spectrum(&without_noise(&heard, &spectrum(&heard), &known, RATE_HZ));
+            for low_hz in [50.0, 200.0, 800.0, 2000.0] {
+                let band = |spectrum: &PowerSpectrum| spectrum.power_between(low_hz, 1.25 * low_hz);
+                let off_db = decibels(band(&rest) / band(&spectrum(&own)));
+                assert!(
+                    off_db.abs() < tolerance_db,
+                    "{level}, {low_hz} Hz: {off_db} dB"
+                );
+            }
+        }
+    }
+
+    /// Weak noise beside a strong signal, whose begin and end do not fit together.
+    #[test]
+    fn what_is_left_is_no_louder_at_the_ends_than_elsewhere() {
+        let (strong, weak) = (sine(20_000, 120.3, 1.0), scaled(&noise(20_000, 1), 0.003));
+        let known = spectrum(&scaled(&noise(20_000, 2), 0.003));
+        let heard = sum(&strong, &weak);
+        let rest = without_noise(&heard, &spectrum(&heard), &known, RATE_HZ);
+        // The noise alone: three differences leave nothing of the tone.
+        let step = |signal: Vec<f64>| -> Vec<f64> {
+            signal.windows(2).map(|pair| pair[1] - pair[0]).collect()
+        };
+        let fast = step(step(step(rest)));
+        let power = |part: &[f64]| part.iter().map(|x| x * x).sum::<f64>() / part.len() as f64;
+        for end in [&fast[..100], &fast[fast.len() - 100..]] {
+            let over_db = decibels(power(end) / power(&fast));
+            assert!(over_db < 3.0, "{over_db} dB over the whole");
+        }
+    }
+
+    /// A tone far above the signal is as strong as its neighbourhood afterwards.
+    #[test]
+    fn a_tone_of_the_noise_is_neither_left_as_a_line_nor_as_a_gap() {
+        let (own, tone) = (noise(100_000, 1), sine(100_000, 733.3, 0.4));
+        let heard = sum(&own, &tone);
+        let known = spectrum(&sum(
+            &scaled(&noise(100_000, 2), 0.01),
+            &sine(100_000, 733.3, 0.4),
+        ));
+        let rest = without_noise(&heard, &spectrum(&heard), &known, RATE_HZ);
+        // Finer than the estimates, so that a line would show.
+        let fine = |signal: &[f64]| PowerSpectrum::of_blocks(&[signal], 10_000, RATE_HZ);
+        let (before, after) = (fine(&own), fine(&rest));
+        let line = |spectrum: &PowerSpectrum| spectrum.power_between(732.0, 735.0);
+        let around = |spectrum: &PowerSpectrum| spectrum.power_between(715.0, 750.0);
+        assert!(decibels(line(&fine(&heard)) / line(&before)) > 15.0);
+        assert!(
+            decibels(line(&after) / line(&before)).abs() < 6.0,
+            "{}",
+            line(&after) / line(&before)
+        );
+        assert!(decibels(around(&after) / around(&before)).abs() < 2.0);
+    }
+}

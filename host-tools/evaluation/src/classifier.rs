@@ -1,0 +1,303 @@
+//! A classifier as the judge: how well short windows tell recordings from what stands for them.
+//!
+//! Each recording and the signal in its place are cut into windows of 250 ms, and each window becomes features: the
+//! levels of its third octaves from 31.5 Hz on, and of the signal within them kurtosis, crest factor, and the spread
+//! and the largest jump of its 25 ms levels. One logistic regression for all places is fitted to three quarters of the
+//! time at each, and ranks the windows of the fourth, each quarter in its turn. The area under the curve is the
+//! probability that it ranks a window of the other signals above one of the recordings: 0.5 if nothing tells them
+//! apart, 1 if all windows do.
+
+use crate::dsp::spectrum::{PowerSpectrum, band_edges_hz};
+use crate::dsp::with_planner;
+
+/// Duration of a window, s.
+const WINDOW_S: f64 = 0.25;
+
+/// Levels per window.
+const LEVELS: usize = 10;
+
+/// The lowest third octave, that of 31.5 Hz: a window has eight periods of it.
+const FIRST_BAND: usize = 2;
+
+/// Parts of the time, each of which is ranked by a classifier that was fitted to the others.
+const FOLDS: usize = 4;
+
+/// Fewest windows of the recordings: two of each part.
+const FEWEST: usize = 2 * FOLDS;
+
+/// Weight of the squared coefficients beside the mean loss of a window.
+const RIDGE: f64 = 0.02;
+
+/// Steps of the descent, and their length, which the ridge and standardised features keep stable.
+const STEPS: usize = 300;
+const STEP: f64 = 0.1;
+
+/// Features of a window.
+type Features = Vec<f64>;
+
+/// The windows of a recording and of the signal in its place, as many of each, in the order of time.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Windows([Vec<Features>; 2]);
+
+impl Windows {
+    /// The whole windows of a recording and of the signal in its place, by what lies below `high_hz`. `None` if one of
+    /// them is shorter than 1 s, or nothing but silence in some window.
+    pub fn of(recorded: &[f64], other: &[f64], rate_hz: f64, high_hz: f64) -> Option<Self> {
+        let of = |signal| features(signal, rate_hz, high_hz);
+        let (mut recorded, mut other) = (of(recorded)?, of(other)?);
+        let count = recorded.len().min(other.len());
+        recorded.truncate(count);
+        other.truncate(count);
+        (count >= FOLDS).then_some(Self([recorded, other]))
+    }
+
+    fn features(&self) -> usize {
+        self.0[0][0].len()
+    }
+
+    /// The windows that are in part `fold` of the time, or those that are not.
+    fn of_part(&self, side: usize, fold: usize, is_in: bool) -> impl Iterator<Item = &Features> {
+        let windows = &self.0[side];
+        let indexed = windows.iter().enumerate();
+        let own = indexed.filter(move |(at, _)| (at * FOLDS / windows.len() == fold) == is_in);
+        own.map(|(_, window)| window)
+    }
+}
+
+/// The area under the curve over all `places`. Those of lower sample rates than others are left out. `None` without two
+/// seconds of recordings.
+pub fn area<'a>(places: impl Iterator<Item = &'a Windows>) -> Option<f64> {
+    let mut places: Vec<&Windows> = places.collect();
+    let most = places.iter().map(|windows| windows.features()).max()?;
+    places.retain(|windows| windows.features() == most);
+    if places
+        .iter()
+        .map(|windows| windows.0[0].len())
+        .sum::<usize>()
+        < FEWEST
+    {
+        return None;
+    }
+    let areas = (0..FOLDS).map(|fold| {
+        let windows = |side: usize, is_in: bool| -> Vec<&Features> {
+            let own = places.iter();
+            own.flat_map(|place| place.of_part(side, fold, is_in))
+                .collect()
+        };
+        let ranking = Ranking::fitted(&windows(0, false), &windows(1, false));
+        let ranks = |side: usize| -> Vec<f64> {
+            let own = windows(side, true).into_iter();
+            own.map(|window| ranking.score(window)).collect()
+        };
+        share_above(ranks(0), &ranks(1))
+    });
+    Some(areas.sum::<f64>() / FOLDS as f64)
+}
+
+/// The share of all pairs in which the second is above the first; half of equal ones.
+fn share_above(mut first: Vec<f64>, second: &[f64]) -> f64 {
+    first.sort_by(f64::total_cmp);
+    let below = |score: &f64| {
+        let below = first.partition_point(|x| x < score);
+        let not_above = first.partition_point(|x| x <= score);
+        0.5 * (below + not_above) as f64
+    };
+    second.iter().map(below).sum::<f64>() / (first.len() * second.len()) as f64
+}
+
+/// The features of each whole window; `None` if one is not finite.
+fn features(signal: &[f64], rate_hz: f64, high_hz: f64) -> Option<Vec<Features>> {
+    let range_hz = (band_edges_hz(FIRST_BAND).0, high_hz);
+    let length = (WINDOW_S * rate_hz).round() as usize;
+    if signal.len() < FOLDS * length {
+        return None;
+    }
+    let within = within(signal, rate_hz, range_hz);
+    let windows = within.chunks_exact(length);
+    windows
+        .map(|window| of_window(window, rate_hz, high_hz))
+        .collect()
+}
+
+fn of_window(window: &[f64], rate_hz: f64, high_hz: f64) -> Option<Features> {
+    let spectrum = PowerSpectrum::of_blocks(&[window], window.len(), rate_hz);
+    let bands = (FIRST_BAND..).map(band_edges_hz);
+    let bands = bands.take_while(|edges| edges.1 <= high_hz * (1.0 + 1e-9));
+    let decibels = |power: f64| 10.0 * power.log10();
+    let mut features: Features = bands
+        .map(|(low, high)| decibels(spectrum.power_between(low, high)))
+        .collect();
+    let mean_of = |values: &[f64], power: i32| {
+        values.iter().map(|x| x.powi(power)).sum::<f64>() / values.len() as f64
+    };
+    let square = mean_of(window, 2);
+    let peak = window.iter().fold(0.0f64, |peak, x| peak.max(x.abs()));
+    let levels = window.chunks_exact(window.len() / LEVELS);
+    let levels: Vec<f64> = levels.map(|part| decibels(mean_of(part, 2))).collect();
+    let middle = mean_of(&levels, 1);
+    let spread = levels
+        .iter()
+        .map(|level| (level - middle).powi(2))
+        .sum::<f64>();
+    let jumps = levels.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+    features.extend([
+        (mean_of(window, 4) / square.powi(2)).ln(),
+        (peak / square.sqrt()).ln(),
+        (spread / LEVELS as f64).sqrt(),
+        jumps.fold(0.0, f64::max),
+    ]);
+    features
+        .iter()
+        .all(|value| value.is_finite())
+        .then_some(features)
+}
+
+/// The part of `signal` within a range of frequencies.
+fn within(signal: &[f64], rate_hz: f64, (low_hz, high_hz): (f64, f64)) -> Vec<f64> {
+    let (forward, inverse) = with_planner(|planner| {
+        (
+            planner.plan_fft_forward(signal.len()),
+            planner.plan_fft_inverse(signal.len()),
+        )
+    });
+    let (mut signal, mut spectrum) = (signal.to_vec(), forward.make_output_vec());
+    forward
+        .process(&mut signal, &mut spectrum)
+        .expect("lengths are the plan's");
+    let step_hz = rate_hz / signal.len() as f64;
+    for (bin, value) in spectrum.iter_mut().enumerate() {
+        let frequency_hz = bin as f64 * step_hz;
+        if !(low_hz..=high_hz).contains(&frequency_hz) {
+            *value = realfft::num_complex::Complex::default();
+        }
+    }
+    inverse
+        .process(&mut spectrum, &mut signal)
+        .expect("lengths are the plan's");
+    let scale = 1.0 / signal.len() as f64;
+    signal.iter().map(|x| scale * x).collect()
+}
+
+/// A direction in the space of standardised features.
+struct Ranking {
+    means: Vec<f64>,
+    scales: Vec<f64>,
+    weights: Vec<f64>,
+}
+
+impl Ranking {
+    /// The logistic regression with the least mean loss and ridge.
+    fn fitted(first: &[&Features], second: &[&Features]) -> Self {
+        let windows = || first.iter().chain(second);
+        let count = (first.len() + second.len()) as f64;
+        let features = first[0].len();
+        let mean = |value: &dyn Fn(&[f64]) -> f64| {
+            windows().map(|window| value(window)).sum::<f64>() / count
+        };
+        let means: Vec<f64> = (0..features).map(|at| mean(&|window| window[at])).collect();
+        let scale = |at: usize| {
+            let deviation = mean(&|window| (window[at] - means[at]).powi(2)).sqrt();
+            if deviation > 0.0 {
+                1.0 / deviation
+            } else {
+                0.0
+            }
+        };
+        let mut ranking = Self {
+            scales: (0..features).map(scale).collect(),
+            means,
+            weights: vec![0.0; features],
+        };
+        let labelled = [(first, 0.0), (second, 1.0)];
+        let labelled: Vec<(Vec<f64>, f64)> = (labelled.into_iter())
+            .flat_map(|(windows, label)| windows.iter().map(move |window| (window, label)))
+            .map(|(window, label)| (ranking.standardised(window).collect(), label))
+            .collect();
+        for _ in 0..STEPS {
+            let mut slope: Vec<f64> = ranking.weights.iter().map(|w| RIDGE * w).collect();
+            for (window, label) in &labelled {
+                let at = dot(&ranking.weights, window.iter().copied());
+                let excess = (1.0 / (1.0 + (-at).exp()) - label) / count;
+                for (sum, value) in slope.iter_mut().zip(window) {
+                    *sum += excess * value;
+                }
+            }
+            for (weight, slope) in ranking.weights.iter_mut().zip(slope) {
+                *weight -= STEP * slope;
+            }
+        }
+        ranking
+    }
+
+    fn standardised(&self, window: &[f64]) -> impl Iterator<Item = f64> {
+        let centred = window.iter().zip(&self.means).map(|(x, mean)| x - mean);
+        centred.zip(&self.scales).map(|(x, scale)| scale * x)
+    }
+
+    fn score(&self, window: &[f64]) -> f64 {
+        dot(&self.weights, self.standardised(window))
+    }
+}
+
+fn dot(a: &[f64], b: impl Iterator<Item = f64>) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use test_helpers::{near, noise};
+
+    const RATE_HZ: f64 = 5_000.0;
+
+    fn windows(recorded: &[f64], other: &[f64]) -> Option<Windows> {
+        Windows::of(recorded, other, RATE_HZ, band_edges_hz(17).1)
+    }
+
+    /// The area at three places of another level each, where `other` makes the second signal of the first's likeness.
+    fn area_of(other: impl Fn(Vec<f64>) -> Vec<f64>) -> f64 {
+        let place = |seed: u64| {
+            let level = 4f64.powi(seed as i32 % 3);
+            let scaled = |signal: Vec<f64>| signal.iter().map(|x| level * x).collect::<Vec<_>>();
+            let another = noise(seed + 100, 20_001);
+            windows(&scaled(noise(seed, 20_000)), &scaled(other(another))).unwrap()
+        };
+        let places: Vec<Windows> = (1..4).map(place).collect();
+        area(places.iter()).unwrap()
+    }
+
+    #[test]
+    fn a_signal_against_itself_and_another_seed_of_its_noise_is_not_told_apart() {
+        let signal = noise(1, 40_000);
+        let same = windows(&signal, &signal);
+        near(area(same.iter()).unwrap(), 0.5, 1e-12);
+        let areas: Vec<f64> = (2..22)
+            .map(|seed| windows(&noise(seed, 40_000), &noise(seed + 100, 40_000)))
+            .map(|windows| area(windows.iter()).unwrap())
+            .collect();
+        near(areas.iter().sum::<f64>() / 20.0, 0.5, 0.06);
+    }
+
+    #[test]
+    fn another_shape_and_a_level_that_comes_and_goes_are_told_apart_at_any_level() {
+        let higher = |x: Vec<f64>| x.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        let swelling = |n: usize| 1.0 + 0.9 * (n as f64 / 80.0).sin();
+        let alive = |x: Vec<f64>| {
+            let indexed = x.iter().enumerate();
+            indexed.map(|(n, x)| swelling(n) * x / 1.185).collect()
+        };
+        let (same, shape, level) = (area_of(|x| x), area_of(higher), area_of(alive));
+        assert!((0.3..0.7).contains(&same), "{same}");
+        assert!(shape > 0.95 && level > 0.95, "{shape} {level}");
+    }
+
+    #[test]
+    fn silence_and_what_is_too_short_has_no_area() {
+        let signal = noise(1, 40_000);
+        assert_eq!(windows(&signal[..4_999], &signal), None);
+        assert_eq!(windows(&signal, &vec![0.0; 40_000]), None);
+        let short = windows(&signal[..5_000], &signal).unwrap();
+        assert_eq!(area([&short].into_iter()), None);
+        assert!(area([&short, &short].into_iter()).is_some());
+    }
+}

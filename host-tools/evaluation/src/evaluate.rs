@@ -1,0 +1,624 @@
+//! Comparison with recordings: each trial is played by the device's own kernel at its speed and force, and compared
+//! with what was recorded and not fitted.
+//!
+//! Beside each figure of the synthesis stands that of another recording of the same surface, judged in the same way:
+//! the fitted blocks against the judged ones, or one take against the other. A synthesis need not come nearer.
+
+use model_format::{Library, MillimetresPerSecond, Newton, Provenance, SAMPLE_RATE_HZ, Texture};
+use serde::Serialize;
+
+use super::held_out::{Judge, JudgeKind, in_words};
+use super::liveliness::{self, Signals, TrialLiveliness};
+use super::loudness::{self, TrialLoudness};
+use super::perception::Perceived;
+use super::perception::ScoringRange;
+use super::played::{self, Played, Version};
+use super::summary::{Scores, TrialEvaluation};
+use super::summary::{TextureEvaluation, judged_hz, summarise, table, tables, target_in_words};
+use super::tables::Table;
+use super::verdict;
+use crate::dsp::high_pass::{high_pass, lowest_hz};
+use crate::dsp::spectrum;
+use crate::dsp::spectrum::{BAND_COUNT, BAND_LABELS_HZ};
+use crate::fit;
+use crate::fit::Signal;
+use crate::fit::blocks::{Blocks, Part};
+use crate::fit::conditioning::Conditioning;
+use crate::fit::record::FitRecord;
+use crate::playing::motion::MotionPath;
+use crate::playing::render::{Rendered, render};
+use crate::recording::{RecordingSet, Trial};
+use crate::support::error::{Error, Result};
+use crate::support::file_name::portable;
+use crate::support::in_order::in_order;
+use crate::support::nearest::{listed, nearly};
+use crate::texture::library::library_of;
+
+/// Beginning of a synthesis that no comparison uses, s: the frontier's filters begin at rest.
+pub(super) const WARM_UP_S: f64 = 0.5;
+
+/// Options of an evaluation.
+#[derive(Clone, Copy, Debug)]
+pub struct Options {
+    /// From the axes to one signal; as for the fit.
+    pub conditioning: Conditioning,
+    /// Full width of the Hann kernel that smooths amplitudes for the cost C, Hz.
+    pub smoothing_hz: f64,
+    /// Duration of each synthesis, s; at least that of the recording. Longer ones give more exact levels of bands.
+    pub synthesis_s: f64,
+    /// Seed of the syntheses; each trial has its own noise.
+    pub seed: u64,
+    /// Parts of each texture that the synthesis plays.
+    pub played: Played,
+    /// Duration of what is kept of each trial and its synthesis, to be heard, s.
+    pub excerpt_s: Option<f64>,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            conditioning: Conditioning::default(),
+            smoothing_hz: spectrum::DEFAULT_SMOOTHING_WIDTH_HZ,
+            synthesis_s: 10.0,
+            seed: 1,
+            played: Played::Fitted,
+            excerpt_s: None,
+        }
+    }
+}
+
+/// The outcome of an evaluation.
+#[derive(Clone, Debug, Serialize)]
+pub struct Evaluation {
+    /// The data that were held out, in words.
+    pub held_out: String,
+    /// The kernel that smooths amplitudes for C.
+    pub smoothing: String,
+    /// The bands' nominal centre frequencies, Hz.
+    pub bands_hz: [&'static str; BAND_COUNT],
+    /// True if any recording behind it is simulated.
+    pub simulated: bool,
+    /// One line per texture.
+    pub textures: Vec<TextureEvaluation>,
+    /// Properties that a spectrum does not show, over all trials.
+    pub liveliness: Vec<liveliness::Summary>,
+    /// Every trial, in the order of the set.
+    pub trials: Vec<TrialEvaluation>,
+    /// The judge of each trial.
+    #[serde(skip)]
+    pub judges: Vec<Judge>,
+    /// Excerpts of every trial, in the order of the set; none unless they were asked for.
+    #[serde(skip)]
+    pub excerpts: Vec<Excerpt>,
+    /// Models that were fitted to blocks.
+    #[serde(skip)]
+    refitted: Refitted,
+}
+
+/// Excerpts of a trial, to be heard: the middle of the longest judged block and that of the synthesis, at the models'
+/// rate, m/s².
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Excerpt {
+    /// Of the recording.
+    pub recorded: Vec<f32>,
+    /// Of the synthesis.
+    pub synthesised: Vec<f32>,
+}
+
+impl Excerpt {
+    fn of(comparison: &Comparison, seconds: f64) -> Self {
+        let middle = |signal: &[f64]| -> Vec<f32> {
+            let samples = (seconds * f64::from(SAMPLE_RATE_HZ)).round() as usize;
+            let len = samples.min(signal.len());
+            let begin = (signal.len() - len) / 2;
+            let part = signal[begin..begin + len].iter();
+            part.map(|value| *value as f32).collect()
+        };
+        Self {
+            recorded: middle(comparison.longest_block()),
+            synthesised: middle(&comparison.synthesised),
+        }
+    }
+}
+
+/// Libraries of one texture each: name and bytes.
+type Refitted = Vec<(String, Vec<u8>)>;
+
+/// A judge, what is beside it, and the synthesis, at the models' rate, m/s².
+#[derive(Clone, Debug)]
+pub struct Comparison {
+    /// The whole recording of which `judged` is a part, or all: for pictures and sounds, not for figures.
+    pub recording: Vec<f64>,
+    /// The held-out recording in blocks; one block if nothing of it was fitted.
+    pub judged: Vec<Vec<f64>>,
+    /// Another recording, to be compared with `beside`: the fitted blocks, or the fitted take.
+    pub other: Vec<Vec<f64>>,
+    /// Part of the judge that `other` is compared with; `judged` if empty.
+    beside: Vec<Vec<f64>>,
+    /// The synthesis after warming up; at least as long.
+    pub synthesised: Vec<f64>,
+    /// Play of the library, if the synthesis is of models that were fitted to blocks: for the loudest events.
+    of_library: Option<Vec<f64>>,
+    /// Samples of the synthesis at full scale.
+    pub saturations: u32,
+    /// The parts that the synthesis plays, in words.
+    pub parts: String,
+    /// Other versions of the texture at the same seed: with fewer parts, where it has parts.
+    pub versions: Vec<Version>,
+    /// The lowest sample rate of the files behind it, Hz.
+    source_rate_hz: f64,
+    /// The highest cut-off frequency at which a recording behind it was filtered, Hz; none if none was.
+    cut_hz: Option<f64>,
+}
+
+impl Comparison {
+    /// The longest judged block.
+    pub fn longest_block(&self) -> &[f64] {
+        let longest = self.judged.iter().max_by_key(|block| block.len());
+        longest.map_or(&[], Vec::as_slice)
+    }
+
+    /// The frequencies that can be judged; `None` if blocks are too short.
+    fn range(&self) -> Option<ScoringRange> {
+        let blocks = [&self.judged, &self.other, &self.beside];
+        let shortest = blocks.into_iter().flatten().map(Vec::len).min();
+        let range = ScoringRange::of(self.source_rate_hz, shortest?)?;
+        match self.cut_hz {
+            Some(cut_hz) => range.above(lowest_hz(cut_hz)),
+            None => Some(range),
+        }
+    }
+
+    /// Filters a synthesis as the recording was that it is compared with.
+    fn condition(&self, synthesised: &mut [f64]) {
+        if let Some(cut_hz) = self.cut_hz {
+            high_pass(synthesised, f64::from(SAMPLE_RATE_HZ), cut_hz);
+        }
+    }
+}
+
+/// The texture of `library` that a trial names.
+///
+/// # Errors
+/// A texture that is not there, with those that are.
+pub fn texture_named<'a>(library: &Library<'a>, name: &str) -> Result<Texture<'a>> {
+    library.texture(name).ok_or_else(|| {
+        let names: Vec<&str> = library.textures().map(|texture| texture.name()).collect();
+        let scenes = library.scenes().map(|scene| scene.name.to_string());
+        let scenes: Vec<String> = scenes.collect();
+        let scene = nearly(name, &scenes).map(|scene| format!("; '{scene}' is a scene of it"));
+        Error::Request(format!(
+            "the library has no texture '{name}'; it has {}{}",
+            listed(name, &names),
+            scene.unwrap_or_default()
+        ))
+    })
+}
+
+/// Plays `trial` from `texture` for at least so many samples after warming up: m/s², and the samples at full scale.
+fn play(
+    texture: Texture<'_>,
+    trial: &Trial,
+    samples: usize,
+    options: &Options,
+    seed: u64,
+) -> Result<(Vec<f64>, u32)> {
+    let rate_hz = f64::from(SAMPLE_RATE_HZ);
+    let seconds = (samples as f64 / rate_hz).max(options.synthesis_s) + WARM_UP_S;
+    let motion = MotionPath::constant(
+        MillimetresPerSecond(trial.speed_mm_s as f32),
+        Newton(trial.force_n as f32),
+    )?;
+    let rendered: Rendered = render(texture, &motion, seconds, seed)?;
+    let warm_up = (WARM_UP_S * rate_hz) as usize;
+    let synthesised = rendered.accelerations_m_s2().split_off(warm_up);
+    Ok((synthesised, rendered.saturations))
+}
+
+/// A trial read for its judge: the comparison without a synthesis.
+fn read(trial: &Trial, judge: &Judge, conditioning: Conditioning) -> Result<Comparison> {
+    // Triage cuts here what it cuts for the fit, so that the blocks left here are those that the fit left.
+    let Signal {
+        samples: own,
+        mut source_rate_hz,
+        mut cut_hz,
+        ..
+    } = fit::signal(trial, conditioning)?;
+    let blocks = Blocks::of(own.len());
+    let fitted = blocks.fitted().map(|block| own[block].to_vec()).collect();
+    let left = blocks.judged().map(|block| own[block].to_vec()).collect();
+    let (judged, other, beside): (Vec<Vec<f64>>, _, _) = match judge {
+        Judge::Blocks => (left, fitted, Vec::new()),
+        Judge::OtherTake(take) => {
+            let take = fit::signal(take, conditioning)?;
+            source_rate_hz = source_rate_hz.min(take.source_rate_hz);
+            cut_hz = cut_hz.into_iter().chain(take.cut_hz).reduce(f64::max);
+            (vec![take.samples], vec![own.clone()], Vec::new())
+        }
+        Judge::Unseen | Judge::Nothing => (vec![own.clone()], fitted, left),
+    };
+    let recording = match judge {
+        Judge::OtherTake(_) => judged[0].clone(),
+        Judge::Blocks | Judge::Unseen | Judge::Nothing => own,
+    };
+    Ok(Comparison {
+        recording,
+        judged,
+        other,
+        beside,
+        synthesised: Vec::new(),
+        of_library: None,
+        saturations: 0,
+        parts: String::new(),
+        versions: Vec::new(),
+        source_rate_hz,
+        cut_hz,
+    })
+}
+
+/// Fits what blocks judge, and evaluates nothing yet: for [`Evaluation::compare`].
+///
+/// # Errors
+/// A texture that the library does not have or that plays at another rate, a recording that cannot be used, or blocks
+/// to judge without a record.
+pub fn prepare(
+    set: &RecordingSet,
+    library: &Library<'_>,
+    judges: Vec<Judge>,
+    record: Option<&FitRecord>,
+    options: &Options,
+) -> Result<Evaluation> {
+    for name in set.textures() {
+        let rate_hz = texture_named(library, name)?.sample_rate_hz();
+        if rate_hz != SAMPLE_RATE_HZ {
+            return Err(Error::Request(format!(
+                "texture '{name}' plays at {rate_hz} Hz, recordings are compared at {SAMPLE_RATE_HZ}"
+            )));
+        }
+    }
+    let (refitted, blocks_s) = refit(set, &judges, record, options)?;
+    Ok(Evaluation {
+        held_out: in_words(&judges, blocks_s),
+        smoothing: format!("Hann kernel, {} Hz wide", options.smoothing_hz),
+        bands_hz: BAND_LABELS_HZ,
+        simulated: set
+            .trials
+            .iter()
+            .any(|trial| trial.provenance == Provenance::Simulated),
+        textures: Vec::new(),
+        liveliness: Vec::new(),
+        trials: Vec::new(),
+        judges,
+        excerpts: Vec::new(),
+        refitted,
+    })
+}
+
+/// Evaluates every trial of `set`, which `judges` has a judge for, telling `progress` of each one done.
+///
+/// What is judged by blocks is fitted again to the blocks between, with the options of `record`; what is judged by
+/// other recordings is `library` as it is. The result does not depend on the number of threads.
+///
+/// # Errors
+/// See [`prepare`].
+pub fn evaluate(
+    set: &RecordingSet,
+    library: &Library<'_>,
+    judges: Vec<Judge>,
+    record: Option<&FitRecord>,
+    options: &Options,
+    progress: impl Fn() + Sync,
+) -> Result<Evaluation> {
+    let mut evaluation = prepare(set, library, judges, record, options)?;
+    let indices: Vec<usize> = (0..set.trials.len()).collect();
+    let judged = in_order(&indices, |&index| -> Result<_> {
+        let comparison = evaluation.compare(set, library, index, options)?;
+        let trial = &set.trials[index];
+        let judge = &evaluation.judges[index];
+        let mut judged = judged(trial, judge.kind(), &comparison, options);
+        if let Judge::OtherTake(take) = judge {
+            judged.other_take = Some(portable(&take.file));
+        }
+        let excerpt = options.excerpt_s.map(|s| Excerpt::of(&comparison, s));
+        progress();
+        Ok((judged, excerpt))
+    })?;
+    for (trial, excerpt) in judged {
+        evaluation.trials.push(trial);
+        evaluation.excerpts.extend(excerpt);
+    }
+    evaluation.textures = set
+        .textures()
+        .into_iter()
+        .map(|name| {
+            let own = evaluation.trials.iter_mut().filter(|t| t.texture == name);
+            loudness::set_around(&mut own.filter_map(TrialEvaluation::placed).collect::<Vec<_>>());
+            let mut texture = summarise(name, &evaluation.trials);
+            let own = evaluation.trials.iter().filter(|t| t.texture == name);
+            texture.verdict = verdict::of_texture(&texture, &own.collect::<Vec<_>>());
+            texture
+        })
+        .collect();
+    let heard = evaluation.trials.iter().filter(|trial| !trial.is_silent);
+    evaluation.liveliness = liveliness::summaries(heard.filter_map(|t| t.liveliness.as_ref()));
+    Ok(evaluation)
+}
+
+impl Options {
+    /// The seed of trial `index`.
+    fn seed_of(&self, index: usize) -> u64 {
+        self.seed.wrapping_add(index as u64)
+    }
+}
+
+impl Evaluation {
+    /// The frequencies of all figures, in words.
+    pub fn judged_hz(&self) -> String {
+        judged_hz(&self.trials)
+    }
+
+    /// The verdict on each texture, after its name.
+    pub fn verdicts(&self) -> impl Iterator<Item = String> {
+        let textures = self.textures.iter();
+        textures.map(|texture| format!("{}: {}", texture.texture, texture.verdict))
+    }
+
+    /// The table of all textures: the synthesis, and in brackets the target, which its title explains.
+    pub fn table(&self) -> Table {
+        table(&self.textures, target_in_words(&self.trials))
+    }
+
+    /// Further tables of all textures: of spectra, and what a spectrum does not show.
+    pub fn tables(&self) -> [Table; 2] {
+        tables(&self.textures, &self.liveliness)
+    }
+
+    /// Reads the judge of trial `index` of the evaluated set, and plays what it judges.
+    ///
+    /// # Errors
+    /// A recording that cannot be used any more.
+    pub fn compare(
+        &self,
+        set: &RecordingSet,
+        library: &Library<'_>,
+        index: usize,
+        options: &Options,
+    ) -> Result<Comparison> {
+        let trial = &set.trials[index];
+        let mut comparison = read(trial, &self.judges[index], options.conditioning)?;
+        let samples = comparison.judged.iter().map(Vec::len).sum();
+        let seed = options.seed_of(index);
+        let refitted = self
+            .refitted
+            .iter()
+            .find(|(name, _)| *name == trial.texture && self.judges[index] == Judge::Blocks);
+        let bytes = refitted.map(|(_, bytes)| Library::decode(bytes));
+        let refitted = bytes
+            .transpose()
+            .map_err(|failure| Error::Model(failure.to_string()))?;
+        let texture = texture_named(refitted.as_ref().unwrap_or(library), &trial.texture)?;
+        let stored = played::parts(&texture);
+        comparison.parts = played::in_words(&options.played.of(&stored));
+        let play = |texture: &Texture<'_>, played| -> Result<_> {
+            let (mut synthesised, saturations) = played::with(texture, played, |texture| {
+                play(texture, trial, samples, options, seed)
+            })?;
+            comparison.condition(&mut synthesised);
+            Ok((synthesised, saturations))
+        };
+        let (played, saturations) = play(&texture, options.played)?;
+        let of_library = match refitted {
+            Some(_) => Some(play(&texture_named(library, &trial.texture)?, options.played)?.0),
+            None => None,
+        };
+        let mut versions = Vec::new();
+        for version in options.played.beside(&stored) {
+            let (synthesised, _) = play(&texture, version)?;
+            versions.push(Version {
+                played: version,
+                parts: played::in_words(&version.of(&stored)),
+                synthesised,
+            });
+        }
+        Ok(Comparison {
+            synthesised: played,
+            of_library,
+            saturations,
+            versions,
+            ..comparison
+        })
+    }
+}
+
+/// Fits the trials that are judged by blocks to the blocks between: a library for each of their textures, and the
+/// shortest and the longest block, s.
+fn refit(
+    set: &RecordingSet,
+    judges: &[Judge],
+    record: Option<&FitRecord>,
+    options: &Options,
+) -> Result<(Refitted, (f64, f64))> {
+    let pairs = set.trials.iter().zip(judges);
+    let trials = pairs.filter(|(_, judge)| **judge == Judge::Blocks);
+    let part = RecordingSet {
+        trials: trials.map(|(trial, _)| trial.clone()).collect(),
+        is_listed: set.is_listed,
+    };
+    if part.trials.is_empty() {
+        return Ok((Vec::new(), (0.0, 0.0)));
+    }
+    let Some(record) = record else {
+        return Err(Error::Request(
+            "blocks of a recording judge a fit whose options are known; none are".into(),
+        ));
+    };
+    let fit_options = fit::Options {
+        conditioning: options.conditioning,
+        // A lattice needs no proof of stability between nodes, and the models are the same; the texture is then made
+        // in the structure that was chosen. Findings of triage were accepted when the library was fitted.
+        strict: false,
+        sample_rate_hz: SAMPLE_RATE_HZ,
+        ..record.options.clone()
+    };
+    let recordings = fit::read(&part, &fit_options, Part::Blocks, usize::MAX, &|_| ())?;
+    let lengths = recordings.iter().flat_map(|own| &own.trials);
+    let blocks_s = lengths.map(|own| Blocks::of(own.samples().len()).block_s());
+    let range_s = blocks_s.fold((f64::INFINITY, 0.0f64), |(low, high), s| {
+        (low.min(s), high.max(s))
+    });
+    let fit = fit::fit_recordings(&part, recordings, &fit_options, Part::Blocks, &|_| ())?;
+    let libraries = fit.textures.into_iter().map(|texture| {
+        let bytes = library_of(&texture.name, &texture.grid)?;
+        Ok((texture.name, bytes))
+    });
+    Ok((libraries.collect::<Result<_>>()?, range_s))
+}
+
+/// Slices of blocks.
+fn slices(blocks: &[Vec<f64>]) -> Vec<&[f64]> {
+    blocks.iter().map(Vec::as_slice).collect()
+}
+
+impl Comparison {
+    /// The part of the judge that the other recording is compared with.
+    fn beside(&self) -> Vec<&[f64]> {
+        let is_all = self.beside.is_empty();
+        slices(if is_all { &self.judged } else { &self.beside })
+    }
+
+    /// The synthesis, or another one, in blocks as long as those of the judge.
+    fn in_blocks<'s>(&self, synthesised: &'s [f64]) -> Vec<&'s [f64]> {
+        let len = self.longest_block().len().max(1);
+        synthesised.chunks_exact(len).collect()
+    }
+}
+
+/// Judges a comparison.
+fn judged(
+    trial: &Trial,
+    judge: JudgeKind,
+    comparison: &Comparison,
+    options: &Options,
+) -> TrialEvaluation {
+    let judged_blocks = slices(&comparison.judged);
+    let other = slices(&comparison.other);
+    let played = comparison.in_blocks(&comparison.synthesised);
+    let (recorded_rms, synthesised_rms) = (
+        rms(&comparison.judged.concat()),
+        rms(&comparison.synthesised),
+    );
+    let is_silent = recorded_rms <= 0.0 || synthesised_rms <= 0.0;
+    let range = comparison.range();
+    let usable = range.filter(|_| !is_silent);
+    let scores = usable.map(|range| scores_of(&judged_blocks, &played, &range, options));
+    let scores = scores.unwrap_or(Scores::NONE);
+    let is_held_out = judge != JudgeKind::Nothing;
+    let is_judged = is_held_out && !is_silent;
+    let others = usable.map(|range| scores_of(&comparison.beside(), &other, &range, options));
+    let block = comparison.longest_block().len();
+    TrialEvaluation {
+        file: portable(&trial.file),
+        texture: trial.texture.clone(),
+        speed_mm_s: trial.speed_mm_s,
+        force_n: trial.force_n,
+        judge,
+        other_take: None,
+        range,
+        is_silent,
+        recorded_rms_m_s2: recorded_rms,
+        synthesised_rms_m_s2: synthesised_rms,
+        liveliness: is_judged.then(|| {
+            TrialLiveliness::of(&Signals {
+                judged: &comparison.judged,
+                synthesised: &comparison.synthesised,
+                parts: &comparison.parts,
+                versions: &comparison.versions,
+                other: &comparison.other,
+            })
+        }),
+        loudest_5_ms: TrialLoudness::of(
+            &comparison.judged,
+            &comparison.synthesised,
+            &comparison.other,
+            comparison.of_library.as_deref(),
+        )
+        .filter(|_| is_judged),
+        scores: if is_held_out { scores } else { Scores::NONE },
+        cost_floor: spectrum::expected_cost_of_blocks(
+            judged_blocks.len(),
+            block,
+            f64::from(SAMPLE_RATE_HZ),
+            options.smoothing_hz,
+        ),
+        other: others.unwrap_or(Scores::NONE),
+        saturations: comparison.saturations,
+    }
+}
+
+/// Scores `signal` against `reference`, both in blocks.
+fn scores_of(
+    reference: &[&[f64]],
+    signal: &[&[f64]],
+    range: &ScoringRange,
+    options: &Options,
+) -> Scores {
+    let rate_hz = f64::from(SAMPLE_RATE_HZ);
+    let spectrum = |of: &[&[f64]]| spectrum::PowerSpectrum::of_blocks(of, range.segment, rate_hz);
+    let (judge, played) = (spectrum(reference), spectrum(signal));
+    let (low_hz, high_hz) = range.distance_hz();
+    Scores {
+        cost: spectrum::cost_of_blocks(
+            reference,
+            signal,
+            rate_hz,
+            options.smoothing_hz,
+            range.cost_hz,
+        ),
+        band_errors_db: spectrum::band_errors_within_db(&judge, &played, range.band_edges_hz()),
+        log_spectral_distance_db: spectrum::distance_of_spectra_db(
+            &judge, &played, low_hz, high_hz,
+        ),
+        perceived: Some(Perceived::of(&judge, &played, range)),
+    }
+}
+
+/// Root of the mean square.
+pub fn rms(signal: &[f64]) -> f64 {
+    (signal.iter().map(|x| x * x).sum::<f64>() / signal.len().max(1) as f64).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::support::float_wav::float_wav;
+    use test_helpers::noise;
+
+    /// A trial of 6 s of noise, with a silence in its third second that triage cuts.
+    fn trial_with_a_silent_part(folder: &std::path::Path) -> Trial {
+        let file = folder.join("noise.wav");
+        let mut samples = noise(5, 30_000);
+        samples.iter_mut().for_each(|x| *x *= 2.0);
+        samples[10_300..13_900].fill(0.0);
+        let bytes = float_wav(1, SAMPLE_RATE_HZ, samples).unwrap();
+        std::fs::write(&file, bytes).unwrap();
+        Trial::of(file, "felt", 100.0, 1.0)
+    }
+
+    #[test]
+    fn the_blocks_that_judge_are_those_that_the_fit_left_also_where_triage_cuts() {
+        let folder = tempfile::tempdir().unwrap();
+        let trial = trial_with_a_silent_part(folder.path());
+        let (analysis, signal) =
+            fit::analyse(&trial, &fit::Options::default(), Part::Blocks).unwrap();
+        assert!(analysis.cut_s > 0.5, "{}", analysis.cut_s);
+        let of_signal = |block: std::ops::Range<usize>| signal.samples[block].to_vec();
+        let blocks = Blocks::of(signal.samples.len());
+        let left: Vec<Vec<f64>> = blocks.judged().map(of_signal).collect();
+        let used: Vec<Vec<f64>> = blocks.fitted().map(of_signal).collect();
+        let fitted: usize = used.iter().map(Vec::len).sum();
+        assert_eq!(analysis.samples, fitted);
+        let comparison = read(&trial, &Judge::Blocks, Conditioning::default()).unwrap();
+        assert_eq!(comparison.judged, left);
+        assert_eq!(comparison.other, used);
+    }
+}

@@ -1,0 +1,162 @@
+//! The compared structures with their state laid open, for the hard cases.
+
+use model_format::limits::MAX_ORDER;
+use model_format::{OutputSample, Texture};
+use stylus_kernel::Motion;
+use stylus_kernel::direct_form::{
+    CODE_SUM_LIMIT, COEFFICIENT_FRACTION_BITS, DirectFrame, DirectState, MAX_EXPONENT,
+};
+use stylus_kernel::excitation::Excitation;
+use stylus_kernel::grid::GridPoint;
+
+use stylus_costs::Structure;
+
+use crate::dsp::linear_prediction::{step_down, step_up};
+use crate::stress::player::{Player, any_at_end, energy, full_scale, player};
+use crate::texture::quantise::reflection;
+
+/// A texture that a direct form cannot hold.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct NotHeld;
+
+/// The predictors that `structure` plays `texture` by; none of a lattice.
+///
+/// # Errors
+/// A direct form cannot hold the texture.
+pub(super) fn predictors(
+    structure: Structure,
+    texture: &Texture<'_>,
+) -> Result<Option<Predictors>, NotHeld> {
+    let bits = match structure {
+        Structure::DirectForm16 => 16,
+        Structure::DirectForm32 => 32,
+        Structure::NormalisedLattice32 => return Ok(None),
+    };
+    Predictors::of(texture, bits).map(Some).ok_or(NotHeld)
+}
+
+/// A player of `structure` for `texture`.
+///
+/// # Errors
+/// A direct form cannot hold the texture.
+pub fn player_of(structure: Structure, texture: &Texture<'_>) -> Result<Box<dyn Player>, NotHeld> {
+    Ok(match predictors(structure, texture)? {
+        Some(predictors) => Box::new(Direct {
+            frame: DirectFrame::silent(texture, predictors.exponent()),
+            state: DirectState::new(),
+            predictors,
+        }),
+        None => player(texture),
+    })
+}
+
+struct Direct {
+    frame: DirectFrame,
+    state: DirectState,
+    predictors: Predictors,
+}
+
+impl Player for Direct {
+    fn follow(&mut self, texture: &Texture<'_>, motion: Motion, left: u32, samples: u32) {
+        let point = GridPoint::locate(texture, motion);
+        let (nodes, from) = (self.predictors.around(&point), self.frame.levels(left));
+        self.frame.update(texture, &point, nodes, from, samples);
+    }
+
+    fn sample(&mut self, excitation: i32, left: u32) -> (OutputSample, bool) {
+        self.state.next_sample(&self.frame, excitation, left)
+    }
+
+    fn newest(&self) -> i32 {
+        self.state.history()[0]
+    }
+
+    fn energy(&self) -> u128 {
+        energy(self.state.history().iter().copied())
+    }
+
+    fn is_at_full_scale(&self) -> bool {
+        any_at_end(self.state.history().iter().copied())
+    }
+
+    fn glitch(&mut self, noise: &mut Excitation) {
+        let history = std::array::from_fn::<_, MAX_ORDER, _>(|_| full_scale(noise));
+        self.state = DirectState::from_history(&history);
+    }
+
+    fn settles(&self) -> bool {
+        false
+    }
+}
+
+/// The predictors of all nodes of a texture.
+#[derive(Clone, Debug)]
+pub struct Predictors {
+    /// Codes by node, speed-major, each of as many taps as the texture's highest order.
+    codes: Vec<Vec<i32>>,
+    forces: usize,
+    exponent: u32,
+}
+
+impl Predictors {
+    /// The predictors of `texture`, each rounded to `bits` bits. `None` if one of them is too large for that, or not
+    /// stable after rounding.
+    pub fn of(texture: &Texture<'_>, bits: u32) -> Option<Self> {
+        let taps = texture.max_order();
+        let nodes = texture.nodes().map(|node| {
+            let polynomial = step_up(&reflection(node.coefficients));
+            let mut predictor: Vec<f64> = polynomial.iter().map(|a| -a).collect();
+            predictor.resize(taps, 0.0);
+            predictor
+        });
+        let nodes: Vec<Vec<f64>> = nodes.collect();
+        let needed = nodes.iter().map(|predictor| exponent_of(predictor));
+        let exponent = needed.max().unwrap_or(0);
+        let codes = nodes.iter().map(|predictor| {
+            // A node's own exponent decides its steps; the codes are those of the common one.
+            let step = 2f64.powi(exponent_of(predictor) + 1 - bits as i32);
+            let rounded: Vec<f64> = predictor
+                .iter()
+                .map(|h| (h / step).round() * step)
+                .collect();
+            let polynomial: Vec<f64> = rounded.iter().map(|h| -h).collect();
+            step_down(&polynomial)?;
+            let one = 2f64.powi(COEFFICIENT_FRACTION_BITS as i32 - exponent);
+            Some(rounded.iter().map(|h| (h * one) as i32).collect())
+        });
+        let codes = codes.collect::<Option<Vec<_>>>()?;
+        let exponent = u32::try_from(exponent)
+            .ok()
+            .filter(|&e| e <= MAX_EXPONENT)?;
+        Some(Self {
+            codes,
+            forces: texture.force_axis().len(),
+            exponent,
+        })
+    }
+
+    /// The binary exponent of all of them.
+    pub fn exponent(&self) -> u32 {
+        self.exponent
+    }
+
+    /// The predictors of the nodes around `point`.
+    pub fn around(&self, point: &GridPoint) -> [&[i32]; 4] {
+        point
+            .nodes
+            .map(|(speed, force)| self.codes[speed * self.forces + force].as_slice())
+    }
+}
+
+/// The least exponent at which the codes of `predictor` fit their words, and their sum the kernel's.
+fn exponent_of(predictor: &[f64]) -> i32 {
+    let largest = predictor.iter().fold(0.0, |most: f64, h| most.max(h.abs()));
+    let sum: f64 = predictor.iter().map(|h| h.abs()).sum();
+    // Rounding may add half a step to each tap.
+    let room = 0.999 * CODE_SUM_LIMIT as f64 / 2f64.powi(COEFFICIENT_FRACTION_BITS as i32);
+    let holds = |exponent: i32| {
+        let scale = 2f64.powi(exponent);
+        largest < 0.9999 * scale && sum < room * scale
+    };
+    (0..64).find(|&exponent| holds(exponent)).unwrap_or(64)
+}

@@ -1,0 +1,85 @@
+//! The structures that are compared, and how each is stored and played.
+
+use std::mem::size_of;
+
+use model_format::{OutputSample, Texture, limits};
+use stylus_costs::Structure;
+use stylus_kernel::Motion;
+use stylus_kernel::excitation::Excitation;
+use stylus_kernel::rotation::Rotation;
+
+use super::players::{NotHeld, player_of};
+use crate::stress::player::Player;
+use crate::texture::theta::{StoredTheta, bytes_per_node};
+
+/// Bytes of flash that a node's coefficients take: of a lattice in the smallest form that `fit` stores, of a direct
+/// form in its own words.
+pub(super) fn library_bytes_per_node(structure: Structure, order: usize) -> usize {
+    let theta = match structure {
+        Structure::DirectForm16 => return order * size_of::<i16>(),
+        Structure::DirectForm32 => return order * size_of::<i32>(),
+        Structure::NormalisedLattice32 if order > limits::MAX_FINE_STAGES => StoredTheta::Compact,
+        Structure::NormalisedLattice32 => StoredTheta::Fine,
+    };
+    bytes_per_node(theta, order, order)
+}
+
+/// Bytes of RAM for the coefficients of two frames, one played and one in the making, and for the state.
+pub(super) fn ram_bytes(structure: Structure, order: usize) -> usize {
+    const FRAMES: usize = 2;
+    if structure.is_direct() {
+        // The history is written twice so that it never wraps.
+        return (FRAMES + 2) * order * size_of::<i32>();
+    }
+    FRAMES * order * size_of::<Rotation>() + (order + 1) * size_of::<i32>()
+}
+
+/// A texture being played by a structure, from rest; a seed gives the same noise in all of them.
+pub struct Voice<'a> {
+    texture: Texture<'a>,
+    player: Box<dyn Player>,
+    excitation: Excitation,
+    /// Samples of the level's ramp to come.
+    left: u32,
+    saturations: u32,
+}
+
+impl<'a> Voice<'a> {
+    /// `texture` by `structure`, at rest.
+    ///
+    /// # Errors
+    /// A direct form cannot hold the texture.
+    pub fn new(structure: Structure, texture: Texture<'a>, seed: u64) -> Result<Self, NotHeld> {
+        Ok(Self {
+            texture,
+            player: player_of(structure, &texture)?,
+            excitation: Excitation::new(seed),
+            left: 0,
+            saturations: 0,
+        })
+    }
+
+    /// Takes over a motion; the level goes there in `samples` samples.
+    pub fn follow(&mut self, motion: Motion, samples: u32) {
+        self.player
+            .follow(&self.texture, motion, self.left, samples);
+        self.left = samples;
+    }
+
+    /// The next samples, m/s², exactly, behind those in `signal`.
+    pub fn play(&mut self, samples: usize, signal: &mut Vec<f64>) {
+        const UNIT: f64 = (1u32 << OutputSample::FRACTION_BITS) as f64;
+        for _ in 0..samples {
+            self.left = self.left.saturating_sub(1);
+            let excitation = self.excitation.next_sample();
+            let (output, is_full) = self.player.sample(excitation, self.left);
+            self.saturations += u32::from(is_full);
+            signal.push(f64::from(output.0) / UNIT);
+        }
+    }
+
+    /// Returns the number of samples at full scale.
+    pub fn saturations(&self) -> u32 {
+        self.saturations
+    }
+}

@@ -1,0 +1,130 @@
+//! A model played by the device's kernel, and compared with a recording.
+
+use model_format::{Library, MillimetresPerSecond, Newton, limits};
+use serde::Serialize;
+
+use super::Options;
+use crate::support::error::{Error, Result};
+
+use crate::classifier::Windows;
+use crate::dsp::model::Model;
+use crate::dsp::spectrum;
+use crate::dsp::spectrum::{BAND_COUNT, agreement};
+use crate::evaluate::WARM_UP_S;
+use crate::perception::ScoringRange;
+use crate::playing::motion::MotionPath;
+use crate::playing::render::render;
+use crate::texture::grid::Grid;
+use crate::texture::library::library_of;
+use model_format::SAMPLE_RATE_HZ;
+
+/// The place of the one node of a library made for a test; any in contact and in motion.
+const PLACE: (f32, f32) = (100.0, 1.0);
+
+/// A synthesis against a recording.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Judged {
+    /// The paper's cost C, equation (6).
+    pub cost: f64,
+    /// Level of the synthesis over that of the recording in each third-octave band from 20 to 1000 Hz, dB.
+    pub band_errors_db: [Option<f64>; BAND_COUNT],
+    /// Log-spectral distance from 30 to 1000 Hz in sliding third octaves, dB.
+    pub log_spectral_distance_db: Option<f64>,
+    /// Mean magnitude of the difference of log10 of the power densities.
+    pub log_power_mae: Option<f64>,
+    /// Goodness-of-fit coefficient of the amplitudes.
+    pub fit_coefficient: Option<f64>,
+    /// Windows of both for the classifier, which judges all places together.
+    #[serde(skip)]
+    pub(super) windows: Option<Windows>,
+}
+
+impl Judged {
+    /// Returns the score of silence, which lacks everything of the recording.
+    pub fn silence() -> Self {
+        Self {
+            cost: 1.0,
+            band_errors_db: [None; BAND_COUNT],
+            log_spectral_distance_db: None,
+            log_power_mae: None,
+            fit_coefficient: None,
+            windows: None,
+        }
+    }
+}
+
+/// A model and what the device plays of it.
+#[derive(Clone, Debug)]
+pub struct Voice {
+    /// The model.
+    pub model: Model,
+    synthesised: Vec<f64>,
+}
+
+impl Voice {
+    /// Plays `model` by the device's kernel. `None` if it is too loud.
+    ///
+    /// # Errors
+    /// A duration that the renderer refuses.
+    pub fn of(model: Model, options: &Options, seed: u64) -> Result<Option<Self>> {
+        let synthesised = synthesis(&model, options.synthesis_s, seed)?;
+        Ok(synthesised.map(|synthesised| Self { model, synthesised }))
+    }
+
+    /// The synthesis at another power, (m/s²)²; `None` if that is too loud for the device.
+    pub fn at_power(&self, power: f64) -> Option<Vec<f64>> {
+        let gain = (power / self.model.output_power).sqrt();
+        let playable = gain.is_finite() && power <= f64::from(limits::MAX_OUTPUT_POWER);
+        playable.then(|| self.synthesised.iter().map(|x| gain * x).collect())
+    }
+}
+
+/// `seconds` of `model` as the device plays it, m/s², after a warm-up; `None` if it is too loud.
+///
+/// # Errors
+/// A duration that the renderer refuses.
+pub fn synthesis(model: &Model, seconds: f64, seed: u64) -> Result<Option<Vec<f64>>> {
+    const NAME: &str = "removed node";
+    let grid = Grid::new(vec![PLACE.0], vec![PLACE.1], vec![model.clone()]);
+    let Ok(bytes) = library_of(NAME, &grid) else {
+        return Ok(None);
+    };
+    let library = Library::decode(&bytes).map_err(|failure| Error::Model(failure.to_string()))?;
+    let texture = library.textures().next().expect("one was encoded");
+    let motion = MotionPath::constant(MillimetresPerSecond(PLACE.0), Newton(PLACE.1))?;
+    let mut samples = render(texture, &motion, seconds + WARM_UP_S, seed)?.accelerations_m_s2();
+    Ok(Some(samples.split_off(
+        (WARM_UP_S * f64::from(SAMPLE_RATE_HZ)) as usize,
+    )))
+}
+
+/// Compares a synthesis with a recording, both in m/s² at the models' rate, at the frequencies of `range`. `None` if
+/// there is nothing to compare.
+pub(super) fn judge(
+    recorded: &[f64],
+    synthesised: &[f64],
+    range: &ScoringRange,
+    options: &Options,
+) -> Option<Judged> {
+    let rate_hz = f64::from(SAMPLE_RATE_HZ);
+    let of_blocks =
+        |signal: &[f64]| spectrum::PowerSpectrum::of_blocks(&[signal], range.segment, rate_hz);
+    let (a, b) = (of_blocks(recorded), of_blocks(synthesised));
+    let (low_hz, high_hz) = range.distance_hz();
+    let agreement = agreement(recorded, synthesised, rate_hz, range.band_edges_hz());
+    Some(Judged {
+        cost: spectrum::cost_of_blocks(
+            &[recorded],
+            &[synthesised],
+            rate_hz,
+            options.smoothing_hz,
+            range.cost_hz,
+        )?,
+        band_errors_db: spectrum::band_errors_within_db(&a, &b, range.band_edges_hz()),
+        log_spectral_distance_db: spectrum::distance_of_spectra_db(&a, &b, low_hz, high_hz),
+        log_power_mae: agreement.map(|found| found.log_power_mae),
+        fit_coefficient: agreement.map(|found| found.fit_coefficient),
+        windows: (options.left_out)
+            .and_then(|_| Windows::of(recorded, synthesised, rate_hz, range.band_edges_hz().1)),
+    })
+}

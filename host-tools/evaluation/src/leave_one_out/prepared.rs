@@ -1,0 +1,249 @@
+//! A set made ready for the removed-node test: its models, its signals and its spectra.
+
+use model_format::{NodeFlags, Provenance, SAMPLE_RATE_HZ};
+
+use crate::dsp::high_pass::lowest_hz;
+use crate::dsp::model::Model;
+use crate::fit;
+use crate::fit::blocks::Part;
+use crate::fit::densify::Direction;
+use crate::fit::densify::{ECONOMY_DB, highest_order};
+use crate::fit::lines::Lines;
+use crate::fit::{FittedTexture, Recorded, Recordings};
+use crate::perception::ScoringRange;
+use crate::recording::{RecordingSet, Trial};
+use crate::support::error::{Error, Result};
+use crate::texture::domain::Neighbour;
+use crate::texture::grid::Grid;
+use crate::texture::recorded_spectra::recorded_spectra;
+use crate::texture::recorded_spectra::{RecordedSpectra, TwoWays};
+
+use super::Options;
+
+/// A set made ready for the test: its models, its signals and its spectra.
+pub struct Prepared<'a> {
+    pub(super) set: &'a RecordingSet,
+    pub(super) signals: Vec<Vec<f64>>,
+    /// Frequencies at which each trial can be judged.
+    pub(super) ranges: Vec<Option<ScoringRange>>,
+    pub(super) textures: Vec<PreparedTexture>,
+    pub(super) simulated: bool,
+    left_out: Option<Direction>,
+}
+
+pub(super) struct PreparedTexture {
+    pub(super) name: String,
+    pub(super) grid: Grid,
+    pub(super) field: RecordedSpectra,
+    pub(super) ways: TwoWays,
+}
+
+/// A node to be removed: the trial it is compared with, its texture and its place.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Target {
+    pub(super) trial: usize,
+    pub(super) texture: usize,
+    pub(super) place: (usize, usize),
+}
+
+/// Frequencies at which the trial `own` can be judged, if any.
+fn scoring_range(own: &Recorded<'_>) -> Option<ScoringRange> {
+    // A file of a higher rate is judged in the models' band alone.
+    let rate_hz = own.analysis.source_rate_hz.min(f64::from(SAMPLE_RATE_HZ));
+    let range = ScoringRange::of(rate_hz, own.samples().len())?;
+    match own.analysis.slow.cut_hz {
+        Some(cut_hz) => range.above(lowest_hz(cut_hz)),
+        None => Some(range),
+    }
+}
+
+impl<'a> Prepared<'a> {
+    /// Reads and fits `set`.
+    ///
+    /// # Errors
+    /// Those of [`fit::fit`], and a set without any inner node.
+    pub fn new(set: &'a RecordingSet, options: &Options) -> Result<Self> {
+        let fit_options = fit::Options {
+            order: options.order,
+            conditioning: options.conditioning,
+            // A removed node is predicted as a whole, the lines of its surface included.
+            lines: Lines::None,
+            ..fit::Options::default()
+        };
+        let recordings = fit::read(set, &fit_options, Part::Whole, usize::MAX, &|_| ())?;
+        let fit = fit::models(set, &recordings, &fit_options)?;
+        let prepared = |(texture, own): (FittedTexture, &Recordings<'_>)| {
+            let trials = own.trials.iter().map(|own| (own.trial, own.samples()));
+            let field = recorded_spectra(&texture.grid, &trials.collect::<Vec<_>>());
+            PreparedTexture {
+                ways: TwoWays::of(&field),
+                name: texture.name,
+                grid: texture.grid,
+                field,
+            }
+        };
+        let textures = fit
+            .textures
+            .into_iter()
+            .zip(&recordings)
+            .map(prepared)
+            .collect();
+        let mut trials: Vec<Recorded<'_>> =
+            recordings.into_iter().flat_map(|own| own.trials).collect();
+        trials.sort_by_key(|own| own.number);
+        let ranges = trials.iter().map(scoring_range).collect();
+        let signals = trials
+            .into_iter()
+            .filter_map(|own| Some(own.signal?.samples))
+            .collect();
+        let prepared = Self {
+            set,
+            signals,
+            ranges,
+            textures,
+            left_out: options.left_out,
+            simulated: set
+                .trials
+                .iter()
+                .any(|trial| trial.provenance == Provenance::Simulated),
+        };
+        if prepared.targets().is_empty() {
+            return Err(Error::Request(
+                "no node can be removed: a texture needs three speeds (or forces) in contact at least, so that one is \
+                 between two others"
+                    .into(),
+            ));
+        }
+        Ok(prepared)
+    }
+
+    /// Returns the number of nodes that will be removed.
+    pub fn count(&self) -> usize {
+        self.targets().len()
+    }
+
+    pub(super) fn targets(&self) -> Vec<Target> {
+        let trials = self.set.trials.iter().enumerate();
+        trials
+            .filter_map(|(index, trial)| {
+                let texture = self.textures.iter().position(|t| t.name == trial.texture)?;
+                let place = self.textures[texture].place(trial, self.left_out)?;
+                // A recording that nothing can be judged on is no place of the test.
+                self.ranges[index].as_ref()?;
+                let neighbours = self.neighbours(texture, place);
+                (!neighbours.is_empty()).then_some(Target {
+                    trial: index,
+                    texture,
+                    place,
+                })
+            })
+            .collect()
+    }
+}
+
+impl Prepared<'_> {
+    /// Returns the neighbours that the node of `texture` at `place` is predicted from, and their places.
+    pub(super) fn neighbours(&self, texture: usize, place: (usize, usize)) -> Vec<Neighbour<'_>> {
+        self.textures[texture].neighbours(place, self.left_out)
+    }
+
+    /// The trial of `texture` at the neighbour of `place` that counts most, whose recording is what retrieval plays.
+    pub(super) fn nearest(&self, texture: usize, place: (usize, usize)) -> Option<usize> {
+        let neighbours = self.neighbours(texture, place);
+        let nearest = neighbours
+            .iter()
+            .max_by(|a, b| a.weight.total_cmp(&b.weight))?;
+        let own = &self.textures[texture];
+        let is_its = |trial: &Trial| {
+            trial.texture == own.name
+                && own
+                    .at(trial)
+                    .is_some_and(|place| std::ptr::eq(own.model(place), nearest.model))
+        };
+        self.set.trials.iter().position(is_its)
+    }
+}
+
+impl PreparedTexture {
+    pub(super) fn model(&self, (speed, force): (usize, usize)) -> &Model {
+        &self.grid.models[self.grid.index(speed, force)]
+    }
+
+    /// The node of a trial, if it is an inner one.
+    fn place(&self, trial: &Trial, left_out: Option<Direction>) -> Option<(usize, usize)> {
+        let (speed, force) = self.at(trial)?;
+        let is_inner =
+            |axis: &[f32], index: usize| axis.len() <= 2 || (index > 0 && index + 1 < axis.len());
+        // What is left out by one axis needs no neighbours along the other.
+        let along_speed =
+            left_out == Some(Direction::Force) || is_inner(&self.grid.speeds_mm_s, speed);
+        let along_force =
+            left_out == Some(Direction::Speed) || is_inner(&self.grid.forces_n, force);
+        (along_speed && along_force && self.sounds((speed, force))).then_some((speed, force))
+    }
+
+    /// Indices of a trial's speed and force on the grid.
+    fn at(&self, trial: &Trial) -> Option<(usize, usize)> {
+        let at = |axis: &[f32], value: f64| axis.iter().position(|&v| v == value as f32);
+        Some((
+            at(&self.grid.speeds_mm_s, trial.speed_mm_s)?,
+            at(&self.grid.forces_n, trial.force_n)?,
+        ))
+    }
+
+    /// Returns whether a node was recorded and is not silent.
+    fn sounds(&self, place: (usize, usize)) -> bool {
+        let flags = self.model(place).flags;
+        let without = [
+            NodeFlags::SILENT,
+            NodeFlags::INTERPOLATED,
+            NodeFlags::EXTRAPOLATED,
+        ];
+        !without.iter().any(|&flag| flags.contains(flag)) && self.field.spectrum(place).is_some()
+    }
+
+    /// Returns the neighbours that the node at `place` is predicted from.
+    fn neighbours(&self, place: (usize, usize), left_out: Option<Direction>) -> Vec<Neighbour<'_>> {
+        let directions = [Direction::Speed, Direction::Force].into_iter();
+        let directions = directions.filter(|along| left_out.is_none_or(|axis| axis == *along));
+        let pairs = directions.filter_map(|along| self.pair_along(along, place));
+        let pairs: Vec<[Neighbour<'_>; 2]> = pairs.collect();
+        let share = 1.0 / pairs.len().max(1) as f64;
+        let mut neighbours: Vec<Neighbour<'_>> = pairs.into_iter().flatten().collect();
+        neighbours.iter_mut().for_each(|n| n.weight *= share);
+        neighbours
+    }
+
+    /// The nodes before and after `at` on an axis, if both sound.
+    fn pair(
+        &self,
+        at: usize,
+        axis: &[f32],
+        place: impl Fn(usize) -> (usize, usize),
+    ) -> Option<[Neighbour<'_>; 2]> {
+        let (before, after) = (at.checked_sub(1)?, at + 1);
+        if after >= axis.len() || !self.sounds(place(before)) || !self.sounds(place(after)) {
+            return None;
+        }
+        let share = f64::from((axis[at] - axis[before]) / (axis[after] - axis[before]));
+        let neighbour = |index: usize, weight: f64| Neighbour {
+            weight,
+            model: self.model(place(index)),
+        };
+        Some([neighbour(before, 1.0 - share), neighbour(after, share)])
+    }
+
+    /// The nodes before and after `place` along an axis, if both sound.
+    fn pair_along(&self, along: Direction, place: (usize, usize)) -> Option<[Neighbour<'_>; 2]> {
+        match along {
+            Direction::Speed => self.pair(place.0, &self.grid.speeds_mm_s, |s| (s, place.1)),
+            Direction::Force => self.pair(place.1, &self.grid.forces_n, |f| (place.0, f)),
+        }
+    }
+
+    /// The node as a densified grid would have it.
+    pub(super) fn densified(&self, place: (usize, usize)) -> Option<Model> {
+        let spectrum = self.field.without(place, &self.ways)?;
+        Some(spectrum.economical_model(ECONOMY_DB, highest_order(&self.grid)))
+    }
+}

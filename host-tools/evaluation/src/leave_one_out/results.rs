@@ -1,0 +1,431 @@
+//! Results of the removed-node test: a row per way of predicting, an outcome per removed node and row; and in a few
+//! numbers, the paper's Table I.
+
+use std::path::PathBuf;
+use std::str::FromStr;
+use std::sync::Arc;
+
+use serde::Serialize;
+
+use crate::texture::domain::Method;
+
+use super::play::Judged;
+use crate::dsp::spectrum::AMPLITUDE_JND_DB;
+use crate::fit::conditioning::Conditioning;
+use crate::fit::densify::Direction;
+use crate::fit::whole_signal;
+use crate::recording::Trial;
+use crate::support::error::Result;
+use crate::tables::Table;
+
+/// A row of the table: how the removed node was predicted.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Row {
+    /// Not at all: the node's own model, as the best that its structure and order can do.
+    Own,
+    /// In one of the domains.
+    Interpolated(Method),
+    /// As `fit --densify` fills the place: log-spectra over f/v with surface and tool apart, refitted.
+    Densified,
+    /// The nearest neighbour's recording itself: retrieval.
+    Nearest,
+    /// By another program.
+    Given(Arc<Given>),
+}
+
+/// Sounds of another program, as WAV files of the names of the recordings that they are judged by, in a folder or in
+/// folders below as the recordings are.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Given {
+    /// Name for tables.
+    pub name: String,
+    /// Folder of the files.
+    pub folder: PathBuf,
+}
+
+impl Given {
+    /// The sound that stands for `trial`, reduced as recordings are, m/s² at the models' rate.
+    ///
+    /// # Errors
+    /// A file that is not there or cannot be read.
+    pub(super) fn samples(&self, trial: &Trial, conditioning: Conditioning) -> Result<Vec<f64>> {
+        let name = trial.file.with_extension("wav");
+        // A list names files from its own folder, so that as much of the path counts as the folder here has.
+        let parts: Vec<_> = name.components().collect();
+        let ends = (0..parts.len()).map(|first| parts[first..].iter().collect::<PathBuf>());
+        let below: Vec<PathBuf> = ends
+            .filter(|end| end.is_relative())
+            .map(|end| self.folder.join(end))
+            .collect();
+        let file = below.iter().find(|file| file.is_file()).or(below.last());
+        let file = file.unwrap_or(&self.folder);
+        let played = Trial::of(file, &trial.texture, trial.speed_mm_s, trial.force_n);
+        Ok(whole_signal(&played, conditioning)?.samples)
+    }
+}
+
+impl FromStr for Given {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        match text.split_once('=') {
+            Some((name, folder)) if !name.is_empty() && !folder.is_empty() => Ok(Self {
+                name: name.to_owned(),
+                folder: folder.into(),
+            }),
+            _ => Err("give NAME=DIR".to_owned()),
+        }
+    }
+}
+
+impl Row {
+    /// Every row, in the table's order.
+    pub fn all() -> Vec<Self> {
+        let methods = Method::ALL.map(Self::Interpolated);
+        [&methods[..], &[Self::Densified, Self::Own]].concat()
+    }
+
+    /// The rows of a benchmark, without those that see what is left out, and `given` ones.
+    pub fn benchmark(given: &[Given]) -> Vec<Self> {
+        let methods = Method::ALL.map(Self::Interpolated).into_iter();
+        let given = given
+            .iter()
+            .map(|given| Self::Given(Arc::new(given.clone())));
+        methods.chain([Self::Nearest]).chain(given).collect()
+    }
+
+    /// A name for tables.
+    pub fn name(&self) -> String {
+        match self {
+            Self::Own => "(not removed: its own model; in-sample)".into(),
+            Self::Interpolated(method) => method.name(),
+            Self::Densified => "densified: f/v, surface and tool apart".into(),
+            Self::Nearest => "the nearest recording itself".into(),
+            Self::Given(given) => given.name.clone(),
+        }
+    }
+}
+
+impl Serialize for Row {
+    fn serialize<S: serde::Serializer>(
+        &self,
+        serializer: S,
+    ) -> std::result::Result<S::Ok, S::Error> {
+        serializer.collect_str(&self.name())
+    }
+}
+
+/// One removed node and what became of it in every row.
+#[derive(Clone, Debug, Serialize)]
+pub struct Removed {
+    /// The recording it is compared with.
+    pub file: String,
+    /// Its texture.
+    pub texture: String,
+    /// Tangential speed, mm/s.
+    pub speed_mm_s: f64,
+    /// Normal force, N.
+    pub force_n: f64,
+    /// The outcome of each row of [`LeaveOneOut::rows`].
+    pub outcomes: Vec<Outcome>,
+}
+
+/// The comparison of a prediction with the recording.
+#[derive(Clone, Debug, Serialize)]
+pub struct Outcome {
+    /// The synthesis against the recording.
+    #[serde(flatten)]
+    pub judged: Judged,
+    /// True if the device could play the prediction.
+    pub is_playable: bool,
+    /// Order of the predicted model.
+    pub order: usize,
+    /// Variance of the predicted excitation less that fitted to the recording, (m/s²)²; none if not playable.
+    pub excitation_error: Option<f64>,
+}
+
+/// The outcome of the test.
+#[derive(Clone, Debug, Serialize)]
+pub struct LeaveOneOut {
+    /// The kernel that smooths amplitudes for C.
+    pub smoothing: String,
+    /// Order of the interpolated models.
+    pub order: String,
+    /// True if any recording behind it is simulated.
+    pub simulated: bool,
+    /// Axis all of whose nodes at the removed one's value are left out with it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub left_out: Option<Direction>,
+    /// Ways of predicting a node.
+    pub rows: Vec<Row>,
+    /// Area under the curve of a classifier of windows for each row of a benchmark, over what could be played; 0.5
+    /// if it does not tell them from the recordings. None where less than two seconds are long enough.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub areas: Vec<Option<f64>>,
+    /// Every removed node, in the order of the set.
+    pub removed: Vec<Removed>,
+}
+
+impl LeaveOneOut {
+    /// Names of the textures with a removed node, in the order of the set.
+    pub fn textures(&self) -> Vec<&str> {
+        let mut textures: Vec<&str> = Vec::new();
+        for node in &self.removed {
+            if !textures.contains(&node.texture.as_str()) {
+                textures.push(&node.texture);
+            }
+        }
+        textures
+    }
+
+    /// The paper's Table I beside the same test here.
+    pub fn table(&self) -> Table {
+        let textures = self.textures();
+        let cell =
+            |mean: f64, deviation: f64| format!("{:.1} ± {:.1}", 100.0 * mean, 100.0 * deviation);
+        let mut rows = Vec::new();
+        if let Some((by_texture, all)) = self.papers_figures() {
+            let mut row = vec!["the paper's figures, real recordings".to_owned()];
+            let columns = by_texture.into_iter().chain([Some(all)]);
+            row.extend(columns.map(|column| {
+                column.map_or(String::new(), |c| cell(c.mean_cost, c.cost_deviation))
+            }));
+            row.push(format!("{:.1e}", all.excitation_error));
+            rows.push(row);
+        }
+        for row in &self.rows {
+            let Some(all) = summarise(self, row, None) else {
+                continue;
+            };
+            let own = textures
+                .iter()
+                .filter_map(|name| summarise(self, row, Some(name)));
+            let of_textures = own.chain([all.clone()]);
+            let mut cells = vec![row.name()];
+            cells.extend(of_textures.map(|own| cell(own.mean_cost, own.cost_deviation)));
+            cells.extend([
+                format!("{:.1e}", all.excitation_error),
+                all.unplayable.to_string(),
+                format!("{:.2}", all.mean_band_error_db),
+                format!("{:.1}", 100.0 * all.bands_within_jnd),
+                format!("{:.2}", all.mean_log_spectral_distance_db),
+            ]);
+            rows.push(cells);
+        }
+        let mut headings = vec!["C, %, mean ± sd"];
+        headings.extend(textures);
+        let within = format!("within {AMPLITUDE_JND_DB} dB, %");
+        headings.extend(["all", "σ² error, (m/s²)²", "not playable"]);
+        headings.extend(["|band|, dB", &within, "LSD, dB"]);
+        Table::new(
+            "Table I of the paper, and the same test here",
+            headings,
+            rows,
+        )
+    }
+
+    /// The benchmark: a row per method, over all nodes that were left out.
+    pub fn benchmark_table(&self) -> Table {
+        let rows = self.rows.iter().zip(&self.areas).filter_map(|(row, area)| {
+            let all = summarise(self, row, None)?;
+            Some(vec![
+                row.name(),
+                format!("{:.3}", all.log_power_mae),
+                format!("{:.3}", all.fit_coefficient),
+                format!("{:.2}", all.mean_band_error_db),
+                format!("{:.1}", 100.0 * all.bands_within_jnd),
+                format!("{:.2}", all.mean_log_spectral_distance_db),
+                format!("{:.1}", 100.0 * all.mean_cost),
+                area.map_or("-".to_owned(), |area| format!("{area:.2}")),
+                all.unplayable.to_string(),
+            ])
+        });
+        let within = format!("within {AMPLITUDE_JND_DB} dB, %");
+        Table::new(
+            "What is left out, by each method",
+            vec![
+                "method",
+                "log-power MAE",
+                "GFC",
+                "|band|, dB",
+                &within,
+                "LSD, dB",
+                "C, %",
+                "AUC",
+                "not playable",
+            ],
+            rows,
+        )
+    }
+
+    /// The paper's figures for each of [`Self::textures`] that is simulated and has the name of one of the paper's, and
+    /// their mean; `None` if there are none.
+    fn papers_figures(&self) -> Option<(Vec<Option<PaperColumn>>, PaperColumn)> {
+        let column = |name: &str| {
+            let known = PAPER_TABLE_I.iter().find(|column| column.texture == name);
+            known.copied().filter(|_| self.simulated)
+        };
+        let by_texture: Vec<Option<PaperColumn>> =
+            self.textures().into_iter().map(column).collect();
+        let shown: Vec<PaperColumn> = by_texture.iter().flatten().copied().collect();
+        let mean_of = |of: fn(&PaperColumn) -> f64| mean(&shown.iter().map(of).collect::<Vec<_>>());
+        let all = PaperColumn {
+            texture: "all",
+            mean_cost: mean_of(|c| c.mean_cost),
+            cost_deviation: mean_of(|c| c.cost_deviation),
+            excitation_error: mean_of(|c| c.excitation_error),
+        };
+        (!shown.is_empty()).then_some((by_texture, all))
+    }
+}
+
+/// A column of the paper's Table I.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct PaperColumn {
+    /// The texture.
+    pub texture: &'static str,
+    /// Mean of C.
+    pub mean_cost: f64,
+    /// Standard deviation of C.
+    pub cost_deviation: f64,
+    /// Mean difference of the excitations' variances, in the paper's unit, which it does not name.
+    pub excitation_error: f64,
+}
+
+/// The paper's Table I (Romano, Yoshioka, Kuchenbecker, ICRA 2010).
+pub const PAPER_TABLE_I: [PaperColumn; 4] = [
+    paper("paper", 0.31, 0.12, 1.7e-4),
+    paper("organza", 0.29, 0.13, 1.5e-4),
+    paper("vinyl", 0.42, 0.20, 2.4e-4),
+    paper("denim", 0.36, 0.09, 2.2e-4),
+];
+
+const fn paper(
+    texture: &'static str,
+    mean_cost: f64,
+    cost_deviation: f64,
+    excitation_error: f64,
+) -> PaperColumn {
+    PaperColumn {
+        texture,
+        mean_cost,
+        cost_deviation,
+        excitation_error,
+    }
+}
+
+/// A row of the test over some of its nodes.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Summary {
+    /// Nodes removed.
+    pub nodes: usize,
+    /// Predictions that the device could not play; they count with C = 1.
+    pub unplayable: usize,
+    /// Mean of C.
+    pub mean_cost: f64,
+    /// Standard deviation of C.
+    pub cost_deviation: f64,
+    /// Mean magnitude of the excitation's variance error, (m/s²)², of what could be played.
+    pub excitation_error: f64,
+    /// Mean magnitude of the bands' errors, dB, of what could be played.
+    pub mean_band_error_db: f64,
+    /// Share of all bands within the amplitude JND of 2.2 dB; those of what could not be played are not.
+    pub bands_within_jnd: f64,
+    /// Mean log-spectral distance from 30 to 1000 Hz, dB, of what could be played.
+    pub mean_log_spectral_distance_db: f64,
+    /// Mean of the log-power MAE, of what could be played.
+    pub log_power_mae: f64,
+    /// Mean goodness-of-fit coefficient, of what could be played.
+    pub fit_coefficient: f64,
+}
+
+/// `row` over the nodes of `texture`, or over all; `None` if the test does not have it.
+pub fn summarise(test: &LeaveOneOut, row: &Row, texture: Option<&str>) -> Option<Summary> {
+    let column = test.rows.iter().position(|r| r == row)?;
+    let outcomes: Vec<&Outcome> = test
+        .removed
+        .iter()
+        .filter(|node| texture.is_none_or(|name| node.texture == name))
+        .map(|node| &node.outcomes[column])
+        .collect();
+    let played = || outcomes.iter().filter(|outcome| outcome.is_playable);
+    let costs: Vec<f64> = outcomes.iter().map(|outcome| outcome.judged.cost).collect();
+    let mean_cost = mean(&costs);
+    let squares: Vec<f64> = costs.iter().map(|c| (c - mean_cost).powi(2)).collect();
+    let errors: Vec<f64> = played()
+        .flat_map(|outcome| outcome.judged.band_errors_db)
+        .flatten()
+        .map(f64::abs)
+        .collect();
+    let within = errors.iter().filter(|e| **e <= AMPLITUDE_JND_DB).count();
+    let bands: usize = outcomes
+        .iter()
+        .map(|outcome| outcome.judged.band_errors_db.len())
+        .sum();
+    let excitation: Vec<f64> = played()
+        .filter_map(|outcome| outcome.excitation_error)
+        .map(f64::abs)
+        .collect();
+    let distances: Vec<f64> = played()
+        .filter_map(|outcome| outcome.judged.log_spectral_distance_db)
+        .collect();
+    let mean_of = |of: fn(&Judged) -> Option<f64>| {
+        let values: Vec<f64> = played().filter_map(|o| of(&o.judged)).collect();
+        mean(&values)
+    };
+    Some(Summary {
+        log_power_mae: mean_of(|judged| judged.log_power_mae),
+        fit_coefficient: mean_of(|judged| judged.fit_coefficient),
+        nodes: outcomes.len(),
+        unplayable: outcomes.len() - played().count(),
+        mean_cost,
+        cost_deviation: mean(&squares).sqrt(),
+        excitation_error: mean(&excitation),
+        mean_band_error_db: mean(&errors),
+        bands_within_jnd: within as f64 / bands.max(1) as f64,
+        mean_log_spectral_distance_db: mean(&distances),
+    })
+}
+
+/// The mean, or zero of nothing.
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len().max(1) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn test_of(textures: &[&str], simulated: bool) -> LeaveOneOut {
+        let removed = |texture: &&str| Removed {
+            file: String::new(),
+            texture: (*texture).to_owned(),
+            speed_mm_s: 100.0,
+            force_n: 1.0,
+            outcomes: Vec::new(),
+        };
+        LeaveOneOut {
+            smoothing: String::new(),
+            order: String::new(),
+            simulated,
+            left_out: None,
+            rows: Vec::new(),
+            areas: Vec::new(),
+            removed: textures.iter().map(removed).collect(),
+        }
+    }
+
+    #[test]
+    fn the_papers_figures_are_for_its_simulated_textures_and_averaged_over_what_is_shown() {
+        let figures = |textures: &[&str]| test_of(textures, true).papers_figures();
+        assert_eq!(test_of(&["paper", "denim"], false).papers_figures(), None);
+        assert_eq!(figures(&["felt"]), None);
+        let (by_texture, all) = figures(&["cork", "felt", "denim"]).unwrap();
+        assert_eq!(by_texture, [None, None, Some(PAPER_TABLE_I[3])]);
+        assert!((all.mean_cost - 0.36).abs() < 1e-12);
+        let names = PAPER_TABLE_I.map(|column| column.texture);
+        let (_, all) = figures(&names).unwrap();
+        assert!((all.mean_cost - 0.345).abs() < 1e-12);
+        assert!((all.cost_deviation - 0.135).abs() < 1e-12);
+    }
+}

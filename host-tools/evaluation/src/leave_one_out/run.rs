@@ -1,0 +1,198 @@
+//! The removed-node test itself: each node that is removed, and everything that is played in its place.
+
+use rayon::prelude::*;
+
+use crate::classifier;
+use crate::dsp::linear_prediction::error_share;
+use crate::dsp::model::Model;
+use crate::fit::Order;
+use crate::support::error::Result;
+use crate::support::file_name::portable;
+use crate::texture::domain::{Domain, Level, Method, Neighbour};
+
+use super::Options;
+use super::play::{self, Judged, Voice};
+use super::prepared::{Prepared, PreparedTexture, Target};
+use super::results::{LeaveOneOut, Outcome, Removed, Row};
+
+impl Prepared<'_> {
+    /// Removes and predicts every inner node in every one of `rows`, telling `progress` of each node done.
+    ///
+    /// The result does not depend on the number of threads.
+    ///
+    /// # Errors
+    /// A request that the kernel's renderer refuses.
+    pub fn run(
+        &self,
+        rows: &[Row],
+        options: &Options,
+        progress: impl Fn() + Sync,
+    ) -> Result<LeaveOneOut> {
+        let targets = self.targets().into_par_iter();
+        let removed = targets.map(|target| {
+            let outcome = self.remove(target, rows, options);
+            progress();
+            outcome
+        });
+        let removed: Vec<Removed> = removed.collect::<Result<_>>()?;
+        let windows = |row: usize| {
+            let outcomes = removed.iter().map(move |node| &node.outcomes[row]);
+            outcomes.filter_map(|outcome| outcome.judged.windows.as_ref())
+        };
+        let judged = options.left_out.map_or(0, |_| rows.len());
+        let areas = (0..judged).into_par_iter();
+        let areas = areas.map(|row| classifier::area(windows(row))).collect();
+        Ok(LeaveOneOut {
+            smoothing: format!("Hann kernel, {} Hz wide", options.smoothing_hz),
+            order: match options.order {
+                Order::Auto => "chosen for each node (AIC)".into(),
+                Order::Bayesian => "chosen for each node (BIC)".into(),
+                Order::Fixed(order) => order.to_string(),
+            },
+            left_out: options.left_out,
+            simulated: self.simulated,
+            rows: rows.to_vec(),
+            areas,
+            removed,
+        })
+    }
+
+    fn remove(&self, target: Target, rows: &[Row], options: &Options) -> Result<Removed> {
+        let trial = &self.set.trials[target.trial];
+        let mut removal = Removal::new(self, target, options);
+        let outcomes = rows.iter().map(|row| removal.outcome(row));
+        Ok(Removed {
+            outcomes: outcomes.collect::<Result<Vec<_>>>()?,
+            file: portable(&trial.file),
+            texture: trial.texture.clone(),
+            speed_mm_s: trial.speed_mm_s,
+            force_n: trial.force_n,
+        })
+    }
+}
+
+/// The part of a row that determines its timbre. The level is a gain behind the filter: methods that differ by it alone
+/// are one synthesis, scaled.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Timbre {
+    Own,
+    Interpolated(Domain),
+    Densified,
+}
+
+/// A node that is being removed.
+struct Removal<'p, 's> {
+    prepared: &'p Prepared<'s>,
+    target: Target,
+    options: &'p Options,
+    neighbours: Vec<Neighbour<'p>>,
+    /// Syntheses so far.
+    voices: Vec<(Timbre, Option<Voice>)>,
+}
+
+impl<'p, 's> Removal<'p, 's> {
+    fn new(prepared: &'p Prepared<'s>, target: Target, options: &'p Options) -> Self {
+        Self {
+            prepared,
+            target,
+            options,
+            neighbours: prepared.neighbours(target.texture, target.place),
+            voices: Vec::new(),
+        }
+    }
+
+    fn texture(&self) -> &'p PreparedTexture {
+        &self.prepared.textures[self.target.texture]
+    }
+
+    /// The model that is played for a timbre.
+    fn model(&self, timbre: Timbre) -> Option<Model> {
+        let (texture, place) = (self.texture(), self.target.place);
+        match timbre {
+            Timbre::Own => Some(texture.model(place).clone()),
+            Timbre::Densified => texture.densified(place),
+            Timbre::Interpolated(domain) => {
+                let level = Level::Power;
+                Method { domain, level }.predict(&self.neighbours)
+            }
+        }
+    }
+
+    /// Index of the voice of `row`, and the power at which it is to be heard; none if the device cannot play it.
+    fn voice(&mut self, row: &Row) -> Result<Option<(usize, f64)>> {
+        let timbre = match row {
+            Row::Own => Timbre::Own,
+            Row::Densified => Timbre::Densified,
+            Row::Interpolated(method) => Timbre::Interpolated(method.domain),
+            Row::Nearest | Row::Given(_) => return Ok(None),
+        };
+        let known = self.voices.iter().position(|(known, _)| *known == timbre);
+        let at = known.unwrap_or(self.voices.len());
+        if known.is_none() {
+            let seed = self.options.seed.wrapping_add(self.target.trial as u64);
+            let model = self.model(timbre);
+            let voice = model.map(|model| Voice::of(model, self.options, seed));
+            self.voices.push((timbre, voice.transpose()?.flatten()));
+        }
+        Ok(self.voices[at].1.as_ref().map(|voice| {
+            let power = match row {
+                Row::Interpolated(method) => method
+                    .level
+                    .power(&self.neighbours, &voice.model.reflection),
+                _ => voice.model.output_power,
+            };
+            (at, power)
+        }))
+    }
+
+    /// The samples of a row that plays no model.
+    fn played(&self, row: &Row) -> Result<Option<Vec<f64>>> {
+        let trial = &self.prepared.set.trials[self.target.trial];
+        match row {
+            Row::Nearest => {
+                let nearest = self
+                    .prepared
+                    .nearest(self.target.texture, self.target.place);
+                Ok(nearest.map(|trial| self.prepared.signals[trial].clone()))
+            }
+            Row::Given(given) => Ok(Some(given.samples(trial, self.options.conditioning)?)),
+            _ => Ok(None),
+        }
+    }
+
+    fn outcome(&mut self, row: &Row) -> Result<Outcome> {
+        if matches!(row, Row::Nearest | Row::Given(_)) {
+            let recorded = &self.prepared.signals[self.target.trial];
+            let range = self.prepared.ranges[self.target.trial].as_ref();
+            let judged = self
+                .played(row)?
+                .zip(range)
+                .and_then(|(played, range)| play::judge(recorded, &played, range, self.options));
+            return Ok(Outcome {
+                is_playable: judged.is_some(),
+                order: 0,
+                excitation_error: None,
+                judged: judged.unwrap_or_else(Judged::silence),
+            });
+        }
+        let voice = self.voice(row)?;
+        let recorded = &self.prepared.signals[self.target.trial];
+        let voice = voice.and_then(|(at, power)| Some((self.voices[at].1.as_ref()?, power)));
+        let judged = voice.and_then(|(voice, power)| {
+            let synthesised = voice.at_power(power)?;
+            let range = self.prepared.ranges[self.target.trial].as_ref()?;
+            play::judge(recorded, &synthesised, range, self.options)
+        });
+        let own = self.texture().model(self.target.place);
+        let excitation_error = voice.filter(|_| judged.is_some()).map(|(voice, power)| {
+            power * error_share(&voice.model.reflection)
+                - own.output_power * error_share(&own.reflection)
+        });
+        Ok(Outcome {
+            is_playable: judged.is_some(),
+            order: voice.map_or(0, |(voice, _)| voice.model.reflection.len()),
+            excitation_error,
+            judged: judged.unwrap_or_else(Judged::silence),
+        })
+    }
+}

@@ -1,0 +1,25 @@
+//! Judgements of textures: against recordings, against removed nodes, against hard cases, and against their costs.
+//!
+//! Invariant: results are data. Nothing here draws, prints or writes a file.
+
+// The wings below, by the names that this crate has for them.
+use stylus_fit::{fit, scene, texture};
+use stylus_signals::{playing, recording, rig};
+use {stylus_dsp as dsp, stylus_support as support};
+
+pub mod classifier;
+pub mod evaluate;
+pub mod frontier;
+pub mod held_out;
+pub mod impulses;
+pub mod leave_one_out;
+pub mod listening;
+pub mod liveliness;
+pub mod loudness;
+pub mod perception;
+pub mod played;
+pub mod stress;
+pub mod strokes;
+pub mod summary;
+pub mod tables;
+pub mod verdict;

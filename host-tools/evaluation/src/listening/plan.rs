@@ -1,0 +1,391 @@
+//! The plan of a listening test: what is heard in which trial, decided by the seed alone.
+
+use model_format::Library;
+use rand::SeedableRng;
+use rand::seq::SliceRandom;
+use rand_pcg::Pcg64;
+use serde::Serialize;
+
+use super::abx::{Trial, trial};
+use super::excerpts::{Heard, SHORTEST_EXCERPT_S, Sounds, excerpts, samples};
+use super::kinds::Pair;
+use super::similarity::{Ratings, ratings};
+use super::staircase::{Part, Staircases, Strands, Track, track};
+use crate::evaluate;
+use crate::evaluate::Evaluation;
+use crate::fit::record::FitRecord;
+use crate::held_out::{Judge, JudgeKind};
+use crate::played::Played;
+use crate::recording::RecordingSet;
+use crate::support::error::{Error, Result};
+
+/// Question to a listener.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Design {
+    /// X is like A or like B: which?
+    Abx,
+    /// Rating of how alike A and B are, from 0 to 100.
+    Similarity,
+    /// X is like A or like B: which? One of these is changed by as much as the listener can just tell.
+    Staircase,
+}
+
+impl Design {
+    /// The usual number of trials per pair, and of a staircase at most.
+    pub fn usual_trials(self) -> usize {
+        match self {
+            Self::Abx => 12,
+            Self::Similarity => 6,
+            Self::Staircase => 80,
+        }
+    }
+}
+
+/// The trials of a design.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(tag = "design", rename_all = "snake_case")]
+pub enum Task {
+    /// A, B and X.
+    Abx {
+        /// The trials in their order.
+        trials: Vec<Trial>,
+    },
+    /// Ratings.
+    Similarity(Ratings),
+    /// Staircases.
+    Staircase(Staircases),
+}
+
+impl Task {
+    /// Trials that a listener has at most.
+    pub fn trials(&self) -> usize {
+        match self {
+            Self::Abx { trials } => trials.len(),
+            Self::Similarity(ratings) => ratings.trials.len(),
+            Self::Staircase(staircases) => staircases.most_trials(),
+        }
+    }
+}
+
+/// Options of a test.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// The question to a listener.
+    pub design: Design,
+    /// The pairs; each has as many trials.
+    pub pairs: Vec<Pair>,
+    /// The parts; each has a staircase.
+    pub parts: Vec<Part>,
+    /// Trials per pair; of ratings, each kind with itself has as many. Of staircases, for each part at most.
+    pub trials: usize,
+    /// Duration of an excerpt, s, at most.
+    pub excerpt_s: f64,
+    /// Seed of the order, the places and the choices of X.
+    pub seed: u64,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            design: Design::Abx,
+            pairs: Pair::USUAL.to_vec(),
+            parts: Part::ALL.to_vec(),
+            trials: Design::Abx.usual_trials(),
+            excerpt_s: 1.5,
+            seed: 1,
+        }
+    }
+}
+
+/// A test.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    /// The question and the trials.
+    pub task: Task,
+    /// All excerpts, 5 kHz, each with an RMS of 1, but for those that are to differ in level.
+    pub sounds: Vec<Vec<f64>>,
+    /// Shortest and longest duration of an excerpt, s.
+    pub excerpt_s: (f64, f64),
+    /// Names of the pairs and parts that no texture has, because it plays nothing but Gaussian noise.
+    pub left_out: Vec<&'static str>,
+    /// The data that were held out, in words.
+    pub held_out: String,
+    /// True if any recording behind it is simulated.
+    pub simulated: bool,
+    /// The seed.
+    pub seed: u64,
+}
+
+impl Plan {
+    /// Notes on what was asked for and is not in the test: excerpts of `excerpt_s`, pairs and parts.
+    pub fn notes(&self, excerpt_s: f64, has_takes: bool) -> Vec<String> {
+        let remedy = if has_takes {
+            ""
+        } else {
+            ": what is held out by blocks is fitted without codebooks and tracks, and other takes judge them"
+        };
+        let reason = match self.task {
+            Task::Staircase(_) => "has it",
+            Task::Abx { .. } | Task::Similarity(_) => "plays anything but Gaussian noise",
+        };
+        let left_out = self.left_out.iter().map(|name| {
+            format!("{name}: left out, because no texture that is heard {reason}{remedy}")
+        });
+        let mut notes: Vec<String> = left_out.collect();
+        if self.excerpt_s.0 < excerpt_s - 0.01 {
+            notes.push(format!(
+                "sounds take {:.1} s and more, not {excerpt_s} s: held-out recordings do not hold more",
+                self.excerpt_s.0
+            ));
+        }
+        notes
+    }
+}
+
+/// A library that is compared, with the record of its fit.
+#[derive(Clone, Copy)]
+pub struct Compared<'a> {
+    /// The library.
+    pub library: &'a Library<'a>,
+    /// The record, if there is one.
+    pub record: Option<&'a FitRecord>,
+}
+
+/// Plans a test as [`plan`] does, of a library and, if there is one, of that of before, which the same `judges` judge.
+///
+/// # Errors
+/// As [`plan`] and [`evaluate::prepare`].
+pub fn plan_of(
+    set: &RecordingSet,
+    judges: &[Judge],
+    fitted: Compared<'_>,
+    before: Option<Compared<'_>>,
+    evaluate: &evaluate::Options,
+    options: &Options,
+) -> Result<Plan> {
+    let prepared =
+        |of: Compared<'_>| evaluate::prepare(set, of.library, judges.to_vec(), of.record, evaluate);
+    let evaluation = prepared(fitted)?;
+    let of_before = before.map(prepared).transpose()?;
+    let before = before.map(|before| before.library).zip(of_before.as_ref());
+    plan(set, fitted.library, &evaluation, before, evaluate, options)
+}
+
+/// Plans a test of the trials of `set`, which `evaluation` has prepared, and with `before` of those of another library
+/// too, with its own evaluation. Speeds and forces of a texture take turns, and so do textures.
+///
+/// # Errors
+/// No trial, speed or pair to compare; recordings that are not held out; a recording that cannot be used any more.
+pub fn plan(
+    set: &RecordingSet,
+    library: &Library<'_>,
+    evaluation: &Evaluation,
+    before: Option<(&Library<'_>, &Evaluation)>,
+    evaluate: &evaluate::Options,
+    options: &Options,
+) -> Result<Plan> {
+    let is_nothing = |index: &usize| evaluation.judges[*index].kind() == JudgeKind::Nothing;
+    if (0..set.trials.len()).any(|index| is_nothing(&index)) {
+        return Err(Error::Request(
+            "nothing is known to be held out, because beside the library there is no record of what it was fitted to; \
+             fit it again, which writes the record, or give --takes"
+                .into(),
+        ));
+    }
+    let mut generator = Pcg64::seed_from_u64(options.seed);
+    let order = in_turns(set, &mut generator);
+    let mut sounds = Sounds::default();
+    let signals = Signals {
+        set,
+        library,
+        evaluation,
+        before,
+        evaluate,
+        options,
+    };
+    let (task, left_out) = match options.design {
+        Design::Staircase => signals.staircases(&order, &mut sounds, &mut generator)?,
+        Design::Abx | Design::Similarity => signals.pairs(&order, &mut sounds, &mut generator)?,
+    };
+    let seconds = |samples: usize| samples as f64 / f64::from(model_format::SAMPLE_RATE_HZ);
+    let lengths = || sounds.all().iter().map(Vec::len);
+    Ok(Plan {
+        excerpt_s: (
+            seconds(lengths().min().unwrap_or(0)),
+            seconds(lengths().max().unwrap_or(0)),
+        ),
+        task,
+        sounds: sounds.all().to_vec(),
+        left_out,
+        held_out: evaluation.held_out.clone(),
+        simulated: evaluation.simulated,
+        seed: options.seed,
+    })
+}
+
+/// Indices of the set's trials, shuffled, textures by turns.
+fn in_turns(set: &RecordingSet, generator: &mut Pcg64) -> Vec<usize> {
+    let mut of_textures: Vec<Vec<usize>> = set
+        .textures()
+        .into_iter()
+        .map(|name| {
+            let trials = set.trials.iter().enumerate();
+            let own = trials.filter(|(_, trial)| trial.texture == name);
+            let mut own: Vec<usize> = own.map(|(index, _)| index).collect();
+            own.shuffle(generator);
+            own
+        })
+        .collect();
+    of_textures.shuffle(generator);
+    let longest = of_textures.iter().map(Vec::len).max().unwrap_or(0);
+    (0..longest)
+        .flat_map(|turn| of_textures.iter().filter_map(move |own| own.get(turn)))
+        .copied()
+        .collect()
+}
+
+/// Sources of signals.
+struct Signals<'a> {
+    set: &'a RecordingSet,
+    library: &'a Library<'a>,
+    evaluation: &'a Evaluation,
+    before: Option<(&'a Library<'a>, &'a Evaluation)>,
+    evaluate: &'a evaluate::Options,
+    options: &'a Options,
+}
+
+impl Signals<'_> {
+    /// The trials of pairs of kinds, and the names of the pairs that no texture has.
+    fn pairs(
+        &self,
+        order: &[usize],
+        sounds: &mut Sounds,
+        generator: &mut Pcg64,
+    ) -> Result<(Task, Vec<&'static str>)> {
+        let options = self.options;
+        let read = order.iter().take(options.trials).map(|n| self.heard(*n));
+        let heard: Vec<Heard> = read.filter_map(Result::transpose).collect::<Result<_>>()?;
+        let is_able = |pair: &Pair| heard.iter().any(|heard| heard.has(pair.kinds()));
+        let (pairs, others): (Vec<Pair>, Vec<Pair>) =
+            options.pairs.iter().partition(|p| is_able(p));
+        if pairs.is_empty() {
+            return Err(Error::Request(format!(
+                "there is nothing to compare: no recording holds two excerpts of {SHORTEST_EXCERPT_S} s that were not \
+                 fitted, or no texture has what --pairs asks for"
+            )));
+        }
+        let left_out = others.into_iter().map(Pair::name).collect();
+        if options.design == Design::Similarity {
+            let ratings = ratings(&pairs, &heard, options.trials, sounds, generator);
+            return Ok((Task::Similarity(ratings), left_out));
+        }
+        let mut trials = Vec::new();
+        for &pair in &pairs {
+            let able: Vec<&Heard> = heard.iter().filter(|h| h.has(pair.kinds())).collect();
+            for number in 0..options.trials {
+                trials.push(trial(pair, able[number % able.len()], sounds, generator));
+            }
+        }
+        trials.shuffle(generator);
+        Ok((Task::Abx { trials }, left_out))
+    }
+
+    /// A staircase for each part, on the first speed and force whose texture has it, and the names of the parts that
+    /// none has.
+    fn staircases(
+        &self,
+        order: &[usize],
+        sounds: &mut Sounds,
+        generator: &mut Pcg64,
+    ) -> Result<(Task, Vec<&'static str>)> {
+        let options = self.options;
+        let mut left_out = options.parts.clone();
+        let mut tracks: Vec<Track> = Vec::new();
+        for &index in order {
+            if left_out.is_empty() {
+                break;
+            }
+            let strands = self.strands(index)?;
+            left_out.retain(|&part| {
+                let (seconds, trials) = (options.excerpt_s, options.trials);
+                let found = track(part, &strands, seconds, trials, sounds, generator);
+                let is_missing = found.is_none();
+                tracks.extend(found);
+                is_missing
+            });
+        }
+        if tracks.is_empty() {
+            return Err(Error::Request(
+                "no texture has a part of --parts, or all are too short; what is held out by blocks is fitted without \
+                 codebooks and tracks, and --takes plays the library as it is"
+                    .into(),
+            ));
+        }
+        let left_out = left_out.into_iter().map(Part::name).collect();
+        Ok((Task::Staircase(Staircases::of(tracks)), left_out))
+    }
+
+    fn surface(&self, index: usize) -> String {
+        let trial = &self.set.trials[index];
+        let (speed, force) = (trial.speed_mm_s, trial.force_n);
+        format!("{}, {speed} mm/s, {force} N", trial.texture)
+    }
+
+    /// Signals that the texture of a trial of the set plays, with parts and without.
+    fn strands(&self, index: usize) -> Result<Strands> {
+        let evaluate = evaluate::Options {
+            played: Played::Residual,
+            ..*self.evaluate
+        };
+        let comparison = (self.evaluation).compare(self.set, self.library, index, &evaluate)?;
+        let of = |played: Played| {
+            let own = comparison.versions.iter().find(|v| v.played == played);
+            own.map(|version| version.synthesised.clone())
+        };
+        let (fitted, gaussian) = (of(Played::Fitted), of(Played::Gaussian));
+        let without_lines = comparison.synthesised;
+        Ok(Strands {
+            surface: self.surface(index),
+            has_codebook: gaussian.is_some(),
+            has_lines: fitted.is_some(),
+            fitted: fitted.unwrap_or_else(|| without_lines.clone()),
+            gaussian: gaussian.unwrap_or_else(|| without_lines.clone()),
+            without_lines,
+        })
+    }
+
+    /// The excerpts of a trial of the set; `None` if it is silent or too short.
+    fn heard(&self, index: usize) -> Result<Option<Heard>> {
+        let comparison = (self.evaluation).compare(self.set, self.library, index, self.evaluate)?;
+        let Some(samples) = samples(&comparison.judged, self.options.excerpt_s) else {
+            return Ok(None);
+        };
+        let judged: Vec<&[f64]> = comparison.judged.iter().map(Vec::as_slice).collect();
+        let played = excerpts(&[&comparison.synthesised], samples);
+        let versions = comparison.versions.iter();
+        let gaussian = versions
+            .filter(|version| version.played == Played::Gaussian)
+            .map(|version| excerpts(&[&version.synthesised], samples))
+            .next();
+        let (gaussian, mut fitted) = match gaussian {
+            Some(gaussian) => (gaussian, played),
+            None => (played, Vec::new()),
+        };
+        let mut before = Vec::new();
+        if let Some((library, evaluation)) = self.before {
+            let comparison = evaluation.compare(self.set, library, index, self.evaluate)?;
+            before = excerpts(&[&comparison.synthesised], samples);
+            // Two libraries are compared as they are, with other parts than Gaussian noise or without.
+            if fitted.is_empty() {
+                fitted.clone_from(&gaussian);
+            }
+        }
+        Ok(Some(Heard {
+            surface: self.surface(index),
+            recording: excerpts(&judged, samples),
+            gaussian,
+            fitted,
+            before,
+        }))
+    }
+}

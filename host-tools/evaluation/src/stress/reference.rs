@@ -1,0 +1,134 @@
+//! The same filters in float64, and statistics of what is played.
+
+use stylus_kernel::rotation::Rotation;
+
+/// A normalised lattice in float64.
+pub struct FloatLattice {
+    /// (cos, sin) of each stage.
+    rotations: Vec<(f64, f64)>,
+    backward: Vec<f64>,
+}
+
+impl FloatLattice {
+    /// A lattice of `stages` stages at rest.
+    pub fn new(stages: usize) -> Self {
+        Self {
+            rotations: vec![(1.0, 0.0); stages],
+            backward: vec![0.0; stages + 1],
+        }
+    }
+
+    /// Takes over the kernel's rotations, exactly.
+    pub fn rotate_by(&mut self, rotations: &[Rotation]) {
+        const UNIT: f64 = (1u64 << 31) as f64;
+        for (to, from) in self.rotations.iter_mut().zip(rotations) {
+            *to = (f64::from(from.cos) / UNIT, f64::from(from.sin) / UNIT);
+        }
+    }
+
+    /// Takes over reflection coefficients.
+    pub fn reflect_by(&mut self, reflection: &[f64]) {
+        for (to, k) in self.rotations.iter_mut().zip(reflection) {
+            *to = (((1.0 - k) * (1.0 + k)).sqrt(), *k);
+        }
+    }
+
+    /// The next sample.
+    pub fn filter(&mut self, excitation: f64) -> f64 {
+        let mut f = excitation;
+        for (stage, &(cos, sin)) in self.rotations.iter().enumerate().rev() {
+            let g = self.backward[stage];
+            self.backward[stage + 1] = sin * f + cos * g;
+            f = cos * f - sin * g;
+        }
+        self.backward[0] = f;
+        f
+    }
+}
+
+/// The difference of a signal from its reference.
+#[derive(Default)]
+pub struct Deviation {
+    signal: f64,
+    error: f64,
+    actual: f64,
+}
+
+impl Deviation {
+    /// One sample of both.
+    pub fn add(&mut self, reference: f64, actual: f64) {
+        self.signal += reference * reference;
+        self.actual += actual * actual;
+        self.error += (actual - reference).powi(2);
+    }
+
+    /// Signal to noise ratio, dB.
+    pub fn snr_db(&self) -> f64 {
+        10.0 * (self.signal / self.error).log10()
+    }
+
+    /// Level over the reference's, dB.
+    pub fn level_db(&self) -> f64 {
+        10.0 * (self.actual / self.signal).log10()
+    }
+}
+
+/// The mean of a correlated signal, and its standard error from the scatter of the means of batches.
+pub struct Mean {
+    batch: usize,
+    sum: f64,
+    in_batch: usize,
+    means: Vec<f64>,
+}
+
+impl Mean {
+    /// Batches that a signal is divided into.
+    const BATCHES: usize = 64;
+
+    /// For a signal of `samples` samples.
+    pub fn of(samples: usize) -> Self {
+        Self {
+            batch: (samples / Self::BATCHES).max(1),
+            sum: 0.0,
+            in_batch: 0,
+            means: Vec::with_capacity(Self::BATCHES),
+        }
+    }
+
+    /// The next sample.
+    pub fn add(&mut self, sample: f64) {
+        self.sum += sample;
+        self.in_batch += 1;
+        if self.in_batch == self.batch {
+            self.means.push(self.sum / self.batch as f64);
+            (self.sum, self.in_batch) = (0.0, 0);
+        }
+    }
+
+    /// The mean's magnitude in standard errors; zero of silence.
+    pub fn in_standard_errors(&self) -> f64 {
+        let count = self.means.len() as f64;
+        let mean = self.means.iter().sum::<f64>() / count;
+        let scatter: f64 = self.means.iter().map(|batch| (batch - mean).powi(2)).sum();
+        let error = (scatter / (count - 1.0) / count).sqrt();
+        if error > 0.0 { mean.abs() / error } else { 0.0 }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use test_helpers::noise;
+
+    #[test]
+    fn a_mean_that_is_not_zero_is_seen_and_one_that_is_is_not() {
+        let errors = |offset: f64| {
+            let mut mean = Mean::of(64_000);
+            noise(3, 64_000).iter().for_each(|x| mean.add(x + offset));
+            mean.in_standard_errors()
+        };
+        // The standard error is 1/253.
+        assert!(errors(0.0) < 4.0);
+        assert!((6.0..14.0).contains(&errors(0.04)), "{}", errors(0.04));
+    }
+}

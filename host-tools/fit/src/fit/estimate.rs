@@ -1,0 +1,349 @@
+//! The estimate of a recording's autocorrelation.
+//!
+//! A rectangular window uses every sample alike and has the finest resolution, but a strong band leaks into weak ones,
+//! because the recording begins and ends in mid-air. Tapered ends leak next to nothing and weigh a tenth of a second
+//! less. The leakage is measured, and the ends are tapered where it matters.
+
+use std::sync::LazyLock;
+
+use model_format::SAMPLE_RATE_HZ;
+use serde::{Deserialize, Serialize};
+
+use crate::dsp::autocorrelation::{Autocorrelation, Tapered};
+use crate::dsp::high_pass::lowest_hz;
+use crate::dsp::log_spectrum::{BINS, FINE_BINS, density_of_model};
+use crate::dsp::model::Model;
+use crate::dsp::sums::{extremes, sum};
+
+/// Leakage in any third-octave band above which the ends are tapered, dB.
+const TOLERABLE_LEAKAGE_DB: f64 = 1.0;
+
+/// Statistics of a recording that a model is fitted to and checked by.
+pub(super) struct Estimate {
+    /// Autocorrelation from lag 0 on, (m/s²)²; lag 0 is the recording's power.
+    pub lags: Vec<f64>,
+    /// Third-octave bands of the recording with tapered ends.
+    pub bands: Bands,
+}
+
+/// Estimates the autocorrelation of `signal` at `rate_hz`, which was filtered at `cut_hz`, if at all; `plain` is its
+/// plain autocorrelation.
+pub(super) fn estimate(
+    rate_hz: u32,
+    signal: &[f64],
+    plain: Autocorrelation,
+    cut_hz: Option<f64>,
+) -> Estimate {
+    let rate_hz = f64::from(rate_hz);
+    let tapered = Tapered::of(signal, plain.lags.len() - 1);
+    if let Some(cut_hz) = cut_hz {
+        // The filter has taken what leaks.
+        let filled = tapered.into_autocorrelation();
+        let filled = filled.filled_below(lowest_hz(cut_hz), rate_hz);
+        return Estimate {
+            bands: Bands::of_density(&filled.power, filled.lags[0], rate_hz),
+            lags: filled.lags,
+        };
+    }
+    let power = plain.lags[0];
+    let bands = Bands::of_density(&tapered.power(), power, rate_hz);
+    let with_leakage = Bands::of_density(&plain.power, power, rate_hz);
+    let lags = if bands.largest_excess_db(&with_leakage, signal.len()) > TOLERABLE_LEAKAGE_DB {
+        tapered.into_autocorrelation().lags
+    } else {
+        plain.lags
+    };
+    Estimate { lags, bands }
+}
+
+/// Estimates the autocorrelation of the `parts` of a signal at `rate_hz`, up to `max_lag`: the mean of theirs, each
+/// weighed by its length.
+pub(super) fn estimate_of(
+    rate_hz: u32,
+    parts: &[&[f64]],
+    max_lag: usize,
+    cut_hz: Option<f64>,
+) -> Estimate {
+    let samples: usize = parts.iter().map(|part| part.len()).sum();
+    let of_part = |part: &&[f64]| {
+        let weight = part.len() as f64 / samples.max(1) as f64;
+        (
+            weight,
+            estimate(rate_hz, part, Autocorrelation::of(part, max_lag), cut_hz),
+        )
+    };
+    let estimates: Vec<(f64, Estimate)> = parts.iter().map(of_part).collect();
+    let lags = estimates
+        .iter()
+        .map(|(weight, estimate)| (*weight, &estimate.lags[..]));
+    Estimate {
+        lags: pooled_lags(lags),
+        bands: Bands::mean(
+            estimates
+                .iter()
+                .map(|(weight, estimate)| (*weight, &estimate.bands)),
+        ),
+    }
+}
+
+/// The weighted mean of autocorrelations, as far as the longest goes; the weights add up to one.
+pub(super) fn pooled_lags<'a>(terms: impl Iterator<Item = (f64, &'a [f64])>) -> Vec<f64> {
+    let mut pooled = Vec::new();
+    for (weight, lags) in terms {
+        if pooled.len() < lags.len() {
+            pooled.resize(lags.len(), 0.0);
+        }
+        for (sum, lag) in pooled.iter_mut().zip(lags) {
+            *sum += weight * lag;
+        }
+    }
+    pooled
+}
+
+/// Number of bands, from 4 Hz to 2 kHz: those of the hand's motion that the tool's lowest mode leaks into, and up to
+/// the last whole one below half the models' sample rate.
+pub(super) const COUNT: usize = 28;
+
+/// Exponent of the lowest band's centre, 10^(6/10) Hz: base ten of IEC 61260-1.
+const LOWEST: f64 = 6.0;
+
+/// Bands further below the strongest one are not felt beside it.
+const AUDIBLE_SHARE: f64 = 1e-5;
+
+/// Least product of a band's width and the recording's length. Below it, the scatter of the band's own power exceeds
+/// 1.5 dB, and nothing can be said.
+const LEAST_DEGREES: f64 = 9.0;
+
+/// Power in each band, in (signal's unit)².
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Bands {
+    powers: [f64; COUNT],
+    /// Sample rate of the signal, Hz.
+    rate_hz: f64,
+}
+
+/// A band with a level, in dB.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct BandLevel {
+    /// Centre of the band, Hz.
+    pub centre_hz: f64,
+    /// Level, dB.
+    pub level_db: f64,
+}
+
+impl Bands {
+    /// Bands of a spectrum of total power `power`, from its density in any unit at evenly spaced frequencies from 0 Hz
+    /// to half of `rate_hz`, the sample rate.
+    pub(super) fn of_density(density: &[f64], power: f64, rate_hz: f64) -> Self {
+        let last = density.len() - 1;
+        let step_hz = rate_hz / 2.0 / last as f64;
+        // The bins at both ends are half as wide as the others.
+        let total = density.iter().sum::<f64>() - 0.5 * (density[0] + density[last]);
+        let scale = if total > 0.0 { power / total } else { 0.0 };
+        let powers = std::array::from_fn(|band| {
+            let (low, high) = edges_hz(band);
+            let (low, high) = (low / step_hz, high / step_hz);
+            let (first, end) = (low.round() as usize, (high.round() as usize).min(last));
+            let part = |bin: usize| {
+                let share = (bin as f64 + 0.5).min(high) - (bin as f64 - 0.5).max(low);
+                density[bin] * share.max(0.0)
+            };
+            if first >= end {
+                return scale * (first..=end).map(part).sum::<f64>();
+            }
+            // All but the bins at both ends count in full.
+            let inner = density[first + 1..end].iter();
+            scale * (inner.fold(part(first), |sum, bin| sum + bin) + part(end))
+        });
+        Self { powers, rate_hz }
+    }
+
+    /// Bands of the output of `model` at `rate_hz`, which must not be silent. `bins` frequencies resolve it.
+    fn of_model(model: &Model, bins: usize, rate_hz: f64) -> Self {
+        let mut density = density_of_model(model, bins);
+        // The bins at both ends are half as wide as the others.
+        let total = sum(&density) - 0.5 * (density[0] + density[bins - 1]);
+        // A line narrower than the step of frequencies has too little power in the sum if it lies between two of them,
+        // and too much if it lies on one. The model's power is known, and what is amiss belongs to the strongest one.
+        let amiss = model.output_power * (bins - 1) as f64 - total;
+        let (_, most) = extremes(&density);
+        if let Some(strongest) = density.iter_mut().rfind(|bin| **bin >= most) {
+            *strongest = (*strongest + amiss).max(0.0);
+        }
+        Self::of_density(&density, model.output_power, rate_hz)
+    }
+
+    /// Returns the weighted mean of bands of one rate; the weights add up to one.
+    pub(super) fn mean<'a>(terms: impl IntoIterator<Item = (f64, &'a Self)>) -> Self {
+        let mut mean = Self {
+            powers: [0.0; COUNT],
+            rate_hz: f64::from(SAMPLE_RATE_HZ),
+        };
+        for (weight, bands) in terms {
+            mean.rate_hz = bands.rate_hz;
+            for (sum, power) in mean.powers.iter_mut().zip(&bands.powers) {
+                *sum += weight * power;
+            }
+        }
+        mean
+    }
+
+    /// Centre, Hz, and level, dB, of each band that has power and that a recording of `samples` samples knows.
+    pub(super) fn known_db(&self, samples: usize) -> Vec<(f64, f64)> {
+        let duration_s = samples as f64 / self.rate_hz;
+        let known = (0..COUNT).filter(|&band| {
+            let (low, high) = edges_hz(band);
+            (high - low) * duration_s >= LEAST_DEGREES && self.powers[band] > 0.0
+        });
+        known
+            .map(|band| (centre_hz(band), 10.0 * self.powers[band].log10()))
+            .collect()
+    }
+
+    /// Returns the level of `other` over this one in each band that is within 50 dB of this one's strongest, and that
+    /// a recording of `samples` samples knows, with the standard deviation of the band's own level in dB.
+    fn levels_db<'a>(
+        &'a self,
+        other: &'a Self,
+        samples: usize,
+    ) -> impl Iterator<Item = (BandLevel, f64)> + 'a {
+        let strongest = self.powers.iter().copied().fold(0.0, f64::max);
+        let duration_s = samples as f64 / self.rate_hz;
+        (0..COUNT).filter_map(move |band| {
+            let (low, high) = edges_hz(band);
+            let degrees = (high - low) * duration_s;
+            let known = degrees >= LEAST_DEGREES && self.powers[band] > AUDIBLE_SHARE * strongest;
+            let level_db = 10.0 * (other.powers[band] / self.powers[band]).log10();
+            let level = BandLevel {
+                centre_hz: centre_hz(band),
+                level_db,
+            };
+            known.then(|| (level, 10.0 / std::f64::consts::LN_10 / degrees.sqrt()))
+        })
+    }
+
+    /// Returns the largest level of `other` over this one in any band, in dB; zero if no band is known.
+    pub(super) fn largest_excess_db(&self, other: &Self, samples: usize) -> f64 {
+        // Bands count that are strong in either.
+        let levels = other.levels_db(self, samples);
+        levels.map(|(level, _)| -level.level_db).fold(0.0, f64::max)
+    }
+
+    /// Returns the band of `model` that is furthest from this recording's, of those that are more than `limit_db` and
+    /// two standard deviations of the recording's own level away.
+    pub(super) fn missed_by(
+        &self,
+        model: &Model,
+        samples: usize,
+        limit_db: f64,
+    ) -> Option<BandLevel> {
+        let at = |bins: usize| {
+            let bands = Self::of_model(model, bins, self.rate_hz);
+            let missed = self
+                .levels_db(&bands, samples)
+                .filter(|(level, deviation_db)| {
+                    level.level_db.abs() > limit_db + 2.0 * deviation_db
+                })
+                .map(|(level, _)| level);
+            missed.max_by(|a, b| a.level_db.abs().total_cmp(&b.level_db.abs()))
+        };
+        // Few frequencies miss a narrow resonance, which many of them hold: only a suspicion is worth the time.
+        at(BINS).and_then(|_| at(FINE_BINS))
+    }
+}
+
+fn centre_hz(band: usize) -> f64 {
+    10f64.powf((LOWEST + band as f64) / 10.0)
+}
+
+fn edges_hz(band: usize) -> (f64, f64) {
+    static EDGES_HZ: LazyLock<[(f64, f64); COUNT]> = LazyLock::new(|| {
+        std::array::from_fn(|band| {
+            let centre = LOWEST + band as f64;
+            (
+                10f64.powf((centre - 0.5) / 10.0),
+                10f64.powf((centre + 0.5) / 10.0),
+            )
+        })
+    });
+    EDGES_HZ[band]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use test_helpers::noise;
+
+    fn chosen(signal: &[f64]) -> [Vec<f64>; 3] {
+        let plain = Autocorrelation::of(signal, 400);
+        let tapered = Tapered::of(signal, 400).into_autocorrelation();
+        let rectangular = plain.lags.clone();
+        [
+            estimate(SAMPLE_RATE_HZ, signal, plain, None).lags,
+            rectangular,
+            tapered.lags,
+        ]
+    }
+
+    #[test]
+    fn ends_are_tapered_where_a_strong_band_leaks_and_nowhere_else() {
+        let white: Vec<f64> = noise(1, 20_000);
+        let [auto, rectangular, tapered] = chosen(&white);
+        assert_eq!(auto, rectangular);
+        assert_ne!(auto, tapered);
+        // Integrated twice, noise falls by 12 dB per octave, and a rectangular window leaks 6 dB per octave.
+        let (mut velocity, mut place) = (0.0, 0.0);
+        let steep: Vec<f64> = white
+            .iter()
+            .map(|x| {
+                velocity = 0.999 * velocity + x;
+                place = 0.999 * place + velocity;
+                place
+            })
+            .collect();
+        let [auto, rectangular, tapered] = chosen(&steep);
+        assert_eq!(auto, tapered);
+        assert_ne!(auto, rectangular);
+        assert!((auto[0] / rectangular[0] - 1.0).abs() < 1e-9);
+    }
+
+    fn model(radius: f64, frequency_hz: f64) -> Model {
+        let angle = std::f64::consts::TAU * frequency_hz / f64::from(SAMPLE_RATE_HZ);
+        let k2 = radius * radius;
+        Model::new(vec![-2.0 * radius * angle.cos() / (1.0 + k2), k2], 3.0)
+    }
+
+    #[test]
+    fn white_noise_has_power_in_proportion_to_a_bands_width() {
+        let bands = Bands::of_density(&vec![7.0; 10_001], 2500.0, f64::from(SAMPLE_RATE_HZ));
+        for (band, power) in bands.powers.iter().enumerate() {
+            let (low, high) = edges_hz(band);
+            assert!((power / (high - low) - 1.0).abs() < 1e-9, "{band}: {power}");
+        }
+        let (low, high) = (edges_hz(0).0, edges_hz(COUNT - 1).1);
+        assert!(low < 3.6 && high > 2200.0 && high < 2500.0);
+    }
+
+    #[test]
+    fn a_model_misses_no_band_of_itself_and_those_of_another_by_name() {
+        // Sixty seconds, so that the lowest band is known.
+        let recording = Bands::of_model(&model(0.98, 50.0), FINE_BINS, f64::from(SAMPLE_RATE_HZ));
+        let missed = |m: &Model| recording.missed_by(m, 300_000, 3.0);
+        assert_eq!(missed(&model(0.98, 50.0)), None);
+        let level = missed(&model(0.98, 100.0)).unwrap();
+        assert!(level.level_db.abs() > 6.0, "{level:?}");
+        // A tenth of a second knows no band that low, and most of the others badly.
+        assert_eq!(
+            recording.missed_by(&model(0.97, 50.0), 500, 3.0),
+            None,
+            "nothing is known of a short recording"
+        );
+    }
+
+    #[test]
+    fn a_narrow_resonance_between_two_frequencies_is_no_miss() {
+        let narrow = model(0.99999, 200.23);
+        let recording = Bands::of_model(&narrow, 10 * FINE_BINS, f64::from(SAMPLE_RATE_HZ));
+        assert_eq!(recording.missed_by(&narrow, 300_000, 3.0), None);
+    }
+}

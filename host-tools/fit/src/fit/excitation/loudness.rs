@@ -1,0 +1,349 @@
+//! Loudness of an excitation where it is heard: behind a node's filter, in the loudest windows of 1, 5 and 50 ms.
+//!
+//! A residual may have a moment that is far louder than the signal's: that of a click, of a sensor's slip or of a step
+//! has much power where the filter passes little, and the filter takes it back sample by sample. A level, or a piece of
+//! it in another place, keeps the power alone and would sound at its full level. So what counts is the power that the
+//! filter is expected to make of the residual's, if its samples have independent signs: the power of each millisecond
+//! rings on as the square of the filter's impulse response. A residual is limited until its loudest windows are no
+//! louder than those of the recordings.
+
+use std::ops::Range;
+
+use realfft::num_complex::Complex;
+
+use super::power::{local_rms, mean_square};
+use crate::dsp::linear_prediction::{error_share, step_up};
+use crate::dsp::sums::{dot, sliding};
+use crate::dsp::with_planner;
+
+/// Samples of a millisecond.
+const MILLISECOND: usize = model_format::SAMPLE_RATE_HZ as usize / 1000;
+
+/// Windows whose loudest counts, ms.
+const WINDOWS_MS: [usize; 3] = [1, 5, 50];
+
+/// Milliseconds that a filter's ringing is followed for. What is left then is as good as steady.
+const RINGING_MS: usize = 100;
+
+/// Width of the Hann window of a level that is limited, samples: 5 ms at half height.
+const SMOOTHING: usize = 50;
+
+/// Of so many recordings one may be wrong.
+const WRONG: usize = 8;
+
+/// RMS of a signal's loudest windows of 1, 5 and 50 ms, in units of the whole signal's RMS.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Loudest(pub [f64; WINDOWS_MS.len()]);
+
+impl Loudest {
+    /// The loudest windows of `samples`, without those in `flaws`. All are 0 in silence.
+    pub fn of(samples: &[f64], flaws: &[Range<usize>]) -> Self {
+        let clean = clean_milliseconds(samples.len(), flaws);
+        let all = powers(samples).into_iter().zip(clean);
+        let powers: Vec<f64> = all
+            .filter(|(_, clean)| *clean)
+            .map(|(power, _)| power)
+            .collect();
+        Self::of_powers(&powers, mean(&powers))
+    }
+
+    /// The loudest windows of a signal with these mean squares of each millisecond, in units of the root of `power`.
+    fn of_powers(powers: &[f64], power: f64) -> Self {
+        Self(WINDOWS_MS.map(|window| {
+            let window = window.min(powers.len()).max(1);
+            let first: f64 = powers.iter().take(window).sum();
+            let pairs = powers.iter().skip(window).zip(powers);
+            let sums = pairs.scan(first, |sum, (next, last)| {
+                *sum += next - last;
+                Some(*sum)
+            });
+            let loudest = sums.fold(first, f64::max) / window as f64;
+            if power > 0.0 {
+                (loudest / power).sqrt()
+            } else {
+                0.0
+            }
+        }))
+    }
+
+    /// The loudest windows of an `excitation` behind a filter with these reflection coefficients, in units of what a
+    /// mean square of 1 becomes there. The excitation is taken as a circle.
+    pub fn behind(excitation: &[f64], reflection: &[f64]) -> Self {
+        let heard = filtered(excitation, &step_up(reflection));
+        Self::of_powers(&powers(&heard), 1.0 / error_share(reflection))
+    }
+
+    /// The loudness that seven eighths of `signals` reach, and all but one of fewer, so that an event of one is not
+    /// that of others.
+    pub fn of_most(signals: &[Self]) -> Option<Self> {
+        let few = signals.len().div_ceil(WRONG).min(signals.len() / 2);
+        Self::at_rank(signals, signals.len().checked_sub(1 + few)?)
+    }
+
+    /// The loudness that all of `signals` reach but the calmest eighth.
+    pub fn of_least(signals: &[Self]) -> Option<Self> {
+        Self::at_rank(signals, signals.len().saturating_sub(1) / WRONG)
+    }
+
+    fn at_rank(signals: &[Self], rank: usize) -> Option<Self> {
+        let window = |index: usize| {
+            let mut values: Vec<f64> = signals.iter().map(|signal| signal.0[index]).collect();
+            values.sort_by(f64::total_cmp);
+            values.get(rank).copied()
+        };
+        Some(Self([window(0)?, window(1)?, window(2)?]))
+    }
+
+    /// Each window `factor` times as loud.
+    pub fn times(self, factor: f64) -> Self {
+        Self(self.0.map(|level| factor * level))
+    }
+
+    /// The windows that `of` takes of both: `f64::min` or `f64::max`.
+    pub fn with(self, other: Self, of: fn(f64, f64) -> f64) -> Self {
+        Self(std::array::from_fn(|n| of(self.0[n], other.0[n])))
+    }
+
+    /// Largest ratio of a window to that of `other`.
+    pub fn over(self, other: Self) -> f64 {
+        let ratios = self.0.into_iter().zip(other.0);
+        let ratios = ratios.map(|(own, other)| own / other.max(f64::MIN_POSITIVE));
+        ratios.fold(0.0, f64::max)
+    }
+}
+
+/// The power that a filter makes of an excitation's, millisecond by millisecond.
+pub(super) struct Ringing {
+    /// Share of an impulse's power that is heard in each millisecond after it, the last one first.
+    shares: Vec<f64>,
+    /// Share that is heard later.
+    later: f64,
+}
+
+impl Ringing {
+    /// The ringing of a filter with these `reflection` coefficients.
+    pub fn of(reflection: &[f64]) -> Self {
+        let newest_last: Vec<f64> = step_up(reflection).into_iter().rev().collect();
+        let order = newest_last.len();
+        let mut response = vec![0.0; order];
+        for n in 0..RINGING_MS * MILLISECOND {
+            let impulse = if n == 0 { 1.0 } else { 0.0 };
+            response.push(impulse - dot(&response[n..], &newest_last));
+        }
+        let unit = error_share(reflection) * MILLISECOND as f64;
+        let mut shares = powers(&response[order..]);
+        shares.iter_mut().for_each(|power| *power *= unit);
+        shares.reverse();
+        Self {
+            later: (1.0 - shares.iter().sum::<f64>()).max(0.0),
+            shares,
+        }
+    }
+
+    /// The loudest windows that are heard of a residual with these mean squares of each millisecond and this mean.
+    fn loudest(&self, powers: &[f64], mean: f64) -> Loudest {
+        let mut before = vec![0.0; self.shares.len() - 1];
+        before.extend_from_slice(powers);
+        let mut heard = sliding(&before, &self.shares);
+        heard
+            .iter_mut()
+            .for_each(|power| *power += self.later * mean);
+        Loudest::of_powers(&heard, mean)
+    }
+
+    /// Gains of the samples of `residual`, those in `flaws` aside, that limit its level to the highest with which its
+    /// loudest windows are heard no louder than `most`, or to its median. `None` if they are not louder as it is.
+    pub fn limit(
+        &self,
+        residual: &[f64],
+        flaws: &[Range<usize>],
+        most: Loudest,
+    ) -> Option<Vec<f64>> {
+        /// Halvings of the range that the level is sought in.
+        const HALVINGS: usize = 12;
+        let clean = clean_milliseconds(residual.len(), flaws);
+        let count = clean.iter().filter(|clean| **clean).count().max(1);
+        let heard = |residual: &[f64]| {
+            let all = powers(residual).into_iter().zip(&clean);
+            let powers: Vec<f64> = all
+                .map(|(power, clean)| if *clean { power } else { 0.0 })
+                .collect();
+            let mean = powers.iter().sum::<f64>() / count as f64;
+            self.loudest(&powers, mean).over(most)
+        };
+        if heard(residual) <= 1.0 {
+            return None;
+        }
+        let levels = local_rms(residual, SMOOTHING);
+        let gains = |limit: f64| -> Vec<f64> {
+            levels
+                .iter()
+                .map(|level| (limit / level).min(1.0))
+                .collect()
+        };
+        let limited = |limit: f64| heard(&product(residual, &gains(limit)));
+        let mut sorted = levels.clone();
+        sorted.sort_by(f64::total_cmp);
+        let (mut low, mut high) = (sorted[sorted.len() / 2].ln(), sorted[sorted.len() - 1].ln());
+        for _ in 0..HALVINGS {
+            let middle = f64::midpoint(low, high);
+            if limited(middle.exp()) <= 1.0 {
+                low = middle;
+            } else {
+                high = middle;
+            }
+        }
+        Some(gains(low.exp()))
+    }
+}
+
+/// The products of `samples` and `gains`.
+pub(super) fn product(samples: &[f64], gains: &[f64]) -> Vec<f64> {
+    samples
+        .iter()
+        .zip(gains)
+        .map(|(x, gain)| x * gain)
+        .collect()
+}
+
+/// Mean squares of each whole millisecond of `samples`.
+fn powers(samples: &[f64]) -> Vec<f64> {
+    samples.chunks_exact(MILLISECOND).map(mean_square).collect()
+}
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len().max(1) as f64
+}
+
+/// For each whole millisecond of so many samples: true if it is without `flaws`.
+fn clean_milliseconds(samples: usize, flaws: &[Range<usize>]) -> Vec<bool> {
+    let mut clean = vec![true; samples / MILLISECOND];
+    for flaw in flaws {
+        let end = flaw.end.div_ceil(MILLISECOND).min(clean.len());
+        clean[(flaw.start / MILLISECOND).min(end)..end].fill(false);
+    }
+    clean
+}
+
+/// `excitation`, as a circle, behind the all-pole filter of a predictor.
+pub(super) fn filtered(excitation: &[f64], predictor: &[f64]) -> Vec<f64> {
+    let count = excitation.len();
+    let transforms = with_planner(|planner| {
+        (
+            planner.plan_fft_forward(count),
+            planner.plan_fft_inverse(count),
+        )
+    });
+    let (forward, inverse) = transforms;
+    let transform = |mut signal: Vec<f64>| -> Vec<Complex<f64>> {
+        let mut spectrum = forward.make_output_vec();
+        forward
+            .process(&mut signal, &mut spectrum)
+            .expect("lengths come from the plan");
+        spectrum
+    };
+    let mut whitening = vec![0.0; count];
+    whitening[0] = 1.0;
+    whitening[1..=predictor.len()].copy_from_slice(predictor);
+    let mut spectrum = transform(excitation.to_vec());
+    for (bin, whitening) in spectrum.iter_mut().zip(transform(whitening)) {
+        *bin /= whitening * count as f64;
+    }
+    // The imaginary parts that these have by round-off are not those of a real signal.
+    spectrum[0].im = 0.0;
+    spectrum[count / 2].im = 0.0;
+    let mut heard = inverse.make_output_vec();
+    inverse
+        .process(&mut spectrum, &mut heard)
+        .expect("lengths come from the plan");
+    heard
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use test_helpers::{near, noise};
+
+    /// Poles at 200 Hz that ring for some milliseconds.
+    const REFLECTION: [f64; 2] = [-0.95, 0.9];
+
+    #[test]
+    fn the_loudest_windows_are_found_and_flaws_are_none() {
+        let mut signal = vec![0.0; 5000];
+        signal[1000..1250].fill(1.0);
+        signal[2000..2025].fill(2.0);
+        let rms = ((250.0 + 100.0) / 5000.0f64).sqrt();
+        let found = Loudest::of(&signal, &[]).0;
+        for (found, expected) in found.into_iter().zip([2.0, 2.0, 1.0]) {
+            near(found * rms, expected, 1e-9);
+        }
+        let flaw: Vec<Range<usize>> = std::iter::once(2000..2025).collect();
+        let found = Loudest::of(&signal, &flaw).0;
+        near(found[0], found[2], 1e-9);
+        assert_eq!(Loudest::of(&[0.0; 500], &[]), Loudest([0.0; 3]));
+    }
+
+    #[test]
+    fn one_loud_recording_of_eight_is_not_what_most_reach_and_a_calm_one_of_nine_not_what_all_do() {
+        let all: Vec<Loudest> = (1..=8).map(|n| Loudest([f64::from(n); 3])).collect();
+        assert_eq!(Loudest::of_most(&all), Some(Loudest([7.0; 3])));
+        assert_eq!(Loudest::of_most(&all[..2]), Some(Loudest([1.0; 3])));
+        assert_eq!(Loudest::of_most(&all[2..3]), Some(Loudest([3.0; 3])));
+        assert_eq!(Loudest::of_least(&all), Some(Loudest([1.0; 3])));
+        let nine = [&all[..], &all[7..]].concat();
+        assert_eq!(Loudest::of_least(&nine), Some(Loudest([2.0; 3])));
+        assert_eq!(
+            (Loudest::of_most(&[]), Loudest::of_least(&[])),
+            (None, None)
+        );
+    }
+
+    /// Noise behind a filter, by the filter's own recursion.
+    #[test]
+    fn noise_behind_a_filter_has_the_loudness_that_the_recursion_gives_it() {
+        let excitation = noise(1, 1 << 14);
+        let a = step_up(&REFLECTION);
+        let mut heard = vec![0.0; 2];
+        for (n, x) in excitation.iter().enumerate() {
+            heard.push(x - a[0] * heard[n + 1] - a[1] * heard[n]);
+        }
+        let expected = Loudest::of(&heard[2..], &[]);
+        let found = Loudest::behind(&excitation, &REFLECTION);
+        for (found, expected) in found.0.into_iter().zip(expected.0) {
+            assert!((found / expected - 1.0).abs() < 0.05, "{found} {expected}");
+        }
+    }
+
+    #[test]
+    fn a_filters_ringing_has_all_of_an_impulses_power() {
+        let ringing = Ringing::of(&REFLECTION);
+        let heard: f64 = ringing.shares.iter().sum();
+        assert!(
+            ringing.later < 1e-6 && (heard - 1.0).abs() < 1e-6,
+            "{heard}"
+        );
+        assert!(ringing.shares[RINGING_MS - 1] < 0.9, "it rings");
+        assert_eq!(Ringing::of(&[]).shares[RINGING_MS - 1], 1.0);
+    }
+
+    #[test]
+    fn a_burst_is_limited_to_the_loudness_allowed_and_nothing_else_is() {
+        let mut residual = noise(2, 20_000);
+        let ringing = Ringing::of(&REFLECTION);
+        let most = Loudest([3.0, 2.2, 1.4]);
+        assert_eq!(ringing.limit(&residual, &[], most), None);
+        residual[9000..9020].iter_mut().for_each(|x| *x *= 100.0);
+        let gains = ringing.limit(&residual, &[], most).unwrap();
+        let limited = product(&residual, &gains);
+        assert_eq!(ringing.limit(&limited, &[], most), None);
+        let touched = gains.iter().filter(|gain| **gain < 0.9).count();
+        assert!(
+            gains[9010] < 0.1 && touched < 400,
+            "{} {touched}",
+            gains[9010]
+        );
+        // In a flaw it is not heard.
+        let flaw: Vec<Range<usize>> = std::iter::once(8900..9100).collect();
+        assert_eq!(ringing.limit(&residual, &flaw, most), None);
+    }
+}

@@ -1,0 +1,448 @@
+//! Properties of the whole choice, from recordings to the parts of a texture.
+
+use std::path::Path;
+
+use model_format::{Library, MillimetresPerSecond, Newton, SAMPLE_RATE_HZ, limits};
+use proptest::prelude::*;
+
+use super::evidence::KURTOSIS_SAMPLES;
+use super::power::mean_square;
+use super::texture::{Axes, Choice, Chosen};
+use super::trace::Trace;
+use crate::dsp::autocorrelation::Autocorrelation;
+use crate::dsp::linear_prediction::{Prediction, corrected};
+use crate::dsp::model::Model;
+use crate::fit::excitation::texture::ExcitationReport;
+use crate::fit::options::{ExcitationChoice, ModulationChoice, Options, Order};
+use crate::fit::trial::Signal;
+use crate::fit::{Fit, fit};
+use crate::playing::motion::MotionPath;
+use crate::playing::render::render;
+use crate::recording::{RecordingSet, Trial, resample};
+use crate::scene::with_scenes;
+use crate::support::float_wav::float_wav;
+use crate::texture::grid::Grid;
+use crate::texture::quantise::nodes;
+use test_helpers::noise;
+
+/// Noise of an RMS of 1 with a power spectrum of a surface: two resonances, one of them narrow.
+pub(super) fn filtered(excitation: &[f64], hz: f64) -> Vec<f64> {
+    let resonator = |input: &[f64], hz: f64, radius: f64| -> Vec<f64> {
+        let angle = std::f64::consts::TAU * hz / f64::from(SAMPLE_RATE_HZ);
+        let (mut last, mut before) = (0.0, 0.0);
+        let step = |x: &f64| {
+            let y = x + 2.0 * radius * angle.cos() * last - radius * radius * before;
+            (before, last) = (last, y);
+            y
+        };
+        input.iter().map(step).collect()
+    };
+    let signal = resonator(&resonator(excitation, hz, 0.9), 3.0 * hz, 0.98);
+    let rms = mean_square(&signal).sqrt();
+    signal.iter().map(|x| x / rms).collect()
+}
+
+/// Noise with heavy tails and a steady level: the product of a Gaussian and its magnitude.
+pub(super) fn impulsive(seed: u64, samples: usize) -> Vec<f64> {
+    noise(seed, samples).iter().map(|x| x * x.abs()).collect()
+}
+
+/// Gaussian noise whose level goes up and down by `depth_db`, every 1.5 s.
+pub(super) fn swelling(seed: u64, samples: usize, depth_db: f64) -> Vec<f64> {
+    let level = |n: usize| {
+        let angle = std::f64::consts::TAU * n as f64 / 7500.0;
+        10f64.powf(depth_db / 20.0 * angle.sin())
+    };
+    noise(seed, samples)
+        .iter()
+        .enumerate()
+        .map(|(n, x)| x * level(n))
+        .collect()
+}
+
+fn trace(samples: &[f64], order: usize) -> Trace {
+    trace_of_rate(samples, order, 5000.0)
+}
+
+fn trace_of_rate(samples: &[f64], order: usize, source_rate_hz: f64) -> Trace {
+    let lags = corrected(Autocorrelation::of(samples, order).lags);
+    let model = Model::new(
+        Prediction::levinson_durbin(&lags, order).reflection,
+        lags[0],
+    );
+    let grid = Grid::new(vec![100.0], vec![1.0], vec![model]);
+    let node = nodes("test", &grid).unwrap().remove(0);
+    let signal = Signal {
+        samples: samples.to_vec(),
+        source_rate_hz,
+        cut_hz: None,
+        flaws: Vec::new(),
+    };
+    Trace::of(&signal, (0, 0), &node.codes, &[]).unwrap()
+}
+
+/// The choice for a grid of these speeds and forces.
+fn choice<'a>(speeds_mm_s: &'a [f32], forces_n: &'a [f32], options: &'a Options) -> Choice<'a> {
+    Choice {
+        name: "test",
+        axes: Axes {
+            speeds_mm_s,
+            forces_n,
+        },
+        options,
+        room: limits::MAX_LIBRARY_BYTES,
+    }
+}
+
+fn chosen(trace: Trace, options: &Options) -> Chosen {
+    choice(&[100.0], &[1.0], options).made(&[trace])
+}
+
+/// Returns whether automatic choice takes a codebook, and a track.
+fn automatic(samples: &[f64]) -> (bool, bool) {
+    let Chosen { parts, .. } = chosen(trace(samples, 40), &Options::default());
+    (parts.excitation.is_some(), parts.modulation.is_some())
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 12, ..ProptestConfig::default() })]
+
+    /// Recordings of 2 to 5 s, with one resonance or another.
+    #[test]
+    fn gaussian_textures_get_neither(seed: u64, samples in 10_000usize..25_000, hz in 40.0f64..600.0) {
+        let signal = filtered(&noise(seed, samples), hz);
+        prop_assert_eq!(automatic(&signal), (false, false));
+    }
+
+    #[test]
+    fn impulsive_textures_of_steady_level_get_a_codebook_alone(seed: u64, hz in 40.0f64..600.0) {
+        let signal = filtered(&impulsive(seed, 20_000), hz);
+        prop_assert_eq!(automatic(&signal), (true, false));
+    }
+
+    #[test]
+    fn gaussian_textures_of_changing_level_get_a_track_alone(seed: u64, hz in 40.0f64..600.0) {
+        let signal = filtered(&swelling(seed, 20_000, 6.0), hz);
+        let Chosen { parts, report, .. } = chosen(trace(&signal, 40), &Options::default());
+        let judged = report.moments.expect("both can be made");
+        prop_assert!(!judged.is_for_moments(false), "{:?}", judged);
+        prop_assert_eq!((parts.excitation.is_some(), parts.modulation.is_some()), (false, true));
+    }
+
+    /// Noise with louder bursts that have a spectrum of their own.
+    #[test]
+    fn textures_whose_bursts_have_a_spectrum_of_their_own_get_moments(seed: u64) {
+        let (calm, lively) = (noise(seed, 40_000), noise(!seed, 40_000));
+        let burst = |n: usize| n % 1103 < 300 || n % 1777 < 250;
+        let mixed = (0..40_000).map(|n| match n {
+            1.. if burst(n) => 3.0 * (lively[n] + 0.9 * lively[n - 1]),
+            _ => calm[n],
+        });
+        let signal: Vec<f64> = mixed.collect();
+        let Chosen { parts, report, .. } = chosen(trace(&signal, 40), &Options::default());
+        let judged = report.moments.expect("both can be made");
+        prop_assert!(judged.is_for_moments(false), "{:?}", judged);
+        prop_assert!(parts.modulation.is_none());
+        let moments = parts.excitation.and_then(|spec| spec.moment_samples);
+        prop_assert_eq!(moments, Some(5000));
+    }
+}
+
+/// 3200 and 1600 Hz are usual accelerometers': the residual above half the rate is the filter's, and no texture's.
+#[test]
+fn recordings_of_low_rates_get_what_those_of_high_ones_do() {
+    for rate_hz in [1000, 2000, 3200] {
+        for seed in 0..4 {
+            let of = |signal: Vec<f64>| {
+                let low = resample(&[signal], 5000, rate_hz);
+                let samples = resample(&low, rate_hz, 5000).remove(0);
+                let trace = trace_of_rate(&samples, 40, f64::from(rate_hz));
+                let Chosen { parts, .. } = chosen(trace, &Options::default());
+                (parts.excitation.is_some(), parts.modulation.is_some())
+            };
+            let found = [
+                of(filtered(&noise(seed, 20_000), 150.0)),
+                of(filtered(&impulsive(seed, 20_000), 150.0)),
+                of(filtered(&swelling(seed, 20_000, 6.0), 150.0)),
+            ];
+            assert_eq!(found[0], (false, false), "{rate_hz} {seed}");
+            // A band of 425 Hz makes nearly Gaussian noise of these impulses, which four seconds may not tell from it.
+            let is_told = found[1].0 || rate_hz == 1000;
+            assert!(is_told && !found[1].1, "{rate_hz} {seed}");
+            assert!(found[2].0 != found[2].1, "{rate_hz} {seed}");
+        }
+    }
+}
+
+#[test]
+fn what_is_asked_for_needs_no_test_and_what_is_not_stays_out() {
+    let lively: Vec<f64> = impulsive(1, 20_000)
+        .iter()
+        .zip(swelling(2, 20_000, 6.0))
+        .map(|(a, b)| a * b.abs())
+        .collect();
+    for signal in [filtered(&noise(3, 20_000), 100.0), filtered(&lively, 100.0)] {
+        for excitation in [ExcitationChoice::Gaussian, ExcitationChoice::Residual] {
+            for modulation in [ModulationChoice::None, ModulationChoice::Track] {
+                let options = Options {
+                    excitation,
+                    modulation,
+                    ..Options::default()
+                };
+                let Chosen { parts, report, .. } = chosen(trace(&signal, 40), &options);
+                assert_eq!(
+                    parts.excitation.is_some(),
+                    excitation == ExcitationChoice::Residual
+                );
+                assert_eq!(
+                    parts.modulation.is_some(),
+                    modulation == ModulationChoice::Track
+                );
+                let asked =
+                    report.source.contains("as asked for") && report.level.contains("as asked for");
+                assert!(asked, "{report:?}");
+            }
+        }
+    }
+}
+
+/// Peaks of codebook and level together, which the device multiplies, stay in the excitation's range even where two
+/// pieces meet.
+#[test]
+fn the_highest_peak_at_the_highest_level_stays_within_the_excitations_range() {
+    let mut lively = swelling(2, 24_000, 12.0);
+    for (n, x) in lively.iter_mut().enumerate() {
+        *x *= if n % 331 == 0 { 60.0 } else { 1.0 };
+    }
+    let trace = trace(&filtered(&lively, 100.0), 40);
+    let Chosen { parts, report, .. } = chosen(trace, &Options::default());
+    let (excitation, modulation) = (parts.excitation.unwrap(), parts.modulation.unwrap());
+    let peak = excitation
+        .codebooks
+        .iter()
+        .map(|c| f64::from(c.peak))
+        .fold(0.0, f64::max);
+    let level = f64::from(*modulation.entries.iter().max().unwrap()) / 80.0;
+    let highest = peak * 10f64.powf(level) * std::f64::consts::SQRT_2;
+    assert!(highest < 64.0, "{highest}");
+    assert!(report.codebooks[0].cut_samples > 0);
+}
+
+#[test]
+fn regions_that_differ_have_codebooks_of_their_own_and_all_have_room() {
+    let calm = trace(&filtered(&noise(1, 10_000), 100.0), 40);
+    let traces: Vec<Trace> = (0..12)
+        .flat_map(|speed| (0..6).map(move |force| (speed, force)))
+        .map(|at| {
+            let seed = (at.0 * 8 + at.1) as u64;
+            let lively = |power: i32| -> Vec<f64> {
+                let sharpened = noise(seed, 10_000)
+                    .iter()
+                    .map(|x| x.abs().powi(power).copysign(*x))
+                    .collect::<Vec<_>>();
+                filtered(&sharpened, 100.0)
+            };
+            let own = match at.0 {
+                0..4 => calm.clone(),
+                4..8 => trace(&lively(2), 40),
+                _ => trace(&lively(4), 40),
+            };
+            Trace { at, ..own }
+        })
+        .collect();
+    let axis: Vec<f32> = (1..=12).map(|n| 10.0 * n as f32).collect();
+    let options = Options::default();
+    let Chosen { parts, report, .. } = choice(&axis, &axis[..6], &options).made(&traces);
+    let excitation = parts.excitation.unwrap();
+    assert_eq!(excitation.codebooks.len(), 2, "{report:?}");
+    for (node, &source) in excitation.of_nodes.iter().enumerate() {
+        assert_eq!(usize::from(source), node / 6 / 4, "node {node}");
+    }
+    let bytes = excitation
+        .codebooks
+        .iter()
+        .map(|c| c.codes.len() + 7)
+        .sum::<usize>()
+        + 1
+        + 72;
+    assert!(bytes <= limits::MAX_EXCITATION_BYTES, "{bytes}");
+    assert!(excitation.codebooks.iter().all(|c| c.codes.len() == 8000));
+    assert_eq!(report.codebooks[0].speeds_mm_s, [50.0, 80.0]);
+}
+
+fn written(folder: &Path, name: &str, samples: &[f64]) -> Trial {
+    let file = folder.join(format!("{name}.wav"));
+    let bytes = float_wav(1, SAMPLE_RATE_HZ, samples.iter().copied()).unwrap();
+    std::fs::write(&file, bytes).unwrap();
+    Trial::of(file, name, 100.0, 1.0)
+}
+
+fn fitted(name: &str, samples: &[f64], options: &Options) -> (Fit, Vec<u8>) {
+    let folder = tempfile::tempdir().unwrap();
+    let set = RecordingSet {
+        trials: vec![written(folder.path(), name, samples)],
+        is_listed: true,
+    };
+    let fit = fit(&set, options, |_| ()).unwrap();
+    let bytes = fit.library().unwrap();
+    (fit, bytes)
+}
+
+/// RMS of 60 s of the first texture, over that of its node; 0 for silence.
+fn relative_level(bytes: &[u8]) -> f64 {
+    let library = Library::decode(bytes).unwrap();
+    let texture = library.textures().next().unwrap();
+    let power = f64::from(texture.node(0, 0).output_power);
+    let motion = MotionPath::constant(MillimetresPerSecond(100.0), Newton(1.0)).unwrap();
+    let rendered = render(texture, &motion, 60.0, 3).unwrap();
+    assert_eq!(rendered.saturations, 0);
+    let samples = rendered.accelerations_m_s2();
+    let played = mean_square(&samples);
+    if power > 0.0 {
+        (played / power).sqrt()
+    } else {
+        played
+    }
+}
+
+pub(super) fn forced(excitation: ExcitationChoice, modulation: ModulationChoice) -> Options {
+    Options {
+        excitation,
+        modulation,
+        order: Order::Fixed(60),
+        ..Options::default()
+    }
+}
+
+fn account(fit: &Fit) -> &ExcitationReport {
+    fit.textures[0].excitation.as_ref().unwrap()
+}
+
+/// Bad input of all kinds, with nothing and with everything asked for: a library that decodes, at the level of its
+/// model, or silent.
+#[test]
+fn bad_recordings_are_fitted_without_a_fault_and_at_their_level() {
+    let mut impulse = vec![0.0; 12_000];
+    impulse[6000] = 5.0;
+    let mut impulse_in_noise: Vec<f64> = noise(4, 12_000).iter().map(|x| 1e-2 * x).collect();
+    impulse_in_noise[6000] += 5.0;
+    let square: Vec<f64> = (0..12_000)
+        .map(|n| if n / 50 % 2 == 0 { 1.0 } else { -1.0 })
+        .collect();
+    let tone: Vec<f64> = (0..12_000).map(|n| (0.3 * f64::from(n)).sin()).collect();
+    let mut half_silent = filtered(&impulsive(7, 12_000), 90.0);
+    half_silent[..7000].fill(0.0);
+    let cases: [(&str, Vec<f64>); 7] = [
+        ("silence", vec![0.0; 12_000]),
+        ("square", square),
+        ("tone", tone),
+        ("impulse", impulse),
+        ("impulse-in-noise", impulse_in_noise),
+        ("half-silent", half_silent),
+        ("short", filtered(&impulsive(8, 900), 90.0)),
+    ];
+    for (name, samples) in &cases {
+        let fitted =
+            |excitation, modulation| fitted(name, samples, &forced(excitation, modulation));
+        let plain = fitted(ExcitationChoice::Gaussian, ModulationChoice::None).1;
+        let plain = relative_level(&plain);
+        for (excitation, modulation) in [
+            (ExcitationChoice::Auto, ModulationChoice::Auto),
+            (ExcitationChoice::Residual, ModulationChoice::Track),
+        ] {
+            let (fit, bytes) = fitted(excitation, modulation);
+            let level_db = 20.0 * (relative_level(&bytes) / plain).log10();
+            let is_silent = fit.textures[0].nodes[0].output_power <= 0.0;
+            // A minute of bursts of a tenth of a second scatters by a decibel and more.
+            let lively = fit.textures[0].grid.parts.modulation.is_some();
+            let bound = if lively { 2.5 } else { 1.0 };
+            assert!(
+                is_silent || level_db.abs() < bound,
+                "{name} {excitation:?} {modulation:?}: {level_db} dB"
+            );
+        }
+    }
+}
+
+#[test]
+fn a_recording_too_short_for_a_codebook_is_said_to_be_and_gets_gaussian_noise() {
+    let options = forced(ExcitationChoice::Residual, ModulationChoice::Track);
+    for samples in [900, 3000, 3900] {
+        let (fit, _) = fitted("short", &filtered(&impulsive(8, samples), 90.0), &options);
+        assert_eq!(fit.textures[0].grid.parts.excitation, None);
+        assert!(
+            account(&fit).source.contains("too short for a codebook"),
+            "{:?}",
+            account(&fit)
+        );
+    }
+    let (fit, _) = fitted("enough", &filtered(&impulsive(8, 6000), 90.0), &options);
+    assert!(
+        fit.textures[0].grid.parts.excitation.is_some(),
+        "{:?}",
+        account(&fit)
+    );
+}
+
+#[test]
+fn clipped_peaks_are_not_taken_and_of_repeated_values_each_once() {
+    let options = forced(ExcitationChoice::Residual, ModulationChoice::None);
+    let sound = filtered(&impulsive(9, 30_000), 90.0);
+    let limit = 0.5 * sound[..15_000].iter().fold(0.0, |a: f64, x| a.max(x.abs()));
+    let clipped: Vec<f64> = sound.iter().map(|x| x.clamp(-limit, limit)).collect();
+    let folder = tempfile::tempdir().unwrap();
+    let trial = written(folder.path(), "clipped", &clipped);
+    let signal = crate::fit::signal(&trial, options.conditioning).unwrap();
+    let at_limit: Vec<usize> = (0..15_000).filter(|&n| clipped[n].abs() >= limit).collect();
+    let in_runs = at_limit
+        .windows(3)
+        .filter(|run| run[2] - run[0] == 2)
+        .map(|run| run[1]);
+    let mut runs = 0;
+    for n in in_runs {
+        runs += 1;
+        assert!(
+            signal.flaws.iter().any(|flaw| flaw.contains(&n)),
+            "sample {n} is clipped"
+        );
+    }
+    assert!(runs > 5, "{runs}");
+    let held: Vec<f64> = sound.iter().flat_map(|&x| [x; 2]).collect();
+    let (fit, _) = fitted("held", &held, &options);
+    assert!(fit.textures[0].grid.parts.excitation.is_some());
+    assert!(account(&fit).kurtosis.is_significant());
+    // No window counts twice.
+    let windows = account(&fit).kurtosis.windows;
+    assert!(windows < sound.len() / KURTOSIS_SAMPLES, "{windows}");
+}
+
+/// The library of a texture that needs nothing is that of a plain fit, bit for bit; one that needs all keeps it.
+#[test]
+fn parts_cost_nothing_where_they_are_not_needed_and_go_with_the_texture_where_they_are() {
+    let plain = forced(ExcitationChoice::Gaussian, ModulationChoice::None);
+    let automatic = forced(ExcitationChoice::Auto, ModulationChoice::Auto);
+    let calm = filtered(&noise(10, 12_000), 90.0);
+    assert_eq!(
+        fitted("calm", &calm, &plain).1,
+        fitted("calm", &calm, &automatic).1
+    );
+    let lively: Vec<f64> = impulsive(11, 24_000)
+        .iter()
+        .zip(swelling(12, 24_000, 8.0))
+        .map(|(a, b)| a * b)
+        .collect();
+    let (fit, bytes) = fitted("lively", &filtered(&lively, 90.0), &automatic);
+    let parts = &fit.textures[0].grid.parts;
+    assert!(
+        parts.excitation.is_some() && parts.modulation.is_some(),
+        "{:?}",
+        account(&fit)
+    );
+    let library = Library::decode(&bytes).unwrap();
+    assert_eq!(with_scenes(&library, &[]).unwrap(), bytes);
+    assert!(
+        relative_level(&bytes) > 0.9 && relative_level(&bytes) < 1.1,
+        "{}",
+        relative_level(&bytes)
+    );
+}

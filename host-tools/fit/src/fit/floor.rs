@@ -1,0 +1,259 @@
+//! The rig's own noise: motor and sensor without a surface. Trials in motion at 0 N have it, or recordings that the
+//! user names.
+//!
+//! The noise is reduced as each recording was, because motor and texture vibrate in different directions. Between
+//! speeds its level in dB is linear in the logarithm of the speed; beyond them the nearest counts. Only the noise at a
+//! recording's own speed has its tones in their place.
+
+use std::path::Path;
+
+use super::options::Options;
+use super::trial::{FloorShares, read_axes};
+use crate::dsp::reduction::View;
+use crate::dsp::spectrum::{PowerSpectrum, band_edges_hz, longest_segment, without_noise};
+use crate::recording::{RecordingSet, Trial};
+use crate::support::error::{Error, Result};
+use crate::support::in_order::in_order;
+use crate::support::number::counted;
+
+/// Segments of both spectra are at most this share of the shorter recording, so that each is a mean over twenty.
+const SEGMENT_SHARE: usize = 10;
+
+/// Shortest recording of the noise that is used, s.
+const LEAST_S: f64 = 0.5;
+
+/// A recording of the noise.
+pub(super) struct NoiseTake {
+    /// Tangential speed, mm/s.
+    pub speed_mm_s: f64,
+    /// Its axes about their means, m/s².
+    pub axes: Vec<Vec<f64>>,
+}
+
+/// The noise of a rig.
+pub(super) struct Floor {
+    /// In the order of their speeds.
+    takes: Vec<NoiseTake>,
+    rate_hz: f64,
+}
+
+impl Floor {
+    /// The noise that `takes` have; `None` if they are too short, or none.
+    pub fn of(mut takes: Vec<NoiseTake>, rate_hz: u32) -> Option<Self> {
+        let rate_hz = f64::from(rate_hz);
+        takes.retain(|take| take.samples() as f64 >= LEAST_S * rate_hz);
+        takes.sort_by(|a, b| a.speed_mm_s.total_cmp(&b.speed_mm_s));
+        (!takes.is_empty()).then_some(Self { takes, rate_hz })
+    }
+
+    /// Returns the noise's share of the `samples` of a recording at a speed, which was reduced as `view` says. Takes
+    /// the noise off the samples if that `is_taken_off`.
+    pub fn apply(
+        &self,
+        samples: &mut Vec<f64>,
+        speed_mm_s: f64,
+        view: &View,
+        is_taken_off: bool,
+    ) -> FloorShares {
+        let shortest = self.takes.iter().map(NoiseTake::samples).min().unwrap_or(0);
+        let segment = shortest.min(samples.len()) / SEGMENT_SHARE;
+        let segment = segment.min(longest_segment(self.rate_hz));
+        let whole = PowerSpectrum::of_blocks(&[samples], segment, self.rate_hz);
+        let noise = self.at(speed_mm_s, view, segment);
+        if is_taken_off {
+            *samples = without_noise(samples, &whole, &noise, self.rate_hz);
+        }
+        shares(&noise, &whole)
+    }
+
+    /// The noise at a speed, reduced as `view` says.
+    fn at(&self, speed_mm_s: f64, view: &View, segment: usize) -> PowerSpectrum {
+        let slower = self
+            .takes
+            .partition_point(|take| take.speed_mm_s < speed_mm_s);
+        let last = self.takes.len() - 1;
+        let [below, above] = [slower.saturating_sub(1), slower.min(last)];
+        let [low, high] = [below, above].map(|index| self.takes[index].speed_mm_s);
+        let share = if low < speed_mm_s && speed_mm_s < high && low > 0.0 {
+            (speed_mm_s / low).ln() / (high / low).ln()
+        } else {
+            // At a speed of the noise, or beyond all.
+            1.0
+        };
+        let upper = self.spectrum(high, view, segment);
+        if share < 1.0 {
+            return self.spectrum(low, view, segment).towards(&upper, share);
+        }
+        upper
+    }
+
+    /// The mean over all takes of the noise at one of its speeds.
+    fn spectrum(&self, speed_mm_s: f64, view: &View, segment: usize) -> PowerSpectrum {
+        let at_speed = self
+            .takes
+            .iter()
+            .filter(|take| take.speed_mm_s.total_cmp(&speed_mm_s).is_eq());
+        // Axes were counted, so that none lacks.
+        let reduced = at_speed.filter_map(|take| view.reduce(&take.axes).ok());
+        let reduced: Vec<Vec<f64>> = reduced.collect();
+        let blocks: Vec<&[f64]> = reduced.iter().map(Vec::as_slice).collect();
+        PowerSpectrum::of_blocks(&blocks, segment, self.rate_hz)
+    }
+}
+
+impl NoiseTake {
+    fn samples(&self) -> usize {
+        self.axes.first().map_or(0, Vec::len)
+    }
+}
+
+/// The share of `noise` in the power of `whole` in each band.
+fn shares(noise: &PowerSpectrum, whole: &PowerSpectrum) -> FloorShares {
+    std::array::from_fn(|band| {
+        let (low_hz, high_hz) = band_edges_hz(band);
+        let [noise, whole] = [noise, whole].map(|spectrum| spectrum.power_between(low_hz, high_hz));
+        if whole > 0.0 {
+            (noise / whole).min(1.0) as f32
+        } else {
+            0.0
+        }
+    })
+}
+
+/// The noise in the recordings at `path`. They are of the same sensor as the texture, and what they lack is as in its
+/// trial `like`, which has so many `channels`.
+///
+/// # Errors
+/// A recording that cannot be used, or that has another number of channels.
+pub(super) fn named(
+    path: &Path,
+    like: &Trial,
+    channels: Option<usize>,
+    options: &Options,
+) -> Result<Vec<NoiseTake>> {
+    let mut set = RecordingSet::open(&[path.to_owned()])?;
+    for trial in &mut set.trials {
+        trial.scale_m_s2 = trial.scale_m_s2.or(like.scale_m_s2);
+        trial.sample_rate_hz = trial.sample_rate_hz.or(like.sample_rate_hz);
+    }
+    in_order(&set.trials, |trial| {
+        let axes = read_axes(trial, options)?;
+        match channels {
+            Some(channels) if channels != axes.len() => {
+                let problem = format!(
+                    "has {}, and the recordings of '{}' have {channels}: record the rig's noise by the same sensor",
+                    counted(axes.len(), "channel"),
+                    like.texture
+                );
+                Err(Error::file(&trial.file, problem))
+            }
+            _ => Ok(NoiseTake {
+                speed_mm_s: trial.speed_mm_s,
+                axes,
+            }),
+        }
+    })
+}
+
+/// The mean share of the rig's noise over the recordings at one speed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FloorAtSpeed {
+    /// Tangential speed, mm/s.
+    pub speed_mm_s: f64,
+    /// Shares of each third octave.
+    pub shares: FloorShares,
+}
+
+/// The shares at each speed of the recordings of a texture, from their speeds, mm/s, and shares.
+pub fn by_speed<'a>(
+    recordings: impl IntoIterator<Item = (f64, &'a FloorShares)>,
+) -> Vec<FloorAtSpeed> {
+    let mut all: Vec<(f64, &FloorShares)> = recordings.into_iter().collect();
+    all.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let at_speed = all.chunk_by(|a, b| a.0.total_cmp(&b.0).is_eq());
+    let mean = |own: &[(f64, &FloorShares)]| FloorAtSpeed {
+        speed_mm_s: own[0].0,
+        shares: std::array::from_fn(|band| {
+            own.iter().map(|(_, shares)| shares[band]).sum::<f32>() / own.len() as f32
+        }),
+    };
+    at_speed.map(mean).collect()
+}
+
+/// The error of a texture whose noise is to be taken off, and is not known.
+pub(super) fn unknown(texture: &str) -> Error {
+    Error::Model(format!(
+        "texture '{texture}' has no trial in motion at 0 N of half a second, so that its rig's noise is not known: \
+         record one at each speed, or give --floor-recording, or leave out --floor subtract"
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dsp::reduction::Reduction;
+    use proptest::prelude::*;
+    use test_helpers::{near, noise};
+
+    const SEGMENT: usize = 500;
+
+    /// A rig whose noise has these RMS values, m/s², at speeds in mm/s.
+    fn floor(levels: &[(f64, f64)]) -> Floor {
+        let take = |&(speed_mm_s, rms): &(f64, f64)| NoiseTake {
+            speed_mm_s,
+            axes: vec![noise(1, 20_000).iter().map(|x| rms * x).collect()],
+        };
+        Floor {
+            takes: levels.iter().map(take).collect(),
+            rate_hz: 5000.0,
+        }
+    }
+
+    fn rms(floor: &Floor, speed_mm_s: f64) -> f64 {
+        let view = View::of(&[vec![1.0, -1.0]], Reduction::Pca);
+        let spectrum = floor.at(speed_mm_s, &view, SEGMENT);
+        spectrum.power_between(0.0, 2500.0).sqrt()
+    }
+
+    #[test]
+    fn between_two_speeds_the_level_is_linear_in_the_logarithm_of_the_speed_and_beyond_the_nearest()
+    {
+        let rig = floor(&[(50.0, 0.1), (200.0, 0.4)]);
+        let unit = rms(&floor(&[(50.0, 1.0)]), 50.0);
+        for (speed, expected) in [
+            (10.0, 0.1),
+            (50.0, 0.1),
+            (100.0, 0.2),
+            (200.0, 0.4),
+            (900.0, 0.4),
+        ] {
+            near(rms(&rig, speed) / unit, expected, 1e-9);
+        }
+    }
+
+    #[test]
+    fn recordings_of_one_speed_count_by_the_mean_of_their_power() {
+        let unit = rms(&floor(&[(50.0, 1.0)]), 50.0);
+        near(
+            rms(&floor(&[(50.0, 0.6), (50.0, 0.8)]), 50.0) / unit,
+            0.5f64.sqrt(),
+            1e-9,
+        );
+    }
+
+    proptest! {
+        #[test]
+        fn the_noise_at_any_speed_is_between_that_of_its_neighbours(
+            speeds in prop::collection::vec(0.0..1000.0f64, 1..6), speed in 0.0..1200.0f64,
+        ) {
+            let mut levels: Vec<(f64, f64)> = speeds.iter().map(|&speed| (speed, 0.01 + speed)).collect();
+            levels.sort_by(|a, b| a.0.total_cmp(&b.0));
+            let found = rms(&floor(&levels), speed);
+            let unit = rms(&floor(&[(50.0, 1.0)]), 50.0);
+            let known = |&(_, level): &(f64, f64)| level * unit;
+            let below = levels.iter().rev().find(|own| own.0 <= speed).unwrap_or(&levels[0]);
+            let above = levels.iter().find(|own| own.0 >= speed).unwrap_or(&levels[levels.len() - 1]);
+            prop_assert!(found >= known(below) * (1.0 - 1e-9) && found <= known(above) * (1.0 + 1e-9));
+        }
+    }
+}

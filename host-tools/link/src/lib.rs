@@ -1,0 +1,12 @@
+//! The host and a device: the link between them, and procedures of several requests over it.
+//!
+//! Invariant: nothing here fits a texture.
+
+// The wings below, by the names that this crate has for them.
+#[cfg(test)]
+use stylus_fit::scene;
+use stylus_signals::{playing, recording};
+use {stylus_dsp as dsp, stylus_support as support};
+
+pub mod link;
+pub mod procedures;

@@ -1,0 +1,342 @@
+//! The devices that are attached to this computer: on USB, behind the serial port of a probe, or virtual.
+//!
+//! The USB ids of its other end decide if a serial port is opened: a stylus's port is that of an ST-LINK.
+//! Every other port may be of a machine that takes any byte for a command, so it is listed and never opened.
+
+use std::path::Path;
+use std::time::Duration;
+
+use model_format::link::DeviceInfo;
+use tokio_serial::{SerialPortType, UsbPortInfo};
+use virtual_link::announcement;
+
+use super::error::{LinkError, Result};
+use super::route::Route;
+use super::{Device, LinkAddress, Timeouts, usb};
+
+/// Time that a device has for its identity.
+const ANSWER_TIMEOUT: Duration = Duration::from_millis(500);
+
+/// USB vendor id of the ST-LINK probes: STMicroelectronics.
+const ST_LINK_VENDOR_ID: u16 = 0x0483;
+
+/// USB product ids of the ST-LINK probes with a serial port: V2-1, V3 and their variants.
+const ST_LINK_PRODUCT_IDS: [u16; 8] = [
+    0x374a, 0x374b, 0x374e, 0x374f, 0x3752, 0x3753, 0x3754, 0x3757,
+];
+
+/// Kind of a link.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Kind {
+    /// The stylus's own USB port.
+    Usb,
+    /// The serial port of a probe.
+    Serial,
+    /// Another serial port, which is not opened.
+    OtherSerial,
+    /// A virtual stylus.
+    Virtual,
+}
+
+impl std::fmt::Display for Kind {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Usb => "USB",
+            Self::Serial => "serial",
+            Self::OtherSerial => "other serial",
+            Self::Virtual => "virtual",
+        })
+    }
+}
+
+/// A link that leads to a device, or may.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Attached {
+    /// Its address.
+    pub link: LinkAddress,
+    /// Its kind.
+    pub kind: Kind,
+    /// Name of the probe or adapter, as it calls itself.
+    pub probe: Option<String>,
+    /// True if the link before leads to the same virtual stylus.
+    pub is_further: bool,
+    /// The device's answer to a request for its identity.
+    pub identity: Identity,
+}
+
+/// Answer of a device that may be there.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Identity {
+    /// It was not asked.
+    NotAsked,
+    /// It is a stylus.
+    Known(Box<DeviceInfo>),
+    /// There is none, or none that can be spoken to, for this reason.
+    Unknown(String),
+}
+
+/// A row of `stylus devices`: the facts of one link.
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
+pub struct Row {
+    /// Its address, as `--link` takes it.
+    pub link: String,
+    /// Its kind.
+    pub kind: Kind,
+    /// Name of the probe or adapter, for a serial port.
+    pub probe: Option<String>,
+    /// Serial number of the board, if it answers.
+    pub serial_number: Option<String>,
+    /// Version of its firmware, if it answers.
+    pub firmware: Option<String>,
+    /// The answer, or the reason why there is none.
+    pub state: String,
+}
+
+impl From<&Attached> for Row {
+    fn from(attached: &Attached) -> Self {
+        let (info, state) = match &attached.identity {
+            Identity::Known(info) => (Some(info), "answers".to_owned()),
+            Identity::NotAsked => (None, "not opened: no ST-LINK".to_owned()),
+            Identity::Unknown(reason) => (None, reason.clone()),
+        };
+        Self {
+            link: attached.link.to_string(),
+            kind: attached.kind,
+            probe: attached.probe.clone(),
+            serial_number: info.map(|info| info.serial.to_string()),
+            firmware: info.map(|info| info.firmware_version.to_string()),
+            state,
+        }
+    }
+}
+
+/// Lists what is attached, asked for its identity over `route`.
+///
+/// # Errors
+/// A computer that does not list its USB devices.
+pub fn rows(route: &Route) -> Result<Vec<Row>> {
+    let mut found = attached()?;
+    found.iter_mut().for_each(|attached| ask(attached, route));
+    Ok(found.iter().map(Row::from).collect())
+}
+
+/// Lists what is attached, without asking.
+///
+/// # Errors
+/// A computer that does not list its USB devices.
+fn attached() -> Result<Vec<Attached>> {
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .map_err(LinkError::Host)?;
+    let mut found = Vec::new();
+    let of = |link, kind, probe| Attached {
+        link,
+        kind,
+        probe,
+        is_further: false,
+        identity: Identity::NotAsked,
+    };
+    for serial in runtime.block_on(usb::serial_numbers())? {
+        found.push(of(LinkAddress::Usb { serial }, Kind::Usb, None));
+    }
+    for (path, info) in usb_ports() {
+        let kind = if is_st_link(info.vid, info.pid) {
+            Kind::Serial
+        } else {
+            Kind::OtherSerial
+        };
+        let link = LinkAddress::Serial { path: path.into() };
+        found.push(of(link, kind, Some(name(&info))));
+    }
+    for announced in announcement::announced() {
+        let links = announced.links.iter().filter_map(|link| link.parse().ok());
+        for (index, link) in links.enumerate() {
+            found.push(Attached {
+                is_further: index > 0,
+                ..of(link, Kind::Virtual, None)
+            });
+        }
+    }
+    Ok(found)
+}
+
+/// Asks a device for its identity, unless its port is not that of a stylus.
+fn ask(attached: &mut Attached, route: &Route) {
+    if attached.kind == Kind::OtherSerial {
+        return;
+    }
+    let timeouts = Timeouts::scaled_to(ANSWER_TIMEOUT);
+    attached.identity = match Device::connect_by(&attached.link, timeouts, route.clone()) {
+        Ok(device) => Identity::Known(Box::new(device.info().clone())),
+        Err(failure) => Identity::Unknown(failure.to_string()),
+    };
+}
+
+/// The device that is meant where the user names none, with a note where it is not a stylus's own USB port.
+///
+/// The ports of probes are asked only where no stylus is on USB, because a board may be attached by both.
+///
+/// # Errors
+/// No device, or several.
+pub fn only(route: &Route) -> Result<(LinkAddress, Option<String>)> {
+    let mut found = attached()?;
+    if !found.iter().any(|attached| attached.kind == Kind::Usb) {
+        let probes = found.iter_mut().filter(|found| found.kind == Kind::Serial);
+        probes.for_each(|probe| ask(probe, route));
+    }
+    choose(&found)
+}
+
+fn choose(found: &[Attached]) -> Result<(LinkAddress, Option<String>)> {
+    let mut styluses: Vec<&Attached> = Vec::new();
+    for attached in found {
+        let is_one = match attached.kind {
+            Kind::Usb => true,
+            Kind::Serial => matches!(attached.identity, Identity::Known(_)),
+            Kind::OtherSerial => false,
+            Kind::Virtual => !attached.is_further,
+        };
+        if is_one {
+            styluses.push(attached);
+        }
+    }
+    let links = |found: &[&Attached]| found.iter().map(|one| one.link.to_string()).collect();
+    match styluses[..] {
+        [] => {
+            let silent = found
+                .iter()
+                .filter(|one| matches!(one.identity, Identity::Unknown(_)));
+            Err(LinkError::NoDevice {
+                silent: silent.map(|one| one.link.to_string()).collect(),
+            })
+        }
+        [one] => {
+            let others = found.iter().filter(|other| {
+                other.link != one.link
+                    && !other.is_further
+                    && other.kind != Kind::OtherSerial
+                    && matches!(other.identity, Identity::NotAsked)
+            });
+            let others: Vec<&Attached> = others.collect();
+            let note = match (one.kind, others.is_empty()) {
+                (Kind::Usb, true) => None,
+                (_, true) => Some(format!("{}: the only stylus found", one.link)),
+                (_, false) => {
+                    let others: Vec<String> = links(&others);
+                    Some(format!(
+                        "{} is used, and not {}; --link names another one",
+                        one.link,
+                        others.join(" or ")
+                    ))
+                }
+            };
+            Ok((one.link.clone(), note))
+        }
+        _ => Err(LinkError::SeveralDevices {
+            found: links(&styluses),
+        }),
+    }
+}
+
+/// The serial ports behind USB, with their names.
+fn usb_ports() -> Vec<(String, UsbPortInfo)> {
+    // The crate panics without this folder.
+    if cfg!(target_os = "linux") && !Path::new("/sys/class/tty").is_dir() {
+        return Vec::new();
+    }
+    let ports = tokio_serial::available_ports().unwrap_or_default();
+    let mut ports: Vec<(String, UsbPortInfo)> = ports
+        .into_iter()
+        .filter_map(|port| match port.port_type {
+            SerialPortType::UsbPort(info) => Some((port.port_name, info)),
+            _ => None,
+        })
+        .collect();
+    ports.sort_by(|one, other| one.0.cmp(&other.0));
+    ports
+}
+
+fn is_st_link(vendor: u16, product: u16) -> bool {
+    vendor == ST_LINK_VENDOR_ID && ST_LINK_PRODUCT_IDS.contains(&product)
+}
+
+/// Name of a probe or adapter: as it calls itself, with its serial number.
+fn name(info: &UsbPortInfo) -> String {
+    let product = info.product.clone();
+    let product = product.unwrap_or_else(|| format!("{:04x}:{:04x}", info.vid, info.pid));
+    match &info.serial_number {
+        Some(serial) => format!("{product} {serial}"),
+        None => product,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use test_helpers::holds;
+
+    fn one(link: &str, kind: Kind, identity: Identity) -> Attached {
+        Attached {
+            link: link.parse().unwrap(),
+            kind,
+            probe: None,
+            is_further: false,
+            identity,
+        }
+    }
+
+    fn known() -> Identity {
+        Identity::Known(Box::new(DeviceInfo {
+            product: "stylus".try_into().unwrap(),
+            serial: "01".try_into().unwrap(),
+            firmware_version: "1".try_into().unwrap(),
+            build: "".try_into().unwrap(),
+            protocol_version: 1,
+            library_format_version: 1,
+            schema_hash: 1,
+        }))
+    }
+
+    #[test]
+    fn the_only_device_is_chosen_with_a_note_unless_it_is_the_only_kind() {
+        let usb = one("usb:01", Kind::Usb, Identity::NotAsked);
+        let probe = one("serial:/dev/ttyACM0", Kind::Serial, Identity::NotAsked);
+        let answers = one("serial:/dev/ttyACM0", Kind::Serial, known());
+        let adapter = one("serial:/dev/ttyUSB0", Kind::OtherSerial, Identity::NotAsked);
+        let virtual_one = one("tcp:127.0.0.1:1", Kind::Virtual, Identity::NotAsked);
+        let further = Attached {
+            is_further: true,
+            ..one("usb-virtual:127.0.0.1:2", Kind::Virtual, Identity::NotAsked)
+        };
+        let (link, note) = choose(&[usb.clone(), adapter.clone()]).unwrap();
+        assert_eq!((link, note), (usb.link.clone(), None));
+        let (link, note) = choose(&[usb.clone(), probe]).unwrap();
+        assert_eq!(link, usb.link);
+        assert!(note.unwrap().contains("not serial:/dev/ttyACM0"));
+        let (link, note) = choose(&[answers.clone(), adapter.clone()]).unwrap();
+        assert_eq!(link, answers.link);
+        assert!(note.is_some());
+        let (link, _) = choose(&[virtual_one.clone(), further.clone()]).unwrap();
+        assert_eq!(link, virtual_one.link);
+        let several = choose(&[usb, virtual_one, further, adapter.clone()]).unwrap_err();
+        assert_eq!(
+            several.to_string(),
+            "2 styluses are attached: name one, --link usb:01 or --link tcp:127.0.0.1:1"
+        );
+        holds(&choose(&[adapter]).unwrap_err(), &["plug"]);
+        let silent = Identity::Unknown("no answer".to_owned());
+        let silent = one("serial:/dev/ttyACM0", Kind::Serial, silent);
+        let message = choose(&[silent]).unwrap_err();
+        holds(&message, &["no stylus answers at serial:/dev/ttyACM0"]);
+    }
+
+    #[test]
+    fn the_board_that_the_udev_rule_names_has_a_probe() {
+        let rules = include_str!("../../../70-stylus.rules");
+        assert!(rules.contains("ATTRS{idVendor}==\"0483\", ATTRS{idProduct}==\"374e\""));
+        assert!(is_st_link(0x0483, 0x374e));
+        assert!(!is_st_link(0x0403, 0x6001) && !is_st_link(0x0483, 0x5740));
+    }
+}

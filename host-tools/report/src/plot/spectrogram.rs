@@ -1,0 +1,338 @@
+//! Spectrograms of a recording and its synthesis, one above the other.
+
+use std::f64::consts::TAU;
+use std::fmt::Write as _;
+
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
+use plotters::prelude::*;
+
+use super::canvas::{Area, Axis, BAR, Drawn, INK, TEXT, at, axes, centred, colour_bar, picture};
+use super::figure::{Bitmap, FREQUENCY, Frame, Kind, POWER_DENSITY, Panel, Series, TIME_S, Third};
+use super::{Caption, Svg};
+use crate::dsp::liveliness::kurtosis;
+use crate::dsp::spectrum::dft_amplitude;
+use crate::support::decimal::fixed;
+use crate::support::error::{Error, Result};
+
+/// Length of a window on a steady signal, s: lines 12 Hz apart are told apart.
+const LONG_S: f64 = 0.16;
+
+/// Length of a window on an impulsive signal, s: lines 60 Hz apart are told apart, and clicks 16 ms apart.
+const SHORT_S: f64 = 0.032;
+
+/// Kurtosis above which a recording is impulsive: that of Gaussian noise is 3, and 5.8 if its level swings between none
+/// and twice its mean.
+const IMPULSIVE: f64 = 7.0;
+
+/// Windows in a picture at most.
+const COLUMNS: usize = 240;
+
+/// Levels shown below the highest, dB.
+const RANGE_DB: f64 = 60.0;
+
+/// The top of a scale that shows all finite `levels`: the next multiple of ten, dB; `None` without any.
+fn top_of(levels: impl Iterator<Item = f64>) -> Option<f64> {
+    let highest = levels.filter(|level| level.is_finite()).reduce(f64::max);
+    highest.map(|highest| 10.0 * (highest / 10.0).ceil())
+}
+
+/// Spectrograms of a recording and of its synthesis, m/s², from 0 Hz to `highest_hz`, to one scale. The recording's
+/// kurtosis decides the length of both signals' windows.
+///
+/// # Errors
+/// Signals without power, and that the picture cannot be laid out.
+pub fn spectrograms(
+    caption: &Caption<'_>,
+    (recorded, synthesised): (&[f64], &[f64]),
+    rate_hz: f64,
+    highest_hz: f64,
+) -> Result<Svg> {
+    let len = recorded.len().min(synthesised.len());
+    let highest_hz = highest_hz.min(0.5 * rate_hz);
+    let signals = [("recorded", recorded), ("synthesised", synthesised)];
+    let windows = Windows::of(len, rate_hz, window_s(&recorded[..len]));
+    let levels = signals.map(|(_, signal)| levels_db(&signal[..len], windows, highest_hz));
+    let Some(top_db) = top_of(levels.iter().flatten().flatten().copied()) else {
+        return Err(Error::Request(format!(
+            "the spectrogram '{}' is of silence",
+            caption.title
+        )));
+    };
+    picture(caption, (960, 640), |area, drawn| {
+        let (panes, bar) = area.split_horizontally(at(960 - BAR));
+        let halves = panes.split_evenly((2, 1));
+        for ((half, levels), (name, _)) in halves.iter().zip(&levels).zip(signals) {
+            let (heading, below) = half.split_vertically(at(22));
+            let middle = (heading.dim_in_pixel().0 as i32 / 2, at(12));
+            heading.draw_text(name, &centred(TEXT, INK), middle)?;
+            let seconds = len as f64 / rate_hz;
+            let x = Axis::new(TIME_S, 0.0..seconds.max(1e-3), 6);
+            let y = Axis::new(FREQUENCY, 0.0..highest_hz, 8);
+            let mut own = axes(&below, name, &x, &y)?.panel;
+            fill(&mut own, levels, top_db, windows)?;
+            drawn.push(own);
+        }
+        let ends = (at(30), bar.dim_in_pixel().1 as i32 - at(52));
+        draw_bar(&bar, ends, top_db)
+    })
+}
+
+/// Length of the windows on a `recording` and on what stands beside it, s.
+fn window_s(recording: &[f64]) -> f64 {
+    match kurtosis(recording.iter()) {
+        Some(kurtosis) if kurtosis > IMPULSIVE => SHORT_S,
+        _ => LONG_S,
+    }
+}
+
+/// The windows of a spectrogram.
+#[derive(Clone, Copy)]
+struct Windows {
+    /// Samples of one.
+    len: usize,
+    /// Samples that its beginning moves over, from the first window to the last.
+    spare: usize,
+    /// Their number.
+    count: usize,
+    rate_hz: f64,
+}
+
+impl Windows {
+    /// The windows of `window_s` over so many samples.
+    fn of(samples: usize, rate_hz: f64, window_s: f64) -> Self {
+        let len = ((window_s * rate_hz) as usize).clamp(2, samples.max(2));
+        let spare = samples.saturating_sub(len);
+        Self {
+            len,
+            spare,
+            count: (4 * spare / len + 1).min(COLUMNS),
+            rate_hz,
+        }
+    }
+
+    /// First sample of a window.
+    fn begin(&self, window: usize) -> usize {
+        self.spare * window / (self.count - 1).max(1)
+    }
+
+    /// Time at the middle of a window, s.
+    fn middle_s(&self, window: usize) -> f64 {
+        (self.begin(window) as f64 + 0.5 * self.len as f64) / self.rate_hz
+    }
+
+    /// From bin to bin, Hz.
+    fn bin_hz(&self) -> f64 {
+        self.rate_hz / self.len as f64
+    }
+
+    /// From window to window, s; of a single window its length.
+    fn step_s(&self) -> f64 {
+        let (steps, samples) = if self.count > 1 {
+            (self.count - 1, self.spare)
+        } else {
+            (1, self.len)
+        };
+        samples as f64 / steps as f64 / self.rate_hz
+    }
+}
+
+/// Puts levels into a panel as the bitmap in its frame, where each window is drawn around its middle.
+fn fill(panel: &mut Panel, levels: &[Vec<f64>], top_db: f64, windows: Windows) -> Drawn {
+    panel.series.push(Series {
+        name: String::new(),
+        kind: Kind::Levels,
+        colour: None,
+        x: Vec::new(),
+        y: Vec::new(),
+        z: Some(Third::new(POWER_DENSITY, Vec::new())),
+        notes: Vec::new(),
+    });
+    let Frame { left, right, .. } = panel.frame;
+    let per_s = f64::from(right - left) / (panel.x.to - panel.x.from);
+    let half_s = 0.5 * windows.step_s();
+    let at = |time_s: f64| left + ((time_s - panel.x.from) * per_s).round() as i32;
+    let from = at(windows.middle_s(0) - half_s).clamp(left, right - 1);
+    let to = at(windows.middle_s(levels.len().saturating_sub(1)) + half_s);
+    panel.bitmap = Some(Bitmap {
+        png: STANDARD.encode(png(levels, top_db)?),
+        frame: Frame {
+            left: from,
+            right: to.clamp(from + 1, right),
+            ..panel.frame
+        },
+        from: top_db - RANGE_DB,
+        to: top_db,
+        palette: palette_as_hex(),
+        x: [windows.middle_s(0), windows.step_s()],
+        y: [0.0, windows.bin_hz()],
+    });
+    Ok(())
+}
+
+/// All colours of the scale, six hexadecimal digits each.
+fn palette_as_hex() -> String {
+    palette().iter().fold(String::new(), |mut text, byte| {
+        let _ = write!(text, "{byte:02X}");
+        text
+    })
+}
+
+/// All colours of the scale, three bytes each.
+fn palette() -> Vec<u8> {
+    (0..=u8::MAX)
+        .flat_map(|index| colour(f64::from(index) / f64::from(u8::MAX)))
+        .collect()
+}
+
+/// One column per window, its power spectral densities from the lowest frequency up, one-sided, in dB
+/// re 1 (m/s²)²/Hz.
+fn levels_db(signal: &[f64], windows: Windows, highest_hz: f64) -> Vec<Vec<f64>> {
+    let Windows {
+        len: window,
+        rate_hz,
+        ..
+    } = windows;
+    let weights: Vec<f64> = (0..window)
+        .map(|n| 0.5 - 0.5 * (TAU * (n as f64 + 0.5) / window as f64).cos())
+        .collect();
+    let bins = (highest_hz * window as f64 / rate_hz) as usize + 1;
+    let energy: f64 = weights.iter().map(|weight| weight * weight).sum();
+    let scale_db = 10.0 * (2.0 / (rate_hz * energy)).log10();
+    (0..windows.count)
+        .map(|column| {
+            let windowed: Vec<f64> = signal[windows.begin(column)..]
+                .iter()
+                .zip(&weights)
+                .map(|(value, weight)| value * weight)
+                .collect();
+            let amplitude = dft_amplitude(&windowed);
+            amplitude
+                .iter()
+                .take(bins)
+                .map(|a| 20.0 * a.log10() + scale_db)
+                .collect()
+        })
+        .collect()
+}
+
+/// Draws what the colours of a spectrogram stand for.
+fn draw_bar(area: &Area<'_>, ends: (i32, i32), top_db: f64) -> Drawn {
+    let values =
+        [0.0, 20.0, 40.0, 60.0].map(|below| (1.0 - below / RANGE_DB, fixed(top_db - below, 0)));
+    let of = |share| {
+        let [r, g, b] = colour(share);
+        RGBColor(r, g, b)
+    };
+    colour_bar(area, ends, of, &values, POWER_DENSITY)
+}
+
+/// A colour of a scale that rises in lightness throughout, from dark blue by green to yellow.
+fn colour(share: f64) -> [u8; 3] {
+    const STOPS: [[f64; 3]; 5] = [
+        [20.0, 16.0, 60.0],
+        [60.0, 70.0, 140.0],
+        [30.0, 140.0, 140.0],
+        [110.0, 200.0, 90.0],
+        [250.0, 235.0, 60.0],
+    ];
+    let place = share.clamp(0.0, 1.0) * (STOPS.len() - 1) as f64;
+    let below = (place as usize).min(STOPS.len() - 2);
+    let fraction = place - below as f64;
+    std::array::from_fn(|i| {
+        (STOPS[below][i] + (STOPS[below + 1][i] - STOPS[below][i]) * fraction) as u8
+    })
+}
+
+/// The panel as a PNG, a pixel per window and bin, in indices of the palette.
+fn png(panel: &[Vec<f64>], top_db: f64) -> Drawn<Vec<u8>> {
+    let (width, height) = (panel.len(), panel[0].len());
+    let mut pixels = Vec::with_capacity(width * height);
+    for bin in (0..height).rev() {
+        for column in panel {
+            let share = (column[bin] - top_db + RANGE_DB) / RANGE_DB;
+            // Not a number becomes zero.
+            pixels.push((255.0 * share.clamp(0.0, 1.0)).round() as u8);
+        }
+    }
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, width as u32, height as u32);
+    encoder.set_color(png::ColorType::Indexed);
+    encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_palette(palette());
+    encoder.write_header()?.write_image_data(&pixels)?;
+    Ok(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use test_helpers::noise;
+
+    #[test]
+    fn a_line_is_brightest_where_it_sounds() {
+        let line: Vec<f64> = (0..10_000)
+            .map(|n| (TAU * 300.0 * f64::from(n) / 5000.0).sin())
+            .collect();
+        let windows = Windows::of(line.len(), 5000.0, window_s(&line));
+        for column in levels_db(&line, windows, 1000.0) {
+            let peak = (0..column.len())
+                .max_by(|a, b| column[*a].total_cmp(&column[*b]))
+                .unwrap();
+            assert!((peak as f64 / LONG_S - 300.0).abs() < 7.0, "{peak}");
+        }
+    }
+
+    #[test]
+    fn the_level_of_white_noise_is_its_power_over_the_band() {
+        let noise: Vec<f64> = noise(7, 50_000).iter().map(|x| 3.0 * x).collect();
+        let windows = Windows::of(noise.len(), 5000.0, window_s(&noise));
+        let levels = levels_db(&noise, windows, 2000.0);
+        let powers = || {
+            let inner = levels.iter().flat_map(|column| &column[5..]);
+            inner.map(|level| 10f64.powf(level / 10.0))
+        };
+        let mean = powers().sum::<f64>() / powers().count() as f64;
+        // Nine (m/s²)² over 2500 Hz.
+        assert!((mean / (9.0 / 2500.0) - 1.0).abs() < 0.05, "{mean}");
+    }
+
+    /// Clicks of 2 ms, ten per second, in noise 40 dB below; and noise whose level swings four times per second.
+    #[test]
+    fn a_click_is_as_short_as_a_short_window_and_a_swell_keeps_the_long_one() {
+        let noise = noise(3, 10_000);
+        let swell = |n: usize| 1.0 + (TAU * 4.0 * n as f64 / 5000.0).sin();
+        let swelling: Vec<f64> = noise
+            .iter()
+            .enumerate()
+            .map(|(n, x)| swell(n) * x)
+            .collect();
+        assert!(
+            [&noise, &swelling]
+                .iter()
+                .all(|signal| window_s(signal) == LONG_S)
+        );
+        let gain = |n: usize| if n % 500 < 10 { 1.0 } else { 0.01 };
+        let clicks: Vec<f64> = noise.iter().enumerate().map(|(n, x)| gain(n) * x).collect();
+        let windows = Windows::of(clicks.len(), 5000.0, window_s(&clicks));
+        let levels = levels_db(&clicks, windows, 1000.0);
+        let middle: Vec<f64> = levels.iter().map(|column| column[10]).collect();
+        let highest = middle.iter().copied().fold(f64::MIN, f64::max);
+        let loud = middle
+            .iter()
+            .filter(|level| **level > highest - 25.0)
+            .count();
+        assert!(3 * loud < middle.len(), "{loud} of {}", middle.len());
+    }
+
+    #[test]
+    fn silence_is_refused_and_next_to_nothing_is_drawn() {
+        let caption = Caption {
+            title: "test",
+            simulated: true,
+        };
+        let draw = |signal: &[f64]| spectrograms(&caption, (signal, signal), 5000.0, 1000.0);
+        assert!(draw(&[0.0; 900]).is_err() && draw(&[]).is_err());
+        assert!(draw(&[1.0, -1.0, 0.5]).is_ok());
+    }
+}

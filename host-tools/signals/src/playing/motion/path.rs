@@ -1,0 +1,494 @@
+//! A motion as a function of time.
+
+use std::path::Path;
+
+use model_format::{MillimetresPerSecond, Newton};
+use stylus_kernel::Motion;
+use stylus_kernel::position::Position;
+use stylus_kernel::scene::{ContactDetector, ContactThreshold, Interaction};
+
+use crate::support::error::{Error, Result};
+use crate::support::hand::{force_fault, position_fault, speed_fault};
+
+/// Most rows of a motion: a day at 100 per second, in some 300 MB.
+const MOST_ROWS: usize = 10_000_000;
+
+/// One moment of a motion that a program gives.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MotionRow {
+    /// Time, s, at least zero and above that of the row before.
+    pub time_s: f64,
+    /// Tangential speed, mm/s; the sign is the direction.
+    pub speed_mm_s: f64,
+    /// Normal force, N; at or below zero there is no contact.
+    pub force_n: f64,
+    /// Position on the path, mm; the integral of the speed if the first row has none.
+    pub position_mm: Option<f64>,
+    /// Contact with the surface; it follows from the force if the first row has none.
+    pub contact: Option<bool>,
+}
+
+/// A speed and a force at every moment from 0 s on, and optionally position and contact.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MotionPath {
+    /// At least one, in ascending order of time.
+    points: Vec<Point>,
+    /// True if the file gives the position; otherwise it is the integral of the speed.
+    tells_position: bool,
+    /// True if the file gives contact; otherwise it follows from the force.
+    tells_contact: bool,
+}
+
+impl MotionPath {
+    /// A motion of constant speed, mm/s, and force, N, without end.
+    ///
+    /// # Errors
+    /// A speed or force that is not finite.
+    pub fn constant(speed: MillimetresPerSecond, force: Newton) -> Result<Self> {
+        Motion::new(speed, force).map_err(|error| {
+            Error::Request(format!(
+                "{error}: give the speed in mm/s and the force in N"
+            ))
+        })?;
+        let point = Point {
+            time_s: 0.0,
+            speed_mm_s: speed.0,
+            force_n: force.0,
+            position_mm: 0.0,
+            contact: false,
+        };
+        Ok(Self {
+            points: vec![point],
+            tells_position: false,
+            tells_contact: false,
+        })
+    }
+
+    /// A motion of `rows`, as a table has them.
+    ///
+    /// # Errors
+    /// No rows, or, with its number from 1, a row with a value that no hand has or that is not a finite number, with a
+    /// time that does not rise, or without a position or contact that the first row has.
+    pub fn from_rows(rows: impl IntoIterator<Item = MotionRow>) -> Result<Self> {
+        let mut found: Option<Points> = None;
+        for (index, row) in rows.into_iter().enumerate() {
+            let tells = (row.position_mm.is_some(), row.contact.is_some());
+            let points = found.get_or_insert_with(|| Points::new(tells.0, tells.1));
+            let pushed = if tells == (points.tells_position, points.tells_contact) {
+                checked(&row).and_then(|point| points.push(point))
+            } else {
+                Err("give position_mm, and contact, in every row or in none".to_owned())
+            };
+            pushed.map_err(|problem| {
+                Error::Request(format!("motion, row {}: {problem}", index + 1))
+            })?;
+        }
+        let no_rows = || Error::Request("a motion needs at least one row".to_owned());
+        Ok(Self::of(found.ok_or_else(no_rows)?))
+    }
+
+    pub(super) fn of(points: Points) -> Self {
+        Self {
+            tells_position: points.tells_position,
+            tells_contact: points.tells_contact,
+            points: points.rows,
+        }
+    }
+
+    /// Returns the motion at `time_s`, linearly interpolated between rows, and held before the first and after the last
+    /// row.
+    ///
+    /// A speed that changes its sign passes through zero, as that of a hand that reverses.
+    pub fn at(&self, time_s: f64) -> Motion {
+        let (speed, force) = self.values_at(time_s);
+        Motion::new(speed, force).expect("values between finite ones are finite")
+    }
+
+    /// Returns the signed speed and the force at `time_s`, interpolated as by [`MotionPath::at`]; both are finite.
+    pub fn values_at(&self, time_s: f64) -> (MillimetresPerSecond, Newton) {
+        let after = self.points.partition_point(|point| point.time_s <= time_s);
+        let (speed_mm_s, force_n) = match (after.checked_sub(1), self.points.get(after)) {
+            (Some(before), Some(next)) => {
+                let before = &self.points[before];
+                let fraction = (time_s - before.time_s) / (next.time_s - before.time_s);
+                (
+                    interpolate(before.speed_mm_s, next.speed_mm_s, fraction),
+                    interpolate(before.force_n, next.force_n, fraction),
+                )
+            }
+            (None, Some(point)) => (point.speed_mm_s, point.force_n),
+            (_, None) => {
+                let last = self.points.last().expect("a path has at least one point");
+                (last.speed_mm_s, last.force_n)
+            }
+        };
+        (MillimetresPerSecond(speed_mm_s), Newton(force_n))
+    }
+
+    /// Returns the position on the path at `time_s`, in mm.
+    ///
+    /// It is that of the file, linear between rows and held at both ends. Without one it is the integral of the speed
+    /// of [`MotionPath::values_at`], from 0 mm at 0 s.
+    pub fn position_mm_at(&self, time_s: f64) -> f64 {
+        let after = self.points.partition_point(|point| point.time_s <= time_s);
+        let first = &self.points[0];
+        let Some(before) = after.checked_sub(1).map(|before| &self.points[before]) else {
+            return if self.tells_position {
+                first.position_mm
+            } else {
+                f64::from(first.speed_mm_s) * time_s
+            };
+        };
+        match self.points.get(after) {
+            Some(next) if self.tells_position => {
+                let fraction = (time_s - before.time_s) / (next.time_s - before.time_s);
+                before.position_mm + (next.position_mm - before.position_mm) * fraction
+            }
+            Some(next) => before.position_mm + before.path_mm(next, time_s),
+            None if self.tells_position => before.position_mm,
+            None => before.position_mm + f64::from(before.speed_mm_s) * (time_s - before.time_s),
+        }
+    }
+
+    /// Returns the contact of the last row up to `time_s`, or `None` if the file does not give contact.
+    pub fn contact_at(&self, time_s: f64) -> Option<bool> {
+        let after = self.points.partition_point(|point| point.time_s <= time_s);
+        self.tells_contact
+            .then(|| self.points[after.saturating_sub(1)].contact)
+    }
+
+    /// Returns the time of the last row of the motion that was read from `file`, in s.
+    ///
+    /// # Errors
+    /// A motion of one row at 0 s, which has no end.
+    pub fn end_s(&self, file: &Path) -> Result<f64> {
+        let end_s = self.duration_s();
+        if end_s > 0.0 {
+            return Ok(end_s);
+        }
+        let problem = "holds one row, at 0 s: a motion that does not change has no end; give --seconds, or a last row";
+        Err(Error::file(file, problem))
+    }
+
+    /// Returns true if there is a moment with a speed and with a force above zero, at which a texture is heard.
+    pub fn sounds(&self) -> bool {
+        let moves = |point: &Point| point.speed_mm_s != 0.0;
+        let presses = |point: &Point| point.force_n > 0.0;
+        let any = |row: &[Point]| row.iter().any(moves) && row.iter().any(presses);
+        any(&self.points[..1]) || self.points.windows(2).any(any)
+    }
+
+    /// Returns the largest magnitude of the speed, mm/s, and the largest force, N.
+    pub fn largest(&self) -> (f64, f64) {
+        self.points
+            .iter()
+            .fold((0.0, 0.0), |(speed, force): (f64, f64), point| {
+                let own = (f64::from(point.speed_mm_s).abs(), f64::from(point.force_n));
+                (speed.max(own.0), force.max(own.1))
+            })
+    }
+
+    /// Returns the time of the last row, in s; zero for a constant motion.
+    pub fn duration_s(&self) -> f64 {
+        self.points.last().map_or(0.0, |point| point.time_s)
+    }
+}
+
+/// The point of `row`.
+///
+/// # Errors
+/// The problem of a value, in words.
+fn checked(row: &MotionRow) -> std::result::Result<Point, String> {
+    let position_mm = row.position_mm.unwrap_or(0.0);
+    let faults = [
+        ("speed_mm_s", speed_fault(row.speed_mm_s)),
+        ("force_n", force_fault(row.force_n)),
+        ("position_mm", position_fault(position_mm)),
+    ];
+    for (name, fault) in faults {
+        if let Some(fault) = fault {
+            return Err(format!("{name} is {fault}"));
+        }
+    }
+    Ok(Point {
+        time_s: row.time_s,
+        speed_mm_s: row.speed_mm_s as f32,
+        force_n: row.force_n as f32,
+        // Single precision, as that of a table.
+        position_mm: f64::from(position_mm as f32),
+        contact: row.contact.unwrap_or(false),
+    })
+}
+
+/// The rows of a motion so far.
+pub(super) struct Points {
+    /// The rows, in ascending order of time.
+    pub rows: Vec<Point>,
+    /// True if the rows give the position; otherwise it is the integral of the speed.
+    pub tells_position: bool,
+    /// True if the rows give contact; otherwise it follows from the force.
+    pub tells_contact: bool,
+}
+
+impl Points {
+    /// No rows yet.
+    pub fn new(tells_position: bool, tells_contact: bool) -> Self {
+        Self {
+            rows: Vec::new(),
+            tells_position,
+            tells_contact,
+        }
+    }
+
+    /// Adds a row, with the integral of the speed as its position if rows give none.
+    ///
+    /// # Errors
+    /// A time that is negative, not a number, or not above the last one, in words.
+    pub fn push(&mut self, mut point: Point) -> std::result::Result<(), String> {
+        let time_s = point.time_s;
+        if !time_s.is_finite() || time_s < 0.0 {
+            return Err(format!(
+                "time_s is {time_s}: a motion begins at 0 s or later"
+            ));
+        }
+        if let Some(before) = self.rows.last()
+            && time_s <= before.time_s
+        {
+            return Err(format!(
+                "time_s is {time_s} after {}: times must rise from row to row",
+                before.time_s
+            ));
+        }
+        if self.rows.len() == MOST_ROWS {
+            return Err(format!(
+                "more than {MOST_ROWS} rows: give fewer per second, or a shorter motion"
+            ));
+        }
+        if !self.tells_position {
+            point.position_mm = self
+                .rows
+                .last()
+                .map_or(f64::from(point.speed_mm_s) * time_s, |before| {
+                    before.position_mm + before.path_mm(&point, time_s)
+                });
+        }
+        self.rows.push(point);
+        Ok(())
+    }
+}
+
+/// A motion at one moment. All numbers are finite.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Point {
+    pub time_s: f64,
+    /// Signed: the sign is the direction along the surface.
+    pub speed_mm_s: f32,
+    pub force_n: f32,
+    /// Position of the file, or the integral of the speed.
+    pub position_mm: f64,
+    pub contact: bool,
+}
+
+impl Point {
+    /// Returns the path from here until `time_s`, at most the time of `next`, in mm: the integral of a linear speed.
+    pub(super) fn path_mm(&self, next: &Self, time_s: f64) -> f64 {
+        let (from, to) = (f64::from(self.speed_mm_s), f64::from(next.speed_mm_s));
+        let elapsed_s = time_s - self.time_s;
+        let reached = from + (to - from) * elapsed_s / (next.time_s - self.time_s);
+        0.5 * (from + reached) * elapsed_s
+    }
+}
+
+/// Interpolates from `from`, at a fraction of 0, to `to`, at 1. Double precision holds every difference of two `f32`.
+pub(super) fn interpolate(from: f32, to: f32, fraction: f64) -> f32 {
+    let (from, to) = (f64::from(from), f64::from(to));
+    (from + (to - from) * fraction) as f32
+}
+
+/// A hand that follows a motion: position and contact beside speed and force.
+///
+/// If the motion does not give contact, the force does, above [`ContactThreshold::LEAST`]: a file's forces have no
+/// converter's noise, from which a stylus derives a threshold of its own.
+#[derive(Clone, Debug)]
+pub struct Hand<'a> {
+    motion: &'a MotionPath,
+    detector: ContactDetector,
+}
+
+impl<'a> Hand<'a> {
+    /// A hand on `motion` without contact so far.
+    pub fn new(motion: &'a MotionPath) -> Self {
+        Self {
+            motion,
+            detector: ContactDetector::new(),
+        }
+    }
+
+    /// The interaction at `time_s`. Times must ascend from call to call, because contact is detected from the force's
+    /// history if the motion does not give it.
+    pub fn at(&mut self, time_s: f64) -> Interaction {
+        let motion = self.motion.at(time_s);
+        let touches = self.detector.touches(motion, ContactThreshold::LEAST);
+        let contact = self.motion.contact_at(time_s).unwrap_or(touches);
+        let farthest = f64::from(f32::MAX);
+        let position_mm = self
+            .motion
+            .position_mm_at(time_s)
+            .clamp(-farthest, farthest);
+        Interaction::new(motion, position_mm as f32, contact)
+            .expect("a position within finite bounds is finite")
+    }
+
+    /// The interaction of [`Hand::at`] for the block that is decided at `time_s` and whose last sample is `block_s`
+    /// later. Lines that are tied to position are told the position at that sample, because the motion is known ahead.
+    pub fn for_block(&mut self, time_s: f64, block_s: f64) -> Interaction {
+        let end_mm = self.motion.position_mm_at(time_s + block_s);
+        let position = Position::from_exact_mm(end_mm);
+        self.at(time_s).reaching(Some(position))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::table::tests::path_of as read;
+    use super::*;
+    use proptest::prelude::*;
+    use test_helpers::holds;
+    use test_helpers::near;
+
+    fn motion(speed_mm_s: f32, force_n: f32) -> Motion {
+        Motion::new(MillimetresPerSecond(speed_mm_s), Newton(force_n)).unwrap()
+    }
+
+    #[test]
+    fn rows_are_interpolated_and_held_at_both_ends() {
+        let path = read("time_s,speed_mm_s,force_n\n1,100,0.5\n2,200,1\n4,0,0\n").unwrap();
+        assert_eq!(path.at(0.0), motion(100.0, 0.5));
+        assert_eq!(path.at(1.0), motion(100.0, 0.5));
+        assert_eq!(path.at(1.25), motion(125.0, 0.625));
+        assert_eq!(path.at(2.0), motion(200.0, 1.0));
+        assert_eq!(path.at(3.0), motion(100.0, 0.5));
+        assert_eq!(path.at(1e9), motion(0.0, 0.0));
+        assert!((path.duration_s() - 4.0).abs() < f64::EPSILON);
+    }
+
+    #[test]
+    fn rows_of_a_program_are_those_of_a_table() {
+        let row = |time_s, speed_mm_s, force_n, position_mm, contact| MotionRow {
+            time_s,
+            speed_mm_s,
+            force_n,
+            position_mm,
+            contact,
+        };
+        let rows = [
+            row(0.5, 100.0, 0.5, None, None),
+            row(2.0, -20.1, 1.3, None, None),
+        ];
+        let table = read("time_s,speed_mm_s,force_n\n0.5,100,0.5\n2,-20.1,1.3\n").unwrap();
+        assert_eq!(MotionPath::from_rows(rows).unwrap(), table);
+        let rows = [
+            row(0.0, 100.0, 0.5, Some(7.3), Some(true)),
+            row(2.0, 20.0, 1.0, Some(-1.0), Some(false)),
+        ];
+        let table = "time_s,speed_mm_s,force_n,position_mm,contact\n0,100,0.5,7.3,1\n2,20,1,-1,0\n";
+        assert_eq!(MotionPath::from_rows(rows).unwrap(), read(table).unwrap());
+        let refused = [
+            (vec![], "at least one row"),
+            (vec![row(-1.0, 1.0, 1.0, None, None)], "row 1: time_s"),
+            (vec![row(f64::NAN, 1.0, 1.0, None, None)], "row 1: time_s"),
+            (vec![row(0.0, f64::NAN, 1.0, None, None)], "speed_mm_s"),
+            (vec![row(0.0, 1.0, 1e4, None, None)], "force_n"),
+            (vec![row(0.0, 1.0, 1.0, Some(1e39), None)], "position_mm"),
+            (vec![rows[0], row(0.0, 1.0, 1.0, None, None)], "row 2"),
+            (vec![rows[0], rows[0]], "times must rise"),
+        ];
+        for (rows, word) in refused {
+            holds(&MotionPath::from_rows(rows).unwrap_err(), &[word]);
+        }
+    }
+
+    #[test]
+    fn a_hand_that_turns_round_comes_to_rest_between() {
+        let path = read("time_s,speed_mm_s,force_n\n0,-100,1\n1,100,1\n").unwrap();
+        assert_eq!(path.at(0.0), motion(100.0, 1.0));
+        assert_eq!(path.at(0.5), motion(0.0, 1.0));
+    }
+
+    #[test]
+    fn a_constant_motion_lasts() {
+        let path = MotionPath::constant(MillimetresPerSecond(-80.0), Newton(0.6)).unwrap();
+        for time_s in [0.0, 1.0, 1e6] {
+            assert_eq!(path.at(time_s), motion(80.0, 0.6));
+        }
+        assert!(path.duration_s().abs() < f64::EPSILON);
+        assert!(MotionPath::constant(MillimetresPerSecond(f32::NAN), Newton(0.6)).is_err());
+        assert!(MotionPath::constant(MillimetresPerSecond(1.0), Newton(f32::INFINITY)).is_err());
+    }
+
+    #[test]
+    fn the_path_is_the_integral_of_the_speed_unless_the_file_tells_it() {
+        let path = read("time_s,speed_mm_s,force_n\n1,100,1\n2,200,1\n4,-200,1\n").unwrap();
+        for (time_s, position_mm) in [
+            (0.0, 0.0),
+            (0.5, 50.0),
+            (1.0, 100.0),
+            (1.5, 162.5),
+            (2.0, 250.0),
+            (3.0, 350.0),
+            (4.0, 250.0),
+            (5.0, 50.0),
+        ] {
+            near(path.position_mm_at(time_s), position_mm, 1e-9);
+        }
+        let told = read("time_s,position_mm,speed_mm_s,force_n\n1,-5,0,1\n3,7,0,1\n").unwrap();
+        for (time_s, position_mm) in [(0.0, -5.0), (1.0, -5.0), (2.0, 1.0), (9.0, 7.0)] {
+            assert!((told.position_mm_at(time_s) - position_mm).abs() < 1e-9);
+        }
+        let constant = MotionPath::constant(MillimetresPerSecond(-80.0), Newton(0.6)).unwrap();
+        assert!((constant.position_mm_at(2.0) + 160.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn contact_is_what_the_last_row_told_and_nothing_else() {
+        let path = read("time_s,contact,speed_mm_s,force_n\n1,0,9,1\n2,1,9,0\n3,0,9,1\n").unwrap();
+        let told: Vec<Option<bool>> = [0.5, 1.5, 2.0, 2.9, 3.0, 9.0]
+            .map(|time_s| path.contact_at(time_s))
+            .into();
+        let expected = [false, false, true, true, false, false].map(Some);
+        assert_eq!(told, expected);
+        let without = read("time_s,speed_mm_s,force_n\n1,9,1\n").unwrap();
+        assert_eq!(without.contact_at(1.0), None);
+        let error = read("time_s,contact,speed_mm_s,force_n\n1,yes,9,1\n").unwrap_err();
+        assert!(error.to_string().contains("contact is 'yes'"), "{error}");
+    }
+
+    proptest! {
+        #[test]
+        fn motion_stays_between_its_rows(
+            rows in prop::collection::vec((0.001..10.0f64, -1e30..1e30f32, 0.0..1e30f32), 1..20),
+            moment in -1.0..100.0f64,
+        ) {
+            let mut time_s = 0.0;
+            let points = rows.iter().map(|&(step, speed_mm_s, force_n)| {
+                time_s += step;
+                Point { time_s, speed_mm_s, force_n, position_mm: 0.0, contact: false }
+            });
+            let path = MotionPath { points: points.collect(), tells_position: false, tells_contact: false };
+            let before = path.points.iter().rev().find(|point| point.time_s <= moment);
+            let after = path.points.iter().find(|point| point.time_s > moment);
+            let ends = [before.or(after).unwrap(), after.or(before).unwrap()];
+            let lowest = ends[0].force_n.min(ends[1].force_n);
+            let highest = ends[0].force_n.max(ends[1].force_n);
+            // A `Motion` does not give its parts, but two of them compare.
+            let fraction = if ends[0] == ends[1] { 0.0 } else {
+                (moment - ends[0].time_s) / (ends[1].time_s - ends[0].time_s)
+            };
+            let force = interpolate(ends[0].force_n, ends[1].force_n, fraction);
+            let speed = interpolate(ends[0].speed_mm_s, ends[1].speed_mm_s, fraction);
+            prop_assert!((lowest..=highest).contains(&force));
+            prop_assert_eq!(path.at(moment), motion(speed, force));
+        }
+
+    }
+}

@@ -1,0 +1,199 @@
+//! Tables of motions in CSV files.
+
+use std::path::Path;
+
+use super::path::{MotionPath, Point, Points};
+use crate::support::bounded_file::{Limit, MIB};
+use crate::support::csv_table::{CsvTable, Header, Row};
+use crate::support::error::{Error, Result};
+use crate::support::hand::{force_fault, position_fault, speed_fault};
+
+/// A motion: some 40 bytes per row, so that a day at 100 rows per second fits.
+const MOTION: Limit = Limit {
+    of: "a motion",
+    bytes: 512 * MIB,
+};
+
+impl MotionPath {
+    /// Reads a CSV file with the columns `time_s`, in s, `speed_mm_s` and `force_n`, and optionally `position_mm` and
+    /// `contact`; see [the module](super).
+    ///
+    /// Times start at zero or later and rise from row to row.
+    ///
+    /// # Errors
+    /// A file that cannot be read or has no rows, a missing column, or, with its line, a row of another length than the
+    /// header, a value that is not a finite number, or a time that does not rise.
+    pub fn from_csv(path: &Path) -> Result<Self> {
+        read(path).map(Self::of)
+    }
+}
+
+fn read(path: &Path) -> Result<Points> {
+    let table = CsvTable::read(path, MOTION)?;
+    let columns = Columns::of(&table.header()?)?;
+    let mut points = Points::new(columns.position.is_some(), columns.contact.is_some());
+    let mut rows = table.rows_below_header()?;
+    while let Some(row) = rows.next_row()? {
+        let point = columns.point(&row)?;
+        points.push(point).map_err(|problem| row.error(problem))?;
+    }
+    if points.rows.is_empty() {
+        return Err(Error::file(
+            path,
+            "no rows: a motion needs at least one row below its header",
+        ));
+    }
+    Ok(points)
+}
+
+/// Indices of a table's columns.
+struct Columns {
+    time: usize,
+    speed: usize,
+    force: usize,
+    position: Option<usize>,
+    contact: Option<usize>,
+}
+
+impl Columns {
+    fn of(header: &Header<'_>) -> Result<Self> {
+        let needed =
+            |name: &str| header.needed(name, "a motion has time_s, speed_mm_s and force_n");
+        Ok(Self {
+            time: needed("time_s")?,
+            speed: needed("speed_mm_s")?,
+            force: needed("force_n")?,
+            position: header.column("position_mm")?,
+            contact: header.column("contact")?,
+        })
+    }
+
+    fn point(&self, row: &Row<'_, '_>) -> Result<Point> {
+        let within = |index: usize, name: &str, fault: fn(f64) -> Option<String>| {
+            let value = row.finite(index, name)?;
+            fault(value).map_or(Ok(value as f32), |fault| {
+                Err(row.error(format!("{name} is '{}': {fault}", row.text(index))))
+            })
+        };
+        let time_s = row.finite(self.time, "time_s")?;
+        Ok(Point {
+            time_s,
+            speed_mm_s: within(self.speed, "speed_mm_s", speed_fault)?,
+            force_n: within(self.force, "force_n", force_fault)?,
+            position_mm: match self.position {
+                Some(index) => within(index, "position_mm", position_fault)?.into(),
+                None => 0.0,
+            },
+            contact: match self.contact.map(|index| row.text(index)) {
+                None | Some("0") => false,
+                Some("1") => true,
+                Some(other) => {
+                    return Err(row.error(format!("contact is '{other}': it must be 0 or 1")));
+                }
+            },
+        })
+    }
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::super::MotionPath;
+    use super::*;
+    use proptest::prelude::*;
+    use test_helpers::holds;
+
+    pub fn path_of(text: &str) -> Result<MotionPath> {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        std::fs::write(file.path(), text).unwrap();
+        MotionPath::from_csv(file.path())
+    }
+
+    /// The line that an error names.
+    fn line_of(error: &Error) -> u64 {
+        match error {
+            Error::Line { line, .. } => *line,
+            other => panic!("no line in: {other}"),
+        }
+    }
+
+    #[test]
+    fn column_order_other_columns_spaces_comments_and_line_ends_do_not_matter() {
+        let plain = path_of("time_s,speed_mm_s,force_n\n0,100,0.5\n1,200,1\n").unwrap();
+        for text in [
+            "# by hand\nforce_n,who,time_s,speed_mm_s\n0.5,me,0,100\n# faster\n\n1,me,1,200\n",
+            "\u{feff}time_s, speed_mm_s ,force_n\r\n0,1e2,.5\r\n\r\n1 , 200,1.0",
+            "time_s,speed_mm_s,force_n,note\n0,100,0.5,\"a, b\nc\"\n1,200,1,\n",
+        ] {
+            assert_eq!(path_of(text).unwrap(), plain, "{text}");
+        }
+    }
+
+    #[test]
+    fn what_is_wrong_with_a_row_is_said_with_its_line() {
+        for (row, problem) in [
+            ("2,fast,1", "speed_mm_s is 'fast'"),
+            ("2,100,", "force_n is ''"),
+            ("NaN,100,1", "time_s is 'NaN'"),
+            ("2,inf,1", "speed_mm_s is 'inf'"),
+            ("2,100,1e40", "force_n is '1e40'"),
+            ("2,20000,1", "speed_mm_s is '20000': a speed of"),
+            ("2,100,250", "force_n is '250': a force of"),
+            ("1,100,1", "times must rise"),
+            ("0.5,100,1", "times must rise"),
+            ("2,100", "2 fields where the first line has 3"),
+            ("2,100,1,5", "4 fields where the first line has 3"),
+        ] {
+            for (end, above) in [
+                ("\n", ""),
+                ("\r\n", ""),
+                ("\n", "# a\n\n# b\n"),
+                ("\r\n", "\r\n# a\r\n"),
+            ] {
+                let text = format!(
+                    "# head{end}time_s,speed_mm_s,force_n{end}1,100,1{end}{above}{row}{end}3,0,0{end}"
+                );
+                let error = path_of(&text).unwrap_err();
+                let lines: Vec<&str> = text.lines().collect();
+                let line = lines.iter().rposition(|line| *line == row).unwrap() as u64 + 1;
+                assert_eq!(line_of(&error), line, "{text}");
+                assert!(error.to_string().contains(problem), "{error}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_time_before_the_beginning_is_refused() {
+        let error = path_of("time_s,speed_mm_s,force_n\n-1,100,1\n").unwrap_err();
+        assert_eq!(line_of(&error), 2);
+        assert!(error.to_string().contains("begins at 0 s"), "{error}");
+    }
+
+    #[test]
+    fn a_header_that_does_not_name_the_columns_is_refused() {
+        for (text, problem) in [
+            (
+                "0,100,1\n1,200,1\n",
+                "no column 'time_s' in the header '0,100,1'",
+            ),
+            ("time_s,speed_mm_s\n0,100\n", "no column 'force_n'"),
+            (
+                "time_s,speed_mm_s,force_n,time_s\n0,1,1,0\n",
+                "more than one column 'time_s'",
+            ),
+            ("time_s,speed_mm_s,force_n\n", "no rows"),
+            ("", "no column 'time_s'"),
+        ] {
+            holds(&path_of(text).unwrap_err(), &[problem]);
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn any_text_gives_a_path_or_an_error(text in "(#|time_s|speed_mm_s|force_n|[,\n\r\" 0-9.eEa-]){0,60}") {
+            if let Ok(path) = path_of(&text) {
+                prop_assert!(path.duration_s().is_finite());
+                path.at(0.5);
+            }
+        }
+    }
+}

@@ -1,0 +1,325 @@
+//! Samples of a rendering, one by one or in memory.
+
+use model_format::{OutputSample, Texture};
+use stylus_kernel::arithmetic::Arithmetic;
+use stylus_kernel::scene::{Plan, ScenePlayer};
+use stylus_kernel::update_interval_samples;
+
+use crate::playing::motion::{Hand, MotionPath};
+use crate::playing::wavefront::Wavefront;
+use crate::support::error::{Error, Result};
+
+/// Iterator over the samples of a texture or scene along a motion; it keeps those of one update interval.
+///
+/// The same library, motion and seed give the same samples on every computer. They begin as a stylus begins: at their
+/// level, and with contact. All arithmetics `A` give the same samples.
+#[derive(Clone, Debug)]
+pub struct Rendering<'a, A: Arithmetic = Wavefront> {
+    player: ScenePlayer<'a, A>,
+    hand: Hand<'a>,
+    clock: SampleClock,
+    /// The samples up to the next update.
+    block: Vec<OutputSample>,
+    /// Number of samples of `block` that were taken.
+    taken: usize,
+}
+
+impl<'a> Rendering<'a> {
+    /// A rendering of `seconds` of `texture`, from rest without contact, by the plan that a stylus makes of it.
+    ///
+    /// # Errors
+    /// A duration that is not a number, is shorter than a sample, or is longer than
+    /// [`MAX_SECONDS`](super::MAX_SECONDS).
+    pub fn new(
+        texture: Texture<'a>,
+        motion: &'a MotionPath,
+        seconds: f64,
+        seed: u64,
+    ) -> Result<Self> {
+        Self::of_plan(Plan::of_texture(texture), motion, seconds, seed)
+    }
+
+    /// A rendering of `seconds` of `plan`, from rest without contact.
+    ///
+    /// # Errors
+    /// As [`Rendering::new`].
+    pub fn of_plan(
+        plan: Plan<'a>,
+        motion: &'a MotionPath,
+        seconds: f64,
+        seed: u64,
+    ) -> Result<Self> {
+        Self::by_arithmetic(plan, motion, seconds, seed)
+    }
+}
+
+impl<'a, A: Arithmetic> Rendering<'a, A> {
+    /// As [`Rendering::of_plan`], by the arithmetic `A`: for comparisons of their costs.
+    ///
+    /// # Errors
+    /// As [`Rendering::new`].
+    pub fn by_arithmetic(
+        plan: Plan<'a>,
+        motion: &'a MotionPath,
+        seconds: f64,
+        seed: u64,
+    ) -> Result<Self> {
+        let clock = SampleClock::new(seconds, plan.sample_rate_hz())?;
+        Ok(Self {
+            block: vec![OutputSample::SILENCE; clock.block_samples() as usize],
+            clock,
+            player: ScenePlayer::new(plan, seed),
+            hand: Hand::new(motion),
+            taken: 0,
+        })
+    }
+
+    /// Number of samples at the kernel's full scale, up to the next update.
+    pub fn saturations(&self) -> u32 {
+        self.player.saturations()
+    }
+
+    /// Sample rate, Hz.
+    pub fn sample_rate_hz(&self) -> u32 {
+        self.clock.sample_rate_hz()
+    }
+}
+
+impl<A: Arithmetic> Iterator for Rendering<'_, A> {
+    type Item = OutputSample;
+
+    fn next(&mut self) -> Option<OutputSample> {
+        let left = self.clock.len();
+        if let Some(time_s) = self.clock.next()? {
+            let interaction = self.hand.for_block(time_s, self.clock.block_s());
+            let samples = self.clock.block_samples();
+            self.player.follow(interaction, samples);
+            self.block.truncate(left.min(samples as usize));
+            self.player.next_block(&mut self.block);
+            self.taken = 0;
+        }
+        self.taken += 1;
+        Some(self.block[self.taken - 1])
+    }
+
+    fn size_hint(&self) -> (usize, Option<usize>) {
+        self.clock.size_hint()
+    }
+}
+
+impl<A: Arithmetic> ExactSizeIterator for Rendering<'_, A> {}
+
+impl<A: Arithmetic> Rendering<'_, A> {
+    /// The samples that `collect` takes, in memory.
+    pub fn rendered(mut self, collect: impl FnOnce(&mut Self) -> Vec<OutputSample>) -> Rendered {
+        Rendered {
+            samples: collect(&mut self),
+            sample_rate_hz: self.sample_rate_hz(),
+            saturations: self.saturations(),
+        }
+    }
+}
+
+/// A rendering in memory.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Rendered {
+    /// Sample rate, Hz.
+    pub sample_rate_hz: u32,
+    /// Samples that the stylus plays.
+    pub samples: Vec<OutputSample>,
+    /// Number of samples at the kernel's full scale.
+    pub saturations: u32,
+}
+
+impl Rendered {
+    /// Returns the samples in m/s², without round-off.
+    pub fn accelerations_m_s2(&self) -> Vec<f64> {
+        self.samples
+            .iter()
+            .map(|&sample| exact_m_s2(sample))
+            .collect()
+    }
+}
+
+/// Converts a sample to m/s², without round-off because double precision holds every sample.
+pub(super) fn exact_m_s2(sample: OutputSample) -> f64 {
+    f64::from(sample.0) / f64::from(1u32 << OutputSample::FRACTION_BITS)
+}
+
+/// Renders `seconds` of `texture` along `motion` into memory; [`render_wav`](super::render_wav) suits more than
+/// minutes.
+///
+/// # Errors
+/// A duration that [`Rendering::new`] refuses.
+pub fn render(
+    texture: Texture<'_>,
+    motion: &MotionPath,
+    seconds: f64,
+    seed: u64,
+) -> Result<Rendered> {
+    Ok(Rendering::new(texture, motion, seconds, seed)?.rendered(|samples| samples.collect()))
+}
+
+/// Longest rendering, s: one day.
+pub const MAX_SECONDS: f64 = 24.0 * 3600.0;
+
+/// Iterator over the samples of a rendering: the time, s, at which the motion is to be taken over before the sample, or
+/// none between two updates.
+///
+/// An update is due every [`update_interval_samples`], as on the device.
+#[derive(Clone, Debug)]
+pub struct SampleClock {
+    sample_rate_hz: u32,
+    position: usize,
+    len: usize,
+}
+
+impl SampleClock {
+    /// A clock over `seconds`, from the first sample.
+    ///
+    /// # Errors
+    /// A duration that is not a number, is shorter than a sample, or is longer than [`MAX_SECONDS`].
+    pub fn new(seconds: f64, sample_rate_hz: u32) -> Result<Self> {
+        let samples = (seconds * f64::from(sample_rate_hz)).round();
+        if !(seconds <= MAX_SECONDS && samples >= 1.0) {
+            return Err(Error::Request(format!(
+                "cannot render {seconds} s: give at least the duration of one sample and at most {MAX_SECONDS} s"
+            )));
+        }
+        Ok(Self {
+            sample_rate_hz,
+            position: 0,
+            len: samples as usize,
+        })
+    }
+
+    /// Time from a block's first sample to its last one, s.
+    pub fn block_s(&self) -> f64 {
+        f64::from(self.block_samples() - 1) / f64::from(self.sample_rate_hz)
+    }
+
+    /// Samples of a block.
+    pub fn block_samples(&self) -> u32 {
+        update_interval_samples(self.sample_rate_hz)
+    }
+
+    /// Sample rate, Hz.
+    pub fn sample_rate_hz(&self) -> u32 {
+        self.sample_rate_hz
+    }
+}
+
+impl Iterator for SampleClock {
+    type Item = Option<f64>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        if self.position == self.len {
+            return None;
+        }
+        let is_due = self.position.is_multiple_of(self.block_samples() as usize);
+        let time_s = self.position as f64 / f64::from(self.sample_rate_hz);
+        self.position += 1;
+        Some(is_due.then_some(time_s))
+    }
+
+    fn size_hint(&self) -> (usize, Option<usize>) {
+        let left = self.len - self.position;
+        (left, Some(left))
+    }
+}
+
+impl ExactSizeIterator for SampleClock {}
+
+#[cfg(test)]
+mod tests {
+    use stylus_kernel::UPDATE_INTERVAL_SAMPLES;
+    use stylus_kernel::scene::{ContactDetector, ContactThreshold, Interaction};
+
+    use super::super::MAX_SECONDS;
+    use super::super::test_motions::{constant, sweep};
+    use super::*;
+    use crate::support::error::Error;
+    use test_helpers::near;
+    use test_helpers::{library, texture};
+
+    #[test]
+    fn a_rendering_is_what_the_kernel_plays_when_it_follows_the_motion_every_two_milliseconds() {
+        for (rate_hz, interval) in [(5000, UPDATE_INTERVAL_SAMPLES), (10_000, 20)] {
+            let library = library(rate_hz);
+            let motion = sweep();
+            let rendered = render(texture(&library), &motion, 0.4, 11).unwrap();
+            let plan = Plan::of_texture(texture(&library));
+            let mut kernel: ScenePlayer<'_> = ScenePlayer::new(plan, 11);
+            let mut contact = ContactDetector::new();
+            let mut played = Vec::new();
+            for update in 0..200 {
+                let motion = motion.at(f64::from(update) * 0.002);
+                let contact = contact.touches(motion, ContactThreshold::LEAST);
+                let interaction = Interaction::new(motion, 0.0, contact).unwrap();
+                kernel.follow(interaction, interval);
+                played.extend((0..interval).map(|_| kernel.next_sample()));
+            }
+            assert_eq!(rendered.samples, played);
+            assert_eq!(
+                (rendered.sample_rate_hz, rendered.saturations),
+                (rate_hz, 0)
+            );
+        }
+    }
+
+    #[test]
+    fn a_node_is_rendered_at_its_own_power() {
+        let library = library(5000);
+        for (speed_mm_s, force_n, power) in [
+            (50.0, 0.5, 1.0),
+            (50.0, 1.0, 4.0),
+            (100.0, 0.5, 9.0),
+            (300.0, 3.0, 16.0),
+        ] {
+            let rendered =
+                render(texture(&library), &constant(speed_mm_s, force_n), 40.0, 5).unwrap();
+            let values = rendered.accelerations_m_s2();
+            let mean_square =
+                values.iter().map(|value| value * value).sum::<f64>() / values.len() as f64;
+            near(mean_square / power, 1.0, 0.05);
+        }
+    }
+
+    /// A hand held still in the air above a surface: its force is noise below the threshold.
+    #[test]
+    fn a_hand_without_contact_or_at_rest_feels_nothing() {
+        let library = library(5000);
+        let rendered =
+            |force_n| render(texture(&library), &constant(80.0, force_n), 0.1, 5).unwrap();
+        let is_silent = |force_n| {
+            (rendered(force_n).samples.iter()).all(|&sample| sample == OutputSample::SILENCE)
+        };
+        assert!(is_silent(0.02));
+        assert!(!is_silent(0.021));
+        let at_rest = render(texture(&library), &constant(0.0, 1.0), 0.1, 5).unwrap();
+        assert!((at_rest.samples.iter()).all(|&sample| sample == OutputSample::SILENCE));
+    }
+
+    #[test]
+    fn durations_that_make_no_sense_are_refused() {
+        let library = library(5000);
+        for seconds in [
+            0.0,
+            -1.0,
+            1e-5,
+            f64::NAN,
+            f64::INFINITY,
+            MAX_SECONDS * 1.001,
+        ] {
+            let error = render(texture(&library), &constant(80.0, 0.7), seconds, 1).unwrap_err();
+            assert!(matches!(error, Error::Request(_)), "{seconds}");
+        }
+        let motion = constant(80.0, 0.7);
+        assert_eq!(
+            Rendering::new(texture(&library), &motion, MAX_SECONDS, 1)
+                .unwrap()
+                .len(),
+            432_000_000
+        );
+    }
+}

@@ -1,0 +1,139 @@
+//! Samples of a recording that a program holds in memory, in place of a file.
+
+use super::defects::Timing;
+use super::rate::{MAX_CHANNELS, length_fault, rate_fault};
+use super::source::{Cut, Source};
+use super::unit::{Integers, Stated};
+use crate::support::error::{Error, Result};
+use crate::support::fnv::Fnv;
+
+/// Samples of a recording that was never in a file, at its own rate. A fit treats them as those of a WAV file of 64-bit
+/// floats.
+#[derive(Clone, Debug, PartialEq)]
+pub struct HeldSamples {
+    rate_hz: f64,
+    channels: Vec<Vec<f64>>,
+    are_integers: bool,
+}
+
+impl HeldSamples {
+    /// Samples of one to three axes of equal length, at `rate_hz`, Hz; a sample of 1 is the trial's scale, m/s². They
+    /// `are_integers` if they were, before they were divided by their full scale.
+    ///
+    /// # Errors
+    /// Another number of axes, axes of different lengths or without samples, more samples than a recording may have, or
+    /// a rate that no recording has.
+    pub fn new(rate_hz: f64, channels: Vec<Vec<f64>>, are_integers: bool) -> Result<Self> {
+        let refused = |problem: String| Err(Error::Request(format!("samples: {problem}")));
+        if let Some(fault) = rate_fault(rate_hz, "give the recording's own rate") {
+            return refused(fault);
+        }
+        let frames = channels.first().map_or(0, Vec::len);
+        if !(1..=MAX_CHANNELS).contains(&channels.len()) {
+            return refused(format!(
+                "{} channels: give 1 to {MAX_CHANNELS}, one per axis",
+                channels.len()
+            ));
+        }
+        if channels.iter().any(|channel| channel.len() != frames) {
+            return refused("axes of different lengths: give them in one array".into());
+        }
+        if frames == 0 {
+            return refused("there are none: give at least one".into());
+        }
+        if let Some(fault) = length_fault(frames as f64, channels.len()) {
+            return refused(fault);
+        }
+        Ok(Self {
+            rate_hz,
+            channels,
+            are_integers,
+        })
+    }
+
+    /// Sample rate, Hz.
+    pub fn rate_hz(&self) -> f64 {
+        self.rate_hz
+    }
+
+    /// Samples of each axis.
+    pub fn channels(&self) -> &[Vec<f64>] {
+        &self.channels
+    }
+
+    /// Hash of rate and samples, by which a fit's record knows them.
+    pub fn content(&self) -> u64 {
+        let rate = Fnv::default().then(&self.rate_hz.to_le_bytes());
+        let all = self.channels.iter().fold(rate, |hash, channel| {
+            let length = (channel.len() as u64).to_le_bytes();
+            let samples = channel.iter();
+            samples.fold(hash.then(&length), |hash, sample| {
+                hash.then(&sample.to_le_bytes())
+            })
+        });
+        all.value()
+    }
+
+    /// Part of the samples within `cut`.
+    pub(super) fn source(&self, cut: &Cut) -> Source {
+        let (first, end) = cut.frames(self.rate_hz);
+        let part = |channel: &Vec<f64>| {
+            let end = end.min(channel.len());
+            channel[first.min(end)..end].to_vec()
+        };
+        Source {
+            rate_hz: self.rate_hz,
+            first_frame: first,
+            channels: self.channels.iter().map(part).collect(),
+            times_s: None,
+            truncation: None,
+            stated: Stated::default(),
+            integers: self.are_integers.then_some(Integers::OfFullScale),
+            remarks: Vec::new(),
+            timing: Timing::default(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use test_helpers::holds;
+
+    #[test]
+    fn samples_that_are_no_recording_are_refused_with_the_remedy() {
+        let axis = vec![0.0; 10];
+        for (rate_hz, channels, word) in [
+            (5.0, vec![axis.clone()], "rate"),
+            (f64::NAN, vec![axis.clone()], "rate"),
+            (5000.0, vec![], "0 channels"),
+            (5000.0, vec![axis.clone(); 4], "4 channels"),
+            (5000.0, vec![axis.clone(), vec![0.0; 9]], "lengths"),
+            (5000.0, vec![Vec::new()], "none"),
+        ] {
+            let message = HeldSamples::new(rate_hz, channels, false)
+                .unwrap_err()
+                .to_string();
+            holds(&message, &[word]);
+        }
+    }
+
+    #[test]
+    fn a_cut_of_held_samples_is_that_of_a_file() {
+        let axis: Vec<f64> = (0..100).map(f64::from).collect();
+        let held = HeldSamples::new(100.0, vec![axis], false).unwrap();
+        for (start_s, duration_s, expected) in [
+            (0.0, f64::INFINITY, 0..100),
+            (0.25, 0.5, 25..75),
+            (0.5, 9.0, 50..100),
+            (2.0, 1.0, 100..100),
+        ] {
+            let source = held.source(&Cut {
+                start_s,
+                duration_s,
+            });
+            let found: Vec<usize> = source.channels[0].iter().map(|&x| x as usize).collect();
+            assert_eq!(found, expected.collect::<Vec<_>>());
+        }
+    }
+}

@@ -1,0 +1,395 @@
+//! The samples of a trial: read, cut, resampled to the models' rate and scaled to m/s².
+
+use std::path::Path;
+
+use model_format::SAMPLE_RATE_HZ;
+
+use super::defects::Defects;
+use super::kind::{Kind, conversion, ending};
+use super::lvm::{self, LabView};
+use super::polled::polled;
+use super::rate::length_fault;
+use super::source::{Account, Cut, Samples, Source};
+use super::trial::Trial;
+use super::{csv_file, resample, uneven, wav};
+use crate::dsp::sums::sum;
+use crate::support::error::{Error, Result};
+
+/// Largest share by which a rate is taken for the whole number next to it.
+const NEAR_WHOLE: f64 = 5e-4;
+
+/// Reads the samples of `trial`: one to three axes at [`SAMPLE_RATE_HZ`], in m/s².
+///
+/// # Errors
+/// A file that cannot be read, that holds no samples in the trial's part of it, or that holds a sample that is not
+/// finite; the error names the first such sample.
+pub fn read(trial: &Trial) -> Result<Samples> {
+    read_at(trial, SAMPLE_RATE_HZ)
+}
+
+/// As [`read`], at `model_rate_hz`.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_at(trial: &Trial, model_rate_hz: u32) -> Result<Samples> {
+    let path = trial.file.as_path();
+    let cut = Cut {
+        start_s: trial.start_s,
+        duration_s: trial.duration_s.unwrap_or(f64::INFINITY),
+    };
+    let source = match &trial.held {
+        Some(held) => held.source(&cut),
+        None => from_file(trial, &cut)?,
+    };
+    let (mut axes, mut times_s) = (source.channels, source.times_s);
+    if axes.first().is_none_or(Vec::is_empty) {
+        let problem = format!(
+            "holds no samples after {} s: give an earlier start_s",
+            cut.start_s
+        );
+        return Err(Error::file(path, problem));
+    }
+    check_finite(path, &axes, source.first_frame)?;
+    let mut rate_hz = source.rate_hz;
+    let polled = polled(&axes, rate_hz);
+    let read_at_hz = polled.is_some().then_some(rate_hz);
+    if let Some(sensor) = polled {
+        (axes, rate_hz, times_s) = (sensor.channels, sensor.rate_hz, None);
+    }
+    let defects = Defects {
+        truncation: source.truncation,
+        timing: source.timing,
+        read_at_hz,
+        ..Defects::of(&axes, rate_hz)
+    };
+    let whole_hz = rate_hz.round();
+    if times_s.is_none() && (rate_hz / whole_hz - 1.0).abs() > NEAR_WHOLE {
+        let frames = 0..axes[0].len();
+        times_s = Some(frames.map(|n| n as f64 / rate_hz).collect());
+    }
+    rate_hz = whole_hz;
+    if let Some(times) = &times_s {
+        axes = uneven::evened(&axes, times, rate_hz);
+    }
+    if (rate_hz - f64::from(model_rate_hz)).abs() > 0.0 {
+        axes = at_model_rate(path, &axes, rate_hz, model_rate_hz)?;
+    }
+    let scales_m_s2 = source.stated.scales_for(trial.scale_m_s2, axes.len());
+    for (axis, scale) in axes.iter_mut().zip(&scales_m_s2) {
+        if scale.to_bits() != 1.0f64.to_bits() {
+            axis.iter_mut().for_each(|sample| *sample *= scale);
+        }
+    }
+    let has_scale = trial.scale_m_s2.is_some() || source.stated.scales_m_s2.is_some();
+    let mut remarks = source.remarks;
+    remarks.extend(source.stated.conversion(trial.scale_m_s2));
+    Ok(Samples {
+        axes,
+        source_rate_hz: rate_hz,
+        defects,
+        account: Account {
+            remarks,
+            doubts: source.stated.doubt(trial.scale_m_s2).into_iter().collect(),
+            integers: source.integers.filter(|_| !has_scale),
+            has_scale,
+        },
+    })
+}
+
+/// Reads the part of a trial's file within `cut`.
+fn from_file(trial: &Trial, cut: &Cut) -> Result<Source> {
+    let path = trial.file.as_path();
+    if let Some(other) = named_alike(path) {
+        let problem = format!("is not there, and '{other}' is: mend the letters' case in the list");
+        return Err(Error::file(path, problem));
+    }
+    match Kind::of(path) {
+        Some(Kind::Wave) => wav::read(path, cut),
+        Some(Kind::Table) if lvm::is_lvm(path)? => {
+            let LabView {
+                table,
+                rate_hz,
+                truncation,
+                remarks,
+            } = lvm::read(path)?;
+            let trial = Trial {
+                sample_rate_hz: trial.sample_rate_hz.or(rate_hz),
+                ..trial.clone()
+            };
+            let source = csv_file::read_table(&table, &trial, cut)?;
+            Ok(Source {
+                truncation,
+                remarks,
+                ..source
+            })
+        }
+        Some(Kind::Table) => csv_file::read(trial, cut),
+        None => {
+            // A mistyped name is reported as a missing file, not as a file of an unknown kind.
+            std::fs::metadata(path).map_err(Error::io("read", path))?;
+            let ending = ending(path);
+            let problem = format!("'{ending}' files cannot be read: {}", conversion(&ending));
+            Err(Error::file(path, problem))
+        }
+    }
+}
+
+/// The name of a file beside `path`, which is not there, that differs from it by capitals alone.
+fn named_alike(path: &Path) -> Option<String> {
+    if path.exists() {
+        return None;
+    }
+    let wanted = path.file_name()?.to_string_lossy().to_lowercase();
+    let folder = path.parent().filter(|folder| *folder != Path::new(""));
+    let beside = std::fs::read_dir(folder.unwrap_or(Path::new("."))).ok()?;
+    let names =
+        beside.filter_map(|entry| Some(entry.ok()?.file_name().to_string_lossy().into_owned()));
+    names.into_iter().find(|name| name.to_lowercase() == wanted)
+}
+
+fn check_finite(path: &Path, channels: &[Vec<f64>], first_frame: usize) -> Result<()> {
+    for (channel, samples) in channels.iter().enumerate() {
+        // A sum is finite only if all of its terms are, so that only a bad recording costs a search.
+        if sum(samples).is_finite() {
+            continue;
+        }
+        if let Some(index) = samples.iter().position(|sample| !sample.is_finite()) {
+            let problem = format!(
+                "sample {} of channel {} is not a finite number: cut it out (start_s, duration_s) or record it again",
+                first_frame + index,
+                channel + 1
+            );
+            return Err(Error::file(path, problem));
+        }
+    }
+    Ok(())
+}
+
+fn at_model_rate(
+    path: &Path,
+    axes: &[Vec<f64>],
+    rate_hz: f64,
+    model_rate_hz: u32,
+) -> Result<Vec<Vec<f64>>> {
+    let frames = axes.first().map_or(0, Vec::len);
+    let converted = frames as f64 * f64::from(model_rate_hz) / rate_hz;
+    if let Some(fault) = length_fault(converted, axes.len()) {
+        let problem = format!("at {model_rate_hz} Hz it has {fault}");
+        return Err(Error::file(path, problem));
+    }
+    Ok(resample::resample(axes, rate_hz as u32, model_rate_hz))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::recording::{HeldSamples, triage, unit};
+    use crate::support::float_wav::float_wav;
+
+    /// Samples of 2 s at 8 kHz in single precision, on two axes, with a clipped peak.
+    fn axes() -> [Vec<f64>; 2] {
+        [0.11, 0.023].map(|of: f64| {
+            let sample = |n: u32| (of * f64::from(n)).sin().clamp(-0.9, 0.9);
+            (0..16_000)
+                .map(sample)
+                .map(|x| f64::from(x as f32))
+                .collect()
+        })
+    }
+
+    #[test]
+    fn samples_in_memory_are_read_as_those_of_a_wav_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("a.wav");
+        let axes = axes();
+        let samples = (0..16_000).flat_map(|n| [axes[0][n], axes[1][n]]);
+        std::fs::write(&file, float_wav(2, 8000, samples).unwrap()).unwrap();
+        let of_file = Trial {
+            scale_m_s2: Some(3.0),
+            start_s: 0.25,
+            duration_s: Some(1.5),
+            ..Trial::of(file, "felt", 100.0, 1.0)
+        };
+        let held = HeldSamples::new(8000.0, axes.into(), false).unwrap();
+        let in_memory = Trial {
+            held: Some(held.into()),
+            ..of_file.clone()
+        };
+        let (of_file, in_memory) = (read(&of_file).unwrap(), read(&in_memory).unwrap());
+        assert_eq!(of_file.axes, in_memory.axes);
+        assert_eq!(of_file.defects, in_memory.defects);
+        assert_eq!(in_memory.axes[0].len(), 7500);
+    }
+
+    /// A sensor: offset of each axis and step, g; gain.
+    type Sensor = ([f64; 3], f64, f64);
+
+    const SENSORS: [Sensor; 4] = [
+        ([-0.035, 0.04, 0.03], 0.0039, 1.0),
+        ([0.05, -0.05, -0.06], 1.0 / 16_384.0, 1.02),
+        ([0.02, 0.01, 0.04], 0.001, 0.97),
+        ([0.0; 3], 1e-7, 1.0),
+    ];
+
+    /// Units with the form of their names, m/s², and the option that names them.
+    const UNITS: [(&str, f64, &str); 5] = [
+        ("accel_{}_g", G, "g"),
+        ("{} [mg]", 1e-3 * G, "mg"),
+        ("a{} (m/s²)", 1.0, "1"),
+        ("{} (mm/s^2)", 1e-3, "mm/s^2"),
+        ("{}_raw 256 LSB/g", G / 256.0, "g/256"),
+    ];
+
+    const G: f64 = 9.80665;
+
+    /// The samples that are read of a table of samples with this header.
+    fn of_table(header: Option<String>, axes: &[Vec<f64>], scale: Option<&str>) -> Samples {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("a.tsv");
+        let mut text = header.map_or(String::new(), |header| header + "\n");
+        for n in 0..axes[0].len() {
+            let row: Vec<String> = axes.iter().map(|axis| axis[n].to_string()).collect();
+            text += &format!("{}\n", row.join("\t"));
+        }
+        std::fs::write(&file, text).unwrap();
+        let trial = Trial {
+            sample_rate_hz: Some(5000.0),
+            scale_m_s2: scale.map(|scale| unit::scale(scale).unwrap()),
+            ..Trial::of(file, "felt", 100.0, 1.0)
+        };
+        read(&trial).unwrap()
+    }
+
+    /// Each unit, sensor, and number of axes, with gravity or without: named by a header it is converted, named by an
+    /// option, too, and named by nothing it is told where the samples tell it.
+    #[test]
+    fn a_unit_is_converted_where_it_is_named_and_told_where_it_is_not() {
+        let told = |samples: &Samples| {
+            let verdicts = triage::samples(samples);
+            verdicts.iter().any(|own| own.kind() == triage::Kind::Scale)
+                || samples.account.integers.is_some()
+        };
+        for (name, unit_m_s2, option) in UNITS {
+            for (offsets_g, step_g, gain) in SENSORS {
+                for (gravity, count) in [(1.0, 3), (1.0, 1), (0.0, 3), (0.0, 1)] {
+                    let step = if option == "g/256" {
+                        1.0
+                    } else {
+                        step_g * G / unit_m_s2
+                    };
+                    let axis = |axis: usize| -> Vec<f64> {
+                        let offset = (offsets_g[axis] + if axis == 0 { gravity } else { 0.0 }) * G;
+                        let noise = triage::test_signals::noise(1 + axis as u64);
+                        let value =
+                            |x: f64| (gain * (x + offset) / unit_m_s2 / step).round() * step;
+                        noise.into_iter().map(value).collect()
+                    };
+                    let axes: Vec<Vec<f64>> = (0..count).map(axis).collect();
+                    let names = ["x", "y", "z"][..count]
+                        .iter()
+                        .map(|own| name.replace("{}", own));
+                    let named = of_table(Some(names.collect::<Vec<_>>().join("\t")), &axes, None);
+                    let case = format!("{option}, step {step_g}, gravity {gravity}, {count} axes");
+                    let by_option = of_table(None, &axes, Some(option));
+                    let converted = axes[0].iter().map(|x| x * unit_m_s2);
+                    for (found, expected) in named.axes[0].iter().zip(converted) {
+                        assert!((found - expected).abs() < 1e-9, "{case}");
+                    }
+                    assert_eq!(named.axes, by_option.axes, "{case}");
+                    assert!(!told(&named) && !told(&by_option), "{case}");
+                    let is_converted = !named.account.remarks.is_empty();
+                    assert_eq!(is_converted, option != "1", "{case}");
+                    let unnamed = of_table(None, &axes, None);
+                    // Quiet samples in g are like loud ones in m/s².
+                    let is_told = option != "1" && (gravity > 0.0 || option != "g");
+                    assert_eq!(told(&unnamed), is_told, "{case}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_given_scale_counts_before_that_of_the_header_and_the_contradiction_is_told() {
+        let axes = [vec![0.5, -0.5, 0.25]];
+        let header = || Some("a (mm/s²)".to_owned());
+        let read = of_table(header(), &axes, Some("g"));
+        assert_eq!(read.axes[0][0], 0.5 * G);
+        assert!(read.account.remarks.is_empty());
+        test_helpers::holds(&read.account.doubts.concat(), &["mm/s²", "9.80665"]);
+        assert!(
+            of_table(header(), &axes, Some("0.001"))
+                .account
+                .doubts
+                .is_empty()
+        );
+        let volts = of_table(Some("a (V)".to_owned()), &axes, None);
+        test_helpers::holds(&volts.account.doubts.concat(), &["says V", "sensitivity"]);
+    }
+
+    #[test]
+    fn a_comment_names_the_unit_of_columns_without_names() {
+        let read = of_table(
+            Some("# unit: g".to_owned()),
+            &[vec![1.0, 2.0], vec![3.0, 4.0]],
+            None,
+        );
+        assert_eq!(read.axes[1], [3.0 * G, 4.0 * G]);
+    }
+
+    /// The samples of a phone's export at 400 Hz with these names of columns: time, three axes and their magnitude.
+    fn of_phone(names: &[&str], [separator, sign]: [&str; 2]) -> Result<Samples> {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("a.csv");
+        let mut text = names.join(separator) + "\n";
+        for n in 0..800 {
+            let time = f64::from(n) / 400.0;
+            let [x, y, z] = [0.31, 0.17, 0.043].map(|of: f64| (of * f64::from(n)).sin());
+            let row = [time, x, y, z, x.hypot(y).hypot(z)].map(|value| format!("{value:e}"));
+            text += &(row[..names.len()].join(separator).replace('.', sign) + "\n");
+        }
+        std::fs::write(&file, text).unwrap();
+        read(&Trial::of(file, "felt", 100.0, 1.0))
+    }
+
+    #[test]
+    fn a_magnitude_is_left_out_and_told_where_its_name_says_so() {
+        let axes = |of: &str| ["x", "y", "z"].map(|axis| format!("\"{of} {axis} (m/s^2)\""));
+        for of in ["Acceleration", "Linear Acceleration"] {
+            let axes = axes(of);
+            let [x, y, z] = axes.each_ref().map(String::as_str);
+            for signs in [[",", "."], [";", ","], [";", "."], ["\t", ","]] {
+                let three = of_phone(&["\"Time (s)\"", x, y, z], signs).unwrap();
+                for name in [
+                    "\"Absolute acceleration (m/s^2)\"",
+                    "acc_total",
+                    "|a| magnitude [m/s²]",
+                    "Norm",
+                ] {
+                    let four = of_phone(&["\"Time (s)\"", x, y, z, name], signs).unwrap();
+                    assert_eq!((&four.axes, four.axes.len()), (&three.axes, 3), "{name}");
+                    let told = four.account.remarks.concat();
+                    test_helpers::holds(&told, &[name.trim_matches('"'), "left out"]);
+                    assert!(three.account.remarks.is_empty());
+                }
+                for (last, first) in [("a4 (m/s^2)", x), ("Norm", "total")] {
+                    let fault = of_phone(&["\"Time (s)\"", first, y, z, last], signs).unwrap_err();
+                    test_helpers::holds(&fault, &["4 columns of samples"]);
+                }
+            }
+        }
+        let fault = of_phone(&["0", "0", "0", "0", "0"], [",", "."]).unwrap_err();
+        test_helpers::holds(&fault, &["5 columns of samples"]);
+    }
+
+    #[test]
+    fn units_in_a_line_below_the_names_count() {
+        for units in ["mg\tmg", "(mg)\t[mg]"] {
+            let read = of_table(
+                Some(format!("x\ty\n{units}")),
+                &[vec![1.0, 2.0], vec![3.0, 4.0]],
+                None,
+            );
+            assert_eq!(read.axes[1], [3e-3 * G, 4e-3 * G]);
+        }
+    }
+}

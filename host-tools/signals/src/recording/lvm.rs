@@ -1,0 +1,468 @@
+//! LabVIEW's measurement files (`.lvm`), as tables.
+//!
+//! Source: National Instruments, Specification for the LabVIEW Measurement File (.lvm). A head of keys ends with
+//! `***End_of_Header***`; so does the head of each block of data below it. A line of labels follows, then rows: a
+//! column of x values, none, or one before each channel, and a comment.
+//!
+//! The table has the file's lines, those that are no data as comments, so that errors name the lines of the file.
+
+use std::io::Read;
+use std::path::Path;
+
+use super::defects::Truncation;
+use super::rate::MAX_CHANNELS;
+use crate::support::csv_table::{CsvTable, TABLE};
+use crate::support::error::{Error, Result};
+
+/// First words of a file.
+const MAGIC: &str = "LabVIEW Measurement";
+
+/// End of a head.
+const END: &str = "***End_of_Header***";
+
+/// Largest deviation of two steps of times, as a share, that are one.
+const SAME_STEP: f64 = 1e-3;
+
+/// Largest difference of two channels' times, as a share of their step.
+const SAME_TIME: f64 = 0.1;
+
+/// A file as a table.
+#[derive(Debug)]
+pub(super) struct LabView {
+    /// A column of times, if there is one, and one for each channel, with its unit.
+    pub table: CsvTable,
+    /// Sample rate by the head, Hz.
+    pub rate_hz: Option<f64>,
+    /// Lengths, if there are fewer rows than the heads say.
+    pub truncation: Option<Truncation>,
+    /// Changes of the times, in words.
+    pub remarks: Vec<String>,
+}
+
+/// The columns of x values.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Times {
+    No,
+    One,
+    PerChannel,
+}
+
+/// Returns whether the file at `path` is LabVIEW's.
+///
+/// # Errors
+/// What is no regular file, or cannot be read.
+pub(super) fn is_lvm(path: &Path) -> Result<bool> {
+    let mut beginning = Vec::new();
+    let read = (TABLE.open(path)?).take(64).read_to_end(&mut beginning);
+    read.map_err(Error::io("read", path))?;
+    let text = beginning
+        .strip_prefix(b"\xef\xbb\xbf")
+        .unwrap_or(&beginning);
+    Ok(text.starts_with(MAGIC.as_bytes()))
+}
+
+/// Reads the file at `path`.
+///
+/// # Errors
+/// A file that cannot be read; a head that cannot be understood; blocks of different channels, and channels of
+/// different times.
+pub(super) fn read(path: &Path) -> Result<LabView> {
+    let bytes = TABLE.read(path)?;
+    // Units are often in the code page of Western Europe.
+    let text = String::from_utf8(bytes).unwrap_or_else(|failure| {
+        let bytes = failure.as_bytes().iter();
+        bytes.map(|&byte| char::from(byte)).collect()
+    });
+    let mut reader = Reader::of(path, &text);
+    for (line, number) in text.lines().zip(1..) {
+        let own = reader.line(line, number)?;
+        // What is no data keeps its place.
+        reader.table.push_str(own.as_deref().unwrap_or("#"));
+        reader.table.push('\n');
+    }
+    reader.finished()
+}
+
+/// The part of the file that a line is in.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum State {
+    Head,
+    Labels,
+    FirstRow,
+    Rows,
+    Special,
+}
+
+/// A file that is read line by line.
+struct Reader<'a> {
+    path: &'a Path,
+    separator: char,
+    times: Times,
+    state: State,
+    /// Keys of the heads so far, each with the fields after it.
+    keys: Vec<(&'a str, Vec<&'a str>)>,
+    /// Channels of the first block.
+    channels: Option<usize>,
+    /// Step of the times by the first head that has one, s.
+    step_s: Option<f64>,
+    /// Added to the times, because blocks began anew, s.
+    offset_s: f64,
+    last_s: Option<f64>,
+    blocks: usize,
+    are_joined: bool,
+    /// Samples of a channel by the heads, and by the rows.
+    declared: u64,
+    held: u64,
+    table: String,
+}
+
+impl<'a> Reader<'a> {
+    /// A reader at the beginning of the file with this `text`, by the keys of its head.
+    fn of(path: &'a Path, text: &str) -> Self {
+        let value = |key: &str| {
+            let mut head = text.lines().take_while(|line| !line.starts_with(END));
+            let line = head.find(|line| line.starts_with(key))?;
+            let value = line.get(key.len() + 1..)?;
+            Some(value.trim_matches([',', '\t', ' ']).to_lowercase())
+        };
+        let separator = match value("Separator").as_deref() {
+            Some("comma") => ',',
+            _ => '\t',
+        };
+        let times = match value("X_Columns").as_deref() {
+            Some("no") => Times::No,
+            Some("multi") => Times::PerChannel,
+            _ => Times::One,
+        };
+        Self {
+            path,
+            separator,
+            times,
+            state: State::Head,
+            keys: Vec::new(),
+            channels: None,
+            step_s: None,
+            offset_s: 0.0,
+            last_s: None,
+            blocks: 0,
+            are_joined: false,
+            declared: 0,
+            held: 0,
+            table: String::new(),
+        }
+    }
+
+    /// The table's line for the next line of the file; none for a line that is no data.
+    fn line(&mut self, line: &'a str, number: u64) -> Result<Option<String>> {
+        let fields: Vec<&str> = line.split(self.separator).map(str::trim).collect();
+        let is_empty = fields.iter().all(|field| field.is_empty());
+        match self.state {
+            State::Special if fields[0] == "***End_Special***" => self.state = State::Rows,
+            State::Head if fields[0] == END => self.end_head(number)?,
+            State::Head => self.keys.push((fields[0], fields[1..].to_vec())),
+            State::Labels if !is_empty => {
+                self.state = State::FirstRow;
+                return self.labels(&fields, number);
+            }
+            State::FirstRow | State::Rows if fields[0] == "***Start_Special***" => {
+                self.state = State::Special;
+            }
+            State::FirstRow | State::Rows if is_key(fields[0]) => {
+                self.state = State::Head;
+                self.keys.push((fields[0], fields[1..].to_vec()));
+            }
+            State::FirstRow | State::Rows if !is_empty => return self.row(&fields, number),
+            _ => {}
+        }
+        Ok(None)
+    }
+
+    /// The fields of a key of the newest head with it.
+    fn of_key(&self, key: &str) -> &[&'a str] {
+        let own = self.keys.iter().rev().find(|(known, _)| *known == key);
+        own.map_or(&[], |(_, fields)| fields)
+    }
+
+    /// Takes the end of a head: that of the file, or of a block, which tells its channels.
+    fn end_head(&mut self, line: u64) -> Result<()> {
+        if self.of_key("Channels").is_empty() {
+            return Ok(());
+        }
+        self.state = State::Labels;
+        self.blocks += 1;
+        self.declared +=
+            (self.of_key("Samples").first()).map_or(0, |count| count.parse().unwrap_or(0));
+        let steps = self
+            .of_key("Delta_X")
+            .iter()
+            .filter_map(|field| number(field));
+        for step in steps.filter(|step| *step > 0.0).collect::<Vec<f64>>() {
+            if (step / *self.step_s.get_or_insert(step) - 1.0).abs() > SAME_STEP {
+                let problem =
+                    "Delta_X has several values: write channels of one sample rate to a file";
+                return Err(Error::line(self.path, line, problem));
+            }
+        }
+        Ok(())
+    }
+
+    /// The header of the table, by the labels of the first block.
+    fn labels(&mut self, fields: &[&str], line: u64) -> Result<Option<String>> {
+        let labels = fields
+            .iter()
+            .filter(|label| !["X_Value", "Comment", ""].contains(label));
+        let labels: Vec<&str> = labels.copied().collect();
+        let count = self.of_key("Channels")[0].parse().unwrap_or(labels.len());
+        let problem = match self.channels {
+            _ if count == 0 || count > MAX_CHANNELS => {
+                format!("{count} channels: give 1 to {MAX_CHANNELS}, one per axis")
+            }
+            Some(before) if before != count => {
+                format!(
+                    "a block of {count} channels, where the first has {before}: divide the file"
+                )
+            }
+            Some(_) => return Ok(None),
+            None => {
+                self.channels = Some(count);
+                let units = self.of_key("Y_Unit_Label");
+                let names = (0..count).map(|index| {
+                    let name = labels.get(index).map_or("", |name| *name);
+                    let name = name.replace([';', ',', '"', '#'], " ");
+                    let unit = units.get(index).copied().unwrap_or_default();
+                    format!("channel {} {name} [{unit}]", index + 1)
+                });
+                let time = (self.times != Times::No).then(|| "time_s".to_owned());
+                return Ok(Some(
+                    time.into_iter().chain(names).collect::<Vec<_>>().join(";"),
+                ));
+            }
+        };
+        Err(Error::line(self.path, line, problem))
+    }
+
+    /// The time, if there is one, and a sample of each channel.
+    fn row(&mut self, fields: &[&str], line: u64) -> Result<Option<String>> {
+        let count = self.channels.unwrap_or(1);
+        let (times, samples): (Vec<usize>, Vec<usize>) = match self.times {
+            // The column of times is there, and empty.
+            Times::No => {
+                let first = usize::from(fields[0].is_empty());
+                (Vec::new(), (first..first + count).collect())
+            }
+            Times::One => (vec![0], (1..=count).collect()),
+            Times::PerChannel => (0..2 * count).partition(|index| index % 2 == 0),
+        };
+        let field = |index: usize| fields.get(index).copied().unwrap_or_default();
+        // A channel that ends earlier than the others ends the table.
+        if self.times == Times::PerChannel && samples.iter().any(|&index| field(index).is_empty()) {
+            return Ok(None);
+        }
+        let values = |indices: Vec<usize>| {
+            let value = |index: usize| {
+                let problem =
+                    || format!("'{}' in column {} is not a number", field(index), index + 1);
+                number(field(index)).ok_or_else(|| Error::line(self.path, line, problem()))
+            };
+            indices.into_iter().map(value).collect::<Result<Vec<f64>>>()
+        };
+        let (times, samples) = (values(times)?, values(samples)?);
+        if let (Some(first), Some(step)) = (times.first(), self.step_s)
+            && times
+                .iter()
+                .any(|time| (time - first).abs() > SAME_TIME * step)
+        {
+            let problem = "the channels' times differ: write them with one column of times";
+            return Err(Error::line(self.path, line, problem));
+        }
+        self.held += 1;
+        let time = times.first().map(|&time| self.risen(time));
+        self.state = State::Rows;
+        let all = time.iter().chain(&samples).map(f64::to_string);
+        Ok(Some(all.collect::<Vec<_>>().join(";")))
+    }
+
+    /// The time of a row. Where the times of a block begin anew, they go on from the block before.
+    fn risen(&mut self, time_s: f64) -> f64 {
+        if let (State::FirstRow, Some(last), Some(step)) = (self.state, self.last_s, self.step_s)
+            && time_s + self.offset_s <= last
+        {
+            self.offset_s = last + step - time_s;
+            self.are_joined = true;
+        }
+        let risen = time_s + self.offset_s;
+        self.last_s = Some(risen);
+        risen
+    }
+
+    /// The whole table.
+    fn finished(self) -> Result<LabView> {
+        if self.held == 0 {
+            let problem = format!("has no rows below a line '{END}': write it again");
+            return Err(Error::file(self.path, problem));
+        }
+        let is_joined = self.are_joined || (self.times == Times::No && self.blocks > 1);
+        let joined = is_joined.then(|| {
+            "its blocks are joined end to end, because the times of each begin anew".to_owned()
+        });
+        let (declared, held) = (self.declared, self.held);
+        Ok(LabView {
+            table: CsvTable::of(self.path, self.table)?,
+            rate_hz: self.step_s.map(|step| 1.0 / step),
+            truncation: (held < declared).then_some(Truncation { declared, held }),
+            remarks: joined.into_iter().collect(),
+        })
+    }
+}
+
+/// Returns whether the first field of a line below data is the key of another head.
+fn is_key(field: &str) -> bool {
+    field.starts_with(|first: char| first.is_ascii_alphabetic()) && number(field).is_none()
+}
+
+/// Parses a number with a decimal point or comma.
+fn number(field: &str) -> Option<f64> {
+    if field.contains('.') {
+        field.parse().ok()
+    } else {
+        field.replacen(',', ".", 1).parse().ok()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::recording::Trial;
+    use crate::recording::csv_file::read_table;
+    use crate::recording::source::{Cut, Source};
+    use test_helpers::holds;
+
+    const HEAD: &str = "LabVIEW Measurement\t\nWriter_Version\t2\nSeparator\tTab\nDecimal_Separator\t.\n\
+                        Multi_Headings\tYes\n";
+
+    /// Samples of two axes, of which both differ everywhere.
+    fn sample(row: usize, axis: usize) -> f64 {
+        ((row * 7 + axis * 3) % 11) as f64 / 8.0 - 0.5
+    }
+
+    /// A block with its head: rows from `first`, with x values from `begin_s` on.
+    fn block(kind: &str, rows: std::ops::Range<usize>, begin_s: f64) -> String {
+        let count = rows.len();
+        let mut text = format!(
+            "Channels\t2\nSamples\t{count}\t{count}\nY_Unit_Label\tg\tm/s^2\nX_Dimension\tTime\tTime\nX0\t0\t0\n\
+             Delta_X\t0.001\t0.001\n{END}\t\t\n"
+        );
+        text += match kind {
+            "Multi" => "X_Value\tax\tX_Value\tay\tComment\n",
+            _ => "X_Value\tax\tay\tComment\n",
+        };
+        for (index, row) in rows.enumerate() {
+            let time = begin_s + index as f64 / 1000.0;
+            let [a, b] = [sample(row, 0), sample(row, 1)];
+            text += &match kind {
+                "No" => format!("\t{a}\t{b}\n"),
+                "Multi" => format!("{time:.6}\t{a}\t{time:.6}\t{b}\n"),
+                _ => format!("{time:.6}\t{a}\t{b}\n"),
+            };
+        }
+        text + "\n"
+    }
+
+    fn read_text(text: &[u8]) -> Result<(Source, LabView)> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.lvm");
+        std::fs::write(&path, text).unwrap();
+        let own = read(&path)?;
+        let cut = Cut {
+            start_s: 0.0,
+            duration_s: f64::INFINITY,
+        };
+        let trial = Trial {
+            sample_rate_hz: own.rate_hz,
+            ..Trial::of(path, "felt", 100.0, 1.0)
+        };
+        Ok((read_table(&own.table, &trial, &cut)?, own))
+    }
+
+    #[test]
+    fn files_of_every_form_hold_the_same_samples() {
+        for kind in ["One", "No", "Multi"] {
+            let head = format!("{HEAD}X_Columns\t{kind}\n{END}\t\n\n");
+            let whole = head.clone() + &block(kind, 0..300, 0.0);
+            let several = |begin_s: f64| {
+                let second = block(kind, 100..300, begin_s);
+                format!("{head}{}{second}", block(kind, 0..100, 0.0))
+            };
+            let special = whole.clone() + "***Start_Special***\nSETTINGS\tx\n***End_Special***\n";
+            let commas = whole.replace('\t', ",").replace("Tab", "Comma");
+            let decimal_commas = whole.replace('.', ",");
+            for text in [
+                &whole,
+                &several(0.1),
+                &several(0.0),
+                &special,
+                &commas,
+                &decimal_commas,
+            ] {
+                let (source, own) = read_text(text.as_bytes()).unwrap();
+                assert!((source.rate_hz - 1000.0).abs() < 1e-6, "{kind}");
+                for axis in 0..2 {
+                    let expected: Vec<f64> = (0..300).map(|row| sample(row, axis)).collect();
+                    assert_eq!(source.channels[axis], expected, "{kind}");
+                }
+                assert_eq!(
+                    source.stated.scales_m_s2,
+                    Some(vec![9.80665, 1.0]),
+                    "{kind}"
+                );
+                let is_joined = text == &several(0.0) || (kind == "No" && text == &several(0.1));
+                assert_eq!(!own.remarks.is_empty(), is_joined, "{kind}");
+                assert_eq!(own.truncation, None);
+            }
+        }
+    }
+
+    #[test]
+    fn units_in_latin_1_are_read_and_lost_rows_are_told() {
+        let head = format!("{HEAD}X_Columns\tOne\n{END}\t\n\n");
+        let text = head + &block("One", 0..300, 0.0).replace("m/s^2", "m/s\u{b2}");
+        let latin: Vec<u8> = text.chars().map(|sign| sign as u32 as u8).collect();
+        let (source, _) = read_text(&latin).unwrap();
+        assert_eq!(source.stated.units, "g, m/s²");
+        let cut = text.lines().count() - 101;
+        let cut: Vec<&str> = text.lines().take(cut).collect();
+        let (_, own) = read_text(cut.join("\n").as_bytes()).unwrap();
+        assert_eq!(
+            own.truncation,
+            Some(Truncation {
+                declared: 300,
+                held: 200
+            })
+        );
+    }
+
+    #[test]
+    fn what_is_wrong_is_named_with_its_line() {
+        let head = format!("{HEAD}X_Columns\tOne\n{END}\t\n\n");
+        let whole = head.clone() + &block("One", 0..20, 0.0);
+        let rows_begin = whole
+            .lines()
+            .position(|line| line.starts_with("X_Value"))
+            .unwrap()
+            + 2;
+        let broken = whole.replace("0.005000\t", "0.005000\t1x");
+        let line = format!("line {}", rows_begin + 5);
+        for (text, words) in [
+            (broken, &[line.as_str(), "column 2", "1x"][..]),
+            (whole.replace("Channels\t2", "Channels\t4"), &["4 channels"]),
+            (
+                whole.replace("Delta_X\t0.001\t0.001", "Delta_X\t0.001\t0.002"),
+                &["Delta_X"],
+            ),
+            (head, &["no rows"]),
+            (HEAD.to_owned(), &["no rows"]),
+        ] {
+            holds(&read_text(text.as_bytes()).unwrap_err(), words);
+        }
+    }
+}

@@ -1,0 +1,43 @@
+//! Recordings: the trials of a set, their samples in m/s² at the models' sample rate, verdicts on them, and the steady
+//! segments of a free hand's recording.
+//!
+//! Invariant: files, or samples that a program holds, in; samples and verdicts out. Nothing here fits a model.
+
+mod csv_file;
+mod defects;
+pub mod freehand;
+mod held;
+mod joined;
+mod kind;
+mod load;
+mod lvm;
+pub mod pattern;
+mod polled;
+mod rate;
+mod resample;
+mod riff;
+mod set;
+mod snap;
+mod source;
+mod stamps;
+mod time_unit;
+pub mod triage;
+mod trial;
+mod uneven;
+mod unit;
+mod wav;
+
+pub use defects::{Defects, Gap, Hold, Spike, Timing, Truncation};
+pub use held::HeldSamples;
+pub use kind::Kind;
+pub use load::{read, read_at};
+pub use rate::{MAX_CHANNELS, MAX_FRAMES, RATES_HZ, most_frames, rate_fault};
+pub use resample::resample;
+pub use set::{Assumed, MOST_TRIALS, RecordingSet, TRIALS_FILE, is_list, list_command};
+pub use snap::{Nominal, Rule, Snap, Spread, clear_grid, grid_by_gaps, nominal};
+pub use source::RECORDING;
+pub use source::{Account, Cut, Samples, Source};
+pub use time_unit::TimeUnit;
+pub use trial::{NOMINAL_FORCE_N, NOMINAL_SPEED_MM_S, TRIAL_DURATION_S, Trial, texture_fault};
+pub use unit::scale;
+pub use unit::{GRAVITY_M_S2, Integers};

@@ -1,0 +1,257 @@
+//! Recordings of a sensor that was read faster than it samples, at any ratio: its values are held until the next.
+//!
+//! A row of a recording either repeats the row before or brings the sensor's next sample. Changes of a sensor with a
+//! clock of its own come in even steps, so that their pattern has a line in its spectrum: its frequency is the sensor's
+//! rate. Equal neighbours of a coarse converter come at any time, and have none.
+
+use core::f64::consts::PI;
+
+use super::rate::RATES_HZ;
+use crate::dsp::with_planner;
+
+/// Rows of which a spectrum of changes is made. Clocks that differ by 100 ppm move by less than a row in them.
+const BLOCK: usize = 4096;
+
+/// Fewest changes, and fewest repetitions, in a block.
+const LEAST: f64 = 64.0;
+
+/// Least share of the sensor's samples that differ from the one before.
+const LEAST_CHANGING: f64 = 0.75;
+
+/// Power of a held sensor's line over the one of an even pattern, from and to. At a ratio of two the line has 2.5 times
+/// that power, because it meets its image; of other patterns than those of a clock at most a quarter was seen.
+const LINE: (f64, f64) = (0.4, 3.0);
+
+/// Least ratio of the line's power to the mean of the bins around it, and the range of these. Equal neighbours that
+/// come in groups, as where peaks are clipped, have a broad spectrum.
+const OVER_AROUND: f64 = 20.0;
+const AROUND: std::ops::RangeInclusive<usize> = 4..=40;
+
+/// Least difference of the samples before and after a repetition, over the mean step; and least mean step, in those of
+/// the converter. Coarse samples of a tone repeat in even steps too, around its peaks, where two steps of the converter
+/// lie between the samples before and after, at most.
+const LEAST_STEP: f64 = 0.7;
+const LEAST_FINENESS: f64 = 4.0;
+
+/// A sensor's own samples.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Polled {
+    /// Its sample rate, Hz.
+    pub rate_hz: f64,
+    /// Its samples, each once.
+    pub channels: Vec<Vec<f64>>,
+}
+
+/// Finds the samples of a sensor whose values are held in `channels`, of equal length, which were read at `rate_hz`;
+/// `None` if they are not held.
+pub(super) fn polled(channels: &[Vec<f64>], rate_hz: f64) -> Option<Polled> {
+    let rows = channels.first()?.len();
+    let is_change = |row: usize| channels.iter().any(|axis| axis[row] != axis[row - 1]);
+    let changes: Vec<usize> = (1..rows).filter(|&row| is_change(row)).collect();
+    let block = rows.min(BLOCK);
+    let rare = changes.len().min(rows - changes.len());
+    if (rare * block) as f64 / (rows as f64) < LEAST {
+        return None;
+    }
+    let rate = line(&changes, rows, block)?;
+    if !steps_over_repetitions(channels, &changes) {
+        return None;
+    }
+    let (taken, interval) = numbered(&changes, 1.0 / rate);
+    let own_hz = rate_hz / interval;
+    let channels = channels.iter();
+    RATES_HZ.contains(&own_hz).then(|| Polled {
+        rate_hz: own_hz,
+        channels: channels
+            .map(|axis| taken.iter().map(|&row| axis[row]).collect())
+            .collect(),
+    })
+}
+
+/// Returns the frequency of the line of a held sensor in the pattern of `changes`, per row; `None` if there is none.
+///
+/// A pattern of changes in even steps at r per row has a line of amplitude sin(πr)/π at r, and its image at 1 - r.
+fn line(changes: &[usize], rows: usize, block: usize) -> Option<f64> {
+    let power = mean_power(changes, rows, block);
+    let share = changes.len() as f64 / rows as f64;
+    let (least, most) = (
+        share,
+        (share / LEAST_CHANGING).min(f64::midpoint(1.0, share)),
+    );
+    let bin = 1.0 / block as f64;
+    let at = |index: usize| power.get(index).copied().unwrap_or(0.0);
+    let candidates = (1..power.len()).filter_map(|index| {
+        let (here, next) = (at(index), at(index + 1));
+        let (a, b) = (here.sqrt(), next.sqrt());
+        let between = (index as f64 + b / (a + b).max(f64::MIN_POSITIVE)) * bin;
+        // Of a line and its image, the slower one: the other would leave more of the sensor's samples unchanged.
+        let both = [between.min(1.0 - between), between.max(1.0 - between)];
+        let in_range = |rate: &f64| (least - bin..=most).contains(rate);
+        let rate = both.into_iter().find(in_range)?;
+        let even = (block as f64 * (PI * rate).sin() / PI).powi(2);
+        Some(((here + next) / even, rate, index))
+    });
+    let (strength, rate, index) = candidates.max_by(|a, b| a.0.total_cmp(&b.0))?;
+    let around = AROUND.flat_map(|off| [index.checked_sub(off), Some(index + off)]);
+    let around: Vec<f64> = around
+        .flatten()
+        .filter_map(|index| power.get(index).copied())
+        .collect();
+    let mean = around.iter().sum::<f64>() / around.len().max(1) as f64;
+    let stands_out = at(index) + at(index + 1) >= OVER_AROUND * mean;
+    (stands_out && (LINE.0..=LINE.1).contains(&strength)).then_some(rate)
+}
+
+/// Mean power of the pattern of `changes` in whole blocks of `rows`, per bin of the transform.
+fn mean_power(changes: &[usize], rows: usize, block: usize) -> Vec<f64> {
+    let forward = with_planner(|planner| planner.plan_fft_forward(block));
+    let (mut pattern, mut spectrum) = (forward.make_input_vec(), forward.make_output_vec());
+    let mut power = vec![0.0; spectrum.len()];
+    let blocks = rows / block;
+    for first in (0..blocks).map(|number| number * block) {
+        let from = changes.partition_point(|&row| row < first);
+        let to = changes.partition_point(|&row| row < first + block);
+        pattern.fill(-((to - from) as f64) / block as f64);
+        for row in &changes[from..to] {
+            pattern[row - first] += 1.0;
+        }
+        forward
+            .process(&mut pattern, &mut spectrum)
+            .expect("finite samples");
+        for (sum, value) in power.iter_mut().zip(&spectrum) {
+            *sum += value.norm_sqr() / blocks as f64;
+        }
+    }
+    power
+}
+
+/// Returns whether the samples before and after a repetition differ as neighbours do.
+fn steps_over_repetitions(channels: &[Vec<f64>], changes: &[usize]) -> bool {
+    let mean = |differences: &mut dyn Iterator<Item = f64>| {
+        let (sum, count) = differences.fold((0.0, 0), |(sum, count), x| (sum + x, count + 1));
+        sum / f64::from(count.max(1))
+    };
+    let apart = |a: usize, b: usize| -> f64 {
+        let axes = channels.iter();
+        axes.map(|axis| (axis[a] - axis[b]).abs()).sum()
+    };
+    let repeated = changes.windows(2).filter(|pair| pair[1] - pair[0] > 1);
+    let around = mean(&mut repeated.map(|pair| apart(pair[1], pair[0] - 1)));
+    let mut steps = changes.iter().map(|&row| apart(row, row - 1));
+    let least = steps.clone().fold(f64::INFINITY, f64::min);
+    let step = mean(&mut steps);
+    around >= LEAST_STEP * step && step >= LEAST_FINENESS * least
+}
+
+/// Returns the row of each of a sensor's samples, by the rows of its `changes`, which come every `interval` rows or so,
+/// and the mean interval. A sample that equals the one before has that one's row.
+fn numbered(changes: &[usize], interval: f64) -> (Vec<usize>, f64) {
+    let [first, later @ ..] = changes else {
+        return (vec![0], interval);
+    };
+    let mut taken = vec![first - 1, *first];
+    // Row at which the sensor took its sample: after the row before a change, and before that of the change.
+    let begin = *first as f64 - 0.5;
+    let mut at = begin;
+    let mut count = 0.0;
+    for &row in later {
+        let steps = ((row as f64 - 0.5 - at) / interval).round().max(1.0);
+        at = (at + steps * interval).clamp(row as f64 - 1.0, row as f64);
+        count += steps;
+        let last = taken[taken.len() - 1];
+        taken.extend(std::iter::repeat_n(last, steps as usize - 1));
+        taken.push(row);
+    }
+    let mean = if count > 0.0 {
+        (at - begin) / count
+    } else {
+        interval
+    };
+    (taken, mean)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use test_helpers::{near, noise};
+
+    /// Noise of an axis below half of its rate, with steps of `step` of its deviation.
+    fn axis(seed: u64, samples: usize, step: f64) -> Vec<f64> {
+        let noise = noise(seed, samples + 2);
+        let smooth = noise.windows(3).map(|w| w[0] + 1.4 * w[1] + 0.6 * w[2]);
+        smooth.map(|x| (x / step).round() * step).collect()
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(24))]
+
+        /// Also of a coarse sensor, of whose samples some equal the one before.
+        #[test]
+        fn a_sensor_that_was_read_faster_than_it_samples_is_found_with_its_rate_at_any_ratio(
+            ratio in prop_oneof![1.03..2.5f64, 2.0..40.0f64, (2u32..30).prop_map(f64::from)],
+            phase in 0.0..1.0f64,
+            step in prop::sample::select(vec![1e-6, 0.05]),
+            seed in 0u64..1000,
+        ) {
+            let samples = 9000;
+            let own: Vec<Vec<f64>> = (0..2).map(|of| axis(seed + 1000 * of, samples, step)).collect();
+            let rows = ((samples - 1) as f64 * ratio).min(20_000.0) as usize;
+            let held = |axis: &Vec<f64>| -> Vec<f64> {
+                (0..rows).map(|row| axis[(row as f64 / ratio + phase) as usize]).collect()
+            };
+            let held: Vec<Vec<f64>> = own.iter().map(held).collect();
+            let Polled { rate_hz, channels } = polled(&held, 5000.0).expect("held");
+            let expected = 5000.0 / ratio;
+            prop_assert!((rate_hz / expected - 1.0).abs() < 2e-3, "{} {}", rate_hz, expected);
+            // All of its samples but a few at the ends, each once.
+            let middle = &own[0][200..300.min(rows / ratio as usize)];
+            let is_there = channels[0].windows(middle.len()).any(|part| part == middle);
+            prop_assert!(is_there || middle.is_empty(), "{}", ratio);
+        }
+
+        #[test]
+        fn equal_neighbours_of_coarse_samples_and_of_tones_are_not_held(
+            step in 0.05..1.5f64, pole in -0.9..0.95f64, hz in 30.0..1200.0f64, level in 2.0..100.0f64,
+        ) {
+            let mut state = 0.0;
+            let coarse: Vec<f64> = noise(7, 20_000)
+                .iter()
+                .map(|x| {
+                    state = pole * state + x;
+                    (state / step).round() * step
+                })
+                .collect();
+            prop_assert!(polled(&[coarse], 5000.0).is_none());
+            let tone = |(n, x): (usize, &f64)| {
+                (level * (2.0 * PI * hz / 5000.0 * n as f64).sin() + 0.05 * x).round()
+            };
+            let tone: Vec<f64> = noise(8, 20_000).iter().enumerate().map(tone).collect();
+            prop_assert!(polled(&[tone], 5000.0).is_none());
+            let mut before = (0.0, 0.0);
+            let ringing = noise(9, 20_000).into_iter().map(|x| {
+                let now = x * x.abs() + 1.96 * (2.0 * PI * hz / 5000.0).cos() * before.0 - 0.96 * before.1;
+                before = (now, before.0);
+                now
+            });
+            let ringing: Vec<f64> = ringing.collect();
+            let peak = ringing.iter().fold(0.0, |peak: f64, x| peak.max(x.abs()));
+            let clipped = ringing.iter().map(|x| x.clamp(-0.5 * peak, 0.5 * peak)).collect();
+            prop_assert!(polled(&[clipped], 5000.0).is_none());
+        }
+    }
+
+    #[test]
+    fn a_drifting_clock_is_followed() {
+        let own = axis(1, 9000, 1e-6);
+        let held: Vec<f64> = (0..20_000)
+            .map(|row| f64::from(row) / 5000.0)
+            .map(|t| own[(2000.0 * t * (1.0 + 1e-4 * t)) as usize])
+            .collect();
+        let found = polled(&[held], 5000.0).unwrap();
+        near(found.rate_hz, 2000.8, 1.0);
+        assert!(found.channels[0].len().abs_diff(8003) < 5);
+        assert_eq!(polled(&[], 5000.0), None);
+        assert_eq!(polled(&[vec![0.0; 10_000]], 5000.0), None);
+    }
+}

@@ -1,0 +1,420 @@
+//! Recording sets: a folder with a list of trials, or recordings that are given one by one.
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+
+use model_format::Provenance;
+
+use super::kind::Kind;
+use super::rate::rate_fault;
+use super::time_unit::TimeUnit;
+use super::trial::{NOMINAL_FORCE_N, NOMINAL_SPEED_MM_S, Trial};
+use super::unit::scale;
+use crate::support::bounded_file::unopened;
+use crate::support::csv_table::{CsvTable, Header, Row, TABLE};
+use crate::support::error::{Error, Result};
+use crate::support::hand::{force_fault, speed_fault};
+use crate::support::number::{positive, recorded_force, recorded_speed};
+
+/// File name of the list of trials in a recording set's folder.
+pub const TRIALS_FILE: &str = "trials.csv";
+
+/// Values that files and lists may lack. None of them changes what a list gives.
+#[derive(Clone, Copy, Debug, PartialEq, clap::Args)]
+pub struct Assumed {
+    /// Duration of a trial whose list gives no duration_s, in seconds [default: to its end]
+    #[arg(long = "duration", value_name = "S", value_parser = positive)]
+    pub duration_s: Option<f64>,
+    /// Sample rate of CSV recordings without a column of times, or with times that cannot be used, in hertz
+    #[arg(long = "sample-rate", value_name = "HZ", value_parser = positive)]
+    pub sample_rate_hz: Option<f64>,
+    /// Unit of the times of CSV recordings [default: as in the column's name, or by their steps]
+    #[arg(long, value_enum, value_name = "UNIT")]
+    pub time_unit: Option<TimeUnit>,
+    /// Take the samples of CSV recordings as even, at the mean rate of their times or at --sample-rate
+    #[arg(long)]
+    pub even_times: bool,
+    /// Acceleration of a sample of 1 (the full scale of a WAV's integers) of trials whose list gives no scale_m_s2: in
+    /// m/s², or as a unit, such as g, mg, mm/s^2, or g/256 for 256 counts per g [default: by the header, or 1]
+    #[arg(long = "scale", visible_alias = "unit", value_name = "M_S2", value_parser = scale)]
+    pub scale_m_s2: Option<f64>,
+    /// Tangential speed of recordings given without a list, in mm/s
+    #[arg(long = "speed", value_name = "MM_S", value_parser = recorded_speed, default_value_t = NOMINAL_SPEED_MM_S)]
+    pub speed_mm_s: f64,
+    /// Normal force of recordings given without a list, in newtons
+    #[arg(long = "force", value_name = "N", value_parser = recorded_force, default_value_t = NOMINAL_FORCE_N)]
+    pub force_n: f64,
+}
+
+impl Default for Assumed {
+    fn default() -> Self {
+        Self {
+            duration_s: None,
+            sample_rate_hz: None,
+            time_unit: None,
+            even_times: false,
+            scale_m_s2: None,
+            speed_mm_s: NOMINAL_SPEED_MM_S,
+            force_n: NOMINAL_FORCE_N,
+        }
+    }
+}
+
+/// A set of trials, in the order of their list.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RecordingSet {
+    /// The trials, at least one.
+    pub trials: Vec<Trial>,
+    /// True if speeds and forces come from a list; otherwise they are nominal.
+    pub is_listed: bool,
+}
+
+impl RecordingSet {
+    /// Opens the inputs of a command: one folder with a `trials.csv`, one list of any name, or recordings. Each
+    /// recording is then a texture of its own, named like the file, at the nominal speed and force.
+    ///
+    /// # Errors
+    /// A missing input, a list without trials, or a line that cannot be used, with its number.
+    pub fn open(inputs: &[PathBuf]) -> Result<Self> {
+        let set = match inputs {
+            [] => {
+                return Err(Error::Request(
+                    "no recordings given: name a folder, a list or files".into(),
+                ));
+            }
+            [folder] if folder.is_dir() && !folder.join(TRIALS_FILE).exists() => {
+                let problem = format!(
+                    "has no {TRIALS_FILE}, the list of its recordings: `{}` makes one of the files' names",
+                    list_command(
+                        folder,
+                        "{texture}_{speed}mms_{force}N",
+                        usual_ending(folder)
+                    )
+                );
+                return Err(Error::file(folder, problem));
+            }
+            [folder] if folder.is_dir() => Self::from_list(&folder.join(TRIALS_FILE))?,
+            [file] if file.file_name().is_some_and(|name| name == TRIALS_FILE) || is_list(file) => {
+                Self::from_list(file)?
+            }
+            files => Self::from_files(files)?,
+        };
+        Ok(set)
+    }
+
+    /// Opens inputs as [`RecordingSet::open`] does, with values for what they lack.
+    ///
+    /// # Errors
+    /// An input that cannot be opened, and those of [`RecordingSet::open`].
+    pub fn open_with(inputs: &[PathBuf], assumed: &Assumed) -> Result<Self> {
+        for input in inputs {
+            if let Err(source) = std::fs::metadata(input) {
+                return Err(unopened(input, source));
+            }
+        }
+        let mut set = Self::open(inputs)?;
+        for trial in &mut set.trials {
+            trial.duration_s = trial.duration_s.or(assumed.duration_s);
+            trial.scale_m_s2 = trial.scale_m_s2.or(assumed.scale_m_s2);
+            trial.sample_rate_hz = trial.sample_rate_hz.or(assumed.sample_rate_hz);
+            trial.time_unit = trial.time_unit.or(assumed.time_unit);
+            trial.has_even_times |= assumed.even_times;
+            if !set.is_listed {
+                trial.speed_mm_s = assumed.speed_mm_s;
+                trial.force_n = assumed.force_n;
+            }
+        }
+        Ok(set)
+    }
+
+    fn from_files(files: &[PathBuf]) -> Result<Self> {
+        let trials = files.iter().map(|file| {
+            if file.is_dir() {
+                let problem = "is a folder: give one folder alone, or recordings only";
+                return Err(Error::file(file, problem));
+            }
+            let stem = file.file_stem().unwrap_or_default();
+            Ok(Trial::of(
+                file.clone(),
+                stem.to_string_lossy().into_owned(),
+                NOMINAL_SPEED_MM_S,
+                NOMINAL_FORCE_N,
+            ))
+        });
+        Ok(Self {
+            trials: trials.collect::<Result<Vec<_>>>()?,
+            is_listed: false,
+        })
+    }
+
+    /// Reads a list of trials, whose files are relative to its folder.
+    ///
+    /// # Errors
+    /// A list that is missing or empty, or a line that cannot be used, with its number.
+    pub fn from_list(list: &Path) -> Result<Self> {
+        Ok(Self {
+            trials: read_list(list)?,
+            is_listed: true,
+        })
+    }
+
+    /// Returns the textures' names, each once, in the order of their first trials.
+    pub fn textures(&self) -> Vec<&str> {
+        let groups = self.by_texture().into_iter();
+        groups.map(|(name, _)| name).collect()
+    }
+
+    /// Returns the textures' names, in the order of their first trials, with the indices of the trials of each.
+    pub fn by_texture(&self) -> Vec<(&str, Vec<usize>)> {
+        let mut numbers: HashMap<&str, usize> = HashMap::new();
+        let mut groups: Vec<(&str, Vec<usize>)> = Vec::new();
+        for (index, trial) in self.trials.iter().enumerate() {
+            let name = trial.texture.as_str();
+            let number = *numbers.entry(name).or_insert(groups.len());
+            if number == groups.len() {
+                groups.push((name, Vec::new()));
+            }
+            groups[number].1.push(index);
+        }
+        groups
+    }
+
+    /// Returns the set of the trials `indices` alone.
+    #[must_use]
+    pub fn part(&self, indices: &[usize]) -> Self {
+        let trials = indices.iter().map(|&index| self.trials[index].clone());
+        Self {
+            trials: trials.collect(),
+            is_listed: self.is_listed,
+        }
+    }
+}
+
+/// The command that makes the list of a folder whose files have names of this pattern and this ending.
+pub fn list_command(folder: &Path, pattern: &str, ending: &str) -> String {
+    let folder = match folder.to_str() {
+        // The folder of the shell.
+        Some("") => ".".into(),
+        Some(name) if name.contains(char::is_whitespace) => format!("'{name}'").into(),
+        _ => folder.to_string_lossy(),
+    };
+    format!("stylus trials {folder} --pattern '{pattern}.{ending}'")
+}
+
+/// The ending of the tables in `folder` if there are more of them than of sounds, which is that of sounds otherwise.
+fn usual_ending(folder: &Path) -> &'static str {
+    let files = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let has_ending = |name: &Path, ending: &str| {
+        name.extension()
+            .is_some_and(|own| own.eq_ignore_ascii_case(ending))
+    };
+    let (mut tables, mut sounds) = (0_usize, 0_usize);
+    for file in files {
+        tables += usize::from(has_ending(&file.path(), "csv"));
+        sounds += usize::from(has_ending(&file.path(), "wav"));
+    }
+    if tables > sounds { "csv" } else { "wav" }
+}
+
+/// Returns whether the file at `path` is a list of trials, by the names in its first line.
+pub fn is_list(path: &Path) -> bool {
+    if Kind::of(path) != Some(Kind::Table) {
+        return false;
+    }
+    let Ok(table) = CsvTable::read(path, TABLE) else {
+        return false;
+    };
+    let Ok(header) = table.header() else {
+        return false;
+    };
+    ["file", "texture"]
+        .iter()
+        .all(|name| header.names().any(|known| known == *name))
+}
+
+/// Reads a list of trials; its files are relative to its folder.
+///
+/// # Errors
+/// A list that is missing or empty, or a line that cannot be used, with its number.
+fn read_list(list: &Path) -> Result<Vec<Trial>> {
+    // Regular files alone, because a list is read again for its kind.
+    TABLE.open(list)?;
+    let table = CsvTable::read(list, TABLE)?;
+    let columns = Columns::of(&table.header()?)?;
+    let folder = list.parent().unwrap_or(Path::new("."));
+    let (mut rows, mut trials) = (table.rows_below_header()?, Vec::new());
+    while let Some(row) = rows.next_row()? {
+        if trials.len() == MOST_TRIALS {
+            let problem = format!("lists more than {MOST_TRIALS} trials: make several lists");
+            return Err(row.error(problem));
+        }
+        trials.push(columns.trial(folder, &row)?);
+    }
+    if trials.is_empty() {
+        return Err(Error::file(list, "lists no trials: add at least one line"));
+    }
+    Ok(trials)
+}
+
+/// Indices of a list's columns, by name.
+struct Columns(HashMap<&'static str, usize>);
+
+/// Most trials of a list: a large laboratory's, at some 600 bytes of memory each.
+pub const MOST_TRIALS: usize = 1_000_000;
+
+const REQUIRED: [&str; 4] = ["file", "texture", "speed_mm_s", "force_n"];
+
+const OPTIONAL: [&str; 5] = [
+    "scale_m_s2",
+    "start_s",
+    "duration_s",
+    "sample_rate_hz",
+    "simulated",
+];
+
+/// Columns of a person's own, which are not read.
+const REMARKS: [&str; 4] = ["note", "notes", "comment", "take"];
+
+fn provenance_of(simulated: Option<&str>) -> std::result::Result<Provenance, String> {
+    match simulated {
+        None | Some("false") => Ok(Provenance::Recorded),
+        Some("true") => Ok(Provenance::Simulated),
+        Some(other) => Err(format!("simulated '{other}' is not true or false")),
+    }
+}
+
+impl Columns {
+    fn of(header: &Header<'_>) -> Result<Self> {
+        let expected = format!(
+            "the columns of a list are {}, {}",
+            REQUIRED.join(", "),
+            OPTIONAL.join(", ")
+        );
+        let mut columns = HashMap::new();
+        for name in REQUIRED {
+            columns.insert(name, header.needed(name, &expected)?);
+        }
+        for name in header.names().filter(|name| !REMARKS.contains(name)) {
+            let known = REQUIRED.iter().chain(&OPTIONAL).find(|&&k| k == name);
+            let Some(&known) = known else {
+                return Err(header.error(format!("unknown column '{name}': {expected}")));
+            };
+            columns.extend(header.column(name)?.map(|index| (known, index)));
+        }
+        Ok(Self(columns))
+    }
+
+    fn trial(&self, folder: &Path, row: &Row<'_, '_>) -> Result<Trial> {
+        let bad = |problem: String| row.error(problem);
+        let field = |name: &str| {
+            let index = *self.0.get(name)?;
+            Some((index, row.text(index))).filter(|(_, text)| !text.is_empty())
+        };
+        let text = |name: &str| {
+            let text = field(name).map(|(_, text)| text);
+            text.ok_or_else(|| bad(format!("no {name}")))
+        };
+        let number = |name: &str| match field(name) {
+            None => Ok(None),
+            Some((index, _)) => row.finite(index, name).map(Some),
+        };
+        let at_least_zero = |name: &str| match number(name)? {
+            Some(value) if value < 0.0 => Err(bad(format!("{name} {value} is negative"))),
+            value => Ok(value),
+        };
+        let above_zero = |name: &str| match number(name)? {
+            Some(value) if value <= 0.0 => Err(bad(format!("{name} {value} is not above zero"))),
+            value => Ok(value),
+        };
+        let required = |name: &str, fault: fn(f64) -> Option<String>| {
+            let value = at_least_zero(name)?.ok_or_else(|| bad(format!("no {name}")))?;
+            match fault(value) {
+                None => Ok(value),
+                Some(fault) => Err(bad(format!("{name} is {fault}"))),
+            }
+        };
+        let provenance = provenance_of(field("simulated").map(|(_, text)| text)).map_err(bad)?;
+        let scale_m_s2 = number("scale_m_s2")?;
+        if scale_m_s2.is_some_and(|scale| scale.abs() <= 0.0) {
+            return Err(bad("scale_m_s2 is zero".into()));
+        }
+        let sample_rate_hz = above_zero("sample_rate_hz")?;
+        if let Some(fault) = sample_rate_hz.and_then(|rate_hz| rate_fault(rate_hz, "mend it")) {
+            return Err(bad(format!("sample_rate_hz is {fault}")));
+        }
+        let texture = text("texture")?;
+        if texture.contains(char::is_control) {
+            return Err(bad(format!(
+                "texture {texture:?} has a control character: rename it"
+            )));
+        }
+        Ok(Trial {
+            scale_m_s2,
+            start_s: at_least_zero("start_s")?.unwrap_or(0.0),
+            duration_s: above_zero("duration_s")?,
+            sample_rate_hz,
+            provenance,
+            ..Trial::of(
+                folder.join(text("file")?),
+                texture.to_owned(),
+                required("speed_mm_s", speed_fault)?,
+                required("force_n", force_fault)?,
+            )
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::TRIALS_FILE;
+    use super::*;
+    use test_helpers::holds;
+
+    fn parse(text: &str) -> Result<Vec<Trial>> {
+        let folder = tempfile::tempdir().unwrap();
+        let list = folder.path().join(TRIALS_FILE);
+        std::fs::write(&list, text).unwrap();
+        read_list(&list)
+    }
+
+    const HEADER: &str = "file,texture,speed_mm_s,force_n,scale_m_s2,start_s\n";
+
+    #[test]
+    fn columns_may_come_in_any_order_and_comments_are_skipped() {
+        let trials =
+            parse("# by hand\nforce_n,texture,file,speed_mm_s\n0.5,denim,a.wav,120\n").unwrap();
+        let trial = &trials[0];
+        assert_eq!((trial.speed_mm_s, trial.force_n), (120.0, 0.5));
+        assert_eq!(trial.provenance, Provenance::Recorded);
+        assert!(trial.file.ends_with("a.wav"));
+    }
+
+    #[test]
+    fn a_bad_line_is_named_by_its_number() {
+        for (line, word) in [
+            ("a.wav,denim,fast,1,,", "speed_mm_s"),
+            ("a.wav,denim,100,-1,,", "negative"),
+            ("a.wav,denim,100,NaN,,", "force_n"),
+            ("a.wav,,100,1,,", "texture"),
+            (",denim,100,1,,", "file"),
+            ("a.wav,denim,100,1,0,", "scale_m_s2"),
+            ("a.wav,denim,100,1,,-1", "start_s"),
+            ("a.wav,denim,100", "fields"),
+        ] {
+            let text = format!("{HEADER}a.wav,denim,100,1,,\n{line}\n");
+            holds(&parse(&text).unwrap_err(), &["line 3", word]);
+        }
+    }
+
+    #[test]
+    fn headers_without_their_columns_and_lists_without_trials_are_refused() {
+        for (text, word) in [
+            ("file,texture,speed_mm_s\n", "force_n"),
+            ("file,texture,speed_mm_s,force_n,colour\n", "colour"),
+            (HEADER, "no trials"),
+            ("", "no column"),
+        ] {
+            holds(&parse(text).unwrap_err(), &[word]);
+        }
+    }
+}

@@ -1,0 +1,81 @@
+//! Part of a recording's file, at the file's own sample rate.
+
+use serde::{Deserialize, Serialize};
+
+use super::defects::{Defects, Timing, Truncation};
+use super::unit::{Integers, Stated};
+use crate::support::bounded_file::{Limit, MIB};
+
+/// A recording's file: a WAV file states its length in 32 bits, and a table is shorter.
+pub const RECORDING: Limit = Limit {
+    of: "a recording",
+    bytes: (1 << 32) + MIB,
+};
+
+/// Part of a file that is used.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cut {
+    /// Start of the part, s from the beginning of the file.
+    pub start_s: f64,
+    /// Longest duration of the part, s; infinite to the end of the file.
+    pub duration_s: f64,
+}
+
+impl Cut {
+    /// Returns the first frame and the one after the last, at `rate_hz`.
+    pub(super) fn frames(&self, rate_hz: f64) -> (usize, usize) {
+        let first = (self.start_s * rate_hz).round() as usize;
+        let count = (self.duration_s * rate_hz).round() as usize;
+        (first, first.saturating_add(count))
+    }
+}
+
+/// Samples of a file at its own sample rate, from the cut's first frame on.
+#[derive(Clone, Debug)]
+pub struct Source {
+    /// Sample rate of the file, Hz.
+    pub rate_hz: f64,
+    /// Frame of the file at which the channels begin.
+    pub first_frame: usize,
+    /// One to three channels of equal length.
+    pub channels: Vec<Vec<f64>>,
+    /// Time of each sample, s, if they are uneven.
+    pub times_s: Option<Vec<f64>>,
+    /// Lengths, if the file ends before its header says.
+    pub truncation: Option<Truncation>,
+    /// Units that the header names.
+    pub(super) stated: Stated,
+    /// Integers, if the samples were.
+    pub integers: Option<Integers>,
+    /// Changes by reading beyond what the file says, a line each.
+    pub remarks: Vec<String>,
+    /// Faults of the times.
+    pub timing: Timing,
+}
+
+/// The account that a file gives of its samples.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Account {
+    /// Changes of the samples by reading, such as a conversion of units, a line each.
+    pub remarks: Vec<String>,
+    /// Contradictions and gaps of what is said about the unit, a line each.
+    pub doubts: Vec<String>,
+    /// Integers, if nothing tells their acceleration.
+    pub integers: Option<Integers>,
+    /// True if a header, a list or an option tells the acceleration of a sample of 1.
+    pub has_scale: bool,
+}
+
+/// The samples of a trial.
+#[derive(Clone, Debug)]
+pub struct Samples {
+    /// One to three axes of equal length, m/s²: at [`SAMPLE_RATE_HZ`](model_format::SAMPLE_RATE_HZ), unless another
+    /// rate was asked for.
+    pub axes: Vec<Vec<f64>>,
+    /// The file's own sample rate, Hz.
+    pub source_rate_hz: f64,
+    /// Findings on the samples at the file's own rate.
+    pub defects: Defects,
+    /// The file's own account of them.
+    pub account: Account,
+}

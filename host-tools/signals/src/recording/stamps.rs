@@ -1,0 +1,759 @@
+//! Samples by their times: the part that is used, its rate, and what is wrong with the times.
+//!
+//! Samples that are missing are put in, so that a sample's place tells its time: a single one by interpolation, longer
+//! gaps by what is around them, which triage cuts. Rows that other sensors' rows repeat are taken out.
+
+use core::f64::consts::FRAC_PI_2;
+use std::ops::Range;
+
+use super::defects::{Gap, Timing};
+use super::joined::own_rows;
+use super::rate::rate_fault;
+use super::source::{Cut, Source};
+use super::time_unit::TimeUnit;
+use super::uneven::{EVEN, Steps, are_even};
+use super::unit::Stated;
+use crate::support::csv_table::CsvTable;
+use crate::support::error::{Error, Result};
+
+/// Samples after a long step of which the earliest tells whether samples are missing, or one stamp was late.
+const LOOK_AHEAD: usize = 8;
+
+/// Largest share of single samples that may be missing before they count as gaps.
+const FEW_LOST: f64 = 0.01;
+
+/// Knowledge of a file's times besides them.
+pub(super) struct Clock<'a> {
+    /// Name of their column.
+    pub column: &'a str,
+    /// Their unit, if it was given or is in the name.
+    pub unit: Option<TimeUnit>,
+    /// True if samples are even, whatever the times say.
+    pub is_even: bool,
+    /// The sample rate that was given, Hz; the times count if they can be used.
+    pub rate_hz: Option<f64>,
+}
+
+/// The samples of `channels` within `cut`, at `times`, one of each row of `table` below its header.
+///
+/// # Errors
+/// Times of no rate that a recording has, or which, within the part, do not rise, come in bunches apart, or are mostly
+/// gaps; with the line.
+pub(super) fn source(
+    table: &CsvTable,
+    clock: &Clock<'_>,
+    times: &[f64],
+    channels: Vec<Vec<f64>>,
+    cut: &Cut,
+) -> Result<Source> {
+    let (unit, is_guess) = clock.unit_of(times);
+    let layout = Stamps {
+        table,
+        clock,
+        times,
+        unit,
+    }
+    .layout(&channels, cut);
+    let mut layout = match (layout, clock.rate_hz) {
+        (Err(_), Some(rate_hz)) => return Ok(even(rate_hz, channels, cut)),
+        (layout, _) => layout?,
+    };
+    layout.timing.guessed_unit = is_guess.then_some(unit);
+    Ok(layout.laid_out(channels))
+}
+
+/// The samples of `channels` within `cut`, which are even at `rate_hz`.
+pub(super) fn even(rate_hz: f64, channels: Vec<Vec<f64>>, cut: &Cut) -> Source {
+    let rows = channels.first().map_or(0, Vec::len);
+    Layout::even(rate_hz, rows, cut).laid_out(channels)
+}
+
+impl Clock<'_> {
+    /// The unit of `times`; true if no name or option tells it, and it is not seconds.
+    fn unit_of(&self, times: &[f64]) -> (TimeUnit, bool) {
+        if let Some(unit) = self.unit {
+            return (unit, false);
+        }
+        if times.len() < 2 {
+            return (TimeUnit::S, false);
+        }
+        let (mean, usual) = (mean_step(times), Steps::of(times).usual_s);
+        let by_rate = |rate_hz| TimeUnit::of_steps(mean, usual, Some(rate_hz));
+        if let Some(unit) = self.rate_hz.and_then(by_rate) {
+            return (unit, false);
+        }
+        let unit = TimeUnit::of_steps(mean, usual, None).unwrap_or(TimeUnit::S);
+        (unit, unit != TimeUnit::S)
+    }
+}
+
+/// Samples that are missing after a row.
+struct Missing {
+    /// Place of the row among those that are kept.
+    after: usize,
+    /// Their number, at least one.
+    count: usize,
+}
+
+/// Rows of a file that are kept.
+enum Rows {
+    Range(Range<usize>),
+    Some(Vec<usize>),
+}
+
+/// The way from a file's rows to even samples.
+struct Layout {
+    rate_hz: f64,
+    rows: Rows,
+    missing: Vec<Missing>,
+    /// Times of the rows, s, if they are uneven.
+    times_s: Option<Vec<f64>>,
+    timing: Timing,
+}
+
+/// Times of a file in their unit.
+struct Stamps<'a> {
+    table: &'a CsvTable,
+    clock: &'a Clock<'a>,
+    times: &'a [f64],
+    unit: TimeUnit,
+}
+
+impl Stamps<'_> {
+    fn layout(&self, channels: &[Vec<f64>], cut: &Cut) -> Result<Layout> {
+        let times = self.times;
+        if times.len() < 2 {
+            let problem = match times {
+                [] => "holds no samples",
+                _ => "holds one sample, whose time tells no sample rate: record for longer",
+            };
+            return Err(Error::file(self.table.path(), problem));
+        }
+        if self.clock.is_even {
+            let rate_hz = self
+                .clock
+                .rate_hz
+                .unwrap_or(self.unit.per_second() / slope(times));
+            return Ok(Layout::even(self.checked(rate_hz)?, times.len(), cut));
+        }
+        let steps = Steps::of(times);
+        let hold = times.windows(2).all(|pair| steps.hold(pair[1] - pair[0]));
+        if hold && own_rows(times, channels, 0..times.len()).is_none() {
+            return self.without_gaps(cut);
+        }
+        self.with_gaps(channels, self.part(cut, steps.usual_s))
+    }
+
+    /// The layout of times without a gap, none of which repeats another sensor's.
+    fn without_gaps(&self, cut: &Cut) -> Result<Layout> {
+        let times = self.times;
+        let step = (times[times.len() - 1] - times[0]) / (times.len() - 1) as f64;
+        let rate_hz = self.checked(self.unit.per_second() / step)?;
+        let mut layout = Layout::even(rate_hz, times.len(), cut);
+        if let Rows::Range(part) = &layout.rows
+            && (rate_hz.fract() != 0.0 || !are_even(times))
+        {
+            layout.timing.bunch = bunch(times).map(|(size, _)| size);
+            layout.times_s = Some(
+                times[part.clone()]
+                    .iter()
+                    .map(|t| self.seconds(*t))
+                    .collect(),
+            );
+        }
+        Ok(layout)
+    }
+
+    /// The rows whose times are within `cut`.
+    fn part(&self, cut: &Cut, step: f64) -> Range<usize> {
+        let half = if step.is_finite() { 0.5 * step } else { 0.0 };
+        let from = |first: usize, seconds: f64| {
+            if seconds.is_infinite() {
+                return self.times.len();
+            }
+            let least = self.times[0] + seconds * self.unit.per_second() - half;
+            let rows = self.times.iter().skip(first);
+            // What is not a number is refused later.
+            let is_before = |time: &&f64| time.is_nan() || **time < least;
+            first + rows.take_while(is_before).count()
+        };
+        let first = from(0, cut.start_s);
+        first..from(first, cut.start_s + cut.duration_s)
+    }
+
+    /// The layout of the rows of `part`, with gaps or with rows of other sensors.
+    fn with_gaps(&self, channels: &[Vec<f64>], part: Range<usize>) -> Result<Layout> {
+        self.refuse_falling(channels, part.clone())?;
+        let own = own_rows(self.times, channels, part.clone());
+        let mut rows = own.unwrap_or_else(|| part.clone().collect());
+        // A row that is there twice counts once.
+        rows.dedup_by(|row, before| self.times[*row] == self.times[*before]);
+        let joined_rows = part.len() - rows.len();
+        if rows.len() < 2 {
+            let problem = "has fewer than two samples in the part that is used: give another start_s or duration_s";
+            return Err(Error::file(self.table.path(), problem));
+        }
+        let times: Vec<f64> = rows.iter().map(|&row| self.times[row]).collect();
+        let steps = Steps::of(&times);
+        let (step, missing) = missing(&times, steps);
+        let bunch = bunch(&times);
+        if let Some((size, apart)) = bunch.filter(|_| !missing.is_empty()) {
+            return Err(Error::file(
+                self.table.path(),
+                self.bunch_fault(&times, size, apart),
+            ));
+        }
+        let rate_hz = self.checked(self.unit.per_second() / step)?;
+        self.refuse_mostly_missing(&rows, &missing, step)?;
+        let is_even = steps.unevenness < EVEN || are_even(&times);
+        let times_s = (!is_even).then(|| times.iter().map(|t| self.seconds(*t)).collect());
+        let timing = Timing {
+            joined_rows,
+            bunch: bunch.filter(|_| !is_even).map(|(size, _)| size),
+            ..Timing::default()
+        };
+        Ok(Layout {
+            rate_hz,
+            rows: Rows::Some(rows),
+            missing,
+            times_s,
+            timing,
+        }
+        .with_gaps_told())
+    }
+
+    /// A time in seconds.
+    fn seconds(&self, time: f64) -> f64 {
+        if self.unit == TimeUnit::S {
+            return time;
+        }
+        (time - self.times[0]) / self.unit.per_second()
+    }
+
+    /// `rate_hz`, as the whole number next to it if it is near.
+    fn checked(&self, rate_hz: f64) -> Result<f64> {
+        let remedy = format!(
+            "column '{}' holds times in {}, so give their unit by --time-unit, or their rate by --sample-rate",
+            self.clock.column,
+            self.unit.name()
+        );
+        match rate_fault(rate_hz, &remedy) {
+            None => Ok(near_whole(rate_hz)),
+            Some(fault) => Err(Error::file(self.table.path(), fault)),
+        }
+    }
+
+    /// Refuses times of `part` that do not rise, unless a row is there twice.
+    fn refuse_falling(&self, channels: &[Vec<f64>], part: Range<usize>) -> Result<()> {
+        let is_bad = |row: &usize| {
+            let step = self.times[*row] - self.times[row - 1];
+            let is_twice = step == 0.0 && channels.iter().all(|axis| axis[*row] == axis[row - 1]);
+            !(step > 0.0 && step.is_finite() || is_twice)
+        };
+        let Some(row) = part.clone().skip(1).find(is_bad) else {
+            return Ok(());
+        };
+        let fault = falling(self.clock.column, self.times[row - 1], self.times[row]);
+        let remedy = "or give --even-times if samples are even";
+        Err(self.error(row, format!("{fault}, {remedy}")))
+    }
+
+    /// Refuses `rows` of which more are missing than there.
+    fn refuse_mostly_missing(&self, rows: &[usize], missing: &[Missing], step: f64) -> Result<()> {
+        let total: usize = missing.iter().map(|gap| gap.count).sum();
+        let Some(longest) = missing.iter().max_by_key(|gap| gap.count) else {
+            return Ok(());
+        };
+        let row = rows[longest.after + 1];
+        if total > rows.len() {
+            let before = self.times[rows[longest.after]];
+            let gap = gap_of(
+                self.clock.column,
+                before,
+                self.times[row],
+                step,
+                self.unit.name(),
+            );
+            let problem = format!(
+                "{gap}, and gaps are most of the part that is used: give start_s and duration_s of a part without them"
+            );
+            return Err(self.error(row, problem));
+        }
+        Ok(())
+    }
+
+    /// The problem of times that come in bunches of `size`, which are `apart`.
+    fn bunch_fault(&self, times: &[f64], size: usize, apart: f64) -> String {
+        format!(
+            "its times come in bunches of {size}, {apart:.6} {} apart, and tell no sample's own: give --even-times if \
+             samples are even, at {:.0} Hz then",
+            self.unit.name(),
+            near_whole(self.unit.per_second() / slope(times))
+        )
+    }
+
+    fn error(&self, row: usize, problem: String) -> Error {
+        // The header is a row, too.
+        Error::line(self.table.path(), self.table.line_of_row(row + 1), problem)
+    }
+}
+
+impl Layout {
+    /// Even samples at `rate_hz`, of `rows` rows.
+    fn even(rate_hz: f64, rows: usize, cut: &Cut) -> Self {
+        let (first, end) = cut.frames(rate_hz);
+        Self {
+            rate_hz,
+            rows: Rows::Range(first.min(rows)..end.clamp(first.min(rows), rows)),
+            missing: Vec::new(),
+            times_s: None,
+            timing: Timing::default(),
+        }
+    }
+
+    /// The layout with its missing samples as findings: few single ones by their number, the others as gaps.
+    fn with_gaps_told(mut self) -> Self {
+        let missing: usize = self.missing.iter().map(|gap| gap.count).sum();
+        let kept = match &self.rows {
+            Rows::Range(rows) => rows.len(),
+            Rows::Some(rows) => rows.len(),
+        };
+        let single = self.missing.iter().filter(|gap| gap.count == 1).count();
+        let are_few = single as f64 <= FEW_LOST * (kept + missing) as f64;
+        let mut before = 0;
+        for gap in &self.missing {
+            if gap.count > 1 || !are_few {
+                self.timing.gaps.push(Gap {
+                    start_s: (gap.after + before) as f64 / self.rate_hz,
+                    seconds: (gap.count + 1) as f64 / self.rate_hz,
+                });
+            }
+            before += gap.count;
+        }
+        self.timing.lost = if are_few { single } else { 0 };
+        self.timing.samples = kept + missing;
+        self
+    }
+
+    /// Lays out the rows of `channels`.
+    fn laid_out(self, mut channels: Vec<Vec<f64>>) -> Source {
+        let first_frame = match &self.rows {
+            Rows::Range(rows) => rows.start,
+            Rows::Some(rows) => rows.first().copied().unwrap_or(0),
+        };
+        for channel in &mut channels {
+            match &self.rows {
+                Rows::Range(rows) => {
+                    channel.truncate(rows.end);
+                    channel.drain(..rows.start);
+                }
+                Rows::Some(rows) => *channel = rows.iter().map(|&row| channel[row]).collect(),
+            }
+            if !self.missing.is_empty() {
+                *channel = filled(channel, &self.missing);
+            }
+        }
+        Source {
+            rate_hz: self.rate_hz,
+            first_frame,
+            times_s: self.times_s.map(|times| {
+                spread(&times, &self.missing, |gap, n| {
+                    let (before, behind) = (times[gap.after], times[gap.after + 1]);
+                    before + (behind - before) * n as f64 / (gap.count + 1) as f64
+                })
+            }),
+            channels,
+            truncation: None,
+            stated: Stated::default(),
+            integers: None,
+            remarks: Vec::new(),
+            timing: self.timing,
+        }
+    }
+}
+
+/// `samples` with those that are missing: a single one by the polynomial through the six around it, more by what is
+/// before and behind them in reverse, faded over. Level and spectrum of a longer gap are those around it, so that
+/// nothing else is found there.
+fn filled(samples: &[f64], missing: &[Missing]) -> Vec<f64> {
+    let mean = samples.iter().sum::<f64>() / samples.len().max(1) as f64;
+    let at = |place: usize| samples[place.min(samples.len() - 1)] - mean;
+    spread(samples, missing, |gap, n| {
+        let around = (gap.after + 1).checked_sub(3);
+        let around = around.and_then(|from| samples.get(from..from + 6));
+        if let (1, Some(&[a, b, c, d, e, f])) = (gap.count, around) {
+            return 0.75 * (c + d) - 0.3 * (b + e) + 0.05 * (a + f);
+        }
+        let before = at((gap.after + 1).saturating_sub(n));
+        let behind = at(gap.after + 1 + gap.count - n);
+        let angle = FRAC_PI_2 * n as f64 / (gap.count + 1) as f64;
+        mean + before * angle.cos() + behind * angle.sin()
+    })
+}
+
+/// `values`, with `value` of each gap and of the number, from 1, of a sample that is missing in it.
+fn spread(values: &[f64], missing: &[Missing], value: impl Fn(&Missing, usize) -> f64) -> Vec<f64> {
+    let mut all = Vec::with_capacity(values.len() + missing.len());
+    let mut from = 0;
+    for gap in missing {
+        all.extend(&values[from..=gap.after]);
+        all.extend((1..=gap.count).map(|n| value(gap, n)));
+        from = gap.after + 1;
+    }
+    all.extend(&values[from..]);
+    all
+}
+
+/// Mean of the steps between `times` without gaps, and the samples that are missing.
+fn missing(times: &[f64], steps: Steps) -> (f64, Vec<Missing>) {
+    let held = times
+        .windows(2)
+        .map(|pair| pair[1] - pair[0])
+        .filter(|&step| steps.hold(step));
+    let (sum, count) = held.fold((0.0, 0), |(sum, count), step| (sum + step, count + 1));
+    let step = sum / f64::from(count.max(1));
+    let gap = |(after, pair): (usize, &[f64])| {
+        if pair[1] - pair[0] <= step || steps.hold(pair[1] - pair[0]) {
+            return None;
+        }
+        // A stamp that is late alone is followed by a short step.
+        let next = times[after + 1..].iter().take(LOOK_AHEAD).enumerate();
+        let late = next.map(|(n, time)| time - pair[0] - (n + 1) as f64 * step);
+        let count = (late.fold(f64::INFINITY, f64::min) / step).round();
+        (count >= 1.0).then_some(Missing {
+            after,
+            count: count as usize,
+        })
+    };
+    (step, times.windows(2).enumerate().filter_map(gap).collect())
+}
+
+/// Longest steps that are left out of a mean, because they may be pauses.
+const PAUSES: usize = 8;
+
+/// Mean of the steps between `times` but the longest few.
+fn mean_step(times: &[f64]) -> f64 {
+    let mut steps: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let kept = steps.len() - PAUSES.min(steps.len() / 16);
+    steps.select_nth_unstable_by(kept - 1, f64::total_cmp);
+    steps[..kept].iter().sum::<f64>() / kept as f64
+}
+
+/// Step between `times` that would be even, by least squares: that of bunches, and of late ones.
+fn slope(times: &[f64]) -> f64 {
+    let middle = (times.len() - 1) as f64 / 2.0;
+    let first = times[0];
+    let (mut product, mut square) = (0.0, 0.0);
+    for (n, time) in times.iter().enumerate() {
+        let place = n as f64 - middle;
+        product += place * (time - first);
+        square += place * place;
+    }
+    product / square
+}
+
+/// Fewest bunches that tell a habit.
+const LEAST_BUNCHES: usize = 8;
+
+/// Most samples of a bunch: a sensor's queue.
+const MOST_OF_BUNCH: usize = 128;
+
+/// Least step between bunches over the mean step, and least share of the time that these take.
+const BETWEEN_BUNCHES: (f64, f64) = (1.4, 0.4);
+
+/// Share of the bunches that have as many samples as the others, but for a quarter.
+const ALIKE: f64 = 0.8;
+
+/// Finds out whether `times` come in bunches, as where a sensor's queue is read: short steps, and long ones every so
+/// many. Returns the usual number of samples of a bunch, and the usual step between bunches.
+fn bunch(times: &[f64]) -> Option<(usize, f64)> {
+    let total = times[times.len() - 1] - times[0];
+    let mean = total / (times.len() - 1) as f64;
+    let (least, least_share) = BETWEEN_BUNCHES;
+    let long: Vec<usize> = (1..times.len())
+        .filter(|&n| times[n] - times[n - 1] > least * mean)
+        .collect();
+    let mut sizes: Vec<usize> = long.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    if sizes.len() < LEAST_BUNCHES {
+        return None;
+    }
+    let mut steps: Vec<f64> = long.iter().map(|&n| times[n] - times[n - 1]).collect();
+    let between: f64 = steps.iter().sum();
+    let middle = sizes.len() / 2;
+    let size = *sizes.select_nth_unstable(middle).1;
+    let alike = sizes
+        .iter()
+        .filter(|own| 4 * own.abs_diff(size) <= size)
+        .count();
+    let is_habit = alike as f64 >= ALIKE * sizes.len() as f64 && between >= least_share * total;
+    let apart = *steps.select_nth_unstable_by(middle, f64::total_cmp).1;
+    (is_habit && (2..=MOST_OF_BUNCH).contains(&size)).then_some((size, apart))
+}
+
+/// The whole rate next to `rate_hz`, if it is close: times are often printed with few digits.
+fn near_whole(rate_hz: f64) -> f64 {
+    let whole = rate_hz.round();
+    if (rate_hz / whole - 1.0).abs() < 1e-3 {
+        whole
+    } else {
+        rate_hz
+    }
+}
+
+/// Returns the sample rate of the times in `column` of `table`, s, one per row below its header, in Hz: of a recording
+/// with a motion, which has no gaps.
+///
+/// # Errors
+/// Fewer than two times; a step that is not as the others, with its line.
+pub(super) fn even_rate(table: &CsvTable, column: &str, times: &[f64]) -> Result<f64> {
+    let path = table.path();
+    if times.len() < 2 {
+        let problem = "holds one sample, whose time tells no sample rate: record for longer";
+        return Err(Error::file(path, problem));
+    }
+    let steps = Steps::of(times);
+    let bad = |pair: &[f64]| !steps.hold_even(pair[1] - pair[0]);
+    if let Some(index) = times.windows(2).position(bad) {
+        let (before, time) = (times[index], times[index + 1]);
+        let problem = if time > before && steps.usual_s > 0.0 {
+            let gap = gap_of(column, before, time, steps.usual_s, "s");
+            format!(
+                "{gap}; times must rise in even steps: cut the file there, or resample it to even steps"
+            )
+        } else {
+            falling(column, before, time)
+        };
+        return Err(Error::line(path, table.line_of_row(index + 2), problem));
+    }
+    Ok((times.len() - 1) as f64 / (times[times.len() - 1] - times[0]))
+}
+
+/// A step from `before` to `time`, in `unit`, that is not the `usual` one, in words.
+fn gap_of(column: &str, before: f64, time: f64, usual: f64, unit: &str) -> String {
+    let step = time - before;
+    let kind = if step > usual {
+        "a gap"
+    } else {
+        "a short step"
+    };
+    format!(
+        "{column} is {time} after {before}: {kind} of {step:.6} {unit} where lines are {usual:.6} {unit} apart"
+    )
+}
+
+/// The problem of a `time` that does not rise from the one `before`.
+fn falling(column: &str, before: f64, time: f64) -> String {
+    if time == before {
+        format!(
+            "{column} is {time} as in the line before: write times with more digits, or remove the line"
+        )
+    } else {
+        format!(
+            "{column} is {time} after {before}: times must rise in even steps; cut the file there"
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use core::f64::consts::TAU;
+    use proptest::prelude::*;
+    use std::path::Path;
+    use test_helpers::holds;
+    use test_helpers::near;
+
+    const ALL: Cut = Cut {
+        start_s: 0.0,
+        duration_s: f64::INFINITY,
+    };
+
+    fn table(times: &[f64]) -> CsvTable {
+        let rows = times.iter().map(|time| format!("{time},1\n"));
+        let text = format!("# x\ntime_s,x\n{}", rows.collect::<String>());
+        CsvTable::of(Path::new("a.csv"), text).unwrap()
+    }
+
+    fn clock() -> Clock<'static> {
+        Clock {
+            column: "time_s",
+            unit: None,
+            is_even: false,
+            rate_hz: None,
+        }
+    }
+
+    fn tone(time: f64) -> f64 {
+        (TAU * 23.0 * time).sin() + 0.1 * time
+    }
+
+    /// Samples of a slow tone at `times`, s, which are written times `factor`.
+    fn of(times: &[f64], factor: f64, clock: &Clock<'_>, cut: &Cut) -> Result<Source> {
+        let written: Vec<f64> = times.iter().map(|time| time * factor).collect();
+        let channels = vec![times.iter().map(|time| tone(*time)).collect()];
+        source(&table(&written), clock, &written, channels, cut)
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(48))]
+
+        /// A row is left out where a run of them begins, each run as long as its number says.
+        #[test]
+        fn samples_keep_their_places_over_gaps_and_single_losses(
+            runs in prop::collection::vec((20usize..400, prop::sample::select(vec![1usize, 1, 1, 2, 5, 40])), 1..8),
+            rate_hz in prop::sample::select(vec![400.0, 1344.0, 5000.0]),
+            off in 0.0..0.3f64,
+        ) {
+            let mut places = Vec::new();
+            let mut next = 0;
+            for &(kept, lost) in &runs {
+                places.extend(next..next + kept);
+                next += kept + lost;
+            }
+            places.extend(next..next + 300);
+            // Stamps that are late by a part of a step, but even on the whole.
+            let late = |n: usize| if n % 37 == 5 { off } else { 0.0 };
+            let times: Vec<f64> = places.iter().map(|&n| n as f64 / rate_hz).collect();
+            let stamps: Vec<f64> = places.iter().map(|&n| (n as f64 + late(n)) / rate_hz).collect();
+            let channels = vec![times.iter().map(|time| tone(*time)).collect()];
+            let found = source(&table(&stamps), &clock(), &stamps, channels, &ALL).unwrap();
+            near(found.rate_hz, rate_hz, 1e-3 * rate_hz);
+            prop_assert_eq!(found.channels[0].len(), next + 300);
+            let is_gap = |n: usize| {
+                let time = n as f64 / found.rate_hz;
+                found.timing.gaps.iter().any(|gap| (gap.start_s..gap.start_s + gap.seconds).contains(&time))
+            };
+            for (n, x) in found.channels[0].iter().enumerate() {
+                if places.binary_search(&n).is_ok() {
+                    prop_assert!((x - tone(n as f64 / rate_hz)).abs() < 1e-9, "{}", n);
+                } else if !is_gap(n) {
+                    prop_assert!((x - tone(n as f64 / rate_hz)).abs() < 1e-2, "{}", n);
+                }
+            }
+            let single = runs.iter().filter(|run| run.1 == 1).count();
+            let few = single as f64 <= 0.01 * (next + 300) as f64;
+            prop_assert_eq!(found.timing.lost, if few { single } else { 0 });
+            prop_assert_eq!(found.timing.gaps.len(), runs.len() - found.timing.lost);
+        }
+
+        #[test]
+        fn only_the_part_that_is_used_is_judged(start in 0usize..700, length in 100usize..300, back: bool) {
+            let gap_s = if back { -3.0 } else { 0.5 };
+            let after = |n: usize| if n >= 1000 { gap_s } else { 0.0 };
+            let times: Vec<f64> = (0..2000).map(|n| n as f64 / 1000.0 + after(n)).collect();
+            let cut = Cut { start_s: start as f64 / 1000.0, duration_s: length as f64 / 1000.0 };
+            let found = of(&times, 1.0, &clock(), &cut).unwrap();
+            prop_assert_eq!(found.timing, Timing { samples: length, ..Timing::default() });
+            let expected: Vec<f64> = (start..start + length).map(|n| tone(n as f64 / 1000.0)).collect();
+            prop_assert_eq!(&found.channels[0], &expected);
+            prop_assert_eq!(of(&times, 1.0, &clock(), &ALL).is_err(), back);
+        }
+
+        #[test]
+        fn even_samples_in_bunches_are_told_and_taken_as_even_on_request(
+            size in 2usize..64, share in 0.01..0.4f64, factor in prop::sample::select(vec![1.0, 1e3, 1e6]),
+        ) {
+            // The last of a bunch is in time; the others are read just before it.
+            let late = |n: usize| (size - 1 - n % size) as f64 * (1.0 - share);
+            let times: Vec<f64> = (0..size * 200).map(|n| (n as f64 + late(n)) / 2000.0).collect();
+            match of(&times, factor, &clock(), &ALL) {
+                Ok(found) => prop_assert_eq!(found.timing.bunch, Some(size)),
+                Err(fault) => {
+                    let words = [format!("bunches of {size}"), "--even-times".into(), "at 2000 Hz".into()];
+                    holds(&fault, &words.each_ref().map(String::as_str));
+                }
+            }
+            let found = of(&times, factor, &Clock { is_even: true, ..clock() }, &ALL).unwrap();
+            near(found.rate_hz, 2000.0, 2.0);
+            prop_assert_eq!(found.channels[0].len(), times.len());
+            prop_assert_eq!(found.times_s, None);
+        }
+
+        #[test]
+        fn of_a_motion_a_gap_and_a_step_back_are_named_with_their_line(
+            at in 1usize..999, step_s in 1e-5..0.1f64, share in prop::sample::select(vec![-40.0, -1.0, 0.6, 30.0, 0.0]),
+        ) {
+            let mut times: Vec<f64> = (0..1000).map(|n| step_s * f64::from(n)).collect();
+            let rate = |times: &[f64]| even_rate(&table(times), "time_s", times);
+            prop_assert!((rate(&times).unwrap() * step_s - 1.0).abs() < 1e-6);
+            // A step of zero is a line that repeats its time.
+            let off = if share == 0.0 { -step_s } else { share * step_s };
+            times[at..].iter_mut().for_each(|time| *time += off);
+            if share == 0.0 {
+                times[at] = times[at - 1];
+            }
+            let word = if share > 0.0 { "a gap" } else { "" };
+            let message = rate(&times).unwrap_err();
+            holds(&message, &[&format!("line {}:", at + 3), word]);
+        }
+    }
+
+    #[test]
+    fn times_that_tell_no_rate_are_refused_and_a_given_rate_counts_then() {
+        for (times, word) in [
+            (&[][..], "no samples"),
+            (&[1.0], "one sample"),
+            (&[0.0, 0.0, 0.0], "line 4"),
+            (&[0.0, f64::NAN], "line 4"),
+            (&[0.0, f64::INFINITY], "line 4"),
+            (&[0.0, 0.001, 0.001, 0.002], "line 5"),
+            (&[0.0, 0.001, 0.002, 0.001], "must rise"),
+            (&[0.0, 0.001, 0.1, 0.101], "a gap of 0.099000 s"),
+        ] {
+            // Values that differ, so that no row is there twice.
+            let channels = || vec![(0..times.len()).map(|n| n as f64).collect()];
+            let seconds = Clock {
+                unit: Some(TimeUnit::S),
+                ..clock()
+            };
+            let fault = source(&table(times), &seconds, times, channels(), &ALL).unwrap_err();
+            holds(&fault, &[word]);
+            let given = Clock {
+                rate_hz: Some(800.0),
+                ..seconds
+            };
+            let found = source(&table(times), &given, times, channels(), &ALL).unwrap();
+            assert_eq!((found.rate_hz, found.channels), (800.0, channels()));
+        }
+    }
+
+    #[test]
+    fn a_unit_is_that_of_the_name_or_of_the_option_or_told() {
+        let times: Vec<f64> = (0..3000).map(|n| 12.0 + f64::from(n) / 1600.0).collect();
+        for unit in [TimeUnit::S, TimeUnit::Ms, TimeUnit::Us, TimeUnit::Ns] {
+            let factor = unit.per_second();
+            for (clock, guessed) in [
+                (
+                    Clock {
+                        unit: Some(unit),
+                        ..clock()
+                    },
+                    None,
+                ),
+                (
+                    Clock {
+                        rate_hz: Some(1550.0),
+                        ..clock()
+                    },
+                    None,
+                ),
+                (clock(), Some(unit).filter(|unit| *unit != TimeUnit::S)),
+            ] {
+                let found = of(&times, factor, &clock, &ALL).unwrap();
+                assert_eq!(
+                    (found.rate_hz, found.timing.guessed_unit),
+                    (1600.0, guessed)
+                );
+                assert_eq!(found.times_s, None, "{unit:?}");
+            }
+        }
+        let wrong = Clock {
+            unit: Some(TimeUnit::S),
+            ..clock()
+        };
+        holds(
+            &of(&times, 1e3, &wrong, &ALL).unwrap_err(),
+            &["--time-unit", "--sample-rate"],
+        );
+    }
+}

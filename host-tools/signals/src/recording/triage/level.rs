@@ -1,0 +1,306 @@
+//! Verdicts on the level within a trial: parts without a signal, one event that outweighs the rest, a step.
+//!
+//! The level of real takes at one speed and force varies by 7 dB (standard deviation over 50 ms), so that only what
+//! exceeds this by far is a finding. Bounds are those of 24 real takes, whole and in parts of 2 s.
+
+use super::verdict::{Kind, Span, Verdict};
+use crate::dsp::sums::moments_inlined;
+use crate::dsp::wide;
+use model_format::SAMPLE_RATE_HZ;
+
+/// Samples of a part for silence: 20 ms.
+const SILENCE_PART: usize = 100;
+
+/// Level of a silent part below the loud ones, dB. Real takes have up to 60 ms below -45 dB.
+const SILENT_DB: f64 = 50.0;
+
+/// Fewest parts of a silence: 0.1 s.
+const SILENT_PARTS: usize = 5;
+
+/// Level of a steady part that is noise of the sensor alone, below the loud ones, dB.
+const QUIET_DB: f64 = 30.0;
+
+/// Fewest parts of noise alone: 0.4 s.
+const QUIET_PARTS: usize = 20;
+
+/// Largest standard deviation of the levels of noise alone, dB; that of 100 samples of white noise is 0.6 dB.
+const QUIET_SPREAD_DB: f64 = 1.3;
+
+/// Samples of a part for taps: 10 ms, and the number of parts of an event.
+const TAP_PART: usize = 50;
+const TAP_PARTS: usize = 4;
+
+/// Most taps of a trial that are told from its texture.
+const MOST_TAPS: usize = 3;
+
+/// Samples before and after an event that are its own, too.
+const TAP_MARGIN: usize = 100;
+
+/// Least share of a tap in the energy: its spectrum then changes the fitted one by more than 1 dB.
+const TAP_SHARE: f64 = 0.25;
+
+/// Least ratio of a tap to the next event, dB. The strongest event of real takes is at most 8 dB above the next; the
+/// one exception, 10.6 dB, is a stroke of the tool.
+const TAP_ABOVE_DB: f64 = 9.0;
+
+/// Samples of a part for steps: 50 ms.
+const STEP_PART: usize = 250;
+
+/// Fewest parts on either side of a step: 0.2 s.
+const STEP_PARTS: usize = 4;
+
+/// Least share of the levels' variance that a step explains; real takes reach 0.48.
+const STEP_SHARE: f64 = 0.6;
+
+/// Least step, dB: twice the 3 dB that a hand's own variation moves the mean of a second.
+const STEP_DB: f64 = 6.0;
+
+/// Returns the verdicts on the level of `axes` together.
+pub(super) fn verdicts(axes: &[Vec<f64>]) -> Vec<Verdict> {
+    let samples = axes.first().map_or(0, Vec::len);
+    let silence = silent_spans(axes, samples);
+    let mut verdicts = Vec::new();
+    let silent: usize = silence.iter().map(ExactSizeIterator::len).sum();
+    // Beside silence any event outweighs the rest.
+    if 2 * silent < samples {
+        verdicts.extend(tap(axes));
+    }
+    verdicts.extend(change(axes, &silence));
+    if !silence.is_empty() {
+        let whole = format!(", of {:.3} s", samples as f64 / f64::from(SAMPLE_RATE_HZ));
+        let silent = Verdict::on(Kind::PartlySilent, "partly silent", silence);
+        verdicts.push(silent.with(&whole));
+    }
+    verdicts
+}
+
+/// Power about its own mean of each whole part, summed over the axes, (m/s²)².
+fn powers(axes: &[Vec<f64>], part: usize) -> Vec<f64> {
+    let count = axes.first().map_or(0, Vec::len) / part;
+    let mut powers = vec![0.0; count];
+    wide(
+        #[inline(always)]
+        || {
+            for axis in axes {
+                for (power, samples) in powers.iter_mut().zip(axis.chunks_exact(part)) {
+                    *power += moments_inlined(samples).variance;
+                }
+            }
+        },
+    );
+    powers
+}
+
+fn decibels(power: f64) -> f64 {
+    10.0 * power.max(f64::MIN_POSITIVE).log10()
+}
+
+/// Runs of parts far below the loudest ones.
+fn silent_spans(axes: &[Vec<f64>], samples: usize) -> Vec<Span> {
+    let levels: Vec<f64> = powers(axes, SILENCE_PART)
+        .into_iter()
+        .map(decibels)
+        .collect();
+    if levels.len() < 2 * SILENT_PARTS {
+        return Vec::new();
+    }
+    let mut sorted = levels.clone();
+    sorted.sort_by(f64::total_cmp);
+    // A tap of 40 ms in 2 s does not move the third highest level in 100.
+    let loud = sorted[sorted.len() - 1 - sorted.len() * 3 / 100];
+    let mut spans = runs(&levels, loud - SILENT_DB, SILENT_PARTS);
+    for run in runs(&levels, loud - QUIET_DB, QUIET_PARTS) {
+        if spread(&levels[run.clone()]) < QUIET_SPREAD_DB {
+            spans.push(run);
+        }
+    }
+    spans.sort_by_key(|span| span.start);
+    spans.dedup_by(|next, first| {
+        let joins = next.start <= first.end;
+        if joins {
+            first.end = first.end.max(next.end);
+        }
+        joins
+    });
+    let end_of = |part: usize| {
+        if part == levels.len() {
+            samples
+        } else {
+            part * SILENCE_PART
+        }
+    };
+    spans
+        .into_iter()
+        .map(|span| span.start * SILENCE_PART..end_of(span.end))
+        .collect()
+}
+
+/// Runs of at least `least` levels below `bound`.
+fn runs(levels: &[f64], bound: f64, least: usize) -> Vec<Span> {
+    let mut found = Vec::new();
+    let mut first = 0;
+    for end in 0..=levels.len() {
+        if end < levels.len() && levels[end] < bound {
+            continue;
+        }
+        if end - first >= least {
+            found.push(first..end);
+        }
+        first = end + 1;
+    }
+    found
+}
+
+/// Standard deviation.
+fn spread(levels: &[f64]) -> f64 {
+    (squares(levels) / levels.len() as f64).sqrt()
+}
+
+/// Sum of squares about the mean.
+fn squares(levels: &[f64]) -> f64 {
+    let mean = levels.iter().sum::<f64>() / levels.len().max(1) as f64;
+    levels
+        .iter()
+        .map(|level| (level - mean) * (level - mean))
+        .sum()
+}
+
+/// The events with the most energy, if they outweigh all others.
+fn tap(axes: &[Vec<f64>]) -> Option<Verdict> {
+    let powers = powers(axes, TAP_PART);
+    if powers.len() < 10 * TAP_PARTS {
+        return None;
+    }
+    let total: f64 = powers.iter().sum();
+    let mut events: Vec<f64> = powers
+        .windows(TAP_PARTS)
+        .map(|event| event.iter().sum())
+        .collect();
+    // The strongest events that do not overlap, in the order of their energy.
+    let mut strongest: Vec<(usize, f64)> = Vec::new();
+    for _ in 0..=MOST_TAPS {
+        let first = (0..events.len()).max_by(|&a, &b| events[a].total_cmp(&events[b]))?;
+        strongest.push((first, events[first]));
+        let own = first.saturating_sub(TAP_PARTS + 1)..(first + TAP_PARTS + 2).min(events.len());
+        events[own].fill(0.0);
+    }
+    let above_db = |count: usize| decibels(strongest[count - 1].1) - decibels(strongest[count].1);
+    let count = (1..=MOST_TAPS).max_by(|&a, &b| above_db(a).total_cmp(&above_db(b)))?;
+    let share = strongest[..count].iter().map(|event| event.1).sum::<f64>() / total;
+    let mut spans: Vec<Span> = strongest[..count]
+        .iter()
+        .map(|&(first, _)| {
+            let end = (first + TAP_PARTS) * TAP_PART + TAP_MARGIN;
+            (first * TAP_PART).saturating_sub(TAP_MARGIN)..end.min(axes[0].len())
+        })
+        .collect();
+    spans.sort_by_key(|span| span.start);
+    (share >= TAP_SHARE && above_db(count) >= TAP_ABOVE_DB).then(|| {
+        Verdict::on(Kind::Tap, "tap", spans).with(&format!(
+            ", {:.0} % of the energy, {:.0} dB above the next event",
+            100.0 * share,
+            above_db(count)
+        ))
+    })
+}
+
+/// The step, or the straight line, that explains most of the level's variation outside of `silence`.
+fn change(axes: &[Vec<f64>], silence: &[Span]) -> Option<Verdict> {
+    let is_silent = |part: usize| {
+        let (from, to) = (part * STEP_PART, (part + 1) * STEP_PART);
+        silence
+            .iter()
+            .any(|span| span.start < to && from < span.end)
+    };
+    let levels: Vec<(usize, f64)> = powers(axes, STEP_PART)
+        .into_iter()
+        .map(decibels)
+        .enumerate()
+        .filter(|(part, _)| !is_silent(*part))
+        .collect();
+    let values: Vec<f64> = levels.iter().map(|(_, level)| *level).collect();
+    if values.len() < 4 * STEP_PARTS {
+        return None;
+    }
+    let all = squares(&values);
+    let left = |at: &usize| squares(&values[..*at]) + squares(&values[*at..]);
+    let best =
+        (STEP_PARTS..=values.len() - STEP_PARTS).min_by(|a, b| left(a).total_cmp(&left(b)))?;
+    let mean = |part: &[f64]| part.iter().sum::<f64>() / part.len() as f64;
+    let step_db = mean(&values[best..]) - mean(&values[..best]);
+    let n = values.len() as f64;
+    let moment: f64 = values
+        .iter()
+        .enumerate()
+        .map(|(index, level)| (index as f64 - 0.5 * (n - 1.0)) * level)
+        .sum();
+    let line = 12.0 * moment * moment / (n * (n * n - 1.0));
+    let ramp_db = 12.0 * moment / (n * (n + 1.0));
+    let step = all - left(&best);
+    let (explained, change_db, place) = if line > step {
+        (line, ramp_db, "from beginning to end".to_owned())
+    } else {
+        let seconds = (levels[best].0 * STEP_PART) as f64 / f64::from(SAMPLE_RATE_HZ);
+        (step, step_db, format!("at {seconds:.2} s"))
+    };
+    (explained >= STEP_SHARE * all && change_db.abs() >= STEP_DB).then(|| {
+        let words = format!("level change: {change_db:+.0} dB {place}");
+        Verdict::new(Kind::LevelChange, words)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::test_signals::{noise, plus};
+    use super::*;
+    use test_helpers::holds;
+
+    fn scaled(range: Span, by: f64) -> Vec<f64> {
+        let mut signal = noise(1);
+        signal[range].iter_mut().for_each(|x| *x *= by);
+        signal
+    }
+
+    #[test]
+    fn a_silent_part_is_found_with_its_ends_also_if_it_is_most_of_the_trial() {
+        for silent in [0..1000, 4000..5000, 500..10_000] {
+            let found = verdicts(&[scaled(silent.clone(), 1e-4)]);
+            let [verdict] = &found[..] else {
+                panic!("{found:?}");
+            };
+            assert_eq!(
+                (verdict.kind(), verdict.spans()),
+                (Kind::PartlySilent, &[silent][..])
+            );
+        }
+    }
+
+    #[test]
+    fn a_tap_is_found_where_it_is() {
+        let burst = noise(3);
+        let tap = (0..150).map(|n| 40.0 * burst[n] * (-(n as f64) / 40.0).exp());
+        let late = std::iter::repeat_n(0.0, 6000)
+            .chain(tap)
+            .chain(std::iter::repeat(0.0));
+        let found = verdicts(&[plus(&noise(1), late)]);
+        let [verdict] = &found[..] else {
+            panic!("{found:?}");
+        };
+        assert_eq!((verdict.kind(), verdict.spans().len()), (Kind::Tap, 1));
+        assert!(verdict.spans()[0].contains(&6010), "{verdict}");
+    }
+
+    #[test]
+    fn steps_and_ramps_of_the_level_are_told_apart() {
+        let found = verdicts(&[scaled(5000..10_000, 4.0)]);
+        let words = found[0].to_string();
+        assert!(words.starts_with("level change: +12 dB at 1.0"), "{words}");
+        let ramp: Vec<f64> = noise(1)
+            .iter()
+            .enumerate()
+            .map(|(n, x)| x * (n as f64 / 5000.0).exp())
+            .collect();
+        let message = verdicts(&[ramp])[0].to_string();
+        holds(&message, &["from beginning to end"]);
+    }
+}

@@ -1,0 +1,214 @@
+//! Files that are written whole or not at all.
+//!
+//! The order of steps makes it so also where the power fails in between: the content is on the disk before the file
+//! gets its name.
+
+use std::fs::{self, File};
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use crate::error::{Error, Result};
+use crate::temporaries::Temporary;
+
+/// Writes `path` by way of a temporary file in the same folder, which replaces it after `write` has succeeded.
+///
+/// An earlier file stays until then, and stays after any failure; one that is replaced hands its permissions on. A link
+/// is followed: the file at its end is replaced, and the link stays. Returns the value of `write`.
+///
+/// # Errors
+/// The error of `write`, something at `path` that is no regular file, or a file that cannot be created, brought to the
+/// disk, or replaced.
+pub fn write_with<T>(
+    path: &Path,
+    write: impl FnOnce(&mut BufWriter<&mut File>) -> Result<T>,
+) -> Result<T> {
+    let (unnamed, value) = Unnamed::write(path, write)?;
+    unnamed.name()?;
+    Ok(value)
+}
+
+/// Writes `bytes` to `path`, whole or not at all.
+///
+/// # Errors
+/// A file that cannot be created, written or replaced.
+pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
+    write_together(&[(path, bytes)])
+}
+
+/// Writes several files: none has its name before all are on the disk.
+///
+/// # Errors
+/// As [`write()`]. Files that have their names already stay where a later one cannot get its own.
+pub fn write_together(files: &[(&Path, &[u8])]) -> Result<()> {
+    let written = files.iter().map(|(path, bytes)| {
+        let written = Unnamed::write(path, |file| {
+            file.write_all(bytes).map_err(Error::io("write", path))
+        });
+        written.map(|(unnamed, ())| unnamed)
+    });
+    let written: Vec<Unnamed<'_>> = written.collect::<Result<_>>()?;
+    written.into_iter().try_for_each(Unnamed::name)
+}
+
+/// Returns the path of the file that is written under the name `path`: that at the end of a link, or `path` itself.
+///
+/// # Errors
+/// A folder, device, pipe or socket, which a file must not replace; a link to nothing, because it may be meant for
+/// another place than the one where a file would appear.
+pub fn target(path: &Path) -> Result<PathBuf> {
+    if !path.is_symlink() && !path.exists() {
+        // A folder that is missing is an error of its own, when the file is created.
+        return Ok(path.to_owned());
+    }
+    let found = match fs::metadata(path) {
+        Ok(found) => found,
+        Err(failure) if failure.kind() == io::ErrorKind::NotFound => {
+            let problem =
+                "is a link to a file that is not there: remove the link, or name another file";
+            return Err(Error::file(path, problem));
+        }
+        Err(failure) => return Err(Error::io("write", path)(failure)),
+    };
+    if let Some(other) = other_than_a_file(&found) {
+        let problem = format!("is {other}, where a file is to be written: name another file");
+        return Err(Error::file(path, problem));
+    }
+    fs::canonicalize(path).map_err(Error::io("follow the link", path))
+}
+
+/// Names, with its article, what is at a path if it is no regular file.
+pub fn other_than_a_file(found: &fs::Metadata) -> Option<&'static str> {
+    let kind = found.file_type();
+    if kind.is_file() {
+        return None;
+    }
+    if kind.is_dir() {
+        return Some("a folder");
+    }
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::FileTypeExt;
+        if kind.is_fifo() {
+            return Some("a pipe");
+        }
+        if kind.is_socket() {
+            return Some("a socket");
+        }
+        if kind.is_block_device() || kind.is_char_device() {
+            return Some("a device");
+        }
+    }
+    Some("no regular file")
+}
+
+/// Folder of the file at `path`.
+pub fn folder_of(path: &Path) -> &Path {
+    match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
+    }
+}
+
+/// A file that is on the disk and has no name yet.
+struct Unnamed<'a> {
+    path: &'a Path,
+    target: PathBuf,
+    temporary: Temporary,
+}
+
+impl<'a> Unnamed<'a> {
+    fn write<T>(
+        path: &'a Path,
+        write: impl FnOnce(&mut BufWriter<&mut File>) -> Result<T>,
+    ) -> Result<(Self, T)> {
+        let target = target(path)?;
+        let permissions = fs::metadata(&target).ok().map(|found| found.permissions());
+        let (temporary, mut file) = Temporary::file_in(folder_of(&target), permissions.clone())
+            .map_err(Error::io("create", path))?;
+        // Before the content, which must never be open to more than the earlier file was. The umask may have taken
+        // some.
+        if let Some(permissions) = permissions.filter(|_| cfg!(unix)) {
+            file.set_permissions(permissions)
+                .map_err(Error::io("write", path))?;
+        }
+        let mut buffer = BufWriter::new(&mut file);
+        let value = write(&mut buffer)?;
+        buffer.flush().map_err(Error::io("write", path))?;
+        drop(buffer);
+        file.sync_all()
+            .map_err(Error::io("bring to the disk", path))?;
+        let unnamed = Self {
+            path,
+            target,
+            temporary,
+        };
+        Ok((unnamed, value))
+    }
+
+    fn name(self) -> Result<()> {
+        let named = self.temporary.persist(&self.target, || Ok(()));
+        named.map_err(Error::io("replace", self.path))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_failed_write_leaves_the_old_content_and_no_litter() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("result");
+        write(&path, b"old").unwrap();
+        let outcome = write_with(&path, |file| {
+            file.write_all(b"half of the n").unwrap();
+            Err::<(), _>(Error::Request("stopped".into()))
+        });
+        assert!(outcome.is_err());
+        assert_eq!(fs::read(&path).unwrap(), b"old");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+        write(&path, b"new").unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"new");
+    }
+
+    #[test]
+    fn files_that_belong_together_are_all_written_or_none() {
+        let folder = tempfile::tempdir().unwrap();
+        let (one, two) = (folder.path().join("one"), folder.path().join("two"));
+        fs::create_dir(&two).unwrap();
+        assert!(write_together(&[(&one, b"1"), (&two, b"2")]).is_err());
+        assert!(!one.exists());
+        fs::remove_dir(&two).unwrap();
+        write_together(&[(&one, b"1"), (&two, b"2")]).unwrap();
+        assert_eq!(fs::read(&one).unwrap(), b"1");
+        assert_eq!(fs::read(&two).unwrap(), b"2");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn permissions_are_those_of_an_ordinary_file_or_of_the_one_that_is_replaced() {
+        use std::os::unix::fs::PermissionsExt;
+        let folder = tempfile::tempdir().unwrap();
+        let mode = |path: &Path| path.metadata().unwrap().permissions().mode() & 0o7777;
+        let (ordinary, written) = (
+            folder.path().join("ordinary"),
+            folder.path().join("written"),
+        );
+        fs::write(&ordinary, "").unwrap();
+        write(&written, b"").unwrap();
+        assert_eq!(mode(&written), mode(&ordinary));
+        fs::set_permissions(&written, fs::Permissions::from_mode(0o640)).unwrap();
+        write(&written, b"again").unwrap();
+        assert_eq!(mode(&written), 0o640);
+        fs::set_permissions(&written, fs::Permissions::from_mode(0o600)).unwrap();
+        write_with(&written, |_| {
+            let modes = fs::read_dir(folder.path()).unwrap();
+            let hidden = modes.map(|entry| entry.unwrap().path());
+            let mut hidden = hidden.filter(|path| *path != ordinary && *path != written);
+            assert_eq!(mode(&hidden.next().unwrap()), 0o600);
+            Ok(())
+        })
+        .unwrap();
+    }
+}

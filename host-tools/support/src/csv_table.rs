@@ -1,0 +1,750 @@
+//! Tables as CSV: one dialect for every table that a command reads.
+//!
+//! A table comes from a program that its user did not write. Its separator is a semicolon, a tab, a comma or a space;
+//! its decimal sign a point, or a comma where that does not separate; it may begin with a byte order mark, and each
+//! line may end with a separator, as spreadsheets write it. Lines from `#` on are comments, empty lines do not count,
+//! and spaces around a field do not either. What cannot be read is named with line, column and separator.
+//!
+//! A file is read row by row, so that its size takes no memory.
+
+use std::borrow::Cow;
+use std::cell::Cell;
+use std::io::{BufRead, BufReader, Read};
+use std::path::{Path, PathBuf};
+
+use csv_core::ReadRecordResult;
+
+use super::bounded_file::{Limit, MIB};
+use super::error::{Error, Result};
+
+/// A table of samples, of trials or of a motion.
+pub const TABLE: Limit = Limit {
+    of: "a table",
+    bytes: 512 * MIB,
+};
+
+/// Separators, in the order of preference.
+const SEPARATORS: [char; 4] = [';', '\t', ',', ' '];
+
+/// Signs of units, ², µ, ° and ·, in the code page of Western Europe.
+const SIGNS: [u8; 4] = [0xb2, 0xb5, 0xb0, 0xb7];
+
+/// Most bytes of a row.
+const MOST_ROW_BYTES: usize = 1 << 20;
+
+/// Most characters of a field that an error repeats.
+const SHOWN_CHARACTERS: usize = 40;
+
+/// A table, with its separator and its decimal sign.
+#[derive(Debug)]
+pub struct CsvTable {
+    path: PathBuf,
+    text: Text,
+    separator: char,
+    /// Decimal sign of the numbers read so far; none before the first that has one.
+    decimal_sign: Cell<Option<char>>,
+}
+
+/// The text of a table.
+#[derive(Debug)]
+enum Text {
+    File(Limit),
+    Memory(String),
+}
+
+impl CsvTable {
+    /// Opens the file at `path`, which may be as large as `limit`. A pipe can be read once, so it is held in memory.
+    ///
+    /// # Errors
+    /// A file that cannot be read, or is larger than the limit; first lines that are not UTF-8.
+    pub fn read(path: &Path, limit: Limit) -> Result<Self> {
+        let is_file = std::fs::metadata(path).is_ok_and(|found| found.is_file());
+        let text = if is_file {
+            Text::File(limit)
+        } else {
+            Text::Memory(limit.read_text(path)?)
+        };
+        Self::with(path, text)
+    }
+
+    /// The table in `text`; `path` is only named in errors.
+    ///
+    /// # Errors
+    /// A line that is longer than a row may be.
+    pub fn of(path: &Path, text: String) -> Result<Self> {
+        Self::with(path, Text::Memory(text))
+    }
+
+    /// Finds the separator of `text` from its first two lines.
+    fn with(path: &Path, text: Text) -> Result<Self> {
+        let mut table = Self {
+            path: path.to_owned(),
+            text,
+            separator: ',',
+            decimal_sign: Cell::new(None),
+        };
+        let mut first = Vec::new();
+        let mut lines = table.lines()?;
+        while first.len() < 2 && lines.skip_to_content()? {
+            first.push(lines.line.clone());
+        }
+        drop(lines);
+        let header = first.first().map_or("", String::as_str);
+        // A line of numbers tells more than a header, whose names may hold spaces.
+        table.separator = separator_of([header, first.last().map_or("", String::as_str)]);
+        Ok(table)
+    }
+
+    fn lines(&self) -> Result<Lines<'_>> {
+        let reader: Box<dyn BufRead> = match &self.text {
+            Text::File(limit) => Box::new(BufReader::new(limit.open(&self.path)?)),
+            Text::Memory(text) => Box::new(text.as_bytes()),
+        };
+        Ok(Lines {
+            path: &self.path,
+            reader,
+            separator: self.separator,
+            bytes: Vec::new(),
+            line: String::new(),
+            number: 0,
+        })
+    }
+
+    /// The file, as errors name it.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The first line that is no comment, as names of columns. A table without one has no names.
+    ///
+    /// # Errors
+    /// A line that cannot be read.
+    pub fn header(&self) -> Result<Header<'_>> {
+        let mut rows = self.rows()?;
+        let (names, line) = match rows.next_row()? {
+            Some(row) => (row.fields.clone(), row.line),
+            None => (Fields::default(), 1),
+        };
+        Ok(Header {
+            table: self,
+            names,
+            line,
+        })
+    }
+
+    /// The comments above the first line that is none.
+    ///
+    /// # Errors
+    /// A line that cannot be read.
+    pub fn comments(&self) -> Result<String> {
+        let (mut lines, mut comments) = (self.lines()?, String::new());
+        while lines.advance()? && (lines.line.starts_with('#') || lines.line.trim().is_empty()) {
+            comments.push_str(&lines.line);
+        }
+        Ok(comments)
+    }
+
+    /// All lines with fields, the header among them.
+    ///
+    /// # Errors
+    /// A file that cannot be opened.
+    pub fn rows(&self) -> Result<Rows<'_>> {
+        let mut parser = csv_core::ReaderBuilder::new();
+        parser.delimiter(self.separator as u8);
+        Ok(Rows {
+            table: self,
+            lines: self.lines()?,
+            parser: parser.build(),
+            fields: Fields::default(),
+            width: None,
+        })
+    }
+
+    /// The lines below the header.
+    ///
+    /// # Errors
+    /// A header that cannot be read.
+    pub fn rows_below_header(&self) -> Result<Rows<'_>> {
+        let mut rows = self.rows()?;
+        rows.next_row()?;
+        Ok(rows)
+    }
+
+    /// Line, from 1, of the row with this index, from 0 at the first row that is no comment. 0 if there is none. Below
+    /// that, rows without a number, such as units, do not count.
+    pub fn line_of_row(&self, index: usize) -> u64 {
+        let line = |mut rows: Rows<'_>| {
+            let mut before = 0;
+            loop {
+                let row = rows.next_row().ok()??;
+                let counts = before == 0 || row.fields().any(|field| self.number(field).is_some());
+                if counts && before == index {
+                    return Some(row.line);
+                }
+                before += usize::from(counts);
+            }
+        };
+        self.rows().ok().and_then(line).unwrap_or(0)
+    }
+
+    /// Separator and decimal sign, in words.
+    pub fn conventions(&self) -> String {
+        let separator = match self.separator {
+            ';' => "semicolon",
+            '\t' => "tab",
+            ' ' => "space",
+            _ => "comma",
+        };
+        let decimal = match self.decimal_sign.get() {
+            Some(',') => "comma",
+            _ => "point",
+        };
+        format!("fields are separated by a {separator}, decimals by a {decimal}")
+    }
+
+    /// Parses a number by the table's decimal sign, which is that of the first number with one.
+    pub fn number(&self, field: &str) -> Option<f64> {
+        let has_comma = self.separator != ',' && field.contains(',');
+        let sign = match (has_comma, field.contains('.')) {
+            (true, true) => return None,
+            (true, false) => Some(','),
+            (false, true) => Some('.'),
+            (false, false) => None,
+        };
+        let plain = if has_comma {
+            Cow::Owned(field.replacen(',', ".", 1))
+        } else {
+            Cow::Borrowed(field)
+        };
+        let value = plain.parse().ok()?;
+        let before = self.decimal_sign.get();
+        if sign.is_some() && before.is_some() && before != sign {
+            return None;
+        }
+        self.decimal_sign.set(before.or(sign));
+        Some(value)
+    }
+}
+
+/// Returns the separator of a table by its header and the row below, or two rows.
+fn separator_of([header, sample]: [&str; 2]) -> char {
+    let [of_header, of_sample] = [header, sample].map(|line| SEPARATORS.map(|s| fields(line, s)));
+    let first = |holds: &dyn Fn(usize) -> bool| (0..SEPARATORS.len()).find(|&index| holds(index));
+    // Both lines with as many fields, then both with some, then one.
+    let found = first(&|index| of_header[index] > 1 && of_header[index] == of_sample[index])
+        .or_else(|| first(&|index| of_header[index] > 1 && of_sample[index] > 1))
+        .or_else(|| first(&|index| of_sample[index] > 1))
+        .or_else(|| first(&|index| of_header[index] > 1 && SEPARATORS[index] != ' '));
+    found.map_or(',', |index| SEPARATORS[index])
+}
+
+/// Number of fields of a line; separators within quotation marks do not count, nor does a last empty field. Words are
+/// separated by any number of spaces.
+fn fields(line: &str, separator: char) -> usize {
+    if separator == ' ' {
+        return line.split_whitespace().count();
+    }
+    let mut quoted = false;
+    let separators = line.trim_end().trim_end_matches(separator).chars();
+    let outside = separators.filter(|&character| {
+        quoted ^= character == '"';
+        !quoted && character == separator
+    });
+    1 + outside.count()
+}
+
+/// The lines of a text, one after the other.
+struct Lines<'a> {
+    path: &'a Path,
+    reader: Box<dyn BufRead + 'a>,
+    separator: char,
+    bytes: Vec<u8>,
+    /// The line, ended by a line feed. If spaces separate, one is between two words.
+    line: String,
+    /// Its number, from 1.
+    number: u64,
+}
+
+impl Lines<'_> {
+    /// Goes to the next line; false at the end.
+    fn advance(&mut self) -> Result<bool> {
+        self.bytes.clear();
+        let most = MOST_ROW_BYTES as u64 + 1;
+        let read = (&mut self.reader)
+            .take(most)
+            .read_until(b'\n', &mut self.bytes);
+        if read.map_err(Error::io("read", self.path))? == 0 {
+            return Ok(false);
+        }
+        self.number += 1;
+        if self.bytes.len() > MOST_ROW_BYTES {
+            return Err(self.too_long());
+        }
+        let text = match std::str::from_utf8(&self.bytes) {
+            Ok(text) => Cow::Borrowed(text),
+            Err(_)
+                if self
+                    .bytes
+                    .iter()
+                    .all(|byte| byte.is_ascii() || SIGNS.contains(byte)) =>
+            {
+                self.bytes.iter().map(|&byte| char::from(byte)).collect()
+            }
+            Err(_) => return Err(self.error("is not UTF-8 text: save the file as UTF-8")),
+        };
+        let text = match text.strip_prefix('\u{feff}') {
+            Some(rest) if self.number == 1 => rest,
+            _ => text.as_ref(),
+        };
+        self.line.clear();
+        if self.separator == ' ' {
+            for word in text.split_whitespace() {
+                let space = if self.line.is_empty() { "" } else { " " };
+                self.line.extend([space, word]);
+            }
+        } else {
+            self.line.push_str(text.trim_end_matches(['\r', '\n']));
+        }
+        self.line.push('\n');
+        Ok(true)
+    }
+
+    /// Goes to the next line that is neither empty nor a comment; false at the end.
+    fn skip_to_content(&mut self) -> Result<bool> {
+        while self.advance()? {
+            if !self.line.starts_with('#') && !self.line.trim().is_empty() {
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    }
+
+    fn too_long(&self) -> Error {
+        self.error(&format!(
+            "a row of more than {MOST_ROW_BYTES} bytes: is it a table?"
+        ))
+    }
+
+    fn error(&self, problem: &str) -> Error {
+        Error::line(self.path, self.number, problem)
+    }
+}
+
+/// Fields of a row, without the spaces around them.
+#[derive(Clone, Debug, Default)]
+struct Fields {
+    text: String,
+    /// End of each field in the text.
+    ends: Vec<usize>,
+}
+
+impl Fields {
+    fn len(&self) -> usize {
+        self.ends.len()
+    }
+
+    fn get(&self, index: usize) -> Option<&str> {
+        let end = *self.ends.get(index)?;
+        let begin = index.checked_sub(1).map_or(0, |before| self.ends[before]);
+        Some(self.text[begin..end].trim())
+    }
+
+    fn iter(&self) -> impl Iterator<Item = &str> {
+        (0..self.len()).filter_map(|index| self.get(index))
+    }
+
+    fn is_empty_at(&self, index: usize) -> bool {
+        self.get(index).is_none_or(str::is_empty)
+    }
+}
+
+/// A field as an error shows it.
+fn shown(field: &str) -> Cow<'_, str> {
+    match field.char_indices().nth(SHOWN_CHARACTERS) {
+        Some((end, _)) => Cow::Owned(format!("{}…", &field[..end])),
+        None => Cow::Borrowed(field),
+    }
+}
+
+/// Names of a table's columns.
+#[derive(Clone, Debug)]
+pub struct Header<'a> {
+    table: &'a CsvTable,
+    names: Fields,
+    /// Line of the names, from 1.
+    pub line: u64,
+}
+
+impl Header<'_> {
+    /// The names, in the order of the columns.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.names.iter()
+    }
+
+    /// Number of columns.
+    pub fn width(&self) -> usize {
+        self.names.len()
+    }
+
+    /// Returns the index of the column `name`, if there is one.
+    ///
+    /// # Errors
+    /// Two columns of this name.
+    pub fn column(&self, name: &str) -> Result<Option<usize>> {
+        let mut found = (0..self.names.len()).filter(|&index| self.names.get(index) == Some(name));
+        match (found.next(), found.next()) {
+            (index, None) => Ok(index),
+            (_, Some(_)) => Err(self.error(format!("more than one column '{name}'"))),
+        }
+    }
+
+    /// Returns the index of the column `name`; `expected` tells in words which columns such a table has.
+    ///
+    /// # Errors
+    /// No column of this name, or two; a first line of numbers, which is no header.
+    pub fn needed(&self, name: &str, expected: &str) -> Result<usize> {
+        if let Some(index) = self.column(name)? {
+            return Ok(index);
+        }
+        let names: Vec<&str> = self.names.iter().collect();
+        let names = names.join(",");
+        let is_number = |field: &str| self.table.number(field).is_some();
+        let problem = if names.is_empty() {
+            format!("no column '{name}', because there is no line with names: {expected}")
+        } else if self.names.iter().all(is_number) {
+            format!(
+                "no column '{name}' in the header '{}': the first line is numbers, so add a line with the names above \
+                 it; {expected}",
+                shown(&names)
+            )
+        } else {
+            format!(
+                "no column '{name}' in the header '{}' ({}): {expected}",
+                shown(&names),
+                self.table.conventions()
+            )
+        };
+        Err(self.error(problem))
+    }
+
+    /// An error at the header's line.
+    pub fn error(&self, problem: impl Into<String>) -> Error {
+        Error::line(&self.table.path, self.line, problem)
+    }
+}
+
+/// Rows of a table, one after the other.
+pub struct Rows<'a> {
+    table: &'a CsvTable,
+    lines: Lines<'a>,
+    parser: csv_core::Reader,
+    fields: Fields,
+    /// Fields of the first row, which every row has.
+    width: Option<usize>,
+}
+
+impl<'a> Rows<'a> {
+    /// Returns the next row; `None` at the end.
+    ///
+    /// # Errors
+    /// A row with another number of fields than the first, or that cannot be read.
+    pub fn next_row(&mut self) -> Result<Option<Row<'_, 'a>>> {
+        let line = loop {
+            if !self.lines.skip_to_content()? {
+                return Ok(None);
+            }
+            let line = self.lines.number;
+            self.parse()?;
+            if self.fields.len() != 1 || !self.fields.is_empty_at(0) {
+                break line;
+            }
+        };
+        let count = self.fields.len();
+        let ends_empty = count > 1 && self.fields.is_empty_at(count - 1);
+        let width = match self.width {
+            None if ends_empty => count - 1,
+            None => count,
+            Some(width) => width,
+        };
+        self.width = Some(width);
+        // A separator at the end of the line, as spreadsheets write it.
+        if count == width + 1 && ends_empty {
+            self.fields.ends.truncate(width);
+        } else if count != width {
+            return Err(self.unequal(line, width));
+        }
+        Ok(Some(Row {
+            table: self.table,
+            line,
+            fields: &self.fields,
+        }))
+    }
+
+    /// Parses the row that begins in the line, with the lines after it if a quoted field holds them.
+    fn parse(&mut self) -> Result<()> {
+        let mut text = std::mem::take(&mut self.fields.text).into_bytes();
+        let ends = &mut self.fields.ends;
+        text.resize(self.lines.line.len(), 0);
+        ends.resize(self.width.map_or(8, |width| width + 2), 0);
+        let (mut input, mut written, mut ended) = (self.lines.line.as_bytes(), 0, 0);
+        loop {
+            let (result, read, bytes, fields) =
+                self.parser
+                    .read_record(input, &mut text[written..], &mut ends[ended..]);
+            input = &input[read..];
+            written += bytes;
+            ended += fields;
+            match result {
+                ReadRecordResult::InputEmpty => {
+                    input = if self.lines.advance()? {
+                        self.lines.line.as_bytes()
+                    } else {
+                        &[]
+                    };
+                }
+                ReadRecordResult::OutputFull if written > MOST_ROW_BYTES => {
+                    return Err(self.lines.too_long());
+                }
+                ReadRecordResult::OutputFull => text.resize(2 * text.len(), 0),
+                ReadRecordResult::OutputEndsFull => ends.resize(2 * ends.len(), 0),
+                ReadRecordResult::Record | ReadRecordResult::End => break,
+            }
+        }
+        text.truncate(written);
+        ends.truncate(ended);
+        let text = String::from_utf8(text);
+        self.fields.text = text.map_err(|_| self.lines.error("is not UTF-8 text"))?;
+        Ok(())
+    }
+
+    /// The error of a row with another number of fields than the first.
+    fn unequal(&self, line: u64, width: usize) -> Error {
+        let (table, count) = (self.table, self.fields.len());
+        let remedy = match self.fields.get(width) {
+            Some(first) => {
+                let commas = if table.separator == ',' {
+                    ", and decimal commas need another separator"
+                } else {
+                    ""
+                };
+                format!(
+                    "'{}' in column {} is of no column{commas}",
+                    shown(first),
+                    width + 1
+                )
+            }
+            None => format!("column {} is missing", count + 1),
+        };
+        let problem = format!(
+            "{count} fields where the first line has {width} ({}): {remedy}",
+            table.conventions()
+        );
+        Error::line(&table.path, line, problem)
+    }
+}
+
+/// Fields of a row.
+#[derive(Clone, Copy, Debug)]
+pub struct Row<'r, 'a> {
+    table: &'a CsvTable,
+    /// Its line in the file, from 1.
+    pub line: u64,
+    fields: &'r Fields,
+}
+
+impl<'r> Row<'r, '_> {
+    /// Number of fields.
+    pub fn width(&self) -> usize {
+        self.fields.len()
+    }
+
+    /// The fields.
+    pub fn fields(&self) -> impl Iterator<Item = &'r str> {
+        self.fields.iter()
+    }
+
+    /// The text of a field; empty where there is none.
+    pub fn text(&self, index: usize) -> &'r str {
+        self.fields.get(index).unwrap_or_default()
+    }
+
+    /// Parses a field as a number, which may be infinite or not a number where it says so.
+    ///
+    /// # Errors
+    /// A field that is none, with its line and column.
+    pub fn number(&self, index: usize) -> Result<f64> {
+        let field = self.text(index);
+        self.table.number(field).ok_or_else(|| {
+            self.error(format!(
+                "'{}' in column {} is not a number ({})",
+                shown(field),
+                index + 1,
+                self.table.conventions()
+            ))
+        })
+    }
+
+    /// Parses a field of the column `name` as a finite number.
+    ///
+    /// # Errors
+    /// A field that is none, with its line and column.
+    pub fn finite(&self, index: usize, name: &str) -> Result<f64> {
+        let field = self.text(index);
+        let value = self.table.number(field).filter(|value| value.is_finite());
+        value.ok_or_else(|| {
+            self.error(format!(
+                "{name} is '{}', which is not a finite number (column {}; {})",
+                shown(field),
+                index + 1,
+                self.table.conventions()
+            ))
+        })
+    }
+
+    /// An error at the row's line.
+    pub fn error(&self, problem: impl Into<String>) -> Error {
+        Error::line(&self.table.path, self.line, problem)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use test_helpers::holds;
+
+    fn table(text: &str) -> CsvTable {
+        CsvTable::of(Path::new("a.csv"), text.to_owned()).unwrap()
+    }
+
+    /// All rows as numbers.
+    fn numbers(table: &CsvTable) -> Result<Vec<Vec<f64>>> {
+        let (mut rows, mut all) = (table.rows_below_header()?, Vec::new());
+        while let Some(row) = rows.next_row()? {
+            let fields = (0..row.width()).map(|index| row.finite(index, "x"));
+            all.push(fields.collect::<Result<Vec<f64>>>()?);
+        }
+        Ok(all)
+    }
+
+    #[test]
+    fn separators_are_found() {
+        for (text, expected) in [
+            ("a,b\n1.5,2\n", ','),
+            ("a;b\n1,5;2\n", ';'),
+            ("a;b\n1.5;2\n", ';'),
+            ("# made, by hand\na\tb\n1,5\t2\n", '\t'),
+            ("\u{feff}a;b\n1,5e-3;2\n", ';'),
+            ("   5.79e-02\n   5.8e-02\n", ','),
+            ("0.1 0.2\n0.3 0.4\n", ' '),
+            ("time_s speed force\n0,5 100,0 1,0\n", ' '),
+            ("file,texture\n\"a;b.wav\",silk\n", ','),
+            ("file,texture\na;b.wav,silk\n", ','),
+            ("file;texture;\na,b.wav;silk;\n", ';'),
+            ("1\n2\n", ','),
+            ("", ','),
+        ] {
+            assert_eq!(table(text).separator, expected, "{text:?}");
+        }
+    }
+
+    #[test]
+    fn tables_of_every_dialect_are_the_same_table() {
+        let expected = vec![vec![0.0, 1.25], vec![0.5, -2.0]];
+        for text in [
+            "t,x\n0,1.25\n0.5,-2\n",
+            "t;x\n0;1,25\n0,5;-2\n",
+            "\u{feff}t\tx\r\n0\t1,25\r\n0,5\t-2\r\n",
+            "t x\n0   1.25\n0.5 -2\n",
+            "# notes; of a hand\n\nt;x;\n0;1.25;\n   \n0.5;-2;\n",
+            "t,x\n\"0\",\"1.25\"\n\"0.5\",\"-2\"\n",
+        ] {
+            assert_eq!(numbers(&table(text)).unwrap(), expected, "{text:?}");
+        }
+    }
+
+    #[test]
+    fn signs_of_units_are_read_in_an_older_code_page() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.csv");
+        std::fs::write(&path, b"t,a [m/s\xb2]\n0,1\n").unwrap();
+        let found = CsvTable::read(&path, TABLE).unwrap();
+        let header = found.header().unwrap();
+        assert_eq!(header.names().last(), Some("a [m/s²]"));
+        std::fs::write(&path, b"t,a\xe4\n0,1\n").unwrap();
+        holds(&CsvTable::read(&path, TABLE).unwrap_err(), &["not UTF-8"]);
+    }
+
+    #[test]
+    fn a_table_has_one_decimal_sign() {
+        let semicolons = table("x;y\n1,5;2\n");
+        assert_eq!(semicolons.number("-1,25e-3"), Some(-1.25e-3));
+        assert_eq!(semicolons.number("1.250,5"), None);
+        assert_eq!(semicolons.number("1.5"), None, "after a decimal comma");
+        let message = numbers(&table("x;y\n1.5;2\n1,250;2\n"))
+            .unwrap_err()
+            .to_string();
+        holds(
+            &message,
+            &[
+                "line 3",
+                "column 1",
+                "'1,250'",
+                "semicolon",
+                "decimals by a point",
+            ],
+        );
+    }
+
+    #[test]
+    fn a_row_that_has_no_end_is_refused_and_quoted_lines_are_one_field() {
+        let quoted = table("a,b\n\"x\ny\",\"1,\"\"2\"\n3,4\n");
+        let mut rows = quoted.rows_below_header().unwrap();
+        let row = rows.next_row().unwrap().unwrap();
+        assert_eq!((row.text(0), row.text(1), row.line), ("x\ny", "1,\"2", 2));
+        assert_eq!(rows.next_row().unwrap().unwrap().line, 4);
+        for row in ["1,", ",\"\n\""] {
+            let row = row.repeat(2 * MOST_ROW_BYTES);
+            let text = format!("a,b\n1,2\n{row}");
+            let told = CsvTable::of(Path::new("a.csv"), text).and_then(|table| numbers(&table));
+            holds(&told.unwrap_err(), &["a row of more than"]);
+        }
+    }
+
+    /// Separators with decimal signs.
+    const DIALECTS: [(&str, &str); 5] =
+        [(";", ","), (";", "."), ("\t", ","), (",", "."), (" ", ".")];
+
+    proptest! {
+        /// Lines are those of the text, whatever comments, empty lines and line ends are above.
+        #[test]
+        fn a_row_knows_its_line(above in prop::collection::vec("(# ?[a-z;,]{0,5}|)", 0..6), crlf: bool) {
+            let end = if crlf { "\r\n" } else { "\n" };
+            let mut text = format!("x;y{end}");
+            above.iter().for_each(|line| text.push_str(&format!("{line}{end}")));
+            text.push_str(&format!("1;2{end}"));
+            let table = table(&text);
+            let mut rows = table.rows_below_header().unwrap();
+            let line = rows.next_row().unwrap().unwrap().line;
+            prop_assert_eq!(line, above.len() as u64 + 2);
+            prop_assert_eq!(table.line_of_row(1), line);
+            let with_units = super::tests::table(&text.replacen("x;y", "x;y\ns;g", 1));
+            prop_assert_eq!(with_units.line_of_row(1), line + 1);
+        }
+
+        /// Numbers come back from a table that was written with any separator and decimal sign.
+        #[test]
+        fn numbers_survive_every_dialect(
+            rows in prop::collection::vec((-1e9..1e9f64, -1e9..1e9f64), 1..10),
+            (separator, sign) in prop::sample::select(DIALECTS.to_vec()),
+        ) {
+            let written = |x: f64| format!("{x:?}").replace('.', sign);
+            let mut text = format!("x{separator}y\n");
+            for (x, y) in &rows {
+                text.push_str(&format!("{}{separator}{}\n", written(*x), written(*y)));
+            }
+            let expected: Vec<Vec<f64>> = rows.iter().map(|&(x, y)| vec![x, y]).collect();
+            prop_assert_eq!(numbers(&table(&text)).unwrap(), expected);
+        }
+    }
+}

@@ -1,0 +1,396 @@
+//! The rule for outputs, checked before the work for them begins, and folders that are written whole or not at all.
+//!
+//! What is there is replaced where the user asks for that (`overwrite`), and an input, pipe, device or folder never is.
+//! A folder that a command wrote holds [`LIST`], the list of its files. A folder with anything else is refused, so that
+//! nothing is removed that no command wrote; what file managers leave there is kept.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use super::atomic_file::{folder_of, target};
+use super::bounded_file::{Limit, MIB};
+use super::error::{Error, Result};
+use super::file_name::portable;
+use super::temporaries::{self, Temporary};
+
+/// Name of the list of the files that a command wrote into its folder.
+pub const LIST: &str = ".made-by-stylus";
+
+/// A list of some 100 000 files.
+const LIST_TEXT: Limit = Limit {
+    of: "a list of a result's files",
+    bytes: 16 * MIB,
+};
+
+/// Files that file managers leave in any folder.
+const LITTER: [&str; 3] = [".DS_Store", "Thumbs.db", "desktop.ini"];
+
+/// The way to replace what is there, for the command line and for Python.
+const REMEDY: &str = "name another, or replace it with --overwrite (overwrite=True in Python)";
+
+/// Checks that a file can be written as `path`: nothing but an empty file is there, or with `overwrite` a regular file
+/// that is none of `inputs`, and its folder takes files.
+///
+/// # Errors
+/// The first of these that does not hold, with the remedy.
+pub fn check_file(path: &Path, overwrite: bool, inputs: &[PathBuf]) -> Result<()> {
+    let last = path.as_os_str().as_encoded_bytes().last();
+    if last.is_none_or(|&last| std::path::is_separator(last as char)) {
+        let problem = "names a folder, where a file is to be written: name a file in it";
+        return Err(Error::file(path, problem));
+    }
+    let target = target(path)?;
+    check_place(path, folder_of(&target))?;
+    let Ok(found) = fs::metadata(&target) else {
+        return Ok(());
+    };
+    if let Some(input) = inputs.iter().find(|input| is_same(input, &target)) {
+        let problem = format!(
+            "is an input of the command ({}): name another file to write",
+            input.display()
+        );
+        return Err(Error::file(path, problem));
+    }
+    if found.len() > 0 && !overwrite {
+        return Err(Error::file(path, format!("is there already: {REMEDY}")));
+    }
+    Ok(())
+}
+
+/// Returns true if both paths are names of one file: spellings, links, hard links.
+fn is_same(one: &Path, other: &Path) -> bool {
+    #[cfg(unix)]
+    if let (Ok(one), Ok(other)) = (fs::metadata(one), fs::metadata(other)) {
+        use std::os::unix::fs::MetadataExt;
+        return (one.dev(), one.ino()) == (other.dev(), other.ino());
+    }
+    matches!((fs::canonicalize(one), fs::canonicalize(other)), (Ok(one), Ok(other)) if one == other)
+}
+
+/// Checks that `folder` is there and takes files, for the output that is named `path`.
+fn check_place(path: &Path, folder: &Path) -> Result<()> {
+    let shown = folder.display();
+    let problem = if !folder.exists() {
+        format!("there is no folder {shown}: make it, or name another place")
+    } else if !folder.is_dir() {
+        format!("{shown} is a file and no folder: name another place")
+    } else if let Err(reason) = temporaries::try_in(folder) {
+        format!("nothing can be written to the folder {shown} ({reason}): name another place")
+    } else {
+        return Ok(());
+    };
+    Err(Error::file(path, problem))
+}
+
+/// Checks that a folder can be written as `path`: nothing or an empty folder is there, or with `overwrite` an earlier
+/// result and nothing else, with none of `inputs` in it.
+///
+/// # Errors
+/// The first of these that does not hold, with the remedy.
+pub fn check_folder(path: &Path, overwrite: bool, inputs: &[PathBuf]) -> Result<()> {
+    if path.is_symlink() && !path.exists() {
+        let problem =
+            "is a link to a folder that is not there: remove the link, or name another folder";
+        return Err(Error::file(path, problem));
+    }
+    let Ok(folder) = fs::canonicalize(path) else {
+        return check_place(path, folder_of(path));
+    };
+    if !folder.is_dir() {
+        let problem = "is no folder, and a folder is to be written: name another";
+        return Err(Error::file(path, problem));
+    }
+    check_place(path, &folder)?;
+    let content = Content::of(&folder)?;
+    if content.files.is_empty() && content.empty.is_empty() {
+        return Ok(());
+    }
+    let is_within =
+        |input: &&PathBuf| fs::canonicalize(input).is_ok_and(|input| input.starts_with(&folder));
+    if let Some(input) = inputs.iter().find(is_within) {
+        let problem = format!(
+            "holds an input of the command ({}): name another folder",
+            input.display()
+        );
+        return Err(Error::file(path, problem));
+    }
+    let list = match LIST_TEXT.open(&folder.join(LIST)) {
+        Ok(_) => LIST_TEXT.read_text(&folder.join(LIST))?,
+        Err(Error::Io { source, .. }) if source.kind() == io::ErrorKind::NotFound => String::new(),
+        Err(failure) => return Err(failure),
+    };
+    let listed: BTreeSet<&Path> = list.lines().map(Path::new).collect();
+    // A folder whose files are gone is the earlier run's own.
+    let is_own = |inner: &&PathBuf| {
+        let next = listed.range(inner.as_path()..).next();
+        next.is_some_and(|listed| listed.starts_with(inner))
+    };
+    let mut files = content.files.iter();
+    let foreign = files.find(|file| !listed.contains(file.as_path()));
+    if let Some(file) = foreign.or(content.empty.iter().find(|inner| !is_own(inner))) {
+        let problem = format!(
+            "the folder holds `{}`, which no earlier run wrote, and results are not mixed with other files: name a new \
+             or empty folder",
+            file.display()
+        );
+        return Err(Error::file(path, problem));
+    }
+    if !overwrite {
+        return Err(Error::file(
+            path,
+            format!("an earlier result is there already: {REMEDY}"),
+        ));
+    }
+    Ok(())
+}
+
+/// Content of a folder and of those below, relative to it. Links are not followed.
+#[derive(Default)]
+struct Content {
+    /// Files and links, except the list and litter.
+    files: Vec<PathBuf>,
+    /// Folders without any.
+    empty: Vec<PathBuf>,
+    litter: Vec<PathBuf>,
+}
+
+impl Content {
+    fn of(folder: &Path) -> Result<Self> {
+        let mut content = Self::default();
+        let mut folders = vec![PathBuf::new()];
+        while let Some(inner) = folders.pop() {
+            let path = folder.join(&inner);
+            let failed = |failure| Error::io("list", &path)(failure);
+            let mut is_empty = true;
+            for entry in fs::read_dir(&path).map_err(failed)? {
+                let entry = entry.map_err(failed)?;
+                let (name, kind) = (entry.file_name(), entry.file_type().map_err(failed)?);
+                let relative = inner.join(&name);
+                if kind.is_file() && LITTER.iter().any(|litter| name == *litter) {
+                    content.litter.push(relative);
+                    continue;
+                }
+                is_empty = false;
+                if kind.is_dir() {
+                    folders.push(relative);
+                } else if !(kind.is_file() && name == LIST) {
+                    content.files.push(relative);
+                }
+            }
+            if is_empty && !inner.as_os_str().is_empty() {
+                content.empty.push(inner);
+            }
+        }
+        content.files.sort();
+        Ok(content)
+    }
+}
+
+/// A folder that is written beside its place, and renamed at the end.
+pub struct OutputFolder {
+    named: PathBuf,
+    overwrite: bool,
+    hidden: Temporary,
+}
+
+impl OutputFolder {
+    /// Begins the folder `path`, in place of an earlier result with `overwrite`.
+    ///
+    /// # Errors
+    /// As [`check_folder`].
+    pub fn begin(path: &Path, overwrite: bool) -> Result<Self> {
+        check_folder(path, overwrite, &[])?;
+        let place = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
+        let hidden = Temporary::folder_in(folder_of(&place)).map_err(Error::io("create", path))?;
+        Ok(Self {
+            named: path.to_owned(),
+            overwrite,
+            hidden,
+        })
+    }
+
+    /// The folder to write to, which gets its name at the end.
+    pub fn path(&self) -> &Path {
+        self.hidden.path()
+    }
+
+    /// The path of `inner`, a path in [`OutputFolder::path`], after the end.
+    pub fn named(&self, inner: &Path) -> PathBuf {
+        match inner.strip_prefix(self.path()) {
+            Ok(inner) => self.named.join(inner),
+            Err(_) => inner.to_owned(),
+        }
+    }
+
+    /// Writes the folder by `work`, and then gives it its name, in place of an earlier result.
+    ///
+    /// # Errors
+    /// Those of `work`, with paths as they would be after the end, and a folder that has got other files meanwhile or
+    /// cannot be renamed. Nothing is left then, and the earlier result stays.
+    pub fn fill<T>(self, work: impl FnOnce(&Self) -> Result<T>) -> Result<T> {
+        let value = work(&self).map_err(|failure| failure.with_path(|path| self.named(path)))?;
+        self.finish()?;
+        Ok(value)
+    }
+
+    fn finish(self) -> Result<()> {
+        let Self {
+            named,
+            overwrite,
+            hidden,
+        } = self;
+        let Content { files, empty, .. } = Content::of(hidden.path())?;
+        let mut list = String::new();
+        for file in files.iter().chain(&empty) {
+            list.push_str(&format!("{}\n", portable(file)));
+        }
+        fs::write(hidden.path().join(LIST), list).map_err(Error::io("write", &named))?;
+        check_folder(&named, overwrite, &[])?;
+        let failed = |failure: io::Error| Error::io("replace", &named)(failure);
+        if !named.exists() {
+            return hidden.persist(&named, || Ok(())).map_err(failed);
+        }
+        let place = fs::canonicalize(&named).map_err(failed)?;
+        for litter in Content::of(&place)?.litter {
+            let kept = hidden.path().join(&litter);
+            fs::create_dir_all(folder_of(&kept)).map_err(failed)?;
+            fs::copy(place.join(&litter), kept).map_err(failed)?;
+        }
+        let aside = Temporary::folder_in(folder_of(&place)).map_err(failed)?;
+        let earlier = aside.path().join("earlier");
+        hidden
+            .persist(&place, || fs::rename(&place, &earlier))
+            .map_err(failed)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use test_helpers::holds;
+
+    fn result(path: &Path, overwrite: bool, names: &[&str]) -> Result<()> {
+        OutputFolder::begin(path, overwrite)?.fill(|folder| {
+            for name in names {
+                let path = folder.path().join(name);
+                fs::create_dir_all(path.parent().unwrap()).unwrap();
+                fs::write(path, names.concat()).unwrap();
+            }
+            Ok(())
+        })
+    }
+
+    fn refusal(outcome: Result<()>) -> String {
+        outcome.unwrap_err().to_string()
+    }
+
+    #[test]
+    fn a_folder_appears_whole_and_replaces_its_earlier_result_alone() {
+        let home = tempfile::tempdir().unwrap();
+        let path = home.path().join("out");
+        result(&path, false, &["x", "y/z"]).unwrap();
+        assert!(refusal(result(&path, false, &["x"])).contains("--overwrite"));
+        fs::write(path.join(".DS_Store"), "").unwrap();
+        result(&path, true, &["x"]).unwrap();
+        assert!(path.join("x").is_file() && !path.join("y").exists());
+        fs::write(path.join("notes.txt"), "mine").unwrap();
+        assert!(refusal(result(&path, true, &["x"])).contains("notes.txt"));
+        fs::remove_file(path.join("notes.txt")).unwrap();
+        assert!(refusal(check_folder(&path, true, &[path.join("x")])).contains("holds an input"));
+        let outcome = OutputFolder::begin(&path, true).unwrap().fill(|folder| {
+            fs::write(folder.path().join("half"), "").unwrap();
+            Err::<(), _>(Error::file(&folder.path().join("half"), "stopped"))
+        });
+        assert!(refusal(outcome).contains("out/half"));
+        assert_eq!(Content::of(&path).unwrap().files, [Path::new("x")]);
+        assert_eq!(fs::read_dir(home.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn nothing_that_no_run_wrote_is_lost_by_a_replacement() {
+        for mine in [
+            ".stylus-mine/a",
+            ".stylus-notes.txt",
+            "Thumbs.db/a",
+            ".made-by-stylus-too",
+            "y/.made-by-stylus/a",
+            "y/.stylus-a",
+            "mine/",
+            "y/mine/",
+        ] {
+            let home = tempfile::tempdir().unwrap();
+            let path = home.path().join("out");
+            result(&path, false, &["x", "y/z"]).unwrap();
+            if let Some(folder) = mine.strip_suffix('/') {
+                fs::create_dir(path.join(folder)).unwrap();
+            } else {
+                fs::create_dir_all(folder_of(&path.join(mine))).unwrap();
+                fs::write(path.join(mine), "mine").unwrap();
+            }
+            assert!(refusal(result(&path, true, &["x"])).contains(mine.trim_end_matches('/')));
+            assert!(path.join(mine).exists() && path.join("y/z").exists());
+        }
+    }
+
+    #[test]
+    fn what_file_managers_left_is_kept_and_a_folder_whose_files_are_gone_is_no_reason_to_refuse() {
+        let home = tempfile::tempdir().unwrap();
+        let path = home.path().join("out");
+        result(&path, false, &["x", "y/z"]).unwrap();
+        fs::write(path.join("Thumbs.db"), "views").unwrap();
+        fs::write(path.join("y/.DS_Store"), "places").unwrap();
+        fs::remove_file(path.join("y/z")).unwrap();
+        result(&path, true, &["x"]).unwrap();
+        fs::write(path.join("z"), "mine").unwrap();
+        fs::write(path.join(LIST), "x\nz/deep\n").unwrap();
+        assert!(refusal(result(&path, true, &["x"])).contains("`z`"));
+        assert_eq!(fs::read(path.join("Thumbs.db")).unwrap(), b"views");
+        assert_eq!(fs::read(path.join("y/.DS_Store")).unwrap(), b"places");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_list_without_an_end_is_refused_and_not_read() {
+        let home = tempfile::tempdir().unwrap();
+        let path = home.path().join("out");
+        result(&path, false, &["x"]).unwrap();
+        fs::remove_file(path.join(LIST)).unwrap();
+        std::os::unix::fs::symlink("/dev/zero", path.join(LIST)).unwrap();
+        holds(&refusal(result(&path, true, &["x"])), &[LIST]);
+        fs::remove_file(path.join(LIST)).unwrap();
+        let long = fs::File::create(path.join(LIST)).unwrap();
+        long.set_len(LIST_TEXT.bytes + 1).unwrap();
+        holds(&refusal(result(&path, true, &["x"])), &["16777216 bytes"]);
+    }
+
+    #[test]
+    fn an_empty_folder_is_filled_and_a_file_or_a_place_that_is_not_there_is_refused() {
+        let home = tempfile::tempdir().unwrap();
+        let at = |name: &str| home.path().join(name);
+        fs::create_dir(at("empty")).unwrap();
+        result(&at("empty"), false, &["x"]).unwrap();
+        fs::write(at("file"), "").unwrap();
+        for (name, word) in [
+            ("file", "is no folder"),
+            ("file/inner", "is a file and no folder"),
+            ("no/where", "there is no folder"),
+        ] {
+            holds(&refusal(result(&at(name), true, &["x"])), &[word]);
+        }
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_link_to_a_folder_is_followed_and_one_to_nothing_is_refused() {
+        let home = tempfile::tempdir().unwrap();
+        let at = |name: &str| home.path().join(name);
+        fs::create_dir(at("real")).unwrap();
+        std::os::unix::fs::symlink("real", at("link")).unwrap();
+        std::os::unix::fs::symlink("nothing", at("dangling")).unwrap();
+        result(&at("link"), false, &["x"]).unwrap();
+        assert!(at("link").is_symlink() && at("real/x").is_file());
+        assert!(refusal(result(&at("dangling"), true, &["x"])).contains("not there"));
+    }
+}

@@ -1,0 +1,60 @@
+//! Signals, a library and assertions that tests of several crates share.
+
+use model_format::{CodeSpec, Library, NodeFlags, NodeSpec, Texture, TextureSpec, encode};
+use rand::SeedableRng;
+use rand_distr::{Distribution, StandardNormal};
+
+/// Gaussian noise of unit variance.
+pub fn noise(seed: u64, samples: usize) -> Vec<f64> {
+    let generator = rand_pcg::Pcg64::seed_from_u64(seed);
+    StandardNormal
+        .sample_iter(generator)
+        .take(samples)
+        .collect()
+}
+
+/// Asserts that a value is within `tolerance` of another.
+#[track_caller]
+pub fn near(found: f64, expected: f64, tolerance: f64) {
+    let is_near = (found - expected).abs() <= tolerance;
+    assert!(is_near, "{found} is not {expected} to within {tolerance}");
+}
+
+/// Asserts that a text, such as an error's, has all these words.
+#[track_caller]
+pub fn holds(text: &(impl std::fmt::Display + ?Sized), words: &[&str]) {
+    let text = text.to_string();
+    for word in words {
+        assert!(text.contains(word), "no '{word}' in: {text}");
+    }
+}
+
+/// A library of one texture: a grid of two speeds by two forces whose nodes differ in level and in colour.
+pub fn library(sample_rate_hz: u32) -> Vec<u8> {
+    let node = |output_power: f32, codes: &[i16]| NodeSpec {
+        output_power,
+        prediction_error_power: output_power / 2.0,
+        flags: NodeFlags::NONE,
+        codes: CodeSpec::lattice(codes.to_vec()),
+    };
+    let texture = TextureSpec {
+        sample_rate_hz,
+        ..TextureSpec::new(
+            "test",
+            &[50.0, 100.0],
+            &[0.5, 1.0],
+            vec![
+                node(1.0, &[9000, -20_000]),
+                node(4.0, &[3000]),
+                node(9.0, &[]),
+                node(16.0, &[-9000, 500, 20_000]),
+            ],
+        )
+    };
+    encode(&[texture]).unwrap()
+}
+
+/// The texture of [`library`].
+pub fn texture(library: &[u8]) -> Texture<'_> {
+    Library::decode(library).unwrap().texture("test").unwrap()
+}
