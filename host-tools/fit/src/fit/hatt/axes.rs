@@ -1,10 +1,11 @@
-//! Choice of a grid's speeds and forces among those of a file's models.
+//! Choice of a grid's speeds and forces among those of a file's models and others between them.
 //!
 //! A file's models are scattered: each has a speed and a force that few others share, so that a grid of all of them has
-//! some ten times as many nodes as models. The search begins with that grid, which holds every model at its own place.
-//! It takes away the line of nodes, a speed or a force, whose loss costs least per byte, until the grid is small
-//! enough. The cost is the error against the file's definition at the models' own places, and with less
-//! weight in the middle of every triangle.
+//! some ten times as many nodes as models. It holds every model at its own place. Between them the file interpolates
+//! over triangles, the grid over rectangles. So the search begins with lines of nodes, speeds and forces, also in the
+//! middle of wide gaps and below the lowest model. It takes away the line whose loss costs least per byte, until the
+//! grid is small enough, and then lines that are not the models' own, while the error between models is tolerable. The
+//! cost is the error against the file's definition at the models' own places, and with less weight within triangles.
 
 use model_format::limits;
 use rayon::prelude::*;
@@ -15,8 +16,22 @@ use crate::dsp::linear_prediction::error_share;
 use crate::dsp::model::Model;
 use crate::dsp::spectrum::band_edges_hz;
 
-/// Weight of a triangle's middle relative to that of a model's own place.
-const MIDDLE_WEIGHT: f64 = 0.3;
+/// Places within a triangle, by the weights of its corners: the rule of three points that is exact for squares (Strang
+/// and Fix, 1973).
+const INSIDE: [[f64; 3]; 3] = {
+    const NEAR: f64 = 2.0 / 3.0;
+    const FAR: f64 = 1.0 / 6.0;
+    [[NEAR, FAR, FAR], [FAR, NEAR, FAR], [FAR, FAR, NEAR]]
+};
+
+/// Weight of a place within a triangle relative to that of a model's own place.
+const INSIDE_WEIGHT: f64 = 0.1;
+
+/// Mean cost of places within triangles up to which lines that are not the models' own go, dB².
+const TOLERABLE: f64 = 0.15;
+
+/// Narrowest gap that has a line in its middle, as a share of the highest model.
+const NARROWEST_GAP: f64 = 0.02;
 
 /// Errors beyond this one, dB, count as it: a place that is lost is not worth more than several that are kept.
 const MOST_DB: f64 = 6.0;
@@ -41,13 +56,21 @@ pub struct Bounds {
     pub bytes: usize,
 }
 
-/// Speeds, mm/s, and forces, N, above zero of all models of a file, ascending.
+/// Lines from which a grid is chosen, ascending.
 #[derive(Clone, Debug)]
 pub struct Candidates {
     /// Speeds, mm/s.
-    pub speeds_mm_s: Vec<f32>,
+    pub speeds_mm_s: Vec<Line>,
     /// Forces, N.
-    pub forces_n: Vec<f32>,
+    pub forces_n: Vec<Line>,
+}
+
+/// A speed or a force of a grid, above zero.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Line {
+    value: f32,
+    /// True for the place of a model.
+    is_own: bool,
 }
 
 /// A chosen grid: its axes, and its models, all forces of the first speed first.
@@ -58,28 +81,59 @@ pub(super) struct Chosen {
 }
 
 impl Candidates {
-    /// Returns the places of the models of `toolkit`, at most as many per axis as a library can hold.
+    /// Returns the places of the models of `toolkit` and lines between them, at most as many per axis as a library can
+    /// hold.
     pub fn of(toolkit: &Toolkit) -> Self {
-        let axis = |of: fn(&super::toolkit::ArmaModel) -> f64, highest: f64| {
-            let places = toolkit
-                .models
-                .iter()
-                .map(|model| of(model).min(highest) as f32);
-            let mut values: Vec<f32> = places.filter(|&value| value > 0.0).collect();
-            values.sort_by(f32::total_cmp);
-            values.dedup();
-            while values.len() > limits::MAX_AXIS_LEN {
-                let gap = |index: &usize| values[*index] - values[index - 1];
-                let narrowest = (1..values.len()).min_by(|a, b| gap(a).total_cmp(&gap(b)));
-                values.remove(narrowest.expect("there are more than the limit"));
-            }
-            values
-        };
+        let models = || toolkit.models.iter();
+        let (speeds, forces) = (models().map(|m| m.speed_mm_s), models().map(|m| m.force_n));
         Self {
-            speeds_mm_s: axis(|model| model.speed_mm_s, toolkit.max_speed_mm_s),
-            forces_n: axis(|model| model.force_n, toolkit.max_force_n),
+            speeds_mm_s: lines(speeds.map(|speed| speed.min(toolkit.max_speed_mm_s))),
+            forces_n: lines(forces.map(|force| force.min(toolkit.max_force_n))),
         }
     }
+
+    /// Number of speeds and forces that are the models' own.
+    pub fn own(&self) -> usize {
+        let lines = self.speeds_mm_s.iter().chain(&self.forces_n);
+        lines.filter(|line| line.is_own).count()
+    }
+}
+
+/// The `places` of models above zero, and others: half the lowest, and the middles of the gaps from zero on, the widest
+/// first.
+fn lines(places: impl Iterator<Item = f64>) -> Vec<Line> {
+    let mut own: Vec<f32> = places
+        .map(|place| place as f32)
+        .filter(|&place| place > 0.0)
+        .collect();
+    own.sort_by(f32::total_cmp);
+    own.dedup();
+    while own.len() > limits::MAX_AXIS_LEN {
+        let gap = |index: &usize| own[*index] - own[index - 1];
+        let narrowest = (1..own.len()).min_by(|a, b| gap(a).total_cmp(&gap(b)));
+        own.remove(narrowest.expect("there are more than the limit"));
+    }
+    let (Some(&lowest), Some(&highest)) = (own.first(), own.last()) else {
+        return Vec::new();
+    };
+    let half = 0.5 * lowest;
+    let ends: Vec<f32> = [0.0, half].into_iter().chain(own.iter().copied()).collect();
+    let mut gaps: Vec<(f32, f32)> = ends.windows(2).map(|pair| (pair[0], pair[1])).collect();
+    gaps.retain(|(low, high)| f64::from(high - low) > NARROWEST_GAP * f64::from(highest));
+    gaps.sort_by(|a, b| (b.1 - b.0).total_cmp(&(a.1 - a.0)));
+    let middles = gaps.into_iter().map(|(low, high)| 0.5 * (low + high));
+    let room = limits::MAX_AXIS_LEN - own.len();
+    let others = std::iter::once(half)
+        .chain(middles)
+        .take(room)
+        .map(|value| (value, false));
+    let mut all: Vec<(f32, bool)> = others
+        .chain(own.iter().map(|&value| (value, true)))
+        .collect();
+    all.sort_by(|a, b| a.0.total_cmp(&b.0));
+    all.into_iter()
+        .map(|(value, is_own)| Line { value, is_own })
+        .collect()
 }
 
 /// Bytes of a node in a library.
@@ -90,10 +144,18 @@ fn node_bytes(model: &Model) -> usize {
 /// Chooses the grid within `bounds`.
 pub(super) fn choose(toolkit: &Toolkit, candidates: &Candidates, bounds: Bounds) -> Chosen {
     let mut search = Search::new(toolkit, candidates);
-    while let Some(axis) = search.excess(bounds) {
-        if !search.take_away(axis) {
+    while let Some(axes) = search.excess(bounds) {
+        let Some(loss) = search.cheapest(axes, |_| true) else {
+            break;
+        };
+        search.take_away(loss);
+    }
+    let most = TOLERABLE * search.weight_inside();
+    while let Some(loss) = search.cheapest([true, true], |line| !line.is_own) {
+        if search.cost_inside() + loss.rise > most {
             break;
         }
+        search.take_away(loss);
     }
     search.chosen()
 }
@@ -133,17 +195,26 @@ struct Search<'a> {
 /// Axes from which a line may be taken: speeds, forces.
 type Axes = [bool; 2];
 
+/// The loss of a line.
+struct Loss {
+    axis: usize,
+    /// Index among the lines that are left.
+    line: usize,
+    /// Costs that change, by spot.
+    changed: Vec<(usize, f64)>,
+    /// Sum of the changes.
+    rise: f64,
+}
+
 impl<'a> Search<'a> {
     fn new(toolkit: &Toolkit, candidates: &'a Candidates) -> Self {
         let forces = candidates.forces_n.len();
         let models: Vec<Model> = (0..candidates.speeds_mm_s.len() * forces)
             .into_par_iter()
             .map(|index| {
-                let speed = f64::from(candidates.speeds_mm_s[index / forces]);
-                between::model(
-                    toolkit,
-                    (speed, f64::from(candidates.forces_n[index % forces])),
-                )
+                let speed = candidates.speeds_mm_s[index / forces].value;
+                let force = candidates.forces_n[index % forces].value;
+                between::model(toolkit, (f64::from(speed), f64::from(force)))
             })
             .collect();
         let angles = |model: &Model| model.reflection.iter().map(|k| k.asin()).collect();
@@ -172,12 +243,30 @@ impl<'a> Search<'a> {
         search
     }
 
-    fn value(&self, axis: usize, index: usize) -> f64 {
-        f64::from(if axis == 0 {
-            self.candidates.speeds_mm_s[index]
+    fn lines(&self, axis: usize) -> &'a [Line] {
+        if axis == 0 {
+            &self.candidates.speeds_mm_s
         } else {
-            self.candidates.forces_n[index]
-        })
+            &self.candidates.forces_n
+        }
+    }
+
+    fn value(&self, axis: usize, index: usize) -> f64 {
+        f64::from(self.lines(axis)[index].value)
+    }
+
+    /// Spots within triangles with their costs.
+    fn inside(&self) -> impl Iterator<Item = (&Spot, f64)> {
+        let all = self.spots.iter().zip(self.costs.iter().copied());
+        all.filter(|(spot, _)| spot.weight < 1.0)
+    }
+
+    fn weight_inside(&self) -> f64 {
+        self.inside().map(|(spot, _)| spot.weight).sum()
+    }
+
+    fn cost_inside(&self) -> f64 {
+        self.inside().map(|(_, cost)| cost).sum()
     }
 
     fn index(&self, speed: usize, force: usize) -> usize {
@@ -207,31 +296,33 @@ impl<'a> Search<'a> {
         (self.bytes() > bounds.bytes).then_some([true, true])
     }
 
-    /// Takes away the line of the `axes` that costs least per byte. Returns false if none is left to be taken.
-    fn take_away(&mut self, axes: Axes) -> bool {
+    /// The loss that costs least per byte of the lines of the `axes` that `may` go; none if an axis has no other.
+    fn cheapest(&self, axes: Axes, may: impl Fn(&Line) -> bool) -> Option<Loss> {
         let lines: Vec<(usize, usize)> = (0..2)
             .filter(|&axis| axes[axis] && self.left[axis].len() > 1)
             .flat_map(|axis| (0..self.left[axis].len()).map(move |line| (axis, line)))
+            .filter(|&(axis, line)| may(&self.lines(axis)[self.left[axis][line]]))
             .collect();
         let tried = lines.into_par_iter().map(|(axis, line)| {
-            let (changed, rise) = self.without(axis, line);
+            let loss = self.without(axis, line);
             // A line that costs nothing, or less, goes whatever its size.
-            let price = if rise > 0.0 {
-                rise / self.line_bytes(axis, line) as f64
+            let price = if loss.rise > 0.0 {
+                loss.rise / self.line_bytes(axis, line) as f64
             } else {
-                rise
+                loss.rise
             };
-            (price, axis, line, changed)
+            (price, loss)
         });
-        let cheapest = tried.min_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
-        let Some((_, axis, line, changed)) = cheapest else {
-            return false;
-        };
-        self.left[axis].remove(line);
-        for (spot, cost) in changed {
+        let order = |loss: &Loss| (loss.axis, loss.line);
+        let cheapest = tried.min_by(|(a, x), (b, y)| a.total_cmp(b).then(order(x).cmp(&order(y))));
+        cheapest.map(|(_, loss)| loss)
+    }
+
+    fn take_away(&mut self, loss: Loss) {
+        self.left[loss.axis].remove(loss.line);
+        for (spot, cost) in loss.changed {
             self.costs[spot] = cost;
         }
-        true
     }
 
     fn line_bytes(&self, axis: usize, line: usize) -> usize {
@@ -247,8 +338,7 @@ impl<'a> Search<'a> {
         self.left[1 - axis].iter().map(bytes).sum()
     }
 
-    /// Costs that change without a line, by spot, and the sum of the changes.
-    fn without(&self, axis: usize, line: usize) -> (Vec<(usize, f64)>, f64) {
+    fn without(&self, axis: usize, line: usize) -> Loss {
         let mut left = self.left.clone();
         left[axis].remove(line);
         let end = |line: Option<usize>, otherwise: f64| {
@@ -275,7 +365,12 @@ impl<'a> Search<'a> {
                 (index, cost)
             })
             .collect();
-        (changed, rise)
+        Loss {
+            axis,
+            line,
+            changed,
+            rise,
+        }
     }
 
     /// Mean square error of the bands plus square error of the level, dB², times the spot's weight.
@@ -350,11 +445,11 @@ impl<'a> Search<'a> {
         Chosen {
             speeds_mm_s: speeds
                 .iter()
-                .map(|&index| self.candidates.speeds_mm_s[index])
+                .map(|&index| self.candidates.speeds_mm_s[index].value)
                 .collect(),
             forces_n: forces
                 .iter()
-                .map(|&index| self.candidates.forces_n[index])
+                .map(|&index| self.candidates.forces_n[index].value)
                 .collect(),
             models,
         }
@@ -401,13 +496,13 @@ fn spots(toolkit: &Toolkit, probes: &[Probe]) -> Vec<Spot> {
     let mut own: Vec<(f64, f64)> = toolkit.model_places().collect();
     own.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
     own.dedup();
-    let third = 1.0 / 3.0;
-    let middles = toolkit
-        .inside_triangles([third; 3])
-        .map(|place| (place, MIDDLE_WEIGHT));
+    let inside = INSIDE
+        .into_iter()
+        .flat_map(|weights| toolkit.inside_triangles(weights))
+        .map(|place| (place, INSIDE_WEIGHT));
     own.into_iter()
         .map(|place| (place, 1.0))
-        .chain(middles)
+        .chain(inside)
         .filter_map(|(place, weight)| {
             let density = density(toolkit, place, &frequencies_hz)?;
             let mut densities = density.into_iter();

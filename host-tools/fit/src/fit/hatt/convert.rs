@@ -324,6 +324,8 @@ pub(super) fn played_density(texture: &Texture<'_>, (speed_mm_s, force_n): (f64,
 #[cfg(test)]
 mod tests {
     use std::path::Path;
+
+    use proptest::prelude::*;
     use test_helpers::near;
 
     use super::super::fixture;
@@ -354,8 +356,12 @@ mod tests {
     #[test]
     fn with_room_the_grid_holds_every_model_at_its_own_place() {
         let converted = converted(&fixture::whole(), ROOM);
-        assert_eq!(converted.spec.speed_axis_mm_s, [60.0, 140.0, 200.0]);
-        assert_eq!(converted.spec.force_axis_n, [0.5, 1.3, 2.0]);
+        let (speeds, forces) = (
+            &converted.spec.speed_axis_mm_s,
+            &converted.spec.force_axis_n,
+        );
+        assert!([60.0, 140.0, 200.0].iter().all(|own| speeds.contains(own)));
+        assert!([0.5, 1.3, 2.0].iter().all(|own| forces.contains(own)));
         assert_eq!(converted.own.len(), 3);
         for error in &converted.own {
             assert!(error.level_db.abs() < 0.01, "{error:?}");
@@ -417,6 +423,29 @@ mod tests {
         for error in errors {
             // The axis of speeds also turns the shape towards that at 200 mm/s, which is silent without force.
             assert!(error.level_db.abs() < 0.6, "{error:?}");
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(24))]
+
+        /// The grid of the models' own lines alone is up to 5 dB from the file.
+        #[test]
+        fn between_models_the_grid_follows_the_file(
+            (low, high) in ((20.0..90.0, 0.2..0.9), (110.0..190.0, 1.1..1.9)),
+            variances in (0.002..0.02, 0.002..0.02),
+            places in proptest::collection::vec((0.05..0.95, 0.05..0.95), 40),
+        ) {
+            let mut models = fixture::PLACES;
+            models[4] = (low.0, low.1, variances.0);
+            models[5] = (high.0, high.1, variances.1);
+            let text = fixture::file(&models, &fixture::TRIANGLES);
+            let places: Vec<(f64, f64)> = places.into_iter().map(|(s, f)| (200.0 * s, 2.0 * f)).collect();
+            let errors = errors_at(&converted(&text, ROOM), &text, &places);
+            let square = errors.iter().map(|error| error.level_db.powi(2)).sum::<f64>() / errors.len() as f64;
+            prop_assert!(square.sqrt() < 0.5, "{}", square.sqrt());
+            let worst = errors.iter().map(PlaceError::worst_band_db).fold(0.0, f64::max);
+            prop_assert!(worst < 2.0, "{worst}");
         }
     }
 

@@ -36,10 +36,10 @@ pub struct Source {
 /// Sizes of the grids that are asked for.
 #[derive(Clone, Copy, Debug, clap::Args)]
 pub struct Options {
-    /// Most speeds of a grid [default: as many of the file's own as the slot has room for]
+    /// Most speeds of a grid [default: as many as it needs and the slot has room for]
     #[arg(long)]
     pub speeds: Option<usize>,
-    /// Most forces of a grid [default: as many of the file's own as the slot has room for]
+    /// Most forces of a grid [default: as many as it needs and the slot has room for]
     #[arg(long)]
     pub forces: Option<usize>,
     /// Sample rate of the textures, Hz: 5000, or 10000 from models of that rate
@@ -193,16 +193,15 @@ pub fn plan(sources: &[Source], options: &Options) -> Result<Vec<Bounds>> {
     let names: usize = sources.iter().map(|source| source.name.len()).sum();
     let fixed = LIBRARY_BYTES + TEXTURE_BYTES * sources.len() + names;
     let room = limits::MAX_LIBRARY_BYTES.saturating_sub(fixed);
-    let axes = sources.iter().map(|source| {
-        let candidates = Candidates::of(&source.toolkit);
-        (candidates.speeds_mm_s.len(), candidates.forces_n.len())
-    });
-    let axes: Vec<(usize, usize)> = axes.collect();
-    let all: usize = axes.iter().map(|(speeds, forces)| speeds + forces).sum();
-    let bounds = axes.into_iter().map(|(speeds, forces)| Bounds {
-        speeds: speeds.min(options.speeds.unwrap_or(usize::MAX)),
-        forces: forces.min(options.forces.unwrap_or(usize::MAX)),
-        bytes: room * (speeds + forces) / all.max(1),
+    let own = sources
+        .iter()
+        .map(|source| Candidates::of(&source.toolkit).own());
+    let own: Vec<usize> = own.collect();
+    let all: usize = own.iter().sum();
+    let bounds = own.into_iter().map(|own| Bounds {
+        speeds: options.speeds.unwrap_or(limits::MAX_AXIS_LEN),
+        forces: options.forces.unwrap_or(limits::MAX_AXIS_LEN),
+        bytes: room * own / all.max(1),
     });
     Ok(bounds.collect())
 }
