@@ -111,8 +111,8 @@ impl Example<'_> {
         let own = self.judged.scores.cost;
         own.map_or_else(String::new, |cost| {
             format!(
-                " The C in its title is of the block drawn; over all that judges this trial it is {:.1} %, which the map \
-                 has.",
+                " The C in its title is of the block drawn; over all that judges this trial it is {:.1} %, which the \
+                 map has.",
                 100.0 * cost
             )
         })

@@ -143,8 +143,8 @@ fn check(arguments: &Arguments) -> Result<()> {
     }
     if arguments.before.is_some() && arguments.takes.is_none() {
         return Err(Error::Request(
-            "--before needs --takes DIR, other recordings of the same trials: both libraries are judged on what neither \
-             was fitted to"
+            "--before needs --takes DIR, other recordings of the same trials: both libraries are judged on what \
+             neither was fitted to"
                 .into(),
         ));
     }

@@ -8,12 +8,12 @@
 //! it. No interrupt is taken meanwhile, which is the worst that the part may do: it may take one during a fetch. Code
 //! that runs elsewhere stands still, too, if the MPU lets the processor fetch ahead from the busy bank with the code.
 //! The instructions that the core would have executed meanwhile are counted as if it had, so virtual time and the cycle
-//! counter go on. Where the MPU hides the busy bank, it refuses what would be fetched from there, so the core runs on; the
-//! MPU and the program counter are looked at every [`LOOK`] instructions.
+//! counter go on. Where the MPU hides the busy bank, it refuses what would be fetched from there, so the core runs on;
+//! the MPU and the program counter are looked at every [`LOOK`] instructions.
 //!
 //! A loop that polls the status of a busy bank, or a converter's calibration, stands still from its fourth poll to the
-//! next event of the part, and polls again, so that an erasure costs no millions of polls. Its waits by the clock are as
-//! long as before to some microseconds. A count of its polls would be smaller.
+//! next event of the part, and polls again, because an erasure would cost millions of polls. Its waits by the clock are longer
+//! by some microseconds. A count of its polls would be smaller.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};

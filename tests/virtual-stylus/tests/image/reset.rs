@@ -10,7 +10,7 @@ use crate::device::{Device, MID_SCALE, MS, inject, with_faults};
 /// Longest time for which the pins of the output float after a reset, ns: a hundred instructions, before RAM is filled.
 const FLOATING_NS: u64 = 500;
 
-/// What causes a reset.
+/// The cause of a reset.
 type Reset<'a> = &'a dyn Fn(&mut Device);
 
 impl Device {
