@@ -1,7 +1,7 @@
 //! The stylus's bootloader, and what it shares with the image.
 //!
 //! The bootloader lies in the first sector of bank 1 and is never erased by an update. At each reset it reads the
-//! [record](record) of updates. Mostly it finds nothing to do and jumps to the image. After an update was committed it
+//! [record] of updates. Mostly it finds nothing to do and jumps to the image. After an update was committed it
 //! exchanges the active image with the one that waits in a slot of bank 2, and jumps to it: the trial. A reset before
 //! the new image is confirmed exchanges them back.
 //!
@@ -10,7 +10,7 @@
 //! there, and half of an exchange is done twice, which destroys both images. Here its state is 16 bytes of a record,
 //! and every change of it is a new record in a new word of the flash ([`record::Store`]).
 //!
-//! Invariant: from its first instructions on, the amplifier is off and the output at mid-scale ([`first`]), also while
+//! Invariant: from its first instructions on, the amplifier is off and the output at mid-scale (`first`), also while
 //! images are exchanged.
 #![no_std]
 

@@ -12,8 +12,8 @@
 //! the MPU and the program counter are looked at every [`LOOK`] instructions.
 //!
 //! A loop that polls the status of a busy bank, or a converter's calibration, stands still from its fourth poll to the
-//! next event of the part, and polls again, because an erasure would cost millions of polls. Its waits by the clock are longer
-//! by some microseconds. A count of its polls would be smaller.
+//! next event of the part, and polls again, because an erasure would cost millions of polls. Its waits by the clock are
+//! longer by some microseconds. A count of its polls would be smaller.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
