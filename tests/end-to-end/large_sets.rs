@@ -140,7 +140,7 @@ fn write_many(bench: &Bench, name: &str, begin: &str, line: &str, times: usize) 
 
 #[test]
 fn a_table_takes_the_memory_of_its_samples_however_long_or_wide_it_is() {
-    /// Memory beside that of a short table, bytes.
+    /// Bound of the peak memory beyond that of a fit of the short table, bytes.
     const MOST_BYTES: f64 = 24e6;
     let bench = Bench::new();
     let samples = all_pole(&[-0.9, 0.5], &noise(1, 10_000));

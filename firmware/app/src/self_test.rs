@@ -24,7 +24,7 @@ pub trait Bench {
     /// The option bytes in use.
     fn option_bytes(&self) -> OptionByteValues;
 
-    /// Errors of memories since the start.
+    /// Errors that the ECC of RAM and flash has found since the start.
     fn error_correction(&self) -> ErrorCorrectionValues;
 
     /// Levels of the encoder's lines.

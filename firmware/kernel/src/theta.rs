@@ -62,7 +62,7 @@ pub enum Run<'a> {
 pub struct Codes<'a> {
     /// Codes, `i16`, by node.
     pub codes: [&'a [[u8; 2]]; 4],
-    /// Factors of the codes, by node: a product loses 16 bits.
+    /// Factors of the codes, by node. The sum takes each product of factor and code divided by 2¹⁶, rounded down.
     pub factors: [i32; 4],
 }
 

@@ -60,7 +60,7 @@ const SHORT_SECTION: u8 = 30;
 const LONG_SECTION: u8 = 31;
 /// A recursion in a task that ends at the end of the stack.
 const OVERFLOW_IN_TASK: u8 = 32;
-/// The same in the update.
+/// A recursion in the update that ends at the end of the stack.
 const OVERFLOW_IN_UPDATE: u8 = 33;
 /// A write to address 0.
 const WRITE_TO_NULL: u8 = 34;

@@ -346,8 +346,8 @@ pub unsafe extern "C" fn stylus_player_set_gain(
     })
 }
 
-/// Plays the next `length` samples into `samples`. One thread at a time. It allocates nothing, takes no lock, calls no
-/// system, and needs a bounded time per sample.
+/// Plays the next `length` samples into `samples`. Only one thread at a time may call it: another gets `STYLUS_BUSY`.
+/// It allocates nothing, takes no lock and makes no system call. Its time per sample is bounded.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn stylus_player_fill(
     player: *const PlayerHandle,

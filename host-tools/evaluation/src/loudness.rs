@@ -174,7 +174,7 @@ fn ranks(trials: &[Placed<'_>], of: fn(&Placed<'_>) -> f64) -> Vec<usize> {
 pub struct Loudness {
     /// Largest ratio of a synthesis to the recordings around it, beyond what it is louder as a whole.
     pub times: f64,
-    /// Largest ratio of another recording to the recordings around it.
+    /// Largest ratio of another recording to the loudest of the recordings around its place, by their loudest 5 ms.
     pub times_other: f64,
     /// Trials in which the ratio is [`TOO_STRONG`] times that of other recordings, or 1 if these have less.
     pub trials_too_strong: usize,

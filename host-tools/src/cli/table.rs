@@ -144,7 +144,7 @@ impl Column {
     }
 }
 
-/// Characters of a line of these columns.
+/// Width of a line of `columns`, characters.
 fn width(columns: &[Column]) -> usize {
     let widths: usize = columns.iter().map(|column| column.width).sum();
     widths + GAP * columns.len().saturating_sub(1)

@@ -187,7 +187,8 @@ impl Sensors {
         }
     }
 
-    /// Ends a block of [`UPDATE_INTERVAL_TICKS`]. Called at each block's boundary, for any source of motion.
+    /// Ends a block of the encoder's counts, [`UPDATE_INTERVAL_TICKS`] long. The tick calls it when an update is due,
+    /// [`UPDATE_LEAD_TICKS`](crate::UPDATE_LEAD_TICKS) before the next block is played, whatever the source of motion.
     #[inline(always)]
     pub fn end_block(&mut self) {
         self.counts = self.counts.wrapping_add(self.block.counts);

@@ -111,7 +111,7 @@ impl FitRecord {
         }
     }
 
-    /// The record with what `fit` says of its textures' excitations and lines.
+    /// Adds the excitations and lines of `fit` to the record.
     #[must_use]
     pub fn with_account_of(self, fit: &Fit) -> Self {
         Self {

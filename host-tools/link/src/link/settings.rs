@@ -158,8 +158,8 @@ impl<'a> Known<'a> {
     }
 }
 
-/// Returns a line for each of the `changed` settings with its value `before` and `after`, then what follows at pin and
-/// coil.
+/// Returns a line for each of the `changed` settings, with its value `before` and `after`. Further lines give the
+/// limits at pin and coil before and after the change.
 pub fn consequences(before: Known<'_>, after: Known<'_>, changed: SettingSet) -> Vec<String> {
     let line = |setting: Setting| {
         let unit = match setting.spec().unit {

@@ -15,7 +15,7 @@ use crate::cli::table::table;
 
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// Library whose textures, by themselves and in its scenes, are compared with what the stylus can give
+    /// Library to compare with what the stylus can give: each texture by itself and in each scene
     library: PathBuf,
     /// Print all figures as JSON
     #[arg(long)]

@@ -15,7 +15,7 @@ use crate::library;
 
 /// A fault that ends in a reset.
 pub struct Ending {
-    /// Its name in the report.
+    /// Name of the fault in the report.
     pub name: &'static str,
     /// The fault.
     pub fault: Injected,

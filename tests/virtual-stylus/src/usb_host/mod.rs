@@ -246,7 +246,7 @@ pub struct Request {
     pub kind: u8,
     /// Number of the request.
     pub request: u8,
-    /// Its first number.
+    /// First argument of the request (wValue).
     pub value: u16,
     /// Its second number.
     pub index: u16,

@@ -94,7 +94,8 @@ fn bytes() -> Vec<u8> {
 /// Latencies at the pin and at the tip, ms.
 type Latencies = [Vec<f64>; 2];
 
-/// Takes `step` at each tick of a block, just after the force is sampled and, with `both`, just before it, too.
+/// Returns the latencies of `step`. The hand takes it ten times, each at another tick of a block, just after the force
+/// is sampled; with `both`, ten times more, just before it is sampled.
 fn latencies(step: &Step, both: bool) -> Latencies {
     let mut device = Device::started(library::with(&bytes()));
     let [before, after] = step.force.map(force_code);

@@ -509,7 +509,8 @@ struct Followed {
 }
 
 impl Followed {
-    /// The lines of these wavelengths in `signal`, recorded at `speed_mm_s`, as the samples of `ranges` have them.
+    /// Fits the lines of `wavelengths_mm` to the samples of `signal` in `ranges`. The signal was recorded at
+    /// `speed_mm_s`. Its waves follow changes of the speed, where the lines show them.
     fn of(
         signal: &[f64],
         ranges: &[Range<usize>],

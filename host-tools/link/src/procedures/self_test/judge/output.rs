@@ -16,7 +16,8 @@ const GAIN: (f64, f64) = (0.98, 1.02);
 /// Offset at mid-scale, codes of 12 bits: 12 LSB of the DAC (DS12110, offset error at middle code) and as much again.
 const OFFSET_CODES: f64 = 24.0;
 
-/// Largest distance from the line, codes: 4 LSB of the DAC (DS12110, integral linearity) and as much again.
+/// Largest distance of a code's mean reading from the line through all of them, codes: 4 LSB of the DAC (DS12110,
+/// integral linearity) and as much again.
 const BEND_CODES: f64 = 8.0;
 
 /// Smallest and largest step between two neighbouring codes of the sweep.
