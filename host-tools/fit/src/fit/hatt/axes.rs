@@ -3,9 +3,10 @@
 //! A file's models are scattered: each has a speed and a force that few others share, so that a grid of all of them has
 //! some ten times as many nodes as models. It holds every model at its own place. Between them the file interpolates
 //! over triangles, the grid over rectangles. So the search begins with lines of nodes, speeds and forces, also in the
-//! middle of wide gaps and below the lowest model. It takes away the line whose loss costs least per byte, until the
-//! grid is small enough, and then lines that are not the models' own, while the error between models is tolerable. The
-//! cost is the error against the file's definition at the models' own places, and with less weight within triangles.
+//! middle of wide gaps and below the lowest model. It takes away the line whose loss costs least per byte: first of
+//! those that are not the models' own, while the error between models is tolerable, and then of all, until the grid is
+//! small enough. The cost is the error against the file's definition at the models' own places, and with less weight
+//! within triangles.
 
 use model_format::limits;
 use rayon::prelude::*;
@@ -125,6 +126,7 @@ fn lines(places: impl Iterator<Item = f64>) -> Vec<Line> {
     let room = limits::MAX_AXIS_LEN - own.len();
     let others = std::iter::once(half)
         .chain(middles)
+        .filter(|&value| value > 0.0)
         .take(room)
         .map(|value| (value, false));
     let mut all: Vec<(f32, bool)> = others
@@ -144,17 +146,17 @@ fn node_bytes(model: &Model) -> usize {
 /// Chooses the grid within `bounds`.
 pub(super) fn choose(toolkit: &Toolkit, candidates: &Candidates, bounds: Bounds) -> Chosen {
     let mut search = Search::new(toolkit, candidates);
-    while let Some(axes) = search.excess(bounds) {
-        let Some(loss) = search.cheapest(axes, |_| true) else {
-            break;
-        };
-        search.take_away(loss);
-    }
     let most = TOLERABLE * search.weight_inside();
     while let Some(loss) = search.cheapest([true, true], |line| !line.is_own) {
         if search.cost_inside() + loss.rise > most {
             break;
         }
+        search.take_away(loss);
+    }
+    while let Some(axes) = search.excess(bounds) {
+        let Some(loss) = search.cheapest(axes, |_| true) else {
+            break;
+        };
         search.take_away(loss);
     }
     search.chosen()
