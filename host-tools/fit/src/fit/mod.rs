@@ -5,8 +5,11 @@
 //! 2. **Reports** (`reports`): all trials of the set are compared, which tells copies, hum and wrong scales.
 //! 3. **Models** (`fitted`), a texture at a time: each node of its grid gets a linear predictor from its trials, and
 //!    holes of the grid are filled.
-//! 4. The room that all models leave in a library is shared among the textures.
+//! 4. **Room** (`fitted`): what all models leave of a library is shared among the textures.
 //! 5. **Excitation** ([`excitation`]), a texture at a time: what excites its models, by the residuals of its trials.
+//!
+//! [`encoded`] quantises the result to a library's bytes (`texture`); the command writes them, with a
+//! [`record`] of the fit beside them.
 //!
 //! A fit of blocks, which `evaluate` judges, differs in the part of each recording that is fitted ([`blocks`]). Shards
 //! ([`parts`]) leave what the first step tells in files, and go on from there. [`densify`] makes the grids denser.
