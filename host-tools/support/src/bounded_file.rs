@@ -25,8 +25,9 @@ pub struct Limit {
     pub bytes: u64,
 }
 
-/// The failure to open the file at `path`; where it is not there, with a file beside it whose name is nearly that.
-pub fn unopened(path: &Path, source: io::Error) -> Error {
+/// The failure of `action` on the file at `path`. Where it is not there, a file beside it is named whose name is nearly
+/// that.
+pub fn absent(action: &'static str, path: &Path, source: io::Error) -> Error {
     let folder = match path.parent() {
         Some(folder) if folder != Path::new("") => folder,
         _ => Path::new("."),
@@ -42,7 +43,7 @@ pub fn unopened(path: &Path, source: io::Error) -> Error {
         Some(name) => io::Error::new(source.kind(), format!("{source}; did you mean '{name}'?")),
         None => source,
     };
-    Error::io("open", path)(source)
+    Error::io(action, path)(source)
 }
 
 impl Limit {
@@ -52,7 +53,7 @@ impl Limit {
     /// # Errors
     /// A file that cannot be opened, is no regular file, or is larger than the limit.
     pub fn open(&self, path: &Path) -> Result<File> {
-        let found = std::fs::metadata(path).map_err(|source| unopened(path, source))?;
+        let found = std::fs::metadata(path).map_err(|source| absent("open", path, source))?;
         if let Some(other) = other_than_a_file(&found) {
             let problem = format!(
                 "is {other}, and {} is read from a file: copy it to one",
@@ -79,7 +80,7 @@ impl Limit {
     /// # Errors
     /// A file that cannot be read, or is larger than the limit.
     pub fn read(&self, path: &Path) -> Result<Vec<u8>> {
-        let file = File::open(path).map_err(|source| unopened(path, source))?;
+        let file = File::open(path).map_err(|source| absent("read", path, source))?;
         if file.metadata().is_ok_and(|found| found.is_dir()) {
             let problem = format!("is a folder, and {} is read from a file: name one", self.of);
             return Err(Error::file(path, problem));

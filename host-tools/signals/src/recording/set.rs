@@ -10,7 +10,7 @@ use super::rate::rate_fault;
 use super::time_unit::TimeUnit;
 use super::trial::{NOMINAL_FORCE_N, NOMINAL_SPEED_MM_S, Trial};
 use super::unit::scale;
-use crate::support::bounded_file::unopened;
+use crate::support::bounded_file::absent;
 use crate::support::csv_table::{CsvTable, Header, Row, TABLE};
 use crate::support::error::{Error, Result};
 use crate::support::hand::{force_fault, speed_fault};
@@ -109,7 +109,7 @@ impl RecordingSet {
     pub fn open_with(inputs: &[PathBuf], assumed: &Assumed) -> Result<Self> {
         for input in inputs {
             if let Err(source) = std::fs::metadata(input) {
-                return Err(unopened(input, source));
+                return Err(absent("open", input, source));
             }
         }
         let mut set = Self::open(inputs)?;
