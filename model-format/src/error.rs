@@ -107,7 +107,7 @@ pub enum Problem {
         /// Name of the number, and its unit.
         what: &'static str,
         value: f32,
-        /// Its lowest and its highest value.
+        /// Lowest and highest allowed value of the number.
         range: [f32; 2],
     },
     #[error("{what}: {found} where {expected} is due")]

@@ -47,7 +47,7 @@ pub const THETA_FRACTION_BITS: u32 = 8;
 
 /// Largest θ of a library, in steps of [`FINE_THETA_STEP_RAD`]: the largest code with the largest fraction, both ways.
 ///
-/// It is a little below π/2, so that no stage has a reflection coefficient of magnitude 1.
+/// This largest θ is a little below π/2, so that no stage has a reflection coefficient of magnitude 1.
 pub const MAX_FINE_THETA: i32 = (i16::MAX as i32) * (1 << THETA_FRACTION_BITS) + i8::MAX as i32;
 
 /// Angle of one step of θ with its fraction, rad: π/2²⁴.

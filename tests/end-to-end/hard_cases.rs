@@ -40,7 +40,7 @@ fn the_lattice_holds_its_promises_in_every_hard_case() {
     }
 }
 
-/// Takes a quarter of an hour on two cores:
+/// A test of a quarter of an hour on two cores:
 /// `cargo test --locked --release -p host-tools --test end-to-end hard_cases:: -- --ignored`.
 #[test]
 #[ignore = "takes a quarter of an hour"]

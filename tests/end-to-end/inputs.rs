@@ -32,7 +32,7 @@ fn recording(seed: u64) -> Vec<u8> {
     wav(&[&all_pole(&[-0.6, 0.7], &noise(seed, 10_000))], RATE_HZ)
 }
 
-/// Runs `stylus`, which must succeed; gives what it says on standard error.
+/// Runs `stylus`, which must succeed, and returns its standard error.
 fn said(bench: &Bench, arguments: &str) -> String {
     let output = bench.run(arguments);
     let said = text(&output.stderr);
@@ -40,7 +40,7 @@ fn said(bench: &Bench, arguments: &str) -> String {
     said
 }
 
-/// A set of one texture at these speeds and forces, whose list has these names.
+/// A set of one texture, with a trial at each of these speeds and forces; its list has these column names.
 fn set(bench: &Bench, trials: &[(&str, f64, f64)]) {
     let mut list = format!("{HEADER}\n");
     for (number, (texture, speed, force)) in trials.iter().enumerate() {
@@ -770,7 +770,7 @@ fn the_name_of_a_texture_that_no_fit_takes_is_refused_where_it_is_given() {
     assert!(!bench.path("trials.csv").exists());
 }
 
-/// As the Cluster Haptic Texture Dataset is described: gravity, accelerations in g at uneven times of 8.6 kHz, and
+/// Tables with the Cluster Haptic Texture Dataset's traits: gravity, accelerations in g at uneven times of 8.6 kHz, and
 /// forces in millinewtons.
 #[test]
 fn tables_in_g_at_uneven_times_are_listed_by_their_names_and_fitted_as_they_are() {

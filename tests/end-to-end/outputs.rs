@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 use crate::hatt;
 use crate::support::{Bench, RATE_HZ, holds, noise, rig_of, signal as send, text, two_textures};
 
-/// Commands with a file to write, `{}`.
+/// Commands that write a file, at the place of `{}`.
 const FILES: [&str; 11] = [
     "fit set --order 4 --out {}",
     "render good.lib --texture silk --speed 100 --force 1 --seconds 1 --out {}",
@@ -26,10 +26,10 @@ const FILES: [&str; 11] = [
     "calibrate --response --yes --link tcp:127.0.0.1:9 --svg {}",
 ];
 
-/// Those of them whose work takes no time and no device.
+/// Number of commands at the beginning of [`FILES`] whose work takes no time and no device.
 const QUICK: usize = 5;
 
-/// Commands with a folder to write.
+/// Commands that write a folder, at the place of `{}`.
 const FOLDERS: [&str; 3] = [
     "simulate-rig --rig rig.toml --out {}",
     "segment stroke.csv --texture felt --out {}",
@@ -175,7 +175,7 @@ fn an_output_that_is_an_input_is_refused_under_every_name_of_it() {
     bench.succeed(&format!("{compile} --overwrite"));
 }
 
-/// Commands with a file to write, `{}`, each with all options that read something.
+/// Commands that write a file, at the place of `{}`, each with all options that read something.
 const READERS: [&str; 13] = [
     "fit set --parts parts --out {}",
     "render good.lib --texture silk --motion stroke.csv --plant plant.toml --out {}",
@@ -192,7 +192,7 @@ const READERS: [&str; 13] = [
     "trials set --pattern {texture}-{speed}-0.5.wav --force 0.5 --list {}",
 ];
 
-/// Those with a folder to write.
+/// Commands that write a folder, at the place of `{}`, each with all options that read something.
 const FOLDER_READERS: [&str; 4] = [
     "simulate-rig --rig rig.toml --out {}",
     "segment stroke.csv hand.csv --texture felt --out {}",

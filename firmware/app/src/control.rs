@@ -131,8 +131,8 @@ pub trait Device {
     /// Forgets the library in RAM, so that [`Device::load`] can begin. Nothing is played.
     fn begin_load(&mut self);
 
-    /// Takes one bounded step of copying `library`, which is valid, to the RAM that is played from, and of decoding it
-    /// there. Returns true after the last one; before it the RAM holds no library.
+    /// Does one bounded step of copying `library`, which is valid, to the RAM that is played from, or of decoding the
+    /// copy. Returns true after the last step; before it the RAM holds no library.
     ///
     /// # Errors
     /// The copy is not valid. The RAM holds no library then.
@@ -462,7 +462,7 @@ impl<D: Device> Control<D> {
     /// Serves `RecordStartEndpoint`. The blocks go to `from`.
     ///
     /// # Errors
-    /// One is under way.
+    /// A recording is under way.
     pub fn record_start(&mut self, from: LinkId) -> Result<RecordStarted, RecordError> {
         let started = self.device.start_recording()?;
         self.listener = from;
@@ -477,7 +477,7 @@ impl<D: Device> Control<D> {
     /// Serves `RecordStopEndpoint`.
     ///
     /// # Errors
-    /// None is under way.
+    /// No recording is under way.
     pub fn record_stop(&mut self) -> Result<RecordStopped, RecordError> {
         self.device.stop_recording()
     }
@@ -510,7 +510,7 @@ impl<D: Device> Control<D> {
         Ok(self.proposals.propose(from, change, loosens, now, seed))
     }
 
-    /// Takes the change that `from` has proposed and was given `token` for.
+    /// Returns the change that `from` has proposed with `token`, and ends the proposal.
     ///
     /// # Errors
     /// No proposal of this link has this token.

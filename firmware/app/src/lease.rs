@@ -68,7 +68,8 @@ impl Lease {
         }
     }
 
-    /// Lets `link` move what is played. Unlike a play, it is refused after a lapse too: it is not its texture.
+    /// Lets `link` move what is played. Unlike a play, a motion is refused even after a lapse of the other link's
+    /// lease, because what is played is the other link's.
     ///
     /// # Errors
     /// The other link holds the lease.

@@ -1,8 +1,8 @@
 //! Levels of the sensors, for `status`: what the tool feels, and the noise of the force.
 //!
 //! Thread mode sums up all samples that the tick queues, in whole numbers, and a request turns the sums of the last
-//! window into decibel. So the tick does nothing for it. The acceleration is that of all axes without its mean, so
-//! gravity and the zero of the sensor are not in it.
+//! window into decibel. So the tick does nothing for the levels. The acceleration is that of all axes without its mean,
+//! so gravity and the zero of the sensor are not in it.
 //!
 //! The logarithm is micromath's: within 0.01 dB, at a tenth of the code of an exact one.
 
@@ -115,7 +115,7 @@ impl Accumulator {
         }
     }
 
-    /// Takes the next sample.
+    /// Adds the next sample to the window under way.
     pub fn take(&mut self, sample: RecordSample) {
         self.under_way.add(sample);
         if self.under_way.samples == WINDOW_SAMPLES {

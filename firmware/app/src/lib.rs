@@ -53,8 +53,8 @@ pub const UPDATE_INTERVAL_TICKS: u32 = stylus_kernel::UPDATE_INTERVAL_SAMPLES;
 
 /// Ticks from the update's request to the beginning of the block that it decides: its deadline, 0.6 ms.
 ///
-/// It is short, because what the hand does is felt that much earlier. Beside ticks that take half of the processor, an
-/// update of two voices, 25 000 instructions, has four cycles for each.
+/// The lead is short, because what the hand does is felt that much earlier. Beside ticks that take half of the
+/// processor, an update of two voices, 25 000 instructions, has four cycles for each.
 pub const UPDATE_LEAD_TICKS: u32 = 3;
 
 /// Ticks per millisecond: there is one tick per sample at 5 kHz.

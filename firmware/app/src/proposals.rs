@@ -64,10 +64,10 @@ impl Proposals {
         proposal
     }
 
-    /// Takes the change that `from` has proposed with `token`.
+    /// Returns the change that `from` has proposed with `token`, and ends the proposal.
     ///
     /// # Errors
-    /// None waits with this token, or the other link has proposed it. What waits goes on waiting.
+    /// No proposal with this token waits, or the other link has made it. A proposal that waits goes on waiting.
     pub fn take(
         &mut self,
         from: LinkId,

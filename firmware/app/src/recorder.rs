@@ -63,7 +63,7 @@ pub struct Recorder<'q> {
     next: u64,
     /// Samples of the block under way.
     samples: [PackedSample; BLOCK_SAMPLES],
-    /// Samples of it whose conversions are not all of their tick, a bit each.
+    /// Samples of the block under way whose conversions are not all of their tick, a bit each.
     torn: u32,
     /// True if the block under way misses no sample so far.
     whole: bool,
@@ -92,7 +92,7 @@ impl<'q> Recorder<'q> {
     /// Begins a recording with the next sample after those in the queue.
     ///
     /// # Errors
-    /// One is under way.
+    /// A recording is under way.
     pub fn start(&mut self) -> Result<RecordStarted, RecordError> {
         if self.recording {
             return Err(RecordError::Recording);
@@ -116,7 +116,7 @@ impl<'q> Recorder<'q> {
     /// Ends the recording; a block that is not full is dropped.
     ///
     /// # Errors
-    /// None is under way.
+    /// No recording is under way.
     pub fn stop(&mut self) -> Result<RecordStopped, RecordError> {
         if !self.recording {
             return Err(RecordError::NotRecording);
@@ -143,7 +143,7 @@ impl<'q> Recorder<'q> {
         None
     }
 
-    /// Takes the sample of `tick` and returns the block that it completes.
+    /// Adds the sample of `tick` to its block, and returns the block if the sample completes it.
     fn take(&mut self, tick: u64, timed: TimedSample) -> Option<RecordBlock> {
         let start = *self.start.get_or_insert(tick);
         let index = tick.saturating_sub(start);

@@ -38,7 +38,7 @@ pub const QUEUED_JOBS: usize = UPLOAD_WINDOW + 1;
 
 /// The link that a request came by.
 pub trait Link {
-    /// This link in the protocol's words.
+    /// The protocol's identifier of this link.
     fn id(&self) -> LinkId;
 
     /// Adds one to the counter that `which` selects.

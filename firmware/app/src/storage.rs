@@ -1,8 +1,8 @@
 //! Requests that read, erase or write flash. They are served one after the other and may take seconds.
 //!
-//! They belong in a task of their own, so that motion and status are served meanwhile. [`Stage`] is their view of the
-//! rest of the device; the image implements it by its [`crate::control::Control`] behind a lock that is never held
-//! across a wait. Whatever takes long is done in bounded steps, between which other tasks have their turn.
+//! These requests belong in a task of their own, so that motion and status are served meanwhile. [`Stage`] is their
+//! view of the rest of the device; the image implements it by its [`crate::control::Control`] behind a lock that is
+//! never held across a wait. Whatever takes long is done in bounded steps, between which other tasks have their turn.
 
 use embassy_futures::yield_now;
 use embedded_storage_async::nor_flash::NorFlash;
@@ -241,7 +241,7 @@ impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
         Ok(self.uploader.state())
     }
 
-    /// Serves `SettingsApplyEndpoint`: applies what `from` has proposed and was given `token` for.
+    /// Serves `SettingsApplyEndpoint`: applies the change that `from` has proposed with `token`.
     ///
     /// # Errors
     /// No such proposal waits; something is played; the supply is too low; the flash fails.

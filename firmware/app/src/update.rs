@@ -22,7 +22,7 @@ pub const DEVELOPMENT_KEY: [u8; 32] = [
 /// The running image, and what it trusts.
 #[derive(Clone, Copy, Debug)]
 pub struct Running {
-    /// Its version.
+    /// Version of the running image.
     pub image: ImageVersion,
     /// The bootloader's version.
     pub bootloader: ImageVersion,
@@ -33,7 +33,7 @@ pub struct Running {
 }
 
 impl Running {
-    /// Checks an update by its header, and returns that.
+    /// Checks an update by its header, and returns the header.
     pub(crate) fn check(&self, begin: &UpdateBegin) -> Result<ImageHeader, UpdateError> {
         let (signed, signature) = begin
             .signed

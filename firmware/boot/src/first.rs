@@ -5,8 +5,8 @@ use core::arch::naked_asm;
 
 /// Starts the watchdog, turns the amplifier off, puts the output to mid-scale, and waits until RAM may be written.
 ///
-/// It writes no RAM, and changes no register of the processor but r0 and r1. A second call changes neither pin, so the
-/// image takes over from the bootloader without a step.
+/// The function writes no RAM, and changes no register of the processor but r0 and r1. A second call changes neither
+/// pin, so the image takes over from the bootloader without a step.
 ///
 /// # Safety
 /// Since the reset nothing else has set the registers that this sets.

@@ -1,7 +1,7 @@
 //! The bootloader: from reset to the image's own reset handler.
 //!
-//! It runs from flash at the 64 MHz of the reset. While bank 1 is erased or programmed, its fetches wait. A sector may
-//! take 4 s (DS12110, table 60), so the watchdog has its longest timeout then, and the image's own after it.
+//! The bootloader runs from flash at the 64 MHz of the reset. While bank 1 is erased or programmed, its fetches wait. A
+//! sector may take 4 s (DS12110, table 60), so the watchdog has its longest timeout then, and the image's own after it.
 #![no_std]
 #![no_main]
 #![expect(

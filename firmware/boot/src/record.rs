@@ -101,7 +101,7 @@ impl Record {
         (check != u16::MAX).then_some(check)
     }
 
-    /// The same record with this check of an image, below `u16::MAX`.
+    /// This record with `check`, below `u16::MAX`, as the check of the image that an exchange puts aside.
     #[must_use]
     pub fn with_check(mut self, check: u16) -> Self {
         self.marks[CHECK..].copy_from_slice(&check.to_le_bytes());
@@ -152,7 +152,7 @@ impl Record {
 #[derive(Clone, Debug)]
 pub struct Store<F> {
     flash: F,
-    /// Its two sectors.
+    /// Range of the two sectors in the flash.
     range: Range<u32>,
     record: Record,
     /// Number of the record, or a later one that a word which cannot be read may have.

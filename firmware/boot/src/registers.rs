@@ -10,9 +10,9 @@ use crate::map::{self, BANK_BYTES, SECTOR_BYTES, WORD_BYTES};
 /// A bank, with its registers.
 #[derive(Clone, Copy)]
 pub struct Bank {
-    /// Its number, from 0.
+    /// Number of the bank, from 0.
     pub index: usize,
-    /// Its address.
+    /// Address of the bank.
     pub address: u32,
 }
 

@@ -197,7 +197,8 @@ pub fn in_update() {
     }
 }
 
-/// Takes a piece of the stack, and calls itself. In ITCM, because the update calls it.
+/// Overflows the stack: each call takes a piece of the stack, and calls the function again. The code is in ITCM,
+/// because the update calls it.
 #[inline(never)]
 #[unsafe(link_section = ".itcm.injection")]
 #[expect(unconditional_recursion, reason = "this is the fault")]

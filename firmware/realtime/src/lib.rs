@@ -1,6 +1,6 @@
 //! The part of the stylus's image that is in time: from the reset to the tick and the update.
 //!
-//! It is a package of its own because it is compiled for speed, and the rest of the image for size.
+//! This part is a package of its own because it is compiled for speed, and the rest of the image for size.
 //!
 //! | module | content |
 //! |---|---|

@@ -13,11 +13,12 @@ use stylus_kernel::rotation::Rotation;
 const TURN_STAGES: usize = 4;
 
 /// The stage with forward signal `$forward`, whose sums `$down` and `$up` have their products of the backward signal.
-/// Its rotation is in `r0` to `r2`. `$low` has the low words of `$up`, `r2` those of `$down`. `$down` becomes the
-/// forward signal of the next stage, and `$up` the backward signal, which is stored.
+/// The stage's rotation is in `r0` to `r2`. `$low` has the low words of `$up`, `r2` those of `$down`. `$down` becomes
+/// the forward signal of the next stage, and `$up` the backward signal, which is stored.
 ///
-/// Between its instructions the next stage begins: its rotation is loaded, and its sums take the products of its
-/// backward signal, `$next_low`. `$forward` becomes its sum `$next_down`. `$load` loads the next two backward signals.
+/// Between the stage's instructions the next stage begins: its rotation is loaded, and its sums take the products of
+/// its backward signal, `$next_low`. `$forward` becomes its sum `$next_down`. `$load` loads the next two backward
+/// signals.
 macro_rules! stage {
     ($forward:literal, $down:literal, $up:literal, $low:literal, $next_up:literal, $next_low:literal, $store:literal
      $(, $load:literal)?) => {

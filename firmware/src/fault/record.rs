@@ -1,8 +1,8 @@
 //! The record of a fault, which outlives the reset that follows it.
 //!
-//! It lies in memory that a start does not touch, and is believed when its checksum is right, because power-on leaves
-//! noise there. It is written in whole words, so that no word waits in the memory's buffer for its error-correcting
-//! code when the reset comes (AN5342, section 2).
+//! The record lies in memory that a start does not touch. The record is believed when its checksum is right, because
+//! power-on leaves noise there. The record is written in whole words, so that no word waits in the memory's buffer for
+//! its error-correcting code when the reset comes (AN5342, section 2).
 #![expect(unsafe_code, reason = "memory that outlives a reset")]
 
 use core::cell::UnsafeCell;
@@ -181,10 +181,10 @@ pub struct Before {
     pub starts: KeptOfStarts,
 }
 
-/// Takes the kept state, counts this start, and decides how it goes on.
+/// Reads the kept state, counts this start, decides how the start goes on, and keeps the result.
 ///
-/// After power-on the memory holds noise, whose error-correcting code is wrong besides, so it is not even read. After a
-/// reset by the watchdog the fault is that reset.
+/// After power-on the memory holds noise, whose error-correcting code is wrong besides, so the memory is not even read.
+/// After a reset by the watchdog, the last fault is that reset.
 pub fn take(flags: ResetFlags) -> Before {
     let power_on = flags == ResetFlags::PowerOn;
     let mut record = if power_on {

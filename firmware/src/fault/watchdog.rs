@@ -1,9 +1,9 @@
 //! The independent watchdog, RM0433 chapter 46: fed only while tick and executor both run.
 //!
-//! It has a clock of its own. A task feeds it, so an executor that hangs starves it. The task feeds only if the tick
-//! has moved on, so a tick that hangs starves it too. `boot/startup.rs` starts it, with the first instructions, and the
-//! start feeds it at the end of each of its stages. Once tasks run its timeout is shorter. The reset includes DAC and
-//! pins, and the start puts the output to mid-scale.
+//! The watchdog has a clock of its own. A task feeds it, so an executor that hangs starves it. The task feeds only if
+//! the tick has moved on, so a tick that hangs starves it too. `boot/startup.rs` starts the watchdog, with the first
+//! instructions, and the start feeds it at the end of each of its stages. Once tasks run its timeout is shorter. The
+//! reset includes DAC and pins, and the start puts the output to mid-scale.
 
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 

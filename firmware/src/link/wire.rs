@@ -24,7 +24,7 @@ pub enum Wire {
 }
 
 impl Wire {
-    /// The wire of a link in the protocol's words.
+    /// The wire of `link`, an identifier of the protocol.
     pub const fn of(link: LinkId) -> Self {
         match link {
             LinkId::Serial => Self::Serial,
@@ -32,7 +32,7 @@ impl Wire {
         }
     }
 
-    /// This wire in the protocol's words.
+    /// The protocol's identifier of this wire's link.
     pub const fn id(self) -> LinkId {
         match self {
             Self::Serial => LinkId::Serial,

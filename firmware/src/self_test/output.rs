@@ -29,7 +29,7 @@ const SETTLE_CYCLES: u32 = CORE_HZ / 50_000;
 /// Time within which a new code is on the pin, many times the three ticks that it takes.
 const LIMIT: Duration = Duration::from_millis(20);
 
-/// The same for a busy wait, cycles: 1 ms.
+/// Longest busy wait until a new code is on the pin, cycles: 1 ms.
 const LIMIT_CYCLES: u32 = CORE_HZ / 1_000;
 
 /// Cycles of the core per cycle of the converter.

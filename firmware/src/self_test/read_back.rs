@@ -52,7 +52,7 @@ impl ReadBack {
     /// Wakes, calibrates and enables the converter (RM0433 sections 25.4.6 to 25.4.9).
     ///
     /// # Errors
-    /// It does not answer in time.
+    /// The converter does not answer in time.
     pub async fn start() -> Result<Self, SelfTestError> {
         // From here on a failure puts it back to sleep.
         let read_back = Self(());
@@ -106,7 +106,7 @@ impl ReadBack {
     /// Waits for the word of the conversion that was ordered.
     ///
     /// # Errors
-    /// It does not come.
+    /// The conversion does not end in time.
     #[expect(clippy::unused_self, reason = "the value is the right to do it")]
     #[expect(
         clippy::result_large_err,

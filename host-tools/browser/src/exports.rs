@@ -53,7 +53,8 @@ impl Module {
         self.session.as_mut().ok_or(Fault::NoLibrary)
     }
 
-    /// Takes the library over for the rest of the module's life, because views into it are kept.
+    /// Decodes the library, and keeps its bytes for the rest of the module's life, because the session has views into
+    /// them.
     fn load(&mut self) -> Result<(), Fault> {
         if self.session.is_some() {
             return Err(Fault::Loaded);

@@ -346,8 +346,8 @@ pub unsafe extern "C" fn stylus_player_set_gain(
     })
 }
 
-/// Plays the next `length` samples into `samples`. Only one thread at a time may call it: another gets `STYLUS_BUSY`.
-/// It allocates nothing, takes no lock and makes no system call. Its time per sample is bounded.
+/// Plays the next `length` samples into `samples`. Only one thread at a time may call the function: another gets
+/// `STYLUS_BUSY`. The call allocates nothing, takes no lock and makes no system call. Its time per sample is bounded.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn stylus_player_fill(
     player: *const PlayerHandle,

@@ -179,13 +179,13 @@ impl Tapered {
         }
     }
 
-    /// Its power spectrum; see [`Autocorrelation::power`].
+    /// Power spectrum of the tapered signal; see [`Autocorrelation::power`].
     pub fn power(&self) -> Vec<f64> {
         let bins = self.spectrum.power.iter();
         bins.map(|bin| bin * self.scale).collect()
     }
 
-    /// Its autocorrelation.
+    /// Autocorrelation of the tapered signal.
     pub fn into_autocorrelation(self) -> Autocorrelation {
         self.spectrum
             .into_autocorrelation(self.padded, self.power, self.scale)

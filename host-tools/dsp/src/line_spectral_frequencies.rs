@@ -100,11 +100,11 @@ pub fn frequencies(reflection: &[f64]) -> Vec<f64> {
 struct Search {
     /// Index of the frequency, from 1.
     index: usize,
-    /// φ there, rad.
+    /// Value of φ at the angle sought, rad.
     wanted: f64,
-    /// An angle below, rad, with the excess of φ over `wanted`.
+    /// An angle below the one sought, rad, with the excess of φ over `wanted`.
     low: (f64, f64),
-    /// An angle above, likewise.
+    /// An angle above the one sought, likewise.
     high: (f64, f64),
     /// The end that moved last: -1 for the lower one, 1 for the upper one, 0 at the beginning.
     last_side: i32,
@@ -124,7 +124,7 @@ impl Search {
         }
     }
 
-    /// Takes `phase`, that of `middle`, into account. Returns the angle, if it is found.
+    /// Narrows the bracket by `phase`, the value of φ at the angle `middle`. Returns the angle once it is found.
     fn refine(&mut self, middle: f64, phase: f64) -> Option<f64> {
         let over = phase - self.wanted;
         if over.abs() < TOLERANCE_RAD || self.high.0 - self.low.0 < 1e-14 {

@@ -9,8 +9,8 @@ use crate::wide;
 /// White-noise correction: the share by which r(0) is raised before the recursion, equal to noise 90 dB below the
 /// signal.
 ///
-/// It bounds the condition number of the normal equations, so that signals of a few lines or of no bandwidth also have
-/// models with |k| < 1. For other signals its effect is below 1e-9 of the power.
+/// The correction bounds the condition number of the normal equations, so that signals of a few lines or of no
+/// bandwidth also have models with |k| < 1. For other signals its effect is below 1e-9 of the power.
 pub const WHITE_NOISE_CORRECTION: f64 = 1e-9;
 
 /// Linear predictors of every order up to the highest, by the Levinson-Durbin recursion.

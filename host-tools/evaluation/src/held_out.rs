@@ -79,7 +79,7 @@ pub fn judges(
 pub struct Chosen {
     /// The judges, in the order of the set.
     pub judges: Vec<Judge>,
-    /// Takes that the fit has seen, in words.
+    /// A reason in words for each take that judges nothing, because the fit has seen it.
     pub unused: Vec<String>,
     /// Trials that have no other take although others were given, in words.
     pub without: Vec<String>,
@@ -88,7 +88,7 @@ pub struct Chosen {
 /// Chooses the judges of `set` among the takes `others`, if given.
 ///
 /// # Errors
-/// Those of [`takes`] and [`judges`], or `others` of which none is another take of any trial.
+/// An error of [`takes`] or [`judges`], or `others` without another take of any trial.
 pub fn chosen(
     set: &RecordingSet,
     others: Option<&RecordingSet>,

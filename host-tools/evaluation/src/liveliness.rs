@@ -43,11 +43,11 @@ pub(super) struct Signals<'a> {
     pub judged: &'a [Vec<f64>],
     /// The synthesis.
     pub synthesised: &'a [f64],
-    /// The parts that it plays, in words.
+    /// The parts of the texture that the synthesis plays, in words.
     pub parts: &'a str,
     /// Other versions of the texture.
     pub versions: &'a [Version],
-    /// The other recording, in blocks.
+    /// Another recording, the fitted one, in blocks.
     pub other: &'a [Vec<f64>],
 }
 
@@ -63,17 +63,17 @@ pub struct TrialLiveliness {
 /// Magnitudes of the differences of a signal's measures from those of the recording.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Differences {
-    /// Of the kurtosis, as |log₂| of the ratio.
+    /// Difference of the kurtosis, as |log₂| of the ratio.
     pub kurtosis_octaves: Option<f64>,
-    /// Of the residual's kurtosis, as |log₂| of the ratio.
+    /// Difference of the residual's kurtosis, as |log₂| of the ratio.
     pub residual_kurtosis_octaves: Option<f64>,
-    /// Of the crest factor, dB.
+    /// Difference of the crest factor, dB.
     pub crest_db: Option<f64>,
-    /// Of the modulation, dB.
+    /// Difference of the modulation, dB.
     pub modulation_db: Option<f64>,
-    /// Of the spread of levels, dB.
+    /// Difference of the spread of levels, dB.
     pub level_spread_db: Option<f64>,
-    /// Of the range of the line's levels, dB.
+    /// Difference of the range of the line's levels, dB.
     pub line_range_db: Option<f64>,
 }
 

@@ -23,18 +23,19 @@ pub const TOO_STRONG: f64 = 2.0;
 /// The loudest 5 ms of a trial's signals, as RMS, m/s².
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct TrialLoudness {
-    /// Of the recording that judges.
+    /// Loudest 5 ms of the recording that judges, as RMS, m/s².
     pub recorded_m_s2: f64,
-    /// Of the synthesis.
+    /// Loudest 5 ms of the synthesis, as RMS, m/s².
     pub synthesised_m_s2: f64,
-    /// Of the other recording.
+    /// Loudest 5 ms of the other recording, as RMS, m/s².
     pub other_m_s2: f64,
-    /// Of the library as it is, if blocks judge models that were fitted to the blocks between.
+    /// Loudest 5 ms of the library as it is, as RMS, m/s², if blocks judge models that were fitted to the blocks
+    /// between.
     pub library_m_s2: Option<f64>,
     /// Larger one of two ratios, both beyond what the synthesis is louder as a whole: of the synthesis to the
     /// recordings around it that judge, and of the library to all recordings around it.
     pub times: f64,
-    /// The other recording over the recordings around it that judge.
+    /// Loudest 5 ms of the other recording over that of the recordings around it that judge.
     pub times_other: f64,
     /// Median window of the synthesis over that of the recording, which no event changes.
     #[serde(skip)]
@@ -78,9 +79,9 @@ impl TrialLoudness {
 /// The loudest 5 ms of recordings, as RMS, m/s².
 #[derive(Clone, Copy, Default)]
 struct Around {
-    /// Of those that judge.
+    /// Loudest 5 ms of the recordings that judge.
     judges_m_s2: f64,
-    /// Of those and of the other recordings.
+    /// Loudest 5 ms of all recordings, those that judge and the others.
     all_m_s2: f64,
 }
 
@@ -139,7 +140,7 @@ pub(super) struct Placed<'a> {
     pub loudness: &'a mut TrialLoudness,
 }
 
-/// Takes the recordings around each of a texture's `trials` into account.
+/// Compares each of a texture's `trials` with the recordings up to one step of speed and force away.
 pub(super) fn set_around(trials: &mut [Placed<'_>]) {
     let (speed, force) = (
         ranks(trials, |t| t.speed_mm_s),

@@ -1,7 +1,7 @@
 //! Scores in terms of what skin tells apart: the level in third octaves, and the balance of low and high.
 //!
-//! These are functions of two spectra and know nothing of models. Nothing here is used by a fit. Only the frequencies
-//! of a [`ScoringRange`] count.
+//! The scores are functions of two spectra and know nothing of models. No fit uses them. Only the frequencies of a
+//! [`ScoringRange`] count.
 //!
 //! | score | definition |
 //! |---|---|

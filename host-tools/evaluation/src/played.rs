@@ -43,7 +43,7 @@ impl Played {
         }
     }
 
-    /// The other choices that play something else, each once.
+    /// Choices whose parts differ from those of this choice and from each other's.
     pub fn beside(self, stored: &PartsSpec) -> Vec<Self> {
         let mut known = vec![self.of(stored)];
         let mut beside = Vec::new();

@@ -315,7 +315,7 @@ impl Scores {
 pub struct TrialEvaluation {
     /// The recording.
     pub file: String,
-    /// Its texture.
+    /// Texture of the recording.
     pub texture: String,
     /// Tangential speed, mm/s.
     pub speed_mm_s: f64,
@@ -323,7 +323,7 @@ pub struct TrialEvaluation {
     pub force_n: f64,
     /// The kind of data that judged.
     pub judge: JudgeKind,
-    /// The other take that judged, if one did.
+    /// File of the other take, if that judged.
     pub other_take: Option<String>,
     /// Frequencies that were judged; none if the judge is too short.
     pub range: Option<ScoringRange>,

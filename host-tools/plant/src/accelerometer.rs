@@ -35,7 +35,7 @@ impl Sensor {
         }
     }
 
-    /// Takes the body's acceleration at the end of a step.
+    /// Advances the sensor by one step, at the end of which the body has this `acceleration`, m/s².
     pub fn step(&mut self, acceleration: f64) {
         // White noise of this density has this deviation per step.
         let root_band = (STEP_HZ / 2.0).sqrt();

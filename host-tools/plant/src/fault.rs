@@ -51,11 +51,11 @@ pub enum Fault {
     },
     /// Hum of the mains.
     Hum {
-        /// Its frequency, Hz.
+        /// Frequency of the hum, Hz.
         hz: f64,
-        /// Its amplitude at the coil, V.
+        /// Amplitude of the hum at the coil, V.
         coil_volts: f64,
-        /// Its amplitude at each output of the accelerometer, V.
+        /// Amplitude of the hum at each output of the accelerometer, V.
         accelerometer_volts: f64,
     },
 }

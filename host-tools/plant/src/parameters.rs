@@ -22,7 +22,7 @@ pub enum Error {
     File { path: String, reason: String },
     #[error("{name} of {value}: it must be {least} to {most}")]
     OutOfRange {
-        /// Its table and key.
+        /// Table and key of the value.
         name: String,
         value: String,
         least: String,
@@ -50,9 +50,9 @@ pub struct Coil {
     pub force_n_per_a: f64,
     /// Moving mass, kg.
     pub moving_mass_kg: f64,
-    /// Stiffness of its spring to the body, N/m.
+    /// Stiffness of the spring between moving mass and body, N/m.
     pub stiffness_n_per_m: f64,
-    /// Damping between it and the body, N per m/s.
+    /// Damping between moving mass and body, N per m/s.
     pub damping_n_s_per_m: f64,
     /// Power that the coil bears continuously, W. No equation has it; it is what an owner would set.
     pub rated_watts: f64,
@@ -118,7 +118,7 @@ impl Hand {
 pub struct Accelerometer {
     /// The axis nearest to the actuator's.
     pub main_axis: Axis,
-    /// Angle between the two, degrees.
+    /// Angle between the main axis and the actuator's, degrees.
     pub tilt_deg: f64,
     /// Direction of that angle, from the next axis (Y after X) towards the one after, degrees.
     pub azimuth_deg: f64,
@@ -148,7 +148,7 @@ pub struct Parameters {
     pub hand: Hand,
     /// The accelerometer.
     pub accelerometer: Accelerometer,
-    /// Its faults.
+    /// Faults of the plant.
     #[serde(default)]
     pub faults: Vec<Fault>,
 }

@@ -158,8 +158,8 @@ impl Plant {
     /// The transfer function from volts at the pin to m/s² at the tip, at `hz` below half of
     /// [`STEP_HZ`](crate::STEP_HZ).
     ///
-    /// It is exact for the steps of a plant that does not clip, with its delay and the hold of the codes, but without
-    /// its faults.
+    /// The function is exact for the steps of a plant that does not clip, with its delay and the hold of the codes, but
+    /// without its faults.
     pub fn response(&self, hz: f64) -> Complex<f64> {
         let amplifier = &self.parameters.amplifier;
         let sound = Parameters {

@@ -38,7 +38,7 @@ impl<T> Handover<T> {
         drop(self.returned.take());
     }
 
-    /// Takes what was given last, once. For the side that fills.
+    /// Returns what was given last, once. For the side that fills.
     pub fn take(&self) -> Option<Box<Given<T>>> {
         self.given.take()
     }

@@ -391,7 +391,7 @@ impl Source {
         }
     }
 
-    /// Takes the choice that was made last, and lets what plays fade.
+    /// Makes the last choice the one that waits, and lets what plays fade.
     fn take_choice(&mut self) {
         let Some(given) = self.shared.choices.take() else {
             return;

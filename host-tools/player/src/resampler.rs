@@ -1,7 +1,8 @@
 //! From the rate of a texture to any rate of a sound card: a polyphase filter.
 //!
-//! Its prototype is a sinc with a Kaiser window, flat to 0.4 of the lower of the two rates and 80 dB down from half of
-//! it on (J. F. Kaiser, 1974). Each phase has its own row of taps, so that an output sample is one product of rows.
+//! The filter's prototype is a sinc with a Kaiser window, flat to 0.4 of the lower of the two rates and 80 dB down from
+//! half of it on (J. F. Kaiser, 1974). Each phase has its own row of taps, so that an output sample is one product of
+//! rows.
 
 use std::f64::consts::PI;
 

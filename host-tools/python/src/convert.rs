@@ -141,7 +141,7 @@ impl Left {
         Self { most, left: most }
     }
 
-    /// Takes `count` numbers of the argument `name`, before their copy is made.
+    /// Counts `count` numbers of the argument `name` against the limit, before their copy is made.
     fn take(&mut self, name: &str, count: usize) -> PyResult<()> {
         self.left = self.left.checked_sub(count).ok_or_else(|| {
             let most = self.most;

@@ -48,7 +48,7 @@ impl Library {
         Ok(Self::of(bytes.into(), Some(path), record.map(Arc::new)))
     }
 
-    /// Its bytes.
+    /// Bytes of the library.
     pub fn bytes(&self) -> &Arc<[u8]> {
         &self.bytes
     }

@@ -149,7 +149,7 @@ pub struct Asked<'py> {
 pub struct Along {
     /// The motion.
     pub path: MotionPath,
-    /// Its duration, s.
+    /// Duration of the motion, s; none if it has no end.
     pub seconds: Option<f64>,
 }
 

@@ -1,7 +1,7 @@
 //! A player: textures and scenes in real time, for the caller's own sound card or DAQ.
 //!
-//! It is `stylus-player` with two locks: the interpreter's, which `fill` gives back, and one that keeps a second thread
-//! from filling at the same time.
+//! The player is `stylus-player` with two locks. `fill` gives back the interpreter's lock. The other one keeps a
+//! second thread from filling at the same time.
 
 use std::sync::{Mutex, MutexGuard, TryLockError};
 
@@ -35,14 +35,14 @@ pub struct Player {
     chosen: Mutex<(Py<Library>, SharedLibrary, u32)>,
 }
 
-/// The side that fills.
+/// The side of a player that fills buffers.
 struct Filling {
     filler: Filler,
     /// Samples for arrays whose samples are not side by side.
     buffer: Vec<f32>,
 }
 
-/// The lock of a thread that may have panicked, which leaves what the lock keeps as it was.
+/// Locks a mutex, even one whose holder has panicked: a panic leaves the locked value as it was.
 fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex
         .lock()
@@ -93,7 +93,7 @@ fn found(
 }
 
 impl Player {
-    /// The side that fills, of which there is one.
+    /// Locks the player's only filling side.
     fn filling(&self) -> PyResult<MutexGuard<'_, Filling>> {
         match self.filling.try_lock() {
             Ok(filling) => Ok(filling),

@@ -24,12 +24,12 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// A scene of the library of these bytes.
+    /// A scene with the library that it plays from, given as bytes.
     pub fn of(compiled: CompiledScene, library: Arc<[u8]>) -> Self {
         Self { compiled, library }
     }
 
-    /// Its wire form.
+    /// Wire form of the scene.
     pub fn wired(&self) -> &model_format::scene::Scene {
         &self.compiled.scene
     }
@@ -38,13 +38,13 @@ impl Scene {
         decode_library(Path::new("library"), &self.library)
     }
 
-    /// Its cost against the budget of a tick.
+    /// Cost of the scene against the budget of a tick.
     pub fn costed(&self) -> Result<CostReport> {
         let names = &self.compiled.surface_names;
         CostReport::new(&self.compiled.scene, names, &self.decoded()?, cost::BUDGET)
     }
 
-    /// The motion of a scene that plays at one of its own.
+    /// Speed, mm/s, and force, N, of a scene with a constant motion of its own; none of a scene that follows the hand.
     fn own_motion(&self) -> (Option<f64>, Option<f64>) {
         match self.compiled.scene.motion {
             MotionOfScene::Constant {

@@ -36,7 +36,7 @@ impl Steps {
         self.add(1);
     }
 
-    /// Counts so many steps, of which there may be none.
+    /// Counts `steps` further steps, which may be zero.
     pub fn add(&self, steps: u64) {
         self.done.fetch_add(steps, Ordering::Relaxed);
         self.between();
@@ -50,7 +50,7 @@ impl Steps {
         }
     }
 
-    /// Returns true if nobody waits for the work: for work that must bring something in order first.
+    /// Returns true if nobody waits for the work any more. Work that must bring something in order first asks this.
     pub fn is_ended(&self) -> bool {
         self.is_ended.load(Ordering::Relaxed)
     }
@@ -61,10 +61,10 @@ impl Steps {
     }
 }
 
-/// Runs `work` of `total` steps, telling `progress` of those done: `progress(done, total)`.
+/// Runs `work` of `total` steps, and calls `progress(done, total)` as steps are done.
 ///
 /// # Errors
-/// Those of `work`; what a signal's handler or `progress` raises.
+/// The errors of `work`, and the exception that a signal's handler or `progress` raises.
 pub fn run<T: Send + 'static>(
     py: Python<'_>,
     total: u64,
@@ -74,16 +74,16 @@ pub fn run<T: Send + 'static>(
     run_until(py, total, progress, AfterEnd::Returns, work)
 }
 
-/// The caller's way once it has ended the work.
+/// The caller's behaviour once it has ended the work.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum AfterEnd {
-    /// It returns at once.
+    /// The caller returns at once.
     Returns,
-    /// It waits until the work has brought a device in order.
+    /// The caller waits until the work has brought a device in order.
     Waits,
 }
 
-/// As [`run`], with a choice of what comes after the end.
+/// Runs `work` as [`run`] does, with a choice of the caller's behaviour after it has ended the work.
 ///
 /// # Errors
 /// As [`run`].

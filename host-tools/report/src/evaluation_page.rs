@@ -39,7 +39,7 @@ const RATE_HZ: f64 = SAMPLE_RATE_HZ as f64;
 pub struct Inputs<'a> {
     /// The recordings.
     pub set: &'a RecordingSet,
-    /// The library that they were compared with.
+    /// The library that the recordings were compared with.
     pub library: &'a Library<'a>,
     /// The comparison.
     pub evaluation: &'a Evaluation,
@@ -47,7 +47,7 @@ pub struct Inputs<'a> {
     pub options: &'a evaluate::Options,
     /// The removed-node test, where it was made.
     pub removed_nodes: Option<&'a LeaveOneOut>,
-    /// Takes that were given and not used, with the reason.
+    /// Recorded takes that were given and not used, each with the reason.
     pub unused_takes: &'a [String],
 }
 
@@ -78,7 +78,7 @@ struct Report<'a> {
     stems: Stems,
     /// Colours of C, %, in all maps of the page.
     cost_scale: Scale,
-    /// Bytes of the sounds of the nodes, all of which the page will hold, and of those that it holds besides so far.
+    /// Bytes of sounds: all those of the nodes, which the page will hold, and the others that it holds so far.
     sound_bytes: usize,
     page: Page,
 }
@@ -92,7 +92,7 @@ struct Example<'a> {
 }
 
 impl Example<'_> {
-    /// Returns in words what the drawn block of the recording is to the model that is drawn beside it.
+    /// Returns, in words, which part of the trial's recording is drawn, and if the model was fitted to it.
     fn part(&self) -> String {
         let block_s = self.comparison.longest_block().len() as f64 / RATE_HZ;
         match self.judged.judge {
@@ -106,7 +106,7 @@ impl Example<'_> {
         }
     }
 
-    /// Returns in words what the C in the picture is to the trial's own, which map and tables have.
+    /// Returns, in words, the trial's own C, which the map has, because the picture has that of the drawn block alone.
     fn cost(&self) -> String {
         let own = self.judged.scores.cost;
         own.map_or_else(String::new, |cost| {
@@ -187,7 +187,7 @@ impl<'a> Report<'a> {
         Ok(())
     }
 
-    /// Writes the tables, all but one folded, and which takes judged nothing.
+    /// Writes the tables, all but one folded, and the takes that judged nothing.
     fn figures(&mut self) {
         let Inputs {
             evaluation,

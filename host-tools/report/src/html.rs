@@ -27,7 +27,7 @@ pub const POLICY: &str = "default-src 'none'; img-src data:; media-src data:; st
 /// Headings from which on a page has contents.
 const CONTENTS_FROM: usize = 3;
 
-/// A page in the making. All text is escaped; what is called is what comes next on it.
+/// A page in the making. All text is escaped. Each call appends to the page.
 #[derive(Clone, Debug)]
 pub struct Page {
     title: String,
@@ -55,7 +55,7 @@ struct Nodes {
 struct NodesOfTexture {
     /// Speed, mm/s, and force, N.
     nodes: Vec<(f64, f64)>,
-    /// Recording and synthesis of each: 16 bits a sample, low byte first, in base64.
+    /// Recording and synthesis of each node: 16 bits per sample, low byte first, in base64.
     clips: Vec<[String; 2]>,
 }
 
@@ -253,9 +253,9 @@ impl Page {
 /// A sound of a page.
 #[derive(Clone, Debug)]
 pub struct Sound {
-    /// The panel of a picture that shows it; empty if none does.
+    /// Name of the picture's panel that shows the sound; empty if none does.
     pub panel: String,
-    /// Its label.
+    /// Label of the sound.
     pub label: String,
     /// The bytes of a WAV file, which the page then holds.
     pub wav: Vec<u8>,

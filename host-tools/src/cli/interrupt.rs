@@ -54,7 +54,8 @@ pub fn handle() {
 #[cfg(not(unix))]
 pub fn handle() {}
 
-/// Takes note of a signal; `end` ends the process by it.
+/// Handles a signal. If a command listens, the first signal only raises the flag. Any other signal removes the
+/// temporaries and ends the process, by `end` if no command listens.
 fn receive(end: impl FnOnce()) {
     let is_heard = IS_HEARD.load(Ordering::SeqCst);
     if is_heard && !IS_RAISED.swap(true, Ordering::SeqCst) {

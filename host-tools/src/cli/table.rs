@@ -76,7 +76,7 @@ fn fitted(header: &[&str], rows: &[Vec<String>], is_full: bool) -> String {
 struct Column {
     heading: String,
     cells: Vec<String>,
-    /// Characters of its lines.
+    /// Width of the column's lines, characters.
     width: usize,
 }
 
@@ -94,26 +94,26 @@ impl Column {
         column
     }
 
-    /// All its texts.
+    /// All texts of the column, the heading first.
     fn texts(&self) -> impl Iterator<Item = &str> {
         let cells = self.cells.iter().map(String::as_str);
         std::iter::once(self.heading.as_str()).chain(cells)
     }
 
-    /// Makes it so wide that nothing is wrapped.
+    /// Makes the column so wide that nothing is wrapped.
     fn widen(&mut self) {
         let widths = self.texts().map(|text| text.chars().count());
         self.width = widths.max().unwrap_or(0);
     }
 
-    /// Makes it as wide as its cells, whatever its heading is.
+    /// Makes the column as wide as its cells and its heading's longest word.
     fn wrap_heading(&mut self) {
         let cells = self.cells.iter().map(|cell| cell.chars().count());
         let words = self.heading.split(' ').map(|word| word.chars().count());
         self.width = cells.chain(words).max().unwrap_or(0);
     }
 
-    /// Characters that it needs at least: those of its longest word.
+    /// Least width of the column, characters: that of its longest word.
     fn least(&self) -> usize {
         let words = self.texts().flat_map(|text| text.split(' '));
         let widest = words.map(|word| word.chars().count()).max();
@@ -150,7 +150,7 @@ fn width(columns: &[Column]) -> usize {
     widths + GAP * columns.len().saturating_sub(1)
 }
 
-/// Takes from the widest columns, as far as their words allow, until a line holds all.
+/// Narrows the widest columns, as far as their words allow, until a line holds all.
 fn narrow(columns: &mut [Column]) {
     let mut least: Vec<usize> = columns.iter().map(Column::least).collect();
     while width(columns) > LINE_CHARS {

@@ -132,7 +132,7 @@ impl CsvTable {
         })
     }
 
-    /// The comments above the first line that is none.
+    /// The comments above the first line that is no comment.
     ///
     /// # Errors
     /// A line that cannot be read.
@@ -261,7 +261,7 @@ struct Lines<'a> {
     bytes: Vec<u8>,
     /// The line, ended by a line feed. If spaces separate, one is between two words.
     line: String,
-    /// Its number, from 1.
+    /// Number of the line, from 1.
     number: u64,
 }
 
@@ -547,7 +547,7 @@ impl<'a> Rows<'a> {
 #[derive(Clone, Copy, Debug)]
 pub struct Row<'r, 'a> {
     table: &'a CsvTable,
-    /// Its line in the file, from 1.
+    /// Line of the row in the file, from 1.
     pub line: u64,
     fields: &'r Fields,
 }
@@ -571,7 +571,7 @@ impl<'r> Row<'r, '_> {
     /// Parses a field as a number, which may be infinite or not a number where it says so.
     ///
     /// # Errors
-    /// A field that is none, with its line and column.
+    /// A field that is no number, with its line and column.
     pub fn number(&self, index: usize) -> Result<f64> {
         let field = self.text(index);
         self.table.number(field).ok_or_else(|| {
@@ -587,7 +587,7 @@ impl<'r> Row<'r, '_> {
     /// Parses a field of the column `name` as a finite number.
     ///
     /// # Errors
-    /// A field that is none, with its line and column.
+    /// A field that is no finite number, with its line and column.
     pub fn finite(&self, index: usize, name: &str) -> Result<f64> {
         let field = self.text(index);
         let value = self.table.number(field).filter(|value| value.is_finite());

@@ -21,7 +21,7 @@ impl Fnv {
         Self::default().then(bytes).value()
     }
 
-    /// The hash of what was hashed, with `bytes` after it.
+    /// The hash of all bytes so far, with `bytes` after them.
     #[must_use]
     pub fn then(self, bytes: &[u8]) -> Self {
         Self(bytes.iter().fold(self.0, |hash, &byte| {
@@ -29,7 +29,7 @@ impl Fnv {
         }))
     }
 
-    /// Its value.
+    /// Value of the hash.
     pub fn value(self) -> u64 {
         self.0
     }

@@ -7,7 +7,8 @@ use rayon::prelude::*;
 /// The results of `work` on each of `items`, in their order.
 ///
 /// # Errors
-/// That of the first item in the order that fails, whichever failed first in time. Items behind it may be left out.
+/// The error of the first failing item in the order of `items`, whichever failed first in time. Items behind it may be
+/// left out.
 pub fn in_order<I: Sync, T: Send, E: Send>(
     items: &[I],
     work: impl Fn(&I) -> Result<T, E> + Sync,

@@ -34,7 +34,7 @@ const REMEDY: &str = "name another, or replace it with --overwrite (overwrite=Tr
 /// that is none of `inputs`, and its folder takes files.
 ///
 /// # Errors
-/// The first of these that does not hold, with the remedy.
+/// The first of these conditions that does not hold, with the remedy.
 pub fn check_file(path: &Path, overwrite: bool, inputs: &[PathBuf]) -> Result<()> {
     let last = path.as_os_str().as_encoded_bytes().last();
     if last.is_none_or(|&last| std::path::is_separator(last as char)) {
@@ -88,7 +88,7 @@ fn check_place(path: &Path, folder: &Path) -> Result<()> {
 /// result and nothing else, with none of `inputs` in it.
 ///
 /// # Errors
-/// The first of these that does not hold, with the remedy.
+/// The first of these conditions that does not hold, with the remedy.
 pub fn check_folder(path: &Path, overwrite: bool, inputs: &[PathBuf]) -> Result<()> {
     if path.is_symlink() && !path.exists() {
         let problem =
@@ -151,7 +151,7 @@ pub fn check_folder(path: &Path, overwrite: bool, inputs: &[PathBuf]) -> Result<
 struct Content {
     /// Files and links, except the list and litter.
     files: Vec<PathBuf>,
-    /// Folders without any.
+    /// Folders without files.
     empty: Vec<PathBuf>,
     litter: Vec<PathBuf>,
 }
@@ -227,8 +227,8 @@ impl OutputFolder {
     /// Writes the folder by `work`, and then gives it its name, in place of an earlier result.
     ///
     /// # Errors
-    /// Those of `work`, with paths as they would be after the end, and a folder that has got other files meanwhile or
-    /// cannot be renamed. Nothing is left then, and the earlier result stays.
+    /// The errors of `work`, with paths as they would be after the end. A place that has got other files
+    /// meanwhile, or a folder that cannot be renamed. Nothing is left then, and the earlier result stays.
     pub fn fill<T>(self, work: impl FnOnce(&Self) -> Result<T>) -> Result<T> {
         let value = work(&self).map_err(|failure| failure.with_path(|path| self.named(path)))?;
         self.finish()?;

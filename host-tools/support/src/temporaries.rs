@@ -114,13 +114,13 @@ impl Temporary {
         Ok(Self { path })
     }
 
-    /// Its path.
+    /// Path of the temporary.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Gives it its name. A file replaces another; what is at `path` otherwise goes by `make_way` first, without an
-    /// interrupt in between.
+    /// Gives the temporary its final name, `path`. A file replaces another file. Anything else at `path` goes by
+    /// `make_way` first, without an interrupt in between.
     ///
     /// # Errors
     /// The operating system's reason; the temporary is removed then.

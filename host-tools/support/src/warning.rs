@@ -8,11 +8,11 @@ use serde::{Serialize, Serializer};
 /// Something doubtful about a recording, a texture or a whole set. It serialises as its words.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Warning {
-    /// Its kind: warnings of one kind are shown as one.
+    /// Kind of the warning: warnings of one kind are shown as one.
     kind: Cow<'static, str>,
-    /// Noun and name of its subject; none of a whole set.
+    /// Noun and name of the warning's subject; none for a whole set.
     subject: Option<(&'static str, String)>,
-    /// Its size; the largest of a kind is the worst.
+    /// Size of the problem; the largest of a kind is the worst.
     magnitude: f64,
     /// The finding and the remedy.
     text: String,

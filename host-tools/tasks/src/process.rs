@@ -15,7 +15,7 @@ pub enum Progress {
 }
 
 impl Progress {
-    /// Cargo's argument for it, if it needs one.
+    /// Cargo's argument for this amount, if it needs one.
     pub fn argument(self) -> Option<&'static str> {
         (self == Self::Quiet).then_some("--quiet")
     }
@@ -76,7 +76,7 @@ pub fn name(command: &Command) -> String {
 /// The version that `program` prints after the word "version".
 ///
 /// # Errors
-/// It cannot be run, or prints none.
+/// The program cannot be run, or prints no version.
 pub fn version(program: &PathBuf) -> Result<String> {
     let text = output(Command::new(program).arg("--version"))?;
     let mut words = text
@@ -91,7 +91,7 @@ pub fn version(program: &PathBuf) -> Result<String> {
 /// The file of `program` on the search path.
 ///
 /// # Errors
-/// It is not installed; `remedy` says how to.
+/// The program is not installed; `remedy` says how to install it.
 pub fn find(program: &str, remedy: &str) -> Result<PathBuf> {
     let path = std::env::var_os("PATH").unwrap_or_default();
     std::env::split_paths(&path)
@@ -100,10 +100,10 @@ pub fn find(program: &str, remedy: &str) -> Result<PathBuf> {
         .with_context(|| format!("{program} is not installed; install it: {remedy}"))
 }
 
-/// `file`, which a build has left.
+/// Returns `file`, which a build has left.
 ///
 /// # Errors
-/// It is not there.
+/// The file is not there.
 pub fn built(file: PathBuf) -> Result<PathBuf> {
     if !file.is_file() {
         bail!(

@@ -32,7 +32,7 @@ fn debian_folder() -> PathBuf {
 pub enum Toolchain {
     /// The toolchain in use, which has the target.
     Installed {
-        /// Its folder.
+        /// Folder of the toolchain.
         sysroot: PathBuf,
     },
     /// Debian's toolchain, which builds `core` itself.
@@ -43,7 +43,7 @@ impl Toolchain {
     /// The first toolchain found that builds for the target.
     ///
     /// # Errors
-    /// None is installed.
+    /// No such toolchain is installed.
     pub fn find() -> Result<Self> {
         if let Some(sysroot) = sysroot(Path::new("rustc"))
             && sysroot
@@ -71,7 +71,7 @@ impl Toolchain {
     /// The compiler's own name and version, such as `rustc 1.95.0 (59807616e 2026-04-14)`.
     ///
     /// # Errors
-    /// It cannot be run.
+    /// The compiler cannot be run.
     pub fn compiler_version(&self) -> Result<String> {
         match self {
             Self::Installed { .. } => version_of(Path::new("rustc")),
@@ -82,7 +82,7 @@ impl Toolchain {
     /// The version of the compiler, without its name.
     ///
     /// # Errors
-    /// It cannot be run.
+    /// The compiler cannot be run.
     pub fn compiler(&self) -> Result<String> {
         let version = self.compiler_version()?;
         Ok(version
@@ -131,7 +131,7 @@ impl std::fmt::Display for Toolchain {
 /// The name and version of the compiler in use.
 ///
 /// # Errors
-/// It cannot be run.
+/// The compiler cannot be run.
 pub fn version_in_use() -> Result<String> {
     version_of(Path::new("rustc"))
 }
@@ -156,8 +156,8 @@ fn sysroot(rustc: &Path) -> Option<PathBuf> {
     process::output(&mut rustc).ok().map(PathBuf::from)
 }
 
-/// Takes from `command` what cargo sets for the programs that it runs, such as this task or a test: it would change
-/// the other build.
+/// Removes from `command` the variables that cargo sets for the programs that it runs, such as this task or a test.
+/// They would change the other build.
 pub(crate) fn without_inherited(command: &mut Command) {
     for inherited in [
         "CARGO_BUILD_TARGET",

@@ -1,7 +1,7 @@
 //! The virtual stylus: `tests/virtual-stylus`, a workspace of its own.
 //!
-//! Its emulator declares a newer compiler than the product's, and builds and runs with the product's all the same.
-//! Cargo needs `--ignore-rust-version` for that.
+//! The emulator declares a newer compiler than the product's, and yet builds and runs with the product's. Cargo needs
+//! `--ignore-rust-version` for that.
 
 use std::ffi::OsString;
 use std::panic::resume_unwind;

@@ -33,16 +33,16 @@ pub fn target_folder(name: &str) -> PathBuf {
 
 /// The folders that an image or a module is built from and in.
 pub struct Folders {
-    /// The workspace's.
+    /// Folder of the workspace.
     pub sources: PathBuf,
-    /// Cargo's own, with the sources of dependencies.
+    /// Cargo's own folder, with the sources of dependencies.
     pub cargo_home: PathBuf,
-    /// The outputs'.
+    /// Folder of the outputs.
     pub target: PathBuf,
 }
 
 impl Folders {
-    /// Those of this workspace and its user, with outputs in a folder called `target`.
+    /// The folders of this workspace and its user, with outputs in a folder called `target`.
     pub fn here(target: &str) -> Self {
         let home = || env::home_dir().unwrap_or_default().join(".cargo");
         Self {

@@ -76,9 +76,9 @@ impl Drop for Announcement {
 /// A virtual stylus that is announced and lives.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Announced {
-    /// Its links, as `stylus --link` takes them.
+    /// Links of the virtual stylus, as `stylus --link` takes them.
     pub links: Vec<String>,
-    /// Its virtual time as it was told last.
+    /// Virtual time of the virtual stylus as it was told last.
     pub time: Duration,
 }
 

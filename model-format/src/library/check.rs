@@ -81,7 +81,7 @@ pub(super) struct NodesCheck<'a> {
     index: usize,
     /// Number of the next node, speed-major.
     number: usize,
-    /// Byte at which its coefficients are due.
+    /// Byte at which the next node's coefficients are due.
     begin: usize,
     summary: Summary,
     last_fine_stage_is_used: bool,
@@ -351,7 +351,7 @@ impl<'a> FedCheck<'a> {
         })
     }
 
-    /// Takes one step; returns true if both parts hold.
+    /// Runs one step of the check; returns true once both parts were found valid.
     pub fn step(&mut self) -> Result<bool, DecodeError> {
         let here = Place::Texture(self.index);
         if let (Some(check), Some(excitation)) = (&mut self.excitation, self.texture.excitation()) {

@@ -138,7 +138,7 @@ impl<'a, W> Decoder<'a, W> {
 }
 
 impl<'a, W: BorrowMut<Workspace>> Decoder<'a, W> {
-    /// Takes one step; returns the library after the last one. A further call begins anew, as one after an error does.
+    /// Runs one step; returns the library after the last one. A call after that, or after an error, begins anew.
     ///
     /// # Errors
     /// The first fault found, with its place.

@@ -29,7 +29,7 @@ pub struct Coefficients<'a> {
 
 /// The last stages of a lattice, whose θ is stored in one byte.
 ///
-/// It is empty, or its first stage is that after [`crate::limits::MAX_FINE_STAGES`].
+/// The tail is empty, or its first stage is the one after [`crate::limits::MAX_FINE_STAGES`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct Tail<'a> {
     /// The codes, `i8`, at least -127: θ = code · step.

@@ -17,8 +17,8 @@ pub struct Library<'a> {
 
 /// Places of a decoded library's content in its bytes.
 ///
-/// This is for a keeper of bytes that cannot stay borrowed, such as a store in flash: it decodes once, keeps the
-/// outline, and looks at the bytes again without another decoding.
+/// An outline is for a keeper of bytes that cannot stay borrowed, such as a store in flash. The keeper decodes once,
+/// keeps the outline, and looks at the bytes again without another decoding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Outline {
     textures: u32,

@@ -25,7 +25,7 @@ pub const BUILT_FOR_OHM: f32 = 8.0;
 /// Largest mean square of the voltage at the pin from mid-scale, V²: the one at which the hardware that the image is
 /// built for has [`MAX_COIL_POWER_WATT`].
 ///
-/// It holds for any `coil-resistance`, `amplifier-gain` and `power-limit`. A gain that was told too small, or a
+/// This cap holds for any `coil-resistance`, `amplifier-gain` and `power-limit`. A gain that was told too small, or a
 /// resistance that was told too large, cannot lead beyond it.
 pub const MAX_PIN_MEAN_SQUARE: f32 =
     MAX_COIL_POWER_WATT * BUILT_FOR_OHM / (BUILT_FOR_GAIN * BUILT_FOR_GAIN);

@@ -99,13 +99,13 @@ pub enum ListError {
 /// The library that is active from now on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct Activated {
-    /// Its slot.
+    /// Slot of the library.
     pub slot: SlotId,
-    /// Length, checksum and counts of it.
+    /// Length, checksum and counts of the library.
     pub library: SlotInfo,
 }
 
-/// Reason for which a library does not become active. The one that was active stays so, unless stated otherwise.
+/// Reason for which a library does not become active. The library that was active stays so, unless stated otherwise.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, Schema, thiserror::Error)]
 #[expect(missing_docs, reason = "each message says it")]
 pub enum ActivateError {
@@ -148,7 +148,7 @@ impl SlotId {
         self as usize
     }
 
-    /// The other slot.
+    /// The slot that is not this one.
     #[must_use]
     pub const fn other(self) -> Self {
         match self {

@@ -199,7 +199,7 @@ pub struct MotionSample {
     pub contact: Option<bool>,
 }
 
-/// Reason for which a motion is not followed. The one before stays until it is stale.
+/// Reason for which a motion is not followed. The motion before stays until it is stale.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema, thiserror::Error)]
 pub enum MotionRefused {
     /// The speed is NaN or infinite.
@@ -211,7 +211,7 @@ pub enum MotionRefused {
     /// The position is NaN or infinite.
     #[error("the position is not finite: send a number of mm, or none")]
     Position,
-    /// The other link plays, and it alone moves what it plays.
+    /// The other link plays. That link alone gives the motion.
     #[error("{by} plays, and it alone gives the motion: stop it first")]
     Held {
         /// The link that plays.

@@ -1,7 +1,7 @@
 //! Probe: a periodic waveform that the host loads and the device plays, so that a recording shows what the actuator
 //! makes of it.
 //!
-//! It passes the safety stages, and the mute's ramps, as a texture does. It needs no contact and no motion.
+//! A probe passes the safety stages and the mute's ramps, as a texture does. A probe needs no contact and no motion.
 
 use heapless::Vec;
 use postcard_schema::Schema;
@@ -25,7 +25,7 @@ pub const MAX_PROBE_M_S2: f32 = 1_024.0;
 /// Sample of a waveform at the peak of the probe.
 pub const PROBE_PEAK: i16 = i16::MAX;
 
-/// A part of the waveform. What was loaded before stays elsewhere.
+/// A part of the waveform. Samples that were loaded outside of this part stay.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct ProbeLoad {
     /// Index of the first sample in the waveform.
@@ -57,10 +57,10 @@ pub fn waveform_crc32(samples: impl Iterator<Item = i16>) -> u32 {
 /// The equaliser that a probe passes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum ProbeThrough {
-    /// None.
+    /// No equaliser.
     #[default]
     Nothing,
-    /// The stored response's, at the settings in force.
+    /// The equaliser of the stored response, at the settings in force.
     Stored,
     /// The equaliser of the response that this link has proposed, with its `output_gain` in place of the setting.
     Proposed,
@@ -79,7 +79,7 @@ pub struct ProbeStart {
     pub crc32: u32,
     /// Acceleration of a sample of [`PROBE_PEAK`], m/s², above 0 and up to [`MAX_PROBE_M_S2`].
     pub peak_m_s2: f32,
-    /// The equaliser that it passes.
+    /// The equaliser that the probe passes.
     pub through: ProbeThrough,
 }
 
@@ -139,7 +139,7 @@ pub struct ProbeStarted {
     pub end_tick: u64,
 }
 
-/// Reason for which a waveform is not loaded or played. What is played goes on.
+/// Reason for which a waveform is not loaded or played. Anything that is already playing goes on.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema, thiserror::Error)]
 #[expect(
     clippy::large_enum_variant,

@@ -10,16 +10,16 @@ pub const BLOCK_SAMPLES: usize = 32;
 
 /// Codes from either end of the converter's range within which a force sensor counts as open, shorted or overloaded.
 ///
-/// They are 4 standard deviations of 16 codes, because noise takes the code of a pin at the rail so far from it; 3.2 mV
-/// of 3.3 V. A sensor's zero, and its greatest force, have to lie between the rails.
+/// At the rail, noise moves a pin's code by up to 64 codes: 4 standard deviations of 16 codes each. 64 codes are 3.2 mV
+/// of 3.3 V. A sensor's zero and its greatest force have to lie between the rails.
 pub const RAIL_CODES: u16 = 64;
 
-/// The codes of one tick.
+/// Codes of the converters in one tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RecordSample {
-    /// Axes X, Y and Z of the accelerometer.
+    /// Codes of the accelerometer's axes X, Y and Z.
     pub acceleration: [AdcCode; 3],
-    /// The force sensor.
+    /// Code of the force sensor.
     pub force: AdcCode,
     /// Change of the encoder's count since the tick before.
     pub encoder_delta: i16,
@@ -64,7 +64,7 @@ impl From<PackedSample> for RecordSample {
 /// A block of samples of successive ticks.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct RecordBlock {
-    /// Number of the block, from 0 at the start of a recording. A number left out is a block that the device lost.
+    /// Number of the block, from 0 at the start of a recording. A missing number is a block that the device lost.
     pub sequence: u32,
     /// Tick of the first sample, counted from the device's start; a tick is 200 µs.
     pub first_tick: u64,
@@ -100,7 +100,7 @@ pub struct RecordStarted {
 pub struct RecordStopped {
     /// Blocks that were numbered, lost ones included.
     pub blocks: u32,
-    /// Blocks of these that were lost in the device.
+    /// Number of these blocks that the device lost.
     pub lost_blocks: u32,
 }
 

@@ -20,11 +20,11 @@ pub const RESPONSE_BANDS: usize = 21;
 /// Bytes of a response, on the wire and in flash.
 pub const RESPONSE_BYTES: usize = 348;
 
-/// A cascade of up to [`MAX_RESPONSE_SECTIONS`] sections, of one length whatever is in it.
+/// A cascade of up to [`MAX_RESPONSE_SECTIONS`] sections. Its encoded length is the same for any number of sections.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sections {
     count: u8,
-    /// b0, b1, b2, a1, a2 of each, little-endian, as in [`Biquad`].
+    /// Coefficients b0, b1, b2, a1, a2 of each section, little-endian, as in [`Biquad`].
     coefficients: [[u8; 20]; MAX_RESPONSE_SECTIONS],
 }
 
@@ -66,8 +66,8 @@ impl Sections {
 
 /// The actuator's response as it was measured, and its correction.
 ///
-/// In a message it is its [`Response::bytes`], because code for each of its fields would take some kilobytes of the
-/// device's flash. Two are equal if their bytes are.
+/// A message holds the response as its [`Response::bytes`], because code for each of its fields would take some
+/// kilobytes of the device's flash. Two responses are equal if their bytes are.
 #[derive(Clone, Copy, Debug)]
 pub struct Response {
     /// Equaliser of what is played at 5 kHz.
@@ -94,7 +94,7 @@ pub struct Response {
     pub bands_centi_db: [i16; RESPONSE_BANDS],
     /// Bands whose level was coherent enough to be trusted, a bit each.
     pub trusted_bands: u32,
-    /// `output-gain` with which what is asked for is what the tip does; it is stored with the response.
+    /// `output-gain` with which the tip does what is asked for. The device stores it with the response.
     pub output_gain: f32,
     /// `amplifier-gain` of the measurement.
     pub amplifier_gain: f32,
@@ -138,7 +138,7 @@ impl Response {
         bytes.into_array().unwrap_or([0; RESPONSE_BYTES])
     }
 
-    /// The response of its bytes.
+    /// Reads a response from its bytes.
     pub fn from_bytes(bytes: &[u8; RESPONSE_BYTES]) -> Self {
         let mut rest = &bytes[..];
         let sections_5khz = sections(&mut rest);
@@ -218,7 +218,7 @@ impl Response {
         }
     }
 
-    /// The settings that have other values than the response was made for, so that it no longer says what the tip does.
+    /// Settings with other values than the response was made for, so that it no longer says what the tip does.
     pub fn stale(&self, settings: &Settings) -> SettingSet {
         let made_for = [
             (Setting::OutputGain, self.output_gain),
@@ -236,7 +236,7 @@ impl Response {
     /// `settings` are those of the measurement.
     ///
     /// # Errors
-    /// What the check finds first.
+    /// The first fault that the check finds.
     pub fn check(&self, settings: &Settings) -> Result<(), ResponseError> {
         for rate in PlayRate::ALL {
             check_equaliser(&self.sections(rate).biquads()).map_err(|(section, problem)| {
@@ -260,10 +260,10 @@ impl Response {
     }
 }
 
-/// Number of a response's figures that are `f32`.
+/// Number of `f32` figures in a response.
 const FIGURES: usize = 13;
 
-/// Takes sections from the beginning of `rest`.
+/// Splits encoded sections off the beginning of `rest`.
 fn sections(rest: &mut &[u8]) -> Sections {
     let [count] = take(rest);
     let mut coefficients = [[0; 20]; MAX_RESPONSE_SECTIONS];
@@ -276,7 +276,7 @@ fn sections(rest: &mut &[u8]) -> Sections {
     }
 }
 
-/// Takes the value at the beginning of `rest`.
+/// Splits the first `N` bytes off `rest` and returns them; returns zeros if `rest` is shorter.
 fn take<const N: usize>(rest: &mut &[u8]) -> [u8; N] {
     let Some((value, behind)) = rest.split_first_chunk() else {
         return [0; N];
@@ -317,10 +317,10 @@ impl Schema for Response {
 pub struct StoredResponse {
     /// The response.
     pub response: Response,
-    /// [`Response::id`].
+    /// [`Response::id`] of this response.
     pub id: u32,
-    /// [`Response::stale`] by the settings in force. Its equaliser is played all the same: a filter for another level
-    /// is nearer than none, and what plays does not change behind the back of who changes a setting.
+    /// [`Response::stale`] for the settings in force. The equaliser of a stale response is played all the same: a
+    /// filter for another level is nearer than none, and a change of a setting does not change what plays unnoticed.
     pub stale: SettingSet,
 }
 
@@ -333,22 +333,22 @@ pub struct ResponseState {
     pub proposed: Option<u32>,
 }
 
-/// Change of what is stored.
+/// Change of the stored response.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum ResponseChange {
-    /// The response of this [`Response::id`], which this link has proposed, is stored with its `output_gain`.
+    /// The response with this [`Response::id`], which this link has proposed, is stored with its `output_gain`.
     Store {
-        /// Its hash.
+        /// Hash of the response to store.
         id: u32,
     },
     /// The stored response is removed. Settings stay.
     Clear {
-        /// Its hash.
+        /// Hash of the response to remove.
         id: u32,
     },
 }
 
-/// Reason for which a response is not taken or stored. What was stored stays.
+/// Reason for which a response is not taken or stored. The response that was stored before stays.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema, thiserror::Error)]
 #[expect(missing_docs, reason = "each message says it")]
 pub enum ResponseError {
@@ -383,7 +383,7 @@ pub enum ResponseError {
     NoSuchResponse { id: u32 },
     #[error("{from} has proposed this response, and it alone stores it")]
     OtherLink {
-        /// The link that proposed it.
+        /// The link that proposed the response.
         from: LinkId,
     },
     /// A reason for which no setting is changed either.

@@ -14,21 +14,21 @@ use crate::{AdcCode, Volt};
 pub enum Setting {
     /// ADC code of the force sensor without force.
     ForceZero,
-    /// Force per voltage above that, N/V.
+    /// Force per voltage above that of [`Self::ForceZero`], N/V.
     ForcePerVolt,
     /// Path per count of the encoder, mm.
     PathPerCount,
     /// ADC code of the accelerometer's X axis without acceleration.
     AccelerationZeroX,
-    /// The same of axis Y.
+    /// ADC code of the accelerometer's Y axis without acceleration.
     AccelerationZeroY,
-    /// The same of axis Z.
+    /// ADC code of the accelerometer's Z axis without acceleration.
     AccelerationZeroZ,
-    /// Acceleration of axis X per voltage above that, m/s² per V.
+    /// Acceleration of axis X per voltage above that of [`Self::AccelerationZeroX`], m/s² per V.
     AccelerationPerVoltX,
-    /// The same of axis Y.
+    /// Acceleration of axis Y per voltage above that of [`Self::AccelerationZeroY`], m/s² per V.
     AccelerationPerVoltY,
-    /// The same of axis Z.
+    /// Acceleration of axis Z per voltage above that of [`Self::AccelerationZeroZ`], m/s² per V.
     AccelerationPerVoltZ,
     /// Voltage at the DAC per acceleration, V per m/s².
     OutputGain,
@@ -46,12 +46,12 @@ pub enum Setting {
     PowerLimit,
     /// Time of the output's ramp to full level when a mute ends, ms.
     SoftStart,
-    /// Time of the output's ramp from full level to mid-scale when it is muted, ms.
+    /// Time of the output's ramp from full level to mid-scale when the output is muted, ms.
     MuteRamp,
     /// Force above which contact begins, N; 0 derives it from the converter's noise.
     ContactThreshold,
-    /// 1 if the amplifier's enable is wired to PE9, so that it is off while that is low; 0 if not, or if that is not
-    /// known. The self test moves the output only with 1, or where a person says that no amplifier is connected.
+    /// 1 if the amplifier's enable is wired to PE9, so that it is off while PE9 is low; 0 if not, or if nobody knows.
+    /// The self test moves the output only with 1, or where a person says that no amplifier is connected.
     EnableWired,
 }
 
@@ -83,9 +83,9 @@ impl Tighter {
 /// Name, unit, range and default of a setting.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SettingSpec {
-    /// Its name on a command line.
+    /// Name of the setting on a command line.
     pub name: &'static str,
-    /// Unit of its value.
+    /// Unit of the setting's value.
     pub unit: &'static str,
     /// The lowest value.
     pub lowest: f32,
@@ -93,10 +93,10 @@ pub struct SettingSpec {
     pub highest: f32,
     /// The least magnitude; 0 if the value may be 0. A scale of 0 would read a sensor as nothing, whatever it measures.
     pub least_magnitude: f32,
-    /// The value of a device that was never set. Those of [`super::SettingSet::REQUIRED`] stand in for no value:
-    /// nothing plays with them.
+    /// Value of the setting in a device where it was never set. For a setting of [`super::SettingSet::REQUIRED`] it
+    /// only stands in for no value: nothing plays with it.
     pub default: f32,
-    /// True if it must be a whole number.
+    /// True if the value must be a whole number.
     pub whole: bool,
 }
 
@@ -125,7 +125,7 @@ impl Setting {
         Self::EnableWired,
     ];
 
-    /// Name, unit, range and default.
+    /// Name, unit, range and default of this setting.
     pub const fn spec(self) -> SettingSpec {
         match self {
             // A sixteenth of the range: a sensor with a live zero, so that an open wire is not taken for no force.
@@ -165,11 +165,11 @@ impl Setting {
         }
     }
 
-    /// Returns which of two values protects coil and user better, for a setting that does; none for any other.
+    /// Direction in which a value of this setting protects coil and user better; none for a setting without one.
     ///
     /// The model of the coil's warmth takes the power as (voltage at the DAC x `amplifier-gain`)² / `coil-resistance`:
-    /// a larger gain and a smaller resistance make it limit earlier. A shorter `thermal-time-constant` is the tighter
-    /// one, because a first-order mean over a longer time never exceeds the greatest one over a shorter time.
+    /// a larger gain and a smaller resistance make the model limit earlier. A shorter `thermal-time-constant` is the
+    /// tighter one, because a first-order mean over a longer time never exceeds the greatest one over a shorter time.
     pub const fn tighter(self) -> Option<Tighter> {
         match self {
             Self::OutputGain
@@ -384,7 +384,7 @@ pub struct SettingChange {
     pub value: f32,
 }
 
-/// Reason for which settings were not changed. Those before hold, unless stated otherwise.
+/// Reason for which settings were not changed. The settings before stay in force, unless stated otherwise.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema, thiserror::Error)]
 #[expect(missing_docs, reason = "each message says it")]
 pub enum SettingsError {
@@ -419,7 +419,7 @@ pub enum SettingsError {
     NoProposal,
     #[error("{from} has proposed this change, and it alone applies it: propose it on this link")]
     OtherLink {
-        /// The link that proposed it.
+        /// The link that proposed the change.
         from: LinkId,
     },
     #[error(

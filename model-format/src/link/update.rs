@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{LIBRARY_CRC, ResetReason, SlotId, UploadError};
 
-/// First bytes of a header: its name and version.
+/// First bytes of a header: name and version of the header's format.
 const MAGIC: [u8; 8] = *b"STYLIMG\x01";
 
 /// Longest image, bytes: the three sectors that it runs from.
@@ -33,13 +33,13 @@ pub const UNSIGNED: [u8; SIGNATURE_BYTES] = [0; SIGNATURE_BYTES];
 /// Seed of the development key. It is public, so an image that trusts it takes anybody's images.
 pub const DEVELOPMENT_SEED: [u8; 32] = *b"stylus: development, not secret!";
 
-/// Time for which a new image runs until it confirms itself, ms.
+/// Time for which a new image runs until the image confirms itself, ms.
 pub const TRIAL_MS: u64 = 60_000;
 
 /// Time that a device takes to exchange two images, at most, ms: six sectors erased and programmed (DS12110, table 60).
 pub const EXCHANGE_MS: u64 = 60_000;
 
-/// Version of an image or a bootloader. A later one is the greater.
+/// Version of an image or a bootloader. Of two versions the later one is the greater.
 #[derive(
     Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, Schema,
 )]
@@ -62,14 +62,14 @@ impl ImageVersion {
         }
     }
 
-    /// Reads `major.minor.patch`; none if it is not three numbers.
+    /// Reads `major.minor.patch`; none if `text` is not three numbers.
     pub fn read(text: &str) -> Option<Self> {
         let mut parts = text.split('.').map(|part| part.parse().ok());
         let numbers = [parts.next()??, parts.next()??, parts.next()??];
         parts.next().is_none().then(|| Self::new(numbers))
     }
 
-    /// The numbers.
+    /// Major number, minor number, and number of the patch.
     pub const fn numbers(self) -> [u16; 3] {
         [self.major, self.minor, self.patch]
     }
@@ -81,12 +81,12 @@ impl core::fmt::Display for ImageVersion {
     }
 }
 
-/// Header of an image, which is signed.
+/// Header of an image; the signature is over the header.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ImageHeader {
-    /// Board that it runs on, see [`BOARD`].
+    /// Board that the image runs on, see [`BOARD`].
     pub board: [u8; 16],
-    /// Its version.
+    /// Version of the image.
     pub version: ImageVersion,
     /// Length of the image, bytes.
     pub length: u32,
@@ -109,7 +109,7 @@ impl ImageHeader {
         bytes
     }
 
-    /// Reads the header at the start of `bytes`; none if it is not one.
+    /// Reads the header at the start of `bytes`; none if there is no header.
     pub fn read(bytes: &[u8]) -> Option<Self> {
         let (magic, rest) = bytes.split_first_chunk::<8>()?;
         let (board, rest) = rest.split_first_chunk::<16>()?;
@@ -131,14 +131,14 @@ impl ImageHeader {
 pub struct UpdateBegin {
     /// Header and signature, [`SIGNED_BYTES`].
     pub signed: Vec<u8, SIGNED_BYTES>,
-    /// CRC-32 (ISO-HDLC) of the image, by which a broken transfer is resumed.
+    /// CRC-32 (ISO-HDLC) of the image. A broken transfer is resumed by it.
     pub crc32: u32,
     /// True if an older version than the running one is wanted.
     pub allow_downgrade: bool,
 }
 
 impl UpdateBegin {
-    /// Announces `image` with header and signature `signed`; of what is longer than [`SIGNED_BYTES`], the rest is cut.
+    /// Announces `image` with header and signature `signed`, of which bytes beyond [`SIGNED_BYTES`] are cut.
     pub fn new(image: &[u8], signed: &[u8]) -> Self {
         Self {
             signed: signed.iter().copied().take(SIGNED_BYTES).collect(),
@@ -155,19 +155,19 @@ pub enum UpdatePhase {
     Confirmed,
     /// An image was committed, and the device is about to restart.
     Committed {
-        /// Its version.
+        /// Version of the committed image.
         version: ImageVersion,
     },
-    /// The running image is new. A reset puts the one before back, until it is confirmed.
+    /// The running image is new. Until it is confirmed, a reset puts the previous image back.
     Trial {
-        /// Slot that keeps the image before.
+        /// Slot that keeps the previous image.
         slot: SlotId,
-        /// Time until it confirms itself, ms.
+        /// Time until the running image confirms itself, ms.
         left_ms: u32,
     },
-    /// The image before was put back, because a reset came before the new one was confirmed.
+    /// The previous image was put back, because a reset came before the new image was confirmed.
     RolledBack {
-        /// Version of the new one.
+        /// Version of the new image.
         version: ImageVersion,
         /// Cause of that reset.
         cause: ResetReason,
@@ -181,11 +181,11 @@ pub struct UpdateReport {
     pub image: ImageVersion,
     /// Version of the bootloader; none if there is none.
     pub bootloader: Option<ImageVersion>,
-    /// The phase.
+    /// Phase of the update.
     pub phase: UpdatePhase,
     /// True if the running image trusts the development key, and so everybody's images.
     pub trusts_development_key: bool,
-    /// True if it takes an image that is not signed, because the button was held at power-on.
+    /// True if the device takes an image that is not signed, because the button was held at power-on.
     pub takes_unsigned: bool,
 }
 
@@ -209,7 +209,7 @@ pub enum UpdateError {
     /// An image that is empty or does not fit.
     #[error("an image of {length} bytes; it may have 1 to {MAX_IMAGE_BYTES}: give another one")]
     Length {
-        /// Its length, bytes.
+        /// Length of the image, bytes.
         length: u32,
     },
     /// A signature that is not by the key that the running image trusts.
@@ -223,9 +223,9 @@ pub enum UpdateError {
         "the image is older, {offered}, than the running {running}: --allow-downgrade takes it"
     )]
     Downgrade {
-        /// The running version.
+        /// Version of the running image.
         running: ImageVersion,
-        /// The offered one.
+        /// Version of the offered image.
         offered: ImageVersion,
     },
     /// A new image that is not confirmed, or one that waits for the restart.
@@ -245,7 +245,7 @@ pub enum UpdateError {
         "the image in flash is not the signed one: update again; if that fails too, get the file anew"
     )]
     Digest,
-    /// A record of the update that the flash does not keep.
+    /// A record of the update that the flash fails to keep.
     #[error(
         "the flash does not keep the record of the update: try again; if it stays, the flash is worn"
     )]

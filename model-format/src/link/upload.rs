@@ -9,25 +9,25 @@ use crate::limits::{FLASH_WORD_BYTES, MAX_LIBRARY_BYTES};
 /// Most bytes in a chunk.
 pub const MAX_CHUNK_BYTES: usize = 512;
 
-/// Length of every chunk but the last is a multiple of this, bytes: whole flash words.
+/// Divisor of the length of every chunk but the last, bytes: whole flash words.
 pub const CHUNK_ALIGN: usize = FLASH_WORD_BYTES;
 
 /// Most chunks that a host sends before it has the answer to the first of them.
 ///
-/// While one is programmed, the next ones cross the link: the device is never idle for a turn of the link. The device
-/// keeps so many jobs that another link finds room beside them.
+/// While the device programs one chunk, the next ones cross the link, so the device never waits for a turn of the link.
+/// Its queue of jobs is long enough that another link finds room beside these chunks.
 pub const UPLOAD_WINDOW: usize = 3;
 
 /// Request to receive a library into the slot that is not active.
 ///
-/// The length and checksum of an upload that was broken off resume it, within the same session of the device.
+/// An upload with the length and checksum of one that was broken off resumes it, within the same session of the device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct UploadBegin {
     /// Length of the library, bytes.
     pub length: u32,
-    /// CRC-32 (ISO-HDLC) of all its bytes.
+    /// CRC-32 (ISO-HDLC) of all the library's bytes.
     pub crc32: u32,
-    /// True if the upload may erase the last library that can be read. Until its commit the device has none then.
+    /// True if the upload may erase the last readable library. Until its commit the device then has none.
     pub replaces_last: bool,
 }
 
@@ -36,7 +36,7 @@ pub struct UploadBegin {
 pub struct UploadChunk<'a> {
     /// Byte of the library at which the chunk begins; must be the next offset that the device expects.
     pub offset: u32,
-    /// The bytes, at most [`MAX_CHUNK_BYTES`], a multiple of [`CHUNK_ALIGN`] unless they are the last.
+    /// Bytes of the chunk, at most [`MAX_CHUNK_BYTES`]; a multiple of [`CHUNK_ALIGN`] unless the chunk is the last.
     pub data: &'a [u8],
 }
 
@@ -45,7 +45,7 @@ pub struct UploadChunk<'a> {
 pub struct UploadProgress {
     /// The upload that was begun.
     pub upload: UploadBegin,
-    /// The slot that receives it.
+    /// The slot that receives the upload.
     pub slot: SlotId,
     /// Byte at which the next chunk must begin; the library's length once all chunks are there.
     pub next_offset: u32,
@@ -63,11 +63,11 @@ pub enum UploadState {
 /// An uploaded library that was read back from flash and is valid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct UploadCommitted {
-    /// Its slot.
+    /// Slot of the library.
     pub slot: SlotId,
-    /// Its sequence number, above that of every other library in the device.
+    /// Sequence number of the library, above that of every other library in the device.
     pub sequence: u32,
-    /// Number of its textures.
+    /// Number of textures in the library.
     pub textures: u16,
 }
 
@@ -92,7 +92,7 @@ impl core::fmt::Display for FlashOperation {
     }
 }
 
-/// Reason for which an upload does not go on. The active library is never touched by it.
+/// Reason for which an upload does not go on. The active library stays as it is.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, Schema, thiserror::Error)]
 #[expect(missing_docs, reason = "each message says it")]
 pub enum UploadError {
@@ -109,21 +109,21 @@ pub enum UploadError {
     Offset {
         /// Byte at which the next chunk must begin.
         expected: u32,
-        /// Byte at which this one begins.
+        /// Byte at which the received chunk begins.
         found: u32,
     },
     #[error(
         "a chunk of {length} bytes; send 1 to {MAX_CHUNK_BYTES}, multiples of {CHUNK_ALIGN} before the end"
     )]
     ChunkLength {
-        /// Its length, bytes.
+        /// Length of the chunk, bytes.
         length: u32,
     },
     #[error(
         "a chunk up to byte {end} of a library of {length} bytes: begin again with the right length"
     )]
     PastEnd {
-        /// Byte at which it ends.
+        /// Byte of the library at which the chunk ends.
         end: u32,
         /// Announced length, bytes.
         length: u32,

@@ -38,7 +38,7 @@ pub struct Scene {
     pub sample_rate_hz: u32,
     /// Surfaces, at least one.
     pub surfaces: Vec<Surface, { limits::MAX_SURFACES }>,
-    /// Regions of the surfaces, ascending along the path and without overlap; none is the first surface everywhere.
+    /// Regions of the surfaces, ascending along the path and without overlap; empty if the first surface is everywhere.
     pub regions: Vec<Region, { limits::MAX_REGIONS }>,
     /// Width of the transition between neighbouring regions, mm.
     pub transition_mm: f32,
@@ -51,24 +51,24 @@ pub struct Scene {
 /// A surface: a texture, and its response to taps and to slow, heavy motion.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Surface {
-    /// Index of its texture in the library; none for a smooth surface.
+    /// Index of the surface's texture in the library; none for a smooth surface.
     pub texture: Option<u8>,
     /// Gain of the texture; 0 silences it. Tap transients have a gain of their own.
     pub gain: f32,
     /// Response to an impact.
     pub tap: Option<Tap>,
-    /// Stick-slip of the tool on it.
+    /// Stick-slip of the tool on the surface.
     pub stick_slip: Option<StickSlip>,
 }
 
 /// A stretch of the path with one surface.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Region {
-    /// Beginning, mm.
+    /// Beginning of the region along the path, mm.
     pub start_mm: f32,
-    /// End, mm.
+    /// End of the region along the path, mm.
     pub end_mm: f32,
-    /// Index of its surface in the scene.
+    /// Index of the region's surface in the scene.
     pub surface: u8,
 }
 
@@ -77,7 +77,7 @@ pub struct Region {
 pub enum MotionOfScene {
     /// Speed and force of the moment.
     Followed,
-    /// These, while there is contact, so that no coefficient changes.
+    /// The same speed and force for as long as there is contact, so that no coefficient changes.
     Constant {
         /// Tangential speed, mm/s.
         speed_mm_s: f32,

@@ -31,11 +31,11 @@ pub struct RawTexture {
     pub force_axis: Vec<f32>,
     pub nodes: Vec<RawNode>,
     pub coefficients: Vec<u8>,
-    /// Highest order and output power; `None` stands for those of the nodes.
+    /// Highest order and output power in the texture's header; `None` stands for those of the nodes.
     pub summary: Option<(u32, f32)>,
     /// Kind and content of each optional part.
     pub parts: Vec<(u32, Vec<u8>)>,
-    /// Number of parts that is written, if it is not their own.
+    /// Number of parts that is written; `None` stands for the length of `parts`.
     pub part_count: Option<u32>,
     /// Bytes after the parts.
     pub tail: Vec<u8>,
@@ -43,7 +43,7 @@ pub struct RawTexture {
     pub ragged: Ragged,
 }
 
-/// Number of bytes that each byte string has too many.
+/// Numbers of surplus bytes, one for each byte string.
 #[derive(Clone, Debug, Default)]
 pub struct Ragged {
     pub speed_axis: usize,
@@ -98,8 +98,8 @@ impl RawLibrary {
         }
     }
 
-    /// The same with every optional part, and with two scenes: a plain one, and one with everything that a scene may
-    /// have.
+    /// The library of [`RawLibrary::sound`] with every optional part and two scenes: a plain scene, and one with
+    /// everything that a scene may have.
     pub fn full() -> Self {
         let mut library = Self::sound();
         // Fractions of two stages for each node. The first two nodes have none.

@@ -1,4 +1,4 @@
-//! Bytes with exactly one fault, for each fault there is: a message of its place and its numbers.
+//! Bytes with exactly one fault, for each fault that there is. The message names the fault's place and its numbers.
 
 use model_format::limits::{MAX_LIBRARY_BYTES, MAX_LINES, MAX_OUTPUT_POWER};
 use model_format::{
@@ -17,7 +17,7 @@ pub fn refused(bytes: &[u8]) -> String {
     error.to_string()
 }
 
-/// Checks that the sound library is refused with a message that begins so, after `spoil` has put a fault into it.
+/// Checks that the sound library with the fault that `spoil` puts into it is refused; the message begins with `begin`.
 pub fn tells(spoil: impl FnOnce(&mut RawLibrary), begin: &str) {
     let mut library = RawLibrary::sound();
     spoil(&mut library);
@@ -25,7 +25,7 @@ pub fn tells(spoil: impl FnOnce(&mut RawLibrary), begin: &str) {
     assert!(message.starts_with(begin), "'{message}' is not '{begin}'");
 }
 
-/// The same, with the fault in texture 1.
+/// Checks that a library with a fault in texture 1 is refused; the message names the texture, then `told`.
 pub fn of_texture(spoil: impl FnOnce(&mut RawTexture), told: &str) {
     tells(
         |library| spoil(&mut library.textures[1]),
@@ -39,7 +39,8 @@ pub const BAD: [f32; 5] = [-1.0, -0.0, f32::INFINITY, f32::NEG_INFINITY, f32::NA
 /// Indices of the first node of texture 1 that is not silent.
 const AT: [usize; 2] = [1, 0];
 
-/// The same, of a node at these indices of speed and force.
+/// Checks that a library with a fault in this node (speed, force) of texture 1 is refused; the message names the node,
+/// then `told`.
 fn of_node([speed, force]: [usize; 2], spoil: impl FnOnce(&mut RawTexture), told: &str) {
     of_texture(
         spoil,
@@ -128,7 +129,7 @@ fn damage_is_told_with_both_checksums() {
     assert!(refused(&bytes).starts_with(&told));
 }
 
-/// A player takes highest order and power from the summary, and reads no node for them.
+/// The player takes highest order and power from the summary, without a look at the nodes.
 #[test]
 fn headers_and_counts_are_checked() {
     tells(|l| l.magic = *b"RIFF", "library: not a texture library");
@@ -291,7 +292,7 @@ fn with_tail(before: usize, tail: &[i8], step: u16) -> CodeSpec {
     }
 }
 
-/// Lines of so many amplitudes each.
+/// Lines with `amplitudes` amplitudes each.
 fn flat_lines(count: usize, amplitudes: usize) -> LinesSpec {
     let line = |at: usize| LineSpec {
         wavelength_mm: 1.0 + at as f32,
@@ -311,7 +312,7 @@ fn encodes_not(spoil: impl FnOnce(&mut TextureSpec), told: &str) {
     assert!(message.starts_with(&begin), "'{message}' is not '{begin}'");
 }
 
-/// The same, of the last node, which has these codes.
+/// Checks that the encoder refuses `codes` in the last node; the message names the node, then `told`.
 fn of_codes(codes: CodeSpec, told: &str) {
     encodes_not(
         |spec| spec.nodes[1].codes = codes,

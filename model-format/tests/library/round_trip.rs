@@ -118,7 +118,7 @@ fn texture() -> impl Strategy<Value = TextureSpec> {
     })
 }
 
-/// The same nodes with tails, each of which has its first codes as bytes and a step that these allow.
+/// `nodes` with tails: the first codes stay whole, the others become bytes, and the step is one that these bytes allow.
 fn with_tails(mut nodes: Vec<NodeSpec>) -> Vec<NodeSpec> {
     for node in &mut nodes {
         let CodeSpec { codes, tail, .. } = &mut node.codes;
@@ -137,7 +137,7 @@ fn with_tails(mut nodes: Vec<NodeSpec>) -> Vec<NodeSpec> {
     nodes
 }
 
-/// Codebooks and level tracks of a mean square of 1 for so many nodes, some of the time.
+/// Codebooks and level tracks with a mean square of 1 for `nodes` nodes. Some of the values lack one or both.
 fn parts(nodes: usize) -> impl Strategy<Value = PartsSpec> {
     let count = 1..=limits::MAX_CODEBOOKS.min(nodes);
     let means = limits::MIN_MOMENT_SAMPLES..=limits::MAX_MOMENT_SAMPLES;
@@ -232,7 +232,7 @@ fn track() -> impl Strategy<Value = ModulationSpec> {
     })
 }
 
-/// The laws, with another one in place of the logarithm if a node is silent.
+/// The laws `level` and `fade`, where another law takes the place of the logarithm if a node is silent.
 fn laws_for((level, fade): (LevelLaw, FadeLaw), nodes: &[NodeSpec]) -> Laws {
     let level = match level {
         LevelLaw::Logarithm if nodes.iter().any(|node| node.output_power <= 0.0) => LevelLaw::Power,
@@ -241,7 +241,7 @@ fn laws_for((level, fade): (LevelLaw, FadeLaw), nodes: &[NodeSpec]) -> Laws {
     Laws { level, fade }
 }
 
-/// Lines over nodes of which these move; none if none does.
+/// Lines over nodes, with amplitudes at the nodes that `moves` marks; none if it marks no node.
 fn lines(moves: Vec<bool>) -> impl Strategy<Value = Option<LinesSpec>> {
     let some = moves.iter().any(|&moves| moves);
     let wavelengths = limits::MIN_WAVELENGTH_MM.to_bits()..=limits::MAX_WAVELENGTH_MM.to_bits();
@@ -268,7 +268,7 @@ fn lines(moves: Vec<bool>) -> impl Strategy<Value = Option<LinesSpec>> {
     })
 }
 
-/// These lines, every other of which wanders, with a wander of each kind if there are lines for it.
+/// `lines`, every other one of which wanders, with a wander of each kind if there are enough lines.
 fn wandering(mut lines: Vec<LineSpec>) -> LinesSpec {
     let all = [(0.02, 0.5, 0.0), (0.0, limits::MAX_CORRELATION_MM, 70.0)];
     let wander = |(rms_mm, correlation_mm, clock_mm_s)| Wander {

@@ -31,13 +31,13 @@ impl Bench {
         }
     }
 
-    /// The same folder, where commands have this variable in their environment.
+    /// Returns the bench with an environment variable for its commands.
     pub fn with(mut self, name: &'static str, value: impl Into<String>) -> Self {
         self.variables.push((name, value.into()));
         self
     }
 
-    /// The same folder, where commands replace nothing unless they are asked to.
+    /// Returns the bench with commands that replace nothing unless they are asked to.
     pub fn careful(self) -> Self {
         Self {
             overwrites: false,
@@ -88,7 +88,7 @@ impl Bench {
             .expect("the command starts")
     }
 
-    /// Runs `stylus`, which must succeed; gives its standard output.
+    /// Runs `stylus`, which must succeed, and returns its standard output.
     pub fn succeed(&self, arguments: &str) -> String {
         let output = self.run(arguments);
         let (out, err) = (text(&output.stdout), text(&output.stderr));
@@ -96,7 +96,7 @@ impl Bench {
         out
     }
 
-    /// Runs `stylus`, which must end with code 2 and one line on standard error; gives that line.
+    /// Runs `stylus`, which must end with code 2 and one line on standard error, and returns that line.
     pub fn refuse(&self, arguments: &str) -> String {
         refusal(&self.run(arguments), arguments)
     }

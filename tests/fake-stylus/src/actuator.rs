@@ -13,12 +13,12 @@ use stylus_plant::{Parameters, Plant};
 
 /// A plant at the pin.
 pub struct Actuator {
-    /// Its parameters, which its owner knows.
+    /// Parameters of the plant, which the stylus's owner knows.
     pub parameters: Parameters,
     /// The plant.
     pub plant: Plant,
     log: Option<Box<dyn Write + Send>>,
-    /// Codes of the last tick, which are put out from 12.5 µs after the next one on: see `stylus_app::ring`.
+    /// Codes of the last tick. They are put out from 12.5 µs after the next tick on, see `stylus_app::ring`.
     waiting: [DacCode; OVERSAMPLING],
 }
 
@@ -64,7 +64,7 @@ impl Actuator {
 pub struct Performance {
     player: ScenePlayer<'static>,
     follower: Follower,
-    /// The interaction of the last update, which the next block plays.
+    /// The interaction that the last update decided. The next block plays it.
     decided: Interaction,
 }
 
@@ -144,7 +144,7 @@ mod tests {
         }
     }
 
-    /// Roots of the mean squares at pin and tip in the log so far, which is emptied.
+    /// RMS of the values at pin and tip in the log so far. The log is emptied.
     fn taken(log: &Log) -> [f64; 2] {
         let bytes = std::mem::take(&mut *log.0.lock().unwrap());
         let values = bytes

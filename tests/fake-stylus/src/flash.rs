@@ -25,11 +25,11 @@ pub struct Memory {
     bytes: Vec<u8>,
     programmed: Vec<bool>,
     faulty: Vec<bool>,
-    /// Words that read differently from read to read, with the content before the cut and the one after it.
+    /// Words that read differently from read to read, each with the content before the cut and the content after it.
     unstable: BTreeMap<usize, [[u8; WORD_BYTES]; 2]>,
-    /// Words that fault in so many of a thousand reads, as those do whose programming was cut at its very end.
+    /// Words that fault in this many of a thousand reads, as words do whose programming was cut at its very end.
     marginal: BTreeMap<usize, u64>,
-    /// State of the chance by which they read.
+    /// State of the random numbers that decide how unstable and marginal words read.
     chance: u64,
 }
 
@@ -45,7 +45,7 @@ pub enum Operation {
     Write {
         /// Number of the word.
         word: usize,
-        /// Its new content.
+        /// New content of the word.
         data: [u8; WORD_BYTES],
     },
 }
@@ -55,24 +55,24 @@ pub enum Operation {
 pub enum Cut {
     /// Nothing has happened yet.
     Before,
-    /// Half of it has happened, and every word of it faults when it is read.
+    /// Half of the operation has happened, and every word of it faults when it is read.
     Faulting,
-    /// Half of it has happened: the words can be read, but hold neither the old nor the new content.
+    /// Half of the operation has happened: its words can be read, but hold neither the old nor the new content.
     Readable,
-    /// Half of it has happened, and each read of a word gives the old content, the new one, a mixture, or a fault.
+    /// Half of the operation has happened: a read of a word gives the old content, the new one, a mixture, or a fault.
     Unstable,
-    /// All of it has happened.
+    /// All of the operation has happened.
     After,
-    /// Runs of words, of any length, are each left in one of the other manners, by chance: silicon need not erase a
+    /// Runs of words, of any length, are each left in one of the other manners, at random: silicon need not erase a
     /// sector's words alike.
     Mixed,
 }
 
 impl Cut {
-    /// All whose words read the same at each read.
+    /// Cuts after which each word reads the same at each read.
     pub const ALL: [Self; 4] = [Self::Before, Self::Faulting, Self::Readable, Self::After];
 
-    /// All but the mixture.
+    /// All cuts but [`Cut::Mixed`].
     pub const WITH_UNSTABLE: [Self; 5] = [
         Self::Before,
         Self::Faulting,
@@ -81,7 +81,7 @@ impl Cut {
         Self::After,
     ];
 
-    /// All.
+    /// All cuts.
     pub const EVERY: [Self; 6] = [
         Self::Before,
         Self::Faulting,
@@ -195,7 +195,7 @@ impl Memory {
         self.faulty[offset / WORD_BYTES] = true;
     }
 
-    /// Makes the word at `offset` read as it is, or as something else, or fault, from read to read.
+    /// Makes the word at `offset` unstable: each read gives its content, something else, or a fault.
     pub fn set_unstable(&mut self, offset: usize) {
         let word = offset / WORD_BYTES;
         let bytes = self.bytes[word * WORD_BYTES..].first_chunk();
@@ -204,17 +204,17 @@ impl Memory {
             .insert(word, [content, content.map(|byte| byte ^ 0x10)]);
     }
 
-    /// Makes the word with this number fault in so many of a thousand reads.
+    /// Makes the word with this number fault in `per_mille` of a thousand reads.
     pub fn set_marginal(&mut self, word: usize, per_mille: u64) {
         self.marginal.insert(word, per_mille);
     }
 
-    /// Seeds the chance by which unstable and marginal words read.
+    /// Seeds the random numbers that decide how unstable and marginal words read.
     pub fn seed(&mut self, seed: u64) {
         self.chance = seed | 1;
     }
 
-    /// A number below `bound`, by chance.
+    /// A random number below `bound`.
     fn below(&mut self, bound: u64) -> u64 {
         // Marsaglia's xorshift.
         self.chance ^= self.chance << 13;
@@ -273,25 +273,25 @@ impl Memory {
 pub enum Damage {
     /// Each read faults.
     Faulting,
-    /// A bit is wrong, which the code of the flash does not find.
+    /// A bit is wrong, and the flash's error correction does not find it.
     Flipped,
     /// Each read gives the content, something else, or a fault.
     Unstable,
 }
 
 impl Damage {
-    /// All.
+    /// All kinds of damage.
     pub const ALL: [Self; 3] = [Self::Faulting, Self::Flipped, Self::Unstable];
 }
 
 /// End of an operation that a test has asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mishap {
-    /// Power is lost; nothing happens after it.
+    /// Power is lost, and nothing happens after that.
     Cut(Cut),
     /// The operation fails half way and reports it.
     Refuse,
-    /// So do this operation and every one after it.
+    /// This operation and every one after it fail half way and report it.
     RefuseFrom,
     /// The operation puts a wrong bit and reports success.
     Corrupt,
@@ -299,7 +299,7 @@ pub enum Mishap {
 
 #[derive(Default)]
 struct ToCome {
-    /// Number of operations before it.
+    /// Number of operations before the mishap, and the mishap.
     mishap: Cell<Option<(usize, Mishap)>>,
     damage: RefCell<Vec<(usize, Damage)>>,
     is_off: Cell<bool>,
@@ -368,7 +368,7 @@ pub struct SimulatedFlash<'a> {
 }
 
 impl<'a> SimulatedFlash<'a> {
-    /// On `memory`, without mishaps.
+    /// A driver of `memory`, without mishaps.
     pub fn new(memory: Memory) -> Self {
         Self {
             memory,
@@ -381,7 +381,7 @@ impl<'a> SimulatedFlash<'a> {
         }
     }
 
-    /// Calls `observer` before each operation.
+    /// A driver of `memory` that calls `observer` before each operation.
     pub fn observed(memory: Memory, observer: impl FnMut(&Memory, Operation) + 'a) -> Self {
         Self {
             observer: Some(Box::new(observer)),

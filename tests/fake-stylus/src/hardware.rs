@@ -1,11 +1,12 @@
 //! The hardware in memory, as [`Device`] asks for it.
 //!
-//! It follows `firmware/src/device.rs` and the tick and update behind it statement by statement where requests can tell
-//! the difference: a mute counts from the next tick on, the motion is judged once per block, new settings replace the
-//! configuration of the safety stages, and a library's RAM is empty while it is exchanged. It is stricter than the
-//! hardware in one respect: it panics where the application breaks the contract of [`Device`], for example by
-//! exchanging a texture while the output sounds. A probe's samples are the kernel's, and so are all if there is an
-//! [`Actuator`]. Otherwise it leaves the kernel out: while something is played, the samples are those of a sine.
+//! [`Hardware`] follows `firmware/src/device.rs`, and the tick and update behind it, statement by statement where
+//! requests can tell the difference: a mute counts from the next tick on, the motion is judged once per block, new
+//! settings replace the configuration of the safety stages, and a library's RAM is empty while it is exchanged.
+//! [`Hardware`] is stricter than the real hardware in one respect: it panics where the application breaks the contract
+//! of [`Device`], for example by exchanging a texture while the output sounds. The samples of a probe come from the
+//! kernel. With an [`Actuator`] all samples do. Otherwise the kernel is left out: while something is played, the
+//! samples are those of a sine.
 
 use std::sync::atomic::AtomicI16;
 
@@ -85,9 +86,9 @@ pub struct Hardware {
     source: MotionSource,
     /// The host's last motion.
     pub host: Timed,
-    /// Judgement of the last update on the motion that is followed.
+    /// True if the last update judged the followed motion to be stale.
     is_stale: bool,
-    /// True if that is so because the force sensor is at a rail.
+    /// True if the motion is stale because the force sensor is at a rail.
     is_railed: bool,
     sensors: Sensors,
     estimator: Estimator,
@@ -97,7 +98,7 @@ pub struct Hardware {
     tap: Tap<'static>,
     recorder: Recorder<'static>,
     histogram: Histogram,
-    /// Durations of the ticks that requests for cycles have taken, and their number.
+    /// Range and number of the tick durations that requests for cycles have fetched so far.
     taken: CycleRange,
     counted: u32,
     /// Durations of the updates since the last request for cycles.
@@ -130,7 +131,7 @@ pub struct Hardware {
     pub missed: u32,
     /// Number of ticks whose codes count as too late.
     pub late_outputs: u32,
-    /// Cycles that every tick takes besides its own.
+    /// Cycles that every tick takes in addition to its own.
     pub slower_by: u32,
     /// Instructions per tick that a scene may take.
     pub budget: u32,

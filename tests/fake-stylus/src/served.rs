@@ -34,18 +34,18 @@ const STORAGE_STEPS: usize = 64;
 pub struct Heard {
     /// Time of its arrival.
     pub at: Instant,
-    /// Path of its endpoint or topic, "?" if there is none.
+    /// Path of the frame's endpoint or topic, "?" if there is none.
     pub path: &'static str,
-    /// The motion, of a motion that wants no answer.
+    /// The motion in the frame, if the frame is a motion that wants no answer.
     pub motion: Option<MotionSample>,
 }
 
 /// An image that a bootloader has started.
 #[derive(Clone, Copy, Debug)]
 pub struct StartedImage {
-    /// Its version.
+    /// Version of the image.
     pub version: ImageVersion,
-    /// True if a reset puts the image before back.
+    /// True if a reset puts the previous image back.
     pub is_on_trial: bool,
 }
 
@@ -68,7 +68,7 @@ struct Inner {
 
 /// A stylus that a host reaches by TCP, in a thread of its own until it is dropped.
 ///
-/// It has one link, as a serial port: a new connection takes it from the one before.
+/// The stylus has one link, like a serial port: a new connection takes the link from the one before.
 ///
 /// ```
 /// use std::net::TcpStream;
@@ -100,8 +100,8 @@ impl FakeStylus {
         Self::start_with(|stylus| stylus.set_actuator(actuator))
     }
 
-    /// Boots a stylus with a bootloader, and lets hosts connect. After the restart for an update it is the next one of
-    /// `images`, on blank flash again.
+    /// Boots a stylus with a bootloader, and lets hosts connect. After each restart for an update the stylus runs the
+    /// next one of `images`, on blank flash again.
     pub fn start_updatable(images: Vec<StartedImage>) -> Self {
         Self::start_as(move |listener, shared| {
             for image in images {
@@ -133,39 +133,39 @@ impl FakeStylus {
         }
     }
 
-    /// Its address for `--link` and `host_tools::link`.
+    /// Address of the stylus for `--link` and `host_tools::link`.
     pub fn link(&self) -> String {
         format!("tcp:127.0.0.1:{}", self.port)
     }
 
-    /// Its TCP port.
+    /// TCP port of the stylus.
     pub fn port(&self) -> u16 {
         self.port
     }
 
-    /// Injects the faults that `set` makes of none, in place of those before.
+    /// Injects the faults that `set` makes of none. They replace those of the call before.
     pub fn fail(&self, set: impl FnOnce(&mut Faults)) {
         let mut faults = Faults::default();
         set(&mut faults);
         lock(&self.inner).faults = faults;
     }
 
-    /// Puts it in another hand.
+    /// Puts the stylus in another hand.
     pub fn set_hand(&self, hand: Hand) {
         lock(&self.inner).hand = hand;
     }
 
-    /// Counts of its encoder since the start.
+    /// Counts of the stylus's encoder since the start.
     pub fn place(&self) -> i64 {
         lock(&self.inner).place
     }
 
-    /// Puts it on another board, for the self test.
+    /// Puts the stylus on another board, for the self test.
     pub fn set_board(&self, board: Board) {
         lock(&self.inner).board = board;
     }
 
-    /// Number of codes other than mid-scale that its self test has put out.
+    /// Number of codes other than mid-scale that the stylus's self test has put out.
     pub fn test_codes(&self) -> usize {
         lock(&self.inner).test_codes
     }
@@ -185,7 +185,7 @@ impl FakeStylus {
         lock(&self.inner).tear_samples = samples;
     }
 
-    /// The frames that have arrived since the last call.
+    /// Returns the frames that have arrived since the last call, and forgets them.
     pub fn take_heard(&self) -> Vec<Heard> {
         std::mem::take(&mut lock(&self.inner).heard)
     }
@@ -318,7 +318,7 @@ fn serve(listener: &TcpListener, shared: &Mutex<Inner>, prepare: impl FnOnce(&mu
     }
 }
 
-/// Takes over what the test has set; false if the device is to end.
+/// Hands the device what the test has set, and the test what the device has counted; false if the device is to end.
 fn set_scene(control: &SharedControl, shared: &Mutex<Inner>) -> bool {
     let mut inner = lock(shared);
     let mut control = control.borrow_mut();
@@ -332,7 +332,7 @@ fn set_scene(control: &SharedControl, shared: &Mutex<Inner>) -> bool {
     !inner.is_over
 }
 
-/// Runs the device until its clock shows `time`; gives the blocks that were recorded.
+/// Runs the device until its clock shows `time`, and returns the blocks that were recorded.
 fn catch_up(control: &SharedControl, time: Duration, faults: &Faults) -> Vec<RecordBlock> {
     let tick = time.as_micros() as u64 * u64::from(SAMPLE_RATE_HZ) / 1_000_000;
     let mut blocks = Vec::new();

@@ -21,7 +21,7 @@ const POLL_INTERVAL: Duration = Duration::from_millis(5);
 /// Rate of motions, Hz of this computer's clock.
 const MOTION_RATE_HZ: u32 = 200;
 
-/// Speed of the host's motion, mm/s: a node of no grid that the suite plays, so that all four neighbours are mixed.
+/// Speed of the host's motion, mm/s. No grid that the suite plays has a node there, so all four neighbours are mixed.
 const SPEED_MM_S: f32 = 100.0;
 
 /// Force of the host's motion, N.
@@ -39,15 +39,15 @@ pub struct Lengths {
     pub record_ms: u64,
     /// Length of upload, stream and play together, ms of the device.
     pub endurance_ms: u64,
-    /// Least time from one upload to the next in it, because sectors of flash bear 10 000 erases, ms of the device.
+    /// Least time from one upload to the next, ms of the device, because sectors of flash bear 10 000 erases.
     pub between_uploads_ms: u64,
 }
 
 /// The device under test.
 pub struct Bench {
-    /// The link to it.
+    /// The link to the device.
     pub device: Device,
-    /// Its reset and its flashing.
+    /// Control of the board's reset and flashing.
     pub board: Board,
     /// The run's lengths.
     pub lengths: Lengths,
@@ -152,7 +152,7 @@ impl Bench {
     /// Reads the status until `reached` is true for it.
     ///
     /// # Errors
-    /// As [`Bench::status`]; or `ms` of the device's clock have passed.
+    /// As [`Bench::status`]; or `reached` was not true within `ms` of the device's clock.
     pub fn wait_until(
         &self,
         what: &str,
@@ -187,10 +187,10 @@ impl Bench {
         })
     }
 
-    /// Waits until the device answers after a reset, as its clock that has begun anew shows.
+    /// Waits until the device answers after a reset. A clock that has begun anew shows the reset.
     ///
     /// # Errors
-    /// It does not come back, or its clock goes on.
+    /// The device does not come back, or its clock goes on.
     pub fn wait_for_restart(&mut self, before: &Status) -> Result<Status> {
         /// Attempts; each takes as long as the link takes to come back.
         const ATTEMPTS: u32 = 5;
@@ -216,7 +216,7 @@ impl Bench {
         }
     }
 
-    /// Plays `selection` along the host's motion while `work` is done, and stops it at its end.
+    /// Plays `selection` along the host's motion while `work` is done, and stops the device when `work` has ended.
     ///
     /// # Errors
     /// The device refuses to play, `work` fails, the link fails, or the output does not come to rest.
@@ -253,21 +253,21 @@ impl Bench {
         Ok((done, driven))
     }
 
-    /// Waits until something is heard: playing, and not muted.
+    /// Waits until the output is heard: playing, and not muted.
     ///
     /// # Errors
-    /// It stays muted.
+    /// The output stays muted.
     pub fn wait_until_heard(&self) -> Result<Status> {
         self.wait_until("the output was not unmuted", 2_000, |status| {
             is_playing(status) && status.output.mute.is_empty()
         })
     }
 
-    /// Sends motions until what was asked for is heard, and leaves it playing with nobody that keeps it. Returns the
-    /// last status, whose request was the last frame.
+    /// Sends motions until the output is heard. Leaves it playing, and nothing keeps it playing from then on. Returns
+    /// the last status, whose request was the last frame.
     ///
     /// # Errors
-    /// It stays muted.
+    /// The output stays muted.
     pub fn heard_with_motions(&self) -> Result<Status> {
         /// Motions that the output may need.
         const MOTIONS: u32 = 2_000;
@@ -311,7 +311,7 @@ fn motion() -> MotionPath {
         .expect("both are finite")
 }
 
-/// The same motion as one message.
+/// The host's motion as one message.
 pub fn motion_sample() -> MotionSample {
     MotionSample {
         speed: MillimetresPerSecond(SPEED_MM_S),

@@ -12,7 +12,7 @@ use crate::error::{Error, Result};
 pub enum Image {
     /// The image that is handed out.
     Product,
-    /// The same with faults on request.
+    /// The product's image with faults on request.
     FaultInjection,
 }
 
@@ -21,7 +21,7 @@ pub enum Image {
 pub struct Images {
     /// The image that is handed out.
     pub product: PathBuf,
-    /// The same with faults on request.
+    /// The product's image with faults on request.
     pub faults: PathBuf,
 }
 
@@ -34,13 +34,13 @@ impl Images {
     }
 }
 
-/// Time that a virtual stylus takes to start anew, on an idle computer.
+/// Time that a virtual stylus takes to restart, on an idle computer.
 const VIRTUAL_START: Duration = Duration::from_millis(700);
 
 /// Control of the board besides its link.
 #[derive(Debug)]
 pub enum Board {
-    /// None: resets and images are the user's.
+    /// No control: the user resets the board and flashes images.
     ByHand,
     /// A probe with probe-rs.
     Probe(Probe),
@@ -105,12 +105,12 @@ fn by_hand() -> Error {
     }
 }
 
-/// A probe with probe-rs. No call of it stays attached, so nothing halts the core and freezes its watchdog.
+/// A probe with probe-rs. It detaches after each call, so nothing halts the core and freezes its watchdog.
 #[derive(Debug)]
 pub struct Probe {
-    /// The program.
+    /// The probe-rs program.
     pub program: PathBuf,
-    /// The part's name for it.
+    /// The part's name for probe-rs.
     pub chip: String,
     /// The images.
     pub images: Images,
@@ -155,7 +155,7 @@ impl VirtualBoard {
     /// Starts `program` with the product's image on blank flash.
     ///
     /// # Errors
-    /// It cannot be started.
+    /// The virtual stylus cannot be started.
     pub fn start(program: PathBuf, images: Images) -> Result<Self> {
         let folder = tempfile::tempdir()?;
         let motion = folder.path().join("motion.csv");
@@ -173,7 +173,7 @@ impl VirtualBoard {
         Ok(board)
     }
 
-    /// The address of its link.
+    /// The address of the virtual stylus's link.
     pub fn link(&self) -> String {
         format!("tcp:127.0.0.1:{}", self.port)
     }

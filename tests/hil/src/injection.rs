@@ -37,7 +37,7 @@ pub enum Injected {
     AmplifierOn,
     /// A critical section from before a trigger until 25 µs after it.
     ShortSection = 30,
-    /// The same until 45 µs after it; the first conversion ends after 32 µs.
+    /// A critical section from before a trigger until 45 µs after it; the first conversion ends after 32 µs.
     LongSection,
     OverflowInTask,
     OverflowInUpdate,

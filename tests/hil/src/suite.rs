@@ -87,7 +87,7 @@ const MOST_POWER_W: f32 = 0.01;
 #[derive(Clone, Debug)]
 pub struct Kept {
     settings: Settings,
-    /// Those that somebody has set.
+    /// Settings that somebody has set.
     set: SettingSet,
     library: Option<PathBuf>,
 }

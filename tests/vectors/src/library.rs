@@ -20,7 +20,7 @@ const FORCES_N: [f32; 2] = [0.5, 2.0];
 /// Orders of neighbouring nodes; they differ, and odd orders and order zero are among them.
 const UNEQUAL_ORDERS: [usize; 6] = [MAX_ORDER, 37, 1, 250, 399, 0];
 
-/// Stages with fractions of a compact lattice, as `stylus fit` has them.
+/// Number of stages that have fractions in a compact lattice, as `stylus fit` writes it.
 const COMPACT_FINE_STAGES: usize = 24;
 
 /// Order of models whose length does not matter.
@@ -164,7 +164,7 @@ pub fn counted_texture(order: usize, name: &str) -> TextureSpec {
 struct Model {
     theta_codes: Vec<i16>,
     fractions: Vec<i8>,
-    /// True if a lattice of it has a tail.
+    /// True if the model's lattice has a tail.
     is_compact: bool,
 }
 
@@ -178,7 +178,7 @@ impl Model {
         }
     }
 
-    /// The same in the form that `stylus fit` chooses for most surfaces: fractions for the first stages only, and a
+    /// The model in the form that `stylus fit` chooses for most surfaces: fractions for the first stages only, and a
     /// tail.
     fn compact(self) -> Self {
         Self {
@@ -187,7 +187,7 @@ impl Model {
         }
     }
 
-    /// The same with any fraction for each stage that may have one.
+    /// The model with a random fraction for each stage that may have one.
     fn with_fractions(self, seed: u64) -> Self {
         let mut uniform = uniform(seed);
         let fraction = |_| (128.0 * uniform()) as i8;
@@ -197,7 +197,7 @@ impl Model {
         }
     }
 
-    /// The same with the fractions that are farthest from zero on the side of their code.
+    /// The model with the fractions that are farthest from zero, each on the side of its stage's code.
     fn with_largest_fractions(self) -> Self {
         let fraction = |&code: &i16| if code < 0 { i8::MIN } else { i8::MAX };
         let fine = self.theta_codes.iter().take(MAX_FINE_STAGES);
@@ -270,7 +270,7 @@ struct Grid {
 }
 
 impl Grid {
-    /// The whole grid, louder with the index.
+    /// The whole grid, whose output power rises with the index of the node.
     fn new(model: impl Fn(usize) -> Model) -> Self {
         let count = SPEEDS_MM_S.len() * FORCES_N.len();
         Self {
@@ -296,19 +296,19 @@ impl Grid {
         }
     }
 
-    /// The same with these laws of the level.
+    /// The grid with these laws of the level.
     fn with_laws(self, level: LevelLaw, fade: FadeLaw) -> Self {
         let laws = Laws { level, fade };
         Self { laws, ..self }
     }
 
-    /// The same with lines of these wavelengths, mm, and phases. Their amplitudes rise with the node.
+    /// The grid with lines of these wavelengths, mm, and phases. The lines' amplitudes rise with the node.
     fn with_lines(self, lines: &[(f32, u16)]) -> Self {
         let lines = lines.to_vec();
         Self { lines, ..self }
     }
 
-    /// The same with lines of which every wander has some, in turn.
+    /// The grid with lines that take the wanders of [`WANDERS`] in turn.
     fn with_wanders(self) -> Self {
         Self {
             wanders: &WANDERS,
@@ -337,7 +337,7 @@ impl Grid {
         (!lines.is_empty()).then(|| LinesSpec::with_wanders(lines, self.wanders))
     }
 
-    /// The same with two codebooks, and nodes of both and of neither.
+    /// The grid with two codebooks. Some nodes have the first, some the second, some neither.
     fn with_codebooks(mut self) -> Self {
         let nodes = 0..self.models.len();
         self.parts.excitation = Some(ExcitationSpec {
@@ -348,7 +348,7 @@ impl Grid {
         self
     }
 
-    /// The same with two codebooks in blocks, and nodes of both and of neither.
+    /// The grid with two codebooks in blocks. Some nodes have the first, some the second, some neither.
     fn with_moments(mut self) -> Self {
         self = self.with_codebooks();
         if let Some(excitation) = &mut self.parts.excitation {
@@ -358,13 +358,13 @@ impl Grid {
         self
     }
 
-    /// The same with a level track.
+    /// The grid with a level track.
     fn with_track(mut self) -> Self {
         self.parts.modulation = Some(track());
         self
     }
 
-    /// The same with silent nodes at speed zero.
+    /// The grid with silent nodes at speed zero.
     fn with_rest(mut self) -> Self {
         self.speeds_mm_s.insert(0, 0.0);
         let silent = FORCES_N.map(|_| (Model::gentle(5, 99), 0.0));
@@ -386,7 +386,7 @@ impl Grid {
     }
 }
 
-/// A codebook of so many samples, most of them small.
+/// A codebook of `samples` samples, most of them small.
 fn codebook(samples: usize, seed: u64) -> CodebookSpec {
     let mut uniform = uniform(seed);
     // The law's codes are uneven already; their cube is more so.
@@ -403,7 +403,7 @@ fn codebook(samples: usize, seed: u64) -> CodebookSpec {
     codebook
 }
 
-/// A codebook of so many blocks, with levels that are spread over 32 dB.
+/// A codebook of `count` blocks, with levels that are spread over 32 dB.
 fn blocks(count: usize, seed: u64) -> CodebookSpec {
     let mut uniform = uniform(seed);
     let mut codes: Vec<i8> = (0..count * BLOCK_BYTES)

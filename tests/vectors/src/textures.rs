@@ -7,9 +7,9 @@ use crate::path::PATH_UPDATES;
 /// A texture to be played for a comparison of bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Vector {
-    /// Its name in the library; for two textures at once, a name of their own.
+    /// Name of the texture in the library. For two textures at once it is a name of the pair.
     pub texture: &'static str,
-    /// The textures of a scene on whose transition both sound.
+    /// Names of two textures in a scene whose transition sounds both; none for one texture.
     pub beside: Option<[&'static str; 2]>,
     /// Seed of the excitation.
     pub seed: u64,
@@ -68,7 +68,7 @@ pub const VECTORS: [Vector; 17] = [
 /// A texture whose cost is measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Measured {
-    /// Its name in the library; its highest order is the limit, 400.
+    /// Name of the texture in the library. The texture's highest order is the limit, 400.
     pub texture: &'static str,
     /// Most instructions that one sample may take.
     pub budget_instructions: u32,

@@ -62,7 +62,7 @@ const PLACES_KEPT: usize = 16;
 const BANK: u64 = BYTES as u64 / 2;
 /// The bank with the code, as a bit of [`Busy::banks`].
 const CODE_BANK: u8 = 1;
-/// The other bank.
+/// The bank without the code, as a bit of [`Busy::banks`].
 const OTHER_BANK: u8 = 2;
 /// Instructions between two looks at the MPU while the bank with the code is busy: a microsecond.
 const LOOK: u32 = 256;
@@ -128,7 +128,7 @@ impl Auditor {
         matches!(*self.asked(), Asked::Running(_))
     }
 
-    /// The outcome, once.
+    /// Returns the outcome of an audit that has ended, once.
     pub fn take(&self) -> Option<Audit> {
         let mut asked = self.asked();
         match std::mem::take(&mut *asked) {
@@ -146,12 +146,12 @@ impl Auditor {
 pub struct Touched(Arc<OnceLock<Mutex<BTreeMap<u64, u64>>>>);
 
 impl Touched {
-    /// Begins to note them.
+    /// Begins to note the registers.
     pub fn begin(&self) {
         self.0.get_or_init(Mutex::default);
     }
 
-    /// All that was noted.
+    /// All registers that were noted.
     pub fn noted(&self) -> BTreeMap<u64, u64> {
         let noted = self.0.get().map(|noted| noted.lock());
         noted.map_or_else(BTreeMap::new, |noted| {
@@ -214,7 +214,7 @@ struct Polls {
 }
 
 impl Polls {
-    /// Follows an access; `is_poll` for a read of such a register.
+    /// Follows an access; `is_poll` is true for a read of a register that only an event changes.
     fn follow(&mut self, access: &Access, is_poll: bool) {
         if access.address == CYCLE_COUNT {
             return;
@@ -253,7 +253,7 @@ struct Core {
     next_look: u64,
     /// The MPU's region of the code in the bank that is busy.
     code_region: Option<u64>,
-    /// Instant until which the other bank's reads go over the bus.
+    /// Instant until which reads of the bank without the code go over the bus.
     other_bank_until: VirtualNanos,
     /// The banks whose reads go over the bus, a bit per bank.
     on_bus: u8,

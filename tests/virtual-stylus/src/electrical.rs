@@ -36,7 +36,7 @@ impl Default for Electrical {
     }
 }
 
-/// True for revisions Z and Y.
+/// True if `revision` is Z or Y.
 fn is_old(revision: u16) -> bool {
     revision < 0x2000
 }
@@ -71,7 +71,7 @@ impl OldConverter {
 /// An interrupt that the emulator's own models do not request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Interrupt {
-    /// The non-maskable one, of the clock security system.
+    /// The non-maskable interrupt, of the clock security system.
     NonMaskable,
     /// `PVD_AVD`, of the voltage detector (table 148), whose line the emulator's EXTI lacks.
     Supply,
@@ -104,7 +104,7 @@ impl Defects {
         self.0.interrupts[which as usize].store(true, Ordering::Relaxed);
     }
 
-    /// Takes the request, if there is one.
+    /// Clears the request of an interrupt, and returns true if there was one.
     pub fn take_interrupt(&self, which: Interrupt) -> bool {
         self.0.interrupts[which as usize].swap(false, Ordering::Relaxed)
     }

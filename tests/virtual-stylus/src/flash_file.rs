@@ -18,11 +18,11 @@ pub struct FlashFile {
 }
 
 impl FlashFile {
-    /// Opens the file at `path`, or creates it, and locks it. Returns it with what it holds; a new or empty one holds
-    /// an erased flash.
+    /// Opens the file at `path`, or creates it, and locks it. Returns the file with its content. A new or empty file
+    /// holds an erased flash.
     ///
     /// # Errors
-    /// It is not a regular file, cannot be opened, has another length than a flash, or is in use by another run.
+    /// The file is not a regular file, cannot be opened, has another length than a flash, or is in use by another run.
     pub fn open(path: &Path) -> Result<(Self, Contents)> {
         let told = |reason: String| Error::FlashFile {
             path: path.to_owned(),

@@ -24,11 +24,11 @@ use virtual_stylus::sockets::{SerialSocket, UsbSocket};
 use virtual_stylus::tick::TickStatistics;
 use virtual_stylus::{Options, ResetCause, RunReport, VirtualStylus};
 
-/// Virtual time between two comparisons with the wall clock.
+/// Virtual time between two comparisons with the wall clock, without a program or host on a socket.
 const STEP_NS: u64 = 1_000_000;
-/// The same with a program at the serial line.
+/// Virtual time between two comparisons with the wall clock, with a program at the serial line.
 const SERIAL_STEP_NS: u64 = 250_000;
-/// The same with a host on USB.
+/// Virtual time between two comparisons with the wall clock, with a host on USB.
 const USB_STEP_NS: u64 = 125_000;
 const NANOS_PER_SECOND: f64 = 1e9;
 
@@ -80,7 +80,7 @@ struct Around {
     serial: Option<SerialSocket>,
     usb: Option<UsbSocket>,
     flash: Option<FlashFile>,
-    /// `stylus devices` finds the stylus by this, as long as it runs.
+    /// The announcement by which `stylus devices` finds the stylus, as long as the stylus runs.
     announced: Option<Announcement>,
 }
 
@@ -148,7 +148,7 @@ fn start(arguments: &Arguments) -> Result<(VirtualStylus, Around)> {
     Ok((stylus, around))
 }
 
-/// Announces the links. A folder that cannot be used is said, and is no reason not to run.
+/// Announces the links. An unusable folder is reported, and the run goes on.
 fn announce(links: &[String]) -> Option<Announcement> {
     if links.is_empty() {
         return None;

@@ -16,13 +16,14 @@ const QUIET_INTERVALS: u32 = 6;
 pub struct Pace {
     /// Real and virtual time at the beginning of the interval.
     since: (Duration, Duration),
-    /// Intervals left in which nothing is said.
+    /// Number of intervals left in which nothing is reported.
     quiet: u32,
 }
 
 impl Pace {
-    /// Takes the real and the virtual time since the beginning of the run. Returns the share of real time at which the
-    /// stylus ran over the last interval, if that is slow and was not said within the last minute.
+    /// Returns the share of real time at which the stylus ran over the last interval, if that is slow and no slow
+    /// interval was reported within the last minute. `real` and `of_stylus` are the real and the virtual time since the
+    /// run began.
     pub fn slow(&mut self, real: Duration, of_stylus: Duration) -> Option<f64> {
         let (since, before) = self.since;
         let passed = real.saturating_sub(since);
@@ -47,7 +48,7 @@ impl Pace {
 mod tests {
     use super::*;
 
-    /// Seconds of real time at which a run at this share of real time is said to be slow.
+    /// Seconds of real time at which a run at this share of real time is reported as slow.
     fn told(share: f64, seconds: u64) -> Vec<u64> {
         let mut pace = Pace::default();
         let is_told = |&at: &u64| {

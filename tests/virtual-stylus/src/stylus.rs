@@ -105,12 +105,12 @@ impl VirtualStylus {
         self.ask(|session, _, _| job(session.board_mut()))
     }
 
-    /// Takes the outputs of the converter's channel 1 since the last call, or since power-on.
+    /// Returns the outputs of the digital-to-analogue converter's channel 1 since the last call, or since power-on.
     pub fn take_dac_record(&mut self) -> Vec<Output> {
         self.board(|board| board.part.dac.take_record())
     }
 
-    /// Takes the changes of the amplifier's enable since the last call, or since power-on. At power-on it floats.
+    /// Returns the changes of the amplifier's enable pin since the last call, or since power-on, when it floats.
     pub fn take_amplifier_record(&mut self) -> Vec<Driven> {
         self.board(|board| board.part.amplifier.around.take_record())
     }
@@ -121,7 +121,7 @@ impl VirtualStylus {
         self.board(move |board| board.line().put(&bytes));
     }
 
-    /// Takes the bytes that the image has sent on the serial line since the last call.
+    /// Returns the bytes that the image has sent on the serial line since the last call.
     pub fn receive(&mut self) -> Vec<Sent> {
         self.board(|board| Line::take(board.line()))
     }
@@ -161,12 +161,12 @@ impl VirtualStylus {
         self.board(|board| board.part.adc.around.record_samples());
     }
 
-    /// Takes the samples kept since the last call.
+    /// Returns the samples of the injected sequence that were kept since the last call.
     pub fn take_samples(&mut self) -> Vec<Sample> {
         self.board(|board| board.part.adc.around.take_samples())
     }
 
-    /// Takes the ticks since the last call.
+    /// Returns the ticks since the last call.
     pub fn take_ticks(&mut self) -> Vec<Tick> {
         self.ask(|_, hands, _| hands.ticks.take_ticks())
     }
@@ -176,7 +176,7 @@ impl VirtualStylus {
         self.ask(move |_, hands, _| hands.ticks.audit_every(Some(every)));
     }
 
-    /// Takes the audits since the last call.
+    /// Returns the audits of ticks since the last call.
     pub fn take_audits(&mut self) -> Vec<Audit> {
         self.ask(|_, hands, _| hands.ticks.take_audits())
     }
@@ -197,7 +197,7 @@ impl VirtualStylus {
         self.ask(move |_, hands, _| hands.to_capture = cuts);
     }
 
-    /// Takes the power cuts captured since the last call, in the order of their operations.
+    /// Returns the power cuts captured since the last call, in the order of their operations.
     pub fn take_power_cuts(&mut self) -> Vec<PowerCut> {
         self.ask(|_, hands, _| std::mem::take(&mut hands.captured))
     }

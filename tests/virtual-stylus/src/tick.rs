@@ -13,7 +13,7 @@ use crate::core::{Audit, Auditor};
 pub struct Tick {
     /// Instant of the handler's entry, in nanoseconds of virtual time.
     pub at_ns: u64,
-    /// Instructions from its first to the one that returns, both counted.
+    /// Instructions from the handler's first to the one that returns, both counted.
     pub instructions: u32,
 }
 
@@ -84,12 +84,12 @@ impl TickWatch {
         self.audit_every = every;
     }
 
-    /// Takes the ticks so far.
+    /// Returns the ticks since the last call, or since the run began.
     pub fn take_ticks(&mut self) -> Vec<Tick> {
         std::mem::take(&mut self.ticks)
     }
 
-    /// Takes the audits so far.
+    /// Returns the audits since the last call, or since the run began.
     pub fn take_audits(&mut self) -> Vec<Audit> {
         std::mem::take(&mut self.audits)
     }
@@ -125,7 +125,7 @@ impl TickWatch {
         None
     }
 
-    /// Takes a finished audit; returns a further watch if the tick returned by an unknown instruction.
+    /// Handles the end of an audit; returns a further watch if the tick returned by an unknown instruction.
     pub fn audited(&mut self) -> Option<Watch> {
         let audit = self.auditor.take()?;
         let (_, at_ns) = self.entered.take()?;

@@ -13,7 +13,7 @@
 //! the tool is at rest, exactly. **Its price** is that of every filter that looks ahead: a change by some mm/s that
 //! takes less than its memory is shown larger for a moment, as is a tremor.
 //!
-//! Its noise and delay beside a mean of 20 ms: `host-tools/COSTS.md`, "Speed of the hand".
+//! Noise and delay of the estimate, beside those of a mean of 20 ms: `host-tools/COSTS.md`, "Speed of the hand".
 //!
 //! The position felt is off by at most 5 µm RMS and by a count at 20 to 300 mm/s, so that the phase noise of a line of
 //! 0.6 mm is at most 3° RMS. `firmware/app/tests/app/speed.rs` and `lines.rs` hold these figures.
@@ -133,8 +133,8 @@ impl Estimator {
         velocity.clamp(mean - RESOLUTION, mean + RESOLUTION)
     }
 
-    /// Takes the block that `sensors` ended last, unless it was taken before. Blocks that a late update has left out
-    /// are bridged.
+    /// Updates the estimate with the block that `sensors` ended last, unless it has that block already. Blocks that a
+    /// late update has left out are bridged.
     fn follow(&mut self, sensors: &Sensors) {
         let passed = sensors.ended.wrapping_sub(self.blocks);
         if passed == 0 {

@@ -37,9 +37,10 @@ pub const STALE_TICKS: u64 = (STALE_AFTER_MS * TICKS_PER_MS) as u64;
 
 /// Standard deviation of the force's code at rest.
 ///
-/// It was not measured here. Users of a NUCLEO-H743ZI report 100 codes from peak to peak of a grounded pin, because
-/// the clock of the Ethernet transceiver reaches the converter (ST community, "Fluctuations in ADC value of STM32H743
-/// MCU"); that is 6 deviations of 16. A sensor's amplifier may add more, and is then a reason to set the threshold.
+/// The deviation was not measured here. Users of a NUCLEO-H743ZI report 100 codes from peak to peak of a grounded pin,
+/// because the clock of the Ethernet transceiver reaches the converter (ST community, "Fluctuations in ADC value of
+/// STM32H743 MCU"); that is 6 deviations of 16. A sensor's amplifier may add more, and is then a reason to set the
+/// threshold.
 pub const FORCE_NOISE_CODES: f32 = 16.0;
 
 /// Deviations of the noise at which contact begins.
@@ -171,8 +172,8 @@ impl Sensors {
         }
     }
 
-    /// Takes the values read at `tick`. If the conversion was not `fresh`, that is in time, `force` is left out, and so
-    /// it is at a rail.
+    /// Adds the values read at `tick`. The last force stays if the conversion of `force` was not in time (`fresh` is
+    /// false), or if `force` is at a rail.
     #[inline(always)]
     pub fn read(&mut self, tick: u64, encoder_delta: i16, force: AdcCode, fresh: bool) {
         self.block.counts = self.block.counts.wrapping_add(i32::from(encoder_delta));
@@ -317,7 +318,7 @@ impl Follower {
         }
     }
 
-    /// The same for a plan that has lines which are tied to position, if `has_lines`.
+    /// This follower, with a tracker of the position if the plan has lines that are tied to it (`has_lines`).
     #[must_use]
     pub fn tracking(self, has_lines: bool) -> Self {
         let tracker = has_lines.then(Tracker::new);

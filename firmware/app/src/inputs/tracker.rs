@@ -1,13 +1,13 @@
 //! Position of the tool when a block's last sample is felt, for lines that are tied to position.
 //!
-//! **From the encoder.** The [`Estimator`]'s course, extrapolated by [`LEAD_TICKS`]. It has no lag at constant speed
-//! and acceleration. A turn at 100 mm/s is off by a count if it takes 0.9 s, and by two counts for a moment if it takes
-//! 0.3 s, because nobody knows the jerk ahead. Counts that flicker, because the tool is at the edge of a count whenever
-//! it is read, leave up to twice that. `firmware/app/tests/app/lines.rs` holds these figures.
+//! **From the encoder.** The [`Estimator`]'s course, extrapolated by [`LEAD_TICKS`]. The course has no lag at constant
+//! speed and acceleration. A turn at 100 mm/s is off by a count if it takes 0.9 s, and by two counts for a moment if it
+//! takes 0.3 s, because nobody knows the jerk ahead. Counts that flicker, because the tool is at the edge of a count
+//! whenever it is read, leave up to twice that. `firmware/app/tests/app/lines.rs` holds these figures.
 //!
-//! **From the host.** Its positions come at up to 1 kHz, and up to a millisecond late or early. The position goes on at
-//! the speed that the host told last, and takes up a fifth of the difference per update. Without positions it is the
-//! integral of the signed speed.
+//! **From the host.** The host's positions come at up to 1 kHz, and up to a millisecond late or early. The position
+//! goes on at the speed that the host told last, and takes up a fifth of the difference per update. Without positions
+//! it is the integral of the signed speed.
 
 use stylus_kernel::position::Position;
 
@@ -101,7 +101,8 @@ impl Tracker {
 }
 
 impl Tracked {
-    /// Takes the encoder's `counts`, which wrap. The sum is exact, so that a place is the same in both directions.
+    /// Advances the counted position to the encoder's `counts`, which wrap. The sum is exact, so that a place is the
+    /// same in both directions.
     fn count(&mut self, counts: i32, path_per_count: f32) {
         let step = steps(path_per_count);
         let more = i64::from(counts.wrapping_sub(self.counts));

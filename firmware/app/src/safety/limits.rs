@@ -42,7 +42,7 @@ impl LimitConfig {
 /// The last code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Pin {
-    /// Its offset from mid-scale, converter steps.
+    /// Offset of the code from mid-scale, converter steps.
     offset: i32,
 }
 
@@ -66,12 +66,12 @@ impl Cut {
 }
 
 impl Pin {
-    /// At `offset` converter steps from mid-scale.
+    /// A code at `offset` converter steps from mid-scale.
     pub const fn at(offset: i32) -> Self {
         Self { offset }
     }
 
-    /// Its offset from mid-scale, converter steps.
+    /// Offset of the code from mid-scale, converter steps.
     #[inline(always)]
     pub fn offset(self) -> i32 {
         self.offset

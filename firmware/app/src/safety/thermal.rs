@@ -6,8 +6,8 @@
 //!
 //! **The state is the mean of V² alone**, over the time constant, because that is all that the device knows by itself.
 //! Resistance, gain and power limit only judge it: T is that mean over the mean square that the limit allows. So a
-//! change of settings neither cools the coil nor overflows anything; it changes the judgement, at once.
-//! That mean square is at most [`MAX_PIN_MEAN_SQUARE`], whatever the settings say of coil and amplifier.
+//! change of settings neither cools the coil nor overflows anything; it changes the judgement, at once. The mean of V²
+//! is at most [`MAX_PIN_MEAN_SQUARE`], whatever the settings say of coil and amplifier.
 //!
 //! Below three quarters of the limit the gain is one; from there to T = 1 it falls linearly to zero. The voltage never
 //! exceeds the one that gives [`PEAK_POWER_RATIO`] times the power limit, so that T cannot run far past one while the

@@ -35,7 +35,7 @@ pub struct Snapshot {
     pub response: Option<Response>,
 }
 
-/// A snapshot and its number: each change has the number after that of the one before.
+/// A snapshot and its sequence number, which rises by one per change.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Record {
     pub sequence: u32,
@@ -71,7 +71,8 @@ impl Snapshot {
         }
     }
 
-    /// This snapshot with one setting changed, which is then set and no longer lost. The value is in its range.
+    /// This snapshot with one setting changed, which then counts as set and no longer as lost. The value is in the
+    /// setting's range.
     pub fn with(self, change: SettingChange) -> Self {
         Self {
             settings: self.settings.with(change).unwrap_or(self.settings),
@@ -81,7 +82,8 @@ impl Snapshot {
         }
     }
 
-    /// This snapshot with another response, and the setting that is stored with it; or without a response.
+    /// This snapshot with `response` in place of its own, and with the setting that is stored with `response`. `None`
+    /// removes the response.
     pub fn with_response(self, response: Option<&Response>) -> Self {
         let set = response.map_or(self, |response| self.with(response.change()));
         Self {
@@ -90,7 +92,7 @@ impl Snapshot {
         }
     }
 
-    /// This snapshot, of which a later one with other limits was lost: every limit is lost.
+    /// This snapshot with every limit lost, because a later snapshot with other limits was lost.
     pub fn without_limits(self) -> Self {
         let limits = limits();
         Self {
@@ -100,9 +102,9 @@ impl Snapshot {
         }
     }
 
-    /// This snapshot with the tighter one of each limit that `older` has otherwise, and the settings that differed.
+    /// This snapshot with the tighter value of each limit that differs in `older`, and the set of these limits.
     ///
-    /// A setting that only one of the two has set counts as not set.
+    /// A limit that only one of the two snapshots has set counts as not set.
     pub fn tightened(self, older: &Self) -> (Self, SettingSet) {
         let mut result = self;
         let mut differing = SettingSet::NONE;

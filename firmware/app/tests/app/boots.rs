@@ -196,7 +196,7 @@ impl Life {
         Ok(())
     }
 
-    /// Takes the device apart.
+    /// Turns the device off and returns the memory of its flash.
     fn power_off(&mut self) -> Memory {
         let stylus = self.stylus.take().expect("it is on");
         stylus.storage.into_flash().0.memory

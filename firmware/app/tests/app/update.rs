@@ -94,7 +94,7 @@ fn pattern(seed: u32, length: usize) -> Vec<u8> {
     (0..length).map(|at| byte(at) as u8).collect()
 }
 
-/// The same behind a table of vectors.
+/// An image of `length` bytes: the [`pattern`] of `seed` with two vectors, stack and reset, at its beginning.
 fn image(seed: u32, length: usize) -> Vec<u8> {
     let mut bytes = pattern(seed, length);
     bytes[..4].copy_from_slice(&0x2000_D400_u32.to_le_bytes());
@@ -118,7 +118,7 @@ fn committed() -> Committed {
 /// Record of the commit.
 const COMMIT: Record = Record::marked(mark::SWAP, 1, [2, 3, 5]);
 
-/// The same before the word of the commit.
+/// The device of [`committed`] before the word of the commit.
 fn received() -> Committed {
     let mut memory = Memory::blank(FLASH_BYTES);
     let (old, new) = (image(1, ACTIVE.len()), image(2, 290_000));

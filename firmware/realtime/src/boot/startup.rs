@@ -19,8 +19,8 @@ const VECTORS: usize = 166;
 /// at its highest (RM0433 section 45.3.1).
 const WATCHDOG_US: u32 = 250_000;
 
-/// The same once tasks run, µs. For as long, and 9 % longer on the slowest LSI, a hung core whose output hangs, too,
-/// leaves its last code on a coil.
+/// Timeout of the watchdog once tasks run, µs. A hung core whose output hangs, too, leaves its last code on a coil for
+/// as long, and 9 % longer on the slowest LSI.
 pub const RUNNING_WATCHDOG_US: u32 = 100_000;
 
 /// Nominal clock of the watchdog, LSI, Hz. It is within 29.4 and 33.6 kHz (DS12110, LSI oscillator characteristics).
@@ -159,8 +159,9 @@ pub fn prepare_memory(scb: &mut SCB, cpuid: &mut CPUID) {
 
 /// Starts the processor's cycle counter, with or without a debugger.
 ///
-/// It goes on in WFE because `clock.rs` has embassy keep the clocks of sleep modes on (DBGMCU_CR.DBGSLEEP_D1, RM0433
-/// section 60.5.8). The tick's instants do not depend on it; its durations, the marks and the waits for bank 1 do.
+/// The counter goes on in WFE because `clock.rs` has embassy keep the clocks of sleep modes on (DBGMCU_CR.DBGSLEEP_D1,
+/// RM0433 section 60.5.8). The tick's instants do not depend on the counter; the tick's durations, the marks and the
+/// waits for bank 1 do.
 pub fn start_cycle_counter(dcb: &mut DCB, dwt: &mut DWT) {
     dcb.enable_trace();
     DWT::unlock();

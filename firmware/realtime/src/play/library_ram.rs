@@ -34,7 +34,7 @@ pub struct LibraryRam {
 enum Content {
     /// Nothing that may be used.
     Nothing,
-    /// So many bytes of a library.
+    /// A library of which so many bytes have been copied.
     Copied(usize),
     /// All bytes of a library, which are being decoded.
     Decoding(Decoder<'static>),
@@ -61,8 +61,8 @@ impl LibraryRam {
         *self.content = Content::Copied(0);
     }
 
-    /// Takes one step of copying `bytes`, the same at each step, and of decoding the copy; returns true after the last
-    /// one. The library can be seen only then.
+    /// Does one step of copying `bytes`, the same at each step, or of decoding the copy. Returns true after the last
+    /// step; the library can be seen only then.
     ///
     /// # Errors
     /// There are too many bytes, or they are not a library, or nothing was begun; the memory has no library then.

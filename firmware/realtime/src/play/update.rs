@@ -17,7 +17,7 @@ use crate::play::{direction, voice};
 /// True if the motion that is followed was too old at the last update.
 static STALE: AtomicBool = AtomicBool::new(true);
 
-/// True if that is so because the force sensor was at a rail of its converter.
+/// True if the motion that is followed was too old because the force sensor was at a rail of its converter.
 static RAILED: AtomicBool = AtomicBool::new(false);
 
 /// Inputs of an update besides the tick's note.
@@ -55,7 +55,8 @@ pub fn is_stale() -> bool {
     STALE.load(Ordering::Relaxed)
 }
 
-/// Takes the range of the updates' durations since the last call, with the interrupts that came in between.
+/// Returns the range of the updates' durations since the last call, and begins it anew. A duration includes the
+/// interrupts that came in between.
 pub fn take_range() -> CycleRange {
     UPDATE.with(|_, update| {
         let range = update.as_mut().map(|update| &mut update.range);
@@ -65,7 +66,7 @@ pub fn take_range() -> CycleRange {
     })
 }
 
-/// Returns true if that is so because the force sensor was at a rail of its converter.
+/// Returns true if the motion that is followed was too old because the force sensor was at a rail of its converter.
 pub fn is_railed() -> bool {
     RAILED.load(Ordering::Relaxed)
 }
@@ -81,10 +82,10 @@ pub fn change(change: impl FnOnce(&mut Update)) {
 
 /// The update's interrupt, pended by the tick. **Deadline: 0.6 ms, until the next block.**
 ///
-/// Its time is bounded by two voices at a time, the highest order of their textures, four nodes around the motion,
-/// twenty samples of excitation from codebooks and level tracks, and the ticks that interrupt it. If it is late, the
-/// block before goes on with its ramps at their ends; a voice with codebooks or a track has no excitation then, so that
-/// its filter rings out; and `status` counts it.
+/// The time of an update is bounded by two voices at a time, the highest order of their textures, four nodes around the
+/// motion, twenty samples of excitation from codebooks and level tracks, and the ticks that interrupt it. If the update
+/// is late, the block before goes on with its ramps at their ends; a voice with codebooks or a track has no excitation
+/// then, so that its filter rings out; and `status` counts the late update.
 #[unsafe(no_mangle)]
 #[unsafe(link_section = ".itcm.update")]
 extern "C" fn SWPMI1() {

@@ -150,7 +150,7 @@ pub unsafe fn next_sample(index: BlockIndex) -> OutputSample {
 
 /// Begins block `index`, which was not played before, and returns the ringing at its beginning.
 ///
-/// It is a call of its own, so that it takes no registers from the ticks that begin no block.
+/// The function is never inlined, so that it takes no registers from the ticks that begin no block.
 ///
 /// # Safety
 /// Called by the tick, while it plays and the update is ready.

@@ -5,9 +5,9 @@
 //! [`output`]. TIM7 and DMA put them out, the first one 212.5 µs after the trigger. So timers alone set the instants of
 //! sampling and output, and a signal on the pins at one trigger can be answered 412.5 µs later.
 //!
-//! Its code is in ITCM and everything that it touches in DTCM; the build fails if a call or an address in it leads to
-//! flash. It takes no lock and logs nothing. The number of instructions depends on the block that is played, never on
-//! the data.
+//! The handler's code is in ITCM and everything that it touches in DTCM; the build fails if a call or an address in it
+//! leads to flash. The handler takes no lock and logs nothing. The number of instructions depends on the block that is
+//! played, never on the data.
 
 #![expect(
     unsafe_code,
@@ -165,7 +165,7 @@ pub fn snapshot() -> Option<Snapshot> {
     })
 }
 
-/// Takes the range of the ticks' durations since the last call; see [`Histogram::take_range`].
+/// Returns the range of the ticks' durations since the last call, and begins it anew; see [`Histogram::take_range`].
 pub fn take_range(counted: &mut u32) -> CycleRange {
     TICK.with(|_, tick| {
         tick.as_mut()
@@ -233,10 +233,10 @@ pub fn stop() {
 
 /// The tick's interrupt. **Deadline: 200 µs, until the next trigger.**
 ///
-/// Its time is bounded by the stages of the block, whose worst case was compared with a budget before the plan was
-/// accepted. The safety stages, the queue and the counters take the same at every tick. It begins late by at most the
-/// longest critical section. If it ends after the next trigger, the tick is counted as missed, and the next one begins
-/// at once. `status` shows the count and the duration of ticks.
+/// The time of a tick is bounded by the stages of the block, whose worst case was compared with a budget before the
+/// plan was accepted. The safety stages, the queue and the counters take the same at every tick. A tick begins late by
+/// at most the longest critical section. If a tick ends after the next trigger, it is counted as missed, and the next
+/// one begins at once. `status` shows the count and the duration of ticks.
 ///
 /// A sample's codes are put out 212.5 µs after the trigger, however early they are computed.
 ///

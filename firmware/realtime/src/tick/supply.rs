@@ -14,7 +14,7 @@ use crate::tick::output::amplifier;
 /// Line of the detector's output (RM0433 table 153).
 const DETECTOR: usize = 16;
 
-/// Takes the detector's rising edge, which is a falling supply, from now on.
+/// Lets the detector's rising edge, which is a falling supply, turn the amplifier off from now on.
 pub fn guard() {
     EXTI.rtsr(0).modify(|w| w.set_line(DETECTOR, true));
     EXTI.imr(0).modify(|w| w.set_line(DETECTOR, true));

@@ -225,7 +225,8 @@ fn spin_until(done: impl Fn() -> bool) {
     defmt::warn!("USB core: a command has not finished in time");
 }
 
-/// Takes back the packet that endpoint `index` was to send. Interrupts stay on while the core does it.
+/// Cancels the packet that IN endpoint `index` was to send. Interrupts stay on while the USB core disables the
+/// endpoint.
 pub fn cancel_in(index: usize) {
     critical_section::with(|_| {
         if USB_OTG_FS.diepctl(index).read().epena() {

@@ -62,9 +62,9 @@ pub enum ResponseFault {
     Point {
         /// Index of the point.
         index: usize,
-        /// Its frequency.
+        /// Frequency of the point, Hz.
         hz: f64,
-        /// Frequency before it.
+        /// Frequency of the point before, Hz.
         before_hz: f64,
     },
     /// A limit on the gain that the format has not.
@@ -72,18 +72,18 @@ pub enum ResponseFault {
     Gain {
         /// The limit, dB.
         max_gain_db: f64,
-        /// Largest one, dB.
+        /// Largest limit that the format has, dB.
         most_db: f64,
     },
     /// Too little of the band.
     #[error("has {low_hz} to {high_hz} Hz of the band; at least a factor of 1.5 is needed")]
     Band {
-        /// Lower edge of what it has, Hz.
+        /// Lower edge of the part of the band that the response has, Hz.
         low_hz: f64,
-        /// Upper edge, Hz.
+        /// Upper edge of the part of the band that the response has, Hz.
         high_hz: f64,
     },
-    /// So many points.
+    /// Too few points, with their number.
     #[error("has the response at {0} frequencies; at least {FEWEST_POINTS} are needed")]
     TooFew(usize),
 }

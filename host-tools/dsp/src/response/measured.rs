@@ -20,7 +20,7 @@ const POINT_OCTAVES: f64 = 1.0 / 12.0;
 pub struct Spectra {
     /// Mean over the periods, per axis and bin, m/s².
     pub mean: [Vec<Complex<f64>>; 3],
-    /// Variance of a single period about it, per axis and bin, (m/s²)².
+    /// Variance of a single period about the mean, per axis and bin, (m/s²)².
     pub variance: [Vec<f64>; 3],
     /// Number of periods.
     pub periods: usize,
@@ -118,7 +118,7 @@ pub struct Line {
 }
 
 impl Line {
-    /// Returns true if the noise lets its level be trusted.
+    /// Returns true if the noise lets the line's level be trusted.
     pub fn is_trusted(&self) -> bool {
         self.deviation_db < MOST_DEVIATION_DB
     }
@@ -129,14 +129,14 @@ impl Line {
 pub struct Band {
     /// Level, dB re 1 m/s² per V.
     pub level_db: f64,
-    /// True if all of its lines are trusted.
+    /// True if all lines in the third octave are trusted.
     pub trusted: bool,
 }
 
 /// A measured response.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Measured {
-    /// Its lines, ascending.
+    /// Lines of the response, ascending in frequency.
     pub lines: Vec<Line>,
     /// Direction of motion in the accelerometer's axes, a unit vector whose largest part is positive.
     pub axis: [f64; 3],

@@ -41,7 +41,7 @@ type Unknowns = SVector<f64, 8>;
 pub struct Resonance {
     /// Undamped natural frequency, Hz.
     pub hz: f64,
-    /// Its standard deviation by the scatter about the model, Hz.
+    /// Standard deviation of the natural frequency by the scatter about the model, Hz.
     pub hz_deviation: f64,
     /// Damping ratio.
     pub damping_ratio: f64,
@@ -133,7 +133,7 @@ fn model(unknowns: &Unknowns, hz: f64) -> Complex<f64> {
     (pair(1) * pair(3) * passed).ln() + Complex::new(unknowns[0], phase)
 }
 
-/// The rest that the model leaves of each line, in its deviations: level, then phase.
+/// Residual of each line, in the line's deviations: level, then phase.
 fn residual(lines: &[&Line], is_positive: bool, unknowns: &Unknowns) -> DVector<f64> {
     let sign = if is_positive { 1.0 } else { -1.0 };
     let mut residual = DVector::zeros(2 * lines.len());

@@ -53,7 +53,7 @@ pub fn band_powers(signal: &[f64], rate_hz: f64) -> [f64; BAND_COUNT] {
 
 /// Returns the level of the synthesised signal relative to the recorded one in each third-octave band, in dB.
 ///
-/// It is `None` for a band in which one of the signals has no power.
+/// The level is `None` for a band in which one of the signals has no power.
 pub fn band_errors_db(
     recorded: &[f64],
     synthesised: &[f64],

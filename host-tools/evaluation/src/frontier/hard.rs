@@ -17,15 +17,15 @@ use crate::support::error::Result;
 pub enum Verdict {
     /// All that is promised held.
     Held,
-    /// Something is left for ever when the drive stops, below a hundredth of full scale.
+    /// A residue of the signal is left for ever when the drive stops, below a hundredth of full scale.
     Residue,
     /// Level, noise or spectrum are beyond what is promised, or the state's norm grows.
     Inaccurate,
-    /// It was at full scale while driven as it is meant to be.
+    /// The signal was at full scale while the structure was driven as it is meant to be.
     Saturates,
     /// The structure cannot hold the models.
     Refused,
-    /// It goes on loudly for ever when the drive stops.
+    /// The signal goes on loudly for ever when the drive stops.
     Latches,
 }
 
@@ -51,7 +51,7 @@ pub struct HardCases {
     pub cases: usize,
     /// The worst end of a case.
     pub worst: Verdict,
-    /// Its name.
+    /// Name of the case with the worst end; empty if all cases held.
     pub worst_case: String,
 }
 

@@ -7,8 +7,8 @@
 //! instructions counted on QEMU, and cycles of llvm-mca's model of the device's Cortex-M7, of the kept table.
 //!
 //! The error of a choice is the root of the sum of squares of its error at rest and its error in motion, in
-//! third-octave bands: the one is of the models, the other of following the hand, and they do not know of each other.
-//! Its time is a sample's and its share of an update's.
+//! third-octave bands: the one is of the models, the other of following the hand, and the two are independent. The time
+//! of a choice is a sample's and its share of an update's.
 
 pub mod costs;
 pub mod hard;

@@ -236,7 +236,7 @@ impl Material {
     /// `set` to fit, and another take of the same nodes to judge by.
     ///
     /// # Errors
-    /// Takes that have no node of `set`.
+    /// No recording of `takes` is of a node of `set`.
     pub fn takes(set: RecordingSet, takes: RecordingSet) -> Result<Self> {
         let material = Self {
             description: "one take of each recording fitted, another held out".to_owned(),

@@ -59,7 +59,7 @@ impl<'a> Voice<'a> {
         })
     }
 
-    /// Takes over a motion; the level goes there in `samples` samples.
+    /// Follows `motion` from now on; the level goes to that of `motion` in `samples` samples.
     pub fn follow(&mut self, motion: Motion, samples: u32) {
         self.player
             .follow(&self.texture, motion, self.left, samples);

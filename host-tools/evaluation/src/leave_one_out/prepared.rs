@@ -61,7 +61,7 @@ impl<'a> Prepared<'a> {
     /// Reads and fits `set`.
     ///
     /// # Errors
-    /// Those of [`fit::fit`], and a set without any inner node.
+    /// An error of [`fit::fit`], or a set without any inner node.
     pub fn new(set: &'a RecordingSet, options: &Options) -> Result<Self> {
         let fit_options = fit::Options {
             order: options.order,

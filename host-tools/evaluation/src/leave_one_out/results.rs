@@ -120,7 +120,7 @@ impl Serialize for Row {
 pub struct Removed {
     /// The recording it is compared with.
     pub file: String,
-    /// Its texture.
+    /// Texture of the node.
     pub texture: String,
     /// Tangential speed, mm/s.
     pub speed_mm_s: f64,

@@ -34,9 +34,9 @@ pub enum Path {
     Saw(usize),
     /// Anywhere on the grid and a little beyond, every so many samples.
     Random {
-        /// Number of them.
+        /// Number of samples from one change of the motion to the next.
         every: usize,
-        /// Of the motion, not of the noise.
+        /// Seed of the motion, not of the noise.
         seed: u64,
     },
 }
@@ -50,13 +50,13 @@ impl Path {
         }
     }
 
-    /// The motion that it changes to.
+    /// The motion of the path at this sample.
     pub fn motion(&self, sample: usize) -> Motion {
         let (speed_mm_s, force_n) = self.place(sample);
         Motion::new(MillimetresPerSecond(speed_mm_s), Newton(force_n)).expect("it is finite")
     }
 
-    /// Its speed, mm/s, and its force, N.
+    /// Speed, mm/s, and force, N, of the path at this sample.
     pub fn place(&self, sample: usize) -> (f32, f32) {
         match *self {
             Self::Still(speed, force) => (speed, force),
@@ -89,18 +89,18 @@ impl Case {
         }
     }
 
-    /// Its models, by reference.
+    /// Models of the case, by reference, with their output powers, (m/s²)².
     pub fn nodes(&self) -> Vec<(&NamedModel, f64)> {
         let nodes = self.models.iter();
         nodes.map(|(model, power)| (model, *power)).collect()
     }
 
-    /// Returns whether it is one node at rest.
+    /// Returns whether the case is one node at rest.
     pub fn is_still(&self) -> bool {
         matches!(self.path, Path::Still(..)) && self.models.len() == 1
     }
 
-    /// Largest pole radius of its models.
+    /// Largest pole radius of the case's models.
     pub fn pole_radius(&self) -> f64 {
         let radii = self.models.iter().map(|(model, _)| model.pole_radius);
         radii.fold(0.0, f64::max)
@@ -163,7 +163,7 @@ pub enum Length {
     Short,
     /// Long enough for levels and means to be known well.
     Full,
-    /// The same for longer, and 10⁸ samples of random motion.
+    /// Every model and every grid for longer than in `Full`, and 10⁸ samples of random motion.
     Long,
 }
 

@@ -22,7 +22,7 @@ pub struct NamedModel {
     pub name: String,
     /// Reflection coefficients, the first stage first.
     pub reflection: Vec<f64>,
-    /// Largest magnitude of its poles, or a little more.
+    /// Largest magnitude of the model's poles, or a little more.
     pub pole_radius: f64,
 }
 
@@ -76,7 +76,7 @@ fn low_pass(cut_off_hz: f64, order: i32, floor: f64) -> Vec<f64> {
     lags.iter().map(|lag| lag / total).collect()
 }
 
-/// A pair of poles of this radius.
+/// A model of one pair of poles of this radius.
 pub fn resonance(radius: f64, frequency_hz: f64) -> NamedModel {
     let k2 = radius * radius;
     let k1 = -2.0 * radius * (TAU * frequency_hz / RATE_HZ).cos() / (1.0 + k2);
@@ -108,7 +108,7 @@ pub fn falling(order: usize) -> NamedModel {
 
 /// Speeds of a grid of two by two nodes, mm/s.
 pub const SPEEDS_MM_S: [f32; 2] = [100.0, 200.0];
-/// Its forces, N.
+/// Forces of a grid of two by two nodes, N.
 pub const FORCES_N: [f32; 2] = [0.5, 1.0];
 
 /// A library of one texture: of one node, or of four, speed-major, with their output powers, (m/s²)².

@@ -12,11 +12,11 @@ use crate::playing::wavefront::Wavefront;
 
 /// A filter of any structure.
 pub trait Player {
-    /// Takes over a motion as [`stylus_kernel::Synthesis::follow`] does: from a level that has `left` samples of its
-    /// ramp to come, in `samples` samples.
+    /// Moves the filter to `motion` as [`stylus_kernel::Synthesis::follow`] does. Its level still has `left` samples of
+    /// a ramp to come, and goes to that of the motion in `samples` samples.
     fn follow(&mut self, texture: &Texture<'_>, motion: Motion, left: u32, samples: u32);
-    /// Puts one sample of excitation through, in steps of 2⁻²⁸ of a standard deviation, `left` samples before the end
-    /// of the level's ramp; and whether it saturated.
+    /// Puts one sample of `excitation`, in steps of 2⁻²⁸ of a standard deviation, through the filter, `left` samples
+    /// before the end of the level's ramp. Returns the output, and whether it saturated.
     fn sample(&mut self, excitation: i32, left: u32) -> (OutputSample, bool);
     /// The newest signal of the state, full scale 2³¹.
     fn newest(&self) -> i32;
@@ -26,7 +26,7 @@ pub trait Player {
     fn is_at_full_scale(&self) -> bool;
     /// Puts full scale into every signal of the state, of either sign by chance.
     fn glitch(&mut self, noise: &mut Excitation);
-    /// Returns whether it falls silent without an excitation, also while it moves.
+    /// Returns whether the filter falls silent without an excitation, also while it moves.
     fn settles(&self) -> bool {
         true
     }

@@ -1,4 +1,4 @@
-//! The same filters in float64, and statistics of what is played.
+//! The kernel's lattice in float64, and statistics of what is played.
 
 use stylus_kernel::rotation::Rotation;
 
@@ -18,7 +18,7 @@ impl FloatLattice {
         }
     }
 
-    /// Takes over the kernel's rotations, exactly.
+    /// Sets the rotations of the stages to the kernel's, exactly.
     pub fn rotate_by(&mut self, rotations: &[Rotation]) {
         const UNIT: f64 = (1u64 << 31) as f64;
         for (to, from) in self.rotations.iter_mut().zip(rotations) {
@@ -26,14 +26,14 @@ impl FloatLattice {
         }
     }
 
-    /// Takes over reflection coefficients.
+    /// Sets the rotations of the stages to those of reflection coefficients.
     pub fn reflect_by(&mut self, reflection: &[f64]) {
         for (to, k) in self.rotations.iter_mut().zip(reflection) {
             *to = (((1.0 - k) * (1.0 + k)).sqrt(), *k);
         }
     }
 
-    /// The next sample.
+    /// Filters one sample of `excitation`, and returns the output.
     pub fn filter(&mut self, excitation: f64) -> f64 {
         let mut f = excitation;
         for (stage, &(cos, sin)) in self.rotations.iter().enumerate().rev() {
@@ -55,7 +55,7 @@ pub struct Deviation {
 }
 
 impl Deviation {
-    /// One sample of both.
+    /// Adds one sample of the reference and one of the signal.
     pub fn add(&mut self, reference: f64, actual: f64) {
         self.signal += reference * reference;
         self.actual += actual * actual;
@@ -85,7 +85,7 @@ impl Mean {
     /// Batches that a signal is divided into.
     const BATCHES: usize = 64;
 
-    /// For a signal of `samples` samples.
+    /// An empty mean for a signal of `samples` samples.
     pub fn of(samples: usize) -> Self {
         Self {
             batch: (samples / Self::BATCHES).max(1),
@@ -95,7 +95,7 @@ impl Mean {
         }
     }
 
-    /// The next sample.
+    /// Adds the next sample.
     pub fn add(&mut self, sample: f64) {
         self.sum += sample;
         self.in_batch += 1;

@@ -105,7 +105,7 @@ impl<'a> Bench<'a> {
         }
     }
 
-    /// Takes over the motion if it changes here, and tells so.
+    /// Moves the player if the case's motion changes at this sample, and returns whether it does.
     fn move_on(&mut self) -> bool {
         let changes = self.case.path.changes_at(self.sample);
         if changes {

@@ -28,7 +28,7 @@ pub enum HighPass {
     Auto,
     /// None: the motion of hand and rig is part of the texture.
     None,
-    /// This cut-off frequency, Hz, for all recordings.
+    /// The given cut-off frequency, Hz, for all recordings.
     At(f64),
 }
 
@@ -42,7 +42,7 @@ impl HighPass {
         }
     }
 
-    /// The choice of records that do not tell one.
+    /// Choice for a record that holds none.
     fn untold() -> Self {
         Self::None
     }

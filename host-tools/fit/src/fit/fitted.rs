@@ -24,11 +24,11 @@ use crate::texture::library::{spec_of, stored_nodes};
 pub struct FittedTexture {
     /// Name.
     pub name: String,
-    /// Indices of its trials in the set.
+    /// Indices of the texture's trials in the set.
     pub members: Vec<usize>,
-    /// Origin of its recordings.
+    /// Origin of the texture's recordings.
     pub provenance: Provenance,
-    /// Its models, and its optional parts.
+    /// Models of the texture on their grid, and its optional parts.
     pub grid: Grid,
     /// The models as they are stored.
     pub nodes: Vec<NodeSpec>,
@@ -36,7 +36,7 @@ pub struct FittedTexture {
     pub sample_rate_hz: u32,
     /// Lines that are tied to position, or the reason for none.
     pub lines: Findings,
-    /// Its excitation; none if the fit was of the models alone.
+    /// Excitation of the models; none if the fit was of the models alone.
     pub excitation: Option<ExcitationReport>,
     /// Notes for the user.
     pub notes: Vec<Warning>,
@@ -249,7 +249,7 @@ impl Fit {
             .collect()
     }
 
-    /// Encodes its textures as a library.
+    /// Encodes the fit's textures as a library.
     ///
     /// # Errors
     /// Textures that no library holds.

@@ -26,13 +26,13 @@ const LEAST_S: f64 = 0.5;
 pub(super) struct NoiseTake {
     /// Tangential speed, mm/s.
     pub speed_mm_s: f64,
-    /// Its axes about their means, m/s².
+    /// Axes of the recording about their means, m/s².
     pub axes: Vec<Vec<f64>>,
 }
 
 /// The noise of a rig.
 pub(super) struct Floor {
-    /// In the order of their speeds.
+    /// Recordings of the noise, in the order of their speeds.
     takes: Vec<NoiseTake>,
     rate_hz: f64,
 }

@@ -97,8 +97,8 @@ pub fn read<'s>(
     textures.collect()
 }
 
-/// Fits models to the `recordings` of all textures of `set`, with Gaussian excitation of steady level. They were read
-/// with `options`, or with an order at least as high.
+/// Fits models to the `recordings` of all textures of `set`, with Gaussian excitation of steady level. The recordings
+/// were read with `options`, or with an order at least as high.
 ///
 /// # Errors
 /// Those of [`fit`].
@@ -114,7 +114,7 @@ pub fn models(set: &RecordingSet, recordings: &[Recordings<'_>], options: &Optio
     })
 }
 
-/// As [`models`], with what excites them: that of the same `part` of the recordings.
+/// Fits models as [`models`] does, and adds what excites them in the same `part` of the recordings.
 ///
 /// # Errors
 /// Those of [`fit`].

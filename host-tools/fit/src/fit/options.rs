@@ -22,12 +22,12 @@ pub enum Order {
     /// For each node by the Bayesian information criterion, at most 400: smaller libraries, at the price of the lowest
     /// bands and of short recordings.
     Bayesian,
-    /// The same for all nodes, as in the paper (whose order is 400).
+    /// The same order for all nodes, as in the paper (whose order is 400).
     Fixed(usize),
 }
 
 impl Order {
-    /// The highest order that it allows.
+    /// The highest order that the choice allows.
     pub fn highest(self) -> usize {
         match self {
             Self::Auto | Self::Bayesian => model_format::limits::MAX_ORDER,
@@ -172,7 +172,7 @@ pub(super) fn play_rate(rate_hz: u32) -> Result<PlayRate> {
 }
 
 impl Options {
-    /// Checks that what they ask for is fitted at their rate.
+    /// Checks that what the options ask for is fitted at their sample rate.
     ///
     /// # Errors
     /// A rate that no stylus plays; at another rate than 5 kHz, a choice that is made at 5 kHz alone, by its name.

@@ -51,12 +51,12 @@ pub struct FitRecord {
 pub struct FoundLines {
     /// Name of the texture.
     pub texture: String,
-    /// Its lines, or the reason for none.
+    /// Lines of the texture, or the reason for none.
     pub findings: Findings,
 }
 
 impl FoundLines {
-    /// Those of each texture of `fit`.
+    /// Lines of each texture of `fit`.
     pub fn of(fit: &Fit) -> Vec<Self> {
         let textures = fit.textures.iter();
         textures
@@ -146,7 +146,7 @@ impl FitRecord {
         Ok(Some(record).filter(|record| record.is_of(bytes)))
     }
 
-    /// Returns true if it is the record of the library of these `bytes`.
+    /// Returns true if this is the record of the library of these `bytes`.
     pub fn is_of(&self, bytes: &[u8]) -> bool {
         self.library == content_hash(bytes)
     }

@@ -19,7 +19,7 @@ use crate::support::in_order::in_order;
 /// The recordings of one texture.
 #[derive(Default)]
 pub struct Recordings<'s> {
-    /// Its trials, in the order of the set.
+    /// Trials of the texture, in the order of the set.
     pub trials: Vec<Recorded<'s>>,
     /// Lines that are tied to position, or the reason for none.
     pub findings: Findings,
@@ -27,11 +27,11 @@ pub struct Recordings<'s> {
 
 /// A trial that was read.
 pub struct Recorded<'s> {
-    /// Its index in the set.
+    /// Index of the trial in the set.
     pub number: usize,
     /// The trial.
     pub trial: &'s Trial,
-    /// Its statistics, without the texture's lines.
+    /// Statistics of the trial, without the texture's lines.
     pub analysis: Analysis,
     /// The whole signal without lines, while it is held.
     pub signal: Option<Signal>,
@@ -134,7 +134,7 @@ impl<'s> Recordings<'s> {
         Ok(Floor::of(takes, options.sample_rate_hz))
     }
 
-    /// Takes the texture's lines out of the signals and of their statistics: lags and bands. The power stays that of
+    /// Removes the texture's lines from the signals and from their statistics: lags and bands. The power stays that of
     /// the signal with its lines.
     fn separate_lines(&mut self, options: &Options, part: Part) {
         let speeds_mm_s: Vec<f64> = self
@@ -203,24 +203,24 @@ impl<'s> Recordings<'s> {
 
 /// Axes of a recording as far as the rig's noise needs them.
 enum Axes {
-    /// Those of the noise, about their means, m/s².
+    /// Axes of a recording of the noise, about their means, m/s².
     Noise(Vec<Vec<f64>>),
-    /// The way in which those of a texture were reduced.
+    /// The way in which the axes of a texture's recording were reduced.
     Texture(View),
 }
 
 /// A trial with its signal.
 pub(super) struct Take<'s> {
-    /// Its index in the set.
+    /// Index of the trial in the set.
     pub number: usize,
     /// The trial.
     pub trial: &'s Trial,
-    /// Its signal without the texture's lines.
+    /// Signal of the trial without the texture's lines.
     pub signal: Signal,
 }
 
 impl Recorded<'_> {
-    /// Its samples, as far as they are held.
+    /// Samples of the trial; empty if they are not held.
     pub fn samples(&self) -> &[f64] {
         self.signal.as_ref().map_or(&[], |signal| &signal.samples)
     }

@@ -15,7 +15,7 @@ use crate::support::file_name::portable;
 pub struct TrialReport {
     /// The file.
     pub file: String,
-    /// Its texture.
+    /// Texture of the trial.
     pub texture: String,
     /// Tangential speed, mm/s.
     pub speed_mm_s: f64,
@@ -36,9 +36,9 @@ pub struct TrialReport {
     pub high_pass_hz: Option<f64>,
     /// Angle by which slow motion turns the principal axis, degrees.
     pub axis_turn_deg: f64,
-    /// Duration that triage cut out of it, s.
+    /// Duration that triage cut out of the recording, s.
     pub cut_s: f64,
-    /// Changes of its samples by reading, such as a conversion of units.
+    /// Changes of the samples by reading, such as a conversion of units.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub remarks: Vec<String>,
     /// Integers, if nothing tells their acceleration.
@@ -47,11 +47,11 @@ pub struct TrialReport {
     /// Findings of triage; none for a sound recording.
     #[serde(serialize_with = "in_words")]
     pub verdicts: Vec<Verdict>,
-    /// Share of the rig's noise in its power, 0 to 1, for each third octave from 20 Hz to 2 kHz; none if it is not
-    /// known.
+    /// Share of the rig's noise in the recording's power, 0 to 1, for each third octave from 20 Hz to 2 kHz; none if
+    /// the noise is not known.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub floor_shares: Option<Box<FloorShares>>,
-    /// True if the fit used it.
+    /// True if the fit used the trial.
     pub used: bool,
 }
 

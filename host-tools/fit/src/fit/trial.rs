@@ -43,7 +43,7 @@ pub struct Analysis {
     pub lags: Vec<f64>,
     /// Third-octave bands of the reduced signal, by a path that no order limits.
     pub bands: Bands,
-    /// Number of samples that it comes from.
+    /// Number of samples that the statistics come from.
     pub samples: usize,
     /// The file's own sample rate, Hz.
     pub source_rate_hz: f64,
@@ -67,7 +67,7 @@ pub struct Analysis {
     pub sketch: Sketch,
     /// Share of the rig's noise in each band of the recording; none if the noise is not known.
     pub floor: Option<Box<FloorShares>>,
-    /// Its share of the texture's lines, which `lags` and `bands` are without; none before they are sought.
+    /// The trial's share of the texture's lines, which `lags` and `bands` are without; empty before lines are sought.
     pub lines: TrialLines,
 }
 
@@ -253,7 +253,7 @@ impl Triaged {
         Ok(self.with_samples(reduced.signal))
     }
 
-    /// Its signal, which has these `samples`.
+    /// The trial's signal, of these `samples`.
     fn with_samples(self, samples: Vec<f64>) -> Signal {
         Signal {
             samples,

@@ -127,9 +127,9 @@ impl Domain {
 /// A node beside the one that is predicted.
 #[derive(Clone, Copy, Debug)]
 pub struct Neighbour<'a> {
-    /// Its weight; those of all neighbours add up to one.
+    /// Weight of the neighbour; the weights of all neighbours add up to one.
     pub weight: f64,
-    /// Its model, which is not silent.
+    /// Model of the neighbour, which is not silent.
     pub model: &'a Model,
 }
 

@@ -108,7 +108,8 @@ mod tests {
         model((0..order).map(k).collect())
     }
 
-    /// The same with a stage in the tail whose θ takes most of the range: the others are left with coarse steps.
+    /// A smooth model but for one stage in the tail, whose θ takes most of the range: the others are left with coarse
+    /// steps.
     fn steep(order: usize) -> Model {
         let mut model = smooth(order);
         model.reflection[40] = 0.95;

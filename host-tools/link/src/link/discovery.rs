@@ -53,9 +53,9 @@ impl std::fmt::Display for Kind {
 /// A link that leads to a device, or may.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Attached {
-    /// Its address.
+    /// Address of the link.
     pub link: LinkAddress,
-    /// Its kind.
+    /// Kind of the link.
     pub kind: Kind,
     /// Name of the probe or adapter, as it calls itself.
     pub probe: Option<String>,
@@ -68,26 +68,26 @@ pub struct Attached {
 /// Answer of a device that may be there.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Identity {
-    /// It was not asked.
+    /// The device was not asked.
     NotAsked,
-    /// It is a stylus.
+    /// The device is a stylus.
     Known(Box<DeviceInfo>),
-    /// There is none, or none that can be spoken to, for this reason.
+    /// No device is there, or none that can be spoken to, for this reason.
     Unknown(String),
 }
 
 /// A row of `stylus devices`: the facts of one link.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct Row {
-    /// Its address, as `--link` takes it.
+    /// Address of the link, as `--link` takes it.
     pub link: String,
-    /// Its kind.
+    /// Kind of the link.
     pub kind: Kind,
     /// Name of the probe or adapter, for a serial port.
     pub probe: Option<String>,
     /// Serial number of the board, if it answers.
     pub serial_number: Option<String>,
-    /// Version of its firmware, if it answers.
+    /// Version of the board's firmware, if it answers.
     pub firmware: Option<String>,
     /// The answer, or the reason why there is none.
     pub state: String,

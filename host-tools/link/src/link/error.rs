@@ -34,7 +34,7 @@ pub enum LinkError {
     },
     #[error("{} styluses are on USB: name one with --link, {}", found.len(), links(found))]
     SeveralUsbDevices {
-        /// Their serial numbers.
+        /// Serial numbers of the styluses.
         found: Vec<String>,
     },
     #[error(

@@ -40,7 +40,7 @@ impl Health {
         self.ended.get_or_init(|| reason.to_string());
     }
 
-    /// Takes the words in which a broker has refused the request of this key.
+    /// Returns the words in which a broker has refused the request of this key, and forgets them.
     pub(super) fn take_refusal(&self, key: Key) -> Option<String> {
         lock(&self.refusals).remove(&key.to_bytes())
     }

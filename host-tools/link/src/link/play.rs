@@ -169,7 +169,7 @@ impl<'a> Driver<'a> {
         Ok(())
     }
 
-    /// Takes the answers to motions that have arrived.
+    /// Counts the answers to motions that have arrived, and returns the first error among them.
     fn acknowledge(&mut self) -> Result<()> {
         while let Some(first) = self.motions.front() {
             match first.try_recv() {
@@ -262,8 +262,8 @@ impl Heard {
 
     /// The reason for which a play that has sent `driven` counts as failed, in words with the remedy.
     ///
-    /// It fails if every status shows it muted. It fails too if less than half of its motions could be sent and they
-    /// were fewer than [`MIN_MOTION_RATE_HZ`], because the output then mutes between them.
+    /// A play fails if every status shows the output muted. It fails too if less than half of its motions could be sent
+    /// and they were fewer than [`MIN_MOTION_RATE_HZ`], because the output then mutes between them.
     pub fn failure(&self, driven: &Driven) -> Option<String> {
         let due = driven.motions + driven.skipped;
         let per_second = driven.motions as f64 / driven.seconds.max(f64::MIN_POSITIVE);

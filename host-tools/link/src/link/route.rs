@@ -25,8 +25,8 @@ pub enum Route {
 }
 
 impl Route {
-    /// Takes the device for this program alone, if this route wants that. On systems without sockets of files, such as
-    /// Windows, no link is shared, so that all but [`Route::Direct`] do.
+    /// Locks the device for this program alone, if this route wants that. On systems without sockets of files, such as
+    /// Windows, no link is shared, so that all routes but [`Route::Direct`] want it.
     pub(super) async fn hold(&self, address: &LinkAddress) -> Result<Option<Hold>> {
         let command = match self {
             Self::Alone(command) => command,

@@ -14,13 +14,13 @@ use crate::support::nearest::listed;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum SettingOrigin {
-    /// Somebody has set it.
+    /// Somebody has set the value.
     Set,
-    /// Nobody has set it.
+    /// Nobody has set the value.
     Default,
-    /// Nobody has set it, and it has no default.
+    /// Nobody has set the value, and the setting has no default.
     NotSet,
-    /// It was set, and is lost.
+    /// The value was set, and is lost.
     Lost,
 }
 
@@ -29,7 +29,7 @@ pub enum SettingOrigin {
 pub struct SettingRow {
     /// Name.
     pub name: &'static str,
-    /// None if nobody has set it and it has no default, or if it was lost.
+    /// Value; none if nobody has set it and the setting has no default, or if it was lost.
     pub value: Option<f32>,
     /// Origin of the value.
     pub state: SettingOrigin,
@@ -41,7 +41,7 @@ pub struct SettingRow {
     pub highest: f32,
     /// Least magnitude; 0 if the value may be 0.
     pub least_magnitude: f32,
-    /// None for a setting without which nothing plays.
+    /// Default value; none for a setting without which nothing plays.
     pub default: Option<f32>,
 }
 

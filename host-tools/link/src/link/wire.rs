@@ -109,7 +109,7 @@ pub struct FrameDecoder {
 pub struct BrokenFrame;
 
 impl FrameDecoder {
-    /// Takes one byte, and returns the frame that it ends, if it ends one.
+    /// Decodes one byte, and returns the frame that the byte ends, if it ends one.
     ///
     /// # Errors
     /// Bytes before this zero that are no frame, or one that is too long.

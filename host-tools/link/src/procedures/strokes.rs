@@ -64,7 +64,7 @@ pub fn record(
 
 impl Strokes {
     /// Returns the tangential speed at each sample, in mm/s, from the encoder's counts in a window of 20 ms around it.
-    /// It is 0 where the whole window was lost.
+    /// The speed is 0 where the whole window was lost.
     pub fn speeds_mm_s(&self, calibration: &Calibration) -> Vec<f64> {
         let half = (0.5 * SPEED_WINDOW_S * f64::from(self.rate_hz)) as usize;
         let mut path = vec![0i64];

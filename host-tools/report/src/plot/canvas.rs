@@ -199,9 +199,9 @@ fn compact(drawn: &str) -> String {
 pub enum Swatch {
     /// A piece of line, dashed or not.
     Line {
-        /// Of this colour.
+        /// Colour of the piece.
         colour: RGBColor,
-        /// With gaps.
+        /// True if the piece has gaps.
         dashed: bool,
     },
     /// A cell of a grid with a mark in it.
@@ -223,7 +223,7 @@ impl Swatch {
 pub enum Mark {
     /// A filled triangle in the upper left corner.
     Corner,
-    /// The outline of one.
+    /// The outline of a triangle in the upper left corner.
     HollowCorner,
     /// A dot in the upper right corner.
     Dot,
@@ -302,13 +302,13 @@ pub type Chart<'a> = ChartContext<'a, SVGBackend<'a>, Cartesian2d<RangedCoordf64
 
 /// One axis of a chart.
 pub struct Axis<'a> {
-    /// From where to where.
+    /// Values at both ends of the axis.
     pub range: Range<f64>,
     /// The quantity.
     quantity: Quantity<'a>,
-    /// Ticks along it.
+    /// Ticks along the axis.
     ticks: Ticks<'a>,
-    /// True if nothing is written, as where a neighbour's axis tells.
+    /// True if the axis has its mesh but no lettering, as where a neighbour's axis has the numbers.
     is_blank: bool,
 }
 
@@ -350,7 +350,7 @@ impl<'a> Axis<'a> {
         }
     }
 
-    /// The same with its mesh and nothing written unless `is_told`.
+    /// The same axis, with its mesh and, only if `is_told`, its lettering.
     pub fn told_if(self, is_told: bool) -> Self {
         Self {
             is_blank: !is_told,
@@ -430,11 +430,11 @@ pub const LEFT: u32 = 76;
 /// A curve's look.
 #[derive(Clone, Copy)]
 pub struct Stroke {
-    /// Its colour.
+    /// Colour of the curve.
     pub colour: RGBColor,
-    /// Its width, halves of a shown pixel.
+    /// Width of the curve, halves of a shown pixel.
     pub half_pixels: u32,
-    /// With gaps.
+    /// True if the curve has gaps.
     pub dashed: bool,
 }
 
@@ -453,7 +453,7 @@ impl Stroke {
 pub struct Plot<'a> {
     /// The chart.
     pub chart: Chart<'a>,
-    /// Its data.
+    /// Data of the chart.
     pub panel: Panel,
 }
 

@@ -55,13 +55,13 @@ const DARK: [(RGBColor, RGBColor); 10] = [
     (SKY, RGBColor(150, 212, 247)),
 ];
 
-/// Two thirds of the way to white, so that what is drawn over it stands out.
+/// A colour two thirds of the way to white, so that marks over it stand out.
 pub fn pale(RGBColor(r, g, b): RGBColor) -> RGBColor {
     let lighter = |c: u8| 255 - (255 - c) / 3;
     RGBColor(lighter(r), lighter(g), lighter(b))
 }
 
-/// The same on a dark screen: two thirds of the way to its ground.
+/// A colour two thirds of the way to a dark screen's ground, as [`pale`] is to white.
 fn dim(RGBColor(r, g, b): RGBColor) -> RGBColor {
     let RGBColor(ground_r, ground_g, ground_b) = DARK_GROUND;
     let darker = |c: u8, ground: u8| ground + c.saturating_sub(ground) / 3;

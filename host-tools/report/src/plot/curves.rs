@@ -14,21 +14,21 @@ use super::{Caption, Svg};
 use crate::dsp::spectrum::{smoothed_amplitude, spectral_cost};
 use crate::support::error::Result;
 
-/// A choice.
+/// One choice on a front chart, as a point.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FrontPoint {
-    /// Along the horizontal axis.
+    /// Value along the horizontal axis.
     pub x: f64,
-    /// Along the vertical axis.
+    /// Value along the vertical axis.
     pub y: f64,
-    /// A name, which is told where one points at the choice.
+    /// Name of the choice, shown where a reader points at it.
     pub name: String,
 }
 
 /// Choices that belong together.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FrontSeries {
-    /// Their name.
+    /// Name of the series.
     pub name: String,
     /// Points; those that are not finite are left out.
     pub points: Vec<FrontPoint>,
@@ -103,7 +103,7 @@ pub fn front_chart(
     })
 }
 
-/// Those of `all` that have points that can be drawn, with these alone.
+/// The series of `all` that have drawable points, with these points alone.
 fn drawable(all: &[FrontSeries], in_octaves: bool) -> Vec<FrontSeries> {
     let is_drawn = |point: &&FrontPoint| {
         point.x.is_finite() && point.y.is_finite() && (!in_octaves || point.x > 0.0)
@@ -253,7 +253,7 @@ const HEIGHT: u32 = 280;
 /// Octaves that are written along a spectrum, Hz.
 pub(super) const OCTAVES_HZ: [&str; 6] = ["31.5", "63", "125", "250", "500", "1000"];
 
-/// The first of them, exactly.
+/// The first of [`OCTAVES_HZ`], exactly, Hz.
 pub(super) const FIRST_OCTAVE_HZ: f64 = 1000.0 / 32.0;
 
 /// Empty axes for the last 100 ms of an acceleration within `peak_m_s2`.

@@ -13,13 +13,13 @@ use crate::support::visible::{escaped, page_json};
 /// A rectangle along the axes, in drawn pixels, x to the right and y down.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Frame {
-    /// Its left edge.
+    /// Left edge of the rectangle.
     pub left: i32,
-    /// Its upper edge.
+    /// Upper edge of the rectangle.
     pub top: i32,
-    /// Its right edge.
+    /// Right edge of the rectangle.
     pub right: i32,
-    /// Its lower edge.
+    /// Lower edge of the rectangle.
     pub bottom: i32,
 }
 
@@ -71,7 +71,7 @@ impl<'a> Quantity<'a> {
 pub struct Figure {
     /// Title of the picture.
     pub title: String,
-    /// True if anything in it comes from the rig simulator.
+    /// True if anything in the picture comes from the rig simulator.
     pub simulated: bool,
     /// Pairs of axes, in the order in which they were drawn.
     pub panels: Vec<Panel>,
@@ -90,7 +90,7 @@ pub struct Panel {
     pub y: AxisData,
     /// Curves, points, cells.
     pub series: Vec<Series>,
-    /// The texture whose nodes a map shows, which a page can play.
+    /// Name of the texture whose nodes a map shows, if a page can play them.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub play: Option<String>,
     /// A bitmap in the frame.
@@ -104,18 +104,18 @@ pub struct Bitmap {
     /// The bytes of a PNG, in base64.
     #[serde(skip)]
     pub png: String,
-    /// The rectangle that it fills.
+    /// The rectangle that the bitmap fills.
     #[serde(skip)]
     pub frame: Frame,
     /// Level of the first colour of the palette.
     pub from: f64,
-    /// Level of the last.
+    /// Level of the last colour of the palette.
     pub to: f64,
     /// The palette: six hexadecimal digits per colour.
     pub palette: String,
-    /// First x of its columns and the step to the next.
+    /// x of the first column, and the step to the next column.
     pub x: [f64; 2],
-    /// First y of its rows and the step to the next.
+    /// y of the first row, and the step to the next row.
     pub y: [f64; 2],
 }
 
@@ -124,9 +124,9 @@ pub struct Bitmap {
 pub struct AxisData {
     /// Name of the quantity.
     pub quantity: String,
-    /// Its unit; empty for a count or a ratio.
+    /// Unit of the quantity; empty for a count or a ratio.
     pub unit: String,
-    /// From values to places.
+    /// Scale from values to places.
     pub scale: AxisScale,
     /// Value at the left or lower end.
     pub from: f64,
@@ -166,16 +166,16 @@ pub enum Kind {
 /// Values that belong together.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Series {
-    /// Their name; empty where the panel's says it all.
+    /// Name of the series; empty where the panel's name says it all.
     pub name: String,
-    /// Their kind.
+    /// Kind of the series.
     pub kind: Kind,
-    /// Their colour, where they have one.
+    /// Colour of the series, if it has one.
     #[serde(serialize_with = "as_hex")]
     pub colour: Option<RGBColor>,
-    /// Along the horizontal axis.
+    /// Values along the horizontal axis.
     pub x: Vec<f64>,
-    /// Along the vertical axis; NaN where there is no value.
+    /// Values along the vertical axis; NaN where there is no value.
     pub y: Vec<f64>,
     /// A third quantity: of each point or cell, or of each x with every y.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -190,7 +190,7 @@ pub struct Series {
 pub struct Third {
     /// Name of the quantity.
     pub quantity: String,
-    /// Its unit.
+    /// Unit of the quantity.
     pub unit: String,
     /// The values; NaN where there is none.
     pub values: Vec<f64>,

@@ -24,11 +24,11 @@ pub struct GridMap<'a> {
     pub speeds_mm_s: &'a [f64],
     /// Normal forces, N, ascending.
     pub forces_n: &'a [f64],
-    /// Speed-major, as many as there are speeds times forces.
+    /// Cells of the map, speed-major, as many as there are speeds times forces.
     pub cells: &'a [GridCell],
-    /// The values' quantity.
+    /// Quantity of the values.
     pub quantity: Quantity<'a>,
-    /// Their colours: one scale for all maps that are compared.
+    /// Colours of the values: one scale for all maps that are compared.
     pub scale: Scale,
 }
 
@@ -47,7 +47,7 @@ pub const WIDE: u32 = 960;
 /// Digits after the point of the values written.
 const DECIMALS: usize = 1;
 
-/// Flags with their marks, and what they mean.
+/// Flags with their marks and their meaning.
 const MARKS: [(NodeFlags, Mark, &str); 3] = [
     (
         NodeFlags::INTERPOLATED,
@@ -207,7 +207,7 @@ impl Layout {
         }
     }
 
-    /// Left edge of a column; that of the one after the last is the right edge of all.
+    /// Left edge of the column of a speed; for the number after the last one, the right edge of the map.
     fn column(&self, speed: i32) -> i32 {
         self.left + (self.right - self.left) * speed / self.columns
     }
@@ -255,7 +255,7 @@ impl Layout {
     }
 }
 
-/// From values, at least zero, to colours.
+/// Scale from values, at least zero, to colours.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scale {
     end: f64,
@@ -272,7 +272,7 @@ impl Scale {
         }
     }
 
-    /// Draws the bar of its colours.
+    /// Draws the bar of the scale's colours.
     fn draw(self, bar: &Area<'_>, quantity: Quantity<'_>) -> Drawn {
         let ends = (at(16), bar.dim_in_pixel().1 as i32 - at(56));
         let value = |share: f64| self.end * share;

@@ -89,17 +89,17 @@ fn window_s(recording: &[f64]) -> f64 {
 /// The windows of a spectrogram.
 #[derive(Clone, Copy)]
 struct Windows {
-    /// Samples of one.
+    /// Samples of one window.
     len: usize,
-    /// Samples that its beginning moves over, from the first window to the last.
+    /// Samples from the first window's beginning to the last one's.
     spare: usize,
-    /// Their number.
+    /// Number of windows.
     count: usize,
     rate_hz: f64,
 }
 
 impl Windows {
-    /// The windows of `window_s` over so many samples.
+    /// The windows of `window_s` over a signal of `samples` samples.
     fn of(samples: usize, rate_hz: f64, window_s: f64) -> Self {
         let len = ((window_s * rate_hz) as usize).clamp(2, samples.max(2));
         let spare = samples.saturating_sub(len);
@@ -121,12 +121,12 @@ impl Windows {
         (self.begin(window) as f64 + 0.5 * self.len as f64) / self.rate_hz
     }
 
-    /// From bin to bin, Hz.
+    /// Frequency step from bin to bin, Hz.
     fn bin_hz(&self) -> f64 {
         self.rate_hz / self.len as f64
     }
 
-    /// From window to window, s; of a single window its length.
+    /// Time step from window to window, s; of a single window, its length.
     fn step_s(&self) -> f64 {
         let (steps, samples) = if self.count > 1 {
             (self.count - 1, self.spare)
@@ -216,7 +216,7 @@ fn levels_db(signal: &[f64], windows: Windows, highest_hz: f64) -> Vec<Vec<f64>>
         .collect()
 }
 
-/// Draws what the colours of a spectrogram stand for.
+/// Draws the bar that shows the levels of a spectrogram's colours.
 fn draw_bar(area: &Area<'_>, ends: (i32, i32), top_db: f64) -> Drawn {
     let values =
         [0.0, 20.0, 40.0, 60.0].map(|below| (1.0 - below / RANGE_DB, fixed(top_db - below, 0)));

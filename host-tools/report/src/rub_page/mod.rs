@@ -2,7 +2,8 @@
 //! are in it, and its policy forbids every request.
 //!
 //! The kernel is the device's, as the WebAssembly module of `host-tools/browser`, whose page has the form of the data.
-//! It is kept built beside this file, so that pages take no compiler; a test builds it again and compares the bytes.
+//! The built module lies beside this file, so that making a page needs no compiler. A test builds it again and compares
+//! the bytes.
 
 mod clips;
 mod data;
@@ -31,7 +32,7 @@ use crate::support::visible::page_json;
 /// The kernel as a WebAssembly module, as `cargo tasks browser-module` builds it.
 pub const KERNEL: &[u8] = include_bytes!("kernel.wasm");
 
-/// Name and version of the compiler that built it.
+/// Name and version of the compiler that built [`KERNEL`].
 pub const KERNEL_BUILT_BY: &str = include_str!("kernel.txt");
 
 /// Duration of the clips of recordings.
@@ -50,9 +51,9 @@ pub struct Recordings<'a> {
     pub set: &'a RecordingSet,
     /// The library's comparison with them.
     pub evaluation: &'a Evaluation,
-    /// From the axes to one signal; as for the fit.
+    /// Reduction of the axes to one signal, the same as for the fit.
     pub conditioning: Conditioning,
-    /// Duration of their clips.
+    /// Duration of the recordings' clips.
     pub clips: Clips,
 }
 
@@ -61,7 +62,7 @@ pub struct Recordings<'a> {
 pub struct Inputs<'a> {
     /// The library.
     pub library: &'a Library<'a>,
-    /// Its bytes.
+    /// Bytes of the library.
     pub bytes: &'a [u8],
     /// Recordings, where there are any.
     pub recordings: Option<Recordings<'a>>,

@@ -11,10 +11,10 @@ use crate::dsp::equaliser::{CALIBRATION_GAIN_DB, Response, design};
 /// Distance of the response's frequencies, Hz: an impulse response of half a second.
 const STEP_HZ: f64 = 2.0;
 
-/// The highest one, Hz: a kernel at 10 kHz plays nothing above it.
+/// Highest of the response's frequencies, Hz: a kernel at 10 kHz plays nothing above it.
 const HIGHEST_HZ: f64 = 5000.0;
 
-/// Rate at which a calibration's equaliser is designed here, Hz. Below 1 kHz that of 5 kHz does the same.
+/// Rate at which a calibration's equaliser is designed here, Hz. Below 1 kHz one for 5 kHz does the same.
 const RATE_HZ: f64 = 10_000.0;
 
 /// Frequencies at which a calibration measures, Hz.
@@ -29,15 +29,15 @@ const LEVEL_FROM_HZ: f64 = 30.0;
 pub struct TipData {
     name: String,
     step_hz: f64,
-    /// Real and imaginary parts by frequency, f32 in little endian, in base 64.
+    /// Real and imaginary parts of the plant's response by frequency, f32 in little endian, in base 64.
     tip: String,
-    /// The same through the equaliser of a calibration.
+    /// The response through the equaliser of a calibration, in the form of `tip`.
     calibrated: String,
 }
 
 impl TipData {
-    /// The response of `plant`, called `name`, with a mean level of 0 dB over third octaves from 30 to 760 Hz; and that
-    /// after a calibration which knows it without noise.
+    /// The response of `plant`, called `name`, with a mean level of 0 dB over third octaves from 30 to 760 Hz. A second
+    /// response is the one after a calibration that knows the plant without noise.
     pub fn of(name: &str, plant: &Plant) -> Self {
         let level_db = |hz: f64| (hz, 20.0 * plant.response(hz).norm().log10());
         let points = MEASURED_HZ.step_by(5).map(|hz| level_db(f64::from(hz)));

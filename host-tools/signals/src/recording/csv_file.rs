@@ -1,5 +1,5 @@
-//! Recordings as CSV: one to three columns of samples, and optionally one of times, which gives the sample rate. A
-//! fourth one of samples is left out if its name says that it is the magnitude of the others, as phones write it.
+//! Recordings as CSV: one to three columns of samples, and optionally a column of times, which gives the sample rate.
+//! A fourth column of samples is left out if its name says that it is the magnitude of the others, as phones write it.
 
 use std::path::Path;
 
@@ -92,7 +92,7 @@ struct Columns<'a> {
     /// A second line of the header, as oscilloscopes write it.
     units: Vec<String>,
     times: Vec<TimeColumn>,
-    /// Index of the magnitude of the axes.
+    /// Index of the column with the magnitude of the axes.
     magnitude: Option<usize>,
 }
 
@@ -141,7 +141,7 @@ impl<'a> Columns<'a> {
         Ok(read)
     }
 
-    /// Takes the names of the columns, and with them the meaning of each.
+    /// Keeps the names of the columns, and finds the columns of times and of the magnitude by them.
     fn name(&mut self, header: Header<'a>) -> Result<()> {
         self.times = time_columns(&header)?;
         let is_magnitude = |name: &str| {
@@ -174,7 +174,7 @@ impl<'a> Columns<'a> {
         names.map(name).collect()
     }
 
-    /// The column that is left out, in words.
+    /// The remark on the column that is left out.
     fn remark(&self) -> Option<String> {
         let name = self.names.as_ref()?.names().nth(self.magnitude?)?;
         Some(format!(

@@ -105,12 +105,12 @@ struct Reader<'a> {
     channels: Option<usize>,
     /// Step of the times by the first head that has one, s.
     step_s: Option<f64>,
-    /// Added to the times, because blocks began anew, s.
+    /// Offset that is added to the times after blocks have begun anew, s.
     offset_s: f64,
     last_s: Option<f64>,
     blocks: usize,
     are_joined: bool,
-    /// Samples of a channel by the heads, and by the rows.
+    /// Samples per channel that the heads declare; `held` has those that were read.
     declared: u64,
     held: u64,
     table: String,
@@ -177,13 +177,13 @@ impl<'a> Reader<'a> {
         Ok(None)
     }
 
-    /// The fields of a key of the newest head with it.
+    /// Returns the fields of `key` in the newest head that has this key.
     fn of_key(&self, key: &str) -> &[&'a str] {
         let own = self.keys.iter().rev().find(|(known, _)| *known == key);
         own.map_or(&[], |(_, fields)| fields)
     }
 
-    /// Takes the end of a head: that of the file, or of a block, which tells its channels.
+    /// Ends a head. The head of a block, unlike the file's, tells its channels.
     fn end_head(&mut self, line: u64) -> Result<()> {
         if self.of_key("Channels").is_empty() {
             return Ok(());

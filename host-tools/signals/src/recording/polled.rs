@@ -36,9 +36,9 @@ const LEAST_FINENESS: f64 = 4.0;
 /// A sensor's own samples.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Polled {
-    /// Its sample rate, Hz.
+    /// Sample rate of the sensor, Hz.
     pub rate_hz: f64,
-    /// Its samples, each once.
+    /// Samples of each channel, each once.
     pub channels: Vec<Vec<f64>>,
 }
 
@@ -186,7 +186,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(24))]
 
-        /// Also of a coarse sensor, of whose samples some equal the one before.
+        /// The sensor may be coarse: some samples then equal the one before.
         #[test]
         fn a_sensor_that_was_read_faster_than_it_samples_is_found_with_its_rate_at_any_ratio(
             ratio in prop_oneof![1.03..2.5f64, 2.0..40.0f64, (2u32..30).prop_map(f64::from)],

@@ -46,7 +46,7 @@ const EXTENDED_FORMAT: usize = 24;
 
 /// The format and the samples of a WAV file.
 pub(super) struct Wave {
-    /// Both, as a WAV file of their own.
+    /// Format and samples, as a WAV file of their own.
     pub samples: Chain<Cursor<Vec<u8>>, BufReader<File>>,
     /// True for integer samples, whose full scale no file tells.
     pub are_integers: bool,
@@ -57,7 +57,7 @@ pub(super) struct Wave {
 /// The chunks before the samples.
 #[derive(Default)]
 struct Head {
-    /// Those that the reader of samples needs.
+    /// Bytes of the chunks that the reader of samples needs.
     chunks: Vec<u8>,
     /// Bytes of one sample on all channels.
     frame_bytes: u64,

@@ -20,9 +20,9 @@ use crate::support::number::tolerance;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum Snap {
-    /// By at most this share of each.
+    /// Each value moves by at most this share of itself.
     Within(f64),
-    /// By the gaps between each texture's values.
+    /// Values move by the gaps between each texture's values.
     By(Rule),
 }
 
@@ -34,7 +34,7 @@ pub enum Rule {
     Clear,
     /// The grid that [`grid_by_gaps`] finds.
     Auto,
-    /// None: every value stays.
+    /// No rule: every value stays.
     None,
 }
 
@@ -87,7 +87,7 @@ const LEAST_RATIO: f64 = 1.5;
 /// Largest share by which a value moves to the middle of those that are near to it.
 const MOST: f64 = 0.25;
 
-/// The same where gaps leave no doubt.
+/// Largest share by which a value moves under [`Rule::Clear`], where gaps leave no doubt.
 const MOST_CLEAR: f64 = 0.1;
 
 /// Least ratio of the gap beside values that are clearly one to their width.

@@ -22,11 +22,11 @@ const LOOK_AHEAD: usize = 8;
 /// Largest share of single samples that may be missing before they count as gaps.
 const FEW_LOST: f64 = 0.01;
 
-/// Knowledge of a file's times besides them.
+/// Facts about a file's times beside the times themselves.
 pub(super) struct Clock<'a> {
-    /// Name of their column.
+    /// Name of the column of times.
     pub column: &'a str,
-    /// Their unit, if it was given or is in the name.
+    /// Unit of the times, if it was given or is in the name.
     pub unit: Option<TimeUnit>,
     /// True if samples are even, whatever the times say.
     pub is_even: bool,
@@ -91,7 +91,7 @@ impl Clock<'_> {
 struct Missing {
     /// Place of the row among those that are kept.
     after: usize,
-    /// Their number, at least one.
+    /// Number of missing samples, at least one.
     count: usize,
 }
 

@@ -46,7 +46,7 @@ impl TimeUnit {
         }
     }
 
-    /// Number of these in a second.
+    /// Number of these units per second.
     pub fn per_second(self) -> f64 {
         match self {
             Self::S => 1.0,
@@ -86,11 +86,11 @@ impl TimeUnit {
 
 /// A column of times.
 pub(super) struct TimeColumn {
-    /// Its index in the table.
+    /// Index of the column in the table.
     pub index: usize,
-    /// Its name.
+    /// Name of the column.
     pub name: String,
-    /// The unit in its name.
+    /// Unit of the times by the column's name.
     pub unit: Option<TimeUnit>,
 }
 

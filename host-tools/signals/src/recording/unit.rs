@@ -314,16 +314,16 @@ fn in_comments(comments: &str) -> Option<(Unit, String)> {
 /// Acceleration of one volt, or of one step of a converter.
 #[derive(Clone, Debug, PartialEq)]
 struct Sensitivity {
-    /// The volt or the step.
+    /// Unit whose acceleration is told: the volt or the step.
     of: Unit,
-    /// Its acceleration, m/s².
+    /// Acceleration of that unit, m/s².
     m_s2: f64,
-    /// As it is written.
+    /// Text of the sensitivity, as it is written.
     text: String,
 }
 
 impl Sensitivity {
-    /// Number, unit and unit of a sensitivity.
+    /// Pattern of a sensitivity: a number, a unit, and the unit that it is per.
     fn form() -> Option<Regex> {
         Regex::new(concat!(
             r"([0-9]+(?:\.[0-9]+)?(?:[eE][-+]?[0-9]+)?)[\s_]*([A-Za-zµμ]+)",

@@ -1,6 +1,6 @@
 //! The content of a rig file: the rig, the strips on its drum, the trials, and the effects of measuring.
 //!
-//! These are plain values as in the TOML text. [`RigFile`](super::RigFile) holds a description that has been checked.
+//! The description has plain values, as in the TOML text. [`RigFile`](super::RigFile) holds one that has been checked.
 
 use serde::Deserialize;
 
@@ -61,7 +61,7 @@ pub struct Drum {
 pub struct Wander {
     /// RMS of the speed's deviation over the speed.
     pub rms: f64,
-    /// Time over which it stays correlated (to e^{-1/2}), s.
+    /// Time over which the deviation stays correlated (to e^{-1/2}), s.
     pub correlation_s: f64,
 }
 
@@ -86,8 +86,8 @@ pub struct Mode {
     pub damping_ratio: f64,
     /// Acceleration at the accelerometer well above resonance per normal force at the tip, (m/s²)/N, on x, y, z.
     pub participation_m_s2_per_n: [f64; 3],
-    /// The same for the tip itself, along the normal, (m/s²)/N: one over the modal mass at the tip. If not given, the
-    /// tip does not move in this mode.
+    /// Acceleration at the tip well above resonance per normal force at the tip, along the normal, (m/s²)/N: one over
+    /// the modal mass at the tip. If not given, the tip does not move in this mode.
     pub tip_participation_m_s2_per_n: Option<f64>,
 }
 

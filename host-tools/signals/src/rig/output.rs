@@ -41,7 +41,7 @@ pub struct Summary {
 /// Summary of one texture's trials.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TextureSummary {
-    /// Its name.
+    /// Name of the texture.
     pub name: String,
     /// Lowest and highest RMS of the trials in contact (force above zero) over the three axes together, m/s²; none if
     /// no trial is in contact.
@@ -141,7 +141,7 @@ fn simulate(rig: &RigFile, seed: u64, out: &Path) -> Result<Summary> {
 /// A trial's row of the table, kept after its samples are written.
 struct Row {
     texture: String,
-    /// Relative to the set's folder, with `/` between the parts.
+    /// Path of the file, relative to the set's folder, with `/` between the parts.
     file: String,
     speed_mm_s: f64,
     force_n: f64,

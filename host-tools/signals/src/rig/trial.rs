@@ -18,13 +18,13 @@ use super::series::UniformSampler;
 
 /// One texture on the drum with one seed: its profile, and the response per speed that turns the profile into samples.
 ///
-/// Its trials do not depend on the other textures of the rig.
+/// Trials of a strip do not depend on the other textures of the rig.
 pub struct Strip<'a> {
     description: &'a RigDescription,
     texture: &'a Texture,
     key: StreamKey,
     profile: Profile,
-    /// One per speed; empty if nothing is felt: a flat surface, no tool, or no force above zero.
+    /// Passes, one per speed; empty if nothing is felt: a flat surface, no tool, or no force above zero.
     passes: Vec<Pass>,
 }
 

@@ -81,11 +81,11 @@ impl Link {
         )?)
     }
 
-    /// Connects to the stylus by a link of this command alone, where it cannot be shared: for what must always find a
-    /// way.
+    /// Connects to the stylus, by a link of this command alone where the link cannot be shared. Commands that must
+    /// always find a way use it.
     ///
     /// # Errors
-    /// That of [`Link::connect`], where neither way leads to the stylus.
+    /// The error of [`Link::connect`], where neither way leads to the stylus.
     fn connect_somehow(&self) -> Result<Device> {
         let link = || match &self.link {
             Some(link) => Ok(link.clone()),
@@ -127,7 +127,7 @@ impl Link {
     }
 }
 
-/// This program, as one that shares the links that it opens.
+/// The program and the command that start the sharing of a link: this program.
 ///
 /// # Errors
 /// A system that does not tell the file of this program.
@@ -236,7 +236,7 @@ pub fn share_link(arguments: &ShareLinkArguments) {
     }
 }
 
-/// Prints a line, and lets it be if nobody reads: the command that has started this may be gone.
+/// Prints a line. A failure is ignored, because the command that has started this program may be gone.
 #[cfg(unix)]
 fn say(line: &str) {
     let mut output = std::io::stdout().lock();

@@ -25,7 +25,7 @@ pub use update_file::{Arguments as UpdateArguments, make_keys, write as write_up
 /// The part's name for probe-rs.
 const CHIP: &str = "STM32H743ZITx";
 
-/// The name of the folder of its builds.
+/// Name of the folder of the firmware's builds.
 pub(crate) const FOLDER: &str = "firmware";
 
 /// The profile in the workspace's manifest.
@@ -36,14 +36,14 @@ pub(crate) const PROFILE: &str = "firmware";
 pub enum Image {
     /// The image that is flashed.
     Product,
-    /// The same with faults on request, for the tests of its reaction to them.
+    /// The image with faults on request, for the tests of its reaction to them.
     FaultInjection,
-    /// The same with a watchdog that waits while a debugger halts the core.
+    /// The image with a watchdog that waits while a debugger halts the core.
     DebugHalt,
 }
 
 impl Image {
-    /// The package's features.
+    /// Features of the package that make this variant.
     const fn features(self) -> &'static str {
         match self {
             Self::Product => "image",
@@ -72,7 +72,7 @@ pub fn build(toolchain: &Toolchain, image: Image) -> Result<PathBuf> {
     build_saying(toolchain, image, Progress::Quiet)
 }
 
-/// Builds as [`build`] does; `progress` says how much of it is shown.
+/// Builds as [`build`] does; `progress` says how much of the build is shown.
 ///
 /// # Errors
 /// As [`build`].
@@ -170,7 +170,7 @@ const PROBE_RS: [&str; 5] = [
 /// The flashing program.
 ///
 /// # Errors
-/// It is not installed.
+/// probe-rs is not installed.
 pub fn probe_rs() -> Result<PathBuf> {
     process::find(
         "probe-rs",

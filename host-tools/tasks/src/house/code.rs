@@ -72,7 +72,8 @@ impl Source {
         self.tokens.get(at).map_or("", |(text, _)| text)
     }
 
-    /// Takes the path or the tree of paths at `at`, below `before`, and returns the place after it.
+    /// Reads the path or the tree of paths at token `at`, below the segments `before`, into `imports`. Returns the
+    /// place after it.
     fn take(&self, mut at: usize, before: &[String], imports: &mut Vec<Import>) -> usize {
         let mut segments = before.to_vec();
         let line = self.tokens[at].1;
@@ -277,7 +278,8 @@ fn defined(mut target: Module, names: &BTreeMap<Module, Module>) -> Module {
     target
 }
 
-/// Takes away modules without imports or importers until none is left, or circles are.
+/// Reports the imports that are in circles: those that stay when modules without imports or without importers are
+/// removed until nothing changes.
 fn check_circles(mut arrows: Arrows<'_>, outcome: &mut Outcome) {
     loop {
         let before = arrows.values().map(Vec::len).sum::<usize>();

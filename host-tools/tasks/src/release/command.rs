@@ -10,7 +10,7 @@ use crate::{process, toolchain, workspace};
 
 /// A system that the command is built for.
 pub struct System {
-    /// Its part of a file's name, with the ending of a program.
+    /// Name of the system in the names of files, with the ending of a program.
     pub name: &'static str,
     target: &'static str,
     /// The program as cargo names it.
@@ -59,7 +59,7 @@ pub const WINDOWS: System = System {
 };
 
 impl System {
-    /// Checks that compiler and linker can build for it.
+    /// Checks that compiler and linker can build for the system.
     ///
     /// # Errors
     /// A tool is missing.

@@ -11,7 +11,7 @@ use crate::{process, toolchain, workspace};
 /// The program that builds wheels.
 ///
 /// # Errors
-/// It is not installed.
+/// maturin is not installed.
 pub fn maturin() -> Result<PathBuf> {
     process::find("maturin", "`pip install maturin`")
 }

@@ -24,7 +24,7 @@ impl Page {
     /// Reads the page at `path`.
     ///
     /// # Errors
-    /// It cannot be read.
+    /// The page cannot be read.
     pub fn read(path: &Path) -> Result<Self> {
         let text = std::fs::read_to_string(path);
         let text = text.with_context(|| path.display().to_string())?;
@@ -64,7 +64,7 @@ impl Page {
         );
     }
 
-    /// Writes `content` into block `name`, and the page to its file if that changes it. Returns true if it does.
+    /// Writes `content` into block `name`, and the page to its file if the content changes. Returns true if it does.
     ///
     /// # Errors
     /// There is no such block, or the page cannot be written.

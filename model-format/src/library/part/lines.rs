@@ -125,7 +125,7 @@ impl Line<'_> {
         u16::from_le_bytes([self.bytes[4], self.bytes[5]])
     }
 
-    /// Index of its wander among [`Lines::wanders`], if its place wanders.
+    /// Index of the line's wander among [`Lines::wanders`], if the line's place wanders.
     pub fn wander(&self) -> Option<usize> {
         self.wander.map(usize::from)
     }
@@ -167,13 +167,13 @@ pub struct LineSpec {
     pub phase: u16,
     /// Amplitude at each node, m/s², speed-major: the peak of the sine.
     pub amplitudes: alloc::vec::Vec<f32>,
-    /// Index of its wander in [`LinesSpec::wanders`], if its place wanders.
+    /// Index of the line's wander in [`LinesSpec::wanders`], if the line's place wanders.
     pub wander: Option<u8>,
 }
 
 #[cfg(feature = "alloc")]
 impl LinesSpec {
-    /// These lines with those of `wanders` that they have.
+    /// Lines to be written, with those of `wanders` that any of the lines has.
     pub fn with_wanders(mut lines: alloc::vec::Vec<LineSpec>, wanders: &[Wander]) -> Self {
         let mut kept = alloc::vec::Vec::new();
         for (index, wander) in wanders.iter().enumerate() {

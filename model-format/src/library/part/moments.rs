@@ -25,7 +25,7 @@ pub const BLOCK_BYTES: usize = 25;
 /// Magnitudes of the codes, as shares of the block's level in steps of 2⁻¹⁴.
 pub const BLOCK_MAGNITUDES: [i32; 4] = [1059, 4069, 8835, 16_384];
 
-/// Their squares, in steps of 2⁻²⁸.
+/// Squares of [`BLOCK_MAGNITUDES`], in steps of 2⁻²⁸.
 const SQUARES: [u32; 4] = [1059 * 1059, 4069 * 4069, 8835 * 8835, 1 << 28];
 
 /// Share of the peak that a block's level is, in steps of 2⁻¹⁶. A level above 0, which no library has, counts as 0.

@@ -19,7 +19,7 @@ pub struct Counter {
 }
 
 impl Counter {
-    /// Takes the timer, and measures the cost of counting itself.
+    /// Starts the timer, and measures the cost of counting itself.
     pub fn new(mut systick: SYST) -> Self {
         systick.set_clock_source(SystClkSource::Core);
         systick.set_reload(MASK);
@@ -38,7 +38,7 @@ impl Counter {
     }
 }
 
-/// The ticks of `call` and of counting. All calls share this function, so that counting adds the same to each.
+/// The ticks of `call` and of counting. All calls share this function, so the cost of counting is the same for each.
 #[inline(never)]
 fn ticks(call: &mut dyn FnMut()) -> u32 {
     let before = SYST::get_current();

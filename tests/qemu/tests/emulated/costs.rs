@@ -14,18 +14,19 @@ use crate::{held, image};
 /// Orders between those of the table, with stages beyond whole turns of a lattice's loop.
 const ORDERS_BETWEEN: [usize; 4] = [21, 23, 41, 121];
 
-/// The most instructions by which a sample may exceed the look-up between two orders: those of three stages that a
-/// lattice does not process four at a time.
+/// Most instructions by which a sample may exceed the look-up between two orders: those of the three stages that can be
+/// left over where a lattice processes four stages at a time.
 const BETWEEN_INSTRUCTIONS: f64 = 40.0;
 
-/// Most instructions by which a sample may differ from the table's, whose calls were traced: the timer counts a call
-/// and a return of the same code too, which are 5.
+/// Most instructions by which a sample may differ from the table's count. The table's calls were traced; the timer also
+/// counts a call and a return of the same code, which are 5 instructions.
 const SAMPLE: u32 = 16;
 
-/// The same of an update, of which another part is inlined here: 41 fewer on a Cortex-M4, 40 on an M7.
+/// Most instructions by which an update may differ from the table's. Another part is inlined here: an update takes 41
+/// instructions fewer on a Cortex-M4, 40 on an M7.
 const UPDATE: u32 = 64;
 
-/// The allowed difference beside these, as a share of the table's figure.
+/// Allowed difference beside [`SAMPLE`] or [`UPDATE`], as a share of the table's figure.
 const TOLERANCE: f64 = 0.01;
 
 /// The structure that an image has.

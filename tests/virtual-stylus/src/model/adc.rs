@@ -77,7 +77,7 @@ pub struct Sample {
     pub at_ns: u64,
     /// The channel.
     pub channel: u8,
-    /// Its place in the sequence, 0 to 3.
+    /// Place of the sample in the sequence, 0 to 3.
     pub rank: u8,
     /// The word that went to the data register.
     pub word: u16,
@@ -154,7 +154,7 @@ impl Injected {
         self.samples.get_or_insert_default();
     }
 
-    /// Takes the samples kept so far.
+    /// Returns the samples kept so far, and forgets them.
     pub fn take_samples(&mut self) -> Vec<Sample> {
         self.samples
             .as_mut()

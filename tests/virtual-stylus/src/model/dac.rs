@@ -90,12 +90,12 @@ pub struct Dac {
 }
 
 impl Dac {
-    /// Every output of channel 1 since the run began, or since [`Dac::take_record`].
+    /// Outputs of channel 1 since the last [`Dac::take_record`], or since the run began.
     pub fn record(&self) -> &[Output] {
         &self.record
     }
 
-    /// Takes the record so far.
+    /// Returns the outputs of channel 1 recorded so far, and forgets them.
     pub fn take_record(&mut self) -> Vec<Output> {
         std::mem::take(&mut self.record)
     }

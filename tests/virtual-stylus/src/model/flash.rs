@@ -54,21 +54,21 @@ const ERASED: u8 = 0xFF;
 /// An operation.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// A word of 32 bytes programmed at this address.
+    /// A word of 32 bytes is programmed.
     Program {
         /// Address of the first byte.
         address: u32,
         /// The new content.
         word: [u8; WORD_BYTES as usize],
     },
-    /// The bytes from the first to before the second address erased.
+    /// The bytes from the first address to before the second one are erased.
     Erase(Range<u32>),
 }
 
 /// An operation as it starts.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Operation {
-    /// Its number in this run, from 1.
+    /// Number of the operation in this run, from 1.
     pub number: u64,
     /// Instant of its start, in nanoseconds of virtual time.
     pub at_ns: u64,
@@ -83,7 +83,7 @@ pub enum Moment {
     Before,
     /// The operation is in progress; the outcome is random from this seed.
     During {
-        /// Any number.
+        /// Seed of the outcome; any number.
         seed: u64,
     },
     /// The cells have their new content, and the image does not know it yet.
@@ -155,7 +155,7 @@ impl Contents {
         })
     }
 
-    /// The bytes of a file of it: both banks, then the addresses of unreadable and of filled words.
+    /// The bytes of a file with this content: both banks, then the addresses of unreadable and of filled words.
     pub fn to_bytes(&self) -> Vec<u8> {
         let filled = self.filled.iter().map(|address| address | FILLED);
         let marks = self.unreadable.iter().copied().chain(filled);
@@ -163,7 +163,7 @@ impl Contents {
         self.bytes.iter().copied().chain(marks).collect()
     }
 
-    /// Writes it to a file.
+    /// Writes the content to a file.
     ///
     /// # Errors
     /// The file cannot be written.
@@ -177,7 +177,7 @@ impl Contents {
     /// Puts `bytes` at `address`, whatever was there.
     ///
     /// # Errors
-    /// They do not lie in the flash.
+    /// The bytes do not lie in the flash.
     pub fn place(&mut self, address: u64, bytes: &[u8]) -> std::result::Result<(), String> {
         let place = in_flash(address, bytes)?;
         self.bytes[offsets(&place)].copy_from_slice(bytes);
@@ -318,7 +318,7 @@ impl Unreadable {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Replaces all of them by `words`, and those that were programmed with ones by `filled`.
+    /// Replaces all unreadable words by `words`, and those that were programmed with ones by `filled`.
     pub fn replace(&self, words: BTreeSet<u32>, filled: BTreeSet<u32>) {
         let mut marks = self.marks();
         marks.words = words;
@@ -331,12 +331,12 @@ impl Unreadable {
         self.marks().filled.clone()
     }
 
-    /// All of them.
+    /// All unreadable words.
     pub fn words(&self) -> BTreeSet<u32> {
         self.marks().words.clone()
     }
 
-    /// Number of changes, from which a caller learns of a change.
+    /// Number of changes of the unreadable words. A caller that compares it with an earlier one learns of a change.
     pub fn changes(&self) -> u64 {
         self.marks().changes
     }
@@ -346,8 +346,8 @@ impl Unreadable {
         self.marks().failures
     }
 
-    /// Marks the word at `address`, which is programmed with `word` now, and `is_erased` before. A word that may not be
-    /// programmed any more becomes unreadable.
+    /// Notes that `word` is programmed at `address`; `is_erased` is true if the word there was erased before. A word
+    /// that may not be programmed any more becomes unreadable.
     pub fn program(&self, address: u32, word: &[u8], is_erased: bool) {
         let mut marks = self.marks();
         if !is_erased || marks.filled.contains(&address) {
@@ -407,7 +407,7 @@ pub struct Busy(Arc<BusyState>);
 
 #[derive(Debug, Default)]
 struct BusyState {
-    /// A bit per bank.
+    /// The busy banks, a bit per bank.
     banks: AtomicU8,
     fetches: AtomicU64,
     ahead: AtomicU64,
@@ -510,7 +510,7 @@ enum Asked {
 pub struct Journal {
     /// The unreadable words.
     pub unreadable: Unreadable,
-    /// True if no erasure is begun that is ordered; `RDSERRx` shows it.
+    /// True if the flash begins no erasure that is ordered; `RDSERRx` shows the refusal.
     pub refuses_erasures: bool,
     busy: Busy,
     buffers: [Buffer; 2],
@@ -524,8 +524,8 @@ pub struct Journal {
 }
 
 impl Journal {
-    /// A log, with the words that are unreadable from the start and `brown_out_level` in the option bytes, which tells
-    /// `busy` of busy banks.
+    /// An empty journal, with the words that are unreadable from the start and `brown_out_level` in the option bytes.
+    /// The journal tells `busy` which banks are busy.
     pub fn new(unreadable: Unreadable, busy: Busy, brown_out_level: u8) -> Self {
         Self {
             unreadable,
@@ -545,7 +545,7 @@ impl Journal {
         self.started
     }
 
-    /// Takes the oldest operation that has started and was not taken.
+    /// Returns the oldest operation that has started and that no call has returned yet.
     pub fn take_started(&mut self) -> Option<Operation> {
         self.unseen.pop_front()
     }

@@ -13,12 +13,12 @@ use super::around::{Around, Call};
 /// The part's own effect on a pin.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Drive {
-    /// Nothing: an input, analogue, an alternate function, or an open drain that is off.
+    /// The part drives nothing: the pin is an input, analogue, an alternate function, or an open drain that is off.
     #[default]
     Floating,
-    /// It drives low.
+    /// The part drives the pin low.
     Low,
-    /// It drives high.
+    /// The part drives the pin high.
     High,
 }
 
@@ -54,7 +54,7 @@ impl PinRecord {
         self.drive
     }
 
-    /// Takes the changes since the run began, or since the last call.
+    /// Returns the changes of the drive since the last call, or since the run began.
     pub fn take_record(&mut self) -> Vec<Driven> {
         std::mem::take(&mut self.record)
     }

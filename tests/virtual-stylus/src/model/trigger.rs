@@ -29,12 +29,12 @@ pub struct TriggerOutput {
 }
 
 impl TriggerOutput {
-    /// Takes the instant of the oldest pulse that was not taken yet.
+    /// Returns the instant of the oldest pulse that no call has returned yet.
     pub fn take(&mut self) -> Option<VirtualNanos> {
         (!self.unheard.is_empty()).then(|| self.unheard.remove(0))
     }
 
-    /// Takes the instant of an acknowledge for the converter, and the converter's channel.
+    /// Returns the instant of an acknowledge for the DAC and the DAC's channel, if no call has returned it yet.
     pub fn take_acknowledge(&mut self) -> Option<(VirtualNanos, usize)> {
         self.acknowledged.take()
     }

@@ -35,7 +35,7 @@ pub struct Descriptors {
     pub bos: Vec<u8>,
     /// The Microsoft OS 2.0 descriptor set, if the BOS names one.
     pub microsoft: Vec<u8>,
-    /// The languages of its strings.
+    /// The languages of the device's strings.
     pub languages: Vec<u8>,
     /// Manufacturer, product and serial number.
     pub strings: [Vec<u8>; 3],
@@ -65,7 +65,7 @@ impl Default for Timing {
 /// The host's software.
 #[derive(Debug, Default)]
 pub struct UsbHost {
-    /// Times of its enumerations.
+    /// Times of the host's enumerations.
     pub timing: Timing,
     ended: Vec<Completion>,
     next_address: u8,
@@ -208,7 +208,7 @@ impl UsbHost {
         Ok(())
     }
 
-    /// Takes the completion of a transfer, if it has ended.
+    /// Returns the completion of a transfer once, if the transfer has ended.
     pub fn take_ended(&mut self, stylus: &mut VirtualStylus, id: TransferId) -> Option<Completion> {
         self.collect(stylus);
         self.find_ended(id)
@@ -226,13 +226,13 @@ impl UsbHost {
         self.ended.retain(|ended| !ids.contains(&ended.id));
     }
 
-    /// Takes over the completions from the controller.
+    /// Moves the completions from the controller to this software.
     pub(super) fn collect(&mut self, stylus: &mut VirtualStylus) {
         let ended = stylus.usb(|host, _| host.take_completions());
         self.ended.extend(ended);
     }
 
-    /// Takes the completion of a transfer from those that were taken over.
+    /// Returns the completion of a transfer once, from the completions that were collected.
     pub(super) fn find_ended(&mut self, id: TransferId) -> Option<Completion> {
         let position = self.ended.iter().position(|ended| ended.id == id)?;
         Some(self.ended.remove(position))
@@ -248,7 +248,7 @@ pub struct Request {
     pub request: u8,
     /// First argument of the request (wValue).
     pub value: u16,
-    /// Its second number.
+    /// Second argument of the request (wIndex).
     pub index: u16,
     /// Bytes of the data stage.
     pub length: u16,
@@ -360,7 +360,7 @@ impl BulkFrames {
         self.sending.extend(ids.into_iter().flatten());
     }
 
-    /// Takes the frames that have come, each with the instant of its last packet.
+    /// Returns the frames that have come since the last call, each with the instant of its last packet.
     ///
     /// # Errors
     /// A transfer that failed. The link is over then.

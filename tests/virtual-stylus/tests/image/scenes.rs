@@ -62,7 +62,7 @@ fn texture(name: &str, order: u32) -> TextureSpec {
     }
 }
 
-/// The same with so many lines that are tied to position, the first of which wanders.
+/// `spec` with `lines` lines that are tied to position. The first line wanders.
 fn lined(mut spec: TextureSpec, lines: usize) -> TextureSpec {
     let line = |at: usize| LineSpec {
         wavelength_mm: 0.3 + 0.7 * at as f32,
@@ -82,7 +82,7 @@ fn lined(mut spec: TextureSpec, lines: usize) -> TextureSpec {
     spec
 }
 
-/// The same texture with codebooks and a level track: half of its nodes have a codebook, and half noise.
+/// The texture of `spec` with codebooks and a level track: half of its nodes have a codebook, and half noise.
 fn fed(name: &str, spec: &TextureSpec) -> TextureSpec {
     let codebook = CodebookSpec {
         peak: 2.0,
@@ -116,7 +116,7 @@ fn of_surface(title: &str, surface: Surface) -> Scene {
     Scene::of_surface(name(title), 5_000, surface)
 }
 
-/// The scene with `sections` different sections of the equaliser.
+/// `scene` with `sections` different sections of the equaliser.
 fn equalised(mut scene: Scene, sections: usize) -> Scene {
     for section in 0..sections {
         let pole = 0.3 + 0.05 * section as f64;

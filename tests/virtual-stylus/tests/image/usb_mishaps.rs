@@ -23,7 +23,7 @@ const HURRIED: Timing = Timing {
     recovery_ns: 2 * MS,
 };
 
-/// Those of the points of a test that are drawn, each with its mishap; a host that is hasty at most of them.
+/// The drawn points of a test, each with its mishap and the host's times. The host is hasty at most of them.
 fn points(count: u64) -> impl Iterator<Item = (u64, Mishap, Timing)> {
     (0..count).filter(|&point| is_drawn(point)).map(|point| {
         let timing = if point % 3 == 0 {

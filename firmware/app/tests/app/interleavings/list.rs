@@ -29,16 +29,16 @@ pub struct Request {
     pub name: &'static str,
     key: Key,
     body: Vec<u8>,
-    /// True if it is answered.
+    /// True if the request is answered.
     pub answered: bool,
-    /// True if it renews the lease of a host that plays.
+    /// True if the request renews the lease of a host that plays.
     pub renews: bool,
     /// True if a second frame of its host follows, which applies the change of settings that this one proposes.
     pub then_applies: bool,
 }
 
 impl Request {
-    /// Its frame with this sequence number.
+    /// Frame of the request with sequence number `number`.
     pub fn frame(&self, number: u32) -> Vec<u8> {
         let header = VarHeader {
             key: VarKey::Key8(self.key),

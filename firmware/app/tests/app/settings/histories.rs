@@ -16,7 +16,7 @@ use crate::budget::{self, Chance};
 enum Step {
     /// A setting is set to a share of its range.
     Set { setting: usize, share: u16 },
-    /// The same, and power is lost at an operation of it.
+    /// A setting is set to a share of its range, and power is lost at an operation of the flash.
     CutSet {
         setting: usize,
         share: u16,
@@ -25,7 +25,7 @@ enum Step {
     },
     /// A response with a share of the gain's range is stored.
     Respond { share: u16 },
-    /// The same, and power is lost at an operation of it.
+    /// A response with a share of the gain's range is stored, and power is lost at an operation of the flash.
     CutRespond { share: u16, at: usize, how: usize },
     /// Power is lost at an operation of the mending at a start.
     CutStart { at: usize, how: usize },
@@ -242,8 +242,8 @@ proptest! {
     #![proptest_config(budget::config(1_500))]
 
     /// While something may be played, no limit is weaker than the last value that was acknowledged, or whose storing
-    /// was cut, whatever the power does and whichever words are lost. Loss of power alone never keeps it from playing.
-    /// And the store can always be written again.
+    /// was cut, whatever the power does and whichever words are lost. Loss of power alone never keeps the stylus from
+    /// playing. The store can always be written again.
     #[test]
     fn no_limit_becomes_weaker_while_something_may_be_played_and_cuts_alone_never_silence(
         beginning in beginning(), seed: u64, has_damage: bool, steps in prop::collection::vec(step(), 1..12),
@@ -262,8 +262,8 @@ proptest! {
     }
 }
 
-/// The same where an erasure is cut that leaves any mixture of whole, erased and unreadable words, so that a copy may
-/// end with any of its older records.
+/// No limit becomes weaker by a cut erasure that leaves any mixture of whole, erased and unreadable words, so that a
+/// copy may end with any of its older records.
 #[test]
 fn no_limit_becomes_weaker_by_what_a_cut_erasure_leaves() {
     let mut chance = Chance::new(budget::seed(), 0);

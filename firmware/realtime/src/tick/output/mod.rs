@@ -5,7 +5,7 @@
 //!           ^ DMA1 stream 1 writes mid-scale     ^ TIM7, 40 kHz: moves DHR to DOR and requests the next code
 //! ```
 //! TIM7 counts 25 µs. Its update is the trigger of the converter, so that neither software nor DMA shifts an instant.
-//! The same update moves the eraser, which writes mid-scale over codes that have been put out.
+//! TIM7's update also moves the eraser, which writes mid-scale over codes that have been put out.
 //!
 //! **The dead man's switch.** Both streams are circular and need no instruction. When ticks end, because the core is
 //! halted, locked up or in a loop, the output plays what the last tick wrote ahead: its codes, a hold, a fade, and then

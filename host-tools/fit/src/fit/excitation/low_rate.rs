@@ -1,8 +1,8 @@
 //! The residual of a recording at a rate below the models'.
 //!
-//! Such a recording says nothing above half its rate. The predictor raises what is there, the round-off of the
-//! conversion, to the level of a residual, and it is no surface's: it is loudest where the recording begins and ends.
-//! Gaussian noise of the level below takes its place, as a texture without parts has it there.
+//! A recording at such a rate says nothing above half that rate. The predictor raises what is there, the round-off of
+//! the conversion, to the level of a residual. The round-off is no surface's: it is loudest where the recording begins
+//! and ends. Gaussian noise of the level below takes its place, as a texture without parts has it there.
 
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};

@@ -34,7 +34,7 @@ pub(super) enum Level {
     Apart,
     /// Steady enough to be left as it is.
     Steady,
-    /// Kept, because moments are played with theirs.
+    /// Kept, because moments are played with their own level.
     OfMoments,
 }
 
@@ -46,7 +46,7 @@ const QUIET: f64 = 0.063;
 struct Stretch {
     trace: usize,
     start: usize,
-    /// Mean kurtosis of its windows of 10 ms, or the power of a moment.
+    /// Mean kurtosis of the stretch's windows of 10 ms, or the power of a moment.
     rank: f64,
 }
 
@@ -55,15 +55,15 @@ struct Stretch {
 pub(super) struct Material {
     /// Samples of the stretches, one after the other.
     pub samples: Vec<f64>,
-    /// Number of trials that they are of.
+    /// Number of trials that the stretches are of.
     pub trials: usize,
 }
 
-/// Takes at most `most` stretches of `traces`, limited to the `loudest` windows. `None` if there are fewer than
+/// Chooses at most `most` stretches of `traces`, limited to the `loudest` windows. `None` if there are fewer than
 /// [`LEAST_STRETCHES`] that are clean and, unless they are moments, not quiet.
 ///
-/// They are taken at equal ranks of their kurtosis, so that calm and lively stretches have the share that they have in
-/// the recordings; moments at equal ranks of their power.
+/// The stretches are taken at equal ranks of their kurtosis, so that calm and lively ones have the share that they have
+/// in the recordings. Moments are taken at equal ranks of their power.
 pub(super) fn choose(
     traces: &[&Trace],
     level: Level,

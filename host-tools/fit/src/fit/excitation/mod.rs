@@ -25,7 +25,8 @@
 //! than the recordings of the nodes that it is played at. A trial with far louder moments than the others gives them to
 //! none.
 //!
-//! These choices come from twelve pairs of recorded takes, one fitted and the other judged; none is in the repository.
+//! The choices above come from twelve pairs of recorded takes, one of each pair fitted and the other judged. None of
+//! the takes is in the repository.
 
 mod bound;
 mod choice;

@@ -209,8 +209,8 @@ const ORDERS: [usize; 17] = [
 
 /// Returns the model at a speed, mm/s, and a force, N.
 ///
-/// Its power up to half the lower rate is exactly theirs. A silent node keeps its shape, because shapes
-/// are interpolated towards it.
+/// Up to half the lower of the file's rate and the played one, the model has exactly the power of the spectrum there. A
+/// silent node keeps its shape, because shapes are interpolated towards it.
 pub(super) fn model(toolkit: &Toolkit, place: (f64, f64)) -> Model {
     let Between {
         shape,
@@ -320,7 +320,8 @@ mod tests {
         assert!((10.0 / std::f64::consts::LN_10 * fall - ROLL_OFF_DB_PER_OCTAVE).abs() < 1e-6);
     }
 
-    /// The same models at ten times the rate, on ten times the frequencies: Penn's models of 10 kHz have no zeros.
+    /// Models of the fixture at ten times its rate, on ten times the frequencies: Penn's models of 10 kHz have no
+    /// zeros.
     #[test]
     fn models_of_10_khz_have_their_spectrum_up_to_half_the_rate_that_is_played() {
         let text = fixture::whole().replace("<SampleRate>1000", "<SampleRate>10000");

@@ -67,7 +67,7 @@ pub struct ConvertedNode {
 pub struct Converted {
     /// The texture, ready to be encoded.
     pub spec: TextureSpec,
-    /// Its nodes, speed-major.
+    /// Nodes of the texture, speed-major.
     pub nodes: Vec<ConvertedNode>,
     /// Errors at the places of the file's models that sound.
     pub own: Vec<PlaceError>,

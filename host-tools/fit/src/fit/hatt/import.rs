@@ -27,9 +27,9 @@ const FILE_PREFIX: &str = "Models_";
 pub struct Source {
     /// The file.
     pub path: PathBuf,
-    /// Name of its texture.
+    /// Name of the file's texture.
     pub name: String,
-    /// Its models.
+    /// Models of the file.
     pub toolkit: Toolkit,
 }
 
@@ -216,13 +216,13 @@ fn kilobytes(bytes: usize) -> usize {
 pub struct ImportReport {
     /// Name of the texture.
     pub texture: String,
-    /// Notes on its file.
+    /// Notes on the texture's file.
     pub warnings: Vec<String>,
     /// Values of the speed axis, mm/s.
     pub speeds_mm_s: Vec<f32>,
     /// Values of the force axis, N.
     pub forces_n: Vec<f32>,
-    /// Its nodes.
+    /// Nodes of the texture.
     pub nodes: Vec<ConvertedNode>,
     /// Errors at the models' own places.
     pub own_places: Vec<PlaceError>,

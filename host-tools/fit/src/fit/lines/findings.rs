@@ -42,7 +42,7 @@ pub struct Line {
     pub shown_at_speeds: (usize, usize),
     /// Lowest and highest amplitude of a trial that shows it, m/s².
     pub amplitude_range_m_s2: (f64, f64),
-    /// Index of its wander among the findings', if its place wanders.
+    /// Index of the line's wander among those of the findings; none if the line's place does not wander.
     #[serde(default)]
     pub wander: Option<usize>,
 }
@@ -155,13 +155,13 @@ pub struct TrialLines {
 
 /// A trial of a grid, as far as its lines need it.
 pub struct LineMember<'a> {
-    /// Speed of its node, mm/s.
+    /// Speed of the trial's node, mm/s.
     pub speed_mm_s: f64,
-    /// Force of its node, N.
+    /// Force of the trial's node, N.
     pub force_n: f64,
     /// True if the trial was found silent.
     pub is_silent: bool,
-    /// Its share of the texture's lines.
+    /// The trial's share of the texture's lines.
     pub lines: &'a TrialLines,
 }
 

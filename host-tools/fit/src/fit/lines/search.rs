@@ -52,11 +52,11 @@ pub(super) const HARMONICS: u32 = 8;
 /// One trial as the search hears it.
 #[derive(Clone)]
 pub(super) struct Heard<'s> {
-    /// Its speed as listed, mm/s.
+    /// Speed of the trial as listed, mm/s.
     pub speed_mm_s: f64,
-    /// Its actual speed over the listed one, as far as lines have told it.
+    /// Actual speed of the trial over the listed one, as far as lines have told it.
     pub speed_ratio: Option<f64>,
-    /// Its samples without the lines that were removed.
+    /// Samples of the trial without the lines that were removed.
     signal: Cow<'s, [f64]>,
     peaks: Vec<Peak>,
     cell_hz: f64,
@@ -146,9 +146,9 @@ enum Hypothesis {
 pub(super) struct Found {
     /// Wavelength, mm, as the trials' median.
     pub wavelength_mm: f64,
-    /// Index of each trial that shows it, and its frequency there, Hz.
+    /// Index of each trial that shows the line, and the line's frequency there, Hz.
     pub shown_by: Vec<(usize, f64)>,
-    /// Speeds that show it, and those at which it could be seen.
+    /// Numbers of the speeds that show the line, and of those at which it could be seen.
     pub speeds: (usize, usize),
 }
 
@@ -173,8 +173,8 @@ struct Support {
 }
 
 impl Support {
-    /// Returns whether it is better than `other`: by its score; of equal ones, that of time, and then the one with more
-    /// evidence.
+    /// Returns whether this support is better than `other`: by its score; of equal ones, that of time, and then the one
+    /// with more evidence.
     fn is_better(&self, other: &Self) -> bool {
         let is_of_time = |own: &Self| matches!(own.hypothesis, Hypothesis::Time(_));
         let key = |own: &Self| (own.score, is_of_time(own), own.evidence);

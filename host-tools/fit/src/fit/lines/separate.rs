@@ -43,9 +43,9 @@ struct Known {
 pub struct Separated {
     /// The lines.
     pub findings: Findings,
-    /// Each trial's share of them.
+    /// Each trial's share of the lines.
     pub shares: Vec<TrialLines>,
-    /// The signals without them, m/s².
+    /// The signals without the lines, m/s².
     pub rest: Vec<Vec<f64>>,
 }
 
@@ -212,8 +212,8 @@ fn range_of(amplitudes: impl Iterator<Item = f64>) -> (f64, f64) {
     (low.min(high), high)
 }
 
-/// Takes the harmonics of `weave` out of `signal`, whose `course` it is. Returns the amplitude of each: 0 where the
-/// line is not told from noise, in which it stays.
+/// Subtracts the harmonics of `weave` from `signal`, along the signal's `course`. Returns the amplitude of each
+/// harmonic: 0 where it is not told from noise and stays in the signal.
 fn without(signal: &mut [f64], course: Option<&Course>, weave: &Weave) -> Vec<Option<f64>> {
     let numbers = weave.harmonics.iter().map(|(number, _)| *number);
     let amplitudes = numbers.map(|number| {
@@ -367,7 +367,7 @@ struct Fitted {
     was_followed: bool,
 }
 
-/// Takes the `known` lines out of `signals`.
+/// Removes the `known` lines from `signals`.
 fn removed(
     speeds_mm_s: &[f64],
     mut signals: Vec<Vec<f64>>,

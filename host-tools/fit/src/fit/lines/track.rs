@@ -20,7 +20,8 @@ const AVERAGE_S: f64 = 0.2;
 /// the line.
 const LEAST_WANDER_RAD: f64 = 0.02;
 
-/// The same, over what noise alone makes of a straight course: to follow noise takes it away.
+/// Least RMS of a line's phase about a straight course, over the RMS that noise alone gives it, for the phase to be
+/// followed. To follow noise would take the noise away.
 const LEAST_WANDER_OVER_NOISE: f64 = 3.0;
 
 /// Least power of a line over the noise beside it, both averaged, for its phase to be followed.

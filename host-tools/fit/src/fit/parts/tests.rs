@@ -100,8 +100,8 @@ fn copies(trials: &[crate::fit::TrialReport]) -> usize {
         .count()
 }
 
-/// Also with more shards than units, some of which are then empty; each texture by itself; and without the noise of
-/// the first trial of each, which is at 0 N then.
+/// Covers more shards than units, some of which are then empty, and each texture by itself. The last case takes the
+/// rig's noise off: the first trial of each texture has it, at 0 N.
 #[test]
 fn shards_of_any_number_made_in_any_order_leave_what_one_process_leaves() {
     let folder = tempfile::tempdir().unwrap();

@@ -37,7 +37,7 @@ const PARTIAL: Limit = Limit {
 
 /// Trials that are computed together.
 pub(super) struct Unit {
-    /// Their indices in the set.
+    /// Indices of the trials in the set.
     pub trials: Vec<usize>,
 }
 

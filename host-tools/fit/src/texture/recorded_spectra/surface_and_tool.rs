@@ -77,7 +77,7 @@ pub struct SurfaceAndTool {
 }
 
 impl SurfaceAndTool {
-    /// Takes spectra at ascending speeds, mm/s, apart.
+    /// Separates spectra at ascending speeds, mm/s, into surface, tool and rest.
     /// Panics if there are fewer than [`FEWEST_SPEEDS`].
     pub fn of(members: &[(f64, &LogSpectrum)]) -> Self {
         assert!(members.len() >= FEWEST_SPEEDS);

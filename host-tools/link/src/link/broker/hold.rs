@@ -17,8 +17,8 @@ pub(in crate::link) struct Hold {
     _lock: File,
 }
 
-/// Takes the device for this program alone, as `command`, once a broker that nobody uses has ended. None if the system
-/// has no place for locks.
+/// Locks the device for this program alone, named by its `command`, once a broker that nobody uses has ended. None if
+/// the system has no place for locks.
 ///
 /// # Errors
 /// Another program that has the device, or a broker that has clients; the error names them.

@@ -15,9 +15,9 @@ pub(super) type ClientId = u64;
 /// A program at the other end of the socket.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Program {
-    /// Its command.
+    /// Command of the program.
     pub(super) command: String,
-    /// Number of its process, if the system tells it.
+    /// Number of the program's process, if the system tells it.
     pub(super) process: Option<i32>,
 }
 
@@ -61,7 +61,7 @@ pub(super) enum FromBroker {
     Joins {
         /// Blocks that the device has recorded so far.
         blocks: u32,
-        /// Those of them that it has lost.
+        /// Number of these blocks that the device has lost.
         lost_blocks: u32,
     },
     /// Number of the device's frames that were broken so far.

@@ -113,8 +113,8 @@ impl Place {
         }
     }
 
-    /// Takes the lock, or returns `None` if another program has it. A crash frees it, so that it tells of a program
-    /// that lives, which the socket does not.
+    /// Locks the lock file, or returns `None` if another program has the lock. A crash frees the lock, so that it tells
+    /// of a program that lives, which the socket does not.
     ///
     /// # Errors
     /// A file that cannot be made or locked.

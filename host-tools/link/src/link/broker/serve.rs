@@ -42,7 +42,7 @@ const MOST_MESSAGES: usize = 4096;
 /// End of a broker that did not fail.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Served {
-    /// It had clients, and all have left, or its link has ended.
+    /// The broker had clients, and all have left, or its link has ended.
     Ended,
     /// Another broker serves this device.
     Taken,

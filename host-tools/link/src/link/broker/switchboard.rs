@@ -164,7 +164,7 @@ impl Switchboard {
 
     /// A client has left, in the middle of whatever it did.
     ///
-    /// Its play goes as one whose host is gone: nobody sends the keep-alives that the device waits for.
+    /// The client's play ends as that of a host that is gone: nobody sends the keep-alives that the device waits for.
     pub(super) fn left(&mut self, client: ClientId) -> Vec<Action> {
         self.clients.remove(&client);
         for asked in self.asked.values_mut() {

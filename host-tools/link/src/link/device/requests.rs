@@ -367,13 +367,13 @@ pub struct SlotContent {
     /// Name of the slot.
     #[serde(rename = "slot")]
     pub name: String,
-    /// True if it is the one that is played.
+    /// True if the slot is the one that is played.
     pub active: bool,
-    /// Its state.
+    /// State of the slot.
     pub state: SlotState,
-    /// Textures of its library; none unless it is valid.
+    /// Textures of the slot's library; none unless it is valid.
     pub textures: Vec<TextureEntry>,
-    /// Scenes of its library.
+    /// Scenes of the slot's library.
     pub scenes: Vec<SceneInfo>,
 }
 
@@ -382,7 +382,7 @@ pub struct SlotContent {
 pub struct TextureEntry {
     /// Name.
     pub name: String,
-    /// Origin of its recordings.
+    /// Origin of the texture's recordings.
     pub provenance: String,
     /// Sample rate, Hz.
     pub sample_rate_hz: u32,

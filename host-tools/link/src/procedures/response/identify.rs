@@ -22,7 +22,8 @@ const SHARE_OF_PEAK: f64 = 0.9;
 /// quarters of that power as a mean over the coil's time constant, leaves it as it is.
 pub(super) const SHARE_OF_RMS: f64 = 0.6;
 
-/// The same of the highest level, which lasts for two seconds and shows what clips and knocks.
+/// Largest RMS of the probe at the highest level, as a share of that which gives the power limit. That level lasts for
+/// two seconds and shows what clips and knocks.
 const SHARE_OF_RMS_AT_TOP: f64 = 1.2;
 
 /// Largest peak at the tip, as a share of the converter's range.

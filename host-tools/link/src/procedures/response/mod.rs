@@ -118,14 +118,14 @@ pub enum Verdict {
 }
 
 impl Verdict {
-    /// Its name, as JSON has it.
+    /// Name of the verdict, as JSON has it.
     pub fn name(self) -> String {
         let name = serde_json::to_value(self).ok();
         name.and_then(|name| name.as_str().map(str::to_owned))
             .unwrap_or_default()
     }
 
-    /// The fault by what was seen.
+    /// A fault of this verdict, with the observation that shows it.
     pub fn seen(self, seen: impl Into<String>) -> Fault {
         let seen = seen.into();
         Fault {

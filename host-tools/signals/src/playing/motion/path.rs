@@ -31,7 +31,7 @@ pub struct MotionRow {
 /// A speed and a force at every moment from 0 s on, and optionally position and contact.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MotionPath {
-    /// At least one, in ascending order of time.
+    /// The rows, at least one, in ascending order of time.
     points: Vec<Point>,
     /// True if the file gives the position; otherwise it is the integral of the speed.
     tells_position: bool,
@@ -127,8 +127,8 @@ impl MotionPath {
 
     /// Returns the position on the path at `time_s`, in mm.
     ///
-    /// It is that of the file, linear between rows and held at both ends. Without one it is the integral of the speed
-    /// of [`MotionPath::values_at`], from 0 mm at 0 s.
+    /// A position in the file is interpolated linearly between rows, and held at both ends. Without one the position is
+    /// the integral of the speed of [`MotionPath::values_at`], from 0 mm at 0 s.
     pub fn position_mm_at(&self, time_s: f64) -> f64 {
         let after = self.points.partition_point(|point| point.time_s <= time_s);
         let first = &self.points[0];
@@ -281,10 +281,10 @@ impl Points {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Point {
     pub time_s: f64,
-    /// Signed: the sign is the direction along the surface.
+    /// Tangential speed, mm/s; the sign is the direction along the surface.
     pub speed_mm_s: f32,
     pub force_n: f32,
-    /// Position of the file, or the integral of the speed.
+    /// Position in the file, or the integral of the speed, mm.
     pub position_mm: f64,
     pub contact: bool,
 }

@@ -9,10 +9,10 @@ use crate::playing::motion::{Hand, MotionPath};
 use crate::playing::wavefront::Wavefront;
 use crate::support::error::{Error, Result};
 
-/// Iterator over the samples of a texture or scene along a motion; it keeps those of one update interval.
+/// Iterator over the samples of a texture or scene along a motion. It keeps the samples of one update interval.
 ///
-/// The same library, motion and seed give the same samples on every computer. They begin as a stylus begins: at their
-/// level, and with contact. All arithmetics `A` give the same samples.
+/// The same library, motion and seed give the same samples on every computer and with every arithmetic `A`. The
+/// samples begin as those of a stylus do: at their level, and with contact.
 #[derive(Clone, Debug)]
 pub struct Rendering<'a, A: Arithmetic = Wavefront> {
     player: ScenePlayer<'a, A>,

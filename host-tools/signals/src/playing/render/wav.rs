@@ -165,7 +165,7 @@ pub struct RenderSummary {
 /// Renders `seconds` of `texture` along `motion` into a WAV file of any length, with a progress bar.
 ///
 /// # Errors
-/// Those of [`Rendering::new`] and of [`write_wav`]. A file from before then stays, and no other one is left.
+/// The errors of [`Rendering::new`] and of [`write_wav`]. An earlier file then stays, and no new one is left.
 pub fn render_wav(
     texture: Texture<'_>,
     motion: &MotionPath,

@@ -140,9 +140,9 @@ struct Step {
     half_scale: __m256i,
     /// The highest word that does not saturate when it is doubled.
     highest: __m256i,
-    /// The lowest one, before it is truncated toward zero.
+    /// The lowest word that does not saturate when it is doubled, before truncation toward zero.
     lowest: __m256i,
-    /// Takes the upper half of each lane to the lower half of the next.
+    /// Permutation from the upper half of each lane to the lower half of the next.
     to_next_lane: __m256i,
 }
 

@@ -1,6 +1,6 @@
 //! Bursts of wild samples on one axis: a sensor's queue that slipped, a cable that was knocked.
 //!
-//! They hide below the peaks of a recording, but not from a linear predictor of the axis. A contact also excites the
+//! Bursts hide below the peaks of a recording, but not from a linear predictor of the axis. A contact also excites the
 //! other axes, rings on through the filter that predicts, and comes again. A burst does none of this: the other axes
 //! stay calm, all around it is as predictable as ever once its samples are left out, and its samples are white.
 
@@ -71,7 +71,7 @@ pub struct Burst {
     pub start_s: f64,
     /// Duration, s.
     pub seconds: f64,
-    /// Ratio of its prediction error to the largest of anything else, as RMS over 8 samples.
+    /// Ratio of the burst's prediction error to the largest elsewhere on the axis, as RMS over 8 samples.
     pub ratio: f64,
 }
 
@@ -114,9 +114,9 @@ pub(super) fn bursts(axes: &[Axis<'_>], rate_hz: f64) -> Vec<Burst> {
 
 /// Samples that are left out so that the rest is as predictable as elsewhere.
 struct Left {
-    /// The first.
+    /// Index of the first sample that is left out.
     first: usize,
-    /// Number of samples.
+    /// Number of samples that are left out.
     count: usize,
     /// Energy of the prediction error over what white samples as large would have on average.
     whiteness: f64,
@@ -125,7 +125,7 @@ struct Left {
 /// The prediction errors of an axis.
 struct Errors<'a> {
     axis: &'a Axis<'a>,
-    /// 1, a(1) .. a(p).
+    /// Coefficients of the predictor: 1, a(1) .. a(p).
     predictor: Vec<f64>,
     /// Errors of the samples from the p-th on.
     of_samples: Vec<f64>,
@@ -171,7 +171,7 @@ impl<'a> Errors<'a> {
         self.predictor.len() - 1
     }
 
-    /// For each window whether an event is near.
+    /// One value per window, true if an event is near.
     fn near_events(&self) -> Vec<bool> {
         let mut near = vec![false; self.energy.len()];
         let end = near.len();

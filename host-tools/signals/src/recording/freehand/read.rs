@@ -73,7 +73,7 @@ impl Freehand {
         notes
     }
 
-    /// Appends a row, whose accelerations are in units of `scales_m_s2`; `names` are those of its columns.
+    /// Appends a row, whose accelerations are in units of `scales_m_s2`. `names` has the names of the row's columns.
     fn push(
         &mut self,
         row: &Row<'_, '_>,
@@ -116,9 +116,9 @@ impl Freehand {
 /// A value that no hand and no sensor can have.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Outlier {
-    /// Its line in the file, from 1.
+    /// Line of the value in the file, from 1.
     pub line: u64,
-    /// Its column.
+    /// Name of the value's column.
     pub column: String,
     /// The value.
     pub value: f64,

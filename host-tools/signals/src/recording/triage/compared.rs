@@ -6,7 +6,7 @@ use super::verdict::{Kind, Verdict};
 /// A trial, as far as it is compared with others.
 #[derive(Clone, Copy, Debug)]
 pub struct Compared<'a> {
-    /// Name of its texture.
+    /// Name of the trial's texture.
     pub texture: &'a str,
     /// Tangential speed, mm/s.
     pub speed_mm_s: f64,
@@ -20,9 +20,9 @@ pub struct Compared<'a> {
     pub rms_m_s2: f64,
     /// A line at a mains frequency, Hz.
     pub mains_line_hz: Option<f64>,
-    /// Sketch of its signal.
+    /// Sketch of the trial's signal.
     pub sketch: &'a Sketch,
-    /// Its verdicts so far.
+    /// Verdicts on the trial so far.
     pub verdicts: &'a [Verdict],
 }
 

@@ -5,7 +5,8 @@ use super::verdict::{Kind, Span, Verdict};
 /// Shortest part that is kept, in samples: 0.4 s, so that the longest lag of a model, 80 ms, is a fifth of it at most.
 pub const LEAST_KEPT: usize = 2000;
 
-/// The same where samples are missing, which nothing can stand for, and no longer parts are left: 0.1 s.
+/// Shortest part that is kept, in samples, where only dropouts are cut because no longer parts are left: 0.1 s. Nothing
+/// can stand for the samples of a dropout.
 const LEAST_BETWEEN_GAPS: usize = 500;
 
 /// Least share of a trial that must be left for anything to be cut.

@@ -21,7 +21,7 @@ const GRAVITY_TOLERANCE: f64 = 0.1;
 /// Largest RMS beside which a mean of one on three axes is gravity: that of tools on rough surfaces in g.
 const GRAVITY_RMS: f64 = 1.0;
 
-/// The same on fewer axes, of which a tilted one can have any mean below gravity.
+/// Largest RMS beside which a mean of one on fewer axes is gravity. Tilted axes can have any mean below gravity.
 const GRAVITY_RMS_OF_FEW: f64 = 0.3;
 
 /// Units with the value of gravity in them, as `--scale` takes them, but for counts of powers of two per g.

@@ -1,4 +1,4 @@
-//! Verdicts, by name, and in one line with their numbers and the remedy.
+//! Verdicts on trials: a name, and one line with the numbers and the remedy.
 
 use std::fmt;
 use std::ops::Range;
@@ -204,7 +204,7 @@ impl Verdict {
         }
     }
 
-    /// The same with more words.
+    /// The same verdict with `words` appended to its finding.
     pub(super) fn with(mut self, words: &str) -> Self {
         self.finding.push_str(words);
         self
@@ -215,17 +215,18 @@ impl Verdict {
         Self::new(Kind::Silent, "silent")
     }
 
-    /// Its kind.
+    /// Kind of the verdict.
     pub fn kind(&self) -> Kind {
         self.kind
     }
 
-    /// Name of its kind, as users give it on the command line.
+    /// Name of the verdict's kind, as users give it on the command line.
     pub fn name(&self) -> &'static str {
         self.kind.words().0
     }
 
-    /// Size of the finding, larger of worse ones: samples that it would leave out, or the first number in its words.
+    /// Size of the finding, larger for worse ones: the number of samples that the verdict would leave out, or the first
+    /// number in its words.
     pub fn size(&self) -> f64 {
         let is_of_number = |c: char| c.is_ascii_digit() || c == '.';
         let mut words = self.finding.split(|c| !is_of_number(c));
@@ -240,7 +241,7 @@ impl Verdict {
         }
     }
 
-    /// Parts of the trial that it would leave out of a fit.
+    /// Parts of the trial that the verdict would leave out of a fit.
     pub fn spans(&self) -> &[Span] {
         &self.spans
     }
@@ -255,7 +256,7 @@ impl fmt::Display for Verdict {
 /// Serialises verdicts as lines for a reader.
 ///
 /// # Errors
-/// Those of the serialiser.
+/// The errors of the serialiser.
 pub fn in_words<S: Serializer>(verdicts: &[Verdict], serializer: S) -> Result<S::Ok, S::Error> {
     serializer.collect_seq(verdicts.iter().map(ToString::to_string))
 }

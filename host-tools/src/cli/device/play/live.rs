@@ -21,7 +21,7 @@ const PLAIN_INTERVAL: Duration = Duration::from_secs(2);
 /// Blocks that are taken at a time, so that motions are not kept waiting.
 const BLOCKS_AT_A_TIME: usize = 16;
 
-/// Shows a play.
+/// Display of a play while it lasts.
 pub struct Live<'a> {
     line: ProgressBar,
     shown: Instant,
@@ -59,7 +59,7 @@ impl<'a> Live<'a> {
         }
     }
 
-    /// Takes what the sensors have sent, without waiting for more.
+    /// Reads the samples that the sensors have sent, without waiting for more.
     pub fn listen(&mut self) {
         let Some(sensors) = &mut self.sensors else {
             return;
@@ -81,7 +81,7 @@ impl<'a> Live<'a> {
         sensors.recent.drain(..old);
     }
 
-    /// Shows the state.
+    /// Shows the state of the play.
     pub fn show(&mut self, driven: &Driven, status: &Status, heard: &Heard) {
         let text = format!(
             "{:.1} s: {}{}; {}; {}, {}",

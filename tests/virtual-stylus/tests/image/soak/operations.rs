@@ -31,12 +31,12 @@ const CAUGHT_NS: u64 = 200 * MS;
 /// An operation: its name, its share of all, and what is done.
 pub type Operation = (&'static str, u64, fn(&mut World));
 
-/// Of the uploads with mishaps, links that broke.
+/// Name of the count of uploads in which a mishap broke the link.
 pub const LINKS_BROKEN: &str = "links broken in uploads";
-/// Of the power cuts, those at an operation of the flash.
+/// Name of the count of power cuts that came at an operation of the flash.
 pub const CUT_AT_OPERATION: &str = "power cuts at an operation of the flash";
 
-/// Of the updates, those that a reset took back.
+/// Name of the count of updates that a reset took back.
 pub const ROLLED_BACK: &str = "updates rolled back";
 
 pub const OPERATIONS: [Operation; 22] = [
@@ -419,7 +419,7 @@ fn cut(world: &mut World) {
     }
 }
 
-/// Does `work`, and has the power cut at the flash operation with this number, if it comes to that, else after all.
+/// Does `work`, and cuts the power at the flash operation `number`. If `work` ends before that, the cut comes after it.
 fn cut_at(
     world: &mut World,
     number: u64,
@@ -444,7 +444,7 @@ fn cut_at(
     world.cut_power(contents, active, allowed, settings);
 }
 
-/// The other image, signed, and confirmed or taken back; or the power cut at some operation of the flash on its way.
+/// Installs the other image, then confirms it or resets; or cuts the power at a random operation of the flash.
 fn update(world: &mut World) {
     world.stop();
     let (active, _) = world.slots();

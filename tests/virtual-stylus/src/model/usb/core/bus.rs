@@ -123,7 +123,7 @@ impl Core {
         self.latched |= GINTSTS_ENUMDNE;
     }
 
-    /// Takes a SETUP packet, and acknowledges it if there is room for it.
+    /// Receives a SETUP packet, and acknowledges it if the receive FIFO has room.
     pub fn setup(&mut self, data: [u8; 8]) -> Option<Handshake> {
         self.changes += 1;
         if !self.has_room(data.len()) {
@@ -176,7 +176,7 @@ impl Core {
         })
     }
 
-    /// Takes an OUT packet that came whole; returns its handshake, or none if the device is silent.
+    /// Receives an OUT packet that came whole, and returns the handshake, or none if the device is silent.
     pub fn out(&mut self, index: usize, pid: Pid, data: &[u8]) -> Option<Handshake> {
         if index == 0 {
             self.end_setup_stage();
@@ -228,7 +228,7 @@ impl Core {
         Some(InAnswer::Data(endpoint.pid(), data))
     }
 
-    /// Takes an IN token; returns its answer, or none if the device is silent.
+    /// Receives an IN token, and returns the device's answer, or none if the device is silent.
     pub fn token_in(&mut self, index: usize) -> Option<InAnswer> {
         if index == 0 {
             self.end_setup_stage();

@@ -116,7 +116,7 @@ pub struct Core {
     pub(super) outputs: [Endpoint; ENDPOINTS],
     pub(super) setups: u32,
     pub(super) setup_stage: bool,
-    /// A control transfer is under way, so that a new address waits for its end.
+    /// True while a control transfer is under way, so that a new address waits for the transfer's end.
     pub(super) in_control: bool,
     pub(super) address: u8,
     pub(super) received: VecDeque<Received>,
@@ -169,7 +169,7 @@ impl Core {
         self.changes
     }
 
-    /// Takes the requests since the last call that are not described or not modelled.
+    /// Returns the requests since the last call that the manual does not describe or the model leaves out.
     pub fn take_told(&mut self) -> Vec<Told> {
         std::mem::take(&mut self.told)
     }

@@ -103,7 +103,7 @@ pub struct Host {
     pub(super) next_id: u64,
     pub(super) completions: Vec<Completion>,
     pub(super) traffic: Traffic,
-    /// The device's clock is off by more than a host puts up with.
+    /// True if the device's clock is off by more than a host puts up with.
     pub(super) clock_is_off: bool,
 }
 
@@ -205,8 +205,8 @@ impl Host {
         self.broken_per_million != 0 && self.chance.below(1_000_000) < self.broken_per_million
     }
 
-    /// Schedules `mishap` for the time when `transactions` more transactions have begun. With an even number the last
-    /// one is lost, with an odd one it is carried out.
+    /// Schedules `mishap` for the time when `transactions` more transactions have begun. If `transactions` is even, the
+    /// last transaction is lost; if it is odd, it is carried out.
     pub fn have(&mut self, mishap: Mishap, transactions: u64) {
         self.mishap = Some((self.traffic.transactions + transactions, mishap));
     }
@@ -263,7 +263,7 @@ impl Host {
         self.toggles.remove(&pipe);
     }
 
-    /// Takes the transfers that have ended since the last call, in the order of their ends.
+    /// Returns the completions of transfers since the last call, in the order in which the transfers ended.
     pub fn take_completions(&mut self) -> Vec<Completion> {
         std::mem::take(&mut self.completions)
     }
