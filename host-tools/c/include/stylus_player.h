@@ -130,8 +130,8 @@ enum stylus_status stylus_player_follow(const stylus_player *player, const struc
 // the limit at once. From any thread, without waiting.
 enum stylus_status stylus_player_set_gain(const stylus_player *player, float gain, float limit);
 
-// Plays the next `length` samples into `samples`. One thread at a time. It allocates nothing, takes no lock, calls no
-// system, and needs a bounded time per sample.
+// Plays the next `length` samples into `samples`. Only one thread at a time may call the function: another gets
+// `STYLUS_BUSY`. The call allocates nothing, takes no lock and makes no system call. Its time per sample is bounded.
 enum stylus_status stylus_player_fill(const stylus_player *player, float *samples, size_t length);
 
 // Writes the time from a move to its sample at most, s, of a texture at `sample_rate_hz`, 5000 or 10000, to `seconds`.
