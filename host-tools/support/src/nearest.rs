@@ -10,7 +10,7 @@ const ALIKE_LETTERS: usize = 3;
 /// equally like it keep their order.
 ///
 /// ```
-/// use host_tools::support::nearest::listed;
+/// use stylus_support::nearest::listed;
 /// let there = ["organza", "paper"].map(str::to_owned);
 /// assert_eq!(listed("papr", &there), "paper, organza; did you mean 'paper'?");
 /// assert_eq!(listed("silk", &there), "paper, organza");

@@ -7,7 +7,7 @@ use super::hand::{force_fault, speed_fault};
 /// Returns a count with its noun, in the plural where it is not one.
 ///
 /// ```
-/// use host_tools::support::number::counted;
+/// use stylus_support::number::counted;
 /// assert_eq!(counted(1, "missed tick"), "1 missed tick");
 /// assert_eq!([counted(0, "mute"), counted(2, "library")], ["0 mutes", "2 libraries"]);
 /// assert_eq!(counted(2, "stretch"), "2 stretches");
