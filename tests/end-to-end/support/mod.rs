@@ -4,10 +4,9 @@ use std::path::PathBuf;
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
-use rand::SeedableRng;
-use rand_distr::{Distribution, StandardNormal};
 use serde_json::Value;
 use tempfile::TempDir;
+pub use test_helpers::{near, noise};
 
 /// Sample rate of the recordings made here, Hz.
 pub const RATE_HZ: u32 = 5000;
@@ -205,22 +204,6 @@ pub fn holds(text: &(impl std::fmt::Display + ?Sized), words: &[&str]) {
         let is_there = text.contains(word) || in_one_line.contains(word);
         assert!(is_there, "no '{word}' in: {text}");
     }
-}
-
-/// Asserts that a value is within `tolerance` of another.
-#[track_caller]
-pub fn near(found: f64, expected: f64, tolerance: f64) {
-    let is_near = (found - expected).abs() <= tolerance;
-    assert!(is_near, "{found} is not {expected} to within {tolerance}");
-}
-
-/// White Gaussian noise of unit variance.
-pub fn noise(seed: u64, samples: usize) -> Vec<f64> {
-    let generator = rand_pcg::Pcg64::seed_from_u64(seed);
-    StandardNormal
-        .sample_iter(generator)
-        .take(samples)
-        .collect()
 }
 
 /// Noise through the all-pole filter y(n) = e(n) - Σ a(i) y(n-i).

@@ -13,7 +13,9 @@ use crate::dsp::high_pass::{SLOW_HZ, lowest_hz};
 use crate::dsp::spectrum::band_centre_hz;
 use crate::fit::conditioning::HighPass;
 use crate::recording::pattern::one_number;
-use crate::recording::{GRAVITY_M_S2, Integers, RecordingSet, Trial, grid_by_gaps, list_command};
+use crate::recording::{
+    GRAVITY_M_S2, GRAVITY_TOLERANCE, Integers, RecordingSet, Trial, grid_by_gaps, list_command,
+};
 use crate::support::number::counted;
 use crate::support::warning::Warning;
 use crate::texture::grid::Grid;
@@ -21,9 +23,6 @@ use crate::texture::grid::Grid;
 /// A mean this many times the RMS is more than an offset of an amplifier: gravity, of which nothing needs saying, or a
 /// sensor that is not what it is taken for.
 const LARGE_MEAN: f64 = 1.0;
-
-/// Deviation of gravity, in units of itself, as cheap sensors read it.
-const GRAVITY_TOLERANCE: f64 = 0.1;
 
 /// Share of the rig's noise in a third octave that is worth a word: the texture is no stronger.
 const LARGE_FLOOR: f32 = 0.5;

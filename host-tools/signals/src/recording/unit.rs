@@ -14,8 +14,11 @@ pub enum Integers {
     Counts,
 }
 
-/// Standard acceleration of gravity, m/s².
+/// Standard acceleration of gravity, m/s² (exact by definition, CGPM 1901).
 pub const GRAVITY_M_S2: f64 = 9.80665;
+
+/// Deviation of gravity in units of itself, by offsets and gains of cheap sensors, which read 0.93 to 1.10.
+pub const GRAVITY_TOLERANCE: f64 = 0.1;
 
 /// A unit that a header or an option can name.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -4,6 +4,8 @@
 
 use serde::Deserialize;
 
+use crate::recording::GRAVITY_M_S2;
+
 /// A rig, what is on its drum, and the trials to record.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -224,9 +226,6 @@ impl Clipping {
 
     /// The range in m/s².
     pub fn range_m_s2(&self) -> f64 {
-        self.range_g * STANDARD_GRAVITY_M_S2
+        self.range_g * GRAVITY_M_S2
     }
 }
-
-/// Standard gravity, m/s² (exact by definition, CGPM 1901).
-const STANDARD_GRAVITY_M_S2: f64 = 9.806_65;

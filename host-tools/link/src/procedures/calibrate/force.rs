@@ -3,8 +3,9 @@
 use model_format::AdcCode;
 use model_format::link::{Setting, SettingChange, Settings};
 
-use super::rest::{AtRest, GRAVITY};
+use super::rest::AtRest;
 use crate::link::capture::Calibration;
+use crate::recording::GRAVITY_M_S2;
 
 /// Fewest codes by which the largest weight must change the force: 25 mV of 3.3 V.
 const LEAST_CODES: f64 = 500.0;
@@ -77,7 +78,7 @@ pub enum ForceFault {
 }
 
 fn newtons(grams: f64) -> f64 {
-    grams / 1e3 * GRAVITY
+    grams / 1e3 * GRAVITY_M_S2
 }
 
 impl ForceScale {

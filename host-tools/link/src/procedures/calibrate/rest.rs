@@ -5,9 +5,8 @@ use model_format::link::{Activity, RAIL_CODES, RecordSample, Setting, SettingCha
 use crate::link::Device;
 use crate::link::Result;
 use crate::link::capture::{Calibration, Capture, capture};
+use crate::recording::GRAVITY_M_S2;
 
-/// Standard gravity, m/s².
-pub(super) const GRAVITY: f64 = 9.806_65;
 /// Largest share by which the gravity that an accelerometer measures may be off, because of its scales.
 const GRAVITY_TOLERANCE: f64 = 0.1;
 /// Largest standard deviation of a sensor at rest, codes: 10 mV of 3.3 V.
@@ -143,9 +142,9 @@ pub fn acceleration_zeros(
     let scale = Calibration::new(settings, None).m_s2_per_code;
     let along = |axis: usize| 0.5 * (pose.mean[axis] - opposite.mean[axis]) * scale[axis];
     let gravity = (0..3).map(|axis| along(axis).powi(2)).sum::<f64>().sqrt();
-    if (gravity / GRAVITY - 1.0).abs() > GRAVITY_TOLERANCE {
+    if (gravity / GRAVITY_M_S2 - 1.0).abs() > GRAVITY_TOLERANCE {
         return Err(format!(
-            "the two poses show a gravity of {gravity:.2} m/s² instead of {GRAVITY:.2}: turn the stylus exactly \
+            "the two poses show a gravity of {gravity:.2} m/s² instead of {GRAVITY_M_S2:.2}: turn the stylus exactly \
              upside down, and check acceleration-per-volt-x, -y and -z"
         ));
     }

@@ -3,7 +3,7 @@
 use super::verdict::{Kind, Verdict};
 use crate::dsp::sums::Moments;
 use crate::recording::source::Account;
-use crate::recording::unit::GRAVITY_M_S2;
+use crate::recording::unit::{GRAVITY_M_S2, GRAVITY_TOLERANCE};
 
 /// Default of the RMS below which a recording is silent, m/s²: less than the noise of any accelerometer.
 pub const SILENCE_FLOOR_M_S2: f64 = 1e-3;
@@ -13,10 +13,6 @@ pub const LARGE_RMS_M_S2: f64 = 50.0;
 
 /// Mean that no sensor at rest on Earth has, m/s²: gravity, and as much again for its offset.
 const LARGE_MEAN_M_S2: f64 = 2.0 * GRAVITY_M_S2;
-
-/// Deviation from one at which a mean is gravity in units of itself, by offsets and gains of cheap sensors, which read
-/// 0.93 to 1.10.
-const GRAVITY_TOLERANCE: f64 = 0.1;
 
 /// Largest RMS beside which a mean of one on three axes is gravity: that of tools on rough surfaces in g.
 const GRAVITY_RMS: f64 = 1.0;
