@@ -163,10 +163,10 @@ fn feed() {
     IWDG1.kr().write(|w| w.set_key(Key::RESET));
 }
 
-/// Waits for as long as between two looks at a bank, while the watchdog waits, too.
+/// Waits for a millisecond at 64 MHz, while the watchdog waits, too.
 fn pause() {
     feed();
-    cortex_m::asm::delay(POLL_CYCLES);
+    cortex_m::asm::delay(64_000);
 }
 
 /// Goes on at the image's reset handler, with its stack and vectors.

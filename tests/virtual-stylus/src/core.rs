@@ -12,8 +12,9 @@
 //! the MPU and the program counter are looked at every [`LOOK`] instructions.
 //!
 //! A loop that polls the status of a busy bank, or a converter's calibration, stands still from its fourth poll to the
-//! next event of the part, and polls again, because an erasure would cost millions of polls. Its waits by the clock are
-//! longer by some microseconds. A count of its polls would be smaller.
+//! next event of the part, and polls again, because an erasure would cost millions of polls. A loop that has long done
+//! nothing but read the cycle counter, or wait for an oscillator with its limit by that counter, is executed once per
+//! [`polls::WAIT_INSTRUCTIONS`]. Waits by the clock are longer by some microseconds. A count of polls would be smaller.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
@@ -29,6 +30,12 @@ use crate::electrical::{Defects, Interrupt};
 use crate::model::flash::{BASE, BYTES, Busy, Unreadable};
 use crate::model::ram::Ram;
 use crate::model::usb;
+
+mod polls;
+mod turns;
+
+use polls::Polls;
+use turns::{MPU_CTRL, MPU_ENABLE, Turns};
 
 const FLASH: std::ops::Range<u64> = BASE as u64..BASE as u64 + BYTES as u64;
 const USB: std::ops::Range<u64> = usb::BASE..usb::BASE + usb::BYTES;
@@ -47,7 +54,6 @@ const PENDING: [(Interrupt, u64, u64); 2] = [
     (Interrupt::Supply, 0xE000_E200, 1 << 1),
 ];
 /// Registers of the MPU, and the number of its regions (ARM DDI 0403E, B3.5.4).
-const MPU_CTRL: u64 = 0xE000_ED94;
 const MPU_RNR: u64 = 0xE000_ED98;
 const MPU_RBAR: u64 = 0xE000_ED9C;
 const MPU_RASR: u64 = 0xE000_EDA0;
@@ -70,12 +76,8 @@ const LOOK: u32 = 256;
 const FLASH_STATUS: [u64; 2] = [0x5200_2010, 0x5200_2110];
 /// The control of ADC1 and of ADC2, which ends a calibration by an event (section 25.6.3).
 const CONVERTER_CONTROL: [u64; 2] = [0x4002_2008, 0x4002_2108];
-/// Polls in a row after which a loop waits for an event, and the most instructions between two of them.
-const POLLS: u32 = 4;
-const POLL_INSTRUCTIONS: u64 = 1024;
-/// DWT_CYCCNT, by which a loop limits its wait (ARM DDI 0403E, C1.8.8).
-const CYCLE_COUNT: u64 = 0xE000_1004;
-/// Time for which the other bank's reads stay on the bus after it was busy, so that an upload routes it once.
+/// Time for which a bank's reads stay on the bus after it was busy, so that an upload, or an exchange of images, routes
+/// it once. Reads of the bank with the code do so while the MPU is off: the bootloader reads little but what it moves.
 const LINGER: VirtualNanos = VirtualNanos(20_000_000);
 
 /// One run through the tick's handler, instruction by instruction.
@@ -181,7 +183,7 @@ pub fn wrap(
     let make = Arc::clone(&spec.processor);
     spec.processor = Arc::new(move |endian| {
         Ok(Box::new(Core {
-            inner: make(endian)?,
+            inner: Turns::new(|| make(endian))?,
             unreadable: unreadable.clone(),
             ram: ram.clone(),
             busy: busy.clone(),
@@ -191,7 +193,7 @@ pub fn wrap(
             busy_since: 0,
             next_look: 0,
             code_region: None,
-            other_bank_until: VirtualNanos(0),
+            on_bus_until: [VirtualNanos(0); 2],
             on_bus: 0,
             defects: defects.clone(),
             seen_changes: None,
@@ -204,41 +206,9 @@ pub fn wrap(
     });
 }
 
-/// Reads in a row of a register that only an event changes, by one instruction, with nothing else on the bus in between
-/// but reads of the cycle counter.
-#[derive(Debug, Default)]
-struct Polls {
-    count: u32,
-    program_counter: Option<u64>,
-    at: u64,
-}
-
-impl Polls {
-    /// Follows an access; `is_poll` is true for a read of a register that only an event changes.
-    fn follow(&mut self, access: &Access, is_poll: bool) {
-        if access.address == CYCLE_COUNT {
-            return;
-        }
-        let goes_on = self.program_counter == access.program_counter
-            && access.instruction_count - self.at <= POLL_INSTRUCTIONS;
-        self.count = match (is_poll, goes_on) {
-            (false, _) => 0,
-            (true, false) => 1,
-            (true, true) => self.count + 1,
-        };
-        self.program_counter = access.program_counter;
-        self.at = access.instruction_count;
-    }
-
-    /// True if the core does nothing but poll.
-    fn are_all(&self) -> bool {
-        self.count >= POLLS
-    }
-}
-
 #[derive(Debug)]
 struct Core {
-    inner: Box<dyn Processor>,
+    inner: Turns,
     unreadable: Unreadable,
     ram: Ram,
     busy: Busy,
@@ -253,8 +223,8 @@ struct Core {
     next_look: u64,
     /// The MPU's region of the code in the bank that is busy.
     code_region: Option<u64>,
-    /// Instant until which reads of the bank without the code go over the bus.
-    other_bank_until: VirtualNanos,
+    /// Instant per bank until which its reads go over the bus.
+    on_bus_until: [VirtualNanos; 2],
     /// The banks whose reads go over the bus, a bit per bank.
     on_bus: u8,
     defects: Defects,
@@ -300,19 +270,22 @@ impl Core {
     /// Follows the banks that became busy or idle at `now`.
     fn follow_busy(&mut self, now: VirtualNanos) {
         let busy = self.busy.banks();
-        if busy & OTHER_BANK != 0 {
-            self.other_bank_until = VirtualNanos(now.0 + LINGER.0);
-        }
         if busy & CODE_BANK != 0 && self.on_bus & CODE_BANK == 0 {
             self.busy_since = self.inner.retired();
             self.next_look = self.busy_since;
         }
-        let other = if now < self.other_bank_until {
-            OTHER_BANK
+        let lingering = if busy & CODE_BANK != 0 && self.inner.is_protected() {
+            busy & OTHER_BANK
         } else {
-            0
+            busy
         };
-        let wanted = busy & CODE_BANK | other;
+        let mut wanted = busy;
+        for (bank, until) in (0..).zip(&mut self.on_bus_until) {
+            if lingering & 1 << bank != 0 {
+                *until = VirtualNanos(now.0 + LINGER.0);
+            }
+            wanted |= u8::from(now < *until) << bank;
+        }
         if wanted != self.on_bus {
             self.on_bus = wanted;
             self.route();
@@ -344,7 +317,6 @@ impl Core {
     /// True if the MPU is looked at now and lets the processor fetch from the bank with the code: by the last region
     /// around its first address when it became busy. Subregions are left out.
     fn may_fetch_ahead(&mut self) -> bool {
-        const ENABLE: u64 = 1;
         const BACKGROUND: u64 = 1 << 2;
         const NEVER: u64 = 1 << 28;
         const ACCESS: u64 = 0b111 << 24;
@@ -353,10 +325,10 @@ impl Core {
         }
         let is_first = self.next_look == self.busy_since;
         self.next_look = self.inner.retired() + u64::from(LOOK);
-        let control = self.mpu(None, MPU_CTRL);
-        if control & ENABLE == 0 {
+        if !self.inner.is_protected() {
             return true;
         }
+        let control = self.mpu(None, MPU_CTRL);
         let selected = self.mpu(None, MPU_RNR);
         if is_first {
             self.code_region = (0..REGIONS).rev().find(|&region| {
@@ -364,7 +336,7 @@ impl Core {
                 let attributes = self.mpu(None, MPU_RASR);
                 let length_log2 = (attributes >> 1 & 0x1F) + 1;
                 let base = self.mpu(None, MPU_RBAR);
-                attributes & ENABLE != 0 && FLASH.start >> length_log2 == base >> length_log2
+                attributes & MPU_ENABLE != 0 && FLASH.start >> length_log2 == base >> length_log2
             });
         }
         let attributes = self.code_region.map(|region| {
@@ -497,8 +469,7 @@ impl CoreBus for Seen<'_> {
             .position(|&status| status == access.address);
         let is_status = status.is_some_and(|bank| self.busy.banks() & 1 << bank != 0);
         let is_poll = is_status || CONVERTER_CONTROL.contains(&access.address);
-        self.polls
-            .follow(&access, is_poll && access.kind == AccessKind::Read);
+        self.polls.follow(&access, is_poll);
         if access.kind == AccessKind::Read && FLASH.contains(&access.address) {
             self.flash_reads += 1;
             if self
@@ -607,11 +578,16 @@ impl Processor for Core {
         if let Some(exception) = self.auditing {
             return self.step(exception, bus);
         }
-        if self.polls.are_all() {
+        if let Some(left_out) = self.polls.take(budget) {
             // An interrupt that has come meanwhile is taken before the next poll.
-            self.polls = Polls::default();
-            self.stalled += u64::from(budget);
-            return (Exit::Budget, u64::from(budget));
+            self.stalled += u64::from(left_out);
+            let is_whole = left_out == budget;
+            let exit = if is_whole {
+                Exit::Budget
+            } else {
+                Exit::Returned
+            };
+            return (exit, u64::from(left_out));
         }
         if self.busy.banks() & CODE_BANK != 0 {
             return self.run_beside_busy_code(budget, bus);

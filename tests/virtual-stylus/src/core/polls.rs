@@ -1,0 +1,76 @@
+//! Loops that do nothing but poll a register, or wait by the cycle counter.
+
+use rigless::emulator::{Access, AccessKind};
+
+/// Polls in a row after which a loop waits for an event, and the most instructions between two of them.
+const POLLS: u32 = 4;
+const POLL_INSTRUCTIONS: u64 = 1024;
+/// DWT_CYCCNT, by which a loop limits its wait (ARM DDI 0403E, C1.8.8).
+const CYCLE_COUNT: u64 = 0xE000_1004;
+/// The control of the oscillators, RCC_CR (section 8.7.2).
+const OSCILLATORS: u64 = 0x5802_4400;
+/// Reads in a row after which a loop is long enough to be waited for, so that edges of a tick are seen to the cycle.
+const WAITS: u32 = 4096;
+/// Most instructions between two such reads.
+const WAIT_LOOP: u64 = 64;
+/// Instructions that are left out between two such reads then: 1.3 µs at 480 MHz.
+pub(super) const WAIT_INSTRUCTIONS: u32 = 640;
+
+/// Reads in a row by a loop, with nothing else on the bus in between.
+#[derive(Debug, Default)]
+pub(super) struct Polls {
+    /// Reads of a register that only an event changes, by one instruction; those of the cycle counter are left out.
+    count: u32,
+    program_counter: Option<u64>,
+    at: u64,
+    /// Reads of the cycle counter and of the oscillators' control.
+    waits: u32,
+    waited_at: u64,
+}
+
+impl Polls {
+    /// Follows an access; `is_poll` is true for a read of a register that only an event changes.
+    pub(super) fn follow(&mut self, access: &Access, is_poll: bool) {
+        let is_read = access.kind == AccessKind::Read;
+        let is_wait = is_read && [CYCLE_COUNT, OSCILLATORS].contains(&access.address);
+        let waits_on = access.instruction_count - self.waited_at <= WAIT_LOOP;
+        self.waits = match (is_wait, waits_on) {
+            (false, _) => 0,
+            (true, false) => 1,
+            (true, true) => self.waits + 1,
+        };
+        self.waited_at = access.instruction_count;
+        if access.address == CYCLE_COUNT {
+            return;
+        }
+        let goes_on = self.program_counter == access.program_counter
+            && access.instruction_count - self.at <= POLL_INSTRUCTIONS;
+        self.count = match (is_read && is_poll, goes_on) {
+            (false, _) => 0,
+            (true, false) => 1,
+            (true, true) => self.count + 1,
+        };
+        self.program_counter = access.program_counter;
+        self.at = access.instruction_count;
+    }
+
+    /// True if the core does nothing but poll or wait.
+    pub(super) fn are_all(&self) -> bool {
+        self.count >= POLLS || self.waits >= WAITS
+    }
+
+    /// Takes the instructions, of `budget`, for which the core does nothing but poll or wait.
+    pub(super) fn take(&mut self, budget: u32) -> Option<u32> {
+        let left_out = match self {
+            Self { count: POLLS.., .. } => budget,
+            Self { waits: WAITS.., .. } => budget.min(WAIT_INSTRUCTIONS),
+            _ => return None,
+        };
+        *self = Self {
+            waits: self.waits.min(WAITS - 1),
+            waited_at: self.waited_at + u64::from(left_out),
+            ..Self::default()
+        };
+        Some(left_out)
+    }
+}

@@ -1,0 +1,332 @@
+//! Several processors that take turns as one, so that translated code is kept while the MPU changes.
+//!
+//! The emulator drops its translations at each change of the MPU, and the image changes the MPU before and after each
+//! operation on the bank with the code. So the processor that executes hands its state over before a change, to one that
+//! has little translated, and takes it back after it. Accesses to the bank's registers say when.
+
+use rigless::emulator::{
+    Access, AccessKind, BitAlias, Checked, CoreBus, DataModel, Error, Exit, HostCall,
+    InterruptLine, Processor, Queued,
+};
+use rigless::soc::{Endian, Width};
+use rigless::time::VirtualNanos;
+
+use super::FLASH_STATUS;
+
+/// The register CTRL of the MPU, and the bit ENABLE of CTRL and of RASR (ARM DDI 0403E, B3.5.5 and B3.5.9).
+pub(super) const MPU_CTRL: u64 = 0xE000_ED94;
+pub(super) const MPU_ENABLE: u64 = 1;
+/// The keys and the control of the bank with the code: FLASH_KEYR1, and FLASH_CR1 with its bit LOCK1 (sections 4.9.2 and
+/// 4.9.4).
+const KEYS: u64 = 0x5200_2004;
+const CONTROL: u64 = 0x5200_200C;
+const LOCK: u64 = 1;
+/// Bits of FLASH_SR1 that say that the bank is not idle: BSY1, WBNE1 and QW1 (section 4.9.5).
+const NOT_IDLE: u64 = 0b111;
+
+/// The processor that executes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Turn {
+    /// At all other times.
+    Usual,
+    /// From the unlocking of the bank with the code to its locking, while the MPU changes.
+    Change,
+    /// Within it, from the first order to the bank until it is seen idle, while the MPU hides the code.
+    Hidden,
+}
+
+impl Turn {
+    /// The turn after an access that read or wrote `value`.
+    fn after(self, access: &Access, value: u64) -> Self {
+        let is_write = access.kind == AccessKind::Write;
+        match access.address {
+            KEYS if is_write => Self::Change,
+            CONTROL if is_write && value & LOCK != 0 => Self::Usual,
+            CONTROL if is_write && self == Self::Change => Self::Hidden,
+            status if status == FLASH_STATUS[0] && self == Self::Hidden => {
+                if value & NOT_IDLE == 0 {
+                    Self::Change
+                } else {
+                    self
+                }
+            }
+            _ => self,
+        }
+    }
+}
+
+/// True for what is asked about memory, and so of each processor.
+fn is_of_memory(queued: Queued) -> bool {
+    matches!(
+        queued,
+        Queued::Invalidate(..) | Queued::Route(_) | Queued::Unroute(_)
+    )
+}
+
+/// A processor per [`Turn`], with one state among them.
+#[derive(Debug)]
+pub(super) struct Turns {
+    processors: [Box<dyn Processor>; 3],
+    turn: Turn,
+}
+
+impl Turns {
+    /// The processors that `make` makes.
+    pub(super) fn new(make: impl Fn() -> Result<Box<dyn Processor>, Error>) -> Result<Self, Error> {
+        Ok(Self {
+            processors: [make()?, make()?, make()?],
+            turn: Turn::Usual,
+        })
+    }
+
+    /// True if the MPU is on.
+    pub(super) fn is_protected(&mut self) -> bool {
+        let now = VirtualNanos(0);
+        let control = (self.active_mut()).debugger_access(None, MPU_CTRL, Width::W32, now);
+        control.is_some_and(|control| control & MPU_ENABLE != 0)
+    }
+
+    fn active(&self) -> &dyn Processor {
+        &*self.processors[self.turn as usize]
+    }
+
+    fn active_mut(&mut self) -> &mut dyn Processor {
+        &mut *self.processors[self.turn as usize]
+    }
+
+    /// Hands the state over. Nothing is handed over while the MPU is off: ITCM can be written then, and its code may be
+    /// translated in each processor.
+    fn hand_over(&mut self, next: Turn) {
+        if next == self.turn || !self.is_protected() {
+            return;
+        }
+        let state = self.active().save();
+        if self.processors[next as usize].load(&state).is_ok() {
+            self.turn = next;
+        }
+    }
+
+    fn ask_others(&mut self, queued: Queued) {
+        let active = self.turn as usize;
+        for (place, processor) in self.processors.iter_mut().enumerate() {
+            if place != active {
+                processor.ask(queued);
+            }
+        }
+    }
+}
+
+/// The bus, with the turn after each access, and what is asked about memory.
+struct Followed<'a> {
+    bus: &'a mut dyn CoreBus,
+    turn: Turn,
+    next: Turn,
+    asked: Vec<Queued>,
+}
+
+impl CoreBus for Followed<'_> {
+    fn access(&mut self, access: Access, from_code: bool) -> Option<u64> {
+        let value = self.bus.access(access, from_code)?;
+        let is_write = access.kind == AccessKind::Write;
+        let value_seen = if is_write { access.value } else { value };
+        self.next = self.next.after(&access, value_seen);
+        Some(value)
+    }
+
+    fn time(&self, instructions: u64) -> VirtualNanos {
+        self.bus.time(instructions)
+    }
+
+    fn queued(&mut self) -> Vec<Queued> {
+        let queued = self.bus.queued();
+        let of_memory = queued.iter().filter(|queued| is_of_memory(**queued));
+        self.asked.extend(of_memory);
+        queued
+    }
+
+    fn carry_on(&mut self, instructions: u64, event: Option<VirtualNanos>) -> Option<u32> {
+        if self.next == self.turn {
+            self.bus.carry_on(instructions, event)
+        } else {
+            None
+        }
+    }
+
+    fn acknowledge(&mut self, line: InterruptLine, instructions: u64) -> Option<u64> {
+        self.bus.acknowledge(line, instructions)
+    }
+
+    fn read_checked(&mut self, access: Access, report: bool) -> Option<Checked> {
+        self.bus.read_checked(access, report)
+    }
+
+    fn write_checked(&mut self, access: Access) -> Option<bool> {
+        self.bus.write_checked(access)
+    }
+
+    fn stops_before(&mut self, access: &Access) -> bool {
+        self.bus.stops_before(access)
+    }
+
+    fn send_trace(&mut self, bytes: &[u8]) {
+        self.bus.send_trace(bytes);
+    }
+}
+
+// Methods that only a debugger calls are left out, because none attaches to this core.
+impl Processor for Turns {
+    fn run(&mut self, budget: u32, bus: &mut dyn CoreBus) -> (Exit, u64) {
+        let turn = self.turn;
+        let mut followed = Followed {
+            bus,
+            turn,
+            next: turn,
+            asked: Vec::new(),
+        };
+        let ran = self.processors[turn as usize].run(budget, &mut followed);
+        let Followed { next, asked, .. } = followed;
+        for queued in asked {
+            self.ask_others(queued);
+        }
+        self.hand_over(next);
+        ran
+    }
+
+    fn retired(&self) -> u64 {
+        self.active().retired()
+    }
+
+    fn ask(&mut self, queued: Queued) {
+        if is_of_memory(queued) {
+            self.ask_others(queued);
+        }
+        self.active_mut().ask(queued);
+    }
+
+    fn maps(&self, start: u64, length: u64) -> bool {
+        self.active().maps(start, length)
+    }
+
+    fn page_size(&self) -> u64 {
+        self.active().page_size()
+    }
+
+    #[expect(
+        unsafe_code,
+        reason = "the emulator's trait hands memory over by pointer; here it is only passed on"
+    )]
+    unsafe fn map(&mut self, start: u64, length: u64, host: *mut u8, writable: bool) {
+        for processor in &mut self.processors {
+            // SAFETY: the caller promises this method what the caller of each has to promise, and all are dropped with
+            // this one, so every promise that lasts until the drop lasts long enough. One runs at a time.
+            unsafe { processor.map(start, length, host, writable) }
+        }
+    }
+
+    fn boot(&mut self, table: u64, read: &dyn Fn(u64, Width) -> Option<u64>) {
+        self.active_mut().boot(table, read);
+    }
+
+    fn reset(&mut self) {
+        // What a reset keeps is in the state.
+        let state = self.active().save();
+        for processor in &mut self.processors {
+            processor.load(&state).expect("a state of this machine");
+            processor.reset();
+        }
+        self.turn = Turn::Usual;
+    }
+
+    fn take_reset_request(&mut self) -> bool {
+        self.active_mut().take_reset_request()
+    }
+
+    fn next_event(&self) -> Option<VirtualNanos> {
+        self.active().next_event()
+    }
+
+    fn on_event(&mut self, now: VirtualNanos) {
+        self.active_mut().on_event(now);
+    }
+
+    fn waiting(&self) -> bool {
+        self.active().waiting()
+    }
+
+    fn pc(&self) -> u64 {
+        self.active().pc()
+    }
+
+    fn add_breakpoint(&mut self, address: u64) -> bool {
+        let mut processors = self.processors.iter_mut();
+        processors.all(|processor| processor.add_breakpoint(address))
+    }
+
+    fn remove_breakpoint(&mut self, address: u64) {
+        for processor in &mut self.processors {
+            processor.remove_breakpoint(address);
+        }
+    }
+
+    fn pass_breakpoint(&mut self, address: u64) {
+        self.active_mut().pass_breakpoint(address);
+    }
+
+    fn gdb_register(&self, number: usize) -> Option<Vec<u8>> {
+        self.active().gdb_register(number)
+    }
+
+    fn debugger_access(
+        &mut self,
+        write: Option<u64>,
+        address: u64,
+        width: Width,
+        now: VirtualNanos,
+    ) -> Option<u64> {
+        (self.active_mut()).debugger_access(write, address, width, now)
+    }
+
+    fn data_model(&self) -> DataModel {
+        self.active().data_model()
+    }
+
+    fn byte_order(&self, address: u64) -> Endian {
+        self.active().byte_order(address)
+    }
+
+    fn save(&self) -> Vec<u8> {
+        self.active().save()
+    }
+
+    fn load(&mut self, bytes: &[u8]) -> Result<(), Error> {
+        self.active_mut().load(bytes)
+    }
+
+    fn bit_alias(&self, address: u64, width: Width) -> Option<BitAlias> {
+        self.active().bit_alias(address, width)
+    }
+
+    fn own_ranges(&self) -> Vec<std::ops::Range<u64>> {
+        self.active().own_ranges()
+    }
+
+    fn check_reads(&mut self, every: bool) {
+        for processor in &mut self.processors {
+            processor.check_reads(every);
+        }
+    }
+
+    fn check_words(&mut self, words: &[u64]) {
+        for processor in &mut self.processors {
+            processor.check_words(words);
+        }
+    }
+
+    fn host_call(&self, read: &mut dyn FnMut(u64, Width) -> Option<u64>) -> Option<HostCall> {
+        self.active().host_call(read)
+    }
+
+    fn answer_host_call(&mut self, answer: Option<u64>) {
+        self.active_mut().answer_host_call(answer);
+    }
+}
