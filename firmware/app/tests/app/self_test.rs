@@ -8,7 +8,8 @@ use model_format::link::{
     SlotId, SlotState,
 };
 
-fn measure(
+/// The values of the self test that `request` asks for.
+pub fn measure(
     stylus: &mut SteppedStylus,
     request: SelfTestRequest,
 ) -> Result<SelfTestValues, SelfTestError> {
@@ -22,7 +23,8 @@ fn slots(stylus: &mut SteppedStylus) -> [SlotState; 2] {
     stylus.request(async |storage, _| storage.slots().slots)
 }
 
-fn flash(slot: SlotId, erases_library: bool) -> SelfTestRequest {
+/// A self test of the flash in `slot`.
+pub fn flash(slot: SlotId, erases_library: bool) -> SelfTestRequest {
     SelfTestRequest::Flash {
         slot,
         erases_library,

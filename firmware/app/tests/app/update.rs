@@ -14,8 +14,8 @@ use fake_stylus::flash::{
 };
 use fake_stylus::library;
 use model_format::link::{
-    DEVELOPMENT_SEED, ImageVersion, MAX_CHUNK_BYTES, MAX_IMAGE_BYTES, ResetReason, SlotId,
-    TRIAL_MS, UNSIGNED, UpdateBegin, UpdateError, UpdatePhase, UpdateReport, UploadChunk,
+    DEVELOPMENT_SEED, ImageVersion, MAX_CHUNK_BYTES, MAX_IMAGE_BYTES, ResetReason, SelfTestError,
+    SlotId, TRIAL_MS, UNSIGNED, UpdateBegin, UpdateError, UpdatePhase, UpdateReport, UploadChunk,
     UploadError,
 };
 use proptest::prelude::*;
@@ -23,6 +23,8 @@ use stylus_app::update::{DEVELOPMENT_KEY, Running, Updates, sign};
 use stylus_boot::loader;
 use stylus_boot::map::{ACTIVE, BANK_BYTES, FLASH, RECORDS, SLOTS, WORD_BYTES};
 use stylus_boot::record::{EXCHANGED, Record, Store, mark};
+
+use crate::self_test::{flash, measure};
 
 const FLASH_BYTES: usize = 2 * BANK_BYTES;
 const VERSION: ImageVersion = ImageVersion::new([2, 3, 4]);
@@ -597,6 +599,8 @@ fn a_trial_ends_by_the_host_or_after_a_minute_of_health_and_an_unhealthy_one_res
             stylus.upload(&library::library(1, 4, 2)).map(drop),
             Err(UploadError::Busy)
         );
+        let erasing = measure(&mut stylus, flash(SlotId::B, true));
+        assert_eq!(erasing, Err(SelfTestError::Uploading));
         if by_host {
             let confirm =
                 stylus.request(async |storage, stage| storage.update_confirm(stage).await);

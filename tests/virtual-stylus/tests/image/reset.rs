@@ -1,11 +1,13 @@
 //! From each kind of reset to the first tick: the pins of the output, and stores to RAM.
 
 use hil::injection::Injected;
+use stylus_boot::map::{ACTIVE, FLASH};
 use virtual_stylus::model::dac::{Cause, Output};
 use virtual_stylus::model::pin::Drive;
 use virtual_stylus::{Options, ResetCause};
 
-use crate::device::{Device, MID_SCALE, MS, inject, with_faults};
+use crate::device::{Device, MID_SCALE, MS, inject, product, with_faults};
+use crate::library;
 
 /// Longest time for which the pins of the output float after a reset, ns: a hundred instructions, before RAM is filled.
 const FLOATING_NS: u64 = 500;
@@ -70,4 +72,17 @@ fn after_each_kind_of_reset_both_pins_of_the_output_are_driven_before_ram_is_wri
         ResetCause::Other,
     ];
     assert_eq!(device.resets(), causes);
+}
+
+#[test]
+fn an_image_that_a_probe_starts_without_its_bootloader_drives_both_pins_before_it_writes_ram() {
+    let mut flash = Device::new(&product(), Options::default()).stylus.flash();
+    // The part takes its stack pointer and its first instruction from here.
+    let vectors = flash.bytes[ACTIVE.start as usize..][..8].to_vec();
+    let placed = flash.place(u64::from(FLASH), &vectors);
+    placed.expect("it is in the flash");
+    let mut device = Device::new(&product(), library::after(flash));
+    device.wait_for_start();
+    assert_eq!(device.stylus.refused_stores(), [0; 0]);
+    device.assert_held_since_reset();
 }
