@@ -1,8 +1,8 @@
 //! Several processors that take turns as one, so that translated code is kept while the MPU changes.
 //!
 //! The emulator drops its translations at each change of the MPU, and the image changes the MPU before and after each
-//! operation on the bank with the code. So the processor that executes hands its state over before a change, to one that
-//! has little translated, and takes it back after it. Accesses to the bank's registers say when.
+//! operation on the bank with the code. So the processor that executes hands its state over before a change, to one
+//! that has little translated, and takes it back after it. Accesses to the bank's registers say when.
 
 use rigless::emulator::{
     Access, AccessKind, BitAlias, Checked, CoreBus, DataModel, Error, Exit, HostCall,
@@ -16,8 +16,8 @@ use super::FLASH_STATUS;
 /// The register CTRL of the MPU, and the bit ENABLE of CTRL and of RASR (ARM DDI 0403E, B3.5.5 and B3.5.9).
 pub(super) const MPU_CTRL: u64 = 0xE000_ED94;
 pub(super) const MPU_ENABLE: u64 = 1;
-/// The keys and the control of the bank with the code: FLASH_KEYR1, and FLASH_CR1 with its bit LOCK1 (sections 4.9.2 and
-/// 4.9.4).
+/// The keys and the control of the bank with the code: FLASH_KEYR1, and FLASH_CR1 with its bit LOCK1 (sections 4.9.2
+/// and 4.9.4).
 const KEYS: u64 = 0x5200_2004;
 const CONTROL: u64 = 0x5200_200C;
 const LOCK: u64 = 1;
