@@ -47,7 +47,7 @@ pub(super) fn of(
     options: &Options,
 ) -> Vec<Warning> {
     let Assembled { grid, misses, loud } = assembled;
-    let trials: Vec<&TrialReport> = members.iter().map(|member| member.report).collect();
+    let trials: Vec<&TrialReport> = members.iter().map(|m| m.report).collect();
     let note = |kind, size: f64, text| Warning::of_texture(kind, name, size, text);
     let left_out = (idle > 0).then(|| {
         let text = format!(
@@ -75,10 +75,8 @@ pub(super) fn of(
             && trial.mean_m_s2 > 0.0
             && !is_gravity(trial.mean_m_s2)
     });
-    let largest = with_mean
-        .clone()
-        .map(|trial| trial.mean_m_s2)
-        .fold(0.0, f64::max);
+    let means = with_mean.clone().map(|trial| trial.mean_m_s2);
+    let largest = means.fold(0.0, f64::max);
     let removed = (largest > 0.0).then(|| {
         let text = format!(
             "a mean above the RMS, up to {largest:.3} m/s², was removed from {}",
@@ -92,8 +90,9 @@ pub(super) fn of(
         .chain(too_short(members, options).map(noted))
         .chain(mostly_filled(grid, &trials).map(noted))
         .chain(close.map(noted));
-    let notes = notes.chain(lowered).chain(removed);
     notes
+        .chain(lowered)
+        .chain(removed)
         .chain(slow_motion(&trials).map(noted))
         .chain(rigs_noise(&trials, options).map(noted))
         .chain(missed_bands(misses, options).map(noted))

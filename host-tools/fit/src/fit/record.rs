@@ -91,7 +91,7 @@ pub struct FittedTrial {
     /// True if its samples were taken as even, as asked for.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub even_times: bool,
-    /// What reading changed, such as a unit, and what triage found.
+    /// Changes by reading, such as of a unit, and findings of triage.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub remarks: Vec<String>,
 }

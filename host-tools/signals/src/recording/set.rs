@@ -285,6 +285,13 @@ fn truth(name: &str, text: Option<&str>) -> std::result::Result<Option<bool>, St
         .transpose()
 }
 
+fn provenance_of(is_simulated: Option<bool>) -> Provenance {
+    match is_simulated {
+        Some(true) => Provenance::Simulated,
+        _ => Provenance::Recorded,
+    }
+}
+
 /// The unit of times that `text` names; none if it is empty.
 fn time_unit(text: Option<&str>) -> std::result::Result<Option<TimeUnit>, String> {
     let unit = |text: &str| {
@@ -349,10 +356,7 @@ impl Columns {
             }
         };
         let truth = |name: &str| truth(name, words(name)).map_err(bad);
-        let provenance = match truth("simulated")? {
-            Some(true) => Provenance::Simulated,
-            _ => Provenance::Recorded,
-        };
+        let provenance = provenance_of(truth("simulated")?);
         let scale_m_s2 = number("scale_m_s2")?;
         if scale_m_s2.is_some_and(|scale| scale.abs() <= 0.0) {
             return Err(bad("scale_m_s2 is zero".into()));

@@ -113,11 +113,11 @@ pub(super) fn limited<'t>(
 
 /// Nodes that a source of parts plays at.
 struct SourceNodes<'t> {
-    /// What the source plays, standard deviations.
+    /// Excitation that the source plays, standard deviations.
     played: Vec<f64>,
     /// Nodes with the loudest windows of their recordings, the calmest first.
     nodes: Vec<(Loudest, &'t Trace)>,
-    /// What the recordings of most of the nodes reach.
+    /// Loudest windows that the recordings of most of the nodes reach.
     least: Loudest,
 }
 
@@ -182,8 +182,8 @@ pub(super) fn excess(traces: &[Trace], forces: usize, parts: &PartsSpec) -> BTre
     sources.into_par_iter().map(of_source).collect()
 }
 
-/// What is left to be made softer once `parts` are made: each node that they play louder than its recordings by more
-/// than [`BOUND`], with the factor of what is more.
+/// Excess that is left once `parts` are made: each node that they play louder than [`BOUND`] times its recordings, with
+/// the factor of the excess.
 pub(super) fn left(
     traces: &[Trace],
     forces: usize,

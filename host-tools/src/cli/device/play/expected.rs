@@ -10,8 +10,8 @@ use host_tools::texture::library::{decode_library, read_library};
 use model_format::link::{LIBRARY_CRC, PlayRequest, Selection, Status};
 use serde::Serialize;
 
-/// Longest stretch that is rendered, s.
-const LONGEST_S: f64 = 60.0;
+/// Shortest and longest stretch that is rendered, s.
+const RENDERED_S: [f64; 2] = [0.1, 60.0];
 
 /// Level of what a device plays.
 #[derive(Clone, Copy, Debug, Serialize)]
@@ -62,7 +62,12 @@ impl LibraryFile {
         };
         let library = decode_library(&self.path, &self.bytes)?;
         let texture = texture_named(&library, name)?;
-        let rendered = render(texture, motion, seconds.min(LONGEST_S), request.seed)?;
+        let rendered = render(
+            texture,
+            motion,
+            seconds.clamp(RENDERED_S[0], RENDERED_S[1]),
+            request.seed,
+        )?;
         let gain = f64::from(request.gain);
         let samples = rendered.accelerations_m_s2();
         let power =

@@ -79,7 +79,7 @@ pub struct Arguments {
     /// Seed of the noise: the same seed gives the same samples
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// The active library as a file: also prints the level of --texture that is expected along the given motion
+    /// File of the active library, by which the level is told that is expected along the given motion
     #[arg(
         long,
         value_name = "LIB",
@@ -150,10 +150,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         let problem = "the device stopped by itself: `stylus status` says why";
         return Err(Error::Request(format!("{}: {problem}", device.address())));
     }
-    let expected = match (&library, &plan.motion) {
-        (Some(library), Some(motion)) => library.level(&request, motion, driven.seconds)?,
-        _ => None,
-    };
+    let known = library.as_ref().zip(plan.motion.as_ref());
+    let expected = known.map(|(library, motion)| library.level(&request, motion, driven.seconds));
+    let expected = expected.transpose()?.flatten();
     let failure = heard.failure(&driven);
     warn_of_limits(&before.output, &status);
     let has_moved = fastest_mm_s.is_none_or(|speed| speed > 0.0);
@@ -178,19 +177,25 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             failure: failure.clone(),
         })?;
     } else {
-        if driven.skipped > 0 && failure.is_none() {
-            warn(&format!(
-                "{} of {} motions were left out, because the link or this computer is too slow for {} Hz",
-                driven.skipped,
-                driven.motions + driven.skipped,
-                plan.rate_hz
-            ));
+        if failure.is_none() {
+            warn_of_skipped(&driven, plan.rate_hz);
         }
         print(&summary(&request, &driven, &heard, expected))?;
     }
     match failure {
         None => Ok(()),
         Some(failure) => Err(Error::Request(format!("{}: {failure}", device.address()))),
+    }
+}
+
+/// Warns of motions that could not be sent at `rate_hz`.
+fn warn_of_skipped(driven: &Driven, rate_hz: u32) {
+    if driven.skipped > 0 {
+        warn(&format!(
+            "{} of {} motions were left out, because the link or this computer is too slow for {rate_hz} Hz",
+            driven.skipped,
+            driven.motions + driven.skipped
+        ));
     }
 }
 
