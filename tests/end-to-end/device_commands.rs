@@ -1,11 +1,13 @@
 //! Commands to a stylus without faults: each is carried out, and its effect read back.
 
 use crate::support::{Bench, attached, holds, interrupt, json, near, text, wait_for};
+use fake_stylus::actuator::Actuator;
 use fake_stylus::library::{announcement, library};
 use fake_stylus::{FakeStylus, Hand};
 use host_tools::link::{Device, Timeouts};
 use model_format::link::UploadChunk;
 use serde_json::Value;
+use stylus_plant::Parameters;
 
 /// A stylus with an active library of one texture, and a folder with the library in it.
 fn ready() -> (FakeStylus, Bench) {
@@ -205,6 +207,94 @@ fn a_play_in_which_nothing_moves_says_so() {
             .unwrap();
         assert_eq!(fastest > 0.0, !is_still, "{fastest}");
     }
+}
+
+#[test]
+fn a_play_tells_what_the_accelerometer_felt_and_what_the_active_library_lets_expect() {
+    let actuator = Actuator::new(Parameters::preset("haptuator").unwrap(), 1, None);
+    let (_stylus, bench) = attached(FakeStylus::start_on(actuator));
+    bench.write("a.lib", library(1, 20, 1));
+    bench.write("b.lib", library(1, 20, 2));
+    bench.succeed("upload a.lib --activate");
+    let play = |library: &str, seconds: &str| {
+        let motion = ["--speed", "120", "--force", "1", "--library", library];
+        let play = ["play", "--texture", "texture 0", "--seconds", seconds];
+        bench
+            .command(
+                play.into_iter()
+                    .chain(motion)
+                    .chain(["--gain", "2", "--json"]),
+            )
+            .output()
+            .unwrap()
+    };
+    let output = play("a.lib", "2.5");
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let report = json(&text(&output.stdout));
+    let felt = |name: &str| report["accelerometer"][name].as_f64().unwrap();
+    assert!(
+        felt("greatest_m_s2") > 2.0 * felt("before_m_s2"),
+        "{report}"
+    );
+    let seconds = report["seconds"].as_f64().unwrap();
+    let render = "render a.lib --speed 120 --force 1 --out a.wav --seconds";
+    let render: Vec<&str> = render.split(' ').collect();
+    let seconds = seconds.to_string();
+    let render = render
+        .into_iter()
+        .chain([&*seconds, "--texture", "texture 0"]);
+    assert!(bench.command(render).status().unwrap().success());
+    let rendered = hound::WavReader::open(bench.path("a.wav")).unwrap();
+    let rendered = rendered
+        .into_samples::<f32>()
+        .map(|x| 2.0 * f64::from(x.unwrap()));
+    let rendered: Vec<f64> = rendered.collect();
+    let rms = (rendered.iter().map(|x| x * x).sum::<f64>() / rendered.len() as f64).sqrt();
+    let peak = rendered.iter().fold(0.0, |peak: f64, x| peak.max(x.abs()));
+    let expected = |name: &str| report["expected"][name].as_f64().unwrap();
+    near(expected("rms_m_s2"), rms, 1e-4 * rms);
+    near(expected("peak_m_s2"), peak, 1e-4 * peak);
+    let other = text(&play("b.lib", "1").stderr);
+    holds(
+        &other,
+        &["b.lib", "not the device's active library", "stylus upload"],
+    );
+}
+
+#[test]
+fn a_play_asks_for_a_texture_or_a_scene_and_says_where_the_options_of_a_link_belong() {
+    let (_stylus, bench) = ready();
+    let said = |arguments: &str| {
+        let output = bench.run(arguments);
+        assert_eq!(output.status.code(), Some(2), "{arguments}");
+        text(&output.stderr)
+    };
+    holds(&said("play"), &["--texture <NAME>|--scene <NAME>"]);
+    let named = bench
+        .command(["play", "--scene", "texture 1"])
+        .output()
+        .unwrap();
+    let words = "has no scene \"texture 1\"; it has none; 'texture 0' is a texture of it";
+    holds(&text(&named.stderr).replace("\n  ", " "), &[words]);
+    for (arguments, words) in [
+        (
+            "--link usb status",
+            "'--link' belongs after the command: stylus status --link",
+        ),
+        (
+            "--no-broker stop",
+            "'--no-broker' belongs after the command: stylus stop --no-broker",
+        ),
+        ("--timeout 3", "'--timeout' belongs after the command"),
+        (
+            "--out a.lib fit x",
+            "'--out' belongs after the command: stylus fit --out",
+        ),
+    ] {
+        holds(&said(arguments), &[words]);
+    }
+    assert!(!said("--nonsense status").contains("belongs after"));
+    assert!(!said("status --nonsense").contains("belongs after"));
 }
 
 #[test]

@@ -4,6 +4,8 @@ use fake_stylus::{FakeStylus, StartedImage};
 use model_format::link::{DEVELOPMENT_SEED, ImageVersion};
 use stylus_app::update::sign;
 
+#[cfg(unix)]
+use crate::support::interrupt;
 use crate::support::{Bench, attached, holds, text, wait_for};
 
 const OLD: StartedImage = StartedImage {
@@ -65,4 +67,31 @@ fn an_upload_is_refused_with_the_name_of_the_update_that_has_the_link_and_the_up
     let output = update.wait_with_output().unwrap();
     assert!(output.status.success(), "{output:?}");
     assert!(refusals > 1);
+}
+
+#[cfg(unix)]
+#[test]
+fn an_update_beside_a_play_is_refused_with_its_name_and_the_play_goes_on() {
+    let (stylus, bench) = before_an_update(NEW);
+    let run = bench.path("run");
+    std::fs::create_dir(&run).unwrap();
+    let bench = bench.with("XDG_RUNTIME_DIR", run.display().to_string());
+    bench.write("a.lib", fake_stylus::library::library(1, 20, 1));
+    bench.succeed("upload a.lib --activate");
+    for (alone, words) in [(None, "in use by"), (Some("--no-broker"), "has it alone")] {
+        let motion = ["--speed", "100", "--force", "1", "--json"];
+        let play = ["play", "--texture", "texture 0"];
+        let play = bench.spawn(play.into_iter().chain(motion).chain(alone));
+        stylus.take_heard();
+        wait_for("motions", || stylus.count("stylus/motion/live") >= 100);
+        let refused = bench.refuse("update new.image");
+        let who = format!("`stylus play` (process {})", play.id());
+        holds(&refused, &[words, &who]);
+        stylus.take_heard();
+        wait_for("motions", || stylus.count("stylus/motion/live") >= 100);
+        interrupt(&play);
+        let output = play.wait_with_output().unwrap();
+        assert!(output.status.success(), "{}", text(&output.stderr));
+    }
+    holds(&bench.succeed("update new.image"), &["confirmed"]);
 }

@@ -211,6 +211,35 @@ fn a_motors_tone_is_a_line_of_the_texture_only_while_it_is_not_taken_off() {
 }
 
 #[test]
+fn what_is_fitted_without_the_noise_is_judged_without_it() {
+    let bench = recorded(1.0, 1);
+    bench.succeed(&format!("fit set --out own.lib --floor subtract {PLAIN}"));
+    let evaluate = "evaluate set --library own.lib --json f.json --overwrite";
+    let said = bench.succeed(evaluate);
+    holds(
+        &said,
+        &[
+            "noise is taken off the recordings as it was for the fit",
+            "spectrum as near",
+        ],
+    );
+    let figures = json(&text(
+        &std::fs::read(bench.path("f.json")).expect("it was written"),
+    ));
+    // With the motor's noise in the recordings, many bands are 3 dB off.
+    let off = figures["textures"][0]["mean_band_error_db"]
+        .as_f64()
+        .expect("an error");
+    assert!(off < 1.0, "{off}");
+    // The noise of other takes is not known, so that they are compared as they are.
+    bench.write("other/trials.csv", header() + "100-1.wav,felt,100,1\n");
+    let other = through(&surface(), 0.4, 77);
+    bench.write("other/100-1.wav", wav(&[&other], RATE_HZ));
+    let said = bench.succeed("evaluate set --library own.lib --takes other");
+    holds(&said, &["the recordings that judge it have it"]);
+}
+
+#[test]
 fn recordings_that_are_named_do_what_trials_at_no_force_do() {
     let bench = recorded(1.0, 3);
     let read = |name: &str| std::fs::read(bench.path(name)).expect("it was written");

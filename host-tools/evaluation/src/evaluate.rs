@@ -4,6 +4,8 @@
 //! Beside each figure of the synthesis stands that of another recording of the same surface, judged in the same way:
 //! the fitted blocks against the judged ones, or one take against the other. A synthesis need not come nearer.
 
+use std::collections::HashMap;
+
 use model_format::{Library, MillimetresPerSecond, Newton, Provenance, SAMPLE_RATE_HZ, Texture};
 use serde::Serialize;
 
@@ -21,10 +23,11 @@ use crate::dsp::high_pass::{high_pass, lowest_hz};
 use crate::dsp::spectrum;
 use crate::dsp::spectrum::{BAND_COUNT, BAND_LABELS_HZ};
 use crate::fit;
-use crate::fit::Signal;
 use crate::fit::blocks::{Blocks, Part};
 use crate::fit::conditioning::Conditioning;
+use crate::fit::lines::Lines;
 use crate::fit::record::FitRecord;
+use crate::fit::{FloorChoice, Recordings, Signal};
 use crate::playing::motion::MotionPath;
 use crate::playing::render::{Rendered, render};
 use crate::recording::{RecordingSet, Trial};
@@ -93,6 +96,9 @@ pub struct Evaluation {
     /// Models that were fitted to blocks.
     #[serde(skip)]
     refitted: Refitted,
+    /// Signals without the rig's noise, by the index of the trial, if the fit took it off.
+    #[serde(skip)]
+    without_noise: HashMap<usize, Signal>,
 }
 
 /// Excerpts of a trial, to be heard: the middle of the longest judged block and that of the synthesis, at the models'
@@ -215,15 +221,43 @@ fn play(
     Ok((synthesised, rendered.saturations))
 }
 
-/// A trial read for its judge: the comparison without a synthesis.
-fn read(trial: &Trial, judge: &Judge, conditioning: Conditioning) -> Result<Comparison> {
-    // Triage cuts here what it cuts for the fit, so that the blocks left here are those that the fit left.
+/// The signals of `set` without the rig's noise, by the index of the trial, if the fit of this `record` took it off;
+/// none of textures whose noise is not known here.
+fn without_noise(
+    set: &RecordingSet,
+    record: Option<&FitRecord>,
+    conditioning: Conditioning,
+) -> HashMap<usize, Signal> {
+    let is_taken_off = |record: &&FitRecord| record.options.floor == FloorChoice::Subtract;
+    let Some(record) = record.filter(is_taken_off) else {
+        return HashMap::new();
+    };
+    let options = fit::Options {
+        conditioning,
+        lines: Lines::None,
+        sample_rate_hz: SAMPLE_RATE_HZ,
+        ..record.options.clone()
+    };
+    let of_texture = |(_, members): (&str, Vec<usize>)| {
+        // What cannot be read is told by the comparison.
+        let read = Recordings::read(set, &members, &options, Part::Whole, &|_| ()).ok();
+        read.map_or_else(Vec::new, |own| own.trials)
+    };
+    let trials = set.by_texture().into_iter().flat_map(of_texture);
+    let of_surface = trials.filter(|own| own.trial.is_in_motion_and_contact());
+    of_surface
+        .filter_map(|own| Some((own.number, own.signal?)))
+        .collect()
+}
+
+/// A trial, whose `signal` is known, read for its judge: the comparison without a synthesis.
+fn read(signal: Signal, judge: &Judge, conditioning: Conditioning) -> Result<Comparison> {
     let Signal {
         samples: own,
         mut source_rate_hz,
         mut cut_hz,
         ..
-    } = fit::signal(trial, conditioning)?;
+    } = signal;
     let blocks = Blocks::of(own.len());
     let fitted = blocks.fitted().map(|block| own[block].to_vec()).collect();
     let left = blocks.judged().map(|block| own[block].to_vec()).collect();
@@ -277,8 +311,9 @@ pub fn prepare(
         }
     }
     let (refitted, blocks_s) = refit(set, &judges, record, options)?;
+    let without_noise = without_noise(set, record, options.conditioning);
     Ok(Evaluation {
-        held_out: in_words(&judges, blocks_s),
+        held_out: in_words(&judges, blocks_s) + &noise_in_words(record, &judges, &without_noise),
         smoothing: format!("Hann kernel, {} Hz wide", options.smoothing_hz),
         bands_hz: BAND_LABELS_HZ,
         simulated: set
@@ -291,7 +326,26 @@ pub fn prepare(
         judges,
         excerpts: Vec::new(),
         refitted,
+        without_noise,
     })
+}
+
+/// Says in which recordings the rig's noise is that the fit of this `record` took off; empty if it took none off.
+fn noise_in_words(
+    record: Option<&FitRecord>,
+    judges: &[Judge],
+    without_noise: &HashMap<usize, Signal>,
+) -> String {
+    if record.is_none_or(|record| record.options.floor != FloorChoice::Subtract) {
+        return String::new();
+    }
+    let is_take = |judge: &Judge| matches!(judge, Judge::OtherTake(_));
+    if without_noise.is_empty() || judges.iter().any(is_take) {
+        return " The fit took the rig's noise off, and the recordings that judge it have it: where that is strong, \
+                the synthesis is softer."
+            .to_owned();
+    }
+    " The rig's noise is taken off the recordings as it was for the fit.".to_owned()
 }
 
 /// Evaluates every trial of `set`, which `judges` has a judge for, telling `progress` of each one done.
@@ -385,7 +439,12 @@ impl Evaluation {
         options: &Options,
     ) -> Result<Comparison> {
         let trial = &set.trials[index];
-        let mut comparison = read(trial, &self.judges[index], options.conditioning)?;
+        // Triage cuts here what it cuts for the fit, so that the blocks left here are those that the fit left.
+        let signal = match self.without_noise.get(&index) {
+            Some(signal) => signal.clone(),
+            None => fit::signal(trial, options.conditioning)?,
+        };
+        let mut comparison = read(signal, &self.judges[index], options.conditioning)?;
         let samples = comparison.judged.iter().map(Vec::len).sum();
         let seed = options.seed_of(index);
         let refitted = self

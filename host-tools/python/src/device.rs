@@ -23,7 +23,7 @@ use serde::Serialize;
 
 use crate::convert::{plain, positive, table};
 use crate::error::{link_raised, raised, refused};
-use crate::motion::{Along, Asked, MotionLike, warn_if_silent};
+use crate::motion::{Along, Asked, MotionLike, warn_of_motion};
 use crate::playing::LibraryLike;
 use crate::work::{self, AfterEnd};
 
@@ -248,7 +248,7 @@ impl Device {
             None => (None, seconds),
         };
         if let (Some(motion), Some(_)) = (&motion, texture) {
-            warn_if_silent(py, motion)?;
+            warn_of_motion(py, motion)?;
         }
         let Some(seconds) = seconds else {
             return Err(refused("a motion without an end: give seconds"));

@@ -193,14 +193,16 @@ impl Asked<'_> {
     }
 }
 
-/// Warns of a motion along which a texture is never heard.
-pub fn warn_if_silent(py: Python<'_>, motion: &MotionPath) -> PyResult<()> {
-    if motion.sounds() {
-        return Ok(());
+/// Warns of a motion along which a texture is never heard, or whose times are hardly those of a hand.
+pub fn warn_of_motion(py: Python<'_>, motion: &MotionPath) -> PyResult<()> {
+    if !motion.sounds() {
+        warn(
+            py,
+            "the motion never has a speed and a force above zero together, so that nothing is heard: a force at or \
+             below zero is no contact",
+        )?;
     }
-    warn(
-        py,
-        "the motion never has a speed and a force above zero together, so that nothing is heard: a force at or below \
-         zero is no contact",
-    )
+    motion
+        .doubt_of_times()
+        .map_or(Ok(()), |doubt| warn(py, &doubt))
 }

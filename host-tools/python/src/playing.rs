@@ -11,7 +11,7 @@ use serde::Serialize;
 use crate::convert::plain;
 use crate::error::{raised, refused, warn};
 use crate::library::Library;
-use crate::motion::{Along, Asked, MotionLike, warn_if_silent};
+use crate::motion::{Along, Asked, MotionLike, warn_of_motion};
 use crate::rendering::{Played, rendered};
 use crate::scene::Scene;
 
@@ -102,7 +102,7 @@ pub fn render<'py>(
         ));
     };
     let seconds = seconds.ok_or_else(|| refused("a constant motion has no end: give seconds"))?;
-    warn_if_silent(py, &path)?;
+    warn_of_motion(py, &path)?;
     rendered(
         py,
         library.bytes().clone(),

@@ -70,7 +70,7 @@ impl Recording {
             duration_s,
             sample_rate_hz: None,
             time_unit: None,
-            has_even_times: false,
+            has_even_times: None,
             provenance: provenance(simulated),
             held: Some(Arc::new(held)),
         })
@@ -114,7 +114,7 @@ impl Recording {
             duration_s,
             sample_rate_hz,
             time_unit: unit_of(time_unit)?,
-            has_even_times: even_times,
+            has_even_times: Some(even_times),
             provenance: provenance(simulated),
             held: None,
         })

@@ -56,9 +56,6 @@ pub fn trial_force(text: &str) -> std::result::Result<f64, String> {
     not_negative(text).and_then(|_| force(text))
 }
 
-/// Duration of a motion, s, above which its times are more likely in another unit.
-const LONG_S: f64 = 600.0;
-
 /// Warns of a motion along which a texture is never heard, or whose times are hardly those of a hand.
 pub fn warn_of_motion(motion: &MotionPath) {
     if !motion.sounds() {
@@ -67,12 +64,8 @@ pub fn warn_of_motion(motion: &MotionPath) {
              below zero is no contact",
         );
     }
-    let duration_s = motion.duration_s();
-    if duration_s > LONG_S {
-        warn(&format!(
-            "the motion takes {:.0} minutes: time_s is in seconds",
-            duration_s / 60.0
-        ));
+    if let Some(doubt) = motion.doubt_of_times() {
+        warn(&doubt);
     }
 }
 

@@ -33,6 +33,7 @@ use std::io;
 use std::process::ExitCode;
 
 use clap::builder::FalseyValueParser;
+use clap::error::{ContextKind, ContextValue};
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use examples::with_examples;
 use host_tools::support::error::{Error, Result};
@@ -112,7 +113,9 @@ pub fn run() -> ExitCode {
         Arguments::from_arg_matches(&matches)
     }) {
         Ok(arguments) => arguments,
-        Err(answer) => return answer_without_a_command(&answer),
+        Err(answer) => {
+            return answer_without_a_command(&with_place_of_option(answer, &command));
+        }
     };
     if arguments.quiet {
         progress::hide();
@@ -155,6 +158,34 @@ fn run_command(command: Command) -> Result<()> {
         Command::Demo(arguments) => demo::run(&arguments),
         Command::Device(command) => device::run(&command),
     }
+}
+
+/// `answer`, with a word on where an option belongs that stands before the command that has it.
+fn with_place_of_option(mut answer: clap::Error, command: &clap::Command) -> clap::Error {
+    let Some(ContextValue::String(option)) = answer.get(ContextKind::InvalidArg) else {
+        return answer;
+    };
+    let is_before_command = std::env::args()
+        .skip(1)
+        .take_while(|word| command.find_subcommand(word).is_none())
+        .any(|word| word.starts_with(option.as_str()));
+    let name = option.trim_start_matches("--");
+    let has_it = |inner: &&clap::Command| {
+        let mut options = inner.get_arguments();
+        options.any(|argument| argument.get_long() == Some(name))
+    };
+    let mut commands = command.get_subcommands().filter(has_it);
+    let Some(first) = commands.next().filter(|_| is_before_command) else {
+        return answer;
+    };
+    let given = std::env::args().find(|word| command.find_subcommand(word).is_some());
+    let given = given.unwrap_or_else(|| first.get_name().to_owned());
+    let tip = format!("'{option}' belongs after the command: stylus {given} {option} ...");
+    answer.insert(
+        ContextKind::Suggested,
+        ContextValue::StyledStrs(vec![tip.into()]),
+    );
+    answer
 }
 
 /// Prints the help, the version, or the fault of a command line that names no command to run.

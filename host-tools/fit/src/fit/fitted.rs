@@ -15,6 +15,7 @@ use crate::recording::RecordingSet;
 use crate::recording::triage::Kind;
 use crate::support::error::{Error, Result};
 use crate::support::in_order::in_order;
+use crate::support::number::counted;
 use crate::support::warning::Warning;
 use crate::texture::grid::Grid;
 use crate::texture::library::{spec_of, stored_nodes};
@@ -72,9 +73,11 @@ impl FittedTexture {
             return Err(nothing_to_fit(&name, idle, all.len()));
         }
         let is_simulated = |member: &Member<'_>| member.trial.provenance == Provenance::Simulated;
-        let (grid, misses) = assemble(&name, &members, &recordings.findings, options)?;
+        let assembled = assemble(&name, &members, &recordings.findings, options)?;
+        let notes = notes::of(&name, &assembled, &members, idle, options);
+        let grid = assembled.grid;
         Ok(Self {
-            notes: notes::of(&name, &grid, &misses, &members, idle, options),
+            notes,
             members: all.iter().map(|own| own.number).collect(),
             provenance: if members.iter().any(is_simulated) {
                 Provenance::Simulated
@@ -112,6 +115,7 @@ impl FittedTexture {
             parts,
             report,
             notes,
+            excess,
         } = excitation::of(
             choice,
             &self.nodes,
@@ -124,6 +128,32 @@ impl FittedTexture {
         self.grid.parts.modulation = parts.modulation;
         self.excitation = Some(report);
         self.notes.extend(notes);
+        self.lower(&excess);
+    }
+
+    /// Makes the nodes at these indices of speed and force softer by what they would play louder than their recordings.
+    fn lower(&mut self, excess: &[((usize, usize), f64)]) {
+        for &((speed, force), excess) in excess {
+            let (index, share) = (speed * self.grid.forces_n.len() + force, excess.powi(-2));
+            self.grid.models[index].output_power *= share;
+            let node = &mut self.nodes[index];
+            node.output_power *= share as f32;
+            node.prediction_error_power *= share as f32;
+        }
+        let Some(most_db) = excess
+            .iter()
+            .map(|(_, e)| 20.0 * e.log10())
+            .reduce(f64::max)
+        else {
+            return;
+        };
+        let text = format!(
+            "{} up to {most_db:.1} dB softer than recorded, because their loudest moments would be louder than any of \
+             their recordings: --excitation gaussian --modulation none plays them at their level",
+            counted(excess.len(), "node")
+        );
+        let note = Warning::of_texture("softer", &self.name, most_db, text);
+        self.notes.push(note);
     }
 
     /// The texture, ready to be encoded.

@@ -17,6 +17,13 @@ use crate::texture::grid::Grid;
 /// A third-octave band of a model further from its recording than this is worth a word, dB.
 const NOTABLE_MISS_DB: f64 = 3.0;
 
+/// Power of a trial over the median of its node's trials, above which it counts with the median's: 6 dB. The mean would
+/// go with it.
+const LOUD: f64 = 4.0;
+
+/// Fewest trials of a node whose median tells a loud one.
+const FEWEST_FOR_MEDIAN: usize = 3;
+
 /// An order needs this many samples of data for each of its coefficients.
 const SAMPLES_PER_COEFFICIENT: usize = 4;
 
@@ -32,6 +39,25 @@ pub(super) struct Member<'a> {
 struct Measured {
     model: Model,
     miss: Option<BandLevel>,
+    loud: Vec<Loud>,
+}
+
+/// A trial that is far louder than the others of its node, and counts with their level.
+#[derive(Clone, Debug)]
+pub(super) struct Loud {
+    /// The file.
+    pub file: String,
+    /// Level over the median of the node's trials, dB.
+    pub over_db: f64,
+}
+
+/// A texture's grid, with what is to be said of it.
+pub(super) struct Assembled {
+    pub grid: Grid,
+    /// Nodes that miss a band of their recording.
+    pub misses: Vec<Miss>,
+    /// Trials that are louder than the others of their nodes.
+    pub loud: Vec<Loud>,
 }
 
 /// A third-octave band in which a node's model is far from its recording.
@@ -45,14 +71,13 @@ pub(super) struct Miss {
     pub band: BandLevel,
 }
 
-/// Builds the grid of texture `name` from its trials, at least one, and its lines, and tells which nodes miss a band of
-/// their recording.
+/// Builds the grid of texture `name` from its trials, at least one, and its lines.
 pub(super) fn assemble(
     name: &str,
     members: &[Member<'_>],
     findings: &Findings,
     options: &Options,
-) -> Result<(Grid, Vec<Miss>)> {
+) -> Result<Assembled> {
     let speeds_mm_s = axis(name, "speeds", members.iter().map(|m| m.trial.speed_mm_s))?;
     let forces_n = axis(name, "forces", members.iter().map(|m| m.trial.force_n))?;
     let mut cells: Vec<Vec<Member<'_>>> = vec![Vec::new(); speeds_mm_s.len() * forces_n.len()];
@@ -73,6 +98,8 @@ pub(super) fn assemble(
         })
     };
     let misses = measured.iter().enumerate().filter_map(miss).collect();
+    let loud = measured.iter().flatten().flat_map(|node| node.loud.clone());
+    let loud = loud.collect();
     let models = measured.into_iter().map(|node| Some(node?.model));
     let filler = Filler {
         speeds: speeds_mm_s.len(),
@@ -96,7 +123,7 @@ pub(super) fn assemble(
         lines: &member.analysis.lines,
     });
     grid.parts.lines = lines_on(&grid, findings, &lines.collect::<Vec<_>>());
-    Ok((grid, misses))
+    Ok(Assembled { grid, misses, loud })
 }
 
 /// Laws of the level of a texture with these models.
@@ -145,23 +172,37 @@ fn measured_model(cell: &[Member<'_>], options: &Options) -> Option<Measured> {
     if cell.iter().any(doubtful) {
         flags = flags.with(NodeFlags::DOUBTFUL);
     }
-    let loud: Vec<&Analysis> = cell
-        .iter()
-        .map(|member| member.analysis)
-        .filter(|analysis| !analysis.is_silent())
-        .collect();
+    let heard = cell.iter().filter(|member| !member.analysis.is_silent());
+    let heard: Vec<&Member<'_>> = heard.collect();
     if cell.is_empty() {
         return None;
     }
-    if loud.is_empty() {
+    if heard.is_empty() {
         return Some(Measured {
             model: Model::silent(),
             miss: None,
+            loud: Vec::new(),
         });
     }
-    let samples: usize = loud.iter().map(|analysis| analysis.samples).sum();
-    let weight = |trial: &Analysis| trial.samples as f64 / samples as f64;
-    let lags = pooled_lags(loud.iter().map(|trial| (weight(trial), &trial.lags[..])));
+    let samples: usize = heard.iter().map(|member| member.analysis.samples).sum();
+    let shares = shares(&heard.iter().map(|m| m.analysis.lags[0]).collect::<Vec<_>>());
+    let of_loud = heard.iter().zip(&shares).filter(|(_, share)| **share < 1.0);
+    let loud = of_loud.map(|(member, share)| Loud {
+        file: member.report.file.clone(),
+        over_db: -10.0 * share.log10(),
+    });
+    let loud: Vec<Loud> = loud.collect();
+    if !loud.is_empty() {
+        flags = flags.with(NodeFlags::DOUBTFUL);
+    }
+    let weighted = || {
+        let pairs = heard.iter().zip(&shares);
+        pairs.map(|(member, share)| {
+            let weight = member.analysis.samples as f64 / samples as f64;
+            (share * weight, member.analysis)
+        })
+    };
+    let lags = pooled_lags(weighted().map(|(weight, trial)| (weight, &trial.lags[..])));
     let output_power = lags[0];
     let order_cap = samples / SAMPLES_PER_COEFFICIENT;
     let max_order = options.order.highest().min(order_cap);
@@ -176,9 +217,20 @@ fn measured_model(cell: &[Member<'_>], options: &Options) -> Option<Measured> {
         output_power,
         flags,
     };
-    let recorded = Bands::mean(loud.iter().map(|trial| (weight(trial), &trial.bands)));
+    let recorded = Bands::mean(weighted().map(|(weight, trial)| (weight, &trial.bands)));
     let miss = recorded.missed_by(&model, samples, NOTABLE_MISS_DB);
-    Some(Measured { model, miss })
+    Some(Measured { model, miss, loud })
+}
+
+/// Shares of the `powers` of a node's trials that count: all of them, but no more than the median of one that is far
+/// louder.
+fn shares(powers: &[f64]) -> Vec<f64> {
+    let mut sorted = powers.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let median = sorted[sorted.len() / 2];
+    let is_loud = |power: f64| powers.len() >= FEWEST_FOR_MEDIAN && power > LOUD * median;
+    let share = |&power: &f64| if is_loud(power) { median / power } else { 1.0 };
+    powers.iter().map(share).collect()
 }
 
 /// Fills holes from the nodes that were measured, and from those only, so that the order of filling does not matter.
@@ -330,6 +382,20 @@ mod tests {
     }
 
     proptest! {
+        #[test]
+        fn one_loud_trial_of_several_moves_a_nodes_power_no_further_than_the_others_scatter(
+            others in prop::collection::vec(0.5f64..1.5, 2..8),
+            loud in 1e-3f64..1e6,
+            at in 0usize..8,
+        ) {
+            let mut powers = others.clone();
+            powers.insert(at.min(others.len()), loud);
+            let counted: f64 = shares(&powers).iter().zip(&powers).map(|(share, power)| share * power).sum();
+            prop_assert!(counted <= others.iter().sum::<f64>() + LOUD * 1.5);
+            prop_assert!(shares(&others).iter().all(|share| *share >= 1.0));
+            prop_assert_eq!(shares(&[1.0, loud]), [1.0, 1.0]);
+        }
+
         #[test]
         fn every_filled_grid_is_whole_and_stable(
             known in prop::collection::vec(prop::option::of((-0.999f64..0.999, 0.0f64..10.0)), 24),

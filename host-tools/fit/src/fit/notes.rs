@@ -6,7 +6,7 @@ use std::path::Path;
 use model_format::{NodeFlags, SAMPLE_RATE_HZ};
 
 use super::floor::by_speed;
-use super::grid::{Member, Miss};
+use super::grid::{Assembled, Loud, Member, Miss};
 use super::options::{FloorChoice, Options, Order};
 use super::reports::TrialReport;
 use crate::dsp::high_pass::{SLOW_HZ, lowest_hz};
@@ -37,17 +37,17 @@ const SPARSE_NODES: usize = 12;
 const LACK_S: f64 = 0.005;
 const LACK_SHARE: f64 = 0.001;
 
-/// Returns the notes on texture `name`: on its `grid`, on the bands that nodes miss, on the `members` that were used,
-/// and on the number of `idle` trials, which were not used, because they are at rest or without contact.
+/// Returns the notes on texture `name`: on what was `assembled` of it, on the `members` that were used, and on the
+/// number of `idle` trials, which were not used, because they are at rest or without contact.
 pub(super) fn of(
     name: &str,
-    grid: &Grid,
-    misses: &[Miss],
+    assembled: &Assembled,
     members: &[Member<'_>],
     idle: usize,
     options: &Options,
 ) -> Vec<Warning> {
-    let trials: Vec<&TrialReport> = members.iter().map(|member| member.report).collect();
+    let Assembled { grid, misses, loud } = assembled;
+    let trials: Vec<&TrialReport> = members.iter().map(|m| m.report).collect();
     let note = |kind, size: f64, text| Warning::of_texture(kind, name, size, text);
     let left_out = (idle > 0).then(|| {
         let text = format!(
@@ -75,10 +75,8 @@ pub(super) fn of(
             && trial.mean_m_s2 > 0.0
             && !is_gravity(trial.mean_m_s2)
     });
-    let largest = with_mean
-        .clone()
-        .map(|trial| trial.mean_m_s2)
-        .fold(0.0, f64::max);
+    let means = with_mean.clone().map(|trial| trial.mean_m_s2);
+    let largest = means.fold(0.0, f64::max);
     let removed = (largest > 0.0).then(|| {
         let text = format!(
             "a mean above the RMS, up to {largest:.3} m/s², was removed from {}",
@@ -92,11 +90,13 @@ pub(super) fn of(
         .chain(too_short(members, options).map(noted))
         .chain(mostly_filled(grid, &trials).map(noted))
         .chain(close.map(noted));
-    let notes = notes.chain(lowered).chain(removed);
     notes
+        .chain(lowered)
+        .chain(removed)
         .chain(slow_motion(&trials).map(noted))
         .chain(rigs_noise(&trials, options).map(noted))
         .chain(missed_bands(misses, options).map(noted))
+        .chain(loud.iter().map(loud_trial))
         .collect()
 }
 
@@ -257,6 +257,16 @@ fn missed_bands(misses: &[Miss], options: &Options) -> Option<Noted> {
         worst.force_n
     );
     Some(("bands", level(&worst), text))
+}
+
+/// The note on a trial that is far louder than the others of its node.
+fn loud_trial(loud: &Loud) -> Warning {
+    let text = format!(
+        "{:.1} dB above the median of its node's trials, at whose level it counts: listen to it, and leave it out or \
+         record it again if it is another speed, force or scale",
+        loud.over_db
+    );
+    Warning::of("loud trial", ("recording", &loud.file), loud.over_db, text)
 }
 
 /// Returns the number of measured nodes below the fixed order that was asked for, the lowest order, its speed and

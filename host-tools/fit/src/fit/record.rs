@@ -14,7 +14,7 @@ use super::excitation::ExcitationReport;
 use super::fitted::Fit;
 use super::lines::Findings;
 use super::options::Options;
-use crate::recording::{RECORDING, RecordingSet, Trial};
+use crate::recording::{RECORDING, RecordingSet, TimeUnit, Trial};
 use crate::support::atomic_file;
 use crate::support::bounded_file::{Limit, MIB};
 use crate::support::error::{Error, Result};
@@ -79,6 +79,21 @@ pub struct FittedTrial {
     pub start_s: f64,
     /// Longest duration of the used part, s; none if it goes to the end, or was not given.
     pub duration_s: Option<f64>,
+    /// The file's own sample rate, Hz.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub source_rate_hz: Option<f64>,
+    /// Acceleration of a sample of 1 that was given, m/s².
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scale_m_s2: Option<f64>,
+    /// Unit of its times that was given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub time_unit: Option<TimeUnit>,
+    /// True if its samples were taken as even, as asked for.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub even_times: bool,
+    /// Changes by reading, such as of a unit, and findings of triage.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub remarks: Vec<String>,
 }
 
 impl FitRecord {
@@ -111,9 +126,14 @@ impl FitRecord {
         }
     }
 
-    /// Adds the excitations and lines of `fit` to the record.
+    /// Adds the excitations and lines of `fit`, a fit of the same set, to the record, and what it says of each trial.
     #[must_use]
-    pub fn with_account_of(self, fit: &Fit) -> Self {
+    pub fn with_account_of(mut self, fit: &Fit) -> Self {
+        for (trial, report) in self.trials.iter_mut().zip(&fit.trials) {
+            trial.source_rate_hz = Some(report.source_rate_hz);
+            let verdicts = report.verdicts.iter().map(ToString::to_string);
+            trial.remarks = report.remarks.iter().cloned().chain(verdicts).collect();
+        }
         Self {
             excitations: fit.excitations(),
             lines: FoundLines::of(fit),
@@ -215,6 +235,11 @@ impl FittedTrial {
             content: digits(content),
             start_s: trial.start_s,
             duration_s: trial.duration_s,
+            source_rate_hz: None,
+            scale_m_s2: trial.scale_m_s2,
+            time_unit: trial.time_unit,
+            even_times: trial.has_even_times.unwrap_or(false),
+            remarks: Vec::new(),
         }
     }
 

@@ -4,7 +4,9 @@
 //! Every other port may be of a machine that takes any byte for a command, so it is listed and never opened.
 
 use std::path::Path;
-use std::time::Duration;
+use std::sync::mpsc;
+use std::thread;
+use std::time::{Duration, Instant};
 
 use model_format::link::DeviceInfo;
 use tokio_serial::{SerialPortType, UsbPortInfo};
@@ -16,6 +18,10 @@ use super::{Device, LinkAddress, Timeouts, usb};
 
 /// Time that a device has for its identity.
 const ANSWER_TIMEOUT: Duration = Duration::from_millis(500);
+
+/// Longest time for all devices together, which are asked at once. A link is opened in it, and a virtual stylus on a
+/// busy computer may be many times slower than the clock.
+const LONGEST: Duration = Duration::from_secs(10);
 
 /// USB vendor id of the ST-LINK probes: STMicroelectronics.
 const ST_LINK_VENDOR_ID: u16 = 0x0483;
@@ -117,7 +123,7 @@ impl From<&Attached> for Row {
 /// A computer that does not list its USB devices.
 pub fn rows(route: &Route) -> Result<Vec<Row>> {
     let mut found = attached()?;
-    found.iter_mut().for_each(|attached| ask(attached, route));
+    ask(found.iter_mut(), LONGEST, &identity_by(route));
     Ok(found.iter().map(Row::from).collect())
 }
 
@@ -162,16 +168,46 @@ fn attached() -> Result<Vec<Attached>> {
     Ok(found)
 }
 
-/// Asks a device for its identity, unless its port is not that of a stylus.
-fn ask(attached: &mut Attached, route: &Route) {
-    if attached.kind == Kind::OtherSerial {
-        return;
+/// Asks the devices for their identities by `identity`, all at once for at most `longest`, but for those whose port is
+/// not that of a stylus.
+fn ask<'a>(
+    found: impl Iterator<Item = &'a mut Attached>,
+    longest: Duration,
+    identity: &(impl Fn(&LinkAddress) -> Identity + Clone + Send + 'static),
+) {
+    let mut asked: Vec<&mut Attached> = found
+        .filter(|attached| attached.kind != Kind::OtherSerial)
+        .collect();
+    let (sender, answers) = mpsc::channel();
+    for (index, attached) in asked.iter_mut().enumerate() {
+        let late = format!(
+            "no answer within {} s: it or this computer is busy; try again",
+            longest.as_secs()
+        );
+        attached.identity = Identity::Unknown(late);
+        let (sender, identity) = (sender.clone(), identity.clone());
+        let link = attached.link.clone();
+        // Nobody waits for the answer of one that is late.
+        thread::spawn(move || drop(sender.send((index, identity(&link)))));
     }
-    let timeouts = Timeouts::scaled_to(ANSWER_TIMEOUT);
-    attached.identity = match Device::connect_by(&attached.link, timeouts, route.clone()) {
-        Ok(device) => Identity::Known(Box::new(device.info().clone())),
-        Err(failure) => Identity::Unknown(failure.to_string()),
-    };
+    drop(sender);
+    let begin = Instant::now();
+    while let Ok((index, identity)) = answers.recv_timeout(longest.saturating_sub(begin.elapsed()))
+    {
+        asked[index].identity = identity;
+    }
+}
+
+/// The identity of the device at a link, by `route`.
+fn identity_by(route: &Route) -> impl Fn(&LinkAddress) -> Identity + Clone + Send + 'static {
+    let route = route.clone();
+    move |link| {
+        let timeouts = Timeouts::scaled_to(ANSWER_TIMEOUT);
+        match Device::connect_by(link, timeouts, route.clone()) {
+            Ok(device) => Identity::Known(Box::new(device.info().clone())),
+            Err(failure) => Identity::Unknown(failure.to_string()),
+        }
+    }
 }
 
 /// The device that is meant where the user names none, with a note where it is not a stylus's own USB port.
@@ -184,7 +220,7 @@ pub fn only(route: &Route) -> Result<(LinkAddress, Option<String>)> {
     let mut found = attached()?;
     if !found.iter().any(|attached| attached.kind == Kind::Usb) {
         let probes = found.iter_mut().filter(|found| found.kind == Kind::Serial);
-        probes.for_each(|probe| ask(probe, route));
+        ask(probes, LONGEST, &identity_by(route));
     }
     choose(&found)
 }
@@ -330,6 +366,45 @@ mod tests {
         let silent = one("serial:/dev/ttyACM0", Kind::Serial, silent);
         let message = choose(&[silent]).unwrap_err();
         holds(&message, &["no stylus answers at serial:/dev/ttyACM0"]);
+    }
+
+    #[test]
+    fn devices_that_never_answer_do_not_keep_the_others_waiting() {
+        let (end, ended) = mpsc::channel::<()>();
+        let ended = std::sync::Arc::new(std::sync::Mutex::new(ended));
+        let identity = move |link: &LinkAddress| {
+            if link.to_string().ends_with("ACM0") {
+                return known();
+            }
+            // Until the test ends.
+            let _ = ended.lock().map(|ended| ended.recv());
+            known()
+        };
+        let silent = |n: usize| {
+            one(
+                &format!("tcp:127.0.0.1:{n}"),
+                Kind::Virtual,
+                Identity::NotAsked,
+            )
+        };
+        let mut found: Vec<Attached> = (1..9).map(silent).collect();
+        found.push(one("serial:/dev/ttyACM0", Kind::Serial, Identity::NotAsked));
+        found.push(one(
+            "serial:/dev/ttyUSB0",
+            Kind::OtherSerial,
+            Identity::NotAsked,
+        ));
+        // The one that answers is asked last.
+        ask(found.iter_mut(), Duration::from_secs(1), &identity);
+        assert_eq!(found[8].identity, known());
+        assert_eq!(found[9].identity, Identity::NotAsked);
+        for late in &found[..8] {
+            holds(
+                &Row::from(late).state,
+                &["no answer within 1 s", "try again"],
+            );
+        }
+        drop(end);
     }
 
     #[test]

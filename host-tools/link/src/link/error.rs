@@ -144,7 +144,7 @@ pub enum LinkError {
     #[error("the device refuses to play: {0}")]
     Play(Box<PlayError>),
     #[error(
-        "the device refuses to play: the active library has no {what} \"{name}\"; it has {}",
+        "the device refuses to play: the active library has no {what} \"{name}\"; it has {}{hint}",
         listed(name, there)
     )]
     Absent {
@@ -154,6 +154,8 @@ pub enum LinkError {
         name: String,
         /// The names that are there, in the device's order.
         there: Vec<String>,
+        /// A thing of the other kind with such a name, in words; empty if there is none.
+        hint: String,
     },
     #[error("the device refuses the probe: {0}")]
     Probe(Box<ProbeError>),

@@ -218,6 +218,16 @@ pub struct Heard {
     reasons: MuteReasons,
     mutes_before: u32,
     missed_before: u32,
+    vibration: Vibration,
+}
+
+/// Level at the accelerometer, RMS of all axes over a second, m/s²: the sign that the device has of its own output.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Vibration {
+    /// The level before the play.
+    pub before_m_s2: f64,
+    /// The greatest level while the output was not muted.
+    pub greatest_m_s2: f64,
 }
 
 impl Heard {
@@ -231,6 +241,10 @@ impl Heard {
             reasons: MuteReasons::NONE,
             mutes_before: mutes(before),
             missed_before: before.tick.missed,
+            vibration: Vibration {
+                before_m_s2: vibration_m_s2(before),
+                greatest_m_s2: 0.0,
+            },
         }
     }
 
@@ -247,7 +261,15 @@ impl Heard {
             for reason in status.output.mute.iter() {
                 self.reasons = self.reasons.set(reason, true);
             }
+        } else {
+            let level = vibration_m_s2(status);
+            self.vibration.greatest_m_s2 = self.vibration.greatest_m_s2.max(level);
         }
+    }
+
+    /// The level at the accelerometer; none if no status of the play told it.
+    pub fn vibration(&self) -> Option<Vibration> {
+        (self.vibration.greatest_m_s2 > 0.0).then_some(self.vibration)
     }
 
     /// Share of the statuses in which the output was muted; none without statuses.
@@ -294,6 +316,14 @@ impl Heard {
             "read `stylus status`, close other programs that use the link, then play again"
         }
     }
+}
+
+/// Level at the accelerometer over the last whole second, RMS of all axes, m/s²; 0 before the first one.
+pub fn vibration_m_s2(status: &Status) -> f64 {
+    if status.levels.samples == 0 {
+        return 0.0;
+    }
+    10f64.powf(f64::from(status.levels.vibration_decibel) / 20.0 - 6.0)
 }
 
 /// Number of mutes since the start, but for those that belong to the begin and the end of every play.

@@ -195,7 +195,7 @@ fn by_times(
     let clock = Clock {
         column: &time.name,
         unit: trial.time_unit.or(time.unit),
-        is_even: trial.has_even_times,
+        is_even: trial.has_even_times.unwrap_or(false),
         rate_hz: trial.sample_rate_hz,
     };
     stamps::source(table, &clock, stamps, channels, cut)

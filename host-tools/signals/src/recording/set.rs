@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
+use clap::ValueEnum;
 use model_format::Provenance;
 
 use super::kind::Kind;
@@ -118,7 +119,7 @@ impl RecordingSet {
             trial.scale_m_s2 = trial.scale_m_s2.or(assumed.scale_m_s2);
             trial.sample_rate_hz = trial.sample_rate_hz.or(assumed.sample_rate_hz);
             trial.time_unit = trial.time_unit.or(assumed.time_unit);
-            trial.has_even_times |= assumed.even_times;
+            trial.has_even_times = trial.has_even_times.or(Some(assumed.even_times));
             if !set.is_listed {
                 trial.speed_mm_s = assumed.speed_mm_s;
                 trial.force_n = assumed.force_n;
@@ -264,23 +265,46 @@ pub const MOST_TRIALS: usize = 1_000_000;
 
 const REQUIRED: [&str; 4] = ["file", "texture", "speed_mm_s", "force_n"];
 
-const OPTIONAL: [&str; 5] = [
+const OPTIONAL: [&str; 7] = [
     "scale_m_s2",
     "start_s",
     "duration_s",
     "sample_rate_hz",
+    "time_unit",
+    "even_times",
     "simulated",
 ];
 
 /// Columns of a person's own, which are not read.
 const REMARKS: [&str; 4] = ["note", "notes", "comment", "take"];
 
-fn provenance_of(simulated: Option<&str>) -> std::result::Result<Provenance, String> {
-    match simulated {
-        None | Some("false") => Ok(Provenance::Recorded),
-        Some("true") => Ok(Provenance::Simulated),
-        Some(other) => Err(format!("simulated '{other}' is not true or false")),
+/// The `text` of a column `name` of yes or no; none if it is empty.
+fn truth(name: &str, text: Option<&str>) -> std::result::Result<Option<bool>, String> {
+    let unlike = |text| format!("{name} '{text}' is not true or false");
+    text.map(|text| text.parse().map_err(|_| unlike(text)))
+        .transpose()
+}
+
+fn provenance_of(is_simulated: Option<bool>) -> Provenance {
+    match is_simulated {
+        Some(true) => Provenance::Simulated,
+        _ => Provenance::Recorded,
     }
+}
+
+/// The unit of times that `text` names; none if it is empty.
+fn time_unit(text: Option<&str>) -> std::result::Result<Option<TimeUnit>, String> {
+    let unit = |text: &str| {
+        let names = TimeUnit::value_variants().iter().map(|unit| unit.name());
+        let unlike = |_| {
+            format!(
+                "time_unit '{text}' is none of {}",
+                names.collect::<Vec<_>>().join(", ")
+            )
+        };
+        TimeUnit::from_str(text, false).map_err(unlike)
+    };
+    text.map(unit).transpose()
 }
 
 impl Columns {
@@ -310,10 +334,8 @@ impl Columns {
             let index = *self.0.get(name)?;
             Some((index, row.text(index))).filter(|(_, text)| !text.is_empty())
         };
-        let text = |name: &str| {
-            let text = field(name).map(|(_, text)| text);
-            text.ok_or_else(|| bad(format!("no {name}")))
-        };
+        let words = |name: &str| field(name).map(|(_, text)| text);
+        let text = |name: &str| words(name).ok_or_else(|| bad(format!("no {name}")));
         let number = |name: &str| match field(name) {
             None => Ok(None),
             Some((index, _)) => row.finite(index, name).map(Some),
@@ -333,7 +355,8 @@ impl Columns {
                 Some(fault) => Err(bad(format!("{name} is {fault}"))),
             }
         };
-        let provenance = provenance_of(field("simulated").map(|(_, text)| text)).map_err(bad)?;
+        let truth = |name: &str| truth(name, words(name)).map_err(bad);
+        let provenance = provenance_of(truth("simulated")?);
         let scale_m_s2 = number("scale_m_s2")?;
         if scale_m_s2.is_some_and(|scale| scale.abs() <= 0.0) {
             return Err(bad("scale_m_s2 is zero".into()));
@@ -353,6 +376,8 @@ impl Columns {
             start_s: at_least_zero("start_s")?.unwrap_or(0.0),
             duration_s: above_zero("duration_s")?,
             sample_rate_hz,
+            time_unit: time_unit(words("time_unit")).map_err(bad)?,
+            has_even_times: truth("even_times")?,
             provenance,
             ..Trial::of(
                 folder.join(text("file")?),
@@ -387,6 +412,41 @@ mod tests {
         assert_eq!((trial.speed_mm_s, trial.force_n), (120.0, 0.5));
         assert_eq!(trial.provenance, Provenance::Recorded);
         assert!(trial.file.ends_with("a.wav"));
+    }
+
+    #[test]
+    fn each_file_of_a_list_may_have_times_of_its_own_and_options_are_for_the_others() {
+        let folder = tempfile::tempdir().unwrap();
+        let list = folder.path().join("mixed.csv");
+        let header = "file,texture,speed_mm_s,force_n,time_unit,even_times\n";
+        let lines = "a.csv,silk,100,1,us,false\nb.csv,silk,100,1,ms,true\nc.csv,silk,100,1,,\n";
+        std::fs::write(&list, format!("{header}{lines}")).unwrap();
+        let of_times = |assumed: &Assumed| {
+            let set = RecordingSet::open_with(std::slice::from_ref(&list), assumed).unwrap();
+            let trials = set.trials.into_iter();
+            trials
+                .map(|trial| (trial.time_unit, trial.has_even_times.unwrap_or(false)))
+                .collect::<Vec<_>>()
+        };
+        let own = [(Some(TimeUnit::Us), false), (Some(TimeUnit::Ms), true)];
+        assert_eq!(
+            of_times(&Assumed::default()),
+            [own[0], own[1], (None, false)]
+        );
+        let assumed = Assumed {
+            time_unit: Some(TimeUnit::Ns),
+            even_times: true,
+            ..Assumed::default()
+        };
+        let given = (Some(TimeUnit::Ns), true);
+        assert_eq!(of_times(&assumed), [own[0], own[1], given]);
+        for (fields, problem) in [
+            ("min,", "time_unit 'min' is none of s, ms, us, ns"),
+            (",yes", "even_times 'yes' is not true or false"),
+        ] {
+            let wrong = parse(&format!("{header}a.csv,silk,100,1,{fields}\n"));
+            holds(&wrong.unwrap_err(), &["line 2", problem]);
+        }
     }
 
     #[test]

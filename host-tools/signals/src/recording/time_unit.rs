@@ -6,6 +6,7 @@ use super::rate::RATES_HZ;
 
 /// A unit of times.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
 pub enum TimeUnit {
     /// Seconds.
     S,

@@ -58,8 +58,8 @@ pub struct Trial {
     pub sample_rate_hz: Option<f64>,
     /// Unit of a CSV file's times; by their name or by their steps if not given.
     pub time_unit: Option<TimeUnit>,
-    /// True if a CSV file's samples are even, whatever their times say.
-    pub has_even_times: bool,
+    /// True if a CSV file's samples are even, whatever their times say; none if nothing is said of it.
+    pub has_even_times: Option<bool>,
     /// Origin of the samples: recorded or simulated.
     pub provenance: Provenance,
     /// Samples in memory, which are read in place of the file.
@@ -85,7 +85,7 @@ impl Trial {
             duration_s: None,
             sample_rate_hz: None,
             time_unit: None,
-            has_even_times: false,
+            has_even_times: None,
             provenance: Provenance::Recorded,
             held: None,
         }

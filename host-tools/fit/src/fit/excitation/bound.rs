@@ -3,7 +3,8 @@
 //!
 //! First by construction: the residuals that a track or a codebook is made of are limited ([`Ringing::limit`]) to what
 //! the recordings of the calmest nodes reach. Then by listening: [`excess`] plays the parts by the device's own feed
-//! through the filters of a few nodes, because levels and pieces that are drawn apart may meet.
+//! through the filters of a few nodes, because levels and pieces that are drawn apart may meet. Last, what is [`left`] is
+//! taken off the level of each node that is still too loud.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -25,7 +26,10 @@ const STEADY: Loudest = Loudest([2.1, 1.5, 1.15]);
 const PLAYED: usize = 1 << 17;
 const PLAYED_AT_LEVELS: usize = 1 << 19;
 
-/// Loudness over the recordings' that a check may find. The bound is 1.5, for the median of many seeds.
+/// Loudness over the recordings' that no node may have.
+const BOUND: f64 = 1.5;
+
+/// Loudness over the recordings' that parts are made for, because another seed may be louder.
 const AIM: f64 = 1.25;
 
 /// Calmest nodes of a source that are listened to.
@@ -107,16 +111,35 @@ pub(super) fn limited<'t>(
     limited.into()
 }
 
-/// Loudness of what each source of `parts`, 0 for Gaussian noise, makes of the models of a grid with so many `forces`,
-/// in units of what it may be: the largest of the nodes that are listened to, which are the two whose recordings are
-/// calmest and the one that rings longest. None where noise of steady level plays.
-pub(super) fn excess(traces: &[Trace], forces: usize, parts: &PartsSpec) -> BTreeMap<u8, f64> {
+/// Nodes that a source of parts plays at.
+struct SourceNodes<'t> {
+    /// Excitation that the source plays, standard deviations.
+    played: Vec<f64>,
+    /// Nodes with the loudest windows of their recordings, the calmest first.
+    nodes: Vec<(Loudest, &'t Trace)>,
+    /// Loudest windows that the recordings of most of the nodes reach.
+    least: Loudest,
+}
+
+impl SourceNodes<'_> {
+    /// Loudness of the source at a node, in units of its recordings'.
+    fn over(&self, (own, trace): &(Loudest, &Trace)) -> f64 {
+        let heard = Loudest::behind(&self.played, &trace.reflection);
+        heard.over(own.with(self.least, f64::max))
+    }
+}
+
+/// The nodes of each source of `parts`, 0 for Gaussian noise, of a grid with so many `forces`. None where noise of
+/// steady level plays.
+fn sources<'t>(
+    traces: &'t [Trace],
+    forces: usize,
+    parts: &PartsSpec,
+) -> BTreeMap<u8, SourceNodes<'t>> {
     let number = |trace: &Trace| {
         let node = trace.at.0 * forces + trace.at.1;
-        parts
-            .excitation
-            .as_ref()
-            .map_or(0, |spec| spec.of_nodes[node])
+        let spec = parts.excitation.as_ref();
+        spec.map_or(0, |spec| spec.of_nodes[node])
     };
     let samples = match parts.modulation {
         Some(_) => PLAYED_AT_LEVELS,
@@ -129,18 +152,50 @@ pub(super) fn excess(traces: &[Trace], forces: usize, parts: &PartsSpec) -> BTre
             sources.entry(number).or_default().push(node);
         }
     }
-    let of_source = |(number, mut own): (u8, Vec<(Loudest, &Trace)>)| {
-        let played = played(number, parts, samples).expect("parts that were made can be played");
-        let least = most(own.iter().map(|(_, trace)| *trace), 1.0);
-        let over = |(own, trace): &(Loudest, &Trace)| {
-            let heard = Loudest::behind(&played, &trace.reflection);
-            heard.over(own.with(least, f64::max))
+    let of_source = |(number, mut nodes): (u8, Vec<(Loudest, &'t Trace)>)| {
+        nodes.sort_by(|a, b| a.0.over(STEADY).total_cmp(&b.0.over(STEADY)));
+        let source = SourceNodes {
+            played: played(number, parts, samples).expect("parts that were made can be played"),
+            least: most(nodes.iter().map(|(_, trace)| *trace), 1.0),
+            nodes,
         };
-        own.sort_by(|a, b| a.0.over(STEADY).total_cmp(&b.0.over(STEADY)));
-        let ringing = |(_, trace): &&(Loudest, &Trace)| error_share(&trace.reflection);
-        let longest = own.iter().min_by(|a, b| ringing(a).total_cmp(&ringing(b)));
-        let heard = own.iter().take(CALMEST).chain(longest);
-        (number, heard.map(over).fold(0.0, f64::max) / AIM)
+        (number, source)
     };
     sources.into_par_iter().map(of_source).collect()
+}
+
+/// Loudness of what each source of `parts`, 0 for Gaussian noise, makes of the models of a grid with so many `forces`,
+/// in units of what it may be: the largest of the nodes that are listened to, which are the two whose recordings are
+/// calmest and the one that rings longest. None where noise of steady level plays.
+pub(super) fn excess(traces: &[Trace], forces: usize, parts: &PartsSpec) -> BTreeMap<u8, f64> {
+    let of_source = |(number, source): (u8, SourceNodes<'_>)| {
+        let ringing = |(_, trace): &&(Loudest, &Trace)| error_share(&trace.reflection);
+        let nodes = &source.nodes;
+        let longest = nodes
+            .iter()
+            .min_by(|a, b| ringing(a).total_cmp(&ringing(b)));
+        let heard = nodes.iter().take(CALMEST).chain(longest);
+        let most = heard.map(|node| source.over(node)).fold(0.0, f64::max);
+        (number, most / AIM)
+    };
+    let sources = sources(traces, forces, parts);
+    sources.into_par_iter().map(of_source).collect()
+}
+
+/// Excess that is left once `parts` are made: each node that they play louder than [`BOUND`] times its recordings, with
+/// the factor of the excess.
+pub(super) fn left(
+    traces: &[Trace],
+    forces: usize,
+    parts: &PartsSpec,
+) -> Vec<((usize, usize), f64)> {
+    let sources = sources(traces, forces, parts);
+    let of_source = |source: &SourceNodes<'_>| {
+        let nodes = source.nodes.par_iter();
+        let ratios = nodes.map(|node| (node.1.at, source.over(node) / BOUND));
+        ratios
+            .filter(|(_, excess)| *excess > 1.0)
+            .collect::<Vec<_>>()
+    };
+    sources.values().flat_map(of_source).collect()
 }

@@ -149,6 +149,10 @@ const LEAST_POWER: f64 = 1e-4;
 /// Lags of the residual's autocorrelation that widen the scatter of levels.
 const LAGS: usize = 100;
 
+/// Level of a window over all others, dB, from which on it is an event that came once: no evidence of what a surface
+/// does again and again.
+const LONE_DB: f64 = 6.0;
+
 /// Residuals below this share of the signal's power are round-off.
 const ROUND_OFF: f64 = 1e-12;
 
@@ -220,7 +224,8 @@ fn of_parts(parts: &[Vec<f64>], power: f64, level_samples: usize) -> Judged {
         loud.map(kurtosis_of).collect()
     };
     let level = |window: &[f64]| 10.0 * (mean_square(window) / mean).max(LEAST_POWER).log10();
-    let levels_db: Vec<f64> = windows(level_samples).map(level).collect();
+    let mut levels_db: Vec<f64> = windows(level_samples).map(level).collect();
+    calm_lone_event(&mut levels_db);
     // The variance of a window's power, as a share of its square, is (kurtosis - 1) / n of white noise, and grows with
     // the squared autocorrelation.
     let whole = Sums::of(&local(level_samples)).mean().max(3.0);
@@ -232,6 +237,24 @@ fn of_parts(parts: &[Vec<f64>], power: f64, level_samples: usize) -> Judged {
             levels_db: Sums::of(&levels_db),
             steady_db2: (10.0 / std::f64::consts::LN_10).powi(2) * share,
         },
+    }
+}
+
+/// Takes an event that came once for the loudest of the other windows. It may lie in two windows side by side.
+fn calm_lone_event(levels_db: &mut [f64]) {
+    let Some(loudest) = (0..levels_db.len()).max_by(|&a, &b| levels_db[a].total_cmp(&levels_db[b]))
+    else {
+        return;
+    };
+    let near = loudest.saturating_sub(1)..=(loudest + 1).min(levels_db.len() - 1);
+    let others = (0..levels_db.len()).filter(|index| !near.contains(index));
+    let Some(next) = others.map(|index| levels_db[index]).reduce(f64::max) else {
+        return;
+    };
+    if levels_db[loudest] > next + LONE_DB {
+        levels_db[near]
+            .iter_mut()
+            .for_each(|level| *level = level.min(next));
     }
 }
 
@@ -278,6 +301,23 @@ mod tests {
         assert!((sums.variance_of_mean() - 14.0 / 3.0 / 4.0).abs() < 1e-12);
         assert_eq!(Sums::default().mean(), 0.0);
         assert_eq!(Sums::default().variance_of_mean(), 0.0);
+    }
+
+    #[test]
+    fn an_event_counts_for_the_level_only_if_it_comes_again() {
+        let calmed = |events: &[usize], db: f64| {
+            let mut levels_db = vec![0.0; 40];
+            events.iter().for_each(|&at| levels_db[at] = db);
+            calm_lone_event(&mut levels_db);
+            levels_db.into_iter().fold(0.0, f64::max)
+        };
+        for once in [&[0][..], &[7], &[7, 8], &[39]] {
+            assert_eq!(calmed(once, 20.0), 0.0, "{once:?}");
+            assert_eq!(calmed(once, 5.0), 5.0, "{once:?}");
+        }
+        assert_eq!(calmed(&[7, 9], 20.0), 20.0);
+        calm_lone_event(&mut []);
+        calm_lone_event(&mut [9.0]);
     }
 
     #[test]

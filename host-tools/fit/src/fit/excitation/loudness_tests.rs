@@ -3,11 +3,12 @@
 
 use std::path::Path;
 
-use model_format::{Library, MillimetresPerSecond, Newton, SAMPLE_RATE_HZ};
+use model_format::{Library, MillimetresPerSecond, Newton, SAMPLE_RATE_HZ, TextureSpec, encode};
 use proptest::prelude::*;
 use rand::{RngExt, SeedableRng};
 
-use super::tests::{filtered, forced, impulsive, swelling};
+use super::bound;
+use super::tests::{chosen, filtered, forced, impulsive, node_of, swelling, trace};
 use crate::fit::options::{ExcitationChoice, ModulationChoice, Options};
 use crate::fit::{Fit, fit};
 use crate::playing::motion::MotionPath;
@@ -271,6 +272,34 @@ fn library_of(trials: &[[Vec<f64>; 3]]) -> Vec<u8> {
 
 proptest! {
     #![proptest_config(ProptestConfig { cases: 6, ..ProptestConfig::default() })]
+
+    /// The last step holds for any parts, as if no other had come before it: those of another surface, whose level or
+    /// impulses the node's recording does not have.
+    #[test]
+    fn no_parts_make_a_node_louder_than_its_recordings_once_what_is_left_is_taken_off(
+        seed in 0u64..1000,
+        hz in 60.0f64..400.0,
+        is_track: bool,
+    ) {
+        const SAMPLES: usize = 20_000;
+        let calm = filtered(&noise(seed, SAMPLES), hz);
+        let (other, excitation, modulation) = if is_track {
+            (swelling(seed, SAMPLES, 15.0), ExcitationChoice::Gaussian, ModulationChoice::Track)
+        } else {
+            (impulsive(seed, SAMPLES), ExcitationChoice::Residual, ModulationChoice::None)
+        };
+        let parts = chosen(trace(&filtered(&other, hz), 40), &forced(excitation, modulation)).parts;
+        let excess = bound::left(&[trace(&calm, 40)], 1, &parts);
+        prop_assert!(!is_track || excess.len() == 1, "levels 6 dB above the RMS are too loud");
+        let factor = excess.first().map_or(1.0, |left| left.1);
+        let mut node = node_of(&calm, 40);
+        node.output_power /= (factor * factor) as f32;
+        let texture = TextureSpec::new("surface", &[100.0], &[1.0], vec![node]);
+        let library = encode(&[TextureSpec { parts, ..texture }]).unwrap();
+        let ratio = over(of_syntheses(&library, 100.0, 1.0, 60.0), &[loudest(&calm)]);
+        // The node is listened to with one seed.
+        prop_assert!(ratio <= 1.1 * MOST, "{}", ratio);
+    }
 
     /// At the nodes beside and across, and between four nodes, against the set without the event and the recordings.
     #[test]

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use model_format::{Library, MillimetresPerSecond, Newton, SAMPLE_RATE_HZ, limits};
+use model_format::{Library, MillimetresPerSecond, Newton, NodeSpec, SAMPLE_RATE_HZ, limits};
 use proptest::prelude::*;
 
 use super::evidence::KURTOSIS_SAMPLES;
@@ -60,18 +60,23 @@ pub(super) fn swelling(seed: u64, samples: usize, depth_db: f64) -> Vec<f64> {
         .collect()
 }
 
-fn trace(samples: &[f64], order: usize) -> Trace {
+pub(super) fn trace(samples: &[f64], order: usize) -> Trace {
     trace_of_rate(samples, order, 5000.0)
 }
 
-fn trace_of_rate(samples: &[f64], order: usize, source_rate_hz: f64) -> Trace {
+/// The node of a texture that was recorded once.
+pub(super) fn node_of(samples: &[f64], order: usize) -> NodeSpec {
     let lags = corrected(Autocorrelation::of(samples, order).lags);
     let model = Model::new(
         Prediction::levinson_durbin(&lags, order).reflection,
         lags[0],
     );
     let grid = Grid::new(vec![100.0], vec![1.0], vec![model]);
-    let node = nodes("test", &grid).unwrap().remove(0);
+    nodes("test", &grid).unwrap().remove(0)
+}
+
+fn trace_of_rate(samples: &[f64], order: usize, source_rate_hz: f64) -> Trace {
+    let node = node_of(samples, order);
     let signal = Signal {
         samples: samples.to_vec(),
         source_rate_hz,
@@ -94,7 +99,7 @@ fn choice<'a>(speeds_mm_s: &'a [f32], forces_n: &'a [f32], options: &'a Options)
     }
 }
 
-fn chosen(trace: Trace, options: &Options) -> Chosen {
+pub(super) fn chosen(trace: Trace, options: &Options) -> Chosen {
     choice(&[100.0], &[1.0], options).made(&[trace])
 }
 
@@ -111,6 +116,20 @@ proptest! {
     #[test]
     fn gaussian_textures_get_neither(seed: u64, samples in 10_000usize..25_000, hz in 40.0f64..600.0) {
         let signal = filtered(&noise(seed, samples), hz);
+        prop_assert_eq!(automatic(&signal), (false, false));
+    }
+
+    /// Of a white signal the residual is no louder than the signal, so that no bound of loudness finds the event.
+    #[test]
+    fn one_event_in_white_noise_is_not_what_a_texture_does(
+        seed: u64,
+        at in 1_000usize..19_000,
+        peak in 3.0f64..40.0,
+    ) {
+        let mut signal = noise(seed, 20_000);
+        for (x, wild) in signal[at..at + 12].iter_mut().zip(noise(!seed, 12)) {
+            *x = peak * wild.clamp(-1.0, 1.0);
+        }
         prop_assert_eq!(automatic(&signal), (false, false));
     }
 

@@ -40,6 +40,8 @@ pub(in crate::fit) struct Chosen {
     pub report: ExcitationReport,
     /// Notes for the user.
     pub notes: Vec<Warning>,
+    /// Nodes, by their indices of speed and force, that play too loud all the same, with the factor of that.
+    pub excess: Vec<((usize, usize), f64)>,
 }
 
 /// Grid of a texture.
@@ -81,7 +83,9 @@ impl Choice<'_> {
         } else {
             self.bounded(traces, apart).map(|(chosen, _)| chosen)
         };
-        chosen.unwrap_or_else(|| self.apart(traces, &Reach::FIRST))
+        let mut chosen = chosen.unwrap_or_else(|| self.apart(traces, &Reach::FIRST));
+        chosen.excess = bound::left(traces, self.axes.forces_n.len(), &chosen.parts);
+        chosen
     }
 
     /// The nearer one of moments and an excitation whose level is apart.
@@ -300,6 +304,7 @@ impl Choice<'_> {
             parts,
             report,
             notes: Vec::new(),
+            excess: Vec::new(),
         }
     }
 

@@ -18,6 +18,7 @@ use serde::Serialize;
 
 use super::connection::{Device, POLL_INTERVAL};
 use crate::link::error::{LinkError, Result};
+use crate::support::nearest::nearly;
 
 impl Device {
     /// Reads the content of both slots.
@@ -129,25 +130,40 @@ impl Device {
 
     /// `refusal`, with the names of the active library if it lacks the one that was asked for.
     fn with_names(&self, refusal: PlayError) -> LinkError {
-        let (what, name) = match &refusal {
-            PlayError::NoSuchTexture { name } => ("texture", name.to_string()),
-            PlayError::NoSuchScene { name } => ("scene", name.to_string()),
+        let (what, other, name) = match &refusal {
+            PlayError::NoSuchTexture { name } => ("texture", "scene", name.to_string()),
+            PlayError::NoSuchScene { name } => ("scene", "texture", name.to_string()),
             _ => return refusal.into(),
         };
-        let names = || -> Result<Vec<String>> {
+        let names = || -> Result<[Vec<String>; 2]> {
             let Some(slot) = self.status()?.active else {
-                return Ok(Vec::new());
+                return Ok([Vec::new(), Vec::new()]);
             };
-            Ok(if what == "texture" {
-                let textures = self.textures(slot)?.into_iter();
-                textures.map(|texture| texture.name.to_string()).collect()
-            } else {
-                let scenes = self.scenes(slot)?.into_iter();
-                scenes.map(|scene| scene.name.to_string()).collect()
-            })
+            let textures = self.textures(slot)?.into_iter();
+            let scenes = self.scenes(slot)?.into_iter();
+            let names = [
+                textures.map(|texture| texture.name.to_string()).collect(),
+                scenes.map(|scene| scene.name.to_string()).collect(),
+            ];
+            Ok(names)
         };
         match names() {
-            Ok(there) => LinkError::Absent { what, name, there },
+            Ok([textures, scenes]) => {
+                let (there, others) = match what {
+                    "texture" => (textures, scenes),
+                    _ => (scenes, textures),
+                };
+                let hint = match nearly(&name, &others) {
+                    Some(found) => format!("; '{found}' is a {other} of it"),
+                    None => String::new(),
+                };
+                LinkError::Absent {
+                    what,
+                    name,
+                    there,
+                    hint,
+                }
+            }
             // The refusal is what the user asked about, whatever became of the link since.
             Err(_) => refusal.into(),
         }

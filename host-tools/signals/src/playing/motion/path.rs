@@ -13,6 +13,19 @@ use crate::support::hand::{force_fault, position_fault, speed_fault};
 /// Most rows of a motion: a day at 100 per second, in some 300 MB.
 const MOST_ROWS: usize = 10_000_000;
 
+/// Longest motion whose times are not doubted, s.
+const LONGEST_S: f64 = 600.0;
+
+/// Mean step between rows, s, above which it is no sampled motion of a hand.
+const LONGEST_STEP_S: f64 = 0.1;
+
+/// Fewest rows that are judged by their steps, because a few are written by hand.
+const FEWEST_ROWS: usize = 10;
+
+/// Duration, s, and path, m, above which a motion of such steps is doubted.
+const LONG_S: f64 = 60.0;
+const LONG_M: f64 = 5.0;
+
 /// One moment of a motion that a program gives.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MotionRow {
@@ -188,6 +201,24 @@ impl MotionPath {
             })
     }
 
+    /// Says, with the remedy, if the times are hardly those of a hand in s: the motion lasts longer than
+    /// [`LONGEST_S`], or its rows are far apart and it lasts longer than a minute or leads over more than metres.
+    pub fn doubt_of_times(&self) -> Option<String> {
+        let duration_s = self.duration_s();
+        let steps = self.points.windows(2);
+        let path_m = 1e-3 * steps.map(|pair| pair[0].distance_mm(&pair[1])).sum::<f64>();
+        let rows = self.points.len();
+        let step_s = (duration_s - self.points[0].time_s) / (rows.max(2) - 1) as f64;
+        let is_sparse = rows >= FEWEST_ROWS && step_s > LONGEST_STEP_S;
+        let is_far = duration_s > LONG_S || path_m > LONG_M;
+        (duration_s > LONGEST_S || (is_sparse && is_far)).then(|| {
+            format!(
+                "the motion takes {duration_s:.0} s in steps of {step_s:.2} s and leads over {path_m:.1} m: time_s is \
+                 in seconds; divide milliseconds by 1000"
+            )
+        })
+    }
+
     /// Returns the time of the last row, in s; zero for a constant motion.
     pub fn duration_s(&self) -> f64 {
         self.points.last().map_or(0.0, |point| point.time_s)
@@ -290,6 +321,12 @@ pub(super) struct Point {
 }
 
 impl Point {
+    /// Returns the distance from here to `next`, whatever its direction, in mm: by the mean of both speeds.
+    fn distance_mm(&self, next: &Self) -> f64 {
+        let speeds = f64::from(self.speed_mm_s).abs() + f64::from(next.speed_mm_s).abs();
+        0.5 * speeds * (next.time_s - self.time_s)
+    }
+
     /// Returns the path from here until `time_s`, at most the time of `next`, in mm: the integral of a linear speed.
     pub(super) fn path_mm(&self, next: &Self, time_s: f64) -> f64 {
         let (from, to) = (f64::from(self.speed_mm_s), f64::from(next.speed_mm_s));
@@ -413,6 +450,38 @@ mod tests {
         let path = read("time_s,speed_mm_s,force_n\n0,-100,1\n1,100,1\n").unwrap();
         assert_eq!(path.at(0.0), motion(100.0, 1.0));
         assert_eq!(path.at(0.5), motion(0.0, 1.0));
+    }
+
+    #[test]
+    fn times_in_milliseconds_are_doubted_and_those_of_a_hand_are_not() {
+        let motion = |rows: usize, step: f64, speed: f64| {
+            let row = |index: usize| format!("{},{speed},1\n", index as f64 * step);
+            let rows: String = (0..rows).map(row).collect();
+            read(&format!("time_s,speed_mm_s,force_n\n{rows}")).unwrap()
+        };
+        for (rows, step, speed) in [
+            (100, 10.0, 100.0),
+            (100, 1.0, 20.0),
+            (55, 1.0, 200.0),
+            (2, 700.0, 0.0),
+        ] {
+            let doubt = motion(rows, step, speed).doubt_of_times();
+            holds(
+                &doubt.unwrap(),
+                &["time_s is in seconds", "divide milliseconds by 1000"],
+            );
+        }
+        // A minute and a half of rubbing, moments written by hand, a constant motion, and half a second at 1 kHz.
+        for (rows, step, speed) in [
+            (9_000, 0.01, 100.0),
+            (6, 20.0, 100.0),
+            (2, 300.0, 100.0),
+            (500, 1e-3, 300.0),
+        ] {
+            assert_eq!(motion(rows, step, speed).doubt_of_times(), None);
+        }
+        let constant = MotionPath::constant(MillimetresPerSecond(80.0), Newton(0.6)).unwrap();
+        assert_eq!(constant.doubt_of_times(), None);
     }
 
     #[test]

@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use host_tools::link::Device;
 use host_tools::link::capture::{Calibration, Level, Stream};
-use host_tools::link::play::{Driven, Heard};
+use host_tools::link::play::{Driven, Heard, vibration_m_s2};
 use host_tools::playing::motion::MotionPath;
 use host_tools::support::number::counted;
 use host_tools::support::progress;
@@ -130,10 +130,10 @@ impl Sensors<'_> {
 
 /// Level of the accelerometer.
 fn level(status: &Status) -> String {
-    if status.levels.samples == 0 {
+    let rms = vibration_m_s2(status);
+    if rms == 0.0 {
         return String::new();
     }
-    let rms = 10f64.powf(f64::from(status.levels.vibration_decibel) / 20.0 - 6.0);
     format!(", accelerometer {rms:.3} m/s² RMS")
 }
 

@@ -1,14 +1,18 @@
 //! `stylus play`
 
+mod expected;
 mod live;
 
 use std::cell::{Cell, RefCell};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use clap::ArgGroup;
 use clap::builder::RangedU64ValueParser;
 use host_tools::link::Device;
-use host_tools::link::play::{Drive, Driven, Heard, MAX_MOTION_RATE_HZ, MIN_MOTION_RATE_HZ, drive};
+use host_tools::link::play::{
+    Drive, Driven, Heard, MAX_MOTION_RATE_HZ, MIN_MOTION_RATE_HZ, Vibration, drive,
+};
 use host_tools::playing::motion::MotionPath;
 use host_tools::support::error::{Error, Result};
 use host_tools::support::number::counted;
@@ -23,6 +27,7 @@ use super::connection::Link;
 use crate::cli::input::{force, positive, speed, warn_of_motion};
 use crate::cli::interrupt::Interrupt;
 use crate::cli::output::{print, print_json, warn};
+use expected::{Level, LibraryFile};
 use live::Live;
 
 /// Parses a factor on the amplitude.
@@ -37,14 +42,11 @@ fn gain(text: &str) -> std::result::Result<f32, String> {
 const SENSORS: &str = "sensors";
 
 #[derive(clap::Args)]
+#[command(group = ArgGroup::new("selection").required(true).args(["texture", "scene"]))]
+#[command(group = ArgGroup::new("given motion").args(["motion", "speed"]))]
 pub struct Arguments {
     /// Name of a texture in the active library
-    #[arg(
-        long,
-        value_name = "NAME",
-        required_unless_present = "scene",
-        conflicts_with = "scene"
-    )]
+    #[arg(long, value_name = "NAME")]
     texture: Option<String>,
     /// Name of a scene in the active library
     #[arg(long, value_name = "NAME")]
@@ -77,6 +79,14 @@ pub struct Arguments {
     /// Seed of the noise: the same seed gives the same samples
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    /// File of the active library, by which the level is told that is expected along the given motion
+    #[arg(
+        long,
+        value_name = "LIB",
+        requires = "texture",
+        requires = "given motion"
+    )]
+    library: Option<PathBuf>,
     /// Print the result as JSON
     #[arg(long)]
     json: bool,
@@ -103,6 +113,12 @@ struct PlayReport<'a> {
     /// Share of the time in which the output was muted, as far as the status showed it.
     muted_share: Option<f64>,
     missed_ticks: u32,
+    /// Level at the accelerometer before and in the play; none if the device does not tell it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    accelerometer: Option<Vibration>,
+    /// Level that is expected, if `--library` is given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    expected: Option<Level>,
     /// The reason for which the play counts as failed.
     #[serde(skip_serializing_if = "Option::is_none")]
     failure: Option<String>,
@@ -114,6 +130,10 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let device = arguments.link.connect()?;
     let interrupt = Interrupt::listen()?;
     let before = device.status()?;
+    let library = arguments.library.as_deref();
+    let library = library
+        .map(|path| LibraryFile::read(path, &before))
+        .transpose()?;
     let mut heard = Heard::since(&before);
     device.play(&request)?;
     let (played, fastest_mm_s) = keep_playing(&device, &plan, interrupt, &mut heard);
@@ -130,6 +150,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         let problem = "the device stopped by itself: `stylus status` says why";
         return Err(Error::Request(format!("{}: {problem}", device.address())));
     }
+    let known = library.as_ref().zip(plan.motion.as_ref());
+    let expected = known.map(|(library, motion)| library.level(&request, motion, driven.seconds));
+    let expected = expected.transpose()?.flatten();
     let failure = heard.failure(&driven);
     warn_of_limits(&before.output, &status);
     let has_moved = fastest_mm_s.is_none_or(|speed| speed > 0.0);
@@ -149,22 +172,30 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             mutes: heard.mutes,
             muted_share: heard.muted_share(),
             missed_ticks: heard.missed_ticks,
+            accelerometer: heard.vibration(),
+            expected,
             failure: failure.clone(),
         })?;
     } else {
-        if driven.skipped > 0 && failure.is_none() {
-            warn(&format!(
-                "{} of {} motions were left out, because the link or this computer is too slow for {} Hz",
-                driven.skipped,
-                driven.motions + driven.skipped,
-                plan.rate_hz
-            ));
+        if failure.is_none() {
+            warn_of_skipped(&driven, plan.rate_hz);
         }
-        print(&summary(&request, &driven, &heard))?;
+        print(&summary(&request, &driven, &heard, expected))?;
     }
     match failure {
         None => Ok(()),
         Some(failure) => Err(Error::Request(format!("{}: {failure}", device.address()))),
+    }
+}
+
+/// Warns of motions that could not be sent at `rate_hz`.
+fn warn_of_skipped(driven: &Driven, rate_hz: u32) {
+    if driven.skipped > 0 {
+        warn(&format!(
+            "{} of {} motions were left out, because the link or this computer is too slow for {rate_hz} Hz",
+            driven.skipped,
+            driven.motions + driven.skipped
+        ));
     }
 }
 
@@ -198,20 +229,44 @@ fn warn_of_stillness(device: &Device) {
     });
 }
 
-fn summary(request: &PlayRequest, driven: &Driven, heard: &Heard) -> String {
+fn summary(
+    request: &PlayRequest,
+    driven: &Driven,
+    heard: &Heard,
+    expected: Option<Level>,
+) -> String {
     let muted = match heard.muted_share() {
         Some(share) if share > 0.0 => format!(", muted {:.0} % of the time", share * 100.0),
         _ => String::new(),
     };
     format!(
-        "played {} for {:.1} s ({}, {}): {}{muted}, {}; stopped, the output is at rest",
+        "played {} for {:.1} s ({}, {}): {}{muted}, {}{}; stopped, the output is at rest",
         request.selection,
         driven.seconds,
         counted(driven.motions, "motion"),
         counted(driven.keep_alives, "keep-alive"),
         mutes(heard),
-        counted(heard.missed_ticks, "missed tick")
+        counted(heard.missed_ticks, "missed tick"),
+        levels(heard.vibration(), expected)
     )
+}
+
+/// The signs of the output's level that there are.
+fn levels(vibration: Option<Vibration>, expected: Option<Level>) -> String {
+    let mut text = String::new();
+    if let Some(level) = expected {
+        text = format!(
+            "; expected {:.3} m/s² RMS, peak {:.3} m/s²",
+            level.rms_m_s2, level.peak_m_s2
+        );
+    }
+    if let Some(level) = vibration {
+        text += &format!(
+            "; at the accelerometer up to {:.3} m/s² RMS, {:.3} before",
+            level.greatest_m_s2, level.before_m_s2
+        );
+    }
+    text
 }
 
 /// The number of mutes, with their reasons as far as they were seen.

@@ -1,0 +1,83 @@
+//! The level that a play is expected to have, by the file of the active library.
+
+use std::path::{Path, PathBuf};
+
+use host_tools::evaluation::evaluate::texture_named;
+use host_tools::playing::motion::MotionPath;
+use host_tools::playing::render::render;
+use host_tools::support::error::{Error, Result};
+use host_tools::texture::library::{decode_library, read_library};
+use model_format::link::{LIBRARY_CRC, PlayRequest, Selection, Status};
+use serde::Serialize;
+
+/// Shortest and longest stretch that is rendered, s.
+const RENDERED_S: [f64; 2] = [0.1, 60.0];
+
+/// Level of what a device plays.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Level {
+    /// RMS, m/s².
+    pub rms_m_s2: f64,
+    /// Largest magnitude, m/s².
+    pub peak_m_s2: f64,
+}
+
+/// The file of the active library.
+pub struct LibraryFile {
+    path: PathBuf,
+    bytes: Vec<u8>,
+}
+
+impl LibraryFile {
+    /// Reads the library at `path`, which must be the active one of `status`.
+    ///
+    /// # Errors
+    /// A file that cannot be read, or another library.
+    pub fn read(path: &Path, status: &Status) -> Result<Self> {
+        let bytes = read_library(path)?;
+        decode_library(path, &bytes)?;
+        if status.active.is_none() || LIBRARY_CRC.checksum(&bytes) != status.library_crc32 {
+            let problem = "not the device's active library: give that one's file, or run `stylus upload` with \
+                           --activate";
+            return Err(Error::file(path, problem));
+        }
+        Ok(Self {
+            path: path.to_owned(),
+            bytes,
+        })
+    }
+
+    /// The level of `request` along `motion` for `seconds`, or for the first minute of them; none for a scene.
+    ///
+    /// # Errors
+    /// A texture that is not in the file.
+    pub fn level(
+        &self,
+        request: &PlayRequest,
+        motion: &MotionPath,
+        seconds: f64,
+    ) -> Result<Option<Level>> {
+        let Selection::Texture(name) = &request.selection else {
+            return Ok(None);
+        };
+        let library = decode_library(&self.path, &self.bytes)?;
+        let texture = texture_named(&library, name)?;
+        let rendered = render(
+            texture,
+            motion,
+            seconds.clamp(RENDERED_S[0], RENDERED_S[1]),
+            request.seed,
+        )?;
+        let gain = f64::from(request.gain);
+        let samples = rendered.accelerations_m_s2();
+        let power =
+            samples.iter().map(|sample| sample * sample).sum::<f64>() / samples.len() as f64;
+        let peak = samples
+            .iter()
+            .fold(0.0, |peak: f64, sample| peak.max(sample.abs()));
+        Ok(Some(Level {
+            rms_m_s2: gain * power.sqrt(),
+            peak_m_s2: gain * peak,
+        }))
+    }
+}
