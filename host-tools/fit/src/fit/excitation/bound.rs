@@ -3,8 +3,8 @@
 //!
 //! First by construction: the residuals that a track or a codebook is made of are limited ([`Ringing::limit`]) to what
 //! the recordings of the calmest nodes reach. Then by listening: [`excess`] plays the parts by the device's own feed
-//! through the filters of a few nodes, because levels and pieces that are drawn apart may meet. Last, what is [`left`] is
-//! taken off the level of each node that is still too loud.
+//! through the filters of a few nodes, because levels and pieces that are drawn apart may meet. Last, what is [`left`]
+//! is taken off the level of each node that is still too loud.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
