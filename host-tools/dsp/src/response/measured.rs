@@ -1,10 +1,10 @@
 //! From recorded periods to a response.
 
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
-use realfft::num_complex::Complex;
 
 use super::multisine::{Multisine, spectrum};
 use super::{BANDS, PERIOD, STEP_HZ, band_edges_hz, db};
+use crate::fourier::Complex;
 
 /// Frequencies between which the direction of motion is taken, Hz: where accelerometers are flat and hands steady.
 const DIRECTION_HZ: [f64; 2] = [40.0, 500.0];

@@ -2,10 +2,9 @@
 
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg32;
-use realfft::num_complex::Complex;
 
 use super::{PERIOD, STEP_HZ};
-use crate::with_planner;
+use crate::fourier::{self, Complex};
 
 /// First and last line, in bins: 10 Hz and 1 kHz.
 const BINS: [usize; 2] = [4, 400];
@@ -118,25 +117,13 @@ fn period(lines: &[usize], amplitudes: &[f64], phases: &[f64]) -> Vec<f64> {
     for ((&bin, &amplitude), &phase) in lines.iter().zip(amplitudes).zip(phases) {
         spectrum[bin] = Complex::from_polar(0.5 * amplitude, phase);
     }
-    let inverse = with_planner(|planner| planner.plan_fft_inverse(PERIOD));
-    let mut samples = inverse.make_output_vec();
-    inverse
-        .process(&mut spectrum, &mut samples)
-        .expect("both buffers have the lengths that the plan asks for");
-    samples
+    fourier::inverse(&mut spectrum, PERIOD)
 }
 
 /// Spectrum of one period: the amplitude and phase of each line.
 pub(super) fn spectrum(samples: &[f64]) -> Vec<Complex<f64>> {
-    let forward = with_planner(|planner| planner.plan_fft_forward(PERIOD));
-    let mut output = forward.make_output_vec();
-    forward
-        .process(&mut samples.to_vec(), &mut output)
-        .expect("both buffers have the lengths that the plan asks for");
-    output
-        .iter()
-        .map(|bin| bin * (2.0 / PERIOD as f64))
-        .collect()
+    let bins = fourier::forward(&mut samples.to_vec()).into_iter();
+    bins.map(|bin| bin * (2.0 / PERIOD as f64)).collect()
 }
 
 #[cfg(test)]

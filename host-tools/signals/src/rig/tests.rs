@@ -10,11 +10,10 @@ use std::fs;
 use std::path::Path;
 
 use rand::RngExt;
-use realfft::RealFftPlanner;
-use realfft::num_complex::Complex;
 
 use super::measurement::StreamKey;
 use super::*;
+use crate::dsp::fourier::{self, Complex};
 use test_helpers::near;
 
 /// Speeds, forces and drum that most rigs here have.
@@ -105,9 +104,7 @@ fn trials(parts: &[&str], seed: u64) -> Vec<Trial> {
 
 /// Amplitudes of the sines in a signal, and the width of a bin, Hz.
 fn amplitudes(signal: &[f64]) -> (Vec<f64>, f64) {
-    let plan = RealFftPlanner::<f64>::new().plan_fft_forward(signal.len());
-    let mut spectrum = plan.make_output_vec();
-    plan.process(&mut signal.to_vec(), &mut spectrum).unwrap();
+    let spectrum = fourier::forward(&mut signal.to_vec());
     let scale = 2.0 / signal.len() as f64;
     let amplitudes = spectrum.iter().map(|bin| bin.norm() * scale).collect();
     (amplitudes, 5000.0 / signal.len() as f64)

@@ -10,7 +10,6 @@ use model_format::{
     Provenance, Texture, TextureSpec, encode,
 };
 use rayon::prelude::*;
-use realfft::RealFftPlanner;
 use serde::Serialize;
 use stylus_kernel::arithmetic::Portable;
 use stylus_kernel::excitation;
@@ -20,6 +19,7 @@ use stylus_kernel::lattice::{LatticeFrame, LatticeState};
 use super::axes::{Candidates, Chosen, MOST_BANDS, choose};
 use super::between;
 use super::toolkit::Toolkit;
+use crate::dsp::fourier;
 use crate::dsp::spectrum::{AMPLITUDE_JND_DB, BAND_LABELS_HZ, band_edges_hz};
 use crate::support::error::{Error, Result};
 use crate::texture::grid::Grid;
@@ -312,11 +312,7 @@ pub(super) fn played_density(texture: &Texture<'_>, (speed_mm_s, force_n): (f64,
             f64::from(output.0) / step
         })
         .collect();
-    let transform = RealFftPlanner::new().plan_fft_forward(response.len());
-    let mut spectrum = transform.make_output_vec();
-    transform
-        .process(&mut response, &mut spectrum)
-        .expect("lengths come from the plan");
+    let spectrum = fourier::forward(&mut response);
     let scale = 2.0 / f64::from(rate_hz);
     spectrum.iter().map(|bin| scale * bin.norm_sqr()).collect()
 }

@@ -9,9 +9,9 @@ use std::ops::Range;
 
 use model_format::SAMPLE_RATE_HZ;
 use nalgebra::{DMatrix, DVector};
-use realfft::num_complex::Complex;
 
 use super::peaks::{hann, hann_window};
+use crate::dsp::fourier::Complex;
 
 /// Duration over which a line's phase is averaged, s. Speeds that change faster are not followed.
 const AVERAGE_S: f64 = 0.2;
