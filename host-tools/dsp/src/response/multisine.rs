@@ -5,6 +5,7 @@ use rand_pcg::Pcg32;
 
 use super::{PERIOD, STEP_HZ};
 use crate::fourier::{self, Complex};
+use crate::sums::rms;
 
 /// First and last line, in bins: 10 Hz and 1 kHz.
 const BINS: [usize; 2] = [4, 400];
@@ -99,11 +100,6 @@ impl Multisine {
     pub fn rms(&self) -> f64 {
         rms(&self.samples)
     }
-}
-
-pub(super) fn rms(samples: &[f64]) -> f64 {
-    let square: f64 = samples.iter().map(|sample| sample * sample).sum();
-    (square / samples.len().max(1) as f64).sqrt()
 }
 
 fn peak(samples: &[f64]) -> f64 {

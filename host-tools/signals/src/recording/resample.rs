@@ -95,16 +95,13 @@ fn gcd(a: usize, b: usize) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dsp::sums::rms;
 
     fn sine(frequency_hz: f64, rate_hz: u32, seconds: f64) -> Vec<f64> {
         let step = core::f64::consts::TAU * frequency_hz / f64::from(rate_hz);
         (0..(seconds * f64::from(rate_hz)) as usize)
             .map(|n| (step * n as f64).sin())
             .collect()
-    }
-
-    fn rms(signal: &[f64]) -> f64 {
-        (signal.iter().map(|x| x * x).sum::<f64>() / signal.len() as f64).sqrt()
     }
 
     #[test]

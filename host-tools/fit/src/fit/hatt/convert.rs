@@ -27,8 +27,7 @@ use crate::texture::library::texture_spec;
 use crate::texture::quantise::coarse;
 
 pub use super::axes::Bounds;
-pub use super::between::ORDER_TOLERANCE_DB;
-pub use super::between::ROLL_OFF_DB_PER_OCTAVE;
+pub use super::between::{ORDER_TOLERANCE_DB, ROLL_OFF_DB_PER_OCTAVE};
 
 /// Nominal frequencies of the third octaves above those of [`BAND_LABELS_HZ`], Hz.
 const HIGH_LABELS_HZ: [&str; MOST_BANDS - BAND_LABELS_HZ.len()] =
@@ -108,8 +107,7 @@ pub fn far_nodes(nodes: &[ConvertedNode]) -> Option<String> {
 /// No speed or no force above zero, or a level that the library cannot hold.
 pub fn convert(name: &str, toolkit: &Toolkit, bounds: Bounds) -> Result<Converted> {
     let candidates = Candidates::of(toolkit);
-    let axes = [&candidates.speeds_mm_s, &candidates.forces_n];
-    if axes.iter().any(|axis| axis.is_empty()) || bounds.speeds == 0 || bounds.forces == 0 {
+    if candidates.0.iter().any(Vec::is_empty) || bounds.speeds == 0 || bounds.forces == 0 {
         let problem = "there is no grid: it needs a model at a speed and a force above zero, and room for a node";
         return Err(Error::Request(problem.into()));
     }
