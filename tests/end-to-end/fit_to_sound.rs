@@ -2,6 +2,7 @@
 
 use crate::support::{Bench, RATE_HZ, all_pole, decibels, noise, power_between, predictor, wav};
 use host_tools::dsp::autocorrelation::Autocorrelation;
+use host_tools::dsp::fourier::{self, Complex};
 use host_tools::dsp::linear_prediction::{Prediction, corrected};
 use host_tools::dsp::spectrum::{band_edges_hz, band_powers};
 use host_tools::fit;
@@ -11,7 +12,6 @@ use host_tools::playing::motion::MotionPath;
 use host_tools::playing::render::render;
 use host_tools::recording::RecordingSet;
 use model_format::{Library, MillimetresPerSecond, Newton};
-use realfft::num_complex::Complex;
 
 const SECONDS: f64 = 60.0;
 
@@ -109,12 +109,7 @@ fn noise_of(density: Density, samples: usize, seed: u64) -> Vec<f64> {
         .enumerate()
         .map(|(bin, pair)| Complex::new(pair[0], pair[1]) * density(bin as f64 * step_hz).sqrt())
         .collect();
-    spectrum[0].im = 0.0;
-    spectrum[length / 2].im = 0.0;
-    let inverse = realfft::RealFftPlanner::<f64>::new().plan_fft_inverse(length);
-    let mut signal = inverse.make_output_vec();
-    inverse.process(&mut spectrum, &mut signal).unwrap();
-    let signal = signal.split_off(length / 4);
+    let signal = fourier::inverse(&mut spectrum, length).split_off(length / 4);
     let signal = &signal[..samples];
     let power = signal.iter().map(|x| x * x).sum::<f64>() / samples as f64;
     signal.iter().map(|x| x / power.sqrt()).collect()

@@ -203,7 +203,7 @@ fn a_users_own_recordings_are_fitted_in_their_first_half_and_judged_in_their_sec
         assert!((second.start_s - first.start_s - 1.0).abs() < 1e-12);
         assert_eq!(first.file, second.file);
     }
-    assert!(material.is_simulated());
+    assert!(material.fit.is_simulated() && material.held_out.is_simulated());
 }
 
 #[test]

@@ -1,8 +1,9 @@
 //! Codes at the stylus's pin, judged by a second path in floating point that shares no code with the device.
 
-use std::sync::{Arc, LazyLock};
+use std::sync::LazyLock;
 
 use crate::support::{Bench, RATE_HZ, decibels, holds, noise};
+use host_tools::dsp::fourier;
 use host_tools::playing::motion::MotionPath;
 use host_tools::playing::pin::{Pin, RATE_HZ as PIN_HZ, settings};
 use host_tools::playing::render::render;
@@ -10,7 +11,6 @@ use model_format::{
     CodeSpec, Library, MillimetresPerSecond, Newton, NodeFlags, NodeSpec, OutputSample, PlayRate,
     TextureSpec, encode,
 };
-use realfft::{RealFftPlanner, RealToComplex};
 
 /// Output gain of the settings that are played with here: their default, V per m/s².
 const GAIN: f64 = 0.01;
@@ -114,14 +114,12 @@ struct Bins {
 impl Bins {
     fn of(signal: &[f64], rate_hz: u32) -> Self {
         let length = JUDGED * (rate_hz / RATE_HZ) as usize;
-        let transform: Arc<dyn RealToComplex<f64>> = RealFftPlanner::new().plan_fft_forward(length);
         let mut windowed: Vec<f64> = signal[signal.len() - length..].to_vec();
         for (n, value) in windowed.iter_mut().enumerate() {
             let turn = core::f64::consts::TAU * n as f64 / length as f64;
             *value *= (1.0 - turn.cos()) / 1.5f64.sqrt();
         }
-        let mut spectrum = transform.make_output_vec();
-        transform.process(&mut windowed, &mut spectrum).unwrap();
+        let spectrum = fourier::forward(&mut windowed);
         let scale = 2.0 / (length as f64).powi(2);
         Self {
             powers: spectrum.iter().map(|bin| bin.norm_sqr() * scale).collect(),

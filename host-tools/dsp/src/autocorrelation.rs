@@ -4,10 +4,8 @@ use std::cell::RefCell;
 use std::f64::consts::FRAC_PI_2;
 use std::rc::Rc;
 
-use realfft::num_complex::Complex;
-
+use crate::fourier::{self, Complex};
 use crate::sums::energy;
-use crate::with_planner;
 
 /// Longest taper of an end, samples: 0.1 s at the models' rate. Longer ones leak no less in the bands of a texture and
 /// lose more of a short recording.
@@ -36,19 +34,11 @@ pub struct Autocorrelation {
 impl Autocorrelation {
     /// Computes the autocorrelation of `signal` up to lag `max_lag`, or up to its length less one.
     pub fn of(signal: &[f64], max_lag: usize) -> Self {
-        let padded = |length: usize| {
-            let mut padded = Vec::with_capacity(length);
-            padded.extend_from_slice(signal);
-            padded.resize(length, 0.0);
-            padded
-        };
-        let (spectrum, padded) = PaddedSpectrum::of(signal.len(), max_lag, padded);
         // Lag 0 is the exact power, without the round-off of the transform.
-        spectrum.into_autocorrelation(padded, energy(signal) / signal.len().max(1) as f64, 1.0)
+        let power = energy(signal) / signal.len().max(1) as f64;
+        PaddedSpectrum::of(signal.to_vec(), max_lag).into_autocorrelation(power, 1.0)
     }
-}
 
-impl Autocorrelation {
     /// The autocorrelation with the spectrum below `hz` filled with its mean from there to the double, of a signal at
     /// `rate_hz` whose own spectrum there was filtered out. A model of high order would follow the filter; this one
     /// goes on evenly below.
@@ -60,14 +50,10 @@ impl Autocorrelation {
             return self;
         }
         let mean = self.power[edge..end].iter().sum::<f64>() / (end - edge) as f64;
-        let inverse = with_planner(|planner| planner.plan_fft_inverse(self.transform_length));
-        let mut sums = inverse.make_output_vec();
-        let mut transform = |power: &[f64]| {
-            let mut spectrum: Vec<_> = power.iter().map(|&p| Complex::new(p, 0.0)).collect();
-            inverse
-                .process(&mut spectrum, &mut sums)
-                .expect("lengths come from the plan");
-            sums[..self.lags.len()].to_vec()
+        let transform = |power: &[f64]| {
+            let mut lags = fourier::of_power(power, self.transform_length);
+            lags.truncate(self.lags.len());
+            lags
         };
         let before = transform(&self.power)[0];
         if before <= 0.0 {
@@ -90,43 +76,26 @@ struct PaddedSpectrum {
 }
 
 impl PaddedSpectrum {
-    /// The spectrum of what `padded` makes of a length, of which the first `samples` are not zero, and the samples'
-    /// memory.
-    fn of(
-        samples: usize,
-        max_lag: usize,
-        padded: impl FnOnce(usize) -> Vec<f64>,
-    ) -> (Self, Vec<f64>) {
+    /// The spectrum of `signal`.
+    fn of(mut signal: Vec<f64>, max_lag: usize) -> Self {
+        let samples = signal.len();
         let max_lag = max_lag.min(samples.saturating_sub(1));
         let transform_length = quick_length(samples + max_lag + 1);
-        let forward = with_planner(|planner| planner.plan_fft_forward(transform_length));
-        let mut padded = padded(transform_length);
-        let mut spectrum = forward.make_output_vec();
-        forward
-            .process(&mut padded, &mut spectrum)
-            .expect("lengths come from the plan");
-        let spectrum = Self {
+        signal.resize(transform_length, 0.0);
+        let bins = fourier::forward(&mut signal);
+        Self {
             samples,
             max_lag,
             transform_length,
-            power: spectrum.iter().map(Complex::norm_sqr).collect(),
-        };
-        (spectrum, padded)
+            power: bins.iter().map(Complex::norm_sqr).collect(),
+        }
     }
 
-    /// The autocorrelation in the memory `padded`, with all scaled by `scale` but lag 0, which is `power`.
-    fn into_autocorrelation(self, mut padded: Vec<f64>, power: f64, scale: f64) -> Autocorrelation {
-        let inverse = with_planner(|planner| planner.plan_fft_inverse(self.transform_length));
-        let mut spectrum: Vec<_> = self
-            .power
-            .iter()
-            .map(|&power| Complex::new(power, 0.0))
-            .collect();
-        inverse
-            .process(&mut spectrum, &mut padded)
-            .expect("lengths come from the plan");
+    /// The autocorrelation, with all scaled by `scale` but lag 0, which is `power`.
+    fn into_autocorrelation(self, power: f64, scale: f64) -> Autocorrelation {
+        let lags = fourier::of_power(&self.power, self.transform_length);
         let to_lag = 1.0 / (self.transform_length as f64 * self.samples.max(1) as f64);
-        let mut lags: Vec<f64> = padded[..=self.max_lag]
+        let mut lags: Vec<f64> = lags[..=self.max_lag]
             .iter()
             .map(|r| r * to_lag * scale)
             .collect();
@@ -144,7 +113,6 @@ impl PaddedSpectrum {
 /// is that of the signal without taper.
 pub struct Tapered {
     spectrum: PaddedSpectrum,
-    padded: Vec<f64>,
     power: f64,
     scale: f64,
 }
@@ -153,27 +121,20 @@ impl Tapered {
     /// Tapers `signal`, for lags up to `max_lag`.
     pub fn of(signal: &[f64], max_lag: usize) -> Self {
         let samples = signal.len();
-        let mut power = 0.0;
-        let (spectrum, padded) = PaddedSpectrum::of(samples, max_lag, |length| {
-            let mut tapered = Vec::with_capacity(length);
-            tapered.extend_from_slice(signal);
-            let taper = taper(TAPER_SAMPLES.min(samples / TAPER_SHARE));
-            for (n, weight) in taper.iter().enumerate() {
-                tapered[n] *= weight;
-                tapered[samples - 1 - n] *= weight;
-            }
-            power = energy(&tapered) / samples.max(1) as f64;
-            tapered.resize(length, 0.0);
-            tapered
-        });
+        let mut tapered = signal.to_vec();
+        let taper = taper(TAPER_SAMPLES.min(samples / TAPER_SHARE));
+        for (n, weight) in taper.iter().enumerate() {
+            tapered[n] *= weight;
+            tapered[samples - 1 - n] *= weight;
+        }
+        let power = energy(&tapered) / samples.max(1) as f64;
         let scale = if power > 0.0 {
             energy(signal) / samples.max(1) as f64 / power
         } else {
             1.0
         };
         Self {
-            spectrum,
-            padded,
+            spectrum: PaddedSpectrum::of(tapered, max_lag),
             power,
             scale,
         }
@@ -187,8 +148,7 @@ impl Tapered {
 
     /// Autocorrelation of the tapered signal.
     pub fn into_autocorrelation(self) -> Autocorrelation {
-        self.spectrum
-            .into_autocorrelation(self.padded, self.power, self.scale)
+        self.spectrum.into_autocorrelation(self.power, self.scale)
     }
 }
 

@@ -5,6 +5,7 @@
 pub mod autocorrelation;
 pub mod binomial;
 pub mod equaliser;
+pub mod fourier;
 pub mod high_pass;
 pub mod line_spectral_frequencies;
 pub mod linear_prediction;
@@ -17,20 +18,6 @@ pub mod reduction;
 pub mod response;
 pub mod spectrum;
 pub mod sums;
-
-use std::cell::RefCell;
-
-use realfft::RealFftPlanner;
-
-thread_local! {
-    /// Plans are made once per thread, because a grid has hundreds of recordings of equal length.
-    static PLANNER: RefCell<RealFftPlanner<f64>> = RefCell::new(RealFftPlanner::new());
-}
-
-/// Calls `work` with this thread's planner of transforms of real signals.
-pub fn with_planner<T>(work: impl FnOnce(&mut RealFftPlanner<f64>) -> T) -> T {
-    PLANNER.with_borrow_mut(work)
-}
 
 /// Runs `work` with AVX2 where this processor has it. Only what is inlined into `work` is compiled for it.
 ///

@@ -1,11 +1,10 @@
 //! Difference between a model and what is left of it after rounding: in the spectrum, where skin feels.
 
-use realfft::num_complex::Complex;
 use serde::{Deserialize, Serialize};
 
+use super::fourier::{self, Complex};
 use super::linear_prediction::{error_share, step_up};
 use super::spectrum::{BAND_COUNT, band_edges_hz};
-use super::with_planner;
 
 /// Range of frequencies that are compared, Hz.
 const RANGE_HZ: (f64, f64) = (20.0, 1000.0);
@@ -148,20 +147,13 @@ impl Polynomial {
 
 /// The first model's density at the lowest `bins` frequencies, and the second's as a share of it.
 fn densities(models: &[Polynomial; 2], length: usize, bins: usize) -> [Vec<f64>; 2] {
-    let transform = with_planner(|planner| planner.plan_fft_forward(length));
-    let mut scratch = transform.make_scratch_vec();
-    let mut response = transform.make_input_vec();
     let [exact, rounded] = models.each_ref().map(|model| {
-        let mut spectrum = transform.make_output_vec();
-        // A transform leaves its input in disorder.
-        response.fill(0.0);
+        let mut response = vec![0.0; length];
         response[0] = 1.0;
         for (lag, &a) in (1..).zip(&model.a) {
             response[lag % length] += a;
         }
-        transform
-            .process_with_scratch(&mut response, &mut spectrum, &mut scratch)
-            .expect("lengths come from the plan");
+        let spectrum = fourier::forward(&mut response);
         let density = |bin: &Complex<f64>| model.error_power / bin.norm_sqr();
         let lowest = spectrum.iter().take(bins);
         lowest.map(density).collect::<Vec<f64>>()

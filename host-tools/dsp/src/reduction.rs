@@ -3,11 +3,10 @@
 //! One axis is enough to play a texture, because hands do not perceive the direction of high-frequency vibrations.
 
 use nalgebra::{Matrix3, Vector3};
-use realfft::num_complex::Complex;
 use serde::{Deserialize, Serialize};
 
+use crate::fourier::{self, Complex};
 use crate::sums::{dot, energy, mean};
-use crate::with_planner;
 
 /// A method of reduction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
@@ -183,19 +182,10 @@ fn dft321(axes: &[Vec<f64>]) -> Vec<f64> {
     if length == 0 {
         return Vec::new();
     }
-    let (forward, inverse) = with_planner(|planner| {
-        (
-            planner.plan_fft_forward(length),
-            planner.plan_fft_inverse(length),
-        )
-    });
     let mut power = vec![0.0; length / 2 + 1];
     let mut sum = vec![Complex::new(0.0, 0.0); length / 2 + 1];
     for axis in axes {
-        let (mut input, mut spectrum) = (axis.clone(), forward.make_output_vec());
-        forward
-            .process(&mut input, &mut spectrum)
-            .expect("lengths come from the plan");
+        let spectrum = fourier::forward(&mut axis.clone());
         for ((power, sum), bin) in power.iter_mut().zip(&mut sum).zip(spectrum) {
             *power += bin.norm_sqr();
             *sum += bin;
@@ -210,15 +200,7 @@ fn dft321(axes: &[Vec<f64>]) -> Vec<f64> {
             Complex::new(power.sqrt(), 0.0)
         };
     }
-    // The first bin of a real signal is real, and so is the last one of an even length.
-    sum[0].im = 0.0;
-    if length.is_multiple_of(2) {
-        sum[length / 2].im = 0.0;
-    }
-    let mut signal = inverse.make_output_vec();
-    inverse
-        .process(&mut sum, &mut signal)
-        .expect("lengths come from the plan");
+    let mut signal = fourier::inverse(&mut sum, length);
     for sample in &mut signal {
         *sample /= length as f64;
     }

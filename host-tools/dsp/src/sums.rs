@@ -16,6 +16,11 @@ pub fn sum(values: &[f64]) -> f64 {
     )
 }
 
+/// Returns the root of the mean square of `values`, summed in their order; 0 of none.
+pub fn rms(values: &[f64]) -> f64 {
+    (values.iter().map(|x| x * x).sum::<f64>() / values.len().max(1) as f64).sqrt()
+}
+
 /// Returns the sum of `term` over `values`, inlined.
 #[inline(always)]
 pub fn sum_of(values: &[f64], term: impl Fn(f64) -> f64) -> f64 {

@@ -7,8 +7,8 @@
 //! probability that it ranks a window of the other signals above one of the recordings: 0.5 if nothing tells them
 //! apart, 1 if all windows do.
 
+use crate::dsp::fourier::{self, Complex};
 use crate::dsp::spectrum::{PowerSpectrum, band_edges_hz};
-use crate::dsp::with_planner;
 
 /// Duration of a window, s.
 const WINDOW_S: f64 = 0.25;
@@ -154,27 +154,16 @@ fn of_window(window: &[f64], rate_hz: f64, high_hz: f64) -> Option<Features> {
 
 /// The part of `signal` within a range of frequencies.
 fn within(signal: &[f64], rate_hz: f64, (low_hz, high_hz): (f64, f64)) -> Vec<f64> {
-    let (forward, inverse) = with_planner(|planner| {
-        (
-            planner.plan_fft_forward(signal.len()),
-            planner.plan_fft_inverse(signal.len()),
-        )
-    });
-    let (mut signal, mut spectrum) = (signal.to_vec(), forward.make_output_vec());
-    forward
-        .process(&mut signal, &mut spectrum)
-        .expect("lengths are the plan's");
+    let mut spectrum = fourier::forward(&mut signal.to_vec());
     let step_hz = rate_hz / signal.len() as f64;
     for (bin, value) in spectrum.iter_mut().enumerate() {
         let frequency_hz = bin as f64 * step_hz;
         if !(low_hz..=high_hz).contains(&frequency_hz) {
-            *value = realfft::num_complex::Complex::default();
+            *value = Complex::default();
         }
     }
-    inverse
-        .process(&mut spectrum, &mut signal)
-        .expect("lengths are the plan's");
     let scale = 1.0 / signal.len() as f64;
+    let signal = fourier::inverse(&mut spectrum, signal.len());
     signal.iter().map(|x| scale * x).collect()
 }
 

@@ -6,28 +6,28 @@
 
 use std::collections::HashMap;
 
-use model_format::{Library, MillimetresPerSecond, Newton, Provenance, SAMPLE_RATE_HZ, Texture};
+use model_format::{Library, MillimetresPerSecond, Newton, SAMPLE_RATE_HZ, Texture};
 use serde::Serialize;
 
 use super::held_out::{Judge, JudgeKind, in_words};
-use super::liveliness::{self, Signals, TrialLiveliness};
+use super::liveliness::{self, Signals, TrialLiveliness, slices};
 use super::loudness::{self, TrialLoudness};
-use super::perception::Perceived;
-use super::perception::ScoringRange;
+use super::perception::{Perceived, ScoringRange};
 use super::played::{self, Played, Version};
-use super::summary::{Scores, TrialEvaluation};
-use super::summary::{TextureEvaluation, judged_hz, summarise, table, tables, target_in_words};
+use super::summary::{
+    Scores, TextureEvaluation, TrialEvaluation, judged_hz, summarise, table, tables,
+    target_in_words,
+};
 use super::tables::Table;
 use super::verdict;
 use crate::dsp::high_pass::{high_pass, lowest_hz};
-use crate::dsp::spectrum;
-use crate::dsp::spectrum::{BAND_COUNT, BAND_LABELS_HZ};
-use crate::fit;
+use crate::dsp::spectrum::{self, BAND_COUNT, BAND_LABELS_HZ};
+use crate::dsp::sums::rms;
 use crate::fit::blocks::{Blocks, Part};
 use crate::fit::conditioning::Conditioning;
 use crate::fit::lines::Lines;
 use crate::fit::record::FitRecord;
-use crate::fit::{FloorChoice, Recordings, Signal};
+use crate::fit::{self, FloorChoice, Recordings, Signal};
 use crate::playing::motion::MotionPath;
 use crate::playing::render::{Rendered, render};
 use crate::recording::{RecordingSet, Trial};
@@ -35,7 +35,7 @@ use crate::support::error::{Error, Result};
 use crate::support::file_name::portable;
 use crate::support::in_order::in_order;
 use crate::support::nearest::{listed, nearly};
-use crate::texture::library::library_of;
+use crate::texture::library::{decoded, library_of};
 
 /// Beginning of a synthesis that no comparison uses, s: the frontier's filters begin at rest.
 pub(super) const WARM_UP_S: f64 = 0.5;
@@ -316,10 +316,7 @@ pub fn prepare(
         held_out: in_words(&judges, blocks_s) + &noise_in_words(record, &judges, &without_noise),
         smoothing: format!("Hann kernel, {} Hz wide", options.smoothing_hz),
         bands_hz: BAND_LABELS_HZ,
-        simulated: set
-            .trials
-            .iter()
-            .any(|trial| trial.provenance == Provenance::Simulated),
+        simulated: set.is_simulated(),
         textures: Vec::new(),
         liveliness: Vec::new(),
         trials: Vec::new(),
@@ -451,10 +448,7 @@ impl Evaluation {
             .refitted
             .iter()
             .find(|(name, _)| *name == trial.texture && self.judges[index] == Judge::Blocks);
-        let bytes = refitted.map(|(_, bytes)| Library::decode(bytes));
-        let refitted = bytes
-            .transpose()
-            .map_err(|failure| Error::Model(failure.to_string()))?;
+        let refitted = refitted.map(|(_, bytes)| decoded(bytes)).transpose()?;
         let texture = texture_named(refitted.as_ref().unwrap_or(library), &trial.texture)?;
         let stored = played::parts(&texture);
         comparison.parts = played::in_words(&options.played.of(&stored));
@@ -531,11 +525,6 @@ fn refit(
         Ok((texture.name, bytes))
     });
     Ok((libraries.collect::<Result<_>>()?, range_s))
-}
-
-/// Slices of blocks.
-fn slices(blocks: &[Vec<f64>]) -> Vec<&[f64]> {
-    blocks.iter().map(Vec::as_slice).collect()
 }
 
 impl Comparison {
@@ -639,11 +628,6 @@ fn scores_of(
         ),
         perceived: Some(Perceived::of(&judge, &played, range)),
     }
-}
-
-/// Root of the mean square.
-pub fn rms(signal: &[f64]) -> f64 {
-    (signal.iter().map(|x| x * x).sum::<f64>() / signal.len().max(1) as f64).sqrt()
 }
 
 #[cfg(test)]

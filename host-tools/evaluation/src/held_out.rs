@@ -244,7 +244,8 @@ fn correlation(a: &[f64], b: &[f64]) -> f64 {
     product.abs() / f64::sqrt(squares.0 * squares.1)
 }
 
-fn is_same(trial: &Trial, other: &Trial) -> bool {
+/// Returns whether both trials are of one texture, speed and force.
+pub(super) fn is_same(trial: &Trial, other: &Trial) -> bool {
     other.texture == trial.texture
         && other.speed_mm_s == trial.speed_mm_s
         && other.force_n == trial.force_n

@@ -148,7 +148,7 @@ impl TrialLiveliness {
 }
 
 /// Slices of blocks.
-fn slices(blocks: &[Vec<f64>]) -> Vec<&[f64]> {
+pub(super) fn slices(blocks: &[Vec<f64>]) -> Vec<&[f64]> {
     blocks.iter().map(Vec::as_slice).collect()
 }
 

@@ -1,10 +1,11 @@
 //! Choice of what a texture plays: all of it, or without the parts that are stored beside its filter.
 
-use model_format::{ExcitationSpec, Library, PartsSpec, Texture, TextureSpec, encode};
+use model_format::{ExcitationSpec, PartsSpec, Texture, TextureSpec, encode};
 use serde::Serialize;
 
 use crate::scene::texture_spec;
 use crate::support::error::{Error, Result};
+use crate::texture::library::decoded;
 
 /// A choice of a texture's parts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, clap::ValueEnum)]
@@ -99,7 +100,7 @@ pub fn with<T>(
     }
     let bytes = encode(&[TextureSpec { parts, ..spec }])
         .map_err(|failure| Error::Model(failure.to_string()))?;
-    let library = Library::decode(&bytes).map_err(|failure| Error::Model(failure.to_string()))?;
+    let library = decoded(&bytes)?;
     work(library.textures().next().expect("one was encoded"))
 }
 

@@ -4,11 +4,9 @@ use serde::Serialize;
 
 use super::held_out::JudgeKind;
 use super::impulses::Impulses;
-use super::liveliness;
-use super::liveliness::{Summary, TrialLiveliness};
+use super::liveliness::{self, Summary, TrialLiveliness};
 use super::loudness::{Loudness, Placed, TrialLoudness};
-use super::perception::Perceived;
-use super::perception::ScoringRange;
+use super::perception::{Perceived, ScoringRange};
 use super::tables::{Table, number, percent};
 use crate::dsp::spectrum::{AMPLITUDE_JND_DB, BAND_COUNT};
 

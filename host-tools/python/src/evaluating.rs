@@ -7,7 +7,7 @@ use std::sync::Arc;
 use host_tools::dsp::spectrum::DEFAULT_SMOOTHING_WIDTH_HZ;
 use host_tools::evaluation::evaluate::{self as evaluation, Evaluation};
 use host_tools::evaluation::held_out::{Chosen, chosen};
-use host_tools::evaluation::listening::{self, Answers, Compared, Design, Pair, plan_of};
+use host_tools::evaluation::listening::{self, Answers, Compared, Design, Pair, plan};
 use host_tools::fit::inputs::{Input, files_behind};
 use host_tools::fit::record::FitRecord;
 use host_tools::recording::RecordingSet;
@@ -336,7 +336,7 @@ pub fn compare<'py>(
                 library,
                 record: record.as_deref(),
             });
-        let plan = plan_of(
+        let plan = plan(
             &judged.set,
             &judges,
             fitted,

@@ -56,9 +56,9 @@ def test_a_listening_test_is_the_commands_and_is_scored_as_by_it(command, folder
             sh.compare(folder, fitted, tmp_path / "c.html", **given)
     answers = tmp_path / "answers.csv"
     answers.write_text(
-        "trial,pair,a,b,x,answer,correct,replays,seconds,page,origin\n"
-        "1,recording-fitted,recording,fitted,fitted,B,1,0,2.5,p,SIMULATED\n"
-        "2,recording-fitted,recording,fitted,fitted,A,0,0,2.5,p,SIMULATED\n"
+        "listener,trial,pair,a,b,x,answer,correct,replays,seconds,page,origin\n"
+        "1,1,recording-fitted,recording,fitted,fitted,B,1,0,2.5,p,SIMULATED\n"
+        "1,2,recording-fitted,recording,fitted,fitted,A,0,0,2.5,p,SIMULATED\n"
     )
     (pair, *_) = sh.score([answers])
     assert (pair["pair"], pair["trials"], pair["correct"], pair["simulated"]) == ("recording-fitted", 2, 1, True)

@@ -10,14 +10,14 @@ use super::plot::{
     COST, Caption, GridCell, GridMap, Scale, Svg, WIDE, grid_map, spectra, spectrograms, waveforms,
 };
 use super::sound::{SOUNDS_BYTES, clip, sound};
-use crate::evaluation::evaluate;
 use crate::evaluation::evaluate::{Comparison, Evaluation, Excerpt, texture_named};
 use crate::evaluation::held_out::JudgeKind;
 use crate::evaluation::leave_one_out::LeaveOneOut;
 use crate::evaluation::liveliness::summaries;
-use crate::evaluation::summary::TrialEvaluation;
-use crate::evaluation::summary::{LIVELINESS_EXPLANATION, explanation, liveliness_table};
-use crate::evaluation::verdict;
+use crate::evaluation::summary::{
+    LIVELINESS_EXPLANATION, TrialEvaluation, explanation, liveliness_table,
+};
+use crate::evaluation::{evaluate, verdict};
 use crate::recording::RecordingSet;
 use crate::support::error::Result;
 use crate::support::file_name::Stems;

@@ -187,23 +187,14 @@ impl Page {
     pub fn finish(&self) -> String {
         let Self { title, body, .. } = self;
         let contents = self.contents();
-        let mut page = String::new();
-        // Writing into a string does not fail.
-        let _ = write!(
-            page,
-            "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
-             <meta http-equiv=\"Content-Security-Policy\" content=\"{POLICY}\">\n\
-             <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-             <link rel=\"icon\" href=\"data:,\">\n\
-             <title>{title}</title>\n<style>\n{style}</style>\n</head>\n<body>\n<main>\n<h1>{title}</h1>\n\
-             {contents}{body}</main>\n{nodes}<script>\n{plots}</script>\n<script>\n{players}</script>\n\
-             </body>\n</html>\n",
-            style = family::style(),
+        let content = format!(
+            "<main>\n<h1>{title}</h1>\n{contents}{body}</main>\n{nodes}<script>\n{plots}</script>\n\
+             <script>\n{players}</script>\n",
             nodes = self.nodes(),
             plots = family::plots_script(),
             players = family::players_script(),
         );
-        page
+        family::document(POLICY, title, "", &content)
     }
 
     /// Writes the page into a file, whole or not at all.

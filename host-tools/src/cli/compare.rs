@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use host_tools::evaluation::evaluate;
 use host_tools::evaluation::listening;
 use host_tools::evaluation::listening::{
-    Answers, CONFIDENCE, Compared, Design, Kind, Pair, Part, Plan, Score, once, plan_of, score,
+    Answers, CONFIDENCE, Compared, Design, Kind, Pair, Part, Plan, Score, once, plan, score,
 };
 use host_tools::fit::conditioning::Conditioning;
 use host_tools::fit::record::FitRecord;
@@ -124,7 +124,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let before = before.as_ref();
     let before = before.map(|(library, record)| of(library, record.as_ref()));
     let fitted = of(&library, record.as_ref());
-    let plan = plan_of(&set, &chosen.judges, fitted, before, &evaluate, &options)?;
+    let plan = plan(&set, &chosen.judges, fitted, before, &evaluate, &options)?;
     for text in plan.notes(arguments.segment, takes.is_some()) {
         note(&text);
     }

@@ -5,9 +5,8 @@
 //! nothing is removed that no command wrote; what file managers leave there is kept.
 
 use std::collections::BTreeSet;
-use std::fs;
-use std::io;
 use std::path::{Path, PathBuf};
+use std::{fs, io};
 
 use super::atomic_file::{folder_of, target};
 use super::bounded_file::{Limit, MIB};

@@ -19,9 +19,9 @@
 use serde::{Deserialize, Serialize};
 
 use super::autocorrelation::Autocorrelation;
+use super::fourier;
 use super::linear_prediction::{Prediction, corrected, step_up};
 use super::spectrum::PowerSpectrum;
-use super::with_planner;
 
 mod line;
 #[cfg(test)]
@@ -280,12 +280,7 @@ impl Analytic {
                 quadrature: vec![0.0; len],
             };
         }
-        let (forward, inverse) =
-            with_planner(|planner| (planner.plan_fft_forward(len), planner.plan_fft_inverse(len)));
-        let mut bins = forward.make_output_vec();
-        forward
-            .process(&mut block.to_vec(), &mut bins)
-            .expect("lengths come from the plan");
+        let mut bins = fourier::forward(&mut block.to_vec());
         for (bin, value) in bins.iter_mut().enumerate() {
             let frequency_hz = bin as f64 * rate_hz / len as f64;
             // Bins at 0 Hz and at half the rate have no quadrature.
@@ -297,16 +292,9 @@ impl Analytic {
         for value in &mut later {
             (value.re, value.im) = (value.im, -value.re);
         }
-        let back = |bins: &mut Vec<_>| {
-            let mut signal = inverse.make_output_vec();
-            inverse
-                .process(bins, &mut signal)
-                .expect("lengths come from the plan, and edges are zero");
-            signal
-        };
         Self {
-            signal: back(&mut bins),
-            quadrature: back(&mut later),
+            signal: fourier::inverse(&mut bins, len),
+            quadrature: fourier::inverse(&mut later, len),
         }
     }
 

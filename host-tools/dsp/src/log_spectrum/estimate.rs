@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use super::{BINS, LENGTH, LogSpectrum};
-use crate::with_planner;
+use crate::fourier;
 
 /// Number of sine tapers of an estimate. The bandwidth for 2 s is 4 Hz, and the leakage falls with the fourth power of
 /// the distance (Riedel and Sidorenko, IEEE Trans. Signal Processing 43, 1995, 188).
@@ -53,11 +53,7 @@ fn add_periodogram(piece: &[f64], taper: usize, density: &mut [f64]) {
     for (n, (to, value)) in tapered.iter_mut().zip(piece).enumerate() {
         *to = scale * (step * (n + 1) as f64).sin() * value;
     }
-    let transform = with_planner(|planner| planner.plan_fft_forward(LENGTH));
-    let mut spectrum = transform.make_output_vec();
-    transform
-        .process(&mut tapered, &mut spectrum)
-        .expect("lengths come from the plan");
+    let spectrum = fourier::forward(&mut tapered);
     // Tapers have unit energy. The mean over tapers is taken here, and the mean over pieces by the caller.
     let weight = piece.len() as f64 / TAPERS as f64;
     for (sum, bin) in density.iter_mut().zip(&spectrum) {

@@ -1,12 +1,11 @@
 //! Spectra of models, and models of spectra.
 
 use model_format::limits;
-use realfft::num_complex::Complex;
 
 use super::{BINS, LogSpectrum};
+use crate::fourier::{self, Complex};
 use crate::linear_prediction::{Prediction, corrected, error_share, step_up};
 use crate::model::Model;
-use crate::with_planner;
 
 impl LogSpectrum {
     /// Returns the spectrum of the output of `model`, which must not be silent, at [`BINS`] frequencies.
@@ -25,16 +24,8 @@ impl LogSpectrum {
     /// Returns the autocorrelation from lag 0 to `max_lag`.
     pub fn autocorrelation(&self, max_lag: usize) -> Vec<f64> {
         let length = 2 * (self.values().len() - 1);
-        let transform = with_planner(|planner| planner.plan_fft_inverse(length));
-        let mut spectrum: Vec<_> = self
-            .values()
-            .iter()
-            .map(|l| Complex::new(l.exp(), 0.0))
-            .collect();
-        let mut lags = transform.make_output_vec();
-        transform
-            .process(&mut spectrum, &mut lags)
-            .expect("lengths come from the plan");
+        let power: Vec<f64> = self.values().iter().map(|log| log.exp()).collect();
+        let mut lags = fourier::of_power(&power, length);
         lags.truncate(max_lag + 1);
         lags.iter_mut().for_each(|lag| *lag /= length as f64);
         lags
@@ -95,12 +86,7 @@ fn denominator(model: &Model, bins: usize) -> Vec<Complex<f64>> {
     for (to, a) in response[1..].iter_mut().zip(step_up(&model.reflection)) {
         *to = a;
     }
-    let transform = with_planner(|planner| planner.plan_fft_forward(length));
-    let mut spectrum = transform.make_output_vec();
-    transform
-        .process(&mut response, &mut spectrum)
-        .expect("lengths come from the plan");
-    spectrum
+    fourier::forward(&mut response)
 }
 
 #[cfg(test)]

@@ -1,10 +1,10 @@
 //! From recorded periods to a response.
 
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
-use realfft::num_complex::Complex;
 
 use super::multisine::{Multisine, spectrum};
 use super::{BANDS, PERIOD, STEP_HZ, band_edges_hz, db};
+use crate::fourier::Complex;
 
 /// Frequencies between which the direction of motion is taken, Hz: where accelerometers are flat and hands steady.
 const DIRECTION_HZ: [f64; 2] = [40.0, 500.0];
@@ -264,13 +264,9 @@ mod tests {
     fn gain_direction_confidence_and_distortion_are_those_of_what_moved() {
         let wave = Multisine::new(3, |_| 1.0);
         let axis = [0.36, -0.8, 0.48];
-        let found = Measured::of(
-            &recorded(&wave, axis, [0.0; 2], 0.05),
-            &wave,
-            2.0,
-            &Bandwidths::default(),
-        )
-        .unwrap();
+        let measured =
+            |spectra: &Spectra| Measured::of(spectra, &wave, 2.0, &Bandwidths::default());
+        let found = measured(&recorded(&wave, axis, [0.0; 2], 0.05)).unwrap();
         for (found, true_part) in found.axis.into_iter().zip(axis) {
             assert!(
                 (found + true_part).abs() < 2e-3,
@@ -297,15 +293,8 @@ mod tests {
                 .iter()
                 .all(|band| (band.level_db - db(3.0)).abs() < 0.2 && band.trusted)
         );
-        let of = |distortion| {
-            Measured::of(
-                &recorded(&wave, axis, distortion, 0.0),
-                &wave,
-                2.0,
-                &Bandwidths::default(),
-            )
-        };
-        let (even, odd) = (of([0.1, 0.0]).unwrap(), of([0.0, 0.1]).unwrap());
+        let of = |distortion| measured(&recorded(&wave, axis, distortion, 0.0)).unwrap();
+        let (even, odd) = (of([0.1, 0.0]), of([0.0, 0.1]));
         // The few even lines that are played spread a little of either order into the other.
         assert!(
             even.even > 0.03 && even.even > 2.0 * even.odd,
@@ -321,6 +310,6 @@ mod tests {
         );
         let mut still = recorded(&wave, [0.0; 3], [0.0; 2], 1.0);
         still.mean.iter_mut().flatten().for_each(|bin| *bin *= 0.5);
-        assert!(Measured::of(&still, &wave, 2.0, &Bandwidths::default()).is_none());
+        assert!(measured(&still).is_none());
     }
 }

@@ -2,10 +2,10 @@
 
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg32;
-use realfft::num_complex::Complex;
 
 use super::{PERIOD, STEP_HZ};
-use crate::with_planner;
+use crate::fourier::{self, Complex};
+use crate::sums::rms;
 
 /// First and last line, in bins: 10 Hz and 1 kHz.
 const BINS: [usize; 2] = [4, 400];
@@ -102,11 +102,6 @@ impl Multisine {
     }
 }
 
-pub(super) fn rms(samples: &[f64]) -> f64 {
-    let square: f64 = samples.iter().map(|sample| sample * sample).sum();
-    (square / samples.len().max(1) as f64).sqrt()
-}
-
 fn peak(samples: &[f64]) -> f64 {
     samples
         .iter()
@@ -118,25 +113,13 @@ fn period(lines: &[usize], amplitudes: &[f64], phases: &[f64]) -> Vec<f64> {
     for ((&bin, &amplitude), &phase) in lines.iter().zip(amplitudes).zip(phases) {
         spectrum[bin] = Complex::from_polar(0.5 * amplitude, phase);
     }
-    let inverse = with_planner(|planner| planner.plan_fft_inverse(PERIOD));
-    let mut samples = inverse.make_output_vec();
-    inverse
-        .process(&mut spectrum, &mut samples)
-        .expect("both buffers have the lengths that the plan asks for");
-    samples
+    fourier::inverse(&mut spectrum, PERIOD)
 }
 
 /// Spectrum of one period: the amplitude and phase of each line.
 pub(super) fn spectrum(samples: &[f64]) -> Vec<Complex<f64>> {
-    let forward = with_planner(|planner| planner.plan_fft_forward(PERIOD));
-    let mut output = forward.make_output_vec();
-    forward
-        .process(&mut samples.to_vec(), &mut output)
-        .expect("both buffers have the lengths that the plan asks for");
-    output
-        .iter()
-        .map(|bin| bin * (2.0 / PERIOD as f64))
-        .collect()
+    let bins = fourier::forward(&mut samples.to_vec()).into_iter();
+    bins.map(|bin| bin * (2.0 / PERIOD as f64)).collect()
 }
 
 #[cfg(test)]

@@ -13,9 +13,9 @@
 use std::f64::consts::{PI, TAU};
 
 use nalgebra::{DMatrix, DVector, SVector};
-use realfft::num_complex::Complex;
 
 use super::measured::Line;
+use crate::fourier::Complex;
 
 /// Corner of the high-pass in the device's safety stages, Hz, which every probe passes too.
 const DC_BLOCKER_HZ: f64 = 2.0;

@@ -2,9 +2,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-use realfft::num_complex::Complex;
-
-use crate::with_planner;
+use crate::fourier::{self, Complex};
 
 /// Default of the full width of the Hann kernel that smooths amplitudes, Hz. The paper does not give its own width.
 pub const DEFAULT_SMOOTHING_WIDTH_HZ: f64 = 20.0;
@@ -31,12 +29,7 @@ fn dft(mut signal: Vec<f64>) -> Vec<Complex<f64>> {
     if signal.is_empty() {
         return Vec::new();
     }
-    let transform = with_planner(|planner| planner.plan_fft_forward(signal.len()));
-    let mut output = transform.make_output_vec();
-    transform
-        .process(&mut signal, &mut output)
-        .expect("both buffers have the lengths that the plan asks for");
-    output
+    fourier::forward(&mut signal)
 }
 
 /// Smoothed amplitude S{a}: [`dft_amplitude`] convolved with a Hann kernel of the full width `width_hz`, zero to zero.

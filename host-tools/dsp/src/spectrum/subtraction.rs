@@ -1,7 +1,7 @@
 //! Spectral subtraction: the power of a noise that is known by its spectrum, taken off a signal that has it.
 
 use super::power::PowerSpectrum;
-use crate::with_planner;
+use crate::fourier;
 
 /// Least share of a bin's power that is kept. Below it, the scatter of both estimates is all that is left.
 const LEAST_SHARE: f64 = 0.01;
@@ -30,16 +30,7 @@ pub fn without_noise(
     // which becomes a click where the noise is weaker.
     let mut mirrored: Vec<f64> = signal.iter().chain(signal.iter().rev()).copied().collect();
     let length = mirrored.len();
-    let (forward, inverse) = with_planner(|planner| {
-        (
-            planner.plan_fft_forward(length),
-            planner.plan_fft_inverse(length),
-        )
-    });
-    let mut spectrum = forward.make_output_vec();
-    forward
-        .process(&mut mirrored, &mut spectrum)
-        .expect("lengths come from the plan");
+    let mut spectrum = fourier::forward(&mut mirrored);
     let [shares, rest] = shares_and_rest(whole, noise);
     // The density of a bin of power 1.
     let to_density = 2.0 / (rate_hz * length as f64);
@@ -53,14 +44,12 @@ pub fn without_noise(
             *value *= (kept + share * rest.density_at(hz) / own).sqrt();
         }
     }
-    inverse
-        .process(&mut spectrum, &mut mirrored)
-        .expect("lengths come from the plan");
-    mirrored.truncate(signal.len());
-    for sample in &mut mirrored {
+    let mut cleaned = fourier::inverse(&mut spectrum, length);
+    cleaned.truncate(signal.len());
+    for sample in &mut cleaned {
         *sample /= length as f64;
     }
-    mirrored
+    cleaned
 }
 
 /// The share of `noise` in `whole`, 0 to 1, and the smoothed density of the rest, at the frequencies of both.

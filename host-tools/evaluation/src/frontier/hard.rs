@@ -6,9 +6,8 @@ use serde::Serialize;
 use stylus_costs::Structure;
 
 use super::players::player_of;
-use crate::stress;
-use crate::stress::Outcome;
 use crate::stress::cases::Case;
+use crate::stress::{self, Outcome};
 use crate::support::error::Result;
 
 /// The end of a case, from good to bad.

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use model_format::{PartsSpec, Provenance, SAMPLE_RATE_HZ};
+use model_format::{PartsSpec, SAMPLE_RATE_HZ};
 use rayon::prelude::*;
 
 use super::Options;
@@ -10,6 +10,7 @@ use crate::dsp::spectrum;
 use crate::fit::blocks::Part;
 use crate::fit::lines::Lines;
 use crate::fit::{FittedTexture, Order};
+use crate::held_out::is_same;
 use crate::recording::{RecordingSet, Trial};
 use crate::rig::RigFile;
 use crate::stress::cases::Case;
@@ -91,7 +92,7 @@ impl Prepared {
             take_band_error_db: f64::NAN,
             cases: options.cases.clone(),
             material: material.description.clone(),
-            simulated: material.is_simulated(),
+            simulated: material.fit.is_simulated() || material.held_out.is_simulated(),
         };
         prepared.read_held_out(material, options)?;
         Ok(prepared)
@@ -243,11 +244,8 @@ impl Material {
             fit: set,
             held_out: takes,
         };
-        let common = material.held_out.trials.iter();
-        if !common
-            .into_iter()
-            .any(|trial| material.take_of(trial).is_some())
-        {
+        let mut trials = material.held_out.trials.iter();
+        if !trials.any(|trial| material.take_of(trial).is_some()) {
             return Err(Error::Request(
                 "the takes have no texture, speed and force of the recordings; give takes of the same trials".into(),
             ));
@@ -255,18 +253,8 @@ impl Material {
         Ok(material)
     }
 
-    /// Returns whether any of it is simulated.
-    pub fn is_simulated(&self) -> bool {
-        let mut trials = self.fit.trials.iter().chain(&self.held_out.trials);
-        trials.any(|trial| trial.provenance == Provenance::Simulated)
-    }
-
     /// The fitted recording of the same node as `trial`.
     pub(super) fn take_of(&self, trial: &Trial) -> Option<&Trial> {
-        self.fit.trials.iter().find(|other| {
-            other.texture == trial.texture
-                && other.speed_mm_s == trial.speed_mm_s
-                && other.force_n == trial.force_n
-        })
+        self.fit.trials.iter().find(|other| is_same(trial, other))
     }
 }

@@ -1,11 +1,11 @@
 //! The comparison itself: every structure at every order, at rest, in motion and on the hard cases.
 
-use model_format::{Library, PartsSpec};
+use model_format::PartsSpec;
 use rayon::prelude::*;
 
 use crate::support::error::{Error, Result};
 use crate::texture::grid::Grid;
-use crate::texture::library::library_of;
+use crate::texture::library::{decoded, library_of};
 
 use super::costs::{Core, Cost, Costs};
 use super::hard::{self, HardCases, Verdict};
@@ -241,8 +241,4 @@ fn cycles(cost: &Cost, moved: Option<&Moving>, interval: usize) -> f64 {
     };
     let least = cost.update.instructions_least / cost.update.instructions_most;
     cost.sample.cycles + (same * least + new) * cost.update.cycles
-}
-
-fn decoded(bytes: &[u8]) -> Result<Library<'_>> {
-    Library::decode(bytes).map_err(|failure| Error::Model(failure.to_string()))
 }

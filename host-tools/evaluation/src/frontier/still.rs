@@ -1,18 +1,18 @@
 //! Accuracy at rest: each node is played at its own speed and force and compared with a recording that the fit has not
 //! seen, and with the same filter in float64.
 
-use model_format::{Library, MillimetresPerSecond, Newton, Texture};
+use model_format::{MillimetresPerSecond, Newton, Texture};
 use serde::Serialize;
 use stylus_kernel::excitation::{self, Excitation};
 use stylus_kernel::{Motion, UPDATE_INTERVAL_SAMPLES};
 
 use super::structure::Voice;
-use crate::dsp::spectrum;
-use crate::dsp::spectrum::AMPLITUDE_JND_DB;
+use crate::dsp::spectrum::{self, AMPLITUDE_JND_DB};
+use crate::dsp::sums::rms;
 use crate::evaluate::WARM_UP_S;
-use crate::evaluate::rms;
 use crate::stress::reference::{Deviation, FloatLattice};
 use crate::support::error::{Error, Result};
+use crate::texture::library::decoded;
 use crate::texture::quantise::reflection;
 use model_format::SAMPLE_RATE_HZ;
 use stylus_costs::Structure;
@@ -80,7 +80,7 @@ pub fn play(
     recording: &[f64],
     playing: &Playing,
 ) -> Result<Option<Node>> {
-    let library = Library::decode(bytes).map_err(|failure| Error::Model(failure.to_string()))?;
+    let library = decoded(bytes)?;
     let texture = library.textures().next().expect("one was encoded");
     let rate_hz = f64::from(SAMPLE_RATE_HZ);
     let in_samples = |seconds: f64| (seconds * rate_hz) as usize;

@@ -1,21 +1,20 @@
 //! A model played by the device's kernel, and compared with a recording.
 
-use model_format::{Library, MillimetresPerSecond, Newton, limits};
+use model_format::{MillimetresPerSecond, Newton, limits};
 use serde::Serialize;
 
 use super::Options;
-use crate::support::error::{Error, Result};
+use crate::support::error::Result;
 
 use crate::classifier::Windows;
 use crate::dsp::model::Model;
-use crate::dsp::spectrum;
-use crate::dsp::spectrum::{BAND_COUNT, agreement};
+use crate::dsp::spectrum::{self, BAND_COUNT, agreement};
 use crate::evaluate::WARM_UP_S;
 use crate::perception::ScoringRange;
 use crate::playing::motion::MotionPath;
 use crate::playing::render::render;
 use crate::texture::grid::Grid;
-use crate::texture::library::library_of;
+use crate::texture::library::{decoded, library_of};
 use model_format::SAMPLE_RATE_HZ;
 
 /// The place of the one node of a library made for a test; any in contact and in motion.
@@ -89,7 +88,7 @@ pub fn synthesis(model: &Model, seconds: f64, seed: u64) -> Result<Option<Vec<f6
     let Ok(bytes) = library_of(NAME, &grid) else {
         return Ok(None);
     };
-    let library = Library::decode(&bytes).map_err(|failure| Error::Model(failure.to_string()))?;
+    let library = decoded(&bytes)?;
     let texture = library.textures().next().expect("one was encoded");
     let motion = MotionPath::constant(MillimetresPerSecond(PLACE.0), Newton(PLACE.1))?;
     let mut samples = render(texture, &motion, seconds + WARM_UP_S, seed)?.accelerations_m_s2();

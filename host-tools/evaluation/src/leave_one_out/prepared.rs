@@ -1,22 +1,19 @@
 //! A set made ready for the removed-node test: its models, its signals and its spectra.
 
-use model_format::{NodeFlags, Provenance, SAMPLE_RATE_HZ};
+use model_format::SAMPLE_RATE_HZ;
 
 use crate::dsp::high_pass::lowest_hz;
 use crate::dsp::model::Model;
-use crate::fit;
 use crate::fit::blocks::Part;
-use crate::fit::densify::Direction;
-use crate::fit::densify::{ECONOMY_DB, highest_order};
+use crate::fit::densify::{Direction, ECONOMY_DB, highest_order};
 use crate::fit::lines::Lines;
-use crate::fit::{FittedTexture, Recorded, Recordings};
+use crate::fit::{self, FittedTexture, Recorded, Recordings};
 use crate::perception::ScoringRange;
 use crate::recording::{RecordingSet, Trial};
 use crate::support::error::{Error, Result};
 use crate::texture::domain::Neighbour;
-use crate::texture::grid::Grid;
-use crate::texture::recorded_spectra::recorded_spectra;
-use crate::texture::recorded_spectra::{RecordedSpectra, TwoWays};
+use crate::texture::grid::{Grid, is_recorded};
+use crate::texture::recorded_spectra::{RecordedSpectra, TwoWays, recorded_spectra};
 
 use super::Options;
 
@@ -102,10 +99,7 @@ impl<'a> Prepared<'a> {
             ranges,
             textures,
             left_out: options.left_out,
-            simulated: set
-                .trials
-                .iter()
-                .any(|trial| trial.provenance == Provenance::Simulated),
+            simulated: set.is_simulated(),
         };
         if prepared.targets().is_empty() {
             return Err(Error::Request(
@@ -193,13 +187,7 @@ impl PreparedTexture {
 
     /// Returns whether a node was recorded and is not silent.
     fn sounds(&self, place: (usize, usize)) -> bool {
-        let flags = self.model(place).flags;
-        let without = [
-            NodeFlags::SILENT,
-            NodeFlags::INTERPOLATED,
-            NodeFlags::EXTRAPOLATED,
-        ];
-        !without.iter().any(|&flag| flags.contains(flag)) && self.field.spectrum(place).is_some()
+        is_recorded(self.model(place).flags) && self.field.spectrum(place).is_some()
     }
 
     /// Returns the neighbours that the node at `place` is predicted from.

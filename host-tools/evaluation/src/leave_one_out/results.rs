@@ -362,28 +362,21 @@ pub fn summarise(test: &LeaveOneOut, row: &Row, texture: Option<&str>) -> Option
         .iter()
         .map(|outcome| outcome.judged.band_errors_db.len())
         .sum();
-    let excitation: Vec<f64> = played()
-        .filter_map(|outcome| outcome.excitation_error)
-        .map(f64::abs)
-        .collect();
-    let distances: Vec<f64> = played()
-        .filter_map(|outcome| outcome.judged.log_spectral_distance_db)
-        .collect();
-    let mean_of = |of: fn(&Judged) -> Option<f64>| {
-        let values: Vec<f64> = played().filter_map(|o| of(&o.judged)).collect();
+    let mean_of = |of: fn(&Outcome) -> Option<f64>| {
+        let values: Vec<f64> = played().filter_map(|outcome| of(outcome)).collect();
         mean(&values)
     };
     Some(Summary {
-        log_power_mae: mean_of(|judged| judged.log_power_mae),
-        fit_coefficient: mean_of(|judged| judged.fit_coefficient),
+        log_power_mae: mean_of(|outcome| outcome.judged.log_power_mae),
+        fit_coefficient: mean_of(|outcome| outcome.judged.fit_coefficient),
         nodes: outcomes.len(),
         unplayable: outcomes.len() - played().count(),
         mean_cost,
         cost_deviation: mean(&squares).sqrt(),
-        excitation_error: mean(&excitation),
+        excitation_error: mean_of(|outcome| outcome.excitation_error.map(f64::abs)),
         mean_band_error_db: mean(&errors),
         bands_within_jnd: within as f64 / bands.max(1) as f64,
-        mean_log_spectral_distance_db: mean(&distances),
+        mean_log_spectral_distance_db: mean_of(|o| o.judged.log_spectral_distance_db),
     })
 }
 

@@ -150,9 +150,8 @@ impl<'p, 's> Removal<'p, 's> {
         let trial = &self.prepared.set.trials[self.target.trial];
         match row {
             Row::Nearest => {
-                let nearest = self
-                    .prepared
-                    .nearest(self.target.texture, self.target.place);
+                let Target { texture, place, .. } = self.target;
+                let nearest = self.prepared.nearest(texture, place);
                 Ok(nearest.map(|trial| self.prepared.signals[trial].clone()))
             }
             Row::Given(given) => Ok(Some(given.samples(trial, self.options.conditioning)?)),
@@ -161,28 +160,17 @@ impl<'p, 's> Removal<'p, 's> {
     }
 
     fn outcome(&mut self, row: &Row) -> Result<Outcome> {
-        if matches!(row, Row::Nearest | Row::Given(_)) {
-            let recorded = &self.prepared.signals[self.target.trial];
-            let range = self.prepared.ranges[self.target.trial].as_ref();
-            let judged = self
-                .played(row)?
-                .zip(range)
-                .and_then(|(played, range)| play::judge(recorded, &played, range, self.options));
-            return Ok(Outcome {
-                is_playable: judged.is_some(),
-                order: 0,
-                excitation_error: None,
-                judged: judged.unwrap_or_else(Judged::silence),
-            });
-        }
         let voice = self.voice(row)?;
-        let recorded = &self.prepared.signals[self.target.trial];
         let voice = voice.and_then(|(at, power)| Some((self.voices[at].1.as_ref()?, power)));
-        let judged = voice.and_then(|(voice, power)| {
-            let synthesised = voice.at_power(power)?;
-            let range = self.prepared.ranges[self.target.trial].as_ref()?;
-            play::judge(recorded, &synthesised, range, self.options)
-        });
+        let played = match voice {
+            Some((voice, power)) => voice.at_power(power),
+            None => self.played(row)?,
+        };
+        let recorded = &self.prepared.signals[self.target.trial];
+        let range = self.prepared.ranges[self.target.trial].as_ref();
+        let judged = played
+            .zip(range)
+            .and_then(|(played, range)| play::judge(recorded, &played, range, self.options));
         let own = self.texture().model(self.target.place);
         let excitation_error = voice.filter(|_| judged.is_some()).map(|(voice, power)| {
             power * error_share(&voice.model.reflection)

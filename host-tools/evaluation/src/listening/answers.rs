@@ -116,8 +116,9 @@ impl Answers {
 const FROM_A_PAGE: &str = "give a file that the page of `stylus compare` saved";
 
 /// Names of the columns, in the order of [`Answered`]'s fields.
-const NAMES: [&str; 11] = [
-    "trial", "pair", "a", "b", "x", "answer", "correct", "replays", "seconds", "page", "origin",
+const NAMES: [&str; 12] = [
+    "listener", "trial", "pair", "a", "b", "x", "answer", "correct", "replays", "seconds", "page",
+    "origin",
 ];
 
 /// Refuses ratings and staircases, which no proportion of right answers scores.
@@ -138,8 +139,8 @@ fn refuse_other_designs(table: &CsvTable, design: Option<usize>) -> Result<()> {
     }
 }
 
-/// Indices of the columns of [`NAMES`], and that of the listener's number, which files of before do not have.
-struct Columns([usize; NAMES.len()], Option<usize>);
+/// Indices of the columns of [`NAMES`].
+struct Columns([usize; NAMES.len()]);
 
 impl Columns {
     fn of(header: &Header<'_>) -> Result<Self> {
@@ -147,19 +148,18 @@ impl Columns {
         for (column, name) in columns.iter_mut().zip(NAMES) {
             *column = header.needed(name, FROM_A_PAGE)?;
         }
-        Ok(Self(columns, header.column("listener")?))
+        Ok(Self(columns))
     }
 
     fn answer(&self, line: &Row<'_, '_>) -> Result<Answered> {
-        let bounded = |column: usize, name: &str| match line.text(column) {
+        let text = |field: usize| match line.text(self.0[field]) {
             text if text.len() <= LONGEST_TEXT => Ok(text.to_owned()),
             text => Err(line.error(format!(
-                "{name} has {} bytes, and a page saves at most {LONGEST_TEXT}; {FROM_A_PAGE}",
+                "{} has {} bytes, and a page saves at most {LONGEST_TEXT}; {FROM_A_PAGE}",
+                NAMES[field],
                 text.len()
             ))),
         };
-        let text = |field: usize| bounded(self.0[field], NAMES[field]);
-        let listener = self.1.map(|column| bounded(column, "listener"));
         let count = |field: usize| {
             let (text, name) = (line.text(self.0[field]), NAMES[field]);
             text.parse().map_err(|_| {
@@ -169,18 +169,18 @@ impl Columns {
             })
         };
         Ok(Answered {
-            listener: listener.transpose()?.unwrap_or_default(),
-            trial: count(0)?,
-            pair: text(1)?,
-            a: text(2)?,
-            b: text(3)?,
-            x: text(4)?,
-            answer: text(5)?,
-            correct: count(6)?,
-            replays: count(7)?,
-            seconds: line.finite(self.0[8], NAMES[8])?,
-            page: text(9)?,
-            origin: text(10)?,
+            listener: text(0)?,
+            trial: count(1)?,
+            pair: text(2)?,
+            a: text(3)?,
+            b: text(4)?,
+            x: text(5)?,
+            answer: text(6)?,
+            correct: count(7)?,
+            replays: count(8)?,
+            seconds: line.finite(self.0[9], NAMES[9])?,
+            page: text(10)?,
+            origin: text(11)?,
         })
     }
 }
@@ -293,7 +293,8 @@ mod tests {
     use super::*;
     use test_helpers::holds;
 
-    const HEADER: &str = "trial,pair,a,b,x,answer,correct,replays,seconds,surface,page,origin\n";
+    const HEADER: &str =
+        "listener,trial,pair,a,b,x,answer,correct,replays,seconds,surface,page,origin\n";
 
     fn file(folder: &Path, name: &str, rows: &[String]) -> PathBuf {
         let path = folder.join(name);
@@ -303,7 +304,7 @@ mod tests {
 
     fn row(trial: u32, pair: &str, x: &str, answer: &str, correct: u8) -> String {
         format!(
-            "{trial},{pair},recording,gaussian,{x},{answer},{correct},0,2.5,\"felt, 1 N\",p1,recorded\n"
+            "1,{trial},{pair},recording,gaussian,{x},{answer},{correct},0,2.5,\"felt, 1 N\",p1,recorded\n"
         )
     }
 
@@ -371,7 +372,7 @@ mod tests {
             (row(2, "recording-gaussian", "recording", "C", 0), "A or B"),
             (row(2, "recording-gaussian", "fitted", "A", 0), "one of two"),
             (good(), "twice"),
-            ("2,short\n".into(), "compare"),
+            ("1,2,short\n".into(), "compare"),
         ] {
             let path = file(folder.path(), "bad.csv", &[good(), bad]);
             holds(&Answers::read(&path).unwrap_err(), &["line 3", word]);

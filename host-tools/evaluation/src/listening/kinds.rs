@@ -80,14 +80,8 @@ impl Pair {
     }
 
     /// The pair's name in files.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::RecordingFitted => "recording-fitted",
-            Self::RecordingGaussian => "recording-gaussian",
-            Self::GaussianFitted => "gaussian-fitted",
-            Self::RecordingBefore => "recording-before",
-            Self::BeforeFitted => "before-fitted",
-        }
+    pub fn name(self) -> String {
+        self.kinds().map(Kind::name).join("-")
     }
 }
 

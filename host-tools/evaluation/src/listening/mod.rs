@@ -21,6 +21,6 @@ pub use abx::Trial;
 pub use answers::{Answers, CHANCE, CONFIDENCE, Score, score};
 pub use excerpts::{FADE_S, SHORTEST_EXCERPT_S};
 pub use kinds::{Kind, Pair, once};
-pub use plan::{Compared, Design, Options, Plan, Task, plan, plan_of};
+pub use plan::{Compared, Design, Options, Plan, Task, plan};
 pub use similarity::Ratings;
 pub use staircase::{Part, Staircases};

@@ -11,10 +11,10 @@ use super::excerpts::{Heard, SHORTEST_EXCERPT_S, Sounds, excerpts, samples};
 use super::kinds::Pair;
 use super::similarity::{Ratings, ratings};
 use super::staircase::{Part, Staircases, Strands, Track, track};
-use crate::evaluate;
-use crate::evaluate::Evaluation;
+use crate::evaluate::{self, Evaluation};
 use crate::fit::record::FitRecord;
 use crate::held_out::{Judge, JudgeKind};
+use crate::liveliness::slices;
 use crate::played::Played;
 use crate::recording::RecordingSet;
 use crate::support::error::{Error, Result};
@@ -107,7 +107,7 @@ pub struct Plan {
     /// Shortest and longest duration of an excerpt, s.
     pub excerpt_s: (f64, f64),
     /// Names of the pairs and parts that no texture has, because it plays nothing but Gaussian noise.
-    pub left_out: Vec<&'static str>,
+    pub left_out: Vec<String>,
     /// The data that were held out, in words.
     pub held_out: String,
     /// True if any recording behind it is simulated.
@@ -151,62 +151,50 @@ pub struct Compared<'a> {
     pub record: Option<&'a FitRecord>,
 }
 
-/// Plans a test as [`plan`] does, of a library and, if there is one, of that of before, which the same `judges` judge.
+/// Plans a test of the trials of `set`, which `judges` judge, by a library and, if there is one, by that of before.
+/// Speeds and forces of a texture take turns, and so do textures.
 ///
 /// # Errors
-/// As [`plan`] and [`evaluate::prepare`].
-pub fn plan_of(
+/// As [`evaluate::prepare`]; no trial, speed or pair to compare; recordings that are not held out; a recording that
+/// cannot be used any more.
+pub fn plan<'a>(
     set: &RecordingSet,
     judges: &[Judge],
-    fitted: Compared<'_>,
-    before: Option<Compared<'_>>,
+    fitted: Compared<'a>,
+    before: Option<Compared<'a>>,
     evaluate: &evaluate::Options,
     options: &Options,
 ) -> Result<Plan> {
-    let prepared =
-        |of: Compared<'_>| evaluate::prepare(set, of.library, judges.to_vec(), of.record, evaluate);
-    let evaluation = prepared(fitted)?;
-    let of_before = before.map(prepared).transpose()?;
-    let before = before.map(|before| before.library).zip(of_before.as_ref());
-    plan(set, fitted.library, &evaluation, before, evaluate, options)
-}
-
-/// Plans a test of the trials of `set`, which `evaluation` has prepared, and with `before` of those of another library
-/// too, with its own evaluation. Speeds and forces of a texture take turns, and so do textures.
-///
-/// # Errors
-/// No trial, speed or pair to compare; recordings that are not held out; a recording that cannot be used any more.
-pub fn plan(
-    set: &RecordingSet,
-    library: &Library<'_>,
-    evaluation: &Evaluation,
-    before: Option<(&Library<'_>, &Evaluation)>,
-    evaluate: &evaluate::Options,
-    options: &Options,
-) -> Result<Plan> {
-    let is_nothing = |index: &usize| evaluation.judges[*index].kind() == JudgeKind::Nothing;
-    if (0..set.trials.len()).any(|index| is_nothing(&index)) {
+    let prepared = |of: Compared<'a>| -> Result<_> {
+        let evaluation = evaluate::prepare(set, of.library, judges.to_vec(), of.record, evaluate)?;
+        Ok((of.library, evaluation))
+    };
+    let mut generator = Pcg64::seed_from_u64(options.seed);
+    let mut planner = Planner {
+        set,
+        fitted: prepared(fitted)?,
+        before: before.map(prepared).transpose()?,
+        evaluate,
+        options,
+        order: in_turns(set, &mut generator),
+        sounds: Sounds::default(),
+        generator,
+    };
+    if judges
+        .iter()
+        .any(|judge| judge.kind() == JudgeKind::Nothing)
+    {
         return Err(Error::Request(
             "nothing is known to be held out, because beside the library there is no record of what it was fitted to; \
              fit it again, which writes the record, or give --takes"
                 .into(),
         ));
     }
-    let mut generator = Pcg64::seed_from_u64(options.seed);
-    let order = in_turns(set, &mut generator);
-    let mut sounds = Sounds::default();
-    let signals = Signals {
-        set,
-        library,
-        evaluation,
-        before,
-        evaluate,
-        options,
-    };
     let (task, left_out) = match options.design {
-        Design::Staircase => signals.staircases(&order, &mut sounds, &mut generator)?,
-        Design::Abx | Design::Similarity => signals.pairs(&order, &mut sounds, &mut generator)?,
+        Design::Staircase => planner.staircases()?,
+        Design::Abx | Design::Similarity => planner.pairs()?,
     };
+    let Planner { fitted, sounds, .. } = planner;
     let seconds = |samples: usize| samples as f64 / f64::from(model_format::SAMPLE_RATE_HZ);
     let lengths = || sounds.all().iter().map(Vec::len);
     Ok(Plan {
@@ -217,8 +205,8 @@ pub fn plan(
         task,
         sounds: sounds.all().to_vec(),
         left_out,
-        held_out: evaluation.held_out.clone(),
-        simulated: evaluation.simulated,
+        held_out: fitted.1.held_out,
+        simulated: fitted.1.simulated,
         seed: options.seed,
     })
 }
@@ -244,26 +232,28 @@ fn in_turns(set: &RecordingSet, generator: &mut Pcg64) -> Vec<usize> {
         .collect()
 }
 
-/// Sources of signals.
-struct Signals<'a> {
+/// A test in the making: the sources of its signals, and the sounds so far.
+struct Planner<'a> {
     set: &'a RecordingSet,
-    library: &'a Library<'a>,
-    evaluation: &'a Evaluation,
-    before: Option<(&'a Library<'a>, &'a Evaluation)>,
+    fitted: (&'a Library<'a>, Evaluation),
+    before: Option<(&'a Library<'a>, Evaluation)>,
     evaluate: &'a evaluate::Options,
     options: &'a Options,
+    /// Indices of the set's trials.
+    order: Vec<usize>,
+    sounds: Sounds,
+    generator: Pcg64,
 }
 
-impl Signals<'_> {
+impl Planner<'_> {
     /// The trials of pairs of kinds, and the names of the pairs that no texture has.
-    fn pairs(
-        &self,
-        order: &[usize],
-        sounds: &mut Sounds,
-        generator: &mut Pcg64,
-    ) -> Result<(Task, Vec<&'static str>)> {
+    fn pairs(&mut self) -> Result<(Task, Vec<String>)> {
         let options = self.options;
-        let read = order.iter().take(options.trials).map(|n| self.heard(*n));
+        let read = self
+            .order
+            .iter()
+            .take(options.trials)
+            .map(|n| self.heard(*n));
         let heard: Vec<Heard> = read.filter_map(Result::transpose).collect::<Result<_>>()?;
         let is_able = |pair: &Pair| heard.iter().any(|heard| heard.has(pair.kinds()));
         let (pairs, others): (Vec<Pair>, Vec<Pair>) =
@@ -275,6 +265,7 @@ impl Signals<'_> {
             )));
         }
         let left_out = others.into_iter().map(Pair::name).collect();
+        let (sounds, generator) = (&mut self.sounds, &mut self.generator);
         if options.design == Design::Similarity {
             let ratings = ratings(&pairs, &heard, options.trials, sounds, generator);
             return Ok((Task::Similarity(ratings), left_out));
@@ -292,20 +283,16 @@ impl Signals<'_> {
 
     /// A staircase for each part, on the first speed and force whose texture has it, and the names of the parts that
     /// none has.
-    fn staircases(
-        &self,
-        order: &[usize],
-        sounds: &mut Sounds,
-        generator: &mut Pcg64,
-    ) -> Result<(Task, Vec<&'static str>)> {
+    fn staircases(&mut self) -> Result<(Task, Vec<String>)> {
         let options = self.options;
         let mut left_out = options.parts.clone();
         let mut tracks: Vec<Track> = Vec::new();
-        for &index in order {
+        for place in 0..self.order.len() {
             if left_out.is_empty() {
                 break;
             }
-            let strands = self.strands(index)?;
+            let strands = self.strands(self.order[place])?;
+            let (sounds, generator) = (&mut self.sounds, &mut self.generator);
             left_out.retain(|&part| {
                 let (seconds, trials) = (options.excerpt_s, options.trials);
                 let found = track(part, &strands, seconds, trials, sounds, generator);
@@ -321,7 +308,8 @@ impl Signals<'_> {
                     .into(),
             ));
         }
-        let left_out = left_out.into_iter().map(Part::name).collect();
+        let left_out = left_out.into_iter().map(|part| part.name().to_owned());
+        let left_out = left_out.collect();
         Ok((Task::Staircase(Staircases::of(tracks)), left_out))
     }
 
@@ -337,7 +325,8 @@ impl Signals<'_> {
             played: Played::Residual,
             ..*self.evaluate
         };
-        let comparison = (self.evaluation).compare(self.set, self.library, index, &evaluate)?;
+        let (library, evaluation) = &self.fitted;
+        let comparison = evaluation.compare(self.set, library, index, &evaluate)?;
         let of = |played: Played| {
             let own = comparison.versions.iter().find(|v| v.played == played);
             own.map(|version| version.synthesised.clone())
@@ -356,11 +345,11 @@ impl Signals<'_> {
 
     /// The excerpts of a trial of the set; `None` if it is silent or too short.
     fn heard(&self, index: usize) -> Result<Option<Heard>> {
-        let comparison = (self.evaluation).compare(self.set, self.library, index, self.evaluate)?;
+        let (library, evaluation) = &self.fitted;
+        let comparison = evaluation.compare(self.set, library, index, self.evaluate)?;
         let Some(samples) = samples(&comparison.judged, self.options.excerpt_s) else {
             return Ok(None);
         };
-        let judged: Vec<&[f64]> = comparison.judged.iter().map(Vec::as_slice).collect();
         let played = excerpts(&[&comparison.synthesised], samples);
         let versions = comparison.versions.iter();
         let gaussian = versions
@@ -372,7 +361,7 @@ impl Signals<'_> {
             None => (played, Vec::new()),
         };
         let mut before = Vec::new();
-        if let Some((library, evaluation)) = self.before {
+        if let Some((library, evaluation)) = &self.before {
             let comparison = evaluation.compare(self.set, library, index, self.evaluate)?;
             before = excerpts(&[&comparison.synthesised], samples);
             // Two libraries are compared as they are, with other parts than Gaussian noise or without.
@@ -382,7 +371,7 @@ impl Signals<'_> {
         }
         Ok(Some(Heard {
             surface: self.surface(index),
-            recording: excerpts(&judged, samples),
+            recording: excerpts(&slices(&comparison.judged), samples),
             gaussian,
             fitted,
             before,

@@ -65,7 +65,7 @@ pub(super) fn ratings(
                 generator.random_range(0..heard.of(b).len())
             };
             trials.push(Rating {
-                pair: format!("{}-{}", kinds[0].name(), kinds[1].name()),
+                pair: kinds.map(Kind::name).join("-"),
                 a,
                 b,
                 surface: heard.surface.clone(),
@@ -129,7 +129,7 @@ mod tests {
         let (heard, mut sounds) = (Heard::made(), Sounds::default());
         let mut generator = Pcg64::seed_from_u64(4);
         let rated = ratings(&Pair::USUAL, &[heard], 8, &mut sounds, &mut generator);
-        let names = ["recording-recording", "gaussian-gaussian", "fitted-fitted"];
+        let names = ["recording-recording", "gaussian-gaussian", "fitted-fitted"].map(String::from);
         assert_eq!(rated.trials.len(), 8 * 6);
         for block in rated.trials.chunks(6) {
             for name in names.iter().chain(&Pair::USUAL.map(Pair::name)) {

@@ -3,11 +3,10 @@
 use std::f64::consts::{PI, TAU};
 
 use model_format::{SAMPLE_RATE_HZ, Texture, limits};
-use realfft::num_complex::Complex;
 
+use crate::dsp::fourier::{self, Complex};
 use crate::dsp::linear_prediction::{Prediction, error_share, step_up};
 use crate::dsp::model::Model;
-use crate::dsp::with_planner;
 use crate::support::error::Result;
 use crate::texture::grid::Grid;
 use crate::texture::library::library_of;
@@ -59,18 +58,12 @@ pub fn fixtures() -> Vec<NamedModel> {
 /// frequencies.
 fn low_pass(cut_off_hz: f64, order: i32, floor: f64) -> Vec<f64> {
     const POINTS: usize = 32_768;
-    let inverse = with_planner(|planner| planner.plan_fft_inverse(POINTS));
     let power = |bin: usize| {
         let frequency_hz = bin as f64 * RATE_HZ / POINTS as f64;
         1.0 / (1.0 + (frequency_hz / cut_off_hz).powi(order)) + floor
     };
-    let mut spectrum: Vec<Complex<f64>> = (0..=POINTS / 2)
-        .map(|bin| Complex::new(power(bin), 0.0))
-        .collect();
-    let mut lags = inverse.make_output_vec();
-    inverse
-        .process(&mut spectrum, &mut lags)
-        .expect("lengths come from the plan");
+    let power: Vec<f64> = (0..=POINTS / 2).map(power).collect();
+    let mut lags = fourier::of_power(&power, POINTS);
     lags.truncate(limits::MAX_ORDER + 1);
     let total = lags[0];
     lags.iter().map(|lag| lag / total).collect()
@@ -174,14 +167,10 @@ impl Shape {
     }
 
     fn on_the_grid(&self) -> Vec<f64> {
-        let forward = with_planner(|planner| planner.plan_fft_forward(2 * POINTS));
         let mut terms = vec![1.0];
         terms.extend(&self.a);
         terms.resize(2 * POINTS, 0.0);
-        let mut spectrum = forward.make_output_vec();
-        forward
-            .process(&mut terms, &mut spectrum)
-            .expect("lengths come from the plan");
+        let spectrum = fourier::forward(&mut terms);
         spectrum.iter().map(|a| self.share / a.norm_sqr()).collect()
     }
 

@@ -1,11 +1,12 @@
 //! A hard case, driven along its motion and then left to fall silent.
 
-use model_format::{Library, OutputSample, Texture};
+use model_format::{OutputSample, Texture};
 use rayon::prelude::*;
 use stylus_kernel::excitation::{self, Excitation};
 use stylus_kernel::grid::GridPoint;
 
-use crate::support::error::{Error, Result};
+use crate::support::error::Result;
+use crate::texture::library::decoded;
 use crate::texture::quantise::rms_m_s2;
 
 use super::cases::Case;
@@ -59,7 +60,7 @@ pub fn play_with(
         ..Outcome::default()
     };
     let bytes = models::library(&case.nodes())?;
-    let library = Library::decode(&bytes).map_err(|failure| Error::Model(failure.to_string()))?;
+    let library = decoded(&bytes)?;
     let texture = library.textures().next().expect("one was encoded");
     let Some(first) = new_player(&texture) else {
         return Ok(None);

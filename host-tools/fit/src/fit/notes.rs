@@ -3,13 +3,14 @@
 use std::collections::{BTreeMap, HashSet};
 use std::path::Path;
 
-use model_format::{NodeFlags, SAMPLE_RATE_HZ};
+use model_format::SAMPLE_RATE_HZ;
 
 use super::floor::by_speed;
 use super::grid::{Assembled, Loud, Member, Miss};
 use super::options::{FloorChoice, Options, Order};
 use super::reports::TrialReport;
 use crate::dsp::high_pass::{SLOW_HZ, lowest_hz};
+use crate::dsp::model::Model;
 use crate::dsp::spectrum::band_centre_hz;
 use crate::fit::conditioning::HighPass;
 use crate::recording::pattern::one_number;
@@ -18,7 +19,7 @@ use crate::recording::{
 };
 use crate::support::number::counted;
 use crate::support::warning::Warning;
-use crate::texture::grid::Grid;
+use crate::texture::grid::{Grid, is_recorded};
 
 /// A mean this many times the RMS is more than an offset of an amplifier: gravity, of which nothing needs saying, or a
 /// sensor that is not what it is taken for.
@@ -275,14 +276,8 @@ fn lowered_orders(grid: &Grid, options: &Options) -> Option<(usize, usize, f32, 
     let Order::Fixed(asked) = options.order else {
         return None;
     };
-    let filled = NodeFlags::SILENT
-        .with(NodeFlags::INTERPOLATED)
-        .with(NodeFlags::EXTRAPOLATED);
-    let lowered = || {
-        grid.nodes().filter(|(.., model)| {
-            model.flags.bits() & filled.bits() == 0 && model.reflection.len() < asked
-        })
-    };
+    let is_lowered = |model: &Model| is_recorded(model.flags) && model.reflection.len() < asked;
+    let lowered = || grid.nodes().filter(|(.., model)| is_lowered(model));
     let (speed, force, lowest) = lowered().min_by_key(|(.., model)| model.reflection.len())?;
     Some((lowered().count(), lowest.reflection.len(), speed, force))
 }

@@ -63,11 +63,9 @@ mod library;
 pub mod tap;
 
 pub use compile::CompiledScene;
-pub use cost::SceneSummary;
-pub use cost::{CostReport, Situation, StageCost};
-pub use description::SceneFile;
+pub use cost::{CostReport, SceneSummary, Situation, StageCost};
 pub use description::{
-    ConstantMotion, EqualiserDescription, RegionDescription, SceneDescription, SectionDescription,
-    SurfaceDescription,
+    ConstantMotion, EqualiserDescription, RegionDescription, SceneDescription, SceneFile,
+    SectionDescription, SurfaceDescription,
 };
 pub use library::{parts, scene_named, surface_names, texture_spec, with_scenes};

@@ -1,6 +1,6 @@
 //! A texture's grid of models over speed and force.
 
-use model_format::{Laws, PartsSpec};
+use model_format::{Laws, NodeFlags, PartsSpec};
 
 use crate::dsp::model::Model;
 
@@ -44,6 +44,12 @@ impl Grid {
             (self.speeds_mm_s[speed], self.forces_n[force], model)
         })
     }
+}
+
+/// Returns whether a node with these flags is of a recording that sounds.
+pub fn is_recorded(flags: NodeFlags) -> bool {
+    let others = NodeFlags::INTERPOLATED.with(NodeFlags::EXTRAPOLATED);
+    flags.bits() & others.with(NodeFlags::SILENT).bits() == 0
 }
 
 /// A value of an axis as it was written in decimals: 0.2, not 0.200000003.

@@ -5,8 +5,7 @@ use std::path::Path;
 use model_format::{Library, NodeSpec, Provenance, SAMPLE_RATE_HZ, TextureSpec, encode};
 
 use super::grid::Grid;
-use super::quantise;
-use super::theta;
+use super::{quantise, theta};
 use crate::support::bounded_file::{Limit, MIB};
 use crate::support::error::{Error, Result};
 
@@ -63,6 +62,14 @@ pub fn library_of(name: &str, grid: &Grid) -> Result<Vec<u8>> {
     // The bytes leave no trace, so that their provenance says the least.
     let spec = texture_spec(name, Provenance::Simulated, grid)?;
     encode(&[spec]).map_err(|failure| Error::Model(failure.to_string()))
+}
+
+/// Decodes the bytes of a library that was made in this run.
+///
+/// # Errors
+/// Bytes that are not a valid library, which [`encode`] does not make.
+pub fn decoded(bytes: &[u8]) -> Result<Library<'_>> {
+    Library::decode(bytes).map_err(|failure| Error::Model(failure.to_string()))
 }
 
 /// A library. A slot holds half a mebibyte; the decoder names the lengths of what is a little larger.

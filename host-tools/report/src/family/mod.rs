@@ -59,6 +59,18 @@ pub fn style() -> &'static str {
     &STYLE
 }
 
+/// A whole page under a policy: `title` and `body` are HTML, and `style` follows the stylesheet of all pages.
+pub fn document(policy: &str, title: &str, style: &str, body: &str) -> String {
+    format!(
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+         <meta http-equiv=\"Content-Security-Policy\" content=\"{policy}\">\n\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
+         <link rel=\"icon\" href=\"data:,\">\n<title>{title}</title>\n\
+         <style>\n{family}{style}</style>\n</head>\n<body>\n{body}</body>\n</html>\n",
+        family = self::style(),
+    )
+}
+
 /// The script that tells the values of pictures by pointer, touch and keyboard.
 pub fn plots_script() -> &'static str {
     static SCRIPT: LazyLock<String> = LazyLock::new(|| {

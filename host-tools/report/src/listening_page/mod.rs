@@ -11,7 +11,7 @@ use base64::engine::general_purpose::STANDARD;
 use serde::Serialize;
 
 use super::family;
-use super::html::{POLICY, escaped};
+use super::html::POLICY;
 use super::sound::whole_sound;
 use crate::evaluation::listening::{CHANCE, CONFIDENCE, FADE_S, Plan, Task};
 use crate::support::atomic_file;
@@ -62,14 +62,11 @@ fn page(plan: &Plan) -> Result<String> {
         Ok(STANDARD.encode(wav))
     });
     let sounds = page_json(&encoded.collect::<Result<Vec<String>>>()?);
+    let identity = Fnv::default()
+        .then(sounds.as_bytes())
+        .then(page_json(&plan.task).as_bytes());
     let script_plan = PagePlan {
-        page: format!(
-            "{:016x}",
-            Fnv::default()
-                .then(sounds.as_bytes())
-                .then(page_json(&plan.task).as_bytes())
-                .value()
-        ),
+        page: format!("{:016x}", identity.value()),
         seed: plan.seed,
         simulated: plan.simulated,
         chance: CHANCE,
@@ -85,27 +82,22 @@ fn page(plan: &Plan) -> Result<String> {
     } else {
         ""
     };
-    let title = escaped(if plan.simulated {
+    let title = if plan.simulated {
         "Listening test (SIMULATED)"
     } else {
         "Listening test"
-    });
-    Ok(format!(
-        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
-         <meta http-equiv=\"Content-Security-Policy\" content=\"{POLICY}\">\n\
-         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-         <link rel=\"icon\" href=\"data:,\">\n<title>{title}</title>\n\
-         <style>\n{family}{style}</style>\n</head>\n<body>\n\
-         {notice}{body}\
+    };
+    let content = format!(
+        "{notice}{body}\
          <script type=\"application/json\" id=\"plan\">{plan}</script>\n\
          <script type=\"application/json\" id=\"sounds\">{sounds}</script>\n\
-         <script>\n{script}</script>\n</body>\n</html>\n",
-        family = family::style(),
-        style = include_str!("style.css"),
+         <script>\n{script}</script>\n",
         body = include_str!("body.html"),
         plan = page_json(&script_plan),
         script = include_str!("script.js"),
-    ))
+    );
+    let style = include_str!("style.css");
+    Ok(family::document(POLICY, title, style, &content))
 }
 
 /// Duration and level of the sounds, in words.

@@ -5,10 +5,11 @@ use std::path::Path;
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
-use model_format::{Library, NodeFlags, SAMPLE_RATE_HZ};
+use model_format::{Library, SAMPLE_RATE_HZ};
 use serde::Serialize;
 
 use super::{Clips, Recordings};
+use crate::texture::grid::is_recorded;
 
 /// Bytes of all clips of a page by [`Clips::Budget`], a byte per sample; in the page they take a third more.
 const BUDGET_BYTES: f64 = 380_000.0;
@@ -113,15 +114,8 @@ impl Thinning {
             (most.0.max(grid.0), most.1.max(grid.1))
         });
         let heard = |texture: model_format::Texture<'_>| {
-            let nodes = texture.nodes();
-            let unheard = [
-                NodeFlags::SILENT,
-                NodeFlags::INTERPOLATED,
-                NodeFlags::EXTRAPOLATED,
-            ];
-            nodes
-                .filter(|node| !unheard.iter().any(|&flag| node.flags.contains(flag)))
-                .count()
+            let nodes = texture.nodes().filter(|node| is_recorded(node.flags));
+            nodes.count()
         };
         let recorded: usize = library.textures().map(heard).sum();
         if let Clips::Seconds(duration_s) = recordings.clips {

@@ -140,21 +140,13 @@ fn page(inputs: &Inputs<'_>, progress: impl Fn()) -> Result<(String, Written)> {
     } else {
         ""
     };
-    let text = format!(
-        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
-         <meta http-equiv=\"Content-Security-Policy\" content=\"{POLICY}\">\n\
-         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-         <link rel=\"icon\" href=\"data:,\">\n<title>{title}</title>\n\
-         <style>\n{family}{style}</style>\n</head>\n<body>\n\
-         {body}{templates}\
+    let content = format!(
+        "{body}{templates}\
          <script type=\"text/plain\" id=\"kernel\">{kernel}</script>\n\
          <script type=\"text/plain\" id=\"library\">{library}</script>\n\
          <script type=\"application/json\" id=\"data\">{data}</script>\n\
          <script type=\"text/plain\" id=\"worklet\">{worklet}</script>\n\
-         <script>\n{plots}</script>\n<script>\n{script}</script>\n</body>\n</html>\n",
-        title = escaped(&data.title),
-        family = family::style(),
-        style = include_str!("style.css"),
+         <script>\n{plots}</script>\n<script>\n{script}</script>\n",
         body = include_str!("body.html").replace(NOTICE_MARK, notice),
         kernel = STANDARD.encode(KERNEL),
         library = STANDARD.encode(inputs.bytes),
@@ -163,6 +155,8 @@ fn page(inputs: &Inputs<'_>, progress: impl Fn()) -> Result<(String, Written)> {
         plots = family::plots_script(),
         script = SCRIPTS.join("\n"),
     );
+    let (title, style) = (escaped(&data.title), include_str!("style.css"));
+    let text = family::document(POLICY, &title, style, &content);
     let written = Written {
         bytes: text.len(),
         simulated: data.simulated,

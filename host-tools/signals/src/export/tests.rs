@@ -10,8 +10,7 @@ use super::*;
 use crate::dsp::spectrum::{BAND_LABELS_HZ, band_powers};
 use crate::playing::render::render;
 use crate::playing::render::test_motions::{constant, sweep};
-use test_helpers::near;
-use test_helpers::{library, texture};
+use test_helpers::{library, near, texture};
 
 /// Synthesis filters from their centres, of means and of details: the table of Antonini and others (IEEE Trans. Image
 /// Process. 1, 1992, 205), with a gain of √2.

@@ -64,8 +64,7 @@ pub fn read_at(trial: &Trial, model_rate_hz: u32) -> Result<Samples> {
     };
     let whole_hz = rate_hz.round();
     if times_s.is_none() && (rate_hz / whole_hz - 1.0).abs() > NEAR_WHOLE {
-        let frames = 0..axes[0].len();
-        times_s = Some(frames.map(|n| n as f64 / rate_hz).collect());
+        times_s = Some((0..axes[0].len()).map(|n| n as f64 / rate_hz).collect());
     }
     rate_hz = whole_hz;
     if let Some(times) = &times_s {
@@ -76,19 +75,16 @@ pub fn read_at(trial: &Trial, model_rate_hz: u32) -> Result<Samples> {
     }
     let scales_m_s2 = source.stated.scales_for(trial.scale_m_s2, axes.len());
     for (axis, scale) in axes.iter_mut().zip(&scales_m_s2) {
-        if scale.to_bits() != 1.0f64.to_bits() {
-            axis.iter_mut().for_each(|sample| *sample *= scale);
-        }
+        axis.iter_mut().for_each(|sample| *sample *= scale);
     }
     let has_scale = trial.scale_m_s2.is_some() || source.stated.scales_m_s2.is_some();
-    let mut remarks = source.remarks;
-    remarks.extend(source.stated.conversion(trial.scale_m_s2));
+    let conversion = source.stated.conversion(trial.scale_m_s2);
     Ok(Samples {
         axes,
         source_rate_hz: rate_hz,
         defects,
         account: Account {
-            remarks,
+            remarks: source.remarks.into_iter().chain(conversion).collect(),
             doubts: source.stated.doubt(trial.scale_m_s2).into_iter().collect(),
             integers: source.integers.filter(|_| !has_scale),
             has_scale,

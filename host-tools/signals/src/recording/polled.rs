@@ -7,7 +7,7 @@
 use core::f64::consts::PI;
 
 use super::rate::RATES_HZ;
-use crate::dsp::with_planner;
+use crate::dsp::fourier;
 
 /// Rows of which a spectrum of changes is made. Clocks that differ by 100 ppm move by less than a row in them.
 const BLOCK: usize = 4096;
@@ -104,9 +104,8 @@ fn line(changes: &[usize], rows: usize, block: usize) -> Option<f64> {
 
 /// Mean power of the pattern of `changes` in whole blocks of `rows`, per bin of the transform.
 fn mean_power(changes: &[usize], rows: usize, block: usize) -> Vec<f64> {
-    let forward = with_planner(|planner| planner.plan_fft_forward(block));
-    let (mut pattern, mut spectrum) = (forward.make_input_vec(), forward.make_output_vec());
-    let mut power = vec![0.0; spectrum.len()];
+    let mut pattern = vec![0.0; block];
+    let mut power = vec![0.0; block / 2 + 1];
     let blocks = rows / block;
     for first in (0..blocks).map(|number| number * block) {
         let from = changes.partition_point(|&row| row < first);
@@ -115,10 +114,7 @@ fn mean_power(changes: &[usize], rows: usize, block: usize) -> Vec<f64> {
         for row in &changes[from..to] {
             pattern[row - first] += 1.0;
         }
-        forward
-            .process(&mut pattern, &mut spectrum)
-            .expect("finite samples");
-        for (sum, value) in power.iter_mut().zip(&spectrum) {
+        for (sum, value) in power.iter_mut().zip(fourier::forward(&mut pattern)) {
             *sum += value.norm_sqr() / blocks as f64;
         }
     }

@@ -2,7 +2,7 @@
 
 use core::f64::consts::TAU;
 
-use crate::dsp::with_planner;
+use crate::dsp::fourier::{self, Complex};
 
 /// Approximate length of a block, in samples of the lower rate. The transition band is then a few per cent of the lower
 /// Nyquist frequency.
@@ -16,9 +16,6 @@ const BLOCK: usize = 2048;
 ///
 /// The mean of a channel is taken off before and put back afterwards. The filter takes everything beyond the ends for
 /// zero, so that an offset would be a step there, whose ringing reaches into the recording.
-///
-/// # Panics
-/// A sample is not finite.
 pub fn resample(channels: &[Vec<f64>], from_hz: u32, to_hz: u32) -> Vec<Vec<f64>> {
     let frames = channels.first().map_or(0, Vec::len);
     if frames == 0 || from_hz == to_hz {
@@ -30,19 +27,9 @@ pub fn resample(channels: &[Vec<f64>], from_hz: u32, to_hz: u32) -> Vec<Vec<f64>
     // An even number of steps makes the filter's delay of half a block a whole number of samples.
     let steps = 2 * (BLOCK * from.max(to) / to).div_ceil(2 * step_in);
     let (block_in, block_out) = (steps * step_in, steps * step_out);
-    let (forward, inverse) = with_planner(|planner| {
-        let forward = planner.plan_fft_forward(2 * block_in);
-        (forward, planner.plan_fft_inverse(2 * block_out))
-    });
-    let mut input = forward.make_input_vec();
-    let mut response = forward.make_output_vec();
+    let mut input = vec![0.0; 2 * block_in];
     input[..block_in].copy_from_slice(&low_pass(block_in, block_out));
-    forward
-        .process(&mut input, &mut response)
-        .expect("finite samples");
-    let mut spectrum = forward.make_output_vec();
-    let mut spectrum_out = inverse.make_input_vec();
-    let mut wave = inverse.make_output_vec();
+    let response = fourier::forward(&mut input);
     let resampled = channels.iter().map(|channel| {
         let mean = mean(channel);
         let mut output = vec![mean; (frames * to).div_ceil(from)];
@@ -51,17 +38,11 @@ pub fn resample(channels: &[Vec<f64>], from_hz: u32, to_hz: u32) -> Vec<Vec<f64>
             for (centred, sample) in input.iter_mut().zip(samples) {
                 *centred = sample - mean;
             }
-            forward
-                .process(&mut input, &mut spectrum)
-                .expect("finite samples");
-            spectrum_out.fill(0.0.into());
-            let kept = block_out.min(block_in + 1);
-            for (bin, value) in spectrum_out[..kept].iter_mut().enumerate() {
-                *value = spectrum[bin] * response[bin];
-            }
-            inverse
-                .process(&mut spectrum_out, &mut wave)
-                .expect("finite samples");
+            let bins = fourier::forward(&mut input).into_iter().zip(&response);
+            let kept = bins.take(block_out).map(|(bin, response)| bin * response);
+            let mut kept: Vec<Complex<f64>> = kept.collect();
+            kept.resize(block_out + 1, Complex::default());
+            let wave = fourier::inverse(&mut kept, 2 * block_out);
             let (begin, delay) = (block * block_out, block_out / 2);
             let places = output[begin.saturating_sub(delay)..].iter_mut();
             for (sum, value) in places.zip(&wave[delay.saturating_sub(begin)..]) {
@@ -114,16 +95,13 @@ fn gcd(a: usize, b: usize) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dsp::sums::rms;
 
     fn sine(frequency_hz: f64, rate_hz: u32, seconds: f64) -> Vec<f64> {
         let step = core::f64::consts::TAU * frequency_hz / f64::from(rate_hz);
         (0..(seconds * f64::from(rate_hz)) as usize)
             .map(|n| (step * n as f64).sin())
             .collect()
-    }
-
-    fn rms(signal: &[f64]) -> f64 {
-        (signal.iter().map(|x| x * x).sum::<f64>() / signal.len() as f64).sqrt()
     }
 
     #[test]

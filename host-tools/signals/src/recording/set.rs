@@ -159,6 +159,12 @@ impl RecordingSet {
         })
     }
 
+    /// Returns whether any recording is simulated.
+    pub fn is_simulated(&self) -> bool {
+        let mut trials = self.trials.iter();
+        trials.any(|trial| trial.provenance == Provenance::Simulated)
+    }
+
     /// Returns the textures' names, each once, in the order of their first trials.
     pub fn textures(&self) -> Vec<&str> {
         let groups = self.by_texture().into_iter();

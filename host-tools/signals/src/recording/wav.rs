@@ -1,5 +1,6 @@
 //! Recordings as WAV files, with integer or float samples of any width.
 
+use std::ops::Range;
 use std::path::Path;
 
 use symphonia::core::audio::Channels;
@@ -24,8 +25,6 @@ const UNFINISHED: &str = "the lengths in its header do not fit the file, as thos
 /// Reads the part of a WAV file within `cut`. Every sample is exact: float samples as they are, integer ones divided by
 /// their full scale.
 pub(super) fn read(path: &Path, cut: &Cut) -> Result<Source> {
-    let unusable =
-        |failure: &WavError| Error::file(path, format!("is not a readable WAV file: {failure}"));
     let Wave {
         samples,
         are_integers,
@@ -35,8 +34,8 @@ pub(super) fn read(path: &Path, cut: &Cut) -> Result<Source> {
     let file_bytes = file_bytes.map_err(Error::io("open", path))?.len();
     let samples = Box::new(ReadOnlySource::new(samples));
     let stream = MediaSourceStream::new(samples, MediaSourceStreamOptions::default());
-    let mut format =
-        WavReader::try_new(stream, FormatOptions::default()).map_err(|e| unusable(&e))?;
+    let format = WavReader::try_new(stream, FormatOptions::default());
+    let mut format = format.map_err(|e| unusable(path, &e))?;
     let track = format.default_track(TrackType::Audio);
     let Some((track, parameters)) = track.and_then(|track| {
         let parameters = track.codec_params.as_ref()?.audio()?;
@@ -53,41 +52,10 @@ pub(super) fn read(path: &Path, cut: &Cut) -> Result<Source> {
             "has no sample rate in its header: convert it again",
         ));
     };
-    let mut decoder = PcmDecoder::try_new(parameters, &AudioDecoderOptions::default())
-        .map_err(|e| unusable(&e))?;
-
+    let decoder = PcmDecoder::try_new(parameters, &AudioDecoderOptions::default());
+    let decoder = decoder.map_err(|e| unusable(path, &e))?;
     let (first, end) = cut.frames(f64::from(rate_hz));
-    let mut channels: Vec<Vec<f64>> = Vec::new();
-    let (mut packet_channels, mut position) = (Vec::new(), 0usize);
-    while position < end {
-        let packet = match format.next_packet() {
-            Ok(Some(packet)) => packet,
-            Ok(None) => break,
-            Err(WavError::IoError(e)) if e.kind() == std::io::ErrorKind::UnexpectedEof => break,
-            Err(e) => return Err(unusable(&e)),
-        };
-        let decoded = decoder.decode(&packet).map_err(|e| unusable(&e))?;
-        let frames = decoded.frames();
-        if decoded.num_planes() > MAX_CHANNELS {
-            let problem = format!(
-                "{} channels: give 1 to {MAX_CHANNELS}, one per axis",
-                decoded.num_planes()
-            );
-            return Err(Error::file(path, problem));
-        }
-        decoded.copy_to_vecs_planar(&mut packet_channels);
-        channels.resize(packet_channels.len(), Vec::new());
-        let from = first.saturating_sub(position).min(frames);
-        let to = (end - position).min(frames);
-        for (channel, samples) in channels.iter_mut().zip(&packet_channels) {
-            channel.extend_from_slice(&samples[from..to.max(from)]);
-        }
-        let kept = channels.first().map_or(0, Vec::len);
-        if let Some(fault) = length_fault(kept as f64, channels.len()) {
-            return Err(Error::file(path, fault));
-        }
-        position += frames;
-    }
+    let (channels, position) = decoded(path, &mut format, decoder, first..end)?;
     if let Some(declared) = declared_frames
         && (position as u64) < declared.min(end as u64)
     {
@@ -111,6 +79,48 @@ pub(super) fn read(path: &Path, cut: &Cut) -> Result<Source> {
             .collect(),
         timing: Timing::default(),
     })
+}
+
+fn unusable(path: &Path, failure: &WavError) -> Error {
+    Error::file(path, format!("is not a readable WAV file: {failure}"))
+}
+
+/// The samples of these frames, by channel, and the number of frames read up to their end.
+fn decoded(
+    path: &Path,
+    format: &mut WavReader<'_>,
+    mut decoder: PcmDecoder,
+    wanted: Range<usize>,
+) -> Result<(Vec<Vec<f64>>, usize)> {
+    let mut channels: Vec<Vec<f64>> = Vec::new();
+    let (mut packet_channels, mut position) = (Vec::new(), 0usize);
+    while position < wanted.end {
+        let packet = match format.next_packet() {
+            Ok(Some(packet)) => packet,
+            Ok(None) => break,
+            Err(WavError::IoError(e)) if e.kind() == std::io::ErrorKind::UnexpectedEof => break,
+            Err(e) => return Err(unusable(path, &e)),
+        };
+        let decoded = decoder.decode(&packet).map_err(|e| unusable(path, &e))?;
+        let (frames, planes) = (decoded.frames(), decoded.num_planes());
+        if planes > MAX_CHANNELS {
+            let problem = format!("{planes} channels: give 1 to {MAX_CHANNELS}, one per axis");
+            return Err(Error::file(path, problem));
+        }
+        decoded.copy_to_vecs_planar(&mut packet_channels);
+        channels.resize(packet_channels.len(), Vec::new());
+        let from = wanted.start.saturating_sub(position).min(frames);
+        let to = (wanted.end - position).min(frames);
+        for (channel, samples) in channels.iter_mut().zip(&packet_channels) {
+            channel.extend_from_slice(&samples[from..to.max(from)]);
+        }
+        let kept = channels.first().map_or(0, Vec::len);
+        if let Some(fault) = length_fault(kept as f64, channels.len()) {
+            return Err(Error::file(path, fault));
+        }
+        position += frames;
+    }
+    Ok((channels, position))
 }
 
 /// Size of the shortest header, bytes.

@@ -2,9 +2,8 @@
 
 use std::f64::consts::TAU;
 
-use realfft::num_complex::Complex;
-
 use super::description::Mode;
+use crate::dsp::fourier::Complex;
 
 /// A tip pressed on a surface by a static force.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -5,9 +5,9 @@ use std::f64::consts::TAU;
 use rand::{RngExt, SeedableRng};
 use rand_distr::StandardNormal;
 use rand_pcg::Pcg64;
-use realfft::num_complex::Complex;
 
 use super::description::{Hum, Measurement, Noise, Tremor};
+use crate::dsp::fourier::Complex;
 
 /// Number of sines that make up a tremor; enough that their sum is nearly Gaussian.
 const TREMOR_SINES: usize = 24;

@@ -71,8 +71,7 @@ mod series;
 mod tests;
 mod trial;
 
-pub use contact::Contact;
-pub use contact::{Response, ToolResponse};
+pub use contact::{Contact, Response, ToolResponse};
 pub use description::{
     Clipping, Drum, Hum, Jitter, Measurement, Mode, Noise, Offset, Recording, RigDescription,
     Roughness, Texture, Tool, Tremor, Wander, Weave,

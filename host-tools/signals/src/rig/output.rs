@@ -1,9 +1,8 @@
 //! A simulated set on disk: one WAV file per trial, and the table of trials. Each of them says that it is simulated.
 
-use std::fmt;
-use std::fs;
 use std::io::Write;
 use std::path::Path;
+use std::{fmt, fs};
 
 use rayon::prelude::*;
 

@@ -4,11 +4,10 @@ use std::f64::consts::TAU;
 
 use rand::RngExt;
 use rand_distr::StandardNormal;
-use realfft::RealFftPlanner;
-use realfft::num_complex::Complex;
 
 use super::description::{Drum, Jitter, Roughness, Texture, Weave};
 use super::measurement::StreamKey;
+use crate::dsp::fourier::{self, Complex};
 
 /// A profile along the track, as the terms of a Fourier series over the drum's circumference.
 #[derive(Debug, Clone, PartialEq)]
@@ -123,15 +122,10 @@ fn weave_terms(weave: &Weave, circumference_mm: f64, key: StreamKey) -> Vec<Comp
     // The phase varies along the drum, so the profile is computed in space and transformed, on a grid twice as fine as
     // the highest sideband needs.
     let length = (4 * (highest + 1)).next_power_of_two();
-    let mut planner = RealFftPlanner::<f64>::new();
     let mut phase_spectrum = vec![Complex::default(); length / 2 + 1];
     let wander = jitter_spectrum(jitter, circumference_mm, key);
     phase_spectrum[..wander.len()].copy_from_slice(&wander);
-    let inverse = planner.plan_fft_inverse(length);
-    let mut profile = inverse.make_output_vec();
-    inverse
-        .process(&mut phase_spectrum, &mut profile)
-        .expect("the lengths are the plan's own");
+    let mut profile = fourier::inverse(&mut phase_spectrum, length);
     for (i, value) in profile.iter_mut().enumerate() {
         let line_rad = TAU * (periods * i as f64 / length as f64).fract();
         let angle = line_rad + phase_rad + *value;
@@ -141,11 +135,7 @@ fn weave_terms(weave: &Weave, circumference_mm: f64, key: StreamKey) -> Vec<Comp
             .map(|(index, amplitude_um)| amplitude_um * ((index + 1) as f64 * angle).cos())
             .sum();
     }
-    let forward = planner.plan_fft_forward(length);
-    let mut spectrum = forward.make_output_vec();
-    forward
-        .process(&mut profile, &mut spectrum)
-        .expect("the lengths are the plan's own");
+    let spectrum = fourier::forward(&mut profile);
     for (term, bin) in terms.iter_mut().zip(&spectrum).skip(1) {
         *term = bin * (2.0 / length as f64);
     }

@@ -5,10 +5,8 @@
 //! ni = (n² + i² - (i-n)²)/2 turns Σ cₙ W^{ni} into one convolution by FFT, so that no interpolation is needed.
 
 use std::f64::consts::TAU;
-use std::sync::Arc;
 
-use realfft::num_complex::Complex;
-use realfft::{ComplexToReal, RealFftPlanner, RealToComplex};
+use crate::dsp::fourier::{self, Complex};
 
 /// Evaluator of series of up to a given number of terms at the points `0, step, 2·step ...`.
 pub(super) struct UniformSampler {
@@ -18,18 +16,11 @@ pub(super) struct UniformSampler {
     chirp: Vec<Complex<f64>>,
     /// Spectra of the real and imaginary part of W^{-j²/2}, with the inverse transform's factor.
     kernel: [Vec<Complex<f64>>; 2],
-    forward: Arc<dyn RealToComplex<f64>>,
-    inverse: Arc<dyn ComplexToReal<f64>>,
 }
 
 impl UniformSampler {
     /// An evaluator of `terms` terms at `samples` points that lie `step_cycles` periods of the series apart.
-    pub(super) fn new(
-        planner: &mut RealFftPlanner<f64>,
-        terms: usize,
-        samples: usize,
-        step_cycles: f64,
-    ) -> Self {
+    pub(super) fn new(terms: usize, samples: usize, step_cycles: f64) -> Self {
         let chirp: Vec<_> = (0..=terms.max(samples))
             .map(|j| {
                 let square = (j as f64) * (j as f64);
@@ -37,8 +28,6 @@ impl UniformSampler {
             })
             .collect();
         let length = fast_length(terms + samples);
-        let forward = planner.plan_fft_forward(length);
-        let inverse = planner.plan_fft_inverse(length);
         let kernel = [|c: Complex<f64>| c.re, |c: Complex<f64>| -c.im].map(|part| {
             let mut circular = vec![0.0; length];
             for (j, value) in circular[..samples].iter_mut().enumerate() {
@@ -48,62 +37,41 @@ impl UniformSampler {
             for j in 1..=terms {
                 circular[length - j] = part(chirp[j]) / length as f64;
             }
-            transform(&*forward, &mut circular)
+            fourier::forward(&mut circular)
         });
         Self {
             terms,
             samples,
             chirp,
             kernel,
-            forward,
-            inverse,
         }
     }
 
     /// Re Σ_{n≥1} cₙ e^{2πi n i·step} for i = 0, 1 ...; `coefficients[n]` is cₙ and `coefficients[0]` is not used.
     pub(super) fn real_part(&self, coefficients: &[Complex<f64>]) -> Vec<f64> {
-        let length = self.forward.len();
+        let length = fast_length(self.terms + self.samples);
         let mut parts = [vec![0.0; length], vec![0.0; length]];
         for (n, coefficient) in coefficients.iter().enumerate().take(self.terms + 1).skip(1) {
             let value = coefficient * self.chirp[n];
             parts[0][n] = value.re;
             parts[1][n] = value.im;
         }
-        let [real, imaginary] = parts.map(|mut part| transform(&*self.forward, &mut part));
-        let mut product_real = self.forward.make_output_vec();
-        let mut product_imaginary = self.forward.make_output_vec();
+        let [real, imaginary] = parts.map(|mut part| fourier::forward(&mut part));
+        let mut product_real = vec![Complex::default(); real.len()];
+        let mut product_imaginary = product_real.clone();
         for bin in 0..real.len() {
             let (kernel_real, kernel_imaginary) = (self.kernel[0][bin], self.kernel[1][bin]);
             product_real[bin] = real[bin] * kernel_real - imaginary[bin] * kernel_imaginary;
             product_imaginary[bin] = real[bin] * kernel_imaginary + imaginary[bin] * kernel_real;
         }
-        let real = self.back(&mut product_real);
-        let imaginary = self.back(&mut product_imaginary);
+        let real = fourier::inverse(&mut product_real, length);
+        let imaginary = fourier::inverse(&mut product_imaginary, length);
         self.chirp[..self.samples]
             .iter()
             .zip(real.iter().zip(&imaginary))
             .map(|(chirp, (real, imaginary))| chirp.re * real - chirp.im * imaginary)
             .collect()
     }
-
-    fn back(&self, spectrum: &mut [Complex<f64>]) -> Vec<f64> {
-        // These two bins of a real signal are real, but round-off leaves small imaginary parts.
-        spectrum[0].im = 0.0;
-        let last = spectrum.len() - 1;
-        spectrum[last].im = 0.0;
-        let mut signal = self.inverse.make_output_vec();
-        self.inverse
-            .process(spectrum, &mut signal)
-            .expect("the lengths are the plan's own");
-        signal
-    }
-}
-
-fn transform(plan: &dyn RealToComplex<f64>, signal: &mut [f64]) -> Vec<Complex<f64>> {
-    let mut spectrum = plan.make_output_vec();
-    plan.process(signal, &mut spectrum)
-        .expect("the lengths are the plan's own");
-    spectrum
 }
 
 /// The least even length from `least` on that is a power of two, or three times one.
@@ -138,7 +106,7 @@ mod tests {
             let coefficients: Vec<_> = (0..=given)
                 .map(|_| Complex::new(random.random::<f64>() - 0.5, random.random::<f64>() - 0.5))
                 .collect();
-            let sampler = UniformSampler::new(&mut RealFftPlanner::new(), terms, samples, step_cycles);
+            let sampler = UniformSampler::new(terms, samples, step_cycles);
             let computed = sampler.real_part(&coefficients);
             prop_assert_eq!(computed.len(), samples);
             for (i, value) in computed.iter().enumerate() {

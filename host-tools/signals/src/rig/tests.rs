@@ -10,11 +10,10 @@ use std::fs;
 use std::path::Path;
 
 use rand::RngExt;
-use realfft::RealFftPlanner;
-use realfft::num_complex::Complex;
 
 use super::measurement::StreamKey;
 use super::*;
+use crate::dsp::fourier::{self, Complex};
 use test_helpers::near;
 
 /// Speeds, forces and drum that most rigs here have.
@@ -105,9 +104,7 @@ fn trials(parts: &[&str], seed: u64) -> Vec<Trial> {
 
 /// Amplitudes of the sines in a signal, and the width of a bin, Hz.
 fn amplitudes(signal: &[f64]) -> (Vec<f64>, f64) {
-    let plan = RealFftPlanner::<f64>::new().plan_fft_forward(signal.len());
-    let mut spectrum = plan.make_output_vec();
-    plan.process(&mut signal.to_vec(), &mut spectrum).unwrap();
+    let spectrum = fourier::forward(&mut signal.to_vec());
     let scale = 2.0 / signal.len() as f64;
     let amplitudes = spectrum.iter().map(|bin| bin.norm() * scale).collect();
     (amplitudes, 5000.0 / signal.len() as f64)
@@ -154,6 +151,33 @@ fn a_wave_beyond_half_the_sample_rate_leaves_nothing_rather_than_an_alias() {
 /// Displacement (m) and speed (m/s) of each mode, or their derivatives.
 type State = Vec<[f64; 2]>;
 
+/// `state` after so long at the rates `by`.
+fn moved(state: &State, by: &State, step: f64) -> State {
+    let pairs = state.iter().zip(by);
+    pairs
+        .map(|(state, by)| [state[0] + step * by[0], state[1] + step * by[1]])
+        .collect()
+}
+
+/// The height, µm, that a tip feels at a place, mm.
+fn felt_um(rig: &RigFile, profile: &Profile, contact: &Contact) -> impl Fn(f64) -> f64 {
+    let circumference_mm = rig.description().drum.circumference_mm;
+    let terms = profile.coefficients_um().iter().enumerate();
+    let felt = terms
+        .filter(|(_, term)| term.norm() > 0.0)
+        .map(|(n, term)| {
+            let wavenumber = TAU * n as f64 / circumference_mm;
+            (wavenumber, term * contact.patch_response(wavenumber))
+        });
+    let felt: Vec<_> = felt.collect();
+    move |x_mm| {
+        let terms = felt.iter();
+        terms
+            .map(|(wavenumber, term)| (term * Complex::cis(wavenumber * x_mm)).re)
+            .sum()
+    }
+}
+
 /// The oracle: the modes' equations of motion integrated in time (Runge-Kutta, fourth order) with the contact spring
 /// pushing on them, in place of the frequency domain.
 fn integrated(
@@ -164,23 +188,7 @@ fn integrated(
     start_mm: f64,
 ) -> Vec<[f64; 3]> {
     let tool = rig.description().tool.as_ref().unwrap();
-    let circumference_mm = rig.description().drum.circumference_mm;
-    let felt: Vec<_> = profile
-        .coefficients_um()
-        .iter()
-        .enumerate()
-        .filter(|(_, term)| term.norm() > 0.0)
-        .map(|(n, term)| {
-            let wavenumber = TAU * n as f64 / circumference_mm;
-            (wavenumber, term * contact.patch_response(wavenumber))
-        })
-        .collect();
-    let height_um = |time_s: f64| -> f64 {
-        let x_mm = start_mm + speed_mm_s * time_s;
-        felt.iter()
-            .map(|(wavenumber, term)| (term * Complex::cis(wavenumber * x_mm)).re)
-            .sum()
-    };
+    let height_um = felt_um(rig, profile, contact);
     let derivative = |time_s: f64, state: &State| -> State {
         let tip_um: f64 = tool
             .modes
@@ -188,7 +196,8 @@ fn integrated(
             .zip(state)
             .map(|(mode, [q, _])| 1e6 * mode.tip_participation_m_s2_per_n.unwrap_or(0.0) * q)
             .sum();
-        let force_n = contact.stiffness_n_per_um() * (height_um(time_s) - tip_um);
+        let force_n =
+            contact.stiffness_n_per_um() * (height_um(start_mm + speed_mm_s * time_s) - tip_um);
         tool.modes
             .iter()
             .zip(state)
@@ -201,12 +210,13 @@ fn integrated(
             })
             .collect()
     };
-    let moved = |state: &State, by: &State, step: f64| -> State {
-        state
-            .iter()
-            .zip(by)
-            .map(|(state, by)| [state[0] + step * by[0], state[1] + step * by[1]])
-            .collect()
+    let accelerations = |first: &State| {
+        std::array::from_fn(|axis| {
+            let modes = tool.modes.iter().zip(first);
+            modes
+                .map(|(mode, [_, acceleration])| mode.participation_m_s2_per_n[axis] * acceleration)
+                .sum()
+        })
     };
     let steps = 16;
     let step_s = 1.0 / (5000.0 * f64::from(steps));
@@ -216,15 +226,7 @@ fn integrated(
         let time_s = f64::from(step) * step_s;
         let first = derivative(time_s, &state);
         if step % steps == 0 {
-            samples.push(std::array::from_fn(|axis| {
-                tool.modes
-                    .iter()
-                    .zip(&first)
-                    .map(|(mode, [_, acceleration])| {
-                        mode.participation_m_s2_per_n[axis] * acceleration
-                    })
-                    .sum()
-            }));
+            samples.push(accelerations(&first));
         }
         let second = derivative(time_s + step_s / 2.0, &moved(&state, &first, step_s / 2.0));
         let third = derivative(time_s + step_s / 2.0, &moved(&state, &second, step_s / 2.0));

@@ -5,16 +5,14 @@ use std::f64::consts::{PI, TAU};
 use rand::RngExt;
 use rand_distr::StandardNormal;
 use rayon::prelude::*;
-use realfft::RealFftPlanner;
-use realfft::num_complex::Complex;
 
 use super::contact::{Contact, ToolResponse};
 use super::description::{RigDescription, Texture, Tool, Wander};
 use super::file::RigFile;
-use super::measurement;
-use super::measurement::StreamKey;
+use super::measurement::{self, StreamKey};
 use super::profile::Profile;
 use super::series::UniformSampler;
+use crate::dsp::fourier::Complex;
 
 /// One texture on the drum with one seed: its profile, and the response per speed that turns the profile into samples.
 ///
@@ -175,12 +173,7 @@ impl Pass {
             .collect();
         Self {
             step_cycles,
-            sampler: UniformSampler::new(
-                &mut RealFftPlanner::new(),
-                terms,
-                recording.samples(),
-                step_cycles,
-            ),
+            sampler: UniformSampler::new(terms, recording.samples(), step_cycles),
             tool,
         }
     }
@@ -189,12 +182,7 @@ impl Pass {
     fn at_places(&self, spectra: &[Vec<Complex<f64>>; 3], places: &[f64]) -> [Vec<f64>; 3] {
         let (first, points) = points(places);
         let point_cycles = self.step_cycles / POINTS_PER_SAMPLE as f64;
-        let sampler = UniformSampler::new(
-            &mut RealFftPlanner::new(),
-            self.tool.len(),
-            points,
-            point_cycles,
-        );
+        let sampler = UniformSampler::new(self.tool.len(), points, point_cycles);
         let start_cycles = first as f64 * point_cycles;
         std::array::from_fn(|axis| {
             let turned: Vec<Complex<f64>> = spectra[axis]

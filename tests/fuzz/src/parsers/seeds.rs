@@ -55,8 +55,9 @@ const TABLES: [&str; 7] = [
     "\0time_s;position_mm;contact;speed_mm_s;force_n\n0,5;1;1;100,5;-1\n1;2;0;9;1\n",
     "\u{1}# SIMULATED\ntime_s,speed_mm_s,force_n,x\n0,100,1,0.1\n0.0002,100,1,0.2\n0.0004,101,1,-0.1\n",
     "\u{1}time_s\tspeed_mm_s\tforce_n\tx\ty\n0\t100\t1\t0,1\t2\n0,0002\t-1e9\t1\t0,2\t3\n",
-    "\u{2}trial,pair,a,b,x,answer,correct,replays,seconds,page,origin\n\
-     1,p,recording,fitted,fitted,B,1,0,12.5,0f,recorded\n2,q,recording,gaussian,recording,B,0,3,1.5,0f,SIMULATED\n",
+    "\u{2}listener,trial,pair,a,b,x,answer,correct,replays,seconds,page,origin\n\
+     1,1,p,recording,fitted,fitted,B,1,0,12.5,0f,recorded\n\
+     2,2,q,recording,gaussian,recording,B,0,3,1.5,0f,SIMULATED\n",
     "\u{3}speed_mm_s,force_n\n50,0.5\n100,1\n",
     "\u{3}texture;speed_mm_s;force_n\nsilk;50,5;0,5\n;100;1\n",
 ];

@@ -5,9 +5,8 @@ use model_format::{
     BLOCK_BYTES, BLOCK_MAGNITUDES, BLOCK_SAMPLES, CodebookSpec, MU_LAW_FRACTION_BITS, block_scale,
     limits, mu_law,
 };
-use realfft::num_complex::Complex;
 
-use crate::dsp::with_planner;
+use crate::dsp::fourier::{self, Complex};
 
 use super::power::mean_square;
 
@@ -190,32 +189,11 @@ fn whitened(samples: &[f64]) -> Option<Vec<f64>> {
     if count == 0 || !mean_square(samples).is_normal() {
         return None;
     }
-    let (forward, inverse) = with_planner(|planner| {
-        (
-            planner.plan_fft_forward(count),
-            planner.plan_fft_inverse(count),
-        )
-    });
-    let transform = |signal: &[f64]| -> Vec<Complex<f64>> {
-        let (mut input, mut output) = (signal.to_vec(), forward.make_output_vec());
-        forward
-            .process(&mut input, &mut output)
-            .expect("lengths come from the plan");
-        output
-    };
     let back = |mut spectrum: Vec<Complex<f64>>| -> Vec<f64> {
-        // The imaginary part that these have by round-off is not that of a real signal.
-        spectrum[0].im = 0.0;
-        if count.is_multiple_of(2) {
-            spectrum[count / 2].im = 0.0;
-        }
-        let mut output = inverse.make_output_vec();
-        inverse
-            .process(&mut spectrum, &mut output)
-            .expect("lengths come from the plan");
-        output.iter().map(|x| x / count as f64).collect()
+        let signal = fourier::inverse(&mut spectrum, count);
+        signal.iter().map(|x| x / count as f64).collect()
     };
-    let spectrum = transform(samples);
+    let spectrum = fourier::forward(&mut samples.to_vec());
     let power = spectrum
         .iter()
         .map(|bin| Complex::new(bin.norm_sqr() / count as f64, 0.0));
@@ -233,7 +211,7 @@ fn whitened(samples: &[f64]) -> Option<Vec<f64>> {
         }
     }
     let least = LEAST_POWER * lags[0];
-    let played = transform(&lags);
+    let played = fourier::forward(&mut lags);
     let filtered = spectrum
         .iter()
         .zip(&played)

@@ -9,12 +9,10 @@
 
 use std::ops::Range;
 
-use realfft::num_complex::Complex;
-
 use super::power::{local_rms, mean_square};
+use crate::dsp::fourier;
 use crate::dsp::linear_prediction::{error_share, step_up};
 use crate::dsp::sums::{dot, sliding};
-use crate::dsp::with_planner;
 
 /// Samples of a millisecond.
 const MILLISECOND: usize = model_format::SAMPLE_RATE_HZ as usize / 1000;
@@ -228,35 +226,14 @@ fn clean_milliseconds(samples: usize, flaws: &[Range<usize>]) -> Vec<bool> {
 /// `excitation`, as a circle, behind the all-pole filter of a predictor.
 pub(super) fn filtered(excitation: &[f64], predictor: &[f64]) -> Vec<f64> {
     let count = excitation.len();
-    let transforms = with_planner(|planner| {
-        (
-            planner.plan_fft_forward(count),
-            planner.plan_fft_inverse(count),
-        )
-    });
-    let (forward, inverse) = transforms;
-    let transform = |mut signal: Vec<f64>| -> Vec<Complex<f64>> {
-        let mut spectrum = forward.make_output_vec();
-        forward
-            .process(&mut signal, &mut spectrum)
-            .expect("lengths come from the plan");
-        spectrum
-    };
     let mut whitening = vec![0.0; count];
     whitening[0] = 1.0;
     whitening[1..=predictor.len()].copy_from_slice(predictor);
-    let mut spectrum = transform(excitation.to_vec());
-    for (bin, whitening) in spectrum.iter_mut().zip(transform(whitening)) {
+    let mut spectrum = fourier::forward(&mut excitation.to_vec());
+    for (bin, whitening) in spectrum.iter_mut().zip(fourier::forward(&mut whitening)) {
         *bin /= whitening * count as f64;
     }
-    // The imaginary parts that these have by round-off are not those of a real signal.
-    spectrum[0].im = 0.0;
-    spectrum[count / 2].im = 0.0;
-    let mut heard = inverse.make_output_vec();
-    inverse
-        .process(&mut spectrum, &mut heard)
-        .expect("lengths come from the plan");
-    heard
+    fourier::inverse(&mut spectrum, count)
 }
 
 #[cfg(test)]

@@ -7,12 +7,11 @@
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
-use realfft::num_complex::Complex;
 
 use model_format::SAMPLE_RATE_HZ;
 
 use super::evidence::LEVEL_SAMPLES;
-use crate::dsp::with_planner;
+use crate::dsp::fourier::{self, Complex};
 
 /// Share of half the recording's rate up to which it is the surface's: converters' filters take what is above.
 const CARRIED: f64 = 0.85;
@@ -32,23 +31,8 @@ pub(super) fn known(residual: &[f64], carried_hz: f64) -> (Vec<f64>, usize) {
     let length = residual.len();
     let half = (carried_hz / f64::from(SAMPLE_RATE_HZ) * length as f64) as usize;
     let half = half.clamp(1, length / 2);
-    let (forward, inverse) = with_planner(|planner| {
-        (
-            planner.plan_fft_forward(length),
-            planner.plan_fft_inverse(2 * half),
-        )
-    });
-    let mut spectrum = forward.make_output_vec();
-    forward
-        .process(&mut residual.to_vec(), &mut spectrum)
-        .expect("lengths are the plan's");
-    let mut below = spectrum[..=half].to_vec();
-    // The bins of 0 Hz and of half the rate are real.
-    (below[0].im, below[half].im) = (0.0, 0.0);
-    let mut signal = inverse.make_output_vec();
-    inverse
-        .process(&mut below, &mut signal)
-        .expect("lengths are the plan's");
+    let mut spectrum = fourier::forward(&mut residual.to_vec());
+    let mut signal = fourier::inverse(&mut spectrum[..=half], 2 * half);
     let ratio = signal.len() as f64 / length as f64;
     signal.iter_mut().for_each(|x| *x /= length as f64);
     let ends = (ENDS as f64 * ratio).ceil() as usize;
@@ -62,19 +46,9 @@ pub(super) fn known(residual: &[f64], carried_hz: f64) -> (Vec<f64>, usize) {
 /// `residual` with Gaussian noise, the same for each call, above `carried_hz`.
 pub(super) fn filled(residual: &[f64], carried_hz: f64) -> Vec<f64> {
     let length = residual.len();
-    let (forward, inverse) = with_planner(|planner| {
-        (
-            planner.plan_fft_forward(length),
-            planner.plan_fft_inverse(length),
-        )
-    });
-    let mut spectrum = forward.make_output_vec();
-    let mut signal = residual.to_vec();
+    let mut spectrum = fourier::forward(&mut residual.to_vec());
     let first = (carried_hz / f64::from(SAMPLE_RATE_HZ) * length as f64) as usize;
     let first = first.clamp(1, spectrum.len());
-    forward
-        .process(&mut signal, &mut spectrum)
-        .expect("lengths are the plan's");
     let (known, empty) = spectrum.split_at_mut(first);
     let power = known.iter().map(Complex::norm_sqr).sum::<f64>() / known.len() as f64;
     let mut generator = Pcg64::seed_from_u64(1);
@@ -82,14 +56,7 @@ pub(super) fn filled(residual: &[f64], carried_hz: f64) -> Vec<f64> {
     for bin in empty {
         *bin = Complex::new(normal(), normal()) * (power / 2.0).sqrt();
     }
-    // The bins of 0 Hz and of half the rate are real.
-    spectrum[0].im = 0.0;
-    if length.is_multiple_of(2) {
-        spectrum[length / 2].im = 0.0;
-    }
-    inverse
-        .process(&mut spectrum, &mut signal)
-        .expect("lengths are the plan's");
+    let mut signal = fourier::inverse(&mut spectrum, length);
     signal.iter_mut().for_each(|x| *x /= length as f64);
     signal
 }

@@ -8,8 +8,7 @@ use super::bound::limited;
 use super::evidence::{KURTOSIS_SAMPLES, kurtosis_of};
 use super::level::BESIDE_CODEBOOK;
 use super::loudness::Loudest;
-use super::power::local_rms;
-use super::power::mean_square;
+use super::power::{local_rms, mean_square};
 use super::trace::Trace;
 
 /// Samples of a stretch: 0.2 s, of which pieces of 20 to 80 ms are taken.
@@ -70,20 +69,9 @@ pub(super) fn choose(
     most: usize,
     loudest: Loudest,
 ) -> Option<Material> {
-    let prepared: Vec<Cow<'_, [f64]>> = traces
-        .par_iter()
-        .map(|trace| {
-            let residual = &trace.residual;
-            let prepared: Cow<'_, [f64]> = if level == Level::Apart {
-                let levels = local_rms(residual, BESIDE_CODEBOOK.smoothing);
-                let even = residual.iter().zip(levels).map(|(x, level)| x / level);
-                even.collect()
-            } else {
-                residual.as_slice().into()
-            };
-            limited(trace, prepared, loudest)
-        })
-        .collect();
+    let prepared = traces.par_iter();
+    let prepared = prepared.map(|trace| limited(trace, levelled(&trace.residual, level), loudest));
+    let prepared: Vec<Cow<'_, [f64]>> = prepared.collect();
     let of_length = |samples: usize| -> Vec<Stretch> {
         let own = traces.iter().enumerate();
         own.flat_map(|(trace, own)| {
@@ -124,6 +112,16 @@ pub(super) fn choose(
         samples: chosen.iter().flat_map(samples).collect(),
         trials: of.len(),
     })
+}
+
+/// `residual` as a material of this level has it.
+fn levelled(residual: &[f64], level: Level) -> Cow<'_, [f64]> {
+    if level != Level::Apart {
+        return residual.into();
+    }
+    let levels = local_rms(residual, BESIDE_CODEBOOK.smoothing);
+    let even = residual.iter().zip(levels);
+    even.map(|(x, level)| x / level).collect()
 }
 
 /// First samples of the stretches of a trial of this `length` that are clean and, unless they are moments, not quiet,

@@ -7,8 +7,8 @@ use model_format::SAMPLE_RATE_HZ;
 
 use super::loudness_tests::{fitted, synthesis};
 use super::power::mean_square;
+use crate::dsp::fourier;
 use crate::dsp::reduction::{Reduction, reduce};
-use crate::dsp::with_planner;
 use crate::fit::options::Options;
 use crate::recording::{RecordingSet, read};
 use crate::rig::{RigFile, simulate_to_folder};
@@ -23,16 +23,13 @@ const WINDOW: usize = 100;
 /// least.
 fn third_octave(samples: &[f64], band: i32) -> Vec<f64> {
     let count = samples.len();
-    let (forward, inverse) =
-        with_planner(|p| (p.plan_fft_forward(count), p.plan_fft_inverse(count)));
-    let (mut spectrum, mut signal) = (forward.make_output_vec(), samples.to_vec());
-    forward.process(&mut signal, &mut spectrum).unwrap();
+    let mut spectrum = fourier::forward(&mut samples.to_vec());
     let bin_hz = f64::from(SAMPLE_RATE_HZ) / count as f64;
     for (bin, value) in spectrum.iter_mut().enumerate() {
         let place = 10.0 * (bin as f64 * bin_hz).log10() - f64::from(band);
         *value *= (-2.0 * place * place).exp();
     }
-    inverse.process(&mut spectrum, &mut signal).unwrap();
+    let signal = fourier::inverse(&mut spectrum, count);
     signal.iter().map(|x| x / count as f64).collect()
 }
 

@@ -2,8 +2,7 @@
 
 use std::ops::Range;
 
-use super::evidence::KURTOSIS_SAMPLES;
-use super::evidence::{Sums, gaussian_kurtosis};
+use super::evidence::{KURTOSIS_SAMPLES, Sums, gaussian_kurtosis};
 use super::trace::Trace;
 
 /// Standard deviations that two sides must differ by: a chance of 1e-4 per split, so that at most 1 in 100 grids of any

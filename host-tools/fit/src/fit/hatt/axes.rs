@@ -57,14 +57,9 @@ pub struct Bounds {
     pub bytes: usize,
 }
 
-/// Lines from which a grid is chosen, ascending.
+/// Lines from which a grid is chosen, ascending: speeds, mm/s, and forces, N.
 #[derive(Clone, Debug)]
-pub struct Candidates {
-    /// Speeds, mm/s.
-    pub speeds_mm_s: Vec<Line>,
-    /// Forces, N.
-    pub forces_n: Vec<Line>,
-}
+pub struct Candidates(pub [Vec<Line>; 2]);
 
 /// A speed or a force of a grid, above zero.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -87,15 +82,15 @@ impl Candidates {
     pub fn of(toolkit: &Toolkit) -> Self {
         let models = || toolkit.models.iter();
         let (speeds, forces) = (models().map(|m| m.speed_mm_s), models().map(|m| m.force_n));
-        Self {
-            speeds_mm_s: lines(speeds.map(|speed| speed.min(toolkit.max_speed_mm_s))),
-            forces_n: lines(forces.map(|force| force.min(toolkit.max_force_n))),
-        }
+        Self([
+            lines(speeds.map(|speed| speed.min(toolkit.max_speed_mm_s))),
+            lines(forces.map(|force| force.min(toolkit.max_force_n))),
+        ])
     }
 
     /// Number of speeds and forces that are the models' own.
     pub fn own(&self) -> usize {
-        let lines = self.speeds_mm_s.iter().chain(&self.forces_n);
+        let lines = self.0.iter().flatten();
         lines.filter(|line| line.is_own).count()
     }
 }
@@ -124,18 +119,13 @@ fn lines(places: impl Iterator<Item = f64>) -> Vec<Line> {
     gaps.sort_by(|a, b| (b.1 - b.0).total_cmp(&(a.1 - a.0)));
     let middles = gaps.into_iter().map(|(low, high)| 0.5 * (low + high));
     let room = limits::MAX_AXIS_LEN - own.len();
-    let others = std::iter::once(half)
-        .chain(middles)
-        .filter(|&value| value > 0.0)
-        .take(room)
-        .map(|value| (value, false));
-    let mut all: Vec<(f32, bool)> = others
-        .chain(own.iter().map(|&value| (value, true)))
-        .collect();
-    all.sort_by(|a, b| a.0.total_cmp(&b.0));
-    all.into_iter()
-        .map(|(value, is_own)| Line { value, is_own })
-        .collect()
+    let others = std::iter::once(half).chain(middles);
+    let others = others.filter(|&value| value > 0.0).take(room);
+    let line = |is_own| move |value| Line { value, is_own };
+    let mut all: Vec<Line> = others.map(line(false)).collect();
+    all.extend(own.into_iter().map(line(true)));
+    all.sort_by(|a, b| a.value.total_cmp(&b.value));
+    all
 }
 
 /// Bytes of a node in a library.
@@ -173,7 +163,7 @@ struct Probe {
 
 /// A place at which the cost is computed.
 struct Spot {
-    place: (f64, f64),
+    place: [f64; 2],
     /// Levels of the bands and of all frequencies together, dB.
     wanted_db: [f64; MOST_BANDS + 1],
     weight: f64,
@@ -210,15 +200,14 @@ struct Loss {
 
 impl<'a> Search<'a> {
     fn new(toolkit: &Toolkit, candidates: &'a Candidates) -> Self {
-        let forces = candidates.forces_n.len();
-        let models: Vec<Model> = (0..candidates.speeds_mm_s.len() * forces)
-            .into_par_iter()
-            .map(|index| {
-                let speed = candidates.speeds_mm_s[index / forces].value;
-                let force = candidates.forces_n[index % forces].value;
-                between::model(toolkit, (f64::from(speed), f64::from(force)))
-            })
-            .collect();
+        let [speeds, forces] = &candidates.0;
+        let models = (0..speeds.len() * forces.len()).into_par_iter();
+        let models = models.map(|index| {
+            let places = [&speeds[index / forces.len()], &forces[index % forces.len()]];
+            let [speed, force] = places.map(|line| f64::from(line.value));
+            between::model(toolkit, (speed, force))
+        });
+        let models: Vec<Model> = models.collect();
         let angles = |model: &Model| model.reflection.iter().map(|k| k.asin()).collect();
         let probes = probes(toolkit);
         let mut search = Self {
@@ -231,10 +220,7 @@ impl<'a> Search<'a> {
             models,
             spots: spots(toolkit, &probes),
             probes,
-            left: [
-                (0..candidates.speeds_mm_s.len()).collect(),
-                (0..forces).collect(),
-            ],
+            left: [speeds, forces].map(|lines| (0..lines.len()).collect()),
             costs: Vec::new(),
         };
         search.costs = search
@@ -245,16 +231,8 @@ impl<'a> Search<'a> {
         search
     }
 
-    fn lines(&self, axis: usize) -> &'a [Line] {
-        if axis == 0 {
-            &self.candidates.speeds_mm_s
-        } else {
-            &self.candidates.forces_n
-        }
-    }
-
     fn value(&self, axis: usize, index: usize) -> f64 {
-        f64::from(self.lines(axis)[index].value)
+        f64::from(self.candidates.0[axis][index].value)
     }
 
     /// Spots within triangles with their costs.
@@ -272,7 +250,7 @@ impl<'a> Search<'a> {
     }
 
     fn index(&self, speed: usize, force: usize) -> usize {
-        speed * self.candidates.forces_n.len() + force
+        speed * self.candidates.0[1].len() + force
     }
 
     fn bytes(&self) -> usize {
@@ -303,7 +281,7 @@ impl<'a> Search<'a> {
         let lines: Vec<(usize, usize)> = (0..2)
             .filter(|&axis| axes[axis] && self.left[axis].len() > 1)
             .flat_map(|axis| (0..self.left[axis].len()).map(move |line| (axis, line)))
-            .filter(|&(axis, line)| may(&self.lines(axis)[self.left[axis][line]]))
+            .filter(|&(axis, line)| may(&self.candidates.0[axis][self.left[axis][line]]))
             .collect();
         let tried = lines.into_par_iter().map(|(axis, line)| {
             let loss = self.without(axis, line);
@@ -352,14 +330,8 @@ impl<'a> Search<'a> {
             end(Some(line + 1), f64::INFINITY),
         );
         let mut rise = 0.0;
-        let near = self.spots.iter().enumerate().filter(|(_, spot)| {
-            let value = if axis == 0 {
-                spot.place.0
-            } else {
-                spot.place.1
-            };
-            value > low && value < high
-        });
+        let near = self.spots.iter().enumerate();
+        let near = near.filter(|(_, spot)| spot.place[axis] > low && spot.place[axis] < high);
         let changed = near
             .map(|(index, spot)| {
                 let cost = self.cost(spot, &left);
@@ -391,11 +363,8 @@ impl<'a> Search<'a> {
     }
 
     /// Levels that a grid plays, by the device's rule: means of θ and of power, and power in proportion below the grid.
-    fn played_db(&self, place: (f64, f64), left: &[Vec<usize>; 2]) -> [f64; MOST_BANDS + 1] {
-        let (speeds, forces) = (
-            self.position(0, &left[0], place.0),
-            self.position(1, &left[1], place.1),
-        );
+    fn played_db(&self, place: [f64; 2], left: &[Vec<usize>; 2]) -> [f64; MOST_BANDS + 1] {
+        let [speeds, forces] = [0, 1].map(|axis| self.position(axis, &left[axis], place[axis]));
         let mut thetas = Vec::new();
         let mut power = 0.0;
         for (speed, speed_weight) in speeds.nodes {
@@ -444,15 +413,13 @@ impl<'a> Search<'a> {
                 models.push(std::mem::replace(&mut self.models[index], Model::silent()));
             }
         }
+        let values = |axis: usize| {
+            let left = self.left[axis].iter();
+            left.map(move |&index| self.candidates.0[axis][index].value)
+        };
         Chosen {
-            speeds_mm_s: speeds
-                .iter()
-                .map(|&index| self.candidates.speeds_mm_s[index].value)
-                .collect(),
-            forces_n: forces
-                .iter()
-                .map(|&index| self.candidates.forces_n[index].value)
-                .collect(),
+            speeds_mm_s: values(0).collect(),
+            forces_n: values(1).collect(),
             models,
         }
     }
@@ -510,7 +477,7 @@ fn spots(toolkit: &Toolkit, probes: &[Probe]) -> Vec<Spot> {
             let mut densities = density.into_iter();
             let wanted_db = levels_db(probes, |_| densities.next().unwrap_or(0.0));
             Some(Spot {
-                place,
+                place: place.into(),
                 wanted_db,
                 weight,
             })

@@ -10,7 +10,6 @@ use model_format::{
     Provenance, Texture, TextureSpec, encode,
 };
 use rayon::prelude::*;
-use realfft::RealFftPlanner;
 use serde::Serialize;
 use stylus_kernel::arithmetic::Portable;
 use stylus_kernel::excitation;
@@ -20,6 +19,7 @@ use stylus_kernel::lattice::{LatticeFrame, LatticeState};
 use super::axes::{Candidates, Chosen, MOST_BANDS, choose};
 use super::between;
 use super::toolkit::Toolkit;
+use crate::dsp::fourier;
 use crate::dsp::spectrum::{AMPLITUDE_JND_DB, BAND_LABELS_HZ, band_edges_hz};
 use crate::support::error::{Error, Result};
 use crate::texture::grid::Grid;
@@ -27,8 +27,7 @@ use crate::texture::library::texture_spec;
 use crate::texture::quantise::coarse;
 
 pub use super::axes::Bounds;
-pub use super::between::ORDER_TOLERANCE_DB;
-pub use super::between::ROLL_OFF_DB_PER_OCTAVE;
+pub use super::between::{ORDER_TOLERANCE_DB, ROLL_OFF_DB_PER_OCTAVE};
 
 /// Nominal frequencies of the third octaves above those of [`BAND_LABELS_HZ`], Hz.
 const HIGH_LABELS_HZ: [&str; MOST_BANDS - BAND_LABELS_HZ.len()] =
@@ -108,8 +107,7 @@ pub fn far_nodes(nodes: &[ConvertedNode]) -> Option<String> {
 /// No speed or no force above zero, or a level that the library cannot hold.
 pub fn convert(name: &str, toolkit: &Toolkit, bounds: Bounds) -> Result<Converted> {
     let candidates = Candidates::of(toolkit);
-    let axes = [&candidates.speeds_mm_s, &candidates.forces_n];
-    if axes.iter().any(|axis| axis.is_empty()) || bounds.speeds == 0 || bounds.forces == 0 {
+    if candidates.0.iter().any(Vec::is_empty) || bounds.speeds == 0 || bounds.forces == 0 {
         let problem = "there is no grid: it needs a model at a speed and a force above zero, and room for a node";
         return Err(Error::Request(problem.into()));
     }
@@ -312,11 +310,7 @@ pub(super) fn played_density(texture: &Texture<'_>, (speed_mm_s, force_n): (f64,
             f64::from(output.0) / step
         })
         .collect();
-    let transform = RealFftPlanner::new().plan_fft_forward(response.len());
-    let mut spectrum = transform.make_output_vec();
-    transform
-        .process(&mut response, &mut spectrum)
-        .expect("lengths come from the plan");
+    let spectrum = fourier::forward(&mut response);
     let scale = 2.0 / f64::from(rate_hz);
     spectrum.iter().map(|bin| scale * bin.norm_sqr()).collect()
 }

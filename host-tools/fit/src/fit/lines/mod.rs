@@ -20,6 +20,5 @@ mod track;
 mod wander;
 
 pub use super::options::Lines;
-pub use findings::{Findings, Line, NoLines, TrialLines};
-pub use findings::{LineMember, lines_on};
+pub use findings::{Findings, Line, LineMember, NoLines, TrialLines, lines_on};
 pub use separate::{Separated, separate};

@@ -10,9 +10,8 @@ use std::f64::consts::{LN_2, TAU};
 use std::rc::Rc;
 
 use model_format::SAMPLE_RATE_HZ;
-use realfft::num_complex::Complex;
 
-use crate::dsp::with_planner;
+use crate::dsp::fourier::{self, Complex};
 
 /// Cells left out on each side of a peak: the main lobe of the window, and its skirt.
 const GUARD_CELLS: f64 = 3.0;
@@ -69,18 +68,14 @@ impl LineSpectrum {
             return None;
         }
         let length = (2 * signal.len()).next_power_of_two();
-        let forward = with_planner(|planner| planner.plan_fft_forward(length));
-        let mut padded = forward.make_input_vec();
+        let mut padded = vec![0.0; length];
         let mut window_energy = 0.0;
         let window = hann_window(signal.len());
         for ((out, x), weight) in padded.iter_mut().zip(signal).zip(&*window) {
             window_energy += weight * weight;
             *out = weight * x;
         }
-        let mut bins = forward.make_output_vec();
-        forward
-            .process(&mut padded, &mut bins)
-            .expect("lengths come from the plan");
+        let bins = fourier::forward(&mut padded);
         let rate_hz = f64::from(SAMPLE_RATE_HZ);
         let power: Vec<f64> = bins.iter().map(Complex::norm_sqr).collect();
         let strongest = power.iter().copied().fold(0.0, f64::max);

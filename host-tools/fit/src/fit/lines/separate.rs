@@ -6,13 +6,13 @@ use std::ops::Range;
 
 use model_format::{SAMPLE_RATE_HZ, Wander, limits};
 use rayon::prelude::*;
-use realfft::num_complex::Complex;
 
 use super::findings::{Findings, Line, NoLines, TrialLines};
 use super::peaks::{LineSpectrum, tells_lines};
 use super::search::{Found, HIGHEST_HZ, Heard, LEAST_SPEED_RATIO, Search};
 use super::track::{amplitudes, followed, steady_mm, subtract, wave_at};
 use super::wander::{Course, Weave, find};
+use crate::dsp::fourier::Complex;
 
 /// Relative error of the speeds in a rig's list.
 const EXACT_LIST: f64 = 1e-3;

@@ -16,12 +16,11 @@ use std::cell::RefCell;
 use std::f64::consts::TAU;
 
 use model_format::SAMPLE_RATE_HZ;
-use realfft::num_complex::Complex;
 use rustfft::FftPlanner;
 
 use super::peaks::tells_lines;
 use super::search::{HIGHEST_HZ, LOWEST_HZ};
-use crate::dsp::with_planner;
+use crate::dsp::fourier::{self, Complex};
 
 /// Widths by which a spectrum is smoothed to find bands in it, Hz: standard deviations of a Gaussian kernel.
 const WIDTHS_HZ: [f64; 4] = [1.0, 3.0, 9.0, 24.0];
@@ -86,14 +85,8 @@ impl WholeSpectrum {
         if !tells_lines(signal) {
             return None;
         }
-        let forward = with_planner(|planner| planner.plan_fft_forward(signal.len()));
-        let mut samples = signal.to_vec();
-        let mut bins = forward.make_output_vec();
-        forward
-            .process(&mut samples, &mut bins)
-            .expect("lengths come from the plan");
         Some(Self {
-            bins,
+            bins: fourier::forward(&mut signal.to_vec()),
             samples: signal.len(),
         })
     }

@@ -9,6 +9,7 @@ use rand_pcg::Pcg64;
 
 use super::findings::NoLines;
 use super::{Findings, TrialLines, separate};
+use crate::dsp::sums::rms;
 use crate::fit::blocks::Part;
 use test_helpers::near;
 
@@ -48,10 +49,6 @@ fn add_line(signal: &mut [f64], hz: f64, amplitude: f64, phase: f64) {
     for (n, x) in signal.iter_mut().enumerate() {
         *x += amplitude * (TAU * (hz * n as f64 / RATE_HZ + phase).fract()).sin();
     }
-}
-
-fn rms(signal: &[f64]) -> f64 {
-    (signal.iter().map(|x| x * x).sum::<f64>() / signal.len() as f64).sqrt()
 }
 
 fn surfaces(seed: u64, speeds: &[f64], band_mm: Option<f64>) -> (Pcg64, Vec<Vec<f64>>) {

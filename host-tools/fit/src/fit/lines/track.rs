@@ -9,9 +9,10 @@ use std::ops::Range;
 
 use model_format::SAMPLE_RATE_HZ;
 use nalgebra::{DMatrix, DVector};
-use realfft::num_complex::Complex;
 
 use super::peaks::{hann, hann_window};
+use crate::dsp::fourier::Complex;
+use crate::dsp::sums::rms;
 
 /// Duration over which a line's phase is averaged, s. Speeds that change faster are not followed.
 const AVERAGE_S: f64 = 0.2;
@@ -190,10 +191,6 @@ pub(super) fn without_straight_line(times: &[f64], values: &[f64]) -> Vec<f64> {
     let left = times.iter().zip(values);
     left.map(|(t, v)| v - mean_v - slope * (t - mean_t))
         .collect()
-}
-
-fn rms(values: &[f64]) -> f64 {
-    (values.iter().map(|v| v * v).sum::<f64>() / values.len().max(1) as f64).sqrt()
 }
 
 /// Samples of `signal` where its ascending `places` are multiples of `step`, by a cubic through four samples: exact

@@ -6,11 +6,11 @@ use std::ops::Range;
 
 use model_format::{SAMPLE_RATE_HZ, Wander, limits};
 use rayon::prelude::*;
-use realfft::num_complex::Complex;
 
 use super::search::{AtSpeed, HARMONICS, HIGHEST_HZ, LEVEL, LOWEST_HZ, by_speed};
 use super::steady::{Band, WholeSpectrum};
 use super::track::{amplitudes, wave, without_straight_line};
+use crate::dsp::fourier::Complex;
 
 /// Logarithm of the chance below which a band makes a hypothesis.
 const LN_HYPOTHESIS_CHANCE: f64 = -9.0;

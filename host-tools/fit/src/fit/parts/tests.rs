@@ -8,8 +8,7 @@ use crate::fit::{ExcitationChoice, Fit, FloorChoice, Options, fit};
 use crate::recording::{RecordingSet, Trial};
 use crate::support::error::Result;
 use crate::support::float_wav::float_wav;
-use test_helpers::holds;
-use test_helpers::noise;
+use test_helpers::{holds, noise};
 
 const SAMPLES: usize = 2600;
 
@@ -192,10 +191,13 @@ fn a_merge_refuses_what_is_missing_damaged_or_of_other_inputs_and_a_map_computes
     refused(&set, &own, "cork-0.wav");
     assert_eq!(reused(&set, &own), 8);
 
-    // So is one with a file that is damaged anywhere, cut or too long.
-    let path = super::unit::units(&set, &own)[2][0]
-        .path(&set, &own, &parts)
-        .unwrap();
+    refuses_damage(&set, &own, &parts);
+}
+
+/// Holds that a unit is computed again whose file is damaged anywhere, cut or too long.
+fn refuses_damage(set: &RecordingSet, own: &Options, parts: &Path) {
+    let unit = &super::unit::units(set, own)[2][0];
+    let path = unit.path(set, own, parts).unwrap();
     let bytes = std::fs::read(&path).unwrap();
     for at in (0..bytes.len()).step_by(bytes.len() / 61) {
         let mut changed = bytes.clone();
@@ -206,12 +208,11 @@ fn a_merge_refuses_what_is_missing_damaged_or_of_other_inputs_and_a_map_computes
             &[bytes.as_slice(), b"x"].concat(),
         ] {
             std::fs::write(&path, damaged).unwrap();
-            let unit = &super::unit::units(&set, &own)[2][0];
             assert!(unit.read(&path).is_err(), "{at}");
         }
     }
-    refused(&set, &own, "is damaged");
-    assert_eq!(reused(&set, &own), 8);
+    holds(&merged(set, own, parts).unwrap_err(), &["is damaged"]);
+    assert_eq!(mapped(set, own, Shard::WHOLE, parts).reused, 8);
     assert_eq!(std::fs::read(&path).unwrap(), bytes);
 }
 

@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use realfft::RealFftPlanner;
+use crate::dsp::fourier;
 
 /// Time constants at which the search starts, s.
 const DECAYS_S: [f64; 12] = [
@@ -174,11 +174,7 @@ fn loudest_line_hz(signal: &[f64], rate_hz: f64) -> f64 {
     let len = (4 * signal.len()).next_power_of_two();
     let mut padded = signal.to_vec();
     padded.resize(len, 0.0);
-    let forward = RealFftPlanner::<f64>::new().plan_fft_forward(len);
-    let mut spectrum = forward.make_output_vec();
-    forward
-        .process(&mut padded, &mut spectrum)
-        .expect("the lengths are the plan's own");
+    let spectrum = fourier::forward(&mut padded);
     let loudest = (1..spectrum.len())
         .max_by(|&a, &b| spectrum[a].norm_sqr().total_cmp(&spectrum[b].norm_sqr()));
     loudest.unwrap_or(1) as f64 * rate_hz / len as f64

@@ -23,9 +23,9 @@ use serde::Serialize;
 use stylus_kernel::UPDATE_INTERVAL_SAMPLES;
 use stylus_kernel::scene::ContactThreshold;
 
-pub use fit::onsets;
-pub use fit::{Ringing, fit};
+pub use fit::{Ringing, fit, onsets};
 
+use crate::dsp::liveliness::median;
 use crate::dsp::reduction::{Reduction, reduce};
 use crate::recording::{self, RECORDING, Trial, freehand};
 use crate::support::csv_table::CsvTable;
@@ -251,22 +251,24 @@ impl TapFit {
     pub fn new(recordings: &[Taps]) -> Result<Self> {
         let impacts: Vec<Impact> = recordings.iter().flat_map(Taps::impacts).collect();
         let counted = || impacts.iter().filter(|impact| impact.left_out.is_none());
-        if counted().next().is_none() {
+        let middle = |of: fn(&Impact) -> f64| median(counted().map(of));
+        let middles = middle(|impact| impact.frequency_hz).zip(middle(|impact| impact.decay_s));
+        let Some((frequency_hz, decay_s)) = middles else {
             let problem = if impacts.is_empty() {
                 "no impact is louder than the noise; record taps with a pause before each"
             } else {
                 "no impact is followed by a decaying sine; record taps on something hard, without moving along it"
             };
             return Err(Error::Request(problem.into()));
-        }
+        };
         let loudest = counted().map(|i| i.amplitude_m_s2).fold(0.0, f64::max);
         let rated: Vec<(f64, f64)> = counted()
             .filter_map(|impact| Some((impact.force_rate_n_s?, impact.amplitude_m_s2)))
             .collect();
         let (gain, scatter) = gain_through_origin(&rated).unzip();
         Ok(Self {
-            frequency_hz: median(counted().map(|impact| impact.frequency_hz).collect()),
-            decay_s: median(counted().map(|impact| impact.decay_s).collect()),
+            frequency_hz,
+            decay_s,
             gain_m_s2_per_n_s: gain.map(|gain: f64| gain.min(f64::from(MAX_TAP_GAIN))),
             gain_scatter: scatter,
             limit_m_s2: (LIMIT_ROOM * loudest).min(f64::from(MAX_TAP_M_S2)),
@@ -290,16 +292,6 @@ fn gain_through_origin(rated: &[(f64, f64)]) -> Option<(f64, f64)> {
         .sum();
     let all: f64 = rated.iter().map(|(_, a)| a * a).sum();
     Some((gain, (off / all).sqrt()))
-}
-
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    let middle = values.len() / 2;
-    if values.len().is_multiple_of(2) {
-        0.5 * (values[middle - 1] + values[middle])
-    } else {
-        values[middle]
-    }
 }
 
 /// Returns true if the header of a CSV file has the column `force_n`.

@@ -2,11 +2,9 @@
 
 use std::sync::{Arc, OnceLock};
 
-use model_format::NodeFlags;
-
 use crate::dsp::log_spectrum::LogSpectrum;
 use crate::recording::Trial;
-use crate::texture::grid::{Grid, as_written};
+use crate::texture::grid::{Grid, as_written, is_recorded};
 
 mod surface_and_tool;
 
@@ -17,12 +15,7 @@ use surface_and_tool::{FEWEST_SPEEDS, SurfaceAndTool};
 pub fn recorded_spectra(grid: &Grid, signals: &[(&Trial, &[f64])]) -> RecordedSpectra {
     let nodes: Vec<_> = grid.nodes().collect();
     let spectra = nodes.iter().map(|(speed, force, model)| {
-        let without = [
-            NodeFlags::SILENT,
-            NodeFlags::INTERPOLATED,
-            NodeFlags::EXTRAPOLATED,
-        ];
-        if without.iter().any(|&flag| model.flags.contains(flag)) {
+        if !is_recorded(model.flags) {
             return None;
         }
         let is_of_node =

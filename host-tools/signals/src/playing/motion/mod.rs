@@ -16,5 +16,4 @@
 mod path;
 mod table;
 
-pub use path::Hand;
-pub use path::{MotionPath, MotionRow};
+pub use path::{Hand, MotionPath, MotionRow};

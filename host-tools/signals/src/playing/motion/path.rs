@@ -390,8 +390,7 @@ mod tests {
     use super::super::table::tests::path_of as read;
     use super::*;
     use proptest::prelude::*;
-    use test_helpers::holds;
-    use test_helpers::near;
+    use test_helpers::{holds, near};
 
     fn motion(speed_mm_s: f32, force_n: f32) -> Motion {
         Motion::new(MillimetresPerSecond(speed_mm_s), Newton(force_n)).unwrap()

@@ -6,6 +6,5 @@ mod samples;
 pub(crate) mod test_motions;
 mod wav;
 
-pub use samples::{MAX_SECONDS, SampleClock};
-pub use samples::{Rendered, Rendering, render};
+pub use samples::{MAX_SECONDS, Rendered, Rendering, SampleClock, render};
 pub use wav::{RenderSummary, WavFormat, WavSummary, render_wav, write_floats_wav, write_wav};

@@ -239,8 +239,7 @@ mod tests {
     use super::super::test_motions::{constant, sweep};
     use super::*;
     use crate::support::error::Error;
-    use test_helpers::near;
-    use test_helpers::{library, texture};
+    use test_helpers::{library, near, texture};
 
     #[test]
     fn a_rendering_is_what_the_kernel_plays_when_it_follows_the_motion_every_two_milliseconds() {
