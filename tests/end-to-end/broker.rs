@@ -497,7 +497,7 @@ fn a_play_shows_speed_force_level_mutes_and_missed_ticks_while_it_lasts() {
             (out, err)
         };
         // A busy computer may send a motion so late that the stylus is muted meanwhile, but not each time.
-        let stopped = " 0 mutes, 0 missed ticks; stopped";
+        let stopped = " 0 mutes, 0 missed ticks; at the accelerometer";
         let (out, err) = (0..8)
             .map(|_| play())
             .find(|(out, _)| out.contains(stopped))
