@@ -13,8 +13,7 @@ use model_format::link::{
     LinkId, MAX_CHUNK_BYTES, MAX_COIL_POWER_WATT, MotionSample, MotionSource, OUTPUT_CODES,
     OptionByteValues, OutputValues, PlayError, PlayRequest, Playing, RESPONSE_BANDS, RecordBlock,
     Response, RestValues, Sections, Selection, SelfTestError, Setting, SettingChange, Settings,
-    SettingsChange, SettingsError, SlotId, Status, UploadChunk, UploadCommitted, UploadError,
-    output_code,
+    SettingsChange, SettingsError, SlotId, Status, UploadCommitted, UploadError, output_code,
 };
 use model_format::scene::Biquad;
 use model_format::{DacCode, MillimetresPerSecond, Newton};
@@ -29,7 +28,7 @@ use crate::actuator::Actuator;
 use crate::board::Board;
 use crate::flash::{Memory, SECTOR_BYTES, SimulatedFlash};
 use crate::hardware::Hardware;
-use crate::library::announcement;
+use crate::library::{announcement, chunks};
 
 /// Flash of the fake device.
 pub type Flash = SimulatedFlash<'static>;
@@ -207,28 +206,20 @@ impl SteppedStylus {
         Self::boot_from(SimulatedFlash::two_slots())
     }
 
-    /// Boots on `slots`, with settings that were never written, in the order of the image.
+    /// Boots on `slots`, with settings that were never written.
     pub fn boot_from(slots: Flash) -> Self {
         Self::boot_from_on(slots, Hardware::new())
     }
 
-    /// Boots on blank flash and on `hardware`, whose start may have been in safe mode.
-    pub fn boot_on(hardware: Hardware) -> Self {
-        Self::boot_from_on(SimulatedFlash::two_slots(), hardware)
-    }
-
-    /// Boots on `slots` and on `hardware`, with settings that were never written.
+    /// Boots on `slots` and on `hardware`, whose start may have been in safe mode, with settings that were never
+    /// written.
     pub fn boot_from_on(slots: Flash, hardware: Hardware) -> Self {
         let flash = SimulatedFlash::new(Memory::blank(2 * SECTOR_BYTES));
         Self::boot_as(slots, flash, hardware)
     }
 
-    /// Boots on `slots` and on settings in `flash`, which has two sectors, in the order of the image.
-    pub fn boot_with(slots: Flash, flash: Flash) -> Self {
-        Self::boot_as(slots, flash, Hardware::new())
-    }
-
-    fn boot_as(slots: Flash, flash: Flash, hardware: Hardware) -> Self {
+    /// Boots on `slots`, on settings in `flash`, which has two sectors, and on `hardware`, in the order of the image.
+    pub fn boot_as(slots: Flash, flash: Flash, hardware: Hardware) -> Self {
         let safe_mode = hardware.start.safe_mode;
         let range = 0..2 * SECTOR_BYTES as u32;
         let settings = embassy_futures::block_on(SettingsStore::open(flash, range));
@@ -264,13 +255,8 @@ impl SteppedStylus {
     pub fn upload(&mut self, bytes: &[u8]) -> Result<UploadCommitted, UploadError> {
         self.request(async |storage, stage| {
             let begun = storage.upload_begin(stage, announcement(bytes)).await?;
-            let mut offset = begun.next_offset as usize;
-            while offset < bytes.len() {
-                let chunk = UploadChunk {
-                    offset: offset as u32,
-                    data: &bytes[offset..bytes.len().min(offset + MAX_CHUNK_BYTES)],
-                };
-                offset = storage.upload_chunk(stage, chunk).await?.next_offset as usize;
+            for chunk in chunks(bytes, begun.next_offset as usize, MAX_CHUNK_BYTES) {
+                storage.upload_chunk(stage, chunk).await?;
             }
             storage.upload_commit(stage).await
         })

@@ -105,6 +105,31 @@ impl Memory {
         }
     }
 
+    /// This bank with another behind it, whose words all read the same at each read.
+    pub fn joined(mut self, next: Self) -> Self {
+        assert!(next.unstable.is_empty() && next.marginal.is_empty());
+        self.bytes.extend(next.bytes);
+        self.programmed.extend(next.programmed);
+        self.faulty.extend(next.faulty);
+        self
+    }
+
+    /// Takes the bank from `offset` on away, whose words all read the same at each read.
+    pub fn split_off(&mut self, offset: usize) -> Self {
+        let word = offset / WORD_BYTES;
+        let changing = [
+            self.unstable.last_key_value().map(|(&word, _)| word),
+            self.marginal.last_key_value().map(|(&word, _)| word),
+        ];
+        assert!(changing.into_iter().flatten().all(|at| at < word));
+        Self {
+            bytes: self.bytes.split_off(offset),
+            programmed: self.programmed.split_off(word),
+            faulty: self.faulty.split_off(word),
+            ..Self::blank(0)
+        }
+    }
+
     /// The content.
     pub fn bytes(&self) -> &[u8] {
         &self.bytes

@@ -47,6 +47,13 @@ pub fn announcement(bytes: &[u8]) -> UploadBegin {
     }
 }
 
+/// The chunks of an upload of `bytes` from byte `from` on, of `size` bytes each but the last.
+pub fn chunks(bytes: &[u8], from: usize, size: usize) -> impl Iterator<Item = UploadChunk<'_>> {
+    let offsets = (from as u32..).step_by(size);
+    let pieces = bytes[from..].chunks(size).zip(offsets);
+    pieces.map(|(data, offset)| UploadChunk { offset, data })
+}
+
 /// A library of one texture with one node, a few flash words long.
 pub fn small(name: &str) -> Vec<u8> {
     small_of(&[name], 1)
@@ -98,12 +105,9 @@ pub async fn upload<F: MappedFlash>(
     chunk: usize,
 ) -> Result<UploadCommitted, UploadError> {
     assert!(chunk.is_multiple_of(CHUNK_ALIGN) && chunk <= MAX_CHUNK_BYTES);
-    let mut progress = uploader.begin(store, announcement(bytes)).await?;
-    while progress.next_offset < bytes.len() as u32 {
-        let offset = progress.next_offset;
-        let rest = &bytes[offset as usize..];
-        let data = &rest[..chunk.min(rest.len())];
-        progress = uploader.chunk(store, UploadChunk { offset, data }).await?;
+    let begun = uploader.begin(store, announcement(bytes)).await?;
+    for chunk in chunks(bytes, begun.next_offset as usize, chunk) {
+        uploader.chunk(store, chunk).await?;
     }
     uploader.commit(store).await
 }

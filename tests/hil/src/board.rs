@@ -1,5 +1,6 @@
 //! The board's reset and its flashing: by a probe, by the process of a virtual stylus, or by nobody.
 
+use std::fmt::Display;
 use std::io::{BufRead, BufReader, Write};
 use std::path::PathBuf;
 use std::process::{Child, ChildStdin, Command, Stdio};
@@ -178,11 +179,7 @@ impl VirtualBoard {
         format!("tcp:127.0.0.1:{}", self.port)
     }
 
-    #[expect(
-        clippy::needless_pass_by_value,
-        reason = "callers have a text, a number or a value to show"
-    )]
-    fn failed(&self, problem: impl ToString) -> Error {
+    fn failed(&self, problem: &dyn Display) -> Error {
         Error::Program {
             program: self.program.display().to_string(),
             problem: problem.to_string(),
@@ -191,10 +188,10 @@ impl VirtualBoard {
 
     fn tell(&mut self, what: &str) -> Result<()> {
         let Some((_, stdin)) = &mut self.running else {
-            return Err(self.failed("it has ended"));
+            return Err(self.failed(&"it has ended"));
         };
         let told = writeln!(stdin, "{what}").and_then(|()| stdin.flush());
-        told.map_err(|error| self.failed(error))
+        told.map_err(|error| self.failed(&error))
     }
 
     /// Ends the run, which writes the flash to its file.
@@ -202,9 +199,9 @@ impl VirtualBoard {
         if let Some((mut child, stdin)) = self.running.take() {
             // The end of its input ends it.
             drop(stdin);
-            let status = child.wait().map_err(|error| self.failed(error))?;
+            let status = child.wait().map_err(|error| self.failed(&error))?;
             if !status.success() {
-                return Err(self.failed(status));
+                return Err(self.failed(&status));
             }
         }
         Ok(())
@@ -223,17 +220,17 @@ impl VirtualBoard {
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .spawn()
-            .map_err(|error| self.failed(error))?;
+            .map_err(|error| self.failed(&error))?;
         let (Some(stdin), Some(stdout)) = (child.stdin.take(), child.stdout.take()) else {
-            return Err(self.failed("it has no input or output"));
+            return Err(self.failed(&"it has no input or output"));
         };
         self.running = Some((child, stdin));
         let mut lines = BufReader::new(stdout).lines();
         let port = loop {
             let Some(line) = lines.next() else {
-                return Err(self.failed("it ended before it listened"));
+                return Err(self.failed(&"it ended before it listened"));
             };
-            let line = line.map_err(|error| self.failed(error))?;
+            let line = line.map_err(|error| self.failed(&error))?;
             if let Some(port) = line.rsplit_once("127.0.0.1:").map(|(_, port)| port.trim()) {
                 break port.parse().map_err(|_| self.failed(&line))?;
             }

@@ -1,10 +1,11 @@
 //! The library that the suite uploads: one texture per filter and order whose cycles are measured, and one scene per
 //! effect.
 
+use kernel_vectors::scenes::{equalised, of_surface, side_by_side, sticky, tapped};
 use kernel_vectors::{COUNTED_ORDERS, counted_texture};
+use model_format::encode_with_scenes;
 use model_format::link::{Selection, TextureName};
-use model_format::scene::{Biquad, Region, Scene, SceneName, StickSlip, Surface, Tap};
-use model_format::{SAMPLE_RATE_HZ, encode_with_scenes};
+use model_format::scene::{Scene, Surface};
 
 /// Indices among the textures of the lattices of orders 100 and 50. A transition of both keeps within a scene's budget.
 const LATTICE: u8 = 3;
@@ -54,54 +55,15 @@ fn texture(name: &str) -> Selection {
 
 /// One scene per stage of a scene, on a lattice of order 100.
 fn scenes() -> Vec<Scene> {
-    let scene = |name: &str, surface| {
-        let name = SceneName::try_from(name).expect("short");
-        Scene::of_surface(name, SAMPLE_RATE_HZ, surface)
-    };
     let plain = || Surface::of_texture(LATTICE);
-    let mut tapped = plain();
-    tapped.tap = Some(Tap {
-        frequency_hz: 300.0,
-        decay_s: 1.0,
-        gain_m_s2_per_n_s: 0.05,
-        limit_m_s2: 20.0,
-    });
-    let mut sticky = plain();
-    sticky.stick_slip = Some(StickSlip {
-        period_mm: 1.5,
-        duty: 0.6,
-        depth: 0.9,
-        below_mm_s: 1_000.0,
-        above_n: 0.05,
-    });
-    let equalised = |name, sections| {
-        let mut scene = scene(name, plain());
-        for section in 0..sections {
-            let pole = 0.3 + 0.05 * f64::from(section);
-            let biquad = Biquad::from_f64([0.8, -0.2, 0.1], [-pole, 0.2]).expect("within range");
-            scene.equaliser.push(biquad).expect("there is room");
-        }
-        scene
-    };
-    let mut transition = scene("transition", plain());
-    let second = Surface::of_texture(SECOND);
-    transition.surfaces.push(second).expect("there is room");
-    for (surface, [start_mm, end_mm]) in [[-1e5, 0.0], [0.0, 1e5]].into_iter().enumerate() {
-        let region = Region {
-            start_mm,
-            end_mm,
-            surface: surface as u8,
-        };
-        transition.regions.push(region).expect("there is room");
-    }
-    transition.transition_mm = 100.0;
+    let surfaces = [plain(), Surface::of_texture(SECOND)];
     vec![
-        scene("lattice, order 100", plain()),
-        scene("tap", tapped),
-        scene("stick-slip", sticky),
-        equalised("one section", 1),
-        equalised("eight sections", 8),
-        transition,
+        of_surface("lattice, order 100", plain()),
+        of_surface("tap", tapped(plain())),
+        of_surface("stick-slip", sticky(plain())),
+        equalised(of_surface("one section", plain()), 1),
+        equalised(of_surface("eight sections", plain()), 8),
+        side_by_side("transition", surfaces, [-1e5, 0.0, 1e5], 100.0),
     ]
 }
 

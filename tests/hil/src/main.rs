@@ -4,17 +4,19 @@ use std::io::{IsTerminal, Write};
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use clap::Parser;
 use hil::bench::{Bench, Lengths};
 use hil::board::{Board, Images, Probe, VirtualBoard};
 use hil::error::{Error, Result};
-use hil::report::{Line, Report};
+use hil::report::{Report, Test};
 use hil::suite::{overwrites, run};
 use host_tools::link::{Device, LinkAddress, Route, Timeouts};
 use serde::Serialize;
+use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::flag;
 
 /// The part's name for probe-rs.
 const CHIP: &str = "STM32H743ZITx";
@@ -76,7 +78,7 @@ fn main() -> ExitCode {
 /// Returns true if the report holds.
 fn tested(arguments: &Arguments) -> Result<bool> {
     let interrupt = Arc::new(AtomicBool::new(false));
-    listen(interrupt.clone())?;
+    listen(&interrupt)?;
     let (board, address) = board(arguments)?;
     let is_slow = board.is_emulated()
         || matches!(
@@ -94,8 +96,8 @@ fn tested(arguments: &Arguments) -> Result<bool> {
         board,
         lengths(arguments),
         interrupt,
-        |line: &Line| {
-            println!("{line}");
+        |test: &Test| {
+            println!("{test}");
         },
     );
     bench.no_amplifier = arguments.no_amplifier;
@@ -122,50 +124,15 @@ fn tested(arguments: &Arguments) -> Result<bool> {
     Ok(bench.report.holds())
 }
 
-/// Raises the flag on Ctrl-C and, on Unix, SIGTERM from now on, because the stylus must be left silent and with its
-/// settings. A second signal ends the process at once.
-fn listen(flag: Arc<AtomicBool>) -> Result<()> {
-    let runtime = tokio::runtime::Builder::new_current_thread()
-        .enable_all()
-        .build()?;
-    let listener = move || {
-        runtime.block_on(async {
-            loop {
-                wanted().await;
-                if flag.swap(true, Ordering::Relaxed) {
-                    std::process::exit(EXIT_INTERRUPTED);
-                }
-                eprintln!(
-                    "interrupted: silencing and restoring the stylus; once more ends at once"
-                );
-            }
-        });
-    };
-    std::thread::Builder::new()
-        .name("hil-interrupt".to_owned())
-        .spawn(listener)?;
-    Ok(())
-}
-
-#[cfg(unix)]
-async fn wanted() {
-    use tokio::signal::unix::{SignalKind, signal};
-    // A failure to listen counts as an interrupt, because ending is the safe choice.
-    let (Ok(mut interrupt), Ok(mut terminate)) = (
-        signal(SignalKind::interrupt()),
-        signal(SignalKind::terminate()),
-    ) else {
-        return;
-    };
-    tokio::select! {
-        _ = interrupt.recv() => {}
-        _ = terminate.recv() => {}
+/// Raises the flag on Ctrl-C and SIGTERM from now on, because the stylus must be left silent and with its settings. A
+/// second signal ends the process at once.
+fn listen(interrupt: &Arc<AtomicBool>) -> Result<()> {
+    for signal in [SIGINT, SIGTERM] {
+        // First, so that it finds the flag as the signal before has left it.
+        flag::register_conditional_shutdown(signal, EXIT_INTERRUPTED, interrupt.clone())?;
+        flag::register(signal, interrupt.clone())?;
     }
-}
-
-#[cfg(not(unix))]
-async fn wanted() {
-    let _ = tokio::signal::ctrl_c().await;
+    Ok(())
 }
 
 fn board(arguments: &Arguments) -> Result<(Board, LinkAddress)> {

@@ -1,88 +1,65 @@
-//! The report: a line per test with its value, its limits and its verdict.
+//! The report: lines as the product's self test has them, each of its subject.
 
 use std::fmt;
 
+use host_tools::procedures::self_test::{Line, Verdict};
 use serde::Serialize;
 
-/// Verdict of a test.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Verdict {
-    /// The value is within its limits.
-    Passed,
-    /// The value is outside its limits, or there is none.
-    Failed,
-    /// The test could not run here.
-    LeftOut,
-}
-
-impl fmt::Display for Verdict {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(match self {
-            Self::Passed => "passed",
-            Self::Failed => "FAILED",
-            Self::LeftOut => "left out",
-        })
-    }
-}
-
 /// One test.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct Line {
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Test {
     /// The subject that the test belongs to.
     pub subject: &'static str,
-    /// Name of the test: the property that it holds.
-    pub name: String,
-    /// The value that was found.
-    pub value: String,
-    /// Limits of the value.
-    pub limits: String,
-    /// The verdict.
-    pub verdict: Verdict,
+    /// Its value, limits and verdict, by the property that it holds; without a verdict, the reason.
+    #[serde(flatten)]
+    pub line: Line,
 }
 
-impl fmt::Display for Line {
+impl fmt::Display for Test {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self {
-            subject,
+        let Line {
             name,
             value,
             limits,
             verdict,
-        } = self;
-        if limits.is_empty() {
-            write!(f, "{verdict:<8}  {subject}: {name}: {value}")
-        } else {
-            write!(f, "{verdict:<8}  {subject}: {name}: {value} ({limits})")
+            remedy,
+            ..
+        } = &self.line;
+        write!(f, "{verdict:<12}  {}: {name}: ", self.subject)?;
+        match verdict {
+            Verdict::NotMeasured => f.write_str(remedy),
+            Verdict::Pass | Verdict::Fail => write!(f, "{value} ({limits})"),
         }
     }
 }
 
-/// The lines of a run, in the order of its tests.
+/// The tests of a run, in their order.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Report {
-    /// The lines.
-    pub lines: Vec<Line>,
+    /// The tests.
+    pub tests: Vec<Test>,
     /// True if the run was ended before its last test.
     pub interrupted: bool,
 }
 
 impl Report {
-    /// Number of tests with `verdict`.
-    pub fn count(&self, verdict: Verdict) -> usize {
-        let lines = self.lines.iter();
-        lines.filter(|line| line.verdict == verdict).count()
+    /// The tests with `verdict`.
+    pub fn with(&self, verdict: Verdict) -> impl Iterator<Item = &Test> {
+        let tests = self.tests.iter();
+        tests.filter(move |test| test.line.verdict == verdict)
     }
 
     /// Returns true if the run came to its end, something passed and nothing failed.
     pub fn holds(&self) -> bool {
-        !self.interrupted && self.count(Verdict::Passed) > 0 && self.count(Verdict::Failed) == 0
+        let [passed, failed] =
+            [Verdict::Pass, Verdict::Fail].map(|verdict| self.with(verdict).count());
+        !self.interrupted && passed > 0 && failed == 0
     }
 
     /// The summary, in one line.
     pub fn summary(&self) -> String {
-        let [passed, failed, left_out] =
-            [Verdict::Passed, Verdict::Failed, Verdict::LeftOut].map(|verdict| self.count(verdict));
+        let [passed, failed, left_out] = [Verdict::Pass, Verdict::Fail, Verdict::NotMeasured]
+            .map(|verdict| self.with(verdict).count());
         let end = match (self.interrupted, failed, passed) {
             (true, ..) => "; interrupted before the last test",
             (false, 0, 0) => "; nothing was tested, which is a failure",
@@ -96,43 +73,55 @@ impl Report {
 mod tests {
     use super::*;
 
-    fn report(verdicts: &[Verdict]) -> Report {
-        let line = |&verdict: &Verdict| Line {
-            subject: "subject",
-            name: "name".to_owned(),
-            value: "1".to_owned(),
-            limits: "at most 2".to_owned(),
-            verdict,
-        };
-        Report {
-            lines: verdicts.iter().map(line).collect(),
-            interrupted: false,
+    #[test]
+    fn a_run_holds_if_it_ended_and_something_passed_and_nothing_failed() {
+        let passed = Line::exact("name", "1", "at most 2", true, "");
+        let failed = Line::exact("name", "3", "at most 2", false, "");
+        let left_out = Line::not_measured("name", "no probe");
+        for (lines, interrupted, summary, holds) in [
+            (
+                vec![],
+                false,
+                "0 passed, 0 failed, 0 left out; nothing was tested, which is a failure",
+                false,
+            ),
+            (
+                vec![&left_out],
+                false,
+                "0 passed, 0 failed, 1 left out; nothing was tested, which is a failure",
+                false,
+            ),
+            (
+                vec![&passed, &left_out],
+                false,
+                "1 passed, 0 failed, 1 left out",
+                true,
+            ),
+            (
+                vec![&passed, &failed],
+                false,
+                "1 passed, 1 failed, 0 left out",
+                false,
+            ),
+            (
+                vec![&passed],
+                true,
+                "1 passed, 0 failed, 0 left out; interrupted before the last test",
+                false,
+            ),
+        ] {
+            let test = |line: &Line| Test {
+                subject: "subject",
+                line: line.clone(),
+            };
+            let report = Report {
+                tests: lines.into_iter().map(test).collect(),
+                interrupted,
+            };
+            assert_eq!(
+                (report.summary().as_str(), report.holds()),
+                (summary, holds)
+            );
         }
-    }
-
-    #[test]
-    fn a_run_that_tests_nothing_fails() {
-        assert!(!report(&[]).holds());
-        assert!(!report(&[Verdict::LeftOut]).holds());
-        assert!(
-            report(&[Verdict::LeftOut])
-                .summary()
-                .contains("nothing was tested")
-        );
-    }
-
-    #[test]
-    fn a_test_that_was_left_out_does_not_count_as_passed() {
-        let report = report(&[Verdict::Passed, Verdict::LeftOut]);
-        assert!(report.holds());
-        assert_eq!(report.summary(), "1 passed, 0 failed, 1 left out");
-    }
-
-    #[test]
-    fn a_failure_or_an_interrupt_fails_the_run() {
-        assert!(!report(&[Verdict::Passed, Verdict::Failed]).holds());
-        let mut interrupted = report(&[Verdict::Passed]);
-        interrupted.interrupted = true;
-        assert!(!interrupted.holds());
     }
 }

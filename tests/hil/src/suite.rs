@@ -28,13 +28,18 @@ pub fn run(bench: &mut Bench, library: Option<PathBuf>) -> Result<()> {
     if let Err(error) = &ended
         && !bench.report.interrupted
     {
-        bench.judge("the coil's settings are set", error, "set", false);
+        bench.judge(
+            "the coil's settings are set",
+            error.to_string(),
+            "set",
+            false,
+        );
     }
     let restored = kept.restore(bench);
     if let Err(error) = &restored {
         bench.judge(
             "silent, settings and library restored",
-            error,
+            error.to_string(),
             "done",
             false,
         );
@@ -66,7 +71,7 @@ fn subject(
         Err(error) => {
             bench.judge(
                 "goes to its end",
-                &error,
+                error.to_string(),
                 "no failure of link or device",
                 false,
             );

@@ -9,9 +9,9 @@ use hil::bench::{Bench, Lengths};
 use hil::board::Board;
 use hil::checks::{cycles, endurance, faults, playing, self_test, upload};
 use hil::library::{Played, played};
-use hil::report::Verdict;
 use hil::suite::{Kept, run};
 use host_tools::link::{Device, Timeouts};
+use host_tools::procedures::self_test::Verdict;
 use model_format::link::{Activity, Setting, SettingChange};
 
 const LENGTHS: Lengths = Lengths {
@@ -34,8 +34,8 @@ fn wait_for(stylus: &FakeStylus, path: &str, count: usize) {
 }
 
 fn of(device: Device) -> Bench {
-    Bench::new(device, Board::ByHand, LENGTHS, Arc::default(), |line| {
-        println!("{line}");
+    Bench::new(device, Board::ByHand, LENGTHS, Arc::default(), |test| {
+        println!("{test}");
     })
 }
 
@@ -51,17 +51,14 @@ fn bench_with_library(stylus: &FakeStylus) -> (Bench, Played) {
     kept.make_playable(&bench).expect("the device takes them");
     let played = played();
     upload::check(&mut bench, &played.bytes).expect("the device takes it");
-    assert_eq!(bench.report.count(Verdict::Failed), 0);
+    assert_eq!(failed(&bench), [""; 0]);
     (bench, played)
 }
 
 /// The names of the tests that failed.
 fn failed(bench: &Bench) -> Vec<&str> {
-    let lines = bench.report.lines.iter();
-    lines
-        .filter(|line| line.verdict == Verdict::Failed)
-        .map(|line| line.name.as_str())
-        .collect()
+    let failed = bench.report.with(Verdict::Fail);
+    failed.map(|test| test.line.name.as_str()).collect()
 }
 
 #[test]
@@ -76,9 +73,9 @@ fn a_healthy_device_passes_and_is_left_silent_with_its_own_settings() {
     drop(device);
     let mut bench = bench(&stylus);
     run(&mut bench, None).expect("the device is as it was");
-    assert_eq!(failed(&bench), Vec::<&str>::new());
+    assert_eq!(failed(&bench), [""; 0]);
     assert!(bench.report.holds());
-    assert!(bench.report.count(Verdict::Passed) > 30);
+    assert!(bench.report.with(Verdict::Pass).count() > 30);
     assert_eq!(bench.device.settings().expect("it answers"), before);
     let status = bench.device.status().expect("it answers");
     assert_eq!(status.output.activity, Activity::Idle);
@@ -99,17 +96,17 @@ fn the_output_is_left_out_unless_the_enable_is_wired_or_a_person_says_that_no_am
         bench.device.set(change).expect("it is in range");
         let before = stylus.test_codes();
         run(&mut bench, None).expect("the device is as it was");
-        assert_eq!(failed(&bench), Vec::<&str>::new());
+        assert_eq!(failed(&bench), [""; 0]);
         let moves = wired == 1.0 || no_amplifier;
         assert_eq!(
             stylus.test_codes() > before,
             moves,
             "{wired} {no_amplifier}"
         );
-        let mut lines = bench.report.lines.iter();
-        let left_out = lines.find(|line| line.subject == "self test" && line.name == "output");
+        let mut tests = bench.report.with(Verdict::NotMeasured);
+        let left_out = tests.find(|test| test.subject == "self test" && test.line.name == "output");
         assert_eq!(left_out.is_some(), !moves);
-        assert!(left_out.is_none_or(|line| line.value.contains("--no-amplifier")));
+        assert!(left_out.is_none_or(|test| test.line.remedy.contains("--no-amplifier")));
     }
 }
 
@@ -118,15 +115,15 @@ fn without_a_probe_resets_and_faults_are_left_out_with_the_reason() {
     let stylus = FakeStylus::start();
     let mut bench = bench(&stylus);
     faults::check(&mut bench).expect("the device answers");
-    let [left_out] = bench.report.lines.as_slice() else {
-        panic!("{:?}", bench.report.lines);
+    let [left_out] = bench.report.tests.as_slice() else {
+        panic!("{:?}", bench.report.tests);
     };
-    assert_eq!(left_out.verdict, Verdict::LeftOut);
+    assert_eq!(left_out.line.verdict, Verdict::NotMeasured);
     assert_eq!(
-        left_out.name,
+        left_out.line.name,
         "every fault ends in silence, a reset and its reason"
     );
-    assert!(left_out.value.contains("--flash"), "{left_out}");
+    assert!(left_out.line.remedy.contains("--flash"), "{left_out}");
 }
 
 /// Checks that `check`, on a device with the suite's library and then `faults`, fails in this test alone.
@@ -156,8 +153,16 @@ fn an_output_that_goes_on_after_a_lost_link_is_found() {
 #[test]
 fn ticks_that_are_missed_late_or_too_long_are_found() {
     let endures = |bench: &mut Bench, played: &Played| endurance::check(bench, &played.bytes);
-    finds(|f| f.misses_ticks = true, endures, "missed ticks");
-    finds(|f| f.puts_out_late = true, endures, "late outputs");
+    finds(
+        |f| f.misses_ticks = true,
+        endures,
+        "meanwhile: ticks missed",
+    );
+    finds(
+        |f| f.puts_out_late = true,
+        endures,
+        "meanwhile: outputs late",
+    );
     // What came before is in the first range, which is not shown.
     let idle = |bench: &mut Bench, _: &Played| cycles::check(bench, &[]);
     finds(|f| f.slower_by = 80_000, idle, "idle");
@@ -174,7 +179,7 @@ fn a_pin_that_is_not_at_mid_scale_is_found_although_the_device_says_that_it_rest
     let status = bench.device.status().expect("it answers");
     assert!(status.output.at_rest);
     self_test::at_mid_scale(&mut bench, "the pin").expect("the device answers");
-    assert_eq!(failed(&bench), ["the pin"]);
+    assert_eq!(failed(&bench), ["the pin: output at rest"]);
 }
 
 #[test]
@@ -192,11 +197,8 @@ fn a_device_that_refuses_is_a_failure_of_each_subject_and_not_the_end_of_the_run
         assert!(run(&mut bench, None).is_err());
     });
     assert!(!bench.report.holds());
-    let lines = bench.report.lines.iter();
-    let subjects: Vec<_> = lines
-        .filter(|line| line.verdict == Verdict::Failed)
-        .map(|line| line.subject)
-        .collect();
+    let failed = bench.report.with(Verdict::Fail);
+    let subjects: Vec<_> = failed.map(|test| test.subject).collect();
     for subject in ["upload", "play", "endurance", "cycles", "end"] {
         assert!(subjects.contains(&subject), "{subjects:?}");
     }

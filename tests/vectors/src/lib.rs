@@ -18,6 +18,8 @@ mod library;
 mod path;
 mod play;
 pub mod report;
+#[cfg(feature = "library")]
+pub mod scenes;
 mod textures;
 
 pub use edges::edges;

@@ -18,10 +18,10 @@ use embassy_futures::block_on;
 use fake_stylus::BoardOf;
 use fake_stylus::device::{SharedControl, SteppedStylus, Stores};
 use fake_stylus::flash::{Cut, Damage, Fate, Memory, Mishap, SimulatedFlash};
-use fake_stylus::library::{announcement, put, small};
+use fake_stylus::library::{announcement, chunks, put, small};
 use model_format::limits::{MAX_LIBRARY_BYTES, SLOT_BYTES};
 use model_format::link::{
-    LIBRARY_CRC, SelfTestRequest, SlotId, SlotState, UploadBegin, UploadChunk, UploadError,
+    LIBRARY_CRC, SelfTestRequest, SlotId, SlotState, UploadBegin, UploadError,
 };
 use proptest::prelude::*;
 use proptest::test_runner::TestRunner;
@@ -346,7 +346,7 @@ impl Life {
     fn upload(
         &mut self,
         library: usize,
-        chunks: usize,
+        count: usize,
         replaces_last: bool,
     ) -> Result<Option<Result<(), UploadError>>, String> {
         let bytes = self.libraries[library].clone();
@@ -355,18 +355,12 @@ impl Life {
             ..announcement(&bytes)
         };
         let done = self.run(async |storage, stage| {
-            let mut at = storage.upload_begin(stage, begin).await?.next_offset as usize;
-            for _ in 0..chunks {
-                if at == bytes.len() {
-                    break;
-                }
-                let chunk = UploadChunk {
-                    offset: at as u32,
-                    data: &bytes[at..bytes.len().min(at + CHUNK)],
-                };
-                at = storage.upload_chunk(stage, chunk).await?.next_offset as usize;
+            let begun = storage.upload_begin(stage, begin).await?;
+            let mut rest = chunks(&bytes, begun.next_offset as usize, CHUNK);
+            for chunk in rest.by_ref().take(count) {
+                storage.upload_chunk(stage, chunk).await?;
             }
-            if at < bytes.len() {
+            if rest.next().is_some() {
                 return Ok(None);
             }
             storage.upload_commit(stage).await.map(Some)

@@ -1,6 +1,7 @@
 //! Two hosts, one on each link: the lease of whoever plays, and changes of settings in two steps.
 
 use fake_stylus::device::{COIL, MOTION, SteppedStylus, change, play_request};
+use fake_stylus::flash::SimulatedFlash;
 use fake_stylus::hardware::Hardware;
 use fake_stylus::library::library;
 use fake_stylus::requests::Requests;
@@ -351,7 +352,7 @@ fn a_start_begins_with_the_kept_heat_and_a_later_change_of_settings_never_forget
     assert!((600..750).contains(&load), "{load}");
     let mut kept = Hardware::new();
     kept.kept_heat = Some(heat);
-    let mut next = SteppedStylus::boot_on(kept);
+    let mut next = SteppedStylus::boot_from_on(SimulatedFlash::two_slots(), kept);
     next.set_coil();
     let now = next.hardware().heat();
     assert!(now <= heat && now.to_bits() > heat.to_bits() / 10 * 9);

@@ -5,7 +5,7 @@ use std::iter;
 use fake_stylus::device::{COIL, MOTION, SteppedStylus, change, play_request};
 use fake_stylus::flash::{Memory, SECTOR_BYTES, SimulatedFlash};
 use fake_stylus::hardware::Hardware;
-use fake_stylus::library::{announcement, library, texture};
+use fake_stylus::library::{announcement, chunks, library, texture};
 use model_format::limits::{self, MAX_ORDER};
 use model_format::link::{
     ActivateError, Activity, LINK_LOST_AFTER_MS, LinkId, MAX_PIN_MEAN_SQUARE, MotionSample,
@@ -258,38 +258,37 @@ fn a_texture_at_ten_kilohertz_may_take_half_of_the_budget_per_sample() {
 fn the_longest_arithmetic_fits_its_answer() {
     let mut textures = Vec::new();
     let mut longest = scene("longest", 0, 5_000);
-    longest.surfaces.clear();
     for index in 0..16 {
         let mut texture = texture(&format!("texture {index}"), MAX_ORDER, 1, 5_000);
         texture.speed_axis_mm_s.truncate(1);
         texture.force_axis_n.truncate(1);
         texture.nodes.truncate(1);
         textures.push(texture);
-        let mut surface = Surface::of_texture(index);
-        surface.tap = Some(Tap {
+    }
+    let surface = |texture| Surface {
+        tap: Some(Tap {
             frequency_hz: 200.0,
             decay_s: 0.01,
             gain_m_s2_per_n_s: 0.1,
             limit_m_s2: 1.0,
-        });
-        surface.stick_slip = Some(StickSlip {
+        }),
+        stick_slip: Some(StickSlip {
             period_mm: 1.0,
             duty: 0.5,
             depth: 0.5,
             below_mm_s: 10.0,
             above_n: 0.5,
-        });
-        longest.surfaces.push(surface).expect("there is room");
-    }
+        }),
+        ..Surface::of_texture(texture)
+    };
+    longest.surfaces = (0..16).map(surface).collect();
     // The last two alone can be come upon.
-    for (start_mm, surface) in [(0.0, 14), (10.0, 15)] {
-        let region = Region {
-            start_mm,
-            end_mm: start_mm + 10.0,
-            surface,
-        };
-        longest.regions.push(region).expect("there is room");
-    }
+    let region = |(start_mm, surface)| Region {
+        start_mm,
+        end_mm: start_mm + 10.0,
+        surface,
+    };
+    longest.regions = [(0.0, 14), (10.0, 15)].into_iter().map(region).collect();
     while longest.equaliser.push(Biquad::IDENTITY).is_ok() {}
     let bytes = encode_with_scenes(&textures, &[longest]).expect("valid");
     let stylus = SteppedStylus::ready(&bytes);
@@ -396,9 +395,7 @@ fn a_commit_waits_between_the_steps_of_its_decoding_and_a_stop_is_served_meanwhi
         async |storage, stage| {
             let begin = announcement(&bytes);
             storage.upload_begin(stage, begin).await.expect("it may");
-            for (index, data) in bytes.chunks(512).enumerate() {
-                let offset = index as u32 * 512;
-                let chunk = UploadChunk { offset, data };
+            for chunk in chunks(&bytes, 0, 512) {
                 storage.upload_chunk(stage, chunk).await.expect("in turn");
             }
             commits.set(true);
@@ -484,8 +481,9 @@ fn nothing_plays_until_each_setting_of_the_coil_was_set_by_someone() {
 #[test]
 fn lost_settings_refuse_a_play_by_their_names_until_they_are_set_again_or_reset() {
     for begins_anew in [true, false] {
+        let slots = SimulatedFlash::two_slots();
         let garbage = SimulatedFlash::new(Memory::garbage(2 * SECTOR_BYTES));
-        let mut stylus = SteppedStylus::boot_with(SimulatedFlash::two_slots(), garbage);
+        let mut stylus = SteppedStylus::boot_as(slots, garbage, Hardware::new());
         stylus.upload(&library(1, 20, 1)).expect("it is valid");
         stylus.activate(SlotId::A).expect("it is valid");
         let lost = SettingSet::ALL;
@@ -546,7 +544,7 @@ fn in_safe_mode_nothing_plays_the_reason_is_told_and_the_rest_is_served() {
     let mut hardware = Hardware::new();
     hardware.start.safe_mode = true;
     hardware.start.quick_faults = 4;
-    let mut stylus = SteppedStylus::boot_on(hardware);
+    let mut stylus = SteppedStylus::boot_from_on(SimulatedFlash::two_slots(), hardware);
     let slot = stylus.upload(&library(1, 4, 1)).expect("it is valid").slot;
     stylus.activate(slot).expect("it is valid");
     let refused = refusal(&stylus, play_request("texture 0"));

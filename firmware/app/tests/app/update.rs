@@ -13,10 +13,10 @@ use fake_stylus::flash::{
     Cut, Memory, Mishap, Operation, SECTOR_BYTES, SimulatedError, SimulatedFlash,
 };
 use fake_stylus::library;
+use model_format::limits::{MAX_LIBRARY_BYTES, SLOT_BYTES};
 use model_format::link::{
     DEVELOPMENT_SEED, ImageVersion, MAX_CHUNK_BYTES, MAX_IMAGE_BYTES, ResetReason, SelfTestError,
-    SlotId, TRIAL_MS, UNSIGNED, UpdateBegin, UpdateError, UpdatePhase, UpdateReport, UploadChunk,
-    UploadError,
+    SlotId, TRIAL_MS, UNSIGNED, UpdateBegin, UpdateError, UpdatePhase, UpdateReport, UploadError,
 };
 use proptest::prelude::*;
 use stylus_app::update::{DEVELOPMENT_KEY, Running, Updates, sign};
@@ -122,13 +122,17 @@ const COMMIT: Record = Record::marked(mark::SWAP, 1, [2, 3, 5]);
 
 /// The device of [`committed`] before the word of the commit.
 fn received() -> Committed {
-    let mut memory = Memory::blank(FLASH_BYTES);
-    let (old, new) = (image(1, ACTIVE.len()), image(2, 290_000));
-    memory.program(ACTIVE.start as usize, &old);
-    memory.program(RECORDS.end as usize, &pattern(3, 2 * SECTOR_BYTES));
-    memory.program(SLOTS[0].start as usize, &pattern(4, SLOTS[0].len()));
-    memory.program(SLOTS[1].start as usize, &new);
-    let mut new = new;
+    let [mut code, mut slots] = [Memory::blank(BANK_BYTES), Memory::blank(BANK_BYTES)];
+    let (old, mut new) = (image(1, ACTIVE.len()), image(2, 290_000));
+    code.program(ACTIVE.start as usize, &old);
+    code.program(RECORDS.end as usize, &pattern(3, 2 * SECTOR_BYTES));
+    // The rest of the slot is not blank either, so that a change anywhere in it shows.
+    let library = library::library(1, 4, 1);
+    library::put(&mut slots, SlotId::A, &library, 1);
+    let rest = library.len().next_multiple_of(WORD_BYTES);
+    slots.program(rest, &pattern(4, MAX_LIBRARY_BYTES - rest));
+    slots.program(SLOT_BYTES, &new);
+    let memory = code.joined(slots);
     new.resize(ACTIVE.len(), 0xFF);
     Committed { memory, old, new }
 }
@@ -325,65 +329,10 @@ fn a_slot_without_the_image_that_a_record_asks_for_is_left_alone_until_a_step_ha
     }
 }
 
-/// Both banks, each a flash of its own.
-struct Banks<'a>([Blocking<'a>; 2]);
-
-impl<'a> Banks<'a> {
-    fn at(&mut self, offset: u32) -> (&mut Blocking<'a>, u32) {
-        let bank = BANK_BYTES as u32;
-        (&mut self.0[(offset / bank) as usize], offset % bank)
-    }
-}
-
-impl ErrorType for Banks<'_> {
-    type Error = NorFlashErrorKind;
-}
-
-impl ReadNorFlash for Banks<'_> {
-    const READ_SIZE: usize = 1;
-
-    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), NorFlashErrorKind> {
-        let (bank, at) = self.at(offset);
-        bank.read(at, bytes)
-    }
-
-    fn capacity(&self) -> usize {
-        FLASH_BYTES
-    }
-}
-
-impl NorFlash for Banks<'_> {
-    const WRITE_SIZE: usize = WORD_BYTES;
-    const ERASE_SIZE: usize = SECTOR_BYTES;
-
-    fn erase(&mut self, from: u32, to: u32) -> Result<(), NorFlashErrorKind> {
-        let (bank, at) = self.at(from);
-        bank.erase(at, at + (to - from))
-    }
-
-    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), NorFlashErrorKind> {
-        let (bank, at) = self.at(offset);
-        bank.write(at, bytes)
-    }
-}
-
-/// A device on trial of its second image, in two banks, whose first slot holds the active library.
+/// A device on trial of its second image, in two banks.
 fn on_trial(images: &Committed) -> [Memory; 2] {
-    let (trial, _) = boot(images.memory.clone(), None);
-    let mut code = Memory::blank(BANK_BYTES);
-    let mut slots = SteppedStylus::ready(&library::library(1, 4, 1));
-    slots.activate(SlotId::A).expect("it was uploaded there");
-    let mut slots = slots.storage.into_flash().0.memory;
-    let words = trial.bytes().chunks(WORD_BYTES);
-    for (at, word) in (0_usize..).step_by(WORD_BYTES).zip(words) {
-        if word == [0xFF; WORD_BYTES] || SLOTS[0].contains(&(at as u32)) {
-            continue;
-        }
-        match at.checked_sub(BANK_BYTES) {
-            Some(at) => slots.program(at, word),
-            None => code.program(at, word),
-        }
-    }
+    let (mut code, _) = boot(images.memory.clone(), None);
+    let slots = code.split_off(BANK_BYTES);
     [code, slots]
 }
 
@@ -395,19 +344,18 @@ fn lives(banks: [Memory; 2], per_mille: u64, seed: u64, images: &Committed) -> b
     let mut confirmation = 0;
     for start in 0..40 {
         code.seed(seed * 1000 + start);
-        let flashes = [code, slots].map(|memory| Blocking(SimulatedFlash::new(memory)));
-        let mut banks = Banks(flashes);
+        let mut memory = code.joined(slots);
         // It has just started on trial.
         if start > 0 {
-            loader::prepare(&mut banks, 1 << 2, || {}).expect("the flash works");
+            memory = boot(memory, None).0;
         }
-        let [code_after, slots_after] = banks.0.map(|bank| bank.0.memory);
-        let active = part(&code_after, ACTIVE);
+        let active = part(&memory, ACTIVE);
         if active != images.new && active != images.old {
             return false;
         }
-        let store = block_on(Store::open(SimulatedFlash::new(code_after), RECORDS));
-        let mut stylus = SteppedStylus::boot_from(SimulatedFlash::new(slots_after));
+        slots = memory.split_off(BANK_BYTES);
+        let store = block_on(Store::open(SimulatedFlash::new(memory), RECORDS));
+        let mut stylus = SteppedStylus::boot_from(SimulatedFlash::new(slots));
         stylus.storage.set_updates(Updates::new(store, RUNNING));
         if start == 0 {
             let confirm =
@@ -465,13 +413,8 @@ fn update(
 ) -> Result<UpdateReport, UpdateError> {
     stylus.request(async |storage, stage| {
         storage.update_begin(stage, begin).await?;
-        for (offset, data) in (0..)
-            .step_by(MAX_CHUNK_BYTES)
-            .zip(image.chunks(MAX_CHUNK_BYTES))
-        {
-            storage
-                .upload_chunk(stage, UploadChunk { offset, data })
-                .await?;
+        for chunk in library::chunks(image, 0, MAX_CHUNK_BYTES) {
+            storage.upload_chunk(stage, chunk).await?;
         }
         storage.update_commit(stage).await
     })

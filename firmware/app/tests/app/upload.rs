@@ -11,7 +11,7 @@ use stylus_app::slots::SlotStore;
 use stylus_app::upload::Uploader;
 
 use fake_stylus::flash::{Memory, Mishap, SimulatedFlash};
-use fake_stylus::library::{announcement, library, upload};
+use fake_stylus::library::{announcement, chunks, library, upload};
 
 type Store = SlotStore<SimulatedFlash<'static>>;
 
@@ -37,13 +37,12 @@ fn device() -> (Uploader, Store, Vec<u8>) {
 }
 
 /// Begins the upload of `bytes` and sends its first chunks.
-fn begun(uploader: &mut Uploader, store: &mut Store, bytes: &[u8], chunks: usize) {
+fn begun(uploader: &mut Uploader, store: &mut Store, bytes: &[u8], count: usize) {
     block_on(async {
         let begun = uploader.begin(store, announcement(bytes)).await;
         assert_eq!(begun.map(|progress| progress.next_offset), Ok(0));
-        for (index, data) in bytes.chunks(MAX_CHUNK_BYTES).take(chunks).enumerate() {
-            let offset = (index * MAX_CHUNK_BYTES) as u32;
-            let sent = uploader.chunk(store, UploadChunk { offset, data }).await;
+        for chunk in chunks(bytes, 0, MAX_CHUNK_BYTES).take(count) {
+            let sent = uploader.chunk(store, chunk).await;
             assert!(sent.is_ok(), "{sent:?}");
         }
     });
@@ -177,9 +176,7 @@ fn bytes_that_are_no_library_or_not_those_announced_are_not_sealed() {
     let (expected, found) = (announcement(&announced).crc32, announcement(&sent).crc32);
     begun(&mut uploader, &mut store, &announced, 0);
     let error = block_on(async {
-        for (index, data) in sent.chunks(512).enumerate() {
-            let offset = index as u32 * 512;
-            let chunk = UploadChunk { offset, data };
+        for chunk in chunks(&sent, 0, 512) {
             uploader.chunk(&mut store, chunk).await?;
         }
         uploader.commit(&mut store).await

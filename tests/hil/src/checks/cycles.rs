@@ -59,7 +59,7 @@ fn tell(bench: &mut Bench, what: &str, report: &CycleReport) {
                 ""
             }
         ),
-        &format!("tick {tick_cycles}, update {update_cycles}"),
+        format!("tick {tick_cycles}, update {update_cycles}"),
         tick.runs > 0
             && update.runs > 0
             && tick.longest < tick_cycles

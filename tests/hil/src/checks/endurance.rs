@@ -1,152 +1,94 @@
 //! Upload, stream and play at the same time, without a missed or a late tick.
 
+use std::panic::resume_unwind;
 use std::thread;
+use std::time::Duration;
 
 use host_tools::link::capture::Stream;
-use host_tools::link::play::Driven;
+use host_tools::procedures::self_test::judge::{self, Traffic};
 use model_format::link::{LIBRARY_CRC, MotionSource, MuteReason, Status, UploadBegin};
 
 use crate::bench::Bench;
-use crate::checks::playing::on_time;
-use crate::checks::upload;
+use crate::checks::playing::count;
 use crate::error::{Error, Result};
 use crate::library;
-
-/// Outcome of playing, streaming and uploading together.
-struct Outcome {
-    uploads: u32,
-    holes: u32,
-    blocks: u32,
-    loss: host_tools::link::capture::Loss,
-    after: Status,
-}
 
 /// Plays the dearest texture along the host's motion, streams a recording and uploads `library` again and again, for
 /// the bench's length.
 ///
 /// # Errors
 /// The link fails, or the device refuses what it should take.
-pub fn check(bench: &mut Bench, bytes: &[u8]) -> Result<()> {
-    let before = bench.status()?;
-    let (outcome, driven) =
+pub fn check(bench: &mut Bench, library: &[u8]) -> Result<()> {
+    let (traffic, driven) =
         bench.while_playing(&library::dearest(), MotionSource::Host, |bench| {
             let heard = bench.wait_until_heard()?;
-            all_at_once(bench, bytes, &heard)
+            all_at_once(bench, library, heard)
         })?;
-    tell(bench, &before, &outcome, driven);
+    let uploads = traffic.round_trips.len();
+    bench.judge(
+        "uploads while it plays and streams",
+        format!("{uploads}, {} motions", driven.motions),
+        "at least 1",
+        uploads > 0,
+    );
+    let mutes =
+        |status: &Status| count(status, MuteReason::LinkLost) + count(status, MuteReason::Fault);
+    let muted = mutes(&traffic.after).saturating_sub(mutes(&traffic.before));
+    let name = "the link is not lost meanwhile";
+    if bench.is_emulated() {
+        let reason = "this computer and the emulator do not keep the pace of a host";
+        bench.leave_out(name, reason);
+    } else {
+        bench.judge(name, muted.to_string(), "0 mutes", muted == 0);
+    }
+    bench.add_all(judge::traffic("meanwhile", &traffic));
     Ok(())
 }
 
-fn all_at_once(bench: &Bench, bytes: &[u8], begin: &Status) -> Result<Outcome> {
-    let end_ms = begin.uptime_ms + bench.lengths.endurance_ms;
+/// The traffic since the status `before`, with a round trip per upload.
+fn all_at_once(bench: &Bench, library: &[u8], before: Status) -> Result<Traffic> {
+    let end_ms = before.uptime_ms + bench.lengths.endurance_ms;
     thread::scope(|scope| {
-        let uploads = scope.spawn(|| uploads(bench, bytes, end_ms));
+        let uploads = scope.spawn(|| uploads(bench, library, end_ms));
         let mut stream = Stream::start(&bench.device)?;
-        let (mut holes, mut blocks) = (0, 0);
         let mut streamed = Ok(());
-        while !uploads.is_finished() {
-            if bench.is_interrupted() {
-                streamed = Err(Error::Interrupted);
-                break;
-            }
-            match stream.wait() {
-                Ok(block) => {
-                    holes += u32::from(!block.is_continuous);
-                    blocks += 1;
-                }
-                Err(error) => {
-                    streamed = Err(Error::Link(error));
-                    break;
-                }
-            }
+        while streamed.is_ok() && !uploads.is_finished() {
+            streamed = match stream.wait() {
+                _ if bench.is_interrupted() => Err(Error::Interrupted),
+                block => block.map(drop).map_err(Error::Link),
+            };
         }
         let uploads = uploads.join();
         streamed?;
-        let uploads = uploads.unwrap_or_else(|panic| std::panic::resume_unwind(panic))?;
-        let loss = stream.stop()?;
-        let after = bench.status()?;
-        Ok(Outcome {
-            uploads,
-            holes,
-            blocks,
-            loss,
-            after,
+        Ok(Traffic {
+            before,
+            round_trips: uploads.unwrap_or_else(|panic| resume_unwind(panic))?,
+            loss: stream.stop()?,
+            after: bench.status()?,
         })
     })
 }
 
-/// Uploads until the device's clock shows `end_ms`, the last upload to its end; at least one.
-fn uploads(bench: &Bench, bytes: &[u8], end_ms: u64) -> Result<u32> {
+/// Uploads until the device's clock shows `end_ms`, the last upload to its end; at least one. Returns a round trip of
+/// each.
+fn uploads(bench: &Bench, library: &[u8], end_ms: u64) -> Result<Vec<Duration>> {
     let announced = UploadBegin {
-        length: bytes.len() as u32,
-        crc32: LIBRARY_CRC.checksum(bytes),
+        length: library.len() as u32,
+        crc32: LIBRARY_CRC.checksum(library),
         replaces_last: false,
     };
-    let mut uploads = 0;
+    let mut round_trips = Vec::new();
     loop {
         let begun = bench.status()?.uptime_ms;
-        upload::send(bench, bytes, announced)?;
-        uploads += 1;
+        let begin = bench.device.upload_begin(announced)?.next_offset;
+        bench.device.upload_chunks(library, begin, |_| ())?;
+        bench.device.upload_commit()?;
+        round_trips.push(bench.device.round_trip()?);
         let now = bench.status()?.uptime_ms;
-        if now >= end_ms {
-            return Ok(uploads);
-        }
         let next = begun + bench.lengths.between_uploads_ms;
         let pause = next.min(end_ms).saturating_sub(now);
-        if pause > 0 && bench.wait(pause)?.uptime_ms >= end_ms {
-            return Ok(uploads);
+        if now >= end_ms || pause > 0 && bench.wait(pause)?.uptime_ms >= end_ms {
+            return Ok(round_trips);
         }
     }
-}
-
-fn tell(bench: &mut Bench, before: &Status, outcome: &Outcome, driven: Driven) {
-    let after = &outcome.after;
-    let lasted = after.uptime_ms.saturating_sub(before.uptime_ms);
-    bench.judge(
-        "uploads while it plays and streams",
-        format!(
-            "{} in {:.1} s, {} motions",
-            outcome.uploads,
-            lasted as f64 / 1e3,
-            driven.motions
-        ),
-        "at least 1",
-        outcome.uploads > 0,
-    );
-    on_time(bench, before, after);
-    bench.judge(
-        "the stream loses nothing meanwhile",
-        format!(
-            "{} blocks, {} holes; {}",
-            outcome.blocks, outcome.holes, outcome.loss
-        ),
-        "some, 0 holes, 0 lost",
-        outcome.loss.is_none() && outcome.holes == 0 && outcome.blocks > 0,
-    );
-    let mutes = |status: &Status| {
-        let counts = MuteReason::ALL.into_iter().zip(status.output.mute_counts);
-        let troubled =
-            counts.filter(|(reason, _)| matches!(reason, MuteReason::LinkLost | MuteReason::Fault));
-        troubled.map(|(_, count)| count).sum::<u32>()
-    };
-    let muted = mutes(after).saturating_sub(mutes(before));
-    if bench.is_emulated() {
-        let reason = "this computer and the emulator do not keep the pace of a host";
-        bench.leave_out("the link is not lost meanwhile", reason);
-    } else {
-        bench.judge(
-            "the link is not lost meanwhile",
-            muted,
-            "0 mutes",
-            muted == 0,
-        );
-    }
-    let faults = |status: &Status| {
-        [status.usb, status.serial]
-            .map(|link| link.malformed + link.oversized + link.line_errors + link.unsent)
-            .iter()
-            .sum::<u32>()
-    };
-    let faults = faults(after).saturating_sub(faults(before));
-    bench.judge("no frame is lost or damaged", faults, "0", faults == 0);
 }

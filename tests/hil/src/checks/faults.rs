@@ -187,7 +187,7 @@ fn late_rows(bench: &mut Bench) -> Result<()> {
     bench.judge(
         "a row that is read 45 µs after its trigger is marked as torn",
         told(late, torn),
-        &format!("1 to {SECTIONS} torn samples, each counted"),
+        format!("1 to {SECTIONS} torn samples, each counted"),
         (1..=SECTIONS).contains(&torn) && late >= torn,
     );
     Ok(())
@@ -241,7 +241,7 @@ fn ends(bench: &mut Bench, wanted: &Ending) -> Result<()> {
             after.reset,
             after.resets - before.resets
         ),
-        &format!(
+        format!(
             "reset by {}, fault {:?} {}, 1 reset",
             wanted.reason, wanted.kind, wanted.text
         ),

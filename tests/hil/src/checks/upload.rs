@@ -1,10 +1,10 @@
 //! An upload: listed, and activated.
 
 use host_tools::link::upload::upload;
-use model_format::link::{LIBRARY_CRC, MAX_CHUNK_BYTES, UploadBegin, UploadChunk, UploadCommitted};
+use model_format::link::LIBRARY_CRC;
 
 use crate::bench::Bench;
-use crate::error::{Error, Result};
+use crate::error::Result;
 
 /// Uploads `library` and activates it.
 ///
@@ -31,14 +31,14 @@ pub fn check(bench: &mut Bench, library: &[u8]) -> Result<()> {
     bench.judge(
         "an upload leaves the active library alone",
         format!("{:08x}", end.library_crc32),
-        &format!("{active:08x}"),
+        format!("{active:08x}"),
         end.library_crc32 == active,
     );
     let scenes = bench.device.scenes(uploaded.slot)?.len();
     bench.judge(
         "every scene is listed",
-        scenes,
-        &uploaded.library.scenes.to_string(),
+        scenes.to_string(),
+        uploaded.library.scenes.to_string(),
         scenes == usize::from(uploaded.library.scenes),
     );
     let activated = bench.device.activate(uploaded.slot)?;
@@ -46,28 +46,8 @@ pub fn check(bench: &mut Bench, library: &[u8]) -> Result<()> {
     bench.judge(
         "the library is activated",
         format!("slot {}, {:08x}", activated.slot, status.library_crc32),
-        &format!("slot {}, {crc32:08x}", uploaded.slot),
+        format!("slot {}, {crc32:08x}", uploaded.slot),
         activated.slot == uploaded.slot && status.library_crc32 == crc32,
     );
     Ok(())
-}
-
-/// Uploads `bytes` once, chunk by chunk, announced as `announced`.
-///
-/// # Errors
-/// The link fails or the device refuses.
-pub fn send(bench: &Bench, bytes: &[u8], announced: UploadBegin) -> Result<UploadCommitted> {
-    let mut at = bench.device.upload_begin(announced)?.next_offset as usize;
-    while at < bytes.len() {
-        if bench.is_interrupted() {
-            return Err(Error::Interrupted);
-        }
-        let end = bytes.len().min(at + MAX_CHUNK_BYTES);
-        let chunk = UploadChunk {
-            offset: at as u32,
-            data: &bytes[at..end],
-        };
-        at = bench.device.upload_chunk(&chunk)?.next_offset as usize;
-    }
-    Ok(bench.device.upload_commit()?)
 }

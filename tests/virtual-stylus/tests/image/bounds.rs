@@ -1,6 +1,6 @@
 //! A library that takes much work to decode, and the requests and the watchdog that must not wait for it.
 
-use model_format::link::{MotionSource, PlayError, UploadCommitEndpoint};
+use model_format::link::{PlayEndpoint, PlayError, UploadCommitEndpoint};
 use model_format::scene::limits::{MAX_REGIONS, MAX_SCENES, MAX_SECTIONS, MAX_SURFACES};
 use model_format::scene::{Biquad, Region, Scene, Surface, Tap};
 use model_format::{
@@ -10,7 +10,7 @@ use postcard_rpc::Endpoint;
 
 use crate::device::{Device, MS};
 use crate::library;
-use crate::requests::announced;
+use crate::requests::{announced, scene_request};
 
 /// Longest time from a stop to an output at mid-scale.
 const MUTE_NS: u64 = 100 * MS;
@@ -76,7 +76,7 @@ fn hostile() -> Vec<u8> {
 fn a_library_of_much_work_keeps_neither_the_watchdog_nor_a_stop_waiting() {
     let mut device = Device::started(library::options());
     device.move_at(120.0);
-    device.play_until_heard("lattice", MotionSource::Sensors, 5);
+    device.play_until_heard("lattice");
     let hostile = hostile();
     let progress = device.begin_upload(&hostile);
     device.send_chunks(&hostile, progress, hostile.len());
@@ -102,8 +102,8 @@ fn a_library_of_much_work_keeps_neither_the_watchdog_nor_a_stop_waiting() {
     let activated = device.activate(slot);
     assert_eq!(activated.library.crc32, announced(&hostile).crc32);
     // Sixteen taps and eight sections: it is planned, and taken or refused by its cost.
-    let played = device.play_scene("scene 31", MotionSource::Sensors, 1);
-    let refused = played.err().map(|error| *error);
+    let played = device.request::<PlayEndpoint>(&scene_request("scene 31", 1));
+    let refused = played.err();
     assert!(
         matches!(refused, None | Some(PlayError::OverBudget { .. })),
         "{refused:?}"

@@ -2,7 +2,6 @@
 
 use std::collections::BTreeSet;
 
-use model_format::link::MotionSource;
 use model_format::scene::limits::MAX_RESPONSE_SECTIONS;
 use stylus_app::UPDATE_LEAD_TICKS;
 use stylus_kernel::scene::cost::{self, StageCost};
@@ -81,9 +80,7 @@ fn hands_over(ticks: &[Tick], tick: &Tick) -> bool {
 
 /// Plays `scene` and counts while it sounds.
 pub fn count_scene(device: &mut Device, scene: &str) -> Count {
-    device
-        .play_scene(scene, MotionSource::Sensors, 3)
-        .expect("it is there");
+    device.play_scene(scene, 3);
     // Time for the exchange.
     device.run_for(200 * MS);
     count(device, scene, 30)
@@ -91,9 +88,7 @@ pub fn count_scene(device: &mut Device, scene: &str) -> Count {
 
 /// Plays `scene`, lifts the tool, strikes, and counts while the tap rings.
 fn count_struck(device: &mut Device, scene: &str) -> Count {
-    device
-        .play_scene(scene, MotionSource::Sensors, 3)
-        .expect("it is there");
+    device.play_scene(scene, 3);
     press(device, 0.0);
     device.run_for(20 * MS);
     press(device, 1.0);
@@ -115,7 +110,7 @@ fn an_effect_costs_a_tick_what_the_model_says_and_one_that_is_not_called_for_not
     press(&mut device, 1.0);
     device.move_at(20.0);
     let idle = count(&mut device, "idle", 20).within;
-    device.play_until_heard("lattice", MotionSource::Sensors, 3);
+    device.play_until_heard("lattice");
     let texture = count(&mut device, "texture", 30);
     let lattice = count_scene(&mut device, "lattice");
     let [of_scene, of_texture] = [lattice, texture].map(|count| (count.within, count.beginning));
@@ -170,11 +165,7 @@ fn an_effect_costs_a_tick_what_the_model_says_and_one_that_is_not_called_for_not
     assert_eq!(beside, lattice + of_voice(short_fed));
 
     // Without contact the list of stages is empty: neither noise nor filter runs.
-    let play = |device: &mut Device, scene| {
-        let played = device.play_scene(scene, MotionSource::Sensors, 3);
-        played.expect("it is there");
-    };
-    play(&mut device, "eight sections");
+    device.play_scene("eight sections", 3);
     press(&mut device, 0.0);
     device.run_for(200 * MS);
     let lifted = count(&mut device, "lifted", 20).within;
@@ -185,9 +176,9 @@ fn an_effect_costs_a_tick_what_the_model_says_and_one_that_is_not_called_for_not
 
     // A fade takes one block, in which the plan is exchanged.
     press(&mut device, 1.0);
-    play(&mut device, "four sections");
+    device.play_scene("four sections", 3);
     device.run_for(30 * MS);
-    play(&mut device, "lattice");
+    device.play_scene("lattice", 3);
     let after = ticks(&mut device, 20);
     let within = after.iter().filter(|tick| !hands_over(&after, tick));
     let fading = within.map(|tick| tick.instructions).max();

@@ -158,6 +158,13 @@ impl Device {
         device
     }
 
+    /// The image with fault injection, started and answering.
+    pub fn with_faults(options: Options) -> Self {
+        let mut device = Self::new(&with_faults(), options);
+        device.wait_for_start();
+        device
+    }
+
     /// The product's image, started, enumerated and answering over USB.
     pub fn on_usb(options: Options) -> Self {
         let mut device = Self::new(&product(), options);
@@ -191,30 +198,31 @@ impl Device {
 
     /// Enumerates the device on USB, and opens its bulk endpoints.
     pub fn enumerate(&mut self) -> Result<Descriptors, TransferError> {
-        let Line::Usb(usb, bulk) = &mut self.side.line else {
-            panic!("it is not on USB");
-        };
+        let (stylus, usb, bulk) = self.usb_line();
         *bulk = None;
-        let read = usb.enumerate(&mut self.stylus)?;
+        let read = usb.enumerate(stylus)?;
         self.open();
         Ok(read)
     }
 
-    /// The run and the host's software on USB.
-    pub fn usb(&mut self) -> (&mut VirtualStylus, &mut UsbHost) {
+    fn usb_line(&mut self) -> (&mut VirtualStylus, &mut UsbHost, &mut Option<BulkFrames>) {
         match &mut self.side.line {
-            Line::Usb(usb, _) => (&mut self.stylus, usb),
+            Line::Usb(usb, bulk) => (&mut self.stylus, usb, bulk),
             Line::Serial(_) => panic!("it is not on USB"),
         }
     }
 
+    /// The run and the host's software on USB.
+    pub fn usb(&mut self) -> (&mut VirtualStylus, &mut UsbHost) {
+        let (stylus, usb, _) = self.usb_line();
+        (stylus, usb)
+    }
+
     /// Cancels the transfers on the bulk endpoints, as at the end of a program.
     pub fn close(&mut self) {
-        let Line::Usb(usb, bulk) = &mut self.side.line else {
-            panic!("it is not on USB");
-        };
+        let (stylus, usb, bulk) = self.usb_line();
         if let Some(open) = bulk.take() {
-            open.close(usb, &mut self.stylus);
+            open.close(usb, stylus);
         }
     }
 
@@ -233,11 +241,9 @@ impl Device {
     }
 
     fn open(&mut self) {
-        let Line::Usb(_, bulk) = &mut self.side.line else {
-            panic!("it is not on USB");
-        };
+        let (stylus, _, bulk) = self.usb_line();
         *bulk = Some(BulkFrames::open(
-            &mut self.stylus,
+            stylus,
             BULK_OUT,
             BULK_IN,
             MAX_DEVICE_FRAME_BYTES,
@@ -277,23 +283,13 @@ impl Device {
     where
         E: Endpoint<Request: Serialize, Response: DeserializeOwned>,
     {
-        self.ask::<E, _>(request)
-    }
-
-    /// As [`Device::request`], for requests that borrow.
-    pub fn ask<E, R>(&mut self, request: &R) -> E::Response
-    where
-        E: Endpoint<Response: DeserializeOwned>,
-        R: Serialize,
-    {
-        self.try_ask::<E, R>(request).expect("the link holds")
+        self.try_request::<E>(request).expect("the link holds")
     }
 
     /// The answer; none if the link breaks before.
-    pub fn try_ask<E, R>(&mut self, request: &R) -> Option<E::Response>
+    pub fn try_request<E>(&mut self, request: &E::Request) -> Option<E::Response>
     where
-        E: Endpoint<Response: DeserializeOwned>,
-        R: Serialize,
+        E: Endpoint<Request: Serialize, Response: DeserializeOwned>,
     {
         let sequence = self.send_frame(E::REQ_KEY, request);
         self.answer::<E>(sequence)
@@ -316,12 +312,9 @@ impl Device {
             }
             let now = self.stylus.now_ns();
             if now >= end {
-                let told = self
-                    .side
-                    .frames
-                    .iter()
-                    .map(|frame| (frame.header, &frame.body));
-                let (told, resets) = (told.collect::<Vec<_>>(), self.stylus.resets());
+                let frames = self.side.frames.iter();
+                let told: Vec<_> = frames.map(|frame| (frame.header, &frame.body)).collect();
+                let resets = self.stylus.resets();
                 panic!("{} is not answered; unasked: {told:?}; {resets:?}", E::PATH);
             }
             self.run_for(self.side.step_ns);
@@ -402,21 +395,11 @@ impl Device {
     }
 
     fn listen_on_usb(&mut self) {
-        let Line::Usb(usb, bulk) = &mut self.side.line else {
-            return;
-        };
+        let (stylus, usb, bulk) = self.usb_line();
         let Some(open) = bulk else { return };
-        match open.receive(usb, &mut self.stylus) {
-            Ok(frames) => {
-                for frame in frames {
-                    self.take_frame(&frame);
-                }
-            }
-            Err(_) => {
-                if let Some(open) = bulk.take() {
-                    open.close(usb, &mut self.stylus);
-                }
-            }
+        match open.receive(usb, stylus) {
+            Ok(frames) => frames.iter().for_each(|frame| self.take_frame(frame)),
+            Err(_) => self.close(),
         }
     }
 
@@ -461,12 +444,9 @@ impl Device {
             key: VarKey::Key8(key),
             seq_no: VarSeq::Seq4(sequence),
         };
-        let position = self
-            .side
-            .frames
-            .iter()
-            .position(|frame| frame.header == header)?;
-        self.side.frames.remove(position).map(|frame| frame.body)
+        let frames = &mut self.side.frames;
+        let position = frames.iter().position(|frame| frame.header == header)?;
+        frames.remove(position).map(|frame| frame.body)
     }
 
     /// Outputs of the converter since power-on.

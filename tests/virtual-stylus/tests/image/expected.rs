@@ -114,7 +114,7 @@ fn samples(heard: &Heard<'_>, recorded: &Recorded, play: u64) -> Vec<model_forma
     samples
 }
 
-/// The reference of an output: the stages after the silence before tick `from`, and the codes of all ticks.
+/// The reference of an output: the stages after the silence before it was asked for, and the codes of all ticks.
 struct Output<'a> {
     rate: PlayRate,
     config: safety::Config,
@@ -124,19 +124,19 @@ struct Output<'a> {
 }
 
 impl<'a> Output<'a> {
-    fn of(heard: &Heard<'_>, recorded: &Recorded, codes: &'a [[u16; CODES]], from: u64) -> Self {
+    fn of(heard: &Heard<'_>, compared: &'a Compared) -> Self {
         let rate = PlayRate::of(heard.plan.sample_rate_hz()).expect("a stylus plays it");
         let config = safety::Config::at_rate(&Settings::default(), 1.0, rate);
         let mut rested = safety::State::new(&config);
-        for _ in 1..from {
+        for _ in 1..compared.asked {
             rested.process(&config, model_format::OutputSample::SILENCE, true);
         }
         Self {
             rate,
             config,
             rested,
-            codes,
-            ticks: from..recorded.first_tick + recorded.samples.len() as u64,
+            codes: &compared.codes,
+            ticks: compared.asked..compared.end(),
         }
     }
 
@@ -161,45 +161,6 @@ impl<'a> Output<'a> {
         let different = ticks.find(|(is_equal, _)| !is_equal);
         different.map_or(self.ticks.end, |(_, tick)| tick)
     }
-}
-
-/// The first tick from which the output of `heard`, which began so, does not equal `codes` (of the ticks from tick 1
-/// on): the end of the recording if the image is right. Before tick `from` nothing was played.
-pub fn explained(
-    heard: &Heard<'_>,
-    recorded: &Recorded,
-    codes: &[[u16; CODES]],
-    from: u64,
-    began: Began,
-) -> u64 {
-    let played = samples(heard, recorded, began.play);
-    Output::of(heard, recorded, codes, from).equal_until(&played, began)
-}
-
-/// Finds the beginning with which [`explained`] is latest, and that tick.
-pub fn explain(
-    heard: &Heard<'_>,
-    recorded: &Recorded,
-    codes: &[[u16; CODES]],
-    from: u64,
-) -> (Began, u64) {
-    let first_heard = (1u64..)
-        .zip(codes)
-        .find(|&(tick, codes)| tick >= from && *codes != [MID_SCALE; CODES]);
-    let (first_heard, _) = first_heard.expect("something is heard");
-    let output = Output::of(heard, recorded, codes, from);
-    let mut best = None;
-    for play in (from..=first_heard).filter(|&tick| begins_block(tick)) {
-        let played = samples(heard, recorded, play);
-        for unmuted in from..=first_heard {
-            let began = Began { play, unmuted };
-            let until = output.equal_until(&played, began);
-            if best.is_none_or(|(_, most)| until > most) {
-                best = Some((began, until));
-            }
-        }
-    }
-    best.expect("a beginning")
 }
 
 /// Codes at the output before those of the first tick: the timer of the codes runs for 17 of them before the tick's own
@@ -234,14 +195,32 @@ impl Compared {
         self.recorded.first_tick + self.recorded.samples.len() as u64
     }
 
-    /// The beginning of the output that equals `heard`, and the first tick from which it does not.
-    pub fn explained(&self, heard: &Heard<'_>) -> (Began, u64) {
-        explain(heard, &self.recorded, &self.codes, self.asked)
+    /// The first tick from which the output of `heard`, which began so, does not equal the codes: the end of the
+    /// recording if the image is right. Before it was asked for nothing was played.
+    pub fn explained_from(&self, heard: &Heard<'_>, began: Began) -> u64 {
+        let played = samples(heard, &self.recorded, began.play);
+        Output::of(heard, self).equal_until(&played, began)
     }
 
-    /// As [`Compared::explained`], for a beginning that is known.
-    pub fn explained_from(&self, heard: &Heard<'_>, began: Began) -> u64 {
-        explained(heard, &self.recorded, &self.codes, self.asked, began)
+    /// The beginning with which [`Compared::explained_from`] is latest, and that tick.
+    pub fn explained(&self, heard: &Heard<'_>) -> (Began, u64) {
+        let mut codes = (1u64..).zip(&self.codes);
+        let first_heard =
+            codes.find(|&(tick, codes)| tick >= self.asked && *codes != [MID_SCALE; CODES]);
+        let (first_heard, _) = first_heard.expect("something is heard");
+        let output = Output::of(heard, self);
+        let mut best = None;
+        for play in (self.asked..=first_heard).filter(|&tick| begins_block(tick)) {
+            let played = samples(heard, &self.recorded, play);
+            for unmuted in self.asked..=first_heard {
+                let began = Began { play, unmuted };
+                let until = output.equal_until(&played, began);
+                if best.is_none_or(|(_, most)| until > most) {
+                    best = Some((began, until));
+                }
+            }
+        }
+        best.expect("a beginning")
     }
 
     /// Checks that more than a quarter of the codes since `began` are not mid-scale.

@@ -2,12 +2,12 @@
 
 use hil::checks::faults::{ENDING, Ending};
 use hil::injection::Injected;
-use model_format::link::{MotionSource, ResetReason, Setting};
+use model_format::link::{ResetReason, Setting};
 use virtual_stylus::ResetCause;
 use virtual_stylus::model::dac::Cause;
 use virtual_stylus::model::pin::Drive;
 
-use crate::device::{Device, MS, inject, long, with_faults};
+use crate::device::{Device, MS, inject, long};
 use crate::library;
 use crate::output::amplifier_follows_the_output;
 
@@ -19,10 +19,9 @@ const WATCHDOG_NS: u64 = 130 * MS;
 
 /// A device that plays a texture.
 fn playing() -> Device {
-    let mut device = Device::new(&with_faults(), library::options());
-    device.wait_for_start();
+    let mut device = Device::with_faults(library::options());
     device.move_at(120.0);
-    device.play_until_heard("lattice", MotionSource::Sensors, 9);
+    device.play_until_heard("lattice");
     device.run_for(100 * MS);
     device
 }
@@ -94,8 +93,7 @@ fn a_fault_that_the_watchdog_ends_leaves_mid_scale_and_its_reason() {
 
 #[test]
 fn the_coil_is_as_warm_after_a_reset_as_before_and_nothing_is_known_after_power_on() {
-    let mut device = Device::new(&with_faults(), library::options());
-    device.wait_for_start();
+    let mut device = Device::with_faults(library::options());
     let load = |device: &mut Device| device.status().output.thermal_load_permille;
     let first = load(&mut device);
     assert!((700..=750).contains(&first), "{first} after power-on");

@@ -7,7 +7,7 @@ use virtual_stylus::Options;
 use virtual_stylus::model::adc::Sample;
 use virtual_stylus::motion::Motion;
 
-use crate::device::{Device, MS, PERIOD_NS, SECOND, inject, recording_s, with_faults};
+use crate::device::{Device, MS, PERIOD_NS, SECOND, inject, recording_s};
 
 /// A code by which triggers and channels can be told apart.
 fn code(channel: u8, at_ns: u64) -> u16 {
@@ -26,8 +26,7 @@ const REVISIONS: [u16; 2] = [0x2003, 0x1003];
 fn recorded_with(section: Injected, revision: u16) -> (Vec<(Option<usize>, bool)>, u32) {
     let mut options = Options::default();
     options.electrical.revision = revision;
-    let mut device = Device::new(&with_faults(), options);
-    device.wait_for_start();
+    let mut device = Device::with_faults(options);
     device.set_pins(code);
     device.run_for(5 * MS);
     device.stylus.record_samples();

@@ -1,7 +1,6 @@
 //! Latency from the sensors' pins to the output's pin, and to the tip of a plant: the hand's steps at every tick of a
 //! block, just before and just after the instant at which the converter samples the force.
 
-use model_format::link::MotionSource;
 use model_format::scene::{Scene, SceneName, Surface, Tap};
 use model_format::{CodeSpec, DacCode, NodeSpec, TextureSpec, encode_with_scenes};
 use stylus_plant::{Parameters, Plant};
@@ -102,10 +101,9 @@ fn latencies(step: &Step, both: bool) -> Latencies {
     device.set_pins(move |channel, _| if channel == 5 { before } else { 0x8000 });
     device.move_at(step.speed[0]);
     if step.speed == TAP.speed {
-        let played = device.play_scene("tap", MotionSource::Sensors, 1);
-        played.expect("it is there");
+        device.play_scene("tap", 1);
     } else {
-        device.play("loud", MotionSource::Sensors, 1);
+        device.play("loud", 1);
     }
     device.wait_until_heard();
     device.stylus.record_samples();

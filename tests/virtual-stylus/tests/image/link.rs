@@ -2,8 +2,8 @@
 
 use fake_stylus::device::MOTION;
 use model_format::link::{
-    InfoEndpoint, KEEP_ALIVE_MS, KeepAliveTopic, MAX_HOST_FRAME_BYTES, MotionSample, MotionSource,
-    MotionTopic, MuteReason, PlayEndpoint, UploadBeginEndpoint,
+    InfoEndpoint, MAX_HOST_FRAME_BYTES, MotionSample, MotionSource, MotionTopic, MuteReason,
+    PlayEndpoint, PlayRequest, UploadBeginEndpoint,
 };
 use model_format::{MillimetresPerSecond, Newton};
 use postcard_rpc::Endpoint;
@@ -12,6 +12,7 @@ use virtual_stylus::chance::Chance;
 
 use crate::device::{Device, MS, long};
 use crate::library;
+use crate::requests::play_request;
 
 /// Time within which the output is silent.
 const SILENT_NS: u64 = 100 * MS;
@@ -20,7 +21,7 @@ const SILENT_NS: u64 = 100 * MS;
 fn a_lost_link_is_silence_within_100_ms() {
     let mut device = Device::started(library::options());
     device.move_at(120.0);
-    device.play_until_heard("lattice", MotionSource::Sensors, 2);
+    device.play_until_heard("lattice");
     device.run_for(200 * MS);
     device.keep_alive(false);
     let lost = device.stylus.now_ns();
@@ -37,7 +38,10 @@ fn a_lost_link_is_silence_within_100_ms() {
 #[test]
 fn a_motion_of_the_hosts_that_is_not_renewed_is_silence_within_100_ms() {
     let mut device = Device::started(library::options());
-    device.play("lattice", MotionSource::Host, 2);
+    device.plays(&PlayRequest {
+        motion: MotionSource::Host,
+        ..play_request("lattice", 2)
+    });
     let motion = MotionSample {
         speed: MillimetresPerSecond(120.0),
         force: Newton(0.8),
@@ -50,10 +54,7 @@ fn a_motion_of_the_hosts_that_is_not_renewed_is_silence_within_100_ms() {
     let last = device.stylus.now_ns();
     assert!(!device.is_silent(last - 50 * MS, last), "it was heard");
     // The link stays alive.
-    for _ in 0..400 / u64::from(KEEP_ALIVE_MS) {
-        device.publish::<KeepAliveTopic>(&());
-        device.run_for(u64::from(KEEP_ALIVE_MS) * MS);
-    }
+    device.run_for(400 * MS);
     assert!(device.is_silent(last + SILENT_NS, last + 400 * MS));
     let mute = device.status().output.mute;
     assert!(mute.contains(MuteReason::Stale), "{mute:?}");

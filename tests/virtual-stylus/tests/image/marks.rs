@@ -1,6 +1,6 @@
 //! Marks of the worst cases, under the most that the device does at once, and levels of the sensors.
 
-use model_format::link::{Marks, MotionSource, Setting, StatusEndpoint, UploadProgress};
+use model_format::link::{Marks, Setting, StatusEndpoint};
 use postcard_rpc::Endpoint;
 use virtual_stylus::model::flash::Stalls;
 use virtual_stylus::sensors::FunctionPins;
@@ -57,12 +57,10 @@ fn marks_keep_their_bounds_while_a_scene_plays_and_is_recorded_a_library_comes_a
     // To and fro over the boundary, where two surfaces sound.
     let turns = (0..40).map(|turn| (turn * 200, if turn % 2 == 0 { 240.0 } else { -200.0 }));
     device.move_along(&turns.collect::<Vec<_>>());
-    device
-        .play_scene("everything", MotionSource::Sensors, 3)
-        .expect("it is in the library");
+    device.play_scene("everything", 3);
     device.record();
     let large = library::large();
-    let mut progress = device.begin_upload(&large);
+    let mut next = device.begin_upload(&large);
     let mut asked = 0;
     let mut answered = 0;
     for end in (PIECE..=UPLOADED).step_by(PIECE) {
@@ -71,11 +69,7 @@ fn marks_keep_their_bounds_while_a_scene_plays_and_is_recorded_a_library_comes_a
         let mut bytes = cobs::encode_vec(&frame(StatusEndpoint::REQ_KEY, asked, &()));
         bytes.push(0);
         device.send_bytes(&bytes);
-        device.send_chunks(&large, progress, end);
-        progress = UploadProgress {
-            next_offset: end.next_multiple_of(model_format::link::MAX_CHUNK_BYTES) as u32,
-            ..progress
-        };
+        next = device.send_chunks(&large, next, end);
         let sent = device.stylus.receive();
         answered += sent.iter().filter(|sent| sent.byte == 0).count();
     }

@@ -1,7 +1,7 @@
 //! The output from the tick to the pin: its latency, late ticks, a core that stops, and the amplifier's enable.
 
 use hil::injection::Injected;
-use model_format::link::{MotionSource, MuteReasons, Setting};
+use model_format::link::{MuteReasons, Setting};
 use stylus_app::safety;
 use stylus_plant::{Parameters, Plant};
 use virtual_stylus::Options;
@@ -10,9 +10,7 @@ use virtual_stylus::model::dac::Output;
 use virtual_stylus::model::pin::{Drive, Driven};
 use virtual_stylus::sensors::{ConstantPins, MID_SCALE as MID_SCALE_WORD};
 
-use crate::device::{
-    CODE_NS, CODES, Device, MID_SCALE, MS, PERIOD_NS, inject, product, with_faults,
-};
+use crate::device::{CODE_NS, CODES, Device, MID_SCALE, MS, PERIOD_NS, inject, product};
 use crate::expected::BEFORE_FIRST_TICK;
 use crate::library;
 
@@ -35,12 +33,11 @@ fn playing_loudly() -> (Device, u16) {
         (Setting::OutputGain, 0.2),
         (Setting::PowerLimit, 1.0),
     ];
-    let mut device = Device::new(&with_faults(), library::set_to(&loud));
-    device.wait_for_start();
+    let mut device = Device::with_faults(library::set_to(&loud));
     let settings = device.settings();
     let config = safety::Config::new(&settings, 1.0);
     device.move_at(120.0);
-    device.play_until_heard("lattice", MotionSource::Sensors, 9);
+    device.play_until_heard("lattice");
     device.run_for(301 * MS);
     (device, config.slew_steps() as u16)
 }
@@ -250,20 +247,6 @@ fn an_amplifier_that_is_switched_off_and_on_while_a_texture_plays_returns_at_mid
     let amplifier = device.amplifier();
     let raised = amplifier_follows_the_output(device.dac(), &amplifier);
     assert_eq!(raised.len(), 2, "{amplifier:?}");
-}
-
-#[test]
-fn a_debugger_that_halts_the_core_stops_neither_the_watchdog_nor_the_output() {
-    const APB1LFZ1: u64 = 0x3C;
-    const APB4FZ1: u64 = 0x54;
-    const TIM6_AND_TIM7: u32 = 0b11 << 4;
-    const IWDG1: u32 = 1 << 18;
-    let mut device = Device::started(library::options());
-    let mut frozen = |register| {
-        (device.stylus.read_register("DBGMCU", register)).expect("there is such a register")
-    };
-    assert_eq!(frozen(APB1LFZ1) & TIM6_AND_TIM7, 0);
-    assert_eq!(frozen(APB4FZ1) & IWDG1, 0);
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! The played output, compared code by code and instant by instant, at 5 and at 10 kHz.
 
-use model_format::link::{MotionSource, MuteReason};
+use model_format::link::MuteReason;
 use model_format::{Library, PlayRate};
 use stylus_app::UPDATE_LEAD_TICKS;
 use stylus_app::safety::Config;
@@ -46,7 +46,7 @@ fn a_texture_is_played(bytes: &[u8], texture: &str) {
     let heard = Heard::of_texture(library.texture(texture).expect("it is there"), 77);
     plays_as_the_host_does(&mut device, &heard, 1_100, |device| {
         device.move_along(&STROKES);
-        device.play(texture, MotionSource::Sensors, 77);
+        device.play(texture, 77);
     });
 }
 
@@ -75,7 +75,7 @@ fn a_texture_at_ten_kilohertz_is_put_out_as_the_host_computes_it() {
     let heard = Heard::of_texture(library.texture("fast").expect("it is there"), 77);
     plays_as_the_host_does(&mut touched(&bytes), &heard, 700, |device| {
         device.move_along(&OVER_AND_BACK);
-        device.play("fast", MotionSource::Sensors, 77);
+        device.play("fast", 77);
     });
 }
 
@@ -85,8 +85,7 @@ fn a_scene_is_played(bytes: &[u8], scene: &str) {
     let Compared { audits, .. } =
         plays_as_the_host_does(&mut touched(bytes), &heard, 1_300, |device| {
             device.move_along(&OVER_AND_BACK);
-            let played = device.play_scene(scene, MotionSource::Sensors, 5);
-            played.expect("it is there");
+            device.play_scene(scene, 5);
         });
     assert!(audits > 0);
 }
@@ -115,7 +114,7 @@ fn a_change_of_rate_and_back_is_within_the_limits_and_at_mid_scale_in_between() 
     let before = changing(&mut device);
     for texture in ["slow", "fast", "slow"] {
         changes.push(device.status().tick.ticks as usize);
-        device.play(texture, MotionSource::Sensors, 3);
+        device.play(texture, 3);
         device.run_for(450 * MS);
         assert!(device.status().output.mute.is_empty(), "{texture}");
     }
@@ -154,9 +153,9 @@ fn two_samples_of_the_highest_order_fit_in_a_tick_and_its_period_stays() {
     press(&mut device, 1.0);
     device.move_at(20.0);
     let idle = count(&mut device, "idle", 20);
-    device.play_until_heard("slow", MotionSource::Sensors, 3);
+    device.play_until_heard("slow");
     let slow = count(&mut device, "lattice at 5 kHz", 30);
-    device.play_until_heard("fast", MotionSource::Sensors, 3);
+    device.play_until_heard("fast");
     device.run_for(200 * MS);
     device.stylus.take_ticks();
     device.run_for(50 * MS);
@@ -170,7 +169,7 @@ fn two_samples_of_the_highest_order_fit_in_a_tick_and_its_period_stays() {
     let fast = count(&mut device, "lattice at 10 kHz", 30);
     device.run_for(100 * MS);
     let both = count_scene(&mut device, "both");
-    device.play_until_heard("slow", MotionSource::Sensors, 3);
+    device.play_until_heard("slow");
     device.run_for(200 * MS);
     let again = count(&mut device, "lattice at 5 kHz, again", 30);
     assert_eq!(again.within, slow.within);

@@ -4,9 +4,9 @@ use std::sync::atomic::AtomicI16;
 
 use fake_stylus::device::response_for;
 use model_format::link::{
-    MotionSource, ProbeLoad, ProbeLoadEndpoint, ProbeStart, ProbeStartEndpoint, ProbeStarted,
-    ProbeThrough, Response, ResponseChange, ResponseGetEndpoint, ResponseProposeEndpoint,
-    ResponseSetEndpoint, Sections, Setting,
+    ProbeLoad, ProbeLoadEndpoint, ProbeStart, ProbeStartEndpoint, ProbeStarted, ProbeThrough,
+    Response, ResponseChange, ResponseGetEndpoint, ResponseProposeEndpoint, ResponseSetEndpoint,
+    Sections, Setting,
 };
 use model_format::scene::Biquad;
 use model_format::{Library, PlayRate};
@@ -145,6 +145,6 @@ fn a_texture_is_equalised_by_the_stored_response_after_a_restart_too() {
     heard.plan.append(&response.sections_10khz.biquads());
     plays_as_the_host_does(&mut device, &heard, 500, |device| {
         device.move_at(60.0);
-        device.play("fast", MotionSource::Sensors, 77);
+        device.play("fast", 77);
     });
 }

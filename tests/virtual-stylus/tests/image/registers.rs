@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 
-use model_format::link::{MotionSource, SelfTestEndpoint, SelfTestRequest, Setting};
+use model_format::link::{SelfTestEndpoint, SelfTestRequest, Setting};
 use rigless::mcu::{Mcu, Operate};
 use rigless::soc::Width;
 use rigless::time::VirtualNanos;
@@ -162,7 +162,7 @@ fn touched() -> (BTreeMap<u64, u64>, BTreeMap<u64, Described>) {
     }
     device.record();
     device.move_at(120.0);
-    device.play_until_heard("lattice", MotionSource::Sensors, 9);
+    device.play_until_heard("lattice");
     device.run_for(100 * MS);
     let noted = device.stylus.board(|board| board.touched.noted());
     let addresses: Vec<u64> = noted.range(PERIPHERALS).map(|(&at, _)| at).collect();

@@ -4,14 +4,15 @@ use std::collections::VecDeque;
 
 use fake_stylus::device::change;
 pub use fake_stylus::library::announcement as announced;
+use fake_stylus::library::chunks;
 use model_format::link::{
     ActivateEndpoint, Activated, BLOCK_SAMPLES, ListEndpoint, ListRequest, MAX_CHUNK_BYTES,
-    MotionSource, MuteReasons, PlayEndpoint, PlayError, PlayRequest, Playing, RecordSample,
-    RecordStartEndpoint, RecordStopEndpoint, RecordStopped, Selection, Setting, SettingChange,
-    SettingSet, Settings, SettingsApplyEndpoint, SettingsChange, SettingsError,
-    SettingsGetEndpoint, SettingsProposeEndpoint, SlotId, Slots, SlotsEndpoint, Status,
-    StatusEndpoint, StopEndpoint, TextureInfo, UploadBeginEndpoint, UploadChunk,
-    UploadChunkEndpoint, UploadCommitEndpoint, UploadCommitted, UploadProgress,
+    MotionSource, MuteReasons, PlayEndpoint, PlayRequest, RecordSample, RecordStartEndpoint,
+    RecordStopEndpoint, RecordStopped, Selection, Setting, SettingChange, SettingSet, Settings,
+    SettingsApplyEndpoint, SettingsChange, SettingsError, SettingsGetEndpoint,
+    SettingsProposeEndpoint, SlotId, Slots, SlotsEndpoint, Status, StatusEndpoint, StopEndpoint,
+    TextureInfo, TickCounters, UploadBeginEndpoint, UploadChunkEndpoint, UploadCommitEndpoint,
+    UploadCommitted,
 };
 use postcard_rpc::Endpoint;
 use virtual_stylus::ResetCause;
@@ -75,14 +76,7 @@ impl Device {
 
     /// Checks that codes were put out every 25 µs, and no tick, block, conversion or output was late.
     pub fn assert_undisturbed(&mut self) {
-        let tick = self.status().tick;
-        let late = [
-            tick.missed,
-            tick.late_frames,
-            tick.late_conversions,
-            tick.late_outputs,
-        ];
-        assert_eq!(late, [0; 4], "missed, late frames, conversions, outputs");
+        assert_on_time(&self.status().tick);
         assert_even(&self.triggered());
     }
 
@@ -142,30 +136,28 @@ impl Device {
             .expect("there is such a texture")
     }
 
-    pub fn begin_upload(&mut self, library: &[u8]) -> UploadProgress {
-        self.request::<UploadBeginEndpoint>(&announced(library))
-            .expect("the library fits a slot")
+    /// Begins an upload. Returns the offset of the first byte that the device lacks.
+    pub fn begin_upload(&mut self, library: &[u8]) -> usize {
+        let begun = self.request::<UploadBeginEndpoint>(&announced(library));
+        begun.expect("the library fits a slot").next_offset as usize
     }
 
-    /// Sends chunks from `progress` up to byte `end`.
-    pub fn send_chunks(&mut self, library: &[u8], progress: UploadProgress, end: usize) {
-        let mut offset = progress.next_offset as usize;
-        while offset < end {
-            let data = &library[offset..library.len().min(offset + MAX_CHUNK_BYTES)];
-            let chunk = UploadChunk {
-                offset: offset as u32,
-                data,
-            };
-            let progress = self
-                .ask::<UploadChunkEndpoint<'_>, _>(&chunk)
-                .expect("the chunk that is due");
-            offset = progress.next_offset as usize;
+    /// Sends chunks from byte `from` on, until byte `end` has been sent. Returns the offset of the next one.
+    pub fn send_chunks(&mut self, library: &[u8], from: usize, end: usize) -> usize {
+        let mut next = from;
+        for chunk in chunks(library, from, MAX_CHUNK_BYTES) {
+            if next >= end {
+                break;
+            }
+            let progress = self.request::<UploadChunkEndpoint<'_>>(&chunk);
+            next = progress.expect("the chunk that is due").next_offset as usize;
         }
+        next
     }
 
     pub fn upload(&mut self, library: &[u8]) -> UploadCommitted {
-        let progress = self.begin_upload(library);
-        self.send_chunks(library, progress, library.len());
+        let from = self.begin_upload(library);
+        self.send_chunks(library, from, library.len());
         self.request::<UploadCommitEndpoint>(&())
             .expect("a valid library")
     }
@@ -181,14 +173,12 @@ impl Device {
 
     /// Sends all chunks of `bytes`, up to `window` of them before the answer to the first.
     pub fn send_ahead(&mut self, bytes: &[u8], window: usize) {
-        let offsets = (0..).step_by(MAX_CHUNK_BYTES);
-        let mut chunks = bytes.chunks(MAX_CHUNK_BYTES).zip(offsets);
+        let mut chunks = chunks(bytes, 0, MAX_CHUNK_BYTES);
         let mut on_their_way = VecDeque::new();
         loop {
             while on_their_way.len() < window
-                && let Some((data, offset)) = chunks.next()
+                && let Some(chunk) = chunks.next()
             {
-                let chunk = UploadChunk { offset, data };
                 let sequence = self.send_frame(UploadChunkEndpoint::REQ_KEY, &chunk);
                 on_their_way.push_back(sequence);
             }
@@ -228,32 +218,24 @@ impl Device {
         self.request::<SettingsApplyEndpoint>(&proposal.token)
     }
 
-    /// Plays with keep-alives, and waits until nothing mutes the output.
-    pub fn play(&mut self, texture: &str, motion: MotionSource, seed: u64) {
+    /// Plays with keep-alives.
+    pub fn plays(&mut self, request: &PlayRequest) {
         self.keep_alive(true);
-        let request = play_request(texture, motion, seed);
-        self.request::<PlayEndpoint>(&request)
-            .expect("the texture is there");
+        let played = self.request::<PlayEndpoint>(request);
+        played.expect("it is in the library");
     }
 
-    /// Requests a scene.
-    pub fn play_scene(
-        &mut self,
-        scene: &str,
-        motion: MotionSource,
-        seed: u64,
-    ) -> Result<Playing, Box<PlayError>> {
-        self.keep_alive(true);
-        let request = PlayRequest {
-            selection: Selection::Scene(scene.try_into().expect("a scene's name fits")),
-            ..play_request("", motion, seed)
-        };
-        self.request::<PlayEndpoint>(&request).map_err(Box::new)
+    pub fn play(&mut self, texture: &str, seed: u64) {
+        self.plays(&play_request(texture, seed));
     }
 
-    /// Plays, and waits until nothing mutes the output.
-    pub fn play_until_heard(&mut self, texture: &str, motion: MotionSource, seed: u64) {
-        self.play(texture, motion, seed);
+    pub fn play_scene(&mut self, scene: &str, seed: u64) {
+        self.plays(&scene_request(scene, seed));
+    }
+
+    /// Plays a texture, and waits until nothing mutes the output.
+    pub fn play_until_heard(&mut self, texture: &str) {
+        self.play(texture, 9);
         self.wait_until_heard();
     }
 
@@ -269,6 +251,15 @@ impl Device {
     }
 }
 
+/// Checks that no tick was missed, and no block, conversion or output was late.
+pub fn assert_on_time(tick: &TickCounters) {
+    let on_time = TickCounters {
+        ticks: tick.ticks,
+        ..TickCounters::default()
+    };
+    assert_eq!(*tick, on_time);
+}
+
 /// Checks that outputs are 25 µs apart.
 pub fn assert_even(outputs: &[Output]) {
     let uneven = (outputs.windows(2)).find(|pair| pair[1].at_ns - pair[0].at_ns != CODE_NS);
@@ -280,11 +271,20 @@ pub fn default_of(setting: Setting) -> SettingChange {
     change(setting, setting.spec().default)
 }
 
-pub fn play_request(texture: &str, motion: MotionSource, seed: u64) -> PlayRequest {
+/// A request to play a texture along the sensors.
+pub fn play_request(texture: &str, seed: u64) -> PlayRequest {
     PlayRequest {
         selection: Selection::Texture(texture.try_into().expect("a texture's name fits")),
         gain: 1.0,
-        motion,
+        motion: MotionSource::Sensors,
         seed,
+    }
+}
+
+/// A request to play a scene along the sensors.
+pub fn scene_request(scene: &str, seed: u64) -> PlayRequest {
+    PlayRequest {
+        selection: Selection::Scene(scene.try_into().expect("a scene's name fits")),
+        ..play_request("", seed)
     }
 }

@@ -1,9 +1,8 @@
 //! Scenes, and libraries of them at 5 and at 10 kHz.
 
-use model_format::link::{Activity, MotionSource, Selection};
-use model_format::scene::{
-    Biquad, MotionOfScene, Region, Scene, SceneName, StickSlip, Surface, Tap,
-};
+use kernel_vectors::scenes::{self, of_surface, side_by_side, sticky, tapped};
+use model_format::link::{Activity, MotionSource};
+use model_format::scene::{MotionOfScene, Scene, Surface};
 use model_format::{
     CodeSpec, CodebookSpec, ExcitationSpec, Library, LineSpec, LinesSpec, ModulationSpec,
     NodeFlags, NodeSpec, PartsSpec, TextureSpec, Wander, encode_with_scenes,
@@ -14,6 +13,7 @@ use crate::device::{Device, MS};
 use crate::expected::Heard;
 use crate::expected::recorded;
 use crate::library;
+use crate::requests::scene_request;
 
 /// Textures of the library, by their index in it.
 const LATTICE: u8 = 0;
@@ -26,21 +26,6 @@ const FED_FOUR_LINES: u8 = 6;
 
 /// Orders of the long textures and of the short ones.
 pub const ORDERS: [u32; 2] = [400, 200];
-
-const HARD: Tap = Tap {
-    frequency_hz: 300.0,
-    decay_s: 1.0,
-    gain_m_s2_per_n_s: 0.05,
-    limit_m_s2: 20.0,
-};
-
-const STICKY: StickSlip = StickSlip {
-    period_mm: 1.5,
-    duty: 0.6,
-    depth: 0.9,
-    below_mm_s: 1_000.0,
-    above_n: 0.05,
-};
 
 /// A texture of small models that differ in their first coefficient only.
 fn texture(name: &str, order: u32) -> TextureSpec {
@@ -108,57 +93,14 @@ fn fed(name: &str, spec: &TextureSpec) -> TextureSpec {
     }
 }
 
-fn name(name: &str) -> SceneName {
-    SceneName::try_from(name).expect("short")
-}
-
-fn of_surface(title: &str, surface: Surface) -> Scene {
-    Scene::of_surface(name(title), 5_000, surface)
-}
-
-/// `scene` with `sections` different sections of the equaliser.
-fn equalised(mut scene: Scene, sections: usize) -> Scene {
-    for section in 0..sections {
-        let pole = 0.3 + 0.05 * section as f64;
-        let biquad = Biquad::from_f64([0.8, -0.2, 0.1], [-pole, 0.2]).expect("within range");
-        scene.equaliser.push(biquad).expect("there is room");
-    }
-    scene
-}
-
-fn tapped(mut surface: Surface) -> Surface {
-    surface.tap = Some(HARD);
-    surface
-}
-
-fn sticky(mut surface: Surface) -> Surface {
-    surface.stick_slip = Some(STICKY);
-    surface
-}
-
 /// Two surfaces that meet at `boundary_mm`, with a transition of the largest width.
 fn two(title: &str, surfaces: [Surface; 2], boundary_mm: f32) -> Scene {
-    let [first, second] = surfaces;
-    let mut scene = of_surface(title, first);
-    scene.surfaces.push(second).expect("there is room");
-    let region = |start_mm, end_mm, surface| Region {
-        start_mm,
-        end_mm,
-        surface,
-    };
-    for region in [
-        region(-1_000.0, boundary_mm, 0),
-        region(boundary_mm, 1_000.0, 1),
-    ] {
-        scene.regions.push(region).expect("there is room");
-    }
-    scene.transition_mm = 100.0;
-    scene
+    side_by_side(title, surfaces, [-1_000.0, boundary_mm, 1_000.0], 100.0)
 }
 
 fn everything(textures: [u8; 2]) -> Scene {
     let [first, second] = textures.map(|texture| sticky(Surface::of_texture(texture)));
-    let mut scene = equalised(two("everything", [tapped(first), second], 30.0), 3);
+    let mut scene = scenes::equalised(two("everything", [tapped(first), second], 30.0), 3);
     scene.transition_mm = 20.0;
     scene
 }
@@ -173,10 +115,10 @@ fn scenes() -> Vec<Scene> {
     };
     let both = || [lattice(), of(SHORT_LATTICE)];
     let fed_everything = Scene {
-        name: name("fed everything"),
+        name: "fed everything".try_into().expect("it is short"),
         ..everything([FED_FOUR_LINES, FED_SHORT_LATTICE])
     };
-    let equalised = |title, sections| equalised(of_surface(title, lattice()), sections);
+    let equalised = |title, sections| scenes::equalised(of_surface(title, lattice()), sections);
     vec![
         of_surface("lattice", lattice()),
         constant,
@@ -188,7 +130,7 @@ fn scenes() -> Vec<Scene> {
         equalised("one section", 1),
         equalised("four sections", 4),
         equalised("eight sections", 8),
-        self::equalised(of_surface("tap, four sections", tapped(lattice())), 4),
+        scenes::equalised(of_surface("tap, four sections", tapped(lattice())), 4),
         two("transition", both(), 0.0),
         two("sticky transition", both().map(sticky), 0.0),
         two("away from the transition", both(), 500.0),
@@ -282,15 +224,11 @@ fn a_scene_with_all_effects_and_a_switch_to_another_are_put_out_as_the_host_comp
     device.set_pins(tapping);
     let mut switched = 0..0;
     let compared = recorded(&mut device, |device| {
-        let play = |device: &mut Device, scene| {
-            let played = device.play_scene(scene, MotionSource::Sensors, 5);
-            played.expect("it is there");
-        };
         device.move_along(&OVER_AND_BACK);
-        play(device, "everything");
+        device.play_scene("everything", 5);
         device.run_for(1_300 * MS);
         let before = device.status();
-        play(device, "sticky transition");
+        device.play_scene("sticky transition", 5);
         let after = device.status();
         switched = before.tick.ticks..after.tick.ticks;
         device.run_for(400 * MS);
@@ -299,7 +237,11 @@ fn a_scene_with_all_effects_and_a_switch_to_another_are_put_out_as_the_host_comp
             "nothing was muted for the switch"
         );
     });
-    assert_plays(&mut device, "sticky transition");
+    let activity = Activity::Playing {
+        selection: scene_request("sticky transition", 5).selection,
+        motion: MotionSource::Sensors,
+    };
+    assert_eq!(device.status().output.activity, activity);
     let library = Library::decode(&bytes).expect("a valid library");
     let mut heard = Heard::of_scene(plan(&library, "everything"), 5);
     let (began, same_until) = compared.explained(&heard);
@@ -317,12 +259,4 @@ fn a_scene_with_all_effects_and_a_switch_to_another_are_put_out_as_the_host_comp
         });
     assert!(is_explained, "no switch in {switched:?} explains the codes");
     compared.assert_heard(began);
-}
-
-fn assert_plays(device: &mut Device, scene: &str) {
-    let activity = Activity::Playing {
-        selection: Selection::Scene(name(scene)),
-        motion: MotionSource::Sensors,
-    };
-    assert_eq!(device.status().output.activity, activity);
 }

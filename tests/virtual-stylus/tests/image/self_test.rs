@@ -4,15 +4,14 @@ use hil::injection::Injected;
 use host_tools::link::capture::{Calibration, Capture, Loss};
 use host_tools::procedures::self_test::{Line, Verdict, judge};
 use model_format::link::{
-    InfoEndpoint, MotionSource, SelfTestEndpoint, SelfTestError, SelfTestRequest, SelfTestValues,
-    Setting, SlotId,
+    InfoEndpoint, SelfTestEndpoint, SelfTestError, SelfTestRequest, SelfTestValues, Setting, SlotId,
 };
 use virtual_stylus::Options;
 use virtual_stylus::board::StylusBoard;
 use virtual_stylus::model::pin::Drive;
 use virtual_stylus::model::read_back::OutputPin;
 
-use crate::device::{CODE_NS, Device, MID_SCALE, MS, SECOND, inject, product, with_faults};
+use crate::device::{CODE_NS, Device, MID_SCALE, MS, SECOND, inject, product};
 use crate::library;
 
 /// The output, by a user who has connected no amplifier.
@@ -167,8 +166,7 @@ fn a_start_on_the_internal_clock_is_named() {
 
 #[test]
 fn ticks_that_were_missed_are_named() {
-    let mut device = Device::new(&with_faults(), Options::default());
-    device.wait_for_start();
+    let mut device = Device::with_faults(Options::default());
     inject(&mut device, Injected::LongTick);
     device.run_for(50 * MS);
     let found = judge::state(&device.status());
@@ -318,7 +316,7 @@ fn the_output_is_at_rest_and_follows_the_tick_again_even_if_the_host_is_gone() {
     assert_eq!(uneven, None);
     let status = device.status();
     assert_eq!((status.tick.missed, status.tick.late_conversions), (0, 0));
-    device.play_until_heard("lattice", MotionSource::Sensors, 2);
+    device.play_until_heard("lattice");
 }
 
 #[test]

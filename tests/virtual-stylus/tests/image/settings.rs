@@ -1,6 +1,6 @@
 //! Settings on the image: nothing plays with guessed ones, and none is lost with a word of the flash or by a power cut.
 
-use model_format::link::{MotionSource, PlayEndpoint, PlayError, Setting};
+use model_format::link::{PlayEndpoint, PlayError, Setting};
 use virtual_stylus::Options;
 use virtual_stylus::model::flash::{Contents, Moment};
 
@@ -23,7 +23,7 @@ fn options(flash: Contents) -> Options {
 
 fn play(device: &mut Device) -> Result<(), Box<PlayError>> {
     device.keep_alive(true);
-    let request = play_request("lattice", MotionSource::Sensors, 1);
+    let request = play_request("lattice", 1);
     let played = device.request::<PlayEndpoint>(&request);
     // While the settings' bank is erased, the serial line would lose what is sent.
     device.keep_alive(played.is_ok());

@@ -3,14 +3,14 @@
 use fake_stylus::device::change;
 use hil::injection::Injected;
 use model_format::link::{
-    ClockSource, FaultKind, InfoEndpoint, MotionSource, MuteReason, PROTOCOL_VERSION, PlayEndpoint,
-    PlayError, QUICK_FAULTS, ResetReason, SCHEMA_HASH, Setting, SettingsError, SiliconRevision,
-    StartReport, StartStage, UploadBeginEndpoint, UploadError,
+    ClockSource, FaultKind, InfoEndpoint, MuteReason, PROTOCOL_VERSION, PlayEndpoint, PlayError,
+    QUICK_FAULTS, ResetReason, SCHEMA_HASH, Setting, SettingsError, SiliconRevision, StartReport,
+    StartStage, UploadBeginEndpoint, UploadError,
 };
 use virtual_stylus::motion::Motion;
 use virtual_stylus::{Electrical, Options, ResetCause};
 
-use crate::device::{Device, MID_SCALE, MS, inject, long, product, with_faults};
+use crate::device::{Device, MID_SCALE, MS, inject, long, product};
 use crate::library;
 use crate::requests::{announced, play_request};
 
@@ -48,7 +48,7 @@ fn register(device: &mut Device, instance: &'static str, offset: u64) -> u32 {
 fn plays(device: &mut Device) {
     let motion = Motion::steady(120.0, 0.01);
     device.stylus.set_motion(motion);
-    device.play_until_heard("lattice", MotionSource::Sensors, 9);
+    device.play_until_heard("lattice");
     device.run_for(50 * MS);
     device.keep_alive(false);
 }
@@ -145,7 +145,7 @@ fn when_no_pll_locks_at_all_the_device_speaks_and_does_not_play() {
 fn an_external_clock_that_fails_in_mid_play_ends_at_mid_scale_and_is_not_used_again() {
     let mut device = Device::started(library::options());
     plays(&mut device);
-    device.play_until_heard("lattice", MotionSource::Sensors, 9);
+    device.play_until_heard("lattice");
     let failed_ns = device.stylus.now_ns();
     device.keep_alive(false);
     device.stylus.fail_external_clock();
@@ -177,8 +177,7 @@ fn panics(device: &mut Device) {
 
 #[test]
 fn after_three_quick_faults_the_device_speaks_and_does_not_play_until_a_person_resets_it() {
-    let mut device = Device::new(&with_faults(), library::options());
-    device.wait_for_start();
+    let mut device = Device::with_faults(library::options());
     for count in 1..=QUICK_FAULTS {
         assert!(!start(&mut device).safe_mode, "after {} faults", count - 1);
         panics(&mut device);
@@ -188,7 +187,7 @@ fn after_three_quick_faults_the_device_speaks_and_does_not_play_until_a_person_r
     let status = device.status();
     assert!(status.start.safe_mode && status.output.mute.contains(MuteReason::SafeMode));
     device.upload(&library::small());
-    let refused = device.request::<PlayEndpoint>(&play_request("lattice", MotionSource::Host, 1));
+    let refused = device.request::<PlayEndpoint>(&play_request("lattice", 1));
     let quick_faults = QUICK_FAULTS;
     assert_eq!(refused, Err(PlayError::SafeMode { quick_faults }));
     // Both LEDs blink in turn.

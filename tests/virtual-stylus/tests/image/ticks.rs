@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::LazyLock;
 
-use model_format::link::{MotionSource, Setting};
+use model_format::link::Setting;
 use virtual_stylus::tick::TickStatistics;
 
 use crate::device::{Device, MS};
@@ -67,7 +67,7 @@ fn playing(settings: &[(Setting, f32)]) -> (TickStatistics, Limited) {
         _ => 0x8000,
     });
     device.move_along(&[(0, 10.0), (1_500, 300.0)]);
-    device.play_until_heard(PLAYED.0, MotionSource::Sensors, 3);
+    device.play_until_heard(PLAYED.0);
     device.stylus.audit_ticks(251);
     device.run_for(200 * MS);
     let audits = device.stylus.take_audits();

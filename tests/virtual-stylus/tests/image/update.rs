@@ -4,9 +4,9 @@ use std::path::Path;
 
 use hil::injection::Injected;
 use model_format::link::{
-    DEVELOPMENT_SEED, HEADER_BYTES, ImageVersion, MotionSource, ResetReason, Setting, TRIAL_MS,
-    UNSIGNED, UPLOAD_WINDOW, UpdateBegin, UpdateBeginEndpoint, UpdateCommitEndpoint,
-    UpdateConfirmEndpoint, UpdateError, UpdatePhase, UpdateReport, UpdateStateEndpoint,
+    DEVELOPMENT_SEED, HEADER_BYTES, ImageVersion, ResetReason, Setting, TRIAL_MS, UNSIGNED,
+    UPLOAD_WINDOW, UpdateBegin, UpdateBeginEndpoint, UpdateCommitEndpoint, UpdateConfirmEndpoint,
+    UpdateError, UpdatePhase, UpdateReport, UpdateStateEndpoint,
 };
 use stylus_app::update::sign;
 use stylus_boot::map::{ACTIVE, BOOTLOADER_VERSION, RECORDS, WORD_BYTES};
@@ -204,7 +204,7 @@ fn an_update_keeps_settings_and_active_library_and_survives_resets_once_it_is_co
     device.reset();
     assert_eq!(device.update_state().phase, UpdatePhase::Confirmed);
     device.move_at(120.0);
-    device.play_until_heard("lattice", MotionSource::Sensors, 7);
+    device.play_until_heard("lattice");
     assert!(device.runs(&new) && image(&product()) != new);
 }
 

@@ -1,6 +1,6 @@
 //! Uploads: the playing that they leave undisturbed, and an erasure that the flash refuses.
 
-use model_format::link::{MotionSource, SlotId, SlotState, UPLOAD_WINDOW, UploadBeginEndpoint};
+use model_format::link::{SlotId, SlotState, UPLOAD_WINDOW, UploadBeginEndpoint};
 use virtual_stylus::Options;
 use virtual_stylus::model::flash::{BASE, BYTES, Kind, Operation, Stalls};
 
@@ -14,7 +14,7 @@ fn a_full_upload_while_playing_and_streaming_moves_nothing_and_is_active_afterwa
     let both = library::flash_with(&[&library::other(), &library::small()]);
     let mut device = Device::started(library::of(both));
     device.move_at(120.0);
-    device.play_until_heard("lattice", MotionSource::Sensors, 5);
+    device.play_until_heard("lattice");
     device.record();
     let before = device.status();
     let large = if long() {
@@ -48,7 +48,7 @@ fn a_full_upload_while_playing_and_streaming_moves_nothing_and_is_active_afterwa
     assert_eq!(slots.active, Some(committed.slot));
     let last = committed.textures as u8 - 1;
     let name = device.texture(committed.slot, last).name;
-    device.play_until_heard(&name, MotionSource::Sensors, 6);
+    device.play_until_heard(&name);
 }
 
 #[test]

@@ -11,7 +11,7 @@ use host_tools::link::play::{Drive, drive};
 use host_tools::link::upload::upload;
 use host_tools::link::{Device, LinkAddress, Timeouts};
 use host_tools::procedures::self_test::{self, Verdict};
-use model_format::link::{MotionSource, MuteReasons};
+use model_format::link::MuteReasons;
 use virtual_stylus::model::dac::{Cause, Output};
 use virtual_stylus::model::usb::host::Mishap;
 use virtual_stylus::motion::Motion;
@@ -137,7 +137,7 @@ fn the_client_uploads_plays_records_and_reads_the_status_over_usb() {
     );
     assert_eq!((uploaded.retries, uploaded.textures.len()), (0, 1));
     device.activate(uploaded.slot).expect("it is activated");
-    let request = play_request("texture 0", MotionSource::Sensors, 3);
+    let request = play_request("texture 0", 3);
     device.play(&request).expect("it plays");
     let plan = Drive {
         motion: None,

@@ -134,7 +134,7 @@ fn after_a_halt_is_cleared_the_next_command_works() {
                 assert_eq!(told, Ok(vec![1, 0]));
             }
             // Transfers that wait end in a stall.
-            let answer = device.try_ask::<StatusEndpoint, _>(&());
+            let answer = device.try_request::<StatusEndpoint>(&());
             assert!(answer.is_none(), "{answer:?}");
             device.clear_halts();
             device.reopen();

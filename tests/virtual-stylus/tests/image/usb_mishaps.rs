@@ -1,9 +1,9 @@
 //! Cables that are pulled and buses that are reset at any transaction: the device comes back, the next command works,
 //! and the active library stays.
 
+use fake_stylus::library::chunks;
 use model_format::link::{
-    MAX_CHUNK_BYTES, MotionSource, UploadBeginEndpoint, UploadChunk, UploadChunkEndpoint,
-    UploadCommitEndpoint,
+    MAX_CHUNK_BYTES, UploadBeginEndpoint, UploadChunkEndpoint, UploadCommitEndpoint,
 };
 use virtual_stylus::Options;
 use virtual_stylus::model::usb::host::Mishap;
@@ -83,17 +83,13 @@ fn a_mishap_anywhere_in_an_enumeration_does_not_keep_the_next_one() {
 
 /// Goes on with an upload of `library` until it is committed; none if the link broke before.
 pub fn go_on(device: &mut Device, library: &[u8]) -> Option<()> {
-    let begun = device.try_ask::<UploadBeginEndpoint, _>(&announced(library))?;
-    let mut offset = begun.expect("the library fits a slot").next_offset as usize;
-    while offset < library.len() {
-        let chunk = UploadChunk {
-            offset: offset as u32,
-            data: &library[offset..library.len().min(offset + MAX_CHUNK_BYTES)],
-        };
-        let progress = device.try_ask::<UploadChunkEndpoint<'_>, _>(&chunk)?;
-        offset = progress.expect("the chunk that is due").next_offset as usize;
+    let begun = device.try_request::<UploadBeginEndpoint>(&announced(library))?;
+    let begun = begun.expect("the library fits a slot").next_offset;
+    for chunk in chunks(library, begun as usize, MAX_CHUNK_BYTES) {
+        let progress = device.try_request::<UploadChunkEndpoint<'_>>(&chunk)?;
+        progress.expect("the chunk that is due");
     }
-    let committed = device.try_ask::<UploadCommitEndpoint, _>(&())?;
+    let committed = device.try_request::<UploadCommitEndpoint>(&())?;
     committed.expect("a valid library");
     Some(())
 }
@@ -107,7 +103,7 @@ fn a_mishap_anywhere_in_a_stream_does_not_keep_the_next_one() {
     for (point, mishap, timing) in points(POINTS) {
         device.usb().1.timing = timing;
         device.blocks.clear();
-        device.play("lattice", MotionSource::Sensors, point);
+        device.play("lattice", point);
         device.record();
         arm(&mut device, mishap, 1 + point);
         device.run_for(100 * MS);

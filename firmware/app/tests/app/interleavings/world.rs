@@ -180,9 +180,10 @@ impl World {
         plays: bool,
         mistake: Mistake,
     ) -> Self {
-        let stylus = SteppedStylus::boot_with(
+        let stylus = SteppedStylus::boot_as(
             SimulatedFlash::new(beginning.slots.clone()),
             SimulatedFlash::new(beginning.settings.clone()),
+            Hardware::new(),
         );
         let SteppedStylus {
             control,

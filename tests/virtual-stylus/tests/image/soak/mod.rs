@@ -80,7 +80,7 @@ fn tell(world: &World, told: &Told, begun: Instant) {
     for name in of_all.chain([LINKS_BROKEN, CUT_AT_OPERATION, ROLLED_BACK, RESETS]) {
         println!("{:>11} {name}", world.done.get(name).unwrap_or(&0));
     }
-    world.tell_marks();
+    world.tell_figures();
 }
 
 #[test]

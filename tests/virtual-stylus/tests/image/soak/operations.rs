@@ -5,10 +5,10 @@ use hil::checks::faults::ENDING;
 use hil::injection::Injected;
 use host_tools::procedures::calibrate::AtRest;
 use model_format::link::{
-    Activity, FaultKind, InfoEndpoint, MotionSample, MotionSource, MotionTopic, ResetReason,
-    Setting, SettingChange, Settings, SettingsChange, SettingsError, SlotId, UpdateBegin,
-    UpdateBeginEndpoint, UpdateError, UpdatePhase, UploadAbortEndpoint, UploadBeginEndpoint,
-    UploadError,
+    ActivateEndpoint, Activity, FaultKind, InfoEndpoint, MotionSample, MotionSource, MotionTopic,
+    ResetReason, Setting, SettingChange, Settings, SettingsChange, SettingsError, SlotId,
+    UpdateBegin, UpdateBeginEndpoint, UpdateError, UpdatePhase, UploadAbortEndpoint,
+    UploadBeginEndpoint, UploadError,
 };
 use model_format::{MillimetresPerSecond, Newton};
 use stylus_app::update::sign;
@@ -145,10 +145,8 @@ fn break_off(world: &mut World) {
     let end = world.below(library.len() as u64) as usize;
     world.device.send_chunks(&library, progress, end);
     if world.once_in(2) {
-        world
-            .device
-            .request::<UploadAbortEndpoint>(&())
-            .expect("one is under way");
+        let aborted = world.device.request::<UploadAbortEndpoint>(&());
+        aborted.expect("one is under way");
     }
     assert_eq!(world.slots().0, active);
 }
@@ -156,10 +154,7 @@ fn break_off(world: &mut World) {
 fn activate(world: &mut World) {
     let slot = SlotId::ALL[world.below(2) as usize];
     let valid = world.slots().1;
-    if let Ok(activated) = world
-        .device
-        .request::<model_format::link::ActivateEndpoint>(&slot)
-    {
+    if let Ok(activated) = world.device.request::<ActivateEndpoint>(&slot) {
         assert!(valid.contains(&activated.library.crc32));
         world.has_stopped();
     } else {
@@ -312,17 +307,13 @@ fn dip(world: &mut World) {
     assert!(!world.device.status().output.amplifier);
     let library = library(world);
     let before = world.device.stylus.flash_operations().len();
-    let begun = world
-        .device
-        .request::<UploadBeginEndpoint>(&announced(&library));
+    let announced = announced(&library);
+    let begun = world.device.request::<UploadBeginEndpoint>(&announced);
     assert_eq!(begun, Err(UploadError::SupplyLow));
     let changes = new_values(world);
     assert!(world.device.change_settings(&changes).is_err());
-    assert_eq!(
-        world.device.stylus.flash_operations().len(),
-        before,
-        "flash was written"
-    );
+    let after = world.device.stylus.flash_operations().len();
+    assert_eq!(after, before, "flash was written");
     world.device.stylus.set_supply(3_300);
     world.device.run_for(50 * MS);
 }
@@ -354,12 +345,8 @@ fn fault(world: &mut World) {
         (ending.name, ending.kind, ending.reason, within_ns)
     } else {
         world.device.stylus.fail_external_clock();
-        (
-            "no external clock",
-            FaultKind::ClockFailed,
-            ResetReason::Fault,
-            CAUGHT_NS,
-        )
+        let (kind, reason) = (FaultKind::ClockFailed, ResetReason::Fault);
+        ("no external clock", kind, reason, CAUGHT_NS)
     };
     world.silence();
     world.device.run_for(within_ns + 300 * MS);
@@ -403,18 +390,11 @@ fn cut(world: &mut World) {
             let change = SettingsChange::of(&changes).expect("three at most");
             let after = change.applied_to(world.settings).expect("in range");
             let number = world.device.stylus.flash_operations().len() as u64 + 1 + world.below(9);
-            cut_at(
-                world,
-                number,
-                (active, &allowed),
-                [world.settings, after],
-                |world| {
-                    world.settings = world
-                        .device
-                        .change_settings(&changes)
-                        .expect("nothing is played");
-                },
-            );
+            let settings = [world.settings, after];
+            cut_at(world, number, (active, &allowed), settings, |world| {
+                let changed = world.device.change_settings(&changes);
+                world.settings = changed.expect("nothing is played");
+            });
         }
     }
 }
@@ -429,10 +409,8 @@ fn cut_at(
 ) {
     let seed = world.chance.draw();
     let moment = [Moment::Before, Moment::During { seed }, Moment::After][world.below(3) as usize];
-    world
-        .device
-        .stylus
-        .capture_power_cuts(vec![(number, moment)]);
+    let stylus = &mut world.device.stylus;
+    stylus.capture_power_cuts(vec![(number, moment)]);
     work(world);
     let contents = match world.device.stylus.take_power_cuts().pop() {
         Some(cut) => {

@@ -5,8 +5,8 @@ use std::path::Path;
 
 use model_format::Library;
 use model_format::link::{
-    Activity, Marks, MotionSource, MuteReason, PlayEndpoint, PlayError, PlayRequest, Selection,
-    Settings, SlotState, Status, StopEndpoint,
+    Activity, MotionSource, MuteReason, PlayEndpoint, PlayError, PlayRequest, Selection, Settings,
+    SlotState, Status, StopEndpoint,
 };
 use stylus_app::safety;
 use virtual_stylus::Options;
@@ -17,7 +17,7 @@ use super::pin::{Limits, Pin};
 use crate::device::{Device, MS, product, with_faults};
 use crate::library;
 use crate::marks;
-use crate::requests::announced;
+use crate::requests::{announced, assert_on_time};
 use crate::scenes;
 use crate::self_test::quiet;
 use crate::update::{EXCHANGE_NS, active as active_image, image};
@@ -71,13 +71,18 @@ struct Run {
     last: Option<Status>,
 }
 
-/// Largest marks so far.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Most {
-    pub marks: Marks,
-    pub tick_cycles: u32,
-    pub offset: u16,
-}
+/// What is told of each quarter of the time.
+const FIGURES: [&str; 6] = [
+    "stack, bytes",
+    "tick's delay, cycles",
+    "masked, cycles",
+    "gap of feeds, us",
+    "tick, cycles",
+    "offset, steps",
+];
+
+/// The figures of [`FIGURES`].
+type Figures = [u32; FIGURES.len()];
 
 /// The stylus, its hosts, and what they know.
 pub struct World {
@@ -94,8 +99,8 @@ pub struct World {
     /// Virtual time of the runs before.
     earlier_ns: u64,
     pub done: BTreeMap<&'static str, u64>,
-    /// Largest marks of each quarter of the time.
-    pub most: [Most; 4],
+    /// Largest figures of each quarter of the time.
+    most: [Figures; 4],
     pub quarter: usize,
     pub codes: [u64; 2],
     /// True after a step that could not be taken.
@@ -127,7 +132,7 @@ impl World {
             run: Run::new(has_faults),
             earlier_ns: 0,
             done: BTreeMap::new(),
-            most: [Most::default(); 4],
+            most: [Figures::default(); 4],
             quarter: 0,
             codes: [0; 2],
             skipped: false,
@@ -387,35 +392,22 @@ impl World {
         self.run.last = None;
     }
 
-    /// Prints the largest marks of each quarter of the time.
-    pub fn tell_marks(&self) {
+    /// Prints the largest figures of each quarter of the time.
+    pub fn tell_figures(&self) {
         let [codes, heard] = [
             self.codes[0] + self.run.pin.codes,
             self.codes[1] + self.run.pin.heard,
         ];
-        println!(
-            "{codes:>11} codes, {heard} of them other than mid-scale; largest of each quarter:"
-        );
-        println!(
-            "   stack, bytes  tick's delay  masked, cycles  gap of feeds, us  tick, cycles  code"
-        );
-        for most in &self.most {
-            let marks = &most.marks;
-            println!(
-                "{:>15} {:>13} {:>15} {:>17} {:>13} {:>5}",
-                marks.stack_used_bytes,
-                marks.longest_tick_delay_cycles,
-                marks.longest_critical_section_cycles,
-                marks.longest_watchdog_gap_us,
-                most.tick_cycles,
-                most.offset
-            );
+        println!("{codes:>11} codes, {heard} of them other than mid-scale");
+        for (at, name) in FIGURES.into_iter().enumerate() {
+            let most = self.most.map(|most| most[at]);
+            println!("{name:>21}, largest of each quarter: {most:?}");
         }
     }
 
     /// Checks that the stack no longer grew in the last quarter, after a `long` time.
     pub fn check_marks(&self, long: bool) {
-        let stacks = self.most.map(|most| most.marks.stack_used_bytes);
+        let stacks = self.most.map(|[stack, ..]| stack);
         let before = stacks[..3].iter().max().copied().unwrap_or_default();
         assert!(
             !long || stacks[3] <= before + MOST_GROWTH_BYTES,
@@ -427,14 +419,7 @@ impl World {
     pub fn check(&mut self, before: Settings) {
         self.limits_and_pin(before);
         let status = self.device.status();
-        let tick = status.tick;
-        let late = [
-            tick.missed,
-            tick.late_frames,
-            tick.late_conversions,
-            tick.late_outputs,
-        ];
-        assert_eq!(late, [0; 4], "missed, late frames, conversions, outputs");
+        assert_on_time(&status.tick);
         assert_eq!(
             self.device.stylus.resets().len(),
             self.run.resets as usize,
@@ -446,18 +431,17 @@ impl World {
         assert_eq!(faulted, 0, "mutes by faults");
         self.counters(&status);
         marks::check_bounds(status.marks);
-        let most = &mut self.most[self.quarter];
-        let (now, marks) = (status.marks, &mut most.marks);
-        marks.stack_used_bytes = marks.stack_used_bytes.max(now.stack_used_bytes);
-        marks.longest_tick_delay_cycles =
-            (marks.longest_tick_delay_cycles).max(now.longest_tick_delay_cycles);
-        marks.longest_critical_section_cycles =
-            (marks.longest_critical_section_cycles).max(now.longest_critical_section_cycles);
-        marks.longest_watchdog_gap_us = marks
-            .longest_watchdog_gap_us
-            .max(now.longest_watchdog_gap_us);
-        most.tick_cycles = most.tick_cycles.max(status.tick_histogram.longest);
-        most.offset = most.offset.max(self.run.pin.largest);
+        let now: Figures = [
+            status.marks.stack_used_bytes,
+            status.marks.longest_tick_delay_cycles,
+            status.marks.longest_critical_section_cycles,
+            status.marks.longest_watchdog_gap_us,
+            status.tick_histogram.longest,
+            self.run.pin.largest.into(),
+        ];
+        for (most, now) in self.most[self.quarter].iter_mut().zip(now) {
+            *most = now.max(*most);
+        }
         self.run.last = Some(status);
     }
 

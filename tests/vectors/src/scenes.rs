@@ -1,0 +1,105 @@
+//! Scenes of a library's textures, and their effects.
+
+use model_format::SAMPLE_RATE_HZ;
+use model_format::scene::{Biquad, Region, Scene, SceneName, StickSlip, Surface, Tap};
+
+/// `surface` with a tap that rings for a second.
+pub fn tapped(surface: Surface) -> Surface {
+    let tap = Tap {
+        frequency_hz: 300.0,
+        decay_s: 1.0,
+        gain_m_s2_per_n_s: 0.05,
+        limit_m_s2: 20.0,
+    };
+    Surface {
+        tap: Some(tap),
+        ..surface
+    }
+}
+
+/// `surface` with stick-slip at every speed of a hand.
+pub fn sticky(surface: Surface) -> Surface {
+    let stick_slip = StickSlip {
+        period_mm: 1.5,
+        duty: 0.6,
+        depth: 0.9,
+        below_mm_s: 1_000.0,
+        above_n: 0.05,
+    };
+    Surface {
+        stick_slip: Some(stick_slip),
+        ..surface
+    }
+}
+
+/// A scene of one surface, for 5 kHz.
+///
+/// # Panics
+/// A name that is too long.
+pub fn of_surface(name: &str, surface: Surface) -> Scene {
+    let name = SceneName::try_from(name).expect("it is short");
+    Scene::of_surface(name, SAMPLE_RATE_HZ, surface)
+}
+
+/// A scene of two surfaces side by side, from the first of `ends_mm` to the second and from there to the third.
+///
+/// # Panics
+/// A name that is too long.
+pub fn side_by_side(
+    name: &str,
+    [first, second]: [Surface; 2],
+    ends_mm: [f32; 3],
+    transition_mm: f32,
+) -> Scene {
+    let mut scene = of_surface(name, first);
+    scene.transition_mm = transition_mm;
+    scene.surfaces.push(second).expect("there is room");
+    for (surface, ends) in (0..).zip(ends_mm.windows(2)) {
+        let region = Region {
+            start_mm: ends[0],
+            end_mm: ends[1],
+            surface,
+        };
+        scene.regions.push(region).expect("there is room");
+    }
+    scene
+}
+
+/// `scene` with so many different sections of the equaliser.
+///
+/// # Panics
+/// More sections than a scene has room for.
+pub fn equalised(mut scene: Scene, sections: usize) -> Scene {
+    for section in 0..sections {
+        let pole = 0.3 + 0.05 * section as f64;
+        let biquad = Biquad::from_f64([0.8, -0.2, 0.1], [-pole, 0.2]).expect("within range");
+        scene.equaliser.push(biquad).expect("there is room");
+    }
+    scene
+}
+
+/// A scene called "two", of a library's second texture with a tap and stick-slip and its first one without.
+pub fn two(rate_hz: u32) -> Scene {
+    let tap = Tap {
+        frequency_hz: 120.0,
+        decay_s: 0.03,
+        gain_m_s2_per_n_s: 0.5,
+        limit_m_s2: 20.0,
+    };
+    let stick_slip = StickSlip {
+        period_mm: 2.0,
+        duty: 0.3,
+        depth: 0.9,
+        below_mm_s: 80.0,
+        above_n: 0.8,
+    };
+    let with_effects = Surface {
+        tap: Some(tap),
+        stick_slip: Some(stick_slip),
+        ..Surface::of_texture(1)
+    };
+    let surfaces = [with_effects, Surface::of_texture(0)];
+    let mut scene = side_by_side("two", surfaces, [-40.0, 0.0, 40.0], 6.0);
+    scene.sample_rate_hz = rate_hz;
+    scene
+}
