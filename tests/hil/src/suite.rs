@@ -20,9 +20,12 @@ use crate::library::{Played, played};
 pub fn run(bench: &mut Bench, library: Option<PathBuf>) -> Result<()> {
     let kept = Kept::save(bench, library)?;
     let played = played();
-    let ended = kept
-        .make_playable(bench)
-        .and_then(|()| subjects(bench, &played));
+    let ended = if kept.may_play(bench) {
+        let playable = kept.make_playable(bench);
+        playable.and_then(|()| subjects(bench, &played))
+    } else {
+        silent_subjects(bench, &played)
+    };
     bench.report.interrupted = matches!(ended, Err(Error::Interrupted));
     bench.begin("end");
     if let Err(error) = &ended
@@ -47,12 +50,31 @@ pub fn run(bench: &mut Bench, library: Option<PathBuf>) -> Result<()> {
     restored
 }
 
+/// Runs the subjects that play nothing.
+fn silent_subjects(bench: &mut Bench, played: &Played) -> Result<()> {
+    silent(bench, played)?;
+    bench.begin("play");
+    bench.leave_out(
+        "all that plays",
+        "an amplifier without a wired enable would play at guessed settings of its coil: set `enable-wired` or the \
+         coil's settings, or take it off and give --no-amplifier",
+    );
+    Ok(())
+}
+
 /// Runs one subject after the other; a failure is a line of the report. Only an interrupt ends the run.
+fn silent(bench: &mut Bench, played: &Played) -> Result<()> {
+    subject(bench, "self test", self_test::check)?;
+    subject(bench, "upload", |bench| {
+        checks::upload::check(bench, &played.bytes)
+    })
+}
+
+/// Runs all subjects.
 fn subjects(bench: &mut Bench, played: &Played) -> Result<()> {
     let Played { bytes, selections } = played;
     let (_, scene) = selections.last().expect("there are scenes");
-    subject(bench, "self test", self_test::check)?;
-    subject(bench, "upload", |bench| checks::upload::check(bench, bytes))?;
+    silent(bench, played)?;
     subject(bench, "play", |bench| playing::check(bench, scene))?;
     subject(bench, "endurance", |bench| endurance::check(bench, bytes))?;
     subject(bench, "cycles", |bench| cycles::check(bench, selections))?;
@@ -108,6 +130,14 @@ impl Kept {
             set: bench.status()?.settings.set,
             library,
         })
+    }
+
+    /// True if nothing plays into an amplifier that is always on at settings of its coil that nobody has set.
+    fn may_play(&self, bench: &Bench) -> bool {
+        let mut required = SettingSet::REQUIRED.iter();
+        required.all(|setting| self.set.contains(setting))
+            || self.settings.get(Setting::EnableWired) == 1.0
+            || bench.no_amplifier
     }
 
     /// Sets the coil's settings, so that the device plays even if nobody has set them: as they are, with a power of at

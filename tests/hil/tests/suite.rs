@@ -72,6 +72,7 @@ fn a_healthy_device_passes_and_is_left_silent_with_its_own_settings() {
     let before = device.set(own).expect("it is in range");
     drop(device);
     let mut bench = bench(&stylus);
+    bench.no_amplifier = true;
     run(&mut bench, None).expect("the device is as it was");
     assert_eq!(failed(&bench), [""; 0]);
     assert!(bench.report.holds());
@@ -93,11 +94,14 @@ fn the_output_is_left_out_unless_the_enable_is_wired_or_a_person_says_that_no_am
             setting: Setting::EnableWired,
             value: wired,
         };
+        bench.device.reset_settings().expect("it is idle");
         bench.device.set(change).expect("it is in range");
         let before = stylus.test_codes();
+        let plays = stylus.count("stylus/play");
         run(&mut bench, None).expect("the device is as it was");
         assert_eq!(failed(&bench), [""; 0]);
         let moves = wired == 1.0 || no_amplifier;
+        assert_eq!(stylus.count("stylus/play") > plays, moves);
         assert_eq!(
             stylus.test_codes() > before,
             moves,
