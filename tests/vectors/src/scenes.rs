@@ -77,29 +77,3 @@ pub fn equalised(mut scene: Scene, sections: usize) -> Scene {
     }
     scene
 }
-
-/// A scene called "two", of a library's second texture with a tap and stick-slip and its first one without.
-pub fn two(rate_hz: u32) -> Scene {
-    let tap = Tap {
-        frequency_hz: 120.0,
-        decay_s: 0.03,
-        gain_m_s2_per_n_s: 0.5,
-        limit_m_s2: 20.0,
-    };
-    let stick_slip = StickSlip {
-        period_mm: 2.0,
-        duty: 0.3,
-        depth: 0.9,
-        below_mm_s: 80.0,
-        above_n: 0.8,
-    };
-    let with_effects = Surface {
-        tap: Some(tap),
-        stick_slip: Some(stick_slip),
-        ..Surface::of_texture(1)
-    };
-    let surfaces = [with_effects, Surface::of_texture(0)];
-    let mut scene = side_by_side("two", surfaces, [-40.0, 0.0, 40.0], 6.0);
-    scene.sample_rate_hz = rate_hz;
-    scene
-}
