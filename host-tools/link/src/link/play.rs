@@ -256,14 +256,14 @@ impl Heard {
             return;
         }
         self.statuses += 1;
-        if !status.output.mute.is_empty() {
+        if status.output.mute.is_empty() {
+            let level = vibration_m_s2(status);
+            self.vibration.greatest_m_s2 = self.vibration.greatest_m_s2.max(level);
+        } else {
             self.muted += 1;
             for reason in status.output.mute.iter() {
                 self.reasons = self.reasons.set(reason, true);
             }
-        } else {
-            let level = vibration_m_s2(status);
-            self.vibration.greatest_m_s2 = self.vibration.greatest_m_s2.max(level);
         }
     }
 
