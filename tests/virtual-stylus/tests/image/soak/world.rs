@@ -71,7 +71,7 @@ struct Run {
     last: Option<Status>,
 }
 
-/// What is told of each quarter of the time.
+/// Names of the figures of each quarter of the time.
 const FIGURES: [&str; 6] = [
     "stack, bytes",
     "tick's delay, cycles",
