@@ -660,7 +660,8 @@ mod tests {
         let used: Vec<Vec<f64>> = blocks.fitted().map(of_signal).collect();
         let fitted: usize = used.iter().map(Vec::len).sum();
         assert_eq!(analysis.samples, fitted);
-        let comparison = read(&trial, &Judge::Blocks, Conditioning::default()).unwrap();
+        let signal = fit::signal(&trial, Conditioning::default()).unwrap();
+        let comparison = read(signal, &Judge::Blocks, Conditioning::default()).unwrap();
         assert_eq!(comparison.judged, left);
         assert_eq!(comparison.other, used);
     }

@@ -106,6 +106,7 @@ impl Memory {
     }
 
     /// This bank with another behind it, whose words all read the same at each read.
+    #[must_use]
     pub fn joined(mut self, next: Self) -> Self {
         assert!(next.unstable.is_empty() && next.marginal.is_empty());
         self.bytes.extend(next.bytes);
@@ -115,6 +116,7 @@ impl Memory {
     }
 
     /// Takes the bank from `offset` on away, whose words all read the same at each read.
+    #[must_use]
     pub fn split_off(&mut self, offset: usize) -> Self {
         let word = offset / WORD_BYTES;
         let changing = [

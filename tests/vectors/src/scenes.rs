@@ -4,21 +4,19 @@ use model_format::SAMPLE_RATE_HZ;
 use model_format::scene::{Biquad, Region, Scene, SceneName, StickSlip, Surface, Tap};
 
 /// `surface` with a tap that rings for a second.
-pub fn tapped(surface: Surface) -> Surface {
+pub fn tapped(mut surface: Surface) -> Surface {
     let tap = Tap {
         frequency_hz: 300.0,
         decay_s: 1.0,
         gain_m_s2_per_n_s: 0.05,
         limit_m_s2: 20.0,
     };
-    Surface {
-        tap: Some(tap),
-        ..surface
-    }
+    surface.tap = Some(tap);
+    surface
 }
 
 /// `surface` with stick-slip at every speed of a hand.
-pub fn sticky(surface: Surface) -> Surface {
+pub fn sticky(mut surface: Surface) -> Surface {
     let stick_slip = StickSlip {
         period_mm: 1.5,
         duty: 0.6,
@@ -26,10 +24,8 @@ pub fn sticky(surface: Surface) -> Surface {
         below_mm_s: 1_000.0,
         above_n: 0.05,
     };
-    Surface {
-        stick_slip: Some(stick_slip),
-        ..surface
-    }
+    surface.stick_slip = Some(stick_slip);
+    surface
 }
 
 /// A scene of one surface, for 5 kHz.
