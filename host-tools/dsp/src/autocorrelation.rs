@@ -13,6 +13,12 @@ use crate::with_planner;
 /// lose more of a short recording.
 const TAPER_SAMPLES: usize = 500;
 
+/// Ratio of the edges of a third octave: base ten of IEC 61260-1.
+const THIRD_OCTAVE: f64 = 1.258_925_411_794_167_2;
+
+/// Euler's constant.
+const EULER: f64 = 0.577_215_664_901_532_9;
+
 /// A taper is at most one in so many of the signal's samples.
 const TAPER_SHARE: usize = 20;
 
@@ -49,18 +55,17 @@ impl Autocorrelation {
 }
 
 impl Autocorrelation {
-    /// The autocorrelation with the spectrum below `hz` filled with its mean from there to the double, of a signal at
-    /// `rate_hz` whose own spectrum there was filtered out. A model of high order would follow the filter; this one
-    /// goes on evenly below.
+    /// The autocorrelation of a signal at `rate_hz` that tells nothing below and above these frequencies, with its
+    /// spectrum filled there. A model of high order would follow the edges of what was filtered or never recorded.
+    ///
+    /// Below, the spectrum goes on evenly with its mean up to the double. Above, it falls by 12 dB per octave, as that
+    /// of a resonance does, from the level of the last third octave: a filter of few poles has such a spectrum, and the
+    /// fill adds little power.
     #[must_use]
-    pub fn filled_below(mut self, hz: f64, rate_hz: f64) -> Self {
-        let bin_of = |hz: f64| (hz * self.transform_length as f64 / rate_hz).ceil() as usize;
-        let (edge, end) = (bin_of(hz), bin_of(2.0 * hz).min(self.power.len()));
-        if edge >= end {
-            return self;
-        }
-        let mean = self.power[edge..end].iter().sum::<f64>() / (end - edge) as f64;
-        let inverse = with_planner(|planner| planner.plan_fft_inverse(self.transform_length));
+    pub fn filled(mut self, below_hz: Option<f64>, above_hz: Option<f64>, rate_hz: f64) -> Self {
+        let length = self.transform_length;
+        let bin_of = |hz: f64| (hz * length as f64 / rate_hz).ceil() as usize;
+        let inverse = with_planner(|planner| planner.plan_fft_inverse(length));
         let mut sums = inverse.make_output_vec();
         let mut transform = |power: &[f64]| {
             let mut spectrum: Vec<_> = power.iter().map(|&p| Complex::new(p, 0.0)).collect();
@@ -73,12 +78,33 @@ impl Autocorrelation {
         if before <= 0.0 {
             return self;
         }
+        if let Some(hz) = below_hz {
+            let (edge, end) = (bin_of(hz), bin_of(2.0 * hz).min(self.power.len()));
+            if edge < end {
+                let mean = self.power[edge..end].iter().sum::<f64>() / (end - edge) as f64;
+                self.power[..edge].fill(mean);
+            }
+        }
+        if let Some(hz) = above_hz {
+            let (first, edge) = (bin_of(hz / THIRD_OCTAVE), bin_of(hz).min(self.power.len()));
+            if first < edge {
+                let level = level_of_noise(&self.power[first..edge]);
+                let above = self.power[edge..].iter_mut().zip(edge..);
+                above.for_each(|(power, bin)| *power = level * (edge as f64 / bin as f64).powi(4));
+            }
+        }
         let scale = self.lags[0] / before;
-        self.power[..edge].fill(mean);
         self.lags = transform(&self.power);
         self.lags.iter_mut().for_each(|lag| *lag *= scale);
         self
     }
+}
+
+/// Level of the noise in bins of a periodogram, from the mean of their logarithms, to which a line adds little. That of
+/// an exponential variable lies by Euler's constant below the logarithm of the mean.
+fn level_of_noise(power: &[f64]) -> f64 {
+    let logarithms = power.iter().map(|power| power.max(f64::MIN_POSITIVE).ln());
+    (logarithms.sum::<f64>() / power.len() as f64 + EULER).exp()
 }
 
 /// Power spectrum of a signal that is padded with zeros to the length of a transform.
