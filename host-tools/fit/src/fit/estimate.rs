@@ -27,6 +27,10 @@ pub fn carried_hz(source_rate_hz: f64) -> Option<f64> {
     (source_rate_hz < f64::from(SAMPLE_RATE_HZ)).then(|| CARRIED * source_rate_hz / 2.0)
 }
 
+/// Share of the models' band up to which a recording of a higher rate is kept: the filter of the conversion, a few per
+/// cent wide, takes what is above.
+const CONVERTED: f64 = 0.98;
+
 /// Frequencies between which a recording tells of the surface, Hz.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Told {
@@ -35,11 +39,13 @@ pub(super) struct Told {
 }
 
 impl Told {
-    /// What a recording at `source_rate_hz` tells that was filtered at `cut_hz`, if at all.
-    pub fn of(source_rate_hz: f64, cut_hz: Option<f64>) -> Self {
+    /// What a recording at `source_rate_hz` tells models at `rate_hz` that was filtered at `cut_hz`, if at all.
+    pub fn of(source_rate_hz: f64, rate_hz: u32, cut_hz: Option<f64>) -> Self {
+        let rate_hz = f64::from(rate_hz);
+        let converted = || (source_rate_hz > rate_hz).then_some(CONVERTED * rate_hz / 2.0);
         Self {
             from_hz: cut_hz.map(lowest_hz),
-            to_hz: carried_hz(source_rate_hz),
+            to_hz: carried_hz(source_rate_hz).or_else(converted),
         }
     }
 
@@ -66,23 +72,30 @@ pub(super) fn estimate(
 ) -> Estimate {
     let rate_hz = f64::from(rate_hz);
     let tapered = Tapered::of(signal, plain.lags.len() - 1);
-    if !told.is_all() {
-        let filled = tapered.into_autocorrelation();
-        let filled = filled.filled(told.from_hz, told.to_hz, rate_hz);
-        return Estimate {
-            bands: Bands::of_density(&filled.power, filled.lags[0], rate_hz),
-            lags: filled.lags,
-        };
-    }
-    let power = plain.lags[0];
-    let bands = Bands::of_density(&tapered.power(), power, rate_hz);
-    let with_leakage = Bands::of_density(&plain.power, power, rate_hz);
-    let lags = if bands.largest_excess_db(&with_leakage, signal.len()) > TOLERABLE_LEAKAGE_DB {
-        tapered.into_autocorrelation().lags
-    } else {
-        plain.lags
+    let leaks = |bands: &Bands, plain: &Autocorrelation| {
+        let with_leakage = Bands::of_density(&plain.power, plain.lags[0], rate_hz);
+        bands.largest_excess_db(&with_leakage, signal.len()) > TOLERABLE_LEAKAGE_DB
     };
-    Estimate { lags, bands }
+    if told.is_all() {
+        // The recording's own spectrum needs no transform back, unless it is taken.
+        let bands = Bands::of_density(&tapered.power(), plain.lags[0], rate_hz);
+        let lags = if leaks(&bands, &plain) {
+            tapered.into_autocorrelation().lags
+        } else {
+            plain.lags
+        };
+        return Estimate { lags, bands };
+    }
+    let filled = |whole: Autocorrelation| whole.filled(told.from_hz, told.to_hz, rate_hz);
+    let tapered = filled(tapered.into_autocorrelation());
+    let bands = Bands::of_density(&tapered.power, tapered.lags[0], rate_hz);
+    // A high pass has taken what leaks.
+    let plain = told.from_hz.is_none().then(|| filled(plain));
+    let plain = plain.filter(|plain| !leaks(&bands, plain));
+    Estimate {
+        lags: plain.unwrap_or(tapered).lags,
+        bands,
+    }
 }
 
 /// Estimates the autocorrelation of the `parts` of a signal at `rate_hz`, up to `max_lag`: the mean of theirs, each

@@ -55,7 +55,7 @@ fn density(resonances: &[(f64, f64)]) -> Vec<f64> {
 /// The model of a recording at 5 kHz, of a source at `source_rate_hz`, and its bands.
 fn fitted(signal: &[f64], source_rate_hz: u32, order: Order) -> (Model, Bands) {
     let plain = Autocorrelation::of(signal, MAX_ORDER);
-    let told = Told::of(f64::from(source_rate_hz), None);
+    let told = Told::of(f64::from(source_rate_hz), SAMPLE_RATE_HZ, None);
     let estimate = estimate(SAMPLE_RATE_HZ, signal, plain, told);
     let model = model_of(estimate.lags, &estimate.bands, signal.len(), order);
     (model, estimate.bands)

@@ -79,9 +79,9 @@ impl Analysis {
             .any(|verdict| verdict.kind() == Kind::Silent)
     }
 
-    /// Frequencies of which the recording tells.
-    pub(super) fn told(&self) -> Told {
-        Told::of(self.source_rate_hz, self.slow.cut_hz)
+    /// Frequencies of which the recording tells models at `rate_hz`.
+    pub(super) fn told(&self, rate_hz: u32) -> Told {
+        Told::of(self.source_rate_hz, rate_hz, self.slow.cut_hz)
     }
 
     /// Returns whether it has a verdict that `options` drop.
@@ -322,7 +322,7 @@ pub(super) fn analyse_axes(
         .map(|range| &samples[range])
         .collect();
     let whole_power = plain.lags[0];
-    let told = Told::of(triaged.samples.source_rate_hz, cut_hz);
+    let told = Told::of(triaged.samples.source_rate_hz, rate_hz, cut_hz);
     let Estimate { lags, bands } = match part {
         Part::Whole => estimate(rate_hz, &samples, plain, told),
         Part::Blocks => estimate_of(rate_hz, &fitted, max_lag, told),
