@@ -67,18 +67,23 @@ fn recorded_at(rate_hz: u32, signal: Vec<f64>) -> Vec<f64> {
     resample(&recorded, rate_hz, SAMPLE_RATE_HZ).remove(0)
 }
 
-/// RMS of the levels of `model` off `resonances` in third octaves from 20 Hz to `to_hz`, dB, but for the level of all.
+/// RMS of the levels of `model` off `resonances`, dB, but for the level of all, in the third octaves from 20 Hz to
+/// `to_hz` that are within 40 dB of the strongest.
 fn off_db(model: &Model, resonances: &[(f64, f64)], to_hz: f64) -> f64 {
     let (found, truth) = (density_of_model(model, FINE_BINS), density(resonances));
     let step_hz = f64::from(SAMPLE_RATE_HZ) / (2 * (FINE_BINS - 1)) as f64;
-    let bands = (13..).map(|band| 10f64.powf((f64::from(band) - 0.5) / 10.0));
-    let bands = bands.take_while(|low| low * 10f64.powf(0.1) <= to_hz);
-    let level = |low: f64| {
+    let edges = (13..).map(|band| 10f64.powf((f64::from(band) - 0.5) / 10.0));
+    let edges = edges.take_while(|low| low * 10f64.powf(0.1) <= to_hz);
+    let powers = edges.map(|low| {
         let bins = (low / step_hz) as usize..(low * 10f64.powf(0.1) / step_hz) as usize;
-        let power = |density: &[f64]| density[bins.clone()].iter().sum::<f64>();
-        10.0 * (power(&found) / power(&truth)).log10()
-    };
-    let levels: Vec<f64> = bands.map(level).collect();
+        [&found, &truth].map(|density| density[bins.clone()].iter().sum::<f64>())
+    });
+    let powers: Vec<[f64; 2]> = powers.collect();
+    let strongest = powers.iter().map(|[_, truth]| *truth).fold(0.0, f64::max);
+    let strong = powers.iter().filter(|[_, truth]| *truth > 1e-4 * strongest);
+    let levels: Vec<f64> = strong
+        .map(|[found, truth]| 10.0 * (found / truth).log10())
+        .collect();
     let mean = levels.iter().sum::<f64>() / levels.len() as f64;
     let squares = levels.iter().map(|level| (level - mean).powi(2));
     (squares.sum::<f64>() / levels.len() as f64).sqrt()
