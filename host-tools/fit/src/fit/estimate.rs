@@ -13,6 +13,7 @@ use crate::dsp::autocorrelation::{Autocorrelation, Tapered};
 use crate::dsp::high_pass::lowest_hz;
 use crate::dsp::log_spectrum::{BINS, FINE_BINS, density_of_model};
 use crate::dsp::model::Model;
+use crate::dsp::spectrum::AMPLITUDE_JND_DB;
 use crate::dsp::sums::{extremes, sum};
 
 /// Leakage in any third-octave band above which the ends are tapered, dB.
@@ -157,8 +158,12 @@ const LEAST_DEGREES: f64 = 9.0;
 /// As [`LEAST_DEGREES`], of bands that are felt, where what is compared scatters with the recording.
 const FELT_DEGREES: f64 = 1.0;
 
-/// Standard deviations of a band's level in the recording that a model of few coefficients may be off.
+/// Standard deviations of a band's level in the recording that a model of few coefficients may be off, if it is less
+/// than [`UNFELT_DB`].
 const SCATTER: f64 = 1.5;
+
+/// Level that a model of few coefficients may be off, dB: half of the least change that is felt.
+const UNFELT_DB: f64 = 0.5 * AMPLITUDE_JND_DB;
 
 /// Power in each band, in (signal's unit)².
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -284,8 +289,8 @@ impl Bands {
     }
 
     /// Returns an order of at most that of `model` at which the bands of a recording of `samples` samples are held as
-    /// well: each is within [`SCATTER`] deviations of the recording's, or as near as that of `model`. Found by
-    /// bisection, as if no band got worse with the order.
+    /// well: each is within [`SCATTER`] deviations of the recording's and [`UNFELT_DB`], or as near as that of `model`.
+    /// Found by bisection, as if no band got worse with the order.
     pub(super) fn order_enough(&self, model: &Model, samples: usize) -> usize {
         let levels = |order: usize| {
             let model = Model {
@@ -295,7 +300,10 @@ impl Bands {
             let bands = Self::of_model(&model, BINS, self.rate_hz);
             let levels = self.levels_db(&bands, samples, FELT_DEGREES);
             levels
-                .map(|(level, deviation_db)| (level.level_db.abs(), SCATTER * deviation_db))
+                .map(|(level, deviation_db)| {
+                    let free_db = UNFELT_DB.min(SCATTER * deviation_db);
+                    (level.level_db.abs(), free_db)
+                })
                 .collect::<Vec<_>>()
         };
         let mut enough = model.reflection.len();
@@ -304,7 +312,7 @@ impl Bands {
         while too_low < enough {
             let order = usize::midpoint(too_low, enough);
             let are_held = (levels(order).iter().zip(&wanted))
-                .all(|((own, scatter), (wanted, _))| own <= &wanted.max(*scatter));
+                .all(|((own, free), (wanted, _))| own <= &wanted.max(*free));
             if are_held {
                 enough = order;
             } else {
