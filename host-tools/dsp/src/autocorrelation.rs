@@ -14,7 +14,7 @@ use crate::with_planner;
 const TAPER_SAMPLES: usize = 500;
 
 /// Ratio of the edges of a third octave: base ten of IEC 61260-1.
-const THIRD_OCTAVE: f64 = 1.258_925_411_794_167_2;
+const THIRD_OCTAVE: f64 = 1.258_925_411_794_167_3;
 
 /// Euler's constant.
 const EULER: f64 = 0.577_215_664_901_532_9;
