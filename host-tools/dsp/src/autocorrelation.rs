@@ -16,6 +16,14 @@ const TAPER_SAMPLES: usize = 500;
 /// Ratio of the edges of a third octave: base ten of IEC 61260-1.
 const THIRD_OCTAVE: f64 = 1.258_925_411_794_167_3;
 
+/// Least and largest power of the frequency by which a spectrum falls beyond what was recorded: those of one pole pair
+/// and of four.
+const LEAST_FALL: f64 = 4.0;
+const MOST_FALL: f64 = 16.0;
+
+/// Fewest bins that a line is put through.
+const LEAST_BINS: usize = 4;
+
 /// Euler's constant.
 const EULER: f64 = 0.577_215_664_901_532_9;
 
@@ -58,8 +66,8 @@ impl Autocorrelation {
     /// The autocorrelation of a signal at `rate_hz` that tells nothing below and above these frequencies, with its
     /// spectrum filled there. A model of high order would follow the edges of what was filtered or never recorded.
     ///
-    /// Below, the spectrum goes on evenly with its mean up to the double. Above, it falls by 12 dB per octave, as that
-    /// of a resonance does, from the level of the last third octave: a filter of few poles has such a spectrum, and the
+    /// Below, the spectrum goes on evenly with its mean up to the double. Above, it falls on as in the last third octave,
+    /// by 12 to 48 dB per octave, as that of a few resonances does: a filter of few poles has such a spectrum, and the
     /// fill adds little power.
     #[must_use]
     pub fn filled(mut self, below_hz: Option<f64>, above_hz: Option<f64>, rate_hz: f64) -> Self {
@@ -87,10 +95,12 @@ impl Autocorrelation {
         }
         if let Some(hz) = above_hz {
             let (first, edge) = (bin_of(hz / THIRD_OCTAVE), bin_of(hz).min(self.power.len()));
-            if first < edge {
-                let level = level_of_noise(&self.power[first..edge]);
+            if first + LEAST_BINS <= edge {
+                let (level, fall) = edge_of_noise(&self.power[first..edge], first);
                 let above = self.power[edge..].iter_mut().zip(edge..);
-                above.for_each(|(power, bin)| *power = level * (edge as f64 / bin as f64).powi(4));
+                above.for_each(|(power, bin)| {
+                    *power = level * (edge as f64 / bin as f64).powf(fall)
+                });
             }
         }
         let scale = self.lags[0] / before;
@@ -100,11 +110,29 @@ impl Autocorrelation {
     }
 }
 
-/// Level of the noise in bins of a periodogram, from the mean of their logarithms, to which a line adds little. That of
-/// an exponential variable lies by Euler's constant below the logarithm of the mean.
-fn level_of_noise(power: &[f64]) -> f64 {
-    let logarithms = power.iter().map(|power| power.max(f64::MIN_POSITIVE).ln());
-    (logarithms.sum::<f64>() / power.len() as f64 + EULER).exp()
+/// Level of the noise at the upper edge of bins of a periodogram, of which the lowest is the bin `first`, and the power
+/// of the frequency by which it falls: a line through their logarithms, to which a tone adds little. The logarithm of
+/// an exponential variable lies by Euler's constant below that of its mean.
+fn edge_of_noise(power: &[f64], first: usize) -> (f64, f64) {
+    let edge = (first + power.len()) as f64;
+    let points = power.iter().zip(first..).map(|(power, bin)| {
+        let distance = (bin as f64 / edge).ln();
+        (distance, power.max(f64::MIN_POSITIVE).ln())
+    });
+    let (mut x, mut y, mut xx, mut xy) = (0.0, 0.0, 0.0, 0.0);
+    for (distance, level) in points {
+        x += distance;
+        y += level;
+        xx += distance * distance;
+        xy += distance * level;
+    }
+    let count = power.len() as f64;
+    let (x, y) = (x / count, y / count);
+    let slope = (xy / count - x * y) / (xx / count - x * x).max(f64::MIN_POSITIVE);
+    (
+        (y - slope * x + EULER).exp(),
+        (-slope).clamp(LEAST_FALL, MOST_FALL),
+    )
 }
 
 /// Power spectrum of a signal that is padded with zeros to the length of a transform.
