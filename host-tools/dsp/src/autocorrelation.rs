@@ -66,9 +66,9 @@ impl Autocorrelation {
     /// The autocorrelation of a signal at `rate_hz` that tells nothing below and above these frequencies, with its
     /// spectrum filled there. A model of high order would follow the edges of what was filtered or never recorded.
     ///
-    /// Below, the spectrum goes on evenly with its mean up to the double. Above, it falls on as in the last third octave,
-    /// by 12 to 48 dB per octave, as that of a few resonances does: a filter of few poles has such a spectrum, and the
-    /// fill adds little power.
+    /// Below, the spectrum goes on evenly with its mean up to the double. Above, it falls on as in the last third
+    /// octave, by 12 to 48 dB per octave, as that of a few resonances does: a filter of few poles has such a spectrum,
+    /// and the fill adds little power.
     #[must_use]
     pub fn filled(mut self, below_hz: Option<f64>, above_hz: Option<f64>, rate_hz: f64) -> Self {
         let length = self.transform_length;
