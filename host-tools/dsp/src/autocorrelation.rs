@@ -11,6 +11,20 @@ use crate::sums::energy;
 /// lose more of a short recording.
 const TAPER_SAMPLES: usize = 500;
 
+/// Ratio of the edges of a third octave: base ten of IEC 61260-1.
+const THIRD_OCTAVE: f64 = 1.258_925_411_794_167_3;
+
+/// Least and largest power of the frequency by which a spectrum falls beyond what was recorded: those of one pole pair
+/// and of four.
+const LEAST_FALL: f64 = 4.0;
+const MOST_FALL: f64 = 16.0;
+
+/// Fewest bins that a line is put through.
+const LEAST_BINS: usize = 4;
+
+/// Euler's constant.
+const EULER: f64 = 0.577_215_664_901_532_9;
+
 /// A taper is at most one in so many of the signal's samples.
 const TAPER_SHARE: usize = 20;
 
@@ -39,19 +53,18 @@ impl Autocorrelation {
         PaddedSpectrum::of(signal.to_vec(), max_lag).into_autocorrelation(power, 1.0)
     }
 
-    /// The autocorrelation with the spectrum below `hz` filled with its mean from there to the double, of a signal at
-    /// `rate_hz` whose own spectrum there was filtered out. A model of high order would follow the filter; this one
-    /// goes on evenly below.
+    /// The autocorrelation of a signal at `rate_hz` that tells nothing below and above these frequencies, with its
+    /// spectrum filled there. A model of high order would follow the edges of what was filtered or never recorded.
+    ///
+    /// Below, the spectrum goes on evenly with its mean up to the double. Above, it falls on as in the last third
+    /// octave, by 12 to 48 dB per octave, as that of a few resonances does: a filter of few poles has such a spectrum,
+    /// and the fill adds little power.
     #[must_use]
-    pub fn filled_below(mut self, hz: f64, rate_hz: f64) -> Self {
-        let bin_of = |hz: f64| (hz * self.transform_length as f64 / rate_hz).ceil() as usize;
-        let (edge, end) = (bin_of(hz), bin_of(2.0 * hz).min(self.power.len()));
-        if edge >= end {
-            return self;
-        }
-        let mean = self.power[edge..end].iter().sum::<f64>() / (end - edge) as f64;
+    pub fn filled(mut self, below_hz: Option<f64>, above_hz: Option<f64>, rate_hz: f64) -> Self {
+        let length = self.transform_length;
+        let bin_of = |hz: f64| (hz * length as f64 / rate_hz).ceil() as usize;
         let transform = |power: &[f64]| {
-            let mut lags = fourier::of_power(power, self.transform_length);
+            let mut lags = fourier::of_power(power, length);
             lags.truncate(self.lags.len());
             lags
         };
@@ -59,12 +72,53 @@ impl Autocorrelation {
         if before <= 0.0 {
             return self;
         }
+        if let Some(hz) = below_hz {
+            let (edge, end) = (bin_of(hz), bin_of(2.0 * hz).min(self.power.len()));
+            if edge < end {
+                let mean = self.power[edge..end].iter().sum::<f64>() / (end - edge) as f64;
+                self.power[..edge].fill(mean);
+            }
+        }
+        if let Some(hz) = above_hz {
+            let (first, edge) = (bin_of(hz / THIRD_OCTAVE), bin_of(hz).min(self.power.len()));
+            if first + LEAST_BINS <= edge {
+                let (level, fall) = edge_of_noise(&self.power[first..edge], first);
+                let above = self.power[edge..].iter_mut().zip(edge..);
+                for (power, bin) in above {
+                    *power = level * (edge as f64 / bin as f64).powf(fall);
+                }
+            }
+        }
         let scale = self.lags[0] / before;
-        self.power[..edge].fill(mean);
         self.lags = transform(&self.power);
         self.lags.iter_mut().for_each(|lag| *lag *= scale);
         self
     }
+}
+
+/// Level of the noise at the upper edge of bins of a periodogram, of which the lowest is the bin `first`, and the power
+/// of the frequency by which it falls: a line through their logarithms, to which a tone adds little. The logarithm of
+/// an exponential variable lies by Euler's constant below that of its mean.
+fn edge_of_noise(power: &[f64], first: usize) -> (f64, f64) {
+    let edge = (first + power.len()) as f64;
+    let points = power.iter().zip(first..).map(|(power, bin)| {
+        let distance = (bin as f64 / edge).ln();
+        (distance, power.max(f64::MIN_POSITIVE).ln())
+    });
+    let (mut x, mut y, mut xx, mut xy) = (0.0, 0.0, 0.0, 0.0);
+    for (distance, level) in points {
+        x += distance;
+        y += level;
+        xx += distance * distance;
+        xy += distance * level;
+    }
+    let count = power.len() as f64;
+    let (x, y) = (x / count, y / count);
+    let slope = (xy / count - x * y) / (xx / count - x * x).max(f64::MIN_POSITIVE);
+    (
+        (y - slope * x + EULER).exp(),
+        (-slope).clamp(LEAST_FALL, MOST_FALL),
+    )
 }
 
 /// Power spectrum of a signal that is padded with zeros to the length of a transform.

@@ -22,6 +22,7 @@ use crate::dsp::spectrum::{
     AMPLITUDE_JND_DB, BAND_COUNT, PowerSpectrum, band_edges_hz, band_errors_within_db,
     longest_segment,
 };
+use crate::fit::carried_hz;
 
 /// The frequency that divides low from high, Hz: below it skin follows single cycles, above it feels a tone or noise.
 pub const LOW_HIGH_HZ: f64 = 100.0;
@@ -96,10 +97,6 @@ fn balance_db(spectrum: &PowerSpectrum, range: &ScoringRange) -> Option<f64> {
     Some(10.0 * (low / high).log10()).filter(|balance| balance.is_finite())
 }
 
-/// Share of half a recording's own sample rate up to which it is judged: above it, filters before sampling and the
-/// resampler's transition band, which is a few per cent wide, take from the level.
-const NYQUIST_SHARE: f64 = 0.9;
-
 /// Number of steps of the resolution that the narrowest window of a third octave must be wide.
 const RESOLUTION_STEPS: f64 = 2.0;
 
@@ -135,11 +132,7 @@ impl ScoringRange {
         }
         let resolved_hz = RESOLUTION_STEPS * rate_hz / segment as f64 / (10f64.powf(0.1) - 1.0);
         let (lowest_hz, highest_hz) = (band_edges_hz(0).0, band_edges_hz(BAND_COUNT - 1).1);
-        let own_hz = if source_rate_hz < rate_hz {
-            NYQUIST_SHARE * source_rate_hz / 2.0
-        } else {
-            rate_hz / 2.0
-        };
+        let own_hz = carried_hz(source_rate_hz).unwrap_or(rate_hz / 2.0);
         let range = Self {
             low_hz: lowest_hz.max(resolved_hz),
             high_hz: highest_hz.min(own_hz),

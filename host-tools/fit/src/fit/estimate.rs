@@ -13,10 +13,47 @@ use crate::dsp::autocorrelation::{Autocorrelation, Tapered};
 use crate::dsp::high_pass::lowest_hz;
 use crate::dsp::log_spectrum::{BINS, FINE_BINS, density_of_model};
 use crate::dsp::model::Model;
+use crate::dsp::spectrum::AMPLITUDE_JND_DB;
 use crate::dsp::sums::{extremes, sum};
 
 /// Leakage in any third-octave band above which the ends are tapered, dB.
 const TOLERABLE_LEAKAGE_DB: f64 = 1.0;
+
+/// Share of half a recording's rate up to which it is the surface's: converters' filters take what is above.
+const CARRIED: f64 = 0.9;
+
+/// The frequency up to which a recording at `source_rate_hz` tells of the surface, Hz; none if it is all of the band of
+/// models at 5 kHz.
+pub fn carried_hz(source_rate_hz: f64) -> Option<f64> {
+    (source_rate_hz < f64::from(SAMPLE_RATE_HZ)).then(|| CARRIED * source_rate_hz / 2.0)
+}
+
+/// Share of the models' band up to which a recording of a higher rate is kept: the filter of the conversion, a few per
+/// cent wide, takes what is above.
+const CONVERTED: f64 = 0.98;
+
+/// Frequencies between which a recording tells of the surface, Hz.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Told {
+    from_hz: Option<f64>,
+    to_hz: Option<f64>,
+}
+
+impl Told {
+    /// What a recording at `source_rate_hz` tells models at `rate_hz` that was filtered at `cut_hz`, if at all.
+    pub fn of(source_rate_hz: f64, rate_hz: u32, cut_hz: Option<f64>) -> Self {
+        let rate_hz = f64::from(rate_hz);
+        let converted = || (source_rate_hz > rate_hz).then_some(CONVERTED * rate_hz / 2.0);
+        Self {
+            from_hz: cut_hz.map(lowest_hz),
+            to_hz: carried_hz(source_rate_hz).or_else(converted),
+        }
+    }
+
+    fn is_all(self) -> bool {
+        self.from_hz.is_none() && self.to_hz.is_none()
+    }
+}
 
 /// Statistics of a recording that a model is fitted to and checked by.
 pub(super) struct Estimate {
@@ -26,50 +63,51 @@ pub(super) struct Estimate {
     pub bands: Bands,
 }
 
-/// Estimates the autocorrelation of `signal` at `rate_hz`, which was filtered at `cut_hz`, if at all; `plain` is its
-/// plain autocorrelation.
+/// Estimates the autocorrelation of `signal` at `rate_hz`, whose recording tells what is `told`; `plain` is its plain
+/// autocorrelation. What the recording does not tell is what costs a model least.
 pub(super) fn estimate(
     rate_hz: u32,
     signal: &[f64],
     plain: Autocorrelation,
-    cut_hz: Option<f64>,
+    told: Told,
 ) -> Estimate {
     let rate_hz = f64::from(rate_hz);
     let tapered = Tapered::of(signal, plain.lags.len() - 1);
-    if let Some(cut_hz) = cut_hz {
-        // The filter has taken what leaks.
-        let filled = tapered.into_autocorrelation();
-        let filled = filled.filled_below(lowest_hz(cut_hz), rate_hz);
-        return Estimate {
-            bands: Bands::of_density(&filled.power, filled.lags[0], rate_hz),
-            lags: filled.lags,
-        };
-    }
-    let power = plain.lags[0];
-    let bands = Bands::of_density(&tapered.power(), power, rate_hz);
-    let with_leakage = Bands::of_density(&plain.power, power, rate_hz);
-    let lags = if bands.largest_excess_db(&with_leakage, signal.len()) > TOLERABLE_LEAKAGE_DB {
-        tapered.into_autocorrelation().lags
-    } else {
-        plain.lags
+    let leaks = |bands: &Bands, plain: &Autocorrelation| {
+        let with_leakage = Bands::of_density(&plain.power, plain.lags[0], rate_hz);
+        bands.largest_excess_db(&with_leakage, signal.len()) > TOLERABLE_LEAKAGE_DB
     };
-    Estimate { lags, bands }
+    if told.is_all() {
+        // The recording's own spectrum needs no transform back, unless it is taken.
+        let bands = Bands::of_density(&tapered.power(), plain.lags[0], rate_hz);
+        let lags = if leaks(&bands, &plain) {
+            tapered.into_autocorrelation().lags
+        } else {
+            plain.lags
+        };
+        return Estimate { lags, bands };
+    }
+    let filled = |whole: Autocorrelation| whole.filled(told.from_hz, told.to_hz, rate_hz);
+    let tapered = filled(tapered.into_autocorrelation());
+    let bands = Bands::of_density(&tapered.power, tapered.lags[0], rate_hz);
+    // A high pass has taken what leaks.
+    let plain = told.from_hz.is_none().then(|| filled(plain));
+    let plain = plain.filter(|plain| !leaks(&bands, plain));
+    Estimate {
+        lags: plain.unwrap_or(tapered).lags,
+        bands,
+    }
 }
 
 /// Estimates the autocorrelation of the `parts` of a signal at `rate_hz`, up to `max_lag`: the mean of theirs, each
 /// weighed by its length.
-pub(super) fn estimate_of(
-    rate_hz: u32,
-    parts: &[&[f64]],
-    max_lag: usize,
-    cut_hz: Option<f64>,
-) -> Estimate {
+pub(super) fn estimate_of(rate_hz: u32, parts: &[&[f64]], max_lag: usize, told: Told) -> Estimate {
     let samples: usize = parts.iter().map(|part| part.len()).sum();
     let of_part = |part: &&[f64]| {
         let weight = part.len() as f64 / samples.max(1) as f64;
         (
             weight,
-            estimate(rate_hz, part, Autocorrelation::of(part, max_lag), cut_hz),
+            estimate(rate_hz, part, Autocorrelation::of(part, max_lag), told),
         )
     };
     let estimates: Vec<(f64, Estimate)> = parts.iter().map(of_part).collect();
@@ -107,12 +145,25 @@ pub(super) const COUNT: usize = 28;
 /// Exponent of the lowest band's centre, 10^(6/10) Hz: base ten of IEC 61260-1.
 const LOWEST: f64 = 6.0;
 
+/// Index of the lowest band that is felt, that of 20 Hz.
+const FELT: usize = 7;
+
 /// Bands further below the strongest one are not felt beside it.
 const AUDIBLE_SHARE: f64 = 1e-5;
 
 /// Least product of a band's width and the recording's length. Below it, the scatter of the band's own power exceeds
 /// 1.5 dB, and nothing can be said.
 const LEAST_DEGREES: f64 = 9.0;
+
+/// As [`LEAST_DEGREES`], of bands that are felt, where what is compared scatters with the recording.
+const FELT_DEGREES: f64 = 1.0;
+
+/// Standard deviations of a band's level in the recording that a model of few coefficients may be off, if it is less
+/// than [`UNFELT_DB`].
+const SCATTER: f64 = 1.5;
+
+/// Level that a model of few coefficients may be off, dB: half of the least change that is felt.
+const UNFELT_DB: f64 = 0.5 * AMPLITUDE_JND_DB;
 
 /// Power in each band, in (signal's unit)².
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -201,18 +252,25 @@ impl Bands {
     }
 
     /// Returns the level of `other` over this one in each band that is within 50 dB of this one's strongest, and that
-    /// a recording of `samples` samples knows, with the standard deviation of the band's own level in dB.
+    /// a recording of `samples` samples knows, with the standard deviation of the band's own level in dB. Bands that
+    /// are felt, from 20 Hz on, need `felt_degrees` alone.
     fn levels_db<'a>(
         &'a self,
         other: &'a Self,
         samples: usize,
+        felt_degrees: f64,
     ) -> impl Iterator<Item = (BandLevel, f64)> + 'a {
         let strongest = self.powers.iter().copied().fold(0.0, f64::max);
         let duration_s = samples as f64 / self.rate_hz;
         (0..COUNT).filter_map(move |band| {
             let (low, high) = edges_hz(band);
             let degrees = (high - low) * duration_s;
-            let known = degrees >= LEAST_DEGREES && self.powers[band] > AUDIBLE_SHARE * strongest;
+            let least = if band < FELT {
+                LEAST_DEGREES
+            } else {
+                felt_degrees
+            };
+            let known = degrees >= least && self.powers[band] > AUDIBLE_SHARE * strongest;
             let level_db = 10.0 * (other.powers[band] / self.powers[band]).log10();
             let level = BandLevel {
                 centre_hz: centre_hz(band),
@@ -222,11 +280,46 @@ impl Bands {
         })
     }
 
-    /// Returns the largest level of `other` over this one in any band, in dB; zero if no band is known.
+    /// Returns the largest level over this one of `other`, another spectrum of the same recording, in any band, in dB;
+    /// zero if no band is known.
     pub(super) fn largest_excess_db(&self, other: &Self, samples: usize) -> f64 {
-        // Bands count that are strong in either.
-        let levels = other.levels_db(self, samples);
+        // Bands count that are strong in either. Both are of one recording, so that they scatter together.
+        let levels = other.levels_db(self, samples, FELT_DEGREES);
         levels.map(|(level, _)| -level.level_db).fold(0.0, f64::max)
+    }
+
+    /// Returns an order of at most that of `model` at which the bands of a recording of `samples` samples are held as
+    /// well: each is within [`SCATTER`] deviations of the recording's and [`UNFELT_DB`], or as near as that of `model`.
+    /// Found by bisection, as if no band got worse with the order.
+    pub(super) fn order_enough(&self, model: &Model, samples: usize) -> usize {
+        let levels = |order: usize| {
+            let model = Model {
+                reflection: model.reflection[..order].to_vec(),
+                ..model.clone()
+            };
+            let bands = Self::of_model(&model, BINS, self.rate_hz);
+            let levels = self.levels_db(&bands, samples, FELT_DEGREES);
+            levels
+                .map(|(level, deviation_db)| {
+                    let free_db = UNFELT_DB.min(SCATTER * deviation_db);
+                    (level.level_db.abs(), free_db)
+                })
+                .collect::<Vec<_>>()
+        };
+        let mut enough = model.reflection.len();
+        let wanted = levels(enough);
+        let mut too_low = 0;
+        while too_low < enough {
+            let order = usize::midpoint(too_low, enough);
+            let are_held = (levels(order).iter().zip(&wanted))
+                .all(|((own, free), (wanted, _))| own <= &wanted.max(*free));
+            if are_held {
+                enough = order;
+            } else {
+                too_low = order + 1;
+            }
+        }
+        enough
     }
 
     /// Returns the band of `model` that is furthest from this recording's, of those that are more than `limit_db` and
@@ -240,7 +333,7 @@ impl Bands {
         let at = |bins: usize| {
             let bands = Self::of_model(model, bins, self.rate_hz);
             let missed = self
-                .levels_db(&bands, samples)
+                .levels_db(&bands, samples, LEAST_DEGREES)
                 .filter(|(level, deviation_db)| {
                     level.level_db.abs() > limit_db + 2.0 * deviation_db
                 })
@@ -279,7 +372,7 @@ mod tests {
         let tapered = Tapered::of(signal, 400).into_autocorrelation();
         let rectangular = plain.lags.clone();
         [
-            estimate(SAMPLE_RATE_HZ, signal, plain, None).lags,
+            estimate(SAMPLE_RATE_HZ, signal, plain, Told::default()).lags,
             rectangular,
             tapered.lags,
         ]

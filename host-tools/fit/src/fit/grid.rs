@@ -203,21 +203,11 @@ fn measured_model(cell: &[Member<'_>], options: &Options) -> Option<Measured> {
         })
     };
     let lags = pooled_lags(weighted().map(|(weight, trial)| (weight, &trial.lags[..])));
-    let output_power = lags[0];
-    let order_cap = samples / SAMPLES_PER_COEFFICIENT;
-    let max_order = options.order.highest().min(order_cap);
-    let prediction = Prediction::levinson_durbin(&corrected(lags), max_order);
-    let order = match options.order {
-        Order::Auto => prediction.akaike_order(samples),
-        Order::Bayesian => prediction.bayesian_order(samples),
-        Order::Fixed(order) => order.min(prediction.max_order()),
-    };
-    let model = Model {
-        reflection: prediction.reflection[..order].to_vec(),
-        output_power,
-        flags,
-    };
     let recorded = Bands::mean(weighted().map(|(weight, trial)| (weight, &trial.bands)));
+    let model = Model {
+        flags,
+        ..model_of(lags, &recorded, samples, options.order)
+    };
     let miss = recorded.missed_by(&model, samples, NOTABLE_MISS_DB);
     Some(Measured { model, miss, loud })
 }
@@ -231,6 +221,25 @@ fn shares(powers: &[f64]) -> Vec<f64> {
     let is_loud = |power: f64| powers.len() >= FEWEST_FOR_MEDIAN && power > LOUD * median;
     let share = |&power: &f64| if is_loud(power) { median / power } else { 1.0 };
     powers.iter().map(share).collect()
+}
+
+/// The model, of an order by `choice`, of a recording of `samples` samples with these autocorrelation and bands.
+pub(super) fn model_of(lags: Vec<f64>, recorded: &Bands, samples: usize, choice: Order) -> Model {
+    let output_power = lags[0];
+    let max_order = choice.highest().min(samples / SAMPLES_PER_COEFFICIENT);
+    let mut prediction = Prediction::levinson_durbin(&corrected(lags), max_order);
+    let order = match choice {
+        Order::Auto => prediction.akaike_order(samples),
+        Order::Bayesian => prediction.bayesian_order(samples),
+        Order::Fixed(order) => order.min(prediction.max_order()),
+    };
+    prediction.reflection.truncate(order);
+    let mut model = Model::new(prediction.reflection, output_power);
+    if choice == Order::Auto {
+        let order = recorded.order_enough(&model, samples);
+        model.reflection.truncate(order);
+    }
+    model
 }
 
 /// Fills holes from the nodes that were measured, and from those only, so that the order of filling does not matter.

@@ -33,12 +33,15 @@ pub mod inputs;
 pub mod lines;
 mod notes;
 mod options;
+#[cfg(test)]
+mod order_tests;
 pub mod parts;
 pub mod record;
 mod recordings;
 mod reports;
 mod trial;
 
+pub use estimate::carried_hz;
 pub use fitted::{Fit, FittedTexture, encoded};
 pub use floor::{FloorAtSpeed, by_speed};
 pub use options::{ExcitationChoice, FloorChoice, ModulationChoice, Options, Order};

@@ -17,7 +17,8 @@ use crate::support::number::not_negative;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Order {
-    /// For each node by Akaike's criterion, at most 400: the least error to be expected of another take.
+    /// For each node by Akaike's criterion, at most 400: the least error to be expected of another take; or a lower one
+    /// that holds all third octaves as well.
     Auto,
     /// For each node by the Bayesian information criterion, at most 400: smaller libraries, at the price of the lowest
     /// bands and of short recordings.

@@ -230,8 +230,11 @@ impl Recorded<'_> {
         let samples = self.samples();
         let ranges = part.of(samples.len()).into_iter();
         let parts: Vec<&[f64]> = ranges.map(|range| &samples[range]).collect();
-        let (rate_hz, cut_hz) = (options.sample_rate_hz, self.analysis.slow.cut_hz);
-        let estimate = estimate_of(rate_hz, &parts, options.order.highest(), cut_hz);
+        let (rate_hz, told) = (
+            options.sample_rate_hz,
+            self.analysis.told(options.sample_rate_hz),
+        );
+        let estimate = estimate_of(rate_hz, &parts, options.order.highest(), told);
         (self.analysis.lags, self.analysis.bands) = (estimate.lags, estimate.bands);
     }
 }

@@ -1,8 +1,7 @@
 //! The residual of a recording at a rate below the models'.
 //!
-//! A recording at such a rate says nothing above half that rate. The predictor raises what is there, the round-off of
-//! the conversion, to the level of a residual. The round-off is no surface's: it is loudest where the recording begins
-//! and ends. Gaussian noise of the level below takes its place, as a texture without parts has it there.
+//! A recording at such a rate says nothing above half that rate: what is there is the conversion's round-off. Gaussian
+//! noise of the level below takes its place, as a texture without parts has it there.
 
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
@@ -13,16 +12,8 @@ use model_format::SAMPLE_RATE_HZ;
 use super::evidence::LEVEL_SAMPLES;
 use crate::dsp::fourier::{self, Complex};
 
-/// Share of half the recording's rate up to which it is the surface's: converters' filters take what is above.
-const CARRIED: f64 = 0.85;
-
 /// Samples at both ends in which the conversion's filter rings: 20 ms.
 pub(super) const ENDS: usize = 100;
-
-/// The frequency up to which a recording at `rate_hz` tells of the surface, Hz; none if it is all of the models' band.
-pub(super) fn carried_hz(rate_hz: f64) -> Option<f64> {
-    (rate_hz < f64::from(SAMPLE_RATE_HZ)).then(|| CARRIED * rate_hz / 2.0)
-}
 
 /// The part of `residual` below `carried_hz`, sampled just often enough to hold it, without its ends; and the samples
 /// in which a level is taken, as long as at the models' rate. What stands above tells nothing of the surface, and would

@@ -7,10 +7,11 @@ use model_format::{CodeSpec, SAMPLE_RATE_HZ};
 
 use super::evidence::{self, Judged, LEVEL_SAMPLES, residual};
 use super::loudness::{Loudest, Ringing, product};
-use super::low_rate::{ENDS, carried_hz, filled, known};
+use super::low_rate::{ENDS, filled, known};
 use super::power::mean_square;
 use crate::dsp::linear_prediction::step_up;
 use crate::fit::blocks::Blocks;
+use crate::fit::estimate::carried_hz;
 use crate::fit::trial::Signal;
 use crate::recording::triage::{Kind, Verdict};
 use crate::texture::quantise::stored_reflection;

@@ -1,0 +1,139 @@
+//! Tests of the order of a node's model: what it holds, and what it does not spend.
+
+use std::f64::consts::TAU;
+
+use model_format::SAMPLE_RATE_HZ;
+use proptest::prelude::*;
+use test_helpers::noise;
+
+use super::estimate::{Bands, Told, estimate};
+use super::grid::model_of;
+use super::options::Order;
+use crate::dsp::autocorrelation::Autocorrelation;
+use crate::dsp::log_spectrum::{FINE_BINS, density_of_model};
+use crate::dsp::model::Model;
+use crate::recording::resample;
+
+const MAX_ORDER: usize = model_format::limits::MAX_ORDER;
+
+/// Noise through resonances at these frequencies, Hz, with these pole radii.
+fn textured(seed: u64, samples: usize, resonances: &[(f64, f64)]) -> Vec<f64> {
+    const SETTLED: usize = 5000;
+    let mut signal = noise(seed, samples + SETTLED);
+    for &(hz, radius) in resonances {
+        let (mut one, mut two) = (0.0, 0.0);
+        let (a, b) = feedback(hz, radius);
+        for x in &mut signal {
+            *x += a * one - b * two;
+            (two, one) = (one, *x);
+        }
+    }
+    signal.split_off(SETTLED)
+}
+
+/// Coefficients of a pole pair's own last two outputs.
+fn feedback(hz: f64, radius: f64) -> (f64, f64) {
+    let angle = TAU * hz / f64::from(SAMPLE_RATE_HZ);
+    (2.0 * radius * angle.cos(), radius * radius)
+}
+
+/// Density of the process behind [`textured`], which no fit has part in.
+fn density(resonances: &[(f64, f64)]) -> Vec<f64> {
+    let bin = |bin: usize| {
+        let angle = TAU * bin as f64 / (2 * (FINE_BINS - 1)) as f64;
+        let power = resonances.iter().map(|&(hz, radius)| {
+            let (a, b) = feedback(hz, radius);
+            let real = 1.0 - a * angle.cos() + b * (2.0 * angle).cos();
+            let imaginary = a * angle.sin() - b * (2.0 * angle).sin();
+            1.0 / (real * real + imaginary * imaginary)
+        });
+        power.product()
+    };
+    (0..FINE_BINS).map(bin).collect()
+}
+
+/// The model of a recording at 5 kHz, of a source at `source_rate_hz`, and its bands.
+fn fitted(signal: &[f64], source_rate_hz: u32, order: Order) -> (Model, Bands) {
+    let plain = Autocorrelation::of(signal, MAX_ORDER);
+    let told = Told::of(f64::from(source_rate_hz), SAMPLE_RATE_HZ, None);
+    let estimate = estimate(SAMPLE_RATE_HZ, signal, plain, told);
+    let model = model_of(estimate.lags, &estimate.bands, signal.len(), order);
+    (model, estimate.bands)
+}
+
+/// What a recording of `signal` at `rate_hz` has, at 5 kHz.
+fn recorded_at(rate_hz: u32, signal: Vec<f64>) -> Vec<f64> {
+    let recorded = resample(&[signal], SAMPLE_RATE_HZ, rate_hz);
+    resample(&recorded, rate_hz, SAMPLE_RATE_HZ).remove(0)
+}
+
+/// RMS of the levels of `model` off `resonances`, dB, but for the level of all, in the third octaves from 20 Hz to
+/// `to_hz` that are within 40 dB of the strongest.
+fn off_db(model: &Model, resonances: &[(f64, f64)], to_hz: f64) -> f64 {
+    let (found, truth) = (density_of_model(model, FINE_BINS), density(resonances));
+    let step_hz = f64::from(SAMPLE_RATE_HZ) / (2 * (FINE_BINS - 1)) as f64;
+    let edges = (13..).map(|band| 10f64.powf((f64::from(band) - 0.5) / 10.0));
+    let edges = edges.take_while(|low| low * 10f64.powf(0.1) <= to_hz);
+    let powers = edges.map(|low| {
+        let bins = (low / step_hz) as usize..(low * 10f64.powf(0.1) / step_hz) as usize;
+        [&found, &truth].map(|density| density[bins.clone()].iter().sum::<f64>())
+    });
+    let powers: Vec<[f64; 2]> = powers.collect();
+    let strongest = powers.iter().map(|[_, truth]| *truth).fold(0.0, f64::max);
+    let strong = powers.iter().filter(|[_, truth]| *truth > 1e-4 * strongest);
+    let levels: Vec<f64> = strong
+        .map(|[found, truth]| 10.0 * (found / truth).log10())
+        .collect();
+    let mean = levels.iter().sum::<f64>() / levels.len() as f64;
+    let squares = levels.iter().map(|level| (level - mean).powi(2));
+    (squares.sum::<f64>() / levels.len() as f64).sqrt()
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 12, ..ProptestConfig::default() })]
+
+    /// Eight seconds of two resonances: the shape of what is not recorded costs few coefficients. That of the filter
+    /// that took it costs a hundred and more.
+    #[test]
+    fn two_resonances_take_few_coefficients_at_any_rate(
+        seed: u64, low_hz in 100.0f64..250.0, high_hz in 280.0f64..400.0, rate_hz in 1000u32..5000,
+    ) {
+        let truth = [(low_hz, 0.97), (high_hz, 0.95)];
+        let signal = textured(seed, 40_000, &truth);
+        for (rate_hz, signal) in [(SAMPLE_RATE_HZ, signal.clone()), (rate_hz, recorded_at(rate_hz, signal))] {
+            let (model, _) = fitted(&signal, rate_hz, Order::Auto);
+            let order = model.reflection.len();
+            prop_assert!((2..80).contains(&order), "{rate_hz} Hz: {order}");
+            let off_db = off_db(&model, &truth, 0.45 * f64::from(rate_hz));
+            prop_assert!(off_db < 0.5, "{rate_hz} Hz: {off_db} dB");
+        }
+    }
+
+    /// A peak that stands 18 dB out of its third octave, and no more than a tenth of the power.
+    #[test]
+    fn a_narrow_peak_at_twenty_hertz_is_held(seed: u64) {
+        // The bands beside such a peak are what a short filter does not hold.
+        const LIMIT_DB: f64 = 6.0;
+        let peak = textured(seed, 40_000, &[(20.0, 0.9995)]);
+        let rms = (peak.iter().map(|x| x * x).sum::<f64>() / peak.len() as f64).sqrt();
+        let floor = noise(!seed, peak.len());
+        let signal: Vec<f64> = peak.iter().zip(floor).map(|(x, floor)| x / rms + 3.0 * floor).collect();
+        let (model, bands) = fitted(&signal, SAMPLE_RATE_HZ, Order::Auto);
+        prop_assert_eq!(bands.missed_by(&model, signal.len(), LIMIT_DB), None);
+        let (lower, _) = fitted(&signal, SAMPLE_RATE_HZ, Order::Fixed(8));
+        prop_assert!(bands.missed_by(&lower, signal.len(), LIMIT_DB).is_some(), "an easy peak tells nothing");
+    }
+
+    /// A tone beside the edge of what was recorded adds no noise beyond.
+    #[test]
+    fn what_is_not_recorded_adds_little_power(seed: u64, rate_hz in 1000u32..4000) {
+        let tone_hz = 0.42 * f64::from(rate_hz);
+        let tone = |n: usize| 10.0 * (TAU * tone_hz * n as f64 / f64::from(SAMPLE_RATE_HZ)).sin();
+        let signal = noise(seed, 20_000).into_iter().enumerate().map(|(n, x)| x + tone(n)).collect();
+        let signal = recorded_at(rate_hz, signal);
+        let power = signal.iter().map(|x| x * x).sum::<f64>() / signal.len() as f64;
+        let (model, _) = fitted(&signal, rate_hz, Order::Auto);
+        let ratio = model.output_power / power;
+        prop_assert!((0.97..1.06).contains(&ratio), "{ratio}");
+    }
+}
