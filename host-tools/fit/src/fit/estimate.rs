@@ -40,7 +40,7 @@ pub(super) struct Told {
 }
 
 impl Told {
-    /// What a recording at `source_rate_hz` tells models at `rate_hz` that was filtered at `cut_hz`, if at all.
+    /// Frequencies that a recording at `source_rate_hz`, filtered at `cut_hz`, if at all, tells models at `rate_hz`.
     pub fn of(source_rate_hz: f64, rate_hz: u32, cut_hz: Option<f64>) -> Self {
         let rate_hz = f64::from(rate_hz);
         let converted = || (source_rate_hz > rate_hz).then_some(CONVERTED * rate_hz / 2.0);

@@ -61,7 +61,7 @@ fn fitted(signal: &[f64], source_rate_hz: u32, order: Order) -> (Model, Bands) {
     (model, estimate.bands)
 }
 
-/// What a recording of `signal` at `rate_hz` has, at 5 kHz.
+/// The content of a recording of `signal` at `rate_hz`, at 5 kHz.
 fn recorded_at(rate_hz: u32, signal: Vec<f64>) -> Vec<f64> {
     let recorded = resample(&[signal], SAMPLE_RATE_HZ, rate_hz);
     resample(&recorded, rate_hz, SAMPLE_RATE_HZ).remove(0)

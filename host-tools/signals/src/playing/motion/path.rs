@@ -201,8 +201,8 @@ impl MotionPath {
             })
     }
 
-    /// Says, with the remedy, if the times are hardly those of a hand in s: the motion lasts longer than ten minutes, or
-    /// its rows are far apart and it lasts longer than a minute or leads over more than metres.
+    /// Says, with the remedy, if the times are hardly those of a hand in s: the motion lasts longer than ten minutes,
+    /// or its rows are far apart and it lasts longer than a minute or leads over more than metres.
     pub fn doubt_of_times(&self) -> Option<String> {
         let duration_s = self.duration_s();
         let steps = self.points.windows(2);
