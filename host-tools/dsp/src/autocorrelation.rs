@@ -1,11 +1,11 @@
 //! Biased autocorrelation of a signal, computed from its power spectrum.
 
 use std::cell::RefCell;
-use std::f64::consts::FRAC_PI_2;
+use std::f64::consts::{EULER_GAMMA, FRAC_PI_2};
 use std::rc::Rc;
 
 use crate::fourier::{self, Complex};
-use crate::sums::energy;
+use crate::sums::{energy, sum};
 
 /// Longest taper of an end, samples: 0.1 s at the models' rate. Longer ones leak no less in the bands of a texture and
 /// lose more of a short recording.
@@ -19,11 +19,11 @@ const THIRD_OCTAVE: f64 = 1.258_925_411_794_167_3;
 const LEAST_FALL: f64 = 4.0;
 const MOST_FALL: f64 = 16.0;
 
+/// Share of a recording's power by which the fill beyond it may raise the power: 0.25 dB.
+const MOST_ADDED: f64 = 0.06;
+
 /// Fewest bins that a line is put through.
 const LEAST_BINS: usize = 4;
-
-/// Euler's constant.
-const EULER: f64 = 0.577_215_664_901_532_9;
 
 /// A taper is at most one in so many of the signal's samples.
 const TAPER_SHARE: usize = 20;
@@ -57,8 +57,8 @@ impl Autocorrelation {
     /// spectrum filled there. A model of high order would follow the edges of what was filtered or never recorded.
     ///
     /// Below, the spectrum goes on evenly with its mean up to the double. Above, it falls on as in the last third
-    /// octave, by 12 to 48 dB per octave, as that of a few resonances does: a filter of few poles has such a spectrum,
-    /// and the fill adds little power.
+    /// octave, by 12 to 48 dB per octave, as that of a few resonances does, because a filter of few poles has such a
+    /// spectrum. It has the power that was there, and at most 6 % of the signal's besides.
     #[must_use]
     pub fn filled(mut self, below_hz: Option<f64>, above_hz: Option<f64>, rate_hz: f64) -> Self {
         let length = self.transform_length;
@@ -83,9 +83,13 @@ impl Autocorrelation {
             let (first, edge) = (bin_of(hz / THIRD_OCTAVE), bin_of(hz).min(self.power.len()));
             if first + LEAST_BINS <= edge {
                 let (level, fall) = edge_of_noise(&self.power[first..edge], first);
-                let above = self.power[edge..].iter_mut().zip(edge..);
-                for (power, bin) in above {
-                    *power = level * (edge as f64 / bin as f64).powf(fall);
+                let at = |bin: usize| level * (edge as f64 / bin as f64).powf(fall);
+                let beyond = sum(&self.power[edge..]);
+                let wanted: f64 = (edge..self.power.len()).map(at).sum();
+                let most = beyond + MOST_ADDED * sum(&self.power);
+                let share = wanted.clamp(beyond, most) / wanted.max(f64::MIN_POSITIVE);
+                for (power, bin) in self.power[edge..].iter_mut().zip(edge..) {
+                    *power = share * at(bin);
                 }
             }
         }
@@ -116,7 +120,7 @@ fn edge_of_noise(power: &[f64], first: usize) -> (f64, f64) {
     let (x, y) = (x / count, y / count);
     let slope = (xy / count - x * y) / (xx / count - x * x).max(f64::MIN_POSITIVE);
     (
-        (y - slope * x + EULER).exp(),
+        (y - slope * x + EULER_GAMMA).exp(),
         (-slope).clamp(LEAST_FALL, MOST_FALL),
     )
 }

@@ -49,7 +49,7 @@ fn snap_of(snap: SnapLike) -> PyResult<Snap> {
 
 /// Fits a library to recordings, as `stylus fit` does: the same recordings and options give the same bytes.
 ///
-/// `recordings` are a folder with `trials.csv`, a list, files, `Recording`s, or `Recordings`. `order` is 'auto' (AIC),
+/// `recordings` are a folder with `trials.csv`, a list, files, `Recording`s, or `Recordings`. `order` is 'auto',
 /// 'bic' or 0 to 400; `reduce` 'pca', 'dft321', 'x', 'y' or 'z'; `high_pass` 'auto', 'none' or a
 /// frequency in Hz as text; `excitation` 'auto', 'residual' or 'gaussian';
 /// `modulation` 'auto', 'track' or 'none'; `lines` 'auto' or 'none'. `floor` tells ('note') or takes off ('subtract')

@@ -121,7 +121,7 @@ fn interval_picture(frontier: &Frontier) -> Result<(Svg, String)> {
         own.collect()
     });
     let ms = Quantity::new("from update to update", "ms");
-    let title = "Error in motion by the interval of updates, order per node by AIC";
+    let title = "Error in motion by the interval of updates, order per node as fit chooses";
     let caption = caption(frontier, title);
     let picture = front_chart(&caption, (ms, ERROR), false, (&intervals, &[]), &[])?;
     let words = "What is lost by following the hand only every so often. A direct form interpolates its predictor \
@@ -254,9 +254,8 @@ fn notes(frontier: &Frontier) -> Vec<String> {
         ),
         "The error of a choice is √(at rest² + in motion²). What gains less than 0.05 dB is on no front."
             .to_owned(),
-        "Orders per node, with the highest of all: by Akaike's criterion (AIC), as fit chooses, or by the Bayesian \
-         one (BIC), as fit --order bic does. SNR is of the output, in steps of 2⁻²⁰ m/s²: quiet nodes have \
-         less."
+        "Orders per node, with the highest of all: as fit chooses (auto), or by the Bayesian criterion (BIC), as fit \
+         --order bic does. SNR is of the output, in steps of 2⁻²⁰ m/s²: quiet nodes have less."
             .to_owned(),
         "The hard cases are those of stylus stress (short), their models cut to the order. Held means all that is \
          promised of the stylus's lattice, 108 dB of SNR included. Worse and worse: never quite silent, inaccurate, \

@@ -165,8 +165,9 @@ fn with_place_of_option(mut answer: clap::Error, command: &clap::Command) -> cla
     let Some(ContextValue::String(option)) = answer.get(ContextKind::InvalidArg) else {
         return answer;
     };
-    let is_before_command = std::env::args()
-        .skip(1)
+    let words = || std::env::args_os().skip(1);
+    let words = || words().map(|word| word.to_string_lossy().into_owned());
+    let is_before_command = words()
         .take_while(|word| command.find_subcommand(word).is_none())
         .any(|word| word.starts_with(option.as_str()));
     let name = option.trim_start_matches("--");
@@ -178,7 +179,7 @@ fn with_place_of_option(mut answer: clap::Error, command: &clap::Command) -> cla
     let Some(first) = commands.next().filter(|_| is_before_command) else {
         return answer;
     };
-    let given = std::env::args().find(|word| command.find_subcommand(word).is_some());
+    let given = words().find(|word| command.find_subcommand(word).is_some());
     let given = given.unwrap_or_else(|| first.get_name().to_owned());
     let tip = format!("'{option}' belongs after the command: stylus {given} {option} ...");
     answer.insert(

@@ -187,6 +187,15 @@ impl CsvTable {
         self.rows().ok().and_then(line).unwrap_or(0)
     }
 
+    /// The way to a number in place of `field`: the table's conventions, or seconds for a date.
+    fn remedy(&self, field: &str) -> String {
+        if is_date(field) {
+            return "a date; write seconds, in pandas by t = pandas.to_datetime(t); t = (t - t[0]).dt.total_seconds()"
+                .to_owned();
+        }
+        self.conventions()
+    }
+
     /// Separator and decimal sign, in words.
     pub fn conventions(&self) -> String {
         let separator = match self.separator {
@@ -356,6 +365,15 @@ impl Fields {
     fn is_empty_at(&self, index: usize) -> bool {
         self.get(index).is_none_or(str::is_empty)
     }
+}
+
+/// Returns whether `field` begins as a date or a time of day: with digits, and then `-`, `/` or `:` and a digit.
+fn is_date(field: &str) -> bool {
+    let rest = field.trim_start_matches(|first: char| first.is_ascii_digit());
+    let mut rest_chars = rest.chars();
+    rest.len() < field.len()
+        && matches!(rest_chars.next(), Some('-' | '/' | ':'))
+        && rest_chars.next().is_some_and(|next| next.is_ascii_digit())
 }
 
 /// A field as an error shows it.
@@ -579,7 +597,7 @@ impl<'r> Row<'r, '_> {
                 "'{}' in column {} is not a number ({})",
                 shown(field),
                 index + 1,
-                self.table.conventions()
+                self.table.remedy(field)
             ))
         })
     }
@@ -596,7 +614,7 @@ impl<'r> Row<'r, '_> {
                 "{name} is '{}', which is not a finite number (column {}; {})",
                 shown(field),
                 index + 1,
-                self.table.conventions()
+                self.table.remedy(field)
             ))
         })
     }
@@ -645,6 +663,22 @@ mod tests {
             ("", ','),
         ] {
             assert_eq!(table(text).separator, expected, "{text:?}");
+        }
+    }
+
+    #[test]
+    fn dates_have_their_own_remedy_and_other_text_has_that_of_the_table() {
+        for field in ["2026-11-27T09:00:00.125Z", "27/11/2026", "09:00:00"] {
+            let text = format!("t,x\n{field},1\n");
+            holds(
+                &numbers(&table(&text)).unwrap_err(),
+                &["line 2", field, "write seconds"],
+            );
+        }
+        for field in ["abc", "12-", "-2026-11", "1.2.3", "5:"] {
+            let text = format!("t,x\n{field},1\n");
+            let refused = numbers(&table(&text)).unwrap_err();
+            holds(&refused, &["decimals by"]);
         }
     }
 

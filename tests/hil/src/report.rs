@@ -10,7 +10,7 @@ use serde::Serialize;
 pub struct Test {
     /// The subject that the test belongs to.
     pub subject: &'static str,
-    /// Its value, limits and verdict, by the property that it holds; without a verdict, the reason.
+    /// The value, limits and verdict of the test, by the property that it holds; without a verdict, the reason.
     #[serde(flatten)]
     pub line: Line,
 }

@@ -1,6 +1,6 @@
 //! Estimates of spectra from recordings.
 
-use std::f64::consts::PI;
+use std::f64::consts::{EULER_GAMMA, PI};
 
 use super::{BINS, LENGTH, LogSpectrum};
 use crate::fourier;
@@ -63,8 +63,7 @@ fn add_periodogram(piece: &[f64], taper: usize, density: &mut [f64]) {
 
 /// Digamma function ψ of an integer above zero (Abramowitz and Stegun 6.3.2).
 fn digamma(n: usize) -> f64 {
-    const EULER: f64 = 0.577_215_664_901_532_9;
-    (1..n).map(|k| 1.0 / k as f64).sum::<f64>() - EULER
+    (1..n).map(|k| 1.0 / k as f64).sum::<f64>() - EULER_GAMMA
 }
 
 #[cfg(test)]

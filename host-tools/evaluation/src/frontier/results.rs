@@ -38,13 +38,13 @@ pub struct Filter {
 }
 
 impl Filter {
-    /// The order in a word: where each node has its own, the criterion and the highest.
+    /// The order in a word: where each node has its own, the choice and the highest.
     pub fn order_text(&self) -> String {
         let highest = self.highest_order;
         match self.order {
             Order::Fixed(order) => order.to_string(),
             Order::Bayesian => format!("BIC,\u{a0}≤\u{a0}{highest}"),
-            Order::Auto => format!("AIC,\u{a0}≤\u{a0}{highest}"),
+            Order::Auto => format!("auto,\u{a0}≤\u{a0}{highest}"),
         }
     }
 }

@@ -45,7 +45,7 @@ impl Prepared<'_> {
         Ok(LeaveOneOut {
             smoothing: format!("Hann kernel, {} Hz wide", options.smoothing_hz),
             order: match options.order {
-                Order::Auto => "chosen for each node (AIC)".into(),
+                Order::Auto => "chosen for each node".into(),
                 Order::Bayesian => "chosen for each node (BIC)".into(),
                 Order::Fixed(order) => order.to_string(),
             },

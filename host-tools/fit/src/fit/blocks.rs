@@ -10,7 +10,7 @@ use std::ops::Range;
 
 use model_format::SAMPLE_RATE_HZ;
 
-use super::estimate::{Told, estimate_of};
+use super::estimate::{KnownBand, estimate_of};
 
 /// Longest block, s. Blocks of 1 s resolve the lowest third octave; shorter ones alternate more often.
 const LONGEST_BLOCK_S: f64 = 1.0;
@@ -89,7 +89,7 @@ impl Part {
 /// Estimates the autocorrelation of a signal from lag 0 to `max_lag`, (m/s²)², as the mean over its blocks, each
 /// weighed by its length.
 pub fn lags_of_blocks(blocks: &[&[f64]], max_lag: usize) -> Vec<f64> {
-    estimate_of(SAMPLE_RATE_HZ, blocks, max_lag, Told::default()).lags
+    estimate_of(SAMPLE_RATE_HZ, blocks, max_lag, KnownBand::default()).lags
 }
 
 #[cfg(test)]
@@ -149,7 +149,7 @@ mod tests {
             })
             .collect();
         let plain = Autocorrelation::of(&signal, 50);
-        let whole = estimate(SAMPLE_RATE_HZ, &signal, plain, Told::default()).lags;
+        let whole = estimate(SAMPLE_RATE_HZ, &signal, plain, KnownBand::default()).lags;
         assert_eq!(lags_of_blocks(&[&signal], 50), whole);
         assert_eq!(whole, Tapered::of(&signal, 50).into_autocorrelation().lags);
         assert_ne!(whole, Autocorrelation::of(&signal, 50).lags);

@@ -32,15 +32,15 @@ pub fn carried_hz(source_rate_hz: f64) -> Option<f64> {
 /// cent wide, takes what is above.
 const CONVERTED: f64 = 0.98;
 
-/// Frequencies between which a recording tells of the surface, Hz.
+/// Band of the surface that a recording holds; without an end, all of the models' band on that side.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Told {
+pub(super) struct KnownBand {
     from_hz: Option<f64>,
     to_hz: Option<f64>,
 }
 
-impl Told {
-    /// Frequencies that a recording at `source_rate_hz`, filtered at `cut_hz`, if at all, tells models at `rate_hz`.
+impl KnownBand {
+    /// The band of a recording at `source_rate_hz`, filtered at `cut_hz`, if at all, for models at `rate_hz`.
     pub fn of(source_rate_hz: f64, rate_hz: u32, cut_hz: Option<f64>) -> Self {
         let rate_hz = f64::from(rate_hz);
         let converted = || (source_rate_hz > rate_hz).then_some(CONVERTED * rate_hz / 2.0);
@@ -63,13 +63,13 @@ pub(super) struct Estimate {
     pub bands: Bands,
 }
 
-/// Estimates the autocorrelation of `signal` at `rate_hz`, whose recording tells what is `told`; `plain` is its plain
-/// autocorrelation. What the recording does not tell is what costs a model least.
+/// Estimates the autocorrelation of `signal` at `rate_hz`, whose recording holds the band `known`; `plain` is its plain
+/// autocorrelation. Beyond that band the spectrum is what costs a model least.
 pub(super) fn estimate(
     rate_hz: u32,
     signal: &[f64],
     plain: Autocorrelation,
-    told: Told,
+    known: KnownBand,
 ) -> Estimate {
     let rate_hz = f64::from(rate_hz);
     let tapered = Tapered::of(signal, plain.lags.len() - 1);
@@ -77,7 +77,7 @@ pub(super) fn estimate(
         let with_leakage = Bands::of_density(&plain.power, plain.lags[0], rate_hz);
         bands.largest_excess_db(&with_leakage, signal.len()) > TOLERABLE_LEAKAGE_DB
     };
-    if told.is_all() {
+    if known.is_all() {
         // The recording's own spectrum needs no transform back, unless it is taken.
         let bands = Bands::of_density(&tapered.power(), plain.lags[0], rate_hz);
         let lags = if leaks(&bands, &plain) {
@@ -87,11 +87,11 @@ pub(super) fn estimate(
         };
         return Estimate { lags, bands };
     }
-    let filled = |whole: Autocorrelation| whole.filled(told.from_hz, told.to_hz, rate_hz);
+    let filled = |whole: Autocorrelation| whole.filled(known.from_hz, known.to_hz, rate_hz);
     let tapered = filled(tapered.into_autocorrelation());
     let bands = Bands::of_density(&tapered.power, tapered.lags[0], rate_hz);
     // A high pass has taken what leaks.
-    let plain = told.from_hz.is_none().then(|| filled(plain));
+    let plain = known.from_hz.is_none().then(|| filled(plain));
     let plain = plain.filter(|plain| !leaks(&bands, plain));
     Estimate {
         lags: plain.unwrap_or(tapered).lags,
@@ -101,13 +101,18 @@ pub(super) fn estimate(
 
 /// Estimates the autocorrelation of the `parts` of a signal at `rate_hz`, up to `max_lag`: the mean of theirs, each
 /// weighed by its length.
-pub(super) fn estimate_of(rate_hz: u32, parts: &[&[f64]], max_lag: usize, told: Told) -> Estimate {
+pub(super) fn estimate_of(
+    rate_hz: u32,
+    parts: &[&[f64]],
+    max_lag: usize,
+    known: KnownBand,
+) -> Estimate {
     let samples: usize = parts.iter().map(|part| part.len()).sum();
     let of_part = |part: &&[f64]| {
         let weight = part.len() as f64 / samples.max(1) as f64;
         (
             weight,
-            estimate(rate_hz, part, Autocorrelation::of(part, max_lag), told),
+            estimate(rate_hz, part, Autocorrelation::of(part, max_lag), known),
         )
     };
     let estimates: Vec<(f64, Estimate)> = parts.iter().map(of_part).collect();
@@ -155,7 +160,7 @@ const AUDIBLE_SHARE: f64 = 1e-5;
 /// 1.5 dB, and nothing can be said.
 const LEAST_DEGREES: f64 = 9.0;
 
-/// As [`LEAST_DEGREES`], of bands that are felt, where what is compared scatters with the recording.
+/// Least degrees of freedom of a band that is felt, where both spectra are of one recording and scatter together.
 const FELT_DEGREES: f64 = 1.0;
 
 /// Standard deviations of a band's level in the recording that a model of few coefficients may be off, if it is less
@@ -291,7 +296,7 @@ impl Bands {
     /// Returns an order of at most that of `model` at which the bands of a recording of `samples` samples are held as
     /// well: each is within [`SCATTER`] deviations of the recording's and [`UNFELT_DB`], or as near as that of `model`.
     /// Found by bisection, as if no band got worse with the order.
-    pub(super) fn order_enough(&self, model: &Model, samples: usize) -> usize {
+    pub(super) fn sufficient_order(&self, model: &Model, samples: usize) -> usize {
         let levels = |order: usize| {
             let model = Model {
                 reflection: model.reflection[..order].to_vec(),
@@ -372,7 +377,7 @@ mod tests {
         let tapered = Tapered::of(signal, 400).into_autocorrelation();
         let rectangular = plain.lags.clone();
         [
-            estimate(SAMPLE_RATE_HZ, signal, plain, Told::default()).lags,
+            estimate(SAMPLE_RATE_HZ, signal, plain, KnownBand::default()).lags,
             rectangular,
             tapered.lags,
         ]

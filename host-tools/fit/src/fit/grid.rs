@@ -39,12 +39,12 @@ pub(super) struct Member<'a> {
 struct Measured {
     model: Model,
     miss: Option<BandLevel>,
-    loud: Vec<Loud>,
+    loud: Vec<LoudTrial>,
 }
 
 /// A trial that is far louder than the others of its node, and counts with their level.
 #[derive(Clone, Debug)]
-pub(super) struct Loud {
+pub(super) struct LoudTrial {
     /// The file.
     pub file: String,
     /// Level over the median of the node's trials, dB.
@@ -52,12 +52,12 @@ pub(super) struct Loud {
 }
 
 /// A texture's grid, with what is to be said of it.
-pub(super) struct Assembled {
+pub(super) struct AssembledGrid {
     pub grid: Grid,
     /// Nodes that miss a band of their recording.
     pub misses: Vec<Miss>,
     /// Trials that are louder than the others of their nodes.
-    pub loud: Vec<Loud>,
+    pub loud: Vec<LoudTrial>,
 }
 
 /// A third-octave band in which a node's model is far from its recording.
@@ -77,7 +77,7 @@ pub(super) fn assemble(
     members: &[Member<'_>],
     findings: &Findings,
     options: &Options,
-) -> Result<Assembled> {
+) -> Result<AssembledGrid> {
     let speeds_mm_s = axis(name, "speeds", members.iter().map(|m| m.trial.speed_mm_s))?;
     let forces_n = axis(name, "forces", members.iter().map(|m| m.trial.force_n))?;
     let mut cells: Vec<Vec<Member<'_>>> = vec![Vec::new(); speeds_mm_s.len() * forces_n.len()];
@@ -123,7 +123,7 @@ pub(super) fn assemble(
         lines: &member.analysis.lines,
     });
     grid.parts.lines = lines_on(&grid, findings, &lines.collect::<Vec<_>>());
-    Ok(Assembled { grid, misses, loud })
+    Ok(AssembledGrid { grid, misses, loud })
 }
 
 /// Laws of the level of a texture with these models.
@@ -187,11 +187,11 @@ fn measured_model(cell: &[Member<'_>], options: &Options) -> Option<Measured> {
     let samples: usize = heard.iter().map(|member| member.analysis.samples).sum();
     let shares = shares(&heard.iter().map(|m| m.analysis.lags[0]).collect::<Vec<_>>());
     let of_loud = heard.iter().zip(&shares).filter(|(_, share)| **share < 1.0);
-    let loud = of_loud.map(|(member, share)| Loud {
+    let loud = of_loud.map(|(member, share)| LoudTrial {
         file: member.report.file.clone(),
         over_db: -10.0 * share.log10(),
     });
-    let loud: Vec<Loud> = loud.collect();
+    let loud: Vec<LoudTrial> = loud.collect();
     if !loud.is_empty() {
         flags = flags.with(NodeFlags::DOUBTFUL);
     }
@@ -236,7 +236,7 @@ pub(super) fn model_of(lags: Vec<f64>, recorded: &Bands, samples: usize, choice:
     prediction.reflection.truncate(order);
     let mut model = Model::new(prediction.reflection, output_power);
     if choice == Order::Auto {
-        let order = recorded.order_enough(&model, samples);
+        let order = recorded.sufficient_order(&model, samples);
         model.reflection.truncate(order);
     }
     model

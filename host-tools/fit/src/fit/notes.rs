@@ -6,7 +6,7 @@ use std::path::Path;
 use model_format::SAMPLE_RATE_HZ;
 
 use super::floor::by_speed;
-use super::grid::{Assembled, Loud, Member, Miss};
+use super::grid::{AssembledGrid, LoudTrial, Member, Miss};
 use super::options::{FloorChoice, Options, Order};
 use super::reports::TrialReport;
 use crate::dsp::high_pass::{SLOW_HZ, lowest_hz};
@@ -42,12 +42,12 @@ const LACK_SHARE: f64 = 0.001;
 /// number of `idle` trials, which were not used, because they are at rest or without contact.
 pub(super) fn of(
     name: &str,
-    assembled: &Assembled,
+    assembled: &AssembledGrid,
     members: &[Member<'_>],
     idle: usize,
     options: &Options,
 ) -> Vec<Warning> {
-    let Assembled { grid, misses, loud } = assembled;
+    let AssembledGrid { grid, misses, loud } = assembled;
     let trials: Vec<&TrialReport> = members.iter().map(|m| m.report).collect();
     let note = |kind, size: f64, text| Warning::of_texture(kind, name, size, text);
     let left_out = (idle > 0).then(|| {
@@ -261,7 +261,7 @@ fn missed_bands(misses: &[Miss], options: &Options) -> Option<Noted> {
 }
 
 /// The note on a trial that is far louder than the others of its node.
-fn loud_trial(loud: &Loud) -> Warning {
+fn loud_trial(loud: &LoudTrial) -> Warning {
     let text = format!(
         "{:.1} dB above the median of its node's trials, at whose level it counts: listen to it, and leave it out or \
          record it again if it is another speed, force or scale",

@@ -104,7 +104,7 @@ pub enum FloorChoice {
 /// Options of a fit.
 #[derive(Clone, Debug, Serialize, Deserialize, clap::Args)]
 pub struct Options {
-    /// Order of the models: 0 to 400, or chosen for each node: 'auto' (AIC) or 'bic', which is thriftier
+    /// Order of the models: 0 to 400, or for each node 'auto' (third octaves as near as by AIC) or 'bic' (thriftier)
     #[arg(long, default_value = "auto")]
     pub order: Order,
     /// From three axes to one signal

@@ -230,11 +230,9 @@ impl Recorded<'_> {
         let samples = self.samples();
         let ranges = part.of(samples.len()).into_iter();
         let parts: Vec<&[f64]> = ranges.map(|range| &samples[range]).collect();
-        let (rate_hz, told) = (
-            options.sample_rate_hz,
-            self.analysis.told(options.sample_rate_hz),
-        );
-        let estimate = estimate_of(rate_hz, &parts, options.order.highest(), told);
+        let rate_hz = options.sample_rate_hz;
+        let known = self.analysis.known_band(rate_hz);
+        let estimate = estimate_of(rate_hz, &parts, options.order.highest(), known);
         (self.analysis.lags, self.analysis.bands) = (estimate.lags, estimate.bands);
     }
 }

@@ -6,7 +6,7 @@ use model_format::SAMPLE_RATE_HZ;
 use serde::{Deserialize, Serialize};
 
 use super::blocks::Part;
-use super::estimate::{Bands, Estimate, Told, estimate, estimate_of};
+use super::estimate::{Bands, Estimate, KnownBand, estimate, estimate_of};
 use super::lines::TrialLines;
 use super::options::Options;
 use crate::dsp::autocorrelation::Autocorrelation;
@@ -79,9 +79,9 @@ impl Analysis {
             .any(|verdict| verdict.kind() == Kind::Silent)
     }
 
-    /// Frequencies of which the recording tells models at `rate_hz`.
-    pub(super) fn told(&self, rate_hz: u32) -> Told {
-        Told::of(self.source_rate_hz, rate_hz, self.slow.cut_hz)
+    /// Band of the surface that the recording holds, for models at `rate_hz`.
+    pub(super) fn known_band(&self, rate_hz: u32) -> KnownBand {
+        KnownBand::of(self.source_rate_hz, rate_hz, self.slow.cut_hz)
     }
 
     /// Returns whether it has a verdict that `options` drop.
@@ -322,10 +322,10 @@ pub(super) fn analyse_axes(
         .map(|range| &samples[range])
         .collect();
     let whole_power = plain.lags[0];
-    let told = Told::of(triaged.samples.source_rate_hz, rate_hz, cut_hz);
+    let known = KnownBand::of(triaged.samples.source_rate_hz, rate_hz, cut_hz);
     let Estimate { lags, bands } = match part {
-        Part::Whole => estimate(rate_hz, &samples, plain, told),
-        Part::Blocks => estimate_of(rate_hz, &fitted, max_lag, told),
+        Part::Whole => estimate(rate_hz, &samples, plain, known),
+        Part::Blocks => estimate_of(rate_hz, &fitted, max_lag, known),
     };
     let is_whole = part == Part::Whole && cut_hz.is_none();
     let analysis = Analysis {

@@ -117,14 +117,14 @@ impl Turns {
 }
 
 /// The bus, with the turn after each access, and what is asked about memory.
-struct Followed<'a> {
+struct FollowedBus<'a> {
     bus: &'a mut dyn CoreBus,
     turn: Turn,
     next: Turn,
     asked: Vec<Queued>,
 }
 
-impl CoreBus for Followed<'_> {
+impl CoreBus for FollowedBus<'_> {
     fn access(&mut self, access: Access, from_code: bool) -> Option<u64> {
         let value = self.bus.access(access, from_code)?;
         let is_write = access.kind == AccessKind::Write;
@@ -177,14 +177,14 @@ impl CoreBus for Followed<'_> {
 impl Processor for Turns {
     fn run(&mut self, budget: u32, bus: &mut dyn CoreBus) -> (Exit, u64) {
         let turn = self.turn;
-        let mut followed = Followed {
+        let mut followed = FollowedBus {
             bus,
             turn,
             next: turn,
             asked: Vec::new(),
         };
         let ran = self.processors[turn as usize].run(budget, &mut followed);
-        let Followed { next, asked, .. } = followed;
+        let FollowedBus { next, asked, .. } = followed;
         for queued in asked {
             self.ask_others(queued);
         }

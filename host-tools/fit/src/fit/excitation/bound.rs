@@ -3,8 +3,8 @@
 //!
 //! First by construction: the residuals that a track or a codebook is made of are limited ([`Ringing::limit`]) to what
 //! the recordings of the calmest nodes reach. Then by listening: [`excess`] plays the parts by the device's own feed
-//! through the filters of a few nodes, because levels and pieces that are drawn apart may meet. Last, what is [`left`]
-//! is taken off the level of each node that is still too loud.
+//! through the filters of a few nodes, because levels and pieces that are drawn apart may meet. Last, the
+//! [`remaining_excess`] is taken off the level of each node that is still too loud.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -184,7 +184,7 @@ pub(super) fn excess(traces: &[Trace], forces: usize, parts: &PartsSpec) -> BTre
 
 /// Excess that is left once `parts` are made: each node that they play louder than [`BOUND`] times its recordings, with
 /// the factor of the excess.
-pub(super) fn left(
+pub(super) fn remaining_excess(
     traces: &[Trace],
     forces: usize,
     parts: &PartsSpec,

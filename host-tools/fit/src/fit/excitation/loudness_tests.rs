@@ -289,7 +289,7 @@ proptest! {
             (impulsive(seed, SAMPLES), ExcitationChoice::Residual, ModulationChoice::None)
         };
         let parts = chosen(trace(&filtered(&other, hz), 40), &forced(excitation, modulation)).parts;
-        let excess = bound::left(&[trace(&calm, 40)], 1, &parts);
+        let excess = bound::remaining_excess(&[trace(&calm, 40)], 1, &parts);
         prop_assert!(!is_track || excess.len() == 1, "levels 6 dB above the RMS are too loud");
         let factor = excess.first().map_or(1.0, |left| left.1);
         let mut node = node_of(&calm, 40);

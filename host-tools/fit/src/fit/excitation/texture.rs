@@ -84,7 +84,7 @@ impl Choice<'_> {
             self.bounded(traces, apart).map(|(chosen, _)| chosen)
         };
         let mut chosen = chosen.unwrap_or_else(|| self.apart(traces, &Reach::FIRST));
-        chosen.excess = bound::left(traces, self.axes.forces_n.len(), &chosen.parts);
+        chosen.excess = bound::remaining_excess(traces, self.axes.forces_n.len(), &chosen.parts);
         chosen
     }
 

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use host_tools::dsp::sums::rms;
 use host_tools::evaluation::evaluate::texture_named;
 use host_tools::playing::motion::MotionPath;
 use host_tools::playing::render::render;
@@ -70,14 +71,10 @@ impl LibraryFile {
         )?;
         let gain = f64::from(request.gain);
         let samples = rendered.accelerations_m_s2();
-        let power =
-            samples.iter().map(|sample| sample * sample).sum::<f64>() / samples.len() as f64;
-        let peak = samples
-            .iter()
-            .fold(0.0, |peak: f64, sample| peak.max(sample.abs()));
+        let magnitudes = samples.iter().map(|sample| sample.abs());
         Ok(Some(Level {
-            rms_m_s2: gain * power.sqrt(),
-            peak_m_s2: gain * peak,
+            rms_m_s2: gain * rms(&samples),
+            peak_m_s2: gain * magnitudes.fold(0.0, f64::max),
         }))
     }
 }
