@@ -1,7 +1,8 @@
 //! The examples in C and C++, compiled by the compilers of the system: `CC` and `CXX`, or cc and c++.
 
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Child, Command, Output, Stdio};
+use std::time::Duration;
 
 use host_tools::playing::motion::MotionPath;
 use host_tools::playing::render::Rendering;
@@ -9,12 +10,12 @@ use kernel_vectors::digest_library;
 use model_format::Library;
 
 /// The folder of the tests' programs, which has the libraries too.
-fn libraries() -> PathBuf {
+pub fn libraries() -> PathBuf {
     let test = std::env::current_exe().expect("it runs");
     test.parent().expect("it is in a folder").to_owned()
 }
 
-fn run(command: &mut Command) -> String {
+pub fn run(command: &mut Command) -> String {
     let output = command.output();
     let output =
         output.unwrap_or_else(|error| panic!("{command:?}: {error}; install a C and C++ compiler"));
@@ -97,4 +98,91 @@ fn a_control_loop_and_a_callback_in_two_threads_play_by_the_shared_library_in_cp
     let library = written(folder.path(), "textures.lib", digest_library());
     let told = run(Command::new(program).arg(library).arg("1"));
     assert!(told.contains("V RMS"), "{told}");
+}
+
+/// JACK's server without a sound card, whose dummy takes samples as fast as a card would. It ends with its client.
+struct Server(Child);
+
+impl Server {
+    const NAME: &str = "stylus-door";
+
+    fn start() -> Self {
+        let mut jackd = Command::new("jackd");
+        jackd
+            .args([
+                "-n",
+                Self::NAME,
+                "--no-realtime",
+                "--no-mlock",
+                "--temporary",
+            ])
+            .args(["-d", "dummy", "-r", "48000", "-p", "256"])
+            .stdout(Stdio::null())
+            .stderr(Stdio::null());
+        let started = jackd.spawn();
+        Self(started.unwrap_or_else(|error| {
+            panic!("jackd: {error}; `tests/run only 'the player by PortAudio'` brings it")
+        }))
+    }
+}
+
+impl Drop for Server {
+    fn drop(&mut self) {
+        // Memory that it shares stays if it is killed.
+        for _ in 0..50 {
+            if self.0.try_wait().is_ok_and(|ended| ended.is_some()) {
+                return;
+            }
+            std::thread::sleep(Duration::from_millis(100));
+        }
+        let _ = self.0.kill();
+    }
+}
+
+#[test]
+#[ignore = "needs PortAudio and JACK: tests/run only 'the player by PortAudio'"]
+fn ten_seconds_by_portaudio_have_no_underrun_of_the_player() {
+    let folder = tempfile::tempdir().expect("it can be made");
+    let libraries = libraries();
+    let libraries = libraries.to_str().expect("it is UTF-8");
+    // The folders of an unpacked PortAudio, and of what it needs.
+    let others = std::env::var("LIBRARY_PATH").unwrap_or_default();
+    let find = format!("-Wl,--disable-new-dtags,-rpath,{libraries}:{others}");
+    let search = format!("-L{libraries}");
+    let flags = [
+        "-std=c++17",
+        "-pthread",
+        &search,
+        &find,
+        "-lstylusplayer",
+        "-lportaudio",
+    ];
+    let program = compiled(("CXX", "c++"), "headphones.cpp", &flags, folder.path());
+    let library = written(folder.path(), "textures.lib", digest_library());
+    // ALSA's one device cannot be opened, so that PortAudio takes JACK's.
+    let no_card = "pcm.default { type hw card 99 }";
+    let no_card = written(folder.path(), "asound.conf", no_card);
+    let mut server = Server::start();
+    let mut player = Command::new(program);
+    player
+        .arg(library)
+        .env("ALSA_CONFIG_PATH", no_card)
+        .env("JACK_DEFAULT_SERVER", Server::NAME);
+    // The server takes no client at first.
+    let is_early = |output: &Output| String::from_utf8_lossy(&output.stderr).contains("no output");
+    for _ in 0..100 {
+        let output = player.output().expect("it was compiled");
+        let ended = server.0.try_wait().expect("it is a child");
+        if !is_early(&output) {
+            let told = String::from_utf8_lossy(&output.stdout);
+            assert!(
+                output.status.success() && told.contains("buffers: 0 failed, 0 late"),
+                "{output:?}"
+            );
+            return;
+        }
+        assert!(ended.is_none(), "jackd has ended: {ended:?}");
+        std::thread::sleep(Duration::from_millis(100));
+    }
+    panic!("jackd takes no client");
 }
