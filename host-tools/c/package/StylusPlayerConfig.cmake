@@ -6,13 +6,17 @@ if(NOT TARGET StylusPlayer::StylusPlayer)
     set_target_properties(StylusPlayer::StylusPlayer StylusPlayer::Static
         PROPERTIES INTERFACE_INCLUDE_DIRECTORIES "${_stylus_player}/include")
     if(WIN32)
+        set(_stylus_import libstylusplayer.dll.a)
+        if(MSVC)
+            set(_stylus_import stylusplayer.lib)
+        endif()
         set_target_properties(StylusPlayer::StylusPlayer PROPERTIES
             IMPORTED_LOCATION "${_stylus_player}/bin/stylusplayer.dll"
-            IMPORTED_IMPLIB "${_stylus_player}/lib/libstylusplayer.dll.a")
+            IMPORTED_IMPLIB "${_stylus_player}/lib/${_stylus_import}")
         set_property(TARGET StylusPlayer::Static PROPERTY INTERFACE_LINK_LIBRARIES kernel32 ntdll userenv ws2_32 bcrypt)
     else()
         set_target_properties(StylusPlayer::StylusPlayer PROPERTIES
-            IMPORTED_LOCATION "${_stylus_player}/lib/libstylusplayer.so" IMPORTED_NO_SONAME TRUE)
+            IMPORTED_LOCATION "${_stylus_player}/lib/libstylusplayer.so")
         find_package(Threads REQUIRED)
         set_property(TARGET StylusPlayer::Static
             PROPERTY INTERFACE_LINK_LIBRARIES Threads::Threads m ${CMAKE_DL_LIBS})
@@ -20,3 +24,4 @@ if(NOT TARGET StylusPlayer::StylusPlayer)
     set_property(TARGET StylusPlayer::Static PROPERTY IMPORTED_LOCATION "${_stylus_player}/lib/libstylusplayer.a")
 endif()
 unset(_stylus_player)
+unset(_stylus_import)

@@ -156,6 +156,16 @@ fn sysroot(rustc: &Path) -> Option<PathBuf> {
     process::output(&mut rustc).ok().map(PathBuf::from)
 }
 
+/// The linker that comes with the toolchain in use, for any system's files.
+///
+/// # Errors
+/// The toolchain has none.
+pub fn rust_lld() -> Result<PathBuf> {
+    let mut asked = Command::new("rustc");
+    let folder = process::output(asked.args(["--print", "target-libdir"]))?;
+    process::built(Path::new(&folder).with_file_name("bin/rust-lld"))
+}
+
 /// Removes from `command` the variables that cargo sets for the programs that it runs, such as this task or a test.
 /// They would change the other build.
 pub(crate) fn without_inherited(command: &mut Command) {

@@ -59,6 +59,11 @@ pub const WINDOWS: System = System {
 };
 
 impl System {
+    /// Whether programs of the system take Windows' libraries.
+    pub fn is_windows(&self) -> bool {
+        self.target.contains("windows")
+    }
+
     /// Checks that compiler and linker can build for the system.
     ///
     /// # Errors
@@ -86,15 +91,22 @@ pub fn build(system: &System, build: &Build) -> Result<PathBuf> {
         system,
         build,
         &["--package", "host-tools", "--bin", "stylus"],
+        &[],
     )?;
     process::built(folder.join(system.program))
 }
 
-/// Builds what the arguments of cargo name for `system`, and returns the folder of its files.
+/// Builds what the arguments of cargo name for `system`, with further arguments for its linker, and returns the folder of
+/// its files.
 ///
 /// # Errors
 /// The build fails.
-pub fn built_by_cargo(system: &System, build: &Build, named: &[&str]) -> Result<PathBuf> {
+pub fn built_by_cargo(
+    system: &System,
+    build: &Build,
+    named: &[&str],
+    linked: &[String],
+) -> Result<PathBuf> {
     let profile = if build.is_dev { "dev" } else { "release" };
     let mut cargo = Command::new("cargo");
     toolchain::without_inherited(&mut cargo);
@@ -104,9 +116,14 @@ pub fn built_by_cargo(system: &System, build: &Build, named: &[&str]) -> Result<
     );
     cargo
         .current_dir(workspace::root())
-        .args(["build", "--quiet", "--locked"])
+        .args(["rustc", "--quiet", "--locked"])
         .args(named)
-        .args(["--profile", profile, "--target", system.target])
+        .args(["--profile", profile, "--target", system.target, "--"])
+        .args(
+            linked
+                .iter()
+                .map(|argument| format!("-Clink-arg={argument}")),
+        )
         .env(linker, system.linker[0])
         .env("SOURCE_DATE_EPOCH", &build.epoch)
         .env("CARGO_TARGET_DIR", &build.folders.target)

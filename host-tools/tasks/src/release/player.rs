@@ -1,7 +1,12 @@
 //! The player for a system, as an archive: shared and static library, headers, the file of C#, and what CMake and
 //! pkg-config read.
+//!
+//! On Linux the shared library and its symbols have a version: the number of the interface. Rust's compiler hands the
+//! linker a script of its own that names no version, which GNU's linker takes together with no other script; its
+//! `--default-symver` gives each symbol the name of the library.
 
 use std::fs;
+use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -9,13 +14,18 @@ use anyhow::{Context, Result};
 
 use super::Build;
 use super::command::{System, built_by_cargo};
-use crate::{process, workspace};
+use crate::{process, toolchain, workspace};
+
+const HEADER: &str = "host-tools/c/include/stylus_player.h";
 
 /// Files of the repository, and their folders in the archive.
-const FILES: [(&str, &str); 7] = [
-    ("host-tools/c/include/stylus_player.h", "include"),
+const FILES: [(&str, &str); 10] = [
+    (HEADER, "include"),
     ("host-tools/c/include/stylus_player.hpp", "include"),
     ("host-tools/c/csharp/StylusPlayer.cs", "csharp"),
+    ("host-tools/c/examples/headphones.cpp", "examples"),
+    ("host-tools/c/examples/stroke.c", "examples"),
+    ("host-tools/c/examples/two_threads.cpp", "examples"),
     (
         "host-tools/c/package/StylusPlayerConfig.cmake",
         "lib/cmake/StylusPlayer",
@@ -31,7 +41,19 @@ const FILES: [(&str, &str); 7] = [
 /// A build or tar fails.
 pub fn build(system: &System, build: &Build) -> Result<()> {
     let version = env!("CARGO_PKG_VERSION");
-    let built = built_by_cargo(system, build, &["--package", "stylus-player-c", "--lib"])?;
+    let header = fs::read_to_string(workspace::root().join(HEADER))?;
+    let shared = format!("libstylusplayer.so.{}", interface(&header)?);
+    let linked = [
+        "-fuse-ld=bfd".to_owned(),
+        format!("-Wl,-soname,{shared},--default-symver"),
+    ];
+    let linked = if system.is_windows() {
+        &[][..]
+    } else {
+        &linked
+    };
+    let named = ["--package", "stylus-player-c", "--lib"];
+    let built = built_by_cargo(system, build, &named, linked)?;
     let name = format!(
         "stylus-player-{version}-{}",
         system.name.trim_end_matches(".exe")
@@ -40,6 +62,13 @@ pub fn build(system: &System, build: &Build) -> Result<()> {
     let folder = scratch.path().join(&name);
     for (file, place) in system.libraries {
         copy(&built.join(file), &folder.join(place))?;
+    }
+    if system.is_windows() {
+        write_import_library(&header, &folder.join("lib"))?;
+    } else {
+        let library = folder.join("lib/libstylusplayer.so");
+        fs::rename(&library, library.with_file_name(&shared))?;
+        symlink(&shared, library)?;
     }
     for (file, place) in FILES {
         copy(&workspace::root().join(file), &folder.join(place))?;
@@ -50,6 +79,41 @@ pub fn build(system: &System, build: &Build) -> Result<()> {
     fs::create_dir_all(&described)?;
     fs::write(described.join("stylus-player.pc"), text)?;
     archive(scratch.path(), &name, build)
+}
+
+/// The number of the header's interface.
+fn interface(header: &str) -> Result<&str> {
+    let numbers = header
+        .lines()
+        .find_map(|line| line.strip_prefix("#define STYLUS_PLAYER_ABI "));
+    numbers.context("the header defines no STYLUS_PLAYER_ABI")
+}
+
+/// Names of the functions that the header declares: what stands before a bracket outside of comments.
+fn functions(header: &str) -> Vec<&str> {
+    let lines = header.lines().filter(|line| !line.trim().starts_with("//"));
+    let heads = lines.filter_map(|line| line.split_once('('));
+    heads
+        .filter_map(|(head, _)| head.rsplit([' ', '*']).next())
+        .collect()
+}
+
+/// Writes `stylusplayer.def` and `stylusplayer.lib`, by which MSVC links with the DLL, into `folder`. Rust's linker
+/// writes the short form that MSVC writes.
+fn write_import_library(header: &str, folder: &Path) -> Result<()> {
+    let definitions = folder.join("stylusplayer.def");
+    let names = functions(header).join("\n    ");
+    fs::write(
+        &definitions,
+        format!("LIBRARY stylusplayer.dll\nEXPORTS\n    {names}\n"),
+    )?;
+    let library = folder.join("stylusplayer.lib");
+    process::run(
+        Command::new(toolchain::rust_lld()?)
+            .args(["-flavor", "link", "/lib", "/machine:x64"])
+            .arg(format!("/def:{}", definitions.display()))
+            .arg(format!("/out:{}", library.display())),
+    )
 }
 
 fn copy(file: &Path, folder: &Path) -> Result<()> {
@@ -77,4 +141,18 @@ fn archive(parent: &Path, name: &str, build: &Build) -> Result<()> {
     .arg(parent)
     .arg(name);
     process::run(&mut tar)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_number_and_the_functions_of_a_header_are_those_outside_of_comments() {
+        let header = "// calls gone(1)\n#define STYLUS_PLAYER_ABI 7\nenum status f_one(int a,\n    int b);\n\
+                      const char *f_two(int a); // as f_none(0)\nuint32_t f_three(void);\n";
+        assert_eq!(interface(header).expect("it is there"), "7");
+        assert_eq!(functions(header), ["f_one", "f_two", "f_three"]);
+        assert!(interface("#define OTHER 7\n").is_err());
+    }
 }
