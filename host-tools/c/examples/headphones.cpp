@@ -101,6 +101,7 @@ try {
     }
     const stylus::library library = stylus::library::open(arguments[1]);
     const std::string texture = count > 2 ? arguments[2] : library.texture_names().at(0);
+    const std::size_t index = library.texture(texture);
 
     const portaudio session;
     const PaDeviceIndex device = Pa_GetDefaultOutputDevice();
@@ -109,7 +110,7 @@ try {
     const PaDeviceInfo &about = *Pa_GetDeviceInfo(device);
     const double rate_hz = about.defaultSampleRate;
     playback playback{stylus::player(static_cast<std::uint32_t>(rate_hz)), rate_hz};
-    playback.player.choose(library, library.texture(texture), 1);
+    playback.player.choose(library, index, 1);
     playback.player.set_gain(static_cast<float>(v_per_m_s2 / full_scale_v),
                              static_cast<float>(std::fmin(1.0, limit_v / full_scale_v)));
     std::printf("'%s' on '%s' at %.0f Hz: %g V per m/s2, at most %g V if full scale is %g V\n", texture.c_str(),
