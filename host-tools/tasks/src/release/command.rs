@@ -59,7 +59,7 @@ pub const WINDOWS: System = System {
 };
 
 impl System {
-    /// Whether programs of the system take Windows' libraries.
+    /// Returns true for Windows, whose libraries have other names.
     pub fn is_windows(&self) -> bool {
         self.target.contains("windows")
     }
@@ -96,8 +96,8 @@ pub fn build(system: &System, build: &Build) -> Result<PathBuf> {
     process::built(folder.join(system.program))
 }
 
-/// Builds what the arguments of cargo name for `system`, with further arguments for its linker, and returns the folder of
-/// its files.
+/// Builds what the arguments of cargo name for `system`, with further arguments for the linker, and returns the folder
+/// of the files.
 ///
 /// # Errors
 /// The build fails.
