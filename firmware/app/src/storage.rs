@@ -49,7 +49,7 @@ pub struct Storage<F, S: NorFlash> {
 }
 
 impl<F: MappedFlash, S: NorFlash> Storage<F, S> {
-    /// A storage of opened stores.
+    /// A storage over these slots and settings, with no library loaded.
     pub const fn new(slots: SlotStore<F>, settings: SettingsStore<S>) -> Self {
         Self {
             slots,

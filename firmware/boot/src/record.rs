@@ -26,7 +26,7 @@ pub const EXCHANGED: usize = 2 * (ACTIVE.end - ACTIVE.start) as usize / SECTOR_B
 
 const _: () = assert!(CHECK + 2 == MARKS);
 
-/// Marks of `embassy-boot`, whose constants are its own; `loader` tests that it reads them so.
+/// Copies of `embassy-boot`'s marks, which it does not export. A test of `loader` checks that it reads these.
 pub mod mark {
     /// The images are to be exchanged, or the new one is on trial.
     pub const SWAP: u8 = 0xF0;

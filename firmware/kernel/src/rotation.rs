@@ -18,7 +18,7 @@ pub const THETA_QUARTER_TURN: i32 = 1 << (15 + THETA_FRACTION_BITS);
 /// Steps of the table per quarter turn.
 pub const TABLE_STEPS: usize = 288;
 
-/// A step of the table in steps of a sum, as a power of two.
+/// Binary logarithm of a step of the table, in steps of a sum.
 pub const STEP_BITS: u32 = 21;
 
 /// A quarter turn in steps of a sum.

@@ -36,7 +36,7 @@ pub struct Arguments {
     out: Option<PathBuf>,
     #[command(flatten)]
     overwrite: Overwrite,
-    /// Other takes of the same trials, as a folder or a list, which are heard instead
+    /// Other takes of the same trials, as a folder or a list, heard in place of the inputs
     #[arg(long, value_name = "DIR")]
     takes: Option<PathBuf>,
     /// Another library, such as one of an earlier version, to compare with too, on other takes
@@ -59,8 +59,8 @@ pub struct Arguments {
         default_value = "level,codebook,lines"
     )]
     parts: Vec<Part>,
-    /// Trials per pair, 1 to 200; of ratings also per kind beside itself; of a staircase at most. Without it 12, 6 or
-    /// 80
+    /// Trials, 1 to 200: abx: per pair [default: 12]; similarity: per pair, and per kind with itself [default: 6];
+    /// staircase: at most, per part [default: 80]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=200))]
     trials: Option<u16>,
     /// Duration of a sound, in seconds, at most 10; less where recordings do not hold two of it

@@ -43,7 +43,7 @@ pub struct Arguments {
     /// Library to evaluate
     #[arg(long, value_name = "LIB", required_unless_present_any = ["leave_one_out", "leave_out"])]
     library: Option<PathBuf>,
-    /// Remove each inner node, too, predict it from its neighbours, and evaluate the prediction
+    /// Also remove each inner node in turn, predict it from its neighbours, and evaluate the prediction
     #[arg(long)]
     leave_one_out: bool,
     /// Leave out each inner speed, or force, with all its trials, predict them along that axis by every method, and
@@ -54,11 +54,11 @@ pub struct Arguments {
     /// it predicts; may be given several times
     #[arg(long, value_name = "NAME=DIR", requires = "leave_out")]
     method: Vec<Given>,
-    /// Other takes of the same trials, as a folder or a list, which judge the library instead
+    /// Other takes of the same trials, as a folder or a list, to judge the library in place of the inputs
     #[arg(long, value_name = "DIR", requires = "library")]
     takes: Option<PathBuf>,
     /// A free hand's recordings that the library was not fitted to, which judge it in time: CSV as for segment. The
-    /// recordings before are then those of the fit, for comparison
+    /// inputs are then the recordings that it was fitted to, for comparison
     #[arg(
         long,
         value_name = "CSV",
@@ -70,7 +70,7 @@ pub struct Arguments {
     /// With --strokes: texture of the library that was stroked, if it has several
     #[arg(long, value_name = "NAME", requires = "strokes")]
     texture: Option<String>,
-    /// With --leave-one-out and --leave-out: order of the models, 0 to 400, or 'auto'
+    /// With --leave-one-out and --leave-out: order of the models, 0 to 400, 'auto' or 'bic'
     #[arg(long, conflicts_with = "strokes", default_value = "400")]
     order: Order,
     /// Folder for a report: one page with tables, pictures and sounds, and the pictures as files

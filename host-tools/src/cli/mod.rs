@@ -78,7 +78,7 @@ enum Command {
     Evaluate(evaluate::Arguments),
     /// Make a page for listening tests (A/B/X) of recordings and what the stylus plays, or score its answers
     Compare(compare::Arguments),
-    /// Write a library as one page to rub: the stylus's kernel plays it in the browser
+    /// Write an HTML page on which the pointer rubs a library's textures, played by the stylus's kernel
     Page(page::Arguments),
     /// Render the stylus's output to a WAV file, sample for sample
     Render(render::Arguments),
@@ -86,7 +86,7 @@ enum Command {
     Export(export::Arguments),
     /// Show the content of a library
     Inspect(inspect::Arguments),
-    /// List the recordings of a folder by their names, for fit
+    /// Write trials.csv, fit's list of recordings, from the names of a folder's files
     Trials(trials::Arguments),
     /// Cut the steady pieces out of free-hand recordings, for fit
     Segment(segment::Arguments),

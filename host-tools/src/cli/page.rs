@@ -21,8 +21,8 @@ use stylus_plant::Plant;
 
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// Library, or recordings, to which one is fitted as `stylus fit` does: a folder with trials.csv, such a list, or
-    /// WAV or CSV files
+    /// Library, or recordings to fit one to as `stylus fit` does: a folder with trials.csv, such a list, or WAV, CSV or
+    /// LabVIEW files
     #[arg(required = true, value_name = "LIB|DIR|FILES")]
     inputs: Vec<PathBuf>,
     #[command(flatten)]

@@ -34,7 +34,7 @@ pub struct Arguments {
     /// Largest deviation of speed and force from the middle of a piece, as a share
     #[arg(long, value_parser = positive, default_value_t = 0.25)]
     tolerance: f64,
-    /// Least duration of a piece, in seconds; a fit finds shorter ones than 0.4 s too short
+    /// Least duration of a piece, in seconds; below 0.4 s, fit gives it the verdict too-short
     #[arg(long, value_name = "S", value_parser = positive, default_value_t = 0.4)]
     least: f64,
     /// Least total duration of a node's pieces, in seconds

@@ -2,8 +2,9 @@
 //!
 //! A table comes from a program that its user did not write. Its separator is a semicolon, a tab, a comma or a space;
 //! its decimal sign a point, or a comma where that does not separate; it may begin with a byte order mark, and each
-//! line may end with a separator, as spreadsheets write it. Lines from `#` on are comments, empty lines do not count,
-//! and spaces around a field do not either. What cannot be read is named with line, column and separator.
+//! line may end with a separator, as spreadsheets write it. Lines from `#` on are comments, but for names right above
+//! the first row of numbers, as NumPy's `savetxt` writes them. Empty lines do not count, and spaces around a field do
+//! not either. What cannot be read is named with line, column and separator.
 //!
 //! A file is read row by row, so that its size takes no memory.
 
@@ -41,6 +42,8 @@ pub struct CsvTable {
     path: PathBuf,
     text: Text,
     separator: char,
+    /// Line, from 1, of a header that is written as a comment.
+    commented_header: Option<u64>,
     /// Decimal sign of the numbers read so far; none before the first that has one.
     decimal_sign: Cell<Option<char>>,
 }
@@ -75,23 +78,30 @@ impl CsvTable {
         Self::with(path, Text::Memory(text))
     }
 
-    /// Finds the separator of `text` from its first two lines.
+    /// Finds the separator of `text` from its first two lines, and a header that is written as a comment.
     fn with(path: &Path, text: Text) -> Result<Self> {
         let mut table = Self {
             path: path.to_owned(),
             text,
             separator: ',',
+            commented_header: None,
             decimal_sign: Cell::new(None),
         };
-        let mut first = Vec::new();
+        let (mut above, mut first) = (None, Vec::new());
         let mut lines = table.lines()?;
-        while first.len() < 2 && lines.skip_to_content()? {
-            first.push(lines.line.clone());
+        while first.len() < 2 && lines.advance()? {
+            if lines.is_content() {
+                first.push(lines.line.clone());
+            } else if first.is_empty() {
+                above = Some((lines.number, lines.line.clone()));
+            }
         }
         drop(lines);
         let header = first.first().map_or("", String::as_str);
         // A line of numbers tells more than a header, whose names may hold spaces.
         table.separator = separator_of([header, first.last().map_or("", String::as_str)]);
+        let names = above.filter(|(_, line)| are_names(line, header, table.separator));
+        table.commented_header = names.map(|(number, _)| number);
         Ok(table)
     }
 
@@ -104,6 +114,7 @@ impl CsvTable {
             path: &self.path,
             reader,
             separator: self.separator,
+            commented_header: self.commented_header,
             bytes: Vec::new(),
             line: String::new(),
             number: 0,
@@ -262,11 +273,37 @@ fn fields(line: &str, separator: char) -> usize {
     1 + outside.count()
 }
 
+/// Returns whether the comment `line` names the columns of `numbers`, the first row below it. A single column has no
+/// names in a comment, which would be any text.
+fn are_names(line: &str, numbers: &str, separator: char) -> bool {
+    let columns = fields(numbers, separator);
+    let is_number = |field: &str| field.trim().replace(',', ".").parse::<f64>().is_ok();
+    let is_name = |field: &str| {
+        let begins = field.trim().starts_with(char::is_alphabetic);
+        begins && !field.contains([':', '=']) && !is_number(field)
+    };
+    let line = line.trim_start_matches('#');
+    columns > 1
+        && columns == fields(line, separator)
+        && split(numbers, separator).all(is_number)
+        && split(line, separator).all(is_name)
+}
+
+/// The fields of a line without quotation marks, as [`fields`] counts them.
+fn split(line: &str, separator: char) -> impl Iterator<Item = &str> {
+    let line = line.trim();
+    let line = line.trim_end_matches(separator).split(separator);
+    // Words are separated by any number of spaces.
+    line.filter(move |field| separator != ' ' || !field.is_empty())
+}
+
 /// The lines of a text, one after the other.
 struct Lines<'a> {
     path: &'a Path,
     reader: Box<dyn BufRead + 'a>,
     separator: char,
+    /// Line, from 1, of a header that is written as a comment, and is read without its sign.
+    commented_header: Option<u64>,
     bytes: Vec<u8>,
     /// The line, ended by a line feed. If spaces separate, one is between two words.
     line: String,
@@ -305,6 +342,11 @@ impl Lines<'_> {
             Some(rest) if self.number == 1 => rest,
             _ => text.as_ref(),
         };
+        let text = if self.commented_header == Some(self.number) {
+            text.trim_start_matches('#')
+        } else {
+            text
+        };
         self.line.clear();
         if self.separator == ' ' {
             for word in text.split_whitespace() {
@@ -321,11 +363,16 @@ impl Lines<'_> {
     /// Goes to the next line that is neither empty nor a comment; false at the end.
     fn skip_to_content(&mut self) -> Result<bool> {
         while self.advance()? {
-            if !self.line.starts_with('#') && !self.line.trim().is_empty() {
+            if self.is_content() {
                 return Ok(true);
             }
         }
         Ok(false)
+    }
+
+    /// Returns whether the line is neither empty nor a comment.
+    fn is_content(&self) -> bool {
+        !self.line.starts_with('#') && !self.line.trim().is_empty()
     }
 
     fn too_long(&self) -> Error {
@@ -694,6 +741,39 @@ mod tests {
             "t,x\n\"0\",\"1.25\"\n\"0.5\",\"-2\"\n",
         ] {
             assert_eq!(numbers(&table(text)).unwrap(), expected, "{text:?}");
+        }
+    }
+
+    #[test]
+    fn names_in_a_comment_right_above_numbers_are_the_header() {
+        let names = |text: &str| {
+            let table = table(text);
+            let header = table.header().unwrap();
+            header.names().map(str::to_owned).collect::<Vec<_>>()
+        };
+        for text in [
+            "#time,x [g]\n0,1.5\n",
+            "# of a hand\n# time;x [g]\r\n0;1,5\r\n",
+            "# time\tx [g]\n0\t1.5e-3\n",
+        ] {
+            assert_eq!(names(text), ["time", "x [g]"], "{text:?}");
+            let all = numbers(&table(text)).unwrap();
+            assert_eq!(all.len(), 1, "{text:?}");
+        }
+        assert_eq!(names("# time_s x\n0.0 -1.5\n"), ["time_s", "x"]);
+        for text in [
+            "# made by hand, in May\n\n0,1\n",
+            "# rate, 3200\n0,1\n",
+            "# unit: g\n0 1\n",
+            "# rate = 3\n0 1 2\n",
+            "# x\n0\n",
+            "# time,x\n# of a hand\n0,1\n",
+            "# time,x,y\n0,1\n",
+        ] {
+            assert!(
+                names(text).iter().all(|name| name.parse::<f64>().is_ok()),
+                "{text:?}"
+            );
         }
     }
 

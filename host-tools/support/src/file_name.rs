@@ -27,8 +27,9 @@ pub struct Stems {
 }
 
 impl Stems {
-    /// Returns the stem for `name`; the same each time. A name of ASCII letters, digits, `-` and `_` is its own stem,
-    /// unless an earlier thing has it or it begins with `-`, which would make it an option to other programs.
+    /// Returns the stem for `name`; the same each time. A name of at most 64 ASCII letters, digits, `-` and `_` is its
+    /// own stem. Exceptions are names that begin with `-`, as options of programs do; names of Windows' devices; and
+    /// names that equal an earlier stem but for the case of their letters.
     pub fn of(&mut self, name: &str) -> String {
         if let Some(stem) = self.given.get(name) {
             return stem.clone();

@@ -21,7 +21,7 @@ impl Progress {
     }
 }
 
-/// Runs `command` to its end, as if it were this program, and returns its exit code; 1 if a signal ended it.
+/// Runs `command` to its end. Returns its exit code, with which this program is to exit; 1 if a signal ended it.
 ///
 /// # Errors
 /// The program cannot be started.

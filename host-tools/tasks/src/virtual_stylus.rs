@@ -78,7 +78,7 @@ pub fn test(toolchain: &Toolchain, long: bool, arguments: &[OsString]) -> Result
     Ok(())
 }
 
-/// Builds the virtual stylus's program, saying as much as `progress`, and returns it.
+/// Builds the virtual stylus's program, and returns its path. `progress` sets how much is printed.
 ///
 /// # Errors
 /// The build fails.

@@ -44,11 +44,11 @@ impl<D: Device> Control<D> {
         of_link.map(|(_, response)| response)
     }
 
-    /// Keeps everything from being played until [`Control::end_configuration`], and returns the response that is to be
-    /// stored; none if the stored one is to be removed.
+    /// Blocks playing until [`Control::end_configuration`]. Returns the response to store, or `None` to remove the
+    /// stored one.
     ///
     /// # Errors
-    /// No such response, or something is played.
+    /// No such response, a response that another link has proposed, or something is played.
     pub fn begin_response(
         &mut self,
         from: LinkId,

@@ -23,7 +23,7 @@ fn number<T: FromStr>(name: &str) -> Option<T> {
     number
 }
 
-/// Configuration of so many random cases, all of which follow from the seed.
+/// Configuration of a property's tests: `count` random cases, scaled by [`cases`], all derived from the seed.
 pub fn config(count: u32) -> Config {
     Config {
         cases: cases(count),

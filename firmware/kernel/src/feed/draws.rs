@@ -24,7 +24,7 @@ impl Draws {
         self.0.next_u32()
     }
 
-    /// A number from 0 to `count` - 1, all alike but for 2⁻³² · `count`; 0 for none.
+    /// A random number below `count`, uniform within a relative 2⁻³² · `count`; 0 if `count` is 0.
     pub fn below(&mut self, count: u32) -> u32 {
         share(self.bits(), count)
     }

@@ -26,7 +26,7 @@ pub enum Design {
     Abx,
     /// Rating of how alike A and B are, from 0 to 100.
     Similarity,
-    /// X is like A or like B: which? One of these is changed by as much as the listener can just tell.
+    /// X is like A or like B: which? The difference adapts until the listener can just tell it.
     Staircase,
 }
 

@@ -51,7 +51,7 @@ struct Lattice {
     stages: usize,
 }
 
-/// The sum of the squares of `signals`, fewer than 2³².
+/// Sum of the squares of `signals`, of which there are fewer than 2³².
 ///
 /// Lower and upper halves of the squares are summed by themselves, because two words are quicker than a long one.
 pub fn energy(signals: impl Iterator<Item = i32>) -> u128 {

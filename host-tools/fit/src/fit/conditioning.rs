@@ -75,7 +75,7 @@ impl fmt::Display for HighPass {
 /// The treatment of a recording's axes before anything is read from them.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, clap::Args)]
 pub struct Conditioning {
-    /// Reduction from three axes to one; the same wherever one set is read
+    /// Reduction from three axes to one; give the same to every command that reads one set
     #[arg(long = "reduce", value_enum, default_value = "pca")]
     pub reduction: Reduction,
     /// Cut-off of a high-pass filter before the reduction, Hz; 'none' keeps the motion of the hand; 'auto' takes 20 Hz

@@ -1,15 +1,19 @@
 //! From a recording set to the textures of a library, in five steps:
 //!
-//! 1. **Recordings** (`recordings`), a texture at a time: each trial is read, cut by triage, reduced to one axis and
-//!    correlated; the rig's own noise (`floor`) and the lines of the texture are taken out of all of them.
-//! 2. **Reports** (`reports`): all trials of the set are compared, which tells copies, hum and wrong scales.
-//! 3. **Models** (`fitted`), a texture at a time: each node of its grid gets a linear predictor from its trials, and
-//!    holes of the grid are filled.
+//! 1. **Recordings** (`recordings`), a texture at a time: each trial is read, cut by triage, high-passed, reduced to
+//!    one axis and correlated. The share of the rig's own noise (`floor`) is measured, and subtracted if that is asked
+//!    for. The texture's lines are taken out of all its trials.
+//! 2. **Reports** (`reports`): all trials of the set are compared, which tells copies, hum and wrong scales. By their
+//!    verdicts, some trials are not used.
+//! 3. **Models** (`fitted`), a texture at a time: the trials of a node are pooled, and give one linear predictor, whose
+//!    order is chosen per node. Holes of the grid are filled, the lines join it, and all is quantised (`texture`).
 //! 4. **Room** (`fitted`): what all models leave of a library is shared among the textures.
-//! 5. **Excitation** ([`excitation`]), a texture at a time: what excites its models, by the residuals of its trials.
+//! 5. **Excitation** ([`excitation`]), a texture at a time: codebooks and a level track from the residuals of its
+//!    trials, by the quantised models. A node that would play louder than its recordings is made softer. Steps 4 and 5
+//!    are left out where noise of steady level is asked for.
 //!
-//! [`encoded`] quantises the result to a library's bytes (`texture`); the command writes them, with a
-//! [`record`] of the fit beside them.
+//! [`encoded`] writes the result as a library's bytes. The command snaps speeds and forces before step 1, densifies
+//! after step 5, and keeps a [`record`] of the fit beside the library.
 //!
 //! A fit of blocks, which `evaluate` judges, differs in the part of each recording that is fitted ([`blocks`]). Shards
 //! ([`parts`]) leave what the first step tells in files, and go on from there. [`densify`] makes the grids denser.

@@ -104,7 +104,8 @@ pub enum FloorChoice {
 /// Options of a fit.
 #[derive(Clone, Debug, Serialize, Deserialize, clap::Args)]
 pub struct Options {
-    /// Order of the models: 0 to 400, or for each node 'auto' (third octaves as near as by AIC) or 'bic' (thriftier)
+    /// Order of the models: 0 to 400, or per node 'auto' (AIC, or lower where third octaves stay as near) or 'bic'
+    /// (lower still)
     #[arg(long, default_value = "auto")]
     pub order: Order,
     /// From three axes to one signal
@@ -125,13 +126,14 @@ pub struct Options {
     /// Level of the excitation: steady, pieces of the recordings' own level, or what a test finds
     #[arg(long, value_enum, default_value = "auto")]
     pub modulation: ModulationChoice,
-    /// Verdicts of trials to leave out; their nodes are filled from neighbours
+    /// Leave out trials with these verdicts; their nodes are filled from neighbours
     #[arg(long, value_delimiter = ',', value_parser = PossibleValuesParser::new(Kind::NAMES))]
     pub drop: Vec<String>,
     /// Lines that are tied to position, such as those of a weave: sought, or left in the noise
     #[arg(long, value_enum, default_value = "auto")]
     pub lines: Lines,
-    /// The rig's own noise, as trials in motion at 0 N have it: taken off the recordings, or its share told
+    /// The rig's own noise, as trials in motion at 0 N have it: subtracted from the recordings, or its share
+    /// reported
     #[arg(long, value_enum, default_value = "note")]
     #[serde(default)]
     pub floor: FloorChoice,
@@ -142,9 +144,8 @@ pub struct Options {
     /// Refuse a set if triage finds anything
     #[arg(long)]
     pub strict: bool,
-    /// Move measured speeds and forces to nominal ones: by at most this share, such as 0.05; clear, to the grid that
-    /// each texture's values fall into if gaps beside each value are three times its width; auto, to the likeliest
-    /// grid; or none
+    /// Move measured speeds and forces to nominal ones: by at most this share, such as 0.05; auto, to the likeliest
+    /// grid; clear, only where gaps between groups of values are three times as wide as the groups; or none
     // They move before the fit, which takes the set as it is given.
     #[arg(long, value_name = "SHARE|clear|auto|none", default_value_t)]
     #[serde(default = "kept")]

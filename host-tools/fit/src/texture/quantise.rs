@@ -77,7 +77,8 @@ fn lattice(model: &Model) -> (CodeSpec, Vec<f64>) {
 /// Number of first stages of a compact lattice that have 24 bits. With it 120 nodes of order 400 take less than 56 KiB.
 pub const COMPACT_FINE_STAGES: usize = 24;
 
-/// Codes of `model` as a lattice with one byte per stage after the first [`limits::MAX_FINE_STAGES`].
+/// Compact codes of `model`: 24 bits in the first [`COMPACT_FINE_STAGES`] stages, 16 bits in the next ones up to
+/// [`limits::MAX_FINE_STAGES`], then 8 bits.
 pub fn compact_codes(model: &Model) -> CodeSpec {
     let theta = |k: &f64| (k.asin() / FINE_THETA_STEP_RAD).round() as i32;
     let thetas: Vec<i32> = model.reflection.iter().map(theta).collect();

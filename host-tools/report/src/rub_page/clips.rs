@@ -36,6 +36,7 @@ pub struct Clip {
     file: String,
     sample_rate_hz: u32,
     peak_m_s2: f64,
+    /// Samples as `i8`: the code c is sign(c) · `peak_m_s2` · (256^(|c|/127) - 1)/255, m/s².
     codes_base64: String,
 }
 

@@ -1,4 +1,5 @@
-//! The page's data, in the form that `host-tools/browser/README.md` states.
+//! The page's data, written as JSON into its element `data`. A name that ends in `_base64` is Base64 of little-endian
+//! numbers.
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
@@ -76,7 +77,10 @@ pub struct TextureData {
     pub nodes: NodesData,
     /// No level of the spectra is above it, dB; negative infinity of silence.
     pub top_db: f64,
+    /// A byte per node and band: mean power density of the node as it is played, without lines, in steps of 0.5 dB
+    /// below `top_db`, in dB re 1 (m/s²)²/Hz; 255 is silent.
     model_base64: String,
+    /// The same of the recordings with their lines.
     recorded_base64: Option<String>,
 }
 
@@ -100,7 +104,7 @@ impl PartsData {
     }
 }
 
-/// Values of a texture's nodes, speed-major.
+/// Values of a texture's nodes, speed-major: speed index times number of forces plus force index.
 #[derive(Serialize)]
 pub struct NodesData {
     orders: Vec<usize>,

@@ -29,7 +29,8 @@ const LEVEL_FROM_HZ: f64 = 30.0;
 pub struct TipData {
     name: String,
     step_hz: f64,
-    /// Real and imaginary parts of the plant's response by frequency, f32 in little endian, in base 64.
+    /// The plant's response at multiples of `step_hz`, at a mean level of 0 dB: real and imaginary parts, `f32` in
+    /// little endian, in Base64.
     tip: String,
     /// The response through the equaliser of a calibration, in the form of `tip`.
     calibrated: String,

@@ -32,7 +32,7 @@ pub struct Assumed {
     /// Unit of the times of CSV recordings [default: as in the column's name, or by their steps]
     #[arg(long, value_enum, value_name = "UNIT")]
     pub time_unit: Option<TimeUnit>,
-    /// Take the samples of CSV recordings as even, at the mean rate of their times or at --sample-rate
+    /// Take the samples of CSV recordings as evenly spaced, at the mean rate of their times or at --sample-rate
     #[arg(long)]
     pub even_times: bool,
     /// Acceleration of a sample of 1 (the full scale of a WAV's integers) of trials whose list gives no scale_m_s2: in

@@ -28,7 +28,7 @@ pub enum Command {
     Record(record::Arguments),
     /// Upload a library to the stylus, and read it back
     Upload(upload::Arguments),
-    /// Update the stylus's image, signed, and confirm it once it runs
+    /// Update the stylus's firmware with a signed image, and confirm it once it runs
     Update(update::Arguments),
     /// List the libraries and textures in the stylus, or make another library the active one
     Slots(slots::Arguments),
@@ -43,7 +43,7 @@ pub enum Command {
     /// Show or change the stylus's settings
     Settings(settings::Arguments),
     /// Set the coil's measured values and the sensors' zeros, with checks, and measure and equalise the actuator's
-    /// response; nothing plays before
+    /// response; until then nothing plays
     Calibrate(calibrate::Arguments),
     /// Compare the actuator with its stored response, by a probe of two seconds
     Check(response::CheckArguments),

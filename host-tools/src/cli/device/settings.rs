@@ -42,7 +42,7 @@ enum Action {
         #[arg(long)]
         yes: bool,
     },
-    /// Erase all settings: those with a default have it again, and nothing plays until the others are set
+    /// Erase all settings: those with a default return to it, and nothing plays until the others are set
     Reset {
         /// Do not ask first
         #[arg(long)]

@@ -28,7 +28,7 @@ pub struct Arguments {
     /// Activate the library
     #[arg(long)]
     activate: bool,
-    /// Allow the upload to erase the last library that the device can read
+    /// Allow the upload to erase the only library that the device can still read
     #[arg(long)]
     replace_last: bool,
     /// Skip the check on this computer; the device still checks the library

@@ -31,7 +31,7 @@ pub struct LargeSet {
     /// every N-th texture
     #[arg(long, value_name = "I/N", requires = "parts")]
     pub shard: Option<Shard>,
-    /// Join what all shards have left in --parts, and compute nothing of it
+    /// Join what all shards have left in --parts, without computing any of it again
     #[arg(long, requires = "parts", requires = "out")]
     pub merge: bool,
 }

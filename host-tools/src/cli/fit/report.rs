@@ -84,7 +84,7 @@ fn codebook(codebook: &CodebookReport) -> String {
     )
 }
 
-/// Lines that are tied to position, or the reason for none; textures with the same reason in one row.
+/// Each texture's lines that are tied to position, or the reason for none. Textures of the same text share a row.
 pub fn lines_found(fit: &Fit) -> String {
     let mut said: Vec<(String, Vec<&str>)> = Vec::new();
     for texture in &fit.textures {

@@ -272,7 +272,8 @@ const MARGIN: usize = 2 * MAX_SAMPLES;
 /// Entries of all planes, rounded up to whole ones with as many lanes as are read at once.
 const ENTRIES: usize = (MAX_ORDER + 2 * MARGIN + 2 * MAX_SAMPLES).next_multiple_of(64);
 
-/// Rotations in planes, each of every `SPACING`-th stage: neighbouring entries are for neighbouring lanes.
+/// Rotations in `SPACING` planes. A plane holds every `SPACING`-th stage, so that neighbouring entries load into
+/// neighbouring lanes.
 ///
 /// An entry is cos θ in its lower half and sin θ in its upper one. Stages that are not there rotate nothing: both are
 /// zero, and so is all that comes of them.

@@ -79,7 +79,7 @@ pub struct Arguments {
     /// Seed of the noise: the same seed gives the same samples
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// File of the active library, by which the level is told that is expected along the given motion
+    /// File of the active library, to print the level that is expected along the given motion
     #[arg(
         long,
         value_name = "LIB",
