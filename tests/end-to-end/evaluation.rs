@@ -405,6 +405,22 @@ fn along_strokes_that_it_never_saw_a_library_is_nearer_than_a_constant_level_and
     );
     assert!(of("library", "band_error_db") < 1.5, "{json}");
     holds(&said, &["the best baseline, the line over log speed,"]);
+    // All of the strokes say more than their steady pieces.
+    let segmented_db = (of("library", "error_db"), of("library", "band_error_db"));
+    let said = bench.succeed(&format!(
+        "fit {fitted} --strokes --texture felt --out felt.lib"
+    ));
+    holds(&said, &["-> felt.lib"]);
+    bench.succeed(&command);
+    let json = std::fs::read_to_string(bench.path("n.json")).unwrap();
+    let found: serde_json::Value = serde_json::from_str(&json).unwrap();
+    let near = &found["nearness"][0];
+    let of = |field: &str| near[field].as_f64().unwrap();
+    assert!(of("bias_db").abs() < 0.5, "{json}");
+    assert!(of("error_db") < segmented_db.0 + 0.05, "{json}");
+    assert!(of("band_error_db") < segmented_db.1 + 0.1, "{json}");
+    let refused = bench.refuse("fit . --strokes --out felt.lib");
+    holds(&refused, &[".: is a folder", "give CSVs"]);
     let refused = bench.refuse("evaluate . --library felt.lib --strokes s0.csv");
     holds(
         &refused,

@@ -3,9 +3,9 @@
 //! Invariant: the same recordings and options give the same bytes on every machine, with any number of threads.
 
 // The wings below, by the names that this crate has for them.
-use stylus_signals::recording;
 #[cfg(test)]
-use stylus_signals::{playing, rig};
+use stylus_signals::rig;
+use stylus_signals::{playing, recording};
 use {stylus_dsp as dsp, stylus_support as support};
 
 pub mod fit;

@@ -134,11 +134,7 @@ impl FittedTexture {
     /// Makes the nodes at these indices of speed and force softer by what they would play louder than their recordings.
     fn lower(&mut self, excess: &[((usize, usize), f64)]) {
         for &((speed, force), excess) in excess {
-            let (index, share) = (speed * self.grid.forces_n.len() + force, excess.powi(-2));
-            self.grid.models[index].output_power *= share;
-            let node = &mut self.nodes[index];
-            node.output_power *= share as f32;
-            node.prediction_error_power *= share as f32;
+            self.scale(self.grid.index(speed, force), excess.powi(-2));
         }
         let Some(most_db) = excess
             .iter()
@@ -154,6 +150,24 @@ impl FittedTexture {
         );
         let note = Warning::of_texture("softer", &self.name, most_db, text);
         self.notes.push(note);
+    }
+
+    /// Multiplies the power of the node at `index` by `share`.
+    fn scale(&mut self, index: usize, share: f64) {
+        self.grid.models[index].output_power *= share;
+        let node = &mut self.nodes[index];
+        node.output_power *= share as f32;
+        node.prediction_error_power *= share as f32;
+    }
+
+    /// Gives all nodes that are not silent these levels, dB re 1 m/s².
+    pub(super) fn set_levels(&mut self, levels_db: &[f64]) {
+        for (index, level_db) in levels_db.iter().enumerate() {
+            let power = self.grid.models[index].output_power;
+            if power > 0.0 {
+                self.scale(index, 10f64.powf(level_db / 10.0) / power);
+            }
+        }
     }
 
     /// The texture, ready to be encoded.

@@ -17,6 +17,7 @@
 //!
 //! A fit of blocks, which `evaluate` judges, differs in the part of each recording that is fitted ([`blocks`]). Shards
 //! ([`parts`]) leave what the first step tells in files, and go on from there. [`densify`] makes the grids denser.
+//! A fit to a free hand ([`fit_strokes`]) makes its trials itself.
 //!
 //! Invariant: recordings in, models and their textures out. Nothing here draws, prints or writes a file, except that
 //! `parts` and `record` write their own.
@@ -43,6 +44,7 @@ pub mod parts;
 pub mod record;
 mod recordings;
 mod reports;
+mod strokes;
 mod trial;
 
 pub use estimate::carried_hz;
@@ -51,6 +53,7 @@ pub use floor::{FloorAtSpeed, by_speed};
 pub use options::{ExcitationChoice, FloorChoice, ModulationChoice, Options, Order};
 pub use recordings::{Recorded, Recordings};
 pub use reports::TrialReport;
+pub use strokes::fit_strokes;
 pub use trial::{Analysis, FLOOR_BANDS, FloorShares, Signal, analyse, signal, whole_signal};
 
 use blocks::Part;

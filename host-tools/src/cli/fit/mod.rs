@@ -3,6 +3,7 @@
 mod densify;
 mod parts;
 mod report;
+mod strokes;
 
 use host_tools::fit;
 use host_tools::fit::Fit;
@@ -14,7 +15,7 @@ use host_tools::support::number::counted;
 use host_tools::support::progress;
 use host_tools::texture::summary::TextureSummary;
 use model_format::SAMPLE_RATE_HZ;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use model_format::limits::MAX_TEXTURES;
 use parts::LargeSet;
@@ -22,6 +23,7 @@ pub use report::show_verdicts;
 use report::{
     FitReport, energy_kept, excitations, lines_found, low_rates, rigs_share, trials_used,
 };
+use strokes::Strokes;
 
 use crate::cli::files::Overwrite;
 use crate::cli::input::Recordings;
@@ -45,6 +47,8 @@ pub struct Arguments {
     densify: bool,
     #[command(flatten)]
     large: LargeSet,
+    #[command(flatten)]
+    strokes: Strokes,
     /// Print the report as JSON
     #[arg(long)]
     json: bool,
@@ -130,6 +134,11 @@ fn check_outputs(arguments: &Arguments) -> Result<()> {
 
 pub fn run(arguments: &Arguments) -> Result<()> {
     check_outputs(arguments)?;
+    if let (true, Some(out)) = (arguments.strokes.strokes, &arguments.out) {
+        let (fit, bytes, record) = strokes::fitted(arguments)?;
+        record.write_with(out, &bytes)?;
+        return tell(&fit, &bytes, out, None, arguments.json);
+    }
     let set = snapped(arguments.recordings.open()?, arguments.options.snap)?;
     let options = checked_rate(&arguments.options, arguments.densify)?;
     if let Some(shard) = arguments.large.shard_to_map() {
@@ -157,12 +166,23 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         None => FitRecord::of(&set, &options, &bytes)?,
     };
     record.with_account_of(&fit).write_with(out, &bytes)?;
-    let library = decode_library(out, &bytes)?;
+    tell(&fit, &bytes, out, denser.as_ref(), arguments.json)
+}
+
+/// Tells of `fit`, whose library of these `bytes` was written to `out`.
+fn tell(
+    fit: &Fit,
+    bytes: &[u8],
+    out: &Path,
+    denser: Option<&Densified>,
+    is_json: bool,
+) -> Result<()> {
+    let library = decode_library(out, bytes)?;
     let textures: Vec<TextureSummary> = library
         .textures()
-        .map(|t| TextureSummary::of(&t, arguments.json))
+        .map(|t| TextureSummary::of(&t, is_json))
         .collect();
-    if arguments.json {
+    if is_json {
         return print_json(&FitReport {
             library: out.display().to_string(),
             bytes: bytes.len(),
@@ -170,11 +190,11 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             textures,
             trials: &fit.trials,
             excitations: fit.excitations(),
-            lines: FoundLines::of(&fit),
-            added_lines: denser.as_ref().map(|d| d.lines.as_slice()),
+            lines: FoundLines::of(fit),
+            added_lines: denser.map(|d| d.lines.as_slice()),
         });
     }
-    show(&fit, &textures, denser.as_ref())?;
+    show(fit, &textures, denser)?;
     print(&format!(
         "\n{} -> {} ({}); the axes' energy kept: {}",
         trials_used(&fit.trials),

@@ -20,5 +20,5 @@ mod write;
 
 pub use grid::{GridAxis, LEAST_FORCE_N, LEAST_SPEED_MM_S, proposed_grid};
 pub use read::{Freehand, Outlier, is_simulated, read};
-pub use segment::{Options, Placed, Segment, Segmentation, Tolerance, segment};
+pub use segment::{Options, Placed, Segment, Segmentation, Tolerance, moving, segment};
 pub use write::write;

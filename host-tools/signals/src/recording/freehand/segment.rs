@@ -1,10 +1,11 @@
 //! Segmentation of a free hand's recording into parts of nearly steady motion.
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 
 use serde::Serialize;
 
-use super::grid::{GridAxis, proposed_grid};
+use super::grid::{GridAxis, LEAST_FORCE_N, LEAST_SPEED_MM_S, proposed_grid};
 use super::read::Freehand;
 use crate::support::error::{Error, Result};
 use crate::support::number::counted;
@@ -210,7 +211,7 @@ pub fn segment(recordings: &[Freehand], options: &Options) -> Segmentation {
     let (mut reversals, mut jumps) = (0, Vec::new());
     for (index, recording) in recordings.iter().enumerate() {
         moving += moving_s(recording, options);
-        let blocks = blocks(recording, options);
+        let blocks = blocks(recording, 0.5 * options.speeds.lowest);
         reversals += count_reversals(&blocks, options);
         jumps.extend(jump_times_s(&blocks).map(|time_s| (index, time_s)));
         for segment in segments_of(recording, &blocks, index, options) {
@@ -306,16 +307,40 @@ fn jump_times_s(blocks: &[Block]) -> impl Iterator<Item = f64> {
     starts.map(|(block, _)| block as f64 * BLOCK_S)
 }
 
-/// Returns the motion of each whole block.
-fn blocks(recording: &Freehand, options: &Options) -> Vec<Block> {
+/// Returns the stretches of `recording`, each of at least `least_s`, in which the tool moves in contact: in one
+/// direction, without outliers and jumps of the speed.
+pub fn moving(recording: &Freehand, least_s: f64) -> Vec<Range<usize>> {
+    let length = block_length(recording);
+    let direction = |block: &Block| match *block {
+        Block::Motion {
+            speed_mm_s,
+            force_n,
+            is_backward,
+        } if speed_mm_s >= LEAST_SPEED_MM_S && force_n >= LEAST_FORCE_N => Some(is_backward),
+        _ => None,
+    };
+    let blocks = blocks(recording, LEAST_SPEED_MM_S);
+    let directions: Vec<Option<bool>> = blocks.iter().map(direction).collect();
+    let mut end = 0;
+    let runs = directions.chunk_by(|a, b| a == b).map(|run| {
+        let first = end;
+        end += run.len();
+        (run[0].is_some() && run.len() as f64 * BLOCK_S >= least_s)
+            .then_some(first * length..end * length)
+    });
+    runs.flatten().collect()
+}
+
+/// Returns the motion of each whole block. A hand that is slower than `rest_mm_s` does not change its direction.
+fn blocks(recording: &Freehand, rest_mm_s: f64) -> Vec<Block> {
     let length = block_length(recording);
     let count = recording.speed_mm_s.len() / length;
     (0..count)
-        .map(|block| block_of(recording, block * length..(block + 1) * length, options))
+        .map(|block| block_of(recording, block * length..(block + 1) * length, rest_mm_s))
         .collect()
 }
 
-fn block_of(recording: &Freehand, range: std::ops::Range<usize>, options: &Options) -> Block {
+fn block_of(recording: &Freehand, range: Range<usize>, rest_mm_s: f64) -> Block {
     if recording.is_outlier[range.clone()].contains(&true) {
         return Block::Outlier;
     }
@@ -323,7 +348,7 @@ fn block_of(recording: &Freehand, range: std::ops::Range<usize>, options: &Optio
     let backward = &recording.is_backward[range.clone()];
     let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
     let share = backward.iter().filter(|backward| **backward).count() as f64 / speeds.len() as f64;
-    let is_moving = mean(speeds) >= 0.5 * options.speeds.lowest;
+    let is_moving = mean(speeds) >= rest_mm_s;
     if is_moving && share > MINORITY && share < 1.0 - MINORITY {
         return Block::Reversal;
     }
@@ -521,6 +546,25 @@ mod tests {
         assert_eq!(cut.off_grid.len(), 1);
         assert_eq!((cut.too_little[0].0, cut.too_little[0].1), (100.0, 0.6));
         assert!((cut.too_little[0].2 - 0.3).abs() < 1e-9);
+    }
+
+    #[test]
+    fn stretches_in_motion_end_at_rest_in_the_air_at_outliers_and_where_the_hand_turns() {
+        let mut hand = recording(&[
+            (100.0, 0.6, 1.0),
+            (0.0, 0.6, 0.5),
+            (30.0, 1.0, 0.5),
+            (30.0, 0.0, 0.2),
+            (30.0, 1.0, 0.08),
+            (3.0, 1.0, 0.2),
+        ]);
+        assert_eq!(moving(&hand, 0.1), [0..1000, 1500..2000]);
+        hand.is_outlier[310] = true;
+        hand.is_backward[600..].fill(true);
+        assert_eq!(
+            moving(&hand, 0.1),
+            [0..300, 320..600, 600..1000, 1500..2000]
+        );
     }
 
     fn ends(cut: &Segmentation) -> Vec<(usize, usize)> {

@@ -1,0 +1,234 @@
+//! A fit to all of a free hand's strokes, in four steps:
+//!
+//! 1. **Levels** ([`levels`]): the levels of all nodes by least squares over windows of 100 ms, each of which weighs on
+//!    the nodes around its motion as the device weighs these.
+//! 2. **Trials** ([`pieces`]): what lies nearest to a node, without the level that the motion gave it, is one trial at
+//!    the node. The trials are fitted as any others: triage, order, quantisation, excitation.
+//! 3. **Levels again**: every node has the level of the first step, also where no trial is.
+//! 4. **Playing**: the texture is played along the strokes, and all levels move by what it is off in the mean, because
+//!    an excitation with impulses or a changing level is less loud in the mean of dB than its power says.
+//!
+//! Lines tied to position are not sought, because the trials are joined.
+
+use std::path::PathBuf;
+
+use model_format::SAMPLE_RATE_HZ;
+
+mod levels;
+mod pieces;
+mod stroke;
+
+use levels::{Axes, NodeLevels};
+use stroke::Stroke;
+
+use super::blocks::Part;
+use super::conditioning::{Conditioning, HighPass};
+use super::fitted::{Fit, FittedTexture, Source, encoded};
+use super::options::{FloorChoice, Lines, Options};
+use super::recordings::Recordings;
+use super::{models, read};
+use crate::dsp::motion_law::LevelAt;
+use crate::dsp::reduction::Reduction;
+use crate::dsp::sums::mean;
+use crate::recording::freehand::Freehand;
+use crate::recording::triage::Verdict;
+use crate::recording::{RecordingSet, Snap};
+use crate::support::error::{Error, Result};
+use crate::support::file_name::portable;
+use crate::support::in_order::in_order;
+use crate::support::warning::Warning;
+use crate::texture::library::decoded;
+
+/// Fits texture `name` to strokes, each with the file that it is from, telling `progress` of steps that are done. A
+/// stroke that is given twice counts once.
+///
+/// # Errors
+/// Strokes of which no node has 0.4 s in motion and contact; another rate than 5 kHz; those of [`super::fit`].
+pub fn fit_strokes(
+    name: &str,
+    strokes: &[(PathBuf, Freehand)],
+    options: &Options,
+    progress: impl Fn(usize) + Sync,
+) -> Result<Fit> {
+    if options.sample_rate_hz != SAMPLE_RATE_HZ {
+        return Err(Error::Request(format!(
+            "strokes are fitted at {SAMPLE_RATE_HZ} Hz alone: leave out --model-rate"
+        )));
+    }
+    let strokes = distinct(strokes, options.conditioning, &progress)?;
+    let windows: Vec<LevelAt> = (strokes.iter())
+        .flat_map(|stroke| stroke.windows(options.silence_floor_m_s2))
+        .collect();
+    let trials = if windows.is_empty() {
+        Vec::new()
+    } else {
+        let levels = NodeLevels::of(Axes::of(&windows), &windows);
+        pieces::trials(name, &strokes, &levels)?
+    };
+    if trials.is_empty() {
+        return Err(Error::Model(format!(
+            "texture '{name}': no node has 0.4 s in motion and contact: record longer strokes"
+        )));
+    }
+    let set = RecordingSet {
+        trials,
+        is_listed: true,
+    };
+    let options = of_trials(options, &strokes);
+    let recordings = read(&set, &options, Part::Whole, usize::MAX, &|_| ())?;
+    let mut fit = models(&set, &recordings, &options)?;
+    fit.notes.extend(strokes.iter().flat_map(findings));
+    let texture = &mut fit.textures[0];
+    // Lines of the grid without a trial are not there any more.
+    let levels = NodeLevels::of(Axes::of_grid(&texture.grid), &windows);
+    texture.set_levels(&levels.levels_db);
+    let held: Vec<_> = recordings.into_iter().map(Recordings::into_takes).collect();
+    let source = Source {
+        set: &set,
+        reports: &fit.trials,
+        options: &options,
+        part: Part::Whole,
+    };
+    source.excite(&mut fit.textures, held, &|| progress(0))?;
+    level_by_playing(&mut fit.textures[0], &strokes)?;
+    Ok(fit)
+}
+
+/// Reads `strokes`, each once, telling `progress` of each that is done.
+fn distinct(
+    strokes: &[(PathBuf, Freehand)],
+    conditioning: Conditioning,
+    progress: &(impl Fn(usize) + Sync),
+) -> Result<Vec<Stroke>> {
+    let is_first = |(number, own): &(usize, &(PathBuf, Freehand))| {
+        let mut earlier = strokes[..*number].iter();
+        !earlier.any(|(_, earlier)| *earlier == own.1)
+    };
+    let first: Vec<_> = strokes.iter().enumerate().filter(is_first).collect();
+    in_order(&first, |(_, (file, recording))| {
+        let stroke = Stroke::of(file, recording, conditioning);
+        progress(1);
+        stroke
+    })
+}
+
+/// What triage found on `stroke`.
+fn findings(stroke: &Stroke) -> impl Iterator<Item = Warning> {
+    let file = portable(&stroke.file);
+    let note = move |verdict: &Verdict| {
+        Warning::of("stroke", ("recording", &file), 0.0, verdict.to_string())
+    };
+    stroke.verdicts.iter().map(note)
+}
+
+/// The `options` for trials that are made of `strokes`: of one axis, and filtered if any stroke was, so that what the
+/// filter took is filled in.
+fn of_trials(options: &Options, strokes: &[Stroke]) -> Options {
+    let cuts_hz = strokes.iter().filter_map(|stroke| stroke.cut_hz);
+    Options {
+        conditioning: Conditioning {
+            reduction: Reduction::Pca,
+            high_pass: cuts_hz
+                .reduce(f64::max)
+                .map_or(HighPass::None, HighPass::At),
+        },
+        lines: Lines::None,
+        floor: FloorChoice::None,
+        snap: Snap::NONE,
+        ..options.clone()
+    }
+}
+
+/// Moves all levels of `texture` by what they are off along the `strokes`, in the mean over windows.
+fn level_by_playing(texture: &mut FittedTexture, strokes: &[Stroke]) -> Result<()> {
+    let bytes = encoded(&[texture.spec()])?;
+    let library = decoded(&bytes)?;
+    let played = library.textures().next().expect("it has one");
+    let off_db = in_order(strokes, |stroke| stroke.over_db(played))?;
+    let off_db = mean(&off_db.concat());
+    let levels: Vec<f64> = (texture.grid.models.iter())
+        .map(|model| 10.0 * model.output_power.log10() + off_db)
+        .collect();
+    texture.set_levels(&levels);
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use test_helpers::noise;
+
+    use super::super::options::{ExcitationChoice, ModulationChoice, Order};
+    use super::*;
+
+    const RATE_HZ: f64 = 5000.0;
+
+    /// RMS of the surface, m/s², which saturates with the speed.
+    fn law(speed_mm_s: f64, force_n: f64) -> f64 {
+        2.0 * speed_mm_s / (speed_mm_s + 100.0) * force_n.sqrt()
+    }
+
+    /// A hand's stroke of 8 s over a surface of white noise.
+    fn stroke(seed: u64) -> Freehand {
+        let signal = noise(seed, 8 * RATE_HZ as usize);
+        let motion = |n: usize| {
+            let (time_s, phase) = (n as f64 / RATE_HZ, seed as f64);
+            let speed = 100.0 + 80.0 * (1.7 * time_s + phase).sin();
+            (speed, 1.0 + 0.6 * (0.9 * time_s + 2.0 * phase).cos())
+        };
+        let motion: Vec<(f64, f64)> = (0..signal.len()).map(motion).collect();
+        let played = signal.iter().zip(&motion);
+        let axis = played.map(|(x, &(speed, force))| x * law(speed, force));
+        Freehand {
+            rate_hz: RATE_HZ,
+            axes: vec![axis.collect()],
+            is_outlier: vec![false; signal.len()],
+            is_backward: vec![false; signal.len()],
+            speed_mm_s: motion.iter().map(|at| at.0).collect(),
+            force_n: motion.iter().map(|at| at.1).collect(),
+            outliers: Vec::new(),
+            is_simulated: true,
+            remarks: Vec::new(),
+        }
+    }
+
+    fn fitted(seeds: &[u64]) -> Fit {
+        let options = Options {
+            order: Order::Fixed(4),
+            excitation: ExcitationChoice::Gaussian,
+            modulation: ModulationChoice::None,
+            ..Options::default()
+        };
+        let file = |seed: u64| PathBuf::from(format!("{seed}.csv"));
+        let strokes: Vec<_> = (seeds.iter())
+            .map(|&seed| (file(seed), stroke(seed)))
+            .collect();
+        fit_strokes("felt", &strokes, &options, |_| ()).unwrap()
+    }
+
+    #[test]
+    fn nodes_have_the_level_of_the_surface_and_a_stroke_that_is_given_twice_changes_nothing() {
+        let once = fitted(&[1, 2, 3, 4]);
+        let off_db = once.textures[0].grid.nodes().map(|(speed, force, model)| {
+            10.0 * model.output_power.log10()
+                - 20.0 * law(f64::from(speed), f64::from(force)).log10()
+        });
+        let off_db: Vec<f64> = off_db.collect();
+        let rms_db = mean(&off_db.iter().map(|off| off * off).collect::<Vec<_>>()).sqrt();
+        assert!(rms_db < 0.8, "{off_db:?}");
+        assert!(mean(&off_db).abs() < 0.4, "{off_db:?}");
+        let twice = fitted(&[1, 2, 2, 3, 1, 4]);
+        assert_eq!(once.library().unwrap(), twice.library().unwrap());
+    }
+
+    #[test]
+    fn strokes_that_never_touch_the_surface_are_refused_with_the_remedy() {
+        let mut lifted = stroke(1);
+        lifted.force_n.fill(0.0);
+        let strokes = [(PathBuf::from("a.csv"), lifted)];
+        let refused = fit_strokes("felt", &strokes, &Options::default(), |_| ()).unwrap_err();
+        assert!(
+            refused.to_string().contains("record longer strokes"),
+            "{refused}"
+        );
+    }
+}

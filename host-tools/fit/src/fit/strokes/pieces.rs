@@ -1,0 +1,88 @@
+//! Trials of a grid's nodes from strokes, with the level that the motion gave them taken off.
+
+use std::ops::Range;
+
+use model_format::{Provenance, SAMPLE_RATE_HZ};
+
+use super::levels::NodeLevels;
+use super::stroke::Stroke;
+use crate::recording::freehand::{LEAST_FORCE_N, LEAST_SPEED_MM_S};
+use crate::recording::triage::{LEAST_KEPT, kept};
+use crate::recording::{HeldSamples, Trial};
+use crate::support::error::Result;
+
+/// Samples of the shortest stretch at a node that counts: 40 ms, four times a joint.
+const LEAST_STRETCH: usize = 200;
+
+/// Stretches of strokes at one node, at its level.
+#[derive(Clone, Default)]
+struct AtNode {
+    /// One after the other, m/s².
+    samples: Vec<f64>,
+    /// Their places among the samples.
+    stretches: Vec<Range<usize>>,
+}
+
+/// The trials of texture `name` at the nodes of `levels`: at each node all stretches of the `strokes` at which it
+/// weighs most, joined and at the node's level. A node with less than 0.4 s of them has none.
+///
+/// # Errors
+/// None for strokes that were read.
+pub(super) fn trials(name: &str, strokes: &[Stroke], levels: &NodeLevels) -> Result<Vec<Trial>> {
+    let mut at_nodes = vec![AtNode::default(); levels.levels_db.len()];
+    for stroke in strokes {
+        for run in &stroke.moving {
+            add(stroke, run, levels, &mut at_nodes);
+        }
+    }
+    let provenance = if strokes.iter().any(|stroke| stroke.is_simulated) {
+        Provenance::Simulated
+    } else {
+        Provenance::Recorded
+    };
+    let nodes = levels.axes.nodes().zip(at_nodes);
+    let enough = nodes.filter(|(_, own)| own.samples.len() >= LEAST_KEPT);
+    let trial = |((speed, force), own): ((f64, f64), AtNode)| {
+        let joined = kept(vec![own.samples], &own.stretches);
+        let held = HeldSamples::new(f64::from(SAMPLE_RATE_HZ), joined, false)?;
+        let file = format!("{name} at {speed} mm/s, {force} N");
+        Ok(Trial {
+            held: Some(held.into()),
+            provenance,
+            ..Trial::of(file, name, speed, force)
+        })
+    };
+    enough.map(trial).collect()
+}
+
+/// Adds the stretches of a `run` of `stroke` to their nodes, each sample at its node's level.
+fn add(stroke: &Stroke, run: &Range<usize>, levels: &NodeLevels, at_nodes: &mut [AtNode]) {
+    // The mean over 20 ms reaches beyond the run, to rest and into the air.
+    let motion: Vec<(f64, f64)> = stroke.motion[run.clone()]
+        .iter()
+        .map(|&(speed, force)| (speed.max(LEAST_SPEED_MM_S), force.max(LEAST_FORCE_N)))
+        .collect();
+    let nearest = |&(speed, force): &(f64, f64)| {
+        let around = levels.axes.around(speed, force);
+        let most = around.iter().max_by(|a, b| a.1.total_cmp(&b.1));
+        most.map_or(0, |(node, _)| *node)
+    };
+    let nodes: Vec<usize> = motion.iter().map(nearest).collect();
+    let mut end = run.start;
+    for stretch in nodes.chunk_by(|a, b| a == b) {
+        let begin = end;
+        end += stretch.len();
+        if stretch.len() < LEAST_STRETCH {
+            continue;
+        }
+        let node = stretch[0];
+        let own = &mut at_nodes[node];
+        let first = own.samples.len();
+        own.samples.extend((begin..end).map(|at| {
+            let (speed, force) = motion[at - run.start];
+            let over_db = levels.levels_db[node] - levels.level_db(speed, force);
+            stroke.signal[at] * 10f64.powf(over_db / 20.0)
+        }));
+        own.stretches.push(first..own.samples.len());
+    }
+}

@@ -1,0 +1,229 @@
+//! A free hand's stroke as a fit reads it: one axis at the models' rate, with the motion at each sample.
+
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use model_format::{SAMPLE_RATE_HZ, Texture};
+
+use crate::dsp::high_pass::high_pass;
+use crate::dsp::motion_law::LevelAt;
+use crate::dsp::sums::{energy, mean, sliding};
+use crate::fit::conditioning::Conditioning;
+use crate::fit::trial::{Signal, whole_signal};
+use crate::playing::motion::{MotionPath, MotionRow};
+use crate::playing::render::render;
+use crate::recording::freehand::{Freehand, moving};
+use crate::recording::triage::{self, Kind, Verdict};
+use crate::recording::{HeldSamples, Trial, read};
+use crate::support::error::Result;
+
+/// Length of a window, s, over which a level is taken.
+const WINDOW_S: f64 = 0.1;
+
+/// Samples of a window at the models' rate.
+const WINDOW: usize = (WINDOW_S * SAMPLE_RATE_HZ as f64) as usize;
+
+/// Samples at the models' rate over which speed and force are averaged: 20 ms, so that a sensor's noise does not move
+/// them, and a hand does.
+const STEADY: usize = 100;
+
+/// Samples from one moment of the motion to the next when it is played along: 2 ms, as on the device.
+const PATH_STEP: usize = 10;
+
+/// What triage finds on any hand that moves, rests and lifts.
+const BY_HAND: [Kind; 4] = [
+    Kind::PartlySilent,
+    Kind::Tap,
+    Kind::LevelChange,
+    Kind::Wandering,
+];
+
+/// Seed of the noise that is played along strokes.
+const SEED: u64 = 1;
+
+/// A stroke.
+pub(super) struct Stroke {
+    /// The file.
+    pub file: PathBuf,
+    /// At the models' rate, m/s².
+    pub signal: Vec<f64>,
+    /// Speed, mm/s, and force, N, at each sample of the signal.
+    pub motion: Vec<(f64, f64)>,
+    /// Stretches of the signal in motion and contact, without what triage cuts.
+    pub moving: Vec<Range<usize>>,
+    /// True if the file declares itself as simulated.
+    pub is_simulated: bool,
+    /// Cut-off frequency at which the axes were filtered, Hz; none if they were not.
+    pub cut_hz: Option<f64>,
+    /// Findings of triage, but for those that a free hand makes.
+    pub verdicts: Vec<Verdict>,
+}
+
+impl Stroke {
+    /// The stroke `recording`, which `file` holds.
+    ///
+    /// # Errors
+    /// A recording that cannot be reduced to one axis.
+    pub fn of(file: &Path, recording: &Freehand, conditioning: Conditioning) -> Result<Self> {
+        let axes = HeldSamples::new(recording.rate_hz, recording.axes.clone(), false)?;
+        let trial = Trial {
+            held: Some(axes.into()),
+            ..Trial::of(file, "", 0.0, 0.0)
+        };
+        let mut verdicts = triage::samples(&read(&trial)?);
+        let spans = verdicts.iter().flat_map(Verdict::spans);
+        let cut: Vec<Range<usize>> = spans.cloned().collect();
+        verdicts.retain(|verdict| !BY_HAND.contains(&verdict.kind()));
+        let Signal {
+            samples: signal,
+            cut_hz,
+            ..
+        } = whole_signal(&trial, conditioning)?;
+        let per_sample = f64::from(SAMPLE_RATE_HZ) / recording.rate_hz;
+        let at_rate = |index: usize| ((index as f64 * per_sample) as usize).min(signal.len());
+        let moving = moving(recording, WINDOW_S)
+            .into_iter()
+            .flat_map(|run| without(&(at_rate(run.start)..at_rate(run.end)), &cut));
+        let moving: Vec<Range<usize>> = moving.filter(|run| run.len() >= WINDOW).collect();
+        let at_samples = |values: &[f64]| {
+            let of = |sample: usize| {
+                values[((sample as f64 / per_sample) as usize).min(values.len() - 1)]
+            };
+            averaged(&(0..signal.len()).map(of).collect::<Vec<_>>())
+        };
+        let speeds = at_samples(&recording.speed_mm_s);
+        Ok(Self {
+            motion: speeds
+                .into_iter()
+                .zip(at_samples(&recording.force_n))
+                .collect(),
+            moving,
+            signal,
+            is_simulated: recording.is_simulated,
+            file: file.to_owned(),
+            cut_hz,
+            verdicts,
+        })
+    }
+
+    /// The windows of the stretches in motion and contact that are louder than `silence_m_s2`.
+    pub fn windows(&self, silence_m_s2: f64) -> impl Iterator<Item = LevelAt> {
+        self.window_ranges().filter_map(move |window| {
+            let (speeds, forces): (Vec<f64>, Vec<f64>) =
+                self.motion[window.clone()].iter().copied().unzip();
+            let power = energy(&self.signal[window]) / WINDOW as f64;
+            (power > silence_m_s2.powi(2)).then(|| LevelAt {
+                speed_mm_s: mean(&speeds),
+                force_n: mean(&forces),
+                level_db: 10.0 * power.log10(),
+                weight: 1.0,
+            })
+        })
+    }
+
+    /// The recorded level over that of `texture` along the stroke, in each window, dB. A window that is silent in one
+    /// of them says nothing.
+    ///
+    /// # Errors
+    /// None for a stroke that was read.
+    pub fn over_db(&self, texture: Texture<'_>) -> Result<Vec<f64>> {
+        let rate_hz = f64::from(SAMPLE_RATE_HZ);
+        let seconds = self.signal.len() as f64 / rate_hz;
+        let mut played = render(texture, &self.path()?, seconds, SEED)?.accelerations_m_s2();
+        played.resize(self.signal.len(), 0.0);
+        if let Some(cut_hz) = self.cut_hz {
+            high_pass(&mut played, rate_hz, cut_hz);
+        }
+        let over = self.window_ranges().map(|window| {
+            let power = |signal: &[f64]| energy(&signal[window.clone()]);
+            10.0 * (power(&self.signal) / power(&played)).log10()
+        });
+        Ok(over.filter(|over_db| over_db.is_finite()).collect())
+    }
+
+    /// The motion, as the device takes it over.
+    fn path(&self) -> Result<MotionPath> {
+        let moments = self.motion.iter().enumerate().step_by(PATH_STEP);
+        MotionPath::from_rows(moments.map(|(sample, &(speed_mm_s, force_n))| MotionRow {
+            time_s: sample as f64 / f64::from(SAMPLE_RATE_HZ),
+            speed_mm_s,
+            force_n,
+            position_mm: None,
+            contact: None,
+        }))
+    }
+
+    fn window_ranges(&self) -> impl Iterator<Item = Range<usize>> {
+        self.moving.iter().flat_map(|run| {
+            let last = run.end - WINDOW;
+            (run.start..=last)
+                .step_by(WINDOW)
+                .map(|start| start..start + WINDOW)
+        })
+    }
+}
+
+/// The parts of `run` between the spans that are `cut`.
+fn without(run: &Range<usize>, cut: &[Range<usize>]) -> Vec<Range<usize>> {
+    let mut cut: Vec<&Range<usize>> = (cut.iter())
+        .filter(|span| span.start < run.end && span.end > run.start)
+        .collect();
+    cut.sort_by_key(|span| span.start);
+    let mut parts = Vec::new();
+    let mut from = run.start;
+    for span in cut {
+        parts.push(from..span.start.max(from));
+        from = from.max(span.end);
+    }
+    parts.push(from..run.end.max(from));
+    parts
+}
+
+/// Moving mean of `values`, at their ends over those that are there.
+fn averaged(values: &[f64]) -> Vec<f64> {
+    let (Some(first), Some(last)) = (values.first(), values.last()) else {
+        return Vec::new();
+    };
+    let mut padded = vec![*first; STEADY / 2];
+    padded.extend(values);
+    padded.resize(values.len() + STEADY - 1, *last);
+    sliding(&padded, &[1.0 / STEADY as f64; STEADY])
+}
+
+#[cfg(test)]
+#[allow(clippy::single_range_in_vec_init, reason = "the spans are ranges")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_cut_leaves_the_parts_between() {
+        let cut = [50..60, 10..20, 15..30, 95..200];
+        let parts: Vec<_> = without(&(12..100), &cut)
+            .into_iter()
+            .filter(|part| !part.is_empty())
+            .collect();
+        assert_eq!(parts, [30..50, 60..95]);
+        assert_eq!(without(&(12..100), &[]), [12..100]);
+        let none = without(&(12..100), &[0..300]);
+        assert!(none.iter().all(|part| part.is_empty()));
+    }
+
+    #[test]
+    fn a_moving_mean_keeps_what_is_even_and_its_place() {
+        let ramp: Vec<f64> = (0..1000).map(f64::from).collect();
+        let mean = averaged(&ramp);
+        assert_eq!(mean.len(), ramp.len());
+        for at in STEADY..900 {
+            assert!(
+                (mean[at] - ramp[at]).abs() <= 0.5 + 1e-9,
+                "{at}: {}",
+                mean[at]
+            );
+        }
+        assert!(
+            averaged(&[3.0; 7])
+                .iter()
+                .all(|value| (value - 3.0).abs() < 1e-12)
+        );
+    }
+}
