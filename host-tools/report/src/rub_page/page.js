@@ -556,9 +556,11 @@ class RubPage {
     if (this.mapOf === index) return;
     this.mapOf = index;
     this.map = new MapPicture(byId("map-picture"), this.texture);
+    const meaning = this.texture.data.nodes.costs
+      ? "C is the mismatch of the synthesis's and the recording's spectra: 0 if they are equal." : "";
     const marks = [...this.map.marks].map((words) => ` A node with ${words}.`).join("");
-    byId("map-text").textContent = `Click a node, or press Enter on it, for a stroke there. The ring is your speed and
-      force of the moment; the frames are around the nodes whose models are mixed, at most four, thicker with more
+    byId("map-text").textContent = `${meaning} Click or tap a node for a stroke there. The ring is your speed and force of
+      the moment; the frames are around the nodes whose models are mixed, at most four, thicker with more
       weight.${marks}`;
   }
 
@@ -719,11 +721,11 @@ class RubPage {
     list("latency", [
       ["pointer to its first sample, median", milliseconds(latency.pointerMs)],
       ["longest of the last 400", milliseconds(latency.longestMs)],
-      ["filter to the context's rate", milliseconds(latency.filterMs)],
-      ["context's own: base", milliseconds(latency.baseMs)],
-      ["context's own: output", milliseconds(latency.outputMs)],
+      ["resampling to the output's rate", milliseconds(latency.filterMs)],
+      ["browser's audio: processing", milliseconds(latency.baseMs)],
+      ["browser's audio: output", milliseconds(latency.outputMs)],
       ["pointer to ear", latency.pointerMs === null ? "not yet" : milliseconds(latency.pointerMs + total), true],
-      ["speed, a mean of 20 ms as on the stylus", "10 ms old"],
+      ["speed, its mean over 20 ms", "10 ms"],
       ["kernel ready after opening", milliseconds(ready)],
       ["first sample after the first touch", milliseconds(first)],
     ]);
@@ -742,7 +744,7 @@ class RubPage {
     list("bits", [
       ["seed", String(this.seed)],
       ["excitation", this.surface.scene === undefined ? this.texture.excitation() : "that of each surface"],
-      ["words of a fixed motion", this.data.digest.words.toLocaleString("en").replace(",", " ")],
+      ["samples of a fixed motion", this.data.digest.words.toLocaleString("en").replace(",", " ")],
       ["their digest on this page", found?.digest ?? (this.surface.scene === undefined ? "computing" : "of textures")],
       ["on the host that made it", found ? same : (expected ?? "–"), true],
       ["kernel", `${Math.round(this.data.kernel.bytes / 1000)} KB of WebAssembly`],
