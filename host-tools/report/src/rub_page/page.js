@@ -296,7 +296,7 @@ class RubPage {
       const name = this.surfaces[index].name.toLowerCase();
       input.parentElement.hidden = !wanted.every((word) => name.includes(word));
     });
-    byId("search-text").textContent = `${this.shownChips().length} of ${this.surfaces.length}; Enter takes the first`;
+    byId("search-text").textContent = `${this.shownChips().length} of ${this.surfaces.length}`;
   }
 
   // Kinds of sound of the surface: a scene has its synthesis alone.
@@ -514,7 +514,7 @@ class RubPage {
     const scale = this.mmPerPx();
     const isScene = this.scenePath() !== null;
     byId("scale").disabled = isScene;
-    byId("scale-text").textContent = `${scale.toFixed(3)} mm per pixel${isScene ? ", the path's" : ""}`;
+    byId("scale-text").textContent = `${scale.toFixed(3)} mm/px${isScene ? " (path)" : ""}`;
     const length = [100, 50, 20, 10, 5, 2].find((mm) => mm / scale < 0.4 * this.patch.width) ?? 1;
     byId("patch-bar").style.width = `${length / scale}px`;
     byId("patch-length").textContent = `${length} mm`;
@@ -556,11 +556,11 @@ class RubPage {
     if (this.mapOf === index) return;
     this.mapOf = index;
     this.map = new MapPicture(byId("map-picture"), this.texture);
-    const meaning = this.texture.data.nodes.costs
-      ? "C is the mismatch of the synthesis's and the recording's spectra: 0 if they are equal." : "";
+    // One node alone is no map.
+    byId("map-picture").parentElement.hidden = this.texture.nodes.length === 1;
     const marks = [...this.map.marks].map((words) => ` A node with ${words}.`).join("");
-    byId("map-text").textContent = `${meaning} Click or tap a node for a stroke there. The ring is your speed and force of
-      the moment; the frames are around the nodes whose models are mixed, at most four, thicker with more
+    byId("map-text").textContent = `Click or tap a node for a stroke there. The ring is your speed and force of the
+      moment; the frames are around the nodes whose models are mixed, at most four, thicker with more
       weight.${marks}`;
   }
 
