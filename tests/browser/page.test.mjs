@@ -538,12 +538,14 @@ test("many textures: a short title, a list that scrolls, a search whose letters 
   const { STYLUS_MANY: many } = process.env;
   for (const width of [400, 1240]) {
     const page = await Opened.open(browser, many, { viewport: { width, height: 900 } });
-    const { title, list, patch, wide } = await page.value(() => {
+    const { title, list, patch, wide, hasMap } = await page.value(() => {
       const of = (id) => document.getElementById(id).getBoundingClientRect();
       const wide = document.documentElement.scrollWidth;
-      return { title: document.title, list: of("surfaces").height, patch: of("patch").bottom, wide };
+      const hasMap = document.getElementById("map-picture").checkVisibility();
+      return { title: document.title, list: of("surfaces").height, patch: of("patch").bottom, wide, hasMap };
     });
     assert.equal(title, "Rub one of 14 textures");
+    assert.equal(hasMap, false, "one node alone is no map");
     assert.ok(list < 200 && patch < 900 && wide <= width, `${list} ${patch} ${wide}`);
     await page.page.locator("#search").fill("");
     await page.page.locator("#search").pressSequentially("surface 12 cst");
