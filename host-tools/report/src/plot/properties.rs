@@ -3,6 +3,7 @@
 use model_format::NodeFlags;
 use plotters::style::RGBColor;
 
+use super::figure::Kind;
 use super::*;
 
 const CAPTION: Caption<'_> = Caption {
@@ -161,7 +162,8 @@ fn texts(svg: &Svg) -> Vec<Text> {
             runs_up,
         }
     };
-    elements.map(text).collect()
+    let all = elements.map(text);
+    all.filter(|text| !text.words.is_empty()).collect()
 }
 
 fn meet(a: figure::Frame, b: figure::Frame) -> bool {
@@ -177,7 +179,10 @@ fn no_text_stands_on_curves_or_levels_and_levels_fill_their_axes() {
             for text in texts(&svg) {
                 assert!(!meet(text.frame, panel.frame), "{name}: '{}'", text.words);
             }
-            if let Some(figure::Bitmap { x: [first, step], .. }) = panel.bitmap {
+            if let Some(figure::Bitmap {
+                x: [first, step], ..
+            }) = panel.bitmap
+            {
                 assert!((first - 0.5 * step - panel.x.from).abs() < 1e-9, "{name}");
             }
         }
