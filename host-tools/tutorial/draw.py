@@ -1,4 +1,4 @@
-"""Draws the beginning of one column of CSV files, one panel above the other, as an SVG.
+"""Draws the beginning of one column of the logger's CSV files, in mg, one panel above the other, as an SVG.
 
     python3 draw.py COLUMN SECONDS OUT.svg CSV...
 """
@@ -27,12 +27,15 @@ for panel, name in enumerate(files):
         return top + HEIGHT / 2 * (1 - value / most)
 
     line = " ".join(f"{x(time_s):.1f},{y(value):.1f}" for time_s, value in points)
-    parts.append(f'<text x="{LEFT}" y="{top - 8}">{Path(name).parent}/{Path(name).name}, {column} (SIMULATED)</text>')
+    parts.append(f'<text x="{LEFT}" y="{top - 8}">{Path(name).parent}/{Path(name).name}, {column}, mg (SIMULATED)</text>')
     for value in (-most / 1.05, 0, most / 1.05):
         parts.append(f'<text x="{LEFT - 6}" y="{y(value) + 4:.1f}" text-anchor="end">{value:.0f}</text>')
         parts.append(f'<path d="M{LEFT} {y(value):.1f}H{WIDTH - 10}" stroke="#8888" fill="none"/>')
     parts.append(f'<polyline points="{line}" fill="none" stroke="#27c" stroke-width="1"/>')
 height = len(files) * (HEIGHT + GAP) + GAP
-parts.append(f'<text x="{WIDTH - 10}" y="{height - 8}" text-anchor="end">0 to {seconds:g} s</text>')
+for share, anchor in ((0, "start"), (0.5, "middle"), (1, "end")):
+    place = f'x="{LEFT + (WIDTH - LEFT - 10) * share:g}" y="{height - 8}" text-anchor="{anchor}"'
+    parts.append(f"<text {place}>{seconds * share:g} s</text>")
+style = "<style>text{fill:#555}@media(prefers-color-scheme:dark){text{fill:#bbb}}</style>"
 head = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {height}" font-family="sans-serif" font-size="12"'
-out.write_text(f'{head} fill="#777">\n' + "\n".join(parts) + "\n</svg>\n")
+out.write_text(f"{head}>\n{style}\n" + "\n".join(parts) + "\n</svg>\n")

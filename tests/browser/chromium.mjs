@@ -23,6 +23,9 @@ export function launched() {
   });
 }
 
+// A telephone, as options of a page.
+export const PHONE = { viewport: { width: 400, height: 800 }, hasTouch: true, isMobile: true };
+
 export class Opened {
   // Opens the file at `place`. Nothing but that file can be reached.
   static async open(browser, place, { autoplay: _autoplay, ...options } = {}, { waits = true, init } = {}) {
@@ -172,6 +175,16 @@ export class Opened {
         if (contrast < least[0]) least = [contrast, e.textContent.trim().slice(0, 60)];
       }
       return least;
+    });
+  }
+
+  // What does not suit a finger: controls less than 44 pixels high, and keys, which it has not.
+  unfitForFingers() {
+    return this.value(() => {
+      const seen = (what) => [...document.querySelectorAll(what)].filter((e) => e.checkVisibility());
+      const high = (e) => (e.closest(".chips label") ?? e).getBoundingClientRect().height;
+      const low = seen("button, input, summary, nav a, audio").filter((e) => high(e) < 44);
+      return [...low, ...seen("kbd, .keys-hint")].map((e) => e.outerHTML.slice(0, 100));
     });
   }
 

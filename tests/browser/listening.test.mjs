@@ -7,7 +7,7 @@ import os from "node:os";
 import path from "node:path";
 import { after, before, test } from "node:test";
 
-import { Opened, launched } from "./chromium.mjs";
+import { Opened, PHONE, launched } from "./chromium.mjs";
 
 const { STYLUS_LISTENING: file, STYLUS_PROGRAM: stylus } = process.env;
 const folder = fs.mkdtempSync(path.join(os.tmpdir(), "stylus-listening-"));
@@ -132,6 +132,16 @@ test("a listener answers, reloads and saves, and the score is that of the seed's
   const line = score.stdout.split("\n").find((one) => one.startsWith("recording-gaussian"));
   assert.deepEqual(line.split(/\s+/).slice(1, 4), ["1", String(total), String(correct)]);
   await closed(page);
+});
+
+test("a finger finds every control, and no key is named", async () => {
+  for (const place of [file, file.replace(".html", "-similarity.html")]) {
+    const page = await Opened.open(browser, place, PHONE, { waits: false });
+    assert.deepEqual(await page.unfitForFingers(), []);
+    await page.page.click("#begin");
+    assert.deepEqual(await page.unfitForFingers(), []);
+    await closed(page);
+  }
 });
 
 test("ratings come in the listener's own order of the Latin square, and are kept as they were given", async () => {

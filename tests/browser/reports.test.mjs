@@ -3,7 +3,7 @@
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
 
-import { Opened, launched } from "./chromium.mjs";
+import { Opened, PHONE, launched } from "./chromium.mjs";
 
 const PAGES = [
   ["evaluation", process.env.STYLUS_REPORT],
@@ -18,8 +18,8 @@ before(async () => {
 after(() => browser.close());
 
 // Opens a page, lets `use` use it, and holds that nothing was asked for and nothing went wrong.
-async function opened(file, use) {
-  const page = await Opened.open(browser, file, {}, { waits: false });
+async function opened(file, use, options = {}) {
+  const page = await Opened.open(browser, file, options, { waits: false });
   try {
     // What is folded, too.
     await page.value(() => document.querySelectorAll("details").forEach((part) => (part.open = true)));
@@ -68,6 +68,9 @@ for (const [name, file] of PAGES) {
         }
       }
     }));
+
+  test(`${name}: a finger finds every control, and no key is named`, () =>
+    opened(file, async (page) => assert.deepEqual(await page.unfitForFingers(), []), PHONE));
 
   test(`${name}: pointing tells the values of the pictures' data, within the window`, () =>
     opened(file, async (page) => {
@@ -171,7 +174,8 @@ test("a click in a spectrogram plays its sound from there, and every sound of th
       const group = document.querySelector("g.axes > image").parentNode;
       group.scrollIntoView({ block: "center" });
       const { frame, x } = stylusPlots.axes(group);
-      const p = new DOMPoint(frame.left + ((frame.right - frame.left) * 0.5) / x.to, (frame.top + frame.bottom) / 2)
+      const half = frame.left + ((frame.right - frame.left) * (0.5 - x.from)) / (x.to - x.from);
+      const p = new DOMPoint(half, (frame.top + frame.bottom) / 2)
         .matrixTransform(group.closest("svg").getScreenCTM());
       return [p.x, p.y];
     });

@@ -12,7 +12,7 @@ if (!page || !out) {
   process.exit(2);
 }
 const browser = await launched();
-const opened = await Opened.open(browser, path.resolve(page), { viewport: { width: 1000, height: 950 } });
+const opened = await Opened.open(browser, path.resolve(page), { viewport: { width: 1000, height: 1145 } });
 await opened.press(String(await opened.value(() => rubPage.textures.length)));
 let isTaken = false;
 const begin = Date.now();

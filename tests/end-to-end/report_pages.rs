@@ -92,7 +92,7 @@ fn a_report_is_one_page_that_holds_everything_it_shows_with_pictures_beside() {
         "<p class=\"verdict\">spectrum",
         "<details><summary>Waveforms",
         "What the spectrum does not show, of this trial",
-        "cost C, %",
+        "mismatch C, %",
     ] {
         assert!(page.contains(part), "{part}");
     }

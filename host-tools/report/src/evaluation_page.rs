@@ -111,8 +111,8 @@ impl Example<'_> {
         let own = self.judged.scores.cost;
         own.map_or_else(String::new, |cost| {
             format!(
-                " The C in its title is of the block drawn; over all that judges this trial it is {:.1} %, which the \
-                 map has.",
+                " C is the paper's mismatch of spectra, in the title of the block drawn; over all that judges this \
+                 trial it is {:.1} %, which the map has.",
                 100.0 * cost
             )
         })
@@ -209,7 +209,7 @@ impl<'a> Report<'a> {
                  and the other has not. {LIVELINESS_EXPLANATION}"
             ),
         ];
-        page.section("Figures")
+        page.section("Scores")
             .paragraph(&explanation())
             .table(&evaluation.table())
             .folded("All tables", |page| {
@@ -249,7 +249,7 @@ impl<'a> Report<'a> {
         let heard = if sounds.is_empty() {
             ""
         } else {
-            " Click in one to hear it from there. All sounds have one scale; what is heard is the acceleration."
+            " Click or tap one to hear it from there. All sounds have one scale; what is heard is the acceleration."
         };
         self.figure(
             &picture,
@@ -422,9 +422,9 @@ impl<'a> Report<'a> {
         let playing = if self.inputs.evaluation.excerpts.is_empty() {
             "The page holds no sounds of nodes, because there are too many: stylus render makes them."
         } else {
-            "Click a node, or press Enter on it, to hear its recording and then its synthesis."
+            "Click or tap a node to hear its recording and then its synthesis."
         };
-        let title = format!("{}: C over the grid", texture.name());
+        let title = format!("{}: mismatch C over the grid", texture.name());
         let picture = grid_map(&self.caption(&title), &map, WIDE)?;
         let name = format!("{}-cost-map", self.stem(texture.name()));
         let caption = format!(

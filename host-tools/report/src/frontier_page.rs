@@ -102,7 +102,7 @@ fn time_picture(frontier: &Frontier) -> Result<(Svg, String)> {
     let words = format!(
         "Error at rest and in motion together against the time of a sample and its share of the updates. Coloured \
          lines join orders at the stylus's own interval of {} ms; dashed structures are not shipped. The steps are \
-         the front over all orders and intervals; point at a choice to read it.",
+         the front over all orders and intervals; point at or tap a choice to read it.",
         interval_ms(DEVICE_INTERVAL)
     );
     Ok((picture, words))
@@ -257,7 +257,7 @@ fn notes(frontier: &Frontier) -> Vec<String> {
         "Orders per node, with the highest of all: as fit chooses (auto), or by the Bayesian criterion (BIC), as fit \
          --order bic does. SNR is of the output, in steps of 2⁻²⁰ m/s²: quiet nodes have less."
             .to_owned(),
-        "The hard cases are those of stylus stress (short), their models cut to the order. Held means all that is \
+        "The hard cases are those of stylus stress (short), by its names, their models cut to the order. Held means all that is \
          promised of the stylus's lattice, 108 dB of SNR included. Worse and worse: never quite silent, inaccurate, \
          saturates, refused, latches."
             .to_owned(),

@@ -235,11 +235,11 @@ impl Frontier {
             vec![
                 (names, name),
                 ("order", filter.order_text()),
-                ("update ms", point.interval_ms().to_string()),
-                ("at rest dB", format!("{:.2}", filter.still.band_error_db)),
-                ("in motion dB", format!("{:.2}", point.motion_error_db)),
+                ("update, ms", point.interval_ms().to_string()),
+                ("at rest, dB", format!("{:.2}", filter.still.band_error_db)),
+                ("in motion, dB", format!("{:.2}", point.motion_error_db)),
                 ("cycles", format!("{:.0}", point.cycles)),
-                ("share %", percent(Some(point.share()), 2)),
+                ("share, %", percent(Some(point.share()), 2)),
                 ("hard cases", filter.hard.to_string()),
             ]
         };

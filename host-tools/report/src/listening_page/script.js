@@ -163,6 +163,7 @@
   const stop = () => { asked += 1; silence(); };
 
   // ---- Trials.
+  const all = new Intl.ListFormat("en-GB");
   const heard = () => state.plays.every((count) => count > 0);
   let isMoved = false;
   const allow = () => {
@@ -171,7 +172,7 @@
     at("rate").disabled = !heard() || !isMoved;
     const missing = NAMES.filter((_, index) => state.plays[index] === 0);
     const question = rates ? "Move the slider, then answer." : "Which is X like? Guess if you do not know.";
-    at("hint").textContent = heard() ? question : "Hear " + missing.join(" and ") + " before you answer.";
+    at("hint").textContent = heard() ? question : "Hear " + all.format(missing) + " before you answer.";
   };
   const show = (section) => {
     for (const id of ["start", "trial", "break", "end"]) at(id).hidden = id !== section;
@@ -366,7 +367,7 @@
       const drawn = interval(label, range.map((rating) => rating / 100), mean / 100, 0.5);
       return [pair, trials, mean.toFixed(1), range.join(" to "), drawn];
     })];
-  const ofStaircases = () => ["Thresholds", ["part", "trials", "reversals", "threshold", "strength by trial"],
+  const ofStaircases = () => ["Thresholds", ["part", "trials", "reversals", "threshold", "strength by trial, greatest on top"],
     thresholds().map(({ track, steps, reversals, threshold, atEnd }) => {
       const found = threshold === null ? "none: too few reversals"
         : threshold.toPrecision(3) + " " + track.unit + (atEnd ? " (end)" : "");
@@ -379,7 +380,8 @@
   const results = () => {
     const [caption, names, rows] = { abx: ofAbx, similarity: ofRatings, staircase: ofStaircases }[plan.design]();
     const table = element("table");
-    table.append(element("caption", caption + (plan.simulated ? " (SIMULATED recordings)" : "")));
+    at("results-title").textContent = caption + (plan.simulated ? " (SIMULATED recordings)" : "");
+    table.setAttribute("aria-labelledby", "results-title");
     const head = element("tr");
     for (const name of names) {
       const cell = element("th", name);
@@ -411,7 +413,8 @@
     if (!part.dataset.for.split(" ").includes(plan.design)) part.hidden = true;
   }
   at("facts").textContent =
-    (climbs ? "Up to " : "") + most + " trials, with a break after every " + plan.break_every + ". " + plan.facts;
+    (climbs ? "Up to " : "") + most + (most === 1 ? " trial" : " trials") +
+    (most > plan.break_every ? ", with a break after every " + plan.break_every : "") + ". " + plan.facts;
   at("origin").textContent = "Page " + plan.page + ", seed " + plan.seed + ". Held out: " + plan.held_out;
   if (state.answers.length > 0) {
     const number = state.answers.length + (trialAfter(state.answers.length) === null ? 0 : 1);

@@ -250,11 +250,11 @@ pub const NARROW: u32 = 388;
 /// Height of axes, shown pixels.
 const HEIGHT: u32 = 280;
 
-/// Octaves that are written along a spectrum, Hz.
-pub(super) const OCTAVES_HZ: [&str; 6] = ["31.5", "63", "125", "250", "500", "1000"];
+/// Octaves that are written along a frequency, Hz.
+pub(super) const OCTAVES_HZ: [&str; 7] = ["16", "31.5", "63", "125", "250", "500", "1000"];
 
 /// The first of [`OCTAVES_HZ`], exactly, Hz.
-pub(super) const FIRST_OCTAVE_HZ: f64 = 1000.0 / 32.0;
+pub(super) const FIRST_OCTAVE_HZ: f64 = 1000.0 / 64.0;
 
 /// Empty axes for the last 100 ms of an acceleration within `peak_m_s2`.
 ///
@@ -276,7 +276,7 @@ pub fn waveform_axes(caption: &Caption<'_>, peak_m_s2: f64) -> Result<Svg> {
 pub fn spectrum_axes(caption: &Caption<'_>, levels_db: Range<f64>) -> Result<Svg> {
     let lowest = FIRST_OCTAVE_HZ.log2();
     // From 20 Hz to 1 kHz and a little room.
-    let x = Axis::of_octaves(FREQUENCY, -0.65..5.05, lowest, &OCTAVES_HZ);
+    let x = Axis::of_octaves(FREQUENCY, 0.35..6.05, lowest, &OCTAVES_HZ);
     empty(caption, &x, &Axis::new(POWER_DENSITY, levels_db, 9))
 }
 

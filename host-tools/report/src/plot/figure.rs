@@ -45,7 +45,7 @@ pub const TIME_S: Quantity<'static> = Quantity::new("time", "s");
 /// Time in milliseconds.
 pub const TIME_MS: Quantity<'static> = Quantity::new("time", "ms");
 /// The paper's cost.
-pub const COST: Quantity<'static> = Quantity::new("cost C", "%");
+pub const COST: Quantity<'static> = Quantity::new("mismatch C", "%");
 /// The density of a signal's power over frequency.
 pub const POWER_DENSITY: Quantity<'static> =
     Quantity::new("power spectral density", "dB re 1 (m/s²)²/Hz");
@@ -93,7 +93,7 @@ pub struct Panel {
     /// Name of the texture whose nodes a map shows, if a page can play them.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub play: Option<String>,
-    /// A bitmap in the frame.
+    /// A bitmap that fills the frame.
     #[serde(skip_serializing_if = "Option::is_none", rename = "levels")]
     pub bitmap: Option<Bitmap>,
 }
@@ -104,9 +104,6 @@ pub struct Bitmap {
     /// The bytes of a PNG, in base64.
     #[serde(skip)]
     pub png: String,
-    /// The rectangle that the bitmap fills.
-    #[serde(skip)]
-    pub frame: Frame,
     /// Level of the first colour of the palette.
     pub from: f64,
     /// Level of the last colour of the palette.
@@ -317,14 +314,13 @@ pub fn overlay(figure: &Figure) -> String {
         let text = page_json(&shown);
         // Writing into a string does not fail.
         let _ = writeln!(svg, "<g class=\"axes\" data-panel=\"{}\">", escaped(&text));
-        if let Some(Bitmap { png, frame, .. }) = &panel.bitmap {
-            let place = place(*frame);
+        let place = place(panel.frame);
+        if let Some(Bitmap { png, .. }) = &panel.bitmap {
             let _ = writeln!(
                 svg,
                 "<image {place} preserveAspectRatio=\"none\" href=\"data:image/png;base64,{png}\"/>"
             );
         }
-        let place = place(panel.frame);
         let _ = writeln!(
             svg,
             "<rect {place} fill=\"none\" pointer-events=\"all\"/>\n</g>"

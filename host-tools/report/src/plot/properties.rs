@@ -3,6 +3,7 @@
 use model_format::NodeFlags;
 use plotters::style::RGBColor;
 
+use super::figure::Kind;
 use super::*;
 
 const CAPTION: Caption<'_> = Caption {
@@ -161,7 +162,31 @@ fn texts(svg: &Svg) -> Vec<Text> {
             runs_up,
         }
     };
-    elements.map(text).collect()
+    let all = elements.map(text);
+    all.filter(|text| !text.words.is_empty()).collect()
+}
+
+fn meet(a: figure::Frame, b: figure::Frame) -> bool {
+    a.left < b.right && b.left < a.right && a.top < b.bottom && b.top < a.bottom
+}
+
+#[test]
+fn no_text_stands_on_curves_or_levels_and_levels_fill_their_axes() {
+    let is_named = |own: &figure::Series| matches!(own.kind, Kind::Points | Kind::Cells);
+    for (name, svg) in pictures() {
+        let panels = svg.figure().panels.iter();
+        for panel in panels.filter(|panel| !panel.series.iter().any(is_named)) {
+            for text in texts(&svg) {
+                assert!(!meet(text.frame, panel.frame), "{name}: '{}'", text.words);
+            }
+            if let Some(figure::Bitmap {
+                x: [first, step], ..
+            }) = panel.bitmap
+            {
+                assert!((first - 0.5 * step - panel.x.from).abs() < 1e-9, "{name}");
+            }
+        }
+    }
 }
 
 #[test]
@@ -172,9 +197,7 @@ fn no_text_of_a_picture_covers_another_and_no_number_is_minus_zero() {
             let is_zero = text.words.parse::<f64>().is_ok_and(|value| value == 0.0);
             assert!(!(is_zero && text.words.starts_with(['-', '+'])), "{name}");
             for other in &texts[index + 1..] {
-                let (a, b) = (text.frame, other.frame);
-                let meets =
-                    a.left < b.right && b.left < a.right && a.top < b.bottom && b.top < a.bottom;
+                let meets = meet(text.frame, other.frame);
                 assert!(!meets, "{name}: '{}' covers '{}'", text.words, other.words);
             }
         }

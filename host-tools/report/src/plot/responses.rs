@@ -35,8 +35,8 @@ pub fn responses(
     };
     let low = levels().fold(-2.0 * within_db, f64::min).floor() - 1.0;
     let high = levels().fold(2.0 * within_db, f64::max).ceil() + 1.0;
-    let x = Axis::of_octaves(FREQUENCY, -1.7..5.05, lowest, &OCTAVES_HZ);
-    let y = Axis::new(Quantity::new("level", "dB re asked"), low..high, 9);
+    let x = Axis::of_octaves(FREQUENCY, -0.7..6.05, lowest, &OCTAVES_HZ);
+    let y = Axis::new(Quantity::new("gain", "dB"), low..high, 9);
     let entries: Vec<(Swatch, &str)> = curves
         .iter()
         .zip(SERIES)

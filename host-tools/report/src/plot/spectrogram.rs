@@ -2,13 +2,14 @@
 
 use std::f64::consts::TAU;
 use std::fmt::Write as _;
+use std::ops::Range;
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use plotters::prelude::*;
 
 use super::canvas::{Area, Axis, BAR, Drawn, INK, TEXT, at, axes, centred, colour_bar, picture};
-use super::figure::{Bitmap, FREQUENCY, Frame, Kind, POWER_DENSITY, Panel, Series, TIME_S, Third};
+use super::figure::{Bitmap, FREQUENCY, Kind, POWER_DENSITY, Panel, Series, TIME_S, Third};
 use super::{Caption, Svg};
 use crate::dsp::liveliness::kurtosis;
 use crate::dsp::spectrum::dft_amplitude;
@@ -66,8 +67,7 @@ pub fn spectrograms(
             let (heading, below) = half.split_vertically(at(22));
             let middle = (heading.dim_in_pixel().0 as i32 / 2, at(12));
             heading.draw_text(name, &centred(TEXT, INK), middle)?;
-            let seconds = len as f64 / rate_hz;
-            let x = Axis::new(TIME_S, 0.0..seconds.max(1e-3), 6);
+            let x = Axis::new(TIME_S, windows.shown_s(), 6);
             let y = Axis::new(FREQUENCY, 0.0..highest_hz, 8);
             let mut own = axes(&below, name, &x, &y)?.panel;
             fill(&mut own, levels, top_db, windows)?;
@@ -121,6 +121,12 @@ impl Windows {
         (self.begin(window) as f64 + 0.5 * self.len as f64) / self.rate_hz
     }
 
+    /// Times that are shown, s: each window is drawn around its middle, and the ends have no window's middle.
+    fn shown_s(&self) -> Range<f64> {
+        let half_s = 0.5 * self.step_s();
+        self.middle_s(0) - half_s..self.middle_s(self.count - 1) + half_s
+    }
+
     /// Frequency step from bin to bin, Hz.
     fn bin_hz(&self) -> f64 {
         self.rate_hz / self.len as f64
@@ -137,7 +143,7 @@ impl Windows {
     }
 }
 
-/// Puts levels into a panel as the bitmap in its frame, where each window is drawn around its middle.
+/// Puts levels into a panel as the bitmap that fills its frame.
 fn fill(panel: &mut Panel, levels: &[Vec<f64>], top_db: f64, windows: Windows) -> Drawn {
     panel.series.push(Series {
         name: String::new(),
@@ -148,19 +154,8 @@ fn fill(panel: &mut Panel, levels: &[Vec<f64>], top_db: f64, windows: Windows) -
         z: Some(Third::new(POWER_DENSITY, Vec::new())),
         notes: Vec::new(),
     });
-    let Frame { left, right, .. } = panel.frame;
-    let per_s = f64::from(right - left) / (panel.x.to - panel.x.from);
-    let half_s = 0.5 * windows.step_s();
-    let at = |time_s: f64| left + ((time_s - panel.x.from) * per_s).round() as i32;
-    let from = at(windows.middle_s(0) - half_s).clamp(left, right - 1);
-    let to = at(windows.middle_s(levels.len().saturating_sub(1)) + half_s);
     panel.bitmap = Some(Bitmap {
         png: STANDARD.encode(png(levels, top_db)?),
-        frame: Frame {
-            left: from,
-            right: to.clamp(from + 1, right),
-            ..panel.frame
-        },
         from: top_db - RANGE_DB,
         to: top_db,
         palette: palette_as_hex(),

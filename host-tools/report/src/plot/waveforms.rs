@@ -15,7 +15,10 @@ const DURATIONS_S: [f64; 2] = [0.1, 2.0];
 const ENVELOPE_S: f64 = 0.01;
 
 /// Height of a row, shown pixels.
-const ROW: u32 = 130;
+const ROW: u32 = 144;
+
+/// Height of a signal's name above its row, shown pixels.
+const NAME: u32 = 18;
 
 /// Height of the lowest row's numbers and of the legend, shown pixels.
 const BESIDE: u32 = 64;
@@ -53,6 +56,7 @@ pub fn waveforms(caption: &Caption<'_>, signals: &[(&str, &[f64])], rate_hz: f64
                     rest = below;
                     pane
                 };
+                let (name_area, pane) = pane.split_vertically(at(NAME));
                 let x = Axis::new(quantity, 0.0..unit * seconds, 6).told_if(is_last);
                 let y = Axis::new(ACCELERATION, range.clone(), 4);
                 let mut plot = axes(&pane, &format!("{name}, {seconds} s"), &x, &y)?;
@@ -67,7 +71,7 @@ pub fn waveforms(caption: &Caption<'_>, signals: &[(&str, &[f64])], rate_hz: f64
                     let points = envelope.iter().map(|&(n, rms)| (time(n), sign * rms));
                     plot.curve(name, points, Stroke::solid(INK, 3))?;
                 }
-                pane.draw_text(name, &text(TEXT, INK), (at(LEFT + 14), at(16)))?;
+                name_area.draw_text(name, &text(TEXT, INK), (at(LEFT + 6), at(NAME / 2 + 2)))?;
                 panels.push(plot.panel);
             }
         }

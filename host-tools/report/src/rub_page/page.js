@@ -296,7 +296,7 @@ class RubPage {
       const name = this.surfaces[index].name.toLowerCase();
       input.parentElement.hidden = !wanted.every((word) => name.includes(word));
     });
-    byId("search-text").textContent = `${this.shownChips().length} of ${this.surfaces.length}; Enter takes the first`;
+    byId("search-text").textContent = `${this.shownChips().length} of ${this.surfaces.length}`;
   }
 
   // Kinds of sound of the surface: a scene has its synthesis alone.
@@ -514,7 +514,7 @@ class RubPage {
     const scale = this.mmPerPx();
     const isScene = this.scenePath() !== null;
     byId("scale").disabled = isScene;
-    byId("scale-text").textContent = `${scale.toFixed(3)} mm per pixel${isScene ? ", the path's" : ""}`;
+    byId("scale-text").textContent = `${scale.toFixed(3)} mm/px${isScene ? " (path)" : ""}`;
     const length = [100, 50, 20, 10, 5, 2].find((mm) => mm / scale < 0.4 * this.patch.width) ?? 1;
     byId("patch-bar").style.width = `${length / scale}px`;
     byId("patch-length").textContent = `${length} mm`;
@@ -556,9 +556,11 @@ class RubPage {
     if (this.mapOf === index) return;
     this.mapOf = index;
     this.map = new MapPicture(byId("map-picture"), this.texture);
+    // One node alone is no map.
+    byId("map-picture").parentElement.hidden = this.texture.nodes.length === 1;
     const marks = [...this.map.marks].map((words) => ` A node with ${words}.`).join("");
-    byId("map-text").textContent = `Click a node, or press Enter on it, for a stroke there. The ring is your speed and
-      force of the moment; the frames are around the nodes whose models are mixed, at most four, thicker with more
+    byId("map-text").textContent = `Click or tap a node for a stroke there. The ring is your speed and force of the
+      moment; the frames are around the nodes whose models are mixed, at most four, thicker with more
       weight.${marks}`;
   }
 
@@ -719,11 +721,11 @@ class RubPage {
     list("latency", [
       ["pointer to its first sample, median", milliseconds(latency.pointerMs)],
       ["longest of the last 400", milliseconds(latency.longestMs)],
-      ["filter to the context's rate", milliseconds(latency.filterMs)],
-      ["context's own: base", milliseconds(latency.baseMs)],
-      ["context's own: output", milliseconds(latency.outputMs)],
+      ["resampling to the output's rate", milliseconds(latency.filterMs)],
+      ["browser's audio: processing", milliseconds(latency.baseMs)],
+      ["browser's audio: output", milliseconds(latency.outputMs)],
       ["pointer to ear", latency.pointerMs === null ? "not yet" : milliseconds(latency.pointerMs + total), true],
-      ["speed, a mean of 20 ms as on the stylus", "10 ms old"],
+      ["speed, its mean over 20 ms", "10 ms"],
       ["kernel ready after opening", milliseconds(ready)],
       ["first sample after the first touch", milliseconds(first)],
     ]);
@@ -742,7 +744,7 @@ class RubPage {
     list("bits", [
       ["seed", String(this.seed)],
       ["excitation", this.surface.scene === undefined ? this.texture.excitation() : "that of each surface"],
-      ["words of a fixed motion", this.data.digest.words.toLocaleString("en").replace(",", " ")],
+      ["samples of a fixed motion", this.data.digest.words.toLocaleString("en").replace(",", " ")],
       ["their digest on this page", found?.digest ?? (this.surface.scene === undefined ? "computing" : "of textures")],
       ["on the host that made it", found ? same : (expected ?? "–"), true],
       ["kernel", `${Math.round(this.data.kernel.bytes / 1000)} KB of WebAssembly`],

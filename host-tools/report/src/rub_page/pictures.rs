@@ -24,7 +24,7 @@ pub fn templates(data: &Data) -> Result<String> {
         1.0
     };
     // Short, because the mark of simulated data stands beside it.
-    let waveform = waveform_axes(&caption("What sounds", data.simulated), peak)?;
+    let waveform = waveform_axes(&caption("Waveform", data.simulated), peak)?;
     let mut text = template("waveform", &waveform) + &template("spectrum", &spectrum(data)?);
     for (name, title, quantity, scale) in maps(data) {
         let axes = map_axes(&caption(title, data.simulated), quantity, scale)?;
@@ -58,7 +58,7 @@ fn maps(
     let costs = Scale::of(shares.map(|share| 100.0 * share));
     let levels = Scale::of(nodes().flat_map(|nodes| nodes.rms_m_s2.iter().copied()));
     let known = [true, false].map(|known| nodes().any(|nodes| nodes.costs.is_some() == known));
-    let of_costs = known[0].then_some(("map-cost", "Cost C", COST, costs));
+    let of_costs = known[0].then_some(("map-cost", "Mismatch of spectra", COST, costs));
     let of_levels = known[1].then_some(("map-level", "RMS level", RMS, levels));
     of_costs.into_iter().chain(of_levels)
 }
