@@ -27,7 +27,8 @@ for panel, name in enumerate(files):
         return top + HEIGHT / 2 * (1 - value / most)
 
     line = " ".join(f"{x(time_s):.1f},{y(value):.1f}" for time_s, value in points)
-    parts.append(f'<text x="{LEFT}" y="{top - 8}">{Path(name).parent}/{Path(name).name}, {column}, mg (SIMULATED)</text>')
+    title = f"{Path(name).parent}/{Path(name).name}, {column}, mg (SIMULATED)"
+    parts.append(f'<text x="{LEFT}" y="{top - 8}">{title}</text>')
     for value in (-most / 1.05, 0, most / 1.05):
         parts.append(f'<text x="{LEFT - 6}" y="{y(value) + 4:.1f}" text-anchor="end">{value:.0f}</text>')
         parts.append(f'<path d="M{LEFT} {y(value):.1f}H{WIDTH - 10}" stroke="#8888" fill="none"/>')

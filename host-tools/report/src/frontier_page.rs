@@ -257,9 +257,9 @@ fn notes(frontier: &Frontier) -> Vec<String> {
         "Orders per node, with the highest of all: as fit chooses (auto), or by the Bayesian criterion (BIC), as fit \
          --order bic does. SNR is of the output, in steps of 2⁻²⁰ m/s²: quiet nodes have less."
             .to_owned(),
-        "The hard cases are those of stylus stress (short), by its names, their models cut to the order. Held means all that is \
-         promised of the stylus's lattice, 108 dB of SNR included. Worse and worse: never quite silent, inaccurate, \
-         saturates, refused, latches."
+        "The hard cases are those of stylus stress (short), by its names, their models cut to the order. Held means \
+         all that is promised of the stylus's lattice, 108 dB of SNR included. Worse and worse: never quite silent, \
+         inaccurate, saturates, refused, latches."
             .to_owned(),
         "Refused are textures whose coefficients a direct form's words cannot hold; such a choice is on no front of \
          motion, and its error there is that of the other textures. A direct form may be unstable between its nodes; \

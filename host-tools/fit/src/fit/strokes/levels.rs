@@ -87,7 +87,7 @@ impl Axes {
         10.0 * (share(&self.speeds_mm_s, speed_mm_s) * share(&self.forces_n, force_n)).log10()
     }
 
-    /// What the differences of neighbouring nodes, and their distances from the line, cost.
+    /// Quadratic form of the cost: of differences of neighbouring nodes, and of their distances from the line.
     fn penalty(&self) -> DMatrix<f64> {
         let (speeds, forces) = (self.speeds_mm_s.len(), self.forces_n.len());
         let mut penalty =

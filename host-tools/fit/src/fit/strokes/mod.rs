@@ -112,7 +112,7 @@ fn distinct(
     })
 }
 
-/// What triage found on `stroke`.
+/// The findings of triage on `stroke`.
 fn findings(stroke: &Stroke) -> impl Iterator<Item = Warning> {
     let file = portable(&stroke.file);
     let note = move |verdict: &Verdict| {

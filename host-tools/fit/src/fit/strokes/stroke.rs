@@ -30,7 +30,7 @@ const STEADY: usize = 100;
 /// Samples from one moment of the motion to the next when it is played along: 2 ms, as on the device.
 const PATH_STEP: usize = 10;
 
-/// What triage finds on any hand that moves, rests and lifts.
+/// Findings of triage on any hand that moves, rests and lifts.
 const BY_HAND: [Kind; 4] = [
     Kind::PartlySilent,
     Kind::Tap,
