@@ -48,7 +48,7 @@ pub fn fitted(arguments: &Arguments) -> Result<(Fit, Vec<u8>, FitRecord)> {
         (arguments.strokes.texture.clone()).unwrap_or_else(|| first.to_string_lossy().into_owned());
     let bar = progress::bar(strokes.len() as u64, "fitting");
     let fit = fit_strokes(&name, &strokes, &arguments.options, |steps| {
-        bar.inc(steps as u64)
+        bar.inc(steps as u64);
     })?;
     bar.finish_and_clear();
     let bytes = fit.library()?;

@@ -205,7 +205,7 @@ mod tests {
         assert_eq!(parts, [30..50, 60..95]);
         assert_eq!(without(&(12..100), &[]), [12..100]);
         let none = without(&(12..100), &[0..300]);
-        assert!(none.iter().all(|part| part.is_empty()));
+        assert!(none.iter().all(Range::is_empty));
     }
 
     #[test]
