@@ -117,10 +117,16 @@ fn slow_motion(trials: &[&TrialReport]) -> Option<Noted> {
         .reduce(f64::max)?;
     let turn_deg = moved.iter().map(|t| t.axis_turn_deg).fold(0.0, f64::max);
     let what = format!(
-        "up to {:.0} % of their power is below {SLOW_HZ} Hz, as of a hand's motion, and turns the main axis by up to \
-         {turn_deg:.0}°",
+        ": up to {:.0} % of their power is below {SLOW_HZ} Hz, as of a hand's motion, and turns the main axis by up \
+         to {turn_deg:.0}°",
         100.0 * share
     );
+    // Where all were filtered, the hand may have been steady, or what it did is filtered out already.
+    let what = if HighPass::Auto.cut_hz(share).is_some() {
+        what
+    } else {
+        String::new()
+    };
     let cut_hz = moved
         .iter()
         .filter_map(|trial| trial.high_pass_hz)
@@ -129,7 +135,7 @@ fn slow_motion(trials: &[&TrialReport]) -> Option<Noted> {
         Some(cut_hz) => {
             let low = lowest_hz(cut_hz);
             format!(
-                "{} high-passed at {cut_hz} Hz: {what}. Below {low:.0} Hz nothing is judged; --high-pass \
+                "{} high-passed at {cut_hz} Hz{what}. Below {low:.0} Hz nothing is judged; --high-pass \
                  none keeps that motion",
                 counted(
                     moved
@@ -141,7 +147,7 @@ fn slow_motion(trials: &[&TrialReport]) -> Option<Noted> {
             )
         }
         None => format!(
-            "{} fitted with slow motion, as asked for: {what}",
+            "{} fitted with slow motion, as asked for{what}",
             counted(moved.len(), "trial")
         ),
     };
