@@ -6,14 +6,17 @@ use std::sync::Arc;
 use host_tools::fit as fitted;
 use host_tools::fit::record::FitRecord;
 use host_tools::fit::{Options, Order};
-use host_tools::recording::Snap;
+use host_tools::recording::freehand;
 use host_tools::recording::triage::{Kind, SILENCE_FLOOR_M_S2};
+use host_tools::recording::{Snap, texture_fault};
+use host_tools::support::error::Result;
 use host_tools::support::number::tolerance;
 use model_format::SAMPLE_RATE_HZ;
 use pyo3::prelude::*;
 
-use crate::convert::{Several, checked, choice, conditioning, made, not_negative};
+use crate::convert::{Several, checked, choice, conditioning, made, not_negative, positive};
 use crate::error::{raised, refused, warn};
+use crate::hatt::Paths;
 use crate::library::Library;
 use crate::work;
 
@@ -105,7 +108,7 @@ pub fn fit<'py>(
     options.check_rate().map_err(raised)?;
     let options = options.at_their_rate();
     let set = crate::recording::recordings(recordings)?;
-    let (set, mut warnings) = set.snapped(options.snap).map_err(raised)?;
+    let (set, warnings) = set.snapped(options.snap).map_err(raised)?;
     let textures = set.by_texture().len();
     if textures > model_format::limits::MAX_TEXTURES {
         return Err(refused(format!(
@@ -114,12 +117,86 @@ pub fn fit<'py>(
         )));
     }
     let total = set.trials.len() as u64;
-    let (found, bytes, record) = work::run(py, total, progress, move |steps| {
+    let fitted = work::run(py, total, progress, move |steps| {
         let found = fitted::fit(&set, &options, |trials| steps.add(trials as u64))?;
         let bytes = found.library()?;
         let record = FitRecord::of(&set, &options, &bytes)?.with_account_of(&found);
         Ok((found, bytes, record))
     })?;
+    fit_of(py, fitted, warnings)
+}
+
+/// Fits one texture to all of a free hand's strokes, as `stylus fit --strokes` does: the same files and options give
+/// the same bytes.
+///
+/// `files` are CSV with speed_mm_s, force_n, one to three accelerations, and time_s; without that column at
+/// `sample_rate_hz`. `scale_m_s2` is the acceleration of a sample of 1, by default that of the header, or 1. The other
+/// options are those of `fit`. `progress(done, total)` counts strokes.
+///
+/// Raises `StylusError` for the first file that cannot be used, or if no node has 0.4 s in motion and contact.
+#[pyfunction]
+#[pyo3(signature = (
+    files, texture, *, order = OrderLike::Named("auto".into()), reduce = "pca", high_pass = "auto",
+    silence_floor_m_s2 = SILENCE_FLOOR_M_S2, excitation = "auto", modulation = "auto", sample_rate_hz = None,
+    scale_m_s2 = None, progress = None
+), text_signature = "(files, texture, *, order='auto', reduce='pca', high_pass='auto', silence_floor_m_s2=0.001, \
+    excitation='auto', modulation='auto', sample_rate_hz=None, scale_m_s2=None, progress=None)")]
+#[expect(clippy::too_many_arguments, reason = "they are keywords")]
+pub fn fit_strokes<'py>(
+    py: Python<'py>,
+    files: Paths,
+    texture: &str,
+    order: OrderLike,
+    reduce: &str,
+    high_pass: &str,
+    silence_floor_m_s2: f64,
+    excitation: &str,
+    modulation: &str,
+    sample_rate_hz: Option<f64>,
+    scale_m_s2: Option<f64>,
+    progress: Option<&Bound<'py, PyAny>>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let options = Options {
+        order: order_of(order)?,
+        conditioning: conditioning(reduce, high_pass)?,
+        silence_floor_m_s2: not_negative("silence_floor_m_s2", silence_floor_m_s2)?,
+        excitation: choice("excitation", excitation)?,
+        modulation: choice("modulation", modulation)?,
+        ..Options::default()
+    };
+    for (name, value) in [
+        ("sample_rate_hz", sample_rate_hz),
+        ("scale_m_s2", scale_m_s2),
+    ] {
+        value.map(|value| positive(name, value)).transpose()?;
+    }
+    if let Some(fault) = texture_fault(texture) {
+        return Err(refused(format!("texture is {texture:?}: it {fault}")));
+    }
+    let (files, name) = (files.all(), texture.to_owned());
+    let total = files.len() as u64;
+    let (fitted, warnings) = work::run(py, total, progress, move |steps| {
+        let read = |path: &PathBuf| {
+            let stroke = freehand::read(path, sample_rate_hz, scale_m_s2)?;
+            Ok((path.clone(), stroke))
+        };
+        let strokes = files.iter().map(read).collect::<Result<Vec<_>>>()?;
+        let notes = strokes.iter().flat_map(|(path, stroke)| stroke.notes(path));
+        let notes = notes.collect::<Vec<_>>();
+        let found = fitted::fit_strokes(&name, &strokes, &options, |done| steps.add(done as u64))?;
+        let bytes = found.library()?;
+        let record = FitRecord::of_strokes(&files, &found, &options, &bytes)?;
+        Ok(((found, bytes, record), notes))
+    })?;
+    fit_of(py, fitted, warnings)
+}
+
+/// A fit with its library and record as Python has it, once its warnings were given.
+fn fit_of(
+    py: Python<'_>,
+    (found, bytes, record): (fitted::Fit, Vec<u8>, FitRecord),
+    mut warnings: Vec<String>,
+) -> PyResult<Bound<'_, PyAny>> {
     warnings.extend(found.warnings().iter().map(ToString::to_string));
     for warning in &warnings {
         warn(py, warning)?;

@@ -53,7 +53,7 @@ mod native {
     #[pymodule_export]
     use crate::evaluating::{compare, evaluate, page, score};
     #[pymodule_export]
-    use crate::fitting::fit;
+    use crate::fitting::{fit, fit_strokes};
     #[pymodule_export]
     use crate::hatt::import_hatt;
     #[pymodule_export]

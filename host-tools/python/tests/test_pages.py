@@ -87,3 +87,20 @@ def test_a_free_hand_is_cut_as_by_the_command(command, tmp_path):
     assert any("line 2503: x_m_s2 is 9999" in str(one.message) for one in warned)
     with pytest.raises(sh.StylusError, match="LOWEST:HIGHEST:STEP"):
         sh.segment(tmp_path / "hand.csv", "felt", tmp_path / "c", speeds_mm_s=(3, 2, 1))
+
+
+def test_strokes_are_fitted_and_shown_as_by_the_command(command, tmp_path):
+    strokes(tmp_path / "hand.csv")
+    words = [tmp_path / "hand.csv", "--strokes", "--texture", "felt"]
+    command.succeed("fit", *words, "--out", tmp_path / "felt.lib")
+    with pytest.warns(sh.StylusWarning, match="line 2503: x_m_s2 is 9999"):
+        fit = sh.fit_strokes(tmp_path / "hand.csv", "felt")
+    fit.save(tmp_path / "own.lib")
+    for name in ["{}.lib", "{}.lib.fit.json"]:
+        own, told = [(tmp_path / name.format(by)).read_bytes() for by in ("own", "felt")]
+        assert own == told, name
+    command.succeed("page", *words, "--out", tmp_path / "fitted.html")
+    command.succeed("page", tmp_path / "felt.lib", "--out", tmp_path / "shown.html")
+    assert (tmp_path / "fitted.html").read_bytes() == (tmp_path / "shown.html").read_bytes()
+    with pytest.raises(sh.StylusError, match="empty"):
+        sh.fit_strokes(tmp_path / "hand.csv", "")

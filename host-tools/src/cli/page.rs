@@ -13,6 +13,7 @@ use host_tools::support::error::{Error, Result};
 use host_tools::support::progress;
 
 use super::files::{Overwrite, read_plant};
+use super::fit::Strokes;
 use super::input::positive;
 use crate::cli::evaluate::{as_fitted, choose};
 use crate::cli::output::print;
@@ -27,6 +28,8 @@ pub struct Arguments {
     inputs: Vec<PathBuf>,
     #[command(flatten)]
     assumed: Assumed,
+    #[command(flatten)]
+    strokes: Strokes,
     /// HTML file to write
     #[arg(long, value_name = "HTML")]
     out: PathBuf,
@@ -52,7 +55,8 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> Result<()> {
     let given = &arguments.inputs;
     arguments.overwrite.file(&arguments.out)?;
-    let is_recordings = given.len() > 1 || is_recordings(&given[0]);
+    let is_strokes = arguments.strokes.strokes;
+    let is_recordings = !is_strokes && (given.len() > 1 || is_recordings(&given[0]));
     check(arguments, is_recordings)?;
     let recordings = if is_recordings {
         given.as_slice()
@@ -64,6 +68,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let set = set.transpose()?;
     let (bytes, record) = match &set {
         Some(set) if is_recordings => fitted(set, arguments.conditioning)?,
+        None if is_strokes => fitted_to_strokes(arguments)?,
         _ => {
             let bytes = read_library(&given[0])?;
             let record = FitRecord::beside(&given[0], &bytes)?;
@@ -104,6 +109,18 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         ..inputs
     };
     print(&summary(out, &write(&inputs, out)?))
+}
+
+/// Fits a library to strokes with the defaults of `stylus fit`; its bytes and its record.
+fn fitted_to_strokes(arguments: &Arguments) -> Result<(Vec<u8>, Option<FitRecord>)> {
+    let options = fit::Options {
+        conditioning: arguments.conditioning,
+        ..fit::Options::default()
+    };
+    let fitted = (arguments.strokes).fitted(&arguments.inputs, &arguments.assumed, &options)?;
+    let (fit, bytes, record) = fitted;
+    super::fit::show_verdicts(&fit);
+    Ok((bytes, Some(record)))
 }
 
 /// Returns an error if options are of recordings where there are none, or of a library where it is fitted.

@@ -107,6 +107,31 @@ impl FitRecord {
         Ok(Self::with_contents(set, options, bytes, &contents))
     }
 
+    /// The record of `fit`, which was made with `options` of one texture to the strokes in `files`, and gave the library
+    /// `bytes`.
+    ///
+    /// # Errors
+    /// A recording that cannot be read any more.
+    pub fn of_strokes(
+        files: &[PathBuf],
+        fit: &Fit,
+        options: &Options,
+        bytes: &[u8],
+    ) -> Result<Self> {
+        // The trials of the fit are in no file; the strokes are.
+        let texture = fit.textures.first().map_or("", |texture| &texture.name);
+        let trials = files.iter().map(|path| Trial::of(path, texture, 0.0, 0.0));
+        let set = RecordingSet {
+            trials: trials.collect(),
+            is_listed: true,
+        };
+        Ok(Self {
+            excitations: fit.excitations(),
+            lines: FoundLines::of(fit),
+            ..Self::of(&set, options, bytes)?
+        })
+    }
+
     /// As [`FitRecord::of`], with the hashes of the recordings' bytes, in the order of the set.
     pub fn with_contents(
         set: &RecordingSet,

@@ -41,6 +41,7 @@ __all__ = [
     "devices",
     "evaluate",
     "fit",
+    "fit_strokes",
     "import_hatt",
     "inspect",
     "page",

@@ -37,6 +37,7 @@ __all__ = [
     "devices",
     "evaluate",
     "fit",
+    "fit_strokes",
     "import_hatt",
     "inspect",
     "page",
@@ -144,6 +145,20 @@ def fit(
     model_rate_hz: int = 5000,
     snap: float | Literal["clear", "auto", "none"] = "clear",
     strict: bool = False,
+    progress: _Progress | None = None,
+) -> Fit: ...
+def fit_strokes(
+    files: _Path | Sequence[_Path],
+    texture: str,
+    *,
+    order: int | Literal["auto", "bic"] = "auto",
+    reduce: _Reduction = "pca",
+    high_pass: str = "auto",
+    silence_floor_m_s2: float = 0.001,
+    excitation: Literal["gaussian", "residual", "auto"] = "auto",
+    modulation: Literal["none", "track", "auto"] = "auto",
+    sample_rate_hz: float | None = None,
+    scale_m_s2: float | None = None,
     progress: _Progress | None = None,
 ) -> Fit: ...
 

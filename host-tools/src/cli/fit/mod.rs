@@ -23,7 +23,7 @@ pub use report::show_verdicts;
 use report::{
     FitReport, energy_kept, excitations, lines_found, low_rates, rigs_share, trials_used,
 };
-use strokes::Strokes;
+pub use strokes::Strokes;
 
 use crate::cli::files::Overwrite;
 use crate::cli::input::Recordings;
@@ -43,7 +43,7 @@ pub struct Arguments {
     #[command(flatten)]
     options: fit::Options,
     /// Fill the grid between recorded nodes as densely as the slot allows, and show the gain
-    #[arg(long)]
+    #[arg(long, conflicts_with = "strokes")]
     densify: bool,
     #[command(flatten)]
     large: LargeSet,
@@ -135,7 +135,12 @@ fn check_outputs(arguments: &Arguments) -> Result<()> {
 pub fn run(arguments: &Arguments) -> Result<()> {
     check_outputs(arguments)?;
     if let (true, Some(out)) = (arguments.strokes.strokes, &arguments.out) {
-        let (fit, bytes, record) = strokes::fitted(arguments)?;
+        let (files, assumed) = (
+            arguments.recordings.inputs(),
+            arguments.recordings.assumed(),
+        );
+        let (fit, bytes, record) =
+            (arguments.strokes).fitted(files, assumed, &arguments.options)?;
         record.write_with(out, &bytes)?;
         return tell(&fit, &bytes, out, None, arguments.json);
     }

@@ -22,10 +22,10 @@ use crate::cli::table::table;
 #[derive(clap::Args)]
 pub struct LargeSet {
     /// Write a library of its own for each texture, for sets of more textures than one library holds
-    #[arg(long, conflicts_with = "densify")]
+    #[arg(long, conflicts_with_all = ["densify", "strokes"])]
     pub each: bool,
     /// Folder of partial results: what was computed of a trial is kept there, and not computed again
-    #[arg(long, value_name = "DIR")]
+    #[arg(long, value_name = "DIR", conflicts_with = "strokes")]
     pub parts: Option<PathBuf>,
     /// Compute shard I of N only, and leave its partial results in --parts; with --merge --each, write the libraries of
     /// every N-th texture
