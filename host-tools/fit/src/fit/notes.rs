@@ -147,7 +147,7 @@ fn slow_motion(trials: &[&TrialReport]) -> Option<Noted> {
             )
         }
         None => format!(
-            "{} fitted with slow motion, as asked for{what}",
+            "{} fitted with slow motion{what}",
             counted(moved.len(), "trial")
         ),
     };

@@ -107,8 +107,7 @@ impl FitRecord {
         Ok(Self::with_contents(set, options, bytes, &contents))
     }
 
-    /// The record of `fit`, which was made with `options` of one texture to the strokes in `files`, and gave the library
-    /// `bytes`.
+    /// The record of `fit`, which was made with `options` to the strokes in `files`, and gave the library `bytes`.
     ///
     /// # Errors
     /// A recording that cannot be read any more.
