@@ -421,6 +421,19 @@ fn along_strokes_that_it_never_saw_a_library_is_nearer_than_a_constant_level_and
     assert!(of("band_error_db") < segmented_db.1 + 0.1, "{json}");
     let refused = bench.refuse("fit . --strokes --out felt.lib");
     holds(&refused, &[".: is a folder", "give CSVs"]);
+    for (command, option) in [
+        ("fit s0.csv --out a.lib", "--time-unit ms"),
+        ("fit s0.csv --out a.lib", "--force 1"),
+        ("page s0.csv --out a.html", "--recordings ."),
+    ] {
+        let output = bench.run(&format!("{command} --strokes {option}"));
+        assert_eq!(output.status.code(), Some(2), "{option}");
+        let name = option.split(' ').next().unwrap();
+        holds(&text(&output.stderr), &["cannot be used with", name]);
+    }
+    let refused = bench.refuse("fit s0.csv --strokes --floor subtract --out a.lib");
+    holds(&refused, &["leave out --floor"]);
+    assert!(!bench.path("a.lib").exists() && !bench.path("a.html").exists());
     let refused = bench.refuse("evaluate . --library felt.lib --strokes s0.csv");
     holds(
         &refused,

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use host_tools::fit as fitted;
+use host_tools::fit::conditioning::Conditioning;
 use host_tools::fit::record::FitRecord;
 use host_tools::fit::{Options, Order};
 use host_tools::recording::freehand;
@@ -91,12 +92,8 @@ pub fn fit<'py>(
     strict: bool,
     progress: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyAny>> {
+    let conditioning = conditioning(reduce, high_pass)?;
     let options = Options {
-        order: order_of(order)?,
-        conditioning: conditioning(reduce, high_pass)?,
-        silence_floor_m_s2: not_negative("silence_floor_m_s2", silence_floor_m_s2)?,
-        excitation: choice("excitation", excitation)?,
-        modulation: choice("modulation", modulation)?,
         drop: verdicts(drop.0)?,
         lines: choice("lines", lines)?,
         floor: choice("floor", floor)?,
@@ -104,6 +101,13 @@ pub fn fit<'py>(
         strict,
         snap: snap_of(snap)?,
         sample_rate_hz: model_rate_hz,
+        ..options_of(
+            order,
+            conditioning,
+            silence_floor_m_s2,
+            excitation,
+            modulation,
+        )?
     };
     options.check_rate().map_err(raised)?;
     let options = options.at_their_rate();
@@ -156,14 +160,14 @@ pub fn fit_strokes<'py>(
     scale_m_s2: Option<f64>,
     progress: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let options = Options {
-        order: order_of(order)?,
-        conditioning: conditioning(reduce, high_pass)?,
-        silence_floor_m_s2: not_negative("silence_floor_m_s2", silence_floor_m_s2)?,
-        excitation: choice("excitation", excitation)?,
-        modulation: choice("modulation", modulation)?,
-        ..Options::default()
-    };
+    let conditioning = conditioning(reduce, high_pass)?;
+    let options = options_of(
+        order,
+        conditioning,
+        silence_floor_m_s2,
+        excitation,
+        modulation,
+    )?;
     for (name, value) in [
         ("sample_rate_hz", sample_rate_hz),
         ("scale_m_s2", scale_m_s2),
@@ -224,6 +228,24 @@ fn account(py: Python<'_>, report: fitted::TrialReport) -> PyResult<Bound<'_, Py
         report.used,
     );
     made(py, "TrialReport", arguments)
+}
+
+/// The options that all fits have.
+fn options_of(
+    order: OrderLike,
+    conditioning: Conditioning,
+    silence_floor_m_s2: f64,
+    excitation: &str,
+    modulation: &str,
+) -> PyResult<Options> {
+    Ok(Options {
+        order: order_of(order)?,
+        conditioning,
+        silence_floor_m_s2: not_negative("silence_floor_m_s2", silence_floor_m_s2)?,
+        excitation: choice("excitation", excitation)?,
+        modulation: choice("modulation", modulation)?,
+        ..Options::default()
+    })
 }
 
 fn order_of(order: OrderLike) -> PyResult<Order> {

@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use host_tools::fit::record::FitRecord;
 use host_tools::fit::{Fit, Options, fit_strokes};
-use host_tools::recording::Assumed;
 use host_tools::recording::freehand::{self, Freehand};
+use host_tools::recording::{Assumed, texture_fault};
 use host_tools::support::error::{Error, Result};
 use host_tools::support::progress;
 
@@ -16,7 +16,10 @@ use crate::cli::output::warn;
 #[derive(clap::Args)]
 pub struct Strokes {
     /// The recordings are a free hand's: CSV with speed_mm_s, force_n, one to three accelerations, and time_s
-    #[arg(long)]
+    #[arg(
+        long,
+        conflicts_with_all = ["duration_s", "time_unit", "even_times", "speed_mm_s", "force_n"]
+    )]
     pub strokes: bool,
     /// With --strokes: name of the texture [default: that of the first file]
     #[arg(long, value_name = "NAME", value_parser = texture_name, requires = "strokes")]
@@ -27,7 +30,8 @@ impl Strokes {
     /// The fit of one texture to all strokes in `files`, its library, and its record.
     ///
     /// # Errors
-    /// A folder, a file that is no recording of a free hand, or those of [`fit_strokes`].
+    /// A folder; a first file whose name is none of a texture; a file that is no recording of a free hand; those of
+    /// [`fit_strokes`].
     pub fn fitted(
         &self,
         files: &[PathBuf],
@@ -38,22 +42,34 @@ impl Strokes {
             let problem = "is a folder: with --strokes give CSVs, such as stroke-1.csv";
             return Err(Error::file(folder, problem));
         }
+        let name = self.name(files)?;
         let read = |path: &PathBuf| {
             let recording = freehand::read(path, assumed.sample_rate_hz, assumed.scale_m_s2)?;
             recording.notes(path).iter().for_each(|text| warn(text));
             Ok((path.clone(), recording))
         };
         let strokes: Vec<(PathBuf, Freehand)> = files.iter().map(read).collect::<Result<_>>()?;
-        let first = files.first().and_then(|path| path.file_stem());
-        let name = self.texture.clone().unwrap_or_else(|| {
-            let stem = first.unwrap_or_default();
-            stem.to_string_lossy().into_owned()
-        });
         let bar = progress::bar(strokes.len() as u64, "fitting");
         let fit = fit_strokes(&name, &strokes, options, |steps| bar.inc(steps as u64))?;
         bar.finish_and_clear();
         let bytes = fit.library()?;
         let record = FitRecord::of_strokes(files, &fit, options, &bytes)?;
         Ok((fit, bytes, record))
+    }
+
+    /// The texture's name.
+    fn name(&self, files: &[PathBuf]) -> Result<String> {
+        let (None, Some(first)) = (&self.texture, files.first()) else {
+            return Ok(self.texture.clone().unwrap_or_default());
+        };
+        let stem = first.file_stem().unwrap_or_default();
+        let stem = stem.to_string_lossy().into_owned();
+        match texture_fault(&stem) {
+            None => Ok(stem),
+            Some(fault) => {
+                let problem = format!("its name as that of a texture {fault}: give --texture");
+                Err(Error::file(first, problem))
+            }
+        }
     }
 }

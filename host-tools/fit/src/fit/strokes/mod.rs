@@ -43,19 +43,22 @@ use crate::texture::library::decoded;
 /// stroke that is given twice counts once.
 ///
 /// # Errors
-/// Strokes of which no node has 0.4 s in motion and contact; another rate than 5 kHz; those of [`super::fit`].
+/// Strokes of which no node has 0.4 s in motion and contact; another rate than 5 kHz, or the rig's noise to be taken
+/// off; with [`Options::strict`] the first stroke with a verdict; those of [`super::fit`].
 pub fn fit_strokes(
     name: &str,
     strokes: &[(PathBuf, Freehand)],
     options: &Options,
     progress: impl Fn(usize) + Sync,
 ) -> Result<Fit> {
-    if options.sample_rate_hz != SAMPLE_RATE_HZ {
-        return Err(Error::Request(format!(
-            "strokes are fitted at {SAMPLE_RATE_HZ} Hz alone: leave out --model-rate"
-        )));
-    }
+    check(options)?;
     let strokes = distinct(strokes, options.conditioning, &progress)?;
+    if options.strict
+        && let Some((stroke, verdict)) = first_verdict(&strokes)
+    {
+        let problem = format!("{verdict}; refused because of --strict");
+        return Err(Error::file(&stroke.file, problem));
+    }
     let windows: Vec<LevelAt> = (strokes.iter())
         .flat_map(|stroke| stroke.windows(options.silence_floor_m_s2))
         .collect();
@@ -92,6 +95,29 @@ pub fn fit_strokes(
     source.excite(&mut fit.textures, held, &|| progress(0))?;
     level_by_playing(&mut fit.textures[0], &strokes)?;
     Ok(fit)
+}
+
+/// Refuses what a fit to strokes does not do.
+fn check(options: &Options) -> Result<()> {
+    if options.sample_rate_hz != SAMPLE_RATE_HZ {
+        return Err(Error::Request(format!(
+            "strokes are fitted at {SAMPLE_RATE_HZ} Hz alone: leave out --model-rate"
+        )));
+    }
+    if options.floor == FloorChoice::Subtract || options.floor_recording.is_some() {
+        return Err(Error::Request(
+            "the rig's noise is taken off trials alone, not off strokes: leave out --floor and --floor-recording"
+                .into(),
+        ));
+    }
+    Ok(())
+}
+
+/// The first stroke with a finding, and that finding.
+fn first_verdict(strokes: &[Stroke]) -> Option<(&Stroke, &Verdict)> {
+    strokes
+        .iter()
+        .find_map(|stroke| Some((stroke, stroke.verdicts.first()?)))
 }
 
 /// Reads `strokes`, each once, telling `progress` of each that is done.
@@ -218,6 +244,36 @@ mod tests {
         assert!(mean(&off_db).abs() < 0.4, "{off_db:?}");
         let twice = fitted(&[1, 2, 2, 3, 1, 4]);
         assert_eq!(once.library().unwrap(), twice.library().unwrap());
+    }
+
+    #[test]
+    fn what_a_fit_to_strokes_does_not_do_is_refused_and_a_strict_one_takes_no_findings() {
+        let mut stuck = stroke(1);
+        stuck.axes[0][20_000..20_200].fill(0.7);
+        let strokes = [(PathBuf::from("a.csv"), stuck)];
+        let refused = |options: Options| {
+            fit_strokes("felt", &strokes, &options, |_| ())
+                .unwrap_err()
+                .to_string()
+        };
+        let strict = refused(Options {
+            strict: true,
+            ..Options::default()
+        });
+        assert!(
+            strict.starts_with("a.csv: ") && strict.contains("--strict"),
+            "{strict}"
+        );
+        let subtracted = refused(Options {
+            floor: FloorChoice::Subtract,
+            ..Options::default()
+        });
+        assert!(subtracted.contains("leave out --floor"), "{subtracted}");
+        let fast = refused(Options {
+            sample_rate_hz: 10_000,
+            ..Options::default()
+        });
+        assert!(fast.contains("leave out --model-rate"), "{fast}");
     }
 
     #[test]
