@@ -11,19 +11,21 @@ use nalgebra::{DMatrix, DVector};
 use crate::dsp::motion_law::{LevelAt, MotionLaw};
 use crate::texture::grid::Grid;
 
-/// Squared errors of windows, in dB, that a squared difference of 1 dB between nodes costs which are a factor e of
-/// speed or force apart.
+/// Cost of a difference of 1 dB between neighbouring nodes that are a factor of e apart in speed or force. The unit is
+/// the cost of an error of 1 dB in one window.
 ///
-/// With 0.3 to 3, the levels of 25 s of simulated strokes predict other strokes as well, within 0.1 dB.
+/// Costs from 0.3 to 3 predict other simulated strokes equally well, within 0.1 dB.
 const SMOOTHNESS: f64 = 1.0;
 
-/// Squared errors of windows, in dB, that a node's squared distance of 1 dB from the line costs.
+/// Cost of a distance of 1 dB between a node and the line, in the unit of [`SMOOTHNESS`].
 const NEARNESS: f64 = 0.2;
 
-/// Most lines of a grid over speed, and over force, and the least factor from one to the next. From 20 to 400 mm/s a
-/// mean in dB is then within 0.2 dB of a power law of 10 dB per decade. More lines predict simulated strokes of 25 s no
-/// better, and leave fewer nodes with enough of them.
+/// Most lines of a grid, over speed and over force. Between 20 and 400 mm/s, a mean in dB is then within 0.2 dB of a
+/// power law of 10 dB per decade. More lines predict simulated strokes of 25 s no better, and leave fewer nodes with
+/// enough of them.
 const MOST: (usize, usize) = (6, 4);
+
+/// Least factor from one line of a grid to the next.
 const LEAST_FACTOR: f64 = 1.3;
 
 /// Share of the windows beyond the grid at either end of an axis.
