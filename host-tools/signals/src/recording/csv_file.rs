@@ -1,8 +1,9 @@
 //! Recordings as CSV: one to three columns of samples, and optionally a column of times, which gives the sample rate.
-//! A fourth column of samples is left out if its name says that it is the magnitude of the others, as phones write it.
+//! Columns whose names say that they hold no axis are left out.
 
 use std::path::Path;
 
+use super::axes::LeftOut;
 use super::rate::{MAX_CHANNELS, length_fault, most_frames, rate_fault};
 use super::source::{Cut, Source};
 use super::stamps::{self, Clock};
@@ -24,9 +25,6 @@ const MOTION_COLUMNS: [&str; 2] = ["speed_mm_s", "force_n"];
 
 /// Names of columns that count lines or samples, in lower case.
 const COUNTER_NAMES: [&str; 3] = ["index", "sample", "frame"];
-
-/// Words for the magnitude of all axes in a column's name, in lower case.
-const MAGNITUDE_WORDS: [&str; 5] = ["absolute", "abs", "magnitude", "norm", "total"];
 
 /// Fewest values from which a column without a name is taken for times.
 const LEAST_TIMES: usize = 8;
@@ -80,7 +78,7 @@ pub(super) fn read_table(table: &CsvTable, trial: &Trial, cut: &Cut) -> Result<S
     Ok(Source {
         integers: counts(&source.channels).or(stated.counts()),
         stated,
-        remarks: columns.remark().into_iter().collect(),
+        remarks: columns.left_out.remarks,
         ..source
     })
 }
@@ -92,8 +90,8 @@ struct Columns<'a> {
     /// A second line of the header, as oscilloscopes write it.
     units: Vec<String>,
     times: Vec<TimeColumn>,
-    /// Index of the column with the magnitude of the axes.
-    magnitude: Option<usize>,
+    /// Columns that hold neither times nor an axis.
+    left_out: LeftOut,
 }
 
 impl<'a> Columns<'a> {
@@ -104,7 +102,7 @@ impl<'a> Columns<'a> {
             names: None,
             units: Vec::new(),
             times: Vec::new(),
-            magnitude: None,
+            left_out: LeftOut::default(),
         };
         while let Some(row) = rows.next_row()? {
             if read.values.is_empty() {
@@ -113,7 +111,7 @@ impl<'a> Columns<'a> {
                     refuse_numbers_in_header(&row, table)?;
                     read.name(table.header()?)?;
                 }
-                let others = read.times.len() + usize::from(read.magnitude.is_some());
+                let others = read.times.len() + read.left_out.count();
                 refuse_other_widths(table, row.width(), others)?;
                 read.values.resize(row.width(), Vec::new());
                 if is_header {
@@ -129,7 +127,12 @@ impl<'a> Columns<'a> {
                 continue;
             }
             for (index, column) in read.values.iter_mut().enumerate() {
-                column.push(row.number(index)?);
+                let number = row.number(index);
+                column.push(if read.left_out.contains(index) {
+                    number.unwrap_or(f64::NAN)
+                } else {
+                    number?
+                });
             }
             let axes = read.values.len() - read.times.len();
             let most = most_frames(axes.min(MAX_CHANNELS));
@@ -141,28 +144,20 @@ impl<'a> Columns<'a> {
         Ok(read)
     }
 
-    /// Keeps the names of the columns, and finds the columns of times and of the magnitude by them.
+    /// Keeps the names of the columns, and finds the columns of times and of what is no axis by them.
     fn name(&mut self, header: Header<'a>) -> Result<()> {
         self.times = time_columns(&header)?;
-        let is_magnitude = |name: &str| {
-            let lower = name.to_lowercase();
-            let mut words = lower.split(|c: char| !c.is_alphanumeric());
-            words.any(|word| MAGNITUDE_WORDS.contains(&word))
-        };
-        let samples = (header.names().enumerate()).filter(|(index, _)| self.is_sample(*index));
-        let samples: Vec<(usize, &str)> = samples.collect();
-        let mut named = samples.iter().filter(|(_, name)| is_magnitude(name));
-        self.magnitude = match (samples.len(), named.next(), named.next()) {
-            (count, Some((index, _)), None) if count == MAX_CHANNELS + 1 => Some(*index),
-            _ => None,
-        };
+        let samples = header.names().enumerate();
+        let samples = samples.filter(|(index, _)| self.is_sample(*index));
+        let left_out = LeftOut::of(&samples.collect::<Vec<_>>());
+        self.left_out = left_out;
         self.names = Some(header);
         Ok(())
     }
 
     /// Returns true if the column of this index holds an axis.
     fn is_sample(&self, index: usize) -> bool {
-        self.magnitude != Some(index) && self.times.iter().all(|time| time.index != index)
+        !self.left_out.contains(index) && self.times.iter().all(|time| time.index != index)
     }
 
     /// Names of all columns, with the units of a second line below them, if there is one.
@@ -172,14 +167,6 @@ impl<'a> Columns<'a> {
         let names = self.names.iter().flat_map(Header::names).zip(units);
         let name = |(name, unit): (&str, &str)| format!("{name} [{}]", unit::bare(unit));
         names.map(name).collect()
-    }
-
-    /// The remark on the column that is left out.
-    fn remark(&self) -> Option<String> {
-        let name = self.names.as_ref()?.names().nth(self.magnitude?)?;
-        Some(format!(
-            "column '{name}' is left out, because it follows from the others"
-        ))
     }
 }
 
@@ -247,7 +234,8 @@ fn time_columns(names: &Header<'_>) -> Result<Vec<TimeColumn>> {
         let stem = lower.split(['_', ' ', '[', '(']).next().unwrap_or_default();
         let problem = if MOTION_COLUMNS.contains(&name) {
             format!(
-                "has a column '{name}': cut a free hand's recording with 'stylus segment' first"
+                "has a column '{name}': of a free hand's recordings 'stylus fit' and 'stylus page' take all strokes with \
+                 --strokes, and 'stylus segment' cuts their steady pieces"
             )
         } else if TIME_WORDS.contains(&stem) && lower != stem {
             format!(

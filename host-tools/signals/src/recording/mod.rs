@@ -3,6 +3,7 @@
 //!
 //! Invariant: files, or samples that a program holds, in; samples and verdicts out. Nothing here fits a model.
 
+mod axes;
 mod csv_file;
 mod defects;
 pub mod freehand;

@@ -240,7 +240,7 @@ fn m_s2_of(unit: Unit, sensitivity: Option<&Sensitivity>) -> Option<f64> {
 }
 
 /// The unit that a column's name holds, with its text: in brackets, or as its last words.
-fn in_name(name: &str) -> Option<(Unit, String)> {
+pub(super) fn in_name(name: &str) -> Option<(Unit, String)> {
     let (inside, outside) = brackets(name);
     let of_text = |text: &str| Some((Unit::parse(text)?, text.trim().to_owned()));
     // A sensitivity may follow: `mV, 100 mV/g`.

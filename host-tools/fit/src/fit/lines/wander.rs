@@ -366,9 +366,15 @@ fn course_by(
     let wavelength_mm = speed / per_sample;
     let hz = per_sample * f64::from(SAMPLE_RATE_HZ);
     let count = ((HIGHEST_HZ / hz) as u32).min(HARMONICS);
-    let of_harmonics: Vec<Vec<Complex<f64>>> = (1..=count)
-        .map(|n| wave(turns.iter().map(|turns| turns * f64::from(n))))
-        .collect();
+    let fundamental = wave(turns.iter().copied());
+    let mut of_harmonics: Vec<Vec<Complex<f64>>> = Vec::new();
+    for _ in 1..=count {
+        // A power of the fundamental's wave takes no sine.
+        of_harmonics.push(match of_harmonics.last() {
+            Some(last) => last.iter().zip(&fundamental).map(|(a, b)| a * b).collect(),
+            None => fundamental.clone(),
+        });
+    }
     let amplitudes = amplitudes(signal, ranges, &of_harmonics);
     let seconds = signal.len() as f64 / f64::from(SAMPLE_RATE_HZ);
     let half_hz = 0.5 * band.width_hz() / f64::from(reference);

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use serde::Serialize;
 
+use crate::recording::axes::LeftOut;
 use crate::recording::stamps::even_rate;
 use crate::recording::time_unit::{TimeColumn, TimeUnit};
 use crate::recording::unit;
@@ -149,9 +150,10 @@ pub fn is_simulated(path: &Path) -> Result<bool> {
 }
 
 /// Reads a CSV file with the columns `speed_mm_s` and `force_n`, and one to three columns of accelerations, in units of
-/// `scale_m_s2`, or else of the header, or m/s². A column of times, such as `time_s` or `time_ms`, is necessary unless
-/// `rate_hz` is given. Comments begin with `#`; a comment at the top that begins with SIMULATED marks the file as
-/// simulated.
+/// `scale_m_s2`, or else of the header, or m/s². Beside named accelerations, other columns are left out.
+///
+/// A column of times, such as `time_s` or `time_ms`, is necessary unless `rate_hz` is given. Comments begin with `#`; a
+/// comment at the top that begins with SIMULATED marks the file as simulated.
 ///
 /// # Errors
 /// A file that cannot be read or lacks one of these columns, a field that is not a number, or too many outliers.
@@ -166,7 +168,8 @@ pub fn read(path: &Path, rate_hz: Option<f64>, scale_m_s2: Option<f64>) -> Resul
     let of_axes: Vec<String> = axes.iter().map(|&index| names[index].to_owned()).collect();
     let stated = unit::stated(&of_axes, &table.comments()?);
     let scales_m_s2 = stated.scales_for(scale_m_s2, axes.len());
-    let remarks = stated.conversion(scale_m_s2).into_iter();
+    let left_out = columns.left_out.remarks.iter().cloned();
+    let remarks = left_out.chain(stated.conversion(scale_m_s2));
     let mut recording = Freehand {
         rate_hz: 0.0,
         axes: vec![Vec::new(); axes.len()],
@@ -225,6 +228,7 @@ struct Columns {
     speed: usize,
     force: usize,
     axes: Vec<usize>,
+    left_out: LeftOut,
 }
 
 impl Columns {
@@ -240,9 +244,13 @@ impl Columns {
         let times: Vec<TimeColumn> =
             (names.filter_map(|(index, name)| TimeColumn::named(index, name))).collect();
         let is_time = |index: &usize| times.iter().any(|time| time.index == *index);
-        let axes: Vec<usize> = (0..header.width())
-            .filter(|index| ![speed, force].contains(index) && !is_time(index))
-            .collect();
+        let samples = header.names().enumerate();
+        let samples =
+            samples.filter(|(index, _)| ![speed, force].contains(index) && !is_time(index));
+        let samples: Vec<(usize, &str)> = samples.collect();
+        let left_out = LeftOut::of(&samples);
+        let axes = samples.iter().map(|(index, _)| *index);
+        let axes: Vec<usize> = axes.filter(|&index| !left_out.contains(index)).collect();
         let time = TimeColumn::best(&times);
         let time = time.map(|time| (time.index, time.unit.unwrap_or(TimeUnit::S)));
         if axes.is_empty() || axes.len() > MAX_CHANNELS {
@@ -256,6 +264,7 @@ impl Columns {
             speed,
             force,
             axes,
+            left_out,
         })
     }
 }
@@ -294,5 +303,24 @@ mod tests {
         for (header, factor) in [("t [us]", 1000), ("timestamp_ns", 1_000_000)] {
             assert_eq!(read_as(header, factor), in_ms);
         }
+    }
+
+    #[test]
+    fn what_is_no_acceleration_is_left_out_and_told() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.csv");
+        let read_as = |header: &str, end: &str| {
+            let rows = (0..500).map(|n| format!("{n},100,1,{}{end}\n", n % 7));
+            let text = format!(
+                "time_ms,speed_mm_s,force_n,{header}\n{}",
+                rows.collect::<String>()
+            );
+            std::fs::write(&path, text).unwrap();
+            read(&path, None, None).unwrap()
+        };
+        let beside = read_as("accel,friction,state", ",0.46,sliding");
+        let told = "columns 'friction', 'state' are left out";
+        test_helpers::holds(&beside.remarks.concat(), &[told]);
+        assert_eq!(beside.axes, read_as("accel", "").axes);
     }
 }

@@ -1,0 +1,157 @@
+//! The columns of a table that hold accelerations, by their names. Beside them, loggers write other quantities: a
+//! gyroscope's axes, a friction coefficient, a temperature, or the magnitude of all axes.
+
+use super::rate::MAX_CHANNELS;
+use super::unit::{self, Unit};
+
+/// Words for the magnitude of all axes in a column's name, in lower case.
+const MAGNITUDE_WORDS: [&str; 5] = ["absolute", "abs", "magnitude", "norm", "total"];
+
+/// Columns of a table that hold no axis.
+#[derive(Debug, Default, PartialEq)]
+pub(super) struct LeftOut {
+    /// Indices of the columns, ascending.
+    columns: Vec<usize>,
+    /// Reasons in words, one per kind.
+    pub remarks: Vec<String>,
+}
+
+impl LeftOut {
+    /// Judges `samples`, the columns of a header beside those of times and motion, each an index and a name.
+    ///
+    /// Where a name is that of an acceleration, columns without such a name or unit hold something else. A header that
+    /// names no acceleration tells nothing, so that all its columns stay.
+    pub fn of(samples: &[(usize, &str)]) -> Self {
+        let is_told = samples.iter().any(|(_, name)| is_acceleration(name));
+        let is_axis = |name: &str| !is_told || is_acceleration(name) || has_unit(name);
+        let (axes, others): (Vec<_>, Vec<_>) =
+            samples.iter().copied().partition(|(_, name)| is_axis(name));
+        let mut magnitudes = axes.iter().copied().filter(|(_, name)| is_magnitude(name));
+        let magnitude = match (magnitudes.next(), magnitudes.next()) {
+            (Some(only), None) if axes.len() == MAX_CHANNELS + 1 => Some(only),
+            _ => None,
+        };
+        let other = remark(&others, "named as an acceleration, as others are");
+        let follows = magnitude.map(|(_, name)| {
+            format!("column '{name}' is left out, because it follows from the others")
+        });
+        let mut columns: Vec<usize> = others.iter().chain(&magnitude).map(|own| own.0).collect();
+        columns.sort_unstable();
+        Self {
+            columns,
+            remarks: follows.into_iter().chain(other).collect(),
+        }
+    }
+
+    /// Number of columns that are left out.
+    pub fn count(&self) -> usize {
+        self.columns.len()
+    }
+
+    /// Returns true if the column of this index is left out.
+    pub fn contains(&self, index: usize) -> bool {
+        self.columns.contains(&index)
+    }
+}
+
+/// The remark that `columns` are left out because none is what others are.
+fn remark(columns: &[(usize, &str)], none_is: &str) -> Option<String> {
+    let names: Vec<String> = columns
+        .iter()
+        .map(|(_, name)| format!("'{name}'"))
+        .collect();
+    match names.as_slice() {
+        [] => None,
+        [name] => Some(format!("column {name} is left out: it is not {none_is}")),
+        _ => Some(format!(
+            "columns {} are left out: none is {none_is}",
+            names.join(", ")
+        )),
+    }
+}
+
+fn is_magnitude(name: &str) -> bool {
+    words(&name.to_lowercase()).any(|word| MAGNITUDE_WORDS.contains(&word))
+}
+
+/// Returns true for a name whose unit is one of acceleration.
+fn has_unit(name: &str) -> bool {
+    matches!(unit::in_name(name), Some((Unit::Acceleration(_), _)))
+}
+
+/// Returns true for a name such as `accel`, `Acc X`, `ax`, `a_y`, `z` or `X-Axis (g)`.
+fn is_acceleration(name: &str) -> bool {
+    let lower = name.to_lowercase();
+    let is_meant = |word: &str| {
+        let axis = word.strip_prefix("acc").or(word.strip_prefix("gf"));
+        word == "acc"
+            || axis.is_some_and(|axis| ["x", "y", "z"].contains(&axis))
+            || word.starts_with("accel")
+            || word.starts_with("beschleunigung")
+    };
+    words(&lower).any(is_meant) || is_axis(&lower)
+}
+
+/// Returns true for an axis in lower case, with nothing beside it but a unit of accelerations, volts or steps.
+fn is_axis(lower: &str) -> bool {
+    let is_sign = |c: char| !c.is_alphanumeric();
+    let after_a = lower
+        .strip_prefix('a')
+        .map(|rest| rest.trim_start_matches(is_sign));
+    let Some(rest) = after_a.unwrap_or(lower).strip_prefix(['x', 'y', 'z']) else {
+        return false;
+    };
+    // The first letter of another word, such as yaw, is none.
+    if rest.starts_with(char::is_alphanumeric) {
+        return false;
+    }
+    let rest = rest.trim_matches(is_sign);
+    let unit = rest.strip_prefix("axis").unwrap_or(rest);
+    let unit = unit.trim_matches(is_sign);
+    unit.is_empty() || Unit::parse(unit).is_some_and(|unit| unit != Unit::Other)
+}
+
+fn words(lower: &str) -> impl Iterator<Item = &str> {
+    lower.split(|c: char| !c.is_alphanumeric())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn left_out(names: &[&str]) -> Vec<usize> {
+        let samples: Vec<(usize, &str)> = names.iter().copied().enumerate().collect();
+        LeftOut::of(&samples).columns
+    }
+
+    #[test]
+    fn beside_named_accelerations_other_quantities_are_left_out() {
+        for (names, others) in [
+            (&["accel", "friction"][..], &[1][..]),
+            (&["ax", "ay", "az", "gx", "gy", "gz"], &[3, 4, 5]),
+            (
+                &["temp", "Acc X [mg]", "Acc Y [mg]", "Acc Z [mg]", "accuracy"],
+                &[0, 4],
+            ),
+            (&["x", "y", "z", "yaw", "x_mm", "x (N)"], &[3, 4, 5]),
+            (&["gFx", "gFy", "gFz", "TgF"], &[3]),
+            (&["X-Axis (g's)", "a_y", "adc"], &[2]),
+            (&["accelX", "x_g", "vibration (g)", "load (kPa)"], &[3]),
+            (&["acc_x", "acc_y", "acc_z", "acc_total", "gyro_x"], &[3, 4]),
+        ] {
+            assert_eq!(left_out(names), others, "{names:?}");
+        }
+    }
+
+    #[test]
+    fn a_header_without_a_named_acceleration_keeps_all_columns() {
+        for names in [
+            &["ch1 [g]", "ch2", "ch3"][..],
+            &["left", "right"],
+            &["azimuth", "yaw", "x1"],
+            &["acc1_x", "acc2_x", "a (m/s²)"],
+        ] {
+            assert_eq!(left_out(names), [0usize; 0], "{names:?}");
+        }
+    }
+}
