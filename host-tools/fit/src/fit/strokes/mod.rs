@@ -181,6 +181,8 @@ fn level_by_playing(texture: &mut FittedTexture, strokes: &[Stroke]) -> Result<(
 
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::TAU;
+
     use test_helpers::noise;
 
     use super::super::options::{ExcitationChoice, ModulationChoice, Order};
@@ -217,7 +219,26 @@ mod tests {
         }
     }
 
-    fn fitted(seeds: &[u64]) -> Fit {
+    /// The `stroke` beside the motion of a hand at 5 Hz, which makes a fit filter it, and at 21 Hz, which the filter
+    /// leaves.
+    fn with_motion(mut stroke: Freehand) -> Freehand {
+        for (n, x) in stroke.axes[0].iter_mut().enumerate() {
+            let turns = TAU * n as f64 / RATE_HZ;
+            *x += 4.0 * (5.0 * turns).sin() + 2.0 * (21.0 * turns).sin();
+        }
+        stroke
+    }
+
+    /// Levels of the nodes over those of the surface, dB.
+    fn over_law_db(fit: &Fit) -> Vec<f64> {
+        let over = fit.textures[0].grid.nodes().map(|(speed, force, model)| {
+            10.0 * model.output_power.log10()
+                - 20.0 * law(f64::from(speed), f64::from(force)).log10()
+        });
+        over.collect()
+    }
+
+    fn fitted(seeds: &[u64], felt: fn(Freehand) -> Freehand) -> Fit {
         let options = Options {
             order: Order::Fixed(4),
             excitation: ExcitationChoice::Gaussian,
@@ -226,24 +247,26 @@ mod tests {
         };
         let file = |seed: u64| PathBuf::from(format!("{seed}.csv"));
         let strokes: Vec<_> = (seeds.iter())
-            .map(|&seed| (file(seed), stroke(seed)))
+            .map(|&seed| (file(seed), felt(stroke(seed))))
             .collect();
         fit_strokes("felt", &strokes, &options, |_| ()).unwrap()
     }
 
     #[test]
     fn nodes_have_the_level_of_the_surface_and_a_stroke_that_is_given_twice_changes_nothing() {
-        let once = fitted(&[1, 2, 3, 4]);
-        let off_db = once.textures[0].grid.nodes().map(|(speed, force, model)| {
-            10.0 * model.output_power.log10()
-                - 20.0 * law(f64::from(speed), f64::from(force)).log10()
-        });
-        let off_db: Vec<f64> = off_db.collect();
+        let once = fitted(&[1, 2, 3, 4], |stroke| stroke);
+        let off_db = over_law_db(&once);
         let rms_db = mean(&off_db.iter().map(|off| off * off).collect::<Vec<_>>()).sqrt();
         assert!(rms_db < 0.8, "{off_db:?}");
         assert!(mean(&off_db).abs() < 0.4, "{off_db:?}");
-        let twice = fitted(&[1, 2, 2, 3, 1, 4]);
+        let twice = fitted(&[1, 2, 2, 3, 1, 4], |stroke| stroke);
         assert_eq!(once.library().unwrap(), twice.library().unwrap());
+    }
+
+    #[test]
+    fn a_hands_motion_that_the_filter_leaves_makes_no_node_louder() {
+        let off_db = over_law_db(&fitted(&[1, 2, 3, 4], with_motion));
+        assert!(mean(&off_db).abs() < 0.4, "{off_db:?}");
     }
 
     #[test]

@@ -20,8 +20,11 @@ use crate::support::error::Result;
 /// Length of a window, s, over which a level is taken.
 const WINDOW_S: f64 = 0.1;
 
+/// Rate of the models, Hz.
+const RATE_HZ: f64 = SAMPLE_RATE_HZ as f64;
+
 /// Samples of a window at the models' rate.
-const WINDOW: usize = (WINDOW_S * SAMPLE_RATE_HZ as f64) as usize;
+const WINDOW: usize = (WINDOW_S * RATE_HZ) as usize;
 
 /// Samples at the models' rate over which speed and force are averaged: 20 ms, so that a sensor's noise does not move
 /// them, and a hand does.
@@ -29,6 +32,10 @@ const STEADY: usize = 100;
 
 /// Samples from one moment of the motion to the next when it is played along: 2 ms, as on the device.
 const PATH_STEP: usize = 10;
+
+/// Cut-off frequency of the filter before levels are taken, over that of the stroke's own filter. What the hand's motion
+/// leaves beside the latter is in the recording alone, because a model has its neighbourhood there.
+const LEVELS_OVER_CUT: f64 = 2.0;
 
 /// Findings of triage on any hand that moves, rests and lifts.
 const BY_HAND: [Kind; 4] = [
@@ -79,7 +86,7 @@ impl Stroke {
             cut_hz,
             ..
         } = whole_signal(&trial, conditioning)?;
-        let per_sample = f64::from(SAMPLE_RATE_HZ) / recording.rate_hz;
+        let per_sample = RATE_HZ / recording.rate_hz;
         let at_rate = |index: usize| ((index as f64 * per_sample) as usize).min(signal.len());
         let moving = moving(recording, WINDOW_S)
             .into_iter()
@@ -107,18 +114,20 @@ impl Stroke {
     }
 
     /// The windows of the stretches in motion and contact that are louder than `silence_m_s2`.
-    pub fn windows(&self, silence_m_s2: f64) -> impl Iterator<Item = LevelAt> {
-        self.window_ranges().filter_map(move |window| {
+    pub fn windows(&self, silence_m_s2: f64) -> Vec<LevelAt> {
+        let signal = self.for_levels(self.signal.clone());
+        let window_at = |window: Range<usize>| {
             let (speeds, forces): (Vec<f64>, Vec<f64>) =
                 self.motion[window.clone()].iter().copied().unzip();
-            let power = energy(&self.signal[window]) / WINDOW as f64;
+            let power = energy(&signal[window]) / WINDOW as f64;
             (power > silence_m_s2.powi(2)).then(|| LevelAt {
                 speed_mm_s: mean(&speeds),
                 force_n: mean(&forces),
                 level_db: 10.0 * power.log10(),
                 weight: 1.0,
             })
-        })
+        };
+        self.window_ranges().filter_map(window_at).collect()
     }
 
     /// The recorded level over that of `texture` along the stroke, in each window, dB. A window that is silent in one
@@ -127,25 +136,33 @@ impl Stroke {
     /// # Errors
     /// None for a stroke that was read.
     pub fn over_db(&self, texture: Texture<'_>) -> Result<Vec<f64>> {
-        let rate_hz = f64::from(SAMPLE_RATE_HZ);
-        let seconds = self.signal.len() as f64 / rate_hz;
+        let seconds = self.signal.len() as f64 / RATE_HZ;
         let mut played = render(texture, &self.path()?, seconds, SEED)?.accelerations_m_s2();
         played.resize(self.signal.len(), 0.0);
         if let Some(cut_hz) = self.cut_hz {
-            high_pass(&mut played, rate_hz, cut_hz);
+            high_pass(&mut played, RATE_HZ, cut_hz);
         }
+        let [recorded, played] = [self.signal.clone(), played].map(|own| self.for_levels(own));
         let over = self.window_ranges().map(|window| {
             let power = |signal: &[f64]| energy(&signal[window.clone()]);
-            10.0 * (power(&self.signal) / power(&played)).log10()
+            10.0 * (power(&recorded) / power(&played)).log10()
         });
         Ok(over.filter(|over_db| over_db.is_finite()).collect())
+    }
+
+    /// `signal` without what the hand's motion leaves in a stroke that was filtered.
+    fn for_levels(&self, mut signal: Vec<f64>) -> Vec<f64> {
+        if let Some(cut_hz) = self.cut_hz {
+            high_pass(&mut signal, RATE_HZ, LEVELS_OVER_CUT * cut_hz);
+        }
+        signal
     }
 
     /// The motion, as the device takes it over.
     fn path(&self) -> Result<MotionPath> {
         let moments = self.motion.iter().enumerate().step_by(PATH_STEP);
         MotionPath::from_rows(moments.map(|(sample, &(speed_mm_s, force_n))| MotionRow {
-            time_s: sample as f64 / f64::from(SAMPLE_RATE_HZ),
+            time_s: sample as f64 / RATE_HZ,
             speed_mm_s,
             force_n,
             position_mm: None,
