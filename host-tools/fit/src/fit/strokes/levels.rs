@@ -28,6 +28,9 @@ const MOST: (usize, usize) = (6, 4);
 /// Least factor from one line of a grid to the next.
 const LEAST_FACTOR: f64 = 1.3;
 
+/// Windows per node of a grid, at least: 0.5 s, so that short strokes have few nodes, and one of them enough of them.
+const LEAST_WINDOWS: usize = 5;
+
 /// Share of the windows beyond the grid at either end of an axis.
 const BEYOND: f64 = 0.02;
 
@@ -41,12 +44,25 @@ pub(super) struct Axes {
 }
 
 impl Axes {
-    /// A grid that holds nearly all of the `windows`, at least one, in even steps of the logarithms.
+    /// A grid that holds nearly all of the `windows`, at least one, in even steps of the logarithms, with as many nodes
+    /// as these are enough for.
     pub fn of(windows: &[LevelAt]) -> Self {
         let of = |value: fn(&LevelAt) -> f64, most| axis(windows.iter().map(value).collect(), most);
-        Self {
-            speeds_mm_s: of(|at| at.speed_mm_s, MOST.0),
-            forces_n: of(|at| at.force_n, MOST.1),
+        let (mut speeds, mut forces) = MOST;
+        loop {
+            let axes = Self {
+                speeds_mm_s: of(|at| at.speed_mm_s, speeds),
+                forces_n: of(|at| at.force_n, forces),
+            };
+            (speeds, forces) = (axes.speeds_mm_s.len(), axes.forces_n.len());
+            if LEAST_WINDOWS * speeds * forces <= windows.len() || speeds * forces == 1 {
+                return axes;
+            }
+            if speeds >= forces {
+                speeds -= 1;
+            } else {
+                forces -= 1;
+            }
         }
     }
 
@@ -268,6 +284,9 @@ mod tests {
             (axes.speeds_mm_s[0], axes.speeds_mm_s[MOST.0 - 1]),
             (16.0, 300.0)
         );
+        let few: Vec<(f64, f64)> = hand.iter().copied().step_by(125).collect();
+        let few = Axes::of(&windows(&few, |_, _| 0.0));
+        assert_eq!(few.nodes().count(), 1);
         let narrow: Vec<(f64, f64)> = (0..100)
             .map(|n| (100.0 + 0.5 * f64::from(n), 1.0))
             .collect();
