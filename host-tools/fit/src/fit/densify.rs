@@ -1,6 +1,6 @@
 //! Denser grids: lines of nodes between the recorded ones, filled on the host by what a bilinear mean on the device
-//! cannot do, which is to move a surface's spectrum with the speed, as far as that predicts the texture's own nodes. The
-//! device stays as it is; it interpolates over shorter distances.
+//! cannot do, which is to move a surface's spectrum with the speed, as far as that predicts the texture's own nodes.
+//! The device stays as it is; it interpolates over shorter distances.
 //!
 //! Lines of a speed or of a force are added one by one, the one first that promises most, until the slot is full or no
 //! line promises anything. What a line promises is measured on the recordings: at the ends of the gap that it divides,
