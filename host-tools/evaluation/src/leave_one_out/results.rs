@@ -25,7 +25,8 @@ pub enum Row {
     Own,
     /// In one of the domains.
     Interpolated(Method),
-    /// As `fit --densify` fills the place: log-spectra over f/v with surface and tool apart, refitted.
+    /// As `fit --densify` fills the place: log-spectra with surface and tool apart, as far as that serves the texture,
+    /// refitted.
     Densified,
     /// The nearest neighbour's recording itself: retrieval.
     Nearest,

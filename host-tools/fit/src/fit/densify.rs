@@ -1,6 +1,6 @@
 //! Denser grids: lines of nodes between the recorded ones, filled on the host by what a bilinear mean on the device
-//! cannot do, which is to move a surface's spectrum with the speed. The device stays as it is; it interpolates over
-//! shorter distances.
+//! cannot do, which is to move a surface's spectrum with the speed, as far as that predicts the texture's own nodes.
+//! The device stays as it is; it interpolates over shorter distances.
 //!
 //! Lines of a speed or of a force are added one by one, the one first that promises most, until the slot is full or no
 //! line promises anything. What a line promises is measured on the recordings: at the ends of the gap that it divides,
@@ -458,7 +458,9 @@ fn gain(
 
 /// All that the recordings of one texture tell.
 struct Told {
-    pub field: RecordedSpectra,
+    field: RecordedSpectra,
+    /// Weight of what moves with the speed.
+    moving: f64,
     /// The lines that could be added.
     pub candidates: Vec<Candidate>,
     /// Models of the nodes that `fit` filled in, by the index of the node.
@@ -487,6 +489,7 @@ impl Told {
             holes: grid.models.par_iter().enumerate().map(hole).collect(),
             highest_order,
             known: Mutex::default(),
+            moving: ways.moving,
             field,
         }
     }
@@ -499,7 +502,7 @@ impl Told {
             return model.clone();
         }
         // Without the lock, because it takes long; two threads may compute the same, and find the same.
-        let spectrum = self.field.at(speed_mm_s, force_n);
+        let spectrum = self.field.at(speed_mm_s, force_n, self.moving);
         let model = spectrum.map(|spectrum| filled_model(&spectrum, self.highest_order));
         known().insert(place, model.clone());
         model

@@ -3,6 +3,7 @@
 use std::sync::{Arc, OnceLock};
 
 use crate::dsp::log_spectrum::LogSpectrum;
+use crate::dsp::spectrum::DEFAULT_SMOOTHING_WIDTH_HZ;
 use crate::recording::Trial;
 use crate::texture::grid::{Grid, as_written, is_recorded};
 
@@ -68,41 +69,57 @@ impl RecordedSpectra {
     }
 
     /// The spectrum at a node, if it was recorded.
-    pub fn spectrum(&self, (speed, force): NodeIndex) -> Option<&LogSpectrum> {
-        self.spectra[speed * self.forces_n.len() + force].as_ref()
+    pub fn spectrum(&self, place: NodeIndex) -> Option<&LogSpectrum> {
+        self.spectra[self.index(place)].as_ref()
     }
 
-    /// The spectrum at a speed, mm/s, from those recorded at one force, node `without` left out. `None` if the speed is
-    /// not between two of them.
+    /// Index of a node, speed-major.
+    fn index(&self, (speed, force): NodeIndex) -> usize {
+        speed * self.forces_n.len() + force
+    }
+
+    /// All nodes, recorded or not, speed-major.
+    fn places(&self) -> impl Iterator<Item = NodeIndex> {
+        let forces = self.forces_n.len();
+        (0..self.spectra.len()).map(move |index| (index / forces, index % forces))
+    }
+
+    /// The spectrum at a speed, mm/s, from those recorded at one force, the nodes `without` left out. `None` if the
+    /// speed is not between two of them.
     ///
     /// Of enough speeds surface and tool are taken apart; of few, the neighbours are warped whole.
-    pub fn along_speed(
+    fn along_speed(
         &self,
         speed_mm_s: f64,
         force: usize,
-        without: Option<NodeIndex>,
-    ) -> Option<LogSpectrum> {
+        without: &[NodeIndex],
+    ) -> Option<AlongSpeed> {
         let members = self.row(force, without);
         let above = members.partition_point(|member| member.0 < speed_mm_s);
         let (low, high) = (members.get(above.checked_sub(1)?)?, members.get(above)?);
-        if members.len() >= FEWEST_SPEEDS {
-            let apart = || SurfaceAndTool::of(&members);
-            return Some(match without {
-                None => self.apart[force].get_or_init(apart).at(speed_mm_s),
-                Some(_) => apart().at(speed_mm_s),
-            });
-        }
         let share = (speed_mm_s - low.0) / (high.0 - low.0);
-        Some(LogSpectrum::mean(&[
-            (1.0 - share, &low.1.warped(low.0, speed_mm_s)),
-            (share, &high.1.warped(high.0, speed_mm_s)),
-        ]))
+        let between = |low: &LogSpectrum, high: &LogSpectrum| {
+            LogSpectrum::mean(&[(1.0 - share, low), (share, high)])
+        };
+        let apart = || SurfaceAndTool::of(&members);
+        let moved = if members.len() < FEWEST_SPEEDS {
+            let warped = [low, high].map(|member| member.1.warped(member.0, speed_mm_s));
+            between(&warped[0], &warped[1])
+        } else if without.is_empty() {
+            self.apart[force].get_or_init(apart).at(speed_mm_s)
+        } else {
+            apart().at(speed_mm_s)
+        };
+        Some(AlongSpeed {
+            unmoved: between(low.1, high.1),
+            moved,
+        })
     }
 
     /// The recorded spectra at one force, by their speeds.
-    fn row(&self, force: usize, without: Option<NodeIndex>) -> Vec<(f64, &LogSpectrum)> {
+    fn row(&self, force: usize, without: &[NodeIndex]) -> Vec<(f64, &LogSpectrum)> {
         (0..self.speeds_mm_s.len())
-            .filter(|&speed| without != Some((speed, force)) && self.speeds_mm_s[speed] > 0.0)
+            .filter(|&speed| !without.contains(&(speed, force)) && self.speeds_mm_s[speed] > 0.0)
             .filter_map(|speed| Some((self.speeds_mm_s[speed], self.spectrum((speed, force))?)))
             .collect()
     }
@@ -127,14 +144,14 @@ impl RecordedSpectra {
     }
 
     /// The spectrum at any speed, mm/s, and force, N, between recorded ones: of the forces around it, each at that
-    /// speed.
-    pub fn at(&self, speed_mm_s: f64, force_n: f64) -> Option<LogSpectrum> {
+    /// speed, where what moves with the speed has the weight `moving`.
+    pub fn at(&self, speed_mm_s: f64, force_n: f64, moving: f64) -> Option<LogSpectrum> {
         let row = |force: usize| {
             let same = |known: &f64| (known - speed_mm_s).abs() < 1e-6;
             let recorded = self.speeds_mm_s.iter().position(same);
             match recorded.and_then(|speed| self.spectrum((speed, force))) {
                 Some(spectrum) => Some(spectrum.clone()),
-                None => self.along_speed(speed_mm_s, force, None),
+                None => Some(self.along_speed(speed_mm_s, force, &[])?.with(moving)),
             }
         };
         let same = |known: &f64| (known - force_n).abs() < 1e-6;
@@ -154,60 +171,117 @@ impl RecordedSpectra {
     /// Predicts the spectrum of the node at `place` from all other nodes: the mean of the spectra along speed
     /// and along force, each with the weight that serves best elsewhere on the grid.
     pub fn without(&self, place: NodeIndex, both: &TwoWays) -> Option<LogSpectrum> {
-        let (along_speed, along_force) = &both.0[place.0 * self.forces_n.len() + place.1];
-        match (along_speed, along_force) {
+        let moving = both.weight_of_moved(self, Some(place));
+        match &both.ways[self.index(place)] {
             (Some(speed), Some(force)) => {
-                let weight = both.weight_of_speed(self, place);
-                Some(LogSpectrum::mean(&[(weight, speed), (1.0 - weight, force)]))
+                let weight = both.weight_of_speed(self, place, moving);
+                let speed = speed.with(moving);
+                Some(LogSpectrum::mean(&[
+                    (weight, &speed),
+                    (1.0 - weight, force),
+                ]))
             }
-            (Some(one), None) | (None, Some(one)) => Some(one.clone()),
-            (None, None) => None,
+            (Some(speed), None) => Some(speed.with(moving)),
+            (None, force) => force.clone(),
         }
     }
 }
 
-/// Predictions of every node from the others along its row and along its column, speed-major.
+/// The spectrum at a speed from those recorded at others: as it is between its neighbours, and with what moves with the
+/// speed moved.
 #[derive(Clone, Debug)]
-pub struct TwoWays(Vec<(Option<LogSpectrum>, Option<LogSpectrum>)>);
+struct AlongSpeed {
+    unmoved: LogSpectrum,
+    moved: LogSpectrum,
+}
+
+impl AlongSpeed {
+    /// The mean of both, the moved one with the weight `moving`.
+    fn with(&self, moving: f64) -> LogSpectrum {
+        LogSpectrum::mean(&[(1.0 - moving, &self.unmoved), (moving, &self.moved)])
+    }
+}
+
+/// Predictions of every node from the others along its row and along its column.
+#[derive(Clone, Debug)]
+pub struct TwoWays {
+    /// Speed-major.
+    ways: Vec<(Option<AlongSpeed>, Option<LogSpectrum>)>,
+    /// Weight of what moves with the speed, against the unmoved mean, by all nodes.
+    pub moving: f64,
+}
 
 impl TwoWays {
     /// Of every node of `field`, recorded or not, itself left out.
     pub fn of(field: &RecordedSpectra) -> Self {
         use rayon::prelude::*;
-        let forces = field.forces_n.len();
-        let places = 0..field.spectra.len();
-        let ways = places.into_par_iter().map(|index| {
-            let place = (index / forces, index % forces);
-            let speed = field.along_speed(field.speeds_mm_s[place.0], place.1, Some(place));
+        let places: Vec<NodeIndex> = field.places().collect();
+        let ways = places.into_par_iter().map(|place| {
+            let speed = field.along_speed(field.speeds_mm_s[place.0], place.1, &[place]);
             let force = field.along_force(place.0, field.forces_n[place.1], Some(place));
             (speed, force)
         });
-        Self(ways.collect())
+        let mut both = Self {
+            ways: ways.collect(),
+            moving: 0.0,
+        };
+        both.moving = both.weight_of_moved(field, None);
+        both
     }
 
     /// The way along speed alone.
-    pub fn along_speed(&self, field: &RecordedSpectra, place: NodeIndex) -> Option<&LogSpectrum> {
-        self.0[place.0 * field.forces_n.len() + place.1].0.as_ref()
+    pub fn along_speed(&self, field: &RecordedSpectra, place: NodeIndex) -> Option<LogSpectrum> {
+        let way = self.ways[field.index(place)].0.as_ref()?;
+        Some(way.with(self.moving))
     }
 
     /// The way along force alone.
-    pub fn along_force(&self, field: &RecordedSpectra, place: NodeIndex) -> Option<&LogSpectrum> {
-        self.0[place.0 * field.forces_n.len() + place.1].1.as_ref()
+    pub fn along_force(&self, field: &RecordedSpectra, place: NodeIndex) -> Option<LogSpectrum> {
+        self.ways[field.index(place)].1.clone()
+    }
+
+    /// The weight of what moves with the speed, in quarters: that with the least mean C over the recorded nodes, each
+    /// predicted from the others at its force. Node `hidden` has no part in it. Where nothing tells, nothing moves.
+    fn weight_of_moved(&self, field: &RecordedSpectra, hidden: Option<NodeIndex>) -> f64 {
+        const QUARTERS: [f64; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
+        let mut errors = [0.0; QUARTERS.len()];
+        for (place, way) in field.places().zip(&self.ways) {
+            let Some(target) = field.spectrum(place).filter(|_| hidden != Some(place)) else {
+                continue;
+            };
+            // What was predicted with the hidden node is predicted once more without it.
+            let again = hidden.filter(|hidden| hidden.1 == place.1).map(|hidden| {
+                field.along_speed(field.speeds_mm_s[place.0], place.1, &[hidden, place])
+            });
+            let Some(way) = again.as_ref().unwrap_or(&way.0) else {
+                continue;
+            };
+            for (error, moving) in errors.iter_mut().zip(QUARTERS) {
+                *error += target.cost(&way.with(moving), DEFAULT_SMOOTHING_WIDTH_HZ);
+            }
+        }
+        let least = (1..errors.len()).fold(0, |least, next| {
+            if errors[next] < errors[least] {
+                next
+            } else {
+                least
+            }
+        });
+        QUARTERS[least]
     }
 
     /// The weight of the way along speed against that along force, by least squares over all recorded nodes that share
     /// neither speed nor force with `place`: what is recorded there has no part in it.
-    fn weight_of_speed(&self, field: &RecordedSpectra, place: NodeIndex) -> f64 {
-        let forces = field.forces_n.len();
+    fn weight_of_speed(&self, field: &RecordedSpectra, place: NodeIndex, moving: f64) -> f64 {
         let (mut product, mut square) = (0.0, 0.0);
-        for (index, ways) in self.0.iter().enumerate() {
-            let (speed, force) = (index / forces, index % forces);
-            let (Some(target), (Some(a), Some(b))) = (field.spectrum((speed, force)), ways) else {
+        for (other, ways) in field.places().zip(&self.ways) {
+            let (Some(target), (Some(a), Some(b))) = (field.spectrum(other), ways) else {
                 continue;
             };
-            if speed == place.0 || force == place.1 {
+            if other.0 == place.0 || other.1 == place.1 {
                 continue;
             }
+            let a = a.with(moving);
             for bin in judged_bins() {
                 let difference = a.values()[bin] - b.values()[bin];
                 product += (target.values()[bin] - b.values()[bin]) * difference;
@@ -234,7 +308,8 @@ fn judged_bins() -> impl Iterator<Item = usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dsp::log_spectrum::BINS;
+    use crate::dsp::log_spectrum::{BINS, STEP_HZ};
+    use proptest::prelude::*;
     use test_helpers::near;
 
     /// Levels over a grid: level(speed index, force index), in nepers of power.
@@ -276,6 +351,64 @@ mod tests {
         assert_eq!(predicted(&plain), predicted(&odd));
     }
 
+    /// Spectra at six speeds and two forces of `of`, a log density over frequency, Hz, and speed, mm/s.
+    fn of_density(of: impl Fn(f64, f64) -> f64) -> RecordedSpectra {
+        let speeds: Vec<f64> = (2..8).map(|s| 20.0 * f64::from(s)).collect();
+        let spectrum = |speed: f64| {
+            let value = |bin: usize| of((bin as f64 * STEP_HZ).max(4.0), speed);
+            Some(LogSpectrum::from_values((0..BINS).map(value).collect()))
+        };
+        let spectra = speeds
+            .iter()
+            .flat_map(|&speed| [spectrum(speed), spectrum(speed)]);
+        RecordedSpectra::new(speeds.clone(), vec![0.4, 0.8], spectra.collect())
+    }
+
+    /// A peak of `height` at `centre_hz`, a seventh wide.
+    fn peak(frequency_hz: f64, centre_hz: f64, height: f64) -> f64 {
+        height * (-((frequency_hz / centre_hz).ln() / 0.15).powi(2)).exp()
+    }
+
+    /// The error of the left-out node in the middle, as densified and as the mean of its neighbours, and the weight.
+    fn left_out(field: &RecordedSpectra) -> ([f64; 2], f64) {
+        let ways = TwoWays::of(field);
+        let place = (2, 0);
+        let error = |spectrum: &LogSpectrum| {
+            let recorded = field.spectrum(place).unwrap();
+            recorded.cost(spectrum, DEFAULT_SMOOTHING_WIDTH_HZ)
+        };
+        let unmoved = &ways.ways[field.index(place)].0.as_ref().unwrap().unmoved;
+        let densified = field.without(place, &ways).unwrap();
+        ([error(&densified), error(unmoved)], ways.moving)
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(12))]
+
+        #[test]
+        fn a_moving_comb_gets_the_weight_and_comes_nearer_than_the_mean(
+            pitch_mm in 0.5f64..2.0, resonance_hz in 150.0f64..900.0, height in 2.0f64..5.0,
+        ) {
+            let field = of_density(|frequency_hz, speed| {
+                let comb = [1.0, 2.0, 3.0].map(|n| peak(frequency_hz, n * speed / pitch_mm, height));
+                comb.iter().sum::<f64>() + peak(frequency_hz, resonance_hz, 3.0)
+            });
+            let ([densified, mean], moving) = left_out(&field);
+            prop_assert!(moving >= 0.75, "{moving}");
+            prop_assert!(densified < 0.5 * mean, "{densified} against {mean}");
+        }
+
+        #[test]
+        fn what_does_not_move_gets_no_weight_and_loses_nothing(
+            resonance_hz in 100.0f64..900.0, height in 2.0f64..5.0, growth in -0.01f64..0.01,
+        ) {
+            let field = of_density(|frequency_hz, speed| peak(frequency_hz, resonance_hz, height) + growth * speed);
+            let ([densified, mean], moving) = left_out(&field);
+            prop_assert!(moving <= 0.0, "{moving}");
+            prop_assert!(densified <= mean + 1e-9, "{densified} against {mean}");
+        }
+    }
+
     #[test]
     fn beyond_the_recorded_nodes_there_is_no_way() {
         let field = field(|speed, force| (force > 0).then_some(speed as f64));
@@ -283,6 +416,6 @@ mod tests {
         assert!(field.without((0, 0), &ways).is_none());
         assert!(ways.along_force(&field, (2, 1)).is_none());
         assert!(ways.along_speed(&field, (2, 1)).is_some());
-        assert!(field.along_speed(500.0, 1, None).is_none());
+        assert!(field.along_speed(500.0, 1, &[]).is_none());
     }
 }
