@@ -33,8 +33,8 @@ const STEADY: usize = 100;
 /// Samples from one moment of the motion to the next when it is played along: 2 ms, as on the device.
 const PATH_STEP: usize = 10;
 
-/// Cut-off frequency of the filter before levels are taken, over that of the stroke's own filter. What the hand's motion
-/// leaves beside the latter is in the recording alone, because a model has its neighbourhood there.
+/// Cut-off frequency of the filter before levels are taken, over that of the stroke's own filter. Beside the latter,
+/// some of the hand's motion is left in the recording, and none in a model.
 const LEVELS_OVER_CUT: f64 = 2.0;
 
 /// Findings of triage on any hand that moves, rests and lifts.
