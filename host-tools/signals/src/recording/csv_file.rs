@@ -234,8 +234,8 @@ fn time_columns(names: &Header<'_>) -> Result<Vec<TimeColumn>> {
         let stem = lower.split(['_', ' ', '[', '(']).next().unwrap_or_default();
         let problem = if MOTION_COLUMNS.contains(&name) {
             format!(
-                "has a column '{name}': a free hand's recordings are for 'stylus fit' or 'stylus page' with --strokes, or \
-                 for 'stylus segment', which cuts their steady pieces"
+                "has a column '{name}': a free hand's recordings are for 'stylus fit' or 'stylus page' with --strokes, \
+                 or for 'stylus segment', which cuts their steady pieces"
             )
         } else if TIME_WORDS.contains(&stem) && lower != stem {
             format!(
