@@ -5,6 +5,7 @@
 //! part of it that was used. The record stands in a file beside the library and names it by its content, too, so that
 //! a record of another library is not believed.
 
+use std::collections::HashMap;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
@@ -206,11 +207,23 @@ impl FitRecord {
         })
     }
 
-    /// Returns `set` with the speeds and forces that the fit took for its own.
+    /// Returns `set` as the fit read it: with the speeds and forces that the fit took for its own. A recording without a
+    /// scale, a unit of times or a word on even times has those that the fit was given for it.
     ///
     /// # Errors
-    /// See [`RecordingSet::snapped`].
-    pub fn as_fitted(&self, set: RecordingSet) -> Result<RecordingSet> {
+    /// A recording that cannot be read. See [`RecordingSet::snapped`].
+    pub fn as_fitted(&self, mut set: RecordingSet) -> Result<RecordingSet> {
+        let told = self.trials.iter().filter(|own| own.was_told());
+        let told: HashMap<&str, &FittedTrial> =
+            told.map(|own| (own.content.as_str(), own)).collect();
+        if !told.is_empty() {
+            let contents = in_order(&set.trials, content_of)?;
+            for (trial, content) in set.trials.iter_mut().zip(contents) {
+                if let Some(fitted) = told.get(digits(content).as_str()) {
+                    fitted.tell(trial);
+                }
+            }
+        }
         Ok(set.snapped(self.options.snap)?.0)
     }
 
@@ -265,6 +278,19 @@ impl FittedTrial {
             even_times: trial.has_even_times.unwrap_or(false),
             remarks: Vec::new(),
         }
+    }
+
+    /// Returns true if the fit was told how to read the recording.
+    fn was_told(&self) -> bool {
+        self.scale_m_s2.is_some() || self.time_unit.is_some() || self.even_times
+    }
+
+    /// Gives `trial`, of the same recording, what it does not say itself of how to read it.
+    fn tell(&self, trial: &mut Trial) {
+        trial.scale_m_s2 = trial.scale_m_s2.or(self.scale_m_s2);
+        trial.time_unit = trial.time_unit.or(self.time_unit);
+        let even_times = self.even_times.then_some(true);
+        trial.has_even_times = trial.has_even_times.or(even_times);
     }
 
     /// Returns whether two parts of one file share a moment.
@@ -344,6 +370,41 @@ mod tests {
         ] {
             let asked = trial(file.clone(), start_s, duration_s);
             assert_eq!(record.used(&asked).unwrap(), used, "{asked:?}");
+        }
+    }
+
+    #[test]
+    fn a_recording_is_read_as_the_fit_was_told_unless_it_says_otherwise_itself() {
+        let folder = tempfile::tempdir().unwrap();
+        let of = |name: &str, scale_m_s2| {
+            let file = folder.path().join(name);
+            std::fs::write(&file, name).unwrap();
+            Trial {
+                scale_m_s2,
+                ..trial(file, 0.0, None)
+            }
+        };
+        let set = |trials: Vec<Trial>| RecordingSet {
+            trials,
+            is_listed: true,
+        };
+        let told = Trial {
+            time_unit: Some(TimeUnit::Ms),
+            has_even_times: Some(true),
+            ..of("a", Some(9.8))
+        };
+        let record = FitRecord::of(&set(vec![told.clone()]), &Options::default(), b"").unwrap();
+        let own = Trial {
+            time_unit: Some(TimeUnit::Ms),
+            has_even_times: Some(true),
+            ..of("a", Some(2.0))
+        };
+        for (asked, read) in [
+            (of("a", None), told),
+            (own.clone(), own),
+            (of("b", None), of("b", None)),
+        ] {
+            assert_eq!(record.as_fitted(set(vec![asked])).unwrap().trials, [read]);
         }
     }
 
