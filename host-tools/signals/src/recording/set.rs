@@ -119,7 +119,7 @@ impl RecordingSet {
             trial.scale_m_s2 = trial.scale_m_s2.or(assumed.scale_m_s2);
             trial.sample_rate_hz = trial.sample_rate_hz.or(assumed.sample_rate_hz);
             trial.time_unit = trial.time_unit.or(assumed.time_unit);
-            trial.has_even_times = trial.has_even_times.or(Some(assumed.even_times));
+            trial.has_even_times = trial.has_even_times.or(assumed.even_times.then_some(true));
             if !set.is_listed {
                 trial.speed_mm_s = assumed.speed_mm_s;
                 trial.force_n = assumed.force_n;
@@ -131,7 +131,7 @@ impl RecordingSet {
     fn from_files(files: &[PathBuf]) -> Result<Self> {
         let trials = files.iter().map(|file| {
             if file.is_dir() {
-                let problem = "is a folder: give one folder alone, or recordings only";
+                let problem = "is a folder: give one folder alone, or recordings only; beside a library, by --recordings";
                 return Err(Error::file(file, problem));
             }
             let stem = file.file_stem().unwrap_or_default();
