@@ -223,21 +223,14 @@ fn nodes_are_checked() {
     of_node([1, 1], |t| t.nodes[3].offset = 8, "the begin of its coeffi");
     of_node([1, 1], |t| t.nodes[3].offset = u32::MAX, "the begin of its");
     of_node([2, 1], |t| t.coefficients.truncate(14), "the coefficients");
-    of_node(
-        AT,
-        |t| t.coefficients[..2].copy_from_slice(&[0, 0x80]),
-        "stage 1 has a reflection",
-    );
-    of_node(
-        AT,
-        |t| t.coefficients[2..4].copy_from_slice(&[0, 0x80]),
-        "stage 2 has a reflection",
-    );
-    of_node(
-        [1, 1],
-        |t| t.coefficients[6..8].copy_from_slice(&[0, 0x80]),
-        "stage 2 has a reflec",
-    );
+    for (node, at, told) in [
+        (AT, 0, "stage 1"),
+        (AT, 2, "stage 2"),
+        ([1, 1], 6, "stage 2"),
+    ] {
+        let reflects = |t: &mut RawTexture| t.coefficients[at..at + 2].copy_from_slice(&[0, 0x80]);
+        of_node(node, reflects, &format!("{told} has a reflection"));
+    }
     // A fraction that turns away from π/2 does not make its code a valid one, because a reader of codes alone would
     // not see it.
     of_node(
