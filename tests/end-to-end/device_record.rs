@@ -19,9 +19,8 @@ fn hand(speed_mm_s: f64, force_n: f64) -> Hand {
     let seed = (speed_mm_s * 10.0 + force_n) as u64;
     let vibration = all_pole(&[-1.2, 0.7], &noise(seed, 25_000));
     let code = |x: f64| (32_768.0 + 900.0 * x).round().clamp(0.0, 65_535.0) as u16;
-    let codes = vibration
-        .iter()
-        .map(|&x| [code(x), code(0.5 * x), code(-0.3 * x)]);
+    let codes = vibration.iter();
+    let codes = codes.map(|&x| [code(x), code(0.5 * x), code(-0.3 * x)]);
     Hand {
         speed_mm_s,
         force_n,

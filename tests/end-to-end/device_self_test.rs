@@ -126,9 +126,8 @@ fn a_line_of_the_encoder_that_is_stuck_is_named() {
             ..Options::default()
         };
         let lines = self_test::run(&device, &options, |_| ()).unwrap();
-        let failing = lines
-            .into_iter()
-            .filter(|line| line.verdict == Verdict::Fail);
+        let failing = lines.into_iter();
+        let failing = failing.filter(|line| line.verdict == Verdict::Fail);
         failing.map(|line| line.name).collect::<Vec<_>>()
     };
     // The first is in step with nothing. The second moves by 20 counts, five periods of both lines, in each block of a

@@ -35,9 +35,8 @@ fn axes(rate_hz: u32, drift: f64, seed: u64) -> ([Vec<f64>; 3], f64) {
     let scale = drift * LEVEL / (tones.len() as f64 / 2.0).sqrt();
     let motion = |n: usize| -> f64 {
         let time_s = n as f64 / f64::from(rate_hz);
-        let tones = tones
-            .iter()
-            .map(|&(hz, phase)| (TAU * (hz * time_s + phase)).sin());
+        let tones = tones.iter();
+        let tones = tones.map(|&(hz, phase)| (TAU * (hz * time_s + phase)).sin());
         scale * tones.sum::<f64>()
     };
     let motion: Vec<f64> = (0..count).map(motion).collect();

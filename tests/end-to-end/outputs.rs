@@ -194,9 +194,8 @@ const FOLDER_READERS: [&str; 4] = [
 
 /// The files that `command` names, and those in the folders that it names, but for those that it is to change.
 fn inputs_of(bench: &Bench, command: &str) -> Vec<String> {
-    let words = command
-        .split(' ')
-        .map(|word| word.rsplit('=').next().unwrap_or(word));
+    let words = command.split(' ');
+    let words = words.map(|word| word.rsplit('=').next().unwrap_or(word));
     let files = |word: &str| match fs::read_dir(bench.path(word)) {
         Ok(entries) => {
             let names = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap());

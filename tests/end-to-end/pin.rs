@@ -99,10 +99,8 @@ fn in_steps(samples: &[OutputSample]) -> Vec<f64> {
 fn at_the_pin(samples: &[OutputSample]) -> Vec<f64> {
     let settings = settings([("soft-start", 1.0), ("power-limit", 1.0)]).unwrap();
     let mut pin = Pin::new(samples.iter().copied(), PlayRate::Hz5000, &settings);
-    let codes = pin
-        .by_ref()
-        .map(|code| f64::from(code.get()) - 2048.0)
-        .collect();
+    let codes = pin.by_ref().map(|code| f64::from(code.get()) - 2048.0);
+    let codes = codes.collect();
     assert_eq!(pin.limited(), host_tools::playing::pin::Limited::default());
     codes
 }

@@ -105,9 +105,8 @@ fn powers(band: usize, speed: f64, motor: f64, axes: usize) -> (f64, f64) {
     let (low, high) = band_edges_hz(band);
     let of = |a: &[f64], rms: f64| factor(a, rms).powi(2) * power_between(a, RATE_HZ, low, high);
     let (texture, hiss_rms) = levels(speed, motor);
-    let tones = TONES
-        .into_iter()
-        .filter(|(hz, _)| (low..high).contains(&(hz * speed)));
+    let tones = TONES.into_iter();
+    let tones = tones.filter(|(hz, _)| (low..high).contains(&(hz * speed)));
     let tones = tones.map(|(_, amplitude)| (motor * amplitude * speed / 100.0).powi(2) / 2.0);
     let cos: f64 = TEXTURE.iter().zip(&MOTOR).map(|(a, b)| a * b).sum();
     let seen = if axes == 1 { 1.0 } else { cos * cos };

@@ -239,11 +239,8 @@ pub fn text(bytes: &[u8]) -> String {
 pub fn all_pole(a: &[f64], excitation: &[f64]) -> Vec<f64> {
     let mut output: Vec<f64> = Vec::with_capacity(excitation.len());
     for (n, e) in excitation.iter().enumerate() {
-        let past = a
-            .iter()
-            .enumerate()
-            .take(n)
-            .map(|(i, a)| a * output[n - 1 - i]);
+        let past = a.iter().enumerate().take(n);
+        let past = past.map(|(i, a)| a * output[n - 1 - i]);
         let next = e - past.sum::<f64>();
         output.push(next);
     }

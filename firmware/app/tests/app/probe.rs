@@ -92,9 +92,8 @@ fn check_codes(
         let (now, muted, codes) = tick(stylus);
         let mut next = |n: usize| {
             let at = now.checked_sub(started.first_tick);
-            let at = at
-                .map(|tick| tick as usize * per_tick + n)
-                .filter(|&at| at < count);
+            let at = at.map(|tick| tick as usize * per_tick + n);
+            let at = at.filter(|&at| at < count);
             let sample = at.map_or(0, |at| period[at % period.len()]);
             let sample = OutputSample((f32::from(sample) * step) as i32);
             // Without a section there is no stage, which would round.

@@ -225,9 +225,8 @@ mod tests {
             ..Options::default()
         };
         let file = |seed: u64| PathBuf::from(format!("{seed}.csv"));
-        let strokes: Vec<_> = (seeds.iter())
-            .map(|&seed| (file(seed), stroke(seed)))
-            .collect();
+        let strokes = (seeds.iter()).map(|&seed| (file(seed), stroke(seed)));
+        let strokes: Vec<_> = strokes.collect();
         fit_strokes("felt", &strokes, &options, |_| ()).unwrap()
     }
 
@@ -260,10 +259,8 @@ mod tests {
             strict: true,
             ..Options::default()
         });
-        assert!(
-            strict.starts_with("a.csv: ") && strict.contains("--strict"),
-            "{strict}"
-        );
+        assert!(strict.starts_with("a.csv: "), "{strict}");
+        assert!(strict.contains("--strict"), "{strict}");
         let subtracted = refused(Options {
             floor: FloorChoice::Subtract,
             ..Options::default()
