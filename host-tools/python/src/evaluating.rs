@@ -101,6 +101,23 @@ impl Judged {
         let found = evaluation::evaluate(&self.set, &library, judges, record, &self.options, done)?;
         Ok((found, unused))
     }
+
+    /// Plans a test by ear and passes it to `write`; returns its trials, its notes, and the takes that judge nothing.
+    fn compared(
+        &self,
+        before: Option<Compared<'_>>,
+        options: &listening::Options,
+        write: impl FnOnce(&listening::Plan) -> Result<()>,
+    ) -> Result<(usize, Vec<String>, Vec<String>)> {
+        let library = &decode_library(&self.path, &self.bytes)?;
+        let Chosen { judges, unused, .. } = self.chosen()?;
+        let record = self.record.as_deref();
+        let fitted = Compared { library, record };
+        let plan = plan(&self.set, &judges, fitted, before, &self.options, options)?;
+        write(&plan)?;
+        let notes = plan.notes(options.excerpt_s, self.takes.is_some());
+        Ok((plan.task.trials(), notes, unused))
+    }
 }
 
 /// Warns of takes that judge nothing, for these reasons.
@@ -311,11 +328,6 @@ pub fn compare<'py>(
         (bytes, before.named(), record)
     });
     let (trials, notes, unused) = work::run(py, 0, None, move |steps| {
-        let library = decode_library(&judged.path, &judged.bytes)?;
-        let Chosen { judges, unused, .. } = judged.chosen()?;
-        let record = judged.record.as_deref();
-        let library = &library;
-        let fitted = Compared { library, record };
         let decoded = (before.as_ref()).map(|(bytes, path, _)| decode_library(path, bytes));
         let decoded = decoded.transpose()?;
         let before = decoded.as_ref().zip(before.as_ref());
@@ -323,12 +335,10 @@ pub fn compare<'py>(
             library,
             record: record.as_deref(),
         });
-        let (set, evaluate) = (&judged.set, &judged.options);
-        let plan = plan(set, &judges, fitted, before, evaluate, &options)?;
-        steps.between();
-        listening_page::write(&plan, &out)?;
-        let notes = plan.notes(options.excerpt_s, judged.takes.is_some());
-        Ok((plan.task.trials(), notes, unused))
+        judged.compared(before, &options, |plan| {
+            steps.between();
+            listening_page::write(plan, &out).map(drop)
+        })
     })?;
     warn_of_unused(py, &unused)?;
     notes.iter().try_for_each(|note| warn(py, note))?;

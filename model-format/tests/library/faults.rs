@@ -198,10 +198,11 @@ fn nodes_are_checked() {
     of_node(AT, |t| t.nodes[2].flags = 0x10, "flags of 0x10, which this");
     of_node(AT, |t| t.nodes[2].flags = 0x80, "flags of 0x80");
     of_node(AT, |t| t.nodes[2].flags = 0x8000, "flags of 0x8000");
+    let told = "the prediction error's power is a";
     of_node(
         AT,
         |t| t.nodes[2].prediction_error_power = 4.0f32.next_up(),
-        "the prediction error's power is a",
+        told,
     );
     of_node(AT, |t| t.nodes[2].flags = 1, "the silent flag");
     of_node(
