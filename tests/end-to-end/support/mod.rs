@@ -316,11 +316,10 @@ pub fn integers(signal: &[f64], bits: u16) -> Vec<u8> {
 fn wav_of<T: hound::Sample>(spec: hound::WavSpec, samples: impl Iterator<Item = T>) -> Vec<u8> {
     let mut bytes = std::io::Cursor::new(Vec::new());
     let mut writer = hound::WavWriter::new(&mut bytes, spec).expect("the spec is sound");
-    samples.for_each(|sample| {
-        writer
-            .write_sample(sample)
-            .expect("there is room in memory")
-    });
+    for sample in samples {
+        let written = writer.write_sample(sample);
+        written.expect("there is room in memory");
+    }
     writer.finalize().expect("there is room in memory");
     bytes.into_inner()
 }
