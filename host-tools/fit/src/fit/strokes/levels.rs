@@ -258,15 +258,19 @@ mod tests {
 
     #[test]
     fn axes_reach_as_far_as_the_hand_in_steps_that_are_no_finer_than_a_factor() {
-        let hand = (0..1000).map(|n| (10.0 + 0.3 * f64::from(n), 1.0));
-        let hand: Vec<(f64, f64)> = hand.collect();
+        let hand: Vec<(f64, f64)> = (0..1000)
+            .map(|n| (10.0 + 0.3 * f64::from(n), 1.0))
+            .collect();
         let axes = Axes::of(&windows(&hand, |_, _| 0.0));
         assert_eq!(axes.forces_n, [1.0]);
         assert_eq!(axes.speeds_mm_s.len(), MOST.0);
-        assert_eq!(axes.speeds_mm_s[0], 16.0);
-        assert_eq!(axes.speeds_mm_s[MOST.0 - 1], 300.0);
-        let narrow = (0..100).map(|n| (100.0 + 0.5 * f64::from(n), 1.0));
-        let narrow: Vec<(f64, f64)> = narrow.collect();
+        assert_eq!(
+            (axes.speeds_mm_s[0], axes.speeds_mm_s[MOST.0 - 1]),
+            (16.0, 300.0)
+        );
+        let narrow: Vec<(f64, f64)> = (0..100)
+            .map(|n| (100.0 + 0.5 * f64::from(n), 1.0))
+            .collect();
         assert_eq!(
             Axes::of(&windows(&narrow, |_, _| 0.0)).speeds_mm_s,
             [100.0, 150.0]

@@ -225,8 +225,9 @@ mod tests {
             ..Options::default()
         };
         let file = |seed: u64| PathBuf::from(format!("{seed}.csv"));
-        let strokes = (seeds.iter()).map(|&seed| (file(seed), stroke(seed)));
-        let strokes: Vec<_> = strokes.collect();
+        let strokes: Vec<_> = (seeds.iter())
+            .map(|&seed| (file(seed), stroke(seed)))
+            .collect();
         fit_strokes("felt", &strokes, &options, |_| ()).unwrap()
     }
 
@@ -259,8 +260,10 @@ mod tests {
             strict: true,
             ..Options::default()
         });
-        assert!(strict.starts_with("a.csv: "), "{strict}");
-        assert!(strict.contains("--strict"), "{strict}");
+        assert!(
+            strict.starts_with("a.csv: ") && strict.contains("--strict"),
+            "{strict}"
+        );
         let subtracted = refused(Options {
             floor: FloorChoice::Subtract,
             ..Options::default()
