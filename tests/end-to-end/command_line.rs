@@ -1,7 +1,7 @@
 //! The command from outside: its results on good input, and its messages about bad input.
 
 use crate::support::{
-    Bench, RATE_HZ, all_pole, holds, json, noise, rig_of, scaled, two_textures, wav,
+    Bench, RATE_HZ, all_pole, holds, integers, json, noise, rig_of, scaled, two_textures, wav,
 };
 
 /// Two textures at two speeds and forces, on two axes of which the second is weak.
@@ -19,8 +19,7 @@ fn recordings_become_a_library_that_is_judged_inspected_and_rendered() {
         "evaluate set --library textures.lib --json figures.json --report report --synthesis 2",
     );
     holds(&judged, &["felt", "report/index.html"]);
-    let figures: serde_json::Value =
-        serde_json::from_slice(&std::fs::read(bench.path("figures.json")).unwrap()).unwrap();
+    let figures = bench.report("figures.json");
     assert_eq!(figures["trials"].as_array().unwrap().len(), 8);
     assert_eq!(figures["simulated"], false);
     for texture in figures["textures"].as_array().unwrap() {
@@ -29,21 +28,15 @@ fn recordings_become_a_library_that_is_judged_inspected_and_rendered() {
         // The recordings are autoregressive as the models are, so the cost is that of the synthesis' own noise.
         assert!(cost < 1.2 * floor, "{texture}");
     }
-    bench.succeed(
-        "render textures.lib --texture silk --speed 100 --force 0.7 --seconds 2 --out a.wav",
-    );
-    let rendered = hound::WavReader::open(bench.path("a.wav")).unwrap();
-    assert_eq!(
-        (rendered.spec().sample_rate, rendered.duration()),
-        (RATE_HZ, 10_000)
-    );
-    let export = "export textures.lib --texture silk --speed 100 --force 0.7 --seconds 2 --out";
+    let along = "textures.lib --texture silk --speed 100 --force 0.7 --seconds 2 --out";
+    bench.succeed(&format!("render {along} a.wav"));
+    assert_eq!(bench.samples("a.wav", RATE_HZ).len(), 10_000);
+    let export = format!("export {along}");
     for format in ["hjif", "haptic", "ahap", "wav"] {
         let said = bench.succeed(&format!("{export} b.{format} --format {format}"));
         holds(&said, &["'silk' (recorded)", "1.0 is "]);
     }
-    let read = |name| std::fs::read(bench.path(name)).unwrap();
-    assert_eq!(read("b.wav"), read("a.wav"));
+    assert_eq!(bench.read("b.wav"), bench.read("a.wav"));
     let refused = bench.refuse(&format!("{export} c --format hjif --full-scale 1e-3"));
     holds(&refused, &["'silk'", "more than 0.001", "--full-scale"]);
     let refused = bench.refuse(&format!("{export} c --format ahap").replace('2', "601"));
@@ -54,12 +47,10 @@ fn recordings_become_a_library_that_is_judged_inspected_and_rendered() {
 #[test]
 fn reports_for_scripts_are_json() {
     let bench = small_set();
-    let fitted = bench.succeed("fit set --out textures.lib --json");
-    let report = json(&fitted);
+    let report = json(&bench.succeed("fit set --out textures.lib --json"));
     assert_eq!(report["trials"].as_array().unwrap().len(), 8);
     assert!(report["trials"][0]["energy_share"].as_f64().unwrap() > 0.98);
-    let inspected = bench.succeed("inspect textures.lib --json");
-    let content = json(&inspected);
+    let content = json(&bench.succeed("inspect textures.lib --json"));
     assert_eq!(content["textures"][0]["nodes"].as_array().unwrap().len(), 4);
     assert_eq!(content["scenes"].as_array().unwrap().len(), 0);
 }
@@ -80,12 +71,10 @@ fn the_same_seed_gives_the_same_bytes() {
     let bench = small_set();
     bench.succeed("fit set --out a.lib");
     bench.succeed("fit set --out b.lib");
-    let read = |name: &str| std::fs::read(bench.path(name)).unwrap();
+    let read = |name: &str| bench.read(name);
     assert_eq!(read("a.lib"), read("b.lib"));
-    bench.write(
-        "m.csv",
-        "time_s,speed_mm_s,force_n\n0,0,0\n1,200,1\n2,20,0.2\n",
-    );
+    let motion = "time_s,speed_mm_s,force_n\n0,0,0\n1,200,1\n2,20,0.2\n";
+    bench.write("m.csv", motion);
     for (out, seed) in [("a.wav", 5), ("b.wav", 5), ("c.wav", 6)] {
         bench.succeed(&format!(
             "render a.lib --texture felt --motion m.csv --out {out} --seed {seed}"
@@ -107,7 +96,7 @@ fn a_simulated_set_is_simulated_wherever_it_goes() {
     bench.succeed("page rig.lib --out rub.html");
     bench.succeed("compare rig --library rig.lib --out listen.html --trials 9 --segment 0.3");
     for page in ["out/index.html", "rub.html", "listen.html"] {
-        let page = std::fs::read_to_string(bench.path(page)).unwrap();
+        let page = String::from_utf8(bench.read(page)).unwrap();
         assert!(page.contains("<p class=\"notice\">SIMULATED"));
     }
     let rendered = bench
@@ -120,76 +109,46 @@ fn what_cannot_be_used_is_refused_in_one_line_and_nothing_is_written() {
     let bench = small_set();
     bench.succeed("fit set --out good.lib");
     bench.write("empty/readme.txt", "no trials here");
-    bench.write(
-        "bad/trials.csv",
-        "file,texture,speed_mm_s,force_n\na.wav,silk,100,1\na.wav,silk,x,1\n",
-    );
-    bench.write(
-        "gone/trials.csv",
-        "file,texture,speed_mm_s,force_n\nnot-there.wav,silk,100,1\n",
-    );
+    let header = "file,texture,speed_mm_s,force_n";
+    let list = format!("{header}\na.wav,silk,100,1\na.wav,silk,x,1\n");
+    bench.write("bad/trials.csv", list);
+    let list = format!("{header}\nnot-there.wav,silk,100,1\n");
+    bench.write("gone/trials.csv", list);
     bench.write("nan.csv", "time_s,x\n0,1\n0.0002,NaN\n0.0004,1\n");
     bench.write("not.wav", "RIFF but not really");
     let mut nan = noise(1, 10_000);
     nan[77] = f64::INFINITY;
     bench.write("infinite.wav", wav(&[&nan], RATE_HZ));
-    bench.write("noise.wav", wav(&[&noise(1, 10_000)], RATE_HZ));
     let whole = wav(&[&noise(1, 10_000)], RATE_HZ);
+    bench.write("noise.wav", &whole);
     bench.write("cut.wav", &whole[..20_000]);
     let before = bench.names();
-    for (arguments, words) in [
-        ("fit nowhere --out o.lib", &["nowhere"][..]),
-        ("fit empty --out o.lib", &["empty", "trials.csv"]),
-        ("fit bad --out o.lib", &["line 3", "speed_mm_s", "'x'"]),
-        ("fit gone --out o.lib", &["not-there.wav"]),
-        (
-            "fit nan.csv --out o.lib",
-            &["nan.csv", "sample 1", "not a finite number"],
-        ),
-        (
-            "fit infinite.wav --out o.lib",
-            &["infinite.wav", "sample 77"],
-        ),
-        ("fit not.wav --out o.lib", &["not.wav", "WAV"]),
-        ("fit cut.wav --out o.lib", &["cut.wav", "truncated"]),
-        (
-            "fit noise.wav --reduce z --out o.lib",
-            &["axis 3", "has 1 in all"],
-        ),
-        ("fit noise.wav --out nowhere/o.lib", &["nowhere"]),
-        ("evaluate set --library nowhere.lib", &["nowhere.lib"]),
-        (
-            "evaluate noise.wav --library good.lib",
-            &["'noise'", "silk"],
-        ),
-        (
-            "render good.lib --texture wool --speed 1 --force 1 --seconds 1 --out o.wav",
-            &["'wool'", "felt"],
-        ),
-        (
-            "render good.lib --texture silk --motion nowhere.csv --out o.wav",
-            &["nowhere.csv"],
-        ),
-        ("inspect noise.wav", &["noise.wav", "not a texture library"]),
-        (
-            "simulate-rig --rig nowhere.toml --out rig",
-            &["nowhere.toml"],
-        ),
-    ] {
-        holds(&bench.refuse(arguments), words);
-        assert_eq!(
-            bench.names(),
-            before,
-            "stylus {arguments} left something behind"
-        );
-    }
+    bench.refuse_each(
+        "fit nowhere --out o.lib | nowhere
+        fit empty --out o.lib | empty | trials.csv
+        fit bad --out o.lib | line 3 | speed_mm_s | 'x'
+        fit gone --out o.lib | not-there.wav
+        fit nan.csv --out o.lib | nan.csv | sample 1 | not a finite number
+        fit infinite.wav --out o.lib | infinite.wav | sample 77
+        fit not.wav --out o.lib | not.wav | WAV
+        fit cut.wav --out o.lib | cut.wav | truncated
+        fit noise.wav --reduce z --out o.lib | axis 3 | has 1 in all
+        fit noise.wav --out nowhere/o.lib | nowhere
+        evaluate set --library nowhere.lib | nowhere.lib
+        evaluate noise.wav --library good.lib | 'noise' | silk
+        render good.lib --texture wool --speed 1 --force 1 --seconds 1 --out o.wav | 'wool' | felt
+        render good.lib --texture silk --motion nowhere.csv --out o.wav | nowhere.csv
+        inspect noise.wav | noise.wav | not a texture library
+        simulate-rig --rig nowhere.toml --out rig | nowhere.toml",
+    );
+    assert_eq!(bench.names(), before, "something is left behind");
 }
 
 #[test]
 fn damaged_libraries_are_refused_by_every_command_with_the_place() {
     let bench = small_set();
     bench.succeed("fit set --out good.lib");
-    let good = std::fs::read(bench.path("good.lib")).unwrap();
+    let good = bench.read("good.lib");
     bench.write("short.lib", &good[..good.len() - 1]);
     let mut flipped = good.clone();
     flipped[good.len() / 2] ^= 4;
@@ -236,14 +195,10 @@ fn arguments_out_of_range_are_refused() {
 #[test]
 fn holes_are_filled_and_flagged_and_dropped_trials_are_holes() {
     let bench = small_set();
-    let list = std::fs::read_to_string(bench.path("set/trials.csv")).unwrap();
-    let without: Vec<&str> = list
-        .lines()
-        .filter(|line| !line.starts_with("silk-50-1.wav"))
-        .collect();
-    bench.write("set/trials.csv", without.join("\n"));
-    let said = bench.succeed("fit set --out a.lib --json");
-    let report = json(&said);
+    let list = String::from_utf8(bench.read("set/trials.csv")).unwrap();
+    let rest = list.lines().filter(|line| !line.starts_with("silk-50-1."));
+    bench.write("set/trials.csv", rest.collect::<Vec<_>>().join("\n"));
+    let report = json(&bench.succeed("fit set --out a.lib --json"));
     assert_eq!(report["textures"][0]["filled_nodes"], 1);
     assert_eq!(report["textures"][1]["filled_nodes"], 0);
 }
@@ -251,45 +206,25 @@ fn holes_are_filled_and_flagged_and_dropped_trials_are_holes() {
 #[test]
 fn any_pcm_or_float_wav_and_csv_give_the_same_model() {
     let bench = Bench::new();
-    let signal: Vec<f64> = all_pole(&[-1.2, 0.7], &noise(5, 10_000))
-        .iter()
-        .map(|x| 0.1 * x)
-        .collect();
+    let signal = scaled(&all_pole(&[-1.2, 0.7], &noise(5, 10_000)), 0.1);
     bench.write("float.wav", wav(&[&signal], RATE_HZ));
     for bits in [16u16, 24, 32] {
-        let spec = hound::WavSpec {
-            channels: 1,
-            sample_rate: RATE_HZ,
-            bits_per_sample: bits,
-            sample_format: hound::SampleFormat::Int,
-        };
-        let path = bench.path(&format!("pcm{bits}.wav"));
-        let mut writer = hound::WavWriter::create(path, spec).unwrap();
-        for x in &signal {
-            let code = (x * 2f64.powi(i32::from(bits) - 1)).round() as i32;
-            writer.write_sample(code).unwrap();
-        }
-        writer.finalize().unwrap();
+        bench.write(&format!("pcm{bits}.wav"), integers(&signal, bits));
     }
     bench.write("double.wav", double_wav(&signal));
-    let lines: Vec<String> = signal
-        .iter()
-        .enumerate()
-        .map(|(n, x)| format!("{},{x}", n as f64 / f64::from(RATE_HZ)))
-        .collect();
+    let rows = (0..).zip(&signal);
+    let rows = rows.map(|(n, x)| format!("{},{x}\n", f64::from(n) / f64::from(RATE_HZ)));
     bench.write(
         "table.csv",
-        format!("time_s,x_m_s2\n{}\n", lines.join("\n")),
+        "time_s,x_m_s2\n".to_owned() + &rows.collect::<String>(),
     );
     bench.succeed(
         "fit float.wav pcm16.wav pcm24.wav pcm32.wav double.wav table.csv --out a.lib --order 10",
     );
-    let bytes = std::fs::read(bench.path("a.lib")).unwrap();
+    let bytes = bench.read("a.lib");
     let library = model_format::Library::decode(&bytes).unwrap();
-    let powers: Vec<f32> = library
-        .textures()
-        .map(|t| t.node(0, 0).output_power)
-        .collect();
+    let powers = library.textures().map(|t| t.node(0, 0).output_power);
+    let powers: Vec<f32> = powers.collect();
     assert_eq!(powers.len(), 6);
     for power in &powers {
         assert!((power / powers[0] - 1.0).abs() < 1e-3, "{powers:?}");

@@ -33,8 +33,8 @@ impl<'a> Operator<'a> {
     /// Waits until the command says `words`.
     fn until(&mut self, words: &str) -> String {
         let said = |line: &std::io::Result<String>| line.as_ref().unwrap().contains(words);
-        self.said
-            .find(said)
+        let found = self.said.find(said);
+        found
             .unwrap_or_else(|| panic!("'{words}' is not said"))
             .unwrap()
     }
@@ -85,13 +85,8 @@ fn weights_and_a_distance_set_both_scales_in_one_change_and_are_measured_again()
     let mut operator = Operator::new(&stylus, &bench, command);
     operator.hand.force_noise = 20;
     let [one, two] = [0.5 * WEIGHT_N, WEIGHT_N];
-    operator.weigh(&[
-        ("nothing", 0.0),
-        ("100 g", one),
-        ("200 g", two),
-        ("100 g", one),
-        ("nothing", 0.0),
-    ]);
+    operator.weigh(&[("nothing", 0.0), ("100 g", one), ("200 g", two)]);
+    operator.weigh(&[("100 g", one), ("nothing", 0.0)]);
     operator.travel(2_500);
     operator.travel(0);
     operator.answer("in the air, tip down", "");
@@ -100,31 +95,18 @@ fn weights_and_a_distance_set_both_scales_in_one_change_and_are_measured_again()
     operator.travel(2_500);
     let (report, code) = operator.end();
     assert_eq!(code, Some(0), "{report}");
-    let report: serde_json::Value = serde_json::from_str(&report).unwrap();
+    let report = json(&report);
     near(value(&bench, "force-per-volt"), 4.0, 0.01);
     near(value(&bench, "path-per-count"), 0.02, 1e-6);
     // Noise that is even between ± 20 codes of 0.2 mN has a deviation of 2.4 mN.
     let threshold = value(&bench, "contact-threshold");
     assert!((0.02..0.03).contains(&threshold), "{threshold}");
-    let set: Vec<_> = report["set"]
-        .as_array()
-        .unwrap()
-        .iter()
-        .map(|set| &set["name"])
-        .collect();
-    assert_eq!(
-        set,
-        [
-            "force-zero",
-            "force-per-volt",
-            "contact-threshold",
-            "path-per-count"
-        ]
-    );
-    assert_eq!(
-        report["scales"]["path"]["counts"],
-        serde_json::json!([2_500, -2_500])
-    );
+    let set = report["set"].as_array().unwrap().iter();
+    let set: Vec<&str> = set.map(|set| set["name"].as_str().unwrap()).collect();
+    let names = "force-zero force-per-volt contact-threshold path-per-count";
+    assert_eq!(set.join(" "), names);
+    let counts = &report["scales"]["path"]["counts"];
+    assert_eq!(counts, &json("[2500, -2500]"));
 }
 
 #[test]

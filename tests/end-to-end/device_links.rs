@@ -67,16 +67,14 @@ fn a_port_that_another_program_uses_is_said_to_be_in_use() {
 #[test]
 fn where_there_is_no_device_one_line_says_so() {
     let bench = Bench::new();
-    for (link, words) in [
-        ("serial:/dev/no-such-port", "there is no such port"),
-        ("serial:/dev/null", "is it a serial port?"),
-        ("tcp:127.0.0.1:1", "nothing listens there"),
-        ("tcp:no-such-host.invalid:4000", "cannot be opened"),
-        // If a stylus is plugged in, it has another serial number.
-        ("usb:no-such-serial", "on USB"),
-    ] {
-        holds(&bench.refuse(&format!("status --link {link}")), &[words]);
-    }
+    // If a stylus is plugged in, it has another serial number.
+    bench.refuse_each(
+        "status --link serial:/dev/no-such-port | there is no such port
+        status --link serial:/dev/null | is it a serial port?
+        status --link tcp:127.0.0.1:1 | nothing listens there
+        status --link tcp:no-such-host.invalid:4000 | cannot be opened
+        status --link usb:no-such-serial | on USB",
+    );
     let output = bench.run("status --link bluetooth:stylus");
     assert_eq!(output.status.code(), Some(2));
     assert!(text(&output.stderr).contains("tcp:HOST:PORT"));

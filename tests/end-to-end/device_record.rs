@@ -19,9 +19,8 @@ fn hand(speed_mm_s: f64, force_n: f64) -> Hand {
     let seed = (speed_mm_s * 10.0 + force_n) as u64;
     let vibration = all_pole(&[-1.2, 0.7], &noise(seed, 25_000));
     let code = |x: f64| (32_768.0 + 900.0 * x).round().clamp(0.0, 65_535.0) as u16;
-    let codes = vibration
-        .iter()
-        .map(|&x| [code(x), code(0.5 * x), code(-0.3 * x)]);
+    let codes = vibration.iter();
+    let codes = codes.map(|&x| [code(x), code(0.5 * x), code(-0.3 * x)]);
     Hand {
         speed_mm_s,
         force_n,
@@ -64,14 +63,10 @@ fn what_is_recorded_is_what_was_on_the_pins_and_a_fit_takes_it() {
         assert_eq!(row["verdicts"], serde_json::json!([]), "{row}");
         near(row["level"]["speed_mm_s"].as_f64().unwrap(), speed, 0.5);
         near(row["level"]["force_n"].as_f64().unwrap(), force, 0.01);
-        assert_eq!(
-            (report["lost_blocks"].as_u64(), row["holes"].as_u64()),
-            (Some(0), Some(0))
-        );
-
-        let trial = bench.path("set/trials.csv");
-        let trials = std::fs::read_to_string(trial).unwrap().lines().count() - 2;
-        let axes = samples(&bench, trials);
+        assert_eq!(report["lost_blocks"], 0);
+        assert_eq!(row["holes"], 0);
+        let list = text(&bench.read("set/trials.csv"));
+        let axes = samples(&bench, list.lines().count() - 2);
         assert_eq!(axes[0].len(), 10_000);
         // The recording begins anywhere in the signal's loop.
         let codes: Vec<[i64; 3]> = (0..10_000)
@@ -83,17 +78,11 @@ fn what_is_recorded_is_what_was_on_the_pins_and_a_fit_takes_it() {
                 [code(0), code(1), code(2)]
             })
             .collect();
-        let pins: Vec<[i64; 3]> = hand
-            .acceleration
-            .iter()
-            .map(|codes| codes.map(i64::from))
-            .collect();
-        let looped: Vec<[i64; 3]> = pins.iter().chain(&pins).copied().collect();
+        let pins = hand.acceleration.iter().map(|codes| codes.map(i64::from));
+        let pins: Vec<[i64; 3]> = pins.collect();
+        let looped = [&pins[..], &pins].concat();
         let begins = (0..pins.len()).find(|&at| looped[at..at + 10_000] == codes[..]);
-        assert!(
-            begins.is_some(),
-            "the recording is not a stretch of what was on the pins"
-        );
+        assert!(begins.is_some(), "it is no stretch of what was on the pins");
     }
     let said = bench.succeed("fit set --out silk.lib --order 10");
     holds(&said, &["3 trials -> silk.lib"]);
@@ -112,12 +101,12 @@ fn trials_that_are_there_are_not_recorded_again_unless_asked() {
     assert_eq!(second["recorded"].as_array().unwrap().len(), 1);
     assert_eq!(stylus.count("stylus/record/start"), 1);
     // The hand is too slow, and the report says so.
-    let message = second["recorded"][0]["verdicts"].to_string();
-    holds(&message, &["instead of 200 mm/s"]);
+    let verdicts = &second["recorded"][0]["verdicts"];
+    holds(verdicts, &["instead of 200 mm/s"]);
     let before = samples(&bench, 0);
     let again = report(&record(&bench, &format!("{first} --again --scale 10")));
     assert_eq!(again["recorded"].as_array().unwrap().len(), 1);
-    let list = std::fs::read_to_string(bench.path("set/trials.csv")).unwrap();
+    let list = text(&bench.read("set/trials.csv"));
     assert_eq!(list.lines().count(), 3, "{list}");
     assert_ne!(samples(&bench, 0), before);
 }
@@ -152,11 +141,8 @@ fn what_the_device_loses_is_told_apart_from_what_the_link_loses() {
     let row = &report["recorded"][0];
     let lost = row["loss"]["in_device"].as_u64().unwrap();
     assert!((4..=5).contains(&lost), "{row}");
-    assert_eq!(
-        (&row["loss"]["on_link"], &row["holes"]),
-        (&0.into(), &1.into()),
-        "{row}"
-    );
+    assert_eq!(row["loss"]["on_link"], 0, "{row}");
+    assert_eq!(row["holes"], 1, "{row}");
     assert_eq!(report["lost_blocks"], lost);
 }
 
@@ -173,10 +159,8 @@ fn torn_samples_are_told_and_interpolated_and_too_many_are_no_recording() {
         if is_kept {
             let row = &report(&output)["recorded"][0];
             assert_eq!(row["interpolated"], torn, "{row}");
-            assert!(
-                row["loss"]["torn_samples"].as_u64() >= Some(torn.into()),
-                "{row}"
-            );
+            let told = row["loss"]["torn_samples"].as_u64();
+            assert!(told >= Some(torn.into()), "{row}");
         } else {
             holds(&text(&output.stderr), &["of 10000 samples are torn"]);
         }
@@ -228,28 +212,19 @@ fn triage_judges_each_trial_when_it_is_there() {
         [top, codes[1], codes[2]]
     };
     let good = hand(100.0, 1.0);
-    let loud: Vec<[u16; 3]> = good
-        .acceleration
-        .iter()
-        .copied()
-        .enumerate()
-        .map(clipped)
-        .collect();
+    let codes = good.acceleration.iter().copied().enumerate();
+    let loud: Vec<[u16; 3]> = codes.map(clipped).collect();
     // In the air the samples are whatever they are: the one finding is that nothing moved.
     stylus.set_hand(Hand {
         acceleration: Vec::clone(&loud),
         ..hand(0.0, 0.0)
     });
-    let said = report(&record(
-        &bench,
-        "--texture air --speeds 100 --forces 1 --yes",
-    ));
+    let air = "--texture air --speeds 100 --forces 1 --yes";
+    let said = report(&record(&bench, air));
     let verdicts = said["recorded"][0]["verdicts"].as_array().unwrap();
     assert_eq!(verdicts.len(), 1, "{said}");
-    holds(
-        &verdicts[0].to_string(),
-        &["nothing moved: the sensors say 0.0 mm/s and 0.00 N"],
-    );
+    let words = "nothing moved: the sensors say 0.0 mm/s and 0.00 N";
+    holds(&verdicts[0], &[words]);
     for (texture, acceleration, word) in [
         ("still", vec![[32_768; 3]], "silent"),
         ("loud", loud, "clipped"),
@@ -260,7 +235,7 @@ fn triage_judges_each_trial_when_it_is_there() {
         });
         let arguments = format!("--texture {texture} --speeds 100 --forces 1 --yes");
         let report = report(&record(&bench, &arguments));
-        holds(&report["recorded"][0]["verdicts"].to_string(), &[word]);
+        holds(&report["recorded"][0]["verdicts"], &[word]);
     }
 }
 
@@ -269,20 +244,15 @@ fn triage_judges_each_trial_when_it_is_there() {
 fn ctrl_c_ends_a_trial_without_a_trace_of_it() {
     let (stylus, bench) = attached(FakeStylus::start());
     stylus.set_hand(hand(100.0, 1.0));
-    let child = spawn(
-        &bench,
-        "--texture silk --speeds 100 --forces 1 --seconds 60 --yes",
-    );
+    let long = "--texture silk --speeds 100 --forces 1 --seconds 60 --yes";
+    let child = spawn(&bench, long);
     wait_for("the recording", || stylus.count("stylus/record/start") > 0);
     interrupt(&child);
     let report = report(&child.wait_with_output().unwrap());
-    assert_eq!(
-        (&report["left_out"], &report["recorded"]),
-        (&1.into(), &Value::Array(vec![]))
-    );
+    assert_eq!(report["left_out"], 1);
+    assert_eq!(report["recorded"], Value::Array(vec![]));
     assert!(!bench.path("set/trials.csv").exists());
-    let status = bench.succeed("status --json");
-    let status = json(&status);
+    let status = json(&bench.succeed("status --json"));
     assert_eq!(status["status"]["record"]["recording"], false);
 }
 
@@ -308,17 +278,13 @@ fn a_recording_that_was_left_running_is_stopped_by_stop() {
 
 /// The columns of a recording of strokes, without its header and comments.
 fn columns(bench: &Bench, name: &str) -> Vec<[f64; 6]> {
-    let text = std::fs::read_to_string(bench.path(name)).unwrap();
-    text.lines()
-        .filter(|line| !line.starts_with(['#', 't']))
-        .map(|line| {
-            let fields: Vec<f64> = line
-                .split(',')
-                .map(|field| field.parse().unwrap())
-                .collect();
-            fields.try_into().unwrap()
-        })
-        .collect()
+    let text = text(&bench.read(name));
+    let rows = text.lines().filter(|line| !line.starts_with(['#', 't']));
+    let row = |line: &str| -> [f64; 6] {
+        let fields = line.split(',').map(|field| field.parse().unwrap());
+        fields.collect::<Vec<f64>>().try_into().unwrap()
+    };
+    rows.map(row).collect()
 }
 
 #[test]
@@ -326,12 +292,10 @@ fn a_free_hands_strokes_are_recorded_cut_and_fitted() {
     let (stylus, bench) = attached(FakeStylus::start());
     for (name, speed, force) in [("a.csv", 120.0, 1.0), ("b.csv", 60.0, 0.6)] {
         stylus.set_hand(hand(speed, force));
-        let recorded = bench.succeed(&format!("record {name} --strokes --seconds 1.5 --json"));
-        let recorded = json(&recorded);
-        assert_eq!(
-            (&recorded["lost_samples"], &recorded["seconds"]),
-            (&0.into(), &1.5.into())
-        );
+        let record = format!("record {name} --strokes --seconds 1.5 --json");
+        let recorded = json(&bench.succeed(&record));
+        assert_eq!(recorded["lost_samples"], 0);
+        assert_eq!(recorded["seconds"], 1.5);
         let rows = columns(&bench, name);
         assert_eq!(rows.len(), 7500);
         let scale = SCALE * f64::from(AdcCode::STEP.0);
@@ -343,17 +307,13 @@ fn a_free_hands_strokes_are_recorded_cut_and_fitted() {
         let begins = begins.expect("the first samples were on the pins");
         for (n, row) in rows.iter().enumerate() {
             assert_eq!(codes(row), pin(begins + n), "{name}, sample {n}");
-            assert!(
-                (row[4] - speed).abs() < 0.02 * speed,
-                "{name}, sample {n}: {row:?}"
-            );
-            assert!((row[5] - force).abs() < 0.01, "{name}, sample {n}: {row:?}");
+            near(row[4], speed, 0.02 * speed);
+            near(row[5], force, 0.01);
         }
     }
-    let cut = bench.succeed(
-        "segment a.csv b.csv --texture silk --out set --speeds 20:200:20 --forces 0.2:1.4:0.2",
-    );
-    holds(&cut, &["2 nodes"]);
+    let grid = "--speeds 20:200:20 --forces 0.2:1.4:0.2";
+    let segment = format!("segment a.csv b.csv --texture silk --out set {grid}");
+    holds(&bench.succeed(&segment), &["2 nodes"]);
     let said = bench.succeed("fit set --out silk.lib --order 10");
     holds(&said, &["-> silk.lib"]);
 }
@@ -375,11 +335,9 @@ fn ctrl_c_ends_strokes_and_keeps_them_and_what_the_link_loses_is_a_hole() {
     assert_eq!(report["lost_samples"], lost);
     // Time goes on in the holes, and the speed and force beside them are right.
     for (n, row) in rows.iter().enumerate() {
-        assert!((row[0] - n as f64 / 5000.0).abs() < 1e-9);
-        assert!(
-            row[4].is_nan() || (row[4] - 100.0).abs() < 3.0,
-            "sample {n}: {row:?}"
-        );
+        near(row[0], n as f64 / 5000.0, 1e-9);
+        let is_right = row[4].is_nan() || (row[4] - 100.0).abs() < 3.0;
+        assert!(is_right, "sample {n}: {row:?}");
     }
 }
 
@@ -390,8 +348,7 @@ fn a_duration_that_no_recording_can_have_is_refused_before_memory_is_taken_for_i
         "record set --texture silk --speeds 100 --forces 1 --yes",
         "record strokes.csv --strokes",
     ] {
-        let arguments = format!("{command} --seconds 1e12");
-        let output = bench.run(&arguments);
+        let output = bench.run(&format!("{command} --seconds 1e12"));
         let message = text(&output.stderr);
         assert_eq!(output.status.code(), Some(2), "{message}");
         holds(&message, &["more than 8388608 samples"]);

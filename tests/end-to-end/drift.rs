@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use crate::support::{
-    Bench, all_pole, decibels, holds, json, noise, power_between, predictor, wav,
+    Bench, all_pole, decibels, holds, noise, power_between, predictor, text, wav,
 };
 use host_tools::dsp::spectrum::{band_edges_hz, band_powers};
 
@@ -35,9 +35,8 @@ fn axes(rate_hz: u32, drift: f64, seed: u64) -> ([Vec<f64>; 3], f64) {
     let scale = drift * LEVEL / (tones.len() as f64 / 2.0).sqrt();
     let motion = |n: usize| -> f64 {
         let time_s = n as f64 / f64::from(rate_hz);
-        let tones = tones
-            .iter()
-            .map(|&(hz, phase)| (TAU * (hz * time_s + phase)).sin());
+        let tones = tones.iter();
+        let tones = tones.map(|&(hz, phase)| (TAU * (hz * time_s + phase)).sin());
         scale * tones.sum::<f64>()
     };
     let motion: Vec<f64> = (0..count).map(motion).collect();
@@ -54,9 +53,8 @@ fn axes(rate_hz: u32, drift: f64, seed: u64) -> ([Vec<f64>; 3], f64) {
 fn recorded(axes: &[Vec<f64>; 3], rate_hz: u32) -> Bench {
     let bench = Bench::new();
     let [x, y, z] = axes;
-    bench.write("set/silk.wav", wav(&[x, y, z], rate_hz));
-    let list = "file,texture,speed_mm_s,force_n\nsilk.wav,silk,100,1\n";
-    bench.write("set/trials.csv", list);
+    let trial = ("silk", 100.0, 1.0, wav(&[x, y, z], rate_hz));
+    bench.write_set("set", &[trial]);
     bench
 }
 
@@ -65,9 +63,7 @@ fn played(bench: &Bench, library: &str) -> Vec<f64> {
     bench.succeed(&format!(
         "render {library} --texture silk --speed 100 --force 1 --seconds 41 --seed 7 --out played.wav --overwrite"
     ));
-    let reader = hound::WavReader::open(bench.path("played.wav")).expect("it was rendered");
-    let samples = reader.into_samples::<f32>().map(|x| f64::from(x.unwrap()));
-    samples.skip(5_000).collect()
+    bench.samples("played.wav", 5_000).split_off(5_000)
 }
 
 /// Largest error of a third octave that is felt, and that of the level, dB.
@@ -98,14 +94,9 @@ fn holds_the_texture(rate_hz: u32, drift: f64, method: &str) {
         1.0
     };
     let (band_db, level_db) = errors(&played(&bench, "a.lib"), rate_hz, factor, share);
-    assert!(
-        band_db < 1.5,
-        "{rate_hz} Hz, drift {drift}, {method}: {band_db} dB"
-    );
-    assert!(
-        level_db.abs() < 1.0,
-        "{rate_hz} Hz, drift {drift}, {method}: {level_db} dB"
-    );
+    let case = format!("{rate_hz} Hz, drift {drift}, {method}");
+    assert!(band_db < 1.5, "{case}: {band_db} dB");
+    assert!(level_db.abs() < 1.0, "{case}: {level_db} dB");
 }
 
 /// Without the filter a drift of three times the texture's level makes bands 12 dB wrong.
@@ -126,52 +117,32 @@ fn a_hands_drift_of_up_to_twenty_times_the_texture_is_not_taken_for_it() {
 #[test]
 fn without_drift_the_fit_is_byte_for_byte_that_without_the_filter() {
     let bench = recorded(&axes(5_000, 0.0, 5).0, 5_000);
-    let note = bench.run("fit set --out auto.lib");
+    let told = bench.told("fit set --out auto.lib");
     bench.succeed("fit set --out none.lib --high-pass none");
-    let read = |name: &str| std::fs::read(bench.path(name)).expect("it was written");
-    assert_eq!(read("auto.lib"), read("none.lib"));
-    assert!(!crate::support::text(&note.stderr).contains("high-passed"));
+    assert_eq!(bench.read("auto.lib"), bench.read("none.lib"));
+    assert!(!told.contains("high-passed"), "{told}");
 }
 
 #[test]
 fn the_filter_is_said_with_its_reason_and_what_is_below_it_is_not_judged() {
     let (axes, _) = axes(5_000, 3.0, 4);
     let bench = recorded(&axes, 5_000);
-    let output = bench.run("fit set --out a.lib --lines none");
-    let said = crate::support::text(&output.stderr).replace("\n  ", " ");
-    holds(
-        &said,
-        &[
-            "1 trial high-passed at 20 Hz",
-            "89 %",
-            "50°",
-            "--high-pass none",
-        ],
-    );
+    let told = bench.told("fit set --out a.lib --lines none");
+    holds(&told, &["1 trial high-passed at 20 Hz", "89 %", "50°"]);
+    holds(&told, &["--high-pass none"]);
     bench.succeed("evaluate set --library a.lib --json report.json");
-    let report = std::fs::read_to_string(bench.path("report.json")).expect("it was written");
-    let report = json(&report);
-    let trial = &report["trials"][0];
-    assert!(
-        trial["range"]["low_hz"].as_f64().unwrap() >= 25.0,
-        "{trial}"
-    );
+    let trial = &bench.report("report.json")["trials"][0];
+    let low_hz = trial["range"]["low_hz"].as_f64().unwrap();
+    assert!(low_hz >= 25.0, "{trial}");
     let bands = trial["band_errors_db"].as_array().expect("bands");
     assert!(bands[0].is_null() && !bands[4].is_null(), "{bands:?}");
     let worst = bands.iter().filter_map(serde_json::Value::as_f64);
-    assert!(
-        worst.fold(0.0, |worst: f64, x| worst.max(x.abs())) < 4.0,
-        "{bands:?}"
-    );
-    let kept = bench.run("fit set --out b.lib --high-pass none");
-    holds(
-        &crate::support::text(&kept.stderr).replace("\n  ", " "),
-        &["fitted with slow motion", "50°"],
-    );
+    let worst = worst.fold(0.0, |worst: f64, x| worst.max(x.abs()));
+    assert!(worst < 4.0, "{bands:?}");
+    let told = bench.told("fit set --out b.lib --high-pass none");
+    holds(&told, &["fitted with slow motion", "50°"]);
     let refused = bench.run("fit set --out c.lib --high-pass 0.5");
     assert_eq!(refused.status.code(), Some(2));
-    holds(
-        &crate::support::text(&refused.stderr),
-        &["'auto', 'none' or 1 to 200 Hz"],
-    );
+    let words = "'auto', 'none' or 1 to 200 Hz";
+    holds(&text(&refused.stderr), &[words]);
 }

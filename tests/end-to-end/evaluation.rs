@@ -1,10 +1,10 @@
 //! The removed-node test, denser grids, strokes of a free hand, HaTT's models and the whole report, from the command
 //! line.
 
-use std::process::Command;
-
 use crate::hatt;
-use crate::support::{Bench, RATE_HZ, all_pole, denim_rig_of, holds, near, noise, rig_of, text};
+use crate::support::{
+    Bench, RATE_HZ, all_pole, denim_rig_of, holds, json, near, noise, rig_of, scaled, text, wav,
+};
 use host_tools::evaluation::leave_one_out;
 use host_tools::evaluation::leave_one_out::{Prepared, Row};
 use host_tools::recording::RecordingSet;
@@ -16,67 +16,42 @@ use model_format::limits::MAX_LIBRARY_BYTES;
 /// A simulated set of five speeds and three forces, of denim alone.
 fn simulated() -> Bench {
     let bench = Bench::new();
-    bench.write(
-        "rig.toml",
-        denim_rig_of("80, 100, 120, 140, 160, 180", "0.4, 0.8, 1.2"),
-    );
+    let rig = denim_rig_of("80, 100, 120, 140, 160, 180", "0.4, 0.8, 1.2");
+    bench.write("rig.toml", rig);
     bench.succeed("simulate-rig --rig rig.toml --out rig --seed 5");
     bench
 }
 
-fn json(bench: &Bench, name: &str) -> serde_json::Value {
-    serde_json::from_slice(&std::fs::read(bench.path(name)).unwrap()).unwrap()
-}
-
-fn mean_cost(test: &serde_json::Value, row: &str) -> f64 {
-    let rows = test["rows"].as_array().unwrap();
-    let at = rows
-        .iter()
-        .position(|name| name.as_str().unwrap().contains(row))
-        .unwrap();
+/// Mean of a measure of the row whose name has `row` in it, over the removed nodes.
+fn mean_of(test: &serde_json::Value, row: &str, measure: &str) -> f64 {
+    let mut rows = test["rows"].as_array().unwrap().iter();
+    let at = rows.position(|name| name.as_str().unwrap().contains(row));
     let removed = test["removed"].as_array().unwrap();
-    let costs = removed
-        .iter()
-        .map(|node| node["outcomes"][at]["cost"].as_f64().unwrap());
-    costs.sum::<f64>() / removed.len() as f64
+    let of = |node: &serde_json::Value| node["outcomes"][at.unwrap()][measure].as_f64();
+    removed.iter().map(|node| of(node).unwrap()).sum::<f64>() / removed.len() as f64
 }
 
 #[test]
 fn removed_nodes_are_predicted_alike_by_any_number_of_threads_and_better_by_the_dense_grid() {
     let bench = simulated();
     let run = |threads: &str, out: &str| {
-        let output = Command::new(env!("CARGO_BIN_EXE_stylus"))
-            .args([
-                "evaluate",
-                "rig",
-                "--leave-one-out",
-                "--synthesis",
-                "2",
-                "--order",
-                "150",
-            ])
-            .args(["--json", out])
-            .env("RAYON_NUM_THREADS", threads)
-            .current_dir(bench.path(""))
-            .output()
-            .unwrap();
+        let evaluate = "evaluate rig --leave-one-out --synthesis 2 --order 150 --json";
+        let mut command = bench.command(evaluate.split(' ').chain([out]));
+        let output = command.env("RAYON_NUM_THREADS", threads).output().unwrap();
         assert!(output.status.success(), "{}", text(&output.stderr));
         text(&output.stdout)
     };
     let (one, three) = (run("1", "one.json"), run("3", "three.json"));
     assert_eq!(one, three);
-    assert_eq!(
-        std::fs::read(bench.path("one.json")).unwrap(),
-        std::fs::read(bench.path("three.json")).unwrap()
-    );
+    assert_eq!(bench.read("one.json"), bench.read("three.json"));
     holds(&one, &["SIMULATED", "36.0 ± 9.0"]);
-    let test = &json(&bench, "one.json")["removed_nodes"];
+    let test = &bench.report("one.json")["removed_nodes"];
     // Four inner speeds, one inner force.
     assert_eq!(test["removed"].as_array().unwrap().len(), 4);
-    let paper = mean_cost(test, "(the paper)");
-    let dense = mean_cost(test, "densified");
+    let paper = mean_of(test, "(the paper)", "cost");
+    let dense = mean_of(test, "densified", "cost");
     assert!(dense < 0.7 * paper, "{dense} against {paper}");
-    let own = mean_cost(test, "not removed");
+    let own = mean_of(test, "not removed", "cost");
     assert!(own < dense, "{own} against {dense}");
 }
 
@@ -107,10 +82,8 @@ fn on_the_simulated_textures_the_dense_grid_halves_the_papers_error_and_keeps_ni
 /// A simulated set of four textures over four speeds and four forces.
 fn four_textures() -> Bench {
     let bench = Bench::new();
-    bench.write(
-        "rig.toml",
-        rig_of("60, 100, 140, 180", "0.4, 0.8, 1.2, 1.6"),
-    );
+    let rig = rig_of("60, 100, 140, 180", "0.4, 0.8, 1.2, 1.6");
+    bench.write("rig.toml", rig);
     bench.succeed("simulate-rig --rig rig.toml --out rig --seed 5");
     bench
 }
@@ -118,8 +91,7 @@ fn four_textures() -> Bench {
 #[test]
 fn a_denser_grid_keeps_to_its_textures_orders() {
     let bench = four_textures();
-    let report = bench.succeed("fit rig --out dense.lib --order 7 --densify --json");
-    let report: serde_json::Value = serde_json::from_str(&report).unwrap();
+    let report = json(&bench.succeed("fit rig --out dense.lib --order 7 --densify --json"));
     for texture in report["textures"].as_array().unwrap() {
         for node in texture["nodes"].as_array().unwrap() {
             assert!(node["order"].as_u64().unwrap() <= 7, "{node}");
@@ -137,41 +109,28 @@ fn another_programs_sounds_are_judged_beside_the_paper_the_device_and_the_neares
         assert!(trial.scale_m_s2.is_none(), "the method's WAV is in m/s²");
         let name = trial.file.strip_prefix(bench.path("rig")).unwrap();
         let name = format!("noise/{}", name.display());
-        bench.write(&name, crate::support::wav(&[&noise(3, 10_000)], RATE_HZ));
+        bench.write(&name, wav(&[&noise(3, 10_000)], RATE_HZ));
     }
     let command = "evaluate rig --leave-out speed --order 60 --synthesis 2 --json t.json";
     let said = bench.succeed(&format!(
         "{command} --method perfect=rig --method bad=noise"
     ));
-    holds(
-        &said,
-        &["log-power MAE", "the nearest", "perfect", "SIMULATED"],
-    );
-    let text = std::fs::read_to_string(bench.path("t.json")).unwrap();
-    let test: serde_json::Value = serde_json::from_str(&text).unwrap();
+    holds(&said, &["log-power MAE", "the nearest", "perfect"]);
+    holds(&said, &["SIMULATED"]);
+    let test = bench.report("t.json");
     assert_eq!(test["left_out"], "speed");
     // Two inner speeds of four, at every force, of four textures.
     let removed = test["removed"].as_array().unwrap();
     assert_eq!(removed.len(), 4 * 2 * 4);
-    let rows = test["rows"].as_array().unwrap();
-    let mean = |name: &str, measure: &str| {
-        let at = rows
-            .iter()
-            .position(|row| row.as_str().unwrap().contains(name))
-            .unwrap();
-        let of = |node: &serde_json::Value| node["outcomes"][at][measure].as_f64().unwrap();
-        removed.iter().map(of).sum::<f64>() / removed.len() as f64
-    };
+    let mean = |name: &str, measure: &str| mean_of(&test, name, measure);
     let mae = |name: &str| mean(name, "log_power_mae");
     assert!(mae("perfect") < 1e-6 && mean("perfect", "fit_coefficient") > 1.0 - 1e-6);
     let areas = test["areas"].as_array().unwrap();
     let area = |from_last: usize| areas[areas.len() - 1 - from_last].as_f64().unwrap();
     near(area(1), 0.5, 1e-9);
     assert!(area(0) > 0.9 && area(2) > 0.5, "{said}");
-    assert!(
-        mae("nearest") > 0.05 && mae("bad") > mae("nearest"),
-        "{said}"
-    );
+    assert!(mae("nearest") > 0.05, "{said}");
+    assert!(mae("bad") > mae("nearest"), "{said}");
     let refused = bench.refuse(&format!("{command} --method none=elsewhere"));
     holds(&refused, &["elsewhere", ".wav"]);
 }
@@ -180,7 +139,7 @@ fn another_programs_sounds_are_judged_beside_the_paper_the_device_and_the_neares
 fn a_set_without_inner_nodes_is_told_what_it_lacks() {
     let bench = Bench::new();
     let signal = noise(1, 10_000);
-    bench.write("a.wav", crate::support::wav(&[&signal], RATE_HZ));
+    bench.write("a.wav", wav(&[&signal], RATE_HZ));
     let refused = bench.refuse("evaluate a.wav --leave-one-out");
     holds(&refused, &["three speeds"]);
 }
@@ -188,17 +147,9 @@ fn a_set_without_inner_nodes_is_told_what_it_lacks() {
 /// A recording of noise without structure: any high order only learns its accidents.
 fn white_takes() -> Bench {
     let bench = Bench::new();
-    let list = "file,texture,speed_mm_s,force_n\n";
     for (folder, seed) in [("one", 1), ("two", 2)] {
-        let signal = noise(seed, 10_000);
-        bench.write(
-            &format!("{folder}/felt.wav"),
-            crate::support::wav(&[&signal], RATE_HZ),
-        );
-        bench.write(
-            &format!("{folder}/trials.csv"),
-            format!("{list}felt.wav,felt,100,1\n"),
-        );
+        let file = wav(&[&noise(seed, 10_000)], RATE_HZ);
+        bench.write_set(folder, &[("felt", 100.0, 1.0, file)]);
     }
     bench
 }
@@ -210,41 +161,32 @@ fn what_a_model_was_fitted_to_does_not_judge_it() {
     let said = bench.succeed("evaluate one --library felt.lib --json blocks.json");
     let words = "fitted on every other block of 0.5 s of each recording, judged on the rest";
     holds(&said, &[words]);
-    let felt = &json(&bench, "blocks.json")["textures"][0];
+    let felt = &bench.report("blocks.json")["textures"][0];
     let verdict =
         "spectrum as near as another part of the recording; impulses as near; evenness as near";
     assert_eq!(felt["verdict"], verdict);
     holds(&said, &[&format!("felt: {verdict} In brackets the target")]);
-    assert!(
-        said.lines().all(|line| line.chars().count() <= 80),
-        "{said}"
-    );
-    let held_out = felt["mean_log_spectral_distance_db"].as_f64().unwrap();
+    let is_wide = |line: &str| line.chars().count() > 80;
+    assert!(!said.lines().any(is_wide), "{said}");
     // Another block of the same noise is as near as a model comes.
-    let other = felt["other"]["mean_log_spectral_distance_db"]
-        .as_f64()
-        .unwrap();
-    assert!((other - held_out).abs() < 1.5, "{felt}");
+    let distance = |of: &serde_json::Value| of["mean_log_spectral_distance_db"].as_f64().unwrap();
+    near(distance(&felt["other"]), distance(felt), 1.5);
 
     // A recording that the record of the fit does not name judges the library as it is.
     let said = bench.succeed("evaluate two --library felt.lib --json unseen.json");
     holds(&said, &["recordings that its fit did not use"]);
-    assert_eq!(json(&bench, "unseen.json")["trials"][0]["judge"], "unseen");
+    assert_eq!(bench.report("unseen.json")["trials"][0]["judge"], "unseen");
     let said = bench.succeed("evaluate one --library felt.lib --takes two --json takes.json");
     holds(&said, &["judged on another take"]);
-    let takes = json(&bench, "takes.json");
-    holds(
-        &takes["textures"][0]["verdict"],
-        &["as near as another take"],
-    );
-    let unseen = json(&bench, "unseen.json");
+    let takes = bench.report("takes.json");
+    let verdict = &takes["textures"][0]["verdict"];
+    holds(verdict, &["as near as another take"]);
+    let unseen = bench.report("unseen.json");
     assert_eq!(takes["trials"][0]["judge"], "other_take");
     // The same recording at a quarter of its level.
     let loud = "evaluate two --scale 0.25 --library felt.lib --json loud.json --full";
-    holds(
-        &bench.succeed(loud),
-        &["JND off (target", "dB too strong at", "silent"],
-    );
+    let said = bench.succeed(loud);
+    holds(&said, &["JND off (target", "dB too strong at", "silent"]);
     let distance = |figures: &serde_json::Value| {
         figures["trials"][0]["log_spectral_distance_db"]
             .as_f64()
@@ -261,39 +203,25 @@ fn without_a_record_of_the_fit_no_figure_counts() {
     bench.succeed("fit one --out felt.lib");
     std::fs::remove_file(bench.path("felt.lib.fit.json")).unwrap();
     let said = bench.succeed("evaluate one --library felt.lib --json a.json");
-    holds(
-        &said,
-        &["not known to be held out", "felt: not judged: nobody knows"],
-    );
-    let felt = &json(&bench, "a.json")["textures"][0];
-    assert!(
-        felt["mean_cost"].is_null() && felt["level_error_jnd"].is_null(),
-        "{felt}"
-    );
+    holds(&said, &["not known to be held out"]);
+    holds(&said, &["felt: not judged: nobody knows"]);
+    let felt = &bench.report("a.json")["textures"][0];
+    assert!(felt["mean_cost"].is_null(), "{felt}");
+    assert!(felt["level_error_jnd"].is_null(), "{felt}");
 }
 
 #[test]
 fn takes_that_are_in_the_fitted_set_are_named_and_judge_nothing() {
     let bench = white_takes();
     bench.succeed("fit one --out felt.lib");
-    let list = "file,texture,speed_mm_s,force_n\nx.wav,felt,100,1\n";
-    let signal = noise(1, 10_000);
-    let quiet = crate::support::scaled(&signal, -0.4);
-    for (name, samples) in [("copy", &signal), ("scaled", &quiet)] {
-        let bytes = crate::support::wav(&[samples], RATE_HZ);
-        bench.write(&format!("{name}/x.wav"), bytes);
-        bench.write(&format!("{name}/trials.csv"), list);
-        let output = bench.run(&format!(
-            "evaluate one --library felt.lib --takes {name} --json a.json"
-        ));
-        let warned = text(&output.stderr);
-        assert!(output.status.success(), "{warned}");
-        holds(&warned, &["judges nothing", &format!("take {name}/x.wav")]);
-        assert_eq!(
-            json(&bench, "a.json")["trials"][0]["judge"],
-            "blocks",
-            "{name}"
-        );
+    for (name, scale) in [("copy", 1.0), ("scaled", -0.4)] {
+        let file = wav(&[&scaled(&noise(1, 10_000), scale)], RATE_HZ);
+        bench.write_set(name, &[("felt", 100.0, 1.0, file)]);
+        let evaluate = "evaluate one --library felt.lib --json a.json --takes";
+        let warned = bench.told(&format!("{evaluate} {name}"));
+        holds(&warned, &["judges nothing", &format!("take {name}/0.wav")]);
+        let judge = &bench.report("a.json")["trials"][0]["judge"];
+        assert_eq!(judge, "blocks", "{name}");
     }
 }
 
@@ -302,52 +230,37 @@ fn takes_that_are_in_the_fitted_set_are_named_and_judge_nothing() {
 fn nothing_above_a_recordings_own_rate_is_judged() {
     let bench = Bench::new();
     let signal = all_pole(&[-0.9, 0.5], &noise(4, 4000));
-    bench.write("slow.wav", crate::support::wav(&[&signal], 1000));
+    bench.write("slow.wav", wav(&[&signal], 1000));
     bench.succeed("fit slow.wav --out slow.lib --duration 4");
     let said = bench.succeed("evaluate slow.wav --library slow.lib --duration 4 --json a.json");
     holds(&said, &["18 to 450 Hz"]);
-    let trial = &json(&bench, "a.json")["trials"][0];
+    let trial = &bench.report("a.json")["trials"][0];
     assert_eq!(trial["range"]["high_hz"], 450.0);
     let distance = trial["log_spectral_distance_db"].as_f64().unwrap();
     assert!(distance < 3.0, "{trial}");
     let bands = trial["band_errors_db"].as_array().unwrap();
     assert!(bands[..14].iter().all(serde_json::Value::is_f64), "{trial}");
-    assert!(
-        bands[14..].iter().all(serde_json::Value::is_null),
-        "{trial}"
-    );
+    let above = &bands[14..];
+    assert!(above.iter().all(serde_json::Value::is_null), "{trial}");
 }
 
 #[test]
 fn trials_without_another_take_leave_the_others_to_be_judged() {
     let bench = Bench::new();
     let signal = |seed: u64| all_pole(&[-0.6, 0.4], &noise(seed, 15_000));
-    for (name, seed) in [("a", 1), ("b", 2), ("a2", 3)] {
-        bench.write(
-            &format!("{name}.wav"),
-            crate::support::wav(&[&signal(seed)], RATE_HZ),
-        );
-    }
-    let list = "file,texture,speed_mm_s,force_n\n";
-    bench.write(
-        "set/trials.csv",
-        format!("{list}../a.wav,felt,50,1\n../b.wav,felt,100,1\n"),
-    );
-    bench.write("others/trials.csv", format!("{list}../a2.wav,felt,50,1\n"));
+    let trial = |speed, seed| ("felt", speed, 1.0, wav(&[&signal(seed)], RATE_HZ));
+    bench.write_set("set", &[trial(50.0, 1), trial(100.0, 2)]);
+    bench.write_set("others", &[trial(50.0, 3)]);
     bench.succeed("fit set --out felt.lib");
-    let output = bench.run("evaluate set --library felt.lib --takes others --synthesis 2");
+    let evaluate = "evaluate set --library felt.lib --takes others --synthesis 2";
+    let output = bench.run(evaluate);
     assert!(output.status.success(), "{}", text(&output.stderr));
-    holds(
-        &text(&output.stderr),
-        &["1 of 2 trials are judged without --takes", "b.wav"],
-    );
-    holds(
-        &text(&output.stdout),
-        &["1 of 2 trials: the library as it is, judged on another take"],
-    );
-    bench.write("others/trials.csv", format!("{list}../a2.wav,felt,7,1\n"));
-    let refused = bench.refuse("evaluate set --library felt.lib --takes others --synthesis 2");
-    holds(&refused, &["no other take"]);
+    let words = &["1 of 2 trials are judged without --takes", "1.wav"];
+    holds(&text(&output.stderr), words);
+    let words = "1 of 2 trials: the library as it is, judged on another take";
+    holds(&text(&output.stdout), &[words]);
+    bench.write_set("others", &[trial(7.0, 3)]);
+    holds(&bench.refuse(evaluate), &["no other take"]);
 }
 
 /// A hand's stroke of 4 s whose amplitude is a hundredth of speed times force; another seed is another stroke.
@@ -372,55 +285,54 @@ fn along_strokes_that_it_never_saw_a_library_is_nearer_than_a_constant_level_and
         bench.write(&format!("s{seed}.csv"), free_stroke(seed));
     }
     let files = |seeds: std::ops::Range<u64>| {
-        seeds
-            .map(|seed| format!("s{seed}.csv"))
-            .collect::<Vec<_>>()
-            .join(" ")
+        let names: Vec<String> = seeds.map(|seed| format!("s{seed}.csv")).collect();
+        names.join(" ")
     };
     let (fitted, judges) = (files(0..12), files(12..16));
     bench.succeed(&format!("segment {fitted} --texture felt --out pieces"));
     bench.succeed("fit pieces --out felt.lib");
     let command = format!("evaluate {fitted} --library felt.lib --strokes {judges} --json n.json");
-    let said = bench.succeed(&command);
-    holds(&said, &["'felt' along 4 strokes", "SIMULATED"]);
-    let json = std::fs::read_to_string(bench.path("n.json")).unwrap();
-    let found: serde_json::Value = serde_json::from_str(&json).unwrap();
-    let of = |by: &str, field: &str| {
-        let all = found["nearness"].as_array().unwrap();
-        let near = all.iter().find(|near| near["by"] == by).unwrap();
-        near[field].as_f64().unwrap()
+    let judged = || {
+        let said = bench.succeed(&command);
+        (said, bench.report("n.json")["nearness"].clone())
     };
-    assert!(of("library", "correlation") > 0.95, "{json}");
-    assert!(of("library", "bias_db").abs() < 0.5, "{json}");
+    let of = |found: &serde_json::Value, by: &str, field: &str| {
+        let mut all = found.as_array().unwrap().iter();
+        all.find(|near| near["by"] == by).unwrap()[field]
+            .as_f64()
+            .unwrap()
+    };
+    let (said, found) = judged();
+    holds(&said, &["'felt' along 4 strokes", "SIMULATED"]);
+    assert!(of(&found, "library", "correlation") > 0.95, "{found}");
+    assert!(of(&found, "library", "bias_db").abs() < 0.5, "{found}");
+    let error_db = of(&found, "library", "error_db");
     for other in ["constant level", "nearest stroke"] {
-        assert!(
-            of("library", "error_db") < 0.75 * of(other, "error_db"),
-            "{json}"
-        );
+        assert!(error_db < 0.75 * of(&found, other, "error_db"), "{found}");
     }
     // The line is the truth here.
-    assert!(
-        of("line over log speed, log force", "error_db") < 0.6,
-        "{json}"
-    );
-    assert!(of("library", "band_error_db") < 1.5, "{json}");
+    let line = "line over log speed, log force";
+    assert!(of(&found, line, "error_db") < 0.6, "{found}");
+    let band_error_db = of(&found, "library", "band_error_db");
+    assert!(band_error_db < 1.5, "{found}");
     holds(&said, &["the best baseline, the line over log speed,"]);
     // All of the strokes say more than their steady pieces.
-    let segmented_db = (of("library", "error_db"), of("library", "band_error_db"));
-    let said = bench.succeed(&format!(
-        "fit {fitted} --strokes --texture felt --out felt.lib"
-    ));
-    holds(&said, &["-> felt.lib"]);
-    bench.succeed(&command);
-    let json = std::fs::read_to_string(bench.path("n.json")).unwrap();
-    let found: serde_json::Value = serde_json::from_str(&json).unwrap();
-    let near = &found["nearness"][0];
-    let of = |field: &str| near[field].as_f64().unwrap();
-    assert!(of("bias_db").abs() < 0.5, "{json}");
-    assert!(of("error_db") < segmented_db.0 + 0.05, "{json}");
-    assert!(of("band_error_db") < segmented_db.1 + 0.1, "{json}");
-    let refused = bench.refuse("fit . --strokes --out felt.lib");
-    holds(&refused, &[".: is a folder", "give CSVs"]);
+    let fit = format!("fit {fitted} --strokes --texture felt --out felt.lib");
+    holds(&bench.succeed(&fit), &["-> felt.lib"]);
+    let (_, found) = judged();
+    assert!(of(&found, "library", "bias_db").abs() < 0.5, "{found}");
+    assert!(
+        of(&found, "library", "error_db") < error_db + 0.05,
+        "{found}"
+    );
+    assert!(
+        of(&found, "library", "band_error_db") < band_error_db + 0.1,
+        "{found}"
+    );
+    refuse_what_does_not_go_with_strokes(&bench);
+}
+
+fn refuse_what_does_not_go_with_strokes(bench: &Bench) {
     for (command, option) in [
         ("fit s0.csv --out a.lib", "--time-unit ms"),
         ("fit s0.csv --out a.lib", "--force 1"),
@@ -431,45 +343,28 @@ fn along_strokes_that_it_never_saw_a_library_is_nearer_than_a_constant_level_and
         let name = option.split(' ').next().unwrap();
         holds(&text(&output.stderr), &["cannot be used with", name]);
     }
-    let refused = bench.refuse("fit s0.csv --strokes --floor subtract --out a.lib");
-    holds(&refused, &["leave out --floor"]);
-    assert!(!bench.path("a.lib").exists() && !bench.path("a.html").exists());
-    let refused = bench.refuse("evaluate . --library felt.lib --strokes s0.csv");
-    holds(
-        &refused,
-        &[
-            ".: is a folder",
-            "give the CSVs of strokes that were fitted",
-        ],
+    bench.refuse_each(
+        "fit . --strokes --out felt.lib | .: is a folder | give CSVs
+        fit s0.csv --strokes --floor subtract --out a.lib | leave out --floor
+        evaluate . --library felt.lib --strokes s0.csv | .: is a folder | CSVs of strokes that were fitted
+        evaluate s0.csv --library felt.lib --strokes s0.csv | s0.csv | cannot judge",
     );
-    let refused = bench.refuse("evaluate s0.csv --library felt.lib --strokes s0.csv");
-    holds(&refused, &["s0.csv", "cannot judge"]);
+    assert!(!bench.path("a.lib").exists() && !bench.path("a.html").exists());
 }
 
 #[test]
 fn a_free_hands_file_that_cannot_be_used_is_named() {
     let bench = Bench::new();
+    let with = |rows: &str| format!("time_s,a,speed_mm_s,force_n\n{rows}");
     for (content, word) in [
         ("time_s,a,speed_mm_s\n0,1,2\n", "force_n"),
-        (
-            "time_s,speed_mm_s,force_n\n0,1,2\n",
-            "columns of accelerations",
-        ),
+        ("time_s,speed_mm_s,force_n\n0,1,2\n", "columns of accel"),
         ("a,speed_mm_s,force_n\n0,1,2\n", "sample rate"),
-        ("time_s,a,speed_mm_s,force_n\n0,x,1,1\n", "line 2"),
-        ("time_s,a,speed_mm_s,force_n\n", "time_s"),
-        (
-            "time_s,a,speed_mm_s,force_n\n0,0,1,1e5\n1,0,1,1e5\n",
-            "impossible values",
-        ),
-        (
-            "time_s,a,speed_mm_s,force_n\n0,0,1,1\n1,0,1,1\n",
-            "sample rate of 1 Hz",
-        ),
-        (
-            "time_s,a,speed_mm_s,force_n\n0,0,1,1\n0.001,0,1,1\n",
-            "steady",
-        ),
+        (&with("0,x,1,1\n"), "line 2"),
+        (&with(""), "time_s"),
+        (&with("0,0,1,1e5\n1,0,1,1e5\n"), "impossible values"),
+        (&with("0,0,1,1\n1,0,1,1\n"), "sample rate of 1 Hz"),
+        (&with("0,0,1,1\n0.001,0,1,1\n"), "steady"),
     ] {
         bench.write("bad.csv", content);
         let refused = bench.refuse("segment bad.csv --texture felt --out pieces");
@@ -493,19 +388,12 @@ fn as_many_model_files_as_hatt_has_become_one_library_that_a_slot_holds() {
         assert!(text.contains(&level));
         bench.write(&format!("toolkit/Models_{}.xml", name(number)), text);
     }
-    let asked = "import-hatt toolkit --speeds 40 --forces 40 --out all.lib";
-    let output = bench.run(asked);
-    let told = text(&output.stderr);
-    assert!(output.status.success(), "{told}");
-    let bytes = std::fs::read(bench.path("all.lib")).unwrap();
+    bench.succeed("import-hatt toolkit --speeds 40 --forces 40 --out all.lib");
+    let bytes = bench.read("all.lib");
     assert!(bytes.len() <= MAX_LIBRARY_BYTES, "{} bytes", bytes.len());
     let library = Library::decode(&bytes).unwrap();
-    let names: Vec<String> = library
-        .textures()
-        .map(|texture| texture.name().to_string())
-        .collect();
-    let expected: Vec<String> = (1..=ALL_OF_HATT).map(name).collect();
-    assert_eq!(names, expected);
+    let names = library.textures().map(|texture| texture.name().to_string());
+    assert!(names.eq((1..=ALL_OF_HATT).map(name)));
     for texture in library.textures() {
         let (speeds, forces) = (texture.speed_axis().len(), texture.force_axis().len());
         assert!(speeds > 1 && forces > 1, "{speeds} x {forces}");
@@ -521,37 +409,22 @@ fn model_files_that_cannot_be_used_are_named_and_nothing_is_written() {
     bench.write("a/felt.xml", hatt::whole());
     bench.write("b/Models_felt.xml", hatt::whole());
     bench.write("torn.xml", "<modelSet>");
-    for (arguments, words) in [
-        ("torn.xml", ["torn.xml", "well-formed"]),
-        (
-            "a/felt.xml b/Models_felt.xml",
-            ["Models_felt.xml", "a/felt.xml"],
-        ),
-        ("a/felt.xml a", ["a/felt.xml", "given twice"]),
-    ] {
-        let message = bench.refuse(&format!("import-hatt {arguments} --out x.lib"));
-        assert!(words.iter().all(|word| message.contains(word)), "{message}");
-        assert!(!bench.path("x.lib").exists());
-    }
+    bench.refuse_each(
+        "import-hatt torn.xml --out x.lib | torn.xml | well-formed
+        import-hatt a/felt.xml b/Models_felt.xml --out x.lib | Models_felt.xml | a/felt.xml
+        import-hatt a/felt.xml a --out x.lib | a/felt.xml | given twice",
+    );
+    assert!(!bench.path("x.lib").exists());
     // A folder of a hundred is refused by one line.
     for number in 0..ALL_OF_HATT {
         let text = hatt::whole().replace("<SampleRate>1000", "<SampleRate>20000");
         bench.write(&format!("fast/{number:03}.xml"), text);
     }
     let message = bench.refuse("import-hatt fast --out x.lib");
-    holds(
-        &message,
-        &[
-            "100 of 100 files cannot be used",
-            "000.xml",
-            "1000 or 10000 Hz",
-        ],
-    );
-    assert_eq!(message.lines().count(), 1, "{message}");
+    holds(&message, &["100 of 100 files cannot be used", "000.xml"]);
+    holds(&message, &["1000 or 10000 Hz"]);
     let odd = hatt::whole().replace("<var>0.004", "<var>-1");
     bench.write("odd.xml", odd);
-    let output = bench.run("import-hatt odd.xml --out odd.lib");
-    let warned = text(&output.stderr);
-    assert!(output.status.success(), "{warned}");
+    let warned = bench.told("import-hatt odd.xml --out odd.lib");
     holds(&warned, &["odd.xml: model 5: var is -1; left out"]);
 }

@@ -1,6 +1,8 @@
 //! A known process recorded, fitted, stored and played by the device's kernel comes back as the same process.
 
-use crate::support::{Bench, RATE_HZ, all_pole, decibels, noise, power_between, predictor, wav};
+use crate::support::{
+    Bench, RATE_HZ, all_pole, decibels, noise, power_between, predictor, scaled, wav,
+};
 use host_tools::dsp::autocorrelation::Autocorrelation;
 use host_tools::dsp::fourier::{self, Complex};
 use host_tools::dsp::linear_prediction::{Prediction, corrected};
@@ -26,10 +28,7 @@ fn bands_come_back_within_one_decibel_and_the_level_within_a_fifth() {
     for (seed, (name, poles)) in (1..).zip(processes) {
         let a = predictor(RATE_HZ, &poles);
         let samples = (SECONDS * f64::from(RATE_HZ)) as usize;
-        let signal: Vec<f64> = all_pole(&a, &noise(seed, samples))
-            .iter()
-            .map(|x| 0.05 * x)
-            .collect();
+        let signal = scaled(&all_pole(&a, &noise(seed, samples)), 0.05);
         let bench = Bench::new();
         bench.write("process.wav", wav(&[&signal], RATE_HZ));
         let set = RecordingSet::open(&[bench.path("process.wav")]).unwrap();
@@ -112,7 +111,7 @@ fn noise_of(density: Density, samples: usize, seed: u64) -> Vec<f64> {
     let signal = fourier::inverse(&mut spectrum, length).split_off(length / 4);
     let signal = &signal[..samples];
     let power = signal.iter().map(|x| x * x).sum::<f64>() / samples as f64;
-    signal.iter().map(|x| x / power.sqrt()).collect()
+    scaled(signal, power.sqrt().recip())
 }
 
 /// A(z) of reflection coefficients, without its leading 1.
@@ -151,10 +150,8 @@ fn worst_band_db(truth: Density, reflection: &[f64]) -> f64 {
     let model = |frequency_hz: f64| {
         let angle = core::f64::consts::TAU * frequency_hz / f64::from(RATE_HZ);
         let z = Complex::from_polar(1.0, -angle);
-        let sum = a
-            .iter()
-            .rev()
-            .fold(Complex::new(0.0, 0.0), |sum, a| (sum + a) * z);
+        let zero = Complex::new(0.0, 0.0);
+        let sum = a.iter().rev().fold(zero, |sum, a| (sum + a) * z);
         1.0 / (sum + 1.0).norm_sqr()
     };
     let (truth, model) = (band_shares(truth, STEPS), band_shares(model, STEPS));

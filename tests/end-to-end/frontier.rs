@@ -10,7 +10,6 @@ use host_tools::fit::Order;
 use host_tools::recording::RecordingSet;
 use host_tools::report::frontier_page;
 use host_tools::rig::{self, RigFile};
-use serde_json::Value;
 
 /// Two takes of denim at two speeds and two forces.
 fn simulated() -> Bench {
@@ -79,11 +78,8 @@ fn a_comparison_is_the_same_on_any_number_of_threads_and_says_what_the_structure
     let safe = frontier.points.iter().filter(|point| point.on_safe_front);
     let structures: Vec<_> = safe.map(|p| frontier.filters[p.filter].structure).collect();
     assert!(!structures.is_empty());
-    assert!(
-        structures
-            .iter()
-            .all(|s| *s == Structure::NormalisedLattice32)
-    );
+    let lattice = Structure::NormalisedLattice32;
+    assert!(structures.iter().all(|s| *s == lattice));
     let choices = frontier.choices();
     assert_eq!(choices.len(), 3);
     assert!(choices.iter().all(|(_, choice)| choice.on_safe_front));
@@ -100,17 +96,14 @@ fn check_filter(frontier: &Frontier, index: usize, filter: &Filter) {
     let at = |order| {
         let filters = frontier.filters.iter();
         let mut same = filters.filter(|other| other.structure == filter.structure);
-        same.find(|other| other.order == Order::Fixed(order))
-            .unwrap()
+        let found = same.find(|other| other.order == Order::Fixed(order));
+        found.unwrap()
     };
     let name = format!("{}, {}", filter.structure, filter.order_text());
     assert!(at(100).still.cost < at(20).still.cost - 0.05, "{name}");
     assert!(at(100).m4.sample.cycles > at(20).m4.sample.cycles, "{name}");
-    let points: Vec<_> = frontier
-        .points
-        .iter()
-        .filter(|p| p.filter == index)
-        .collect();
+    let points = frontier.points.iter().filter(|p| p.filter == index);
+    let points: Vec<_> = points.collect();
     assert_eq!(points.len(), INTERVALS.len());
     if filter.refused_textures.is_empty() {
         let errors = points.iter().map(|point| point.motion_error_db);
@@ -131,23 +124,15 @@ fn check_filter(frontier: &Frontier, index: usize, filter: &Filter) {
 }
 
 fn page_holds_all(bench: &Bench, frontier: &Frontier) {
-    let page = bench.path("page.html");
-    frontier_page::write(frontier, &page).unwrap();
-    let page = std::fs::read_to_string(page).unwrap();
+    frontier_page::write(frontier, &bench.path("page.html")).unwrap();
+    let page = text(&bench.read("page.html"));
     assert_eq!(page.matches("<svg").count(), 2);
-    let before_folds = page
-        .split_once("<main>")
-        .unwrap()
-        .1
-        .split_once("<details>")
-        .unwrap()
-        .0;
+    let (_, main) = page.split_once("<main>").unwrap();
+    let (before_folds, _) = main.split_once("<details>").unwrap();
     assert!(before_folds.contains(&*host_tools::report::html::escaped(&frontier.answer())));
     let (_, picture) = before_folds.split_once("<svg").unwrap();
-    let texts = picture
-        .split("<text")
-        .skip(1)
-        .map(|text| text.split(['>', '<']).nth(1).unwrap());
+    let texts = picture.split("<text").skip(1);
+    let texts = texts.map(|text| text.split(['>', '<']).nth(1).unwrap());
     let labels: Vec<&str> = texts
         // Ticks are numbers, or nothing where there is no room.
         .filter(|text| !text.is_empty() && text.trim().parse::<f64>().is_err())
@@ -157,35 +142,21 @@ fn page_holds_all(bench: &Bench, frontier: &Frontier) {
         assert!(labels.contains(&name), "{name}: {labels:?}");
     }
     for structure in Structure::ALL {
-        assert!(
-            page.matches(&structure.to_string()).count() > 8,
-            "{structure}"
-        );
+        let named = page.matches(&structure.to_string()).count();
+        assert!(named > 8, "{structure}");
     }
-    for needed in [
-        "SIMULATED",
-        &frontier.rustc,
-        &frontier.qemu,
-        "168 MHz",
-        "Pareto",
-    ] {
-        assert!(page.contains(needed), "{needed}");
-    }
+    holds(&page, &["SIMULATED", "168 MHz", "Pareto"]);
+    holds(&page, &[&frontier.rustc, &frontier.qemu]);
     // The script that tells the pictures' values has the word.
     let (before, _) = page.split_once("<script").unwrap();
-    assert!(
-        !before.contains("NaN"),
-        "a figure is missing and not said to be"
-    );
+    assert!(!before.contains("NaN"), "a figure is missing");
     for peer in &Costs::measured().table().peers {
         let name = host_tools::report::html::escaped(&peer.name);
         assert!(page.contains(&*name), "{}", peer.name);
     }
-    let numbers: Value = json(&frontier.to_json());
-    assert_eq!(
-        numbers["points"].as_array().unwrap().len(),
-        frontier.points.len()
-    );
+    let numbers = json(&frontier.to_json());
+    let points = numbers["points"].as_array().unwrap();
+    assert_eq!(points.len(), frontier.points.len());
     assert_eq!(numbers["simulated"], true);
 }
 
@@ -196,10 +167,8 @@ fn a_users_own_recordings_are_fitted_in_their_first_half_and_judged_in_their_sec
     let material = Material::halves(&set).unwrap();
     let halves = material.fit.trials.iter().zip(&material.held_out.trials);
     for (first, second) in halves {
-        assert_eq!(
-            (first.duration_s, second.duration_s),
-            (Some(1.0), Some(1.0))
-        );
+        let durations = [first.duration_s, second.duration_s];
+        assert_eq!(durations, [Some(1.0); 2]);
         assert!((second.start_s - first.start_s - 1.0).abs() < 1e-12);
         assert_eq!(first.file, second.file);
     }

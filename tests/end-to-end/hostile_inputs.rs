@@ -52,15 +52,11 @@ fn rates_that_no_recording_has_are_refused_with_file_and_remedy_and_size_no_memo
     }
     bench.write("a.csv", "1\n-1\n2\n".repeat(2000));
     for rate in ["1", "3999999979"] {
-        let message = refuse_within_memory(
-            &bench,
-            &format!("fit a.csv --sample-rate {rate} --out a.lib"),
-        );
+        let fit = format!("fit a.csv --sample-rate {rate} --out a.lib");
+        let message = refuse_within_memory(&bench, &fit);
         holds(&message, &["a.csv", "--sample-rate"]);
-        bench.write(
-            "set/trials.csv",
-            format!("{HEADER}../a.csv,silk,100,1,{rate}\n"),
-        );
+        let list = format!("{HEADER}../a.csv,silk,100,1,{rate}\n");
+        bench.write("set/trials.csv", list);
         let message = refuse_within_memory(&bench, "fit set --out a.lib");
         holds(&message, &["line 2", "sample_rate_hz"]);
     }
@@ -72,10 +68,8 @@ fn rates_that_no_recording_has_are_refused_with_file_and_remedy_and_size_no_memo
         bench.write("times.csv", format!("time_s,x\n{}", rows("")));
         let message = refuse_within_memory(&bench, "fit times.csv --out a.lib");
         holds(&message, &["times.csv", "time_s"]);
-        bench.write(
-            "hand.csv",
-            format!("time_s,speed_mm_s,force_n,x\n{}", rows("100,1,")),
-        );
+        let hand = format!("time_s,speed_mm_s,force_n,x\n{}", rows("100,1,"));
+        bench.write("hand.csv", hand);
         let message = refuse_within_memory(&bench, "segment hand.csv --texture a --out cut");
         holds(&message, &["hand.csv", "time_s"]);
     }
@@ -92,10 +86,8 @@ fn rates_of_the_whole_range_are_converted_in_bounded_memory() {
         let output = within_memory(&bench, "fit a.wav --out a.lib");
         let message = text(&output.stderr);
         // A fraction of a second is too short for a fit, which is said in one line.
-        assert!(
-            matches!(output.status.code(), Some(0 | 2)),
-            "{rate_hz} Hz\n{message}"
-        );
+        let ended = output.status.code();
+        assert!(matches!(ended, Some(0 | 2)), "{rate_hz} Hz\n{message}");
         assert!(!message.contains("sample rate of"), "{message}");
     }
 }
@@ -105,10 +97,8 @@ fn rates_of_the_whole_range_are_converted_in_bounded_memory() {
 fn sizes_in_a_wav_header_size_no_memory() {
     let bench = Bench::new();
     let good = recording(RATE_HZ);
-    let data = good
-        .windows(4)
-        .position(|four| four == b"data")
-        .expect("it has samples");
+    let data = good.windows(4).position(|four| four == b"data");
+    let data = data.expect("it has samples");
     let changed = |at: usize, bytes: &[u8]| {
         let mut changed = good.clone();
         changed[at..at + bytes.len()].copy_from_slice(bytes);
@@ -116,31 +106,19 @@ fn sizes_in_a_wav_header_size_no_memory() {
     };
     let with_chunk = |id: &[u8; 4], length: u32| {
         let mut longer = good.clone();
-        let chunk = [
-            &id[..],
-            &length.to_le_bytes(),
-            b"INFOISFT",
-            &length.to_le_bytes(),
-        ]
-        .concat();
+        let length = length.to_le_bytes();
+        let chunk = [&id[..], &length, b"INFOISFT", &length].concat();
         longer.splice(data..data, chunk);
         longer
     };
+    let list = with_chunk(b"LIST", 0xffff_fff0);
     let mut endless = changed(4, &[255; 4]);
     endless[data + 4..data + 8].copy_from_slice(&[255, 255, 255, 63]);
     for (name, bytes, words) in [
         ("channels", changed(22, &[255, 255]), "65535 channels"),
         ("none", changed(22, &[0, 0]), "0 channels"),
-        (
-            "frame",
-            changed(32, &[255, 255]),
-            "65535 bytes for one sample",
-        ),
-        (
-            "list",
-            with_chunk(b"LIST", 0xffff_fff0),
-            "'LIST' of 4294967280 bytes",
-        ),
+        ("frame", changed(32, &[255, 255]), "65535 bytes for one"),
+        ("list", list, "'LIST' of 4294967280 bytes"),
         ("fact", with_chunk(b"fact", 20_000), "'fact' of 20000 bytes"),
         ("length", endless, "truncated"),
     ] {
@@ -149,13 +127,9 @@ fn sizes_in_a_wav_header_size_no_memory() {
         holds(&message, &[name, words]);
     }
     // What is in the file may be there: titles do not keep a recording from being read.
-    let titled = [
-        &good[..data],
-        b"LIST\x04\0\0\0INFOjunk\x03\0\0\0abc\0",
-        &good[data..],
-    ]
-    .concat();
-    bench.write("titled.wav", titled);
+    let title = b"LIST\x04\0\0\0INFOjunk\x03\0\0\0abc\0";
+    let titled = [&good[..data], title, &good[data..]];
+    bench.write("titled.wav", titled.concat());
     bench.succeed("fit titled.wav --out a.lib");
 }
 
@@ -175,27 +149,20 @@ fn files_are_read_up_to_the_size_of_their_kind() {
     for name in ["long.wav", "long"] {
         std::os::unix::fs::symlink("/dev/zero", bench.path(name)).expect("there is room");
     }
-    for (arguments, file) in [
-        ("scene check long.toml --library good.lib", "long.toml"),
-        ("simulate-rig --rig long.toml --out rig", "long.toml"),
-        ("inspect long.lib", "long.lib"),
-        ("fit long.csv --sample-rate 5000 --out a.lib", "long.csv"),
-        ("import-hatt long.xml --out a.lib", "long.xml"),
-        ("evaluate set --library good.lib", "good.lib.fit.json"),
-        (
-            "render good.lib --texture silk --motion long.csv --out a.wav",
-            "long.csv",
-        ),
-    ] {
-        holds(&bench.refuse(arguments), &[file, "bytes, the most of"]);
-    }
+    bench.refuse_each(
+        "scene check long.toml --library good.lib | long.toml | bytes, the most of
+        simulate-rig --rig long.toml --out rig | long.toml | bytes, the most of
+        inspect long.lib | long.lib | bytes, the most of
+        fit long.csv --sample-rate 5000 --out a.lib | long.csv | bytes, the most of
+        import-hatt long.xml --out a.lib | long.xml | bytes, the most of
+        evaluate set --library good.lib | good.lib.fit.json | bytes, the most of
+        render good.lib --texture silk --motion long.csv --out a.wav | long.csv | bytes, the most of",
+    );
     // What does not end is read up to the limit, or not at all.
-    for (arguments, words) in [
-        ("inspect long", "the most of a library"),
-        ("fit long.wav --out o.lib", "is a device"),
-    ] {
-        holds(&bench.refuse(arguments), &[words]);
-    }
+    bench.refuse_each(
+        "inspect long | the most of a library
+        fit long.wav --out o.lib | is a device",
+    );
 }
 
 /// Characters that a terminal obeys: a colour, the same of C1, deletion, and text turned around.
@@ -215,38 +182,24 @@ fn shown(bench: &Bench, arguments: &[&str]) -> String {
 fn characters_that_a_terminal_obeys_are_shown_wherever_they_come_from() {
     let bench = fitted();
     let file = format!("{OBEYED}.lib");
+    let along = "render good.lib --speed 1 --force 1 --seconds 1 --out a.wav --texture";
+    let render: Vec<&str> = along.split(' ').chain([OBEYED]).collect();
     for (arguments, words) in [
         (&["inspect", &file][..], "\\u{1b}[31m"),
         (&["inspect", OBEYED, OBEYED], "unexpected argument"),
         (&[OBEYED], "unrecognized subcommand"),
         (&["status", "--link", OBEYED], "is not an address"),
-        (
-            &[
-                "render",
-                "good.lib",
-                "--texture",
-                OBEYED,
-                "--speed",
-                "1",
-                "--force",
-                "1",
-                "--seconds",
-                "1",
-                "--out",
-                "a.wav",
-            ],
-            "\\u{202e}z",
-        ),
+        (&render, "\\u{202e}z"),
     ] {
         holds(&shown(&bench, arguments), &[words]);
     }
-    bench.write(
-        "set/trials.csv",
-        format!("{HEADER}{OBEYED}.wav,silk,100,1,\n"),
-    );
-    assert!(shown(&bench, &["fit", "set", "--out", "a.lib"]).contains("\\u{9b}2J"));
-    bench.write("set/trials.csv", format!("{HEADER}a.wav,{OBEYED},100,1,\n"));
-    assert!(shown(&bench, &["fit", "set", "--out", "a.lib"]).contains("control character"));
+    for (trial, words) in [
+        (format!("{OBEYED}.wav,silk"), "\\u{9b}2J"),
+        (format!("a.wav,{OBEYED}"), "control character"),
+    ] {
+        bench.write("set/trials.csv", format!("{HEADER}{trial},100,1,\n"));
+        holds(&shown(&bench, &["fit", "set", "--out", "a.lib"]), &[words]);
+    }
     bench.write("a.csv", format!("x\n1\n{OBEYED}\n"));
     let read = ["fit", "a.csv", "--sample-rate", "5000", "--out", "a.lib"];
     assert!(shown(&bench, &read).contains("\\u{7f}"));
@@ -278,12 +231,8 @@ fn closed_outputs_are_no_panic_and_the_exit_code_says_what_was_lost() {
         assert!(!message.contains("panicked"), "{message}");
         output.status.code()
     };
-    for arguments in [
-        "inspect good.lib",
-        "inspect good.lib --json",
-        "--help",
-        "--version",
-    ] {
+    let inspect = ["inspect good.lib", "inspect good.lib --json"];
+    for arguments in inspect.into_iter().chain(["--help", "--version"]) {
         assert_eq!(code(arguments, false, true), Some(0), "{arguments}");
         assert_eq!(code(arguments, true, false), Some(1), "{arguments}");
         assert_eq!(code(arguments, true, true), Some(1), "{arguments}");

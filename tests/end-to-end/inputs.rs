@@ -2,52 +2,25 @@
 //! them, motions that end before they begin. What is doubtful is said in a line, and what cannot be is refused with its
 //! place.
 
-use crate::support::{Bench, RATE_HZ, all_pole, holds, json, noise, text, two_textures, wav};
+use crate::support::{
+    Bench, RATE_HZ, all_pole, holds, integers, json, noise, scaled, text, two_textures, wav,
+};
 
 const HEADER: &str = "file,texture,speed_mm_s,force_n";
 
 /// Options that keep a fit of noise short.
 const QUICK: &str = "--order 10 --excitation gaussian --modulation none --lines none";
 
-/// A WAV file of integers of 16 bits, one channel.
-fn integers(signal: &[f64], rate_hz: u32) -> Vec<u8> {
-    let spec = hound::WavSpec {
-        channels: 1,
-        sample_rate: rate_hz,
-        bits_per_sample: 16,
-        sample_format: hound::SampleFormat::Int,
-    };
-    let mut bytes = std::io::Cursor::new(Vec::new());
-    let mut writer = hound::WavWriter::new(&mut bytes, spec).expect("the spec is sound");
-    for sample in signal {
-        let code = (sample * 32_768.0).clamp(-32_768.0, 32_767.0) as i16;
-        writer.write_sample(code).expect("there is room in memory");
-    }
-    writer.finalize().expect("there is room in memory");
-    bytes.into_inner()
-}
-
 /// Noise of 2 s, as WAV.
 fn recording(seed: u64) -> Vec<u8> {
     wav(&[&all_pole(&[-0.6, 0.7], &noise(seed, 10_000))], RATE_HZ)
 }
 
-/// Runs `stylus`, which must succeed, and returns its standard error.
-fn said(bench: &Bench, arguments: &str) -> String {
-    let output = bench.run(arguments);
-    let said = text(&output.stderr);
-    assert!(output.status.success(), "stylus {arguments}\n{said}");
-    said
-}
-
-/// A set of one texture, with a trial at each of these speeds and forces; its list has these column names.
+/// The set `set` with a trial of noise for each of these textures, speeds and forces.
 fn set(bench: &Bench, trials: &[(&str, f64, f64)]) {
-    let mut list = format!("{HEADER}\n");
-    for (number, (texture, speed, force)) in trials.iter().enumerate() {
-        bench.write(&format!("set/{number}.wav"), recording(number as u64));
-        list.push_str(&format!("{number}.wav,{texture},{speed},{force}\n"));
-    }
-    bench.write("set/trials.csv", list);
+    let trials = (0..).zip(trials);
+    let trials = trials.map(|(seed, &(texture, v, f))| (texture, v, f, recording(seed)));
+    bench.write_set("set", &trials.collect::<Vec<_>>());
 }
 
 #[test]
@@ -55,19 +28,11 @@ fn a_motion_off_the_grid_is_told_on_either_side_of_it() {
     let bench = Bench::new();
     set(&bench, &[("silk", 100.0, 1.0), ("silk", 200.0, 1.0)]);
     bench.succeed(&format!("fit set --out a.lib {QUICK}"));
-    for (speed, words) in [
-        (
-            "0.1",
-            Some("was recorded from 100 mm/s on: below, the noise is that of 100 mm/s"),
-        ),
-        ("150", None),
-        (
-            "600",
-            Some("was recorded up to 200 mm/s: beyond, noise and level are those of 200 mm/s"),
-        ),
-    ] {
+    let below = "was recorded from 100 mm/s on: below, the noise is that of 100 mm/s";
+    let beyond = "was recorded up to 200 mm/s: beyond, noise and level are those of 200 mm/s";
+    for (speed, words) in [("0.1", Some(below)), ("150", None), ("600", Some(beyond))] {
         let render = format!("render a.lib --texture silk --speed {speed} --force 1 --seconds 0.1");
-        let said = said(&bench, &format!("{render} --out {speed}.wav")).replace("\n  ", " ");
+        let said = bench.told(&format!("{render} --out {speed}.wav"));
         match words {
             Some(words) => holds(&said, &[words]),
             None => assert!(!said.contains("warning"), "{said}"),
@@ -82,7 +47,7 @@ fn a_logger_of_3200_hz_is_a_note_and_one_below_skins_band_a_verdict() {
         let signal = all_pole(&[-0.6, 0.7], &noise(3, 8000));
         bench.write("silk.wav", wav(&[&signal], rate_hz));
         let fit = format!("fit silk.wav --speed 100 --force 1 --out a.lib --overwrite {QUICK}");
-        let said = said(&bench, &fit).replace("\n  ", " ");
+        let said = bench.told(&fit);
         holds(&said, &["sample rates below 5000 Hz in 1 of 1 recording"]);
         match word {
             Some(word) => holds(&said, &[word]),
@@ -115,26 +80,18 @@ fn what_is_not_read_is_refused_with_the_way_to_what_is() {
 #[test]
 fn integers_without_a_scale_are_told_with_the_level_that_comes_out() {
     let bench = Bench::new();
-    let quiet: Vec<f64> = noise(1, 10_000).iter().map(|x| 0.1 * x).collect();
-    bench.write("set/a.wav", integers(&quiet, RATE_HZ));
+    let quiet = scaled(&noise(1, 10_000), 0.1);
+    bench.write("set/a.wav", integers(&quiet, 16));
     bench.write("set/b.wav", recording(2));
     let list = |header: &str, row: &str| {
-        bench.write(
-            "set/trials.csv",
-            format!("{header}\na.wav,silk,100,1{row}\nb.wav,felt,100,1{row}\n"),
-        );
+        let rows = format!("a.wav,silk,100,1{row}\nb.wav,felt,100,1{row}\n");
+        bench.write("set/trials.csv", format!("{header}\n{rows}"));
     };
     let fit = format!("fit set --out a.lib {QUICK}");
     list(HEADER, "");
-    holds(
-        &said(&bench, &fit),
-        &[
-            "1 of 2 recordings hold integers",
-            "a level of 0.099 m/s² RMS",
-            "scale_m_s2",
-            "--scale",
-        ],
-    );
+    let told = bench.told(&fit);
+    holds(&told, &["1 of 2 recordings hold integers", "scale_m_s2"]);
+    holds(&told, &["a level of 0.099 m/s² RMS", "--scale"]);
     // A scale answers the question, whatever it is, and so does an option.
     for (header, row, option, rms) in [
         (",scale_m_s2", ",1", "", 0.1),
@@ -142,7 +99,11 @@ fn integers_without_a_scale_are_told_with_the_level_that_comes_out() {
         ("", "", "--scale 98.1", 9.81),
     ] {
         list(&format!("{HEADER}{header}"), row);
-        assert!(!said(&bench, &format!("{fit} {option}")).contains("hold integers"));
+        assert!(
+            !bench
+                .told(&format!("{fit} {option}"))
+                .contains("hold integers")
+        );
         let report = json(&bench.succeed(&format!("{fit} --json {option}")));
         let found = report["trials"][0]["rms_m_s2"].as_f64().expect("a level");
         assert!((found / rms - 1.0).abs() < 0.02, "{found} for {rms}");
@@ -170,23 +131,18 @@ fn a_unit_that_is_wrong_is_told_and_refused_by_strict_and_its_remedy_works() {
     let bench = Bench::new();
     let gravity = [0.3, -0.5, 1.04 * G];
     bench.write("g.tsv", table_of("time_s\tx\ty\tz", gravity, G, false));
-    bench.write(
-        "counts.dat",
-        table_of("time_s\tx\ty\tz", [0.0; 3], G / 256.0, true),
-    );
+    let counts = table_of("time_s\tx\ty\tz", [0.0; 3], G / 256.0, true);
+    bench.write("counts.dat", counts);
     for (file, words, unit) in [
         ("g.tsv", "the mean is 1.04, as gravity is in g", "g"),
         ("counts.dat", "1 of 1 recordings hold integers", "g/256"),
     ] {
         let fit = format!("fit {file} --speed 100 --force 1 --out a.lib --overwrite {QUICK}");
-        holds(
-            &said(&bench, &fit).replace("\n  ", " "),
-            &[words, "--scale"],
-        );
+        holds(&bench.told(&fit), &[words, "--scale"]);
         let refused = bench.refuse(&format!("{fit} --strict"));
         holds(&refused, &[file, "refused because of --strict"]);
         for option in ["--scale", "--unit"] {
-            let mended = said(&bench, &format!("{fit} --strict {option} {unit}"));
+            let mended = bench.told(&format!("{fit} --strict {option} {unit}"));
             assert!(!mended.contains("scale"), "{mended}");
         }
     }
@@ -204,15 +160,13 @@ fn units_of_headers_are_converted_and_a_set_says_so_once() {
     }
     bench.write("set/trials.csv", list);
     let fit = format!("fit set --out a.lib {QUICK}");
-    let message = said(&bench, &fit).replace("\n  ", " ");
+    let message = bench.told(&fit);
     let words = "3 recordings, such as set/100.txt: converted from mg to m/s², by the header";
     assert_eq!(message.matches("converted").count(), 1, "{message}");
     holds(&message, &[words]);
     let report = json(&bench.succeed(&format!("{fit} --json --overwrite")));
-    holds(
-        &report["trials"][1]["remarks"].to_string(),
-        &["converted from mg"],
-    );
+    let remarks = &report["trials"][1]["remarks"];
+    holds(remarks, &["converted from mg"]);
 }
 
 #[test]
@@ -238,7 +192,7 @@ fn recordings_of_a_stopped_recorder_and_of_labview_are_read_and_told() {
         ("labview.lvm", "converted from g to m/s²"),
     ] {
         let fit = format!("fit {file} --speed 100 --force 1 --out a.lib --overwrite {QUICK}");
-        holds(&said(&bench, &fit).replace("\n  ", " "), &[file, words]);
+        holds(&bench.told(&fit), &[file, words]);
     }
 }
 
@@ -246,38 +200,26 @@ fn recordings_of_a_stopped_recorder_and_of_labview_are_read_and_told() {
 fn the_first_example_of_the_readme_gives_the_scale_of_its_integers() {
     let readme = include_str!("../../README.md");
     let list = readme.split("```").find(|block| block.contains(HEADER));
-    let mut lines = list.expect("it has a list").trim().lines();
-    assert_eq!(
-        lines.next(),
-        Some("file,texture,speed_mm_s,force_n,scale_m_s2")
-    );
+    let list = list.expect("it has a list").trim();
+    let (header, rows) = list.split_once('\n').expect("it has rows");
+    assert_eq!(header, "file,texture,speed_mm_s,force_n,scale_m_s2");
     let bench = Bench::new();
-    let rows: Vec<&str> = lines.collect();
-    for (seed, row) in rows.iter().enumerate() {
+    for (seed, row) in (0..).zip(rows.lines()) {
         let file = row.split(',').next().expect("a file");
-        let signal: Vec<f64> = noise(seed as u64, 10_000).iter().map(|x| 0.1 * x).collect();
-        bench.write(&format!("set/{file}"), integers(&signal, RATE_HZ));
+        let signal = scaled(&noise(seed, 10_000), 0.1);
+        bench.write(&format!("set/{file}"), integers(&signal, 16));
     }
-    bench.write("set/trials.csv", list.expect("it has a list").trim());
-    let said = said(&bench, &format!("fit set --out a.lib {QUICK}"));
+    bench.write("set/trials.csv", list);
+    let said = bench.told(&format!("fit set --out a.lib {QUICK}"));
     assert!(!said.contains("scale"), "{said}");
 }
 
 #[test]
 fn speeds_and_forces_of_no_hand_are_refused_with_their_line_and_doubtful_ones_told() {
     let bench = Bench::new();
-    for (speed, force, words) in [
-        (
-            120_000.0,
-            1.0,
-            "speed of 120000 mm/s, and no hand or drum exceeds 10000",
-        ),
-        (
-            120.0,
-            500.0,
-            "force of 500 N, and no hand or drum exceeds 100",
-        ),
-    ] {
+    let speeds = "speed of 120000 mm/s, and no hand or drum exceeds 10000";
+    let forces = "force of 500 N, and no hand or drum exceeds 100";
+    for (speed, force, words) in [(120_000.0, 1.0, speeds), (120.0, 500.0, forces)] {
         set(&bench, &[("silk", 120.0, 1.0), ("silk", speed, force)]);
         let refused = bench.refuse("fit set --out a.lib");
         holds(&refused, &["trials.csv", "line 3", words]);
@@ -288,12 +230,14 @@ fn speeds_and_forces_of_no_hand_are_refused_with_their_line_and_doubtful_ones_to
         (0.12, 1.0, "are they in m/s"),
     ] {
         set(&bench, &[("silk", speed, force)]);
-        let message = said(&bench, &format!("fit set --out a.lib {QUICK}"));
+        let message = bench.told(&format!("fit set --out a.lib {QUICK}"));
         holds(&message, &[words]);
     }
     let refused = bench.run("fit set/0.wav --speed 120000 --out a.lib");
-    let message = text(&refused.stderr);
-    holds(&message, &["--speed", "no hand or drum exceeds"]);
+    holds(
+        &text(&refused.stderr),
+        &["--speed", "no hand or drum exceeds"],
+    );
 }
 
 /// A table of noise at 1 kHz, whose times, s, are those of `stamp` times `factor`.
@@ -311,58 +255,35 @@ fn every_remedy_for_times_that_are_refused_works() {
     let back = |n: usize| even(n) - if n < 3000 { 0.0 } else { 2.0 };
     let paused = |n: usize| even(n) + if n < 3000 { 0.0 } else { 9.0 };
     let bunches = |n: usize| (n as f64 / 20.0).floor() * 0.02 + (n % 20) as f64 * 1e-5;
+    let seconds = |stamp: &dyn Fn(usize) -> f64| stamped("t", 1.0, stamp);
     let milliseconds = stamped("time_s", 1e3, even);
-    let cut = |header: &str, text: &str| text.replacen("time_s", header, 1);
-    let named = |remedy: &str, text: String, words: &str, option: &str| {
+    let none = noise(7, 4000).into_iter().map(|x| format!("{x}\n"));
+    let fit = format!("fit a.csv --out a.lib --overwrite {QUICK}");
+    for (text, words, option) in [
+        (milliseconds.clone(), "holds times in s", "--time-unit ms"),
+        (
+            milliseconds.clone(),
+            "holds times in s",
+            "--sample-rate 1000",
+        ),
+        (seconds(&coarse), "as in the line before", "--even-times"),
+        (seconds(&back), "must rise", "--even-times"),
+        (seconds(&bunches), "bunches of 20", "--even-times"),
+        (none.collect(), "no sample rate", "--sample-rate 1000"),
+        // In the file: a part without the gap.
+        (seconds(&paused), "a gap of 9.001", "--duration 2.5"),
+    ] {
         bench.write("a.csv", &text);
-        let fit = format!("fit a.csv --out a.lib --overwrite {QUICK}");
-        holds(&bench.refuse(&fit), &[remedy, words]);
+        let named = match option {
+            "--duration 2.5" => "start_s and duration_s",
+            _ => option.split(' ').next().expect("a name"),
+        };
+        holds(&bench.refuse(&fit), &[named, words]);
         bench.succeed(&format!("{fit} {option}"));
-    };
-    let (unit, rate, even_times) = ("--time-unit ms", "--sample-rate 1000", "--even-times");
-    named(
-        "--time-unit",
-        milliseconds.clone(),
-        "holds times in s",
-        unit,
-    );
-    named(
-        "--sample-rate",
-        milliseconds.clone(),
-        "holds times in s",
-        rate,
-    );
-    named(
-        "--even-times",
-        stamped("t", 1.0, coarse),
-        "as in the line before",
-        even_times,
-    );
-    named(
-        "--even-times",
-        stamped("t", 1.0, back),
-        "must rise",
-        even_times,
-    );
-    named(
-        "--even-times",
-        stamped("t", 1.0, bunches),
-        "bunches of 20",
-        even_times,
-    );
-    let without = noise(7, 4000).into_iter().map(|x| format!("{x}\n"));
-    named("--sample-rate", without.collect(), "no sample rate", rate);
-    // Remedies in the file: a name, more digits, a part without the gap.
-    let part = "start_s and duration_s";
-    named(
-        part,
-        stamped("time_s", 1.0, paused),
-        "a gap of 9.001",
-        "--duration 2.5",
-    );
+    }
     for header in ["time_ms", "Time (ms)", "t [ms]"] {
-        bench.write("a.csv", cut(header, &milliseconds));
-        bench.succeed(&format!("fit a.csv --out a.lib --overwrite {QUICK}"));
+        bench.write("a.csv", milliseconds.replacen("time_s", header, 1));
+        bench.succeed(&fit);
     }
     bench.write("a.csv", stamped("time since start", 1.0, even));
     let refused = bench.refuse("fit a.csv --out b.lib");
@@ -389,26 +310,19 @@ fn what_is_mended_in_the_times_is_said() {
     let held = held.fold(String::from("t,x\n"), |text, (time, x)| {
         text + &format!("{time},{x}\n")
     });
+    let missing = "9 samples of 4009 missing one by one";
+    let steps = "values of 730 Hz held at 1000 Hz, nothing above 365 Hz";
     for (text, words) in [
         (stamped("t", 1e3, even), "taken for ms"),
-        (
-            stamped("t", 1.0, lost),
-            "9 samples of 4009 missing one by one",
-        ),
+        (stamped("t", 1.0, lost), missing),
         (stamped("t", 1.0, paused), "gaps in the times: 2 stretches"),
         (stamped("t", 1.0, bunches), "bunches of 3"),
         (joined, "571 rows that repeat another taken out"),
-        (
-            held,
-            "values of 730 Hz held at 1000 Hz, nothing above 365 Hz",
-        ),
+        (held, steps),
     ] {
         bench.write("a.csv", text);
-        let said = said(
-            &bench,
-            &format!("fit a.csv --out a.lib --overwrite {QUICK}"),
-        );
-        holds(&said.replace("\n  ", " "), &[words]);
+        let fit = format!("fit a.csv --out a.lib --overwrite {QUICK}");
+        holds(&bench.told(&fit), &[words]);
     }
 }
 
@@ -416,16 +330,14 @@ fn what_is_mended_in_the_times_is_said() {
 fn a_duration_beyond_the_file_is_told_with_both() {
     let bench = Bench::new();
     bench.write("a.wav", recording(1));
-    let longer = said(
-        &bench,
-        &format!("fit a.wav --duration 2.5 --out a.lib {QUICK}"),
-    );
-    holds(&longer, &["a.wav with 2.000 s of 2.5 s", "duration_s"]);
+    let fit = |duration: &str| {
+        bench.told(&format!(
+            "fit a.wav --duration {duration} --out a.lib {QUICK}"
+        ))
+    };
+    holds(&fit("2.5"), &["a.wav with 2.000 s of 2.5 s", "duration_s"]);
     for duration in ["1.5", "2"] {
-        let within = said(
-            &bench,
-            &format!("fit a.wav --duration {duration} --out a.lib {QUICK}"),
-        );
+        let within = fit(duration);
         assert!(!within.contains("shorter than"), "{within}");
     }
 }
@@ -434,90 +346,53 @@ fn a_duration_beyond_the_file_is_told_with_both() {
 fn measured_speeds_are_snapped_where_their_gaps_are_clear_and_make_a_sparse_grid_otherwise() {
     let bench = Bench::new();
     // Four nominal speeds by five nominal forces, each measured to within 2 %.
-    let trials: Vec<(&str, f64, f64)> = (0..20)
-        .map(|n| {
-            let off = |k: i32| 1.0 + f64::from((n * k) % 9 - 4) / 230.0;
-            let (speed, force) = (50.0 * f64::from(n / 5 + 1), 0.4 * f64::from(n % 5 + 1));
-            let places = |value: f64| (value * 1e4).round() / 1e4;
-            (
-                "silk",
-                places(speed * off(7) + f64::from(n) * 1e-3),
-                places(force * off(5) + f64::from(n) * 1e-4),
-            )
-        })
-        .collect();
-    set(&bench, &trials);
-    let told = said(&bench, &format!("fit set --snap none --out a.lib {QUICK}"));
-    holds(
-        &told,
-        &[
-            "380 of 400 nodes",
-            "grid of 20 x 20",
-            "--snap auto",
-            "4 x 5",
-        ],
-    );
+    let measured = |n: i32| {
+        let off = |k: i32| 1.0 + f64::from((n * k) % 9 - 4) / 230.0;
+        let (speed, force) = (50.0 * f64::from(n / 5 + 1), 0.4 * f64::from(n % 5 + 1));
+        let places = |value: f64| (value * 1e4).round() / 1e4;
+        let speed = places(speed * off(7) + f64::from(n) * 1e-3);
+        ("silk", speed, places(force * off(5) + f64::from(n) * 1e-4))
+    };
+    set(&bench, &(0..20).map(measured).collect::<Vec<_>>());
+    let told = bench.told(&format!("fit set --snap none --out a.lib {QUICK}"));
+    holds(&told, &["380 of 400 nodes", "grid of 20 x 20"]);
+    holds(&told, &["--snap auto", "4 x 5"]);
     bench.succeed(&format!("fit set --snap auto --out auto.lib {QUICK}"));
     bench.succeed(&format!("fit set --snap 0.03 --out share.lib {QUICK}"));
-    let told = said(&bench, &format!("fit set --out b.lib {QUICK}"));
-    let library = |name: &str| std::fs::read(bench.path(name)).expect("written");
+    let told = bench.told(&format!("fit set --out b.lib {QUICK}"));
     for other in ["auto.lib", "share.lib"] {
-        assert_eq!(library(other), library("b.lib"));
+        assert_eq!(bench.read(other), bench.read("b.lib"));
     }
-    holds(
-        &told,
-        &[
-            "20 speeds become 4 (50, 100, 150, 200 mm/s)",
-            "20 forces become 5 (0.4, 0.8, 1.2, 1.6, 2 N)",
-            "% at most",
-        ],
-    );
+    holds(&told, &["20 speeds become 4 (50, 100, 150, 200 mm/s)"]);
+    holds(&told, &["20 forces become 5 (0.4, 0.8, 1.2, 1.6, 2 N)"]);
+    holds(&told, &["% at most"]);
     assert!(!told.contains("are filled from neighbours"), "{told}");
     let content = json(&bench.succeed("inspect b.lib --json"));
-    let texture = &content["textures"][0];
-    assert_eq!(
-        texture["speeds_mm_s"],
-        json("[50.0, 100.0, 150.0, 200.0]"),
-        "{texture}"
-    );
+    let speeds = content["textures"][0]["speeds_mm_s"].as_array();
+    assert_eq!(speeds, json("[50.0, 100.0, 150.0, 200.0]").as_array());
     // What judges the library takes its trials for those of the fit.
     bench.succeed("evaluate set --library b.lib --synthesis 2 --json b.json");
-    let judged = json(&std::fs::read_to_string(bench.path("b.json")).expect("written"));
-    let speeds: Vec<f64> = judged["trials"]
-        .as_array()
-        .expect("trials")
-        .iter()
-        .map(|trial| trial["speed_mm_s"].as_f64().expect("a speed"))
-        .collect();
-    assert!(
-        speeds
-            .iter()
-            .all(|speed| [50.0, 100.0, 150.0, 200.0].contains(speed)),
-        "{speeds:?}"
-    );
-    let slope: Vec<(&str, f64, f64)> = (0..8)
-        .map(|n| ("silk", 100.0 + 2.0 * f64::from(n), 1.0))
-        .collect();
-    set(&bench, &slope);
-    let message = bench.refuse("fit set --snap 0.03 --out c.lib");
-    holds(
-        &message,
-        &[
-            "speeds from 100 to 114 mm/s have no gap between them at a tolerance of 0.03",
-            "smaller --snap",
-        ],
-    );
-    assert!(!bench.path("c.lib").exists());
+    let judged = bench.report("b.json");
+    for trial in judged["trials"].as_array().expect("trials") {
+        assert!(
+            speeds.expect("speeds").contains(&trial["speed_mm_s"]),
+            "{trial}"
+        );
+    }
 }
 
 #[test]
 fn nodes_that_are_next_to_equal_are_told_with_the_remedy() {
     let bench = Bench::new();
     set(&bench, &[("silk", 100.0, 1.0), ("silk", 100.0001, 0.5)]);
-    let message = said(&bench, &format!("fit set --out a.lib {QUICK}"));
+    let message = bench.told(&format!("fit set --out a.lib {QUICK}"));
     holds(&message, &["100 and 100.0001 mm/s", "--snap 0.01"]);
-    let message = said(&bench, &format!("fit set --snap 0.01 --out a.lib {QUICK}"));
+    let message = bench.told(&format!("fit set --snap 0.01 --out a.lib {QUICK}"));
     holds(&message, &["2 speeds become 1 (100 mm/s)"]);
+    let slope = (0..8).map(|n| ("silk", 100.0 + 2.0 * f64::from(n), 1.0));
+    set(&bench, &slope.collect::<Vec<_>>());
+    let message = bench.refuse("fit set --snap 0.03 --out c.lib");
+    holds(&message, &["no gap between them", "smaller --snap"]);
 }
 
 /// A library of two textures, in a folder with its set.
@@ -531,51 +406,39 @@ fn fitted() -> Bench {
 #[test]
 fn the_sign_of_a_speed_is_its_direction_and_a_negative_force_no_contact_in_every_motion() {
     let bench = fitted();
-    bench.write(
-        "scene.toml",
-        "name = \"s\"\n[constant_motion]\nspeed_mm_s = -100\nforce_n = 1\n[[surface]]\ntexture = \"silk\"\n",
-    );
-    bench.write(
-        "plus.toml",
-        "name = \"s\"\n[constant_motion]\nspeed_mm_s = 100\nforce_n = 1\n[[surface]]\ntexture = \"silk\"\n",
-    );
+    for (name, speed) in [("scene.toml", -100), ("plus.toml", 100)] {
+        let motion = format!("[constant_motion]\nspeed_mm_s = {speed}\nforce_n = 1\n");
+        let scene = format!("name = \"s\"\n{motion}[[surface]]\ntexture = \"silk\"\n");
+        bench.write(name, scene);
+    }
     let table = |speed: f64, force: f64| {
         format!("time_s,speed_mm_s,force_n\n0,{speed},{force}\n1,{speed},{force}\n")
     };
-    let samples = |name: &str| -> Vec<u32> {
-        let reader = hound::WavReader::open(bench.path(name)).expect("it was rendered");
-        reader
-            .into_samples::<f32>()
-            .map(|sample| sample.expect("a sample").to_bits())
-            .collect()
-    };
+    let samples = |name: &str| bench.samples(name, RATE_HZ);
     let render = "render good.lib --texture silk --seconds 1";
     bench.write("back.csv", table(-100.0, 1.0));
     bench.write("off.csv", table(100.0, -1.0));
     bench.succeed(&format!("{render} --speed 100 --force 1 --out plus.wav"));
     let plus = samples("plus.wav");
-    assert!(plus.iter().any(|&sample| sample != 0));
+    assert!(plus.iter().any(|&sample| sample != 0.0));
     for way in ["--speed -100 --force 1", "--motion back.csv"] {
         bench.succeed(&format!("{render} {way} --out minus.wav"));
         assert_eq!(samples("minus.wav"), plus, "{way}");
     }
     for way in ["--speed 100 --force -1", "--motion off.csv"] {
-        let told = said(&bench, &format!("{render} {way} --out off.wav"));
-        assert!(
-            samples("off.wav").iter().all(|&sample| sample == 0),
-            "{way}"
-        );
+        let told = bench.told(&format!("{render} {way} --out off.wav"));
+        assert!(samples("off.wav").iter().all(|&x| x == 0.0), "{way}");
         holds(&told, &["nothing is heard", "no contact"]);
     }
-    for (scene, out) in [("scene.toml", "back.wav"), ("plus.toml", "forth.wav")] {
-        bench.succeed(&format!(
-            "scene render {scene} --library good.lib --seconds 1 --out {out}"
-        ));
+    for (scene, out) in [
+        ("scene.toml", "back.wav"),
+        ("plus.toml", "forth.wav"),
+        ("plus.toml", "f.wav --speed -100 --force -1"),
+    ] {
+        let render = format!("scene render {scene} --library good.lib --seconds 1");
+        bench.succeed(&format!("{render} --out {out}"));
     }
     assert_eq!(samples("back.wav"), samples("forth.wav"));
-    bench.succeed(
-        "scene render plus.toml --library good.lib --seconds 1 --speed -100 --force -1 --out f.wav",
-    );
 }
 
 #[test]
@@ -629,10 +492,8 @@ fn what_a_table_holds_besides_is_named_with_line_column_and_separator() {
         holds(&bench.refuse(command), words);
     }
     // A comment above does not move the line that is named.
-    bench.write(
-        "set/trials.csv",
-        format!("# mine\n{HEADER}\n# next\n\nsilk-50-0.5.wav,silk,50,x\n"),
-    );
+    let list = format!("# mine\n{HEADER}\n# next\n\nsilk-50-0.5.wav,silk,50,x\n");
+    bench.write("set/trials.csv", list);
     let refused = bench.refuse("fit set --out o.lib");
     holds(&refused, &["line 5", "column 4", "force_n", "comma"]);
 }
@@ -648,67 +509,34 @@ fn a_folder_of_named_recordings_becomes_a_list_by_their_names() {
         }
     }
     bench.write("set/rest.wav", wav(&[&signal], 5_000));
+    let proposed = "`stylus trials set --pattern '{texture}_{speed}mms_{force}N.wav'`";
     let refused = bench.refuse("fit set --out a.lib");
-    holds(
-        &refused,
-        &[
-            "no trials.csv",
-            "`stylus trials set --pattern '{texture}_{speed}mms_{force}N.wav'`",
-        ],
-    );
-    let command = |rest: &[&str]| {
-        let arguments = ["trials", "set", "--pattern"]
-            .into_iter()
-            .chain(rest.iter().copied());
-        bench.command(arguments).output().expect("it runs")
-    };
-    let pattern = "{texture}_{speed}mms_{force*0.001}N_{take}.wav";
-    let output = command(&[pattern]);
-    holds(
-        &text(&output.stderr),
-        &["{speed}mms_{force*0.001}N", "first of 7 is"],
-    );
-    let pattern = "{texture}_{speed}mms_{force*0.001}mN_{take}.wav";
-    let output = command(&[pattern]);
-    holds(
-        &text(&output.stdout),
-        &[
-            "denim",
-            "50 100",
-            "0.5",
-            "1 2",
-            "6 trials -> set/trials.csv",
-        ],
-    );
-    holds(
-        &text(&output.stderr).replace("\n  ", " "),
-        &["the pattern does not match: 1 file", "rest.wav"],
-    );
-    let list = std::fs::read_to_string(bench.path("set/trials.csv")).expect("it was written");
-    assert!(
-        list.starts_with(
-            "file,texture,speed_mm_s,force_n\ndenim_100mms_500mN_1.wav,denim,100,0.5\n"
-        ),
-        "{list}"
-    );
+    holds(&refused, &["no trials.csv", proposed]);
+    let output = bench.run("trials set --pattern {texture}_{speed}mms_{force*0.001}N_{take}.wav");
+    let words = &["{speed}mms_{force*0.001}N", "first of 7 is"];
+    holds(&text(&output.stderr), words);
+    let trials = "trials set --pattern {texture}_{speed}mms_{force*0.001}mN_{take}.wav";
+    let output = bench.run(trials);
+    let words = &[
+        "denim",
+        "50 100",
+        "0.5",
+        "1 2",
+        "6 trials -> set/trials.csv",
+    ];
+    holds(&text(&output.stdout), words);
+    let words = &["the pattern does not match: 1 file", "rest.wav"];
+    holds(&text(&output.stderr), words);
+    let list = text(&bench.read("set/trials.csv"));
+    let first = format!("{HEADER}\ndenim_100mms_500mN_1.wav,denim,100,0.5\n");
+    assert!(list.starts_with(&first), "{list}");
     holds(&bench.succeed("fit set --out a.lib"), &["wet silk"]);
-    let output = command(&[
-        pattern,
-        "--take",
-        "2",
-        "--list",
-        "takes.csv",
-        "--scale",
-        "9.81",
-    ]);
-    holds(&text(&output.stdout), &["2 trials"]);
-    let takes = std::fs::read_to_string(bench.path("set/takes.csv")).expect("it was written");
-    assert_eq!(
-        takes.lines().filter(|line| line.ends_with(",9.81")).count(),
-        2,
-        "{takes}"
-    );
-    let output = command(&["{texture}_{*}.wav", "--list", "b.csv"]);
+    let told = bench.succeed(&format!("{trials} --take 2 --list takes.csv --scale 9.81"));
+    holds(&told, &["2 trials"]);
+    let takes = text(&bench.read("set/takes.csv"));
+    let scaled = takes.lines().filter(|line| line.ends_with(",9.81"));
+    assert_eq!(scaled.count(), 2, "{takes}");
+    let output = bench.run("trials set --pattern {texture}_{*}.wav --list b.csv");
     holds(&text(&output.stderr), &["no {speed}", "--speed"]);
 }
 
@@ -724,10 +552,8 @@ fn what_lies_below_a_folder_is_named_and_left_out_or_refused_and_never_waited_fo
     let trials = "trials set --pattern {texture}_{speed}.wav --force 1";
     let output = bench.run(trials);
     holds(&text(&output.stdout), &["1 trial -> set/trials.csv"]);
-    holds(
-        &text(&output.stderr).replace("\n  ", " "),
-        &["the pattern does not match: 1 file", "b\u{fffd}_60.wav"],
-    );
+    let words = &["the pattern does not match: 1 file", "b\u{fffd}_60.wav"];
+    holds(&text(&output.stderr), words);
     crate::outputs::make_pipe(&bench.path("set/c_70.wav"));
     let refused = bench.refuse(&format!("{trials} --overwrite"));
     holds(&refused, &["c_70.wav", "is a pipe", "copy it to one"]);
@@ -744,22 +570,11 @@ fn the_name_of_a_texture_that_no_fit_takes_is_refused_where_it_is_given() {
         (&long, "49 bytes"),
     ] {
         for command in [
-            ["segment", "a.csv", "--out", "cut", "--texture", name].as_slice(),
-            &[
-                "trials",
-                ".",
-                "--pattern",
-                "{speed}.wav",
-                "--force",
-                "1",
-                "--texture",
-                name,
-            ],
+            "segment a.csv --out cut --texture",
+            "trials . --pattern {speed}.wav --force 1 --texture",
         ] {
-            let output = bench
-                .command(command.iter().copied())
-                .output()
-                .expect("it runs");
+            let mut command = bench.command(command.split(' '));
+            let output = command.arg(name).output().expect("it runs");
             assert_eq!(output.status.code(), Some(2), "{name:?}");
             holds(&text(&output.stderr), &["--texture", word]);
         }
@@ -776,11 +591,9 @@ fn the_name_of_a_texture_that_no_fit_takes_is_refused_where_it_is_given() {
 fn tables_in_g_at_uneven_times_are_listed_by_their_names_and_fitted_as_they_are() {
     let bench = Bench::new();
     let noise = noise(5, 40_000);
-    for (speed, milli, take) in [20_u32, 40, 60].into_iter().flat_map(|speed| {
-        [500_u32, 1000]
-            .into_iter()
-            .flat_map(move |milli| [0, 1].map(|take| (speed, milli, take)))
-    }) {
+    for number in 0..12_u32 {
+        let speed = 20 * (number / 4 + 1);
+        let (milli, take) = (500 * (number / 2 % 2 + 1), number % 2);
         let v = f64::from(speed);
         let (mut time, mut accelerations) = (0.001, String::from("time,X,Y,Z\n"));
         let first = (900 * take + 100 * speed + milli) as usize;
@@ -800,48 +613,33 @@ fn tables_in_g_at_uneven_times_are_listed_by_their_names_and_fitted_as_they_are(
     let trials = format!("trials c --pattern {pattern} --scale 9.80665");
     let said = bench.succeed(&format!("{trials} --take 0"));
     holds(&said, &["6 trials"]);
-    let list = std::fs::read_to_string(bench.path("c/trials.csv")).expect("it was written");
+    let list = text(&bench.read("c/trials.csv"));
     holds(&list, &["accel/7/7_0_20_1000_0.csv,7,20,1,9.80665"]);
     bench.succeed("fit c --out c.lib --reduce z");
-    holds(
-        &bench.succeed("inspect c.lib"),
-        &["3 x 2", "20 to 60", "0.5 to 1"],
-    );
+    let content = bench.succeed("inspect c.lib");
+    holds(&content, &["3 x 2", "20 to 60", "0.5 to 1"]);
 }
 
 #[test]
 fn recordings_without_a_list_whose_names_differ_by_one_number_are_pointed_at() {
     let bench = Bench::new();
     for speed in [50, 100] {
-        bench.write(
-            &format!("denim_{speed}.wav"),
-            wav(&[&noise(3, 4_000)], 5_000),
-        );
+        let file = wav(&[&noise(3, 4_000)], 5_000);
+        bench.write(&format!("denim_{speed}.wav"), file);
     }
-    let note = text(
-        &bench
-            .run("fit denim_50.wav denim_100.wav --out a.lib")
-            .stderr,
-    );
-    holds(&note, &["differ by one number", "'denim_{speed}.wav'"]);
+    let note = bench.run("fit denim_50.wav denim_100.wav --out a.lib");
+    let words = &["differ by one number", "'denim_{speed}.wav'"];
+    holds(&text(&note.stderr), words);
     let list = "file,texture,speed_mm_s,force_n,note\ndenim_50.wav,denim,50,1,a new tip\n";
     bench.write("list.csv", list);
     bench.succeed("fit list.csv --out b.lib");
     bench.write("capital.csv", list.replace("denim_50", "Denim_50"));
     let refused = bench.refuse("fit capital.csv --out c.lib");
     holds(&refused, &["Denim_50.wav", "'denim_50.wav' is"]);
-    let render = |speed: u32| {
-        said(
-            &bench,
-            &format!(
-                "render b.lib --texture denim --speed {speed} --force 1 --seconds 1 --out a{speed}.wav"
-            ),
-        )
-    };
-    holds(
-        &render(90),
-        &["the speed reaches 90.000 mm/s", "up to 50 mm/s"],
-    );
+    let render = "render b.lib --texture denim --force 1 --seconds 1 --out a.wav --speed";
+    let render = |speed: u32| bench.told(&format!("{render} {speed}"));
+    let words = &["the speed reaches 90.000 mm/s", "up to 50 mm/s"];
+    holds(&render(90), words);
     assert!(!render(51).contains("reaches"));
 }
 
@@ -857,10 +655,7 @@ fn gravity_on_three_axes_is_taken_off_without_a_word_and_another_mean_with_one()
             table += &format!("{time:.4},{x:.5},{y:.5},{z:.5}\n");
         }
         bench.write("a.csv", table);
-        let output = bench.command(["fit", "a.csv", "--out", "a.lib", "--overwrite"]);
-        let output = { output }.output().expect("it runs");
-        let told = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert!(output.status.success(), "{told}");
+        let told = bench.told("fit a.csv --out a.lib --overwrite");
         assert_eq!(told.contains("mean above the RMS"), is_told, "{told}");
     }
 }

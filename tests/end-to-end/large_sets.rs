@@ -121,10 +121,8 @@ fn a_fit_s_memory_grows_by_a_few_kilobytes_per_trial_at_most() {
     let (small, large) = (measured(few), measured(many));
     for (index, way) in WAYS.iter().enumerate() {
         let slope = (large[index] - small[index]) / (many - few) as f64;
-        assert!(
-            slope < MOST_TRIAL_BYTES[index],
-            "{way}: {slope:.0} bytes per trial"
-        );
+        let most = MOST_TRIAL_BYTES[index];
+        assert!(slope < most, "{way}: {slope:.0} bytes per trial");
     }
 }
 
@@ -149,13 +147,8 @@ fn a_table_takes_the_memory_of_its_samples_however_long_or_wide_it_is() {
     let fit = |name: &str| format!("fit {name} --sample-rate 5000 --out a.lib --overwrite");
     bench.write("short.csv", &rows);
     let least = succeeds(&bench, &fit("short.csv"));
-    write_many(
-        &bench,
-        "long.csv",
-        &rows,
-        "# nothing is said in this line\n",
-        2_000_000,
-    );
+    let comment = "# nothing is said in this line\n";
+    write_many(&bench, "long.csv", &rows, comment, 2_000_000);
     let long = succeeds(&bench, &fit("long.csv"));
     assert!(long < least + MOST_BYTES, "{long} after {least}");
     let wide = "0,".repeat(500_000) + "\n";

@@ -11,12 +11,10 @@ const POLES: [f64; 2] = [-0.6, 0.7];
 
 /// Impulsive noise of unit variance: Gaussian numbers to the power of 3/2.
 fn impulsive(seed: u64, samples: usize) -> Vec<f64> {
-    let raw: Vec<f64> = noise(seed, samples)
-        .iter()
-        .map(|x| x.signum() * x.abs().powf(1.5))
-        .collect();
+    let raw = noise(seed, samples).into_iter();
+    let raw: Vec<f64> = raw.map(|x| x.signum() * x.abs().powf(1.5)).collect();
     let rms = (raw.iter().map(|x| x * x).sum::<f64>() / samples as f64).sqrt();
-    raw.iter().map(|x| x / rms).collect()
+    scaled(&raw, 1.0 / rms)
 }
 
 /// Levels in steps of 0.25 dB, one each 20 ms: a smoothed walk of 3.5 dB, of a mean square of 1.
@@ -71,47 +69,35 @@ fn codebook(samples: &[f64]) -> CodebookSpec {
 fn bench() -> Bench {
     let bench = Bench::new();
     for (folder, seed) in [("set", 1), ("takes", 2)] {
-        bench.write(
-            &format!("{folder}/a.wav"),
-            wav(&[&recording(seed)], RATE_HZ),
-        );
-        bench.write(
-            &format!("{folder}/trials.csv"),
-            "file,texture,speed_mm_s,force_n\na.wav,felt,100,1\n",
-        );
+        let file = wav(&[&recording(seed)], RATE_HZ);
+        bench.write_set(folder, &[("felt", 100.0, 1.0, file)]);
     }
     bench.succeed("fit set --out plain.lib --order 20");
-    let bytes = std::fs::read(bench.path("plain.lib")).unwrap();
+    let bytes = bench.read("plain.lib");
     let library = Library::decode(&bytes).unwrap();
     let texture = library.textures().next().unwrap();
     let spec = host_tools::scene::texture_spec(&texture);
-    let parts = PartsSpec {
+    let excited = |samples: &[f64]| PartsSpec {
         excitation: Some(ExcitationSpec {
-            codebooks: vec![codebook(&impulsive(77, 8000))],
-            of_nodes: vec![1; spec.nodes.len()],
-            moment_samples: None,
-        }),
-        modulation: Some(ModulationSpec {
-            step_samples: 100,
-            entries: levels(78, 400),
-        }),
-        lines: None,
-    };
-    // Nearly all of its energy is in 5 ms.
-    let mut click = noise(79, 8000);
-    click[4000..4025].iter_mut().for_each(|x| *x *= 60.0);
-    let rms = (click.iter().map(|x| x * x).sum::<f64>() / 8000.0).sqrt();
-    let clicking = PartsSpec {
-        excitation: Some(ExcitationSpec {
-            codebooks: vec![codebook(&scaled(&click, 1.0 / rms))],
+            codebooks: vec![codebook(samples)],
             of_nodes: vec![1; spec.nodes.len()],
             moment_samples: None,
         }),
         ..PartsSpec::default()
     };
+    let mut fed = excited(&impulsive(77, 8000));
+    fed.modulation = Some(ModulationSpec {
+        step_samples: 100,
+        entries: levels(78, 400),
+    });
+    // Nearly all of its energy is in 5 ms.
+    let mut click = noise(79, 8000);
+    click[4000..4025].iter_mut().for_each(|x| *x *= 60.0);
+    let rms = (click.iter().map(|x| x * x).sum::<f64>() / 8000.0).sqrt();
+    let clicking = excited(&scaled(&click, 1.0 / rms));
     for (name, parts) in [
         ("plain.lib", PartsSpec::default()),
-        ("fed.lib", parts),
+        ("fed.lib", fed),
         ("clicking.lib", clicking),
     ] {
         let bytes = encode(&[TextureSpec {
@@ -133,12 +119,16 @@ fn of<'j>(evaluation: &'j Value, role: &str) -> &'j Value {
         .unwrap_or_else(|| panic!("{role}: {rows:?}"))
 }
 
+fn difference(evaluation: &Value, role: &str, measure: &str) -> f64 {
+    let differences = &of(evaluation, role)["differences"];
+    differences[measure].as_f64().unwrap()
+}
+
 fn evaluated(bench: &Bench, library: &str, more: &str) -> (String, Value) {
     let said = bench.succeed(&format!(
         "evaluate set --library {library} --takes takes --synthesis 40 --json e.json {more}"
     ));
-    let text = std::fs::read_to_string(bench.path("e.json")).unwrap();
-    (said, json(&text))
+    (said, bench.report("e.json"))
 }
 
 #[test]
@@ -164,11 +154,7 @@ fn a_texture_with_parts_has_the_recordings_kurtosis_modulation_and_levels_and_wi
  {
     let bench = bench();
     let (said, evaluation) = evaluated(&bench, "fed.lib", "--full");
-    let number = |role: &str, measure: &str| {
-        of(&evaluation, role)["differences"][measure]
-            .as_f64()
-            .unwrap()
-    };
+    let number = |role: &str, measure: &str| difference(&evaluation, role, measure);
     for (measure, most) in [
         ("kurtosis_octaves", 0.9),
         ("residual_kurtosis_octaves", 0.3),
@@ -177,25 +163,12 @@ fn a_texture_with_parts_has_the_recordings_kurtosis_modulation_and_levels_and_wi
     ] {
         let (synthesis, gaussian) = (number("synthesis", measure), number("gaussian", measure));
         assert!(synthesis < most, "{measure}: {synthesis}");
-        assert!(
-            gaussian > 1.5 * synthesis,
-            "{measure}: {gaussian}, {synthesis}"
-        );
+        assert!(gaussian > 1.5 * synthesis, "{measure}: {gaussian}");
     }
-    assert_eq!(
-        of(&evaluation, "synthesis")["parts"],
-        "residual + modulation"
-    );
-    holds(
-        &said,
-        &[
-            "recording",
-            "synthesis:",
-            "residual +",
-            "Gaussian",
-            "other recording",
-        ],
-    );
+    let parts = &of(&evaluation, "synthesis")["parts"];
+    assert_eq!(parts, "residual + modulation");
+    holds(&said, &["recording", "synthesis:", "residual +"]);
+    holds(&said, &["Gaussian", "other recording"]);
     // The texture without its parts plays what a texture that never had any plays.
     let (_, stripped) = evaluated(&bench, "fed.lib", "--played gaussian");
     let (_, plain) = evaluated(&bench, "plain.lib", "");
@@ -216,23 +189,17 @@ fn a_weave_of_uneven_threads_holds_still_where_noise_of_its_spectrum_swells() {
     let said = bench.succeed("fit set --out weave.lib");
     holds(&said, &["tied to position", "and its harmonics wander by"]);
     bench.succeed("evaluate set --library weave.lib --json e.json");
-    let evaluation = json(&std::fs::read_to_string(bench.path("e.json")).unwrap());
-    let number = |role: &str, measure: &str| {
-        let differences = &of(&evaluation, role)["differences"];
-        differences[measure].as_f64().unwrap()
-    };
+    let evaluation = bench.report("e.json");
+    let number = |role: &str, measure: &str| difference(&evaluation, role, measure);
     for measure in ["modulation_db", "level_spread_db"] {
         let [synthesis, gaussian, other] =
             ["synthesis", "gaussian", "other"].map(|role| number(role, measure));
         assert!(synthesis < other + 1.0, "{measure}: {synthesis}, {other}");
-        assert!(
-            gaussian > 3.0 * synthesis,
-            "{measure}: {gaussian}, {synthesis}"
-        );
+        assert!(gaussian > 3.0 * synthesis, "{measure}: {gaussian}");
     }
     assert!(number("synthesis", "kurtosis_octaves") < 0.15);
     bench.succeed("fit set --lines none --out noise.lib");
-    let bytes = std::fs::read(bench.path("noise.lib")).unwrap();
+    let bytes = bench.read("noise.lib");
     let library = Library::decode(&bytes).unwrap();
     assert!(library.textures().next().unwrap().lines().is_none());
 }
@@ -243,11 +210,11 @@ fn a_page_for_listening_compares_every_pair_of_recording_gaussian_and_fitted_or_
     let usual = ["recording-fitted", "recording-gaussian", "gaussian-fitted"];
     let two = ["recording-fitted", "recording-before", "before-fitted"];
     for (more, pairs) in [("", usual), ("--before plain.lib", two)] {
-        let said = bench.succeed(&format!(
-        "compare set --library fed.lib {more} --takes takes --out page.html --trials 4 --seed 3 --overwrite"
-    ));
+        let compare =
+            "compare set --library fed.lib --takes takes --out page.html --trials 4 --seed 3";
+        let said = bench.succeed(&format!("{compare} --overwrite {more}"));
         holds(&said, &["12 trials"]);
-        let text = std::fs::read_to_string(bench.path("page.html")).unwrap();
+        let text = String::from_utf8(bench.read("page.html")).unwrap();
         let (_, rest) = text.split_once("id=\"plan\">").unwrap();
         let plan = json(rest.split_once("</script>").unwrap().0);
         for pair in pairs {

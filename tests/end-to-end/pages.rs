@@ -164,9 +164,8 @@ fn every_command_of_a_boards_first_hour_is_one() {
 #[test]
 fn every_setting_of_a_boards_first_hour_is_one_and_in_range() {
     let lines = command_lines(BRINGUP);
-    let words = lines
-        .iter()
-        .map(|line| line.split_whitespace().collect::<Vec<_>>());
+    let words = lines.iter();
+    let words = words.map(|line| line.split_whitespace().collect::<Vec<_>>());
     let mut set = 0;
     for words in words {
         if let ["cargo", "stylus", "settings", "set", name, value] = words[..] {

@@ -1,10 +1,7 @@
 //! The pages of `evaluate --report` and `compare` as files: what they hold, that they need nothing else, and what is
 //! refused. Their readers' side, in a browser, is in `tests/browser`.
 
-use std::path::Path;
-
-use crate::support::{Bench, RATE_HZ, holds, noise, rig_of, scaled, text, two_textures, wav};
-use serde_json::Value;
+use crate::support::{Bench, RATE_HZ, holds, json, noise, rig_of, scaled, text, two_textures, wav};
 
 /// Simulated recordings of two textures, one much louder than the other, and their library.
 fn simulated() -> Bench {
@@ -16,10 +13,6 @@ fn simulated() -> Bench {
     bench.succeed("simulate-rig --rig rig.toml --out set");
     bench.succeed("fit set --out a.lib --order 30");
     bench
-}
-
-fn read(path: &Path) -> String {
-    std::fs::read_to_string(path).unwrap()
 }
 
 /// The texts of elements that begin with `<tag`.
@@ -34,10 +27,7 @@ fn texts_of(page: &str, tag: &str) -> Vec<String> {
 
 fn check_page(page: &str) {
     // Zero has no sign.
-    for text in texts_of(page, "td")
-        .into_iter()
-        .chain(texts_of(page, "text"))
-    {
+    for text in [texts_of(page, "td"), texts_of(page, "text")].concat() {
         let is_zero = text.parse::<f64>().is_ok_and(|value| value == 0.0);
         assert!(!(is_zero && text.starts_with('-')), "{text}");
     }
@@ -56,16 +46,25 @@ fn check_page(page: &str) {
         // The page's own policy and its own anchors.
         .replace("http-equiv", "")
         .replace("href=\"#", "");
-    for outside in [
-        "http",
-        "src=",
-        "href=",
-        "url(",
-        "fetch(",
-        "XMLHttpRequest",
-        "@import",
-    ] {
+    for outside in "http src= href= url( fetch( XMLHttpRequest @import".split(' ') {
         assert!(!page.contains(outside), "{outside}");
+    }
+}
+
+/// Asserts that a page has recording and synthesis of every node.
+fn check_nodes(page: &str) {
+    let nodes = page.split("id=\"nodes\">").nth(1).unwrap();
+    let nodes = json(nodes.split("</script>").next().unwrap());
+    for texture in ["paper", "denim"] {
+        let own = &nodes["textures"][texture];
+        let places = own["nodes"].as_array().unwrap();
+        assert!(places.len() == 9 && places.contains(&serde_json::json!([120.0, 0.8])));
+        let clips = own["clips"].as_array().unwrap();
+        assert_eq!(clips.len(), 9);
+        for clip in clips.iter().flat_map(|pair| pair.as_array().unwrap()) {
+            // Half a second at least, of 5 kHz in 16 bits, in base64.
+            assert!(clip.as_str().unwrap().len() > 5000 * 4 / 3);
+        }
     }
 }
 
@@ -77,9 +76,9 @@ fn a_report_is_one_page_that_holds_everything_it_shows_with_pictures_beside() {
          --json numbers.json",
     );
     holds(&said, &["folder/index.html", "SIMULATED"]);
-    let page = read(&bench.path("folder/index.html"));
+    let page = text(&bench.read("folder/index.html"));
     check_page(&page);
-    for part in [
+    let parts = [
         "SIMULATED",
         "Table I of the paper, and the same test here",
         "the paper&#39;s figures, real recordings",
@@ -93,28 +92,14 @@ fn a_report_is_one_page_that_holds_everything_it_shows_with_pictures_beside() {
         "<details><summary>Waveforms",
         "What the spectrum does not show, of this trial",
         "mismatch C, %",
-    ] {
-        assert!(page.contains(part), "{part}");
-    }
+    ];
+    holds(&page, &parts);
     // A recording and a synthesis of each texture, and denim without its weave's lines, as WAV files in the page.
     assert_eq!(page.matches("<audio controls").count(), 5);
     assert_eq!(page.matches("src=\"data:audio/wav;base64,").count(), 5);
     assert!(page.contains("denim, 120 mm/s, 0.8 N: recorded (SIMULATED)"));
     assert!(page.len() < 4_000_000, "{}", page.len());
-    // Recording and synthesis of every node.
-    let nodes = page.split("id=\"nodes\">").nth(1).unwrap();
-    let nodes: Value = serde_json::from_str(nodes.split("</script>").next().unwrap()).unwrap();
-    for texture in ["paper", "denim"] {
-        let own = &nodes["textures"][texture];
-        let places = own["nodes"].as_array().unwrap();
-        assert!(places.len() == 9 && places.contains(&serde_json::json!([120.0, 0.8])));
-        let clips = own["clips"].as_array().unwrap();
-        assert_eq!(clips.len(), 9);
-        for clip in clips.iter().flat_map(|pair| pair.as_array().unwrap()) {
-            // Half a second at least, of 5 kHz in 16 bits, in base64.
-            assert!(clip.as_str().unwrap().len() > 5000 * 4 / 3);
-        }
-    }
+    check_nodes(&page);
     // Maps of C have one scale: the bar's numbers are the last three texts before the quantity.
     let bars: Vec<Vec<String>> = page
         .split("<svg ")
@@ -128,13 +113,9 @@ fn a_report_is_one_page_that_holds_everything_it_shows_with_pictures_beside() {
     // Every picture is a file of its own.
     let entries = std::fs::read_dir(bench.path("folder")).unwrap();
     let names = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap());
-    let pictures = names.filter(|name| {
-        Path::new(name)
-            .extension()
-            .is_some_and(|kind| kind == "svg")
-    });
+    let pictures = names.filter(|name| name.rsplit('.').next() == Some("svg"));
     assert_eq!(pictures.count(), page.matches("<svg ").count());
-    let numbers: Value = serde_json::from_str(&read(&bench.path("numbers.json"))).unwrap();
+    let numbers = bench.report("numbers.json");
     assert_eq!(numbers["trials"].as_array().unwrap().len(), 18);
     let removed = numbers["removed_nodes"]["removed"].as_array().unwrap();
     assert_eq!(removed.len(), 2);
@@ -148,16 +129,15 @@ fn the_sounds_of_a_page_take_24_megabytes_at_most_and_those_left_out_are_said() 
     const TEXTURES: u64 = 106;
     const MOST_BYTES: usize = 24_000_000;
     let bench = Bench::new();
-    let mut list = String::from("file,texture,speed_mm_s,force_n\n");
-    for number in 0..TEXTURES {
-        let signal = noise(number, 6 * RATE_HZ as usize);
-        bench.write(&format!("set/{number}.wav"), wav(&[&signal], RATE_HZ));
-        list.push_str(&format!("{number}.wav,texture {number},100,1\n"));
-    }
-    bench.write("set/trials.csv", list);
+    let names: Vec<String> = (0..TEXTURES).map(|n| format!("texture {n}")).collect();
+    let trials = (0..).zip(&names).map(|(seed, name)| {
+        let signal = noise(seed, 6 * RATE_HZ as usize);
+        (name.as_str(), 100.0, 1.0, wav(&[&signal], RATE_HZ))
+    });
+    bench.write_set("set", &trials.collect::<Vec<_>>());
     bench.succeed("fit set --order 2 --out a.lib");
     bench.succeed("evaluate set --library a.lib --report folder");
-    let page = read(&bench.path("folder/index.html"));
+    let page = text(&bench.read("folder/index.html"));
     let sounds = page.split("data:audio/wav;base64,").skip(1);
     let bytes: usize = sounds
         .map(|sound| sound.find(['"', '\'', '`']).expect("it ends") / 4 * 3)
@@ -175,20 +155,17 @@ fn a_seed_decides_a_page_for_listening_its_size_is_said_and_what_cannot_be_compa
     let bench = two_textures(|signal| [scaled(signal, 1.0)]);
     bench.succeed("fit set --out textures.lib --order 20");
     let said = bench.succeed(LISTENING);
-    let one = std::fs::read(bench.path("page.html")).unwrap();
-    assert!(
-        said.contains("14 trials") && !said.contains("SIMULATED"),
-        "{said}"
-    );
+    let one = bench.read("page.html");
+    assert!(!said.contains("SIMULATED"), "{said}");
     let notice = "<p class=\"notice\">SIMULATED";
     assert!(!String::from_utf8_lossy(&one).contains(notice));
     let megabytes = format!("{:.1} MB", one.len() as f64 / 1e6);
-    holds(&said, &[&megabytes]);
+    holds(&said, &["14 trials", &megabytes]);
     bench.succeed(&format!("{LISTENING} --overwrite"));
-    assert_eq!(std::fs::read(bench.path("page.html")).unwrap(), one);
+    assert_eq!(bench.read("page.html"), one);
     let other = LISTENING.replace("--seed 9", "--seed 10 --overwrite");
     bench.succeed(&other);
-    assert_ne!(std::fs::read(bench.path("page.html")).unwrap(), one);
+    assert_ne!(bench.read("page.html"), one);
 
     // Textures of Gaussian noise: one pair with both its kinds beside themselves, and no part but the level.
     for (design, trials) in [
@@ -197,43 +174,30 @@ fn a_seed_decides_a_page_for_listening_its_size_is_said_and_what_cannot_be_compa
     ] {
         let said = bench.succeed(&format!("{LISTENING} --overwrite --design {design}"));
         holds(&said, &[trials]);
-        let page = read(&bench.path("page.html"));
+        let page = text(&bench.read("page.html"));
         let said = bench.run(&format!("{LISTENING} --overwrite --design {design}"));
-        assert_eq!(read(&bench.path("page.html")), page, "the seed decides it");
+        assert_eq!(text(&bench.read("page.html")), page, "the seed decides it");
         let left_out = match design {
             "similarity" => ["recording-fitted: left out", "gaussian-fitted: left out"],
             _ => ["codebook: left out", "lines: left out"],
         };
         holds(&text(&said.stderr), &left_out);
     }
-    for (arguments, word) in [
-        (
-            "compare set --library textures.lib --out p.html --design staircase --pairs recording-fitted",
-            "give --parts in place of --pairs",
-        ),
-        (
-            "compare set --library textures.lib --out p.html --design staircase --parts lines",
-            "no texture has a part of --parts",
-        ),
-        (
-            "compare set --library textures.lib --out p.html --pairs gaussian-fitted",
-            "nothing to compare",
-        ),
-        (
-            "compare set --library textures.lib --out p.html --pairs recording-before",
-            "--pairs recording-before needs the library of before: give --before",
-        ),
-        ("compare --score none.csv", "none.csv"),
-        (
-            "compare --score textures.lib",
-            "give a file that the page of `stylus compare` saved",
-        ),
-    ] {
-        holds(&bench.refuse(arguments), &[word]);
-    }
+    refuse_what_cannot_be_compared(&bench);
+}
+
+fn refuse_what_cannot_be_compared(bench: &Bench) {
+    let compare = "compare set --library textures.lib --out p.html";
+    bench.refuse_each(&format!(
+        "{compare} --design staircase --pairs recording-fitted | give --parts in place of --pairs
+        {compare} --design staircase --parts lines | no texture has a part of --parts
+        {compare} --pairs gaussian-fitted | nothing to compare
+        {compare} --pairs recording-before | needs the library of before: give --before
+        compare --score none.csv | none.csv
+        compare --score textures.lib | give a file that the page of `stylus compare` saved"
+    ));
     std::fs::remove_file(bench.path("textures.lib.fit.json")).unwrap();
-    let refused = bench.refuse("compare set --library textures.lib --out p.html");
-    holds(&refused, &["--takes"]);
-    let output = bench.run("compare set --library textures.lib --out p.html --segment 0.01");
+    holds(&bench.refuse(compare), &["--takes"]);
+    let output = bench.run(&format!("{compare} --segment 0.01"));
     assert!(!output.status.success());
 }

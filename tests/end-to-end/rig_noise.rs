@@ -6,7 +6,8 @@ use std::f64::consts::{PI, TAU};
 use host_tools::dsp::spectrum::band_edges_hz;
 
 use crate::support::{
-    Bench, RATE_HZ, all_pole, decibels, holds, json, noise, power_between, predictor, text, wav,
+    Bench, RATE_HZ, all_pole, decibels, holds, json, near, noise, power_between, predictor, scaled,
+    text, wav,
 };
 
 const SECONDS: usize = 40;
@@ -43,7 +44,7 @@ fn levels(speed: f64, motor: f64) -> (f64, f64) {
 fn through(a: &[f64], rms: f64, seed: u64) -> Vec<f64> {
     let factor = factor(a, rms);
     let signal = all_pole(a, &noise(seed, SECONDS * RATE_HZ as usize));
-    signal.into_iter().map(|x| factor * x).collect()
+    scaled(&signal, factor)
 }
 
 /// The part of a motor of this strength at `speed`.
@@ -104,9 +105,8 @@ fn powers(band: usize, speed: f64, motor: f64, axes: usize) -> (f64, f64) {
     let (low, high) = band_edges_hz(band);
     let of = |a: &[f64], rms: f64| factor(a, rms).powi(2) * power_between(a, RATE_HZ, low, high);
     let (texture, hiss_rms) = levels(speed, motor);
-    let tones = TONES
-        .into_iter()
-        .filter(|(hz, _)| (low..high).contains(&(hz * speed)));
+    let tones = TONES.into_iter();
+    let tones = tones.filter(|(hz, _)| (low..high).contains(&(hz * speed)));
     let tones = tones.map(|(_, amplitude)| (motor * amplitude * speed / 100.0).powi(2) / 2.0);
     let cos: f64 = TEXTURE.iter().zip(&MOTOR).map(|(a, b)| a * b).sum();
     let seen = if axes == 1 { 1.0 } else { cos * cos };
@@ -119,9 +119,7 @@ fn errors(bench: &Bench, library: &str, speed: f64, truth: &[(f64, f64)]) -> Vec
     bench.succeed(&format!(
         "render {library} --texture felt --speed {speed} --force 1 --seconds 61 --seed 7 --out o.wav --overwrite"
     ));
-    let reader = hound::WavReader::open(bench.path("o.wav")).expect("it was rendered");
-    let samples = reader.into_samples::<f32>().map(|x| f64::from(x.unwrap()));
-    let samples: Vec<f64> = samples.skip(RATE_HZ as usize).collect();
+    let samples = bench.samples("o.wav", RATE_HZ).split_off(RATE_HZ as usize);
     let spectrum = host_tools::dsp::spectrum::PowerSpectrum::welch(&samples, f64::from(RATE_HZ));
     let error = |(band, (texture, _)): (usize, &(f64, f64))| {
         let (low, high) = band_edges_hz(band);
@@ -144,14 +142,9 @@ fn is_the_texture_where_it_is_as_strong_as_the_motor(motor: f64, axes: usize) {
         for (index, &(texture, noise)) in truth.iter().enumerate() {
             let over_db = decibels(texture / noise);
             let (now, own) = (now[index].abs(), own[index].abs());
-            let what = format!(
-                "{motor}, {axes} axes, {speed} mm/s, band {index}: {over_db:.1} dB over the motor"
-            );
-            assert!(over_db < 0.0 || own < 1.0, "{what}: {own:.2} dB off");
-            assert!(
-                own < now + 0.5,
-                "{what}: {own:.2} dB off, and {now:.2} dB with the noise"
-            );
+            let what = format!("{motor}, {axes} axes, {speed} mm/s, band {index}: {own:.2} dB off");
+            assert!(over_db < 0.0 || own < 1.0, "{what} at {over_db:.1} dB");
+            assert!(own < now + 0.5, "{what}, and {now:.2} dB with the noise");
         }
     }
 }
@@ -168,17 +161,12 @@ fn bands_are_the_textures_where_it_is_as_strong_as_the_motor_and_nowhere_worse()
 fn the_rigs_share_is_told_by_speed_and_band_and_changes_no_byte() {
     let bench = recorded(1.0, 1);
     let output = bench.run("fit set --out note.lib");
-    holds(
-        &text(&output.stderr),
-        &["the rig's own noise is half or more of", "--floor subtract"],
-    );
-    holds(
-        &text(&output.stdout),
-        &["the rig's share of each third octave's power"],
-    );
+    let words = &["the rig's own noise is half or more of", "--floor subtract"];
+    holds(&text(&output.stderr), words);
+    let words = "the rig's share of each third octave's power";
+    holds(&text(&output.stdout), &[words]);
     bench.succeed("fit set --out none.lib --floor none");
-    let read = |name: &str| std::fs::read(bench.path(name)).expect("it was written");
-    assert_eq!(read("note.lib"), read("none.lib"));
+    assert_eq!(bench.read("note.lib"), bench.read("none.lib"));
     let report = json(&bench.succeed("fit set --out note.lib --json"));
     let trials = report["trials"].as_array().expect("trials");
     for trial in trials.iter().filter(|trial| trial["force_n"] == 1.0) {
@@ -186,11 +174,7 @@ fn the_rigs_share_is_told_by_speed_and_band_and_changes_no_byte() {
         for band in BANDS {
             let (texture, noise) = powers(band, speed, 1.0, 1);
             let told = trial["floor_shares"][band].as_f64().expect("a share");
-            let share = noise / (texture + noise);
-            assert!(
-                (told - share).abs() < 0.12,
-                "{speed} mm/s, band {band}: {told}, and {share}"
-            );
+            near(told, noise / (texture + noise), 0.12);
         }
     }
 }
@@ -199,12 +183,10 @@ fn the_rigs_share_is_told_by_speed_and_band_and_changes_no_byte() {
 fn a_motors_tone_is_a_line_of_the_texture_only_while_it_is_not_taken_off() {
     let bench = recorded(1.0, 1);
     let lines = |options: &str| {
-        let options =
-            format!("fit set --out a.lib --excitation gaussian --modulation none {options} --json");
-        let report = json(&bench.succeed(&options));
-        report["lines"][0]["findings"]["lines"]
-            .as_array()
-            .map_or(0, Vec::len)
+        let fit = "fit set --out a.lib --excitation gaussian --modulation none --json";
+        let report = json(&bench.succeed(&format!("{fit} {options}")));
+        let lines = report["lines"][0]["findings"]["lines"].as_array();
+        lines.map_or(0, Vec::len)
     };
     assert!(lines("") > 0, "the motor's tones are locked to its speed");
     assert_eq!(lines("--floor subtract"), 0);
@@ -216,21 +198,11 @@ fn what_is_fitted_without_the_noise_is_judged_without_it() {
     bench.succeed(&format!("fit set --out own.lib --floor subtract {PLAIN}"));
     let evaluate = "evaluate set --library own.lib --json f.json --overwrite";
     let said = bench.succeed(evaluate);
-    holds(
-        &said,
-        &[
-            "noise is taken off the recordings as it was for the fit",
-            "spectrum as near",
-        ],
-    );
-    let figures = json(&text(
-        &std::fs::read(bench.path("f.json")).expect("it was written"),
-    ));
+    let words = "noise is taken off the recordings as it was for the fit";
+    holds(&said, &[words, "spectrum as near"]);
     // With the motor's noise in the recordings, many bands are 3 dB off.
-    let off = figures["textures"][0]["mean_band_error_db"]
-        .as_f64()
-        .expect("an error");
-    assert!(off < 1.0, "{off}");
+    let off = &bench.report("f.json")["textures"][0]["mean_band_error_db"];
+    assert!(off.as_f64().expect("an error") < 1.0, "{off}");
     // The noise of other takes is not known, so that they are compared as they are.
     bench.write("other/trials.csv", header() + "100-1.wav,felt,100,1\n");
     let other = through(&surface(), 0.4, 77);
@@ -242,30 +214,23 @@ fn what_is_fitted_without_the_noise_is_judged_without_it() {
 #[test]
 fn recordings_that_are_named_do_what_trials_at_no_force_do() {
     let bench = recorded(1.0, 3);
-    let read = |name: &str| std::fs::read(bench.path(name)).expect("it was written");
+    let read = |name: &str| bench.read(name);
     let quick = "--floor subtract --order 40";
     bench.succeed(&format!("fit set --out own.lib {quick}"));
-    bench.succeed(&format!(
-        "fit set/contact.csv --floor-recording set/motor.csv --out named.lib {quick}"
-    ));
+    let named = format!("fit set/contact.csv --floor-recording set/motor.csv {quick} --out");
+    bench.succeed(&format!("{named} named.lib"));
     assert_eq!(read("own.lib"), read("named.lib"));
     // Also by shards, whose results are not those without the noise.
     bench.succeed("fit set/contact.csv --out note.lib --order 40 --parts parts");
-    bench.succeed(&format!(
-        "fit set/contact.csv --floor-recording set/motor.csv --out parts.lib {quick} --parts parts"
-    ));
+    bench.succeed(&format!("{named} parts.lib --parts parts"));
     assert_eq!(read("own.lib"), read("parts.lib"));
     assert_ne!(read("own.lib"), read("note.lib"));
     // The blocks that judge are fitted in the same way.
     bench.succeed("evaluate set/contact.csv --library named.lib");
-    let told = bench.refuse(&format!("fit set/contact.csv --out a.lib {quick}"));
-    holds(
-        &told,
-        &["'felt'", "no trial in motion at 0 N", "--floor-recording"],
-    );
     bench.write("mono.wav", wav(&[&noise(1, 20_000)], RATE_HZ));
-    let told = bench.refuse(&format!(
-        "fit set/contact.csv --floor-recording mono.wav --out a.lib {quick}"
+    let fit = format!("fit set/contact.csv --out a.lib {quick}");
+    bench.refuse_each(&format!(
+        "{fit} | 'felt' | no trial in motion at 0 N | --floor-recording
+        {fit} --floor-recording mono.wav | mono.wav | 1 channel | have 3"
     ));
-    holds(&told, &["mono.wav", "1 channel", "have 3"]);
 }

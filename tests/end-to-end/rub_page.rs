@@ -7,7 +7,7 @@ use base64::engine::general_purpose::STANDARD;
 use host_tools::report::rub_page::KERNEL;
 use serde_json::Value;
 
-use crate::support::{Bench, holds, scaled, text, two_textures};
+use crate::support::{Bench, RATE_HZ, holds, json, scaled, text, two_textures};
 
 /// Recordings of two textures, and their library.
 fn fitted() -> Bench {
@@ -18,14 +18,14 @@ fn fitted() -> Bench {
 
 /// The content of the element `id` of a page.
 fn element(bench: &Bench, page: &str, id: &str) -> String {
-    let text = std::fs::read_to_string(bench.path(page)).unwrap();
+    let text = text(&bench.read(page));
     let (_, rest) = text.split_once(&format!("id=\"{id}\">")).unwrap();
     let (content, _) = rest.split_once("</").unwrap();
     content.to_owned()
 }
 
 fn data(bench: &Bench, page: &str) -> Value {
-    serde_json::from_str(&element(bench, page, "data")).unwrap()
+    json(&element(bench, page, "data"))
 }
 
 fn bytes(bench: &Bench, page: &str, id: &str) -> Vec<u8> {
@@ -36,17 +36,12 @@ fn bytes(bench: &Bench, page: &str, id: &str) -> Vec<u8> {
 fn a_library_alone_makes_a_page_with_its_digests_and_its_size_is_said() {
     let bench = fitted();
     let said = bench.succeed("page textures.lib --out page.html");
-    let library = std::fs::read(bench.path("textures.lib")).unwrap();
+    let library = bench.read("textures.lib");
     assert_eq!(bytes(&bench, "page.html", "library"), library);
     assert_eq!(bytes(&bench, "page.html", "kernel"), KERNEL);
-    let size = std::fs::metadata(bench.path("page.html")).unwrap().len();
-    holds(
-        &said,
-        &[
-            &format!("{:.1} MB", size as f64 / 1e6),
-            "no clips of recordings",
-        ],
-    );
+    let again = bench.read("page.html");
+    let size = format!("{:.1} MB", again.len() as f64 / 1e6);
+    holds(&said, &[&size, "no clips of recordings"]);
     assert!(!said.contains("SIMULATED"), "{said}");
     let data = data(&bench, "page.html");
     for texture in 0..2 {
@@ -56,9 +51,8 @@ fn a_library_alone_makes_a_page_with_its_digests_and_its_size_is_said() {
         assert_eq!(digest.len(), 8);
     }
     assert_eq!(data["digest"]["words"], 50_000);
-    let again = std::fs::read(bench.path("page.html")).unwrap();
     bench.succeed("page textures.lib --out page.html");
-    assert_eq!(std::fs::read(bench.path("page.html")).unwrap(), again);
+    assert_eq!(bench.read("page.html"), again);
     let notice = "<p class=\"notice\">SIMULATED";
     assert!(!String::from_utf8_lossy(&again).contains(notice));
 }
@@ -69,7 +63,7 @@ fn recordings_are_fitted_as_fit_does_and_come_with_clips_spectra_and_costs() {
     bench.succeed("fit set --out textures.lib");
     let said = bench.succeed("page set --out page.html");
     holds(&said, &["8 clips of recordings"]);
-    let library = std::fs::read(bench.path("textures.lib")).unwrap();
+    let library = bench.read("textures.lib");
     assert_eq!(bytes(&bench, "page.html", "library"), library);
     let data = data(&bench, "page.html");
     let bands = data["frequencies_hz"].as_array().unwrap().len();
@@ -78,11 +72,8 @@ fn recordings_are_fitted_as_fit_does_and_come_with_clips_spectra_and_costs() {
         let (model, recorded) = (levels("model_base64"), levels("recorded_base64"));
         assert_eq!((model.len(), recorded.len()), (4 * bands, 4 * bands));
         // Mean difference of a model of order 400 and the recording that it is of.
-        let apart = model
-            .iter()
-            .zip(&recorded)
-            .map(|(m, r)| f64::from(m.abs_diff(*r)) / 2.0);
-        let apart = apart.sum::<f64>() / model.len() as f64;
+        let apart = model.iter().zip(&recorded).map(|(m, r)| m.abs_diff(*r));
+        let apart = apart.map(f64::from).sum::<f64>() / 2.0 / model.len() as f64;
         assert!(apart < 2.0, "{apart} dB");
         for cost in texture["nodes"]["costs"].as_array().unwrap() {
             let cost = cost.as_f64().unwrap();
@@ -97,12 +88,10 @@ fn a_sound_alone_makes_the_page_of_the_library_that_fit_makes_of_it() {
     std::fs::copy(bench.path("set/silk-50-0.5.wav"), bench.path("phone.WAV")).unwrap();
     bench.succeed("fit phone.WAV --speed 80 --out phone.lib");
     bench.succeed("page phone.WAV --speed 80 --out page.html");
-    let library = std::fs::read(bench.path("phone.lib")).unwrap();
+    let library = bench.read("phone.lib");
     assert_eq!(bytes(&bench, "page.html", "library"), library);
-    assert_eq!(
-        data(&bench, "page.html")["clips"].as_array().unwrap().len(),
-        1
-    );
+    let data = data(&bench, "page.html");
+    assert_eq!(data["clips"].as_array().unwrap().len(), 1);
 }
 
 #[test]
@@ -119,30 +108,16 @@ fn a_clip_is_the_middle_of_its_nodes_recording() {
         let node = clip["node"].as_u64().unwrap() as usize;
         let place = (&speeds[node / forces.len()], &forces[node % forces.len()]);
         assert_eq!(place, (&clip["speed_mm_s"], &clip["force_n"]));
-        let codes = STANDARD
-            .decode(clip["codes_base64"].as_str().unwrap())
-            .unwrap();
+        let codes = clip["codes_base64"].as_str().unwrap();
+        let codes = STANDARD.decode(codes).unwrap();
         assert_eq!(codes.len(), 2000);
         let peak = clip["peak_m_s2"].as_f64().unwrap();
         let value = |code: u8| {
             let code = f64::from(code.cast_signed());
             code.signum() * peak * (256f64.powf(code.abs() / 127.0) - 1.0) / 255.0
         };
-        let file = bench.path("set").join(clip["file"].as_str().unwrap());
-        let mut reader = hound::WavReader::open(file).unwrap();
-        let samples: Vec<f64> = match reader.spec().sample_format {
-            hound::SampleFormat::Float => reader
-                .samples::<f32>()
-                .map(|x| f64::from(x.unwrap()))
-                .collect(),
-            hound::SampleFormat::Int => {
-                let scale = f64::from(1u32 << (reader.spec().bits_per_sample - 1));
-                reader
-                    .samples::<i32>()
-                    .map(|x| f64::from(x.unwrap()) / scale)
-                    .collect()
-            }
-        };
+        let file = format!("set/{}", clip["file"].as_str().unwrap());
+        let samples = bench.samples(&file, RATE_HZ);
         // The clip and its joint of 150 samples lie in the middle.
         let begin = (samples.len() - 2150) / 2;
         let pairs = codes[150..].iter().zip(&samples[begin + 150..]);
@@ -153,34 +128,24 @@ fn a_clip_is_the_middle_of_its_nodes_recording() {
         }
         assert!(error < 1e-3 * energy, "{clip}: {error} of {energy}");
     }
-    assert!(
-        data["clip_note"]
-            .as_str()
-            .unwrap()
-            .contains("every recorded node")
-    );
+    holds(&data["clip_note"], &["every recorded node"]);
 }
 
 #[test]
 fn what_makes_no_page_is_refused_with_the_remedy() {
     let bench = fitted();
     bench.write("page.txt", "none");
-    for (arguments, word) in [
-        ("page textures.lib --clips 1 --out p.html", "--recordings"),
-        ("page set --recordings set --out p.html", "beside a library"),
-        ("page none.lib --out p.html", "none.lib"),
-        ("page page.txt --out p.html", "page.txt"),
-        ("page textures.lib --out textures.lib", "textures.lib"),
-    ] {
-        holds(&bench.refuse(arguments), &[word]);
-    }
+    bench.refuse_each(
+        "page textures.lib --clips 1 --out p.html | --recordings
+        page set --recordings set --out p.html | beside a library
+        page none.lib --out p.html | none.lib
+        page page.txt --out p.html | page.txt
+        page textures.lib --out textures.lib | textures.lib",
+    );
     assert!(!bench.path("p.html").exists());
     let wrong = bench.run("page textures.lib --recordings set --clips 0.01 --out p.html");
-    let said = String::from_utf8_lossy(&wrong.stderr).into_owned();
-    assert!(
-        !wrong.status.success() && said.contains("0.1 to 10"),
-        "{said}"
-    );
+    assert!(!wrong.status.success());
+    holds(&text(&wrong.stderr), &["0.1 to 10"]);
 }
 
 #[test]
@@ -192,14 +157,10 @@ fn the_demo_says_in_forty_lines_what_it_holds_and_its_page_has_one_and_a_half_me
     assert!(!warned.contains("warning"), "{warned}");
     let said = text(&output.stdout) + &text(&output.stderr);
     assert!(said.lines().count() <= 40, "{said}");
-    assert!(
-        said.lines().all(|line| line.chars().count() <= 80),
-        "{said}"
-    );
-    holds(
-        &said,
-        &["SIMULATED", "demo/page.html", "demo/report/index.html"],
-    );
+    let is_wide = |line: &str| line.chars().count() > 80;
+    assert!(!said.lines().any(is_wide), "{said}");
+    holds(&said, &["SIMULATED", "demo/page.html"]);
+    holds(&said, &["demo/report/index.html"]);
     // A surface with impulses, one that holds still, a calm one.
     let plays = [
         "scratched: recorded snippets",
@@ -207,9 +168,7 @@ fn the_demo_says_in_forty_lines_what_it_holds_and_its_page_has_one_and_a_half_me
         "paper: Gaussian;",
     ];
     holds(&said, &plays);
-    let size = std::fs::metadata(bench.path("demo/page.html"))
-        .unwrap()
-        .len();
+    let size = bench.read("demo/page.html").len();
     assert!(size <= 1_500_000, "{size}");
     let data = data(&bench, "demo/page.html");
     assert_eq!(data["simulated"], true);
@@ -220,15 +179,10 @@ fn the_demo_says_in_forty_lines_what_it_holds_and_its_page_has_one_and_a_half_me
         assert_eq!(costs.len(), 120);
         assert!(costs.iter().all(Value::is_f64));
     }
-    let of_texture = |clip: &Value| clip["texture"].as_u64().unwrap();
-    let clips: BTreeSet<u64> = data["clips"]
-        .as_array()
-        .unwrap()
-        .iter()
-        .map(of_texture)
-        .collect();
-    assert_eq!(clips.len(), 4);
-    holds(&data["clip_note"].as_str().unwrap(), &["nearest"]);
+    let clips = data["clips"].as_array().unwrap().iter();
+    let textures = clips.map(|clip| clip["texture"].as_u64().unwrap());
+    assert_eq!(textures.collect::<BTreeSet<u64>>().len(), 4);
+    holds(&data["clip_note"], &["nearest"]);
 }
 
 /// Impulsive noise: Gaussian numbers to the third power, of a kurtosis far above 3.
@@ -261,9 +215,8 @@ fn what_plays_is_hardly_ever_beyond_full_scale_whatever_excites_it() {
             loudest["speeds_mm_s"][node / forces.len()],
             forces[node % forces.len()]
         ));
-        let wav = hound::WavReader::open(bench.path("loudest.wav")).unwrap();
-        let samples: Vec<f32> = wav.into_samples().map(Result::unwrap).collect();
-        let beyond = samples.iter().filter(|x| f64::from(x.abs()) > full_scale);
+        let samples = bench.samples("loudest.wav", RATE_HZ);
+        let beyond = samples.iter().filter(|x| x.abs() > full_scale);
         let share = beyond.count() as f64 / samples.len() as f64;
         assert!(share < 1e-3, "{share} {full_scale}");
         scales.push(full_scale / rms(loudest));

@@ -2,7 +2,7 @@
 
 use crate::hatt;
 use crate::support::{
-    Bench, all_pole, decibels, holds, json, noise, power_between, predictor, wav,
+    Bench, all_pole, decibels, holds, json, noise, power_between, predictor, scaled, wav,
 };
 use host_tools::dsp::spectrum::{band_edges_hz, band_powers};
 
@@ -28,33 +28,22 @@ fn power_by_sums(signal: &[f64], bins: std::ops::RangeInclusive<u32>) -> f64 {
     power / windows.len() as f64
 }
 
-fn samples(bench: &Bench, name: &str, rate_hz: u32) -> Vec<f64> {
-    let reader = hound::WavReader::open(bench.path(name)).expect("it was rendered");
-    assert_eq!(reader.spec().sample_rate, rate_hz);
-    let samples = reader.into_samples::<f32>();
-    samples.map(|sample| f64::from(sample.unwrap())).collect()
-}
-
 #[test]
 fn a_process_recorded_at_ten_kilohertz_comes_back_with_what_is_above_the_half_of_five() {
     let a = predictor(FAST_HZ, &[(140.0, 0.98), (900.0, 0.9), (3_300.0, 0.95)]);
-    let signal: Vec<f64> = all_pole(&a, &noise(3, 600_000))
-        .iter()
-        .map(|x| 0.02 * x)
-        .collect();
+    let signal = scaled(&all_pole(&a, &noise(3, 600_000)), 0.02);
     let bench = Bench::new();
-    bench.write("set/silk.wav", wav(&[&signal], FAST_HZ));
-    let list = "file,texture,speed_mm_s,force_n\nsilk.wav,silk,100,1\n";
-    bench.write("set/trials.csv", list);
+    let trial = ("silk", 100.0, 1.0, wav(&[&signal], FAST_HZ));
+    bench.write_set("set", &[trial]);
     bench.succeed("fit set --out fast.lib --model-rate 10000");
     bench.succeed(
         "render fast.lib --texture silk --speed 100 --force 1 --seconds 60 --seed 7 --out fast.wav",
     );
-    let played = samples(&bench, "fast.wav", FAST_HZ).split_off(FAST_HZ as usize);
-    for (band, power) in band_powers(&played, f64::from(FAST_HZ))
-        .into_iter()
-        .enumerate()
-    {
+    let played = bench
+        .samples("fast.wav", FAST_HZ)
+        .split_off(FAST_HZ as usize);
+    let bands = band_powers(&played, f64::from(FAST_HZ));
+    for (band, power) in bands.into_iter().enumerate() {
         let (low_hz, high_hz) = band_edges_hz(band);
         let expected = 0.02f64.powi(2) * power_between(&a, FAST_HZ, low_hz, high_hz);
         let error = decibels(power / expected);
@@ -82,46 +71,41 @@ fn published_models_of_ten_kilohertz_are_played_at_that_rate_as_the_file_defines
     bench.succeed(
         "render fast.lib --texture fast --speed 140 --force 1.3 --seconds 40 --out fast.wav",
     );
-    let played = samples(&bench, "fast.wav", FAST_HZ).split_off(FAST_HZ as usize);
+    let played = bench
+        .samples("fast.wav", FAST_HZ)
+        .split_off(FAST_HZ as usize);
     for bins in [2..=3, 8..=11, 36..=44, 90..=112, 180..=223, 356..=446] {
         let density = |bin: u32| 0.1 * hatt::density(&[(5, 1.0)], f64::from(bin));
         let expected: f64 = bins.clone().map(|bin| 10.0 * density(bin)).sum();
         let error = decibels(power_by_sums(&played, bins.clone()) / expected);
         assert!(error.abs() < 1.0, "{bins:?} x 10 Hz: {error} dB");
     }
-    let refused = |file: &str, rate: u32| {
-        let arguments = format!("import-hatt {file} --out x.lib --model-rate {rate}");
-        bench.refuse(&arguments)
-    };
-    holds(&refused("slow.xml", 10_000), &["slow.xml", "1000 Hz"]);
-    holds(&refused("fast.xml", 8_000), &["8000 Hz"]);
+    bench.refuse_each(
+        "import-hatt slow.xml --out x.lib --model-rate 10000 | slow.xml | 1000 Hz
+        import-hatt fast.xml --out x.lib --model-rate 8000 | 8000 Hz",
+    );
 }
 
 /// A folder with a recording of 5 s at `rate_hz`.
 fn recorded(rate_hz: u32) -> Bench {
     let a = predictor(rate_hz, &[(140.0, 0.97), (900.0, 0.9)]);
     let signal = all_pole(&a, &noise(5, 5 * rate_hz as usize));
-    let signal: Vec<f64> = signal.iter().map(|x| 0.02 * x).collect();
     let bench = Bench::new();
-    bench.write("set/silk.wav", wav(&[&signal], rate_hz));
-    let list = "file,texture,speed_mm_s,force_n\nsilk.wav,silk,100,1\n";
-    bench.write("set/trials.csv", list);
+    let file = wav(&[&scaled(&signal, 0.02)], rate_hz);
+    bench.write_set("set", &[("silk", 100.0, 1.0, file)]);
     bench
 }
 
 #[test]
 fn a_fit_at_ten_kilohertz_refuses_what_it_cannot_keep_by_name() {
     let bench = recorded(5_000);
-    let refused = |options: &str| bench.refuse(&format!("fit set --out fast.lib {options}"));
-    holds(&refused("--model-rate 10000"), &["silk.wav", "5000 Hz"]);
-    for (options, word) in [
-        ("--model-rate 8000", "8000 Hz"),
-        ("--model-rate 10000 --densify", "--densify"),
-        ("--model-rate 10000 --excitation residual", "--excitation"),
-        ("--model-rate 10000 --modulation track", "--modulation"),
-    ] {
-        holds(&refused(options), &[word]);
-    }
+    bench.refuse_each(
+        "fit set --out fast.lib --model-rate 10000 | 0.wav | 5000 Hz
+        fit set --out fast.lib --model-rate 8000 | 8000 Hz
+        fit set --out fast.lib --model-rate 10000 --densify | --densify
+        fit set --out fast.lib --model-rate 10000 --excitation residual | --excitation
+        fit set --out fast.lib --model-rate 10000 --modulation track | --modulation",
+    );
     assert!(!bench.path("fast.lib").exists());
 }
 
@@ -130,35 +114,30 @@ fn the_check_of_a_scene_at_ten_kilohertz_shows_half_of_the_budget() {
     let bench = recorded(FAST_HZ);
     let options = "--excitation gaussian --modulation none --lines none";
     bench.succeed(&format!("fit set --out slow.lib --order 40 {options}"));
-    bench.succeed(&format!(
-        "fit set --out fast.lib --order 40 {options} --model-rate 10000"
-    ));
+    let options = format!("{options} --model-rate 10000");
+    bench.succeed(&format!("fit set --out fast.lib --order 40 {options}"));
     let scene = |rate: &str| format!("name = \"bench\"\n{rate}[[surface]]\ntexture = \"silk\"\n");
     bench.write("slow.toml", scene(""));
     bench.write("fast.toml", scene("sample_rate_hz = 10000\n"));
     let budget = |scene: &str, library: &str| {
         let text = bench.succeed(&format!("scene check {scene} --library {library} --json"));
         let report = json(&text);
-        let worst = report["worst_case"]["instructions"].as_u64().unwrap();
         assert!(report["fits"].as_bool().unwrap());
-        (
-            report["budget_instructions"].as_u64().unwrap(),
-            report["sample_rate_hz"].as_u64().unwrap(),
+        let worst = &report["worst_case"]["instructions"];
+        [
+            &report["budget_instructions"],
+            &report["sample_rate_hz"],
             worst,
-        )
+        ]
+        .map(|number| number.as_u64().unwrap())
     };
-    let (slow, slow_hz, _) = budget("slow.toml", "slow.lib");
-    let (fast, fast_hz, worst) = budget("fast.toml", "fast.lib");
-    assert_eq!((slow, slow_hz), (2 * fast, 5_000));
-    assert_eq!(fast_hz, 10_000);
-    holds(
-        &bench.succeed("scene check fast.toml --library fast.lib"),
-        &[&format!("{fast} instructions per sample at 10000 Hz")],
-    );
-    let refused = bench.refuse(&format!(
-        "scene check fast.toml --library fast.lib --budget {}",
-        2 * worst - 1
-    ));
+    let [slow, slow_hz, _] = budget("slow.toml", "slow.lib");
+    let [fast, fast_hz, worst] = budget("fast.toml", "fast.lib");
+    assert_eq!([slow, slow_hz, fast_hz], [2 * fast, 5_000, 10_000]);
+    let check = "scene check fast.toml --library fast.lib";
+    let words = format!("{fast} instructions per sample at 10000 Hz");
+    holds(&bench.succeed(check), &[&words]);
+    let refused = bench.refuse(&format!("{check} --budget {}", 2 * worst - 1));
     holds(&refused, &["10000 Hz"]);
     let refused = bench.refuse("scene check slow.toml --library fast.lib");
     holds(&refused, &["slow.toml"]);

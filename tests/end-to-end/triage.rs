@@ -12,6 +12,7 @@ use host_tools::dsp::linear_prediction::{error_share, step_up};
 use host_tools::dsp::model::Model;
 use host_tools::fit::lines::Lines;
 use host_tools::fit::{self, ExcitationChoice, Fit, ModulationChoice, Options, Order};
+use host_tools::recording::triage::Verdict;
 use host_tools::recording::{RecordingSet, resample};
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
@@ -112,10 +113,8 @@ fn scaled_to(signal: &[f64], level: f64) -> Vec<f64> {
 
 /// Rounded to steps of 2⁻¹⁵ of 16 m/s².
 fn sixteen_bits(signal: &[f64]) -> Vec<f64> {
-    signal
-        .iter()
-        .map(|x| (x * 2048.0).round() / 2048.0)
-        .collect()
+    let rounded = signal.iter().map(|x| (x * 2048.0).round() / 2048.0);
+    rounded.collect()
 }
 
 fn kurtosis(signal: &[f64]) -> f64 {
@@ -131,12 +130,9 @@ fn quantile(signal: &[f64], share: f64) -> f64 {
 }
 
 fn plus(signal: &[f64], other: impl Fn(f64) -> f64, rate_hz: u32) -> Vec<f64> {
-    let time = |n: usize| n as f64 / f64::from(rate_hz);
-    signal
-        .iter()
-        .enumerate()
-        .map(|(n, x)| x + other(time(n)))
-        .collect()
+    let samples = signal.iter().zip(0u32..);
+    let sum = |(x, n): (&f64, u32)| x + other(f64::from(n) / f64::from(rate_hz));
+    samples.map(sum).collect()
 }
 
 fn tone(frequency_hz: f64, amplitude: f64) -> impl Fn(f64) -> f64 {
@@ -157,13 +153,8 @@ fn one(signal: Vec<f64>) -> Files {
 
 /// The take, and a copy of it.
 fn two(original: &[f64], copy: &[f64]) -> Files {
-    Files(
-        vec![
-            ("first.wav", wav(&[original], RATE_HZ)),
-            ("take.wav", wav(&[copy], RATE_HZ)),
-        ],
-        "",
-    )
+    let [original, copy] = [original, copy].map(|signal| wav(&[signal], RATE_HZ));
+    Files(vec![("first.wav", original), ("take.wav", copy)], "")
 }
 
 /// A take of a surface: its index, its seed, and its samples at the models' rate.
@@ -173,10 +164,19 @@ struct Take<'a> {
     clean: Vec<f64>,
 }
 
-impl Take<'_> {
+impl<'a> Take<'a> {
+    fn of(surface: &'a Surface, seed: u64) -> Self {
+        let clean = surface.take(seed, RATE_HZ, SECONDS);
+        Self {
+            surface,
+            seed,
+            clean,
+        }
+    }
+
     fn other(&self, number: u64) -> Vec<f64> {
-        self.surface
-            .take(1000 + 10 * self.seed + number, RATE_HZ, SECONDS)
+        let seed = 1000 + 10 * self.seed + number;
+        self.surface.take(seed, RATE_HZ, SECONDS)
     }
 
     fn fast(&self) -> Vec<f64> {
@@ -240,10 +240,8 @@ fn hum(take: &Take<'_>, strength: usize, lines: &[(f64, f64)]) -> Files {
     // Relative to the RMS of the take.
     let amplitude = 0.5 * 2f64.sqrt() * [0.01, 0.3, 1.0][strength];
     let sum = |time: f64| {
-        lines
-            .iter()
-            .map(|&(frequency_hz, gain)| tone(frequency_hz, gain * amplitude)(time))
-            .sum::<f64>()
+        let of = |&(hz, gain): &(f64, f64)| tone(hz, gain * amplitude)(time);
+        lines.iter().map(of).sum::<f64>()
     };
     one(plus(&take.clean, sum, RATE_HZ))
 }
@@ -264,18 +262,11 @@ fn timed(signal: &[f64], time_s: impl Fn(usize) -> f64) -> Files {
 
 /// Three axes with their own mixtures of the take and of others.
 fn three_axes(take: &Take<'_>) -> [Vec<f64>; 3] {
-    let mix = |own: f64, other: Vec<f64>, gain: f64| -> Vec<f64> {
-        take.clean
-            .iter()
-            .zip(other)
-            .map(|(a, b)| own * a + gain * b)
-            .collect()
+    let mix = |own: f64, number: u64, gain: f64| -> Vec<f64> {
+        let both = take.clean.iter().zip(take.other(number));
+        both.map(|(a, b)| own * a + gain * b).collect()
     };
-    [
-        mix(1.0, take.other(1), 0.2),
-        mix(0.4, take.other(2), 0.3),
-        mix(-0.6, take.other(3), 0.2),
-    ]
+    [mix(1.0, 1, 0.2), mix(0.4, 2, 0.3), mix(-0.6, 3, 0.2)]
 }
 
 #[rustfmt::skip]
@@ -458,13 +449,11 @@ fn levels(model: &Model) -> Vec<f64> {
             let centre = 1000.0 * 2f64.powf(f64::from(band) / 3.0);
             let power = |step: i32| {
                 let omega = TAU * centre * 2f64.powf(f64::from(step) / 60.0) / f64::from(RATE_HZ);
-                let terms = a.iter().zip(1..).map(|(a, n)| {
-                    (
-                        a * (omega * f64::from(n)).cos(),
-                        a * (omega * f64::from(n)).sin(),
-                    )
-                });
-                let (re, im) = terms.fold((1.0, 0.0), |sum, term| (sum.0 + term.0, sum.1 + term.1));
+                let (mut re, mut im) = (1.0, 0.0);
+                for (a, n) in a.iter().zip(1..) {
+                    let (sin, cos) = (omega * f64::from(n)).sin_cos();
+                    (re, im) = (re + a * cos, im + a * sin);
+                }
                 gain / (re * re + im * im)
             };
             10.0 * (-10..=10).map(power).sum::<f64>().log10()
@@ -478,13 +467,8 @@ fn last_model(fit: &Fit) -> &Model {
 }
 
 fn names(fit: &Fit) -> Vec<&'static str> {
-    fit.trials
-        .last()
-        .unwrap()
-        .verdicts
-        .iter()
-        .map(host_tools::recording::triage::Verdict::name)
-        .collect()
+    let verdicts = &fit.trials.last().unwrap().verdicts;
+    verdicts.iter().map(Verdict::name).collect()
 }
 
 #[test]
@@ -501,18 +485,11 @@ fn signals_shaped_like_real_takes_have_no_verdict() {
                 (surface.take(40 + seed, FAST_HZ, 2.0), FAST_HZ),
             ] {
                 let fit = fitted(&files(&[signal], rate_hz)).unwrap();
-                assert_eq!(
-                    fit.trials[0].verdicts,
-                    [],
-                    "surface {index}, seed {seed}, {rate_hz} Hz"
-                );
+                let case = format!("surface {index}, seed {seed}, {rate_hz} Hz");
+                assert_eq!(fit.trials[0].verdicts, [], "{case}");
             }
         }
-        let take = Take {
-            surface,
-            seed: 9,
-            clean: surface.take(9, RATE_HZ, SECONDS),
-        };
+        let take = Take::of(surface, 9);
         let fit = fitted(&files(&three_axes(&take), RATE_HZ)).unwrap();
         assert_eq!(fit.trials[0].verdicts, [], "surface {index}, three axes");
     }
@@ -535,20 +512,12 @@ fn damage_is_found_on_every_surface() {
 }
 
 fn judge_damage(on_every_surface: bool) {
-    let takes: Vec<Take<'_>> = SURFACES
-        .iter()
-        .zip(1..)
-        .map(|(surface, seed)| Take {
-            surface,
-            seed,
-            clean: surface.take(seed, RATE_HZ, SECONDS),
-        })
-        .collect();
-    let fitted_levels = |signal: Vec<f64>| levels(last_model(&fitted(&one(signal)).unwrap()));
-    let clean: Vec<Vec<f64>> = takes
-        .iter()
-        .map(|take| fitted_levels(take.clean.clone()))
-        .collect();
+    let takes = SURFACES.iter().zip(1..);
+    let takes = takes.map(|(surface, seed)| Take::of(surface, seed));
+    let takes: Vec<Take<'_>> = takes.collect();
+    let clean = takes.iter().map(|take| fitted(&one(take.clean.clone())));
+    let clean = clean.map(|fit| levels(last_model(&fit.unwrap())));
+    let clean: Vec<Vec<f64>> = clean.collect();
     let mut wrong = Vec::new();
     for (number, (kind, damage, expected)) in KINDS.into_iter().enumerate() {
         let is_judged = |surface: usize| on_every_surface || surface == number % SURFACES.len();
@@ -599,23 +568,16 @@ fn tables_that_hold_no_accelerations_are_named_with_the_remedy() {
     let rising = (0..20).fold(String::new(), |text, n| {
         text + &format!("{},0.5\n", 0.0002 * f64::from(n))
     });
+    let hand = "time_s,x,speed_mm_s,force_n\n0,1,100,1\n";
+    let since = "time since start,x\n0,1\n0.1,2\n";
     for (content, words) in [
-        (
-            "time_s,x,speed_mm_s,force_n\n0,1,100,1\n",
-            &["speed_mm_s", "segment"][..],
-        ),
+        (hand, &["speed_mm_s", "segment"][..]),
         ("x,force_n\n1,1\n", &["force_n", "segment"]),
-        (
-            "time since start,x\n0,1\n0.1,2\n",
-            &["'time since start'", "time_ms"],
-        ),
+        (since, &["'time since start'", "time_ms"]),
         ("sample,x\n0,1\n1,2\n", &["'sample'", "remove column 1"]),
         ("a,b,c,d\n1,2,3,4\n", &["4 columns", "comma", "1 to 3"]),
         ("1,5,2,0\n2,5,3,0\n", &["4 columns", "comma"]),
-        (
-            "x,y\n1,2\n1,oops\n",
-            &["line 3", "'oops'", "column 2", "comma"],
-        ),
+        ("x,y\n1,2\n1,oops\n", &["line 3", "'oops'", "column 2"]),
         ("x;y\n1;2\n1\n", &["line 3", "semicolon"]),
         ("1.5,2.x\n1,2\n", &["line 1", "'2.x'", "column 2"]),
         (&rising, &["no header", "even steps", "time_s"]),

@@ -150,10 +150,8 @@ mod tests {
 
     /// Mean and variance of a channel in double precision.
     fn moments(codes: &[[u16; CHANNELS]], channel: usize) -> (f64, f64) {
-        let values: Vec<f64> = codes
-            .iter()
-            .map(|codes| f64::from(codes[channel]))
-            .collect();
+        let values = codes.iter().map(|codes| f64::from(codes[channel]));
+        let values: Vec<f64> = values.collect();
         let mean = values.iter().sum::<f64>() / values.len() as f64;
         let squares = values.iter().map(|value| (value - mean).powi(2));
         (mean, squares.sum::<f64>() / values.len() as f64)
@@ -220,10 +218,8 @@ mod tests {
         assert_eq!(sums_of(&still[1..]).levels(&settings), Levels::default());
         let levels = sums_of(&still).levels(&settings);
         assert_eq!(levels.samples, WINDOW_SAMPLES);
-        assert_eq!(
-            (levels.vibration_decibel, levels.force_noise_decibel),
-            (0.0, 0.0)
-        );
+        assert_eq!(levels.vibration_decibel, 0.0);
+        assert_eq!(levels.force_noise_decibel, 0.0);
     }
 
     #[test]

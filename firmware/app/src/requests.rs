@@ -114,16 +114,19 @@ pub fn serve<S: Stage>(
     };
     let sequence = header.seq_no;
     let served = match header.key {
-        VarKey::Key8(key) => dispatch(
-            key,
-            Request {
-                stage,
-                link,
-                sequence,
-                body,
-                answer,
-            },
-        ),
+        VarKey::Key8(key) => {
+            let answer = &mut *answer;
+            let to = Reply { sequence, answer };
+            dispatch(
+                key,
+                Request {
+                    stage,
+                    link,
+                    body,
+                    to,
+                },
+            )
+        }
         _ => Err(WireError::KeyTooSmall),
     };
     served.unwrap_or_else(|error| {
@@ -148,79 +151,55 @@ pub async fn work<F: MappedFlash, N: NorFlash, S: Stage>(
     queued: QueuedJob,
     answer: &mut Frame,
 ) -> Option<usize> {
-    let QueuedJob {
-        from,
-        sequence,
-        job,
-    } = queued;
-    match job {
-        Job::UploadBegin(begin) => reply::<UploadBeginEndpoint>(
-            sequence,
-            &storage.upload_begin(stage, begin).await,
-            answer,
-        ),
+    let from = queued.from;
+    let to = Reply {
+        sequence: queued.sequence,
+        answer,
+    };
+    match queued.job {
+        Job::UploadBegin(begin) => {
+            to.of::<UploadBeginEndpoint>(&storage.upload_begin(stage, begin).await)
+        }
         Job::UploadChunk(offset, data) => {
             let data = &data;
             let chunk = UploadChunk { offset, data };
-            reply::<UploadChunkEndpoint>(
-                sequence,
-                &storage.upload_chunk(stage, chunk).await,
-                answer,
-            )
+            to.of::<UploadChunkEndpoint>(&storage.upload_chunk(stage, chunk).await)
         }
-        Job::UploadCommit => {
-            reply::<UploadCommitEndpoint>(sequence, &storage.upload_commit(stage).await, answer)
+        Job::UploadCommit => to.of::<UploadCommitEndpoint>(&storage.upload_commit(stage).await),
+        Job::UploadAbort => to.of::<UploadAbortEndpoint>(&storage.upload_abort(stage)),
+        Job::Slots => to.of::<SlotsEndpoint>(&storage.read_slots().await),
+        Job::List(request) => to.of::<ListEndpoint>(&storage.list(request).await),
+        Job::ListScene(request) => to.of::<ListSceneEndpoint>(&storage.list_scene(request).await),
+        Job::Activate(slot) => to.of::<ActivateEndpoint>(&storage.activate(stage, slot).await),
+        Job::SettingsApply(token) => {
+            to.of::<SettingsApplyEndpoint>(&storage.settings_apply(stage, from, token).await)
         }
-        Job::UploadAbort => {
-            reply::<UploadAbortEndpoint>(sequence, &storage.upload_abort(stage), answer)
+        Job::ResponseSet(change) => {
+            to.of::<ResponseSetEndpoint>(&storage.response_set(stage, from, change).await)
         }
-        Job::Slots => reply::<SlotsEndpoint>(sequence, &storage.read_slots().await, answer),
-        Job::List(request) => reply::<ListEndpoint>(sequence, &storage.list(request).await, answer),
-        Job::ListScene(request) => {
-            reply::<ListSceneEndpoint>(sequence, &storage.list_scene(request).await, answer)
+        Job::SelfTest(request) => {
+            to.of::<SelfTestEndpoint>(&storage.self_test(stage, bench, request).await)
         }
-        Job::Activate(slot) => {
-            reply::<ActivateEndpoint>(sequence, &storage.activate(stage, slot).await, answer)
+        Job::UpdateBegin(begin) => {
+            to.of::<UpdateBeginEndpoint>(&storage.update_begin(stage, &begin).await)
         }
-        Job::SettingsApply(token) => reply::<SettingsApplyEndpoint>(
-            sequence,
-            &storage.settings_apply(stage, from, token).await,
-            answer,
-        ),
-        Job::ResponseSet(change) => reply::<ResponseSetEndpoint>(
-            sequence,
-            &storage.response_set(stage, from, change).await,
-            answer,
-        ),
-        Job::SelfTest(request) => reply::<SelfTestEndpoint>(
-            sequence,
-            &storage.self_test(stage, bench, request).await,
-            answer,
-        ),
-        Job::UpdateBegin(begin) => reply::<UpdateBeginEndpoint>(
-            sequence,
-            &storage.update_begin(stage, &begin).await,
-            answer,
-        ),
-        Job::UpdateCommit => {
-            reply::<UpdateCommitEndpoint>(sequence, &storage.update_commit(stage).await, answer)
-        }
-        Job::UpdateConfirm => {
-            reply::<UpdateConfirmEndpoint>(sequence, &storage.update_confirm(stage).await, answer)
-        }
-        Job::UpdateState => {
-            reply::<UpdateStateEndpoint>(sequence, &storage.update_state(stage), answer)
-        }
+        Job::UpdateCommit => to.of::<UpdateCommitEndpoint>(&storage.update_commit(stage).await),
+        Job::UpdateConfirm => to.of::<UpdateConfirmEndpoint>(&storage.update_confirm(stage).await),
+        Job::UpdateState => to.of::<UpdateStateEndpoint>(&storage.update_state(stage)),
     }
 }
 
-/// Writes the answer of an endpoint.
-fn reply<E: Endpoint<Response: Serialize>>(
+/// The place of an answer, and the request that it is to.
+struct Reply<'a> {
     sequence: VarSeq,
-    response: &E::Response,
-    answer: &mut Frame,
-) -> Answered {
-    encode(E::RESP_KEY, sequence, response, answer)
+    answer: &'a mut Frame,
+}
+
+impl Reply<'_> {
+    /// Writes the answer of an endpoint.
+    fn of<E: Endpoint<Response: Serialize>>(self, response: &E::Response) -> Answered {
+        encode(E::RESP_KEY, self.sequence, response, self.answer)
+    }
 }
 
 /// Writes header and message into `frame`. Returns their length; none if they do not fit, which no message does that is
@@ -236,9 +215,8 @@ fn encode<T: Serialize>(key: Key, seq_no: VarSeq, message: &T, frame: &mut Frame
 struct Request<'a, S, L> {
     stage: &'a S,
     link: &'a L,
-    sequence: VarSeq,
     body: &'a [u8],
-    answer: &'a mut Frame,
+    to: Reply<'a>,
 }
 
 impl<'a, S: Stage, L: Link> Request<'a, S, L> {
@@ -259,7 +237,7 @@ impl<'a, S: Stage, L: Link> Request<'a, S, L> {
     {
         let request = self.read()?;
         let response = self.stage.with_control(|control| work(control, request));
-        Ok(reply::<E>(self.sequence, &response, self.answer))
+        Ok(self.to.of::<E>(&response))
     }
 
     /// Leaves the answer to the storage.
@@ -270,7 +248,7 @@ impl<'a, S: Stage, L: Link> Request<'a, S, L> {
         let job = job(self.read()?).ok_or(WireError::DeserFailed)?;
         let queued = QueuedJob {
             from: self.link.id(),
-            sequence: self.sequence,
+            sequence: self.to.sequence,
             job,
         };
         if !self.link.queue(queued) {

@@ -205,10 +205,8 @@ mod tests {
     #[test]
     fn silence_has_no_order_and_no_power() {
         let prediction = Prediction::levinson_durbin(&[0.0; 50], 40);
-        assert_eq!(
-            (prediction.max_order(), &prediction.error_power[..]),
-            (0, &[0.0][..])
-        );
+        assert_eq!(prediction.max_order(), 0);
+        assert_eq!(prediction.error_power, [0.0]);
         assert_eq!(prediction.bayesian_order(10_000), 0);
     }
 

@@ -274,21 +274,14 @@ pub struct Channels {
 /// An array of another kind or shape.
 pub fn channels(samples: &Bound<'_, PyAny>) -> PyResult<Channels> {
     let py = samples.py();
-    let samples = bounded(
-        "samples",
-        samples,
-        2,
-        &mut Left::of(MAX_CHANNELS * MAX_FRAMES),
-    )?;
+    let most = &mut Left::of(MAX_CHANNELS * MAX_FRAMES);
+    let samples = bounded("samples", samples, 2, most)?;
     let numpy = py.import("numpy")?;
     let array = numpy.call_method1("asarray", (samples,))?;
     let array = array.cast_into::<PyUntypedArray>()?;
     let dtype = array.dtype();
-    let (kind, bytes) = (
-        dtype.getattr("kind")?.extract::<String>()?,
-        dtype.getattr("itemsize")?.extract::<usize>()?,
-    );
-    let full_scale = match (kind.as_str(), bytes) {
+    let kind: String = dtype.getattr("kind")?.extract()?;
+    let full_scale = match (kind.as_str(), dtype.getattr("itemsize")?.extract()?) {
         ("f", 2 | 4 | 8) => None,
         ("i", 2) => Some(f64::from(1u32 << 15)),
         ("i", 4) => Some(f64::from(1u32 << 31)),
@@ -309,9 +302,8 @@ pub fn channels(samples: &Bound<'_, PyAny>) -> PyResult<Channels> {
         [_, 1..=3] => {
             let read: PyReadonlyArray2<'_, f64> = as_float.extract()?;
             let view = read.as_array();
-            (view.columns().into_iter())
-                .map(|column| column.iter().copied().collect())
-                .collect()
+            let columns = view.columns().into_iter();
+            columns.map(|column| column.to_vec()).collect()
         }
         [axes @ 1..=3, samples] => {
             return Err(refused(format!(

@@ -101,6 +101,23 @@ impl Judged {
         let found = evaluation::evaluate(&self.set, &library, judges, record, &self.options, done)?;
         Ok((found, unused))
     }
+
+    /// Plans a test by ear and passes it to `write`; returns its trials, its notes, and the takes that judge nothing.
+    fn compared(
+        &self,
+        before: Option<Compared<'_>>,
+        options: &listening::Options,
+        write: impl FnOnce(&listening::Plan) -> Result<()>,
+    ) -> Result<(usize, Vec<String>, Vec<String>)> {
+        let library = &decode_library(&self.path, &self.bytes)?;
+        let Chosen { judges, unused, .. } = self.chosen()?;
+        let record = self.record.as_deref();
+        let fitted = Compared { library, record };
+        let plan = plan(&self.set, &judges, fitted, before, &self.options, options)?;
+        write(&plan)?;
+        let notes = plan.notes(options.excerpt_s, self.takes.is_some());
+        Ok((plan.task.trials(), notes, unused))
+    }
 }
 
 /// Warns of takes that judge nothing, for these reasons.
@@ -275,21 +292,20 @@ pub fn compare<'py>(
     seed: u64,
     overwrite: bool,
 ) -> PyResult<usize> {
+    let pairs = pairs.0.iter().map(|pair| choice::<Pair>("pairs", pair));
+    let pairs = pairs.collect::<PyResult<Vec<_>>>()?;
     let design = choice::<Design>("design", design)?;
-    let trials = trials.unwrap_or(design.usual_trials());
-    let least = listening::SHORTEST_EXCERPT_S;
-    if !(1..=200).contains(&trials) || !(least..=10.0).contains(&segment_s) {
-        return Err(refused(format!(
-            "trials is {trials} and segment_s {segment_s}: give 1 to 200 trials of {least} to 10 s"
-        )));
-    }
-    if design == Design::Staircase && !(pairs.0.is_empty() && before.is_none()) {
+    if design == Design::Staircase && !(pairs.is_empty() && before.is_none()) {
         return Err(refused(
             "a staircase varies parts of one library: leave pairs and before out",
         ));
     }
-    let pairs = pairs.0.iter().map(|pair| choice::<Pair>("pairs", pair));
-    let pairs = pairs.collect::<PyResult<Vec<_>>>()?;
+    let options = listening::Options {
+        design,
+        pairs: Pair::asked(&pairs, before.is_some()),
+        seed,
+        ..trials_of(trials.unwrap_or(design.usual_trials()), segment_s)?
+    };
     let evaluate = evaluation::Options {
         conditioning: conditioning(reduce, high_pass)?,
         seed,
@@ -308,50 +324,40 @@ pub fn compare<'py>(
     }
     let before = before.map(|before| {
         let before = before.get();
-        (
-            before.bytes().clone(),
-            before.named(),
-            before.record().cloned(),
-        )
+        let (bytes, record) = (before.bytes().clone(), before.record().cloned());
+        (bytes, before.named(), record)
     });
-    let options = listening::Options {
-        design,
-        pairs: Pair::asked(&pairs, before.is_some()),
-        trials,
-        excerpt_s: segment_s,
-        seed,
-        ..listening::Options::default()
-    };
-    let (plan, notes, unused) = work::run(py, 0, None, move |steps| {
-        let library = decode_library(&judged.path, &judged.bytes)?;
-        let Chosen { judges, unused, .. } = judged.chosen()?;
-        let fitted = Compared {
-            library: &library,
-            record: judged.record.as_deref(),
-        };
+    let (trials, notes, unused) = work::run(py, 0, None, move |steps| {
         let decoded = (before.as_ref()).map(|(bytes, path, _)| decode_library(path, bytes));
         let decoded = decoded.transpose()?;
-        let before =
-            (decoded.as_ref().zip(before.as_ref())).map(|(library, (.., record))| Compared {
-                library,
-                record: record.as_deref(),
-            });
-        let plan = plan(
-            &judged.set,
-            &judges,
-            fitted,
-            before,
-            &judged.options,
-            &options,
-        )?;
-        steps.between();
-        listening_page::write(&plan, &out)?;
-        let notes = plan.notes(options.excerpt_s, judged.takes.is_some());
-        Ok((plan.task.trials(), notes, unused))
+        let before = decoded.as_ref().zip(before.as_ref());
+        let before = before.map(|(library, (.., record))| Compared {
+            library,
+            record: record.as_deref(),
+        });
+        judged.compared(before, &options, |plan| {
+            steps.between();
+            listening_page::write(plan, &out).map(drop)
+        })
     })?;
     warn_of_unused(py, &unused)?;
     notes.iter().try_for_each(|note| warn(py, note))?;
-    Ok(plan)
+    Ok(trials)
+}
+
+/// Options with this number of trials, and excerpts of this duration, s.
+fn trials_of(trials: usize, excerpt_s: f64) -> PyResult<listening::Options> {
+    let least = listening::SHORTEST_EXCERPT_S;
+    if !(1..=200).contains(&trials) || !(least..=10.0).contains(&excerpt_s) {
+        return Err(refused(format!(
+            "trials is {trials} and segment_s {excerpt_s}: give 1 to 200 trials of {least} to 10 s"
+        )));
+    }
+    Ok(listening::Options {
+        trials,
+        excerpt_s,
+        ..listening::Options::default()
+    })
 }
 
 /// Scores saved answers of listening tests, those of all files together, as `stylus compare --score` does.

@@ -5,9 +5,9 @@
 //! work ends at its next step, by unwinding, and leaves nothing behind, because it only computes.
 
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::mpsc::{self, RecvTimeoutError};
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
+use std::sync::{Arc, Mutex};
 use std::thread;
 use std::time::Duration;
 
@@ -74,6 +74,29 @@ pub fn run<T: Send + 'static>(
     run_until(py, total, progress, AfterEnd::Returns, work)
 }
 
+/// Starts `work` in a thread of its own, and returns where its outcome comes; none comes if it panics.
+fn started<T: Send + 'static>(
+    steps: Arc<Steps>,
+    work: impl FnOnce(&Steps) -> Result<T> + Send + 'static,
+) -> Result<Receiver<Result<T>>> {
+    let (sender, receiver) = mpsc::channel();
+    let run = move || {
+        if let Ok(outcome) = catch_unwind(AssertUnwindSafe(|| work(&steps))) {
+            // The receiver is gone if nobody waits any more.
+            let _ = sender.send(outcome);
+        }
+    };
+    let spawned = thread::Builder::new()
+        .name("stylus-work".to_owned())
+        .spawn(run);
+    match spawned {
+        Ok(_) => Ok(receiver),
+        Err(failure) => Err(Error::Request(format!(
+            "the system gives no thread: {failure}"
+        ))),
+    }
+}
+
 /// The caller's behaviour once it has ended the work.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum AfterEnd {
@@ -95,22 +118,7 @@ pub fn run_until<T: Send + 'static>(
     work: impl FnOnce(&Steps) -> Result<T> + Send + 'static,
 ) -> PyResult<T> {
     let steps = Arc::new(Steps::default());
-    let (sender, receiver) = mpsc::channel();
-    let of_thread = steps.clone();
-    let spawned = thread::Builder::new()
-        .name("stylus-work".to_owned())
-        .spawn(move || {
-            let outcome = catch_unwind(AssertUnwindSafe(|| work(&of_thread)));
-            // The receiver is gone if nobody waits any more; a panic shows as a missing outcome.
-            if let Ok(outcome) = outcome {
-                let _ = sender.send(outcome);
-            }
-        });
-    if let Err(failure) = spawned {
-        return Err(raised(Error::Request(format!(
-            "the system gives no thread: {failure}"
-        ))));
-    }
+    let receiver = started(steps.clone(), work).map_err(raised)?;
     let mut told = 0;
     let mut tell = |all: bool| -> PyResult<()> {
         let done = steps.done.load(Ordering::Relaxed);
@@ -122,7 +130,7 @@ pub fn run_until<T: Send + 'static>(
             _ => Ok(()),
         }
     };
-    let receiver = std::sync::Mutex::new(receiver);
+    let receiver = Mutex::new(receiver);
     loop {
         let outcome = py.detach(|| match receiver.lock() {
             Ok(receiver) => receiver.recv_timeout(POLL),
@@ -138,12 +146,7 @@ pub fn run_until<T: Send + 'static>(
                 if let Err(raised) = py.check_signals().and_then(|()| tell(false)) {
                     steps.is_ended.store(true, Ordering::Relaxed);
                     if after_end != AfterEnd::Returns {
-                        py.detach(|| {
-                            receiver
-                                .lock()
-                                .map(|receiver| receiver.recv().map(drop))
-                                .ok()
-                        });
+                        py.detach(|| receiver.lock().map(|ended| ended.recv().map(drop)).ok());
                     }
                     return Err(raised);
                 }

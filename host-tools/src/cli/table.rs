@@ -251,10 +251,8 @@ mod tests {
         let (table, note) = text.rsplit_once('\n').unwrap();
         let same = "in every row: from simulated, an idle column of many words none";
         assert_eq!(note, same);
-        assert!(
-            !table.contains("from") && table.contains("doubtful"),
-            "{table}"
-        );
+        assert!(!table.contains("from"), "{table}");
+        assert!(table.contains("doubtful"), "{table}");
         assert_eq!(
             table
                 .split_whitespace()
@@ -268,10 +266,8 @@ mod tests {
             &header[..2],
             &[rows[0][..2].to_vec(), rows[1][..2].to_vec()],
         );
-        assert!(
-            narrow.contains("from") && !narrow.contains("every"),
-            "{narrow}"
-        );
+        assert!(narrow.contains("from"), "{narrow}");
+        assert!(!narrow.contains("every"), "{narrow}");
     }
 
     #[test]
@@ -297,11 +293,8 @@ mod tests {
         let path = "folder/".repeat(30);
         let text = table(&["texture", "library"], &[row(&["paper", &path])]);
         assert!(widest(&text) <= LINE_CHARS, "{text}");
-        let whole: String = text
-            .lines()
-            .skip(2)
-            .flat_map(str::split_whitespace)
-            .collect();
+        let whole = text.lines().skip(2).flat_map(str::split_whitespace);
+        let whole: String = whole.collect();
         assert_eq!(whole, format!("paper{path}"));
     }
 

@@ -231,9 +231,8 @@ mod tests {
         };
         let calls = MIN_CALLS.max(PATH_UPDATES);
         let samples = MEASURED.iter().map(|measured| measured.budget_instructions);
-        let updates = MEASURED
-            .iter()
-            .map(|measured| measured.update_budget_instructions);
+        let updates = MEASURED.iter();
+        let updates = updates.map(|measured| measured.update_budget_instructions);
         let [sample, update] = [samples.min(), updates.min()].map(|lowest| lowest.unwrap());
         for (samples, follows, holds) in [
             (costs(7, 7, calls), costs(6, 7, calls), true),

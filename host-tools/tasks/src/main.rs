@@ -97,37 +97,24 @@ enum Task {
 fn main() -> ExitCode {
     let done = match Arguments::parse().task {
         Task::Setup => setup(),
-        Task::Firmware {
-            fault_injection: false,
-        } => build_firmware(Image::Product).map(drop),
-        Task::Firmware {
-            fault_injection: true,
-        } => build_firmware(Image::FaultInjection).map(drop),
+        Task::Firmware { fault_injection } => {
+            build_firmware(either(fault_injection, Image::FaultInjection)).map(drop)
+        }
         Task::Image(arguments) => build_firmware(Image::Product)
             .and_then(|file| firmware::write_update(&file, &arguments))
             .map(|written| println!("{}", written.display())),
         Task::Keys { file } => firmware::make_keys(&file).map(|public| {
-            println!(
-                "{}: secret, signs updates: cargo tasks image --key",
-                file.display()
-            );
+            let secret = file.display();
+            println!("{secret}: secret, signs updates: cargo tasks image --key");
             println!("{}: for builds: STYLUS_UPDATE_KEY", public.display());
         }),
         Task::Reproducible => Toolchain::find()
             .and_then(|toolchain| firmware::check_reproducible(&toolchain))
             .map(|bytes| println!("the same {bytes} bytes from two folders")),
-        Task::Flash { debug_halt } => {
-            let image = if debug_halt {
-                Image::DebugHalt
-            } else {
-                Image::Product
-            };
-            build_firmware(image).and_then(|file| firmware::flash(&file))
-        }
+        Task::Flash { debug_halt } => build_firmware(either(debug_halt, Image::DebugHalt))
+            .and_then(|file| firmware::flash(&file)),
         Task::VirtualStylus { arguments } => {
-            let ran =
-                Toolchain::find().and_then(|toolchain| virtual_stylus::run(&toolchain, &arguments));
-            match ran {
+            match Toolchain::find().and_then(|found| virtual_stylus::run(&found, &arguments)) {
                 Ok(code) => return ExitCode::from(code),
                 Err(failure) => Err(failure),
             }
@@ -140,11 +127,13 @@ fn main() -> ExitCode {
         Task::House => check_house(),
         Task::Tables { check: true, .. } => tables::check_instant(),
         Task::Tables { names, .. } => write_tables(names),
-        Task::BrowserModule { check: true } => {
-            browser_module::check().map(|told| println!("{told}"))
-        }
-        Task::BrowserModule { check: false } => {
-            browser_module::write().map(|told| println!("{told}"))
+        Task::BrowserModule { check } => {
+            let done = if check {
+                browser_module::check()
+            } else {
+                browser_module::write()
+            };
+            done.map(|told| println!("{told}"))
         }
         Task::Release(arguments) => {
             release::run(&arguments).map(|folder| println!("{}", folder.display()))
@@ -159,6 +148,11 @@ fn main() -> ExitCode {
             ExitCode::FAILURE
         }
     }
+}
+
+/// The image that was asked for, or the product's.
+fn either(is_asked: bool, image: Image) -> Image {
+    if is_asked { image } else { Image::Product }
 }
 
 /// Shows every needed program, and fails if one is missing.

@@ -269,12 +269,10 @@ pub fn codebook(peak: f32, codes: &[i8]) -> Vec<u8> {
 /// The content of an excitation of two codebooks for so many nodes, of which the first are Gaussian.
 pub fn two_codebooks(nodes: usize) -> Vec<u8> {
     // Both have a mean square of 1: all samples at the peak, or one of four.
-    let even: Vec<i8> = (0..1000)
-        .map(|n| if n % 3 == 0 { 127 } else { -127 })
-        .collect();
-    let sparse: Vec<i8> = (0..1004)
-        .map(|n| if n % 4 == 0 { 127 } else { 0 })
-        .collect();
+    let even = (0..1000).map(|n| if n % 3 == 0 { 127 } else { -127 });
+    let even: Vec<i8> = even.collect();
+    let sparse = (0..1004).map(|n| if n % 4 == 0 { 127 } else { 0 });
+    let sparse: Vec<i8> = sparse.collect();
     let mut bytes = vec![2];
     bytes.extend(codebook(1.0, &even));
     bytes.extend(codebook(2.0, &sparse));

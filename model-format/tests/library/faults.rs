@@ -79,10 +79,8 @@ fn a_newer_version_asks_for_a_newer_program_and_an_older_one_for_a_new_fit_befor
         (library.total_bytes, library.crc32) = (Some(0), Some(0));
         library.tail = vec![0; 600_000];
         let message = refused(&library.bytes());
-        assert!(
-            message.contains(&format!("version {found}")) && message.contains(remedy),
-            "{message}"
-        );
+        assert!(message.contains(&format!("version {found}")), "{message}");
+        assert!(message.contains(remedy), "{message}");
     }
 }
 
@@ -200,10 +198,11 @@ fn nodes_are_checked() {
     of_node(AT, |t| t.nodes[2].flags = 0x10, "flags of 0x10, which this");
     of_node(AT, |t| t.nodes[2].flags = 0x80, "flags of 0x80");
     of_node(AT, |t| t.nodes[2].flags = 0x8000, "flags of 0x8000");
+    let told = "the prediction error's power is a";
     of_node(
         AT,
         |t| t.nodes[2].prediction_error_power = 4.0f32.next_up(),
-        "the prediction error's power is a",
+        told,
     );
     of_node(AT, |t| t.nodes[2].flags = 1, "the silent flag");
     of_node(
@@ -223,21 +222,14 @@ fn nodes_are_checked() {
     of_node([1, 1], |t| t.nodes[3].offset = 8, "the begin of its coeffi");
     of_node([1, 1], |t| t.nodes[3].offset = u32::MAX, "the begin of its");
     of_node([2, 1], |t| t.coefficients.truncate(14), "the coefficients");
-    of_node(
-        AT,
-        |t| t.coefficients[..2].copy_from_slice(&[0, 0x80]),
-        "stage 1 has a reflection",
-    );
-    of_node(
-        AT,
-        |t| t.coefficients[2..4].copy_from_slice(&[0, 0x80]),
-        "stage 2 has a reflection",
-    );
-    of_node(
-        [1, 1],
-        |t| t.coefficients[6..8].copy_from_slice(&[0, 0x80]),
-        "stage 2 has a reflec",
-    );
+    for (node, at, told) in [
+        (AT, 0, "stage 1"),
+        (AT, 2, "stage 2"),
+        ([1, 1], 6, "stage 2"),
+    ] {
+        let reflects = |t: &mut RawTexture| t.coefficients[at..at + 2].copy_from_slice(&[0, 0x80]);
+        of_node(node, reflects, &format!("{told} has a reflection"));
+    }
     // A fraction that turns away from π/2 does not make its code a valid one, because a reader of codes alone would
     // not see it.
     of_node(

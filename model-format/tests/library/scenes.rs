@@ -185,10 +185,8 @@ fn a_gain_above_one_must_leave_its_texture_room() {
         gain: 4.001,
         highest,
     };
-    assert_eq!(
-        (error.place, error.problem),
-        (ScenePlace::Surface(0), problem)
-    );
+    assert_eq!(error.place, ScenePlace::Surface(0));
+    assert_eq!(error.problem, problem);
 }
 
 #[test]
@@ -348,10 +346,8 @@ fn an_equaliser_with_too_much_gain_is_refused_where_it_gets_too_much() {
         if let Some(section) = section {
             let error = fault(set);
             let place = ScenePlace::Section(section);
-            assert_eq!(
-                (error.place, error.problem),
-                (place, SceneProblem::EqualiserGain)
-            );
+            assert_eq!(error.place, place);
+            assert_eq!(error.problem, SceneProblem::EqualiserGain);
         } else {
             let bytes = RawLibrary::full().bytes();
             let library = Library::decode(&bytes).expect("a valid library");

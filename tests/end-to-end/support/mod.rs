@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use serde_json::Value;
 use tempfile::TempDir;
-pub use test_helpers::{near, noise};
+pub use test_helpers::{holds, near, noise};
 
 /// Sample rate of the recordings made here, Hz.
 pub const RATE_HZ: u32 = 5000;
@@ -56,6 +56,35 @@ impl Bench {
         std::fs::write(path, content).expect("there is room for a file");
     }
 
+    /// Writes recordings, `0.wav` and so on, and their list: of each its texture, speed, mm/s, and force, N, and its file.
+    pub fn write_set(&self, folder: &str, trials: &[(&str, f64, f64, Vec<u8>)]) {
+        let mut list = String::from("file,texture,speed_mm_s,force_n\n");
+        for (number, (texture, speed, force, file)) in trials.iter().enumerate() {
+            self.write(&format!("{folder}/{number}.wav"), file);
+            list.push_str(&format!("{number}.wav,{texture},{speed},{force}\n"));
+        }
+        self.write(&format!("{folder}/trials.csv"), list);
+    }
+
+    /// The content of a file in the folder.
+    pub fn read(&self, name: &str) -> Vec<u8> {
+        std::fs::read(self.path(name)).unwrap_or_else(|failure| panic!("{name}: {failure}"))
+    }
+
+    /// A report that was written as JSON.
+    pub fn report(&self, name: &str) -> Value {
+        json(&text(&self.read(name)))
+    }
+
+    /// Samples of a WAV file of floats, which must have this rate.
+    pub fn samples(&self, name: &str, rate_hz: u32) -> Vec<f64> {
+        let bytes = self.read(name);
+        let reader = hound::WavReader::new(&bytes[..]).expect("it is a WAV file");
+        assert_eq!(reader.spec().sample_rate, rate_hz);
+        let samples = reader.into_samples::<f32>();
+        samples.map(|sample| f64::from(sample.unwrap())).collect()
+    }
+
     /// Runs `stylus` with words split at spaces, in the folder.
     pub fn run(&self, arguments: &str) -> Output {
         self.command(arguments.split_whitespace())
@@ -95,6 +124,23 @@ impl Bench {
         out
     }
 
+    /// Runs `stylus`, which must succeed, and returns its standard error, each message in a line.
+    pub fn told(&self, arguments: &str) -> String {
+        let output = self.run(arguments);
+        let told = text(&output.stderr);
+        assert!(output.status.success(), "stylus {arguments}\n{told}");
+        told.replace("\n  ", " ")
+    }
+
+    /// Runs each command of a table, `arguments | word | word` in a line, which must be refused with its words.
+    pub fn refuse_each(&self, table: &str) {
+        for row in table.trim().lines() {
+            let (arguments, words) = row.trim().split_once(" | ").expect("it has words");
+            let words: Vec<&str> = words.split(" | ").collect();
+            holds(&self.refuse(arguments), &words);
+        }
+    }
+
     /// Runs `stylus`, which must end with code 2 and one line on standard error, and returns that line.
     pub fn refuse(&self, arguments: &str) -> String {
         refusal(&self.run(arguments), arguments)
@@ -114,12 +160,6 @@ impl Bench {
             .collect();
         names.sort();
         names
-    }
-}
-
-impl Default for Bench {
-    fn default() -> Self {
-        Self::new()
     }
 }
 
@@ -195,26 +235,12 @@ pub fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
 }
 
-/// Asserts that a text, such as an error's, has all these words.
-#[track_caller]
-pub fn holds(text: &(impl std::fmt::Display + ?Sized), words: &[&str]) {
-    let text = text.to_string();
-    let in_one_line = text.split_whitespace().collect::<Vec<_>>().join(" ");
-    for word in words {
-        let is_there = text.contains(word) || in_one_line.contains(word);
-        assert!(is_there, "no '{word}' in: {text}");
-    }
-}
-
 /// Noise through the all-pole filter y(n) = e(n) - Σ a(i) y(n-i).
 pub fn all_pole(a: &[f64], excitation: &[f64]) -> Vec<f64> {
     let mut output: Vec<f64> = Vec::with_capacity(excitation.len());
     for (n, e) in excitation.iter().enumerate() {
-        let past = a
-            .iter()
-            .enumerate()
-            .take(n)
-            .map(|(i, a)| a * output[n - 1 - i]);
+        let past = a.iter().enumerate().take(n);
+        let past = past.map(|(i, a)| a * output[n - 1 - i]);
         let next = e - past.sum::<f64>();
         output.push(next);
     }
@@ -264,20 +290,35 @@ pub fn decibels(ratio: f64) -> f64 {
 
 /// A WAV file's bytes, 32-bit float, one channel per axis.
 pub fn wav(axes: &[&[f64]], rate_hz: u32) -> Vec<u8> {
+    let frames = (0..axes[0].len()).flat_map(|index| axes.iter().map(move |axis| axis[index]));
     let spec = hound::WavSpec {
         channels: axes.len() as u16,
         sample_rate: rate_hz,
         bits_per_sample: 32,
         sample_format: hound::SampleFormat::Float,
     };
+    wav_of(spec, frames.map(|sample| sample as f32))
+}
+
+/// A WAV file's bytes, one channel of integers of this many bits.
+pub fn integers(signal: &[f64], bits: u16) -> Vec<u8> {
+    let spec = hound::WavSpec {
+        channels: 1,
+        sample_rate: RATE_HZ,
+        bits_per_sample: bits,
+        sample_format: hound::SampleFormat::Int,
+    };
+    let scale = 2f64.powi(i32::from(bits) - 1);
+    let code = |x: &f64| (x * scale).round().clamp(-scale, scale - 1.0) as i32;
+    wav_of(spec, signal.iter().map(code))
+}
+
+fn wav_of<T: hound::Sample>(spec: hound::WavSpec, samples: impl Iterator<Item = T>) -> Vec<u8> {
     let mut bytes = std::io::Cursor::new(Vec::new());
     let mut writer = hound::WavWriter::new(&mut bytes, spec).expect("the spec is sound");
-    for index in 0..axes[0].len() {
-        for axis in axes {
-            writer
-                .write_sample(axis[index] as f32)
-                .expect("there is room in memory");
-        }
+    for sample in samples {
+        let written = writer.write_sample(sample);
+        written.expect("there is room in memory");
     }
     writer.finalize().expect("there is room in memory");
     bytes.into_inner()

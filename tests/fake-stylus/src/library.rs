@@ -61,10 +61,8 @@ pub fn small(name: &str) -> Vec<u8> {
 
 /// A library of textures with one node each, whose coefficient depends on `seed`.
 pub fn small_of(names: &[&str], seed: i16) -> Vec<u8> {
-    let textures: Vec<_> = names
-        .iter()
-        .map(|name| small_texture(name, seed, 5_000))
-        .collect();
+    let textures = names.iter().map(|name| small_texture(name, seed, 5_000));
+    let textures: Vec<_> = textures.collect();
     encode(&textures).expect("the library is valid")
 }
 

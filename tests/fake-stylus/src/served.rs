@@ -253,31 +253,23 @@ fn serve(listener: &TcpListener, shared: &Mutex<Inner>, prepare: impl FnOnce(&mu
     let fate = slots.fate.clone();
     let mut stylus = SteppedStylus::boot_from(slots);
     prepare(&mut stylus);
-    let SteppedStylus {
-        control,
-        mut storage,
-    } = stylus;
+    let (control, mut storage) = (stylus.control, stylus.storage);
     let requests = Requests::new(control.clone());
     let mut storage = pin!(requests.serve_storage(&mut storage));
     let mut context = Context::from_waker(Waker::noop());
     let begin = Instant::now();
     let mut connection: Option<Connection> = None;
     while set_scene(&control, shared) {
-        if let Ok((stream, _)) = listener.accept() {
-            lock(shared).connections += 1;
-            connection = Some(Connection::new(stream));
-        }
+        connection = accepted(listener, shared).or(connection);
         for (offset, damage) in std::mem::take(&mut lock(shared).damage) {
             fate.damage(offset, damage);
         }
         let faults = lock(shared).faults.clone();
         let blocks = catch_up(&control, begin.elapsed(), &faults);
-        let frames = if let Some(open) = &mut connection {
-            open.receive()
-        } else {
+        let frames = connection.as_mut().map(Connection::receive);
+        if frames.is_none() {
             thread::sleep(Duration::from_millis(1));
-            Vec::new()
-        };
+        }
         // As they are now, and not before the wait for the frames.
         let faults = lock(shared).faults.clone();
         control.borrow_mut().device().disguise = faults.disguise;
@@ -296,7 +288,7 @@ fn serve(listener: &TcpListener, shared: &Mutex<Inner>, prepare: impl FnOnce(&mu
             continue;
         };
         send_blocks(open, &blocks, &faults);
-        for bytes in frames {
+        for bytes in frames.into_iter().flatten() {
             note(shared, &bytes);
             let answer = requests.serve(LinkId::Serial, &bytes, faults.busy);
             let answers = step().into_iter().chain(answer);
@@ -305,9 +297,8 @@ fn serve(listener: &TcpListener, shared: &Mutex<Inner>, prepare: impl FnOnce(&mu
             }
             answers.for_each(|answer| open.answer(&answer, &faults));
         }
-        step()
-            .iter()
-            .for_each(|answer| open.answer(answer, &faults));
+        let answers = step().into_iter();
+        answers.for_each(|answer| open.answer(&answer, &faults));
         open.flush();
         if requests.wants_restart() && open.has_sent_all() {
             return;
@@ -316,6 +307,13 @@ fn serve(listener: &TcpListener, shared: &Mutex<Inner>, prepare: impl FnOnce(&mu
             connection = None;
         }
     }
+}
+
+/// The connection of a program that has come.
+fn accepted(listener: &TcpListener, shared: &Mutex<Inner>) -> Option<Connection> {
+    let (stream, _) = listener.accept().ok()?;
+    lock(shared).connections += 1;
+    Some(Connection::new(stream))
 }
 
 /// Hands the device what the test has set, and the test what the device has counted; false if the device is to end.

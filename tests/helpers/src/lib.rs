@@ -20,12 +20,14 @@ pub fn near(found: f64, expected: f64, tolerance: f64) {
     assert!(is_near, "{found} is not {expected} to within {tolerance}");
 }
 
-/// Asserts that a text, such as an error's, has all these words.
+/// Asserts that a text, such as an error's, has all these words, also if they go over the end of a line.
 #[track_caller]
 pub fn holds(text: &(impl std::fmt::Display + ?Sized), words: &[&str]) {
     let text = text.to_string();
+    let in_one_line = text.split_whitespace().collect::<Vec<_>>().join(" ");
     for word in words {
-        assert!(text.contains(word), "no '{word}' in: {text}");
+        let is_there = text.contains(word) || in_one_line.contains(word);
+        assert!(is_there, "no '{word}' in: {text}");
     }
 }
 

@@ -143,11 +143,8 @@ pub fn counted_library(orders: &[usize]) -> Vec<u8> {
     };
     let grid =
         |&order: &usize| counted_texture(order, &alloc::format!("order {order}, four nodes"));
-    let textures: Vec<TextureSpec> = orders
-        .iter()
-        .map(one)
-        .chain(orders.iter().map(grid))
-        .collect();
+    let textures = orders.iter().map(one).chain(orders.iter().map(grid));
+    let textures: Vec<TextureSpec> = textures.collect();
     encode(&textures).expect("the textures are valid")
 }
 
@@ -406,9 +403,8 @@ fn codebook(samples: usize, seed: u64) -> CodebookSpec {
 /// A codebook of `count` blocks, with levels that are spread over 32 dB.
 fn blocks(count: usize, seed: u64) -> CodebookSpec {
     let mut uniform = uniform(seed);
-    let mut codes: Vec<i8> = (0..count * BLOCK_BYTES)
-        .map(|_| (127.0 * uniform()) as i8)
-        .collect();
+    let codes = (0..count * BLOCK_BYTES).map(|_| (127.0 * uniform()) as i8);
+    let mut codes: Vec<i8> = codes.collect();
     for block in codes.chunks_exact_mut(BLOCK_BYTES) {
         block[BLOCK_BYTES - 1] = -(block[0].unsigned_abs() as i8 / 2);
     }

@@ -233,11 +233,8 @@ mod tests {
     fn response_of(filters: &[&[[i32; 2]]]) -> Vec<f64> {
         let unit = (1u32 << TAP_BITS) as f64;
         filters.iter().fold(std::vec![1.0], |inputs, pairs| {
-            let mut taps: Vec<f64> = pairs
-                .concat()
-                .iter()
-                .map(|&tap| f64::from(tap) / unit)
-                .collect();
+            let taps = pairs.iter().flatten().map(|&tap| f64::from(tap) / unit);
+            let mut taps: Vec<f64> = taps.collect();
             taps.pop_if(|tap| *tap == 0.0);
             // The inputs of each filter lie two of its outputs apart.
             let mut outputs = std::vec![0.0; 2 * inputs.len() - 2 + taps.len()];
@@ -390,10 +387,8 @@ mod tests {
                 .sum();
             let ratio = reached / OUTPUT_STEP / (f64::from(HIGHEST) / INPUT_STEP) / expected;
             assert!((ratio - 1.0).abs() < 1e-6, "{ratio}");
-            assert!(
-                reached <= bound && reached > bound / 1.5,
-                "{reached} of {bound}"
-            );
+            assert!(reached <= bound, "{reached} of {bound}");
+            assert!(reached > bound / 1.5, "{reached} of {bound}");
         }
     }
 

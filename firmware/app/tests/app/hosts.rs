@@ -99,10 +99,8 @@ impl Stylus {
 }
 
 fn change_of(values: &[(Setting, f32)]) -> SettingsChange {
-    let changes: Vec<_> = values
-        .iter()
-        .map(|&(of, value)| change(of, value))
-        .collect();
+    let changes = values.iter().map(|&(of, value)| change(of, value));
+    let changes: Vec<_> = changes.collect();
     SettingsChange::of(&changes).expect("there is room for seven")
 }
 
@@ -162,9 +160,8 @@ fn no_single_frame_changes_a_setting_and_the_second_one_changes_all_of_them_once
     assert_eq!(stylus.settings(), before);
     assert_eq!(stylus.proposal().as_ref(), Some(&proposal));
     let left = [Setting::SoftStart, Setting::MuteRamp, Setting::EnableWired];
-    let left = left
-        .iter()
-        .fold(SettingSet::NONE, |set, &setting| set.with(setting, true));
+    let left = left.iter();
+    let left = left.fold(SettingSet::NONE, |set, &setting| set.with(setting, true));
     let loosens = LOCKED.without(left);
     assert_eq!(proposal.loosens, loosens);
     // Neither the other link nor another token applies it, and neither ends it.

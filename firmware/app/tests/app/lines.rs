@@ -199,10 +199,8 @@ fn a_counter_that_wraps_does_not_move_the_tool() {
     // A count is a whole number of steps of 2⁻³² mm, which is off by up to 3·10⁻⁶ here.
     let path_mm = 230.0 * 1000.0;
     assert!(worst(&errors) < 0.01 + path_mm * 3e-6, "{}", worst(&errors));
-    let steps: Vec<_> = errors
-        .windows(2)
-        .map(|pair| (0.0, pair[1].1 - pair[0].1))
-        .collect();
+    let steps = errors.windows(2).map(|pair| (0.0, pair[1].1 - pair[0].1));
+    let steps: Vec<_> = steps.collect();
     assert!(worst(&steps) < 0.002, "{}", worst(&steps));
 }
 

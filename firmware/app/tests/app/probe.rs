@@ -92,9 +92,8 @@ fn check_codes(
         let (now, muted, codes) = tick(stylus);
         let mut next = |n: usize| {
             let at = now.checked_sub(started.first_tick);
-            let at = at
-                .map(|tick| tick as usize * per_tick + n)
-                .filter(|&at| at < count);
+            let at = at.map(|tick| tick as usize * per_tick + n);
+            let at = at.filter(|&at| at < count);
             let sample = at.map_or(0, |at| period[at % period.len()]);
             let sample = OutputSample((f32::from(sample) * step) as i32);
             // Without a section there is no stage, which would round.
@@ -194,39 +193,27 @@ fn a_probe_ends_with_a_stop_and_with_a_host_that_is_not_heard_and_may_begin_agai
 fn a_probe_that_cannot_be_played_is_refused_and_says_why() {
     let stylus = ready();
     let request = load(&stylus, &[1, 2, 3], 4);
+    // The request with one change.
+    let with = |change: &dyn Fn(&mut ProbeStart)| {
+        let mut changed = request;
+        change(&mut changed);
+        changed
+    };
     let length = |length, periods| {
-        (
-            ProbeStart {
-                length,
-                periods,
-                ..request
-            },
-            ProbeError::Length { length, periods },
-        )
+        let request = with(&|start| (start.length, start.periods) = (length, periods));
+        (request, ProbeError::Length { length, periods })
     };
     let peak = |peak_m_s2| {
-        (
-            ProbeStart {
-                peak_m_s2,
-                ..request
-            },
-            ProbeError::Peak { peak_m_s2 },
-        )
+        let request = with(&|start| start.peak_m_s2 = peak_m_s2);
+        (request, ProbeError::Peak { peak_m_s2 })
     };
     let through = |through| (ProbeStart { through, ..request }, ProbeError::NoResponse);
     let (rate_hz, loaded) = (8_000, request.crc32);
+    let other_rate = with(&|start| start.rate_hz = rate_hz);
+    let other_waveform = with(&|start| start.crc32 = !loaded);
     for (request, error) in [
-        (
-            ProbeStart { rate_hz, ..request },
-            ProbeError::Rate { rate_hz },
-        ),
-        (
-            ProbeStart {
-                crc32: !loaded,
-                ..request
-            },
-            ProbeError::Waveform { loaded },
-        ),
+        (other_rate, ProbeError::Rate { rate_hz }),
+        (other_waveform, ProbeError::Waveform { loaded }),
         length(0, 4),
         length(2_001, 4),
         length(2_000, 26),
@@ -242,21 +229,17 @@ fn a_probe_that_cannot_be_played_is_refused_and_says_why() {
     assert!(start(&stylus, &peak(f32::NAN).0).is_err());
     let offset = MAX_PROBE_SAMPLES as u16;
     let samples = [0].into_iter().collect();
-    let beyond = stylus
-        .control
-        .borrow_mut()
-        .load_probe(LINK, &ProbeLoad { offset, samples });
+    let load = ProbeLoad { offset, samples };
+    let beyond = stylus.control.borrow_mut().load_probe(LINK, &load);
     assert_eq!(beyond, Err(ProbeError::Offset { offset }));
     stylus.play(play_request("texture 0")).expect("it is there");
     assert_eq!(start(&stylus, &request), Err(ProbeError::Playing));
     // Nobody knows what an unknown coil bears.
     let unset = SteppedStylus::boot();
-    let refused = start(&unset, &load(&unset, &[1, 2, 3], 4));
+    let refused = start(&unset, &self::load(&unset, &[1, 2, 3], 4));
     let missing = SettingSet::REQUIRED;
-    assert_eq!(
-        refused,
-        Err(ProbeError::Refused(PlayError::SettingsNotSet { missing }))
-    );
+    let not_set = ProbeError::Refused(PlayError::SettingsNotSet { missing });
+    assert_eq!(refused, Err(not_set));
 }
 
 #[test]
@@ -269,10 +252,9 @@ fn a_response_is_stored_by_its_hash_alone_and_goes_stale_with_the_settings_it_wa
     assert_eq!(set(&mut stylus, store), unknown, "nothing was proposed");
     assert_eq!(propose(&stylus, &response), Ok(id));
     assert_eq!(set(&mut stylus, clear), unknown, "nothing is stored");
-    let other = stylus
-        .control
-        .borrow_mut()
-        .begin_response(LinkId::Usb, store);
+    let mut control = stylus.control.borrow_mut();
+    let other = control.begin_response(LinkId::Usb, store);
+    drop(control);
     assert_eq!(other, Err(ResponseError::OtherLink { from: LINK }));
     // A change of settings ends the proposal, which was checked with those of before.
     change_setting(&mut stylus, Setting::ForceZero, 5_000.0);
@@ -280,22 +262,14 @@ fn a_response_is_stored_by_its_hash_alone_and_goes_stale_with_the_settings_it_wa
     propose(&stylus, &response).expect("it is valid");
     let state = set(&mut stylus, store).expect("it was proposed");
     let stale = SettingSet::NONE;
-    let stored = Some(StoredResponse {
+    let stored = StoredResponse {
         response,
         id,
         stale,
-    });
-    assert_eq!(
-        state,
-        ResponseState {
-            stored,
-            proposed: None
-        }
-    );
-    assert_eq!(
-        stylus.hardware().settings.get(Setting::OutputGain),
-        response.output_gain
-    );
+    };
+    assert_eq!((state.stored, state.proposed), (Some(stored), None));
+    let gain = stylus.hardware().settings.get(Setting::OutputGain);
+    assert_eq!(gain, response.output_gain);
     for setting in [
         Setting::OutputGain,
         Setting::AmplifierGain,

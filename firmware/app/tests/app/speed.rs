@@ -52,9 +52,8 @@ fn follow(position_mm: impl Fn(f64) -> f64, seconds: f64, late: &[usize]) -> Fol
 fn errors(followed: &Followed, settled: f64, speed: impl Fn(f64) -> f64) -> [f64; 2] {
     let after: Vec<_> = followed.iter().filter(|(t, _)| *t > settled).collect();
     [0, 1].map(|of| {
-        let squares = after
-            .iter()
-            .map(|(t, found)| (found[of] - speed(*t)).powi(2));
+        let squares = after.iter();
+        let squares = squares.map(|(t, found)| (found[of] - speed(*t)).powi(2));
         (squares.sum::<f64>() / after.len() as f64).sqrt()
     })
 }

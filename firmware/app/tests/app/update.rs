@@ -428,8 +428,9 @@ fn state(stylus: &mut SteppedStylus) -> UpdateReport {
 #[test]
 fn an_image_is_refused_before_anything_is_erased_unless_it_is_signed_and_newer_or_allowed() {
     let image = pattern(5, 3_000);
-    let good = sign(&image, VERSION, &DEVELOPMENT_SEED);
-    let older = ImageVersion::new([2, 3, 3]);
+    let signed = |image: &[u8], version| sign(image, version, &DEVELOPMENT_SEED);
+    let good = signed(&image, VERSION);
+    let offered = ImageVersion::new([2, 3, 3]);
     let long = vec![0; MAX_IMAGE_BYTES as usize + 1];
     let changed = |at: usize| {
         let mut signed = good;
@@ -438,30 +439,20 @@ fn an_image_is_refused_before_anything_is_erased_unless_it_is_signed_and_newer_o
     };
     let mut unsigned = good;
     unsigned[100..].copy_from_slice(&UNSIGNED);
-    let offered = older;
+    let length = long.len() as u32;
+    let running = VERSION;
     let refused = [
         (changed(0), UpdateError::NotAnImage),
         (changed(9), UpdateError::Board),
-        (
-            sign(&[], VERSION, &DEVELOPMENT_SEED),
-            UpdateError::Length { length: 0 },
-        ),
-        (
-            sign(&long, VERSION, &DEVELOPMENT_SEED),
-            UpdateError::Length {
-                length: long.len() as u32,
-            },
-        ),
+        (signed(&[], VERSION), UpdateError::Length { length: 0 }),
+        (signed(&long, VERSION), UpdateError::Length { length }),
         (changed(40), UpdateError::Signature),
         (changed(120), UpdateError::Signature),
         (sign(&image, VERSION, &[7; 32]), UpdateError::Signature),
         (unsigned, UpdateError::Signature),
         (
-            sign(&image, older, &DEVELOPMENT_SEED),
-            UpdateError::Downgrade {
-                running: VERSION,
-                offered,
-            },
+            signed(&image, offered),
+            UpdateError::Downgrade { running, offered },
         ),
     ];
     let mut stylus = stylus(RUNNING, Record::NONE);
@@ -473,16 +464,14 @@ fn an_image_is_refused_before_anything_is_erased_unless_it_is_signed_and_newer_o
     }
     let mut short = UpdateBegin::new(&image, &good);
     short.signed.pop();
-    assert_eq!(
-        update(&mut stylus, &image, &short),
-        Err(UpdateError::NotAnImage)
-    );
+    let refused = update(&mut stylus, &image, &short);
+    assert_eq!(refused, Err(UpdateError::NotAnImage));
     stylus.play(play_request("texture 0")).expect("it is there");
     let played = update(&mut stylus, &image, &UpdateBegin::new(&image, &good));
     assert_eq!(played, Err(UpdateError::Playing));
     assert_eq!(stylus.storage.slots(), slots);
     assert_eq!(state(&mut stylus).phase, UpdatePhase::Confirmed);
-    let mut downgrade = UpdateBegin::new(&image, &sign(&image, older, &DEVELOPMENT_SEED));
+    let mut downgrade = UpdateBegin::new(&image, &signed(&image, offered));
     downgrade.allow_downgrade = true;
     let held = Running {
         takes_unsigned: true,

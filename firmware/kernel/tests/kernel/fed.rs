@@ -52,10 +52,8 @@ pub fn values(codebook: &CodebookSpec) -> Vec<f64> {
 /// Independent samples of a kurtosis of about 20: a Gaussian times one that is cubed.
 pub fn impulsive(samples: usize) -> CodebookSpec {
     let pairs: Vec<f64> = gaussian(1).take(2 * samples).collect();
-    let samples: Vec<f64> = pairs
-        .chunks(2)
-        .map(|x| x[0] * (0.3 + x[1].powi(2)))
-        .collect();
+    let samples = pairs.chunks(2).map(|x| x[0] * (0.3 + x[1].powi(2)));
+    let samples: Vec<f64> = samples.collect();
     codebook(&samples)
 }
 
@@ -273,10 +271,8 @@ fn pieces_take_20_to_80_ms_of_either_sign_and_are_joined_by_cosine_and_sine() {
     let signal: Vec<f64> = excitation(&texture(&bytes), 5).take(3_000_000).collect();
     let joins = joins(&signal);
     // Neighbours of one sign are joined too, by a swell.
-    let lengths: Vec<usize> = joins
-        .windows(2)
-        .map(|pair| pair[1].at - pair[0].at)
-        .collect();
+    let lengths = joins.windows(2).map(|pair| pair[1].at - pair[0].at);
+    let lengths: Vec<usize> = lengths.collect();
     assert!(lengths.iter().all(|length| PIECES.contains(length)));
     assert_eq!(lengths.iter().min(), Some(PIECES.start()));
     assert_eq!(lengths.iter().max(), Some(PIECES.end()));
@@ -467,11 +463,8 @@ fn amplitude(entry: i8) -> f64 {
 #[test]
 fn a_level_track_multiplies_the_noise_of_the_same_seed_in_straight_lines_between_its_entries() {
     let track = track(100, 200, 4.0);
-    let amplitudes: Vec<f64> = track
-        .entries
-        .iter()
-        .map(|&entry| amplitude(entry))
-        .collect();
+    let amplitudes = track.entries.iter().map(|&entry| amplitude(entry));
+    let amplitudes: Vec<f64> = amplitudes.collect();
     let levels = levels_of(&track, 11, 500_000);
     // The entries that are played: at each step, the line back from the next one's beginning is straight.
     let mut played = Vec::new();
@@ -518,10 +511,8 @@ fn a_level_track_multiplies_the_noise_of_the_same_seed_in_straight_lines_between
         }
     }
     // 0.2 to 1 s in entries of 20 ms. An entry that is met by chance hides a join, or the true one.
-    let fits = lengths
-        .iter()
-        .filter(|length| (10..=50).contains(*length))
-        .count();
+    let fits = lengths.iter().filter(|length| (10..=50).contains(*length));
+    let fits = fits.count();
     assert!(fits * 20 > lengths.len() * 19, "{lengths:?}");
     assert!(lengths.iter().all(|&length| length <= 101));
 }

@@ -107,9 +107,8 @@ fn plans_with_and_without_feeds_are_exchanged_without_a_click() {
     let samples = run(1);
     assert_eq!(samples, run(1));
     assert_ne!(samples, run(2));
-    let loudest = samples
-        .iter()
-        .fold(0.0, |loudest: f64, x| loudest.max(x.abs()));
+    let loudest = samples.iter();
+    let loudest = loudest.fold(0.0, |loudest: f64, x| loudest.max(x.abs()));
     assert!(loudest > 4.0 && loudest < 200.0, "{loudest}");
 }
 

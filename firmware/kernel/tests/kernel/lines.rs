@@ -172,9 +172,8 @@ fn a_wandering_line_is_a_function_of_the_place_and_its_harmonics_stay_locked() {
     let there = at_block_ends(&one, |t| 500.0 + 80.0 * t);
     let back = at_block_ends(&one, |t| 660.0 - 80.0 * (t + 4e-4));
     let same = there.iter().flat_map(|&(x, value)| {
-        let near = back
-            .iter()
-            .filter(move |(other, _)| (x - other).abs() < 1e-6);
+        let near = back.iter();
+        let near = near.filter(move |(other, _)| (x - other).abs() < 1e-6);
         near.map(move |&(_, other)| value - other)
     });
     let (mut compared, mut worst) = (0, 0.0f64);
@@ -372,9 +371,8 @@ fn amplitudes_are_means_over_the_grid_with_the_textures_fade_below_it() {
             let samples: Vec<f64> = blocks
                 .flat_map(|_| block(&mut synthesis, motion(speed, force), None))
                 .collect();
-            let peak = samples[BLOCK..]
-                .iter()
-                .fold(0.0f64, |peak, x| peak.max(x.abs()));
+            let peak = samples[BLOCK..].iter();
+            let peak = peak.fold(0.0f64, |peak, x| peak.max(x.abs()));
             assert!(
                 (peak / amplitude - 1.0).abs() < 0.01,
                 "{speed}, {force}: {peak}, not {amplitude}"

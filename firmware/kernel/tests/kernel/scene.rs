@@ -112,9 +112,8 @@ fn after_the_lift_there_is_exact_silence_and_no_stage() {
     let bytes = library(&[]);
     let mut player = player(&bytes, &scene, 5);
     block(&mut player, lifted());
-    let sounding: Vec<f64> = (0..20)
-        .flat_map(|_| block(&mut player, at(0.0, moving())))
-        .collect();
+    let sounding = (0..20).flat_map(|_| block(&mut player, at(0.0, moving())));
+    let sounding: Vec<f64> = sounding.collect();
     assert!(peak(&sounding) > 0.1);
     assert_eq!(player.block().stages().len(), 3);
     let silent = (0..1000).find(|_| {

@@ -56,10 +56,8 @@ fn the_inverse_of_sections_is_those_sections() {
     let points: Vec<(f64, f64)> = (0..300)
         .map(|n| {
             let hz = 20.0 * 100f64.powf(f64::from(n) / 299.0);
-            let level: f64 = biquads
-                .iter()
-                .map(|b| stored_level_db(b, hz / RATE_HZ))
-                .sum();
+            let level = biquads.iter().map(|b| stored_level_db(b, hz / RATE_HZ));
+            let level: f64 = level.sum();
             (hz, level)
         })
         .collect();

@@ -43,10 +43,7 @@ fn measures(signal: &[f64]) -> Liveliness {
 
 fn near(found: Option<f64>, expected: f64, tolerance: f64) {
     let found = found.unwrap();
-    assert!(
-        (found - expected).abs() <= tolerance * expected.abs(),
-        "{found} is not {expected}"
-    );
+    test_helpers::near(found, expected, tolerance * expected.abs());
 }
 
 /// Noise, a resonance, modulated noise, and noise with an impulse of 26 dB every 25 ms; 4 s each.
@@ -184,10 +181,8 @@ fn nothing_is_measured_of_silence_of_one_value_and_of_too_few_samples() {
         Liveliness::default()
     );
     let short = measures(&noise(1, 400));
-    assert!(
-        short.kurtosis.is_some() && short.modulation.is_none(),
-        "{short:?}"
-    );
+    assert!(short.kurtosis.is_some(), "{short:?}");
+    assert!(short.modulation.is_none(), "{short:?}");
     assert_eq!(short.level_spread_db, None);
 }
 
@@ -203,10 +198,7 @@ fn a_dropout_counts_for_sixty_decibels_and_not_for_infinity() {
     let spread_db = found.level_spread_db.unwrap();
     // A quarter of all windows is 60 dB below the mean of all.
     let expected = (0.25f64 * 0.75).sqrt() * (60.0 + 10.0 * (4.0f64 / 3.0).log10());
-    assert!(
-        (spread_db - expected).abs() < 0.3,
-        "{spread_db}, {expected}"
-    );
+    test_helpers::near(spread_db, expected, 0.3);
 }
 
 #[test]
@@ -214,10 +206,7 @@ fn blocks_are_measured_together_and_no_window_crosses_a_join() {
     let (low, high) = (noise(81, 10_000), noise(82, 10_000));
     let high: Vec<f64> = high.iter().map(|x| 10.0 * x).collect();
     let found = Liveliness::of(&[&low, &high], RATE_HZ, None);
-    assert!(
-        (found.level_spread_db.unwrap() - 10.0).abs() < 0.1,
-        "{found:?}"
-    );
+    near(found.level_spread_db, 10.0, 0.01);
     // Two Gaussian numbers of variances 1 and 100, in equal parts.
     near(
         found.kurtosis,

@@ -196,7 +196,7 @@ fn refined(
 mod tests {
     use super::*;
     use crate::response::db;
-    use test_helpers::noise;
+    use test_helpers::{near, noise};
 
     /// A mass on a spring that a coil of 1.3 kHz moves, held by a hand, after a delay.
     fn lines(hz: f64, damping: f64, sign: f64, scatter: f64) -> Vec<Line> {
@@ -244,23 +244,14 @@ mod tests {
                     hz_deviation,
                     damping_ratio,
                 } = found.resonance;
-                assert!(
-                    (found_hz - hz).abs() < 4.0 * hz_deviation + 5e-3 * hz,
-                    "{hz} {scatter}: {found:?}"
-                );
+                near(found_hz, hz, 4.0 * hz_deviation + 5e-3 * hz);
                 assert!(
                     hz_deviation < hz * (2e-3 + scatter),
                     "{hz} {scatter}: {found:?}"
                 );
-                assert!(
-                    (damping_ratio / damping - 1.0).abs() < 0.03 + 3.0 * scatter,
-                    "{hz} {scatter}: {found:?}"
-                );
+                near(damping_ratio / damping, 1.0, 0.03 + 3.0 * scatter);
                 // The inductance is 23 µs of the delay.
-                assert!(
-                    (found.delay_s - 0.633e-3).abs() < 0.01e-3 + scatter * 1e-3,
-                    "{found:?}"
-                );
+                near(found.delay_s, 0.633e-3, 0.01e-3 + scatter * 1e-3);
                 assert_eq!(found.is_positive, sign > 0.0);
             }
         }

@@ -138,9 +138,8 @@ mod tests {
 
     #[test]
     fn excerpts_have_one_rms_and_begin_and_end_near_zero() {
-        let loud: Vec<f64> = (0..10_000)
-            .map(|n| 40.0 * (f64::from(n) * 0.3).sin() + 7.0)
-            .collect();
+        let loud = (0..10_000).map(|n| 40.0 * (f64::from(n) * 0.3).sin() + 7.0);
+        let loud: Vec<f64> = loud.collect();
         let soft: Vec<f64> = loud.iter().map(|x| x * 1e-4).collect();
         for signal in [loud, soft] {
             let found = excerpts(&[&signal], 5000);

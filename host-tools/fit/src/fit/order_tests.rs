@@ -82,9 +82,8 @@ fn off_db(model: &Model, resonances: &[(f64, f64)], to_hz: f64) -> f64 {
     let powers: Vec<[f64; 2]> = powers.collect();
     let strongest = powers.iter().map(|[_, truth]| *truth).fold(0.0, f64::max);
     let strong = powers.iter().filter(|[_, truth]| *truth > 1e-4 * strongest);
-    let levels: Vec<f64> = strong
-        .map(|[found, truth]| 10.0 * (found / truth).log10())
-        .collect();
+    let levels = strong.map(|[found, truth]| 10.0 * (found / truth).log10());
+    let levels: Vec<f64> = levels.collect();
     let mean = levels.iter().sum::<f64>() / levels.len() as f64;
     let squares = levels.iter().map(|level| (level - mean).powi(2));
     (squares.sum::<f64>() / levels.len() as f64).sqrt()

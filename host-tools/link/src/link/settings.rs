@@ -252,10 +252,8 @@ mod tests {
             lines[1].contains("0.500 V peak and 0.200 V RMS"),
             "{lines:?}"
         );
-        assert!(
-            lines[1].contains("3.119 W peak") && lines[1].contains("0.500 W held at 8 Ω"),
-            "{lines:?}"
-        );
+        assert!(lines[1].contains("3.119 W peak"), "{lines:?}");
+        assert!(lines[1].contains("0.500 W held at 8 Ω"), "{lines:?}");
         let unset = SettingSet::REQUIRED;
         let none = Settings::default();
         let none = Known {

@@ -297,11 +297,8 @@ mod tests {
     fn a_click_is_as_short_as_a_short_window_and_a_swell_keeps_the_long_one() {
         let noise = noise(3, 10_000);
         let swell = |n: usize| 1.0 + (TAU * 4.0 * n as f64 / 5000.0).sin();
-        let swelling: Vec<f64> = noise
-            .iter()
-            .enumerate()
-            .map(|(n, x)| swell(n) * x)
-            .collect();
+        let swelling = noise.iter().enumerate().map(|(n, x)| swell(n) * x);
+        let swelling: Vec<f64> = swelling.collect();
         assert!(
             [&noise, &swelling]
                 .iter()
@@ -313,10 +310,8 @@ mod tests {
         let levels = levels_db(&clicks, windows, 1000.0);
         let middle: Vec<f64> = levels.iter().map(|column| column[10]).collect();
         let highest = middle.iter().copied().fold(f64::MIN, f64::max);
-        let loud = middle
-            .iter()
-            .filter(|level| **level > highest - 25.0)
-            .count();
+        let loud = middle.iter().filter(|level| **level > highest - 25.0);
+        let loud = loud.count();
         assert!(3 * loud < middle.len(), "{loud} of {}", middle.len());
     }
 

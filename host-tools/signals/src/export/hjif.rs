@@ -96,9 +96,7 @@ mod tests {
             most = std::array::from_fn(|n| most[n] + impulse[n].abs());
         }
         let (code, scale) = scale_of(largest(most.into_iter()));
-        assert!(
-            code < 1 << 8 && scale >= largest(most.into_iter()),
-            "{code} {scale}"
-        );
+        assert!(code < 1 << 8, "{code} {scale}");
+        assert!(scale >= largest(most.into_iter()), "{code} {scale}");
     }
 }

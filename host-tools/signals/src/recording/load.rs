@@ -281,9 +281,8 @@ mod tests {
                         noise.into_iter().map(value).collect()
                     };
                     let axes: Vec<Vec<f64>> = (0..count).map(axis).collect();
-                    let names = ["x", "y", "z"][..count]
-                        .iter()
-                        .map(|own| name.replace("{}", own));
+                    let names = ["x", "y", "z"][..count].iter();
+                    let names = names.map(|own| name.replace("{}", own));
                     let named = of_table(Some(names.collect::<Vec<_>>().join("\t")), &axes, None);
                     let case = format!("{option}, step {step_g}, gravity {gravity}, {count} axes");
                     let by_option = of_table(None, &axes, Some(option));

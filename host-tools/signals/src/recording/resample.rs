@@ -137,19 +137,13 @@ mod tests {
                 (mean(&there) - mean(&alone) - 9.81).abs() < 1e-9,
                 "from {from_hz} Hz"
             );
-            let error: Vec<f64> = there
-                .iter()
-                .zip(&alone)
-                .map(|(a, b)| a - 9.81 - b)
-                .collect();
+            let error = there.iter().zip(&alone).map(|(a, b)| a - 9.81 - b);
+            let error: Vec<f64> = error.collect();
             assert!(rms(&error) < 1e-9, "from {from_hz} Hz: {}", rms(&error));
             // And the level is that of the vibration, over the whole length, ends included.
             let expected: Vec<f64> = sine(200.0, 5000, 2.0).iter().map(|x| 0.06 * x).collect();
-            let error: Vec<f64> = there
-                .iter()
-                .zip(&expected)
-                .map(|(a, b)| a - 9.81 - b)
-                .collect();
+            let error = there.iter().zip(&expected).map(|(a, b)| a - 9.81 - b);
+            let error: Vec<f64> = error.collect();
             assert!(
                 rms(&error) < 0.06 * 0.1,
                 "from {from_hz} Hz: {}",

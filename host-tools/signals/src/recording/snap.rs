@@ -495,9 +495,8 @@ mod tests {
             None
         );
         assert_eq!(clear_size(&measured(&speeds, &[1.0], 0.0)), None);
-        let anywhere: Vec<_> = (1..30)
-            .map(|n| (f64::from(n), f64::from(n * 7 % 30)))
-            .collect();
+        let anywhere = (1..30).map(|n| (f64::from(n), f64::from(n * 7 % 30)));
+        let anywhere: Vec<_> = anywhere.collect();
         assert_eq!(clear_size(&anywhere), None);
     }
 

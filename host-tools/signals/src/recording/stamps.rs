@@ -740,10 +740,8 @@ mod tests {
                 (clock(), Some(unit).filter(|unit| *unit != TimeUnit::S)),
             ] {
                 let found = of(&times, factor, &clock, &ALL).unwrap();
-                assert_eq!(
-                    (found.rate_hz, found.timing.guessed_unit),
-                    (1600.0, guessed)
-                );
+                assert_eq!(found.rate_hz, 1600.0);
+                assert_eq!(found.timing.guessed_unit, guessed);
                 assert_eq!(found.times_s, None, "{unit:?}");
             }
         }

@@ -11,6 +11,7 @@ use std::path::Path;
 
 use rand::RngExt;
 
+use super::description::Mode;
 use super::measurement::StreamKey;
 use super::*;
 use crate::dsp::fourier::{self, Complex};
@@ -119,13 +120,8 @@ fn rms(signal: impl Iterator<Item = f64> + Clone) -> f64 {
 fn without_an_effect_or_a_force_samples_are_exact_zeros() {
     for parts in [&[PROTOCOL, STRIP][..], &[PROTOCOL, TOOL, STRIP]] {
         for trial in trials(parts, 1) {
-            assert!(
-                trial
-                    .samples_m_s2
-                    .iter()
-                    .flatten()
-                    .all(|sample| *sample == 0.0)
-            );
+            let mut samples = trial.samples_m_s2.iter().flatten();
+            assert!(samples.all(|sample| *sample == 0.0));
             assert_eq!(trial.samples_m_s2[0].len(), 10_000);
         }
     }
@@ -154,27 +150,23 @@ type State = Vec<[f64; 2]>;
 /// `state` after so long at the rates `by`.
 fn moved(state: &State, by: &State, step: f64) -> State {
     let pairs = state.iter().zip(by);
-    pairs
-        .map(|(state, by)| [state[0] + step * by[0], state[1] + step * by[1]])
-        .collect()
+    let moved = |(state, by): (&[f64; 2], &[f64; 2])| [0, 1].map(|i| state[i] + step * by[i]);
+    pairs.map(moved).collect()
 }
 
 /// The height, µm, that a tip feels at a place, mm.
 fn felt_um(rig: &RigFile, profile: &Profile, contact: &Contact) -> impl Fn(f64) -> f64 {
     let circumference_mm = rig.description().drum.circumference_mm;
     let terms = profile.coefficients_um().iter().enumerate();
-    let felt = terms
-        .filter(|(_, term)| term.norm() > 0.0)
-        .map(|(n, term)| {
-            let wavenumber = TAU * n as f64 / circumference_mm;
-            (wavenumber, term * contact.patch_response(wavenumber))
-        });
+    let terms = terms.filter(|(_, term)| term.norm() > 0.0);
+    let felt = terms.map(|(n, term)| {
+        let wavenumber = TAU * n as f64 / circumference_mm;
+        (wavenumber, term * contact.patch_response(wavenumber))
+    });
     let felt: Vec<_> = felt.collect();
     move |x_mm| {
-        let terms = felt.iter();
-        terms
-            .map(|(wavenumber, term)| (term * Complex::cis(wavenumber * x_mm)).re)
-            .sum()
+        let at = |(wavenumber, term): &(f64, Complex<f64>)| term * Complex::cis(wavenumber * x_mm);
+        felt.iter().map(|term| at(term).re).sum()
     }
 }
 
@@ -190,32 +182,24 @@ fn integrated(
     let tool = rig.description().tool.as_ref().unwrap();
     let height_um = felt_um(rig, profile, contact);
     let derivative = |time_s: f64, state: &State| -> State {
-        let tip_um: f64 = tool
-            .modes
-            .iter()
-            .zip(state)
-            .map(|(mode, [q, _])| 1e6 * mode.tip_participation_m_s2_per_n.unwrap_or(0.0) * q)
-            .sum();
-        let force_n =
-            contact.stiffness_n_per_um() * (height_um(start_mm + speed_mm_s * time_s) - tip_um);
-        tool.modes
-            .iter()
-            .zip(state)
-            .map(|(mode, [q, rate])| {
-                let omega = TAU * mode.frequency_hz;
-                [
-                    *rate,
-                    force_n - omega * omega * q - 2.0 * mode.damping_ratio * omega * rate,
-                ]
-            })
-            .collect()
+        let modes = tool.modes.iter().zip(state);
+        let tip_m = modes
+            .clone()
+            .map(|(mode, [q, _])| mode.tip_participation_m_s2_per_n.unwrap_or(0.0) * q);
+        let indented_um = height_um(start_mm + speed_mm_s * time_s) - 1e6 * tip_m.sum::<f64>();
+        let force_n = contact.stiffness_n_per_um() * indented_um;
+        let derivatives = modes.map(|(mode, [q, rate])| {
+            let omega = TAU * mode.frequency_hz;
+            let damped = 2.0 * mode.damping_ratio * omega * rate;
+            [*rate, force_n - omega * omega * q - damped]
+        });
+        derivatives.collect()
     };
     let accelerations = |first: &State| {
         std::array::from_fn(|axis| {
             let modes = tool.modes.iter().zip(first);
-            modes
-                .map(|(mode, [_, acceleration])| mode.participation_m_s2_per_n[axis] * acceleration)
-                .sum()
+            let of = |(mode, [_, q]): (&Mode, &[f64; 2])| mode.participation_m_s2_per_n[axis] * q;
+            modes.map(of).sum()
         })
     };
     let steps = 16;
@@ -244,20 +228,11 @@ fn samples_are_those_of_the_equations_of_motion() {
     let strip = Strip::new(&rig, 0, 3);
     for (speed, force) in [(0, 3), (1, 1), (2, 2), (3, 3)] {
         let trial = strip.trial(speed, force);
-        let start_cycles: f64 = StreamKey::new(3)
-            .text("strip")
-            .number(trial.speed_mm_s)
-            .number(trial.force_n)
-            .stream("start")
-            .random();
-        let contact = Contact::hertz(1.5, 1000.0, trial.force_n).unwrap();
-        let expected = integrated(
-            &rig,
-            strip.profile(),
-            &contact,
-            trial.speed_mm_s,
-            300.0 * start_cycles,
-        );
+        let (speed_mm_s, force_n) = (trial.speed_mm_s, trial.force_n);
+        let key = StreamKey::new(3).text("strip").number(speed_mm_s);
+        let start_mm = 300.0 * key.number(force_n).stream("start").random::<f64>();
+        let contact = Contact::hertz(1.5, 1000.0, force_n).unwrap();
+        let expected = integrated(&rig, strip.profile(), &contact, speed_mm_s, start_mm);
         let scale = trial.rms_m_s2();
         // By 0.3 s the start has died away: 90 Hz at 0.3 of critical damping.
         for (i, expected) in expected.iter().enumerate().skip(1500) {
@@ -297,14 +272,10 @@ fn a_drum_that_hardly_wanders_gives_the_samples_of_one_that_does_not() {
     let hardly = "\nwander = { rms = 1e-9, correlation_s = 0.1 }\n";
     let hardly = trials(&[PROTOCOL, hardly, TOOL, STRIP, WEAVE], 3);
     for (steady, hardly) in steady.iter().zip(&hardly) {
-        let scale = steady.rms_m_s2();
-        for (a, b) in steady
-            .samples_m_s2
-            .iter()
-            .flatten()
-            .zip(hardly.samples_m_s2.iter().flatten())
-        {
-            assert!((a - b).abs() <= 1e-3 * scale, "{a} {b}");
+        let tolerance = 1e-3 * steady.rms_m_s2();
+        let samples = steady.samples_m_s2.iter().flatten();
+        for (a, b) in samples.zip(hardly.samples_m_s2.iter().flatten()) {
+            near(*a, *b, tolerance);
         }
     }
 }
@@ -313,12 +284,8 @@ fn a_drum_that_hardly_wanders_gives_the_samples_of_one_that_does_not() {
 fn the_rig_with_weaves_is_sound() {
     let text = include_str!("../../../rigs/weave-rig.toml");
     let rig = RigFile::from_toml(Path::new("rigs/weave-rig.toml"), text).unwrap();
-    assert!(
-        rig.description()
-            .textures
-            .iter()
-            .all(|texture| !texture.weaves.is_empty())
-    );
+    let mut textures = rig.description().textures.iter();
+    assert!(textures.all(|texture| !texture.weaves.is_empty()));
 }
 
 #[test]
@@ -338,10 +305,8 @@ fn hum_has_its_frequency_and_amplitude() {
 fn noise_is_white_with_its_rms_and_its_axes_are_independent() {
     let all = trials(&[PROTOCOL, STRIP, NOISE], 1);
     for (axis, expected) in [0.3, 0.2, 0.1].into_iter().enumerate() {
-        let signal: Vec<f64> = all
-            .iter()
-            .flat_map(|trial| trial.samples_m_s2[axis].clone())
-            .collect();
+        let signal = all.iter().flat_map(|trial| &trial.samples_m_s2[axis]);
+        let signal: Vec<f64> = signal.copied().collect();
         assert!((rms(signal.iter().copied()) / expected - 1.0).abs() < 0.01);
         let (spectrum, _) = amplitudes(&signal);
         for quarter in spectrum[1..].chunks_exact(spectrum.len() / 4) {
@@ -365,18 +330,13 @@ fn tremor_stays_in_its_band_and_has_its_rms() {
                 *power += rms(axis.iter().copied()).powi(2) / 160.0;
             }
             let window = |i: usize| 1.0 - (TAU * i as f64 / 1e4).cos();
-            let windowed: Vec<_> = trial.samples_m_s2[0]
-                .iter()
-                .enumerate()
-                .map(|(i, value)| value * window(i))
-                .collect();
-            let (spectrum, bin_hz) = amplitudes(&windowed);
+            let windowed = trial.samples_m_s2[0].iter().enumerate();
+            let windowed = windowed.map(|(i, value)| value * window(i));
+            let (spectrum, bin_hz) = amplitudes(&windowed.collect::<Vec<_>>());
             let inside = |bin: usize| (7.0..=13.0).contains(&(bin as f64 * bin_hz));
             let power = |wanted: bool| -> f64 {
-                let bins = spectrum
-                    .iter()
-                    .enumerate()
-                    .filter(|(bin, _)| inside(*bin) == wanted);
+                let bins = spectrum.iter().enumerate();
+                let bins = bins.filter(|(bin, _)| inside(*bin) == wanted);
                 bins.map(|(_, amplitude)| amplitude * amplitude).sum()
             };
             assert!(power(false) < 0.01 * power(true));
@@ -430,11 +390,8 @@ fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
         let path = entry.unwrap().path();
         let name = path.file_name().unwrap().to_str().unwrap().to_owned();
         if path.is_dir() {
-            all.extend(
-                files(&path)
-                    .into_iter()
-                    .map(|(inner, bytes)| (format!("{name}/{inner}"), bytes)),
-            );
+            let inner = files(&path).into_iter();
+            all.extend(inner.map(|(inner, bytes)| (format!("{name}/{inner}"), bytes)));
         } else if name != crate::support::output::LIST {
             all.insert(name, fs::read(&path).unwrap());
         }
@@ -452,13 +409,9 @@ fn small_rig() -> RigFile {
 fn the_same_scene_and_seed_are_the_same_bytes_whatever_the_number_of_threads() {
     let written = |threads: usize, seed: u64| {
         let folder = tempfile::tempdir().unwrap();
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(threads)
-            .build()
-            .unwrap();
-        let summary = pool
-            .install(|| simulate_to_folder(&small_rig(), seed, folder.path(), false))
-            .unwrap();
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
+        let simulate = || simulate_to_folder(&small_rig(), seed, folder.path(), false);
+        let summary = pool.build().unwrap().install(simulate).unwrap();
         let files = files(folder.path());
         let bytes: usize = files.values().map(Vec::len).sum();
         assert_eq!(summary.bytes, bytes as u64);
@@ -469,10 +422,7 @@ fn the_same_scene_and_seed_are_the_same_bytes_whatever_the_number_of_threads() {
     assert_eq!(one.len(), 32 + 3);
     assert_eq!(one, written(3, 1));
     let other_seed = written(2, 2);
-    assert_eq!(
-        one.keys().collect::<Vec<_>>(),
-        other_seed.keys().collect::<Vec<_>>()
-    );
+    assert!(one.keys().eq(other_seed.keys()));
     for (name, bytes) in &one {
         assert_eq!(*bytes == other_seed[name], name == "rig.toml", "{name}");
     }
@@ -486,15 +436,10 @@ fn a_set_can_be_read_back_and_every_file_says_that_it_is_simulated() {
 
     let table = fs::read_to_string(folder.path().join("trials.csv")).unwrap();
     let (comment, rest) = table.split_once('\n').unwrap();
-    assert!(
-        comment.starts_with("# SIMULATED by the rig simulator"),
-        "{comment}"
-    );
+    let notice = "# SIMULATED by the rig simulator";
+    assert!(comment.starts_with(notice), "{comment}");
+    assert!(rest.starts_with("file,texture,speed_mm_s,force_n,simulated\n"));
     let mut reader = csv::Reader::from_reader(rest.as_bytes());
-    assert_eq!(
-        reader.headers().unwrap(),
-        &["file", "texture", "speed_mm_s", "force_n", "simulated"][..]
-    );
     let rows: Vec<(String, String, f64, f64, bool)> =
         reader.deserialize().collect::<Result<_, _>>().unwrap();
     assert_eq!(rows.len(), 32);
@@ -513,24 +458,18 @@ fn a_set_can_be_read_back_and_every_file_says_that_it_is_simulated() {
         assert_eq!((wav.spec().channels, wav.spec().sample_rate), (3, 5000));
         let samples: Vec<f32> = wav.samples().map(Result::unwrap).collect();
         let [x, y, z] = &strips[i / 16].trial(speed, force).samples_m_s2;
-        let expected: Vec<f32> = (0..x.len())
-            .flat_map(|i| [x[i] as f32, y[i] as f32, z[i] as f32])
-            .collect();
-        assert_eq!(samples, expected);
+        let expected = (0..x.len()).flat_map(|i| [x, y, z].map(|axis| axis[i] as f32));
+        assert_eq!(samples, expected.collect::<Vec<_>>());
         let bytes = fs::read(folder.path().join(file)).unwrap();
         assert!(String::from_utf8_lossy(&bytes).contains("SIMULATED by the rig simulator"));
         // The RIFF header counts the comment in.
-        assert_eq!(
-            u32::from_le_bytes(bytes[4..8].try_into().unwrap()) as usize + 8,
-            bytes.len()
-        );
+        let length = u32::from_le_bytes(bytes[4..8].try_into().unwrap());
+        assert_eq!(length as usize + 8, bytes.len());
     }
     let notice = fs::read_to_string(folder.path().join("SIMULATED.txt")).unwrap();
     assert!(notice.contains("Nothing in this folder was measured") && notice.contains("Seed: 4"));
-    assert_eq!(
-        fs::read_to_string(folder.path().join("rig.toml")).unwrap(),
-        rig.text()
-    );
+    let kept = fs::read_to_string(folder.path().join("rig.toml")).unwrap();
+    assert_eq!(kept, rig.text());
 
     let range = summary.textures[1].rms_range_m_s2.unwrap();
     assert!(range.0 > 0.0 && range.1 > range.0);
@@ -541,18 +480,11 @@ fn a_set_can_be_read_back_and_every_file_says_that_it_is_simulated() {
 fn the_papers_scene_has_its_protocol_and_levels_of_its_kind() {
     let rig = RigFile::paper();
     let recording = &rig.description().recording;
-    assert_eq!(
-        recording.speeds_mm_s,
-        (1..=15).map(|i| f64::from(20 * i)).collect::<Vec<_>>()
-    );
-    assert_eq!(
-        recording.forces_n,
-        (0..8).map(|i| f64::from(2 * i) / 10.0).collect::<Vec<_>>()
-    );
-    assert_eq!(
-        (recording.samples(), recording.sample_rate_hz),
-        (10_000, 5000)
-    );
+    let (speeds, forces) = (recording.speeds_mm_s.iter(), recording.forces_n.iter());
+    assert!(speeds.copied().eq((1..=15).map(|i| f64::from(20 * i))));
+    assert!(forces.copied().eq((0..8).map(|i| f64::from(2 * i) / 10.0)));
+    assert_eq!(recording.samples(), 10_000);
+    assert_eq!(recording.sample_rate_hz, 5000);
     let textures = rig.description().textures.iter();
     let names: Vec<_> = textures.map(|texture| texture.name.as_str()).collect();
     assert_eq!(names, ["paper", "organza", "vinyl", "denim"]);
@@ -561,14 +493,9 @@ fn the_papers_scene_has_its_protocol_and_levels_of_its_kind() {
         let level = |speed, force| strip.trial(speed, force).rms_m_s2();
         assert!(level(9, 0) < 0.1, "the sensor alone");
         let levels = [(0, 4), (4, 1), (9, 4), (14, 7)].map(|(speed, force)| level(speed, force));
-        assert!(
-            levels.iter().all(|level| (0.15..16.0).contains(level)),
-            "{levels:?}"
-        );
-        assert!(
-            level(14, 7) > 2.0 * level(0, 1),
-            "harder and faster is stronger"
-        );
+        let is_usual = |level: &f64| (0.15..16.0).contains(level);
+        assert!(levels.iter().all(is_usual), "{levels:?}");
+        assert!(level(14, 7) > 2.0 * level(0, 1), "harder and faster");
         assert_eq!(strip.trial(14, 7).clipped, 0);
     }
 }
@@ -591,8 +518,5 @@ fn the_demos_rig_is_the_papers_with_scratches_in_the_place_of_organza() {
     let strip = Strip::new(&rig, 1, 1);
     let samples = strip.trial(3, 4).samples_m_s2[2].clone();
     let kurtosis = crate::dsp::liveliness::Liveliness::of(&[&samples], 5000.0, None).kurtosis;
-    assert!(
-        kurtosis.unwrap() > 8.0,
-        "scratches are impulses: {kurtosis:?}"
-    );
+    assert!(kurtosis.unwrap() > 8.0, "scratches: {kurtosis:?}");
 }

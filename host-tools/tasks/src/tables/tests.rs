@@ -73,8 +73,6 @@ fn a_name_of_no_table_is_refused_with_those_that_there_are() {
     let error = write(&["nothing".to_owned()], |_| ())
         .unwrap_err()
         .to_string();
-    assert!(
-        error.contains("nothing") && error.contains("settings"),
-        "{error}"
-    );
+    assert!(error.contains("nothing"), "{error}");
+    assert!(error.contains("settings"), "{error}");
 }

@@ -325,10 +325,8 @@ fn measured(image: &std::path::Path, recipes: &[Recipe], most: usize) -> Vec<Cos
             .lines()
             .filter_map(|line| line.strip_prefix(report::LIBRARY_COST))
         {
-            let numbers: Vec<u64> = line
-                .split_whitespace()
-                .map(|n| n.parse().unwrap())
-                .collect();
+            let numbers = line.split_whitespace().map(|n| n.parse().unwrap());
+            let numbers: Vec<u64> = numbers.collect();
             let [bytes, decode, _, longest_step, plan] = numbers[..] else {
                 panic!("{line}");
             };

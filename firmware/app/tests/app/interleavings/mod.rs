@@ -92,10 +92,8 @@ fn the_check_finds_a_play_that_comes_while_a_setting_is_stored_and_a_device_that
     // Playing is not locked meanwhile.
     let found = run(10_000, 2, Control::end_self_test);
     let found = found.expect_err("the lock is left out");
-    assert!(
-        found.contains("setting") && found.contains("play"),
-        "{found}"
-    );
+    assert!(found.contains("setting"), "{found}");
+    assert!(found.contains("play"), "{found}");
     let found = run(10_000, 2, |control| {
         let _ = control.begin_self_test();
     });

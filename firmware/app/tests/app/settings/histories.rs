@@ -114,12 +114,18 @@ impl Life {
     }
 
     fn set(&mut self, change: SettingChange) {
+        let set = self.with_store(async |store| store.set(change).await);
+        assert!(set.is_ok(), "{change:?} {set:?}");
+        self.acknowledge(change);
+    }
+
+    /// The result of `work` on the store, whose flash stays as the work leaves it.
+    fn with_store<T>(&mut self, work: impl AsyncFnOnce(&mut Store<'_, '_>) -> T) -> T {
         let mut flash = SimulatedFlash::new(self.memory.clone());
         let mut store = block_on(SettingsStore::open(&mut flash, RANGE));
-        let set = block_on(store.set(change));
-        assert!(set.is_ok(), "{change:?} {set:?}");
+        let done = block_on(work(&mut store));
         self.memory = flash.memory;
-        self.acknowledge(change);
+        done
     }
 
     fn step(&mut self, step: Step) {
@@ -127,10 +133,8 @@ impl Life {
             Step::Set { setting, share } => self.set(value(setting, share)),
             Step::Respond { share } => {
                 let response = response(share);
-                let mut flash = SimulatedFlash::new(self.memory.clone());
-                let mut store = block_on(SettingsStore::open(&mut flash, RANGE));
-                assert_eq!(block_on(store.set_response(Some(&response))), Ok(()));
-                self.memory = flash.memory;
+                let set = self.with_store(async |store| store.set_response(Some(&response)).await);
+                assert_eq!(set, Ok(()));
                 self.acknowledge(response.change());
                 self.responses = vec![Some(response)];
             }
@@ -162,9 +166,8 @@ impl Life {
                 let Some(last) = self.memory.last_programmed(sector) else {
                     return;
                 };
-                let damaged = last
-                    .saturating_sub(word)
-                    .max(copy * SECTOR_BYTES / WORD_BYTES);
+                let first = copy * SECTOR_BYTES / WORD_BYTES;
+                let damaged = last.saturating_sub(word).max(first);
                 let damage = [Memory::set_faulty, Memory::flip_bit, Memory::set_unstable][how];
                 damage(&mut self.memory, damaged * WORD_BYTES);
             }
@@ -172,10 +175,8 @@ impl Life {
                 opened(&mut self.memory);
             }
             Step::Reset => {
-                let mut flash = SimulatedFlash::new(self.memory.clone());
-                let mut store = block_on(SettingsStore::open(&mut flash, RANGE));
-                assert_eq!(block_on(store.reset()), Ok(Settings::default()));
-                self.memory = flash.memory;
+                let reset = self.with_store(async |store| store.reset().await);
+                assert_eq!(reset, Ok(Settings::default()));
                 for change in Settings::default().iter() {
                     self.acknowledge(change);
                 }

@@ -128,10 +128,8 @@ fn what_cannot_be_read_at_all_is_lost_and_told_and_a_reset_begins_anew() {
     let mut flash = SimulatedFlash::new(Memory::garbage(RANGE.end as usize));
     let mut store = block_on(SettingsStore::open(&mut flash, RANGE));
     assert_eq!(store.settings(), Settings::default());
-    assert_eq!(
-        (store.state().lost, store.state().set),
-        (SettingSet::ALL, SettingSet::NONE)
-    );
+    assert_eq!(store.state().lost, SettingSet::ALL);
+    assert_eq!(store.state().set, SettingSet::NONE);
     // A change is stored although there is no room, and the others stay lost.
     let changed = block_on(store.set(change(Setting::HardLimit, 0.25))).expect("it is in range");
     let lost = SettingSet::ALL.with(Setting::HardLimit, false);

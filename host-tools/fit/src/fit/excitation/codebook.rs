@@ -259,9 +259,8 @@ mod tests {
         let samples = decoded_blocks(&coded.spec);
         assert!((mean_square(&samples) - 1.0).abs() < 1e-3);
         let level = |from: usize| {
-            let bursts = samples
-                .chunks_exact(1000)
-                .map(|period| mean_square(&period[from..from + 150]));
+            let bursts = samples.chunks_exact(1000);
+            let bursts = bursts.map(|period| mean_square(&period[from..from + 150]));
             10.0 * (bursts.sum::<f64>() / 9.0).log10()
         };
         let step_db = level(25) - level(500);
@@ -281,9 +280,8 @@ mod tests {
                 random.random_range(0..count),
                 random.random_range(PIECE_SAMPLES),
             );
-            let piece: Vec<f64> = (start..start + length)
-                .map(|n| samples[n % count])
-                .collect();
+            let piece = (start..start + length).map(|n| samples[n % count]);
+            let piece: Vec<f64> = piece.collect();
             for (lag, sum) in lags.iter_mut().enumerate().take(length) {
                 *sum += piece[lag..]
                     .iter()
@@ -296,9 +294,8 @@ mod tests {
         move |hz| {
             let angle = std::f64::consts::TAU * hz / 5000.0;
             let cosines = lags.iter().enumerate().skip(1);
-            let sum: f64 = cosines
-                .map(|(lag, r)| 2.0 * r * (angle * lag as f64).cos())
-                .sum();
+            let sum = cosines.map(|(lag, r)| 2.0 * r * (angle * lag as f64).cos());
+            let sum: f64 = sum.sum();
             (lags[0] + sum) / f64::from(played as u32)
         }
     }
@@ -344,9 +341,8 @@ mod tests {
             *x += 30.0 * (std::f64::consts::TAU * 440.0 / 5000.0 * n as f64).sin();
         }
         let density = played(&decoded(&coded(&material, 38.0).unwrap().spec), 5);
-        let loudest = (0..2500)
-            .map(|hz| density(f64::from(hz)))
-            .fold(0.0, f64::max);
+        let loudest = (0..2500).map(|hz| density(f64::from(hz)));
+        let loudest = loudest.fold(0.0, f64::max);
         println!("{loudest:.2} of white noise");
         assert!(loudest < 2.0, "{loudest}");
     }
@@ -377,9 +373,8 @@ mod tests {
             assert!((mean_square(&decoded(&coded.spec)) - 1.0).abs() < 1e-3);
             assert!(coded.spec.peak <= 40.0);
         }
-        let alternating: Vec<f64> = (0..5000)
-            .map(|n| if n % 2 == 0 { 3.0 } else { -3.0 })
-            .collect();
+        let alternating = (0..5000).map(|n| if n % 2 == 0 { 3.0 } else { -3.0 });
+        let alternating: Vec<f64> = alternating.collect();
         let coded = coded(&alternating, 30.0).unwrap();
         assert!((mean_square(&decoded(&coded.spec)) - 1.0).abs() < 1e-3);
     }

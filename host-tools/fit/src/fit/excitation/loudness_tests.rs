@@ -8,14 +8,15 @@ use proptest::prelude::*;
 use rand::{RngExt, SeedableRng};
 
 use super::bound;
-use super::tests::{chosen, filtered, forced, impulsive, node_of, swelling, trace};
+use super::tests::{
+    bursting, chosen, filtered, fitted_to, forced, impulsive, node_of, swelling, trace,
+};
 use crate::fit::options::{ExcitationChoice, ModulationChoice, Options};
-use crate::fit::{Fit, fit};
 use crate::playing::motion::MotionPath;
 use crate::playing::render::render;
-use crate::recording::{RecordingSet, Trial};
+use crate::recording::Trial;
 use crate::support::float_wav::float_wav;
-use test_helpers::noise;
+use test_helpers::{holds, noise};
 
 /// Highest ratio of a synthesis's loudest windows to the recordings'.
 const MOST: f64 = 1.5;
@@ -43,11 +44,8 @@ pub(super) fn synthesis(
 ) -> Vec<f64> {
     let library = Library::decode(library).unwrap();
     let texture = library.textures().next().unwrap();
-    let (speed, force) = (
-        MillimetresPerSecond(speed_mm_s as f32),
-        Newton(force_n as f32),
-    );
-    let motion = MotionPath::constant(speed, force).unwrap();
+    let speed = MillimetresPerSecond(speed_mm_s as f32);
+    let motion = MotionPath::constant(speed, Newton(force_n as f32)).unwrap();
     let rendered = render(texture, &motion, seconds, seed).unwrap();
     rendered.accelerations_m_s2()
 }
@@ -76,29 +74,12 @@ fn over(played: [f64; 3], recordings: &[[f64; 3]]) -> f64 {
 fn with_stop_band(seed: u64, samples: usize) -> Vec<f64> {
     let mut signal = filtered(&noise(seed, samples + 20), 150.0);
     for _ in 0..4 {
-        signal = signal
-            .windows(5)
-            .map(|near| near.iter().sum::<f64>() / 5.0)
-            .collect();
+        let means = signal.windows(5).map(|near| near.iter().sum::<f64>() / 5.0);
+        signal = means.collect();
     }
-    let floor = noise(seed + 1, samples);
-    signal
-        .iter()
-        .zip(floor)
-        .map(|(x, floor)| x + 1e-3 * floor)
-        .collect()
-}
-
-/// Noise with louder bursts that have a spectrum of their own.
-fn bursting(seed: u64, samples: usize) -> Vec<f64> {
-    let (calm, lively) = (noise(seed, samples), noise(!seed, samples));
-    let is_burst = |n: usize| n % 1103 < 300 || n % 1777 < 250;
-    (0..samples)
-        .map(|n| match n {
-            1.. if is_burst(n) => 3.0 * (lively[n] + 0.9 * lively[n - 1]),
-            _ => calm[n],
-        })
-        .collect()
+    let floor = noise(seed + 1, samples).into_iter();
+    let sums = floor.zip(&signal).map(|(floor, x)| x + 1e-3 * floor);
+    sums.collect()
 }
 
 /// Something that is no surface's.
@@ -143,22 +124,9 @@ fn add(event: Event, signal: &mut [f64], at: usize, seed: u64) {
 fn written(folder: &Path, name: &str, axes: &[Vec<f64>], speed_mm_s: f64, force_n: f64) -> Trial {
     let file = folder.join(format!("{name}.wav"));
     let samples = (0..axes[0].len()).flat_map(|n| axes.iter().map(move |axis| axis[n]));
-    std::fs::write(
-        &file,
-        float_wav(axes.len(), SAMPLE_RATE_HZ, samples).unwrap(),
-    )
-    .unwrap();
+    let bytes = float_wav(axes.len(), SAMPLE_RATE_HZ, samples).unwrap();
+    std::fs::write(&file, bytes).unwrap();
     Trial::of(file, "surface", speed_mm_s, force_n)
-}
-
-pub(super) fn fitted(trials: Vec<Trial>, options: &Options) -> (Fit, Vec<u8>) {
-    let set = RecordingSet {
-        trials,
-        is_listed: true,
-    };
-    let fit = fit(&set, options, |_| ()).unwrap();
-    let bytes = fit.library().unwrap();
-    (fit, bytes)
 }
 
 /// Each form, forced or chosen, of calm, impulsive, swelling and bursting recordings, each with an event that hides
@@ -186,20 +154,14 @@ fn two_minutes_of_every_form_are_at_most_half_louder_than_their_recording() {
             for (excitation, modulation) in forms {
                 let folder = tempfile::tempdir().unwrap();
                 let trial = written(folder.path(), "one", &[signal.clone()], 100.0, 1.0);
-                let (fit, bytes) = fitted(vec![trial], &forced(excitation, modulation));
+                let (fit, bytes) = fitted_to(vec![trial], &forced(excitation, modulation));
                 let parts = &fit.textures[0].grid.parts;
-                let moments = parts
-                    .excitation
-                    .as_ref()
-                    .and_then(|spec| spec.moment_samples);
-                has_moments |= moments.is_some();
+                let excitation_spec = parts.excitation.as_ref();
+                has_moments |= excitation_spec.is_some_and(|spec| spec.moment_samples.is_some());
                 let played = of_syntheses(&bytes, 100.0, 1.0, 120.0);
                 let ratio = over(played, &[loudest(&signal)]);
-                println!("{number} {event:?} {excitation:?} {modulation:?}: {ratio:.2}");
-                assert!(
-                    ratio <= MOST,
-                    "{number} {event:?} {excitation:?} {modulation:?}: {ratio}"
-                );
+                let case = format!("{number} {event:?} {excitation:?} {modulation:?}");
+                assert!(ratio <= MOST, "{case}: {ratio}");
             }
         }
     }
@@ -213,7 +175,7 @@ fn an_event_whose_residual_is_far_louder_than_its_signal_is_limited_and_said() {
     let folder = tempfile::tempdir().unwrap();
     let said = |signal: &[f64], name: &str| {
         let trial = written(folder.path(), name, &[signal.to_vec()], 100.0, 1.0);
-        let (fit, _) = fitted(vec![trial], &Options::default());
+        let (fit, _) = fitted_to(vec![trial], &Options::default());
         let notes: Vec<String> = fit.warnings().iter().map(ToString::to_string).collect();
         notes.join("\n")
     };
@@ -222,10 +184,7 @@ fn an_event_whose_residual_is_far_louder_than_its_signal_is_limited_and_said() {
     let mut random = rand_pcg::Pcg64::seed_from_u64(3);
     signal[9000..9040].fill_with(|| random.random_range(-3.0..3.0));
     let notes = said(&signal, "slip");
-    assert!(
-        notes.contains(words) && notes.contains("slip.wav"),
-        "{notes}"
-    );
+    holds(&notes, &[words, "slip.wav"]);
 }
 
 /// Speeds and forces of the sets below.
@@ -259,15 +218,10 @@ fn library_of(trials: &[[Vec<f64>; 3]]) -> Vec<u8> {
     let written = trials.iter().enumerate().map(|(number, axes)| {
         let (speed, force) = (number / FORCES_N.len(), number % FORCES_N.len());
         let (speed_mm_s, force_n) = (SPEEDS_MM_S[speed], FORCES_N[force]);
-        written(
-            folder.path(),
-            &number.to_string(),
-            axes,
-            speed_mm_s,
-            force_n,
-        )
+        let name = number.to_string();
+        written(folder.path(), &name, axes, speed_mm_s, force_n)
     });
-    fitted(written.collect(), &Options::default()).1
+    fitted_to(written.collect(), &Options::default()).1
 }
 
 proptest! {

@@ -218,9 +218,8 @@ mod tests {
             *x *= (f64::from(n as u32) / 3.0).sin() * (1.0 + 0.9 * (n as f64 / 1000.0).sin());
         }
         let level_db = |samples: &[f64]| {
-            let levels = samples
-                .chunks_exact(250)
-                .map(|w| 10.0 * mean_square(w).log10());
+            let levels = samples.chunks_exact(250);
+            let levels = levels.map(|w| 10.0 * mean_square(w).log10());
             levels.clone().fold(f64::MIN, f64::max) - levels.fold(f64::MAX, f64::min)
         };
         let [with, without] =

@@ -5,8 +5,9 @@ use std::path::Path;
 
 use model_format::SAMPLE_RATE_HZ;
 
-use super::loudness_tests::{fitted, synthesis};
+use super::loudness_tests::synthesis;
 use super::power::mean_square;
+use super::tests::fitted_to;
 use crate::dsp::fourier;
 use crate::dsp::reduction::{Reduction, reduce};
 use crate::fit::options::Options;
@@ -86,7 +87,7 @@ fn clicks_are_as_short_at_every_speed_as_the_recordings_of_that_speed_have_them(
     let folder = tempfile::tempdir().unwrap();
     let forces = ("forces_n", "[0.6, 1.0, 1.4]");
     let set = recordings(folder.path(), "fitted", &[forces]);
-    let (_, library) = fitted(set.trials, &Options::default());
+    let (_, library) = fitted_to(set.trials, &Options::default());
     let long = [
         ("forces_n", "[1.0]"),
         ("speeds_mm_s", "[120]"),

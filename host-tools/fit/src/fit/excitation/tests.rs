@@ -23,7 +23,7 @@ use crate::scene::with_scenes;
 use crate::support::float_wav::float_wav;
 use crate::texture::grid::Grid;
 use crate::texture::quantise::nodes;
-use test_helpers::noise;
+use test_helpers::{near, noise};
 
 /// Noise of an RMS of 1 with a power spectrum of a surface: two resonances, one of them narrow.
 pub(super) fn filtered(excitation: &[f64], hz: f64) -> Vec<f64> {
@@ -58,6 +58,17 @@ pub(super) fn swelling(seed: u64, samples: usize, depth_db: f64) -> Vec<f64> {
         .enumerate()
         .map(|(n, x)| x * level(n))
         .collect()
+}
+
+/// Noise with louder bursts that have a spectrum of their own.
+pub(super) fn bursting(seed: u64, samples: usize) -> Vec<f64> {
+    let (calm, lively) = (noise(seed, samples), noise(!seed, samples));
+    let is_burst = |n: usize| n % 1103 < 300 || n % 1777 < 250;
+    let sample = |n: usize| match n {
+        1.. if is_burst(n) => 3.0 * (lively[n] + 0.9 * lively[n - 1]),
+        _ => calm[n],
+    };
+    (0..samples).map(sample).collect()
 }
 
 pub(super) fn trace(samples: &[f64], order: usize) -> Trace {
@@ -151,14 +162,7 @@ proptest! {
     /// Noise with louder bursts that have a spectrum of their own.
     #[test]
     fn textures_whose_bursts_have_a_spectrum_of_their_own_get_moments(seed: u64) {
-        let (calm, lively) = (noise(seed, 40_000), noise(!seed, 40_000));
-        let burst = |n: usize| n % 1103 < 300 || n % 1777 < 250;
-        let mixed = (0..40_000).map(|n| match n {
-            1.. if burst(n) => 3.0 * (lively[n] + 0.9 * lively[n - 1]),
-            _ => calm[n],
-        });
-        let signal: Vec<f64> = mixed.collect();
-        let Chosen { parts, report, .. } = chosen(trace(&signal, 40), &Options::default());
+        let Chosen { parts, report, .. } = chosen(trace(&bursting(seed, 40_000), 40), &Options::default());
         let judged = report.moments.expect("both can be made");
         prop_assert!(judged.is_for_moments(false), "{:?}", judged);
         prop_assert!(parts.modulation.is_none());
@@ -195,11 +199,9 @@ fn recordings_of_low_rates_get_what_those_of_high_ones_do() {
 
 #[test]
 fn what_is_asked_for_needs_no_test_and_what_is_not_stays_out() {
-    let lively: Vec<f64> = impulsive(1, 20_000)
-        .iter()
-        .zip(swelling(2, 20_000, 6.0))
-        .map(|(a, b)| a * b.abs())
-        .collect();
+    let lively = impulsive(1, 20_000).into_iter();
+    let lively = lively.zip(swelling(2, 20_000, 6.0));
+    let lively: Vec<f64> = lively.map(|(a, b)| a * b.abs()).collect();
     for signal in [filtered(&noise(3, 20_000), 100.0), filtered(&lively, 100.0)] {
         for excitation in [ExcitationChoice::Gaussian, ExcitationChoice::Residual] {
             for modulation in [ModulationChoice::None, ModulationChoice::Track] {
@@ -209,14 +211,10 @@ fn what_is_asked_for_needs_no_test_and_what_is_not_stays_out() {
                     ..Options::default()
                 };
                 let Chosen { parts, report, .. } = chosen(trace(&signal, 40), &options);
-                assert_eq!(
-                    parts.excitation.is_some(),
-                    excitation == ExcitationChoice::Residual
-                );
-                assert_eq!(
-                    parts.modulation.is_some(),
-                    modulation == ModulationChoice::Track
-                );
+                let is_fed = excitation == ExcitationChoice::Residual;
+                assert_eq!(parts.excitation.is_some(), is_fed);
+                let is_tracked = modulation == ModulationChoice::Track;
+                assert_eq!(parts.modulation.is_some(), is_tracked);
                 let asked =
                     report.source.contains("as asked for") && report.level.contains("as asked for");
                 assert!(asked, "{report:?}");
@@ -236,11 +234,8 @@ fn the_highest_peak_at_the_highest_level_stays_within_the_excitations_range() {
     let trace = trace(&filtered(&lively, 100.0), 40);
     let Chosen { parts, report, .. } = chosen(trace, &Options::default());
     let (excitation, modulation) = (parts.excitation.unwrap(), parts.modulation.unwrap());
-    let peak = excitation
-        .codebooks
-        .iter()
-        .map(|c| f64::from(c.peak))
-        .fold(0.0, f64::max);
+    let peak = excitation.codebooks.iter().map(|c| f64::from(c.peak));
+    let peak = peak.fold(0.0, f64::max);
     let level = f64::from(*modulation.entries.iter().max().unwrap()) / 80.0;
     let highest = peak * 10f64.powf(level) * std::f64::consts::SQRT_2;
     assert!(highest < 64.0, "{highest}");
@@ -255,11 +250,9 @@ fn regions_that_differ_have_codebooks_of_their_own_and_all_have_room() {
         .map(|at| {
             let seed = (at.0 * 8 + at.1) as u64;
             let lively = |power: i32| -> Vec<f64> {
-                let sharpened = noise(seed, 10_000)
-                    .iter()
-                    .map(|x| x.abs().powi(power).copysign(*x))
-                    .collect::<Vec<_>>();
-                filtered(&sharpened, 100.0)
+                let sharpened = noise(seed, 10_000).into_iter();
+                let sharpened = sharpened.map(|x| x.abs().powi(power).copysign(x));
+                filtered(&sharpened.collect::<Vec<_>>(), 100.0)
             };
             let own = match at.0 {
                 0..4 => calm.clone(),
@@ -277,13 +270,8 @@ fn regions_that_differ_have_codebooks_of_their_own_and_all_have_room() {
     for (node, &source) in excitation.of_nodes.iter().enumerate() {
         assert_eq!(usize::from(source), node / 6 / 4, "node {node}");
     }
-    let bytes = excitation
-        .codebooks
-        .iter()
-        .map(|c| c.codes.len() + 7)
-        .sum::<usize>()
-        + 1
-        + 72;
+    let codebooks = excitation.codebooks.iter().map(|c| c.codes.len() + 7);
+    let bytes = codebooks.sum::<usize>() + 1 + 72;
     assert!(bytes <= limits::MAX_EXCITATION_BYTES, "{bytes}");
     assert!(excitation.codebooks.iter().all(|c| c.codes.len() == 8000));
     assert_eq!(report.codebooks[0].speeds_mm_s, [50.0, 80.0]);
@@ -298,8 +286,13 @@ fn written(folder: &Path, name: &str, samples: &[f64]) -> Trial {
 
 fn fitted(name: &str, samples: &[f64], options: &Options) -> (Fit, Vec<u8>) {
     let folder = tempfile::tempdir().unwrap();
+    fitted_to(vec![written(folder.path(), name, samples)], options)
+}
+
+/// A fit to these trials, and its library.
+pub(super) fn fitted_to(trials: Vec<Trial>, options: &Options) -> (Fit, Vec<u8>) {
     let set = RecordingSet {
-        trials: vec![written(folder.path(), name, samples)],
+        trials,
         is_listed: true,
     };
     let fit = fit(&set, options, |_| ()).unwrap();
@@ -413,10 +406,8 @@ fn clipped_peaks_are_not_taken_and_of_repeated_values_each_once() {
     let trial = written(folder.path(), "clipped", &clipped);
     let signal = crate::fit::signal(&trial, options.conditioning).unwrap();
     let at_limit: Vec<usize> = (0..15_000).filter(|&n| clipped[n].abs() >= limit).collect();
-    let in_runs = at_limit
-        .windows(3)
-        .filter(|run| run[2] - run[0] == 2)
-        .map(|run| run[1]);
+    let in_runs = at_limit.windows(3).filter(|run| run[2] - run[0] == 2);
+    let in_runs = in_runs.map(|run| run[1]);
     let mut runs = 0;
     for n in in_runs {
         runs += 1;
@@ -441,27 +432,16 @@ fn parts_cost_nothing_where_they_are_not_needed_and_go_with_the_texture_where_th
     let plain = forced(ExcitationChoice::Gaussian, ModulationChoice::None);
     let automatic = forced(ExcitationChoice::Auto, ModulationChoice::Auto);
     let calm = filtered(&noise(10, 12_000), 90.0);
-    assert_eq!(
-        fitted("calm", &calm, &plain).1,
-        fitted("calm", &calm, &automatic).1
-    );
-    let lively: Vec<f64> = impulsive(11, 24_000)
-        .iter()
-        .zip(swelling(12, 24_000, 8.0))
-        .map(|(a, b)| a * b)
-        .collect();
+    let of = |options| fitted("calm", &calm, options).1;
+    assert_eq!(of(&plain), of(&automatic));
+    let lively = impulsive(11, 24_000).into_iter();
+    let lively = lively.zip(swelling(12, 24_000, 8.0)).map(|(a, b)| a * b);
+    let lively: Vec<f64> = lively.collect();
     let (fit, bytes) = fitted("lively", &filtered(&lively, 90.0), &automatic);
     let parts = &fit.textures[0].grid.parts;
-    assert!(
-        parts.excitation.is_some() && parts.modulation.is_some(),
-        "{:?}",
-        account(&fit)
-    );
+    assert!(parts.excitation.is_some(), "{:?}", account(&fit));
+    assert!(parts.modulation.is_some(), "{:?}", account(&fit));
     let library = Library::decode(&bytes).unwrap();
     assert_eq!(with_scenes(&library, &[]).unwrap(), bytes);
-    assert!(
-        relative_level(&bytes) > 0.9 && relative_level(&bytes) < 1.1,
-        "{}",
-        relative_level(&bytes)
-    );
+    near(relative_level(&bytes), 1.0, 0.1);
 }

@@ -285,6 +285,7 @@ mod tests {
     use crate::dsp::log_spectrum::STEP_HZ;
     use model_format::{PlayRate, SAMPLE_RATE_HZ};
     use std::path::Path;
+    use test_helpers::near;
 
     fn toolkit() -> Toolkit {
         read(Path::new("felt.xml"), &fixture::whole()).unwrap()
@@ -309,10 +310,7 @@ mod tests {
             let found = density(&toolkit, place, &frequencies_hz).unwrap();
             for (got, hz) in found.iter().zip(frequencies_hz) {
                 let wanted = fixture::density(&models, hz);
-                assert!(
-                    (got / wanted - 1.0).abs() < 1e-3,
-                    "{models:?} {hz}: {got} {wanted}"
-                );
+                near(got / wanted, 1.0, 1e-3);
             }
         }
         let shape = at(&toolkit, (60.0, 0.5)).shape.unwrap();

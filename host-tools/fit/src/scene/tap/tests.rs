@@ -114,9 +114,8 @@ fn a_decaying_sine_without_noise_is_found_exactly() {
 
 #[test]
 fn amplitudes_over_rates_of_force_give_the_gain() {
-    let taps: Vec<(f64, f64)> = (1..=6)
-        .map(|n| (0.4 * f64::from(n), 5.0 * f64::from(n)))
-        .collect();
+    let taps = (1..=6).map(|n| (0.4 * f64::from(n), 5.0 * f64::from(n)));
+    let taps: Vec<(f64, f64)> = taps.collect();
     let samples = made(240.0, 0.012, &taps, 0.05, 7);
     // The force rises over 4 ms at each impact, and falls off after 100 ms: 20 N/s for the first, 40 for the second ...
     let rate = |n: usize| 20.0 * (n as f64 + 1.0);

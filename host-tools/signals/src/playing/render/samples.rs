@@ -259,10 +259,8 @@ mod tests {
                 played.extend((0..interval).map(|_| kernel.next_sample()));
             }
             assert_eq!(rendered.samples, played);
-            assert_eq!(
-                (rendered.sample_rate_hz, rendered.saturations),
-                (rate_hz, 0)
-            );
+            assert_eq!(rendered.sample_rate_hz, rate_hz);
+            assert_eq!(rendered.saturations, 0);
         }
     }
 

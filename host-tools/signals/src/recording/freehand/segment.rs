@@ -499,11 +499,8 @@ mod tests {
     fn steady_parts_become_pieces_at_their_medians_nodes() {
         let hand = recording(&[(103.0, 0.63, 1.0), (0.0, 0.0, 0.5), (216.0, 1.18, 0.8)]);
         let cut = segment(&[hand], &OPTIONS);
-        let nodes: Vec<_> = cut
-            .placed
-            .iter()
-            .map(|p| (p.speed_mm_s, p.force_n))
-            .collect();
+        let nodes = cut.placed.iter().map(|p| (p.speed_mm_s, p.force_n));
+        let nodes: Vec<_> = nodes.collect();
         assert_eq!(nodes, [(100.0, 0.6), (220.0, 1.2)]);
         assert_eq!(cut.placed[0].segment.median_force_n, 0.63);
         assert!(cut.steady_share > 0.99);
@@ -530,11 +527,8 @@ mod tests {
         let mut hand = recording(&[(100.0, 0.6, 2.0)]);
         hand.is_outlier[1010] = true;
         let cut = segment(&[hand], &OPTIONS);
-        let ends: Vec<_> = cut
-            .placed
-            .iter()
-            .map(|p| (p.segment.first, p.segment.end))
-            .collect();
+        let ends = cut.placed.iter().map(|p| (p.segment.first, p.segment.end));
+        let ends: Vec<_> = ends.collect();
         assert_eq!(ends, [(0, 1000), (1020, 2000)]);
     }
 

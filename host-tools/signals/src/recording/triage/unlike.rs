@@ -123,10 +123,8 @@ mod tests {
     #[test]
     fn another_filter_or_gain_is_told_with_its_band() {
         let low_passed = of(|hz| if hz > 1100.0 { -15.0 } else { 0.0 }).unwrap();
-        assert_eq!(
-            (low_passed.hz.0.round(), low_passed.hz.1.round()),
-            (1259.0, 1995.0)
-        );
+        assert_eq!(low_passed.hz.0.round(), 1259.0);
+        assert_eq!(low_passed.hz.1.round(), 1995.0);
         assert!(
             (low_passed.off_db.0 + 13.0).abs() < 1e-9,
             "{}",

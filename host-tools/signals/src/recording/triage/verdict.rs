@@ -11,7 +11,7 @@ use crate::support::number::counted;
 /// Samples from the first to before the last, at 5 kHz, from the start of the trial.
 pub type Span = Range<usize>;
 
-/// A kind of verdict.
+/// A kind of verdict. Names and remedies stand in this order.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Kind {
     /// No signal, apart from a constant.
@@ -66,108 +66,93 @@ pub enum Kind {
 
 impl Kind {
     /// Names of all kinds, as users give them on the command line.
-    pub const NAMES: [&str; 24] = [
-        "silent",
-        "too-short",
-        "clipped",
-        "dropouts",
-        "stuck",
-        "spikes",
-        "bursts",
-        "repeated",
-        "coarse",
-        "truncated",
-        "partly-silent",
-        "tap",
-        "level-change",
-        "drifting",
-        "wandering",
-        "hum",
-        "scale",
-        "dead-axis",
-        "duplicate",
-        "unlike",
-        "wrong-rate",
-        "time-unit",
-        "joined",
-        "bunches",
-    ];
+    pub const NAMES: [&str; WORDS.len()] = {
+        let mut names = [""; WORDS.len()];
+        let mut at = 0;
+        while at < names.len() {
+            names[at] = WORDS[at].0;
+            at += 1;
+        }
+        names
+    };
 
     /// Name and remedy, the latter in the imperative.
     fn words(self) -> (&'static str, &'static str) {
-        const STEADY: &str =
-            "cut it with start_s and duration_s, or record again in steady contact";
-        match self {
-            Self::Silent => (
-                "silent",
-                "check contact, cable and scale_m_s2, unless it is meant to be silent",
-            ),
-            Self::TooShort => ("too-short", "record at least 0.4 s, better 2 s"),
-            Self::Clipped => ("clipped", "record again with less gain"),
-            Self::Dropouts => (
-                "dropouts",
-                "record again; check the link and the disk for lost blocks",
-            ),
-            Self::Stuck => ("stuck", "record again; check the converter and its clock"),
-            Self::Spikes => (
-                "spikes",
-                "check cable and connectors, or cut it out with start_s and duration_s",
-            ),
-            Self::Bursts => (
-                "bursts",
-                "check cable, connectors and the sensor's driver: a queue that slips gives such samples",
-            ),
-            Self::Repeated => (
-                "repeated",
-                "record at the sensor's own rate, or find the original file",
-            ),
-            Self::Coarse => (
-                "coarse",
-                "record again with more gain, or export with more digits",
-            ),
-            Self::Truncated => ("truncated", "copy or record it again"),
-            Self::PartlySilent => ("partly-silent", STEADY),
-            Self::Tap => ("tap", STEADY),
-            Self::LevelChange => (
-                "level-change",
-                "cut the steady part with start_s and duration_s, or record again at one speed and force",
-            ),
-            Self::Drifting => (
-                "drifting",
-                "record again after the sensor has warmed up, or remove the trend",
-            ),
-            Self::Wandering => (
-                "wandering",
-                "the motion of hand or rig: a fit filters it out, unless --high-pass is none",
-            ),
-            Self::Hum => ("hum", "check ground and shield, and record again"),
-            Self::Scale => (
-                "scale",
-                "name the unit with --scale, such as g, mm/s^2 or g/256, or give scale_m_s2 in the list; a g is \
-                 9.80665 m/s²",
-            ),
-            Self::DeadAxis => (
-                "dead-axis",
-                "check its cable, or choose an axis with --reduce",
-            ),
-            Self::Duplicate => ("duplicate", "remove one of the two, or record it anew"),
-            Self::Unlike => (
-                "unlike",
-                "check filter, sensor and gain of this recording, and record it again",
-            ),
-            Self::WrongRate => ("wrong-rate", "record at 5 kHz or more"),
-            Self::TimeUnit => (
-                "time-unit",
-                "give --time-unit, or the unit in the column's name, such as time_ms",
-            ),
-            Self::Joined => ("joined", "export the accelerometer's rows alone"),
-            Self::Bunches => (
-                "bunches",
-                "give --even-times if samples are even, and the times are those of reading a queue",
-            ),
-        }
+        WORDS[self as usize]
     }
 }
+
+const STEADY: &str = "cut it with start_s and duration_s, or record again in steady contact";
+
+/// Name and remedy of each [`Kind`], in its order.
+const WORDS: [(&str, &str); Kind::Bunches as usize + 1] = [
+    (
+        "silent",
+        "check contact, cable and scale_m_s2, unless it is meant to be silent",
+    ),
+    ("too-short", "record at least 0.4 s, better 2 s"),
+    ("clipped", "record again with less gain"),
+    (
+        "dropouts",
+        "record again; check the link and the disk for lost blocks",
+    ),
+    ("stuck", "record again; check the converter and its clock"),
+    (
+        "spikes",
+        "check cable and connectors, or cut it out with start_s and duration_s",
+    ),
+    (
+        "bursts",
+        "check cable, connectors and the sensor's driver: a queue that slips gives such samples",
+    ),
+    (
+        "repeated",
+        "record at the sensor's own rate, or find the original file",
+    ),
+    (
+        "coarse",
+        "record again with more gain, or export with more digits",
+    ),
+    ("truncated", "copy or record it again"),
+    ("partly-silent", STEADY),
+    ("tap", STEADY),
+    (
+        "level-change",
+        "cut the steady part with start_s and duration_s, or record again at one speed and force",
+    ),
+    (
+        "drifting",
+        "record again after the sensor has warmed up, or remove the trend",
+    ),
+    (
+        "wandering",
+        "the motion of hand or rig: a fit filters it out, unless --high-pass is none",
+    ),
+    ("hum", "check ground and shield, and record again"),
+    (
+        "scale",
+        "name the unit with --scale, such as g, mm/s^2 or g/256, or give scale_m_s2 in the list; a g is 9.80665 m/s²",
+    ),
+    (
+        "dead-axis",
+        "check its cable, or choose an axis with --reduce",
+    ),
+    ("duplicate", "remove one of the two, or record it anew"),
+    (
+        "unlike",
+        "check filter, sensor and gain of this recording, and record it again",
+    ),
+    ("wrong-rate", "record at 5 kHz or more"),
+    (
+        "time-unit",
+        "give --time-unit, or the unit in the column's name, such as time_ms",
+    ),
+    ("joined", "export the accelerometer's rows alone"),
+    (
+        "bunches",
+        "give --even-times if samples are even, and the times are those of reading a queue",
+    ),
+];
 
 /// A verdict on a trial.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -157,20 +157,16 @@ fn text_that_does_not_fit_the_schema_is_an_error_that_names_the_line() {
         let message = read(&WHOLE.replacen(good, bad, 1))
             .expect_err(bad)
             .to_string();
-        assert!(
-            message.starts_with(&at_line(good)) && message.contains(named),
-            "{message}"
-        );
+        assert!(message.starts_with(&at_line(good)), "{message}");
+        assert!(message.contains(named), "{message}");
         assert!(!message.contains('\n'), "{message}");
     }
     let missing = read(&WHOLE.replacen("hurst = 0.5", "", 1))
         .unwrap_err()
         .to_string();
     let start = at_line("[texture.roughness]");
-    assert!(
-        missing.starts_with(&start) && missing.contains("hurst"),
-        "{missing}"
-    );
+    assert!(missing.starts_with(&start), "{missing}");
+    assert!(missing.contains("hurst"), "{missing}");
 }
 
 #[test]

@@ -21,14 +21,9 @@ fn request(key: Key, number: u16, body: &[u8]) -> Vec<u8> {
 
 /// The key, number and body of a frame.
 fn parts(bytes: &[u8]) -> (Key, u16, Vec<u8>) {
-    match VarHeader::take_from_slice(bytes).unwrap() {
-        (
-            VarHeader {
-                key: VarKey::Key8(key),
-                seq_no: VarSeq::Seq2(number),
-            },
-            body,
-        ) => (key, number, body.to_vec()),
+    let (header, body) = VarHeader::take_from_slice(bytes).unwrap();
+    match (header.key, header.seq_no) {
+        (VarKey::Key8(key), VarSeq::Seq2(number)) => (key, number, body.to_vec()),
         other => panic!("{other:?}"),
     }
 }
@@ -270,17 +265,13 @@ fn what_would_disturb_a_play_does_not_reach_the_device_and_the_rest_goes_on() {
     let motion = request(MotionTopic::TOPIC_KEY, 0, &[1, 2, 3]);
     let keep_alive = request(KeepAliveTopic::TOPIC_KEY, 0, &[]);
     // Nobody plays.
-    assert_eq!(
-        for_device(&board.frame_of(2, &motion)),
-        std::slice::from_ref(&motion)
-    );
+    let reached = for_device(&board.frame_of(2, &motion));
+    assert_eq!(reached, std::slice::from_ref(&motion));
     done(&mut board, 1, PLAY, false);
     for frame in [&motion, &keep_alive] {
         assert!(board.frame_of(2, frame).is_empty());
-        assert_eq!(
-            for_device(&board.frame_of(1, frame)),
-            std::slice::from_ref(frame)
-        );
+        let reached = for_device(&board.frame_of(1, frame));
+        assert_eq!(reached, std::slice::from_ref(frame));
     }
     for key in [
         MotionEndpoint::REQ_KEY,
@@ -290,10 +281,9 @@ fn what_would_disturb_a_play_does_not_reach_the_device_and_the_rest_goes_on() {
         SettingsProposeEndpoint::REQ_KEY,
         SettingsApplyEndpoint::REQ_KEY,
     ] {
-        assert_eq!(
-            refusal(&mut board, 2, key),
-            "`stylus play` (process 7) plays, begun 0 s ago: stop it with `stylus stop`, or wait for its end"
-        );
+        let who = "`stylus play` (process 7) plays, begun 0 s ago";
+        let told = format!("{who}: stop it with `stylus stop`, or wait for its end");
+        assert_eq!(refusal(&mut board, 2, key), told);
     }
     for key in [
         StatusEndpoint::REQ_KEY,
@@ -301,10 +291,8 @@ fn what_would_disturb_a_play_does_not_reach_the_device_and_the_rest_goes_on() {
         UploadChunkEndpoint::REQ_KEY,
         RecordStartEndpoint::REQ_KEY,
     ] {
-        assert_eq!(
-            for_device(&board.frame_of(2, &request(key, 6, &[]))).len(),
-            1
-        );
+        let actions = board.frame_of(2, &request(key, 6, &[]));
+        assert_eq!(for_device(&actions).len(), 1);
     }
     for frame in [&[][..], &[0xff], &[0xc0, 1, 2]] {
         assert!(board.frame_of(2, frame).is_empty());
@@ -369,32 +357,16 @@ fn one_client_uploads_until_the_end_of_it_or_its_own() {
 const BEGINNINGS: [(Key, Key, &str); 7] = [
     (PLAY.0, PLAY.1, "plays"),
     (BEGIN.0, BEGIN.1, "uploads"),
-    (
-        ProbeLoadEndpoint::REQ_KEY,
-        ProbeLoadEndpoint::RESP_KEY,
-        "measures the actuator",
-    ),
-    (
-        ProbeStartEndpoint::REQ_KEY,
-        ProbeStartEndpoint::RESP_KEY,
-        "measures the actuator",
-    ),
-    (
-        ResponseProposeEndpoint::REQ_KEY,
-        ResponseProposeEndpoint::RESP_KEY,
-        "measures the actuator",
-    ),
-    (
-        SelfTestEndpoint::REQ_KEY,
-        SelfTestEndpoint::RESP_KEY,
-        "tests the device",
-    ),
-    (
-        UpdateBeginEndpoint::REQ_KEY,
-        UpdateBeginEndpoint::RESP_KEY,
-        "updates the device",
-    ),
+    beginning::<ProbeLoadEndpoint>("measures the actuator"),
+    beginning::<ProbeStartEndpoint>("measures the actuator"),
+    beginning::<ResponseProposeEndpoint>("measures the actuator"),
+    beginning::<SelfTestEndpoint>("tests the device"),
+    beginning::<UpdateBeginEndpoint>("updates the device"),
 ];
+
+const fn beginning<E: Endpoint>(does: &'static str) -> (Key, Key, &'static str) {
+    (E::REQ_KEY, E::RESP_KEY, does)
+}
 
 #[test]
 fn of_all_activities_one_goes_on_at_a_time_and_who_asks_for_another_is_told_which() {
@@ -409,17 +381,11 @@ fn of_all_activities_one_goes_on_at_a_time_and_who_asks_for_another_is_told_whic
                 continue;
             }
             let told = refusal(&mut board, 2, second);
-            holds(
-                &told,
-                &[&format!(
-                    "`stylus play` (process 7) {does}, begun 0 s ago: "
-                )],
-            );
+            let words = format!("`stylus play` (process 7) {does}, begun 0 s ago: ");
+            holds(&told, &[&words]);
             // Its own client goes on, and once that is gone another may.
-            assert_eq!(
-                for_device(&board.frame_of(1, &request(second, 6, &[]))).len(),
-                1
-            );
+            let actions = board.frame_of(1, &request(second, 6, &[]));
+            assert_eq!(for_device(&actions).len(), 1);
             board.left(1);
             done(&mut board, 2, (second, second), true);
         }
@@ -436,10 +402,7 @@ fn a_measurement_goes_on_between_its_probes_until_a_response_is_stored() {
     // Its client stops each probe; a stop of another client tells it.
     assert!(for_client(&board.frame_of(1, &stop), 1).is_empty());
     let told = for_client(&board.frame_of(3, &stop), 1);
-    assert!(
-        matches!(&told[..], [FromBroker::Stopped { .. }]),
-        "{told:?}"
-    );
+    assert!(matches!(&told[..], [FromBroker::Stopped { .. }]));
     refusal(&mut board, 2, PLAY.0);
     done(&mut board, 1, store, false);
     done(&mut board, 2, PLAY, false);
@@ -470,8 +433,6 @@ fn a_frame_that_no_stylus_takes_ends_its_client_and_keeps_nobody_waiting() {
     assert_eq!(for_device(&board.frame_of(1, &fits)).len(), 1);
     let actions = board.frame_of(1, &request(ListEndpoint::REQ_KEY, 1, &longest(1)));
     assert!(for_device(&actions).is_empty());
-    assert!(matches!(
-        &for_client(&actions, 1)[..],
-        [FromBroker::Ended(_)]
-    ));
+    let told = for_client(&actions, 1);
+    assert!(matches!(&told[..], [FromBroker::Ended(_)]));
 }
