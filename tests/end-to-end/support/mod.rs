@@ -56,7 +56,7 @@ impl Bench {
         std::fs::write(path, content).expect("there is room for a file");
     }
 
-    /// Writes recordings, `0.wav` and so on, and their list: of each its texture, speed, mm/s, and force, N, and its file.
+    /// Writes recordings, `0.wav` and so on, and their list: of each its texture, speed, mm/s, force, N, and bytes.
     pub fn write_set(&self, folder: &str, trials: &[(&str, f64, f64, Vec<u8>)]) {
         let mut list = String::from("file,texture,speed_mm_s,force_n\n");
         for (number, (texture, speed, force, file)) in trials.iter().enumerate() {

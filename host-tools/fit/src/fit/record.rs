@@ -207,8 +207,8 @@ impl FitRecord {
         })
     }
 
-    /// Returns `set` as the fit read it: with the speeds and forces that the fit took for its own. A recording without a
-    /// scale, a unit of times or a word on even times has those that the fit was given for it.
+    /// Returns `set` as the fit read it: with the speeds and forces that the fit took for its own. A recording without
+    /// a scale, a unit of times or a word on even times has those that the fit was given for it.
     ///
     /// # Errors
     /// A recording that cannot be read. See [`RecordingSet::snapped`].
