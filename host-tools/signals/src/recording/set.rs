@@ -131,7 +131,7 @@ impl RecordingSet {
     fn from_files(files: &[PathBuf]) -> Result<Self> {
         let trials = files.iter().map(|file| {
             if file.is_dir() {
-                let problem = "is a folder: give one folder alone or recordings only; beside a library, by --recordings";
+                let problem = "is a folder: give it alone, or recordings only; beside a library, by --recordings";
                 return Err(Error::file(file, problem));
             }
             let stem = file.file_stem().unwrap_or_default();
