@@ -340,7 +340,7 @@
       for (const [name, value] of Object.entries(attributes)) one.setAttribute(name, value);
       return one;
     };
-    set(svg, { width: 200, height: 26, role: "img", "aria-label": label });
+    set(svg, { viewBox: "0 0 200 26", role: "img", "aria-label": label });
     for (const [tag, attributes] of parts) svg.append(set(document.createElementNS(space, tag), attributes));
     return svg;
   };
