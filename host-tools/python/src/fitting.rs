@@ -189,7 +189,7 @@ pub fn fit_strokes<'py>(
         let notes = notes.collect::<Vec<_>>();
         let found = fitted::fit_strokes(&name, &strokes, &options, |done| steps.add(done as u64))?;
         let bytes = found.library()?;
-        let record = FitRecord::of_strokes(&files, &found, &options, &bytes)?;
+        let record = FitRecord::of_strokes(&files, scale_m_s2, &found, &options, &bytes)?;
         Ok(((found, bytes, record), notes))
     })?;
     fit_of(py, fitted, warnings)

@@ -114,7 +114,7 @@ impl Recording {
             duration_s,
             sample_rate_hz,
             time_unit: unit_of(time_unit)?,
-            has_even_times: Some(even_times),
+            has_even_times: even_times.then_some(true),
             provenance: provenance(simulated),
             held: None,
         })

@@ -177,6 +177,14 @@ fn evaluate_along_strokes(arguments: &Arguments, path: &Path) -> Result<()> {
         }
     };
     let assumed = arguments.recordings.assumed();
+    let record = FitRecord::beside(path, &bytes)?;
+    let given = record.and_then(|record| record.given_scale_m_s2());
+    if let (None, Some(scale)) = (assumed.scale_m_s2, given) {
+        return Err(Error::file(
+            path,
+            format!("was fitted with --scale {scale}: give it here, too"),
+        ));
+    }
     let read = |paths: &[PathBuf]| {
         let read =
             |path: &PathBuf| freehand::read(path, assumed.sample_rate_hz, assumed.scale_m_s2);

@@ -108,19 +108,24 @@ impl FitRecord {
         Ok(Self::with_contents(set, options, bytes, &contents))
     }
 
-    /// The record of `fit`, which was made with `options` to the strokes in `files`, and gave the library `bytes`.
+    /// The record of `fit`, which was made with `options` to the strokes in `files`, whose samples of 1 were given as
+    /// `scale_m_s2`, m/s², and gave the library `bytes`.
     ///
     /// # Errors
     /// A recording that cannot be read any more.
     pub fn of_strokes(
         files: &[PathBuf],
+        scale_m_s2: Option<f64>,
         fit: &Fit,
         options: &Options,
         bytes: &[u8],
     ) -> Result<Self> {
         // The trials of the fit are in no file; the strokes are.
         let texture = fit.textures.first().map_or("", |texture| &texture.name);
-        let trials = files.iter().map(|path| Trial::of(path, texture, 0.0, 0.0));
+        let trials = files.iter().map(|path| Trial {
+            scale_m_s2,
+            ..Trial::of(path, texture, 0.0, 0.0)
+        });
         let set = RecordingSet {
             trials: trials.collect(),
             is_listed: true,
@@ -164,6 +169,11 @@ impl FitRecord {
             lines: FoundLines::of(fit),
             ..self
         }
+    }
+
+    /// Acceleration of a sample of 1 that the fit was given first, m/s².
+    pub fn given_scale_m_s2(&self) -> Option<f64> {
+        self.trials.iter().find_map(|trial| trial.scale_m_s2)
     }
 
     /// Returns the path of the record of the library at `library`.

@@ -3,6 +3,7 @@
 
 use super::rate::MAX_CHANNELS;
 use super::unit::{self, Unit};
+use crate::support::number::counted;
 
 /// Words for the magnitude of all axes in a column's name, in lower case.
 const MAGNITUDE_WORDS: [&str; 5] = ["absolute", "abs", "magnitude", "norm", "total"];
@@ -31,7 +32,16 @@ impl LeftOut {
             (Some(only), None) if axes.len() == MAX_CHANNELS + 1 => Some(only),
             _ => None,
         };
-        let other = remark(&others, "named as an acceleration, as others are");
+        let others_are = match others.as_slice() {
+            [] => None,
+            [(_, name)] => Some(format!("column '{name}' is")),
+            [(_, name), more @ ..] => {
+                let more = counted(more.len(), "other");
+                Some(format!("column '{name}' and {more} are"))
+            }
+        };
+        let other = others_are
+            .map(|are| format!("{are} left out, because accelerations are named beside them"));
         let follows = magnitude.map(|(_, name)| {
             format!("column '{name}' is left out, because it follows from the others")
         });
@@ -51,22 +61,6 @@ impl LeftOut {
     /// Returns true if the column of this index is left out.
     pub fn contains(&self, index: usize) -> bool {
         self.columns.contains(&index)
-    }
-}
-
-/// The remark that `columns` are left out because none is what others are.
-fn remark(columns: &[(usize, &str)], none_is: &str) -> Option<String> {
-    let names: Vec<String> = columns
-        .iter()
-        .map(|(_, name)| format!("'{name}'"))
-        .collect();
-    match names.as_slice() {
-        [] => None,
-        [name] => Some(format!("column {name} is left out: it is not {none_is}")),
-        _ => Some(format!(
-            "columns {} are left out: none is {none_is}",
-            names.join(", ")
-        )),
     }
 }
 

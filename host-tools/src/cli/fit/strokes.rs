@@ -53,7 +53,7 @@ impl Strokes {
         let fit = fit_strokes(&name, &strokes, options, |steps| bar.inc(steps as u64))?;
         bar.finish_and_clear();
         let bytes = fit.library()?;
-        let record = FitRecord::of_strokes(files, &fit, options, &bytes)?;
+        let record = FitRecord::of_strokes(files, assumed.scale_m_s2, &fit, options, &bytes)?;
         Ok((fit, bytes, record))
     }
 

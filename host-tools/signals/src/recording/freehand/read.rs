@@ -319,7 +319,7 @@ mod tests {
             read(&path, None, None).unwrap()
         };
         let beside = read_as("accel,friction,state", ",0.46,sliding");
-        let told = "columns 'friction', 'state' are left out";
+        let told = "column 'friction' and 1 other are left out";
         test_helpers::holds(&beside.remarks.concat(), &[told]);
         assert_eq!(beside.axes, read_as("accel", "").axes);
     }
