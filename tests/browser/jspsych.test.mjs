@@ -91,7 +91,7 @@ test("from the first trial to the table: takes are played by stylus render, and 
   const rows = rowsOf(fs.readFileSync(path.join(folder, "experiment.csv"), "utf8"));
 
   const takes = rows.filter((row) => row.trial_type === "stylus-rub");
-  assert.deepEqual(takes.map(({ texture }) => texture).sort(), ["organza", "vinyl"]);
+  assert.deepEqual(takes.map(({ texture }) => texture).sort(), ["denim", "vinyl"]);
   for (const take of takes) {
     assert.equal(take.simulated, "true");
     assert.ok(Number(take.rt) > 1500 && Number(take.ready_ms) > 0, JSON.stringify(take));
@@ -122,7 +122,7 @@ test("from the first trial to the table: takes are played by stylus render, and 
 test("a trial says what is wrong with its texture's name", async () => {
   const text = fs.readFileSync(path.join(folder, "experiment.html"), "utf8");
   const other = path.join(folder, "wrong.html");
-  fs.writeFileSync(other, text.replace('["vinyl", "organza"]', '["silk"]'));
+  fs.writeFileSync(other, text.replace('["vinyl", "denim"]', '["silk"]'));
   const page = await Opened.open(browser, other, {}, { waits: false });
   await page.page.getByText("no texture and no scene 'silk'").waitFor();
   await page.close();

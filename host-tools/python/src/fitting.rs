@@ -12,6 +12,7 @@ use host_tools::recording::triage::{Kind, SILENCE_FLOOR_M_S2};
 use host_tools::recording::{Snap, texture_fault};
 use host_tools::support::error::Result;
 use host_tools::support::number::tolerance;
+use host_tools::support::warning::by_kind;
 use model_format::SAMPLE_RATE_HZ;
 use pyo3::prelude::*;
 
@@ -202,7 +203,7 @@ fn fit_of(
     mut warnings: Vec<String>,
 ) -> PyResult<Bound<'_, PyAny>> {
     warnings.extend(found.warnings().iter().map(ToString::to_string));
-    for warning in &warnings {
+    for warning in by_kind(&found.verdicts()).iter().chain(&warnings) {
         warn(py, warning)?;
     }
     let library = Library::of(bytes.into(), None, Some(Arc::new(record)));

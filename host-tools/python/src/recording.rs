@@ -283,8 +283,8 @@ impl Recordings {
             time_unit: unit_of(time_unit)?,
             even_times,
             scale_m_s2,
-            speed_mm_s,
-            force_n,
+            speed_mm_s: Some(speed_mm_s),
+            force_n: Some(force_n),
         };
         set_of(source, &assumed).map(Self)
     }

@@ -95,7 +95,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let record = FitRecord::beside(path, &bytes)?;
     let set = as_fitted(record.as_ref(), set)?;
     let takes = arguments.takes.as_deref();
-    let chosen = choose(&set, takes, record.as_ref(), arguments.conditioning)?;
+    let takes = takes.map(|takes| arguments.recordings.open_takes(takes));
+    let chosen = choose(&set, takes.transpose()?, record.as_ref(), arguments.conditioning)?;
     let evaluate = evaluate::Options {
         conditioning: arguments.conditioning,
         seed: arguments.seed,
@@ -125,7 +126,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let before = before.map(|(library, record)| of(library, record.as_ref()));
     let fitted = of(&library, record.as_ref());
     let plan = plan(&set, &chosen.judges, fitted, before, &evaluate, &options)?;
-    for text in plan.notes(arguments.segment, takes.is_some()) {
+    for text in plan.notes(arguments.segment, arguments.takes.is_some()) {
         note(&text);
     }
     let size = listening_page::write(&plan, out)?;

@@ -260,7 +260,8 @@ fn evaluate_library(arguments: &Arguments, path: &Path, set: RecordingSet) -> Re
     let record = FitRecord::beside(path, &bytes)?;
     let set = as_fitted(record.as_ref(), set)?;
     let takes = arguments.takes.as_deref();
-    let chosen = choose(&set, takes, record.as_ref(), arguments.conditioning)?;
+    let takes = takes.map(|takes| arguments.recordings.open_takes(takes));
+    let chosen = choose(&set, takes.transpose()?, record.as_ref(), arguments.conditioning)?;
     let evaluation = evaluate_set(&set, &library, chosen.judges, record.as_ref(), &options)?;
     let removal = removal_options(arguments);
     let asked = arguments.leave_one_out;
@@ -352,20 +353,14 @@ pub fn as_fitted(record: Option<&FitRecord>, set: RecordingSet) -> Result<Record
     }
 }
 
-/// Chooses the judges of `set` among the takes at `others`, if given, and warns of takes that the fit has seen.
+/// Chooses the judges of `set` among the takes `others`, if given, and warns of takes that the fit has seen.
 pub fn choose(
     set: &RecordingSet,
-    others: Option<&Path>,
+    others: Option<RecordingSet>,
     record: Option<&FitRecord>,
     conditioning: Conditioning,
 ) -> Result<Chosen> {
-    let others = match others {
-        Some(others) => {
-            let others = RecordingSet::open(&[others.to_owned()])?;
-            Some(as_fitted(record, others)?)
-        }
-        None => None,
-    };
+    let others = others.map(|others| as_fitted(record, others)).transpose()?;
     let chosen = chosen(set, others.as_ref(), record, conditioning)?;
     let unused = chosen.unused.iter().map(|reason| {
         let (take, why) = reason.rsplit_once(": ").unwrap_or(("", reason));

@@ -1,6 +1,6 @@
 //! Arguments that several commands share: recordings, motions, and numbers with a range.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use host_tools::playing::motion::MotionPath;
 use host_tools::recording::{Assumed, RecordingSet, texture_fault};
@@ -9,7 +9,7 @@ pub use host_tools::support::number::{force, not_negative, positive, speed};
 use host_tools::texture::grid::as_written;
 use model_format::{MillimetresPerSecond, Newton, Texture};
 
-use crate::cli::output::warn;
+use crate::cli::output::{note, warn};
 
 /// Recordings, with the values that their files may lack.
 #[derive(clap::Args)]
@@ -39,6 +39,20 @@ impl Recordings {
     pub fn open(&self) -> Result<RecordingSet> {
         RecordingSet::open_with(&self.inputs, &self.assumed)
     }
+
+    /// Opens other takes of the same trials, with the same values for what they lack.
+    ///
+    /// # Errors
+    /// See [`RecordingSet::open_with`].
+    pub fn open_takes(&self, takes: &Path) -> Result<RecordingSet> {
+        RecordingSet::open_with(&[takes.to_owned()], &self.assumed)
+    }
+}
+
+/// Tells which speed or force `set` has only because neither a list nor an option gives one.
+pub fn tell_nominal_motion(set: &RecordingSet, assumed: &Assumed) {
+    let motion = assumed.nominal_motion().filter(|_| !set.is_listed);
+    motion.iter().for_each(|text| note(text));
 }
 
 /// Parses the name of a texture to be listed.

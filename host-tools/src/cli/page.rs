@@ -14,7 +14,7 @@ use host_tools::support::progress;
 
 use super::files::{Overwrite, read_plant};
 use super::fit::Strokes;
-use super::input::positive;
+use super::input::{positive, tell_nominal_motion};
 use crate::cli::evaluate::{as_fitted, choose};
 use crate::cli::output::print;
 use host_tools::texture::library::{decode_library, read_library};
@@ -67,7 +67,10 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         (!recordings.is_empty()).then(|| RecordingSet::open_with(recordings, &arguments.assumed));
     let set = set.transpose()?;
     let (bytes, record) = match &set {
-        Some(set) if is_recordings => fitted(set, arguments.conditioning)?,
+        Some(set) if is_recordings => {
+            tell_nominal_motion(set, &arguments.assumed);
+            fitted(set, arguments.conditioning)?
+        }
         None if is_strokes => fitted_to_strokes(arguments)?,
         _ => {
             let bytes = read_library(&given[0])?;

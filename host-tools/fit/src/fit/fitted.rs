@@ -285,6 +285,24 @@ impl Fit {
         self.notes.iter().chain(of_textures).cloned().collect()
     }
 
+    /// Triage's verdicts on each trial, with what became of the trial.
+    pub fn verdicts(&self) -> Vec<Warning> {
+        let of_trial = |trial: &TrialReport| {
+            let outcome = match trial.used {
+                true if trial.cut_s > 0.0 => format!("; used without {:.3} s", trial.cut_s),
+                true => String::new(),
+                false => "; dropped".to_owned(),
+            };
+            let file = trial.file.clone();
+            let verdicts = trial.verdicts.clone().into_iter();
+            verdicts.map(move |verdict| {
+                let text = format!("{verdict}{outcome}");
+                Warning::of(verdict.name(), ("recording", &file), verdict.size(), text)
+            })
+        };
+        self.trials.iter().flat_map(of_trial).collect()
+    }
+
     /// The excitations of all textures that have one.
     pub fn excitations(&self) -> Vec<ExcitationReport> {
         self.textures

@@ -21,7 +21,7 @@ use crate::support::number::{positive, recorded_force, recorded_speed};
 pub const TRIALS_FILE: &str = "trials.csv";
 
 /// Values that files and lists may lack. None of them changes what a list gives.
-#[derive(Clone, Copy, Debug, PartialEq, clap::Args)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, clap::Args)]
 pub struct Assumed {
     /// Duration of a trial whose list gives no duration_s, in seconds [default: to its end]
     #[arg(long = "duration", value_name = "S", value_parser = positive)]
@@ -39,25 +39,31 @@ pub struct Assumed {
     /// m/s², or as a unit, such as g, mg, mm/s^2, or g/256 for 256 counts per g [default: by the header, or 1]
     #[arg(long = "scale", visible_alias = "unit", value_name = "M_S2", value_parser = scale)]
     pub scale_m_s2: Option<f64>,
-    /// Tangential speed of recordings given without a list, in mm/s
-    #[arg(long = "speed", value_name = "MM_S", value_parser = recorded_speed, default_value_t = NOMINAL_SPEED_MM_S)]
-    pub speed_mm_s: f64,
-    /// Normal force of recordings given without a list, in newtons
-    #[arg(long = "force", value_name = "N", value_parser = recorded_force, default_value_t = NOMINAL_FORCE_N)]
-    pub force_n: f64,
+    /// Tangential speed of recordings given without a list, in mm/s [default: 100]
+    #[arg(long = "speed", value_name = "MM_S", value_parser = recorded_speed)]
+    pub speed_mm_s: Option<f64>,
+    /// Normal force of recordings given without a list, in newtons [default: 1]
+    #[arg(long = "force", value_name = "N", value_parser = recorded_force)]
+    pub force_n: Option<f64>,
 }
 
-impl Default for Assumed {
-    fn default() -> Self {
-        Self {
-            duration_s: None,
-            sample_rate_hz: None,
-            time_unit: None,
-            even_times: false,
-            scale_m_s2: None,
-            speed_mm_s: NOMINAL_SPEED_MM_S,
-            force_n: NOMINAL_FORCE_N,
-        }
+// Literals above, because help shows them.
+const _: () = assert!(NOMINAL_SPEED_MM_S == 100.0 && NOMINAL_FORCE_N == 1.0);
+
+impl Assumed {
+    /// Says which speed or force recordings without a list have because none was given; none if both were.
+    pub fn nominal_motion(&self) -> Option<String> {
+        let speed = (self.speed_mm_s.is_none()).then(|| format!("{NOMINAL_SPEED_MM_S} mm/s"));
+        let force = (self.force_n.is_none()).then(|| format!("{NOMINAL_FORCE_N} N"));
+        let (taken, remedy) = match (speed, force) {
+            (Some(speed), Some(force)) => (format!("{speed} and {force}"), "--speed and --force"),
+            (Some(speed), None) => (speed, "--speed"),
+            (None, Some(force)) => (force, "--force"),
+            (None, None) => return None,
+        };
+        Some(format!(
+            "without a list, recordings are taken as made at {taken}: give {remedy}, or a list"
+        ))
     }
 }
 
@@ -121,8 +127,8 @@ impl RecordingSet {
             trial.time_unit = trial.time_unit.or(assumed.time_unit);
             trial.has_even_times = trial.has_even_times.or(assumed.even_times.then_some(true));
             if !set.is_listed {
-                trial.speed_mm_s = assumed.speed_mm_s;
-                trial.force_n = assumed.force_n;
+                trial.speed_mm_s = assumed.speed_mm_s.unwrap_or(NOMINAL_SPEED_MM_S);
+                trial.force_n = assumed.force_n.unwrap_or(NOMINAL_FORCE_N);
             }
         }
         Ok(set)

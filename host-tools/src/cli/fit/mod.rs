@@ -26,7 +26,7 @@ use report::{
 pub use strokes::Strokes;
 
 use crate::cli::files::Overwrite;
-use crate::cli::input::Recordings;
+use crate::cli::input::{Recordings, tell_nominal_motion};
 use crate::cli::inspect::texture_table;
 use crate::cli::output::{note, print, print_json};
 use host_tools::texture::library::decode_library;
@@ -144,7 +144,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         record.write_with(out, &bytes)?;
         return tell(&fit, &bytes, out, None, arguments.json);
     }
-    let set = snapped(arguments.recordings.open()?, arguments.options.snap)?;
+    let set = arguments.recordings.open()?;
+    tell_nominal_motion(&set, arguments.recordings.assumed());
+    let set = snapped(set, arguments.options.snap)?;
     let options = checked_rate(&arguments.options, arguments.densify)?;
     if let Some(shard) = arguments.large.shard_to_map() {
         return parts::map_shard(&set, &options, shard, &arguments.large, arguments.json);

@@ -182,19 +182,5 @@ pub fn low_rates(trials: &[TrialReport]) -> Option<String> {
 
 /// Prints triage's verdicts and the fit's warnings to standard error.
 pub fn show_verdicts(fit: &Fit) {
-    let of_trial = |trial: &TrialReport| {
-        let used = match trial.used {
-            true if trial.cut_s > 0.0 => format!("; used without {:.3} s", trial.cut_s),
-            true => String::new(),
-            false => "; dropped".to_owned(),
-        };
-        let verdicts = trial.verdicts.clone().into_iter();
-        let file = trial.file.clone();
-        verdicts.map(move |verdict| {
-            let text = format!("{verdict}{used}");
-            Warning::of(verdict.name(), ("recording", &file), verdict.size(), text)
-        })
-    };
-    let verdicts: Vec<Warning> = fit.trials.iter().flat_map(of_trial).collect();
-    warn_of(&[verdicts, fit.warnings()].concat());
+    warn_of(&[fit.verdicts(), fit.warnings()].concat());
 }

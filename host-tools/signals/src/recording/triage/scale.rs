@@ -20,6 +20,12 @@ const GRAVITY_RMS: f64 = 1.0;
 /// Largest RMS beside which a mean of one on fewer axes is gravity. Tilted axes can have any mean below gravity.
 const GRAVITY_RMS_OF_FEW: f64 = 0.3;
 
+/// Mean of three axes at rest in a unit a thousand times too small, such as mg for g, m/s².
+const THOUSANDTH_M_S2: f64 = 1e-3 * GRAVITY_M_S2;
+
+/// Largest RMS beside which a mean of [`THOUSANDTH_M_S2`] is gravity: a thousandth of that of tools on rough surfaces.
+const THOUSANDTH_RMS_M_S2: f64 = 0.03;
+
 /// Units with the value of gravity in them, as `--scale` takes them, but for counts of powers of two per g.
 const UNITS: [(&str, f64); 3] = [
     ("mg", 1e3),
@@ -62,6 +68,12 @@ fn level(moments: &[Moments], has_scale: bool) -> Option<String> {
         return Some(format!("an RMS of {rms:.0} m/s²"));
     }
     let is_whole = moments.len() == 3;
+    let is_thousandth = (mean / THOUSANDTH_M_S2 - 1.0).abs() <= GRAVITY_TOLERANCE;
+    if is_whole && is_thousandth && rms <= THOUSANDTH_RMS_M_S2 {
+        return Some(format!(
+            "a mean of {mean:.4} m/s², a thousandth of gravity: the unit is a thousand times as large, as g is to mg"
+        ));
+    }
     let most = if is_whole {
         GRAVITY_RMS
     } else {
@@ -150,6 +162,17 @@ mod tests {
         assert_eq!(found(&[1.0], 0.1, 1.0, true), None);
         assert!(found(&[1.0], 0.1, 1.0, false).is_some());
         assert!(found(&[0.6, 0.0, 0.8], 0.1, 1.0, true).is_some());
+    }
+
+    #[test]
+    fn a_unit_a_thousand_times_too_small_is_told_by_a_thousandth_of_gravity_on_three_axes() {
+        let mean = [0.6 * G, 0.0, 0.8 * G];
+        for rms in [0.02, 0.5, 10.0] {
+            let told = found(&mean, rms, 1e3, true).unwrap();
+            holds(&told, &["thousandth of gravity", "g is to mg"]);
+        }
+        assert_eq!(found(&[G], 0.5, 1e3, true), None);
+        assert_eq!(found(&[0.001, 0.0, 0.0], 0.02, 1.0, true), None);
     }
 
     proptest! {
