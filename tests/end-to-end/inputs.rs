@@ -57,6 +57,50 @@ fn a_logger_of_3200_hz_is_a_note_and_one_below_skins_band_a_verdict() {
 }
 
 #[test]
+fn times_as_text_and_columns_of_ros_are_read_as_plain_seconds_are() {
+    let bench = Bench::new();
+    let signal = all_pole(&[-0.6, 0.7], &noise(3, 4000));
+    let covariances = ",0.1".repeat(9);
+    let names = (0..9).map(|n| format!(",field.linear_acceleration_covariance{n}"));
+    let names = names.collect::<String>();
+    let ros = format!("%time,field.linear_acceleration.x{names}");
+    let dialect = |header: &str, row: &dyn Fn(usize) -> String| {
+        let rows = signal.iter().enumerate();
+        let rows = rows.map(|(n, x)| row(n).replace("{x}", &x.to_string()) + "\n");
+        format!("{header}\n{}", rows.collect::<String>())
+    };
+    let seconds = |n: usize| format!("{}.{:03}", n / 1000, n % 1000);
+    // Across midnight, where a date tells that time goes on.
+    let iso = |n: usize| match n / 1000 {
+        0 | 1 => format!("2026-12-31T23:59:5{}+01:00,{{x}}", seconds(n + 8000)),
+        _ => format!("2027-01-01T00:00:0{}+01:00,{{x}}", seconds(n - 2000)),
+    };
+    let clock = dialect("time;ax", &|n| format!("12:00:0{};{{x}}", seconds(n)));
+    for (name, text) in [
+        ("plain", dialect("time,ax", &|n| seconds(n) + ",{x}")),
+        ("matlab", dialect("Time,ax", &|n| seconds(n) + " sec,{x}")),
+        ("clock", clock.replace('.', ",")),
+        ("iso", dialect("timestamp,ax", &iso)),
+        (
+            "ros",
+            dialect(&ros, &|n| format!("{n}000000,{{x}}{covariances}")),
+        ),
+    ] {
+        bench.write(&format!("{name}/felt.csv"), text);
+        let fit = format!("fit {name}/felt.csv --speed 100 --force 1 --out {name}.lib {QUICK}");
+        bench.succeed(&fit);
+        assert_eq!(
+            bench.read(&format!("{name}.lib")),
+            bench.read("plain.lib"),
+            "{name}"
+        );
+    }
+    bench.write("noon.csv", "time,ax\n12:00:00 PM,1\n12:00:01 PM,2\n");
+    let refused = bench.refuse("fit noon.csv --speed 100 --force 1 --out a.lib");
+    holds(&refused, &["line 2", "'12:00:00 PM'", "pandas.to_datetime"]);
+}
+
+#[test]
 fn what_is_not_read_is_refused_with_the_way_to_what_is() {
     let bench = Bench::new();
     for (file, content, words) in [
@@ -66,6 +110,9 @@ fn what_is_not_read_is_refused_with_the_way_to_what_is() {
         ("a.tdms", "TDSm", "from nptdms import TdmsFile"),
         ("a.h5", "HDF", "h5py.File('FILE.h5')"),
         ("a.npz", "PK", "numpy.load('FILE.npz')"),
+        ("a.npy", "NUMPY", "numpy.load('FILE.npy').squeeze()"),
+        ("a.parquet", "PAR1", "pandas.read_parquet('FILE.parquet')"),
+        ("a.bag", "#ROSBAG", "rostopic echo -b FILE.bag -p /TOPIC"),
         ("a.bin", "?", "export the samples as .csv"),
         ("a.csv", "", "is empty: give a row for each sample"),
         ("b.csv", "time_s\n0\n1\n", "has times alone"),

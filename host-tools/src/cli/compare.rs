@@ -96,7 +96,12 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let set = as_fitted(record.as_ref(), set)?;
     let takes = arguments.takes.as_deref();
     let takes = takes.map(|takes| arguments.recordings.open_takes(takes));
-    let chosen = choose(&set, takes.transpose()?, record.as_ref(), arguments.conditioning)?;
+    let chosen = choose(
+        &set,
+        takes.transpose()?,
+        record.as_ref(),
+        arguments.conditioning,
+    )?;
     let evaluate = evaluate::Options {
         conditioning: arguments.conditioning,
         seed: arguments.seed,

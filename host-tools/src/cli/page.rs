@@ -68,8 +68,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let set = set.transpose()?;
     let (bytes, record) = match &set {
         Some(set) if is_recordings => {
+            let fitted = fitted(set, arguments.conditioning)?;
             tell_nominal_motion(set, &arguments.assumed);
-            fitted(set, arguments.conditioning)?
+            fitted
         }
         None if is_strokes => fitted_to_strokes(arguments)?,
         _ => {

@@ -8,6 +8,9 @@ use crate::support::number::counted;
 /// Words for the magnitude of all axes in a column's name, in lower case.
 const MAGNITUDE_WORDS: [&str; 5] = ["absolute", "abs", "magnitude", "norm", "total"];
 
+/// Words for a statistic of all axes in a column's name, in lower case, such as ROS has beside accelerations.
+const STATISTIC_WORDS: [&str; 4] = ["covariance", "variance", "std", "stddev"];
+
 /// Columns of a table that hold no axis.
 #[derive(Debug, Default, PartialEq)]
 pub(super) struct LeftOut {
@@ -83,7 +86,11 @@ fn is_acceleration(name: &str) -> bool {
             || word.starts_with("accel")
             || word.starts_with("beschleunigung")
     };
-    words(&lower).any(is_meant) || is_axis(&lower)
+    let is_statistic = |word: &str| {
+        let word = word.trim_end_matches(|last: char| last.is_ascii_digit());
+        STATISTIC_WORDS.contains(&word)
+    };
+    !words(&lower).any(is_statistic) && (words(&lower).any(is_meant) || is_axis(&lower))
 }
 
 /// Returns true for an axis in lower case, with nothing beside it but a unit of accelerations, volts or steps.
@@ -132,6 +139,13 @@ mod tests {
             (&["X-Axis (g's)", "a_y", "adc"], &[2]),
             (&["accelX", "x_g", "vibration (g)", "load (kPa)"], &[3]),
             (&["acc_x", "acc_y", "acc_z", "acc_total", "gyro_x"], &[3, 4]),
+            (
+                &[
+                    "field.linear_acceleration.x",
+                    "field.linear_acceleration_covariance0",
+                ],
+                &[1],
+            ),
         ] {
             assert_eq!(left_out(names), others, "{names:?}");
         }

@@ -7,7 +7,8 @@ use super::axes::LeftOut;
 use super::rate::{MAX_CHANNELS, length_fault, most_frames, rate_fault};
 use super::source::{Cut, Source};
 use super::stamps::{self, Clock};
-use super::time_unit::TimeColumn;
+use super::time_text;
+use super::time_unit::{TimeColumn, TimeUnit};
 use super::trial::Trial;
 use super::uneven::LARGEST_DEVIATION;
 use super::unit::{self, Integers};
@@ -127,11 +128,14 @@ impl<'a> Columns<'a> {
                 continue;
             }
             for (index, column) in read.values.iter_mut().enumerate() {
-                let number = row.number(index);
-                column.push(if read.left_out.contains(index) {
-                    number.unwrap_or(f64::NAN)
-                } else {
-                    number?
+                let time = read.times.iter_mut().find(|time| time.index == index);
+                column.push(match (row.number(index), time) {
+                    (Err(fault), Some(time)) => {
+                        time.unit = Some(TimeUnit::S);
+                        time_text::seconds(row.text(index)).ok_or(fault)?
+                    }
+                    (Err(_), None) if read.left_out.contains(index) => f64::NAN,
+                    (number, _) => number?,
                 });
             }
             let axes = read.values.len() - read.times.len();

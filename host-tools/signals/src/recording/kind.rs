@@ -62,6 +62,17 @@ pub(super) fn conversion(ending: &str) -> String {
             "f['NAME'][()]",
         ),
         "npz" => array("z = numpy.load('FILE.npz')", "z.files", "z['NAME']"),
+        "npy" => python(
+            "import numpy; x = numpy.load('FILE.npy').squeeze(); \
+             numpy.savetxt('FILE.csv', x if len(x) > 3 else x.T, delimiter=',')",
+        ),
+        "parquet" | "feather" => python(&format!(
+            "import pandas; pandas.read_{ending}('FILE.{ending}').to_csv('FILE.csv', index=False)"
+        )),
+        "bag" => {
+            "`rostopic echo -b FILE.bag -p /TOPIC > FILE.csv` makes a .csv of a topic".to_owned()
+        }
+        "db3" | "mcap" => "export the topic as .csv, as PlotJuggler does".to_owned(),
         "tdms" => python(
             "from nptdms import TdmsFile; TdmsFile.read('FILE.tdms').as_dataframe().to_csv('FILE.csv', index=False)",
         ),

@@ -21,6 +21,7 @@ mod set;
 mod snap;
 mod source;
 mod stamps;
+mod time_text;
 mod time_unit;
 pub mod triage;
 mod trial;

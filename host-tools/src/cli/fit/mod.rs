@@ -144,9 +144,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         record.write_with(out, &bytes)?;
         return tell(&fit, &bytes, out, None, arguments.json);
     }
-    let set = arguments.recordings.open()?;
-    tell_nominal_motion(&set, arguments.recordings.assumed());
-    let set = snapped(set, arguments.options.snap)?;
+    let set = snapped(arguments.recordings.open()?, arguments.options.snap)?;
     let options = checked_rate(&arguments.options, arguments.densify)?;
     if let Some(shard) = arguments.large.shard_to_map() {
         return parts::map_shard(&set, &options, shard, &arguments.large, arguments.json);
@@ -173,6 +171,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         None => FitRecord::of(&set, &options, &bytes)?,
     };
     record.with_account_of(&fit).write_with(out, &bytes)?;
+    tell_nominal_motion(&set, arguments.recordings.assumed());
     tell(&fit, &bytes, out, denser.as_ref(), arguments.json)
 }
 
