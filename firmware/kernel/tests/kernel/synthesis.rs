@@ -154,7 +154,7 @@ fn a_motion_calls_for_the_same_whatever_the_motion_before() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
-    /// A held frame has the words of one that is updated again, wherever its ramps are.
+    /// A held frame equals one that is updated again at the same motion, at any point of its ramps.
     #[test]
     fn holding_a_motion_gives_the_bits_of_another_update(
         speed in 0.0f32..200.0, force in 0.0f32..1.5, gain in 0u32..=ONE, left in 0u32..10, samples in 1u32..20,
