@@ -1,5 +1,5 @@
 //! The committed header is what cbindgen makes of the sources; the shared library exports what it declares; and
-//! declarations change only with `STYLUS_PLAYER_ABI`.
+//! existing declarations change only with `STYLUS_PLAYER_ABI`.
 
 use std::collections::BTreeSet;
 use std::path::Path;
