@@ -247,8 +247,8 @@ fn specs(textures: &[FittedTexture]) -> Vec<TextureSpec> {
     textures.iter().map(FittedTexture::spec).collect()
 }
 
-/// The `failure` of a texture whose `grid` has a node that is too loud, with what triage found on the unit of that node's
-/// trials, or of any of the `members` if it has none.
+/// The `failure` of a texture whose `grid` has a node that is too loud, with what triage found on the unit of that
+/// node's trials, or of any of the `members` if it has none.
 fn with_unit(failure: Error, grid: &Grid, members: &[Member<'_>]) -> Error {
     let mut nodes = grid.nodes();
     let loud = nodes.find(|(.., model)| is_too_loud(model));

@@ -134,8 +134,8 @@ fn with_unit_power(
     })
 }
 
-/// Returns `material` whitened, cut at `highest` standard deviations, with a mean square of 1; and how many samples
-/// were cut. `None` if it has no power.
+/// Returns `material` whitened, clipped at `highest` standard deviations, with a mean square of 1; and the number of
+/// samples that were clipped. `None` if it has no power.
 fn prepared(material: &[f64], highest: f64) -> Option<(Vec<f64>, usize)> {
     let highest = highest.min(0.99 * f64::from(limits::MAX_CODEBOOK_PEAK));
     let mut samples = material.to_vec();
