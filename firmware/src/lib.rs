@@ -110,7 +110,8 @@ async fn main(spawner: Spawner) {
         usart: p.USART3,
         tx: p.PD8,
         rx: p.PD9,
-        // Where a start hung at the links, the suspect is the one with the longer way.
+        // In safe mode USB stays off if the start hung at the links, because more can hang in it than in the serial
+        // port.
         usb: (!start.safe_mode || start.hung_stage != Some(StartStage::Links)).then_some((
             p.USB_OTG_FS,
             p.PA12,

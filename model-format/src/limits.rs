@@ -65,6 +65,7 @@ pub const MIN_FED_POWER: f32 = 0.98;
 
 /// Highest mean square of a codebook and of a level track; see [`MIN_FED_POWER`].
 pub const MAX_FED_POWER: f32 = 1.02;
+
 /// Most lines of a texture that are tied to position.
 pub const MAX_LINES: usize = 8;
 

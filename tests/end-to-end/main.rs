@@ -1,4 +1,5 @@
-//! The command as a user runs it, and devices and links that fail: one program, because each links all of the product.
+//! Tests of the command as a user runs it, with devices and links that fail: one program, because each test program
+//! links the whole product.
 
 #[cfg(target_os = "linux")]
 mod broker;

@@ -2,7 +2,7 @@
 //!
 //! A fault within [`QUICK_FAULT_MS`] of a start is a quick one. After [`QUICK_FAULTS`] of them in succession, starts
 //! are in safe mode. A start that hangs or fails while it sets the clock up, and an external clock that fails later,
-//! lead to a humbler source of the clock. Power-on and the reset button make all of it new, because people do both.
+//! select a simpler clock. Power-on and the reset button clear this record, because a person is present.
 
 use model_format::link::{ClockSource, QUICK_FAULTS, StartStage};
 
@@ -82,7 +82,7 @@ impl Kept {
             Ended::ByWatchdog | Ended::ByFault { .. } => self.stage,
         };
         match failed {
-            Some(StartStage::ExternalClock) => humbler(self.clock, ClockSource::Internal),
+            Some(StartStage::ExternalClock) => simpler(self.clock, ClockSource::Internal),
             Some(StartStage::InternalClock) => ClockSource::InternalUnmultiplied,
             _ => self.clock,
         }
@@ -115,8 +115,8 @@ impl Kept {
     }
 }
 
-/// The humbler of two sources: the one further from the external clock.
-const fn humbler(one: ClockSource, other: ClockSource) -> ClockSource {
+/// The simpler of two sources: the one further from the external clock.
+const fn simpler(one: ClockSource, other: ClockSource) -> ClockSource {
     if one as u8 > other as u8 { one } else { other }
 }
 

@@ -190,7 +190,7 @@ fn panic(_: &PanicInfo<'_>) -> ! {
     SCB::sys_reset()
 }
 
-/// Cycles between two looks at a bank, some microseconds at 64 MHz. An erasure takes seconds, a word 100 µs.
+/// Cycles between two looks at a bank: 4 µs at 64 MHz. An erasure takes seconds, a word 100 µs.
 const POLL_CYCLES: u32 = 256;
 
 /// Both banks. Offsets count from the start of the flash.

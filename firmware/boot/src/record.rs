@@ -269,8 +269,8 @@ impl<F: NorFlash> Store<F> {
         self.record
     }
 
-    /// Writes the record anew if a later start may find another one: if a word reads differently from read to read, or
-    /// if the record before asks for an exchange and this one does not, or the other way round.
+    /// Writes the record again if a later start could read a different one: a word does not read the same each time, or
+    /// this record and the one before disagree on whether to exchange images.
     ///
     /// # Errors
     /// The flash does not keep it.

@@ -2,8 +2,9 @@
 
 use stm32_metapac::PWR;
 
-/// Supply below which flash is neither erased nor programmed, mV: the falling threshold of [`DETECTOR_LEVEL`]. The
-/// rising one is 2.86 V (DS12110, embedded reset and power control block, typical).
+/// Supply below which flash is neither erased nor programmed, and the amplifier's enable neither raised nor held, mV:
+/// the falling threshold of [`DETECTOR_LEVEL`]. The rising one is 2.86 V (DS12110, embedded reset and power control
+/// block, typical).
 pub const LOW_MV: u16 = 2_760;
 
 /// Level of the detector, PLS of PWR_CR1 (RM0433 section 6.5.3).

@@ -7,22 +7,23 @@
 //! Every stage is a rotation, so that the norm of `(f[M], g)` is that of `(f[0], g)`. The state cannot grow, even if
 //! all θ change at every sample, and whatever the history (Laroche, J. Audio Eng. Soc. 55(6), 2007). The same holds
 //! in integers, because cos² + sin² ≤ 1 holds in them and products are truncated toward zero: f² + g² never grows in
-//! any stage, and shrinks by at least one step in every stage whose signals are not zero. Silence therefore comes,
-//! and is exact. Saturation can only shrink the norm too. This holds for any excitation, words at full scale included:
-//! no signal has more energy than state and excitation had together, so that an impulse adds at most itself.
+//! any stage, and shrinks by at least one step in every stage whose signals are not zero. Without excitation the state
+//! therefore decays to exactly zero. Saturation can only shrink the norm too. This holds for any excitation, words at
+//! full scale included: no signal has more energy than state and excitation had together, so that an impulse adds at
+//! most itself.
 //!
 //! From the excitation to each signal the gain, averaged over frequency, is at most 1. White excitation therefore gives
 //! all signals its variance at most, whatever the texture, so that one scale fits all: one standard deviation is 2²⁸,
-//! full scale is eight of them. Any other gives at most the highest density of its spectrum, as a multiple of white's.
-//! `fit` whitens its codebooks ([`crate::feed`]), so that this is nearly 1. Another program's codebook may be a tone on
-//! a resonance. Its pieces of at most 80 ms have random signs, which keeps the density below 280 at 5 kHz and 560 at
-//! 10 kHz: signals of 17 or 24 standard deviations. Moments, of at most 5000 samples in the mean, allow 5600: 75
-//! standard deviations, more than a fed texture's full scale. Where signals reach full scale they saturate, and
-//! `status` counts it.
+//! full scale is eight standard deviations. Any other excitation gives at most its highest spectral density, relative
+//! to white noise. `fit` whitens its codebooks ([`crate::feed`]), so that this is nearly 1. Another program's codebook
+//! may be a tone on a resonance. Its pieces of at most 80 ms have random signs, which keeps the density below 280 at
+//! 5 kHz and 560 at 10 kHz: signals of 17 or 24 standard deviations. Moments, of at most 5000 samples in the mean,
+//! allow 5600: 75 standard deviations, more than a fed texture's full scale. Where signals reach full scale they
+//! saturate, and `status` counts it.
 //!
-//! A fed excitation has peaks of up to 40 standard deviations, and √2 times that in a cross-fade of two; its lattice
-//! therefore has steps of 2⁻²⁵, and its full scale is 64 of them. Round-off is 92 to 95
-//! dB below such a signal for the models of order 400 in `tests/fixtures`, and 108 dB or more at 2⁻²⁸.
+//! A fed excitation has peaks of up to 40 standard deviations, and √2 times that in a cross-fade of two. Its lattice
+//! therefore has steps of 2⁻²⁵ standard deviations, and a full scale of 64 standard deviations. Round-off is 92 to 95
+//! dB below such a signal for the models of order 400 in `tests/fixtures`, and 108 dB or more with steps of 2⁻²⁸.
 
 use model_format::limits::MAX_ORDER;
 use model_format::{OutputSample, Texture};

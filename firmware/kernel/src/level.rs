@@ -77,8 +77,8 @@ impl Ramp {
         Self { target: 0, step: 0 }
     }
 
-    /// A ramp from `from`, which must not be negative, to `target` in `samples` steps. Targets above 2³¹ - 1 count as
-    /// that.
+    /// A ramp from `from`, which must not be negative, to `target` in `samples` steps; a larger target than 2³¹ - 1 is
+    /// clamped to it.
     pub fn between(from: i32, target: u32, samples: u32) -> Self {
         let target = target.min(i32::MAX as u32) as i32;
         Self {

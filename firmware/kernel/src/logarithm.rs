@@ -50,8 +50,8 @@ const LOGARITHMS: [u32; CENTRES] = {
 /// magnitude.
 const DISTANCE_BITS: u32 = 36;
 
-/// (-1)ⁿ⁺¹ / (n ln 2) for n of 1 to 4, in steps of 2⁻²⁹: the series of log₂(1 + x), whose rest is below 10⁻⁹ for x up
-/// to 2⁻⁶.
+/// (-1)ⁿ⁺¹ / (n ln 2) for n of 1 to 4, in steps of 2⁻²⁹: the series of log₂(1 + x), whose remainder is below 10⁻⁹ for x
+/// up to 2⁻⁶.
 const LOG2_SERIES: [i32; 4] = {
     let mut series = [0; 4];
     let (mut n, mut sign) = (1, 1.0);

@@ -1,4 +1,4 @@
-//! The part of the stylus's image that is in time: from the reset to the tick and the update.
+//! The time-critical part of the stylus's image: from the reset to the tick and the update.
 //!
 //! This part is a package of its own because it is compiled for speed, and the rest of the image for size.
 //!
@@ -7,15 +7,14 @@
 //! | `boot` | from reset to running: memory, clocks, interrupt priorities, cause of the reset; imports no other |
 //! | `play` | one block every 2 ms, handed to the tick |
 //! | `tick` | one sample, 5000 times per second |
-//! | `CortexM` | the kernel's inner loops in the processor's own instructions |
+//! | `rotate` | stages of the lattice in the processor's own instructions |
+//! | `interpolate` | means of rotations between nodes, likewise |
 //! | `injection` | faults on request, in the tests' image alone |
 //!
-//! `tick` imports `play`. Without the feature `image` there is `CortexM` alone, as the emulated kernel uses it, and
-//! on
-//! a host this library is empty. The instructions are those of ARMv7E-M (ARM DDI 0403E, chapter A7), so that a
-//! Cortex-M4
-//! and a Cortex-M7 run them to the same bits. Their order is for a Cortex-M7, which issues up to two instructions per
-//! cycle, in order, and waits for results.
+//! `tick` imports `play`. Without the feature `image` there is [`CortexM`] alone, as the emulated kernel uses it, which
+//! gives the kernel `rotate` and `interpolate`. On a host this library is empty. The instructions are those of ARMv7E-M
+//! (ARM DDI 0403E, chapter A7), so that a Cortex-M4 and a Cortex-M7 run them to the same bits. Their order is for a
+//! Cortex-M7, which issues up to two instructions per cycle, in order, and waits for results.
 #![no_std]
 #![cfg(target_arch = "arm")]
 

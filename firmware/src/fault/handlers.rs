@@ -24,7 +24,7 @@ use crate::fault::record::{Caught, Kind, Record, TRACE};
 use crate::fault::stack;
 use crate::tick::output;
 
-/// Length of the handler's stack, bytes: some times what it takes.
+/// Length of the handler's stack, bytes: several times what it takes.
 const FAULT_STACK_BYTES: usize = 2048;
 
 /// Stack of the handler of HardFault.

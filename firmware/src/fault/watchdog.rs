@@ -1,4 +1,4 @@
-//! The independent watchdog, RM0433 chapter 46: fed only while tick and executor both run.
+//! The independent watchdog, RM0433 chapter 45: fed only while tick and executor both run.
 //!
 //! The watchdog has a clock of its own. A task feeds it, so an executor that hangs starves it. The task feeds only if
 //! the tick has moved on, so a tick that hangs starves it too. `boot/startup.rs` starts the watchdog, with the first

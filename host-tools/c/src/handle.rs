@@ -93,7 +93,7 @@ impl<T: Marked> Handle<T> {
     /// `address` is NULL, or memory that can be read as a handle, which nobody closes while the result is used.
     pub unsafe fn of<'a>(address: *const Self) -> Result<&'a T, Failure> {
         check(address)?;
-        // SAFETY: it is neither NULL nor out of line, and the caller says that it can be read.
+        // SAFETY: it is neither NULL nor misaligned, and the caller says that it can be read.
         let handle = unsafe { &*address };
         if handle.mark.load(Ordering::Acquire) != T::MARK {
             return Err(Status::STYLUS_HANDLE.into());
@@ -110,7 +110,7 @@ impl<T: Marked> Handle<T> {
             return Ok(());
         }
         check(address)?;
-        // SAFETY: it is neither NULL nor out of line, and the caller says that it can be read.
+        // SAFETY: it is neither NULL nor misaligned, and the caller says that it can be read.
         let mark = unsafe { &(*address).mark };
         let closed = mark.compare_exchange(T::MARK, 0, Ordering::AcqRel, Ordering::Acquire);
         closed.map_err(|_| Status::STYLUS_HANDLE)?;
@@ -120,7 +120,7 @@ impl<T: Marked> Handle<T> {
     }
 }
 
-/// Checks that `address` is neither NULL nor out of line.
+/// Checks that `address` is neither NULL nor misaligned.
 pub fn check<T>(address: *const T) -> Result<(), Failure> {
     if address.is_null() {
         return Err(Status::STYLUS_NULL.into());
@@ -169,9 +169,12 @@ pub unsafe fn room<'a, T: Copy>(address: *mut T, length: usize) -> Result<&'a mu
 ///
 /// # Safety
 /// `address` is NULL, or a `T` can be written there.
+///
+/// # Errors
+/// `STYLUS_NULL` or `STYLUS_ALIGNMENT`.
 pub unsafe fn put<T>(address: *mut T, value: T) -> Result<(), Failure> {
     check(address)?;
-    // SAFETY: it is neither NULL nor out of line, and the caller says that it can be written.
+    // SAFETY: it is neither NULL nor misaligned, and the caller says that it can be written.
     unsafe { address.write(value) };
     Ok(())
 }

@@ -4,6 +4,7 @@ use std::cell::RefCell;
 use std::ffi::CStr;
 use std::fmt::Display;
 
+// Another code changes this declaration, on which callers rely: raise `STYLUS_PLAYER_ABI` (`tests/door/header.rs`).
 /// Result of a call.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

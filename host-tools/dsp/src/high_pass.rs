@@ -34,7 +34,7 @@ pub fn slow_share(axes: &[Vec<f64>], rate_hz: f64) -> f64 {
     if all > 0.0 { slow / all } else { 0.0 }
 }
 
-/// The lowest frequency that a recording tells of which was filtered at `cut_hz`, Hz.
+/// Lowest valid frequency of a recording after a high-pass at `cut_hz`, Hz.
 pub fn lowest_hz(cut_hz: f64) -> f64 {
     LOWEST_OVER_CUT * cut_hz
 }

@@ -143,7 +143,8 @@ pub struct Comparison {
     beside: Vec<Vec<f64>>,
     /// The synthesis after warming up; at least as long.
     pub synthesised: Vec<f64>,
-    /// Play of the library, if the synthesis is of models that were fitted to blocks: for the loudest events.
+    /// Play of the library itself, if `synthesised` is of models refitted to blocks; the loudest events are judged by
+    /// it.
     of_library: Option<Vec<f64>>,
     /// Samples of the synthesis at full scale.
     pub saturations: u32,

@@ -49,7 +49,9 @@ pub struct Plant {
 
 impl Plant {
     /// A plant at rest with its amplifier off, whose noise is that of `seed`.
-    /// Panics if the parameters are none that [`Parameters::check`] accepts.
+    ///
+    /// # Panics
+    /// [`Parameters::check`] refuses `parameters`.
     pub fn new(parameters: &Parameters, seed: u64) -> Self {
         let checked = parameters.check();
         assert!(checked.is_ok(), "{checked:?}");

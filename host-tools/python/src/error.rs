@@ -75,10 +75,10 @@ fn exception(text: &str, kind: &str, path: Option<PathBuf>, line: Option<u64>) -
     })
 }
 
-/// Warns of something, by Python's own way.
+/// Issues a `StylusWarning`.
 ///
 /// # Errors
-/// A filter that makes errors of warnings.
+/// The warning, where a filter turns warnings into errors.
 pub fn warn(py: Python<'_>, text: &str) -> PyResult<()> {
     let text = CString::new(message(text))?;
     let category = py.get_type::<StylusWarning>();

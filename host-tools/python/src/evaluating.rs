@@ -102,7 +102,8 @@ impl Judged {
         Ok((found, unused))
     }
 
-    /// Plans a test by ear and passes it to `write`; returns its trials, its notes, and the takes that judge nothing.
+    /// Plans a listening test and passes it to `write`. Returns its number of trials, its notes, and the reasons for
+    /// takes that judge nothing.
     fn compared(
         &self,
         before: Option<Compared<'_>>,

@@ -34,8 +34,7 @@ impl Paths {
 /// Converts HaTT's model files, or folders of them, as `stylus import-hatt` does.
 ///
 /// `speeds` and `forces` are the most of a grid, as many as the slot has room for if None; `model_rate_hz` is 5000 or
-/// 10000. `progress(done, total)`
-/// counts files.
+/// 10000. `progress(done, total)` counts files.
 #[pyfunction]
 #[pyo3(signature = (
     paths, *, speeds = None, forces = None, model_rate_hz = SAMPLE_RATE_HZ, progress = None

@@ -38,8 +38,8 @@ pub struct Arguments {
     /// Recordings behind a library, as a folder or a list: their clips, their spectra and C of each node come too
     #[arg(long, value_name = "DIR", conflicts_with = "strokes")]
     recordings: Option<PathBuf>,
-    /// Duration of the clip of each recording, in seconds [default: 0.5 to 1.5, as the page's size allows, and at fewer
-    /// nodes where they are many]
+    /// Duration of the clip of each recording, in seconds [default: 0.5 to 1.5, as the page's size allows, and
+    /// not at every node of a large grid]
     #[arg(long, value_name = "S", value_parser = clip, conflicts_with = "strokes")]
     clips: Option<f64>,
     #[command(flatten)]

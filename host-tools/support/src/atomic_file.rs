@@ -12,11 +12,11 @@ use crate::temporaries::Temporary;
 
 /// Writes `path` by way of a temporary file in the same folder, which replaces it after `write` has succeeded.
 ///
-/// An earlier file stays until then, and stays after any failure; one that is replaced hands its permissions on. A link
-/// is followed: the file at its end is replaced, and the link stays. Returns the value of `write`.
+/// An earlier file stays until then, and stays after any failure; a replaced file's permissions pass to the new one. A
+/// link is followed: the file at its end is replaced, and the link stays. Returns the value of `write`.
 ///
 /// # Errors
-/// The error of `write`, something at `path` that is no regular file, or a file that cannot be created, brought to the
+/// The error of `write`, something at `path` that is no regular file, or a file that cannot be created, flushed to the
 /// disk, or replaced.
 pub fn write_with<T>(
     path: &Path,

@@ -149,7 +149,7 @@ impl CsvTable {
     /// A line that cannot be read.
     pub fn comments(&self) -> Result<String> {
         let (mut lines, mut comments) = (self.lines()?, String::new());
-        while lines.advance()? && (lines.line.starts_with('#') || lines.line.trim().is_empty()) {
+        while lines.advance()? && !lines.is_content() {
             comments.push_str(&lines.line);
         }
         Ok(comments)
@@ -246,6 +246,16 @@ impl CsvTable {
     }
 }
 
+/// The text of a comment, which begins with one `#` or several; `None` if `line` is no comment.
+pub fn comment(line: &str) -> Option<&str> {
+    line.starts_with('#').then(|| line.trim_start_matches('#'))
+}
+
+/// Returns whether `line` is neither empty nor a comment.
+pub fn is_content(line: &str) -> bool {
+    comment(line).is_none() && !line.trim().is_empty()
+}
+
 /// Returns the separator of a table by its header and the row below, or two rows.
 fn separator_of([header, sample]: [&str; 2]) -> char {
     let [of_header, of_sample] = [header, sample].map(|line| SEPARATORS.map(|s| fields(line, s)));
@@ -282,7 +292,7 @@ fn are_names(line: &str, numbers: &str, separator: char) -> bool {
         let begins = field.trim().starts_with(char::is_alphabetic);
         begins && !field.contains([':', '=']) && !is_number(field)
     };
-    let line = line.trim_start_matches('#');
+    let line = comment(line).unwrap_or(line);
     columns > 1
         && columns == fields(line, separator)
         && split(numbers, separator).all(is_number)
@@ -343,7 +353,7 @@ impl Lines<'_> {
             _ => text.as_ref(),
         };
         let text = if self.commented_header == Some(self.number) {
-            text.trim_start_matches('#')
+            comment(text).unwrap_or(text)
         } else {
             text
         };
@@ -372,7 +382,7 @@ impl Lines<'_> {
 
     /// Returns whether the line is neither empty nor a comment.
     fn is_content(&self) -> bool {
-        !self.line.starts_with('#') && !self.line.trim().is_empty()
+        is_content(&self.line)
     }
 
     fn too_long(&self) -> Error {

@@ -111,7 +111,7 @@ impl Field {
         }
     }
 
-    /// Requires a value above `low` and at most `high`, which NaN is not.
+    /// Requires a value above `low` and at most `high`; NaN is outside.
     ///
     /// # Errors
     /// The value is outside.
@@ -121,7 +121,7 @@ impl Field {
         })
     }
 
-    /// Requires a value from `low` to `high`, which NaN is not.
+    /// Requires a value from `low` to `high`; NaN is outside.
     ///
     /// # Errors
     /// The value is outside.
@@ -131,7 +131,7 @@ impl Field {
         })
     }
 
-    /// Requires values from `low` to `high`, which NaN is not.
+    /// Requires values from `low` to `high`; NaN is outside.
     ///
     /// # Errors
     /// The first value that is outside, by its place in the list.

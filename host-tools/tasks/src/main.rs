@@ -77,7 +77,7 @@ enum Task {
     /// Fuzz, model-check starts and interleaved requests, and draw cases for settings, leases, output and bounds, with
     /// fresh seeds as long as asked
     Attack(attack::Arguments),
-    /// Use the image on the virtual stylus as two hosts may, with all mishaps, and check it meanwhile
+    /// Soak test on the virtual stylus: two hosts and random faults, with invariants checked
     Soak(soak::Arguments),
     /// Build the kernel as a page's WebAssembly module, and keep it in host-tools/report/src/rub_page
     BrowserModule {
@@ -181,7 +181,8 @@ fn setup() -> Result<()> {
     }
 }
 
-/// Builds the image, whose first build takes minutes and is shown, and prints the use of each memory and the file.
+/// Builds the image, showing progress because a first build takes minutes, and prints each memory's use and the file's
+/// path.
 fn build_firmware(image: Image) -> Result<PathBuf> {
     let file = firmware::build_saying(&Toolchain::find()?, image, Progress::Shown)?;
     print!("{}", firmware::memory(&file)?);

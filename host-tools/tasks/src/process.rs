@@ -21,7 +21,7 @@ impl Progress {
     }
 }
 
-/// Runs `command` to its end. Returns its exit code, with which this program is to exit; 1 if a signal ended it.
+/// Runs `command` to its end. Returns the exit code for this program: the command's, or 1 if a signal ended it.
 ///
 /// # Errors
 /// The program cannot be started.

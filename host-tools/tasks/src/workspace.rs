@@ -42,7 +42,7 @@ pub struct Folders {
 }
 
 impl Folders {
-    /// The folders of this workspace and its user, with outputs in a folder called `target`.
+    /// This workspace, Cargo's home, and the output folder of the build `target`.
     pub fn here(target: &str) -> Self {
         let home = || env::home_dir().unwrap_or_default().join(".cargo");
         Self {

@@ -94,7 +94,7 @@ pub struct Response {
     pub bands_centi_db: [i16; RESPONSE_BANDS],
     /// Bands whose level was coherent enough to be trusted, a bit each.
     pub trusted_bands: u32,
-    /// `output-gain` with which the tip does what is asked for. The device stores it with the response.
+    /// `output-gain` at which the tip has the acceleration that is asked for. The device stores it with the response.
     pub output_gain: f32,
     /// `amplifier-gain` of the measurement.
     pub amplifier_gain: f32,

@@ -20,7 +20,7 @@ pub const UPLOAD_WINDOW: usize = 3;
 
 /// Request to receive a library into the slot that is not active.
 ///
-/// An upload with the length and checksum of one that was broken off resumes it, within the same session of the device.
+/// A request with the length and checksum of an interrupted upload resumes it, within the same session of the device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct UploadBegin {
     /// Length of the library, bytes.

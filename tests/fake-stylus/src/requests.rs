@@ -125,8 +125,8 @@ impl Requests {
         std::mem::take(&mut self.desk.borrow_mut().answers)
     }
 
-    /// Serves one frame that came over `link`; its answer, unless it has none or the storage will give it. If
-    /// `refuses_jobs`, the storage takes none.
+    /// Serves one frame that came over `link`. Returns the answer; `None` if there is none or the storage gives it
+    /// later. With `refuses_jobs` the storage takes no job.
     pub fn serve(&self, link: LinkId, bytes: &[u8], refuses_jobs: bool) -> Option<Vec<u8>> {
         if bytes.len() > MAX_HOST_FRAME_BYTES {
             self.control.borrow_mut().device().link.oversized += 1;

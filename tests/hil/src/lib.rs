@@ -1,9 +1,8 @@
 //! Hardware in the loop: the tests of the image that a real board can run, over its link and its probe.
 //!
-//! `cargo tasks hil` runs them against a board, and `tests/run long` against the virtual stylus.
-//! The device's own clock and
-//! counters decide: a test waits for milliseconds of the device, not of this computer, so an emulator that is slower
-//! than real time passes and fails for the same reasons as a board.
+//! `cargo tasks hil` runs them against a board, and `tests/run long` against the virtual stylus. The device's own clock
+//! and counters decide: a test waits for milliseconds of the device, not of this computer, so an emulator that is
+//! slower than real time passes and fails for the same reasons as a board.
 //!
 //! | module | subject |
 //! |---|---|

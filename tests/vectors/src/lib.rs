@@ -2,9 +2,8 @@
 //!
 //! Host and target play the same library, [`library`] (feature `library`, for hosts), along the same path of the hand,
 //! [`motion`]; their output is compared sample by sample. The textures are made from a seed so as to reach every path
-//! of the kernel: one node and grids, orders that differ from node to node, steep resonances, silent
-//! nodes, full scale, fractions of θ, every law of the level,
-//! codebooks and level tracks, and two voices at a time.
+//! of the kernel: one node and grids, orders that differ from node to node, steep resonances, silent nodes, full scale,
+//! fractions of θ, every law of the level, codebooks and level tracks, and two voices at a time.
 #![no_std]
 
 #[cfg(feature = "library")]

@@ -2,8 +2,8 @@
 //!
 //! **From the encoder.** The [`Estimator`]'s course, extrapolated by [`LEAD_TICKS`]. The course has no lag at constant
 //! speed and acceleration. A turn at 100 mm/s is off by a count if it takes 0.9 s, and by two counts for a moment if it
-//! takes 0.3 s, because nobody knows the jerk ahead. Counts that flicker, because the tool is at the edge of a count
-//! whenever it is read, leave up to twice that. `firmware/app/tests/app/lines.rs` holds these figures.
+//! takes 0.3 s, because jerk cannot be predicted. At the edge of a count, where counts flicker, the error doubles.
+//! `firmware/app/tests/app/lines.rs` holds these figures.
 //!
 //! **From the host.** The host's positions come at up to 1 kHz, and up to a millisecond late or early. The position
 //! goes on at the speed that the host told last, and takes up a fifth of the difference per update. Without positions

@@ -46,8 +46,7 @@ fn booted(memory: Memory) -> Option<u32> {
 }
 
 /// Cuts an upload of `new` into `slot` over `before` at every erasure, at the header, and at one in `share` of the
-/// other
-/// writes, and uploads again after some cuts. A device with `before` boots with the checksum `old`.
+/// other writes, and uploads again after some cuts. A device with `before` boots with the checksum `old`.
 fn cut(before: &Memory, old: Option<u32>, new: &[u8], slot: SlotId, share: usize) {
     let new_crc = announcement(new).crc32;
     // The last word of a slot's library area is followed by its header, which ends the upload.

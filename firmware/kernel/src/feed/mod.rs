@@ -9,8 +9,8 @@
 //! the library is, in a memory that no tick reads. It goes to the tick with the frame of its block, as a word per
 //! sample; see [`crate::Frame::feed`].
 //!
-//! **Scale.** A step is 2⁻²⁵ of a standard deviation, and full scale 64 of them, eight times a plain texture's. The
-//! highest peak of a codebook is 40 ([`model_format::limits::MAX_CODEBOOK_PEAK`]).
+//! **Scale.** A step is 2⁻²⁵ standard deviations, and full scale 64 standard deviations, eight times a plain texture's.
+//! The highest peak of a codebook is 40 standard deviations ([`model_format::limits::MAX_CODEBOOK_PEAK`]).
 //!
 //! **Same bits.** The samples follow from the seed, the texture and the motion at each sample. They do not depend on
 //! the lengths of blocks. Random choices come from a generator of their own, so that the Gaussian noise is that of the

@@ -129,10 +129,10 @@ impl VoiceLines {
         })
     }
 
-    /// The lines of the next block, of `samples` samples, at `motion` on `texture`, the one that they were made for.
+    /// The lines of the next block, of `samples` samples, at `motion`. `texture` is that given to [`VoiceLines::new`].
     ///
-    /// `gain` is that of [`crate::Frame::update_scaled`]; `left` is the number of samples of the block before that are
-    /// not played.
+    /// `gain` is that of [`crate::Frame::update_scaled`]. `passage` is the tool's way in the block, which the phases
+    /// follow. `left` is the number of samples of the block before that are not played.
     pub fn follow(
         &mut self,
         texture: &Texture<'_>,

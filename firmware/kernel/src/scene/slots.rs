@@ -146,8 +146,9 @@ impl<'a> Slots<'a> {
         })
     }
 
-    /// Gives the surface of `one` a slot, if it has none and one is free: a slot that is silent, that no other wanted
-    /// surface has, and whose playback holds the same texture or is not used by the tick.
+    /// Gives the surface of `one` a slot, unless it has one. A slot is free if it is silent and no other wanted surface
+    /// has it. One whose playback holds the same texture comes first, then one that the tick does not use. Does nothing
+    /// if none is free.
     fn find(
         &mut self,
         plan: &Plan<'a>,

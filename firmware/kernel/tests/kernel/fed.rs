@@ -249,8 +249,7 @@ fn played(texture: Texture<'_>, seed: u64, blocks: u32) -> (Vec<f64>, u32) {
     (samples, synthesis.saturations())
 }
 
-/// 120 s, in which a track's level has a standard
-/// deviation of 0.1 dB.
+/// 120 s, in which a track's level has a standard deviation of 0.1 dB.
 #[test]
 fn a_fed_texture_has_the_level_of_its_node() {
     let plain = encoded(fed_h3(PartsSpec::default()));

@@ -61,8 +61,8 @@ impl LibraryRam {
         *self.content = Content::Copied(0);
     }
 
-    /// Does one step of copying `bytes`, the same at each step, or of decoding the copy. Returns true after the last
-    /// step; the library can be seen only then.
+    /// Copies the next piece of `bytes`, or decodes the next piece of the copy. Every call is given the same `bytes`.
+    /// Returns true after the last step; only then is there a library.
     ///
     /// # Errors
     /// There are too many bytes, or they are not a library, or nothing was begun; the memory has no library then.

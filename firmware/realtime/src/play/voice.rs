@@ -25,8 +25,8 @@ use crate::CortexM;
 use crate::boot::priority;
 use crate::play::shared::Handed;
 
-/// Index of one of the two blocks: false is the first. Not an enumeration, because its match was a branch, by which the
-/// tick took an instruction more at every other block.
+/// Index of one of the two blocks: false is the first. A `bool`, because the match of an enumeration compiled to a
+/// branch, which cost the tick an instruction in every other block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BlockIndex(bool);
 

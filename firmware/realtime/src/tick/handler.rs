@@ -319,8 +319,8 @@ impl Tick {
         self.tap.put(now, sample, inputs.complete);
     }
 
-    /// The signal of a tick at 10 kHz: two samples of the block. Apart from the tick at 5 kHz, so that neither takes
-    /// an instruction of the other.
+    /// The signal of a tick at 10 kHz: two samples of the block. Separate from that at 5 kHz, so that neither costs the
+    /// other an instruction.
     #[inline(never)]
     #[unsafe(link_section = ".itcm.pair")]
     fn wanted_of_pair(&mut self, muted: bool) -> Wanted {

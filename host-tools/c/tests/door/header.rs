@@ -1,5 +1,5 @@
-//! The kept header is what cbindgen makes of the sources; the shared library exports what it declares; and what callers
-//! were built with stays for as long as the number of the interface.
+//! The committed header is what cbindgen makes of the sources; the shared library exports what it declares; and
+//! existing declarations change only with `STYLUS_PLAYER_ABI`.
 
 use std::collections::BTreeSet;
 use std::path::Path;

@@ -310,7 +310,7 @@ impl Fit<'_> {
     }
 
     fn within_bounds(&self, section: Section) -> Section {
-        /// Least 1 - ρ of the format's limit on poles, with a margin for round-off.
+        /// Least distance of a pole from the unit circle that the format allows, with a margin for round-off.
         const LEAST_DAMPING: f64 = 1.1e-3;
         let [low, high] = self.band_hz;
         let frequency_hz = section.frequency_hz.clamp(low, high);

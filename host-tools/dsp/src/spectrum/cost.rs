@@ -17,7 +17,7 @@ pub fn dft_amplitude(signal: &[f64]) -> Vec<f64> {
     bins.iter().map(|bin| bin.norm_sqr().sqrt()).collect()
 }
 
-/// Adds |X(k)|² of a signal to `sums`, as far as both go.
+/// Adds |X(k)|² of a signal to `sums`, up to the end of the shorter one.
 pub(super) fn add_dft_power(signal: Vec<f64>, sums: &mut [f64]) {
     for (sum, bin) in sums.iter_mut().zip(dft(signal)) {
         *sum += bin.norm_sqr();

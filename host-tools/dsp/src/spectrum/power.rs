@@ -154,8 +154,7 @@ impl PowerSpectrum {
     }
 
     /// Returns the equivalent number of independent averages in the power of Gaussian noise between two frequencies:
-    /// its
-    /// relative variance is one over this. 0 without an estimate, or between no frequencies.
+    /// its relative variance is one over this. 0 without an estimate, or between no frequencies.
     ///
     /// For B hertz, wide against the resolution, and weights w of the squared samples, which windows and their overlap
     /// give, it is B (Σw)² / Σw² sample intervals (Welch, IEEE Trans. Audio Electroacoust. 15, 1967, 70). Bins of a

@@ -16,7 +16,7 @@ use crate::support::error::Result;
 pub enum Verdict {
     /// All that is promised held.
     Held,
-    /// A residue of the signal is left for ever when the drive stops, below a hundredth of full scale.
+    /// A limit cycle below 1 % of full scale remains when the drive stops.
     Residue,
     /// Level, noise or spectrum are beyond what is promised, or the state's norm grows.
     Inaccurate,

@@ -85,11 +85,11 @@ pub struct Moving {
     squares: f64,
     /// Bands of frames compared.
     bands: usize,
-    /// Of these within the JND.
+    /// Number of these bands within the JND.
     within: usize,
     /// Updates of the coefficients.
     updates: usize,
-    /// Of these with another cell's nodes.
+    /// Number of these updates that took the nodes of a new cell.
     new_cells: usize,
     /// Samples played.
     samples: usize,

@@ -151,8 +151,8 @@ pub struct Compared<'a> {
     pub record: Option<&'a FitRecord>,
 }
 
-/// Plans a test of the trials of `set`, which `judges` judge, by a library and, if there is one, by that of before.
-/// Speeds and forces of a texture take turns, and so do textures.
+/// Plans a listening test of `fitted`, and of `before` if given, on the trials of `set` against their `judges`. Trials
+/// of a texture come in random order, and textures by turns.
 ///
 /// # Errors
 /// As [`evaluate::prepare`]; no trial, speed or pair to compare; recordings that are not held out; a recording that

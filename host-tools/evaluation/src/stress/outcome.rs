@@ -39,7 +39,7 @@ pub struct Rest {
     pub limit: usize,
     /// Samples at which the state's norm grew, without any input.
     pub growing: usize,
-    /// Largest norm over that at the begin, dB.
+    /// Largest norm of the state, relative to that at the beginning, dB.
     pub growth_db: f64,
     /// Largest magnitude in the last thousand samples, as a share of full scale.
     pub left: f64,

@@ -144,7 +144,8 @@ impl<'f> Growing<'f> {
         })
     }
 
-    /// Adds a line of nodes if it takes at most `left` bytes. Returns how many it took; `None` if it was not added.
+    /// Adds a line of nodes if it takes at most `left` bytes. Returns the bytes that it took; `None` if it was not
+    /// added.
     fn grow(&mut self, line: &Candidate, left: usize) -> Option<usize> {
         let Self { grid, told, .. } = self;
         let (direction, value) = (line.direction, line.value);

@@ -19,6 +19,7 @@ use crate::support::number::counted;
 use crate::support::warning::Warning;
 use crate::texture::grid::Grid;
 use crate::texture::library::{spec_of, stored_nodes};
+use crate::texture::quantise::is_too_loud;
 
 /// A fitted texture.
 #[derive(Clone, Debug)]
@@ -85,7 +86,7 @@ impl FittedTexture {
                 Provenance::Recorded
             },
             nodes: stored_nodes(&name, &grid, options.sample_rate_hz)
-                .map_err(|failure| with_unit(failure, &members))?,
+                .map_err(|failure| with_unit(failure, &grid, &members))?,
             grid,
             name,
             sample_rate_hz: options.sample_rate_hz,
@@ -246,9 +247,17 @@ fn specs(textures: &[FittedTexture]) -> Vec<TextureSpec> {
     textures.iter().map(FittedTexture::spec).collect()
 }
 
-/// The `failure` of a texture that is too loud, with what triage found on the unit of its `members`.
-fn with_unit(failure: Error, members: &[Member<'_>]) -> Error {
-    let mut verdicts = members.iter().flat_map(|member| &member.report.verdicts);
+/// The `failure` of a texture whose `grid` has a node that is too loud, with what triage found on the unit of that
+/// node's trials, or of any of the `members` if it has none.
+fn with_unit(failure: Error, grid: &Grid, members: &[Member<'_>]) -> Error {
+    let mut nodes = grid.nodes();
+    let loud = nodes.find(|(.., model)| is_too_loud(model));
+    let at_node = |member: &&Member<'_>| {
+        let place = (member.trial.speed_mm_s as f32, member.trial.force_n as f32);
+        loud.is_some_and(|(speed_mm_s, force_n, _)| place == (speed_mm_s, force_n))
+    };
+    let by_nearness = members.iter().filter(at_node).chain(members);
+    let mut verdicts = by_nearness.flat_map(|member| &member.report.verdicts);
     match verdicts.find(|verdict| verdict.kind() == Kind::Scale) {
         Some(verdict) => Error::Model(format!("{failure}: {verdict}")),
         None => failure,
@@ -327,4 +336,35 @@ impl Fit {
 pub fn encoded(specs: &[TextureSpec]) -> Result<Vec<u8>> {
     model_format::encode(specs)
         .map_err(|failure| Error::Model(format!("the textures do not make a library: {failure}")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fit::fit;
+    use crate::recording::Trial;
+    use crate::support::float_wav::float_wav;
+    use model_format::SAMPLE_RATE_HZ;
+    use test_helpers::{holds, noise};
+
+    #[test]
+    fn a_node_that_is_too_loud_is_refused_with_the_unit_of_its_own_trial() {
+        let folder = tempfile::tempdir().unwrap();
+        let trial = |speed_mm_s: f64, rms: f64| {
+            let file = folder.path().join(format!("{speed_mm_s}.wav"));
+            let samples = noise(1, 10_000).into_iter().map(|x| rms * x);
+            std::fs::write(&file, float_wav(1, SAMPLE_RATE_HZ, samples).unwrap()).unwrap();
+            Trial::of(file, "surface", speed_mm_s, 1.0)
+        };
+        // Both are doubted for their level, and only the second is louder than a model can be.
+        let set = RecordingSet {
+            trials: vec![trial(80.0, 100.0), trial(120.0, 450.0)],
+            is_listed: true,
+        };
+        let failure = fit(&set, &Options::default(), |_| ()).unwrap_err();
+        holds(
+            &failure.to_string(),
+            &["at 120 mm/s", ": scale: an RMS of 4"],
+        );
+    }
 }

@@ -1,16 +1,19 @@
 //! From a recording set to the textures of a library, in five steps:
 //!
 //! 1. **Recordings** (`recordings`), a texture at a time: each trial is read, cut by triage, high-passed, reduced to
-//!    one axis and correlated. The share of the rig's own noise (`floor`) is measured, and subtracted if that is asked
-//!    for. The texture's lines are taken out of all its trials.
-//! 2. **Reports** (`reports`): all trials of the set are compared, which tells copies, hum and wrong scales. By their
-//!    verdicts, some trials are not used.
+//!    one axis and correlated. For another rate than 5 kHz it is read a second time. The share of the rig's own noise
+//!    (`floor`) is measured, and subtracted if that is asked for. The texture's lines are taken out of all its trials.
+//!    Lags and third-octave bands are estimated up to three times: at first, without the noise, and without the lines.
+//! 2. **Reports** (`reports`): all trials of the set are compared, also by their bands, which tells copies, hum and
+//!    wrong scales. A trial is not used if its speed or force is 0, or if `--drop` names its verdict.
 //! 3. **Models** (`fitted`), a texture at a time: the trials of a node are pooled, and give one linear predictor, whose
-//!    order is chosen per node. Holes of the grid are filled, the lines join it, and all is quantised (`texture`).
+//!    order is chosen per node, under `auto` by the bands. A trial 6 dB above the median of three or more counts at the
+//!    median. Holes of the grid are filled, the lines join it, and all is quantised (`texture`).
 //! 4. **Room** (`fitted`): what all models leave of a library is shared among the textures.
 //! 5. **Excitation** ([`excitation`]), a texture at a time: codebooks and a level track from the residuals of its
 //!    trials, by the quantised models. A node that would play louder than its recordings is made softer. Steps 4 and 5
-//!    are left out where noise of steady level is asked for.
+//!    are left out where noise of steady level is asked for. Signals beyond 128 MiB are let go after step 1, and
+//!    read again for this step.
 //!
 //! [`encoded`] writes the result as a library's bytes. The command snaps speeds and forces before step 1, densifies
 //! after step 5, and keeps a [`record`] of the fit beside the library.

@@ -347,7 +347,7 @@ fn unlisted_speeds(set: &RecordingSet) -> Option<String> {
     ))
 }
 
-/// Returns notes on what reading did to recordings: a line for all to which it did the same.
+/// Returns notes on changes that reading made to recordings, one note per kind of change.
 fn remarks(reports: &[TrialReport]) -> Vec<Warning> {
     let mut files: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
     for report in reports {

@@ -156,7 +156,8 @@ impl FitRecord {
         }
     }
 
-    /// Adds the excitations and lines of `fit`, a fit of the same set, to the record, and what it says of each trial.
+    /// Adds what `fit`, a fit of the same set, found: excitations, lines, and each trial's sample rate, remarks and
+    /// verdicts.
     #[must_use]
     pub fn with_account_of(mut self, fit: &Fit) -> Self {
         for (trial, report) in self.trials.iter_mut().zip(&fit.trials) {

@@ -26,9 +26,14 @@ pub fn nodes(name: &str, grid: &Grid) -> Result<Vec<NodeSpec>> {
     })
 }
 
+/// Returns whether `model` is louder than a library can hold.
+pub fn is_too_loud(model: &Model) -> bool {
+    model.output_power as f32 > limits::MAX_OUTPUT_POWER
+}
+
 fn node(model: &Model) -> std::result::Result<NodeSpec, String> {
     let mut output_power = model.output_power as f32;
-    if output_power > limits::MAX_OUTPUT_POWER {
+    if is_too_loud(model) {
         return Err(format!(
             "an RMS of {:.1} m/s² is above the {} that a model can have; check scale_m_s2",
             model.output_power.sqrt(),

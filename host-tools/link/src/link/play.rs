@@ -17,7 +17,7 @@ use crate::playing::motion::MotionPath;
 /// Highest rate of motions, Hz.
 pub const MAX_MOTION_RATE_HZ: u32 = 1_000;
 
-/// Lowest rate of motions, Hz: three motions within the time after which a device holds its motion for stale.
+/// Lowest rate of motions, Hz: three motions within the time after which a device takes its motion as stale.
 pub const MIN_MOTION_RATE_HZ: u32 = 60;
 
 /// Motions per request: every 16th motion is a request, so that the device's answers show how far it follows.

@@ -14,7 +14,7 @@ use model_format::limits::MAX_NAME_BYTES;
 
 use crate::link::capture::{Calibration, Capture};
 use crate::recording::{MOST_TRIALS, RecordingSet, TRIALS_FILE, Trial};
-use crate::support::csv_table::{CsvTable, TABLE};
+use crate::support::csv_table::{CsvTable, TABLE, is_content};
 use crate::support::error::{Error, Result};
 use crate::support::float_wav::float_wav;
 use crate::support::hand::{force_fault, speed_fault};
@@ -184,8 +184,7 @@ impl Folder {
             Err(failure) => return Err(failure),
         };
         folder.lines = text.lines().map(str::to_owned).collect();
-        let is_content = |line: &&String| !line.starts_with('#') && !line.trim().is_empty();
-        let mut content = folder.lines.iter().filter(is_content);
+        let mut content = folder.lines.iter().filter(|line| is_content(line));
         if content.next().map(String::as_str) != Some(HEADER) {
             let problem = format!(
                 "was not written by `stylus record`, whose columns are {HEADER}: name a new folder"
@@ -297,10 +296,13 @@ fn row(fields: &[&str]) -> csv::Result<String> {
     Ok(text.trim_end_matches('\n').to_owned())
 }
 
+/// First field of a line of the list; empty for a comment.
 fn first_field(line: &str) -> String {
+    if !is_content(line) {
+        return String::new();
+    }
     let mut reader = csv::ReaderBuilder::new()
         .has_headers(false)
-        .comment(Some(b'#'))
         .from_reader(line.as_bytes());
     let first = reader.records().next().and_then(std::result::Result::ok);
     first.map_or(String::new(), |record| {

@@ -145,7 +145,7 @@ fn largest(values: impl Iterator<Item = f64>) -> f64 {
     values.fold(0.0, |most, value| most.max(value.abs()))
 }
 
-/// Returns what `format` cannot hold of a stroke, with levels; `None` if it holds all.
+/// Returns what `format` loses of a stroke, with levels in dB; `None` if nothing.
 fn loss(stroke: &[f64], rate_hz: f64, envelope: &Envelope, format: Format) -> Option<String> {
     let spectrum = PowerSpectrum::welch(stroke, rate_hz);
     let limit_hz = f64::from(hjif::RATE_HZ) / 2.0;

@@ -3,6 +3,7 @@
 use regex_lite::Regex;
 use serde::{Deserialize, Serialize};
 
+use crate::support::csv_table::comment;
 use crate::support::number::positive;
 
 /// Integers, whose acceleration no sample tells.
@@ -299,7 +300,7 @@ fn brackets(name: &str) -> (Vec<String>, String) {
 /// The unit that comments name: `unit: g`, `acceleration in mg`.
 fn in_comments(comments: &str) -> Option<(Unit, String)> {
     comments.lines().find_map(|line| {
-        let line = line.trim_start_matches('#').trim();
+        let line = comment(line).unwrap_or(line).trim();
         let lower = line.to_lowercase();
         if !["unit", "accel"].iter().any(|word| lower.contains(word)) {
             return None;

@@ -200,7 +200,8 @@ fn function_at(functions: &BTreeMap<u64, Function>, address: u64) -> Option<u64>
 
 const ITCM_BYTES: u64 = 64 * 1024;
 
-/// Sections that are not loaded have address zero as well, and null is no function.
+/// Returns whether `address` is in ITCM. Addresses below 8 are not, because unloaded sections have address 0, and null
+/// is no function.
 fn is_itcm(address: u64) -> bool {
     (8..ITCM_BYTES).contains(&address)
 }

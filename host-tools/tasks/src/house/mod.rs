@@ -137,7 +137,7 @@ mod tests {
             (
                 "model-format/Cargo.toml",
                 "[package]\nname = \"model-format\"",
-                ":0: takes not the workspace's lints",
+                ":0: does not inherit the workspace's lints",
             ),
         ] {
             let scene = ("host-tools/fit/src/scene.rs", "pub struct Scene;");

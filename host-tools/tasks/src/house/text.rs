@@ -94,7 +94,7 @@ pub fn check_lints(tree: &Tree, outcome: &mut Outcome) {
         count += 1;
         let name = package.split('"').next().unwrap_or_default();
         if !text.contains("[lints]\nworkspace = true") && !OWN_LINTS.contains(&name) {
-            let problem = "takes not the workspace's lints, which forbid unsafe code";
+            let problem = "does not inherit the workspace's lints, which forbid unsafe code";
             outcome.find(path, 0, problem);
         }
     }

@@ -178,7 +178,8 @@ impl Injected {
         self.begin(call);
     }
 
-    /// Half cycles from the start of a conversion of `channel` to the end of its sampling, and to its own end.
+    /// Half cycles from the start of a conversion of `channel` to the end of its sampling, and to the end of the
+    /// conversion.
     fn durations(channel: u64, registers: &RegisterFile) -> (u64, u64) {
         let (register, place) = match channel {
             0..10 => (Register::Smpr1, channel),

@@ -18,9 +18,9 @@
 //! of TIM7, to which it does, hears them for it (`trigger.rs`).
 //!
 //! Left out: the two or three cycles of the bus clock between a trigger or write and `DORx` (constant, 30 ns at most at
-//! 100 MHz), settling and the buffer, the other triggers and holding
-//! registers, waves (`WAVEx`), calibration (`CENx`), the interrupt on an underrun (`DMAUDRIEx`), and the timing of
-//! sample and hold. If the image asks for one of these, the run's report says so (`told`).
+//! 100 MHz), settling and the buffer, the other triggers and holding registers, waves (`WAVEx`), calibration (`CENx`),
+//! the interrupt on an underrun (`DMAUDRIEx`), and the timing of sample and hold. If the image asks for one of these,
+//! the run's report says so (`told`).
 
 use rigless::device::{Device, DeviceContext, Level, RegisterFile};
 use rigless::soc::Width;

@@ -1,5 +1,5 @@
-//! Latency from the sensors' pins to the output's pin, and to the tip of a plant: the hand's steps at every tick of a
-//! block, just before and just after the instant at which the converter samples the force.
+//! Latency from the sensors' pins to the output's pin, and to the tip of a plant. The hand steps at every tick of a
+//! block, just before and just after the converter samples the force.
 
 use model_format::scene::{Scene, SceneName, Surface, Tap};
 use model_format::{CodeSpec, DacCode, NodeSpec, TextureSpec, encode_with_scenes};
@@ -146,7 +146,8 @@ fn latencies(step: &Step, both: bool) -> Latencies {
     at_pin_and_tip(&mut device, &steps)
 }
 
-/// Time from each of `steps` to the first value beyond a tenth of the most that follows: of the codes, and of the tip.
+/// Latencies, ms, from each of `steps`, ns, to the first value above a tenth of the largest that follows: at the pin,
+/// and at the tip.
 fn at_pin_and_tip(device: &mut Device, steps: &[u64]) -> Latencies {
     let parameters = Parameters::preset("haptuator").expect("it is there");
     let mut plant = Plant::new(&parameters, 1);

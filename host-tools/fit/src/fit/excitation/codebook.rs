@@ -28,13 +28,13 @@ const HIGHEST_CODE: i8 = 127;
 pub(super) struct Coded {
     /// The codebook, with a mean square of 1.
     pub spec: CodebookSpec,
-    /// Number of samples whose peak was cut.
+    /// Number of samples that were clipped.
     pub cut: usize,
     /// Ratio of its power to that of the error of the codes, dB.
     pub snr_db: f64,
 }
 
-/// Codes `material` by the mu-law, cut at `highest` standard deviations. `None` if it has no power.
+/// Codes `material` by the mu-law, clipped at `highest` standard deviations. `None` if it has no power.
 pub(super) fn coded(material: &[f64], highest: f64) -> Option<Coded> {
     let (samples, cut) = prepared(material, highest)?;
     let peak = peak_of(&samples);
@@ -50,7 +50,7 @@ pub(super) fn coded(material: &[f64], highest: f64) -> Option<Coded> {
     with_unit_power(codes, peak, &samples, &decoded, cut)
 }
 
-/// Codes `material` in blocks, cut at `highest` standard deviations, without the last samples that fill no block.
+/// Codes `material` in blocks, clipped at `highest` standard deviations; last samples that fill no block are dropped.
 /// `None` if it has no power.
 pub(super) fn coded_in_blocks(material: &[f64], highest: f64) -> Option<Coded> {
     let whole = material.len() / BLOCK_SAMPLES * BLOCK_SAMPLES;
@@ -134,8 +134,8 @@ fn with_unit_power(
     })
 }
 
-/// Returns `material` whitened, cut at `highest` standard deviations, with a mean square of 1; and how many samples
-/// were cut. `None` if it has no power.
+/// Returns `material` whitened, clipped at `highest` standard deviations, with a mean square of 1; and the number of
+/// samples that were clipped. `None` if it has no power.
 fn prepared(material: &[f64], highest: f64) -> Option<(Vec<f64>, usize)> {
     let highest = highest.min(0.99 * f64::from(limits::MAX_CODEBOOK_PEAK));
     let mut samples = material.to_vec();

@@ -132,8 +132,8 @@ pub(super) fn spread(trials: &[Levels]) -> Evidence {
     }
 }
 
-/// Window of the local kurtosis, samples: 10 ms, in which levels hardly change, unless the recording's rate is below
-/// the models'.
+/// Window of the local kurtosis, samples: 10 ms at 5 kHz, in which levels hardly change. It lasts longer where the
+/// residual of a recording at a lower rate was resampled to about that rate.
 pub(super) const KURTOSIS_SAMPLES: usize = 50;
 
 /// Window of a level, samples: 50 ms.

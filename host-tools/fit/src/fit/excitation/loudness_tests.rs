@@ -227,8 +227,8 @@ fn library_of(trials: &[[Vec<f64>; 3]]) -> Vec<u8> {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 6, ..ProptestConfig::default() })]
 
-    /// The last step holds for any parts, as if no other had come before it: those of another surface, whose level or
-    /// impulses the node's recording does not have.
+    /// The excess that remains is found for any parts, even for those of another surface, whose changing level or
+    /// impulses the node's recording does not have. No earlier limit is needed.
     #[test]
     fn no_parts_make_a_node_louder_than_its_recordings_once_what_is_left_is_taken_off(
         seed in 0u64..1000,
@@ -255,7 +255,8 @@ proptest! {
         prop_assert!(ratio <= 1.1 * MOST, "{}", ratio);
     }
 
-    /// At the nodes beside and across, and between four nodes, against the set without the event and the recordings.
+    /// At three other nodes, the library with the event is compared with the library without it and with the
+    /// recordings; between four nodes, with the recordings.
     #[test]
     fn an_event_of_one_trial_is_heard_at_no_other_node(
         seed in 0u64..1000,

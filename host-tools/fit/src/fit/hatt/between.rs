@@ -164,8 +164,8 @@ fn shape(toolkit: &Toolkit, models: &[(&ArmaModel, f64)]) -> Option<LogSpectrum>
     Some(at_play_rate(toolkit, &poles, &zeros, gain)).filter(|_| gain > 0.0)
 }
 
-/// The density of unit excitation at the file's rate, at that which is played and in its scale: a larger one per sample
-/// at a higher rate.
+/// Spectrum, at the played rate, of the file's ARMA filter driven by noise of unit variance at the file's rate. Density
+/// per sample grows with the ratio of the rates. Above the file's half rate it rolls off by [`ROLL_OFF_DB_PER_OCTAVE`].
 fn at_play_rate(toolkit: &Toolkit, poles: &[f64], zeros: &[f64], gain: f64) -> LogSpectrum {
     // A zero on the circle itself is a floor 200 dB down.
     const FLOOR: f64 = 1e-20;

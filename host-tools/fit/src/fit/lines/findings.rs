@@ -94,12 +94,13 @@ impl fmt::Display for Findings {
 impl Findings {
     fn fmt_lines(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} tied to position:", counted(self.lines.len(), "line"))?;
-        for line in &self.lines {
+        for (index, line) in self.lines.iter().enumerate() {
             let (low, high) = line.amplitude_range_m_s2;
             let (shown, all) = line.shown_at_speeds;
+            let separator = if index > 0 { ";" } else { "" };
             write!(
                 f,
-                " {:.4} mm ({low:.3} to {high:.3} m/s², at {shown} of {all} speeds",
+                "{separator} {:.4} mm ({low:.3} to {high:.3} m/s², at {shown} of {all} speeds",
                 line.wavelength_mm
             )?;
             match line.harmonic_of {

@@ -107,8 +107,7 @@ impl LineSpectrum {
             .collect()
     }
 
-    /// Mean square of the amplitude that a line of no amplitude at `frequency_hz` would be measured with, (m/s²)², in a
-    /// recording of so many samples.
+    /// Mean square amplitude, (m/s²)², that noise alone gives a line measured at `frequency_hz` in `samples` samples.
     pub(super) fn noise_amplitude_squared(&self, frequency_hz: f64, samples: usize) -> f64 {
         let bin = ((frequency_hz / self.step_hz).round() as usize).clamp(1, self.power.len() - 2);
         4.0 * self.background(bin) / (self.window_energy * samples as f64)

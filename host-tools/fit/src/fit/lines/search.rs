@@ -339,7 +339,7 @@ impl Search<'_> {
 const RESIDUE_CELLS: f64 = 3.0;
 const SAME_LINE: f64 = 3e-3;
 
-/// Relative error of a speed that lines have told.
+/// Relative error of a speed that was measured by lines found before.
 const EXACT_SPEED: f64 = 2e-4;
 
 /// Least ratio of the fastest to the slowest speed that show a line: at closer ones, place is not told from time.

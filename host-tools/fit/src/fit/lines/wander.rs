@@ -127,7 +127,8 @@ struct Search {
 }
 
 impl Search {
-    /// Minus the logarithm of the chance of all speeds together that show `carrier`; `None` if it is not acceptable.
+    /// Minus the logarithm of the joint chance of the speeds that show `carrier`, corrected for the choice among speeds
+    /// and hypotheses. `None` if it is not significant, or if the speeds are too few or too near each other.
     fn evidence(&self, carrier: Carrier) -> Option<f64> {
         let chances = self.heard.iter().filter_map(|heard| {
             let hz = heard.frequency_hz(carrier);
@@ -151,8 +152,8 @@ impl Search {
         (evidence > -LEVEL.ln()).then_some(evidence)
     }
 
-    /// The carrier with most evidence that is no harmonic of a line at `known_mm`; of one for which a longer wavelength
-    /// is acceptable, of which it is a harmonic, that one.
+    /// Returns the carrier with most evidence, or the acceptable longer wavelength of which it is a harmonic. Neither
+    /// is a harmonic of a line at `known_mm`.
     fn best(&self, known_mm: &[f64]) -> Option<Carrier> {
         let strong = |heard: &Heard| {
             let speed = heard.speed_mm_s;
@@ -188,11 +189,14 @@ impl Search {
     }
 }
 
-/// Finds the strongest line in `signals` whose amplitude is steady and whose place wanders, beside those of wavelengths
-/// `known_mm`. Returns none if there is none, or the frequency of a steady band that stays while the speed changes, Hz.
+/// Finds the strongest line in `signals` with a steady amplitude and irregular spacing (wander) that is no harmonic of
+/// a line at `known_mm`. Amplitudes are measured within `ranges`.
 ///
-/// Trials of one speed do not tell place from time; a line that holds its frequency is then one of time. Amplitudes are
-/// those of the samples in `ranges`.
+/// Recordings at one speed cannot tell position from time, so a line that holds its frequency is then returned too,
+/// with the speed at which it does.
+///
+/// # Errors
+/// The frequency, Hz, of a steady band that stays while the speed changes; `None` if there is no such band and no line.
 pub(super) fn find(
     speeds_mm_s: &[f64],
     signals: &[Vec<f64>],

@@ -143,8 +143,8 @@ impl RecordedSpectra {
         Some(LogSpectrum::mean(&[(1.0 - share, low.1), (share, high.1)]))
     }
 
-    /// The spectrum at any speed, mm/s, and force, N, between recorded ones: of the forces around it, each at that
-    /// speed, where what moves with the speed has the weight `moving`.
+    /// The spectrum at a speed, mm/s, and force, N, within the recorded ones: the mean over the two nearest forces,
+    /// each interpolated to the speed with weight `moving` for the part that moves with it.
     pub fn at(&self, speed_mm_s: f64, force_n: f64, moving: f64) -> Option<LogSpectrum> {
         let row = |force: usize| {
             let same = |known: &f64| (known - speed_mm_s).abs() < 1e-6;

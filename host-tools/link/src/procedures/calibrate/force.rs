@@ -69,7 +69,7 @@ pub enum ForceFault {
          and their order, and that the sensor is not at the end of its range"
     )]
     NotLinear(f64, f64),
-    /// By the settings that were stored a weight, g, shows as the first force, N, instead of the second.
+    /// With the stored scale, this weight, g, reads the first force, N, instead of the second.
     #[error(
         "{0} g show as {1:.3} N instead of {2:.3} N by the scale that was just set: lay the same weight on the tip as \
          before, and calibrate again"

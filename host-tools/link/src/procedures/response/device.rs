@@ -56,7 +56,7 @@ impl<'a> DeviceBench<'a> {
         Ok((limits, lost))
     }
 
-    /// Checks that no other program has stopped a probe before.
+    /// Checks that no other program has stopped what this one plays.
     fn check_not_stopped(&self) -> Result<()> {
         let Some(by) = self.device.stopped_by() else {
             return Ok(());

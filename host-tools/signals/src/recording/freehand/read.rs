@@ -10,7 +10,7 @@ use crate::recording::stamps::even_rate;
 use crate::recording::time_unit::{TimeColumn, TimeUnit};
 use crate::recording::unit;
 use crate::recording::{MAX_CHANNELS, MAX_FRAMES, RECORDING, rate_fault};
-use crate::support::csv_table::{CsvTable, Header, Row, TABLE};
+use crate::support::csv_table::{CsvTable, Header, Row, TABLE, comment};
 use crate::support::error::{Error, Result};
 use crate::support::hand::{MAX_FORCE_N, MAX_SPEED_MM_S};
 
@@ -127,10 +127,8 @@ pub struct Outlier {
 
 /// Returns true if a comment at the top of a CSV file's `text` begins with SIMULATED.
 fn says_simulated(text: &str) -> bool {
-    let comments = text.lines().take_while(|line| line.starts_with('#'));
-    comments
-        .map(|line| line.trim_start_matches('#').trim_start())
-        .any(|comment| comment.starts_with("SIMULATED"))
+    let mut comments = text.lines().map_while(comment);
+    comments.any(|comment| comment.trim_start().starts_with("SIMULATED"))
 }
 
 /// Length of a file's top, where a comment may say that it is SIMULATED.

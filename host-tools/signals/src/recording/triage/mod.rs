@@ -31,8 +31,8 @@
 //! sample that is not finite has no verdict: [`read`](super::read) fails on it, and the whole fit with it; so does a
 //! file that ends within the part that is used, and times that do not rise.
 //!
-//! A trial that is used in spite of a verdict other than silent marks its node as doubtful. What a verdict can cut is
-//! cut if parts of 0.4 s or more are left that make half of the trial; dropouts if parts of 0.1 s do ([`usable`]).
+//! A trial that is used in spite of a verdict other than silent marks its node as doubtful. A flagged stretch is cut if
+//! the parts left of at least 0.4 s make half of the trial; dropouts if the parts left of 0.1 s do ([`usable`]).
 //! Silent trials are not compared for copies. At rest or without contact, slow motion is no finding. The option
 //! `--drop` leaves trials out, and `--strict` refuses the set.
 //!

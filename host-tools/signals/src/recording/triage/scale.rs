@@ -65,7 +65,11 @@ fn level(moments: &[Moments], has_scale: bool) -> Option<String> {
         ));
     }
     if rms > LARGE_RMS_M_S2 {
-        return Some(format!("an RMS of {rms:.0} m/s²"));
+        let of_axes = match moments.len() {
+            1 => String::new(),
+            axes => format!(" over all {axes} axes"),
+        };
+        return Some(format!("an RMS of {rms:.0} m/s²{of_axes}"));
     }
     let is_whole = moments.len() == 3;
     let is_thousandth = (mean / THOUSANDTH_M_S2 - 1.0).abs() <= GRAVITY_TOLERANCE;

@@ -7,7 +7,7 @@ use super::verdict::{Kind, Verdict};
 /// speeds has is another filter's or gain's.
 pub const UNLIKE_NEIGHBOURS_DB: f64 = 6.0;
 
-/// Fewest bands in a row that depart: an octave. A resonance or line that moves with speed has fewer.
+/// Fewest bands in a row that depart: an octave. A resonance or line that moves with speed departs in fewer.
 const LEAST_BANDS: usize = 3;
 
 /// Frequency below which the motion of hand or rig differs from trial to trial, Hz.

@@ -11,148 +11,83 @@ use crate::support::number::counted;
 /// Samples from the first to before the last, at 5 kHz, from the start of the trial.
 pub type Span = Range<usize>;
 
-/// A kind of verdict. Names and remedies stand in this order.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub enum Kind {
-    /// No signal, apart from a constant.
-    Silent,
-    /// Too few samples for a good model.
-    TooShort,
-    /// Samples at the limits of the range.
-    Clipped,
-    /// Stretches of zeros: samples that were lost.
-    Dropouts,
-    /// Stretches of one value: a converter that stood still.
-    Stuck,
-    /// Single samples far off their neighbours.
-    Spikes,
-    /// Wild samples on one axis alone.
-    Bursts,
-    /// Values held: a lower sample rate than the file says.
-    Repeated,
-    /// Steps of the converter that are too coarse for the level.
-    Coarse,
-    /// A file that ends before its header says.
-    Truncated,
-    /// A part without a signal in a trial with one.
-    PartlySilent,
-    /// One to three events with a large share of the energy.
-    Tap,
-    /// Another level in one part than in the rest.
-    LevelChange,
-    /// A linear trend under the vibration.
-    Drifting,
-    /// Slow motion under the vibration.
-    Wandering,
-    /// A spectral line of the mains.
-    Hum,
-    /// A level that no texture has: wrong units, or a wrong scale.
-    Scale,
-    /// An axis that measures nothing.
-    DeadAxis,
-    /// A copy of an earlier trial, also one that is scaled.
-    Duplicate,
-    /// A spectrum that departs from those of both neighbours in speed.
-    Unlike,
-    /// A sample rate too low for what skin feels.
-    WrongRate,
-    /// Times in a unit that only their steps tell.
-    TimeUnit,
-    /// Rows of other sensors, which repeat the last sample.
-    Joined,
-    /// Times in bunches, as a queue is read.
-    Bunches,
-}
-
-impl Kind {
-    /// Names of all kinds, as users give them on the command line.
-    pub const NAMES: [&str; WORDS.len()] = {
-        let mut names = [""; WORDS.len()];
-        let mut at = 0;
-        while at < names.len() {
-            names[at] = WORDS[at].0;
-            at += 1;
+/// Declares [`Kind`] from one row per kind: its meaning, its name, and its remedy in the imperative.
+macro_rules! kinds {
+    ($($(#[$meaning:meta])* $kind:ident: $name:literal, $remedy:expr;)*) => {
+        /// A kind of verdict.
+        #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+        pub enum Kind {
+            $($(#[$meaning])* $kind,)*
         }
-        names
-    };
 
-    /// Name and remedy, the latter in the imperative.
-    fn words(self) -> (&'static str, &'static str) {
-        WORDS[self as usize]
-    }
+        impl Kind {
+            /// Names of all kinds, as users give them on the command line.
+            pub const NAMES: &[&str] = &[$($name),*];
+
+            /// Name and remedy.
+            fn words(self) -> (&'static str, &'static str) {
+                match self {
+                    $(Self::$kind => ($name, $remedy),)*
+                }
+            }
+        }
+    };
 }
 
 const STEADY: &str = "cut it with start_s and duration_s, or record again in steady contact";
 
-/// Name and remedy of each [`Kind`], in its order.
-const WORDS: [(&str, &str); Kind::Bunches as usize + 1] = [
-    (
-        "silent",
-        "check contact, cable and scale_m_s2, unless it is meant to be silent",
-    ),
-    ("too-short", "record at least 0.4 s, better 2 s"),
-    ("clipped", "record again with less gain"),
-    (
-        "dropouts",
-        "record again; check the link and the disk for lost blocks",
-    ),
-    ("stuck", "record again; check the converter and its clock"),
-    (
-        "spikes",
-        "check cable and connectors, or cut it out with start_s and duration_s",
-    ),
-    (
-        "bursts",
-        "check cable, connectors and the sensor's driver: a queue that slips gives such samples",
-    ),
-    (
-        "repeated",
-        "record at the sensor's own rate, or find the original file",
-    ),
-    (
-        "coarse",
-        "record again with more gain, or export with more digits",
-    ),
-    ("truncated", "copy or record it again"),
-    ("partly-silent", STEADY),
-    ("tap", STEADY),
-    (
-        "level-change",
-        "cut the steady part with start_s and duration_s, or record again at one speed and force",
-    ),
-    (
-        "drifting",
-        "record again after the sensor has warmed up, or remove the trend",
-    ),
-    (
-        "wandering",
-        "the motion of hand or rig: a fit filters it out, unless --high-pass is none",
-    ),
-    ("hum", "check ground and shield, and record again"),
-    (
-        "scale",
-        "name the unit with --scale, such as g, mm/s^2 or g/256, or give scale_m_s2 in the list; a g is 9.80665 m/s²",
-    ),
-    (
-        "dead-axis",
-        "check its cable, or choose an axis with --reduce",
-    ),
-    ("duplicate", "remove one of the two, or record it anew"),
-    (
-        "unlike",
-        "check filter, sensor and gain of this recording, and record it again",
-    ),
-    ("wrong-rate", "record at 5 kHz or more"),
-    (
-        "time-unit",
-        "give --time-unit, or the unit in the column's name, such as time_ms",
-    ),
-    ("joined", "export the accelerometer's rows alone"),
-    (
-        "bunches",
-        "give --even-times if samples are even, and the times are those of reading a queue",
-    ),
-];
+kinds! {
+    /// No signal, apart from a constant.
+    Silent: "silent", "check contact, cable and scale_m_s2, unless it is meant to be silent";
+    /// Too few samples for a good model.
+    TooShort: "too-short", "record at least 0.4 s, better 2 s";
+    /// Samples at the limits of the range.
+    Clipped: "clipped", "record again with less gain";
+    /// Stretches of zeros: samples that were lost.
+    Dropouts: "dropouts", "record again; check the link and the disk for lost blocks";
+    /// Stretches of one value: a converter that stood still.
+    Stuck: "stuck", "record again; check the converter and its clock";
+    /// Single samples far off their neighbours.
+    Spikes: "spikes", "check cable and connectors, or cut it out with start_s and duration_s";
+    /// Wild samples on one axis alone.
+    Bursts: "bursts", "check cable, connectors and the sensor's driver: a queue that slips gives such samples";
+    /// Values held: a lower sample rate than the file says.
+    Repeated: "repeated", "record at the sensor's own rate, or find the original file";
+    /// Steps of the converter that are too coarse for the level.
+    Coarse: "coarse", "record again with more gain, or export with more digits";
+    /// A file that ends before its header says.
+    Truncated: "truncated", "copy or record it again";
+    /// A part without a signal in a trial with one.
+    PartlySilent: "partly-silent", STEADY;
+    /// One to three events with a large share of the energy.
+    Tap: "tap", STEADY;
+    /// Another level in one part than in the rest.
+    LevelChange: "level-change",
+        "cut the steady part with start_s and duration_s, or record again at one speed and force";
+    /// A linear trend under the vibration.
+    Drifting: "drifting", "record again after the sensor has warmed up, or remove the trend";
+    /// Slow motion under the vibration.
+    Wandering: "wandering", "the motion of hand or rig: a fit filters it out, unless --high-pass is none";
+    /// A spectral line of the mains.
+    Hum: "hum", "check ground and shield, and record again";
+    /// A level that no texture has: wrong units, or a wrong scale.
+    Scale: "scale",
+        "name the unit with --scale, such as g, mm/s^2 or g/256, or give scale_m_s2 in the list; a g is 9.80665 m/s²";
+    /// An axis that measures nothing.
+    DeadAxis: "dead-axis", "check its cable, or choose an axis with --reduce";
+    /// A copy of an earlier trial, also one that is scaled.
+    Duplicate: "duplicate", "remove one of the two, or record it anew";
+    /// A spectrum that departs from those of both neighbours in speed.
+    Unlike: "unlike", "check filter, sensor and gain of this recording, and record it again";
+    /// A sample rate too low for what skin feels.
+    WrongRate: "wrong-rate", "record at 5 kHz or more";
+    /// Times in a unit that only their steps tell.
+    TimeUnit: "time-unit", "give --time-unit, or the unit in the column's name, such as time_ms";
+    /// Rows of other sensors, which repeat the last sample.
+    Joined: "joined", "export the accelerometer's rows alone";
+    /// Times in bunches, as a queue is read.
+    Bunches: "bunches", "give --even-times if samples are even, and the times are those of reading a queue";
+}
 
 /// A verdict on a trial.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

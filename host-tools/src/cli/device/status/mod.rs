@@ -208,7 +208,7 @@ fn start(start: StartReport) -> Vec<String> {
     }
     if start.supply_low {
         lines.push(format!(
-            "SUPPLY   below {FLASH_SUPPLY_MV} mV: no upload and no change of settings until it rises"
+            "SUPPLY   below {FLASH_SUPPLY_MV} mV: amplifier off, no upload and no change of settings until it rises"
         ));
     }
     if start.brown_out_level < LEAST_BROWN_OUT_LEVEL {

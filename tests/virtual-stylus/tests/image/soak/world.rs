@@ -460,7 +460,7 @@ impl World {
         self.run.pin.follow(&outputs, &amplifier, limits);
     }
 
-    /// True if the pin has other codes than mid-scale within a time of at most `most_ms`, which passes.
+    /// Lets `most_ms` pass; true if the pin left mid-scale meanwhile.
     pub fn is_heard(&mut self, most_ms: u64) -> bool {
         self.follow_pin();
         let before = self.run.pin.heard;
