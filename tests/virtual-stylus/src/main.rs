@@ -245,7 +245,8 @@ fn run(
         stylus.run_until((stylus.now_ns() + around.step_ns()).min(end_ns));
         around.serve(stylus);
         let virtual_time = Duration::from_nanos(stylus.now_ns());
-        if let Some(announced) = (around.announced.as_mut()).filter(|_| told.elapsed() > TELL_EVERY) {
+        if let Some(announced) = (around.announced.as_mut()).filter(|_| told.elapsed() > TELL_EVERY)
+        {
             // A time that cannot be told makes the waits of programs shorter, and is no reason not to run.
             let _ = announced.tell_time(virtual_time);
             told = Instant::now();
