@@ -177,7 +177,7 @@ pub fn check(sources: &[Source], outcome: &mut Outcome) {
     check_circles(arrows, outcome);
 }
 
-/// All modules outside tests: each is declared by the one around it, if that is there.
+/// All modules outside tests: a crate's roots, and those that the module around them declares.
 fn modules(sources: &[Source]) -> BTreeMap<Path, Vec<&Source>> {
     let mut found: BTreeMap<Path, Vec<&Source>> = BTreeMap::new();
     for source in sources {

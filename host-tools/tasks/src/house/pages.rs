@@ -17,41 +17,34 @@ pub fn check(tree: &Tree, sources: &[Source], outcome: &mut Outcome) {
     let (mut paths, mut names) = (0, 0);
     for (page, text) in tree.texts_of(&["md"]) {
         let text = outside_fences(text);
-        let mut line = 1;
-        let mut span = "";
+        let (mut line, mut before) = (1, "");
         for (index, piece) in text.split('`').enumerate() {
             let is_span = index % 2 == 1;
-            let mut found = Vec::new();
-            if is_span {
-                found.extend(span_exists(tree, page, piece).map(|exists| (0, piece, exists)));
+            let found = if is_span {
+                let exists = span_exists(tree, page, piece);
+                Vec::from_iter(exists.map(|exists| (0, piece, exists)))
             } else {
-                for (at, _) in piece.match_indices("](") {
-                    let target = piece[at + 2..].split([')', ' ', '#']).next();
-                    let target = target.unwrap_or_default();
-                    let path = joined(folder(page), target);
-                    let exists = path.as_ref().is_some_and(|path| tree.has(path));
-                    if !target.is_empty() && !target.contains(':') {
-                        found.push((at, target, exists));
-                    }
-                    let mut sources = sources.iter();
-                    let source =
-                        sources.find(|source| at == 0 && path.as_ref() == Some(&source.path));
-                    if let Some(source) = source.filter(|_| is_item(span)) {
-                        names += 1;
-                        if !source.defines(span.trim_end_matches("()")) {
-                            let problem = format!("'{span}' is not in {}", source.path);
-                            outcome.find(page, line, problem);
-                        }
+                links(tree, page, piece)
+            };
+            for (at, path, exists) in found {
+                let line = line + piece[..at].matches('\n').count();
+                paths += 1;
+                if !exists {
+                    outcome.find(page, line, format!("'{path}' does not exist"));
+                }
+                let item = Some(before).filter(|item| at == 0 && !is_span && is_item(item));
+                let path = joined(folder(page), path);
+                let source = sources.iter().find(|it| Some(&it.path) == path.as_ref());
+                if let Some((item, source)) = item.zip(source) {
+                    names += 1;
+                    if !source.defines(item.trim_end_matches("()")) {
+                        let problem = format!("'{item}' is not in {}", source.path);
+                        outcome.find(page, line, problem);
                     }
                 }
             }
-            paths += found.len();
-            for (at, path, _) in found.into_iter().filter(|(.., exists)| !exists) {
-                let line = line + piece[..at].matches('\n').count();
-                outcome.find(page, line, format!("'{path}' does not exist"));
-            }
             line += piece.matches('\n').count();
-            span = piece;
+            before = piece;
         }
     }
     outcome.count("paths in pages", paths);
@@ -67,6 +60,16 @@ fn outside_fences(text: &str) -> String {
         if is_open || is_mark { "" } else { line }
     });
     lines.collect::<Vec<_>>().join("\n")
+}
+
+/// The links in `piece` to files, each with its place and whether the file exists.
+fn links<'a>(tree: &Tree, page: &str, piece: &'a str) -> Vec<(usize, &'a str, bool)> {
+    let targets = piece.match_indices("](").filter_map(|(at, _)| {
+        let target = piece[at + 2..].split([')', ' ', '#']).next()?;
+        (!target.is_empty() && !target.contains(':')).then_some((at, target))
+    });
+    let exists = |path: &str| joined(folder(page), path).is_some_and(|path| tree.has(&path));
+    targets.map(|(at, path)| (at, path, exists(path))).collect()
 }
 
 fn is_item(span: &str) -> bool {
