@@ -331,7 +331,7 @@ fn dispatch<S: Stage, L: Link>(
     }
 }
 
-/// Queues the job of a request that needs the flash. Out of line, because within [`dispatch`] it makes the image larger.
+/// Queues the job of a request that needs the flash. Out of line, because within [`dispatch`] the image is larger.
 #[inline(never)]
 fn queue_job<S: Stage, L: Link>(
     key: Key,
