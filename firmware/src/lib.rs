@@ -28,7 +28,7 @@ use panic_probe as _;
 
 use embassy_executor::Spawner;
 use embassy_stm32::gpio::{Input, Level, Output, Pull, Speed};
-use embassy_stm32::{Peri, peripherals};
+use embassy_stm32::{Peri, Peripherals, peripherals};
 use embassy_time::{Instant, Timer};
 use heapless::spsc::Queue;
 use model_format::link::{Marks, QUICK_FAULT_MS, Settings, StartReport, StartStage};
@@ -43,7 +43,8 @@ use stylus_realtime::{boot, play, tick};
 use crate::boot::silicon::ResetFlags;
 use crate::boot::{clock, critical, priority, protection, silicon, startup};
 use crate::device::Hardware;
-use crate::fault::{heat, record, report, stack, watchdog};
+use crate::fault::record::{self, Before};
+use crate::fault::{heat, report, stack, watchdog};
 use crate::link::wire::{self, Wire};
 use crate::link::{outlet, requests, serial, storage, usb};
 use crate::play::update;
@@ -51,6 +52,51 @@ use crate::tick::{inputs, output, raising};
 
 #[embassy_executor::main]
 async fn main(spawner: Spawner) {
+    let (peripherals, flags, before, start) = begin();
+    defmt::info!("start {} after {}: {}", before.resets, flags, before.caught);
+    static SAMPLES: ConstStaticCell<SampleQueue> = ConstStaticCell::new(Queue::new());
+    let (producer, consumer) = SAMPLES.take().split();
+    let hardware = Hardware::new(
+        Recorder::new(consumer),
+        report::reset_report(flags, before),
+        start,
+        heat::take(flags),
+        outlet::all_counters,
+        guard_marks,
+    );
+    let board = Board::new(peripherals, &before, &start);
+    let takes_unsigned = flags == ResetFlags::PowerOn && board.button.is_high();
+    if start.safe_mode {
+        // Neither converter nor tick nor amplifier is started: the output stays at mid-scale, where `boot` put it.
+        defmt::warn!("safe mode after {} quick faults", start.quick_faults);
+        watchdog::expect_no_tick();
+        spawner.spawn(watchdog::feed().unwrap());
+        serve(spawner, hardware, board.links, board.leds, takes_unsigned).await;
+        return;
+    }
+    record::enter(Some(StartStage::Inputs));
+    spawner.spawn(watchdog::feed().unwrap());
+    inputs::start(board.inputs);
+    // The defaults hold until the settings are read.
+    let settings = Settings::default();
+    update::start(InputConfig::new(&settings));
+    tick::start(
+        board.tick_timer,
+        board.output,
+        Tap::new(producer),
+        safety::Config::new(&settings, 1.0),
+    );
+    critical::begin_measuring();
+    priority::enable();
+    serve(spawner, hardware, board.links, board.leds, takes_unsigned).await;
+    tick::supply::guard();
+    // Last: everything that ends the program at mid-scale is in place.
+    spawner.spawn(raising::raise_amplifier().unwrap());
+}
+
+/// Prepares what every later step needs: memory, watchdog, clocks, time and priorities. Returns the peripherals, and
+/// what this start knows of the last one and of itself.
+fn begin() -> (Peripherals, ResetFlags, Before, StartReport) {
     let Some(mut core) = cortex_m::Peripherals::take() else {
         defmt::unreachable!("the core peripherals are taken once");
     };
@@ -68,7 +114,7 @@ async fn main(spawner: Spawner) {
     let clock = clock::select(before.starts.clock);
     record::enter(Some(clock::stage(clock)));
     watchdog::feed_at_start();
-    let p = clock::begin_time(|| embassy_stm32::init(clock::config(clock, revision)));
+    let peripherals = clock::begin_time(|| embassy_stm32::init(clock::config(clock, revision)));
     clock::guard(clock);
     supply::watch();
     watchdog::feed_at_start();
@@ -82,83 +128,61 @@ async fn main(spawner: Spawner) {
         safe_mode: before.starts.safe_mode,
         hung_stage: before.starts.hung_stage,
     };
-    defmt::info!("start {} after {}: {}", before.resets, flags, before.caught);
-    static SAMPLES: ConstStaticCell<SampleQueue> = ConstStaticCell::new(Queue::new());
-    let (producer, consumer) = SAMPLES.take().split();
-    let hardware = Hardware::new(
-        Recorder::new(consumer),
-        report::reset_report(flags, before),
-        start,
-        heat::take(flags),
-        outlet::all_counters,
-        guard_marks,
-    );
-    let fault_led = if before.caught.is_some() {
-        Level::High
-    } else {
-        Level::Low
-    };
-    // B1 pulls its pin up.
-    let button = Input::new(p.PC13, Pull::Down);
-    let takes_unsigned = flags == ResetFlags::PowerOn && button.is_high();
-    let leds = Leds {
-        life: Output::new(p.PB0, Level::Low, Speed::Low),
-        fault: Output::new(p.PB14, fault_led, Speed::Low),
-        safe_mode: start.safe_mode,
-    };
-    let links = Links {
-        usart: p.USART3,
-        tx: p.PD8,
-        rx: p.PD9,
-        // In safe mode USB stays off if the start hung at the links, because more can hang in it than in the serial
-        // port.
-        usb: (!start.safe_mode || start.hung_stage != Some(StartStage::Links)).then_some((
-            p.USB_OTG_FS,
-            p.PA12,
-            p.PA11,
-        )),
-    };
-    if start.safe_mode {
-        // Neither converter nor tick nor amplifier is started: the output stays at mid-scale, where `boot` put it.
-        defmt::warn!("safe mode after {} quick faults", start.quick_faults);
-        watchdog::expect_no_tick();
-        spawner.spawn(watchdog::feed().unwrap());
-        serve(spawner, hardware, links, leds, takes_unsigned).await;
-        return;
-    }
-    record::enter(Some(StartStage::Inputs));
-    spawner.spawn(watchdog::feed().unwrap());
+    (peripherals, flags, before, start)
+}
 
-    inputs::start(inputs::Pins {
-        adc: p.ADC1,
-        acceleration_x: p.PA3,
-        acceleration_y: p.PC0,
-        acceleration_z: p.PF12,
-        force: p.PB1,
-        timer: p.TIM3,
-        encoder_a: p.PA6,
-        encoder_b: p.PC7,
-    });
-    // The defaults hold until the settings are read.
-    let settings = Settings::default();
-    update::start(InputConfig::new(&settings));
-    tick::start(
-        p.TIM6,
-        output::Hardware {
-            timer: p.TIM7,
-            to_converter: p.DMA1_CH0,
-            eraser: p.DMA1_CH1,
-            amplifier: p.PE9,
-        },
-        Tap::new(producer),
-        safety::Config::new(&settings, 1.0),
-    );
-    critical::begin_measuring();
-    priority::enable();
-    serve(spawner, hardware, links, leds, takes_unsigned).await;
-    tick::supply::guard();
-    // Last: everything that ends the program at mid-scale is in place.
-    spawner.spawn(raising::raise_amplifier().unwrap());
+/// The board's peripherals, by their use.
+struct Board {
+    /// B1, which pulls its pin up.
+    button: Input<'static>,
+    leds: Leds,
+    links: Links,
+    inputs: inputs::Pins,
+    tick_timer: Peri<'static, peripherals::TIM6>,
+    output: output::Hardware,
+}
+
+impl Board {
+    /// Hands out the peripherals. Pins of button and LEDs are set up; all others are left as they are.
+    fn new(p: Peripherals, before: &Before, start: &StartReport) -> Self {
+        Self {
+            button: Input::new(p.PC13, Pull::Down),
+            leds: Leds {
+                life: Output::new(p.PB0, Level::Low, Speed::Low),
+                fault: Output::new(p.PB14, before.caught.is_some().into(), Speed::Low),
+                safe_mode: start.safe_mode,
+            },
+            links: Links {
+                usart: p.USART3,
+                tx: p.PD8,
+                rx: p.PD9,
+                // In safe mode USB stays off if the start hung at the links, because more can hang in it than in the
+                // serial port.
+                usb: (!start.safe_mode || start.hung_stage != Some(StartStage::Links)).then_some((
+                    p.USB_OTG_FS,
+                    p.PA12,
+                    p.PA11,
+                )),
+            },
+            inputs: inputs::Pins {
+                adc: p.ADC1,
+                acceleration_x: p.PA3,
+                acceleration_y: p.PC0,
+                acceleration_z: p.PF12,
+                force: p.PB1,
+                timer: p.TIM3,
+                encoder_a: p.PA6,
+                encoder_b: p.PC7,
+            },
+            tick_timer: p.TIM6,
+            output: output::Hardware {
+                timer: p.TIM7,
+                to_converter: p.DMA1_CH0,
+                eraser: p.DMA1_CH1,
+                amplifier: p.PE9,
+            },
+        }
+    }
 }
 
 /// Peripherals of the links.

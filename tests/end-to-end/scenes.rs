@@ -159,6 +159,15 @@ const FAULTS: &str = r#"
 38 | gain_db = 30 | is 30 dB
 "#;
 
+/// Checks that a scene of this text is refused with `problem` at `line`.
+fn is_told(bench: &Bench, text: &str, line: usize, problem: &str) {
+    bench.write("bad.toml", text);
+    let message = bench.refuse("scene check bad.toml --library cloths.lib");
+    holds(&message, &[problem]);
+    let start = format!("stylus: bad.toml, line {line}: ");
+    assert!(message.starts_with(&start), "{text}: {message}");
+}
+
 #[test]
 fn what_is_wrong_with_a_scene_is_said_with_its_line() {
     let bench = bench();
@@ -168,17 +177,13 @@ fn what_is_wrong_with_a_scene_is_said_with_its_line() {
         let line: usize = line.parse().expect("a number");
         let mut lines: Vec<&str> = TWO.lines().collect();
         lines[line - 1] = bad;
-        bench.write("bad.toml", lines.join("\n"));
-        let message = bench.refuse("scene check bad.toml --library cloths.lib");
         // A missing key is told of its table, and a pole of its section.
         let told = match bad {
             "" => 17,
             "frequency_hz = 2" => 34,
             _ => line,
         };
-        holds(&message, &[problem]);
-        let start = format!("stylus: bad.toml, line {told}: ");
-        assert!(message.starts_with(&start), "{bad}: {message}");
+        is_told(&bench, &lines.join("\n"), told, problem);
     }
 }
 
@@ -199,11 +204,7 @@ fn what_a_scene_lacks_or_has_too_many_of_is_said_where_it_should_be() {
         ("name = \"x\"\n[[surface]\n", 2, ""),
         (&rate, 4, "5000 Hz and the scene for 4000 Hz"),
     ] {
-        bench.write("bad.toml", text);
-        let message = bench.refuse("scene check bad.toml --library cloths.lib");
-        holds(&message, &[problem]);
-        let start = format!("stylus: bad.toml, line {line}: ");
-        assert!(message.starts_with(&start), "{text}: {message}");
+        is_told(&bench, text, line, problem);
     }
 }
 

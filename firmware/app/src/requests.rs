@@ -270,6 +270,7 @@ impl<'a, S: Stage, L: Link> Request<'a, S, L> {
     }
 }
 
+/// Serves a request at once, or leaves it to the storage.
 fn dispatch<S: Stage, L: Link>(
     key: Key,
     request: Request<'_, S, L>,
@@ -309,7 +310,6 @@ fn dispatch<S: Stage, L: Link>(
         }
         SettingsProposeEndpoint::REQ_KEY => request
             .answer::<SettingsProposeEndpoint>(|control, change| control.propose(from, change)),
-        SettingsApplyEndpoint::REQ_KEY => request.queue(|token| Some(Job::SettingsApply(token))),
         ProbeLoadEndpoint::REQ_KEY => {
             request.answer::<ProbeLoadEndpoint>(|control, load| control.load_probe(from, &load))
         }
@@ -324,10 +324,22 @@ fn dispatch<S: Stage, L: Link>(
                 control.propose_response(from, response)
             })
         }
-        ResponseSetEndpoint::REQ_KEY => request.queue(|change| Some(Job::ResponseSet(change))),
         UploadProgressEndpoint::REQ_KEY => {
             request.answer::<UploadProgressEndpoint>(|control, ()| control.upload())
         }
+        _ => queue_job(key, request),
+    }
+}
+
+/// Queues the job of a request that needs the flash. Out of line, because within [`dispatch`] the image is larger.
+#[inline(never)]
+fn queue_job<S: Stage, L: Link>(
+    key: Key,
+    request: Request<'_, S, L>,
+) -> Result<Answered, WireError> {
+    match key {
+        SettingsApplyEndpoint::REQ_KEY => request.queue(|token| Some(Job::SettingsApply(token))),
+        ResponseSetEndpoint::REQ_KEY => request.queue(|change| Some(Job::ResponseSet(change))),
         UploadBeginEndpoint::REQ_KEY => request.queue(|begin| Some(Job::UploadBegin(begin))),
         UploadChunkEndpoint::REQ_KEY => request.queue(|UploadChunk { offset, data }| {
             let data = Vec::from_slice(data).ok()?;

@@ -293,17 +293,10 @@ pub fn compare<'py>(
     seed: u64,
     overwrite: bool,
 ) -> PyResult<usize> {
-    let pairs = pairs.0.iter().map(|pair| choice::<Pair>("pairs", pair));
-    let pairs = pairs.collect::<PyResult<Vec<_>>>()?;
-    let design = choice::<Design>("design", design)?;
-    if design == Design::Staircase && !(pairs.is_empty() && before.is_none()) {
-        return Err(refused(
-            "a staircase varies parts of one library: leave pairs and before out",
-        ));
-    }
+    let (design, pairs) = asked(design, &pairs.0, before.is_some())?;
     let options = listening::Options {
         design,
-        pairs: Pair::asked(&pairs, before.is_some()),
+        pairs,
         seed,
         ..trials_of(trials.unwrap_or(design.usual_trials()), segment_s)?
     };
@@ -312,8 +305,7 @@ pub fn compare<'py>(
         seed,
         ..evaluation::Options::default()
     };
-    let library = library.library(py)?;
-    let judged = Judged::new(recordings, library.get(), takes, evaluate)?;
+    let judged = Judged::new(recordings, library.library(py)?.get(), takes, evaluate)?;
     let before = before.map(|before| before.library(py)).transpose()?;
     let mut inputs = judged.inputs(&out);
     if let Some(before) = &before {
@@ -344,6 +336,19 @@ pub fn compare<'py>(
     warn_of_unused(py, &unused)?;
     notes.iter().try_for_each(|note| warn(py, note))?;
     Ok(trials)
+}
+
+/// The design of this name, with the pairs of these names, or its usual ones.
+fn asked(design: &str, pairs: &[String], has_before: bool) -> PyResult<(Design, Vec<Pair>)> {
+    let pairs = pairs.iter().map(|pair| choice::<Pair>("pairs", pair));
+    let pairs = pairs.collect::<PyResult<Vec<_>>>()?;
+    let design = choice::<Design>("design", design)?;
+    if design == Design::Staircase && (has_before || !pairs.is_empty()) {
+        return Err(refused(
+            "a staircase varies parts of one library: leave pairs and before out",
+        ));
+    }
+    Ok((design, Pair::asked(&pairs, has_before)))
 }
 
 /// Options with this number of trials, and excerpts of this duration, s.

@@ -26,7 +26,7 @@ use host_tools::support::number::counted;
 use host_tools::support::output::OutputFolder;
 use host_tools::support::warning::Warning;
 use host_tools::support::{atomic_file, progress};
-use model_format::Library;
+use model_format::{Library, Texture};
 use serde::Serialize;
 
 use super::files::Overwrite;
@@ -165,17 +165,24 @@ fn benchmark(
     )))
 }
 
+/// The texture of this name, or the only one.
+fn stroked<'a>(library: &Library<'a>, name: Option<&str>) -> Result<Texture<'a>> {
+    if let Some(name) = name {
+        return evaluate::texture_named(library, name);
+    }
+    let mut textures = library.textures();
+    match (textures.next(), textures.next()) {
+        (Some(only), None) => Ok(only),
+        _ => Err(Error::Request(
+            "the library has several textures: give --texture NAME".into(),
+        )),
+    }
+}
+
 fn evaluate_along_strokes(arguments: &Arguments, path: &Path) -> Result<()> {
     let bytes = read_library(path)?;
     let library = decode_library(path, &bytes)?;
-    let texture = match &arguments.texture {
-        Some(name) => evaluate::texture_named(&library, name)?,
-        None if library.textures().count() == 1 => library.textures().next().expect("it has one"),
-        None => {
-            let problem = "the library has several textures: give --texture NAME";
-            return Err(Error::Request(problem.into()));
-        }
-    };
+    let texture = stroked(&library, arguments.texture.as_deref())?;
     let assumed = arguments.recordings.assumed();
     let record = FitRecord::beside(path, &bytes)?;
     let given = record.and_then(|record| record.given_scale_m_s2());

@@ -193,8 +193,8 @@ fn build_firmware(image: Image) -> Result<PathBuf> {
 /// Shows every departure from the drawn layout, a line each, or what was checked.
 fn check_house() -> Result<()> {
     let outcome = house::check(workspace::root())?;
-    for finding in &outcome.findings {
-        println!("{finding}");
+    for (path, line, problem) in &outcome.findings {
+        println!("{path}:{line}: {problem}");
     }
     for (kind, count) in &outcome.checked {
         println!("{count:>6} {kind}");

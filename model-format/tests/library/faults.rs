@@ -246,6 +246,10 @@ fn nodes_are_checked() {
         "a silent node has no level in dB",
     );
     of_texture(|t| t.coefficients.extend([0; 2]), ": bytes of coefficients");
+}
+
+#[test]
+fn powers_of_nodes_are_finite_not_negative_and_bounded() {
     for bad in BAD.into_iter().chain([MAX_OUTPUT_POWER.next_up()]) {
         let place = ", node (speed 1, force 0): the";
         of_texture(

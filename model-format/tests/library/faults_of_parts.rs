@@ -104,6 +104,11 @@ fn excitation(codebooks: &[Vec<u8>], of_nodes: &[u8]) -> Vec<u8> {
     [&[codebooks.len() as u8], &codebooks.concat()[..], of_nodes].concat()
 }
 
+/// Content of an excitation of one codebook, which all nodes have.
+fn one(peak: f32, codes: &[i8]) -> Vec<u8> {
+    excitation(&[codebook(peak, codes)], &[1; 6])
+}
+
 #[test]
 fn codebooks_have_bounds_codes_of_the_law_and_a_mean_square_of_one() {
     let sound = || codebook(1.0, &[127; 1000]);
@@ -112,7 +117,6 @@ fn codebooks_have_bounds_codes_of_the_law_and_a_mean_square_of_one() {
     let mut sparse = [0; 1600];
     sparse[77] = -127;
     let long = |value: i8, length: usize| vec![value; length];
-    let one = |peak: f32, codes: &[i8]| excitation(&[codebook(peak, codes)], &[1; 6]);
     for valid in [
         excitation(&vec![sound(); MAX_CODEBOOKS], &[1, 2, 3, 4, 0, 0]),
         one(1.0, &long(127, most)),
@@ -157,6 +161,10 @@ fn codebooks_have_bounds_codes_of_the_law_and_a_mean_square_of_one() {
     ] {
         of_parts(&[(3, &content)], &format!(": {told}"));
     }
+}
+
+#[test]
+fn a_codebook_has_a_peak_in_bounds_and_a_node_a_codebook_that_is_there() {
     for bad in [-0.0, -1.0, 40.0f32.next_up(), f32::INFINITY, f32::NAN] {
         of_parts(
             &[(3, &one(bad, &[127; 1000]))],
@@ -168,7 +176,10 @@ fn codebooks_have_bounds_codes_of_the_law_and_a_mean_square_of_one() {
         of_nodes[node] = source;
         let place = format!(", node (speed {}, force {})", node / 2, node % 2);
         let told = format!("{place}: the number of its codebook is {source}; it must be 0 to 1");
-        of_parts(&[(3, &excitation(&[sound()], &of_nodes))], &told);
+        of_parts(
+            &[(3, &excitation(&[codebook(1.0, &[127; 1000])], &of_nodes))],
+            &told,
+        );
     }
 }
 

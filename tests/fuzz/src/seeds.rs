@@ -26,6 +26,28 @@ pub fn write(root: &Path) -> Result<(), Box<dyn Error>> {
 
 /// Writes the libraries.
 fn libraries(folder: &Path) -> Result<(), Box<dyn Error>> {
+    let mut all = textures();
+    for (index, texture) in all.iter().enumerate() {
+        let bytes = encode(std::slice::from_ref(texture))?;
+        std::fs::write(folder.join(format!("single-{index}")), bytes)?;
+    }
+    all.retain(|texture| {
+        texture.nodes[0].codes != CodeSpec::lattice(vec![]) && texture.nodes.len() < 5
+    });
+    std::fs::write(folder.join("several"), encode(&all[..4])?)?;
+    let with_scenes = encode_with_scenes(&all[..2], &[scene()?])?;
+    std::fs::write(folder.join("scenes"), with_scenes)?;
+    let fed = all
+        .iter()
+        .filter(|texture| texture.parts != PartsSpec::default());
+    let fed: Vec<TextureSpec> = fed.cloned().collect();
+    let with_scenes = encode_with_scenes(&fed[..2], &[scene()?])?;
+    std::fs::write(folder.join("fed-scenes"), with_scenes)?;
+    Ok(())
+}
+
+/// A texture for each kind of grid and of part.
+fn textures() -> Vec<TextureSpec> {
     let mut all = Vec::new();
     for (order, size) in [(0, 1), (3, 1), (3, 2), (17, 3), (limits::MAX_ORDER, 1)] {
         let name = format!("{order} × {size}²");
@@ -54,6 +76,18 @@ fn libraries(folder: &Path) -> Result<(), Box<dyn Error>> {
         lined.parts.lines = Some(lines_of(lines));
         all.push(lined);
     }
+    all.extend([wandering_lines(), moments()]);
+    for (excitation, modulation) in [(1, false), (0, true), (3, true)] {
+        let name = format!("{excitation} codebooks, track {modulation}");
+        let mut fed = texture(name, 5, 2);
+        fed.parts = parts(excitation, modulation, fed.nodes.len());
+        all.push(fed);
+    }
+    all
+}
+
+/// A texture with three lines, of which two wander.
+fn wandering_lines() -> TextureSpec {
     let mut wandering = texture("wandering lines".into(), 3, 2);
     let mut lines = lines_of(3).lines;
     (lines[0].wander, lines[2].wander) = (Some(1), Some(0));
@@ -64,7 +98,11 @@ fn libraries(folder: &Path) -> Result<(), Box<dyn Error>> {
     };
     let wanders = [0.0, 90.0].map(wander);
     wandering.parts.lines = Some(LinesSpec::with_wanders(lines, &wanders));
-    all.push(wandering);
+    wandering
+}
+
+/// A texture with recorded snippets.
+fn moments() -> TextureSpec {
     let mut moments = texture("moments".into(), 5, 2);
     moments.parts = parts(1, false, moments.nodes.len());
     if let Some(excitation) = &mut moments.parts.excitation {
@@ -76,31 +114,7 @@ fn libraries(folder: &Path) -> Result<(), Box<dyn Error>> {
         excitation.codebooks[0] = codebook;
         excitation.moment_samples = Some(500);
     }
-    all.push(moments);
-    for (excitation, modulation) in [(1, false), (0, true), (3, true)] {
-        let name = format!("{excitation} codebooks, track {modulation}");
-        let mut fed = texture(name, 5, 2);
-
-        fed.parts = parts(excitation, modulation, fed.nodes.len());
-        all.push(fed);
-    }
-    for (index, texture) in all.iter().enumerate() {
-        let bytes = encode(std::slice::from_ref(texture))?;
-        std::fs::write(folder.join(format!("single-{index}")), bytes)?;
-    }
-    all.retain(|texture| {
-        texture.nodes[0].codes != CodeSpec::lattice(vec![]) && texture.nodes.len() < 5
-    });
-    std::fs::write(folder.join("several"), encode(&all[..4])?)?;
-    let with_scenes = encode_with_scenes(&all[..2], &[scene()?])?;
-    std::fs::write(folder.join("scenes"), with_scenes)?;
-    let fed = all
-        .iter()
-        .filter(|texture| texture.parts != PartsSpec::default());
-    let fed: Vec<TextureSpec> = fed.cloned().collect();
-    let with_scenes = encode_with_scenes(&fed[..2], &[scene()?])?;
-    std::fs::write(folder.join("fed-scenes"), with_scenes)?;
-    Ok(())
+    moments
 }
 
 /// So many lines of a texture of 2 × 2 nodes, of which only the last is neither at rest nor out of contact.

@@ -132,7 +132,7 @@ impl Bench {
         limits: impl Into<String>,
         holds: bool,
     ) {
-        self.add(Line::exact(name, value, limits, holds, ""));
+        self.add(Line::judged(name, value, limits, holds, ""));
     }
 
     /// Adds a test that cannot run, with the reason.

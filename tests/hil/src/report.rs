@@ -75,8 +75,8 @@ mod tests {
 
     #[test]
     fn a_run_holds_if_it_ended_and_something_passed_and_nothing_failed() {
-        let passed = Line::exact("name", "1", "at most 2", true, "");
-        let failed = Line::exact("name", "3", "at most 2", false, "");
+        let passed = Line::judged("name", "1", "at most 2", true, "");
+        let failed = Line::judged("name", "3", "at most 2", false, "");
         let left_out = Line::not_measured("name", "no probe");
         for (lines, interrupted, summary, holds) in [
             (

@@ -61,6 +61,31 @@ pub fn side_by_side(
     scene
 }
 
+/// A scene of textures 1 and 0 of a library of this rate side by side, the first with all effects.
+pub fn with_all_effects(sample_rate_hz: u32) -> Scene {
+    let with_effects = Surface {
+        tap: Some(Tap {
+            frequency_hz: 120.0,
+            decay_s: 0.03,
+            gain_m_s2_per_n_s: 0.5,
+            limit_m_s2: 20.0,
+        }),
+        stick_slip: Some(StickSlip {
+            period_mm: 2.0,
+            duty: 0.3,
+            depth: 0.9,
+            below_mm_s: 80.0,
+            above_n: 0.8,
+        }),
+        ..Surface::of_texture(1)
+    };
+    let surfaces = [with_effects, Surface::of_texture(0)];
+    Scene {
+        sample_rate_hz,
+        ..side_by_side("two", surfaces, [-40.0, 0.0, 40.0], 6.0)
+    }
+}
+
 /// `scene` with so many different sections of the equaliser.
 ///
 /// # Panics

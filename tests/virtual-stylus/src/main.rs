@@ -84,6 +84,27 @@ struct Around {
     announced: Option<Announcement>,
 }
 
+impl Around {
+    /// Virtual time between two comparisons with the wall clock.
+    fn step_ns(&self) -> u64 {
+        match (&self.usb, &self.serial) {
+            (Some(_), _) => USB_STEP_NS,
+            (None, Some(_)) => SERIAL_STEP_NS,
+            (None, None) => STEP_NS,
+        }
+    }
+
+    /// Passes on what has come over the links, both ways.
+    fn serve(&mut self, stylus: &mut VirtualStylus) {
+        if let Some(serial) = &mut self.serial {
+            serial.serve(stylus);
+        }
+        if let Some(usb) = &mut self.usb {
+            usb.serve(stylus);
+        }
+    }
+}
+
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
     let (mut stylus, mut around) = match start(&arguments) {
@@ -210,12 +231,6 @@ fn run(
     const KEEP_EVERY: Duration = Duration::from_secs(5);
     /// Real time between two announcements of the virtual time.
     const TELL_EVERY: Duration = Duration::from_millis(100);
-    let Around {
-        serial,
-        usb,
-        flash,
-        announced,
-    } = around;
     let commands = arguments.commands.then(commands);
     let began = Instant::now();
     let (mut kept, mut told) = (began, began);
@@ -227,20 +242,11 @@ fn run(
             Some(Err(TryRecvError::Disconnected)) => return Ok(()),
             None | Some(Err(TryRecvError::Empty)) => {}
         }
-        let step_ns = match (&usb, &serial) {
-            (Some(_), _) => USB_STEP_NS,
-            (None, Some(_)) => SERIAL_STEP_NS,
-            (None, None) => STEP_NS,
-        };
-        stylus.run_until((stylus.now_ns() + step_ns).min(end_ns));
-        if let Some(serial) = serial {
-            serial.serve(stylus);
-        }
-        if let Some(usb) = usb {
-            usb.serve(stylus);
-        }
+        stylus.run_until((stylus.now_ns() + around.step_ns()).min(end_ns));
+        around.serve(stylus);
         let virtual_time = Duration::from_nanos(stylus.now_ns());
-        if let Some(announced) = announced.as_mut().filter(|_| told.elapsed() > TELL_EVERY) {
+        if let Some(announced) = (around.announced.as_mut()).filter(|_| told.elapsed() > TELL_EVERY)
+        {
             // A time that cannot be told makes the waits of programs shorter, and is no reason not to run.
             let _ = announced.tell_time(virtual_time);
             told = Instant::now();
@@ -254,7 +260,7 @@ fn run(
             }
             std::thread::sleep(virtual_time.saturating_sub(real));
         }
-        if let Some(flash) = flash.as_mut().filter(|_| kept.elapsed() > KEEP_EVERY) {
+        if let Some(flash) = (around.flash.as_mut()).filter(|_| kept.elapsed() > KEEP_EVERY) {
             let now = stylus.board(|board| board.part.flash.around.started());
             if now != operations {
                 flash.write(&stylus.flash())?;

@@ -263,77 +263,120 @@ fn any_step() -> impl Strategy<Value = Step> {
     ]
 }
 
+/// What two hosts may expect: the holder is the last link whose play was accepted, until anybody stops it; a value is
+/// set only by a proposal of the same link that nothing has ended since.
+struct Model {
+    holder: Option<usize>,
+    renewed_ms: u32,
+    now_ms: u32,
+    made: Vec<ProposalToken>,
+    waiting: Option<(usize, f32, ProposalToken)>,
+    limit: f32,
+}
+
+impl Model {
+    /// Takes a step with the stylus and in the model, and compares.
+    fn step(&mut self, stylus: &mut Stylus, step: Step) -> Result<(), TestCaseError> {
+        match step {
+            Step::Play(link) => {
+                let held = self.holder.is_some_and(|by| by != link)
+                    && self.now_ms - self.renewed_ms <= LINK_LOST_AFTER_MS;
+                prop_assert_eq!(stylus.play(LINKS[link]).is_err(), held);
+                if !held {
+                    (self.holder, self.waiting) = (Some(link), None);
+                    self.renewed(link);
+                }
+            }
+            Step::Stop(link) => {
+                prop_assert!(stylus.is_stopped(LINKS[link]) || self.holder.is_none());
+                self.holder = None;
+            }
+            Step::Motion(link) => {
+                let moved = stylus.moves(LINKS[link]);
+                prop_assert_eq!(moved.is_ok(), self.holder.is_none_or(|by| by == link));
+                self.renewed(link);
+            }
+            Step::KeepAlive(link) => {
+                stylus.keep_alive(LINKS[link]);
+                self.renewed(link);
+            }
+            Step::Status(link) => {
+                let lease = stylus.status(LINKS[link]).lease;
+                prop_assert_eq!(lease.holder, self.holder.map(|link| LINKS[link]));
+            }
+            Step::Wait(ms) => {
+                for _ in 0..ms {
+                    stylus.stylus.control.millisecond();
+                    self.now_ms += 1;
+                    let is_kept = self.now_ms - self.renewed_ms <= SILENT_WITHIN_MS;
+                    prop_assert!(is_kept || !stylus.stylus.sounds());
+                }
+            }
+            Step::Propose(link, value) => {
+                let change = change_of(&[(Setting::HardLimit, value)]);
+                if let Ok(proposal) = stylus.propose(LINKS[link], &change) {
+                    self.made.push(proposal.token);
+                    self.waiting = Some((link, value, proposal.token));
+                }
+            }
+            Step::Apply(link, back) => self.apply(stylus, link, back)?,
+        }
+        Ok(())
+    }
+
+    /// Notes that `link` renews the lease, if it holds it.
+    fn renewed(&mut self, link: usize) {
+        if self.holder == Some(link) {
+            self.renewed_ms = self.now_ms;
+        }
+    }
+
+    /// Applies the proposal that was made `back` proposals before the last.
+    fn apply(
+        &mut self,
+        stylus: &mut Stylus,
+        link: usize,
+        back: usize,
+    ) -> Result<(), TestCaseError> {
+        let Some(&token) = self.made.iter().rev().nth(back) else {
+            return Ok(());
+        };
+        // The device runs with a host on the serial port until the flash is written.
+        let before = stylus.stylus.hardware().now();
+        let applied = stylus.apply(LINKS[link], token);
+        let took_ms = (stylus.stylus.hardware().now() - before) / u64::from(TICKS_PER_MS);
+        self.now_ms += took_ms as u32;
+        if took_ms > 0 {
+            self.renewed(1);
+        }
+        let is_of =
+            |(by, _, waits): &mut (usize, f32, ProposalToken)| *by == link && *waits == token;
+        let matching = self.waiting.take_if(is_of);
+        prop_assert_eq!(applied.is_ok(), matching.is_some());
+        self.limit = matching.map_or(self.limit, |(_, value, _)| value);
+        Ok(())
+    }
+}
+
 proptest! {
     #![proptest_config(budget::config(1_000))]
 
-    /// Model: the holder is the last link whose play was accepted, until anybody stops it; a value is set only by a
-    /// proposal of the same link that nothing has ended since.
     #[test]
     fn whatever_two_hosts_send_only_whoever_plays_keeps_it_from_silence_and_only_the_last_proposal_is_applied(
         steps in prop::collection::vec(any_step(), 1..120),
     ) {
         let mut stylus = Stylus::new();
-        let (mut holder, mut renewed_ms, mut now_ms) = (None, 0u32, 0u32);
-        let mut made: Vec<ProposalToken> = Vec::new();
-        let mut waiting: Option<(usize, f32, ProposalToken)> = None;
-        let mut limit = stylus.settings().hard_limit().0;
+        let mut model = Model {
+            holder: None,
+            renewed_ms: 0,
+            now_ms: 0,
+            made: Vec::new(),
+            waiting: None,
+            limit: stylus.settings().hard_limit().0,
+        };
         for step in steps {
-            match step {
-                Step::Play(link) => {
-                    let held = holder.is_some_and(|by| by != link) && now_ms - renewed_ms <= LINK_LOST_AFTER_MS;
-                    prop_assert_eq!(stylus.play(LINKS[link]).is_err(), held);
-                    if !held {
-                        (holder, renewed_ms, waiting) = (Some(link), now_ms, None);
-                    }
-                }
-                Step::Stop(link) => {
-                    prop_assert!(stylus.is_stopped(LINKS[link]) || holder.is_none());
-                    holder = None;
-                }
-                Step::Motion(link) => {
-                    let moved = stylus.moves(LINKS[link]);
-                    prop_assert_eq!(moved.is_ok(), holder.is_none_or(|by| by == link));
-                    renewed_ms = if holder == Some(link) { now_ms } else { renewed_ms };
-                }
-                Step::KeepAlive(link) => {
-                    stylus.keep_alive(LINKS[link]);
-                    renewed_ms = if holder == Some(link) { now_ms } else { renewed_ms };
-                }
-                Step::Status(link) => {
-                    let lease = stylus.status(LINKS[link]).lease;
-                    prop_assert_eq!(lease.holder, holder.map(|link| LINKS[link]));
-                }
-                Step::Wait(ms) => {
-                    for _ in 0..ms {
-                        stylus.stylus.control.millisecond();
-                        now_ms += 1;
-                        let is_kept = now_ms - renewed_ms <= SILENT_WITHIN_MS;
-                        prop_assert!(is_kept || !stylus.stylus.sounds());
-                    }
-                }
-                Step::Propose(link, value) => {
-                    let change = change_of(&[(Setting::HardLimit, value)]);
-                    if let Ok(proposal) = stylus.propose(LINKS[link], &change) {
-                        made.push(proposal.token);
-                        waiting = Some((link, value, proposal.token));
-                    }
-                }
-                Step::Apply(link, back) => {
-                    let Some(&token) = made.iter().rev().nth(back) else { continue };
-                    // The device runs with a host on the serial port until the flash is written.
-                    let before = stylus.stylus.hardware().now();
-                    let applied = stylus.apply(LINKS[link], token);
-                    let took_ms = (stylus.stylus.hardware().now() - before) / u64::from(TICKS_PER_MS);
-                    now_ms += took_ms as u32;
-                    if took_ms > 0 && holder == Some(1) {
-                        renewed_ms = now_ms;
-                    }
-                    let matching = waiting.take_if(|(by, _, waits)| *by == link && *waits == token);
-                    prop_assert_eq!(applied.is_ok(), matching.is_some());
-                    limit = matching.map_or(limit, |(_, value, _)| value);
-                }
-            }
-            prop_assert_eq!(stylus.settings().hard_limit().0, limit);
+            model.step(&mut stylus, step)?;
+            prop_assert_eq!(stylus.settings().hard_limit().0, model.limit);
         }
     }
 }

@@ -229,32 +229,11 @@ impl<'a> Slots<'a> {
         }
         let goes_on = slot.played && left_of_frame == 0;
         // A frame of a fed texture holds the excitation of one block.
-        let fed = texture.is_fed();
-        let begins = fed || !(goes_on && slot.gain == gain && slot.motion == Some(motion));
+        let begins =
+            texture.is_fed() || !(goes_on && slot.gain == gain && slot.motion == Some(motion));
         if begins {
-            let from = if slot.made[slot.buffer] {
-                voices.levels(index, slot.buffer, left_of_frame)
-            } else {
-                Levels::SILENT
-            };
-            slot.buffer = 1 - slot.buffer;
-            let place = voices.frame(index, slot.buffer);
-            if place.is_none() {
-                make(place);
-            }
-            let frame = place.as_mut()?;
-            if !core::mem::replace(&mut slot.made[slot.buffer], true) {
-                frame.silence(&texture);
-            }
-            if slot.updated[slot.buffer].replace((motion, gain)) == Some((motion, gain)) {
-                frame.hold(from, samples);
-            } else {
-                frame.update_scaled::<V::Arithmetic>(&texture, motion, gain, from, samples);
-            }
-            if fed {
-                frame.feed(&mut slot.feed, &texture, motion, samples);
-            }
             (slot.motion, slot.gain) = (Some(motion), gain);
+            slot.begin_frame(index, left_of_frame, samples, voices)?;
         }
         let voice = VoiceStage {
             slot: index as u8,
@@ -301,6 +280,41 @@ impl Slot<'_> {
             stick_slip: None,
             lines: None,
         }
+    }
+
+    /// Computes the slot's other frame for its motion and gain, from the levels of the present one, of whose ramps
+    /// `left` samples are left out. Returns none without a texture or motion.
+    fn begin_frame<V: Voices>(
+        &mut self,
+        index: usize,
+        left: u32,
+        samples: u32,
+        voices: &mut V,
+    ) -> Option<()> {
+        let (texture, motion, gain) = (self.texture?, self.motion?, self.gain);
+        let from = if self.made[self.buffer] {
+            voices.levels(index, self.buffer, left)
+        } else {
+            Levels::SILENT
+        };
+        self.buffer = 1 - self.buffer;
+        let place = voices.frame(index, self.buffer);
+        if place.is_none() {
+            make(place);
+        }
+        let frame = place.as_mut()?;
+        if !core::mem::replace(&mut self.made[self.buffer], true) {
+            frame.silence(&texture);
+        }
+        if self.updated[self.buffer].replace((motion, gain)) == Some((motion, gain)) {
+            frame.hold(from, samples);
+        } else {
+            frame.update_scaled::<V::Arithmetic>(&texture, motion, gain, from, samples);
+        }
+        if texture.is_fed() {
+            frame.feed(&mut self.feed, &texture, motion, samples);
+        }
+        Some(())
     }
 
     /// Returns whether the slot is audible at the end of the block that is played, of which `left` samples are left

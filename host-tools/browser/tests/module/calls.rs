@@ -1,7 +1,7 @@
 //! The place of a motion as the module tells it, against the library itself.
 
-use kernel_vectors::{digest_library, specs};
-use model_format::scene::{Region, Scene, SceneName, Surface, Tap};
+use kernel_vectors::{digest_library, scenes, specs};
+use model_format::scene::{Surface, Tap};
 use model_format::{Library, MillimetresPerSecond, Newton, encode_with_scenes};
 use stylus_browser::{BlockMotion, STATE_NUMBERS};
 use stylus_kernel::Motion;
@@ -20,22 +20,11 @@ fn library_with_a_scene() -> Vec<u8> {
         }),
         ..Surface::of_texture(1)
     };
-    let name = SceneName::try_from("a path").expect("it is short");
-    let mut scene = Scene::of_surface(name, 5000, tapped);
-    scene.transition_mm = 4.0;
     let quiet = Surface {
         gain: 0.5,
         ..Surface::of_texture(0)
     };
-    scene.surfaces.push(quiet).expect("there is room");
-    for (start_mm, end_mm, surface) in [(0.0, 10.0, 0), (10.0, 20.0, 1)] {
-        let region = Region {
-            start_mm,
-            end_mm,
-            surface,
-        };
-        scene.regions.push(region).expect("there is room");
-    }
+    let scene = scenes::side_by_side("a path", [tapped, quiet], [0.0, 10.0, 20.0], 4.0);
     encode_with_scenes(&specs()[..2], &[scene]).expect("it is valid")
 }
 

@@ -51,71 +51,54 @@ fn room_that_no_memory_has_is_refused_with_its_size() {
 }
 
 #[test]
-fn every_refusal_names_its_fault_and_leaves_what_plays_as_it_is() {
+fn a_choice_comes_before_playing_and_is_of_what_the_library_has() {
     let mut wasm = Wasm::with(&digest_library());
     let status = wasm.call("run", 1u32);
-    refused(
-        &mut wasm,
-        status,
-        6,
-        &["nothing is chosen", "choose_texture"],
-    );
+    let words = ["nothing is chosen", "choose_texture"];
+    refused(&mut wasm, status, 6, &words);
     let status = wasm.call("digest_motion", (0u32, 1u32));
     refused(&mut wasm, status, 6, &["nothing is chosen"]);
     let status = wasm.call("choose_texture", (1u32, 0u32, 1u32, 0u32));
     refused(&mut wasm, status, 4, &["no texture 1", "has 1"]);
     let status = wasm.call("choose_scene", (0u32, 0u32, 1u32, 0u32));
     refused(&mut wasm, status, 5, &["no scene 0", "has 0"]);
+}
 
+#[test]
+fn every_refusal_names_its_fault_and_leaves_what_plays_as_it_is() {
     let rubbed = BlockMotion::new(100.0, 1.0);
-    let mut untroubled = Wasm::with(&digest_library());
+    let [mut wasm, mut untroubled] = [(); 2].map(|()| Wasm::with(&digest_library()));
     for instance in [&mut wasm, &mut untroubled] {
         assert_eq!(instance.call("choose_texture", (0u32, 0u32, 9u32, 0u32)), 0);
         instance.run(&[rubbed; 20]).expect("it is finite");
     }
+    let status = wasm.call("choose_texture", (1u32, 0u32, 1u32, 0u32));
+    refused(&mut wasm, status, 4, &["no texture 1"]);
     let most = wasm.call("most_blocks", ());
     let status = wasm.call("run", most + 1);
     refused(&mut wasm, status, 7, &["257", "at most 256"]);
     let status = wasm.call("digest_motion", (0u32, most + 1));
     refused(&mut wasm, status, 7, &["at most 256"]);
-    let infinite = f64::INFINITY;
+    let (infinite, none) = (f64::INFINITY, f64::NAN);
+    let along = |begin_mm, end_mm| BlockMotion {
+        begin_mm,
+        end_mm,
+        ..rubbed
+    };
     for (wrong, words) in [
         (BlockMotion::new(f64::NAN, 1.0), "speed is not finite"),
         (BlockMotion::new(1e300, 1.0), "speed is not finite"),
         (BlockMotion::new(1.0, infinite), "force is not finite"),
-        (
-            BlockMotion {
-                begin_mm: 1.0,
-                ..rubbed
-            },
-            "both or none",
-        ),
-        (
-            BlockMotion {
-                end_mm: 1.0,
-                ..rubbed
-            },
-            "both or none",
-        ),
-        (
-            BlockMotion {
-                begin_mm: infinite,
-                end_mm: infinite,
-                ..rubbed
-            },
-            "position is infinite",
-        ),
+        (along(1.0, none), "both or none"),
+        (along(none, 1.0), "both or none"),
+        (along(infinite, infinite), "position is infinite"),
     ] {
         // The fault is in the last block, and no block before it may be played.
-        let error = wasm
-            .run(&[rubbed, rubbed, wrong])
-            .expect_err("it is refused");
-        assert!(
-            error.contains("block 2") && error.contains(words),
-            "{error}"
-        );
-        let status = wasm.call("run", 3u32);
-        assert_eq!(status, 8);
+        let error = wasm.run(&[rubbed, rubbed, wrong]);
+        let error = error.expect_err("it is refused");
+        let is_told = error.contains("block 2") && error.contains(words);
+        assert!(is_told, "{error}");
+        assert_eq!(wasm.call("run", 3u32), 8);
     }
     assert_eq!(
         wasm.run(&[rubbed; 20]).expect("it is finite"),

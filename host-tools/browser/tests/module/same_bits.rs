@@ -2,9 +2,8 @@
 
 use std::sync::LazyLock;
 
-use kernel_vectors::{DIGESTED, digest_library};
-use model_format::scene::{Region, Scene, SceneName, StickSlip, Surface, Tap};
-use model_format::{Library, OutputSample, encode, encode_with_scenes};
+use kernel_vectors::{DIGESTED, digest_library, scenes};
+use model_format::{Library, OutputSample, SAMPLE_RATE_HZ, encode, encode_with_scenes};
 use proptest::prelude::*;
 use stylus_browser::{BlockMotion, Selection, Session, Without};
 
@@ -12,41 +11,9 @@ use crate::wasm::Wasm;
 
 /// The textures that every processor must play to the same bits, and a scene with all effects.
 static LIBRARY: LazyLock<Vec<u8>> = LazyLock::new(|| {
-    encode_with_scenes(&kernel_vectors::specs(), &[scene()]).expect("within the limits")
+    let scene = scenes::with_all_effects(SAMPLE_RATE_HZ);
+    encode_with_scenes(&kernel_vectors::specs(), &[scene]).expect("within the limits")
 });
-
-fn scene() -> Scene {
-    let with_effects = Surface {
-        tap: Some(Tap {
-            frequency_hz: 120.0,
-            decay_s: 0.03,
-            gain_m_s2_per_n_s: 0.5,
-            limit_m_s2: 20.0,
-        }),
-        stick_slip: Some(StickSlip {
-            period_mm: 2.0,
-            duty: 0.3,
-            depth: 0.9,
-            below_mm_s: 80.0,
-            above_n: 0.8,
-        }),
-        ..Surface::of_texture(1)
-    };
-    let name = SceneName::try_from("two").expect("it is short");
-    let mut scene = Scene::of_surface(name, 5000, with_effects);
-    let other = scene.surfaces.push(Surface::of_texture(0));
-    other.expect("there is room");
-    scene.transition_mm = 6.0;
-    for (start_mm, end_mm, surface) in [(-40.0, 0.0, 0), (0.0, 40.0, 1)] {
-        let region = Region {
-            start_mm,
-            end_mm,
-            surface,
-        };
-        scene.regions.push(region).expect("there is room");
-    }
-    scene
-}
 
 /// Motions of any kind: slow and fast, light and heavy, at rest and off the grid; with and without positions and
 /// contact.

@@ -127,31 +127,26 @@ fn null_a_closed_handle_one_of_another_kind_and_an_odd_address_are_told() {
     assert_eq!(samples, [1.0; 8], "nothing was written");
 }
 
+/// Checks the status of a call, and that the last text has this word.
+fn refused(status: Status, expected: Status, word: &str) {
+    assert_eq!(status, expected);
+    let text = last_text();
+    assert!(text.contains(word), "{text}");
+}
+
 #[test]
 fn what_cannot_be_is_refused_by_status_and_text() {
     let (library, player) = (Opened::library(), Opened::player(48_000));
+    let (mut handle, mut other) = (null_mut(), null_mut());
     // SAFETY: handles are open, and all addresses are of this function.
     unsafe {
-        assert_eq!(
-            stylus_player_choose(player.handle(), library.handle(), 0, 99, 1),
-            Status::STYLUS_CHOICE
-        );
-        assert!(
-            last_text().contains("there is no texture 99"),
-            "{}",
-            last_text()
-        );
-        assert_eq!(
-            stylus_player_choose(player.handle(), library.handle(), 7, 0, 1),
-            Status::STYLUS_CHOICE
-        );
-        assert!(last_text().contains("STYLUS_SCENE"), "{}", last_text());
-        let mut handle = null_mut();
-        assert_eq!(
-            stylus_library_open(c"no-such-file".as_ptr(), &raw mut handle),
-            Status::STYLUS_FILE
-        );
-        assert!(last_text().contains("no-such-file"), "{}", last_text());
+        let choose =
+            |kind, index| stylus_player_choose(player.handle(), library.handle(), kind, index, 1);
+        let no_texture = "there is no texture 99";
+        refused(choose(0, 99), Status::STYLUS_CHOICE, no_texture);
+        refused(choose(7, 0), Status::STYLUS_CHOICE, "STYLUS_SCENE");
+        let status = stylus_library_open(c"no-such-file".as_ptr(), &raw mut handle);
+        refused(status, Status::STYLUS_FILE, "no-such-file");
         assert_eq!(
             stylus_library_open(c"\xff".as_ptr(), &raw mut handle),
             Status::STYLUS_TEXT
@@ -161,12 +156,8 @@ fn what_cannot_be_is_refused_by_status_and_text() {
             Status::STYLUS_LIBRARY
         );
         assert!(handle.is_null());
-        let mut other = null_mut();
-        assert_eq!(
-            stylus_player_open(44_101, &raw mut other),
-            Status::STYLUS_RATE
-        );
-        assert!(last_text().contains("44101"), "{}", last_text());
+        let status = stylus_player_open(44_101, &raw mut other);
+        refused(status, Status::STYLUS_RATE, "44101");
         assert_eq!(
             stylus_player_move(player.handle(), f64::INFINITY, 1.0),
             Status::STYLUS_MOTION
@@ -179,7 +170,20 @@ fn what_cannot_be_is_refused_by_status_and_text() {
             stylus_player_set_gain(player.handle(), 1.0, -1.0),
             Status::STYLUS_GAIN
         );
-        let mut seconds = 0.0;
+        let mut short = [1 as c_char; 4];
+        assert_eq!(
+            stylus_last_text(short.as_mut_ptr(), 4),
+            Status::STYLUS_LENGTH
+        );
+        assert_eq!(short, [1; 4]);
+    }
+}
+
+#[test]
+fn the_latency_is_the_players_own_and_of_a_librarys_rate() {
+    let mut seconds = 0.0;
+    // SAFETY: the address is of this function.
+    unsafe {
         assert_eq!(
             stylus_player_latency(5000, 48_000, &raw mut seconds),
             Status::STYLUS_OK
@@ -189,12 +193,6 @@ fn what_cannot_be_is_refused_by_status_and_text() {
             stylus_player_latency(2000, 48_000, &raw mut seconds),
             Status::STYLUS_CHOICE
         );
-        let mut short = [1 as c_char; 4];
-        assert_eq!(
-            stylus_last_text(short.as_mut_ptr(), 4),
-            Status::STYLUS_LENGTH
-        );
-        assert_eq!(short, [1; 4]);
     }
 }
 

@@ -224,60 +224,44 @@ mod tests {
 
     use super::*;
 
-    #[test]
-    fn a_change_is_told_in_old_and_new_values_and_in_volts_and_watts() {
-        let with = |pairs: &[(Setting, f32)]| {
-            pairs
-                .iter()
-                .fold(Settings::default(), |settings, &(setting, value)| {
-                    settings.with(SettingChange { setting, value }).unwrap()
-                })
-        };
+    fn with(pairs: &[(Setting, f32)]) -> Settings {
+        let changes = pairs.iter();
+        changes.fold(Settings::default(), |settings, &(setting, value)| {
+            settings.with(SettingChange { setting, value }).unwrap()
+        })
+    }
+
+    /// Settings of a coil of 8 Ω.
+    fn of_coil(others: &[(Setting, f32)]) -> Settings {
         let coil = [
             (Setting::CoilResistance, 8.0),
             (Setting::AmplifierGain, 10.0),
             (Setting::PowerLimit, 0.5),
         ];
-        let before = with(&coil);
-        let after = with(&[&coil[..], &[(Setting::HardLimit, 0.8)]].concat());
-        let changed = SettingSet::NONE.with(Setting::HardLimit, true);
-        let known = |settings| Known {
+        with(&[&coil, others].concat())
+    }
+
+    fn known(settings: &Settings) -> Known<'_> {
+        Known {
             settings,
             unset: SettingSet::NONE,
-        };
+        }
+    }
+
+    #[test]
+    fn a_change_is_told_in_old_and_new_values_and_in_volts_and_watts() {
+        let (before, after) = (of_coil(&[]), of_coil(&[(Setting::HardLimit, 0.8)]));
+        let changed = SettingSet::NONE.with(Setting::HardLimit, true);
         let lines = consequences(known(&before), known(&after), changed);
         assert_eq!(lines[0], "  hard-limit: 0.5 -> 0.8 V");
         // 0.2 V RMS at a gain of 10 are 2 V, 0.5 W in 8 Ω; 0.5 V are 5 V, 3.1 W.
-        assert!(
-            lines[1].contains("0.500 V peak and 0.200 V RMS"),
-            "{lines:?}"
-        );
-        assert!(lines[1].contains("3.119 W peak"), "{lines:?}");
-        assert!(lines[1].contains("0.500 W held at 8 Ω"), "{lines:?}");
-        let unset = SettingSet::REQUIRED;
-        let none = Settings::default();
-        let none = Known {
-            settings: &none,
-            unset,
-        };
-        let lines = consequences(none, known(&before), unset);
-        assert!(lines[0].contains("not set -> "), "{lines:?}");
-        assert!(!lines.iter().any(|line| line.contains("before")));
-        // A reset leaves no value, whatever stands in for one.
-        let lines = consequences(
-            known(&before),
-            known(&before).after(&SettingsChange::Reset, none.settings),
-            unset,
-        );
-        let values = &lines[..lines.len() - 2];
-        assert!(
-            values.iter().all(|line| line.ends_with(" -> not set")),
-            "{lines:?}"
-        );
-        assert!(
-            lines.last().unwrap().contains("nothing plays until"),
-            "{lines:?}"
-        );
+        for told in [
+            "0.500 V peak and 0.200 V RMS",
+            "3.119 W peak",
+            "0.500 W held at 8 Ω",
+        ] {
+            assert!(lines[1].contains(told), "{lines:?}");
+        }
         // A switch has no unit.
         let switch = SettingSet::NONE.with(Setting::EnableWired, true);
         let lines = consequences(known(&before), known(&before), switch);
@@ -287,5 +271,26 @@ mod tests {
         let lines = consequences(known(&before), known(&told_away), changed);
         let told = "you allowed 0.1 W, and this firmware holds 0.283 V RMS at the pin at most";
         assert!(lines[2].contains(told), "{lines:?}");
+    }
+
+    #[test]
+    fn what_is_not_set_is_told_as_such_before_and_after() {
+        let (settings, none) = (of_coil(&[]), Settings::default());
+        let unset = SettingSet::REQUIRED;
+        let nothing = Known {
+            settings: &none,
+            unset,
+        };
+        let lines = consequences(nothing, known(&settings), unset);
+        assert!(lines[0].contains("not set -> "), "{lines:?}");
+        assert!(!lines.iter().any(|line| line.contains("before")));
+        // A reset leaves no value, whatever stands in for one.
+        let reset = known(&settings).after(&SettingsChange::Reset, &none);
+        let lines = consequences(known(&settings), reset, unset);
+        let (last, values) = lines.split_last().expect("there are lines");
+        let values = &values[..values.len() - 1];
+        let are_unset = values.iter().all(|line| line.ends_with(" -> not set"));
+        assert!(are_unset, "{lines:?}");
+        assert!(last.contains("nothing plays until"), "{lines:?}");
     }
 }

@@ -2,8 +2,8 @@
 
 use std::sync::LazyLock;
 
+use kernel_vectors::scenes::with_all_effects;
 use kernel_vectors::specs;
-use model_format::scene::{Region, Scene, SceneName, StickSlip, Surface, Tap};
 use model_format::{TextureSpec, encode_with_scenes};
 use stylus_player::{Filler, Mover, Selection, SharedLibrary, Without, player};
 
@@ -19,41 +19,9 @@ pub fn library(specs: &[TextureSpec], rate_hz: u32) -> SharedLibrary {
         ..spec
     });
     let textures: Vec<TextureSpec> = textures.collect();
-    let bytes = encode_with_scenes(&textures, &[scene(rate_hz)]).expect("within the limits");
+    let bytes = encode_with_scenes(&textures, &[with_all_effects(rate_hz)]);
+    let bytes = bytes.expect("within the limits");
     SharedLibrary::decode(bytes).expect("it is valid")
-}
-
-fn scene(rate_hz: u32) -> Scene {
-    let with_effects = Surface {
-        tap: Some(Tap {
-            frequency_hz: 120.0,
-            decay_s: 0.03,
-            gain_m_s2_per_n_s: 0.5,
-            limit_m_s2: 20.0,
-        }),
-        stick_slip: Some(StickSlip {
-            period_mm: 2.0,
-            duty: 0.3,
-            depth: 0.9,
-            below_mm_s: 80.0,
-            above_n: 0.8,
-        }),
-        ..Surface::of_texture(1)
-    };
-    let name = SceneName::try_from("two").expect("it is short");
-    let mut scene = Scene::of_surface(name, rate_hz, with_effects);
-    let other = scene.surfaces.push(Surface::of_texture(0));
-    other.expect("there is room");
-    scene.transition_mm = 6.0;
-    for (start_mm, end_mm, surface) in [(-40.0, 0.0, 0), (0.0, 40.0, 1)] {
-        let region = Region {
-            start_mm,
-            end_mm,
-            surface,
-        };
-        scene.regions.push(region).expect("there is room");
-    }
-    scene
 }
 
 /// A player at `output_rate_hz` of the texture `index` of a library.

@@ -1,19 +1,24 @@
-//! The tokens of Rust files outside tests, and the rule on their imports: no circles between modules of a crate.
+//! Rust files outside tests, and the rule on their imports: no circles between modules of a crate.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::iter::Peekable;
 
-use proc_macro2::{TokenStream, TokenTree};
+use proc_macro2::{Delimiter, Ident, TokenStream, TokenTree, token_stream};
 
 use super::Outcome;
 use super::tree::Tree;
 
-/// A Rust file: its tokens outside tests, groups opened and closed by tokens of their own.
+/// A Rust file outside its tests.
+#[derive(Default)]
 pub struct Source {
     pub path: String,
-    tokens: Vec<(String, usize)>,
+    words: BTreeSet<String>,
+    /// Each word that follows another, with that one: `fn read`.
+    pairs: BTreeSet<String>,
+    imports: Vec<Import>,
 }
 
-/// A path that code names, with its line.
+/// A path of two segments or more that code names, with its line.
 struct Import {
     segments: Vec<String>,
     line: usize,
@@ -21,193 +26,148 @@ struct Import {
     name: Option<String>,
 }
 
+type Trees = Peekable<token_stream::IntoIter>;
+
 impl Source {
     /// True where an item of this name is defined. Of `A::b`, `b` counts, which may be a variant.
     pub fn defines(&self, name: &str) -> bool {
-        const KEYWORDS: [&str; 9] = [
-            "fn",
-            "struct",
-            "enum",
-            "trait",
-            "const",
-            "static",
-            "type",
-            "mod",
-            "macro_rules",
-        ];
-        let last = name.rsplit("::").next().unwrap_or(name);
-        let mut pairs = self.tokens.windows(2);
-        pairs.any(|pair| {
-            pair[1].0 == last && (name != last || KEYWORDS.contains(&pair[0].0.as_str()))
-        })
-    }
-
-    /// True where the module `name` is declared.
-    fn declares(&self, name: &str) -> bool {
-        let mut pairs = self.tokens.windows(2);
-        pairs.any(|pair| pair[0].0 == "mod" && pair[1].0 == name)
-    }
-
-    /// The paths of two segments or more, those of a `use` one by one.
-    fn imports(&self) -> Vec<Import> {
-        let mut imports = Vec::new();
-        let mut at = 0;
-        while at < self.tokens.len() {
-            let begin = at;
-            if is_word(self.text(at)) && self.text(at + 1) == "::" {
-                let first = imports.len();
-                at = self.take(at, &[], &mut imports);
-                if begin == 0 || self.text(begin - 1) != "use" {
-                    imports[first..]
-                        .iter_mut()
-                        .for_each(|path| path.name = None);
-                }
-            }
-            at = at.max(begin + 1);
-        }
-        imports
-    }
-
-    fn text(&self, at: usize) -> &str {
-        self.tokens.get(at).map_or("", |(text, _)| text)
-    }
-
-    /// Reads the path or the tree of paths at token `at`, below the segments `before`, into `imports`. Returns the
-    /// place after it.
-    fn take(&self, mut at: usize, before: &[String], imports: &mut Vec<Import>) -> usize {
-        let mut segments = before.to_vec();
-        let line = self.tokens[at].1;
-        while is_word(self.text(at)) {
-            // `a::{self}` is `a`.
-            if self.text(at) != "self" || segments.is_empty() {
-                segments.push(self.text(at).to_owned());
-            }
-            at += 1;
-            if self.text(at) != "::" {
-                break;
-            }
-            at += 1;
-            if self.text(at) == "{" {
-                at += 1;
-                while at < self.tokens.len() && self.text(at) != "}" {
-                    at = self.take(at, &segments, imports).max(at + 1);
-                }
-                return at + 1;
+        let kinds = "fn struct enum trait const static type mod".split(' ');
+        match name.rsplit_once("::") {
+            Some((_, last)) => self.words.contains(last),
+            None => {
+                (kinds.map(|kind| format!("{kind} {name}"))).any(|pair| self.pairs.contains(&pair))
             }
         }
-        // Not the cast to a path.
-        let name = if self.text(at) == "as" && self.text(at + 2) != "::" {
-            at += 2;
-            Some(self.text(at - 1).to_owned())
-        } else {
-            segments.last().cloned()
-        };
-        imports.push(Import {
+    }
+
+    /// Reads `stream`, whose paths begin with `before`: those of a group in a `use`.
+    fn read(&mut self, stream: TokenStream, before: &[String], mut is_use: bool) {
+        let (mut is_of_tests, mut last) = (false, String::new());
+        let mut trees = stream.into_iter().peekable();
+        while let Some(tree) = trees.next() {
+            let previous = std::mem::take(&mut last);
+            match tree {
+                // An item of tests goes up to its block or semicolon.
+                TokenTree::Group(group) if is_of_tests => {
+                    is_of_tests = group.delimiter() != Delimiter::Brace;
+                }
+                TokenTree::Punct(punct) if is_of_tests => is_of_tests = punct.as_char() != ';',
+                _ if is_of_tests => {}
+                TokenTree::Ident(word) => {
+                    last = word.to_string();
+                    self.pairs.insert(format!("{previous} {last}"));
+                    match last.as_str() {
+                        "use" => is_use = true,
+                        _ => self.read_path(&word, &mut trees, before, is_use),
+                    }
+                }
+                TokenTree::Group(group) => {
+                    if group.delimiter() == Delimiter::Bracket {
+                        let text = group.to_string();
+                        is_of_tests = text.starts_with("[cfg")
+                            && text.contains("test")
+                            && !text.contains("not");
+                    }
+                    self.read(group.stream(), &[], false);
+                }
+                TokenTree::Punct(punct) if punct.as_char() == ';' => is_use = false,
+                TokenTree::Punct(_) | TokenTree::Literal(_) => {}
+            }
+        }
+    }
+
+    /// Reads the path, or the paths of a `use`, that begin with `first` below the segments `before`.
+    fn read_path(&mut self, first: &Ident, trees: &mut Trees, before: &[String], is_use: bool) {
+        let line = first.span().start().line;
+        let mut segments = [before, &[first.to_string()]].concat();
+        let is_colon = |tree: &TokenTree| tree.to_string() == ":";
+        while trees.next_if(is_colon).is_some() && trees.next_if(is_colon).is_some() {
+            match trees.next() {
+                Some(TokenTree::Ident(word)) => segments.push(word.to_string()),
+                Some(TokenTree::Group(group)) => {
+                    return self.read(group.stream(), &segments, is_use);
+                }
+                _ => break,
+            }
+        }
+        // `a::{self}` is `a`.
+        if segments.len() > 1 && segments.last().is_some_and(|last| last == "self") {
+            segments.pop();
+        }
+        self.words.extend(segments.iter().cloned());
+        let mut name = segments.last().cloned();
+        if is_use && trees.next_if(|next| next.to_string() == "as").is_some() {
+            name = trees.next().map(|name| name.to_string());
+        }
+        let name = name.filter(|_| is_use);
+        self.imports.push(Import {
             segments,
             line,
             name,
         });
-        at
     }
-}
-
-fn is_word(text: &str) -> bool {
-    text.starts_with(|first: char| first.is_alphabetic() || first == '_')
 }
 
 /// Reads all Rust files of `tree`.
 pub fn read(tree: &Tree, outcome: &mut Outcome) -> Vec<Source> {
     let mut sources = Vec::new();
-    for (path, text) in tree.texts_of("rs") {
-        match text.parse::<TokenStream>() {
-            Ok(stream) => {
-                let mut tokens = Vec::new();
-                flatten(stream, &mut tokens);
-                let path = path.to_owned();
-                sources.push(Source { path, tokens });
-            }
+    for (path, text) in tree.texts_of(&["rs"]) {
+        let mut source = Source {
+            path: path.to_owned(),
+            ..Source::default()
+        };
+        match text.parse() {
+            Ok(stream) => source.read(stream, &[], false),
             Err(error) => outcome.find(path, error.span().start().line, error.to_string()),
         }
+        sources.push(source);
     }
     outcome.count("Rust files", sources.len());
     sources
 }
 
-fn flatten(stream: TokenStream, tokens: &mut Vec<(String, usize)>) {
-    let mut is_of_tests = false;
-    let mut trees = stream.into_iter().peekable();
-    while let Some(tree) = trees.next() {
-        let line = tree.span().start().line;
-        if is_of_tests {
-            // The item goes up to its block or semicolon.
-            let text = tree.to_string();
-            is_of_tests = text != ";" && !text.starts_with('{');
-            continue;
-        }
-        match tree {
-            TokenTree::Group(group) => {
-                let text = group.to_string();
-                let is_cfg = text.starts_with("[cfg (") || text.starts_with("[cfg(");
-                is_of_tests = is_cfg && text.contains("test") && !text.contains("not");
-                let (open, close) = (&text[..1], &text[text.len() - 1..]);
-                tokens.push((open.to_owned(), line));
-                flatten(group.stream(), tokens);
-                tokens.push((close.to_owned(), group.span_close().start().line));
-            }
-            TokenTree::Punct(punct) if punct.as_char() == ':' => {
-                let next = trees.next_if(|next| next.to_string() == ":");
-                tokens.push((if next.is_some() { "::" } else { ":" }.to_owned(), line));
-            }
-            tree => tokens.push((tree.to_string(), line)),
-        }
-    }
-}
+/// A module of a crate, or an item, by its path, the crate's folder first.
+type Path = Vec<String>;
 
-/// A module of a crate by its path, the crate's folder first.
-type Module = Vec<String>;
-
-fn module_of(path: &str) -> Option<Module> {
+fn module_of(path: &str) -> Option<Path> {
     let (root, rest) = path.split_once("/src/")?;
-    let rest = rest.strip_suffix(".rs")?;
-    let rest = rest.strip_suffix("mod").unwrap_or(rest);
-    let parts = rest
-        .split('/')
-        .filter(|part| !["", "lib", "main"].contains(part));
-    let root = [format!("{root}/src")].into_iter();
-    Some(root.chain(parts.map(str::to_owned)).collect())
+    let parts = rest.strip_suffix(".rs")?.split('/');
+    let parts = parts.filter(|part| !["mod", "lib", "main"].contains(part));
+    Some([root].into_iter().chain(parts).map(str::to_owned).collect())
 }
+
+/// Imports of each module: the imported one, the file and the line.
+type Arrows<'a> = BTreeMap<Path, Vec<(Path, &'a str, usize)>>;
 
 /// Checks that imports have no circles.
 pub fn check(sources: &[Source], outcome: &mut Outcome) {
     let modules = modules(sources);
-    let known = |module: &[String]| modules.contains_key(module);
-    // Names that a module re-exports from its own modules.
-    let mut names: BTreeMap<Module, Module> = BTreeMap::new();
-    for (module, (_, imports)) in &modules {
-        for import in imports {
-            let start = usize::from(import.segments[0] == "self");
-            let target = [module.as_slice(), &import.segments[start..]].concat();
-            if target.len() > module.len() + 1 && known(&target[..=module.len()]) {
-                let name = target.last().cloned();
-                names.insert(module.iter().cloned().chain(name).collect(), target);
+    let imports = |module| {
+        let sources: &Vec<&Source> = &modules[module];
+        let all = sources.iter().copied();
+        all.flat_map(|source| source.imports.iter().map(move |import| (source, import)))
+    };
+    // Each name that a `use` gives in a module, with what it names.
+    let mut names: BTreeMap<Path, Path> = BTreeMap::new();
+    for module in modules.keys() {
+        for (_, import) in imports(module) {
+            let named = absolute(module, &import.segments);
+            let name = import.name.iter().cloned();
+            let name: Path = module.iter().cloned().chain(name).collect();
+            if name.len() > module.len() && name != named {
+                names.insert(name, named);
             }
         }
     }
     let mut arrows = Arrows::new();
-    for (module, (source, imports)) in &modules {
-        let used = used(module, imports);
-        for import in imports {
-            let (first, rest) = import.segments.split_at(1);
-            let by_use = || Some([used.get(first[0].as_str())?, rest].concat());
-            let Some(target) = absolute(module, &import.segments).or_else(by_use) else {
-                continue;
-            };
-            let mut target = defined(target, &names);
-            while !known(&target) && target.len() > 1 {
+    for module in modules.keys() {
+        for (source, import) in imports(module) {
+            let mut target = defined(absolute(module, &import.segments), &names);
+            while !modules.contains_key(&target) && target.len() > 1 {
                 target.pop();
             }
-            // What the root names may be of another crate.
-            if target != *module && target.len() > 1 {
+            // A module may use those below it. What the root names may be of another crate.
+            if !target.starts_with(module) && target.len() > 1 {
                 let arrow = (target, source.path.as_str(), import.line);
                 arrows.entry(module.clone()).or_default().push(arrow);
             }
@@ -217,63 +177,55 @@ pub fn check(sources: &[Source], outcome: &mut Outcome) {
     check_circles(arrows, outcome);
 }
 
-/// All modules outside tests, with their imports: each is declared by the one around it, if that is there.
-fn modules(sources: &[Source]) -> BTreeMap<Module, (&Source, Vec<Import>)> {
-    let mut modules: BTreeMap<Module, (&Source, Vec<Import>)> = BTreeMap::new();
-    let mut found: Vec<(Module, &Source)> = sources
-        .iter()
-        .filter_map(|source| Some((module_of(&source.path)?, source)))
-        .collect();
-    // Each comes after the one around it.
-    found.sort_by_key(|(module, _)| module.clone());
-    for (module, source) in &found {
-        let (name, around) = module.split_last().unwrap_or((&module[0], &[]));
-        let mut arounds = found.iter().filter(|(other, _)| other == around).peekable();
-        let is_top = arounds.peek().is_none();
-        let is_declared = arounds.any(|(_, source)| source.declares(name));
-        if is_top || modules.contains_key(around) && is_declared {
-            let entry = modules.entry(module.clone());
-            entry.or_insert_with(|| (*source, source.imports()));
+/// All modules outside tests: a crate's roots, and those that the module around them declares.
+fn modules(sources: &[Source]) -> BTreeMap<Path, Vec<&Source>> {
+    let mut found: BTreeMap<Path, Vec<&Source>> = BTreeMap::new();
+    for source in sources {
+        if let Some(module) = module_of(&source.path) {
+            found.entry(module).or_default().push(source);
         }
     }
-    modules
-}
-
-/// Imports of each module: the imported one, the file and the line.
-type Arrows<'a> = BTreeMap<Module, Vec<(Module, &'a str, usize)>>;
-
-/// The module or item that `segments` name within the crate of `module`; `None` for what is outside of it.
-fn absolute(module: &[String], segments: &[String]) -> Option<Module> {
-    let ups = segments.iter().take_while(|part| *part == "super").count();
-    let base = match segments[0].as_str() {
-        "crate" => &module[..1],
-        "self" => module,
-        "super" => &module[..module.len().checked_sub(ups)?.max(1)],
-        _ => return None,
-    };
-    Some([base, &segments[ups.max(1)..]].concat())
-}
-
-/// The names that `use` gives other parts of the crate in `module`.
-fn used<'a>(module: &[String], imports: &'a [Import]) -> BTreeMap<&'a str, Module> {
-    let named = imports.iter().filter_map(|import| {
-        let name = import.name.as_deref()?;
-        Some((name, absolute(module, &import.segments)?))
-    });
-    named.collect()
-}
-
-/// `target` with each part that a module re-exports under the path of its definition.
-fn defined(mut target: Module, names: &BTreeMap<Module, Module>) -> Module {
-    let mut length = 1;
-    while length <= target.len() {
-        if let Some(definition) = names.get(&target[..length]) {
-            target.splice(..length, definition.iter().cloned());
-            // A definition is below its re-export, so this ends.
-            length = definition.len();
-        } else {
-            length += 1;
+    // A module comes after the one around it.
+    for module in found.keys().cloned().collect::<Vec<_>>() {
+        if let Some((name, around @ [_, ..])) = module.split_last() {
+            let is_declared = found.get(around).is_some_and(|around| {
+                let declaration = format!("mod {name}");
+                let mut around = around.iter();
+                around.any(|source| source.pairs.contains(&declaration))
+            });
+            if !is_declared {
+                found.remove(&module);
+            }
         }
+    }
+    found
+}
+
+/// The path that `segments` have within the crate, in `module`.
+fn absolute(module: &[String], segments: &[String]) -> Path {
+    let ups = segments.iter().take_while(|part| *part == "super").count();
+    let (base, rest) = match segments[0].as_str() {
+        "crate" => (&module[..1], &segments[1..]),
+        "self" => (module, &segments[1..]),
+        _ => {
+            let depth = module.len().saturating_sub(ups).max(1);
+            (&module[..depth], &segments[ups..])
+        }
+    };
+    [base, rest].concat()
+}
+
+/// `target` with each name of a `use` in it under the path of what it names.
+fn defined(mut target: Path, names: &BTreeMap<Path, Path>) -> Path {
+    /// More names for one item than anybody gives, so that names which stand for each other end.
+    const MOST: usize = 20;
+    for _ in 0..MOST {
+        let mut lengths = 1..=target.len();
+        let Some(length) = lengths.find(|length| names.contains_key(&target[..*length])) else {
+            break;
+        };
+        let definition = names[&target[..length]].clone();
+        target.splice(..length, definition);
     }
     target
 }
@@ -283,9 +235,9 @@ fn defined(mut target: Module, names: &BTreeMap<Module, Module>) -> Module {
 fn check_circles(mut arrows: Arrows<'_>, outcome: &mut Outcome) {
     loop {
         let before = arrows.values().map(Vec::len).sum::<usize>();
-        let importers: BTreeSet<Module> = arrows.keys().cloned().collect();
+        let importers: BTreeSet<Path> = arrows.keys().cloned().collect();
         let targets = arrows.values().flatten();
-        let imported: BTreeSet<Module> = targets.map(|(to, ..)| to.clone()).collect();
+        let imported: BTreeSet<Path> = targets.map(|(to, ..)| to.clone()).collect();
         arrows.retain(|from, targets| {
             targets.retain(|(to, ..)| importers.contains(to));
             imported.contains(from) && !targets.is_empty()

@@ -5,12 +5,9 @@ use std::path::Path;
 use std::process::Command;
 use std::{fs, io};
 
-/// Extensions of the files whose text is read. A file without one is read too, because it may be a script.
-const TEXTS: [&str; 7] = ["", "rs", "toml", "md", "x", "sh", "py"];
-
-/// Paths from the repository's root, with `/` between folders, and the texts that the rules read.
+/// Paths from the repository's root, with `/` between folders, and their texts, empty for what is no text.
 #[derive(Debug)]
-pub struct Tree(BTreeMap<String, Option<String>>);
+pub struct Tree(BTreeMap<String, String>);
 
 impl Tree {
     /// Reads the files below `root`.
@@ -19,21 +16,13 @@ impl Tree {
     /// Git is missing or lists nothing, or a file cannot be read.
     pub fn read(root: &Path) -> io::Result<Self> {
         let mut git = Command::new("git");
-        git.args([
-            "ls-files",
-            "-z",
-            "--cached",
-            "--others",
-            "--exclude-standard",
-        ]);
+        git.args("ls-files -z --cached --others --exclude-standard".split(' '));
         let listed = git.current_dir(root).output()?.stdout;
         let mut files = BTreeMap::new();
         for path in String::from_utf8_lossy(&listed).split_terminator('\0') {
             let file = root.join(path);
             if file.is_file() {
-                let is_text = TEXTS.contains(&extension(path));
-                let bytes = is_text.then(|| fs::read(file)).transpose()?;
-                let text = bytes.and_then(|bytes| String::from_utf8(bytes).ok());
+                let text = String::from_utf8(fs::read(file)?).unwrap_or_default();
                 files.insert(path.to_owned(), text);
             }
         }
@@ -46,7 +35,7 @@ impl Tree {
     /// A tree of `files`, each a path and its text.
     #[cfg(test)]
     pub fn of(files: &[(&str, &str)]) -> Self {
-        let file = |&(path, text): &(&str, &str)| (path.to_owned(), Some(text.to_owned()));
+        let file = |&(path, text): &(&str, &str)| (path.to_owned(), text.to_owned());
         Self(files.iter().map(file).collect())
     }
 
@@ -55,21 +44,14 @@ impl Tree {
         self.0.keys().map(String::as_str)
     }
 
-    /// All files whose text was read.
-    pub fn texts(&self) -> impl Iterator<Item = (&str, &str)> {
-        let texts = self.0.iter();
-        texts.filter_map(|(path, text)| Some((path.as_str(), text.as_deref()?)))
-    }
-
-    /// All texts of the kind that `extension` names, without the dot.
-    pub fn texts_of(&self, extension: &str) -> impl Iterator<Item = (&str, &str)> {
-        self.texts()
-            .filter(move |(path, _)| self::extension(path) == extension)
+    /// All files with one of these `extensions`, without their dots.
+    pub fn texts_of(&self, extensions: &[&str]) -> impl Iterator<Item = (&str, &str)> {
+        let texts = (self.0.iter()).map(|(path, text)| (path.as_str(), text.as_str()));
+        texts.filter(|(path, _)| extensions.contains(&extension(path)))
     }
 
     /// True for a file, and for a folder that holds one.
     pub fn has(&self, path: &str) -> bool {
-        let path = path.trim_end_matches('/');
         let below = format!("{path}/");
         let mut after = self.paths().skip_while(|file| *file < path);
         path.is_empty() || after.any(|file| file == path || file.starts_with(&below))

@@ -104,11 +104,17 @@ fn covers(model: StageCost, each: u32, measured: u32) {
     );
 }
 
-#[test]
-fn an_effect_costs_a_tick_what_the_model_says_and_one_that_is_not_called_for_nothing() {
+/// A device with all scenes, whose tool is pressed on and moves.
+fn rubbing() -> Device {
     let mut device = Device::started(library::with(&bytes()));
     press(&mut device, 1.0);
     device.move_at(20.0);
+    device
+}
+
+#[test]
+fn an_effect_costs_a_tick_what_the_model_says_and_one_that_is_not_called_for_nothing() {
+    let mut device = rubbing();
     let idle = count(&mut device, "idle", 20).within;
     device.play_until_heard("lattice");
     let texture = count(&mut device, "texture", 30);
@@ -119,13 +125,7 @@ fn an_effect_costs_a_tick_what_the_model_says_and_one_that_is_not_called_for_not
         "a scene of one surface is its texture"
     );
     let lattice = lattice.within;
-    // The motion's source, and effects that are present but not active.
-    for scene in ["constant", "tap", "away from the transition"] {
-        let count = count_scene(&mut device, scene);
-        assert_eq!(count.within, lattice, "{scene}");
-        // The motion has come to rest: one kind requests the update, and one begins a block, whichever block it is.
-        assert!(count.kinds <= 2, "{scene}: {count:?}");
-    }
+    assert_inactive_effects_cost_nothing(&mut device, lattice);
     let mut of = |scene| count_scene(&mut device, scene).within;
     let [short, transition, sticky_transition, sticky] =
         ["short lattice", "transition", "sticky transition", "sticky"].map(&mut of);
@@ -164,42 +164,66 @@ fn an_effect_costs_a_tick_what_the_model_says_and_one_that_is_not_called_for_not
     assert_eq!(two_fed, fed + of_voice(short_fed));
     assert_eq!(beside, lattice + of_voice(short_fed));
 
-    // Without contact the list of stages is empty: neither noise nor filter runs.
+    assert_no_contact_costs_the_mix_at_most(&mut device, idle);
+    covers(cost::FADE_OUT, 0, fading(&mut device) - four);
+    let (probing, equalised) = (probing(&mut device), equalised(&mut device));
+    covers(cost::WAVE, 0, probing - idle - mix);
+    let sections = 8 + MAX_RESPONSE_SECTIONS as u32;
+    covers(cost::EQUALISER, sections, equalised - lattice);
+    device.assert_undisturbed();
+}
+
+/// Checks the motion's source, and effects that are present but not active.
+fn assert_inactive_effects_cost_nothing(device: &mut Device, lattice: u32) {
+    for scene in ["constant", "tap", "away from the transition"] {
+        let count = count_scene(device, scene);
+        assert_eq!(count.within, lattice, "{scene}");
+        // The motion has come to rest: one kind requests the update, and one begins a block, whichever block it is.
+        assert!(count.kinds <= 2, "{scene}: {count:?}");
+    }
+}
+
+/// Without contact the list of stages is empty: neither noise nor filter runs.
+fn assert_no_contact_costs_the_mix_at_most(device: &mut Device, idle: u32) {
     device.play_scene("eight sections", 3);
-    press(&mut device, 0.0);
+    press(device, 0.0);
     device.run_for(200 * MS);
-    let lifted = count(&mut device, "lifted", 20).within;
+    let lifted = count(device, "lifted", 20).within;
     assert!(
         lifted - idle <= u32::from(cost::MIX.base),
         "{lifted} lifted, {idle} idle"
     );
+}
 
-    // A fade takes one block, in which the plan is exchanged.
-    press(&mut device, 1.0);
+/// Instructions of a tick in which a scene of four sections fades: for one block, in which the plan is exchanged.
+fn fading(device: &mut Device) -> u32 {
+    press(device, 1.0);
     device.play_scene("four sections", 3);
     device.run_for(30 * MS);
     device.play_scene("lattice", 3);
-    let after = ticks(&mut device, 20);
+    let after = ticks(device, 20);
     let within = after.iter().filter(|tick| !hands_over(&after, tick));
     let fading = within.map(|tick| tick.instructions).max();
     let fading = fading.expect("there are ticks");
     println!("instructions a tick, four sections, fading: {fading}");
-    covers(cost::FADE_OUT, 0, fading - four);
+    fading
+}
 
-    // A probe is its samples, and the sections of a response are those of a scene, after these.
+/// Instructions of a tick that plays a probe, which is its samples.
+fn probing(device: &mut Device) -> u32 {
     device.stop();
     device.run_for(100 * MS);
-    let wave = probe::load(&mut device);
-    probe::start(&mut device, wave);
+    let wave = probe::load(device);
+    probe::start(device, wave);
     device.run_for(50 * MS);
-    let probing = count(&mut device, "probe", 30).within;
-    covers(cost::WAVE, 0, probing - idle - mix);
+    count(device, "probe", 30).within
+}
+
+/// Instructions of a tick with all sections of a response, which are those of a scene, after the scene's eight.
+fn equalised(device: &mut Device) -> u32 {
     device.stop();
     device.run_for(100 * MS);
-    probe::store(&mut device, MAX_RESPONSE_SECTIONS);
+    probe::store(device, MAX_RESPONSE_SECTIONS);
     device.run_for(20 * MS);
-    let equalised = count_scene(&mut device, "eight sections").within;
-    let sections = 8 + MAX_RESPONSE_SECTIONS as u32;
-    covers(cost::EQUALISER, sections, equalised - lattice);
-    device.assert_undisturbed();
+    count_scene(device, "eight sections").within
 }

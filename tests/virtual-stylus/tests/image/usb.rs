@@ -27,8 +27,23 @@ fn text(bytes: &[u8]) -> String {
 #[test]
 fn the_descriptors_keep_the_rules_of_usb_2() {
     let read = read();
+    check_device(&read.device);
+    check_configuration(&read.configuration);
+    // Section 9.6.7.
+    assert_eq!(read.languages[..2], [4, descriptor::STRING]);
+    assert_eq!(word(&read.languages, 2), 0x0409);
+    for (place, string) in [14, 15, 16].into_iter().zip(&read.strings) {
+        assert_ne!(read.device[place], 0, "there is a string");
+        assert_eq!(string[..2], [string.len() as u8, descriptor::STRING]);
+        assert!(!text(&string[2..]).is_empty());
+    }
+    let serial = text(&read.strings[2][2..]);
+    assert_eq!(serial.len(), 24, "96 bits: {serial}");
+    assert!(serial.chars().all(|digit| digit.is_ascii_hexdigit()));
+}
+
+fn check_device(device: &[u8]) {
     // Table 9-8.
-    let device = &read.device;
     assert_eq!(
         (device.len(), device[0], device[1]),
         (18, 18, descriptor::DEVICE)
@@ -43,8 +58,10 @@ fn the_descriptors_keep_the_rules_of_usb_2() {
         (USB_VENDOR_ID, USB_PRODUCT_ID)
     );
     assert_eq!(device[17], 1, "configurations");
+}
+
+fn check_configuration(configuration: &[u8]) {
     // Table 9-10.
-    let configuration = &read.configuration;
     assert_eq!(configuration[..2], [9, descriptor::CONFIGURATION]);
     assert_eq!(usize::from(word(configuration, 2)), configuration.len());
     assert_eq!(configuration[4], 1, "interfaces");
@@ -80,17 +97,6 @@ fn the_descriptors_keep_the_rules_of_usb_2() {
         assert_eq!(endpoint[2] & 0x70, 0, "reserved bits");
     }
     assert_eq!(bulk_endpoints(configuration), Some([BULK_OUT, BULK_IN]));
-    // Section 9.6.7.
-    assert_eq!(read.languages[..2], [4, descriptor::STRING]);
-    assert_eq!(word(&read.languages, 2), 0x0409);
-    for (place, string) in [14, 15, 16].into_iter().zip(&read.strings) {
-        assert_ne!(device[place], 0, "there is a string");
-        assert_eq!(string[..2], [string.len() as u8, descriptor::STRING]);
-        assert!(!text(&string[2..]).is_empty());
-    }
-    let serial = text(&read.strings[2][2..]);
-    assert_eq!(serial.len(), 24, "96 bits: {serial}");
-    assert!(serial.chars().all(|digit| digit.is_ascii_hexdigit()));
 }
 
 #[test]

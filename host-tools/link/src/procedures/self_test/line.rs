@@ -63,7 +63,7 @@ impl Line {
         let limits = format!("{limits} {unit}").trim_end().to_owned();
         Self {
             number: Some(value),
-            ..Self::exact(name, value_text, limits, good, remedy)
+            ..Self::judged(name, value_text, limits, good, remedy)
         }
     }
 
@@ -72,8 +72,20 @@ impl Line {
         Self::number(name, count.into() as f64, (0.0, 0.0), ("", 0), remedy)
     }
 
-    /// A value that must be the one in `limits`, which the caller has compared.
+    /// A value that must be `expected`.
     pub fn exact(
+        name: impl Into<String>,
+        value: impl Into<String>,
+        expected: impl Into<String>,
+        remedy: &str,
+    ) -> Self {
+        let (value, expected) = (value.into(), expected.into());
+        let good = value == expected;
+        Self::judged(name, value, expected, good, remedy)
+    }
+
+    /// A value that the caller has compared with `limits`.
+    pub fn judged(
         name: impl Into<String>,
         value: impl Into<String>,
         limits: impl Into<String>,

@@ -155,7 +155,7 @@ fn measured(device: &Device, name: &str, request: SelfTestRequest) -> Result<Vec
         Ok(SelfTestValues::Encoder(_)) => Vec::new(),
         Ok(SelfTestValues::Flash(values)) => judge::flash(&values),
         Err(LinkError::SelfTest(refusal)) => match *refusal {
-            SelfTestError::Hardware { what } => vec![Line::exact(
+            SelfTestError::Hardware { what } => vec![Line::judged(
                 name,
                 what.as_str(),
                 "an answer",
@@ -232,7 +232,7 @@ fn traffic(device: &Device, seconds: f64) -> Result<Vec<Line>> {
     let (is_loaded, line) = match load(device)? {
         Ok(texture) => (
             true,
-            Line::exact(name, format!("by {texture}"), "a texture", true, ""),
+            Line::judged(name, format!("by {texture}"), "a texture", true, ""),
         ),
         Err(why) => (false, Line::not_measured(name, &why)),
     };

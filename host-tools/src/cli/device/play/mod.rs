@@ -137,19 +137,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let mut heard = Heard::since(&before);
     device.play(&request)?;
     let (played, fastest_mm_s) = keep_playing(&device, &plan, interrupt, &mut heard);
-    // A stop would end what yet another program may play by now.
-    if let Some(by) = device.stopped_by() {
-        let problem = format!("stopped by {by}");
-        return Err(Error::Request(format!("{}: {problem}", device.address())));
-    }
-    // The output is switched off after a failure, too; the first failure is the one that is reported.
-    let stopped = device.stop();
-    let driven = played?;
-    let (was_playing, status) = stopped?;
-    if !was_playing {
-        let problem = "the device stopped by itself: `stylus status` says why";
-        return Err(Error::Request(format!("{}: {problem}", device.address())));
-    }
+    let (driven, status) = stop(&device, played)?;
     let known = library.as_ref().zip(plan.motion.as_ref());
     let expected = known.map(|(library, motion)| library.level(&request, motion, driven.seconds));
     let expected = expected.transpose()?.flatten();
@@ -186,6 +174,24 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         None => Ok(()),
         Some(failure) => Err(Error::Request(format!("{}: {failure}", device.address()))),
     }
+}
+
+/// Ends a play that went so, and returns the status after it. The output is switched off after a failure, too; the
+/// first failure is the one that is reported.
+fn stop(device: &Device, played: Result<Driven>) -> Result<(Driven, OutputStatus)> {
+    // A stop would end what yet another program may play by now.
+    if let Some(by) = device.stopped_by() {
+        let problem = format!("stopped by {by}");
+        return Err(Error::Request(format!("{}: {problem}", device.address())));
+    }
+    let stopped = device.stop();
+    let driven = played?;
+    let (was_playing, status) = stopped?;
+    if !was_playing {
+        let problem = "the device stopped by itself: `stylus status` says why";
+        return Err(Error::Request(format!("{}: {problem}", device.address())));
+    }
+    Ok((driven, status))
 }
 
 /// Warns of motions that could not be sent at `rate_hz`.

@@ -157,8 +157,7 @@ proptest! {
     ) {
         let mut board = Switchboard::default();
         let mut device = Device::default();
-        // The first block of each client's recording, and the number of those that it has seen.
-        let mut seen: [Option<(u32, u32)>; 3] = [None; 3];
+        let mut seen = Seen::default();
         for (client, what) in steps {
             let of = |key| request(key, 9, &[]);
             let records = seen.get(client as usize).is_some_and(Option::is_some);
@@ -178,44 +177,53 @@ proptest! {
             let mut queue = VecDeque::from(actions);
             let mut before = 0;
             while let Some(action) = queue.pop_front() {
-                let frame = match action {
+                match action {
                     Action::ToDevice(frame) => {
                         queue.extend(board.frame_of_device(&device.answer(&frame)));
-                        continue;
                     }
-                    Action::Block(frame) => {
-                        let block: RecordBlock = postcard::from_bytes(&parts(&frame).2).unwrap();
-                        for (first, count) in seen.iter_mut().flatten() {
-                            prop_assert_eq!(block.sequence, *first + *count);
-                            *count += 1;
-                        }
-                        continue;
+                    Action::Block(frame) => see_block(&mut seen, &frame)?,
+                    Action::ToClient(_, FromBroker::Joins { blocks, .. }) => before = blocks,
+                    Action::ToClient(_, FromBroker::Frame(frame)) => {
+                        see_answer(&mut seen[client as usize], &frame, before)?;
                     }
-                    Action::ToClient(_, FromBroker::Joins { blocks, .. }) => {
-                        before = blocks;
-                        continue;
-                    }
-                    Action::ToClient(_, FromBroker::Frame(frame)) => frame,
                     other @ Action::ToClient(..) => panic!("{other:?}"),
-                };
-                let mine = &mut seen[client as usize];
-                let (key, _, body) = parts(&frame);
-                if key == RecordStartEndpoint::RESP_KEY {
-                    let answer: Result<RecordStarted, RecordError> =
-                        postcard::from_bytes(&body).unwrap();
-                    prop_assert!(answer.is_ok());
-                    *mine = Some((before, 0));
-                } else {
-                    let answer: Result<RecordStopped, RecordError> =
-                        postcard::from_bytes(&body).unwrap();
-                    let (first, count) = mine.take().unwrap();
-                    prop_assert_eq!(answer.unwrap().blocks, first + count);
                 }
             }
             // The device records exactly while somebody wants it.
             prop_assert_eq!(device.recording.is_some(), seen.iter().any(Option::is_some));
         }
     }
+}
+
+/// The first block of each client's recording, and the number of those that it has seen.
+type Seen = [Option<(u32, u32)>; 3];
+
+fn see_block(seen: &mut Seen, frame: &[u8]) -> Result<(), TestCaseError> {
+    let block: RecordBlock = postcard::from_bytes(&parts(frame).2).unwrap();
+    for (first, count) in seen.iter_mut().flatten() {
+        prop_assert_eq!(block.sequence, *first + *count);
+        *count += 1;
+    }
+    Ok(())
+}
+
+/// Checks the answer to a client that has seen `mine`, and joins a recording of which `before` blocks were.
+fn see_answer(
+    mine: &mut Option<(u32, u32)>,
+    frame: &[u8],
+    before: u32,
+) -> Result<(), TestCaseError> {
+    let (key, _, body) = parts(frame);
+    if key == RecordStartEndpoint::RESP_KEY {
+        let answer: Result<RecordStarted, RecordError> = postcard::from_bytes(&body).unwrap();
+        prop_assert!(answer.is_ok());
+        *mine = Some((before, 0));
+    } else {
+        let answer: Result<RecordStopped, RecordError> = postcard::from_bytes(&body).unwrap();
+        let (first, count) = mine.take().unwrap();
+        prop_assert_eq!(answer.unwrap().blocks, first + count);
+    }
+    Ok(())
 }
 
 /// A recorder, with the number of its next block.

@@ -24,10 +24,9 @@ pub fn chip(values: &ChipValues, info: &DeviceInfo) -> Vec<Line> {
             "chip",
             format!("{:#05x}", values.device),
             format!("{DEVICE:#05x}"),
-            values.device == DEVICE,
             "the board has another processor: use a NUCLEO-H743ZI2",
         ),
-        Line::exact(
+        Line::judged(
             "silicon revision",
             revision.to_string(),
             SiliconRevision::SUPPORTED,
@@ -39,7 +38,6 @@ pub fn chip(values: &ChipValues, info: &DeviceInfo) -> Vec<Line> {
             "unique id",
             serial.as_str(),
             info.serial.as_str(),
-            serial == info.serial.as_str(),
             "the id differs from the serial number of the same device: test again; if it stays, the chip is damaged",
         ),
         Line::number(
@@ -82,7 +80,7 @@ pub fn clocks(values: &ClockValues) -> Vec<Line> {
             ("Hz", 0),
             "LSI or the core's clock is wrong: look at the line of USB; if that one passes, the chip is damaged",
         ),
-        None => Line::exact(
+        None => Line::judged(
             "LSI",
             "no edge",
             format!("{} to {} Hz", LOW_SPEED_HZ.0, LOW_SPEED_HZ.1),
@@ -188,7 +186,6 @@ pub fn memory(values: &ErrorCorrectionValues) -> Vec<Line> {
             "RAM errors corrected",
             corrected.as_str(),
             "none",
-            corrected == "none",
             "restart and test again; if it comes back in the same memory, the chip ages or its supply is disturbed: \
              replace the board",
         ),
@@ -196,7 +193,6 @@ pub fn memory(values: &ErrorCorrectionValues) -> Vec<Line> {
             "RAM errors not corrected",
             failed.as_str(),
             "none",
-            failed == "none",
             "do not use the device: check its supply, restart and test again; if it comes back, replace the board",
         ),
     ];
@@ -236,32 +232,35 @@ fn is_area(register: u32) -> bool {
     start <= end
 }
 
+/// Number of areas of the flash that are protected from reading, or secure.
+fn protected_areas(values: &OptionByteValues) -> u64 {
+    let areas = values.read_protected.iter().chain(&values.secure);
+    areas.filter(|&&area| is_area(area)).count() as u64
+}
+
+/// Level of the read protection in `FLASH_OPTSR`.
+fn read_protection(status: u32) -> &'static str {
+    match status >> 8 & 0xff {
+        0xaa => "level 0",
+        0xcc => "level 2",
+        _ => "level 1",
+    }
+}
+
 /// Judges the option bytes.
 pub fn option_bytes(values: &OptionByteValues) -> Vec<Line> {
     let status = values.status;
     let bit = |number: u32| status >> number & 1 != 0;
-    let protection = status >> 8 & 0xff;
-    let level = match protection {
-        0xaa => "level 0",
-        0xcc => "level 2",
-        _ => "level 1",
-    };
-    let sectors = values.writable_sectors;
-    let areas = (values.read_protected.iter())
-        .chain(&values.secure)
-        .filter(|&&area| is_area(area))
-        .count();
+    let [first, second] = values.writable_sectors;
     let swapped = values.banks_swapped || bit(31);
     let boot = values.boot & 0xffff;
     let brown_out_level = status >> 2 & 0b11;
-    let hexadecimal = |[first, second]: [u8; 2]| format!("{first:02x} {second:02x}");
     let yes = |yes: bool| if yes { "yes" } else { "no" };
     vec![
         Line::exact(
             "read protection",
-            level,
+            read_protection(status),
             "level 0",
-            protection == 0xaa,
             "the probe cannot read a fault's cause; setting level 0 erases the flash: flash the image again afterwards",
         ),
         Line::number(
@@ -276,7 +275,6 @@ pub fn option_bytes(values: &OptionByteValues) -> Vec<Line> {
             "watchdog by",
             if bit(4) { "software" } else { "hardware" },
             "software",
-            bit(4),
             "the hardware starts a watchdog, which resets the device during its start: set IWDG1_SW with \
              STM32CubeProgrammer",
         ),
@@ -284,29 +282,25 @@ pub fn option_bytes(values: &OptionByteValues) -> Vec<Line> {
             "banks swapped",
             yes(swapped),
             "no",
-            !swapped,
             "the image would run from the bank of the libraries: clear SWAP_BANK with STM32CubeProgrammer",
         ),
         Line::exact(
             "writable sectors",
-            hexadecimal(sectors),
+            format!("{first:02x} {second:02x}"),
             "ff ff",
-            sectors == [0xff; 2],
             "settings or libraries cannot be written: remove the write protection with STM32CubeProgrammer",
         ),
-        Line::none("protected areas", areas as u64, SET_THEM),
+        Line::none("protected areas", protected_areas(values), SET_THEM),
         Line::exact(
             "boot address",
             format!("{boot:04x}0000"),
             format!("{BOOT_ADDRESS:04x}0000"),
-            boot == BOOT_ADDRESS,
             SET_THEM,
         ),
         Line::exact(
             "pins for low voltage",
             yes(bit(29)),
             "no",
-            !bit(29),
             "IO_HSLV at 3.3 V damages the chip (RM0433, IO_HSLV): clear it with STM32CubeProgrammer at once",
         ),
     ]

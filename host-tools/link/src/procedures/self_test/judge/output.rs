@@ -103,7 +103,7 @@ fn delay_line(name: &str, delay: Option<f64>, limit_us: f64) -> Line {
             ("µs", 1),
             AMPLIFIER,
         ),
-        None => Line::exact(
+        None => Line::judged(
             name,
             "never",
             format!("at most {limit_us:.1} µs"),
@@ -142,7 +142,7 @@ pub fn output(values: &OutputValues, core_hz: u32) -> Vec<Line> {
     let means = means(values);
     let (slope, middle) = line_through(&means);
     if slope.abs() < 0.1 {
-        return vec![Line::exact(
+        return vec![Line::judged(
             "output at PA4",
             "does not follow its code",
             "follows",
@@ -154,7 +154,7 @@ pub fn output(values: &OutputValues, core_hz: u32) -> Vec<Line> {
     let offsets = (-OFFSET_CODES, OFFSET_CODES);
     let noise = f64::from(values.noise) / WORDS_PER_CODE;
     let [half, settled] = delays(values, core_hz, (slope, middle));
-    let follows = Line::exact("output at PA4", "follows its code", "follows", true, "");
+    let follows = Line::judged("output at PA4", "follows its code", "follows", true, "");
     let mut lines = vec![
         follows,
         Line::number("output gain", slope, GAIN, ("", 4), AMPLIFIER),

@@ -71,7 +71,6 @@ pub fn state(status: &Status) -> Vec<Line> {
         "fault since power-on",
         fault,
         "none",
-        status.fault.is_none(),
         "report it with the fault's line of `status`; switch the power off and on to clear it",
     ));
     let tick = &status.tick;
@@ -107,21 +106,18 @@ fn started(start: StartReport) -> Vec<Line> {
             "clock",
             start.clock.to_string(),
             ClockSource::External.to_string(),
-            start.clock == ClockSource::External,
             "the probe's 8 MHz did not come: power the board through the probe's USB (CN1), and restart",
         ),
         Line::exact(
             "safe mode",
             if start.safe_mode { "yes" } else { "no" },
             "no",
-            !start.safe_mode,
             "three starts ended in a fault: find it in `status`, remove its cause, then switch the power off and on",
         ),
         Line::exact(
             "supply",
             if start.supply_low { "low" } else { "good" },
             "good",
-            !start.supply_low,
             "flash is not written below 2.76 V: use a better cable or supply",
         ),
     ]

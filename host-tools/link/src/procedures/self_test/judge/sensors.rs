@@ -166,7 +166,6 @@ pub fn moved(capture: &Capture, seen: [[bool; 2]; 2]) -> Vec<Line> {
         ),
     ];
     for (line, [low, high]) in ["A", "B"].into_iter().zip(seen) {
-        let both = low && high;
         let value = match (low, high) {
             (true, true) => "low and high",
             (false, true) => "high only",
@@ -177,7 +176,6 @@ pub fn moved(capture: &Capture, seen: [[bool; 2]; 2]) -> Vec<Line> {
             format!("encoder line {line}"),
             value,
             "low and high",
-            both,
             "the line is stuck: check its wire and the encoder's supply",
         ));
     }

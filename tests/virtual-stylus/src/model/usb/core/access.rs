@@ -8,8 +8,7 @@ use crate::model::usb::registers::{
     EPCTL_EPDIS, EPINT_EPDISD, FIFO_STEP, FIFO0, GAHBCFG, GAHBCFG_DMAEN, GCCFG, GINTMSK, GINTSTS,
     GINTSTS_LATCHED, GOTGCTL, GOTGCTL_BSVLD, GOTGCTL_BVALOEN, GOTGCTL_BVALOVAL, GOTGINT, GRSTCTL,
     GRSTCTL_AHBIDL, GRSTCTL_CSRST, GRSTCTL_RXFFLSH, GRSTCTL_TXFFLSH, GRXFSIZ, GRXSTSP, GRXSTSR,
-    GUSBCFG, GUSBCFG_FHMOD, INT, PCGCCTL, TSIZ, TSIZ_BYTES, TSIZ_PACKETS, TSIZ_PACKETS_SHIFT,
-    TSIZ_SETUPS_SHIFT, TXFSTS,
+    GUSBCFG, GUSBCFG_FHMOD, INT, PCGCCTL, TSIZ, TSIZ_SETUPS_SHIFT, TXFSTS,
 };
 
 /// `CID` of this part's cores (section 57.14, OTG_CID).
@@ -234,10 +233,7 @@ impl Core {
                     }
                 }
                 INT => endpoint.interrupts &= !value,
-                TSIZ => {
-                    endpoint.bytes = value & TSIZ_BYTES;
-                    endpoint.packets = value >> TSIZ_PACKETS_SHIFT & TSIZ_PACKETS;
-                }
+                TSIZ => endpoint.write_size(value),
                 _ => {}
             }
         } else if let Some((index, register)) = endpoint_register(offset, DOEP0) {
@@ -256,8 +252,7 @@ impl Core {
                 }
                 INT => endpoint.interrupts &= !value,
                 TSIZ => {
-                    endpoint.bytes = value & TSIZ_BYTES;
-                    endpoint.packets = value >> TSIZ_PACKETS_SHIFT & TSIZ_PACKETS;
+                    endpoint.write_size(value);
                     if index == 0 {
                         endpoint.packets &= 1;
                         self.setups = value >> TSIZ_SETUPS_SHIFT & 3;

@@ -9,7 +9,7 @@ use crate::model::usb::registers::{
     EPCTL_USBAEP, GAHBCFG_GINTMSK, GAHBCFG_TXFELVL, GCCFG_PWRDWN, GCCFG_VBDEN, GINTSTS_CIDSCHG,
     GINTSTS_CMOD, GINTSTS_GINAKEFF, GINTSTS_GONAKEFF, GINTSTS_IEPINT, GINTSTS_NPTXFE,
     GINTSTS_OEPINT, GINTSTS_OTGINT, GINTSTS_PTXFE, GINTSTS_RXFLVL, GOTGCTL_BVALOEN,
-    GOTGCTL_BVALOVAL, GUSBCFG_FHMOD, TSIZ_PACKETS_SHIFT, bit,
+    GOTGCTL_BVALOVAL, GUSBCFG_FHMOD, TSIZ_BYTES, TSIZ_PACKETS, TSIZ_PACKETS_SHIFT, bit,
 };
 
 /// One endpoint, in one direction.
@@ -47,6 +47,11 @@ impl Endpoint {
 
     pub(super) fn size(&self) -> u32 {
         self.bytes | self.packets << TSIZ_PACKETS_SHIFT
+    }
+
+    pub(super) fn write_size(&mut self, value: u32) {
+        self.bytes = value & TSIZ_BYTES;
+        self.packets = value >> TSIZ_PACKETS_SHIFT & TSIZ_PACKETS;
     }
 
     pub(super) fn max_packet_bytes(&self, index: usize) -> usize {

@@ -117,26 +117,8 @@ impl Host {
 
     fn frame(&mut self, now_ns: u64, core: &mut Core) -> Option<u64> {
         core.start_of_frame(((now_ns - self.frames_from_ns) / FRAME_NS) as u32);
-        if let Some(transaction) = self.under_way.take() {
-            if now_ns < transaction.ends_ns {
-                let ends_ns = transaction.ends_ns;
-                self.under_way = Some(transaction);
-                return Some(ends_ns);
-            }
-            if let Some((number, mishap)) = self.mishap
-                && self.traffic.transactions >= number
-            {
-                self.mishap = None;
-                if number % 2 == 1 {
-                    self.end(transaction, core);
-                }
-                match mishap {
-                    Mishap::Unplug => self.unplug(now_ns),
-                    Mishap::Reset => self.reset_bus(now_ns, RESET_NS),
-                }
-                return Some(now_ns);
-            }
-            self.end(transaction, core);
+        if let Some(again_ns) = self.end_due(now_ns, core) {
+            return Some(again_ns);
         }
         if now_ns < self.free_from_ns {
             return Some(self.free_from_ns);
@@ -181,6 +163,30 @@ impl Host {
         self.free_from_ns = transaction.ends_ns;
         self.under_way = Some(transaction);
         Some(self.free_from_ns)
+    }
+
+    /// Ends the transaction under way when its time has come, or has the mishap that is due. Returns the instant of the
+    /// next look if the bus is not free.
+    fn end_due(&mut self, now_ns: u64, core: &mut Core) -> Option<u64> {
+        let transaction = self.under_way.take()?;
+        if now_ns < transaction.ends_ns {
+            let ends_ns = transaction.ends_ns;
+            self.under_way = Some(transaction);
+            return Some(ends_ns);
+        }
+        let traffic = self.traffic.transactions;
+        let Some((number, mishap)) = self.mishap.take_if(|(number, _)| traffic >= *number) else {
+            self.end(transaction, core);
+            return None;
+        };
+        if number % 2 == 1 {
+            self.end(transaction, core);
+        }
+        match mishap {
+            Mishap::Unplug => self.unplug(now_ns),
+            Mishap::Reset => self.reset_bus(now_ns, RESET_NS),
+        }
+        Some(now_ns)
     }
 
     /// The pipe after the one that had its turn.
@@ -278,51 +284,13 @@ impl Host {
     /// Ends the transaction, and its transfer if the transaction was the last.
     fn end(&mut self, transaction: Transaction, core: &mut Core) {
         self.traffic.transactions += 1;
-        let Transaction {
-            pipe,
-            id,
-            packets,
-            pid,
-            ends_ns,
-            sent,
-        } = transaction;
-        let outcome = match (&packets, sent) {
-            (Packets::Setup(data), Sent::Heard { is_answered }) => match core.setup(*data) {
-                Some(Handshake::Ack) if is_answered => Outcome::SetUp,
-                _ => Outcome::Broken,
-            },
-            (Packets::Out { endpoint, data }, Sent::Heard { is_answered }) => {
-                match core.out(*endpoint, pid, data) {
-                    None => Outcome::Broken,
-                    Some(_) if !is_answered => Outcome::Broken,
-                    Some(Handshake::Ack) => Outcome::Took(data.len()),
-                    Some(Handshake::Nak) => Outcome::Refused,
-                    Some(Handshake::Stall) => Outcome::Failed(TransferError::Stall),
-                }
-            }
-            (
-                Packets::In { endpoint },
-                Sent::Answered {
-                    answer,
-                    arrives: true,
-                    is_acknowledged,
-                },
-            ) => match answer {
-                InAnswer::Nak => Outcome::Refused,
-                InAnswer::Stall => Outcome::Failed(TransferError::Stall),
-                InAnswer::Data(found, data) => {
-                    if is_acknowledged {
-                        core.acknowledged(*endpoint);
-                    }
-                    if found == pid {
-                        Outcome::Got(data)
-                    } else {
-                        Outcome::Repeated
-                    }
-                }
-            },
-            _ => Outcome::Broken,
-        };
+        let (pipe, id, pid, at_ns) = (
+            transaction.pipe,
+            transaction.id,
+            transaction.pid,
+            transaction.ends_ns,
+        );
+        let outcome = Outcome::of(transaction, core);
         self.count(&outcome);
         let Some(pending) = self.queue.get_mut(&pipe).and_then(VecDeque::front_mut) else {
             return;
@@ -331,44 +299,12 @@ impl Host {
             // The transfer was cancelled meanwhile.
             return;
         }
-        let is_over = match outcome {
-            Outcome::Broken => {
-                pending.failures += 1;
-                (pending.failures == TRIES).then_some(Err(TransferError::NotAnswered))
-            }
-            Outcome::Failed(error) => Some(Err(error)),
-            outcome => {
-                pending.failures = 0;
-                let step = match outcome {
-                    Outcome::SetUp => {
-                        pending.set_up();
-                        self.toggles.insert(pipe, Pid::Data1);
-                        Ok(false)
-                    }
-                    Outcome::Took(bytes) => {
-                        self.toggles.insert(pipe, pid.next());
-                        Ok(pending.took(bytes))
-                    }
-                    Outcome::Got(data) => {
-                        self.toggles.insert(pipe, pid.next());
-                        pending.got(&data)
-                    }
-                    _ => Ok(false),
-                };
-                match step {
-                    Ok(false) => None,
-                    Ok(true) => Some(Ok(std::mem::take(&mut pending.received))),
-                    Err(error) => Some(Err(error)),
-                }
-            }
-        };
-        if let Some(result) = is_over {
+        if let Outcome::SetUp | Outcome::Took(_) | Outcome::Got(_) = outcome {
+            self.toggles.insert(pipe, pid.next());
+        }
+        if let Some(result) = outcome.ends(pending) {
             self.queue.entry(pipe).or_default().pop_front();
-            self.completions.push(Completion {
-                id,
-                at_ns: ends_ns,
-                result,
-            });
+            self.completions.push(Completion { id, at_ns, result });
         }
     }
 
@@ -391,4 +327,73 @@ enum Outcome {
     Refused,
     Broken,
     Failed(TransferError),
+}
+
+impl Outcome {
+    /// Has the core do its part of the transaction, at the transaction's end.
+    fn of(transaction: Transaction, core: &mut Core) -> Self {
+        let pid = transaction.pid;
+        match (&transaction.packets, transaction.sent) {
+            (Packets::Setup(data), Sent::Heard { is_answered }) => match core.setup(*data) {
+                Some(Handshake::Ack) if is_answered => Self::SetUp,
+                _ => Self::Broken,
+            },
+            (Packets::Out { endpoint, data }, Sent::Heard { is_answered }) => {
+                match core.out(*endpoint, pid, data) {
+                    None => Self::Broken,
+                    Some(_) if !is_answered => Self::Broken,
+                    Some(Handshake::Ack) => Self::Took(data.len()),
+                    Some(Handshake::Nak) => Self::Refused,
+                    Some(Handshake::Stall) => Self::Failed(TransferError::Stall),
+                }
+            }
+            (
+                Packets::In { endpoint },
+                Sent::Answered {
+                    answer,
+                    arrives: true,
+                    is_acknowledged,
+                },
+            ) => match answer {
+                InAnswer::Nak => Self::Refused,
+                InAnswer::Stall => Self::Failed(TransferError::Stall),
+                InAnswer::Data(found, data) => {
+                    if is_acknowledged {
+                        core.acknowledged(*endpoint);
+                    }
+                    if found == pid {
+                        Self::Got(data)
+                    } else {
+                        Self::Repeated
+                    }
+                }
+            },
+            _ => Self::Broken,
+        }
+    }
+
+    /// Takes the outcome into the transfer. Returns the transfer's result if it is over.
+    fn ends(self, pending: &mut Pending) -> Option<Result<Vec<u8>, TransferError>> {
+        let is_over = match self {
+            Self::Broken => {
+                pending.failures += 1;
+                let is_last = pending.failures == TRIES;
+                return is_last.then_some(Err(TransferError::NotAnswered));
+            }
+            Self::Failed(error) => return Some(Err(error)),
+            Self::SetUp => {
+                pending.set_up();
+                Ok(false)
+            }
+            Self::Took(bytes) => Ok(pending.took(bytes)),
+            Self::Got(data) => pending.got(&data),
+            Self::Repeated | Self::Refused => Ok(false),
+        };
+        pending.failures = 0;
+        match is_over {
+            Ok(false) => None,
+            Ok(true) => Some(Ok(std::mem::take(&mut pending.received))),
+            Err(error) => Some(Err(error)),
+        }
+    }
 }
