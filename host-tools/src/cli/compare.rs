@@ -94,14 +94,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let library = decode_library(path, &bytes)?;
     let record = FitRecord::beside(path, &bytes)?;
     let set = as_fitted(record.as_ref(), set)?;
-    let takes = arguments.takes.as_deref();
-    let takes = takes.map(|takes| arguments.recordings.open_takes(takes));
-    let chosen = choose(
-        &set,
-        takes.transpose()?,
-        record.as_ref(),
-        arguments.conditioning,
-    )?;
+    let takes = (arguments.recordings).open_takes(arguments.takes.as_ref())?;
+    let chosen = choose(&set, takes, record.as_ref(), arguments.conditioning)?;
     let evaluate = evaluate::Options {
         conditioning: arguments.conditioning,
         seed: arguments.seed,

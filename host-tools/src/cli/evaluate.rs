@@ -266,14 +266,8 @@ fn evaluate_library(arguments: &Arguments, path: &Path, set: RecordingSet) -> Re
     };
     let record = FitRecord::beside(path, &bytes)?;
     let set = as_fitted(record.as_ref(), set)?;
-    let takes = arguments.takes.as_deref();
-    let takes = takes.map(|takes| arguments.recordings.open_takes(takes));
-    let chosen = choose(
-        &set,
-        takes.transpose()?,
-        record.as_ref(),
-        arguments.conditioning,
-    )?;
+    let takes = (arguments.recordings).open_takes(arguments.takes.as_ref())?;
+    let chosen = choose(&set, takes, record.as_ref(), arguments.conditioning)?;
     let evaluation = evaluate_set(&set, &library, chosen.judges, record.as_ref(), &options)?;
     let removal = removal_options(arguments);
     let asked = arguments.leave_one_out;

@@ -1,6 +1,6 @@
 //! Arguments that several commands share: recordings, motions, and numbers with a range.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use host_tools::playing::motion::MotionPath;
 use host_tools::recording::{Assumed, RecordingSet, texture_fault};
@@ -40,12 +40,14 @@ impl Recordings {
         RecordingSet::open_with(&self.inputs, &self.assumed)
     }
 
-    /// Opens other takes of the same trials, with the same values for what they lack.
+    /// Opens other takes of the same trials, if given, with the same values for what they lack.
     ///
     /// # Errors
     /// See [`RecordingSet::open_with`].
-    pub fn open_takes(&self, takes: &Path) -> Result<RecordingSet> {
-        RecordingSet::open_with(&[takes.to_owned()], &self.assumed)
+    pub fn open_takes(&self, takes: Option<&PathBuf>) -> Result<Option<RecordingSet>> {
+        let open =
+            |path: &PathBuf| RecordingSet::open_with(std::slice::from_ref(path), &self.assumed);
+        takes.map(open).transpose()
     }
 }
 

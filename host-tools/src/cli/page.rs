@@ -67,11 +67,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         (!recordings.is_empty()).then(|| RecordingSet::open_with(recordings, &arguments.assumed));
     let set = set.transpose()?;
     let (bytes, record) = match &set {
-        Some(set) if is_recordings => {
-            let fitted = fitted(set, arguments.conditioning)?;
-            tell_nominal_motion(set, &arguments.assumed);
-            fitted
-        }
+        Some(set) if is_recordings => fitted(set, arguments)?,
         None if is_strokes => fitted_to_strokes(arguments)?,
         _ => {
             let bytes = read_library(&given[0])?;
@@ -160,12 +156,13 @@ fn is_recordings(path: &Path) -> bool {
 }
 
 /// Fits a library to `set` with the defaults of `stylus fit`; its bytes and its record.
-fn fitted(set: &RecordingSet, conditioning: Conditioning) -> Result<(Vec<u8>, Option<FitRecord>)> {
+fn fitted(set: &RecordingSet, arguments: &Arguments) -> Result<(Vec<u8>, Option<FitRecord>)> {
     let options = fit::Options {
-        conditioning,
+        conditioning: arguments.conditioning,
         ..fit::Options::default()
     };
     let (fit, bytes) = super::fit::fit_library(set, &options)?;
+    tell_nominal_motion(set, &arguments.assumed);
     super::fit::show_verdicts(&fit);
     let record = FitRecord::of(set, &options, &bytes)?.with_account_of(&fit);
     Ok((bytes, Some(record)))
