@@ -91,6 +91,7 @@ impl Autocorrelation {
                 }
             }
         }
+        // From the sum that the transform gives to the mean square of the samples.
         let scale = self.lags[0] / before;
         self.lags = transform(&self.power);
         self.lags.iter_mut().for_each(|lag| *lag *= scale);
@@ -234,6 +235,7 @@ fn quick_length(least: usize) -> usize {
                 rest /= factor;
             }
         }
+        // A real transform of an even length is a complex one of half the length.
         rest == 1 && length.is_multiple_of(2)
     };
     let least = least.max(2);

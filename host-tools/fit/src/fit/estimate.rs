@@ -312,6 +312,7 @@ impl Bands {
                 })
                 .collect::<Vec<_>>()
         };
+        // Lower orders need not be fitted again: their models are the first stages of this lattice.
         let mut enough = model.reflection.len();
         let wanted = levels(enough);
         let mut too_low = 0;

@@ -141,6 +141,7 @@ fn without_cuts(
         cut_hz: conditioning.high_pass.cut_hz(share),
         turn_deg: 0.0,
     };
+    // What the filter would change is told even where none was asked for.
     let advised = HighPass::Auto.cut_hz(share).or(slow.cut_hz);
     if let Some(cut_hz) = advised {
         let filtered = triage::kept(filtered(whole, &parts, rate_hz, cut_hz), &parts);
@@ -317,6 +318,7 @@ pub(super) fn analyse_axes(
     } = reduced(trial, &mut triaged.samples.axes, reduction)?;
     let mut axes = std::mem::take(&mut triaged.samples.axes);
     let sketch = Sketch::of(&samples);
+    // Silence and hum are told at 5 kHz, whatever the models' rate.
     let mut plain = spectrum(trial, &samples, max_lag)?;
     let power = plain.mean_square();
     let is_silent = power.sqrt() < options.silence_floor_m_s2 || power <= 0.0;
@@ -341,6 +343,7 @@ pub(super) fn analyse_axes(
         Part::Whole => estimate(rate_hz, &samples, plain, known),
         Part::Blocks => estimate_of(rate_hz, &fitted, max_lag, known),
     };
+    // A high pass takes power that `lags` have filled in, and blocks have a power of their own.
     let is_whole = part == Part::Whole && cut_hz.is_none();
     let analysis = Analysis {
         source_rate_hz: triaged.samples.source_rate_hz,

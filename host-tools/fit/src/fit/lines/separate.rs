@@ -227,6 +227,7 @@ fn without(signal: &mut [f64], course: Option<&Course>, weave: &Weave) -> Vec<Op
         let Some((amplitude, clean, stays)) = course.amplitude(number) else {
             return Some(0.0);
         };
+        // A power of the fundamental's wave takes no sine.
         for _ in power..number {
             wave.iter_mut().zip(&fundamental).for_each(|(w, z)| *w *= z);
         }

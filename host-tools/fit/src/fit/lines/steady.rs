@@ -123,6 +123,7 @@ impl WholeSpectrum {
     fn envelope_of(&self, [low, high]: [usize; 2]) -> Envelope {
         let count = high - low + 1;
         let length = (OVERSAMPLING * count).next_power_of_two();
+        // Bins without their negative frequencies make an analytic signal, and the band's lowest comes to 0 Hz.
         let mut values = vec![Complex::default(); length];
         values[..count].copy_from_slice(&self.bins[low..=high]);
         fourier::inverse_complex(&mut values);
@@ -221,6 +222,7 @@ fn smoothed(values: &[f64], width: f64) -> Vec<f64> {
     // A mean of 2 r + 1 values has a variance of r (r + 1) / 3.
     let reach = (0.5 * ((1.0 + 4.0 * width * width).sqrt() - 1.0)).round() as usize;
     let (mut smooth, count) = (values.to_vec(), values.len());
+    // Differences of running sums: the work does not depend on the width.
     let mut sums = vec![0.0; count + 1];
     let whole = 2 * reach + 1;
     for _ in 0..3 {

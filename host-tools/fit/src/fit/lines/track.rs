@@ -275,6 +275,7 @@ pub(super) fn amplitudes(
 ) -> Vec<Complex<f64>> {
     let count = 2 * waves.len();
     let vectors = count.div_ceil(LANES).max(1);
+    // Sums of whole vectors, each in the order of the samples, so that all processors have the same bits.
     let mut row = vec![[0.0; LANES]; vectors];
     // Up to the diagonal, in whole vectors: what is beyond it is not read.
     let mut products = vec![[0.0; LANES]; count * vectors];

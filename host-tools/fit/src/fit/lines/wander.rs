@@ -394,6 +394,7 @@ fn course_by(heard: &Heard, told: &Told, signal: &[f64], ranges: &[Range<usize>]
     let straight = without_straight_line(&times, turns);
     let last = turns.len() - 1;
     let per_sample = ((turns[last] - straight[last]) - (turns[0] - straight[0])) / last as f64;
+    // The listed speed holds on average; what the phase does about it is wander.
     let speed = heard.speed_mm_s / f64::from(SAMPLE_RATE_HZ);
     let wavelength_mm = speed / per_sample;
     let hz = per_sample * f64::from(SAMPLE_RATE_HZ);
@@ -415,9 +416,11 @@ fn course_by(heard: &Heard, told: &Told, signal: &[f64], ranges: &[Range<usize>]
         let envelope = heard.spectrum.envelope(edges);
         let is_fitted = |at: f64| ranges.iter().any(|range| range.contains(&(at as usize)));
         let values = envelope.middle().filter(|(at, _)| is_fitted(*at));
-        let (sum, lengths, values) = values
-            .fold((0.0, 0.0, 0.0), |(sum, lengths, values), (_, z)| {
-                (sum + z.norm_sqr(), lengths + z.norm(), values + 1.0)
+        let (sum, lengths, values) =
+            values.fold((0.0, 0.0, 0.0), |(sum, lengths, values), (_, z)| {
+                // Far from the ends of a double's range, for which the norm's own method takes ten times as long.
+                let power = z.norm_sqr();
+                (sum + power, lengths + power.sqrt(), values + 1.0)
             });
         let mean_square = sum / f64::max(values, 1.0);
         noises.push(if n == f64::from(reference) {
@@ -426,6 +429,7 @@ fn course_by(heard: &Heard, told: &Told, signal: &[f64], ranges: &[Range<usize>]
         } else {
             (mean_square - amplitude.norm_sqr()).max(0.0)
         });
+        // Independent values: bandwidth times duration.
         counts.push((2.0 * n * half_hz * seconds).max(2.0));
     }
     let course = Course {
@@ -503,6 +507,7 @@ fn wander_of(paths: &[&[f64]], wavelength_mm: f64) -> Option<(f64, f64)> {
             is_known.then(|| (*lag_mm, values[values.len() / 2].max(f64::MIN_POSITIVE)))
         })
         .collect();
+    // For each length the best power follows in closed form, so that only lengths are searched.
     let fits = lengths.iter().map(|length_mm| {
         let shape = |lag_mm: f64| 2.0 * (1.0 - (-0.5 * (lag_mm / length_mm).powi(2)).exp());
         let ratios = || points.iter().map(|(lag, value)| shape(*lag) / value);
