@@ -96,7 +96,9 @@ pub fn sliding(values: &[f64], weights: &[f64]) -> Vec<f64> {
                 *sums = own;
             }
             for (place, weight) in (rest_at..).zip(weights) {
-                for (sum, value) in rest.iter_mut().zip(&values[place..]) {
+                // Fewer values than weights have no sums, and so none to start from.
+                let values = values.get(place..).unwrap_or_default();
+                for (sum, value) in rest.iter_mut().zip(values) {
                     *sum += value * weight;
                 }
             }
